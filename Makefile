@@ -64,13 +64,21 @@ docs: $(STAMP)   ## the documentation as a site in docs/_build/html; a warning i
 linkcheck: $(STAMP) ## whether the links to other sites still lead somewhere; needs a network
 	$(BIN)/python -m sphinx -b linkcheck -q docs docs/_build/linkcheck
 
-lint: $(STAMP)   ## ruff (rules, complexity, docstrings, format), import layers, dead code
+# What is installed as one package lies in the repository's top-level folders; these links show it to mypy and
+# import-linter as it is installed.
+PACKAGE := build/package/seatrial
+$(PACKAGE):
+	mkdir -p $@
+	ln -s ../../../seatrial.py $@/__init__.py
+	for folder in acquisition analysis hybrid; do ln -s ../../../$$folder $@/$$folder; done
+
+lint: $(STAMP) $(PACKAGE) ## ruff (rules, complexity, docstrings, format), import layers, dead code
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
-	$(BIN)/lint-imports
+	cd build/package && ../../$(BIN)/lint-imports --config ../../.importlinter
 	$(BIN)/python -m tests.dead_code
 
-types: $(STAMP)  ## mypy, strict
+types: $(STAMP) $(PACKAGE) ## mypy, strict
 	$(BIN)/mypy
 
 benchmark: $(STAMP) ## speeds as ratios, printed and never asserted

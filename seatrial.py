@@ -17,16 +17,20 @@ from __future__ import annotations
 
 import os
 import sys
+from pathlib import Path
+
+__path__ = [str(Path(__file__).parent)]  # in a checkout the three packages stand beside this file
+
 import traceback
 from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import cache
 from typing import TYPE_CHECKING, Any, NoReturn
 
-from acquisition.core.errors import DEBUG_VARIABLE, unexpected
-from acquisition.core.named_code import imported
-from acquisition.core.process import echo, guard_standard_streams, interrupt_on_terminate, stop_on_signals
-from acquisition.core.text import printable
+from seatrial.acquisition.core.errors import DEBUG_VARIABLE, unexpected
+from seatrial.acquisition.core.named_code import imported
+from seatrial.acquisition.core.process import echo, guard_standard_streams, interrupt_on_terminate, stop_on_signals
+from seatrial.acquisition.core.text import printable
 
 if TYPE_CHECKING:
     import typer
@@ -39,9 +43,9 @@ def _app() -> typer.Typer:
     """All commands. It is built late, so that signals are heard while it is loaded."""
     import typer
 
-    from acquisition import cli as acquisition_cli
-    from analysis import cli as analysis_cli
-    from hybrid import cli as hybrid_cli
+    from seatrial.acquisition import cli as acquisition_cli
+    from seatrial.analysis import cli as analysis_cli
+    from seatrial.hybrid import cli as hybrid_cli
 
     class Commands(typer.core.TyperGroup):
         """All commands; a complaint about an argument, such as the name of a file, shows it escaped."""
@@ -86,32 +90,32 @@ def _say_version(wanted: bool) -> None:
     if wanted:
         import typer
 
-        from acquisition.core.trial import software_version
+        from seatrial.acquisition.core.trial import software_version
 
         echo(software_version())
         raise typer.Exit
 
 
-_SCRIPTING = "hybrid.scripting"
+_SCRIPTING = "seatrial.hybrid.scripting"
 _PLACES = {
-    "batch": "analysis.batch.batch:run_batch",
-    "declare": "acquisition.core.declared:declare",
-    "export": "analysis.tables.export:export_table",
-    "import_table": "acquisition.tables.import_table:import_table",
-    "load_calibrator": "hybrid.calibrators.artefact:load",
-    "load_case": "hybrid.report.case:load_case",
-    "load_diagnosis": "hybrid.diagnosis.serialisation:read_diagnosis",
-    "load_vessel": "hybrid.vessel.files:load_vessel",
-    "new_vessel": "hybrid.vessel.estimate.new_vessel:new_vessel",
-    "read": "analysis.tables.table:read_table",
-    "reproduction_sections": "hybrid.reproduction.page:results_sections",
-    "resample": "analysis.tables.resample:resample",
-    "save_calibrator": "hybrid.calibrators.artefact:save",
-    "save_vessel": "hybrid.vessel.files:save_vessel",
-    "sections": "hybrid.report.sections:sections",
-    "smooth": "analysis.estimation.smoother:smooth",
-    "vessels": "acquisition.config.vessel_file:vessel_names",
-    "version": "acquisition.core.trial:software_version",
+    "batch": "seatrial.analysis.batch.batch:run_batch",
+    "declare": "seatrial.acquisition.core.declared:declare",
+    "export": "seatrial.analysis.tables.export:export_table",
+    "import_table": "seatrial.acquisition.tables.import_table:import_table",
+    "load_calibrator": "seatrial.hybrid.calibrators.artefact:load",
+    "load_case": "seatrial.hybrid.report.case:load_case",
+    "load_diagnosis": "seatrial.hybrid.diagnosis.serialisation:read_diagnosis",
+    "load_vessel": "seatrial.hybrid.vessel.files:load_vessel",
+    "new_vessel": "seatrial.hybrid.vessel.estimate.new_vessel:new_vessel",
+    "read": "seatrial.analysis.tables.table:read_table",
+    "reproduction_sections": "seatrial.hybrid.reproduction.page:results_sections",
+    "resample": "seatrial.analysis.tables.resample:resample",
+    "save_calibrator": "seatrial.hybrid.calibrators.artefact:save",
+    "save_vessel": "seatrial.hybrid.vessel.files:save_vessel",
+    "sections": "seatrial.hybrid.report.sections:sections",
+    "smooth": "seatrial.analysis.estimation.smoother:smooth",
+    "vessels": "seatrial.acquisition.config.vessel_file:vessel_names",
+    "version": "seatrial.acquisition.core.trial:software_version",
 } | {
     name: f"{_SCRIPTING}:{name}"
     for name in (

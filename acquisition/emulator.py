@@ -24,8 +24,8 @@ from typing import Any
 import numpy as np
 import pymap3d
 
-from acquisition.config.configuration import TrialConfig
-from acquisition.config.sections import (
+from seatrial.acquisition.config.configuration import TrialConfig
+from seatrial.acquisition.config.sections import (
     AnySource,
     CanSource,
     FileSource,
@@ -35,11 +35,11 @@ from acquisition.config.sections import (
     TcpSource,
     UdpSource,
 )
-from acquisition.core.errors import InputError, SourceError, storage_error
-from acquisition.core.progress import Progress
-from acquisition.encoders import Encoder, Moment, Packet, make_encoder
-from acquisition.recording.reader import Recording, read_recording
-from acquisition.sources import source_error
+from seatrial.acquisition.core.errors import InputError, SourceError, storage_error
+from seatrial.acquisition.core.progress import Progress
+from seatrial.acquisition.encoders import Encoder, Moment, Packet, make_encoder
+from seatrial.acquisition.recording.reader import Recording, read_recording
+from seatrial.acquisition.sources import source_error
 
 _WRITE_TIMEOUT_S = 5.0
 _WAIT_S = 30.0
@@ -189,7 +189,7 @@ class _CanTransmitter(Transmitter):
     def __init__(self, config: CanSource) -> None:
         import can
 
-        from acquisition.sources.can_bus import open_bus
+        from seatrial.acquisition.sources.can_bus import open_bus
 
         self._make = can.Message
         self.errors = (can.CanError, OSError)
@@ -211,7 +211,7 @@ class _SerialTransmitter(Transmitter):
     """On closing, the system sends what it holds before it lets the line go."""
 
     def __init__(self, config: SerialSource) -> None:
-        from acquisition.sources.streams import open_port
+        from seatrial.acquisition.sources.streams import open_port
 
         super().__init__(config, open_port(config))
         self._link.write_timeout = _WRITE_TIMEOUT_S
@@ -278,7 +278,7 @@ class _MqttTransmitter(Transmitter):
     """A publisher, no faster than the broker answers: some drop what they have not yet seen to when one leaves."""
 
     def __init__(self, config: MqttSource) -> None:
-        from acquisition.sources.mqtt import connect, pump
+        from seatrial.acquisition.sources.mqtt import connect, pump
 
         super().__init__(config, connect(config, keep_alive_s=0))  # a recording may be quiet for long
         self._pump = partial(pump, config, self._link, _POLL_S)

@@ -9,9 +9,9 @@ from typing import Annotated
 
 import typer
 
-from acquisition.cli import RECORDINGS, AsJson, Output, writes
-from acquisition.core.files import expect_suffix
-from acquisition.core.process import echo
+from seatrial.acquisition.cli import RECORDINGS, AsJson, Output, writes
+from seatrial.acquisition.core.files import expect_suffix
+from seatrial.acquisition.core.process import echo
 
 RebuildPositions = Annotated[
     bool,
@@ -51,9 +51,9 @@ def check(
     as_json: AsJson = False,
 ) -> None:
     """Check the data quality of a recording, channel by channel."""
-    from acquisition.recording.grouping import read_together
-    from analysis.quality.check import check_recording
-    from analysis.tables.table import table_of
+    from seatrial.acquisition.recording.grouping import read_together
+    from seatrial.analysis.quality.check import check_recording
+    from seatrial.analysis.tables.table import table_of
 
     if repair is not None:
         expect_suffix(repair, ".mcap")
@@ -68,14 +68,14 @@ def check(
     table = table_of(recording)
     quality = check_recording(recording, table, own or ())
     if output is not None:
-        from analysis.report.quality_page import write_quality
-        from analysis.tables.table import provenance_of
+        from seatrial.analysis.report.quality_page import write_quality
+        from seatrial.analysis.tables.table import provenance_of
 
         for path in write_quality(quality, output, recording.trial.as_metadata(), provenance_of(table)):
             echo(path, err=True)
     if repair is not None:
-        from analysis.quality.repairs import write_repaired
-        from analysis.tables.table import count_bad
+        from seatrial.analysis.quality.repairs import write_repaired
+        from seatrial.analysis.tables.table import count_bad
 
         repairs = write_repaired(
             recording, table, quality.findings, repair, quality.flags, rebuild_positions=rebuild_positions
@@ -90,7 +90,7 @@ def check(
     if as_json:
         echo(json.dumps(quality.as_json()))
         return
-    from acquisition.core.terminal import Terminal
+    from seatrial.acquisition.core.terminal import Terminal
 
     Terminal().print(quality)
 
@@ -126,10 +126,10 @@ def export(
     """Write a recording as a table, Parquet, CSV, Excel, .mat or NetCDF (CF-1.11), or its track as KML or GPX."""
     from dataclasses import asdict
 
-    from acquisition.recording.grouping import read_together
-    from analysis.prepare import Preparation, prepare
-    from analysis.tables.export import KINDS, export_table
-    from analysis.tables.table import history_of
+    from seatrial.acquisition.recording.grouping import read_together
+    from seatrial.analysis.prepare import Preparation, prepare
+    from seatrial.analysis.tables.export import KINDS, export_table
+    from seatrial.analysis.tables.table import history_of
 
     if events:
         if rate or smooth or repair or remove_delays or flags or attribute:
@@ -150,7 +150,7 @@ def export(
     for path in beside:
         echo(f"units, trial and provenance: {path}", err=True)
     if netcdf:
-        from analysis.tables.netcdf import remarks
+        from seatrial.analysis.tables.netcdf import remarks
 
         for remark in remarks(table, attributes):
             echo(remark, err=True)
@@ -159,8 +159,8 @@ def export(
 
 def _export_events(files: list[Path], output: Path) -> None:
     """Write the event log of a recording as a table."""
-    from acquisition.recording.grouping import read_together
-    from analysis.tables.events import event_table, export_events
+    from seatrial.acquisition.recording.grouping import read_together
+    from seatrial.analysis.tables.events import event_table, export_events
 
     table = event_table(read_together(files))
     written = export_events(table, output)
@@ -202,8 +202,8 @@ def windows(
     as_json: AsJson = False,
 ) -> None:
     """Extract held windows: periods with steady controls."""
-    from acquisition.core.progress import bar
-    from analysis.windows.recordings import WindowOptions, windows_of_recordings, write_windows
+    from seatrial.acquisition.core.progress import bar
+    from seatrial.analysis.windows.recordings import WindowOptions, windows_of_recordings, write_windows
 
     expect_suffix(output, ".parquet")
     repair = repair or rebuild_positions  # speeds are scaled before positions lean on them
@@ -261,11 +261,11 @@ def manoeuvres(
     as_json: AsJson = False,
 ) -> None:
     """Find manoeuvres and compute their indices."""
-    from acquisition.config.run_sheet import statement_from_text, statement_text
-    from acquisition.core.progress import bar
-    from acquisition.core.terminal import Terminal
-    from acquisition.recording.grouping import whole_recordings
-    from analysis.manoeuvres.report import (
+    from seatrial.acquisition.config.run_sheet import statement_from_text, statement_text
+    from seatrial.acquisition.core.progress import bar
+    from seatrial.acquisition.core.terminal import Terminal
+    from seatrial.acquisition.recording.grouping import whole_recordings
+    from seatrial.analysis.manoeuvres.report import (
         manoeuvres_of,
         summary,
         terminal_tables,
@@ -301,9 +301,9 @@ def smooth(
     as_json: AsJson = False,
 ) -> None:
     """Smooth the motion with a Kalman smoother, with uncertainties."""
-    from analysis.estimation.smoother import smooth as smooth_table
-    from analysis.estimation.smoother import summary_of, write_smoothed
-    from analysis.tables.table import read_table
+    from seatrial.analysis.estimation.smoother import smooth as smooth_table
+    from seatrial.analysis.estimation.smoother import summary_of, write_smoothed
+    from seatrial.analysis.tables.table import read_table
 
     expect_suffix(output, ".parquet")
     smoothed = smooth_table(read_table(files), rate)
@@ -362,11 +362,11 @@ def batch(
     """Analyse every recording in a folder; resumes."""
     if workers is not None and scheduler is not None:
         raise typer.BadParameter("give --workers or --scheduler, not both")
-    from acquisition.config.run_sheet import statement_text
-    from acquisition.core.process import Termination
-    from acquisition.core.progress import bar
-    from analysis.batch.batch import run_batch
-    from analysis.products import Options
+    from seatrial.acquisition.config.run_sheet import statement_text
+    from seatrial.acquisition.core.process import Termination
+    from seatrial.acquisition.core.progress import bar
+    from seatrial.analysis.batch.batch import run_batch
+    from seatrial.analysis.products import Options
 
     if rebuild_positions and no_repair:
         raise typer.BadParameter("--rebuild-positions needs the repairs")
@@ -416,18 +416,18 @@ def serve(
     upload_mb: Annotated[float, typer.Option(min=0.1, help="The largest upload in MB.")] = 500.0,
 ) -> None:
     """Show a season of recordings as pages for a browser on this computer."""
-    from acquisition.core.errors import ConfigurationError
+    from seatrial.acquisition.core.errors import ConfigurationError
 
     try:
         import flask  # noqa: F401 - asked for before anything is begun
     except ImportError as error:
         raise ConfigurationError("serve needs the package flask", fix="pip install 'seatrial[serve]'") from error
-    from acquisition.config.run_sheet import statement_text
-    from acquisition.core.process import interrupt_on_terminate
-    from analysis.products import Options
-    from analysis.serve.app import make_app
-    from analysis.serve.app import serve as run
-    from analysis.serve.season import Season, results_folder
+    from seatrial.acquisition.config.run_sheet import statement_text
+    from seatrial.acquisition.core.process import interrupt_on_terminate
+    from seatrial.analysis.products import Options
+    from seatrial.analysis.serve.app import make_app
+    from seatrial.analysis.serve.app import serve as run
+    from seatrial.analysis.serve.season import Season, results_folder
 
     options = Options(statement=statement_text(None, folder))
     season = Season(folder, output or results_folder(folder), options, eager=not on_demand)

@@ -1,6 +1,6 @@
 """Kinematics of arrays: rotation between earth and ship, integrated rates, the mean wind.
 
-The axes and signs are those of :mod:`acquisition.core.kinematics`, which has the same for single values.
+The axes and signs are those of :mod:`seatrial.acquisition.core.kinematics`, which has the same for single values.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 
-from acquisition.core.arrays import Floats
+from seatrial.acquisition.core.arrays import Floats
 
 
 def to_earth(forward: Floats | float, starboard: Floats | float, heading_rad: ArrayLike) -> tuple[Floats, Floats]:

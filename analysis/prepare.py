@@ -13,14 +13,14 @@ from typing import TYPE_CHECKING
 
 import pandas as pd
 
-from acquisition.recording.reader import Recording
-from analysis.quality.findings import Finding
-from analysis.tables.export import SIGMA_SUFFIX, add_flags
-from analysis.tables.resample import resample, resample_recording
-from analysis.tables.table import add_step, remove_delays, table_of
+from seatrial.acquisition.recording.reader import Recording
+from seatrial.analysis.quality.findings import Finding
+from seatrial.analysis.tables.export import SIGMA_SUFFIX, add_flags
+from seatrial.analysis.tables.resample import resample, resample_recording
+from seatrial.analysis.tables.table import add_step, remove_delays, table_of
 
 if TYPE_CHECKING:
-    from analysis.estimation.smoother import SmoothedMotion
+    from seatrial.analysis.estimation.smoother import SmoothedMotion
 
 SMOOTHED_RATE_HZ = 1.0
 """The rate of a smoothed table for which none is given."""
@@ -44,16 +44,16 @@ def prepare(recording: Recording, how: Preparation, *, rebuild_positions: bool =
     """The recording's table, the steps that were done in its history.
 
     ``rebuild_positions``, with the repairs, takes the path that speeds and heading give for the positions
-    (:func:`analysis.quality.repairs.request_position_repair`).
-    Raises :class:`acquisition.core.errors.DataShortageError` for a recording without samples,
-    :class:`acquisition.core.errors.InputError` where smoothing lacks position or heading.
+    (:func:`seatrial.analysis.quality.repairs.request_position_repair`).
+    Raises :class:`seatrial.acquisition.core.errors.DataShortageError` for a recording without samples,
+    :class:`seatrial.acquisition.core.errors.InputError` where smoothing lacks position or heading.
     """
     if how == Preparation(rate_hz=how.rate_hz) and how.rate_hz is not None:
         return resample_recording(recording, how.rate_hz)  # needs no joined table
     raw = table_of(recording)
     if not (how.repair or how.flags or how.remove_delays):
         return _at_rate(raw, how, {})
-    from analysis.quality.motion.checks import delays_of
+    from seatrial.analysis.quality.motion.checks import delays_of
 
     table, flags, findings = checked_table(recording, raw, repaired=how.repair, rebuild_positions=rebuild_positions)
     left = [each for each in findings if not (how.repair and each.certain)]
@@ -66,8 +66,8 @@ def checked_table(
     recording: Recording, raw: pd.DataFrame, *, repaired: bool = False, rebuild_positions: bool = False
 ) -> tuple[pd.DataFrame, pd.DataFrame, tuple[Finding, ...]]:
     """The recording's table, ``repaired`` or as it is, its flags, and all that a check of it finds."""
-    from analysis.quality.check import check_recording
-    from analysis.quality.repairs import repair
+    from seatrial.analysis.quality.check import check_recording
+    from seatrial.analysis.quality.repairs import repair
 
     quality = check_recording(recording, raw)
     table, flags = raw, quality.flags
@@ -88,10 +88,10 @@ def _at_rate(table: pd.DataFrame, how: Preparation, delays: Mapping[str, float])
 def smooth_table(table: pd.DataFrame, rate_hz: float, delays: Mapping[str, float] | None = None) -> pd.DataFrame:
     """All channels at ``rate_hz``, motion from the Kalman smoother with the standard deviation of each.
 
-    The motion channels and their rates of change come from :func:`analysis.estimation.smoother.smooth`, a column
-    ``<name>_sigma`` beside each; all others are resampled. ``delays`` [s by channel] are removed first.
+    The motion channels and their rates of change come from :func:`seatrial.analysis.estimation.smoother.smooth`, a
+    column ``<name>_sigma`` beside each; all others are resampled. ``delays`` [s by channel] are removed first.
     """
-    from analysis.estimation.smoother import smooth
+    from seatrial.analysis.estimation.smoother import smooth
 
     motion = smooth(remove_delays(table, delays) if delays else table, rate_hz)
     return with_motion(resample(table, rate_hz, delays=delays), motion)

@@ -9,20 +9,20 @@ from pathlib import Path
 
 import pandas as pd
 
-from acquisition.config.run_sheet import statement_from_text
-from acquisition.core.errors import SeatrialError, unexpected
-from acquisition.core.text import printable_name
-from acquisition.recording.grouping import read_parts
-from acquisition.recording.reader import Recording
-from analysis.estimation.smoother import smooth
-from analysis.manoeuvres import LeftOut, Manoeuvre, manoeuvres_and_left_out
-from analysis.prepare import with_motion
-from analysis.quality.check import DataQuality, check_recording
-from analysis.quality.repairs import Repair, RepairResult, repair
-from analysis.tables.resample import resample
-from analysis.tables.table import require, table_of, with_calm
-from analysis.windows.held import HeldWindows, held_windows
-from analysis.windows.recordings import add_start_states
+from seatrial.acquisition.config.run_sheet import statement_from_text
+from seatrial.acquisition.core.errors import SeatrialError, unexpected
+from seatrial.acquisition.core.text import printable_name
+from seatrial.acquisition.recording.grouping import read_parts
+from seatrial.acquisition.recording.reader import Recording
+from seatrial.analysis.estimation.smoother import smooth
+from seatrial.analysis.manoeuvres import LeftOut, Manoeuvre, manoeuvres_and_left_out
+from seatrial.analysis.prepare import with_motion
+from seatrial.analysis.quality.check import DataQuality, check_recording
+from seatrial.analysis.quality.repairs import Repair, RepairResult, repair
+from seatrial.analysis.tables.resample import resample
+from seatrial.analysis.tables.table import require, table_of, with_calm
+from seatrial.analysis.windows.held import HeldWindows, held_windows
+from seatrial.analysis.windows.recordings import add_start_states
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,7 +33,7 @@ class Options:
     ``pictures`` go on the page (the two that take time); windows cover ``horizon_s`` [s] and are tried every
     ``stride_s`` [s]; ``length_m`` [m] is the ship's, for distances in ship lengths; ``rebuild_positions``, with the
     repairs, takes the path that speeds and heading give for the positions. ``statement`` is what a person states of
-    the trials besides their recordings (:func:`acquisition.config.run_sheet.statement_from_text`).
+    the trials besides their recordings (:func:`seatrial.acquisition.config.run_sheet.statement_from_text`).
     """
 
     repair: bool = True

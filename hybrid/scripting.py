@@ -16,11 +16,11 @@ from typing import TYPE_CHECKING, Any
 
 import pandas as pd
 
-from acquisition.core.progress import bar
-from acquisition.core.text import printable_name
-from acquisition.recording.grouping import read_recordings, read_together
-from acquisition.recording.reader import describe
-from analysis.tables.table import (
+from seatrial.acquisition.core.progress import bar
+from seatrial.acquisition.core.text import printable_name
+from seatrial.acquisition.recording.grouping import read_recordings, read_together
+from seatrial.acquisition.recording.reader import describe
+from seatrial.analysis.tables.table import (
     percent_of,
     read_table,
     require,
@@ -33,23 +33,23 @@ from analysis.tables.table import (
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from acquisition.core.channel import Channel
-    from analysis.quality.check import DataQuality
-    from analysis.speed_power import Conditions, SpeedPower
-    from analysis.windows.held import HeldWindows
-    from hybrid.calibrators.predict import Prediction
-    from hybrid.calibrators.train import TrainedCalibrator
-    from hybrid.effects.catalogue import Catalogue
-    from hybrid.evaluation.study import Evaluation
-    from hybrid.evaluation.validate import Validation
-    from hybrid.identification.identify import Identification
-    from hybrid.planning.plan import Plan
-    from hybrid.prediction.dataset import Dataset
-    from hybrid.simulation.vessel_check import VesselCheck
-    from hybrid.vessel.files import ReferenceModel
-    from hybrid.vessel.parameters import Vessel
-    from hybrid.vessel.plant import Plant
-    from hybrid.workflows.diagnose import DiagnosisRun
+    from seatrial.acquisition.core.channel import Channel
+    from seatrial.analysis.quality.check import DataQuality
+    from seatrial.analysis.speed_power import Conditions, SpeedPower
+    from seatrial.analysis.windows.held import HeldWindows
+    from seatrial.hybrid.calibrators.predict import Prediction
+    from seatrial.hybrid.calibrators.train import TrainedCalibrator
+    from seatrial.hybrid.effects.catalogue import Catalogue
+    from seatrial.hybrid.evaluation.study import Evaluation
+    from seatrial.hybrid.evaluation.validate import Validation
+    from seatrial.hybrid.identification.identify import Identification
+    from seatrial.hybrid.planning.plan import Plan
+    from seatrial.hybrid.prediction.dataset import Dataset
+    from seatrial.hybrid.simulation.vessel_check import VesselCheck
+    from seatrial.hybrid.vessel.files import ReferenceModel
+    from seatrial.hybrid.vessel.parameters import Vessel
+    from seatrial.hybrid.vessel.plant import Plant
+    from seatrial.hybrid.workflows.diagnose import DiagnosisRun
 
 Paths = str | Path | Sequence[str | Path]
 HORIZON_S = 15
@@ -59,19 +59,19 @@ HORIZON_S = 15
 def write(
     table: pd.DataFrame, path: str | Path, vessel: str = "", declared: Sequence[Channel] = (), **trial: Any
 ) -> Path:
-    """A table of channels as a recording; ``trial`` is what :class:`acquisition.core.trial.Trial` holds.
+    """A table of channels as a recording; ``trial`` is what :class:`seatrial.acquisition.core.trial.Trial` holds.
 
     The table has a UTC index and the columns of the conventions; a ship's actuators are as their columns are named,
-    unless ``trial`` lists them. Other columns have to be ``declared`` (:func:`acquisition.core.declared.declare`),
-    unless the table was read from a recording that declares them.
-    Raises :class:`InputError` for what is no channel, :class:`StorageError`.
+    unless ``trial`` lists them. Other columns have to be ``declared``
+    (:func:`seatrial.acquisition.core.declared.declare`), unless the table was read from a recording that declares
+    them. Raises :class:`InputError` for what is no channel, :class:`StorageError`.
     """
-    from acquisition.core.actuators import as_text as actuators_as_text
-    from acquisition.core.channels import declared_in
-    from acquisition.core.declared import as_text
-    from acquisition.core.trial import Trial
-    from acquisition.recording.tables import write_table
-    from acquisition.tables.import_table import actuators_in_columns
+    from seatrial.acquisition.core.actuators import as_text as actuators_as_text
+    from seatrial.acquisition.core.channels import declared_in
+    from seatrial.acquisition.core.declared import as_text
+    from seatrial.acquisition.core.trial import Trial
+    from seatrial.acquisition.recording.tables import write_table
+    from seatrial.acquisition.tables.import_table import actuators_in_columns
 
     target, channels = Path(path), {each.name: each for each in (*declared_in(table.attrs), *declared)}
     said = {"name": printable_name(target.stem), "vessel": vessel, "channels": as_text(channels.values()), **trial}
@@ -83,7 +83,7 @@ def write(
 def info(recording: Paths) -> dict[str, Any]:
     """What is in a recording or its parts: channels with counts, rates, spans, sources; its events; whether it was
     closed."""
-    from acquisition.recording.events import events_of
+    from seatrial.acquisition.recording.events import events_of
 
     read = read_together(recording)
     return {**describe(read), "events": [event.as_json() for event in events_of(read)]}
@@ -108,7 +108,7 @@ def events(recording: Paths) -> pd.DataFrame:
     InputError
         For a file that is missing or no recording.
     """
-    from analysis.tables.events import event_table
+    from seatrial.analysis.tables.events import event_table
 
     return event_table(read_together(recording))
 
@@ -118,7 +118,7 @@ def check(data: Paths | pd.DataFrame, own: Sequence[str] = ()) -> DataQuality:
 
     ``own`` are checks of one's own, ``FILE.py:FUNCTION``.
     """
-    from analysis.quality.check import check_recording, check_table
+    from seatrial.analysis.quality.check import check_recording, check_table
 
     if isinstance(data, pd.DataFrame):
         return check_table(data, own)
@@ -139,8 +139,8 @@ def prepare(
     ``smooth`` takes the motion from the Kalman smoother, with standard deviations; ``flags`` adds a quality flag
     beside every value. What was done stands in ``table.attrs``.
     """
-    from analysis.prepare import Preparation
-    from analysis.prepare import prepare as prepare_recording
+    from seatrial.analysis.prepare import Preparation
+    from seatrial.analysis.prepare import prepare as prepare_recording
 
     return prepare_recording(read_together(recording), Preparation(rate_hz, repair, remove_delays, smooth, flags))
 
@@ -157,8 +157,8 @@ def windows(
 
     With ``any_commands`` all stretches that have data, whatever the actuators do; ``held`` tells them apart.
     """
-    from analysis.windows.held import held_windows
-    from analysis.windows.recordings import WindowOptions, windows_of_recordings
+    from seatrial.analysis.windows.held import held_windows
+    from seatrial.analysis.windows.recordings import WindowOptions, windows_of_recordings
 
     if isinstance(data, pd.DataFrame):
         return held_windows(data, horizon_s, stride_s, keep_moving=any_commands)
@@ -194,9 +194,9 @@ def manoeuvres(
         ``cannot_be_said`` or ``not_shown`` where there is a ``limit``, and ``missing`` lists what is missing to
         show the criterion.
     """
-    from acquisition.config.conditions import Conditions
-    from acquisition.config.run_sheet import Statement, load_statement
-    from analysis.manoeuvres.report import manoeuvres_of
+    from seatrial.acquisition.config.conditions import Conditions
+    from seatrial.acquisition.config.run_sheet import Statement, load_statement
+    from seatrial.analysis.manoeuvres.report import manoeuvres_of
 
     known = Statement(conditions=conditions) if isinstance(conditions, Conditions) else None
     known = load_statement(conditions) if isinstance(conditions, str | Path) else known
@@ -244,11 +244,11 @@ def speed_power(
     DataShortageError
         Without a double run.
     """
-    from acquisition.config.conditions import Conditions
-    from acquisition.config.run_sheet import statement_from_text, statement_text
-    from acquisition.core.errors import InputError
-    from analysis.speed_power.run_table import is_run_table
-    from analysis.speed_power.typical_wind import read_wind_resistance
+    from seatrial.acquisition.config.conditions import Conditions
+    from seatrial.acquisition.config.run_sheet import statement_from_text, statement_text
+    from seatrial.acquisition.core.errors import InputError
+    from seatrial.analysis.speed_power.run_table import is_run_table
+    from seatrial.analysis.speed_power.typical_wind import read_wind_resistance
 
     paths = as_paths(recordings)
     if isinstance(conditions, Conditions):
@@ -268,10 +268,10 @@ def speed_power(
 
 
 def _power_of_tables(paths: list[Path], given: Conditions, vessel: str | Path | Vessel | None) -> SpeedPower:
-    from analysis.speed_power import speed_power_of_runs
-    from analysis.speed_power.run_table import read_run_table
-    from hybrid.vessel.files import load_vessel
-    from hybrid.vessel.windage import conditions_of
+    from seatrial.analysis.speed_power import speed_power_of_runs
+    from seatrial.analysis.speed_power.run_table import read_run_table
+    from seatrial.hybrid.vessel.files import load_vessel
+    from seatrial.hybrid.vessel.windage import conditions_of
 
     tables = [read_run_table(path) for path in paths]
     for table in tables:
@@ -285,10 +285,10 @@ def _power_of_tables(paths: list[Path], given: Conditions, vessel: str | Path | 
 
 
 def _power_of_recordings(paths: list[Path], given: Conditions, vessel: str | Path | Vessel | None) -> SpeedPower:
-    from acquisition.config.vessel_file import vessel_of_ship
-    from analysis.speed_power import speed_power as analyse
-    from hybrid.vessel.files import load_vessel
-    from hybrid.vessel.windage import known_conditions
+    from seatrial.acquisition.config.vessel_file import vessel_of_ship
+    from seatrial.analysis.speed_power import speed_power as analyse
+    from seatrial.hybrid.vessel.files import load_vessel
+    from seatrial.hybrid.vessel.windage import known_conditions
 
     read = list(read_recordings(paths))
     tables = [table_of(each) for each in read]
@@ -315,10 +315,10 @@ def simulate(
     ``hidden`` maps names of effects to their parameters; what was hidden goes to ``PATH.truth.json`` and into
     nothing else.
     """
-    from acquisition.core.files import expect_suffix
-    from hybrid.effects.catalogue import catalogue_with
-    from hybrid.simulation.trial import record_trial, simulate_trial
-    from hybrid.vessel.files import load_vessel
+    from seatrial.acquisition.core.files import expect_suffix
+    from seatrial.hybrid.effects.catalogue import catalogue_with
+    from seatrial.hybrid.simulation.trial import record_trial, simulate_trial
+    from seatrial.hybrid.vessel.files import load_vessel
 
     expect_suffix(path, ".mcap")
     target, ship = Path(path), load_vessel(vessel)
@@ -330,7 +330,7 @@ def simulate(
 
 def effects(*files: str | Path) -> pd.DataFrame:
     """The catalogue of effects that a model may lack, with those of ``files``: one row a parameter."""
-    from hybrid.effects.catalogue import catalogue_with
+    from seatrial.hybrid.effects.catalogue import catalogue_with
 
     rows = [
         {"effect": effect.name, "family": effect.family, "kind": effect.kind, "parameter": each.name,
@@ -359,9 +359,9 @@ def train(
 
     Raises :class:`DataShortageError` where there is no window, :class:`ConfigurationError` for an unknown method.
     """
-    from hybrid.calibrators import refuse_untrainable
-    from hybrid.calibrators.train import train as train_calibrator
-    from hybrid.effects.catalogue import vessel_plant
+    from seatrial.hybrid.calibrators import refuse_untrainable
+    from seatrial.hybrid.calibrators.train import train as train_calibrator
+    from seatrial.hybrid.effects.catalogue import vessel_plant
 
     refuse_untrainable(method)
     model = _model(recordings, vessel)
@@ -393,12 +393,12 @@ def validate(
 
     Recordings that the calibrator was trained on are refused with :class:`InputError` unless ``allow_seen``.
     """
-    from hybrid.calibrators.predict import predictor_of
-    from hybrid.evaluation.length_times import errors_by_length
-    from hybrid.evaluation.manoeuvre_indices import index_comparison, runs_of_recordings
-    from hybrid.evaluation.validate import refuse_training_data
-    from hybrid.evaluation.validate import validate as validate_dataset
-    from hybrid.vessel.files import trials_of
+    from seatrial.hybrid.calibrators.predict import predictor_of
+    from seatrial.hybrid.evaluation.length_times import errors_by_length
+    from seatrial.hybrid.evaluation.manoeuvre_indices import index_comparison, runs_of_recordings
+    from seatrial.hybrid.evaluation.validate import refuse_training_data
+    from seatrial.hybrid.evaluation.validate import validate as validate_dataset
+    from seatrial.hybrid.vessel.files import trials_of
 
     by = predictor_of(trials_of(as_paths(recordings)), calibrator, vessel, horizon_s)
     dataset = _dataset(recordings, by.horizon_s, stride_s, part, any_commands, repair, rebuild_positions, by.plant)
@@ -437,10 +437,10 @@ def evaluate(
     ``paper_adam`` that can be trained here). With ``any_commands`` on all windows that have data, under the
     commands as they were recorded; otherwise on held ones.
     """
-    from hybrid.calibrators import COMPARED, can_train, refuse_untrainable
-    from hybrid.effects.catalogue import vessel_plant
-    from hybrid.evaluation import splits as split_kinds
-    from hybrid.evaluation.study import evaluation_of, study
+    from seatrial.hybrid.calibrators import COMPARED, can_train, refuse_untrainable
+    from seatrial.hybrid.effects.catalogue import vessel_plant
+    from seatrial.hybrid.evaluation import splits as split_kinds
+    from seatrial.hybrid.evaluation.study import evaluation_of, study
 
     kinds = (
         list(dict.fromkeys(splits)) or ["leg", "time", "recording"][: 2 if len(as_paths(recordings)) == 1 else 3]
@@ -475,12 +475,12 @@ def predict(
     """
     from functools import partial
 
-    from analysis.tables.resample import resample
-    from analysis.windows.recordings import second_by_second
-    from hybrid.calibrators.predict import parse_time, predictor_of
-    from hybrid.calibrators.predict import predict as predict_at
-    from hybrid.prediction.planned_commands import read_commands
-    from hybrid.vessel.files import trials_of
+    from seatrial.analysis.tables.resample import resample
+    from seatrial.analysis.windows.recordings import second_by_second
+    from seatrial.hybrid.calibrators.predict import parse_time, predictor_of
+    from seatrial.hybrid.calibrators.predict import predict as predict_at
+    from seatrial.hybrid.prediction.planned_commands import read_commands
+    from seatrial.hybrid.vessel.files import trials_of
 
     by = predictor_of(trials_of([Path(recording)]), calibrator, vessel, horizon_s)
     table = read_table(recording)
@@ -512,8 +512,8 @@ def diagnose(
     ``repair`` the scales and delays of sensors, too; ``rebuild_positions`` takes positions by dead reckoning,
     ``None`` where their time stamps jitter.
     """
-    from hybrid.effects.catalogue import catalogue_with
-    from hybrid.workflows.diagnose import diagnose_files
+    from seatrial.hybrid.effects.catalogue import catalogue_with
+    from seatrial.hybrid.workflows.diagnose import diagnose_files
 
     ship = _model(recordings, vessel).vessel
     catalogue = catalogue_with(effect_files, without, ship)
@@ -544,10 +544,10 @@ def identify(
     own, without it about a ship length. Each recording is checked before: values that stood still are set aside,
     and no stretch goes over a jump of the positions.
     """
-    from analysis.windows.recordings import named_recordings
-    from hybrid.identification.identify import identify_tables, judge, repertoire_of
-    from hybrid.vessel.files import save_vessel
-    from hybrid.workflows.checked import usable_tables
+    from seatrial.analysis.windows.recordings import named_recordings
+    from seatrial.hybrid.identification.identify import identify_tables, judge, repertoire_of
+    from seatrial.hybrid.vessel.files import save_vessel
+    from seatrial.hybrid.workflows.checked import usable_tables
 
     chosen = _model(recordings, vessel)
     ship, paths = chosen.vessel, as_paths(recordings)
@@ -583,11 +583,11 @@ def plan(
 
     Without a sea state in a gentle sea, a ship's model in a calm basin.
     """
-    from hybrid.effects.catalogue import catalogue_with
-    from hybrid.planning.plan import noise_in, programme_of
-    from hybrid.planning.plan import plan as plan_programme
-    from hybrid.simulation.sea_state import sea_for
-    from hybrid.vessel.files import load_vessel
+    from seatrial.hybrid.effects.catalogue import catalogue_with
+    from seatrial.hybrid.planning.plan import noise_in, programme_of
+    from seatrial.hybrid.planning.plan import plan as plan_programme
+    from seatrial.hybrid.simulation.sea_state import sea_for
+    from seatrial.hybrid.vessel.files import load_vessel
 
     ship = load_vessel(vessel)
     sea = sea_for(sea_state or ("calm" if ship.dimensions.is_model else "gentle"), ship.dimensions)
@@ -605,8 +605,8 @@ def vessel_check(vessel: str | Path | Vessel | None = None, rpm: float | None = 
     Steady speeds, turning circles, zigzags, pull-outs and a crash stop; ``rpm`` is the tests' shaft speed, by
     default that of 85 % of the highest power.
     """
-    from hybrid.simulation.vessel_check import check_vessel
-    from hybrid.vessel.files import load_vessel
+    from seatrial.hybrid.simulation.vessel_check import check_vessel
+    from seatrial.hybrid.vessel.files import load_vessel
 
     return check_vessel(load_vessel(vessel), rpm)
 
@@ -614,10 +614,10 @@ def vessel_check(vessel: str | Path | Vessel | None = None, rpm: float | None = 
 def report(folder: str | Path, **choices: Any) -> list[Path]:
     """The notebook report of a folder (a trial, a diagnosis, the paper's results, a batch) or of one recording.
 
-    ``choices`` are the fields of :class:`hybrid.report.folder.Choices`. Returns the paths of its pages.
+    ``choices`` are the fields of :class:`seatrial.hybrid.report.folder.Choices`. Returns the paths of its pages.
     """
-    from hybrid.report.folder import Choices
-    from hybrid.report.folder import report as write_reports
+    from seatrial.hybrid.report.folder import Choices
+    from seatrial.hybrid.report.folder import report as write_reports
 
     with bar("report") as progress:
         return write_reports(Path(folder), Choices(**choices), progress=progress)
@@ -627,8 +627,8 @@ def plot(table: pd.DataFrame) -> Figure:
     """The track and the channels of a table, side by side. Raises :class:`DataShortageError` for an empty table."""
     from matplotlib.figure import Figure
 
-    from acquisition.core.errors import DataShortageError
-    from analysis.report.plots import channels_figure, track_figure
+    from seatrial.acquisition.core.errors import DataShortageError
+    from seatrial.analysis.report.plots import channels_figure, track_figure
 
     parts = [each for each in (track_figure(table), channels_figure(table)) if each is not None]
     if not parts:
@@ -648,7 +648,7 @@ def as_paths(recordings: Paths) -> list[Path]:
 
 
 def _model(recordings: Paths, vessel: str | Path | Vessel | None) -> ReferenceModel:
-    from hybrid.vessel.files import reference_model, trials_of
+    from seatrial.hybrid.vessel.files import reference_model, trials_of
 
     return reference_model(trials_of(as_paths(recordings)), vessel)
 
@@ -665,7 +665,7 @@ def _dataset(
     *,
     shorter: bool = False,
 ) -> Any:
-    from hybrid.prediction.dataset import load_dataset
+    from seatrial.hybrid.prediction.dataset import load_dataset
 
     with bar("reading") as progress:
         return load_dataset(
@@ -677,8 +677,8 @@ def _dataset(
 
 def _with_truths(dataset: Dataset, recordings: Paths, part: str, rebuilt: bool) -> Dataset:
     """The data set with its windows' tracks by each sensor as it was measured."""
-    from analysis.windows.recordings import tables_of_recordings
-    from hybrid.evaluation.truth import with_truths
+    from seatrial.analysis.windows.recordings import tables_of_recordings
+    from seatrial.hybrid.evaluation.truth import with_truths
 
     with bar("sensors") as progress:
         tables = dataset.tables

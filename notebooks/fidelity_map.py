@@ -48,24 +48,24 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch, Rectangle
 
-from acquisition.core.arrays import Bools, Floats
-from acquisition.core.errors import DataShortageError
-from acquisition.core.files import write_text
-from acquisition.core.progress import Progress
-from analysis.batch.workers import map_calls
-from analysis.report.figures import fill_figure, png_of, write_figure
-from analysis.report.plots import INK
-from analysis.report.rendering import Page, picture, render
-from hybrid.calibrators import make_calibrator
-from hybrid.effects import vessel_plant
-from hybrid.prediction.baselines import constant_velocity, reference
-from hybrid.prediction.prediction_windows import PredictionWindows, concatenate_windows
-from hybrid.prediction.scores import distances
-from hybrid.report.plots import COLOUR, plain_numbers
-from hybrid.report.words import join_words
-from hybrid.reproduction.campaign import MODEL, TRUTH, paper_campaign
-from hybrid.vessel.files import load_vessel
-from hybrid.vessel.plant import Plant
+from seatrial.acquisition.core.arrays import Bools, Floats
+from seatrial.acquisition.core.errors import DataShortageError
+from seatrial.acquisition.core.files import write_text
+from seatrial.acquisition.core.progress import Progress
+from seatrial.analysis.batch.workers import map_calls
+from seatrial.analysis.report.figures import fill_figure, png_of, write_figure
+from seatrial.analysis.report.plots import INK
+from seatrial.analysis.report.rendering import Page, picture, render
+from seatrial.hybrid.calibrators import make_calibrator
+from seatrial.hybrid.effects import vessel_plant
+from seatrial.hybrid.prediction.baselines import constant_velocity, reference
+from seatrial.hybrid.prediction.prediction_windows import PredictionWindows, concatenate_windows
+from seatrial.hybrid.prediction.scores import distances
+from seatrial.hybrid.report.plots import COLOUR, plain_numbers
+from seatrial.hybrid.report.words import join_words
+from seatrial.hybrid.reproduction.campaign import MODEL, TRUTH, paper_campaign
+from seatrial.hybrid.vessel.files import load_vessel
+from seatrial.hybrid.vessel.plant import Plant
 
 # %% [markdown]
 # ## Degraded references

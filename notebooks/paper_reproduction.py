@@ -30,12 +30,12 @@ import pandas as pd
 from IPython.display import display
 
 import seatrial as st
-from hybrid.calibrators import make_calibrator
-from hybrid.effects import vessel_plant
-from hybrid.prediction.baselines import reference
-from hybrid.prediction.prediction_windows import draw_groups
-from hybrid.prediction.scores import score
-from hybrid.reproduction.campaign import MODEL, TRUTH, paper_campaign
+from seatrial.hybrid.calibrators import make_calibrator
+from seatrial.hybrid.effects import vessel_plant
+from seatrial.hybrid.prediction.baselines import reference
+from seatrial.hybrid.prediction.prediction_windows import draw_groups
+from seatrial.hybrid.prediction.scores import score
+from seatrial.hybrid.reproduction.campaign import MODEL, TRUTH, paper_campaign
 
 # %% [markdown]
 # ## The problem

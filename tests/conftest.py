@@ -20,9 +20,9 @@ from hypothesis import HealthCheck, settings
 import seatrial
 
 if TYPE_CHECKING:
-    from hybrid.calibrators.networks import NetworkCalibrator
-    from hybrid.calibrators.train import TrainedCalibrator
-    from hybrid.vessel.plant import Plant
+    from seatrial.hybrid.calibrators.networks import NetworkCalibrator
+    from seatrial.hybrid.calibrators.train import TrainedCalibrator
+    from seatrial.hybrid.vessel.plant import Plant
 
 # How long an example takes is the machine's affair, and no finding.
 settings.register_profile("any machine", deadline=None, suppress_health_check=[HealthCheck.too_slow])
@@ -82,9 +82,9 @@ def shared_data() -> Path:
 @pytest.fixture(scope="session")
 def simulated(tmp_path_factory: pytest.TempPathFactory) -> Simulated:
     """Recordings of the lengthened ship in the paper's manoeuvre; one that was asked for before is given again."""
-    from acquisition.core.trial import Trial
-    from acquisition.recording.tables import write_table
-    from hybrid.simulation.trial import simulate_trial
+    from seatrial.acquisition.core.trial import Trial
+    from seatrial.acquisition.recording.tables import write_table
+    from seatrial.hybrid.simulation.trial import simulate_trial
 
     folder = tmp_path_factory.mktemp("simulated")
 
@@ -112,8 +112,8 @@ def unseen(simulated: Simulated) -> Path:
 
 def few_epochs(method: str, seed: int = 0, plant: Plant | None = None, epochs: int = 120) -> NetworkCalibrator:
     """An untrained calibrator that takes seconds to train, not minutes."""
-    from hybrid.calibrators import make_calibrator
-    from hybrid.calibrators.networks import NetworkCalibrator
+    from seatrial.hybrid.calibrators import make_calibrator
+    from seatrial.hybrid.calibrators.networks import NetworkCalibrator
 
     calibrator = make_calibrator(method, seed, plant)
     assert isinstance(calibrator, NetworkCalibrator)
@@ -124,13 +124,13 @@ def few_epochs(method: str, seed: int = 0, plant: Plant | None = None, epochs: i
 @pytest.fixture(scope="session")
 def small(earlier: list[Path]) -> TrainedCalibrator:
     """A calibrator on the ship before she was lengthened, trained on little and for a short time."""
-    from hybrid.calibrators.train import train
-    from hybrid.effects.catalogue import vessel_plant
-    from hybrid.prediction.dataset import load_dataset
-    from hybrid.vessel.files import load_vessel
+    from seatrial.hybrid.calibrators.train import train
+    from seatrial.hybrid.effects.catalogue import vessel_plant
+    from seatrial.hybrid.prediction.dataset import load_dataset
+    from seatrial.hybrid.vessel.files import load_vessel
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("hybrid.calibrators.train.make_calibrator", few_epochs)
+        patch.setattr("seatrial.hybrid.calibrators.train.make_calibrator", few_epochs)
         dataset = load_dataset(earlier, SMALL_HORIZON_S, 5)
         return train(dataset, "gunnerus_short", vessel_plant(load_vessel("gunnerus_short")), "paper")
 
@@ -138,6 +138,6 @@ def small(earlier: list[Path]) -> TrainedCalibrator:
 @pytest.fixture(scope="session")
 def small_folder(small: TrainedCalibrator, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The small calibrator on disk."""
-    from hybrid.calibrators.artefact import save
+    from seatrial.hybrid.calibrators.artefact import save
 
     return save(small, tmp_path_factory.mktemp("calibrator") / "small").parent

@@ -10,10 +10,10 @@ from typing import Any
 
 from numba import njit
 
-from analysis.compiling import FAST
-from hybrid.vessel import dynamics, hulls, wind
-from hybrid.vessel.hulls import cross_flow
-from hybrid.vessel.plant import PHYSICS_STAMP
+from seatrial.analysis.compiling import FAST
+from seatrial.hybrid.vessel import dynamics, hulls, wind
+from seatrial.hybrid.vessel.hulls import cross_flow
+from seatrial.hybrid.vessel.plant import PHYSICS_STAMP
 
 
 def _kept(stamp: int) -> tuple[Any, ...]:

@@ -10,9 +10,9 @@ from typing import Any
 
 from numba import njit
 
-from analysis.compiling import FAST
-from analysis.estimation import kalman_kernel as kernel
-from hybrid.diagnosis import disturbance_model as model
+from seatrial.analysis.compiling import FAST
+from seatrial.analysis.estimation import kalman_kernel as kernel
+from seatrial.hybrid.diagnosis import disturbance_model as model
 
 
 def _kept(stamp: int) -> tuple[Any, ...]:

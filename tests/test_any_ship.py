@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from acquisition.core.actuators import Actuators
-from acquisition.core.channels import trial_names
-from acquisition.recording.reader import read_recording
-from hybrid.vessel.files import load_vessel
+from seatrial.acquisition.core.actuators import Actuators
+from seatrial.acquisition.core.channels import trial_names
+from seatrial.acquisition.recording.reader import read_recording
+from seatrial.hybrid.vessel.files import load_vessel
 from tests.acquisition.conftest import actuator_text, config_text
 from tests.conftest import Command
 

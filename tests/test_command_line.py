@@ -16,8 +16,8 @@ import pytest
 from mcap.reader import make_reader
 
 import seatrial
-from acquisition.core.channels import NAMES
-from acquisition.recording.reader import read_recording
+from seatrial.acquisition.core.channels import NAMES
+from seatrial.acquisition.recording.reader import read_recording
 from tests.conftest import SMALL_HORIZON_S, Command, Done, Simulated, few_epochs
 
 ROOT = Path(__file__).parents[1]
@@ -164,7 +164,8 @@ def test_train_validate_predict(
 ) -> None:
     """The three in a row, each with one JSON object; the horizon of the calibrator is taken up unasked."""
     monkeypatch.setattr(
-        "hybrid.calibrators.train.make_calibrator", lambda method, seed, plant: few_epochs(method, seed, plant, 2)
+        "seatrial.hybrid.calibrators.train.make_calibrator",
+        lambda method, seed, plant: few_epochs(method, seed, plant, 2),
     )
     folder = tmp_path / "calibrator"
     trained = command("train", *earlier[:2], "-o", folder, "--horizon", 20, "--method", "paper", "--json")
@@ -222,8 +223,8 @@ def scene(
     tmp_path_factory: pytest.TempPathFactory, simulated: Simulated, earlier: list[Path], small_folder: Path
 ) -> Scene:
     """A good table and its damaged likes, and what else a user may give by mistake."""
-    from analysis.tables.export import export_table
-    from analysis.tables.table import read_table
+    from seatrial.analysis.tables.export import export_table
+    from seatrial.analysis.tables.table import read_table
 
     folder, good = tmp_path_factory.mktemp("faults"), simulated("calm", 1, 60.0)
     export_table(read_table(good), folder / "good.csv")
@@ -389,7 +390,7 @@ def test_what_escapes_a_command_is_no_traceback(
     def broken(*_: object) -> None:
         raise raised
 
-    monkeypatch.setattr("acquisition.recording.grouping.read_recording", broken)
+    monkeypatch.setattr("seatrial.acquisition.recording.grouping.read_recording", broken)
     done = command("info", "a.mcap")
     assert (done.code, done.out, done.err) == (code, "", said)
 
@@ -426,9 +427,9 @@ def test_a_recording_without_wind_is_one_of_a_calm(
 @pytest.fixture(scope="module")
 def without(simulated: Simulated, tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Path]:
     """A recording that lacks one channel."""
-    from acquisition.core.trial import Trial
-    from acquisition.recording.tables import write_table
-    from analysis.tables.table import read_table
+    from seatrial.acquisition.core.trial import Trial
+    from seatrial.acquisition.recording.tables import write_table
+    from seatrial.analysis.tables.table import read_table
 
     folder = tmp_path_factory.mktemp("without")
 

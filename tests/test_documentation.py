@@ -15,7 +15,7 @@ import pytest
 import typer.main
 
 import seatrial
-from analysis.tables.export import KINDS
+from seatrial.analysis.tables.export import KINDS
 from tests.pages import DOCS, ROOT, Block, Page, block_of, page, pages
 
 PAGES = pages()
@@ -176,9 +176,9 @@ def test_toml_can_be_read(each: Page, block: Block) -> None:
 
 def test_the_channels_of_the_page_are_channels(tmp_path: Path) -> None:
     """Each block stands in a configuration, beside a source where it has none; each origin of the table is one."""
-    from acquisition.config.configuration import load_config
-    from acquisition.core.units import ending_of
-    from acquisition.decoders import decoders_by_protocol
+    from seatrial.acquisition.config.configuration import load_config
+    from seatrial.acquisition.core.units import ending_of
+    from seatrial.acquisition.decoders import decoders_by_protocol
 
     chapter, source = page("howto/add_a_channel.md"), 'type = "file"\npath = "x.log"\nchannels = ["heading_deg"]'
     blocks = [each.text for each in chapter.blocks if each.language == "toml"]
@@ -197,7 +197,7 @@ def test_the_channels_of_the_page_are_channels(tmp_path: Path) -> None:
 
 
 def test_the_vessel_of_the_page_can_be_loaded(tmp_path: Path) -> None:
-    from hybrid.vessel.files import load_vessel
+    from seatrial.hybrid.vessel.files import load_vessel
 
     path = tmp_path / "gunnerus_loaded.toml"
     path.write_text(block_of("howto/add_a_vessel.md", "Change an existing vessel", "toml"), encoding="utf-8")
@@ -213,7 +213,7 @@ def test_the_drogue_of_the_page_is_the_file() -> None:
 
 def test_the_sensors_of_the_page_are_sources(tmp_path: Path) -> None:
     """Each stands in a configuration of its own, beside the DBC file that it names."""
-    from acquisition.config.configuration import load_config
+    from seatrial.acquisition.config.configuration import load_config
 
     (tmp_path / "vessels").mkdir()
     dbc = "vessels/thrusters.dbc"
@@ -228,8 +228,8 @@ def test_the_sensors_of_the_page_are_sources(tmp_path: Path) -> None:
 
 def test_the_column_map_of_the_page_imports(tmp_path: Path) -> None:
     """A table with its columns becomes a recording, in the channels' units and with their signs."""
-    from acquisition.tables.import_table import import_table
-    from analysis.tables.table import read_table
+    from seatrial.acquisition.tables.import_table import import_table
+    from seatrial.analysis.tables.table import read_table
 
     path, table = tmp_path / "map.toml", tmp_path / "table.csv"
     path.write_text(block_of("howto/import.md", "A column map", "toml"), encoding="utf-8")

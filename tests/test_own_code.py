@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 import seatrial as st
-from acquisition.core.errors import ConfigurationError, InputError
-from acquisition.core.named_code import OwnCodeError, load
-from hybrid.calibrators import make_calibrator
-from hybrid.calibrators.artefact import load as load_calibrator
-from hybrid.calibrators.artefact import save
-from hybrid.calibrators.own import OwnCalibrator
+from seatrial.acquisition.core.errors import ConfigurationError, InputError
+from seatrial.acquisition.core.named_code import OwnCodeError, load
+from seatrial.hybrid.calibrators import make_calibrator
+from seatrial.hybrid.calibrators.artefact import load as load_calibrator
+from seatrial.hybrid.calibrators.artefact import save
+from seatrial.hybrid.calibrators.own import OwnCalibrator
 from tests.conftest import Command, few_epochs
 from tests.pages import block_of
 
@@ -161,8 +161,8 @@ def test_what_a_calibrator_keeps_is_saved_or_refused(own: Path) -> None:
 
 def test_what_a_calibrator_may_know_ends_at_its_start(own: Path, unseen: Path) -> None:
     """Nothing that it is shown depends on what was measured after second 0."""
-    from hybrid.calibrators.own import known_windows
-    from hybrid.prediction.dataset import load_dataset
+    from seatrial.hybrid.calibrators.own import known_windows
+    from seatrial.hybrid.prediction.dataset import load_dataset
 
     windows = load_dataset([unseen], 15, 5).windows
     reference = np.zeros_like(windows.track)

@@ -61,9 +61,9 @@ def test_every_command_and_option_is_in_the_reference(site: Path) -> None:
 def test_functions_have_their_texts(site: Path) -> None:
     text = (site / "reference" / "python.html").read_text(encoding="utf-8")
     for name in (
-        "analysis.tables.table.read_table",
-        "hybrid.calibrators.train.train",
-        "hybrid.workflows.diagnose.diagnose_files",
+        "seatrial.analysis.tables.table.read_table",
+        "seatrial.hybrid.calibrators.train.train",
+        "seatrial.hybrid.workflows.diagnose.diagnose_files",
     ):
         assert f'id="{name}"' in text
     assert "The raw samples of all channels joined on their measured time." in text

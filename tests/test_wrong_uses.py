@@ -11,9 +11,9 @@ import pandas as pd
 import pytest
 
 import seatrial as st
-from acquisition.core.actuators import DEFAULT, as_text
-from acquisition.core.channels import trial_names
-from hybrid.vessel.files import load_vessel
+from seatrial.acquisition.core.actuators import DEFAULT, as_text
+from seatrial.acquisition.core.channels import trial_names
+from seatrial.hybrid.vessel.files import load_vessel
 from tests.conftest import Command
 
 SOURCE = '[trial]\nname = "x"\n\n[[source]]\nname = "bridge"\nchannels = ["heading_deg"]\n'
@@ -152,7 +152,7 @@ def test_a_disk_that_refuses_is_named(
     place: Path, command: Command, monkeypatch: pytest.MonkeyPatch, reason: tuple[int, str]
 ) -> None:
     """Full, or not ours to write to; nothing is left behind."""
-    from acquisition.recording import tables
+    from seatrial.acquisition.recording import tables
 
     def refused(*_: object) -> None:
         raise OSError(*reason)

@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from acquisition.config.declarations import Finite
+from seatrial.acquisition.config.declarations import Finite
 
 REFERENCE_DENSITY_KGPM3, REFERENCE_TEMPERATURE_DEGC = 1026.0, 15.0
 """The water that results are stated for, ISO 15016:2015."""
@@ -17,7 +17,7 @@ Positive = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
 WindType = Literal[
     "tanker_loaded", "tanker_ballast", "gas_carrier_prismatic", "container_loaded", "general_cargo"
 ]  # fmt: skip
-"""The ships whose typical coefficients of wind resistance are known: :mod:`analysis.speed_power.typical_wind`."""
+"""Ships with typical coefficients of wind resistance: :mod:`seatrial.analysis.speed_power.typical_wind`."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

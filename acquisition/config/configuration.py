@@ -11,8 +11,8 @@ from typing import Annotated, Any
 from pydantic import ConfigDict, Discriminator
 from pydantic.dataclasses import dataclass
 
-from acquisition.config.conditions import Conditions
-from acquisition.config.declarations import (
+from seatrial.acquisition.config.conditions import Conditions
+from seatrial.acquisition.config.declarations import (
     ChannelSection,
     Declarations,
     GroupField,
@@ -22,8 +22,8 @@ from acquisition.config.declarations import (
     SentenceField,
     Transducer,
 )
-from acquisition.config.run_sheet import InstrumentsSection, Particulars
-from acquisition.config.sections import (
+from seatrial.acquisition.config.run_sheet import InstrumentsSection, Particulars
+from seatrial.acquisition.config.sections import (
     FILE_SOURCES,
     PAIRS,
     ActuatorSection,
@@ -50,8 +50,8 @@ from acquisition.config.sections import (
     UdpSource,
     parse_for_ship,
 )
-from acquisition.config.toml_file import line_of, read_text
-from acquisition.core.actuators import (
+from seatrial.acquisition.config.toml_file import line_of, read_text
+from seatrial.acquisition.core.actuators import (
     Actuators,
     as_text,
     from_text,
@@ -63,8 +63,8 @@ from acquisition.core.actuators import (
     stated_text,
     thruster_numbers,
 )
-from acquisition.core.channel import Channel
-from acquisition.core.channels import (
+from seatrial.acquisition.core.channel import Channel
+from seatrial.acquisition.core.channels import (
     AUXILIARY,
     MOTION,
     ChannelsByName,
@@ -73,9 +73,9 @@ from acquisition.core.channels import (
     required_names,
     with_declared,
 )
-from acquisition.core.declared import as_text as declared_as_text
-from acquisition.core.errors import ConfigurationError
-from acquisition.core.trial import Trial
+from seatrial.acquisition.core.declared import as_text as declared_as_text
+from seatrial.acquisition.core.errors import ConfigurationError
+from seatrial.acquisition.core.trial import Trial
 
 CONFIGURATION = "configuration.toml"
 """The name of the configuration among a recording's attachments."""

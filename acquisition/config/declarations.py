@@ -18,11 +18,11 @@ from typing import Annotated, Any
 from pydantic import AfterValidator, ConfigDict, Discriminator, Field, PositiveInt, StringConstraints, Tag
 from pydantic.dataclasses import dataclass
 
-from acquisition.config.toml_file import line_of, parse_toml, read_text, validate
-from acquisition.core.channel import Channel
-from acquisition.core.declared import declare
-from acquisition.core.errors import ConfigurationError
-from acquisition.core.units import Linear, to_house
+from seatrial.acquisition.config.toml_file import line_of, parse_toml, read_text, validate
+from seatrial.acquisition.core.channel import Channel
+from seatrial.acquisition.core.declared import declare
+from seatrial.acquisition.core.errors import ConfigurationError
+from seatrial.acquisition.core.units import Linear, to_house
 
 PACKS = Path(__file__).parents[2] / "trials" / "packs"
 """The folder of the packs that come with Seatrial."""

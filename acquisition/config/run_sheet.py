@@ -15,11 +15,11 @@ from typing import Annotated, Any, TypeVar
 from pydantic import Field, TypeAdapter
 from pydantic.dataclasses import dataclass
 
-from acquisition.config.conditions import Conditions, Positive
-from acquisition.config.declarations import STRICT, Finite
-from acquisition.config.toml_file import parse_toml, read_text, validate
-from acquisition.core.text import printable
-from acquisition.core.trial import Trial
+from seatrial.acquisition.config.conditions import Conditions, Positive
+from seatrial.acquisition.config.declarations import STRICT, Finite
+from seatrial.acquisition.config.toml_file import parse_toml, read_text, validate
+from seatrial.acquisition.core.text import printable
+from seatrial.acquisition.core.trial import Trial
 
 LOG = logging.getLogger("seatrial")
 Carried = TypeVar("Carried")

@@ -29,7 +29,7 @@ from pydantic import (
 )
 from pydantic.dataclasses import dataclass
 
-from acquisition.config.declarations import (
+from seatrial.acquisition.config.declarations import (
     GIVE_CONFIG,
     STRICT,
     ChannelSection,
@@ -41,10 +41,10 @@ from acquisition.config.declarations import (
     declarations_of,
     read_packs,
 )
-from acquisition.config.run_sheet import RunSheet
-from acquisition.config.toml_file import line_of, parse_toml, validate
-from acquisition.config.vessel_file import actuators_of_ship
-from acquisition.core.actuators import (
+from seatrial.acquisition.config.run_sheet import RunSheet
+from seatrial.acquisition.config.toml_file import line_of, parse_toml, validate
+from seatrial.acquisition.config.vessel_file import actuators_of_ship
+from seatrial.acquisition.core.actuators import (
     DEFAULT,
     Actuator,
     Actuators,
@@ -53,13 +53,13 @@ from acquisition.core.actuators import (
     shafts,
     thruster_numbers,
 )
-from acquisition.core.channel import Channel
-from acquisition.core.channels import BY_NAME, channel_names, trial_names, with_declared
-from acquisition.core.declared import Declared
-from acquisition.core.errors import ConfigurationError
-from acquisition.core.named_code import absolute
-from acquisition.core.times import Order
-from acquisition.core.units import DEGREES_AND_MINUTES, Linear
+from seatrial.acquisition.core.channel import Channel
+from seatrial.acquisition.core.channels import BY_NAME, channel_names, trial_names, with_declared
+from seatrial.acquisition.core.declared import Declared
+from seatrial.acquisition.core.errors import ConfigurationError
+from seatrial.acquisition.core.named_code import absolute
+from seatrial.acquisition.core.times import Order
+from seatrial.acquisition.core.units import DEGREES_AND_MINUTES, Linear
 
 _MOST_LETTERS = 10  # in the name of a MAVLink named value
 

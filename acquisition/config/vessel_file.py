@@ -8,9 +8,9 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from acquisition.config.toml_file import parse_toml, read_text
-from acquisition.core.actuators import SHIPPED, VESSELS, Actuator, Actuators, check_actuators
-from acquisition.core.errors import ConfigurationError
+from seatrial.acquisition.config.toml_file import parse_toml, read_text
+from seatrial.acquisition.core.actuators import SHIPPED, VESSELS, Actuator, Actuators, check_actuators
+from seatrial.acquisition.core.errors import ConfigurationError
 
 Tree = dict[str, Any]
 """The tables of a vessel file."""

@@ -15,8 +15,8 @@ from functools import lru_cache
 from itertools import count
 from pathlib import Path
 
-from acquisition.core.channel import Channel
-from acquisition.core.errors import ConfigurationError
+from seatrial.acquisition.core.channel import Channel
+from seatrial.acquisition.core.errors import ConfigurationError
 
 VESSELS = Path(__file__).parents[2] / "trials" / "vessels"
 """The folder of the vessel files that come with Seatrial."""

@@ -8,8 +8,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from acquisition.core.arrays import Bools, Floats, Ints
-from acquisition.core.channel import Channel
+from seatrial.acquisition.core.arrays import Bools, Floats, Ints
+from seatrial.acquisition.core.channel import Channel
 
 _LEAST_STAY = 5
 _SEAM_DEG = 170.0  # codes for no value, -1 to -99, are far from the seam of -180..180
@@ -34,7 +34,7 @@ def in_turn(channel: Channel | None, values: ArrayLike) -> Floats:
 
 
 def is_possible(channel: Channel, values: Floats) -> Bools:
-    """As :meth:`acquisition.core.channel.Channel.holds`, for many values."""
+    """As :meth:`seatrial.acquisition.core.channel.Channel.holds`, for many values."""
     beyond_low = values > channel.low if channel.circular and channel.low < 0.0 else values >= channel.low
     below_high = values < channel.high if channel.circular and channel.low >= 0.0 else values <= channel.high
     return np.asarray(beyond_low & below_high)

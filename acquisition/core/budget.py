@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from math import isfinite
 from pathlib import Path
 
-from acquisition.core.errors import ConfigurationError, InputError, SeatrialError
+from seatrial.acquisition.core.errors import ConfigurationError, InputError, SeatrialError
 
 VARIABLE = "SEATRIAL_BUDGET"
 _MEGA = 1_000_000

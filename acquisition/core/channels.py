@@ -1,7 +1,7 @@
 """The channels of a trial, as data.
 
 Columns, topics, schema texts, range checks and circular treatment all derive from the channels. Those of motion
-and wind are fixed; those of the actuators follow from the ship's list (:mod:`acquisition.core.actuators`):
+and wind are fixed; those of the actuators follow from the ship's list (:mod:`seatrial.acquisition.core.actuators`):
 ``CHANNELS`` are the 13 of the default list, R/V Gunnerus'. Frames and signs: north-east-down earth frame; body
 frame x forward, y to starboard; yaw positive to starboard; azimuth angles positive when the thrust vector turns
 to starboard; wind direction is where the wind comes from.
@@ -13,7 +13,7 @@ from collections.abc import Collection, Iterable, Mapping
 from functools import lru_cache
 from typing import Any
 
-from acquisition.core.actuators import (
+from seatrial.acquisition.core.actuators import (
     DEFAULT,
     RUDDER,
     SHIPPED,
@@ -26,9 +26,9 @@ from acquisition.core.actuators import (
     order_channels,
     rudders,
 )
-from acquisition.core.channel import Channel, circle
-from acquisition.core.declared import Declared, declared_from_text
-from acquisition.core.trial import Trial
+from seatrial.acquisition.core.channel import Channel, circle
+from seatrial.acquisition.core.declared import Declared, declared_from_text
+from seatrial.acquisition.core.trial import Trial
 
 MOTION_CHANNELS: tuple[Channel, ...] = (
     Channel("north_m", "m", -1e6, 1e6, "pose", "Position north of the trial's origin"),

@@ -10,8 +10,8 @@ from pathlib import Path
 from tempfile import TemporaryFile
 from typing import Any
 
-from acquisition.core.budget import CPU_SECONDS, MEMORY_BYTES, TABLE_CELLS, how_to_raise
-from acquisition.core.errors import InputError
+from seatrial.acquisition.core.budget import CPU_SECONDS, MEMORY_BYTES, TABLE_CELLS, how_to_raise
+from seatrial.acquisition.core.errors import InputError
 
 _REFUSED = 3  # the exit code of a script that refuses a file, and says why on stderr
 _MOST_LETTERS = 300

@@ -12,10 +12,10 @@ from collections.abc import Iterable
 from functools import lru_cache
 from math import isfinite
 
-from acquisition.core.channel import Channel
-from acquisition.core.errors import ConfigurationError
-from acquisition.core.files import parse_json
-from acquisition.core.units import canonical, ending_of
+from seatrial.acquisition.core.channel import Channel
+from seatrial.acquisition.core.errors import ConfigurationError
+from seatrial.acquisition.core.files import parse_json
+from seatrial.acquisition.core.units import canonical, ending_of
 
 _NAME = re.compile(r"[a-z][a-z0-9]*(_[a-z0-9]+)*")
 _UNIT = re.compile(r"[A-Za-z0-9%/^.*-]{1,20}")

@@ -22,13 +22,13 @@ from socket import gaierror
 from traceback import walk_tb
 from typing import Self
 
-from acquisition.core.text import printable
+from seatrial.acquisition.core.text import printable
 
 DEBUG_VARIABLE = "SEATRIAL_DEBUG"
 """The environment variable that has the command line print the traceback of an error."""
 
 _LONGEST_REASON = 300  # characters: a validator's message may quote the whole input
-_PACKAGES = ("acquisition", "analysis", "hybrid")
+_PACKAGE = "seatrial"
 _LOOP = "Symlink loop"  # as pathlib begins what it says of links that lead to themselves
 _CURES = {
     ENOSPC: "make room on the disk",
@@ -147,6 +147,6 @@ def _origin(error: BaseException) -> str:
     lines = [
         f"{name}, line {line}"
         for frame, line in walk_tb(error.__traceback__)
-        if (name := str(frame.f_globals.get("__name__"))).partition(".")[0] in _PACKAGES
+        if (name := str(frame.f_globals.get("__name__"))).partition(".")[0] == _PACKAGE
     ]
     return lines[-1] if lines else ""

@@ -2,8 +2,8 @@
 
 An output is never a mixture of two commands' or of two runs'. It is written under a temporary name beside its own
 and renamed when it is complete and on the disk. That name is new for every writer, which holds a lock on it
-(:mod:`acquisition.core.locks`): what a killed process has left behind has no lock, and the next writer of the same
-output removes it.
+(:mod:`seatrial.acquisition.core.locks`): what a killed process has left behind has no lock, and the next writer of
+the same output removes it.
 """
 
 from __future__ import annotations
@@ -23,9 +23,9 @@ from io import BufferedReader
 from pathlib import Path
 from typing import Any
 
-from acquisition.core.budget import JSON_BYTES, Budget
-from acquisition.core.errors import InputError, SeatrialError, StorageError, storage_error
-from acquisition.core.locks import hidden_name, is_at, lock, locked_briefly
+from seatrial.acquisition.core.budget import JSON_BYTES, Budget
+from seatrial.acquisition.core.errors import InputError, SeatrialError, StorageError, storage_error
+from seatrial.acquisition.core.locks import hidden_name, is_at, lock, locked_briefly
 
 _IRREGULAR = {
     stat.S_ISFIFO: "a named pipe", stat.S_ISSOCK: "a socket", stat.S_ISCHR: "a device", stat.S_ISBLK: "a device",

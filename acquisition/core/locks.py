@@ -17,7 +17,7 @@ from errno import EISDIR
 from hashlib import blake2b
 from pathlib import Path
 
-from acquisition.core.errors import StorageError, storage_error
+from seatrial.acquisition.core.errors import StorageError, storage_error
 
 LOCK = ".lock"
 """The name of the file in an output folder by which it is locked."""

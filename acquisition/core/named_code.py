@@ -22,9 +22,9 @@ from traceback import format_exception, walk_tb
 from types import FunctionType, ModuleType
 from typing import Any
 
-from acquisition.core.budget import CONFIGURATION_BYTES
-from acquisition.core.errors import ConfigurationError, SeatrialError
-from acquisition.core.files import read_regular
+from seatrial.acquisition.core.budget import CONFIGURATION_BYTES
+from seatrial.acquisition.core.errors import ConfigurationError, SeatrialError
+from seatrial.acquisition.core.files import read_regular
 
 _LOG, _LOGGED = logging.getLogger("seatrial.own"), set[tuple[str, str]]()
 

@@ -16,8 +16,8 @@ from pathlib import Path
 from types import FrameType
 from typing import Any, TextIO
 
-from acquisition.core.errors import StorageError
-from acquisition.core.text import printable
+from seatrial.acquisition.core.errors import StorageError
+from seatrial.acquisition.core.text import printable
 
 _STDOUT = 1
 _NAMES = ("stdin", "stdout", "stderr")

@@ -27,7 +27,7 @@ def bar(what: str) -> Iterator[Progress]:
         return
     from rich.progress import Progress as Bars
 
-    from acquisition.core.terminal import Terminal
+    from seatrial.acquisition.core.terminal import Terminal
 
     with Bars(console=Terminal(stderr=True), transient=True) as progress:
         task = progress.add_task(what, total=1.0)

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from io import StringIO
 from typing import TYPE_CHECKING, Any, ClassVar
 
-from acquisition.core.named_code import imported
+from seatrial.acquisition.core.named_code import imported
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -36,7 +36,7 @@ class Result:
         return shown
 
     def __str__(self) -> str:
-        from acquisition.core.terminal import Terminal
+        from seatrial.acquisition.core.terminal import Terminal
 
         text = StringIO()
         Terminal(file=text, width=_WIDTH).print(self)
@@ -49,7 +49,7 @@ class Result:
     def plot(self) -> Figure:
         """The result as a matplotlib figure."""
         draw = imported(self.drawing)
-        filled: Figure = imported("analysis.report.figures:fill_figure")(
+        filled: Figure = imported("seatrial.analysis.report.figures:fill_figure")(
             lambda figure: draw(figure, self), self.size_inch
         )
         return filled

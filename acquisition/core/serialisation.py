@@ -1,8 +1,8 @@
 """Results to JSON and back: a dataclass's fields are the keys, and its types say how to read them.
 
 ``Annotated[..., Field(exclude=True)]`` leaves a field out, ``@computed_field`` above a property adds one. Arrays
-(:mod:`acquisition.core.arrays`) are nested lists. JSON knows no NaN: it is written as null, and a field that may
-hold one has the type :data:`Number`, which reads null as NaN.
+(:mod:`seatrial.acquisition.core.arrays`) are nested lists. JSON knows no NaN: it is written as null, and a field
+that may hold one has the type :data:`Number`, which reads null as NaN.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from typing import Annotated, Any, TypeVar
 import numpy as np
 from pydantic import BeforeValidator, TypeAdapter, ValidationError
 
-from acquisition.core.errors import InputError
+from seatrial.acquisition.core.errors import InputError
 
 Result = TypeVar("Result")
 Number = Annotated[float, BeforeValidator(lambda value: float("nan") if value is None else value)]

@@ -15,7 +15,7 @@ from rich.protocol import rich_cast
 from rich.segment import Segment
 from rich.text import Text
 
-from acquisition.core.text import printable
+from seatrial.acquisition.core.text import printable
 
 _PIPED_COLUMNS = 200
 

@@ -12,8 +12,8 @@ from typing import NamedTuple, TypeVar
 
 import numpy as np
 
-from acquisition.core.arrays import Floats
-from acquisition.core.errors import ConfigurationError
+from seatrial.acquisition.core.arrays import Floats
+from seatrial.acquisition.core.errors import ConfigurationError
 
 KNOT_MPS = 1852.0 / 3600.0
 DEG_PER_RAD = 180.0 / pi

@@ -24,12 +24,12 @@ import typing
 from abc import ABC, abstractmethod
 from collections import Counter, deque
 
-from acquisition.config.declarations import Declarations, GroupField, SentenceField, Transducer, carried_by
-from acquisition.config.sections import AnySource, CanFrames, CanSource, MavlinkLinks, MqttLinks
-from acquisition.core.actuators import DEFAULT, Actuators
-from acquisition.core.channel import Channel
-from acquisition.core.channels import with_declared
-from acquisition.core.frames import Fix, Frame, Group, Protocol, safe_label
+from seatrial.acquisition.config.declarations import Declarations, GroupField, SentenceField, Transducer, carried_by
+from seatrial.acquisition.config.sections import AnySource, CanFrames, CanSource, MavlinkLinks, MqttLinks
+from seatrial.acquisition.core.actuators import DEFAULT, Actuators
+from seatrial.acquisition.core.channel import Channel
+from seatrial.acquisition.core.channels import with_declared
+from seatrial.acquisition.core.frames import Fix, Frame, Group, Protocol, safe_label
 
 BAD_DATA = "bad data"
 """Why a decoder refuses what is no packet of its protocol."""
@@ -117,12 +117,12 @@ def decoders_by_protocol(
     Of the channels that are ``declared`` they read those that are listed for the source.
     """
     if isinstance(config, MavlinkLinks):
-        from acquisition.decoders.mavlink import MavlinkDecoder
+        from seatrial.acquisition.decoders.mavlink import MavlinkDecoder
 
         return {"mavlink": [MavlinkDecoder(config, actuators, declared)]}
     if isinstance(config, CanSource):
         return {"can": _of_can(config, actuators, declared)}
-    from acquisition.decoders.nmea0183 import Nmea0183Decoder
+    from seatrial.acquisition.decoders.nmea0183 import Nmea0183Decoder
 
     wind, ratios = config.theoretical_wind, config.reduction_ratios
     fields = carried_by(declared, config.channels, SentenceField | Transducer)
@@ -131,7 +131,7 @@ def decoders_by_protocol(
         config.thrusters, config.clock, wind, *ship, declared=fields, unchecked=config.checksum == "optional"
     )
     if isinstance(config, MqttLinks):
-        from acquisition.decoders.mqtt import MqttDecoder
+        from seatrial.acquisition.decoders.mqtt import MqttDecoder
 
         channels = with_declared(tuple(declaration.channel for declaration in declared))
         return {"mqtt": [MqttDecoder(config, decoder, channels)]}
@@ -142,8 +142,8 @@ def decoders_by_protocol(
 
 
 def _of_can(config: CanFrames, actuators: Actuators, declared: Declarations) -> list[Decoder]:
-    from acquisition.decoders.dbc import DbcDecoder
-    from acquisition.decoders.nmea2000 import Nmea2000Decoder
+    from seatrial.acquisition.decoders.dbc import DbcDecoder
+    from seatrial.acquisition.decoders.nmea2000 import Nmea2000Decoder
 
     nmea2000 = Nmea2000Decoder(
         config.clock,

@@ -8,9 +8,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from acquisition.config.sections import Device
-from acquisition.core.frames import safe_label
-from acquisition.decoders import Notices
+from seatrial.acquisition.config.sections import Device
+from seatrial.acquisition.core.frames import safe_label
+from seatrial.acquisition.decoders import Notices
 
 _NO_ADDRESS = 254  # claimed by a device that found none free
 _MOST_NAMES = 512  # a bus has 252 addresses; more NAMEs than this are noise that looks like claims

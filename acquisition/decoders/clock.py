@@ -6,9 +6,9 @@ import datetime as dt
 from collections import deque
 from collections.abc import Iterable
 
-from acquisition.config.sections import Clock
-from acquisition.core.frames import NANO, Frame, FrameFlag, Group, Quality, Sample
-from acquisition.decoders import Notices
+from seatrial.acquisition.config.sections import Clock
+from seatrial.acquisition.core.frames import NANO, Frame, FrameFlag, Group, Quality, Sample
+from seatrial.acquisition.decoders import Notices
 
 _LONGEST_EXTRAPOLATION_NS = 5_000_000_000
 _SET_NS = 2_000_000_000  # times in whole seconds, and lines that lag, differ by a second from one to the next

@@ -17,17 +17,17 @@ import cantools
 from cantools.database.can import Message as DbcMessage
 from cantools.database.can import Signal as DbcSignal
 
-from acquisition.config.sections import Signal
-from acquisition.core.budget import DBC_BITS, DBC_BYTES, DBC_TEXT_BYTES
-from acquisition.core.channel import Channel
-from acquisition.core.channels import BY_NAME
-from acquisition.core.errors import ConfigurationError, system_reason
-from acquisition.core.files import read_regular
-from acquisition.core.frames import Frame, FrameFlag, Group
-from acquisition.core.units import Linear
-from acquisition.decoders import Decoder
-from acquisition.decoders.nmea2000 import Nmea2000Decoder, parameter_group
-from acquisition.decoders.parameter_groups import ERROR_VALUE, NOT_AVAILABLE
+from seatrial.acquisition.config.sections import Signal
+from seatrial.acquisition.core.budget import DBC_BITS, DBC_BYTES, DBC_TEXT_BYTES
+from seatrial.acquisition.core.channel import Channel
+from seatrial.acquisition.core.channels import BY_NAME
+from seatrial.acquisition.core.errors import ConfigurationError, system_reason
+from seatrial.acquisition.core.files import read_regular
+from seatrial.acquisition.core.frames import Frame, FrameFlag, Group
+from seatrial.acquisition.core.units import Linear
+from seatrial.acquisition.decoders import Decoder
+from seatrial.acquisition.decoders.nmea2000 import Nmea2000Decoder, parameter_group
+from seatrial.acquisition.decoders.parameter_groups import ERROR_VALUE, NOT_AVAILABLE
 
 _NO_VALUE = re.compile(
     r"(?i)\b(sna|n/?a|not available|unavailable|invalid|error|fault|unknown|undefined|reserved)\b"

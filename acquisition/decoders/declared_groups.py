@@ -12,12 +12,12 @@ from collections.abc import Mapping, Sequence
 from functools import cache
 from typing import Any, NamedTuple
 
-from acquisition.config.declarations import GroupField, complaints_about
-from acquisition.core.channel import Channel
-from acquisition.core.errors import ConfigurationError
-from acquisition.core.units import Linear
-from acquisition.decoders import DeclaredReaders
-from acquisition.decoders.parameter_groups import SHORTEST_BYTES, Field, Message, Value
+from seatrial.acquisition.config.declarations import GroupField, complaints_about
+from seatrial.acquisition.core.channel import Channel
+from seatrial.acquisition.core.errors import ConfigurationError
+from seatrial.acquisition.core.units import Linear
+from seatrial.acquisition.decoders import DeclaredReaders
+from seatrial.acquisition.decoders.parameter_groups import SHORTEST_BYTES, Field, Message, Value
 
 _PLACE = re.compile(r"(\d{1,4}):(\d{1,2})")
 _MOST_BITS = 8 * 223

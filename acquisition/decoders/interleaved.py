@@ -1,9 +1,9 @@
 """Sources that report one quantity under one talker on one line, told apart by values that take turns.
 
 Sentences such as HDT have neither time nor position. Two compasses of one talker are seen only in values that go to
-and fro between two levels (:mod:`analysis.quality.two_levels` finds the same in recordings). Until that is certain
-the values pass as of one source; two that agree, as rates of turn about zero do, are never told apart. Where two
-have met and part again, the times at which they are due say which is which.
+and fro between two levels (:mod:`seatrial.analysis.quality.two_levels` finds the same in recordings). Until that is
+certain the values pass as of one source; two that agree, as rates of turn about zero do, are never told apart.
+Where two have met and part again, the times at which they are due say which is which.
 """
 
 from __future__ import annotations
@@ -13,8 +13,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 
-from acquisition.core.frames import NANO
-from acquisition.decoders import Notices
+from seatrial.acquisition.core.frames import NANO
+from seatrial.acquisition.decoders import Notices
 
 _LEAST_APART = {"deg": 5.0, "dps": 1.0, "mps": 1.0, "rpm": 20.0, "percent": 20.0, "m": 1.0}
 """Levels are further apart, by the unit at the end of a quantity's name: ten steps of a coarse instrument."""

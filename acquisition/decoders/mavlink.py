@@ -15,17 +15,17 @@ from typing import Any, NamedTuple
 
 import pymap3d
 
-from acquisition.config.declarations import Declarations, MavlinkField, carried_by, complaints_about
-from acquisition.config.sections import MavlinkFileSource, MavlinkLinks
-from acquisition.core.actuators import DEFAULT, Actuators, shafts
-from acquisition.core.channel import Channel
-from acquisition.core.channels import BY_NAME, channel_names, with_declared
-from acquisition.core.errors import ConfigurationError
-from acquisition.core.frames import Fix, Frame, Group
-from acquisition.core.units import DEG_PER_RAD, Linear
-from acquisition.decoders import DeclaredReaders, Decoder, FurtherSenders
-from acquisition.decoders.clock import SourceClock, is_possible
-from acquisition.decoders.mavlink_packets import Fault, Header, PacketCutter, header_of, message_name
+from seatrial.acquisition.config.declarations import Declarations, MavlinkField, carried_by, complaints_about
+from seatrial.acquisition.config.sections import MavlinkFileSource, MavlinkLinks
+from seatrial.acquisition.core.actuators import DEFAULT, Actuators, shafts
+from seatrial.acquisition.core.channel import Channel
+from seatrial.acquisition.core.channels import BY_NAME, channel_names, with_declared
+from seatrial.acquisition.core.errors import ConfigurationError
+from seatrial.acquisition.core.frames import Fix, Frame, Group
+from seatrial.acquisition.core.units import DEG_PER_RAD, Linear
+from seatrial.acquisition.decoders import DeclaredReaders, Decoder, FurtherSenders
+from seatrial.acquisition.decoders.clock import SourceClock, is_possible
+from seatrial.acquisition.decoders.mavlink_packets import Fault, Header, PacketCutter, header_of, message_name
 
 os.environ.setdefault("MAVLINK20", "1")  # pymavlink reads this when it is imported
 from pymavlink.dialects.v20 import ardupilotmega as dialect

@@ -12,7 +12,7 @@ from binascii import crc_hqx
 from bisect import bisect_left
 from dataclasses import dataclass
 
-from acquisition.decoders import BAD_DATA
+from seatrial.acquisition.decoders import BAD_DATA
 
 os.environ.setdefault("MAVLINK20", "1")  # pymavlink reads this when it is imported
 from pymavlink.dialects.v20 import ardupilotmega as dialect

@@ -15,16 +15,16 @@ from typing import Any, NamedTuple
 
 import orjson
 
-from acquisition.config.sections import PAIRS, MqttLinks, TopicValue
-from acquisition.core.channel import Channel
-from acquisition.core.channels import BY_NAME
-from acquisition.core.errors import ConfigurationError
-from acquisition.core.frames import Frame, FrameFlag, Group, Sample
-from acquisition.core.units import DEGREES_AND_MINUTES, from_degrees_and_minutes, is_unit
-from acquisition.decoders import Decoder
-from acquisition.decoders.clock import SourceClock
-from acquisition.decoders.nmea0183 import Nmea0183Decoder, has_sentence
-from acquisition.decoders.told_time import SENTENCE_BEHIND, told_utc_ns
+from seatrial.acquisition.config.sections import PAIRS, MqttLinks, TopicValue
+from seatrial.acquisition.core.channel import Channel
+from seatrial.acquisition.core.channels import BY_NAME
+from seatrial.acquisition.core.errors import ConfigurationError
+from seatrial.acquisition.core.frames import Frame, FrameFlag, Group, Sample
+from seatrial.acquisition.core.units import DEGREES_AND_MINUTES, from_degrees_and_minutes, is_unit
+from seatrial.acquisition.decoders import Decoder
+from seatrial.acquisition.decoders.clock import SourceClock
+from seatrial.acquisition.decoders.nmea0183 import Nmea0183Decoder, has_sentence
+from seatrial.acquisition.decoders.told_time import SENTENCE_BEHIND, told_utc_ns
 
 _REMEMBERED = 10_000  # messages: a broker redelivers what was under way, 20 at once by default, 65,535 at most
 _MOST_TOPICS = 10_000

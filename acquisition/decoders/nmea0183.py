@@ -17,18 +17,18 @@ from functools import reduce
 from operator import xor
 from typing import Literal, NamedTuple
 
-from acquisition.config.declarations import SentenceField, Transducer
-from acquisition.config.sections import Clock, Thrusters
-from acquisition.core.actuators import DEFAULT, Actuators
-from acquisition.core.channel import Channel
-from acquisition.core.errors import ConfigurationError
-from acquisition.core.frames import Fix, Frame, Group, safe_label, sensor_of
-from acquisition.core.units import Linear
-from acquisition.decoders import DeclaredReaders, Decoder, FurtherSenders
-from acquisition.decoders.clock import SourceClock, nearest_day, utc_ns
-from acquisition.decoders.interleaved import InterleavedSources
-from acquisition.decoders.receivers import Receivers
-from acquisition.decoders.sentences import Fields, Reading, machinery_readers, readers
+from seatrial.acquisition.config.declarations import SentenceField, Transducer
+from seatrial.acquisition.config.sections import Clock, Thrusters
+from seatrial.acquisition.core.actuators import DEFAULT, Actuators
+from seatrial.acquisition.core.channel import Channel
+from seatrial.acquisition.core.errors import ConfigurationError
+from seatrial.acquisition.core.frames import Fix, Frame, Group, safe_label, sensor_of
+from seatrial.acquisition.core.units import Linear
+from seatrial.acquisition.decoders import DeclaredReaders, Decoder, FurtherSenders
+from seatrial.acquisition.decoders.clock import SourceClock, nearest_day, utc_ns
+from seatrial.acquisition.decoders.interleaved import InterleavedSources
+from seatrial.acquisition.decoders.receivers import Receivers
+from seatrial.acquisition.decoders.sentences import Fields, Reading, machinery_readers, readers
 
 _DATAGRAM_PREFIX = b"UdPbC\0"
 _TAG_BLOCK = re.compile(rb"\\([\x20-\x7e]*?)\*([0-9A-Fa-f]{2})\\")

@@ -10,17 +10,17 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 
-from acquisition.config.declarations import GroupField
-from acquisition.config.sections import Clock, Device
-from acquisition.core.actuators import DEFAULT, Actuators
-from acquisition.core.channel import Channel
-from acquisition.core.frames import Fix, Frame, FrameFlag, Group, Quality
-from acquisition.decoders import NO_SATELLITES, Decoder
-from acquisition.decoders.bus_devices import BusDevices
-from acquisition.decoders.clock import SourceClock
-from acquisition.decoders.declared_groups import DeclaredGroups
-from acquisition.decoders.fast_packets import LONGEST_BYTES, FastPackets
-from acquisition.decoders.parameter_groups import (
+from seatrial.acquisition.config.declarations import GroupField
+from seatrial.acquisition.config.sections import Clock, Device
+from seatrial.acquisition.core.actuators import DEFAULT, Actuators
+from seatrial.acquisition.core.channel import Channel
+from seatrial.acquisition.core.frames import Fix, Frame, FrameFlag, Group, Quality
+from seatrial.acquisition.decoders import NO_SATELLITES, Decoder
+from seatrial.acquisition.decoders.bus_devices import BusDevices
+from seatrial.acquisition.decoders.clock import SourceClock
+from seatrial.acquisition.decoders.declared_groups import DeclaredGroups
+from seatrial.acquisition.decoders.fast_packets import LONGEST_BYTES, FastPackets
+from seatrial.acquisition.decoders.parameter_groups import (
     ADDRESS_CLAIM,
     FIELDS,
     FRAME_BYTES,

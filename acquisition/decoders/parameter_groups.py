@@ -17,10 +17,10 @@ from dataclasses import dataclass, field
 from math import pi
 from typing import NamedTuple
 
-from acquisition.core.actuators import Actuators, name_of_order, rudder_channels, rudders, shafts
-from acquisition.core.frames import Quality
-from acquisition.core.units import DEG_PER_RAD
-from acquisition.decoders.clock import utc_ns
+from seatrial.acquisition.core.actuators import Actuators, name_of_order, rudder_channels, rudders, shafts
+from seatrial.acquisition.core.frames import Quality
+from seatrial.acquisition.core.units import DEG_PER_RAD
+from seatrial.acquisition.decoders.clock import utc_ns
 
 ADDRESS_CLAIM = 60928
 SYSTEM_TIME, TIME_AND_DATE, POSITION, GNSS_POSITION = 126992, 129033, 129025, 129029
@@ -163,7 +163,7 @@ class Reading(NamedTuple):
     """What a message says to us.
 
     ``meaning`` tells apart what one group may mean, ``instance`` which of several equal things it is about, ``fix``
-    and ``height_m`` are what a receiver says of its fix, as in :class:`acquisition.core.frames.Fix`.
+    and ``height_m`` are what a receiver says of its fix, as in :class:`seatrial.acquisition.core.frames.Fix`.
     """
 
     values: Iterable[tuple[str, Value]]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from math import cos, hypot, radians
 
-from acquisition.decoders import Notices
+from seatrial.acquisition.decoders import Notices
 
 _DEGREE_M = 111_195.0  # of a meridian
 _APART_M, _APART_AT_FIRST_M = 10.0, 25.0
@@ -56,7 +56,7 @@ class _Receiver:
 
 
 class Receivers:
-    """The receivers of one line, by sensor as :func:`~acquisition.core.frames.sensor_of` names it."""
+    """The receivers of one line, by sensor as :func:`~seatrial.acquisition.core.frames.sensor_of` names it."""
 
     def __init__(self, notices: Notices) -> None:
         self._notices = notices

@@ -18,8 +18,8 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Literal
 
-from acquisition.config.sections import Thrusters
-from acquisition.core.actuators import (
+from seatrial.acquisition.config.sections import Thrusters
+from seatrial.acquisition.core.actuators import (
     Actuator,
     Actuators,
     name_of_order,
@@ -28,8 +28,8 @@ from acquisition.core.actuators import (
     rudders,
     shaft_of_number,
 )
-from acquisition.core.frames import Quality
-from acquisition.core.units import KNOT_MPS
+from seatrial.acquisition.core.frames import Quality
+from seatrial.acquisition.core.units import KNOT_MPS
 
 _ROUNDED_KMH = 0.15  # knots and km/h, each to a tenth
 _NUMBER = re.compile(r"[+-]?(\d{1,9}(\.\d*)?|\.\d+)")

@@ -9,9 +9,9 @@ import datetime as dt
 import re
 from functools import partial
 
-from acquisition.core.frames import NANO
-from acquisition.core.times import Order, Stamp, find_stamp
-from acquisition.decoders.clock import DAY_NS, is_possible
+from seatrial.acquisition.core.frames import NANO
+from seatrial.acquisition.core.times import Order, Stamp, find_stamp
+from seatrial.acquisition.decoders.clock import DAY_NS, is_possible
 
 _pattern = partial(re.compile, flags=re.ASCII)  # what is no ASCII is no space and no digit
 ZONE = r"(?P<zone>Z|UTC|[+-]\d\d(?::?\d\d)?)?Z?"

@@ -11,14 +11,14 @@ import cantools
 from cantools.database.can import Message as DbcMessage
 from cantools.database.can import Signal as DbcSignal
 
-from acquisition.core.actuators import RUDDER, VESSELS, Actuators, rudders
-from acquisition.core.channel import Channel
-from acquisition.core.channels import BY_NAME
-from acquisition.core.errors import ConfigurationError
-from acquisition.core.frames import Frame, FrameFlag
-from acquisition.core.units import canonical, scale_to
-from acquisition.decoders.dbc import frame_key, load_dbc
-from acquisition.decoders.nmea2000 import parameter_group
+from seatrial.acquisition.core.actuators import RUDDER, VESSELS, Actuators, rudders
+from seatrial.acquisition.core.channel import Channel
+from seatrial.acquisition.core.channels import BY_NAME
+from seatrial.acquisition.core.errors import ConfigurationError
+from seatrial.acquisition.core.frames import Frame, FrameFlag
+from seatrial.acquisition.core.units import canonical, scale_to
+from seatrial.acquisition.decoders.dbc import frame_key, load_dbc
+from seatrial.acquisition.decoders.nmea2000 import parameter_group
 
 _NO_FEEDBACK = re.compile(r"(?i)order|command|cmd|demand|setpoint|request|reference|limit|max|min")
 _ALSO_CALLED = {"starboard": ("stbd", "stb"), "tunnel": ("bow",), "propeller": ("prop",)}

@@ -10,20 +10,20 @@ from operator import attrgetter
 from pathlib import Path
 from typing import Any
 
-from acquisition.config.sections import CanFrames, MqttLinks
-from acquisition.config.vessel_file import find_vessel, vessel_of_ship
-from acquisition.core.channels import MOTION
-from acquisition.core.errors import ConfigurationError
-from acquisition.core.frames import Frame
-from acquisition.core.progress import Progress, part_of
-from acquisition.decoders.dbc import load_dbc
-from acquisition.discovery.dbc_files import DbcMessages
-from acquisition.discovery.listen import Heard, listen
-from acquisition.discovery.places import Place
-from acquisition.discovery.propose import Gaps, configuration_text, everything
-from acquisition.discovery.readings import Reading, signal_readings, topic_readings
-from acquisition.logger.missing import missing_channels, sources_of, what_comes
-from acquisition.logger.survey import Kind, Survey, name_of_group, survey_of
+from seatrial.acquisition.config.sections import CanFrames, MqttLinks
+from seatrial.acquisition.config.vessel_file import find_vessel, vessel_of_ship
+from seatrial.acquisition.core.channels import MOTION
+from seatrial.acquisition.core.errors import ConfigurationError
+from seatrial.acquisition.core.frames import Frame
+from seatrial.acquisition.core.progress import Progress, part_of
+from seatrial.acquisition.decoders.dbc import load_dbc
+from seatrial.acquisition.discovery.dbc_files import DbcMessages
+from seatrial.acquisition.discovery.listen import Heard, listen
+from seatrial.acquisition.discovery.places import Place
+from seatrial.acquisition.discovery.propose import Gaps, configuration_text, everything
+from seatrial.acquisition.discovery.readings import Reading, signal_readings, topic_readings
+from seatrial.acquisition.logger.missing import missing_channels, sources_of, what_comes
+from seatrial.acquisition.logger.survey import Kind, Survey, name_of_group, survey_of
 
 _TELL_EVERY = 5_000  # frames
 

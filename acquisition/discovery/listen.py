@@ -13,18 +13,18 @@ from pathlib import Path
 
 from pydantic import TypeAdapter
 
-from acquisition.config.sections import AnySource
-from acquisition.core.errors import SeatrialError, SourceError, system_reason
-from acquisition.core.frames import Frame
-from acquisition.core.progress import Progress
-from acquisition.decoders.mavlink_packets import Fault, PacketCutter, header_of, is_known
-from acquisition.decoders.nmea0183 import has_sentence
-from acquisition.decoders.told_time import SENTENCE_BEHIND
-from acquisition.discovery.places import Place
-from acquisition.sources import make_source
-from acquisition.sources.actisense import Cutter, is_message
-from acquisition.sources.line_forms import LINE_FORMS, Entry, LineReader
-from acquisition.sources.streams import LineAssembler
+from seatrial.acquisition.config.sections import AnySource
+from seatrial.acquisition.core.errors import SeatrialError, SourceError, system_reason
+from seatrial.acquisition.core.frames import Frame
+from seatrial.acquisition.core.progress import Progress
+from seatrial.acquisition.decoders.mavlink_packets import Fault, PacketCutter, header_of, is_known
+from seatrial.acquisition.decoders.nmea0183 import has_sentence
+from seatrial.acquisition.decoders.told_time import SENTENCE_BEHIND
+from seatrial.acquisition.discovery.places import Place
+from seatrial.acquisition.sources import make_source
+from seatrial.acquisition.sources.actisense import Cutter, is_message
+from seatrial.acquisition.sources.line_forms import LINE_FORMS, Entry, LineReader
+from seatrial.acquisition.sources.streams import LineAssembler
 
 BAUD_RATES = (4_800, 38_400, 115_200, 9_600, 57_600, 230_400, 19_200, 460_800)
 """Of serial lines, the usual ones first: NMEA 0183, its fast form, gateways and autopilots."""
@@ -283,7 +283,7 @@ def _with_system(capture: Heard) -> Heard:
     """A MAVLink link with the system that tells of the ship: the one most of whose messages are read."""
     if not capture.place.type.startswith("mavlink"):
         return capture
-    from acquisition.decoders.mavlink import is_read
+    from seatrial.acquisition.decoders.mavlink import is_read
 
     cutter, systems = PacketCutter(whole=capture.place.type == "mavlink_file"), Counter[int]()
     for frame in islice(capture.frames(), _HEAD_FRAMES):

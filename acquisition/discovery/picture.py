@@ -8,10 +8,10 @@ from typing import Any
 from rich.console import RenderableType
 from rich.table import Table
 
-from acquisition.core.channels import channel_unit
-from acquisition.discovery.discover import Discovery
-from acquisition.discovery.places import KNOWN_FORMS
-from acquisition.logger.missing import by_reason
+from seatrial.acquisition.core.channels import channel_unit
+from seatrial.acquisition.discovery.discover import Discovery
+from seatrial.acquisition.discovery.places import KNOWN_FORMS
+from seatrial.acquisition.logger.missing import by_reason
 
 _MOST_EVENTS = 12
 _MOST_VALUES = 4  # of a message, in its row

@@ -11,8 +11,8 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import parse_qsl
 
-from acquisition.config.toml_file import parse_toml, read_text
-from acquisition.core.errors import ConfigurationError, InputError
+from seatrial.acquisition.config.toml_file import parse_toml, read_text
+from seatrial.acquisition.core.errors import ConfigurationError, InputError
 
 _CAN_NAME = re.compile(r"(?:v|sl)?can\d+")
 _SERIAL_NAME = re.compile(r"/dev/\S+|COM\d+")

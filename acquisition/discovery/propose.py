@@ -9,17 +9,17 @@ from pathlib import Path
 from textwrap import wrap
 from typing import Any, NamedTuple
 
-from acquisition.config.configuration import TrialConfig, parse_config, possible_channels
-from acquisition.config.declarations import PACKS
-from acquisition.config.toml_file import parse_toml
-from acquisition.core.channels import channel_names
-from acquisition.core.frames import Frame, label_parts
-from acquisition.decoders.nmea2000 import parameter_group
-from acquisition.discovery.dbc_files import choose_dbc, match_signals
-from acquisition.discovery.listen import Heard
-from acquisition.discovery.readings import Reading
-from acquisition.logger.missing import RATED_FIX, VARIATION_FIX, by_reason, message_of, sources_of
-from acquisition.logger.survey import Survey
+from seatrial.acquisition.config.configuration import TrialConfig, parse_config, possible_channels
+from seatrial.acquisition.config.declarations import PACKS
+from seatrial.acquisition.config.toml_file import parse_toml
+from seatrial.acquisition.core.channels import channel_names
+from seatrial.acquisition.core.frames import Frame, label_parts
+from seatrial.acquisition.decoders.nmea2000 import parameter_group
+from seatrial.acquisition.discovery.dbc_files import choose_dbc, match_signals
+from seatrial.acquisition.discovery.listen import Heard
+from seatrial.acquisition.discovery.readings import Reading
+from seatrial.acquisition.logger.missing import RATED_FIX, VARIATION_FIX, by_reason, message_of, sources_of
+from seatrial.acquisition.logger.survey import Survey
 
 _WIDTH = 112
 _HEAD_FRAMES = 20_000

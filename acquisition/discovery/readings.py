@@ -15,14 +15,14 @@ import orjson
 from cantools.database.can import Message as DbcMessage
 from cantools.database.can import Signal as DbcSignal
 
-from acquisition.config.sections import TopicValue
-from acquisition.core.frames import Frame, FrameFlag
-from acquisition.core.units import canonical, is_unit
-from acquisition.decoders.dbc import missing_by_name, missing_by_rule
-from acquisition.decoders.mqtt import read_message, split_time, topic_and_message
-from acquisition.decoders.parameter_groups import NOT_AVAILABLE
-from acquisition.decoders.told_time import SENTENCE_BEHIND
-from acquisition.discovery.dbc_files import DbcMessages
+from seatrial.acquisition.config.sections import TopicValue
+from seatrial.acquisition.core.frames import Frame, FrameFlag
+from seatrial.acquisition.core.units import canonical, is_unit
+from seatrial.acquisition.decoders.dbc import missing_by_name, missing_by_rule
+from seatrial.acquisition.decoders.mqtt import read_message, split_time, topic_and_message
+from seatrial.acquisition.decoders.parameter_groups import NOT_AVAILABLE
+from seatrial.acquisition.decoders.told_time import SENTENCE_BEHIND
+from seatrial.acquisition.discovery.dbc_files import DbcMessages
 
 _LATEST = 64  # frames of a message: each signal of a multiplexed one comes in some of them only
 _MOST_TOPICS, _MOST_FIELDS, _MOST_LEVELS = 1_000, 100, 8  # what comes off a wire has no end

@@ -6,17 +6,17 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Protocol
 
-from acquisition.config.sections import AnySource, CanSource, LineSource, MavlinkLinks, MqttLinks
-from acquisition.core.actuators import DEFAULT, Actuators
-from acquisition.core.channel import Channel
-from acquisition.core.channels import BY_NAME
-from acquisition.core.named_code import imported
+from seatrial.acquisition.config.sections import AnySource, CanSource, LineSource, MavlinkLinks, MqttLinks
+from seatrial.acquisition.core.actuators import DEFAULT, Actuators
+from seatrial.acquisition.core.channel import Channel
+from seatrial.acquisition.core.channels import BY_NAME
+from seatrial.acquisition.core.named_code import imported
 
 _PLACES: tuple[tuple[Any, str], ...] = (
-    (CanSource, "acquisition.encoders.can_frames:CanEncoder"),
-    (MavlinkLinks, "acquisition.encoders.mavlink:MavlinkEncoder"),
-    (MqttLinks, "acquisition.encoders.mqtt:MqttEncoder"),
-    (LineSource, "acquisition.encoders.nmea0183:Nmea0183Encoder"),
+    (CanSource, "seatrial.acquisition.encoders.can_frames:CanEncoder"),
+    (MavlinkLinks, "seatrial.acquisition.encoders.mavlink:MavlinkEncoder"),
+    (MqttLinks, "seatrial.acquisition.encoders.mqtt:MqttEncoder"),
+    (LineSource, "seatrial.acquisition.encoders.nmea0183:Nmea0183Encoder"),
 )
 """Imported when first used, like the decoders."""
 

@@ -13,15 +13,15 @@ from nmea2000.encoder import create_encoder
 from nmea2000.input_formats import N2KFormat
 from nmea2000.message import NMEA2000Field, NMEA2000Message
 
-from acquisition.config.sections import CanSource
-from acquisition.core.actuators import Actuators, name_of_order, rudder_channels, shafts
-from acquisition.core.channel import Channel
-from acquisition.core.frames import NANO
-from acquisition.core.units import DEG_PER_RAD, Linear
-from acquisition.decoders.clock import DAY_NS
-from acquisition.decoders.dbc import find_signal, load_dbc, missing_by_rule
-from acquisition.decoders.declared_groups import LIBRARY
-from acquisition.encoders import Moment, Packet
+from seatrial.acquisition.config.sections import CanSource
+from seatrial.acquisition.core.actuators import Actuators, name_of_order, rudder_channels, shafts
+from seatrial.acquisition.core.channel import Channel
+from seatrial.acquisition.core.frames import NANO
+from seatrial.acquisition.core.units import DEG_PER_RAD, Linear
+from seatrial.acquisition.decoders.clock import DAY_NS
+from seatrial.acquisition.decoders.dbc import find_signal, load_dbc, missing_by_rule
+from seatrial.acquisition.decoders.declared_groups import LIBRARY
+from seatrial.acquisition.encoders import Moment, Packet
 
 _ADDRESS = 35
 

@@ -7,13 +7,13 @@ from collections.abc import Iterator, Mapping
 from math import nan, radians
 from typing import Any
 
-from acquisition.config.sections import MavlinkLinks
-from acquisition.core.actuators import Actuators, shafts
-from acquisition.core.angles import wrap_180
-from acquisition.core.channel import Channel
-from acquisition.core.kinematics import to_earth
-from acquisition.decoders.mavlink import UNKNOWN_VELOCITY
-from acquisition.encoders import Moment, Packet
+from seatrial.acquisition.config.sections import MavlinkLinks
+from seatrial.acquisition.core.actuators import Actuators, shafts
+from seatrial.acquisition.core.angles import wrap_180
+from seatrial.acquisition.core.channel import Channel
+from seatrial.acquisition.core.kinematics import to_earth
+from seatrial.acquisition.decoders.mavlink import UNKNOWN_VELOCITY
+from seatrial.acquisition.encoders import Moment, Packet
 
 os.environ.setdefault("MAVLINK20", "1")  # pymavlink reads this when it is imported
 from pymavlink.dialects.v20 import ardupilotmega as dialect

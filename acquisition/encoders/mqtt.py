@@ -8,13 +8,13 @@ from datetime import timedelta
 
 import orjson
 
-from acquisition.config.sections import MqttLinks, TopicValue
-from acquisition.core.actuators import Actuators
-from acquisition.core.channel import Channel
-from acquisition.core.frames import EPOCH, NANO
-from acquisition.core.units import DEGREES_AND_MINUTES, as_degrees_and_minutes
-from acquisition.encoders import Moment, Packet
-from acquisition.encoders.nmea0183 import Nmea0183Encoder
+from seatrial.acquisition.config.sections import MqttLinks, TopicValue
+from seatrial.acquisition.core.actuators import Actuators
+from seatrial.acquisition.core.channel import Channel
+from seatrial.acquisition.core.frames import EPOCH, NANO
+from seatrial.acquisition.core.units import DEGREES_AND_MINUTES, as_degrees_and_minutes
+from seatrial.acquisition.encoders import Moment, Packet
+from seatrial.acquisition.encoders.nmea0183 import Nmea0183Encoder
 
 _FIX = {"latitude_deg": "north_m", "longitude_deg": "east_m"}
 """What a position by itself carries of the plane."""

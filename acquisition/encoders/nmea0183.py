@@ -7,19 +7,19 @@ from collections.abc import Callable, Mapping
 from functools import partial
 from math import floor
 
-from acquisition.config.sections import LineSource, MqttLinks
-from acquisition.core.actuators import (
+from seatrial.acquisition.config.sections import LineSource, MqttLinks
+from seatrial.acquisition.core.actuators import (
     Actuators,
     name_of_order,
     numbered_shafts,
     rudder_channels,
     shaft_numbers,
 )
-from acquisition.core.channel import Channel
-from acquisition.core.frames import EPOCH
-from acquisition.core.units import KNOT_MPS
-from acquisition.decoders.nmea0183 import checksum
-from acquisition.encoders import Moment, Packet
+from seatrial.acquisition.core.channel import Channel
+from seatrial.acquisition.core.frames import EPOCH
+from seatrial.acquisition.core.units import KNOT_MPS
+from seatrial.acquisition.decoders.nmea0183 import checksum
+from seatrial.acquisition.encoders import Moment, Packet
 
 
 def sentence(body: str) -> bytes:

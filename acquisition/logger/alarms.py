@@ -17,12 +17,12 @@ from contextlib import suppress
 from dataclasses import dataclass
 from difflib import get_close_matches
 
-from acquisition.config.sections import AlarmSection
-from acquisition.core.errors import ConfigurationError
-from acquisition.logger.health import Health
-from acquisition.logger.host_clock import host_clock
-from acquisition.logger.supervision import LOG
-from acquisition.recording.parts import Tell
+from seatrial.acquisition.config.sections import AlarmSection
+from seatrial.acquisition.core.errors import ConfigurationError
+from seatrial.acquisition.logger.health import Health
+from seatrial.acquisition.logger.host_clock import host_clock
+from seatrial.acquisition.logger.supervision import LOG
+from seatrial.acquisition.recording.parts import Tell
 
 _LOOK_EVERY_S = 1.0
 _CLOCK_EVERY_S = 30.0

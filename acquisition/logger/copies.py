@@ -14,13 +14,13 @@ from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 
-from acquisition.config.sections import CopiesSection
-from acquisition.core.errors import ConfigurationError, StorageError, storage_error
-from acquisition.core.process import started
-from acquisition.logger.health import CopyState
-from acquisition.logger.supervision import LOG
-from acquisition.recording.parts import RecordingParts, parts_in
-from acquisition.recording.storage import free_bytes, mount_point, new_file, require_mounted, sync_folder
+from seatrial.acquisition.config.sections import CopiesSection
+from seatrial.acquisition.core.errors import ConfigurationError, StorageError, storage_error
+from seatrial.acquisition.core.process import started
+from seatrial.acquisition.logger.health import CopyState
+from seatrial.acquisition.logger.supervision import LOG
+from seatrial.acquisition.recording.parts import RecordingParts, parts_in
+from seatrial.acquisition.recording.storage import free_bytes, mount_point, new_file, require_mounted, sync_folder
 
 _LOOK_EVERY_S, _TRY_AGAIN_S = 5.0, 60.0
 _LONGEST_FINISH_S = 20.0  # what a supervisor that stops us has patience for

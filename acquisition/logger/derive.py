@@ -7,11 +7,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 
-from acquisition.config.sections import Mounting
-from acquisition.core.channel import Channel
-from acquisition.core.channels import BY_NAME, channels_of_trial
-from acquisition.core.frames import Group, Quality, Sample
-from acquisition.core.kinematics import (
+from seatrial.acquisition.config.sections import Mounting
+from seatrial.acquisition.core.channel import Channel
+from seatrial.acquisition.core.channels import BY_NAME, channels_of_trial
+from seatrial.acquisition.core.frames import Group, Quality, Sample
+from seatrial.acquisition.core.kinematics import (
     TangentPlane,
     along,
     apparent_wind,
@@ -20,7 +20,7 @@ from acquisition.core.kinematics import (
     velocity_at_reference,
     wind_over_ground,
 )
-from acquisition.core.trial import Trial
+from seatrial.acquisition.core.trial import Trial
 
 _HEADING_KEEPS_NS = 1_500_000_000  # carried on by the rate of turn for as long
 _MOTION_KEEPS_NS = 1_500_000_000

@@ -19,12 +19,12 @@ from rich.console import Console, ConsoleOptions, Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
-from acquisition.core.frames import NANO
-from acquisition.core.process import started
-from acquisition.core.text import printable
-from acquisition.logger.health import ChannelHealth, Health
-from acquisition.logger.preflight import ChannelReport, PreflightReport
-from acquisition.logger.requests import Mark
+from seatrial.acquisition.core.frames import NANO
+from seatrial.acquisition.core.process import started
+from seatrial.acquisition.core.text import printable
+from seatrial.acquisition.logger.health import ChannelHealth, Health
+from seatrial.acquisition.logger.preflight import ChannelReport, PreflightReport
+from seatrial.acquisition.logger.requests import Mark
 
 _UNIT_FROM_COLUMNS = 86  # the names end with the unit anyhow
 _STATE_STYLES = {"opening": "yellow", "open": "green", "silent": "yellow", "failed": "bold red", "ended": "dim"}

@@ -6,13 +6,13 @@ import time
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from acquisition.core.arrays import Series
-from acquisition.core.errors import InputError
-from acquisition.core.trial import Trial
-from acquisition.logger.requests import RecorderState, running_recorders
-from acquisition.recording.grouping import PartClock
-from acquisition.recording.parts import Tell
-from acquisition.recording.tail import Tail
+from seatrial.acquisition.core.arrays import Series
+from seatrial.acquisition.core.errors import InputError
+from seatrial.acquisition.core.trial import Trial
+from seatrial.acquisition.logger.requests import RecorderState, running_recorders
+from seatrial.acquisition.recording.grouping import PartClock
+from seatrial.acquisition.recording.parts import Tell
+from seatrial.acquisition.recording.tail import Tail
 
 _QUIET_S = 1.0  # after so long without anything new the recorder is asked what it writes
 _ASK_EVERY_S, _ASK_SOON_S = 1.0, 0.1  # the latter where a part has just come to its end

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
-from acquisition.core.frames import Frame, label_parts, sensor_of
-from acquisition.logger.health import SILENT_NS
+from seatrial.acquisition.core.frames import Frame, label_parts, sensor_of
+from seatrial.acquisition.logger.health import SILENT_NS
 
 _GATHERED_NS = SILENT_NS  # channels of one line fall silent, and come back, as far apart as their messages do
 

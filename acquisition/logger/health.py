@@ -10,10 +10,10 @@ from dataclasses import dataclass, field
 from statistics import median_low
 from typing import Any, Literal
 
-from acquisition.core.channel import Channel
-from acquisition.core.channels import BY_NAME, NAMES
-from acquisition.core.frames import Sample, sensor_of
-from acquisition.logger.host_clock import HostClock
+from seatrial.acquisition.core.channel import Channel
+from seatrial.acquisition.core.channels import BY_NAME, NAMES
+from seatrial.acquisition.core.frames import Sample, sensor_of
+from seatrial.acquisition.logger.host_clock import HostClock
 
 Grade = Literal["good", "slow", "silent", "none"]
 

@@ -9,12 +9,12 @@ from __future__ import annotations
 
 import time
 
-from acquisition.config.sections import RecordingSection
-from acquisition.core.frames import Frame, now_ns
-from acquisition.logger.health import SILENT_NS, Health
-from acquisition.logger.host_clock import boot_metadata, kernel_state
-from acquisition.recording.grouping import NEW_PART_NS
-from acquisition.recording.parts import RecordingParts, Tell
+from seatrial.acquisition.config.sections import RecordingSection
+from seatrial.acquisition.core.frames import Frame, now_ns
+from seatrial.acquisition.logger.health import SILENT_NS, Health
+from seatrial.acquisition.logger.host_clock import boot_metadata, kernel_state
+from seatrial.acquisition.recording.grouping import NEW_PART_NS
+from seatrial.acquisition.recording.parts import RecordingParts, Tell
 
 STEP_NS = 100_000_000  # what NTP corrects without a step is less; so is what a busy computer can feign
 _FOLLOW_SHARE = 500e-6  # the fastest that a kernel's clock is slewed

@@ -8,15 +8,15 @@ from collections.abc import Container, Iterable, Mapping
 from pathlib import Path
 from typing import NamedTuple
 
-from acquisition.config.configuration import TrialConfig
-from acquisition.config.declarations import GroupField, MavlinkField, Origin, SentenceField
-from acquisition.config.sections import LineSource, MqttLinks, OwnSource
-from acquisition.core.channels import POSE_AND_VELOCITY, trial_names
-from acquisition.core.errors import SeatrialError
-from acquisition.core.frames import label_parts
-from acquisition.decoders.nmea0183 import NO_CHECKSUM
-from acquisition.logger.redecode import own_configuration
-from acquisition.logger.survey import TOPIC_VALUE, Kind, Survey, is_makers_own, survey_of_recording
+from seatrial.acquisition.config.configuration import TrialConfig
+from seatrial.acquisition.config.declarations import GroupField, MavlinkField, Origin, SentenceField
+from seatrial.acquisition.config.sections import LineSource, MqttLinks, OwnSource
+from seatrial.acquisition.core.channels import POSE_AND_VELOCITY, trial_names
+from seatrial.acquisition.core.errors import SeatrialError
+from seatrial.acquisition.core.frames import label_parts
+from seatrial.acquisition.decoders.nmea0183 import NO_CHECKSUM
+from seatrial.acquisition.logger.redecode import own_configuration
+from seatrial.acquisition.logger.survey import TOPIC_VALUE, Kind, Survey, is_makers_own, survey_of_recording
 
 LOOKED_AT = 10_000
 """Frames of a recording from which its summary says why something is missing: some seconds of a busy bus."""

@@ -11,17 +11,17 @@ import queue
 import threading
 import time
 
-from acquisition.config.configuration import TrialConfig
-from acquisition.core.errors import SourceError
-from acquisition.core.frames import now_ns
-from acquisition.core.process import started
-from acquisition.logger.health import ChannelHealth, Health, SourceHealth
-from acquisition.logger.maintenance import Maintenance, Timescale
-from acquisition.logger.predictions import Predictions
-from acquisition.logger.processing import FrameProcessor
-from acquisition.logger.receiver import Inbox, Receiver
-from acquisition.recording.parts import RecordingParts
-from acquisition.sources import make_source
+from seatrial.acquisition.config.configuration import TrialConfig
+from seatrial.acquisition.core.errors import SourceError
+from seatrial.acquisition.core.frames import now_ns
+from seatrial.acquisition.core.process import started
+from seatrial.acquisition.logger.health import ChannelHealth, Health, SourceHealth
+from seatrial.acquisition.logger.maintenance import Maintenance, Timescale
+from seatrial.acquisition.logger.predictions import Predictions
+from seatrial.acquisition.logger.processing import FrameProcessor
+from seatrial.acquisition.logger.receiver import Inbox, Receiver
+from seatrial.acquisition.recording.parts import RecordingParts
+from seatrial.acquisition.sources import make_source
 
 _LOOK_S = 0.01
 _POLL_S = 0.02  # how long a frame may wait for the recorder: little beside the time to the next flush

@@ -11,10 +11,10 @@ from collections import deque
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
-from acquisition.core.errors import InputError
-from acquisition.logger.health import Health
-from acquisition.recording.messages import encode
-from acquisition.recording.schemas import ARRAYS, PREDICTED_TRACK_TOPIC, PREDICTION, PREDICTION_TOPIC
+from seatrial.acquisition.core.errors import InputError
+from seatrial.acquisition.logger.health import Health
+from seatrial.acquisition.recording.messages import encode
+from seatrial.acquisition.recording.schemas import ARRAYS, PREDICTED_TRACK_TOPIC, PREDICTION, PREDICTION_TOPIC
 
 MOST_PER_S = 2.0
 _MOST_AT_ONCE = 4  # after a pause; then no more than MOST_PER_S

@@ -14,15 +14,15 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from acquisition.config.configuration import TrialConfig
-from acquisition.config.sections import RecordingSection
-from acquisition.logger.alarms import check_alarms
-from acquisition.logger.health import ENOUGH_RATE, SILENT_NS, Health
-from acquisition.logger.missing import what_comes, why_missing
-from acquisition.logger.pipeline import Recorder, health_of
-from acquisition.logger.survey import Survey, survey_of_recording
-from acquisition.recording.parts import RecordingParts
-from acquisition.recording.storage import free_bytes, shortage
+from seatrial.acquisition.config.configuration import TrialConfig
+from seatrial.acquisition.config.sections import RecordingSection
+from seatrial.acquisition.logger.alarms import check_alarms
+from seatrial.acquisition.logger.health import ENOUGH_RATE, SILENT_NS, Health
+from seatrial.acquisition.logger.missing import what_comes, why_missing
+from seatrial.acquisition.logger.pipeline import Recorder, health_of
+from seatrial.acquisition.logger.survey import Survey, survey_of_recording
+from seatrial.acquisition.recording.parts import RecordingParts
+from seatrial.acquisition.recording.storage import free_bytes, shortage
 
 
 @dataclass(frozen=True, slots=True)

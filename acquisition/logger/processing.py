@@ -8,17 +8,17 @@ from dataclasses import dataclass, field, replace
 from itertools import chain
 from math import inf
 
-from acquisition.config.configuration import TrialConfig
-from acquisition.config.sections import CanFrames
-from acquisition.core.channels import BY_NAME
-from acquisition.core.frames import Fix, Frame, FrameFlag, Group, Sample, sensor_of
-from acquisition.decoders import Decoder, decoders_by_protocol
-from acquisition.logger.derive import Derivation
-from acquisition.logger.handovers import Handovers
-from acquisition.logger.health import Health
-from acquisition.logger.selection import POSITION, VARIATION, VARIATION_KEEPS_NS, Selector
-from acquisition.logger.supervision import LOG
-from acquisition.recording.messages import MessageSink
+from seatrial.acquisition.config.configuration import TrialConfig
+from seatrial.acquisition.config.sections import CanFrames
+from seatrial.acquisition.core.channels import BY_NAME
+from seatrial.acquisition.core.frames import Fix, Frame, FrameFlag, Group, Sample, sensor_of
+from seatrial.acquisition.decoders import Decoder, decoders_by_protocol
+from seatrial.acquisition.logger.derive import Derivation
+from seatrial.acquisition.logger.handovers import Handovers
+from seatrial.acquisition.logger.health import Health
+from seatrial.acquisition.logger.selection import POSITION, VARIATION, VARIATION_KEEPS_NS, Selector
+from seatrial.acquisition.logger.supervision import LOG
+from seatrial.acquisition.recording.messages import MessageSink
 
 _VARIATION_ERROR_DEG = 1.0  # twice what the World Magnetic Model's declination errs by, as its makers say (0.4 deg)
 _EVENTS_A_MINUTE = 30

@@ -9,12 +9,12 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 from operator import attrgetter
 
-from acquisition.core.errors import SeatrialError, SourceError
-from acquisition.core.frames import Frame, FrameFlag
-from acquisition.logger.health import SourceHealth
-from acquisition.recording.parts import Tell
-from acquisition.sources import Source
-from acquisition.sources.sockets import Senders
+from seatrial.acquisition.core.errors import SeatrialError, SourceError
+from seatrial.acquisition.core.frames import Frame, FrameFlag
+from seatrial.acquisition.logger.health import SourceHealth
+from seatrial.acquisition.recording.parts import Tell
+from seatrial.acquisition.sources import Source
+from seatrial.acquisition.sources.sockets import Senders
 
 _MOST_AT_ONCE = 100  # of one source, so that the recorder's clock work is never kept waiting for long
 _MOST_BYTES_AT_ONCE = 200_000  # the same: to search a megabyte of junk for packets of MAVLink takes seconds

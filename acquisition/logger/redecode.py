@@ -11,21 +11,21 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from acquisition.config.configuration import CONFIGURATION, PACK_ENDING, TrialConfig, parse_config
-from acquisition.config.sections import Carried
-from acquisition.core.actuators import from_text
-from acquisition.core.channels import is_ship_known
-from acquisition.core.errors import InputError, StorageError
-from acquisition.core.files import atomic_file, expect_suffix
-from acquisition.core.frames import Frame
-from acquisition.core.progress import Progress
-from acquisition.logger.health import Health
-from acquisition.logger.pipeline import health_of
-from acquisition.logger.processing import DECODED, FrameProcessor
-from acquisition.recording.messages import encode
-from acquisition.recording.reader import Entry, MessageStream, read_trial
-from acquisition.recording.schemas import EVENT_TOPIC, PREDICTED_TRACK_TOPIC, PREDICTION_TOPIC, RAW_PREFIX
-from acquisition.recording.writer import RecordingWriter
+from seatrial.acquisition.config.configuration import CONFIGURATION, PACK_ENDING, TrialConfig, parse_config
+from seatrial.acquisition.config.sections import Carried
+from seatrial.acquisition.core.actuators import from_text
+from seatrial.acquisition.core.channels import is_ship_known
+from seatrial.acquisition.core.errors import InputError, StorageError
+from seatrial.acquisition.core.files import atomic_file, expect_suffix
+from seatrial.acquisition.core.frames import Frame
+from seatrial.acquisition.core.progress import Progress
+from seatrial.acquisition.logger.health import Health
+from seatrial.acquisition.logger.pipeline import health_of
+from seatrial.acquisition.logger.processing import DECODED, FrameProcessor
+from seatrial.acquisition.recording.messages import encode
+from seatrial.acquisition.recording.reader import Entry, MessageStream, read_trial
+from seatrial.acquisition.recording.schemas import EVENT_TOPIC, PREDICTED_TRACK_TOPIC, PREDICTION_TOPIC, RAW_PREFIX
+from seatrial.acquisition.recording.writer import RecordingWriter
 
 _FLUSH_EVERY = 10_000  # messages, some megabytes; what is not flushed is in memory
 

@@ -25,8 +25,8 @@ from typing import Any
 
 import orjson
 
-from acquisition.core.errors import SourceError, StorageError
-from acquisition.logger.predictions import Predictions
+from seatrial.acquisition.core.errors import SourceError, StorageError
+from seatrial.acquisition.logger.predictions import Predictions
 
 MOST_BYTES = 65_536
 """A client that says more than this is not heard to its end."""

@@ -6,12 +6,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 
-from acquisition.config.sections import AnySource, CanFrames, MqttLinks
-from acquisition.core.frames import Fix, Sample, label_parts, sensor_of
-from acquisition.decoders import NO_SATELLITES
-from acquisition.decoders.mqtt import device_and_signal
-from acquisition.logger.handovers import Handover
-from acquisition.logger.health import SILENT_NS
+from seatrial.acquisition.config.sections import AnySource, CanFrames, MqttLinks
+from seatrial.acquisition.core.frames import Fix, Sample, label_parts, sensor_of
+from seatrial.acquisition.decoders import NO_SATELLITES
+from seatrial.acquisition.decoders.mqtt import device_and_signal
+from seatrial.acquisition.logger.handovers import Handover
+from seatrial.acquisition.logger.health import SILENT_NS
 
 POSITION = frozenset({"north_m", "east_m", "latitude_deg", "longitude_deg"})
 VARIATION = "magnetic_variation_deg"

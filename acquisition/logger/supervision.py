@@ -13,8 +13,8 @@ from contextlib import contextmanager, suppress
 from datetime import UTC, datetime
 from typing import Literal, TextIO
 
-from acquisition.core.process import started
-from acquisition.core.text import printable
+from seatrial.acquisition.core.process import started
+from seatrial.acquisition.core.text import printable
 
 LOG = logging.getLogger("seatrial")
 _MOST_WAITING = 10_000

@@ -1,7 +1,7 @@
 """What comes on each source, message by message, and which channels it makes: decoded as a recording would be.
 
 Nothing is written. The discovery of a ship's sources, the check before departure and the summary of a file ask the
-same survey, and :mod:`acquisition.logger.missing` says from it why a channel is missing.
+same survey, and :mod:`seatrial.acquisition.logger.missing` says from it why a channel is missing.
 """
 
 from __future__ import annotations
@@ -15,24 +15,24 @@ from itertools import chain, islice
 from pathlib import Path
 from typing import Any
 
-from acquisition.config.configuration import TrialConfig
-from acquisition.core.channels import channel_names
-from acquisition.core.frames import Frame, FrameFlag, Group, Sample, label_parts
-from acquisition.core.trial import Trial
-from acquisition.decoders import Decoder
-from acquisition.decoders.declared_groups import decoded, variants_of
-from acquisition.decoders.fast_packets import FastPackets
-from acquisition.decoders.mavlink_packets import Fault, PacketCutter, header_of, message_name
-from acquisition.decoders.mqtt import topic_and_message
-from acquisition.decoders.nmea0183 import sentences_in, split_sentence, split_tag
-from acquisition.decoders.nmea2000 import parameter_group
-from acquisition.decoders.parameter_groups import ADDRESS_CLAIM
-from acquisition.decoders.told_time import SENTENCE_BEHIND
-from acquisition.logger.pipeline import health_of
-from acquisition.logger.processing import FrameProcessor
-from acquisition.recording.messages import MessageSink
-from acquisition.recording.reader import MessageStream
-from acquisition.recording.schemas import RAW_PREFIX
+from seatrial.acquisition.config.configuration import TrialConfig
+from seatrial.acquisition.core.channels import channel_names
+from seatrial.acquisition.core.frames import Frame, FrameFlag, Group, Sample, label_parts
+from seatrial.acquisition.core.trial import Trial
+from seatrial.acquisition.decoders import Decoder
+from seatrial.acquisition.decoders.declared_groups import decoded, variants_of
+from seatrial.acquisition.decoders.fast_packets import FastPackets
+from seatrial.acquisition.decoders.mavlink_packets import Fault, PacketCutter, header_of, message_name
+from seatrial.acquisition.decoders.mqtt import topic_and_message
+from seatrial.acquisition.decoders.nmea0183 import sentences_in, split_sentence, split_tag
+from seatrial.acquisition.decoders.nmea2000 import parameter_group
+from seatrial.acquisition.decoders.parameter_groups import ADDRESS_CLAIM
+from seatrial.acquisition.decoders.told_time import SENTENCE_BEHIND
+from seatrial.acquisition.logger.pipeline import health_of
+from seatrial.acquisition.logger.processing import FrameProcessor
+from seatrial.acquisition.recording.messages import MessageSink
+from seatrial.acquisition.recording.reader import MessageStream
+from seatrial.acquisition.recording.schemas import RAW_PREFIX
 
 PRODUCT_INFORMATION = 126996
 TOPIC_VALUE = "value"

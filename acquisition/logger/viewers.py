@@ -26,16 +26,16 @@ from typing import Any
 
 import orjson
 
-from acquisition.config.sections import LiveSection, StatusSection
-from acquisition.core.channels import channels_known_to
-from acquisition.core.errors import ConfigurationError, SourceError
-from acquisition.core.frames import iso
-from acquisition.core.trial import Trial
-from acquisition.logger.display import Picture
-from acquisition.logger.health import Health
-from acquisition.logger.web_front import LOOPBACK, PATIENCE_S, RefusalError, Request, WebFront, response
-from acquisition.recording.messages import ENCODING
-from acquisition.recording.schemas import RAW_PREFIX, channel_metadata, kind_of
+from seatrial.acquisition.config.sections import LiveSection, StatusSection
+from seatrial.acquisition.core.channels import channels_known_to
+from seatrial.acquisition.core.errors import ConfigurationError, SourceError
+from seatrial.acquisition.core.frames import iso
+from seatrial.acquisition.core.trial import Trial
+from seatrial.acquisition.logger.display import Picture
+from seatrial.acquisition.logger.health import Health
+from seatrial.acquisition.logger.web_front import LOOPBACK, PATIENCE_S, RefusalError, Request, WebFront, response
+from seatrial.acquisition.recording.messages import ENCODING
+from seatrial.acquisition.recording.schemas import RAW_PREFIX, channel_metadata, kind_of
 
 _BACKLOG = 256  # messages a viewer may lag behind: some seconds
 _STALLED_S = 30.0  # a viewer that takes nothing for so long has gone: its window, or its computer, is asleep
@@ -146,7 +146,7 @@ def relay(viewer: socket.socket, server: socket.socket) -> None:
 
 def page(picture: Picture, title: str) -> str:
     """What the terminal shows, as a page."""
-    from acquisition.core.terminal import Terminal
+    from seatrial.acquisition.core.terminal import Terminal
 
     console = Terminal(record=True, file=io.StringIO(), width=_COLUMNS, height=_ROWS, force_terminal=True)
     console.print(picture)

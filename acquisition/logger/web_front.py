@@ -17,8 +17,8 @@ from dataclasses import dataclass
 from http import HTTPStatus
 from ipaddress import ip_address
 
-from acquisition.core.text import printable
-from acquisition.logger.supervision import LOG
+from seatrial.acquisition.core.text import printable
+from seatrial.acquisition.logger.supervision import LOG
 
 MOST_CLIENTS = 16
 """So many may be asking at once, and as many be served; browsers open six to one address."""

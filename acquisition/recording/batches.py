@@ -1,8 +1,8 @@
 """The messages of chunks all at once: a recording of a day has more than twenty million of them.
 
-A compiled loop (:mod:`acquisition.recording.walk`) finds the records and puts samples of fixed layout in order.
-What another serialiser wrote, what was recorded as JSON before, and what is so little that loading the compiler
-takes longer than reading it, is decoded message by message.
+A compiled loop (:mod:`seatrial.acquisition.recording.walk`) finds the records and puts samples of fixed layout in
+order. What another serialiser wrote, what was recorded as JSON before, and what is so little that loading the
+compiler takes longer than reading it, is decoded message by message.
 """
 
 from __future__ import annotations
@@ -22,11 +22,11 @@ from mcap import records as mcap
 from mcap.opcode import Opcode
 from numpy.typing import NDArray
 
-from acquisition.core.arrays import Floats, Ints, Series
-from acquisition.core.text import printable
-from acquisition.recording.messages import SOURCE_AT, Topic, decode
-from acquisition.recording.records import CUT, HEAD, MESSAGE, MESSAGE_HEAD, TOO_SHORT, RecordError, parse
-from acquisition.recording.schemas import SAMPLE
+from seatrial.acquisition.core.arrays import Floats, Ints, Series
+from seatrial.acquisition.core.text import printable
+from seatrial.acquisition.recording.messages import SOURCE_AT, Topic, decode
+from seatrial.acquisition.recording.records import CUT, HEAD, MESSAGE, MESSAGE_HEAD, TOO_SHORT, RecordError, parse
+from seatrial.acquisition.recording.schemas import SAMPLE
 
 _FAULTS = {TOO_SHORT: "a message too short", CUT: "a chunk with a cut record"}
 _MOST_AT_ONCE = 100_000  # in one batch, whatever a chunk holds: twice what a few chunks of the recorder hold
@@ -98,7 +98,7 @@ def batches(*chunks: mcap.Chunk) -> Iterator[Batch | mcap.McapRecord]:
 
 def _is_worth_loading(plain: bytes) -> bool:
     """Whether the compiled loop is there already, or so much is to be read that it pays to load it."""
-    return len(plain) >= _LITTLE_BYTES or "acquisition.recording.walk" in sys.modules
+    return len(plain) >= _LITTLE_BYTES or "seatrial.acquisition.recording.walk" in sys.modules
 
 
 _Walked: TypeAlias = tuple[NDArray[np.void], Ints, int, int]
@@ -106,7 +106,7 @@ _Walked: TypeAlias = tuple[NDArray[np.void], Ints, int, int]
 
 
 def _walk(plain: bytes, ends: list[int]) -> _Walked:
-    from acquisition.recording.walk import count_records, read_heads
+    from seatrial.acquisition.recording.walk import count_records, read_heads
 
     messages, non_messages, size, fault = count_records(np.frombuffer(plain, np.uint8), np.array(ends))
     heads, places = np.empty(messages, MESSAGE_HEAD), np.empty(non_messages, np.int64)
@@ -190,7 +190,7 @@ def add_samples(by_topic: dict[str, SeriesBuilder], batch: Batch, topics: Mappin
 
 def _in_columns(batch: Batch, topics: Mapping[int, Topic], counts: Mapping[int, int]) -> dict[str, Series] | None:
     """Samples with their numbers in fixed places, by topic; None if there is one of another layout."""
-    from acquisition.recording.walk import sort_samples
+    from seatrial.acquisition.recording.walk import sort_samples
 
     ranks = {topic: rank for rank, topic in enumerate(dict.fromkeys(topics[number].name for number in counts))}
     rank, sizes = np.full(2**16, -1, np.int32), np.zeros(len(ranks), np.int64)

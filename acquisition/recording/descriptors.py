@@ -1,8 +1,8 @@
 """From the description of a message to its protobuf class, and to the descriptors that a recording carries.
 
-A description is what :mod:`acquisition.recording.schemas` holds, in the words of JSON Schema. Beside those it may
-say the ``format`` of a number that is neither protobuf's ``double`` nor ``int64``, the ``number`` of a field where
-fields are not numbered in their order, and the ``names`` of an enumeration's values. What an object does not
+A description is what :mod:`seatrial.acquisition.recording.schemas` holds, in the words of JSON Schema. Beside those
+it may say the ``format`` of a number that is neither protobuf's ``double`` nor ``int64``, the ``number`` of a field
+where fields are not numbered in their order, and the ``names`` of an enumeration's values. What an object does not
 require is an ``optional`` field.
 """
 

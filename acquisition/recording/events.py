@@ -7,8 +7,8 @@ from collections import Counter
 from dataclasses import dataclass
 from typing import Any
 
-from acquisition.core.frames import iso
-from acquisition.recording.reader import Recording
+from seatrial.acquisition.core.frames import iso
+from seatrial.acquisition.recording.reader import Recording
 
 KINDS = ("mark", "alarm", "source", "recorder")
 _ALARM = re.compile(r"ALARM |alarm over: |alarm ")

@@ -19,11 +19,11 @@ from pathlib import Path
 import numpy as np
 from mcap import records as mcap
 
-from acquisition.core.arrays import Ints, Series
-from acquisition.core.errors import InputError
-from acquisition.core.text import printable
-from acquisition.recording.reader import Recording, open_recording, read_recording, recording_size
-from acquisition.recording.scan import Damage, scan
+from seatrial.acquisition.core.arrays import Ints, Series
+from seatrial.acquisition.core.errors import InputError
+from seatrial.acquisition.core.text import printable
+from seatrial.acquisition.recording.reader import Recording, open_recording, read_recording, recording_size
+from seatrial.acquisition.recording.scan import Damage, scan
 
 NEW_PART_NS = 1_000_000_000
 """A clock that is set by so much is another clock; what is less is followed slowly."""

@@ -18,9 +18,9 @@ from mcap import records as mcap
 from mcap.data_stream import RecordBuilder
 from mcap.opcode import Opcode
 
-from acquisition.recording.records import with_checksum
-from acquisition.recording.scan import MCAP_MAGIC
-from acquisition.recording.storage import CommittedFile
+from seatrial.acquisition.recording.records import with_checksum
+from seatrial.acquisition.recording.scan import MCAP_MAGIC
+from seatrial.acquisition.recording.storage import CommittedFile
 
 _MESSAGE = struct.Struct("<BQHIQQ")
 _MESSAGE_CODE = int(Opcode.MESSAGE)

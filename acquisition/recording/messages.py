@@ -14,11 +14,11 @@ from typing import Any, NamedTuple
 import orjson
 from google.protobuf.message import DecodeError
 
-from acquisition.core.budget import TEXT_BYTES
-from acquisition.core.frames import NANO, Fix, Frame, FrameFlag, Sample
-from acquisition.core.trial import Trial
-from acquisition.recording.descriptors import message_class, plain
-from acquisition.recording.schemas import (
+from seatrial.acquisition.core.budget import TEXT_BYTES
+from seatrial.acquisition.core.frames import NANO, Fix, Frame, FrameFlag, Sample
+from seatrial.acquisition.core.trial import Trial
+from seatrial.acquisition.recording.descriptors import message_class, plain
+from seatrial.acquisition.recording.schemas import (
     CHANNEL_PREFIX,
     EVENT_TOPIC,
     HEALTH_TOPIC,

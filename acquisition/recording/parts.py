@@ -15,11 +15,11 @@ from errno import EILSEQ, EINVAL, ENAMETOOLONG
 from hashlib import sha256
 from pathlib import Path
 
-from acquisition.config.sections import RecordingSection
-from acquisition.core.errors import SeatrialError, StorageError, storage_error
-from acquisition.core.trial import Trial
-from acquisition.recording.messages import MessageSink
-from acquisition.recording.storage import (
+from seatrial.acquisition.config.sections import RecordingSection
+from seatrial.acquisition.core.errors import SeatrialError, StorageError, storage_error
+from seatrial.acquisition.core.trial import Trial
+from seatrial.acquisition.recording.messages import MessageSink
+from seatrial.acquisition.recording.storage import (
     RESUME_RATIO,
     SyncThread,
     mount_point,
@@ -29,7 +29,7 @@ from acquisition.recording.storage import (
     room_bytes,
     why_full,
 )
-from acquisition.recording.writer import RecordingWriter
+from seatrial.acquisition.recording.writer import RecordingWriter
 
 _MEGA = 1_000_000
 _LOOK_EVERY_S = 1.0

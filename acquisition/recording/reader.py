@@ -18,17 +18,17 @@ from typing import Any, BinaryIO, NamedTuple
 import numpy as np
 from mcap import records as mcap
 
-from acquisition.core.arrays import Series
-from acquisition.core.budget import DEFINITIONS, DESCRIPTION_BYTES, MESSAGES, NAME_BYTES, TEXT_BYTES, Meter
-from acquisition.core.errors import InputError
-from acquisition.core.frames import Frame, iso
-from acquisition.core.text import printable
-from acquisition.core.trial import Trial
-from acquisition.recording.batches import Batch, SeriesBuilder, add_samples, batches
-from acquisition.recording.messages import Topic, decode, frame_of, level_name
-from acquisition.recording.records import RecordError, without_checksum
-from acquisition.recording.scan import MCAP_MAGIC, Damage, Intact, scan
-from acquisition.recording.schemas import (
+from seatrial.acquisition.core.arrays import Series
+from seatrial.acquisition.core.budget import DEFINITIONS, DESCRIPTION_BYTES, MESSAGES, NAME_BYTES, TEXT_BYTES, Meter
+from seatrial.acquisition.core.errors import InputError
+from seatrial.acquisition.core.frames import Frame, iso
+from seatrial.acquisition.core.text import printable
+from seatrial.acquisition.core.trial import Trial
+from seatrial.acquisition.recording.batches import Batch, SeriesBuilder, add_samples, batches
+from seatrial.acquisition.recording.messages import Topic, decode, frame_of, level_name
+from seatrial.acquisition.recording.records import RecordError, without_checksum
+from seatrial.acquisition.recording.scan import MCAP_MAGIC, Damage, Intact, scan
+from seatrial.acquisition.recording.schemas import (
     CHANNEL_PREFIX,
     EVENT_TOPIC,
     HEALTH_TOPIC,

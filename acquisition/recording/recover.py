@@ -29,17 +29,17 @@ from mcap.reader import make_reader
 from mcap.stream_reader import breakup_chunk
 from mcap.writer import CompressionType, Writer
 
-from acquisition.core.budget import MESSAGES, Meter
-from acquisition.core.channel import Channel
-from acquisition.core.channels import channels_known_to
-from acquisition.core.errors import InputError, StorageError
-from acquisition.core.files import atomic_file, expect_suffix
-from acquisition.core.frames import iso
-from acquisition.core.progress import Progress
-from acquisition.core.trial import Trial, software_version
-from acquisition.recording.batches import Batch, batches
-from acquisition.recording.messages import ENCODING, ENCODING_BEFORE, Topic, decode, encode
-from acquisition.recording.reader import (
+from seatrial.acquisition.core.budget import MESSAGES, Meter
+from seatrial.acquisition.core.channel import Channel
+from seatrial.acquisition.core.channels import channels_known_to
+from seatrial.acquisition.core.errors import InputError, StorageError
+from seatrial.acquisition.core.files import atomic_file, expect_suffix
+from seatrial.acquisition.core.frames import iso
+from seatrial.acquisition.core.progress import Progress
+from seatrial.acquisition.core.trial import Trial, software_version
+from seatrial.acquisition.recording.batches import Batch, batches
+from seatrial.acquisition.recording.messages import ENCODING, ENCODING_BEFORE, Topic, decode, encode
+from seatrial.acquisition.recording.reader import (
     REMEDY,
     MessageStream,
     count_definition,
@@ -47,9 +47,9 @@ from acquisition.recording.reader import (
     open_recording,
     read_trial,
 )
-from acquisition.recording.records import HEAD, RecordError, with_checksum, without_checksum
-from acquisition.recording.scan import Damage, Intact, scan
-from acquisition.recording.schemas import channel_metadata, kind_of
+from seatrial.acquisition.recording.records import HEAD, RecordError, with_checksum, without_checksum
+from seatrial.acquisition.recording.scan import Damage, Intact, scan
+from seatrial.acquisition.recording.schemas import channel_metadata, kind_of
 
 _KEY = struct.Struct("<QQQQ")
 _CHUNK_BYTES = 1024 * 1024

@@ -17,10 +17,10 @@ from typing import BinaryIO
 from mcap import records as mcap
 from mcap.opcode import Opcode
 
-from acquisition.core.budget import EXPANDED_BYTES, Meter
-from acquisition.core.errors import InputError
-from acquisition.core.trial import SOFTWARE
-from acquisition.recording.records import (
+from seatrial.acquisition.core.budget import EXPANDED_BYTES, Meter
+from seatrial.acquisition.core.errors import InputError
+from seatrial.acquisition.core.trial import SOFTWARE
+from seatrial.acquisition.recording.records import (
     CHUNK_HEAD_BYTES,
     HEAD,
     LARGEST_BYTES,

@@ -1,17 +1,17 @@
 """What the messages of a recording's topics hold; every topic has a schema, or viewers skip it.
 
-The descriptions are in the words of JSON Schema, and become protobuf in :mod:`acquisition.recording.descriptors`.
-That of ``/prediction`` is also what the recorder holds a prediction, which comes as JSON, against before it takes
-it.
+The descriptions are in the words of JSON Schema, and become protobuf in
+:mod:`seatrial.acquisition.recording.descriptors`. That of ``/prediction`` is also what the recorder holds a
+prediction, which comes as JSON, against before it takes it.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 
-from acquisition.core.channel import Channel
-from acquisition.core.channels import BY_NAME
-from acquisition.recording.descriptors import Kind, Schema
+from seatrial.acquisition.core.channel import Channel
+from seatrial.acquisition.core.channels import BY_NAME
+from seatrial.acquisition.recording.descriptors import Kind, Schema
 
 RAW_PREFIX = "/raw/"
 CHANNEL_PREFIX = "/channel/"

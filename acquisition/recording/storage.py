@@ -12,8 +12,8 @@ from concurrent.futures import Future, ThreadPoolExecutor, wait
 from errno import EACCES, EINVAL, ENODEV, ENOSYS, ENOTSUP, EPERM
 from pathlib import Path
 
-from acquisition.config.sections import RecordingSection
-from acquisition.core.errors import StorageError
+from seatrial.acquisition.config.sections import RecordingSection
+from seatrial.acquisition.core.errors import StorageError
 
 RESUME_RATIO = 1.1
 """So much more than the reserve must be free again before a recording goes on."""

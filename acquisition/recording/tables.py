@@ -9,12 +9,12 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from acquisition.core.channels import channels_of_trial
-from acquisition.core.errors import InputError
-from acquisition.core.files import atomic_file, expect_suffix
-from acquisition.core.frames import Quality, Sample
-from acquisition.core.trial import Trial
-from acquisition.recording.writer import RecordingWriter
+from seatrial.acquisition.core.channels import channels_of_trial
+from seatrial.acquisition.core.errors import InputError
+from seatrial.acquisition.core.files import atomic_file, expect_suffix
+from seatrial.acquisition.core.frames import Quality, Sample
+from seatrial.acquisition.core.trial import Trial
+from seatrial.acquisition.recording.writer import RecordingWriter
 
 _ROWS_TO_FLUSH = 50_000
 

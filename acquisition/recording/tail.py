@@ -15,15 +15,22 @@ from pathlib import Path
 from mcap import records as mcap
 from mcap.opcode import Opcode
 
-from acquisition.core.arrays import Series
-from acquisition.core.budget import EXPANDED_BYTES, MESSAGES, Meter
-from acquisition.core.errors import InputError
-from acquisition.core.trial import Trial
-from acquisition.recording.batches import Batch, SeriesBuilder, add_samples, batches
-from acquisition.recording.messages import Topic
-from acquisition.recording.records import HEAD, LARGEST_BYTES, RecordError, is_known, parse, without_checksum
-from acquisition.recording.scan import MCAP_MAGIC
-from acquisition.recording.schemas import CHANNEL_PREFIX
+from seatrial.acquisition.core.arrays import Series
+from seatrial.acquisition.core.budget import EXPANDED_BYTES, MESSAGES, Meter
+from seatrial.acquisition.core.errors import InputError
+from seatrial.acquisition.core.trial import Trial
+from seatrial.acquisition.recording.batches import Batch, SeriesBuilder, add_samples, batches
+from seatrial.acquisition.recording.messages import Topic
+from seatrial.acquisition.recording.records import (
+    HEAD,
+    LARGEST_BYTES,
+    RecordError,
+    is_known,
+    parse,
+    without_checksum,
+)
+from seatrial.acquisition.recording.scan import MCAP_MAGIC
+from seatrial.acquisition.recording.schemas import CHANNEL_PREFIX
 
 _SPAN = struct.Struct("<QQ")  # what a chunk begins with: the times of its first and last message
 _OF_NO_USE = (Opcode.MESSAGE_INDEX, Opcode.CHUNK_INDEX, Opcode.ATTACHMENT)

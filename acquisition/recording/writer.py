@@ -10,13 +10,13 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TypeVar
 
-from acquisition.core.channels import channels_known_to
-from acquisition.core.errors import StorageError, storage_error
-from acquisition.core.trial import Trial, software_version
-from acquisition.recording.mcap_file import McapFile, end_without_index
-from acquisition.recording.messages import ENCODING, MessageSink
-from acquisition.recording.schemas import channel_metadata, kind_of
-from acquisition.recording.storage import CommittedFile, SyncThread, end_file, sync_folder
+from seatrial.acquisition.core.channels import channels_known_to
+from seatrial.acquisition.core.errors import StorageError, storage_error
+from seatrial.acquisition.core.trial import Trial, software_version
+from seatrial.acquisition.recording.mcap_file import McapFile, end_without_index
+from seatrial.acquisition.recording.messages import ENCODING, MessageSink
+from seatrial.acquisition.recording.schemas import channel_metadata, kind_of
+from seatrial.acquisition.recording.storage import CommittedFile, SyncThread, end_file, sync_folder
 
 _CHUNK_BYTES = 256 * 1024
 _LATEST_NS = 2**63 - 1

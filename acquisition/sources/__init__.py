@@ -10,27 +10,27 @@ from collections import Counter
 from pathlib import Path
 from typing import Any, BinaryIO
 
-from acquisition.config.sections import AnySource
-from acquisition.core.errors import SourceError
-from acquisition.core.frames import Frame
-from acquisition.core.named_code import imported
-from acquisition.sources.sockets import Senders
+from seatrial.acquisition.config.sections import AnySource
+from seatrial.acquisition.core.errors import SourceError
+from seatrial.acquisition.core.frames import Frame
+from seatrial.acquisition.core.named_code import imported
+from seatrial.acquisition.sources.sockets import Senders
 
 # Imported when first used: a trial without CAN needs no python-can.
 _CLASSES = {
-    "can": "acquisition.sources.can_bus:CanBus",
-    "can_file": "acquisition.sources.logfile:LogFile",
-    "serial": "acquisition.sources.streams:SerialPort",
-    "udp": "acquisition.sources.streams:UdpPort",
-    "tcp": "acquisition.sources.streams:TcpConnection",
-    "file": "acquisition.sources.logfile:LogFile",
-    "mavlink": "acquisition.sources.streams:UdpPort",
-    "mavlink_tcp": "acquisition.sources.streams:TcpConnection",
-    "mavlink_serial": "acquisition.sources.streams:SerialPort",
-    "mqtt": "acquisition.sources.mqtt:MqttConnection",
-    "mqtt_file": "acquisition.sources.mqtt:MqttLog",
-    "own": "acquisition.sources.own:OwnCode",
-    "mavlink_file": "acquisition.sources.telemetry_log:TelemetryLog",
+    "can": "seatrial.acquisition.sources.can_bus:CanBus",
+    "can_file": "seatrial.acquisition.sources.logfile:LogFile",
+    "serial": "seatrial.acquisition.sources.streams:SerialPort",
+    "udp": "seatrial.acquisition.sources.streams:UdpPort",
+    "tcp": "seatrial.acquisition.sources.streams:TcpConnection",
+    "file": "seatrial.acquisition.sources.logfile:LogFile",
+    "mavlink": "seatrial.acquisition.sources.streams:UdpPort",
+    "mavlink_tcp": "seatrial.acquisition.sources.streams:TcpConnection",
+    "mavlink_serial": "seatrial.acquisition.sources.streams:SerialPort",
+    "mqtt": "seatrial.acquisition.sources.mqtt:MqttConnection",
+    "mqtt_file": "seatrial.acquisition.sources.mqtt:MqttLog",
+    "own": "seatrial.acquisition.sources.own:OwnCode",
+    "mavlink_file": "seatrial.acquisition.sources.telemetry_log:TelemetryLog",
 }
 
 SQLITE = b"SQLite format 3\0"
@@ -89,13 +89,13 @@ class Source(ABC):
         """As :meth:`read`, of an open transport."""
 
     def open(self) -> None:
-        """Connect. Raises :class:`~acquisition.core.errors.SourceError` if that cannot be done."""
+        """Connect. Raises :class:`~seatrial.acquisition.core.errors.SourceError` if that cannot be done."""
         self._link = self._connect()
 
     def read(self, timeout_s: float) -> list[Frame] | None:
         """What came within the time, perhaps nothing; None when nothing will ever come again.
 
-        Raises :class:`~acquisition.core.errors.SourceError` when the transport has failed.
+        Raises :class:`~seatrial.acquisition.core.errors.SourceError` when the transport has failed.
         """
         if self._link is None:
             raise self.failure("is not open")

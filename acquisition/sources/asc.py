@@ -12,10 +12,10 @@ import re
 from collections.abc import Iterator
 from typing import BinaryIO
 
-from acquisition.core.frames import HIGHEST_IDENTIFIER, NANO, FrameFlag, can_flags
-from acquisition.core.times import Order, Stamp
-from acquisition.decoders.clock import DAY_NS
-from acquisition.sources.line_forms import Entry, LineReader
+from seatrial.acquisition.core.frames import HIGHEST_IDENTIFIER, NANO, FrameFlag, can_flags
+from seatrial.acquisition.core.times import Order, Stamp
+from seatrial.acquisition.decoders.clock import DAY_NS
+from seatrial.acquisition.sources.line_forms import Entry, LineReader
 
 _LONGEST_LINE = 65_536
 _MOST_BYTES = 64  # of a frame of CAN FD

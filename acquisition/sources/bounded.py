@@ -8,7 +8,7 @@ import os
 from pathlib import Path
 from typing import Any
 
-from acquisition.core.budget import LOG_BYTES, TEXT_BYTES, Meter
+from seatrial.acquisition.core.budget import LOG_BYTES, TEXT_BYTES, Meter
 
 _BLOCK_BYTES = 8192  # as readers ask for: of a packed log that is cut off no more is lost than its last block
 

@@ -12,11 +12,11 @@ from typing import Any
 import can
 from can.interfaces.udp_multicast.utils import unpack_message
 
-from acquisition.config.sections import CanSource
-from acquisition.core.errors import system_reason
-from acquisition.core.frames import HIGHEST_IDENTIFIER, Frame, FrameFlag, can_flags
-from acquisition.sources import Source, source_error
-from acquisition.sources.sockets import Drops, enlarge, received_at
+from seatrial.acquisition.config.sections import CanSource
+from seatrial.acquisition.core.errors import system_reason
+from seatrial.acquisition.core.frames import HIGHEST_IDENTIFIER, Frame, FrameFlag, can_flags
+from seatrial.acquisition.sources import Source, source_error
+from seatrial.acquisition.sources.sockets import Drops, enlarge, received_at
 
 _MOST_FRAMES_AT_ONCE = 200
 _UNREADABLE = "frame that cannot be read"

@@ -11,12 +11,12 @@ import struct
 from collections.abc import Callable, Iterator
 from typing import BinaryIO, NamedTuple
 
-from acquisition.core.frames import HIGHEST_IDENTIFIER, NANO, FrameFlag, can_flags
-from acquisition.decoders.clock import is_possible
-from acquisition.decoders.nmea2000 import parameter_group
-from acquisition.sources.actisense import MARK, Cutter
-from acquisition.sources.asc import begins_asc, read_asc
-from acquisition.sources.line_forms import MILLI_NS, Entry, LineReader
+from seatrial.acquisition.core.frames import HIGHEST_IDENTIFIER, NANO, FrameFlag, can_flags
+from seatrial.acquisition.decoders.clock import is_possible
+from seatrial.acquisition.decoders.nmea2000 import parameter_group
+from seatrial.acquisition.sources.actisense import MARK, Cutter
+from seatrial.acquisition.sources.asc import begins_asc, read_asc
+from seatrial.acquisition.sources.line_forms import MILLI_NS, Entry, LineReader
 
 _BLOCK_BYTES = 8192
 _LONGEST_PACKET = 65_536

@@ -15,11 +15,18 @@ from functools import partial
 from itertools import chain
 from typing import NamedTuple
 
-from acquisition.core.frames import HIGHEST_IDENTIFIER, NANO, FrameFlag, Protocol, can_flags
-from acquisition.decoders.clock import DAY_NS
-from acquisition.decoders.nmea0183 import checksum, cut_at_sentences, has_sentence, sentences_in, split_tag
-from acquisition.decoders.told_time import SENTENCE_BEHIND, ZONE, StatedTimes, day_ns, possible_ns, zoned_ns
-from acquisition.sources.actisense import MARK, Stored, message_entry, stored_message
+from seatrial.acquisition.core.frames import HIGHEST_IDENTIFIER, NANO, FrameFlag, Protocol, can_flags
+from seatrial.acquisition.decoders.clock import DAY_NS
+from seatrial.acquisition.decoders.nmea0183 import checksum, cut_at_sentences, has_sentence, sentences_in, split_tag
+from seatrial.acquisition.decoders.told_time import (
+    SENTENCE_BEHIND,
+    ZONE,
+    StatedTimes,
+    day_ns,
+    possible_ns,
+    zoned_ns,
+)
+from seatrial.acquisition.sources.actisense import MARK, Stored, message_entry, stored_message
 
 MILLI_NS = 1_000_000
 _MOST_BYTES = 64  # of a frame of CAN FD

@@ -7,11 +7,11 @@ from collections.abc import Sequence
 from itertools import pairwise
 from statistics import median_low
 
-from acquisition.core.frames import NANO, FrameFlag, iso, now_ns
-from acquisition.decoders.clock import DAY_NS, is_possible, rolled_over_ns, utc_ns
-from acquisition.decoders.nmea0183 import sentences_in, split_sentence, split_tag
-from acquisition.decoders.nmea2000 import parameter_group
-from acquisition.decoders.parameter_groups import (
+from seatrial.acquisition.core.frames import NANO, FrameFlag, iso, now_ns
+from seatrial.acquisition.decoders.clock import DAY_NS, is_possible, rolled_over_ns, utc_ns
+from seatrial.acquisition.decoders.nmea0183 import sentences_in, split_sentence, split_tag
+from seatrial.acquisition.decoders.nmea2000 import parameter_group
+from seatrial.acquisition.decoders.parameter_groups import (
     FIELDS,
     GNSS_POSITION,
     SYSTEM_TIME,
@@ -19,8 +19,8 @@ from acquisition.decoders.parameter_groups import (
     Message,
     group_time,
 )
-from acquisition.decoders.sentences import Fields, Reading, readers
-from acquisition.sources.line_forms import Entry
+from seatrial.acquisition.decoders.sentences import Fields, Reading, readers
+from seatrial.acquisition.sources.line_forms import Entry
 
 EARLIEST_UTC_NS = 1_000_000_000 * NANO
 """Times before are since the log began."""

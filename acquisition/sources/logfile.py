@@ -26,18 +26,18 @@ from typing import Any, BinaryIO
 import can
 from can.io import blf
 
-from acquisition.config.sections import FileSource
-from acquisition.core.budget import LOG_BYTES
-from acquisition.core.frames import HIGHEST_IDENTIFIER, Frame, iso, now_ns
-from acquisition.core.times import YEAR_LAST, Order, Stamp, date_order
-from acquisition.decoders.nmea0183 import has_sentence
-from acquisition.decoders.told_time import StatedTimes
-from acquisition.sources import SQLITE, LogReader, looks_like
-from acquisition.sources.bounded import BoundedLog, Lines
-from acquisition.sources.can_bus import flags_of
-from acquisition.sources.file_forms import FILE_FORMS, read_lines
-from acquisition.sources.line_forms import LINE_FORMS, Entry, LineReader
-from acquisition.sources.log_clock import EARLIEST_UTC_NS, LogClock, told_utc_ns
+from seatrial.acquisition.config.sections import FileSource
+from seatrial.acquisition.core.budget import LOG_BYTES
+from seatrial.acquisition.core.frames import HIGHEST_IDENTIFIER, Frame, iso, now_ns
+from seatrial.acquisition.core.times import YEAR_LAST, Order, Stamp, date_order
+from seatrial.acquisition.decoders.nmea0183 import has_sentence
+from seatrial.acquisition.decoders.told_time import StatedTimes
+from seatrial.acquisition.sources import SQLITE, LogReader, looks_like
+from seatrial.acquisition.sources.bounded import BoundedLog, Lines
+from seatrial.acquisition.sources.can_bus import flags_of
+from seatrial.acquisition.sources.file_forms import FILE_FORMS, read_lines
+from seatrial.acquisition.sources.line_forms import LINE_FORMS, Entry, LineReader
+from seatrial.acquisition.sources.log_clock import EARLIEST_UTC_NS, LogClock, told_utc_ns
 
 _LARGEST_CONTAINER_BYTES = 64 * 1024 * 1024  # those of Vector's tools hold 128 KiB, of others up to some MiB
 _MOST_FRAMES_AT_ONCE = 300

@@ -15,13 +15,13 @@ import time
 from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any, BinaryIO
 
-from acquisition.config.sections import MqttSource, covers
-from acquisition.core.budget import TEXT_BYTES
-from acquisition.core.errors import SourceError, system_reason
-from acquisition.core.frames import Frame, FrameFlag, now_ns
-from acquisition.decoders.clock import is_possible
-from acquisition.sources import SQLITE, LogReader, Source, looks_like, source_error
-from acquisition.sources.sockets import enlarge
+from seatrial.acquisition.config.sections import MqttSource, covers
+from seatrial.acquisition.core.budget import TEXT_BYTES
+from seatrial.acquisition.core.errors import SourceError, system_reason
+from seatrial.acquisition.core.frames import Frame, FrameFlag, now_ns
+from seatrial.acquisition.decoders.clock import is_possible
+from seatrial.acquisition.sources import SQLITE, LogReader, Source, looks_like, source_error
+from seatrial.acquisition.sources.sockets import enlarge
 
 if TYPE_CHECKING:
     from paho.mqtt.client import Client, MQTTMessage

@@ -16,10 +16,10 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
-from acquisition.config.sections import OwnSource
-from acquisition.core.frames import Frame, now_ns
-from acquisition.core.named_code import file_of, load, own_code, require_call
-from acquisition.sources import Source
+from seatrial.acquisition.config.sections import OwnSource
+from seatrial.acquisition.core.frames import Frame, now_ns
+from seatrial.acquisition.core.named_code import file_of, load, own_code, require_call
+from seatrial.acquisition.sources import Source
 
 _LINES = "own/lines"
 

@@ -9,7 +9,7 @@ from collections import Counter, deque
 from collections.abc import Sequence
 from contextlib import suppress
 
-from acquisition.core.frames import NANO, now_ns
+from seatrial.acquisition.core.frames import NANO, now_ns
 
 _SO_RCVBUFFORCE, _SO_TIMESTAMPNS, _SO_MEMINFO = 33, 35, 55  # Python has no names for them
 _DROPPED = 8  # the place of the count among the numbers of SO_MEMINFO

@@ -12,7 +12,7 @@ from contextlib import suppress
 from itertools import chain
 from typing import TYPE_CHECKING
 
-from acquisition.config.sections import (
+from seatrial.acquisition.config.sections import (
     MavlinkLinks,
     MavlinkSerialSource,
     MavlinkSource,
@@ -21,12 +21,12 @@ from acquisition.config.sections import (
     TcpSource,
     UdpSource,
 )
-from acquisition.core.errors import system_reason
-from acquisition.core.frames import Frame, now_ns
-from acquisition.sources import Source, source_error
-from acquisition.sources.actisense import Cutter, is_message
-from acquisition.sources.line_forms import Entry, LineReader, parts_of
-from acquisition.sources.sockets import (
+from seatrial.acquisition.core.errors import system_reason
+from seatrial.acquisition.core.frames import Frame, now_ns
+from seatrial.acquisition.sources import Source, source_error
+from seatrial.acquisition.sources.actisense import Cutter, is_message
+from seatrial.acquisition.sources.line_forms import Entry, LineReader, parts_of
+from seatrial.acquisition.sources.sockets import (
     TIME_BYTES,
     Drops,
     Senders,

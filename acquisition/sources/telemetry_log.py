@@ -12,10 +12,10 @@ from __future__ import annotations
 import re
 from typing import BinaryIO
 
-from acquisition.core.frames import NANO, Frame, iso
-from acquisition.decoders.clock import is_possible
-from acquisition.decoders.mavlink_packets import LONGEST_BYTES, extent, header_of, is_signed, is_sound
-from acquisition.sources import LogReader
+from seatrial.acquisition.core.frames import NANO, Frame, iso
+from seatrial.acquisition.decoders.clock import is_possible
+from seatrial.acquisition.decoders.mavlink_packets import LONGEST_BYTES, extent, header_of, is_signed, is_sound
+from seatrial.acquisition.sources import LogReader
 
 _TIME_BYTES = 8
 _MICRO_NS = 1000

@@ -6,8 +6,8 @@ import re
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
-from acquisition.core.actuators import DEFAULT, KINDS, Actuator, Actuators, name_of_order
-from acquisition.tables.column_names import (
+from seatrial.acquisition.core.actuators import DEFAULT, KINDS, Actuator, Actuators, name_of_order
+from seatrial.acquisition.tables.column_names import (
     BOW,
     ORDER,
     PORT,
@@ -19,7 +19,7 @@ from acquisition.tables.column_names import (
     units_called,
     words_of,
 )
-from acquisition.tables.draft import Candidate, Draft, measures
+from seatrial.acquisition.tables.draft import Candidate, Draft, measures
 
 _KIND_OF = {"rudder": "rudder", "azimuth": "azimuth", "shaft": "propeller", "propeller_pitch": "propeller"}
 _ENDING = {"rudder": "_angle_deg", "azimuth": "_angle_deg", "shaft": "_rpm", "propeller_pitch": "_pitch_percent"}

@@ -7,11 +7,11 @@ from copy import copy
 from dataclasses import replace
 from typing import Any
 
-from acquisition.core.errors import ConfigurationError
-from acquisition.tables.column_map import Column, ColumnMap
-from acquisition.tables.column_names import units_called
-from acquisition.tables.draft import check_answer
-from acquisition.tables.time_columns import TEXT, TimeColumn, with_zone
+from seatrial.acquisition.core.errors import ConfigurationError
+from seatrial.acquisition.tables.column_map import Column, ColumnMap
+from seatrial.acquisition.tables.column_names import units_called
+from seatrial.acquisition.tables.draft import check_answer
+from seatrial.acquisition.tables.time_columns import TEXT, TimeColumn, with_zone
 
 _TIME = {"zone": "zone", "start": "start", "day": "day", "date_order": "order", "time_unit": "unit", "year": "year"}
 """The parts of ``[time]`` by the key of the answer."""

@@ -12,11 +12,11 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from acquisition.core.child import read_in_child
-from acquisition.core.errors import InputError
-from acquisition.core.files import parse_json
-from acquisition.core.trial import Trial
-from acquisition.tables.table_files import FOREIGN_READER, RawTable, require_package, trial_of
+from seatrial.acquisition.core.child import read_in_child
+from seatrial.acquisition.core.errors import InputError
+from seatrial.acquisition.core.files import parse_json
+from seatrial.acquisition.core.trial import Trial
+from seatrial.acquisition.tables.table_files import FOREIGN_READER, RawTable, require_package, trial_of
 
 _HDF5, _USER_BLOCK_BYTES = b"\x89HDF", 512
 _SINCE = re.compile(r"(seconds|minutes|hours|days|milliseconds|microseconds|nanoseconds) since (.+)")

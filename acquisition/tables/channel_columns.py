@@ -14,15 +14,15 @@ import numpy as np
 import pandas as pd
 import pymap3d
 
-from acquisition.core.actuators import KINDS, Actuators, as_text
-from acquisition.core.arrays import Floats
-from acquisition.core.channels import BY_NAME
-from acquisition.core.conventions import FROM_EAST
-from acquisition.core.units import scale_to
-from acquisition.tables import evidence
-from acquisition.tables.actuator_columns import Found, find_actuators
-from acquisition.tables.column_map import without_fix
-from acquisition.tables.coordinates import (
+from seatrial.acquisition.core.actuators import KINDS, Actuators, as_text
+from seatrial.acquisition.core.arrays import Floats
+from seatrial.acquisition.core.channels import BY_NAME
+from seatrial.acquisition.core.conventions import FROM_EAST
+from seatrial.acquisition.core.units import scale_to
+from seatrial.acquisition.tables import evidence
+from seatrial.acquisition.tables.actuator_columns import Found, find_actuators
+from seatrial.acquisition.tables.column_map import without_fix
+from seatrial.acquisition.tables.coordinates import (
     Axis,
     MeaningOfO,
     degrees_of_text,
@@ -31,10 +31,10 @@ from acquisition.tables.coordinates import (
     signs_of,
     with_hemisphere,
 )
-from acquisition.tables.derived_columns import rate
-from acquisition.tables.draft import SKIP, Candidate, Draft
-from acquisition.tables.evidence import Told, agreement, fit, increments, integrals, means, restlessness
-from acquisition.tables.heading_columns import (
+from seatrial.acquisition.tables.derived_columns import rate
+from seatrial.acquisition.tables.draft import SKIP, Candidate, Draft
+from seatrial.acquisition.tables.evidence import Told, agreement, fit, increments, integrals, means, restlessness
+from seatrial.acquisition.tables.heading_columns import (
     angle_unit,
     check_sway,
     judge_course_column,
@@ -43,7 +43,7 @@ from acquisition.tables.heading_columns import (
     read_heading,
     read_yaw_rate,
 )
-from acquisition.tables.table_context import (
+from seatrial.acquisition.tables.table_context import (
     GROUND,
     POSITION,
     UNKNOWN,

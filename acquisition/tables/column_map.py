@@ -19,28 +19,28 @@ import pymap3d
 from pydantic import AfterValidator, ConfigDict, ValidationInfo
 from pydantic.dataclasses import dataclass
 
-from acquisition.config.conditions import Conditions
-from acquisition.config.declarations import ChannelSection, Conversion, PackSection
-from acquisition.config.run_sheet import InstrumentsSection, Particulars, RunSheet
-from acquisition.config.sections import ActuatorSection, check_channel, parse_for_ship
-from acquisition.config.toml_file import line_of, read_text
-from acquisition.core.actuators import Actuator, Actuators
-from acquisition.core.angles import are_angles, in_turn, wrap_360
-from acquisition.core.arrays import Bools, Floats
-from acquisition.core.channel import Channel
-from acquisition.core.channels import find_channel, with_declared
-from acquisition.core.declared import Declared, as_text
-from acquisition.core.errors import ConfigurationError, InputError
-from acquisition.core.units import DEGREES_AND_MINUTES, from_degrees_and_minutes, scale_to
-from acquisition.tables.coordinates import Axis, degrees_of_text, signs_of, with_hemisphere
-from acquisition.tables.derived_columns import DERIVED, derive, heading_of_quaternion, to_ship_axes
-from acquisition.tables.table_files import (
+from seatrial.acquisition.config.conditions import Conditions
+from seatrial.acquisition.config.declarations import ChannelSection, Conversion, PackSection
+from seatrial.acquisition.config.run_sheet import InstrumentsSection, Particulars, RunSheet
+from seatrial.acquisition.config.sections import ActuatorSection, check_channel, parse_for_ship
+from seatrial.acquisition.config.toml_file import line_of, read_text
+from seatrial.acquisition.core.actuators import Actuator, Actuators
+from seatrial.acquisition.core.angles import are_angles, in_turn, wrap_360
+from seatrial.acquisition.core.arrays import Bools, Floats
+from seatrial.acquisition.core.channel import Channel
+from seatrial.acquisition.core.channels import find_channel, with_declared
+from seatrial.acquisition.core.declared import Declared, as_text
+from seatrial.acquisition.core.errors import ConfigurationError, InputError
+from seatrial.acquisition.core.units import DEGREES_AND_MINUTES, from_degrees_and_minutes, scale_to
+from seatrial.acquisition.tables.coordinates import Axis, degrees_of_text, signs_of, with_hemisphere
+from seatrial.acquisition.tables.derived_columns import DERIVED, derive, heading_of_quaternion, to_ship_axes
+from seatrial.acquisition.tables.table_files import (
     RawTable,
     TableFile,
     parse_numbers,
     readable_rows,
 )
-from acquisition.tables.time_columns import TimeColumn, TimedRows, resolve_times
+from seatrial.acquisition.tables.time_columns import TimeColumn, TimedRows, resolve_times
 
 
 def _of_any_ship(name: str, info: ValidationInfo) -> str:
@@ -146,7 +146,7 @@ class Long:
 @dataclass(frozen=True, config=_STRICT)
 class ColumnMap:
     """A whole map. ``absent`` names channels that the table has not and that stay away, ``derive`` those that are
-    computed of others (:mod:`acquisition.tables.derived_columns`).
+    computed of others (:mod:`seatrial.acquisition.tables.derived_columns`).
 
     With ``long`` the variables of a long table are its columns.
     ``actuator`` lists the ship's, as in a vessel file. Rows without a time or with text for a number are an error,

@@ -13,10 +13,10 @@ from typing import Any, Literal
 import numpy as np
 import pandas as pd
 
-from acquisition.core.arrays import Floats
-from acquisition.core.errors import InputError
-from acquisition.core.units import from_degrees_and_minutes
-from acquisition.tables.column_names import plain_letters
+from seatrial.acquisition.core.arrays import Floats
+from seatrial.acquisition.core.errors import InputError
+from seatrial.acquisition.core.units import from_degrees_and_minutes
+from seatrial.acquisition.tables.column_names import plain_letters
 
 Axis = Literal["north_south", "east_west"]
 MeaningOfO = Literal["east", "west"]

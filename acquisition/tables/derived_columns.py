@@ -1,8 +1,8 @@
 """Channels of a table that follow from others of it: the recorder's equations, row by row of a whole table.
 
-Surge and sway from course and speed over ground and the heading, as :mod:`acquisition.logger.derive` has them;
-where there is no course, and for the yaw rate, the rates of position and heading: slopes of straight lines over a
-second and a half before and after each row.
+Surge and sway from course and speed over ground and the heading, as :mod:`seatrial.acquisition.logger.derive` has
+them; where there is no course, and for the yaw rate, the rates of position and heading: slopes of straight lines
+over a second and a half before and after each row.
 """
 
 from __future__ import annotations
@@ -12,9 +12,9 @@ from collections.abc import Callable, Sequence
 import numpy as np
 import pandas as pd
 
-from acquisition.core.angles import unwrap, wrap_360
-from acquisition.core.arrays import Floats
-from acquisition.core.kinematics import along, to_body
+from seatrial.acquisition.core.angles import unwrap, wrap_360
+from seatrial.acquisition.core.arrays import Floats
+from seatrial.acquisition.core.kinematics import along, to_body
 
 _REACH_S = 1.5  # as long as the recorder believes a heading or a speed
 _LEAST_NEIGHBOURS = 1

@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from acquisition.core.arrays import Floats
-from acquisition.core.errors import ConfigurationError
-from acquisition.core.units import to_house
-from acquisition.tables.column_names import (
+from seatrial.acquisition.core.arrays import Floats
+from seatrial.acquisition.core.errors import ConfigurationError
+from seatrial.acquisition.core.units import to_house
+from seatrial.acquisition.tables.column_names import (
     BY_CHANNEL,
     ORDER,
     Match,
@@ -23,9 +23,9 @@ from acquisition.tables.column_names import (
     units_called,
     words_of,
 )
-from acquisition.tables.table_files import RawTable
-from acquisition.tables.time_columns import known_day
-from acquisition.tables.zones import known_zone
+from seatrial.acquisition.tables.table_files import RawTable
+from seatrial.acquisition.tables.time_columns import known_day
+from seatrial.acquisition.tables.zones import known_zone
 
 SKIP = "skip"
 """The answer that leaves a column out."""

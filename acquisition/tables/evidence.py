@@ -2,7 +2,8 @@
 angles fit the track, the size of values, and codes for no value.
 
 Increments of position and heading are compared with integrals of speeds and rates between the same instants, so
-that noise and delays matter little. Nothing here asks or decides; :mod:`acquisition.tables.channel_columns` does.
+that noise and delays matter little. Nothing here asks or decides;
+:mod:`seatrial.acquisition.tables.channel_columns` does.
 """
 
 from __future__ import annotations
@@ -12,9 +13,9 @@ from typing import Any
 
 import numpy as np
 
-from acquisition.core.arrays import Bools, Floats
-from acquisition.core.channel import Channel
-from acquisition.core.units import from_degrees_and_minutes, scale_to
+from seatrial.acquisition.core.arrays import Bools, Floats
+from seatrial.acquisition.core.channel import Channel
+from seatrial.acquisition.core.units import from_degrees_and_minutes, scale_to
 
 _STEP_S = 5.0  # long against a receiver's noise and delay, short against a turn
 _STEP_ROWS = 2.0

@@ -9,9 +9,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from acquisition.core.angles import unwrap, wrap_360
-from acquisition.core.arrays import Complexes, Floats
-from acquisition.core.conventions import (
+from seatrial.acquisition.core.angles import unwrap, wrap_360
+from seatrial.acquisition.core.arrays import Complexes, Floats
+from seatrial.acquisition.core.conventions import (
     ANGLE_UNITS,
     ANTICLOCKWISE,
     AXES,
@@ -26,12 +26,12 @@ from acquisition.core.conventions import (
     judge_axes,
     judge_heading,
 )
-from acquisition.core.units import scale_to
-from acquisition.tables import evidence
-from acquisition.tables.derived_columns import heading_of_quaternion
-from acquisition.tables.draft import Candidate, Draft
-from acquisition.tables.evidence import SPEED, Fit, Told, agreement, fit, integrals
-from acquisition.tables.table_context import (
+from seatrial.acquisition.core.units import scale_to
+from seatrial.acquisition.tables import evidence
+from seatrial.acquisition.tables.derived_columns import heading_of_quaternion
+from seatrial.acquisition.tables.draft import Candidate, Draft
+from seatrial.acquisition.tables.evidence import SPEED, Fit, Told, agreement, fit, integrals
+from seatrial.acquisition.tables.table_context import (
     POSITION,
     UNKNOWN,
     Known,

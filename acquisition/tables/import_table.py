@@ -15,12 +15,12 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from acquisition.config.vessel_file import actuators_of_ship, load_actuators, name_of_ship
-from acquisition.core.actuators import DEFAULT, Actuators, as_text, channel_by_rule, from_text, stated_text
-from acquisition.core.angles import in_turn, is_other_convention, is_possible
-from acquisition.core.arrays import Floats
-from acquisition.core.channel import Channel
-from acquisition.core.channels import (
+from seatrial.acquisition.config.vessel_file import actuators_of_ship, load_actuators, name_of_ship
+from seatrial.acquisition.core.actuators import DEFAULT, Actuators, as_text, channel_by_rule, from_text, stated_text
+from seatrial.acquisition.core.angles import in_turn, is_other_convention, is_possible
+from seatrial.acquisition.core.arrays import Floats
+from seatrial.acquisition.core.channel import Channel
+from seatrial.acquisition.core.channels import (
     actuators_of,
     channel_names,
     channels_known_to,
@@ -29,14 +29,14 @@ from acquisition.core.channels import (
     is_ship_known,
     required_names,
 )
-from acquisition.core.declared import Declared, declared_from_text
-from acquisition.core.errors import ConfigurationError, InputError
-from acquisition.core.files import write_text, written_together
-from acquisition.core.frames import Quality
-from acquisition.core.trial import Trial
-from acquisition.recording.tables import write_table
-from acquisition.tables.answers import TIME_KEYS, map_as_answered, time_as_answered
-from acquisition.tables.column_map import (
+from seatrial.acquisition.core.declared import Declared, declared_from_text
+from seatrial.acquisition.core.errors import ConfigurationError, InputError
+from seatrial.acquisition.core.files import write_text, written_together
+from seatrial.acquisition.core.frames import Quality
+from seatrial.acquisition.core.trial import Trial
+from seatrial.acquisition.recording.tables import write_table
+from seatrial.acquisition.tables.answers import TIME_KEYS, map_as_answered, time_as_answered
+from seatrial.acquisition.tables.column_map import (
     ColumnMap,
     apply_column_map,
     column_map_of,
@@ -44,11 +44,11 @@ from acquisition.tables.column_map import (
     load_column_map,
     long_map,
 )
-from acquisition.tables.draft import SKIP, candidates_of
-from acquisition.tables.propose import Proposal, propose
-from acquisition.tables.standard_columns import judge_columns
-from acquisition.tables.table_files import RawTable, TableFile, parse_numbers, read_raw
-from acquisition.tables.time_columns import is_usual_time, resolve_times, usual_time
+from seatrial.acquisition.tables.draft import SKIP, candidates_of
+from seatrial.acquisition.tables.propose import Proposal, propose
+from seatrial.acquisition.tables.standard_columns import judge_columns
+from seatrial.acquisition.tables.table_files import RawTable, TableFile, parse_numbers, read_raw
+from seatrial.acquisition.tables.time_columns import is_usual_time, resolve_times, usual_time
 
 LABELS = frozenset({"window", "second", "trial", "leg", "start", "surge_mps2", "sway_mps2", "yaw_dps2"})
 """Columns of our own exports that are no channels; they are passed over."""

@@ -11,8 +11,8 @@ import numpy as np
 import pandas as pd
 import pymap3d
 
-from acquisition.core.arrays import Floats
-from acquisition.tables.time_text import time_in_head
+from seatrial.acquisition.core.arrays import Floats
+from seatrial.acquisition.tables.time_text import time_in_head
 
 _EXPEDITION = re.compile(r"!boat\s*,", re.IGNORECASE)
 _IN_KNOTS = ("BSP", "SOG", "AWS", "TWS", "VMG", "VMC", "Targ Bsp", "Pol Bsp")

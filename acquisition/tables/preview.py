@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pandas as pd
 
-from acquisition.core.angles import unwrap, wraps_of
-from acquisition.core.arrays import Floats
-from acquisition.core.channels import channel_unit, is_circular, known_channels
-from acquisition.core.files import atomic_file
-from acquisition.tables.column_map import apply_column_map, column_map_of
-from acquisition.tables.propose import Proposal
-from acquisition.tables.table_files import RawTable
+from seatrial.acquisition.core.angles import unwrap, wraps_of
+from seatrial.acquisition.core.arrays import Floats
+from seatrial.acquisition.core.channels import channel_unit, is_circular, known_channels
+from seatrial.acquisition.core.files import atomic_file
+from seatrial.acquisition.tables.column_map import apply_column_map, column_map_of
+from seatrial.acquisition.tables.propose import Proposal
+from seatrial.acquisition.tables.table_files import RawTable
 
 if TYPE_CHECKING:
     from rich.table import Table

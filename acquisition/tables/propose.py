@@ -1,7 +1,7 @@
 """A column map for a table that nobody has described: what each column is taken for, in which unit, and why.
 
-Names say what a column may be, heads say units (:mod:`acquisition.tables.draft`), and what neither says is looked
-for in the numbers (:mod:`acquisition.tables.channel_columns`). What is not clear is asked.
+Names say what a column may be, heads say units (:mod:`seatrial.acquisition.tables.draft`), and what neither says is
+looked for in the numbers (:mod:`seatrial.acquisition.tables.channel_columns`). What is not clear is asked.
 """
 
 from __future__ import annotations
@@ -13,19 +13,27 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from acquisition.core.actuators import DEFAULT as DEFAULT_SHIP
-from acquisition.core.actuators import Actuators
-from acquisition.core.arrays import Floats
-from acquisition.core.channels import required_names
-from acquisition.core.errors import InputError
-from acquisition.tables.channel_columns import FASTEST_MPS, read_channels
-from acquisition.tables.column_map import Long, widen
-from acquisition.tables.draft import Draft, Question, Reading, as_toml, candidates_of, check_keys, with_answers
-from acquisition.tables.evidence import grid_of
-from acquisition.tables.table_context import Known, best
-from acquisition.tables.table_files import RawTable, no_numbers
-from acquisition.tables.time_columns import TimeColumn, resolve_times
-from acquisition.tables.time_reading import read_time
+from seatrial.acquisition.core.actuators import DEFAULT as DEFAULT_SHIP
+from seatrial.acquisition.core.actuators import Actuators
+from seatrial.acquisition.core.arrays import Floats
+from seatrial.acquisition.core.channels import required_names
+from seatrial.acquisition.core.errors import InputError
+from seatrial.acquisition.tables.channel_columns import FASTEST_MPS, read_channels
+from seatrial.acquisition.tables.column_map import Long, widen
+from seatrial.acquisition.tables.draft import (
+    Draft,
+    Question,
+    Reading,
+    as_toml,
+    candidates_of,
+    check_keys,
+    with_answers,
+)
+from seatrial.acquisition.tables.evidence import grid_of
+from seatrial.acquisition.tables.table_context import Known, best
+from seatrial.acquisition.tables.table_files import RawTable, no_numbers
+from seatrial.acquisition.tables.time_columns import TimeColumn, resolve_times
+from seatrial.acquisition.tables.time_reading import read_time
 
 _MOST_VARIABLES = 500
 _MOST_WORDS = 0.2  # of the cells of a column of numbers

@@ -13,16 +13,16 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from acquisition.core.channels import BY_NAME
-from acquisition.core.errors import ConfigurationError, InputError
-from acquisition.tables.channel_columns import read_motion
-from acquisition.tables.column_map import Column, ColumnMap, Velocity, apply_column_map
-from acquisition.tables.derived_columns import seconds_of
-from acquisition.tables.draft import Draft, check_keys, with_answers
-from acquisition.tables.evidence import grid_of
-from acquisition.tables.table_context import Known
-from acquisition.tables.table_files import RawTable, TableFile
-from acquisition.tables.time_columns import TimeColumn
+from seatrial.acquisition.core.channels import BY_NAME
+from seatrial.acquisition.core.errors import ConfigurationError, InputError
+from seatrial.acquisition.tables.channel_columns import read_motion
+from seatrial.acquisition.tables.column_map import Column, ColumnMap, Velocity, apply_column_map
+from seatrial.acquisition.tables.derived_columns import seconds_of
+from seatrial.acquisition.tables.draft import Draft, check_keys, with_answers
+from seatrial.acquisition.tables.evidence import grid_of
+from seatrial.acquisition.tables.table_context import Known
+from seatrial.acquisition.tables.table_files import RawTable, TableFile
+from seatrial.acquisition.tables.time_columns import TimeColumn
 
 
 def judge_columns(file: TableFile, raw: RawTable, time: TimeColumn, answers: Mapping[str, str]) -> None:

@@ -9,13 +9,13 @@ from typing import Any
 
 import numpy as np
 
-from acquisition.core.angles import unwrap, wrap_360
-from acquisition.core.arrays import Complexes, Floats
-from acquisition.core.channels import BY_NAME
-from acquisition.core.units import scale_to
-from acquisition.tables import evidence
-from acquisition.tables.draft import SKIP, Candidate, Draft
-from acquisition.tables.evidence import Fit, Rate, Told, increments, integrals, means, over_gaps
+from seatrial.acquisition.core.angles import unwrap, wrap_360
+from seatrial.acquisition.core.arrays import Complexes, Floats
+from seatrial.acquisition.core.channels import BY_NAME
+from seatrial.acquisition.core.units import scale_to
+from seatrial.acquisition.tables import evidence
+from seatrial.acquisition.tables.draft import SKIP, Candidate, Draft
+from seatrial.acquisition.tables.evidence import Fit, Rate, Told, increments, integrals, means, over_gaps
 
 POSITION = ("north_m", "east_m")
 GROUND = ("course_over_ground_deg", "speed_over_ground_mps")

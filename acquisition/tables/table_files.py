@@ -19,8 +19,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pandas as pd
 
-from acquisition.core.arrays import Bools, Floats
-from acquisition.core.budget import (
+from seatrial.acquisition.core.arrays import Bools, Floats
+from seatrial.acquisition.core.budget import (
     TABLE_CELLS,
     TABLE_COLUMNS,
     TABLE_TEXT_BYTES,
@@ -28,13 +28,13 @@ from acquisition.core.budget import (
     XML_DEPTH,
     Meter,
 )
-from acquisition.core.child import read_in_child
-from acquisition.core.errors import InputError
-from acquisition.core.files import parse_json, read_json
-from acquisition.core.trial import Trial
+from seatrial.acquisition.core.child import read_in_child
+from seatrial.acquisition.core.errors import InputError
+from seatrial.acquisition.core.files import parse_json, read_json
+from seatrial.acquisition.core.trial import Trial
 
 if TYPE_CHECKING:
-    from acquisition.tables.text_tables import ReadRows
+    from seatrial.acquisition.tables.text_tables import ReadRows
 
 _OPENERS: dict[str, Callable[[Path], Any]] = {
     "": lambda path: path.open("rb"),
@@ -141,7 +141,7 @@ def _kind_of(path: Path) -> tuple[str, str]:
 
 
 def _readers() -> dict[str, Callable[[Path], RawTable]]:
-    from acquisition.tables.array_files import read_mat, read_netcdf  # they make raw tables too
+    from seatrial.acquisition.tables.array_files import read_mat, read_netcdf  # they make raw tables too
 
     text, sheets = dict.fromkeys(_TEXT, _read_text), dict.fromkeys((".xlsx", ".xls", ".xlsm", ".ods"), _read_sheet)
     return {**text, **sheets, ".parquet": _read_parquet, ".mat": read_mat, ".nc": read_netcdf, ".gpx": _read_gpx}
@@ -149,14 +149,14 @@ def _readers() -> dict[str, Callable[[Path], RawTable]]:
 
 def _read_text(path: Path) -> RawTable:
     """Cells between commas, semicolons, tabs, bars or blanks, with a decimal point or comma."""
-    from acquisition.tables.logger_tables import (
+    from seatrial.acquisition.tables.logger_tables import (
         is_expedition,
         is_rtklib,
         is_table_of_frames,
         read_expedition,
         read_rtklib,
     )
-    from acquisition.tables.text_tables import decode, read_text
+    from seatrial.acquisition.tables.text_tables import decode, read_text
 
     meter = Meter(path, path.stat().st_size)
     text = decode(_unpacked(path, meter))
@@ -196,7 +196,7 @@ def _unpacked(path: Path, meter: Meter) -> bytes:
 
 def _read_sheet(path: Path) -> RawTable:
     """The sheet with most filled rows; in our own exports time and trial are found as they were written."""
-    from acquisition.tables.text_tables import frame_of_rows
+    from seatrial.acquisition.tables.text_tables import frame_of_rows
 
     require_package("python_calamine", "excel", path)
     sheets = read_in_child(FOREIGN_READER, "sheets", path)

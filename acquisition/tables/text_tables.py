@@ -20,8 +20,8 @@ from typing import Any
 
 import pandas as pd
 
-from acquisition.tables.column_names import LETTERS, headed, is_unit_cell, matches, units_called
-from acquisition.tables.logger_tables import without_heads_of_labview
+from seatrial.acquisition.tables.column_names import LETTERS, headed, is_unit_cell, matches, units_called
+from seatrial.acquisition.tables.logger_tables import without_heads_of_labview
 
 NOT_AVAILABLE = (
     "-", "--", "---", "----", "-----", "*", "**", "***", "****", "?", "??", "???", "n.a.", "N.A.", "n.v.", "k.A.",

@@ -16,12 +16,12 @@ import pandas as pd
 from pydantic import AfterValidator, ConfigDict
 from pydantic.dataclasses import dataclass
 
-from acquisition.core.arrays import Bools, Ints
-from acquisition.core.errors import InputError
-from acquisition.core.frames import NANO
-from acquisition.core.times import DAY_NS, Order, date_order
-from acquisition.tables.table_files import RawTable, parse_numbers
-from acquisition.tables.time_text import (
+from seatrial.acquisition.core.arrays import Bools, Ints
+from seatrial.acquisition.core.errors import InputError
+from seatrial.acquisition.core.frames import NANO
+from seatrial.acquisition.core.times import DAY_NS, Order, date_order
+from seatrial.acquisition.tables.table_files import RawTable, parse_numbers
+from seatrial.acquisition.tables.time_text import (
     MIDNIGHT,
     as_clock,
     distinct_dates,
@@ -31,7 +31,7 @@ from acquisition.tables.time_text import (
     time_in_name,
     with_digits,
 )
-from acquisition.tables.zones import GPS, known_zone, to_utc
+from seatrial.acquisition.tables.zones import GPS, known_zone, to_utc
 
 _STRICT = ConfigDict(extra="forbid", str_strip_whitespace=True)
 SERIAL_DAYS = {"excel": ("1899-12-30", 0.0), "matlab": ("1970-01-01", 719_529.0)}
@@ -43,7 +43,7 @@ STORABLE = "1970-01-01", "2262-01-01"
 GPS_WEEK = "gps-week"
 """The format of times in weeks of GPS, counted since 6 January 1980, and what has passed of each."""
 TEXT = "text"
-"""The format of times that :func:`acquisition.core.times.find_stamp` reads."""
+"""The format of times that :func:`seatrial.acquisition.core.times.find_stamp` reads."""
 _FRACTION = r"(:\d{2}|\d{6})[.,](\d+)"
 ZONED = r"\d[T ]\d\d.*(?:[Zz]|[+-]\d\d(?::?\d\d)?)\s*$"
 _ZONE_AT_END = r"\s*(?:[Zz]|[+-]\d\d(?::?\d\d)?)\s*$"

@@ -1,7 +1,7 @@
 """Which columns of a table state the time, in which form, and what they do not state: zone, day, start.
 
-What a text means as a date and time is for :mod:`acquisition.core.times` to say; here is decided which columns it
-reads, and in which order of day and month, by all rows of them.
+What a text means as a date and time is for :mod:`seatrial.acquisition.core.times` to say; here is decided which
+columns it reads, and in which order of day and month, by all rows of them.
 """
 
 from __future__ import annotations
@@ -16,13 +16,13 @@ from zoneinfo import available_timezones
 import numpy as np
 import pandas as pd
 
-from acquisition.core.errors import ConfigurationError, InputError
-from acquisition.core.times import ORDERS, YEAR_LAST, Order, Stamp, date_order, is_of_several, offset_s
-from acquisition.tables.column_names import TIME_WORDS, words_of
-from acquisition.tables.draft import Candidate, Draft
-from acquisition.tables.time_columns import GPS_WEEK, NS_IN, TEXT, ZONED, with_zone
-from acquisition.tables.time_text import distinct_dates, stamps_in, time_in_head, time_in_name, whole_stamp
-from acquisition.tables.zones import GPS
+from seatrial.acquisition.core.errors import ConfigurationError, InputError
+from seatrial.acquisition.core.times import ORDERS, YEAR_LAST, Order, Stamp, date_order, is_of_several, offset_s
+from seatrial.acquisition.tables.column_names import TIME_WORDS, words_of
+from seatrial.acquisition.tables.draft import Candidate, Draft
+from seatrial.acquisition.tables.time_columns import GPS_WEEK, NS_IN, TEXT, ZONED, with_zone
+from seatrial.acquisition.tables.time_text import distinct_dates, stamps_in, time_in_head, time_in_name, whole_stamp
+from seatrial.acquisition.tables.zones import GPS
 
 _EPOCHS = {"s": (3e8, 4e9), "ms": (3e11, 4e12), "us": (3e14, 4e15), "ns": (3e17, 4e18)}
 """How large counts since 1970 are, of the years 1979 to 2096."""

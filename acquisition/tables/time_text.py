@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from acquisition.core.times import Stamp, find_stamp
-from acquisition.tables.table_files import RawTable
+from seatrial.acquisition.core.times import Stamp, find_stamp
+from seatrial.acquisition.tables.table_files import RawTable
 
 _MICRO = 1_000_000
 _MOST_DIGITS = 1e15  # more than a number keeps exactly, and than a date has

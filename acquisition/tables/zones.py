@@ -11,9 +11,9 @@ from zoneinfo import ZoneInfo, available_timezones
 import numpy as np
 import pandas as pd
 
-from acquisition.core.arrays import Bools, Ints
-from acquisition.core.frames import NANO
-from acquisition.core.times import gps_ahead_s, is_of_several, offset_s
+from seatrial.acquisition.core.arrays import Bools, Ints
+from seatrial.acquisition.core.frames import NANO
+from seatrial.acquisition.core.times import gps_ahead_s, is_of_several, offset_s
 
 GPS = "GPS"
 """The zone of GPS time, which is ahead of UTC by the leap seconds since 1980."""

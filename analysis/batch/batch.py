@@ -18,19 +18,19 @@ from typing import Any
 
 import pandas as pd
 
-from acquisition.core.errors import DataShortageError, InputError
-from acquisition.core.files import read_json, written_together
-from acquisition.core.locks import LOCK
-from acquisition.core.progress import Progress
-from acquisition.core.text import printable_name
-from acquisition.recording.grouping import whole_recordings
-from analysis.batch.one_recording import SUMMARY, Row, process_recording, reusable_row, write_json
-from analysis.batch.workers import MARKS, Job, Task, attempt, batch_folder, check_address, run_jobs
-from analysis.manoeuvres.indices import Manoeuvre
-from analysis.manoeuvres.report import criteria_by_vessel
-from analysis.products import Options
-from analysis.report.pages import index_page
-from analysis.tables.files import read_parquet, write_parquet
+from seatrial.acquisition.core.errors import DataShortageError, InputError
+from seatrial.acquisition.core.files import read_json, written_together
+from seatrial.acquisition.core.locks import LOCK
+from seatrial.acquisition.core.progress import Progress
+from seatrial.acquisition.core.text import printable_name
+from seatrial.acquisition.recording.grouping import whole_recordings
+from seatrial.analysis.batch.one_recording import SUMMARY, Row, process_recording, reusable_row, write_json
+from seatrial.analysis.batch.workers import MARKS, Job, Task, attempt, batch_folder, check_address, run_jobs
+from seatrial.analysis.manoeuvres.indices import Manoeuvre
+from seatrial.analysis.manoeuvres.report import criteria_by_vessel
+from seatrial.analysis.products import Options
+from seatrial.analysis.report.pages import index_page
+from seatrial.analysis.tables.files import read_parquet, write_parquet
 
 Failures = list[tuple[str, list[str]]]
 """Causes and the names of the recordings that failed of each, the most frequent first."""
@@ -306,7 +306,7 @@ def gone_rows(names: Collection[str], out: Path) -> list[dict[str, Any]]:
 def write_index(rows: Sequence[Mapping[str, Any]], out: Path, title: str) -> Path:
     """Write ``index.parquet`` and ``index.html`` into ``out`` and return the path of the page.
 
-    Raises :class:`acquisition.core.errors.StorageError` when they cannot be written.
+    Raises :class:`seatrial.acquisition.core.errors.StorageError` when they cannot be written.
     """
     rows = [{**row, "report": (out / row["name"] / REPORT).is_file()} for row in rows]
     with written_together(out / "index.parquet"):

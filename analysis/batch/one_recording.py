@@ -20,25 +20,31 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from acquisition.core.channels import known_channels
-from acquisition.core.errors import DataShortageError, InputError, SeatrialError, StorageError, storage_error
-from acquisition.core.files import read_json, temporary_folder, write_text
-from acquisition.core.serialisation import to_json
-from acquisition.core.text import printable_name
-from acquisition.core.trial import software_version
-from acquisition.recording.grouping import read_parts
-from acquisition.recording.reader import Recording, recording_size
-from analysis.conditions import recorded_conditions
-from analysis.manoeuvres import Manoeuvre, as_json
-from analysis.manoeuvres.criteria import criteria_of, index_rows
-from analysis.manoeuvres.indices import from_order
-from analysis.manoeuvres.report import criteria_by_vessel
-from analysis.products import Options, Products, analyse
-from analysis.speed_power import power_columns, speed_power
-from analysis.tables.export import FLAG_MEANING, unit_of
-from analysis.tables.files import write_parquet
-from analysis.tables.table import history_of, provenance_of, required_channels, sha256_of, table_of
-from analysis.windows.recordings import write_windows
+from seatrial.acquisition.core.channels import known_channels
+from seatrial.acquisition.core.errors import (
+    DataShortageError,
+    InputError,
+    SeatrialError,
+    StorageError,
+    storage_error,
+)
+from seatrial.acquisition.core.files import read_json, temporary_folder, write_text
+from seatrial.acquisition.core.serialisation import to_json
+from seatrial.acquisition.core.text import printable_name
+from seatrial.acquisition.core.trial import software_version
+from seatrial.acquisition.recording.grouping import read_parts
+from seatrial.acquisition.recording.reader import Recording, recording_size
+from seatrial.analysis.conditions import recorded_conditions
+from seatrial.analysis.manoeuvres import Manoeuvre, as_json
+from seatrial.analysis.manoeuvres.criteria import criteria_of, index_rows
+from seatrial.analysis.manoeuvres.indices import from_order
+from seatrial.analysis.manoeuvres.report import criteria_by_vessel
+from seatrial.analysis.products import Options, Products, analyse
+from seatrial.analysis.speed_power import power_columns, speed_power
+from seatrial.analysis.tables.export import FLAG_MEANING, unit_of
+from seatrial.analysis.tables.files import write_parquet
+from seatrial.analysis.tables.table import history_of, provenance_of, required_channels, sha256_of, table_of
+from seatrial.analysis.windows.recordings import write_windows
 
 Row = dict[str, Any]
 """One recording in the index: plain values by name, see :func:`row_of`."""
@@ -137,7 +143,7 @@ def reusable_row(
 
 def _write(products: Products, row: Row, provenance: Mapping[str, Any], folder: Path) -> None:
     """All files of a result, each with its origin and history in it."""
-    from analysis.report.pages import recording_page
+    from seatrial.analysis.report.pages import recording_page
 
     origin = {"provenance": to_json(provenance), "history": to_json(history_of(products.one_hz))}
     about = {key: json.dumps(value) for key, value in origin.items()}

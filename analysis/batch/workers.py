@@ -24,13 +24,13 @@ from pathlib import Path
 from queue import Empty, Queue
 from typing import Any, TypeAlias
 
-from acquisition.core.errors import InputError, SourceError
-from acquisition.core.files import make_folder, remove_leftovers_below
-from acquisition.core.locks import locked_folder
-from acquisition.core.process import interrupt_on_terminate
-from acquisition.core.progress import Progress
-from analysis.batch.one_recording import SUMMARY, Row
-from analysis.products import Options, cause_of
+from seatrial.acquisition.core.errors import InputError, SourceError
+from seatrial.acquisition.core.files import make_folder, remove_leftovers_below
+from seatrial.acquisition.core.locks import locked_folder
+from seatrial.acquisition.core.process import interrupt_on_terminate
+from seatrial.acquisition.core.progress import Progress
+from seatrial.analysis.batch.one_recording import SUMMARY, Row
+from seatrial.analysis.products import Options, cause_of
 
 MOST_ATTEMPTS = 3
 """So often a recording may take its worker down before it is left alone."""

@@ -16,8 +16,8 @@ from typing import Any, Literal
 
 import numpy as np
 
-from acquisition.core.arrays import Bools, Floats, Ints
-from analysis.estimation.process_models import Model
+from seatrial.acquisition.core.arrays import Bools, Floats, Ints
+from seatrial.analysis.estimation.process_models import Model
 
 Engine = Literal["auto", "filterpy", "compiled"]
 
@@ -141,7 +141,7 @@ def smooth_steps(steps: Steps, start: Start, model: Model, gate: Gate, engine: E
     """Filter forwards, smooth backwards. ``start`` is at the first step's time; all in the model's states."""
     if engine == "filterpy" or (engine == "auto" and steps.time_s.size <= LONGEST_FOR_FILTERPY):
         return filter_and_smooth(steps, start, model, gate)
-    from analysis.estimation.kalman_kernel import run_smoother
+    from seatrial.analysis.estimation.kalman_kernel import run_smoother
 
     edges = np.array([0, steps.time_s.size])
     F, interval, (innovation, variance, *kept) = _filtered(
@@ -172,7 +172,7 @@ def _filtered(
     steps: Steps, starts: Floats, covariance: Floats, edges: Ints, model: Model, gate: Gate, *, keep: bool
 ) -> tuple[Floats, Ints, Any]:
     """Transitions, which of them leads to each step, and what the compiled filter gives."""
-    from analysis.estimation.kalman_kernel import WIDTH, run_filter
+    from seatrial.analysis.estimation.kalman_kernel import WIDTH, run_filter
 
     dt_s = np.diff(steps.time_s, prepend=steps.time_s[:1])
     dt_s[edges[:-1]] = 0.0

@@ -26,8 +26,8 @@ from typing import Any
 import numpy as np
 from numba import njit
 
-from acquisition.core.arrays import Bools, Floats, Ints
-from analysis.compiling import FAST, compiled
+from seatrial.acquisition.core.arrays import Bools, Floats, Ints
+from seatrial.analysis.compiling import FAST, compiled
 
 WIDTH = 24
 """The number of columns of the state's matrices, and so of states at most."""

@@ -15,13 +15,13 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
-from acquisition.core.angles import difference
-from acquisition.core.arrays import Bools, Floats, Ints
-from acquisition.core.channels import BY_NAME
-from analysis.estimation.kalman import Start, Steps
-from analysis.kinematics import to_ship
-from analysis.tables.resample import own_gap_s
-from analysis.tables.table import NANO, times_ns
+from seatrial.acquisition.core.angles import difference
+from seatrial.acquisition.core.arrays import Bools, Floats, Ints
+from seatrial.acquisition.core.channels import BY_NAME
+from seatrial.analysis.estimation.kalman import Start, Steps
+from seatrial.analysis.kinematics import to_ship
+from seatrial.analysis.tables.resample import own_gap_s
+from seatrial.analysis.tables.table import NANO, times_ns
 
 CHANNELS = ("heading_deg", "yaw_rate_dps", "north_m", "east_m", "surge_mps", "sway_mps")
 """The motion channels in the order of processing."""

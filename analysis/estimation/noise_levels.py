@@ -14,10 +14,10 @@ from itertools import product
 
 import numpy as np
 
-from acquisition.core.arrays import Floats, Ints
-from analysis.estimation.kalman import Gate, Start, Steps, innovations_of, smooth_steps
-from analysis.estimation.likelihood import ScoringSettings, most_likely, robust_cost
-from analysis.estimation.motion_model import (
+from seatrial.acquisition.core.arrays import Floats, Ints
+from seatrial.analysis.estimation.kalman import Gate, Start, Steps, innovations_of, smooth_steps
+from seatrial.analysis.estimation.likelihood import ScoringSettings, most_likely, robust_cost
+from seatrial.analysis.estimation.motion_model import (
     EAST,
     HEADING,
     NORTH,
@@ -30,7 +30,7 @@ from analysis.estimation.motion_model import (
     horizontal_steps,
     motion_steps,
 )
-from analysis.estimation.process_models import Law, Model, WaveMotion, WhiteJerk
+from seatrial.analysis.estimation.process_models import Law, Model, WaveMotion, WhiteJerk
 
 _QUARTILE_OF_ABSOLUTE_NORMAL = 0.31864  # a quarter of |z| lies below it
 STRETCHES, STEPS_OF_STRETCH = 10, 200

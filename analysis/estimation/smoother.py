@@ -26,11 +26,11 @@ import numpy as np
 import pandas as pd
 from scipy.special import gammaincinv  # scipy.stats would take longer to import than all else here
 
-from acquisition.core.angles import wrap_360
-from acquisition.core.arrays import Bools, Floats, Ints
-from acquisition.core.channels import POSE
-from analysis.estimation.kalman import Engine, Gate, Track, smooth_steps
-from analysis.estimation.motion_model import (
+from seatrial.acquisition.core.angles import wrap_360
+from seatrial.acquisition.core.arrays import Bools, Floats, Ints
+from seatrial.acquisition.core.channels import POSE
+from seatrial.analysis.estimation.kalman import Engine, Gate, Track, smooth_steps
+from seatrial.analysis.estimation.motion_model import (
     BODY,
     CHANNELS,
     MotionSamples,
@@ -44,10 +44,18 @@ from analysis.estimation.motion_model import (
     motion_steps,
     motion_values,
 )
-from analysis.estimation.noise_levels import NoiseLevels, estimate_levels
-from analysis.tables.files import write_parquet
-from analysis.tables.resample import grid, rate_fraction
-from analysis.tables.table import NANO, add_step, index_of, provenance_of, require, require_plausible_span, times_ns
+from seatrial.analysis.estimation.noise_levels import NoiseLevels, estimate_levels
+from seatrial.analysis.tables.files import write_parquet
+from seatrial.analysis.tables.resample import grid, rate_fraction
+from seatrial.analysis.tables.table import (
+    NANO,
+    add_step,
+    index_of,
+    provenance_of,
+    require,
+    require_plausible_span,
+    times_ns,
+)
 
 _BLOCKS = 20
 _NORMAL_95 = 1.959964
@@ -200,10 +208,10 @@ def smooth(
 
     Rows may be unsorted and hold NaN where a channel has no sample. Rows further inside a gap in which neither
     heading nor yaw rate, or neither position nor speed, has a sample for longer than ``longest_gap_s`` are NaN;
-    without it the limit is that of :func:`analysis.tables.resample.resample`. With a long limit they hold the
-    prediction with its grown covariance, up to 300 s, beyond which the filter starts anew. ``levels`` gives
-    noise levels that are known; else they are estimated. Raises :class:`InputError` for a table
-    without position or heading.
+    without it the limit is that of :func:`seatrial.analysis.tables.resample.resample`. With a long limit they hold
+    the prediction with its grown covariance, up to 300 s, beyond which the filter starts anew. ``levels`` gives
+    noise levels that are known; else they are estimated. Raises :class:`InputError` for a table without position or
+    heading.
     """
     require(table, POSE)
     times = times_ns(table)[np.isfinite(motion_values(table)).any(axis=1)]
@@ -327,7 +335,7 @@ def write_smoothed(smoothed: SmoothedMotion, path: Path | str) -> None:
     ``<name>_sigma``, the 21 elements of the covariance of pose and velocity in SI, and the slow states.
 
     Units stand on the columns, the figures of :func:`summary_of` and the provenance in the metadata. Raises
-    :class:`acquisition.core.errors.StorageError` when the file cannot be written.
+    :class:`seatrial.acquisition.core.errors.StorageError` when the file cannot be written.
     """
     slow, deviations = smoothed.slow.add_prefix("slow_"), smoothed.standard_deviations()
     sigmas = deviations.add_suffix("_sigma")

@@ -14,8 +14,8 @@ from typing import Any
 
 import numpy as np
 
-from analysis.manoeuvres.indices import Index, Manoeuvre, from_order, nominal_deg
-from analysis.manoeuvres.standards import (
+from seatrial.analysis.manoeuvres.indices import Index, Manoeuvre, from_order, nominal_deg
+from seatrial.analysis.manoeuvres.standards import (
     CANNOT_BE_SAID,
     CRITERIA,
     MET,
@@ -29,8 +29,8 @@ from analysis.manoeuvres.standards import (
     largest_helm_deg,
     result_of,
 )
-from analysis.manoeuvres.turning_circle import REMOVED
-from analysis.manoeuvres.zigzag import SWITCH_SHARE
+from seatrial.analysis.manoeuvres.turning_circle import REMOVED
+from seatrial.analysis.manoeuvres.zigzag import SWITCH_SHARE
 
 _MAIN = {
     "turning_circle": ("advance_m", "transfer_m", "tactical_diameter_m", "steady_diameter_m"),

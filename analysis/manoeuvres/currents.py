@@ -15,13 +15,13 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
-from acquisition.core.arrays import Floats
-from analysis.manoeuvres.indices import Current, Index, Manoeuvre, index_of
-from analysis.manoeuvres.measures import half_width_s, smooth_motion
-from analysis.manoeuvres.motion import Motion
-from analysis.manoeuvres.runs import LONGEST_BETWEEN_S, stopping_indices
-from analysis.manoeuvres.turning_circle import REMOVED, circle_indices, remove_current, shows_current
-from analysis.manoeuvres.zigzag import zigzag_indices
+from seatrial.acquisition.core.arrays import Floats
+from seatrial.analysis.manoeuvres.indices import Current, Index, Manoeuvre, index_of
+from seatrial.analysis.manoeuvres.measures import half_width_s, smooth_motion
+from seatrial.analysis.manoeuvres.motion import Motion
+from seatrial.analysis.manoeuvres.runs import LONGEST_BETWEEN_S, stopping_indices
+from seatrial.analysis.manoeuvres.turning_circle import REMOVED, circle_indices, remove_current, shows_current
+from seatrial.analysis.manoeuvres.zigzag import zigzag_indices
 
 _TIDE_RADPS = 2.0 * np.pi / (12.42 * 3600.0)
 _LEAST_SPREAD = 0.13  # of directions, the smaller eigenvalue: two courses 30 deg apart

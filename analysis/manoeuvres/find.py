@@ -17,14 +17,14 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
-from acquisition.config.conditions import Conditions
-from acquisition.core.arrays import Bools, Floats
-from acquisition.core.errors import InputError
-from acquisition.core.named_code import OwnCodeError, file_of, load, own_code, require_call
-from analysis.conditions import recorded_conditions, with_stronger_wind
-from analysis.manoeuvres.currents import Observation, observations_of, remove_currents
-from analysis.manoeuvres.indices import LeftOut, Manoeuvre
-from analysis.manoeuvres.measures import (
+from seatrial.acquisition.config.conditions import Conditions
+from seatrial.acquisition.core.arrays import Bools, Floats
+from seatrial.acquisition.core.errors import InputError
+from seatrial.acquisition.core.named_code import OwnCodeError, file_of, load, own_code, require_call
+from seatrial.analysis.conditions import recorded_conditions, with_stronger_wind
+from seatrial.analysis.manoeuvres.currents import Observation, observations_of, remove_currents
+from seatrial.analysis.manoeuvres.indices import LeftOut, Manoeuvre
+from seatrial.analysis.manoeuvres.measures import (
     WIDEST_S,
     Plateau,
     helm_rate_dps,
@@ -35,17 +35,17 @@ from analysis.manoeuvres.measures import (
     tolerance_of,
     turning_points,
 )
-from analysis.manoeuvres.motion import Motion, motion_of, noise_of, stretches
-from analysis.manoeuvres.runs import (
+from seatrial.analysis.manoeuvres.motion import Motion, motion_of, noise_of, stretches
+from seatrial.analysis.manoeuvres.runs import (
     engine_orders,
     find_accelerations,
     find_speed_runs,
     find_stops,
     find_thruster_tests,
 )
-from analysis.manoeuvres.standards import add_limits
-from analysis.manoeuvres.turning_circle import LEAST_TURN_OF_ONE_SIDE_DEG, turn_of
-from analysis.manoeuvres.turning_tests import (
+from seatrial.analysis.manoeuvres.standards import add_limits
+from seatrial.analysis.manoeuvres.turning_circle import LEAST_TURN_OF_ONE_SIDE_DEG, turn_of
+from seatrial.analysis.manoeuvres.turning_tests import (
     find_pull_outs,
     find_williamson_turns,
     reverse_spiral,
@@ -53,8 +53,8 @@ from analysis.manoeuvres.turning_tests import (
     spiral,
     spiral_steps,
 )
-from analysis.manoeuvres.zigzag import FEWEST_SWINGS, zigzag, zigzag_chains
-from analysis.tables.table import trial_of
+from seatrial.analysis.manoeuvres.zigzag import FEWEST_SWINGS, zigzag, zigzag_chains
+from seatrial.analysis.tables.table import trial_of
 
 _LEAST_HELM_DEG, _LEAST_STEP_DEG = 2.5, 1.0
 _STEADY_HELM_SHARE, _STEADY_HELM_DEG = 0.35, 2.0
@@ -233,7 +233,7 @@ def _found_by(name: str, motion: Motion) -> list[Manoeuvre]:
     with suppress(OwnCodeError), own_code(name, file_of(function)):
         found = list(function(motion))
         if not all(isinstance(each, Manoeuvre) for each in found):
-            raise TypeError("it returned something other than analysis.manoeuvres.indices.Manoeuvre")
+            raise TypeError("it returned something other than seatrial.analysis.manoeuvres.indices.Manoeuvre")
         return found
     return []
 

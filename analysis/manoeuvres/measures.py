@@ -21,13 +21,20 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from acquisition.core.angles import wrap_360
-from acquisition.core.arrays import Floats
-from acquisition.core.channels import POSE_AND_VELOCITY
-from acquisition.core.kinematics import to_body
-from analysis.estimation.local_polynomial import local_quadratic
-from analysis.manoeuvres.indices import Manoeuvre, indices_of, nominal_deg, unit_of
-from analysis.manoeuvres.motion import BY_DIFFERENCE, Motion, at_midship, noise_of, running_median, stretches
+from seatrial.acquisition.core.angles import wrap_360
+from seatrial.acquisition.core.arrays import Floats
+from seatrial.acquisition.core.channels import POSE_AND_VELOCITY
+from seatrial.acquisition.core.kinematics import to_body
+from seatrial.analysis.estimation.local_polynomial import local_quadratic
+from seatrial.analysis.manoeuvres.indices import Manoeuvre, indices_of, nominal_deg, unit_of
+from seatrial.analysis.manoeuvres.motion import (
+    BY_DIFFERENCE,
+    Motion,
+    at_midship,
+    noise_of,
+    running_median,
+    stretches,
+)
 
 APPROACH_S = 10.0
 
@@ -328,8 +335,10 @@ def smooth_motion(motion: Motion, half_width: float) -> Motion:
 
 
 def _quadratic(values: Floats, half_width: float) -> Floats:
-    """:func:`analysis.estimation.local_polynomial.local_quadratic` for values without gaps: a convolution, with
-    one-sided fits at the ends. Faster, since a manoeuvre is smoothed some fifty times."""
+    """:func:`local_quadratic` for values without gaps: a convolution, with one-sided fits at the ends.
+
+    Faster, since a manoeuvre is smoothed some fifty times.
+    """
     reach = int(np.ceil(half_width))
     if reach < 6 or values.size < 4 * reach:
         return local_quadratic(values, half_width)

@@ -23,18 +23,18 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from acquisition.core.actuators import RUDDER, Actuator, Actuators, actuators_in, name_of_order
-from acquisition.core.angles import circular_mean, unwrap, wrap_180, wrap_360
-from acquisition.core.arrays import Bools, Complexes, Floats
-from acquisition.core.channels import POSE, POSE_AND_VELOCITY, VELOCITY, is_circular
-from acquisition.core.errors import DataShortageError, InputError
-from analysis.estimation.local_polynomial import local_quadratic
-from analysis.kinematics import integrate, to_earth, to_ship
-from analysis.quality.commands import ORDER_INTERPOLATED, check_orders
-from analysis.quality.motion.series import off_the_turn, wild_headings
-from analysis.quality.samples import runs, white_noise
-from analysis.tables.resample import resample
-from analysis.tables.table import (
+from seatrial.acquisition.core.actuators import RUDDER, Actuator, Actuators, actuators_in, name_of_order
+from seatrial.acquisition.core.angles import circular_mean, unwrap, wrap_180, wrap_360
+from seatrial.acquisition.core.arrays import Bools, Complexes, Floats
+from seatrial.acquisition.core.channels import POSE, POSE_AND_VELOCITY, VELOCITY, is_circular
+from seatrial.acquisition.core.errors import DataShortageError, InputError
+from seatrial.analysis.estimation.local_polynomial import local_quadratic
+from seatrial.analysis.kinematics import integrate, to_earth, to_ship
+from seatrial.analysis.quality.commands import ORDER_INTERPOLATED, check_orders
+from seatrial.analysis.quality.motion.series import off_the_turn, wild_headings
+from seatrial.analysis.quality.samples import runs, white_noise
+from seatrial.analysis.tables.resample import resample
+from seatrial.analysis.tables.table import (
     NANO,
     history_of,
     require,

@@ -13,22 +13,22 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pandas as pd
 
-from acquisition.config.conditions import Conditions
-from acquisition.config.run_sheet import Statement, conditions_of
-from acquisition.config.vessel_file import length_of_ship
-from acquisition.core.files import write_text, written_together
-from acquisition.core.trial import software_version
-from analysis.manoeuvres.criteria import criteria_of, headline_of_criteria, index_rows, shortfalls_of
-from analysis.manoeuvres.find import RecordedRuns, manoeuvres_and_left_out, runs_of_trial
-from analysis.manoeuvres.indices import UNITS, Index, LeftOut, Manoeuvre, as_json, unit_of
-from analysis.manoeuvres.standards import NOT_FOR_SHIP
-from analysis.manoeuvres.turning_circle import REMOVED
-from analysis.tables.table import provenance_of, trial_of
+from seatrial.acquisition.config.conditions import Conditions
+from seatrial.acquisition.config.run_sheet import Statement, conditions_of
+from seatrial.acquisition.config.vessel_file import length_of_ship
+from seatrial.acquisition.core.files import write_text, written_together
+from seatrial.acquisition.core.trial import software_version
+from seatrial.analysis.manoeuvres.criteria import criteria_of, headline_of_criteria, index_rows, shortfalls_of
+from seatrial.analysis.manoeuvres.find import RecordedRuns, manoeuvres_and_left_out, runs_of_trial
+from seatrial.analysis.manoeuvres.indices import UNITS, Index, LeftOut, Manoeuvre, as_json, unit_of
+from seatrial.analysis.manoeuvres.standards import NOT_FOR_SHIP
+from seatrial.analysis.manoeuvres.turning_circle import REMOVED
+from seatrial.analysis.tables.table import provenance_of, trial_of
 
 if TYPE_CHECKING:
     from rich.console import Group
 
-    from acquisition.recording.grouping import Files
+    from seatrial.acquisition.recording.grouping import Files
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,8 +51,8 @@ def manoeuvres_of(
     that of the statement, of the recording, or of the vessel file of the ship that it names. Raises
     :class:`InputError`, and :class:`DataShortageError` for a recording without channels.
     """
-    from acquisition.recording.grouping import read_together
-    from analysis.tables.table import table_of
+    from seatrial.acquisition.recording.grouping import read_together
+    from seatrial.analysis.tables.table import table_of
 
     recording = read_together(files)
     if statement is not None:
@@ -282,7 +282,7 @@ def write_report(
 
     Raises :class:`StorageError`.
     """
-    from analysis.report.rendering import render
+    from seatrial.analysis.report.rendering import render
 
     content = summary(found, length_m)
     for each, entry in zip(found, content["recordings"], strict=True):

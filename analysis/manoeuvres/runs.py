@@ -11,10 +11,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from acquisition.core.angles import circular_mean, difference, wrap_360
-from acquisition.core.arrays import Bools, Floats
-from analysis.manoeuvres.indices import Index, LeftOut, Manoeuvre, index_of, side_of
-from analysis.manoeuvres.measures import (
+from seatrial.acquisition.core.angles import circular_mean, difference, wrap_360
+from seatrial.acquisition.core.arrays import Bools, Floats
+from seatrial.analysis.manoeuvres.indices import Index, LeftOut, Manoeuvre, index_of, side_of
+from seatrial.analysis.manoeuvres.measures import (
     Plateau,
     along_and_across,
     approach_settings,
@@ -31,9 +31,9 @@ from analysis.manoeuvres.measures import (
     plateaus,
     tolerance_of,
 )
-from analysis.manoeuvres.motion import Motion, noise_of, stretches
-from analysis.manoeuvres.standards import FULL_ASTERN
-from analysis.tables.table import NANO
+from seatrial.analysis.manoeuvres.motion import Motion, noise_of, stretches
+from seatrial.analysis.manoeuvres.standards import FULL_ASTERN
+from seatrial.analysis.tables.table import NANO
 
 _LOOK_S = 10.0
 _STRAIGHT_DEG = 3.0

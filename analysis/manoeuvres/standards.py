@@ -16,8 +16,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from acquisition.config.conditions import Conditions
-from analysis.manoeuvres.indices import Index, Manoeuvre, from_order
+from seatrial.acquisition.config.conditions import Conditions
+from seatrial.analysis.manoeuvres.indices import Index, Manoeuvre, from_order
 
 MET, NOT_MET, CANNOT_BE_SAID, NOT_SHOWN = "met", "not_met", "cannot_be_said", "not_shown"
 

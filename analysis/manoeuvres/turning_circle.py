@@ -16,10 +16,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from acquisition.core.arrays import Floats
-from analysis.kinematics import to_ship
-from analysis.manoeuvres.indices import Current, LeftOut, Manoeuvre, side_of
-from analysis.manoeuvres.measures import (
+from seatrial.acquisition.core.arrays import Floats
+from seatrial.analysis.kinematics import to_ship
+from seatrial.analysis.manoeuvres.indices import Current, LeftOut, Manoeuvre, side_of
+from seatrial.analysis.manoeuvres.measures import (
     APPROACH_S,
     Plateau,
     along_and_across,
@@ -38,7 +38,7 @@ from analysis.manoeuvres.measures import (
     mean_between,
     smooth_motion,
 )
-from analysis.manoeuvres.motion import Motion
+from seatrial.analysis.manoeuvres.motion import Motion
 
 LEAST_CIRCLE_DEG, LEAST_TURN_OF_ONE_SIDE_DEG = 180.0, 90.0
 _MARGIN_S = 20.0

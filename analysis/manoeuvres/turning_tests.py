@@ -13,10 +13,10 @@ from itertools import pairwise
 
 import numpy as np
 
-from acquisition.core.arrays import Bools, Floats
-from analysis.estimation.local_polynomial import local_quadratic
-from analysis.manoeuvres.indices import Index, Manoeuvre, nominal_deg, side_of
-from analysis.manoeuvres.measures import (
+from seatrial.acquisition.core.arrays import Bools, Floats
+from seatrial.analysis.estimation.local_polynomial import local_quadratic
+from seatrial.analysis.manoeuvres.indices import Index, Manoeuvre, nominal_deg, side_of
+from seatrial.analysis.manoeuvres.measures import (
     APPROACH_S,
     Execute,
     Measure,
@@ -36,7 +36,7 @@ from analysis.manoeuvres.measures import (
     merge_neighbours,
     next_execute,
 )
-from analysis.manoeuvres.motion import Motion, noise_of, stretches
+from seatrial.analysis.manoeuvres.motion import Motion, noise_of, stretches
 
 _MARGIN_S = 20.0
 _AMIDSHIPS_DEG, _AMIDSHIPS_SHARE = 1.0, 0.1

@@ -14,9 +14,9 @@ from itertools import pairwise
 
 import numpy as np
 
-from acquisition.core.arrays import Floats
-from analysis.manoeuvres.indices import Manoeuvre, from_order, nominal_deg, side_of
-from analysis.manoeuvres.measures import (
+from seatrial.acquisition.core.arrays import Floats
+from seatrial.analysis.manoeuvres.indices import Manoeuvre, from_order, nominal_deg, side_of
+from seatrial.analysis.manoeuvres.measures import (
     Execute,
     Plateau,
     approach_of,
@@ -37,7 +37,7 @@ from analysis.manoeuvres.measures import (
     next_execute,
     peak,
 )
-from analysis.manoeuvres.motion import BY_DIFFERENCE, Motion
+from seatrial.analysis.manoeuvres.motion import BY_DIFFERENCE, Motion
 
 FEWEST_SWINGS = 3
 _SHORTEST_SWING_S = 1.0

@@ -13,10 +13,10 @@ from typing import Any
 
 import pandas as pd
 
-from acquisition.recording.events import Event
-from analysis.quality.findings import ALL, Finding
-from analysis.quality.samples import Stretch
-from analysis.tables.table import NANO
+from seatrial.acquisition.recording.events import Event
+from seatrial.analysis.quality.findings import ALL, Finding
+from seatrial.analysis.quality.samples import Stretch
+from seatrial.analysis.tables.table import NANO
 
 _OF_TIME = frozenset({"gap", "duplicate", "time_backwards", "time_jitter", "stuck", "clock_jump"})
 """Codes of what a source does to all of its channels at once; other faults are the channel's own, unless they are

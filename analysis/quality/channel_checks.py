@@ -12,16 +12,16 @@ from typing import Any, Literal
 import numpy as np
 import pandas as pd
 
-from acquisition.core.actuators import is_order
-from acquisition.core.angles import is_other_convention, is_possible
-from acquisition.core.arrays import Bools, Floats, Ints, Series
-from acquisition.core.channel import Channel
-from acquisition.core.frames import Quality, iso
-from analysis.quality.findings import Flags
-from analysis.quality.repeated_values import find_stuck, quantisation_step
-from analysis.quality.samples import Stretch, interval_ns, judged_as, sort_by_time, stretches_of
-from analysis.quality.time_checks import ClockJump, jitter_s
-from analysis.tables.table import NANO, TimedValues, valid_values
+from seatrial.acquisition.core.actuators import is_order
+from seatrial.acquisition.core.angles import is_other_convention, is_possible
+from seatrial.acquisition.core.arrays import Bools, Floats, Ints, Series
+from seatrial.acquisition.core.channel import Channel
+from seatrial.acquisition.core.frames import Quality, iso
+from seatrial.analysis.quality.findings import Flags
+from seatrial.analysis.quality.repeated_values import find_stuck, quantisation_step
+from seatrial.analysis.quality.samples import Stretch, interval_ns, judged_as, sort_by_time, stretches_of
+from seatrial.analysis.quality.time_checks import ClockJump, jitter_s
+from seatrial.analysis.tables.table import NANO, TimedValues, valid_values
 
 WIDEST_SPIKE = 3
 _SPIKE_SIZE = 5.0

@@ -10,19 +10,19 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from acquisition.core.angles import in_turn
-from acquisition.core.arrays import Bools, Ints, Series
-from acquisition.core.channels import BY_NAME, channels_of_table, known_channels
-from acquisition.core.errors import DataShortageError, InputError
-from acquisition.core.frames import Quality
-from acquisition.core.named_code import OwnCodeError, file_of, load, own_code, require_call
-from acquisition.core.result import Result
-from acquisition.recording.events import Event, events_of
-from acquisition.recording.reader import Recording
-from analysis.quality.causes import Cause, causes_of
-from analysis.quality.channel_checks import ChannelFaults, ChannelQuality, channel_faults, find_spikes
-from analysis.quality.commands import check_helm_sign, check_orders, check_thruster_feedback
-from analysis.quality.findings import (
+from seatrial.acquisition.core.angles import in_turn
+from seatrial.acquisition.core.arrays import Bools, Ints, Series
+from seatrial.acquisition.core.channels import BY_NAME, channels_of_table, known_channels
+from seatrial.acquisition.core.errors import DataShortageError, InputError
+from seatrial.acquisition.core.frames import Quality
+from seatrial.acquisition.core.named_code import OwnCodeError, file_of, load, own_code, require_call
+from seatrial.acquisition.core.result import Result
+from seatrial.acquisition.recording.events import Event, events_of
+from seatrial.acquisition.recording.reader import Recording
+from seatrial.analysis.quality.causes import Cause, causes_of
+from seatrial.analysis.quality.channel_checks import ChannelFaults, ChannelQuality, channel_faults, find_spikes
+from seatrial.analysis.quality.commands import check_helm_sign, check_orders, check_thruster_feedback
+from seatrial.analysis.quality.findings import (
     ALL,
     WORDING,
     Check,
@@ -35,15 +35,15 @@ from analysis.quality.findings import (
     time_outlier_finding,
     uniform_flags,
 )
-from analysis.quality.heading_wrap import check_heading_wrap
-from analysis.quality.motion.checks import check_motion
-from analysis.quality.motion.coarse import coarse_fit
-from analysis.quality.repeated_values import expected_rates
-from analysis.quality.samples import ASSUMED, rows_of, series_of
-from analysis.quality.time_checks import ClockJump, clock_jumps, reception_jumps
-from analysis.quality.two_levels import alternation_findings
-from analysis.quality.wind import check_wind
-from analysis.tables.table import (
+from seatrial.analysis.quality.heading_wrap import check_heading_wrap
+from seatrial.analysis.quality.motion.checks import check_motion
+from seatrial.analysis.quality.motion.coarse import coarse_fit
+from seatrial.analysis.quality.repeated_values import expected_rates
+from seatrial.analysis.quality.samples import ASSUMED, rows_of, series_of
+from seatrial.analysis.quality.time_checks import ClockJump, clock_jumps, reception_jumps
+from seatrial.analysis.quality.two_levels import alternation_findings
+from seatrial.analysis.quality.wind import check_wind
+from seatrial.analysis.tables.table import (
     MOST,
     index_of,
     main_stretch,
@@ -90,8 +90,8 @@ class DataQuality(Result):
     missing: tuple[str, ...] = ()
     sources: Mapping[str, Sequence[str]] = field(default_factory=dict)
     events: tuple[Event, ...] = ()
-    view = "analysis.report.quality_page:quality_view"
-    drawing = "analysis.report.quality_page:draw_flags"
+    view = "seatrial.analysis.report.quality_page:quality_view"
+    drawing = "seatrial.analysis.report.quality_page:draw_flags"
 
     @property
     def marks(self) -> list[Event]:
@@ -381,5 +381,7 @@ def _result(returned: object, table: pd.DataFrame) -> CheckResult:
         return returned
     findings = tuple(returned) if isinstance(returned, Iterable) else (returned,)
     if not all(isinstance(finding, Finding) for finding in findings):
-        raise TypeError(f"it returned a {type(returned).__name__}, not a list of analysis.quality.findings.Finding")
+        raise TypeError(
+            f"it returned a {type(returned).__name__}, not a list of seatrial.analysis.quality.findings.Finding"
+        )
     return CheckResult(uniform_flags(table), findings)

@@ -13,13 +13,13 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
-from acquisition.core.actuators import KINDS, Actuator, kind_of_control, part_of_control
-from acquisition.core.angles import unwrap
-from acquisition.core.arrays import Bools, Floats, Ints
-from acquisition.core.channels import BY_NAME
-from acquisition.core.frames import Quality
-from analysis.quality.findings import CheckResult, Finding, mark, uniform_flags
-from analysis.quality.samples import (
+from seatrial.acquisition.core.actuators import KINDS, Actuator, kind_of_control, part_of_control
+from seatrial.acquisition.core.angles import unwrap
+from seatrial.acquisition.core.arrays import Bools, Floats, Ints
+from seatrial.acquisition.core.channels import BY_NAME
+from seatrial.acquisition.core.frames import Quality
+from seatrial.analysis.quality.findings import CheckResult, Finding, mark, uniform_flags
+from seatrial.analysis.quality.samples import (
     Samples,
     jackknife_error,
     mask_of_runs,
@@ -28,7 +28,7 @@ from analysis.quality.samples import (
     runs_of_equal,
     samples_of,
 )
-from analysis.tables.table import table_actuators, table_controls, utc_index
+from seatrial.analysis.tables.table import table_actuators, table_controls, utc_index
 
 ORDER_INTERPOLATED = "order_interpolated"
 _FEWEST_STEPS = 3

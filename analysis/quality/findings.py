@@ -1,8 +1,8 @@
 """What a check says: flags beside the data, and findings in words with their size.
 
-Flags are those of QARTOD (:class:`acquisition.core.frames.Quality`): 1 good, 2 not evaluated, 3 suspect, 4 bad,
-9 missing. A check never drops a row; it returns flags of the same index as the data it was given. What checks of
-single channels found stands in one finding a channel and code, or in one for all channels together.
+Flags are those of QARTOD (:class:`seatrial.acquisition.core.frames.Quality`): 1 good, 2 not evaluated, 3 suspect, 4
+bad, 9 missing. A check never drops a row; it returns flags of the same index as the data it was given. What checks
+of single channels found stands in one finding a channel and code, or in one for all channels together.
 """
 
 from __future__ import annotations
@@ -15,12 +15,12 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from acquisition.core.arrays import Ints, Series
-from acquisition.core.channel import Channel
-from acquisition.core.frames import Quality
-from analysis.quality.samples import Stretch
-from analysis.quality.time_checks import ClockJump
-from analysis.tables.table import NANO, time_span_text
+from seatrial.acquisition.core.arrays import Ints, Series
+from seatrial.acquisition.core.channel import Channel
+from seatrial.acquisition.core.frames import Quality
+from seatrial.analysis.quality.samples import Stretch
+from seatrial.analysis.quality.time_checks import ClockJump
+from seatrial.analysis.tables.table import NANO, time_span_text
 
 Flags = NDArray[np.uint8]
 

@@ -13,13 +13,13 @@ import numpy as np
 import pandas as pd
 from scipy import special
 
-from acquisition.core.angles import difference, wrap_360
-from acquisition.core.arrays import Bools, Floats
-from acquisition.core.channels import BY_NAME, is_circular
-from acquisition.core.frames import Quality
-from analysis.quality.findings import CheckResult, Finding, mark, uniform_flags
-from analysis.quality.samples import Samples, robust_spread, runs, runs_of_equal, samples_of
-from analysis.tables.table import table_controls, utc_index
+from seatrial.acquisition.core.angles import difference, wrap_360
+from seatrial.acquisition.core.arrays import Bools, Floats
+from seatrial.acquisition.core.channels import BY_NAME, is_circular
+from seatrial.acquisition.core.frames import Quality
+from seatrial.analysis.quality.findings import CheckResult, Finding, mark, uniform_flags
+from seatrial.analysis.quality.samples import Samples, robust_spread, runs, runs_of_equal, samples_of
+from seatrial.analysis.tables.table import table_controls, utc_index
 
 WRAP_INTERPOLATED = "heading_wrap_interpolated"
 _ALWAYS_JUDGED = ("heading_deg", "wind_direction_deg")

@@ -17,24 +17,24 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
-from acquisition.core.angles import in_turn, is_possible, unwrap
-from acquisition.core.arrays import Bools, Floats
-from acquisition.core.channels import BY_NAME, find_channel, known_channels
-from acquisition.core.errors import InputError
-from acquisition.core.files import expect_suffix
-from acquisition.core.frames import Quality
-from acquisition.recording.reader import Recording
-from acquisition.recording.tables import write_table
-from analysis.kinematics import integrate
-from analysis.quality.commands import ORDER_INTERPOLATED as ORDER_INTERPOLATED
-from analysis.quality.commands import hold_orders
-from analysis.quality.findings import ALL, OTHER_TURN, Finding, Flags
-from analysis.quality.heading_wrap import WRAP_INTERPOLATED, is_judged, seam_line_mask
-from analysis.quality.motion.checks import delays_of
-from analysis.quality.motion.reconstruction import reconstruct_heading, reconstruct_positions
-from analysis.quality.samples import rows_of, samples_of
-from analysis.quality.wind import true_wind
-from analysis.tables.table import (
+from seatrial.acquisition.core.angles import in_turn, is_possible, unwrap
+from seatrial.acquisition.core.arrays import Bools, Floats
+from seatrial.acquisition.core.channels import BY_NAME, find_channel, known_channels
+from seatrial.acquisition.core.errors import InputError
+from seatrial.acquisition.core.files import expect_suffix
+from seatrial.acquisition.core.frames import Quality
+from seatrial.acquisition.recording.reader import Recording
+from seatrial.acquisition.recording.tables import write_table
+from seatrial.analysis.kinematics import integrate
+from seatrial.analysis.quality.commands import ORDER_INTERPOLATED as ORDER_INTERPOLATED
+from seatrial.analysis.quality.commands import hold_orders
+from seatrial.analysis.quality.findings import ALL, OTHER_TURN, Finding, Flags
+from seatrial.analysis.quality.heading_wrap import WRAP_INTERPOLATED, is_judged, seam_line_mask
+from seatrial.analysis.quality.motion.checks import delays_of
+from seatrial.analysis.quality.motion.reconstruction import reconstruct_heading, reconstruct_positions
+from seatrial.analysis.quality.samples import rows_of, samples_of
+from seatrial.analysis.quality.wind import true_wind
+from seatrial.analysis.tables.table import (
     HISTORY_KEY,
     add_step,
     delays_in_ns,
@@ -352,7 +352,7 @@ def scale_channels(table: pd.DataFrame, finding: Finding, _: FlagsByChannel) -> 
 
 
 def repair_heading(table: pd.DataFrame, finding: Finding, _: FlagsByChannel) -> SingleRepair:
-    """Take the shape of the turns from the yaw rate (:mod:`analysis.quality.motion.reconstruction`)."""
+    """Take the shape of the turns from the yaw rate (:mod:`seatrial.analysis.quality.motion.reconstruction`)."""
     rebuilt = reconstruct_heading(table)
     if rebuilt is None:
         return SingleRepair(_HEADING_STAYS, {}, always_reported=True)
@@ -361,7 +361,7 @@ def repair_heading(table: pd.DataFrame, finding: Finding, _: FlagsByChannel) -> 
 
 
 def repair_positions(table: pd.DataFrame, finding: Finding, _: FlagsByChannel) -> SingleRepair:
-    """Take positions from the path that speeds and heading give (:mod:`analysis.quality.motion.reconstruction`)."""
+    """Take positions from the path of speeds and heading (:func:`reconstruct_positions`)."""
     rebuilt = reconstruct_positions(table)
     if rebuilt is None:
         return _NOTHING

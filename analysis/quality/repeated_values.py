@@ -16,11 +16,11 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 
-from acquisition.core.arrays import Bools, Floats, Ints, Series
-from acquisition.core.channel import Channel
-from analysis.kinematics import to_earth
-from analysis.quality.samples import judged_as, runs_of_equal, sort_by_time, white_noise
-from analysis.tables.table import NANO, TimedValues, times_ns
+from seatrial.acquisition.core.arrays import Bools, Floats, Ints, Series
+from seatrial.acquisition.core.channel import Channel
+from seatrial.analysis.kinematics import to_earth
+from seatrial.analysis.quality.samples import judged_as, runs_of_equal, sort_by_time, white_noise
+from seatrial.analysis.tables.table import NANO, TimedValues, times_ns
 
 _SHORTEST, _BESIDE = 8, 100
 _JUMP = 3.0

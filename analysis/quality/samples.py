@@ -1,7 +1,8 @@
 """The samples of channels as the checks see them, and what the checks share: runs, stretches, noise, steps.
 
-Checks of one channel work on its samples in the order of receipt (:class:`acquisition.core.arrays.Series`), checks
-across channels on its samples in the rows of the joined table (:class:`Samples`).
+Checks of one channel work on its samples in the order of receipt
+(:class:`seatrial.acquisition.core.arrays.Series`), checks across channels on its samples in the rows of the joined
+table (:class:`Samples`).
 """
 
 from __future__ import annotations
@@ -13,11 +14,11 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from acquisition.core.angles import unwrap
-from acquisition.core.arrays import Bools, Floats, Ints, Series
-from acquisition.core.channel import Channel
-from acquisition.core.channels import is_setting
-from analysis.tables.table import NANO, seconds_of, times_ns
+from seatrial.acquisition.core.angles import unwrap
+from seatrial.acquisition.core.arrays import Bools, Floats, Ints, Series
+from seatrial.acquisition.core.channel import Channel
+from seatrial.acquisition.core.channels import is_setting
+from seatrial.analysis.tables.table import NANO, seconds_of, times_ns
 
 ASSUMED = "assumed"
 """The source of a channel that a column map gave a value to."""

@@ -13,12 +13,12 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
-from acquisition.core.angles import unwrap
-from acquisition.core.arrays import Floats, Ints, Series
-from acquisition.core.channels import POSE_AND_VELOCITY
-from analysis.kinematics import to_earth
-from analysis.quality.samples import interval_ns, white_noise
-from analysis.tables.table import NANO, times_ns
+from seatrial.acquisition.core.angles import unwrap
+from seatrial.acquisition.core.arrays import Floats, Ints, Series
+from seatrial.acquisition.core.channels import POSE_AND_VELOCITY
+from seatrial.analysis.kinematics import to_earth
+from seatrial.analysis.quality.samples import interval_ns, white_noise
+from seatrial.analysis.tables.table import NANO, times_ns
 
 _IRREGULAR, _MOST_PLACES = 0.3, 200
 _SURE, _FEWEST, _RARELY = 5.0, 20, 300

@@ -14,12 +14,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from acquisition.core.angles import difference, is_possible
-from acquisition.core.arrays import Bools, Floats, Ints, Series
-from acquisition.core.channel import Channel
-from analysis.quality.findings import Finding, utc_time
-from analysis.quality.repeated_values import EVERYDAY, everyday_resolution
-from analysis.quality.samples import sort_by_time
+from seatrial.acquisition.core.angles import difference, is_possible
+from seatrial.acquisition.core.arrays import Bools, Floats, Ints, Series
+from seatrial.acquisition.core.channel import Channel
+from seatrial.analysis.quality.findings import Finding, utc_time
+from seatrial.analysis.quality.repeated_values import EVERYDAY, everyday_resolution
+from seatrial.analysis.quality.samples import sort_by_time
 
 ALTERNATING = "alternating_levels"
 _BLOCK = 64

@@ -14,12 +14,12 @@ import pandas as pd
 from numpy.typing import NDArray
 from scipy import special
 
-from acquisition.core.angles import wrap_180, wrap_360
-from acquisition.core.arrays import Bools, Complexes, Floats
-from acquisition.core.frames import Quality
-from analysis.quality.findings import CheckResult, Finding, uniform_flags
-from analysis.quality.samples import ASSUMED, jackknife_error, ratios_without_each
-from analysis.tables.table import NANO, seconds_of, utc_index
+from seatrial.acquisition.core.angles import wrap_180, wrap_360
+from seatrial.acquisition.core.arrays import Bools, Complexes, Floats
+from seatrial.acquisition.core.frames import Quality
+from seatrial.analysis.quality.findings import CheckResult, Finding, uniform_flags
+from seatrial.analysis.quality.samples import ASSUMED, jackknife_error, ratios_without_each
+from seatrial.analysis.tables.table import NANO, seconds_of, utc_index
 
 JUDGED = ("wind_direction_deg", "wind_speed_mps")
 _NEEDED = (*JUDGED, "heading_deg", "surge_mps", "sway_mps")
@@ -60,8 +60,8 @@ def check_wind(table: pd.DataFrame) -> CheckResult:
 def true_wind(table: pd.DataFrame, relative_to_bow: bool) -> tuple[Floats, Floats]:
     """Direction [deg, from true north] and speed [m/s] of the true wind, the recorded one being apparent: [rows].
 
-    Vectorised form of :func:`acquisition.core.kinematics.wind_over_ground`; NaN where a channel has been silent for
-    2 s, and where the wind itself is not recorded.
+    Vectorised form of :func:`seatrial.acquisition.core.kinematics.wind_over_ground`; NaN where a channel has been
+    silent for 2 s, and where the wind itself is not recorded.
     """
     felt, velocity, bow = _vectors(_side_by_side(table))
     true = felt * bow - velocity if relative_to_bow else felt - velocity

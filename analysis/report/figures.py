@@ -27,9 +27,9 @@ from matplotlib.patches import Patch, Rectangle
 from matplotlib.text import Text
 from numpy.typing import ArrayLike, NDArray
 
-from acquisition.core.arrays import Floats
-from acquisition.core.files import atomic_file
-from analysis.report.plots import STYLE
+from seatrial.acquisition.core.arrays import Floats
+from seatrial.acquisition.core.files import atomic_file
+from seatrial.analysis.report.plots import STYLE
 
 Draw = Callable[[Figure], object]
 ENDINGS = ("svg", "pdf", "json")

@@ -17,18 +17,18 @@ import numpy as np
 import pandas as pd
 from markupsafe import Markup
 
-from acquisition.core.angles import in_turn, unwrap, wraps_of
-from acquisition.core.arrays import Floats, Ints
-from acquisition.core.channel import Channel
-from acquisition.core.channels import POSE_AND_VELOCITY, known_channels
-from acquisition.core.errors import ConfigurationError, DataShortageError, InputError
-from analysis.report.pages import duration_text
-from analysis.report.rendering import TEMPLATES, Page, render
-from analysis.tables.table import NANO, declared_channels, table_actuators, times_ns, trial_channels
-from analysis.windows.held import held_spans_ns
+from seatrial.acquisition.core.angles import in_turn, unwrap, wraps_of
+from seatrial.acquisition.core.arrays import Floats, Ints
+from seatrial.acquisition.core.channel import Channel
+from seatrial.acquisition.core.channels import POSE_AND_VELOCITY, known_channels
+from seatrial.acquisition.core.errors import ConfigurationError, DataShortageError, InputError
+from seatrial.analysis.report.pages import duration_text
+from seatrial.analysis.report.rendering import TEMPLATES, Page, render
+from seatrial.analysis.tables.table import NANO, declared_channels, table_actuators, times_ns, trial_channels
+from seatrial.analysis.windows.held import held_spans_ns
 
 if TYPE_CHECKING:
-    from analysis.manoeuvres import Manoeuvre
+    from seatrial.analysis.manoeuvres import Manoeuvre
 
 MOST_ROWS = 20_000
 """Rows that a browser draws at once without a pause; of more, those with extremes are kept."""
@@ -72,7 +72,7 @@ def interactive_page(
     Raises :class:`ConfigurationError` without plotly, :class:`DataShortageError` for a table without rows or
     without any channel and :class:`InputError` for one whose index is not UTC in increasing order.
     """
-    from analysis.report.plots import held_words
+    from seatrial.analysis.report.plots import held_words
 
     library = _plotly()
     data = page_data(table, windows, predicted, manoeuvres)
@@ -104,7 +104,7 @@ def _plotly() -> str:
 
 def _style(data: Mapping[str, Any], table: pd.DataFrame) -> dict[str, Any]:
     """Colours, panels, labels and decimals: what the page looks like, in the house's palette."""
-    from analysis.report.plots import FAINT, HELD, INK, PALETTE, control_groups, declared_groups, label
+    from seatrial.analysis.report.plots import FAINT, HELD, INK, PALETTE, control_groups, declared_groups, label
 
     there, actuators, known = list(data["channels"]), table_actuators(table), known_channels(table.attrs)
     spare = [number for number in range(len(PALETTE)) if number not in _KNOWN_METHODS.values()]

@@ -9,10 +9,10 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from acquisition.core.arrays import Floats
-from analysis.kinematics import to_ship
-from analysis.manoeuvres.indices import Manoeuvre, from_order
-from analysis.manoeuvres.measures import (
+from seatrial.acquisition.core.arrays import Floats
+from seatrial.analysis.kinematics import to_ship
+from seatrial.analysis.manoeuvres.indices import Manoeuvre, from_order
+from seatrial.analysis.manoeuvres.measures import (
     along_and_across,
     approach_of,
     crossing_s,
@@ -20,11 +20,11 @@ from analysis.manoeuvres.measures import (
     peak,
     smooth_motion,
 )
-from analysis.manoeuvres.motion import Motion
-from analysis.manoeuvres.report import index_cells, plain_name
-from analysis.manoeuvres.turning_circle import remove_current
-from analysis.report.labels import label_points
-from analysis.report.plots import FAINT, PALETTE, outlines
+from seatrial.analysis.manoeuvres.motion import Motion
+from seatrial.analysis.manoeuvres.report import index_cells, plain_name
+from seatrial.analysis.manoeuvres.turning_circle import remove_current
+from seatrial.analysis.report.labels import label_points
+from seatrial.analysis.report.plots import FAINT, PALETTE, outlines
 
 BLUE, ORANGE, GREEN, PURPLE, RED = PALETTE[:5]
 _MARGIN_S = 15.0

@@ -14,16 +14,16 @@ from urllib.parse import quote
 import pandas as pd
 from markupsafe import Markup, escape
 
-from acquisition.core.channels import channel_unit, find_channel
-from acquisition.core.units import KNOT_MPS
-from analysis.report.quality_page import HEADER, channel_rows, finding_cells
-from analysis.report.rendering import Page, render
-from analysis.report.run_sheet import run_sheet
-from analysis.tables.export import SIGMA_SUFFIX
+from seatrial.acquisition.core.channels import channel_unit, find_channel
+from seatrial.acquisition.core.units import KNOT_MPS
+from seatrial.analysis.report.quality_page import HEADER, channel_rows, finding_cells
+from seatrial.analysis.report.rendering import Page, render
+from seatrial.analysis.report.run_sheet import run_sheet
+from seatrial.analysis.tables.export import SIGMA_SUFFIX
 
 if TYPE_CHECKING:
-    from acquisition.recording.reader import Recording
-    from analysis.products import Products
+    from seatrial.acquisition.recording.reader import Recording
+    from seatrial.analysis.products import Products
 
 
 _FILES = ("table.parquet", "flags.parquet", "quality.json", "windows.parquet", "manoeuvres.json", "summary.json")
@@ -159,7 +159,7 @@ def index_page(
     title: str,
     live: Mapping[str, Any] | None = None,
 ) -> Page:
-    """The page of rows as of :func:`analysis.batch.one_recording.row_of` and failures by their cause.
+    """The page of rows as of :func:`seatrial.analysis.batch.one_recording.row_of` and failures by their cause.
 
     ``live`` is of a page that is served: its scripts' ``nonce``, how many are ``waiting``, and, where files may be
     sent, up to how many MB (``upload_mb``) and with which ``token``.

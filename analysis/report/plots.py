@@ -21,17 +21,23 @@ from matplotlib.lines import Line2D
 from matplotlib.transforms import Affine2D, ScaledTranslation
 from rich.text import Text
 
-from acquisition.core.actuators import Actuators, channel_by_rule, control_names, name_of_order, part_of_control
-from acquisition.core.angles import unwrap, wrap_180, wraps_of
-from acquisition.core.arrays import Floats
-from acquisition.core.channel import Channel
-from acquisition.core.channels import BY_NAME, POSE_AND_VELOCITY, known_channels
-from acquisition.core.units import DIMENSIONLESS, ending_of
-from acquisition.recording.events import Event
-from analysis.kinematics import mean_wind
-from analysis.report.labels import label_points
-from analysis.tables.table import declared_channels, table_actuators, utc_index
-from analysis.windows.held import HeldWindows, held_spans_ns
+from seatrial.acquisition.core.actuators import (
+    Actuators,
+    channel_by_rule,
+    control_names,
+    name_of_order,
+    part_of_control,
+)
+from seatrial.acquisition.core.angles import unwrap, wrap_180, wraps_of
+from seatrial.acquisition.core.arrays import Floats
+from seatrial.acquisition.core.channel import Channel
+from seatrial.acquisition.core.channels import BY_NAME, POSE_AND_VELOCITY, known_channels
+from seatrial.acquisition.core.units import DIMENSIONLESS, ending_of
+from seatrial.acquisition.recording.events import Event
+from seatrial.analysis.kinematics import mean_wind
+from seatrial.analysis.report.labels import label_points
+from seatrial.analysis.tables.table import declared_channels, table_actuators, utc_index
+from seatrial.analysis.windows.held import HeldWindows, held_spans_ns
 
 PALETTE = ("#0072B2", "#E69F00", "#009E73", "#CC79A7", "#D55E00", "#56B4E9", "#F0E442")
 """The colours of Okabe and Ito, which the colour-blind tell apart, the darkest first."""
@@ -326,7 +332,7 @@ def track_figure(
     length_m: float | None = None,
     executes: Sequence[pd.Timestamp] = (),
 ) -> Drawing | None:
-    """The track of a 1 Hz table, None without positions; arguments as of :func:`analysis.report.plots.track`."""
+    """The track of a 1 Hz table, None without positions; arguments as of :func:`track`."""
     if table.reindex(columns=["north_m", "east_m"]).dropna().empty:
         return None
 

@@ -12,15 +12,15 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from acquisition.core.arrays import Floats, Ints
-from acquisition.core.files import write_text, written_together
-from acquisition.core.frames import Quality
-from acquisition.recording.events import counts_text
-from analysis.quality.findings import ALL
-from analysis.quality.samples import runs
-from analysis.report.rendering import Page, render
-from analysis.tables.files import write_parquet
-from analysis.tables.table import main_stretch, times_ns
+from seatrial.acquisition.core.arrays import Floats, Ints
+from seatrial.acquisition.core.files import write_text, written_together
+from seatrial.acquisition.core.frames import Quality
+from seatrial.acquisition.recording.events import counts_text
+from seatrial.analysis.quality.findings import ALL
+from seatrial.analysis.quality.samples import runs
+from seatrial.analysis.report.rendering import Page, render
+from seatrial.analysis.tables.files import write_parquet
+from seatrial.analysis.tables.table import main_stretch, times_ns
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -28,10 +28,10 @@ if TYPE_CHECKING:
     from rich.console import RenderableType
     from rich.table import Table
 
-    from analysis.quality.causes import Cause
-    from analysis.quality.channel_checks import ChannelQuality
-    from analysis.quality.check import DataQuality
-    from analysis.quality.findings import Finding
+    from seatrial.analysis.quality.causes import Cause
+    from seatrial.analysis.quality.channel_checks import ChannelQuality
+    from seatrial.analysis.quality.check import DataQuality
+    from seatrial.analysis.quality.findings import Finding
 
 
 PALETTE = ("#0072B2", "#CC79A7", "#56B4E9", "#000000", "#8C564B", "#7F7F7F", "#9467BD")
@@ -46,7 +46,7 @@ def write_quality(
 ) -> list[Path]:
     """Write ``quality.json``, ``flags.parquet`` and ``quality.html`` into a folder; it is made if need be.
 
-    ``provenance`` (:func:`analysis.tables.table.provenance_of`) goes into both of the files for programs.
+    ``provenance`` (:func:`seatrial.analysis.tables.table.provenance_of`) goes into both of the files for programs.
 
     Raises :class:`StorageError` when they cannot be written.
     """
@@ -105,7 +105,7 @@ def draw_flags(figure: Figure, quality: DataQuality) -> None:
     from matplotlib.dates import ConciseDateFormatter, date2num
     from matplotlib.patches import Patch
 
-    from analysis.report.plots import draw_marks
+    from seatrial.analysis.report.plots import draw_marks
 
     axes = figure.subplots()
     stamps = times_ns(quality.flags)

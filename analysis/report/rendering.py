@@ -20,10 +20,10 @@ from typing import TYPE_CHECKING, Any
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 
-from acquisition.core.errors import ConfigurationError
-from acquisition.core.files import atomic_file, write_text
-from acquisition.core.text import printable
-from acquisition.core.trial import software_version
+from seatrial.acquisition.core.errors import ConfigurationError
+from seatrial.acquisition.core.files import atomic_file, write_text
+from seatrial.acquisition.core.text import printable
+from seatrial.acquisition.core.trial import software_version
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -55,9 +55,9 @@ def _escaped(value: Any) -> Any:
 @cache
 def environment(*folders: Path) -> Environment:
     """Where templates are looked for: in ``folders``, then in this package's."""
-    from analysis.manoeuvres import report
-    from analysis.manoeuvres.motion import motion_of
-    from analysis.report import manoeuvre_plots, plots, quality_page
+    from seatrial.analysis.manoeuvres import report
+    from seatrial.analysis.manoeuvres.motion import motion_of
+    from seatrial.analysis.report import manoeuvre_plots, plots, quality_page
 
     made = Environment(
         loader=FileSystemLoader([*folders, TEMPLATES]), autoescape=True, undefined=StrictUndefined,
@@ -80,7 +80,7 @@ def render(template: str, block: str = "", templates: Environment | None = None,
     ``chart`` the same of a function that draws into axes; without a name it is how the caption begins. ``level`` is
     that of headings.
     """
-    from analysis.report.figures import file_name, fill_figure, png_of
+    from seatrial.analysis.report.figures import file_name, fill_figure, png_of
 
     figures: dict[str, Figure] = {}
 

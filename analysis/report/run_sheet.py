@@ -13,24 +13,24 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pandas as pd
 
-from acquisition.config.conditions import REFERENCE_DENSITY_KGPM3, Conditions
-from acquisition.config.run_sheet import Particulars, particulars_of
-from acquisition.core.actuators import from_text
-from acquisition.core.trial import Trial, software_version
-from acquisition.core.units import KNOT_MPS
-from analysis.conditions import beaufort, recorded_conditions
-from analysis.kinematics import mean_wind
-from analysis.manoeuvres.criteria import mean_of
-from analysis.manoeuvres.indices import index_of
-from analysis.manoeuvres.turning_circle import shows_current
-from analysis.quality.samples import ASSUMED
-from analysis.tables.table import sha256_of
+from seatrial.acquisition.config.conditions import REFERENCE_DENSITY_KGPM3, Conditions
+from seatrial.acquisition.config.run_sheet import Particulars, particulars_of
+from seatrial.acquisition.core.actuators import from_text
+from seatrial.acquisition.core.trial import Trial, software_version
+from seatrial.acquisition.core.units import KNOT_MPS
+from seatrial.analysis.conditions import beaufort, recorded_conditions
+from seatrial.analysis.kinematics import mean_wind
+from seatrial.analysis.manoeuvres.criteria import mean_of
+from seatrial.analysis.manoeuvres.indices import index_of
+from seatrial.analysis.manoeuvres.turning_circle import shows_current
+from seatrial.analysis.quality.samples import ASSUMED
+from seatrial.analysis.tables.table import sha256_of
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from acquisition.recording.reader import Recording
-    from analysis.manoeuvres import Manoeuvre
+    from seatrial.acquisition.recording.reader import Recording
+    from seatrial.analysis.manoeuvres import Manoeuvre
 
 UNKNOWN = "not recorded"
 

@@ -23,23 +23,23 @@ from flask import Flask, Response, abort, g, request
 from werkzeug.exceptions import HTTPException
 from werkzeug.serving import ThreadedWSGIServer, WSGIRequestHandler
 
-from acquisition.core.errors import InputError, SeatrialError, SourceError, unexpected
-from acquisition.core.text import printable_name
-from acquisition.logger.supervision import LOG
-from acquisition.recording.grouping import read_parts
-from analysis.batch.batch import failures_of
-from analysis.batch.one_recording import WAITING, Row
-from analysis.manoeuvres.indices import Manoeuvre
-from analysis.manoeuvres.motion import Motion, motion_of
-from analysis.manoeuvres.report import rows_of
-from analysis.prepare import Preparation, prepare
-from analysis.report.pages import index_page
-from analysis.report.rendering import environment, render
-from analysis.serve.limited import call_limited
-from analysis.serve.season import Season
-from analysis.serve.uploads import receive
-from analysis.tables.export import KINDS, export_table, write_sheets
-from analysis.tables.files import read_parquet
+from seatrial.acquisition.core.errors import InputError, SeatrialError, SourceError, unexpected
+from seatrial.acquisition.core.text import printable_name
+from seatrial.acquisition.logger.supervision import LOG
+from seatrial.acquisition.recording.grouping import read_parts
+from seatrial.analysis.batch.batch import failures_of
+from seatrial.analysis.batch.one_recording import WAITING, Row
+from seatrial.analysis.manoeuvres.indices import Manoeuvre
+from seatrial.analysis.manoeuvres.motion import Motion, motion_of
+from seatrial.analysis.manoeuvres.report import rows_of
+from seatrial.analysis.prepare import Preparation, prepare
+from seatrial.analysis.report.pages import index_page
+from seatrial.analysis.report.rendering import environment, render
+from seatrial.analysis.serve.limited import call_limited
+from seatrial.analysis.serve.season import Season
+from seatrial.analysis.serve.uploads import receive
+from seatrial.analysis.tables.export import KINDS, export_table, write_sheets
+from seatrial.analysis.tables.files import read_parquet
 
 ADDRESS = "127.0.0.1"
 NAMES = (ADDRESS, "localhost")

@@ -17,7 +17,7 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 from threading import BoundedSemaphore
 
-from acquisition.core.errors import InputError, SeatrialError, unexpected
+from seatrial.acquisition.core.errors import InputError, SeatrialError, unexpected
 
 LONGEST_S = 600.0
 """An export of a day takes a minute, the import of 500 MB of text some minutes."""

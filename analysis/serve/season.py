@@ -25,13 +25,13 @@ from multiprocessing.context import SpawnProcess
 from pathlib import Path
 from queue import PriorityQueue
 
-from acquisition.core.errors import InputError, StorageError
-from acquisition.core.files import make_folder
-from acquisition.core.trial import software_version
-from analysis.batch.batch import names_of, recordings_below, result_of
-from analysis.batch.one_recording import WAITING, Row, first_look
-from analysis.batch.workers import Job, failed_row
-from analysis.products import Options, cause_of
+from seatrial.acquisition.core.errors import InputError, StorageError
+from seatrial.acquisition.core.files import make_folder
+from seatrial.acquisition.core.trial import software_version
+from seatrial.analysis.batch.batch import names_of, recordings_below, result_of
+from seatrial.analysis.batch.one_recording import WAITING, Row, first_look
+from seatrial.analysis.batch.workers import Job, failed_row
+from seatrial.analysis.products import Options, cause_of
 
 ASKED, LOOK, REST = range(3)
 """What is worked on first: what somebody waits for, a first look at each recording, the analysis of the others."""

@@ -10,14 +10,14 @@ from typing import IO
 
 from werkzeug.utils import secure_filename
 
-from acquisition.core.errors import InputError, SeatrialError
-from acquisition.core.files import atomic_file
-from acquisition.core.locks import locked_briefly
-from acquisition.recording.reader import read_recording
-from acquisition.tables.import_table import import_proposed, import_table, is_standard, propose_for
-from acquisition.tables.table_files import read_raw
-from analysis.serve.limited import call_limited
-from analysis.tables.table import channels_of
+from seatrial.acquisition.core.errors import InputError, SeatrialError
+from seatrial.acquisition.core.files import atomic_file
+from seatrial.acquisition.core.locks import locked_briefly
+from seatrial.acquisition.recording.reader import read_recording
+from seatrial.acquisition.tables.import_table import import_proposed, import_table, is_standard, propose_for
+from seatrial.acquisition.tables.table_files import read_raw
+from seatrial.analysis.serve.limited import call_limited
+from seatrial.analysis.tables.table import channels_of
 
 _LONGEST_NAME_BYTES = 200  # of 255, for what is added while it is written
 

@@ -9,18 +9,18 @@ from typing import ClassVar
 import numpy as np
 import pandas as pd
 
-from acquisition.config.conditions import Conditions
-from acquisition.core.arrays import Floats
-from acquisition.core.errors import DataShortageError, InputError
-from acquisition.core.result import Result
-from acquisition.core.serialisation import Number
-from acquisition.core.trial import software_version
-from analysis.manoeuvres.indices import LeftOut
-from analysis.speed_power.corrections import Correction, corrections_of, warnings_of
-from analysis.speed_power.current import PowerCurve
-from analysis.speed_power.runs import PowerRun, double_runs, power_runs
-from analysis.speed_power.solution import Solution, SpeedTrial, solve, trial_of
-from analysis.speed_power.uncertainty import Intervals, intervals_of, why_unbounded
+from seatrial.acquisition.config.conditions import Conditions
+from seatrial.acquisition.core.arrays import Floats
+from seatrial.acquisition.core.errors import DataShortageError, InputError
+from seatrial.acquisition.core.result import Result
+from seatrial.acquisition.core.serialisation import Number
+from seatrial.acquisition.core.trial import software_version
+from seatrial.analysis.manoeuvres.indices import LeftOut
+from seatrial.analysis.speed_power.corrections import Correction, corrections_of, warnings_of
+from seatrial.analysis.speed_power.current import PowerCurve
+from seatrial.analysis.speed_power.runs import PowerRun, double_runs, power_runs
+from seatrial.analysis.speed_power.solution import Solution, SpeedTrial, solve, trial_of
+from seatrial.analysis.speed_power.uncertainty import Intervals, intervals_of, why_unbounded
 
 _BAND_POINTS = 25
 
@@ -73,8 +73,8 @@ class SpeedPower(Result):
     ``uncertainties`` that its interval is made of, ``no_interval`` why there is none.
     """
 
-    view: ClassVar[str] = "analysis.speed_power.report:view"
-    drawing: ClassVar[str] = "analysis.speed_power.report:draw"
+    view: ClassVar[str] = "seatrial.analysis.speed_power.report:view"
+    drawing: ClassVar[str] = "seatrial.analysis.speed_power.report:draw"
     size_inch: ClassVar[tuple[float, float]] = (9.0, 5.5)
 
     runs: tuple[CorrectedRun, ...]

@@ -12,14 +12,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from acquisition.config.conditions import REFERENCE_DENSITY_KGPM3, REFERENCE_TEMPERATURE_DEGC, Conditions
-from acquisition.core.arrays import Floats
-from acquisition.core.serialisation import Number
-from analysis.manoeuvres.report import number_text
-from analysis.manoeuvres.runs import RECIPROCAL_DEG
-from analysis.speed_power.runs import RUN_MINUTES, PowerRun
-from analysis.speed_power.typical_wind import wind_resistance_of
-from analysis.speed_power.waves import (
+from seatrial.acquisition.config.conditions import REFERENCE_DENSITY_KGPM3, REFERENCE_TEMPERATURE_DEGC, Conditions
+from seatrial.acquisition.core.arrays import Floats
+from seatrial.acquisition.core.serialisation import Number
+from seatrial.analysis.manoeuvres.report import number_text
+from seatrial.analysis.manoeuvres.runs import RECIPROCAL_DEG
+from seatrial.analysis.speed_power.runs import RUN_MINUTES, PowerRun
+from seatrial.analysis.speed_power.typical_wind import wind_resistance_of
+from seatrial.analysis.speed_power.waves import (
     GRAVITY_MPS2,
     STAWAVE_1,
     STAWAVE_2,

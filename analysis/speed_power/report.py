@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from acquisition.core.files import write_text, written_together
-from acquisition.core.serialisation import to_json
-from acquisition.core.units import KNOT_MPS
-from analysis.manoeuvres.report import left_out_line
-from analysis.speed_power.analysis import SpeedAtPower, SpeedPower
-from analysis.speed_power.runs import PowerRun
+from seatrial.acquisition.core.files import write_text, written_together
+from seatrial.acquisition.core.serialisation import to_json
+from seatrial.acquisition.core.units import KNOT_MPS
+from seatrial.analysis.manoeuvres.report import left_out_line
+from seatrial.analysis.speed_power.analysis import SpeedAtPower, SpeedPower
+from seatrial.analysis.speed_power.runs import PowerRun
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -153,7 +153,7 @@ def view(result: SpeedPower) -> Group:
 
 def draw(figure: Figure, result: SpeedPower) -> None:
     """Power over speed: the runs as measured and as corrected, the curve with its band, the mean of means."""
-    from analysis.report.plots import FAINT, PALETTE
+    from seatrial.analysis.report.plots import FAINT, PALETTE
 
     axes = figure.subplots()
     powers = [each.power_kw for each in result.band]
@@ -180,7 +180,7 @@ def draw(figure: Figure, result: SpeedPower) -> None:
 
 def write_speed_power(result: SpeedPower, folder: Path) -> list[Path]:
     """Write ``speed_power.json`` and the picture. Raises :class:`StorageError`."""
-    from analysis.report.figures import write_figure
+    from seatrial.analysis.report.figures import write_figure
 
     plain = folder / "speed_power.json"
     with written_together(plain):

@@ -15,15 +15,15 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from acquisition.config.conditions import Conditions
-from acquisition.core.angles import wrap_360
-from acquisition.core.arrays import Floats
-from acquisition.core.errors import InputError
-from acquisition.core.units import Linear, to_house
-from acquisition.tables.column_names import headed
-from acquisition.tables.table_files import RawTable, read_raw
-from acquisition.tables.time_text import as_clock, as_date
-from analysis.speed_power.runs import PowerRun
+from seatrial.acquisition.config.conditions import Conditions
+from seatrial.acquisition.core.angles import wrap_360
+from seatrial.acquisition.core.arrays import Floats
+from seatrial.acquisition.core.errors import InputError
+from seatrial.acquisition.core.units import Linear, to_house
+from seatrial.acquisition.tables.column_names import headed
+from seatrial.acquisition.tables.table_files import RawTable, read_raw
+from seatrial.acquisition.tables.time_text import as_clock, as_date
+from seatrial.analysis.speed_power.runs import PowerRun
 
 TABLE_SUFFIXES = (".csv", ".tsv", ".xlsx", ".xls", ".xlsm", ".ods")
 _MOST_RUNS = 200

@@ -11,17 +11,17 @@ from itertools import pairwise
 import numpy as np
 import pandas as pd
 
-from acquisition.core.actuators import RUDDER
-from acquisition.core.angles import circular_mean, wrap_360
-from acquisition.core.arrays import Floats
-from acquisition.core.channels import POSE_AND_VELOCITY
-from acquisition.core.errors import InputError
-from acquisition.core.serialisation import Number
-from analysis.manoeuvres.find import marks_of
-from analysis.manoeuvres.indices import LeftOut
-from analysis.manoeuvres.measures import WIDEST_S, smooth_motion
-from analysis.manoeuvres.motion import Motion, motion_of
-from analysis.manoeuvres.runs import (
+from seatrial.acquisition.core.actuators import RUDDER
+from seatrial.acquisition.core.angles import circular_mean, wrap_360
+from seatrial.acquisition.core.arrays import Floats
+from seatrial.acquisition.core.channels import POSE_AND_VELOCITY
+from seatrial.acquisition.core.errors import InputError
+from seatrial.acquisition.core.serialisation import Number
+from seatrial.analysis.manoeuvres.find import marks_of
+from seatrial.analysis.manoeuvres.indices import LeftOut
+from seatrial.analysis.manoeuvres.measures import WIDEST_S, smooth_motion
+from seatrial.analysis.manoeuvres.motion import Motion, motion_of
+from seatrial.analysis.manoeuvres.runs import (
     LEAST_RUN_S,
     Course,
     is_same_setting,
@@ -29,7 +29,7 @@ from analysis.manoeuvres.runs import (
     reciprocal_pairs,
     straight_stretches,
 )
-from analysis.tables.table import NANO, table_actuators, times_ns
+from seatrial.analysis.tables.table import NANO, table_actuators, times_ns
 
 _POWER = re.compile(r"(?:(?P<shaft>\w+)_)?shaft_(?P<what>power|torque)_(?P<unit>w|kw|mw|nm|knm)")
 _TO_KILO = {"w": 1e-3, "kw": 1.0, "mw": 1e3, "nm": 1e-3, "knm": 1.0}

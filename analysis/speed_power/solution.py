@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from acquisition.config.conditions import Conditions
-from acquisition.core.arrays import Floats
-from analysis.speed_power.corrections import (
+from seatrial.acquisition.config.conditions import Conditions
+from seatrial.acquisition.core.arrays import Floats
+from seatrial.analysis.speed_power.corrections import (
     RAVEN,
     Correction,
     Sea,
@@ -21,8 +21,14 @@ from analysis.speed_power.corrections import (
     wave_resistance_n,
     wind_resistance_n,
 )
-from analysis.speed_power.current import IterativeCurrent, PowerCurve, fit_curve, iterate_current, mean_of_means
-from analysis.speed_power.runs import PowerRun, settings_of
+from seatrial.analysis.speed_power.current import (
+    IterativeCurrent,
+    PowerCurve,
+    fit_curve,
+    iterate_current,
+    mean_of_means,
+)
+from seatrial.analysis.speed_power.runs import PowerRun, settings_of
 
 _PASSES = 3  # the corrections hang on the speed through the water, by a few percent of a few percent
 

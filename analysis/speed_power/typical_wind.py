@@ -12,9 +12,9 @@ from pathlib import Path
 
 import numpy as np
 
-from acquisition.config.conditions import Conditions, WindType
-from acquisition.core.errors import InputError
-from acquisition.tables.table_files import read_raw
+from seatrial.acquisition.config.conditions import Conditions, WindType
+from seatrial.acquisition.core.errors import InputError
+from seatrial.acquisition.tables.table_files import read_raw
 
 TYPICAL_WIND_RESISTANCE: dict[WindType, tuple[float, ...]] = {
     "tanker_loaded": (

@@ -19,14 +19,14 @@ from itertools import product
 
 import numpy as np
 
-from acquisition.config.conditions import Conditions
-from acquisition.core.arrays import Floats
-from analysis.speed_power.corrections import WAVE_METHODS
-from analysis.speed_power.current import TIDE_S
-from analysis.speed_power.runs import PowerRun
-from analysis.speed_power.solution import Solution, SpeedTrial, solve
-from analysis.speed_power.typical_wind import TYPICAL_WIND_RESISTANCE, wind_resistance_of
-from analysis.speed_power.waves import BOW_DEG, GRAVITY_MPS2, from_ahead
+from seatrial.acquisition.config.conditions import Conditions
+from seatrial.acquisition.core.arrays import Floats
+from seatrial.analysis.speed_power.corrections import WAVE_METHODS
+from seatrial.analysis.speed_power.current import TIDE_S
+from seatrial.analysis.speed_power.runs import PowerRun
+from seatrial.analysis.speed_power.solution import Solution, SpeedTrial, solve
+from seatrial.analysis.speed_power.typical_wind import TYPICAL_WIND_RESISTANCE, wind_resistance_of
+from seatrial.analysis.speed_power.waves import BOW_DEG, GRAVITY_MPS2, from_ahead
 
 Outputs = Callable[[Solution], Floats]
 """The speeds [m/s] that are wanted of a solution."""

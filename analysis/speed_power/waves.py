@@ -10,8 +10,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from acquisition.config.conditions import Conditions
-from acquisition.core.arrays import Bools, Floats
+from seatrial.acquisition.config.conditions import Conditions
+from seatrial.acquisition.core.arrays import Bools, Floats
 
 GRAVITY_MPS2 = 9.80665
 BOW_DEG = 45.0

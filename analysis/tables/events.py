@@ -7,12 +7,12 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from acquisition.core.files import atomic_file, expect_suffix
-from acquisition.recording.events import events_of
-from acquisition.recording.reader import Recording
-from analysis.tables.export import write_sheets
-from analysis.tables.files import write_parquet
-from analysis.tables.table import index_of
+from seatrial.acquisition.core.files import atomic_file, expect_suffix
+from seatrial.acquisition.recording.events import events_of
+from seatrial.acquisition.recording.reader import Recording
+from seatrial.analysis.tables.export import write_sheets
+from seatrial.analysis.tables.files import write_parquet
+from seatrial.analysis.tables.table import index_of
 
 COLUMNS = ("kind", "level", "source", "text")
 EVENT_KINDS = (".csv", ".parquet", ".xlsx")

@@ -19,15 +19,15 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from acquisition.core.channels import BY_NAME, ChannelsByName, channel_unit, known_channels
-from acquisition.core.errors import ConfigurationError, InputError
-from acquisition.core.files import atomic_file, expect_suffix, write_bytes, write_text, written_together
-from acquisition.core.frames import Quality
-from acquisition.core.named_code import imported
-from acquisition.core.trial import software_version
-from acquisition.tables.table_files import ABOUT_COLUMNS, UTC_COLUMN
-from analysis.tables.files import write_parquet
-from analysis.tables.table import NANO, delays_in_ns, provenance_of, times_ns, utc_index
+from seatrial.acquisition.core.channels import BY_NAME, ChannelsByName, channel_unit, known_channels
+from seatrial.acquisition.core.errors import ConfigurationError, InputError
+from seatrial.acquisition.core.files import atomic_file, expect_suffix, write_bytes, write_text, written_together
+from seatrial.acquisition.core.frames import Quality
+from seatrial.acquisition.core.named_code import imported
+from seatrial.acquisition.core.trial import software_version
+from seatrial.acquisition.tables.table_files import ABOUT_COLUMNS, UTC_COLUMN
+from seatrial.analysis.tables.files import write_parquet
+from seatrial.analysis.tables.table import NANO, delays_in_ns, provenance_of, times_ns, utc_index
 
 Writer = Callable[[pd.DataFrame, Path, Mapping[str, Any]], list[Path]]
 """Writes a table and what is to be said about it; the files that it wrote."""
@@ -48,7 +48,7 @@ def export_table(
     """Write a table as the suffix of ``path`` says, and return the files that were written.
 
     It is .parquet, .csv, .xlsx, .mat, .nc, or for the track alone .kml or .gpx. Units, trial and
-    :func:`analysis.tables.table.provenance_of` go with it, and global ``attributes`` with NetCDF.
+    :func:`seatrial.analysis.tables.table.provenance_of` go with it, and global ``attributes`` with NetCDF.
     A file appears under its name only when it is complete. Raises :class:`InputError` for another suffix and
     :class:`StorageError` when it cannot be written.
     """
@@ -221,8 +221,8 @@ def matlab_name(name: str) -> str:
 
 _WRITERS: dict[str, Writer | str] = {
     ".parquet": _write_parquet, ".csv": _write_csv, ".mat": _write_mat, ".xlsx": _write_excel,
-    ".nc": "analysis.tables.netcdf:write_netcdf",
-    ".kml": "analysis.tables.tracks:write_kml", ".gpx": "analysis.tables.tracks:write_gpx",
+    ".nc": "seatrial.analysis.tables.netcdf:write_netcdf",
+    ".kml": "seatrial.analysis.tables.tracks:write_kml", ".gpx": "seatrial.analysis.tables.tracks:write_gpx",
 }  # fmt: skip
 """By suffix; NetCDF and tracks, which need more, by where they are."""
 KINDS = tuple(_WRITERS)

@@ -6,9 +6,9 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from acquisition.core.errors import InputError
-from acquisition.core.files import atomic_file, expect_suffix
-from acquisition.core.trial import software_version
+from seatrial.acquisition.core.errors import InputError
+from seatrial.acquisition.core.files import atomic_file, expect_suffix
+from seatrial.acquisition.core.trial import software_version
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -22,13 +22,13 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from acquisition.core.angles import difference, in_turn
-from acquisition.core.arrays import Floats, Ints
-from acquisition.core.channel import Channel
-from acquisition.core.channels import find_channel, is_setting, known_channels
-from acquisition.core.errors import DataShortageError, InputError
-from acquisition.recording.reader import Recording
-from analysis.tables.table import (
+from seatrial.acquisition.core.angles import difference, in_turn
+from seatrial.acquisition.core.arrays import Floats, Ints
+from seatrial.acquisition.core.channel import Channel
+from seatrial.acquisition.core.channels import find_channel, is_setting, known_channels
+from seatrial.acquisition.core.errors import DataShortageError, InputError
+from seatrial.acquisition.recording.reader import Recording
+from seatrial.analysis.tables.table import (
     NANO,
     TimedValues,
     add_step,
@@ -103,7 +103,7 @@ def resample_recording(
     """As :func:`resample` of a part of the recording's joined table, to the last bit, without joining it.
 
     A day of 13 channels that never share a time would be a table of more than two gigabytes. Raises as
-    :func:`resample`, and as :func:`analysis.tables.table.table_of` and :func:`analysis.tables.table.select`.
+    :func:`resample`, and as ``table_of`` and ``select`` of :mod:`seatrial.analysis.tables.table`.
     """
     names = channels_of(recording)
     first_ns, last_ns = bounds_ns((recording.series[name].measured_ns for name in names), part_percent)

@@ -22,11 +22,11 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from acquisition.core.actuators import Actuators, as_text, control_names
-from acquisition.core.arrays import Floats, Ints, Series
-from acquisition.core.budget import RECORDING_CELLS
-from acquisition.core.channel import Channel
-from acquisition.core.channels import (
+from seatrial.acquisition.core.actuators import Actuators, as_text, control_names
+from seatrial.acquisition.core.arrays import Floats, Ints, Series
+from seatrial.acquisition.core.budget import RECORDING_CELLS
+from seatrial.acquisition.core.channel import Channel
+from seatrial.acquisition.core.channels import (
     BY_NAME,
     ENVIRONMENT,
     ChannelsByName,
@@ -39,13 +39,13 @@ from acquisition.core.channels import (
     required_names,
     trial_names,
 )
-from acquisition.core.errors import DataShortageError, InputError
-from acquisition.core.files import open_regular, parse_json
-from acquisition.core.frames import Quality
-from acquisition.core.text import printable_name
-from acquisition.core.trial import Trial, software_version
-from acquisition.recording.grouping import Files, read_together
-from acquisition.recording.reader import Recording
+from seatrial.acquisition.core.errors import DataShortageError, InputError
+from seatrial.acquisition.core.files import open_regular, parse_json
+from seatrial.acquisition.core.frames import Quality
+from seatrial.acquisition.core.text import printable_name
+from seatrial.acquisition.core.trial import Trial, software_version
+from seatrial.acquisition.recording.grouping import Files, read_together
+from seatrial.acquisition.recording.reader import Recording
 
 _LONGEST_DELAY_S = 3600.0
 

@@ -11,12 +11,12 @@ import numpy as np
 import pandas as pd
 from pymap3d import ned2geodetic
 
-from acquisition.core.arrays import Floats
-from acquisition.core.errors import DataShortageError
-from acquisition.core.files import atomic_file
-from acquisition.core.trial import software_version
-from analysis.tables.resample import interpolate, own_gap_s
-from analysis.tables.table import NANO, times_ns
+from seatrial.acquisition.core.arrays import Floats
+from seatrial.acquisition.core.errors import DataShortageError
+from seatrial.acquisition.core.files import atomic_file
+from seatrial.acquisition.core.trial import software_version
+from seatrial.analysis.tables.resample import interpolate, own_gap_s
+from seatrial.analysis.tables.table import NANO, times_ns
 
 _KML, _GX, _GPX = (
     "http://www.opengis.net/kml/2.2", "http://www.google.com/kml/ext/2.2", "http://www.topografix.com/GPX/1/1",

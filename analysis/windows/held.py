@@ -30,16 +30,16 @@ import numpy as np
 import pandas as pd
 from numpy.lib.stride_tricks import sliding_window_view
 
-from acquisition.core.actuators import DEFAULT, Actuators, control_names, part_of_control
-from acquisition.core.angles import difference, unwrap
-from acquisition.core.arrays import Bools, Floats, Ints
-from acquisition.core.channels import MOTION, is_circular, trial_names
-from acquisition.core.errors import DataShortageError, InputError
-from acquisition.core.result import Result
-from analysis.estimation.noise_levels import noise_of
-from analysis.kinematics import to_earth
-from analysis.tables.resample import MOTION_FILTER, SETTING_FILTER
-from analysis.tables.table import NANO, actuator_attributes, index_of, table_actuators, times_ns, with_calm
+from seatrial.acquisition.core.actuators import DEFAULT, Actuators, control_names, part_of_control
+from seatrial.acquisition.core.angles import difference, unwrap
+from seatrial.acquisition.core.arrays import Bools, Floats, Ints
+from seatrial.acquisition.core.channels import MOTION, is_circular, trial_names
+from seatrial.acquisition.core.errors import DataShortageError, InputError
+from seatrial.acquisition.core.result import Result
+from seatrial.analysis.estimation.noise_levels import noise_of
+from seatrial.analysis.kinematics import to_earth
+from seatrial.analysis.tables.resample import MOTION_FILTER, SETTING_FILTER
+from seatrial.analysis.tables.table import NANO, actuator_attributes, index_of, table_actuators, times_ns, with_calm
 
 _MOVED: dict[Sort, str] = {
     "azimuth": "azimuth_moved", "shaft": "rpm_moved", "tunnel": "tunnel_moved",
@@ -69,8 +69,8 @@ class HeldWindows(Result):
     ``rows`` has one row for each window and second: ``window`` (unique number), ``second`` 0 to the horizon,
     the channels, ``trial``, ``leg`` and ``start`` (UTC time of second 0). ``candidates`` equals ``kept`` plus
     all of ``dropped``. ``starts`` has one row for each window, see
-    :func:`analysis.windows.recordings.add_start_states`. ``provenance`` is by trial
-    (:func:`analysis.tables.table.provenance_of`).
+    :func:`seatrial.analysis.windows.recordings.add_start_states`. ``provenance`` is by trial
+    (:func:`seatrial.analysis.tables.table.provenance_of`).
     """
 
     rows: pd.DataFrame
@@ -81,8 +81,8 @@ class HeldWindows(Result):
     stride_s: int = 5
     starts: pd.DataFrame | None = None
     provenance: Mapping[str, Any] = field(default_factory=dict)
-    view = "analysis.report.plots:windows_view"
-    drawing = "analysis.report.plots:draw_windows"
+    view = "seatrial.analysis.report.plots:windows_view"
+    drawing = "seatrial.analysis.report.plots:draw_windows"
     size_inch = (7.0, 7.0)
 
     @property
@@ -101,7 +101,8 @@ class HeldWindows(Result):
 def held_windows(
     table: pd.DataFrame, horizon_s: int = 15, stride_s: int = 5, trial: str = "trial", *, keep_moving: bool = False
 ) -> HeldWindows:
-    """The held windows of a table of one row a second, as :func:`analysis.tables.resample.resample` gives it.
+    """The held windows of a table of one row a second, as :func:`seatrial.analysis.tables.resample.resample` gives
+    it.
 
     ``trial`` names the recording; windows and legs carry it. With ``keep_moving`` windows in which only a
     thruster moved are kept too, and a column ``held`` tells them apart; legs are then as long as windows follow

@@ -1,12 +1,12 @@
 """Held windows of recordings with their start states, and as files.
 
 A prediction starts from a state that cannot be measured without noise. Here it is the Kalman smoother's, with
-its covariance, from the samples at their own times (:mod:`analysis.estimation.smoother`): the motion as perfect
-sensors would have measured it, including waves, and also the slow motion without them.
+its covariance, from the samples at their own times (:mod:`seatrial.analysis.estimation.smoother`): the motion as
+perfect sensors would have measured it, including waves, and also the slow motion without them.
 
 Predictions start not from that slow motion but from the causal state of the model's Kalman filter at second 0,
-and, marked two-sided, from :mod:`analysis.estimation.local_polynomial`. Of the two that use later data, judged
-by constant velocity over 15 s and 30 s, neither is always better: the smoother's is on a docking (1.3 m for
+and, marked two-sided, from :mod:`seatrial.analysis.estimation.local_polynomial`. Of the two that use later data,
+judged by constant velocity over 15 s and 30 s, neither is always better: the smoother's is on a docking (1.3 m for
 1.45 m rms at 15 s), and in waves it is equal in position and up to 10 % worse in heading; on a recording with
 jitter in the times of positions it is much worse (16.9 m for 6.8 m).
 """
@@ -22,17 +22,17 @@ from pathlib import Path
 
 import pandas as pd
 
-from acquisition.core.actuators import from_text
-from acquisition.core.channels import BY_NAME, POSE_AND_VELOCITY
-from acquisition.core.errors import InputError
-from acquisition.core.files import parse_json, written_together
-from acquisition.core.text import printable_name
-from acquisition.recording.grouping import read_parts, whole_recordings
-from analysis.estimation.smoother import COVARIANCE_NAMES, SmoothedMotion, smooth
-from analysis.prepare import Preparation, prepare
-from analysis.tables.files import read_parquet, write_parquet
-from analysis.tables.resample import MOTION_FILTER, resample, resample_recording
-from analysis.tables.table import (
+from seatrial.acquisition.core.actuators import from_text
+from seatrial.acquisition.core.channels import BY_NAME, POSE_AND_VELOCITY
+from seatrial.acquisition.core.errors import InputError
+from seatrial.acquisition.core.files import parse_json, written_together
+from seatrial.acquisition.core.text import printable_name
+from seatrial.acquisition.recording.grouping import read_parts, whole_recordings
+from seatrial.analysis.estimation.smoother import COVARIANCE_NAMES, SmoothedMotion, smooth
+from seatrial.analysis.prepare import Preparation, prepare
+from seatrial.analysis.tables.files import read_parquet, write_parquet
+from seatrial.analysis.tables.resample import MOTION_FILTER, resample, resample_recording
+from seatrial.analysis.tables.table import (
     actuator_attributes,
     provenance_of,
     refuse_duplicates,
@@ -42,7 +42,7 @@ from analysis.tables.table import (
     warn_of_calm,
     with_calm,
 )
-from analysis.windows.held import HeldWindows, columns_for, held_windows, join_windows, require_windows
+from seatrial.analysis.windows.held import HeldWindows, columns_for, held_windows, join_windows, require_windows
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,7 +62,7 @@ class SecondBySecond:
 
 
 def second_by_second(resampled: Callable[..., pd.DataFrame]) -> SecondBySecond:
-    """Samples at 1 Hz by one of the functions of :mod:`analysis.tables.resample`, its samples given.
+    """Samples at 1 Hz by one of the functions of :mod:`seatrial.analysis.tables.resample`, its samples given.
 
     Where no wind was recorded, they are of a calm, which is reported.
     """
@@ -83,7 +83,7 @@ def tables_of_recordings(
     """Recordings, or a part of each one's time, at 1 Hz, by the trial's name, which is the first file's.
 
     ``repair`` first corrects faults that a check of the whole recording is certain of, ``rebuild_positions``
-    the positions as well (:func:`analysis.prepare.prepare`).
+    the positions as well (:func:`seatrial.analysis.prepare.prepare`).
     """
     tables = {}
     recordings = named_recordings(paths)
@@ -209,7 +209,7 @@ def write_windows(windows: HeldWindows, path: Path | str) -> None:
     """Write the windows as Parquet, the account of the candidates and their provenance in the file's metadata.
 
     Their starts, if they have them, go into ``<name>.starts.parquet`` beside. Raises
-    :class:`acquisition.core.errors.StorageError` when a file cannot be written.
+    :class:`seatrial.acquisition.core.errors.StorageError` when a file cannot be written.
     """
     account = {key: getattr(windows, key) for key in ("candidates", "kept", "dropped", "horizon_s", "stride_s")}
     units = {name: BY_NAME[name].unit for name in trial_channels(windows.rows)} | {"second": "s"}

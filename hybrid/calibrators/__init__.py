@@ -5,20 +5,20 @@ from __future__ import annotations
 from importlib.util import find_spec
 from typing import TYPE_CHECKING
 
-from acquisition.core.errors import ConfigurationError
-from acquisition.core.named_code import load
+from seatrial.acquisition.core.errors import ConfigurationError
+from seatrial.acquisition.core.named_code import load
 
 if TYPE_CHECKING:
-    from hybrid.calibrators.calibrator import Calibrator
-    from hybrid.vessel.plant import Plant
+    from seatrial.hybrid.calibrators.calibrator import Calibrator
+    from seatrial.hybrid.vessel.plant import Plant
 
 # Imported when first used.
 _METHODS = {
-    "paper": "hybrid.calibrators.networks:PaperCalibrator",
-    "data_driven": "hybrid.calibrators.networks:DataDrivenCalibrator",
-    "additive": "hybrid.calibrators.networks:AdditiveCalibrator",
-    "paper_adam": "hybrid.calibrators.networks:PublishedPaperCalibrator",
-    "adaptive": "hybrid.calibrators.adaptive.calibrator:AdaptiveCalibrator",
+    "paper": "seatrial.hybrid.calibrators.networks:PaperCalibrator",
+    "data_driven": "seatrial.hybrid.calibrators.networks:DataDrivenCalibrator",
+    "additive": "seatrial.hybrid.calibrators.networks:AdditiveCalibrator",
+    "paper_adam": "seatrial.hybrid.calibrators.networks:PublishedPaperCalibrator",
+    "adaptive": "seatrial.hybrid.calibrators.adaptive.calibrator:AdaptiveCalibrator",
 }
 INSTALL = "pip install 'seatrial[networks]'"
 METHODS: tuple[str, ...] = tuple(_METHODS)
@@ -54,6 +54,6 @@ def make_calibrator(method: str, seed: int = 0, plant: Plant | None = None) -> C
     if method in _METHODS:
         calibrator: Calibrator = factory(seed, plant)
         return calibrator
-    from hybrid.calibrators.own import own_calibrator
+    from seatrial.hybrid.calibrators.own import own_calibrator
 
     return own_calibrator(factory, method, seed, plant)

@@ -18,22 +18,22 @@ import numpy as np
 import safetensors.numpy
 from pydantic import Field, FiniteFloat, JsonValue, NonNegativeInt, PositiveInt, TypeAdapter, ValidationError
 
-from acquisition.core.actuators import as_text, from_text
-from acquisition.core.arrays import Floats
-from acquisition.core.budget import CALIBRATOR_BYTES
-from acquisition.core.channels import trial_names
-from acquisition.core.errors import InputError, SeatrialError
-from acquisition.core.files import make_folder, read_regular, write_bytes, written_together
-from acquisition.core.named_code import absolute, digest_of, in_file
-from acquisition.core.text import printable_name
-from analysis.tables.table import MOST
-from hybrid.calibrators import METHODS, make_calibrator
-from hybrid.calibrators.calibrator import Calibrator, require_shapes
-from hybrid.calibrators.train import TrainedCalibrator
-from hybrid.prediction.baselines import Fallback
-from hybrid.prediction.dataset import Source
-from hybrid.prediction.prediction_windows import PAST_S
-from hybrid.vessel.plant import Plant, plant_hash, plant_numbers, plant_of
+from seatrial.acquisition.core.actuators import as_text, from_text
+from seatrial.acquisition.core.arrays import Floats
+from seatrial.acquisition.core.budget import CALIBRATOR_BYTES
+from seatrial.acquisition.core.channels import trial_names
+from seatrial.acquisition.core.errors import InputError, SeatrialError
+from seatrial.acquisition.core.files import make_folder, read_regular, write_bytes, written_together
+from seatrial.acquisition.core.named_code import absolute, digest_of, in_file
+from seatrial.acquisition.core.text import printable_name
+from seatrial.analysis.tables.table import MOST
+from seatrial.hybrid.calibrators import METHODS, make_calibrator
+from seatrial.hybrid.calibrators.calibrator import Calibrator, require_shapes
+from seatrial.hybrid.calibrators.train import TrainedCalibrator
+from seatrial.hybrid.prediction.baselines import Fallback
+from seatrial.hybrid.prediction.dataset import Source
+from seatrial.hybrid.prediction.prediction_windows import PAST_S
+from seatrial.hybrid.vessel.plant import Plant, plant_hash, plant_numbers, plant_of
 
 SIDECAR = "calibrator.json"
 FORMAT = 8

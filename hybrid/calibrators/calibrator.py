@@ -11,15 +11,15 @@ from typing import TYPE_CHECKING, ClassVar, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from acquisition.core.actuators import DEFAULT, Actuators
-from acquisition.core.arrays import Bools, Floats
-from acquisition.core.progress import Progress
-from hybrid.prediction.baselines import BASELINES, Candidate, Fallback
-from hybrid.prediction.prediction_windows import PredictionWindows
-from hybrid.prediction.regions import conformal_region
+from seatrial.acquisition.core.actuators import DEFAULT, Actuators
+from seatrial.acquisition.core.arrays import Bools, Floats
+from seatrial.acquisition.core.progress import Progress
+from seatrial.hybrid.prediction.baselines import BASELINES, Candidate, Fallback
+from seatrial.hybrid.prediction.prediction_windows import PredictionWindows
+from seatrial.hybrid.prediction.regions import conformal_region
 
 if TYPE_CHECKING:
-    from hybrid.vessel.plant import Plant
+    from seatrial.hybrid.vessel.plant import Plant
 
 Examples = tuple[PredictionWindows, Floats]
 """Windows and the reference model's tracks on them [N, H+1, 3]."""

@@ -19,10 +19,10 @@ from itertools import islice, pairwise
 import torch
 from torch import Tensor, nn
 
-from acquisition.core.arrays import Floats
-from acquisition.core.errors import ConfigurationError
-from acquisition.core.progress import Progress
-from hybrid.calibrators.networks import HIDDEN, Layers
+from seatrial.acquisition.core.arrays import Floats
+from seatrial.acquisition.core.errors import ConfigurationError
+from seatrial.acquisition.core.progress import Progress
+from seatrial.hybrid.calibrators.networks import HIDDEN, Layers
 
 Rows = tuple[Tensor, Tensor]
 """Inputs [rows, C] and target outputs [rows, K], both scaled."""

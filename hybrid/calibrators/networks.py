@@ -22,22 +22,22 @@ from typing import TYPE_CHECKING, ClassVar, Self
 
 import numpy as np
 
-from acquisition.core.actuators import Actuators
-from acquisition.core.arrays import Floats
-from acquisition.core.errors import InputError
-from acquisition.core.progress import Progress
-from hybrid.calibrators import refuse_untrainable
-from hybrid.calibrators.calibrator import Calibrator, DomainOfApplicability, Examples, require_shapes
-from hybrid.prediction.baselines import HINDCAST_S, Candidate, constant_velocity, mean_known
-from hybrid.prediction.baselines import reference as model_tracks
-from hybrid.prediction.kalman_filter import filtered_starts
-from hybrid.prediction.prediction_windows import PredictionWindows, hindcast_windows
-from hybrid.prediction.scores import mean_distances
-from hybrid.vessel.actuators import angle_columns, control_labels
-from hybrid.vessel.sensors import HEADING, SURGE
+from seatrial.acquisition.core.actuators import Actuators
+from seatrial.acquisition.core.arrays import Floats
+from seatrial.acquisition.core.errors import InputError
+from seatrial.acquisition.core.progress import Progress
+from seatrial.hybrid.calibrators import refuse_untrainable
+from seatrial.hybrid.calibrators.calibrator import Calibrator, DomainOfApplicability, Examples, require_shapes
+from seatrial.hybrid.prediction.baselines import HINDCAST_S, Candidate, constant_velocity, mean_known
+from seatrial.hybrid.prediction.baselines import reference as model_tracks
+from seatrial.hybrid.prediction.kalman_filter import filtered_starts
+from seatrial.hybrid.prediction.prediction_windows import PredictionWindows, hindcast_windows
+from seatrial.hybrid.prediction.scores import mean_distances
+from seatrial.hybrid.vessel.actuators import angle_columns, control_labels
+from seatrial.hybrid.vessel.sensors import HEADING, SURGE
 
 if TYPE_CHECKING:
-    from hybrid.vessel.plant import Plant
+    from seatrial.hybrid.vessel.plant import Plant
 
 
 Rows = tuple[Floats, Floats]
@@ -182,7 +182,7 @@ class NetworkCalibrator(Calibrator):
     def fit(self, training: Examples, stopping: Examples, progress: Progress = lambda share: None) -> Self:
         """Train on windows and their reference tracks; ``stopping`` are windows of other legs."""
         refuse_untrainable(self.method)
-        from hybrid.calibrators.network_training import StoppingRule, train_network
+        from seatrial.hybrid.calibrators.network_training import StoppingRule, train_network
 
         self.actuators, self.any_commands = training[0].actuators, training[0].commands is not None
         rows = inputs, targets = self._rows(*training)

@@ -14,22 +14,22 @@ from typing import TYPE_CHECKING, Any, Protocol, Self
 import numpy as np
 import pandas as pd
 
-from acquisition.core.actuators import Actuators
-from acquisition.core.arrays import Floats
-from acquisition.core.errors import ConfigurationError
-from acquisition.core.files import parse_json
-from acquisition.core.named_code import OwnCodeError, file_of, own_code, require_call
-from acquisition.core.progress import Progress
-from hybrid.calibrators.adaptive.calibrator import start_domain, start_names, start_range
-from hybrid.calibrators.calibrator import Calibrator, DomainOfApplicability, Examples
-from hybrid.calibrators.networks import DOMAIN_MARGIN
-from hybrid.prediction.prediction_windows import PredictionWindows
-from hybrid.vessel.actuators import angle_columns, control_labels
+from seatrial.acquisition.core.actuators import Actuators
+from seatrial.acquisition.core.arrays import Floats
+from seatrial.acquisition.core.errors import ConfigurationError
+from seatrial.acquisition.core.files import parse_json
+from seatrial.acquisition.core.named_code import OwnCodeError, file_of, own_code, require_call
+from seatrial.acquisition.core.progress import Progress
+from seatrial.hybrid.calibrators.adaptive.calibrator import start_domain, start_names, start_range
+from seatrial.hybrid.calibrators.calibrator import Calibrator, DomainOfApplicability, Examples
+from seatrial.hybrid.calibrators.networks import DOMAIN_MARGIN
+from seatrial.hybrid.prediction.prediction_windows import PredictionWindows
+from seatrial.hybrid.vessel.actuators import angle_columns, control_labels
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from hybrid.vessel.plant import Plant
+    from seatrial.hybrid.vessel.plant import Plant
 
 STATE = ("north_m", "east_m", "heading_rad", "surge_mps", "sway_mps", "yaw_rate_radps")
 WIND = ("wind_direction_rad", "wind_speed_mps")

@@ -11,28 +11,28 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from acquisition.config.vessel_file import vessel_names, vessel_of_ship
-from acquisition.core.actuators import control_names
-from acquisition.core.angles import wrap_360
-from acquisition.core.arrays import Floats
-from acquisition.core.channels import trial_names
-from acquisition.core.errors import ConfigurationError, InputError, ModelRangeError
-from acquisition.core.result import ChosenModel, ModelResult
-from analysis.tables.table import table_actuators
-from analysis.windows.recordings import SecondBySecond
-from hybrid.calibrators.artefact import load
-from hybrid.calibrators.train import TrainedCalibrator, plant_for
-from hybrid.effects.catalogue import vessel_plant
-from hybrid.prediction.baselines import reference
-from hybrid.prediction.kalman_filter import filtered_starts
-from hybrid.prediction.planned_commands import commands_from, planned_commands
-from hybrid.prediction.prediction_windows import PredictionWindows, rows_after, windows_of_channels
-from hybrid.prediction.regions import bands, circle_about
-from hybrid.vessel.actuators import control_units
-from hybrid.vessel.files import Trials, chosen, reference_model
-from hybrid.vessel.parameters import Vessel
-from hybrid.vessel.plant import Plant
-from hybrid.vessel.sensors import HEADING
+from seatrial.acquisition.config.vessel_file import vessel_names, vessel_of_ship
+from seatrial.acquisition.core.actuators import control_names
+from seatrial.acquisition.core.angles import wrap_360
+from seatrial.acquisition.core.arrays import Floats
+from seatrial.acquisition.core.channels import trial_names
+from seatrial.acquisition.core.errors import ConfigurationError, InputError, ModelRangeError
+from seatrial.acquisition.core.result import ChosenModel, ModelResult
+from seatrial.analysis.tables.table import table_actuators
+from seatrial.analysis.windows.recordings import SecondBySecond
+from seatrial.hybrid.calibrators.artefact import load
+from seatrial.hybrid.calibrators.train import TrainedCalibrator, plant_for
+from seatrial.hybrid.effects.catalogue import vessel_plant
+from seatrial.hybrid.prediction.baselines import reference
+from seatrial.hybrid.prediction.kalman_filter import filtered_starts
+from seatrial.hybrid.prediction.planned_commands import commands_from, planned_commands
+from seatrial.hybrid.prediction.prediction_windows import PredictionWindows, rows_after, windows_of_channels
+from seatrial.hybrid.prediction.regions import bands, circle_about
+from seatrial.hybrid.vessel.actuators import control_units
+from seatrial.hybrid.vessel.files import Trials, chosen, reference_model
+from seatrial.hybrid.vessel.parameters import Vessel
+from seatrial.hybrid.vessel.plant import Plant
+from seatrial.hybrid.vessel.sensors import HEADING
 
 HORIZON_S = 15
 """The default horizon [s]."""
@@ -116,8 +116,8 @@ class Prediction(ModelResult):
     measured: Floats | None
     outside_domain: bool = False
     planned: Mapping[str, Floats] = field(default_factory=dict)
-    view = "hybrid.report.tables:prediction_table"
-    drawing = "hybrid.report.plots:draw_prediction"
+    view = "seatrial.hybrid.report.tables:prediction_table"
+    drawing = "seatrial.hybrid.report.plots:draw_prediction"
     size_inch = (9.0, 5.0)
 
     @property

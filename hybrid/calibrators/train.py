@@ -11,20 +11,20 @@ from typing import Any
 
 import numpy as np
 
-from acquisition.core.arrays import Floats
-from acquisition.core.errors import ConfigurationError, InputError
-from acquisition.core.progress import Progress, part_of
-from acquisition.core.result import ModelResult
-from acquisition.core.trial import software_version
-from hybrid.calibrators import can_train, make_calibrator
-from hybrid.calibrators.calibrator import Calibrator, Examples, PredictedTracks, predict_with_fallback
-from hybrid.effects.catalogue import vessel_plant
-from hybrid.prediction.baselines import Fallback
-from hybrid.prediction.dataset import Dataset, Source, within_model_range
-from hybrid.prediction.prediction_windows import PredictionWindows, clear_of, draw_windows, unlike_groups
-from hybrid.prediction.scores import score
-from hybrid.vessel.files import load_vessel
-from hybrid.vessel.plant import Plant, plant_hash
+from seatrial.acquisition.core.arrays import Floats
+from seatrial.acquisition.core.errors import ConfigurationError, InputError
+from seatrial.acquisition.core.progress import Progress, part_of
+from seatrial.acquisition.core.result import ModelResult
+from seatrial.acquisition.core.trial import software_version
+from seatrial.hybrid.calibrators import can_train, make_calibrator
+from seatrial.hybrid.calibrators.calibrator import Calibrator, Examples, PredictedTracks, predict_with_fallback
+from seatrial.hybrid.effects.catalogue import vessel_plant
+from seatrial.hybrid.prediction.baselines import Fallback
+from seatrial.hybrid.prediction.dataset import Dataset, Source, within_model_range
+from seatrial.hybrid.prediction.prediction_windows import PredictionWindows, clear_of, draw_windows, unlike_groups
+from seatrial.hybrid.prediction.scores import score
+from seatrial.hybrid.vessel.files import load_vessel
+from seatrial.hybrid.vessel.plant import Plant, plant_hash
 
 HELD_OUT_SHARE = 0.2
 METHOD = "adaptive"
@@ -61,8 +61,8 @@ class TrainedCalibrator(ModelResult):
     metrics: dict[str, Any]
     trained_at: datetime = field(default_factory=lambda: datetime.now(UTC).replace(microsecond=0))
     versions: dict[str, str] = field(default_factory=versions)
-    view = "hybrid.report.tables:training_view"
-    drawing = "hybrid.report.plots:draw_regions"
+    view = "seatrial.hybrid.report.tables:training_view"
+    drawing = "seatrial.hybrid.report.plots:draw_regions"
     size_inch = (7.0, 4.0)
 
     def predict_tracks(self, windows: PredictionWindows, reference: Floats) -> PredictedTracks:

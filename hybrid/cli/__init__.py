@@ -12,12 +12,12 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from acquisition.cli import ABOARD, DIAGNOSIS, PREDICTIONS, RECORDINGS, TRIALS
-from acquisition.core.process import echo
+from seatrial.acquisition.cli import ABOARD, DIAGNOSIS, PREDICTIONS, RECORDINGS, TRIALS
+from seatrial.acquisition.core.process import echo
 
 if TYPE_CHECKING:
-    from acquisition.core.result import Result
-    from hybrid.calibrators.train import TrainedCalibrator
+    from seatrial.acquisition.core.result import Result
+    from seatrial.hybrid.calibrators.train import TrainedCalibrator
 
 Recordings = Annotated[list[Path], typer.Argument(help="Recordings.")]
 VesselOption = Annotated[str | None, typer.Option(help="A vessel of trials/vessels, or a vessel file.")]
@@ -62,7 +62,7 @@ def chosen_calibrator(folder: Path | None, method: str | None) -> TrainedCalibra
             "is the code of a trained calibrator: give its folder with --calibrator; `seatrial train` makes one, "
             "`seatrial evaluate` compares methods untrained", param_hint="--method",
         )  # fmt: skip
-    from hybrid.calibrators.artefact import load
+    from seatrial.hybrid.calibrators.artefact import load
 
     return load(folder, method)
 
@@ -72,8 +72,8 @@ def print_result(values: Any, result: Result, *, as_json: bool) -> None:
     if as_json:
         echo(json.dumps(values))
         return
-    from acquisition.core.result import ModelResult
-    from acquisition.core.terminal import Terminal
+    from seatrial.acquisition.core.result import ModelResult
+    from seatrial.acquisition.core.terminal import Terminal
 
     if isinstance(result, ModelResult):
         for line in result.first_lines:
@@ -83,7 +83,7 @@ def print_result(values: Any, result: Result, *, as_json: bool) -> None:
 
 def say_what_needs_networks(what: str) -> None:
     """Say on stderr that ``what`` is left out where networks cannot be trained."""
-    from hybrid.calibrators import INSTALL, can_train
+    from seatrial.hybrid.calibrators import INSTALL, can_train
 
     if not can_train("data_driven"):
         echo(f"left out, as PyTorch is not installed, which trains networks: {what}; {INSTALL}", err=True)
@@ -91,7 +91,7 @@ def say_what_needs_networks(what: str) -> None:
 
 def mount(app: typer.Typer) -> None:
     """Add the commands of the model to the command line; their help is what they say of themselves."""
-    from hybrid.cli import model, results, trials, vessel
+    from seatrial.hybrid.cli import model, results, trials, vessel
 
     panels: dict[str, tuple[Callable[..., None], ...]] = {
         TRIALS: (trials.demo, trials.init, trials.simulate, trials.plan, trials.campaign),

@@ -10,10 +10,10 @@ from typing import Annotated
 
 import typer
 
-from acquisition.cli import AsJson, writes
-from acquisition.core.process import echo, stop_on_signals
-from analysis.cli import RebuildPositions
-from hybrid.cli import (
+from seatrial.acquisition.cli import AsJson, writes
+from seatrial.acquisition.core.process import echo, stop_on_signals
+from seatrial.analysis.cli import RebuildPositions
+from seatrial.hybrid.cli import (
     AllowSeenOption,
     AnyOption,
     CalibratorOption,
@@ -51,10 +51,10 @@ def train(
     as_json: AsJson = False,
 ) -> None:
     """Train a calibrator on a reference model."""
-    from hybrid.calibrators import refuse_untrainable
-    from hybrid.calibrators.artefact import save
-    from hybrid.scripting import train as run
-    from hybrid.vessel.files import reference_model, trials_of
+    from seatrial.hybrid.calibrators import refuse_untrainable
+    from seatrial.hybrid.calibrators.artefact import save
+    from seatrial.hybrid.scripting import train as run
+    from seatrial.hybrid.vessel.files import reference_model, trials_of
 
     refuse_untrainable(method)
     reference_model(trials_of(files), vessel)
@@ -89,7 +89,7 @@ def validate(
     as_json: AsJson = False,
 ) -> None:
     """Score every method on recordings that were not used for training, and the model by its manoeuvre indices."""
-    from hybrid.scripting import validate as run
+    from seatrial.hybrid.scripting import validate as run
 
     trained = chosen_calibrator(calibrator, method)
     validation = run(
@@ -129,7 +129,7 @@ def evaluate(
     as_json: AsJson = False,
 ) -> None:
     """Compare the methods by cross-validation, with 95 % intervals."""
-    from hybrid.scripting import evaluate as run
+    from seatrial.hybrid.scripting import evaluate as run
 
     if not method:
         say_what_needs_networks("every method but adaptive")
@@ -149,7 +149,7 @@ def evaluate(
     }
     values = {**about, **evaluation.as_dict()}
     if output is not None:
-        from hybrid.report.evaluation_page import write_evaluation
+        from seatrial.hybrid.report.evaluation_page import write_evaluation
 
         for path in write_evaluation(evaluation, json.dumps(values), about, output):
             echo(path, err=True)
@@ -175,7 +175,7 @@ def predict(
     as_json: AsJson = False,
 ) -> None:
     """Predict the track from one instant of a recording."""
-    from hybrid.scripting import predict as run
+    from seatrial.hybrid.scripting import predict as run
 
     prediction = run(file, at, chosen_calibrator(calibrator, method), vessel, horizon, commands)
     print_result(prediction.as_dict(), prediction, as_json=as_json)
@@ -209,10 +209,10 @@ def watch(
     with stop_on_signals() as stop:  # before the heavy imports: they take a while, and Ctrl-C may come
         with suppress(OSError):
             os.nice(_NICENESS)
-        from acquisition.config.configuration import load_config
-        from hybrid.calibrators.predict import predictor_of
-        from hybrid.twin.watch import as_json as described
-        from hybrid.twin.watch import watch as run
+        from seatrial.acquisition.config.configuration import load_config
+        from seatrial.hybrid.calibrators.predict import predictor_of
+        from seatrial.hybrid.twin.watch import as_json as described
+        from seatrial.hybrid.twin.watch import watch as run
 
         trial = load_config(config)
         trained = chosen_calibrator(calibrator, method)

@@ -9,11 +9,11 @@ from typing import Annotated
 
 import typer
 
-from acquisition.cli import AsJson, writes
-from acquisition.core.files import written_together
-from acquisition.core.process import echo
-from acquisition.core.progress import bar, part_of
-from hybrid.cli import (
+from seatrial.acquisition.cli import AsJson, writes
+from seatrial.acquisition.core.files import written_together
+from seatrial.acquisition.core.process import echo
+from seatrial.acquisition.core.progress import bar, part_of
+from seatrial.hybrid.cli import (
     AllowSeenOption,
     CodeOption,
     EffectsOption,
@@ -65,16 +65,16 @@ def speed_power(
     as_json: AsJson = False,
 ) -> None:
     """Speed-power curve from reciprocal runs, corrected for current and wind."""
-    from hybrid.scripting import speed_power as analyse
+    from seatrial.hybrid.scripting import speed_power as analyse
 
     found = analyse(files, conditions, vessel, wind_coefficients)
     asked = [found.speed_at(each) for each in power or ()]
     if output is not None:
-        from analysis.speed_power.report import write_speed_power
+        from seatrial.analysis.speed_power.report import write_speed_power
 
         for path in write_speed_power(found, output):
             echo(path, err=True)
-    from analysis.speed_power.report import as_dict, power_text, speed_text
+    from seatrial.analysis.speed_power.report import as_dict, power_text, speed_text
 
     print_result(as_dict(found, asked), found, as_json=as_json)
     for each in asked if not as_json else ():
@@ -114,10 +114,10 @@ def diagnose(
     as_json: AsJson = False,
 ) -> None:
     """Name the effects that the model lacks, add them, and show how the error shrinks."""
-    from analysis.tables.table import percent_of
-    from hybrid.effects.catalogue import catalogue_with
-    from hybrid.vessel.files import reference_model, trials_of
-    from hybrid.workflows.diagnose import diagnose_files, write_diagnosis
+    from seatrial.analysis.tables.table import percent_of
+    from seatrial.hybrid.effects.catalogue import catalogue_with
+    from seatrial.hybrid.vessel.files import reference_model, trials_of
+    from seatrial.hybrid.workflows.diagnose import diagnose_files, write_diagnosis
 
     ship = reference_model(trials_of(files), vessel).vessel
     catalogue = catalogue_with(effects or (), without or (), ship)
@@ -129,7 +129,7 @@ def diagnose(
     if calibrate:
         from dataclasses import replace
 
-        from hybrid.diagnosis.calibrator_comparison import compare_calibrators, doubted_by_calibrator
+        from seatrial.hybrid.diagnosis.calibrator_comparison import compare_calibrators, doubted_by_calibrator
 
         with bar("training") as progress:
             ladder = compare_calibrators(diagnosed.conclusion, diagnosed.tables, seed=seed, progress=progress)
@@ -143,8 +143,8 @@ def diagnose(
     if as_json:
         echo(json.dumps(diagnosis.as_dict()))
         return
-    from acquisition.core.terminal import Terminal
-    from hybrid.report.diagnosis_words import model_line, summary
+    from seatrial.acquisition.core.terminal import Terminal
+    from seatrial.hybrid.report.diagnosis_words import model_line, summary
 
     echo(model_line(diagnosis))
     for name in ("repaired", "left_out", "wind"):
@@ -179,14 +179,14 @@ def identify(
     as_json: AsJson = False,
 ) -> None:
     """Identify the coefficients of a model from recordings, with intervals."""
-    from hybrid.scripting import identify as run
+    from seatrial.hybrid.scripting import identify as run
 
     found = run(
         files, vessel, output, horizon, repair=repair, rebuild_positions=rebuild_positions, validation=validation,
         segment_s=segment, part=part,
     )  # fmt: skip
     if picture is not None:
-        from analysis.report.figures import write_figure
+        from seatrial.analysis.report.figures import write_figure
 
         for path in write_figure(found.plot(), picture.parent, picture.stem, [picture.suffix.lstrip(".") or "png"]):
             echo(path, err=True)
@@ -202,11 +202,11 @@ def table3(
     as_json: AsJson = False,
 ) -> None:
     """Reproduce the paper's Table III on unseen sequences, and with the random split."""
-    from hybrid.reproduction.campaign import seas_of
-    from hybrid.reproduction.page import write_table3
-    from hybrid.reproduction.running import RunningTable
-    from hybrid.reproduction.table3 import papers_jobs
-    from hybrid.reproduction.table3 import table3 as table_of
+    from seatrial.hybrid.reproduction.campaign import seas_of
+    from seatrial.hybrid.reproduction.page import write_table3
+    from seatrial.hybrid.reproduction.running import RunningTable
+    from seatrial.hybrid.reproduction.table3 import papers_jobs
+    from seatrial.hybrid.reproduction.table3 import table3 as table_of
 
     jobs = papers_jobs(seed, seeds)
     running = RunningTable(len(jobs), workers, output, partial(echo, err=True))
@@ -215,8 +215,8 @@ def table3(
         seas = seas_of(jobs, workers, progress, running.add)
     table = table_of(seas)
     if output is not None:
-        from hybrid.reproduction.figures import write_figures
-        from hybrid.reproduction.page import TABLE, write_page
+        from seatrial.hybrid.reproduction.figures import write_figures
+        from seatrial.hybrid.reproduction.page import TABLE, write_page
 
         with written_together(output / TABLE):
             write_figures([sea for sea in seas if sea.job.seed == seed], output)
@@ -235,9 +235,9 @@ def figures(
     as_json: AsJson = False,
 ) -> None:
     """Reproduce the figures of the paper."""
-    from hybrid.reproduction.campaign import seas_of
-    from hybrid.reproduction.figures import write_figures
-    from hybrid.reproduction.table3 import papers_jobs
+    from seatrial.hybrid.reproduction.campaign import seas_of
+    from seatrial.hybrid.reproduction.figures import write_figures
+    from seatrial.hybrid.reproduction.table3 import papers_jobs
 
     with bar("figures") as progress:
         paths = write_figures(seas_of(papers_jobs(seed, 1), progress=progress), output)
@@ -259,9 +259,9 @@ def fidelity(
     as_json: AsJson = False,
 ) -> None:
     """Map how the hybrid's gain depends on the error of the reference model."""
-    from hybrid.calibrators import refuse_untrainable
-    from hybrid.reproduction import notebook
-    from hybrid.simulation.sea_state import sea_state_named
+    from seatrial.hybrid.calibrators import refuse_untrainable
+    from seatrial.hybrid.reproduction import notebook
+    from seatrial.hybrid.simulation.sea_state import sea_state_named
 
     for each in (method, "data_driven"):
         refuse_untrainable(each)
@@ -322,12 +322,12 @@ def report(
     as_json: AsJson = False,
 ) -> None:
     """Write the report of a trial, a diagnosis, a reproduction or a batch, as HTML and PDF."""
-    from acquisition.core.errors import ConfigurationError
-    from acquisition.core.locks import locked_folder
-    from analysis.report.rendering import write_pdf
-    from hybrid.report.folder import Choices, report_folder
-    from hybrid.report.folder import report as run
-    from hybrid.report.sections import FAILED
+    from seatrial.acquisition.core.errors import ConfigurationError
+    from seatrial.acquisition.core.locks import locked_folder
+    from seatrial.analysis.report.rendering import write_pdf
+    from seatrial.hybrid.report.folder import Choices, report_folder
+    from seatrial.hybrid.report.folder import report as run
+    from seatrial.hybrid.report.sections import FAILED
 
     choices = Choices(calibrator, vessel, horizon, part, not no_repair, allow_seen, interactive, length, method,
                       conditions)  # fmt: skip

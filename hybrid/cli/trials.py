@@ -8,17 +8,17 @@ from typing import Annotated
 
 import typer
 
-from acquisition.cli import AsJson, writes
-from acquisition.core.process import echo
-from acquisition.core.progress import bar
-from hybrid.cli import (
+from seatrial.acquisition.cli import AsJson, writes
+from seatrial.acquisition.core.process import echo
+from seatrial.acquisition.core.progress import bar
+from seatrial.hybrid.cli import (
     EffectsOption,
     SeaStateOption,
     VesselOption,
     WorkersOption,
     print_result,
 )
-from hybrid.cli.vessel import (
+from seatrial.hybrid.cli.vessel import (
     AzimuthOption,
     BeamOption,
     BlockOption,
@@ -62,9 +62,9 @@ def init(
     if vessel is not None and given:
         raise typer.BadParameter("is given with --vessel, whose file says it", param_hint=f"--{given[0]}")
     particulars = {} if vessel is not None else complete(needed, devices, "--vessel FILE")
-    from acquisition.recording.parts import safe_name
-    from hybrid.vessel.estimate.new_vessel import new_vessel
-    from hybrid.workflows.start import start_folder
+    from seatrial.acquisition.recording.parts import safe_name
+    from seatrial.hybrid.vessel.estimate.new_vessel import new_vessel
+    from seatrial.hybrid.workflows.start import start_folder
 
     name = safe_name(name or folder.resolve().name)
     ship = new_vessel(name=name, **particulars) if vessel is None else vessel
@@ -81,10 +81,10 @@ def demo(
     seed: Annotated[int, typer.Option(min=0, help="The same seed gives the same voyage.")] = 1,
 ) -> None:
     """Run the whole chain: from simulated buses to a report."""
-    from hybrid.workflows.demo import demonstrate
+    from seatrial.hybrid.workflows.demo import demonstrate
 
     done = demonstrate(output, seed, say=lambda line: echo(line, err=True))
-    from acquisition.core.terminal import Terminal
+    from seatrial.acquisition.core.terminal import Terminal
 
     echo(done.validation.model, err=True)
     Terminal(stderr=True).print(done.validation)
@@ -110,9 +110,9 @@ def simulate(
     effects_file: EffectsOption = None,
 ) -> None:
     """Simulate a trial as its sensors would have recorded it."""
-    from hybrid.effects.catalogue import catalogue_with, parse_effects
-    from hybrid.scripting import simulate as run
-    from hybrid.vessel.files import load_vessel
+    from seatrial.hybrid.effects.catalogue import catalogue_with, parse_effects
+    from seatrial.hybrid.scripting import simulate as run
+    from seatrial.hybrid.vessel.files import load_vessel
 
     ship = load_vessel(vessel)
     catalogue = catalogue_with(effects_file or (), vessel=ship)
@@ -133,7 +133,7 @@ def campaign(
     """Simulate many trials: vessels, seas, manoeuvres, seeds."""
     if workers is not None and scheduler is not None:
         raise typer.BadParameter("give --workers or --scheduler, not both")
-    from hybrid.simulation.campaigns import load_campaign, run_campaign
+    from seatrial.hybrid.simulation.campaigns import load_campaign, run_campaign
 
     planned = load_campaign(file)
     with bar("campaign") as progress:
@@ -153,16 +153,16 @@ def campaign(
 
 def effects(effects_file: EffectsOption = None, vessel: VesselOption = None, as_json: AsJson = False) -> None:
     """List the effects that a model may lack."""
-    from hybrid.effects.catalogue import VERSION, catalogue_with
-    from hybrid.vessel.files import load_vessel
+    from seatrial.hybrid.effects.catalogue import VERSION, catalogue_with
+    from seatrial.hybrid.vessel.files import load_vessel
 
     catalogue = catalogue_with(effects_file or (), vessel=load_vessel(vessel))
     if as_json:
         listed = [effect.as_dict() for effect in catalogue.values()]
         echo(json.dumps({"version": VERSION, "effects": listed}))
         return
-    from acquisition.core.terminal import Terminal
-    from hybrid.report.tables import CATALOGUE_WIDTH, catalogue_tables
+    from seatrial.acquisition.core.terminal import Terminal
+    from seatrial.hybrid.report.tables import CATALOGUE_WIDTH, catalogue_tables
 
     console = Terminal()
     console.width = max(console.width, CATALOGUE_WIDTH)
@@ -190,14 +190,14 @@ def plan(
     as_json: AsJson = False,
 ) -> None:
     """Say which effects a planned trial could find, and propose a better one."""
-    from hybrid.scripting import plan as run
+    from seatrial.hybrid.scripting import plan as run
 
     planned = run(
         vessel, manoeuvres or (), duration, sea_state, tolerance,
         effect_files=effects_file or (), without=without or (),
     )  # fmt: skip
     if output is not None:
-        from hybrid.report.plan_page import write_plan
+        from seatrial.hybrid.report.plan_page import write_plan
 
         for path in write_plan(planned, output):
             echo(path, err=True)

@@ -8,10 +8,10 @@ from typing import Annotated, Any
 
 import typer
 
-from acquisition.cli import AsJson, writes
-from acquisition.core.process import echo
-from acquisition.core.text import printable_name
-from hybrid.cli import print_result
+from seatrial.acquisition.cli import AsJson, writes
+from seatrial.acquisition.core.process import echo
+from seatrial.acquisition.core.text import printable_name
+from seatrial.hybrid.cli import print_result
 
 _ASKED = {
     "length": "Length between perpendiculars [m]",
@@ -27,7 +27,7 @@ _KEYWORDS = {
     "service_speed": "service_speed_mps", "propeller": "propellers", "azimuth": "azimuths", "rudder": "rudders",
     "tunnel": "tunnels",
 }  # fmt: skip
-"""What an option is called in :func:`hybrid.vessel.estimate.new_vessel.new_vessel`."""
+"""What an option is called in :func:`seatrial.hybrid.vessel.estimate.new_vessel.new_vessel`."""
 
 _DEVICES = {
     "propeller": "A propeller, diameter=M[,pitch_ratio=..][,blades=..][,area_ratio=..][,rpm=..]",
@@ -76,7 +76,7 @@ def new(
     particulars = complete(needed, devices)
     if hull not in ("mmg", "cross_flow"):
         raise typer.BadParameter(f"no hull model {hull!r}; give mmg or cross_flow")
-    from hybrid.vessel.estimate.new_vessel import new_vessel
+    from seatrial.hybrid.vessel.estimate.new_vessel import new_vessel
 
     made = new_vessel(
         output,
@@ -105,11 +105,11 @@ def check(
     as_json: AsJson = False,
 ) -> None:
     """Simulate the standard manoeuvres of a vessel file, and compare them with the IMO limits."""
-    from hybrid.scripting import vessel_check
+    from seatrial.hybrid.scripting import vessel_check
 
     checked = vessel_check(vessel, rpm)
     if output is not None:
-        from hybrid.report.vessel_check import write_vessel_check
+        from seatrial.hybrid.report.vessel_check import write_vessel_check
 
         echo(write_vessel_check(checked, output), err=True)
     print_result(checked.as_dict(), checked, as_json=as_json)

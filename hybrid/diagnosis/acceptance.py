@@ -24,9 +24,9 @@ import numpy as np
 from scipy.optimize import minimize_scalar
 from scipy.stats import chi2, t
 
-from acquisition.core.arrays import Floats, Ints
-from hybrid.diagnosis.disturbance_model import FORCE_UNITS
-from hybrid.diagnosis.evidence import (
+from seatrial.acquisition.core.arrays import Floats, Ints
+from seatrial.hybrid.diagnosis.disturbance_model import FORCE_UNITS
+from seatrial.hybrid.diagnosis.evidence import (
     Evidence,
     Fit,
     NormalEquations,
@@ -38,8 +38,8 @@ from hybrid.diagnosis.evidence import (
     restored_data,
     restored_gram,
 )
-from hybrid.diagnosis.nuisance_basis import AXES, INTERACTIONS, OPERATION
-from hybrid.diagnosis.select_effects import (
+from seatrial.hybrid.diagnosis.nuisance_basis import AXES, INTERACTIONS, OPERATION
+from seatrial.hybrid.diagnosis.select_effects import (
     MAX_LINEARISATIONS,
     Selection,
     Swap,
@@ -50,7 +50,7 @@ from hybrid.diagnosis.select_effects import (
     search_on,
     swaps_about_themselves,
 )
-from hybrid.effects import Effect
+from seatrial.hybrid.effects import Effect
 
 FALSE_ALARM = 0.005
 """The probability, for each test, that a trial with nothing hidden shows any effect."""

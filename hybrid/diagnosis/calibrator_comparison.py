@@ -2,7 +2,7 @@
 
 Windows are divided by the folds of the gap. A fold's windows are predicted by the model with the effects named
 on the other folds, and by calibrators trained on windows without a second in that fold. Calibrators are trained
-and scored by :mod:`hybrid.evaluation.study`, as for ``seatrial evaluate``.
+and scored by :mod:`seatrial.hybrid.evaluation.study`, as for ``seatrial evaluate``.
 """
 
 from __future__ import annotations
@@ -14,27 +14,27 @@ from functools import partial
 import numpy as np
 import pandas as pd
 
-from acquisition.core.arrays import Ints
-from acquisition.core.errors import DataShortageError
-from acquisition.core.progress import Progress, part_of
-from analysis.tables.resample import resample
-from analysis.windows.recordings import second_by_second
-from hybrid.calibrators.train import METHOD
-from hybrid.diagnosis.gap import FOLDS, HORIZON_S, fold_of
-from hybrid.diagnosis.linearise import Model
-from hybrid.diagnosis.log import Log, tables_by_recording
-from hybrid.diagnosis.nuisance_basis import OPERATION
-from hybrid.diagnosis.result import Diagnosis, Ladder, Ratio, UnknownCause
-from hybrid.diagnosis.select_effects import Coordinates
-from hybrid.diagnosis.time_varying import time_varying_among
-from hybrid.diagnosis.verdict import Conclusion
-from hybrid.evaluation.splits import Draw, with_stopping
-from hybrid.evaluation.study import Errors, evaluate_draw, pool_draws
-from hybrid.prediction.baselines import reference
-from hybrid.prediction.dataset import dataset_of
-from hybrid.prediction.prediction_windows import PredictionWindows
-from hybrid.prediction.scores import LegBootstrap
-from hybrid.vessel.plant import Plant
+from seatrial.acquisition.core.arrays import Ints
+from seatrial.acquisition.core.errors import DataShortageError
+from seatrial.acquisition.core.progress import Progress, part_of
+from seatrial.analysis.tables.resample import resample
+from seatrial.analysis.windows.recordings import second_by_second
+from seatrial.hybrid.calibrators.train import METHOD
+from seatrial.hybrid.diagnosis.gap import FOLDS, HORIZON_S, fold_of
+from seatrial.hybrid.diagnosis.linearise import Model
+from seatrial.hybrid.diagnosis.log import Log, tables_by_recording
+from seatrial.hybrid.diagnosis.nuisance_basis import OPERATION
+from seatrial.hybrid.diagnosis.result import Diagnosis, Ladder, Ratio, UnknownCause
+from seatrial.hybrid.diagnosis.select_effects import Coordinates
+from seatrial.hybrid.diagnosis.time_varying import time_varying_among
+from seatrial.hybrid.diagnosis.verdict import Conclusion
+from seatrial.hybrid.evaluation.splits import Draw, with_stopping
+from seatrial.hybrid.evaluation.study import Errors, evaluate_draw, pool_draws
+from seatrial.hybrid.prediction.baselines import reference
+from seatrial.hybrid.prediction.dataset import dataset_of
+from seatrial.hybrid.prediction.prediction_windows import PredictionWindows
+from seatrial.hybrid.prediction.scores import LegBootstrap
+from seatrial.hybrid.vessel.plant import Plant
 
 _TELLING = 0.9  # of the error: a tenth is worth explaining
 

@@ -16,15 +16,27 @@ from math import log
 import numpy as np
 from scipy.linalg import cho_factor, solve_triangular
 
-from acquisition.core.arrays import Floats, Ints
-from hybrid.diagnosis.acceptance import Acceptance
-from hybrid.diagnosis.coarse_model import is_coarse
-from hybrid.diagnosis.evidence import Evidence, NormalEquations, log_evidence, normal_equations, restored_data
-from hybrid.diagnosis.log import Log
-from hybrid.diagnosis.nuisance_basis import FEW
-from hybrid.diagnosis.select_effects import CLOSE, search_effects
-from hybrid.diagnosis.time_varying import Shape, TimeProfile, TimeVaryingEffect, time_varying, time_varying_among
-from hybrid.vessel.effect import Effect
+from seatrial.acquisition.core.arrays import Floats, Ints
+from seatrial.hybrid.diagnosis.acceptance import Acceptance
+from seatrial.hybrid.diagnosis.coarse_model import is_coarse
+from seatrial.hybrid.diagnosis.evidence import (
+    Evidence,
+    NormalEquations,
+    log_evidence,
+    normal_equations,
+    restored_data,
+)
+from seatrial.hybrid.diagnosis.log import Log
+from seatrial.hybrid.diagnosis.nuisance_basis import FEW
+from seatrial.hybrid.diagnosis.select_effects import CLOSE, search_effects
+from seatrial.hybrid.diagnosis.time_varying import (
+    Shape,
+    TimeProfile,
+    TimeVaryingEffect,
+    time_varying,
+    time_varying_among,
+)
+from seatrial.hybrid.vessel.effect import Effect
 
 _STEP_S = 10  # between candidate times of a change
 _MOST_PARTS = 120  # of a trial; more would only take memory

@@ -22,9 +22,9 @@ from functools import partial
 
 import numpy as np
 
-from acquisition.core.arrays import Floats
-from acquisition.core.progress import Progress
-from hybrid.diagnosis.acceptance import (
+from seatrial.acquisition.core.arrays import Floats
+from seatrial.acquisition.core.progress import Progress
+from seatrial.hybrid.diagnosis.acceptance import (
     CREDIBLE,
     HELD_OUT_LEVEL,
     Acceptance,
@@ -35,8 +35,8 @@ from hybrid.diagnosis.acceptance import (
     lack_of_fit_that_matters,
     pairs_spanning,
 )
-from hybrid.diagnosis.evidence import Evidence, Fit, marginalise
-from hybrid.diagnosis.gap import (
+from seatrial.hybrid.diagnosis.evidence import Evidence, Fit, marginalise
+from seatrial.hybrid.diagnosis.gap import (
     LinearTracks,
     UnseenWindows,
     closest_alone,
@@ -44,9 +44,9 @@ from hybrid.diagnosis.gap import (
     evidence_without,
     linear_tracks,
 )
-from hybrid.diagnosis.nuisance_basis import FEW, INTERACTIONS, OPERATION
-from hybrid.diagnosis.result import Replication
-from hybrid.diagnosis.select_effects import (
+from seatrial.hybrid.diagnosis.nuisance_basis import FEW, INTERACTIONS, OPERATION
+from seatrial.hybrid.diagnosis.result import Replication
+from seatrial.hybrid.diagnosis.select_effects import (
     MAX_LINEARISATIONS,
     Coordinates,
     Selection,

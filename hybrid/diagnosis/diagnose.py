@@ -15,23 +15,23 @@ import numpy as np
 import pandas as pd
 from threadpoolctl import threadpool_limits
 
-from acquisition.core.errors import ConfigurationError
-from acquisition.core.progress import Progress, part_of
-from hybrid.diagnosis.acceptance import Acceptance, accept, accept_names
-from hybrid.diagnosis.change import likeliest_change, may_change
-from hybrid.diagnosis.coarse_model import preliminary_selection, selected, untested_if_coarse
-from hybrid.diagnosis.disturbance_model import NoiseEstimate
-from hybrid.diagnosis.estimate_noise import estimate_noise
-from hybrid.diagnosis.evidence import evidence_of, normal_equations, weigh_evidence
-from hybrid.diagnosis.linearise import Linearisation, linearise, model_of
-from hybrid.diagnosis.log import INPUT_HOLDS, SELDOM_S, InputHold, log_of
-from hybrid.diagnosis.nuisance_basis import FEW
-from hybrid.diagnosis.select_effects import log_density, search_effects
-from hybrid.diagnosis.time_varying import with_recordings
-from hybrid.diagnosis.verdict import Conclusion, reach_verdict
-from hybrid.effects import Catalogue
-from hybrid.effects.catalogue import catalogue_of
-from hybrid.vessel.parameters import Vessel
+from seatrial.acquisition.core.errors import ConfigurationError
+from seatrial.acquisition.core.progress import Progress, part_of
+from seatrial.hybrid.diagnosis.acceptance import Acceptance, accept, accept_names
+from seatrial.hybrid.diagnosis.change import likeliest_change, may_change
+from seatrial.hybrid.diagnosis.coarse_model import preliminary_selection, selected, untested_if_coarse
+from seatrial.hybrid.diagnosis.disturbance_model import NoiseEstimate
+from seatrial.hybrid.diagnosis.estimate_noise import estimate_noise
+from seatrial.hybrid.diagnosis.evidence import evidence_of, normal_equations, weigh_evidence
+from seatrial.hybrid.diagnosis.linearise import Linearisation, linearise, model_of
+from seatrial.hybrid.diagnosis.log import INPUT_HOLDS, SELDOM_S, InputHold, log_of
+from seatrial.hybrid.diagnosis.nuisance_basis import FEW
+from seatrial.hybrid.diagnosis.select_effects import log_density, search_effects
+from seatrial.hybrid.diagnosis.time_varying import with_recordings
+from seatrial.hybrid.diagnosis.verdict import Conclusion, reach_verdict
+from seatrial.hybrid.effects import Catalogue
+from seatrial.hybrid.effects.catalogue import catalogue_of
+from seatrial.hybrid.vessel.parameters import Vessel
 
 CHANGES = 3
 """The largest number of effects that may vary over a trial."""

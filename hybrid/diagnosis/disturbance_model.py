@@ -6,7 +6,7 @@ one scaled by how far the waves come from the side; the slow drift of the waves,
 along the direction in which they travel, with the shares of the mean drift in surge, sway and yaw (Newman 1974,
 Int. Symp. Dynamics of Marine Vehicles); and the drift of each sensor (Ornstein-Uhlenbeck). Wave motion, wave drift
 and sensor drift are left out where there are none. :class:`Noise` holds all levels; the system is compiled for
-:mod:`analysis.estimation.kalman_kernel`.
+:mod:`seatrial.analysis.estimation.kalman_kernel`.
 
 The filter starts each block from an unknown state, so every block has a free start. Innovations divided by
 their standard deviations are the whitened errors. The filter is linear, so the change of these errors with an
@@ -28,14 +28,14 @@ import numpy as np
 from numba import get_num_threads, njit
 from numpy.typing import NDArray
 
-from acquisition.core.arrays import Floats
-from analysis.compiling import FAST, compiled, source_stamp
-from analysis.estimation import kalman_kernel, process_models
-from analysis.estimation.kalman_kernel import WIDTH, filter_pass, smoother_pass
-from analysis.estimation.process_models import decay, oscillator
-from hybrid.diagnosis.linearise import Linearisation, LinearModel, Signature
-from hybrid.vessel import dynamics
-from hybrid.vessel.dynamics import wave_drift_at
+from seatrial.acquisition.core.arrays import Floats
+from seatrial.analysis.compiling import FAST, compiled, source_stamp
+from seatrial.analysis.estimation import kalman_kernel, process_models
+from seatrial.analysis.estimation.kalman_kernel import WIDTH, filter_pass, smoother_pass
+from seatrial.analysis.estimation.process_models import decay, oscillator
+from seatrial.hybrid.diagnosis.linearise import Linearisation, LinearModel, Signature
+from seatrial.hybrid.vessel import dynamics
+from seatrial.hybrid.vessel.dynamics import wave_drift_at
 
 FORCE_UNITS = np.array([1e3, 1e3, 1e4])
 """The filter uses kN and 10 kN m, which keeps its numbers of similar magnitude."""
@@ -266,7 +266,7 @@ def _swing_covariance(noise: Floats, origin: Floats, d: int, e: int) -> float:
 
 @compiled
 def fill_block(A, B, H, origin, noise, F, Q, rows, P) -> None:  # type: ignore[no-untyped-def]
-    """The system over the T seconds of a block, as :mod:`analysis.estimation.kalman_kernel` takes it.
+    """The system over the T seconds of a block, as :mod:`seatrial.analysis.estimation.kalman_kernel` takes it.
 
     Fills ``F``, ``Q`` [T or more, n, WIDTH], where number k leads from second k to the next, ``rows`` [T or
     more, 6, n] and the initial covariance ``P`` [n, WIDTH]. F and Q are zero before, or hold another block.

@@ -1,8 +1,8 @@
 """Noise levels of a log, and a better trajectory to linearise along.
 
-The noise levels maximise the likelihood of the measurements (:mod:`analysis.estimation.likelihood`), computed
-from the innovations of the Kalman filter of ship and disturbances. A draw of all effects is removed from the
-data first; otherwise a missing effect would be estimated as noise and so be hidden.
+The noise levels maximise the likelihood of the measurements (:mod:`seatrial.analysis.estimation.likelihood`),
+computed from the innovations of the Kalman filter of ship and disturbances. A draw of all effects is removed from
+the data first; otherwise a missing effect would be estimated as noise and so be hidden.
 """
 
 from __future__ import annotations
@@ -13,10 +13,10 @@ from typing import Any
 
 import numpy as np
 
-from acquisition.core.arrays import Floats, Ints
-from acquisition.core.progress import Progress
-from analysis.estimation.likelihood import Prior, ScoringSettings, most_likely, robust_cost
-from hybrid.diagnosis.disturbance_model import (
+from seatrial.acquisition.core.arrays import Floats, Ints
+from seatrial.acquisition.core.progress import Progress
+from seatrial.analysis.estimation.likelihood import Prior, ScoringSettings, most_likely, robust_cost
+from seatrial.hybrid.diagnosis.disturbance_model import (
     FORCE_UNITS,
     GRAVITY_MPS2,
     Columns,
@@ -25,7 +25,7 @@ from hybrid.diagnosis.disturbance_model import (
     smooth_state,
     whiten,
 )
-from hybrid.diagnosis.evidence import (
+from seatrial.hybrid.diagnosis.evidence import (
     DesignMatrix,
     design_matrix,
     draw_columns,
@@ -34,11 +34,18 @@ from hybrid.diagnosis.evidence import (
     subset_of,
     tolerated_forces,
 )
-from hybrid.diagnosis.linearise import Linearisation, LinearModel, Model, by_stage, linearise, sensor_readings
-from hybrid.diagnosis.log import Log
-from hybrid.diagnosis.nuisance_basis import FEW, wind_error_mps
-from hybrid.vessel.effect import growth
-from hybrid.vessel.estimate.particulars import SEA_WATER_KGPM3
+from seatrial.hybrid.diagnosis.linearise import (
+    Linearisation,
+    LinearModel,
+    Model,
+    by_stage,
+    linearise,
+    sensor_readings,
+)
+from seatrial.hybrid.diagnosis.log import Log
+from seatrial.hybrid.diagnosis.nuisance_basis import FEW, wind_error_mps
+from seatrial.hybrid.vessel.effect import growth
+from seatrial.hybrid.vessel.estimate.particulars import SEA_WATER_KGPM3
 
 _SCORING = ScoringSettings(limit=16.0, longest_step=1.0, damping=(1.0, 4.0), enough=1.0)
 _DEVIATION = 1.5  # prior standard deviation of each log level about its start

@@ -22,13 +22,20 @@ from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve, solve_triangular
 from scipy.stats import chi2
 
-from acquisition.core.arrays import Floats, Ints
-from acquisition.core.errors import ConfigurationError
-from acquisition.core.progress import Progress
-from hybrid.diagnosis.disturbance_model import FORCE_UNITS, Columns, Noise, NoiseEstimate, columns_of, whiten
-from hybrid.diagnosis.linearise import Linearisation, LinearModel
-from hybrid.diagnosis.log import Log
-from hybrid.diagnosis.nuisance_basis import (
+from seatrial.acquisition.core.arrays import Floats, Ints
+from seatrial.acquisition.core.errors import ConfigurationError
+from seatrial.acquisition.core.progress import Progress
+from seatrial.hybrid.diagnosis.disturbance_model import (
+    FORCE_UNITS,
+    Columns,
+    Noise,
+    NoiseEstimate,
+    columns_of,
+    whiten,
+)
+from seatrial.hybrid.diagnosis.linearise import Linearisation, LinearModel
+from seatrial.hybrid.diagnosis.log import Log
+from seatrial.hybrid.diagnosis.nuisance_basis import (
     FEATURES,
     INTERACTIONS,
     TOLERATED_SHARE,
@@ -39,7 +46,7 @@ from hybrid.diagnosis.nuisance_basis import (
     wind_error_mps,
     wind_errors,
 )
-from hybrid.effects import Effect
+from seatrial.hybrid.effects import Effect
 
 
 def marginalise(gram: Floats, kept: Ints, nuisance: Ints, scale: Floats) -> tuple[Floats, float]:

@@ -18,13 +18,13 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from acquisition.core.actuators import control_names
-from acquisition.core.arrays import Floats, Ints
-from analysis.estimation.process_models import decay
-from hybrid.diagnosis.acceptance import FALSE_ALARM
-from hybrid.diagnosis.disturbance_model import FORCE_UNITS, Noise, columns_of, smooth_state, wave_push
-from hybrid.diagnosis.evidence import Evidence, NormalEquations, evidence_of, restored_data
-from hybrid.diagnosis.linearise import (
+from seatrial.acquisition.core.actuators import control_names
+from seatrial.acquisition.core.arrays import Floats, Ints
+from seatrial.analysis.estimation.process_models import decay
+from seatrial.hybrid.diagnosis.acceptance import FALSE_ALARM
+from seatrial.hybrid.diagnosis.disturbance_model import FORCE_UNITS, Noise, columns_of, smooth_state, wave_push
+from seatrial.hybrid.diagnosis.evidence import Evidence, NormalEquations, evidence_of, restored_data
+from seatrial.hybrid.diagnosis.linearise import (
     DT_S,
     Model,
     acting_settings,
@@ -35,15 +35,15 @@ from hybrid.diagnosis.linearise import (
     small_step,
     true_states,
 )
-from hybrid.diagnosis.log import STEPS_PER_SECOND, Log
-from hybrid.diagnosis.result import Gap, Tracks
-from hybrid.diagnosis.select_effects import Coordinates, fitted_coordinates, search_effects
-from hybrid.prediction.baselines import present_motion_held
-from hybrid.prediction.scores import distances
-from hybrid.vessel.actuators import control_units
-from hybrid.vessel.plant import Plant
-from hybrid.vessel.sensors import measure
-from hybrid.vessel.simulate import simulate_batch
+from seatrial.hybrid.diagnosis.log import STEPS_PER_SECOND, Log
+from seatrial.hybrid.diagnosis.result import Gap, Tracks
+from seatrial.hybrid.diagnosis.select_effects import Coordinates, fitted_coordinates, search_effects
+from seatrial.hybrid.prediction.baselines import present_motion_held
+from seatrial.hybrid.prediction.scores import distances
+from seatrial.hybrid.vessel.actuators import control_units
+from seatrial.hybrid.vessel.plant import Plant
+from seatrial.hybrid.vessel.sensors import measure
+from seatrial.hybrid.vessel.simulate import simulate_batch
 
 HORIZON_S = 15
 FOLDS = 4

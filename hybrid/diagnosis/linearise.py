@@ -23,20 +23,20 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
-from acquisition.core.arrays import Floats
-from acquisition.core.errors import ConfigurationError
-from analysis.compiling import threads_for
-from analysis.quality.samples import robust_spread
-from hybrid.diagnosis.log import STEPS_PER_SECOND, Log
-from hybrid.diagnosis.time_varying import TimeVaryingEffect, time_varying_among
-from hybrid.effects import Catalogue, apply_effects
-from hybrid.vessel.actuators import KINDS, angle_columns
-from hybrid.vessel.actuators.kind import PLAY
-from hybrid.vessel.channels import check_ship
-from hybrid.vessel.effect import growth, scale_of
-from hybrid.vessel.parameters import Vessel
-from hybrid.vessel.plant import Plant, bare_plant
-from hybrid.vessel.sensors import (
+from seatrial.acquisition.core.arrays import Floats
+from seatrial.acquisition.core.errors import ConfigurationError
+from seatrial.analysis.compiling import threads_for
+from seatrial.analysis.quality.samples import robust_spread
+from seatrial.hybrid.diagnosis.log import STEPS_PER_SECOND, Log
+from seatrial.hybrid.diagnosis.time_varying import TimeVaryingEffect, time_varying_among
+from seatrial.hybrid.effects import Catalogue, apply_effects
+from seatrial.hybrid.vessel.actuators import KINDS, angle_columns
+from seatrial.hybrid.vessel.actuators.kind import PLAY
+from seatrial.hybrid.vessel.channels import check_ship
+from seatrial.hybrid.vessel.effect import growth, scale_of
+from seatrial.hybrid.vessel.parameters import Vessel
+from seatrial.hybrid.vessel.plant import Plant, bare_plant
+from seatrial.hybrid.vessel.sensors import (
     HEADING,
     acting_controls,
     behind_play,
@@ -45,7 +45,7 @@ from hybrid.vessel.sensors import (
     report_alike,
     report_late,
 )
-from hybrid.vessel.simulate import simulate_batch
+from seatrial.hybrid.vessel.simulate import simulate_batch
 
 DT_S = 1.0 / STEPS_PER_SECOND
 _STATE_STEPS = np.array([1.0, 1.0, 1e-3, 1e-2, 1e-2, 1e-4])
@@ -99,7 +99,7 @@ class Model:
 
     @property
     def scale(self) -> float:
-        """The ship's length over the reference length, as a power of two (:mod:`hybrid.vessel.effect`)."""
+        """The ship's length over the reference length, as a power of two (:mod:`seatrial.hybrid.vessel.effect`)."""
         return scale_of(self.base.length_between_perpendiculars_m)
 
     def stages(self, log: Log, most: float = inf) -> list[Stage]:

@@ -20,18 +20,18 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicHermiteSpline
 from scipy.ndimage import median_filter
 
-from acquisition.core.actuators import Actuators, control_names
-from acquisition.core.angles import unwrap
-from acquisition.core.arrays import Floats, Ints
-from acquisition.core.channels import CIRCULAR, ENVIRONMENT, POSE, POSE_AND_VELOCITY, VELOCITY, is_circular
-from acquisition.core.errors import DataShortageError
-from analysis.estimation.noise_levels import NoiseLevels
-from analysis.estimation.smoother import smooth
-from analysis.kinematics import integrate, to_earth
-from analysis.quality.samples import robust_spread, runs
-from analysis.tables.table import NANO, require, table_actuators, table_controls, times_ns
-from hybrid.vessel.actuators import control_units
-from hybrid.vessel.channels import STATE_UNITS, states_of
+from seatrial.acquisition.core.actuators import Actuators, control_names
+from seatrial.acquisition.core.angles import unwrap
+from seatrial.acquisition.core.arrays import Floats, Ints
+from seatrial.acquisition.core.channels import CIRCULAR, ENVIRONMENT, POSE, POSE_AND_VELOCITY, VELOCITY, is_circular
+from seatrial.acquisition.core.errors import DataShortageError
+from seatrial.analysis.estimation.noise_levels import NoiseLevels
+from seatrial.analysis.estimation.smoother import smooth
+from seatrial.analysis.kinematics import integrate, to_earth
+from seatrial.analysis.quality.samples import robust_spread, runs
+from seatrial.analysis.tables.table import NANO, require, table_actuators, table_controls, times_ns
+from seatrial.hybrid.vessel.actuators import control_units
+from seatrial.hybrid.vessel.channels import STATE_UNITS, states_of
 
 BLOCK_S = 60
 """Length of a block [s], which starts from an unknown state; longer blocks gain nothing measurable."""

@@ -17,18 +17,18 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import norm, t
 
-from acquisition.core.actuators import control_names, names_of
-from acquisition.core.actuators import shafts as drives_in
-from acquisition.core.arrays import Floats, Ints
-from acquisition.core.channels import POSE_AND_VELOCITY
-from hybrid.diagnosis.disturbance_model import FORCE_UNITS, Columns, columns_of, smooth_state
-from hybrid.diagnosis.evidence import NormalEquations, fit_columns, gram_matrices, marginalise
-from hybrid.diagnosis.linearise import Signature
-from hybrid.diagnosis.log import Log
-from hybrid.diagnosis.nuisance_basis import wind_error_mps, wind_errors
-from hybrid.diagnosis.result import FORCES, Map, Place
-from hybrid.effects.regime import quantities_along, steering_angles
-from hybrid.vessel.actuators import control_units
+from seatrial.acquisition.core.actuators import control_names, names_of
+from seatrial.acquisition.core.actuators import shafts as drives_in
+from seatrial.acquisition.core.arrays import Floats, Ints
+from seatrial.acquisition.core.channels import POSE_AND_VELOCITY
+from seatrial.hybrid.diagnosis.disturbance_model import FORCE_UNITS, Columns, columns_of, smooth_state
+from seatrial.hybrid.diagnosis.evidence import NormalEquations, fit_columns, gram_matrices, marginalise
+from seatrial.hybrid.diagnosis.linearise import Signature
+from seatrial.hybrid.diagnosis.log import Log
+from seatrial.hybrid.diagnosis.nuisance_basis import wind_error_mps, wind_errors
+from seatrial.hybrid.diagnosis.result import FORCES, Map, Place
+from seatrial.hybrid.effects.regime import quantities_along, steering_angles
+from seatrial.hybrid.vessel.actuators import control_units
 
 LEAST_S = 20
 """A cell of fewer seconds is none."""

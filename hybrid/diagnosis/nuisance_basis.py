@@ -19,17 +19,17 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numba import njit
 
-from acquisition.core.actuators import KINDS as CHANNEL_KINDS
-from acquisition.core.arrays import Floats, Ints
-from analysis.compiling import FAST, Record
-from hybrid.diagnosis.linearise import Model, Signature, by_stage, next_states
-from hybrid.diagnosis.log import Log
-from hybrid.effects import Catalogue
-from hybrid.vessel.actuators import KINDS, angle_columns
-from hybrid.vessel.dynamics import actuators_force, hold, scratch_for
-from hybrid.vessel.effect import growth
-from hybrid.vessel.plant import PHYSICS_STAMP, Plant, pack
-from hybrid.vessel.sensors import SURGE, SWAY, YAW_RATE
+from seatrial.acquisition.core.actuators import KINDS as CHANNEL_KINDS
+from seatrial.acquisition.core.arrays import Floats, Ints
+from seatrial.analysis.compiling import FAST, Record
+from seatrial.hybrid.diagnosis.linearise import Model, Signature, by_stage, next_states
+from seatrial.hybrid.diagnosis.log import Log
+from seatrial.hybrid.effects import Catalogue
+from seatrial.hybrid.vessel.actuators import KINDS, angle_columns
+from seatrial.hybrid.vessel.dynamics import actuators_force, hold, scratch_for
+from seatrial.hybrid.vessel.effect import growth
+from seatrial.hybrid.vessel.plant import PHYSICS_STAMP, Plant, pack
+from seatrial.hybrid.vessel.sensors import SURGE, SWAY, YAW_RATE
 
 AXES = ("surge", "sway", "yaw")
 

@@ -3,7 +3,7 @@
 If something systematic remains beside the named effects, or nothing can be named, the force that the model
 lacks second by second is searched for the regime in which it acts: astern or ahead, slow or fast, sideways,
 with a tunnel thruster while under way, with the wind from one side. The regime that explains most of one axis'
-force in held-out parts of the trial becomes an effect like any other (:mod:`hybrid.effects.regime`): it is
+force in held-out parts of the trial becomes an effect like any other (:mod:`seatrial.hybrid.effects.regime`): it is
 fitted, and kept if it is found in most parts of the trial and brings predictions of held-out legs closer.
 """
 
@@ -17,18 +17,18 @@ from typing import TypeAlias
 
 import numpy as np
 
-from acquisition.core.arrays import Floats, Ints
-from hybrid.diagnosis.acceptance import score_spread
-from hybrid.diagnosis.coarse_model import MOST_PARTS, improves_prediction, replications, unseen_m
-from hybrid.diagnosis.evidence import Evidence, evidence_of, normal_equations
-from hybrid.diagnosis.gap import UnseenWindows, evidence_within, evidence_without, fold_of
-from hybrid.diagnosis.linearise import Linearisation, signatures
-from hybrid.diagnosis.map import map_of, round_edges
-from hybrid.diagnosis.nuisance_basis import AXES, FEW
-from hybrid.diagnosis.result import Replication
-from hybrid.diagnosis.select_effects import relinearise_at_fit
-from hybrid.effects import Effect
-from hybrid.effects.regime import Regime, quantities_along, regime_effect
+from seatrial.acquisition.core.arrays import Floats, Ints
+from seatrial.hybrid.diagnosis.acceptance import score_spread
+from seatrial.hybrid.diagnosis.coarse_model import MOST_PARTS, improves_prediction, replications, unseen_m
+from seatrial.hybrid.diagnosis.evidence import Evidence, evidence_of, normal_equations
+from seatrial.hybrid.diagnosis.gap import UnseenWindows, evidence_within, evidence_without, fold_of
+from seatrial.hybrid.diagnosis.linearise import Linearisation, signatures
+from seatrial.hybrid.diagnosis.map import map_of, round_edges
+from seatrial.hybrid.diagnosis.nuisance_basis import AXES, FEW
+from seatrial.hybrid.diagnosis.result import Replication
+from seatrial.hybrid.diagnosis.select_effects import relinearise_at_fit
+from seatrial.hybrid.effects import Effect
+from seatrial.hybrid.effects.regime import Regime, quantities_along, regime_effect
 
 _LEAST_S = 30  # of a regime: about a time constant of the ship
 _LEAST_SHARE, _FEW = 0.2, 3  # of an axis' missing force; number of regimes

@@ -1,5 +1,5 @@
 """Results of a diagnosis, which print and are written to and read from JSON
-(:mod:`acquisition.core.serialisation`).
+(:mod:`seatrial.acquisition.core.serialisation`).
 
 The serialised fields, in their order, are ``diagnosis.json`` and ``ladder.json``.
 """
@@ -12,10 +12,10 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, computed_field
 
-from acquisition.core.arrays import Floats, Ints
-from acquisition.core.serialisation import Number, to_json
-from analysis.estimation.likelihood import correlated_pairs
-from hybrid.prediction.scores import Interval
+from seatrial.acquisition.core.arrays import Floats, Ints
+from seatrial.acquisition.core.serialisation import Number, to_json
+from seatrial.analysis.estimation.likelihood import correlated_pairs
+from seatrial.hybrid.prediction.scores import Interval
 
 Verdict = Literal["named", "nothing_missing", "unknown", "indistinguishable"]
 
@@ -143,7 +143,8 @@ class Remainder:
 
 @dataclass(frozen=True, slots=True)
 class RegimeEffect:
-    """A force that the model lacks in an operating regime, written as an effect (:mod:`hybrid.effects.regime`).
+    """A force that the model lacks in an operating regime, written as an effect
+    (:mod:`seatrial.hybrid.effects.regime`).
 
     ``within`` has the ends of each quantity's span, None if open; ``parameters`` its size; ``share_of_force``
     its share of the missing force of its axis, ``after_m`` the mean distance on held-out legs with it and those

@@ -13,9 +13,9 @@ from itertools import combinations
 
 import numpy as np
 
-from acquisition.core.progress import Progress
-from hybrid.diagnosis.evidence import Evidence, evidence_of, normal_equations, restored_gram
-from hybrid.diagnosis.linearise import Signature, linearise
+from seatrial.acquisition.core.progress import Progress
+from seatrial.hybrid.diagnosis.evidence import Evidence, evidence_of, normal_equations, restored_gram
+from seatrial.hybrid.diagnosis.linearise import Signature, linearise
 
 CLOSE = 4.5
 """A rival that lacks less log evidence than this stays in the answer: the truth is excluded once in 700 times."""

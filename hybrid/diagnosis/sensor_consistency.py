@@ -12,11 +12,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from acquisition.core.arrays import Floats
-from hybrid.diagnosis.acceptance import Acceptance, acceptance_tests
-from hybrid.diagnosis.disturbance_model import Noise, columns_of
-from hybrid.diagnosis.evidence import ColumnLayout, Evidence, NormalEquations, evidence_of, gram_matrices
-from hybrid.diagnosis.linearise import (
+from seatrial.acquisition.core.arrays import Floats
+from seatrial.hybrid.diagnosis.acceptance import Acceptance, acceptance_tests
+from seatrial.hybrid.diagnosis.disturbance_model import Noise, columns_of
+from seatrial.hybrid.diagnosis.evidence import ColumnLayout, Evidence, NormalEquations, evidence_of, gram_matrices
+from seatrial.hybrid.diagnosis.linearise import (
     DT_S,
     LinearModel,
     Model,
@@ -27,9 +27,9 @@ from hybrid.diagnosis.linearise import (
     signatures,
     time_varying_signatures,
 )
-from hybrid.diagnosis.log import STEPS_PER_SECOND, Log
-from hybrid.diagnosis.nuisance_basis import tolerances
-from hybrid.diagnosis.select_effects import (
+from seatrial.hybrid.diagnosis.log import STEPS_PER_SECOND, Log
+from seatrial.hybrid.diagnosis.nuisance_basis import tolerances
+from seatrial.hybrid.diagnosis.select_effects import (
     CLOSE,
     Coordinates,
     fitted_coordinates,
@@ -37,9 +37,9 @@ from hybrid.diagnosis.select_effects import (
     rivals_of,
     search_effects,
 )
-from hybrid.diagnosis.time_varying import TimeVaryingEffect, time_varying_among
-from hybrid.effects import Catalogue
-from hybrid.vessel.sensors import HEADING
+from seatrial.hybrid.diagnosis.time_varying import TimeVaryingEffect, time_varying_among
+from seatrial.hybrid.effects import Catalogue
+from seatrial.hybrid.vessel.sensors import HEADING
 
 _UNKNOWN = np.array([3.0, 3.0, 0.3])  # m/s, m/s, rad/s: uninformative change of speed in a second
 _SHARED = (10.0, 10.0, 10.0, 10.0)  # s, m, m, deg: undetectable error shared by all sensors

@@ -16,12 +16,12 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from acquisition.core import files
-from acquisition.core.errors import InputError
-from acquisition.core.files import remove_file, write_text, written_together
-from acquisition.core.serialisation import Number, from_json, to_json
-from analysis.tables.files import read_parquet, write_parquet
-from hybrid.diagnosis.result import (
+from seatrial.acquisition.core import files
+from seatrial.acquisition.core.errors import InputError
+from seatrial.acquisition.core.files import remove_file, write_text, written_together
+from seatrial.acquisition.core.serialisation import Number, from_json, to_json
+from seatrial.analysis.tables.files import read_parquet, write_parquet
+from seatrial.hybrid.diagnosis.result import (
     FORCES,
     Consistency,
     Correlation,

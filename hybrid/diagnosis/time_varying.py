@@ -14,10 +14,10 @@ from typing import Literal
 
 import numpy as np
 
-from acquisition.core.arrays import Floats
-from hybrid.diagnosis.log import Log
-from hybrid.effects import Catalogue
-from hybrid.vessel.effect import Effect
+from seatrial.acquisition.core.arrays import Floats
+from seatrial.hybrid.diagnosis.log import Log
+from seatrial.hybrid.effects import Catalogue
+from seatrial.hybrid.vessel.effect import Effect
 
 Shape = Literal["recordings", "until", "since", "step", "drift"]
 

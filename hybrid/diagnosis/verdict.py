@@ -9,16 +9,16 @@ from math import atan2, degrees, exp, hypot
 
 import numpy as np
 
-from acquisition.core.arrays import Floats
-from acquisition.core.progress import Progress, part_of
-from hybrid.diagnosis.acceptance import (
+from seatrial.acquisition.core.arrays import Floats
+from seatrial.acquisition.core.progress import Progress, part_of
+from seatrial.hybrid.diagnosis.acceptance import (
     CREDIBLE,
     Acceptance,
     LackOfFit,
     composite_effects,
     families_with_many_effects,
 )
-from hybrid.diagnosis.coarse_model import (
+from seatrial.hybrid.diagnosis.coarse_model import (
     improves_prediction,
     is_coarse,
     is_far_off,
@@ -27,8 +27,8 @@ from hybrid.diagnosis.coarse_model import (
     sizes_without,
     unseen_m,
 )
-from hybrid.diagnosis.evidence import Evidence, NormalEquations
-from hybrid.diagnosis.gap import (
+from seatrial.hybrid.diagnosis.evidence import Evidence, NormalEquations
+from seatrial.hybrid.diagnosis.gap import (
     HeldOutGap,
     UnseenWindows,
     evidence_within,
@@ -38,15 +38,22 @@ from hybrid.diagnosis.gap import (
     unseen_windows,
     with_noise_floor,
 )
-from hybrid.diagnosis.map import map_of
-from hybrid.diagnosis.regimes import FoundRegime, largest_regimes
-from hybrid.diagnosis.result import Estimate, Manoeuvre, Map, Replication, Rival, Suspect, Verdict
-from hybrid.diagnosis.select_effects import CLOSE, SEEN, Coordinates, fitted_coordinates, linear_about, rivals_of
-from hybrid.diagnosis.sensor_consistency import find_contradictions
-from hybrid.diagnosis.time_varying import base_names, time_varying_among
-from hybrid.effects import Effect
-from hybrid.planning.information import limits
-from hybrid.planning.next_manoeuvre import Pair, next_manoeuvre
+from seatrial.hybrid.diagnosis.map import map_of
+from seatrial.hybrid.diagnosis.regimes import FoundRegime, largest_regimes
+from seatrial.hybrid.diagnosis.result import Estimate, Manoeuvre, Map, Replication, Rival, Suspect, Verdict
+from seatrial.hybrid.diagnosis.select_effects import (
+    CLOSE,
+    SEEN,
+    Coordinates,
+    fitted_coordinates,
+    linear_about,
+    rivals_of,
+)
+from seatrial.hybrid.diagnosis.sensor_consistency import find_contradictions
+from seatrial.hybrid.diagnosis.time_varying import base_names, time_varying_among
+from seatrial.hybrid.effects import Effect
+from seatrial.hybrid.planning.information import limits
+from seatrial.hybrid.planning.next_manoeuvre import Pair, next_manoeuvre
 
 _RIVALS = 10  # closest rivals of an effect that a manoeuvre is chosen to separate
 
@@ -58,7 +65,7 @@ _WIDTH = 1.96
 
 @dataclass(frozen=True, slots=True)
 class Conclusion:
-    """The result of the sixth stage: the diagnosis as numbers; :mod:`hybrid.report` puts it into words.
+    """The result of the sixth stage: the diagnosis as numbers; :mod:`seatrial.hybrid.report` puts it into words.
 
     ``first`` is what was accepted, ``accepted`` what stays named beside a remainder; ``sensors`` are the sensor
     faults that explain contradictions between the sensors, None if they agree. ``gap`` is measured on held-out

@@ -1,6 +1,6 @@
 """The catalogue of effects that a model may lack: what each is, and what it does to a plant."""
 
-from hybrid.effects.catalogue import (
+from seatrial.hybrid.effects.catalogue import (
     CATALOGUE,
     Catalogue,
     apply_effects,
@@ -9,7 +9,7 @@ from hybrid.effects.catalogue import (
     parse_effect,
     vessel_plant,
 )
-from hybrid.vessel.effect import FAMILIES, Effect, Parameter
+from seatrial.hybrid.vessel.effect import FAMILIES, Effect, Parameter
 
 __all__ = [
     "CATALOGUE",

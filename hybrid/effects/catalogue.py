@@ -15,14 +15,14 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-from acquisition.core.actuators import DEFAULT, Actuators
-from acquisition.core.errors import ConfigurationError
-from acquisition.core.named_code import load
-from hybrid.effects import environment, hull, sensors
-from hybrid.vessel.actuators import KINDS
-from hybrid.vessel.effect import FAMILIES, USUAL_LENGTH_M, Effect, Parameter, Values, growth, scale_of
-from hybrid.vessel.parameters import Vessel
-from hybrid.vessel.plant import Plant, bare_plant
+from seatrial.acquisition.core.actuators import DEFAULT, Actuators
+from seatrial.acquisition.core.errors import ConfigurationError
+from seatrial.acquisition.core.named_code import load
+from seatrial.hybrid.effects import environment, hull, sensors
+from seatrial.hybrid.vessel.actuators import KINDS
+from seatrial.hybrid.vessel.effect import FAMILIES, USUAL_LENGTH_M, Effect, Parameter, Values, growth, scale_of
+from seatrial.hybrid.vessel.parameters import Vessel
+from seatrial.hybrid.vessel.plant import Plant, bare_plant
 
 Catalogue = Mapping[str, Effect]
 
@@ -150,7 +150,7 @@ def load_effects(path: str | Path) -> dict[str, Effect]:
         raise ConfigurationError(
             "has no list of effects",
             where=str(path),
-            fix="define EFFECTS = [Effect(...), ...] with Effect from hybrid.effects",
+            fix="define EFFECTS = [Effect(...), ...] with Effect from seatrial.hybrid.effects",
         )
     return {effect.name: effect for effect in effects}
 

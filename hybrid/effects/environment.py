@@ -6,9 +6,9 @@ from math import cos, hypot, radians, sin
 
 from numba import njit
 
-from hybrid.vessel.effect import DIRECTION, Effect, Parameter, Values, scaling
-from hybrid.vessel.plant import Plant
-from hybrid.vessel.wind import wind_force
+from seatrial.hybrid.vessel.effect import DIRECTION, Effect, Parameter, Values, scaling
+from seatrial.hybrid.vessel.plant import Plant
+from seatrial.hybrid.vessel.wind import wind_force
 
 
 def _current(plant: Plant, values: Values) -> Plant:

@@ -5,9 +5,9 @@ from __future__ import annotations
 from math import pi, tan
 from operator import attrgetter
 
-from acquisition.core.errors import ConfigurationError
-from hybrid.vessel.effect import Effect, Parameter, Values, scaling, shifted
-from hybrid.vessel.plant import Plant
+from seatrial.acquisition.core.errors import ConfigurationError
+from seatrial.hybrid.vessel.effect import Effect, Parameter, Values, scaling, shifted
+from seatrial.hybrid.vessel.plant import Plant
 
 _REGRESSIONS = "Clarke, Gedling and Hine, Manoeuvring criteria in hull design, Trans. RINA 125 (1983)"
 _DERIVATIVES = (

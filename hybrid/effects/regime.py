@@ -16,14 +16,14 @@ from math import atan2, cos, degrees, hypot, inf, nan, sin
 import numpy as np
 from numba import njit
 
-from acquisition.core.actuators import ANGLES, Actuators, control_names, names_of, shafts
-from acquisition.core.arrays import Floats
-from acquisition.core.errors import ConfigurationError
-from analysis.compiling import compiled
-from hybrid.vessel.actuators import control_units
-from hybrid.vessel.dynamics import Environment
-from hybrid.vessel.effect import Effect, Parameter, Values
-from hybrid.vessel.plant import Plant
+from seatrial.acquisition.core.actuators import ANGLES, Actuators, control_names, names_of, shafts
+from seatrial.acquisition.core.arrays import Floats
+from seatrial.acquisition.core.errors import ConfigurationError
+from seatrial.analysis.compiling import compiled
+from seatrial.hybrid.vessel.actuators import control_units
+from seatrial.hybrid.vessel.dynamics import Environment
+from seatrial.hybrid.vessel.effect import Effect, Parameter, Values
+from seatrial.hybrid.vessel.plant import Plant
 
 AXES = ("surge", "sway", "yaw")
 MOTION = ("speed_mps", "surge_mps", "sway_mps", "yaw_rate_dps", "drift_angle_deg", "wind_mps", "relative_wind_deg")
@@ -240,7 +240,7 @@ def regime_effect(name: str, regime: Regime, typical: float) -> Effect:
 def as_file(regimes: Mapping[str, tuple[Regime, float]]) -> str:
     """A file of effects that has these regimes and their sizes by name; for ``--effects``."""
     head = '"""Effects that a diagnosis found: forces that the model lacks in some regimes of operation."""'
-    imports = "from math import inf\n\nfrom hybrid.effects.regime import Regime, regime_effect"
+    imports = "from math import inf\n\nfrom seatrial.hybrid.effects.regime import Regime, regime_effect"
     return "\n".join([head, "", imports, "", "EFFECTS = [", *starmap(_entry, regimes.items()), "]", ""])
 
 

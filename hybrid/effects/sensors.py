@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from functools import partial
 
-from hybrid.vessel.effect import Effect, Parameter, multiplied, shifted
+from seatrial.hybrid.vessel.effect import Effect, Parameter, multiplied, shifted
 
 _TOLERANCE_S = 0.03  # a fraction of a sample, of buses and of time stamps
 _DELAY = Parameter("seconds", "s", 0.0, -5.0, 5.0, 0.5, 0.1, _TOLERANCE_S)

@@ -14,16 +14,16 @@ from typing import Any
 
 import numpy as np
 
-from acquisition.core.arrays import Floats
-from acquisition.core.errors import DataShortageError
-from analysis.windows.recordings import SecondBySecond
-from hybrid.calibrators.train import TrainedCalibrator
-from hybrid.prediction.baselines import constant_velocity
-from hybrid.prediction.dataset import dataset_of, within_model_range
-from hybrid.prediction.prediction_windows import PredictionWindows, difference_rad
-from hybrid.prediction.scores import distances
-from hybrid.vessel.plant import Plant
-from hybrid.vessel.sensors import HEADING, SURGE, SWAY
+from seatrial.acquisition.core.arrays import Floats
+from seatrial.acquisition.core.errors import DataShortageError
+from seatrial.analysis.windows.recordings import SecondBySecond
+from seatrial.hybrid.calibrators.train import TrainedCalibrator
+from seatrial.hybrid.prediction.baselines import constant_velocity
+from seatrial.hybrid.prediction.dataset import dataset_of, within_model_range
+from seatrial.hybrid.prediction.prediction_windows import PredictionWindows, difference_rad
+from seatrial.hybrid.prediction.scores import distances
+from seatrial.hybrid.vessel.plant import Plant
+from seatrial.hybrid.vessel.sensors import HEADING, SURGE, SWAY
 
 LENGTHS = (1, 2, 5)
 _MOST_WINDOWS = 2000  # of all recordings: more take memory, and change no mean

@@ -1,9 +1,9 @@
 """The manoeuvres of a recording as a model makes them: measured beside simulated indices, with their difference.
 
 A model is judged in two forms. *Predicted*: the same test in still air, at the approach speed, helm, helm
-rate, side and switching angle of the recorded one (:mod:`hybrid.evaluation.predicted_tests`): what a yard asks of a
-model. *Replayed*: the recorded controls and wind from the state at the order
-(:mod:`hybrid.evaluation.recorded_runs`). Both are measured by the functions that measure the recording.
+rate, side and switching angle of the recorded one (:mod:`seatrial.hybrid.evaluation.predicted_tests`): what a yard
+asks of a model. *Replayed*: the recorded controls and wind from the state at the order
+(:mod:`seatrial.hybrid.evaluation.recorded_runs`). Both are measured by the functions that measure the recording.
 """
 
 from __future__ import annotations
@@ -20,17 +20,17 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from acquisition.core.errors import DataShortageError, SeatrialError
-from acquisition.recording.grouping import read_parts
-from analysis.manoeuvres.find import find_manoeuvres
-from analysis.manoeuvres.indices import Index, Manoeuvre
-from analysis.manoeuvres.turning_circle import REMOVED, shows_current
-from analysis.prepare import Preparation, prepare
-from analysis.tables.table import select, trial_of
-from analysis.windows.recordings import named_recordings
-from hybrid.calibrators.predict import Predictor
-from hybrid.evaluation.predicted_tests import APPROACH_RPM, PREDICTED_KINDS, JudgedModel, predicted_indices
-from hybrid.evaluation.recorded_runs import (
+from seatrial.acquisition.core.errors import DataShortageError, SeatrialError
+from seatrial.acquisition.recording.grouping import read_parts
+from seatrial.analysis.manoeuvres.find import find_manoeuvres
+from seatrial.analysis.manoeuvres.indices import Index, Manoeuvre
+from seatrial.analysis.manoeuvres.turning_circle import REMOVED, shows_current
+from seatrial.analysis.prepare import Preparation, prepare
+from seatrial.analysis.tables.table import select, trial_of
+from seatrial.analysis.windows.recordings import named_recordings
+from seatrial.hybrid.calibrators.predict import Predictor
+from seatrial.hybrid.evaluation.predicted_tests import APPROACH_RPM, PREDICTED_KINDS, JudgedModel, predicted_indices
+from seatrial.hybrid.evaluation.recorded_runs import (
     REPLAYED_KINDS,
     RecordedMotion,
     Water,
@@ -39,8 +39,8 @@ from hybrid.evaluation.recorded_runs import (
     water_in,
     with_water,
 )
-from hybrid.simulation.standard_tests import SHOWN
-from hybrid.vessel.plant import Plant
+from seatrial.hybrid.simulation.standard_tests import SHOWN
+from seatrial.hybrid.vessel.plant import Plant
 
 LOG = logging.getLogger("seatrial")
 JUDGED = {

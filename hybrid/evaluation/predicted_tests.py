@@ -10,17 +10,17 @@ from math import inf, isfinite
 
 import numpy as np
 
-from acquisition.core.actuators import control_names
-from acquisition.core.errors import DataShortageError
-from analysis.kinematics import to_ship
-from analysis.manoeuvres.indices import Manoeuvre
-from analysis.manoeuvres.measures import approach_of, helm_rate_dps
-from analysis.manoeuvres.turning_circle import REMOVED
-from hybrid.evaluation.recorded_runs import RecordedMotion, Water, at_order, final_speed_mps, with_water
-from hybrid.simulation.autopilot import drives_of
-from hybrid.simulation.handling import handling_of
-from hybrid.simulation.manoeuvres import steer
-from hybrid.simulation.standard_tests import (
+from seatrial.acquisition.core.actuators import control_names
+from seatrial.acquisition.core.errors import DataShortageError
+from seatrial.analysis.kinematics import to_ship
+from seatrial.analysis.manoeuvres.indices import Manoeuvre
+from seatrial.analysis.manoeuvres.measures import approach_of, helm_rate_dps
+from seatrial.analysis.manoeuvres.turning_circle import REMOVED
+from seatrial.hybrid.evaluation.recorded_runs import RecordedMotion, Water, at_order, final_speed_mps, with_water
+from seatrial.hybrid.simulation.autopilot import drives_of
+from seatrial.hybrid.simulation.handling import handling_of
+from seatrial.hybrid.simulation.manoeuvres import steer
+from seatrial.hybrid.simulation.standard_tests import (
     StandardTest,
     TrialShip,
     approach_at,
@@ -33,8 +33,8 @@ from hybrid.simulation.standard_tests import (
     with_helm_rate,
     zigzag_test,
 )
-from hybrid.vessel.parameters import Vessel
-from hybrid.vessel.plant import Plant
+from seatrial.hybrid.vessel.parameters import Vessel
+from seatrial.hybrid.vessel.plant import Plant
 
 APPROACH_RPM = "approach_rpm"
 """The mean shaft speed in the approach, as an index."""

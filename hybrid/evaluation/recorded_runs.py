@@ -13,24 +13,24 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from acquisition.core.actuators import Actuators, control_names
-from acquisition.core.angles import unwrap
-from acquisition.core.arrays import Bools, Floats
-from acquisition.core.channels import ENVIRONMENT, is_circular
-from acquisition.core.errors import DataShortageError
-from analysis.manoeuvres.indices import Manoeuvre
-from analysis.manoeuvres.measures import APPROACH_S, half_width_s, smooth_motion
-from analysis.manoeuvres.motion import Motion, motion_of
-from analysis.manoeuvres.runs import acceleration_indices, drift_indices, stopping_indices
-from analysis.manoeuvres.turning_circle import REMOVED, circle_indices, current_of
-from analysis.manoeuvres.turning_tests import pull_out_indices
-from analysis.manoeuvres.zigzag import zigzag_indices
-from analysis.tables.table import NANO, require, table_actuators, times_ns
-from hybrid.prediction.prediction_windows import mean_controls
-from hybrid.vessel.actuators import control_units
-from hybrid.vessel.channels import STATE_UNITS, WIND_UNITS, check_ship
-from hybrid.vessel.plant import Plant
-from hybrid.vessel.simulate import range_error, simulate_batch
+from seatrial.acquisition.core.actuators import Actuators, control_names
+from seatrial.acquisition.core.angles import unwrap
+from seatrial.acquisition.core.arrays import Bools, Floats
+from seatrial.acquisition.core.channels import ENVIRONMENT, is_circular
+from seatrial.acquisition.core.errors import DataShortageError
+from seatrial.analysis.manoeuvres.indices import Manoeuvre
+from seatrial.analysis.manoeuvres.measures import APPROACH_S, half_width_s, smooth_motion
+from seatrial.analysis.manoeuvres.motion import Motion, motion_of
+from seatrial.analysis.manoeuvres.runs import acceleration_indices, drift_indices, stopping_indices
+from seatrial.analysis.manoeuvres.turning_circle import REMOVED, circle_indices, current_of
+from seatrial.analysis.manoeuvres.turning_tests import pull_out_indices
+from seatrial.analysis.manoeuvres.zigzag import zigzag_indices
+from seatrial.analysis.tables.table import NANO, require, table_actuators, times_ns
+from seatrial.hybrid.prediction.prediction_windows import mean_controls
+from seatrial.hybrid.vessel.actuators import control_units
+from seatrial.hybrid.vessel.channels import STATE_UNITS, WIND_UNITS, check_ship
+from seatrial.hybrid.vessel.plant import Plant
+from seatrial.hybrid.vessel.simulate import range_error, simulate_batch
 
 _BEFORE_S = 30.0
 _HELD_FROM = 0.8  # of a run's time: what the controls are then, they are at its end

@@ -18,11 +18,17 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from acquisition.core.arrays import Bools, Floats
-from acquisition.core.errors import ConfigurationError, DataShortageError
-from analysis.kinematics import to_ship
-from hybrid.calibrators.train import HELD_OUT_SHARE
-from hybrid.prediction.prediction_windows import WIND, PredictionWindows, clear_of, draw_windows, unlike_groups
+from seatrial.acquisition.core.arrays import Bools, Floats
+from seatrial.acquisition.core.errors import ConfigurationError, DataShortageError
+from seatrial.analysis.kinematics import to_ship
+from seatrial.hybrid.calibrators.train import HELD_OUT_SHARE
+from seatrial.hybrid.prediction.prediction_windows import (
+    WIND,
+    PredictionWindows,
+    clear_of,
+    draw_windows,
+    unlike_groups,
+)
 
 TEST_SHARE = 0.3
 """The share of the windows, or of a recording's time, that is held out for testing."""

@@ -8,22 +8,22 @@ from typing import Any
 
 import numpy as np
 
-from acquisition.core.arrays import Bools, Floats
-from acquisition.core.named_code import OwnCodeError
-from acquisition.core.progress import Progress, part_of
-from acquisition.core.result import ModelResult
-from acquisition.core.serialisation import to_json
-from hybrid.calibrators import make_calibrator
-from hybrid.calibrators.calibrator import Examples, predict_with_fallback
-from hybrid.evaluation.splits import SPLITS, Draw, classes_of, leaked_share
-from hybrid.evaluation.truth import Truths, judged_by_truths, truth_distances
-from hybrid.prediction.baselines import Fallback, untrained_tracks
-from hybrid.prediction.baselines import reference as model_tracks
-from hybrid.prediction.dataset import within_model_range
-from hybrid.prediction.prediction_windows import PredictionWindows, difference_rad, starting_two_sided
-from hybrid.prediction.regions import conformal_region, equal_area_radius, relative_distances
-from hybrid.prediction.scores import TWO_SIDED, Interval, LegBootstrap, distances, start_of
-from hybrid.vessel.plant import Plant
+from seatrial.acquisition.core.arrays import Bools, Floats
+from seatrial.acquisition.core.named_code import OwnCodeError
+from seatrial.acquisition.core.progress import Progress, part_of
+from seatrial.acquisition.core.result import ModelResult
+from seatrial.acquisition.core.serialisation import to_json
+from seatrial.hybrid.calibrators import make_calibrator
+from seatrial.hybrid.calibrators.calibrator import Examples, predict_with_fallback
+from seatrial.hybrid.evaluation.splits import SPLITS, Draw, classes_of, leaked_share
+from seatrial.hybrid.evaluation.truth import Truths, judged_by_truths, truth_distances
+from seatrial.hybrid.prediction.baselines import Fallback, untrained_tracks
+from seatrial.hybrid.prediction.baselines import reference as model_tracks
+from seatrial.hybrid.prediction.dataset import within_model_range
+from seatrial.hybrid.prediction.prediction_windows import PredictionWindows, difference_rad, starting_two_sided
+from seatrial.hybrid.prediction.regions import conformal_region, equal_area_radius, relative_distances
+from seatrial.hybrid.prediction.scores import TWO_SIDED, Interval, LegBootstrap, distances, start_of
+from seatrial.hybrid.vessel.plant import Plant
 
 BASELINES = ("straight_line", "constant_velocity", "reference")
 """The methods without training (:func:`.untrained_tracks`), which every other has to beat."""
@@ -297,8 +297,8 @@ class Evaluation(ModelResult):
     splits: dict[str, SplitSummary]
     leak: dict[str, Interval]
     failed: dict[str, str] = field(default_factory=dict)
-    view = "hybrid.report.tables:evaluation_view"
-    drawing = "hybrid.report.evaluation_page:draw_evaluation"
+    view = "seatrial.hybrid.report.tables:evaluation_view"
+    drawing = "seatrial.hybrid.report.evaluation_page:draw_evaluation"
 
     @property
     def measurements(self) -> str:

@@ -21,18 +21,18 @@ import numpy as np
 import pandas as pd
 from pydantic import Field
 
-from acquisition.core.arrays import Floats, Ints
-from acquisition.core.channels import POSE_AND_VELOCITY
-from acquisition.core.errors import SeatrialError
-from acquisition.core.progress import Progress
-from analysis.estimation.noise_levels import NoiseLevels
-from analysis.estimation.smoother import smooth
-from analysis.kinematics import integrate, to_earth
-from analysis.quality.motion.checks import LIMITS
-from hybrid.prediction.kalman_filter import LEAP_M
-from hybrid.prediction.prediction_windows import PredictionWindows, row_numbers
-from hybrid.prediction.scores import Interval, LegBootstrap, distances
-from hybrid.vessel.channels import STATE_UNITS
+from seatrial.acquisition.core.arrays import Floats, Ints
+from seatrial.acquisition.core.channels import POSE_AND_VELOCITY
+from seatrial.acquisition.core.errors import SeatrialError
+from seatrial.acquisition.core.progress import Progress
+from seatrial.analysis.estimation.noise_levels import NoiseLevels
+from seatrial.analysis.estimation.smoother import smooth
+from seatrial.analysis.kinematics import integrate, to_earth
+from seatrial.analysis.quality.motion.checks import LIMITS
+from seatrial.hybrid.prediction.kalman_filter import LEAP_M
+from seatrial.hybrid.prediction.prediction_windows import PredictionWindows, row_numbers
+from seatrial.hybrid.prediction.scores import Interval, LegBootstrap, distances
+from seatrial.hybrid.vessel.channels import STATE_UNITS
 
 TRUTHS = ("position", "dead_reckoning", "joined")
 

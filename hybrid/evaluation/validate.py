@@ -9,21 +9,21 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from acquisition.core.arrays import Floats
-from acquisition.core.errors import InputError
-from acquisition.core.result import ModelResult
-from acquisition.core.serialisation import to_json
-from hybrid.calibrators.calibrator import PredictedTracks
-from hybrid.calibrators.train import TrainedCalibrator
-from hybrid.evaluation.length_times import LengthErrors
-from hybrid.evaluation.manoeuvre_indices import IndexComparisons
-from hybrid.evaluation.truth import Truths, judged_by_truths, truth_distances
-from hybrid.prediction.baselines import reference, untrained_tracks
-from hybrid.prediction.dataset import Dataset, Source, within_model_range
-from hybrid.prediction.prediction_windows import PredictionWindows, starting_two_sided
-from hybrid.prediction.regions import bands, relative_distances
-from hybrid.prediction.scores import TWO_SIDED, Score, score, scores_json
-from hybrid.vessel.plant import Plant
+from seatrial.acquisition.core.arrays import Floats
+from seatrial.acquisition.core.errors import InputError
+from seatrial.acquisition.core.result import ModelResult
+from seatrial.acquisition.core.serialisation import to_json
+from seatrial.hybrid.calibrators.calibrator import PredictedTracks
+from seatrial.hybrid.calibrators.train import TrainedCalibrator
+from seatrial.hybrid.evaluation.length_times import LengthErrors
+from seatrial.hybrid.evaluation.manoeuvre_indices import IndexComparisons
+from seatrial.hybrid.evaluation.truth import Truths, judged_by_truths, truth_distances
+from seatrial.hybrid.prediction.baselines import reference, untrained_tracks
+from seatrial.hybrid.prediction.dataset import Dataset, Source, within_model_range
+from seatrial.hybrid.prediction.prediction_windows import PredictionWindows, starting_two_sided
+from seatrial.hybrid.prediction.regions import bands, relative_distances
+from seatrial.hybrid.prediction.scores import TWO_SIDED, Score, score, scores_json
+from seatrial.hybrid.vessel.plant import Plant
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,8 +53,8 @@ class Validation(ModelResult):
     jumps: int = 0
     by_length: LengthErrors | None = None
     indices: IndexComparisons | None = None
-    view = "hybrid.report.tables:validation_view"
-    drawing = "hybrid.report.plots:draw_validation"
+    view = "seatrial.hybrid.report.tables:validation_view"
+    drawing = "seatrial.hybrid.report.plots:draw_validation"
 
     @property
     def measurements(self) -> str:

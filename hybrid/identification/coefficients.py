@@ -14,11 +14,11 @@ from dataclasses import dataclass, fields, replace
 from math import exp, inf
 from typing import Any
 
-from acquisition.core.arrays import Floats
-from hybrid.effects.catalogue import catalogue_of
-from hybrid.vessel.actuators import KINDS
-from hybrid.vessel.hulls import HULLS
-from hybrid.vessel.parameters import Vessel
+from seatrial.acquisition.core.arrays import Floats
+from seatrial.hybrid.effects.catalogue import catalogue_of
+from seatrial.hybrid.vessel.actuators import KINDS
+from seatrial.hybrid.vessel.hulls import HULLS
+from seatrial.hybrid.vessel.parameters import Vessel
 
 USUAL_WIDTHS = {"hull": 0.3, "inertia": 0.15, "actuator": 0.2}
 """The relative prior widths of coefficients without a stated error: about those of ``vessel new``."""

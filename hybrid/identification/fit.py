@@ -18,10 +18,10 @@ from math import log
 import numpy as np
 from scipy.optimize import minimize
 
-from acquisition.core.arrays import Floats
-from acquisition.core.errors import ModelRangeError
-from acquisition.core.progress import Progress, part_of
-from hybrid.identification.response import PARTS, Model
+from seatrial.acquisition.core.arrays import Floats
+from seatrial.acquisition.core.errors import ModelRangeError
+from seatrial.acquisition.core.progress import Progress, part_of
+from seatrial.hybrid.identification.response import PARTS, Model
 
 START_VARIANCE = 1.0
 """The prior variance of a start's deviation, in units of :attr:`Model.start_scale` squared: the start is free."""

@@ -18,30 +18,30 @@ import numpy as np
 import pandas as pd
 from threadpoolctl import threadpool_limits
 
-from acquisition.core.actuators import names_of, shafts
-from acquisition.core.arrays import Floats
-from acquisition.core.errors import DataShortageError, ModelRangeError, SeatrialError
-from acquisition.core.progress import Progress, part_of
-from acquisition.core.result import ModelResult
-from acquisition.core.serialisation import to_json
-from acquisition.core.trial import software_version
-from analysis.estimation.likelihood import UNKNOWN, correlated_pairs
-from analysis.tables.resample import resample
-from analysis.tables.table import select
-from analysis.windows.recordings import second_by_second
-from hybrid.effects.catalogue import vessel_plant
-from hybrid.identification.coefficients import Coefficient, coefficients_of
-from hybrid.identification.fit import Fit, fit, information_at
-from hybrid.identification.response import Model, model_of
-from hybrid.identification.segments import segments_of
-from hybrid.prediction.baselines import constant_velocity, reference
-from hybrid.prediction.dataset import dataset_of
-from hybrid.prediction.kalman_filter import filtered_starts
-from hybrid.prediction.scores import Score, score, scores_json
-from hybrid.simulation.sea_state import sea_state_named
-from hybrid.simulation.trial import Noise, simulate_trial
-from hybrid.vessel.parameters import Vessel
-from hybrid.vessel.plant import Plant
+from seatrial.acquisition.core.actuators import names_of, shafts
+from seatrial.acquisition.core.arrays import Floats
+from seatrial.acquisition.core.errors import DataShortageError, ModelRangeError, SeatrialError
+from seatrial.acquisition.core.progress import Progress, part_of
+from seatrial.acquisition.core.result import ModelResult
+from seatrial.acquisition.core.serialisation import to_json
+from seatrial.acquisition.core.trial import software_version
+from seatrial.analysis.estimation.likelihood import UNKNOWN, correlated_pairs
+from seatrial.analysis.tables.resample import resample
+from seatrial.analysis.tables.table import select
+from seatrial.analysis.windows.recordings import second_by_second
+from seatrial.hybrid.effects.catalogue import vessel_plant
+from seatrial.hybrid.identification.coefficients import Coefficient, coefficients_of
+from seatrial.hybrid.identification.fit import Fit, fit, information_at
+from seatrial.hybrid.identification.response import Model, model_of
+from seatrial.hybrid.identification.segments import segments_of
+from seatrial.hybrid.prediction.baselines import constant_velocity, reference
+from seatrial.hybrid.prediction.dataset import dataset_of
+from seatrial.hybrid.prediction.kalman_filter import filtered_starts
+from seatrial.hybrid.prediction.scores import Score, score, scores_json
+from seatrial.hybrid.simulation.sea_state import sea_state_named
+from seatrial.hybrid.simulation.trial import Noise, simulate_trial
+from seatrial.hybrid.vessel.parameters import Vessel
+from seatrial.hybrid.vessel.plant import Plant
 
 REPERTOIRE = ("zigzag_10_10", "zigzag_20_20", "turning_circle_15", "turning_circle_35", "speed_runs", "stopping",
               "reciprocal", "one_thruster", "tunnel_test")  # fmt: skip
@@ -183,8 +183,8 @@ class Identification(ModelResult):
     file: str = ""
     set_aside: tuple[str, ...] = ()
     tracks: tuple[Floats, Floats] = field(default=(np.zeros((0, 0, 2)), np.zeros((0, 0, 2))), repr=False)
-    view = "hybrid.report.identification:identification_view"
-    drawing = "hybrid.report.identification:draw_identification"
+    view = "seatrial.hybrid.report.identification:identification_view"
+    drawing = "seatrial.hybrid.report.identification:draw_identification"
     size_inch = (11.0, 8.0)
 
     @property

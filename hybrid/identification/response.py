@@ -12,14 +12,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from acquisition.core.arrays import Floats, Ints
-from hybrid.effects.catalogue import vessel_plant
-from hybrid.identification.coefficients import Coefficient, values_at, with_values
-from hybrid.identification.segments import Segments
-from hybrid.vessel.parameters import Vessel
-from hybrid.vessel.plant import Plant, angles_in, pack
-from hybrid.vessel.sensors import acting_controls, measure
-from hybrid.vessel.simulate import simulate_batch
+from seatrial.acquisition.core.arrays import Floats, Ints
+from seatrial.hybrid.effects.catalogue import vessel_plant
+from seatrial.hybrid.identification.coefficients import Coefficient, values_at, with_values
+from seatrial.hybrid.identification.segments import Segments
+from seatrial.hybrid.vessel.parameters import Vessel
+from seatrial.hybrid.vessel.plant import Plant, angles_in, pack
+from seatrial.hybrid.vessel.sensors import acting_controls, measure
+from seatrial.hybrid.vessel.simulate import simulate_batch
 
 PARTS = 5
 """The number of parts of a segment, each with its own missing force."""

@@ -15,14 +15,14 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from acquisition.core.arrays import Bools, Floats, Ints
-from acquisition.core.errors import DataShortageError
-from analysis.estimation.local_polynomial import half_width_for, smooth_motion
-from analysis.tables.resample import rate_fraction, resample
-from analysis.tables.table import seconds_of, table_actuators, with_calm
-from hybrid.prediction.prediction_windows import mean_controls
-from hybrid.vessel.channels import check_ship, controls_of, states_of, wind_of
-from hybrid.vessel.plant import Plant
+from seatrial.acquisition.core.arrays import Bools, Floats, Ints
+from seatrial.acquisition.core.errors import DataShortageError
+from seatrial.analysis.estimation.local_polynomial import half_width_for, smooth_motion
+from seatrial.analysis.tables.resample import rate_fraction, resample
+from seatrial.analysis.tables.table import seconds_of, table_actuators, with_calm
+from seatrial.hybrid.prediction.prediction_windows import mean_controls
+from seatrial.hybrid.vessel.channels import check_ship, controls_of, states_of, wind_of
+from seatrial.hybrid.vessel.plant import Plant
 
 LENGTHS = 1.0
 """A segment's duration, in ship lengths at her usual speed."""

@@ -17,10 +17,10 @@ from scipy.linalg import lapack
 from scipy.optimize import brentq
 from scipy.stats import chi2, ncx2, norm, t
 
-from acquisition.core.arrays import Floats, Ints
-from hybrid.diagnosis.acceptance import FALSE_ALARM, HELD_OUT_LEVEL
-from hybrid.diagnosis.evidence import NormalEquations, explained_by, marginalise
-from hybrid.effects import Catalogue, Effect
+from seatrial.acquisition.core.arrays import Floats, Ints
+from seatrial.hybrid.diagnosis.acceptance import FALSE_ALARM, HELD_OUT_LEVEL
+from seatrial.hybrid.diagnosis.evidence import NormalEquations, explained_by, marginalise
+from seatrial.hybrid.effects import Catalogue, Effect
 
 POWER = 0.9
 """The power: an effect at its limit is found in this share of such trials."""

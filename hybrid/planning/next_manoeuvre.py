@@ -14,22 +14,29 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.stats import norm
 
-from acquisition.core.actuators import control_names, shafts
-from acquisition.core.errors import ModelRangeError
-from acquisition.core.progress import Progress
-from hybrid.diagnosis.evidence import NormalEquations, normal_equations
-from hybrid.diagnosis.linearise import linearise
-from hybrid.diagnosis.log import Log
-from hybrid.diagnosis.result import Manoeuvre
-from hybrid.diagnosis.select_effects import CLOSE
-from hybrid.effects import apply_effects
-from hybrid.planning.information import Design, Information, design_of, separation
-from hybrid.planning.repertoire import Candidate, append_rehearsals, as_one_leg, rehearse, repertoire, shafts_of
-from hybrid.simulation.sea_state import SeaState
-from hybrid.vessel.actuators.kind import RPM_PER_RPS
-from hybrid.vessel.effect import Values
-from hybrid.vessel.parameters import Vessel
-from hybrid.vessel.plant import Plant
+from seatrial.acquisition.core.actuators import control_names, shafts
+from seatrial.acquisition.core.errors import ModelRangeError
+from seatrial.acquisition.core.progress import Progress
+from seatrial.hybrid.diagnosis.evidence import NormalEquations, normal_equations
+from seatrial.hybrid.diagnosis.linearise import linearise
+from seatrial.hybrid.diagnosis.log import Log
+from seatrial.hybrid.diagnosis.result import Manoeuvre
+from seatrial.hybrid.diagnosis.select_effects import CLOSE
+from seatrial.hybrid.effects import apply_effects
+from seatrial.hybrid.planning.information import Design, Information, design_of, separation
+from seatrial.hybrid.planning.repertoire import (
+    Candidate,
+    append_rehearsals,
+    as_one_leg,
+    rehearse,
+    repertoire,
+    shafts_of,
+)
+from seatrial.hybrid.simulation.sea_state import SeaState
+from seatrial.hybrid.vessel.actuators.kind import RPM_PER_RPS
+from seatrial.hybrid.vessel.effect import Values
+from seatrial.hybrid.vessel.parameters import Vessel
+from seatrial.hybrid.vessel.plant import Plant
 
 _IDLE_SHARE = 0.2  # of the fastest: slower shafts count as stopped
 _WORTH_A_MINUTE = 0.1  # log odds per minute: less is not worthwhile

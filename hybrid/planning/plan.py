@@ -20,18 +20,18 @@ from typing import Any
 
 import numpy as np
 
-from acquisition.core.arrays import Floats
-from acquisition.core.errors import ConfigurationError
-from acquisition.core.progress import Progress, part_of
-from acquisition.core.result import Result
-from hybrid.diagnosis.disturbance_model import Noise
-from hybrid.diagnosis.estimate_noise import estimate_noise
-from hybrid.diagnosis.evidence import normal_equations
-from hybrid.diagnosis.linearise import Model, linearise
-from hybrid.diagnosis.log import log_of
-from hybrid.effects import Catalogue, Effect, vessel_plant
-from hybrid.effects.catalogue import catalogue_of
-from hybrid.planning.information import (
+from seatrial.acquisition.core.arrays import Floats
+from seatrial.acquisition.core.errors import ConfigurationError
+from seatrial.acquisition.core.progress import Progress, part_of
+from seatrial.acquisition.core.result import Result
+from seatrial.hybrid.diagnosis.disturbance_model import Noise
+from seatrial.hybrid.diagnosis.estimate_noise import estimate_noise
+from seatrial.hybrid.diagnosis.evidence import normal_equations
+from seatrial.hybrid.diagnosis.linearise import Model, linearise
+from seatrial.hybrid.diagnosis.log import log_of
+from seatrial.hybrid.effects import Catalogue, Effect, vessel_plant
+from seatrial.hybrid.effects.catalogue import catalogue_of
+from seatrial.hybrid.planning.information import (
     TOLD_APART,
     Design,
     Information,
@@ -41,13 +41,20 @@ from hybrid.planning.information import (
     least_separation,
     noncentrality,
 )
-from hybrid.planning.next_manoeuvre import rehearsals
-from hybrid.planning.repertoire import Candidate, append_rehearsals, as_one_leg, rehearse, repertoire, shafts_of
-from hybrid.simulation.handling import usual_rpm
-from hybrid.simulation.manoeuvres import for_ship, manoeuvre_named
-from hybrid.simulation.sea_state import SeaState
-from hybrid.simulation.trial import simulate_trial
-from hybrid.vessel.parameters import Vessel
+from seatrial.hybrid.planning.next_manoeuvre import rehearsals
+from seatrial.hybrid.planning.repertoire import (
+    Candidate,
+    append_rehearsals,
+    as_one_leg,
+    rehearse,
+    repertoire,
+    shafts_of,
+)
+from seatrial.hybrid.simulation.handling import usual_rpm
+from seatrial.hybrid.simulation.manoeuvres import for_ship, manoeuvre_named
+from seatrial.hybrid.simulation.sea_state import SeaState
+from seatrial.hybrid.simulation.trial import simulate_trial
+from seatrial.hybrid.vessel.parameters import Vessel
 
 _SEEN = noncentrality(16.0, 1)
 _LEAST = 1e-3  # evidence below this is none
@@ -172,8 +179,8 @@ class Plan(Result):
     catalogue: Catalogue
     asked: Programme
     better: Programme
-    view = "hybrid.report.tables:plan_view"
-    drawing = "hybrid.report.plan_page:draw_plan"
+    view = "seatrial.hybrid.report.tables:plan_view"
+    drawing = "seatrial.hybrid.report.plan_page:draw_plan"
     size_inch = (9.0, 2.6)
 
     def as_dict(self) -> dict[str, Any]:

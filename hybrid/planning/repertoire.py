@@ -1,10 +1,10 @@
 """Manoeuvres of some ten minutes that a ship can be asked for, scaled to her shaft speeds and pace, and their
 simulation.
 
-They are made of the parts of :mod:`hybrid.simulation.manoeuvres`, with the words in which an officer of the
-watch may be asked for them. A simulated candidate is a log without noise or gaps: the information of a trial
-depends on where it takes the ship, not on the noise of the readings, so its true motion serves as the measured
-one and needs no smoothing.
+They are made of the parts of :mod:`seatrial.hybrid.simulation.manoeuvres`, with the words in which an officer of
+the watch may be asked for them. A simulated candidate is a log without noise or gaps: the information of a trial
+depends on where it takes the ship, not on the noise of the readings, so its true motion serves as the measured one
+and needs no smoothing.
 """
 
 from __future__ import annotations
@@ -17,13 +17,13 @@ from typing import Any
 
 import numpy as np
 
-from acquisition.core.actuators import Actuators, names_of
-from acquisition.core.actuators import shafts as drives_in
-from acquisition.core.arrays import Floats
-from hybrid.diagnosis.log import BLOCK_S, LEG_S, STEPS_PER_SECOND, Log
-from hybrid.simulation.handling import HARD_OVER_DEG, pace_of, shaft_limit_rpm
-from hybrid.simulation.handling import usual_rpm as own_usual_rpm
-from hybrid.simulation.manoeuvres import (
+from seatrial.acquisition.core.actuators import Actuators, names_of
+from seatrial.acquisition.core.actuators import shafts as drives_in
+from seatrial.acquisition.core.arrays import Floats
+from seatrial.hybrid.diagnosis.log import BLOCK_S, LEG_S, STEPS_PER_SECOND, Log
+from seatrial.hybrid.simulation.handling import HARD_OVER_DEG, pace_of, shaft_limit_rpm
+from seatrial.hybrid.simulation.handling import usual_rpm as own_usual_rpm
+from seatrial.hybrid.simulation.manoeuvres import (
     Leg,
     Manoeuvre,
     both_ways,
@@ -35,11 +35,11 @@ from hybrid.simulation.manoeuvres import (
     turning_circle,
     zigzag,
 )
-from hybrid.simulation.sea_state import SeaState
-from hybrid.simulation.trial import sail_through
-from hybrid.vessel.parameters import Vessel
-from hybrid.vessel.plant import Plant
-from hybrid.vessel.sensors import measure
+from seatrial.hybrid.simulation.sea_state import SeaState
+from seatrial.hybrid.simulation.trial import sail_through
+from seatrial.hybrid.vessel.parameters import Vessel
+from seatrial.hybrid.vessel.plant import Plant
+from seatrial.hybrid.vessel.sensors import measure
 
 MINUTES = 10.0
 """The length of a manoeuvre for R/V Gunnerus [min]; other ships' lengths are scaled."""

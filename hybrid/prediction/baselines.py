@@ -16,15 +16,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from acquisition.core.arrays import Floats
-from hybrid.prediction.kalman_filter import filtered_starts
-from hybrid.prediction.prediction_windows import PredictionWindows, hindcast_windows
-from hybrid.prediction.regions import conformal_region
-from hybrid.prediction.scores import mean_distances
-from hybrid.vessel.channels import check_ship
-from hybrid.vessel.plant import Plant
-from hybrid.vessel.sensors import YAW_RATE, arc
-from hybrid.vessel.simulate import simulate_batch
+from seatrial.acquisition.core.arrays import Floats
+from seatrial.hybrid.prediction.kalman_filter import filtered_starts
+from seatrial.hybrid.prediction.prediction_windows import PredictionWindows, hindcast_windows
+from seatrial.hybrid.prediction.regions import conformal_region
+from seatrial.hybrid.prediction.scores import mean_distances
+from seatrial.hybrid.vessel.channels import check_ship
+from seatrial.hybrid.vessel.plant import Plant
+from seatrial.hybrid.vessel.sensors import YAW_RATE, arc
+from seatrial.hybrid.vessel.simulate import simulate_batch
 
 
 def constant_velocity(windows: PredictionWindows) -> Floats:

@@ -11,22 +11,22 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from acquisition.core.arrays import Floats
-from acquisition.core.errors import DataShortageError
-from acquisition.core.progress import Progress
-from analysis.estimation.local_polynomial import USUAL_LENGTH_M, half_width_for, smooth_motion
-from analysis.tables.table import refuse_duplicates
-from analysis.windows.held import HeldWindows
-from analysis.windows.recordings import SecondBySecond, tables_of_recordings, windows_of_tables
-from hybrid.prediction.baselines import reference
-from hybrid.prediction.kalman_filter import filtered_starts
-from hybrid.prediction.prediction_windows import (
+from seatrial.acquisition.core.arrays import Floats
+from seatrial.acquisition.core.errors import DataShortageError
+from seatrial.acquisition.core.progress import Progress
+from seatrial.analysis.estimation.local_polynomial import USUAL_LENGTH_M, half_width_for, smooth_motion
+from seatrial.analysis.tables.table import refuse_duplicates
+from seatrial.analysis.windows.held import HeldWindows
+from seatrial.analysis.windows.recordings import SecondBySecond, tables_of_recordings, windows_of_tables
+from seatrial.hybrid.prediction.baselines import reference
+from seatrial.hybrid.prediction.kalman_filter import filtered_starts
+from seatrial.hybrid.prediction.prediction_windows import (
     PredictionWindows,
     concatenate_windows,
     starting_two_sided,
     windows_from_rows,
 )
-from hybrid.vessel.plant import Plant
+from seatrial.hybrid.vessel.plant import Plant
 
 SHORTEST_S = 8
 """The shortest holding time of thrusters [s] worth learning from."""

@@ -28,15 +28,15 @@ import numpy as np
 from numba import njit, prange
 from numpy.typing import NDArray
 
-from acquisition.core.arrays import Floats
-from analysis.compiling import FAST, Record, compiled, threads_for
-from analysis.estimation.kalman_kernel import WIDTH, gain_sequence
-from analysis.estimation.process_models import decay, oscillator
-from hybrid.prediction.prediction_windows import CONTROLS, WIND, PredictionWindows
-from hybrid.vessel.actuators import CONTROLS_OF, IS_ANGLE
-from hybrid.vessel.actuators.kind import CONTROL, KIND
-from hybrid.vessel.channels import check_ship
-from hybrid.vessel.dynamics import (
+from seatrial.acquisition.core.arrays import Floats
+from seatrial.analysis.compiling import FAST, Record, compiled, threads_for
+from seatrial.analysis.estimation.kalman_kernel import WIDTH, gain_sequence
+from seatrial.analysis.estimation.process_models import decay, oscillator
+from seatrial.hybrid.prediction.prediction_windows import CONTROLS, WIND, PredictionWindows
+from seatrial.hybrid.vessel.actuators import CONTROLS_OF, IS_ANGLE
+from seatrial.hybrid.vessel.actuators.kind import CONTROL, KIND
+from seatrial.hybrid.vessel.channels import check_ship
+from seatrial.hybrid.vessel.dynamics import (
     Control,
     InverseMass,
     Scratch,
@@ -46,8 +46,8 @@ from hybrid.vessel.dynamics import (
     lag_over,
     scratch_for,
 )
-from hybrid.vessel.plant import PHYSICS_STAMP, ForceFunction, Plant, pack
-from hybrid.vessel.simulate import combine_forces
+from seatrial.hybrid.vessel.plant import PHYSICS_STAMP, ForceFunction, Plant, pack
+from seatrial.hybrid.vessel.simulate import combine_forces
 
 LEAP_M, LEAP_RAD, LEAP_MPS, LEAP_RADPS = 8.0, 0.5, 1.5, 0.15
 TURN_RADPS, TURNS = 0.02, 4
@@ -98,7 +98,7 @@ def measurement_update(
     """Whether the measurement is plausible, and the state after it; bias force and wave motion are updated in
     place.
 
-    ``gain`` [3 axes, 5, 2] comes from :func:`~hybrid.prediction.kalman_filter.kalman_gains`.
+    ``gain`` [3 axes, 5, 2] comes from :func:`~seatrial.hybrid.prediction.kalman_filter.kalman_gains`.
     """
     north, east, psi, u, v, r = state
     cosine, sine = cos(psi), sin(psi)
@@ -317,8 +317,8 @@ class Observations:
     """The observations of N windows.
 
     ``past`` [N, P+1, channels] in the order of
-    :class:`~hybrid.prediction.prediction_windows.PredictionWindows`, newest first, without gaps for ``known_s``
-    [N] seconds; ``control`` [N, H, controls] and ``wind`` [N, H, 2] act from second 0.
+    :class:`~seatrial.hybrid.prediction.prediction_windows.PredictionWindows`, newest first, without gaps for
+    ``known_s`` [N] seconds; ``control`` [N, H, controls] and ``wind`` [N, H, 2] act from second 0.
     """
 
     past: Floats

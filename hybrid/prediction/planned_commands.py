@@ -17,16 +17,16 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from acquisition.core.actuators import Actuators, control_names
-from acquisition.core.arrays import Floats
-from acquisition.core.budget import CONFIGURATION_BYTES
-from acquisition.core.child import read_in_child
-from acquisition.core.errors import InputError
-from acquisition.core.files import read_regular
-from acquisition.tables.table_files import FOREIGN_READER, RawTable
-from acquisition.tables.time_columns import parse_times
-from hybrid.prediction.prediction_windows import difference_rad
-from hybrid.vessel.actuators import angle_columns, control_units
+from seatrial.acquisition.core.actuators import Actuators, control_names
+from seatrial.acquisition.core.arrays import Floats
+from seatrial.acquisition.core.budget import CONFIGURATION_BYTES
+from seatrial.acquisition.core.child import read_in_child
+from seatrial.acquisition.core.errors import InputError
+from seatrial.acquisition.core.files import read_regular
+from seatrial.acquisition.tables.table_files import FOREIGN_READER, RawTable
+from seatrial.acquisition.tables.time_columns import parse_times
+from seatrial.hybrid.prediction.prediction_windows import difference_rad
+from seatrial.hybrid.vessel.actuators import angle_columns, control_units
 
 _PARTS = 20  # of a second: orders may come between full seconds
 

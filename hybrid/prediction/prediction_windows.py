@@ -15,16 +15,16 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from acquisition.core.actuators import DEFAULT, Actuators
-from acquisition.core.angles import unwrap
-from acquisition.core.arrays import Floats, Ints
-from acquisition.core.channels import POSE_AND_VELOCITY, trial_names
-from acquisition.core.errors import DataShortageError
-from analysis.tables.table import NANO, table_actuators
-from analysis.windows.recordings import SecondBySecond
-from hybrid.vessel.actuators import angle_columns, control_units
-from hybrid.vessel.channels import STATE_UNITS, WIND_UNITS
-from hybrid.vessel.sensors import HEADING
+from seatrial.acquisition.core.actuators import DEFAULT, Actuators
+from seatrial.acquisition.core.angles import unwrap
+from seatrial.acquisition.core.arrays import Floats, Ints
+from seatrial.acquisition.core.channels import POSE_AND_VELOCITY, trial_names
+from seatrial.acquisition.core.errors import DataShortageError
+from seatrial.analysis.tables.table import NANO, table_actuators
+from seatrial.analysis.windows.recordings import SecondBySecond
+from seatrial.hybrid.vessel.actuators import angle_columns, control_units
+from seatrial.hybrid.vessel.channels import STATE_UNITS, WIND_UNITS
+from seatrial.hybrid.vessel.sensors import HEADING
 
 WIND, CONTROLS = slice(6, 8), slice(8, None)
 """The columns of wind and controls among the channels of a window: after the state."""
@@ -50,7 +50,8 @@ class PredictionWindows:
     nothing was recorded. The heading has no jumps and meets that of ``track`` at second 0.
 
     ``truths`` [N, K, H+1, 2] are tracks by each of K sensors alone or joined, and ``truth_errors`` of the same
-    shape the errors that such sensors make, both of :mod:`hybrid.evaluation.truth`; None where nobody asked.
+    shape the errors that such sensors make, both of :mod:`seatrial.hybrid.evaluation.truth`; None where nobody
+    asked.
 
     A ``track`` may end in NaN: what is known of the first seconds is learned from, but not judged.
 

@@ -12,9 +12,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from acquisition.core.arrays import Floats
-from analysis.kinematics import to_ship
-from hybrid.prediction.prediction_windows import PredictionWindows, unlike_groups
+from seatrial.acquisition.core.arrays import Floats
+from seatrial.analysis.kinematics import to_ship
+from seatrial.hybrid.prediction.prediction_windows import PredictionWindows, unlike_groups
 
 COVERAGE = 0.95
 _COUNTED = 0.9

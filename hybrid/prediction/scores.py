@@ -14,9 +14,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from acquisition.core.arrays import Floats
-from acquisition.core.serialisation import Number, to_json
-from hybrid.prediction.prediction_windows import difference_rad
+from seatrial.acquisition.core.arrays import Floats
+from seatrial.acquisition.core.serialisation import Number, to_json
+from seatrial.hybrid.prediction.prediction_windows import difference_rad
 
 DRAWS = 2000
 FEW_LEGS = 10

@@ -13,35 +13,35 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from acquisition.config.run_sheet import statement_from_text
-from acquisition.config.vessel_file import vessel_of_ship
-from acquisition.core.channels import MOTION
-from acquisition.core.errors import ConfigurationError, DataShortageError, InputError, SeatrialError
-from acquisition.core.result import ChosenModel
-from acquisition.core.trial import Trial
-from acquisition.recording.reader import read_trial
-from analysis.conditions import recorded_conditions
-from analysis.estimation.smoother import smooth
-from analysis.manoeuvres import Manoeuvre
-from analysis.manoeuvres.criteria import CriterionResult, IndexRow, criteria_of, index_rows
-from analysis.manoeuvres.find import RecordedRuns, runs_of_trial
-from analysis.products import Options, Products, analyse
-from analysis.report.run_sheet import Ship
-from analysis.speed_power import Conditions, SpeedPower, power_columns, speed_power
-from analysis.tables.resample import resample
-from analysis.tables.table import percent_of, refuse_duplicates, select
-from analysis.windows.recordings import named_recordings, second_by_second
-from hybrid.calibrators.adaptive.calibrator import AdaptiveCalibrator
-from hybrid.calibrators.adaptive.parameters import Parameters, parameters_of
-from hybrid.calibrators.artefact import load
-from hybrid.calibrators.calibrator import DomainOfApplicability
-from hybrid.calibrators.predict import HORIZON_S, Predictor, predictor_of
-from hybrid.calibrators.train import TrainedCalibrator
-from hybrid.evaluation.length_times import LengthErrors, errors_by_length
-from hybrid.evaluation.manoeuvre_indices import IndexComparisons, index_comparison
-from hybrid.evaluation.validate import Validation, refuse_training_data, validate
-from hybrid.prediction.dataset import Dataset, Source, dataset_of
-from hybrid.report.errors import (
+from seatrial.acquisition.config.run_sheet import statement_from_text
+from seatrial.acquisition.config.vessel_file import vessel_of_ship
+from seatrial.acquisition.core.channels import MOTION
+from seatrial.acquisition.core.errors import ConfigurationError, DataShortageError, InputError, SeatrialError
+from seatrial.acquisition.core.result import ChosenModel
+from seatrial.acquisition.core.trial import Trial
+from seatrial.acquisition.recording.reader import read_trial
+from seatrial.analysis.conditions import recorded_conditions
+from seatrial.analysis.estimation.smoother import smooth
+from seatrial.analysis.manoeuvres import Manoeuvre
+from seatrial.analysis.manoeuvres.criteria import CriterionResult, IndexRow, criteria_of, index_rows
+from seatrial.analysis.manoeuvres.find import RecordedRuns, runs_of_trial
+from seatrial.analysis.products import Options, Products, analyse
+from seatrial.analysis.report.run_sheet import Ship
+from seatrial.analysis.speed_power import Conditions, SpeedPower, power_columns, speed_power
+from seatrial.analysis.tables.resample import resample
+from seatrial.analysis.tables.table import percent_of, refuse_duplicates, select
+from seatrial.analysis.windows.recordings import named_recordings, second_by_second
+from seatrial.hybrid.calibrators.adaptive.calibrator import AdaptiveCalibrator
+from seatrial.hybrid.calibrators.adaptive.parameters import Parameters, parameters_of
+from seatrial.hybrid.calibrators.artefact import load
+from seatrial.hybrid.calibrators.calibrator import DomainOfApplicability
+from seatrial.hybrid.calibrators.predict import HORIZON_S, Predictor, predictor_of
+from seatrial.hybrid.calibrators.train import TrainedCalibrator
+from seatrial.hybrid.evaluation.length_times import LengthErrors, errors_by_length
+from seatrial.hybrid.evaluation.manoeuvre_indices import IndexComparisons, index_comparison
+from seatrial.hybrid.evaluation.validate import Validation, refuse_training_data, validate
+from seatrial.hybrid.prediction.dataset import Dataset, Source, dataset_of
+from seatrial.hybrid.report.errors import (
     Calibration,
     Errors,
     Residuals,
@@ -52,11 +52,11 @@ from hybrid.report.errors import (
     predicted_motion,
     residuals_of,
 )
-from hybrid.report.trial_form import NumberedRun, numbered_runs
-from hybrid.vessel.files import load_vessel, locate_vessel
-from hybrid.vessel.parameters import Vessel
-from hybrid.vessel.plant import Plant
-from hybrid.vessel.windage import known_conditions
+from seatrial.hybrid.report.trial_form import NumberedRun, numbered_runs
+from seatrial.hybrid.vessel.files import load_vessel, locate_vessel
+from seatrial.hybrid.vessel.parameters import Vessel
+from seatrial.hybrid.vessel.plant import Plant
+from seatrial.hybrid.vessel.windage import known_conditions
 
 SHOWN = ("reference", "hybrid")
 """The methods that are drawn beside what was measured; tables have all."""
@@ -374,7 +374,7 @@ def load_case(
     """A case from files; without a horizon that of the calibrator, or 15 s. Predictions are judged in a ``part`` of
     each recording's time in percent; ``length_m`` is the ship's where no vessel file says it; ``method`` is the
     code of a calibrator of your own, ``FILE.py:CLASS``; ``statement`` is what a person states of the trials
-    (:meth:`acquisition.config.run_sheet.Statement.as_text`).
+    (:meth:`seatrial.acquisition.config.run_sheet.Statement.as_text`).
 
     Raises :class:`InputError` for a recording given twice and for a calibrator that cannot be read,
     :class:`ConfigurationError` for a vessel that is not the calibrator's.

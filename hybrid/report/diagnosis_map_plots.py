@@ -9,10 +9,10 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from analysis.report.plots import FAINT, INK, PALETTE
-from hybrid.diagnosis.result import FORCES, Map, Place
-from hybrid.report.plots import LESS_MORE, legend_above
-from hybrid.report.words import force_unit, quantity_title
+from seatrial.analysis.report.plots import FAINT, INK, PALETTE
+from seatrial.hybrid.diagnosis.result import FORCES, Map, Place
+from seatrial.hybrid.report.plots import LESS_MORE, legend_above
+from seatrial.hybrid.report.words import force_unit, quantity_title
 
 QUANTITIES = {
     "speed_mps": "speed [m/s]",

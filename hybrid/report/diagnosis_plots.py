@@ -12,15 +12,22 @@ from matplotlib.figure import Figure, FigureBase
 from matplotlib.patches import Patch
 from matplotlib.ticker import FuncFormatter
 
-from acquisition.core.arrays import Floats
-from analysis.report.plots import FAINT, INK, PALETTE
-from hybrid.diagnosis.result import Diagnosis, Estimate, NamedEffect, Rival, Suspect, Tracks
-from hybrid.diagnosis.select_effects import CLOSE
-from hybrid.effects import FAMILIES
-from hybrid.prediction.scores import Interval, distances
-from hybrid.report.diagnosis_words import parameter_title, title_of
-from hybrid.report.plots import interval_bar, legend_above, logarithmic, named_rows, plain_numbers, start_frame
-from hybrid.report.words import plain
+from seatrial.acquisition.core.arrays import Floats
+from seatrial.analysis.report.plots import FAINT, INK, PALETTE
+from seatrial.hybrid.diagnosis.result import Diagnosis, Estimate, NamedEffect, Rival, Suspect, Tracks
+from seatrial.hybrid.diagnosis.select_effects import CLOSE
+from seatrial.hybrid.effects import FAMILIES
+from seatrial.hybrid.prediction.scores import Interval, distances
+from seatrial.hybrid.report.diagnosis_words import parameter_title, title_of
+from seatrial.hybrid.report.plots import (
+    interval_bar,
+    legend_above,
+    logarithmic,
+    named_rows,
+    plain_numbers,
+    start_frame,
+)
+from seatrial.hybrid.report.words import plain
 
 FAMILY_COLOUR = dict(zip(FAMILIES, PALETTE, strict=True))
 """One colour a family of effects, in every figure."""

@@ -11,14 +11,14 @@ from typing import Any
 
 import numpy as np
 
-from acquisition.core.serialisation import to_json
-from hybrid.diagnosis.acceptance import CREDIBLE, Acceptance, AcceptanceTests, LackOfFit
-from hybrid.diagnosis.evidence import Evidence
-from hybrid.diagnosis.log import Log
-from hybrid.diagnosis.map import notable_places
-from hybrid.diagnosis.nuisance_basis import AXES, INTERACTIONS, OPERATION
-from hybrid.diagnosis.regimes import FoundRegime
-from hybrid.diagnosis.result import (
+from seatrial.acquisition.core.serialisation import to_json
+from seatrial.hybrid.diagnosis.acceptance import CREDIBLE, Acceptance, AcceptanceTests, LackOfFit
+from seatrial.hybrid.diagnosis.evidence import Evidence
+from seatrial.hybrid.diagnosis.log import Log
+from seatrial.hybrid.diagnosis.map import notable_places
+from seatrial.hybrid.diagnosis.nuisance_basis import AXES, INTERACTIONS, OPERATION
+from seatrial.hybrid.diagnosis.regimes import FoundRegime
+from seatrial.hybrid.diagnosis.result import (
     FORCES,
     Consistency,
     Correlation,
@@ -33,16 +33,24 @@ from hybrid.diagnosis.result import (
     UnknownCause,
     When,
 )
-from hybrid.diagnosis.select_effects import CLOSE, rivals_of
-from hybrid.diagnosis.time_varying import TimeProfile, TimeVaryingEffect, base_names
-from hybrid.diagnosis.verdict import Conclusion, estimates
-from hybrid.effects import Catalogue, Effect
-from hybrid.effects.catalogue import VERSION
-from hybrid.effects.environment import STEADY_WIND
-from hybrid.effects.regime import Regime, parameter_of
-from hybrid.report.diagnosis_words import DEPENDS, cell_row, clock, number, parameter_title, percent, when_words
-from hybrid.report.effect_sentences import Parameters, sentence, words_and_interval
-from hybrid.report.words import UNITS, force_unit, join_words, plain
+from seatrial.hybrid.diagnosis.select_effects import CLOSE, rivals_of
+from seatrial.hybrid.diagnosis.time_varying import TimeProfile, TimeVaryingEffect, base_names
+from seatrial.hybrid.diagnosis.verdict import Conclusion, estimates
+from seatrial.hybrid.effects import Catalogue, Effect
+from seatrial.hybrid.effects.catalogue import VERSION
+from seatrial.hybrid.effects.environment import STEADY_WIND
+from seatrial.hybrid.effects.regime import Regime, parameter_of
+from seatrial.hybrid.report.diagnosis_words import (
+    DEPENDS,
+    cell_row,
+    clock,
+    number,
+    parameter_title,
+    percent,
+    when_words,
+)
+from seatrial.hybrid.report.effect_sentences import Parameters, sentence, words_and_interval
+from seatrial.hybrid.report.words import UNITS, force_unit, join_words, plain
 
 _ALMOST = 1.1
 

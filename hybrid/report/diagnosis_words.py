@@ -11,9 +11,9 @@ from typing import Any
 from rich.console import Group
 from rich.text import Text
 
-from analysis.report.rendering import Page, render
-from analysis.report.words import in_words
-from hybrid.diagnosis.result import (
+from seatrial.analysis.report.rendering import Page, render
+from seatrial.analysis.report.words import in_words
+from seatrial.hybrid.diagnosis.result import (
     Consistency,
     Correlation,
     Diagnosis,
@@ -28,9 +28,9 @@ from hybrid.diagnosis.result import (
     Suspect,
     When,
 )
-from hybrid.prediction.scores import Interval
-from hybrid.report.sections import templates
-from hybrid.report.words import force_unit, join_words, plain, quantity_title
+from seatrial.hybrid.prediction.scores import Interval
+from seatrial.hybrid.report.sections import templates
+from seatrial.hybrid.report.words import force_unit, join_words, plain, quantity_title
 
 _SMALL = 0.001
 _NOTABLE = 0.1  # of itself: as many percent as a regression leaves in doubt of the best known numbers
@@ -454,7 +454,7 @@ def _gain(ladder: Ladder, name: str) -> str:
 
 def cell_row(place: Place) -> list[str]:
     """A cell of the map."""
-    from hybrid.report.diagnosis_map_plots import axis_title, cell_name, quantity_of
+    from seatrial.hybrid.report.diagnosis_map_plots import axis_title, cell_name, quantity_of
 
     cell = f"{axis_title(quantity_of(place))}: {cell_name(place)}"
     z = f"{place.z:.1f}".replace("-", "\u2212")

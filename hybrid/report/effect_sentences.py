@@ -12,12 +12,12 @@ from dataclasses import replace
 from math import isfinite
 from string import Template
 
-from acquisition.core.actuators import DEFAULT, Actuators, names_of
-from hybrid.diagnosis.result import Estimate
-from hybrid.effects import Effect
-from hybrid.report.diagnosis_words import number
-from hybrid.report.words import plain
-from hybrid.vessel.actuators import KINDS
+from seatrial.acquisition.core.actuators import DEFAULT, Actuators, names_of
+from seatrial.hybrid.diagnosis.result import Estimate
+from seatrial.hybrid.effects import Effect
+from seatrial.hybrid.report.diagnosis_words import number
+from seatrial.hybrid.report.words import plain
+from seatrial.hybrid.vessel.actuators import KINDS
 
 Parameters = Mapping[str, Estimate]
 

@@ -19,19 +19,19 @@ import pandas as pd
 from numpy.typing import NDArray
 from scipy.stats import t
 
-from acquisition.core.actuators import ANGLES
-from acquisition.core.angles import wrap_180, wrap_360
-from acquisition.core.arrays import Floats
-from analysis.estimation.smoother import SmoothedMotion
-from analysis.kinematics import to_ship
-from analysis.tables.table import NANO, index_of, trial_channels
-from hybrid.effects.regime import quantities_along, steering_angles
-from hybrid.prediction.prediction_windows import PredictionWindows, difference_rad
-from hybrid.prediction.regions import equal_area_radius, relative_distances
-from hybrid.prediction.scores import LegBootstrap, distances
-from hybrid.vessel.channels import controls_of, states_of, wind_of
-from hybrid.vessel.plant import Plant
-from hybrid.vessel.simulate import simulate_batch
+from seatrial.acquisition.core.actuators import ANGLES
+from seatrial.acquisition.core.angles import wrap_180, wrap_360
+from seatrial.acquisition.core.arrays import Floats
+from seatrial.analysis.estimation.smoother import SmoothedMotion
+from seatrial.analysis.kinematics import to_ship
+from seatrial.analysis.tables.table import NANO, index_of, trial_channels
+from seatrial.hybrid.effects.regime import quantities_along, steering_angles
+from seatrial.hybrid.prediction.prediction_windows import PredictionWindows, difference_rad
+from seatrial.hybrid.prediction.regions import equal_area_radius, relative_distances
+from seatrial.hybrid.prediction.scores import LegBootstrap, distances
+from seatrial.hybrid.vessel.channels import controls_of, states_of, wind_of
+from seatrial.hybrid.vessel.plant import Plant
+from seatrial.hybrid.vessel.simulate import simulate_batch
 
 COLUMNS = ("north_m", "east_m", "heading_deg", "surge_mps", "sway_mps", "yaw_rate_dps", "speed_mps")
 

@@ -14,19 +14,19 @@ from typing import Any, Literal
 
 from markupsafe import Markup
 
-from acquisition.config.run_sheet import statement_file, statement_text
-from acquisition.core.errors import ConfigurationError, InputError, SeatrialError, StorageError
-from acquisition.core.files import make_folder, write_text, written_together
-from acquisition.core.progress import Progress, part_of
-from analysis.manoeuvres.indices import as_json
-from analysis.report.rendering import render
-from analysis.tables.table import sha256_of
-from hybrid.diagnosis.serialisation import read_diagnosis, read_json
-from hybrid.report.case import load_case
-from hybrid.report.diagnosis_words import PAGE_FILE, write_report
-from hybrid.report.sections import sections
-from hybrid.report.trial_sections import ship_name, subtitle, write_interactive_pages
-from hybrid.reproduction.page import is_reproduced, write_page
+from seatrial.acquisition.config.run_sheet import statement_file, statement_text
+from seatrial.acquisition.core.errors import ConfigurationError, InputError, SeatrialError, StorageError
+from seatrial.acquisition.core.files import make_folder, write_text, written_together
+from seatrial.acquisition.core.progress import Progress, part_of
+from seatrial.analysis.manoeuvres.indices import as_json
+from seatrial.analysis.report.rendering import render
+from seatrial.analysis.tables.table import sha256_of
+from seatrial.hybrid.diagnosis.serialisation import read_diagnosis, read_json
+from seatrial.hybrid.report.case import load_case
+from seatrial.hybrid.report.diagnosis_words import PAGE_FILE, write_report
+from seatrial.hybrid.report.sections import sections
+from seatrial.hybrid.report.trial_sections import ship_name, subtitle, write_interactive_pages
+from seatrial.hybrid.reproduction.page import is_reproduced, write_page
 
 Kind = Literal["diagnosis", "reproduction", "trial", "batch"]
 
@@ -212,7 +212,7 @@ def batch_reports(
 
     Raises :class:`InputError` without the folder of the recordings, whose place no result knows.
     """
-    from analysis.batch.batch import run_batch, write_index
+    from seatrial.analysis.batch.batch import run_batch, write_index
 
     if recordings is None:
         raise InputError("contains the results of a batch without the path of the recordings", where=str(out),
@@ -239,7 +239,7 @@ def batch_reports(
 
 def _refuse_elsewhere(out: Path, recordings: Path) -> None:
     """Raise :class:`InputError` where none of a batch's recordings lies in the folder that is given for them."""
-    from analysis.batch.batch import read_index
+    from seatrial.analysis.batch.batch import read_index
 
     paths = [str(path) for path in read_index(out / "index.parquet")["path"] if path]
     if paths and not any((recordings / path).is_file() for path in paths):
@@ -250,8 +250,8 @@ def _refuse_elsewhere(out: Path, recordings: Path) -> None:
 
 def batch_options(out: Path) -> Any:
     """The options of a batch, from the first result that says them."""
-    from analysis.batch.one_recording import SUMMARY
-    from analysis.products import Options
+    from seatrial.analysis.batch.one_recording import SUMMARY
+    from seatrial.analysis.products import Options
 
     for path in sorted(out.rglob(SUMMARY)):
         try:

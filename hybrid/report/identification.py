@@ -10,10 +10,10 @@ from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
-from analysis.report.plots import FAINT, INK, PALETTE
-from hybrid.identification.identify import Candidate, Estimate, Identification, Judgement
-from hybrid.report.plots import legend_above, named_rows
-from hybrid.report.tables import text_table
+from seatrial.analysis.report.plots import FAINT, INK, PALETTE
+from seatrial.hybrid.identification.identify import Candidate, Estimate, Identification, Judgement
+from seatrial.hybrid.report.plots import legend_above, named_rows
+from seatrial.hybrid.report.tables import text_table
 
 _BLUE, _ORANGE = PALETTE[:2]
 _TRIALS = 5

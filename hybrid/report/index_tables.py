@@ -10,12 +10,17 @@ from rich.console import Group
 from rich.table import Table
 from rich.text import Text
 
-from analysis.manoeuvres.report import index_cells, plain_name
-from hybrid.report.tables import text_table
+from seatrial.analysis.manoeuvres.report import index_cells, plain_name
+from seatrial.hybrid.report.tables import text_table
 
 if TYPE_CHECKING:
-    from hybrid.evaluation.length_times import LengthErrors
-    from hybrid.evaluation.manoeuvre_indices import IndexComparison, IndexComparisons, NotSimulated, SimulatedIndex
+    from seatrial.hybrid.evaluation.length_times import LengthErrors
+    from seatrial.hybrid.evaluation.manoeuvre_indices import (
+        IndexComparison,
+        IndexComparisons,
+        NotSimulated,
+        SimulatedIndex,
+    )
 
 INDEX_HEADER = ("index", "measured", "95 % interval", "predicted", "difference", "replayed", "difference")
 OUTSIDE, REMOVED = "*", "\u2020"

@@ -12,14 +12,14 @@ from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 
-from acquisition.core.arrays import Floats
-from acquisition.core.files import write_text, written_together
-from analysis.report.plots import PALETTE
-from analysis.report.rendering import Page, render
-from hybrid.planning.information import TOLD_APART
-from hybrid.planning.plan import Plan, Programme
-from hybrid.report.sections import templates
-from hybrid.report.words import plain
+from seatrial.acquisition.core.arrays import Floats
+from seatrial.acquisition.core.files import write_text, written_together
+from seatrial.analysis.report.plots import PALETTE
+from seatrial.analysis.report.rendering import Page, render
+from seatrial.hybrid.planning.information import TOLD_APART
+from seatrial.hybrid.planning.plan import Plan, Programme
+from seatrial.hybrid.report.sections import templates
+from seatrial.hybrid.report.words import plain
 
 JSON_FILE, PAGE_FILE = "plan.json", "plan.html"
 _MOST = 100.0  # twice the log likelihood: more than this is plenty in any picture

@@ -17,18 +17,18 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 
-from acquisition.core.arrays import Floats
-from analysis.kinematics import to_ship
-from analysis.report.plots import FAINT, INK, PALETTE, label
-from hybrid.prediction.regions import outlines
-from hybrid.prediction.scores import Interval
-from hybrid.report.errors import QUANTITIES, Calibration, Errors, errors_of
-from hybrid.report.words import plain
+from seatrial.acquisition.core.arrays import Floats
+from seatrial.analysis.kinematics import to_ship
+from seatrial.analysis.report.plots import FAINT, INK, PALETTE, label
+from seatrial.hybrid.prediction.regions import outlines
+from seatrial.hybrid.prediction.scores import Interval
+from seatrial.hybrid.report.errors import QUANTITIES, Calibration, Errors, errors_of
+from seatrial.hybrid.report.words import plain
 
 if TYPE_CHECKING:
-    from hybrid.calibrators.predict import Prediction
-    from hybrid.calibrators.train import TrainedCalibrator
-    from hybrid.evaluation.validate import Validation
+    from seatrial.hybrid.calibrators.predict import Prediction
+    from seatrial.hybrid.calibrators.train import TrainedCalibrator
+    from seatrial.hybrid.evaluation.validate import Validation
 
 _ELLIPSES = 6  # of a track's regions; more would lie on each other
 _LEAST = 1e-3  # a logarithmic axis begins here at the lowest: a millimetre, a thousandth

@@ -10,10 +10,10 @@ from typing import Any
 
 from jinja2 import Environment
 
-from acquisition.core.errors import SeatrialError
-from analysis.report.figures import write_figure
-from analysis.report.rendering import Page, environment, render
-from analysis.report.words import in_words, reason_of
+from seatrial.acquisition.core.errors import SeatrialError
+from seatrial.analysis.report.figures import write_figure
+from seatrial.analysis.report.rendering import Page, environment, render
+from seatrial.analysis.report.words import in_words, reason_of
 
 FAILED = "This section failed, which is a fault of Seatrial"
 _LEVEL = 3  # of headings inside a section: that of the section is above
@@ -50,11 +50,11 @@ def _note(text: str) -> Page:
 @cache
 def templates() -> Environment:
     """The templates of this package, with what they call."""
-    from analysis.manoeuvres.criteria import shortfalls_of
-    from analysis.speed_power import report as speed_power
-    from hybrid.diagnosis.serialisation import read_diagnosis
-    from hybrid.prediction.scores import FEW_LEGS
-    from hybrid.report import (
+    from seatrial.analysis.manoeuvres.criteria import shortfalls_of
+    from seatrial.analysis.speed_power import report as speed_power
+    from seatrial.hybrid.diagnosis.serialisation import read_diagnosis
+    from seatrial.hybrid.prediction.scores import FEW_LEGS
+    from seatrial.hybrid.report import (
         diagnosis_map_plots,
         diagnosis_plots,
         diagnosis_words,
@@ -67,8 +67,8 @@ def templates() -> Environment:
         trial_sections,
         vessel_check,
     )
-    from hybrid.report.diagnosis_words import chance, percent
-    from hybrid.report.errors import ENOUGH_S
+    from seatrial.hybrid.report.diagnosis_words import chance, percent
+    from seatrial.hybrid.report.errors import ENOUGH_S
 
     made = environment(Path(__file__).parent / "templates")
     made.filters |= {"percent": percent, "chance": chance, "cell_row": diagnosis_words.cell_row,

@@ -13,17 +13,17 @@ from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
-from hybrid.effects.catalogue import VERSION, Catalogue
-from hybrid.prediction.scores import FEW_LEGS, TWO_SIDED, Interval, start_of
-from hybrid.vessel.effect import FAMILIES, Effect, Parameter
+from seatrial.hybrid.effects.catalogue import VERSION, Catalogue
+from seatrial.hybrid.prediction.scores import FEW_LEGS, TWO_SIDED, Interval, start_of
+from seatrial.hybrid.vessel.effect import FAMILIES, Effect, Parameter
 
 if TYPE_CHECKING:
-    from hybrid.calibrators.predict import Prediction
-    from hybrid.calibrators.train import TrainedCalibrator
-    from hybrid.evaluation.study import Evaluation, SplitSummary, Summary
-    from hybrid.evaluation.truth import Truths
-    from hybrid.evaluation.validate import Validation
-    from hybrid.planning.plan import Plan, Programme
+    from seatrial.hybrid.calibrators.predict import Prediction
+    from seatrial.hybrid.calibrators.train import TrainedCalibrator
+    from seatrial.hybrid.evaluation.study import Evaluation, SplitSummary, Summary
+    from seatrial.hybrid.evaluation.truth import Truths
+    from seatrial.hybrid.evaluation.validate import Validation
+    from seatrial.hybrid.planning.plan import Plan, Programme
 
 
 _UNTRAINED = "the start is outside the calibrator's training range: a baseline predicts in its place"
@@ -76,7 +76,7 @@ def _head(method: str) -> str:
 
 def validation_view(validation: Validation) -> RenderableType:
     """A row a method; below it a row a sensor, the errors by L/V, and a table a manoeuvre."""
-    from hybrid.report.index_tables import indices_view, length_table
+    from seatrial.hybrid.report.index_tables import indices_view, length_table
 
     shown: list[RenderableType] = [validation_table(validation)]
     if validation.truths:

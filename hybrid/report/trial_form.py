@@ -13,24 +13,24 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
-from acquisition.config.run_sheet import accuracy_of
-from acquisition.core.actuators import is_order
-from acquisition.core.arrays import Floats
-from acquisition.core.channels import channel_unit
-from acquisition.core.units import KNOT_MPS
-from analysis.conditions import beaufort
-from analysis.kinematics import mean_wind, to_ship
-from analysis.manoeuvres.criteria import CriterionResult
-from analysis.manoeuvres.indices import Manoeuvre, unit_of
-from analysis.manoeuvres.motion import Motion
-from analysis.manoeuvres.report import index_cells
-from analysis.products import Products
-from analysis.quality.samples import ASSUMED, is_assumed, white_noise
-from analysis.report.run_sheet import has_date
-from analysis.report.words import in_words
-from analysis.speed_power.report import power_text
-from analysis.speed_power.runs import mean_power_kw
-from analysis.tables.table import NANO, times_ns
+from seatrial.acquisition.config.run_sheet import accuracy_of
+from seatrial.acquisition.core.actuators import is_order
+from seatrial.acquisition.core.arrays import Floats
+from seatrial.acquisition.core.channels import channel_unit
+from seatrial.acquisition.core.units import KNOT_MPS
+from seatrial.analysis.conditions import beaufort
+from seatrial.analysis.kinematics import mean_wind, to_ship
+from seatrial.analysis.manoeuvres.criteria import CriterionResult
+from seatrial.analysis.manoeuvres.indices import Manoeuvre, unit_of
+from seatrial.analysis.manoeuvres.motion import Motion
+from seatrial.analysis.manoeuvres.report import index_cells
+from seatrial.analysis.products import Products
+from seatrial.analysis.quality.samples import ASSUMED, is_assumed, white_noise
+from seatrial.analysis.report.run_sheet import has_date
+from seatrial.analysis.report.words import in_words
+from seatrial.analysis.speed_power.report import power_text
+from seatrial.analysis.speed_power.runs import mean_power_kw
+from seatrial.analysis.tables.table import NANO, times_ns
 
 LONGEST_STEP_S = 20.0
 """The longest interval between the rows of a test, by MSC/Circ.1053."""

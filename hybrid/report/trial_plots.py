@@ -10,16 +10,16 @@ from matplotlib.collections import QuadMesh
 from matplotlib.colors import LinearSegmentedColormap, LogNorm
 from matplotlib.figure import Figure
 
-from acquisition.core.arrays import Floats
-from analysis.report.labels import label_points
-from analysis.report.plots import FAINT, INK, PALETTE, Drawing, channels_figure
-from hybrid.calibrators.adaptive.parameters import Parameters
-from hybrid.calibrators.calibrator import DomainOfApplicability
-from hybrid.prediction.scores import distances
-from hybrid.report import plots
-from hybrid.report.case import Case
-from hybrid.report.diagnosis_map_plots import axis_title
-from hybrid.report.errors import (
+from seatrial.acquisition.core.arrays import Floats
+from seatrial.analysis.report.labels import label_points
+from seatrial.analysis.report.plots import FAINT, INK, PALETTE, Drawing, channels_figure
+from seatrial.hybrid.calibrators.adaptive.parameters import Parameters
+from seatrial.hybrid.calibrators.calibrator import DomainOfApplicability
+from seatrial.hybrid.prediction.scores import distances
+from seatrial.hybrid.report import plots
+from seatrial.hybrid.report.case import Case
+from seatrial.hybrid.report.diagnosis_map_plots import axis_title
+from seatrial.hybrid.report.errors import (
     ACCELERATIONS,
     QUANTITIES,
     Calibration,
@@ -29,7 +29,7 @@ from hybrid.report.errors import (
     consecutive_windows,
     planes_of,
 )
-from hybrid.report.words import plain, quantity_title
+from seatrial.hybrid.report.words import plain, quantity_title
 
 MISSING = ("missing in surge\n[m/s\u00b2]", "missing in sway\n[m/s\u00b2]", "missing in yaw\n[deg/s\u00b2]")
 _NOTHING = "#DFE4E8"  # of a cell of too few seconds

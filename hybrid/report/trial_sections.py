@@ -9,35 +9,35 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from acquisition.config.conditions import Conditions
-from acquisition.core.errors import ConfigurationError, DataShortageError
-from analysis.conditions import recorded_conditions
-from analysis.manoeuvres.criteria import IndexRow, Mean, headline_of_criteria
-from analysis.manoeuvres.indices import Manoeuvre
-from analysis.manoeuvres.report import index_cells, left_out_line, plain_name
-from analysis.manoeuvres.standards import NOT_FOR_SHIP, RESOLUTION, condition_shortfalls
-from analysis.products import Products
-from analysis.quality.samples import is_assumed
-from analysis.report.manoeuvre_plots import PICTURED
-from analysis.report.pages import events_of
-from analysis.report.quality_page import counts_of
-from analysis.report.run_sheet import UNKNOWN, condition_rows, file_rows, has_date, ship_rows
-from analysis.report.words import in_words
-from analysis.speed_power.report import sentence
-from hybrid.prediction.scores import TWO_SIDED
-from hybrid.report.case import Case
-from hybrid.report.diagnosis_map_plots import axis_title
-from hybrid.report.errors import Calibration, Residuals, largest_residuals
-from hybrid.report.tables import score_rows
-from hybrid.report.trial_form import NumberedRun
-from hybrid.report.words import join_words, plain, quantity_title
+from seatrial.acquisition.config.conditions import Conditions
+from seatrial.acquisition.core.errors import ConfigurationError, DataShortageError
+from seatrial.analysis.conditions import recorded_conditions
+from seatrial.analysis.manoeuvres.criteria import IndexRow, Mean, headline_of_criteria
+from seatrial.analysis.manoeuvres.indices import Manoeuvre
+from seatrial.analysis.manoeuvres.report import index_cells, left_out_line, plain_name
+from seatrial.analysis.manoeuvres.standards import NOT_FOR_SHIP, RESOLUTION, condition_shortfalls
+from seatrial.analysis.products import Products
+from seatrial.analysis.quality.samples import is_assumed
+from seatrial.analysis.report.manoeuvre_plots import PICTURED
+from seatrial.analysis.report.pages import events_of
+from seatrial.analysis.report.quality_page import counts_of
+from seatrial.analysis.report.run_sheet import UNKNOWN, condition_rows, file_rows, has_date, ship_rows
+from seatrial.analysis.report.words import in_words
+from seatrial.analysis.speed_power.report import sentence
+from seatrial.hybrid.prediction.scores import TWO_SIDED
+from seatrial.hybrid.report.case import Case
+from seatrial.hybrid.report.diagnosis_map_plots import axis_title
+from seatrial.hybrid.report.errors import Calibration, Residuals, largest_residuals
+from seatrial.hybrid.report.tables import score_rows
+from seatrial.hybrid.report.trial_form import NumberedRun
+from seatrial.hybrid.report.words import join_words, plain, quantity_title
 
 if TYPE_CHECKING:
-    from analysis.quality.findings import Finding
-    from hybrid.calibrators.adaptive.parameters import Parameter, Parameters
-    from hybrid.calibrators.calibrator import DomainOfApplicability
-    from hybrid.evaluation.manoeuvre_indices import IndexComparisons
-    from hybrid.evaluation.validate import Validation
+    from seatrial.analysis.quality.findings import Finding
+    from seatrial.hybrid.calibrators.adaptive.parameters import Parameter, Parameters
+    from seatrial.hybrid.calibrators.calibrator import DomainOfApplicability
+    from seatrial.hybrid.evaluation.manoeuvre_indices import IndexComparisons
+    from seatrial.hybrid.evaluation.validate import Validation
 
 INTERACTIVE = "interactive"
 MOST_PICTURES = 6
@@ -572,7 +572,7 @@ def parameter_rows(parameters: Sequence[Parameter]) -> list[list[str]]:
 
 def write_interactive_pages(case: Case, folder: Path | str) -> dict[str, str]:
     """A page to zoom into for each recording, in ``folder``: what they are called and where, for links."""
-    from analysis.report.interactive import interactive_page
+    from seatrial.analysis.report.interactive import interactive_page
 
     pages = {}
     for trial, products in case.products.items():

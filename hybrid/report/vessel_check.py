@@ -13,17 +13,17 @@ from rich.console import Group
 from rich.table import Table
 from rich.text import Text
 
-from analysis.manoeuvres.criteria import headline_of_criteria, shortfalls_of
-from analysis.manoeuvres.indices import Index, from_order
-from analysis.manoeuvres.measures import peak
-from analysis.manoeuvres.report import plain_name
-from analysis.report.figures import write_figure
-from analysis.report.plots import FAINT, INK, PALETTE, outlines
-from analysis.report.rendering import Page, render
-from hybrid.report.sections import templates
-from hybrid.report.words import join_words
-from hybrid.simulation.standard_tests import StandardTest
-from hybrid.simulation.vessel_check import VesselCheck
+from seatrial.analysis.manoeuvres.criteria import headline_of_criteria, shortfalls_of
+from seatrial.analysis.manoeuvres.indices import Index, from_order
+from seatrial.analysis.manoeuvres.measures import peak
+from seatrial.analysis.manoeuvres.report import plain_name
+from seatrial.analysis.report.figures import write_figure
+from seatrial.analysis.report.plots import FAINT, INK, PALETTE, outlines
+from seatrial.analysis.report.rendering import Page, render
+from seatrial.hybrid.report.sections import templates
+from seatrial.hybrid.report.words import join_words
+from seatrial.hybrid.simulation.standard_tests import StandardTest
+from seatrial.hybrid.simulation.vessel_check import VesselCheck
 
 BLUE, ORANGE, GREEN, _, RED = PALETTE[:5]
 HEADER = ("", "value", "lengths", "IMO limit", "")

@@ -7,7 +7,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from acquisition.core.errors import ConfigurationError
+from seatrial.acquisition.core.errors import ConfigurationError
 
 SOURCES = Path(__file__).resolve().parents[2] / "notebooks"
 

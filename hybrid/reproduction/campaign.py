@@ -16,31 +16,31 @@ from itertools import product
 import numpy as np
 import pandas as pd
 
-from acquisition.core.actuators import names_of
-from acquisition.core.arrays import Bools, Floats, Ints
-from acquisition.core.errors import DataShortageError
-from acquisition.core.progress import Progress
-from analysis.batch.workers import map_calls
-from analysis.tables.resample import resample
-from analysis.tables.table import table_actuators
-from analysis.windows.held import held_windows
-from analysis.windows.recordings import SecondBySecond
-from hybrid.calibrators import make_calibrator, refuse_untrainable
-from hybrid.calibrators.calibrator import Examples
-from hybrid.effects.catalogue import vessel_plant
-from hybrid.prediction.baselines import constant_velocity, reference
-from hybrid.prediction.dataset import start_motion
-from hybrid.prediction.prediction_windows import (
+from seatrial.acquisition.core.actuators import names_of
+from seatrial.acquisition.core.arrays import Bools, Floats, Ints
+from seatrial.acquisition.core.errors import DataShortageError
+from seatrial.acquisition.core.progress import Progress
+from seatrial.analysis.batch.workers import map_calls
+from seatrial.analysis.tables.resample import resample
+from seatrial.analysis.tables.table import table_actuators
+from seatrial.analysis.windows.held import held_windows
+from seatrial.analysis.windows.recordings import SecondBySecond
+from seatrial.hybrid.calibrators import make_calibrator, refuse_untrainable
+from seatrial.hybrid.calibrators.calibrator import Examples
+from seatrial.hybrid.effects.catalogue import vessel_plant
+from seatrial.hybrid.prediction.baselines import constant_velocity, reference
+from seatrial.hybrid.prediction.dataset import start_motion
+from seatrial.hybrid.prediction.prediction_windows import (
     PredictionWindows,
     draw_groups,
     starting_two_sided,
     windows_from_rows,
 )
-from hybrid.prediction.regions import relative_distances
-from hybrid.simulation.manoeuvres import Manoeuvre, manoeuvre_named
-from hybrid.simulation.trial import simulate_trial
-from hybrid.vessel.files import load_vessel
-from hybrid.vessel.plant import Plant
+from seatrial.hybrid.prediction.regions import relative_distances
+from seatrial.hybrid.simulation.manoeuvres import Manoeuvre, manoeuvre_named
+from seatrial.hybrid.simulation.trial import simulate_trial
+from seatrial.hybrid.vessel.files import load_vessel
+from seatrial.hybrid.vessel.plant import Plant
 
 SEA_STATES = ("calm", "gentle", "moderate")
 AZIMUTHS_DEG = (10.0, 20.0, 30.0)

@@ -18,14 +18,14 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
-from acquisition.core.arrays import Floats
-from analysis.report.figures import ENDINGS, fill_figure, write_figure
-from analysis.report.plots import FAINT, INK, PALETTE, channels_figure
-from hybrid.prediction.prediction_windows import PredictionWindows
-from hybrid.prediction.regions import circle_about, outlines
-from hybrid.report.plots import COLOUR, box, plain_numbers, start_frame
-from hybrid.report.words import plain
-from hybrid.reproduction.campaign import AZIMUTHS_DEG, BEFORE_S, Sea, example_sequence
+from seatrial.acquisition.core.arrays import Floats
+from seatrial.analysis.report.figures import ENDINGS, fill_figure, write_figure
+from seatrial.analysis.report.plots import FAINT, INK, PALETTE, channels_figure
+from seatrial.hybrid.prediction.prediction_windows import PredictionWindows
+from seatrial.hybrid.prediction.regions import circle_about, outlines
+from seatrial.hybrid.report.plots import COLOUR, box, plain_numbers, start_frame
+from seatrial.hybrid.report.words import plain
+from seatrial.hybrid.reproduction.campaign import AZIMUTHS_DEG, BEFORE_S, Sea, example_sequence
 
 AZIMUTH_COLOUR = {10.0: PALETTE[0], 20.0: PALETTE[2], 30.0: PALETTE[4]}
 

@@ -13,17 +13,17 @@ from typing import Any
 from matplotlib.figure import Figure
 from rich.console import Group
 
-from acquisition.core.errors import InputError
-from acquisition.core.files import atomic_file, read_json, write_text, written_together
-from analysis.report.plots import FAINT
-from analysis.report.rendering import Page, render
-from hybrid.prediction.scores import Interval
-from hybrid.report.plots import COLOUR, interval_bar, logarithmic
-from hybrid.report.sections import sections, templates
-from hybrid.report.tables import spread, text_table
-from hybrid.report.words import no_wrap, plain
-from hybrid.reproduction.figures import FIGURES, FigureSpec
-from hybrid.reproduction.table3 import PUBLISHED, Cell, Row, Table3, read_table3
+from seatrial.acquisition.core.errors import InputError
+from seatrial.acquisition.core.files import atomic_file, read_json, write_text, written_together
+from seatrial.analysis.report.plots import FAINT
+from seatrial.analysis.report.rendering import Page, render
+from seatrial.hybrid.prediction.scores import Interval
+from seatrial.hybrid.report.plots import COLOUR, interval_bar, logarithmic
+from seatrial.hybrid.report.sections import sections, templates
+from seatrial.hybrid.report.tables import spread, text_table
+from seatrial.hybrid.report.words import no_wrap, plain
+from seatrial.hybrid.reproduction.figures import FIGURES, FigureSpec
+from seatrial.hybrid.reproduction.table3 import PUBLISHED, Cell, Row, Table3, read_table3
 
 HEADER = ["method", "north [m]", "east [m]", "distance [m]", "less than reference", "removable gap closed",
           "in the 95 % region", "random split [m]", "less than reference"]  # fmt: skip

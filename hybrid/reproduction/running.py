@@ -9,9 +9,9 @@ from dataclasses import dataclass, field
 from math import ceil
 from pathlib import Path
 
-from hybrid.reproduction.campaign import SEA_STATES, Sea
-from hybrid.reproduction.page import write_table3
-from hybrid.reproduction.table3 import table3
+from seatrial.hybrid.reproduction.campaign import SEA_STATES, Sea
+from seatrial.hybrid.reproduction.page import write_table3
+from seatrial.hybrid.reproduction.table3 import table3
 
 CAMPAIGN_S = 60.0
 """What a campaign takes on one core [s], four methods trained under either split; measured on a server of 2026."""

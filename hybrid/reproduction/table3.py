@@ -17,11 +17,11 @@ from typing import Any
 import numpy as np
 from pydantic import computed_field
 
-from acquisition.core.arrays import Floats
-from acquisition.core.result import Result
-from acquisition.core.serialisation import from_json, to_json
-from hybrid.prediction.scores import DRAWS, Interval, LegBootstrap, interval_about
-from hybrid.reproduction.campaign import SEA_STATES, SPLITS, Errors, Job, Sea
+from seatrial.acquisition.core.arrays import Floats
+from seatrial.acquisition.core.result import Result
+from seatrial.acquisition.core.serialisation import from_json, to_json
+from seatrial.hybrid.prediction.scores import DRAWS, Interval, LegBootstrap, interval_about
+from seatrial.hybrid.reproduction.campaign import SEA_STATES, SPLITS, Errors, Job, Sea
 
 SEEDS = 5
 ORDER = (
@@ -109,8 +109,8 @@ class Table3(Result):
 
     rows: tuple[Row, ...]
     cells: tuple[Cell, ...]
-    view = "hybrid.reproduction.page:table3_view"
-    drawing = "hybrid.reproduction.page:draw_table3"
+    view = "seatrial.hybrid.reproduction.page:table3_view"
+    drawing = "seatrial.hybrid.reproduction.page:draw_table3"
 
     def as_dict(self) -> dict[str, Any]:
         """The contract's JSON object."""
@@ -188,7 +188,7 @@ def bootstrap_means(figures: Sequence[Floats], draws: int = DRAWS) -> Floats:
     """Means of the ``figures`` of each seed [n, H, K], over the seconds at which the first is known [1 + draws, K].
 
     Row 0 is the mean over seeds as measured; each row after it of a draw of whole sequences, with replacement
-    and within each seed: :class:`~hybrid.prediction.scores.LegBootstrap`, stratified.
+    and within each seed: :class:`~seatrial.hybrid.prediction.scores.LegBootstrap`, stratified.
     """
     by_seed = [_means(each, draws, seed) for seed, each in enumerate(figures)]
     return np.asarray(np.mean(by_seed, axis=0))

@@ -13,15 +13,15 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from acquisition.core.arrays import Floats
-from analysis.compiling import FAST, Record, compiled, source_stamp
-from hybrid.simulation.handling import handling_of, pace_of
-from hybrid.simulation.manoeuvres import ENDS
-from hybrid.vessel.actuators import KINDS, control_units
-from hybrid.vessel.actuators.kind import wrapped
-from hybrid.vessel.dynamics import Control, State, advance, in_range, inverse_mass, lag_over, scratch_for
-from hybrid.vessel.parameters import Vessel
-from hybrid.vessel.sensors import HEADING, YAW_RATE
+from seatrial.acquisition.core.arrays import Floats
+from seatrial.analysis.compiling import FAST, Record, compiled, source_stamp
+from seatrial.hybrid.simulation.handling import handling_of, pace_of
+from seatrial.hybrid.simulation.manoeuvres import ENDS
+from seatrial.hybrid.vessel.actuators import KINDS, control_units
+from seatrial.hybrid.vessel.actuators.kind import wrapped
+from seatrial.hybrid.vessel.dynamics import Control, State, advance, in_range, inverse_mass, lag_over, scratch_for
+from seatrial.hybrid.vessel.parameters import Vessel
+from seatrial.hybrid.vessel.sensors import HEADING, YAW_RATE
 
 STAMP = source_stamp(Path(__file__).parent, Path(__file__).parents[1] / "vessel")
 STEER_GAIN, STEER_DAMPING_S, STEER_LIMIT_RAD = 0.8, 3.0, 25.0 * pi / 180.0
@@ -110,7 +110,7 @@ def leg_has_ended(
     began: State,
     since_s: float,
 ) -> bool:
-    """Whether a leg is over; see :class:`~hybrid.simulation.manoeuvres.Leg`."""
+    """Whether a leg is over; see :class:`~seatrial.hybrid.simulation.manoeuvres.Leg`."""
     _, _, heading, u, _, r = state
     course, settled, deviation, turn, slower, at_least, at_most = ends[:7]
     if since_s >= at_most:

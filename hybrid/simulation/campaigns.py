@@ -1,6 +1,6 @@
 """Many simulated trials in one call: every vessel in every sea state, manoeuvre and seed, on worker processes.
 
-The workers, and what happens when one of them dies, are those of :mod:`analysis.batch.batch`.
+The workers, and what happens when one of them dies, are those of :mod:`seatrial.analysis.batch.batch`.
 """
 
 from __future__ import annotations
@@ -14,20 +14,20 @@ from typing import Any
 
 import pandas as pd
 
-from acquisition.config.toml_file import load_toml
-from acquisition.core.errors import ConfigurationError
-from acquisition.core.files import atomic_file, read_json
-from acquisition.core.progress import Progress
-from acquisition.core.trial import software_version
-from analysis.batch.one_recording import Row
-from analysis.batch.workers import Job, attempt, batch_folder, check_address, map_calls, run_jobs
-from analysis.products import Options
-from analysis.tables.table import sha256_of
-from hybrid.effects import apply_effects, vessel_plant
-from hybrid.simulation.manoeuvres import manoeuvre_named
-from hybrid.simulation.sea_state import sea_state_named
-from hybrid.simulation.trial import Noise, record_trial, simulate_trial
-from hybrid.vessel.files import load_vessel, locate_vessel
+from seatrial.acquisition.config.toml_file import load_toml
+from seatrial.acquisition.core.errors import ConfigurationError
+from seatrial.acquisition.core.files import atomic_file, read_json
+from seatrial.acquisition.core.progress import Progress
+from seatrial.acquisition.core.trial import software_version
+from seatrial.analysis.batch.one_recording import Row
+from seatrial.analysis.batch.workers import Job, attempt, batch_folder, check_address, map_calls, run_jobs
+from seatrial.analysis.products import Options
+from seatrial.analysis.tables.table import sha256_of
+from seatrial.hybrid.effects import apply_effects, vessel_plant
+from seatrial.hybrid.simulation.manoeuvres import manoeuvre_named
+from seatrial.hybrid.simulation.sea_state import sea_state_named
+from seatrial.hybrid.simulation.trial import Noise, record_trial, simulate_trial
+from seatrial.hybrid.vessel.files import load_vessel, locate_vessel
 
 INDEX = "campaign.csv"
 
@@ -129,7 +129,7 @@ def run_campaign(
 
     Trials that are there already, made by the same version from the same numbers, are not made again. With one
     worker everything happens in this process; ``workers`` and ``scheduler`` otherwise, and their errors, are
-    those of :func:`analysis.batch.batch.run_batch`.
+    those of :func:`seatrial.analysis.batch.batch.run_batch`.
     """
     out = Path(out).resolve()
     check_address(scheduler)

@@ -4,11 +4,11 @@ usual one.
 Who drives and who steers follows from the kinds of her actuators. A ship without any angle to steer by, with
 shafts to either side, is steered by their difference.
 
-The manoeuvres of :mod:`hybrid.simulation.manoeuvres` are stated for R/V Gunnerus. Another ship makes them at the
-same share of her shafts' limit, and in the same number of ship lengths: times go with L / U, the time in which she
-goes her own length at the usual shaft speed, as all of manoeuvring theory has it (Nomoto et al. 1957; Abkowitz
-1964). So a ship and her model at the same Froude number make the same manoeuvre in times that are as the roots of
-their lengths.
+The manoeuvres of :mod:`seatrial.hybrid.simulation.manoeuvres` are stated for R/V Gunnerus. Another ship makes them
+at the same share of her shafts' limit, and in the same number of ship lengths: times go with L / U, the time in
+which she goes her own length at the usual shaft speed, as all of manoeuvring theory has it (Nomoto et al. 1957;
+Abkowitz 1964). So a ship and her model at the same Froude number make the same manoeuvre in times that are as the
+roots of their lengths.
 """
 
 from __future__ import annotations
@@ -20,15 +20,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from acquisition.core.actuators import KINDS
-from acquisition.core.arrays import Floats
-from acquisition.core.channel import Channel
-from acquisition.core.errors import ConfigurationError, ModelRangeError
-from hybrid.vessel.actuators import control_units
-from hybrid.vessel.channels import in_words
-from hybrid.vessel.parameters import Vessel
-from hybrid.vessel.plant import Plant, bare_plant
-from hybrid.vessel.simulate import simulate
+from seatrial.acquisition.core.actuators import KINDS
+from seatrial.acquisition.core.arrays import Floats
+from seatrial.acquisition.core.channel import Channel
+from seatrial.acquisition.core.errors import ConfigurationError, ModelRangeError
+from seatrial.hybrid.vessel.actuators import control_units
+from seatrial.hybrid.vessel.channels import in_words
+from seatrial.hybrid.vessel.parameters import Vessel
+from seatrial.hybrid.vessel.plant import Plant, bare_plant
+from seatrial.hybrid.vessel.simulate import simulate
 
 CRUISE_RPM = 171.0
 """The shaft speed of R/V Gunnerus' manoeuvres where nothing else is said."""

@@ -16,14 +16,14 @@ from math import inf, isnan, nan, radians
 
 import numpy as np
 
-from acquisition.core.actuators import DEFAULT, Actuators, control_names, names_of
-from acquisition.core.actuators import shafts as drives_in
-from acquisition.core.arrays import Floats
-from acquisition.core.errors import ConfigurationError
-from hybrid.simulation.handling import CRUISE_RPM, Handling, Pace, handling_of, pace_of
-from hybrid.vessel.actuators import control_units
-from hybrid.vessel.channels import in_words
-from hybrid.vessel.parameters import Vessel
+from seatrial.acquisition.core.actuators import DEFAULT, Actuators, control_names, names_of
+from seatrial.acquisition.core.actuators import shafts as drives_in
+from seatrial.acquisition.core.arrays import Floats
+from seatrial.acquisition.core.errors import ConfigurationError
+from seatrial.hybrid.simulation.handling import CRUISE_RPM, Handling, Pace, handling_of, pace_of
+from seatrial.hybrid.vessel.actuators import control_units
+from seatrial.hybrid.vessel.channels import in_words
+from seatrial.hybrid.vessel.parameters import Vessel
 
 SETTLE_S = 60.0
 Manoeuvre = tuple["Leg", ...]

@@ -23,13 +23,13 @@ from pathlib import Path
 import numpy as np
 from scipy.signal import lfilter
 
-from acquisition.config.toml_file import load_toml
-from acquisition.core.arrays import Floats
-from acquisition.core.errors import ConfigurationError
-from analysis.kinematics import to_ship
-from hybrid.vessel.parameters import Dimensions
-from hybrid.vessel.plant import Plant
-from hybrid.vessel.sensors import pose_rate
+from seatrial.acquisition.config.toml_file import load_toml
+from seatrial.acquisition.core.arrays import Floats
+from seatrial.acquisition.core.errors import ConfigurationError
+from seatrial.analysis.kinematics import to_ship
+from seatrial.hybrid.vessel.parameters import Dimensions
+from seatrial.hybrid.vessel.plant import Plant
+from seatrial.hybrid.vessel.sensors import pose_rate
 
 SEA_STATES = Path(__file__).parents[2] / "trials" / "sea_states.toml"
 

@@ -1,8 +1,8 @@
 """The standard tests on the simulator: turning circle, zigzag, pull-out and stop, each after a steady approach.
 
 IMO MSC.137(76) and MSC/Circ.1053; ITTC 7.5-04-02-01. The measures are those of the manoeuvres found in recordings
-(:mod:`analysis.manoeuvres`), on the simulated track instead of a measured one, in still air. An autopilot holds the
-approach, also against a moment that turns the ship by itself: what counts is the heading that it holds.
+(:mod:`seatrial.analysis.manoeuvres`), on the simulated track instead of a measured one, in still air. An autopilot
+holds the approach, also against a moment that turns the ship by itself: what counts is the heading that it holds.
 """
 
 from __future__ import annotations
@@ -14,26 +14,26 @@ from typing import Any
 
 import numpy as np
 
-from acquisition.core.actuators import control_names
-from acquisition.core.arrays import Bools, Floats
-from acquisition.core.errors import DataShortageError
-from analysis.manoeuvres.indices import Index, Manoeuvre, from_order, index_of, side_of
-from analysis.manoeuvres.measures import approach_of
-from analysis.manoeuvres.motion import Motion
-from analysis.manoeuvres.runs import stopping_indices
-from analysis.manoeuvres.standards import FULL_ASTERN
-from analysis.manoeuvres.turning_circle import circle_indices
-from analysis.manoeuvres.turning_tests import pull_out_indices
-from analysis.manoeuvres.zigzag import zigzag_indices
-from hybrid.effects import vessel_plant
-from hybrid.simulation.autopilot import Drives, drives_of
-from hybrid.simulation.handling import handling_of, pace_of, usual_rpm
-from hybrid.simulation.manoeuvres import Leg, helm, steer, zigzag
-from hybrid.simulation.sea_state import SeaState
-from hybrid.simulation.trial import sail_through
-from hybrid.vessel.actuators import control_units
-from hybrid.vessel.parameters import Vessel
-from hybrid.vessel.plant import Plant
+from seatrial.acquisition.core.actuators import control_names
+from seatrial.acquisition.core.arrays import Bools, Floats
+from seatrial.acquisition.core.errors import DataShortageError
+from seatrial.analysis.manoeuvres.indices import Index, Manoeuvre, from_order, index_of, side_of
+from seatrial.analysis.manoeuvres.measures import approach_of
+from seatrial.analysis.manoeuvres.motion import Motion
+from seatrial.analysis.manoeuvres.runs import stopping_indices
+from seatrial.analysis.manoeuvres.standards import FULL_ASTERN
+from seatrial.analysis.manoeuvres.turning_circle import circle_indices
+from seatrial.analysis.manoeuvres.turning_tests import pull_out_indices
+from seatrial.analysis.manoeuvres.zigzag import zigzag_indices
+from seatrial.hybrid.effects import vessel_plant
+from seatrial.hybrid.simulation.autopilot import Drives, drives_of
+from seatrial.hybrid.simulation.handling import handling_of, pace_of, usual_rpm
+from seatrial.hybrid.simulation.manoeuvres import Leg, helm, steer, zigzag
+from seatrial.hybrid.simulation.sea_state import SeaState
+from seatrial.hybrid.simulation.trial import sail_through
+from seatrial.hybrid.vessel.actuators import control_units
+from seatrial.hybrid.vessel.parameters import Vessel
+from seatrial.hybrid.vessel.plant import Plant
 
 STILL = SeaState(0.0, 0.0, 5.0, 0.0)
 """No wind, no waves, no current."""

@@ -16,27 +16,34 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from acquisition.core.actuators import Actuators, as_text
-from acquisition.core.arrays import Floats
-from acquisition.core.errors import ConfigurationError
-from acquisition.core.files import write_text, written_together
-from acquisition.core.text import printable_name
-from acquisition.core.trial import Trial, software_version
-from acquisition.recording.tables import write_table
-from analysis.kinematics import to_ship
-from hybrid.effects import Catalogue, apply_effects, vessel_plant
-from hybrid.simulation.autopilot import Drives, drives_of, sail
-from hybrid.simulation.handling import handling_of, steady_speed_mps
-from hybrid.simulation.manoeuvres import Leg, Manoeuvre, as_arrays, for_ship, manoeuvre_named, shafts_rpm
-from hybrid.simulation.sea_state import SeaState, drift_series, sea_for, wave_motion, wind_series, with_waves
-from hybrid.vessel.actuators import angle_columns, control_units
-from hybrid.vessel.channels import as_table
-from hybrid.vessel.effect import growth, scale_of
-from hybrid.vessel.files import load_vessel
-from hybrid.vessel.parameters import Vessel
-from hybrid.vessel.plant import Plant, bare_plant, pack
-from hybrid.vessel.sensors import acting_controls, measure
-from hybrid.vessel.simulate import Runs, combine_forces, range_error
+from seatrial.acquisition.core.actuators import Actuators, as_text
+from seatrial.acquisition.core.arrays import Floats
+from seatrial.acquisition.core.errors import ConfigurationError
+from seatrial.acquisition.core.files import write_text, written_together
+from seatrial.acquisition.core.text import printable_name
+from seatrial.acquisition.core.trial import Trial, software_version
+from seatrial.acquisition.recording.tables import write_table
+from seatrial.analysis.kinematics import to_ship
+from seatrial.hybrid.effects import Catalogue, apply_effects, vessel_plant
+from seatrial.hybrid.simulation.autopilot import Drives, drives_of, sail
+from seatrial.hybrid.simulation.handling import handling_of, steady_speed_mps
+from seatrial.hybrid.simulation.manoeuvres import Leg, Manoeuvre, as_arrays, for_ship, manoeuvre_named, shafts_rpm
+from seatrial.hybrid.simulation.sea_state import (
+    SeaState,
+    drift_series,
+    sea_for,
+    wave_motion,
+    wind_series,
+    with_waves,
+)
+from seatrial.hybrid.vessel.actuators import angle_columns, control_units
+from seatrial.hybrid.vessel.channels import as_table
+from seatrial.hybrid.vessel.effect import growth, scale_of
+from seatrial.hybrid.vessel.files import load_vessel
+from seatrial.hybrid.vessel.parameters import Vessel
+from seatrial.hybrid.vessel.plant import Plant, bare_plant, pack
+from seatrial.hybrid.vessel.sensors import acting_controls, measure
+from seatrial.hybrid.vessel.simulate import Runs, combine_forces, range_error
 
 _ANTENNA = {"antenna_forward_m": 0.0, "antenna_starboard_m": 0.0}  # positions are those of the body axes' origin
 

@@ -1,8 +1,8 @@
 """The standard manoeuvres of a vessel file on the simulator, in still water and air, beside IMO's limits.
 
 Turning circles to both sides, zigzags 10/10 and 20/20, pull-outs, a crash stop
-(:mod:`hybrid.simulation.standard_tests`), and the steady speed over the shaft speed. The criteria are judged by the
-functions that judge those of recordings.
+(:mod:`seatrial.hybrid.simulation.standard_tests`), and the steady speed over the shaft speed. The criteria are
+judged by the functions that judge those of recordings.
 
 The test speed is the one at 85 % of the propellers' highest power, taken as the cube of the shaft speed.
 """
@@ -16,15 +16,15 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from acquisition.config.conditions import Conditions
-from acquisition.core.arrays import Floats
-from acquisition.core.errors import DataShortageError, ModelRangeError
-from acquisition.core.result import Result
-from analysis.manoeuvres.criteria import CriterionResult, criteria_of, index_rows
-from analysis.manoeuvres.standards import TURNING_HELM_DEG, add_limits
-from hybrid.effects import vessel_plant
-from hybrid.simulation.handling import handling_of, shaft_limit_rpm, steady_speed_mps
-from hybrid.simulation.standard_tests import (
+from seatrial.acquisition.config.conditions import Conditions
+from seatrial.acquisition.core.arrays import Floats
+from seatrial.acquisition.core.errors import DataShortageError, ModelRangeError
+from seatrial.acquisition.core.result import Result
+from seatrial.analysis.manoeuvres.criteria import CriterionResult, criteria_of, index_rows
+from seatrial.analysis.manoeuvres.standards import TURNING_HELM_DEG, add_limits
+from seatrial.hybrid.effects import vessel_plant
+from seatrial.hybrid.simulation.handling import handling_of, shaft_limit_rpm, steady_speed_mps
+from seatrial.hybrid.simulation.standard_tests import (
     StandardTest,
     TrialShip,
     largest_helm_deg,
@@ -34,8 +34,8 @@ from hybrid.simulation.standard_tests import (
     turning_circle,
     zigzag_test,
 )
-from hybrid.vessel.actuators import control_units
-from hybrid.vessel.parameters import Vessel
+from seatrial.hybrid.vessel.actuators import control_units
+from seatrial.hybrid.vessel.parameters import Vessel
 
 TEST_SHARE = 0.85 ** (1.0 / 3.0)
 """The shaft speed of the tests, of its limit."""
@@ -64,8 +64,8 @@ class VesselCheck(Result):
     speeds: Floats
     tests: tuple[StandardTest, ...]
     left_out: Mapping[str, str] = field(default_factory=dict)
-    view: ClassVar[str] = "hybrid.report.vessel_check:vessel_check_view"
-    drawing: ClassVar[str] = "hybrid.report.vessel_check:draw_vessel_check"
+    view: ClassVar[str] = "seatrial.hybrid.report.vessel_check:vessel_check_view"
+    drawing: ClassVar[str] = "seatrial.hybrid.report.vessel_check:draw_vessel_check"
     size_inch: ClassVar[tuple[float, float]] = (13.0, 8.6)
 
     def of_kind(self, kind: str) -> tuple[StandardTest, ...]:

@@ -3,7 +3,7 @@ that prediction as the body of a ``/prediction`` message and as GeoJSON for a ma
 
 Only a fraction of a second of data follows that second. So the filter that brings the channels to 1 Hz is
 one-sided there, and the start state of all methods is that of a Kalman filter
-(:mod:`hybrid.prediction.kalman_filter`), less certain than a two-sided state computed from a recording.
+(:mod:`seatrial.hybrid.prediction.kalman_filter`), less certain than a two-sided state computed from a recording.
 """
 
 from __future__ import annotations
@@ -18,23 +18,23 @@ import orjson
 import pandas as pd
 import pymap3d
 
-from acquisition.core.angles import wrap_360
-from acquisition.core.arrays import Floats, Series
-from acquisition.core.channels import POSE_AND_VELOCITY, trial_names
-from acquisition.core.errors import DataShortageError
-from acquisition.core.frames import Quality
-from acquisition.core.trial import Trial
-from acquisition.recording.reader import Recording
-from analysis.tables.resample import own_gap_s, resample_recording
-from analysis.tables.table import NANO, actuators_in_recording
-from analysis.windows.recordings import SecondBySecond
-from hybrid.calibrators.predict import Prediction, predict
-from hybrid.prediction.regions import bands, outlines
-from hybrid.twin.running_error import MeanErrors, TrackError
-from hybrid.vessel.plant import Plant
+from seatrial.acquisition.core.angles import wrap_360
+from seatrial.acquisition.core.arrays import Floats, Series
+from seatrial.acquisition.core.channels import POSE_AND_VELOCITY, trial_names
+from seatrial.acquisition.core.errors import DataShortageError
+from seatrial.acquisition.core.frames import Quality
+from seatrial.acquisition.core.trial import Trial
+from seatrial.acquisition.recording.reader import Recording
+from seatrial.analysis.tables.resample import own_gap_s, resample_recording
+from seatrial.analysis.tables.table import NANO, actuators_in_recording
+from seatrial.analysis.windows.recordings import SecondBySecond
+from seatrial.hybrid.calibrators.predict import Prediction, predict
+from seatrial.hybrid.prediction.regions import bands, outlines
+from seatrial.hybrid.twin.running_error import MeanErrors, TrackError
+from seatrial.hybrid.vessel.plant import Plant
 
 if TYPE_CHECKING:
-    from hybrid.calibrators.train import TrainedCalibrator
+    from seatrial.hybrid.calibrators.train import TrainedCalibrator
 
 
 _SOURCE = ("",)

@@ -30,17 +30,17 @@ import numpy as np
 import pandas as pd
 from numpy.lib.stride_tricks import sliding_window_view
 
-from acquisition.core.actuators import Actuators, control_names
-from acquisition.core.angles import unwrap, wrap_180
-from acquisition.core.arrays import Floats
-from acquisition.core.channels import POSE_AND_VELOCITY, is_circular
-from analysis.kinematics import to_ship
-from analysis.tables.resample import MOTION_FILTER, SETTING_FILTER
-from analysis.tables.table import NANO, table_actuators, table_controls, times_ns
-from analysis.windows.held import SPAN_SIGMAS, feedback_of, near_jumps, steady_mask, tolerance_of
-from hybrid.calibrators.predict import Prediction
-from hybrid.prediction.prediction_windows import difference_rad
-from hybrid.prediction.regions import COVERAGE, relative_distances
+from seatrial.acquisition.core.actuators import Actuators, control_names
+from seatrial.acquisition.core.angles import unwrap, wrap_180
+from seatrial.acquisition.core.arrays import Floats
+from seatrial.acquisition.core.channels import POSE_AND_VELOCITY, is_circular
+from seatrial.analysis.kinematics import to_ship
+from seatrial.analysis.tables.resample import MOTION_FILTER, SETTING_FILTER
+from seatrial.analysis.tables.table import NANO, table_actuators, table_controls, times_ns
+from seatrial.analysis.windows.held import SPAN_SIGMAS, feedback_of, near_jumps, steady_mask, tolerance_of
+from seatrial.hybrid.calibrators.predict import Prediction
+from seatrial.hybrid.prediction.prediction_windows import difference_rad
+from seatrial.hybrid.prediction.regions import COVERAGE, relative_distances
 
 FILTER_REACH_S = MOTION_FILTER.reach
 """The delay after which the value of a second at 1 Hz is final [s]: the reach of the filter."""

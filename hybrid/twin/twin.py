@@ -16,19 +16,19 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pandas as pd
 
-from acquisition.core.actuators import DEFAULT, Actuators, as_text
-from acquisition.core.arrays import Series
-from acquisition.core.channels import trial_names
-from acquisition.core.errors import InputError, SeatrialError
-from acquisition.core.frames import Quality
-from acquisition.core.trial import Trial
-from acquisition.logger.follow import Follower
-from acquisition.logger.requests import send_prediction
-from acquisition.recording.reader import Recording
-from analysis.tables.table import NANO, actuators_in_recording
-from hybrid.prediction.planned_commands import read_commands
-from hybrid.prediction.prediction_windows import PAST_S
-from hybrid.twin.forecast import (
+from seatrial.acquisition.core.actuators import DEFAULT, Actuators, as_text
+from seatrial.acquisition.core.arrays import Series
+from seatrial.acquisition.core.channels import trial_names
+from seatrial.acquisition.core.errors import InputError, SeatrialError
+from seatrial.acquisition.core.frames import Quality
+from seatrial.acquisition.core.trial import Trial
+from seatrial.acquisition.logger.follow import Follower
+from seatrial.acquisition.logger.requests import send_prediction
+from seatrial.acquisition.recording.reader import Recording
+from seatrial.analysis.tables.table import NANO, actuators_in_recording
+from seatrial.hybrid.prediction.planned_commands import read_commands
+from seatrial.hybrid.prediction.prediction_windows import PAST_S
+from seatrial.hybrid.twin.forecast import (
     Forecast,
     RecentSamples,
     message_body,
@@ -37,10 +37,10 @@ from hybrid.twin.forecast import (
     predict_now,
     track_geojson,
 )
-from hybrid.twin.running_error import MeanErrors, RegionFactor, RunningError, TrackError
+from seatrial.hybrid.twin.running_error import MeanErrors, RegionFactor, RunningError, TrackError
 
 if TYPE_CHECKING:
-    from hybrid.calibrators.predict import Predictor
+    from seatrial.hybrid.calibrators.predict import Predictor
 
 
 Notify = Callable[[str, str], None]

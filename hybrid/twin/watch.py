@@ -19,14 +19,14 @@ from rich.table import Table
 from rich.text import Text
 from threadpoolctl import threadpool_limits
 
-from acquisition.config.configuration import TrialConfig
-from acquisition.core.angles import wrap_360
-from acquisition.core.terminal import Terminal
-from acquisition.logger.supervision import LOG, LogFormat, log_to
-from analysis.kinematics import to_ship
-from hybrid.calibrators.predict import Prediction, Predictor
-from hybrid.twin.running_error import MeanErrors, RegionFactor, TrackError
-from hybrid.twin.twin import PlanFile, Statistics, Twin, warm_up
+from seatrial.acquisition.config.configuration import TrialConfig
+from seatrial.acquisition.core.angles import wrap_360
+from seatrial.acquisition.core.terminal import Terminal
+from seatrial.acquisition.logger.supervision import LOG, LogFormat, log_to
+from seatrial.analysis.kinematics import to_ship
+from seatrial.hybrid.calibrators.predict import Prediction, Predictor
+from seatrial.hybrid.twin.running_error import MeanErrors, RegionFactor, TrackError
+from seatrial.hybrid.twin.twin import PlanFile, Statistics, Twin, warm_up
 
 _POLL_S = 0.1
 _LOG_EVERY_S = 30.0

@@ -6,14 +6,14 @@ import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike
 
-from acquisition.core.actuators import DEFAULT, Actuators, control_names
-from acquisition.core.angles import unwrap, wrap_180, wrap_360
-from acquisition.core.arrays import Floats
-from acquisition.core.channels import ENVIRONMENT, POSE_AND_VELOCITY
-from acquisition.core.errors import InputError
-from analysis.tables.table import table_actuators
-from hybrid.vessel.actuators import angle_columns, control_units
-from hybrid.vessel.plant import Plant
+from seatrial.acquisition.core.actuators import DEFAULT, Actuators, control_names
+from seatrial.acquisition.core.angles import unwrap, wrap_180, wrap_360
+from seatrial.acquisition.core.arrays import Floats
+from seatrial.acquisition.core.channels import ENVIRONMENT, POSE_AND_VELOCITY
+from seatrial.acquisition.core.errors import InputError
+from seatrial.analysis.tables.table import table_actuators
+from seatrial.hybrid.vessel.actuators import angle_columns, control_units
+from seatrial.hybrid.vessel.plant import Plant
 
 STATE_UNITS = np.array([1.0, 1.0, np.pi / 180.0, 1.0, 1.0, np.pi / 180.0])
 WIND_UNITS = np.array([np.pi / 180.0, 1.0])

@@ -14,9 +14,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from acquisition.core.arrays import Floats
-from analysis.compiling import Record, compiled
-from hybrid.vessel.actuators import (
+from seatrial.acquisition.core.arrays import Floats
+from seatrial.analysis.compiling import Record, compiled
+from seatrial.hybrid.vessel.actuators import (
     CONTROLS_OF,
     IS_ANGLE,
     LAG_COLUMN,
@@ -25,10 +25,10 @@ from hybrid.vessel.actuators import (
     actuator_force,
     hold_actuator,
 )
-from hybrid.vessel.actuators.kind import CONTROL, KIND, wrapped
-from hybrid.vessel.hulls import hull_force
-from hybrid.vessel.plant import ForceFunction
-from hybrid.vessel.wind import wind_force, wind_vector
+from seatrial.hybrid.vessel.actuators.kind import CONTROL, KIND, wrapped
+from seatrial.hybrid.vessel.hulls import hull_force
+from seatrial.hybrid.vessel.plant import ForceFunction
+from seatrial.hybrid.vessel.wind import wind_force, wind_vector
 
 State = tuple[float, float, float, float, float, float]
 """north [m], east [m], heading [rad, unwrapped], u, v over ground [m/s], r [rad/s]."""

@@ -12,10 +12,10 @@ from dataclasses import asdict, dataclass
 from math import atan2, cos, degrees, hypot, inf, isnan, log2, radians, sin
 from typing import TYPE_CHECKING, Any, Literal
 
-from acquisition.core.errors import ConfigurationError
+from seatrial.acquisition.core.errors import ConfigurationError
 
 if TYPE_CHECKING:
-    from hybrid.vessel.plant import Plant
+    from seatrial.hybrid.vessel.plant import Plant
 
 FAMILIES = ("inertia", "hull", "propulsion", "alignment", "environment", "clock", "sensor")
 """The families of the catalogue, in the order in which they are listed."""

@@ -15,17 +15,17 @@ from math import isfinite
 from pathlib import Path
 from typing import Any
 
-from acquisition.config.toml_file import line_of, read_text, validate
-from acquisition.config.vessel_file import Tree, find_vessel, vessel_names, vessel_of_ship, vessel_tree
-from acquisition.core.actuators import DEFAULT_VESSEL, VESSELS, check_actuators
-from acquisition.core.errors import ConfigurationError, InputError
-from acquisition.core.files import write_text
-from acquisition.core.result import ChosenModel
-from acquisition.core.trial import Trial
-from acquisition.recording.reader import read_trial
-from hybrid.vessel.actuators import KINDS
-from hybrid.vessel.parameters import Vessel
-from hybrid.vessel.wind import TABLE_SIZE
+from seatrial.acquisition.config.toml_file import line_of, read_text, validate
+from seatrial.acquisition.config.vessel_file import Tree, find_vessel, vessel_names, vessel_of_ship, vessel_tree
+from seatrial.acquisition.core.actuators import DEFAULT_VESSEL, VESSELS, check_actuators
+from seatrial.acquisition.core.errors import ConfigurationError, InputError
+from seatrial.acquisition.core.files import write_text
+from seatrial.acquisition.core.result import ChosenModel
+from seatrial.acquisition.core.trial import Trial
+from seatrial.acquisition.recording.reader import read_trial
+from seatrial.hybrid.vessel.actuators import KINDS
+from seatrial.hybrid.vessel.parameters import Vessel
+from seatrial.hybrid.vessel.wind import TABLE_SIZE
 
 DEFAULT = DEFAULT_VESSEL
 _ADDED = ("effects", "provenance", "estimated")

@@ -13,12 +13,12 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, Union
 from pydantic import Discriminator, Tag
 from pydantic import StrictFloat as Number  # a text or a truth value is no number
 
-from acquisition.core.actuators import Actuator, Actuators
-from hybrid.vessel.actuators import KINDS
-from hybrid.vessel.actuators.kind import Entry
-from hybrid.vessel.hulls import HULLS
-from hybrid.vessel.hulls.kind import HullEntry
-from hybrid.vessel.wind import FujiwaraWind, NoWind, Wind
+from seatrial.acquisition.core.actuators import Actuator, Actuators
+from seatrial.hybrid.vessel.actuators import KINDS
+from seatrial.hybrid.vessel.actuators.kind import Entry
+from seatrial.hybrid.vessel.hulls import HULLS
+from seatrial.hybrid.vessel.hulls.kind import HullEntry
+from seatrial.hybrid.vessel.wind import FujiwaraWind, NoWind, Wind
 
 if TYPE_CHECKING:
     AnyActuator = Entry

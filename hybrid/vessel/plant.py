@@ -24,16 +24,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from acquisition.core.actuators import Actuators
-from acquisition.core.arrays import Floats
-from acquisition.core.errors import ConfigurationError
-from analysis.compiling import source_stamp
-from hybrid.vessel.actuators import CODES, CONTROLS_OF, IS_ANGLE, KINDS, ROW_SIZE
-from hybrid.vessel.actuators.kind import CONTROL, FIRST_NUMBER, KIND
-from hybrid.vessel.hulls import HULL_CODES, HULL_SIZE, HULLS
-from hybrid.vessel.hulls.kind import HullModel
-from hybrid.vessel.parameters import Vessel
-from hybrid.vessel.wind import TABLE_SIZE
+from seatrial.acquisition.core.actuators import Actuators
+from seatrial.acquisition.core.arrays import Floats
+from seatrial.acquisition.core.errors import ConfigurationError
+from seatrial.analysis.compiling import source_stamp
+from seatrial.hybrid.vessel.actuators import CODES, CONTROLS_OF, IS_ANGLE, KINDS, ROW_SIZE
+from seatrial.hybrid.vessel.actuators.kind import CONTROL, FIRST_NUMBER, KIND
+from seatrial.hybrid.vessel.hulls import HULL_CODES, HULL_SIZE, HULLS
+from seatrial.hybrid.vessel.hulls.kind import HullModel
+from seatrial.hybrid.vessel.parameters import Vessel
+from seatrial.hybrid.vessel.wind import TABLE_SIZE
 
 PHYSICS_STAMP = source_stamp(Path(__file__).parent)
 """A digest of this package, on which every compiled simulation depends."""
@@ -114,7 +114,7 @@ def dtype_of(actuators: int) -> np.dtype[np.void]:
     """The record that a plant with so many actuators is packed into: float64 throughout, so :func:`flat` is a view.
 
     ``hull`` in it is the row of the hull's coefficients, ``actuators`` the table
-    [actuators, :data:`~hybrid.vessel.actuators.ROW_SIZE`] of their rows.
+    [actuators, :data:`~seatrial.hybrid.vessel.actuators.ROW_SIZE`] of their rows.
     """
     hull = [("hull_model", np.float64), ("hull", np.float64, (HULL_SIZE,))]
     return np.dtype([*_SCALAR_TYPES, *hull, ("actuators", np.float64, (actuators, ROW_SIZE))])

@@ -13,9 +13,9 @@ import numpy as np
 from numba import njit
 from numpy.typing import ArrayLike
 
-from acquisition.core.arrays import Floats
-from analysis.kinematics import to_earth, to_ship
-from hybrid.vessel.plant import Plant, places_of
+from seatrial.acquisition.core.arrays import Floats
+from seatrial.analysis.kinematics import to_earth, to_ship
+from seatrial.hybrid.vessel.plant import Plant, places_of
 
 NORTH, EAST, HEADING, SURGE, SWAY, YAW_RATE = range(6)
 SETTINGS = (

@@ -5,7 +5,7 @@ and the loop calls: ``force(time_s, state, control, environment, parameters) -> 
 ``state`` = (north [m], east [m], heading [rad], u, v [m/s], r [rad/s]) over ground, ``control`` an array of the
 controls in SI, actuator by actuator in the order of the vessel file (R/V Gunnerus: port [rev/s], port angle [rad],
 starboard [rev/s], starboard angle [rad], tunnel [rpm]), ``environment`` an
-:class:`~hybrid.vessel.dynamics.Environment` and ``parameters`` a float array.
+:class:`~seatrial.hybrid.vessel.dynamics.Environment` and ``parameters`` a float array.
 """
 
 from __future__ import annotations
@@ -20,12 +20,21 @@ from numba import cfunc, float64, from_dtype, njit, prange, types
 from numba.core.registry import CPUDispatcher
 from numpy.typing import ArrayLike, NDArray
 
-from acquisition.core.arrays import Floats
-from acquisition.core.errors import InputError, ModelRangeError
-from analysis.compiling import FAST, Record, threads_for
-from hybrid.vessel.dynamics import Environment, advance, in_range, inverse_mass, lag_over, scratch_for
-from hybrid.vessel.plant import PHYSICS_STAMP, ForceFunction, Plant, Plants, angles_in, controls_in, dtype_of, pack
-from hybrid.vessel.sensors import acting_controls
+from seatrial.acquisition.core.arrays import Floats
+from seatrial.acquisition.core.errors import InputError, ModelRangeError
+from seatrial.analysis.compiling import FAST, Record, threads_for
+from seatrial.hybrid.vessel.dynamics import Environment, advance, in_range, inverse_mass, lag_over, scratch_for
+from seatrial.hybrid.vessel.plant import (
+    PHYSICS_STAMP,
+    ForceFunction,
+    Plant,
+    Plants,
+    angles_in,
+    controls_in,
+    dtype_of,
+    pack,
+)
+from seatrial.hybrid.vessel.sensors import acting_controls
 
 LONGEST_STEP_S = 0.25
 """With this step a run of 30 s is within a tenth of a millimetre of the exact solution."""
@@ -110,7 +119,7 @@ def simulate_batch(
 ) -> Runs:
     """Simulate N runs on all cores; runs that leave the range of the model are marked, not raised.
 
-    ``plants`` is one plant, one a run, or an array of packed ones (:func:`~hybrid.vessel.plant.pack`);
+    ``plants`` is one plant, one a run, or an array of packed ones (:func:`~seatrial.hybrid.vessel.plant.pack`);
     ``start`` [N, 6] states; ``controls`` [N, K, controls] and ``wind`` [N, K, 2] (direction FROM [rad], speed
     [m/s]), as reported, held over each step of ``dt_s``. Every first dimension may be 1 or missing, then it
     serves all runs. Each step is integrated in ``substeps``, by default as many as keep them below

@@ -13,7 +13,7 @@ from typing import Literal
 
 from pydantic import StrictFloat as Number
 
-from analysis.compiling import Record, compiled
+from seatrial.analysis.compiling import Record, compiled
 
 TABLE_SIZE = 19
 TABLE, HARMONICS = 0.0, 1.0

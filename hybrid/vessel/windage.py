@@ -7,11 +7,11 @@ from collections.abc import Iterable
 import numpy as np
 import pandas as pd
 
-from acquisition.config.conditions import Conditions
-from acquisition.core.trial import Trial
-from analysis.conditions import recorded_conditions
-from hybrid.vessel.parameters import Vessel
-from hybrid.vessel.wind import HARMONICS, TABLE_SIZE
+from seatrial.acquisition.config.conditions import Conditions
+from seatrial.acquisition.core.trial import Trial
+from seatrial.analysis.conditions import recorded_conditions
+from seatrial.hybrid.vessel.parameters import Vessel
+from seatrial.hybrid.vessel.wind import HARMONICS, TABLE_SIZE
 
 _MULTIPLES = (0.0, 1.0, 3.0, 5.0)  # of the angle, in the harmonics of CX
 

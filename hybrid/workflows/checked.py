@@ -15,26 +15,34 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from acquisition.core.actuators import Actuators, name_of_order
-from acquisition.core.angles import unwrap, wrap_180
-from acquisition.core.arrays import Floats
-from acquisition.core.channels import ENVIRONMENT, VELOCITY
-from acquisition.core.frames import Quality
-from acquisition.core.text import printable_name
-from acquisition.recording.grouping import Files, read_recordings, read_together
-from acquisition.recording.reader import Recording
-from analysis.quality.check import check_recording
-from analysis.quality.findings import Finding
-from analysis.quality.motion.series import GROUPS
-from analysis.quality.repairs import Repair, repair
-from analysis.tables.table import NANO, select, table_actuators, table_controls, table_of, times_ns, utc_index
-from hybrid.diagnosis.log import BLOCK_S, joined
-from hybrid.effects import Catalogue
-from hybrid.effects.environment import STEADY_WIND
-from hybrid.simulation.autopilot import Drives, follow, shares
-from hybrid.vessel.actuators import KINDS
-from hybrid.vessel.actuators.kind import Drive
-from hybrid.vessel.parameters import Vessel
+from seatrial.acquisition.core.actuators import Actuators, name_of_order
+from seatrial.acquisition.core.angles import unwrap, wrap_180
+from seatrial.acquisition.core.arrays import Floats
+from seatrial.acquisition.core.channels import ENVIRONMENT, VELOCITY
+from seatrial.acquisition.core.frames import Quality
+from seatrial.acquisition.core.text import printable_name
+from seatrial.acquisition.recording.grouping import Files, read_recordings, read_together
+from seatrial.acquisition.recording.reader import Recording
+from seatrial.analysis.quality.check import check_recording
+from seatrial.analysis.quality.findings import Finding
+from seatrial.analysis.quality.motion.series import GROUPS
+from seatrial.analysis.quality.repairs import Repair, repair
+from seatrial.analysis.tables.table import (
+    NANO,
+    select,
+    table_actuators,
+    table_controls,
+    table_of,
+    times_ns,
+    utc_index,
+)
+from seatrial.hybrid.diagnosis.log import BLOCK_S, joined
+from seatrial.hybrid.effects import Catalogue
+from seatrial.hybrid.effects.environment import STEADY_WIND
+from seatrial.hybrid.simulation.autopilot import Drives, follow, shares
+from seatrial.hybrid.vessel.actuators import KINDS
+from seatrial.hybrid.vessel.actuators.kind import Drive
+from seatrial.hybrid.vessel.parameters import Vessel
 
 _STEP_S = 0.1
 _TURNS_DEG = 30.0  # by drift and wind alone, or at an even surge, sway or yaw rate, a ship hardly turns so far

@@ -17,31 +17,31 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from acquisition.config.configuration import load_config
-from acquisition.core.channels import NAMES
-from acquisition.core.errors import SourceError
-from acquisition.core.files import write_text
-from acquisition.core.progress import bar
-from acquisition.core.trial import Trial
-from acquisition.emulator import NullModem, Playback, emulate
-from acquisition.recording.reader import Recording, read_recording
-from acquisition.recording.tables import write_table
-from analysis.quality.check import DataQuality, check_recording
-from analysis.windows.held import HeldWindows
-from analysis.windows.recordings import tables_of_recordings, windows_of_tables
-from hybrid.calibrators.artefact import save
-from hybrid.calibrators.train import TrainedCalibrator, train
-from hybrid.diagnosis.diagnose import TOLERANCE
-from hybrid.diagnosis.result import Diagnosis
-from hybrid.effects import CATALOGUE
-from hybrid.effects.catalogue import vessel_plant
-from hybrid.evaluation.validate import Validation, refuse_training_data, validate
-from hybrid.prediction.dataset import load_dataset
-from hybrid.report.folder import Choices, folder_report
-from hybrid.report.words import plain
-from hybrid.simulation.trial import simulate_trial
-from hybrid.vessel.files import load_vessel, reference_model, trials_of
-from hybrid.workflows.diagnose import diagnose_files, write_diagnosis
+from seatrial.acquisition.config.configuration import load_config
+from seatrial.acquisition.core.channels import NAMES
+from seatrial.acquisition.core.errors import SourceError
+from seatrial.acquisition.core.files import write_text
+from seatrial.acquisition.core.progress import bar
+from seatrial.acquisition.core.trial import Trial
+from seatrial.acquisition.emulator import NullModem, Playback, emulate
+from seatrial.acquisition.recording.reader import Recording, read_recording
+from seatrial.acquisition.recording.tables import write_table
+from seatrial.analysis.quality.check import DataQuality, check_recording
+from seatrial.analysis.windows.held import HeldWindows
+from seatrial.analysis.windows.recordings import tables_of_recordings, windows_of_tables
+from seatrial.hybrid.calibrators.artefact import save
+from seatrial.hybrid.calibrators.train import TrainedCalibrator, train
+from seatrial.hybrid.diagnosis.diagnose import TOLERANCE
+from seatrial.hybrid.diagnosis.result import Diagnosis
+from seatrial.hybrid.effects import CATALOGUE
+from seatrial.hybrid.effects.catalogue import vessel_plant
+from seatrial.hybrid.evaluation.validate import Validation, refuse_training_data, validate
+from seatrial.hybrid.prediction.dataset import load_dataset
+from seatrial.hybrid.report.folder import Choices, folder_report
+from seatrial.hybrid.report.words import plain
+from seatrial.hybrid.simulation.trial import simulate_trial
+from seatrial.hybrid.vessel.files import load_vessel, reference_model, trials_of
+from seatrial.hybrid.workflows.diagnose import diagnose_files, write_diagnosis
 
 TEMPLATE = Path(__file__).resolve().parents[2] / "trials" / "demo.toml"
 SHIP, MODEL, SEA_STATE = "gunnerus_long", "gunnerus_short", "gentle"
@@ -183,9 +183,8 @@ def _free_udp_port() -> int:
 
 def _start_recorder(config: Path, folder: Path) -> subprocess.Popen[str]:
     """``seatrial record`` as a process, returned when its lines are open."""
-    front_door = Path(__file__).resolve().parents[2] / "seatrial.py"
     process = subprocess.Popen(
-        [sys.executable, str(front_door), "record", str(config), "-o", str(folder)],
+        [sys.executable, "-c", "import seatrial; seatrial.main()", "record", str(config), "-o", str(folder)],
         stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
     )  # fmt: skip
     said: list[str] = []

@@ -16,33 +16,33 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pandas as pd
 
-from acquisition.core.arrays import Floats
-from acquisition.core.files import remove_file, write_text, written_together
-from acquisition.core.progress import Progress, part_of
-from acquisition.core.text import printable_name
-from acquisition.core.trial import software_version
-from analysis.tables.table import NANO, refuse_duplicates, times_ns
-from hybrid.diagnosis.acceptance import HELD_OUT_LEVEL, chance_of_gains
-from hybrid.diagnosis.diagnose import TOLERANCE, diagnose
-from hybrid.diagnosis.gap import HORIZON_S, UnseenWindows, fold_of, predicted_tracks, unseen_windows
-from hybrid.diagnosis.linearise import linear_model, model_of, next_states, true_states
-from hybrid.diagnosis.log import Log, log_of
-from hybrid.diagnosis.nuisance_basis import force_range
-from hybrid.diagnosis.result import Diagnosis, Estimate, Extras, IdentifiedCorrection
-from hybrid.diagnosis.serialisation import DIAGNOSIS, write_figure_data
-from hybrid.diagnosis.verdict import Conclusion
-from hybrid.effects import Catalogue
-from hybrid.effects.catalogue import catalogue_of, vessel_plant
-from hybrid.effects.regime import as_file
-from hybrid.identification.identify import Identification, identify_tables
-from hybrid.prediction.baselines import present_motion_held
-from hybrid.prediction.scores import distances
-from hybrid.report.diagnosis_sentences import describe
-from hybrid.report.diagnosis_words import correction_sentence, model_line, write_report
-from hybrid.report.words import plain
-from hybrid.vessel.files import reference_model, save_vessel, trials_of, with_effects
-from hybrid.vessel.parameters import Vessel
-from hybrid.workflows.checked import Checked, checked_files, driven_by_orders, without_wind
+from seatrial.acquisition.core.arrays import Floats
+from seatrial.acquisition.core.files import remove_file, write_text, written_together
+from seatrial.acquisition.core.progress import Progress, part_of
+from seatrial.acquisition.core.text import printable_name
+from seatrial.acquisition.core.trial import software_version
+from seatrial.analysis.tables.table import NANO, refuse_duplicates, times_ns
+from seatrial.hybrid.diagnosis.acceptance import HELD_OUT_LEVEL, chance_of_gains
+from seatrial.hybrid.diagnosis.diagnose import TOLERANCE, diagnose
+from seatrial.hybrid.diagnosis.gap import HORIZON_S, UnseenWindows, fold_of, predicted_tracks, unseen_windows
+from seatrial.hybrid.diagnosis.linearise import linear_model, model_of, next_states, true_states
+from seatrial.hybrid.diagnosis.log import Log, log_of
+from seatrial.hybrid.diagnosis.nuisance_basis import force_range
+from seatrial.hybrid.diagnosis.result import Diagnosis, Estimate, Extras, IdentifiedCorrection
+from seatrial.hybrid.diagnosis.serialisation import DIAGNOSIS, write_figure_data
+from seatrial.hybrid.diagnosis.verdict import Conclusion
+from seatrial.hybrid.effects import Catalogue
+from seatrial.hybrid.effects.catalogue import catalogue_of, vessel_plant
+from seatrial.hybrid.effects.regime import as_file
+from seatrial.hybrid.identification.identify import Identification, identify_tables
+from seatrial.hybrid.prediction.baselines import present_motion_held
+from seatrial.hybrid.prediction.scores import distances
+from seatrial.hybrid.report.diagnosis_sentences import describe
+from seatrial.hybrid.report.diagnosis_words import correction_sentence, model_line, write_report
+from seatrial.hybrid.report.words import plain
+from seatrial.hybrid.vessel.files import reference_model, save_vessel, trials_of, with_effects
+from seatrial.hybrid.vessel.parameters import Vessel
+from seatrial.hybrid.workflows.checked import Checked, checked_files, driven_by_orders, without_wind
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -153,7 +153,7 @@ class DiagnosisRun:
 
     def plot(self) -> Figure:
         """The parameters that were named with their 95 % intervals, and below them the gap that they close."""
-        from hybrid.report.diagnosis_plots import overview_figure
+        from seatrial.hybrid.report.diagnosis_plots import overview_figure
 
         return overview_figure(self.diagnosis)
 

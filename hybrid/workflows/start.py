@@ -11,19 +11,19 @@ import pandas as pd
 from pydantic import TypeAdapter
 from pymap3d import ned2geodetic
 
-from acquisition.config.configuration import possible_channels
-from acquisition.config.sections import UdpSource
-from acquisition.config.vessel_file import find_vessel, vessel_names
-from acquisition.core.actuators import VESSELS, Actuators, control_channels
-from acquisition.core.channel import Channel
-from acquisition.core.errors import ConfigurationError
-from acquisition.core.files import write_text, written_together
-from acquisition.recording.parts import safe_name
-from acquisition.tables.import_table import refuse_overwriting
-from hybrid.simulation.trial import Noise, simulate_trial
-from hybrid.vessel.estimate.new_vessel import NewVessel
-from hybrid.vessel.files import load_vessel, save_vessel
-from hybrid.vessel.parameters import Vessel
+from seatrial.acquisition.config.configuration import possible_channels
+from seatrial.acquisition.config.sections import UdpSource
+from seatrial.acquisition.config.vessel_file import find_vessel, vessel_names
+from seatrial.acquisition.core.actuators import VESSELS, Actuators, control_channels
+from seatrial.acquisition.core.channel import Channel
+from seatrial.acquisition.core.errors import ConfigurationError
+from seatrial.acquisition.core.files import write_text, written_together
+from seatrial.acquisition.recording.parts import safe_name
+from seatrial.acquisition.tables.import_table import refuse_overwriting
+from seatrial.hybrid.simulation.trial import Noise, simulate_trial
+from seatrial.hybrid.vessel.estimate.new_vessel import NewVessel
+from seatrial.hybrid.vessel.files import load_vessel, save_vessel
+from seatrial.hybrid.vessel.parameters import Vessel
 
 TEMPLATES = VESSELS.parent / "start"
 _CONTROLS = "# CONTROLS\n"

@@ -6,12 +6,12 @@ from pathlib import Path
 
 import pytest
 
-from acquisition.config.configuration import load_config
-from acquisition.decoders.nmea0183 import NO_CHECKSUM, Nmea0183Decoder
-from acquisition.decoders.nmea2000 import Nmea2000Decoder
-from acquisition.logger.missing import missing_in
-from acquisition.logger.record import record
-from acquisition.recording.reader import read_recording
+from seatrial.acquisition.config.configuration import load_config
+from seatrial.acquisition.decoders.nmea0183 import NO_CHECKSUM, Nmea0183Decoder
+from seatrial.acquisition.decoders.nmea2000 import Nmea2000Decoder
+from seatrial.acquisition.logger.missing import missing_in
+from seatrial.acquisition.logger.record import record
+from seatrial.acquisition.recording.reader import read_recording
 from tests.acquisition.can_frames import can_frame, identifier_of
 from tests.acquisition.conftest import config_text
 from tests.acquisition.test_nmea0183 import line, sound

@@ -11,14 +11,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from acquisition.config.configuration import parse_config
-from acquisition.config.sections import AlarmSection
-from acquisition.core.errors import ConfigurationError
-from acquisition.logger.alarms import Alarm, Alarms
-from acquisition.logger.health import Health, SourceHealth
-from acquisition.logger.host_clock import host_clock
-from acquisition.logger.record import record
-from acquisition.recording.reader import read_recording
+from seatrial.acquisition.config.configuration import parse_config
+from seatrial.acquisition.config.sections import AlarmSection
+from seatrial.acquisition.core.errors import ConfigurationError
+from seatrial.acquisition.logger.alarms import Alarm, Alarms
+from seatrial.acquisition.logger.health import Health, SourceHealth
+from seatrial.acquisition.logger.host_clock import host_clock
+from seatrial.acquisition.logger.record import record
+from seatrial.acquisition.recording.reader import read_recording
 from tests.acquisition.conftest import config_text, free_port, wait_for
 
 

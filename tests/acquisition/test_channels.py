@@ -9,10 +9,19 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from acquisition.core.angles import circular_mean, difference, unwrap, wrap_180, wrap_360
-from acquisition.core.channels import BY_NAME, CHANNELS, CIRCULAR, COMMAND, ENVIRONMENT, NAMES, POSE, VELOCITY
-from acquisition.core.errors import ConfigurationError
-from acquisition.core.units import scale_to
+from seatrial.acquisition.core.angles import circular_mean, difference, unwrap, wrap_180, wrap_360
+from seatrial.acquisition.core.channels import (
+    BY_NAME,
+    CHANNELS,
+    CIRCULAR,
+    COMMAND,
+    ENVIRONMENT,
+    NAMES,
+    POSE,
+    VELOCITY,
+)
+from seatrial.acquisition.core.errors import ConfigurationError
+from seatrial.acquisition.core.units import scale_to
 
 ANGLES = st.floats(-1e4, 1e4)
 

@@ -7,10 +7,10 @@ from pathlib import Path
 
 import pytest
 
-from acquisition.config.configuration import load_config
-from acquisition.config.sections import CanSource
-from acquisition.config.toml_file import line_of
-from acquisition.core.errors import ConfigurationError
+from seatrial.acquisition.config.configuration import load_config
+from seatrial.acquisition.config.sections import CanSource
+from seatrial.acquisition.config.toml_file import line_of
+from seatrial.acquisition.core.errors import ConfigurationError
 from tests.acquisition.conftest import DBC, SIGNALS, config_text
 
 TRIALS = Path(__file__).parents[2] / "trials"

@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from acquisition.core.arrays import Complexes, Floats
-from acquisition.core.conventions import (
+from seatrial.acquisition.core.arrays import Complexes, Floats
+from seatrial.acquisition.core.conventions import (
     ANGLE_UNITS,
     CLOCKWISE,
     HEADINGS,
@@ -19,7 +19,7 @@ from acquisition.core.conventions import (
     judge_heading,
     turned_deg,
 )
-from acquisition.core.units import scale_to
+from seatrial.acquisition.core.units import scale_to
 
 STEP_S = 5.0
 

@@ -11,14 +11,14 @@ from typing import cast
 
 import pytest
 
-from acquisition.config.configuration import parse_config
-from acquisition.config.sections import CopiesSection
-from acquisition.core.errors import ConfigurationError, StorageError
-from acquisition.logger import copies as copies_module
-from acquisition.logger.copies import Copies, copy_part, same
-from acquisition.logger.record import record
-from acquisition.recording.parts import RecordingParts
-from acquisition.recording.reader import read_recording
+from seatrial.acquisition.config.configuration import parse_config
+from seatrial.acquisition.config.sections import CopiesSection
+from seatrial.acquisition.core.errors import ConfigurationError, StorageError
+from seatrial.acquisition.logger import copies as copies_module
+from seatrial.acquisition.logger.copies import Copies, copy_part, same
+from seatrial.acquisition.logger.record import record
+from seatrial.acquisition.recording.parts import RecordingParts
+from seatrial.acquisition.recording.reader import read_recording
 from tests.acquisition.conftest import PATIENCE_S, config_text, free_port
 
 NAMES = [

@@ -21,27 +21,27 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 from scipy.io import loadmat, netcdf_file
 
 import seatrial as st
-from acquisition.config.configuration import TrialConfig, load_config, parse_config
-from acquisition.core.actuators import DEFAULT
-from acquisition.core.channels import actuators_of, channels_known_to, channels_of_trial
-from acquisition.core.declared import as_text, declare, declared_from_text
-from acquisition.core.errors import ConfigurationError, InputError
-from acquisition.core.frames import Frame, FrameFlag
-from acquisition.core.units import ending_of, to_house
-from acquisition.decoders import decoders_by_protocol, make_decoders
-from acquisition.decoders.declared_groups import canboat_fields
-from acquisition.decoders.parameter_groups import FIELDS
-from acquisition.encoders import Moment, make_encoder
-from acquisition.encoders.nmea0183 import sentence
-from acquisition.logger.record import record
-from acquisition.logger.redecode import redecode
-from acquisition.recording.reader import read_recording
-from acquisition.sources.logfile import LogFile
-from acquisition.tables.import_table import import_table
-from analysis.quality.check import check_recording
-from analysis.tables.export import export_table
-from analysis.tables.resample import resample
-from analysis.tables.table import read_table
+from seatrial.acquisition.config.configuration import TrialConfig, load_config, parse_config
+from seatrial.acquisition.core.actuators import DEFAULT
+from seatrial.acquisition.core.channels import actuators_of, channels_known_to, channels_of_trial
+from seatrial.acquisition.core.declared import as_text, declare, declared_from_text
+from seatrial.acquisition.core.errors import ConfigurationError, InputError
+from seatrial.acquisition.core.frames import Frame, FrameFlag
+from seatrial.acquisition.core.units import ending_of, to_house
+from seatrial.acquisition.decoders import decoders_by_protocol, make_decoders
+from seatrial.acquisition.decoders.declared_groups import canboat_fields
+from seatrial.acquisition.decoders.parameter_groups import FIELDS
+from seatrial.acquisition.encoders import Moment, make_encoder
+from seatrial.acquisition.encoders.nmea0183 import sentence
+from seatrial.acquisition.logger.record import record
+from seatrial.acquisition.logger.redecode import redecode
+from seatrial.acquisition.recording.reader import read_recording
+from seatrial.acquisition.sources.logfile import LogFile
+from seatrial.acquisition.tables.import_table import import_table
+from seatrial.analysis.quality.check import check_recording
+from seatrial.analysis.tables.export import export_table
+from seatrial.analysis.tables.resample import resample
+from seatrial.analysis.tables.table import read_table
 from tests.acquisition.can_frames import can_frame, identifier_of
 from tests.acquisition.conftest import DBC
 from tests.conftest import Command
@@ -687,8 +687,8 @@ def test_the_example_names_only_what_its_sources_can_carry() -> None:
 
 def test_an_example_is_drawn_with_its_unit(recorded: Path) -> None:
     """Beside the motion, what belongs together in one picture, and states as steps."""
-    from analysis.report.interactive import page_data
-    from analysis.report.plots import declared_groups, series
+    from seatrial.analysis.report.interactive import page_data
+    from seatrial.analysis.report.plots import declared_groups, series
 
     table = resample(read_table(recorded))
     assert [*declared_groups(table)] == ["winch tension [N]", "crane slew [deg]", "winch mode"]

@@ -16,18 +16,18 @@ import pytest
 from paho.mqtt.client import Client
 from paho.mqtt.enums import CallbackAPIVersion
 
-from acquisition.config.configuration import load_config, parse_config
-from acquisition.config.sections import MqttSource
-from acquisition.core.channels import MOTION, NAMES
-from acquisition.core.errors import SeatrialError, SourceError
-from acquisition.core.frames import Frame
-from acquisition.decoders.nmea0183 import split_sentence
-from acquisition.discovery.discover import Discovery, discover, discovery_of
-from acquisition.discovery.listen import find_baud_rate, form_of, interpret
-from acquisition.discovery.places import Place, parse_places
-from acquisition.emulator import NullModem, emulate
-from acquisition.encoders.nmea0183 import sentence
-from acquisition.logger.record import record
+from seatrial.acquisition.config.configuration import load_config, parse_config
+from seatrial.acquisition.config.sections import MqttSource
+from seatrial.acquisition.core.channels import MOTION, NAMES
+from seatrial.acquisition.core.errors import SeatrialError, SourceError
+from seatrial.acquisition.core.frames import Frame
+from seatrial.acquisition.decoders.nmea0183 import split_sentence
+from seatrial.acquisition.discovery.discover import Discovery, discover, discovery_of
+from seatrial.acquisition.discovery.listen import find_baud_rate, form_of, interpret
+from seatrial.acquisition.discovery.places import Place, parse_places
+from seatrial.acquisition.emulator import NullModem, emulate
+from seatrial.acquisition.encoders.nmea0183 import sentence
+from seatrial.acquisition.logger.record import record
 from tests.acquisition.can_frames import identifier_of
 from tests.acquisition.conftest import DBC, SIGNALS, Broker, free_port, write_voyage
 from tests.conftest import Command

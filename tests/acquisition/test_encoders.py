@@ -13,20 +13,20 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from acquisition.config.configuration import load_config
-from acquisition.config.sections import AnySource
-from acquisition.core.angles import difference
-from acquisition.core.channels import BY_NAME, CIRCULAR, NAMES
-from acquisition.core.errors import SourceError
-from acquisition.core.frames import Frame, FrameFlag
-from acquisition.core.trial import Trial
-from acquisition.decoders import make_decoders
-from acquisition.emulator import emulate, moments_of
-from acquisition.encoders import Moment, Packet, make_encoder
-from acquisition.encoders.nmea0183 import degrees_and_minutes
-from acquisition.logger.derive import Derivation
-from acquisition.recording.reader import read_recording
-from acquisition.recording.tables import write_table
+from seatrial.acquisition.config.configuration import load_config
+from seatrial.acquisition.config.sections import AnySource
+from seatrial.acquisition.core.angles import difference
+from seatrial.acquisition.core.channels import BY_NAME, CIRCULAR, NAMES
+from seatrial.acquisition.core.errors import SourceError
+from seatrial.acquisition.core.frames import Frame, FrameFlag
+from seatrial.acquisition.core.trial import Trial
+from seatrial.acquisition.decoders import make_decoders
+from seatrial.acquisition.emulator import emulate, moments_of
+from seatrial.acquisition.encoders import Moment, Packet, make_encoder
+from seatrial.acquisition.encoders.nmea0183 import degrees_and_minutes
+from seatrial.acquisition.logger.derive import Derivation
+from seatrial.acquisition.recording.reader import read_recording
+from seatrial.acquisition.recording.tables import write_table
 from tests.acquisition.conftest import (
     DBC,
     ORIGIN,
@@ -207,7 +207,7 @@ def test_a_gateway_waits_for_the_logger_before_it_plays(
     tmp_path: Path, clock: SimulatedClock, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The wait does not count as delay: nothing is sent in a rush afterwards."""
-    monkeypatch.setattr("acquisition.emulator.time", clock)
+    monkeypatch.setattr("seatrial.acquisition.emulator.time", clock)
     port = free_port(socket.SOCK_STREAM)
     (tmp_path / "tcp.toml").write_text(config_text(f'type = "tcp"\nport = {port}\n'))
     write_voyage(tmp_path / "voyage.mcap", duration_s=1.0)
@@ -229,7 +229,7 @@ def test_a_gateway_waits_for_the_logger_before_it_plays(
 
 
 def test_nobody_comes_to_the_gateway(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("acquisition.emulator._WAIT_S", 0.1)
+    monkeypatch.setattr("seatrial.acquisition.emulator._WAIT_S", 0.1)
     (tmp_path / "tcp.toml").write_text(config_text(f'type = "tcp"\nport = {free_port(socket.SOCK_STREAM)}\n'))
     write_voyage(tmp_path / "voyage.mcap", duration_s=1.0)
     with pytest.raises(SourceError, match="no logger connected"):
@@ -240,7 +240,7 @@ def test_played_pace_is_that_of_the_recording(
     tmp_path: Path, clock: SimulatedClock, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Every moment is sent at its time, four times as fast, also after one that took long to send."""
-    monkeypatch.setattr("acquisition.emulator.time", clock)
+    monkeypatch.setattr("seatrial.acquisition.emulator.time", clock)
     began_s, sent_s = clock.now_s, list[float]()
 
     def progress(share: float) -> None:

@@ -23,21 +23,21 @@ import can
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from acquisition.config.configuration import load_config
-from acquisition.core.channels import NAMES
-from acquisition.core.frames import Frame, now_ns
-from acquisition.decoders.nmea2000 import parameter_group
-from acquisition.decoders.parameter_groups import READERS
-from acquisition.emulator import NullModem
-from acquisition.encoders.nmea0183 import sentence
-from acquisition.logger import health
-from acquisition.logger import maintenance as housekeeping
-from acquisition.logger.pipeline import Recorder
-from acquisition.logger.receiver import Inbox
-from acquisition.recording.parts import RecordingParts
-from acquisition.recording.reader import MessageStream, Recording, read_recording
-from acquisition.recording.schemas import EVENT_TOPIC, HEALTH_TOPIC, RAW_PREFIX
-from acquisition.sources import streams
+from seatrial.acquisition.config.configuration import load_config
+from seatrial.acquisition.core.channels import NAMES
+from seatrial.acquisition.core.frames import Frame, now_ns
+from seatrial.acquisition.decoders.nmea2000 import parameter_group
+from seatrial.acquisition.decoders.parameter_groups import READERS
+from seatrial.acquisition.emulator import NullModem
+from seatrial.acquisition.encoders.nmea0183 import sentence
+from seatrial.acquisition.logger import health
+from seatrial.acquisition.logger import maintenance as housekeeping
+from seatrial.acquisition.logger.pipeline import Recorder
+from seatrial.acquisition.logger.receiver import Inbox
+from seatrial.acquisition.recording.parts import RecordingParts
+from seatrial.acquisition.recording.reader import MessageStream, Recording, read_recording
+from seatrial.acquisition.recording.schemas import EVENT_TOPIC, HEALTH_TOPIC, RAW_PREFIX
+from seatrial.acquisition.sources import streams
 from tests.acquisition.can_frames import identifier_of
 from tests.acquisition.conftest import free_port, wait_for
 from tests.acquisition.test_running import say
@@ -259,8 +259,8 @@ def test_a_source_that_floods_costs_only_itself(tmp_path: Path, monkeypatch: pyt
             return accepted
 
     fakes = {"flood": Fake("flood", flood), "calm": Fake("calm", calm)}
-    monkeypatch.setattr("acquisition.logger.pipeline.make_source", lambda section: fakes[section.name])
-    monkeypatch.setattr("acquisition.logger.pipeline.Inbox", Watched)
+    monkeypatch.setattr("seatrial.acquisition.logger.pipeline.make_source", lambda section: fakes[section.name])
+    monkeypatch.setattr("seatrial.acquisition.logger.pipeline.Inbox", Watched)
     monkeypatch.setattr(housekeeping, "_HEALTH_EVERY_S", 0.1)
     sources = udp("flood", 1, "heading_deg") + udp("calm", 2, "yaw_rate_dps")
     sources += f"[recording]\nqueue_frames = {share}\n"

@@ -10,14 +10,14 @@ import pandas as pd
 import pymap3d
 import pytest
 
-from acquisition.core.angles import difference
-from acquisition.core.arrays import Floats
-from acquisition.core.errors import ConfigurationError
-from acquisition.tables.import_table import import_table, propose_for
-from acquisition.tables.propose import Proposal
-from acquisition.tables.table_files import read_raw
-from analysis.tables.table import read_table
-from hybrid.simulation.trial import simulate_trial
+from seatrial.acquisition.core.angles import difference
+from seatrial.acquisition.core.arrays import Floats
+from seatrial.acquisition.core.errors import ConfigurationError
+from seatrial.acquisition.tables.import_table import import_table, propose_for
+from seatrial.acquisition.tables.propose import Proposal
+from seatrial.acquisition.tables.table_files import read_raw
+from seatrial.analysis.tables.table import read_table
+from seatrial.hybrid.simulation.trial import simulate_trial
 from tests.acquisition.test_import_proposals import PLACE, Truth, imported
 
 MOTION = ("heading_deg", "surge_mps", "sway_mps", "yaw_rate_dps")

@@ -13,16 +13,16 @@ import pymap3d
 import pytest
 from scipy.io import savemat
 
-from acquisition.core.angles import difference
-from acquisition.core.arrays import Floats
-from acquisition.core.channels import is_circular
-from acquisition.core.errors import ConfigurationError, InputError
-from acquisition.tables.column_names import headed, matches
-from acquisition.tables.draft import Question
-from acquisition.tables.import_table import import_proposed, propose_for
-from acquisition.tables.propose import Proposal
-from acquisition.tables.table_files import read_raw
-from analysis.tables.table import read_table
+from seatrial.acquisition.core.angles import difference
+from seatrial.acquisition.core.arrays import Floats
+from seatrial.acquisition.core.channels import is_circular
+from seatrial.acquisition.core.errors import ConfigurationError, InputError
+from seatrial.acquisition.tables.column_names import headed, matches
+from seatrial.acquisition.tables.draft import Question
+from seatrial.acquisition.tables.import_table import import_proposed, propose_for
+from seatrial.acquisition.tables.propose import Proposal
+from seatrial.acquisition.tables.table_files import read_raw
+from seatrial.analysis.tables.table import read_table
 from tests.conftest import Command
 
 KNOT = 1852.0 / 3600.0
@@ -690,7 +690,7 @@ def test_published_recordings_are_understood_as_their_maps_have_them(
     shared_data: Path, tmp_path: Path, file: str, known: str, answers: dict[str, str], missing: set[str]
 ) -> None:
     """But for what only a person knows: percent of which speed, one order for two thrusters, the start."""
-    from acquisition.tables.import_table import read_table_file
+    from seatrial.acquisition.tables.import_table import read_table_file
 
     raw = read_raw(shared_data / file)
     vessel = "gunnerus_long" if known == "gunnerus_2022_trials" else None

@@ -11,13 +11,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from acquisition.core.arrays import Floats
-from acquisition.core.frames import Frame
-from acquisition.decoders.interleaved import InterleavedSources
-from acquisition.decoders.nmea0183 import Nmea0183Decoder
-from acquisition.encoders.nmea0183 import sentence
-from acquisition.recording.reader import read_recording
-from hybrid.simulation.trial import simulate_trial
+from seatrial.acquisition.core.arrays import Floats
+from seatrial.acquisition.core.frames import Frame
+from seatrial.acquisition.decoders.interleaved import InterleavedSources
+from seatrial.acquisition.decoders.nmea0183 import Nmea0183Decoder
+from seatrial.acquisition.encoders.nmea0183 import sentence
+from seatrial.acquisition.recording.reader import read_recording
+from seatrial.hybrid.simulation.trial import simulate_trial
 from tests.acquisition.conftest import config_text
 from tests.conftest import Command
 

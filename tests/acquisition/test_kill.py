@@ -19,13 +19,13 @@ from pathlib import Path
 
 import pytest
 
-from acquisition.config.configuration import load_config
-from acquisition.core.frames import Frame
-from acquisition.encoders.nmea0183 import sentence
-from acquisition.logger import maintenance, pipeline
-from acquisition.recording.parts import RecordingParts
-from acquisition.recording.reader import MessageStream, read_recording
-from acquisition.recording.schemas import RAW_PREFIX
+from seatrial.acquisition.config.configuration import load_config
+from seatrial.acquisition.core.frames import Frame
+from seatrial.acquisition.encoders.nmea0183 import sentence
+from seatrial.acquisition.logger import maintenance, pipeline
+from seatrial.acquisition.recording.parts import RecordingParts
+from seatrial.acquisition.recording.reader import MessageStream, read_recording
+from seatrial.acquisition.recording.schemas import RAW_PREFIX
 from tests.acquisition.conftest import SimulatedClock, config_text, free_port, recorded_count, wait_for
 from tests.acquisition.test_record_command import start_recorder
 

@@ -13,16 +13,16 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from acquisition.config.configuration import TrialConfig, load_config
-from acquisition.core.errors import ConfigurationError, SourceError
-from acquisition.core.frames import Frame
-from acquisition.encoders.nmea0183 import sentence
-from acquisition.logger.record import record
-from acquisition.recording.reader import MessageStream, read_recording
-from acquisition.recording.schemas import HEALTH_TOPIC, RAW_PREFIX
-from acquisition.sources import logfile
-from acquisition.sources.logfile import LogFile
 from seatrial import app
+from seatrial.acquisition.config.configuration import TrialConfig, load_config
+from seatrial.acquisition.core.errors import ConfigurationError, SourceError
+from seatrial.acquisition.core.frames import Frame
+from seatrial.acquisition.encoders.nmea0183 import sentence
+from seatrial.acquisition.logger.record import record
+from seatrial.acquisition.recording.reader import MessageStream, read_recording
+from seatrial.acquisition.recording.schemas import HEALTH_TOPIC, RAW_PREFIX
+from seatrial.acquisition.sources import logfile
+from seatrial.acquisition.sources.logfile import LogFile
 from tests.acquisition.can_frames import identifier_of
 from tests.acquisition.conftest import DBC, free_port
 from tests.acquisition.test_mavlink_packets import stream

@@ -16,12 +16,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from acquisition.config.sections import MavlinkSerialSource, MavlinkSource, MavlinkTcpSource
-from acquisition.core.errors import ConfigurationError, SourceError
-from acquisition.core.frames import Fix, Frame, Sample
-from acquisition.decoders.mavlink import MavlinkDecoder
-from acquisition.emulator import NullModem
-from acquisition.sources import Source, make_source
+from seatrial.acquisition.config.sections import MavlinkSerialSource, MavlinkSource, MavlinkTcpSource
+from seatrial.acquisition.core.errors import ConfigurationError, SourceError
+from seatrial.acquisition.core.frames import Fix, Frame, Sample
+from seatrial.acquisition.decoders.mavlink import MavlinkDecoder
+from seatrial.acquisition.emulator import NullModem
+from seatrial.acquisition.sources import Source, make_source
 from tests.acquisition.conftest import free_port
 
 SECOND = 1_000_000_000

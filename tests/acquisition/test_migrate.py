@@ -18,15 +18,15 @@ from mcap.writer import Writer
 from mcap_protobuf.decoder import DecoderFactory
 from typer.testing import CliRunner
 
-from acquisition.core.errors import InputError, StorageError
-from acquisition.core.frames import NANO, Frame
-from acquisition.emulator import moments_of
-from acquisition.logger.redecode import redecode
-from acquisition.recording.reader import MessageStream, Recording, describe, read_recording
-from acquisition.recording.recover import migrate, recover
-from acquisition.recording.tail import Tail
-from analysis.tables.table import read_table
 from seatrial import app
+from seatrial.acquisition.core.errors import InputError, StorageError
+from seatrial.acquisition.core.frames import NANO, Frame
+from seatrial.acquisition.emulator import moments_of
+from seatrial.acquisition.logger.redecode import redecode
+from seatrial.acquisition.recording.reader import MessageStream, Recording, describe, read_recording
+from seatrial.acquisition.recording.recover import migrate, recover
+from seatrial.acquisition.recording.tail import Tail
+from seatrial.analysis.tables.table import read_table
 
 OLD = Path(__file__).with_name("recorded_as_json.mcap.gz")
 START_NS = 1_790_000_000 * NANO

@@ -17,26 +17,26 @@ from paho.mqtt.client import Client
 from paho.mqtt.enums import CallbackAPIVersion
 from typer.testing import CliRunner
 
-from acquisition.config.configuration import TrialConfig, load_config
-from acquisition.config.sections import MqttSource
-from acquisition.core.angles import difference
-from acquisition.core.channels import CIRCULAR, NAMES
-from acquisition.core.errors import ConfigurationError, SourceError
-from acquisition.core.frames import Frame, FrameFlag
-from acquisition.encoders.mqtt import told
-from acquisition.encoders.nmea0183 import sentence
-from acquisition.logger.missing import why_missing
-from acquisition.logger.pipeline import Recorder, health_of
-from acquisition.logger.processing import FrameProcessor
-from acquisition.logger.record import record
-from acquisition.logger.redecode import redecode
-from acquisition.logger.survey import survey_of
-from acquisition.recording.parts import RecordingParts
-from acquisition.recording.reader import MessageStream, Recording, read_recording
-from acquisition.recording.schemas import RAW_PREFIX
-from acquisition.recording.writer import RecordingWriter
-from acquisition.sources import make_source, mqtt
 from seatrial import app
+from seatrial.acquisition.config.configuration import TrialConfig, load_config
+from seatrial.acquisition.config.sections import MqttSource
+from seatrial.acquisition.core.angles import difference
+from seatrial.acquisition.core.channels import CIRCULAR, NAMES
+from seatrial.acquisition.core.errors import ConfigurationError, SourceError
+from seatrial.acquisition.core.frames import Frame, FrameFlag
+from seatrial.acquisition.encoders.mqtt import told
+from seatrial.acquisition.encoders.nmea0183 import sentence
+from seatrial.acquisition.logger.missing import why_missing
+from seatrial.acquisition.logger.pipeline import Recorder, health_of
+from seatrial.acquisition.logger.processing import FrameProcessor
+from seatrial.acquisition.logger.record import record
+from seatrial.acquisition.logger.redecode import redecode
+from seatrial.acquisition.logger.survey import survey_of
+from seatrial.acquisition.recording.parts import RecordingParts
+from seatrial.acquisition.recording.reader import MessageStream, Recording, read_recording
+from seatrial.acquisition.recording.schemas import RAW_PREFIX
+from seatrial.acquisition.recording.writer import RecordingWriter
+from seatrial.acquisition.sources import make_source, mqtt
 from tests.acquisition.conftest import Broker, config_text, wait_for, write_voyage
 from tests.acquisition.test_round_trip import NMEA0183_STEP, load, play_and_record
 

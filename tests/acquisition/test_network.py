@@ -11,7 +11,7 @@ from itertools import pairwise
 import can
 import pytest
 
-from acquisition.config.sections import (
+from seatrial.acquisition.config.sections import (
     CanSource,
     LiveSection,
     MavlinkSource,
@@ -19,16 +19,16 @@ from acquisition.config.sections import (
     TcpSource,
     UdpSource,
 )
-from acquisition.core.errors import SourceError
-from acquisition.core.frames import Frame, FrameFlag, Quality
-from acquisition.decoders.nmea0183 import Nmea0183Decoder
-from acquisition.decoders.nmea2000 import Nmea2000Decoder
-from acquisition.encoders.nmea0183 import sentence
-from acquisition.logger.health import SourceHealth
-from acquisition.logger.receiver import Inbox, Receiver
-from acquisition.sources import can_bus, streams
-from acquisition.sources.can_bus import CanBus
-from acquisition.sources.streams import UdpPort
+from seatrial.acquisition.core.errors import SourceError
+from seatrial.acquisition.core.frames import Frame, FrameFlag, Quality
+from seatrial.acquisition.decoders.nmea0183 import Nmea0183Decoder
+from seatrial.acquisition.decoders.nmea2000 import Nmea2000Decoder
+from seatrial.acquisition.encoders.nmea0183 import sentence
+from seatrial.acquisition.logger.health import SourceHealth
+from seatrial.acquisition.logger.receiver import Inbox, Receiver
+from seatrial.acquisition.sources import can_bus, streams
+from seatrial.acquisition.sources.can_bus import CanBus
+from seatrial.acquisition.sources.streams import UdpPort
 from tests.acquisition.can_frames import can_frame
 from tests.acquisition.conftest import free_port
 

@@ -15,14 +15,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pynmeagps import NMEAReader
 
-from acquisition.config.sections import FileSource, Thrusters
-from acquisition.core.channels import BY_NAME
-from acquisition.core.frames import Frame, Group, Quality, Sample
-from acquisition.core.trial import Trial
-from acquisition.decoders import make_decoders
-from acquisition.decoders.nmea0183 import Nmea0183Decoder, checksum, split_sentence
-from acquisition.encoders.nmea0183 import sentence
-from acquisition.logger.derive import Derivation
+from seatrial.acquisition.config.sections import FileSource, Thrusters
+from seatrial.acquisition.core.channels import BY_NAME
+from seatrial.acquisition.core.frames import Frame, Group, Quality, Sample
+from seatrial.acquisition.core.trial import Trial
+from seatrial.acquisition.decoders import make_decoders
+from seatrial.acquisition.decoders.nmea0183 import Nmea0183Decoder, checksum, split_sentence
+from seatrial.acquisition.encoders.nmea0183 import sentence
+from seatrial.acquisition.logger.derive import Derivation
 
 SECOND = 1_000_000_000
 KNOT = 1852.0 / 3600.0

@@ -6,15 +6,15 @@ from pathlib import Path
 
 import pytest
 
-from acquisition.config.configuration import TrialConfig, load_config
-from acquisition.core.errors import ConfigurationError
-from acquisition.core.frames import Frame
-from acquisition.decoders import make_decoders
-from acquisition.encoders import Moment, make_encoder
-from acquisition.encoders.nmea0183 import sentence
-from acquisition.logger.display import summary
-from acquisition.logger.record import record
-from acquisition.recording.reader import read_recording
+from seatrial.acquisition.config.configuration import TrialConfig, load_config
+from seatrial.acquisition.core.errors import ConfigurationError
+from seatrial.acquisition.core.frames import Frame
+from seatrial.acquisition.decoders import make_decoders
+from seatrial.acquisition.encoders import Moment, make_encoder
+from seatrial.acquisition.encoders.nmea0183 import sentence
+from seatrial.acquisition.logger.display import summary
+from seatrial.acquisition.logger.record import record
+from seatrial.acquisition.recording.reader import read_recording
 
 SHIP = """
 [[actuator]]

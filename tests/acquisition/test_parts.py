@@ -16,14 +16,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from mcap.reader import make_reader
 
-from acquisition.config.sections import RecordingSection
-from acquisition.core.errors import StorageError
-from acquisition.core.frames import Sample
-from acquisition.core.trial import Trial
-from acquisition.recording import parts as parts_module
-from acquisition.recording import storage
-from acquisition.recording.parts import RecordingParts, parts_in
-from acquisition.recording.reader import read_recording
+from seatrial.acquisition.config.sections import RecordingSection
+from seatrial.acquisition.core.errors import StorageError
+from seatrial.acquisition.core.frames import Sample
+from seatrial.acquisition.core.trial import Trial
+from seatrial.acquisition.recording import parts as parts_module
+from seatrial.acquisition.recording import storage
+from seatrial.acquisition.recording.parts import RecordingParts, parts_in
+from seatrial.acquisition.recording.reader import read_recording
 from tests.acquisition.conftest import PATIENCE_S
 
 START_NS = 1_790_000_000_000_000_000

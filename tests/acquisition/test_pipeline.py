@@ -13,16 +13,16 @@ from pathlib import Path
 
 import pytest
 
-from acquisition.config.configuration import TrialConfig, load_config
-from acquisition.core.errors import SourceError, StorageError
-from acquisition.core.frames import Frame, now_ns
-from acquisition.encoders.nmea0183 import sentence
-from acquisition.logger.health import SourceHealth
-from acquisition.logger.maintenance import TICK_S, Maintenance, Timescale
-from acquisition.logger.pipeline import Recorder, health_of
-from acquisition.logger.receiver import Inbox, Receiver
-from acquisition.recording.parts import RecordingParts
-from acquisition.recording.reader import Recording, read_recording
+from seatrial.acquisition.config.configuration import TrialConfig, load_config
+from seatrial.acquisition.core.errors import SourceError, StorageError
+from seatrial.acquisition.core.frames import Frame, now_ns
+from seatrial.acquisition.encoders.nmea0183 import sentence
+from seatrial.acquisition.logger.health import SourceHealth
+from seatrial.acquisition.logger.maintenance import TICK_S, Maintenance, Timescale
+from seatrial.acquisition.logger.pipeline import Recorder, health_of
+from seatrial.acquisition.logger.receiver import Inbox, Receiver
+from seatrial.acquisition.recording.parts import RecordingParts
+from seatrial.acquisition.recording.reader import Recording, read_recording
 from tests.acquisition.conftest import PATIENCE_S, SimulatedClock, config_text, wait_for
 
 HEADING = sentence("HEHDT,12.3,T").strip()
@@ -90,7 +90,7 @@ def run(config: TrialConfig, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) ->
     """Record from a fake source until it has nothing more, or ``during`` ends, and give the recording back."""
 
     def recorded(source: FakeSource, during: Callable[[Recorder], object] | None = None) -> Recording:
-        monkeypatch.setattr("acquisition.logger.pipeline.make_source", lambda section: source)
+        monkeypatch.setattr("seatrial.acquisition.logger.pipeline.make_source", lambda section: source)
         parts = RecordingParts(tmp_path, config.trial, {}, config.recording)
         recorder = Recorder(config, parts)
         recorder.start()
@@ -110,7 +110,7 @@ def texts(recording: Recording) -> str:
 
 def test_a_full_queue_drops_and_counts(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
     """Recorded and dropped are all that came, and the event log has said it once."""
-    from acquisition.logger.processing import FrameProcessor
+    from seatrial.acquisition.logger.processing import FrameProcessor
 
     slow = FrameProcessor.process
 
@@ -178,7 +178,7 @@ def test_a_source_that_takes_long_to_open_keeps_no_other_from_being_heard(
 
     both = replace(config, sources=(*config.sources, replace(config.sources[0], name="slow", channels=())))
     made = {"line": FakeSource("line", reads([frame()])), "slow": Slow("slow", idle)}
-    monkeypatch.setattr("acquisition.logger.pipeline.make_source", lambda section: made[section.name])
+    monkeypatch.setattr("seatrial.acquisition.logger.pipeline.make_source", lambda section: made[section.name])
     parts = RecordingParts(tmp_path, config.trial, {}, config.recording)
     recorder = Recorder(both, parts)
     recorder.start()
@@ -190,7 +190,7 @@ def test_a_source_that_takes_long_to_open_keeps_no_other_from_being_heard(
 
 
 def test_a_source_that_hangs_is_left_behind(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("acquisition.logger.pipeline._LONGEST_JOIN_S", 0.2)
+    monkeypatch.setattr("seatrial.acquisition.logger.pipeline._LONGEST_JOIN_S", 0.2)
     hangs, release, woke = threading.Event(), threading.Event(), threading.Event()
     first = iter([[frame()]])
 
@@ -235,14 +235,14 @@ def test_frames_that_cannot_be_recorded_are_counted_and_do_not_end_the_recorder(
 
 
 def test_a_value_that_breaks_the_processing_is_kept_raw(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("acquisition.logger.derive.Derivation.remember", lambda self, sample: 1 / 0)
+    monkeypatch.setattr("seatrial.acquisition.logger.derive.Derivation.remember", lambda self, sample: 1 / 0)
     recording = run(FakeSource("line", reads([frame(), frame()])))
     assert recording.raw["/raw/nmea0183/line"] == 2
     assert texts(recording).count("could not be interpreted: ZeroDivisionError") == 1
 
 
 def test_a_frame_that_breaks_a_decoder_is_kept_raw(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
-    from acquisition.decoders.nmea0183 import Nmea0183Decoder
+    from seatrial.acquisition.decoders.nmea0183 import Nmea0183Decoder
 
     sound = Nmea0183Decoder.decode
 
@@ -305,7 +305,7 @@ def test_the_disk_is_told_twice_a_second(
         synced_s.append(clock.now_s)
         return True
 
-    monkeypatch.setattr("acquisition.logger.maintenance.time", clock)
+    monkeypatch.setattr("seatrial.acquisition.logger.maintenance.time", clock)
     monkeypatch.setattr(RecordingParts, "sync_soon", sync_soon)
     parts = RecordingParts(tmp_path, config.trial, {}, config.recording)
     scale = Timescale(*now_ns())
@@ -343,7 +343,7 @@ def test_a_source_that_is_not_there_yet_does_not_stop_the_others(
     late = replace(config.sources[0], name="late", channels=())
     both = replace(config, sources=(*config.sources, late))
     made = {"line": FakeSource("line", reads([frame()])), "late": Broken("late", reads([frame(name="late")]), 2)}
-    monkeypatch.setattr("acquisition.logger.pipeline.make_source", lambda section: made[section.name])
+    monkeypatch.setattr("seatrial.acquisition.logger.pipeline.make_source", lambda section: made[section.name])
     parts = RecordingParts(tmp_path, config.trial, {}, config.recording)
     recorder = Recorder(both, parts)
     recorder.start()

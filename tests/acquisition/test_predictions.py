@@ -17,13 +17,14 @@ from mcap.reader import make_reader
 from mcap_protobuf.decoder import DecoderFactory
 from typer.testing import CliRunner
 
-from acquisition.config.configuration import load_config
-from acquisition.encoders.nmea0183 import sentence
-from acquisition.logger.health import Health
-from acquisition.logger.predictions import Predictions, schema_violation
-from acquisition.logger.record import record
-from acquisition.logger.redecode import redecode
-from acquisition.logger.requests import (
+from seatrial import app
+from seatrial.acquisition.config.configuration import load_config
+from seatrial.acquisition.encoders.nmea0183 import sentence
+from seatrial.acquisition.logger.health import Health
+from seatrial.acquisition.logger.predictions import Predictions, schema_violation
+from seatrial.acquisition.logger.record import record
+from seatrial.acquisition.logger.redecode import redecode
+from seatrial.acquisition.logger.requests import (
     MOST_BYTES,
     RecorderState,
     RequestServer,
@@ -32,11 +33,10 @@ from acquisition.logger.requests import (
     send_mark,
     send_prediction,
 )
-from acquisition.recording.messages import Topic, decode
-from acquisition.recording.reader import MessageStream, describe, read_recording
-from acquisition.recording.recover import recover
-from acquisition.recording.schemas import PREDICTED_TRACK_TOPIC, PREDICTION, PREDICTION_TOPIC
-from seatrial import app
+from seatrial.acquisition.recording.messages import Topic, decode
+from seatrial.acquisition.recording.reader import MessageStream, describe, read_recording
+from seatrial.acquisition.recording.recover import recover
+from seatrial.acquisition.recording.schemas import PREDICTED_TRACK_TOPIC, PREDICTION, PREDICTION_TOPIC
 from tests.acquisition.conftest import PATIENCE_S, SimulatedClock, config_text, free_port, wait_for
 
 BODY: dict[str, Any] = {
@@ -166,7 +166,7 @@ def test_more_than_two_a_second_are_refused_and_never_pile_up(
     tmp_path: Path, clock: SimulatedClock, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Four are taken at once, then two a second."""
-    monkeypatch.setattr("acquisition.logger.predictions.time", clock)
+    monkeypatch.setattr("seatrial.acquisition.logger.predictions.time", clock)
     ear, answers = Ear(tmp_path), list[str]()
     with ear.hearing:
         for _ in range(160):
@@ -189,7 +189,7 @@ def test_clients_that_stall_in_the_middle_of_a_word_hold_up_no_mark(
     ear: Ear, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """As many as there may be at once, and more: a mark is heard while they are still waited for."""
-    monkeypatch.setattr("acquisition.logger.requests.PATIENCE_S", 10 * PATIENCE_S)
+    monkeypatch.setattr("seatrial.acquisition.logger.requests.PATIENCE_S", 10 * PATIENCE_S)
     with ExitStack() as stack:
         for _ in range(40):
             client = stack.enter_context(socket.socket(socket.AF_UNIX, socket.SOCK_STREAM))
@@ -201,7 +201,7 @@ def test_clients_that_stall_in_the_middle_of_a_word_hold_up_no_mark(
 
 
 def test_a_client_that_stalls_is_parted_with(ear: Ear, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("acquisition.logger.requests.PATIENCE_S", 0.6)
+    monkeypatch.setattr("seatrial.acquisition.logger.requests.PATIENCE_S", 0.6)
     began_s = time.monotonic()
     with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as client:
         client.connect(str(ear.hearing.path))

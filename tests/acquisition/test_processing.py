@@ -16,16 +16,16 @@ from mcap.reader import make_reader
 from mcap_protobuf.decoder import DecoderFactory
 from rich.console import Console
 
-from acquisition.config.configuration import TrialConfig, load_config
-from acquisition.core.frames import Frame
-from acquisition.decoders.nmea2000 import parameter_group
-from acquisition.encoders import Moment, make_encoder
-from acquisition.encoders.nmea0183 import sentence
-from acquisition.logger.display import Picture
-from acquisition.logger.health import ChannelHealth, Health, SourceHealth
-from acquisition.logger.processing import FrameProcessor
-from acquisition.recording.reader import Recording, read_recording
-from acquisition.recording.writer import RecordingWriter
+from seatrial.acquisition.config.configuration import TrialConfig, load_config
+from seatrial.acquisition.core.frames import Frame
+from seatrial.acquisition.decoders.nmea2000 import parameter_group
+from seatrial.acquisition.encoders import Moment, make_encoder
+from seatrial.acquisition.encoders.nmea0183 import sentence
+from seatrial.acquisition.logger.display import Picture
+from seatrial.acquisition.logger.health import ChannelHealth, Health, SourceHealth
+from seatrial.acquisition.logger.processing import FrameProcessor
+from seatrial.acquisition.recording.reader import Recording, read_recording
+from seatrial.acquisition.recording.writer import RecordingWriter
 from tests.acquisition.can_frames import can_frame, identifier_of
 from tests.acquisition.conftest import DBC, ORIGIN, SIGNALS
 

@@ -17,17 +17,17 @@ from mcap import records as mcap
 from mcap.opcode import Opcode
 from mcap.writer import Writer
 
-from acquisition.core.errors import InputError
-from acquisition.core.frames import Frame, Quality, Sample
-from acquisition.core.trial import Trial
-from acquisition.recording import batches, reader
-from acquisition.recording.descriptors import Kind
-from acquisition.recording.mcap_file import serialise
-from acquisition.recording.messages import encode_sample
-from acquisition.recording.reader import MessageStream, Recording, read_recording
-from acquisition.recording.records import HEAD, RecordError, parse
-from acquisition.recording.schemas import CHANNEL_PREFIX, SAMPLE
-from acquisition.recording.writer import RecordingWriter
+from seatrial.acquisition.core.errors import InputError
+from seatrial.acquisition.core.frames import Frame, Quality, Sample
+from seatrial.acquisition.core.trial import Trial
+from seatrial.acquisition.recording import batches, reader
+from seatrial.acquisition.recording.descriptors import Kind
+from seatrial.acquisition.recording.mcap_file import serialise
+from seatrial.acquisition.recording.messages import encode_sample
+from seatrial.acquisition.recording.reader import MessageStream, Recording, read_recording
+from seatrial.acquisition.recording.records import HEAD, RecordError, parse
+from seatrial.acquisition.recording.schemas import CHANNEL_PREFIX, SAMPLE
+from seatrial.acquisition.recording.writer import RecordingWriter
 
 SAMPLES = st.builds(
     Sample,

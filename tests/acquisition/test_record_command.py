@@ -14,11 +14,11 @@ from pathlib import Path
 
 import pytest
 
-from acquisition.config.configuration import load_config
-from acquisition.core.errors import SourceError
-from acquisition.emulator import NullModem, emulate
-from acquisition.logger.record import record
-from acquisition.recording.reader import read_recording
+from seatrial.acquisition.config.configuration import load_config
+from seatrial.acquisition.core.errors import SourceError
+from seatrial.acquisition.emulator import NullModem, emulate
+from seatrial.acquisition.logger.record import record
+from seatrial.acquisition.recording.reader import read_recording
 from tests.acquisition.conftest import (
     PATIENCE_S,
     config_text,

@@ -26,13 +26,13 @@ from mcap.stream_reader import breakup_chunk
 from mcap.writer import CompressionType, IndexType, Writer
 from typer.testing import CliRunner
 
-from acquisition.core.errors import InputError, SeatrialError, StorageError
-from acquisition.core.frames import Sample
-from acquisition.core.trial import Trial
-from acquisition.recording.reader import MessageStream, read_recording
-from acquisition.recording.recover import RecoverySummary, recover
-from acquisition.recording.scan import MCAP_MAGIC, Intact, scan
-from acquisition.recording.writer import RecordingWriter
+from seatrial.acquisition.core.errors import InputError, SeatrialError, StorageError
+from seatrial.acquisition.core.frames import Sample
+from seatrial.acquisition.core.trial import Trial
+from seatrial.acquisition.recording.reader import MessageStream, read_recording
+from seatrial.acquisition.recording.recover import RecoverySummary, recover
+from seatrial.acquisition.recording.scan import MCAP_MAGIC, Intact, scan
+from seatrial.acquisition.recording.writer import RecordingWriter
 
 START_NS = 1_780_000_000_000_000_000
 PAGE_BYTES = 4096
@@ -459,8 +459,8 @@ def test_a_bomb_is_refused(tmp_path: Path, claimed: int) -> None:
 MEASURED = """
 import re, sys
 from pathlib import Path
-from acquisition.core.errors import SeatrialError
-from acquisition.recording.recover import recover
+from seatrial.acquisition.core.errors import SeatrialError
+from seatrial.acquisition.recording.recover import recover
 try:
     recover(Path(sys.argv[1]), Path(sys.argv[2]))
 except SeatrialError as error:

@@ -13,21 +13,21 @@ from hypothesis import strategies as st
 from typer.testing import CliRunner
 
 import seatrial
-from acquisition.config.configuration import TrialConfig, load_config
-from acquisition.core.errors import InputError, SeatrialError, StorageError
-from acquisition.core.frames import Frame, FrameFlag
-from acquisition.emulator import moments_of
-from acquisition.encoders import make_encoder
-from acquisition.encoders.nmea0183 import sentence
-from acquisition.logger import redecode as redecode_module
-from acquisition.logger.pipeline import health_of
-from acquisition.logger.processing import FrameProcessor
-from acquisition.logger.redecode import redecode
-from acquisition.recording.messages import MessageSink
-from acquisition.recording.parts import RecordingParts
-from acquisition.recording.reader import Entry, MessageStream, read_recording
-from acquisition.recording.schemas import CHANNEL_PREFIX, EVENT_TOPIC, HEALTH_TOPIC, RAW_PREFIX
-from acquisition.recording.writer import RecordingWriter
+from seatrial.acquisition.config.configuration import TrialConfig, load_config
+from seatrial.acquisition.core.errors import InputError, SeatrialError, StorageError
+from seatrial.acquisition.core.frames import Frame, FrameFlag
+from seatrial.acquisition.emulator import moments_of
+from seatrial.acquisition.encoders import make_encoder
+from seatrial.acquisition.encoders.nmea0183 import sentence
+from seatrial.acquisition.logger import redecode as redecode_module
+from seatrial.acquisition.logger.pipeline import health_of
+from seatrial.acquisition.logger.processing import FrameProcessor
+from seatrial.acquisition.logger.redecode import redecode
+from seatrial.acquisition.recording.messages import MessageSink
+from seatrial.acquisition.recording.parts import RecordingParts
+from seatrial.acquisition.recording.reader import Entry, MessageStream, read_recording
+from seatrial.acquisition.recording.schemas import CHANNEL_PREFIX, EVENT_TOPIC, HEALTH_TOPIC, RAW_PREFIX
+from seatrial.acquisition.recording.writer import RecordingWriter
 from tests.acquisition.conftest import DBC, ORIGIN, SIGNALS, write_voyage
 
 SECOND = 1_000_000_000

@@ -10,14 +10,14 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from acquisition.config.configuration import TrialConfig, load_config
-from acquisition.core.actuators import Actuators
-from acquisition.core.angles import difference
-from acquisition.core.arrays import Series
-from acquisition.core.channels import BY_NAME, CIRCULAR, MOTION, NAMES
-from acquisition.emulator import NullModem, Playback, emulate
-from acquisition.logger.record import record
-from acquisition.recording.reader import Recording, read_recording
+from seatrial.acquisition.config.configuration import TrialConfig, load_config
+from seatrial.acquisition.core.actuators import Actuators
+from seatrial.acquisition.core.angles import difference
+from seatrial.acquisition.core.arrays import Series
+from seatrial.acquisition.core.channels import BY_NAME, CIRCULAR, MOTION, NAMES
+from seatrial.acquisition.emulator import NullModem, Playback, emulate
+from seatrial.acquisition.logger.record import record
+from seatrial.acquisition.recording.reader import Recording, read_recording
 from tests.acquisition.conftest import (
     DBC,
     PATIENCE_S,
@@ -96,7 +96,7 @@ def play_and_record(
 
     thread = threading.Thread(target=play)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("acquisition.logger.maintenance._HEALTH_EVERY_S", 0.1)
+        patch.setattr("seatrial.acquisition.logger.maintenance._HEALTH_EVERY_S", 0.1)
         thread.start()
         (path,), _ = record(receiving, out, duration_s=PATIENCE_S, stop=stop)
         thread.join()
@@ -237,8 +237,8 @@ def test_times_of_reception_follow_the_played_times(tmp_path: Path, null_modem: 
 
 def test_tcp_gateway(tmp_path: Path, null_modem: NullModem) -> None:
     """A TCP multiplexer that is there before the recorder: every sentence arrives."""
-    from acquisition.emulator import moments_of, open_transmitter
-    from acquisition.encoders import make_encoder
+    from seatrial.acquisition.emulator import moments_of, open_transmitter
+    from seatrial.acquisition.encoders import make_encoder
 
     table = write_voyage(tmp_path / "voyage.mcap", duration_s=10.0)
     sending, receiving = transport("tcp", tmp_path, null_modem, "source")

@@ -14,8 +14,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from acquisition.config.configuration import TrialConfig, load_config
-from acquisition.core.actuators import (
+from seatrial.acquisition.config.configuration import TrialConfig, load_config
+from seatrial.acquisition.core.actuators import (
     Actuator,
     Actuators,
     from_text,
@@ -23,15 +23,15 @@ from acquisition.core.actuators import (
     shaft_numbers,
     shaft_of_number,
 )
-from acquisition.core.channels import MOTION, actuators_of, channel_names, trial_names
-from acquisition.core.errors import ConfigurationError
-from acquisition.decoders.nmea0183 import Nmea0183Decoder
-from acquisition.decoders.nmea2000 import Nmea2000Decoder
-from acquisition.emulator import emulate
-from acquisition.encoders.nmea0183 import sentence
-from acquisition.logger.record import record
-from acquisition.recording.reader import read_recording
-from acquisition.tables.import_table import import_table
+from seatrial.acquisition.core.channels import MOTION, actuators_of, channel_names, trial_names
+from seatrial.acquisition.core.errors import ConfigurationError
+from seatrial.acquisition.decoders.nmea0183 import Nmea0183Decoder
+from seatrial.acquisition.decoders.nmea2000 import Nmea2000Decoder
+from seatrial.acquisition.emulator import emulate
+from seatrial.acquisition.encoders.nmea0183 import sentence
+from seatrial.acquisition.logger.record import record
+from seatrial.acquisition.recording.reader import read_recording
+from seatrial.acquisition.tables.import_table import import_table
 from tests.acquisition.can_frames import can_frame, identifier_of, values
 from tests.acquisition.conftest import SINGLE_SCREW, TWIN_SCREW, actuator_text, config_text, write_ship_voyage
 from tests.acquisition.test_nmea0183 import line

@@ -20,20 +20,20 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from acquisition.config.configuration import load_config
-from acquisition.config.sections import UdpSource
-from acquisition.core.channels import MOTION, NAMES
-from acquisition.core.errors import SourceError
-from acquisition.emulator import NullModem
-from acquisition.encoders.nmea0183 import sentence
-from acquisition.logger import supervision
-from acquisition.logger.health import Health
-from acquisition.logger.predictions import Predictions
-from acquisition.logger.preflight import check_before_departure
-from acquisition.logger.requests import Mark, RecorderState, RequestServer, send_mark
-from acquisition.recording.reader import read_recording
-from acquisition.sources.streams import TcpConnection, UdpPort
 from seatrial import app
+from seatrial.acquisition.config.configuration import load_config
+from seatrial.acquisition.config.sections import UdpSource
+from seatrial.acquisition.core.channels import MOTION, NAMES
+from seatrial.acquisition.core.errors import SourceError
+from seatrial.acquisition.emulator import NullModem
+from seatrial.acquisition.encoders.nmea0183 import sentence
+from seatrial.acquisition.logger import supervision
+from seatrial.acquisition.logger.health import Health
+from seatrial.acquisition.logger.predictions import Predictions
+from seatrial.acquisition.logger.preflight import check_before_departure
+from seatrial.acquisition.logger.requests import Mark, RecorderState, RequestServer, send_mark
+from seatrial.acquisition.recording.reader import read_recording
+from seatrial.acquisition.sources.streams import TcpConnection, UdpPort
 from tests.acquisition.conftest import PATIENCE_S, config_text, free_port, recorded_count, wait_for
 
 ROOT = Path(__file__).parents[2]

@@ -10,16 +10,16 @@ from pathlib import Path
 
 import pytest
 
-from acquisition.config.configuration import parse_config
-from acquisition.core.errors import ConfigurationError
-from acquisition.core.frames import Frame, now_ns
-from acquisition.decoders import Decoder, FurtherSenders
-from acquisition.decoders.nmea0183 import Nmea0183Decoder, checksum
-from acquisition.encoders.nmea0183 import sentence
-from acquisition.logger.pipeline import health_of
-from acquisition.logger.processing import FrameProcessor
-from acquisition.recording.parts import RecordingParts
-from acquisition.sources.sockets import Senders
+from seatrial.acquisition.config.configuration import parse_config
+from seatrial.acquisition.core.errors import ConfigurationError
+from seatrial.acquisition.core.frames import Frame, now_ns
+from seatrial.acquisition.decoders import Decoder, FurtherSenders
+from seatrial.acquisition.decoders.nmea0183 import Nmea0183Decoder, checksum
+from seatrial.acquisition.encoders.nmea0183 import sentence
+from seatrial.acquisition.logger.pipeline import health_of
+from seatrial.acquisition.logger.processing import FrameProcessor
+from seatrial.acquisition.recording.parts import RecordingParts
+from seatrial.acquisition.sources.sockets import Senders
 from tests.acquisition.can_frames import can_frame
 from tests.acquisition.conftest import config_text, free_port, wait_for
 from tests.acquisition.test_faults import recording, udp

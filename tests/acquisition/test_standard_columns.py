@@ -9,13 +9,13 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from acquisition.core.angles import difference
-from acquisition.core.arrays import Floats
-from acquisition.core.errors import ConfigurationError, InputError
-from acquisition.tables.import_table import ImportSummary, import_table, is_standard
-from acquisition.tables.table_files import read_raw
-from analysis.tables.table import read_table
-from hybrid.simulation.trial import simulate_trial
+from seatrial.acquisition.core.angles import difference
+from seatrial.acquisition.core.arrays import Floats
+from seatrial.acquisition.core.errors import ConfigurationError, InputError
+from seatrial.acquisition.tables.import_table import ImportSummary, import_table, is_standard
+from seatrial.acquisition.tables.table_files import read_raw
+from seatrial.analysis.tables.table import read_table
+from seatrial.hybrid.simulation.trial import simulate_trial
 from tests.acquisition.test_heading_columns import CONVENTIONS, KNOT, MOTION
 from tests.acquisition.test_import_proposals import Truth
 

@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from acquisition.config.conditions import Conditions
-from acquisition.config.run_sheet import (
+from seatrial.acquisition.config.conditions import Conditions
+from seatrial.acquisition.config.run_sheet import (
     CONDITIONS_FILE,
     InstrumentsSection,
     Particulars,
@@ -22,8 +22,8 @@ from acquisition.config.run_sheet import (
     statement_from_text,
     statement_text,
 )
-from acquisition.core.errors import ConfigurationError
-from acquisition.core.trial import Trial
+from seatrial.acquisition.core.errors import ConfigurationError
+from seatrial.acquisition.core.trial import Trial
 
 LENGTHS = st.none() | st.floats(1.0, 400.0)
 ACCURACIES = st.dictionaries(st.sampled_from(["heading_deg", "north_m"]), st.floats(0.01, 9.0))

@@ -10,17 +10,17 @@ from pathlib import Path
 
 import pytest
 
-from acquisition.config.configuration import parse_config
-from acquisition.config.sections import StatusSection
-from acquisition.core.channels import NAMES
-from acquisition.core.errors import SourceError
-from acquisition.core.frames import Sample
-from acquisition.logger.display import Picture
-from acquisition.logger.health import Health, SourceHealth
-from acquisition.logger.host_clock import HostClock
-from acquisition.logger.record import record
-from acquisition.logger.viewers import StatusPage
-from acquisition.recording.reader import read_recording
+from seatrial.acquisition.config.configuration import parse_config
+from seatrial.acquisition.config.sections import StatusSection
+from seatrial.acquisition.core.channels import NAMES
+from seatrial.acquisition.core.errors import SourceError
+from seatrial.acquisition.core.frames import Sample
+from seatrial.acquisition.logger.display import Picture
+from seatrial.acquisition.logger.health import Health, SourceHealth
+from seatrial.acquisition.logger.host_clock import HostClock
+from seatrial.acquisition.logger.record import record
+from seatrial.acquisition.logger.viewers import StatusPage
+from seatrial.acquisition.recording.reader import read_recording
 from tests.acquisition.conftest import config_text, free_port
 
 

@@ -14,13 +14,13 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from acquisition.core.errors import ConfigurationError, InputError
-from acquisition.core.times import gps_ahead_s
-from acquisition.tables.import_table import import_table, propose_for
-from acquisition.tables.propose import Proposal
-from acquisition.tables.table_files import read_raw
-from acquisition.tables.time_columns import TimeColumn, resolve_times
-from acquisition.tables.zones import known_zone, to_utc
+from seatrial.acquisition.core.errors import ConfigurationError, InputError
+from seatrial.acquisition.core.times import gps_ahead_s
+from seatrial.acquisition.tables.import_table import import_table, propose_for
+from seatrial.acquisition.tables.propose import Proposal
+from seatrial.acquisition.tables.table_files import read_raw
+from seatrial.acquisition.tables.time_columns import TimeColumn, resolve_times
+from seatrial.acquisition.tables.zones import known_zone, to_utc
 from tests.conftest import Command
 
 START = dt.datetime(2026, 5, 17, 12, 0, 0, 500_000, dt.UTC)

@@ -14,13 +14,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.io import savemat
 
-from acquisition.core.channels import BY_NAME, MOTION, NAMES
-from acquisition.core.errors import ConfigurationError, InputError
-from acquisition.core.units import KNOT_MPS, from_degrees_and_minutes
-from acquisition.recording.reader import read_recording
-from acquisition.tables.column_map import true_wind
-from acquisition.tables.import_table import import_table, propose_for, quality_flags, read_table_file
-from acquisition.tables.table_files import read_raw
+from seatrial.acquisition.core.channels import BY_NAME, MOTION, NAMES
+from seatrial.acquisition.core.errors import ConfigurationError, InputError
+from seatrial.acquisition.core.units import KNOT_MPS, from_degrees_and_minutes
+from seatrial.acquisition.recording.reader import read_recording
+from seatrial.acquisition.tables.column_map import true_wind
+from seatrial.acquisition.tables.import_table import import_table, propose_for, quality_flags, read_table_file
+from seatrial.acquisition.tables.table_files import read_raw
 
 TIMES = [f"2026-05-17T12:00:0{second}Z" for second in range(5)]
 EPOCH_S = pd.Timestamp(TIMES[0]).timestamp()
@@ -69,8 +69,8 @@ def test_times_are_iso_with_zone_or_seconds_since_1970(tmp_path: Path, times: li
 
 @given(microseconds=st.integers(0, 2**51))
 def test_seconds_since_1970_are_exact_to_the_microsecond(microseconds: int) -> None:
-    from acquisition.tables.table_files import RawTable
-    from acquisition.tables.time_columns import parse_times
+    from seatrial.acquisition.tables.table_files import RawTable
+    from seatrial.acquisition.tables.time_columns import parse_times
 
     raw = RawTable(Path("x.csv"), pd.DataFrame({"time": [microseconds / 1e6]}))
     assert parse_times(raw, "time").as_unit("ns").asi8[0] == microseconds * 1000

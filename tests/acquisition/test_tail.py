@@ -8,19 +8,19 @@ from pathlib import Path
 
 import pytest
 
-from acquisition.config.sections import RecordingSection
-from acquisition.core.arrays import Series
-from acquisition.core.errors import InputError
-from acquisition.core.frames import Sample
-from acquisition.core.trial import Trial
-from acquisition.logger.follow import Follower, choose_recorder, no_recorder_text
-from acquisition.logger.health import Health
-from acquisition.logger.predictions import Predictions
-from acquisition.logger.requests import RecorderState, RequestServer
-from acquisition.recording.parts import RecordingParts
-from acquisition.recording.reader import read_recording
-from acquisition.recording.tail import Tail
-from acquisition.recording.writer import RecordingWriter
+from seatrial.acquisition.config.sections import RecordingSection
+from seatrial.acquisition.core.arrays import Series
+from seatrial.acquisition.core.errors import InputError
+from seatrial.acquisition.core.frames import Sample
+from seatrial.acquisition.core.trial import Trial
+from seatrial.acquisition.logger.follow import Follower, choose_recorder, no_recorder_text
+from seatrial.acquisition.logger.health import Health
+from seatrial.acquisition.logger.predictions import Predictions
+from seatrial.acquisition.logger.requests import RecorderState, RequestServer
+from seatrial.acquisition.recording.parts import RecordingParts
+from seatrial.acquisition.recording.reader import read_recording
+from seatrial.acquisition.recording.tail import Tail
+from seatrial.acquisition.recording.writer import RecordingWriter
 
 START_NS = 1_790_000_000_000_000_000
 NAMES = ("north_m", "heading_deg", "port_rpm")

@@ -15,13 +15,13 @@ from hypothesis import strategies as st
 from pymavlink import mavutil
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from acquisition.config.sections import MavlinkFileSource
-from acquisition.core.errors import SourceError
-from acquisition.core.frames import Frame, Sample
-from acquisition.core.units import DEG_PER_RAD
-from acquisition.decoders import make_decoders
-from acquisition.decoders.mavlink_packets import Fault, PacketCutter, header_of, is_sound
-from acquisition.sources import make_source
+from seatrial.acquisition.config.sections import MavlinkFileSource
+from seatrial.acquisition.core.errors import SourceError
+from seatrial.acquisition.core.frames import Frame, Sample
+from seatrial.acquisition.core.units import DEG_PER_RAD
+from seatrial.acquisition.decoders import make_decoders
+from seatrial.acquisition.decoders.mavlink_packets import Fault, PacketCutter, header_of, is_sound
+from seatrial.acquisition.sources import make_source
 from tests.acquisition.test_mavlink import UTC_US
 from tests.acquisition.test_mavlink_packets import broken, stream
 

@@ -11,10 +11,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from acquisition.core.times import ORDERS, Order, Stamp, date_order, find_stamp
-from acquisition.decoders import clock
-from acquisition.encoders.nmea0183 import sentence
-from acquisition.recording.reader import read_recording
+from seatrial.acquisition.core.times import ORDERS, Order, Stamp, date_order, find_stamp
+from seatrial.acquisition.decoders import clock
+from seatrial.acquisition.encoders.nmea0183 import sentence
+from seatrial.acquisition.recording.reader import read_recording
 from tests.acquisition.conftest import config_text
 from tests.conftest import Command
 

@@ -10,14 +10,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from acquisition.config.configuration import TrialConfig, load_config
-from acquisition.core.frames import Frame
-from acquisition.encoders.nmea0183 import sentence
-from acquisition.logger import maintenance as housekeeping
-from acquisition.logger.maintenance import Timescale
-from acquisition.logger.pipeline import Recorder
-from acquisition.recording.parts import RecordingParts
-from acquisition.recording.reader import Recording, read_recording
+from seatrial.acquisition.config.configuration import TrialConfig, load_config
+from seatrial.acquisition.core.frames import Frame
+from seatrial.acquisition.encoders.nmea0183 import sentence
+from seatrial.acquisition.logger import maintenance as housekeeping
+from seatrial.acquisition.logger.maintenance import Timescale
+from seatrial.acquisition.logger.pipeline import Recorder
+from seatrial.acquisition.recording.parts import RecordingParts
+from seatrial.acquisition.recording.reader import Recording, read_recording
 from tests.acquisition.conftest import config_text, wait_for
 
 SECOND = 1_000_000_000
@@ -122,7 +122,7 @@ def test_the_clock_is_set_by_an_hour_while_it_records(
     """Nothing is lost; within each part order and durations are right, and the parts differ by the hour."""
     clock = SettableClock(monkeypatch)
     talker = Talker(clock)
-    monkeypatch.setattr("acquisition.logger.pipeline.make_source", lambda section: talker)
+    monkeypatch.setattr("seatrial.acquisition.logger.pipeline.make_source", lambda section: talker)
     parts = RecordingParts(tmp_path, config.trial, {}, config.recording)
     recorder = Recorder(config, parts)
     recorder.start()

@@ -8,9 +8,9 @@ import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 
-from acquisition.core.angles import difference
-from acquisition.core.channels import NAMES
-from analysis.tables.table import NANO, index_of
+from seatrial.acquisition.core.angles import difference
+from seatrial.acquisition.core.channels import NAMES
+from seatrial.analysis.tables.table import NANO, index_of
 
 START_S = 1_573_287_600
 

@@ -10,11 +10,11 @@ import numpy as np
 import pandas as pd
 from mcap.reader import make_reader
 
-from acquisition.core.angles import wrap_360
-from acquisition.core.channels import NAMES
-from acquisition.core.trial import Trial
-from acquisition.recording.tables import write_table
-from analysis.products import Options
+from seatrial.acquisition.core.angles import wrap_360
+from seatrial.acquisition.core.channels import NAMES
+from seatrial.acquisition.core.trial import Trial
+from seatrial.acquisition.recording.tables import write_table
+from seatrial.analysis.products import Options
 from tests.analysis.conftest import table_at
 
 QUICK = Options(smooth=False, pictures=False)

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 
-from acquisition.core.angles import difference
-from acquisition.core.arrays import Bools, Floats
-from analysis.estimation.motion_model import BODY
-from analysis.estimation.smoother import SmoothedMotion
+from seatrial.acquisition.core.angles import difference
+from seatrial.acquisition.core.arrays import Bools, Floats
+from seatrial.analysis.estimation.motion_model import BODY
+from seatrial.analysis.estimation.smoother import SmoothedMotion
 
 _NORMAL_95 = 1.959964
 

@@ -12,20 +12,20 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from acquisition.core.angles import difference, wrap_180, wrap_360
-from acquisition.core.channels import CIRCULAR, NAMES
-from acquisition.core.trial import Trial
-from acquisition.recording.reader import read_recording
-from acquisition.recording.tables import write_table
-from acquisition.tables.import_table import import_table
-from analysis.estimation.local_polynomial import smooth_motion
-from analysis.estimation.smoother import smooth
-from analysis.manoeuvres import find_manoeuvres
-from analysis.quality.check import check_table
-from analysis.tables.export import export_table
-from analysis.tables.resample import resample, resample_recording
-from analysis.tables.table import join_channels, read_table
-from analysis.windows.held import held_windows
+from seatrial.acquisition.core.angles import difference, wrap_180, wrap_360
+from seatrial.acquisition.core.channels import CIRCULAR, NAMES
+from seatrial.acquisition.core.trial import Trial
+from seatrial.acquisition.recording.reader import read_recording
+from seatrial.acquisition.recording.tables import write_table
+from seatrial.acquisition.tables.import_table import import_table
+from seatrial.analysis.estimation.local_polynomial import smooth_motion
+from seatrial.analysis.estimation.smoother import smooth
+from seatrial.analysis.manoeuvres import find_manoeuvres
+from seatrial.analysis.quality.check import check_table
+from seatrial.analysis.tables.export import export_table
+from seatrial.analysis.tables.resample import resample, resample_recording
+from seatrial.analysis.tables.table import join_channels, read_table
+from seatrial.analysis.windows.held import held_windows
 from tests.analysis.conftest import turn_between
 
 TURNS = st.floats(-400.0, 400.0)
@@ -37,7 +37,7 @@ FEWEST = settings(max_examples=3, deadline=None)
 @pytest.fixture(scope="module")
 def trial() -> pd.DataFrame:
     """A zigzag about north at 4 Hz, eight minutes: the heading crosses 359 -> 1 again and again."""
-    from hybrid.simulation.trial import simulate_trial
+    from seatrial.hybrid.simulation.trial import simulate_trial
 
     return simulate_trial("gunnerus_short", "gentle", "zigzag_20_20", 480.0, 4.0, 5)[0]
 
@@ -45,7 +45,7 @@ def trial() -> pd.DataFrame:
 @pytest.fixture(scope="module")
 def steps() -> pd.DataFrame:
     """A quarter of an hour at 1 Hz of settings that are held and changed."""
-    from hybrid.simulation.trial import simulate_trial
+    from seatrial.hybrid.simulation.trial import simulate_trial
 
     return simulate_trial("gunnerus_short", "gentle", "paper", 900.0, 1.0, 5)[0]
 

@@ -20,13 +20,20 @@ from hypothesis import given
 from hypothesis import strategies as st
 from typer.testing import CliRunner
 
-from acquisition.core.errors import DataShortageError, InputError, SourceError, StorageError
-from analysis.batch import workers
-from analysis.batch.batch import Summary, process_job, read_index, recordings_below, result_names, run_batch
-from analysis.batch.one_recording import NOT_CLOSED, Row, process_recording
-from analysis.batch.workers import MARKS, MOST_ATTEMPTS, Job
-from analysis.products import Options
 from seatrial import app
+from seatrial.acquisition.core.errors import DataShortageError, InputError, SourceError, StorageError
+from seatrial.analysis.batch import workers
+from seatrial.analysis.batch.batch import (
+    Summary,
+    process_job,
+    read_index,
+    recordings_below,
+    result_names,
+    run_batch,
+)
+from seatrial.analysis.batch.one_recording import NOT_CLOSED, Row, process_recording
+from seatrial.analysis.batch.workers import MARKS, MOST_ATTEMPTS, Job
+from seatrial.analysis.products import Options
 from tests.acquisition.conftest import PATIENCE_S
 from tests.analysis.small_batch import BROKEN, QUICK, hashes, sailed, write_batch, write_broken
 
@@ -166,7 +173,7 @@ def test_a_result_whose_recording_is_gone_stays_and_the_index_says_so(
 
 def _troubled(job: Job) -> Row:
     """An attempt in which 1 kills its worker once, 2 always, 3 surprises, 4 hangs; the others are light work."""
-    from analysis.batch import batch
+    from seatrial.analysis.batch import batch
 
     once, last = Path(job.out).parent / "died_once", job.name[-1]
 

@@ -15,16 +15,16 @@ import typer
 from rich.text import Text
 from typer.testing import CliRunner
 
-from acquisition.core.errors import InputError
-from acquisition.core.frames import Quality
-from acquisition.core.trial import Trial
-from acquisition.recording.reader import read_recording
-from acquisition.recording.tables import write_table
-from analysis.quality.check import check_recording, check_table
-from analysis.tables.files import read_parquet
-from analysis.tables.table import read_table
-from hybrid.simulation.trial import simulate_trial
 from seatrial import app
+from seatrial.acquisition.core.errors import InputError
+from seatrial.acquisition.core.frames import Quality
+from seatrial.acquisition.core.trial import Trial
+from seatrial.acquisition.recording.reader import read_recording
+from seatrial.acquisition.recording.tables import write_table
+from seatrial.analysis.quality.check import check_recording, check_table
+from seatrial.analysis.tables.files import read_parquet
+from seatrial.analysis.tables.table import read_table
+from seatrial.hybrid.simulation.trial import simulate_trial
 
 RUN = CliRunner()
 

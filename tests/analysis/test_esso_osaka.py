@@ -11,9 +11,9 @@ import pandas as pd
 import pytest
 from scipy.signal import lfilter
 
-from acquisition.core.angles import difference
-from acquisition.tables.import_table import import_table
-from analysis.tables.table import seconds_of
+from seatrial.acquisition.core.angles import difference
+from seatrial.acquisition.tables.import_table import import_table
+from seatrial.analysis.tables.table import seconds_of
 
 COLUMNS = Path(__file__).parents[2] / "trials" / "columns" / "esso_osaka.toml"
 TRIALS = [
@@ -38,7 +38,7 @@ def esso_osaka(shared_data: Path, tmp_path_factory: pytest.TempPathFactory) -> d
 def test_every_table_becomes_a_recording_with_its_own_numbers(
     esso_osaka: dict[str, tuple[Path, Path]], name: str
 ) -> None:
-    from acquisition.recording.reader import read_recording
+    from seatrial.acquisition.recording.reader import read_recording
 
     table, output = esso_osaka[name]
     summary = import_table(table, output, COLUMNS)
@@ -87,8 +87,8 @@ MANOEUVRED_THROUGHOUT = ("random/random_31-Jul-2020_12_29_58", "random/random_31
 @pytest.mark.slow
 @pytest.mark.parametrize("name", TRIALS)
 def test_nothing_is_found_in_them_that_is_not_there(esso_osaka: dict[str, tuple[Path, Path]], name: str) -> None:
-    from acquisition.tables.import_table import read_table_file
-    from analysis.quality.check import check_table
+    from seatrial.acquisition.tables.import_table import read_table_file
+    from seatrial.analysis.quality.check import check_table
 
     path, _ = esso_osaka[name]
     file = read_table_file(path, COLUMNS)

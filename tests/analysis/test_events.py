@@ -11,12 +11,12 @@ from matplotlib.figure import Figure
 from typer.testing import CliRunner
 
 import seatrial as st
-from acquisition.core.frames import Sample
-from acquisition.core.trial import Trial
-from acquisition.recording.events import Event, counts_text
-from acquisition.recording.writer import RecordingWriter
-from analysis.report.plots import channels_figure
 from seatrial import app
+from seatrial.acquisition.core.frames import Sample
+from seatrial.acquisition.core.trial import Trial
+from seatrial.acquisition.recording.events import Event, counts_text
+from seatrial.acquisition.recording.writer import RecordingWriter
+from seatrial.analysis.report.plots import channels_figure
 from tests.analysis.conftest import steady_table
 
 START_NS = pd.Timestamp("2026-06-01T08:00:00Z").value

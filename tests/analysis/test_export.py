@@ -19,19 +19,19 @@ from pymap3d import ned2geodetic
 from scipy.io import loadmat, netcdf_file
 from typer.testing import CliRunner
 
-from acquisition.core.channels import BY_NAME, NAMES
-from acquisition.core.errors import DataShortageError, InputError, StorageError
-from acquisition.core.trial import Trial
-from acquisition.recording.reader import read_recording
-from acquisition.recording.tables import write_table
-from acquisition.tables.import_table import import_table
-from acquisition.tables.table_files import read_raw
-from analysis.prepare import Preparation, prepare
-from analysis.quality.findings import CheckResult
-from analysis.tables.export import add_flags, export_table, matlab_name
-from analysis.tables.resample import resample
-from analysis.tables.table import add_step, history_of, provenance_of, read_table
 from seatrial import app
+from seatrial.acquisition.core.channels import BY_NAME, NAMES
+from seatrial.acquisition.core.errors import DataShortageError, InputError, StorageError
+from seatrial.acquisition.core.trial import Trial
+from seatrial.acquisition.recording.reader import read_recording
+from seatrial.acquisition.recording.tables import write_table
+from seatrial.acquisition.tables.import_table import import_table
+from seatrial.acquisition.tables.table_files import read_raw
+from seatrial.analysis.prepare import Preparation, prepare
+from seatrial.analysis.quality.findings import CheckResult
+from seatrial.analysis.tables.export import add_flags, export_table, matlab_name
+from seatrial.analysis.tables.resample import resample
+from seatrial.analysis.tables.table import add_step, history_of, provenance_of, read_table
 from tests.analysis.conftest import steady_table, table_at
 
 KINDS = [".csv", ".parquet", ".mat", ".nc"]
@@ -41,7 +41,7 @@ TRIAL = Trial(name="voyage", vessel="gunnerus_long", origin_latitude_deg=63.4, o
 @pytest.fixture(scope="module")
 def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Two minutes under way at 5 Hz, with a stretch of headings missing."""
-    from hybrid.simulation.trial import simulate_trial
+    from seatrial.hybrid.simulation.trial import simulate_trial
 
     table, _ = simulate_trial("gunnerus_short", "calm", "zigzag_20_20", 120.0, 5.0, 3)
     table.iloc[100:110, 2] = np.nan
@@ -311,7 +311,7 @@ def test_delays_are_those_of_the_check_which_leaves_impossible_values_out(
     recording: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """One look at the motion serves repairs, flags and delays."""
-    from analysis.quality import check
+    from seatrial.analysis.quality import check
 
     looks = []
 

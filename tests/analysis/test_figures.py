@@ -14,11 +14,11 @@ from hypothesis import strategies as st
 from matplotlib.figure import Figure
 from matplotlib.text import Annotation
 
-from acquisition.core.errors import StorageError
-from analysis.report.figures import file_name, fill_figure, numbers_of, write_figure
-from analysis.report.plots import held_shade, series, track
-from analysis.report.rendering import environment, render
-from analysis.windows.held import held_windows
+from seatrial.acquisition.core.errors import StorageError
+from seatrial.analysis.report.figures import file_name, fill_figure, numbers_of, write_figure
+from seatrial.analysis.report.plots import held_shade, series, track
+from seatrial.analysis.report.rendering import environment, render
+from seatrial.analysis.windows.held import held_windows
 from tests.analysis.conftest import steady_table
 
 SIZE = (4.0, 3.0)

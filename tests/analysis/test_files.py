@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from acquisition.core.errors import StorageError
-from acquisition.core.files import make_folder
+from seatrial.acquisition.core.errors import StorageError
+from seatrial.acquisition.core.files import make_folder
 
 
 def test_a_folder_that_cannot_be_made_is_named(tmp_path: Path) -> None:

@@ -13,11 +13,11 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from acquisition.core.angles import wrap_180
-from acquisition.core.channels import BY_NAME, CIRCULAR, NAMES
-from acquisition.core.errors import ConfigurationError, DataShortageError, InputError
-from analysis.manoeuvres import Manoeuvre
-from analysis.report.interactive import (
+from seatrial.acquisition.core.angles import wrap_180
+from seatrial.acquisition.core.channels import BY_NAME, CIRCULAR, NAMES
+from seatrial.acquisition.core.errors import ConfigurationError, DataShortageError, InputError
+from seatrial.analysis.manoeuvres import Manoeuvre
+from seatrial.analysis.report.interactive import (
     MOST_PREDICTED,
     MOST_ROWS,
     interactive_page,
@@ -25,7 +25,7 @@ from analysis.report.interactive import (
     round_values,
     select_rows,
 )
-from analysis.windows.held import held_windows
+from seatrial.analysis.windows.held import held_windows
 from tests.analysis.conftest import START_S, steady_table, table_at
 from tests.browser import Browser, running_browser
 

@@ -9,9 +9,9 @@ from hypothesis import strategies as st
 from scipy.linalg import block_diag, expm
 from scipy.stats import chi2
 
-from analysis.estimation.kalman import Gate, Start, Steps, Track, predict_states, smooth_steps
-from analysis.estimation.kalman_kernel import WIDTH
-from analysis.estimation.process_models import Law, Model, WaveMotion, WhiteJerk, decay, oscillator
+from seatrial.analysis.estimation.kalman import Gate, Start, Steps, Track, predict_states, smooth_steps
+from seatrial.analysis.estimation.kalman_kernel import WIDTH
+from seatrial.analysis.estimation.process_models import Law, Model, WaveMotion, WhiteJerk, decay, oscillator
 from tests.kernel_calls import predict_covariance
 
 WIDE = Gate(limit=np.inf)

@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from acquisition.core.arrays import Floats
-from analysis.estimation.likelihood import (
+from seatrial.acquisition.core.arrays import Floats
+from seatrial.analysis.estimation.likelihood import (
     Prior,
     ScoringSettings,
     correlated_pairs,

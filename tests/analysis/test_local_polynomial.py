@@ -8,9 +8,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from acquisition.core.angles import difference, wrap_360
-from acquisition.core.channels import POSE_AND_VELOCITY
-from analysis.estimation.local_polynomial import (
+from seatrial.acquisition.core.angles import difference, wrap_360
+from seatrial.acquisition.core.channels import POSE_AND_VELOCITY
+from seatrial.analysis.estimation.local_polynomial import (
     half_width_for,
     local_quadratic,
     smooth_motion,

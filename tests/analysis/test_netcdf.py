@@ -15,16 +15,16 @@ import pymap3d
 import pytest
 from scipy.io import netcdf_file
 
-from acquisition.core.channels import CHANNELS, NAMES
-from acquisition.core.errors import InputError
-from acquisition.core.trial import Trial
-from acquisition.recording.reader import read_recording
-from acquisition.recording.tables import write_table
-from acquisition.tables.import_table import import_table
-from analysis.prepare import Preparation, prepare
-from analysis.quality.check import check_recording
-from analysis.tables.export import export_table
-from analysis.tables.table import read_table
+from seatrial.acquisition.core.channels import CHANNELS, NAMES
+from seatrial.acquisition.core.errors import InputError
+from seatrial.acquisition.core.trial import Trial
+from seatrial.acquisition.recording.reader import read_recording
+from seatrial.acquisition.recording.tables import write_table
+from seatrial.acquisition.tables.import_table import import_table
+from seatrial.analysis.prepare import Preparation, prepare
+from seatrial.analysis.quality.check import check_recording
+from seatrial.analysis.tables.export import export_table
+from seatrial.analysis.tables.table import read_table
 from tests.analysis.conftest import steady_table, table_at
 from tests.conftest import Command
 

@@ -13,16 +13,16 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from acquisition.core.channels import NAMES
-from acquisition.core.errors import InputError, StorageError
-from acquisition.core.trial import Trial
-from acquisition.recording.tables import write_table
-from analysis.batch import one_recording
-from analysis.batch.batch import recordings_below
-from analysis.batch.one_recording import SUMMARY, distance_m, process_recording, reusable_row, thumbnail
-from analysis.products import cause_of
-from analysis.tables.files import read_parquet
-from analysis.windows.recordings import read_windows
+from seatrial.acquisition.core.channels import NAMES
+from seatrial.acquisition.core.errors import InputError, StorageError
+from seatrial.acquisition.core.trial import Trial
+from seatrial.acquisition.recording.tables import write_table
+from seatrial.analysis.batch import one_recording
+from seatrial.analysis.batch.batch import recordings_below
+from seatrial.analysis.batch.one_recording import SUMMARY, distance_m, process_recording, reusable_row, thumbnail
+from seatrial.analysis.products import cause_of
+from seatrial.analysis.tables.files import read_parquet
+from seatrial.analysis.windows.recordings import read_windows
 from tests.analysis.conftest import table_at
 from tests.analysis.small_batch import QUICK, hashes, sailed
 

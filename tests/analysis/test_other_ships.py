@@ -10,18 +10,18 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from acquisition.core.trial import Trial
-from acquisition.recording.tables import write_table
-from analysis.batch.one_recording import process_recording
-from analysis.manoeuvres import Manoeuvre, find_manoeuvres
-from analysis.manoeuvres.motion import motion_of
-from analysis.report.figures import fill_figure, numbers_of
-from analysis.report.interactive import interactive_page, page_data
-from analysis.report.manoeuvre_plots import draw
-from analysis.report.plots import channels_figure, label
-from analysis.tables.resample import resample
-from hybrid.simulation.trial import simulate_trial
-from hybrid.vessel.files import load_vessel, save_vessel
+from seatrial.acquisition.core.trial import Trial
+from seatrial.acquisition.recording.tables import write_table
+from seatrial.analysis.batch.one_recording import process_recording
+from seatrial.analysis.manoeuvres import Manoeuvre, find_manoeuvres
+from seatrial.analysis.manoeuvres.motion import motion_of
+from seatrial.analysis.report.figures import fill_figure, numbers_of
+from seatrial.analysis.report.interactive import interactive_page, page_data
+from seatrial.analysis.report.manoeuvre_plots import draw
+from seatrial.analysis.report.plots import channels_figure, label
+from seatrial.analysis.tables.resample import resample
+from seatrial.hybrid.simulation.trial import simulate_trial
+from seatrial.hybrid.vessel.files import load_vessel, save_vessel
 
 SHIPS = {
     "ferry": {"one": (-13.0, -2.7), "two": (-13.0, 2.7), "three": (13.0, -2.7), "four": (13.0, 2.7)},

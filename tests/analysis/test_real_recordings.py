@@ -12,13 +12,13 @@ import pytest
 from numpy.typing import NDArray
 from typer.testing import CliRunner
 
-from acquisition.core.angles import unwrap
-from acquisition.tables.import_table import import_table
-from analysis.tables.resample import resample
-from analysis.tables.table import read_table
-from analysis.windows.held import held_windows
-from analysis.windows.recordings import read_windows
 from seatrial import app
+from seatrial.acquisition.core.angles import unwrap
+from seatrial.acquisition.tables.import_table import import_table
+from seatrial.analysis.tables.resample import resample
+from seatrial.analysis.tables.table import read_table
+from seatrial.analysis.windows.held import held_windows
+from seatrial.analysis.windows.recordings import read_windows
 
 pytestmark = pytest.mark.shared
 

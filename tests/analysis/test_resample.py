@@ -11,13 +11,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from acquisition.core.arrays import Series
-from acquisition.core.channels import BY_NAME, is_setting
-from acquisition.core.errors import DataShortageError, InputError
-from acquisition.core.trial import Trial
-from acquisition.recording.reader import Recording
-from analysis.tables.resample import resample, resample_recording
-from analysis.tables.table import history_of, remove_delays, select, table_of
+from seatrial.acquisition.core.arrays import Series
+from seatrial.acquisition.core.channels import BY_NAME, is_setting
+from seatrial.acquisition.core.errors import DataShortageError, InputError
+from seatrial.acquisition.core.trial import Trial
+from seatrial.acquisition.recording.reader import Recording
+from seatrial.analysis.tables.resample import resample, resample_recording
+from seatrial.analysis.tables.table import history_of, remove_delays, select, table_of
 from tests.analysis.conftest import START_S, table_at, turn_between
 
 RATES = st.sampled_from([0.4, 1.0, 2.0, 5.0, 10.0, 25.0])

@@ -10,22 +10,22 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from acquisition.core.actuators import Actuator, as_text, control_names, name_of_order
-from acquisition.core.trial import Trial
-from acquisition.recording.reader import read_recording
-from acquisition.recording.tables import write_table
-from acquisition.tables.import_table import read_table_file
-from analysis.batch.one_recording import process_recording
-from analysis.manoeuvres import find_manoeuvres
-from analysis.manoeuvres.motion import motion_of
-from analysis.report.figures import fill_figure, numbers_of
-from analysis.report.interactive import interactive_page, page_data
-from analysis.report.manoeuvre_plots import draw
-from analysis.report.plots import channels_figure, control_groups, label, track_figure
-from analysis.report.run_sheet import run_sheet
-from analysis.tables.export import export_table
-from analysis.tables.resample import resample
-from analysis.tables.table import table_actuators, table_of
+from seatrial.acquisition.core.actuators import Actuator, as_text, control_names, name_of_order
+from seatrial.acquisition.core.trial import Trial
+from seatrial.acquisition.recording.reader import read_recording
+from seatrial.acquisition.recording.tables import write_table
+from seatrial.acquisition.tables.import_table import read_table_file
+from seatrial.analysis.batch.one_recording import process_recording
+from seatrial.analysis.manoeuvres import find_manoeuvres
+from seatrial.analysis.manoeuvres.motion import motion_of
+from seatrial.analysis.report.figures import fill_figure, numbers_of
+from seatrial.analysis.report.interactive import interactive_page, page_data
+from seatrial.analysis.report.manoeuvre_plots import draw
+from seatrial.analysis.report.plots import channels_figure, control_groups, label, track_figure
+from seatrial.analysis.report.run_sheet import run_sheet
+from seatrial.analysis.tables.export import export_table
+from seatrial.analysis.tables.resample import resample
+from seatrial.analysis.tables.table import table_actuators, table_of
 from tests.analysis.rudder_ships import MODEL, TWIN, Ship, sail, zigzag
 
 SHIPS = {"single": (Ship(), 120.0, 420.0), "twin": (replace(Ship(), actuators=TWIN), 120.0, 420.0),

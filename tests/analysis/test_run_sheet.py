@@ -8,15 +8,15 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from acquisition.core.trial import Trial
-from acquisition.recording.reader import read_recording
-from acquisition.recording.tables import write_table
-from analysis.conditions import BEAUFORT_MPS, beaufort
-from analysis.manoeuvres.indices import Current, Manoeuvre
-from analysis.report.pages import events_of
-from analysis.report.run_sheet import UNKNOWN, Ship, run_sheet, wind_words
-from analysis.tables.resample import resample
-from analysis.tables.table import table_of
+from seatrial.acquisition.core.trial import Trial
+from seatrial.acquisition.recording.reader import read_recording
+from seatrial.acquisition.recording.tables import write_table
+from seatrial.analysis.conditions import BEAUFORT_MPS, beaufort
+from seatrial.analysis.manoeuvres.indices import Current, Manoeuvre
+from seatrial.analysis.report.pages import events_of
+from seatrial.analysis.report.run_sheet import UNKNOWN, Ship, run_sheet, wind_words
+from seatrial.analysis.tables.resample import resample
+from seatrial.analysis.tables.table import table_of
 from tests.analysis.conftest import steady_table
 
 

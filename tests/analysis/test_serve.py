@@ -19,14 +19,14 @@ from flask.testing import FlaskClient
 from openpyxl import load_workbook
 from werkzeug.test import TestResponse
 
-from acquisition.core.errors import InputError, SourceError, StorageError
-from acquisition.core.trial import Trial
-from acquisition.recording.reader import read_recording
-from acquisition.recording.tables import write_table
-from analysis.batch.one_recording import SUMMARY, WAITING, Row
-from analysis.batch.workers import Job
-from analysis.serve.app import MOST_RUNS, make_app, serve
-from analysis.serve.season import Season, _Worker
+from seatrial.acquisition.core.errors import InputError, SourceError, StorageError
+from seatrial.acquisition.core.trial import Trial
+from seatrial.acquisition.recording.reader import read_recording
+from seatrial.acquisition.recording.tables import write_table
+from seatrial.analysis.batch.one_recording import SUMMARY, WAITING, Row
+from seatrial.analysis.batch.workers import Job
+from seatrial.analysis.serve.app import MOST_RUNS, make_app, serve
+from seatrial.analysis.serve.season import Season, _Worker
 from tests.acquisition.conftest import PATIENCE_S
 from tests.analysis.small_batch import QUICK, sailed
 from tests.browser import running_browser
@@ -39,7 +39,7 @@ PARTS = ["parts_20260517T120000Z.mcap", "parts_20260517T120000Z_part00002.mcap"]
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Two zigzags of two ships, a recording in two parts, one with an evil name, and a broken one."""
-    from hybrid.simulation.trial import simulate_trial
+    from seatrial.hybrid.simulation.trial import simulate_trial
 
     made = tmp_path_factory.mktemp("season")
     for vessel in ("gunnerus_short", "gunnerus_long"):
@@ -73,7 +73,7 @@ def one_worker() -> Iterator[None]:
     """One process for all seasons here, and another after the test in which it dies."""
     shared = OneWorker()
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("analysis.serve.season._Worker", lambda: shared)
+        patch.setattr("seatrial.analysis.serve.season._Worker", lambda: shared)
         yield
     _Worker.stop(shared)
 
@@ -231,7 +231,7 @@ def test_a_worker_that_dies_is_one_failed_row(
 ) -> None:
     with Season(folder, tmp_path, QUICK, eager=False) as mortal:
         wait_for(lambda: by_name(mortal)["evil"].get("samples") is not None)
-        monkeypatch.setattr("analysis.serve.season.result_of", dies)
+        monkeypatch.setattr("seatrial.analysis.serve.season.result_of", dies)
         mortal.ask("evil")
         wait_for(lambda: by_name(mortal)["evil"]["status"] == "failed")
         assert "its worker died" in by_name(mortal)["evil"]["cause"]

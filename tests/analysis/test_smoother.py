@@ -9,10 +9,10 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from acquisition.core.angles import difference
-from acquisition.core.errors import InputError
-from analysis.estimation.smoother import SmoothedMotion, smooth
-from hybrid.simulation.trial import Noise, simulate_trial
+from seatrial.acquisition.core.angles import difference
+from seatrial.acquisition.core.errors import InputError
+from seatrial.analysis.estimation.smoother import SmoothedMotion, smooth
+from seatrial.hybrid.simulation.trial import Noise, simulate_trial
 from tests.analysis.smoothing_errors import coverage, nees, with_accelerations
 
 FINE_HZ = 40.0
@@ -200,8 +200,8 @@ def test_both_engines_and_all_blocks_give_the_same(monkeypatch: pytest.MonkeyPat
     whole = smooth(table, levels=levels, engine="compiled")
     slow = smooth(table, levels=levels, engine="filterpy")
     assert slow.states.to_numpy() == pytest.approx(whole.states.to_numpy(), rel=1e-6, abs=1e-6)
-    monkeypatch.setattr("analysis.estimation.smoother._BLOCK_STEPS", 200)
-    monkeypatch.setattr("analysis.estimation.smoother._OVERLAP_STEPS", 150)
+    monkeypatch.setattr("seatrial.analysis.estimation.smoother._BLOCK_STEPS", 200)
+    monkeypatch.setattr("seatrial.analysis.estimation.smoother._OVERLAP_STEPS", 150)
     parts = smooth(table, levels=levels, engine="compiled")
     assert parts.states.to_numpy() == pytest.approx(whole.states.to_numpy(), rel=1e-3, abs=2e-3)
     assert parts.states.notna().to_numpy().all()

@@ -11,17 +11,17 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from acquisition.core.arrays import Series
-from acquisition.core.channels import BY_NAME, NAMES
-from acquisition.core.errors import InputError
-from acquisition.core.frames import Quality
-from acquisition.core.trial import Trial
-from acquisition.recording.reader import Recording
-from acquisition.recording.tables import write_table
-from acquisition.tables.import_table import import_table
-from analysis.tables.export import export_table
-from analysis.tables.resample import resample
-from analysis.tables.table import read_table, select, table_of
+from seatrial.acquisition.core.arrays import Series
+from seatrial.acquisition.core.channels import BY_NAME, NAMES
+from seatrial.acquisition.core.errors import InputError
+from seatrial.acquisition.core.frames import Quality
+from seatrial.acquisition.core.trial import Trial
+from seatrial.acquisition.recording.reader import Recording
+from seatrial.acquisition.recording.tables import write_table
+from seatrial.acquisition.tables.import_table import import_table
+from seatrial.analysis.tables.export import export_table
+from seatrial.analysis.tables.resample import resample
+from seatrial.analysis.tables.table import read_table, select, table_of
 from tests.analysis.conftest import START_S, steady_table, table_at
 
 TRIAL = Trial(name="voyage", vessel="gunnerus_long", origin_latitude_deg=63.4, origin_longitude_deg=10.4)

@@ -10,15 +10,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from acquisition.core.actuators import DEFAULT
-from acquisition.core.channels import COMMAND, NAMES
-from acquisition.core.errors import DataShortageError, InputError
-from acquisition.core.trial import Trial
-from acquisition.recording.tables import write_table
-from analysis.estimation.noise_levels import noise_of
-from analysis.tables.table import CALM, history_of, with_calm
-from analysis.windows.held import columns_for, held_windows, join_windows
-from analysis.windows.recordings import (
+from seatrial.acquisition.core.actuators import DEFAULT
+from seatrial.acquisition.core.channels import COMMAND, NAMES
+from seatrial.acquisition.core.errors import DataShortageError, InputError
+from seatrial.acquisition.core.trial import Trial
+from seatrial.acquisition.recording.tables import write_table
+from seatrial.analysis.estimation.noise_levels import noise_of
+from seatrial.analysis.tables.table import CALM, history_of, with_calm
+from seatrial.analysis.windows.held import columns_for, held_windows, join_windows
+from seatrial.analysis.windows.recordings import (
     SecondBySecond,
     read_windows,
     trial_names,

@@ -8,10 +8,10 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from acquisition.core.actuators import Actuator, Actuators, as_text, control_names
-from acquisition.core.channels import trial_names
-from analysis.tables.resample import resample
-from analysis.windows.held import REASONS, held_windows, sort_of, steady_mask
+from seatrial.acquisition.core.actuators import Actuator, Actuators, as_text, control_names
+from seatrial.acquisition.core.channels import trial_names
+from seatrial.analysis.tables.resample import resample
+from seatrial.analysis.windows.held import REASONS, held_windows, sort_of, steady_mask
 from tests.analysis.conftest import table_at
 from tests.analysis.rudder_ships import MODEL, SINGLE, TWIN, Ship, sail, turn
 

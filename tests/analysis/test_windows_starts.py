@@ -12,14 +12,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from typer.testing import CliRunner
 
-from acquisition.core.actuators import DEFAULT
-from acquisition.core.channels import POSE_AND_VELOCITY
-from acquisition.core.trial import Trial
-from acquisition.recording.tables import write_table
-from analysis.estimation.smoother import COVARIANCE_NAMES, smooth
-from analysis.tables.resample import resample
-from analysis.windows.held import REASONS, columns_for, feedback_of, held_windows, join_windows
-from analysis.windows.recordings import (
+from seatrial import app
+from seatrial.acquisition.core.actuators import DEFAULT
+from seatrial.acquisition.core.channels import POSE_AND_VELOCITY
+from seatrial.acquisition.core.trial import Trial
+from seatrial.acquisition.recording.tables import write_table
+from seatrial.analysis.estimation.smoother import COVARIANCE_NAMES, smooth
+from seatrial.analysis.tables.resample import resample
+from seatrial.analysis.windows.held import REASONS, columns_for, feedback_of, held_windows, join_windows
+from seatrial.analysis.windows.recordings import (
     START_COLUMNS,
     WindowOptions,
     add_start_states,
@@ -28,8 +29,7 @@ from analysis.windows.recordings import (
     windows_of_recordings,
     write_windows,
 )
-from hybrid.simulation.trial import simulate_trial
-from seatrial import app
+from seatrial.hybrid.simulation.trial import simulate_trial
 from tests.analysis.conftest import steady_table
 from tests.analysis.test_windows import wandering
 

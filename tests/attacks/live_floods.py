@@ -16,12 +16,12 @@ from pathlib import Path
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from acquisition.config.configuration import load_config
-from acquisition.core.frames import Frame, FrameFlag
-from acquisition.decoders.nmea0183 import checksum
-from acquisition.decoders.parameter_groups import READERS, SHORTEST_BYTES
-from acquisition.encoders.nmea0183 import sentence
-from acquisition.logger.survey import Survey
+from seatrial.acquisition.config.configuration import load_config
+from seatrial.acquisition.core.frames import Frame, FrameFlag
+from seatrial.acquisition.decoders.nmea0183 import checksum
+from seatrial.acquisition.decoders.parameter_groups import READERS, SHORTEST_BYTES
+from seatrial.acquisition.encoders.nmea0183 import sentence
+from seatrial.acquisition.logger.survey import Survey
 from tests.acquisition.can_frames import identifier_of
 
 START_NS = 1_798_718_400_000_000_000

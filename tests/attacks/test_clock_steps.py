@@ -15,17 +15,17 @@ import pandas as pd
 import pytest
 
 import seatrial as st
-from acquisition.config.sections import RecordingSection
-from acquisition.core.errors import InputError
-from acquisition.core.frames import NANO, Sample
-from acquisition.core.trial import Trial
-from acquisition.logger.maintenance import Timescale, clock_metadata
-from acquisition.recording.grouping import NEW_PART_NS, read_parts, read_together, whole_recordings
-from acquisition.recording.parts import RecordingParts
-from acquisition.recording.writer import RecordingWriter
-from analysis.batch.batch import process_job, recordings_below
-from analysis.batch.workers import MARKS, Job
-from analysis.tables.table import times_ns
+from seatrial.acquisition.config.sections import RecordingSection
+from seatrial.acquisition.core.errors import InputError
+from seatrial.acquisition.core.frames import NANO, Sample
+from seatrial.acquisition.core.trial import Trial
+from seatrial.acquisition.logger.maintenance import Timescale, clock_metadata
+from seatrial.acquisition.recording.grouping import NEW_PART_NS, read_parts, read_together, whole_recordings
+from seatrial.acquisition.recording.parts import RecordingParts
+from seatrial.acquisition.recording.writer import RecordingWriter
+from seatrial.analysis.batch.batch import process_job, recordings_below
+from seatrial.analysis.batch.workers import MARKS, Job
+from seatrial.analysis.tables.table import times_ns
 from tests.analysis.small_batch import QUICK, sailed
 from tests.attacks.test_seasons import batch_here
 from tests.conftest import Command

@@ -12,14 +12,14 @@ import pytest
 import zstandard
 from mcap import records as mcap
 
-from acquisition.core.errors import InputError
-from acquisition.core.frames import Frame, Sample
-from acquisition.core.trial import Trial
-from acquisition.recording.mcap_file import serialise
-from acquisition.recording.reader import Recording, read_recording
-from acquisition.recording.recover import recover
-from acquisition.recording.schemas import kind_of
-from acquisition.recording.writer import RecordingWriter
+from seatrial.acquisition.core.errors import InputError
+from seatrial.acquisition.core.frames import Frame, Sample
+from seatrial.acquisition.core.trial import Trial
+from seatrial.acquisition.recording.mcap_file import serialise
+from seatrial.acquisition.recording.reader import Recording, read_recording
+from seatrial.acquisition.recording.recover import recover
+from seatrial.acquisition.recording.schemas import kind_of
+from seatrial.acquisition.recording.writer import RecordingWriter
 from tests.attacks.bombs import (
     CHUNK_BYTES,
     LOG_BOMBS,

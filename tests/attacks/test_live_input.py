@@ -21,20 +21,20 @@ import msgpack
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from acquisition.config.configuration import TrialConfig, load_config
-from acquisition.core.channels import NAMES
-from acquisition.core.frames import Frame, Sample
-from acquisition.decoders.nmea0183 import checksum
-from acquisition.encoders.nmea0183 import sentence
-from acquisition.logger.health import ChannelHealth, Events, Health, SourceHealth
-from acquisition.logger.maintenance import Maintenance, Timescale
-from acquisition.logger.pipeline import health_of
-from acquisition.logger.processing import FrameProcessor
-from acquisition.logger.receiver import Inbox
-from acquisition.recording.parts import RecordingParts
-from acquisition.recording.reader import Recording, read_recording
-from acquisition.recording.writer import RecordingWriter
-from acquisition.sources.streams import LineAssembler
+from seatrial.acquisition.config.configuration import TrialConfig, load_config
+from seatrial.acquisition.core.channels import NAMES
+from seatrial.acquisition.core.frames import Frame, Sample
+from seatrial.acquisition.decoders.nmea0183 import checksum
+from seatrial.acquisition.encoders.nmea0183 import sentence
+from seatrial.acquisition.logger.health import ChannelHealth, Events, Health, SourceHealth
+from seatrial.acquisition.logger.maintenance import Maintenance, Timescale
+from seatrial.acquisition.logger.pipeline import health_of
+from seatrial.acquisition.logger.processing import FrameProcessor
+from seatrial.acquisition.logger.receiver import Inbox
+from seatrial.acquisition.recording.parts import RecordingParts
+from seatrial.acquisition.recording.reader import Recording, read_recording
+from seatrial.acquisition.recording.writer import RecordingWriter
+from seatrial.acquisition.sources.streams import LineAssembler
 from tests.acquisition.can_frames import identifier_of
 from tests.acquisition.conftest import free_port, wait_for
 from tests.acquisition.test_faults import Cable, Running, cable, recording, slcan_headings, source, udp
@@ -144,7 +144,7 @@ def test_an_intact_sentence_behind_a_disturbance_is_decoded(name: str, config: T
 
 @pytest.mark.parametrize("name", DISTURBANCES)
 def test_an_intact_sentence_behind_a_disturbance_in_a_log_is_decoded(name: str, tmp_path: Path) -> None:
-    from acquisition.logger.record import record
+    from seatrial.acquisition.logger.record import record
 
     (tmp_path / "a log").write_bytes(b"\r\n".join(disturbed(name)))
     config = configured(tmp_path, source("line", 'type = "file"\npath = "a log"', ("heading_deg",)))
@@ -298,7 +298,7 @@ def test_a_line_of_64_kb_costs_no_more_than_its_length(name: str) -> None:
 
 READ_ENDLESS = """
 import sys
-from acquisition.sources.line_forms import LineReader
+from seatrial.acquisition.sources.line_forms import LineReader
 from tests.attacks.test_live_input import ENDLESS, NOON_NS, LineAssembler
 line, reader, assembler = ENDLESS[sys.argv[1]], LineReader(), LineAssembler("line")
 for _ in range(100):

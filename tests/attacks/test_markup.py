@@ -10,15 +10,15 @@ from pathlib import Path
 
 import pytest
 
-from acquisition.core.frames import Quality, Sample
-from acquisition.core.trial import Trial
-from acquisition.logger.display import Picture
-from acquisition.logger.health import Health, SourceHealth
-from acquisition.logger.viewers import as_json, page
-from acquisition.recording.writer import RecordingWriter
-from analysis.serve.app import make_app
-from analysis.serve.season import Season
-from analysis.tables.table import times_ns
+from seatrial.acquisition.core.frames import Quality, Sample
+from seatrial.acquisition.core.trial import Trial
+from seatrial.acquisition.logger.display import Picture
+from seatrial.acquisition.logger.health import Health, SourceHealth
+from seatrial.acquisition.logger.viewers import as_json, page
+from seatrial.acquisition.recording.writer import RecordingWriter
+from seatrial.analysis.serve.app import make_app
+from seatrial.analysis.serve.season import Season
+from seatrial.analysis.tables.table import times_ns
 from tests.analysis.small_batch import QUICK, sailed
 from tests.analysis.test_serve import HERE
 from tests.attacks.test_seasons import batch_here
@@ -70,7 +70,7 @@ def write_recording(path: Path, text: str) -> None:
     table = sailed(90)
     table.iloc[50, 0] += 500.0  # so that there is a finding, with its source
     with pytest.MonkeyPatch.context() as patch, RecordingWriter(path, trial) as writer:
-        patch.setattr("acquisition.recording.writer.channel_metadata", lambda topic, known: {"unit": text})
+        patch.setattr("seatrial.acquisition.recording.writer.channel_metadata", lambda topic, known: {"unit": text})
         writer.write_metadata("part", {"number": text, "follows": text, "reason": text})
         writer.write_metadata("clock", {"times": text, "host_clock": text, "utc_minus_monotonic_ns": text})
         for time_ns, (_, row) in zip(times_ns(table).tolist(), table.iterrows(), strict=True):

@@ -17,7 +17,7 @@ from typing import Any
 
 import pytest
 
-from acquisition.core.locks import LOCK
+from seatrial.acquisition.core.locks import LOCK
 from tests.attacks import commands, interruptions
 from tests.attacks.commands import PATIENCE_S, ROOT, run_seatrial
 from tests.attacks.interruptions import (
@@ -44,9 +44,9 @@ SHIP = ("--length", "82", "--beam", "12.5", "--draught", "5.2", "--block", "0.74
 @pytest.fixture(scope="module")
 def inputs(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with a recording, one with raw input, and a table."""
-    from acquisition.core.trial import Trial
-    from acquisition.recording.tables import write_table
-    from hybrid.simulation.trial import simulate_trial
+    from seatrial.acquisition.core.trial import Trial
+    from seatrial.acquisition.recording.tables import write_table
+    from seatrial.hybrid.simulation.trial import simulate_trial
 
     folder = tmp_path_factory.mktemp("inputs")
     table, _ = simulate_trial("gunnerus_long", "calm", "paper", 120.0, 1.0, 0)
@@ -59,12 +59,12 @@ def inputs(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def _record_raw(folder: Path) -> None:
     """Two minutes of headings as sentences, decoded by the configuration beside them."""
-    from acquisition.config.configuration import load_config
-    from acquisition.core.frames import Frame, FrameFlag
-    from acquisition.encoders.nmea0183 import sentence
-    from acquisition.logger.pipeline import health_of
-    from acquisition.logger.processing import FrameProcessor
-    from acquisition.recording.writer import RecordingWriter
+    from seatrial.acquisition.config.configuration import load_config
+    from seatrial.acquisition.core.frames import Frame, FrameFlag
+    from seatrial.acquisition.encoders.nmea0183 import sentence
+    from seatrial.acquisition.logger.pipeline import health_of
+    from seatrial.acquisition.logger.processing import FrameProcessor
+    from seatrial.acquisition.recording.writer import RecordingWriter
 
     source = '[[source]]\nname = "line"\ntype = "udp"\nport = 10110\nchannels = ["heading_deg"]\n'
     (folder / "raw.toml").write_text(f'[trial]\nname = "raw"\n{source}')
@@ -136,7 +136,8 @@ WRITERS: dict[str, tuple[tuple[str, ...], str]] = {
 def other_command(output: str) -> Iterator[int]:
     """Another process that writes to an output until the end; its number."""
     code = (
-        "import sys; from pathlib import Path; from acquisition.core.locks import locked_file, locked_folder\n"
+        "import sys; from pathlib import Path\n"
+        "from seatrial.acquisition.core.locks import locked_file, locked_folder\n"
         "lock = locked_folder if sys.argv[1].endswith('/') else locked_file\n"
         "with lock(Path(sys.argv[1])): print('locked', flush=True); sys.stdin.read()"
     )
@@ -272,7 +273,7 @@ def _alone(act: Act, start: Path, place: Path) -> dict[str, bytes]:
 
 
 def test_writers_of_one_file_have_files_of_their_own(tmp_path: Path) -> None:
-    from acquisition.core.files import atomic_file
+    from seatrial.acquisition.core.files import atomic_file
 
     path = tmp_path / "out.txt"
     with atomic_file(path) as first:
@@ -288,7 +289,7 @@ def test_writers_of_one_file_have_files_of_their_own(tmp_path: Path) -> None:
 
 
 def test_left_over_of_a_killed_process_goes_and_that_of_a_living_one_stays(folder: Path, command: Command) -> None:
-    from acquisition.core.files import atomic_file
+    from seatrial.acquisition.core.files import atomic_file
 
     pid = os.fork()
     if pid == 0:
@@ -386,8 +387,8 @@ def test_input_named_as_the_output_is_refused(arguments: tuple[str, ...], folder
 
 def test_input_within_an_output_folder_is_refused(folder: Path, command: Command) -> None:
     """The folder has no name to compare; a file of it turns out to be an input when it is written."""
-    from acquisition.core.errors import InputError
-    from acquisition.core.files import inputs_protected, remove_file, write_text
+    from seatrial.acquisition.core.errors import InputError
+    from seatrial.acquisition.core.files import inputs_protected, remove_file, write_text
 
     vessel = folder / "vessel.toml"
     vessel.write_text("mine")
@@ -655,7 +656,7 @@ class SaveCalibrator:
         from dataclasses import replace
         from datetime import UTC, datetime
 
-        from hybrid.calibrators.artefact import load, save
+        from seatrial.hybrid.calibrators.artefact import load, save
 
         save(replace(load(Path("small")), trained_at=datetime(2026, 1, self.day, tzinfo=UTC)), Path("out"))
 
@@ -667,8 +668,8 @@ class RunBatch:
         self.stride_s = stride_s
 
     def __call__(self) -> None:
-        from analysis.batch import batch
-        from analysis.products import Options
+        from seatrial.analysis.batch import batch
+        from seatrial.analysis.products import Options
 
         with pytest.MonkeyPatch.context() as patch:
             patch.setattr(batch, "run_jobs", lambda jobs, task, *_: [task(job) for job in jobs])
@@ -687,9 +688,9 @@ class WriteDiagnosis:
     def __call__(self) -> None:
         from dataclasses import replace
 
-        from hybrid.effects.catalogue import catalogue_of
-        from hybrid.vessel.files import load_vessel
-        from hybrid.workflows.diagnose import diagnose_files, write_diagnosis
+        from seatrial.hybrid.effects.catalogue import catalogue_of
+        from seatrial.hybrid.vessel.files import load_vessel
+        from seatrial.hybrid.workflows.diagnose import diagnose_files, write_diagnosis
 
         ship = load_vessel("gunnerus_short")
         if WriteDiagnosis.run is None:
@@ -812,7 +813,7 @@ def test_folder_that_vanishes_amid_a_command_is_one_line(
 @contextmanager
 def _at_first_temporary_file(fault: Callable[[], None]) -> Iterator[list[int]]:
     """Make a fault when a temporary file of an output is there, and nothing is in it yet; how often that was."""
-    from acquisition.core import files
+    from seatrial.acquisition.core import files
 
     times: list[int] = []
     new = files._new_temporary

@@ -14,16 +14,16 @@ from pathlib import Path
 
 import pytest
 
-from acquisition.config.sections import LiveSection, StatusSection
-from acquisition.core.errors import SourceError, StorageError
-from acquisition.core.trial import Trial
-from acquisition.logger.display import Picture
-from acquisition.logger.health import Health
-from acquisition.logger.predictions import Predictions
-from acquisition.logger.requests import RecorderState, RequestServer, send_mark
-from acquisition.logger.viewers import LiveView, StatusPage
-from acquisition.logger.web_front import RefusalError, Request, WebFront, check_sender
-from analysis.cli import serve
+from seatrial.acquisition.config.sections import LiveSection, StatusSection
+from seatrial.acquisition.core.errors import SourceError, StorageError
+from seatrial.acquisition.core.trial import Trial
+from seatrial.acquisition.logger.display import Picture
+from seatrial.acquisition.logger.health import Health
+from seatrial.acquisition.logger.predictions import Predictions
+from seatrial.acquisition.logger.requests import RecorderState, RequestServer, send_mark
+from seatrial.acquisition.logger.viewers import LiveView, StatusPage
+from seatrial.acquisition.logger.web_front import RefusalError, Request, WebFront, check_sender
+from seatrial.analysis.cli import serve
 from tests.acquisition.conftest import PATIENCE_S, free_port
 from tests.attacks.other_user import as_nobody, open_folder
 

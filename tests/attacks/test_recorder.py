@@ -20,15 +20,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from acquisition.config.sections import RecordingSection
-from acquisition.core.errors import StorageError
-from acquisition.core.frames import Sample
-from acquisition.core.trial import Trial
-from acquisition.recording import parts as parts_module
-from acquisition.recording import storage
-from acquisition.recording.parts import RecordingParts, parts_in
-from acquisition.recording.reader import MessageStream, read_recording
-from acquisition.recording.schemas import HEALTH_TOPIC
+from seatrial.acquisition.config.sections import RecordingSection
+from seatrial.acquisition.core.errors import StorageError
+from seatrial.acquisition.core.frames import Sample
+from seatrial.acquisition.core.trial import Trial
+from seatrial.acquisition.recording import parts as parts_module
+from seatrial.acquisition.recording import storage
+from seatrial.acquisition.recording.parts import RecordingParts, parts_in
+from seatrial.acquisition.recording.reader import MessageStream, read_recording
+from seatrial.acquisition.recording.schemas import HEALTH_TOPIC
 from tests.attacks.commands import PATIENCE_S, start
 from tests.attacks.recorder import (
     AttackedRecorder,

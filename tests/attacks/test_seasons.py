@@ -19,16 +19,23 @@ import pandas as pd
 import pytest
 from flask.testing import FlaskClient
 
-from acquisition.core.channels import NAMES as CHANNELS
-from acquisition.core.trial import Trial
-from acquisition.recording.tables import write_table
-from analysis.batch.batch import Summary, process_job, read_index, recordings_below, result_names, run_batch
-from analysis.batch.one_recording import WAITING, Row
-from analysis.batch.workers import MARKS, Job, attempt
-from analysis.products import Options
-from analysis.serve import season
-from analysis.serve.app import make_app
-from analysis.serve.season import Season
+from seatrial.acquisition.core.channels import NAMES as CHANNELS
+from seatrial.acquisition.core.trial import Trial
+from seatrial.acquisition.recording.tables import write_table
+from seatrial.analysis.batch.batch import (
+    Summary,
+    process_job,
+    read_index,
+    recordings_below,
+    result_names,
+    run_batch,
+)
+from seatrial.analysis.batch.one_recording import WAITING, Row
+from seatrial.analysis.batch.workers import MARKS, Job, attempt
+from seatrial.analysis.products import Options
+from seatrial.analysis.serve import season
+from seatrial.analysis.serve.app import make_app
+from seatrial.analysis.serve.season import Season
 from tests.acquisition.conftest import PATIENCE_S
 from tests.analysis.small_batch import QUICK, sailed
 from tests.analysis.test_serve import HERE, wait_for
@@ -125,7 +132,7 @@ def batch_here(folder: Path, out: Path) -> Summary:
         return [process_job(job) for job in jobs]
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("analysis.batch.batch.run_jobs", run_here)
+        patch.setattr("seatrial.analysis.batch.batch.run_jobs", run_here)
         return run_batch(folder, out, options=QUICK)
 
 

@@ -23,7 +23,7 @@ from safetensors.numpy import load_file
 from safetensors.numpy import save as save_tensors
 
 import seatrial as st
-from acquisition.core.errors import InputError, SeatrialError, unexpected
+from seatrial.acquisition.core.errors import InputError, SeatrialError, unexpected
 from tests.attacks.commands import run, run_seatrial
 from tests.conftest import Command, Done, Simulated
 
@@ -66,14 +66,14 @@ def test_any_exception_is_one_line(
     def fail(path: Path) -> None:
         raise error
 
-    monkeypatch.setattr("acquisition.recording.grouping.read_together", fail)
+    monkeypatch.setattr("seatrial.acquisition.recording.grouping.read_together", fail)
     line = refused(command("info", "trial.mcap"))
     assert words in line
     assert len(line) < 600
 
 
 def test_debug_variable_shows_the_traceback(command: Command, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("acquisition.recording.grouping.read_together", lambda paths: 1 // 0)
+    monkeypatch.setattr("seatrial.acquisition.recording.grouping.read_together", lambda paths: 1 // 0)
     monkeypatch.setenv("SEATRIAL_DEBUG", "1")
     done = command("info", "trial.mcap")
     assert done.code == 1
@@ -82,11 +82,11 @@ def test_debug_variable_shows_the_traceback(command: Command, monkeypatch: pytes
 
 
 def test_unexpected_error_names_the_line_of_seatrial_that_raised_it() -> None:
-    from acquisition.core.units import ending_of
+    from seatrial.acquisition.core.units import ending_of
 
     with pytest.raises(AttributeError) as raised:
         ending_of(None)  # type: ignore[arg-type]
-    assert "acquisition.core.units, line " in str(unexpected(raised.value))
+    assert "seatrial.acquisition.core.units, line " in str(unexpected(raised.value))
 
 
 # Files that name code
@@ -103,12 +103,12 @@ class Mine:
 @pytest.fixture(scope="session")
 def calibrator_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A calibrator on disk, hardly trained."""
-    from hybrid.calibrators import make_calibrator
-    from hybrid.calibrators.artefact import save
-    from hybrid.calibrators.train import TrainedCalibrator
-    from hybrid.effects.catalogue import vessel_plant
-    from hybrid.prediction.baselines import Fallback
-    from hybrid.vessel.files import load_vessel
+    from seatrial.hybrid.calibrators import make_calibrator
+    from seatrial.hybrid.calibrators.artefact import save
+    from seatrial.hybrid.calibrators.train import TrainedCalibrator
+    from seatrial.hybrid.effects.catalogue import vessel_plant
+    from seatrial.hybrid.prediction.baselines import Fallback
+    from seatrial.hybrid.vessel.files import load_vessel
     from tests.hybrid.windows_by_hand import random_windows
 
     plant, seconds = vessel_plant(load_vessel("gunnerus_short")), 30
@@ -247,9 +247,9 @@ def test_result_of_a_batch_cannot_name_another_folder(voyage: Path, tmp_path: Pa
 
 def recording_with(path: Path, configuration: str, attachments: dict[str, bytes] | None = None) -> Path:
     """A recording with raw input and this configuration attached."""
-    from acquisition.core.frames import Frame
-    from acquisition.core.trial import Trial
-    from acquisition.recording.writer import RecordingWriter
+    from seatrial.acquisition.core.frames import Frame
+    from seatrial.acquisition.core.trial import Trial
+    from seatrial.acquisition.recording.writer import RecordingWriter
 
     attached = {"configuration.toml": configuration.encode(), **(attachments or {})}
     with RecordingWriter(path, Trial(name="x"), attached) as writer:
@@ -350,7 +350,7 @@ def drawn(renderable: object) -> str:
     """What a terminal gets, without the styles that rich adds."""
     from io import StringIO
 
-    from acquisition.core.terminal import Terminal
+    from seatrial.acquisition.core.terminal import Terminal
 
     stream = StringIO()
     Terminal(file=stream, force_terminal=True, color_system="standard", width=200).print(renderable)
@@ -390,7 +390,7 @@ def test_terminal_takes_no_text_for_markup(text: str) -> None:
 def test_log_shows_escaped_text(form: Any, text: str) -> None:
     from io import StringIO
 
-    from acquisition.logger.supervision import LOG, log_to
+    from seatrial.acquisition.logger.supervision import LOG, log_to
 
     stream = StringIO()
     with log_to(stream, form):
@@ -403,9 +403,9 @@ def test_log_shows_escaped_text(form: Any, text: str) -> None:
 def test_mark_cannot_pass_for_a_line_of_the_log_or_of_the_display() -> None:
     from io import StringIO
 
-    from acquisition.logger.display import _events
-    from acquisition.logger.health import Health
-    from acquisition.logger.supervision import LOG, log_to
+    from seatrial.acquisition.logger.display import _events
+    from seatrial.acquisition.logger.health import Health
+    from seatrial.acquisition.logger.supervision import LOG, log_to
 
     stream, text = StringIO(), "calm\nerror: the disk is full"
     with log_to(stream, "text"):
@@ -418,7 +418,7 @@ def test_mark_cannot_pass_for_a_line_of_the_log_or_of_the_display() -> None:
 
 @hostile
 def test_page_shows_escaped_text(text: str) -> None:
-    from analysis.report.rendering import render
+    from seatrial.analysis.report.rendering import render
 
     shown(render("base.html", title=text, subtitle=text, body=text).html)
 
@@ -619,9 +619,9 @@ def test_nested_toml_is_refused_where_it_is_read(name: str, nest: str, place: Pa
 @pytest.mark.parametrize("nest", ["array", "object"])
 @pytest.mark.parametrize("key", ["channels", "actuators", "place"])
 def test_nested_json_in_a_run_sheet_is_no_failure(nest: str, key: str, tmp_path: Path, command: Command) -> None:
-    from acquisition.core.frames import Sample
-    from acquisition.core.trial import Trial
-    from acquisition.recording.writer import RecordingWriter
+    from seatrial.acquisition.core.frames import Sample
+    from seatrial.acquisition.core.trial import Trial
+    from seatrial.acquisition.recording.writer import RecordingWriter
 
     path = tmp_path / "theirs.mcap"
     with RecordingWriter(path, Trial(**{"name": "x", key: NESTS[nest]}), {}) as writer:
@@ -799,7 +799,7 @@ def test_sidecar_with_another_value_ends_in_no_traceback(
     ids=lambda change: next(iter(change)),
 )  # fmt: skip
 def test_result_that_is_none_is_no_row_of_the_index(change: dict[str, Any]) -> None:
-    from analysis.batch.batch import is_row
+    from seatrial.analysis.batch.batch import is_row
 
     row = {"name": "a", "status": "done", "cause": "", "findings": 3, "start": "2026-03-01T00:00:00+00:00"}
     assert is_row(row)
@@ -819,8 +819,8 @@ def test_signal_ends_a_command_without_a_traceback(
         time.sleep(5.0)
         yield
 
-    monkeypatch.setattr("acquisition.recording.reader.MessageStream.batches", interrupted)
-    monkeypatch.setattr("acquisition.recording.reader.MessageStream.__iter__", interrupted)
+    monkeypatch.setattr("seatrial.acquisition.recording.reader.MessageStream.batches", interrupted)
+    monkeypatch.setattr("seatrial.acquisition.recording.reader.MessageStream.__iter__", interrupted)
     done = command(*(word.replace("INPUT", "voyage.mcap") for word in INPUTS[name]))
     assert done.code in (130, code)
     assert "Traceback" not in done.err

@@ -19,13 +19,13 @@ import pytest
 from flask.testing import FlaskClient
 from werkzeug.test import TestResponse
 
-from acquisition.core.errors import SeatrialError
-from acquisition.core.trial import Trial
-from acquisition.recording.tables import write_table
-from analysis.serve import app, limited
-from analysis.serve.app import make_app
-from analysis.serve.limited import call_limited
-from analysis.serve.season import Season
+from seatrial.acquisition.core.errors import SeatrialError
+from seatrial.acquisition.core.trial import Trial
+from seatrial.acquisition.recording.tables import write_table
+from seatrial.analysis.serve import app, limited
+from seatrial.analysis.serve.app import make_app
+from seatrial.analysis.serve.limited import call_limited
+from seatrial.analysis.serve.season import Season
 from tests.acquisition.conftest import PATIENCE_S
 from tests.analysis.small_batch import QUICK, sailed
 from tests.analysis.test_serve import HERE, table_text
@@ -235,7 +235,7 @@ def test_name_of_a_file_leads_nowhere_else(
         Path(given).with_suffix(".mcap").write_bytes(b"made")
         return []
 
-    monkeypatch.setattr("analysis.serve.uploads.call_limited", make)
+    monkeypatch.setattr("seatrial.analysis.serve.uploads.call_limited", make)
     before = {path for path in folder.parent.rglob("*") if path.is_dir()}
     answer = send(client, name, b"x")
     assert answer.status_code in (200, 400, 422)

@@ -16,8 +16,8 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
-from analysis.batch.batch import run_batch
-from analysis.products import Options
+from seatrial.analysis.batch.batch import run_batch
+from seatrial.analysis.products import Options
 from tests.analysis.small_batch import sailed, write_batch
 
 

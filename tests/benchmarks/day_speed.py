@@ -33,10 +33,10 @@ T = TypeVar("T")
 
 def write_voyage(path: Path, hours: float) -> int:
     """Simulated hours one after the other, each channel at times of its own; the number of samples."""
-    from acquisition.core.frames import Sample
-    from acquisition.core.trial import Trial
-    from acquisition.recording.writer import RecordingWriter
-    from hybrid.simulation.trial import simulate_trial
+    from seatrial.acquisition.core.frames import Sample
+    from seatrial.acquisition.core.trial import Trial
+    from seatrial.acquisition.recording.writer import RecordingWriter
+    from seatrial.hybrid.simulation.trial import simulate_trial
 
     samples = 0
     with RecordingWriter(path, Trial(name=path.stem, vessel="gunnerus_long")) as writer:
@@ -77,10 +77,10 @@ def measure(path: Path) -> dict[str, Any]:
     """Every step on the file, in this process: seconds, the processor's too, and the peak memory after it."""
     from windows_speed import HORIZON_S, STRIDE_S, plain
 
-    from acquisition.recording.reader import read_recording
-    from analysis.estimation.smoother import smooth
-    from analysis.tables.resample import resample_recording
-    from analysis.windows.held import held_windows
+    from seatrial.acquisition.recording.reader import read_recording
+    from seatrial.analysis.estimation.smoother import smooth
+    from seatrial.analysis.tables.resample import resample_recording
+    from seatrial.analysis.windows.held import held_windows
 
     steps: dict[str, tuple[float, float, float]] = {}
 

@@ -22,14 +22,14 @@ from scipy.interpolate import CubicSpline
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
-from acquisition.core.arrays import Floats
-from acquisition.tables.derived_columns import rate
-from analysis.kinematics import to_earth, to_ship
-from analysis.quality.findings import Finding
-from analysis.quality.motion.checks import findings_of
-from analysis.quality.motion.kinematics import fit_kinematics
-from analysis.quality.motion.series import GROUPS, MOTION
-from hybrid.simulation.trial import simulate_trial
+from seatrial.acquisition.core.arrays import Floats
+from seatrial.acquisition.tables.derived_columns import rate
+from seatrial.analysis.kinematics import to_earth, to_ship
+from seatrial.analysis.quality.findings import Finding
+from seatrial.analysis.quality.motion.checks import findings_of
+from seatrial.analysis.quality.motion.kinematics import fit_kinematics
+from seatrial.analysis.quality.motion.series import GROUPS, MOTION
+from seatrial.hybrid.simulation.trial import simulate_trial
 
 MANOEUVRES = ("zigzag_20_20", "zigzag_10_10", "turning_circle_20", "voyage", "programme")
 SPEEDS = ("of a sensor", "of course and ground speed", "of the positions")

@@ -17,16 +17,16 @@ from threadpoolctl import threadpool_limits
 
 sys.path.insert(0, str(Path(__file__).parents[2]))
 
-from hybrid.diagnosis.acceptance import accept
-from hybrid.diagnosis.diagnose import TOLERANCE, diagnose
-from hybrid.diagnosis.estimate_noise import estimate_noise
-from hybrid.diagnosis.evidence import weigh_evidence
-from hybrid.diagnosis.linearise import linearise, model_of
-from hybrid.diagnosis.log import log_of
-from hybrid.diagnosis.select_effects import select_effects
-from hybrid.effects import CATALOGUE, Catalogue
-from hybrid.simulation.trial import simulate_trial
-from hybrid.vessel.files import load_vessel
+from seatrial.hybrid.diagnosis.acceptance import accept
+from seatrial.hybrid.diagnosis.diagnose import TOLERANCE, diagnose
+from seatrial.hybrid.diagnosis.estimate_noise import estimate_noise
+from seatrial.hybrid.diagnosis.evidence import weigh_evidence
+from seatrial.hybrid.diagnosis.linearise import linearise, model_of
+from seatrial.hybrid.diagnosis.log import log_of
+from seatrial.hybrid.diagnosis.select_effects import select_effects
+from seatrial.hybrid.effects import CATALOGUE, Catalogue
+from seatrial.hybrid.simulation.trial import simulate_trial
+from seatrial.hybrid.vessel.files import load_vessel
 
 WINDOWS, WINDOW_S = (250, 500, 1000), 15.0
 FEWER = (12, 25)  # effects

@@ -17,7 +17,7 @@ import time
 from contextlib import suppress
 from pathlib import Path
 
-from acquisition.recording.reader import MessageStream
+from seatrial.acquisition.recording.reader import MessageStream
 from tests.acquisition.conftest import config_text, free_port
 from tests.acquisition.test_kill import RATES_HZ, RAW_TOPIC, said
 from tests.acquisition.test_record_command import start_recorder

@@ -23,16 +23,16 @@ from torch import nn
 
 sys.path.insert(0, str(Path(__file__).parents[2]))
 
-from acquisition.core.arrays import Floats
-from hybrid.calibrators.adaptive import fit
-from hybrid.calibrators.adaptive.adaptation import NAMES, Observations, observations_of, run_observer
-from hybrid.calibrators.network_training import Perceptron, Rows, StoppingRule, fit_network, make_network
-from hybrid.calibrators.networks import PaperCalibrator
-from hybrid.effects import apply_effects, vessel_plant
-from hybrid.prediction.prediction_windows import PredictionWindows
-from hybrid.prediction.scores import distances
-from hybrid.vessel.files import load_vessel
-from hybrid.vessel.plant import Plant
+from seatrial.acquisition.core.arrays import Floats
+from seatrial.hybrid.calibrators.adaptive import fit
+from seatrial.hybrid.calibrators.adaptive.adaptation import NAMES, Observations, observations_of, run_observer
+from seatrial.hybrid.calibrators.network_training import Perceptron, Rows, StoppingRule, fit_network, make_network
+from seatrial.hybrid.calibrators.networks import PaperCalibrator
+from seatrial.hybrid.effects import apply_effects, vessel_plant
+from seatrial.hybrid.prediction.prediction_windows import PredictionWindows
+from seatrial.hybrid.prediction.scores import distances
+from seatrial.hybrid.vessel.files import load_vessel
+from seatrial.hybrid.vessel.plant import Plant
 from tests.benchmarks.training_speed import FITTED, distance_m, scaled_rows, windows
 from tests.hybrid.windows_by_hand import voyages
 

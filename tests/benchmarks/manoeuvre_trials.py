@@ -21,17 +21,17 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from acquisition.core.arrays import Floats
-from analysis.manoeuvres import find_manoeuvres
-from analysis.manoeuvres.motion import motion_of
-from analysis.manoeuvres.turning_circle import circle_indices
-from analysis.manoeuvres.zigzag import zigzag_indices
-from hybrid.simulation.handling import pace_of, usual_rpm
-from hybrid.simulation.manoeuvres import helm, steer, zigzag
-from hybrid.simulation.trial import simulate_trial, usual_noise
-from hybrid.vessel.channels import as_table
-from hybrid.vessel.files import load_vessel
-from hybrid.vessel.parameters import Vessel
+from seatrial.acquisition.core.arrays import Floats
+from seatrial.analysis.manoeuvres import find_manoeuvres
+from seatrial.analysis.manoeuvres.motion import motion_of
+from seatrial.analysis.manoeuvres.turning_circle import circle_indices
+from seatrial.analysis.manoeuvres.zigzag import zigzag_indices
+from seatrial.hybrid.simulation.handling import pace_of, usual_rpm
+from seatrial.hybrid.simulation.manoeuvres import helm, steer, zigzag
+from seatrial.hybrid.simulation.trial import simulate_trial, usual_noise
+from seatrial.hybrid.vessel.channels import as_table
+from seatrial.hybrid.vessel.files import load_vessel
+from seatrial.hybrid.vessel.parameters import Vessel
 
 VESSELS = Path(__file__).parents[2] / "trials" / "vessels"
 SHIPS = {"kvlcc2_180m": ("kvlcc2_7m", 180.0 / 7.0), "kvlcc2_7m": ("kvlcc2_7m", 1.0),

@@ -21,11 +21,11 @@ import numpy as np
 from paho.mqtt.client import Client
 from paho.mqtt.enums import CallbackAPIVersion
 
-from acquisition.config.configuration import load_config
-from acquisition.config.sections import MqttSource
-from acquisition.encoders.mqtt import told
-from acquisition.encoders.nmea0183 import sentence
-from acquisition.recording.reader import Recording, read_recording
+from seatrial.acquisition.config.configuration import load_config
+from seatrial.acquisition.config.sections import MqttSource
+from seatrial.acquisition.encoders.mqtt import told
+from seatrial.acquisition.encoders.nmea0183 import sentence
+from seatrial.acquisition.recording.reader import Recording, read_recording
 from tests.acquisition.conftest import Broker, open_sources, wait_for
 from tests.benchmarks.recorder_load import ROOT, cpu_s, paced, state
 

@@ -21,19 +21,19 @@ import pandas as pd
 
 sys.path.insert(0, str(Path(__file__).parents[2]))
 
-from acquisition.core.arrays import Floats
-from analysis.windows.recordings import SecondBySecond
-from hybrid.calibrators import METHODS, make_calibrator
-from hybrid.calibrators.artefact import load
-from hybrid.calibrators.calibrator import Calibrator
-from hybrid.calibrators.predict import predict
-from hybrid.calibrators.train import TrainedCalibrator, train
-from hybrid.effects import vessel_plant
-from hybrid.prediction.baselines import reference
-from hybrid.prediction.dataset import Dataset
-from hybrid.prediction.prediction_windows import PAST_S, PredictionWindows
-from hybrid.vessel.files import load_vessel
-from hybrid.vessel.plant import Plant
+from seatrial.acquisition.core.arrays import Floats
+from seatrial.analysis.windows.recordings import SecondBySecond
+from seatrial.hybrid.calibrators import METHODS, make_calibrator
+from seatrial.hybrid.calibrators.artefact import load
+from seatrial.hybrid.calibrators.calibrator import Calibrator
+from seatrial.hybrid.calibrators.predict import predict
+from seatrial.hybrid.calibrators.train import TrainedCalibrator, train
+from seatrial.hybrid.effects import vessel_plant
+from seatrial.hybrid.prediction.baselines import reference
+from seatrial.hybrid.prediction.dataset import Dataset
+from seatrial.hybrid.prediction.prediction_windows import PAST_S, PredictionWindows
+from seatrial.hybrid.vessel.files import load_vessel
+from seatrial.hybrid.vessel.plant import Plant
 from tests.hybrid.twin.steady_ship import steady_table
 from tests.hybrid.windows_by_hand import voyages
 

@@ -20,12 +20,12 @@ from scipy.stats import beta
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
-from acquisition.core.trial import Trial
-from acquisition.recording.reader import read_recording
-from acquisition.recording.tables import write_table
-from analysis.quality.check import check_recording
-from analysis.quality.findings import Finding
-from hybrid.simulation.trial import Noise, simulate_trial
+from seatrial.acquisition.core.trial import Trial
+from seatrial.acquisition.recording.reader import read_recording
+from seatrial.acquisition.recording.tables import write_table
+from seatrial.analysis.quality.check import check_recording
+from seatrial.analysis.quality.findings import Finding
+from seatrial.hybrid.simulation.trial import Noise, simulate_trial
 from tests.analysis.quality import faults
 from tests.analysis.quality.faults import Fault, Spoilt
 

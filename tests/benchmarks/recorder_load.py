@@ -23,10 +23,10 @@ from pathlib import Path
 
 import can
 
-from acquisition.config.sections import MavlinkSource
-from acquisition.encoders import Moment, make_encoder
-from acquisition.encoders.nmea0183 import sentence
-from acquisition.recording.reader import read_recording
+from seatrial.acquisition.config.sections import MavlinkSource
+from seatrial.acquisition.encoders import Moment, make_encoder
+from seatrial.acquisition.encoders.nmea0183 import sentence
+from seatrial.acquisition.recording.reader import read_recording
 
 ROOT = Path(__file__).resolve().parents[2]
 FRAMES_HZ, SENTENCES_HZ, MAVLINK_HZ = 1900, 200, 50

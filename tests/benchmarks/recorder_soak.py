@@ -17,15 +17,15 @@ import tempfile
 import time
 from pathlib import Path
 
-from acquisition.config.configuration import load_config
-from acquisition.core.errors import SourceError
-from acquisition.core.frames import Frame, now_ns
-from acquisition.encoders.nmea0183 import sentence
-from acquisition.logger import maintenance, pipeline
-from acquisition.logger.pipeline import Recorder
-from acquisition.recording import storage
-from acquisition.recording.parts import RecordingParts
-from acquisition.recording.reader import read_recording
+from seatrial.acquisition.config.configuration import load_config
+from seatrial.acquisition.core.errors import SourceError
+from seatrial.acquisition.core.frames import Frame, now_ns
+from seatrial.acquisition.encoders.nmea0183 import sentence
+from seatrial.acquisition.logger import maintenance, pipeline
+from seatrial.acquisition.logger.pipeline import Recorder
+from seatrial.acquisition.recording import storage
+from seatrial.acquisition.recording.parts import RecordingParts
+from seatrial.acquisition.recording.reader import read_recording
 
 MESSAGES_HZ = 8
 BLOCK = 400

@@ -13,8 +13,8 @@ import tempfile
 import time
 from pathlib import Path
 
-from acquisition.config.configuration import load_config
-from acquisition.logger.record import record
+from seatrial.acquisition.config.configuration import load_config
+from seatrial.acquisition.logger.record import record
 
 SATURATED_HZ = 1900
 FRAMES = 100_000

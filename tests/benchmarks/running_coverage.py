@@ -14,15 +14,15 @@ from pathlib import Path
 
 import numpy as np
 
-from acquisition.core.arrays import Floats
-from analysis.tables.table import NANO, percent_of
-from hybrid.calibrators.artefact import load
-from hybrid.calibrators.calibrator import PredictedTracks
-from hybrid.calibrators.predict import Prediction
-from hybrid.prediction.baselines import reference
-from hybrid.prediction.dataset import load_dataset
-from hybrid.prediction.prediction_windows import PredictionWindows
-from hybrid.twin.running_error import FILTER_REACH_S, RegionFactor, TrackError, track_error
+from seatrial.acquisition.core.arrays import Floats
+from seatrial.analysis.tables.table import NANO, percent_of
+from seatrial.hybrid.calibrators.artefact import load
+from seatrial.hybrid.calibrators.calibrator import PredictedTracks
+from seatrial.hybrid.calibrators.predict import Prediction
+from seatrial.hybrid.prediction.baselines import reference
+from seatrial.hybrid.prediction.dataset import load_dataset
+from seatrial.hybrid.prediction.prediction_windows import PredictionWindows
+from seatrial.hybrid.twin.running_error import FILTER_REACH_S, RegionFactor, TrackError, track_error
 
 
 def replay(

@@ -15,11 +15,11 @@ from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
 from itertools import product
 
-from acquisition.core.progress import bar
-from hybrid.simulation.handling import pace_of
-from hybrid.simulation.trial import simulate_trial
-from hybrid.vessel.files import load_vessel
-from hybrid.workflows.diagnose import diagnose_tables
+from seatrial.acquisition.core.progress import bar
+from seatrial.hybrid.simulation.handling import pace_of
+from seatrial.hybrid.simulation.trial import simulate_trial
+from seatrial.hybrid.vessel.files import load_vessel
+from seatrial.hybrid.workflows.diagnose import diagnose_tables
 from tests.benchmarks.diagnosis.rudder_ships import SHIPS, ship_named
 
 OF_THE_SEA = {"ocean_current", "wave_drift"}

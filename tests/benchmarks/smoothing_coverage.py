@@ -17,8 +17,8 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from analysis.estimation.smoother import smooth
-from hybrid.simulation.trial import Noise, simulate_trial
+from seatrial.analysis.estimation.smoother import smooth
+from seatrial.hybrid.simulation.trial import Noise, simulate_trial
 from tests.analysis.smoothing_errors import coverage, nees, with_accelerations
 
 DURATION_S, MARGIN_S, FINE_HZ = 600.0, 5.0, 40.0

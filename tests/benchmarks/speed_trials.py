@@ -2,15 +2,15 @@
 
     python -m tests.benchmarks.speed_trials --programmes 200 [--first 1000]
 
-Nothing of ``analysis.speed_power`` makes the trials. A ship is a resistance (friction line, form factor, waves by a
-power of the Froude number) and a propeller with wake and thrust deduction that runs at a constant shaft speed, so
-that its power differs between the courses; wind presses by Blendermann's curve, waves by Kreitner's formula with a
-scatter, shallow water adds to the viscous resistance. The current is a tide with overtides and a daily part, a
-constant and an irregular part, each programme with its own. What the crew writes down is the average of each run
-with the errors of its instruments: a torque meter with a constant error of up to 1 %, an anemometer that the ship
-disturbs, observed waves. The truth is the speed in still, deep water at the power that is reported. A programme has
-1 to 3 power settings with 1 to 3 double runs each; in 3 of 10 nobody observed the waves, 2 of 10 are in shallow
-water. Half a minute for 200 programmes on one core.
+Nothing of ``seatrial.analysis.speed_power`` makes the trials. A ship is a resistance (friction line, form factor,
+waves by a power of the Froude number) and a propeller with wake and thrust deduction that runs at a constant shaft
+speed, so that its power differs between the courses; wind presses by Blendermann's curve, waves by Kreitner's
+formula with a scatter, shallow water adds to the viscous resistance. The current is a tide with overtides and a
+daily part, a constant and an irregular part, each programme with its own. What the crew writes down is the average
+of each run with the errors of its instruments: a torque meter with a constant error of up to 1 %, an anemometer
+that the ship disturbs, observed waves. The truth is the speed in still, deep water at the power that is reported. A
+programme has 1 to 3 power settings with 1 to 3 double runs each; in 3 of 10 nobody observed the waves, 2 of 10 are
+in shallow water. Half a minute for 200 programmes on one core.
 
 The uncertainties of the analysis were set with programmes 0 to 299; those from 1000 on are for judging it.
 """
@@ -25,10 +25,10 @@ import numpy as np
 import pandas as pd
 from scipy.optimize import brentq
 
-from acquisition.config.conditions import Conditions
-from acquisition.core.arrays import Floats
-from analysis.speed_power import SpeedPower, speed_power_of_runs
-from analysis.speed_power.run_table import runs_in_table
+from seatrial.acquisition.config.conditions import Conditions
+from seatrial.acquisition.core.arrays import Floats
+from seatrial.analysis.speed_power import SpeedPower, speed_power_of_runs
+from seatrial.analysis.speed_power.run_table import runs_in_table
 
 _RHO, _RHO_AIR, _G, _NU, _KNOT = 1026.0, 1.225, 9.81, 1.19e-6, 1852.0 / 3600.0
 _MOON_S = 44_714.0

@@ -19,17 +19,17 @@ import torch
 from sklearn.exceptions import ConvergenceWarning
 from sklearn.neural_network import MLPRegressor
 
-from acquisition.core.arrays import Floats
+from seatrial.acquisition.core.arrays import Floats
 
 sys.path.insert(0, str(Path(__file__).parents[2]))
 
-from hybrid.calibrators.network_training import Rows, StoppingRule, fit_network, make_network
-from hybrid.calibrators.networks import HIDDEN, PaperCalibrator, Standardisation
-from hybrid.effects import vessel_plant
-from hybrid.simulation.trial import simulate_trial
-from hybrid.vessel.channels import controls_of, states_of, wind_of
-from hybrid.vessel.files import load_vessel
-from hybrid.vessel.simulate import simulate_batch
+from seatrial.hybrid.calibrators.network_training import Rows, StoppingRule, fit_network, make_network
+from seatrial.hybrid.calibrators.networks import HIDDEN, PaperCalibrator, Standardisation
+from seatrial.hybrid.effects import vessel_plant
+from seatrial.hybrid.simulation.trial import simulate_trial
+from seatrial.hybrid.vessel.channels import controls_of, states_of, wind_of
+from seatrial.hybrid.vessel.files import load_vessel
+from seatrial.hybrid.vessel.simulate import simulate_batch
 
 SECONDS, FITTED, KEPT_OUT = 30, 56, 24
 FASTEST_HZ = 20

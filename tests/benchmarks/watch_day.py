@@ -22,19 +22,19 @@ from pathlib import Path
 import numpy as np
 
 import seatrial as st
-from acquisition.config.sections import RecordingSection
-from acquisition.core.channels import trial_names
-from acquisition.core.frames import Sample
-from acquisition.logger.health import Health
-from acquisition.logger.predictions import Predictions
-from acquisition.logger.requests import RecorderState, RequestServer
-from acquisition.recording.parts import RecordingParts
-from acquisition.recording.reader import Recording, read_recording
-from analysis.tables.table import NANO, actuators_in_recording
-from hybrid.calibrators.predict import HORIZON_S, predictor_of
-from hybrid.twin import twin as twin_module
-from hybrid.twin.twin import Twin, warm_up
-from hybrid.twin.watch import summary_of
+from seatrial.acquisition.config.sections import RecordingSection
+from seatrial.acquisition.core.channels import trial_names
+from seatrial.acquisition.core.frames import Sample
+from seatrial.acquisition.logger.health import Health
+from seatrial.acquisition.logger.predictions import Predictions
+from seatrial.acquisition.logger.requests import RecorderState, RequestServer
+from seatrial.acquisition.recording.parts import RecordingParts
+from seatrial.acquisition.recording.reader import Recording, read_recording
+from seatrial.analysis.tables.table import NANO, actuators_in_recording
+from seatrial.hybrid.calibrators.predict import HORIZON_S, predictor_of
+from seatrial.hybrid.twin import twin as twin_module
+from seatrial.hybrid.twin.twin import Twin, warm_up
+from seatrial.hybrid.twin.watch import summary_of
 from tests.benchmarks.recorder_soak import state
 
 PATIENCE_S = 0.5  # for the twin to find the next part

@@ -23,8 +23,8 @@ from pathlib import Path
 
 import numpy as np
 
-from acquisition.encoders.nmea0183 import sentence
-from acquisition.recording.reader import MessageStream
+from seatrial.acquisition.encoders.nmea0183 import sentence
+from seatrial.acquisition.recording.reader import MessageStream
 from tests.benchmarks import recorder_load as load
 
 STRETCHES = {

@@ -22,13 +22,13 @@ from scipy.signal import bilinear, butter, lfilter, sosfilt
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
-from acquisition.core.arrays import Floats
-from analysis.kinematics import to_earth
-from analysis.quality.check import check_table
-from analysis.quality.findings import Finding
-from analysis.quality.repairs import repair
-from hybrid.simulation.sea_state import GRAVITY_MPS2, jonswap, ornstein_uhlenbeck
-from hybrid.simulation.trial import simulate_trial
+from seatrial.acquisition.core.arrays import Floats
+from seatrial.analysis.kinematics import to_earth
+from seatrial.analysis.quality.check import check_table
+from seatrial.analysis.quality.findings import Finding
+from seatrial.analysis.quality.repairs import repair
+from seatrial.hybrid.simulation.sea_state import GRAVITY_MPS2, jonswap, ornstein_uhlenbeck
+from seatrial.hybrid.simulation.trial import simulate_trial
 
 STEP_S = 0.1
 _GUNNERUS_M = 31.25

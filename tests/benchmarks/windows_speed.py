@@ -11,11 +11,18 @@ import time
 import numpy as np
 import pandas as pd
 
-from acquisition.core.angles import unwrap
-from acquisition.core.channels import CIRCULAR, COMMAND, NAMES
-from analysis.estimation.noise_levels import noise_of
-from analysis.tables.table import index_of
-from analysis.windows.held import DRIFT_SIGMAS, IDLE_DRIFT_RPM, IDLE_RPM, SPAN_SIGMAS, held_windows, tolerance_of
+from seatrial.acquisition.core.angles import unwrap
+from seatrial.acquisition.core.channels import CIRCULAR, COMMAND, NAMES
+from seatrial.analysis.estimation.noise_levels import noise_of
+from seatrial.analysis.tables.table import index_of
+from seatrial.analysis.windows.held import (
+    DRIFT_SIGMAS,
+    IDLE_DRIFT_RPM,
+    IDLE_RPM,
+    SPAN_SIGMAS,
+    held_windows,
+    tolerance_of,
+)
 
 HOURS, HORIZON_S, STRIDE_S = 4, 15, 5
 

@@ -21,10 +21,10 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import pandas as pd
 
-from acquisition.config.conditions import Conditions
-from acquisition.core.actuators import Actuator, as_text
-from acquisition.core.arrays import Floats
-from analysis.manoeuvres import Manoeuvre, find_manoeuvres
+from seatrial.acquisition.config.conditions import Conditions
+from seatrial.acquisition.core.actuators import Actuator, as_text
+from seatrial.acquisition.core.arrays import Floats
+from seatrial.analysis.manoeuvres import Manoeuvre, find_manoeuvres
 from tests.benchmarks.yard_ship import Order, Sailed, YardShip, drawn_hull, held_course
 
 TESTS = ("turning_circle", "zigzag_20_20", "zigzag_10_10", "stopping")

@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
-from acquisition.core.channel import Channel
-from acquisition.core.channels import BY_NAME
-from acquisition.core.frames import Frame
-from acquisition.decoders import Decoder
-from acquisition.logger.derive import Derivation
+from seatrial.acquisition.core.channel import Channel
+from seatrial.acquisition.core.channels import BY_NAME
+from seatrial.acquisition.core.frames import Frame
+from seatrial.acquisition.decoders import Decoder
+from seatrial.acquisition.logger.derive import Derivation
 
 
 def check_frame(

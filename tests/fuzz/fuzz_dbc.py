@@ -11,12 +11,12 @@ from pathlib import Path
 import atheris
 
 with atheris.instrument_imports(include=["acquisition"]):
-    from acquisition.config.sections import Signal
-    from acquisition.core.frames import Frame, FrameFlag
-    from acquisition.core.trial import Trial
-    from acquisition.decoders.clock import SourceClock
-    from acquisition.decoders.dbc import DbcDecoder
-    from acquisition.logger.derive import Derivation
+    from seatrial.acquisition.config.sections import Signal
+    from seatrial.acquisition.core.frames import Frame, FrameFlag
+    from seatrial.acquisition.core.trial import Trial
+    from seatrial.acquisition.decoders.clock import SourceClock
+    from seatrial.acquisition.decoders.dbc import DbcDecoder
+    from seatrial.acquisition.logger.derive import Derivation
     from tests.fuzz.decoding import check_frame
     from tests.fuzz.running import fuzz
 

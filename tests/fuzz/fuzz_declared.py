@@ -13,14 +13,20 @@ from pathlib import Path
 import atheris
 
 with atheris.instrument_imports(include=["acquisition"]):
-    from acquisition.config.configuration import TrialConfig, parse_config
-    from acquisition.config.declarations import GroupField, MavlinkField, SentenceField, Transducer, carried_by
-    from acquisition.core.channels import channels_known_to
-    from acquisition.core.frames import Frame, FrameFlag
-    from acquisition.decoders import decoders_by_protocol
-    from acquisition.decoders.mavlink import dialect
-    from acquisition.decoders.nmea0183 import checksum
-    from acquisition.logger.derive import Derivation
+    from seatrial.acquisition.config.configuration import TrialConfig, parse_config
+    from seatrial.acquisition.config.declarations import (
+        GroupField,
+        MavlinkField,
+        SentenceField,
+        Transducer,
+        carried_by,
+    )
+    from seatrial.acquisition.core.channels import channels_known_to
+    from seatrial.acquisition.core.frames import Frame, FrameFlag
+    from seatrial.acquisition.decoders import decoders_by_protocol
+    from seatrial.acquisition.decoders.mavlink import dialect
+    from seatrial.acquisition.decoders.nmea0183 import checksum
+    from seatrial.acquisition.logger.derive import Derivation
     from tests.acquisition.can_frames import identifier_of
     from tests.fuzz.decoding import check_frame
     from tests.fuzz.running import fuzz

@@ -13,12 +13,12 @@ import atheris
 with atheris.instrument_imports(include=["acquisition"]):
     from rich.console import Console
 
-    from acquisition.config.configuration import parse_config
-    from acquisition.core.frames import Frame, FrameFlag
-    from acquisition.discovery.discover import discovery_of
-    from acquisition.discovery.listen import interpret
-    from acquisition.discovery.picture import nothing_found, tables
-    from acquisition.discovery.places import Place
+    from seatrial.acquisition.config.configuration import parse_config
+    from seatrial.acquisition.core.frames import Frame, FrameFlag
+    from seatrial.acquisition.discovery.discover import discovery_of
+    from seatrial.acquisition.discovery.listen import interpret
+    from seatrial.acquisition.discovery.picture import nothing_found, tables
+    from seatrial.acquisition.discovery.places import Place
     from tests.acquisition.bus_logs import FORMS
     from tests.acquisition.can_frames import identifier_of
     from tests.fuzz.running import fuzz

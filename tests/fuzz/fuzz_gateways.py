@@ -14,11 +14,11 @@ from io import BytesIO
 import atheris
 
 with atheris.instrument_imports(include=["acquisition"]):
-    from acquisition.sources import looks_like
-    from acquisition.sources.file_forms import FILE_FORMS, read_lines
-    from acquisition.sources.line_forms import LineReader
-    from acquisition.sources.log_clock import LogClock
-    from acquisition.sources.streams import LineAssembler
+    from seatrial.acquisition.sources import looks_like
+    from seatrial.acquisition.sources.file_forms import FILE_FORMS, read_lines
+    from seatrial.acquisition.sources.line_forms import LineReader
+    from seatrial.acquisition.sources.log_clock import LogClock
+    from seatrial.acquisition.sources.streams import LineAssembler
     from tests.acquisition.bus_logs import FORMS
     from tests.fuzz.running import fuzz
 

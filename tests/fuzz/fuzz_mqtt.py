@@ -9,11 +9,11 @@ from __future__ import annotations
 import atheris
 
 with atheris.instrument_imports(include=["acquisition"]):
-    from acquisition.config.sections import MqttSource, TopicValue
-    from acquisition.core.frames import Frame, FrameFlag
-    from acquisition.core.trial import Trial
-    from acquisition.decoders import make_decoders
-    from acquisition.logger.derive import Derivation
+    from seatrial.acquisition.config.sections import MqttSource, TopicValue
+    from seatrial.acquisition.core.frames import Frame, FrameFlag
+    from seatrial.acquisition.core.trial import Trial
+    from seatrial.acquisition.decoders import make_decoders
+    from seatrial.acquisition.logger.derive import Derivation
     from tests.fuzz.decoding import check_frame
     from tests.fuzz.running import fuzz
 

@@ -12,13 +12,13 @@ from collections.abc import Iterator
 import atheris
 
 with atheris.instrument_imports(include=["acquisition"]):
-    from acquisition.config.sections import Device
-    from acquisition.core.actuators import Actuator, as_text
-    from acquisition.core.frames import Frame, FrameFlag
-    from acquisition.core.trial import Trial
-    from acquisition.decoders.nmea2000 import Nmea2000Decoder
-    from acquisition.decoders.parameter_groups import ADDRESS_CLAIM, FIELDS, SHORTEST_BYTES
-    from acquisition.logger.derive import Derivation
+    from seatrial.acquisition.config.sections import Device
+    from seatrial.acquisition.core.actuators import Actuator, as_text
+    from seatrial.acquisition.core.frames import Frame, FrameFlag
+    from seatrial.acquisition.core.trial import Trial
+    from seatrial.acquisition.decoders.nmea2000 import Nmea2000Decoder
+    from seatrial.acquisition.decoders.parameter_groups import ADDRESS_CLAIM, FIELDS, SHORTEST_BYTES
+    from seatrial.acquisition.logger.derive import Derivation
     from tests.acquisition.can_frames import fast_parts, identifier_of
     from tests.fuzz.decoding import check_frame
     from tests.fuzz.running import fuzz

@@ -23,13 +23,13 @@ import atheris
 with atheris.instrument_imports(include=["acquisition", "mcap"]):
     from mcap.reader import make_reader
 
-    from acquisition.core.errors import SeatrialError
-    from acquisition.core.frames import Sample
-    from acquisition.core.trial import Trial
-    from acquisition.recording.reader import read_recording
-    from acquisition.recording.recover import recover
-    from acquisition.recording.scan import MCAP_MAGIC, scan
-    from acquisition.recording.writer import RecordingWriter
+    from seatrial.acquisition.core.errors import SeatrialError
+    from seatrial.acquisition.core.frames import Sample
+    from seatrial.acquisition.core.trial import Trial
+    from seatrial.acquisition.recording.reader import read_recording
+    from seatrial.acquisition.recording.recover import recover
+    from seatrial.acquisition.recording.scan import MCAP_MAGIC, scan
+    from seatrial.acquisition.recording.writer import RecordingWriter
 
 Key = tuple[str, int, int, bytes]
 FOLDER = Path(tempfile.mkdtemp(prefix="fuzz_recover_"))

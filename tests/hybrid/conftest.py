@@ -7,11 +7,11 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from acquisition.core.arrays import Floats
-from hybrid.vessel.files import load_vessel
-from hybrid.vessel.parameters import Vessel
-from hybrid.vessel.plant import Plant, bare_plant
-from hybrid.vessel.simulate import simulate
+from seatrial.acquisition.core.arrays import Floats
+from seatrial.hybrid.vessel.files import load_vessel
+from seatrial.hybrid.vessel.parameters import Vessel
+from seatrial.hybrid.vessel.plant import Plant, bare_plant
+from seatrial.hybrid.vessel.simulate import simulate
 
 Held = Callable[..., Floats]
 

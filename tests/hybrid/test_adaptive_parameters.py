@@ -8,16 +8,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from acquisition.core.actuators import DEFAULT
-from hybrid.calibrators.adaptive.adaptation import parameter_names
-from hybrid.calibrators.adaptive.calibrator import AdaptiveCalibrator, start_names
-from hybrid.calibrators.adaptive.parameters import Parameters, parameters_of
-from hybrid.effects.catalogue import vessel_plant
-from hybrid.prediction.baselines import reference
-from hybrid.prediction.dataset import load_dataset
-from hybrid.prediction.prediction_windows import PredictionWindows
-from hybrid.vessel.files import load_vessel
-from hybrid.vessel.plant import Form
+from seatrial.acquisition.core.actuators import DEFAULT
+from seatrial.hybrid.calibrators.adaptive.adaptation import parameter_names
+from seatrial.hybrid.calibrators.adaptive.calibrator import AdaptiveCalibrator, start_names
+from seatrial.hybrid.calibrators.adaptive.parameters import Parameters, parameters_of
+from seatrial.hybrid.effects.catalogue import vessel_plant
+from seatrial.hybrid.prediction.baselines import reference
+from seatrial.hybrid.prediction.dataset import load_dataset
+from seatrial.hybrid.prediction.prediction_windows import PredictionWindows
+from seatrial.hybrid.vessel.files import load_vessel
+from seatrial.hybrid.vessel.plant import Form
 
 FORM = Form("polynomial", DEFAULT)
 

@@ -8,20 +8,20 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from acquisition.core.errors import ConfigurationError
-from hybrid.diagnosis.map import quantities
-from hybrid.effects import vessel_plant
-from hybrid.planning.repertoire import rehearse, repertoire, shafts_of
-from hybrid.simulation.handling import handling_of, pace_of, usual_rpm
-from hybrid.simulation.manoeuvres import MANOEUVRES, Leg, as_arrays, for_ship, helm, in_time, steer
-from hybrid.simulation.sea_state import sea_state_named
-from hybrid.simulation.trial import Noise, Voyage, sail_through, simulate_trial
-from hybrid.simulation.vessel_check import check_vessel
-from hybrid.vessel.actuators.controllable_propeller import ControllablePropeller
-from hybrid.vessel.actuators.waterjet import Waterjet
-from hybrid.vessel.estimate.new_vessel import new_vessel
-from hybrid.vessel.files import load_vessel
-from hybrid.vessel.parameters import Vessel
+from seatrial.acquisition.core.errors import ConfigurationError
+from seatrial.hybrid.diagnosis.map import quantities
+from seatrial.hybrid.effects import vessel_plant
+from seatrial.hybrid.planning.repertoire import rehearse, repertoire, shafts_of
+from seatrial.hybrid.simulation.handling import handling_of, pace_of, usual_rpm
+from seatrial.hybrid.simulation.manoeuvres import MANOEUVRES, Leg, as_arrays, for_ship, helm, in_time, steer
+from seatrial.hybrid.simulation.sea_state import sea_state_named
+from seatrial.hybrid.simulation.trial import Noise, Voyage, sail_through, simulate_trial
+from seatrial.hybrid.simulation.vessel_check import check_vessel
+from seatrial.hybrid.vessel.actuators.controllable_propeller import ControllablePropeller
+from seatrial.hybrid.vessel.actuators.waterjet import Waterjet
+from seatrial.hybrid.vessel.estimate.new_vessel import new_vessel
+from seatrial.hybrid.vessel.files import load_vessel
+from seatrial.hybrid.vessel.parameters import Vessel
 
 CALM = sea_state_named("calm")
 

@@ -20,18 +20,18 @@ import safetensors.numpy
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from acquisition.core.actuators import DEFAULT
-from acquisition.core.arrays import Floats
-from acquisition.core.channels import NAMES
-from acquisition.core.errors import ConfigurationError, InputError, SeatrialError, StorageError
-from hybrid.calibrators import METHODS, make_calibrator
-from hybrid.calibrators.adaptive.fit import adapt
-from hybrid.calibrators.artefact import FORMAT, SIDECAR, load, save
-from hybrid.calibrators.networks import REFERENCE_INPUTS, DataDrivenCalibrator, start_labels
-from hybrid.calibrators.train import TrainedCalibrator, plant_for
-from hybrid.prediction.baselines import Fallback
-from hybrid.vessel.files import load_vessel, locate_vessel, save_vessel, with_effects
-from hybrid.vessel.plant import Plant, bare_plant, plant_hash, plant_numbers, plant_of
+from seatrial.acquisition.core.actuators import DEFAULT
+from seatrial.acquisition.core.arrays import Floats
+from seatrial.acquisition.core.channels import NAMES
+from seatrial.acquisition.core.errors import ConfigurationError, InputError, SeatrialError, StorageError
+from seatrial.hybrid.calibrators import METHODS, make_calibrator
+from seatrial.hybrid.calibrators.adaptive.fit import adapt
+from seatrial.hybrid.calibrators.artefact import FORMAT, SIDECAR, load, save
+from seatrial.hybrid.calibrators.networks import REFERENCE_INPUTS, DataDrivenCalibrator, start_labels
+from seatrial.hybrid.calibrators.train import TrainedCalibrator, plant_for
+from seatrial.hybrid.prediction.baselines import Fallback
+from seatrial.hybrid.vessel.files import load_vessel, locate_vessel, save_vessel, with_effects
+from seatrial.hybrid.vessel.plant import Plant, bare_plant, plant_hash, plant_numbers, plant_of
 from tests.hybrid.windows_by_hand import answers, random_windows
 
 SECONDS = 6
@@ -49,7 +49,7 @@ def tiny(plant: Plant) -> Callable[..., TrainedCalibrator]:
         for calibrator in fitted:
             vars(calibrator).update(epochs=2, batch=32)
             with pytest.MonkeyPatch.context() as patch:
-                patch.setattr("hybrid.calibrators.adaptive.calibrator.adapt", partial(adapt, steps=1))
+                patch.setattr("seatrial.hybrid.calibrators.adaptive.calibrator.adapt", partial(adapt, steps=1))
                 calibrator.fit((training, training.track), (stopping, stopping.track))
         region_m = np.linspace((0.5, 0.4), (3.0, 2.0), SECONDS)
         fallback = Fallback(np.array([1.5, 0.5]), np.array([1.0, 0.3]), region_m)

@@ -8,8 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.stats import norm
 
-from acquisition.core.serialisation import to_json
-from hybrid.prediction.scores import Interval, LegBootstrap
+from seatrial.acquisition.core.serialisation import to_json
+from seatrial.hybrid.prediction.scores import Interval, LegBootstrap
 
 
 def _width(interval: Interval) -> float:

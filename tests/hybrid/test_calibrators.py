@@ -10,12 +10,12 @@ import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from acquisition.core.actuators import DEFAULT
-from acquisition.core.arrays import Floats
-from acquisition.core.errors import ConfigurationError
-from hybrid.calibrators import METHODS, make_calibrator
-from hybrid.calibrators.network_training import StoppingRule, fit_network
-from hybrid.calibrators.networks import (
+from seatrial.acquisition.core.actuators import DEFAULT
+from seatrial.acquisition.core.arrays import Floats
+from seatrial.acquisition.core.errors import ConfigurationError
+from seatrial.hybrid.calibrators import METHODS, make_calibrator
+from seatrial.hybrid.calibrators.network_training import StoppingRule, fit_network
+from seatrial.hybrid.calibrators.networks import (
     REFERENCE_INPUTS,
     AdditiveCalibrator,
     DataDrivenCalibrator,
@@ -26,8 +26,8 @@ from hybrid.calibrators.networks import (
     start_inputs,
     start_labels,
 )
-from hybrid.prediction.prediction_windows import PredictionWindows
-from hybrid.prediction.scores import score
+from seatrial.hybrid.prediction.prediction_windows import PredictionWindows
+from seatrial.hybrid.prediction.scores import score
 from tests.hybrid.windows_by_hand import moved, random_windows, windows_at
 
 SECONDS = 8

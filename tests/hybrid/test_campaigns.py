@@ -14,12 +14,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from typer.testing import CliRunner
 
-from acquisition.core.errors import ConfigurationError, InputError
-from analysis.tables.table import read_table
-from hybrid import cli
-from hybrid.simulation.campaigns import Campaign, CampaignResult, load_campaign, run_campaign, trials_of
-from hybrid.simulation.trial import simulate_trial
-from hybrid.vessel.files import load_vessel, save_vessel
+from seatrial.acquisition.core.errors import ConfigurationError, InputError
+from seatrial.analysis.tables.table import read_table
+from seatrial.hybrid import cli
+from seatrial.hybrid.simulation.campaigns import Campaign, CampaignResult, load_campaign, run_campaign, trials_of
+from seatrial.hybrid.simulation.trial import simulate_trial
+from seatrial.hybrid.vessel.files import load_vessel, save_vessel
 
 EXAMPLE = Path(__file__).parents[2] / "trials" / "campaign.toml"
 SMALL = Campaign(

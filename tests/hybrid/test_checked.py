@@ -8,15 +8,15 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from acquisition.core.angles import wrap_180
-from acquisition.core.trial import Trial
-from acquisition.recording.reader import read_recording
-from acquisition.recording.tables import write_table
-from analysis.quality.motion.checks import check_motion
-from hybrid.diagnosis.log import log_of
-from hybrid.effects import CATALOGUE
-from hybrid.simulation.trial import simulate_trial
-from hybrid.workflows.checked import Checked, checked_tables, without_wind
+from seatrial.acquisition.core.angles import wrap_180
+from seatrial.acquisition.core.trial import Trial
+from seatrial.acquisition.recording.reader import read_recording
+from seatrial.acquisition.recording.tables import write_table
+from seatrial.analysis.quality.motion.checks import check_motion
+from seatrial.hybrid.diagnosis.log import log_of
+from seatrial.hybrid.effects import CATALOGUE
+from seatrial.hybrid.simulation.trial import simulate_trial
+from seatrial.hybrid.workflows.checked import Checked, checked_tables, without_wind
 
 
 @pytest.fixture(scope="module")

@@ -10,17 +10,17 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from acquisition.core.trial import Trial
-from acquisition.recording.tables import write_table
-from analysis.windows.recordings import tables_of_recordings
-from hybrid.calibrators.predict import window_at
-from hybrid.evaluation.splits import SPLITS, shared_seconds
-from hybrid.prediction.dataset import load_dataset
-from hybrid.prediction.kalman_filter import filtered_starts
-from hybrid.prediction.prediction_windows import PredictionWindows
-from hybrid.simulation.trial import simulate_trial
-from hybrid.vessel.plant import Plant
 from seatrial import app
+from seatrial.acquisition.core.trial import Trial
+from seatrial.acquisition.recording.tables import write_table
+from seatrial.analysis.windows.recordings import tables_of_recordings
+from seatrial.hybrid.calibrators.predict import window_at
+from seatrial.hybrid.evaluation.splits import SPLITS, shared_seconds
+from seatrial.hybrid.prediction.dataset import load_dataset
+from seatrial.hybrid.prediction.kalman_filter import filtered_starts
+from seatrial.hybrid.prediction.prediction_windows import PredictionWindows
+from seatrial.hybrid.simulation.trial import simulate_trial
+from seatrial.hybrid.vessel.plant import Plant
 from tests.conftest import few_epochs
 
 RUN = CliRunner()
@@ -55,7 +55,8 @@ def test_train_and_validate_repair_on_request(
 ) -> None:
     """With --repair both judge the reference on speeds in knots as on those that are right."""
     monkeypatch.setattr(
-        "hybrid.calibrators.train.make_calibrator", lambda method, seed, plant: few_epochs(method, seed, plant, 1)
+        "seatrial.hybrid.calibrators.train.make_calibrator",
+        lambda method, seed, plant: few_epochs(method, seed, plant, 1),
     )
 
     def said(command: str, path: Path, *options: str) -> dict[str, Any]:

@@ -9,15 +9,15 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from acquisition.core.arrays import Floats
-from acquisition.core.errors import ConfigurationError
-from hybrid.effects import CATALOGUE
-from hybrid.effects.environment import STEADY_WIND
-from hybrid.effects.hull import aspect_growth
-from hybrid.vessel.actuators import KINDS
-from hybrid.vessel.files import load_vessel
-from hybrid.vessel.plant import Plant, bare_plant
-from hybrid.vessel.simulate import simulate
+from seatrial.acquisition.core.arrays import Floats
+from seatrial.acquisition.core.errors import ConfigurationError
+from seatrial.hybrid.effects import CATALOGUE
+from seatrial.hybrid.effects.environment import STEADY_WIND
+from seatrial.hybrid.effects.hull import aspect_growth
+from seatrial.hybrid.vessel.actuators import KINDS
+from seatrial.hybrid.vessel.files import load_vessel
+from seatrial.hybrid.vessel.plant import Plant, bare_plant
+from seatrial.hybrid.vessel.simulate import simulate
 from tests.hybrid.conftest import Held
 
 Force = tuple[float, float, float]

@@ -10,15 +10,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from acquisition.core.arrays import Floats
-from acquisition.core.errors import InputError
-from hybrid.effects import CATALOGUE
-from hybrid.simulation.manoeuvres import manoeuvre_named
-from hybrid.simulation.trial import Noise, simulate_trial
-from hybrid.vessel.channels import controls_of, wind_of
-from hybrid.vessel.plant import Plant
-from hybrid.vessel.sensors import acting_controls, behind_play, measure
-from hybrid.vessel.simulate import simulate, simulate_batch
+from seatrial.acquisition.core.arrays import Floats
+from seatrial.acquisition.core.errors import InputError
+from seatrial.hybrid.effects import CATALOGUE
+from seatrial.hybrid.simulation.manoeuvres import manoeuvre_named
+from seatrial.hybrid.simulation.trial import Noise, simulate_trial
+from seatrial.hybrid.vessel.channels import controls_of, wind_of
+from seatrial.hybrid.vessel.plant import Plant
+from seatrial.hybrid.vessel.sensors import acting_controls, behind_play, measure
+from seatrial.hybrid.vessel.simulate import simulate, simulate_batch
 from tests.hybrid.conftest import Held
 
 ANGLES = (1, 3)

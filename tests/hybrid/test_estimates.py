@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from acquisition.core.errors import InputError
-from hybrid.vessel.estimate import devices, hull, propeller
-from hybrid.vessel.estimate.particulars import Estimates, Particulars, outside_samples
-from hybrid.vessel.estimate.propeller import pod, tunnel_force
+from seatrial.acquisition.core.errors import InputError
+from seatrial.hybrid.vessel.estimate import devices, hull, propeller
+from seatrial.hybrid.vessel.estimate.particulars import Estimates, Particulars, outside_samples
+from seatrial.hybrid.vessel.estimate.propeller import pod, tunnel_force
 
 KVLCC2 = Particulars(
     length_m=7.0, beam_m=1.27, draught_m=0.46, block=3.27 / (7.0 * 1.27 * 0.46), service_speed_mps=1.179,

@@ -11,11 +11,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from acquisition.core.arrays import Floats
-from hybrid.effects import CATALOGUE, FAMILIES, Effect
-from hybrid.vessel.plant import Plant, flat, pack
-from hybrid.vessel.sensors import measure, move_alike
-from hybrid.vessel.simulate import simulate
+from seatrial.acquisition.core.arrays import Floats
+from seatrial.hybrid.effects import CATALOGUE, FAMILIES, Effect
+from seatrial.hybrid.vessel.plant import Plant, flat, pack
+from seatrial.hybrid.vessel.sensors import measure, move_alike
+from seatrial.hybrid.vessel.simulate import simulate
 
 EFFECTS = list(CATALOGUE.values())
 BY_NAME = pytest.mark.parametrize("effect", EFFECTS, ids=lambda each: each.name)

@@ -8,9 +8,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from hybrid.vessel.actuators.azimuth import force
-from hybrid.vessel.plant import Plant, pack
-from hybrid.vessel.simulate import simulate
+from seatrial.hybrid.vessel.actuators.azimuth import force
+from seatrial.hybrid.vessel.plant import Plant, pack
+from seatrial.hybrid.vessel.simulate import simulate
 
 pytestmark = pytest.mark.shared
 

@@ -8,17 +8,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from acquisition.core.actuators import VESSELS
-from acquisition.tables.import_table import import_table
-from analysis.tables.resample import resample
-from analysis.windows.recordings import second_by_second
-from hybrid.effects.catalogue import vessel_plant
-from hybrid.prediction.baselines import constant_velocity, reference
-from hybrid.prediction.dataset import dataset_of
-from hybrid.prediction.scores import score
-from hybrid.vessel.files import load_vessel, ships_of
-from hybrid.vessel.simulate import simulate_batch
-from hybrid.workflows.checked import usable_tables
+from seatrial.acquisition.core.actuators import VESSELS
+from seatrial.acquisition.tables.import_table import import_table
+from seatrial.analysis.tables.resample import resample
+from seatrial.analysis.windows.recordings import second_by_second
+from seatrial.hybrid.effects.catalogue import vessel_plant
+from seatrial.hybrid.prediction.baselines import constant_velocity, reference
+from seatrial.hybrid.prediction.dataset import dataset_of
+from seatrial.hybrid.prediction.scores import score
+from seatrial.hybrid.vessel.files import load_vessel, ships_of
+from seatrial.hybrid.vessel.simulate import simulate_batch
+from seatrial.hybrid.workflows.checked import usable_tables
 
 PARTS = {
     "gunnerus_2019_docking": "docking_2019-11-09_part1.csv",

@@ -7,15 +7,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from acquisition.core.arrays import Floats
-from acquisition.core.errors import ConfigurationError
-from hybrid.effects import vessel_plant
-from hybrid.simulation.handling import Pace, handling_of, pace_of, usual_rpm
-from hybrid.simulation.manoeuvres import MANOEUVRES, Leg, as_arrays, for_ship, manoeuvre_named, steer
-from hybrid.simulation.sea_state import sea_state_named
-from hybrid.simulation.trial import sail_through
-from hybrid.vessel.files import load_vessel
-from hybrid.vessel.parameters import Vessel
+from seatrial.acquisition.core.arrays import Floats
+from seatrial.acquisition.core.errors import ConfigurationError
+from seatrial.hybrid.effects import vessel_plant
+from seatrial.hybrid.simulation.handling import Pace, handling_of, pace_of, usual_rpm
+from seatrial.hybrid.simulation.manoeuvres import MANOEUVRES, Leg, as_arrays, for_ship, manoeuvre_named, steer
+from seatrial.hybrid.simulation.sea_state import sea_state_named
+from seatrial.hybrid.simulation.trial import sail_through
+from seatrial.hybrid.vessel.files import load_vessel
+from seatrial.hybrid.vessel.parameters import Vessel
 from tests.hybrid.froude import froude_scaled
 
 GUNNERUS = load_vessel("gunnerus_short")

@@ -10,18 +10,18 @@ import pandas as pd
 import pytest
 
 import seatrial as st
-from acquisition.core.actuators import as_text
-from acquisition.core.errors import InputError
-from hybrid.effects.catalogue import vessel_plant
-from hybrid.identification.coefficients import coefficients_of, values_at, with_values
-from hybrid.identification.identify import Identification, identify_tables
-from hybrid.identification.response import PARTS, model_of
-from hybrid.identification.segments import segments_of
-from hybrid.simulation.sea_state import SeaState
-from hybrid.simulation.trial import Noise, simulate_trial
-from hybrid.vessel.channels import as_table
-from hybrid.vessel.files import load_vessel, save_vessel
-from hybrid.vessel.parameters import Vessel
+from seatrial.acquisition.core.actuators import as_text
+from seatrial.acquisition.core.errors import InputError
+from seatrial.hybrid.effects.catalogue import vessel_plant
+from seatrial.hybrid.identification.coefficients import coefficients_of, values_at, with_values
+from seatrial.hybrid.identification.identify import Identification, identify_tables
+from seatrial.hybrid.identification.response import PARTS, model_of
+from seatrial.hybrid.identification.segments import segments_of
+from seatrial.hybrid.simulation.sea_state import SeaState
+from seatrial.hybrid.simulation.trial import Noise, simulate_trial
+from seatrial.hybrid.vessel.channels import as_table
+from seatrial.hybrid.vessel.files import load_vessel, save_vessel
+from seatrial.hybrid.vessel.parameters import Vessel
 
 ONLY = ("hull.Y_v", "hull.N_r", "hull.C_D", "rudder.lift_slope", "propeller.astern_0")
 TRUE = {"hull.Y_v": -0.45, "hull.N_r": -0.041, "hull.C_D": 0.8, "rudder.lift_slope": 2.9}

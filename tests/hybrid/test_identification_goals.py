@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 
 import seatrial as st
-from acquisition.tables.import_table import import_table
-from hybrid.identification.coefficients import coefficients_of, values_at, with_values
-from hybrid.identification.identify import identify_tables
-from hybrid.simulation.sea_state import SeaState
-from hybrid.simulation.trial import Noise, simulate_trial
-from hybrid.vessel.estimate.new_vessel import HullName, new_vessel
-from hybrid.vessel.files import load_vessel
-from hybrid.vessel.parameters import Vessel
+from seatrial.acquisition.tables.import_table import import_table
+from seatrial.hybrid.identification.coefficients import coefficients_of, values_at, with_values
+from seatrial.hybrid.identification.identify import identify_tables
+from seatrial.hybrid.simulation.sea_state import SeaState
+from seatrial.hybrid.simulation.trial import Noise, simulate_trial
+from seatrial.hybrid.vessel.estimate.new_vessel import HullName, new_vessel
+from seatrial.hybrid.vessel.files import load_vessel
+from seatrial.hybrid.vessel.parameters import Vessel
 
 pytestmark = pytest.mark.slow
 

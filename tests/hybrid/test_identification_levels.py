@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
 
-from acquisition.core.arrays import Floats
-from hybrid.identification.fit import Levels, estimate_levels, moments_of
-from hybrid.identification.response import PARTS
+from seatrial.acquisition.core.arrays import Floats
+from seatrial.hybrid.identification.fit import Levels, estimate_levels, moments_of
+from seatrial.hybrid.identification.response import PARTS
 
 OWN = 9 + 3 * PARTS
 TRUE = Levels(np.array([0.3, 0.2, 0.02, 0.1, 0.1, 0.03]) ** 2, np.array([[0.4, 0.2, 0.3], [0.1, 0.5, 0.05]]) ** 2)

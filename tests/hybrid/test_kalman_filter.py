@@ -11,19 +11,19 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.linalg import block_diag, expm, solve_discrete_are
 
-from acquisition.core.actuators import Actuator
-from acquisition.core.arrays import Floats
-from acquisition.core.errors import InputError
-from analysis.tables.resample import resample
-from analysis.windows.recordings import second_by_second
-from hybrid.effects.catalogue import vessel_plant
-from hybrid.prediction.baselines import reference
-from hybrid.prediction.dataset import dataset_of
-from hybrid.prediction.kalman_filter import WAVE_DAMPING, filtered_starts, kalman_gains, wave_step
-from hybrid.prediction.scores import distances
-from hybrid.simulation.trial import simulate_trial
-from hybrid.vessel.files import load_vessel
-from hybrid.vessel.plant import Plant
+from seatrial.acquisition.core.actuators import Actuator
+from seatrial.acquisition.core.arrays import Floats
+from seatrial.acquisition.core.errors import InputError
+from seatrial.analysis.tables.resample import resample
+from seatrial.analysis.windows.recordings import second_by_second
+from seatrial.hybrid.effects.catalogue import vessel_plant
+from seatrial.hybrid.prediction.baselines import reference
+from seatrial.hybrid.prediction.dataset import dataset_of
+from seatrial.hybrid.prediction.kalman_filter import WAVE_DAMPING, filtered_starts, kalman_gains, wave_step
+from seatrial.hybrid.prediction.scores import distances
+from seatrial.hybrid.simulation.trial import simulate_trial
+from seatrial.hybrid.vessel.files import load_vessel
+from seatrial.hybrid.vessel.plant import Plant
 from tests.hybrid.windows_by_hand import moved, voyages, windows_at
 
 power = st.floats(-3.0, 2.0)

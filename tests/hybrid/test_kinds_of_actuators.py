@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import pytest
 
-from acquisition.core.actuators import ANGLES, CONTROLS, Actuator, control_names
-from acquisition.core.actuators import KINDS as RECORDED_KINDS
-from analysis.report.plots import control_groups
-from analysis.windows.held import REASONS, TOLERANCES, sort_of, tolerance_of
-from hybrid.effects.regime import steering_angles, weights_of
-from hybrid.report.diagnosis_map_plots import QUANTITIES
-from hybrid.vessel.actuators import KINDS
+from seatrial.acquisition.core.actuators import ANGLES, CONTROLS, Actuator, control_names
+from seatrial.acquisition.core.actuators import KINDS as RECORDED_KINDS
+from seatrial.analysis.report.plots import control_groups
+from seatrial.analysis.windows.held import REASONS, TOLERANCES, sort_of, tolerance_of
+from seatrial.hybrid.effects.regime import steering_angles, weights_of
+from seatrial.hybrid.report.diagnosis_map_plots import QUANTITIES
+from seatrial.hybrid.vessel.actuators import KINDS
 
 
 @pytest.mark.parametrize("name", RECORDED_KINDS)

@@ -12,9 +12,9 @@ from hypothesis import given, strategies
 from typer.testing import CliRunner
 
 import seatrial as st
-from acquisition.core.errors import InputError
-from hybrid.vessel.estimate.devices import Propeller, Rudder, Tunnel, device
-from hybrid.vessel.estimate.new_vessel import NewVessel, new_vessel
+from seatrial.acquisition.core.errors import InputError
+from seatrial.hybrid.vessel.estimate.devices import Propeller, Rudder, Tunnel, device
+from seatrial.hybrid.vessel.estimate.new_vessel import NewVessel, new_vessel
 
 KVLCC2: dict[str, Any] = {
     "name": "kvlcc2_estimated", "length_m": 7.0, "beam_m": 1.27, "draught_m": 0.46, "block": 0.81,
@@ -177,7 +177,7 @@ def test_without_a_terminal_everything_that_is_missing_is_named(tmp_path: Path) 
 
 
 def test_at_a_terminal_what_is_missing_is_asked_for(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("hybrid.cli.vessel.at_terminal", lambda: True)
+    monkeypatch.setattr("seatrial.hybrid.cli.vessel.at_terminal", lambda: True)
     file = tmp_path / "asked.toml"
     answers = ["0.81", "main, diameter=0.216", "", "", "area=0.0539", "", ""]
     done = CliRunner().invoke(

@@ -8,13 +8,13 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from acquisition.core.trial import Trial
-from acquisition.recording.reader import read_recording
-from acquisition.recording.tables import write_table
-from hybrid.simulation.trial import Noise, simulate_trial
-from hybrid.vessel.actuators.kind import Drive
-from hybrid.vessel.files import load_vessel
-from hybrid.workflows.checked import checked_tables, driven_by_orders, followed, idle_angles
+from seatrial.acquisition.core.trial import Trial
+from seatrial.acquisition.recording.reader import read_recording
+from seatrial.acquisition.recording.tables import write_table
+from seatrial.hybrid.simulation.trial import Noise, simulate_trial
+from seatrial.hybrid.vessel.actuators.kind import Drive
+from seatrial.hybrid.vessel.files import load_vessel
+from seatrial.hybrid.workflows.checked import checked_tables, driven_by_orders, followed, idle_angles
 
 VESSEL = load_vessel("gunnerus_short")
 

@@ -11,13 +11,13 @@ import pytest
 import typer
 from typer.testing import CliRunner
 
-from acquisition.core.errors import ConfigurationError
-from analysis.tables.table import read_table
-from hybrid import cli
-from hybrid.effects import CATALOGUE, apply_effects, catalogue_with
-from hybrid.simulation.trial import simulate_trial
-from hybrid.vessel.dynamics import Environment
-from hybrid.vessel.plant import Plant
+from seatrial.acquisition.core.errors import ConfigurationError
+from seatrial.analysis.tables.table import read_table
+from seatrial.hybrid import cli
+from seatrial.hybrid.effects import CATALOGUE, apply_effects, catalogue_with
+from seatrial.hybrid.simulation.trial import simulate_trial
+from seatrial.hybrid.vessel.dynamics import Environment
+from seatrial.hybrid.vessel.plant import Plant
 
 ROOT = Path(__file__).parents[2]
 EXAMPLE = ROOT / "trials" / "effects" / "drogue.py"

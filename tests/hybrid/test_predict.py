@@ -11,19 +11,19 @@ import pandas as pd
 import pytest
 from rich.console import Console
 
-from acquisition.core.angles import difference
-from acquisition.core.channels import NAMES
-from acquisition.core.errors import InputError, ModelRangeError
-from analysis.tables.resample import resample
-from analysis.tables.table import read_table
-from analysis.windows.recordings import SecondBySecond
-from hybrid.calibrators.predict import Prediction, parse_time, predict, window_at
-from hybrid.calibrators.train import TrainedCalibrator
-from hybrid.prediction.baselines import reference
-from hybrid.prediction.kalman_filter import filtered_starts
-from hybrid.prediction.planned_commands import planned_commands, read_commands
-from hybrid.report.tables import prediction_table
-from hybrid.vessel.plant import Plant
+from seatrial.acquisition.core.angles import difference
+from seatrial.acquisition.core.channels import NAMES
+from seatrial.acquisition.core.errors import InputError, ModelRangeError
+from seatrial.analysis.tables.resample import resample
+from seatrial.analysis.tables.table import read_table
+from seatrial.analysis.windows.recordings import SecondBySecond
+from seatrial.hybrid.calibrators.predict import Prediction, parse_time, predict, window_at
+from seatrial.hybrid.calibrators.train import TrainedCalibrator
+from seatrial.hybrid.prediction.baselines import reference
+from seatrial.hybrid.prediction.kalman_filter import filtered_starts
+from seatrial.hybrid.prediction.planned_commands import planned_commands, read_commands
+from seatrial.hybrid.report.tables import prediction_table
+from seatrial.hybrid.vessel.plant import Plant
 from tests.conftest import SMALL_HORIZON_S
 
 

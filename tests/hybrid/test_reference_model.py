@@ -7,18 +7,25 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from acquisition.config.configuration import load_config
-from acquisition.core.actuators import VESSELS, as_text
-from acquisition.core.errors import ConfigurationError, InputError
-from acquisition.core.trial import Trial
-from acquisition.encoders.nmea0183 import sentence
-from acquisition.logger.record import record
-from acquisition.logger.redecode import redecode
-from acquisition.recording.reader import read_recording, read_trial
-from acquisition.recording.tables import write_table
-from acquisition.tables.import_table import import_table
-from hybrid.simulation.trial import simulate_trial
-from hybrid.vessel.files import ReferenceModel, load_vessel, reference_model, save_vessel, trials_of, with_effects
+from seatrial.acquisition.config.configuration import load_config
+from seatrial.acquisition.core.actuators import VESSELS, as_text
+from seatrial.acquisition.core.errors import ConfigurationError, InputError
+from seatrial.acquisition.core.trial import Trial
+from seatrial.acquisition.encoders.nmea0183 import sentence
+from seatrial.acquisition.logger.record import record
+from seatrial.acquisition.logger.redecode import redecode
+from seatrial.acquisition.recording.reader import read_recording, read_trial
+from seatrial.acquisition.recording.tables import write_table
+from seatrial.acquisition.tables.import_table import import_table
+from seatrial.hybrid.simulation.trial import simulate_trial
+from seatrial.hybrid.vessel.files import (
+    ReferenceModel,
+    load_vessel,
+    reference_model,
+    save_vessel,
+    trials_of,
+    with_effects,
+)
 from tests.conftest import Command
 
 TANKER = (VESSELS / "esso_osaka_3m.toml").read_text().replace("esso_osaka_3m", "tanker")

@@ -11,26 +11,26 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from acquisition.core.progress import Progress
-from acquisition.core.serialisation import from_json
-from hybrid.diagnosis.gap import fold_of, unseen_windows
-from hybrid.diagnosis.linearise import model_of
-from hybrid.diagnosis.log import log_of
-from hybrid.diagnosis.result import Diagnosis, Estimate, Extras, IdentifiedCorrection, Remainder
-from hybrid.identification.coefficients import coefficients_of, with_values
-from hybrid.report.diagnosis_words import (
+from seatrial.acquisition.core.progress import Progress
+from seatrial.acquisition.core.serialisation import from_json
+from seatrial.hybrid.diagnosis.gap import fold_of, unseen_windows
+from seatrial.hybrid.diagnosis.linearise import model_of
+from seatrial.hybrid.diagnosis.log import log_of
+from seatrial.hybrid.diagnosis.result import Diagnosis, Estimate, Extras, IdentifiedCorrection, Remainder
+from seatrial.hybrid.identification.coefficients import coefficients_of, with_values
+from seatrial.hybrid.report.diagnosis_words import (
     coefficient_rows,
     correction_sentence,
     granted_rows,
     page_of,
     structure_rows,
 )
-from hybrid.simulation.trial import simulate_trial
-from hybrid.vessel.files import load_vessel
-from hybrid.vessel.parameters import Vessel
-from hybrid.workflows import diagnose
-from hybrid.workflows.checked import Checked
-from hybrid.workflows.diagnose import DiagnosisRun, diagnose_tables, vessel_with_effects
+from seatrial.hybrid.simulation.trial import simulate_trial
+from seatrial.hybrid.vessel.files import load_vessel
+from seatrial.hybrid.vessel.parameters import Vessel
+from seatrial.hybrid.workflows import diagnose
+from seatrial.hybrid.workflows.checked import Checked
+from seatrial.hybrid.workflows.diagnose import DiagnosisRun, diagnose_tables, vessel_with_effects
 from tests.hybrid.diagnosis.made_up import named
 
 SHIP = load_vessel("gunnerus_long")

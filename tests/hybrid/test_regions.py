@@ -11,17 +11,17 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.stats import binom
 
-from acquisition.core.actuators import Actuators
-from acquisition.core.arrays import Bools, Floats
-from hybrid.calibrators.calibrator import (
+from seatrial.acquisition.core.actuators import Actuators
+from seatrial.acquisition.core.arrays import Bools, Floats
+from seatrial.hybrid.calibrators.calibrator import (
     Calibrator,
     DomainOfApplicability,
     Examples,
     Progress,
     predict_with_fallback,
 )
-from hybrid.calibrators.networks import PaperCalibrator
-from hybrid.prediction.baselines import (
+from seatrial.hybrid.calibrators.networks import PaperCalibrator
+from seatrial.hybrid.prediction.baselines import (
     BASELINES,
     HINDCAST_S,
     Candidate,
@@ -29,22 +29,22 @@ from hybrid.prediction.baselines import (
     constant_velocity,
     reference,
 )
-from hybrid.prediction.kalman_filter import filtered_starts
-from hybrid.prediction.prediction_windows import (
+from seatrial.hybrid.prediction.kalman_filter import filtered_starts
+from seatrial.hybrid.prediction.prediction_windows import (
     PAST_S,
     PredictionWindows,
     concatenate_windows,
     hindcast_windows,
 )
-from hybrid.prediction.regions import (
+from seatrial.hybrid.prediction.regions import (
     conformal_region,
     equal_area_radius,
     outlines,
     relative_distances,
 )
-from hybrid.prediction.scores import mean_distances
-from hybrid.vessel.plant import Plant
-from hybrid.vessel.simulate import simulate_batch
+from seatrial.hybrid.prediction.scores import mean_distances
+from seatrial.hybrid.vessel.plant import Plant
+from seatrial.hybrid.vessel.simulate import simulate_batch
 from tests.hybrid.windows_by_hand import random_windows, voyages
 
 SECONDS = 12

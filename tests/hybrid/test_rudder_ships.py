@@ -14,12 +14,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from acquisition.core.arrays import Floats
-from acquisition.core.errors import ConfigurationError
-from hybrid.effects.catalogue import catalogue_of, vessel_plant
-from hybrid.vessel.files import load_vessel, save_vessel
-from hybrid.vessel.plant import Plant, pack
-from hybrid.vessel.simulate import simulate
+from seatrial.acquisition.core.arrays import Floats
+from seatrial.acquisition.core.errors import ConfigurationError
+from seatrial.hybrid.effects.catalogue import catalogue_of, vessel_plant
+from seatrial.hybrid.vessel.files import load_vessel, save_vessel
+from seatrial.hybrid.vessel.plant import Plant, pack
+from seatrial.hybrid.vessel.simulate import simulate
 from tests.force_calls import actuators_force, drag_across, hull_force, wind_force
 
 Force = tuple[float, float, float]

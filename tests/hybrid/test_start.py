@@ -12,16 +12,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from acquisition.config.configuration import load_config
-from acquisition.core.actuators import control_names
-from acquisition.core.channels import trial_names
-from acquisition.recording.reader import read_recording
-from analysis.kinematics import integrate
-from analysis.manoeuvres import find_manoeuvres
-from analysis.tables.table import read_table
-from hybrid.vessel.files import load_vessel
-from hybrid.vessel.plant import bare_plant
-from hybrid.workflows.start import start_folder
+from seatrial.acquisition.config.configuration import load_config
+from seatrial.acquisition.core.actuators import control_names
+from seatrial.acquisition.core.channels import trial_names
+from seatrial.acquisition.recording.reader import read_recording
+from seatrial.analysis.kinematics import integrate
+from seatrial.analysis.manoeuvres import find_manoeuvres
+from seatrial.analysis.tables.table import read_table
+from seatrial.hybrid.vessel.files import load_vessel
+from seatrial.hybrid.vessel.plant import bare_plant
+from seatrial.hybrid.workflows.start import start_folder
 from tests.acquisition.conftest import free_port
 from tests.conftest import Command
 
@@ -185,7 +185,7 @@ def test_a_vessel_file_that_is_in_the_folder_stays_as_it_is(
 def test_without_dimensions_no_ship_is_made_up(
     tmp_path: Path, command: Command, monkeypatch: pytest.MonkeyPatch, options: list[str], code: int, why: str
 ) -> None:
-    monkeypatch.setattr("hybrid.cli.vessel.at_terminal", lambda: False)
+    monkeypatch.setattr("seatrial.hybrid.cli.vessel.at_terminal", lambda: False)
     monkeypatch.chdir(tmp_path)
     done = command("init", "out", *options)
     assert (done.code, done.out) == (code, "")

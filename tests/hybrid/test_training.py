@@ -9,8 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from torch import Tensor, nn
 
-from acquisition.core.errors import ConfigurationError
-from hybrid.calibrators.network_training import (
+from seatrial.acquisition.core.errors import ConfigurationError
+from seatrial.hybrid.calibrators.network_training import (
     DEVICE_VARIABLE,
     Perceptron,
     StoppingRule,
@@ -19,7 +19,7 @@ from hybrid.calibrators.network_training import (
     train_network,
     training_device,
 )
-from hybrid.calibrators.networks import PaperCalibrator, outputs_of
+from seatrial.hybrid.calibrators.networks import PaperCalibrator, outputs_of
 from tests.hybrid.windows_by_hand import random_windows
 
 UNTIL = StoppingRule(steps=120, rows=400, patience=20)

@@ -11,12 +11,12 @@ import pytest
 import typer
 from typer.testing import CliRunner
 
-from acquisition.core.angles import difference
-from acquisition.core.channels import BY_NAME, CHANNELS, NAMES
-from acquisition.core.errors import ConfigurationError, ModelRangeError
-from hybrid import cli
-from hybrid.simulation.manoeuvres import MANOEUVRES, Leg, helm, manoeuvre_named, steer, zigzag
-from hybrid.simulation.sea_state import (
+from seatrial.acquisition.core.angles import difference
+from seatrial.acquisition.core.channels import BY_NAME, CHANNELS, NAMES
+from seatrial.acquisition.core.errors import ConfigurationError, ModelRangeError
+from seatrial.hybrid import cli
+from seatrial.hybrid.simulation.manoeuvres import MANOEUVRES, Leg, helm, manoeuvre_named, steer, zigzag
+from seatrial.hybrid.simulation.sea_state import (
     SeaState,
     drift_series,
     jonswap,
@@ -26,11 +26,11 @@ from hybrid.simulation.sea_state import (
     wave_motion,
     wind_series,
 )
-from hybrid.simulation.trial import Noise, simulate_trial
-from hybrid.vessel.channels import controls_of, states_of, wind_of
-from hybrid.vessel.files import load_vessel
-from hybrid.vessel.plant import Plant
-from hybrid.vessel.simulate import simulate_batch
+from seatrial.hybrid.simulation.trial import Noise, simulate_trial
+from seatrial.hybrid.vessel.channels import controls_of, states_of, wind_of
+from seatrial.hybrid.vessel.files import load_vessel
+from seatrial.hybrid.vessel.plant import Plant
+from seatrial.hybrid.vessel.simulate import simulate_batch
 from tests.hybrid.froude import froude_scaled
 
 PERFECT = Noise().scaled(0.0)
@@ -280,7 +280,7 @@ def test_the_catalogue_prints_as_json() -> None:
 def test_channels_convert_there_and_back() -> None:
     """A table to arrays and back is the table, angles at the wrap included."""
     table, truth = simulate_trial("gunnerus_short", "gentle", "zigzag", 30.0, 2.0, heading_deg=359.0)
-    from hybrid.vessel.channels import as_table
+    from seatrial.hybrid.vessel.channels import as_table
 
     back = as_table(states_of(table), controls_of(table), wind_of(table), table.index)
     pd.testing.assert_frame_equal(back, table)

@@ -13,14 +13,14 @@ from scipy.optimize import brentq
 from typer.testing import CliRunner
 
 import seatrial as st
-from analysis.manoeuvres import find_manoeuvres
-from hybrid import cli
-from hybrid.simulation.manoeuvres import steer, turning_circle, zigzag
-from hybrid.simulation.standard_tests import StandardTest, ship_at
-from hybrid.simulation.trial import Noise, simulate_trial
-from hybrid.simulation.vessel_check import TEST_SHARE, VesselCheck, check_vessel, conditions_of
-from hybrid.vessel.files import load_vessel
-from hybrid.vessel.plant import bare_plant
+from seatrial.analysis.manoeuvres import find_manoeuvres
+from seatrial.hybrid import cli
+from seatrial.hybrid.simulation.manoeuvres import steer, turning_circle, zigzag
+from seatrial.hybrid.simulation.standard_tests import StandardTest, ship_at
+from seatrial.hybrid.simulation.trial import Noise, simulate_trial
+from seatrial.hybrid.simulation.vessel_check import TEST_SHARE, VesselCheck, check_vessel, conditions_of
+from seatrial.hybrid.vessel.files import load_vessel
+from seatrial.hybrid.vessel.plant import bare_plant
 from tests.hybrid.froude import froude_scaled
 
 GUNNERUS = load_vessel("gunnerus_short")

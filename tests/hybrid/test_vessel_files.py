@@ -9,13 +9,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from acquisition.config.vessel_file import load_actuators, vessel_names
-from acquisition.core.actuators import VESSELS, Actuator
-from acquisition.core.errors import ConfigurationError
-from hybrid.effects.catalogue import catalogue_for
-from hybrid.vessel.files import load_vessel, save_vessel, with_effects
-from hybrid.vessel.parameters import Vessel
-from hybrid.vessel.plant import Plant, bare_plant, dtype_of, flat, pack, places_of
+from seatrial.acquisition.config.vessel_file import load_actuators, vessel_names
+from seatrial.acquisition.core.actuators import VESSELS, Actuator
+from seatrial.acquisition.core.errors import ConfigurationError
+from seatrial.hybrid.effects.catalogue import catalogue_for
+from seatrial.hybrid.vessel.files import load_vessel, save_vessel, with_effects
+from seatrial.hybrid.vessel.parameters import Vessel
+from seatrial.hybrid.vessel.plant import Plant, bare_plant, dtype_of, flat, pack, places_of
 
 SHORT = (VESSELS / "gunnerus_short.toml").read_text()
 

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from hybrid.calibrators.adaptive.fit import adapt
+from seatrial.hybrid.calibrators.adaptive.fit import adapt
 from tests.conftest import SMALL_HORIZON_S, Command
 
 EVERY_MODULE = """
@@ -25,10 +25,10 @@ class NoTorch(PathFinder):
 
 sys.meta_path[sys.meta_path.index(PathFinder)] = NoTorch
 from pkgutil import walk_packages
-import acquisition, analysis, hybrid
-for package in (acquisition, analysis, hybrid):
+import seatrial.acquisition, seatrial.analysis, seatrial.hybrid
+for package in (seatrial.acquisition, seatrial.analysis, seatrial.hybrid):
     for each in walk_packages(package.__path__, package.__name__ + "."):
-        if each.name != "hybrid.calibrators.network_training":
+        if each.name != "seatrial.hybrid.calibrators.network_training":
             import_module(each.name)
 """
 
@@ -40,8 +40,8 @@ def test_no_module_but_one_imports_torch() -> None:
 
 @pytest.fixture
 def without_torch(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("hybrid.calibrators.find_spec", lambda name: None)
-    monkeypatch.setitem(sys.modules, "hybrid.calibrators.network_training", None)
+    monkeypatch.setattr("seatrial.hybrid.calibrators.find_spec", lambda name: None)
+    monkeypatch.setitem(sys.modules, "seatrial.hybrid.calibrators.network_training", None)
 
 
 @pytest.mark.usefixtures("without_torch")
@@ -62,7 +62,7 @@ def test_the_adaptive_one_is_trained_and_judged(
     command: Command, earlier: list[Path], unseen: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """All is there but the network that would stand beside it."""
-    monkeypatch.setattr("hybrid.calibrators.adaptive.calibrator.adapt", partial(adapt, steps=1))
+    monkeypatch.setattr("seatrial.hybrid.calibrators.adaptive.calibrator.adapt", partial(adapt, steps=1))
     few = "--horizon", str(SMALL_HORIZON_S), "--stride", "60"
     trained = command("train", *earlier[:2], "-o", tmp_path / "new", *few)
     assert trained.code == 0

@@ -7,13 +7,13 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from acquisition.core.arrays import Bools, Floats
-from analysis.tables.table import NANO
-from hybrid.calibrators.calibrator import Calibrator
-from hybrid.prediction.baselines import constant_velocity
-from hybrid.prediction.prediction_windows import PAST_S, PredictionWindows
-from hybrid.vessel.plant import Plant
-from hybrid.vessel.simulate import simulate_batch
+from seatrial.acquisition.core.arrays import Bools, Floats
+from seatrial.analysis.tables.table import NANO
+from seatrial.hybrid.calibrators.calibrator import Calibrator
+from seatrial.hybrid.prediction.baselines import constant_velocity
+from seatrial.hybrid.prediction.prediction_windows import PAST_S, PredictionWindows
+from seatrial.hybrid.vessel.plant import Plant
+from seatrial.hybrid.vessel.simulate import simulate_batch
 
 STARTED_NS = 1_780_300_800 * NANO
 """2026-06-01, 8 o'clock."""

@@ -2,7 +2,7 @@
 
 from math import cos, hypot, sin
 
-from hybrid.effects import Effect, Parameter
+from seatrial.hybrid.effects import Effect, Parameter
 
 
 def pull(time_s, state, control, environment, parameters):

@@ -24,21 +24,21 @@ from itertools import combinations
 import numpy as np
 import pandas as pd
 
-from acquisition.core.arrays import Floats
-from acquisition.core.errors import DataShortageError, InputError
-from acquisition.core.frames import Quality, label_parts, sensor_of
-from analysis.quality.findings import CheckResult, Finding, mark, uniform_flags
-from analysis.quality.motion.coarse import Coarse, coarse_fit, contradiction_finding
-from analysis.quality.motion.conventions import axes_finding, heading_finding, is_derived_from
-from analysis.quality.motion.jitter import (
+from seatrial.acquisition.core.arrays import Floats
+from seatrial.acquisition.core.errors import DataShortageError, InputError
+from seatrial.acquisition.core.frames import Quality, label_parts, sensor_of
+from seatrial.analysis.quality.findings import CheckResult, Finding, mark, uniform_flags
+from seatrial.analysis.quality.motion.coarse import Coarse, coarse_fit, contradiction_finding
+from seatrial.analysis.quality.motion.conventions import axes_finding, heading_finding, is_derived_from
+from seatrial.analysis.quality.motion.jitter import (
     SMALLEST_POSITION_JITTER_S,
     heading_jitter,
     heading_jitter_finding,
     position_jitter_finding,
     stamp_jitter,
 )
-from analysis.quality.motion.jumps import PositionJump, displaced, jump_finding, position_jumps
-from analysis.quality.motion.kinematics import (
+from seatrial.analysis.quality.motion.jumps import PositionJump, displaced, jump_finding, position_jumps
+from seatrial.analysis.quality.motion.kinematics import (
     CHANCE,
     NAMES,
     PARTS,
@@ -48,8 +48,8 @@ from analysis.quality.motion.kinematics import (
     quantile,
     widen_by_parts,
 )
-from analysis.quality.motion.series import GROUPS, MOTION
-from analysis.tables.table import Span, span_of
+from seatrial.analysis.quality.motion.series import GROUPS, MOTION
+from seatrial.analysis.tables.table import Span, span_of
 
 _SMALLEST_DELAY_S = 0.2
 _SMALLEST_ARM_M = 0.5

@@ -16,14 +16,14 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from acquisition.core.angles import difference
-from acquisition.core.arrays import Complexes, Floats, Ints
-from acquisition.core.conventions import AXES, HEADINGS
-from acquisition.core.units import KNOT_MPS
-from analysis.kinematics import integrate
-from analysis.quality.findings import Finding
-from analysis.quality.motion.series import GROUPS, STEP_S, Motion, block_starts, group_samples, outliers
-from analysis.tables.table import require, span_of
+from seatrial.acquisition.core.angles import difference
+from seatrial.acquisition.core.arrays import Complexes, Floats, Ints
+from seatrial.acquisition.core.conventions import AXES, HEADINGS
+from seatrial.acquisition.core.units import KNOT_MPS
+from seatrial.analysis.kinematics import integrate
+from seatrial.analysis.quality.findings import Finding
+from seatrial.analysis.quality.motion.series import GROUPS, STEP_S, Motion, block_starts, group_samples, outliers
+from seatrial.analysis.tables.table import require, span_of
 
 _WINDOW_S = 10.0
 _LONG_S = 60.0

@@ -12,8 +12,8 @@ import numpy as np
 import pandas as pd
 import pymap3d
 
-from acquisition.core.arrays import Complexes, Floats
-from acquisition.core.conventions import (
+from seatrial.acquisition.core.arrays import Complexes, Floats
+from seatrial.acquisition.core.conventions import (
     ANGLE_UNITS,
     AXES,
     CLOCKWISE,
@@ -21,12 +21,21 @@ from acquisition.core.conventions import (
     judge_axes,
     judge_heading,
 )
-from acquisition.core.units import scale_to
-from acquisition.tables.evidence import Fit, fit, grid_of, increments, integrals, is_place, means, over_gaps
-from analysis.kinematics import to_earth
-from analysis.quality.findings import Finding
-from analysis.quality.motion.series import GROUPS, Group, group_samples
-from analysis.tables.table import require, span_of
+from seatrial.acquisition.core.units import scale_to
+from seatrial.acquisition.tables.evidence import (
+    Fit,
+    fit,
+    grid_of,
+    increments,
+    integrals,
+    is_place,
+    means,
+    over_gaps,
+)
+from seatrial.analysis.kinematics import to_earth
+from seatrial.analysis.quality.findings import Finding
+from seatrial.analysis.quality.motion.series import GROUPS, Group, group_samples
+from seatrial.analysis.tables.table import require, span_of
 
 _REMEDY = "Correct it where it is recorded or imported; nothing else can be told of the motion until then."
 

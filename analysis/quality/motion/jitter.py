@@ -18,14 +18,14 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
-from acquisition.core.angles import unwrap
-from acquisition.core.arrays import Bools, Floats, Ints
-from analysis.quality.findings import Finding
-from analysis.quality.motion.jumps import PositionErrors, position_errors
-from analysis.quality.motion.kinematics import CHANCE, SLOW_HZ, Kinematics, quantile
-from analysis.quality.motion.series import GROUPS, group_samples, rotate, turn_model
-from analysis.quality.samples import jackknife_error, ratios_without_each
-from analysis.tables.table import Span
+from seatrial.acquisition.core.angles import unwrap
+from seatrial.acquisition.core.arrays import Bools, Floats, Ints
+from seatrial.analysis.quality.findings import Finding
+from seatrial.analysis.quality.motion.jumps import PositionErrors, position_errors
+from seatrial.analysis.quality.motion.kinematics import CHANCE, SLOW_HZ, Kinematics, quantile
+from seatrial.analysis.quality.motion.series import GROUPS, group_samples, rotate, turn_model
+from seatrial.analysis.quality.samples import jackknife_error, ratios_without_each
+from seatrial.analysis.tables.table import Span
 
 SMALLEST_POSITION_JITTER_S = 0.15
 _SHORT_S = 30.0

@@ -16,9 +16,9 @@ import numpy as np
 import pandas as pd
 from numpy.lib.stride_tricks import sliding_window_view
 
-from acquisition.core.arrays import Bools, Floats
-from analysis.quality.findings import Finding
-from analysis.quality.motion.series import (
+from seatrial.acquisition.core.arrays import Bools, Floats
+from seatrial.analysis.quality.findings import Finding
+from seatrial.analysis.quality.motion.series import (
     GROUPS,
     Group,
     Model,
@@ -28,11 +28,11 @@ from analysis.quality.motion.series import (
     path_model,
     rotate,
 )
-from analysis.quality.samples import runs_of_equal
-from analysis.tables.table import NANO, seconds_of, utc_index
+from seatrial.analysis.quality.samples import runs_of_equal
+from seatrial.analysis.tables.table import NANO, seconds_of, utc_index
 
 if TYPE_CHECKING:
-    from analysis.quality.motion.kinematics import Kinematics
+    from seatrial.analysis.quality.motion.kinematics import Kinematics
 
 _JUMP = 6.0
 _LEAST_JUMP = 0.05

@@ -10,7 +10,7 @@ acceleration, a little later, an antenna high up goes to the side: y = y0 + h u 
 be stamped too late. Both equations are integrated over blocks of time and solved by Gauss-Newton steps, from slow
 motion to faster so that a delay is not mistaken by whole waves. What a trial cannot tell (a ship that never turns,
 a steady speed) comes out with a wide interval. What is grossly wrong is put right before
-(:mod:`analysis.quality.motion.coarse`).
+(:mod:`seatrial.analysis.quality.motion.coarse`).
 
 In waves the ship rolls and pitches as well, which moves an antenna high up but not the point of the speeds, and
 filters of sensors act: the equations hold for motion that is slower than waves, and for faster motion only where it
@@ -41,11 +41,11 @@ from itertools import pairwise
 import numpy as np
 import pandas as pd
 
-from acquisition.core.arrays import Bools, Floats, Ints
-from acquisition.core.errors import DataShortageError
-from analysis.quality.motion.coarse import Coarse, coarse_fit
-from analysis.quality.motion.jumps import remove_jumps
-from analysis.quality.motion.series import (
+from seatrial.acquisition.core.arrays import Bools, Floats, Ints
+from seatrial.acquisition.core.errors import DataShortageError
+from seatrial.analysis.quality.motion.coarse import Coarse, coarse_fit
+from seatrial.analysis.quality.motion.jumps import remove_jumps
+from seatrial.analysis.quality.motion.series import (
     Group,
     Model,
     Motion,
@@ -55,7 +55,7 @@ from analysis.quality.motion.series import (
     spline,
     turn_model,
 )
-from analysis.quality.samples import jackknife_error
+from seatrial.analysis.quality.samples import jackknife_error
 
 PATH_PARAMETERS = (
     "speed_factor", "heading_offset_rad", "position_delay_s", "heading_delay_s", "forward_m", "starboard_m",
@@ -104,9 +104,9 @@ class Kinematics:
     it, and what must be added to the scaled yaw rate. ``slow`` are they by the motion below ``slow_hz``,
     ``broadband`` by all up to ``fastest_hz``; ``slowly`` [11] are those that are taken from the slow motion.
     ``half_between`` [11] is the least half width of an interval by how the quarters of the recording differ, zero
-    where they agree or were not asked (:func:`analysis.quality.motion.kinematics.widen_by_parts`); ``quarters`` are
-    those that could be fitted.
-    ``converged`` is False where the fit ran against its bounds; ``coarse`` is where it began.
+    where they agree or were not asked (:func:`seatrial.analysis.quality.motion.kinematics.widen_by_parts`);
+    ``quarters`` are those that could be fitted. ``converged`` is False where the fit ran against its bounds;
+    ``coarse`` is where it began.
     """
 
     slow: Solution

@@ -12,20 +12,20 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from acquisition.core.angles import unwrap, wrap_360
-from acquisition.core.arrays import Bools, Floats
-from acquisition.core.errors import DataShortageError, InputError
-from analysis.kinematics import integrate, to_earth
-from analysis.quality.motion.jitter import (
+from seatrial.acquisition.core.angles import unwrap, wrap_360
+from seatrial.acquisition.core.arrays import Bools, Floats
+from seatrial.acquisition.core.errors import DataShortageError, InputError
+from seatrial.analysis.kinematics import integrate, to_earth
+from seatrial.analysis.quality.motion.jitter import (
     HeadingErrors,
     discontinuities,
     integrated_yaw_rate_at,
     is_certain,
     jitter_of,
 )
-from analysis.quality.motion.kinematics import Kinematics, fit_kinematics
-from analysis.quality.samples import samples_of
-from analysis.tables.table import seconds_of, utc_index
+from seatrial.analysis.quality.motion.kinematics import Kinematics, fit_kinematics
+from seatrial.analysis.quality.samples import samples_of
+from seatrial.analysis.tables.table import seconds_of, utc_index
 
 POSITIONS = ("north_m", "east_m")
 _NEEDED = (*POSITIONS, "heading_deg", "surge_mps", "sway_mps")

@@ -14,11 +14,11 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
-from acquisition.core.arrays import Bools, Floats, Ints
-from acquisition.core.errors import DataShortageError
-from analysis.kinematics import integrate, to_earth
-from analysis.quality.samples import runs, runs_of_equal
-from analysis.tables.table import NANO, require, times_ns
+from seatrial.acquisition.core.arrays import Bools, Floats, Ints
+from seatrial.acquisition.core.errors import DataShortageError
+from seatrial.analysis.kinematics import integrate, to_earth
+from seatrial.analysis.quality.samples import runs, runs_of_equal
+from seatrial.analysis.tables.table import NANO, require, times_ns
 
 GROUPS: dict[str, tuple[str, ...]] = {
     "north_m": ("north_m", "east_m"),

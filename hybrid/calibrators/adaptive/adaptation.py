@@ -13,9 +13,9 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from acquisition.core.actuators import Actuators
-from acquisition.core.arrays import Complexes, Floats
-from hybrid.prediction.kalman_filter import (
+from seatrial.acquisition.core.actuators import Actuators
+from seatrial.acquisition.core.arrays import Complexes, Floats
+from seatrial.hybrid.prediction.kalman_filter import (
     AXES,
     FILTER_NUMBERS,
     OBSERVED_S,
@@ -24,10 +24,10 @@ from hybrid.prediction.kalman_filter import (
     measured_past,
     run_filter,
 )
-from hybrid.prediction.prediction_windows import CONTROLS, WIND, PredictionWindows, difference_rad
-from hybrid.vessel.actuators import KINDS, angle_columns
-from hybrid.vessel.hulls import HULLS
-from hybrid.vessel.plant import Form, Plant, flat, pack, places_of
+from seatrial.hybrid.prediction.prediction_windows import CONTROLS, WIND, PredictionWindows, difference_rad
+from seatrial.hybrid.vessel.actuators import KINDS, angle_columns
+from seatrial.hybrid.vessel.hulls import HULLS
+from seatrial.hybrid.vessel.plant import Form, Plant, flat, pack, places_of
 
 _POSITIVE = ("mass_kg", "yaw_inertia_kgm2", "Xud", "Yvd", "Nrd")
 _WIND_AREAS = ("frontal_area_m2", "lateral_area_m2")

@@ -15,12 +15,12 @@ from typing import ClassVar, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from acquisition.core.actuators import Actuators
-from acquisition.core.arrays import Bools, Floats
-from acquisition.core.channels import trial_names
-from acquisition.core.errors import DataShortageError
-from acquisition.core.progress import Progress, part_of
-from hybrid.calibrators.adaptive.adaptation import (
+from seatrial.acquisition.core.actuators import Actuators
+from seatrial.acquisition.core.arrays import Bools, Floats
+from seatrial.acquisition.core.channels import trial_names
+from seatrial.acquisition.core.errors import DataShortageError
+from seatrial.acquisition.core.progress import Progress, part_of
+from seatrial.hybrid.calibrators.adaptive.adaptation import (
     adapt_plant,
     follow_closer,
     gust_decay_s,
@@ -28,16 +28,16 @@ from hybrid.calibrators.adaptive.adaptation import (
     parameter_names,
     run_observer,
 )
-from hybrid.calibrators.adaptive.fit import adapt, covariance_at
-from hybrid.calibrators.calibrator import Calibrator, DomainOfApplicability, Examples, require_shapes
-from hybrid.prediction.baselines import (
+from seatrial.hybrid.calibrators.adaptive.fit import adapt, covariance_at
+from seatrial.hybrid.calibrators.calibrator import Calibrator, DomainOfApplicability, Examples, require_shapes
+from seatrial.hybrid.prediction.baselines import (
     HINDCAST_S,
     average_tracks,
     present_motion_held,
     simulate_tracks,
 )
-from hybrid.prediction.kalman_filter import Observations
-from hybrid.prediction.prediction_windows import (
+from seatrial.hybrid.prediction.kalman_filter import Observations
+from seatrial.hybrid.prediction.prediction_windows import (
     PAST_S,
     PredictionWindows,
     clear_of,
@@ -46,11 +46,11 @@ from hybrid.prediction.prediction_windows import (
     hindcast_windows,
     unlike_groups,
 )
-from hybrid.prediction.regions import conformal_region
-from hybrid.prediction.scores import distances, mean_distances
-from hybrid.vessel.actuators import KINDS, angle_columns, control_labels
-from hybrid.vessel.plant import Plant, flat
-from hybrid.vessel.sensors import SURGE, YAW_RATE
+from seatrial.hybrid.prediction.regions import conformal_region
+from seatrial.hybrid.prediction.scores import distances, mean_distances
+from seatrial.hybrid.vessel.actuators import KINDS, angle_columns, control_labels
+from seatrial.hybrid.vessel.plant import Plant, flat
+from seatrial.hybrid.vessel.sensors import SURGE, YAW_RATE
 
 MEMBERS = 5
 MOST_WINDOWS = 400

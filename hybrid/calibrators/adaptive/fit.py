@@ -16,12 +16,12 @@ from collections.abc import Callable
 
 import numpy as np
 
-from acquisition.core.arrays import Bools, Floats
-from acquisition.core.progress import Progress
-from analysis.kinematics import to_ship
-from hybrid.calibrators.adaptive.adaptation import parameter_names, run_observer
-from hybrid.prediction.kalman_filter import Observations
-from hybrid.vessel.plant import Plant
+from seatrial.acquisition.core.arrays import Bools, Floats
+from seatrial.acquisition.core.progress import Progress
+from seatrial.analysis.kinematics import to_ship
+from seatrial.hybrid.calibrators.adaptive.adaptation import parameter_names, run_observer
+from seatrial.hybrid.prediction.kalman_filter import Observations
+from seatrial.hybrid.vessel.plant import Plant
 
 STEPS = 8
 _OUTLYING = 1.5

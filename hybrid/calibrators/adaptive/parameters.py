@@ -11,9 +11,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from acquisition.core.arrays import Floats
-from analysis.estimation.likelihood import UNKNOWN, correlated_pairs
-from hybrid.calibrators.adaptive.adaptation import (
+from seatrial.acquisition.core.arrays import Floats
+from seatrial.analysis.estimation.likelihood import UNKNOWN, correlated_pairs
+from seatrial.hybrid.calibrators.adaptive.adaptation import (
     CURRENT_MPS,
     DRIFT_N,
     LAG,
@@ -28,8 +28,8 @@ from hybrid.calibrators.adaptive.adaptation import (
     positive_names,
     signed_names,
 )
-from hybrid.calibrators.adaptive.calibrator import AdaptiveCalibrator
-from hybrid.vessel.plant import Plant
+from seatrial.hybrid.calibrators.adaptive.calibrator import AdaptiveCalibrator
+from seatrial.hybrid.vessel.plant import Plant
 
 _NEARLY = 0.95  # of a bound, which the mean of differing members does not quite reach
 _TITLES = {

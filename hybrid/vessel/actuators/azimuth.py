@@ -13,9 +13,9 @@ from typing import Literal
 
 from pydantic import StrictFloat as Number
 
-from acquisition.core.arrays import Floats
-from analysis.compiling import Record, compiled
-from hybrid.vessel.actuators.effects import (
+from seatrial.acquisition.core.arrays import Floats
+from seatrial.analysis.compiling import Record, compiled
+from seatrial.hybrid.vessel.actuators.effects import (
     FRACTION,
     WAKE,
     angle_offset,
@@ -24,8 +24,8 @@ from hybrid.vessel.actuators.effects import (
     for_each_and_all,
     loss,
 )  # fmt: skip
-from hybrid.vessel.actuators.kind import PLAY, RPM_PER_RPS, Drive, Entry, Kind, columns, wrapped
-from hybrid.vessel.effect import Effect, Parameter, multiplied, scaling
+from seatrial.hybrid.vessel.actuators.kind import PLAY, RPM_PER_RPS, Drive, Entry, Kind, columns, wrapped
+from seatrial.hybrid.vessel.effect import Effect, Parameter, multiplied, scaling
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -10,11 +10,11 @@ from typing import Literal
 
 from pydantic import StrictFloat as Number
 
-from acquisition.core.arrays import Floats
-from analysis.compiling import Record, compiled
-from hybrid.vessel.actuators import propeller
-from hybrid.vessel.actuators.kind import RPM_PER_RPS, Drive
-from hybrid.vessel.actuators.propeller import PITCH, SHAFT_RPS, Blades, turning
+from seatrial.acquisition.core.arrays import Floats
+from seatrial.analysis.compiling import Record, compiled
+from seatrial.hybrid.vessel.actuators import propeller
+from seatrial.hybrid.vessel.actuators.kind import RPM_PER_RPS, Drive
+from seatrial.hybrid.vessel.actuators.propeller import PITCH, SHAFT_RPS, Blades, turning
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
-from hybrid.vessel.actuators.kind import PLAY
-from hybrid.vessel.effect import Effect, Parameter, Values, shift
+from seatrial.hybrid.vessel.actuators.kind import PLAY
+from seatrial.hybrid.vessel.effect import Effect, Parameter, Values, shift
 
 if TYPE_CHECKING:
-    from hybrid.vessel.plant import Plant
+    from seatrial.hybrid.vessel.plant import Plant
 
 FRACTION = Parameter("fraction", "1", 0.0, -0.5, 1.0, 0.1, 0.03)
 """The share of a force that is lost."""

@@ -14,8 +14,8 @@ from typing import Any
 
 from pydantic import StrictFloat as Number
 
-from analysis.compiling import compiled
-from hybrid.vessel.effect import Effect
+from seatrial.analysis.compiling import compiled
+from seatrial.hybrid.vessel.effect import Effect
 
 KIND, CONTROL, FIRST_NUMBER = range(3)
 """Where the kind's code, the first control's place and the first number stand in an actuator's row."""

@@ -14,11 +14,19 @@ from typing import Literal
 
 from pydantic import StrictFloat as Number
 
-from acquisition.core.arrays import Floats
-from analysis.compiling import Record, compiled
-from hybrid.vessel.actuators.effects import FRACTION, WAKE, astern_thrust, for_each_and_all, lag, loss, named
-from hybrid.vessel.actuators.kind import RPM_PER_RPS, Drive, Entry, Kind, columns
-from hybrid.vessel.effect import Effect, Parameter, shift
+from seatrial.acquisition.core.arrays import Floats
+from seatrial.analysis.compiling import Record, compiled
+from seatrial.hybrid.vessel.actuators.effects import (
+    FRACTION,
+    WAKE,
+    astern_thrust,
+    for_each_and_all,
+    lag,
+    loss,
+    named,
+)
+from seatrial.hybrid.vessel.actuators.kind import RPM_PER_RPS, Drive, Entry, Kind, columns
+from seatrial.hybrid.vessel.effect import Effect, Parameter, shift
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -14,12 +14,20 @@ from typing import Literal
 
 from pydantic import StrictFloat as Number
 
-from acquisition.core.arrays import Floats
-from analysis.compiling import Record, compiled
-from hybrid.vessel.actuators.effects import FRACTION, angle_offset, backlash, for_each_and_all, lag, loss, named
-from hybrid.vessel.actuators.kind import PLAY, Drive, Entry, Kind, columns
-from hybrid.vessel.actuators.propeller import DIAMETER_M, SHAFT_RPS, drift_at, inflow, thrust
-from hybrid.vessel.effect import Effect, Parameter, shift
+from seatrial.acquisition.core.arrays import Floats
+from seatrial.analysis.compiling import Record, compiled
+from seatrial.hybrid.vessel.actuators.effects import (
+    FRACTION,
+    angle_offset,
+    backlash,
+    for_each_and_all,
+    lag,
+    loss,
+    named,
+)
+from seatrial.hybrid.vessel.actuators.kind import PLAY, Drive, Entry, Kind, columns
+from seatrial.hybrid.vessel.actuators.propeller import DIAMETER_M, SHAFT_RPS, drift_at, inflow, thrust
+from seatrial.hybrid.vessel.effect import Effect, Parameter, shift
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

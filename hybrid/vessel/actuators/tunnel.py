@@ -10,11 +10,11 @@ from typing import Literal
 
 from pydantic import StrictFloat as Number
 
-from acquisition.core.arrays import Floats
-from analysis.compiling import Record, compiled
-from hybrid.vessel.actuators.effects import FRACTION
-from hybrid.vessel.actuators.kind import Drive, Entry, Kind, columns
-from hybrid.vessel.effect import Effect, Parameter
+from seatrial.acquisition.core.arrays import Floats
+from seatrial.analysis.compiling import Record, compiled
+from seatrial.hybrid.vessel.actuators.effects import FRACTION
+from seatrial.hybrid.vessel.actuators.kind import Drive, Entry, Kind, columns
+from seatrial.hybrid.vessel.effect import Effect, Parameter
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

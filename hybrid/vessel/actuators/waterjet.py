@@ -13,11 +13,11 @@ from typing import Literal
 
 from pydantic import StrictFloat as Number
 
-from acquisition.core.arrays import Floats
-from analysis.compiling import Record, compiled
-from hybrid.vessel.actuators.effects import FRACTION, angle_offset, backlash, for_each_and_all, lag, loss
-from hybrid.vessel.actuators.kind import PLAY, RPM_PER_RPS, Drive, Entry, Kind, columns
-from hybrid.vessel.effect import Effect
+from seatrial.acquisition.core.arrays import Floats
+from seatrial.analysis.compiling import Record, compiled
+from seatrial.hybrid.vessel.actuators.effects import FRACTION, angle_offset, backlash, for_each_and_all, lag, loss
+from seatrial.hybrid.vessel.actuators.kind import PLAY, RPM_PER_RPS, Drive, Entry, Kind, columns
+from seatrial.hybrid.vessel.effect import Effect
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

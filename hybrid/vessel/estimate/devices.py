@@ -9,13 +9,13 @@ from typing import Annotated, Any, TypeVar
 
 from pydantic import Field, TypeAdapter, ValidationError
 
-from acquisition.core.errors import InputError
-from hybrid.vessel.actuators.rudder import normal_force_slope
-from hybrid.vessel.effect import USUAL_LENGTH_M
-from hybrid.vessel.estimate import hull
-from hybrid.vessel.estimate import propeller as screws
-from hybrid.vessel.estimate.hull import KIJIMA, YOSHIMURA
-from hybrid.vessel.estimate.particulars import Cell, Estimate, Estimates, Particulars, Table, with_scatter
+from seatrial.acquisition.core.errors import InputError
+from seatrial.hybrid.vessel.actuators.rudder import normal_force_slope
+from seatrial.hybrid.vessel.effect import USUAL_LENGTH_M
+from seatrial.hybrid.vessel.estimate import hull
+from seatrial.hybrid.vessel.estimate import propeller as screws
+from seatrial.hybrid.vessel.estimate.hull import KIJIMA, YOSHIMURA
+from seatrial.hybrid.vessel.estimate.particulars import Cell, Estimate, Estimates, Particulars, Table, with_scatter
 
 Size = Annotated[float, Field(gt=0.0, lt=1e9)]
 

@@ -16,7 +16,7 @@ from math import cos, exp, log10, pi, sqrt
 
 import numpy as np
 
-from hybrid.vessel.estimate.particulars import GRAVITY_MPS2, Estimate, Estimates, Particulars, with_scatter
+from seatrial.hybrid.vessel.estimate.particulars import GRAVITY_MPS2, Estimate, Estimates, Particulars, with_scatter
 
 CLARKE = "Clarke, Gedling and Hine 1983"
 ZHOU = "Zhou et al. 1983, after Motora's charts"

@@ -11,13 +11,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
-from acquisition.core.actuators import Actuator, check_actuators
-from acquisition.core.errors import InputError
-from acquisition.core.files import write_text
-from hybrid.vessel.estimate import devices
-from hybrid.vessel.estimate import hull as hulls
-from hybrid.vessel.estimate.devices import Azimuth, Propeller, Rudder, Tunnel, listed
-from hybrid.vessel.estimate.particulars import (
+from seatrial.acquisition.core.actuators import Actuator, check_actuators
+from seatrial.acquisition.core.errors import InputError
+from seatrial.acquisition.core.files import write_text
+from seatrial.hybrid.vessel.estimate import devices
+from seatrial.hybrid.vessel.estimate import hull as hulls
+from seatrial.hybrid.vessel.estimate.devices import Azimuth, Propeller, Rudder, Tunnel, listed
+from seatrial.hybrid.vessel.estimate.particulars import (
     SEA_WATER_KGPM3,
     Estimate,
     Estimates,

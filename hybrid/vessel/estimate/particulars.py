@@ -7,8 +7,8 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from math import isfinite, sqrt
 
-from acquisition.core.errors import InputError
-from hybrid.vessel.parameters import LONGEST_MODEL_M
+from seatrial.acquisition.core.errors import InputError
+from seatrial.hybrid.vessel.parameters import LONGEST_MODEL_M
 
 GRAVITY_MPS2 = 9.80665
 SEA_WATER_KGPM3 = 1025.0

@@ -11,9 +11,9 @@ from math import sqrt
 
 import numpy as np
 
-from acquisition.core.arrays import Floats
-from acquisition.core.errors import InputError
-from hybrid.vessel.estimate.particulars import Estimate, Estimates
+from seatrial.acquisition.core.arrays import Floats
+from seatrial.acquisition.core.errors import InputError
+from seatrial.hybrid.vessel.estimate.particulars import Estimate, Estimates
 
 B_SERIES = "Wageningen B-series, Oosterveld and van Oossanen 1975"
 _TERMS = np.array([

@@ -5,11 +5,11 @@ To add a model: a file like ``mmg.py`` and a line in :data:`HULLS`.
 
 from __future__ import annotations
 
-from analysis.compiling import by_code, compiled
-from hybrid.vessel.hulls.cross_flow import CROSS_FLOW
-from hybrid.vessel.hulls.kind import HullModel
-from hybrid.vessel.hulls.mmg import MMG
-from hybrid.vessel.hulls.polynomial import POLYNOMIAL
+from seatrial.analysis.compiling import by_code, compiled
+from seatrial.hybrid.vessel.hulls.cross_flow import CROSS_FLOW
+from seatrial.hybrid.vessel.hulls.kind import HullModel
+from seatrial.hybrid.vessel.hulls.mmg import MMG
+from seatrial.hybrid.vessel.hulls.polynomial import POLYNOMIAL
 
 HULLS: dict[str, HullModel] = {"polynomial": POLYNOMIAL, "mmg": MMG, "cross_flow": CROSS_FLOW}
 

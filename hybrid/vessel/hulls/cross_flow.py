@@ -12,8 +12,8 @@ from typing import Literal
 
 from pydantic import StrictFloat as Number
 
-from analysis.compiling import Record, compiled
-from hybrid.vessel.hulls.kind import HullEntry, HullModel, coefficients_of
+from seatrial.analysis.compiling import Record, compiled
+from seatrial.hybrid.vessel.hulls.kind import HullEntry, HullModel, coefficients_of
 
 EVEN_FLOW = 1e-3
 """Where the flow across differs by less than this share along the ship, the integral is its series."""

@@ -12,8 +12,8 @@ from typing import Literal
 
 from pydantic import StrictFloat as Number
 
-from analysis.compiling import Record, compiled
-from hybrid.vessel.hulls.kind import HullEntry, HullModel, coefficients_of
+from seatrial.analysis.compiling import Record, compiled
+from seatrial.hybrid.vessel.hulls.kind import HullEntry, HullModel, coefficients_of
 
 ASTERN_SHARE = 0.3
 """The published resistance goes with the speed squared; below this share of it ahead, it fades and turns around."""

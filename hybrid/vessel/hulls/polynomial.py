@@ -11,8 +11,8 @@ from typing import Literal
 
 from pydantic import StrictFloat as Number
 
-from analysis.compiling import Record, compiled
-from hybrid.vessel.hulls.kind import HullEntry, HullModel, as_stated, coefficients_of
+from seatrial.analysis.compiling import Record, compiled
+from seatrial.hybrid.vessel.hulls.kind import HullEntry, HullModel, as_stated, coefficients_of
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -9,8 +9,8 @@ from functools import cache
 import pandas as pd
 import pytest
 
-from hybrid.simulation.trial import Noise, simulate_trial
-from hybrid.vessel.channels import as_table
+from seatrial.hybrid.simulation.trial import Noise, simulate_trial
+from seatrial.hybrid.vessel.channels import as_table
 
 
 @dataclass(frozen=True)

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from analysis.manoeuvres import find_manoeuvres
-from analysis.manoeuvres.measures import helm_rate_dps, turning_rows
+from seatrial.analysis.manoeuvres import find_manoeuvres
+from seatrial.analysis.manoeuvres.measures import helm_rate_dps, turning_rows
 from tests.benchmarks.manoeuvre_trials import Score, case_of, judge, sail
 
 TANKER = [0, 5, 10, 15, 20, 25]

@@ -10,8 +10,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from acquisition.config.conditions import Conditions
-from analysis.manoeuvres.criteria import (
+from seatrial.acquisition.config.conditions import Conditions
+from seatrial.analysis.manoeuvres.criteria import (
     IndexRow,
     criteria_of,
     headline_of_criteria,
@@ -19,8 +19,8 @@ from analysis.manoeuvres.criteria import (
     mean_of,
     shortfalls_of,
 )
-from analysis.manoeuvres.indices import Index, Manoeuvre, index_of
-from analysis.manoeuvres.standards import add_limits
+from seatrial.analysis.manoeuvres.indices import Index, Manoeuvre, index_of
+from seatrial.analysis.manoeuvres.standards import add_limits
 
 START = pd.Timestamp("2026-05-01 10:00", tz="UTC")
 LARGE = Conditions(

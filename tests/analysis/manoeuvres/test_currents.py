@@ -11,11 +11,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from acquisition.config.conditions import Conditions
-from acquisition.core.arrays import Floats
-from analysis.manoeuvres import Manoeuvre, find_manoeuvres
-from analysis.manoeuvres.currents import Observation, current_at
-from analysis.manoeuvres.find import RecordedRuns, runs_of_trial
+from seatrial.acquisition.config.conditions import Conditions
+from seatrial.acquisition.core.arrays import Floats
+from seatrial.analysis.manoeuvres import Manoeuvre, find_manoeuvres
+from seatrial.analysis.manoeuvres.currents import Observation, current_at
+from seatrial.analysis.manoeuvres.find import RecordedRuns, runs_of_trial
 from tests.benchmarks.yard_ship import Sailed, YardShip
 from tests.benchmarks.yard_trials import Recorder, record, sail
 

@@ -6,10 +6,10 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from analysis.manoeuvres import Manoeuvre, find_manoeuvres
-from analysis.manoeuvres.motion import motion_of
-from analysis.quality.commands import hold_orders
-from analysis.tables.table import add_step
+from seatrial.analysis.manoeuvres import Manoeuvre, find_manoeuvres
+from seatrial.analysis.manoeuvres.motion import motion_of
+from seatrial.analysis.quality.commands import hold_orders
+from seatrial.analysis.tables.table import add_step
 from tests.analysis.manoeuvres.conftest import Sail
 
 AZIMUTHS = ("port_angle_deg", "starboard_angle_deg")

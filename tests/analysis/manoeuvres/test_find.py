@@ -8,13 +8,13 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from acquisition.core.channels import NAMES
-from acquisition.core.errors import InputError
-from analysis.manoeuvres import Manoeuvre, find_manoeuvres, manoeuvres_and_left_out
-from analysis.manoeuvres.measures import merge_corrections, plateaus
-from analysis.tables.table import NANO, times_ns
-from hybrid.simulation.manoeuvres import Leg
-from hybrid.simulation.trial import simulate_trial
+from seatrial.acquisition.core.channels import NAMES
+from seatrial.acquisition.core.errors import InputError
+from seatrial.analysis.manoeuvres import Manoeuvre, find_manoeuvres, manoeuvres_and_left_out
+from seatrial.analysis.manoeuvres.measures import merge_corrections, plateaus
+from seatrial.analysis.tables.table import NANO, times_ns
+from seatrial.hybrid.simulation.manoeuvres import Leg
+from seatrial.hybrid.simulation.trial import simulate_trial
 from tests.analysis.conftest import steady_table, table_at
 from tests.analysis.manoeuvres.conftest import Sail
 

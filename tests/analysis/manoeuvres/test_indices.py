@@ -11,13 +11,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from acquisition.core.angles import wrap_180, wrap_360
-from acquisition.core.arrays import Floats
-from analysis.manoeuvres import Manoeuvre, as_json, find_manoeuvres
-from analysis.manoeuvres.measures import bootstrap_indices, peak
-from analysis.manoeuvres.motion import Motion, motion_of
-from analysis.manoeuvres.turning_circle import circle_indices
-from analysis.manoeuvres.zigzag import zigzag_indices
+from seatrial.acquisition.core.angles import wrap_180, wrap_360
+from seatrial.acquisition.core.arrays import Floats
+from seatrial.analysis.manoeuvres import Manoeuvre, as_json, find_manoeuvres
+from seatrial.analysis.manoeuvres.measures import bootstrap_indices, peak
+from seatrial.analysis.manoeuvres.motion import Motion, motion_of
+from seatrial.analysis.manoeuvres.turning_circle import circle_indices
+from seatrial.analysis.manoeuvres.zigzag import zigzag_indices
 from tests.analysis.conftest import table_at
 from tests.analysis.manoeuvres.conftest import Sail
 

@@ -7,9 +7,9 @@ from dataclasses import replace
 import pandas as pd
 import pytest
 
-from acquisition.config.conditions import Conditions
-from analysis.manoeuvres.indices import Manoeuvre, index_of
-from analysis.manoeuvres.standards import (
+from seatrial.acquisition.config.conditions import Conditions
+from seatrial.analysis.manoeuvres.indices import Manoeuvre, index_of
+from seatrial.analysis.manoeuvres.standards import (
     CRITERIA,
     add_limits,
     first_overshoot_10_10_deg,

@@ -12,14 +12,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from acquisition.config.conditions import Conditions
-from acquisition.config.configuration import parse_config
-from acquisition.config.run_sheet import conditions_of
-from acquisition.core.errors import ConfigurationError
-from acquisition.core.trial import Trial
-from analysis.conditions import recorded_conditions, sea_state_of
-from analysis.manoeuvres import Manoeuvre, find_manoeuvres
-from hybrid.simulation.trial import simulate_trial
+from seatrial.acquisition.config.conditions import Conditions
+from seatrial.acquisition.config.configuration import parse_config
+from seatrial.acquisition.config.run_sheet import conditions_of
+from seatrial.acquisition.core.errors import ConfigurationError
+from seatrial.acquisition.core.trial import Trial
+from seatrial.analysis.conditions import recorded_conditions, sea_state_of
+from seatrial.analysis.manoeuvres import Manoeuvre, find_manoeuvres
+from seatrial.hybrid.simulation.trial import simulate_trial
 from tests.acquisition.conftest import config_text, free_port
 from tests.benchmarks.yard_ship import YardShip
 from tests.benchmarks.yard_trials import Recorder, Score, judge, judge_near_limit, record, sail

@@ -11,9 +11,9 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from acquisition.tables.import_table import import_table
-from analysis.manoeuvres import Manoeuvre, find_manoeuvres
-from analysis.tables.table import read_table
+from seatrial.acquisition.tables.import_table import import_table
+from seatrial.analysis.manoeuvres import Manoeuvre, find_manoeuvres
+from seatrial.analysis.tables.table import read_table
 
 pytestmark = pytest.mark.shared
 

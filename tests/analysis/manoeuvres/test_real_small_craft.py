@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from analysis.manoeuvres import LeftOut, Manoeuvre, manoeuvres_and_left_out
-from analysis.tables.table import read_table
 from seatrial import app
+from seatrial.analysis.manoeuvres import LeftOut, Manoeuvre, manoeuvres_and_left_out
+from seatrial.analysis.tables.table import read_table
 
 pytestmark = pytest.mark.shared
 

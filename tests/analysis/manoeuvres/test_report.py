@@ -13,16 +13,16 @@ import pytest
 from matplotlib.figure import Figure
 from typer.testing import CliRunner
 
-from acquisition.core.errors import StorageError
-from acquisition.core.trial import Trial
-from acquisition.recording.tables import write_table
-from analysis.manoeuvres import find_manoeuvres
-from analysis.manoeuvres.indices import Index, Manoeuvre, index_of
-from analysis.manoeuvres.motion import motion_of
-from analysis.manoeuvres.report import index_cells, manoeuvre_line, manoeuvres_of, subline, write_report
-from analysis.report.manoeuvre_plots import draw
-from analysis.report.plots import STYLE
 from seatrial import app
+from seatrial.acquisition.core.errors import StorageError
+from seatrial.acquisition.core.trial import Trial
+from seatrial.acquisition.recording.tables import write_table
+from seatrial.analysis.manoeuvres import find_manoeuvres
+from seatrial.analysis.manoeuvres.indices import Index, Manoeuvre, index_of
+from seatrial.analysis.manoeuvres.motion import motion_of
+from seatrial.analysis.manoeuvres.report import index_cells, manoeuvre_line, manoeuvres_of, subline, write_report
+from seatrial.analysis.report.manoeuvre_plots import draw
+from seatrial.analysis.report.plots import STYLE
 from tests.analysis.manoeuvres.conftest import Sail
 
 

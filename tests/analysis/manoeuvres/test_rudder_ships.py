@@ -10,11 +10,11 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from acquisition.core.actuators import Actuator, as_text
-from acquisition.core.errors import InputError
-from acquisition.tables.import_table import read_table_file
-from analysis.manoeuvres import Manoeuvre, find_manoeuvres
-from analysis.manoeuvres.motion import motion_of
+from seatrial.acquisition.core.actuators import Actuator, as_text
+from seatrial.acquisition.core.errors import InputError
+from seatrial.acquisition.tables.import_table import read_table_file
+from seatrial.analysis.manoeuvres import Manoeuvre, find_manoeuvres
+from seatrial.analysis.manoeuvres.motion import motion_of
 from tests.analysis.rudder_ships import MODEL, TWIN, Orders, Ship, sail, turn, zigzag
 
 COLUMNS = Path(__file__).parents[3] / "trials" / "columns" / "esso_osaka.toml"

@@ -9,10 +9,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from acquisition.core.actuators import Actuator
-from analysis.manoeuvres import LeftOut, Manoeuvre, manoeuvres_and_left_out
-from analysis.manoeuvres.criteria import index_rows
-from analysis.manoeuvres.motion import drives_by_side
+from seatrial.acquisition.core.actuators import Actuator
+from seatrial.analysis.manoeuvres import LeftOut, Manoeuvre, manoeuvres_and_left_out
+from seatrial.analysis.manoeuvres.criteria import index_rows
+from seatrial.analysis.manoeuvres.motion import drives_by_side
 from tests.analysis.manoeuvres.small_craft import (
     AZIMUTHS,
     PROPELLERS,

@@ -10,9 +10,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from analysis.manoeuvres import Manoeuvre, find_manoeuvres
-from analysis.manoeuvres.runs import engine_orders
-from analysis.tables.table import NANO
+from seatrial.analysis.manoeuvres import Manoeuvre, find_manoeuvres
+from seatrial.analysis.manoeuvres.runs import engine_orders
+from seatrial.analysis.tables.table import NANO
 from tests.benchmarks.yard_ship import Sailed, YardShip
 from tests.benchmarks.yard_trials import START, Recorder, Truth, record, sail
 
@@ -93,7 +93,7 @@ def test_orders_that_come_after_the_shaft_show_nothing() -> None:
 
 
 def test_marks_of_a_recording_become_times_of_its_motion() -> None:
-    from analysis.manoeuvres.motion import motion_of
+    from seatrial.analysis.manoeuvres.motion import motion_of
 
     ship, sailed, _ = stopped(0.0)
     motion = motion_of(record(ship, sailed, QUIET, seed=1))

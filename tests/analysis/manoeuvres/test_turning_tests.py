@@ -8,11 +8,11 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from analysis.manoeuvres import Manoeuvre, find_manoeuvres
-from hybrid.simulation.handling import pace_of, usual_rpm
-from hybrid.simulation.manoeuvres import Leg, helm, steer
-from hybrid.simulation.trial import simulate_trial
-from hybrid.vessel.parameters import Vessel
+from seatrial.analysis.manoeuvres import Manoeuvre, find_manoeuvres
+from seatrial.hybrid.simulation.handling import pace_of, usual_rpm
+from seatrial.hybrid.simulation.manoeuvres import Leg, helm, steer
+from seatrial.hybrid.simulation.trial import simulate_trial
+from seatrial.hybrid.vessel.parameters import Vessel
 from tests.benchmarks.manoeuvre_trials import vessel_of
 
 SHIPS = [("kvlcc2_180m", 2.5), ("gunnerus_short", 20.0), ("esso_osaka_3m", 20.0)]

@@ -12,9 +12,9 @@ from dataclasses import dataclass, field
 import numpy as np
 import pandas as pd
 
-from acquisition.core.angles import unwrap, wrap_180, wrap_360
-from acquisition.core.channels import BY_NAME, CIRCULAR, COMMAND
-from analysis.tables.table import NANO, index_of, times_ns
+from seatrial.acquisition.core.angles import unwrap, wrap_180, wrap_360
+from seatrial.acquisition.core.channels import BY_NAME, CIRCULAR, COMMAND
+from seatrial.analysis.tables.table import NANO, index_of, times_ns
 
 MOTION = {"position": ("north_m", "east_m"), "heading": ("heading_deg",), "speed": ("surge_mps", "sway_mps"),
           "yaw_rate": ("yaw_rate_dps",)}  # fmt: skip

@@ -6,10 +6,10 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from acquisition.recording.events import Event
-from analysis.quality.causes import causes_of
-from analysis.quality.check import DataQuality, check_table
-from analysis.quality.findings import Finding
+from seatrial.acquisition.recording.events import Event
+from seatrial.analysis.quality.causes import causes_of
+from seatrial.analysis.quality.check import DataQuality, check_table
+from seatrial.analysis.quality.findings import Finding
 
 ROWS = 1200
 INDEX = pd.date_range("2026-06-01T08:00:00", periods=ROWS, freq="1s", tz="UTC", name="time")

@@ -12,13 +12,13 @@ from hypothesis import strategies as st
 from numpy.typing import ArrayLike
 from scipy.signal import lfilter
 
-from acquisition.core.actuators import KINDS, Actuator, is_order, order_channels
-from acquisition.core.angles import wrap_180, wrap_360
-from acquisition.core.arrays import Bools, Floats, Ints, Series
-from acquisition.core.channel import Channel
-from acquisition.core.channels import BY_NAME
-from analysis.quality import repeated_values
-from analysis.quality.channel_checks import (
+from seatrial.acquisition.core.actuators import KINDS, Actuator, is_order, order_channels
+from seatrial.acquisition.core.angles import wrap_180, wrap_360
+from seatrial.acquisition.core.arrays import Bools, Floats, Ints, Series
+from seatrial.acquisition.core.channel import Channel
+from seatrial.acquisition.core.channels import BY_NAME
+from seatrial.analysis.quality import repeated_values
+from seatrial.analysis.quality.channel_checks import (
     channel_faults,
     find_backwards,
     find_duplicates,
@@ -26,9 +26,9 @@ from analysis.quality.channel_checks import (
     find_out_of_range,
     find_spikes,
 )
-from analysis.quality.repeated_values import find_stuck
-from analysis.quality.samples import runs_of_equal, series_of, stretches_of
-from analysis.tables.table import NANO, valid_values
+from seatrial.analysis.quality.repeated_values import find_stuck
+from seatrial.analysis.quality.samples import runs_of_equal, series_of, stretches_of
+from seatrial.analysis.tables.table import NANO, valid_values
 
 HEADING, SURGE, RPM, NORTH = (BY_NAME[name] for name in ("heading_deg", "surge_mps", "port_rpm", "north_m"))
 AZIMUTH = BY_NAME["port_angle_deg"]

@@ -9,17 +9,17 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from acquisition.core.arrays import Series
-from acquisition.core.channels import NAMES
-from acquisition.core.errors import DataShortageError, InputError
-from acquisition.core.frames import Quality
-from acquisition.core.trial import Trial
-from acquisition.recording.reader import Recording, read_recording
-from acquisition.recording.tables import write_table
-from analysis.quality.channel_checks import grade_of
-from analysis.quality.check import DataQuality, check_recording, check_table, rows_of
-from analysis.tables.table import table_of, times_ns
-from hybrid.simulation.trial import simulate_trial
+from seatrial.acquisition.core.arrays import Series
+from seatrial.acquisition.core.channels import NAMES
+from seatrial.acquisition.core.errors import DataShortageError, InputError
+from seatrial.acquisition.core.frames import Quality
+from seatrial.acquisition.core.trial import Trial
+from seatrial.acquisition.recording.reader import Recording, read_recording
+from seatrial.acquisition.recording.tables import write_table
+from seatrial.analysis.quality.channel_checks import grade_of
+from seatrial.analysis.quality.check import DataQuality, check_recording, check_table, rows_of
+from seatrial.analysis.tables.table import table_of, times_ns
+from seatrial.hybrid.simulation.trial import simulate_trial
 from tests.analysis.quality import faults
 from tests.analysis.quality.faults import Fault
 
@@ -50,7 +50,7 @@ def sound(trial: pd.DataFrame) -> DataQuality:
 @pytest.fixture
 def single_channels_only(monkeypatch: pytest.MonkeyPatch) -> None:
     """Without the checks across channels, which have their own tests and take their time."""
-    monkeypatch.setattr("analysis.quality.check.CHECKS", ())
+    monkeypatch.setattr("seatrial.analysis.quality.check.CHECKS", ())
 
 
 def spoilt(trial: pd.DataFrame, fault: Fault, seed: int = 0) -> tuple[pd.DataFrame, str]:

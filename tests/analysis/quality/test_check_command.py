@@ -11,13 +11,13 @@ import pandas as pd
 import pytest
 from typer.testing import CliRunner
 
-from acquisition.core.frames import Quality
-from acquisition.core.trial import Trial
-from acquisition.recording.tables import write_table
-from analysis.report.quality_page import binned_flags
-from analysis.tables.files import read_parquet
-from hybrid.simulation.trial import simulate_trial
 from seatrial import app
+from seatrial.acquisition.core.frames import Quality
+from seatrial.acquisition.core.trial import Trial
+from seatrial.acquisition.recording.tables import write_table
+from seatrial.analysis.report.quality_page import binned_flags
+from seatrial.analysis.tables.files import read_parquet
+from seatrial.hybrid.simulation.trial import simulate_trial
 
 RUN = CliRunner()
 

@@ -11,12 +11,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from acquisition.core.angles import difference, unwrap, wrap_180, wrap_360
-from acquisition.core.frames import Quality
-from acquisition.tables.import_table import import_table
-from analysis.quality.heading_wrap import WRAP_INTERPOLATED, check_heading_wrap, seam_line_mask
-from analysis.tables.table import NANO, read_table, times_ns
-from hybrid.simulation.trial import Noise, simulate_trial
+from seatrial.acquisition.core.angles import difference, unwrap, wrap_180, wrap_360
+from seatrial.acquisition.core.frames import Quality
+from seatrial.acquisition.tables.import_table import import_table
+from seatrial.analysis.quality.heading_wrap import WRAP_INTERPOLATED, check_heading_wrap, seam_line_mask
+from seatrial.analysis.tables.table import NANO, read_table, times_ns
+from seatrial.hybrid.simulation.trial import Noise, simulate_trial
 from tests.analysis.conftest import table_at
 from tests.analysis.quality import faults
 from tests.analysis.test_real_recordings import MAPS, TRIALS

@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from acquisition.core.actuators import Actuator, as_text
-from analysis.quality.commands import check_helm_sign
-from hybrid.simulation.trial import simulate_trial
+from seatrial.acquisition.core.actuators import Actuator, as_text
+from seatrial.analysis.quality.commands import check_helm_sign
+from seatrial.hybrid.simulation.trial import simulate_trial
 from tests.analysis.rudder_ships import MODEL, TWIN, Orders, Ship, sail, turn, zigzag
 
 SHIPS = {"single": (Ship(), 120.0), "twin": (replace(Ship(), actuators=TWIN), 120.0), "model": (MODEL, 600.0)}

@@ -8,11 +8,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from acquisition.core.channels import COMMAND
-from acquisition.core.frames import Quality
-from analysis.quality.commands import ORDER_INTERPOLATED, check_orders, hold_orders
-from analysis.quality.samples import samples_of
-from hybrid.simulation.trial import Noise, simulate_trial
+from seatrial.acquisition.core.channels import COMMAND
+from seatrial.acquisition.core.frames import Quality
+from seatrial.analysis.quality.commands import ORDER_INTERPOLATED, check_orders, hold_orders
+from seatrial.analysis.quality.samples import samples_of
+from seatrial.hybrid.simulation.trial import Noise, simulate_trial
 from tests.analysis.conftest import table_at
 from tests.analysis.quality import faults
 

@@ -9,14 +9,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from acquisition.core.angles import wrap_360
-from acquisition.core.arrays import Series
-from acquisition.core.channels import BY_NAME
-from acquisition.tables.import_table import import_table
-from analysis.quality.check import DataQuality, check_table
-from analysis.quality.repeated_values import grid_step, quantisation_step
-from analysis.quality.samples import series_of
-from analysis.tables.table import NANO, read_table
+from seatrial.acquisition.core.angles import wrap_360
+from seatrial.acquisition.core.arrays import Series
+from seatrial.acquisition.core.channels import BY_NAME
+from seatrial.acquisition.tables.import_table import import_table
+from seatrial.analysis.quality.check import DataQuality, check_table
+from seatrial.analysis.quality.repeated_values import grid_step, quantisation_step
+from seatrial.analysis.quality.samples import series_of
+from seatrial.analysis.tables.table import NANO, read_table
 
 MAPS = Path(__file__).parents[3] / "trials" / "columns"
 NORTH, HEADING, SURGE = (BY_NAME[name] for name in ("north_m", "heading_deg", "surge_mps"))

@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from analysis.quality.repairs import repair
-from analysis.tables.table import read_table
 from seatrial import app
+from seatrial.analysis.quality.repairs import repair
+from seatrial.analysis.tables.table import read_table
 
 pytestmark = [pytest.mark.shared, pytest.mark.slow]
 
@@ -30,7 +30,7 @@ FOLDERS = (
 
 @pytest.mark.parametrize("folder", FOLDERS)
 def test_only_known_faults_are_repaired_unasked(shared_data: Path, tmp_path: Path, folder: str) -> None:
-    from analysis.quality.check import check_table
+    from seatrial.analysis.quality.check import check_table
 
     sources = sorted((shared_data / folder).rglob("*.csv*"))
     if not sources:

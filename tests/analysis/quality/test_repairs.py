@@ -9,22 +9,22 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from acquisition.core.angles import difference, is_other_convention, unwrap, wrap_360
-from acquisition.core.channels import BY_NAME, NAMES
-from acquisition.core.errors import InputError
-from acquisition.core.frames import Quality
-from acquisition.core.trial import Trial
-from acquisition.recording.reader import read_recording
-from acquisition.recording.tables import write_table
-from acquisition.tables.import_table import import_table
-from analysis.quality.check import check_recording
-from analysis.quality.commands import check_orders
-from analysis.quality.findings import CheckResult, Finding
-from analysis.quality.heading_wrap import check_heading_wrap
-from analysis.quality.repairs import RepairResult, repair, write_repaired
-from analysis.quality.wind import check_wind
-from analysis.tables.table import history_of, read_table, table_of
-from hybrid.simulation.trial import simulate_trial
+from seatrial.acquisition.core.angles import difference, is_other_convention, unwrap, wrap_360
+from seatrial.acquisition.core.channels import BY_NAME, NAMES
+from seatrial.acquisition.core.errors import InputError
+from seatrial.acquisition.core.frames import Quality
+from seatrial.acquisition.core.trial import Trial
+from seatrial.acquisition.recording.reader import read_recording
+from seatrial.acquisition.recording.tables import write_table
+from seatrial.acquisition.tables.import_table import import_table
+from seatrial.analysis.quality.check import check_recording
+from seatrial.analysis.quality.commands import check_orders
+from seatrial.analysis.quality.findings import CheckResult, Finding
+from seatrial.analysis.quality.heading_wrap import check_heading_wrap
+from seatrial.analysis.quality.repairs import RepairResult, repair, write_repaired
+from seatrial.analysis.quality.wind import check_wind
+from seatrial.analysis.tables.table import history_of, read_table, table_of
+from seatrial.hybrid.simulation.trial import simulate_trial
 from tests.analysis.conftest import table_at
 from tests.analysis.quality import faults
 from tests.analysis.test_real_recordings import MAPS, TRIALS

@@ -6,9 +6,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from acquisition.core.frames import Quality
-from analysis.quality.commands import check_thruster_feedback
-from hybrid.simulation.trial import simulate_trial
+from seatrial.acquisition.core.frames import Quality
+from seatrial.analysis.quality.commands import check_thruster_feedback
+from seatrial.hybrid.simulation.trial import simulate_trial
 from tests.analysis.conftest import table_at
 from tests.analysis.quality import faults
 

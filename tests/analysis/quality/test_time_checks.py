@@ -6,10 +6,10 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from acquisition.core.arrays import Series
-from analysis.quality.time_checks import clock_jumps, jitter_s, reception_jumps
-from analysis.tables.table import NANO, index_of, times_ns
-from hybrid.simulation.trial import simulate_trial
+from seatrial.acquisition.core.arrays import Series
+from seatrial.analysis.quality.time_checks import clock_jumps, jitter_s, reception_jumps
+from seatrial.analysis.tables.table import NANO, index_of, times_ns
+from seatrial.hybrid.simulation.trial import simulate_trial
 
 RATE_HZ = 5.0
 

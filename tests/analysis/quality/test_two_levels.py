@@ -10,11 +10,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from acquisition.core.arrays import Bools, Floats
-from acquisition.core.channels import BY_NAME
-from analysis.quality.check import check_table
-from analysis.quality.samples import series_of
-from analysis.quality.two_levels import ALTERNATING, alternation_findings, find_levels
+from seatrial.acquisition.core.arrays import Bools, Floats
+from seatrial.acquisition.core.channels import BY_NAME
+from seatrial.analysis.quality.check import check_table
+from seatrial.analysis.quality.samples import series_of
+from seatrial.analysis.quality.two_levels import ALTERNATING, alternation_findings, find_levels
 
 _ROWS = 600
 _TIME_S = np.arange(_ROWS) * 0.5

@@ -8,11 +8,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from acquisition.core.angles import difference, wrap_360
-from acquisition.core.frames import Quality
-from acquisition.core.kinematics import wind_over_ground
-from analysis.quality.wind import check_wind, true_wind
-from hybrid.simulation.trial import simulate_trial
+from seatrial.acquisition.core.angles import difference, wrap_360
+from seatrial.acquisition.core.frames import Quality
+from seatrial.acquisition.core.kinematics import wind_over_ground
+from seatrial.analysis.quality.wind import check_wind, true_wind
+from seatrial.hybrid.simulation.trial import simulate_trial
 from tests.analysis.conftest import table_at
 from tests.analysis.quality import faults
 

@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from acquisition.core.arrays import Floats
-from analysis.speed_power import Conditions
-from analysis.speed_power.corrections import (
+from seatrial.acquisition.core.arrays import Floats
+from seatrial.analysis.speed_power import Conditions
+from seatrial.analysis.speed_power.corrections import (
     ideal_power_kw,
     lackenby_mps,
     raven_kw,
@@ -17,10 +17,10 @@ from analysis.speed_power.corrections import (
     water_resistance_n,
     wind_resistance_n,
 )
-from hybrid.effects.catalogue import vessel_plant
-from hybrid.vessel.files import load_vessel
-from hybrid.vessel.plant import pack
-from hybrid.vessel.windage import conditions_of
+from seatrial.hybrid.effects.catalogue import vessel_plant
+from seatrial.hybrid.vessel.files import load_vessel
+from seatrial.hybrid.vessel.plant import pack
+from seatrial.hybrid.vessel.windage import conditions_of
 from tests.force_calls import wind_force
 
 SHIP = Conditions(

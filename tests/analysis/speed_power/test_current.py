@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
-from acquisition.core.arrays import Floats
-from acquisition.core.errors import DataShortageError
-from analysis.speed_power.current import TIDE_S, iterate_current, mean_of_means
+from seatrial.acquisition.core.arrays import Floats
+from seatrial.acquisition.core.errors import DataShortageError
+from seatrial.analysis.speed_power.current import TIDE_S, iterate_current, mean_of_means
 
 SPEEDS = np.repeat([6.0, 7.0, 7.6, 8.3], 2)
 COURSE = np.tile([1.0, -1.0], 4)

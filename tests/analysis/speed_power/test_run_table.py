@@ -12,9 +12,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import seatrial
-from acquisition.core.errors import InputError
-from acquisition.core.serialisation import to_json
-from analysis.speed_power.run_table import read_run_table, runs_in_table
+from seatrial.acquisition.core.errors import InputError
+from seatrial.acquisition.core.serialisation import to_json
+from seatrial.analysis.speed_power.run_table import read_run_table, runs_in_table
 from tests.benchmarks.speed_trials import Programme
 from tests.conftest import Command
 

@@ -13,14 +13,14 @@ import pytest
 from scipy.optimize import brentq
 
 import seatrial as st
-from acquisition.core.errors import DataShortageError, InputError
-from acquisition.core.serialisation import from_json, to_json
-from analysis.batch.one_recording import process_recording
-from analysis.products import Options
-from analysis.speed_power import Conditions, SpeedPower, power_runs, speed_power
-from analysis.speed_power.report import corrected_words, sentence
-from analysis.speed_power.runs import power_columns
-from hybrid.report.case import Case
+from seatrial.acquisition.core.errors import DataShortageError, InputError
+from seatrial.acquisition.core.serialisation import from_json, to_json
+from seatrial.analysis.batch.one_recording import process_recording
+from seatrial.analysis.products import Options
+from seatrial.analysis.speed_power import Conditions, SpeedPower, power_runs, speed_power
+from seatrial.analysis.speed_power.report import corrected_words, sentence
+from seatrial.analysis.speed_power.runs import power_columns
+from seatrial.hybrid.report.case import Case
 from tests.analysis.speed_power.trials import (
     BEAM_M,
     DRAUGHT_M,

@@ -8,11 +8,11 @@ from typing import get_args
 import numpy as np
 import pytest
 
-from acquisition.config.conditions import WindType
-from acquisition.core.errors import InputError
-from analysis.speed_power import Conditions
-from analysis.speed_power.corrections import wind_resistance_n
-from analysis.speed_power.typical_wind import (
+from seatrial.acquisition.config.conditions import WindType
+from seatrial.acquisition.core.errors import InputError
+from seatrial.analysis.speed_power import Conditions
+from seatrial.analysis.speed_power.corrections import wind_resistance_n
+from seatrial.analysis.speed_power.typical_wind import (
     TYPICAL_WIND_RESISTANCE,
     read_wind_resistance,
     wind_resistance_of,

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
-from analysis.speed_power import SpeedPower, speed_power_of_runs
-from analysis.speed_power.report import (
+from seatrial.analysis.speed_power import SpeedPower, speed_power_of_runs
+from seatrial.analysis.speed_power.report import (
     correction_rows,
     power_text,
     run_rows,
@@ -17,8 +17,8 @@ from analysis.speed_power.report import (
     setting_rows,
     uncertainty_rows,
 )
-from analysis.speed_power.run_table import runs_in_table
-from analysis.speed_power.uncertainty import _mixture_half
+from seatrial.analysis.speed_power.run_table import runs_in_table
+from seatrial.analysis.speed_power.uncertainty import _mixture_half
 from tests.benchmarks.speed_trials import Programme, rows_of
 
 

@@ -12,10 +12,16 @@ from hypothesis import strategies as st
 from scipy.integrate import quad
 from scipy.special import iv, kv
 
-from acquisition.core.arrays import Floats
-from analysis.speed_power import Conditions, PowerRun
-from analysis.speed_power.corrections import WAVE_METHODS, Correction, Sea, corrections_of, wave_resistance_n
-from analysis.speed_power.waves import GRAVITY_MPS2, from_ahead, regular_waves_n, stawave1_n, stawave2_n
+from seatrial.acquisition.core.arrays import Floats
+from seatrial.analysis.speed_power import Conditions, PowerRun
+from seatrial.analysis.speed_power.corrections import (
+    WAVE_METHODS,
+    Correction,
+    Sea,
+    corrections_of,
+    wave_resistance_n,
+)
+from seatrial.analysis.speed_power.waves import GRAVITY_MPS2, from_ahead, regular_waves_n, stawave1_n, stawave2_n
 
 SHIP = Conditions(
     length_m=180.0, beam_m=32.0, draught_m=11.0, displacement_m3=48_000.0, bow_length_m=40.0,

@@ -1,7 +1,7 @@
 """Speed trials made from a known power curve: a ship that runs to and fro in a tide, wind and noise.
 
-Nothing of ``analysis.speed_power`` is used here: the speed through the water is that at which the power is spent,
-and after each turn she comes to it as a first-order system does.
+Nothing of ``seatrial.analysis.speed_power`` is used here: the speed through the water is that at which the power is
+spent, and after each turn she comes to it as a first-order system does.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ import pandas as pd
 from scipy.optimize import brentq
 from scipy.signal import lfilter
 
-from acquisition.core.arrays import Floats
+from seatrial.acquisition.core.arrays import Floats
 
 TIDE_S = 12.42 * 3600.0
 LENGTH_M, BEAM_M, DRAUGHT_M, VOLUME_M3 = 180.0, 32.0, 11.0, 48_000.0

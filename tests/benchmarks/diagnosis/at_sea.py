@@ -11,16 +11,16 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from acquisition.core.actuators import DEFAULT, control_names, name_of_order
-from acquisition.core.arrays import Floats
-from acquisition.core.channels import ENVIRONMENT
-from acquisition.core.errors import ConfigurationError
-from hybrid.diagnosis.diagnose import TOLERANCE
-from hybrid.effects import CATALOGUE
-from hybrid.effects.environment import STEADY_WIND
-from hybrid.vessel.actuators import control_units
-from hybrid.vessel.files import load_vessel
-from hybrid.workflows.diagnose import diagnose_tables
+from seatrial.acquisition.core.actuators import DEFAULT, control_names, name_of_order
+from seatrial.acquisition.core.arrays import Floats
+from seatrial.acquisition.core.channels import ENVIRONMENT
+from seatrial.acquisition.core.errors import ConfigurationError
+from seatrial.hybrid.diagnosis.diagnose import TOLERANCE
+from seatrial.hybrid.effects import CATALOGUE
+from seatrial.hybrid.effects.environment import STEADY_WIND
+from seatrial.hybrid.vessel.actuators import control_units
+from seatrial.hybrid.vessel.files import load_vessel
+from seatrial.hybrid.workflows.diagnose import diagnose_tables
 from tests.benchmarks.diagnosis.design import VESSEL, Hidden
 from tests.benchmarks.diagnosis.scoring import holds
 from tests.benchmarks.diagnosis.sound import placed

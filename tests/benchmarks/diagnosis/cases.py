@@ -8,7 +8,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from hybrid.effects import CATALOGUE
+from seatrial.hybrid.effects import CATALOGUE
 from tests.benchmarks.diagnosis.design import Design
 from tests.benchmarks.other_ship.outside import OUTSIDE
 

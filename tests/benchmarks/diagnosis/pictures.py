@@ -10,7 +10,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from hybrid.effects import CATALOGUE
+from seatrial.hybrid.effects import CATALOGUE
 from tests.benchmarks.diagnosis.scoring import (
     Result,
     Test,

@@ -12,10 +12,10 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from hybrid.diagnosis.diagnose import TOLERANCE
-from hybrid.effects.catalogue import catalogue_of
-from hybrid.simulation.handling import pace_of
-from hybrid.simulation.manoeuvres import (
+from seatrial.hybrid.diagnosis.diagnose import TOLERANCE
+from seatrial.hybrid.effects.catalogue import catalogue_of
+from seatrial.hybrid.simulation.handling import pace_of
+from seatrial.hybrid.simulation.manoeuvres import (
     Leg,
     Manoeuvre,
     for_ship,
@@ -25,11 +25,11 @@ from hybrid.simulation.manoeuvres import (
     turning_circle,
     zigzag,
 )
-from hybrid.simulation.sea_state import SeaState
-from hybrid.simulation.trial import simulate_trial
-from hybrid.vessel.files import load_vessel
-from hybrid.vessel.parameters import Vessel
-from hybrid.workflows.diagnose import diagnose_tables
+from seatrial.hybrid.simulation.sea_state import SeaState
+from seatrial.hybrid.simulation.trial import simulate_trial
+from seatrial.hybrid.vessel.files import load_vessel
+from seatrial.hybrid.vessel.parameters import Vessel
+from seatrial.hybrid.workflows.diagnose import diagnose_tables
 from tests.hybrid.froude import froude_scaled
 
 SHIPS = {"esso_osaka_3m": ("esso_osaka_3m", 1.0), "kvlcc2_7m": ("kvlcc2_7m", 1.0),

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from scipy.stats import beta
 
-from hybrid.effects import CATALOGUE
+from seatrial.hybrid.effects import CATALOGUE
 
 Result = Mapping[str, Any]
 Test = Callable[[Result], bool]

@@ -7,14 +7,14 @@ from math import inf, isnan
 
 import pandas as pd
 
-from acquisition.core.errors import ConfigurationError
-from hybrid.diagnosis.diagnose import TOLERANCE
-from hybrid.effects import CATALOGUE
-from hybrid.planning.next_manoeuvre import usual_rpm
-from hybrid.planning.repertoire import MINUTES, Candidate, repertoire, shafts_of
-from hybrid.simulation.manoeuvres import Leg, Manoeuvre
-from hybrid.vessel.parameters import Vessel
-from hybrid.workflows.diagnose import DiagnosisRun, diagnose_tables
+from seatrial.acquisition.core.errors import ConfigurationError
+from seatrial.hybrid.diagnosis.diagnose import TOLERANCE
+from seatrial.hybrid.effects import CATALOGUE
+from seatrial.hybrid.planning.next_manoeuvre import usual_rpm
+from seatrial.hybrid.planning.repertoire import MINUTES, Candidate, repertoire, shafts_of
+from seatrial.hybrid.simulation.manoeuvres import Leg, Manoeuvre
+from seatrial.hybrid.vessel.parameters import Vessel
+from seatrial.hybrid.workflows.diagnose import DiagnosisRun, diagnose_tables
 from tests.benchmarks.diagnosis.design import Design, Hidden, simulated
 from tests.benchmarks.other_ship.programmes import HOLD, STEER, TURN, ZIGZAG, Order
 

@@ -10,13 +10,13 @@ from typing import Any
 
 import numpy as np
 
-from acquisition.core.errors import ModelRangeError, SeatrialError
-from hybrid.diagnosis.diagnose import TOLERANCE
-from hybrid.diagnosis.result import Diagnosis
-from hybrid.effects import CATALOGUE
-from hybrid.effects.catalogue import catalogue_with
-from hybrid.vessel.files import load_vessel
-from hybrid.workflows.diagnose import DiagnosisRun, diagnose_tables
+from seatrial.acquisition.core.errors import ModelRangeError, SeatrialError
+from seatrial.hybrid.diagnosis.diagnose import TOLERANCE
+from seatrial.hybrid.diagnosis.result import Diagnosis
+from seatrial.hybrid.effects import CATALOGUE
+from seatrial.hybrid.effects.catalogue import catalogue_with
+from seatrial.hybrid.vessel.files import load_vessel
+from seatrial.hybrid.workflows.diagnose import DiagnosisRun, diagnose_tables
 from tests.benchmarks.diagnosis import at_sea, rudder_ships
 from tests.benchmarks.diagnosis.at_sea import SeaCase
 from tests.benchmarks.diagnosis.cases import Case

@@ -12,18 +12,18 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from acquisition.recording.reader import read_recording
-from acquisition.tables.import_table import import_table
-from hybrid.diagnosis.gap import UnseenWindows, unseen_windows
-from hybrid.diagnosis.linearise import model_of
-from hybrid.diagnosis.log import Log, log_of
-from hybrid.diagnosis.select_effects import Coordinates, fitted_coordinates
-from hybrid.effects.catalogue import catalogue_of
-from hybrid.prediction.scores import distances
-from hybrid.vessel.files import load_vessel
-from hybrid.vessel.parameters import Vessel
-from hybrid.workflows.checked import checked_tables
-from hybrid.workflows.diagnose import diagnose_tables
+from seatrial.acquisition.recording.reader import read_recording
+from seatrial.acquisition.tables.import_table import import_table
+from seatrial.hybrid.diagnosis.gap import UnseenWindows, unseen_windows
+from seatrial.hybrid.diagnosis.linearise import model_of
+from seatrial.hybrid.diagnosis.log import Log, log_of
+from seatrial.hybrid.diagnosis.select_effects import Coordinates, fitted_coordinates
+from seatrial.hybrid.effects.catalogue import catalogue_of
+from seatrial.hybrid.prediction.scores import distances
+from seatrial.hybrid.vessel.files import load_vessel
+from seatrial.hybrid.vessel.parameters import Vessel
+from seatrial.hybrid.workflows.checked import checked_tables
+from seatrial.hybrid.workflows.diagnose import diagnose_tables
 from tests.benchmarks.measured.kinds import KINDS, Kind
 
 VESSEL = "esso_osaka_3m"

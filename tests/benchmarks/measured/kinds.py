@@ -15,10 +15,10 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from analysis.tables.table import NANO, times_ns
-from hybrid.vessel.estimate.new_vessel import new_vessel
-from hybrid.vessel.files import load_vessel
-from hybrid.vessel.parameters import Vessel
+from seatrial.analysis.tables.table import NANO, times_ns
+from seatrial.hybrid.vessel.estimate.new_vessel import new_vessel
+from seatrial.hybrid.vessel.files import load_vessel
+from seatrial.hybrid.vessel.parameters import Vessel
 from tests.hybrid.froude import froude_scaled
 
 Values = dict[str, dict[str, float]]

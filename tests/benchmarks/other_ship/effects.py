@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from math import cos, inf, radians, sin
 
-from acquisition.core.errors import ConfigurationError
+from seatrial.acquisition.core.errors import ConfigurationError
 from tests.benchmarks.other_ship.hull_effects import add_skeg, lengthen, over_shallows, trim
 from tests.benchmarks.other_ship.sheet import Sheet, vessel_sheet
 

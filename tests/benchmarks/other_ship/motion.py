@@ -10,8 +10,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numba import njit
 
-from acquisition.core.arrays import Floats
-from analysis.compiling import source_stamp
+from seatrial.acquisition.core.arrays import Floats
+from seatrial.analysis.compiling import source_stamp
 from tests.benchmarks.other_ship.forces import (
     Body,
     Control,

@@ -7,9 +7,9 @@ import pandas as pd
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
-from acquisition.core.angles import wrap_180, wrap_360
-from acquisition.core.arrays import Floats
-from acquisition.core.channels import NAMES
+from seatrial.acquisition.core.angles import wrap_180, wrap_360
+from seatrial.acquisition.core.arrays import Floats
+from seatrial.acquisition.core.channels import NAMES
 from tests.benchmarks.other_ship.sheet import Sheet
 
 SIGMAS = {

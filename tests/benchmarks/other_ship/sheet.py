@@ -8,7 +8,7 @@ from math import inf
 from pathlib import Path
 from typing import Any
 
-from acquisition.core.errors import ConfigurationError
+from seatrial.acquisition.core.errors import ConfigurationError
 
 VESSELS = Path(__file__).parents[3] / "trials" / "vessels"
 

@@ -7,14 +7,14 @@ from typing import Any
 
 import pytest
 
-from hybrid.diagnosis.acceptance import Acceptance, accept_names
-from hybrid.diagnosis.estimate_noise import estimate_noise
-from hybrid.diagnosis.evidence import weigh_evidence
-from hybrid.diagnosis.linearise import Model, linearise
-from hybrid.diagnosis.log import log_of
-from hybrid.diagnosis.select_effects import select_effects
-from hybrid.effects import CATALOGUE
-from hybrid.vessel.plant import Plant
+from seatrial.hybrid.diagnosis.acceptance import Acceptance, accept_names
+from seatrial.hybrid.diagnosis.estimate_noise import estimate_noise
+from seatrial.hybrid.diagnosis.evidence import weigh_evidence
+from seatrial.hybrid.diagnosis.linearise import Model, linearise
+from seatrial.hybrid.diagnosis.log import log_of
+from seatrial.hybrid.diagnosis.select_effects import select_effects
+from seatrial.hybrid.effects import CATALOGUE
+from seatrial.hybrid.vessel.plant import Plant
 from tests.benchmarks.other_ship.trial import make_trial
 
 Diagnosed = Callable[..., Acceptance]

@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from acquisition.core.arrays import Floats
-from hybrid.diagnosis.disturbance_model import Noise
-from hybrid.diagnosis.evidence import ColumnLayout, NormalEquations
-from hybrid.diagnosis.linearise import Model
-from hybrid.effects import CATALOGUE
-from hybrid.vessel.plant import Plant
+from seatrial.acquisition.core.arrays import Floats
+from seatrial.hybrid.diagnosis.disturbance_model import Noise
+from seatrial.hybrid.diagnosis.evidence import ColumnLayout, NormalEquations
+from seatrial.hybrid.diagnosis.linearise import Model
+from seatrial.hybrid.effects import CATALOGUE
+from seatrial.hybrid.vessel.plant import Plant
 
 SMALL_CATALOGUE = {
     name: CATALOGUE[name]

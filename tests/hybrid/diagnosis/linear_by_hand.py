@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
-from acquisition.core.arrays import Floats
-from hybrid.diagnosis.disturbance_model import FORCE_UNITS, FREE, Columns, Noise
-from hybrid.diagnosis.linearise import LinearModel
+from seatrial.acquisition.core.arrays import Floats
+from seatrial.hybrid.diagnosis.disturbance_model import FORCE_UNITS, FREE, Columns, Noise
+from seatrial.hybrid.diagnosis.linearise import LinearModel
 
 GRAVITY_MPS2 = 9.81
 CALM_SEA = Noise(gust=(900.0, 700.0, 9000.0), slow=(400.0, 600.0, 5000.0), slow_s=15.0)

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from acquisition.core.arrays import Floats
-from hybrid.diagnosis.log import STEPS_PER_SECOND, Log
-from hybrid.vessel.plant import Plant
-from hybrid.vessel.sensors import measure
-from hybrid.vessel.simulate import simulate
+from seatrial.acquisition.core.arrays import Floats
+from seatrial.hybrid.diagnosis.log import STEPS_PER_SECOND, Log
+from seatrial.hybrid.vessel.plant import Plant
+from seatrial.hybrid.vessel.sensors import measure
+from seatrial.hybrid.vessel.simulate import simulate
 
 DT_S = 1.0 / STEPS_PER_SECOND
 START_S = 1_800_000_000

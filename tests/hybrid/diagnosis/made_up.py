@@ -6,9 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from acquisition.core.serialisation import to_json
-from hybrid.diagnosis.disturbance_model import Noise
-from hybrid.diagnosis.result import (
+from seatrial.acquisition.core.serialisation import to_json
+from seatrial.hybrid.diagnosis.disturbance_model import Noise
+from seatrial.hybrid.diagnosis.result import (
     FORCES,
     Diagnosis,
     Estimate,
@@ -25,7 +25,7 @@ from hybrid.diagnosis.result import (
     Tracks,
     UnknownCause,
 )
-from hybrid.prediction.scores import Interval
+from seatrial.hybrid.prediction.scores import Interval
 
 CURRENT = NamedEffect(
     "ocean_current", "environment", "physics",

@@ -6,9 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from hybrid.diagnosis.disturbance_model import Noise
-from hybrid.diagnosis.log import Log
-from hybrid.vessel.plant import Plant
+from seatrial.hybrid.diagnosis.disturbance_model import Noise
+from seatrial.hybrid.diagnosis.log import Log
+from seatrial.hybrid.vessel.plant import Plant
 from tests.hybrid.diagnosis.log_by_hand import a_log
 
 QUIET = Noise(gust=(100.0, 100.0, 1000.0), slow=(100.0, 100.0, 1000.0))

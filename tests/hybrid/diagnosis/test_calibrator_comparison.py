@@ -11,23 +11,23 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from acquisition.core.actuators import DEFAULT
-from acquisition.core.arrays import Floats
-from acquisition.core.errors import DataShortageError
-from hybrid.calibrators.calibrator import Calibrator
-from hybrid.diagnosis.calibrator_comparison import draws_of_folds, ladder, seconds_in_folds
-from hybrid.diagnosis.gap import FOLDS, fold_of
-from hybrid.diagnosis.linearise import Model
-from hybrid.diagnosis.log import Log
-from hybrid.diagnosis.result import Ladder
-from hybrid.diagnosis.select_effects import Coordinates
-from hybrid.effects import CATALOGUE
-from hybrid.evaluation.splits import shared_seconds
-from hybrid.prediction.baselines import reference
-from hybrid.prediction.prediction_windows import PredictionWindows
-from hybrid.prediction.scores import distances, score
-from hybrid.report.diagnosis_words import ladder_sentence
-from hybrid.vessel.plant import Plant
+from seatrial.acquisition.core.actuators import DEFAULT
+from seatrial.acquisition.core.arrays import Floats
+from seatrial.acquisition.core.errors import DataShortageError
+from seatrial.hybrid.calibrators.calibrator import Calibrator
+from seatrial.hybrid.diagnosis.calibrator_comparison import draws_of_folds, ladder, seconds_in_folds
+from seatrial.hybrid.diagnosis.gap import FOLDS, fold_of
+from seatrial.hybrid.diagnosis.linearise import Model
+from seatrial.hybrid.diagnosis.log import Log
+from seatrial.hybrid.diagnosis.result import Ladder
+from seatrial.hybrid.diagnosis.select_effects import Coordinates
+from seatrial.hybrid.effects import CATALOGUE
+from seatrial.hybrid.evaluation.splits import shared_seconds
+from seatrial.hybrid.prediction.baselines import reference
+from seatrial.hybrid.prediction.prediction_windows import PredictionWindows
+from seatrial.hybrid.prediction.scores import distances, score
+from seatrial.hybrid.report.diagnosis_words import ladder_sentence
+from seatrial.hybrid.vessel.plant import Plant
 from tests.hybrid.diagnosis.made_up import a_ladder
 from tests.hybrid.evaluation.windows_in_legs import FAKES, Oracle, windows_of_legs
 
@@ -107,7 +107,7 @@ def climbed(plant: Plant, monkeypatch: pytest.MonkeyPatch) -> Climbed:
     def make(method: str, seed: int = 0, plant: Plant | None = None) -> Calibrator:
         return KNOWN[method](seed, plant)
 
-    monkeypatch.setattr("hybrid.evaluation.study.make_calibrator", make)
+    monkeypatch.setattr("seatrial.hybrid.evaluation.study.make_calibrator", make)
 
     def run(method: str, named: Mapping[int, Coordinates] | None) -> tuple[Ladder, PredictionWindows]:
         windows = windows_of_legs([7] * 12, gap_s=20)

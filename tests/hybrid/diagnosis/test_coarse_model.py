@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from acquisition.core.arrays import Floats
-from hybrid.diagnosis.acceptance import Acceptance, LackOfFit
-from hybrid.diagnosis.coarse_model import (
+from seatrial.acquisition.core.arrays import Floats
+from seatrial.hybrid.diagnosis.acceptance import Acceptance, LackOfFit
+from seatrial.hybrid.diagnosis.coarse_model import (
     chance_of_closer,
     improves_prediction,
     is_coarse,
@@ -17,14 +17,14 @@ from hybrid.diagnosis.coarse_model import (
     single_effect_suffices,
     substitutes_of,
 )
-from hybrid.diagnosis.diagnose import diagnose
-from hybrid.diagnosis.evidence import Evidence, evidence_of
-from hybrid.diagnosis.nuisance_basis import OPERATION
-from hybrid.diagnosis.result import Replication
-from hybrid.simulation.trial import simulate_trial
-from hybrid.vessel.files import load_vessel
-from hybrid.vessel.hulls.polynomial import NUMBERS
-from hybrid.vessel.plant import Plant
+from seatrial.hybrid.diagnosis.diagnose import diagnose
+from seatrial.hybrid.diagnosis.evidence import Evidence, evidence_of
+from seatrial.hybrid.diagnosis.nuisance_basis import OPERATION
+from seatrial.hybrid.diagnosis.result import Replication
+from seatrial.hybrid.simulation.trial import simulate_trial
+from seatrial.hybrid.vessel.files import load_vessel
+from seatrial.hybrid.vessel.hulls.polynomial import NUMBERS
+from seatrial.hybrid.vessel.plant import Plant
 from tests.hybrid.diagnosis.examination_by_hand import a_design
 
 PARTS = [np.arange(8) % 4 == part for part in range(4)]

@@ -7,13 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hybrid.diagnosis.acceptance import Acceptance, LackOfFit, composite_effects, pairs_spanning
-from hybrid.diagnosis.evidence import Evidence, evidence_of
-from hybrid.diagnosis.linearise import Model
-from hybrid.diagnosis.nuisance_basis import OPERATION
-from hybrid.diagnosis.verdict import _composites
-from hybrid.effects import CATALOGUE
-from hybrid.vessel.plant import Plant
+from seatrial.hybrid.diagnosis.acceptance import Acceptance, LackOfFit, composite_effects, pairs_spanning
+from seatrial.hybrid.diagnosis.evidence import Evidence, evidence_of
+from seatrial.hybrid.diagnosis.linearise import Model
+from seatrial.hybrid.diagnosis.nuisance_basis import OPERATION
+from seatrial.hybrid.diagnosis.verdict import _composites
+from seatrial.hybrid.effects import CATALOGUE
+from seatrial.hybrid.vessel.plant import Plant
 from tests.hybrid.diagnosis.examination_by_hand import Design, a_design
 
 BOTH = ("thrust_loss_port", "thrust_loss_starboard")

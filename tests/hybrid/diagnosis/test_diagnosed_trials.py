@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from acquisition.core.arrays import Floats
-from acquisition.core.channels import ENVIRONMENT
-from hybrid.diagnosis.acceptance import Acceptance, lack_of_fit
-from hybrid.diagnosis.select_effects import CLOSE
-from hybrid.diagnosis.verdict import close_rivals
-from hybrid.vessel.files import load_vessel
-from hybrid.workflows.diagnose import diagnose_tables
+from seatrial.acquisition.core.arrays import Floats
+from seatrial.acquisition.core.channels import ENVIRONMENT
+from seatrial.hybrid.diagnosis.acceptance import Acceptance, lack_of_fit
+from seatrial.hybrid.diagnosis.select_effects import CLOSE
+from seatrial.hybrid.diagnosis.verdict import close_rivals
+from seatrial.hybrid.vessel.files import load_vessel
+from seatrial.hybrid.workflows.diagnose import diagnose_tables
 from tests.benchmarks.other_ship.programmes import HOLD, Order, hold
 from tests.benchmarks.other_ship.trial import make_trial
 from tests.hybrid.diagnosis.conftest import Diagnosed

@@ -9,16 +9,16 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from acquisition.core.arrays import Floats
-from analysis.estimation.kalman_kernel import WIDTH
-from hybrid.diagnosis.disturbance_model import (
+from seatrial.acquisition.core.arrays import Floats
+from seatrial.analysis.estimation.kalman_kernel import WIDTH
+from seatrial.hybrid.diagnosis.disturbance_model import (
     CALM,
     FORCE_UNITS,
     FREE,
     SWING,
     Noise,
 )
-from hybrid.diagnosis.linearise import LinearModel
+from seatrial.hybrid.diagnosis.linearise import LinearModel
 from tests.hybrid.diagnosis.linear_by_hand import CALM_SEA, DISTURBANCES, DRIFT, SLOW_DRIFT, SWELL, a_ship, dense
 from tests.kernel_calls import (
     initial_covariance,

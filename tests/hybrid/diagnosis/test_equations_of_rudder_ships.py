@@ -7,14 +7,22 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from acquisition.core.arrays import Floats
-from hybrid.diagnosis.estimate_noise import _first_guess
-from hybrid.diagnosis.linearise import Model, acting_settings, lags_of, linear_model, model_of, plays_of, signatures
-from hybrid.diagnosis.log import STEPS_PER_SECOND, Log
-from hybrid.effects.catalogue import catalogue_of
-from hybrid.simulation.trial import Noise, usual_noise
-from hybrid.vessel.files import load_vessel
-from hybrid.vessel.plant import Plant, bare_plant
+from seatrial.acquisition.core.arrays import Floats
+from seatrial.hybrid.diagnosis.estimate_noise import _first_guess
+from seatrial.hybrid.diagnosis.linearise import (
+    Model,
+    acting_settings,
+    lags_of,
+    linear_model,
+    model_of,
+    plays_of,
+    signatures,
+)
+from seatrial.hybrid.diagnosis.log import STEPS_PER_SECOND, Log
+from seatrial.hybrid.effects.catalogue import catalogue_of
+from seatrial.hybrid.simulation.trial import Noise, usual_noise
+from seatrial.hybrid.vessel.files import load_vessel
+from seatrial.hybrid.vessel.plant import Plant, bare_plant
 from tests.hybrid.diagnosis.log_by_hand import a_log
 from tests.hybrid.froude import froude_scaled
 

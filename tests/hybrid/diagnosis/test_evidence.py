@@ -8,8 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import dblquad, quad
 
-from acquisition.core.arrays import Floats
-from hybrid.diagnosis.evidence import draw_columns, fit_columns, log_evidence, marginalise
+from seatrial.acquisition.core.arrays import Floats
+from seatrial.hybrid.diagnosis.evidence import draw_columns, fit_columns, log_evidence, marginalise
 
 ROWS = 60
 

@@ -8,13 +8,13 @@ from typing import cast
 import numpy as np
 import pytest
 
-from acquisition.core.arrays import Floats
-from hybrid.diagnosis import gap
-from hybrid.diagnosis.disturbance_model import Noise, smooth_state
-from hybrid.diagnosis.evidence import NormalEquations
-from hybrid.diagnosis.gap import HeldOutGap, left_by_noise_m, with_noise_floor
-from hybrid.diagnosis.linearise import LinearModel
-from hybrid.diagnosis.result import Gap
+from seatrial.acquisition.core.arrays import Floats
+from seatrial.hybrid.diagnosis import gap
+from seatrial.hybrid.diagnosis.disturbance_model import Noise, smooth_state
+from seatrial.hybrid.diagnosis.evidence import NormalEquations
+from seatrial.hybrid.diagnosis.gap import HeldOutGap, left_by_noise_m, with_noise_floor
+from seatrial.hybrid.diagnosis.linearise import LinearModel
+from seatrial.hybrid.diagnosis.result import Gap
 from tests.hybrid.diagnosis.linear_by_hand import DISTURBANCES, a_ship, one_column
 from tests.hybrid.diagnosis.made_up import tracks
 

@@ -9,8 +9,8 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hybrid.diagnosis.gap import fold_of
-from hybrid.diagnosis.log import Log
+from seatrial.hybrid.diagnosis.gap import fold_of
+from seatrial.hybrid.diagnosis.log import Log
 
 
 @given(st.lists(st.integers(1, 13), min_size=1, max_size=6), st.integers(2, 5))

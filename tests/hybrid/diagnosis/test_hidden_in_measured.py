@@ -9,9 +9,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from hybrid.diagnosis.linearise import model_of
-from hybrid.effects.catalogue import catalogue_of, vessel_plant
-from hybrid.vessel.files import load_vessel
+from seatrial.hybrid.diagnosis.linearise import model_of
+from seatrial.hybrid.effects.catalogue import catalogue_of, vessel_plant
+from seatrial.hybrid.vessel.files import load_vessel
 from tests.benchmarks import hidden_in_measured
 from tests.benchmarks.measured.judge import VESSEL, cases_of
 from tests.benchmarks.measured.kinds import KINDS

@@ -8,18 +8,18 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from acquisition.core.actuators import DEFAULT
-from acquisition.core.channels import COMMAND
-from hybrid.diagnosis.diagnose import choose_input_hold
-from hybrid.diagnosis.disturbance_model import Noise, NoiseEstimate
-from hybrid.diagnosis.linearise import Model, linearise
-from hybrid.diagnosis.log import INPUT_HOLDS, InputHold, log_of, mean_settings
-from hybrid.effects import CATALOGUE, apply_effects
-from hybrid.planning.repertoire import append_rehearsals
-from hybrid.vessel.actuators import control_units
-from hybrid.vessel.channels import STATE_UNITS
-from hybrid.vessel.plant import Plant
-from hybrid.vessel.simulate import simulate
+from seatrial.acquisition.core.actuators import DEFAULT
+from seatrial.acquisition.core.channels import COMMAND
+from seatrial.hybrid.diagnosis.diagnose import choose_input_hold
+from seatrial.hybrid.diagnosis.disturbance_model import Noise, NoiseEstimate
+from seatrial.hybrid.diagnosis.linearise import Model, linearise
+from seatrial.hybrid.diagnosis.log import INPUT_HOLDS, InputHold, log_of, mean_settings
+from seatrial.hybrid.effects import CATALOGUE, apply_effects
+from seatrial.hybrid.planning.repertoire import append_rehearsals
+from seatrial.hybrid.vessel.actuators import control_units
+from seatrial.hybrid.vessel.channels import STATE_UNITS
+from seatrial.hybrid.vessel.plant import Plant
+from seatrial.hybrid.vessel.simulate import simulate
 from tests.hybrid.diagnosis.examination_by_hand import SMALL_CATALOGUE
 
 DT_S, SECONDS = 0.1, 600

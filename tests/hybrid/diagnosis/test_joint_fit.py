@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hybrid.diagnosis.coarse_model import about_likeliest, compatible_effects
-from hybrid.diagnosis.evidence import Evidence, evidence_of, normal_equations
-from hybrid.diagnosis.gap import (
+from seatrial.hybrid.diagnosis.coarse_model import about_likeliest, compatible_effects
+from seatrial.hybrid.diagnosis.evidence import Evidence, evidence_of, normal_equations
+from seatrial.hybrid.diagnosis.gap import (
     LinearTracks,
     UnseenWindows,
     closest_alone,
@@ -17,11 +17,11 @@ from hybrid.diagnosis.gap import (
     unseen_windows,
     within_bounds,
 )
-from hybrid.diagnosis.linearise import Model, linearise
-from hybrid.diagnosis.nuisance_basis import FEW
-from hybrid.diagnosis.select_effects import fitted_coordinates
-from hybrid.effects import CATALOGUE, apply_effects
-from hybrid.vessel.plant import Plant
+from seatrial.hybrid.diagnosis.linearise import Model, linearise
+from seatrial.hybrid.diagnosis.nuisance_basis import FEW
+from seatrial.hybrid.diagnosis.select_effects import fitted_coordinates
+from seatrial.hybrid.effects import CATALOGUE, apply_effects
+from seatrial.hybrid.vessel.plant import Plant
 from tests.hybrid.diagnosis.examination_by_hand import a_design
 from tests.hybrid.diagnosis.noisy_log import QUIET, noisy_log
 

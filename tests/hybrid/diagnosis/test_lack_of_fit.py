@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from scipy.stats import binom
 
-from acquisition.core.arrays import Floats
-from hybrid.diagnosis.acceptance import INTERACTION_CHANCE, LackOfFit, families, lack_of_fit
-from hybrid.diagnosis.evidence import evidence_of
-from hybrid.diagnosis.nuisance_basis import INTERACTIONS
-from hybrid.vessel.plant import Plant
+from seatrial.acquisition.core.arrays import Floats
+from seatrial.hybrid.diagnosis.acceptance import INTERACTION_CHANCE, LackOfFit, families, lack_of_fit
+from seatrial.hybrid.diagnosis.evidence import evidence_of
+from seatrial.hybrid.diagnosis.nuisance_basis import INTERACTIONS
+from seatrial.hybrid.vessel.plant import Plant
 from tests.hybrid.diagnosis.examination_by_hand import SMALL_CATALOGUE, Design, a_design, with_columns
 
 DRAWS = 100

@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from acquisition.core.arrays import Floats
-from hybrid.diagnosis.linearise import (
+from seatrial.acquisition.core.arrays import Floats
+from seatrial.hybrid.diagnosis.linearise import (
     Model,
     acting_settings,
     linear_model,
@@ -17,10 +17,10 @@ from hybrid.diagnosis.linearise import (
     signatures,
     true_states,
 )
-from hybrid.diagnosis.log import STEPS_PER_SECOND, Log
-from hybrid.effects import CATALOGUE
-from hybrid.vessel.plant import Plant
-from hybrid.vessel.simulate import simulate
+from seatrial.hybrid.diagnosis.log import STEPS_PER_SECOND, Log
+from seatrial.hybrid.effects import CATALOGUE
+from seatrial.hybrid.vessel.plant import Plant
+from seatrial.hybrid.vessel.simulate import simulate
 from tests.hybrid.diagnosis.log_by_hand import DT_S, a_log, orders
 
 SMALL = np.array([0.03, 0.03, 1e-3, 0.02, 0.02, 5e-4])

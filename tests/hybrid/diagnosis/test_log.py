@@ -12,14 +12,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import cumulative_simpson, quad
 
-from acquisition.core.angles import wrap_360
-from acquisition.core.arrays import Floats
-from acquisition.core.channels import COMMAND, ENVIRONMENT, POSE, VELOCITY
-from acquisition.core.errors import DataShortageError, InputError
-from analysis.estimation.noise_levels import NoiseLevels
-from analysis.estimation.smoother import smooth
-from hybrid.diagnosis.log import BLOCK_S, LEG_S, Log, _with_corners, log_of
-from hybrid.vessel.channels import as_table
+from seatrial.acquisition.core.angles import wrap_360
+from seatrial.acquisition.core.arrays import Floats
+from seatrial.acquisition.core.channels import COMMAND, ENVIRONMENT, POSE, VELOCITY
+from seatrial.acquisition.core.errors import DataShortageError, InputError
+from seatrial.analysis.estimation.noise_levels import NoiseLevels
+from seatrial.analysis.estimation.smoother import smooth
+from seatrial.hybrid.diagnosis.log import BLOCK_S, LEG_S, Log, _with_corners, log_of
+from seatrial.hybrid.vessel.channels import as_table
 
 START_S = 1_800_000_000
 MOTION = (*POSE, *VELOCITY)
@@ -73,7 +73,7 @@ def quick() -> Iterator[None]:
     """The smoother told the noise, which it would search for each time: that is tested where it is done."""
     known = NoiseLevels(0.03, 0.001, 0.02, 0.0005, jerk=0.01, yaw_jerk=0.001)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("hybrid.diagnosis.log.smooth", partial(smooth, levels=known, engine="compiled"))
+        patch.setattr("seatrial.hybrid.diagnosis.log.smooth", partial(smooth, levels=known, engine="compiled"))
         yield
 
 

@@ -10,10 +10,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as some
 
-from acquisition.core.channels import POSE_AND_VELOCITY
-from hybrid.diagnosis.evidence import NormalEquations, normal_equations
-from hybrid.diagnosis.linearise import Model, linearise
-from hybrid.diagnosis.map import (
+from seatrial.acquisition.core.channels import POSE_AND_VELOCITY
+from seatrial.hybrid.diagnosis.evidence import NormalEquations, normal_equations
+from seatrial.hybrid.diagnosis.linearise import Model, linearise
+from seatrial.hybrid.diagnosis.map import (
     FORCES,
     LEAST_S,
     Map,
@@ -23,9 +23,9 @@ from hybrid.diagnosis.map import (
     quantities,
     round_edges,
 )
-from hybrid.diagnosis.result import Place
-from hybrid.effects import CATALOGUE
-from hybrid.vessel.plant import Plant
+from seatrial.hybrid.diagnosis.result import Place
+from seatrial.hybrid.effects import CATALOGUE
+from seatrial.hybrid.vessel.plant import Plant
 from tests.hybrid.diagnosis.examination_by_hand import SMALL_CATALOGUE
 from tests.hybrid.diagnosis.noisy_log import QUIET, noisy_log
 

@@ -9,14 +9,14 @@ import pytest
 from numpy.typing import NDArray
 from scipy.stats import chi2
 
-from acquisition.core.arrays import Floats
-from hybrid.diagnosis.disturbance_model import Columns, Noise, whiten
-from hybrid.diagnosis.estimate_noise import estimate_noise, fit_noise, start_of_drift, start_of_wave_drift
-from hybrid.diagnosis.linearise import LinearModel, linearise, model_of
-from hybrid.diagnosis.log import log_of
-from hybrid.effects import CATALOGUE
-from hybrid.simulation.trial import simulate_trial
-from hybrid.vessel.files import load_vessel
+from seatrial.acquisition.core.arrays import Floats
+from seatrial.hybrid.diagnosis.disturbance_model import Columns, Noise, whiten
+from seatrial.hybrid.diagnosis.estimate_noise import estimate_noise, fit_noise, start_of_drift, start_of_wave_drift
+from seatrial.hybrid.diagnosis.linearise import LinearModel, linearise, model_of
+from seatrial.hybrid.diagnosis.log import log_of
+from seatrial.hybrid.effects import CATALOGUE
+from seatrial.hybrid.simulation.trial import simulate_trial
+from seatrial.hybrid.vessel.files import load_vessel
 from tests.hybrid.diagnosis.linear_by_hand import a_ship, drawn
 
 EDGES = 60 * np.arange(21)

@@ -7,12 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from acquisition.core.actuators import Actuator
-from acquisition.core.arrays import Floats
-from hybrid.diagnosis.linearise import Signature
-from hybrid.diagnosis.log import Log
-from hybrid.diagnosis.nuisance_basis import INTERACTIONS, NuisanceBasis, nuisance_basis
-from hybrid.vessel.plant import Plant
+from seatrial.acquisition.core.actuators import Actuator
+from seatrial.acquisition.core.arrays import Floats
+from seatrial.hybrid.diagnosis.linearise import Signature
+from seatrial.hybrid.diagnosis.log import Log
+from seatrial.hybrid.diagnosis.nuisance_basis import INTERACTIONS, NuisanceBasis, nuisance_basis
+from seatrial.hybrid.vessel.plant import Plant
 from tests.hybrid.diagnosis.log_by_hand import a_log
 
 

@@ -12,11 +12,11 @@ import pytest
 from matplotlib.container import BarContainer
 from matplotlib.figure import Figure
 
-from hybrid.diagnosis.calibrator_comparison import doubted_by_calibrator
-from hybrid.diagnosis.result import Consistency, Diagnosis, Extras, Gap, Ladder, Ratio, Suspect, When
-from hybrid.report import diagnosis_map_plots as map_plots
-from hybrid.report import diagnosis_plots as plots
-from hybrid.report.diagnosis_words import (
+from seatrial.hybrid.diagnosis.calibrator_comparison import doubted_by_calibrator
+from seatrial.hybrid.diagnosis.result import Consistency, Diagnosis, Extras, Gap, Ladder, Ratio, Suspect, When
+from seatrial.hybrid.report import diagnosis_map_plots as map_plots
+from seatrial.hybrid.report import diagnosis_plots as plots
+from seatrial.hybrid.report.diagnosis_words import (
     headline,
     model_line,
     next_steps,

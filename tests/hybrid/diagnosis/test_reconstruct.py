@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from acquisition.core.arrays import Floats
-from hybrid.diagnosis.disturbance_model import FORCE_UNITS, Noise, smooth_state
+from seatrial.acquisition.core.arrays import Floats
+from seatrial.hybrid.diagnosis.disturbance_model import FORCE_UNITS, Noise, smooth_state
 from tests.hybrid.diagnosis.linear_by_hand import CALM_SEA, DISTURBANCES, a_ship, dense, one_column
 
 EDGES = np.array([0, 9, 21])

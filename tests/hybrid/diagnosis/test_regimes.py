@@ -9,20 +9,20 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from acquisition.core.actuators import DEFAULT
-from acquisition.core.errors import ConfigurationError
-from hybrid.diagnosis.diagnose import diagnose
-from hybrid.diagnosis.regimes import FoundRegime, explained, find_regimes, shape_of
-from hybrid.diagnosis.result import Replication
-from hybrid.effects import apply_effects, load_effects
-from hybrid.effects.catalogue import catalogue_of
-from hybrid.effects.regime import MOST, Regime, as_file, quantities_along, regime_effect
-from hybrid.report.diagnosis_sentences import regime_in_words
-from hybrid.simulation.manoeuvres import Leg
-from hybrid.simulation.trial import simulate_trial
-from hybrid.vessel.files import load_vessel, with_effects
-from hybrid.vessel.plant import Plant
-from hybrid.vessel.simulate import simulate
+from seatrial.acquisition.core.actuators import DEFAULT
+from seatrial.acquisition.core.errors import ConfigurationError
+from seatrial.hybrid.diagnosis.diagnose import diagnose
+from seatrial.hybrid.diagnosis.regimes import FoundRegime, explained, find_regimes, shape_of
+from seatrial.hybrid.diagnosis.result import Replication
+from seatrial.hybrid.effects import apply_effects, load_effects
+from seatrial.hybrid.effects.catalogue import catalogue_of
+from seatrial.hybrid.effects.regime import MOST, Regime, as_file, quantities_along, regime_effect
+from seatrial.hybrid.report.diagnosis_sentences import regime_in_words
+from seatrial.hybrid.simulation.manoeuvres import Leg
+from seatrial.hybrid.simulation.trial import simulate_trial
+from seatrial.hybrid.vessel.files import load_vessel, with_effects
+from seatrial.hybrid.vessel.plant import Plant
+from seatrial.hybrid.vessel.simulate import simulate
 
 ASTERN = Regime("surge", {"rpm": (-inf, 0.0)}, "rpm", -100.0)
 SECONDS = 800

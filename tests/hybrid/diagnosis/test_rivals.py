@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hybrid.diagnosis.acceptance import accept, penalise_by_leg_scatter
-from hybrid.diagnosis.evidence import Evidence, evidence_of, normal_equations
-from hybrid.diagnosis.linearise import Model, linearise
-from hybrid.diagnosis.select_effects import (
+from seatrial.hybrid.diagnosis.acceptance import accept, penalise_by_leg_scatter
+from seatrial.hybrid.diagnosis.evidence import Evidence, evidence_of, normal_equations
+from seatrial.hybrid.diagnosis.linearise import Model, linearise
+from seatrial.hybrid.diagnosis.select_effects import (
     CLOSE,
     Selection,
     fitted_coordinates,
@@ -18,9 +18,9 @@ from hybrid.diagnosis.select_effects import (
     rivals_of,
     swaps_about_themselves,
 )
-from hybrid.diagnosis.verdict import close_rivals
-from hybrid.effects import CATALOGUE
-from hybrid.vessel.plant import Plant
+from seatrial.hybrid.diagnosis.verdict import close_rivals
+from seatrial.hybrid.effects import CATALOGUE
+from seatrial.hybrid.vessel.plant import Plant
 from tests.hybrid.diagnosis.log_by_hand import a_log, orders
 from tests.hybrid.diagnosis.noisy_log import LEG_S, QUIET
 

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from scipy.stats import binom, chi2, kstest
 
-from acquisition.core.arrays import Floats
-from hybrid.diagnosis.acceptance import FALSE_ALARM, unseen_gains
-from hybrid.diagnosis.acceptance import acceptance_tests as stands
-from hybrid.diagnosis.evidence import Evidence, evidence_of
-from hybrid.diagnosis.linearise import Model
-from hybrid.diagnosis.select_effects import (
+from seatrial.acquisition.core.arrays import Floats
+from seatrial.hybrid.diagnosis.acceptance import FALSE_ALARM, unseen_gains
+from seatrial.hybrid.diagnosis.acceptance import acceptance_tests as stands
+from seatrial.hybrid.diagnosis.evidence import Evidence, evidence_of
+from seatrial.hybrid.diagnosis.linearise import Model
+from seatrial.hybrid.diagnosis.select_effects import (
     Coordinates,
     _linear_about_itself,
     fitted_coordinates,
@@ -21,8 +21,8 @@ from hybrid.diagnosis.select_effects import (
     rivals_of,
     search_effects,
 )
-from hybrid.diagnosis.verdict import suspects
-from hybrid.vessel.plant import Plant
+from seatrial.hybrid.diagnosis.verdict import suspects
+from seatrial.hybrid.vessel.plant import Plant
 from tests.hybrid.diagnosis.examination_by_hand import (
     SMALL_CATALOGUE,
     Design,
@@ -171,7 +171,7 @@ def test_nobody_steps_out_of_bounds_to_see_what_is_there(design: Design, monkeyp
         asked.append(at)
         return beyond
 
-    monkeypatch.setattr("hybrid.diagnosis.select_effects.linear_about", look)
+    monkeypatch.setattr("seatrial.hybrid.diagnosis.select_effects.linear_about", look)
     at, last = _linear_about_itself(evidence, names)
     assert asked == [at] == [fitted_coordinates(evidence, names)]
     assert last is beyond

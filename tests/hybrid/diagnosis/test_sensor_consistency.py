@@ -7,20 +7,20 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hybrid.diagnosis.disturbance_model import Noise
-from hybrid.diagnosis.evidence import evidence_of
-from hybrid.diagnosis.linearise import Model, linear_model
-from hybrid.diagnosis.log import Log, log_of
-from hybrid.diagnosis.result import Consistency
-from hybrid.diagnosis.sensor_consistency import (
+from seatrial.hybrid.diagnosis.disturbance_model import Noise
+from seatrial.hybrid.diagnosis.evidence import evidence_of
+from seatrial.hybrid.diagnosis.linearise import Model, linear_model
+from seatrial.hybrid.diagnosis.log import Log, log_of
+from seatrial.hybrid.diagnosis.result import Consistency
+from seatrial.hybrid.diagnosis.sensor_consistency import (
     _normal_equations,
     find_contradictions,
     motion_sensors,
     without_dynamics,
 )
-from hybrid.effects import CATALOGUE, apply_effects
-from hybrid.report.diagnosis_sentences import contradictions
-from hybrid.vessel.plant import Plant
+from seatrial.hybrid.effects import CATALOGUE, apply_effects
+from seatrial.hybrid.report.diagnosis_sentences import contradictions
+from seatrial.hybrid.vessel.plant import Plant
 from tests.benchmarks.other_ship.trial import make_trial
 from tests.hybrid.diagnosis.noisy_log import QUIET, noisy_log
 

@@ -9,15 +9,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from acquisition.core.actuators import Actuator, Actuators
-from hybrid.diagnosis.result import Drift, Estimate, NamedEffect, Replication, When
-from hybrid.diagnosis.time_varying import TimeProfile, time_varying
-from hybrid.effects import CATALOGUE, vessel_plant
-from hybrid.effects.catalogue import catalogue_for
-from hybrid.effects.environment import STEADY_WIND
-from hybrid.report.diagnosis_sentences import _no_wind, in_parts
-from hybrid.report.effect_sentences import sentence
-from hybrid.vessel.files import load_vessel
+from seatrial.acquisition.core.actuators import Actuator, Actuators
+from seatrial.hybrid.diagnosis.result import Drift, Estimate, NamedEffect, Replication, When
+from seatrial.hybrid.diagnosis.time_varying import TimeProfile, time_varying
+from seatrial.hybrid.effects import CATALOGUE, vessel_plant
+from seatrial.hybrid.effects.catalogue import catalogue_for
+from seatrial.hybrid.effects.environment import STEADY_WIND
+from seatrial.hybrid.report.diagnosis_sentences import _no_wind, in_parts
+from seatrial.hybrid.report.effect_sentences import sentence
+from seatrial.hybrid.vessel.files import load_vessel
 from tests.hybrid.diagnosis.log_by_hand import a_log
 
 

@@ -9,10 +9,27 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from acquisition.core.errors import InputError
-from hybrid.diagnosis.result import Consistency, Correlation, Diagnosis, Drift, Extras, Remainder, Tracks, When
-from hybrid.diagnosis.serialisation import DIAGNOSIS, LADDER, MAP, SHOWN, TRACKS, read_diagnosis, write_figure_data
-from hybrid.report.diagnosis_words import page_of
+from seatrial.acquisition.core.errors import InputError
+from seatrial.hybrid.diagnosis.result import (
+    Consistency,
+    Correlation,
+    Diagnosis,
+    Drift,
+    Extras,
+    Remainder,
+    Tracks,
+    When,
+)
+from seatrial.hybrid.diagnosis.serialisation import (
+    DIAGNOSIS,
+    LADDER,
+    MAP,
+    SHOWN,
+    TRACKS,
+    read_diagnosis,
+    write_figure_data,
+)
+from seatrial.hybrid.report.diagnosis_words import page_of
 from tests.hybrid.diagnosis.made_up import CURRENT, a_ladder, a_map, named, of_verdict
 
 SENSORS = Consistency("heading_bias", (-1.5,), (0.1,), 1e-6, ("speed_sensor_rotation",), "They disagree.")

@@ -10,18 +10,24 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from hybrid.diagnosis.acceptance import Acceptance, LackOfFit
-from hybrid.diagnosis.change import likeliest_change, may_change
-from hybrid.diagnosis.evidence import Evidence, evidence_of, normal_equations
-from hybrid.diagnosis.gap import unseen_windows
-from hybrid.diagnosis.linearise import Model, linear_model, linearise, signatures
-from hybrid.diagnosis.log import Log
-from hybrid.diagnosis.map import recorded_s
-from hybrid.diagnosis.time_varying import TimeProfile, TimeVaryingEffect, base_names, time_varying, with_recordings
-from hybrid.effects import CATALOGUE
-from hybrid.vessel.files import load_vessel
-from hybrid.vessel.plant import Plant
-from hybrid.workflows.diagnose import diagnose_tables, vessel_with_effects
+from seatrial.hybrid.diagnosis.acceptance import Acceptance, LackOfFit
+from seatrial.hybrid.diagnosis.change import likeliest_change, may_change
+from seatrial.hybrid.diagnosis.evidence import Evidence, evidence_of, normal_equations
+from seatrial.hybrid.diagnosis.gap import unseen_windows
+from seatrial.hybrid.diagnosis.linearise import Model, linear_model, linearise, signatures
+from seatrial.hybrid.diagnosis.log import Log
+from seatrial.hybrid.diagnosis.map import recorded_s
+from seatrial.hybrid.diagnosis.time_varying import (
+    TimeProfile,
+    TimeVaryingEffect,
+    base_names,
+    time_varying,
+    with_recordings,
+)
+from seatrial.hybrid.effects import CATALOGUE
+from seatrial.hybrid.vessel.files import load_vessel
+from seatrial.hybrid.vessel.plant import Plant
+from seatrial.hybrid.workflows.diagnose import diagnose_tables, vessel_with_effects
 from tests.benchmarks.other_ship.trial import make_trial
 from tests.hybrid.diagnosis.log_by_hand import a_log
 from tests.hybrid.diagnosis.noisy_log import QUIET

@@ -9,15 +9,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hybrid.diagnosis.acceptance import LackOfFit, acceptance_tests
-from hybrid.diagnosis.gap import unseen_windows
-from hybrid.diagnosis.linearise import Model
-from hybrid.diagnosis.nuisance_basis import OPERATION
-from hybrid.diagnosis.sensor_consistency import find_contradictions
-from hybrid.diagnosis.verdict import drop_non_predictive, intervals, makes_worse, verdict_of
-from hybrid.effects import CATALOGUE, FAMILIES
-from hybrid.report.diagnosis_sentences import unknown_cause
-from hybrid.vessel.plant import Plant
+from seatrial.hybrid.diagnosis.acceptance import LackOfFit, acceptance_tests
+from seatrial.hybrid.diagnosis.gap import unseen_windows
+from seatrial.hybrid.diagnosis.linearise import Model
+from seatrial.hybrid.diagnosis.nuisance_basis import OPERATION
+from seatrial.hybrid.diagnosis.sensor_consistency import find_contradictions
+from seatrial.hybrid.diagnosis.verdict import drop_non_predictive, intervals, makes_worse, verdict_of
+from seatrial.hybrid.effects import CATALOGUE, FAMILIES
+from seatrial.hybrid.report.diagnosis_sentences import unknown_cause
+from seatrial.hybrid.vessel.plant import Plant
 from tests.hybrid.diagnosis.noisy_log import QUIET, noisy_log
 
 SHEAR = LackOfFit("place", "ocean_current", 1e-9, 80.0, 0.2, matters=True)

@@ -9,9 +9,9 @@ import pytest
 from numpy.typing import NDArray
 from scipy.stats import chi2
 
-from acquisition.core.arrays import Floats
-from hybrid.diagnosis.disturbance_model import FORCE_UNITS, Columns, Noise, columns_of, whiten
-from hybrid.diagnosis.linearise import Signature
+from seatrial.acquisition.core.arrays import Floats
+from seatrial.hybrid.diagnosis.disturbance_model import FORCE_UNITS, Columns, Noise, columns_of, whiten
+from seatrial.hybrid.diagnosis.linearise import Signature
 from tests.hybrid.diagnosis.linear_by_hand import CALM_SEA, DISTURBANCES, SWELL, a_ship, dense, drawn, one_column
 
 EDGES = np.array([0, 9, 21])

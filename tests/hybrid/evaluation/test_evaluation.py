@@ -15,14 +15,14 @@ from matplotlib.figure import Figure
 from rich.console import Console
 from typer.testing import CliRunner
 
-from hybrid.calibrators.calibrator import Calibrator
-from hybrid.evaluation.study import Evaluation, Study, evaluation_of, study
-from hybrid.prediction.baselines import constant_velocity, reference
-from hybrid.prediction.prediction_windows import PredictionWindows
-from hybrid.prediction.scores import distances, score
-from hybrid.report.evaluation_page import breakdown
-from hybrid.vessel.plant import Plant
 from seatrial import app
+from seatrial.hybrid.calibrators.calibrator import Calibrator
+from seatrial.hybrid.evaluation.study import Evaluation, Study, evaluation_of, study
+from seatrial.hybrid.prediction.baselines import constant_velocity, reference
+from seatrial.hybrid.prediction.prediction_windows import PredictionWindows
+from seatrial.hybrid.prediction.scores import distances, score
+from seatrial.hybrid.report.evaluation_page import breakdown
+from seatrial.hybrid.vessel.plant import Plant
 from tests.hybrid.evaluation.windows_in_legs import FAKES, SECONDS, Memory, windows_of_legs
 
 SPLITS = ("leg", "time", "recording", "random")
@@ -41,7 +41,7 @@ def windows() -> PredictionWindows:
 @pytest.fixture(scope="module")
 def studied(windows: PredictionWindows, plant: Plant) -> Study:
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("hybrid.evaluation.study.make_calibrator", make_fake)
+        patch.setattr("seatrial.hybrid.evaluation.study.make_calibrator", make_fake)
         return study(windows, plant, list(FAKES), SPLITS, draws=3, seed=1)
 
 
@@ -174,7 +174,9 @@ def test_evaluate_from_recording_to_page(
     earlier: list[Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The command on a simulated voyage: one JSON on stdout and in the folder, pictures on the page."""
-    monkeypatch.setattr("hybrid.evaluation.study.make_calibrator", lambda method, seed, plant: Memory(seed))
+    monkeypatch.setattr(
+        "seatrial.hybrid.evaluation.study.make_calibrator", lambda method, seed, plant: Memory(seed)
+    )
     asked = [
         "evaluate",
         str(earlier[0]),

@@ -17,19 +17,19 @@ from hypothesis import given
 from hypothesis import strategies as numbers
 from typer.testing import CliRunner
 
-from acquisition.core.errors import DataShortageError
-from analysis.manoeuvres import Index, Manoeuvre, find_manoeuvres
-from analysis.manoeuvres.indices import Current
-from analysis.tables.resample import resample
-from analysis.windows.recordings import SecondBySecond
-from hybrid import cli
-from hybrid.calibrators import make_calibrator
-from hybrid.calibrators.adaptive.adaptation import parameter_names
-from hybrid.calibrators.adaptive.calibrator import AdaptiveCalibrator
-from hybrid.calibrators.predict import Predictor
-from hybrid.effects import vessel_plant
-from hybrid.evaluation.length_times import LengthErrors, errors_by_length
-from hybrid.evaluation.manoeuvre_indices import (
+from seatrial.acquisition.core.errors import DataShortageError
+from seatrial.analysis.manoeuvres import Index, Manoeuvre, find_manoeuvres
+from seatrial.analysis.manoeuvres.indices import Current
+from seatrial.analysis.tables.resample import resample
+from seatrial.analysis.windows.recordings import SecondBySecond
+from seatrial.hybrid import cli
+from seatrial.hybrid.calibrators import make_calibrator
+from seatrial.hybrid.calibrators.adaptive.adaptation import parameter_names
+from seatrial.hybrid.calibrators.adaptive.calibrator import AdaptiveCalibrator
+from seatrial.hybrid.calibrators.predict import Predictor
+from seatrial.hybrid.effects import vessel_plant
+from seatrial.hybrid.evaluation.length_times import LengthErrors, errors_by_length
+from seatrial.hybrid.evaluation.manoeuvre_indices import (
     IndexComparison,
     IndexComparisons,
     JudgedModel,
@@ -38,17 +38,17 @@ from hybrid.evaluation.manoeuvre_indices import (
     index_comparison,
     models_of,
 )
-from hybrid.prediction.dataset import dataset_of
-from hybrid.report.index_tables import INDEX_HEADER, index_tables, notes_of_indices
-from hybrid.simulation.handling import pace_of, usual_rpm
-from hybrid.simulation.manoeuvres import Leg, steer, turning_circle, zigzag
-from hybrid.simulation.manoeuvres import Manoeuvre as Legs
-from hybrid.simulation.sea_state import SeaState
-from hybrid.simulation.standard_tests import ship_at
-from hybrid.simulation.standard_tests import turning_circle as sail_circle
-from hybrid.simulation.trial import record_trial, simulate_trial
-from hybrid.vessel.files import load_vessel
-from hybrid.vessel.parameters import Vessel
+from seatrial.hybrid.prediction.dataset import dataset_of
+from seatrial.hybrid.report.index_tables import INDEX_HEADER, index_tables, notes_of_indices
+from seatrial.hybrid.simulation.handling import pace_of, usual_rpm
+from seatrial.hybrid.simulation.manoeuvres import Leg, steer, turning_circle, zigzag
+from seatrial.hybrid.simulation.manoeuvres import Manoeuvre as Legs
+from seatrial.hybrid.simulation.sea_state import SeaState
+from seatrial.hybrid.simulation.standard_tests import ship_at
+from seatrial.hybrid.simulation.standard_tests import turning_circle as sail_circle
+from seatrial.hybrid.simulation.trial import record_trial, simulate_trial
+from seatrial.hybrid.vessel.files import load_vessel
+from seatrial.hybrid.vessel.parameters import Vessel
 
 STILL = SeaState(0.0, 0.0, 5.0, 0.0)
 SHIPS = ("gunnerus_short", "kvlcc2_7m", "esso_osaka_3m")
@@ -331,7 +331,7 @@ def test_a_recording_that_allows_no_manoeuvres_is_left_out_with_a_warning(
     def too_long(*_: object) -> None:
         raise DataShortageError("holds too many samples")
 
-    monkeypatch.setattr("hybrid.evaluation.manoeuvre_indices.prepare", lambda *_, **__: too_long())
+    monkeypatch.setattr("seatrial.hybrid.evaluation.manoeuvre_indices.prepare", lambda *_, **__: too_long())
     answer = json.loads(invoked(str(recorded(tmp_path, "gunnerus_short")), "--json"))
     assert answer["windows"] > 0
     assert answer["indices"] == []

@@ -6,12 +6,12 @@ from pathlib import Path
 
 import pytest
 
-from acquisition.tables.import_table import import_table
-from hybrid.evaluation.splits import SPLITS, shared_seconds
-from hybrid.evaluation.study import evaluation_of, study
-from hybrid.prediction.dataset import load_dataset
-from hybrid.prediction.prediction_windows import PredictionWindows
-from hybrid.vessel.plant import Plant
+from seatrial.acquisition.tables.import_table import import_table
+from seatrial.hybrid.evaluation.splits import SPLITS, shared_seconds
+from seatrial.hybrid.evaluation.study import evaluation_of, study
+from seatrial.hybrid.prediction.dataset import load_dataset
+from seatrial.hybrid.prediction.prediction_windows import PredictionWindows
+from seatrial.hybrid.vessel.plant import Plant
 
 pytestmark = pytest.mark.shared
 

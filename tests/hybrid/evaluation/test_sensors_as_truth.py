@@ -9,15 +9,15 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from acquisition.core.arrays import Floats
-from analysis.windows.recordings import SecondBySecond
-from hybrid.evaluation.truth import TRUTHS, judged_by_truths, truth_distances, truth_tracks, with_truths
-from hybrid.evaluation.validate import Validation, validate
-from hybrid.prediction.baselines import constant_velocity
-from hybrid.prediction.dataset import Dataset, dataset_of
-from hybrid.prediction.prediction_windows import PredictionWindows
-from hybrid.simulation.trial import Noise, simulate_trial
-from hybrid.vessel.plant import Plant
+from seatrial.acquisition.core.arrays import Floats
+from seatrial.analysis.windows.recordings import SecondBySecond
+from seatrial.hybrid.evaluation.truth import TRUTHS, judged_by_truths, truth_distances, truth_tracks, with_truths
+from seatrial.hybrid.evaluation.validate import Validation, validate
+from seatrial.hybrid.prediction.baselines import constant_velocity
+from seatrial.hybrid.prediction.dataset import Dataset, dataset_of
+from seatrial.hybrid.prediction.prediction_windows import PredictionWindows
+from seatrial.hybrid.simulation.trial import Noise, simulate_trial
+from seatrial.hybrid.vessel.plant import Plant
 
 HORIZON_S = 15
 Trial = tuple[pd.DataFrame, Floats]

@@ -8,12 +8,12 @@ from typing import ClassVar, Self
 
 import numpy as np
 
-from acquisition.core.actuators import Actuators
-from acquisition.core.arrays import Bools, Floats
-from analysis.tables.table import NANO
-from hybrid.calibrators.calibrator import Calibrator, DomainOfApplicability, Examples, Progress
-from hybrid.prediction.baselines import constant_velocity
-from hybrid.prediction.prediction_windows import PredictionWindows
+from seatrial.acquisition.core.actuators import Actuators
+from seatrial.acquisition.core.arrays import Bools, Floats
+from seatrial.analysis.tables.table import NANO
+from seatrial.hybrid.calibrators.calibrator import Calibrator, DomainOfApplicability, Examples, Progress
+from seatrial.hybrid.prediction.baselines import constant_velocity
+from seatrial.hybrid.prediction.prediction_windows import PredictionWindows
 from tests.hybrid.windows_by_hand import STARTED_NS, random_windows
 
 SECONDS = 10

@@ -9,9 +9,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from analysis.tables.table import NANO
-from hybrid.prediction.prediction_windows import PAST_S, PredictionWindows
-from hybrid.report.errors import (
+from seatrial.analysis.tables.table import NANO
+from seatrial.hybrid.prediction.prediction_windows import PAST_S, PredictionWindows
+from seatrial.hybrid.report.errors import (
     COLUMNS,
     calibration_of,
     consecutive_windows,

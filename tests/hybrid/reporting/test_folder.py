@@ -10,8 +10,8 @@ import pytest
 from typer.testing import CliRunner
 
 import seatrial
-from acquisition.core.errors import InputError, SeatrialError, StorageError
-from hybrid.report.folder import Choices, batch_options, kind_of, recordings_in, report
+from seatrial.acquisition.core.errors import InputError, SeatrialError, StorageError
+from seatrial.hybrid.report.folder import Choices, batch_options, kind_of, recordings_in, report
 
 
 @pytest.mark.parametrize(
@@ -85,8 +85,8 @@ def test_options_of_a_batch_are_those_of_its_results(tmp_path: Path) -> None:
 @pytest.mark.pages
 def test_a_batch_leads_to_the_report_of_each_recording(unseen: Path, tmp_path: Path) -> None:
     """The links are there after the reports, and again when the batch is run anew."""
-    from analysis.batch.batch import run_batch
-    from analysis.products import Options
+    from seatrial.analysis.batch.batch import run_batch
+    from seatrial.analysis.products import Options
 
     batch_folder, out = tmp_path / "batch_folder", tmp_path / "out"
     batch_folder.mkdir()

@@ -10,9 +10,9 @@ from typing import Any
 import pandas as pd
 import pytest
 
-from acquisition.core.trial import Trial
-from acquisition.recording.tables import write_table
-from hybrid.report.folder import Choices, report
+from seatrial.acquisition.core.trial import Trial
+from seatrial.acquisition.recording.tables import write_table
+from seatrial.hybrid.report.folder import Choices, report
 from tests.benchmarks.yard_ship import YardShip
 from tests.benchmarks.yard_trials import Recorder, record, sail
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from hybrid.prediction.regions import outlines
-from hybrid.report.plots import prediction_end
+from seatrial.hybrid.prediction.regions import outlines
+from seatrial.hybrid.report.plots import prediction_end
 
 
 @pytest.mark.parametrize("off_m", [0.0, 0.3, 40.0])

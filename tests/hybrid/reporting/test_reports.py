@@ -17,14 +17,14 @@ import pytest
 from typer.testing import CliRunner
 
 import seatrial
-from acquisition.core.channels import BY_NAME
-from acquisition.core.trial import Trial
-from acquisition.recording.reader import read_recording
-from acquisition.recording.tables import write_table
-from acquisition.tables.import_table import import_table
-from analysis.tables.table import table_of
-from hybrid.report.folder import Choices, report
-from hybrid.reproduction import SOURCES
+from seatrial.acquisition.core.channels import BY_NAME
+from seatrial.acquisition.core.trial import Trial
+from seatrial.acquisition.recording.reader import read_recording
+from seatrial.acquisition.recording.tables import write_table
+from seatrial.acquisition.tables.import_table import import_table
+from seatrial.analysis.tables.table import table_of
+from seatrial.hybrid.report.folder import Choices, report
+from seatrial.hybrid.reproduction import SOURCES
 from tests.browser import running_browser
 
 try:

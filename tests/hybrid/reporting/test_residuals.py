@@ -8,10 +8,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from analysis.estimation.smoother import smooth
-from analysis.tables.resample import resample
-from hybrid.effects.catalogue import vessel_plant
-from hybrid.report.errors import (
+from seatrial.analysis.estimation.smoother import smooth
+from seatrial.analysis.tables.resample import resample
+from seatrial.hybrid.effects.catalogue import vessel_plant
+from seatrial.hybrid.report.errors import (
     LEAST_S,
     PLANES,
     Residuals,
@@ -21,12 +21,12 @@ from hybrid.report.errors import (
     modelled_acceleration,
     residuals_of,
 )
-from hybrid.report.trial_sections import residual_sentences
-from hybrid.simulation.trial import simulate_trial
-from hybrid.vessel.channels import controls_of, states_of, wind_of
-from hybrid.vessel.files import load_vessel
-from hybrid.vessel.plant import Plant
-from hybrid.vessel.simulate import simulate_batch
+from seatrial.hybrid.report.trial_sections import residual_sentences
+from seatrial.hybrid.simulation.trial import simulate_trial
+from seatrial.hybrid.vessel.channels import controls_of, states_of, wind_of
+from seatrial.hybrid.vessel.files import load_vessel
+from seatrial.hybrid.vessel.plant import Plant
+from seatrial.hybrid.vessel.simulate import simulate_batch
 
 
 @pytest.fixture(scope="module")

@@ -14,18 +14,18 @@ from markupsafe import Markup
 from matplotlib.figure import Figure
 
 import seatrial as st
-from acquisition.core.errors import StorageError
-from acquisition.core.trial import Trial
-from acquisition.recording.reader import read_recording
-from acquisition.recording.tables import write_table
-from analysis.report.rendering import Page, render
-from analysis.tables.table import table_of
-from hybrid.report.case import Case, load_case
-from hybrid.report.folder import BLOCKS
-from hybrid.report.sections import FAILED, sections, templates
-from hybrid.report.trial_plots import error_distributions
-from hybrid.report.trial_sections import model_sentence, verdict_of
-from hybrid.report.words import plain
+from seatrial.acquisition.core.errors import StorageError
+from seatrial.acquisition.core.trial import Trial
+from seatrial.acquisition.recording.reader import read_recording
+from seatrial.acquisition.recording.tables import write_table
+from seatrial.analysis.report.rendering import Page, render
+from seatrial.analysis.tables.table import table_of
+from seatrial.hybrid.report.case import Case, load_case
+from seatrial.hybrid.report.folder import BLOCKS
+from seatrial.hybrid.report.sections import FAILED, sections, templates
+from seatrial.hybrid.report.trial_plots import error_distributions
+from seatrial.hybrid.report.trial_sections import model_sentence, verdict_of
+from seatrial.hybrid.report.words import plain
 from tests.analysis.speed_power.trials import Day, sail
 
 PICTURE = re.compile(r'<img alt="([^"]*)" src="data:image/png;base64,([^"]+)">')

@@ -9,11 +9,11 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from acquisition.core.units import KNOT_MPS
-from analysis.manoeuvres import Manoeuvre, find_manoeuvres
-from analysis.manoeuvres.criteria import criteria_of, index_rows
-from analysis.manoeuvres.motion import motion_of
-from hybrid.report.trial_form import (
+from seatrial.acquisition.core.units import KNOT_MPS
+from seatrial.analysis.manoeuvres import Manoeuvre, find_manoeuvres
+from seatrial.analysis.manoeuvres.criteria import criteria_of, index_rows
+from seatrial.analysis.manoeuvres.motion import motion_of
+from seatrial.hybrid.report.trial_form import (
     LONGEST_STEP_S,
     PROGRAMME,
     NumberedRun,

@@ -8,13 +8,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from acquisition.core.errors import DataShortageError
-from hybrid.effects.catalogue import vessel_plant
-from hybrid.prediction.baselines import constant_velocity, reference
-from hybrid.prediction.scores import score
-from hybrid.reproduction import campaign as campaigns
-from hybrid.reproduction.campaign import AZIMUTHS_DEG, BEFORE_S, Campaign, paper_campaign
-from hybrid.vessel.files import load_vessel
+from seatrial.acquisition.core.errors import DataShortageError
+from seatrial.hybrid.effects.catalogue import vessel_plant
+from seatrial.hybrid.prediction.baselines import constant_velocity, reference
+from seatrial.hybrid.prediction.scores import score
+from seatrial.hybrid.reproduction import campaign as campaigns
+from seatrial.hybrid.reproduction.campaign import AZIMUTHS_DEG, BEFORE_S, Campaign, paper_campaign
+from seatrial.hybrid.vessel.files import load_vessel
 
 
 @pytest.fixture(scope="module")

@@ -14,14 +14,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from matplotlib.figure import Figure
 
-from acquisition.core.errors import DataShortageError
-from hybrid.effects import vessel_plant
-from hybrid.prediction.baselines import reference
-from hybrid.prediction.prediction_windows import PredictionWindows
-from hybrid.prediction.scores import distances
-from hybrid.reproduction import notebook
-from hybrid.vessel.files import load_vessel
-from hybrid.vessel.plant import Plant
+from seatrial.acquisition.core.errors import DataShortageError
+from seatrial.hybrid.effects import vessel_plant
+from seatrial.hybrid.prediction.baselines import reference
+from seatrial.hybrid.prediction.prediction_windows import PredictionWindows
+from seatrial.hybrid.prediction.scores import distances
+from seatrial.hybrid.reproduction import notebook
+from seatrial.hybrid.vessel.files import load_vessel
+from seatrial.hybrid.vessel.plant import Plant
 from tests.hybrid.windows_by_hand import windows_at
 
 NOTEBOOK = notebook("fidelity_map")

@@ -11,18 +11,18 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from hybrid.calibrators import make_calibrator
-from hybrid.calibrators.adaptive.fit import adapt
-from hybrid.calibrators.calibrator import Calibrator
-from hybrid.calibrators.networks import NetworkCalibrator
-from hybrid.prediction.scores import distances
-from hybrid.report.plots import start_frame
-from hybrid.reproduction import campaign, figures, page
-from hybrid.reproduction.campaign import Job, seas_of
-from hybrid.reproduction.figures import FIGURES, Seas, write_figures
-from hybrid.reproduction.page import shortfalls, write_page, write_table3
-from hybrid.reproduction.table3 import Table3, table3
-from hybrid.vessel.plant import Plant
+from seatrial.hybrid.calibrators import make_calibrator
+from seatrial.hybrid.calibrators.adaptive.fit import adapt
+from seatrial.hybrid.calibrators.calibrator import Calibrator
+from seatrial.hybrid.calibrators.networks import NetworkCalibrator
+from seatrial.hybrid.prediction.scores import distances
+from seatrial.hybrid.report.plots import start_frame
+from seatrial.hybrid.reproduction import campaign, figures, page
+from seatrial.hybrid.reproduction.campaign import Job, seas_of
+from seatrial.hybrid.reproduction.figures import FIGURES, Seas, write_figures
+from seatrial.hybrid.reproduction.page import shortfalls, write_page, write_table3
+from seatrial.hybrid.reproduction.table3 import Table3, table3
+from seatrial.hybrid.vessel.plant import Plant
 from tests.hybrid.windows_by_hand import random_windows
 
 
@@ -39,7 +39,7 @@ def shown() -> Iterator[Seas]:
     """One small campaign in a gentle sea."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(campaign, "make_calibrator", quick)
-        patch.setattr("hybrid.calibrators.adaptive.calibrator.adapt", partial(adapt, steps=1))
+        patch.setattr("seatrial.hybrid.calibrators.adaptive.calibrator.adapt", partial(adapt, steps=1))
         yield seas_of([Job("gentle", 2, sequences=12)], workers=1)
 
 

@@ -18,16 +18,16 @@ from rich.console import Console
 from typer.testing import CliRunner
 
 import seatrial
-from hybrid.calibrators import make_calibrator
-from hybrid.calibrators.adaptive.fit import adapt
-from hybrid.calibrators.calibrator import Calibrator
-from hybrid.calibrators.networks import NetworkCalibrator
-from hybrid.prediction.scores import score
-from hybrid.reproduction import campaign
-from hybrid.reproduction.campaign import Errors, Job, Sea, _examples, parts_of, seas_of
-from hybrid.reproduction.page import write_page, write_table3
-from hybrid.reproduction.running import RunningTable
-from hybrid.reproduction.table3 import (
+from seatrial.hybrid.calibrators import make_calibrator
+from seatrial.hybrid.calibrators.adaptive.fit import adapt
+from seatrial.hybrid.calibrators.calibrator import Calibrator
+from seatrial.hybrid.calibrators.networks import NetworkCalibrator
+from seatrial.hybrid.prediction.scores import score
+from seatrial.hybrid.reproduction import campaign
+from seatrial.hybrid.reproduction.campaign import Errors, Job, Sea, _examples, parts_of, seas_of
+from seatrial.hybrid.reproduction.page import write_page, write_table3
+from seatrial.hybrid.reproduction.running import RunningTable
+from seatrial.hybrid.reproduction.table3 import (
     ORDER,
     PUBLISHED,
     Row,
@@ -38,7 +38,7 @@ from hybrid.reproduction.table3 import (
     rows_of,
     table3,
 )
-from hybrid.vessel.plant import Plant
+from seatrial.hybrid.vessel.plant import Plant
 from tests.hybrid.windows_by_hand import random_windows
 
 CONTRACT = {
@@ -63,7 +63,7 @@ def small() -> Callable[[list[Job]], tuple[Sea, ...]]:
     def compare_methods(jobs: list[Job]) -> tuple[Sea, ...]:
         with pytest.MonkeyPatch.context() as patch:
             patch.setattr(campaign, "make_calibrator", quick)
-            patch.setattr("hybrid.calibrators.adaptive.calibrator.adapt", partial(adapt, steps=1))
+            patch.setattr("seatrial.hybrid.calibrators.adaptive.calibrator.adapt", partial(adapt, steps=1))
             return seas_of(jobs, workers=1)
 
     return compare_methods
@@ -268,9 +268,11 @@ def test_files_hold_the_table(table: Table3, tmp_path: Path) -> None:
 
 def test_the_command_prints_and_writes(table: Table3, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """``reproduce table3``: one JSON object on stdout, or tables with the published reductions beside ours."""
-    monkeypatch.setattr("hybrid.reproduction.campaign.seas_of", lambda *_: ())
-    monkeypatch.setattr("hybrid.reproduction.table3.table3", lambda *_: table)
-    monkeypatch.setattr("hybrid.reproduction.figures.write_figures", lambda *_: [])  # the page without figures
+    monkeypatch.setattr("seatrial.hybrid.reproduction.campaign.seas_of", lambda *_: ())
+    monkeypatch.setattr("seatrial.hybrid.reproduction.table3.table3", lambda *_: table)
+    monkeypatch.setattr(
+        "seatrial.hybrid.reproduction.figures.write_figures", lambda *_: []
+    )  # the page without figures
     plain = CliRunner().invoke(seatrial.app, ["reproduce", "table3", "--json", "-o", str(tmp_path)])
     assert json.loads(plain.stdout) == json.loads((tmp_path / "table3.json").read_text())
     assert "Shortfalls" in (tmp_path / "table3.html").read_text()
@@ -303,7 +305,7 @@ def test_an_interrupt_leaves_the_finished_campaigns(
         finished(shown[0])
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("hybrid.reproduction.campaign.seas_of", interrupted)
+    monkeypatch.setattr("seatrial.hybrid.reproduction.campaign.seas_of", interrupted)
     run = CliRunner().invoke(seatrial.app, ["reproduce", "table3", "-o", str(tmp_path)])
     assert run.exit_code != 0
     assert "1 of 15 campaigns" in run.stderr

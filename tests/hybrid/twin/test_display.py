@@ -11,10 +11,10 @@ import numpy as np
 import pandas as pd
 from rich.console import Console
 
-from hybrid.calibrators.predict import Prediction
-from hybrid.twin.running_error import RegionFactor, RunningError, TrackError
-from hybrid.twin.twin import Statistics
-from hybrid.twin.watch import Display
+from seatrial.hybrid.calibrators.predict import Prediction
+from seatrial.hybrid.twin.running_error import RegionFactor, RunningError, TrackError
+from seatrial.hybrid.twin.twin import Statistics
+from seatrial.hybrid.twin.watch import Display
 
 
 def picture(prediction: Prediction | None, error: TrackError | None, width: int = 100) -> str:

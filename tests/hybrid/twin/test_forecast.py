@@ -10,22 +10,22 @@ import pandas as pd
 import pytest
 
 import seatrial as st
-from acquisition.core.arrays import Series
-from acquisition.core.channels import NAMES
-from acquisition.core.errors import DataShortageError
-from acquisition.logger.predictions import schema_violation
-from acquisition.recording.reader import Recording, read_recording
-from acquisition.recording.schemas import PREDICTION
-from acquisition.recording.tail import Tail
-from analysis.kinematics import to_ship
-from analysis.tables.resample import resample
-from analysis.tables.table import read_table, table_of
-from analysis.windows.recordings import SecondBySecond
-from hybrid.calibrators.predict import predict
-from hybrid.calibrators.train import TrainedCalibrator
-from hybrid.effects import vessel_plant
-from hybrid.prediction.regions import courses
-from hybrid.twin.forecast import (
+from seatrial.acquisition.core.arrays import Series
+from seatrial.acquisition.core.channels import NAMES
+from seatrial.acquisition.core.errors import DataShortageError
+from seatrial.acquisition.logger.predictions import schema_violation
+from seatrial.acquisition.recording.reader import Recording, read_recording
+from seatrial.acquisition.recording.schemas import PREDICTION
+from seatrial.acquisition.recording.tail import Tail
+from seatrial.analysis.kinematics import to_ship
+from seatrial.analysis.tables.resample import resample
+from seatrial.analysis.tables.table import read_table, table_of
+from seatrial.analysis.windows.recordings import SecondBySecond
+from seatrial.hybrid.calibrators.predict import predict
+from seatrial.hybrid.calibrators.train import TrainedCalibrator
+from seatrial.hybrid.effects import vessel_plant
+from seatrial.hybrid.prediction.regions import courses
+from seatrial.hybrid.twin.forecast import (
     RecentSamples,
     message_body,
     newest_second_ns,
@@ -33,10 +33,10 @@ from hybrid.twin.forecast import (
     predict_now,
     track_geojson,
 )
-from hybrid.twin.running_error import MeanErrors
-from hybrid.twin.twin import recording_at_rest
-from hybrid.vessel.files import load_vessel
-from hybrid.vessel.plant import Plant
+from seatrial.hybrid.twin.running_error import MeanErrors
+from seatrial.hybrid.twin.twin import recording_at_rest
+from seatrial.hybrid.vessel.files import load_vessel
+from seatrial.hybrid.vessel.plant import Plant
 from tests.conftest import SMALL_HORIZON_S, Simulated
 from tests.hybrid.twin.steady_ship import ORIGIN, write_steady
 
@@ -181,7 +181,7 @@ def test_the_message_fits_the_schema_and_lies_where_the_ship_will_be(small: Trai
 def test_a_map_gets_the_track_longitude_first_and_a_ring_of_the_band(small: TrainedCalibrator) -> None:
     import json
 
-    from acquisition.core.kinematics import TangentPlane
+    from seatrial.acquisition.core.kinematics import TangentPlane
 
     prediction = predict_now(recording_at_rest(75.0), SMALL_HORIZON_S, small.plant, small).prediction
     line, region = json.loads(track_geojson(prediction, ORIGIN))["features"]

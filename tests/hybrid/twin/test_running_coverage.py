@@ -8,9 +8,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from acquisition.core.arrays import Floats
-from hybrid.calibrators.predict import Prediction
-from hybrid.twin.running_error import LARGEST_FACTOR, STEP, RegionFactor, TrackError, step
+from seatrial.acquisition.core.arrays import Floats
+from seatrial.hybrid.calibrators.predict import Prediction
+from seatrial.hybrid.twin.running_error import LARGEST_FACTOR, STEP, RegionFactor, TrackError, step
 
 HORIZON_S = 30
 NANO = 1_000_000_000

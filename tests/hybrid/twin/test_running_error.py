@@ -8,13 +8,13 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from acquisition.core.actuators import DEFAULT
-from acquisition.core.angles import wrap_180
-from acquisition.core.arrays import Floats
-from hybrid.calibrators.predict import Prediction
-from hybrid.twin.running_error import FILTER_REACH_S, RegionFactor, RunningError, as_planned, track_error
-from hybrid.twin.twin import Statistics
-from hybrid.twin.watch import summary_of
+from seatrial.acquisition.core.actuators import DEFAULT
+from seatrial.acquisition.core.angles import wrap_180
+from seatrial.acquisition.core.arrays import Floats
+from seatrial.hybrid.calibrators.predict import Prediction
+from seatrial.hybrid.twin.running_error import FILTER_REACH_S, RegionFactor, RunningError, as_planned, track_error
+from seatrial.hybrid.twin.twin import Statistics
+from seatrial.hybrid.twin.watch import summary_of
 from tests.hybrid.twin.steady_ship import HEADING_DEG, SPEED_MPS, START, steady_table
 
 HORIZON_S = 10

@@ -12,23 +12,23 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from acquisition.config.sections import RecordingSection
-from acquisition.core.errors import InputError
-from acquisition.core.frames import Sample
-from acquisition.core.trial import Trial
-from acquisition.logger.health import Health
-from acquisition.logger.predictions import Predictions
-from acquisition.logger.requests import RecorderState, RequestServer
-from acquisition.recording.messages import Topic, decode
-from acquisition.recording.parts import RecordingParts
-from acquisition.recording.schemas import PREDICTION_TOPIC
-from hybrid.calibrators.predict import Predictor
-from hybrid.calibrators.train import TrainedCalibrator
-from hybrid.twin import twin as twin_module
-from hybrid.twin.running_error import LARGEST_FACTOR, step
-from hybrid.twin.twin import PlanFile, Twin
-from hybrid.twin.watch import watch
-from hybrid.vessel.plant import Plant
+from seatrial.acquisition.config.sections import RecordingSection
+from seatrial.acquisition.core.errors import InputError
+from seatrial.acquisition.core.frames import Sample
+from seatrial.acquisition.core.trial import Trial
+from seatrial.acquisition.logger.health import Health
+from seatrial.acquisition.logger.predictions import Predictions
+from seatrial.acquisition.logger.requests import RecorderState, RequestServer
+from seatrial.acquisition.recording.messages import Topic, decode
+from seatrial.acquisition.recording.parts import RecordingParts
+from seatrial.acquisition.recording.schemas import PREDICTION_TOPIC
+from seatrial.hybrid.calibrators.predict import Predictor
+from seatrial.hybrid.calibrators.train import TrainedCalibrator
+from seatrial.hybrid.twin import twin as twin_module
+from seatrial.hybrid.twin.running_error import LARGEST_FACTOR, step
+from seatrial.hybrid.twin.twin import PlanFile, Twin
+from seatrial.hybrid.twin.watch import watch
+from seatrial.hybrid.vessel.plant import Plant
 from tests.hybrid.twin.steady_ship import ORIGIN, steady_table
 
 HORIZON_S = 3

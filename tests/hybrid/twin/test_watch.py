@@ -17,12 +17,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from acquisition.config.configuration import load_config
-from acquisition.emulator import emulate
-from acquisition.logger.predictions import schema_violation
-from acquisition.recording.reader import MessageStream, describe, read_recording
-from acquisition.recording.schemas import PREDICTION
-from analysis.tables.resample import resample_recording
+from seatrial.acquisition.config.configuration import load_config
+from seatrial.acquisition.emulator import emulate
+from seatrial.acquisition.logger.predictions import schema_violation
+from seatrial.acquisition.recording.reader import MessageStream, describe, read_recording
+from seatrial.acquisition.recording.schemas import PREDICTION
+from seatrial.analysis.tables.resample import resample_recording
 from tests.acquisition.conftest import PATIENCE_S, config_text, free_port, wait_for
 from tests.conftest import Command
 from tests.hybrid.twin.steady_ship import write_steady

@@ -6,12 +6,12 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from acquisition.core.frames import Quality
-from analysis.quality.check import check_table
-from analysis.quality.motion.checks import check_motion
-from analysis.quality.motion.kinematics import SLOW_HZ, fit_kinematics
-from analysis.quality.repairs import repair
-from analysis.tables.table import move_stamps, seconds_of
+from seatrial.acquisition.core.frames import Quality
+from seatrial.analysis.quality.check import check_table
+from seatrial.analysis.quality.motion.checks import check_motion
+from seatrial.analysis.quality.motion.kinematics import SLOW_HZ, fit_kinematics
+from seatrial.analysis.quality.repairs import repair
+from seatrial.analysis.tables.table import move_stamps, seconds_of
 from tests.analysis.quality.motion.kinematic_trials import Faults, Noise, sailed
 from tests.benchmarks.wave_trials import judged
 

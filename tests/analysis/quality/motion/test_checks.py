@@ -8,14 +8,14 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from acquisition.core.frames import Quality
-from acquisition.tables.import_table import import_table
-from analysis.quality.findings import CheckResult, Finding
-from analysis.quality.motion.checks import check_motion, delays_of
-from analysis.quality.motion.series import MOTION
-from analysis.tables.table import read_table
-from hybrid.simulation.trial import Noise as SensorNoise
-from hybrid.simulation.trial import simulate_trial
+from seatrial.acquisition.core.frames import Quality
+from seatrial.acquisition.tables.import_table import import_table
+from seatrial.analysis.quality.findings import CheckResult, Finding
+from seatrial.analysis.quality.motion.checks import check_motion, delays_of
+from seatrial.analysis.quality.motion.series import MOTION
+from seatrial.analysis.tables.table import read_table
+from seatrial.hybrid.simulation.trial import Noise as SensorNoise
+from seatrial.hybrid.simulation.trial import simulate_trial
 from tests.analysis.quality.motion.kinematic_trials import Faults, Noise, sailed
 
 MAPS = Path(__file__).parents[4] / "trials" / "columns"

@@ -9,13 +9,13 @@ import pandas as pd
 import pymap3d
 import pytest
 
-from acquisition.tables.derived_columns import derive
-from analysis.kinematics import to_earth
-from analysis.quality.check import check_table
-from analysis.quality.findings import Finding
-from analysis.quality.motion.checks import check_motion
-from analysis.quality.motion.conventions import axes_finding, heading_finding
-from hybrid.simulation.trial import simulate_trial
+from seatrial.acquisition.tables.derived_columns import derive
+from seatrial.analysis.kinematics import to_earth
+from seatrial.analysis.quality.check import check_table
+from seatrial.analysis.quality.findings import Finding
+from seatrial.analysis.quality.motion.checks import check_motion
+from seatrial.analysis.quality.motion.conventions import axes_finding, heading_finding
+from seatrial.hybrid.simulation.trial import simulate_trial
 from tests.analysis.quality.motion.kinematic_trials import Faults, Noise, sailed
 
 NAMES = ["surge_mps", "sway_mps", "yaw_rate_dps"]

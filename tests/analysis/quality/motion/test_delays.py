@@ -8,12 +8,12 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from acquisition.core.angles import difference
-from acquisition.core.arrays import Floats
-from analysis.quality.findings import Finding
-from analysis.quality.motion.checks import check_motion, independent_groups
-from analysis.quality.motion.kinematics import fit_kinematics
-from analysis.quality.motion.series import motion_of
+from seatrial.acquisition.core.angles import difference
+from seatrial.acquisition.core.arrays import Floats
+from seatrial.analysis.quality.findings import Finding
+from seatrial.analysis.quality.motion.checks import check_motion, independent_groups
+from seatrial.analysis.quality.motion.kinematics import fit_kinematics
+from seatrial.analysis.quality.motion.series import motion_of
 from tests.analysis.quality.motion.kinematic_trials import Faults, sailed
 from tests.benchmarks.delay_trials import DELAYS, SPEEDS, Recorded, recorded
 

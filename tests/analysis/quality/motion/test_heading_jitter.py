@@ -7,11 +7,11 @@ import pandas as pd
 import pytest
 from numpy.typing import NDArray
 
-from acquisition.core.angles import difference, wrap_360
-from analysis.quality.findings import Finding
-from analysis.quality.motion.checks import check_motion
-from analysis.quality.motion.reconstruction import reconstruct_heading
-from analysis.quality.repairs import repair
+from seatrial.acquisition.core.angles import difference, wrap_360
+from seatrial.analysis.quality.findings import Finding
+from seatrial.analysis.quality.motion.checks import check_motion
+from seatrial.analysis.quality.motion.reconstruction import reconstruct_heading
+from seatrial.analysis.quality.repairs import repair
 from tests.analysis.quality import faults
 from tests.analysis.quality.faults import Fault
 from tests.analysis.quality.motion.kinematic_trials import Faults, Noise, sailed

@@ -8,11 +8,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from acquisition.core.arrays import Floats
-from acquisition.core.errors import DataShortageError, InputError
-from analysis.quality.motion.jumps import remove_jumps
-from analysis.quality.motion.kinematics import NAMES, Kinematics, fit_kinematics
-from analysis.quality.motion.series import Group, group_samples, motion_of, outliers
+from seatrial.acquisition.core.arrays import Floats
+from seatrial.acquisition.core.errors import DataShortageError, InputError
+from seatrial.analysis.quality.motion.jumps import remove_jumps
+from seatrial.analysis.quality.motion.kinematics import NAMES, Kinematics, fit_kinematics
+from seatrial.analysis.quality.motion.series import Group, group_samples, motion_of, outliers
 from tests.analysis.quality.motion.kinematic_trials import Faults, Noise, sailed
 
 NEUTRAL = np.array([1.0 if name.endswith("factor") else 0.0 for name in NAMES])

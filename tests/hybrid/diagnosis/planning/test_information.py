@@ -11,16 +11,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.stats import norm, t
 
-from hybrid.diagnosis.acceptance import accept_names
-from hybrid.diagnosis.disturbance_model import Noise
-from hybrid.diagnosis.estimate_noise import estimate_noise
-from hybrid.diagnosis.evidence import NormalEquations, normal_equations, weigh_evidence
-from hybrid.diagnosis.linearise import Model, linearise, model_of
-from hybrid.diagnosis.log import log_of
-from hybrid.diagnosis.select_effects import select_effects
-from hybrid.effects import CATALOGUE
-from hybrid.effects.catalogue import catalogue_for, vessel_plant
-from hybrid.planning.information import (
+from seatrial.hybrid.diagnosis.acceptance import accept_names
+from seatrial.hybrid.diagnosis.disturbance_model import Noise
+from seatrial.hybrid.diagnosis.estimate_noise import estimate_noise
+from seatrial.hybrid.diagnosis.evidence import NormalEquations, normal_equations, weigh_evidence
+from seatrial.hybrid.diagnosis.linearise import Model, linearise, model_of
+from seatrial.hybrid.diagnosis.log import log_of
+from seatrial.hybrid.diagnosis.select_effects import select_effects
+from seatrial.hybrid.effects import CATALOGUE
+from seatrial.hybrid.effects.catalogue import catalogue_for, vessel_plant
+from seatrial.hybrid.planning.information import (
     Information,
     as_parameter,
     design_of,
@@ -31,13 +31,13 @@ from hybrid.planning.information import (
     predicted_limit,
     separation,
 )
-from hybrid.planning.repertoire import rehearse
-from hybrid.simulation.manoeuvres import turning_circle, zigzag
-from hybrid.simulation.sea_state import SeaState
-from hybrid.simulation.trial import simulate_trial
-from hybrid.vessel.files import load_vessel
-from hybrid.vessel.parameters import Vessel
-from hybrid.vessel.plant import Plant
+from seatrial.hybrid.planning.repertoire import rehearse
+from seatrial.hybrid.simulation.manoeuvres import turning_circle, zigzag
+from seatrial.hybrid.simulation.sea_state import SeaState
+from seatrial.hybrid.simulation.trial import simulate_trial
+from seatrial.hybrid.vessel.files import load_vessel
+from seatrial.hybrid.vessel.parameters import Vessel
+from seatrial.hybrid.vessel.plant import Plant
 
 CALM = SeaState(5.0, 0.0, 5.0, 0.0)
 SOME = {

@@ -8,12 +8,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hybrid.diagnosis.disturbance_model import Noise
-from hybrid.diagnosis.evidence import NormalEquations, normal_equations
-from hybrid.diagnosis.linearise import Model, acting_settings, linearise
-from hybrid.diagnosis.log import Log
-from hybrid.effects import CATALOGUE
-from hybrid.planning.next_manoeuvre import (
+from seatrial.hybrid.diagnosis.disturbance_model import Noise
+from seatrial.hybrid.diagnosis.evidence import NormalEquations, normal_equations
+from seatrial.hybrid.diagnosis.linearise import Model, acting_settings, linearise
+from seatrial.hybrid.diagnosis.log import Log
+from seatrial.hybrid.effects import CATALOGUE
+from seatrial.hybrid.planning.next_manoeuvre import (
     Pair,
     RankedCandidate,
     Rehearsal,
@@ -23,12 +23,12 @@ from hybrid.planning.next_manoeuvre import (
     usual_rpm,
     wind_in,
 )
-from hybrid.planning.repertoire import append_rehearsals, rehearse, repertoire, shafts_of
-from hybrid.simulation.manoeuvres import Manoeuvre, steer, zigzag
-from hybrid.simulation.sea_state import SeaState
-from hybrid.vessel.effect import Values
-from hybrid.vessel.parameters import Vessel
-from hybrid.vessel.plant import Plant
+from seatrial.hybrid.planning.repertoire import append_rehearsals, rehearse, repertoire, shafts_of
+from seatrial.hybrid.simulation.manoeuvres import Manoeuvre, steer, zigzag
+from seatrial.hybrid.simulation.sea_state import SeaState
+from seatrial.hybrid.vessel.effect import Values
+from seatrial.hybrid.vessel.parameters import Vessel
+from seatrial.hybrid.vessel.plant import Plant
 
 BREEZE = SeaState(5.0, 0.0, 5.0, 0.0, direction_from_deg=70.0)
 SOME = {

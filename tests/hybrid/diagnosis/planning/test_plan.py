@@ -12,17 +12,17 @@ import typer
 from rich.console import Console
 from typer.testing import CliRunner
 
-from acquisition.core.errors import ConfigurationError
-from hybrid.cli import mount
-from hybrid.diagnosis.disturbance_model import Noise
-from hybrid.effects import CATALOGUE
-from hybrid.planning import plan as planning
-from hybrid.planning.information import Design
-from hybrid.planning.plan import Aims, Plan, compose_programme, cost, noise_in, plan, programme_of
-from hybrid.planning.repertoire import Candidate
-from hybrid.report.plan_page import page_of
-from hybrid.simulation.sea_state import sea_state_named
-from hybrid.vessel.parameters import Vessel
+from seatrial.acquisition.core.errors import ConfigurationError
+from seatrial.hybrid.cli import mount
+from seatrial.hybrid.diagnosis.disturbance_model import Noise
+from seatrial.hybrid.effects import CATALOGUE
+from seatrial.hybrid.planning import plan as planning
+from seatrial.hybrid.planning.information import Design
+from seatrial.hybrid.planning.plan import Aims, Plan, compose_programme, cost, noise_in, plan, programme_of
+from seatrial.hybrid.planning.repertoire import Candidate
+from seatrial.hybrid.report.plan_page import page_of
+from seatrial.hybrid.simulation.sea_state import sea_state_named
+from seatrial.hybrid.vessel.parameters import Vessel
 
 SOME = (
     "hull_fouling", "azimuth_offset_port", "azimuth_offset_starboard", "ocean_current", "tunnel_thrust_loss",

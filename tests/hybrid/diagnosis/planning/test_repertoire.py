@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import re
 
-from hybrid.diagnosis.disturbance_model import Noise
-from hybrid.diagnosis.evidence import normal_equations
-from hybrid.diagnosis.linearise import Model, linearise
-from hybrid.effects import vessel_plant
-from hybrid.effects.catalogue import catalogue_of
-from hybrid.planning.next_manoeuvre import Pair, best_request, rank_candidates, rehearsal_of
-from hybrid.planning.repertoire import Candidate, Shafts, rehearse, repertoire
-from hybrid.simulation.handling import usual_rpm
-from hybrid.simulation.manoeuvres import steer
-from hybrid.simulation.sea_state import sea_state_named
-from hybrid.vessel.files import load_vessel
+from seatrial.hybrid.diagnosis.disturbance_model import Noise
+from seatrial.hybrid.diagnosis.evidence import normal_equations
+from seatrial.hybrid.diagnosis.linearise import Model, linearise
+from seatrial.hybrid.effects import vessel_plant
+from seatrial.hybrid.effects.catalogue import catalogue_of
+from seatrial.hybrid.planning.next_manoeuvre import Pair, best_request, rank_candidates, rehearsal_of
+from seatrial.hybrid.planning.repertoire import Candidate, Shafts, rehearse, repertoire
+from seatrial.hybrid.simulation.handling import usual_rpm
+from seatrial.hybrid.simulation.manoeuvres import steer
+from seatrial.hybrid.simulation.sea_state import sea_state_named
+from seatrial.hybrid.vessel.files import load_vessel
 
 TWIN_SCREW = Shafts(
     90.0, 45.0, 65.0, 105.0, 0.0, ("port_propeller", "starboard_propeller"), ("port_rudder", "starboard_rudder"),
