@@ -1,7 +1,4 @@
-"""Kinematics of arrays: rotation between earth and ship, integrated rates, the mean wind.
-
-The axes and signs are those of :mod:`seatrial.acquisition.core.kinematics`, which has the same for single values.
-"""
+"""Kinematics of arrays and of single values: rotation between earth and ship, integrated rates, the mean wind."""
 
 from __future__ import annotations
 

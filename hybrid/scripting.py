@@ -66,17 +66,22 @@ def write(
     (:func:`seatrial.acquisition.core.declared.declare`), unless the table was read from a recording that declares
     them. Raises :class:`InputError` for what is no channel, :class:`StorageError`.
     """
-    from seatrial.acquisition.core.actuators import as_text as actuators_as_text
+    from seatrial.acquisition.core.actuators import as_text
     from seatrial.acquisition.core.channels import declared_in
-    from seatrial.acquisition.core.declared import as_text
+    from seatrial.acquisition.core.declared import declared_text
     from seatrial.acquisition.core.trial import Trial
     from seatrial.acquisition.recording.tables import write_table
     from seatrial.acquisition.tables.import_table import actuators_in_columns
 
     target, channels = Path(path), {each.name: each for each in (*declared_in(table.attrs), *declared)}
-    said = {"name": printable_name(target.stem), "vessel": vessel, "channels": as_text(channels.values()), **trial}
+    said = {
+        "name": printable_name(target.stem),
+        "vessel": vessel,
+        "channels": declared_text(channels.values()),
+        **trial,
+    }
     hers = actuators_in_columns(map(str, table), Trial(channels=said["channels"]))
-    write_table(table, target, Trial(**{"actuators": actuators_as_text(hers), **said}), source="table")
+    write_table(table, target, Trial(**{"actuators": as_text(hers), **said}), source="table")
     return target
 
 

@@ -33,6 +33,7 @@ from seatrial.acquisition.config.sections import (
     CanSource,
     Carried,
     CopiesSection,
+    DeclaredShip,
     FileSource,
     LineSource,
     LiveSection,
@@ -44,7 +45,6 @@ from seatrial.acquisition.config.sections import (
     MqttSource,
     RecordingSection,
     SerialSource,
-    Ship,
     StatusSection,
     TrialSection,
     UdpSource,
@@ -73,7 +73,7 @@ from seatrial.acquisition.core.channels import (
     required_names,
     with_declared,
 )
-from seatrial.acquisition.core.declared import as_text as declared_as_text
+from seatrial.acquisition.core.declared import declared_text
 from seatrial.acquisition.core.errors import ConfigurationError
 from seatrial.acquisition.core.trial import Trial
 
@@ -193,7 +193,7 @@ def parse_config(text: str, path: Path | str, carried: Carried | None = None) ->
     _check_dbc(file.source, path)
     listed = {name for source in file.source for name in source.channels}
     declared = [declaration.channel for declaration in ship.declared if declaration.channel.group == "declared"]
-    channels = declared_as_text(channel for channel in declared if channel.name in listed)
+    channels = declared_text(channel for channel in declared if channel.name in listed)
     trial = file.trial.as_trial(file.conditions, file.instruments, file.particulars)
     actuators = stated_text(ship.actuators, trial.vessel) if ship.is_known else as_text(ship.actuators)
     return TrialConfig(
@@ -242,7 +242,11 @@ _MAPS = {CanFrames: "signals", MavlinkLinks: "named_values", MqttLinks: "values"
 
 
 def _check_channels(
-    sources: tuple[AnySource, ...], ship: Ship, channels_by_name: Mapping[str, Channel], text: str, path: Path | str
+    sources: tuple[AnySource, ...],
+    ship: DeclaredShip,
+    channels_by_name: Mapping[str, Channel],
+    text: str,
+    path: Path | str,
 ) -> None:
     """Refuse a channel that no message of the source can carry: it would never have a value."""
     for number, source in enumerate(sources):

@@ -152,7 +152,7 @@ class _Ship:
     trial: _Named = field(default_factory=_Named)
 
 
-class Ship(NamedTuple):
+class DeclaredShip(NamedTuple):
     """The ship of a file: its actuators, whether the file says which, the channels that it declares, its packs."""
 
     actuators: Actuators
@@ -177,7 +177,7 @@ class Carried:
 
 def parse_for_ship(
     text: str, path: Path | str, model: type[Model], carried: Carried | None = None
-) -> tuple[Model, Ship]:
+) -> tuple[Model, DeclaredShip]:
     """A TOML text as ``model``, with the channels of the ship that it lists as ``[[actuator]]`` or declares.
 
     Without such a list the actuators are those ``carried`` by a recording, as are the DBC files and packs that it
@@ -204,7 +204,7 @@ def parse_for_ship(
         "folder": folder,
         "dbc_files": None if carried is None else carried.dbc_files,
     }
-    return validate(raw, text, path, model, context), Ship(actuators, is_known, declared, packs)
+    return validate(raw, text, path, model, context), DeclaredShip(actuators, is_known, declared, packs)
 
 
 def check_listed(listed: tuple[ActuatorSection, ...], text: str, path: Path | str) -> Actuators:

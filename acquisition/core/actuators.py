@@ -118,7 +118,7 @@ def _end(name: str) -> str:
 
 
 @dataclass(frozen=True, slots=True)
-class Kind:
+class ActuatorKind:
     """What a kind of actuator means to a recording and to those who handle the ship.
 
     ``controls`` are the names of its controls in :data:`CONTROLS`, ``noun`` is the word for one of the kind. A kind
@@ -132,13 +132,13 @@ class Kind:
     turns: float = 0.0
 
 
-KINDS: dict[str, Kind] = {
-    "azimuth": Kind(("shaft", "azimuth"), "thruster", drives=True, turns=-1.0),
-    "tunnel": Kind(("tunnel thruster",), "thruster"),
-    "propeller": Kind(("shaft",), "propeller", drives=True),
-    "controllable_propeller": Kind(("shaft", "pitch"), "propeller", drives=True),
-    "rudder": Kind(("rudder",), "rudder", turns=1.0),
-    "waterjet": Kind(("shaft", "nozzle"), "waterjet", drives=True, turns=-1.0),
+KINDS: dict[str, ActuatorKind] = {
+    "azimuth": ActuatorKind(("shaft", "azimuth"), "thruster", drives=True, turns=-1.0),
+    "tunnel": ActuatorKind(("tunnel thruster",), "thruster"),
+    "propeller": ActuatorKind(("shaft",), "propeller", drives=True),
+    "controllable_propeller": ActuatorKind(("shaft", "pitch"), "propeller", drives=True),
+    "rudder": ActuatorKind(("rudder",), "rudder", turns=1.0),
+    "waterjet": ActuatorKind(("shaft", "nozzle"), "waterjet", drives=True, turns=-1.0),
 }
 """The kinds of actuators; the force of each is in ``hybrid/vessel/actuators``, in a file of the kind's name."""
 

@@ -85,7 +85,7 @@ _KEPT = 0.8
 
 
 @dataclass(frozen=True, slots=True)
-class Drift:
+class DriftAngle:
     """The drift angle that a reading of the heading makes: circular variance (0 to 1) and mean [deg]."""
 
     variance: float
@@ -97,16 +97,16 @@ class Drift:
         return float(np.rad2deg(np.sqrt(-2.0 * np.log(max(1.0 - self.variance, 1e-9)))))
 
 
-def drift_of(moves: Complexes, heading_deg: Floats) -> Drift:
+def drift_of(moves: Complexes, heading_deg: Floats) -> DriftAngle:
     """The drift angle of moves [n] to north + i east, weighed by their length, beside headings [n]."""
     length = np.abs(moves)
     moving = np.isfinite(length) & np.isfinite(heading_deg) & (length > 0.0)
     if not moving.any():
-        return Drift(1.0, 0.0)
+        return DriftAngle(1.0, 0.0)
     weight = np.minimum(length[moving], _FARTHEST * np.median(length[moving]))
     angles = np.angle(moves[moving]) - np.deg2rad(heading_deg[moving])
     resultant = np.sum(weight * np.exp(1j * angles)) / weight.sum()
-    return Drift(float(1.0 - abs(resultant)), float(np.rad2deg(np.angle(resultant))))
+    return DriftAngle(float(1.0 - abs(resultant)), float(np.rad2deg(np.angle(resultant))))
 
 
 @dataclass(frozen=True, slots=True)
@@ -117,8 +117,8 @@ class HeadingVerdict:
 
     unit: str
     convention: HeadingConvention | None
-    recorded: Drift
-    best: Drift
+    recorded: DriftAngle
+    best: DriftAngle
 
     @property
     def evidence(self) -> str:

@@ -49,7 +49,7 @@ def declare(name: str, unit: str, low: float, high: float, meaning: str = "", st
     return Channel(name, unit, low, high, "declared", meaning or name.replace("_", " "), circular, state)
 
 
-def as_text(channels: Iterable[Channel]) -> str:
+def declared_text(channels: Iterable[Channel]) -> str:
     """Declared channels as JSON for a recording's metadata; empty for none."""
     keys = "name", "unit", "low", "high", "meaning", "state"
     entries = [{key: getattr(channel, key) for key in keys} for channel in channels]
@@ -58,7 +58,7 @@ def as_text(channels: Iterable[Channel]) -> str:
 
 @lru_cache(maxsize=64)
 def declared_from_text(text: str) -> Declared:
-    """The inverse of :func:`as_text`; text that is no list of channels (another program's) declares none."""
+    """The inverse of :func:`declared_text`; text that is no list of channels (another program's) declares none."""
     try:
         return tuple(declare(**entry) for entry in parse_json(text)) if text else ()
     except (ValueError, TypeError):

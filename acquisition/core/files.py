@@ -23,7 +23,7 @@ from io import BufferedReader
 from pathlib import Path
 from typing import Any
 
-from seatrial.acquisition.core.budget import JSON_BYTES, Budget
+from seatrial.acquisition.core.budget import JSON_BYTES, FileBudget
 from seatrial.acquisition.core.errors import InputError, SeatrialError, StorageError, storage_error
 from seatrial.acquisition.core.locks import hidden_name, is_at, lock, locked_briefly
 
@@ -50,7 +50,7 @@ def open_regular(path: Path | str) -> BufferedReader:
         raise
 
 
-def read_regular(path: Path | str, budget: Budget, kind: type[SeatrialError] = InputError) -> bytes:
+def read_regular(path: Path | str, budget: FileBudget, kind: type[SeatrialError] = InputError) -> bytes:
     """The content of a regular file. Raises as :func:`open_regular`, and ``kind`` beyond the budget."""
     with open_regular(path) as stream:
         size = os.fstat(stream.fileno()).st_size

@@ -19,22 +19,6 @@ def along(direction_deg: float, speed_mps: float) -> tuple[float, float]:
     return speed_mps * cos(angle), speed_mps * sin(angle)
 
 
-def to_body(north: float, east: float, heading_deg: float) -> tuple[float, float]:
-    """A vector to north and east, in the ship's axes: forward and to starboard.
-
-    >>> [round(part, 9) for part in to_body(0.0, 2.0, 90.0)]
-    [2.0, 0.0]
-    """
-    c, s = cos(radians(heading_deg)), sin(radians(heading_deg))
-    return north * c + east * s, east * c - north * s
-
-
-def to_earth(forward: float, starboard: float, heading_deg: float) -> tuple[float, float]:
-    """A vector in the ship's axes, to north and east: the inverse of :func:`to_body`."""
-    c, s = cos(radians(heading_deg)), sin(radians(heading_deg))
-    return forward * c - starboard * s, forward * s + starboard * c
-
-
 def velocity_at_reference(
     surge_mps: float, sway_mps: float, yaw_rate_dps: float, forward_m: float, starboard_m: float
 ) -> tuple[float, float]:

@@ -27,8 +27,8 @@ class Trial:
     ``loading`` and ``sea_state`` are in the crew's words, ``trim_m`` is positive by the stern. The origin is
     that of the north-east-down tangent plane of ``north_m`` and ``east_m``. ``actuators`` lists the ship's as
     text (:func:`seatrial.acquisition.core.actuators.as_text`), empty for the default list; ``channels`` are those
-    declared in its configuration, as text (:func:`seatrial.acquisition.core.declared.as_text`), ``conditions``
-    those of its ``[conditions]`` (:func:`seatrial.acquisition.config.run_sheet.conditions_of`).
+    declared in its configuration, as text (:func:`seatrial.acquisition.core.declared.declared_text`),
+    ``conditions`` those of its ``[conditions]`` (:func:`seatrial.acquisition.config.run_sheet.conditions_of`).
     ``antenna_forward_m`` and ``antenna_starboard_m`` are the place, from midship, of the point that the recorded
     positions are of; ``accuracy``, the standard errors of channels, and ``particulars``, the ship's, are JSON
     (:mod:`seatrial.acquisition.config.run_sheet`). The fields from ``summary`` on are those that data centres ask

@@ -28,7 +28,7 @@ from seatrial.acquisition.decoders import DeclaredReaders, Decoder, FurtherSende
 from seatrial.acquisition.decoders.clock import SourceClock, nearest_day, utc_ns
 from seatrial.acquisition.decoders.interleaved import InterleavedSources
 from seatrial.acquisition.decoders.receivers import Receivers
-from seatrial.acquisition.decoders.sentences import Fields, Reading, machinery_readers, readers
+from seatrial.acquisition.decoders.sentences import Fields, SentenceReading, machinery_readers, readers
 
 _DATAGRAM_PREFIX = b"UdPbC\0"
 _TAG_BLOCK = re.compile(rb"\\([\x20-\x7e]*?)\*([0-9A-Fa-f]{2})\\")
@@ -171,14 +171,14 @@ class _Field(NamedTuple):
     origin: SentenceField
     step: Linear
 
-    def read(self, fields: Fields) -> Reading:
+    def read(self, fields: Fields) -> SentenceReading:
         for place, wanted in self.origin.when.items():
             if fields.text(int(place) - 1) not in ((wanted,) if isinstance(wanted, str) else wanted):
-                return Reading()
+                return SentenceReading()
         number = fields.number(self.origin.field - 1)
         seconds = None if self.origin.time is None else fields.seconds_of_day(self.origin.time - 1)
         values = [] if number is None else [(self.channel.name, self.step.apply(number))]
-        return Reading(values, seconds_of_day=seconds)
+        return SentenceReading(values, seconds_of_day=seconds)
 
 
 class _Transducer(NamedTuple):
@@ -191,16 +191,16 @@ class _Transducer(NamedTuple):
     name: str
     steps: Mapping[str, Linear]
 
-    def read(self, fields: Fields) -> Reading:
+    def read(self, fields: Fields) -> SentenceReading:
         for place in range(0, len(fields) - 3, 4):
             number, letter = fields.number(place + 1), fields.text(place + 2)
             if fields.text(place + 3) == self.name and number is not None:
                 unit = _XDR_UNITS.get((fields.text(place), letter), letter and _ANY)
                 step = self.steps.get(unit)
                 if step is None:
-                    return Reading(refused="unit unknown")
-                return Reading([(self.channel.name, step.apply(number))])
-        return Reading()
+                    return SentenceReading(refused="unit unknown")
+                return SentenceReading([(self.channel.name, step.apply(number))])
+        return SentenceReading()
 
 
 def _steps(channel: Channel, origin: Transducer) -> dict[str, Linear]:
@@ -226,13 +226,13 @@ class DeclaredSentences(DeclaredReaders[str, _Field | _Transducer]):
                 transducer = _Transducer(channel, origin.transducer, _steps(channel, origin))
                 self.setdefault("XDR", []).append(transducer)
 
-    def read(self, kind: str, fields: Fields) -> Reading:
+    def read(self, kind: str, fields: Fields) -> SentenceReading:
         """What a sentence says; of several origins of one channel in it the first that has a value counts."""
         readings = [reader.read(fields) for reader in self[kind]]
         values = dict(value for reading in reversed(readings) for value in reading.values)
         seconds = next((reading.seconds_of_day for reading in readings if reading.seconds_of_day is not None), None)
         refused = next((reading.refused for reading in readings if reading.refused), "")
-        return Reading(list(values.items()), refused=refused, seconds_of_day=seconds)
+        return SentenceReading(list(values.items()), refused=refused, seconds_of_day=seconds)
 
 
 class Nmea0183Decoder(Decoder):
@@ -313,7 +313,7 @@ class Nmea0183Decoder(Decoder):
         return groups
 
     def _groups(
-        self, reading: Reading, frame: Frame, talker: str, kind: str, tagged: TaggedSentence
+        self, reading: SentenceReading, frame: Frame, talker: str, kind: str, tagged: TaggedSentence
     ) -> list[Group]:
         label = _label(frame.origin, talker, kind, tagged, reading)
         number = self._receiver(kind, sensor_of(label), reading, frame)
@@ -324,7 +324,7 @@ class Nmea0183Decoder(Decoder):
         self._note_fix(kind, sensor_of(label), reading)
         return self.clock.group(frame, label, reading.values, self._told_ns(reading, frame), reading.quality)
 
-    def _receiver(self, kind: str, sensor: str, reading: Reading, frame: Frame) -> int:
+    def _receiver(self, kind: str, sensor: str, reading: SentenceReading, frame: Frame) -> int:
         """Which of several receivers that have one name says it."""
         position = dict(reading.values)
         if reading.seconds_of_day is not None and {"latitude_deg", "longitude_deg"} <= position.keys():
@@ -332,14 +332,14 @@ class Nmea0183Decoder(Decoder):
             return self._receivers.number(sensor, kind, reading.seconds_of_day, frame.monotonic_ns, place)
         return self._receivers.last(sensor) if kind in _WITH_A_FIX else 1
 
-    def _further_source(self, kind: str, label: str, reading: Reading, frame: Frame) -> str:
+    def _further_source(self, kind: str, label: str, reading: SentenceReading, frame: Frame) -> str:
         """Which of several sources of one name says what has neither time nor position; empty for the first."""
         if reading.seconds_of_day is not None or kind in _WITH_A_FIX or not reading.values:
             return ""
         number = self._interleaved.number(label, *reading.values[0], frame.monotonic_ns)
         return f"source{number}" if number > 1 else ""
 
-    def _note_fix(self, kind: str, sensor: str, reading: Reading) -> None:
+    def _note_fix(self, kind: str, sensor: str, reading: SentenceReading) -> None:
         """GGA tells it finer than the modes of the other sentences, which count where it does not come."""
         former = self.fixes.get(sensor, Fix())
         if reading.sigma_m is not None:
@@ -357,7 +357,7 @@ class Nmea0183Decoder(Decoder):
             del self.fixes[oldest]
             self._tell_gga.discard(oldest)
 
-    def _told_ns(self, reading: Reading, frame: Frame) -> int | None:
+    def _told_ns(self, reading: SentenceReading, frame: Frame) -> int | None:
         """When the sentence says its values were true; what tells the date too also sets the line's clock."""
         if reading.seconds_of_day is None:
             return None
@@ -369,7 +369,7 @@ class Nmea0183Decoder(Decoder):
         return None if now_ns is None else nearest_day(reading.seconds_of_day, now_ns)
 
 
-def _label(origin: str, talker: str, kind: str, tagged: TaggedSentence, reading: Reading) -> str:
+def _label(origin: str, talker: str, kind: str, tagged: TaggedSentence, reading: SentenceReading) -> str:
     """Who says it: line, talker, the device behind a gateway if it is named, sentence, meaning if it has several.
 
     ``line/II:MWV apparent``, ``line/GP@GN01:GGA``.

@@ -31,8 +31,8 @@ from seatrial.acquisition.decoders.parameter_groups import (
     SHORTEST_BYTES,
     SYSTEM_TIME,
     TIME_AND_DATE,
+    GroupReading,
     Message,
-    Reading,
     Value,
     group_time,
     machinery_readers,
@@ -54,9 +54,9 @@ def parameter_group(identifier: int) -> tuple[int, int]:
     return group, identifier & 0xFF
 
 
-def _nothing(_: Message) -> Reading:
+def _nothing(_: Message) -> GroupReading:
     """Of a group that only declared channels are in."""
-    return Reading([])
+    return GroupReading([])
 
 
 class Bus:

@@ -159,7 +159,7 @@ SHORT_FRAMES = {127258: 6}
 """Groups that some devices send without what is reserved at their end, and the length that they then have."""
 
 
-class Reading(NamedTuple):
+class GroupReading(NamedTuple):
     """What a message says to us.
 
     ``meaning`` tells apart what one group may mean, ``instance`` which of several equal things it is about, ``fix``
@@ -193,14 +193,14 @@ def group_time(message: Message) -> int | None:
     return utc_ns(dt.date(1970, 1, 1) + dt.timedelta(days=days), seconds)
 
 
-def _heading(message: Message) -> Reading:
+def _heading(message: Message) -> GroupReading:
     reference, heading = message["reference"], message["heading"]
     variation = given([("magnetic_variation_deg", message.degrees("variation"))])
     if reference == 0:
-        return Reading([("heading_deg", message.degrees("heading")), *variation])
+        return GroupReading([("heading_deg", message.degrees("heading")), *variation])
     if reference != 1:
-        return Reading([("heading_deg", "heading without a reference")])
-    return Reading([("heading_magnetic_deg", _deviated_deg(heading, message["deviation"])), *variation])
+        return GroupReading([("heading_deg", "heading without a reference")])
+    return GroupReading([("heading_magnetic_deg", _deviated_deg(heading, message["deviation"])), *variation])
 
 
 def _deviated_deg(heading: Value, deviation: Value) -> Value:
@@ -214,40 +214,40 @@ def _deviated_deg(heading: Value, deviation: Value) -> Value:
     return (heading + deviation) * DEG_PER_RAD % 360.0
 
 
-def _position(message: Message) -> Reading:
-    return Reading(_together([("latitude_deg", message["latitude"]), ("longitude_deg", message["longitude"])]))
+def _position(message: Message) -> GroupReading:
+    return GroupReading(_together([("latitude_deg", message["latitude"]), ("longitude_deg", message["longitude"])]))
 
 
-def _gnss_position(message: Message) -> Reading:
+def _gnss_position(message: Message) -> GroupReading:
     """A position without a fix repeats an old one or invents one."""
     method = message["method"]
     if method in (_NO_FIX, _NO_FIX_ERROR):
-        return Reading([("latitude_deg", "no fix")], quality=Quality.MISSING, fix=0)
+        return GroupReading([("latitude_deg", "no fix")], quality=Quality.MISSING, fix=0)
     quality = Quality.NOT_EVALUATED if method in _SATELLITE_METHODS else Quality.SUSPECT
     fix = int(method) if method in _METHODS else None
     altitude = message["altitude"]
     height_m = None if isinstance(altitude, str) else altitude
-    return Reading(_position(message).values, quality=quality, fix=fix, height_m=height_m)
+    return GroupReading(_position(message).values, quality=quality, fix=fix, height_m=height_m)
 
 
-def _course_and_speed(message: Message) -> Reading:
+def _course_and_speed(message: Message) -> GroupReading:
     course = {0: "course_over_ground_deg", 1: "course_magnetic_deg"}.get(int(message["cogReference"]))
     value = message.degrees("cog")
     if course is None:
         course, value = "course_over_ground_deg", value if isinstance(value, str) else "course without a reference"
-    return Reading([(course, value), ("speed_over_ground_mps", message["sog"])])
+    return GroupReading([(course, value), ("speed_over_ground_mps", message["sog"])])
 
 
-def _direction_data(message: Message) -> Reading:
+def _direction_data(message: Message) -> GroupReading:
     """Course and speed only: heading, set and drift are worked out by the device from what others said."""
     quality = Quality.NOT_EVALUATED if message["dataMode"] in _MEASURED_MODES else Quality.SUSPECT
-    return Reading(_course_and_speed(message).values, quality=quality)
+    return GroupReading(_course_and_speed(message).values, quality=quality)
 
 
-def _speed_components(message: Message) -> Reading:
+def _speed_components(message: Message) -> GroupReading:
     ground = ("surge_mps", "longitudinalSpeedGroundReferenced"), ("sway_mps", "transverseSpeedGroundReferenced")
     water = given([("speed_through_water_mps", message["longitudinalSpeedWaterReferenced"])])
-    return Reading([*((name, message[field]) for name, field in ground), *water])
+    return GroupReading([*((name, message[field]) for name, field in ground), *water])
 
 
 _WINDS = {
@@ -259,27 +259,27 @@ _WINDS = {
 }
 
 
-def _wind(message: Message) -> Reading:
+def _wind(message: Message) -> GroupReading:
     channels = _WINDS.get(int(message["reference"]))
     if channels is None:
-        return Reading([("wind_speed_mps", "wind without a reference")])
+        return GroupReading([("wind_speed_mps", "wind without a reference")])
     angle, speed, meaning = channels
-    return Reading([(angle, message.degrees("windAngle")), (speed, message["windSpeed"])], meaning)
+    return GroupReading([(angle, message.degrees("windAngle")), (speed, message["windSpeed"])], meaning)
 
 
-Reader = Callable[[Message], Reading]
+Reader = Callable[[Message], GroupReading]
 READERS: dict[int, Reader] = {
-    SYSTEM_TIME: lambda message: Reading([]),
+    SYSTEM_TIME: lambda message: GroupReading([]),
     127250: _heading,
-    127251: lambda message: Reading([("yaw_rate_dps", message.degrees("rate"))]),
+    127251: lambda message: GroupReading([("yaw_rate_dps", message.degrees("rate"))]),
     # the yaw does not say which north it refers to
-    127257: lambda message: Reading([(f"{name}_deg", message.degrees(name)) for name in ("roll", "pitch")]),
-    127258: lambda message: Reading([("magnetic_variation_deg", message.degrees("variation"))]),
-    128259: lambda message: Reading([("speed_through_water_mps", message["speedWaterReferenced"])]),
+    127257: lambda message: GroupReading([(f"{name}_deg", message.degrees(name)) for name in ("roll", "pitch")]),
+    127258: lambda message: GroupReading([("magnetic_variation_deg", message.degrees("variation"))]),
+    128259: lambda message: GroupReading([("speed_through_water_mps", message["speedWaterReferenced"])]),
     POSITION: _position,
     129026: _course_and_speed,
     GNSS_POSITION: _gnss_position,
-    TIME_AND_DATE: lambda message: Reading([]),
+    TIME_AND_DATE: lambda message: GroupReading([]),
     130306: _wind,
     130577: _direction_data,
     130578: _speed_components,
@@ -303,14 +303,14 @@ class _Rudders:
         self._channels = rudder_channels(actuators)
         self._tells_orders = bool(rudders(actuators))
 
-    def read(self, message: Message) -> Reading:
+    def read(self, message: Message) -> GroupReading:
         number = _instance(message)
         meaning = f"rudder {number}" if number else ""
         if len(self._channels) == 1:
-            return Reading(self._values(self._channels[0], message), meaning, instance=number)
+            return GroupReading(self._values(self._channels[0], message), meaning, instance=number)
         if number >= len(self._channels):
-            return Reading([("rudder", "another instance")], meaning)
-        return Reading(self._values(self._channels[number], message), meaning)
+            return GroupReading([("rudder", "another instance")], meaning)
+        return GroupReading(self._values(self._channels[number], message), meaning)
 
     def _values(self, channel: str, message: Message) -> Values:
         position: Values = [(channel, message.degrees("position"))]
@@ -329,20 +329,20 @@ class _Engines:
         }
         self._gears: dict[int, int] = {}
 
-    def read_gear(self, message: Message) -> Reading:
+    def read_gear(self, message: Message) -> GroupReading:
         self._gears[_instance(message)] = int(message["transmissionGear"])
-        return Reading([])
+        return GroupReading([])
 
-    def read_speed(self, message: Message) -> Reading:
+    def read_speed(self, message: Message) -> GroupReading:
         number, rpm = _instance(message), message["speed"]
         if number not in self._ratios:
-            return Reading([("engine", "engine without a reduction ratio")])
+            return GroupReading([("engine", "engine without a reduction ratio")])
         channel, ratio = self._ratios[number]
         gear = self._gears.get(number)
         if gear == _NEUTRAL:
-            return Reading([(channel, "gearbox in neutral")])
+            return GroupReading([(channel, "gearbox in neutral")])
         sign = -1.0 if gear == _REVERSE else 1.0
-        return Reading([(channel, rpm if isinstance(rpm, str) else sign * rpm / ratio)], f"engine {number}")
+        return GroupReading([(channel, rpm if isinstance(rpm, str) else sign * rpm / ratio)], f"engine {number}")
 
 
 def machinery_readers(actuators: Actuators, reduction_ratios: Mapping[str, float]) -> dict[int, Reader]:

@@ -97,7 +97,7 @@ class Fields:
 
 
 @dataclass(frozen=True, slots=True)
-class Reading:
+class SentenceReading:
     """What one sentence says. ``meaning`` tells apart the different things that one kind of sentence can say;
     ``refused`` is why something in it was left out, empty if nothing was. ``fix``, ``height_m`` and ``sigma_m`` are
     what the receiver says of its fix, as in :class:`Fix`.
@@ -114,7 +114,7 @@ class Reading:
     sigma_m: tuple[float, float, float] | None = None
 
 
-Reader = Callable[[Fields], Reading]
+Reader = Callable[[Fields], SentenceReading]
 
 
 def present(*pairs: tuple[str, float | None]) -> Values:
@@ -138,14 +138,14 @@ def _quality(mode: str) -> Quality:
     return Quality.SUSPECT if mode in _SUSPECT_MODES else Quality.NOT_EVALUATED
 
 
-def _gga(fields: Fields) -> Reading:
+def _gga(fields: Fields) -> SentenceReading:
     fix = fields.text(5)
     if fix in ("0", ""):
-        return Reading(refused=NOT_VALID, fix=0)
+        return SentenceReading(refused=NOT_VALID, fix=0)
     quality = Quality.SUSPECT if fix in _SUSPECT_FIXES else Quality.NOT_EVALUATED
     number = int(fix) if fix in tuple("123456789") else None
     height_m, geoid_m = fields.measured(8, "M"), fields.measured(10, "M")
-    return Reading(
+    return SentenceReading(
         _position(fields, 1),
         quality=quality,
         seconds_of_day=fields.seconds_of_day(0),
@@ -154,13 +154,13 @@ def _gga(fields: Fields) -> Reading:
     )
 
 
-def _gns(fields: Fields) -> Reading:
+def _gns(fields: Fields) -> SentenceReading:
     """The fix of a receiver of several constellations: of their modes, one letter each, the best holds."""
     modes = [mode for mode in _BEST_MODES if mode in fields.text(5)]
     if not modes or modes[0] == "N":
-        return Reading(refused=NOT_VALID, fix=0)
+        return SentenceReading(refused=NOT_VALID, fix=0)
     height_m, geoid_m = fields.number(8), fields.number(9)
-    return Reading(
+    return SentenceReading(
         _position(fields, 1),
         quality=_quality(modes[0]),
         seconds_of_day=fields.seconds_of_day(0),
@@ -169,32 +169,34 @@ def _gns(fields: Fields) -> Reading:
     )
 
 
-def _gst(fields: Fields) -> Reading:
+def _gst(fields: Fields) -> SentenceReading:
     """The errors of the fix: standard deviations of latitude, longitude and height [m]."""
     north_m, east_m, up_m = (fields.number(index) for index in (5, 6, 7))
     if north_m is None or east_m is None or up_m is None:
-        return Reading()
-    return Reading(sigma_m=(east_m, north_m, up_m))
+        return SentenceReading()
+    return SentenceReading(sigma_m=(east_m, north_m, up_m))
 
 
-def _gll(fields: Fields) -> Reading:
+def _gll(fields: Fields) -> SentenceReading:
     mode = fields.text(6)
     if fields.text(5, absent="A") != "A" or mode == "N":
-        return Reading(refused=NOT_VALID, fix=0)
+        return SentenceReading(refused=NOT_VALID, fix=0)
     seconds = fields.seconds_of_day(4)
-    return Reading(_position(fields, 0), quality=_quality(mode), seconds_of_day=seconds, fix=_FIX_OF_MODE.get(mode))
+    return SentenceReading(
+        _position(fields, 0), quality=_quality(mode), seconds_of_day=seconds, fix=_FIX_OF_MODE.get(mode)
+    )
 
 
-def _rmc(fields: Fields) -> Reading:
+def _rmc(fields: Fields) -> SentenceReading:
     mode = fields.text(11)
     if fields.text(1) != "A" or mode == "N":
-        return Reading(refused=NOT_VALID, fix=0)
+        return SentenceReading(refused=NOT_VALID, fix=0)
     movement = present(
         ("course_over_ground_deg", fields.number(7)),
         ("speed_over_ground_mps", _knots(fields, 6)),
         ("magnetic_variation_deg", fields.eastward(9)),
     )
-    return Reading(
+    return SentenceReading(
         _position(fields, 2) + movement,
         quality=_quality(mode),
         date=_six_digit_date(fields.text(8)),
@@ -211,12 +213,12 @@ def _six_digit_date(text: str) -> dt.date | None:
     return _date(year + (1900 if year >= 80 else 2000), int(text[2:4]), int(text[:2]))
 
 
-def _zda(fields: Fields) -> Reading:
+def _zda(fields: Fields) -> SentenceReading:
     parts = [fields.text(index) for index in (3, 2, 1)]
     date = _date(*map(int, parts)) if all(re.fullmatch(r"\d{1,4}", part) for part in parts) else None
     seconds = fields.seconds_of_day(0)
     refused = "no time" if date is None or seconds is None else ""
-    return Reading(date=date, seconds_of_day=seconds, refused=refused)
+    return SentenceReading(date=date, seconds_of_day=seconds, refused=refused)
 
 
 def _date(year: int, month: int, day: int) -> dt.date | None:
@@ -226,64 +228,64 @@ def _date(year: int, month: int, day: int) -> dt.date | None:
         return None
 
 
-def _vtg(fields: Fields) -> Reading:
+def _vtg(fields: Fields) -> SentenceReading:
     mode = fields.text(8)
     if mode == "N":
-        return Reading(refused=NOT_VALID)
+        return SentenceReading(refused=NOT_VALID)
     if len(fields) == 4 and not any(fields.text(index).isalpha() for index in range(4)):
         return _vtg_without_letters(fields)
     course, speed = fields.measured(0, "T"), fields.speed_mps((4, "N"), (6, "K"))
     values = present(("course_over_ground_deg", course), ("speed_over_ground_mps", speed))
-    return Reading(values, quality=_quality(mode))
+    return SentenceReading(values, quality=_quality(mode))
 
 
-def _vtg_without_letters(fields: Fields) -> Reading:
+def _vtg_without_letters(fields: Fields) -> SentenceReading:
     """Before NMEA 2.3: course true and magnetic, speed in knots and km/h; a cut one has none that agree."""
     course, knots, kmh = (fields.number(index) for index in (0, 2, 3))
     if knots is None or kmh is None or abs(knots * 1.852 - kmh) > _ROUNDED_KMH:
-        return Reading(refused="a form that is not known")
+        return SentenceReading(refused="a form that is not known")
     values = present(("course_over_ground_deg", course), ("speed_over_ground_mps", knots * KNOT_MPS))
-    return Reading(values)
+    return SentenceReading(values)
 
 
-def _ths(fields: Fields) -> Reading:
+def _ths(fields: Fields) -> SentenceReading:
     mode = fields.text(1)
     if mode not in ("A", *_SUSPECT_MODES):
-        return Reading(refused=NOT_VALID)
-    return Reading(present(("heading_deg", fields.number(0))), quality=_quality(mode))
+        return SentenceReading(refused=NOT_VALID)
+    return SentenceReading(present(("heading_deg", fields.number(0))), quality=_quality(mode))
 
 
-def _hdg(fields: Fields) -> Reading:
+def _hdg(fields: Fields) -> SentenceReading:
     sensor, deviation = fields.number(0), fields.eastward(1)
     # A sum may pass north; a sensor that says more than a turn itself is left for the range check to find.
     if sensor is not None and deviation is not None and 0.0 <= sensor <= 360.0:
         sensor = (sensor + deviation) % 360.0
     pair = ("heading_magnetic_deg", sensor), ("magnetic_variation_deg", fields.eastward(3))
-    return Reading(present(*pair))
+    return SentenceReading(present(*pair))
 
 
-def _rot(fields: Fields) -> Reading:
+def _rot(fields: Fields) -> SentenceReading:
     rate_deg_per_min = fields.number(0)
     if fields.text(1) != "A":
-        return Reading(refused=NOT_VALID)
-    return Reading([] if rate_deg_per_min is None else [("yaw_rate_dps", rate_deg_per_min / 60.0)])
+        return SentenceReading(refused=NOT_VALID)
+    return SentenceReading([] if rate_deg_per_min is None else [("yaw_rate_dps", rate_deg_per_min / 60.0)])
 
 
-def _vbw(fields: Fields) -> Reading:
+def _vbw(fields: Fields) -> SentenceReading:
     ground = present(("surge_mps", _knots(fields, 3)), ("sway_mps", _knots(fields, 4)))
     water = present(("speed_through_water_mps", _knots(fields, 0)))
     ground_valid, water_valid = fields.text(5) == "A", fields.text(2) == "A"
     left_out = (ground and not ground_valid) or (water and not water_valid)
     values = (ground if ground_valid else []) + (water if water_valid else [])
-    return Reading(values, refused=NOT_VALID if left_out else "")
+    return SentenceReading(values, refused=NOT_VALID if left_out else "")
 
 
-def _mwv(fields: Fields, theoretical: str) -> Reading:
+def _mwv(fields: Fields, theoretical: str) -> SentenceReading:
     reference = {"R": "apparent", "T": theoretical}.get(fields.text(1))
     if reference is None:
-        return Reading(refused="wind reference unknown")
+        return SentenceReading(refused="wind reference unknown")
     if fields.text(4) != "A":
-        return Reading(refused=NOT_VALID)
+        return SentenceReading(refused=NOT_VALID)
     speed, unit = fields.number(2), MPS_OF_UNIT.get(fields.text(3))
     if speed is None or unit is None:
         reading = _bow_wind(fields.number(0), None, reference)
@@ -291,23 +293,23 @@ def _mwv(fields: Fields, theoretical: str) -> Reading:
     return _bow_wind(fields.number(0), speed * unit, reference)
 
 
-def _obsolete_wind(fields: Fields, reference: str) -> Reading:
+def _obsolete_wind(fields: Fields, reference: str) -> SentenceReading:
     """VWR and VWT: up to 180 degrees to the left or right of the bow."""
     angle, sign = fields.number(0), {"R": 1.0, "L": -1.0}.get(fields.text(1))
     signed = None if angle is None or sign is None or not 0.0 <= angle <= 180.0 else sign * angle
     return _bow_wind(signed, fields.speed_mps((2, "N"), (4, "M"), (6, "K")), reference)
 
 
-def _bow_wind(angle_deg: float | None, speed_mps: float | None, reference: str) -> Reading:
+def _bow_wind(angle_deg: float | None, speed_mps: float | None, reference: str) -> SentenceReading:
     pair = (f"wind_angle_{reference}_deg", angle_deg), (f"wind_speed_{reference}_mps", speed_mps)
-    return Reading(present(*pair), reference)
+    return SentenceReading(present(*pair), reference)
 
 
-def _mwd(fields: Fields) -> Reading:
+def _mwd(fields: Fields) -> SentenceReading:
     speed = present(("wind_speed_mps", fields.speed_mps((4, "N"), (6, "M"))))
     true = present(("wind_direction_deg", fields.measured(0, "T")))
     magnetic = present(("wind_direction_magnetic_deg", fields.measured(2, "M")))
-    return Reading(true + speed) if true or not magnetic else Reading(magnetic + speed, "magnetic")
+    return SentenceReading(true + speed) if true or not magnetic else SentenceReading(magnetic + speed, "magnetic")
 
 
 _READERS: dict[str, Reader] = {
@@ -318,14 +320,16 @@ _READERS: dict[str, Reader] = {
     "RMC": _rmc,
     "ZDA": _zda,
     "VTG": _vtg,
-    "HDT": lambda fields: Reading(present(("heading_deg", fields.measured(0, "T")))),
+    "HDT": lambda fields: SentenceReading(present(("heading_deg", fields.measured(0, "T")))),
     "THS": _ths,
     "HDG": _hdg,
-    "HDM": lambda fields: Reading(present(("heading_magnetic_deg", fields.measured(0, "M")))),
+    "HDM": lambda fields: SentenceReading(present(("heading_magnetic_deg", fields.measured(0, "M")))),
     "ROT": _rot,
     "VBW": _vbw,
     # the headings in it repeat those of another device
-    "VHW": lambda fields: Reading(present(("speed_through_water_mps", fields.speed_mps((4, "N"), (6, "K"))))),
+    "VHW": lambda fields: SentenceReading(
+        present(("speed_through_water_mps", fields.speed_mps((4, "N"), (6, "K"))))
+    ),
     "MWD": _mwd,
 }
 
@@ -345,44 +349,44 @@ _Controls = dict[float, tuple[str, str]]
 """The channels of each thruster's shaft speed and angle, empty if it has none, by its number in TRD and TRC."""
 
 
-def _rudders(fields: Fields, channels: tuple[str, ...]) -> Reading:
+def _rudders(fields: Fields, channels: tuple[str, ...]) -> SentenceReading:
     """RSA and ROR: starboard or single rudder first, then port. Of a single one any sensor will do."""
     if len(channels) > 2:
-        return Reading(refused="more than two rudders")
+        return SentenceReading(refused="more than two rudders")
     valid = [fields.number(index) if fields.text(index + 1) == "A" else None for index in (0, 2)]
     if fields.text(1) != "A" and fields.text(3) != "A":
-        return Reading(refused=NOT_VALID)
+        return SentenceReading(refused=NOT_VALID)
     if len(channels) == 1:
-        return Reading(present((channels[0], valid[0] if fields.text(1) == "A" else valid[1])))
+        return SentenceReading(present((channels[0], valid[0] if fields.text(1) == "A" else valid[1])))
     port, starboard = channels
-    return Reading(present((port, valid[1]), (starboard, valid[0])))
+    return SentenceReading(present((port, valid[1]), (starboard, valid[0])))
 
 
-def _heading_control(fields: Fields, channels: tuple[str, ...]) -> Reading:
+def _heading_control(fields: Fields, channels: tuple[str, ...]) -> SentenceReading:
     """HTD: the rudder angle that a heading or track control system orders, and its side."""
     if len(channels) > 1:
-        return Reading(refused="one order to several rudders")
+        return SentenceReading(refused="one order to several rudders")
     angle, sign = fields.number(1), {"R": 1.0, "L": -1.0}.get(fields.text(2))
     ordered = None if angle is None or sign is None or angle < 0.0 else sign * angle
-    return _as_orders(Reading(present((channels[0], ordered))))
+    return _as_orders(SentenceReading(present((channels[0], ordered))))
 
 
-def _rpm(fields: Fields, shafts: Actuators, reduction_ratios: Mapping[str, float]) -> Reading:
+def _rpm(fields: Fields, shafts: Actuators, reduction_ratios: Mapping[str, float]) -> SentenceReading:
     """A shaft's speed and pitch; an engine's speed stands for its shaft's where its reduction ratio is known."""
     source, number = fields.text(0), fields.number(1)
     if source not in ("S", "E"):
-        return Reading(refused="rpm of no shaft")
+        return SentenceReading(refused="rpm of no shaft")
     shaft = shaft_of_number(number, shafts)
     if shaft is None:
-        return Reading(refused="rpm of a single or unknown shaft")
+        return SentenceReading(refused="rpm of a single or unknown shaft")
     ratio = reduction_ratios.get(shaft.name) if source == "E" else 1.0
     if ratio is None:
-        return Reading(refused="engine rpm")
+        return SentenceReading(refused="engine rpm")
     if fields.text(4) != "A":
-        return Reading(refused=NOT_VALID)
+        return SentenceReading(refused=NOT_VALID)
     rpm = fields.number(2)
     values = _of_shaft(shaft, None if rpm is None else rpm / ratio, fields.number(3))
-    return Reading(values, f"{'shaft' if source == 'S' else 'engine'} {number:.0f}")
+    return SentenceReading(values, f"{'shaft' if source == 'S' else 'engine'} {number:.0f}")
 
 
 def _of_shaft(shaft: Actuator, rpm: float | None, pitch_percent: float | None) -> list[tuple[str, float]]:
@@ -399,17 +403,17 @@ def _in_rpm(value: float | None, mode: str, rated_rpm: float | None) -> float | 
     return None if mode != "P" or rated_rpm is None else value * rated_rpm / 100.0
 
 
-def _propulsion_order(fields: Fields, shafts: Actuators, rated_rpm: Mapping[str, float]) -> Reading:
+def _propulsion_order(fields: Fields, shafts: Actuators, rated_rpm: Mapping[str, float]) -> SentenceReading:
     """PRC: lever, its status, rpm, its mode, pitch, its mode, location, shaft."""
     shaft = shaft_of_number(fields.number(7), shafts)
     if shaft is None:
-        return Reading(refused="order to an unknown shaft")
+        return SentenceReading(refused="order to an unknown shaft")
     rpm = _in_rpm(fields.number(2), fields.text(3), rated_rpm.get(shaft.name))
     pitch_percent = fields.number(4) if fields.text(5) == "P" else None
-    return _as_orders(Reading(_of_shaft(shaft, rpm, pitch_percent), f"shaft {fields.number(7):.0f}"))
+    return _as_orders(SentenceReading(_of_shaft(shaft, rpm, pitch_percent), f"shaft {fields.number(7):.0f}"))
 
 
-def _thruster(fields: Fields, controls: _Controls, rated_rpm: Mapping[str, float]) -> Reading:
+def _thruster(fields: Fields, controls: _Controls, rated_rpm: Mapping[str, float]) -> SentenceReading:
     """TRD and TRC: number, rpm, its mode, pitch, its mode, azimuth, which is the direction of the thrust.
 
     ``rated_rpm`` is by channel.
@@ -417,24 +421,24 @@ def _thruster(fields: Fields, controls: _Controls, rated_rpm: Mapping[str, float
     number = fields.number(0)
     shaft, azimuth = ("", "") if number is None else controls.get(number, ("", ""))
     if not shaft:
-        return Reading(refused="thruster not understood")
+        return SentenceReading(refused="thruster not understood")
     speed, mode = fields.number(1), fields.text(2)
     rpm = present((shaft, _in_rpm(speed, mode, rated_rpm.get(shaft))))
     angle = present((azimuth, fields.number(5))) if azimuth else []
     if rpm or speed is None:
-        return Reading(rpm + angle)
-    return Reading(angle, refused="thruster in percent" if mode == "P" else NOT_VALID)
+        return SentenceReading(rpm + angle)
+    return SentenceReading(angle, refused="thruster in percent" if mode == "P" else NOT_VALID)
 
 
 def _thruster_order(
     fields: Fields, controls: _Controls, rated_rpm: Mapping[str, float], fills_channels: bool
-) -> Reading:
+) -> SentenceReading:
     reading = _thruster(fields, controls, rated_rpm)
     orders = _as_orders(reading)
     return replace(orders, values=orders.values + reading.values) if fills_channels else orders
 
 
-def _as_orders(reading: Reading) -> Reading:
+def _as_orders(reading: SentenceReading) -> SentenceReading:
     return replace(reading, values=[(name_of_order(name), value) for name, value in reading.values])
 
 
@@ -452,7 +456,7 @@ def machinery_readers(
             controls[thrusters.numbers[actuator.name]] = shaft, azimuth
     rated = {f"{name}_rpm": rpm for name, rpm in rated_rpm.items()}
     demand = thrusters.channels_from == "demand"
-    unwanted = Reading(refused="thruster response where demands are wanted")
+    unwanted = SentenceReading(refused="thruster response where demands are wanted")
     angles, shafts = rudder_channels(actuators), numbered_shafts(actuators)
     readers: dict[str, Reader] = {
         "RSA": partial(_rudders, channels=angles),

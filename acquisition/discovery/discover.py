@@ -19,11 +19,11 @@ from seatrial.acquisition.core.progress import Progress, part_of
 from seatrial.acquisition.decoders.dbc import load_dbc
 from seatrial.acquisition.discovery.dbc_files import DbcMessages
 from seatrial.acquisition.discovery.listen import Heard, listen
-from seatrial.acquisition.discovery.places import Place
+from seatrial.acquisition.discovery.places import ListeningPlace
 from seatrial.acquisition.discovery.propose import Gaps, configuration_text, everything
-from seatrial.acquisition.discovery.readings import Reading, signal_readings, topic_readings
+from seatrial.acquisition.discovery.readings import LatestReading, signal_readings, topic_readings
 from seatrial.acquisition.logger.missing import missing_channels, sources_of, what_comes
-from seatrial.acquisition.logger.survey import Kind, Survey, name_of_group, survey_of
+from seatrial.acquisition.logger.survey import Survey, TrafficKind, name_of_group, survey_of
 
 _TELL_EVERY = 5_000  # frames
 
@@ -40,7 +40,7 @@ class Discovery:
     survey: Survey | None = None
     missing: dict[str, str] = field(default_factory=dict)
     configuration: str = ""
-    readings: list[Reading] = field(default_factory=list)
+    readings: list[LatestReading] = field(default_factory=list)
 
     @property
     def channels(self) -> dict[str, list[str]]:
@@ -62,7 +62,7 @@ class Discovery:
 
 
 def discover(
-    places: Sequence[Place],
+    places: Sequence[ListeningPlace],
     duration_s: float = 20.0,
     name: str = "discovered",
     vessel: str = "",
@@ -117,7 +117,7 @@ def discovery_of(
     return Discovery(heard, survey, missing, text, readings)
 
 
-def _readings(captures: Iterable[Heard], survey: Survey) -> Iterator[Reading]:
+def _readings(captures: Iterable[Heard], survey: Survey) -> Iterator[LatestReading]:
     """The values of the signals of each source's DBC file, and of the topics of each broker."""
     sources = {section.name: section for section in survey.config.sources}
     for capture in captures:
@@ -185,7 +185,7 @@ def _messages_json(survey: Survey) -> list[dict[str, Any]]:
     ]
 
 
-def _order(kind: Kind) -> tuple[Any, ...]:
+def _order(kind: TrafficKind) -> tuple[Any, ...]:
     number = (0, int(kind.device)) if kind.device.isdigit() else (1, 0)
     return kind.source, number, kind.device, kind.name
 

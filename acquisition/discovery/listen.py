@@ -20,10 +20,10 @@ from seatrial.acquisition.core.progress import Progress
 from seatrial.acquisition.decoders.mavlink_packets import Fault, PacketCutter, header_of, is_known
 from seatrial.acquisition.decoders.nmea0183 import has_sentence
 from seatrial.acquisition.decoders.told_time import SENTENCE_BEHIND
-from seatrial.acquisition.discovery.places import Place
+from seatrial.acquisition.discovery.places import ListeningPlace
 from seatrial.acquisition.sources import make_source
 from seatrial.acquisition.sources.actisense import Cutter, is_message
-from seatrial.acquisition.sources.line_forms import LINE_FORMS, Entry, LineReader
+from seatrial.acquisition.sources.line_forms import LINE_FORMS, LineReader, LogEntry
 from seatrial.acquisition.sources.streams import LineAssembler
 
 BAUD_RATES = (4_800, 38_400, 115_200, 9_600, 57_600, 230_400, 19_200, 460_800)
@@ -48,7 +48,7 @@ class Heard:
     ``problem`` is why nothing could be heard there, or nothing be made of what came; empty where all is well.
     """
 
-    place: Place
+    place: ListeningPlace
     frames: Callable[[], Iterator[Frame]] = lambda: iter(())
     count: int = 0
     expected: int = 0  # frames, by the size of a log; for the progress only
@@ -57,7 +57,7 @@ class Heard:
 
 
 def listen(
-    places: Sequence[Place],
+    places: Sequence[ListeningPlace],
     duration_s: float,
     stop: threading.Event | None = None,
     progress: Progress = lambda share: None,
@@ -78,14 +78,14 @@ def listen(
     return [results[place.name] for place in places]
 
 
-def section_of(place: Place) -> AnySource:
+def section_of(place: ListeningPlace) -> AnySource:
     """The place as a section of a configuration."""
     section = {"name": place.name, "type": place.type, "channels": (), **place.settings}
     source: AnySource = TypeAdapter(AnySource).validate_python(section)
     return source
 
 
-def look_into(place: Place) -> Heard:
+def look_into(place: ListeningPlace) -> Heard:
     """A log file: what it is, and its frames, read anew each time that they are asked for."""
     path = Path(place.settings["path"])
     try:
@@ -105,7 +105,7 @@ def look_into(place: Place) -> Heard:
     return _with_system(capture)
 
 
-def _listen_at(place: Place, until_s: float, stop: threading.Event, results: dict[str, Heard]) -> None:
+def _listen_at(place: ListeningPlace, until_s: float, stop: threading.Event, results: dict[str, Heard]) -> None:
     """One thread's work: it raises nothing."""
     try:
         rated_place = _with_rate(place, until_s, stop) if place.type == "serial" else place
@@ -136,7 +136,7 @@ def _in_words(error: SeatrialError) -> str:
     return f"{error.what}: {error.why}" if error.why else error.what
 
 
-def _received(place: Place, until_s: float = inf, stop: threading.Event | None = None) -> Iterator[Frame]:
+def _received(place: ListeningPlace, until_s: float = inf, stop: threading.Event | None = None) -> Iterator[Frame]:
     """The frames of a place as a source gives them, until the end of a log, a time [s] or a word to stop."""
     source = make_source(section_of(place))
     source.open()
@@ -160,12 +160,12 @@ def _bounded(frames: Iterator[Frame]) -> Iterator[Frame]:
             return
 
 
-def _with_rate(place: Place, until_s: float, stop: threading.Event) -> Place:
+def _with_rate(place: ListeningPlace, until_s: float, stop: threading.Event) -> ListeningPlace:
     """A serial line with its baud rate, found out where it is not given."""
     if "baud_rate" in place.settings:
         return place
 
-    def at(rate: int) -> Place:
+    def at(rate: int) -> ListeningPlace:
         return replace(place, settings={**place.settings, "baud_rate": rate})
 
     def read_at(rate: int) -> bytes:
@@ -193,7 +193,7 @@ def find_baud_rate(read_at: Callable[[int], bytes], rates: Sequence[int] = BAUD_
     return rates[0]
 
 
-def interpret(place: Place, received: Sequence[Frame]) -> Heard:
+def interpret(place: ListeningPlace, received: Sequence[Frame]) -> Heard:
     """What came at a place, as what it is. Bytes of a line that are nothing known are told as a problem."""
     if place.type == "mqtt" and received:
         place = replace(place, settings={**place.settings, "topics": topics_of_sentences(received) or ["#"]})
@@ -275,7 +275,7 @@ def form_of(received: bytes) -> str:
     return fits.most_common(1)[0][0] if fits else ""
 
 
-def _is_frame(entry: Entry | None) -> bool:
+def _is_frame(entry: LogEntry | None) -> bool:
     return entry is not None and entry.protocol == "can"
 
 

@@ -33,7 +33,7 @@ KNOWN_FORMS = (
 
 
 @dataclass(frozen=True)
-class Place:
+class ListeningPlace:
     """One place to listen: the kind of transport and the settings of its section in a configuration.
 
     ``type`` is can, serial, udp, tcp, mqtt or file; ``text`` is what people call it. ``expected`` says that a user
@@ -48,7 +48,7 @@ class Place:
     folder: Path | None = None
 
 
-def parse_places(inputs: Sequence[str]) -> list[Place]:
+def parse_places(inputs: Sequence[str]) -> list[ListeningPlace]:
     """The places that a user names, each with a name of its own.
 
     Raises :class:`InputError` for what is no place, and for logs beside what is live, as their times are not of
@@ -63,9 +63,9 @@ def parse_places(inputs: Sequence[str]) -> list[Place]:
     return places
 
 
-def _refuse_twice(places: Iterable[Place]) -> None:
+def _refuse_twice(places: Iterable[ListeningPlace]) -> None:
     """Raise :class:`InputError` for a serial line that is named twice, perhaps by a link: only one can read it."""
-    lines: dict[str, Place] = {}
+    lines: dict[str, ListeningPlace] = {}
     for place in places:
         if place.type == "serial":
             device = os.path.realpath(place.settings["device"])
@@ -75,7 +75,7 @@ def _refuse_twice(places: Iterable[Place]) -> None:
             lines[device] = place
 
 
-def _parse(text: str) -> list[Place]:
+def _parse(text: str) -> list[ListeningPlace]:
     kind, _, target = text.partition(":")
     path = Path(text)
     if kind in ("udp", "tcp") and target:
@@ -93,7 +93,9 @@ def _parse(text: str) -> list[Place]:
     if path.suffix == ".toml" and path.is_file():
         return _of_configuration(path)
     if path.is_file():
-        return [Place(path.stem, "file", {"path": str(path.absolute())}, text, folder=path.absolute().parent)]
+        return [
+            ListeningPlace(path.stem, "file", {"path": str(path.absolute())}, text, folder=path.absolute().parent)
+        ]
     if path.is_symlink():
         why = f"it is a link to {path.readlink()}, and nothing is there"
         raise InputError("is not an input", where=text, why=why, fix="connect the device, or correct the link")
@@ -103,12 +105,12 @@ def _parse(text: str) -> list[Place]:
     raise InputError("is not an input", where=text, fix=f"name {KNOWN_FORMS}")
 
 
-def _can(interface: str, channel: str, text: str) -> Place:
+def _can(interface: str, channel: str, text: str) -> ListeningPlace:
     """``udp_multicast:239.74.163.2?port=43113``: what follows the question mark are the interface's settings."""
     channel, _, query = channel.partition("?")
     options: dict[str, Any] = {key: _number(value) for key, value in parse_qsl(query)}
     settings = {"interface": interface, "channel": channel, **({"options": options} if options else {})}
-    return Place(channel if channel[:1].isalpha() else "can", "can", settings, text)
+    return ListeningPlace(channel if channel[:1].isalpha() else "can", "can", settings, text)
 
 
 def _number(text: str) -> int | float | str:
@@ -132,7 +134,7 @@ def _is_device(text: str) -> bool:
         return False
 
 
-def _serial(text: str, user_text: str) -> Place:
+def _serial(text: str, user_text: str) -> ListeningPlace:
     device, rate = _device_and_rate(text)
     if rate and (not rate.isdigit() or not int(rate)):
         raise InputError(f"{rate!r} is not a baud rate", where=user_text, fix="write it as /dev/ttyUSB0@38400")
@@ -140,20 +142,20 @@ def _serial(text: str, user_text: str) -> Place:
         device = str(Path(device).absolute())  # a link is kept: it outlasts the number of its device
     settings = {"device": device, **({"baud_rate": int(rate)} if rate else {})}
     name = Path(device).name
-    return Place(f"serial_{name}" if name.isdigit() else name, "serial", settings, user_text)
+    return ListeningPlace(f"serial_{name}" if name.isdigit() else name, "serial", settings, user_text)
 
 
-def _port(kind: str, target: str, text: str) -> Place:
+def _port(kind: str, target: str, text: str) -> ListeningPlace:
     address, _, port = target.rpartition(":")
     if not port.isdigit() or not 0 < int(port) < 65_536:
         raise InputError(f"{port!r} is not a port", where=text, fix=f"write it as {kind}:ADDRESS:PORT")
     if kind != "udp" and not address:
         raise InputError("has no address to connect to", where=text, fix=f"write it as {kind}:ADDRESS:PORT")
     settings = {"address": address or "0.0.0.0", "port": int(port), **({"topics": ["#"]} if kind == "mqtt" else {})}
-    return Place(f"{kind}_{port}", kind, settings, text)
+    return ListeningPlace(f"{kind}_{port}", kind, settings, text)
 
 
-def _of_configuration(path: Path) -> list[Place]:
+def _of_configuration(path: Path) -> list[ListeningPlace]:
     """Where the sources of a configuration listen, with their names; what they expect there is not asked."""
     sections = parse_toml(read_text(path), path).get("source", [])
     if not isinstance(sections, list) or not sections:
@@ -161,7 +163,7 @@ def _of_configuration(path: Path) -> list[Place]:
     return [place for section in sections if isinstance(section, dict) and (place := _of_section(section, path))]
 
 
-def _of_section(section: dict[str, Any], path: Path) -> Place | None:
+def _of_section(section: dict[str, Any], path: Path) -> ListeningPlace | None:
     kind = str(section.get("type", ""))
     kind = _LINK_TYPES.get(kind, "file" if kind.endswith("file") else kind)
     keys = {
@@ -181,10 +183,10 @@ def _of_section(section: dict[str, Any], path: Path) -> Place | None:
     if kind in ("udp", "tcp"):
         settings = {"address": "127.0.0.1"} | settings
     name = str(section.get("name", kind))
-    return Place(name, kind, settings, f"{path.name}: {name}", folder=path.absolute().parent)
+    return ListeningPlace(name, kind, settings, f"{path.name}: {name}", folder=path.absolute().parent)
 
 
-def usual_places() -> list[Place]:
+def usual_places() -> list[ListeningPlace]:
     """Where instruments are mostly heard on this computer: its CAN interfaces, serial lines and the usual ports."""
     places = [*_can_interfaces(), *_serial_lines()]
     places += [_port("udp", f"{address}:{port}", f"udp:{port}") for address, port in _USUAL_UDP]
@@ -194,7 +196,7 @@ def usual_places() -> list[Place]:
     return _with_own_names(replace(place, expected=False) for place in places)
 
 
-def _can_interfaces() -> list[Place]:
+def _can_interfaces() -> list[ListeningPlace]:
     import logging
 
     import can
@@ -210,7 +212,7 @@ def _can_interfaces() -> list[Place]:
     ]
 
 
-def _serial_lines() -> list[Place]:
+def _serial_lines() -> list[ListeningPlace]:
     from serial.tools.list_ports import comports
 
     lines = [_serial(port.device, port.device) for port in comports() if port.hwid != "n/a"]
@@ -223,9 +225,9 @@ def _lasting_path(device: str) -> str:
     return str(next(links, device))
 
 
-def _with_own_names(places: Iterable[Place]) -> list[Place]:
+def _with_own_names(places: Iterable[ListeningPlace]) -> list[ListeningPlace]:
     """Names that can be part of a topic, none twice."""
-    named: dict[str, Place] = {}
+    named: dict[str, ListeningPlace] = {}
     for place in places:
         base = re.sub(r"[^A-Za-z0-9_-]+", "_", place.name).strip("_") or place.type
         number = 1

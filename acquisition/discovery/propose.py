@@ -17,7 +17,7 @@ from seatrial.acquisition.core.frames import Frame, label_parts
 from seatrial.acquisition.decoders.nmea2000 import parameter_group
 from seatrial.acquisition.discovery.dbc_files import choose_dbc, match_signals
 from seatrial.acquisition.discovery.listen import Heard
-from seatrial.acquisition.discovery.readings import Reading
+from seatrial.acquisition.discovery.readings import LatestReading
 from seatrial.acquisition.logger.missing import RATED_FIX, VARIATION_FIX, by_reason, message_of, sources_of
 from seatrial.acquisition.logger.survey import Survey
 
@@ -111,7 +111,12 @@ class Gaps(NamedTuple):
 
 
 def configuration_text(
-    captures: Sequence[Heard], survey: Survey, gaps: Gaps, readings: Sequence[Reading], name: str, vessel: str = ""
+    captures: Sequence[Heard],
+    survey: Survey,
+    gaps: Gaps,
+    readings: Sequence[LatestReading],
+    name: str,
+    vessel: str = "",
 ) -> str:
     """The configuration of what was heard, as a person would write it."""
     reasons, missing = gaps
@@ -139,7 +144,9 @@ def configuration_text(
     return "".join(parts)
 
 
-def _source_text(capture: Heard, survey: Survey, reasons: Mapping[str, str], readings: Iterable[Reading]) -> str:
+def _source_text(
+    capture: Heard, survey: Survey, reasons: Mapping[str, str], readings: Iterable[LatestReading]
+) -> str:
     source = next(candidate for candidate in survey.config.sources if candidate.name == capture.place.name)
     provided = [*survey.provided(source.name), *_wanting_a_number(source.name, survey, reasons)]
     signals = getattr(source, "signals", {})
@@ -174,7 +181,7 @@ def _rated(listed: Iterable[str], missing: Mapping[str, str]) -> Iterator[str]:
         yield _line("rated_rpm", {name.removesuffix("_rpm"): 0 for name in names}).rstrip() + "   # at 100 %"
 
 
-def _template(readings: Sequence[Reading], section: Mapping[str, Any]) -> str:
+def _template(readings: Sequence[LatestReading], section: Mapping[str, Any]) -> str:
     """The signals and topics that come, with their values, for a person to say which channel each carries."""
     unmapped = [entry for entry in readings if not entry.channel]
     if not unmapped:

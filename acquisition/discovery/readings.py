@@ -31,7 +31,7 @@ _NUMBER = re.compile(r"[+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d{1,3})?", re.AS
 
 
 @dataclass(frozen=True)
-class Reading:
+class LatestReading:
     """The latest value of a signal or topic.
 
     ``entry`` is what a configuration maps it to a channel by, ``channel`` the one that it is mapped to, if any;
@@ -58,7 +58,7 @@ class Reading:
 
 def signal_readings(
     source: str, frames: Iterable[Frame], messages: DbcMessages, channels: Mapping[tuple[str, str], str]
-) -> list[Reading]:
+) -> list[LatestReading]:
     """The latest value of each signal on a source; ``channels`` are those mapped, by message and signal."""
     latest: dict[str, tuple[DbcMessage, deque[Frame]]] = {}
     for frame in frames:
@@ -73,7 +73,7 @@ def signal_readings(
             if signal.name in values:
                 entry = {"message": message.name, "signal": signal.name, "unit": canonical(str(signal.unit or ""))}
                 channel = channels.get((message.name, signal.name), "")
-                readings.append(Reading(source, entry, *values[signal.name], channel))
+                readings.append(LatestReading(source, entry, *values[signal.name], channel))
     return readings
 
 
@@ -108,7 +108,7 @@ class _Field(NamedTuple):
     unit: str = ""
 
 
-def topic_readings(source: str, frames: Iterable[Frame]) -> list[Reading]:
+def topic_readings(source: str, frames: Iterable[Frame]) -> list[LatestReading]:
     """The latest value of each topic, or of each field of a JSON object; sentences are none."""
     latest: dict[str, tuple[str, str]] = {}
     for frame in frames:
@@ -121,7 +121,7 @@ def topic_readings(source: str, frames: Iterable[Frame]) -> list[Reading]:
     for topic, (text, note) in sorted(latest.items()):
         for field in _fields_in(text):
             entry = {"topic": topic, **({"field": field.path} if field.path else {}), "unit": field.unit}
-            readings.append(Reading(source, entry, field.value, note))
+            readings.append(LatestReading(source, entry, field.value, note))
     return readings
 
 

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import typing
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any
 
 from seatrial.acquisition.config.sections import AnySource, CanSource, LineSource, MavlinkLinks, MqttLinks
 from seatrial.acquisition.core.actuators import DEFAULT, Actuators
@@ -57,7 +58,7 @@ class Moment:
         return tuple(name for name in channels if name in self.values)
 
 
-class Encoder(Protocol):
+class Encoder(typing.Protocol):
     """One source's way of saying an instant."""
 
     def encode(self, moment: Moment) -> list[Packet]:

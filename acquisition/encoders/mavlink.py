@@ -11,9 +11,9 @@ from seatrial.acquisition.config.sections import MavlinkLinks
 from seatrial.acquisition.core.actuators import Actuators, shafts
 from seatrial.acquisition.core.angles import wrap_180
 from seatrial.acquisition.core.channel import Channel
-from seatrial.acquisition.core.kinematics import to_earth
 from seatrial.acquisition.decoders.mavlink import UNKNOWN_VELOCITY
 from seatrial.acquisition.encoders import Moment, Packet
+from seatrial.analysis.kinematics import to_earth
 
 os.environ.setdefault("MAVLINK20", "1")  # pymavlink reads this when it is imported
 from pymavlink.dialects.v20 import ardupilotmega as dialect
@@ -59,7 +59,8 @@ class MavlinkEncoder:
             messages.append(self._attitude(values, boot_ms))
         velocity = None
         if self._heading_deg is not None and {"surge_mps", "sway_mps"} <= values.keys():
-            velocity = to_earth(values["surge_mps"], values["sway_mps"], self._heading_deg)
+            north_east = to_earth(values["surge_mps"], values["sway_mps"], radians(self._heading_deg))
+            velocity = float(north_east[0]), float(north_east[1])
             messages.append(self._link.local_position_ned_encode(boot_ms, 0.0, 0.0, 0.0, *velocity, 0.0))
             carries |= {"surge_mps", "sway_mps"}
         if moment.latitude_deg is not None and moment.longitude_deg is not None:

@@ -6,6 +6,7 @@ What is derived says so in its source. Values that a channel cannot hold are lef
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from math import radians
 
 from seatrial.acquisition.config.sections import Mounting
 from seatrial.acquisition.core.channel import Channel
@@ -15,12 +16,11 @@ from seatrial.acquisition.core.kinematics import (
     TangentPlane,
     along,
     apparent_wind,
-    to_body,
-    to_earth,
     velocity_at_reference,
     wind_over_ground,
 )
 from seatrial.acquisition.core.trial import Trial
+from seatrial.analysis.kinematics import to_earth, to_ship
 
 _HEADING_KEEPS_NS = 1_500_000_000  # carried on by the rate of turn for as long
 _MOTION_KEEPS_NS = 1_500_000_000
@@ -185,7 +185,7 @@ class Derivation:
         if ground_velocity is None or heading_deg is None:
             return {}
         sample, north, east = ground_velocity
-        surge, sway = to_body(north, east, heading_deg)
+        surge, sway = map(float, to_ship(north, east, radians(heading_deg)))
         return {name: _derived(sample, name, speed) for name, speed in (("surge_mps", surge), ("sway_mps", sway))}
 
     def _over_ground(self, group: Quantities) -> tuple[Sample, float, float] | None:
@@ -216,8 +216,8 @@ class Derivation:
             heading_deg = self._heading_deg(latitude)
             if heading_deg is None:  # an antenna's place says nothing of the ship's without its heading
                 return
-            off_north, off_east = to_earth(mounting.forward_m, mounting.starboard_m, heading_deg)
-            north, east = north - off_north, east - off_east
+            antenna = to_earth(mounting.forward_m, mounting.starboard_m, radians(heading_deg))
+            north, east = north - float(antenna[0]), east - float(antenna[1])
         yield _derived(latitude, "north_m", north)
         yield _derived(latitude, "east_m", east)
 

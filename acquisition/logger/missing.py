@@ -16,7 +16,7 @@ from seatrial.acquisition.core.errors import SeatrialError
 from seatrial.acquisition.core.frames import label_parts
 from seatrial.acquisition.decoders.nmea0183 import NO_CHECKSUM
 from seatrial.acquisition.logger.redecode import own_configuration
-from seatrial.acquisition.logger.survey import TOPIC_VALUE, Kind, Survey, is_makers_own, survey_of_recording
+from seatrial.acquisition.logger.survey import TOPIC_VALUE, Survey, TrafficKind, is_makers_own, survey_of_recording
 
 LOOKED_AT = 10_000
 """Frames of a recording from which its summary says why something is missing: some seconds of a busy bus."""
@@ -195,7 +195,7 @@ def _refused(name: str, survey: Survey) -> str:
     return ""
 
 
-def _can_carry(what: Kind, name: str, survey: Survey) -> bool:
+def _can_carry(what: TrafficKind, name: str, survey: Survey) -> bool:
     """Whether a message can carry a channel; one of a thruster's number only that thruster's."""
     message = what.name
     if message == TOPIC_VALUE:

@@ -89,7 +89,7 @@ class _Line:
         return taken
 
 
-class Budget:
+class RateBudget:
     """How much of a source is kept: ``bytes_per_s``, and what it has saved of these in up to ten seconds."""
 
     def __init__(self, bytes_per_s: float, now_s: float) -> None:
@@ -121,7 +121,7 @@ class Receiver:
         tell: Tell,
         bytes_per_s: float = float("inf"),
     ) -> None:
-        self._budget = Budget(bytes_per_s, time.monotonic())
+        self._budget = RateBudget(bytes_per_s, time.monotonic())
         self.source, self._health, self._inbox, self._stopping, self._tell = source, health, inbox, stopping, tell
         health.state = "opening"
         self._senders: Senders | None = getattr(source, "senders", None)

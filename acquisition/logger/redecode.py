@@ -23,7 +23,7 @@ from seatrial.acquisition.logger.health import Health
 from seatrial.acquisition.logger.pipeline import health_of
 from seatrial.acquisition.logger.processing import DECODED, FrameProcessor
 from seatrial.acquisition.recording.messages import encode
-from seatrial.acquisition.recording.reader import Entry, MessageStream, read_trial
+from seatrial.acquisition.recording.reader import MessageEntry, MessageStream, read_trial
 from seatrial.acquisition.recording.schemas import EVENT_TOPIC, PREDICTED_TRACK_TOPIC, PREDICTION_TOPIC, RAW_PREFIX
 from seatrial.acquisition.recording.writer import RecordingWriter
 
@@ -123,7 +123,7 @@ def _decode_all(
     return result
 
 
-def _renew(entry: Entry, writer: RecordingWriter) -> bool:
+def _renew(entry: MessageEntry, writer: RecordingWriter) -> bool:
     """Write a message as it is written today; False for one of another version, which does not fit."""
     try:
         data = encode(entry.topic, entry.body())
@@ -133,20 +133,20 @@ def _renew(entry: Entry, writer: RecordingWriter) -> bool:
     return True
 
 
-def _is_kept(entry: Entry) -> bool:
+def _is_kept(entry: MessageEntry) -> bool:
     """Whether a message was no product of decoding: what was noted, and what was foretold at the time."""
     if entry.topic == EVENT_TOPIC:
         return bool(entry.body().get("name") != DECODED)
     return entry.topic in (PREDICTION_TOPIC, PREDICTED_TRACK_TOPIC)
 
 
-def _entries(paths: list[Path], progress: Progress) -> Iterator[Entry]:
+def _entries(paths: list[Path], progress: Progress) -> Iterator[MessageEntry]:
     for number, path in enumerate(paths):
         yield from MessageStream(path)
         progress((number + 1) / len(paths))
 
 
-def _frame(entry: Entry, paths: list[Path]) -> Frame:
+def _frame(entry: MessageEntry, paths: list[Path]) -> Frame:
     try:
         return entry.frame()
     except (ValueError, KeyError, TypeError) as error:

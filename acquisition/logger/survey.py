@@ -43,7 +43,7 @@ _MOST_KINDS, _LONGEST_NAME = 5_000, 200  # what comes off a wire has no end
 
 
 @dataclass(frozen=True, slots=True)
-class Kind:
+class TrafficKind:
     """One kind of message of one device: a parameter group, a sentence, a message of MAVLink."""
 
     source: str
@@ -94,7 +94,7 @@ class Survey(FrameProcessor):
         self.health = health_of(config)
         super().__init__(config, _Nowhere(), self.health)
         self.config = config
-        self.kinds: dict[Kind, Tally] = {}
+        self.kinds: dict[TrafficKind, Tally] = {}
         self.quantities: dict[str, dict[str, Tally]] = {}
         self.devices: dict[tuple[str, str], dict[str, Any]] = {}
         self.events: list[str] = []
@@ -104,7 +104,7 @@ class Survey(FrameProcessor):
         }
         self._products = {source.name: FastPackets(Counter()) for source in config.sources}
         self._refused_before: dict[int, Counter[str]] = {}
-        self._kind = Kind("", "", "")
+        self._kind = TrafficKind("", "", "")
 
     @property
     def channels(self) -> dict[str, list[str]]:
@@ -136,17 +136,17 @@ class Survey(FrameProcessor):
     def note(self, text: str, received_ns: int, level: str = "info", name: str = "seatrial") -> None:
         self.events.append(text)
 
-    def _tally_of(self, kind: Kind) -> Tally:
-        kind = Kind(kind.source, kind.device[:_LONGEST_NAME], kind.name[:_LONGEST_NAME])
+    def _tally_of(self, kind: TrafficKind) -> Tally:
+        kind = TrafficKind(kind.source, kind.device[:_LONGEST_NAME], kind.name[:_LONGEST_NAME])
         if kind not in self.kinds and len(self.kinds) >= _MOST_KINDS:
-            kind = Kind(kind.source, "", "more")
+            kind = TrafficKind(kind.source, "", "more")
         return self.kinds.setdefault(kind, Tally())
 
     def _decoded(self, decoder: Decoder, frame: Frame) -> list[Group]:
         groups = super()._decoded(decoder, frame)
         for sample in chain.from_iterable(groups):
             line, device, words = label_parts(sample.source)
-            kind = Kind(line, device, words[0]) if frame.protocol == "mavlink" else self._kind
+            kind = TrafficKind(line, device, words[0]) if frame.protocol == "mavlink" else self._kind
             self._tally_of(kind).values[sample.quantity] = sample.value
             self._note_quantity(sample)
         return groups
@@ -174,14 +174,14 @@ class Survey(FrameProcessor):
                 self._refused_before[id(counter)] = Counter(counter)
         return fresh
 
-    def _kinds_of(self, frame: Frame) -> Iterator[Kind]:
+    def _kinds_of(self, frame: Frame) -> Iterator[TrafficKind]:
         if frame.protocol == "can":
             yield self._can_kind(frame)
         elif frame.protocol == "mavlink":
             for piece in self._cutters[frame.origin].push(frame.payload):
                 if not isinstance(piece, Fault):
                     header = header_of(piece)
-                    yield Kind(frame.origin, str(header.system_id), message_name(header.message_id))
+                    yield TrafficKind(frame.origin, str(header.system_id), message_name(header.message_id))
         elif frame.protocol == "nmea0183":
             for part in sentences_in(frame.payload):
                 yield _sentence_kind(frame.origin, part)
@@ -189,17 +189,17 @@ class Survey(FrameProcessor):
             topic, message = topic_and_message(frame.payload)
             line = SENTENCE_BEHIND.fullmatch(message.strip())
             name = TOPIC_VALUE if line is None else _sentence_kind("", line["inner"].encode("latin-1")).name
-            yield Kind(frame.origin, topic, name)
+            yield TrafficKind(frame.origin, topic, name)
 
-    def _can_kind(self, frame: Frame) -> Kind:
+    def _can_kind(self, frame: Frame) -> TrafficKind:
         kind = frame.flags & ~(FrameFlag.LATE | FrameFlag.WHOLE)
         if kind == FrameFlag.STANDARD_ID:
-            return Kind(frame.origin, "", f"0x{frame.identifier:03X}")
+            return TrafficKind(frame.origin, "", f"0x{frame.identifier:03X}")
         if kind:
-            return Kind(frame.origin, "", "remote or error frame")
+            return TrafficKind(frame.origin, "", "remote or error frame")
         group, address = parameter_group(frame.identifier)
         self._note_device(frame, group, str(address))
-        return Kind(frame.origin, str(address), str(group))
+        return TrafficKind(frame.origin, str(address), str(group))
 
     def _note_device(self, frame: Frame, group: int, address: str) -> None:
         """Who claims an address, and what the maker says that it is."""
@@ -211,14 +211,14 @@ class Survey(FrameProcessor):
             self.devices.setdefault((frame.origin, address), {}).update(_identity(group, payload))
 
 
-def _sentence_kind(line: str, payload: bytes) -> Kind:
+def _sentence_kind(line: str, payload: bytes) -> TrafficKind:
     """The kind of a sentence; a maker's own has no talker."""
     tagged = split_tag(payload)
     tag, fields = split_sentence(tagged.sentence, unchecked=True) or ("", [])
     talker, name = ("", tag) if tag.startswith("P") else (tag[:-3], tag[-3:])
     number = f" {fields[0]}" if name in _NUMBERED and fields else ""
     device = f"{talker}@{tagged.source}" if tagged.source else talker
-    return Kind(line, device, f"{name}{number}" if tag else "no sentence")
+    return TrafficKind(line, device, f"{name}{number}" if tag else "no sentence")
 
 
 def survey_of(config: TrialConfig, frames: Iterable[Frame]) -> Survey:

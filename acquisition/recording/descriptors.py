@@ -24,7 +24,7 @@ _FIELD = descriptor_pb2.FieldDescriptorProto
 _MESSAGES_OF_FILE, _FIELDS, _MESSAGES = 4, 2, 3  # where in descriptors these stand: what comments refer to
 
 
-class Kind:
+class MessageKind:
     """A kind of message: its full name, its class, and the ``FileDescriptorSet`` by which any reader knows it."""
 
     def __init__(self, title: str, schema: Schema) -> None:

@@ -74,7 +74,7 @@ class Recording:
         return (self.path, *self.later_parts)
 
 
-class Entry(NamedTuple):
+class MessageEntry(NamedTuple):
     """One message: its topic, its two times [ns], its undecoded data, and what the file says of its topic."""
 
     topic: str
@@ -110,11 +110,11 @@ class MessageStream:
     def __post_init__(self) -> None:
         self.meter = Meter(self.path, 0)
 
-    def __iter__(self) -> Iterator[Entry]:
+    def __iter__(self) -> Iterator[MessageEntry]:
         for batch in self.batches():
             for (number, _, log_ns, publish_ns, *_), data in zip(batch.heads.tolist(), batch.data(), strict=True):
                 topic = self.topics[number]
-                yield Entry(topic.name, log_ns, publish_ns, data, topic)
+                yield MessageEntry(topic.name, log_ns, publish_ns, data, topic)
 
     def batches(self) -> Iterator[Batch]:
         """The same messages, those that follow each other in a chunk together."""

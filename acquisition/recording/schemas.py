@@ -11,7 +11,7 @@ from collections.abc import Mapping
 
 from seatrial.acquisition.core.channel import Channel
 from seatrial.acquisition.core.channels import BY_NAME
-from seatrial.acquisition.recording.descriptors import Kind, Schema
+from seatrial.acquisition.recording.descriptors import MessageKind, Schema
 
 RAW_PREFIX = "/raw/"
 CHANNEL_PREFIX = "/channel/"
@@ -61,7 +61,7 @@ def _object(about: str, unknown: tuple[str, ...] = (), /, **properties: Schema) 
 
 
 _RECEIVED = _value("integer", "When it was received, on the recorder's monotonic clock [ns]", "sfixed64")
-SAMPLE = Kind(
+SAMPLE = MessageKind(
     "seatrial.Sample",
     _object(
         "One value of a channel, whose unit and range its metadata say. The numbers are of fixed size, always "
@@ -78,10 +78,10 @@ SAMPLE = Kind(
 )
 
 
-def _raw(title: str, about: str, **fields: Schema) -> Kind:
+def _raw(title: str, about: str, **fields: Schema) -> MessageKind:
     """Input as received, when it was, and from whom."""
     sender = _string("Who sent it over a network, by address; else empty")
-    return Kind(title, _object(about, **fields, monotonic_ns=_RECEIVED, sender=sender))
+    return MessageKind(title, _object(about, **fields, monotonic_ns=_RECEIVED, sender=sender))
 
 
 _RAW = {
@@ -117,7 +117,7 @@ _RAW = {
 
 # Foxglove's well-known schemas: the fields that are used, under their published numbers.
 _TIME = {"type": "object", "title": "time"}
-_LOCATION_FIX = Kind(
+_LOCATION_FIX = MessageKind(
     "foxglove.LocationFix",
     _object(
         "A navigation satellite fix",
@@ -143,7 +143,7 @@ _LOCATION_FIX = Kind(
         },
     ),
 )
-_LOG = Kind(
+_LOG = MessageKind(
     "foxglove.Log",
     _object(
         "A message for people",
@@ -159,12 +159,12 @@ _LOG = Kind(
         line=_value("integer", "", "fixed32"),
     ),
 )
-_GEOJSON = Kind(
+_GEOJSON = MessageKind(
     "foxglove.GeoJSON",
     _object("GeoJSON data for annotating maps", geojson=_string("GeoJSON data encoded as a UTF-8 string")),
 )
 
-_HEALTH = Kind(
+_HEALTH = MessageKind(
     "seatrial.Health",
     _object(
         "The state of one source, or of the computer's clock",
@@ -264,12 +264,12 @@ _WELL_KNOWN = {
     POSITION_TOPIC: _LOCATION_FIX,
     EVENT_TOPIC: _LOG,
     HEALTH_TOPIC: _HEALTH,
-    PREDICTION_TOPIC: Kind(PREDICTION["title"], PREDICTION),
+    PREDICTION_TOPIC: MessageKind(PREDICTION["title"], PREDICTION),
     PREDICTED_TRACK_TOPIC: _GEOJSON,
 }
 
 
-def kind_of(topic: str) -> Kind:
+def kind_of(topic: str) -> MessageKind:
     """What the messages of a topic of ours are. Raises KeyError for any other topic."""
     if topic.startswith(CHANNEL_PREFIX):
         return SAMPLE

@@ -15,7 +15,7 @@ from typing import BinaryIO
 from seatrial.acquisition.core.frames import HIGHEST_IDENTIFIER, NANO, FrameFlag, can_flags
 from seatrial.acquisition.core.times import Order, Stamp
 from seatrial.acquisition.decoders.clock import DAY_NS
-from seatrial.acquisition.sources.line_forms import Entry, LineReader
+from seatrial.acquisition.sources.line_forms import LineReader, LogEntry
 
 _LONGEST_LINE = 65_536
 _MOST_BYTES = 64  # of a frame of CAN FD
@@ -49,7 +49,7 @@ def begins_asc(head: bytes) -> bool:
     return _BEGINS.match(head.removeprefix(b"\xef\xbb\xbf")) is not None
 
 
-def read_asc(file: BinaryIO, reader: LineReader) -> Iterator[Entry]:
+def read_asc(file: BinaryIO, reader: LineReader) -> Iterator[LogEntry]:
     """The frames of a log. Raises :class:`ValueError` where its last line is cut off."""
     log = _Log(reader)
     while line := file.readline(_LONGEST_LINE):
@@ -70,7 +70,7 @@ class _Log:
         self._last_ns: int | None = None
         self.is_cut = False  # whether the last line began as a frame does, but had too few bytes
 
-    def entry(self, text: str) -> Entry | None:
+    def entry(self, text: str) -> LogEntry | None:
         """The frame in a line, if there is one; a line of neither header, events nor frames is counted."""
         self.is_cut = False
         stamped = _STAMPED.fullmatch(text)
@@ -130,10 +130,10 @@ def _utc_ns(began: Stamp, order: Order) -> int:
     return round(here.timestamp()) * NANO + fraction_ns
 
 
-def _entry(text: str, base: int) -> Entry | None:
+def _entry(text: str, base: int) -> LogEntry | None:
     """The frame in what follows a stamp, as yet without its time."""
     if match := _ERROR.fullmatch(text):
-        return Entry(None, b"", 0, can_flags(standard=True, error=True), bus=f"channel{match['channel']}")
+        return LogEntry(None, b"", 0, can_flags(standard=True, error=True), bus=f"channel{match['channel']}")
     match = _FRAME.fullmatch(text) or _FD_FRAME.fullmatch(text)
     if match is None:
         return None
@@ -147,7 +147,7 @@ def _entry(text: str, base: int) -> Entry | None:
     if data is None or identifier > (HIGHEST_IDENTIFIER if extended else 0x7FF):
         return None
     flags: FrameFlag = can_flags(not extended, remote)
-    return Entry(None, data, identifier, flags, bus=f"channel{parts['channel']}")
+    return LogEntry(None, data, identifier, flags, bus=f"channel{parts['channel']}")
 
 
 def _bytes(parts: dict[str, str], base: int) -> bytes | None:

@@ -16,7 +16,7 @@ from seatrial.acquisition.decoders.clock import is_possible
 from seatrial.acquisition.decoders.nmea2000 import parameter_group
 from seatrial.acquisition.sources.actisense import MARK, Cutter
 from seatrial.acquisition.sources.asc import begins_asc, read_asc
-from seatrial.acquisition.sources.line_forms import MILLI_NS, Entry, LineReader
+from seatrial.acquisition.sources.line_forms import MILLI_NS, LineReader, LogEntry
 
 _BLOCK_BYTES = 8192
 _LONGEST_PACKET = 65_536
@@ -25,7 +25,7 @@ _CUT_OFF = "its last record is cut off"
 _SERVICE = 0xFFFFFFFF  # in the place of an identifier, in Yacht Devices' files
 
 
-def read_lines(file: BinaryIO, reader: LineReader) -> Iterator[Entry]:
+def read_lines(file: BinaryIO, reader: LineReader) -> Iterator[LogEntry]:
     """Lines of text, and Actisense's messages as a program wrote them to a file."""
     cutter = Cutter()
     while block := file.read(_BLOCK_BYTES):
@@ -39,7 +39,7 @@ _EBL_PART = re.compile(
 _FILETIME_1970 = 116_444_736_000_000_000  # 100 ns since 1601
 
 
-def read_ebl(file: BinaryIO, reader: LineReader) -> Iterator[Entry]:
+def read_ebl(file: BinaryIO, reader: LineReader) -> Iterator[LogEntry]:
     """Actisense's log: the bytes of a gateway between tags, of which one tells the time of what follows."""
     cutter, time_ns, data = Cutter(), None, b""
     while block := file.read(_BLOCK_BYTES):
@@ -85,7 +85,7 @@ _REQUEST, _REQUEST_BYTES = 59904, 3
 _MINUTE_NS = 60 * NANO
 
 
-def read_ydvr(file: BinaryIO, reader: LineReader) -> Iterator[Entry]:
+def read_ydvr(file: BinaryIO, reader: LineReader) -> Iterator[LogEntry]:
     """The .DAT files of Yacht Devices' recorder up to version 4: messages of any length, ms in the minute."""
     data, at = b"", 0
     while True:
@@ -104,7 +104,7 @@ def read_ydvr(file: BinaryIO, reader: LineReader) -> Iterator[Entry]:
             yield entry
 
 
-def _ydvr_record(data: bytes, at: int) -> tuple[Entry | None, int] | None:
+def _ydvr_record(data: bytes, at: int) -> tuple[LogEntry | None, int] | None:
     """The record at a place, and where the next one begins; None where there is none."""
     if len(data) < at + 6:
         return None
@@ -123,7 +123,7 @@ def _ydvr_record(data: bytes, at: int) -> tuple[Entry | None, int] | None:
         return None, body + length
     flags = FrameFlag.WHOLE if assembled else FrameFlag.NONE
     payload = data[body : body + length]
-    return Entry(milliseconds * MILLI_NS, payload, identifier, flags, turn_ns=_MINUTE_NS), body + length
+    return LogEntry(milliseconds * MILLI_NS, payload, identifier, flags, turn_ns=_MINUTE_NS), body + length
 
 
 def _next_record(data: bytes, at: int) -> int:
@@ -143,7 +143,7 @@ def _next_record(data: bytes, at: int) -> int:
 _YD_CAN_TURN_NS = 1024 * _MINUTE_NS
 
 
-def read_yd_can(file: BinaryIO, reader: LineReader) -> Iterator[Entry]:
+def read_yd_can(file: BinaryIO, reader: LineReader) -> Iterator[LogEntry]:
     """The .CAN files of Yacht Devices' recorders and gateways: frames in records of 16 bytes, minutes and ms."""
     while record := file.read(16):
         if len(record) < 16:
@@ -156,7 +156,7 @@ def read_yd_can(file: BinaryIO, reader: LineReader) -> Iterator[Entry]:
             reader.unreadable += 1
             continue
         time_ns, data = ((head & 0x3FF) * 60_000 + milliseconds) * MILLI_NS, record[8 : 9 + (head >> 11 & 7)]
-        yield Entry(time_ns, data, identifier, can_flags(standard), turn_ns=_YD_CAN_TURN_NS)
+        yield LogEntry(time_ns, data, identifier, can_flags(standard), turn_ns=_YD_CAN_TURN_NS)
 
 
 _SOCKETCAN, _COOKED, _COOKED_2 = _CAN_LINKS = 227, 113, 276  # link types
@@ -164,7 +164,7 @@ _CAN_PROTOCOLS = (0x000C, 0x000D)
 _IF_NAME, _IF_TSRESOL = 2, 9  # options of an interface
 
 
-def read_pcap(file: BinaryIO, reader: LineReader) -> Iterator[Entry]:
+def read_pcap(file: BinaryIO, reader: LineReader) -> Iterator[LogEntry]:
     """What tcpdump and Wireshark capture of SocketCAN, in the older of their two forms."""
     head = file.read(24)
     order = "<" if head[:4] in (b"\xd4\xc3\xb2\xa1", b"\x4d\x3c\xb2\xa1") else ">"
@@ -179,7 +179,7 @@ def read_pcap(file: BinaryIO, reader: LineReader) -> Iterator[Entry]:
         yield from _packet(packet, link, seconds * NANO + fraction * finest_ns, reader)
 
 
-def read_pcapng(file: BinaryIO, reader: LineReader) -> Iterator[Entry]:
+def read_pcapng(file: BinaryIO, reader: LineReader) -> Iterator[LogEntry]:
     """The newer form: blocks, of which some describe an interface and others hold a packet of one."""
     order, links = "<", list[tuple[int, int, str]]()
     while start := file.read(8):
@@ -230,7 +230,7 @@ def _check_link(link: int) -> None:
         raise ValueError(f"it is a capture of link type {link}, which has no CAN frames ({_SOCKETCAN} does)")
 
 
-def _packet(packet: bytes, link: int, time_ns: int, reader: LineReader, bus: str = "") -> Iterator[Entry]:
+def _packet(packet: bytes, link: int, time_ns: int, reader: LineReader, bus: str = "") -> Iterator[LogEntry]:
     """The CAN frame in a captured packet; those of other protocols are passed over.
 
     Of what was captured on all interfaces at once the packet itself says which it came by.
@@ -250,14 +250,14 @@ def _packet(packet: bytes, link: int, time_ns: int, reader: LineReader, bus: str
     extended, remote, error = (bool(identifier & bit) for bit in (0x80000000, 0x40000000, 0x20000000))
     data = b"" if remote else packet[8 : 8 + packet[4]]
     flags = can_flags(not extended, remote, error)
-    yield Entry(time_ns, data, identifier & HIGHEST_IDENTIFIER, flags, bus=bus)
+    yield LogEntry(time_ns, data, identifier & HIGHEST_IDENTIFIER, flags, bus=bus)
 
 
 class FileForm(NamedTuple):
     """What the first bytes of a file look like, and how it is read."""
 
     begins: Callable[[bytes], bool]
-    read: Callable[[BinaryIO, LineReader], Iterator[Entry]]
+    read: Callable[[BinaryIO, LineReader], Iterator[LogEntry]]
 
 
 _PCAP = (b"\xd4\xc3\xb2\xa1", b"\xa1\xb2\xc3\xd4", b"\x4d\x3c\xb2\xa1", b"\xa1\xb2\x3c\x4d")

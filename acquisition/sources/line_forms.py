@@ -37,7 +37,7 @@ _ERROR_BIT = 0x20000000  # candump marks error frames by a bit above the 29 of t
 _pattern = partial(re.compile, flags=re.ASCII)  # what is no ASCII is no space and no digit
 
 
-class Entry(NamedTuple):
+class LogEntry(NamedTuple):
     """One frame, whole message or sentence, with the time that its line tells, if any.
 
     A clock that starts anew every ``turn_ns`` (at midnight, after 2^32 ms) tells how much of the turn is over.
@@ -60,7 +60,7 @@ def message(
     turn_ns: int = 0,
     *,
     assembled: bool = True,
-) -> Entry | None:
+) -> LogEntry | None:
     """A message of a parameter group; ``header`` is its priority, group, source and destination.
 
     ``assembled`` says that it was put together where it took several frames. None for what can have been on no bus:
@@ -74,7 +74,7 @@ def message(
         return None
     identifier = (priority & 7) << 26 | group << 8 | source | (destination << 8 if addressed else 0)
     flags = FrameFlag.WHOLE if assembled else FrameFlag.NONE
-    return Entry(time_ns, payload, identifier, flags, turn_ns=turn_ns)
+    return LogEntry(time_ns, payload, identifier, flags, turn_ns=turn_ns)
 
 
 def _header(match: re.Match[str], base: int = 10) -> tuple[int, int, int, int]:
@@ -99,13 +99,13 @@ _CANDUMP_OLD = _pattern(
 )
 
 
-def _candump_log(match: re.Match[str]) -> Entry | None:
+def _candump_log(match: re.Match[str]) -> LogEntry | None:
     remote = match["data"].startswith("R")
     data = b"" if remote else bytes.fromhex(match["data"].replace(".", ""))
     return _frame(match["time"], match["id"], data, remote, match["bus"])
 
 
-def _candump_console(match: re.Match[str]) -> Entry | None:
+def _candump_console(match: re.Match[str]) -> LogEntry | None:
     fields = match.groupdict()
     remote = fields.get("remote") is not None
     data = _console_bytes(fields["data"] or "")
@@ -123,13 +123,13 @@ def _console_bytes(text: str) -> bytes:
     return data[::-1] if swapped else data
 
 
-def _frame(time: str | None, identifier: str, data: bytes, remote: bool, bus: str) -> Entry | None:
+def _frame(time: str | None, identifier: str, data: bytes, remote: bool, bus: str) -> LogEntry | None:
     time_ns = None if time is None else _candump_time_ns(time)
     if len(data) > _MOST_BYTES or (time is not None and time_ns is None):
         return None
     number = int(identifier, 16)
     flags = can_flags(len(identifier) == 3, remote, bool(number & _ERROR_BIT))
-    return Entry(time_ns, data, number & HIGHEST_IDENTIFIER, flags, bus=bus)
+    return LogEntry(time_ns, data, number & HIGHEST_IDENTIFIER, flags, bus=bus)
 
 
 _SAVVYCAN = _pattern(
@@ -138,14 +138,14 @@ _SAVVYCAN = _pattern(
 )
 
 
-def _savvycan(match: re.Match[str]) -> Entry | None:
+def _savvycan(match: re.Match[str]) -> LogEntry | None:
     """A row of SavvyCAN's table: microseconds since 1970 or since the log began, the frame's bytes in columns."""
     data, identifier = bytes.fromhex(match["data"].replace(",", "")), int(match["id"], 16)
     if len(data) != int(match["length"]):
         return None
     flags = can_flags(match["extended"] == "false")
     bus = f"channel{match['bus']}"
-    return Entry(1000 * int(match["time"]), data, identifier & HIGHEST_IDENTIFIER, flags, bus=bus)
+    return LogEntry(1000 * int(match["time"]), data, identifier & HIGHEST_IDENTIFIER, flags, bus=bus)
 
 
 _DATE_TIME = _pattern(r"(\d{4}-\d\d-\d\d)[ T](\d\d:\d\d:\d\d)(?:\.(\d{1,9}))?(Z|[+-]\d\d(?::?\d\d)?)?")
@@ -169,7 +169,7 @@ _CANBOAT = _pattern(
 )
 
 
-def _canboat(match: re.Match[str]) -> Entry | None:
+def _canboat(match: re.Match[str]) -> LogEntry | None:
     """Where it has more than 8 bytes canboat has put it together; one of 8 may be part of a longer message."""
     data = bytes.fromhex(match["data"].replace(",", ""))
     time_ns = zoned_ns(match["date"], match["clock"], match["fraction"], match["zone"], dt.UTC)
@@ -184,13 +184,13 @@ _YACHT_DEVICES = _pattern(
 )
 
 
-def _yacht_devices(match: re.Match[str]) -> Entry | None:
+def _yacht_devices(match: re.Match[str]) -> LogEntry | None:
     """``17:33:21.107 R 19F51323 01 2F 30 70 00 2F 30 70``, and of some devices without time and direction."""
     time_ns = day_ns(match["clock"], match["fraction"]) if match["clock"] else None
     number = int(match["id"], 16)
     if number > HIGHEST_IDENTIFIER or (match["clock"] and time_ns is None):
         return None
-    return Entry(time_ns, bytes.fromhex(match["data"]), number, turn_ns=DAY_NS)
+    return LogEntry(time_ns, bytes.fromhex(match["data"]), number, turn_ns=DAY_NS)
 
 
 _N2K_ASCII = _pattern(
@@ -200,7 +200,7 @@ _N2K_ASCII = _pattern(
 )
 
 
-def _n2k_ascii(match: re.Match[str]) -> Entry | None:
+def _n2k_ascii(match: re.Match[str]) -> LogEntry | None:
     """``A173321.107 23FF7 1F513 012F3070002F30709F``: whole messages of an Actisense gateway."""
     time_ns = day_ns(match["clock"], match["fraction"]) if match["clock"] else None
     if match["clock"] and time_ns is None:
@@ -214,7 +214,7 @@ _IKONVERT = _pattern(
 )
 
 
-def _ikonvert(match: re.Match[str]) -> Entry | None:
+def _ikonvert(match: re.Match[str]) -> LogEntry | None:
     """Digital Yacht's, with the seconds since the gateway started; of what is sent to it they are not told."""
     try:
         data = base64.b64decode(match["data"], validate=True)
@@ -233,7 +233,7 @@ _SEASMART_EPOCH_NS = 1_262_304_000 * NANO  # 2010
 _LONGEST_UPTIME_MS = 0x80000000
 
 
-def _seasmart(match: re.Match[str]) -> Entry | None:
+def _seasmart(match: re.Match[str]) -> LogEntry | None:
     """SeaSmart's and what followed it. Its time is of one of two kinds, which the protocol does not tell apart.
 
     Devices write milliseconds since they started, hexadecimal; the original 1/1024 s since 2010 to the base of 32,
@@ -256,7 +256,7 @@ _MXPGN = _pattern(
 )
 
 
-def _mxpgn(match: re.Match[str]) -> Entry | None:
+def _mxpgn(match: re.Match[str]) -> LogEntry | None:
     """ShipModul's: a CAN frame, its data as one number, so that the last byte comes first; some put them together.
 
     What a program sends to the bus bears a bit, and an address that is the receiver's; the sender's is not told.
@@ -282,7 +282,7 @@ _GARMIN = _pattern(
 )
 
 
-def _garmin(match: re.Match[str]) -> Entry | None:
+def _garmin(match: re.Match[str]) -> LogEntry | None:
     """A chart plotter's log: milliseconds since it started, or ``month_day_year_hour_minute_second_ms``."""
     data, numbers = bytes.fromhex(match["data"]), match["time"].split("_")
     if len(data) != int(match["length"]):
@@ -298,13 +298,13 @@ def _garmin(match: re.Match[str]) -> Entry | None:
 _OPENCPN_MESSAGE = _pattern(r"(?:\$PCDIN,\d+,)?(?P<data>93(?:[0-9A-Fa-f]{2}){12,})\s*")
 
 
-def _opencpn(match: re.Match[str]) -> Entry | None:
+def _opencpn(match: re.Match[str]) -> LogEntry | None:
     """A message as OpenCPN keeps it: as Actisense's gateway gives it, whose time it fills in as it likes."""
     stored = message_entry(bytes.fromhex(match["data"]))
     return None if stored is None else message(stored.header, stored.payload, None)
 
 
-Read = Callable[[re.Match[str]], Entry | None]
+Read = Callable[[re.Match[str]], LogEntry | None]
 LINE_FORMS: dict[str, tuple[tuple[re.Pattern[str], Read], ...]] = {
     "candump": (
         (_CANDUMP_LOG, _candump_log),
@@ -357,20 +357,20 @@ class LineReader:
         self.times = times or StatedTimes()
         self._forms = [line_form for name, forms in LINE_FORMS.items() if form in ("", name) for line_form in forms]
 
-    def entries(self, pieces: Sequence[bytes]) -> Iterator[Entry]:
+    def entries(self, pieces: Sequence[bytes]) -> Iterator[LogEntry]:
         """The entries in lines and messages, each read when it is asked for."""
         has_packed = _PACKED.search(b"\n".join(pieces)) is not None  # asked once: lines are many
         parts = chain.from_iterable(map(parts_of, pieces)) if has_packed else pieces
         return filter(None, map(self.entry, parts))
 
-    def entry(self, piece: bytes) -> Entry | None:
+    def entry(self, piece: bytes) -> LogEntry | None:
         """The entry in a line or a message, if there is one; of a line that :func:`parts_of` leaves as it is."""
         if piece.startswith(MARK) and (stored := stored_message(piece[len(MARK) :])) is not None:
             return _of_stored(stored)
         text = piece.decode("latin-1")
         return self._sentence(text) if text.startswith(_BEGINNINGS) else self._line(text)
 
-    def _sentence(self, text: str) -> Entry | None:
+    def _sentence(self, text: str) -> LogEntry | None:
         """A line that begins as a sentence does; some have a message of NMEA 2000 inside, or a time behind."""
         if text[-3:-2] != "*" and (match := _ENDING.fullmatch(text)):
             return _at(self._sentence(match["inner"]), self.times.read(match["after"]))
@@ -381,22 +381,24 @@ class LineReader:
             if entry is None:
                 return self._disturbed(line)
             return _at(entry, None if tagged.time_ns is None else (possible_ns(tagged.time_ns), 0))
-        return None if _NO_ENTRY.fullmatch(text) else Entry(possible_ns(tagged.time_ns), line, protocol="nmea0183")
+        return (
+            None if _NO_ENTRY.fullmatch(text) else LogEntry(possible_ns(tagged.time_ns), line, protocol="nmea0183")
+        )
 
-    def _line(self, text: str) -> Entry | None:
+    def _line(self, text: str) -> LogEntry | None:
         if "\x1b" in text:
             text = _COLOUR.sub("", text).strip()
         entry = self._bare(text) or self._enveloped(text)
         return entry if entry is not None or _NO_ENTRY.fullmatch(text) else self._disturbed(text.encode("latin-1"))
 
-    def _disturbed(self, line: bytes) -> Entry | None:
+    def _disturbed(self, line: bytes) -> LogEntry | None:
         """A line of no form, for the sentences that are in it all the same."""
         if has_sentence(line):
-            return Entry(None, line, protocol="nmea0183")
+            return LogEntry(None, line, protocol="nmea0183")
         self.unreadable += 1
         return None
 
-    def _bare(self, text: str) -> Entry | None:
+    def _bare(self, text: str) -> LogEntry | None:
         for form in self._forms:
             if match := form[0].fullmatch(text):
                 if form is not self._forms[0]:  # the next line is most likely of the same form
@@ -405,7 +407,7 @@ class LineReader:
                 return form[1](match)
         return None
 
-    def _enveloped(self, text: str) -> Entry | None:
+    def _enveloped(self, text: str) -> LogEntry | None:
         """What stands behind a time or a name that a logger wrote before it."""
         if text[:1] in _COMMENTS:
             return None
@@ -416,15 +418,15 @@ class LineReader:
         return None if match is None else _at(self._bare(match["inner"]), self.times.read(match["before"]))
 
 
-def _of_stored(stored: Stored) -> Entry | None:
+def _of_stored(stored: Stored) -> LogEntry | None:
     """What an Actisense message says of the bus, if anything."""
     if stored.sentence:
-        return Entry(None, stored.sentence, protocol="nmea0183")
+        return LogEntry(None, stored.sentence, protocol="nmea0183")
     if not stored.payload:
         return None
     return message(stored.header, stored.payload, stored.time_ns, stored.turn_ns, assembled=stored.assembled)
 
 
-def _at(entry: Entry | None, time: tuple[int | None, int] | None) -> Entry | None:
+def _at(entry: LogEntry | None, time: tuple[int | None, int] | None) -> LogEntry | None:
     """The entry at the time that was told beside it, if any was."""
     return entry if entry is None or time is None else entry._replace(time_ns=time[0], turn_ns=time[1])

@@ -19,8 +19,8 @@ from seatrial.acquisition.decoders.parameter_groups import (
     Message,
     group_time,
 )
-from seatrial.acquisition.decoders.sentences import Fields, Reading, readers
-from seatrial.acquisition.sources.line_forms import Entry
+from seatrial.acquisition.decoders.sentences import Fields, SentenceReading, readers
+from seatrial.acquisition.sources.line_forms import LogEntry
 
 EARLIEST_UTC_NS = 1_000_000_000 * NANO
 """Times before are since the log began."""
@@ -37,7 +37,7 @@ class LogClock:
     ``remark`` is what should be known of its times.
     """
 
-    def __init__(self, head: Sequence[Entry], changed_ns: int) -> None:
+    def __init__(self, head: Sequence[LogEntry], changed_ns: int) -> None:
         self.remark = ""
         self._now_ns: int | None = None
         self._differences = _are_differences([entry.time_ns for entry in head if not entry.turn_ns])
@@ -64,7 +64,7 @@ class LogClock:
         self._turns: dict[int, tuple[int, int]] = {}
         self._since_start_ns = 0
 
-    def time_ns(self, entry: Entry) -> int | None:
+    def time_ns(self, entry: LogEntry) -> int | None:
         """The entry's time, or that of the one before: UTC, or since the log began; None where there is none."""
         if self._teller is not None:
             told_ns = told_utc_ns(entry) if _teller(entry) == self._teller else None
@@ -75,7 +75,7 @@ class LogClock:
             self._now_ns = running_ns + (self._epoch_ns if running_ns < EARLIEST_UTC_NS else 0)
         return self._now_ns
 
-    def _running_ns(self, entry: Entry) -> int | None:
+    def _running_ns(self, entry: LogEntry) -> int | None:
         """As the entry tells it, but that a clock which comes round runs on, and differences are added up."""
         time_ns, turn_ns = entry.time_ns, entry.turn_ns
         if time_ns is None or self._stands_still or not 0 <= time_ns < _LATEST_NS:
@@ -93,7 +93,7 @@ class LogClock:
         self._since_start_ns = max(time_ns, self._since_start_ns)
         return time_ns
 
-    def _learn(self, running: list[tuple[int, Entry]], changed_ns: int) -> None:
+    def _learn(self, running: list[tuple[int, LogEntry]], changed_ns: int) -> None:
         """When the log began, by who tells UTC in its beginning or, of times of day, by the file's last change."""
         since = [(time_ns, entry) for time_ns, entry in running if time_ns < EARLIEST_UTC_NS]
         if not since:
@@ -121,12 +121,12 @@ class LogClock:
         self._epoch_ns = began_ns
 
 
-def _teller(entry: Entry) -> tuple[int, bytes]:
+def _teller(entry: LogEntry) -> tuple[int, bytes]:
     """Who says it: the identifier of a frame, the beginning of a sentence."""
     return entry.identifier, b"" if entry.protocol == "can" else split_tag(entry.payload).sentence[:6]
 
 
-def _usual_teller(head: Sequence[Entry]) -> tuple[int, bytes] | None:
+def _usual_teller(head: Sequence[LogEntry]) -> tuple[int, bytes] | None:
     """Who tells the UTC most often: two that did would make the time go to and fro."""
     tellers = Counter(_teller(entry) for entry in head if told_utc_ns(entry) is not None)
     return tellers.most_common(1)[0][0] if tellers else None
@@ -136,7 +136,7 @@ def _whole_days(time_ns: int) -> int:
     return (time_ns + DAY_NS // 2) // DAY_NS * DAY_NS
 
 
-def told_utc_ns(entry: Entry) -> int | None:
+def told_utc_ns(entry: LogEntry) -> int | None:
     """The UTC that a message or a sentence tells [ns since 1970]; None for all others."""
     if entry.protocol == "nmea0183":
         stated = (_possible_ns(time_ns) for time_ns in map(_sentence_ns, sentences_in(entry.payload)))
@@ -156,7 +156,7 @@ def _possible_ns(time_ns: int | None) -> int | None:
     return rolled_over_ns(time_ns, now_ns()[0])
 
 
-def _is_rolled_over(entry: Entry) -> bool:
+def _is_rolled_over(entry: LogEntry) -> bool:
     stated = map(_sentence_ns, sentences_in(entry.payload)) if entry.protocol == "nmea0183" else ()
     return any(time_ns is not None and _possible_ns(time_ns) not in (None, time_ns) for time_ns in stated)
 
@@ -165,7 +165,7 @@ def _sentence_ns(line: bytes) -> int | None:
     """The date and time that a sentence states [ns since 1970]; None for all others."""
     tag, fields = split_sentence(split_tag(line).sentence) or ("", [])
     read = _TELL_TIME.get(tag[-3:])
-    reading = Reading() if read is None else read(Fields(fields))
+    reading = SentenceReading() if read is None else read(Fields(fields))
     if reading.date is None or reading.seconds_of_day is None:
         return None
     return utc_ns(reading.date, reading.seconds_of_day)

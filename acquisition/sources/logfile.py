@@ -36,7 +36,7 @@ from seatrial.acquisition.sources import SQLITE, LogReader, looks_like
 from seatrial.acquisition.sources.bounded import BoundedLog, Lines
 from seatrial.acquisition.sources.can_bus import flags_of
 from seatrial.acquisition.sources.file_forms import FILE_FORMS, read_lines
-from seatrial.acquisition.sources.line_forms import LINE_FORMS, Entry, LineReader
+from seatrial.acquisition.sources.line_forms import LINE_FORMS, LineReader, LogEntry
 from seatrial.acquisition.sources.log_clock import EARLIEST_UTC_NS, LogClock, told_utc_ns
 
 _LARGEST_CONTAINER_BYTES = 64 * 1024 * 1024  # those of Vector's tools hold 128 KiB, of others up to some MiB
@@ -103,7 +103,7 @@ class LogFile(LogReader):
     def __init__(self, config: FileSource) -> None:
         super().__init__(config)
         self._log: _Log | None = None
-        self._entries: Iterator[Entry] = iter(())
+        self._entries: Iterator[LogEntry] = iter(())
         self._clock = LogClock((), 0)
         self._opened_ns = self._last_ns = self._count = 0
         self._newest_ns: int | None = None  # as the log tells it
@@ -176,7 +176,7 @@ class LogFile(LogReader):
             self._log.close()
         super().close()
 
-    def _frame(self, entry: Entry) -> Frame:
+    def _frame(self, entry: LogEntry) -> Frame:
         time_ns = self._clock.time_ns(entry)
         if time_ns is not None:
             if self._clock_ns - time_ns >= _STEP_BACK_NS:
@@ -214,7 +214,11 @@ class _Log:
     """A log by a function that reads it; what is broken where it ends before its time is its ``damage``."""
 
     def __init__(
-        self, read: Callable[[BinaryIO, LineReader], Iterator[Entry]], file: BinaryIO, form: str, times: StatedTimes
+        self,
+        read: Callable[[BinaryIO, LineReader], Iterator[LogEntry]],
+        file: BinaryIO,
+        form: str,
+        times: StatedTimes,
     ) -> None:
         self.times = times
         self._reader = LineReader(form, times)
@@ -226,16 +230,16 @@ class _Log:
     def unreadable(self) -> int:
         return self._reader.unreadable
 
-    def __iter__(self) -> Iterator[Entry]:
+    def __iter__(self) -> Iterator[LogEntry]:
         try:
             yield from self._entries
         except (ValueError, EOFError, zlib.error, struct.error) as error:
             self.damage = str(error)
 
 
-def _beginning(entries: Iterator[Entry], times: StatedTimes) -> tuple[list[Entry], list[tuple[Stamp, int]]]:
+def _beginning(entries: Iterator[LogEntry], times: StatedTimes) -> tuple[list[LogEntry], list[tuple[Stamp, int]]]:
     """A log's first entries, and the dates beside those that state the UTC themselves."""
-    beginning, stated = list[Entry](), list[tuple[Stamp, int]]()
+    beginning, stated = list[LogEntry](), list[tuple[Stamp, int]]()
     for entry in islice(entries, _HEAD_ENTRIES):
         beginning.append(entry)
         if times.last is not None and (utc_ns := told_utc_ns(entry)) is not None:
@@ -295,12 +299,12 @@ def _maker(head: bytes, form: str, open_file: Callable[[], BinaryIO]) -> Callabl
     return lambda times: _Log(read or read_lines, open_file(), form, times)
 
 
-def _is_sound(entry: Entry, *, unchecked: bool = False) -> bool:
+def _is_sound(entry: LogEntry, *, unchecked: bool = False) -> bool:
     """Whether it is a frame, a message, or a line with an intact sentence."""
     return entry.protocol == "can" or has_sentence(entry.payload, unchecked=unchecked)
 
 
-def _library_log(make: Make, file: BinaryIO, reader: LineReader) -> Iterator[Entry]:
+def _library_log(make: Make, file: BinaryIO, reader: LineReader) -> Iterator[LogEntry]:
     """The entries of a log by one of python-can's readers. Raises :class:`ValueError` for a broken beginning."""
     size_bytes = file.seek(0, os.SEEK_END) if make is _BLF else 0  # 0 for text
     file.seek(0)
@@ -314,7 +318,7 @@ def _library_log(make: Make, file: BinaryIO, reader: LineReader) -> Iterator[Ent
 
 def _library_entries(
     messages: Iterable[can.Message], file: BinaryIO, size_bytes: int, reader: LineReader, began_ns: int
-) -> Iterator[Entry]:
+) -> Iterator[LogEntry]:
     """What python-can trips over ends the log; what it passes over it tells its logger only: that is counted."""
 
     def count(record: logging.LogRecord) -> bool:
@@ -330,7 +334,7 @@ def _library_entries(
             if message.arbitration_id <= HIGHEST_IDENTIFIER and not cut:
                 time_ns = began_ns + round(message.timestamp * 1e6) * 1000  # no finer than a float of today holds
                 bus = "" if message.channel is None else f"channel{int(message.channel) + first}"
-                yield Entry(time_ns, bytes(message.data), message.arbitration_id, flags_of(message), bus=bus)
+                yield LogEntry(time_ns, bytes(message.data), message.arbitration_id, flags_of(message), bus=bus)
             else:
                 reader.unreadable += 1
     except OSError:

@@ -25,7 +25,7 @@ from seatrial.acquisition.core.errors import system_reason
 from seatrial.acquisition.core.frames import Frame, now_ns
 from seatrial.acquisition.sources import Source, source_error
 from seatrial.acquisition.sources.actisense import Cutter, is_message
-from seatrial.acquisition.sources.line_forms import Entry, LineReader, parts_of
+from seatrial.acquisition.sources.line_forms import LineReader, LogEntry, parts_of
 from seatrial.acquisition.sources.sockets import (
     TIME_BYTES,
     Drops,
@@ -81,7 +81,7 @@ class LineAssembler:
         for part in chain.from_iterable(map(parts_of, pieces)):
             entry, binary = self._reader.entry(part), is_message(part)
             if not binary and (entry is None or entry.protocol == "nmea0183"):
-                entry = Entry(None, part, protocol="nmea0183")  # raw input is what came
+                entry = LogEntry(None, part, protocol="nmea0183")  # raw input is what came
             if entry is not None:  # a binary message may say nothing of the bus
                 of_can = entry.identifier, entry.flags
                 frames.append(Frame(self._origin, entry.protocol, entry.payload, *clocks, *of_can))

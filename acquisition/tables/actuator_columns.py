@@ -19,7 +19,7 @@ from seatrial.acquisition.tables.column_names import (
     units_called,
     words_of,
 )
-from seatrial.acquisition.tables.draft import Candidate, Draft, measures
+from seatrial.acquisition.tables.draft import ColumnCandidate, Draft, measures
 
 _KIND_OF = {"rudder": "rudder", "azimuth": "azimuth", "shaft": "propeller", "propeller_pitch": "propeller"}
 _ENDING = {"rudder": "_angle_deg", "azimuth": "_angle_deg", "shaft": "_rpm", "propeller_pitch": "_pitch_percent"}
@@ -40,7 +40,7 @@ _AZIMUTH_WORDS = frozenset({"az", "azi", "azimuth", "azimut", "asimut", "pod"})
 class Found:
     """A column that tells of an actuator: its control channel, or the channel of the orders to it."""
 
-    candidate: Candidate
+    candidate: ColumnCandidate
     channel: str
     kind: str
     why: str
@@ -48,7 +48,7 @@ class Found:
 
 @dataclass(frozen=True, slots=True)
 class _Part:
-    candidate: Candidate
+    candidate: ColumnCandidate
     kind: str
     side: str
     is_order: bool
@@ -120,7 +120,7 @@ def _by_name(draft: Draft, ship: Actuators) -> list[Found]:
             if is_called and channel not in columns and (not head.units or _fits(unit, head.units)):
                 quantity = next(entry for entry in QUANTITIES if entry.name == _QUANTITY_OF[unit])
                 units = head.units or units_called(draft.raw.units.get(column, ""))
-                candidate = Candidate(column, quantity, 1.0, units, frozenset(words_of(column)))
+                candidate = ColumnCandidate(column, quantity, 1.0, units, frozenset(words_of(column)))
                 columns[channel] = Found(candidate, channel, actuator.kind, f"{actuator.name}: by its name")
     return list(columns.values())
 
@@ -130,7 +130,7 @@ def _fits(unit: str, stated: tuple[str, ...]) -> bool:
     return any(measures(quantity, spelling) for spelling in stated)
 
 
-def _part(candidate: Candidate) -> _Part:
+def _part(candidate: ColumnCandidate) -> _Part:
     words = candidate.words
     kind = _KIND_OF[candidate.quantity.name]
     if candidate.quantity.name == "shaft" and words & (TUNNEL | (BOW | STERN) - {"forward", "aft", "fwd"}):

@@ -32,7 +32,7 @@ from seatrial.acquisition.tables.coordinates import (
     with_hemisphere,
 )
 from seatrial.acquisition.tables.derived_columns import rate
-from seatrial.acquisition.tables.draft import SKIP, Candidate, Draft
+from seatrial.acquisition.tables.draft import SKIP, ColumnCandidate, Draft
 from seatrial.acquisition.tables.evidence import Told, agreement, fit, increments, integrals, means, restlessness
 from seatrial.acquisition.tables.heading_columns import (
     angle_unit,
@@ -117,7 +117,9 @@ def _read_geographic(context: Known) -> None:
         draft.warnings.append(f"{names} are no latitude and longitude in any unit; they are left out")
 
 
-def _degrees(draft: Draft, latitude: Candidate, longitude: Candidate) -> tuple[Told, list[Floats]] | None:
+def _degrees(
+    draft: Draft, latitude: ColumnCandidate, longitude: ColumnCandidate
+) -> tuple[Told, list[Floats]] | None:
     """The unit, why, and both in degrees; None where they cannot be a position."""
     if draft.is_empty(latitude.column):
         return None
@@ -146,7 +148,7 @@ def _meaning_of_o(draft: Draft, column: pd.Series[Any]) -> MeaningOfO | None:
     return "west" if draft.ask("o_is", text, ("east", "west")) == "west" else "east"
 
 
-def _hemispheres(draft: Draft, angle: Candidate, axis: Axis) -> pd.Series[Any] | None:
+def _hemispheres(draft: Draft, angle: ColumnCandidate, axis: Axis) -> pd.Series[Any] | None:
     """The column of an angle's hemispheres, by its name or, beside the angle, by what it holds."""
     columns = draft.raw.columns
     names = list(map(str, columns.columns))
@@ -167,11 +169,11 @@ def _is_count(draft: Draft, column: str) -> bool:
 
 
 def _take_position(
-    context: Known, latitude: Candidate, longitude: Candidate, unit_guess: Told, degrees: list[Floats]
+    context: Known, latitude: ColumnCandidate, longitude: ColumnCandidate, unit_guess: Told, degrees: list[Floats]
 ) -> None:
     draft = context.draft
     entry: dict[str, Any] = {"latitude": latitude.column, "longitude": longitude.column, "unit": unit_guess[0]}
-    axes: tuple[tuple[Candidate, Axis], ...] = ((latitude, "north_south"), (longitude, "east_west"))
+    axes: tuple[tuple[ColumnCandidate, Axis], ...] = ((latitude, "north_south"), (longitude, "east_west"))
     for place, (angle, axis) in enumerate(axes):
         if (letters := _hemispheres(draft, angle, axis)) is not None:
             entry[axis] = str(letters.name)
@@ -231,7 +233,7 @@ def _yaw_of_any_axes(context: Known) -> str:
     return column if is_yaw else ""
 
 
-def _is_x_east_beside_yaw(context: Known, x: Candidate, y: Candidate, yaw: str) -> tuple[bool, str]:
+def _is_x_east_beside_yaw(context: Known, x: ColumnCandidate, y: ColumnCandidate, yaw: str) -> tuple[bool, str]:
     """Whether x is to the east beside a yaw that turns as x and y do, and why: the two readings are mirror images.
 
     The names of ROS say so (REP 103), else it is asked.
@@ -264,7 +266,7 @@ def _count_from_start(context: Known, name: str) -> None:
         )
 
 
-def _is_x_east(context: Known, x: Candidate, y: Candidate) -> bool | None:
+def _is_x_east(context: Known, x: ColumnCandidate, y: ColumnCandidate) -> bool | None:
     """Whether x is to the east by the heading; None where that cannot be told."""
     if "heading_deg" not in context.series or context.grid.size < 3:
         return None
@@ -282,7 +284,7 @@ def _is_x_east(context: Known, x: Candidate, y: Candidate) -> bool | None:
     return None if abs(as_north - as_east) < 0.3 or max(as_north, as_east) < 0.5 else as_east > as_north
 
 
-def _speed_unit(context: Known, candidate: Candidate, name: str) -> Told | None:
+def _speed_unit(context: Known, candidate: ColumnCandidate, name: str) -> Told | None:
     """A speed's unit, and why; None where it is to be left out."""
     values, regression = context.draft.numbers(candidate.column), UNKNOWN
     if name in _ALONG_TRACK and (steps := changes_of(context, *POSITION)):  # sway is across it, and water moves
@@ -318,7 +320,7 @@ def _read_wind(context: Known) -> None:
         _take_wind(context, wind_kind, direction, speed)
 
 
-def _take_wind(context: Known, kind: str, angle: Candidate | None, speed: Candidate | None) -> None:
+def _take_wind(context: Known, kind: str, angle: ColumnCandidate | None, speed: ColumnCandidate | None) -> None:
     angle_name, speed_name = _WINDS[kind]
     angle_guess = angle_unit(context, angle, angle_name) if angle else None
     if angle and angle_guess:
@@ -333,7 +335,7 @@ def _take_wind(context: Known, kind: str, angle: Candidate | None, speed: Candid
         context.draft.tree["apparent_wind"] = entry
 
 
-def _wind_unit(context: Known, speed: Candidate, apparent: Candidate | None) -> Told | None:
+def _wind_unit(context: Known, speed: ColumnCandidate, apparent: ColumnCandidate | None) -> Told | None:
     if speed.headed:
         return speed.headed
     values = context.draft.numbers(speed.column)
@@ -354,7 +356,7 @@ def _steadiest(changes: dict[str, float]) -> str | None:
     return min(changes, key=changes.__getitem__) if clear else None
 
 
-def _kind_of_wind(context: Known, direction: Candidate, speed: Candidate) -> str | None:
+def _kind_of_wind(context: Known, direction: ColumnCandidate, speed: ColumnCandidate) -> str | None:
     """True wind, or apparent: of the two the one that makes the steadier wind over ground."""
     changes = _restlessness(context, direction, speed, (speed.units or ("m/s",))[0])
     kind = None if "wind" in context.draft.answers else _steadiest(changes)
@@ -367,7 +369,9 @@ def _kind_of_wind(context: Known, direction: Candidate, speed: Candidate) -> str
     return context.draft.ask("wind", text, tuple(_WINDS))
 
 
-def _restlessness(context: Known, direction: Candidate, speed: Candidate, unit: str) -> dict[str, float]:
+def _restlessness(
+    context: Known, direction: ColumnCandidate, speed: ColumnCandidate, unit: str
+) -> dict[str, float]:
     """How much the wind over ground changes if the columns are of the true wind, and of the apparent."""
     heading, motion = context.series.get("heading_deg"), _velocity(context)
     if heading is None or motion is None or context.grid.size < 3:
@@ -439,7 +443,7 @@ def _take_share(context: Known, control: Found, unit: str) -> None:
     take(context, control.channel, control.candidate, "percent", why, control.why, full_scale=float(full_scale))
 
 
-def _turns_unit(draft: Draft, candidate: Candidate) -> Told | None:
+def _turns_unit(draft: Draft, candidate: ColumnCandidate) -> Told | None:
     if candidate.headed:
         return candidate.headed
     values = draft.numbers(candidate.column)

@@ -29,7 +29,7 @@ from seatrial.acquisition.core.angles import are_angles, in_turn, wrap_360
 from seatrial.acquisition.core.arrays import Bools, Floats
 from seatrial.acquisition.core.channel import Channel
 from seatrial.acquisition.core.channels import find_channel, with_declared
-from seatrial.acquisition.core.declared import Declared, as_text
+from seatrial.acquisition.core.declared import Declared, declared_text
 from seatrial.acquisition.core.errors import ConfigurationError, InputError
 from seatrial.acquisition.core.units import DEGREES_AND_MINUTES, from_degrees_and_minutes, scale_to
 from seatrial.acquisition.tables.coordinates import Axis, degrees_of_text, signs_of, with_hemisphere
@@ -292,7 +292,7 @@ def apply_column_map(raw: RawTable, columns: ColumnMap, map_path: Path | str, de
         index, dropped = asked.drop_unreadable(timed, columns)
     dropped |= {"twice of one variable and time": duplicates} if duplicates else {}
     trial = columns.trial.as_trial(columns.conditions, columns.instruments, columns.particulars)
-    trial, channels = replace(trial, channels=as_text(declared)), with_declared(declared)
+    trial, channels = replace(trial, channels=declared_text(declared)), with_declared(declared)
     result = TableFile(pd.DataFrame(index=index), trial, dropped=dropped, remarks=timed.remarks)
     for name, entry in columns.channels.items():
         if entry.column is None:

@@ -14,12 +14,12 @@ import pandas as pd
 
 from seatrial.acquisition.core.angles import unwrap, wrap_360
 from seatrial.acquisition.core.arrays import Floats
-from seatrial.acquisition.core.kinematics import along, to_body
+from seatrial.acquisition.core.kinematics import along
+from seatrial.analysis.kinematics import to_ship
 
 _REACH_S = 1.5  # as long as the recorder believes a heading or a speed
 _LEAST_NEIGHBOURS = 1
 _along = np.vectorize(along, otypes=[float, float])
-_to_body = np.vectorize(to_body, otypes=[float, float])
 
 
 def derive(table: pd.DataFrame, names: Sequence[str]) -> dict[str, str]:
@@ -71,7 +71,7 @@ def to_ship_axes(table: pd.DataFrame, north: Floats, east: Floats) -> dict[str, 
     """Surge and sway [m/s] of velocities [n] to north and east in the rows of a table with a heading."""
     seconds = seconds_of(pd.DatetimeIndex(table.index))
     heading = at_all_rows(seconds, unwrap(table["heading_deg"].to_numpy(dtype=float)))
-    surge, sway = _to_body(north, east, heading)
+    surge, sway = to_ship(north, east, np.deg2rad(heading))
     return {"surge_mps": surge, "sway_mps": sway}
 
 

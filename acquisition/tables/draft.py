@@ -32,7 +32,7 @@ SKIP = "skip"
 
 
 @dataclass(frozen=True, slots=True)
-class Reading:
+class ColumnReading:
     """What a column was taken for: a channel or a word for it, in which unit, and why."""
 
     column: str
@@ -56,7 +56,7 @@ class Question:
 
 
 @dataclass(frozen=True, slots=True)
-class Candidate:
+class ColumnCandidate:
     """A column that may hold a quantity, how much of its name says so, the units that it is headed with, if any."""
 
     column: str
@@ -78,10 +78,10 @@ class Draft:
     raw: RawTable
     answers: Mapping[str, str]
     tree: dict[str, Any] = field(default_factory=dict)
-    readings: list[Reading] = field(default_factory=list)
+    readings: list[ColumnReading] = field(default_factory=list)
     questions: list[Question] = field(default_factory=list)
     warnings: list[str] = field(default_factory=list)
-    candidates: list[Candidate] = field(default_factory=list)
+    candidates: list[ColumnCandidate] = field(default_factory=list)
     used: set[str] = field(default_factory=set)
 
     def ask(self, key: str, text: str, options: Sequence[str] = (), default: str | None = None) -> str | None:
@@ -98,7 +98,7 @@ class Draft:
         """A column's numbers, NaN for what is none."""
         return np.asarray(pd.to_numeric(self.raw.columns[column], errors="coerce").to_numpy(dtype=float))
 
-    def of(self, *names: str) -> list[Candidate]:
+    def of(self, *names: str) -> list[ColumnCandidate]:
         """The candidates for quantities, the plainest and fullest first; columns without a value come last."""
         candidates = [candidate for candidate in self.candidates if candidate.quantity.name in names]
         return sorted(
@@ -120,7 +120,7 @@ class Draft:
 
     def note(self, column: str, taken_for: str, unit: str = "", *reasons: str) -> None:
         """Write down what a column was taken for."""
-        self.readings.append(Reading(column, taken_for, unit, tuple(reason for reason in reasons if reason)))
+        self.readings.append(ColumnReading(column, taken_for, unit, tuple(reason for reason in reasons if reason)))
 
 
 _CHECKS: dict[str, Callable[[str], object]] = {
@@ -155,7 +155,7 @@ def check_keys(answers: Mapping[str, str], columns: Sequence[str]) -> None:
             )
 
 
-def candidates_of(raw: RawTable) -> list[Candidate]:
+def candidates_of(raw: RawTable) -> list[ColumnCandidate]:
     """Each column with the first quantity that its name, or what the file says of it, means and its unit fits."""
     candidates = []
     for column in map(str, raw.columns.columns):
@@ -163,7 +163,7 @@ def candidates_of(raw: RawTable) -> list[Candidate]:
         stated_units = units_called(raw.units.get(column, ""))
         if (exact := BY_CHANNEL.get(column)) is not None:
             candidates.append(
-                Candidate(column, exact, 1.0, stated_units or head.units, frozenset(words_of(column)))
+                ColumnCandidate(column, exact, 1.0, stated_units or head.units, frozenset(words_of(column)))
             )
             continue
         names = [(raw.meanings.get(column, ""), stated_units), (head.name, stated_units or head.units)]
@@ -179,12 +179,14 @@ def candidates_of(raw: RawTable) -> list[Candidate]:
                 match, usable = _plain_n(fitting, raw) if name == "n" else fitting[0]
                 if match.quantity.name in BY_CHANNEL and ORDER & set(words_of(name)):
                     break  # what is wanted of the motion is not the motion
-                candidates.append(Candidate(column, match.quantity, match.cover, usable, frozenset(words_of(name))))
+                candidates.append(
+                    ColumnCandidate(column, match.quantity, match.cover, usable, frozenset(words_of(name)))
+                )
                 break
     return candidates
 
 
-def with_answers(draft: Draft) -> list[Candidate]:
+def with_answers(draft: Draft) -> list[ColumnCandidate]:
     """The candidates, their units as answered; those to skip are left out. Raises :class:`ConfigurationError`."""
     candidates = []
     for candidate in candidates_of(draft.raw):

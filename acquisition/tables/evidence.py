@@ -27,7 +27,7 @@ _WIND_STEPS = 6  # half a minute: a ship turns meanwhile, the wind keeps
 
 
 @dataclass(frozen=True, slots=True)
-class Fit:
+class ScaleFit:
     """The factor that takes one series to another, their correlation, and how many increments they have."""
 
     factor: float
@@ -83,7 +83,7 @@ def means(seconds: Floats, values: Floats, grid: Floats) -> Floats:
     return integrals(seconds, values, grid) / np.diff(grid) if grid.size > 1 else np.empty(0)
 
 
-def fit(measured: Floats, reference: Floats) -> Fit:
+def fit(measured: Floats, reference: Floats) -> ScaleFit:
     """The factor k of least squares in ``measured = k reference``, of the increments that are no outliers.
 
     Outliers are further than six median residuals from the line of the median ratio: jumps and angles that were
@@ -98,8 +98,8 @@ def fit(measured: Floats, reference: Floats) -> Fit:
         x, y = x[inliers], y[inliers]
     power = float(np.sqrt(np.sum(x * x) * np.sum(y * y)))
     if x.size < _FEWEST or power == 0.0:
-        return Fit(np.nan, 0.0, x.size)
-    return Fit(float(np.sum(x * y) / np.sum(x * x)), float(np.sum(x * y)) / power, x.size)
+        return ScaleFit(np.nan, 0.0, x.size)
+    return ScaleFit(float(np.sum(x * y) / np.sum(x * x)), float(np.sum(x * y)) / power, x.size)
 
 
 def agreement(north: Floats, east: Floats, direction_deg: Floats) -> float:
@@ -155,7 +155,7 @@ SPEED = Rate(("m/s", "knots", "km/h", "cm/s", "mm/s"), "the positions", "positio
 TURNING = Rate(("deg/s", "deg/min", "rad/s"), "the heading", "the heading turns")
 
 
-def rate_by_fit(regression: Fit, rate: Rate) -> Told | None:
+def rate_by_fit(regression: ScaleFit, rate: Rate) -> Told | None:
     """The unit whose size a fit's factor is near to; None for one between all of them, and for no clear fit."""
     if not regression.is_clear:
         return None
@@ -168,7 +168,7 @@ def rate_by_fit(regression: Fit, rate: Rate) -> Told | None:
     )
 
 
-def odd_factor(column: str, unit: str, regression: Fit, rate: Rate) -> str:
+def odd_factor(column: str, unit: str, regression: ScaleFit, rate: Rate) -> str:
     """What is odd about a rate in its unit by a fit, with the unit that would fit; empty where nothing is.
 
     The true factor lies between that of least squares and the inverse of its converse, 1 / correlation^2 times as

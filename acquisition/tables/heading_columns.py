@@ -29,8 +29,8 @@ from seatrial.acquisition.core.conventions import (
 from seatrial.acquisition.core.units import scale_to
 from seatrial.acquisition.tables import evidence
 from seatrial.acquisition.tables.derived_columns import heading_of_quaternion
-from seatrial.acquisition.tables.draft import Candidate, Draft
-from seatrial.acquisition.tables.evidence import SPEED, Fit, Told, agreement, fit, integrals
+from seatrial.acquisition.tables.draft import ColumnCandidate, Draft
+from seatrial.acquisition.tables.evidence import SPEED, ScaleFit, Told, agreement, fit, integrals
 from seatrial.acquisition.tables.table_context import (
     POSITION,
     UNKNOWN,
@@ -54,7 +54,7 @@ _FASTEST_DRIFT_MPS = 2.0  # a ship that lies adrift goes any way to her heading,
 _NAMES = tuple(convention.name for convention in HEADINGS)
 
 
-def angle_unit(context: Known, candidate: Candidate, name: str) -> Told | None:
+def angle_unit(context: Known, candidate: ColumnCandidate, name: str) -> Told | None:
     """The unit of an angle: as the head says, else by the track, the range or the heading, else asked."""
     if candidate.headed:
         return candidate.headed
@@ -70,7 +70,7 @@ def angle_unit(context: Known, candidate: Candidate, name: str) -> Told | None:
     )
 
 
-def _unit_by_track(context: Known, candidate: Candidate) -> Told | None:
+def _unit_by_track(context: Known, candidate: ColumnCandidate) -> Told | None:
     """The unit in which an angle turns as the track does, whichever of its axes is north."""
     moves = _moves_of_track(context)
     if moves is None:
@@ -128,7 +128,7 @@ def read_heading(context: Known) -> None:
         take(context, "heading_deg", candidate, *unit_guess)
 
 
-def _course_as_heading(draft: Draft) -> Candidate | None:
+def _course_as_heading(draft: Draft) -> ColumnCandidate | None:
     """A column called course: the heading beside a course over ground, else asked."""
     candidates = draft.of("course")
     if not candidates or draft.of("course_over_ground_deg"):
@@ -323,7 +323,7 @@ def _judge_straight_course(context: Known, moves: Complexes) -> None:
         )
 
 
-def _fit_to_heading(context: Known, column: str) -> Fit:
+def _fit_to_heading(context: Known, column: str) -> ScaleFit:
     """A rate of turn as the table has it against the turns of the heading."""
     if not (turned := changes_of(context, "heading_deg")):
         return UNKNOWN
@@ -375,7 +375,7 @@ def read_earth_velocity(context: Known) -> None:
     axes, fits = judge_axes(moves, {name: travelled(context, velocity) for name, velocity in in_axes.items()})
     if axes in ("", "ship"):
         return
-    unit = columns[0].headed or evidence.rate_by_fit(Fit(fits[axes].factor, 1.0, moves.size), SPEED)
+    unit = columns[0].headed or evidence.rate_by_fit(ScaleFit(fits[axes].factor, 1.0, moves.size), SPEED)
     unit = unit or asked(context.draft, "unit.speed", f"in which unit is {columns[0].column!r}?", SPEED.units[:3])
     if unit is None:
         return
@@ -388,7 +388,7 @@ def read_earth_velocity(context: Known) -> None:
     )
 
 
-def _take_velocity(context: Known, columns: list[Candidate], unit: Told, why: str) -> None:
+def _take_velocity(context: Known, columns: list[ColumnCandidate], unit: Told, why: str) -> None:
     """Let two columns be the velocity to north and to east, and surge and sway what follows from them."""
     north, east = columns
     context.draft.tree["velocity"] = {"north": north.column, "east": east.column, "unit": unit[0]}

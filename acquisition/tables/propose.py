@@ -21,9 +21,9 @@ from seatrial.acquisition.core.errors import InputError
 from seatrial.acquisition.tables.channel_columns import FASTEST_MPS, read_channels
 from seatrial.acquisition.tables.column_map import Long, widen
 from seatrial.acquisition.tables.draft import (
+    ColumnReading,
     Draft,
     Question,
-    Reading,
     as_toml,
     candidates_of,
     check_keys,
@@ -47,7 +47,7 @@ class Proposal:
     """A map as TOML, what each column was taken for, what is asked and what looks odd."""
 
     text: str
-    readings: tuple[Reading, ...]
+    readings: tuple[ColumnReading, ...]
     questions: tuple[Question, ...]
     warnings: tuple[str, ...]
     passed_over: tuple[str, ...]

@@ -14,12 +14,12 @@ from seatrial.acquisition.core.arrays import Complexes, Floats
 from seatrial.acquisition.core.channels import BY_NAME
 from seatrial.acquisition.core.units import scale_to
 from seatrial.acquisition.tables import evidence
-from seatrial.acquisition.tables.draft import SKIP, Candidate, Draft
-from seatrial.acquisition.tables.evidence import Fit, Rate, Told, increments, integrals, means, over_gaps
+from seatrial.acquisition.tables.draft import SKIP, ColumnCandidate, Draft
+from seatrial.acquisition.tables.evidence import Rate, ScaleFit, Told, increments, integrals, means, over_gaps
 
 POSITION = ("north_m", "east_m")
 GROUND = ("course_over_ground_deg", "speed_over_ground_mps")
-UNKNOWN = Fit(np.nan, 0.0, 0)
+UNKNOWN = ScaleFit(np.nan, 0.0, 0)
 
 
 @dataclass(slots=True)
@@ -44,7 +44,7 @@ class Known:
         return any(question.key == "heading" and question.default is None for question in self.draft.questions)
 
 
-def best(draft: Draft, name: str) -> Candidate | None:
+def best(draft: Draft, name: str) -> ColumnCandidate | None:
     """The likeliest column for a quantity; the others are said to be left."""
     candidates = draft.of(name)
     for candidate in candidates[1:]:
@@ -52,7 +52,7 @@ def best(draft: Draft, name: str) -> Candidate | None:
     return candidates[0] if candidates else None
 
 
-def take(context: Known, name: str, candidate: Candidate, unit: str, *why: str, **more: Any) -> None:
+def take(context: Known, name: str, candidate: ColumnCandidate, unit: str, *why: str, **more: Any) -> None:
     """Let a column be a channel."""
     channel, column, draft = BY_NAME[name], candidate.column, context.draft
     entry: dict[str, Any] = {"column": column, "unit": unit}
@@ -69,7 +69,7 @@ def take(context: Known, name: str, candidate: Candidate, unit: str, *why: str, 
         draft.warnings.append(f"column {column!r}, taken for {name}, holds no value at all")
 
 
-def take_best(context: Known, name: str, unit_of: Callable[[Known, Candidate, str], Told | None]) -> None:
+def take_best(context: Known, name: str, unit_of: Callable[[Known, ColumnCandidate, str], Told | None]) -> None:
     """Let the likeliest column for a channel be it, in the unit that is found."""
     candidate = best(context.draft, name)
     if candidate is not None and (unit_guess := unit_of(context, candidate, name)):
@@ -131,7 +131,7 @@ def mean_angle(context: Known, angle_deg: Floats) -> Floats:
     return means(context.t, unwrap(angle_deg), context.grid)
 
 
-def rate_unit(context: Known, candidate: Candidate, regression: Fit, kind: Rate) -> Told | None:
+def rate_unit(context: Known, candidate: ColumnCandidate, regression: ScaleFit, kind: Rate) -> Told | None:
     """A rate's unit as the head says, else as the fit does; an oddness between the two is said."""
     if not candidate.headed:
         return evidence.rate_by_fit(regression, kind)

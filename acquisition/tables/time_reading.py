@@ -19,7 +19,7 @@ import pandas as pd
 from seatrial.acquisition.core.errors import ConfigurationError, InputError
 from seatrial.acquisition.core.times import ORDERS, YEAR_LAST, Order, Stamp, date_order, is_of_several, offset_s
 from seatrial.acquisition.tables.column_names import TIME_WORDS, words_of
-from seatrial.acquisition.tables.draft import Candidate, Draft
+from seatrial.acquisition.tables.draft import ColumnCandidate, Draft
 from seatrial.acquisition.tables.time_columns import GPS_WEEK, NS_IN, TEXT, ZONED, with_zone
 from seatrial.acquisition.tables.time_text import distinct_dates, stamps_in, time_in_head, time_in_name, whole_stamp
 from seatrial.acquisition.tables.zones import GPS
@@ -246,7 +246,7 @@ def _order(draft: Draft, stamps: list[Stamp]) -> tuple[Order, str]:
     return order, "as answered" if answer else "not clear"
 
 
-def _passed_of_week(draft: Draft, numbers: list[str]) -> Candidate | None:
+def _passed_of_week(draft: Draft, numbers: list[str]) -> ColumnCandidate | None:
     """The column of what has passed of each week: by its name, or numbers called a time beside weeks of GPS."""
     named = next(iter(draft.of("time_of_week")), None)
     weeks = next(iter(draft.of("gps_week")), None)
@@ -256,7 +256,7 @@ def _passed_of_week(draft: Draft, numbers: list[str]) -> Candidate | None:
     return next((candidate for candidate in times if np.nanmax(draft.numbers(candidate.column)) <= _WEEK_S), None)
 
 
-def _gps_week(draft: Draft, week: str, passed: Candidate) -> tuple[str, ...]:
+def _gps_week(draft: Draft, week: str, passed: ColumnCandidate) -> tuple[str, ...]:
     """Weeks of GPS and what has passed of each."""
     weeks = draft.numbers(week)
     if np.nanmedian(weeks) < _ROLLED_WEEKS:
@@ -271,7 +271,7 @@ def _gps_week(draft: Draft, week: str, passed: Candidate) -> tuple[str, ...]:
     return (week, *_put(draft, passed.column, entry, [], "time of the week", unit))
 
 
-def _unit_of_week(draft: Draft, passed: Candidate) -> str:
+def _unit_of_week(draft: Draft, passed: ColumnCandidate) -> str:
     """The unit of what has passed of a week, by its head, its name (u-blox' iTOW, ArduPilot's GMS) or its size."""
     units = [unit for unit in passed.units if unit in NS_IN]
     is_ms = {"i", "tow"} <= passed.words or bool(passed.words & {"itow", "gms", "ms", "milliseconds"})

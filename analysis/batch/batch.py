@@ -25,7 +25,7 @@ from seatrial.acquisition.core.progress import Progress
 from seatrial.acquisition.core.text import printable_name
 from seatrial.acquisition.recording.grouping import whole_recordings
 from seatrial.analysis.batch.one_recording import SUMMARY, Row, process_recording, reusable_row, write_json
-from seatrial.analysis.batch.workers import MARKS, Job, Task, attempt, batch_folder, check_address, run_jobs
+from seatrial.analysis.batch.workers import MARKS, BatchJob, Task, attempt, batch_folder, check_address, run_jobs
 from seatrial.analysis.manoeuvres.indices import Manoeuvre
 from seatrial.analysis.manoeuvres.report import criteria_by_vessel
 from seatrial.analysis.products import Options
@@ -50,7 +50,7 @@ _RESERVED = {"index.html", "index.parquet", CRITERIA, MARKS, LOCK}
 
 
 @dataclass(frozen=True, slots=True)
-class Summary:
+class BatchSummary:
     """What a batch came to. ``done`` counts those with a complete result, ``reused`` those of them not new.
 
     ``gone_rows`` are of results whose recording is not in the folder any more; they are in the index only.
@@ -98,7 +98,7 @@ def run_batch(
     again: bool = False,
     timeout_s: float | None = None,
     task: Task | None = None,
-) -> Summary:
+) -> BatchSummary:
     """Process every ``*.mcap`` below ``folder`` into ``out``, parts of one recording as one, and write the index.
 
     ``workers`` is the number of processes, that of the cores without it; ``scheduler`` an address like
@@ -117,7 +117,7 @@ def run_batch(
         raise DataShortageError("contains no recording", where=str(folder), fix="name a folder with .mcap files")
     names, chosen = names_of(folder, recordings), options or Options()
     jobs = [
-        Job(
+        BatchJob(
             name,
             str(paths[0].absolute()),
             str(out),
@@ -137,7 +137,7 @@ def run_batch(
         index = write_index([*rows, *gone], out, printable_name(folder.resolve().name))
         write_json(out / CRITERIA, {"criteria": criteria_of_ships(rows, out)})
     done = sum(row["status"] == "done" for row in rows)
-    return Summary(rows, done, reused, index, tuple(gone), dict(zip(names, recordings, strict=True)))
+    return BatchSummary(rows, done, reused, index, tuple(gone), dict(zip(names, recordings, strict=True)))
 
 
 def criteria_of_ships(rows: Sequence[Row], out: Path) -> list[dict[str, Any]]:
@@ -150,12 +150,12 @@ def criteria_of_ships(rows: Sequence[Row], out: Path) -> list[dict[str, Any]]:
     return criteria_by_vessel(runs)
 
 
-def process_job(job: Job) -> Row:
+def process_job(job: BatchJob) -> Row:
     """What a worker does for one recording: a row comes back whatever happens, short of the worker's death."""
     return attempt(job, result_of)
 
 
-def result_of(job: Job) -> Row:
+def result_of(job: BatchJob) -> Row:
     """The row of a recording: that of an earlier result if it is as good as a new one, else of one made now."""
     path, later = Path(job.path), tuple(map(Path, job.later))
     row = None if job.again else reusable_row(path, job.folder, job.options, job.name, later)

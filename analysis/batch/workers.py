@@ -45,7 +45,7 @@ _MOST_SUBMITTED = 2 * MOST_ATTEMPTS
 
 
 @dataclass(frozen=True, slots=True)
-class Job:
+class BatchJob:
     """One recording to be processed; everything a worker must know, in plain values. ``later`` are the parts after
     the one at ``path``.
     """
@@ -69,7 +69,7 @@ class Job:
         return Path(self.out) / MARKS / hashlib.sha256(self.name.encode()).hexdigest()
 
 
-Task = Callable[[Job], Row]
+Task = Callable[[BatchJob], Row]
 
 
 def check_address(scheduler: str | None) -> None:
@@ -81,7 +81,7 @@ def check_address(scheduler: str | None) -> None:
 
 
 def run_jobs(
-    jobs: Sequence[Job],
+    jobs: Sequence[BatchJob],
     task: Task,
     workers: int | None = None,
     scheduler: str | None = None,
@@ -149,7 +149,7 @@ def batch_folder(out: Path) -> Iterator[None]:
             shutil.rmtree(out / MARKS, ignore_errors=True)
 
 
-def attempt(job: Job, work: Callable[[Job], Row]) -> Row:
+def attempt(job: BatchJob, work: Callable[[BatchJob], Row]) -> Row:
     """The row that ``work`` makes of a job with the job's name on it, or that of its failure; with marks."""
     ended = _attempts_ended(job)
     if ended:
@@ -165,7 +165,7 @@ def attempt(job: Job, work: Callable[[Job], Row]) -> Row:
         job.mark.unlink(missing_ok=True)
 
 
-def _attempts_ended(job: Job) -> str:
+def _attempts_ended(job: BatchJob) -> str:
     """Why a recording is not attempted once more; empty if it is."""
     try:
         state = job.mark.stat()
@@ -193,7 +193,7 @@ def _watched(timeout_s: float | None) -> Iterator[None]:
         watch.cancel()
 
 
-def failed_row(job: Job, cause: str) -> Row:
+def failed_row(job: BatchJob, cause: str) -> Row:
     """The row of a recording of which nothing could be made; what was made of it earlier is no longer true."""
     with suppress(OSError):  # a folder that is closed to us
         if (job.folder / SUMMARY).is_file():
@@ -241,7 +241,7 @@ def _connected(scheduler: str) -> Iterator[Client]:
         yield client
 
 
-def _gathered(client: Client, jobs: Sequence[Job], task: Task, progress: Progress) -> list[Row]:
+def _gathered(client: Client, jobs: Sequence[BatchJob], task: Task, progress: Progress) -> list[Row]:
     """The rows of all jobs in their order, as they come."""
     ended: Queue[Future] = Queue()
     pending: dict[str, tuple[int, Future]] = {}
@@ -287,7 +287,7 @@ def _next(client: Client, ended: Queue[Future]) -> Future:
             raise SourceError("scheduler or workers are gone", fix="restart them and the batch, which resumes")
 
 
-def _row_of(future: Future, job: Job) -> Row | None:
+def _row_of(future: Future, job: BatchJob) -> Row | None:
     """A task's row; ``None`` where it is to be asked for once more: its worker died, perhaps over another
     recording, or it died with the row before anybody had fetched it (the result itself is on the disk then)."""
     if future.status == "error":

@@ -17,7 +17,7 @@ from typing import Any, Literal
 import numpy as np
 
 from seatrial.acquisition.core.arrays import Bools, Floats, Ints
-from seatrial.analysis.estimation.process_models import Model
+from seatrial.analysis.estimation.process_models import ProcessModel
 
 Engine = Literal["auto", "filterpy", "compiled"]
 
@@ -52,7 +52,7 @@ class Steps:
     turn: Floats
     jumps: Bools
 
-    def for_model(self, model: Model) -> Steps:
+    def for_model(self, model: ProcessModel) -> Steps:
         """The steps for the model's states, several of which may add up to one quantity; only slow ones may
         jump."""
         row, jumps = self.row @ model.sums, (self.jumps @ (model.sums != 0)) & model.may_jump
@@ -66,7 +66,7 @@ class Start:
     mean: Floats
     covariance: Floats
 
-    def for_model(self, model: Model) -> Start:
+    def for_model(self, model: ProcessModel) -> Start:
         """The initial state for the model's states: wave motion at its stationary covariance, slow motion as
         given."""
         covariance = np.zeros((model.may_jump.size,) * 2)
@@ -105,7 +105,7 @@ class Track:
     costate: Floats
     information: Floats
     filtered: FilteredStates
-    model: Model
+    model: ProcessModel
 
     @property
     def covariance(self) -> Floats:
@@ -130,14 +130,14 @@ class Track:
         return mean, covariance - onward.transpose(0, 2, 1) @ self.information[after] @ onward
 
 
-def predict_states(mean: Floats, covariance: Floats, dt_s: Floats, model: Model) -> tuple[Floats, Floats]:
+def predict_states(mean: Floats, covariance: Floats, dt_s: Floats, model: ProcessModel) -> tuple[Floats, Floats]:
     """States [k, states] and covariances after each of ``dt_s`` [k] without measurements."""
     forward, added, which = model.over(dt_s)
     forward = forward[which]
     return np.einsum("kij,kj->ki", forward, mean), forward @ covariance @ forward.transpose(0, 2, 1) + added[which]
 
 
-def smooth_steps(steps: Steps, start: Start, model: Model, gate: Gate, engine: Engine = "auto") -> Track:
+def smooth_steps(steps: Steps, start: Start, model: ProcessModel, gate: Gate, engine: Engine = "auto") -> Track:
     """Filter forwards, smooth backwards. ``start`` is at the first step's time; all in the model's states."""
     if engine == "filterpy" or (engine == "auto" and steps.time_s.size <= LONGEST_FOR_FILTERPY):
         return filter_and_smooth(steps, start, model, gate)
@@ -157,7 +157,7 @@ def smooth_steps(steps: Steps, start: Start, model: Model, gate: Gate, engine: E
 
 
 def innovations_of(
-    steps: Steps, starts: Floats, covariance: Floats, edges: Ints, model: Model, gate: Gate
+    steps: Steps, starts: Floats, covariance: Floats, edges: Ints, model: ProcessModel, gate: Gate
 ) -> tuple[Floats, Floats]:
     """Only the innovations and their variances, each [steps, channels]; NaN without measurement.
 
@@ -169,7 +169,7 @@ def innovations_of(
 
 
 def _filtered(
-    steps: Steps, starts: Floats, covariance: Floats, edges: Ints, model: Model, gate: Gate, *, keep: bool
+    steps: Steps, starts: Floats, covariance: Floats, edges: Ints, model: ProcessModel, gate: Gate, *, keep: bool
 ) -> tuple[Floats, Ints, Any]:
     """Transitions, which of them leads to each step, and what the compiled filter gives."""
     from seatrial.analysis.estimation.kalman_kernel import WIDTH, run_filter
@@ -201,7 +201,7 @@ class _Patience:
         self._times[channel] = self._times[channel] + 1 if refused else 0
 
 
-def filter_and_smooth(steps: Steps, start: Start, model: Model, gate: Gate) -> Track:
+def filter_and_smooth(steps: Steps, start: Start, model: ProcessModel, gate: Gate) -> Track:
     """As :func:`smooth_steps`, with filterpy's KalmanFilter and its RTS smoother."""
     from filterpy.kalman import KalmanFilter
 

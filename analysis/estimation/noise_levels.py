@@ -30,7 +30,7 @@ from seatrial.analysis.estimation.motion_model import (
     horizontal_steps,
     motion_steps,
 )
-from seatrial.analysis.estimation.process_models import Law, Model, WaveMotion, WhiteJerk
+from seatrial.analysis.estimation.process_models import Law, ProcessModel, WaveMotion, WhiteJerk
 
 _QUARTILE_OF_ABSOLUTE_NORMAL = 0.31864  # a quarter of |z| lies below it
 STRETCHES, STEPS_OF_STRETCH = 10, 200
@@ -86,16 +86,16 @@ class NoiseLevels:
         return _laws(self.yaw_jerk, *waves, _YAW_ORDER)
 
     @property
-    def heading_model(self) -> Model:
-        return Model((0,) * len(self.yaw_laws), self.yaw_laws)
+    def heading_model(self) -> ProcessModel:
+        return ProcessModel((0,) * len(self.yaw_laws), self.yaw_laws)
 
     @property
-    def motion_model(self) -> Model:
+    def motion_model(self) -> ProcessModel:
         """The model of heading, north and east, or along and across the waves."""
         shape = (self.wave_frequency_radps, self.wave_damping)
         along, across = (_laws(self.jerk, self.wave_speed * share, *shape) for share in (1.0, self.wave_across))
         quantities = (0,) * len(self.yaw_laws) + (1,) * len(along) + (2,) * len(across)
-        return Model(quantities, (*self.yaw_laws, *along, *across), self.wave_direction_rad)
+        return ProcessModel(quantities, (*self.yaw_laws, *along, *across), self.wave_direction_rad)
 
     @property
     def at_bounds(self) -> tuple[str, ...]:
@@ -275,7 +275,7 @@ class Search:
         families = (_laws(float(levels[2]), share * speed, frequency, damping, self.order) for share in shares)
         laws = [law for family in families for law in family]
         quantities = np.repeat(self.quantities, len(laws) // len(self.quantities))
-        model = Model(tuple(quantities.tolist()), tuple(laws), direction_rad)
+        model = ProcessModel(tuple(quantities.tolist()), tuple(laws), direction_rad)
         steps, start = self.steps.for_model(model), self.start.for_model(model)
         steps = replace(steps, variance=steps.variance * levels[self.level_of] ** 2 + self.added)
         innovation, variance = innovations_of(steps, start.mean, start.covariance, self.edges, model, self.gate)

@@ -154,7 +154,7 @@ the quantity may jump, as slow motion may and wave motion may not."""
 
 
 @dataclass(frozen=True, slots=True)
-class Model:
+class ProcessModel:
     """Blocks of states, each a process model of one of the three quantities, or a part of it.
 
     Wave motion of quantities 1 and 2, north and east, is along and across ``direction_rad`` instead.

@@ -83,7 +83,7 @@ class ChannelConsistency:
 
 
 @dataclass(frozen=True, slots=True)
-class Consistency:
+class FilterConsistency:
     """Consistency channel by channel; a channel without samples is absent."""
 
     channels: Mapping[str, ChannelConsistency]
@@ -94,7 +94,7 @@ class Consistency:
         }
 
 
-def consistency_of(time_s: Floats, innovation: Floats, deviation: Floats, refused: Bools) -> Consistency:
+def consistency_of(time_s: Floats, innovation: Floats, deviation: Floats, refused: Bools) -> FilterConsistency:
     """Compare innovations [steps, channels] with their standard deviations; rejected ones are counted and left
     out."""
     judged = {}
@@ -104,7 +104,7 @@ def consistency_of(time_s: Floats, innovation: Floats, deviation: Floats, refuse
         if kept.sum() >= 2 * _BLOCKS:
             ratio = innovation[kept, number] / deviation[kept, number]
             judged[name] = _consistency(ratio, int((valid & refused[:, number]).sum()))
-    return Consistency(judged)
+    return FilterConsistency(judged)
 
 
 def _consistency(ratio: Floats, refused: int) -> ChannelConsistency:
@@ -154,7 +154,7 @@ class SmoothedMotion:
     slow: pd.DataFrame
     noise: NoiseLevels
     rejected: pd.DataFrame
-    consistency: Consistency
+    consistency: FilterConsistency
 
     @property
     def remarks(self) -> tuple[str, ...]:

@@ -24,8 +24,8 @@ import numpy as np
 from seatrial.acquisition.core.angles import wrap_360
 from seatrial.acquisition.core.arrays import Floats
 from seatrial.acquisition.core.channels import POSE_AND_VELOCITY
-from seatrial.acquisition.core.kinematics import to_body
 from seatrial.analysis.estimation.local_polynomial import local_quadratic
+from seatrial.analysis.kinematics import to_ship
 from seatrial.analysis.manoeuvres.indices import Manoeuvre, indices_of, nominal_deg, unit_of
 from seatrial.analysis.manoeuvres.motion import (
     BY_DIFFERENCE,
@@ -308,7 +308,8 @@ def along_and_across(motion: Motion, start: float, time_s: float, heading_deg: f
     """Distance ahead and to starboard, relative to a heading, from the position at ``start`` [m]."""
     north = motion.at("north_m", time_s) - motion.at("north_m", start)
     east = motion.at("east_m", time_s) - motion.at("east_m", start)
-    return to_body(north, east, heading_deg)
+    ahead, starboard = to_ship(north, east, np.deg2rad(heading_deg))
+    return float(ahead), float(starboard)
 
 
 REPLICATES = 48

@@ -47,7 +47,7 @@ _HALF_TURN_DEG = 150.0
 
 
 @dataclass(frozen=True, slots=True)
-class Levels:
+class AlternatingLevels:
     """Two levels at the place where they first come in turn, how often they do, and the samples [n] of the channel
     that lie on the upper one (1), the lower one (-1) or in no such part (0)."""
 
@@ -58,7 +58,7 @@ class Levels:
     side: Ints
 
 
-def find_levels(samples: Series, channel: Channel) -> Levels | None:
+def find_levels(samples: Series, channel: Channel) -> AlternatingLevels | None:
     """The two levels that the values of a channel alternate between; None where they do not."""
     places, _, values = sort_by_time(samples, channel)
     steps = np.diff(values)
@@ -86,7 +86,7 @@ def find_levels(samples: Series, channel: Channel) -> Levels | None:
     if channel.unit in _RATES and abs(lower + upper) < _SYMMETRIC * distance:
         return None
     turns = np.count_nonzero(np.diff(side[places]) != 0)
-    return Levels(lower, upper, distance, int(turns), side)
+    return AlternatingLevels(lower, upper, distance, int(turns), side)
 
 
 def _alternate(blocks: Floats, separation: Floats, channel: Channel) -> Bools:
@@ -159,7 +159,7 @@ def _values_in_range(samples: Series, channel: Channel) -> Series:
     return replace(samples, value=np.where(is_possible(channel, samples.value), samples.value, np.nan))
 
 
-def _finding(channel: Channel, samples: Series, levels: Levels) -> Finding:
+def _finding(channel: Channel, samples: Series, levels: AlternatingLevels) -> Finding:
     lower, upper = (_main_source(samples, levels.side == side) for side in (-1, 1))
     named = lower != upper and bool(lower and upper)
     of = (f" ({lower})", f" ({upper})") if named else ("", "")

@@ -36,7 +36,7 @@ UNKNOWN = "not recorded"
 
 
 @dataclass(frozen=True, slots=True)
-class Ship:
+class ShipDimensions:
     """Main dimensions [m], from a vessel file or a person; a person may know the length only.
 
     ``title`` is what people call her, empty where only the file's ``name`` is known.
@@ -54,7 +54,10 @@ Rows = list[tuple[str, str]]
 
 
 def run_sheet(
-    recording: Recording, one_hz: pd.DataFrame, manoeuvres: Iterable[Manoeuvre] = (), ship: Ship | None = None
+    recording: Recording,
+    one_hz: pd.DataFrame,
+    manoeuvres: Iterable[Manoeuvre] = (),
+    ship: ShipDimensions | None = None,
 ) -> Rows:
     """What and its value as text, in the order of a run sheet; what is not known says so.
 
@@ -65,7 +68,9 @@ def run_sheet(
     return [*ship_rows(recording.trial, one_hz, runs, ship), *conditions, *file_rows(recording)]
 
 
-def ship_rows(trial: Trial, one_hz: pd.DataFrame, manoeuvres: Iterable[Manoeuvre], ship: Ship | None) -> Rows:
+def ship_rows(
+    trial: Trial, one_hz: pd.DataFrame, manoeuvres: Iterable[Manoeuvre], ship: ShipDimensions | None
+) -> Rows:
     """The ship's particulars and her loading."""
     stated, particulars = recorded_conditions(trial, pd.DataFrame()), particulars_of(trial)
     return [
@@ -94,7 +99,7 @@ def ship_rows(trial: Trial, one_hz: pd.DataFrame, manoeuvres: Iterable[Manoeuvre
 
 
 def condition_rows(
-    recording: Recording, one_hz: pd.DataFrame, manoeuvres: Iterable[Manoeuvre], ship: Ship | None
+    recording: Recording, one_hz: pd.DataFrame, manoeuvres: Iterable[Manoeuvre], ship: ShipDimensions | None
 ) -> Rows:
     """Time, place, water and weather of a trial, and where its antenna is."""
     trial = recording.trial
@@ -142,7 +147,7 @@ def _draughts(stated: Conditions) -> str:
     return f"{fore_m:g} m, {aft_m:g} m, from the mean of {stated.draught_m:g} m and the trim"
 
 
-def _block_coefficient(particulars: Particulars, stated: Conditions, ship: Ship | None) -> str:
+def _block_coefficient(particulars: Particulars, stated: Conditions, ship: ShipDimensions | None) -> str:
     """As stated, else by the displacement, length, beam and draught of the trial."""
     if particulars.block_coefficient is not None:
         return f"{particulars.block_coefficient:g}"
@@ -152,7 +157,7 @@ def _block_coefficient(particulars: Particulars, stated: Conditions, ship: Ship 
     return f"{stated.displacement_m3 / np.prod(np.array(sizes, dtype=float)):.3f}, from the displacement"
 
 
-def _rudders(particulars: Particulars, stated: Conditions, ship: Ship | None) -> str:
+def _rudders(particulars: Particulars, stated: Conditions, ship: ShipDimensions | None) -> str:
     area, draught_m = particulars.rudder_area_m2, stated.full_load_draught_m or (ship.draught_m if ship else None)
     ratio = (
         f" (1/{ship.between_perpendiculars_m * draught_m / area:.0f} of LT)" if area and ship and draught_m else ""
@@ -291,7 +296,7 @@ def _current(manoeuvres: Iterable[Manoeuvre], stated_mps: float | None) -> str:
 
 
 def _dimensions(
-    ship: Ship | None, stated: Conditions, one_hz: pd.DataFrame, manoeuvres: Iterable[Manoeuvre]
+    ship: ShipDimensions | None, stated: Conditions, one_hz: pd.DataFrame, manoeuvres: Iterable[Manoeuvre]
 ) -> Rows:
     """Dimensions and the ratios that the IMO's form asks for; the speed is that of the fastest approach, or without
     manoeuvres the median of what the ship made good."""

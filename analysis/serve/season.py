@@ -30,7 +30,7 @@ from seatrial.acquisition.core.files import make_folder
 from seatrial.acquisition.core.trial import software_version
 from seatrial.analysis.batch.batch import names_of, recordings_below, result_of
 from seatrial.analysis.batch.one_recording import WAITING, Row, first_look
-from seatrial.analysis.batch.workers import Job, failed_row
+from seatrial.analysis.batch.workers import BatchJob, failed_row
 from seatrial.analysis.products import Options, cause_of
 
 ASKED, LOOK, REST = range(3)
@@ -174,7 +174,7 @@ class Season:
             if kept_stamp == stamp and (urgency == LOOK or row["status"] != WAITING):
                 continue
             first, *later = map(str, files)
-            job = Job(name, first, str(self.out), self._options, later=tuple(later))
+            job = BatchJob(name, first, str(self.out), self._options, later=tuple(later))
             row = self._worker.row_of(_first_look if urgency == LOOK else result_of, job)
             with self._lock:
                 if self._ended:
@@ -205,7 +205,7 @@ def _state_of(path: Path) -> tuple[int, int]:
     return 0, 0
 
 
-def _first_look(job: Job) -> Row:
+def _first_look(job: BatchJob) -> Row:
     return {"name": job.name, **first_look([Path(job.path), *map(Path, job.later)])}
 
 
@@ -215,7 +215,7 @@ class _Worker:
     def __init__(self) -> None:
         self._process: SpawnProcess | None = None
 
-    def row_of(self, work: Callable[[Job], Row], job: Job) -> Row | None:
+    def row_of(self, work: Callable[[BatchJob], Row], job: BatchJob) -> Row | None:
         """The row that ``work`` makes of a job, or of its failure; None where it kills the process or hangs."""
         if self._process is None:
             context = get_context("spawn")

@@ -19,7 +19,7 @@ from seatrial.analysis.manoeuvres.indices import LeftOut
 from seatrial.analysis.speed_power.corrections import Correction, corrections_of, warnings_of
 from seatrial.analysis.speed_power.current import PowerCurve
 from seatrial.analysis.speed_power.runs import PowerRun, double_runs, power_runs
-from seatrial.analysis.speed_power.solution import Solution, SpeedTrial, solve, trial_of
+from seatrial.analysis.speed_power.solution import SpeedPowerSolution, SpeedTrial, solve, trial_of
 from seatrial.analysis.speed_power.uncertainty import Intervals, intervals_of, why_unbounded
 
 _BAND_POINTS = 25
@@ -163,7 +163,7 @@ def _analyse(runs: Sequence[PowerRun], given: Conditions, left_out: tuple[LeftOu
     best = solve(trial, over_ground, power)
     band_kw = np.linspace(best.power_kw.min(), best.power_kw.max(), _BAND_POINTS)
 
-    def speeds(solution: Solution) -> Floats:
+    def speeds(solution: SpeedPowerSolution) -> Floats:
         at_settings = solution.curve.speed_mps(best.means[:, 1])
         means = solution.means[:, 0] + (best.means[:, 1] - solution.means[:, 1]) / best.curve.slope(
             best.means[:, 0]
@@ -209,7 +209,7 @@ def _uncertainties(within: Intervals | None, place: int) -> tuple[Uncertainty, .
 
 
 def _sizes(
-    trial: SpeedTrial, speed: Floats, power: Floats, best: Solution, corrections: Iterable[Correction]
+    trial: SpeedTrial, speed: Floats, power: Floats, best: SpeedPowerSolution, corrections: Iterable[Correction]
 ) -> tuple[Correction, ...]:
     """The corrections with their sizes: the result with all of them less that without each."""
     highest_kw = float(best.means[:, 1].max())

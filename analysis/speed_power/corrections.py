@@ -50,7 +50,7 @@ class Correction:
 
 
 @dataclass(frozen=True, slots=True)
-class Sea:
+class RunSeas:
     """The sea of each run, arrays [runs]: significant height, mean period and direction of the waves, and depth.
 
     What was not recorded for a run is that of the conditions, NaN where they do not say it either.
@@ -62,14 +62,14 @@ class Sea:
     water_depth_m: Floats
 
 
-def sea_of(given: Conditions, runs: Sequence[PowerRun]) -> Sea:
+def sea_of(given: Conditions, runs: Sequence[PowerRun]) -> RunSeas:
     """The sea of each run."""
 
     def column(name: str) -> Floats:
         values = np.array([getattr(run, name) for run in runs], dtype=float)
         return np.where(np.isfinite(values), values, given.number(name))
 
-    return Sea(*map(column, ("wave_height_m", "wave_period_s", "wave_from_deg", "water_depth_m")))
+    return RunSeas(*map(column, ("wave_height_m", "wave_period_s", "wave_from_deg", "water_depth_m")))
 
 
 def wind_resistance_n(
@@ -91,7 +91,9 @@ def wind_resistance_n(
     return np.asarray(pressure * (coefficient * (ahead**2 + aside**2) - curve[0] * speed_mps**2))
 
 
-def wave_resistance_n(given: Conditions, heading_deg: Floats, speed_mps: Floats, sea: Sea, method: str) -> Floats:
+def wave_resistance_n(
+    given: Conditions, heading_deg: Floats, speed_mps: Floats, sea: RunSeas, method: str
+) -> Floats:
     """R_AWL by STAWAVE-1 or STAWAVE-2; nothing where waves are not from ahead."""
     ahead = from_ahead(heading_deg, sea.wave_from_deg)
     added = (
@@ -219,7 +221,7 @@ def _wind(given: Conditions, runs: Sequence[PowerRun]) -> tuple[bool, str]:
     return True, f"mean true wind of each double run, at the height of the coefficients; coefficients: {kind}"
 
 
-def _waves(given: Conditions, runs: Sequence[PowerRun], sea: Sea) -> tuple[bool, str]:
+def _waves(given: Conditions, runs: Sequence[PowerRun], sea: RunSeas) -> tuple[bool, str]:
     """STAWAVE-2 where what it asks for is known and within its range, else STAWAVE-1, else why neither."""
     if (sea.wave_height_m == 0.0).all():
         return False, "not needed: no waves"

@@ -12,7 +12,7 @@ from seatrial.acquisition.core.arrays import Floats
 from seatrial.analysis.speed_power.corrections import (
     RAVEN,
     Correction,
-    Sea,
+    RunSeas,
     ideal_power_kw,
     lackenby_mps,
     raven_kw,
@@ -44,7 +44,7 @@ class SpeedTrial:
     along: Floats
     wind_from_deg: Floats
     wind_mps: Floats
-    sea: Sea
+    sea: RunSeas
     groups: list[list[int]]
     pairs: Floats
     methods: Mapping[str, str]
@@ -59,7 +59,7 @@ class SpeedTrial:
 
 
 @dataclass(frozen=True, slots=True)
-class Solution:
+class SpeedPowerSolution:
     """What a trial was found to be.
 
     ``added_n`` is what was added to the resistance of each run [N], ``current`` what was found in the water as it
@@ -90,7 +90,7 @@ def trial_of(given: Conditions, runs: Sequence[PowerRun], corrections: Sequence[
     )  # fmt: skip
 
 
-def solve(trial: SpeedTrial, over_ground: Floats, power: Floats) -> Solution:
+def solve(trial: SpeedTrial, over_ground: Floats, power: Floats) -> SpeedPowerSolution:
     """The speeds, the current and the curve of measured speeds and powers."""
     given, settings = trial.given, len(trial.groups)
     through = np.array([over_ground[trial.pairs == pair].mean() for pair in trial.pairs])
@@ -107,7 +107,7 @@ def solve(trial: SpeedTrial, over_ground: Floats, power: Floats) -> Solution:
     curve = current.curve
     if trial.methods.keys() & {"shallow water", "displacement"}:
         curve = fit_curve(speed, final, settings)
-    return Solution(added, current, speed, final, curve, means)
+    return SpeedPowerSolution(added, current, speed, final, curve, means)
 
 
 def _added_n(trial: SpeedTrial, over_ground: Floats, through: Floats, power: Floats) -> dict[str, Floats]:

@@ -24,11 +24,11 @@ from seatrial.acquisition.core.arrays import Floats
 from seatrial.analysis.speed_power.corrections import WAVE_METHODS
 from seatrial.analysis.speed_power.current import TIDE_S
 from seatrial.analysis.speed_power.runs import PowerRun
-from seatrial.analysis.speed_power.solution import Solution, SpeedTrial, solve
+from seatrial.analysis.speed_power.solution import SpeedPowerSolution, SpeedTrial, solve
 from seatrial.analysis.speed_power.typical_wind import TYPICAL_WIND_RESISTANCE, wind_resistance_of
 from seatrial.analysis.speed_power.waves import BOW_DEG, GRAVITY_MPS2, from_ahead
 
-Outputs = Callable[[Solution], Floats]
+Outputs = Callable[[SpeedPowerSolution], Floats]
 """The speeds [m/s] that are wanted of a solution."""
 
 # What a current and a sea are like in general, set before and checked with the programmes 0 to 399 of
@@ -56,7 +56,7 @@ _FULLY_DEVELOPED = 0.21  # H g / U^2 of waves that the wind has raised for long 
 
 
 @dataclass(frozen=True, slots=True)
-class Source:
+class UncertaintySource:
     """One source of uncertainty: how far it moves each of the speeds [m/s], and their standard uncertainties."""
 
     name: str
@@ -70,18 +70,23 @@ class Intervals:
 
     shift_mps: Floats
     half_mps: Floats
-    sources: tuple[Source, ...]
+    sources: tuple[UncertaintySource, ...]
 
 
 def intervals_of(
-    trial: SpeedTrial, runs: Sequence[PowerRun], best: Solution, speed: Floats, power: Floats, outputs: Outputs
+    trial: SpeedTrial,
+    runs: Sequence[PowerRun],
+    best: SpeedPowerSolution,
+    speed: Floats,
+    power: Floats,
+    outputs: Outputs,
 ) -> Intervals:
     """The 95 % intervals of the ``outputs`` of a solution, of measured speeds over ground [m/s] and powers [kW]."""
     values = outputs(best)
     by_speed, by_power = _sensitivities(trial, speed, power, outputs, values)
     weights, variances = _random_part(trial, runs, best, speed, by_speed, by_power)
     sources = [
-        Source("current and scatter of the runs", np.zeros_like(values), np.sqrt(weights @ variances)),
+        UncertaintySource("current and scatter of the runs", np.zeros_like(values), np.sqrt(weights @ variances)),
         *_systematic_part(trial, speed, power, outputs, values),
     ]
     systematic = sum((source.standard_mps**2 for source in sources[1:]), start=np.zeros_like(values))
@@ -104,7 +109,12 @@ def _sensitivities(
 
 
 def _random_part(
-    trial: SpeedTrial, runs: Sequence[PowerRun], best: Solution, speed: Floats, by_speed: Floats, by_power: Floats
+    trial: SpeedTrial,
+    runs: Sequence[PowerRun],
+    best: SpeedPowerSolution,
+    speed: Floats,
+    by_speed: Floats,
+    by_power: Floats,
 ) -> tuple[Floats, Floats]:
     """How likely each current of the grid is, and the variances of the outputs with it [currents, outputs]."""
     errors = np.array([[run.speed_se_mps, run.power_se_kw] for run in runs])
@@ -171,14 +181,14 @@ class _Change:
 
 def _systematic_part(
     trial: SpeedTrial, speed: Floats, power: Floats, outputs: Outputs, values: Floats
-) -> Iterator[Source]:
+) -> Iterator[UncertaintySource]:
     changes = list(_changes(trial))
     for name in dict.fromkeys(change.name for change in changes):
         shift, variance = np.zeros_like(values), np.zeros_like(values)
         for change in (each for each in changes if each.name == name):
             moved = outputs(solve(change.trial, speed, power * change.power_factor)) - values
             shift, variance = shift + change.shift * moved, variance + (change.spread * moved) ** 2
-        yield Source(name, shift, np.sqrt(variance))
+        yield UncertaintySource(name, shift, np.sqrt(variance))
 
 
 def _changes(trial: SpeedTrial) -> Iterator[_Change]:

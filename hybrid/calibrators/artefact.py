@@ -31,7 +31,7 @@ from seatrial.hybrid.calibrators import METHODS, make_calibrator
 from seatrial.hybrid.calibrators.calibrator import Calibrator, require_shapes
 from seatrial.hybrid.calibrators.train import TrainedCalibrator
 from seatrial.hybrid.prediction.baselines import Fallback
-from seatrial.hybrid.prediction.dataset import Source
+from seatrial.hybrid.prediction.dataset import WindowSource
 from seatrial.hybrid.prediction.prediction_windows import PAST_S
 from seatrial.hybrid.vessel.plant import Plant, plant_hash, plant_numbers, plant_of
 
@@ -51,7 +51,7 @@ Error = Annotated[FiniteFloat, Field(gt=0.0, le=_FARTHEST_M)]
 
 
 @dataclass(frozen=True, slots=True)
-class Quantity:
+class ScaledQuantity:
     """An input or output: unit, scaling and range in training; no deviation if it was constant."""
 
     name: str
@@ -63,13 +63,13 @@ class Quantity:
 
 
 @dataclass(frozen=True, slots=True)
-class Model:
+class CalibratorDescription:
     """A calibrator: its method and seed, inputs and outputs; for a user-defined one the hash of its file."""
 
     method: str
     seed: NonNegativeInt
-    inputs: tuple[Quantity, ...]
-    outputs: tuple[Quantity, ...]
+    inputs: tuple[ScaledQuantity, ...]
+    outputs: tuple[ScaledQuantity, ...]
     code_sha256: Digest | Literal[""] = ""
 
 
@@ -107,13 +107,13 @@ class Sidecar:
     past_s: NonNegativeInt
     channels: tuple[str, ...]
     vessel: Reference
-    calibrator: Model
+    calibrator: CalibratorDescription
     files: dict[str, Digest]
     region_m: tuple[SemiAxes, ...]
     reserve: StoredFallback
-    data: tuple[Source, ...]
+    data: tuple[WindowSource, ...]
     metrics: dict[str, JsonValue]
-    data_driven: Model | None = None
+    data_driven: CalibratorDescription | None = None
     any_commands: bool = False
     actuators: str = ""
 
@@ -126,10 +126,10 @@ class _Head:
 _SIDECAR, _HEAD = TypeAdapter(Sidecar), TypeAdapter(_Head)
 
 
-def model_of(calibrator: Calibrator, tensors: Mapping[str, Floats]) -> Model:
+def model_of(calibrator: Calibrator, tensors: Mapping[str, Floats]) -> CalibratorDescription:
     """A calibrator's description; the scaling comes from its ``tensors`` if they contain one."""
     method = absolute(calibrator.method)
-    return Model(
+    return CalibratorDescription(
         method,
         calibrator.seed,
         _quantities("input", calibrator.inputs, tensors),
@@ -138,13 +138,13 @@ def model_of(calibrator: Calibrator, tensors: Mapping[str, Floats]) -> Model:
     )
 
 
-def _quantities(side: str, names: tuple[str, ...], tensors: Mapping[str, Floats]) -> tuple[Quantity, ...]:
+def _quantities(side: str, names: tuple[str, ...], tensors: Mapping[str, Floats]) -> tuple[ScaledQuantity, ...]:
     rows = {key: tensors.get(f"{side}.{key}") for key in ("mean", "deviation")}
     low_high = tensors.get(f"{side}.range")
     rows |= dict(zip(("low", "high"), (None, None) if low_high is None else low_high, strict=True))
     columns = {key: row.tolist() for key, row in rows.items() if row is not None and row.shape == (len(names),)}
     return tuple(
-        Quantity(name, unit_of(name), **{key: _finite(column[i]) for key, column in columns.items()})
+        ScaledQuantity(name, unit_of(name), **{key: _finite(column[i]) for key, column in columns.items()})
         for i, name in enumerate(names)
     )
 
@@ -184,7 +184,7 @@ def read_sidecar(folder: Path, method: str | None = None) -> tuple[Sidecar, Plan
     return sidecar, _plant(sidecar, path)
 
 
-def _with_code(model: Model, method: str | None, path: Path) -> Model:
+def _with_code(model: CalibratorDescription, method: str | None, path: Path) -> CalibratorDescription:
     """A model with the code that a user named for it. Raises :class:`InputError` for a file that nobody named.
 
     A calibrator from elsewhere could otherwise run what it brings along.
@@ -247,7 +247,7 @@ def _check(sidecar: Sidecar, path: Path) -> None:
         raise damage_error(path, f"data_driven.method is {_short(sidecar.data_driven.method)}, not {PARTS[1]}")
 
 
-def _check_code(model: Model, path: Path) -> None:
+def _check_code(model: CalibratorDescription, path: Path) -> None:
     """Require the unchanged user file that made a calibrator. Raises :class:`InputError`."""
     digest = digest_of(model.method, "calibrators")
     if not digest:
@@ -368,7 +368,7 @@ def _fallback_from(stored: StoredFallback) -> Fallback:
     return Fallback(training_m, hindcast_m, np.array(stored.region))
 
 
-def _restored(sidecar: Sidecar, model: Model, part: str, plant: Plant, folder: Path) -> Calibrator:
+def _restored(sidecar: Sidecar, model: CalibratorDescription, part: str, plant: Plant, folder: Path) -> Calibrator:
     """The calibrator described by a ``part`` of the sidecar, with its weights, if they match."""
     tensors = _tensors(folder / _file(part), sidecar.files)
     calibrator = make_calibrator(model.method, model.seed, plant)

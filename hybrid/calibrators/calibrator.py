@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from seatrial.acquisition.core.actuators import DEFAULT, Actuators
 from seatrial.acquisition.core.arrays import Bools, Floats
 from seatrial.acquisition.core.progress import Progress
-from seatrial.hybrid.prediction.baselines import BASELINES, Candidate, Fallback
+from seatrial.hybrid.prediction.baselines import BASELINES, CandidatePrediction, Fallback
 from seatrial.hybrid.prediction.prediction_windows import PredictionWindows
 from seatrial.hybrid.prediction.regions import conformal_region
 
@@ -111,7 +111,7 @@ class Calibrator(ABC):
         constant."""
         return self.predict(windows, reference), np.ones((len(windows), windows.horizon_s))
 
-    def beside_baselines(self, windows: PredictionWindows, tracks: Floats) -> Candidate | None:
+    def beside_baselines(self, windows: PredictionWindows, tracks: Floats) -> CandidatePrediction | None:
         """Its predicted ``tracks`` [N, H+1, 3] as a candidate for the average of :class:`Fallback`.
 
         If None, they are used alone inside the domain of applicability.

@@ -28,7 +28,7 @@ from seatrial.acquisition.core.errors import InputError
 from seatrial.acquisition.core.progress import Progress
 from seatrial.hybrid.calibrators import refuse_untrainable
 from seatrial.hybrid.calibrators.calibrator import Calibrator, DomainOfApplicability, Examples, require_shapes
-from seatrial.hybrid.prediction.baselines import HINDCAST_S, Candidate, constant_velocity, mean_known
+from seatrial.hybrid.prediction.baselines import HINDCAST_S, CandidatePrediction, constant_velocity, mean_known
 from seatrial.hybrid.prediction.baselines import reference as model_tracks
 from seatrial.hybrid.prediction.kalman_filter import filtered_starts
 from seatrial.hybrid.prediction.prediction_windows import PredictionWindows, hindcast_windows
@@ -204,8 +204,8 @@ class NetworkCalibrator(Calibrator):
         before = filtered_starts(hindcast_windows(windows, min(HINDCAST_S, trained_s)), self.plant)
         return mean_distances(self.predict(before, model_tracks(before, self.plant)), before.track)
 
-    def beside_baselines(self, windows: PredictionWindows, tracks: Floats) -> Candidate | None:
-        return Candidate(tracks, self._hindcast_m(windows), self.usual_error_m_) if self.plant else None
+    def beside_baselines(self, windows: PredictionWindows, tracks: Floats) -> CandidatePrediction | None:
+        return CandidatePrediction(tracks, self._hindcast_m(windows), self.usual_error_m_) if self.plant else None
 
     def predict(self, windows: PredictionWindows, reference: Floats) -> Floats:
         """The predicted track [N, H+1, 3]; the heading, which is not learned, is the reference's or

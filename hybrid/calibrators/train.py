@@ -20,7 +20,7 @@ from seatrial.hybrid.calibrators import can_train, make_calibrator
 from seatrial.hybrid.calibrators.calibrator import Calibrator, Examples, PredictedTracks, predict_with_fallback
 from seatrial.hybrid.effects.catalogue import vessel_plant
 from seatrial.hybrid.prediction.baselines import Fallback
-from seatrial.hybrid.prediction.dataset import Dataset, Source, within_model_range
+from seatrial.hybrid.prediction.dataset import Dataset, WindowSource, within_model_range
 from seatrial.hybrid.prediction.prediction_windows import PredictionWindows, clear_of, draw_windows, unlike_groups
 from seatrial.hybrid.prediction.scores import score
 from seatrial.hybrid.vessel.files import load_vessel
@@ -57,7 +57,7 @@ class TrainedCalibrator(ModelResult):
     plant: Plant
     region_m: Floats
     fallback: Fallback
-    sources: tuple[Source, ...]
+    sources: tuple[WindowSource, ...]
     metrics: dict[str, Any]
     trained_at: datetime = field(default_factory=lambda: datetime.now(UTC).replace(microsecond=0))
     versions: dict[str, str] = field(default_factory=versions)

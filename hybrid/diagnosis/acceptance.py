@@ -28,7 +28,7 @@ from seatrial.acquisition.core.arrays import Floats, Ints
 from seatrial.hybrid.diagnosis.disturbance_model import FORCE_UNITS
 from seatrial.hybrid.diagnosis.evidence import (
     Evidence,
-    Fit,
+    JointFit,
     NormalEquations,
     evidence_of,
     explained_by,
@@ -105,7 +105,7 @@ def acceptance_tests(evidence: Evidence, names: tuple[str, ...], name: str) -> A
     return AcceptanceTests(name, gain, p_value, spread, p_held_out, _large_enough(evidence, together, name))
 
 
-def _noncentrality(evidence: Evidence, fit: Fit, name: str) -> Floats:
+def _noncentrality(evidence: Evidence, fit: JointFit, name: str) -> Floats:
     """The noncentrality [L] of the gain in each leg for an effect of the fitted size."""
     columns = np.array(evidence.columns([name]))
     values = fit.values[evidence.places(fit, name)]
@@ -129,7 +129,7 @@ def chance_of_gains(gains: Floats) -> float:
     return float(t.sf(gains.mean() / max(float(deviation), 1e-12), max(len(gains) - 1, 1)))
 
 
-def _large_enough(evidence: Evidence, fit: Fit, name: str) -> bool:
+def _large_enough(evidence: Evidence, fit: JointFit, name: str) -> bool:
     """Whether the effect may be as large as the smallest size of interest."""
     effect = evidence.equations.model.catalogue[name]
     places = evidence.places(fit, name)

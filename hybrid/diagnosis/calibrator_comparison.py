@@ -21,7 +21,7 @@ from seatrial.analysis.tables.resample import resample
 from seatrial.analysis.windows.recordings import second_by_second
 from seatrial.hybrid.calibrators.train import METHOD
 from seatrial.hybrid.diagnosis.gap import FOLDS, HORIZON_S, fold_of
-from seatrial.hybrid.diagnosis.linearise import Model
+from seatrial.hybrid.diagnosis.linearise import ModelWithEffects
 from seatrial.hybrid.diagnosis.log import Log, tables_by_recording
 from seatrial.hybrid.diagnosis.nuisance_basis import OPERATION
 from seatrial.hybrid.diagnosis.result import Diagnosis, Ladder, Ratio, UnknownCause
@@ -29,7 +29,7 @@ from seatrial.hybrid.diagnosis.select_effects import Coordinates
 from seatrial.hybrid.diagnosis.time_varying import time_varying_among
 from seatrial.hybrid.diagnosis.verdict import Conclusion
 from seatrial.hybrid.evaluation.splits import Draw, with_stopping
-from seatrial.hybrid.evaluation.study import Errors, evaluate_draw, pool_draws
+from seatrial.hybrid.evaluation.study import MethodErrors, evaluate_draw, pool_draws
 from seatrial.hybrid.prediction.baselines import reference
 from seatrial.hybrid.prediction.dataset import dataset_of
 from seatrial.hybrid.prediction.prediction_windows import PredictionWindows
@@ -109,7 +109,7 @@ def draws_of_folds(windows: PredictionWindows, seconds: Ints, seed: int) -> dict
 def ladder(
     windows: PredictionWindows,
     seconds: Ints,
-    model: Model,
+    model: ModelWithEffects,
     named: Mapping[int, Coordinates] | None,
     *,
     method: str = METHOD,
@@ -151,9 +151,9 @@ def doubted_by_calibrator(diagnosis: Diagnosis, ladder: Ladder) -> Diagnosis:
 
 def _rungs(
     draw: Draw, windows: PredictionWindows, bases: Mapping[str, Plant], method: str, seed: int, progress: Progress
-) -> dict[str, Errors]:
+) -> dict[str, MethodErrors]:
     """The errors of each model, and of a calibrator on top of it, on the windows that ``draw`` holds out."""
-    models, calibrated = dict[str, Errors](), dict[str, Errors]()
+    models, calibrated = dict[str, MethodErrors](), dict[str, MethodErrors]()
     for number, (name, plant) in enumerate(bases.items()):
         examples = windows, reference(windows, plant)
         errors = evaluate_draw(draw, examples, [method], plant, seed, part_of(progress, number, len(bases)))
@@ -163,7 +163,11 @@ def _rungs(
 
 
 def _together(
-    windows: PredictionWindows, draws: Sequence[Draw], rungs: Sequence[Mapping[str, Errors]], method: str, seed: int
+    windows: PredictionWindows,
+    draws: Sequence[Draw],
+    rungs: Sequence[Mapping[str, MethodErrors]],
+    method: str,
+    seed: int,
 ) -> Ladder:
     """The means over all test windows, and the ladder's ratios, with intervals over legs."""
     result = pool_draws("leg", windows, draws, rungs)

@@ -35,7 +35,7 @@ from seatrial.hybrid.diagnosis.acceptance import (
     lack_of_fit_that_matters,
     pairs_spanning,
 )
-from seatrial.hybrid.diagnosis.evidence import Evidence, Fit, marginalise
+from seatrial.hybrid.diagnosis.evidence import Evidence, JointFit, marginalise
 from seatrial.hybrid.diagnosis.gap import (
     LinearTracks,
     UnseenWindows,
@@ -372,7 +372,7 @@ def replications(evidence: Evidence, names: Sequence[str], parts: Collection[Evi
     return {name: judged(name) for name in names}
 
 
-def _size_along(part: Evidence, fit: Fit, name: str, along: Floats) -> tuple[float, float]:
+def _size_along(part: Evidence, fit: JointFit, name: str, along: Floats) -> tuple[float, float]:
     """The size of an effect in a part of a trial, along the direction that it has in the whole, and its error."""
     places = part.places(fit, name)
     return float(along @ fit.values[places]), float(np.sqrt(along @ fit.covariance[np.ix_(places, places)] @ along))

@@ -5,8 +5,8 @@ wave motion, three damped oscillators (north, east, yaw) with their rates, at th
 one scaled by how far the waves come from the side; the slow drift of the waves, one force (Ornstein-Uhlenbeck)
 along the direction in which they travel, with the shares of the mean drift in surge, sway and yaw (Newman 1974,
 Int. Symp. Dynamics of Marine Vehicles); and the drift of each sensor (Ornstein-Uhlenbeck). Wave motion, wave drift
-and sensor drift are left out where there are none. :class:`Noise` holds all levels; the system is compiled for
-:mod:`seatrial.analysis.estimation.kalman_kernel`.
+and sensor drift are left out where there are none. :class:`DisturbanceNoise` holds all levels; the system is
+compiled for :mod:`seatrial.analysis.estimation.kalman_kernel`.
 
 The filter starts each block from an unknown state, so every block has a free start. Innovations divided by
 their standard deviations are the whitened errors. The filter is linear, so the change of these errors with an
@@ -42,7 +42,7 @@ FORCE_UNITS = np.array([1e3, 1e3, 1e4])
 
 
 @dataclass(frozen=True, slots=True)
-class Noise:
+class DisturbanceNoise:
     """Standard deviations, SI.
 
     The first five are of each sensor's mean over a second. ``gust`` is the force that changes from second to
@@ -107,7 +107,7 @@ class NoiseEstimate:
     """
 
     linearisation: Linearisation
-    noise: Noise
+    noise: DisturbanceNoise
 
 
 CALM, SWING, PUSH, DRIFT = 9, 6, 1, 6
@@ -308,7 +308,9 @@ def columns_of(linear: LinearModel, effects: Sequence[Signature], features: Floa
     return Columns(drive, seen, none if features is None else features)
 
 
-def whiten(linear: LinearModel, columns: Columns, noise: Noise, edges: NDArray[np.int64]) -> tuple[Floats, Floats]:
+def whiten(
+    linear: LinearModel, columns: Columns, noise: DisturbanceNoise, edges: NDArray[np.int64]
+) -> tuple[Floats, Floats]:
     """Whitened columns [T, 6, C] and variances of the innovations [T, 6], 1 where there was no measurement.
 
     ``edges`` [blocks + 1] are the first rows of the blocks, and the end.
@@ -321,7 +323,7 @@ def whiten(linear: LinearModel, columns: Columns, noise: Noise, edges: NDArray[n
 
 
 def smooth_state(
-    linear: LinearModel, data: Columns, noise: Noise, edges: NDArray[np.int64]
+    linear: LinearModel, data: Columns, noise: DisturbanceNoise, edges: NDArray[np.int64]
 ) -> tuple[Floats, Floats]:
     """The smoothed deviation from the linearisation [T, 6] and slow force [T, 3], with their variances.
 
@@ -334,14 +336,14 @@ def smooth_state(
     return mean * unit, variance * unit**2
 
 
-def wave_push(noise: Noise, origin: Floats) -> Floats:
+def wave_push(noise: DisturbanceNoise, origin: Floats) -> Floats:
     """The force along, across and in yaw of a unit of wave drift, at headings of ``origin`` [N, 6]: [N, 3]."""
     relative_rad = noise.wave_towards_rad - origin[:, 2]
     force = wave_drift_at.py_func(1.0, noise.length_m, np.cos(relative_rad), np.sin(relative_rad))
     return np.asarray(np.column_stack(force) * FORCE_UNITS[0] / FORCE_UNITS)
 
 
-def _system(linear: LinearModel, noise: Noise) -> tuple[Floats, ...]:
+def _system(linear: LinearModel, noise: DisturbanceNoise) -> tuple[Floats, ...]:
     """The system as arguments of the compiled loops."""
     return linear.A, linear.B * FORCE_UNITS, linear.H, linear.origin, noise.as_array()
 

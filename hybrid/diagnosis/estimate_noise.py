@@ -20,7 +20,7 @@ from seatrial.hybrid.diagnosis.disturbance_model import (
     FORCE_UNITS,
     GRAVITY_MPS2,
     Columns,
-    Noise,
+    DisturbanceNoise,
     NoiseEstimate,
     smooth_state,
     whiten,
@@ -37,7 +37,7 @@ from seatrial.hybrid.diagnosis.evidence import (
 from seatrial.hybrid.diagnosis.linearise import (
     Linearisation,
     LinearModel,
-    Model,
+    ModelWithEffects,
     by_stage,
     linearise,
     sensor_readings,
@@ -85,7 +85,7 @@ def estimate_noise(linearisation: Linearisation, progress: Progress = lambda sha
     The smoother knows nothing of ships: where a thruster moves, it lags. The model with all possible effects
     and disturbances does not. So the noise is estimated twice, and the second estimate is used.
     """
-    noise: Noise | None = None
+    noise: DisturbanceNoise | None = None
     for round_ in range(2):
         log, model = linearisation.log, linearisation.model
         design = design_matrix(linearisation, FEW)
@@ -102,7 +102,7 @@ def estimate_noise(linearisation: Linearisation, progress: Progress = lambda sha
     return NoiseEstimate(linearisation, noise)
 
 
-def _likeliest_noise(design: DesignMatrix, start: Noise | None = None) -> Noise:
+def _likeliest_noise(design: DesignMatrix, start: DisturbanceNoise | None = None) -> DisturbanceNoise:
     """Noise levels from blocks spread over the log, after removing a draw of everything that may be missing."""
     chosen = design.log.spread_blocks(_NOISE_S)
     linear, part = subset_of(design.linear, chosen), design.log.subset(chosen)
@@ -123,8 +123,13 @@ def _likeliest_noise(design: DesignMatrix, start: Noise | None = None) -> Noise:
 
 
 def _fit_if_better(
-    linear: LinearModel, data: Columns, edges: Ints, simpler: tuple[Noise, float], begin: Noise, price: float
-) -> tuple[Noise, float]:
+    linear: LinearModel,
+    data: Columns,
+    edges: Ints,
+    simpler: tuple[DisturbanceNoise, float],
+    begin: DisturbanceNoise,
+    price: float,
+) -> tuple[DisturbanceNoise, float]:
     """The levels from ``begin``, which has more parameters, and their cost, if that is lower by their ``price``."""
     if begin is simpler[0]:
         return simpler
@@ -132,9 +137,9 @@ def _fit_if_better(
     return extended if extended[1] < simpler[1] - price else simpler
 
 
-def _first_guess(log: Log, model: Model) -> Noise:
+def _first_guess(log: Log, model: ModelWithEffects) -> DisturbanceNoise:
     """The start of the search: the smoother's estimates, or levels typical of a ship of this scale."""
-    grown, usual = np.array([growth(unit, model.scale) for unit in ("N", "N", "N m")]), Noise()
+    grown, usual = np.array([growth(unit, model.scale) for unit in ("N", "N", "N m")]), DisturbanceNoise()
     gust, slow = ((grown * level).tolist() for level in (usual.gust, usual.slow))
     usual = replace(usual, gust=tuple(gust), slow=tuple(slow), length_m=model.base.length_overall_m)
     if (levels := log.levels) is None:
@@ -159,7 +164,7 @@ def _first_guess(log: Log, model: Model) -> Noise:
     )
 
 
-def _both_ways(noise: Noise, scale: float) -> list[Noise]:
+def _both_ways(noise: DisturbanceNoise, scale: float) -> list[DisturbanceNoise]:
     """Starts with waves either way along their axis; where the smoother found none, with and without small ones."""
     if not noise.has_waves:
         north, east, yaw = _SMALL_WAVES
@@ -167,7 +172,7 @@ def _both_ways(noise: Noise, scale: float) -> list[Noise]:
     return [noise, replace(noise, wave_towards_rad=noise.wave_towards_rad + np.pi)]
 
 
-def _without_effects(design: DesignMatrix, noise: Noise, seed: int | None) -> tuple[Columns, Floats]:
+def _without_effects(design: DesignMatrix, noise: DisturbanceNoise, seed: int | None) -> tuple[Columns, Floats]:
     """The data after removing all effects and force features, one column, and their part in the sensors [T, 6].
 
     With a ``seed`` a posterior draw of them is removed, without one their posterior mode.
@@ -197,7 +202,9 @@ def _without_effects(design: DesignMatrix, noise: Noise, seed: int | None) -> tu
     return Columns(drive[:, :, None].copy(), seen[:, :, None].copy(), np.zeros((len(drive), 0))), sensors
 
 
-def fit_noise(linear: LinearModel, data: Columns, edges: Ints, start: Noise, steps: int) -> tuple[Noise, float]:
+def fit_noise(
+    linear: LinearModel, data: Columns, edges: Ints, start: DisturbanceNoise, steps: int
+) -> tuple[DisturbanceNoise, float]:
     """Maximum-likelihood levels for one column of data, from ``start``, and the negative log likelihood.
 
     Takes at most ``steps`` steps.
@@ -213,7 +220,7 @@ def fit_noise(linear: LinearModel, data: Columns, edges: Ints, start: Noise, ste
     return _noise(start, optimum), 0.5 * cost
 
 
-def _innovations(linear: LinearModel, data: Columns, edges: Ints, noise: Noise) -> tuple[Floats, Floats]:
+def _innovations(linear: LinearModel, data: Columns, edges: Ints, noise: DisturbanceNoise) -> tuple[Floats, Floats]:
     """All innovations and their variances."""
     z, variance = whiten(linear, data, noise, edges)
     there = np.isfinite(data.readings[:, :, 0])
@@ -235,18 +242,18 @@ def _largest_levels(linear: LinearModel, data: Columns) -> Floats:
     return np.asarray(np.log(_ROOM * np.maximum(level[[0, 2, 3, 4, 5]], np.exp(_LEAST))))
 
 
-def _searched(noise: Noise) -> tuple[str, ...]:
+def _searched(noise: DisturbanceNoise) -> tuple[str, ...]:
     """The parameters that are searched: all that are not zero throughout."""
     more = ((_WAVES, noise.has_waves), (_DRIFT, noise.has_drift), (_WAVE_DRIFT, noise.wave_drift_n > 0.0))
     return (*_SENSORS, *_FORCES, *(name for names, there in more if there for name in names))
 
 
-def _parameters(noise: Noise) -> Floats:
+def _parameters(noise: DisturbanceNoise) -> Floats:
     """The search parameters: logarithms of levels, the inverse tanh of a correlation, a direction."""
     return np.hstack([_SEARCHED_AS.get(name, _LEVEL)[0](getattr(noise, name)) for name in _searched(noise)])
 
 
-def _noise(start: Noise, parameters: Floats) -> Noise:
+def _noise(start: DisturbanceNoise, parameters: Floats) -> DisturbanceNoise:
     """The noise of search parameters; the inverse of :func:`_parameters`."""
     levels, names = dict[str, Any](), _searched(start)
     ends = np.cumsum([np.size(getattr(start, name)) for name in names])
@@ -256,7 +263,7 @@ def _noise(start: Noise, parameters: Floats) -> Noise:
     return replace(start, **levels)
 
 
-def _bounds(kind: Noise, most: Floats) -> tuple[Floats, Floats]:
+def _bounds(kind: DisturbanceNoise, most: Floats) -> tuple[Floats, Floats]:
     """Lower and upper bounds of the search parameters; ``most`` [5] are upper bounds for the sensors."""
     searched, bounds = _searched(kind), dict(_BOUNDS)
     if kind.wave_drift_n > 0.0:
@@ -267,7 +274,7 @@ def _bounds(kind: Noise, most: Floats) -> tuple[Floats, Floats]:
     return low, high
 
 
-def start_of_wave_drift(noise: Noise) -> Noise:
+def start_of_wave_drift(noise: DisturbanceNoise) -> DisturbanceNoise:
     """The start of the search for slow drift of the waves, in the place of most of the slow forces.
 
     It is as large as the larger of those in surge and sway; waves too small to push as much give the known noise.
@@ -279,19 +286,19 @@ def start_of_wave_drift(noise: Noise) -> Noise:
     return replace(noise, slow=(surge, sway, yaw), wave_drift_n=level, wave_drift_s=noise.slow_s)
 
 
-def _largest_wave_drift_n(noise: Noise) -> float:
+def _largest_wave_drift_n(noise: DisturbanceNoise) -> float:
     """The mean drift in waves that are all reflected (Maruo 1960), ten times for those that move a ship little."""
     variance_m2 = noise.waves[0] ** 2 + noise.waves[1] ** 2
     return 10.0 * SEA_WATER_KGPM3 * GRAVITY_MPS2 * noise.length_m * variance_m2
 
 
-def start_of_drift(linear: LinearModel, data: Columns, edges: Ints, noise: Noise) -> Noise:
+def start_of_drift(linear: LinearModel, data: Columns, edges: Ints, noise: DisturbanceNoise) -> DisturbanceNoise:
     """The start of the search for sensor drift: the given noise, and a drift of each sensor that may have one.
 
     Each sensor is tried by itself: does a drift as large as its noise raise the likelihood?
     """
 
-    def cost(noise: Noise) -> float:
+    def cost(noise: DisturbanceNoise) -> float:
         return robust_cost(*_innovations(linear, data, edges, noise), _SCORING.limit)
 
     plain, drift = cost(noise), [0.0] * len(_SENSORS)

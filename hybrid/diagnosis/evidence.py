@@ -28,7 +28,7 @@ from seatrial.acquisition.core.progress import Progress
 from seatrial.hybrid.diagnosis.disturbance_model import (
     FORCE_UNITS,
     Columns,
-    Noise,
+    DisturbanceNoise,
     NoiseEstimate,
     columns_of,
     whiten,
@@ -74,7 +74,7 @@ def explained_by(inner: Floats, columns: Ints, explaining: Ints) -> Floats:
 
 
 @dataclass(frozen=True, slots=True)
-class Fit:
+class JointFit:
     """A joint fit of some columns: values, covariance, and the part of z' V^-1 z that they explain."""
 
     columns: tuple[int, ...]
@@ -83,17 +83,17 @@ class Fit:
     gain: float
 
 
-def fit_columns(inner: Floats, columns: Sequence[int], prior: Floats | None = None) -> Fit:
+def fit_columns(inner: Floats, columns: Sequence[int], prior: Floats | None = None) -> JointFit:
     """Fit ``columns`` to column 0 of the reduced inner products; ``prior`` are standard deviations about zero."""
     index = np.array(columns, dtype=int)
     if not index.size:
-        return Fit((), np.zeros(0), np.zeros((0, 0)), 0.0)
+        return JointFit((), np.zeros(0), np.zeros((0, 0)), 0.0)
     information, right = inner[np.ix_(index, index)].copy(), inner[index, 0]
     if prior is not None:
         information[np.diag_indices_from(information)] += prior**-2.0
     factor = cho_factor(information + 1e-12 * np.diag(np.diag(information)), check_finite=False)
     values = cho_solve(factor, right)
-    return Fit(tuple(columns), values, cho_solve(factor, np.eye(len(index))), float(right @ values))
+    return JointFit(tuple(columns), values, cho_solve(factor, np.eye(len(index))), float(right @ values))
 
 
 def draw_columns(inner: Floats, columns: Sequence[int], prior: Floats, seed: int) -> Floats:
@@ -237,7 +237,7 @@ class NormalEquations(Linearisation):
 
     layout: ColumnLayout
     force_range: Floats
-    noise: Noise
+    noise: DisturbanceNoise
     gram: Floats
     nuisance: Ints
     nuisance_scale: Floats
@@ -250,7 +250,7 @@ def weigh_evidence(estimate: NoiseEstimate) -> Evidence:
 
 def normal_equations(
     linearisation: Linearisation,
-    noise: Noise,
+    noise: DisturbanceNoise,
     interactions: Sequence[str] = (),
     progress: Progress = lambda share: None,
     number: int = FEATURES,
@@ -328,7 +328,11 @@ def _nuisances(design: DesignMatrix) -> tuple[Ints, Floats]:
 
 
 def gram_matrices(
-    log: Log, linear: LinearModel, columns: Columns, noise: Noise, progress: Progress = lambda share: None
+    log: Log,
+    linear: LinearModel,
+    columns: Columns,
+    noise: DisturbanceNoise,
+    progress: Progress = lambda share: None,
 ) -> Floats:
     """Gram matrices of all whitened columns by leg [L, C, C]; only a few legs are in memory at a time."""
     result = np.empty((log.legs, columns.count, columns.count))
@@ -400,11 +404,11 @@ class Evidence:
         single = min(float(chi2.sf(max(gain, 0.0), degrees)), 1.0 - 1e-12)
         return -expm1(len(self.names) * log1p(-single))
 
-    def fit(self, names: Sequence[str], prior: bool = False) -> Fit:
+    def fit(self, names: Sequence[str], prior: bool = False) -> JointFit:
         """The joint fit of ``names`` by least squares, or with their priors its posterior mode."""
         return fit_columns(self.inner, self.columns(names), self.prior(names) if prior else None)
 
-    def places(self, fit: Fit, name: str) -> list[int]:
+    def places(self, fit: JointFit, name: str) -> list[int]:
         """The positions of an effect's coordinates in a fit."""
         return [fit.columns.index(column) for column in self.columns([name])]
 

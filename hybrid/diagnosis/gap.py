@@ -22,11 +22,17 @@ from seatrial.acquisition.core.actuators import control_names
 from seatrial.acquisition.core.arrays import Floats, Ints
 from seatrial.analysis.estimation.process_models import decay
 from seatrial.hybrid.diagnosis.acceptance import FALSE_ALARM
-from seatrial.hybrid.diagnosis.disturbance_model import FORCE_UNITS, Noise, columns_of, smooth_state, wave_push
+from seatrial.hybrid.diagnosis.disturbance_model import (
+    FORCE_UNITS,
+    DisturbanceNoise,
+    columns_of,
+    smooth_state,
+    wave_push,
+)
 from seatrial.hybrid.diagnosis.evidence import Evidence, NormalEquations, evidence_of, restored_data
 from seatrial.hybrid.diagnosis.linearise import (
     DT_S,
-    Model,
+    ModelWithEffects,
     acting_settings,
     by_stage,
     one_second_paths,
@@ -113,7 +119,7 @@ class UnseenWindows:
     """
 
     log: Log
-    model: Model
+    model: ModelWithEffects
     starts: Ints
     fold: Ints
     measured: Floats
@@ -156,7 +162,7 @@ class UnseenWindows:
         return np.array(means)
 
 
-def unseen_windows(log: Log, model: Model) -> UnseenWindows:
+def unseen_windows(log: Log, model: ModelWithEffects) -> UnseenWindows:
     """The consecutive windows of a log, with the predictions of ``model`` without added effects."""
     starts, bare = window_starts(log), replace(model, at={})
     plant = bare.plant()
@@ -266,12 +272,12 @@ def left_by_noise_m(equations: NormalEquations, starts: Ints, horizon_s: int) ->
     return float(np.mean(distances))
 
 
-def _slow(noise: Noise) -> Floats:
+def _slow(noise: DisturbanceNoise) -> Floats:
     """The variances [4] of the slow forces and the wave drift, in the filter's units."""
     return np.asarray((np.append(noise.slow, noise.wave_drift_n) / FORCE_UNITS[[0, 1, 2, 0]]) ** 2)
 
 
-def _later(A: Floats, B: Floats, push: Floats, noise: Noise, P: Floats) -> Floats:
+def _later(A: Floats, B: Floats, push: Floats, noise: DisturbanceNoise, P: Floats) -> Floats:
     """The covariances [N, 10, 10] of state, slow forces and wave drift, a second later.
 
     ``push`` [N, 3] is that of :func:`.wave_push`.

@@ -84,7 +84,7 @@ class Signature:
 
 
 @dataclass(frozen=True, slots=True)
-class Model:
+class ModelWithEffects:
     """A reference plant and the effects added to it, by their free coordinates.
 
     ``base`` has no effects; ``given`` are the effects in the vessel file; ``at`` are coordinates added to those
@@ -170,17 +170,17 @@ class Model:
             return None
 
 
-Stage = tuple[NDArray[np.bool_], Model]
+Stage = tuple[NDArray[np.bool_], ModelWithEffects]
 """The seconds [T] in which added effects are constant, and the model with them."""
 
 
-def model_of(vessel: Vessel, catalogue: Catalogue) -> Model:
+def model_of(vessel: Vessel, catalogue: Catalogue) -> ModelWithEffects:
     """The model of a vessel file; the file's own effects may change as well."""
     file_free = {
         name: tuple(catalogue[name].free(values)) for name, values in vessel.effects.items() if name in catalogue
     }
     fixed = {name: values for name, values in vessel.effects.items() if name not in catalogue}
-    return Model(apply_effects(bare_plant(vessel), fixed), catalogue, given=file_free, vessel=vessel)
+    return ModelWithEffects(apply_effects(bare_plant(vessel), fixed), catalogue, given=file_free, vessel=vessel)
 
 
 @dataclass(frozen=True, slots=True)
@@ -194,14 +194,14 @@ class Linearisation:
     """
 
     log: Log
-    model: Model
+    model: ModelWithEffects
     tolerance: float
     linear: LinearModel
     effects: tuple[Signature, ...]
 
 
 def linearise(
-    log: Log, model: Model, tolerance: float, effects: Sequence[Signature] | None = None
+    log: Log, model: ModelWithEffects, tolerance: float, effects: Sequence[Signature] | None = None
 ) -> Linearisation:
     """Linearise ``model`` along ``log``; signatures are computed unless given as ``effects``.
 
@@ -220,8 +220,10 @@ def linearise(
     )
 
 
-def _between_levels(log: Log, model: Model, linear: LinearModel, sensitivities: Sequence[Signature]) -> LinearModel:
-    """The linear model, to first order with the part of changing effects that :meth:`Model.stages` leaves out."""
+def _between_levels(
+    log: Log, model: ModelWithEffects, linear: LinearModel, sensitivities: Sequence[Signature]
+) -> LinearModel:
+    """The linear model, to first order with the part of changing effects that :meth:`stages` leaves out."""
     defect, observed = linear.defect, linear.observed
     for effect in time_varying_among(model.at, model.catalogue):
         deviation = effect.profile.shares(log) - effect.profile.levels(log)
@@ -232,7 +234,7 @@ def _between_levels(log: Log, model: Model, linear: LinearModel, sensitivities: 
     return replace(linear, defect=defect, observed=observed)
 
 
-def by_stage(log: Log, model: Model, of: Callable[..., Floats], *arrays: Floats) -> Floats:
+def by_stage(log: Log, model: ModelWithEffects, of: Callable[..., Floats], *arrays: Floats) -> Floats:
     """``of(log, plant, *arrays)`` evaluated in each stage of a model; arrays and result [T, ...]."""
     return _in_stages(
         log,
@@ -304,7 +306,7 @@ def sampling_offset(log: Log, ways: Floats) -> Floats:
     return np.asarray(np.einsum("tcq,tqc->tc", log.weight, around))
 
 
-def signatures(log: Log, model: Model, origin: Floats, names: Iterable[str]) -> list[Signature]:
+def signatures(log: Log, model: ModelWithEffects, origin: Floats, names: Iterable[str]) -> list[Signature]:
     """The sensitivities to each free coordinate of each effect about ``origin``, by finite differences.
 
     Drifting effects are held at their mean: the change of the other sensitivities is of second order.
@@ -338,7 +340,7 @@ def time_varying_signatures(
 
 
 def _sensitivity(
-    name: str, coordinate: int, log: Log, model: Model, origin: Floats, ways: Floats
+    name: str, coordinate: int, log: Log, model: ModelWithEffects, origin: Floats, ways: Floats
 ) -> tuple[Floats, Floats]:
     """The change of the next state and of the readings [T, 6] with one free coordinate of an effect.
 
@@ -358,7 +360,7 @@ def _sensitivity(
     return D, (_seen(log, ahead, further) - _seen(log, behind, before)) / (plus - minus)
 
 
-def small_step(model: Model, name: str, coordinate: int) -> tuple[Plant, float] | None:
+def small_step(model: ModelWithEffects, name: str, coordinate: int) -> tuple[Plant, float] | None:
     """The plant at a small step of a coordinate, and the step; None where motion may have a kink or sensors change.
 
     One side of so small a step is as accurate as both of a large one, and the other side is the model as it is.
@@ -373,7 +375,7 @@ def small_step(model: Model, name: str, coordinate: int) -> tuple[Plant, float] 
     return (ahead, step) if _delays_of(ahead) == _delays_of(behind) else None
 
 
-def _sides(model: Model, name: str, coordinate: int) -> list[tuple[Plant, float]]:
+def _sides(model: ModelWithEffects, name: str, coordinate: int) -> list[tuple[Plant, float]]:
     """The plant at two steps of a coordinate, to either side or, where that is out of bounds, to one side."""
     size = model.catalogue[name].free_scale[coordinate]
     for steps in ((_PART, -_PART), (_ONE_SIDED_PART, 0.0), (0.0, -_ONE_SIDED_PART)):

@@ -26,7 +26,7 @@ from seatrial.hybrid.diagnosis.evidence import NormalEquations, fit_columns, gra
 from seatrial.hybrid.diagnosis.linearise import Signature
 from seatrial.hybrid.diagnosis.log import Log
 from seatrial.hybrid.diagnosis.nuisance_basis import wind_error_mps, wind_errors
-from seatrial.hybrid.diagnosis.result import FORCES, Map, Place
+from seatrial.hybrid.diagnosis.result import FORCES, GapCell, Map
 from seatrial.hybrid.effects.regime import quantities_along, steering_angles
 from seatrial.hybrid.vessel.actuators import control_units
 
@@ -46,7 +46,7 @@ _FINEST_SHAFT_RPM, _FINEST_TUNNEL_RPM = 5.0, 10.0
 
 
 @dataclass(frozen=True, slots=True)
-class Cell:
+class MapCell:
     """Some seconds of a log, ``rows`` [T], and the spans that define them: from, to (less than)."""
 
     quantity: str
@@ -89,10 +89,10 @@ def _settings(log: Log, along: Mapping[str, Floats]) -> dict[str, Floats]:
     return settings | {f"{name}_rpm": along[f"{name}_rpm"] for name in names_of(log.actuators, "tunnel")}
 
 
-def cells_of(log: Log, origin: Floats) -> list[Cell]:
+def cells_of(log: Log, origin: Floats) -> list[MapCell]:
     """All cells with enough seconds, by quantity; a quantity with a single cell is left out."""
     cells = [
-        Cell(name, {name: span}, _inside(values, span))
+        MapCell(name, {name: span}, _inside(values, span))
         for name, values in quantities(log, origin).items()
         for span in _spans(name, values)
     ]
@@ -148,7 +148,7 @@ def _inside(values: Floats, span: tuple[float, float]) -> NDArray[np.bool_]:
         return inside | (values >= low + 360.0) if low < 0.0 and high - low == 45.0 else inside
 
 
-def _places(origin: Floats) -> list[Cell]:
+def _places(origin: Floats) -> list[MapCell]:
     """A grid over the trial's area."""
     cells = []
     edges = [
@@ -157,7 +157,7 @@ def _places(origin: Floats) -> list[Cell]:
     ]
     for north, east in itertools.product(*map(itertools.pairwise, edges)):
         rows = _inside(origin[:, 0], north) & _inside(origin[:, 1], east)
-        cells.append(Cell("place", {"north_m": north, "east_m": east}, rows))
+        cells.append(MapCell("place", {"north_m": north, "east_m": east}, rows))
     return cells
 
 
@@ -171,7 +171,7 @@ _DEGREES = np.array([1.0, 1.0, np.degrees(1.0), 1.0, 1.0, np.degrees(1.0)])
 _WIDE = 10.0  # prior standard deviation of a cell's force, in force ranges
 
 
-def notable_places(places: Sequence[Place]) -> tuple[Place, ...]:
+def notable_places(places: Sequence[GapCell]) -> tuple[GapCell, ...]:
     """The significant places, corrected for the number of cells, forty at most; at least the ten largest."""
     ranked = sorted(places, key=lambda place: -abs(place.z))
     limit = float(norm.isf(0.5 * SIGNIFICANT / max(len(ranked), 1)))
@@ -217,8 +217,8 @@ def _tolerated(equations: NormalEquations) -> tuple[list[Signature], Floats]:
 
 
 def _forces(
-    equations: NormalEquations, data: Columns, cells: Sequence[Cell], tolerated: list[Signature], scale: Floats
-) -> list[Place]:
+    equations: NormalEquations, data: Columns, cells: Sequence[MapCell], tolerated: list[Signature], scale: Floats
+) -> list[GapCell]:
     """The steady force of each cell by generalised least squares, a quantity's cells and axes jointly."""
     extra = columns_of(equations.linear, tolerated)
     columns = Columns(
@@ -228,7 +228,7 @@ def _forces(
     )
     gram = gram_matrices(equations.log, equations.linear, columns, equations.noise).sum(axis=0)
     nuisance, first = 1 + np.arange(len(tolerated)), 1 + len(tolerated)
-    result: list[Place] = []
+    result: list[GapCell] = []
     for quantity in dict.fromkeys(cell.quantity for cell in cells):
         mine = [number for number, cell in enumerate(cells) if cell.quantity == quantity]
         kept = np.concatenate([first + axis * len(cells) + np.array(mine) for axis in range(3)])
@@ -252,15 +252,15 @@ def _fitted_forces(inner: Floats, equations: NormalEquations, number: int) -> tu
 
 
 def _errors(
-    equations: NormalEquations, data: Columns, cells: Sequence[Cell], tolerated: list[Signature], scale: Floats
-) -> list[Place]:
+    equations: NormalEquations, data: Columns, cells: Sequence[MapCell], tolerated: list[Signature], scale: Floats
+) -> list[GapCell]:
     """The mean error of one-second predictions in each cell and motion channel: measured less predicted."""
     log = equations.log
     error = -data.drive[:, :, 0]
     within = np.append(np.diff(log.block) == 0, False)  # nothing predicts across the end of a block
     cluster = log.leg if log.legs >= _ENOUGH_LEGS else log.block
     allowance = _allowance(equations, tolerated, scale)
-    result: list[Place] = []
+    result: list[GapCell] = []
     for cell in cells:
         rows = cell.rows & within
         if rows.sum() < LEAST_S or len(np.unique(cluster[rows])) < 3:
@@ -303,5 +303,5 @@ def _clustered(values: Floats, cluster: Ints) -> tuple[Floats, Floats]:
     return mean, np.asarray(error * t.isf(0.025, count - 1) / norm.isf(0.025))
 
 
-def _place(channel: str, cell: Cell, error: float, z: float) -> Place:
-    return Place(channel, cell.span, int(cell.rows.sum()), float(error), float(z))
+def _place(channel: str, cell: MapCell, error: float, z: float) -> GapCell:
+    return GapCell(channel, cell.span, int(cell.rows.sum()), float(error), float(z))

@@ -22,7 +22,7 @@ from numba import njit
 from seatrial.acquisition.core.actuators import KINDS as CHANNEL_KINDS
 from seatrial.acquisition.core.arrays import Floats, Ints
 from seatrial.analysis.compiling import FAST, Record
-from seatrial.hybrid.diagnosis.linearise import Model, Signature, by_stage, next_states
+from seatrial.hybrid.diagnosis.linearise import ModelWithEffects, Signature, by_stage, next_states
 from seatrial.hybrid.diagnosis.log import Log
 from seatrial.hybrid.effects import Catalogue
 from seatrial.hybrid.vessel.actuators import KINDS, angle_columns
@@ -275,12 +275,12 @@ def tolerances(log: Log, catalogue: Catalogue, signatures: Sequence[Signature]) 
     return np.array(result)
 
 
-def wind_error_mps(model: Model) -> float:
+def wind_error_mps(model: ModelWithEffects) -> float:
     """The error [m/s] of an anemometer in each direction: its noise has a mean, and the ship disturbs the air."""
     return _WIND_MPS * growth("m/s", model.scale)
 
 
-def wind_errors(log: Log, model: Model, origin: Floats) -> list[Signature]:
+def wind_errors(log: Log, model: ModelWithEffects, origin: Floats) -> list[Signature]:
     """Signatures of 1 m/s more wind from the north, the east, ahead and starboard, by recording."""
     none, step_mps = np.zeros_like(origin), wind_error_mps(model)
     north, east = log.wind[:, 1] * np.cos(log.wind[:, 0]), log.wind[:, 1] * np.sin(log.wind[:, 0])

@@ -70,7 +70,7 @@ class When:
 
 
 @dataclass(frozen=True, slots=True)
-class Drift:
+class EffectDrift:
     """The size from which an effect drifted linearly to its own, ``since`` one time ``until`` another (UTC)."""
 
     since: str
@@ -99,7 +99,7 @@ class NamedEffect:
     evidence: Annotated[Number, Field(exclude=True)]
     scope: str = "ship"
     when: When | None = None
-    drift: Drift | None = None
+    drift: EffectDrift | None = None
     in_vessel: bool = True
 
     @property
@@ -164,7 +164,7 @@ class RegimeEffect:
 
 
 @dataclass(frozen=True, slots=True)
-class Place:
+class GapCell:
     """One cell of the map of where model and trial disagree: mean ``error`` of a channel there, and its z."""
 
     channel: str
@@ -267,7 +267,7 @@ class Correlation:
 
 
 @dataclass(frozen=True, slots=True)
-class Manoeuvre:
+class NextTrial:
     """The next trial: the manoeuvre, the effects it separates, and the evidence expected from it."""
 
     what: str
@@ -310,9 +310,9 @@ class Diagnosis:
     rivals: tuple[Rival, ...]
     indistinguishable: tuple[tuple[str, ...], ...]
     unknown: UnknownCause | None
-    where: tuple[Place, ...]
+    where: tuple[GapCell, ...]
     gap: Gap
-    next_manoeuvre: Manoeuvre | None
+    next_manoeuvre: NextTrial | None
     suspects: Annotated[tuple[Suspect, ...], Field(exclude=True)] = ()
     tracks: Annotated[Tracks | None, Field(exclude=True)] = None
     remarks: tuple[str, ...] = ()
@@ -362,13 +362,13 @@ class Map:
     ``force`` [T, 3] is the reconstructed slow force [N, N, N m], ``quantities`` [T] are those of the cells.
     """
 
-    places: tuple[Place, ...]
+    places: tuple[GapCell, ...]
     force: Floats
     quantities: dict[str, Floats]
 
 
 @dataclass(frozen=True, slots=True)
-class Consistency:
+class SensorContradiction:
     """A contradiction between sensors: the sensor fault that explains it best, and its size.
 
     ``free`` and ``standard_errors`` are of its free coordinates, in the units of its parameters; ``p_value`` is
@@ -392,7 +392,7 @@ class Extras:
 
     map: Map | None = None
     map_after: Map | None = None
-    consistency: tuple[Consistency, ...] | None = None
+    consistency: tuple[SensorContradiction, ...] | None = None
     ladder: Ladder | None = None
     correlation: Correlation | None = None
 

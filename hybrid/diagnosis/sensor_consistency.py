@@ -14,12 +14,12 @@ import numpy as np
 
 from seatrial.acquisition.core.arrays import Floats
 from seatrial.hybrid.diagnosis.acceptance import Acceptance, acceptance_tests
-from seatrial.hybrid.diagnosis.disturbance_model import Noise, columns_of
+from seatrial.hybrid.diagnosis.disturbance_model import DisturbanceNoise, columns_of
 from seatrial.hybrid.diagnosis.evidence import ColumnLayout, Evidence, NormalEquations, evidence_of, gram_matrices
 from seatrial.hybrid.diagnosis.linearise import (
     DT_S,
     LinearModel,
-    Model,
+    ModelWithEffects,
     Signature,
     by_stage,
     linear_model,
@@ -48,7 +48,7 @@ _MAX_LINEARISATIONS = 6
 _SETTLED = 0.5  # of a standard error
 
 
-def find_contradictions(log: Log, model: Model, noise: Noise) -> Acceptance | None:
+def find_contradictions(log: Log, model: ModelWithEffects, noise: DisturbanceNoise) -> Acceptance | None:
     """The sensor effects that explain the contradictions in ``log``, selected like others; None without any.
 
     ``model`` provides the catalogue, and its plant the motion within a second; its effects are left out.
@@ -57,7 +57,7 @@ def find_contradictions(log: Log, model: Model, noise: Noise) -> Acceptance | No
     if not sensors:
         return None
     file_free = {name: free for name, free in model.given.items() if name in sensors}
-    evidence, names = _select_sensor_effects(log, Model(model.base, sensors, given=file_free), noise)
+    evidence, names = _select_sensor_effects(log, ModelWithEffects(model.base, sensors, given=file_free), noise)
     names = _commoner(evidence, names)
     tests = {name: acceptance_tests(evidence, names, name) for name in names}
     return Acceptance(names, tests, evidence) if names else None
@@ -76,7 +76,7 @@ def _commoner(evidence: Evidence, names: tuple[str, ...]) -> tuple[str, ...]:
     return names
 
 
-def motion_sensors(log: Log, model: Model) -> Catalogue:
+def motion_sensors(log: Log, model: ModelWithEffects) -> Catalogue:
     """The sensor effects on the reported motion, not those of the wind sensor."""
     sensors = [name for name, effect in model.catalogue.items() if effect.kind == "sensor"]
     plain = replace(model, at={})
@@ -88,14 +88,16 @@ def motion_sensors(log: Log, model: Model) -> Catalogue:
     return {name: model.catalogue[name] for name in sensors if name in seen}
 
 
-def without_dynamics(noise: Noise, linear: LinearModel) -> Noise:
+def without_dynamics(noise: DisturbanceNoise, linear: LinearModel) -> DisturbanceNoise:
     """``noise`` with process noise so large that the speed of one second says nothing about the next."""
     answer = np.array([np.median(np.abs(linear.B[:, 3 + axis, axis])) for axis in range(3)])
     surge, sway, yaw = (float(level) for level in _UNKNOWN / np.maximum(answer, 1e-12))
     return replace(noise, gust=(surge, sway, yaw))
 
 
-def _select_sensor_effects(log: Log, model: Model, noise: Noise) -> tuple[Evidence, tuple[str, ...]]:
+def _select_sensor_effects(
+    log: Log, model: ModelWithEffects, noise: DisturbanceNoise
+) -> tuple[Evidence, tuple[str, ...]]:
     """The effects that pass their tests, at the linearisation that explains the data best.
 
     Linearising about the result usually helps; but a long delay, made by interpolation between seconds, is no
@@ -120,7 +122,7 @@ def _select_sensor_effects(log: Log, model: Model, noise: Noise) -> tuple[Eviden
     return best[1:] if best else (evidence, ())
 
 
-def _normal_equations(log: Log, model: Model, noise: Noise) -> NormalEquations:
+def _normal_equations(log: Log, model: ModelWithEffects, noise: DisturbanceNoise) -> NormalEquations:
     """The regression on the sensor effects only; the tolerance of each sensor is a nuisance.
 
     The trajectory of the linearisation is kept: sensor errors do not change where the ship went, only what is
@@ -145,7 +147,7 @@ def _normal_equations(log: Log, model: Model, noise: Noise) -> NormalEquations:
     )  # fmt: skip
 
 
-def _signatures(log: Log, model: Model, origin: Floats) -> tuple[list[Signature], list[Signature]]:
+def _signatures(log: Log, model: ModelWithEffects, origin: Floats) -> tuple[list[Signature], list[Signature]]:
     """The signatures of sensor effects and of errors shared by all sensors, by kinematics where these suffice."""
     none, kinematic = np.zeros_like(origin), _by_kinematics(log, origin)
     effects = []

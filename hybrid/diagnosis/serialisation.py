@@ -23,13 +23,13 @@ from seatrial.acquisition.core.serialisation import Number, from_json, to_json
 from seatrial.analysis.tables.files import read_parquet, write_parquet
 from seatrial.hybrid.diagnosis.result import (
     FORCES,
-    Consistency,
     Correlation,
     Diagnosis,
     Extras,
+    GapCell,
     Ladder,
     Map,
-    Place,
+    SensorContradiction,
     Suspect,
     Tracks,
 )
@@ -64,8 +64,8 @@ class FigureData:
     evidence: Mapping[str, Number]
     minutes: float | None
     suspects: tuple[Suspect, ...]
-    cells: Mapping[str, tuple[Place, ...] | None]
-    consistency: tuple[Consistency, ...] | None
+    cells: Mapping[str, tuple[GapCell, ...] | None]
+    consistency: tuple[SensorContradiction, ...] | None
     correlation: Correlation | None
     remainder_looks_like: str = ""
 
@@ -133,7 +133,7 @@ def _map_table(extras: Extras) -> pd.DataFrame | None:
     return pd.concat(parts, ignore_index=True) if parts else None
 
 
-def _maps_of(folder: Path, cells: Mapping[str, tuple[Place, ...] | None]) -> list[Map | None]:
+def _maps_of(folder: Path, cells: Mapping[str, tuple[GapCell, ...] | None]) -> list[Map | None]:
     if not (folder / MAP).is_file():
         return [None, None]
     table = read_parquet(folder / MAP)[0]

@@ -40,7 +40,7 @@ from seatrial.hybrid.diagnosis.gap import (
 )
 from seatrial.hybrid.diagnosis.map import map_of
 from seatrial.hybrid.diagnosis.regimes import FoundRegime, largest_regimes
-from seatrial.hybrid.diagnosis.result import Estimate, Manoeuvre, Map, Replication, Rival, Suspect, Verdict
+from seatrial.hybrid.diagnosis.result import Estimate, Map, NextTrial, Replication, Rival, Suspect, Verdict
 from seatrial.hybrid.diagnosis.select_effects import (
     CLOSE,
     SEEN,
@@ -87,7 +87,7 @@ class Conclusion:
     replicated: Mapping[str, Replication]
     regimes: tuple[FoundRegime, ...]
     withdrawn: tuple[str, ...]
-    next_manoeuvre: Manoeuvre | None
+    next_manoeuvre: NextTrial | None
     suspects: tuple[Suspect, ...]
     maps: tuple[Map, Map]
 
@@ -293,7 +293,7 @@ def _gap(accepted: Acceptance, windows: UnseenWindows, lacks: Sequence[LackOfFit
     return gap_on_unseen_legs(windows, names, fitted_coordinates(evidence, names), without)
 
 
-def _next_manoeuvre(accepted: Acceptance, rivals: Sequence[Rival], progress: Progress) -> Manoeuvre | None:
+def _next_manoeuvre(accepted: Acceptance, rivals: Sequence[Rival], progress: Progress) -> NextTrial | None:
     """The next manoeuvre, if a rival is close or not far off."""
     pairs = [pair for name in accepted.names for pair in _pairs(accepted, name, rivals)]
     vessel, catalogue = accepted.evidence.equations.model.vessel, accepted.evidence.equations.model.catalogue

@@ -30,7 +30,7 @@ BASELINES = ("straight_line", "constant_velocity", "reference")
 
 
 @dataclass(frozen=True, slots=True)
-class Errors:
+class MethodErrors:
     """The errors of one method on N windows, seconds 1 to H.
 
     ``distance_m`` [N, H] to the measured position, ``north_m``, ``east_m`` and ``heading_deg`` [N] absolute
@@ -49,9 +49,9 @@ class Errors:
     outside_domain: Floats
     truth_m: Floats
 
-    def subset(self, chosen: Bools) -> Errors:
+    def subset(self, chosen: Bools) -> MethodErrors:
         """The errors on the windows that a mask chooses."""
-        return Errors(*(getattr(self, field.name)[chosen] for field in fields(self)))
+        return MethodErrors(*(getattr(self, field.name)[chosen] for field in fields(self)))
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,7 +65,7 @@ class SplitResult:
 
     kind: str
     held_out: Bools
-    errors: dict[str, Errors]
+    errors: dict[str, MethodErrors]
     fitted: tuple[int, ...]
     leaked: float
 
@@ -115,7 +115,7 @@ def study(
     return Study(inside, len(windows) - len(inside), tuple(results), failed)
 
 
-def _without(errors: Mapping[str, Errors], failed: Mapping[str, str]) -> dict[str, Errors]:
+def _without(errors: Mapping[str, MethodErrors], failed: Mapping[str, str]) -> dict[str, MethodErrors]:
     return {name: each for name, each in errors.items() if name.removesuffix(TWO_SIDED) not in failed}
 
 
@@ -127,7 +127,7 @@ def evaluate_draw(
     seed: int,
     progress: Progress,
     failed: dict[str, str] | None = None,
-) -> dict[str, Errors]:
+) -> dict[str, MethodErrors]:
     """Every method's errors on the windows that ``draw`` holds out; failures are added to ``failed``.
 
     Predictions start from the causal state at second 0, and, for methods whose names end in :data:`TWO_SIDED`,
@@ -163,12 +163,14 @@ def evaluate_draw(
     return errors
 
 
-def errors_of(predicted: Floats, windows: PredictionWindows, region_m: Floats, outside_domain: Bools) -> Errors:
+def errors_of(
+    predicted: Floats, windows: PredictionWindows, region_m: Floats, outside_domain: Bools
+) -> MethodErrors:
     """Errors of tracks [N, H+1, 3] whose 95 % regions have semi-axes ``region_m`` [H, 2] or [N, H, 2]."""
     gap = predicted[:, 1:] - windows.track[:, 1:]
     distance = distances(predicted, windows.track)
     turn = difference_rad(predicted[:, 1:, 2], windows.track[:, 1:, 2])
-    return Errors(
+    return MethodErrors(
         distance_m=distance,
         north_m=np.abs(gap[..., 0]).mean(axis=1),
         east_m=np.abs(gap[..., 1]).mean(axis=1),
@@ -181,7 +183,7 @@ def errors_of(predicted: Floats, windows: PredictionWindows, region_m: Floats, o
 
 
 def pool_draws(
-    kind: str, windows: PredictionWindows, draws: Sequence[Draw], parts: Sequence[Mapping[str, Errors]]
+    kind: str, windows: PredictionWindows, draws: Sequence[Draw], parts: Sequence[Mapping[str, MethodErrors]]
 ) -> SplitResult:
     """One result from all draws, each window's errors averaged over the draws that held it out."""
     times = np.sum([draw.held_out for draw in draws], axis=0)
@@ -194,7 +196,9 @@ def pool_draws(
         return np.asarray(total[held_out] / times[held_out].reshape(-1, *[1] * (total.ndim - 1)))
 
     errors = {
-        method: Errors(*(mean([getattr(part[method], each.name) for part in parts]) for each in fields(Errors)))
+        method: MethodErrors(
+            *(mean([getattr(part[method], each.name) for part in parts]) for each in fields(MethodErrors))
+        )
         for method in parts[0]
     }
     fitted = tuple(int(draw.fitting.sum()) for draw in draws)
@@ -241,7 +245,7 @@ class MethodFigures:
 
 
 @dataclass(frozen=True, slots=True)
-class Summary:
+class MethodSummary:
     """All methods on one set of windows of some legs, and the best baseline there."""
 
     windows: int
@@ -267,18 +271,18 @@ class SplitSummary:
     kind: str
     fitted: tuple[int, ...]
     leaked: float
-    whole: Summary
-    two_sided: Summary
-    breakdown: dict[str, dict[str, Summary]]
+    whole: MethodSummary
+    two_sided: MethodSummary
+    breakdown: dict[str, dict[str, MethodSummary]]
     truths: Truths | None = None
 
     @property
-    def by_start(self) -> dict[str, Summary]:
+    def by_start(self) -> dict[str, MethodSummary]:
         """The summaries of all windows, by start state."""
         return {"causal": self.whole, "two-sided": self.two_sided}
 
     @property
-    def shown(self) -> dict[str, dict[str, Summary]]:
+    def shown(self) -> dict[str, dict[str, MethodSummary]]:
         """The kinds of class that divide the windows; a single class would repeat the overall figures."""
         return {kind: classes for kind, classes in self.breakdown.items() if len(classes) > 1}
 
@@ -361,16 +365,16 @@ def leak_of(study: Study, seed: int) -> dict[str, Interval]:
     }
 
 
-def summarise(errors: Mapping[str, Errors], windows: PredictionWindows, seed: int) -> Summary:
+def summarise(errors: Mapping[str, MethodErrors], windows: PredictionWindows, seed: int) -> MethodSummary:
     """The figures of every method on the same windows; the baselines are among ``errors``."""
     legs = LegBootstrap.of(windows.leg, seed)
     best = min(BASELINES, key=lambda name: float(errors[name].distance_m.mean()))
     baseline = errors[best].distance_m.mean(axis=1)
     methods = {name: _figures(each, baseline, legs) for name, each in errors.items()}
-    return Summary(len(windows), legs.legs, best, methods)
+    return MethodSummary(len(windows), legs.legs, best, methods)
 
 
-def _figures(errors: Errors, baseline_m: Floats, legs: LegBootstrap) -> MethodFigures:
+def _figures(errors: MethodErrors, baseline_m: Floats, legs: LegBootstrap) -> MethodFigures:
     """One method's figures; ``baseline_m`` [N] is the best baseline's mean distance in each window."""
     mean_m = errors.distance_m.mean(axis=1)
     inside = errors.inside.mean(axis=1)
@@ -394,7 +398,7 @@ def _figures(errors: Errors, baseline_m: Floats, legs: LegBootstrap) -> MethodFi
 
 def _split_summary(result: SplitResult, windows: PredictionWindows, length_m: float, seed: int) -> SplitSummary:
     causal, two_sided = _by_start(result.errors)
-    breakdown: dict[str, dict[str, Summary]] = {}
+    breakdown: dict[str, dict[str, MethodSummary]] = {}
     for kind, classes in classes_of(windows, length_m).items():
         breakdown[kind] = {}
         for name, mask in classes.items():
@@ -407,7 +411,7 @@ def _split_summary(result: SplitResult, windows: PredictionWindows, length_m: fl
     )  # fmt: skip
 
 
-def _by_start(errors: Mapping[str, Errors]) -> tuple[dict[str, Errors], dict[str, Errors]]:
+def _by_start(errors: Mapping[str, MethodErrors]) -> tuple[dict[str, MethodErrors], dict[str, MethodErrors]]:
     """The errors from causal and from two-sided starts, each by the method's plain name."""
     causal = {name: each for name, each in errors.items() if start_of(name) == "causal"}
     return causal, {name: errors[f"{name}{TWO_SIDED}"] for name in causal}
@@ -432,11 +436,11 @@ def _split_dict(split: SplitSummary) -> dict[str, Any]:
     }
 
 
-def _counts(summary: Summary) -> dict[str, Any]:
+def _counts(summary: MethodSummary) -> dict[str, Any]:
     return {"windows": summary.windows, "legs": summary.legs, "best_baseline": summary.best_baseline}
 
 
-def _short(summary: Summary) -> dict[str, Any]:
+def _short(summary: MethodSummary) -> dict[str, Any]:
     short: dict[str, Any] = to_json({
         name: {
             "start": start_of(name), "mean_distance_m": each.mean_distance_m,

@@ -19,7 +19,7 @@ from seatrial.hybrid.evaluation.length_times import LengthErrors
 from seatrial.hybrid.evaluation.manoeuvre_indices import IndexComparisons
 from seatrial.hybrid.evaluation.truth import Truths, judged_by_truths, truth_distances
 from seatrial.hybrid.prediction.baselines import reference, untrained_tracks
-from seatrial.hybrid.prediction.dataset import Dataset, Source, within_model_range
+from seatrial.hybrid.prediction.dataset import Dataset, WindowSource, within_model_range
 from seatrial.hybrid.prediction.prediction_windows import PredictionWindows, starting_two_sided
 from seatrial.hybrid.prediction.regions import bands, relative_distances
 from seatrial.hybrid.prediction.scores import TWO_SIDED, Score, score, scores_json
@@ -97,7 +97,7 @@ class Validation(ModelResult):
         }
 
 
-def refuse_training_data(sources: tuple[Source, ...], trained: TrainedCalibrator) -> None:
+def refuse_training_data(sources: tuple[WindowSource, ...], trained: TrainedCalibrator) -> None:
     """Raise :class:`InputError` if a recording was used for training."""
     known = [each for each in sources if any(each.overlaps(other) for other in trained.sources)]
     if known:

@@ -21,10 +21,10 @@ from scipy.optimize import minimize
 from seatrial.acquisition.core.arrays import Floats
 from seatrial.acquisition.core.errors import ModelRangeError
 from seatrial.acquisition.core.progress import Progress, part_of
-from seatrial.hybrid.identification.response import PARTS, Model
+from seatrial.hybrid.identification.response import PARTS, ResponseModel
 
 START_VARIANCE = 1.0
-"""The prior variance of a start's deviation, in units of :attr:`Model.start_scale` squared: the start is free."""
+"""The prior variance of a start's deviation, in units of ``start_scale`` squared: the start is free."""
 
 _LEAST, _MOST_NOISE, _MOST_FORCE = 1e-10, 1e6, 10.0
 """Bounds of the variances in the search."""
@@ -34,7 +34,7 @@ _ROUNDING = 1e-12
 
 
 @dataclass(frozen=True, slots=True)
-class Levels:
+class Variances:
     """Variances: ``noise`` [6] of the sensors in SI, and ``forces`` [2, 3] of the missing force over a whole
     segment and in each part of it, in surge, sway and yaw, in the squared units of the slopes."""
 
@@ -56,7 +56,7 @@ class Moments:
     total: Floats
     count: Floats
 
-    def explained(self, levels: Levels) -> tuple[Floats, Floats, Floats]:
+    def explained(self, levels: Variances) -> tuple[Floats, Floats, Floats]:
         """The estimated unknowns [S, Q], their covariance [S, Q, Q], and minus twice the log likelihood of each
         segment [S]."""
         weight, scale = 1.0 / levels.noise, np.sqrt(levels.variances)
@@ -86,7 +86,7 @@ def moments_of(residual: Floats, slopes: Floats) -> Moments:
     return Moments(turned @ Z, (turned @ r[..., None])[..., 0], (r**2).sum(axis=2), finite.sum(axis=1))
 
 
-def estimate_levels(moments: Moments, first: Levels) -> Levels:
+def estimate_levels(moments: Moments, first: Variances) -> Variances:
     """The maximum-likelihood levels of all segments' residuals.
 
     By L-BFGS on the logarithms of the variances; expectation maximisation has the same gradient but is slow
@@ -99,8 +99,8 @@ def estimate_levels(moments: Moments, first: Levels) -> Levels:
     return _levels(optimum.x)
 
 
-def _levels(logs: Floats) -> Levels:
-    return Levels(np.exp(logs[:6]), np.exp(logs[6:]).reshape(2, 3))
+def _levels(logs: Floats) -> Variances:
+    return Variances(np.exp(logs[:6]), np.exp(logs[6:]).reshape(2, 3))
 
 
 def _cost(logs: Floats, moments: Moments) -> tuple[float, Floats]:
@@ -123,13 +123,13 @@ _TRIES = 8
 
 
 @dataclass(frozen=True, slots=True)
-class Fit:
+class CoefficientFit:
     """The unknowns ``z`` [model.size] and their covariance, with the ``starts`` [S, 6] and levels."""
 
     z: Floats
     covariance: Floats
     starts: Floats
-    levels: Levels
+    levels: Variances
 
 
 @dataclass(frozen=True, slots=True)
@@ -142,7 +142,7 @@ class _Place:
 
     z: Floats
     starts: Floats
-    levels: Levels
+    levels: Variances
     residual: Floats
     slopes: Floats
     moments: Moments
@@ -154,18 +154,18 @@ class _Place:
         return float(self.costs.sum() + self.z @ self.z)
 
 
-def first_levels(model: Model) -> Levels:
+def first_levels(model: ResponseModel) -> Variances:
     """The start of the estimate of the levels, as shares of the usual motion and forces."""
-    return Levels((0.01 * model.start_scale * [0.1, 0.1, 1.0, 1.0, 1.0, 1.0]) ** 2, np.full((2, 3), 1e-3))
+    return Variances((0.01 * model.start_scale * [0.1, 0.1, 1.0, 1.0, 1.0, 1.0]) ** 2, np.full((2, 3), 1e-3))
 
 
 def fit(
-    model: Model,
+    model: ResponseModel,
     z: Floats | None = None,
-    levels: Levels | None = None,
+    levels: Variances | None = None,
     rounds: int = ROUNDS,
     progress: Progress = lambda share: None,
-) -> Fit:
+) -> CoefficientFit:
     """The most likely unknowns of a model on its segments, starting from ``z`` or from the prior mean.
 
     From the prior mean the search first uses segments cut into parts: the shorter they are, the less a wrong
@@ -178,11 +178,11 @@ def fit(
         z = _search(short, np.zeros(model.size), levels, rounds, part_of(progress, 0, 2), near=model.size).z
     place = _search(model, z, levels, rounds, part_of(progress, 1, 2))
     information, scores, _ = _normal(model, place)
-    return Fit(place.z, covariance_of(information, scores), place.starts, place.levels)
+    return CoefficientFit(place.z, covariance_of(information, scores), place.starts, place.levels)
 
 
 def _search(
-    model: Model, z: Floats, levels: Levels, rounds: int, progress: Progress, near: float = _ENOUGH
+    model: ResponseModel, z: Floats, levels: Variances, rounds: int, progress: Progress, near: float = _ENOUGH
 ) -> _Place:
     """The optimum, or a point whose next step is expected to gain less than ``near``."""
     now, damping, promise = _settled(model, _place(model, z, model.segments.start, levels)), 1e-3, np.inf
@@ -209,7 +209,7 @@ def covariance_of(information: Floats, scores: Floats) -> Floats:
     return np.asarray(departures.T @ departures + inverse @ inverse)
 
 
-def _better(model: Model, now: _Place, damping: float) -> tuple[_Place, float, float]:
+def _better(model: ResponseModel, now: _Place, damping: float) -> tuple[_Place, float, float]:
     """The point after the first step that improves, or the same point; the next damping; and the improvement
     expected if the problem were linear."""
     information, scores, columns = _normal(model, now)
@@ -226,7 +226,7 @@ def _better(model: Model, now: _Place, damping: float) -> tuple[_Place, float, f
     return now, damping, promise
 
 
-def _place(model: Model, z: Floats, starts: Floats, levels: Levels) -> _Place:
+def _place(model: ResponseModel, z: Floats, starts: Floats, levels: Variances) -> _Place:
     seen, slopes = model.own_slopes(z, starts)
     inside = np.asarray(np.isfinite(slopes).all(axis=(1, 2, 3)))
     residual, slopes = np.where(inside[:, None, None], model.segments.measured - seen, 0.0), np.nan_to_num(slopes)
@@ -241,7 +241,7 @@ def _with_levels(place: _Place) -> _Place:
     return replace(place, levels=levels, costs=place.moments.explained(levels)[2])
 
 
-def _settled(model: Model, place: _Place) -> _Place:
+def _settled(model: ResponseModel, place: _Place) -> _Place:
     """The point with its levels and fitted starts."""
     if not np.isfinite(place.cost):
         raise ModelRangeError(
@@ -255,7 +255,7 @@ def _settled(model: Model, place: _Place) -> _Place:
     return _with_levels(place)
 
 
-def _moved(model: Model, place: _Place, step: Floats, expected: Floats) -> _Place:
+def _moved(model: ResponseModel, place: _Place, step: Floats, expected: Floats) -> _Place:
     """The point after a step in the unknowns that is expected to change the reported motion by ``expected`` [S,
     T, 6], with the starts adjusted.
 
@@ -271,9 +271,9 @@ def _moved(model: Model, place: _Place, step: Floats, expected: Floats) -> _Plac
     return _place(model, z, starts, place.levels)
 
 
-def _normal(model: Model, place: _Place) -> tuple[Floats, Floats, Floats]:
+def _normal(model: ResponseModel, place: _Place) -> tuple[Floats, Floats, Floats]:
     """Each segment's information on the unknowns [S, P, P], its score [S, P], and the derivatives [S, 6 T, p]
-    with respect to the p of them that it depends on, :attr:`Model.own_unknowns`."""
+    with respect to the p of them that it depends on, :attr:`ResponseModel.own_unknowns`."""
     columns = model.slopes(place.z, place.starts)
     weight = np.isfinite(place.residual) / np.sqrt(place.levels.noise)
     C, Z, r = (_weighted(array, weight) for array in (columns, place.slopes, np.nan_to_num(place.residual)))
@@ -294,7 +294,7 @@ def _weighted(values: Floats, weight: Floats) -> Floats:
     return np.asarray(values.reshape(segments, weight[0].size, -1) * weight.reshape(segments, -1, 1))
 
 
-def information_at(model: Model, z: Floats, starts: Floats, levels: Levels) -> Floats:
+def information_at(model: ResponseModel, z: Floats, starts: Floats, levels: Variances) -> Floats:
     """The expected information of segments on all unknowns [P, P]; NaN if the model leaves its range."""
     place = _place(model, z, starts, levels)
     if not np.isfinite(place.cost):

@@ -31,15 +31,15 @@ from seatrial.analysis.tables.table import select
 from seatrial.analysis.windows.recordings import second_by_second
 from seatrial.hybrid.effects.catalogue import vessel_plant
 from seatrial.hybrid.identification.coefficients import Coefficient, coefficients_of
-from seatrial.hybrid.identification.fit import Fit, fit, information_at
-from seatrial.hybrid.identification.response import Model, model_of
+from seatrial.hybrid.identification.fit import CoefficientFit, fit, information_at
+from seatrial.hybrid.identification.response import ResponseModel, model_of
 from seatrial.hybrid.identification.segments import segments_of
 from seatrial.hybrid.prediction.baselines import constant_velocity, reference
 from seatrial.hybrid.prediction.dataset import dataset_of
 from seatrial.hybrid.prediction.kalman_filter import filtered_starts
 from seatrial.hybrid.prediction.scores import Score, score, scores_json
 from seatrial.hybrid.simulation.sea_state import sea_state_named
-from seatrial.hybrid.simulation.trial import Noise, simulate_trial
+from seatrial.hybrid.simulation.trial import SimulationNoise, simulate_trial
 from seatrial.hybrid.vessel.parameters import Vessel
 from seatrial.hybrid.vessel.plant import Plant
 
@@ -50,7 +50,7 @@ SEGMENTS = 20
 
 
 @dataclass(frozen=True, slots=True)
-class Candidate:
+class ManoeuvreInformation:
     """A manoeuvre of ``minutes``: its expected information in nats, the mean share of the variances that it
     would leave, and the coefficients that it would newly determine."""
 
@@ -70,7 +70,7 @@ def repertoire_of(vessel: Vessel) -> tuple[str, ...]:
     return tuple(name for name in REPERTOIRE if able.get(name, True))
 
 
-def rank_trials(model: Model, fitted: Fit, names: Sequence[str]) -> list[Candidate]:
+def rank_trials(model: ResponseModel, fitted: CoefficientFit, names: Sequence[str]) -> list[ManoeuvreInformation]:
     """The expected information of each manoeuvre beside the present one, the best first, without those that the
     ship cannot make."""
     ranked = []
@@ -83,11 +83,11 @@ def rank_trials(model: Model, fitted: Fit, names: Sequence[str]) -> list[Candida
     return sorted(ranked, key=lambda candidate: -candidate.gain)
 
 
-def _information(model: Model, fitted: Fit, name: str) -> Floats:
+def _information(model: ResponseModel, fitted: CoefficientFit, name: str) -> Floats:
     """The information of a simulated manoeuvre on the coefficients [P, P], its own surroundings unknown."""
     ship = model.vessel_at(fitted.z)
     lasting = model.segments.duration_s
-    silent = Noise().scaled(0.0)
+    silent = SimulationNoise().scaled(0.0)
     table, _ = simulate_trial(
         ship, sea_state_named("calm"), name, (SEGMENTS + 0.5) * lasting, 1.0 / model.segments.dt_s, noise=silent
     )
@@ -103,7 +103,9 @@ def _information(model: Model, fitted: Fit, name: str) -> Floats:
     )
 
 
-def _candidate(model: Model, fitted: Fit, name: str, information: Floats) -> Candidate:
+def _candidate(
+    model: ResponseModel, fitted: CoefficientFit, name: str, information: Floats
+) -> ManoeuvreInformation:
     kept = len(model.coefficients)
     before = fitted.covariance[:kept, :kept]
     after = np.linalg.inv(np.linalg.inv(before) + information)
@@ -115,14 +117,14 @@ def _candidate(model: Model, fitted: Fit, name: str, information: Floats) -> Can
         if a >= UNKNOWN > b
     ]
     minutes = SEGMENTS * model.segments.duration_s / 60.0
-    return Candidate(name, minutes, gain, float(np.mean((then / was) ** 2)), tuple(newly))
+    return ManoeuvreInformation(name, minutes, gain, float(np.mean((then / was) ** 2)), tuple(newly))
 
 
 _NORMAL_95 = 1.959964
 
 
 @dataclass(frozen=True, slots=True)
-class Estimate:
+class CoefficientEstimate:
     """A coefficient: its value with the 95 % interval, its initial value with the prior interval, and whether
     the data determine it.
 
@@ -172,14 +174,14 @@ class Identification(ModelResult):
     """
 
     vessel: Vessel
-    coefficients: tuple[Estimate, ...]
+    coefficients: tuple[CoefficientEstimate, ...]
     correlation: Floats
     surroundings: Mapping[str, Mapping[str, float]]
     segments: int
     duration_s: float
     left_out: int
     validation: Judgement | None = None
-    candidates: tuple[Candidate, ...] = ()
+    candidates: tuple[ManoeuvreInformation, ...] = ()
     file: str = ""
     set_aside: tuple[str, ...] = ()
     tracks: tuple[Floats, Floats] = field(default=(np.zeros((0, 0, 2)), np.zeros((0, 0, 2))), repr=False)
@@ -224,7 +226,7 @@ def identify_tables(
     candidates: Sequence[str] = (),
     segment_s: float | None = None,
     progress: Progress = lambda share: None,
-) -> tuple[Identification, Fit, Model]:
+) -> tuple[Identification, CoefficientFit, ResponseModel]:
     """The coefficients of ``vessel`` from tables of samples by recording, without validation.
 
     ``only`` names the unknown ones, by default all of :func:`coefficients_of`; ``candidates`` are manoeuvres to
@@ -243,7 +245,9 @@ def identify_tables(
         return _identification(model, fitted, rank_trials(model, fitted, candidates)), fitted, model
 
 
-def _identification(model: Model, fitted: Fit, candidates: Sequence[Candidate]) -> Identification:
+def _identification(
+    model: ResponseModel, fitted: CoefficientFit, candidates: Sequence[ManoeuvreInformation]
+) -> Identification:
     kept = len(model.coefficients)
     deviation = np.sqrt(np.diag(fitted.covariance))[:kept]
     share = np.minimum(deviation, 1.0)
@@ -271,16 +275,16 @@ def _identification(model: Model, fitted: Fit, candidates: Sequence[Candidate]) 
     )
 
 
-def _estimate(coefficient: Coefficient, at: float, share: float) -> Estimate:
+def _estimate(coefficient: Coefficient, at: float, share: float) -> CoefficientEstimate:
     low, high = sorted(coefficient.value(at + side * _NORMAL_95 * share) for side in (-1.0, 1.0))
     start_low, start_high = sorted(coefficient.value(side * _NORMAL_95) for side in (-1.0, 1.0))
-    return Estimate(
+    return CoefficientEstimate(
         coefficient.name, coefficient.value(at), low, high, coefficient.start, start_low, start_high, float(share),
         coefficient.twins,
     )  # fmt: skip
 
 
-def identified_vessel(model: Model, z: Floats, estimates: Sequence[Estimate]) -> Vessel:
+def identified_vessel(model: ResponseModel, z: Floats, estimates: Sequence[CoefficientEstimate]) -> Vessel:
     """The vessel with the coefficients at ``z`` and their errors in ``estimated``."""
     vessel, errors = model.vessel_at(z), dict(model.vessel.estimated)
     for coefficient, estimate in zip(model.coefficients, estimates, strict=True):
@@ -327,7 +331,11 @@ def folds_of(tables: Tables) -> tuple[list[Fold], str]:
 
 
 def judge(
-    tables: Tables, model: Model, fitted: Fit, horizon_s: int, progress: Progress = lambda share: None
+    tables: Tables,
+    model: ResponseModel,
+    fitted: CoefficientFit,
+    horizon_s: int,
+    progress: Progress = lambda share: None,
 ) -> Judgement | None:
     """Errors of predictions over ``horizon_s`` under the recorded commands; None without a window.
 
@@ -348,7 +356,9 @@ def judge(
     return Judgement(horizon_s, len(measured), scores, held_out)
 
 
-def _fold(kept: Tables, test: Tables, model: Model, fitted: Fit, horizon_s: int) -> dict[str, np.ndarray]:
+def _fold(
+    kept: Tables, test: Tables, model: ResponseModel, fitted: CoefficientFit, horizon_s: int
+) -> dict[str, np.ndarray]:
     """Tracks by method and as measured, in the windows in which both models stay in their range."""
     length_m = model.vessel.dimensions.length_overall_m
     try:
@@ -367,7 +377,7 @@ def _fold(kept: Tables, test: Tables, model: Model, fitted: Fit, horizon_s: int)
     return {name: track[inside] for name, track in tracks.items()} if inside.any() else {}
 
 
-def _fitted_plant(tables: Mapping[str, pd.DataFrame], model: Model, fitted: Fit) -> Plant:
+def _fitted_plant(tables: Mapping[str, pd.DataFrame], model: ResponseModel, fitted: CoefficientFit) -> Plant:
     """The plant fitted to these tables alone, starting from the fit to all."""
     segments = segments_of(tables, vessel_plant(model.vessel), model.segments.duration_s)
     refitted, z = model.on_segments(segments, fitted.z)

@@ -65,7 +65,7 @@ SIMULATED = 5
 
 
 @dataclass(frozen=True, slots=True)
-class Model:
+class ResponseModel:
     """A vessel whose ``coefficients`` are unknown, on ``segments``.
 
     The unknowns are a vector z [coefficients + recordings x surroundings], each in units of its prior's width.
@@ -93,7 +93,7 @@ class Model:
         """The vessel with the coefficients of ``z``."""
         return with_values(self.vessel, values_at(self.coefficients, z[: len(self.coefficients)]))
 
-    def on_segments(self, segments: Segments, z: Floats) -> tuple[Model, Floats]:
+    def on_segments(self, segments: Segments, z: Floats) -> tuple[ResponseModel, Floats]:
         """The same coefficients on other segments, and ``z`` there, with unknown surroundings."""
         model, kept = model_of(self.vessel, self.coefficients, segments), len(self.coefficients)
         return model, np.concatenate([z[:kept], np.zeros(model.size - kept)])
@@ -207,7 +207,7 @@ class Model:
         return seen
 
 
-def model_of(vessel: Vessel, coefficients: Sequence[Coefficient], segments: Segments) -> Model:
+def model_of(vessel: Vessel, coefficients: Sequence[Coefficient], segments: Segments) -> ResponseModel:
     """The model of a vessel on segments, its surroundings at their usual widths."""
     plant = vessel_plant(vessel)
-    return Model(vessel, tuple(coefficients), segments, surroundings_of(plant, segments.speed_mps), plant)
+    return ResponseModel(vessel, tuple(coefficients), segments, surroundings_of(plant, segments.speed_mps), plant)

@@ -20,12 +20,12 @@ from seatrial.acquisition.core.progress import Progress
 from seatrial.hybrid.diagnosis.evidence import NormalEquations, normal_equations
 from seatrial.hybrid.diagnosis.linearise import linearise
 from seatrial.hybrid.diagnosis.log import Log
-from seatrial.hybrid.diagnosis.result import Manoeuvre
+from seatrial.hybrid.diagnosis.result import NextTrial
 from seatrial.hybrid.diagnosis.select_effects import CLOSE
 from seatrial.hybrid.effects import apply_effects
 from seatrial.hybrid.planning.information import Design, Information, design_of, separation
 from seatrial.hybrid.planning.repertoire import (
-    Candidate,
+    CandidateManoeuvre,
     append_rehearsals,
     as_one_leg,
     rehearse,
@@ -64,7 +64,7 @@ class RankedCandidate:
     ``share_separated`` is the share of the pairs that it is likely to separate.
     """
 
-    candidate: Candidate
+    candidate: CandidateManoeuvre
     with_it: tuple[float, ...]
     without: tuple[float, ...]
     share_separated: float
@@ -81,7 +81,7 @@ class Rehearsal:
 
     design: Design
     recorded: range
-    candidates: tuple[Candidate, ...]
+    candidates: tuple[CandidateManoeuvre, ...]
 
 
 def next_manoeuvre(
@@ -90,7 +90,7 @@ def next_manoeuvre(
     values: Mapping[str, Values],
     pairs: Sequence[Pair],
     progress: Progress = lambda share: None,
-) -> Manoeuvre | None:
+) -> NextTrial | None:
     """The manoeuvre that separates most of ``pairs``, or None if no candidate is of use.
 
     ``values`` has the parameters of all named effects, with which the ship is simulated.
@@ -98,7 +98,7 @@ def next_manoeuvre(
     return best_request(rank_candidates(rehearsal_of(equations, vessel, values, progress), pairs), pairs)
 
 
-def best_request(ranking: Sequence[RankedCandidate], pairs: Sequence[Pair]) -> Manoeuvre | None:
+def best_request(ranking: Sequence[RankedCandidate], pairs: Sequence[Pair]) -> NextTrial | None:
     """The first of a ranking as a request, or None if it is not worthwhile.
 
     The evidence is in log odds, of recording and manoeuvre together, for the closest of the pairs that the
@@ -111,7 +111,7 @@ def best_request(ranking: Sequence[RankedCandidate], pairs: Sequence[Pair]) -> M
         (place for place, gain in enumerate(best.gains) if gain >= _WORTH_A_MINUTE), key=best.with_it.__getitem__
     )
     what, pair = f"{best.candidate.what}, {best.candidate.minutes:g} minutes in all", pairs[worst]
-    return Manoeuvre(what, (pair.name, pair.rival), best.with_it[worst], best.candidate.minutes)
+    return NextTrial(what, (pair.name, pair.rival), best.with_it[worst], best.candidate.minutes)
 
 
 def rehearsal_of(
@@ -149,8 +149,8 @@ def _share_separated(evidence: Sequence[float], pairs: Sequence[Pair]) -> float:
 
 
 def rehearsals(
-    candidates: Sequence[Candidate], vessel: Vessel, ship: Plant, sea: SeaState, heading_deg: float = 0.0
-) -> dict[Candidate, Log]:
+    candidates: Sequence[CandidateManoeuvre], vessel: Vessel, ship: Plant, sea: SeaState, heading_deg: float = 0.0
+) -> dict[CandidateManoeuvre, Log]:
     """The simulated log of every candidate that stays in the range of the model."""
     made = {}
     for candidate in candidates:

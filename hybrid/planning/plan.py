@@ -24,10 +24,10 @@ from seatrial.acquisition.core.arrays import Floats
 from seatrial.acquisition.core.errors import ConfigurationError
 from seatrial.acquisition.core.progress import Progress, part_of
 from seatrial.acquisition.core.result import Result
-from seatrial.hybrid.diagnosis.disturbance_model import Noise
+from seatrial.hybrid.diagnosis.disturbance_model import DisturbanceNoise
 from seatrial.hybrid.diagnosis.estimate_noise import estimate_noise
 from seatrial.hybrid.diagnosis.evidence import normal_equations
-from seatrial.hybrid.diagnosis.linearise import Model, linearise
+from seatrial.hybrid.diagnosis.linearise import ModelWithEffects, linearise
 from seatrial.hybrid.diagnosis.log import log_of
 from seatrial.hybrid.effects import Catalogue, Effect, vessel_plant
 from seatrial.hybrid.effects.catalogue import catalogue_of
@@ -43,7 +43,7 @@ from seatrial.hybrid.planning.information import (
 )
 from seatrial.hybrid.planning.next_manoeuvre import rehearsals
 from seatrial.hybrid.planning.repertoire import (
-    Candidate,
+    CandidateManoeuvre,
     append_rehearsals,
     as_one_leg,
     rehearse,
@@ -146,7 +146,7 @@ class Programme:
     likelihood that separates two effects of typical sizes.
     """
 
-    parts: tuple[Candidate, ...]
+    parts: tuple[CandidateManoeuvre, ...]
     limits: Mapping[str, float]
     evidence: Floats
 
@@ -201,7 +201,7 @@ class Plan(Result):
         }  # fmt: skip
 
 
-def programme_of(texts: Sequence[str], vessel: Vessel, minutes: float) -> tuple[Candidate, ...]:
+def programme_of(texts: Sequence[str], vessel: Vessel, minutes: float) -> tuple[CandidateManoeuvre, ...]:
     """The parts named by ``MANOEUVRE`` or ``MANOEUVRE=MINUTES``; the remaining ``minutes`` are divided evenly.
 
     Names are those of `seatrial simulate` and of the repertoire. Raises :class:`ConfigurationError`.
@@ -217,7 +217,7 @@ def programme_of(texts: Sequence[str], vessel: Vessel, minutes: float) -> tuple[
     return tuple(replace(part, minutes=left / open_) if part.minutes == 0.0 else part for part in given)
 
 
-def _named(text: str, known: Mapping[str, Candidate], vessel: Vessel) -> Candidate:
+def _named(text: str, known: Mapping[str, CandidateManoeuvre], vessel: Vessel) -> CandidateManoeuvre:
     match = _PART.fullmatch(text)
     if match is None:
         raise ConfigurationError(f"{text!r} is not a manoeuvre", fix="write MANOEUVRE or MANOEUVRE=MINUTES")
@@ -228,33 +228,33 @@ def _named(text: str, known: Mapping[str, Candidate], vessel: Vessel) -> Candida
         return replace(known[name], minutes=minutes)
     try:
         legs = for_ship(manoeuvre_named(name, vessel.actuators), vessel)
-        return Candidate(name, name.replace("_", " "), legs, minutes)
+        return CandidateManoeuvre(name, name.replace("_", " "), legs, minutes)
     except ConfigurationError as error:
         raise ConfigurationError(
             f"no manoeuvre {name!r}", fix=f"use one of {', '.join(known)}, or one of `seatrial simulate`"
         ) from error
 
 
-def candidates_of(vessel: Vessel) -> tuple[Candidate, ...]:
+def candidates_of(vessel: Vessel) -> tuple[CandidateManoeuvre, ...]:
     """The repertoire at a vessel's usual shaft speed."""
     return repertoire(shafts_of(vessel, usual_rpm(vessel)))
 
 
 def noise_in(
     vessel: Vessel, sea: SeaState, tolerance: float, catalogue: Catalogue, progress: Progress = lambda share: None
-) -> Noise:
+) -> DisturbanceNoise:
     """The noise that a diagnosis would estimate in such a sea, from ten simulated minutes with sensors."""
     every = {**catalogue_of(vessel), **catalogue}  # an effect excluded from the search may be present in the vessel
     table, _ = simulate_trial(vessel, sea, "zigzag", _NOISE_S, 1.0, catalogue=every)
-    model = Model(vessel_plant(vessel, every), catalogue)
+    model = ModelWithEffects(vessel_plant(vessel, every), catalogue)
     return estimate_noise(linearise(log_of([table]), model, tolerance), progress).noise
 
 
 def plan(
-    programme: Sequence[Candidate],
+    programme: Sequence[CandidateManoeuvre],
     vessel: Vessel,
     sea: SeaState,
-    noise: Noise,
+    noise: DisturbanceNoise,
     tolerance: float,
     catalogue: Catalogue,
     progress: Progress = lambda share: None,
@@ -268,7 +268,7 @@ def plan(
     asked = [rehearse(part.legs, vessel, ship, sea, round(60.0 * part.minutes)) for part in programme]
     made = rehearsals(candidates_of(vessel), vessel, ship, sea)
     known, *others = (as_one_leg(log) for log in (*asked, *made.values()))
-    evidence = linearise(append_rehearsals(known, others), Model(ship, catalogue), tolerance)
+    evidence = linearise(append_rehearsals(known, others), ModelWithEffects(ship, catalogue), tolerance)
     design = design_of(normal_equations(evidence, noise, progress=part_of(progress, 0, 2)))
     first = len(asked)
     shown = _programme(programme, design.information(range(first)))
@@ -279,7 +279,7 @@ def plan(
     return Plan(vessel.name, sea, tolerance, catalogue, shown, _programme(parts, design.information(legs)))
 
 
-def _programme(parts: Sequence[Candidate], information: Information) -> Programme:
+def _programme(parts: Sequence[CandidateManoeuvre], information: Information) -> Programme:
     limits = {
         name: as_parameter(information.catalogue[name], size) for name, size in free_limits(information).items()
     }

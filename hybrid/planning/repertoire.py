@@ -53,7 +53,7 @@ _MIXED = "helm"  # what steers a ship by more than one sort of angle
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Candidate:
+class CandidateManoeuvre:
     """A manoeuvre: name, description, and legs that are repeated until its ``minutes`` are over."""
 
     name: str
@@ -92,9 +92,9 @@ class Shafts:
         """The length of a manoeuvre, with repetitions, in whole minutes."""
         return float(max(_FEWEST_MINUTES, round(MINUTES * self.time)))
 
-    def candidate(self, name: str, what: str, legs: Sequence[Leg]) -> Candidate:
+    def candidate(self, name: str, what: str, legs: Sequence[Leg]) -> CandidateManoeuvre:
         """A candidate whose legs are given in R/V Gunnerus' time."""
-        return Candidate(name, what, in_time(tuple(legs), self.time), self.minutes)
+        return CandidateManoeuvre(name, what, in_time(tuple(legs), self.time), self.minutes)
 
     def span(self, seconds: float) -> str:
         """A time given for R/V Gunnerus, scaled to this ship, in words."""
@@ -136,10 +136,10 @@ def _common(words: Iterable[str], otherwise: str) -> str:
     return found.pop() if len(found) == 1 else otherwise
 
 
-def repertoire(shafts: Shafts) -> tuple[Candidate, ...]:
+def repertoire(shafts: Shafts) -> tuple[CandidateManoeuvre, ...]:
     """All candidates that a ship with these thrusters can make."""
     by_angle, alike = len(shafts.steering) > 0, shafts.steers != _MIXED
-    needed: dict[Callable[[Shafts], Candidate], bool] = {
+    needed: dict[Callable[[Shafts], CandidateManoeuvre], bool] = {
         _uneven: len(shafts.drives) == 2 and by_angle, _opposed: len(shafts.steering) == 2 and alike,
         _crash_stop: shafts.drive == "propeller", _one_drive: len(shafts.drives) > 1,
         _tunnel: len(shafts.tunnels) > 0,
@@ -147,18 +147,18 @@ def repertoire(shafts: Shafts) -> tuple[Candidate, ...]:
     return tuple(make(shafts) for make in _MAKERS if needed.get(make, True))
 
 
-def _reciprocal(at: Shafts) -> Candidate:
+def _reciprocal(at: Shafts) -> CandidateManoeuvre:
     what = f"Run straight at {at.usual:g} rpm, {at.span(240.0)} on a heading and as long on the reciprocal"
     legs = both_ways(lambda course: (settle(course, at.usual), steer(course, 220.0, at.usual)))
     return at.candidate("reciprocal_headings", what, legs)
 
 
-def _four_headings(at: Shafts) -> Candidate:
+def _four_headings(at: Shafts) -> CandidateManoeuvre:
     what = f"Run straight at {at.usual:g} rpm on four headings 90 degrees apart, {at.span(120.0)} each"
     return at.candidate("four_headings", what, reciprocal(110.0, at.usual))
 
 
-def _speed_runs(at: Shafts) -> Candidate:
+def _speed_runs(at: Shafts) -> CandidateManoeuvre:
     speeds = (at.half, at.slow, at.usual, at.fast)
     steps = ", ".join(f"{rpm:g}" for rpm in speeds)
     what = f"Run straight at {steps} rpm, {at.span(60.0)} each, on a heading and on the reciprocal"
@@ -166,7 +166,7 @@ def _speed_runs(at: Shafts) -> Candidate:
     return at.candidate("speed_runs", what, legs)
 
 
-def _turns(at: Shafts, helm_deg: float, turn_deg: float) -> Candidate:
+def _turns(at: Shafts, helm_deg: float, turn_deg: float) -> CandidateManoeuvre:
     what = (
         f"Turn through {turn_deg:g} degrees at {at.usual:g} rpm with {at.helm(helm_deg, at.usual)}, "
         "to one side and then to the other"
@@ -174,7 +174,7 @@ def _turns(at: Shafts, helm_deg: float, turn_deg: float) -> Candidate:
     return at.candidate(f"turns_{helm_deg:g}", what, turning_circle(helm_deg, at.usual, turn_deg))
 
 
-def _zigzag(at: Shafts, helm_deg: float, switch_deg: float, slow: bool = False) -> Candidate:
+def _zigzag(at: Shafts, helm_deg: float, switch_deg: float, slow: bool = False) -> CandidateManoeuvre:
     rpm = at.slow if slow else at.usual
     swings = zigzag(helm_deg, switch_deg, rpm, swings=10)
     by = "" if at.steering else f" with {at.helm(helm_deg, rpm)}"
@@ -183,7 +183,7 @@ def _zigzag(at: Shafts, helm_deg: float, switch_deg: float, slow: bool = False) 
     return at.candidate(name, what, both_ways(lambda course: (settle(course, rpm), *swings)))
 
 
-def _speed_changes(at: Shafts) -> Candidate:
+def _speed_changes(at: Shafts) -> CandidateManoeuvre:
     what = (
         f"Speed up to {at.fast:g} rpm and slow down to {at.half:g} rpm every {at.span(30.0)}, {at.span(300.0)} on "
         "a heading and as long on the reciprocal"
@@ -193,7 +193,7 @@ def _speed_changes(at: Shafts) -> Candidate:
     return at.candidate("speed_changes", what, legs)
 
 
-def _coasting(at: Shafts) -> Candidate:
+def _coasting(at: Shafts) -> CandidateManoeuvre:
     idle = Leg(rpm=0.0, at_most_s=180.0)
     what = (
         f"Speed up to {at.usual:g} rpm and coast without thrust for {at.span(180.0)}, on a heading and on the "
@@ -203,7 +203,7 @@ def _coasting(at: Shafts) -> Candidate:
     return at.candidate("coasting", what, legs)
 
 
-def _crash_stop(at: Shafts) -> Candidate:
+def _crash_stop(at: Shafts) -> CandidateManoeuvre:
     astern = Leg(rpm=-at.usual, slower_mps=0.0, at_most_s=120.0)
     what = (
         f"Speed up to {at.usual:g} rpm and stop at {at.usual:g} rpm astern until she stands, on a heading and on "
@@ -213,7 +213,7 @@ def _crash_stop(at: Shafts) -> Candidate:
     return at.candidate("crash_stops", what, legs)
 
 
-def _one_drive(at: Shafts) -> Candidate:
+def _one_drive(at: Shafts) -> CandidateManoeuvre:
     first, *others = (_named(name, at.drive) for name in at.drives)
     then = "".join(f", then on the {name} alone" for name in others)
     seconds, spans = 120.0, f"{at.span(120.0)} each"
@@ -231,7 +231,7 @@ def _named(name: str, drive: str) -> str:
     return words if drive in words else f"{words} {drive}"
 
 
-def _opposed(at: Shafts) -> Candidate:
+def _opposed(at: Shafts) -> CandidateManoeuvre:
     one, other = (f"{name}_angle_deg" for name in at.steering)
     legs = [Leg(rpm=at.usual, orders={one: a, other: -a}, at_most_s=75.0) for a in (20.0, -20.0, 35.0, -35.0)]
     drives = {1: f"the {at.drive}", 2: f"both {at.drive}s"}.get(len(at.drives), f"all {at.drive}s")
@@ -242,7 +242,7 @@ def _opposed(at: Shafts) -> Candidate:
     return at.candidate(f"{at.steers}s_opposed", what, legs)
 
 
-def _uneven(at: Shafts) -> Candidate:
+def _uneven(at: Shafts) -> CandidateManoeuvre:
     one, other = at.drives
     legs = [
         leg
@@ -263,7 +263,7 @@ def _uneven(at: Shafts) -> Candidate:
     return at.candidate("uneven_thrusters", what, legs)
 
 
-def _tunnel(at: Shafts) -> Candidate:
+def _tunnel(at: Shafts) -> CandidateManoeuvre:
     def push(main: float, name: str, aside: float) -> Leg:
         return Leg(rpm=main, orders={f"{name}_rpm": aside}, at_most_s=60.0)
 
@@ -278,12 +278,12 @@ def _tunnel(at: Shafts) -> Candidate:
     return at.candidate("tunnel_thruster", what, legs)
 
 
-def _drifting(at: Shafts) -> Candidate:
+def _drifting(at: Shafts) -> CandidateManoeuvre:
     legs = (Leg(rpm=0.0, at_most_s=60.0 * MINUTES),)
     return at.candidate("drifting", "Lie stopped without any thrust and drift", legs)
 
 
-_MAKERS: tuple[Callable[[Shafts], Candidate], ...] = (
+_MAKERS: tuple[Callable[[Shafts], CandidateManoeuvre], ...] = (
     _reciprocal, _four_headings, _speed_runs,
     *(partial(_turns, helm_deg=helm, turn_deg=turn) for helm, turn in ((15.0, 360.0), (30.0, 720.0))),
     *(partial(_zigzag, helm_deg=helm, switch_deg=switch, slow=slow)

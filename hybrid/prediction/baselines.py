@@ -6,7 +6,8 @@ the turn), and the reference model.
 
 Outside its domain of applicability a calibrator is replaced by a weighted mean of the two baselines, each
 weighted by the inverse fourth power of its expected error, which follows from its errors in training and from a
-hindcast of the last seconds. Inside the domain a calibrator may be averaged with them (:class:`Candidate`).
+hindcast of the last seconds. Inside the domain a calibrator may be averaged with them
+(:class:`CandidatePrediction`).
 """
 
 from __future__ import annotations
@@ -78,7 +79,7 @@ _WEIGHT_POWER = 4.0  # close to the better baseline alone, unless both expect si
 
 
 @dataclass(frozen=True, slots=True)
-class Candidate:
+class CandidatePrediction:
     """A prediction to be averaged with the baselines: its ``tracks`` [N, H+1, 3], NaN where it has none, and
     the errors ``hindcast_m`` [N] of its hindcasts; ``usual_error_m`` [2] are its mean errors on windows not
     used for fitting, over the horizon and over the hindcast."""
@@ -133,7 +134,7 @@ class Fallback:
         return replace(unscaled, region=conformal_region(found.tracks, windows, found.expected_error_m[:, None]))
 
     def predict(
-        self, windows: PredictionWindows, reference: Floats, plant: Plant, beside: Candidate | None = None
+        self, windows: PredictionWindows, reference: Floats, plant: Plant, beside: CandidatePrediction | None = None
     ) -> FallbackPrediction:
         """The weighted mean of the baselines, and of a candidate ``beside`` them, for windows on which
         ``reference`` [N, H+1, 3] are the model's tracks."""

@@ -36,7 +36,7 @@ LEG_HORIZONS = 4
 
 
 @dataclass(frozen=True, slots=True)
-class Source:
+class WindowSource:
     """A recording, or a part of its time in percent, that windows were taken from.
 
     ``windows`` and ``legs`` count what it provided, ``span`` is from the first window's start to the last
@@ -50,7 +50,7 @@ class Source:
     legs: int = 0
     span: tuple[datetime, datetime] | None = None
 
-    def overlaps(self, other: Source) -> bool:
+    def overlaps(self, other: WindowSource) -> bool:
         """Whether both contain the same stretch of the same recording."""
         return self.sha256 == other.sha256 and self.part[0] < other.part[1] and other.part[0] < self.part[1]
 
@@ -61,7 +61,7 @@ class Dataset:
     recordings at 1 Hz by trial."""
 
     windows: PredictionWindows
-    sources: tuple[Source, ...]
+    sources: tuple[WindowSource, ...]
     candidates: int
     dropped: dict[str, int] = field(default_factory=dict)
     tables: Mapping[str, SecondBySecond] = field(default_factory=dict)
@@ -87,7 +87,9 @@ def load_dataset(
     arguments are those of :func:`dataset_of`. Raises :class:`InputError` if a recording is given twice: its
     legs would be on both sides of every split.
     """
-    sources = [Source(path, digest, part) for path, digest in zip(paths, refuse_duplicates(paths), strict=True)]
+    sources = [
+        WindowSource(path, digest, part) for path, digest in zip(paths, refuse_duplicates(paths), strict=True)
+    ]
     tables = tables_of_recordings(paths, progress, part, repair=repair, rebuild_positions=rebuild_positions)
     return dataset_of(
         tables, horizon_s, stride_s, sources, shorter=shorter, any_commands=any_commands, length_m=length_m
@@ -98,7 +100,7 @@ def dataset_of(
     tables: Mapping[str, SecondBySecond],
     horizon_s: int,
     stride_s: int,
-    sources: Sequence[Source] = (),
+    sources: Sequence[WindowSource] = (),
     *,
     shorter: bool = False,
     any_commands: bool = False,
@@ -174,7 +176,7 @@ def _legs_of_both(windows: PredictionWindows) -> NDArray[np.str_]:
     return legs
 
 
-def _counted(source: Source, windows: PredictionWindows, trial: str) -> Source:
+def _counted(source: WindowSource, windows: PredictionWindows, trial: str) -> WindowSource:
     """A source with the number of whole windows and legs from its trial, and their time span."""
     own = windows.subset((windows.trial == trial) & windows.whole)
     if not len(own):

@@ -26,7 +26,7 @@ from seatrial.analysis.manoeuvres import Manoeuvre
 from seatrial.analysis.manoeuvres.criteria import CriterionResult, IndexRow, criteria_of, index_rows
 from seatrial.analysis.manoeuvres.find import RecordedRuns, runs_of_trial
 from seatrial.analysis.products import Options, Products, analyse
-from seatrial.analysis.report.run_sheet import Ship
+from seatrial.analysis.report.run_sheet import ShipDimensions
 from seatrial.analysis.speed_power import Conditions, SpeedPower, power_columns, speed_power
 from seatrial.analysis.tables.resample import resample
 from seatrial.analysis.tables.table import percent_of, refuse_duplicates, select
@@ -40,10 +40,10 @@ from seatrial.hybrid.calibrators.train import TrainedCalibrator
 from seatrial.hybrid.evaluation.length_times import LengthErrors, errors_by_length
 from seatrial.hybrid.evaluation.manoeuvre_indices import IndexComparisons, index_comparison
 from seatrial.hybrid.evaluation.validate import Validation, refuse_training_data, validate
-from seatrial.hybrid.prediction.dataset import Dataset, Source, dataset_of
+from seatrial.hybrid.prediction.dataset import Dataset, WindowSource, dataset_of
 from seatrial.hybrid.report.errors import (
     Calibration,
-    Errors,
+    ErrorComponents,
     Residuals,
     calibration_of,
     consecutive_windows,
@@ -129,13 +129,17 @@ class Case:
         lacking = [each for each in MOTION if each not in products.one_hz]
         return replace(products, one_hz=products.one_hz.assign(**dict.fromkeys(lacking, np.nan)))
 
-    def _ship_of(self, trial: Trial, recording: Path) -> Ship | None:
+    def _ship_of(self, trial: Trial, recording: Path) -> ShipDimensions | None:
         """The ship of a trial: what was given or is stated of her dimensions stands above those of a file."""
         stated = recorded_conditions(trial, pd.DataFrame())
         of_file = ship_of(self._vessel_of(trial.vessel, recording))
         length_m = self.length_m or stated.length_m
         if of_file is None:
-            return Ship(trial.vessel, length_m, length_m, stated.beam_m, stated.draught_m) if length_m else None
+            return (
+                ShipDimensions(trial.vessel, length_m, length_m, stated.beam_m, stated.draught_m)
+                if length_m
+                else None
+            )
         if length_m and length_m != of_file.between_perpendiculars_m:
             of_file = replace(of_file, over_all_m=length_m, between_perpendiculars_m=length_m)
         return replace(of_file, beam_m=stated.beam_m or of_file.beam_m)
@@ -159,7 +163,7 @@ class Case:
         """Why recordings are not in the report, by the name of their trial."""
         return self._analysed[1]
 
-    def ship(self, name: str) -> Ship | None:
+    def ship(self, name: str) -> ShipDimensions | None:
         """The main dimensions of the ship that a recording names, None where it names none that is known.
 
         A length that was given stands above those of a file.
@@ -232,7 +236,7 @@ class Case:
             {name: second_by_second(partial(resample, select(each.table, self.part_percent)))
              for name, each in used.items()},
             self.horizon_s, self.stride_s,
-            [Source(path, digest, self.part_percent)
+            [WindowSource(path, digest, self.part_percent)
              for path, digest in zip(paths, refuse_duplicates(paths), strict=True)],
             length_m=self.plant.length_overall_m,
         )  # fmt: skip
@@ -298,7 +302,7 @@ class Case:
         return str(names[np.argmax(counts)])
 
     @cached_property
-    def errors(self) -> dict[str, Errors]:
+    def errors(self) -> dict[str, ErrorComponents]:
         """The errors of every method."""
         return {name: errors_of(track, self.validation.windows) for name, track in self.validation.tracks.items()}
 
@@ -347,12 +351,12 @@ class Case:
         return parameters_of(calibrator) if isinstance(calibrator, AdaptiveCalibrator) else None
 
 
-def ship_of(vessel: Vessel | None) -> Ship | None:
+def ship_of(vessel: Vessel | None) -> ShipDimensions | None:
     """The main dimensions of a ship, with what lengthens her; None without a vessel file."""
     if vessel is None:
         return None
     size, added_m = vessel.dimensions, vessel.effects.get("hull_lengthening", {}).get("length_m", 0.0)
-    return Ship(
+    return ShipDimensions(
         vessel.name, size.length_overall_m + added_m, size.length_between_perpendiculars_m + added_m, size.beam_m,
         size.draught_m, vessel.description.partition(",")[0],  # what comes after a comma is about the model
     )  # fmt: skip

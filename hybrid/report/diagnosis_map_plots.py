@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from seatrial.analysis.report.plots import FAINT, INK, PALETTE
-from seatrial.hybrid.diagnosis.result import FORCES, Map, Place
+from seatrial.hybrid.diagnosis.result import FORCES, GapCell, Map
 from seatrial.hybrid.report.plots import LESS_MORE, legend_above
 from seatrial.hybrid.report.words import force_unit, quantity_title
 
@@ -45,7 +45,7 @@ _FULL = 12.0  # standard errors at full colour
 _SURE = 3.3  # standard errors beyond which a force is printed dark
 _ROW_INCH, _EDGE_INCH = 0.19, 0.7
 
-Rows = list[tuple[str, list[Place]]]
+Rows = list[tuple[str, list[GapCell]]]
 
 
 def force_titles(unit: str) -> tuple[str, str, str]:
@@ -57,16 +57,16 @@ def force_titles(unit: str) -> tuple[str, str, str]:
     return f"surge [{unit}]", f"sway [{unit}]", f"yaw [{unit} m]"
 
 
-def _unit_of(places: Sequence[Place]) -> tuple[float, str]:
+def _unit_of(places: Sequence[GapCell]) -> tuple[float, str]:
     return force_unit(max((abs(each.error) for each in places if each.channel in FORCES), default=0.0))
 
 
-def map_height_inch(places: Sequence[Place]) -> float:
+def map_height_inch(places: Sequence[GapCell]) -> float:
     """A height at which the rows of :func:`force_map` stand clear of each other."""
     return _EDGE_INCH + _ROW_INCH * max(len(half) for half in _halves(_rows(places)))
 
 
-def force_map(figure: Figure, places: Sequence[Place]) -> None:
+def force_map(figure: Figure, places: Sequence[GapCell]) -> None:
     """The steady force that the model lacks in each cell, by axis: colour says how sure, the number how much."""
     axes = figure.subplots(1, 2, squeeze=False)[0]
     halves = _halves(_rows(places))
@@ -78,7 +78,7 @@ def force_map(figure: Figure, places: Sequence[Place]) -> None:
             one.set_axis_off()
 
 
-def map_sentences(places: Sequence[Place]) -> list[str]:
+def map_sentences(places: Sequence[GapCell]) -> list[str]:
     """What a map says: of each force the cell in which it is surest, where one stands out."""
     sentences = []
     size_n, unit = _unit_of(places)
@@ -131,7 +131,7 @@ def depends_most(made: Map) -> tuple[str, str] | None:
     return max(scores, key=lambda pair: (scores[pair], pair), default=None)
 
 
-def cell_name(place: Place) -> str:
+def cell_name(place: GapCell) -> str:
     """A cell's span for people, without its unit: degrees and times to whole numbers."""
     if "north_m" in place.cell:
         north, east = (np.mean(place.cell[name]) for name in ("north_m", "east_m"))
@@ -144,7 +144,7 @@ def cell_name(place: Place) -> str:
     return f"{_plain(low / scale, digits)} to {_plain(high / scale, digits)}"
 
 
-def quantity_of(place: Place) -> str:
+def quantity_of(place: GapCell) -> str:
     """What a cell is of, as in :data:`QUANTITIES`."""
     return "place" if "north_m" in place.cell else next(iter(place.cell))
 
@@ -165,7 +165,7 @@ def _in_order(found: Iterable[str]) -> list[str]:
     return [name for title in QUANTITIES for name in (title, *after.get(title, ()))]
 
 
-def _rows(places: Sequence[Place]) -> Rows:
+def _rows(places: Sequence[GapCell]) -> Rows:
     """A row a cell, by quantity in the order of the titles: its name, its three forces."""
     result: Rows = []
     for quantity in _in_order({quantity_of(each): None for each in places}):

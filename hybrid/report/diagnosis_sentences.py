@@ -20,16 +20,16 @@ from seatrial.hybrid.diagnosis.nuisance_basis import AXES, INTERACTIONS, OPERATI
 from seatrial.hybrid.diagnosis.regimes import FoundRegime
 from seatrial.hybrid.diagnosis.result import (
     FORCES,
-    Consistency,
     Correlation,
     Diagnosis,
-    Drift,
+    EffectDrift,
     Estimate,
     Extras,
     NamedEffect,
     RegimeEffect,
     Remainder,
     Rival,
+    SensorContradiction,
     UnknownCause,
     When,
 )
@@ -120,7 +120,7 @@ def in_parts(
     part = f"it explains {100.0 * whole.share_of_gap:.0f} % of the gap on legs not used to find it."
     if effect.profile.shape == "drift":
         since, until = map(_utc, effect.profile.times_s)
-        drift = Drift(since, until, sizes[0])
+        drift = EffectDrift(since, until, sizes[0])
         words = f"{said(sizes[0], f'At {clock(drift.since)} UTC')}, changing linearly; "
         words += f"{said(sizes[1], f'at {clock(drift.until)} UTC')}; {part}"
         return [replace(whole, drift=drift, sentence=words)]
@@ -238,13 +238,13 @@ def correlation_of(accepted: Acceptance) -> Correlation:
     return Correlation(tuple(titles), np.asarray(matrix[np.ix_(order, order)]))
 
 
-def contradictions(sensors: Acceptance) -> tuple[Consistency, ...]:
+def contradictions(sensors: Acceptance) -> tuple[SensorContradiction, ...]:
     """Each contradiction in words, the most significant first."""
     results = [_contradiction(sensors.evidence, sensors.names, test) for test in sensors.tests.values()]
     return tuple(sorted(results, key=lambda each: each.p_value))
 
 
-def _contradiction(evidence: Evidence, names: tuple[str, ...], test: AcceptanceTests) -> Consistency:
+def _contradiction(evidence: Evidence, names: tuple[str, ...], test: AcceptanceTests) -> SensorContradiction:
     model = evidence.equations.model
     effect = model.catalogue[test.name]
     fit = evidence.fit(names)
@@ -265,7 +265,7 @@ def _contradiction(evidence: Evidence, names: tuple[str, ...], test: AcceptanceT
     if alike:
         others = join_words([plain(each) for each in alike], "or")
         sentence += f"; without a ship model {others} cannot be ruled out"
-    return Consistency(effect.base, free, errors, test.p_value, alike, sentence + ".")
+    return SensorContradiction(effect.base, free, errors, test.p_value, alike, sentence + ".")
 
 
 def _no_wind(catalogue: Catalogue) -> str:

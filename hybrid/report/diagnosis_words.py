@@ -14,17 +14,17 @@ from rich.text import Text
 from seatrial.analysis.report.rendering import Page, render
 from seatrial.analysis.report.words import in_words
 from seatrial.hybrid.diagnosis.result import (
-    Consistency,
     Correlation,
     Diagnosis,
     Estimate,
     Extras,
+    GapCell,
     IdentifiedCorrection,
     Ladder,
     NamedEffect,
-    Place,
     Ratio,
     Replication,
+    SensorContradiction,
     Suspect,
     When,
 )
@@ -247,7 +247,7 @@ def verdict_meaning(diagnosis: Diagnosis) -> str:
     return f"{says[diagnosis.verdict]}{after} {judged}"
 
 
-def next_steps(diagnosis: Diagnosis, contradictions: Sequence[Consistency] = ()) -> list[str]:
+def next_steps(diagnosis: Diagnosis, contradictions: Sequence[SensorContradiction] = ()) -> list[str]:
     """What the reader can do next, the most useful first; ``contradictions`` are those between the sensors."""
     sensors = plain_names(each for each in diagnosis.effects if each.kind == "sensor")
     steps = []
@@ -452,7 +452,7 @@ def _gain(ladder: Ladder, name: str) -> str:
     return change_of(ladder.ratio(name, base)) if name != base else ""
 
 
-def cell_row(place: Place) -> list[str]:
+def cell_row(place: GapCell) -> list[str]:
     """A cell of the map."""
     from seatrial.hybrid.report.diagnosis_map_plots import axis_title, cell_name, quantity_of
 

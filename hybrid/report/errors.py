@@ -83,14 +83,14 @@ QUANTITIES = {
     "heading": "heading [deg]",
     "speed": "speed over ground [m/s]",
 }
-"""What a prediction may be off in, for people; the names are the attributes of :class:`Errors`."""
+"""What a prediction may be off in, for people; the names are the attributes of :class:`ErrorComponents`."""
 
 _LEAST_WAY_M = 0.1
 _LOG_OUTSIDE = -np.log(0.05)  # a Rayleigh law leaves this outside of its 95 % region
 
 
 @dataclass(frozen=True, slots=True)
-class Errors:
+class ErrorComponents:
     """Errors of one method [N, H]: ``distance``, ``along`` and ``across`` the measured heading [m] (ahead and to
     starboard positive), ``heading`` [deg], ``speed`` over ground [m/s], which is a difference of the track over two
     seconds; that of the last second is that of the one before.
@@ -107,7 +107,7 @@ class Errors:
         return np.asarray(np.nanquantile(np.abs(getattr(self, quantity)), share, axis=0))
 
 
-def errors_of(predicted: Floats, horizons: PredictionWindows) -> Errors:
+def errors_of(predicted: Floats, horizons: PredictionWindows) -> ErrorComponents:
     """The errors of tracks [N, H+1, 3] of north, east [m], heading [rad]."""
     measured = horizons.track
     gap = (predicted - measured)[:, 1:, :2]
@@ -116,7 +116,7 @@ def errors_of(predicted: Floats, horizons: PredictionWindows) -> Errors:
     speed = (speeds_of(predicted)[..., 3] - speeds_of(measured)[..., 3])[:, 1:]
     if speed.shape[1] > 1:
         speed[:, -1] = speed[:, -2]  # a difference over one second has twice the noise of one over two
-    return Errors(distances(predicted, measured), along, across, turned, speed)
+    return ErrorComponents(distances(predicted, measured), along, across, turned, speed)
 
 
 @dataclass(frozen=True, slots=True)

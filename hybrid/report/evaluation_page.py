@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from seatrial.acquisition.core.files import write_text, written_together
 from seatrial.analysis.report.plots import FAINT, INK, PALETTE
 from seatrial.analysis.report.rendering import Page, render
-from seatrial.hybrid.evaluation.study import BASELINES, Evaluation, SplitSummary, Summary
+from seatrial.hybrid.evaluation.study import BASELINES, Evaluation, MethodSummary, SplitSummary
 from seatrial.hybrid.prediction.scores import Interval
 from seatrial.hybrid.report.plots import COLOUR, interval_bar, logarithmic, named_rows, reach
 from seatrial.hybrid.report.sections import templates
@@ -32,7 +32,7 @@ def colours_of(methods: Sequence[str]) -> dict[str, str]:
     return known | {method: left[number % len(left)] for number, method in enumerate(others)}
 
 
-def error_by_second(axes: Axes, summary: Summary) -> None:
+def error_by_second(axes: Axes, summary: MethodSummary) -> None:
     """The mean distance of every method against the second of the prediction, its 95 % interval shaded.
 
     Errors grow from centimetres to metres, and methods are tens of times apart: the axis is logarithmic.
@@ -48,7 +48,7 @@ def error_by_second(axes: Axes, summary: Summary) -> None:
     axes.set(xlim=(0, seconds[-1]), xlabel="prediction time [s]", ylabel="mean distance [m]")
 
 
-def coverage_by_second(axes: Axes, summary: Summary) -> None:
+def coverage_by_second(axes: Axes, summary: MethodSummary) -> None:
     """The share of positions inside each method's 95 % region by second; 93 to 97 % shaded."""
     colours = colours_of(list(summary.methods))
     axes.axhspan(93.0, 97.0, color=FAINT, alpha=0.4, linewidth=0)
@@ -94,7 +94,7 @@ def leak(axes: Axes, splits: Mapping[str, SplitSummary]) -> None:
     axes.legend(loc="best")
 
 
-def breakdown(axes: Axes, classes: Mapping[str, Summary]) -> None:
+def breakdown(axes: Axes, classes: Mapping[str, MethodSummary]) -> None:
     """The mean distance of every method in each class, with its interval."""
     methods = list(next(iter(classes.values())).methods)
     colours = colours_of(methods)
@@ -114,7 +114,7 @@ def breakdown(axes: Axes, classes: Mapping[str, Summary]) -> None:
     axes.grid(visible=False, axis="x")
 
 
-def seconds(figure: Figure, summary: Summary) -> None:
+def seconds(figure: Figure, summary: MethodSummary) -> None:
     """Error and coverage by second, side by side."""
     left, right = figure.subplots(1, 2)
     error_by_second(left, summary)
@@ -122,7 +122,7 @@ def seconds(figure: Figure, summary: Summary) -> None:
     figure.legend(*left.get_legend_handles_labels(), loc="outside upper center", ncols=6)
 
 
-def classes(figure: Figure, summaries: Mapping[str, Summary]) -> None:
+def classes(figure: Figure, summaries: Mapping[str, MethodSummary]) -> None:
     """The error in each class, with the methods above."""
     axes = figure.subplots()
     breakdown(axes, summaries)

@@ -11,7 +11,12 @@ from rich.table import Table
 from rich.text import Text
 
 from seatrial.analysis.report.plots import FAINT, INK, PALETTE
-from seatrial.hybrid.identification.identify import Candidate, Estimate, Identification, Judgement
+from seatrial.hybrid.identification.identify import (
+    CoefficientEstimate,
+    Identification,
+    Judgement,
+    ManoeuvreInformation,
+)
 from seatrial.hybrid.report.plots import legend_above, named_rows
 from seatrial.hybrid.report.tables import text_table
 
@@ -57,7 +62,7 @@ def _validation(judged: Judgement) -> Table:
     return text_table(title, columns, rows, wrap=True, pad_edge=False)
 
 
-def _next(candidates: Sequence[Candidate]) -> Table:
+def _next(candidates: Sequence[ManoeuvreInformation]) -> Table:
     title = f"What another {candidates[0].minutes:.0f} minutes would tell"
     rows = [
         [each.manoeuvre, f"{each.gain:.1f}", f"{each.left:.0%}", str(len(each.newly_known))]
@@ -89,5 +94,5 @@ def draw_identification(figure: Figure, found: Identification) -> None:
     right.set_xlabel("departure from the start, in half widths of the prior's 95 % interval [1]")
 
 
-def _half_width(each: Estimate) -> float:
+def _half_width(each: CoefficientEstimate) -> float:
     return max(0.5 * (each.start_high - each.start_low), 1e-12)

@@ -22,7 +22,7 @@ from seatrial.analysis.kinematics import to_ship
 from seatrial.analysis.report.plots import FAINT, INK, PALETTE, label
 from seatrial.hybrid.prediction.regions import outlines
 from seatrial.hybrid.prediction.scores import Interval
-from seatrial.hybrid.report.errors import QUANTITIES, Calibration, Errors, errors_of
+from seatrial.hybrid.report.errors import QUANTITIES, Calibration, ErrorComponents, errors_of
 from seatrial.hybrid.report.words import plain
 
 if TYPE_CHECKING:
@@ -178,7 +178,7 @@ def fan_of_errors(axes: Axes, values: Floats, component: str, method: str) -> No
     axes.set(ylabel=f"error {QUANTITIES[component]}".replace(" [", "\n["), xlim=(0, seconds[-1]))
 
 
-def errors_by_second(axes: Axes, errors: Mapping[str, Errors], quantity: str) -> None:
+def errors_by_second(axes: Axes, errors: Mapping[str, ErrorComponents], quantity: str) -> None:
     """The size of the error that half, and dashed nine in ten, of the windows stay below, by second and method."""
     for method, each in errors.items():
         for share, style in ((0.5, "-"), (0.9, "--")):
@@ -231,7 +231,7 @@ def error_spread(axes: Axes, by_trial: Mapping[str, Mapping[str, Floats]]) -> No
     legend_above(axes, len(handles), handles=handles)
 
 
-def error_histogram(axes: Axes, errors: Mapping[str, Errors], quantity: str) -> None:
+def error_histogram(axes: Axes, errors: Mapping[str, ErrorComponents], quantity: str) -> None:
     """How errors of all windows and seconds are distributed, by method; the outermost 2 % lie beyond the axes."""
     every = np.concatenate([getattr(each, quantity).ravel() for each in errors.values()])
     low, high = np.quantile(every, [0.01, 0.99])

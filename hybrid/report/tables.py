@@ -20,7 +20,7 @@ from seatrial.hybrid.vessel.effect import FAMILIES, Effect, Parameter
 if TYPE_CHECKING:
     from seatrial.hybrid.calibrators.predict import Prediction
     from seatrial.hybrid.calibrators.train import TrainedCalibrator
-    from seatrial.hybrid.evaluation.study import Evaluation, SplitSummary, Summary
+    from seatrial.hybrid.evaluation.study import Evaluation, MethodSummary, SplitSummary
     from seatrial.hybrid.evaluation.truth import Truths
     from seatrial.hybrid.evaluation.validate import Validation
     from seatrial.hybrid.planning.plan import Plan, Programme
@@ -250,7 +250,7 @@ def caption_of(split: SplitSummary) -> str:
     return "; ".join(parts)
 
 
-def counts_of(summary: Summary) -> str:
+def counts_of(summary: MethodSummary) -> str:
     """How many windows of how many legs, for people."""
     counts = {"window": summary.windows, "leg": summary.legs}
     return " of ".join(f"{count} {name}{'' if count == 1 else 's'}" for name, count in counts.items())

@@ -34,7 +34,7 @@ from seatrial.hybrid.report.words import join_words, plain, quantity_title
 
 if TYPE_CHECKING:
     from seatrial.analysis.quality.findings import Finding
-    from seatrial.hybrid.calibrators.adaptive.parameters import Parameter, Parameters
+    from seatrial.hybrid.calibrators.adaptive.parameters import AdaptedParameter, Parameters
     from seatrial.hybrid.calibrators.calibrator import DomainOfApplicability
     from seatrial.hybrid.evaluation.manoeuvre_indices import IndexComparisons
     from seatrial.hybrid.evaluation.validate import Validation
@@ -561,7 +561,7 @@ def parameter_warnings(learned: Parameters) -> list[str]:
     return warnings
 
 
-def parameter_rows(parameters: Sequence[Parameter]) -> list[list[str]]:
+def parameter_rows(parameters: Sequence[AdaptedParameter]) -> list[list[str]]:
     """Value, standard error, interval and a remark of each."""
     return [
         [each.name, f"{each.value:.4g}", f"\u00b1 {each.error:.2g}", f"{each.low:.4g} to {each.high:.4g}",

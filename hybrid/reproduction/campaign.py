@@ -56,7 +56,7 @@ _STRETCHES, _SPARE, _TRIES = 2.3, 8, 4
 
 
 @dataclass(frozen=True, slots=True)
-class Campaign:
+class CampaignWindows:
     """The sequences of one sea state as N windows, and the plant that made them.
 
     ``azimuth_deg`` [N] is the order of each sequence, positive turning the ship to port. ``truth`` is the
@@ -73,7 +73,7 @@ class Campaign:
     def __len__(self) -> int:
         return len(self.windows)
 
-    def subset(self, chosen: Bools) -> Campaign:
+    def subset(self, chosen: Bools) -> CampaignWindows:
         """The sequences that a mask chooses."""
         return replace(
             self,
@@ -86,7 +86,7 @@ class Campaign:
 
 def paper_campaign(
     sea_state: str, seed: int = 0, vessel: str = TRUTH, sequences: int = SEQUENCES, horizon_s: int = HORIZON_S
-) -> Campaign:
+) -> CampaignWindows:
     """The campaign in a sea state of ``trials/sea_states.toml``; the same seed gives the same campaign.
 
     Windows start from what is known afterwards, as a state that is taken for known. Raises
@@ -106,7 +106,7 @@ def paper_campaign(
             windows = starting_two_sided(windows_from_rows(chosen, start_motion(chosen, one_hz), before))
             windows.past[:, BEFORE_S + 1 :] = np.nan
             ship = _ship_states(windows, table.index[0], truth["states"])
-            return Campaign(windows, azimuth_deg, ship[:, 0], ship[..., :3], truth["plant"])
+            return CampaignWindows(windows, azimuth_deg, ship[:, 0], ship[..., :3], truth["plant"])
         duration_s, found = 1.5 * duration_s, len(numbers)
     raise DataShortageError(
         f"{found} of {sequences} sequences found in {duration_s / 1.5:.0f} s of zigzags in a {sea_state} sea",
@@ -172,7 +172,7 @@ SPLITS = ("sequence", "random")
 
 
 @dataclass(frozen=True, slots=True)
-class Job:
+class CampaignJob:
     """What is compared: one campaign, by its sea state and seed."""
 
     sea_state: str
@@ -193,7 +193,7 @@ class Parts:
 
 
 @dataclass(frozen=True, slots=True)
-class Errors:
+class SequenceErrors:
     """Predicted minus measured north and east [n, H, 2] of the n sequences with test rows, NaN beside these.
 
     ``inside`` [n, H] is 1 where the method's 95 % region holds the measured position and 0 elsewhere, ``region_m``
@@ -220,7 +220,9 @@ def parts_of(windows: PredictionWindows, split: str, seed: int) -> Parts:
     return Parts(*rows)
 
 
-def _compare(job: Job, campaign: Campaign, tracks: Floats, plant: Plant, split: str) -> dict[str, Errors]:
+def _compare(
+    job: CampaignJob, campaign: CampaignWindows, tracks: Floats, plant: Plant, split: str
+) -> dict[str, SequenceErrors]:
     """The errors of every method on the test rows of a split, baselines and floor first."""
     windows, parts = campaign.windows, parts_of(campaign.windows, split, job.seed)
     tested = np.asarray(parts.test.any(axis=1))
@@ -243,10 +245,10 @@ def _compare(job: Job, campaign: Campaign, tracks: Floats, plant: Plant, split: 
     return {method: _errors(track, measured, region_m[method]) for method, track in predicted.items()}
 
 
-def _errors(predicted: Floats, measured: Floats, region_m: Floats) -> Errors:
+def _errors(predicted: Floats, measured: Floats, region_m: Floats) -> SequenceErrors:
     relative = relative_distances(predicted, measured, region_m)
     inside = np.where(np.isfinite(relative), relative <= 1.0, np.nan)
-    return Errors((predicted[..., :2] - measured[..., :2])[:, 1:], inside, region_m)
+    return SequenceErrors((predicted[..., :2] - measured[..., :2])[:, 1:], inside, region_m)
 
 
 def _examples(windows: PredictionWindows, tracks: Floats, rows: Bools) -> Examples:
@@ -263,13 +265,13 @@ def _masked(track: Floats, rows: Bools) -> Floats:
 
 
 @dataclass(frozen=True, slots=True)
-class Sea:
+class SeaResults:
     """One sea state: its campaign, the reference's tracks on it, and the errors by split and method."""
 
-    job: Job
-    campaign: Campaign
+    job: CampaignJob
+    campaign: CampaignWindows
     reference: Floats
-    errors: Mapping[str, Mapping[str, Errors]]
+    errors: Mapping[str, Mapping[str, SequenceErrors]]
 
     @property
     def unseen(self) -> Ints:
@@ -288,7 +290,7 @@ class Sea:
         return np.concatenate([begin, self.judged.track[:, 1:, :2] + gap_m], axis=1)
 
 
-def sea_of(job: Job) -> Sea:
+def sea_of(job: CampaignJob) -> SeaResults:
     """Simulate the campaign of ``job``, train every method on it under both splits, and judge them.
 
     Windows in which the reference leaves its range are left out.
@@ -298,15 +300,17 @@ def sea_of(job: Job) -> Sea:
     tracks = reference(whole.windows, plant)
     inside = np.asarray(np.isfinite(tracks).all(axis=(1, 2)))
     campaign, tracks = whole.subset(inside), tracks[inside]
-    return Sea(job, campaign, tracks, {split: _compare(job, campaign, tracks, plant, split) for split in SPLITS})
+    return SeaResults(
+        job, campaign, tracks, {split: _compare(job, campaign, tracks, plant, split) for split in SPLITS}
+    )
 
 
 def seas_of(
-    jobs: Sequence[Job],
+    jobs: Sequence[CampaignJob],
     workers: int | None = None,
     progress: Progress = lambda share: None,
-    finished: Callable[[Sea], None] = lambda sea: None,
-) -> tuple[Sea, ...]:
+    finished: Callable[[SeaResults], None] = lambda sea: None,
+) -> tuple[SeaResults, ...]:
     """:func:`sea_of` each job, in their order; what comes out does not depend on the number of ``workers``.
 
     ``finished`` is told each one as soon as it is there.
@@ -316,7 +320,7 @@ def seas_of(
     return tuple(map_calls(calls, workers, progress, lambda number, sea: finished(sea)))
 
 
-def example_sequence(job: Job) -> pd.DataFrame:
+def example_sequence(job: CampaignJob) -> pd.DataFrame:
     """One sequence of a campaign as it is recorded, every sample and channel, indexed by UTC."""
     table, _ = simulate_trial(job.vessel, job.sea_state, "paper", _EXAMPLE_S, RATE_HZ, job.seed)
     rows = held_windows(resample(table), HORIZON_S, 1, trial="example").rows

@@ -25,7 +25,7 @@ from seatrial.hybrid.prediction.prediction_windows import PredictionWindows
 from seatrial.hybrid.prediction.regions import circle_about, outlines
 from seatrial.hybrid.report.plots import COLOUR, box, plain_numbers, start_frame
 from seatrial.hybrid.report.words import plain
-from seatrial.hybrid.reproduction.campaign import AZIMUTHS_DEG, BEFORE_S, Sea, example_sequence
+from seatrial.hybrid.reproduction.campaign import AZIMUTHS_DEG, BEFORE_S, SeaResults, example_sequence
 
 AZIMUTH_COLOUR = {10.0: PALETTE[0], 20.0: PALETTE[2], 30.0: PALETTE[4]}
 
@@ -125,7 +125,7 @@ FAN, TRACKS = 12, 20
 WRITTEN = ("png", *ENDINGS)
 
 
-Seas = Sequence[Sea]
+Seas = Sequence[SeaResults]
 """The sea states shown, in their order, one campaign each."""
 
 
@@ -224,7 +224,7 @@ def draw_predictions(figure: Figure, seas: Seas) -> None:
     figure.legend(handles=[*handles, band], loc="outside lower center", ncols=4)
 
 
-def _one_prediction(axes: Axes, sea: Sea, number: int) -> None:
+def _one_prediction(axes: Axes, sea: SeaResults, number: int) -> None:
     """One unseen sequence, and the hybrid's own region about its end."""
     judged = sea.judged
     start = judged.start[number]

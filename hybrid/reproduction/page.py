@@ -23,7 +23,7 @@ from seatrial.hybrid.report.sections import sections, templates
 from seatrial.hybrid.report.tables import spread, text_table
 from seatrial.hybrid.report.words import no_wrap, plain
 from seatrial.hybrid.reproduction.figures import FIGURES, FigureSpec
-from seatrial.hybrid.reproduction.table3 import PUBLISHED, Cell, Row, Table3, read_table3
+from seatrial.hybrid.reproduction.table3 import PUBLISHED, Reduction, Row, Table3, read_table3
 
 HEADER = ["method", "north [m]", "east [m]", "distance [m]", "less than reference", "removable gap closed",
           "in the 95 % region", "random split [m]", "less than reference"]  # fmt: skip
@@ -108,7 +108,7 @@ def shortfalls(table: Table3) -> list[str]:
     ]
 
 
-def _cell_short(cell: Cell) -> str:
+def _cell_short(cell: Reduction) -> str:
     text = (
         f"{cell.sea_state}, {QUANTITY[cell.quantity]}: {cell.hybrid.value:.1%} ({cell.hybrid.low:.1%} to "
         f"{cell.hybrid.high:.1%}) less error than the reference, where the paper states {cell.published:.1%}"

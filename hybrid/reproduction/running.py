@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from math import ceil
 from pathlib import Path
 
-from seatrial.hybrid.reproduction.campaign import SEA_STATES, Sea
+from seatrial.hybrid.reproduction.campaign import SEA_STATES, SeaResults
 from seatrial.hybrid.reproduction.page import write_table3
 from seatrial.hybrid.reproduction.table3 import table3
 
@@ -29,7 +29,7 @@ class RunningTable:
     folder: Path | None
     say: Callable[[str], None]
     clock: Callable[[], float] = time.monotonic
-    seas: list[Sea] = field(default_factory=list)
+    seas: list[SeaResults] = field(default_factory=list)
     began_s: float = 0.0
 
     def announce(self) -> None:
@@ -43,7 +43,7 @@ class RunningTable:
             f"about {duration_text(about_s)}{kept}"
         )
 
-    def add(self, sea: Sea) -> None:
+    def add(self, sea: SeaResults) -> None:
         """Keep a campaign that is finished, write the table of all that are, and say how long the rest may take."""
         self.seas.append(sea)
         done, passed_s = len(self.seas), self.clock() - self.began_s

@@ -21,7 +21,7 @@ from seatrial.acquisition.core.arrays import Floats
 from seatrial.acquisition.core.result import Result
 from seatrial.acquisition.core.serialisation import from_json, to_json
 from seatrial.hybrid.prediction.scores import DRAWS, Interval, LegBootstrap, interval_about
-from seatrial.hybrid.reproduction.campaign import SEA_STATES, SPLITS, Errors, Job, Sea
+from seatrial.hybrid.reproduction.campaign import SEA_STATES, SPLITS, CampaignJob, SeaResults, SequenceErrors
 
 SEEDS = 5
 ORDER = (
@@ -84,7 +84,7 @@ class Row:
 
 
 @dataclass(frozen=True, slots=True)
-class Cell:
+class Reduction:
     """One published reduction, ours on sequences never seen, and what bounds it: ``floor``, ``perfect_start``,
     ``waves_only``."""
 
@@ -108,7 +108,7 @@ class Table3(Result):
     """All rows, and the published reductions compared."""
 
     rows: tuple[Row, ...]
-    cells: tuple[Cell, ...]
+    cells: tuple[Reduction, ...]
     view = "seatrial.hybrid.reproduction.page:table3_view"
     drawing = "seatrial.hybrid.reproduction.page:draw_table3"
 
@@ -151,7 +151,7 @@ def _nested(row: Mapping[str, Any]) -> dict[str, Any]:
     return nested
 
 
-def table3(seas: Sequence[Sea]) -> Table3:
+def table3(seas: Sequence[SeaResults]) -> Table3:
     """The table of campaigns, any number of seeds in any number of sea states."""
     states = dict.fromkeys(sea.job.sea_state for sea in seas)
     rows = tuple(
@@ -163,12 +163,12 @@ def table3(seas: Sequence[Sea]) -> Table3:
     return Table3(rows, tuple(cells_of(rows)))
 
 
-def papers_jobs(seed: int = 0, seeds: int = SEEDS) -> list[Job]:
+def papers_jobs(seed: int = 0, seeds: int = SEEDS) -> list[CampaignJob]:
     """The paper's three sea states, each with so many seeds from ``seed`` on."""
-    return [Job(sea_state, seed + number) for sea_state in SEA_STATES for number in range(seeds)]
+    return [CampaignJob(sea_state, seed + number) for sea_state in SEA_STATES for number in range(seeds)]
 
 
-def rows_of(sea_state: str, split: str, by_seed: Sequence[Mapping[str, Errors]]) -> list[Row]:
+def rows_of(sea_state: str, split: str, by_seed: Sequence[Mapping[str, SequenceErrors]]) -> list[Row]:
     """The rows of one sea state and split, from the errors of each seed by method."""
     drawn = {method: bootstrap_means([figures_of(errors[method]) for errors in by_seed]) for method in ORDER}
     sequences = sum(len(errors["reference"].gap_m) for errors in by_seed)
@@ -178,7 +178,7 @@ def rows_of(sea_state: str, split: str, by_seed: Sequence[Mapping[str, Errors]])
     ]
 
 
-def figures_of(errors: Errors) -> Floats:
+def figures_of(errors: SequenceErrors) -> Floats:
     """|north|, |east|, distance [m], and 1 inside the 95 % region or 0 outside [n, H, 4]; NaN where not judged."""
     distance = np.hypot(errors.gap_m[..., 0], errors.gap_m[..., 1])
     return np.concatenate([np.abs(errors.gap_m), distance[..., None], errors.inside[..., None]], axis=-1)
@@ -218,7 +218,7 @@ def _figures(method: str, drawn: Mapping[str, Floats]) -> dict[str, Interval]:
     return {name: interval_about(float(each[0]), each[1:]) for name, each in values.items()}
 
 
-def cells_of(rows: Iterable[Row]) -> list[Cell]:
+def cells_of(rows: Iterable[Row]) -> list[Reduction]:
     """The published reductions of the sea states in ``rows``, beside ours on sequences never seen."""
     unseen = {(row.sea_state, row.method): row for row in rows if row.split == "sequence"}
     published = {each.sea_state: each for each in PUBLISHED if each.method == "hybrid"}
@@ -230,5 +230,5 @@ def cells_of(rows: Iterable[Row]) -> list[Cell]:
                 for each in ("hybrid", "floor", "perfect_start", "waves_only")
             )
             stated = getattr(published[sea_state], quantity)
-            cells.append(Cell(sea_state, quantity, stated, ours, *(each.value for each in bounds)))
+            cells.append(Reduction(sea_state, quantity, stated, ours, *(each.value for each in bounds)))
     return cells

@@ -20,13 +20,13 @@ from seatrial.acquisition.core.files import atomic_file, read_json
 from seatrial.acquisition.core.progress import Progress
 from seatrial.acquisition.core.trial import software_version
 from seatrial.analysis.batch.one_recording import Row
-from seatrial.analysis.batch.workers import Job, attempt, batch_folder, check_address, map_calls, run_jobs
+from seatrial.analysis.batch.workers import BatchJob, attempt, batch_folder, check_address, map_calls, run_jobs
 from seatrial.analysis.products import Options
 from seatrial.analysis.tables.table import sha256_of
 from seatrial.hybrid.effects import apply_effects, vessel_plant
 from seatrial.hybrid.simulation.manoeuvres import manoeuvre_named
 from seatrial.hybrid.simulation.sea_state import sea_state_named
-from seatrial.hybrid.simulation.trial import Noise, record_trial, simulate_trial
+from seatrial.hybrid.simulation.trial import SimulationNoise, record_trial, simulate_trial
 from seatrial.hybrid.vessel.files import load_vessel, locate_vessel
 
 INDEX = "campaign.csv"
@@ -47,7 +47,7 @@ class Campaign:
     rate_hz: float = 10.0
     heading_deg: float = 0.0
     hidden: dict[str, dict[str, float]] = field(default_factory=dict)
-    noise: Noise = field(default_factory=Noise)
+    noise: SimulationNoise = field(default_factory=SimulationNoise)
 
 
 Campaign.__pydantic_config__ = {"extra": "forbid"}  # type: ignore[attr-defined]
@@ -66,11 +66,11 @@ class PlannedTrial:
     rate_hz: float
     heading_deg: float
     hidden: dict[str, dict[str, float]]
-    noise: Noise
+    noise: SimulationNoise
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class TrialJob(Job):
+class TrialJob(BatchJob):
     """A planned trial for a worker; ``path`` is the recording that it becomes."""
 
     trial: PlannedTrial
@@ -150,7 +150,7 @@ def run_campaign(
     return CampaignResult(rows, reused, index)
 
 
-def make(job: Job) -> Row:
+def make(job: BatchJob) -> Row:
     """What a worker does for one trial; a row comes back whatever happens."""
     return attempt(job, _made)
 
@@ -162,7 +162,7 @@ def fingerprint(trial: PlannedTrial) -> str:
     return sha256(json.dumps(plan, sort_keys=True, default=str).encode()).hexdigest()
 
 
-def _made(job: Job) -> Row:
+def _made(job: BatchJob) -> Row:
     """Simulate and write one trial; the truth comes last and marks it as complete."""
     assert isinstance(job, TrialJob)
     trial, recording = job.trial, Path(job.path)

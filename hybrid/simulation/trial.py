@@ -49,7 +49,7 @@ _ANTENNA = {"antenna_forward_m": 0.0, "antenna_starboard_m": 0.0}  # positions a
 
 
 @dataclass(frozen=True, slots=True)
-class Noise:
+class SimulationNoise:
     """Standard deviations of the sensors' white noise, in the units of the channels."""
 
     position_m: float = 0.05
@@ -61,14 +61,14 @@ class Noise:
     shaft_rpm: float = 0.3
     azimuth_deg: float = 0.2
 
-    def scaled(self, factor: float) -> Noise:
+    def scaled(self, factor: float) -> SimulationNoise:
         """This noise times ``factor``; zero gives perfect sensors."""
-        return Noise(*(factor * getattr(self, name) for name in self.__slots__))
+        return SimulationNoise(*(factor * getattr(self, name) for name in self.__slots__))
 
 
-def usual_noise(length_m: float) -> Noise:
+def usual_noise(length_m: float) -> SimulationNoise:
     """The noise of the sensors of a ship of this length: a model, which moves less, has finer ones."""
-    usual, scale = Noise(), min(scale_of(length_m), 1.0)
+    usual, scale = SimulationNoise(), min(scale_of(length_m), 1.0)
     return replace(
         usual,
         position_m=usual.position_m * growth("m", scale),
@@ -79,7 +79,7 @@ def usual_noise(length_m: float) -> Noise:
 
 def add_noise(
     generator: np.random.Generator,
-    noise: Noise,
+    noise: SimulationNoise,
     states: Floats,
     controls: Floats,
     wind: Floats,
@@ -132,7 +132,7 @@ def simulate_trial(
     seed: int = 0,
     hidden: Hidden | None = None,
     *,
-    noise: Noise | None = None,
+    noise: SimulationNoise | None = None,
     catalogue: Catalogue | None = None,
     heading_deg: float = 0.0,
     start_time: pd.Timestamp = START,

@@ -38,7 +38,7 @@ _LEVEL_STYLES = {"info": "dim", "warning": "yellow", "error": "bold red"}
 
 
 @dataclass(frozen=True, slots=True)
-class Summary:
+class WatchSummary:
     """Counts of predictions, mean errors, and latencies.
 
     ``made`` predictions, of which the logger ``recorded`` some; ``judged`` against measurements, ``left_out``
@@ -74,11 +74,11 @@ class Summary:
         return text
 
 
-def summary_of(statistics: Statistics, unmeasured: int, region: RegionFactor) -> Summary:
+def summary_of(statistics: Statistics, unmeasured: int, region: RegionFactor) -> WatchSummary:
     """A summary of the statistics and of the adaptation of the regions."""
     errors, latency_s = statistics.errors, statistics.latency_s
     latencies = np.quantile(latency_s, (0.5, 0.95, 1.0)).tolist() if latency_s else (None, None, None)
-    return Summary(
+    return WatchSummary(
         statistics.made, statistics.recorded, errors.predictions, errors.left_out, unmeasured,
         errors.mean_distance_m, errors.end_distance_m, errors.heading_deg, errors.inside_band,
         None if errors.inside_band is None else region.factor, *latencies,
@@ -93,7 +93,7 @@ def watch(
     log_format: LogFormat = "text",
     folder: Path | None = None,
     commands: Path | None = None,
-) -> Summary:
+) -> WatchSummary:
     """Predict beside the recorder of a trial until ``stop`` is set or ``duration_s`` is over.
 
     Waits where there is no recorder, and goes on with the next where one ends. ``folder`` is where recorders
@@ -136,7 +136,7 @@ def _run(twin: Twin, stop: threading.Event, duration_s: float | None) -> None:
             LOG.info("%s; %s; %s", latency_text(twin), mean, twin.region)
 
 
-def as_json(summary: Summary, predictor: Predictor) -> dict[str, object]:
+def as_json(summary: WatchSummary, predictor: Predictor) -> dict[str, object]:
     """One object for other programs."""
     return {
         **predictor.said.remarks,

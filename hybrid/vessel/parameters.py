@@ -15,13 +15,13 @@ from pydantic import StrictFloat as Number  # a text or a truth value is no numb
 
 from seatrial.acquisition.core.actuators import Actuator, Actuators
 from seatrial.hybrid.vessel.actuators import KINDS
-from seatrial.hybrid.vessel.actuators.kind import Entry
+from seatrial.hybrid.vessel.actuators.kind import ActuatorEntry
 from seatrial.hybrid.vessel.hulls import HULLS
 from seatrial.hybrid.vessel.hulls.kind import HullEntry
 from seatrial.hybrid.vessel.wind import FujiwaraWind, NoWind, Wind
 
 if TYPE_CHECKING:
-    AnyActuator = Entry
+    AnyActuator = ActuatorEntry
     AnyHull = HullEntry
 else:  # the kinds' and models' entries, told apart by a word in them
     AnyActuator = Annotated[Union[tuple(kind.entry for kind in KINDS.values())], Discriminator("kind")]  # noqa: UP007

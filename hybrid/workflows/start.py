@@ -20,7 +20,7 @@ from seatrial.acquisition.core.errors import ConfigurationError
 from seatrial.acquisition.core.files import write_text, written_together
 from seatrial.acquisition.recording.parts import safe_name
 from seatrial.acquisition.tables.import_table import refuse_overwriting
-from seatrial.hybrid.simulation.trial import Noise, simulate_trial
+from seatrial.hybrid.simulation.trial import SimulationNoise, simulate_trial
 from seatrial.hybrid.vessel.estimate.new_vessel import NewVessel
 from seatrial.hybrid.vessel.files import load_vessel, save_vessel
 from seatrial.hybrid.vessel.parameters import Vessel
@@ -126,7 +126,7 @@ def _title(channel: Channel) -> str:
 
 def _example_table(vessel: Vessel) -> str:
     """A 10/10 zigzag of the ship in a calm sea, by sensors so good that its columns agree by eye."""
-    table, _ = simulate_trial(vessel, "calm", "zigzag_10_10", _EXAMPLE_S, 1.0, noise=Noise().scaled(0.1))
+    table, _ = simulate_trial(vessel, "calm", "zigzag_10_10", _EXAMPLE_S, 1.0, noise=SimulationNoise().scaled(0.1))
     lat, lon, _ = ned2geodetic(table["north_m"], table["east_m"], 0.0, *_PLACE_DEG, 0.0)
     knots = table[["surge_mps", "sway_mps", "wind_speed_mps"]] / _KNOT_MPS
     return pd.DataFrame({

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from seatrial.acquisition.config.configuration import parse_config
 from seatrial.acquisition.core.errors import ConfigurationError
 from seatrial.acquisition.core.frames import Frame
-from seatrial.acquisition.logger.receiver import Budget
+from seatrial.acquisition.logger.receiver import RateBudget
 from tests.acquisition.conftest import config_text, free_port
 from tests.acquisition.test_faults import recording, udp
 from tests.acquisition.test_running import say
@@ -32,7 +32,7 @@ def frames(size: int, count: int) -> list[Frame]:
     reads=st.lists(st.tuples(st.floats(0.0, 30.0), st.integers(0, 300), st.integers(0, 50)), max_size=30),
 )
 def test_never_more_is_kept_than_the_time_has_earned(rate: float, reads: list[tuple[float, int, int]]) -> None:
-    budget, now_s, kept = Budget(rate, 0.0), 0.0, 0
+    budget, now_s, kept = RateBudget(rate, 0.0), 0.0, 0
     for pause_s, size, count in reads:
         now_s += pause_s
         admitted = budget.admit(frames(size, count), now_s)
@@ -43,7 +43,7 @@ def test_never_more_is_kept_than_the_time_has_earned(rate: float, reads: list[tu
 
 def test_a_source_within_its_budget_loses_nothing() -> None:
     """A full CAN bus for an hour, by the second, and one burst of what it has saved."""
-    budget = Budget(1e6, 0.0)
+    budget = RateBudget(1e6, 0.0)
     assert all(budget.admit(frames(8, 1900), second) == 1900 for second in map(float, range(3600)))
     assert budget.admit(frames(1000, 9000), 3600.0) == 9000
 

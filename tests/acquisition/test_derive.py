@@ -17,13 +17,12 @@ from seatrial.acquisition.core.kinematics import (
     TangentPlane,
     along,
     apparent_wind,
-    to_body,
-    to_earth,
     velocity_at_reference,
     wind_over_ground,
 )
 from seatrial.acquisition.core.trial import Trial
 from seatrial.acquisition.logger.derive import Derivation
+from seatrial.analysis.kinematics import to_earth, to_ship
 
 ORIGIN = (63.44, 10.40)
 TRIAL = Trial(name="x", origin_latitude_deg=ORIGIN[0], origin_longitude_deg=ORIGIN[1])
@@ -67,9 +66,9 @@ def test_the_tangent_plane_is_that_of_the_geodesy_library(
 
 @given(speeds, speeds, angles)
 def test_body_and_earth_axes_are_inverse_and_keep_lengths(north: float, east: float, heading_deg: float) -> None:
-    forward, starboard = to_body(north, east, heading_deg)
+    forward, starboard = to_ship(north, east, radians(heading_deg))
     assert hypot(forward, starboard) == pytest.approx(hypot(north, east))
-    assert to_earth(forward, starboard, heading_deg) == pytest.approx((north, east), abs=1e-9)
+    assert to_earth(forward, starboard, radians(heading_deg)) == pytest.approx((north, east), abs=1e-9)
 
 
 @pytest.mark.parametrize(

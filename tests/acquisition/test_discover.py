@@ -24,7 +24,7 @@ from seatrial.acquisition.core.frames import Frame
 from seatrial.acquisition.decoders.nmea0183 import split_sentence
 from seatrial.acquisition.discovery.discover import Discovery, discover, discovery_of
 from seatrial.acquisition.discovery.listen import find_baud_rate, form_of, interpret
-from seatrial.acquisition.discovery.places import Place, parse_places
+from seatrial.acquisition.discovery.places import ListeningPlace, parse_places
 from seatrial.acquisition.emulator import NullModem, emulate
 from seatrial.acquisition.encoders.nmea0183 import sentence
 from seatrial.acquisition.logger.record import record
@@ -188,7 +188,7 @@ def test_an_odd_topic_of_sentences_is_recorded(topic: str, topics: list[str], tm
     """One that ends in a slash, or that a file cannot say."""
     line = sentence("HEHDT,12.5,T").strip()
     frames = [Frame("broker", "mqtt", topic.encode() + b"\0" + line, at, at) for at in range(10**18, 10**18 + 10)]
-    found = discovery_of([interpret(Place("broker", "mqtt"), frames)], folder=tmp_path)
+    found = discovery_of([interpret(ListeningPlace("broker", "mqtt"), frames)], folder=tmp_path)
     assert list(found.channels) == ["heading_deg"]
     (section,) = parse_config(found.configuration, tmp_path / "found.toml").sources
     assert isinstance(section, MqttSource)
@@ -317,7 +317,7 @@ def test_what_a_line_carries_shows_in_its_bytes() -> None:
 
     link = dialect.MAVLink(None, srcSystem=7)
     packets = [bytes(link.attitude_encode(0, 0.1, 0.2, 0.3, 0.0, 0.0, 0.0).pack(link)) for _ in range(5)]
-    place = Place("line", "tcp", {"address": "10.0.0.1", "port": 4001})
+    place = ListeningPlace("line", "tcp", {"address": "10.0.0.1", "port": 4001})
     autopilot = interpret(place, chunks(*packets))
     assert (autopilot.place.type, autopilot.place.settings["system_id"], autopilot.count) == ("mavlink_tcp", 7, 5)
     cut = b"".join(20 * [sentence("HEHDT,12.3,T")])

@@ -21,7 +21,7 @@ from seatrial.acquisition.core.errors import InputError
 from seatrial.acquisition.core.frames import Frame, Quality, Sample
 from seatrial.acquisition.core.trial import Trial
 from seatrial.acquisition.recording import batches, reader
-from seatrial.acquisition.recording.descriptors import Kind
+from seatrial.acquisition.recording.descriptors import MessageKind
 from seatrial.acquisition.recording.mcap_file import serialise
 from seatrial.acquisition.recording.messages import encode_sample
 from seatrial.acquisition.recording.reader import MessageStream, Recording, read_recording
@@ -180,7 +180,7 @@ def test_samples_of_another_serialiser_or_version_are_read_by_the_schema_of_the_
     ours = {each.name: each.type for each in SAMPLE.message.DESCRIPTOR.fields}
     formats = {1: "double", 7: "fixed32", 9: "string", 16: "sfixed64"}
     described = {name: {"type": "number", "format": formats[ours[name]]} for name in order}
-    theirs = Kind(SAMPLE.title, {"type": "object", "properties": described})
+    theirs = MessageKind(SAMPLE.title, {"type": "object", "properties": described})
     path = tmp_path_factory.mktemp("other") / "other.mcap"
     with path.open("wb") as stream:
         writer = Writer(stream)

@@ -25,7 +25,7 @@ from seatrial.acquisition.logger.processing import FrameProcessor
 from seatrial.acquisition.logger.redecode import redecode
 from seatrial.acquisition.recording.messages import MessageSink
 from seatrial.acquisition.recording.parts import RecordingParts
-from seatrial.acquisition.recording.reader import Entry, MessageStream, read_recording
+from seatrial.acquisition.recording.reader import MessageEntry, MessageStream, read_recording
 from seatrial.acquisition.recording.schemas import CHANNEL_PREFIX, EVENT_TOPIC, HEALTH_TOPIC, RAW_PREFIX
 from seatrial.acquisition.recording.writer import RecordingWriter
 from tests.acquisition.conftest import DBC, ORIGIN, SIGNALS, write_voyage
@@ -119,7 +119,7 @@ def made(path: Path, config: TrialConfig, frames: list[Frame]) -> Path:
     return path
 
 
-def entries(path: Path) -> list[Entry]:
+def entries(path: Path) -> list[MessageEntry]:
     """All that decoding brings forth or begins with, in its order: samples, fixes, raw input, events.
 
     Left out is what redecoding says of itself, and the recorder's own health.
@@ -162,7 +162,7 @@ def test_raw_input_and_marks_are_kept_and_decoding_tells_its_events_once(
     wrong = made(tmp_path / "wrong.mcap", configured(tmp_path / "wrong", WRONG["order of sources"]), frames)
     redecode([wrong], tmp_path / "new.mcap", right)
 
-    def raw(path: Path) -> list[Entry]:
+    def raw(path: Path) -> list[MessageEntry]:
         return [entry for entry in entries(path) if entry.topic.startswith(RAW_PREFIX)]
 
     assert raw(tmp_path / "new.mcap") == raw(wrong)
@@ -341,7 +341,7 @@ def test_whatever_came_its_own_configuration_gives_the_same_again(
     assert sorted(entries(folder / "y.mcap"), key=moment) == sorted(entries(path), key=moment)
 
 
-def moment(entry: Entry) -> tuple[int, str, bytes]:
+def moment(entry: MessageEntry) -> tuple[int, str, bytes]:
     return entry.log_ns, entry.topic, entry.data
 
 

@@ -24,7 +24,7 @@ from seatrial import app
 from seatrial.acquisition.core.errors import DataShortageError, InputError, SourceError, StorageError
 from seatrial.analysis.batch import workers
 from seatrial.analysis.batch.batch import (
-    Summary,
+    BatchSummary,
     process_job,
     read_index,
     recordings_below,
@@ -32,7 +32,7 @@ from seatrial.analysis.batch.batch import (
     run_batch,
 )
 from seatrial.analysis.batch.one_recording import NOT_CLOSED, Row, process_recording
-from seatrial.analysis.batch.workers import MARKS, MOST_ATTEMPTS, Job
+from seatrial.analysis.batch.workers import MARKS, MOST_ATTEMPTS, BatchJob
 from seatrial.analysis.products import Options
 from tests.acquisition.conftest import PATIENCE_S
 from tests.analysis.small_batch import BROKEN, QUICK, hashes, sailed, write_batch, write_broken
@@ -65,7 +65,9 @@ def scheduler() -> Iterator[str]:
 
 
 @pytest.fixture(scope="module")
-def first_run(batch_folder: Path, scheduler: str, tmp_path_factory: pytest.TempPathFactory) -> tuple[Summary, Path]:
+def first_run(
+    batch_folder: Path, scheduler: str, tmp_path_factory: pytest.TempPathFactory
+) -> tuple[BatchSummary, Path]:
     out = tmp_path_factory.mktemp("out")
     return run_batch(batch_folder, out, scheduler=scheduler, options=QUICK), out
 
@@ -79,11 +81,11 @@ def one(batch_folder: Path, tmp_path: Path) -> Path:
     return folder
 
 
-def by_name(summary: Summary) -> dict[str, Row]:
+def by_name(summary: BatchSummary) -> dict[str, Row]:
     return {row["name"]: row for row in summary.rows}
 
 
-def test_the_sound_are_done_and_the_broken_are_explained(first_run: tuple[Summary, Path]) -> None:
+def test_the_sound_are_done_and_the_broken_are_explained(first_run: tuple[BatchSummary, Path]) -> None:
     summary, out = first_run
     rows = by_name(summary)
     assert len(rows) == SOUND + len(BROKEN)
@@ -108,7 +110,9 @@ def test_the_sound_are_done_and_the_broken_are_explained(first_run: tuple[Summar
     assert not list(out.rglob(".*"))
 
 
-def test_the_index_has_a_row_for_each_with_its_path(first_run: tuple[Summary, Path], batch_folder: Path) -> None:
+def test_the_index_has_a_row_for_each_with_its_path(
+    first_run: tuple[BatchSummary, Path], batch_folder: Path
+) -> None:
     summary, out = first_run
     index = read_index(out / "index.parquet")
     assert list(index["name"]) == [row["name"] for row in summary.rows]
@@ -119,7 +123,7 @@ def test_the_index_has_a_row_for_each_with_its_path(first_run: tuple[Summary, Pa
 
 
 def test_a_second_run_computes_nothing_and_changes_nothing(
-    batch_folder: Path, scheduler: str, first_run: tuple[Summary, Path]
+    batch_folder: Path, scheduler: str, first_run: tuple[BatchSummary, Path]
 ) -> None:
     first, out = first_run
     before, times = hashes(out), {path: path.stat().st_mtime_ns for path in out.rglob("table.parquet")}
@@ -134,7 +138,7 @@ def test_a_second_run_computes_nothing_and_changes_nothing(
 
 
 def test_what_was_made_by_a_worker_has_the_bytes_of_what_is_made_here(
-    batch_folder: Path, first_run: tuple[Summary, Path], tmp_path: Path
+    batch_folder: Path, first_run: tuple[BatchSummary, Path], tmp_path: Path
 ) -> None:
     name = "day_01/trial_002"
     process_recording(batch_folder / f"{name}.mcap", tmp_path / "result", QUICK, name)
@@ -171,7 +175,7 @@ def test_a_result_whose_recording_is_gone_stays_and_the_index_says_so(
     assert (out / "again" / "page.html").is_file()
 
 
-def _troubled(job: Job) -> Row:
+def _troubled(job: BatchJob) -> Row:
     """An attempt in which 1 kills its worker once, 2 always, 3 surprises, 4 hangs; the others are light work."""
     from seatrial.analysis.batch import batch
 
@@ -322,7 +326,7 @@ def test_sigterm_to_all_of_it_ends_it_as_cleanly_as_an_interrupt(batch_folder: P
 
 
 def test_stopped_twice_and_resumed_is_as_never_stopped(
-    batch_folder: Path, scheduler: str, first_run: tuple[Summary, Path], tmp_path: Path
+    batch_folder: Path, scheduler: str, first_run: tuple[BatchSummary, Path], tmp_path: Path
 ) -> None:
     """By SIGTERM to the command alone, then by an interrupt from the terminal."""
     out = tmp_path / "out"

@@ -11,7 +11,7 @@ from scipy.stats import chi2
 
 from seatrial.analysis.estimation.kalman import Gate, Start, Steps, Track, predict_states, smooth_steps
 from seatrial.analysis.estimation.kalman_kernel import WIDTH
-from seatrial.analysis.estimation.process_models import Law, Model, WaveMotion, WhiteJerk, decay, oscillator
+from seatrial.analysis.estimation.process_models import Law, ProcessModel, WaveMotion, WhiteJerk, decay, oscillator
 from tests.kernel_calls import predict_covariance
 
 WIDE = Gate(limit=np.inf)
@@ -29,7 +29,7 @@ def north_steps(time_s: np.ndarray, values: np.ndarray, sigmas: tuple[float, flo
 
 
 def smoothed(steps: Steps, laws: tuple[Law, ...], gate: Gate, engine: str = "compiled") -> Track:
-    model = Model((1,) * len(laws), laws)
+    model = ProcessModel((1,) * len(laws), laws)
     return smooth_steps(steps.for_model(model), START.for_model(model), model, gate, engine)  # type: ignore[arg-type]
 
 
@@ -42,7 +42,9 @@ def irregular(seed: int, count: int = 60) -> Steps:
     return north_steps(time_s, values, (0.3, 0.05))
 
 
-def textbook(steps: Steps, start: Start, model: Model) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+def textbook(
+    steps: Steps, start: Start, model: ProcessModel
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Filter and smoother as in any textbook, all values of a step at once, in the inverses' plain form."""
     mean, covariance, passed = start.mean, start.covariance, []
     gaps = np.diff(steps.time_s, prepend=steps.time_s[:1])
@@ -67,7 +69,7 @@ def textbook(steps: Steps, start: Start, model: Model) -> tuple[np.ndarray, np.n
 @pytest.mark.parametrize("engine", ["filterpy", "compiled"])
 @pytest.mark.parametrize("laws", [SLOW, SLOW_AND_WAVES])
 def test_both_engines_are_the_textbook_filter(laws: tuple[Law, ...], engine: str) -> None:
-    steps, model = irregular(1), Model((1,) * len(laws), laws)
+    steps, model = irregular(1), ProcessModel((1,) * len(laws), laws)
     track = smoothed(steps, laws, WIDE, engine)
     expected = textbook(steps.for_model(model), START.for_model(model), model)
     found = (track.filtered.mean, track.filtered.covariance, track.mean, track.covariance)
@@ -154,7 +156,7 @@ def test_beyond_the_last_step_the_covariance_grows() -> None:
     assert track.at(ahead[2:3])[0] == pytest.approx(predict_states(*last, np.array([5.0]), track.model)[0])
 
 
-def batch_least_squares(steps: Steps, start: Start, model: Model) -> tuple[np.ndarray, np.ndarray]:
+def batch_least_squares(steps: Steps, start: Start, model: ProcessModel) -> tuple[np.ndarray, np.ndarray]:
     """All states at once, the least squares of prior, process noise and measurements: means and covariances."""
     count, n = steps.time_s.size, start.mean.size
     gaps = np.diff(steps.time_s)
@@ -177,7 +179,7 @@ def batch_least_squares(steps: Steps, start: Start, model: Model) -> tuple[np.nd
 
 @pytest.mark.parametrize("engine", ["filterpy", "compiled"])
 def test_the_smoother_is_the_batch_least_squares_solution(engine: str) -> None:
-    steps, model = irregular(5, 25), Model((1,), SLOW)
+    steps, model = irregular(5, 25), ProcessModel((1,), SLOW)
     own, start = steps.for_model(model), START.for_model(model)
     mean, covariance = batch_least_squares(own, start, model)
     track = smoothed(steps, SLOW, WIDE, engine)
@@ -186,7 +188,7 @@ def test_the_smoother_is_the_batch_least_squares_solution(engine: str) -> None:
 
 
 def test_innovations_of_data_from_the_model_itself_are_white_and_of_unit_variance() -> None:
-    random, time_s, model = np.random.default_rng(6), np.arange(2000) * 0.7, Model((1, 1), SLOW_AND_WAVES)
+    random, time_s, model = np.random.default_rng(6), np.arange(2000) * 0.7, ProcessModel((1, 1), SLOW_AND_WAVES)
     start = START.for_model(model)
     step, root = model.transition(np.array([0.7]))[0], np.linalg.cholesky(model.process_noise(np.array([0.7]))[0])
     state, values = np.linalg.cholesky(start.covariance) @ random.standard_normal(start.mean.size), []

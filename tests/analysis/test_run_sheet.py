@@ -14,7 +14,7 @@ from seatrial.acquisition.recording.tables import write_table
 from seatrial.analysis.conditions import BEAUFORT_MPS, beaufort
 from seatrial.analysis.manoeuvres.indices import Current, Manoeuvre
 from seatrial.analysis.report.pages import events_of
-from seatrial.analysis.report.run_sheet import UNKNOWN, Ship, run_sheet, wind_words
+from seatrial.analysis.report.run_sheet import UNKNOWN, ShipDimensions, run_sheet, wind_words
 from seatrial.analysis.tables.resample import resample
 from seatrial.analysis.tables.table import table_of
 from tests.analysis.conftest import steady_table
@@ -31,7 +31,7 @@ def test_what_was_written_down_is_there(tmp_path: Path) -> None:
     trial = Trial(
         "docking", "gunnerus", "Trondheim", 63.5, -10.25, 20.0, 2.5, "<calm>", 0.1, "half fuel", "2, from the west"
     )
-    sheet = sheet_of(tmp_path, trial, (), Ship("long", 36.25, 33.9, 9.6, 2.7))
+    sheet = sheet_of(tmp_path, trial, (), ShipDimensions("long", 36.25, 33.9, 9.6, 2.7))
     assert sheet["ship"] == "gunnerus"
     assert sheet["water depth"] == "20 m, 8.0 draughts"
     assert sheet["draughts fore, aft"] == "2.45 m, 2.55 m, from the mean of 2.5 m and the trim"

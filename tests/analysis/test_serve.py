@@ -24,7 +24,7 @@ from seatrial.acquisition.core.trial import Trial
 from seatrial.acquisition.recording.reader import read_recording
 from seatrial.acquisition.recording.tables import write_table
 from seatrial.analysis.batch.one_recording import SUMMARY, WAITING, Row
-from seatrial.analysis.batch.workers import Job
+from seatrial.analysis.batch.workers import BatchJob
 from seatrial.analysis.serve.app import MOST_RUNS, make_app, serve
 from seatrial.analysis.serve.season import Season, _Worker
 from tests.acquisition.conftest import PATIENCE_S
@@ -60,7 +60,7 @@ class OneWorker(_Worker):
         super().__init__()
         self._turn = Lock()
 
-    def row_of(self, work: Callable[[Job], Row], job: Job) -> Row | None:
+    def row_of(self, work: Callable[[BatchJob], Row], job: BatchJob) -> Row | None:
         with self._turn:
             return super().row_of(work, job)
 

@@ -12,7 +12,7 @@ import pytest
 from seatrial.acquisition.core.angles import difference
 from seatrial.acquisition.core.errors import InputError
 from seatrial.analysis.estimation.smoother import SmoothedMotion, smooth
-from seatrial.hybrid.simulation.trial import Noise, simulate_trial
+from seatrial.hybrid.simulation.trial import SimulationNoise, simulate_trial
 from tests.analysis.smoothing_errors import coverage, nees, with_accelerations
 
 FINE_HZ = 40.0
@@ -35,7 +35,7 @@ WIDE_CASES = [
 @cache
 def trial(vessel: str, sea: str, manoeuvre: str, rate_hz: float, noise: float, seed: int = 3) -> pd.DataFrame:
     """Simulated at 40 Hz and thinned: the simulator's wave speeds are differences over its own step."""
-    fine = simulate_trial(vessel, sea, manoeuvre, 400.0, FINE_HZ, seed, noise=Noise().scaled(noise))[0]
+    fine = simulate_trial(vessel, sea, manoeuvre, 400.0, FINE_HZ, seed, noise=SimulationNoise().scaled(noise))[0]
     return fine.iloc[:: round(FINE_HZ / rate_hz)]
 
 
@@ -75,7 +75,7 @@ def test_the_bands_hold_in_every_sea_and_at_every_noise(case: tuple[str, str, st
 
 @pytest.mark.parametrize("case", CASES)
 def test_the_noise_is_found_that_was_put_in(case: tuple[str, str, str, float, float]) -> None:
-    levels, put_in = result(*case).noise, Noise()
+    levels, put_in = result(*case).noise, SimulationNoise()
     assert levels.position_m == pytest.approx(put_in.position_m, rel=0.1)
     assert levels.speed_mps == pytest.approx(put_in.speed_mps, rel=0.15)
     assert np.rad2deg(levels.heading_rad) == pytest.approx(put_in.heading_deg, rel=0.15)

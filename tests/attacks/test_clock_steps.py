@@ -24,7 +24,7 @@ from seatrial.acquisition.recording.grouping import NEW_PART_NS, read_parts, rea
 from seatrial.acquisition.recording.parts import RecordingParts
 from seatrial.acquisition.recording.writer import RecordingWriter
 from seatrial.analysis.batch.batch import process_job, recordings_below
-from seatrial.analysis.batch.workers import MARKS, Job
+from seatrial.analysis.batch.workers import MARKS, BatchJob
 from seatrial.analysis.tables.table import times_ns
 from tests.analysis.small_batch import QUICK, sailed
 from tests.attacks.test_seasons import batch_here
@@ -130,7 +130,7 @@ def test_parts_are_recordings_of_their_own_where_it_is_not(
     assert "follows trial_19700101T000020Z.mcap: the computer's clock was set" in read_parts(paths[1:]).clock
     for path, step in zip(paths, steps, strict=True):
         (tmp_path / MARKS).mkdir(exist_ok=True)
-        assert process_job(Job(path.stem, str(path), str(tmp_path), QUICK))["status"] == "done"
+        assert process_job(BatchJob(path.stem, str(path), str(tmp_path), QUICK))["status"] == "done"
         assert times_ns(st.read(path))[0] == TRUE_NS + step.off_ns + step.first * NANO // 2
 
 
@@ -223,7 +223,7 @@ def test_malformed_clock_is_no_traceback(offset: str, sure: dict[str, str], tmp_
     with_part(tmp_path / "a_20260101T000000Z_part00002.mcap", "a_20260101T000000Z.mcap", "2", {**sure, **stated})
     (tmp_path / MARKS).mkdir()
     for number, (first, *later) in enumerate(recordings_below(tmp_path, tmp_path / "out")):
-        row = process_job(Job(f"{number}", str(first), str(tmp_path), QUICK, later=tuple(map(str, later))))
+        row = process_job(BatchJob(f"{number}", str(first), str(tmp_path), QUICK, later=tuple(map(str, later))))
         assert "unexpectedly" not in row["cause"]
 
 

@@ -23,7 +23,7 @@ from seatrial.acquisition.core.channels import NAMES as CHANNELS
 from seatrial.acquisition.core.trial import Trial
 from seatrial.acquisition.recording.tables import write_table
 from seatrial.analysis.batch.batch import (
-    Summary,
+    BatchSummary,
     process_job,
     read_index,
     recordings_below,
@@ -31,7 +31,7 @@ from seatrial.analysis.batch.batch import (
     run_batch,
 )
 from seatrial.analysis.batch.one_recording import WAITING, Row
-from seatrial.analysis.batch.workers import MARKS, Job, attempt
+from seatrial.analysis.batch.workers import MARKS, BatchJob, attempt
 from seatrial.analysis.products import Options
 from seatrial.analysis.serve import season
 from seatrial.analysis.serve.app import make_app
@@ -125,10 +125,10 @@ def folder(sound: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return made
 
 
-def batch_here(folder: Path, out: Path) -> Summary:
+def batch_here(folder: Path, out: Path) -> BatchSummary:
     """A batch without worker processes, which take longer to start than all that they do here."""
 
-    def run_here(jobs: Sequence[Job], *_: object) -> list[Row]:
+    def run_here(jobs: Sequence[BatchJob], *_: object) -> list[Row]:
         return [process_job(job) for job in jobs]
 
     with pytest.MonkeyPatch.context() as patch:
@@ -137,12 +137,12 @@ def batch_here(folder: Path, out: Path) -> Summary:
 
 
 @pytest.fixture(scope="module")
-def summary(folder: Path) -> Summary:
+def summary(folder: Path) -> BatchSummary:
     return batch_here(folder, folder.parent / os.fsdecode(b"out \xff"))
 
 
 @pytest.fixture(scope="module")
-def client(folder: Path, summary: Summary) -> Iterator[FlaskClient]:
+def client(folder: Path, summary: BatchSummary) -> Iterator[FlaskClient]:
     """The same season as pages, with the results that the batch made."""
     with Season(folder, summary.index.parent, QUICK, settled_s=0.0) as pages:
         wait_for(lambda: not any(row["status"] == WAITING for row in pages.rows()))
@@ -165,7 +165,7 @@ class _Page(HTMLParser):
         self.addresses += [value or "" for name, value in attributes if name in ("href", "src", "action")]
 
 
-def row_of(summary: Summary, path: bytes) -> dict[str, object]:
+def row_of(summary: BatchSummary, path: bytes) -> dict[str, object]:
     """The row whose recording is the file of that name, by how names are shown."""
     (name,) = result_names([os.fsdecode(path) + ".mcap"])
     twins = [row for row in summary.rows if row["name"].rstrip("_") == name.rstrip("_")]
@@ -173,27 +173,27 @@ def row_of(summary: Summary, path: bytes) -> dict[str, object]:
     return twins[0]
 
 
-def test_every_file_has_a_row_of_its_own(summary: Summary) -> None:
+def test_every_file_has_a_row_of_its_own(summary: BatchSummary) -> None:
     names = [row["name"] for row in summary.rows]
     assert len(names) == len(NAMES) + len(STRANGE)
     assert len({unicodedata.normalize("NFC", name).casefold() for name in names}) == len(names)
 
 
 @pytest.mark.parametrize("name", NAMES.values(), ids=NAMES.keys())
-def test_recording_of_any_name_is_analysed(name: bytes, summary: Summary) -> None:
+def test_recording_of_any_name_is_analysed(name: bytes, summary: BatchSummary) -> None:
     row = row_of(summary, name)
     assert row["status"] == "done", row["cause"]
     assert (summary.index.parent / str(row["name"]) / "page.html").is_file()
 
 
 @pytest.mark.parametrize("name", STRANGE)
-def test_what_is_no_recording_fails_with_its_reason(name: str, summary: Summary) -> None:
+def test_what_is_no_recording_fails_with_its_reason(name: str, summary: BatchSummary) -> None:
     row = row_of(summary, name.encode())
     assert row["status"] == "failed"
     assert STRANGE[name][1] in str(row["cause"])
 
 
-def test_index_shows_names_with_escapes_and_runs_nothing(summary: Summary) -> None:
+def test_index_shows_names_with_escapes_and_runs_nothing(summary: BatchSummary) -> None:
     text = summary.index.read_text(encoding="utf-8")
     page = _Page(text)
     assert page.tags.count("script") == 1
@@ -206,7 +206,7 @@ def test_index_shows_names_with_escapes_and_runs_nothing(summary: Summary) -> No
     assert len(table) == len(summary.rows)
 
 
-def test_no_result_lies_outside_the_output_folder(summary: Summary, folder: Path) -> None:
+def test_no_result_lies_outside_the_output_folder(summary: BatchSummary, folder: Path) -> None:
     assert {path.name for path in folder.parent.iterdir()} == {folder.name, summary.index.parent.name}
 
 
@@ -222,13 +222,13 @@ def test_every_link_of_the_season_leads_to_its_page(client: FlaskClient) -> None
 
 @pytest.mark.attack
 @pytest.mark.parametrize("name", ["not UTF-8", "line feed", "script", "longest, not UTF-8"])
-def test_recording_of_any_name_is_exported(name: str, summary: Summary, client: FlaskClient) -> None:
+def test_recording_of_any_name_is_exported(name: str, summary: BatchSummary, client: FlaskClient) -> None:
     answer = client.get(f"/{quote(str(row_of(summary, NAMES[name])['name']))}/export.csv", headers=HERE)
     assert answer.status_code == 200
     assert b"heading_deg" in answer.data
 
 
-def test_second_batch_finds_all_results_again(summary: Summary, folder: Path) -> None:
+def test_second_batch_finds_all_results_again(summary: BatchSummary, folder: Path) -> None:
     again = batch_here(folder, summary.index.parent)
     assert (again.done, again.reused, again.gone) == (len(NAMES), len(NAMES), ())
 
@@ -245,7 +245,7 @@ def test_folder_that_cannot_be_looked_into_is_a_failure_and_no_silence(depth: in
 
         def look() -> None:
             (paths,) = recordings_below(place, place / "out")
-            row = process_job(Job("below", str(paths[0]), str(place), QUICK))
+            row = process_job(BatchJob("below", str(paths[0]), str(place), QUICK))
             (place / "cause").write_text(row["cause"])
 
         as_nobody(look)
@@ -255,7 +255,7 @@ def test_folder_that_cannot_be_looked_into_is_a_failure_and_no_silence(depth: in
 
 def test_file_that_vanishes_before_its_turn_fails_alone(tmp_path: Path) -> None:
     (tmp_path / MARKS).mkdir()
-    row = process_job(Job("a", str(tmp_path / "a.mcap"), str(tmp_path), QUICK))
+    row = process_job(BatchJob("a", str(tmp_path / "a.mcap"), str(tmp_path), QUICK))
     assert (row["status"], row["cause"]) == ("failed", "does not exist; check the path")
 
 
@@ -269,11 +269,11 @@ ERRORS = [
 
 @pytest.mark.parametrize("error", ERRORS, ids=lambda error: type(error).__name__)
 def test_error_that_nobody_foresaw_is_one_line_beside_its_recording(error: Exception, tmp_path: Path) -> None:
-    def fail(job: Job) -> Row:
+    def fail(job: BatchJob) -> Row:
         raise error
 
     (tmp_path / MARKS).mkdir()
-    row = attempt(Job("a", "a.mcap", str(tmp_path), QUICK), fail)
+    row = attempt(BatchJob("a", "a.mcap", str(tmp_path), QUICK), fail)
     assert row["status"] == "failed"
     assert not re.search("[\x00-\x1f\x7f-\x9f\ud800-\udfff]", row["cause"])
     assert "Traceback" not in row["cause"]
@@ -301,11 +301,11 @@ def test_shortest_recordings_are_analysed_or_say_what_they_lack(
         table.iloc[0] = 1.0
     write_table(table, tmp_path / "short.mcap", Trial(name="short"))
     (tmp_path / MARKS).mkdir()
-    row = process_job(Job("short", str(tmp_path / "short.mcap"), str(tmp_path), Options(pictures=False)))
+    row = process_job(BatchJob("short", str(tmp_path / "short.mcap"), str(tmp_path), Options(pictures=False)))
     assert "unexpectedly" not in row["cause"], row["cause"]
 
 
-def hang(job: Job) -> Row:
+def hang(job: BatchJob) -> Row:
     time.sleep(10 * PATIENCE_S)
     return {}
 
@@ -314,9 +314,9 @@ def hang(job: Job) -> Row:
 def test_recording_that_hangs_holds_up_no_other_of_the_season(monkeypatch: pytest.MonkeyPatch) -> None:
     worker = season._Worker()
     monkeypatch.setattr(season, "_LONGEST_S", 0.5)
-    assert worker.row_of(hang, Job("a", "a.mcap", "out", QUICK)) is None
+    assert worker.row_of(hang, BatchJob("a", "a.mcap", "out", QUICK)) is None
     monkeypatch.undo()
-    row = worker.row_of(season._first_look, Job("a", "nothing.mcap", "out", QUICK))
+    row = worker.row_of(season._first_look, BatchJob("a", "nothing.mcap", "out", QUICK))
     worker.stop()
     assert row is not None
     assert row["status"] == "failed"

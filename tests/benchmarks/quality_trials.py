@@ -25,7 +25,7 @@ from seatrial.acquisition.recording.reader import read_recording
 from seatrial.acquisition.recording.tables import write_table
 from seatrial.analysis.quality.check import check_recording
 from seatrial.analysis.quality.findings import Finding
-from seatrial.hybrid.simulation.trial import Noise, simulate_trial
+from seatrial.hybrid.simulation.trial import SimulationNoise, simulate_trial
 from tests.analysis.quality import faults
 from tests.analysis.quality.faults import Fault, Spoilt
 
@@ -82,7 +82,14 @@ def drawn(
     heading_deg = 0.0 if northward else float(generator.uniform(0.0, 360.0))
     seed = int(generator.integers(1 << 30))
     table, _ = simulate_trial(
-        vessel, sea, manoeuvre, duration_s, rate_hz, seed, noise=Noise().scaled(noise), heading_deg=heading_deg
+        vessel,
+        sea,
+        manoeuvre,
+        duration_s,
+        rate_hz,
+        seed,
+        noise=SimulationNoise().scaled(noise),
+        heading_deg=heading_deg,
     )
     return table, f"{vessel} {sea} {manoeuvre} {rate_hz:g} Hz {duration_s:.0f} s noise x{noise:.1f}"
 

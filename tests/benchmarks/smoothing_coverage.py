@@ -18,7 +18,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from seatrial.analysis.estimation.smoother import smooth
-from seatrial.hybrid.simulation.trial import Noise, simulate_trial
+from seatrial.hybrid.simulation.trial import SimulationNoise, simulate_trial
 from tests.analysis.smoothing_errors import coverage, nees, with_accelerations
 
 DURATION_S, MARGIN_S, FINE_HZ = 600.0, 5.0, 40.0
@@ -54,7 +54,7 @@ def trial(case: Case, seed: int) -> tuple[pd.DataFrame, pd.DataFrame]:
     """What the sensors give at the case's rate, and the truth with accelerations at :data:`FINE_HZ`."""
     noisy, perfect = (
         simulate_trial(
-            case.vessel, case.sea, case.manoeuvre, DURATION_S, FINE_HZ, seed, noise=Noise().scaled(factor)
+            case.vessel, case.sea, case.manoeuvre, DURATION_S, FINE_HZ, seed, noise=SimulationNoise().scaled(factor)
         )[0]
         for factor in (case.noise, 0.0)
     )

@@ -18,17 +18,17 @@ with atheris.instrument_imports(include=["acquisition"]):
     from seatrial.acquisition.discovery.discover import discovery_of
     from seatrial.acquisition.discovery.listen import interpret
     from seatrial.acquisition.discovery.picture import nothing_found, tables
-    from seatrial.acquisition.discovery.places import Place
+    from seatrial.acquisition.discovery.places import ListeningPlace
     from tests.acquisition.bus_logs import FORMS
     from tests.acquisition.can_frames import identifier_of
     from tests.fuzz.running import fuzz
 
 PLACES = (
-    Place("line", "serial", {"device": "/dev/ttyUSB0", "baud_rate": 4800}, "/dev/ttyUSB0"),
-    Place("port", "udp", {"address": "127.0.0.1", "port": 10110}, "udp:10110"),
-    Place("gateway", "tcp", {"address": "127.0.0.1", "port": 2000}, "tcp:127.0.0.1:2000"),
-    Place("bus", "can", {"interface": "socketcan", "channel": "can0"}, "can0"),
-    Place("broker", "mqtt", {"address": "127.0.0.1", "topics": ["#"]}, "mqtt:127.0.0.1"),
+    ListeningPlace("line", "serial", {"device": "/dev/ttyUSB0", "baud_rate": 4800}, "/dev/ttyUSB0"),
+    ListeningPlace("port", "udp", {"address": "127.0.0.1", "port": 10110}, "udp:10110"),
+    ListeningPlace("gateway", "tcp", {"address": "127.0.0.1", "port": 2000}, "tcp:127.0.0.1:2000"),
+    ListeningPlace("bus", "can", {"interface": "socketcan", "channel": "can0"}, "can0"),
+    ListeningPlace("broker", "mqtt", {"address": "127.0.0.1", "topics": ["#"]}, "mqtt:127.0.0.1"),
 )
 SEEDS = (
     *(bytes([place]) + form.write()[:300] for form in FORMS.values() for place in range(3)),
@@ -39,7 +39,7 @@ SEEDS = (
 GROUPS = (60928, 126996, 127250, 127245, 127488, 128006, 129029, 130306, 65280)
 
 
-def frames_of(place: Place, data: bytes) -> list[Frame]:
+def frames_of(place: ListeningPlace, data: bytes) -> list[Frame]:
     """What came, as the kind of place delivers it, 0.1 s after each other."""
     times = [(1_780_000_000_000_000_000 + n * 10**8, n * 10**8) for n in range(len(data) + 1)]
     if place.type == "can":

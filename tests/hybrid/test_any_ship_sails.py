@@ -15,7 +15,7 @@ from seatrial.hybrid.planning.repertoire import rehearse, repertoire, shafts_of
 from seatrial.hybrid.simulation.handling import handling_of, pace_of, usual_rpm
 from seatrial.hybrid.simulation.manoeuvres import MANOEUVRES, Leg, as_arrays, for_ship, helm, in_time, steer
 from seatrial.hybrid.simulation.sea_state import sea_state_named
-from seatrial.hybrid.simulation.trial import Noise, Voyage, sail_through, simulate_trial
+from seatrial.hybrid.simulation.trial import SimulationNoise, Voyage, sail_through, simulate_trial
 from seatrial.hybrid.simulation.vessel_check import check_vessel
 from seatrial.hybrid.vessel.actuators.controllable_propeller import ControllablePropeller
 from seatrial.hybrid.vessel.actuators.waterjet import Waterjet
@@ -105,7 +105,7 @@ def test_every_manoeuvre_is_made(ship: Vessel) -> None:
     """She is under way, and her shafts are what drives her."""
     for name in MANOEUVRES:
         table, truth = simulate_trial(
-            ship, "calm", name, 900.0 * pace_of(ship).time, 5.0, noise=Noise().scaled(0.0)
+            ship, "calm", name, 900.0 * pace_of(ship).time, 5.0, noise=SimulationNoise().scaled(0.0)
         )
         assert table.notna().all().all(), name
         assert truth["states"][:, 3].max() > 0.2 * pace_of(ship).speed * 5.04, name

@@ -14,7 +14,7 @@ from seatrial.acquisition.core.arrays import Floats
 from seatrial.acquisition.core.errors import InputError
 from seatrial.hybrid.effects import CATALOGUE
 from seatrial.hybrid.simulation.manoeuvres import manoeuvre_named
-from seatrial.hybrid.simulation.trial import Noise, simulate_trial
+from seatrial.hybrid.simulation.trial import SimulationNoise, simulate_trial
 from seatrial.hybrid.vessel.channels import controls_of, wind_of
 from seatrial.hybrid.vessel.plant import Plant
 from seatrial.hybrid.vessel.sensors import acting_controls, behind_play, measure
@@ -22,7 +22,7 @@ from seatrial.hybrid.vessel.simulate import simulate, simulate_batch
 from tests.hybrid.conftest import Held
 
 ANGLES = (1, 3)
-PERFECT = Noise().scaled(0.0)
+PERFECT = SimulationNoise().scaled(0.0)
 TURN = {"angle_deg": (15.0, 15.0), "tunnel_rpm": 100.0}
 
 

@@ -9,18 +9,18 @@ import pytest
 
 from seatrial.acquisition.core.errors import InputError
 from seatrial.hybrid.vessel.estimate import devices, hull, propeller
-from seatrial.hybrid.vessel.estimate.particulars import Estimates, Particulars, outside_samples
+from seatrial.hybrid.vessel.estimate.particulars import Estimates, MainParticulars, outside_samples
 from seatrial.hybrid.vessel.estimate.propeller import pod, tunnel_force
 
-KVLCC2 = Particulars(
+KVLCC2 = MainParticulars(
     length_m=7.0, beam_m=1.27, draught_m=0.46, block=3.27 / (7.0 * 1.27 * 0.46), service_speed_mps=1.179,
     water_density_kgpm3=1000.0,
 )  # fmt: skip
-ESSO_OSAKA = Particulars(
+ESSO_OSAKA = MainParticulars(
     length_m=3.0, beam_m=0.48925, draught_m=0.20114, block=0.27078 / 2.0 * 3.0 / 0.48925, service_speed_mps=0.6,
     water_density_kgpm3=998.0,
 )  # fmt: skip
-HOLTROPS_EXAMPLE = Particulars(
+HOLTROPS_EXAMPLE = MainParticulars(
     length_m=205.0, beam_m=32.0, draught_m=10.0, block=37500.0 / (205.0 * 32.0 * 10.0),
     service_speed_mps=25.0 * 0.514444, centre_of_gravity_m=-0.0075 * 205.0,
 )  # fmt: skip
@@ -45,7 +45,7 @@ PUBLISHED_ESSO_OSAKA = {
 """Miyauchi et al. 2022."""
 
 
-def all_estimates(ship: Particulars, diameter_m: float, blades: tuple[float, float, int]) -> Estimates:
+def all_estimates(ship: MainParticulars, diameter_m: float, blades: tuple[float, float, int]) -> Estimates:
     """Every number that a regression gives of a single-screw ship."""
     R_0, w = hull.resistance(ship), hull.wake_fraction(ship, diameter_m)
     return {
@@ -78,7 +78,7 @@ def test_published_numbers_lie_within_the_usual_errors(ship: str) -> None:
 
 
 @pytest.mark.parametrize("ship", [KVLCC2, ESSO_OSAKA, HOLTROPS_EXAMPLE], ids=["kvlcc2", "esso_osaka", "container"])
-def test_another_regression_says_the_same_within_both_errors(ship: Particulars) -> None:
+def test_another_regression_says_the_same_within_both_errors(ship: MainParticulars) -> None:
     """Clarke, Gedling and Hine (1983) fitted other model tests, in another form."""
     B_T, B_L, T_L, C_b = (
         ship.beam_m / ship.draught_m,
@@ -136,7 +136,7 @@ def test_the_quantities_of_holtrops_example(monkeypatch: pytest.MonkeyPatch) -> 
 
 @pytest.mark.parametrize("froude", [0.4, 0.55])
 def test_the_wave_resistance_is_continuous_where_its_fits_meet(froude: float) -> None:
-    ship = Particulars(
+    ship = MainParticulars(
         length_m=50.0, beam_m=10.0, draught_m=3.2, block=0.5, service_speed_mps=froude * np.sqrt(9.80665 * 50.0)
     )
     below = replace(ship, service_speed_mps=0.9999 * ship.service_speed_mps)
@@ -218,7 +218,7 @@ def test_a_tunnel_thruster_of_2_m_and_900_kw_pushes_some_130_kn() -> None:
 
 def test_a_ship_of_the_database_is_inside_and_others_are_named() -> None:
     assert outside_samples(KVLCC2) == []
-    ferry = Particulars(length_m=20.0, beam_m=8.0, draught_m=1.2, block=0.45, service_speed_mps=6.0)
+    ferry = MainParticulars(length_m=20.0, beam_m=8.0, draught_m=1.2, block=0.45, service_speed_mps=6.0)
     notes = outside_samples(ferry)
     assert len(notes) == 6
     assert "block coefficient 0.45 is outside 0.5 to 0.86" in notes[0]

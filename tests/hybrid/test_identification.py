@@ -18,7 +18,7 @@ from seatrial.hybrid.identification.identify import Identification, identify_tab
 from seatrial.hybrid.identification.response import PARTS, model_of
 from seatrial.hybrid.identification.segments import segments_of
 from seatrial.hybrid.simulation.sea_state import SeaState
-from seatrial.hybrid.simulation.trial import Noise, simulate_trial
+from seatrial.hybrid.simulation.trial import SimulationNoise, simulate_trial
 from seatrial.hybrid.vessel.channels import as_table
 from seatrial.hybrid.vessel.files import load_vessel, save_vessel
 from seatrial.hybrid.vessel.parameters import Vessel
@@ -41,7 +41,7 @@ def start() -> Vessel:
 @pytest.fixture(scope="module")
 def found(start: Vessel) -> Identification:
     true = with_values(start, TRUE)
-    quiet = Noise().scaled(0.2)
+    quiet = SimulationNoise().scaled(0.2)
     tables = {
         name: simulate_trial(true, WIND, name, 240.0, 5.0, seed=seed, noise=quiet)[0]
         for seed, name in enumerate(("zigzag_20_20", "turning_circle_35"))
@@ -101,7 +101,7 @@ def test_a_recording_of_another_ship_is_refused(start: Vessel) -> None:
 
 
 def test_the_script_and_the_file_agree(start: Vessel, tmp_path: Path) -> None:
-    table = simulate_trial(start, WIND, "zigzag_20_20", 200.0, 5.0, noise=Noise().scaled(0.2))[0]
+    table = simulate_trial(start, WIND, "zigzag_20_20", 200.0, 5.0, noise=SimulationNoise().scaled(0.2))[0]
     st.write(table, tmp_path / "trial.mcap", actuators=as_text(start.actuators))
     save_vessel(start, tmp_path / "start.toml")
     result = st.identify(tmp_path / "trial.mcap", tmp_path / "start.toml", tmp_path / "new.toml", 10)
@@ -114,7 +114,7 @@ def test_the_script_and_the_file_agree(start: Vessel, tmp_path: Path) -> None:
 
 @pytest.fixture(scope="module")
 def record(start: Vessel) -> pd.DataFrame:
-    return simulate_trial(start, WIND, "zigzag_20_20", 200.0, 5.0, noise=Noise().scaled(0.0))[0]
+    return simulate_trial(start, WIND, "zigzag_20_20", 200.0, 5.0, noise=SimulationNoise().scaled(0.0))[0]
 
 
 def test_segments_are_compared_where_the_record_has_rows(record: pd.DataFrame, start: Vessel) -> None:

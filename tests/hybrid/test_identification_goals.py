@@ -12,7 +12,7 @@ from seatrial.acquisition.tables.import_table import import_table
 from seatrial.hybrid.identification.coefficients import coefficients_of, values_at, with_values
 from seatrial.hybrid.identification.identify import identify_tables
 from seatrial.hybrid.simulation.sea_state import SeaState
-from seatrial.hybrid.simulation.trial import Noise, simulate_trial
+from seatrial.hybrid.simulation.trial import SimulationNoise, simulate_trial
 from seatrial.hybrid.vessel.estimate.new_vessel import HullName, new_vessel
 from seatrial.hybrid.vessel.files import load_vessel
 from seatrial.hybrid.vessel.parameters import Vessel
@@ -40,7 +40,7 @@ def inside(start: Vessel, seed: int) -> list[bool]:
     z = generator.standard_normal(len(coefficients))
     true = values_at(coefficients, z)
     ship = with_values(start, true)
-    quiet, tables = Noise().scaled(0.2), {}
+    quiet, tables = SimulationNoise().scaled(0.2), {}
     for number, name in enumerate(MANOEUVRES):
         sea = SeaState(generator.uniform(0.3, 1.0), 0.0, 5.0, 0.0, direction_from_deg=generator.uniform(0.0, 360.0))
         hidden = {"heading_bias": {"angle_deg": generator.normal(0.0, 0.4)}}

@@ -7,11 +7,13 @@ import pytest
 from scipy.stats import multivariate_normal
 
 from seatrial.acquisition.core.arrays import Floats
-from seatrial.hybrid.identification.fit import Levels, estimate_levels, moments_of
+from seatrial.hybrid.identification.fit import Variances, estimate_levels, moments_of
 from seatrial.hybrid.identification.response import PARTS
 
 OWN = 9 + 3 * PARTS
-TRUE = Levels(np.array([0.3, 0.2, 0.02, 0.1, 0.1, 0.03]) ** 2, np.array([[0.4, 0.2, 0.3], [0.1, 0.5, 0.05]]) ** 2)
+TRUE = Variances(
+    np.array([0.3, 0.2, 0.02, 0.1, 0.1, 0.03]) ** 2, np.array([[0.4, 0.2, 0.3], [0.1, 0.5, 0.05]]) ** 2
+)
 
 
 def drawn(segments: int, times: int, seed: int = 0) -> tuple[Floats, Floats]:
@@ -37,7 +39,7 @@ def test_the_cost_is_that_of_the_whole_covariance() -> None:
 
 def test_levels_are_those_that_the_data_were_drawn_with() -> None:
     left, slopes = drawn(300, 20)
-    found = estimate_levels(moments_of(left, slopes), Levels(np.full(6, 1e-2), np.full((2, 3), 1e-3)))
+    found = estimate_levels(moments_of(left, slopes), Variances(np.full(6, 1e-2), np.full((2, 3), 1e-3)))
     assert np.sqrt(found.noise) == pytest.approx(np.sqrt(TRUE.noise), rel=0.05)
     assert np.sqrt(found.forces) == pytest.approx(np.sqrt(TRUE.forces), rel=0.2)
 
@@ -49,6 +51,6 @@ def test_no_levels_nearby_are_more_likely() -> None:
     for factor in (0.9, 1.1):
         for number in range(6):
             noise = found.noise * np.where(np.arange(6) == number, factor, 1.0)
-            assert moments.explained(Levels(noise, found.forces))[2].sum() > best
+            assert moments.explained(Variances(noise, found.forces))[2].sum() > best
             forces = found.forces * np.where(np.arange(6) == number, factor, 1.0).reshape(2, 3)
-            assert moments.explained(Levels(found.noise, forces))[2].sum() >= best - 1e-3
+            assert moments.explained(Variances(found.noise, forces))[2].sum() >= best - 1e-3

@@ -11,7 +11,7 @@ import pytest
 from seatrial.acquisition.core.trial import Trial
 from seatrial.acquisition.recording.reader import read_recording
 from seatrial.acquisition.recording.tables import write_table
-from seatrial.hybrid.simulation.trial import Noise, simulate_trial
+from seatrial.hybrid.simulation.trial import SimulationNoise, simulate_trial
 from seatrial.hybrid.vessel.actuators.kind import Drive
 from seatrial.hybrid.vessel.files import load_vessel
 from seatrial.hybrid.workflows.checked import checked_tables, driven_by_orders, followed, idle_angles
@@ -46,7 +46,7 @@ def test_an_angle_is_driven_the_shorter_way_round() -> None:
 @pytest.fixture(scope="module")
 def table() -> pd.DataFrame:
     """A trial whose orders are known: what a drive without lag would show."""
-    sailed = simulate_trial(VESSEL, "calm", "zigzag", 300.0, 4.0, 1, noise=Noise().scaled(0.0))[0]
+    sailed = simulate_trial(VESSEL, "calm", "zigzag", 300.0, 4.0, 1, noise=SimulationNoise().scaled(0.0))[0]
     return sailed.assign(port_order_angle_deg=sailed["port_angle_deg"])
 
 

@@ -24,7 +24,7 @@ from seatrial.hybrid.calibrators.networks import PaperCalibrator
 from seatrial.hybrid.prediction.baselines import (
     BASELINES,
     HINDCAST_S,
-    Candidate,
+    CandidatePrediction,
     Fallback,
     constant_velocity,
     reference,
@@ -272,8 +272,8 @@ class Hindcasting(Boastful):
     def outside_domain(self, windows: PredictionWindows, reference: Floats) -> Bools:
         return np.zeros(len(windows), dtype=bool)
 
-    def beside_baselines(self, windows: PredictionWindows, tracks: Floats) -> Candidate | None:
-        return Candidate(tracks, np.full(len(windows), self.off_m), np.array([0.02, 0.02]))
+    def beside_baselines(self, windows: PredictionWindows, tracks: Floats) -> CandidatePrediction | None:
+        return CandidatePrediction(tracks, np.full(len(windows), self.off_m), np.array([0.02, 0.02]))
 
 
 def test_inside_its_domain_a_calibrator_is_believed_as_it_hindcasts(

@@ -17,7 +17,7 @@ from seatrial.acquisition.core.errors import DataShortageError, InputError
 from seatrial.hybrid.calibrators.train import TrainedCalibrator, train
 from seatrial.hybrid.effects.catalogue import vessel_plant
 from seatrial.hybrid.evaluation.validate import Validation, refuse_training_data, validate
-from seatrial.hybrid.prediction.dataset import Source, load_dataset, within_model_range
+from seatrial.hybrid.prediction.dataset import WindowSource, load_dataset, within_model_range
 from seatrial.hybrid.prediction.regions import circle_about, conformal_region, relative_distances
 from seatrial.hybrid.prediction.scores import distances
 from seatrial.hybrid.report.tables import validation_table
@@ -144,7 +144,7 @@ def test_parts_of_one_recording(
     small: TrainedCalibrator, trained_part: tuple[float, float], validated_part: tuple[float, float], refused: bool
 ) -> None:
     """What was trained on the first 70 % may be judged on the rest, and on nothing that overlaps."""
-    source = Source(Path("voyage.mcap"), "ab" * 32, trained_part)
+    source = WindowSource(Path("voyage.mcap"), "ab" * 32, trained_part)
     trained = replace(small, sources=(source,))
     asked = (replace(source, part=validated_part),)
     if refused:
@@ -165,7 +165,7 @@ percent = st.floats(0.0, 100.0)
 
 @given(a=st.tuples(percent, percent).map(sorted), b=st.tuples(percent, percent).map(sorted))
 def test_overlap_is_mutual_and_needs_the_same_recording(a: list[float], b: list[float]) -> None:
-    one, other = Source(Path("a"), "x", (a[0], a[1])), Source(Path("b"), "x", (b[0], b[1]))
+    one, other = WindowSource(Path("a"), "x", (a[0], a[1])), WindowSource(Path("b"), "x", (b[0], b[1]))
     assert one.overlaps(other) == other.overlaps(one)
     assert not one.overlaps(replace(other, sha256="y"))
 

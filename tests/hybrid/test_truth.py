@@ -26,14 +26,14 @@ from seatrial.hybrid.simulation.sea_state import (
     wave_motion,
     wind_series,
 )
-from seatrial.hybrid.simulation.trial import Noise, simulate_trial
+from seatrial.hybrid.simulation.trial import SimulationNoise, simulate_trial
 from seatrial.hybrid.vessel.channels import controls_of, states_of, wind_of
 from seatrial.hybrid.vessel.files import load_vessel
 from seatrial.hybrid.vessel.plant import Plant
 from seatrial.hybrid.vessel.simulate import simulate_batch
 from tests.hybrid.froude import froude_scaled
 
-PERFECT = Noise().scaled(0.0)
+PERFECT = SimulationNoise().scaled(0.0)
 
 
 def _rng(seed: int = 3) -> np.random.Generator:

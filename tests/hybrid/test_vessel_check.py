@@ -17,7 +17,7 @@ from seatrial.analysis.manoeuvres import find_manoeuvres
 from seatrial.hybrid import cli
 from seatrial.hybrid.simulation.manoeuvres import steer, turning_circle, zigzag
 from seatrial.hybrid.simulation.standard_tests import StandardTest, ship_at
-from seatrial.hybrid.simulation.trial import Noise, simulate_trial
+from seatrial.hybrid.simulation.trial import SimulationNoise, simulate_trial
 from seatrial.hybrid.simulation.vessel_check import TEST_SHARE, VesselCheck, check_vessel, conditions_of
 from seatrial.hybrid.vessel.files import load_vessel
 from seatrial.hybrid.vessel.plant import bare_plant
@@ -53,7 +53,7 @@ def test_steady_speed_balances_thrust_and_resistance(check: VesselCheck) -> None
 
 def test_circle_and_zigzag_are_those_found_in_a_recording(check: VesselCheck) -> None:
     """The same tests simulated as a trial without noise, and found in its table."""
-    quiet = Noise().scaled(0.0)
+    quiet = SimulationNoise().scaled(0.0)
     straight = steer(0.0, 60.0, check.rpm)
     circle, _ = simulate_trial(
         GUNNERUS, "calm", (straight, *turning_circle(-35.0, check.rpm)[1:2]), 210.0, 5.0, noise=quiet

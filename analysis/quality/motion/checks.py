@@ -43,7 +43,7 @@ from seatrial.analysis.quality.motion.kinematics import (
     NAMES,
     PARTS,
     Kinematics,
-    Solution,
+    MotionSolution,
     fit_kinematics,
     quantile,
     widen_by_parts,
@@ -265,7 +265,7 @@ def _objection(explanation: Explanation, cause: str, fit: Kinematics, independen
     return ""
 
 
-def _confirms(quarter: Solution, explanation: Explanation, cause: str) -> bool:
+def _confirms(quarter: MotionSolution, explanation: Explanation, cause: str) -> bool:
     """Whether a quarter of the recording by itself has this delay, and not none."""
     overall, _ = explanation.size(cause)
     size, error = _explanation(quarter, explanation.causes, 0.0).size(cause)
@@ -407,7 +407,7 @@ def explain_delays(fit: Kinematics, jitter_s2: float = 0.0) -> Explanation:
     return best
 
 
-def _explanation(fit: Solution, causes: tuple[str, ...], jitter_s2: float) -> Explanation:
+def _explanation(fit: MotionSolution, causes: tuple[str, ...], jitter_s2: float) -> Explanation:
     places = [NAMES.index(name) for name in OBSERVED]
     observed = fit.parameters[places]
     # The spread of few blocks is less known than a normal deviate's: widened as Student's t is at 95 %.

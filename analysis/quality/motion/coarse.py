@@ -22,7 +22,14 @@ from seatrial.acquisition.core.conventions import AXES, HEADINGS
 from seatrial.acquisition.core.units import KNOT_MPS
 from seatrial.analysis.kinematics import integrate
 from seatrial.analysis.quality.findings import Finding
-from seatrial.analysis.quality.motion.series import GROUPS, STEP_S, Motion, block_starts, group_samples, outliers
+from seatrial.analysis.quality.motion.series import (
+    GROUPS,
+    STEP_S,
+    CleanMotion,
+    block_starts,
+    group_samples,
+    outliers,
+)
 from seatrial.analysis.tables.table import require, span_of
 
 _WINDOW_S = 10.0
@@ -78,7 +85,7 @@ def coarse_fit(table: pd.DataFrame) -> Coarse:
     position, heading, speed, yaw_rate = (group_samples(table, channels) for channels in GROUPS.values())
     speed, yaw_rate = (group.without(outliers(group.levels)) for group in (speed, yaw_rate))
     step_s = max(STEP_S, min(group.interval_s for group in (position, heading, speed, yaw_rate)))
-    motion = Motion(position, heading, speed, yaw_rate, step_s)
+    motion = CleanMotion(position, heading, speed, yaw_rate, step_s)
     moves = _Moves.of(motion, _WINDOW_S)
     if moves.count < _FEWEST_WINDOWS:
         return Coarse()
@@ -149,7 +156,7 @@ class _Moves:
     yaw_rate: Floats
 
     @classmethod
-    def of(cls, motion: Motion, window_s: float) -> _Moves:
+    def of(cls, motion: CleanMotion, window_s: float) -> _Moves:
         begin = max(group.time_s[0] for group in motion.groups)
         end = min(group.time_s[-1] for group in motion.groups)
         grid_s = np.arange(begin, max(end, begin) + 1e-6, motion.step_s)
@@ -276,7 +283,7 @@ def _words(kind: str, angle_deg: float) -> tuple[str, str]:
     return contradictions.get((kind, round(angle_deg / 90.0) % 4), fallback[kind])
 
 
-def _unexplained_fraction(moves: _Moves, motion: Motion) -> float:
+def _unexplained_fraction(moves: _Moves, motion: CleanMotion) -> float:
     """The unexplained share of the moves over a minute; 0 within noise or for a ship that hardly moved."""
     if moves.count < _FEWEST_LONG:
         return 0.0

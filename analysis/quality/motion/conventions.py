@@ -23,7 +23,7 @@ from seatrial.acquisition.core.conventions import (
 )
 from seatrial.acquisition.core.units import scale_to
 from seatrial.acquisition.tables.evidence import (
-    Fit,
+    ScaleFit,
     fit,
     grid_of,
     increments,
@@ -105,7 +105,7 @@ def _moves(position: Group, grid: Floats) -> Complexes:
     return np.where(over_gaps(position.time_s, grid), np.nan, north + 1j * east)
 
 
-def _turns_with(table: pd.DataFrame, moves: Complexes, grid: Floats, heading_deg: Floats) -> Fit | None:
+def _turns_with(table: pd.DataFrame, moves: Complexes, grid: Floats, heading_deg: Floats) -> ScaleFit | None:
     """The turns of the heading by the yaw rate, None where that was derived from it or is lacking."""
     if "yaw_rate_dps" not in table or is_derived_from(table, "yaw_rate_dps", ("heading_deg",)):
         return None
@@ -114,7 +114,7 @@ def _turns_with(table: pd.DataFrame, moves: Complexes, grid: Floats, heading_deg
     return fit(np.diff(heading_deg), 0.5 * (turned[1:] + turned[:-1]))
 
 
-def _in_words(verdict: HeadingVerdict, turning: Fit | None) -> str:
+def _in_words(verdict: HeadingVerdict, turning: ScaleFit | None) -> str:
     """What makes track and heading agree; mirrored positions do too, unless the yaw rate turns with the track."""
     convention = verdict.convention or CLOCKWISE
     sense = "" if convention is CLOCKWISE else f" counts {convention.words}"

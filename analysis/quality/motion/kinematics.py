@@ -46,9 +46,9 @@ from seatrial.acquisition.core.errors import DataShortageError
 from seatrial.analysis.quality.motion.coarse import Coarse, coarse_fit
 from seatrial.analysis.quality.motion.jumps import remove_jumps
 from seatrial.analysis.quality.motion.series import (
+    CleanMotion,
     Group,
     Model,
-    Motion,
     block_starts,
     motion_of,
     path_model,
@@ -109,23 +109,23 @@ class Kinematics:
     ``coarse`` is where it began.
     """
 
-    slow: Solution
-    broadband: Solution
+    slow: MotionSolution
+    broadband: MotionSolution
     slowly: Bools
     slow_hz: float
     fastest_hz: float
     blocks: int
-    motion: Motion
+    motion: CleanMotion
     converged: bool = True
     coarse: Coarse = field(default_factory=Coarse)
     half_between: Floats = field(default_factory=lambda: np.zeros(len(NAMES)))
-    quarters: tuple[Solution, ...] = ()
+    quarters: tuple[MotionSolution, ...] = ()
 
     @cached_property
-    def believed(self) -> Solution:
+    def believed(self) -> MotionSolution:
         """By the slow motion where that is believed, else by all."""
         slow, broadband = self.slow, self.broadband
-        return Solution(
+        return MotionSolution(
             np.where(self.slowly, slow.parameters, broadband.parameters),
             np.where(self.slowly[:, np.newaxis], slow.covariance, broadband.covariance),
             np.where(self.slowly, slow.informative, broadband.informative),
@@ -205,7 +205,9 @@ def _fit_of_uncorrected(fit: Kinematics, coarse: Coarse) -> Kinematics:
     return replace(fit, slow=slow, broadband=broadband, motion=recorded, coarse=coarse)
 
 
-def rescale(motion: Motion, speed_factor: float, heading_offset_rad: float, yaw_rate_factor: float) -> Motion:
+def rescale(
+    motion: CleanMotion, speed_factor: float, heading_offset_rad: float, yaw_rate_factor: float
+) -> CleanMotion:
     """Speeds and yaw rate multiplied by their factors, and the offset subtracted from the heading."""
     return replace(
         motion,
@@ -215,7 +217,7 @@ def rescale(motion: Motion, speed_factor: float, heading_offset_rad: float, yaw_
     )
 
 
-def fit_motion(motion: Motion, heel: Floats | None = None) -> Kinematics:
+def fit_motion(motion: CleanMotion, heel: Floats | None = None) -> Kinematics:
     """As :func:`fit_kinematics`, of a motion that is already cleaned; ``heel`` [2] fixes the parameters of that."""
     start = max(group.time_s[0] for group in motion.groups)
     end = min(group.time_s[-1] for group in motion.groups)
@@ -245,13 +247,13 @@ def fit_motion(motion: Motion, heel: Floats | None = None) -> Kinematics:
     return replace(fit, converged=_within_bounds(fit))
 
 
-def _sampling(motion: Motion) -> Floats:
+def _sampling(motion: CleanMotion) -> Floats:
     """What sampling and interpolation may do to the parameters, as standard deviations [11]."""
     fixed_s, share = _SAMPLING
     return np.where([name.endswith("_s") for name in NAMES], fixed_s + share * motion.slowest_s, 0.0)
 
 
-def _slow_is_better(slow: Solution, broadband: Solution, tolerance: Floats) -> bool:
+def _slow_is_better(slow: MotionSolution, broadband: MotionSolution, tolerance: Floats) -> bool:
     """Whether the slow motion is to be believed: it tells more, or all motion says something else, beyond errors
     and what sampling may do.
 
@@ -325,7 +327,7 @@ class _Fit:
         """The level at any time."""
         return spline(self.level)
 
-    def solved(self) -> tuple[Solution, Solution]:
+    def solved(self) -> tuple[MotionSolution, MotionSolution]:
         """By the slow motion and by all; of the levels as they are or, where they jump and that gives a smaller
         covariance, without their jumps.
 
@@ -338,12 +340,14 @@ class _Fit:
         steadied = replace(self, level=steady)._slow_and_broadband()
         return min(solutions, steadied, key=lambda candidate: float(np.linalg.slogdet(candidate[1].covariance)[1]))
 
-    def _slow_and_broadband(self) -> tuple[Solution, Solution]:
+    def _slow_and_broadband(self) -> tuple[MotionSolution, MotionSolution]:
         """Gauss-Newton steps by the slow motion, and on from there by faster and faster until they end."""
-        slow = self._gauss_newton(Solution(self.start, np.diag(self.prior**2), self.start), _SLOW_STAGES)
+        slow = self._gauss_newton(MotionSolution(self.start, np.diag(self.prior**2), self.start), _SLOW_STAGES)
         return slow, self._gauss_newton(slow, _STAGES_HZ, _MOST_STEPS)
 
-    def _gauss_newton(self, solution: Solution, stages: tuple[float | None, ...], steps: int = 0) -> Solution:
+    def _gauss_newton(
+        self, solution: MotionSolution, stages: tuple[float | None, ...], steps: int = 0
+    ) -> MotionSolution:
         """Steps from ``solution`` by the motion below each of ``stages`` [Hz], None for the slow motion alone, and
         at most so many ``steps`` more by the last.
 
@@ -359,7 +363,7 @@ class _Fit:
                 break
         return solution.widened(2.0 * (solution.parameters - before.parameters))
 
-    def _step(self, values: Floats, limit_hz: float | None) -> Solution:
+    def _step(self, values: Floats, limit_hz: float | None) -> MotionSolution:
         """One Gauss-Newton step from ``values`` by the motion below ``limit_hz``, None for the slow motion."""
         level, frame = self.level, self.frame
         most = frame.coefficients(limit_hz or SLOW_HZ)
@@ -430,7 +434,7 @@ def _variance(part: Kinematics) -> Floats:
     return np.asarray((part.standard_errors * wider) ** 2 + _ALIKE**2)
 
 
-def _quarters(motion: Motion) -> list[Motion]:
+def _quarters(motion: CleanMotion) -> list[CleanMotion]:
     """The quarters of a motion in which no group lacks samples."""
     edges = np.linspace(motion.position.time_s[0], motion.position.time_s[-1], PARTS + 1)
     quarters = []
@@ -438,7 +442,7 @@ def _quarters(motion: Motion) -> list[Motion]:
         position, heading, speed, yaw_rate = (
             group.without((group.time_s < begin) | (group.time_s > end)) for group in motion.groups
         )
-        quarters.append(Motion(position, heading, speed, yaw_rate, motion.step_s))
+        quarters.append(CleanMotion(position, heading, speed, yaw_rate, motion.step_s))
     return [quarter for quarter in quarters if min(group.time_s.size for group in quarter.groups) >= _SAMPLES]
 
 
@@ -450,7 +454,7 @@ _CHI2_MEDIAN = 0.455
 
 
 @dataclass(frozen=True, slots=True)
-class Solution:
+class MotionSolution:
     """``parameters`` [p], their ``covariance`` [p, p], and the effective number of blocks for each [p]."""
 
     parameters: Floats
@@ -461,21 +465,21 @@ class Solution:
     def deviations(self) -> Floats:
         return np.sqrt(np.diag(self.covariance))
 
-    def concatenated(self, solution: Solution) -> Solution:
+    def concatenated(self, solution: MotionSolution) -> MotionSolution:
         """Both as one, independent of each other."""
         from scipy.linalg import block_diag
 
-        return Solution(
+        return MotionSolution(
             np.concatenate([self.parameters, solution.parameters]),
             block_diag(self.covariance, solution.covariance),
             np.concatenate([self.informative, solution.informative]),
         )
 
-    def widened(self, deviations: Floats) -> Solution:
+    def widened(self, deviations: Floats) -> MotionSolution:
         """With independent errors of these standard deviations [p] added."""
         return replace(self, covariance=self.covariance + np.diag(deviations**2))
 
-    def transformed(self, scale: Floats, shift: Floats) -> Solution:
+    def transformed(self, scale: Floats, shift: Floats) -> MotionSolution:
         """The parameters multiplied by ``scale`` and then increased by ``shift``, both [p]."""
         covariance = self.covariance * np.outer(scale, scale)
         return replace(self, parameters=self.parameters * scale + shift, covariance=covariance)
@@ -489,7 +493,7 @@ def cosines(levels: Floats, starts: Ints, length: int, most: int) -> Floats:
     return np.moveaxis(dct(blocks, axis=1, norm="ortho")[:, 1 : most + 1], 1, -1)
 
 
-def solve(residuals: Floats, slopes: Floats, noise: tuple[Floats, Floats], prior: Floats) -> Solution:
+def solve(residuals: Floats, slopes: Floats, noise: tuple[Floats, Floats], prior: Floats) -> MotionSolution:
     """Estimate parameters from residuals [blocks, c, k] and their derivatives ``slopes`` [blocks, p, c, k].
 
     ``noise`` are draws of the noise of both, as half of the difference between what every other sample gives and
@@ -553,7 +557,7 @@ def _normal(residuals: Floats, slopes: Floats, weights: Floats) -> tuple[Floats,
     return weighted @ flat.transpose(0, 2, 1), (weighted @ residuals.reshape(count, -1, 1))[..., 0]
 
 
-def _solution(matrices: Floats, sides: Floats, precision: Floats) -> Solution:
+def _solution(matrices: Floats, sides: Floats, precision: Floats) -> MotionSolution:
     """The solution of the blocks' normal equations, its covariance from the noise and by a jackknife, and the
     effective number of blocks for each parameter."""
     total = matrices.sum(axis=0) + precision
@@ -565,7 +569,7 @@ def _solution(matrices: Floats, sides: Floats, precision: Floats) -> Solution:
     without = np.linalg.solve(total - matrices, remaining[..., np.newaxis])[..., 0]
     spread = jackknife_error(without) ** 2
     larger = np.sqrt(np.maximum(1.0, spread / np.diag(covariance)))
-    return Solution(values, covariance * np.outer(larger, larger), informative)
+    return MotionSolution(values, covariance * np.outer(larger, larger), informative)
 
 
 def _bands(count: int) -> Ints:

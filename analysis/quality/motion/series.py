@@ -55,7 +55,7 @@ class Group:
 
 
 @dataclass(frozen=True, slots=True)
-class Motion:
+class CleanMotion:
     """Four groups cleaned of spikes; ``heading`` is unwrapped. ``step_s`` is the grid the fit works on,
     ``recorded_s`` [4] how far apart the samples were before they were averaged to it."""
 
@@ -66,13 +66,13 @@ class Motion:
     step_s: float
     recorded_s: tuple[float, ...] = ()
 
-    def half(self, first: int) -> Motion:
+    def half(self, first: int) -> CleanMotion:
         """The motion by every other sample of heading, speeds and yaw rate, from the ``first`` on (0 or 1)."""
         heading, speed, yaw_rate = (
             Group(group.time_s[first::2], group.levels[first::2], 2.0 * group.interval_s)
             for group in self.groups[1:]
         )
-        return Motion(self.position, heading, speed, yaw_rate, self.step_s)
+        return CleanMotion(self.position, heading, speed, yaw_rate, self.step_s)
 
     @property
     def slowest_s(self) -> float:
@@ -83,7 +83,7 @@ class Motion:
         return self.position, self.heading, self.speed, self.yaw_rate
 
 
-def motion_of(table: pd.DataFrame) -> Motion:
+def motion_of(table: pd.DataFrame) -> CleanMotion:
     """The motion in a table of raw samples, time from its first row.
 
     Raises :class:`InputError` where a channel is missing and :class:`DataShortageError` for less than 8 samples.
@@ -98,7 +98,9 @@ def motion_of(table: pd.DataFrame) -> Motion:
     path = path_at(raw["north_m"].time_s, heading, speed, step_s)
     spikes = outliers(raw["north_m"].levels - path)
     position = _average(raw["north_m"].without(spikes), step_s)
-    return Motion(position, heading, speed, yaw_rate, step_s, tuple(group.interval_s for group in raw.values()))
+    return CleanMotion(
+        position, heading, speed, yaw_rate, step_s, tuple(group.interval_s for group in raw.values())
+    )
 
 
 def group_samples(table: pd.DataFrame, channels: tuple[str, ...]) -> Group:
@@ -233,7 +235,7 @@ def _slow_angle(angle_rad: Floats, interval_s: float) -> Floats:
     return np.asarray(np.interp(np.arange(angle_rad.size), places, np.unwrap(np.angle(middle))))
 
 
-def block_starts(motion: Motion, grid_s: Floats, length: int) -> Ints:
+def block_starts(motion: CleanMotion, grid_s: Floats, length: int) -> Ints:
     """First grid points of the blocks of ``length`` points over which every group was recorded."""
     covered = np.ones(grid_s.size, dtype=bool)
     for group in motion.groups:
@@ -254,7 +256,7 @@ _RATE_WIDTH_S = 1.0
 _MEAN_WIDTH_S = 5.0
 
 
-def path_model(motion: Motion, grid_s: Floats) -> Model:
+def path_model(motion: CleanMotion, grid_s: Floats) -> Model:
     """The path by heading and speeds as a model of the positions; the speeds' stamps are the time.
 
     The last two parameters are heel in turns, by which an antenna high up goes to the side: in m per m/s2 of
@@ -286,7 +288,7 @@ def path_model(motion: Motion, grid_s: Floats) -> Model:
     return model
 
 
-def turn_model(motion: Motion, grid_s: Floats) -> Model:
+def turn_model(motion: CleanMotion, grid_s: Floats) -> Model:
     """The heading by the integrated yaw rate, whose stamps are the time; factor, bias and delay of the heading.
 
     The slope by the factor is the smoothed heading: unlike the integrated yaw rate it shares no noise with what

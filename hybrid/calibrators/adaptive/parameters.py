@@ -39,7 +39,7 @@ _TITLES = {
 
 
 @dataclass(frozen=True, slots=True)
-class Parameter:
+class AdaptedParameter:
     """A parameter: ``value`` in ``unit`` with its 95 % interval and standard error, its ``neutral`` value,
     whether it is at a bound, and whether the data determine it."""
 
@@ -58,11 +58,11 @@ class Parameter:
 class Parameters:
     """All parameters of the model, the best determined first, and their correlations [P, P]."""
 
-    every: tuple[Parameter, ...]
+    every: tuple[AdaptedParameter, ...]
     correlation: Floats
 
     @property
-    def identified(self) -> tuple[Parameter, ...]:
+    def identified(self) -> tuple[AdaptedParameter, ...]:
         """Those that the data determine."""
         return tuple(parameter for parameter in self.every if parameter.identified)
 
@@ -121,11 +121,11 @@ def units_of(plant: Plant) -> dict[str, tuple[str, float, Natural]]:
 
 def _parameter(
     name: str, z: float, deviation: float, keeps_sign: bool, unit: str, neutral: float, natural: Natural
-) -> Parameter:
+) -> AdaptedParameter:
     low, high = sorted((natural(z - 1.96 * deviation), natural(z + 1.96 * deviation)))
     clipped = keeps_sign and abs(USUAL_SHARE * z) > _NEARLY * LARGEST_FACTOR
     at_bound = clipped or (name == LAG and z < 0.0 and natural(z) == 0.0)
     title = _TITLES.get(name, name.replace("_", " ") if name in SURROUNDED else name)
-    return Parameter(
+    return AdaptedParameter(
         title, natural(z), low, high, (high - low) / 3.92, unit, neutral, bool(at_bound), deviation < UNKNOWN
     )

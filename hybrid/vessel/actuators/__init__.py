@@ -1,7 +1,7 @@
 """The kinds of actuators, one file each, and the compiled loop's way from a row's kind to its equations.
 
 To add a kind: its controls in :data:`seatrial.acquisition.core.actuators.KINDS`, and a file of its name here, like
-``azimuth.py``, whose ``DEFINITION`` is a :class:`~seatrial.hybrid.vessel.actuators.kind.Kind`.
+``azimuth.py``, whose ``DEFINITION`` is a :class:`~seatrial.hybrid.vessel.actuators.kind.ActuatorModel`.
 """
 
 from __future__ import annotations
@@ -14,9 +14,9 @@ from seatrial.acquisition.core.actuators import KINDS as RECORDED_KINDS
 from seatrial.acquisition.core.actuators import Actuators
 from seatrial.acquisition.core.arrays import Floats
 from seatrial.analysis.compiling import by_code, compiled
-from seatrial.hybrid.vessel.actuators.kind import FIRST_NUMBER, KIND, PLAY, Kind
+from seatrial.hybrid.vessel.actuators.kind import FIRST_NUMBER, KIND, PLAY, ActuatorModel
 
-KINDS: dict[str, Kind] = {name: import_module(f"{__name__}.{name}").DEFINITION for name in RECORDED_KINDS}
+KINDS: dict[str, ActuatorModel] = {name: import_module(f"{__name__}.{name}").DEFINITION for name in RECORDED_KINDS}
 """The kinds by name, each from the file of its name."""
 
 

@@ -24,12 +24,20 @@ from seatrial.hybrid.vessel.actuators.effects import (
     for_each_and_all,
     loss,
 )  # fmt: skip
-from seatrial.hybrid.vessel.actuators.kind import PLAY, RPM_PER_RPS, Drive, Entry, Kind, columns, wrapped
+from seatrial.hybrid.vessel.actuators.kind import (
+    PLAY,
+    RPM_PER_RPS,
+    ActuatorEntry,
+    ActuatorModel,
+    Drive,
+    columns,
+    wrapped,
+)
 from seatrial.hybrid.vessel.effect import Effect, Parameter, multiplied, scaling
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Azimuth(Entry):
+class AzimuthEntry(ActuatorEntry):
     """An azimuth thruster in a vessel file: place, propeller, force coefficients, and what its drive can do."""
 
     kind: Literal["azimuth"]
@@ -95,7 +103,7 @@ def force(p: Record, i: int, work: Floats, u: float, v: float, r: float) -> tupl
     return X, Y, x * Y - y * X
 
 
-def drives(entry: Azimuth) -> tuple[Drive, Drive]:
+def drives(entry: AzimuthEntry) -> tuple[Drive, Drive]:
     """How shaft [rev/s] and angle [rad] follow their orders."""
     return (
         Drive(entry.shaft_lag_s, limit=entry.limit_rpm / RPM_PER_RPS),
@@ -146,8 +154,8 @@ def effects(names: tuple[str, ...]) -> tuple[Effect, ...]:
     )  # fmt: skip
 
 
-DEFINITION = Kind(
-    entry=Azimuth,
+DEFINITION = ActuatorModel(
+    entry=AzimuthEntry,
     numbers=NUMBERS,
     labels=("rps", "angle"), units=(1.0 / RPM_PER_RPS, pi / 180.0), angles=(False, True), work=4, hold=hold,
     force=force, still=(0.05, 0.026), alike=(0.3, 0.0),

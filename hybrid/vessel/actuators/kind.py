@@ -27,7 +27,7 @@ PLAY = "play_rad"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Entry:
+class ActuatorEntry:
     """An ``[[actuator]]`` of a vessel file: its name, its kind, how far ahead of the body axes' origin it is."""
 
     name: str
@@ -45,7 +45,7 @@ class Drive:
 
 
 @dataclass(frozen=True, slots=True)
-class Kind:
+class ActuatorModel:
     """A kind of actuator.
 
     ``entry`` is the class of its table in a vessel file. ``numbers`` are what a plant holds of it, in the order
@@ -61,7 +61,7 @@ class Kind:
     ``lag`` is the slot of its own lag [s].
     """
 
-    entry: type[Entry]
+    entry: type[ActuatorEntry]
     numbers: tuple[str, ...]
     labels: tuple[str, ...]
     units: tuple[float, ...]

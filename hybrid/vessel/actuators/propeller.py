@@ -25,12 +25,12 @@ from seatrial.hybrid.vessel.actuators.effects import (
     loss,
     named,
 )
-from seatrial.hybrid.vessel.actuators.kind import RPM_PER_RPS, Drive, Entry, Kind, columns
+from seatrial.hybrid.vessel.actuators.kind import RPM_PER_RPS, ActuatorEntry, ActuatorModel, Drive, columns
 from seatrial.hybrid.vessel.effect import Effect, Parameter, shift
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Blades(Entry):
+class Blades(ActuatorEntry):
     """Place, blades and what the hull does to them; of ``wake_x_m``, ``pitch_m`` and the forces see the module.
 
     The wake is ``(wake_0 + wake_1 |b| + wake_2 b^2) exp(-wake_decay b^2)`` with ``b`` the drift at ``wake_x_m``:
@@ -63,7 +63,7 @@ class Blades(Entry):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Propeller(Blades):
+class PropellerEntry(Blades):
     """A propeller of fixed pitch in a vessel file."""
 
     kind: Literal["propeller"]
@@ -217,8 +217,8 @@ def effects(names: tuple[str, ...]) -> tuple[Effect, ...]:
     )  # fmt: skip
 
 
-DEFINITION = Kind(
-    entry=Propeller,
+DEFINITION = ActuatorModel(
+    entry=PropellerEntry,
     numbers=NUMBERS,
     labels=("rps",), units=(1.0 / RPM_PER_RPS,), angles=(False,), work=2, hold=hold, force=force, still=(0.05,),
     alike=(0.3,),

@@ -25,13 +25,13 @@ from seatrial.hybrid.vessel.actuators.effects import (
     loss,
     named,
 )
-from seatrial.hybrid.vessel.actuators.kind import PLAY, Drive, Entry, Kind, columns
+from seatrial.hybrid.vessel.actuators.kind import PLAY, ActuatorEntry, ActuatorModel, Drive, columns
 from seatrial.hybrid.vessel.actuators.propeller import DIAMETER_M, SHAFT_RPS, drift_at, inflow, thrust
 from seatrial.hybrid.vessel.effect import Effect, Parameter, shift
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Rudder(Entry):
+class RudderEntry(ActuatorEntry):
     """A rudder in a vessel file; ``behind`` names the propeller in whose race it is, if in one.
 
     ``flow_straightening_plus`` holds where the stern at ``switch_x_m`` moves to starboard, ``_minus`` where it
@@ -138,7 +138,7 @@ def normal_force_slope(aspect_ratio: float) -> float:
     return 6.13 * aspect_ratio / (2.25 + aspect_ratio)
 
 
-def numbers_of(entry: Rudder) -> dict[str, float]:
+def numbers_of(entry: RudderEntry) -> dict[str, float]:
     """What follows where the entry does not say it: Fujii's slope; the switch where the inflow aside is."""
     return {
         "lift_slope": entry.lift_slope or normal_force_slope(entry.span_m**2 / entry.area_m2),
@@ -146,7 +146,7 @@ def numbers_of(entry: Rudder) -> dict[str, float]:
     }
 
 
-def drives(entry: Rudder) -> tuple[Drive]:
+def drives(entry: RudderEntry) -> tuple[Drive]:
     """How the angle [rad] follows its order."""
     return (Drive(entry.lag_s, limit=radians(entry.limit_deg), rate=radians(entry.rate_limit_dps)),)
 
@@ -185,8 +185,8 @@ def effects(names: tuple[str, ...]) -> tuple[Effect, ...]:
     )  # fmt: skip
 
 
-DEFINITION = Kind(
-    entry=Rudder,
+DEFINITION = ActuatorModel(
+    entry=RudderEntry,
     numbers=NUMBERS,
     labels=("angle",), units=(pi / 180.0,), angles=(True,), work=3, hold=hold, force=force, still=(0.026,),
     alike=(0.0,),

@@ -13,12 +13,12 @@ from pydantic import StrictFloat as Number
 from seatrial.acquisition.core.arrays import Floats
 from seatrial.analysis.compiling import Record, compiled
 from seatrial.hybrid.vessel.actuators.effects import FRACTION
-from seatrial.hybrid.vessel.actuators.kind import Drive, Entry, Kind, columns
+from seatrial.hybrid.vessel.actuators.kind import ActuatorEntry, ActuatorModel, Drive, columns
 from seatrial.hybrid.vessel.effect import Effect, Parameter
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Tunnel(Entry):
+class TunnelEntry(ActuatorEntry):
     """A tunnel thruster in a vessel file: place, side force as a polynomial of the shaft in rpm, and its drive."""
 
     kind: Literal["tunnel"]
@@ -50,7 +50,7 @@ def force(p: Record, i: int, work: Floats, u: float, v: float, r: float) -> tupl
     return 0.0, Y, p.actuators[i, X_M] * Y
 
 
-def drives(entry: Tunnel) -> tuple[Drive]:
+def drives(entry: TunnelEntry) -> tuple[Drive]:
     """How the shaft [rpm] follows its order."""
     return (Drive(entry.shaft_lag_s, limit=entry.limit_rpm),)
 
@@ -83,8 +83,8 @@ def effects(names: tuple[str, ...]) -> tuple[Effect, ...]:
     return tuple(effect(name) for name in names for effect in (loss, fading))
 
 
-DEFINITION = Kind(
-    entry=Tunnel,
+DEFINITION = ActuatorModel(
+    entry=TunnelEntry,
     numbers=NUMBERS,
     labels=("rpm",), units=(1.0,), angles=(False,), work=1, hold=hold, force=force, still=(10.0,), alike=(10.0,),
     drives=drives,

@@ -16,12 +16,12 @@ from pydantic import StrictFloat as Number
 from seatrial.acquisition.core.arrays import Floats
 from seatrial.analysis.compiling import Record, compiled
 from seatrial.hybrid.vessel.actuators.effects import FRACTION, angle_offset, backlash, for_each_and_all, lag, loss
-from seatrial.hybrid.vessel.actuators.kind import PLAY, RPM_PER_RPS, Drive, Entry, Kind, columns
+from seatrial.hybrid.vessel.actuators.kind import PLAY, RPM_PER_RPS, ActuatorEntry, ActuatorModel, Drive, columns
 from seatrial.hybrid.vessel.effect import Effect
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Waterjet(Entry):
+class Waterjet(ActuatorEntry):
     """A waterjet in a vessel file: place, thrust over shaft speed [N s^2] and inflow [N s^2/m], and its drive."""
 
     kind: Literal["waterjet"]
@@ -83,7 +83,7 @@ def effects(names: tuple[str, ...]) -> tuple[Effect, ...]:
     )  # fmt: skip
 
 
-DEFINITION = Kind(
+DEFINITION = ActuatorModel(
     entry=Waterjet,
     numbers=NUMBERS,
     labels=("rps", "angle"), units=(1.0 / RPM_PER_RPS, pi / 180.0), angles=(False, True), work=3, hold=hold,

@@ -15,7 +15,14 @@ from seatrial.hybrid.vessel.effect import USUAL_LENGTH_M
 from seatrial.hybrid.vessel.estimate import hull
 from seatrial.hybrid.vessel.estimate import propeller as screws
 from seatrial.hybrid.vessel.estimate.hull import KIJIMA, YOSHIMURA
-from seatrial.hybrid.vessel.estimate.particulars import Cell, Estimate, Estimates, Particulars, Table, with_scatter
+from seatrial.hybrid.vessel.estimate.particulars import (
+    Cell,
+    Estimates,
+    MainParticulars,
+    SourcedValue,
+    Table,
+    with_scatter,
+)
 
 Size = Annotated[float, Field(gt=0.0, lt=1e9)]
 
@@ -162,7 +169,7 @@ def listed(kind: type[Device], sources: Sequence[str | Device]) -> list[Device]:
     return [replace(entry, name=entry.name or name) for entry, name in zip(devices, usual, strict=False)]
 
 
-def driven(ship: Particulars, propellers: Sequence[Propeller], azimuths: Sequence[Azimuth]) -> list[Driven]:
+def driven(ship: MainParticulars, propellers: Sequence[Propeller], azimuths: Sequence[Azimuth]) -> list[Driven]:
     """The propulsors; each has its share of the resistance, by the area of its disc."""
     both: list[Propeller | Azimuth] = [*propellers, *azimuths]
     shafts = _abeam(ship, len(propellers), -0.48 * ship.length_m)
@@ -173,7 +180,7 @@ def driven(ship: Particulars, propellers: Sequence[Propeller], azimuths: Sequenc
     ]
 
 
-def _driven(ship: Particulars, screw: Propeller | Azimuth, place: tuple[float, float], drag_n: float) -> Driven:
+def _driven(ship: MainParticulars, screw: Propeller | Azimuth, place: tuple[float, float], drag_n: float) -> Driven:
     x_m, y_m = screw.x if screw.x is not None else place[0], screw.y if screw.y is not None else place[1]
     wake = hull.wake_fraction(ship, screw.diameter)
     deduction = hull.thrust_deduction(ship, screw.diameter)
@@ -187,7 +194,7 @@ def _driven(ship: Particulars, screw: Propeller | Azimuth, place: tuple[float, f
         "x_m": x_m,
         "y_m": y_m,
         **_blades(ship, screw, pitch_ratio, error_factor, wake, deduction),
-        "limit_rpm": Estimate(RESERVE * rpm, source=f"{rpm:.4g} rpm at service speed, and a reserve"),
+        "limit_rpm": SourcedValue(RESERVE * rpm, source=f"{rpm:.4g} rpm at service speed, and a reserve"),
         "shaft_lag_s": _lag(ship, 1.0),
     }
     return Driven(Table("[[actuator]]", screw.name, rows), screw, x_m, y_m, wake.value, rpm)
@@ -200,7 +207,7 @@ def _kind(screw: Propeller | Azimuth) -> str:
 
 
 def _pitch_ratio(
-    ship: Particulars, screw: Propeller | Azimuth, inflow: float, thrust_n: float
+    ship: MainParticulars, screw: Propeller | Azimuth, inflow: float, thrust_n: float
 ) -> tuple[float, float]:
     """The pitch ratio given, or the one that fits the given shaft speed, or a usual one, and its error factor."""
     if screw.pitch_ratio is not None:
@@ -213,19 +220,19 @@ def _pitch_ratio(
 
 
 def _blades(
-    ship: Particulars,
+    ship: MainParticulars,
     screw: Propeller | Azimuth,
     pitch: float,
     error_factor: float,
-    wake: Estimate,
-    deduction: Estimate,
+    wake: SourcedValue,
+    deduction: SourcedValue,
 ) -> dict[str, Cell]:
     """The rows of a propeller, or of a pod, that say what it thrusts; ``pitch`` by diameter."""
     if isinstance(screw, Azimuth):
         return {
             "propeller_diameter_m": screw.diameter,
             **screws.pod(pitch, screw.area_ratio, screw.blades, error_factor, wake, deduction),
-            "azimuth_rate_limit_dps": screw.rate or Estimate(12.0, source="two turns a minute, usual"),
+            "azimuth_rate_limit_dps": screw.rate or SourcedValue(12.0, source="two turns a minute, usual"),
             "azimuth_lag_s": _lag(ship, 1.0),
         }
     k = screws.open_water(pitch, screw.area_ratio, screw.blades, error_factor)
@@ -235,42 +242,42 @@ def _blades(
         **k,
         "thrust_deduction": deduction,
         "wake_0": wake,
-        "wake_decay": Estimate(4.0, 0.3, HIRANO),
-        "wake_x_m": Estimate(-0.5 * ship.length_m, 0.3, HIRANO),
+        "wake_decay": SourcedValue(4.0, 0.3, HIRANO),
+        "wake_x_m": SourcedValue(-0.5 * ship.length_m, 0.3, HIRANO),
         **screws.astern(k["k_0"].value),
         **({"pitch_lag_s": _lag(ship, 3.0)} if screw.controllable else {}),
     }
 
 
-def _lag(ship: Particulars, seconds: float) -> Estimate:
+def _lag(ship: MainParticulars, seconds: float) -> SourcedValue:
     """A drive's time constant [s], that of a ship of 30 m, by Froude's law."""
-    return Estimate(seconds * sqrt(ship.length_m / USUAL_LENGTH_M), source=f"assumed, {seconds:g} s at 30 m")
+    return SourcedValue(seconds * sqrt(ship.length_m / USUAL_LENGTH_M), source=f"assumed, {seconds:g} s at 30 m")
 
 
-def _abeam(ship: Particulars, count: int, x_m: float) -> list[tuple[float, float]]:
+def _abeam(ship: MainParticulars, count: int, x_m: float) -> list[tuple[float, float]]:
     """Usual places beside each other, from port to starboard."""
     if count == 1:
         return [(x_m, 0.0)]
     return [(x_m, ship.beam_m * (0.44 * number / (count - 1) - 0.22)) for number in range(count)]
 
 
-def _pod_places(ship: Particulars, count: int) -> list[tuple[float, float]]:
+def _pod_places(ship: MainParticulars, count: int) -> list[tuple[float, float]]:
     """Pods at the stern; of four or more the first half at the bow."""
     forward = count // 2 if count >= 4 else 0
     x = 0.42 * ship.length_m
     return [*_abeam(ship, forward, x), *_abeam(ship, count - forward, -x)]
 
 
-def rudders(ship: Particulars, devices: Sequence[Rudder], propellers: Sequence[Driven]) -> list[Table]:
+def rudders(ship: MainParticulars, devices: Sequence[Rudder], propellers: Sequence[Driven]) -> list[Table]:
     """The rudders, each behind the propeller it names or the one it is nearest to."""
     shafts = [unit for unit in propellers if isinstance(unit.screw, Propeller)]
     return [_rudder(ship, rudder, shafts, number, len(devices)) for number, rudder in enumerate(devices)]
 
 
-def _rudder(ship: Particulars, rudder: Rudder, shafts: Sequence[Driven], number: int, count: int) -> Table:
+def _rudder(ship: MainParticulars, rudder: Rudder, shafts: Sequence[Driven], number: int, count: int) -> Table:
     before = _before(rudder, shafts, number, count)
     usual_y_m = before.y_m if before else _abeam(ship, count, 0.0)[number][1]
-    area_m2 = Estimate(rudder.area) if rudder.area else usual_area(ship).times(1.0 / count)
+    area_m2 = SourcedValue(rudder.area) if rudder.area else usual_area(ship).times(1.0 / count)
     span = rudder.span or min(sqrt(USUAL_ASPECT_RATIO * area_m2.value), 0.9 * ship.draught_m)
     numbers = interaction(ship, before.wake if before else 0.0)
     straight = numbers["flow_straightening"]
@@ -282,22 +289,22 @@ def _rudder(ship: Particulars, rudder: Rudder, shafts: Sequence[Driven], number:
         "y_m": rudder.y if rudder.y is not None else usual_y_m,
         **({"behind": before.screw.name} if before else {}),
         "area_m2": area_m2,
-        "span_m": rudder.span or Estimate(span, source="aspect ratio 1.6, within the draught"),
+        "span_m": rudder.span or SourcedValue(span, source="aspect ratio 1.6, within the draught"),
         "t_R": numbers["t_R"],
         "a_H": numbers["a_H"],
         "x_H_m": numbers["x_H"].times(L),
         "flow_straightening_minus": straight,
         "flow_straightening_plus": straight,
         "l_R_m": numbers["l_R"].times(L),
-        "lift_slope": Estimate(normal_force_slope(span**2 / area_m2.value), 0.1, "Fujii and Tsuda 1961"),
+        "lift_slope": SourcedValue(normal_force_slope(span**2 / area_m2.value), 0.1, "Fujii and Tsuda 1961"),
         **(
             {name: numbers[name] for name in ("eps", "kappa")}
             if before
-            else {"inflow_factor": Estimate(0.8, source="assumed")}
+            else {"inflow_factor": SourcedValue(0.8, source="assumed")}
         ),
-        "limit_deg": rudder.limit or Estimate(35.0, source="usual"),
+        "limit_deg": rudder.limit or SourcedValue(35.0, source="usual"),
         "rate_limit_dps": rudder.rate
-        or Estimate(usual_rate_dps(ship), source="65 degrees in 28 s at 100 m, SOLAS"),
+        or SourcedValue(usual_rate_dps(ship), source="65 degrees in 28 s at 100 m, SOLAS"),
         "lag_s": _lag(ship, 0.5),
     }
     return Table("[[actuator]]", rudder.name, rows)
@@ -321,7 +328,7 @@ def _before(rudder: Rudder, shafts: Sequence[Driven], number: int, count: int) -
     return shafts[names.index(rudder.behind)]
 
 
-def tunnel(ship: Particulars, thruster: Tunnel) -> Table:
+def tunnel(ship: MainParticulars, thruster: Tunnel) -> Table:
     """A tunnel thruster, at its usual place by its name; its force goes with the square of its shaft."""
     x = (-0.42 if "stern" in thruster.name or "aft" in thruster.name else 0.42) * ship.length_m
     force = _tunnel_force(thruster)
@@ -337,9 +344,9 @@ def tunnel(ship: Particulars, thruster: Tunnel) -> Table:
     })  # fmt: skip
 
 
-def _tunnel_force(thruster: Tunnel) -> Estimate:
+def _tunnel_force(thruster: Tunnel) -> SourcedValue:
     if thruster.force is not None:
-        return Estimate(thruster.force, 0.1, "full force given, with the shaft squared")
+        return SourcedValue(thruster.force, 0.1, "full force given, with the shaft squared")
     if thruster.diameter is None or thruster.power is None:
         raise InputError(
             f"of tunnel thruster {thruster.name!r} the force is not known",
@@ -355,18 +362,18 @@ _WAKES = (0.2, 0.5)
 """The wake fractions of single-screw ships that eps was fitted to."""
 
 
-def usual_area(ship: Particulars) -> Estimate:
+def usual_area(ship: MainParticulars) -> SourcedValue:
     """Area of all rudders together [m2] that a classification society asks for (Det Norske Veritas, Rules)."""
     area = 0.01 * ship.length_m * ship.draught_m * (1.0 + 25.0 * (ship.beam_m / ship.length_m) ** 2)
-    return Estimate(area, 0.2, "least area of Det Norske Veritas' rules")
+    return SourcedValue(area, 0.2, "least area of Det Norske Veritas' rules")
 
 
-def usual_rate_dps(ship: Particulars) -> float:
+def usual_rate_dps(ship: MainParticulars) -> float:
     """Rate of turn of a rudder [deg/s]: 65 degrees in 28 s (SOLAS II-1/29) at 100 m, by Froude's law below."""
     return 65.0 / 28.0 * max(1.0, sqrt(100.0 / ship.length_m))
 
 
-def interaction(ship: Particulars, wake: float) -> Estimates:
+def interaction(ship: MainParticulars, wake: float) -> Estimates:
     """``t_R a_H x_H flow_straightening l_R eps kappa`` of a rudder; ``x_H``, ``l_R`` by length.
 
     ``wake`` is the wake fraction of the propeller before it. Behind the screws of a twin-screw ship, and without a
@@ -378,7 +385,7 @@ def interaction(ship: Particulars, wake: float) -> Estimates:
     eps = (
         with_scatter(2.26 - 1.82 * (1.0 - w), 0.15, YOSHIMURA)
         if behind_stern
-        else Estimate(1.0, 0.15, "the wake at the propeller")
+        else SourcedValue(1.0, 0.15, "the wake at the propeller")
     )
     return {
         "t_R": with_scatter(0.45 - 0.28 * ship.block, 0.08, MATSUMOTO),

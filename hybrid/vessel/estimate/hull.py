@@ -16,7 +16,13 @@ from math import cos, exp, log10, pi, sqrt
 
 import numpy as np
 
-from seatrial.hybrid.vessel.estimate.particulars import GRAVITY_MPS2, Estimate, Estimates, Particulars, with_scatter
+from seatrial.hybrid.vessel.estimate.particulars import (
+    GRAVITY_MPS2,
+    Estimates,
+    MainParticulars,
+    SourcedValue,
+    with_scatter,
+)
 
 CLARKE = "Clarke, Gedling and Hine 1983"
 ZHOU = "Zhou et al. 1983, after Motora's charts"
@@ -28,22 +34,22 @@ SURGE_SHARE = 0.05
 """Added mass in surge by the mass; published models have 0.03 to 0.17."""
 
 
-def inertia(ship: Particulars) -> Estimates:
+def inertia(ship: MainParticulars) -> Estimates:
     """Masses and moments of inertia: ``m m_x m_y J_z I_zG x_G``.
 
     Surge added mass as a share of the mass; sway and yaw by Zhou's fits to Motora's charts.
     """
     return {
-        "m": Estimate(ship.mass, 0.02, "displacement of the main particulars"),
-        "m_x": Estimate(SURGE_SHARE * ship.mass, 0.8, f"5 % of the mass, {CLARKE}"),
-        "m_y": Estimate(ship.mass * _sway_share(ship), 0.15, ZHOU),
-        "J_z": Estimate(ship.mass * _yaw_added_radius(ship) ** 2, 0.3, ZHOU),
-        "I_zG": Estimate(ship.mass * RADIUS_OF_INERTIA**2, 0.12, "radius of inertia 0.25 L, usual"),
+        "m": SourcedValue(ship.mass, 0.02, "displacement of the main particulars"),
+        "m_x": SourcedValue(SURGE_SHARE * ship.mass, 0.8, f"5 % of the mass, {CLARKE}"),
+        "m_y": SourcedValue(ship.mass * _sway_share(ship), 0.15, ZHOU),
+        "J_z": SourcedValue(ship.mass * _yaw_added_radius(ship) ** 2, 0.3, ZHOU),
+        "I_zG": SourcedValue(ship.mass * RADIUS_OF_INERTIA**2, 0.12, "radius of inertia 0.25 L, usual"),
         "x_G": centre_of_gravity(ship),
     }
 
 
-def _sway_share(ship: Particulars) -> float:
+def _sway_share(ship: MainParticulars) -> float:
     C_b, L_B, d_B = ship.block, ship.length_m / ship.beam_m, ship.draught_m / ship.beam_m
     return (
         0.882
@@ -54,21 +60,21 @@ def _sway_share(ship: Particulars) -> float:
     )
 
 
-def _yaw_added_radius(ship: Particulars) -> float:
+def _yaw_added_radius(ship: MainParticulars) -> float:
     """By length."""
     C_b, L_B = ship.block, ship.length_m / ship.beam_m
     return 0.01 * (33.0 - 76.85 * C_b * (1.0 - 0.784 * C_b) + 3.43 * L_B * (1.0 - 0.63 * C_b))
 
 
-def centre_of_gravity(ship: Particulars) -> Estimate:
+def centre_of_gravity(ship: MainParticulars) -> SourcedValue:
     """Centre of gravity forward of midship by length, from the usual centre of buoyancy at a Froude number."""
     if ship.centre_of_gravity_m is not None:
-        return Estimate(ship.centre_of_gravity_m / ship.length_m)
+        return SourcedValue(ship.centre_of_gravity_m / ship.length_m)
     forward = min(max(0.088 - 0.389 * ship.froude, -0.03), 0.035)
     return with_scatter(forward, 0.015, "usual centre of buoyancy, Schneekluth and Bertram 1998")
 
 
-def linear(ship: Particulars) -> Estimates:
+def linear(ship: MainParticulars) -> Estimates:
     """The linear derivatives ``Y_v Y_r N_v N_r``: a low-aspect-ratio wing and what a full stern adds."""
     k, fullness = 2.0 * ship.draught_m / ship.length_m, ship.fullness
     return {
@@ -79,7 +85,7 @@ def linear(ship: Particulars) -> Estimates:
     }
 
 
-def surge(ship: Particulars) -> Estimates:
+def surge(ship: MainParticulars) -> Estimates:
     """The surge force of drift and turning, ``X_vv X_vr X_rr X_vvvv``.
 
     The source states ``X_vr`` together with the sway added mass, which the equations of motion here hold apart.
@@ -93,7 +99,7 @@ def surge(ship: Particulars) -> Estimates:
     }
 
 
-def cubic(ship: Particulars) -> Estimates:
+def cubic(ship: MainParticulars) -> Estimates:
     """The cubic derivatives of sway and yaw."""
     C_b, L_B, fullness = ship.block, ship.length_m / ship.beam_m, ship.fullness
     return {
@@ -112,7 +118,7 @@ HALF_BEAM_BY_DRAUGHT = (0.49, 0.56, 0.65, 0.83, 0.99, 1.31, 1.64, 1.86, 2.31, 2.
 CROSS_FLOW_DRAG = (1.24, 1.08, 1.00, 0.88, 0.83, 0.76, 0.69, 0.66, 0.63, 0.60, 0.59, 0.585, 0.56)
 
 
-def cross_flow_drag(ship: Particulars) -> float:
+def cross_flow_drag(ship: MainParticulars) -> float:
     """Drag coefficient of a ship's section in flow from the side, by beam and draught.
 
     Hoerner's curve as Leite et al. (1998, Applied Ocean Research 20) give it for ships.
@@ -120,12 +126,12 @@ def cross_flow_drag(ship: Particulars) -> float:
     return float(np.interp(0.5 * ship.beam_m / ship.draught_m, HALF_BEAM_BY_DRAUGHT, CROSS_FLOW_DRAG))
 
 
-def mmg(ship: Particulars, R_0: Estimate) -> Estimates:
+def mmg(ship: MainParticulars, R_0: SourcedValue) -> Estimates:
     """All numbers of a hull of the standard MMG model; ``R_0`` from :func:`resistance`."""
     return {"R_0": R_0, **surge(ship), **linear(ship), **cubic(ship)}
 
 
-def cross_flow(ship: Particulars, R_0: Estimate) -> Estimates:
+def cross_flow(ship: MainParticulars, R_0: SourcedValue) -> Estimates:
     """All numbers of a hull with cross-flow drag, for low speed and large drift (Yoshimura 1988).
 
     Going astern the hull resists half as much again; yaw meets the cross flow of plain strip theory, C_r = 1.
@@ -134,15 +140,15 @@ def cross_flow(ship: Particulars, R_0: Estimate) -> Estimates:
     first = linear(ship)
     return {
         "X_0F": R_0.times(-1.0),
-        "X_0A": Estimate(-1.5 * R_0.value, 0.3, "1.5 times the resistance ahead, as of Esso Osaka"),
+        "X_0A": SourcedValue(-1.5 * R_0.value, 0.3, "1.5 times the resistance ahead, as of Esso Osaka"),
         "X_vr": surge(ship)["X_vr"],
         "Y_v": first["Y_v"],
         "Y_r": first["Y_r"],
-        "C_D": Estimate(cross_flow_drag(ship), 0.25, "Hoerner's curve, Leite et al. 1998"),
-        "C_rY": Estimate(1.0, 0.8, strips),
+        "C_D": SourcedValue(cross_flow_drag(ship), 0.25, "Hoerner's curve, Leite et al. 1998"),
+        "C_rY": SourcedValue(1.0, 0.8, strips),
         "N_v": first["N_v"],
         "N_r": first["N_r"],
-        "C_rN": Estimate(1.0, 0.4, strips),
+        "C_rN": SourcedValue(1.0, 0.4, strips),
     }
 
 
@@ -153,45 +159,45 @@ TAYLOR = "Taylor, in Lewis (ed.) 1988"
 TWIN_SCREW = "Holtrop and Mennen 1982, twin screw"
 
 
-def midship_section(ship: Particulars) -> float:
+def midship_section(ship: MainParticulars) -> float:
     """Midship section coefficient by the block coefficient (Kerlen 1970, in Schneekluth and Bertram 1998)."""
     return float(1.006 - 0.0056 * ship.block**-3.56)
 
 
-def waterplane(ship: Particulars) -> float:
+def waterplane(ship: MainParticulars) -> float:
     """Waterplane coefficient by the block coefficient, average sections (Schneekluth and Bertram 1998)."""
     return (1.0 + 2.0 * ship.block) / 3.0
 
 
-def prismatic(ship: Particulars) -> float:
+def prismatic(ship: MainParticulars) -> float:
     """Prismatic coefficient."""
     return ship.block / midship_section(ship)
 
 
-def wetted_area(ship: Particulars) -> float:
+def wetted_area(ship: MainParticulars) -> float:
     """Wetted area of the hull [m2]."""
     L, B, T, C_M = ship.length_m, ship.beam_m, ship.draught_m, midship_section(ship)
     shape = 0.453 + 0.4425 * ship.block - 0.2862 * C_M - 0.003467 * B / T + 0.3696 * waterplane(ship)
     return L * (2.0 * T + B) * sqrt(C_M) * shape
 
 
-def friction(ship: Particulars) -> float:
+def friction(ship: MainParticulars) -> float:
     """Friction coefficient of the ITTC 1957 line at service speed."""
     return 0.075 / (log10(ship.service_speed_mps * ship.length_m / ship.viscosity_m2ps) - 2.0) ** 2
 
 
-def _buoyancy_percent(ship: Particulars) -> float:
+def _buoyancy_percent(ship: MainParticulars) -> float:
     """Centre of buoyancy forward of midship in percent of the length."""
     return 100.0 * centre_of_gravity(ship).value
 
 
-def _run(ship: Particulars) -> float:
+def _run(ship: MainParticulars) -> float:
     """Length of the run by the length."""
     C_P = prismatic(ship)
     return max(1.0 - C_P + 0.06 * C_P * _buoyancy_percent(ship) / (4.0 * C_P - 1.0), _SMALL)
 
 
-def form_factor(ship: Particulars) -> float:
+def form_factor(ship: MainParticulars) -> float:
     """Viscous resistance by that of a plate, 1 + k."""
     L, B, T = ship.length_m, ship.beam_m, ship.draught_m
     return 0.93 + 0.487118 * float(
@@ -203,7 +209,7 @@ def form_factor(ship: Particulars) -> float:
     )
 
 
-def allowance(ship: Particulars) -> float:
+def allowance(ship: MainParticulars) -> float:
     """Correlation allowance between model and ship, C_A; none for a model."""
     if ship.is_model:
         return 0.0
@@ -212,12 +218,12 @@ def allowance(ship: Particulars) -> float:
     return rough + 0.003 * sqrt(L / 7.5) * ship.block**4 * (0.04 - slender)
 
 
-def viscous(ship: Particulars) -> float:
+def viscous(ship: MainParticulars) -> float:
     """Coefficient of viscous resistance with allowance, C_V."""
     return form_factor(ship) * friction(ship) + allowance(ship)
 
 
-def entrance_deg(ship: Particulars) -> float:
+def entrance_deg(ship: MainParticulars) -> float:
     """Half angle of entrance of the waterline [deg]."""
     L, B, C_P = ship.length_m, ship.beam_m, prismatic(ship)
     return 1.0 + 89.0 * exp(
@@ -235,7 +241,7 @@ def _c7(B_L: float) -> float:
     return B_L if B_L < 0.25 else 0.5 - 0.0625 / B_L
 
 
-def _c15(ship: Particulars) -> float:
+def _c15(ship: MainParticulars) -> float:
     slender = ship.length_m**3 / ship.volume_m3
     if slender < 512.0:
         return -1.69385
@@ -246,7 +252,7 @@ def _c16(C_P: float) -> float:
     return 8.07981 * C_P - 13.8673 * C_P**2 + 6.984388 * C_P**3 if C_P < 0.8 else 1.73014 - 0.7067 * C_P
 
 
-def _waves(ship: Particulars, factor: float, m: float, F_n: float) -> float:
+def _waves(ship: MainParticulars, factor: float, m: float, F_n: float) -> float:
     """Wave resistance by weight, for one of the two ranges of Froude number."""
     C_P, L_B = prismatic(ship), ship.length_m / ship.beam_m
     period = 1.446 * C_P - (0.03 * L_B if L_B < 12.0 else 0.36)
@@ -254,21 +260,21 @@ def _waves(ship: Particulars, factor: float, m: float, F_n: float) -> float:
     return factor * exp(m * F_n**-0.9 + m_4 * cos(period * F_n**-2))
 
 
-def _slow(ship: Particulars, F_n: float) -> float:
+def _slow(ship: MainParticulars, F_n: float) -> float:
     L, B, T = ship.length_m, ship.beam_m, ship.draught_m
     c_1 = 2223105.0 * _c7(B / L) ** 3.78613 * (T / B) ** 1.07961 * (90.0 - entrance_deg(ship)) ** -1.37565
     m_1 = 0.0140407 * L / T - 1.75254 * ship.volume_m3 ** (1.0 / 3.0) / L - 4.79323 * B / L - _c16(prismatic(ship))
     return _waves(ship, c_1, m_1, F_n)
 
 
-def _fast(ship: Particulars, F_n: float) -> float:
+def _fast(ship: MainParticulars, F_n: float) -> float:
     L, B, T = ship.length_m, ship.beam_m, ship.draught_m
     c_17 = 6919.3 * midship_section(ship) ** -1.3346 * (ship.volume_m3 / L**3) ** 2.00977
     c_17 *= max(L / B - 2.0, 0.0) ** 1.40692
     return _waves(ship, c_17, -7.2035 * (B / L) ** 0.326869 * (T / B) ** 0.605375, F_n)
 
 
-def wave_resistance(ship: Particulars) -> float:
+def wave_resistance(ship: MainParticulars) -> float:
     """Wave resistance at service speed, by weight: two fits, and a line between from Froude number 0.4 to 0.55."""
     F_n = ship.froude
     if F_n <= 0.4:
@@ -279,20 +285,20 @@ def wave_resistance(ship: Particulars) -> float:
     return slow + (10.0 * F_n - 4.0) / 1.5 * (fast - slow)
 
 
-def resistance_n(ship: Particulars) -> float:
+def resistance_n(ship: MainParticulars) -> float:
     """Resistance in still water at service speed [N]."""
     rho = ship.water_density_kgpm3
     plate = 0.5 * rho * ship.service_speed_mps**2 * wetted_area(ship)
     return plate * viscous(ship) + wave_resistance(ship) * rho * GRAVITY_MPS2 * ship.volume_m3
 
 
-def resistance(ship: Particulars) -> Estimate:
+def resistance(ship: MainParticulars) -> SourcedValue:
     """Resistance by (1/2) rho L d U^2 at service speed, R_0'."""
     scale = 0.5 * ship.water_density_kgpm3 * ship.length_m * ship.draught_m * ship.service_speed_mps**2
-    return Estimate(resistance_n(ship) / scale, 0.2, HOLTROP)
+    return SourcedValue(resistance_n(ship) / scale, 0.2, HOLTROP)
 
 
-def wake_fraction(ship: Particulars, diameter_m: float) -> Estimate:
+def wake_fraction(ship: MainParticulars, diameter_m: float) -> SourcedValue:
     """Effective wake fraction at a propeller of a single- or twin-screw ship, held within 0.02 and 0.55."""
     if ship.screws == 1:
         return with_scatter(min(max(0.5 * ship.block - 0.05, 0.02), 0.55), 0.06, TAYLOR)
@@ -301,7 +307,7 @@ def wake_fraction(ship: Particulars, diameter_m: float) -> Estimate:
     return with_scatter(min(max(fraction, 0.02), 0.55), 0.06, TWIN_SCREW)
 
 
-def thrust_deduction(ship: Particulars, diameter_m: float) -> Estimate:
+def thrust_deduction(ship: MainParticulars, diameter_m: float) -> SourcedValue:
     """Thrust deduction fraction of a single- or twin-screw ship, held within 0.02 and 0.35."""
     L, B, T, D = ship.length_m, ship.beam_m, ship.draught_m, diameter_m
     if ship.screws == 1:

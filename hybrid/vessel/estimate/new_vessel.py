@@ -19,9 +19,9 @@ from seatrial.hybrid.vessel.estimate import hull as hulls
 from seatrial.hybrid.vessel.estimate.devices import Azimuth, Propeller, Rudder, Tunnel, listed
 from seatrial.hybrid.vessel.estimate.particulars import (
     SEA_WATER_KGPM3,
-    Estimate,
     Estimates,
-    Particulars,
+    MainParticulars,
+    SourcedValue,
     Table,
     estimated,
     outside_samples,
@@ -81,7 +81,7 @@ def new_vessel(
         raise InputError(
             "the ship has no propulsor", fix="name a propeller or an azimuth thruster with its diameter"
         )
-    ship = Particulars(
+    ship = MainParticulars(
         length_m=length_m, beam_m=beam_m, draught_m=draught_m, block=block, service_speed_mps=service_speed_mps,
         centre_of_gravity_m=centre_of_gravity_m, water_density_kgpm3=water_density_kgpm3,
         screws=len(shafts) + len(pods),
@@ -109,14 +109,14 @@ def new_vessel(
     return vessel
 
 
-def course_stable(ship: Particulars) -> bool:
+def course_stable(ship: MainParticulars) -> bool:
     """Whether the bare hull holds its course: Y_v (N_r - m x_G) > N_v (Y_r - m - m_x)."""
     d, inertia = hulls.linear(ship), hulls.inertia(ship)
     m, m_x, x_G = (inertia[key].value for key in ("m", "m_x", "x_G"))
     return d["Y_v"].value * (d["N_r"].value - m * x_G) > d["N_v"].value * (d["Y_r"].value - m - m_x)
 
 
-def _dimensions(ship: Particulars, overall_m: float) -> Table:
+def _dimensions(ship: MainParticulars, overall_m: float) -> Table:
     return Table("[dimensions]", "dimensions", {
         "length_overall_m": overall_m,
         "length_between_perpendiculars_m": ship.length_m,
@@ -125,29 +125,29 @@ def _dimensions(ship: Particulars, overall_m: float) -> Table:
     })  # fmt: skip
 
 
-def _validity(ship: Particulars) -> Table:
+def _validity(ship: MainParticulars) -> Table:
     U, by_speed = ship.service_speed_mps, "by the service speed"
     return Table("[validity]", "validity", {
-        "surge_low_mps": Estimate(-0.6 * U, source=by_speed),
-        "surge_high_mps": Estimate(1.3 * U, source=by_speed),
-        "sway_mps": Estimate(0.8 * U, source=by_speed),
-        "yaw_rate_radps": Estimate(2.0 * U / ship.length_m, source="r' = 2 at service speed"),
+        "surge_low_mps": SourcedValue(-0.6 * U, source=by_speed),
+        "surge_high_mps": SourcedValue(1.3 * U, source=by_speed),
+        "sway_mps": SourcedValue(0.8 * U, source=by_speed),
+        "yaw_rate_radps": SourcedValue(2.0 * U / ship.length_m, source="r' = 2 at service speed"),
     })  # fmt: skip
 
 
-def _hull(ship: Particulars, hull: HullName) -> Table:
+def _hull(ship: MainParticulars, hull: HullName) -> Table:
     R_0 = hulls.resistance(ship)
     numbers = hulls.mmg(ship, R_0) if hull == "mmg" else hulls.cross_flow(ship, R_0)
     return Table("[hull]", "hull", {"model": hull, **numbers})
 
 
-def _wind(ship: Particulars, frontal_m2: float | None, lateral_m2: float | None) -> Table:
+def _wind(ship: MainParticulars, frontal_m2: float | None, lateral_m2: float | None) -> Table:
     numbers = outline(ship, frontal_m2, lateral_m2)
     return Table("[wind]", "wind", {"model": "fujiwara", "air_density_kgpm3": 1.225, **numbers})
 
 
 def _text(
-    name: str, ship: Particulars, tables: Sequence[Table], warnings: Sequence[str], rpm: dict[str, float]
+    name: str, ship: MainParticulars, tables: Sequence[Table], warnings: Sequence[str], rpm: dict[str, float]
 ) -> str:
     head = [
         "# Estimated from main dimensions by published regressions; +- is the usual error, one standard deviation.",
@@ -173,24 +173,24 @@ ESSO_OSAKA = "as of Esso Osaka"
 AREA_ERROR = 0.4
 
 
-def outline(ship: Particulars, frontal_m2: float | None, lateral_m2: float | None) -> Estimates:
+def outline(ship: MainParticulars, frontal_m2: float | None, lateral_m2: float | None) -> Estimates:
     """Areas, centres and heights above water for Fujiwara's regression; with the areas that are known.
 
     The ratios are the geometric means of two published outlines, Esso Osaka's and R/V Gunnerus'; where only Esso
     Osaka's is published, hers. Ships differ by half as much again: measured areas are worth having.
     """
     L, B = ship.length_m, ship.beam_m
-    frontal = Estimate(0.70 * B * B, AREA_ERROR, f"0.70 B^2, {OUTLINES}")
-    lateral = Estimate(0.45 * L * B, AREA_ERROR, f"0.45 L B, {OUTLINES}")
-    frontal = frontal if frontal_m2 is None else Estimate(frontal_m2)
-    lateral = lateral if lateral_m2 is None else Estimate(lateral_m2)
+    frontal = SourcedValue(0.70 * B * B, AREA_ERROR, f"0.70 B^2, {OUTLINES}")
+    lateral = SourcedValue(0.45 * L * B, AREA_ERROR, f"0.45 L B, {OUTLINES}")
+    frontal = frontal if frontal_m2 is None else SourcedValue(frontal_m2)
+    lateral = lateral if lateral_m2 is None else SourcedValue(lateral_m2)
     A_T, A_L = frontal.value, lateral.value
     return {
         "frontal_area_m2": frontal,
         "lateral_area_m2": lateral,
-        "superstructure_area_m2": Estimate(0.27 * A_L, 0.5, f"0.27 of the lateral area, {ESSO_OSAKA}"),
-        "lateral_centre_m": Estimate(-0.0043 * L, 5.0, ESSO_OSAKA),
-        "lateral_centre_height_m": Estimate(0.60 * A_L / L, 0.2, f"0.60 A_L / L, {ESSO_OSAKA}"),
-        "bridge_centre_m": Estimate(-0.021 * L, 5.0, ESSO_OSAKA),
-        "bridge_height_m": Estimate(1.06 * A_T / B, 0.3, f"1.06 A_T / B, {ESSO_OSAKA}"),
+        "superstructure_area_m2": SourcedValue(0.27 * A_L, 0.5, f"0.27 of the lateral area, {ESSO_OSAKA}"),
+        "lateral_centre_m": SourcedValue(-0.0043 * L, 5.0, ESSO_OSAKA),
+        "lateral_centre_height_m": SourcedValue(0.60 * A_L / L, 0.2, f"0.60 A_L / L, {ESSO_OSAKA}"),
+        "bridge_centre_m": SourcedValue(-0.021 * L, 5.0, ESSO_OSAKA),
+        "bridge_height_m": SourcedValue(1.06 * A_T / B, 0.3, f"1.06 A_T / B, {ESSO_OSAKA}"),
     }

@@ -17,7 +17,7 @@ _NEAR_ZERO = 0.01
 
 
 @dataclass(frozen=True, slots=True)
-class Estimate:
+class SourcedValue:
     """A number, its usual relative error (one standard deviation) and where it is from.
 
     Without an error it is assumed for the reason that ``source`` tells, or given where it tells none.
@@ -27,21 +27,21 @@ class Estimate:
     error: float = 0.0
     source: str = ""
 
-    def times(self, factor: float) -> Estimate:
+    def times(self, factor: float) -> SourcedValue:
         """The same estimate in another unit."""
         return replace(self, value=factor * self.value)
 
 
-Estimates = dict[str, Estimate]
+Estimates = dict[str, SourcedValue]
 
 
-def with_scatter(value: float, scatter: float, source: str) -> Estimate:
+def with_scatter(value: float, scatter: float, source: str) -> SourcedValue:
     """An estimate from the usual error in its own unit; a relative one of a number near zero is large."""
-    return Estimate(value, scatter / max(abs(value), _NEAR_ZERO * scatter), source)
+    return SourcedValue(value, scatter / max(abs(value), _NEAR_ZERO * scatter), source)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Particulars:
+class MainParticulars:
     """The main particulars of a ship: length between perpendiculars, beam, mean draught [m], block coefficient.
 
     ``service_speed_mps`` is the speed through still water that the resistance is estimated for,
@@ -98,7 +98,7 @@ class Particulars:
         return self.length_m < LONGEST_MODEL_M
 
 
-def _possible(ship: Particulars) -> Iterator[tuple[str, str, float, float, float]]:
+def _possible(ship: MainParticulars) -> Iterator[tuple[str, str, float, float, float]]:
     """What makes a number impossible rather than unusual: name, unit, low, value, high."""
     yield "the length", " m", 0.5, ship.length_m, 600.0
     yield "the block coefficient", "", 0.3, ship.block, 0.95
@@ -120,7 +120,7 @@ _SAMPLES = {
 """The ships that each group of regressions comes from: merchant ships and fishing vessels; Holtrop's own limits."""
 
 
-def outside_samples(ship: Particulars) -> list[str]:
+def outside_samples(ship: MainParticulars) -> list[str]:
     """What of a ship lies outside the ships that the regressions come from, a sentence each: errors are larger."""
     values = {
         "block coefficient": ship.block,
@@ -137,7 +137,7 @@ def outside_samples(ship: Particulars) -> list[str]:
 
 
 DIGITS = 5
-Cell = str | float | Estimate
+Cell = str | float | SourcedValue
 
 
 @dataclass(frozen=True, slots=True)
@@ -160,7 +160,7 @@ def estimated(tables: Iterable[Table]) -> str:
         f'"{table.label}.{key}" = {_number(round(cell.error, 3))}'
         for table in tables
         for key, cell in table.rows.items()
-        if isinstance(cell, Estimate) and cell.error > 0.0
+        if isinstance(cell, SourcedValue) and cell.error > 0.0
     ]
     return "\n".join(["[estimated]", *rows]) + "\n"
 
@@ -168,7 +168,7 @@ def estimated(tables: Iterable[Table]) -> str:
 def _row(key: str, cell: Cell) -> str:
     if isinstance(cell, str):
         return f"{key} = {json.dumps(cell)}"
-    number = cell if isinstance(cell, Estimate) else Estimate(cell)
+    number = cell if isinstance(cell, SourcedValue) else SourcedValue(cell)
     text = f"{key} = {_number(number.value)}"
     error = f"+-{100.0 * number.error:.0f} %: " if number.error > 0.0 else ""
     return f"{text:<34}  # {error}{number.source}" if number.source else text

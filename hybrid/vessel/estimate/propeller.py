@@ -13,7 +13,7 @@ import numpy as np
 
 from seatrial.acquisition.core.arrays import Floats
 from seatrial.acquisition.core.errors import InputError
-from seatrial.hybrid.vessel.estimate.particulars import Estimate, Estimates
+from seatrial.hybrid.vessel.estimate.particulars import Estimates, SourcedValue
 
 B_SERIES = "Wageningen B-series, Oosterveld and van Oossanen 1975"
 _TERMS = np.array([
@@ -67,7 +67,7 @@ def open_water(pitch_ratio: float, area_ratio: float, blades: int, error_factor:
     """
     k_0, k_1, k_2 = quadratic(pitch_ratio, area_ratio, blades)
     numbers = {"k_0": (k_0, 0.05), "k_1": (k_1, 0.10), "k_2": (k_2, 0.25)}
-    return {name: Estimate(value, error * error_factor, B_SERIES) for name, (value, error) in numbers.items()}
+    return {name: SourcedValue(value, error * error_factor, B_SERIES) for name, (value, error) in numbers.items()}
 
 
 def service_rps(
@@ -97,8 +97,8 @@ def astern(k_0: float) -> Estimates:
     """
     source = "share of k_0 as of Esso Osaka, Miyauchi et al. 2022"
     shares = {"astern_0": -0.711, "astern_1": -0.766, "astern_2": -0.534}
-    thrust = {name: Estimate(share * k_0, 0.3, source) for name, share in shares.items()}
-    return {**thrust, "astern_3": Estimate(0.330, 0.3, "as of Esso Osaka, Miyauchi et al. 2022")}
+    thrust = {name: SourcedValue(share * k_0, 0.3, source) for name, share in shares.items()}
+    return {**thrust, "astern_3": SourcedValue(0.330, 0.3, "as of Esso Osaka, Miyauchi et al. 2022")}
 
 
 POD_SIDE = "as of R/V Gunnerus' pods, from their maker's forces"
@@ -106,19 +106,24 @@ LOSS = 0.9
 """What is left at a hull of a thruster's force in open water."""
 
 
-def tunnel_force(diameter_m: float, power_kw: float) -> Estimate:
+def tunnel_force(diameter_m: float, power_kw: float) -> SourcedValue:
     """Side force [N] of a tunnel thruster at full power, from diameter and power.
 
     The rule of bollard pull without a nozzle, 0.9 (D P)^(2/3) in kN, m and kW (Waertsilae, Encyclopedia of Marine
     Technology).
     """
-    return Estimate(
+    return SourcedValue(
         1e3 * LOSS * (diameter_m * power_kw) ** (2.0 / 3.0), 0.2, "0.9 (D P)^(2/3), rule of bollard pull"
     )
 
 
 def pod(
-    pitch_ratio: float, area_ratio: float, blades: int, error_factor: float, wake: Estimate, deduction: Estimate
+    pitch_ratio: float,
+    area_ratio: float,
+    blades: int,
+    error_factor: float,
+    wake: SourcedValue,
+    deduction: SourcedValue,
 ) -> Estimates:
     """Thrust and side force coefficients of a pod with an open propeller.
 
@@ -133,8 +138,8 @@ def pod(
         "thrust_uu": ("k_2", delivered * inflow**2),
     }
     along = {
-        name: Estimate(k[of].value * factor, (k[of].error ** 2 + 0.07**2) ** 0.5, k[of].source)
+        name: SourcedValue(k[of].value * factor, (k[of].error ** 2 + 0.07**2) ** 0.5, k[of].source)
         for name, (of, factor) in factors.items()
     }
     side = {"side_nv": -0.9901, "side_uv": -0.7595, "side_vv": 0.3170}
-    return {**along, **{name: Estimate(value, 0.5, POD_SIDE) for name, value in side.items()}}
+    return {**along, **{name: SourcedValue(value, 0.5, POD_SIDE) for name, value in side.items()}}

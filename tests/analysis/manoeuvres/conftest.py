@@ -9,7 +9,7 @@ from functools import cache
 import pandas as pd
 import pytest
 
-from seatrial.hybrid.simulation.trial import Noise, simulate_trial
+from seatrial.hybrid.simulation.trial import SimulationNoise, simulate_trial
 from seatrial.hybrid.vessel.channels import as_table
 
 
@@ -35,7 +35,14 @@ def sail() -> Sail:
         noise: float = 1.0, heading_deg: float = 0.0,
     ) -> Sailed:  # fmt: skip
         table, truth = simulate_trial(
-            vessel, sea, manoeuvre, duration_s, 10.0, seed, noise=Noise().scaled(noise), heading_deg=heading_deg
+            vessel,
+            sea,
+            manoeuvre,
+            duration_s,
+            10.0,
+            seed,
+            noise=SimulationNoise().scaled(noise),
+            heading_deg=heading_deg,
         )
         perfect = as_table(truth["states"], truth["controls"], truth["wind"], index=table.index)
         plant = truth["plant"]

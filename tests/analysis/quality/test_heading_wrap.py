@@ -16,7 +16,7 @@ from seatrial.acquisition.core.frames import Quality
 from seatrial.acquisition.tables.import_table import import_table
 from seatrial.analysis.quality.heading_wrap import WRAP_INTERPOLATED, check_heading_wrap, seam_line_mask
 from seatrial.analysis.tables.table import NANO, read_table, times_ns
-from seatrial.hybrid.simulation.trial import Noise, simulate_trial
+from seatrial.hybrid.simulation.trial import SimulationNoise, simulate_trial
 from tests.analysis.conftest import table_at
 from tests.analysis.quality import faults
 from tests.analysis.test_real_recordings import MAPS, TRIALS
@@ -66,7 +66,7 @@ def test_every_sample_on_a_line_through_north_is_found_and_no_other(
 @pytest.mark.parametrize("noise", [0.3, 3.0])
 @pytest.mark.parametrize("heading_deg", [0.0, 359.9, 180.0])
 def test_a_ship_that_swings_about_north_is_sound(heading_deg: float, noise: float) -> None:
-    sensors = Noise().scaled(noise)
+    sensors = SimulationNoise().scaled(noise)
     table, _ = simulate_trial(
         "gunnerus_short", "moderate", "speed_runs", 300.0, 2.0, 9, noise=sensors, heading_deg=heading_deg
     )

@@ -12,7 +12,7 @@ from seatrial.acquisition.core.channels import COMMAND
 from seatrial.acquisition.core.frames import Quality
 from seatrial.analysis.quality.commands import ORDER_INTERPOLATED, check_orders, hold_orders
 from seatrial.analysis.quality.samples import samples_of
-from seatrial.hybrid.simulation.trial import Noise, simulate_trial
+from seatrial.hybrid.simulation.trial import SimulationNoise, simulate_trial
 from tests.analysis.conftest import table_at
 from tests.analysis.quality import faults
 
@@ -75,7 +75,7 @@ def test_orders_in_a_trial(trial: pd.DataFrame) -> None:
 def test_feedback_is_sound_even_without_noise(manoeuvre: str, noise: float) -> None:
     """Without noise the azimuths' slews at their limit are straight, and all equally steep."""
     table, _ = simulate_trial(
-        "gunnerus_long", "calm", manoeuvre, 400.0, 10.0, 2, noise=Noise().scaled(noise)
+        "gunnerus_long", "calm", manoeuvre, 400.0, 10.0, 2, noise=SimulationNoise().scaled(noise)
     )  # fmt: skip
     assert check_orders(table).findings == ()
 

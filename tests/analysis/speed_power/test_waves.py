@@ -17,7 +17,7 @@ from seatrial.analysis.speed_power import Conditions, PowerRun
 from seatrial.analysis.speed_power.corrections import (
     WAVE_METHODS,
     Correction,
-    Sea,
+    RunSeas,
     corrections_of,
     wave_resistance_n,
 )
@@ -80,9 +80,9 @@ def test_added_resistance_grows_with_the_square_of_the_height(height: float, per
     assert two == pytest.approx(4.0 * one)
 
 
-def sea(*wave_from_deg: float, height: float = 1.5, period: float = 5.0) -> Sea:
+def sea(*wave_from_deg: float, height: float = 1.5, period: float = 5.0) -> RunSeas:
     count = len(wave_from_deg)
-    return Sea(np.full(count, height), np.full(count, period), np.array(wave_from_deg), np.full(count, 500.0))
+    return RunSeas(np.full(count, height), np.full(count, period), np.array(wave_from_deg), np.full(count, 500.0))
 
 
 @pytest.mark.parametrize("method", WAVE_METHODS)

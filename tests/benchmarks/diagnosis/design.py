@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from seatrial.hybrid.simulation.sea_state import SeaState
-from seatrial.hybrid.simulation.trial import Noise, simulate_trial
+from seatrial.hybrid.simulation.trial import SimulationNoise, simulate_trial
 from tests.benchmarks.other_ship.programmes import Order, steer
 from tests.benchmarks.other_ship.sea import SEAS
 from tests.benchmarks.other_ship.trial import make_trial
@@ -80,5 +80,5 @@ def _own(design: Design, hidden: Hidden) -> pd.DataFrame:
     weather = SeaState(sea.wind_mps, sea.wave_height_m, sea.wave_period_s, 0.0, float(wind_deg), drift_n_per_m2=0.0)
     return simulate_trial(
         VESSEL, weather, _OWN_MANOEUVRES[design.programme], design.duration_s, design.rate_hz, design.seed, hidden,
-        noise=Noise().scaled(design.noise), heading_deg=float(heading_deg),
+        noise=SimulationNoise().scaled(design.noise), heading_deg=float(heading_deg),
     )[0]  # fmt: skip

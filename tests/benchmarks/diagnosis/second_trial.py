@@ -11,7 +11,7 @@ from seatrial.acquisition.core.errors import ConfigurationError
 from seatrial.hybrid.diagnosis.diagnose import TOLERANCE
 from seatrial.hybrid.effects import CATALOGUE
 from seatrial.hybrid.planning.next_manoeuvre import usual_rpm
-from seatrial.hybrid.planning.repertoire import MINUTES, Candidate, repertoire, shafts_of
+from seatrial.hybrid.planning.repertoire import MINUTES, CandidateManoeuvre, repertoire, shafts_of
 from seatrial.hybrid.simulation.manoeuvres import Leg, Manoeuvre
 from seatrial.hybrid.vessel.parameters import Vessel
 from seatrial.hybrid.workflows.diagnose import DiagnosisRun, diagnose_tables
@@ -34,7 +34,7 @@ def with_next_manoeuvre(
     return diagnose_tables([table, second.set_axis(second.index + _ANOTHER_DAY)], vessel, TOLERANCE, CATALOGUE)
 
 
-def candidate_of(what: str, examined: DiagnosisRun, vessel: Vessel) -> Candidate:
+def candidate_of(what: str, examined: DiagnosisRun, vessel: Vessel) -> CandidateManoeuvre:
     """The candidate of the repertoire that is asked for in these words."""
     for each in repertoire(shafts_of(vessel, usual_rpm(examined.conclusion.accepted.evidence.equations.log))):
         if what.startswith(each.what):

@@ -10,7 +10,7 @@ import pytest
 from seatrial.hybrid.diagnosis.acceptance import Acceptance, accept_names
 from seatrial.hybrid.diagnosis.estimate_noise import estimate_noise
 from seatrial.hybrid.diagnosis.evidence import weigh_evidence
-from seatrial.hybrid.diagnosis.linearise import Model, linearise
+from seatrial.hybrid.diagnosis.linearise import ModelWithEffects, linearise
 from seatrial.hybrid.diagnosis.log import log_of
 from seatrial.hybrid.diagnosis.select_effects import select_effects
 from seatrial.hybrid.effects import CATALOGUE
@@ -27,7 +27,7 @@ def diagnosed(plant: Plant) -> Diagnosed:
 
     def naming(**trial: Any) -> Acceptance:
         table, _ = make_trial(**trial)
-        model = Model(plant, CATALOGUE)
+        model = ModelWithEffects(plant, CATALOGUE)
         estimate = estimate_noise(linearise(log_of([table]), model, TOLERANCE))
         return accept_names(select_effects(weigh_evidence(estimate)))
 

@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seatrial.acquisition.core.arrays import Floats
-from seatrial.hybrid.diagnosis.disturbance_model import Noise
+from seatrial.hybrid.diagnosis.disturbance_model import DisturbanceNoise
 from seatrial.hybrid.diagnosis.evidence import ColumnLayout, NormalEquations
-from seatrial.hybrid.diagnosis.linearise import Model
+from seatrial.hybrid.diagnosis.linearise import ModelWithEffects
 from seatrial.hybrid.effects import CATALOGUE
 from seatrial.hybrid.vessel.plant import Plant
 
@@ -52,9 +52,9 @@ class Design:
         legs[:, 0, 1:] = legs[:, 1:, 0] = np.einsum("lrc,lr->lc", self.columns, data)[:, 1:]
         legs[:, 0, 0] = (data**2).sum(axis=1)
         return NormalEquations(
-            log=NEEDLESS, model=Model(self.plant, SMALL_CATALOGUE), linear=NEEDLESS, effects=(),
-            force_range=np.array([1e5, 1e5, 1e6]), tolerance=0.01, noise=Noise(), layout=self.layout, gram=legs,
-            nuisance=self.nuisance, nuisance_scale=self.scale,
+            log=NEEDLESS, model=ModelWithEffects(self.plant, SMALL_CATALOGUE), linear=NEEDLESS, effects=(),
+            force_range=np.array([1e5, 1e5, 1e6]), tolerance=0.01, noise=DisturbanceNoise(), layout=self.layout,
+            gram=legs, nuisance=self.nuisance, nuisance_scale=self.scale,
         )  # fmt: skip
 
 

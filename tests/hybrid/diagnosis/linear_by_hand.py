@@ -9,12 +9,12 @@ from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
 from seatrial.acquisition.core.arrays import Floats
-from seatrial.hybrid.diagnosis.disturbance_model import FORCE_UNITS, FREE, Columns, Noise
+from seatrial.hybrid.diagnosis.disturbance_model import FORCE_UNITS, FREE, Columns, DisturbanceNoise
 from seatrial.hybrid.diagnosis.linearise import LinearModel
 
 GRAVITY_MPS2 = 9.81
-CALM_SEA = Noise(gust=(900.0, 700.0, 9000.0), slow=(400.0, 600.0, 5000.0), slow_s=15.0)
-SWELL = Noise(
+CALM_SEA = DisturbanceNoise(gust=(900.0, 700.0, 9000.0), slow=(400.0, 600.0, 5000.0), slow_s=15.0)
+SWELL = DisturbanceNoise(
     waves=(0.4, 0.3, 0.01), wave_correlation=0.35, wave_frequency_radps=0.9, wave_damping=0.15, wave_towards_rad=0.7
 )
 DRIFT = replace(CALM_SEA, drift=(0.6, 0.004, 0.05, 0.07, 0.002), drift_s=8.0)
@@ -72,7 +72,7 @@ class Dense:
         return np.asarray(np.tensordot(self.onward, impulse.reshape(seconds * n, *drive.shape[2:]), axes=1))
 
 
-def dense(linear: LinearModel, noise: Noise, rows: slice) -> Dense:
+def dense(linear: LinearModel, noise: DisturbanceNoise, rows: slice) -> Dense:
     """The seconds ``rows`` as one block."""
     seconds = [_second(linear, noise, k) for k in range(rows.start, rows.stop)]
     count, n = len(seconds), len(seconds[0][0])
@@ -93,7 +93,7 @@ def _root(covariance: Floats) -> Floats:
     return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)))
 
 
-def _second(linear: LinearModel, noise: Noise, k: int) -> tuple[Floats, Floats, Floats]:
+def _second(linear: LinearModel, noise: DisturbanceNoise, k: int) -> tuple[Floats, Floats, Floats]:
     """Transition, what is new, and how the sensors see the states, of one second."""
     A, B = linear.A[k], linear.B[k] * FORCE_UNITS
     kept, slow = np.exp(-1.0 / noise.slow_s), np.diag((np.array(noise.slow) / FORCE_UNITS) ** 2)
@@ -118,24 +118,24 @@ def _second(linear: LinearModel, noise: Noise, k: int) -> tuple[Floats, Floats, 
     return F, Q, h
 
 
-def _wave_drift(noise: Noise) -> Floats:
+def _wave_drift(noise: DisturbanceNoise) -> Floats:
     """Variance [1, 1] of the waves' slow drift in beam sea."""
     return np.array([[(noise.wave_drift_n / FORCE_UNITS[0]) ** 2]])
 
 
-def _pushed(origin: Floats, noise: Noise) -> Floats:
+def _pushed(origin: Floats, noise: DisturbanceNoise) -> Floats:
     """Surge, sway and yaw [3] of a unit of wave drift, 0.35 cos b, sin b and 0.06 L sin 2b (Faltinsen 1990)."""
     b = noise.wave_towards_rad - origin[2]
     force = np.array([0.35 * np.cos(b), np.sin(b), 0.06 * noise.length_m * np.sin(2.0 * b)])
     return np.asarray(force * FORCE_UNITS[0] / FORCE_UNITS)
 
 
-def _drift(noise: Noise) -> Floats:
+def _drift(noise: DisturbanceNoise) -> Floats:
     """Stationary covariance [6, 6] of the sensors' slow errors."""
     return np.diag(np.array([noise.drift[0], *noise.drift]) ** 2)
 
 
-def _swing(origin: Floats, noise: Noise) -> tuple[Floats, float]:
+def _swing(origin: Floats, noise: DisturbanceNoise) -> tuple[Floats, float]:
     """Stationary covariance [6, 6] of swing and its speed, north, east and yaw; the frequency met [rad/s]."""
     north, east, yaw = noise.waves
     towards = noise.wave_towards_rad - origin[2]
@@ -168,7 +168,7 @@ def _swing_seen(origin: Floats) -> Floats:
     return np.column_stack([(seen(step) - seen(-step)) / 2e-6 for step in steps])
 
 
-def _begins(linear: LinearModel, noise: Noise, k: int) -> Floats:
+def _begins(linear: LinearModel, noise: DisturbanceNoise, k: int) -> Floats:
     """Covariance of a block's first state: anything, and what is stationary."""
     slow = (np.array(noise.slow) / FORCE_UNITS) ** 2
     begins = np.diag([*FREE**2, *slow])
@@ -179,7 +179,7 @@ def _begins(linear: LinearModel, noise: Noise, k: int) -> Floats:
     return block_diag(begins, _drift(noise)) if noise.has_drift else begins
 
 
-def drawn(linear: LinearModel, noise: Noise, edges: NDArray[np.int64], seed: int) -> Columns:
+def drawn(linear: LinearModel, noise: DisturbanceNoise, edges: NDArray[np.int64], seed: int) -> Columns:
     """One column of data drawn second by second from exactly this system; drives are zero."""
     random, seen = np.random.default_rng(seed), np.empty((len(linear.A), 6))
     errors = noise.as_array()[:6]

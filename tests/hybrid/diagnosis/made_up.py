@@ -7,17 +7,17 @@ from dataclasses import replace
 import numpy as np
 
 from seatrial.acquisition.core.serialisation import to_json
-from seatrial.hybrid.diagnosis.disturbance_model import Noise
+from seatrial.hybrid.diagnosis.disturbance_model import DisturbanceNoise
 from seatrial.hybrid.diagnosis.result import (
     FORCES,
     Diagnosis,
     Estimate,
     Gap,
+    GapCell,
     Ladder,
-    Manoeuvre,
     Map,
     NamedEffect,
-    Place,
+    NextTrial,
     Ratio,
     Replication,
     Rival,
@@ -64,7 +64,9 @@ def tracks(windows: int = 6, horizon_s: int = 15) -> Tracks:
     return Tracks(measured, before, after, floor, still, *when, controls)
 
 
-NOISE = Noise(position_m=0.031, waves=(0.2, 0.1, 0.01), wave_towards_rad=-1.0, wave_drift_n=2e3, length_m=29.0)
+NOISE = DisturbanceNoise(
+    position_m=0.031, waves=(0.2, 0.1, 0.01), wave_towards_rad=-1.0, wave_drift_n=2e3, length_m=29.0
+)
 
 
 def named() -> Diagnosis:
@@ -76,7 +78,7 @@ def named() -> Diagnosis:
         rivals=(Rival("ocean_current", "wave_drift", 11.0),),
         indistinguishable=(),
         unknown=None,
-        where=(Place("sway_force_n", {"heading_deg": (67.5, 112.5)}, 210, 5800.0, 14.2),),
+        where=(GapCell("sway_force_n", {"heading_deg": (67.5, 112.5)}, 210, 5800.0, 14.2),),
         gap=Gap(1.4, 0.19, 0.06, 0.9, 110, 15),
         next_manoeuvre=None,
         suspects=SUSPECTS,
@@ -105,7 +107,7 @@ def of_verdict(verdict: str) -> Diagnosis:
         effects=(CURRENT,),
         rivals=(Rival("ocean_current", "wave_drift", 1.2), Rival("ocean_current", "sway_asymmetry", 9.0)),
         indistinguishable=(("ocean_current", "wave_drift"),),
-        next_manoeuvre=Manoeuvre(
+        next_manoeuvre=NextTrial(
             "12 minutes of straight runs on reciprocal headings", ("ocean_current", "wave_drift"), 25.0, 12.0
         ),
     )
@@ -138,5 +140,5 @@ def a_map() -> Map:
     for name, low, high in cells:
         sway = 5e3 * np.sin(np.deg2rad(0.5 * (low + high))) if name == "heading_deg" else 10.0
         sizes = dict(zip(FORCES, (20.0, sway, 30.0), strict=True))
-        places += [Place(channel, {name: (low, high)}, 50, size, size / 300.0) for channel, size in sizes.items()]
+        places += [GapCell(channel, {name: (low, high)}, 50, size, size / 300.0) for channel, size in sizes.items()]
     return Map(tuple(places), force, {"heading_deg": heading, "speed_mps": speed})

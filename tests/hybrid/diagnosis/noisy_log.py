@@ -6,12 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from seatrial.hybrid.diagnosis.disturbance_model import Noise
+from seatrial.hybrid.diagnosis.disturbance_model import DisturbanceNoise
 from seatrial.hybrid.diagnosis.log import Log
 from seatrial.hybrid.vessel.plant import Plant
 from tests.hybrid.diagnosis.log_by_hand import a_log
 
-QUIET = Noise(gust=(100.0, 100.0, 1000.0), slow=(100.0, 100.0, 1000.0))
+QUIET = DisturbanceNoise(gust=(100.0, 100.0, 1000.0), slow=(100.0, 100.0, 1000.0))
 LEG_S = 80
 
 

@@ -17,7 +17,7 @@ from seatrial.acquisition.core.errors import DataShortageError
 from seatrial.hybrid.calibrators.calibrator import Calibrator
 from seatrial.hybrid.diagnosis.calibrator_comparison import draws_of_folds, ladder, seconds_in_folds
 from seatrial.hybrid.diagnosis.gap import FOLDS, fold_of
-from seatrial.hybrid.diagnosis.linearise import Model
+from seatrial.hybrid.diagnosis.linearise import ModelWithEffects
 from seatrial.hybrid.diagnosis.log import Log
 from seatrial.hybrid.diagnosis.result import Ladder
 from seatrial.hybrid.diagnosis.select_effects import Coordinates
@@ -102,7 +102,7 @@ def test_too_few_legs_are_said_to_be_too_few() -> None:
 @pytest.fixture
 def climbed(plant: Plant, monkeypatch: pytest.MonkeyPatch) -> Climbed:
     """The ladder by a kind of calibrator whose worth is known, in windows of a ship that drifts with a current."""
-    model = Model(plant, CATALOGUE)
+    model = ModelWithEffects(plant, CATALOGUE)
 
     def make(method: str, seed: int = 0, plant: Plant | None = None) -> Calibrator:
         return KNOWN[method](seed, plant)

@@ -9,7 +9,7 @@ import pytest
 
 from seatrial.hybrid.diagnosis.acceptance import Acceptance, LackOfFit, composite_effects, pairs_spanning
 from seatrial.hybrid.diagnosis.evidence import Evidence, evidence_of
-from seatrial.hybrid.diagnosis.linearise import Model
+from seatrial.hybrid.diagnosis.linearise import ModelWithEffects
 from seatrial.hybrid.diagnosis.nuisance_basis import OPERATION
 from seatrial.hybrid.diagnosis.verdict import _composites
 from seatrial.hybrid.effects import CATALOGUE
@@ -38,7 +38,7 @@ def seen(design: Design, *names: str) -> Evidence:
         every.T @ every,
         replace(
             equations,
-            model=Model(design.plant, catalogue),
+            model=ModelWithEffects(design.plant, catalogue),
             layout=replace(equations.layout, effect=effect, prior=np.ones(len(effect))),
         ),
     )

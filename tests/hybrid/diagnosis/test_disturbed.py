@@ -16,7 +16,7 @@ from seatrial.hybrid.diagnosis.disturbance_model import (
     FORCE_UNITS,
     FREE,
     SWING,
-    Noise,
+    DisturbanceNoise,
 )
 from seatrial.hybrid.diagnosis.linearise import LinearModel
 from tests.hybrid.diagnosis.linear_by_hand import CALM_SEA, DISTURBANCES, DRIFT, SLOW_DRIFT, SWELL, a_ship, dense
@@ -30,19 +30,19 @@ from tests.kernel_calls import (
 )
 
 
-def second(linear: LinearModel, noise: Noise, k: int) -> tuple[Floats, Floats]:
+def second(linear: LinearModel, noise: DisturbanceNoise, k: int) -> tuple[Floats, Floats]:
     """Transition and what is new."""
     F, Q = room(noise), room(noise)
     transition(linear.A[k], linear.B[k] * FORCE_UNITS, noise.as_array(), linear.origin[k], F, Q)
     return F, Q
 
 
-def room(noise: Noise) -> Floats:
+def room(noise: DisturbanceNoise) -> Floats:
     """A matrix as the filter holds it, zeros behind the states' columns."""
     return np.zeros((states_of(noise.as_array()), WIDTH))
 
 
-def start(linear: LinearModel, noise: Noise, k: int) -> Floats:
+def start(linear: LinearModel, noise: DisturbanceNoise, k: int) -> Floats:
     """Covariance of a block's first state."""
     P = room(noise)
     initial_covariance(noise.as_array(), linear.origin[k], FREE, P)
@@ -58,7 +58,7 @@ def test_a_calm_sea_needs_no_swing() -> None:
 
 
 @pytest.mark.parametrize("noise", DISTURBANCES.values(), ids=DISTURBANCES)
-def test_two_seconds_are_those_of_the_exact_processes(noise: Noise) -> None:
+def test_two_seconds_are_those_of_the_exact_processes(noise: DisturbanceNoise) -> None:
     linear = a_ship(3, 21)
     n = states_of(noise.as_array())
     by_hand = dense(linear, noise, slice(0, 2))
@@ -82,7 +82,7 @@ def test_two_seconds_are_those_of_the_exact_processes(noise: Noise) -> None:
 def test_what_is_new_is_a_covariance_and_the_swing_is_stationary(
     waves: tuple[float, float, float], correlation: float, frequency: float, damping: float, towards: float
 ) -> None:
-    noise = Noise(
+    noise = DisturbanceNoise(
         waves=waves, wave_correlation=correlation, wave_frequency_radps=frequency, wave_damping=damping,
         wave_towards_rad=towards,
     )  # fmt: skip
@@ -115,7 +115,7 @@ def test_a_following_sea_is_met_slowly_and_a_head_sea_fast() -> None:
 
 
 @pytest.mark.parametrize("noise", DISTURBANCES.values(), ids=DISTURBANCES)
-def test_each_channel_sees_the_states_as_the_sensors_move(noise: Noise) -> None:
+def test_each_channel_sees_the_states_as_the_sensors_move(noise: DisturbanceNoise) -> None:
     linear = a_ship(1, 24)
     n = states_of(noise.as_array())
     C = dense(linear, noise, slice(0, 1)).C

@@ -10,7 +10,7 @@ import pytest
 from seatrial.acquisition.core.arrays import Floats
 from seatrial.hybrid.diagnosis.estimate_noise import _first_guess
 from seatrial.hybrid.diagnosis.linearise import (
-    Model,
+    ModelWithEffects,
     acting_settings,
     lags_of,
     linear_model,
@@ -20,7 +20,7 @@ from seatrial.hybrid.diagnosis.linearise import (
 )
 from seatrial.hybrid.diagnosis.log import STEPS_PER_SECOND, Log
 from seatrial.hybrid.effects.catalogue import catalogue_of
-from seatrial.hybrid.simulation.trial import Noise, usual_noise
+from seatrial.hybrid.simulation.trial import SimulationNoise, usual_noise
 from seatrial.hybrid.vessel.files import load_vessel
 from seatrial.hybrid.vessel.plant import Plant, bare_plant
 from tests.hybrid.diagnosis.log_by_hand import a_log
@@ -118,7 +118,7 @@ def test_a_lag_is_seen_beyond_the_second_in_which_an_order_changes() -> None:
     step = np.where(np.arange(60) < 20, -0.3, 0.3)
     controls = log.controls.copy()
     controls[:, :, 1] = step[:, None]
-    model = Model(plant, catalogue, at={"lag_rudder": (2.0,)})
+    model = ModelWithEffects(plant, catalogue, at={"lag_rudder": (2.0,)})
     (lag,) = signatures(replace(log, controls=controls), model, log.nominal, ["lag_rudder"])
     moved = np.abs(lag.D[:, 5])
     assert moved[21:23].min() > 0.1 * moved.max()
@@ -127,10 +127,10 @@ def test_a_lag_is_seen_beyond_the_second_in_which_an_order_changes() -> None:
 
 def test_noise_goes_with_the_ship() -> None:
     """R/V Gunnerus' is what it was; that of a model is finer, and so are the gusts that a search begins with."""
-    assert usual_noise(28.9) == Noise()
+    assert usual_noise(28.9) == SimulationNoise()
     model = usual_noise(3.0)
-    assert model.position_m == pytest.approx(Noise().position_m / 8.0)
-    assert model.heading_deg == Noise().heading_deg
+    assert model.position_m == pytest.approx(SimulationNoise().position_m / 8.0)
+    assert model.heading_deg == SimulationNoise().heading_deg
     log, gunnerus = run_of(bare_plant(ESSO)), model_of(load_vessel("gunnerus_short"), {})
     assert _first_guess(log, gunnerus).gust == (300.0, 300.0, 3000.0)
     assert _first_guess(log, model_of(ESSO, {})).gust == (300.0 / 8.0**3, 300.0 / 8.0**3, 3000.0 / 8.0**4)

@@ -10,7 +10,7 @@ import pytest
 
 from seatrial.acquisition.core.arrays import Floats
 from seatrial.hybrid.diagnosis import gap
-from seatrial.hybrid.diagnosis.disturbance_model import Noise, smooth_state
+from seatrial.hybrid.diagnosis.disturbance_model import DisturbanceNoise, smooth_state
 from seatrial.hybrid.diagnosis.evidence import NormalEquations
 from seatrial.hybrid.diagnosis.gap import HeldOutGap, left_by_noise_m, with_noise_floor
 from seatrial.hybrid.diagnosis.linearise import LinearModel
@@ -24,7 +24,7 @@ HORIZON_S, DRAWS = 15, 300
 
 
 @pytest.mark.parametrize("noise", DISTURBANCES.values(), ids=DISTURBANCES)
-def test_it_is_the_mean_distance_of_drawn_windows(noise: Noise) -> None:
+def test_it_is_the_mean_distance_of_drawn_windows(noise: DisturbanceNoise) -> None:
     linear = a_ship(int(EDGES[-1]), 61)
     examination = cast(
         "NormalEquations", SimpleNamespace(linear=linear, noise=noise, log=SimpleNamespace(edges=EDGES))
@@ -36,7 +36,7 @@ def test_it_is_the_mean_distance_of_drawn_windows(noise: Noise) -> None:
 
 
 def _drawn_distances(
-    linear: LinearModel, variance: Floats, noise: Noise, start: int, random: np.random.Generator
+    linear: LinearModel, variance: Floats, noise: DisturbanceNoise, start: int, random: np.random.Generator
 ) -> Floats:
     """Distances [draws, H] of one window's measured from its predicted track."""
     x = random.standard_normal((DRAWS, 6)) * np.sqrt(variance[start, :6])
@@ -61,7 +61,11 @@ def test_more_noise_leaves_more() -> None:
         left_by_noise_m(
             cast("NormalEquations", SimpleNamespace(linear=linear, noise=each, log=log)), STARTS, HORIZON_S
         )
-        for each in (Noise(), Noise(gust=(3e3, 3e3, 3e4)), Noise(gust=(9e3, 9e3, 9e4)))
+        for each in (
+            DisturbanceNoise(),
+            DisturbanceNoise(gust=(3e3, 3e3, 3e4)),
+            DisturbanceNoise(gust=(9e3, 9e3, 9e4)),
+        )
     ]
     assert left == sorted(left)
     assert left[2] > 2.0 * left[0]

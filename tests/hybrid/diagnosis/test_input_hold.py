@@ -11,8 +11,8 @@ import pytest
 from seatrial.acquisition.core.actuators import DEFAULT
 from seatrial.acquisition.core.channels import COMMAND
 from seatrial.hybrid.diagnosis.diagnose import choose_input_hold
-from seatrial.hybrid.diagnosis.disturbance_model import Noise, NoiseEstimate
-from seatrial.hybrid.diagnosis.linearise import Model, linearise
+from seatrial.hybrid.diagnosis.disturbance_model import DisturbanceNoise, NoiseEstimate
+from seatrial.hybrid.diagnosis.linearise import ModelWithEffects, linearise
 from seatrial.hybrid.diagnosis.log import INPUT_HOLDS, InputHold, log_of, mean_settings
 from seatrial.hybrid.effects import CATALOGUE, apply_effects
 from seatrial.hybrid.planning.repertoire import append_rehearsals
@@ -23,7 +23,7 @@ from seatrial.hybrid.vessel.simulate import simulate
 from tests.hybrid.diagnosis.examination_by_hand import SMALL_CATALOGUE
 
 DT_S, SECONDS = 0.1, 600
-LEVELS = Noise(position_m=0.05, heading_rad=2e-3, surge_mps=0.03, sway_mps=0.03, yaw_rate_radps=1e-3)
+LEVELS = DisturbanceNoise(position_m=0.05, heading_rad=2e-3, surge_mps=0.03, sway_mps=0.03, yaw_rate_radps=1e-3)
 MOTION = ("north_m", "east_m", "heading_deg", "surge_mps", "sway_mps", "yaw_rate_dps")
 
 
@@ -65,7 +65,7 @@ def test_the_motion_says_how_settings_are_to_be_read(plant: Plant, kind: InputHo
     table = recorded(apply_effects(plant, lags), kind)
     log = log_of([table])
     assert log.input_hold == "line"
-    model = Model(plant, {**SMALL_CATALOGUE, **{name: CATALOGUE[name] for name in lags}})
+    model = ModelWithEffects(plant, {**SMALL_CATALOGUE, **{name: CATALOGUE[name] for name in lags}})
     read = choose_input_hold(NoiseEstimate(linearise(log, model, 0.01), LEVELS)).linearisation.log
     assert read.input_hold == kind
     assert (read is log) == (kind == "line")
@@ -76,7 +76,7 @@ def test_with_a_model_that_is_far_off_the_motion_still_says_so(plant: Plant, kin
     """The search for effects does not converge there; the linearisation about none decides."""
     log = log_of([recorded(plant, kind)])
     coarse = plant.scaled(2.0, *plant.hull_model.numbers)
-    estimate = NoiseEstimate(linearise(log, Model(coarse, SMALL_CATALOGUE), 0.01), LEVELS)
+    estimate = NoiseEstimate(linearise(log, ModelWithEffects(coarse, SMALL_CATALOGUE), 0.01), LEVELS)
     assert choose_input_hold(estimate).linearisation.log.input_hold == kind
 
 

@@ -17,7 +17,7 @@ from seatrial.hybrid.diagnosis.gap import (
     unseen_windows,
     within_bounds,
 )
-from seatrial.hybrid.diagnosis.linearise import Model, linearise
+from seatrial.hybrid.diagnosis.linearise import ModelWithEffects, linearise
 from seatrial.hybrid.diagnosis.nuisance_basis import FEW
 from seatrial.hybrid.diagnosis.select_effects import fitted_coordinates
 from seatrial.hybrid.effects import CATALOGUE, apply_effects
@@ -37,7 +37,7 @@ NAMES = (*HIDDEN, "ocean_current", "heading_bias", "cross_flow_drag", "yaw_dampi
 def far_off(plant: Plant) -> Evidence:
     """A ship with several large effects, seen with a model that has none of them."""
     log = noisy_log(apply_effects(plant, HIDDEN, CATALOGUE), 81)
-    model = Model(plant, {name: CATALOGUE[name] for name in NAMES})
+    model = ModelWithEffects(plant, {name: CATALOGUE[name] for name in NAMES})
     return evidence_of(normal_equations(linearise(log, model, 0.01), QUIET, number=FEW))
 
 
@@ -104,7 +104,7 @@ def test_a_vane_that_is_off_by_a_right_angle_is_found_by_simulated_tracks(plant:
     log = noisy_log(windy, 83)
     base = apply_effects(plant, {"wind_load": {"factor": 3.0}})
     names = ("wind_direction_bias", "wind_load", "wave_drift", "hull_fouling", "sway_asymmetry")
-    model = Model(base, {name: CATALOGUE[name] for name in names})
+    model = ModelWithEffects(base, {name: CATALOGUE[name] for name in names})
     evidence = evidence_of(normal_equations(linearise(log, model, 0.01), QUIET, number=FEW))
     assert closest_alone(unseen_windows(log, model), evidence) == {"wind_direction_bias": (80.0,)}
 

@@ -9,7 +9,7 @@ import pytest
 
 from seatrial.acquisition.core.arrays import Floats
 from seatrial.hybrid.diagnosis.linearise import (
-    Model,
+    ModelWithEffects,
     acting_settings,
     linear_model,
     next_states,
@@ -145,7 +145,7 @@ def test_a_signature_is_what_a_small_effect_does(plant: Plant, log: Log, name: s
 
     Of what has one sign only the middle of the range is meant, so that much curvature is allowed there.
     """
-    model, effect = Model(plant, CATALOGUE), CATALOGUE[name]
+    model, effect = ModelWithEffects(plant, CATALOGUE), CATALOGUE[name]
     if name == "low_speed_damping":  # under way there is none
         log = a_log(plant, controls=0.1 * orders(90), start=(10.0, -20.0, 0.4, 0.3, 0.1, 0.01), wind_mps=2.0)
     origin = true_states(log, plant)
@@ -174,7 +174,9 @@ def test_an_effect_at_the_end_of_its_range_has_a_signature_to_the_inside(
     first = CATALOGUE[name].parameters[0]
     inside = 0.9 * getattr(first, end) + 0.1 * first.neutral
     at_end, near = (
-        signatures(log, Model(plant, CATALOGUE, {name: (value - first.neutral,)}), log.nominal, [name])[0]
+        signatures(log, ModelWithEffects(plant, CATALOGUE, {name: (value - first.neutral,)}), log.nominal, [name])[
+            0
+        ]
         for value in (getattr(first, end), inside)
     )
     assert np.abs(at_end.D + at_end.E).max() > 0.0
@@ -182,7 +184,7 @@ def test_an_effect_at_the_end_of_its_range_has_a_signature_to_the_inside(
 
 
 def test_what_an_effect_does_beyond_its_signature_is_of_second_order(plant: Plant, log: Log) -> None:
-    model, name = Model(plant, CATALOGUE), "ocean_current"
+    model, name = ModelWithEffects(plant, CATALOGUE), "ocean_current"
     origin = true_states(log, plant)
     east = signatures(log, model, origin, [name])[1]
     none = next_states(log, plant, origin)

@@ -12,7 +12,7 @@ from hypothesis import strategies as some
 
 from seatrial.acquisition.core.channels import POSE_AND_VELOCITY
 from seatrial.hybrid.diagnosis.evidence import NormalEquations, normal_equations
-from seatrial.hybrid.diagnosis.linearise import Model, linearise
+from seatrial.hybrid.diagnosis.linearise import ModelWithEffects, linearise
 from seatrial.hybrid.diagnosis.map import (
     FORCES,
     LEAST_S,
@@ -23,7 +23,7 @@ from seatrial.hybrid.diagnosis.map import (
     quantities,
     round_edges,
 )
-from seatrial.hybrid.diagnosis.result import Place
+from seatrial.hybrid.diagnosis.result import GapCell
 from seatrial.hybrid.effects import CATALOGUE
 from seatrial.hybrid.vessel.plant import Plant
 from tests.hybrid.diagnosis.examination_by_hand import SMALL_CATALOGUE
@@ -38,7 +38,7 @@ def examined(
 ) -> NormalEquations:
     """An examination of a trial of ``truth`` through ``plant`` with the effects ``at``."""
     return normal_equations(
-        linearise(noisy_log(truth, seed), Model(plant, SMALL_CATALOGUE | YAW, at=at or {}), 0.005), QUIET
+        linearise(noisy_log(truth, seed), ModelWithEffects(plant, SMALL_CATALOGUE | YAW, at=at or {}), 0.005), QUIET
     )
 
 
@@ -55,7 +55,7 @@ def turned_map(turned: NormalEquations) -> Map:
     return map_of(turned)
 
 
-def cells(made: Map, channel: str) -> list[Place]:
+def cells(made: Map, channel: str) -> list[GapCell]:
     """The map's cells of a channel."""
     return [each for each in made.places if each.channel == channel]
 
@@ -117,7 +117,7 @@ def test_seconds_are_counted(turned_map: Map) -> None:
 @given(some.lists(some.floats(-30.0, 30.0), min_size=60, max_size=60))
 def test_notable_keeps_ten_and_at_most_forty(z: list[float]) -> None:
     """All that is sure up to forty, and of any map the ten largest."""
-    places = [Place("surge_force_n", {"speed_mps": (0.0, 1.0)}, 30, 1.0, each) for each in z]
+    places = [GapCell("surge_force_n", {"speed_mps": (0.0, 1.0)}, 30, 1.0, each) for each in z]
     kept = notable_places(places)
     assert 10 <= len(kept) <= 40
     assert min(abs(each.z) for each in kept) >= sorted(map(abs, z), reverse=True)[len(kept) - 1] - 1e-12

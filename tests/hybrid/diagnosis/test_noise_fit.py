@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.stats import chi2
 
 from seatrial.acquisition.core.arrays import Floats
-from seatrial.hybrid.diagnosis.disturbance_model import Columns, Noise, whiten
+from seatrial.hybrid.diagnosis.disturbance_model import Columns, DisturbanceNoise, whiten
 from seatrial.hybrid.diagnosis.estimate_noise import estimate_noise, fit_noise, start_of_drift, start_of_wave_drift
 from seatrial.hybrid.diagnosis.linearise import LinearModel, linearise, model_of
 from seatrial.hybrid.diagnosis.log import log_of
@@ -23,7 +23,7 @@ EDGES = 60 * np.arange(21)
 FAR = 3
 """Standard errors that an estimate may be off by."""
 
-CALM = Noise(
+CALM = DisturbanceNoise(
     position_m=0.05, heading_rad=0.002, surge_mps=0.03, sway_mps=0.015, yaw_rate_radps=0.0008,
     gust=(2e4, 1.5e4, 2e5), slow=(2e4, 3e4, 3e5), slow_s=25.0,
 )  # fmt: skip
@@ -37,7 +37,7 @@ SWING = ("wave_frequency_radps", "wave_damping")
 PUSH = ("wave_drift_n", "wave_drift_s")
 
 
-def levels(noise: Noise) -> Floats:
+def levels(noise: DisturbanceNoise) -> Floats:
     """What can be found: logarithms of levels and times; of waves also where they go and what they share."""
     scales = [*(getattr(noise, name) for name in SCALES), *noise.gust, *noise.slow]
     if not noise.has_waves:
@@ -47,7 +47,7 @@ def levels(noise: Noise) -> Floats:
     return np.hstack([np.log(scales), np.arctanh(noise.wave_correlation), noise.wave_towards_rad, np.log(push)])
 
 
-def with_levels(noise: Noise, at: Floats) -> Noise:
+def with_levels(noise: DisturbanceNoise, at: Floats) -> DisturbanceNoise:
     """The inverse of :func:`levels`."""
     scales = [float(each) for each in np.exp(at)]
     named = dict(zip(SCALES, scales, strict=False))
@@ -61,13 +61,13 @@ def with_levels(noise: Noise, at: Floats) -> Noise:
     return replace(plain, waves=tuple(scales[12:15]), **swing, **push)  # type: ignore[arg-type]
 
 
-def minus_log_likelihood(linear: LinearModel, data: Columns, noise: Noise) -> float:
+def minus_log_likelihood(linear: LinearModel, data: Columns, noise: DisturbanceNoise) -> float:
     """Of the data, up to a constant: all of the innovations, however large."""
     z, spread = whiten(linear, data, noise, EDGES)
     return 0.5 * float((z**2).sum() + np.log(spread).sum())
 
 
-def standard_errors(linear: LinearModel, data: Columns, noise: Noise) -> Floats:
+def standard_errors(linear: LinearModel, data: Columns, noise: DisturbanceNoise) -> Floats:
     """From the expected information (Fisher): how whitened data and their spread hang on each level."""
     at, step, by_log, by_z = levels(noise), 1e-3, [], []
     for number in range(len(at)):
@@ -85,9 +85,9 @@ def standard_errors(linear: LinearModel, data: Columns, noise: Noise) -> Floats:
 
 
 @pytest.fixture(scope="module", params=[CALM, SWELL, SLOW_DRIFT], ids=["calm", "swell", "slow drift"])
-def case(request: pytest.FixtureRequest) -> tuple[Noise, LinearModel, Columns, Noise]:
+def case(request: pytest.FixtureRequest) -> tuple[DisturbanceNoise, LinearModel, Columns, DisturbanceNoise]:
     """True levels, a system, data drawn from it, and the levels fitted to them from a start that is far off."""
-    truth: Noise = request.param
+    truth: DisturbanceNoise = request.param
     linear = a_ship(int(EDGES[-1]), 31)
     data = drawn(linear, truth, EDGES, 32)
     away = np.random.default_rng(33).uniform(-0.7, 0.7, len(levels(truth)))
@@ -97,14 +97,16 @@ def case(request: pytest.FixtureRequest) -> tuple[Noise, LinearModel, Columns, N
     return truth, linear, data, fitted
 
 
-def test_every_level_is_found_within_its_error(case: tuple[Noise, LinearModel, Columns, Noise]) -> None:
+def test_every_level_is_found_within_its_error(
+    case: tuple[DisturbanceNoise, LinearModel, Columns, DisturbanceNoise],
+) -> None:
     truth, linear, data, fitted = case
     off = (levels(fitted) - levels(truth)) / standard_errors(linear, data, truth)
     assert np.abs(off).max() < FAR, dict(enumerate(off.round(1)))
 
 
 def test_the_fit_is_likelier_than_the_truth_by_what_chance_brings(
-    case: tuple[Noise, LinearModel, Columns, Noise],
+    case: tuple[DisturbanceNoise, LinearModel, Columns, DisturbanceNoise],
 ) -> None:
     """Twice the gain in log likelihood is chi-square with as many degrees as there are levels (Wilks)."""
     truth, linear, data, fitted = case
@@ -122,7 +124,7 @@ def test_a_few_outliers_do_not_pass_for_noise() -> None:
     assert spoilt.heading_rad == pytest.approx(sound.heading_rad, rel=0.25)  # a mean square would double it
 
 
-def test_no_waves_stay_no_waves(case: tuple[Noise, LinearModel, Columns, Noise]) -> None:
+def test_no_waves_stay_no_waves(case: tuple[DisturbanceNoise, LinearModel, Columns, DisturbanceNoise]) -> None:
     truth, *_, fitted = case
     assert fitted.has_waves == truth.has_waves
 
@@ -163,7 +165,9 @@ def test_waves_without_slow_drift_pass_for_none() -> None:
     assert cost - less < 6.0
 
 
-def test_white_noise_passes_for_no_slow_error(case: tuple[Noise, LinearModel, Columns, Noise]) -> None:
+def test_white_noise_passes_for_no_slow_error(
+    case: tuple[DisturbanceNoise, LinearModel, Columns, DisturbanceNoise],
+) -> None:
     _, linear, data, fitted = case
     start = start_of_drift(linear, data, EDGES, fitted)
     assert not start.has_drift

@@ -13,7 +13,16 @@ from matplotlib.container import BarContainer
 from matplotlib.figure import Figure
 
 from seatrial.hybrid.diagnosis.calibrator_comparison import doubted_by_calibrator
-from seatrial.hybrid.diagnosis.result import Consistency, Diagnosis, Extras, Gap, Ladder, Ratio, Suspect, When
+from seatrial.hybrid.diagnosis.result import (
+    Diagnosis,
+    Extras,
+    Gap,
+    Ladder,
+    Ratio,
+    SensorContradiction,
+    Suspect,
+    When,
+)
 from seatrial.hybrid.report import diagnosis_map_plots as map_plots
 from seatrial.hybrid.report import diagnosis_plots as plots
 from seatrial.hybrid.report.diagnosis_words import (
@@ -28,7 +37,7 @@ from seatrial.hybrid.report.diagnosis_words import (
 )
 from tests.hybrid.diagnosis.made_up import BIAS, CURRENT, SUSPECTS, a_ladder, a_map, named, of_verdict, tracks
 
-SENSORS = Consistency(
+SENSORS = SensorContradiction(
     "heading_bias", (-1.5,), (0.1,), 1e-6, ("speed_sensor_rotation",), "Heading and track disagree."
 )
 
@@ -268,7 +277,7 @@ def test_what_is_of_one_day_does_not_go_with_the_ship() -> None:
 
 
 def test_contradicting_sensors_come_first_and_the_unknown_has_a_next_step() -> None:
-    late = Consistency("position_delay", (-1.1,), (0.1,), 1e-9, (), "They disagree.")
+    late = SensorContradiction("position_delay", (-1.1,), (0.1,), 1e-9, (), "They disagree.")
     unknown = of_verdict("unknown")
     assert "position delay" in next_steps(unknown, [late])[0]
     assert any("map" in each for each in next_steps(unknown))

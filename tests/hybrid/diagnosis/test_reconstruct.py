@@ -9,14 +9,14 @@ import pytest
 from scipy.stats import chi2
 
 from seatrial.acquisition.core.arrays import Floats
-from seatrial.hybrid.diagnosis.disturbance_model import FORCE_UNITS, Noise, smooth_state
+from seatrial.hybrid.diagnosis.disturbance_model import FORCE_UNITS, DisturbanceNoise, smooth_state
 from tests.hybrid.diagnosis.linear_by_hand import CALM_SEA, DISTURBANCES, a_ship, dense, one_column
 
 EDGES = np.array([0, 9, 21])
 UNIT = np.array([1.0] * 6 + FORCE_UNITS.tolist())
 
 
-def conditional(noise: Noise, seen: Floats, drive: Floats, seed: int) -> tuple[Floats, Floats]:
+def conditional(noise: DisturbanceNoise, seen: Floats, drive: Floats, seed: int) -> tuple[Floats, Floats]:
     """Means and variances [T, 9] given all samples of each block.
 
     States are L w with w of unit variance and known by I + L'C'R^-1 C L, with L a root of their
@@ -37,7 +37,7 @@ def conditional(noise: Noise, seen: Floats, drive: Floats, seed: int) -> tuple[F
 
 @pytest.mark.parametrize("missing", [0.0, 0.3])
 @pytest.mark.parametrize("noise", DISTURBANCES.values(), ids=DISTURBANCES)
-def test_motion_and_force_are_the_conditional_mean_and_variance(noise: Noise, missing: float) -> None:
+def test_motion_and_force_are_the_conditional_mean_and_variance(noise: DisturbanceNoise, missing: float) -> None:
     random = np.random.default_rng(11)
     seen, drive = 0.3 * random.standard_normal((21, 6)), 0.02 * random.standard_normal((21, 6))
     seen[random.random((21, 6)) < missing] = np.nan
@@ -60,7 +60,7 @@ def test_a_second_without_any_sample_is_uncertain_and_still_told() -> None:
 
 def test_a_force_that_acts_is_found_at_its_size() -> None:
     """A slow force of the size that the noise says, and a ship that is measured exactly: it shows."""
-    noise = Noise(
+    noise = DisturbanceNoise(
         position_m=1e-3, heading_rad=1e-5, surge_mps=1e-4, sway_mps=1e-4, yaw_rate_radps=1e-6,
         gust=(1.0, 1.0, 10.0), slow=(2000.0, 2000.0, 20000.0), slow_s=100.0,
     )  # fmt: skip

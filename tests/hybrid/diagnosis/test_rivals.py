@@ -9,7 +9,7 @@ import pytest
 
 from seatrial.hybrid.diagnosis.acceptance import accept, penalise_by_leg_scatter
 from seatrial.hybrid.diagnosis.evidence import Evidence, evidence_of, normal_equations
-from seatrial.hybrid.diagnosis.linearise import Model, linearise
+from seatrial.hybrid.diagnosis.linearise import ModelWithEffects, linearise
 from seatrial.hybrid.diagnosis.select_effects import (
     CLOSE,
     Selection,
@@ -40,7 +40,7 @@ def mistaken(plant: Plant) -> Evidence:
     log = a_log(own, SECONDS, tuple(range(LEG_S, SECONDS, LEG_S)), controls=controls)
     error = np.random.default_rng(4).standard_normal(log.measured.shape) * QUIET.as_array()[:6]
     catalogue = {name: CATALOGUE[name] for name in (*PLAYS, "heading_bias", "hull_fouling")}
-    bare = linearise(replace(log, measured=log.measured + error), Model(plant, catalogue), 0.01)
+    bare = linearise(replace(log, measured=log.measured + error), ModelWithEffects(plant, catalogue), 0.01)
     evidence = linear_about(evidence_of(normal_equations(bare, QUIET)), {"backlash_port": (WIDTH_DEG,)})
     return linear_about(evidence, fitted_coordinates(evidence, ("backlash_port",)))
 

@@ -12,7 +12,7 @@ from seatrial.acquisition.core.arrays import Floats
 from seatrial.hybrid.diagnosis.acceptance import FALSE_ALARM, unseen_gains
 from seatrial.hybrid.diagnosis.acceptance import acceptance_tests as stands
 from seatrial.hybrid.diagnosis.evidence import Evidence, evidence_of
-from seatrial.hybrid.diagnosis.linearise import Model
+from seatrial.hybrid.diagnosis.linearise import ModelWithEffects
 from seatrial.hybrid.diagnosis.select_effects import (
     Coordinates,
     _linear_about_itself,
@@ -211,7 +211,7 @@ def test_linear_about_what_is_found_says_the_same(design: Design) -> None:
     data = design.data(np.random.default_rng(6), SETS[1])
     column = design.layout.of("heading_bias")[0]
     equations = design.equations(data - 0.9 * design.columns[:, :, column])
-    moved = replace(equations, model=Model(design.plant, SMALL_CATALOGUE, {"heading_bias": (0.9,)}))
+    moved = replace(equations, model=ModelWithEffects(design.plant, SMALL_CATALOGUE, {"heading_bias": (0.9,)}))
     before, after = evidence_of(design.equations(data)), evidence_of(moved)
     np.testing.assert_allclose(after.inner, before.inner, rtol=1e-7, atol=1e-7 * np.abs(before.inner).max())
     mine, other = (stands(each, ("heading_bias",), "heading_bias") for each in (before, after))

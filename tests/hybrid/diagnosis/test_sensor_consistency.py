@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from seatrial.hybrid.diagnosis.disturbance_model import Noise
+from seatrial.hybrid.diagnosis.disturbance_model import DisturbanceNoise
 from seatrial.hybrid.diagnosis.evidence import evidence_of
-from seatrial.hybrid.diagnosis.linearise import Model, linear_model
+from seatrial.hybrid.diagnosis.linearise import ModelWithEffects, linear_model
 from seatrial.hybrid.diagnosis.log import Log, log_of
-from seatrial.hybrid.diagnosis.result import Consistency
+from seatrial.hybrid.diagnosis.result import SensorContradiction
 from seatrial.hybrid.diagnosis.sensor_consistency import (
     _normal_equations,
     find_contradictions,
@@ -25,7 +25,7 @@ from tests.benchmarks.other_ship.trial import make_trial
 from tests.hybrid.diagnosis.noisy_log import QUIET, noisy_log
 
 
-def consistency(log: Log, model: Model, noise: Noise) -> tuple[Consistency, ...]:
+def consistency(log: Log, model: ModelWithEffects, noise: DisturbanceNoise) -> tuple[SensorContradiction, ...]:
     """What is said of the sensors, the surest first; nothing where they agree."""
     found = find_contradictions(log, model, noise)
     return contradictions(found) if found else ()
@@ -49,7 +49,7 @@ TWINS = {"heading_bias", "speed_sensor_rotation"}, {"position_antenna_offset", "
 def test_a_sensors_error_is_found_and_sized(plant: Plant, name: str) -> None:
     """As itself, or as its twin with the twin said; at its size within its own error."""
     effect = CATALOGUE[name]
-    found = consistency(noisy_log(effect.apply(plant, HIDDEN[name]), 1), Model(plant, CATALOGUE), QUIET)
+    found = consistency(noisy_log(effect.apply(plant, HIDDEN[name]), 1), ModelWithEffects(plant, CATALOGUE), QUIET)
     assert len(found) == 1
     (first,) = found
     assert name == first.effect or name in first.alike
@@ -70,7 +70,7 @@ def test_of_twins_the_commoner_is_named(plant: Plant, seed: int) -> None:
     """An antenna off its place rather than a speed sensor off the other way; which it is nobody can see."""
     hidden = {"forward_m": 3.0, "starboard_m": -1.0}
     log = noisy_log(CATALOGUE["position_antenna_offset"].apply(plant, hidden), seed)
-    (found,) = consistency(log, Model(plant, CATALOGUE), QUIET)
+    (found,) = consistency(log, ModelWithEffects(plant, CATALOGUE), QUIET)
     assert found.effect == "position_antenna_offset"
     assert "speed_sensor_offset" in found.alike
 
@@ -86,13 +86,13 @@ def test_of_twins_the_commoner_is_named(plant: Plant, seed: int) -> None:
 def test_physics_does_not_move_it(plant: Plant, hidden: dict[str, dict[str, float]]) -> None:
     """Water, hull and thrusters move the ship; they set no sensor against another."""
     log = noisy_log(apply_effects(plant, hidden), 1)
-    assert consistency(log, Model(plant, CATALOGUE), QUIET) == ()
+    assert consistency(log, ModelWithEffects(plant, CATALOGUE), QUIET) == ()
 
 
 def test_both_at_once(plant: Plant) -> None:
     """A sensor's error is sized the same whether or not there is a current."""
     hidden = {"ocean_current": {"speed_mps": 0.3, "direction_deg": 200.0}, "speed_scale": {"factor": 1.04}}
-    (found,) = consistency(noisy_log(apply_effects(plant, hidden), 3), Model(plant, CATALOGUE), QUIET)
+    (found,) = consistency(noisy_log(apply_effects(plant, hidden), 3), ModelWithEffects(plant, CATALOGUE), QUIET)
     assert found.effect == "speed_scale"
     assert found.free[0] == pytest.approx(0.04, abs=3.0 * found.standard_errors[0])
 
@@ -101,9 +101,9 @@ def test_what_the_vessels_file_says_already_is_no_contradiction(plant: Plant) ->
     """An error that the model holds is not found again; more of it is, and its sentence gives the whole."""
     given = {"speed_scale": (0.03,)}
     log = noisy_log(CATALOGUE["speed_scale"].apply(plant, {"factor": 1.03}), 4)
-    assert consistency(log, Model(plant, CATALOGUE, given=given), QUIET) == ()
+    assert consistency(log, ModelWithEffects(plant, CATALOGUE, given=given), QUIET) == ()
     log = noisy_log(CATALOGUE["speed_scale"].apply(plant, {"factor": 1.06}), 4)
-    (found,) = consistency(log, Model(plant, CATALOGUE, given=given), QUIET)
+    (found,) = consistency(log, ModelWithEffects(plant, CATALOGUE, given=given), QUIET)
     assert found.free[0] == pytest.approx(0.03, abs=3.0 * found.standard_errors[0])
     assert "1.06" in found.sentence
 
@@ -111,11 +111,11 @@ def test_what_the_vessels_file_says_already_is_no_contradiction(plant: Plant) ->
 def test_only_sensors_of_the_motion_are_asked(plant: Plant) -> None:
     """Wind vanes and thrusters' feedback report nothing of the motion."""
     log = noisy_log(plant, 1, legs=1)
-    sensors = motion_sensors(log, Model(plant, CATALOGUE))
+    sensors = motion_sensors(log, ModelWithEffects(plant, CATALOGUE))
     assert {"heading_bias", "position_delay", "yaw_rate_scale"} <= set(sensors)
     assert not {"wind_direction_bias", "wind_speed_scale", "command_delay", "ocean_current"} & set(sensors)
     without = {name: each for name, each in CATALOGUE.items() if each.kind != "sensor"}
-    assert consistency(log, Model(plant, without), QUIET) == ()
+    assert consistency(log, ModelWithEffects(plant, without), QUIET) == ()
 
 
 def test_without_dynamics_a_speed_says_nothing_of_the_next(plant: Plant) -> None:
@@ -133,7 +133,11 @@ def test_what_all_sensors_share_is_no_contradiction(plant: Plant) -> None:
     table, _ = make_trial(seed=6, sea="calm", programme="zigzags", duration_s=900.0)
     log = log_of([table])
     evidence = evidence_of(
-        _normal_equations(log, Model(plant, motion_sensors(log, Model(plant, CATALOGUE))), Noise())
+        _normal_equations(
+            log,
+            ModelWithEffects(plant, motion_sensors(log, ModelWithEffects(plant, CATALOGUE))),
+            DisturbanceNoise(),
+        )
     )
     delays = ("position_delay", "heading_delay", "speed_delay")
     for name in delays:
@@ -157,4 +161,4 @@ def test_what_all_sensors_share_is_no_contradiction(plant: Plant) -> None:
 def test_another_point_or_axis_of_the_ship_is_no_error(plant: Plant, shared: dict[str, dict[str, float]]) -> None:
     """Whoever moves the reference of all sensors moves no sensor against another."""
     log = noisy_log(apply_effects(plant, shared), 5)
-    assert consistency(log, Model(plant, CATALOGUE), QUIET) == ()
+    assert consistency(log, ModelWithEffects(plant, CATALOGUE), QUIET) == ()

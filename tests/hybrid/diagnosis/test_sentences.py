@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from seatrial.acquisition.core.actuators import Actuator, Actuators
-from seatrial.hybrid.diagnosis.result import Drift, Estimate, NamedEffect, Replication, When
+from seatrial.hybrid.diagnosis.result import EffectDrift, Estimate, NamedEffect, Replication, When
 from seatrial.hybrid.diagnosis.time_varying import TimeProfile, time_varying
 from seatrial.hybrid.effects import CATALOGUE, vessel_plant
 from seatrial.hybrid.effects.catalogue import catalogue_for
@@ -220,7 +220,7 @@ def test_a_drift_is_said_from_when_to_when() -> None:
     (said,) = parts_of("ocean_current", TimeProfile("drift", (NOON_S, NOON_S + 3600.0)), SLOW, FAST)
     assert "At 12:00 on 1 Sep UTC: the ship drifts with a current of 0.1 m/s" in said.sentence
     assert "changing linearly; at 13:00 on 1 Sep UTC: the ship drifts with a current of 0.4 m/s" in said.sentence
-    assert said.drift == Drift("2026-09-01T12:00:00Z", "2026-09-01T13:00:00Z", SLOW)
+    assert said.drift == EffectDrift("2026-09-01T12:00:00Z", "2026-09-01T13:00:00Z", SLOW)
     assert said.parameters == FAST
     assert said.in_vessel
 

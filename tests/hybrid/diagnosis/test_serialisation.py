@@ -11,12 +11,12 @@ import pytest
 
 from seatrial.acquisition.core.errors import InputError
 from seatrial.hybrid.diagnosis.result import (
-    Consistency,
     Correlation,
     Diagnosis,
-    Drift,
+    EffectDrift,
     Extras,
     Remainder,
+    SensorContradiction,
     Tracks,
     When,
 )
@@ -32,7 +32,7 @@ from seatrial.hybrid.diagnosis.serialisation import (
 from seatrial.hybrid.report.diagnosis_words import page_of
 from tests.hybrid.diagnosis.made_up import CURRENT, a_ladder, a_map, named, of_verdict
 
-SENSORS = Consistency("heading_bias", (-1.5,), (0.1,), 1e-6, ("speed_sensor_rotation",), "They disagree.")
+SENSORS = SensorContradiction("heading_bias", (-1.5,), (0.1,), 1e-6, ("speed_sensor_rotation",), "They disagree.")
 CORRELATION = Correlation(("ocean current, 1", "heading bias"), np.array([[1.0, -0.97], [-0.97, 1.0]]))
 ALL = Extras(a_map(), a_map(), (SENSORS,), a_ladder(), CORRELATION)
 
@@ -142,7 +142,7 @@ def test_the_parts_of_a_trial_come_back_and_stand_on_the_page(tmp_path: Path) ->
     parts = (
         replace(CURRENT, scope="day", when=When(recording="monday.mcap"), in_vessel=False),
         replace(CURRENT, when=When(until="2026-09-01T12:10:00Z"), in_vessel=False),
-        replace(CURRENT, drift=Drift("2026-09-01T12:00:00Z", "2026-09-01T13:00:00Z", CURRENT.parameters)),
+        replace(CURRENT, drift=EffectDrift("2026-09-01T12:00:00Z", "2026-09-01T13:00:00Z", CURRENT.parameters)),
     )
     diagnosis = replace(named(), effects=parts)
     again, extras = back(diagnosis, ALL, tmp_path)

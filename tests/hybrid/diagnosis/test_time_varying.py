@@ -14,7 +14,7 @@ from seatrial.hybrid.diagnosis.acceptance import Acceptance, LackOfFit
 from seatrial.hybrid.diagnosis.change import likeliest_change, may_change
 from seatrial.hybrid.diagnosis.evidence import Evidence, evidence_of, normal_equations
 from seatrial.hybrid.diagnosis.gap import unseen_windows
-from seatrial.hybrid.diagnosis.linearise import Model, linear_model, linearise, signatures
+from seatrial.hybrid.diagnosis.linearise import ModelWithEffects, linear_model, linearise, signatures
 from seatrial.hybrid.diagnosis.log import Log
 from seatrial.hybrid.diagnosis.map import recorded_s
 from seatrial.hybrid.diagnosis.time_varying import (
@@ -57,7 +57,7 @@ def behind(logs: Sequence[Log], every_s: int) -> Log:
     return replace(parts[0], **together)
 
 
-def evidence_in(log: Log, model: Model, seed: int = 1) -> Evidence:
+def evidence_in(log: Log, model: ModelWithEffects, seed: int = 1) -> Evidence:
     """What the log says with the noise of ordinary sensors in it."""
     noise = np.random.default_rng(seed).standard_normal(log.measured.shape) * QUIET.as_array()[:6]
     log = replace(log, measured=log.measured + noise)
@@ -105,7 +105,7 @@ def test_until_and_since_are_the_two_parts_of_a_step(log: Log) -> None:
 def test_the_signatures_of_the_parts_add_up_to_that_of_the_whole(plant: Plant, log: Log, name: str) -> None:
     for profile in profiles_of(log):
         changing = time_varying(CATALOGUE[name], profile)
-        model = Model(plant, {**CATALOGUE, changing.name: changing})
+        model = ModelWithEffects(plant, {**CATALOGUE, changing.name: changing})
         known = signatures(log, model, log.nominal, [name, changing.name])
         width = len(CATALOGUE[name].free_scale)
         whole, parts = known[:width], known[width:]
@@ -119,7 +119,7 @@ def test_a_model_with_a_current_of_each_day_leaves_nothing(plant: Plant, log: Lo
     """Linear about both currents, each day's equations are those of a ship in that day's current alone."""
     catalogue = with_recordings({"ocean_current": CATALOGUE["ocean_current"]}, log)
     name = next(each for each in catalogue if each not in CATALOGUE)
-    model = Model(plant, catalogue, at={name: (*DAYS[0], *DAYS[1])})
+    model = ModelWithEffects(plant, catalogue, at={name: (*DAYS[0], *DAYS[1])})
     found = linearise(log, model, 0.01).linear
     inside = np.append(np.diff(log.block) == 0, False)
     assert np.abs(found.defect[inside]).max() < 1e-6
@@ -154,7 +154,7 @@ def test_two_currents_are_likelier_than_one_where_there_are_two(plant: Plant) ->
     for currents in (DAYS, (DAYS[0], DAYS[0])):
         log, names = two_days(plant, currents), ["ocean_current"]
         few = {name: CATALOGUE[name] for name in names}
-        evidence = evidence_in(log, Model(plant, with_recordings(few, log)))
+        evidence = evidence_in(log, ModelWithEffects(plant, with_recordings(few, log)))
         both = next(name for name in evidence.names if name not in few)
         odds.append(evidence.log_odds([both]) - evidence.log_odds(names))
         assert not evidence.possible([both, *names])
@@ -168,13 +168,13 @@ FEW = {name: CATALOGUE[name] for name in ("towed_load", "hull_fouling", "thrust_
 def changed(plant: Plant, later: Plant) -> TimeVaryingEffect | None:
     """What is found to have changed where a ship is another in the second half of a trial."""
     log = behind([a_log(each, 160, (80,)) for each in (plant, plant, later, later)], 160)
-    return likeliest_change(Acceptance((), {}, evidence_in(log, Model(plant, FEW))))
+    return likeliest_change(Acceptance((), {}, evidence_in(log, ModelWithEffects(plant, FEW))))
 
 
 def test_a_tow_that_is_dropped_is_found_with_its_time(plant: Plant) -> None:
     """The ship that the model knows has the tow off: until half-way something holds her back, then nothing."""
     log = behind([a_log(each, 160, (80,)) for each in (plant.shifted(constant_X_n=-5e3),) * 2 + (plant,) * 2], 160)
-    change = likeliest_change(Acceptance((), {}, evidence_in(log, Model(plant, FEW))))
+    change = likeliest_change(Acceptance((), {}, evidence_in(log, ModelWithEffects(plant, FEW))))
     assert change is not None
     assert (change.base, change.profile.shape) == ("towed_load", "until")
     true_s = float(log.time_s[320])
@@ -193,7 +193,9 @@ def test_what_changed_once_is_not_looked_for_again_in_the_same_way(plant: Plant)
     """A catalogue that has a tow until one time already is no error, and gets no second."""
     log = behind([a_log(each, 160, (80,)) for each in (plant.shifted(constant_X_n=-5e3),) * 2 + (plant,) * 2], 160)
     known = time_varying(CATALOGUE["towed_load"], TimeProfile("until", (float(log.time_s[300]),)))
-    change = likeliest_change(Acceptance((), {}, evidence_in(log, Model(plant, {**FEW, known.name: known}))))
+    change = likeliest_change(
+        Acceptance((), {}, evidence_in(log, ModelWithEffects(plant, {**FEW, known.name: known})))
+    )
     assert change is None or change.name != known.name
 
 
@@ -204,7 +206,7 @@ def test_nothing_has_changed_where_nothing_has(plant: Plant) -> None:
 def test_a_steady_trial_is_not_searched_for_changes(plant: Plant) -> None:
     """Only where what is left goes with time."""
     log = a_log(plant, 160, (80,))
-    steady = Acceptance((), {}, evidence_in(log, Model(plant, FEW)))
+    steady = Acceptance((), {}, evidence_in(log, ModelWithEffects(plant, FEW)))
     assert not may_change(steady)
     left = LackOfFit("heading", "yaw", 1e-9, 50.0, 4e3, matters=True)
     assert not may_change(replace(steady, lack_of_fit=(left,)))
@@ -216,7 +218,7 @@ def test_a_drift_is_followed_between_the_levels_about_which_it_is_linear(plant: 
     log = behind([a_log(plant, 160, (80,))] * 2, 160)
     ends = float(log.time_s[0]), float(log.time_s[-1])
     drift = time_varying(CATALOGUE["ocean_current"], TimeProfile("drift", ends))
-    model = Model(plant, {**FEW, drift.name: drift})
+    model = ModelWithEffects(plant, {**FEW, drift.name: drift})
     moved = replace(model, at={drift.name: (0.0, 0.0, 0.1, 0.05)})
     whole, none = linearise(log, moved, 0.01), linearise(log, model, 0.01)
     own = [each for each in none.effects if each.effect == "ocean_current"]
@@ -256,7 +258,7 @@ def test_windows_of_one_day_are_predicted_where_each_day_has_a_size_of_its_own(p
     """None of the other day's windows are asked for; what is predicted is what is predicted of both together."""
     catalogue = with_recordings(CATALOGUE, log)
     name = next(each for each in catalogue if catalogue[each].base == "ocean_current" != each)
-    windows = unseen_windows(log, Model(plant, catalogue))
+    windows = unseen_windows(log, ModelWithEffects(plant, catalogue))
     at = {name: tuple(each for day in DAYS for each in day)}
     monday = log.recording[windows.starts] == 0
     np.testing.assert_array_equal(windows.predicted(at, monday), windows.predicted(at)[monday])

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from seatrial.hybrid.diagnosis.acceptance import LackOfFit, acceptance_tests
 from seatrial.hybrid.diagnosis.gap import unseen_windows
-from seatrial.hybrid.diagnosis.linearise import Model
+from seatrial.hybrid.diagnosis.linearise import ModelWithEffects
 from seatrial.hybrid.diagnosis.nuisance_basis import OPERATION
 from seatrial.hybrid.diagnosis.sensor_consistency import find_contradictions
 from seatrial.hybrid.diagnosis.verdict import drop_non_predictive, intervals, makes_worse, verdict_of
@@ -78,7 +78,7 @@ def test_intervals_hold_the_value_and_stay_within_bounds(name: str) -> None:
 def test_an_error_of_a_sensor_is_named_where_it_predicts_legs_left_out(plant: Plant) -> None:
     """A compass that is off shows in every leg; a bias beside it that is not there is left out."""
     log = noisy_log(CATALOGUE["heading_bias"].apply(plant, {"angle_deg": 3.0}), 3)
-    model = Model(plant, CATALOGUE)
+    model = ModelWithEffects(plant, CATALOGUE)
     sensors = find_contradictions(log, model, QUIET)
     assert sensors is not None
     assert sensors.names == ("heading_bias",)
@@ -91,7 +91,7 @@ def test_an_error_of_a_sensor_is_named_where_it_predicts_legs_left_out(plant: Pl
 
 def test_a_name_with_which_legs_left_out_are_predicted_worse_is_withdrawn(plant: Plant) -> None:
     log = noisy_log(CATALOGUE["heading_bias"].apply(plant, {"angle_deg": 3.0}), 3)
-    windows = unseen_windows(log, Model(plant, CATALOGUE))
+    windows = unseen_windows(log, ModelWithEffects(plant, CATALOGUE))
     folds = set(windows.fold.tolist())
     for degrees, worse in ((3.0, False), (0.0, False), (-3.0, True)):
         assert makes_worse(windows, {fold: {"heading_bias": (degrees,)} for fold in folds}) == worse

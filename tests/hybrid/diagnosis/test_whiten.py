@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.stats import chi2
 
 from seatrial.acquisition.core.arrays import Floats
-from seatrial.hybrid.diagnosis.disturbance_model import FORCE_UNITS, Columns, Noise, columns_of, whiten
+from seatrial.hybrid.diagnosis.disturbance_model import FORCE_UNITS, Columns, DisturbanceNoise, columns_of, whiten
 from seatrial.hybrid.diagnosis.linearise import Signature
 from tests.hybrid.diagnosis.linear_by_hand import CALM_SEA, DISTURBANCES, SWELL, a_ship, dense, drawn, one_column
 
@@ -26,7 +26,7 @@ def any_columns(seed: int, count: int = 3, features: int = 2, missing: float = 0
     return Columns(drive, seen, random.standard_normal((seconds, features)))
 
 
-def explained(noise: Noise, columns: Columns, seed: int) -> tuple[Floats, float]:
+def explained(noise: DisturbanceNoise, columns: Columns, seed: int) -> tuple[Floats, float]:
     """Products of columns under the inverse covariance of what was seen, and the log of its determinant."""
     linear, forces = a_ship(int(EDGES[-1]), seed), np.zeros((int(EDGES[-1]), 6, 0))
     for axis in range(3):  # a force feature acts on the ship as the data would show it: minus in what is taken off
@@ -101,7 +101,7 @@ def test_blocks_know_nothing_of_each_other() -> None:
     assert not np.allclose(moved[:9], z[:9])
 
 
-def long_drawn(noise: Noise, seed: int, blocks: int = 24) -> tuple[Floats, NDArray[np.int64]]:
+def long_drawn(noise: DisturbanceNoise, seed: int, blocks: int = 24) -> tuple[Floats, NDArray[np.int64]]:
     """Whitened data of so many blocks of a minute, drawn from exactly the system."""
     edges = 60 * np.arange(blocks + 1)
     linear = a_ship(60 * blocks, seed)

@@ -16,14 +16,14 @@ from seatrial.hybrid.evaluation.validate import Validation, validate
 from seatrial.hybrid.prediction.baselines import constant_velocity
 from seatrial.hybrid.prediction.dataset import Dataset, dataset_of
 from seatrial.hybrid.prediction.prediction_windows import PredictionWindows
-from seatrial.hybrid.simulation.trial import Noise, simulate_trial
+from seatrial.hybrid.simulation.trial import SimulationNoise, simulate_trial
 from seatrial.hybrid.vessel.plant import Plant
 
 HORIZON_S = 15
 Trial = tuple[pd.DataFrame, Floats]
 
 
-def trial_with(noise: Noise, seed: int = 3) -> Trial:
+def trial_with(noise: SimulationNoise, seed: int = 3) -> Trial:
     """A voyage in a calm as recorded at 1 Hz, and its true states [rows, 6]."""
     table, truth = simulate_trial("gunnerus_long", "calm", "paper", 1500.0, 1.0, seed, noise=noise)
     return table, truth["states"]
@@ -31,7 +31,7 @@ def trial_with(noise: Noise, seed: int = 3) -> Trial:
 
 @pytest.fixture(scope="module")
 def usual() -> Trial:
-    return trial_with(Noise())
+    return trial_with(SimulationNoise())
 
 
 def dataset_from(table: pd.DataFrame) -> Dataset:
@@ -49,8 +49,10 @@ def perfect(windows: PredictionWindows, trial: Trial) -> Floats:
     return np.asarray(states[first[:, None] + np.arange(HORIZON_S + 1)][..., :3])
 
 
-@pytest.mark.parametrize("noise", [Noise(), Noise(position_m=1.0), Noise(speed_mps=0.3, heading_deg=0.5)])
-def test_the_floor_is_the_error_of_a_perfect_prediction(noise: Noise) -> None:
+@pytest.mark.parametrize(
+    "noise", [SimulationNoise(), SimulationNoise(position_m=1.0), SimulationNoise(speed_mps=0.3, heading_deg=0.5)]
+)
+def test_the_floor_is_the_error_of_a_perfect_prediction(noise: SimulationNoise) -> None:
     """By every sensor, whichever is the poor one, though no noise level is told; and none is said to disagree."""
     trial = trial_with(noise)
     windows = judged(trial[0])

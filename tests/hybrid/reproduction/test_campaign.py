@@ -13,12 +13,12 @@ from seatrial.hybrid.effects.catalogue import vessel_plant
 from seatrial.hybrid.prediction.baselines import constant_velocity, reference
 from seatrial.hybrid.prediction.scores import score
 from seatrial.hybrid.reproduction import campaign as campaigns
-from seatrial.hybrid.reproduction.campaign import AZIMUTHS_DEG, BEFORE_S, Campaign, paper_campaign
+from seatrial.hybrid.reproduction.campaign import AZIMUTHS_DEG, BEFORE_S, CampaignWindows, paper_campaign
 from seatrial.hybrid.vessel.files import load_vessel
 
 
 @pytest.fixture(scope="module")
-def calm() -> Campaign:
+def calm() -> CampaignWindows:
     """Eight sequences in a calm: one or two of each of the six swings."""
     return paper_campaign("calm", seed=3, sequences=8)
 
@@ -34,14 +34,14 @@ def test_any_number_and_length_of_sequences(sea_state: str, sequences: int, hori
     _share_no_second(made)
 
 
-def test_as_many_swings_to_either_side_at_each_azimuth(calm: Campaign) -> None:
+def test_as_many_swings_to_either_side_at_each_azimuth(calm: CampaignWindows) -> None:
     """No swing is there more than once more often than another."""
     counts = Counter(calm.azimuth_deg.tolist())
     assert set(counts) == {side * angle for angle in AZIMUTHS_DEG for side in (-1.0, 1.0)}
     assert max(counts.values()) - min(counts.values()) <= 1
 
 
-def test_the_thrusters_stand_where_they_were_ordered(calm: Campaign) -> None:
+def test_the_thrusters_stand_where_they_were_ordered(calm: CampaignWindows) -> None:
     """Both pods at the order at the start, and to the end: the truth with thrusters held stays on the track."""
     reported_deg = np.rad2deg(calm.windows.control[:, [1, 3]])
     assert reported_deg == pytest.approx(np.repeat(calm.azimuth_deg[:, None], 2, axis=1), abs=1.0)
@@ -50,24 +50,24 @@ def test_the_thrusters_stand_where_they_were_ordered(calm: Campaign) -> None:
     assert (np.hypot(*gap.T) < 0.02 * travelled_m).all()
 
 
-def test_a_positive_azimuth_turns_the_ship_to_port(calm: Campaign) -> None:
+def test_a_positive_azimuth_turns_the_ship_to_port(calm: CampaignWindows) -> None:
     turned = calm.windows.track[:, -1, 2] - calm.windows.track[:, 15, 2]
     assert (np.sign(turned) == -np.sign(calm.azimuth_deg)).all()
 
 
-def test_sequences_share_no_second(calm: Campaign) -> None:
+def test_sequences_share_no_second(calm: CampaignWindows) -> None:
     """Neither with each other nor with what another one knows of the time before its start."""
     _share_no_second(calm)
 
 
-def _share_no_second(campaign: Campaign) -> None:
+def _share_no_second(campaign: CampaignWindows) -> None:
     begins_s = (campaign.windows.start_time - campaign.windows.start_time[0]).total_seconds().to_numpy()
     between_s = np.diff(begins_s)
     assert (between_s > campaign.windows.horizon_s + BEFORE_S).all()
     assert np.isfinite(campaign.windows.past[1:, : BEFORE_S + 1]).all()
 
 
-def test_the_floor_is_far_below_the_reference(calm: Campaign) -> None:
+def test_the_floor_is_far_below_the_reference(calm: CampaignWindows) -> None:
     """The truth from the same measurements beats the ship before her elongation and the motion held."""
     windows = calm.windows
     short = vessel_plant(load_vessel("gunnerus_short"))
@@ -79,14 +79,14 @@ def test_the_floor_is_far_below_the_reference(calm: Campaign) -> None:
     assert floor < 0.5 * held
 
 
-def test_in_a_calm_only_the_sensors_part_the_ship_from_her_measured_track(calm: Campaign) -> None:
+def test_in_a_calm_only_the_sensors_part_the_ship_from_her_measured_track(calm: CampaignWindows) -> None:
     """Centimetres after the filter; the heading, which turns, agrees too."""
     gap = calm.ship_track - calm.windows.track
     assert np.abs(gap[..., :2]).max() < 0.15
     assert np.abs(np.angle(np.exp(1j * gap[..., 2]))).max() < np.deg2rad(0.5)
 
 
-def test_in_a_calm_the_true_ship_from_her_true_state_is_nearly_where_she_was(calm: Campaign) -> None:
+def test_in_a_calm_the_true_ship_from_her_true_state_is_nearly_where_she_was(calm: CampaignWindows) -> None:
     """Nothing is unknown there but what the thrusters' feedback at second 0 errs by."""
     known = reference(replace(calm.windows, start=calm.ship_start), calm.truth)
     model = reference(calm.windows, vessel_plant(load_vessel("gunnerus_short")))
@@ -95,7 +95,7 @@ def test_in_a_calm_the_true_ship_from_her_true_state_is_nearly_where_she_was(cal
     assert np.array_equal(known[:, 0], calm.ship_track[:, 0])
 
 
-def test_the_same_seed_gives_the_same_campaign(calm: Campaign) -> None:
+def test_the_same_seed_gives_the_same_campaign(calm: CampaignWindows) -> None:
     again, other = paper_campaign("calm", 3, sequences=8), paper_campaign("calm", 4, sequences=8)
     assert np.array_equal(again.windows.track, calm.windows.track)
     assert np.array_equal(again.windows.past, calm.windows.past, equal_nan=True)

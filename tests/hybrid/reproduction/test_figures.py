@@ -18,7 +18,7 @@ from seatrial.hybrid.calibrators.networks import NetworkCalibrator
 from seatrial.hybrid.prediction.scores import distances
 from seatrial.hybrid.report.plots import start_frame
 from seatrial.hybrid.reproduction import campaign, figures, page
-from seatrial.hybrid.reproduction.campaign import Job, seas_of
+from seatrial.hybrid.reproduction.campaign import CampaignJob, seas_of
 from seatrial.hybrid.reproduction.figures import FIGURES, Seas, write_figures
 from seatrial.hybrid.reproduction.page import shortfalls, write_page, write_table3
 from seatrial.hybrid.reproduction.table3 import Table3, table3
@@ -40,7 +40,7 @@ def shown() -> Iterator[Seas]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(campaign, "make_calibrator", quick)
         patch.setattr("seatrial.hybrid.calibrators.adaptive.calibrator.adapt", partial(adapt, steps=1))
-        yield seas_of([Job("gentle", 2, sequences=12)], workers=1)
+        yield seas_of([CampaignJob("gentle", 2, sequences=12)], workers=1)
 
 
 @pytest.fixture(scope="module")

@@ -24,7 +24,14 @@ from seatrial.hybrid.calibrators.calibrator import Calibrator
 from seatrial.hybrid.calibrators.networks import NetworkCalibrator
 from seatrial.hybrid.prediction.scores import score
 from seatrial.hybrid.reproduction import campaign
-from seatrial.hybrid.reproduction.campaign import Errors, Job, Sea, _examples, parts_of, seas_of
+from seatrial.hybrid.reproduction.campaign import (
+    CampaignJob,
+    SeaResults,
+    SequenceErrors,
+    _examples,
+    parts_of,
+    seas_of,
+)
 from seatrial.hybrid.reproduction.page import write_page, write_table3
 from seatrial.hybrid.reproduction.running import RunningTable
 from seatrial.hybrid.reproduction.table3 import (
@@ -45,7 +52,7 @@ CONTRACT = {
     "sea_state", "method", "split", "mae_x_m", "mae_y_m", "mean_distance_m", "low", "high", "reduction",
     "reduction_x", "reduction_y", "coverage_95",
 }  # fmt: skip
-SMALL = [Job("calm", 0, sequences=12), Job("gentle", 1, sequences=10)]
+SMALL = [CampaignJob("calm", 0, sequences=12), CampaignJob("gentle", 1, sequences=10)]
 
 
 def quick(method: str, seed: int, plant: Plant) -> Calibrator:
@@ -57,10 +64,10 @@ def quick(method: str, seed: int, plant: Plant) -> Calibrator:
 
 
 @pytest.fixture(scope="module")
-def small() -> Callable[[list[Job]], tuple[Sea, ...]]:
+def small() -> Callable[[list[CampaignJob]], tuple[SeaResults, ...]]:
     """Small campaigns, compared in this process with little training."""
 
-    def compare_methods(jobs: list[Job]) -> tuple[Sea, ...]:
+    def compare_methods(jobs: list[CampaignJob]) -> tuple[SeaResults, ...]:
         with pytest.MonkeyPatch.context() as patch:
             patch.setattr(campaign, "make_calibrator", quick)
             patch.setattr("seatrial.hybrid.calibrators.adaptive.calibrator.adapt", partial(adapt, steps=1))
@@ -69,17 +76,17 @@ def small() -> Callable[[list[Job]], tuple[Sea, ...]]:
     return compare_methods
 
 
-def table_of(jobs: list[Job], workers: int) -> Table3:
+def table_of(jobs: list[CampaignJob], workers: int) -> Table3:
     return table3(seas_of(jobs, workers))
 
 
 @pytest.fixture(scope="module")
-def shown(small: Callable[[list[Job]], tuple[Sea, ...]]) -> tuple[Sea, ...]:
+def shown(small: Callable[[list[CampaignJob]], tuple[SeaResults, ...]]) -> tuple[SeaResults, ...]:
     return small(SMALL)
 
 
 @pytest.fixture(scope="module")
-def table(shown: tuple[Sea, ...]) -> Table3:
+def table(shown: tuple[SeaResults, ...]) -> Table3:
     return table3(shown)
 
 
@@ -161,7 +168,7 @@ def test_coverage_is_the_share_of_seconds_inside_their_regions() -> None:
     gap_m[:, 5:] = np.nan
     inside = np.where(np.arange(10) < 5, np.ones((4, 10)), np.nan)
     inside[0] *= 0.0
-    errors = {method: Errors(gap_m * (method != "floor"), inside * size, gap_m)
+    errors = {method: SequenceErrors(gap_m * (method != "floor"), inside * size, gap_m)
               for method, size in (dict.fromkeys(ORDER, 1.0) | {"floor": np.nan}).items()}  # fmt: skip
     by_method = {each.method: each for each in rows_of("calm", "sequence", [errors])}
     assert by_method["hybrid"].coverage_95.value == pytest.approx(0.75)
@@ -170,14 +177,14 @@ def test_coverage_is_the_share_of_seconds_inside_their_regions() -> None:
 
 
 def _figures(gap_m: np.ndarray) -> np.ndarray:
-    return figures_of(Errors(gap_m, np.ones(gap_m.shape[:2]), gap_m))
+    return figures_of(SequenceErrors(gap_m, np.ones(gap_m.shape[:2]), gap_m))
 
 
 def test_reductions_are_paired() -> None:
     """A method with half the reference's error everywhere has a reduction of one half without any doubt."""
     gap_m = np.random.default_rng(4).normal(0.0, 3.0, (14, 30, 2))
     factor = dict.fromkeys(ORDER, 1.0) | {"hybrid": 0.5, "floor": 0.25}
-    errors = {method: Errors(gap_m * factor[method], np.ones((14, 30)), gap_m) for method in ORDER}
+    errors = {method: SequenceErrors(gap_m * factor[method], np.ones((14, 30)), gap_m) for method in ORDER}
     row = next(each for each in rows_of("calm", "sequence", [errors]) if each.method == "hybrid")
     for reduction in (row.reduction, row.reduction_x, row.reduction_y):
         assert (reduction.low, reduction.value, reduction.high) == pytest.approx((0.5, 0.5, 0.5))
@@ -189,7 +196,7 @@ def test_tables_fit_a_terminal_of_80_columns() -> None:
     """Errors of metres, one method worse than the reference: nothing is cut off."""
     gap_m = np.random.default_rng(4).normal(0.0, 3.0, (14, 30, 2))
     factor = dict.fromkeys(ORDER, 1.0) | {"data_driven": 1.4, "hybrid": 0.5, "floor": 0.25}
-    errors = {method: Errors(gap_m * factor[method], np.ones((14, 30)), gap_m) for method in ORDER}
+    errors = {method: SequenceErrors(gap_m * factor[method], np.ones((14, 30)), gap_m) for method in ORDER}
     rows = [row for split in ("sequence", "random") for row in rows_of("calm", split, [errors])]
     console = Console(width=80, record=True, file=StringIO())
     table = Table3(tuple(rows), tuple(cells_of(rows)))
@@ -235,7 +242,7 @@ def test_a_perfect_prediction_of_the_ship_errs_by_the_waves_alone(table: Table3)
     assert 0.0 < calm < 0.03 < gentle < _row(table, "floor", "sequence", "gentle").mean_distance_m.value
 
 
-def test_the_same_job_gives_the_same_rows(small: Callable[[list[Job]], Table3], table: Table3) -> None:
+def test_the_same_job_gives_the_same_rows(small: Callable[[list[CampaignJob]], Table3], table: Table3) -> None:
     """To the last digit, whatever else is compared beside it."""
     again = table3(small(SMALL[:1]))
     before = [row for row in table.as_dict()["rows"] if row["sea_state"] == SMALL[0].sea_state]
@@ -281,7 +288,7 @@ def test_the_command_prints_and_writes(table: Table3, tmp_path: Path, monkeypatc
     assert "88.3%" in shown
 
 
-def test_what_is_finished_is_written_before_the_rest(shown: tuple[Sea, ...], tmp_path: Path) -> None:
+def test_what_is_finished_is_written_before_the_rest(shown: tuple[SeaResults, ...], tmp_path: Path) -> None:
     """The table of the campaigns so far stands in the folder, and lines say how many are to come and how long."""
     said: list[str] = []
     seconds = iter((0.0, 60.0, 100.0))
@@ -297,11 +304,13 @@ def test_what_is_finished_is_written_before_the_rest(shown: tuple[Sea, ...], tmp
 
 
 def test_an_interrupt_leaves_the_finished_campaigns(
-    shown: tuple[Sea, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    shown: tuple[SeaResults, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The second campaign is interrupted; the first one's table is there and has a page."""
 
-    def interrupted(jobs: list[Job], workers: object, progress: object, finished: Callable[[Sea], None]) -> None:
+    def interrupted(
+        jobs: list[CampaignJob], workers: object, progress: object, finished: Callable[[SeaResults], None]
+    ) -> None:
         finished(shown[0])
         raise KeyboardInterrupt
 

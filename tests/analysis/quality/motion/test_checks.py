@@ -14,7 +14,7 @@ from seatrial.analysis.quality.findings import CheckResult, Finding
 from seatrial.analysis.quality.motion.checks import check_motion, delays_of
 from seatrial.analysis.quality.motion.series import MOTION
 from seatrial.analysis.tables.table import read_table
-from seatrial.hybrid.simulation.trial import Noise as SensorNoise
+from seatrial.hybrid.simulation.trial import SimulationNoise as SensorNoise
 from seatrial.hybrid.simulation.trial import simulate_trial
 from tests.analysis.quality.motion.kinematic_trials import Faults, Noise, sailed
 

@@ -12,10 +12,10 @@ from hypothesis import strategies as st
 from scipy.stats import norm, t
 
 from seatrial.hybrid.diagnosis.acceptance import accept_names
-from seatrial.hybrid.diagnosis.disturbance_model import Noise
+from seatrial.hybrid.diagnosis.disturbance_model import DisturbanceNoise
 from seatrial.hybrid.diagnosis.estimate_noise import estimate_noise
 from seatrial.hybrid.diagnosis.evidence import NormalEquations, normal_equations, weigh_evidence
-from seatrial.hybrid.diagnosis.linearise import Model, linearise, model_of
+from seatrial.hybrid.diagnosis.linearise import ModelWithEffects, linearise, model_of
 from seatrial.hybrid.diagnosis.log import log_of
 from seatrial.hybrid.diagnosis.select_effects import select_effects
 from seatrial.hybrid.effects import CATALOGUE
@@ -48,7 +48,7 @@ SOME = {
 
 def examination_at(plant: Plant, vessel: Vessel, tolerance: float) -> NormalEquations:
     log = rehearse(zigzag(swings=12), vessel, plant, CALM, 600)
-    return normal_equations(linearise(log, Model(plant, SOME), tolerance), Noise())
+    return normal_equations(linearise(log, ModelWithEffects(plant, SOME), tolerance), DisturbanceNoise())
 
 
 @pytest.fixture(scope="module")
@@ -160,7 +160,7 @@ def test_gains_on_unseen_legs_pass_their_test_in_nine_of_ten_at_the_limit() -> N
 @pytest.mark.slow
 def test_an_effect_a_little_over_its_limit_is_found(plant: Plant) -> None:
     """At 1.2 times the limit in nine of ten; 20 trials may show 16 by chance."""
-    model, sea = Model(plant, CATALOGUE), SeaState(4.0, 0.5, 5.0, 0.0, drift_n_per_m2=0.0)
+    model, sea = ModelWithEffects(plant, CATALOGUE), SeaState(4.0, 0.5, 5.0, 0.0, drift_n_per_m2=0.0)
     table, _ = simulate_trial("gunnerus_short", sea, "programme", 1500.0, 1.0, 0)
     estimate = estimate_noise(linearise(log_of([table]), model, 0.01))
     limit = limits(normal_equations(estimate.linearisation, estimate.noise))

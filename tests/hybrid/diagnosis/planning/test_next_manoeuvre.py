@@ -8,9 +8,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from seatrial.hybrid.diagnosis.disturbance_model import Noise
+from seatrial.hybrid.diagnosis.disturbance_model import DisturbanceNoise
 from seatrial.hybrid.diagnosis.evidence import NormalEquations, normal_equations
-from seatrial.hybrid.diagnosis.linearise import Model, acting_settings, linearise
+from seatrial.hybrid.diagnosis.linearise import ModelWithEffects, acting_settings, linearise
 from seatrial.hybrid.diagnosis.log import Log
 from seatrial.hybrid.effects import CATALOGUE
 from seatrial.hybrid.planning.next_manoeuvre import (
@@ -45,7 +45,7 @@ Rank = Callable[[str, str, Values], list[RankedCandidate]]
 
 def recorded(plant: Plant, vessel: Vessel, legs: Manoeuvre) -> NormalEquations:
     log = rehearse(legs, vessel, plant, BREEZE, 600)
-    return normal_equations(linearise(log, Model(plant, SOME), 0.01), Noise())
+    return normal_equations(linearise(log, ModelWithEffects(plant, SOME), 0.01), DisturbanceNoise())
 
 
 def ranking(rehearsal: Rehearsal) -> Rank:

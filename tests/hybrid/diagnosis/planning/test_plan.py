@@ -14,12 +14,12 @@ from typer.testing import CliRunner
 
 from seatrial.acquisition.core.errors import ConfigurationError
 from seatrial.hybrid.cli import mount
-from seatrial.hybrid.diagnosis.disturbance_model import Noise
+from seatrial.hybrid.diagnosis.disturbance_model import DisturbanceNoise
 from seatrial.hybrid.effects import CATALOGUE
 from seatrial.hybrid.planning import plan as planning
 from seatrial.hybrid.planning.information import Design
 from seatrial.hybrid.planning.plan import Aims, Plan, compose_programme, cost, noise_in, plan, programme_of
-from seatrial.hybrid.planning.repertoire import Candidate
+from seatrial.hybrid.planning.repertoire import CandidateManoeuvre
 from seatrial.hybrid.report.plan_page import page_of
 from seatrial.hybrid.simulation.sea_state import sea_state_named
 from seatrial.hybrid.vessel.parameters import Vessel
@@ -34,7 +34,7 @@ SOME = (
 def planned(vessel: Vessel) -> Plan:
     parts = programme_of(["zigzag_20_20"], vessel, 20.0)
     catalogue = {name: CATALOGUE[name] for name in SOME}
-    return plan(parts, vessel, sea_state_named("gentle"), Noise(), 0.01, catalogue)
+    return plan(parts, vessel, sea_state_named("gentle"), DisturbanceNoise(), 0.01, catalogue)
 
 
 def test_zigzags_leave_what_they_do_not_use(planned: Plan) -> None:
@@ -135,11 +135,11 @@ def test_the_command_prints_writes_and_says_where(
 ) -> None:
     asked: list[float] = []
 
-    def prepared(parts: tuple[Candidate, ...], *_: object) -> Plan:
+    def prepared(parts: tuple[CandidateManoeuvre, ...], *_: object) -> Plan:
         asked.extend(part.minutes for part in parts)
         return planned
 
-    monkeypatch.setattr(planning, "noise_in", lambda *_: Noise())
+    monkeypatch.setattr(planning, "noise_in", lambda *_: DisturbanceNoise())
     monkeypatch.setattr(planning, "plan", prepared)
     app = typer.Typer()
     mount(app)

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import re
 
-from seatrial.hybrid.diagnosis.disturbance_model import Noise
+from seatrial.hybrid.diagnosis.disturbance_model import DisturbanceNoise
 from seatrial.hybrid.diagnosis.evidence import normal_equations
-from seatrial.hybrid.diagnosis.linearise import Model, linearise
+from seatrial.hybrid.diagnosis.linearise import ModelWithEffects, linearise
 from seatrial.hybrid.effects import vessel_plant
 from seatrial.hybrid.effects.catalogue import catalogue_of
 from seatrial.hybrid.planning.next_manoeuvre import Pair, best_request, rank_candidates, rehearsal_of
-from seatrial.hybrid.planning.repertoire import Candidate, Shafts, rehearse, repertoire
+from seatrial.hybrid.planning.repertoire import CandidateManoeuvre, Shafts, rehearse, repertoire
 from seatrial.hybrid.simulation.handling import usual_rpm
 from seatrial.hybrid.simulation.manoeuvres import steer
 from seatrial.hybrid.simulation.sea_state import sea_state_named
@@ -25,7 +25,7 @@ TWO_SHAFTS = Shafts(
 )
 
 
-def by_name(shafts: Shafts) -> dict[str, Candidate]:
+def by_name(shafts: Shafts) -> dict[str, CandidateManoeuvre]:
     return {each.name: each for each in repertoire(shafts)}
 
 
@@ -65,8 +65,8 @@ def test_the_next_manoeuvre_of_a_rudder_ship() -> None:
     plant, names = vessel_plant(ship), ("rudder_offset_rudder", "yaw_asymmetry", "thrust_loss_propeller")
     catalogue = {name: each for name, each in catalogue_of(ship).items() if name in names}
     straight = rehearse((steer(0.0, 1e4, usual_rpm(ship)),), ship, plant, sea_state_named("calm"), 600)
-    calm = Noise(gust=(5.0, 5.0, 12.0), slow=(5.0, 5.0, 12.0))  # of a model, N and N m
-    equations = normal_equations(linearise(straight, Model(plant, catalogue), 0.01), calm)
+    calm = DisturbanceNoise(gust=(5.0, 5.0, 12.0), slow=(5.0, 5.0, 12.0))  # of a model, N and N m
+    equations = normal_equations(linearise(straight, ModelWithEffects(plant, catalogue), 0.01), calm)
     pairs = [Pair("rudder_offset_rudder", "yaw_asymmetry", {"angle_deg": 2.0})]
     ranking = rank_candidates(rehearsal_of(equations, ship, {}), pairs)
     asked = best_request(ranking, pairs)
