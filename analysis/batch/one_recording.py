@@ -35,9 +35,8 @@ from seatrial.acquisition.core.trial import software_version
 from seatrial.acquisition.recording.grouping import read_parts
 from seatrial.acquisition.recording.reader import Recording, recording_size
 from seatrial.analysis.conditions import recorded_conditions
-from seatrial.analysis.manoeuvres import Manoeuvre, as_json
 from seatrial.analysis.manoeuvres.criteria import criteria_of, index_rows
-from seatrial.analysis.manoeuvres.indices import from_order
+from seatrial.analysis.manoeuvres.indices import Manoeuvre, as_json, from_order
 from seatrial.analysis.manoeuvres.report import criteria_by_vessel
 from seatrial.analysis.products import Options, Products, analyse
 from seatrial.analysis.speed_power import power_columns, speed_power

@@ -99,9 +99,9 @@ def tables_of_recordings(
 
 
 def named_recordings(paths: Sequence[Path]) -> dict[str, tuple[Path, ...]]:
-    """The recordings in some files, each with its parts, by :func:`trial_names` of their first files."""
+    """The recordings in some files, each with its parts, by :func:`names_of_trials` of their first files."""
     recordings = whole_recordings(map(Path, paths))
-    return dict(zip(trial_names([parts[0] for parts in recordings]), recordings, strict=True))
+    return dict(zip(names_of_trials([parts[0] for parts in recordings]), recordings, strict=True))
 
 
 def windows_of_tables(
@@ -118,7 +118,7 @@ def windows_of_tables(
     return require_windows(join_windows(parts), ", ".join(tables))
 
 
-def trial_names(paths: Sequence[Path]) -> list[str]:
+def names_of_trials(paths: Sequence[Path]) -> list[str]:
     """The files' names without suffix, numbered where files in different folders are called the same."""
     stems = [printable_name(Path(path).stem) for path in paths]
     alone = {stem for stem in stems if stems.count(stem) == 1}

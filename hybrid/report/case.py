@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
+from seatrial.acquisition.config.conditions import Conditions
 from seatrial.acquisition.config.run_sheet import statement_from_text
 from seatrial.acquisition.config.vessel_file import vessel_of_ship
 from seatrial.acquisition.core.channels import MOTION
@@ -22,12 +23,12 @@ from seatrial.acquisition.core.trial import Trial
 from seatrial.acquisition.recording.reader import read_trial
 from seatrial.analysis.conditions import recorded_conditions
 from seatrial.analysis.estimation.smoother import smooth
-from seatrial.analysis.manoeuvres import Manoeuvre
 from seatrial.analysis.manoeuvres.criteria import CriterionResult, IndexRow, criteria_of, index_rows
 from seatrial.analysis.manoeuvres.find import RecordedRuns, runs_of_trial
+from seatrial.analysis.manoeuvres.indices import Manoeuvre
 from seatrial.analysis.products import Options, Products, analyse
 from seatrial.analysis.report.run_sheet import ShipDimensions
-from seatrial.analysis.speed_power import Conditions, SpeedPower, power_columns, speed_power
+from seatrial.analysis.speed_power import SpeedPower, power_columns, speed_power
 from seatrial.analysis.tables.resample import resample
 from seatrial.analysis.tables.table import percent_of, refuse_duplicates, select
 from seatrial.analysis.windows.recordings import named_recordings, second_by_second

@@ -549,7 +549,7 @@ def plain_names(effects: Iterable[NamedEffect]) -> list[str]:
     return list(dict.fromkeys(plain(each.name) for each in effects))
 
 
-def names_of(effects: Sequence[NamedEffect]) -> str:
+def effect_names(effects: Sequence[NamedEffect]) -> str:
     """The effects' names at the beginning of a sentence."""
     return join_words(plain_names(effects)).capitalize()
 

@@ -20,8 +20,8 @@ from seatrial.analysis.tables.table import CALM, history_of, with_calm
 from seatrial.analysis.windows.held import columns_for, held_windows, join_windows
 from seatrial.analysis.windows.recordings import (
     SecondBySecond,
+    names_of_trials,
     read_windows,
-    trial_names,
     windows_of_recordings,
     windows_of_tables,
     write_windows,
@@ -200,7 +200,7 @@ def test_noise_is_measured_through_ramps_and_steps(sigma: float, slope: float, s
 
 @given(st.lists(st.sampled_from(["x", "x-1", "x-2", "y"]), max_size=8))
 def test_recordings_of_one_name_get_names_of_their_own(stems: list[str]) -> None:
-    names = trial_names([Path(f"folder_{number}") / f"{stem}.mcap" for number, stem in enumerate(stems)])
+    names = names_of_trials([Path(f"folder_{number}") / f"{stem}.mcap" for number, stem in enumerate(stems)])
     assert len(set(names)) == len(stems)
     assert all(name.startswith(stem) for name, stem in zip(names, stems, strict=True))
     assert all(name == stem for name, stem in zip(names, stems, strict=True) if stems.count(stem) == 1)
