@@ -75,7 +75,7 @@ $(PACKAGE):
 lint: $(STAMP) $(PACKAGE) ## ruff (rules, complexity, docstrings, format), import layers, dead code
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
-	cd build/package && ../../$(BIN)/lint-imports --config ../../.importlinter
+	cd build/package && ../../$(BIN)/lint-imports --no-logo --config ../../.importlinter
 	$(BIN)/python -m tests.dead_code
 
 types: $(STAMP) $(PACKAGE) ## mypy, strict

@@ -27,10 +27,9 @@ from contextlib import contextmanager
 from functools import cache
 from typing import TYPE_CHECKING, Any, NoReturn
 
-from seatrial.acquisition.core.errors import DEBUG_VARIABLE, unexpected
+from seatrial.acquisition.core.errors import DEBUG_VARIABLE, printable, unexpected
 from seatrial.acquisition.core.named_code import imported
 from seatrial.acquisition.core.process import echo, guard_standard_streams, interrupt_on_terminate, stop_on_signals
-from seatrial.acquisition.core.text import printable
 
 if TYPE_CHECKING:
     import typer
@@ -99,7 +98,7 @@ def _say_version(wanted: bool) -> None:
 _SCRIPTING = "seatrial.hybrid.scripting"
 _PLACES = {
     "batch": "seatrial.analysis.batch.batch:run_batch",
-    "declare": "seatrial.acquisition.core.declared:declare",
+    "declare": "seatrial.acquisition.core.ship:declare",
     "export": "seatrial.analysis.tables.export:export_table",
     "import_table": "seatrial.acquisition.tables.import_table:import_table",
     "load_calibrator": "seatrial.hybrid.calibrators.artefact:load",
@@ -114,7 +113,7 @@ _PLACES = {
     "save_vessel": "seatrial.hybrid.vessel.files:save_vessel",
     "sections": "seatrial.hybrid.report.sections:sections",
     "smooth": "seatrial.analysis.estimation.smoother:smooth",
-    "vessels": "seatrial.acquisition.config.vessel_file:vessel_names",
+    "vessels": "seatrial.acquisition.config.declarations:vessel_names",
     "version": "seatrial.acquisition.core.trial:software_version",
 } | {
     name: f"{_SCRIPTING}:{name}"

@@ -12,15 +12,15 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from seatrial.acquisition.core.errors import printable
 from seatrial.acquisition.core.process import echo, stop_on_signals
-from seatrial.acquisition.core.text import printable
 
 if TYPE_CHECKING:
     import threading
 
     from rich.table import Table
 
-    from seatrial.acquisition.config.configuration import TrialConfig
+    from seatrial.acquisition.config.trial_file import TrialConfig
     from seatrial.acquisition.logger.health import Health
     from seatrial.acquisition.tables.propose import Proposal
     from seatrial.acquisition.tables.table_files import RawTable
@@ -45,8 +45,7 @@ def writes(*files: str, folder: str = "") -> Callable[[Command], Command]:
     def decorate(command: Command) -> Command:
         @wraps(command)
         def run(**values: Any) -> None:
-            from seatrial.acquisition.core.files import inputs_protected, refuse_input
-            from seatrial.acquisition.core.locks import locked_file, locked_folder
+            from seatrial.acquisition.core.files import inputs_protected, locked_file, locked_folder, refuse_input
 
             named = [value for name, value in values.items() if name not in (*files, folder)]
             inputs = [part for value in named for part in (value if isinstance(value, list) else [value])]
@@ -89,7 +88,7 @@ def record(
     if output is None and not check:
         raise typer.BadParameter("is missing: the folder that the recording goes into", param_hint="-o")
     with stop_on_signals() as stop:  # before the heavy imports: they take a while, and Ctrl-C may come
-        from seatrial.acquisition.config.configuration import load_config
+        from seatrial.acquisition.config.trial_file import load_config
         from seatrial.acquisition.logger.record import record as run
 
         trial = load_config(config)
@@ -125,7 +124,7 @@ def _sum_up(trial: TrialConfig, health: Health, paths: list[Path]) -> None:
             echo(f"error: {text}", err=True)
     expected = [name for name in health.names if name in trial.expected_channels]
     if silent := [name for name in expected if not health.channels[name].count]:
-        from seatrial.acquisition.logger.missing import by_reason, reasons_in
+        from seatrial.acquisition.logger.survey import by_reason, reasons_in
 
         for names, reason in by_reason(reasons_in(trial, paths, silent)).items():
             echo(f"warning: nothing came of {names}{': ' if reason else ''}{reason}", err=True)
@@ -134,9 +133,9 @@ def _sum_up(trial: TrialConfig, health: Health, paths: list[Path]) -> None:
 def _check_departure(
     trial: TrialConfig, folder: Path | None, duration_s: float, stop: threading.Event, as_json: bool
 ) -> None:
-    from seatrial.acquisition.core.terminal import Terminal
+    from seatrial.acquisition.core.errors import Terminal
     from seatrial.acquisition.logger.display import preflight_table
-    from seatrial.acquisition.logger.preflight import check_before_departure
+    from seatrial.acquisition.logger.survey import check_before_departure
 
     echo(f"listening for {duration_s:g} s", err=True)
     readiness = check_before_departure(trial, duration_s, folder, stop)
@@ -170,12 +169,11 @@ def discover(
 ) -> None:
     """Find out what buses and lines carry, and write a configuration that records it."""
     with stop_on_signals() as stop:
-        from seatrial.acquisition.core.errors import InputError, StorageError
+        from seatrial.acquisition.core.errors import InputError, StorageError, bar
         from seatrial.acquisition.core.files import write_text
-        from seatrial.acquisition.core.progress import bar
         from seatrial.acquisition.discovery.discover import discover as run
-        from seatrial.acquisition.discovery.picture import nothing_found, tables
-        from seatrial.acquisition.discovery.places import parse_places, usual_places
+        from seatrial.acquisition.discovery.discover import nothing_found, tables
+        from seatrial.acquisition.discovery.listen import parse_places, usual_places
 
         if output is not None and output.exists():
             raise StorageError("already exists", where=str(output), fix="choose another file, or delete it")
@@ -188,7 +186,7 @@ def discover(
     if as_json:
         echo(json.dumps(discovery.as_json()))
     elif discovery.survey is not None:
-        from seatrial.acquisition.core.terminal import Terminal
+        from seatrial.acquisition.core.errors import Terminal
 
         console = Terminal()
         for table in tables(discovery):
@@ -219,10 +217,10 @@ def redecode(
     ] = None,
 ) -> None:
     """Rebuild a recording's channels from its raw input."""
-    from seatrial.acquisition.config.configuration import load_config
-    from seatrial.acquisition.core.progress import bar
+    from seatrial.acquisition.config.trial_file import load_config
+    from seatrial.acquisition.core.errors import bar
     from seatrial.acquisition.logger.display import summary
-    from seatrial.acquisition.logger.redecode import redecode as run
+    from seatrial.acquisition.logger.survey import redecode as run
 
     with bar("decoding") as progress:
         result = run(recording, output, None if config is None else load_config(config), progress)
@@ -239,8 +237,8 @@ def emulate(
     speed: Annotated[float, typer.Option(min=0.01, help="Playback speed; 1 is real time.")] = 1.0,
 ) -> None:
     """Play a recording onto the buses of a configuration."""
-    from seatrial.acquisition.config.configuration import load_config
-    from seatrial.acquisition.core.progress import bar
+    from seatrial.acquisition.config.trial_file import load_config
+    from seatrial.acquisition.core.errors import bar
     from seatrial.acquisition.emulator import emulate as run
 
     with bar("playing") as progress:
@@ -303,7 +301,7 @@ def _pairs(answers: list[str]) -> dict[str, str]:
 def _agree(raw: RawTable, answers: dict[str, str], vessel: str | None, yes: bool, preview: Path | None) -> Proposal:
     """Show what is proposed; at a terminal ask what the table does not tell, and whether it is right."""
     from seatrial.acquisition.tables.import_table import propose_for
-    from seatrial.acquisition.tables.preview import draw_preview, proposal_table
+    from seatrial.acquisition.tables.propose import draw_preview, proposal_table
 
     proposal = propose_for(raw, answers, vessel)
     at_terminal = sys.stdin.isatty() and sys.stderr.isatty() and not yes
@@ -312,7 +310,7 @@ def _agree(raw: RawTable, answers: dict[str, str], vessel: str | None, yes: bool
         text = printable(f"{question.text} {'/'.join(question.options)}")
         answers[question.key] = typer.prompt(text, default=question.default, err=True)
         proposal = propose_for(raw, answers, vessel)
-    from seatrial.acquisition.core.terminal import Terminal
+    from seatrial.acquisition.core.errors import Terminal
 
     Terminal(stderr=True).print(proposal_table(proposal))
     for warning in proposal.warnings:
@@ -336,9 +334,8 @@ def info(
     as_json: AsJson = False,
 ) -> None:
     """Show what is in a recording."""
-    from seatrial.acquisition.core.frames import iso
-    from seatrial.acquisition.recording.events import counts_text, events_of
-    from seatrial.acquisition.recording.grouping import read_together
+    from seatrial.acquisition.core.trial import iso
+    from seatrial.acquisition.recording.grouping import counts_text, events_of, read_together
     from seatrial.acquisition.recording.reader import describe
 
     recording = read_together(files)
@@ -347,8 +344,8 @@ def info(
     if as_json:
         echo(json.dumps({**description, "events": [event.as_json() for event in events]}))
         return
-    from seatrial.acquisition.core.terminal import Terminal
-    from seatrial.acquisition.logger.missing import by_reason, missing_in
+    from seatrial.acquisition.core.errors import Terminal
+    from seatrial.acquisition.logger.survey import by_reason, missing_in
 
     # A path is not broken at 80 columns.
     tell = partial(Terminal().print, highlight=False, soft_wrap=True)
@@ -391,7 +388,7 @@ def recover(
     as_json: AsJson = False,
 ) -> None:
     """Save what is intact in a damaged recording to a new one."""
-    from seatrial.acquisition.core.progress import bar
+    from seatrial.acquisition.core.errors import bar
     from seatrial.acquisition.recording.recover import recover as run
 
     with bar("recovering") as progress:
@@ -410,7 +407,7 @@ def migrate(
     as_json: AsJson = False,
 ) -> None:
     """Convert an old recording with JSON messages for viewers that cannot plot JSON."""
-    from seatrial.acquisition.core.progress import bar
+    from seatrial.acquisition.core.errors import bar
     from seatrial.acquisition.recording.recover import migrate as run
 
     with bar("migrating") as progress:
@@ -428,7 +425,7 @@ def migrate(
 def _channel_table(channels: dict[str, Any], trial: dict[str, str]) -> Table:
     from rich.table import Table
 
-    from seatrial.acquisition.core.channels import channel_unit, channels_of_table, known_channels
+    from seatrial.acquisition.core.ship import channel_unit, channels_of_table, known_channels
 
     table = Table(box=None, header_style="dim", padding=(0, 1, 0, 0))
     for title, justify in (("channel", "left"), ("unit", "left"), ("count", "right"), ("rate Hz", "right"),

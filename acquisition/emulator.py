@@ -24,8 +24,7 @@ from typing import Any
 import numpy as np
 import pymap3d
 
-from seatrial.acquisition.config.configuration import TrialConfig
-from seatrial.acquisition.config.sections import (
+from seatrial.acquisition.config.sources import (
     AnySource,
     CanSource,
     FileSource,
@@ -35,9 +34,9 @@ from seatrial.acquisition.config.sections import (
     TcpSource,
     UdpSource,
 )
-from seatrial.acquisition.core.errors import InputError, SourceError, storage_error
-from seatrial.acquisition.core.progress import Progress
-from seatrial.acquisition.encoders import Encoder, Moment, Packet, make_encoder
+from seatrial.acquisition.config.trial_file import TrialConfig
+from seatrial.acquisition.core.errors import InputError, Progress, SourceError, storage_error
+from seatrial.acquisition.protocols import Encoder, Moment, Packet, make_encoder
 from seatrial.acquisition.recording.reader import Recording, read_recording
 from seatrial.acquisition.sources import source_error
 
@@ -189,7 +188,7 @@ class _CanTransmitter(Transmitter):
     def __init__(self, config: CanSource) -> None:
         import can
 
-        from seatrial.acquisition.sources.can_bus import open_bus
+        from seatrial.acquisition.sources.lines import open_bus
 
         self._make = can.Message
         self.errors = (can.CanError, OSError)
@@ -211,7 +210,7 @@ class _SerialTransmitter(Transmitter):
     """On closing, the system sends what it holds before it lets the line go."""
 
     def __init__(self, config: SerialSource) -> None:
-        from seatrial.acquisition.sources.streams import open_port
+        from seatrial.acquisition.sources.lines import open_port
 
         super().__init__(config, open_port(config))
         self._link.write_timeout = _WRITE_TIMEOUT_S

@@ -90,7 +90,7 @@ def check(
     if as_json:
         echo(json.dumps(quality.as_json()))
         return
-    from seatrial.acquisition.core.terminal import Terminal
+    from seatrial.acquisition.core.errors import Terminal
 
     Terminal().print(quality)
 
@@ -202,7 +202,7 @@ def windows(
     as_json: AsJson = False,
 ) -> None:
     """Extract held windows: periods with steady controls."""
-    from seatrial.acquisition.core.progress import bar
+    from seatrial.acquisition.core.errors import bar
     from seatrial.analysis.windows.recordings import WindowOptions, windows_of_recordings, write_windows
 
     expect_suffix(output, ".parquet")
@@ -262,8 +262,7 @@ def manoeuvres(
 ) -> None:
     """Find manoeuvres and compute their indices."""
     from seatrial.acquisition.config.run_sheet import statement_from_text, statement_text
-    from seatrial.acquisition.core.progress import bar
-    from seatrial.acquisition.core.terminal import Terminal
+    from seatrial.acquisition.core.errors import Terminal, bar
     from seatrial.acquisition.recording.grouping import whole_recordings
     from seatrial.analysis.manoeuvres.report import (
         manoeuvres_of,
@@ -363,8 +362,8 @@ def batch(
     if workers is not None and scheduler is not None:
         raise typer.BadParameter("give --workers or --scheduler, not both")
     from seatrial.acquisition.config.run_sheet import statement_text
+    from seatrial.acquisition.core.errors import bar
     from seatrial.acquisition.core.process import Termination
-    from seatrial.acquisition.core.progress import bar
     from seatrial.analysis.batch.batch import run_batch
     from seatrial.analysis.products import Options
 

@@ -10,8 +10,7 @@ from pathlib import Path
 import pandas as pd
 
 from seatrial.acquisition.config.run_sheet import statement_from_text
-from seatrial.acquisition.core.errors import SeatrialError, unexpected
-from seatrial.acquisition.core.text import printable_name
+from seatrial.acquisition.core.errors import SeatrialError, printable_name, unexpected
 from seatrial.acquisition.recording.grouping import read_parts
 from seatrial.acquisition.recording.reader import Recording
 from seatrial.analysis.estimation.smoother import smooth

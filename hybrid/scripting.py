@@ -16,8 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 import pandas as pd
 
-from seatrial.acquisition.core.progress import bar
-from seatrial.acquisition.core.text import printable_name
+from seatrial.acquisition.core.errors import bar, printable_name
 from seatrial.acquisition.recording.grouping import read_recordings, read_together
 from seatrial.acquisition.recording.reader import describe
 from seatrial.analysis.tables.table import (
@@ -33,7 +32,7 @@ from seatrial.analysis.tables.table import (
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from seatrial.acquisition.core.channel import Channel
+    from seatrial.acquisition.core.ship import Channel
     from seatrial.analysis.quality.check import DataQuality
     from seatrial.analysis.speed_power import Conditions, SpeedPower
     from seatrial.analysis.windows.held import HeldWindows
@@ -63,14 +62,12 @@ def write(
 
     The table has a UTC index and the columns of the conventions; a ship's actuators are as their columns are named,
     unless ``trial`` lists them. Other columns have to be ``declared``
-    (:func:`seatrial.acquisition.core.declared.declare`), unless the table was read from a recording that declares
+    (:func:`seatrial.acquisition.core.ship.declare`), unless the table was read from a recording that declares
     them. Raises :class:`InputError` for what is no channel, :class:`StorageError`.
     """
-    from seatrial.acquisition.core.actuators import as_text
-    from seatrial.acquisition.core.channels import declared_in
-    from seatrial.acquisition.core.declared import declared_text
+    from seatrial.acquisition.core.ship import as_text, declared_in, declared_text
     from seatrial.acquisition.core.trial import Trial
-    from seatrial.acquisition.recording.tables import write_table
+    from seatrial.acquisition.recording.writer import write_table
     from seatrial.acquisition.tables.import_table import actuators_in_columns
 
     target, channels = Path(path), {each.name: each for each in (*declared_in(table.attrs), *declared)}
@@ -88,7 +85,7 @@ def write(
 def info(recording: Paths) -> dict[str, Any]:
     """What is in a recording or its parts: channels with counts, rates, spans, sources; its events; whether it was
     closed."""
-    from seatrial.acquisition.recording.events import events_of
+    from seatrial.acquisition.recording.grouping import events_of
 
     read = read_together(recording)
     return {**describe(read), "events": [event.as_json() for event in events_of(read)]}
@@ -290,7 +287,7 @@ def _power_of_tables(paths: list[Path], given: Conditions, vessel: str | Path | 
 
 
 def _power_of_recordings(paths: list[Path], given: Conditions, vessel: str | Path | Vessel | None) -> SpeedPower:
-    from seatrial.acquisition.config.vessel_file import vessel_of_ship
+    from seatrial.acquisition.config.declarations import vessel_of_ship
     from seatrial.analysis.speed_power import speed_power as analyse
     from seatrial.hybrid.vessel.files import load_vessel
     from seatrial.hybrid.vessel.windage import known_conditions

@@ -48,10 +48,9 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch, Rectangle
 
-from seatrial.acquisition.core.arrays import Bools, Floats
-from seatrial.acquisition.core.errors import DataShortageError
+from seatrial.acquisition.core.errors import DataShortageError, Progress
 from seatrial.acquisition.core.files import write_text
-from seatrial.acquisition.core.progress import Progress
+from seatrial.acquisition.core.quantities import Bools, Floats
 from seatrial.analysis.batch.workers import map_calls
 from seatrial.analysis.report.figures import fill_figure, png_of, write_figure
 from seatrial.analysis.report.plots import INK

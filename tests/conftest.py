@@ -83,7 +83,7 @@ def shared_data() -> Path:
 def simulated(tmp_path_factory: pytest.TempPathFactory) -> Simulated:
     """Recordings of the lengthened ship in the paper's manoeuvre; one that was asked for before is given again."""
     from seatrial.acquisition.core.trial import Trial
-    from seatrial.acquisition.recording.tables import write_table
+    from seatrial.acquisition.recording.writer import write_table
     from seatrial.hybrid.simulation.trial import simulate_trial
 
     folder = tmp_path_factory.mktemp("simulated")

@@ -11,8 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from seatrial.acquisition.core.actuators import Actuators
-from seatrial.acquisition.core.channels import trial_names
+from seatrial.acquisition.core.ship import Actuators, trial_names
 from seatrial.acquisition.recording.reader import read_recording
 from seatrial.hybrid.vessel.files import load_vessel
 from tests.acquisition.conftest import actuator_text, config_text

@@ -16,7 +16,7 @@ import pytest
 from mcap.reader import make_reader
 
 import seatrial
-from seatrial.acquisition.core.channels import NAMES
+from seatrial.acquisition.core.ship import NAMES
 from seatrial.acquisition.recording.reader import read_recording
 from tests.conftest import SMALL_HORIZON_S, Command, Done, Simulated, few_epochs
 
@@ -428,7 +428,7 @@ def test_a_recording_without_wind_is_one_of_a_calm(
 def without(simulated: Simulated, tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Path]:
     """A recording that lacks one channel."""
     from seatrial.acquisition.core.trial import Trial
-    from seatrial.acquisition.recording.tables import write_table
+    from seatrial.acquisition.recording.writer import write_table
     from seatrial.analysis.tables.table import read_table
 
     folder = tmp_path_factory.mktemp("without")

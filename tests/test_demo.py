@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from seatrial.acquisition.core.channels import NAMES
+from seatrial.acquisition.core.ship import NAMES
 from seatrial.acquisition.recording.reader import read_recording
 from tests.acquisition.conftest import SimulatedClock, clock
 

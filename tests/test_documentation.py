@@ -176,9 +176,9 @@ def test_toml_can_be_read(each: Page, block: Block) -> None:
 
 def test_the_channels_of_the_page_are_channels(tmp_path: Path) -> None:
     """Each block stands in a configuration, beside a source where it has none; each origin of the table is one."""
-    from seatrial.acquisition.config.configuration import load_config
-    from seatrial.acquisition.core.units import ending_of
-    from seatrial.acquisition.decoders import decoders_by_protocol
+    from seatrial.acquisition.config.trial_file import load_config
+    from seatrial.acquisition.core.quantities import ending_of
+    from seatrial.acquisition.protocols import decoders_by_protocol
 
     chapter, source = page("howto/add_a_channel.md"), 'type = "file"\npath = "x.log"\nchannels = ["heading_deg"]'
     blocks = [each.text for each in chapter.blocks if each.language == "toml"]
@@ -213,7 +213,7 @@ def test_the_drogue_of_the_page_is_the_file() -> None:
 
 def test_the_sensors_of_the_page_are_sources(tmp_path: Path) -> None:
     """Each stands in a configuration of its own, beside the DBC file that it names."""
-    from seatrial.acquisition.config.configuration import load_config
+    from seatrial.acquisition.config.trial_file import load_config
 
     (tmp_path / "vessels").mkdir()
     dbc = "vessels/thrusters.dbc"

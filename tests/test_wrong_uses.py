@@ -11,8 +11,7 @@ import pandas as pd
 import pytest
 
 import seatrial as st
-from seatrial.acquisition.core.actuators import DEFAULT, as_text
-from seatrial.acquisition.core.channels import trial_names
+from seatrial.acquisition.core.ship import DEFAULT, as_text, trial_names
 from seatrial.hybrid.vessel.files import load_vessel
 from tests.conftest import Command
 
@@ -152,13 +151,13 @@ def test_a_disk_that_refuses_is_named(
     place: Path, command: Command, monkeypatch: pytest.MonkeyPatch, reason: tuple[int, str]
 ) -> None:
     """Full, or not ours to write to; nothing is left behind."""
-    from seatrial.acquisition.recording import tables
+    from seatrial.acquisition.recording import writer
 
     def refused(*_: object) -> None:
         raise OSError(*reason)
 
     monkeypatch.chdir(place)
-    monkeypatch.setattr(tables, "_write_rows", refused)
+    monkeypatch.setattr(writer, "_write_rows", refused)
     done = command("import", "yard.csv", "-o", "full.mcap", "--yes")
     assert done.code == 1
     assert f"full.mcap: cannot be written: {reason[1]}; " in done.err

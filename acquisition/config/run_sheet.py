@@ -18,7 +18,7 @@ from pydantic.dataclasses import dataclass
 from seatrial.acquisition.config.conditions import Conditions, Positive
 from seatrial.acquisition.config.declarations import STRICT, Finite
 from seatrial.acquisition.config.toml_file import parse_toml, read_text, validate
-from seatrial.acquisition.core.text import printable
+from seatrial.acquisition.core.errors import printable
 from seatrial.acquisition.core.trial import Trial
 
 LOG = logging.getLogger("seatrial")

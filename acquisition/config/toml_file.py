@@ -11,9 +11,9 @@ from typing import Any, TypeVar
 
 from pydantic import TypeAdapter, ValidationError
 
-from seatrial.acquisition.core.budget import CONFIGURATION_BYTES
 from seatrial.acquisition.core.errors import ConfigurationError
 from seatrial.acquisition.core.files import read_regular
+from seatrial.acquisition.core.process import CONFIGURATION_BYTES
 
 Model = TypeVar("Model")
 _TABLE = re.compile(r"^\s*\[(?P<array>\[)?\s*(?P<path>[^\[\]]+?)\s*\]")

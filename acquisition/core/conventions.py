@@ -15,8 +15,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from seatrial.acquisition.core.angles import circular_mean, difference
-from seatrial.acquisition.core.arrays import Complexes, Floats
+from seatrial.acquisition.core.quantities import Complexes, Floats
+from seatrial.acquisition.core.ship import circular_mean, difference
 
 ANGLE_UNITS = {"deg": "degrees", "rad": "radians", "ddeg": "tenths of a degree", "cdeg": "hundredths of a degree"}
 """The units that a heading or course may be in, in words."""

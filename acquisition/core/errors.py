@@ -11,18 +11,34 @@
     └── ModelRangeError      the simulation left the range in which the model's coefficients are valid
 
 Every message says what, where, why and what to do, in that order, on one line.
+
+Making other people's text safe for a terminal.
+
+Progress of long work: a bar on stderr if that is a terminal, else nothing.
+
+The terminal: lines and tables go out here, with other people's text escaped instead of obeyed.
+
+Names of files, marks of the crew and cells of tables come from anywhere. A control character in them would move
+the cursor, clear the screen or hide a warning; brackets would be taken for rich's markup.
 """
 
 from __future__ import annotations
 
 import os
+import re
+import sys
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
 from errno import EACCES, EAFNOSUPPORT, EEXIST, ENOSPC, ENOTTY, EPERM, EROFS, errorcode
 from pathlib import Path
 from socket import gaierror
 from traceback import walk_tb
-from typing import Self
+from typing import Any, Self, TypeVar
 
-from seatrial.acquisition.core.text import printable
+from rich.console import Console, ConsoleOptions, RenderableType
+from rich.protocol import rich_cast
+from rich.segment import Segment
+from rich.text import Text
 
 DEBUG_VARIABLE = "SEATRIAL_DEBUG"
 """The environment variable that has the command line print the traceback of an error."""
@@ -150,3 +166,99 @@ def _origin(error: BaseException) -> str:
         if (name := str(frame.f_globals.get("__name__"))).partition(".")[0] == _PACKAGE
     ]
     return lines[-1] if lines else ""
+
+
+Said = TypeVar("Said")
+
+# All that a terminal may obey instead of showing it: control characters of both sets, but tab and line feed, and
+# what turns the direction of writing round; and the bytes of a file name that are no UTF-8, which nothing encodes.
+_OBEYED = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200e\u200f\u202a-\u202e\u2066-\u2069\ud800-\udfff]")
+_FIRST_BYTE, _LAST_BYTE, _BYTES = "\udc80", "\udcff", 0xDC00  # which Python has as these
+
+
+def printable(said: Said) -> Said:
+    r"""Text, or text in lists, tuples and dictionaries, with control characters escaped.
+
+    >>> print(printable("calm\x1b[2J"))
+    calm\x1b[2J
+    """
+    if isinstance(said, str):
+        return _OBEYED.sub(lambda match: _escape(match[0]), said)  # type: ignore[return-value]
+    if isinstance(said, dict):
+        return {printable(key): printable(value) for key, value in said.items()}  # type: ignore[return-value]
+    if isinstance(said, list | tuple):
+        return type(said)(map(printable, said))
+    return said
+
+
+def printable_name(path: str | os.PathLike[str]) -> str:
+    r"""The name of a file as one line of printable text, whatever bytes it is made of.
+
+    >>> print(printable_name(os.fsdecode(b"bay\xff\n.mcap")))
+    bay\xff\n.mcap
+    """
+    return printable(os.fspath(path)).replace("\t", r"\t").replace("\n", r"\n")
+
+
+def _escape(character: str) -> str:
+    if _FIRST_BYTE <= character <= _LAST_BYTE:
+        return f"\\x{ord(character) - _BYTES:02x}"
+    return repr(character)[1:-1]
+
+
+Progress = Callable[[float], None]
+"""A callback for the share of work done, 0 to 1."""
+
+
+def part_of(progress: Progress, done: int, total: int) -> Progress:
+    """The progress callback of one of ``total`` pieces of work, ``done`` of which are finished.
+
+    >>> part_of(print, 1, 4)(0.5)
+    0.375
+    """
+    return lambda share: progress((done + share) / total)
+
+
+@contextmanager
+def bar(what: str) -> Iterator[Progress]:
+    """A function that takes the share done, 0 to 1."""
+    if not sys.stderr.isatty():
+        yield lambda share: None
+        return
+    from rich.progress import Progress as Bars
+
+    with Bars(console=Terminal(stderr=True), transient=True) as progress:
+        task = progress.add_task(what, total=1.0)
+        yield lambda share: progress.update(task, completed=share)
+
+
+_PIPED_COLUMNS = 200
+
+
+class Terminal(Console):
+    """A console that shows text as it is: no markup, no emoji, control characters escaped.
+
+    In a pipe or a file, which have no width, no table is cut to that of a terminal.
+    """
+
+    def __init__(self, **options: Any) -> None:
+        super().__init__(markup=False, emoji=False, **options)
+        if "width" not in options and "COLUMNS" not in os.environ and not self.is_terminal:
+            self.width = _PIPED_COLUMNS
+
+    def render_str(self, text: str, **options: Any) -> Text:
+        """As rich's; it also measures the cells of tables by this."""
+        return super().render_str(printable(text), **options)
+
+    def render(self, renderable: RenderableType, options: ConsoleOptions | None = None) -> Iterable[Segment]:
+        """As rich's, which calls it for whatever is in a table or a group, too."""
+        shown = rich_cast(renderable)
+        return super().render(_escaped(shown) if isinstance(shown, Text) else shown, options)
+
+
+def _escaped(text: Text) -> Text:
+    """A text itself, or without its inner styles where it has to be escaped."""
+    shown = printable(text.plain)
+    if shown == text.plain:
+        return text
+    return Text(shown, text.style, justify=text.justify, overflow=text.overflow, no_wrap=text.no_wrap)

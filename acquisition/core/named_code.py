@@ -22,9 +22,9 @@ from traceback import format_exception, walk_tb
 from types import FunctionType, ModuleType
 from typing import Any
 
-from seatrial.acquisition.core.budget import CONFIGURATION_BYTES
 from seatrial.acquisition.core.errors import ConfigurationError, SeatrialError
 from seatrial.acquisition.core.files import read_regular
+from seatrial.acquisition.core.process import CONFIGURATION_BYTES
 
 _LOG, _LOGGED = logging.getLogger("seatrial.own"), set[tuple[str, str]]()
 

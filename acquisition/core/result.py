@@ -2,19 +2,31 @@
 
 A result names the functions that show it, ``"module:function"``; they are loaded when it is printed or plotted.
 So no result imports a page, and plotting code is loaded only when needed.
+
+Results to JSON and back: a dataclass's fields are the keys, and its types say how to read them.
+
+``Annotated[..., Field(exclude=True)]`` leaves a field out, ``@computed_field`` above a property adds one. Arrays
+(:mod:`seatrial.acquisition.core.quantities`) are nested lists. JSON knows no NaN: it is written as null, and a
+field that may hold one has the type :data:`Number`, which reads null as NaN.
 """
 
 from __future__ import annotations
 
+import json
 from dataclasses import dataclass, field
 from io import StringIO
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, TypeVar
 
+import numpy as np
+from pydantic import BeforeValidator, TypeAdapter, ValidationError
+
+from seatrial.acquisition.core.errors import InputError
 from seatrial.acquisition.core.named_code import imported
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from rich.console import RenderableType
+
 
 _WIDTH = 110  # columns
 
@@ -36,7 +48,7 @@ class Result:
         return shown
 
     def __str__(self) -> str:
-        from seatrial.acquisition.core.terminal import Terminal
+        from seatrial.acquisition.core.errors import Terminal
 
         text = StringIO()
         Terminal(file=text, width=_WIDTH).print(self)
@@ -95,3 +107,31 @@ class ModelResult(Result):
         remarks = [self.measurements] if self.measurements else []
         remarks += [] if self.model is None else self.model.remarks.get("remarks", [])
         return {"remarks": remarks} if remarks else {}
+
+
+Decoded = TypeVar("Decoded")
+Number = Annotated[float, BeforeValidator(lambda value: float("nan") if value is None else value)]
+"""A float that may be NaN."""
+
+
+def to_json(result: Any) -> Any:
+    """A dataclass, or lists and dicts of them, as plain values for JSON: NaN and infinities become None."""
+    return json.loads(TypeAdapter[Any](type(result)).dump_json(result, fallback=_plain))
+
+
+def from_json(kind: type[Decoded], values: Any) -> Decoded:
+    """The inverse of :func:`to_json`. Raises :class:`InputError` for other values."""
+    try:
+        return TypeAdapter(kind).validate_python(values)
+    except ValidationError as error:
+        first = error.errors()[0]
+        place = ".".join(map(str, first["loc"]))
+        raise InputError(
+            f"is not a {kind.__name__} of this version", where=place, why=first["msg"], fix="create it again"
+        ) from error
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, np.generic | np.ndarray):
+        return value.tolist()
+    raise TypeError(f"{type(value).__name__} cannot be written as JSON")

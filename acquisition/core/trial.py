@@ -1,11 +1,21 @@
-"""The description of a trial: the ship, the place, the origin of the tangent plane, the crew's notes."""
+"""The description of a trial: the ship, the place, the origin of the tangent plane, the crew's notes.
+
+The two values passed through acquisition: a frame (bytes from a wire) and a sample (one number).
+
+They are named tuples, since thousands are made every second.
+"""
 
 from __future__ import annotations
 
+import re
+import time
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
-from functools import cache
+from datetime import UTC, datetime, timedelta
+from enum import IntEnum, IntFlag
+from functools import cache, lru_cache
 from importlib.metadata import PackageNotFoundError, version
+from typing import Literal, NamedTuple
 
 SOFTWARE = "seatrial"
 """What the version of all files that Seatrial writes begins with."""
@@ -26,8 +36,8 @@ class Trial:
 
     ``loading`` and ``sea_state`` are in the crew's words, ``trim_m`` is positive by the stern. The origin is
     that of the north-east-down tangent plane of ``north_m`` and ``east_m``. ``actuators`` lists the ship's as
-    text (:func:`seatrial.acquisition.core.actuators.as_text`), empty for the default list; ``channels`` are those
-    declared in its configuration, as text (:func:`seatrial.acquisition.core.declared.declared_text`),
+    text (:func:`seatrial.acquisition.core.ship.as_text`), empty for the default list; ``channels`` are those
+    declared in its configuration, as text (:func:`seatrial.acquisition.core.ship.declared_text`),
     ``conditions`` those of its ``[conditions]`` (:func:`seatrial.acquisition.config.run_sheet.conditions_of`).
     ``antenna_forward_m`` and ``antenna_starboard_m`` are the place, from midship, of the point that the recorded
     positions are of; ``accuracy``, the standard errors of channels, and ``particulars``, the ship's, are JSON
@@ -92,3 +102,145 @@ class Trial:
 def _encodable(text: str) -> str:
     """A text as a file can hold it: bytes of a file name that are not UTF-8 are written as escapes."""
     return text.encode(errors="backslashreplace").decode()
+
+
+Protocol = Literal["can", "nmea0183", "mavlink", "mqtt"]
+EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
+NANO = 1_000_000_000
+"""Nanoseconds in a second."""
+HIGHEST_IDENTIFIER = 0x1FFFFFFF
+"""Of a CAN frame: 29 bits."""
+
+
+class Quality(IntEnum):
+    """The quality of a value, as QARTOD flags."""
+
+    GOOD = 1
+    NOT_EVALUATED = 2
+    SUSPECT = 3
+    BAD = 4
+    MISSING = 9
+
+
+class FrameFlag(IntFlag):
+    """Properties of a frame besides its data."""
+
+    NONE = 0
+    STANDARD_ID = 1
+    REMOTE = 2
+    ERROR = 4
+    WHOLE = 8
+    """A message of NMEA 2000 that a gateway or a log has put together, if it took several frames."""
+    LATE = 16
+    """Stamped when the recorder could fetch it, after it had stood still: it came before."""
+    RETAINED = 32
+    """What an MQTT broker had kept of a topic, of an age that nobody knows."""
+
+
+@cache
+def can_flags(standard: bool, remote: bool = False, error: bool = False) -> FrameFlag:
+    """The flags of a CAN frame: with an identifier of 11 bits, without data, of an error."""
+    return FrameFlag(standard * FrameFlag.STANDARD_ID | remote * FrameFlag.REMOTE | error * FrameFlag.ERROR)
+
+
+class Frame(NamedTuple):
+    """Undecoded bytes as received from one wire, with the times of reception.
+
+    ``payload`` is one CAN frame's data, or a whole message's (:attr:`FrameFlag.WHOLE`), one NMEA 0183 line
+    without its line end, one MAVLink datagram, or one MQTT message after its topic and a zero byte.
+    ``stamped_ns`` is the UTC time that a log file or a gateway gave the frame. ``sender`` is a network address; of
+    a CAN frame of a log that has several buses it is the interface or channel.
+    """
+
+    origin: str
+    protocol: Protocol
+    payload: bytes
+    received_ns: int
+    monotonic_ns: int
+    identifier: int = 0
+    flags: FrameFlag = FrameFlag.NONE
+    stamped_ns: int | None = None
+    sender: str = ""
+
+
+class Sample(NamedTuple):
+    """One value of one quantity in its channel's unit, with its three times.
+
+    ``measured_ns`` is the UTC time that the recording stamps the value with; ``source_ns`` is the time reported
+    by the source (None if there is none), on the clock named by ``clock``.
+    """
+
+    quantity: str
+    value: float
+    source: str
+    received_ns: int
+    monotonic_ns: int
+    measured_ns: int
+    source_ns: int | None = None
+    clock: str = "receiver"
+    quality: Quality = Quality.NOT_EVALUATED
+
+
+_NOT_IN_A_LABEL = re.compile(r"[^A-Za-z0-9._-]")
+_LONGEST_NAME = 32  # letters of what stands behind the @ in a label; a TAG block's source has at most 15
+
+
+def safe_label(name: str) -> str:
+    """A name off the wire as it can stand in a label.
+
+    >>> safe_label("can 0/1")
+    'can_0_1'
+    """
+    return _NOT_IN_A_LABEL.sub("_", name[:_LONGEST_NAME])
+
+
+_SATELLITE_TALKERS = frozenset({"GN", "GP", "GL", "GA", "GB", "BD", "GI", "GQ", "QZ"})
+
+
+def label_parts(source: str) -> tuple[str, str, list[str]]:
+    """A sample's source split into its line, the device on it, and the message with its remarks.
+
+    >>> label_parts("bus/35:130306 apparent derived")
+    ('bus', '35', ['130306', 'apparent', 'derived'])
+    """
+    line, _, device_and_message = source.partition("/")
+    device, _, words = device_and_message.partition(":")
+    return line, device, words.split(" ")
+
+
+@lru_cache(maxsize=4096)
+def sensor_of(source: str) -> str:
+    """Line and device of a sample's source; a satellite receiver is one device, whatever satellites it reports.
+
+    >>> sensor_of("bridge/GP@GN01:GGA") == sensor_of("bridge/GN@GN01:RMC derived") == "bridge/GN@GN01"
+    True
+    """
+    line, device, _ = label_parts(source)
+    talker, at, tag = device.partition("@")
+    return f"{line}/{'GN' if talker in _SATELLITE_TALKERS else talker}{at}{tag}"
+
+
+class Fix(NamedTuple):
+    """A satellite receiver's report of its fix, as far as it gives one.
+
+    ``kind`` is numbered as in GGA, 0 for none; ``height_m`` is above the WGS 84 ellipsoid, or above mean sea
+    level if the receiver reports nothing else; ``sigma_m`` are standard deviations east, north and up.
+    """
+
+    kind: int | None = None
+    height_m: float | None = None
+    sigma_m: tuple[float, float, float] | None = None
+
+
+Group = list[Sample]
+"""The samples of one message: they share source and times, so that pairs stay together."""
+
+
+def now_ns() -> tuple[int, int]:
+    """The wall clock (UTC, since 1970) and the monotonic clock at this moment [ns]."""
+    return time.time_ns(), time.monotonic_ns()
+
+
+def iso(time_ns: int) -> str:
+    """A time in ns since 1970 as ISO 8601 with zone, to the microsecond."""
+    return (EPOCH + timedelta(microseconds=time_ns // 1000)).isoformat()

@@ -1,29 +1,57 @@
-"""``seatrial discover``: who speaks where, what it says, and a configuration that records it."""
+"""``seatrial discover``: who speaks where, what it says, and a configuration that records it.
+
+What was found, as tables for a terminal, and in words where nothing was.
+
+A configuration that records all that has been heard, as text, with a comment wherever something is missing.
+"""
 
 from __future__ import annotations
 
 import heapq
+import json
 import threading
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import islice
 from operator import attrgetter
 from pathlib import Path
-from typing import Any
+from textwrap import wrap
+from typing import Any, NamedTuple
 
-from seatrial.acquisition.config.sections import CanFrames, MqttLinks
-from seatrial.acquisition.config.vessel_file import find_vessel, vessel_of_ship
-from seatrial.acquisition.core.channels import MOTION
-from seatrial.acquisition.core.errors import ConfigurationError
-from seatrial.acquisition.core.frames import Frame
-from seatrial.acquisition.core.progress import Progress, part_of
-from seatrial.acquisition.decoders.dbc import load_dbc
-from seatrial.acquisition.discovery.dbc_files import DbcMessages
-from seatrial.acquisition.discovery.listen import Heard, listen
-from seatrial.acquisition.discovery.places import ListeningPlace
-from seatrial.acquisition.discovery.propose import Gaps, configuration_text, everything
-from seatrial.acquisition.discovery.readings import LatestReading, signal_readings, topic_readings
-from seatrial.acquisition.logger.missing import missing_channels, sources_of, what_comes
-from seatrial.acquisition.logger.survey import Survey, TrafficKind, name_of_group, survey_of
+from rich.console import RenderableType
+from rich.table import Table
+
+from seatrial.acquisition.config.declarations import PACKS, find_vessel, vessel_of_ship
+from seatrial.acquisition.config.sources import CanFrames, MqttLinks
+from seatrial.acquisition.config.toml_file import parse_toml
+from seatrial.acquisition.config.trial_file import TrialConfig, parse_config, possible_channels
+from seatrial.acquisition.core.errors import ConfigurationError, Progress, part_of
+from seatrial.acquisition.core.ship import MOTION, channel_names, channel_unit
+from seatrial.acquisition.core.trial import Frame, label_parts
+from seatrial.acquisition.discovery.listen import KNOWN_FORMS, Heard, ListeningPlace, listen
+from seatrial.acquisition.discovery.readings import (
+    DbcMessages,
+    LatestReading,
+    choose_dbc,
+    match_signals,
+    signal_readings,
+    topic_readings,
+)
+from seatrial.acquisition.logger.survey import (
+    RATED_FIX,
+    VARIATION_FIX,
+    Survey,
+    TrafficKind,
+    by_reason,
+    message_of,
+    missing_channels,
+    name_of_group,
+    sources_of,
+    survey_of,
+    what_comes,
+)
+from seatrial.acquisition.protocols.can_frames import load_dbc
+from seatrial.acquisition.protocols.nmea2000 import parameter_group
 
 _TELL_EVERY = 5_000  # frames
 
@@ -201,3 +229,336 @@ def _channels_json(survey: Survey) -> dict[str, Any]:
         }
         for name, sources in survey.channels.items()
     }
+
+
+_MOST_EVENTS = 12
+_MOST_VALUES = 4  # of a message, in its row
+
+
+def tables(discovery: Discovery) -> Iterator[RenderableType]:
+    """Places, devices, messages, channels and what is missing, each as a table that has a row at least."""
+    content = discovery.as_json()
+    yield _table(
+        ("listened at", "source", "frames", ""),
+        [(place["place"], place["source"], f"{place['frames']:,}", _remarks(place)) for place in content["places"]],
+    )
+    if content["devices"]:
+        shown = ("manufacturer", "model", "function", "iso_name")
+        rows = [
+            (device["source"], str(device["address"]), *(str(device.get(key, "")) for key in shown))
+            for device in content["devices"]
+        ]
+        yield _table(("device on", "address", *shown[:-1], "NAME"), rows)
+    if content["messages"]:
+        yield _table(
+            ("message of", "device", "message", "rate Hz", "latest", "refused"),
+            [
+                (message["source"], message["device"], f"{message['message']} {message['name']}".strip(),
+                 f"{message['rate_hz']:.2f}" if message["rate_hz"] else f"{message['count']} x",
+                 _values(message["values"]), _counts(message["refused"]))
+                for message in content["messages"]
+            ],
+        )  # fmt: skip
+    if discovery.readings:
+        yield _table(
+            ("values of", "message or topic", "signal or field", "value", "channel"),
+            [
+                (reading.source, reading.entry.get("message") or reading.entry["topic"],
+                 reading.entry.get("signal") or reading.entry.get("field", ""), reading.text, reading.channel)
+                for reading in discovery.readings
+            ],
+        )  # fmt: skip
+    if content["channels"]:
+        yield _table(("channel", "value", "unit", "rate Hz", "sources"), list(_channel_rows(content["channels"])))
+    if content["events"]:
+        yield _table(("event",), [(event,) for event in content["events"][:_MOST_EVENTS]])
+    if content["missing"]:
+        yield _table(("missing", "why"), list(by_reason(discovery.missing).items()))
+
+
+def _channel_rows(channels: dict[str, Any]) -> Iterator[tuple[str, ...]]:
+    for name, channel in channels.items():
+        value, rate_hz = f"{channel['value']:.6g}", f"{channel['rate_hz']:.2f}"
+        yield name, value, channel_unit(name), rate_hz, ", ".join(channel["sources"])
+
+
+def nothing_found(discovery: Discovery) -> str:
+    """Where was listened in vain, and what to do."""
+    places: dict[str, list[str]] = {}
+    for capture in discovery.heard:
+        places.setdefault(capture.problem, []).append(capture.place.text or capture.place.name)
+    where = "; ".join(f"{', '.join(names)}: {problem}" for problem, names in places.items())
+    if not any(entry.place.expected for entry in discovery.heard):
+        kinds = {"can": "CAN interface", "serial": "serial line"}.items()
+        kinds_present = {entry.place.type for entry in discovery.heard}
+        where += "".join(f"; this computer shows no {words}" for kind, words in kinds if kind not in kinds_present)
+    live = any(entry.place.type != "file" for entry in discovery.heard)
+    advice = (
+        "switch the instruments on, check cables and firewall, listen longer with --duration, or " if live else ""
+    )
+    return f"nothing was found ({where or 'there is nowhere to listen'}); {advice}name {KNOWN_FORMS}"
+
+
+def _remarks(place: dict[str, Any]) -> str:
+    """What was found out of a place besides: its rate and form, or why nothing was heard there."""
+    rate = f"{place['baud_rate']} baud" if "baud_rate" in place else ""
+    return "; ".join(filter(None, (rate, place.get("form"), place.get("problem"), *place.get("remarks", []))))
+
+
+def _values(values: dict[str, float]) -> str:
+    shown = [f"{name} {value:.6g}" for name, value in list(values.items())[:_MOST_VALUES]]
+    return ", ".join(shown) + (" ..." if len(values) > _MOST_VALUES else "")
+
+
+def _counts(counts: dict[str, int]) -> str:
+    return ", ".join(f"{reason} {count:,}" for reason, count in counts.items())
+
+
+def _table(titles: tuple[str, ...], rows: list[tuple[str, ...]]) -> Table:
+    table = Table(box=None, header_style="dim", padding=(0, 1, 0, 0))
+    for title in titles:
+        right = title in ("frames", "rate Hz", "value")
+        table.add_column(title, justify="right" if right else "left", overflow="fold")
+    for row in rows:
+        table.add_row(*row)
+    table.add_section()
+    return table
+
+
+_WIDTH = 112
+_HEAD_FRAMES = 20_000
+_OF_ENGINES = frozenset({127488, 127493})  # groups of one frame whose first byte is the engine's instance
+_ENGINE_OF_J1939 = 61444
+_MOST_ENGINES = 8
+_ENGINES = {1: ["main"], 2: ["port", "starboard"], 3: ["port", "centre", "starboard"]}
+
+
+def everything(captures: Sequence[Heard], vessel: str, dbc: Path | None, path: Path) -> TrialConfig:
+    """A configuration whose sources may provide every channel that their kind can carry, of all packs, too."""
+    trial = f'[trial]\nname = "discovered"\n{_line("vessel", vessel) if vessel else ""}'
+    trial += "".join(map(_pack, all_packs(captures)))
+    sections = list(map(_settings, captures))
+    bare = parse_config(trial + "".join(map(_section, sections)), path)
+    for section, capture in zip(sections, captures, strict=True):
+        _add_dbc(section, capture, dbc, path.parent, bare)
+    ship = parse_config(trial + "".join(map(_section, sections)), path)
+    order = channel_names(ship.actuators, tuple(declaration.channel for declaration in ship.declared))
+    for section, source in zip(sections, ship.sources, strict=True):
+        possible = possible_channels(source, ship.actuators, ship.declared)
+        section["channels"] = sorted(possible, key=order.index)
+    return parse_config(trial + "".join(map(_section, sections)), path)
+
+
+def all_packs(captures: Sequence[Heard]) -> list[dict[str, Any]]:
+    """The packs that come along, as sections; those of several like things with as many names as engines speak."""
+    frames = (frame for capture in captures for frame in islice(capture.frames(), _HEAD_FRAMES))
+    engines = {_engine_of(frame) for frame in frames if frame.protocol == "can" and frame.payload}
+    count = 1 + max((engine for engine in engines if engine is not None and engine < _MOST_ENGINES), default=0)
+    names = _ENGINES.get(count) or [f"number_{number + 1}" for number in range(count)]
+    return [
+        {"name": path.stem, **({"each": names} if "{each}" in path.read_text() else {})}
+        for path in sorted(PACKS.glob("*.toml"))
+    ]
+
+
+def _engine_of(frame: Frame) -> int | None:
+    """The number of the engine that a frame tells of, by its instance, on J1939 by its address."""
+    group, address = parameter_group(frame.identifier)
+    if group in _OF_ENGINES:
+        return frame.payload[0]
+    return address if group == _ENGINE_OF_J1939 else None
+
+
+def used_packs(packs: Sequence[dict[str, Any]], survey: Survey) -> list[dict[str, Any]]:
+    """Those of the packs by which something has come."""
+    by_declaration = {
+        declaration.channel.name
+        for declaration in survey.config.declared
+        if {message_of(origin) for origin in declaration.origins}
+        & {label_parts(label)[2][0] for label in survey.quantities.get(declaration.channel.name, ())}
+    }
+    return [pack for pack in packs if by_declaration & set(_names_in(pack))]
+
+
+def _names_in(pack: Mapping[str, Any]) -> Iterator[str]:
+    path = PACKS / f"{pack['name']}.toml"
+    for channel in parse_toml(path.read_text(), path)["channel"]:
+        yield from (channel["name"].replace("{each}", instance) for instance in pack.get("each", [""]))
+
+
+def _pack(pack: Mapping[str, Any]) -> str:
+    return "[[pack]]\n" + "".join(_line(key, value) for key, value in pack.items())
+
+
+def _settings(capture: Heard) -> dict[str, Any]:
+    return {"name": capture.place.name, "type": capture.place.type, **capture.place.settings, "channels": []}
+
+
+def _add_dbc(section: dict[str, Any], capture: Heard, dbc: Path | None, folder: Path, config: TrialConfig) -> None:
+    """The vessel's own frames, by the DBC file that describes them."""
+    named = section.pop("dbc", None) or dbc
+    frames = [frame for frame in islice(capture.frames(), _HEAD_FRAMES) if frame.protocol == "can"]
+    if section["type"] not in ("can", "file", "serial", "udp", "tcp") or not frames:
+        return
+    choice = choose_dbc(None if named is None else Path(named), [capture.place.folder, folder], frames)
+    capture.remarks += [choice.remark] if choice.remark else []
+    if choice.path is not None:
+        section["dbc"] = str(choice.path.absolute())
+        section["signals"] = match_signals(choice.path, config.actuators)
+
+
+class Gaps(NamedTuple):
+    """Why channels have not come: ``reasons`` of all that are decoded, ``missing`` those that the trial lacks."""
+
+    reasons: Mapping[str, str]
+    missing: Mapping[str, str]
+
+
+def configuration_text(
+    captures: Sequence[Heard],
+    survey: Survey,
+    gaps: Gaps,
+    readings: Sequence[LatestReading],
+    name: str,
+    vessel: str = "",
+) -> str:
+    """The configuration of what was heard, as a person would write it."""
+    reasons, missing = gaps
+    parts = [
+        _comment(
+            "Written by `seatrial discover` from what came. `seatrial record THIS.toml --check` says whether it"
+            " still does; `seatrial record THIS.toml -o recordings` records. Where several sources list a channel,"
+            " the one further up is preferred, and the next takes over when it falls silent: change the order to"
+            " your liking."
+        ),
+        f"\n[trial]\n{_line('name', name)}",
+        _line("vessel", vessel)
+        if vessel
+        else _comment(
+            'vessel = "NAME"   # a file of trials/vessels, or your own, which says what actuators there are'
+        ),
+    ]
+    if any(VARIATION_FIX in reason for reason in missing.values()):
+        parts.append(_comment("magnetic_variation_deg = 0.0   # east positive: give that of the place"))
+    if missing:
+        parts.append("\n" + _comment("Missing:"))
+        parts += [_comment(f"{names}: {reason}", "#   ") for names, reason in by_reason(missing).items()]
+    parts += [f"\n{_pack(pack)}" for pack in used_packs(all_packs(captures), survey)]
+    parts += [_source_text(capture, survey, reasons, readings) for capture in captures]
+    return "".join(parts)
+
+
+def _source_text(
+    capture: Heard, survey: Survey, reasons: Mapping[str, str], readings: Iterable[LatestReading]
+) -> str:
+    source = next(candidate for candidate in survey.config.sources if candidate.name == capture.place.name)
+    provided = [*survey.provided(source.name), *_wanting_a_number(source.name, survey, reasons)]
+    signals = getattr(source, "signals", {})
+    section = {key: value for key, value in _settings(capture).items() if key != "dbc"} | {"channels": provided}
+    if getattr(source, "dbc", None) is not None:
+        section["dbc"] = str(source.dbc)  # type: ignore[union-attr]
+        section["signals"] = {
+            name: {"message": signal.message, "signal": signal.signal, "unit": signal.unit}
+            for name, signal in signals.items()
+            if name in provided
+        }
+    comments = "".join(map(_comment, capture.remarks))
+    if "dbc" in section:
+        comments += _comment("Check signs and values of the DBC file's signals alongside.")
+    if not provided:
+        comments += _comment("No channel comes of it; what comes is recorded undecoded all the same.")
+    hints = [*_rated(provided, reasons), *_rivals(source.name, survey)]
+    template = _template([reading for reading in readings if reading.source == source.name], section)
+    return f"\n{comments}{_section(section, hints)}{template}"
+
+
+def _wanting_a_number(source: str, survey: Survey, missing: Mapping[str, str]) -> list[str]:
+    """The channels that will come of a source as soon as a person has filled in a number that is asked for."""
+    asked = [name for name, reason in missing.items() if reason.endswith((VARIATION_FIX, RATED_FIX))]
+    return [name for name in asked if source in sources_of(name, survey)]
+
+
+def _rated(listed: Iterable[str], missing: Mapping[str, str]) -> Iterator[str]:
+    """The setting that percent of thrusters wait for."""
+    names = [name for name in listed if missing.get(name, "").endswith(RATED_FIX)]
+    if names:
+        yield _line("rated_rpm", {name.removesuffix("_rpm"): 0 for name in names}).rstrip() + "   # at 100 %"
+
+
+def _template(readings: Sequence[LatestReading], section: Mapping[str, Any]) -> str:
+    """The signals and topics that come, with their values, for a person to say which channel each carries."""
+    unmapped = [entry for entry in readings if not entry.channel]
+    if not unmapped:
+        return ""
+    kind, table = ("topic", "values") if "topic" in unmapped[0].entry else ("signal", "signals")
+    text = _comment(
+        f"Values that come: to record one, put its channel before the {kind} and its unit behind, remove the # and"
+        " add the channel to the list above."
+    )
+    text += "" if section.get(table) else f"[source.{table}]\n"
+    for reading in unmapped:
+        line = f"{_line('channel', reading.entry).rstrip()}   # {reading.text}"
+        text += f"# {_visible(line)}\n"
+    return text
+
+
+def _rivals(source: str, survey: Survey) -> Iterator[str]:
+    """Where several devices on one bus tell the same: who they are, and how to put them in order."""
+    rivals: dict[tuple[str, ...], list[str]] = {}
+    for name in survey.provided(source):
+        devices = {label_parts(label)[1] for label in survey.quantities[name] if label_parts(label)[0] == source}
+        addresses = tuple(sorted((address for address in devices if address.isdigit()), key=int))
+        if len(addresses) > 1:
+            rivals.setdefault(addresses, []).append(name)
+    for names in rivals.values():
+        yield f"{', '.join(names)}: of several devices the first that comes keeps it; to put them in order:"
+    ranked = sorted({address for addresses in rivals for address in addresses}, key=int)
+    if ranked:
+        listed = [{"name": f"device_{address}", **_identified(source, address, survey)} for address in ranked]
+        yield _line("devices", listed).rstrip()
+
+
+def _identified(source: str, address: str, survey: Survey) -> dict[str, Any]:
+    device = survey.devices.get((source, address), {})
+    return {"iso_name": device["iso_name"]} if "iso_name" in device else {"address": int(address)}
+
+
+def _section(section: Mapping[str, Any], hints: Iterable[str] = ()) -> str:
+    """A [[source]] section, hints as comments in it; its signals are a table of their own and come last."""
+    plain = {key: value for key, value in section.items() if key != "signals"}
+    text = "[[source]]\n" + "".join(_line(key, value) for key, value in plain.items())
+    text += "".join(f"# {row}\n" for hint in hints for row in hint.splitlines())
+    if signals := section.get("signals"):
+        text += "[source.signals]\n" + "".join(_line(key, value) for key, value in signals.items())
+    return text
+
+
+def _line(key: str, value: Any) -> str:
+    text = f"{key} = {_inline(value)}"
+    if isinstance(value, list) and len(text) > _WIDTH:
+        rows: list[str] = [" "]
+        for item in map(_inline, value):
+            if len(rows[-1]) + len(item) > _WIDTH:
+                rows.append(" ")
+            rows[-1] += f" {item},"
+        text = "\n".join((f"{key} = [", *rows, "]"))
+    return f"{text}\n"
+
+
+def _inline(value: Any) -> str:
+    """A value as TOML writes it; its strings and numbers are JSON's."""
+    if isinstance(value, Mapping):
+        return "{ " + ", ".join(f"{key} = {_inline(item)}" for key, item in value.items()) + " }"
+    if isinstance(value, list | tuple):
+        return "[" + ", ".join(map(_inline, value)) + "]"
+    return json.dumps(value)
+
+
+def _visible(text: str) -> str:
+    return "".join(letter if letter.isprintable() else "?" for letter in text)
+
+
+def _comment(text: str, mark: str = "# ") -> str:
+    """Text behind number signs, on as many lines as it takes; control characters are made visible."""
+    rows = wrap(_visible(text), _WIDTH + 1 - len(mark), break_long_words=False, break_on_hyphens=False)
+    return "".join(f"{mark}{row}\n" for row in rows)

@@ -8,19 +8,18 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from math import radians
 
-from seatrial.acquisition.config.sections import Mounting
-from seatrial.acquisition.core.channel import Channel
-from seatrial.acquisition.core.channels import BY_NAME, channels_of_trial
-from seatrial.acquisition.core.frames import Group, Quality, Sample
-from seatrial.acquisition.core.kinematics import (
+from seatrial.acquisition.config.sources import Mounting
+from seatrial.acquisition.core.quantities import (
     TangentPlane,
     along,
     apparent_wind,
+    to_earth,
+    to_ship,
     velocity_at_reference,
     wind_over_ground,
 )
-from seatrial.acquisition.core.trial import Trial
-from seatrial.analysis.kinematics import to_earth, to_ship
+from seatrial.acquisition.core.ship import BY_NAME, Channel, channels_of_trial
+from seatrial.acquisition.core.trial import Group, Quality, Sample, Trial
 
 _HEADING_KEEPS_NS = 1_500_000_000  # carried on by the rate of turn for as long
 _MOTION_KEEPS_NS = 1_500_000_000

@@ -1,19 +1,213 @@
-"""How the sources and channels are doing: counts, rates, ages, grades. The pipeline writes, the display reads."""
+"""How the sources and channels are doing: counts, rates, ages, grades. The pipeline writes, the display reads.
+
+Who keeps this computer's clock right, and how well: what the system tells without privileges.
+
+The kernel says whether anybody keeps it (adjtimex), the list of processes who, chrony and systemd-timesyncd how far
+off it may be, a pulse a second (PPS) how far it is off.
+
+Alarms by rule: once a second the recorder's figures against their limits, in a thread of its own.
+
+An alarm is an event of the recording, a line of the log, red on the terminal with its bell, and a command of the
+user's. The thread also looks, now and then, at who keeps the computer's clock.
+
+What a recorder without a person needs: log lines that a program can read, and a word to its supervisor.
+
+Predictions that another program makes of the ship while she is recorded: checked, few, and bounded.
+
+The recorder knows nothing of how they are made. It takes what fits the topic's schema, a few a second, and refuses
+the rest with a word: whatever the other program does, the recording of the ship comes first.
+
+Channels that change from one source to another, gathered by their cause: one event for one outage or return.
+"""
 
 from __future__ import annotations
 
+import ctypes
+import json
+import logging
 import math
+import os
+import queue
+import re
+import socket
+import subprocess
+import sys
+import threading
 import time
 from collections import Counter, deque
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
+from datetime import UTC, datetime
+from difflib import get_close_matches
+from pathlib import Path
 from statistics import median_low
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple, TextIO
 
-from seatrial.acquisition.core.channel import Channel
-from seatrial.acquisition.core.channels import BY_NAME, NAMES
-from seatrial.acquisition.core.frames import Sample, sensor_of
-from seatrial.acquisition.logger.host_clock import HostClock
+from seatrial.acquisition.config.sources import AlarmSection
+from seatrial.acquisition.core.errors import ConfigurationError, InputError, printable
+from seatrial.acquisition.core.process import started
+from seatrial.acquisition.core.ship import BY_NAME, NAMES, Channel
+from seatrial.acquisition.core.trial import Frame, Sample, label_parts, sensor_of
+from seatrial.acquisition.recording.messages import (
+    ARRAYS,
+    PREDICTED_TRACK_TOPIC,
+    PREDICTION,
+    PREDICTION_TOPIC,
+    encode,
+)
+from seatrial.acquisition.recording.parts import Tell
+
+_UNSYNCHRONISED = 5  # TIME_ERROR of adjtimex(2)
+_PATIENCE_S = 2.0
+_KEEPERS = {
+    "phc2sys": "PTP", "chronyd": "NTP", "ntpd": "NTP", "ntpd-rs": "NTP", "ntp-daemon": "NTP", "openntpd": "NTP",
+    "systemd-timesyn": "NTP",
+}  # fmt: skip
+"""Programs that keep a clock, by their names in /proc, which are cut to 15 letters."""
+_SECONDS = {"": 1.0, "s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "ns": 1e-9, "min": 60.0}
+_LATEST_PULSE_S = 2.5
+HOST_CLOCK = "host clock"
+"""The name of the computer's clock among the sources' states; no source can be called so."""
+
+
+@dataclass(frozen=True, slots=True)
+class HostClock:
+    """The state of the computer's clock.
+
+    ``error_s`` is a bound of its error, as far as its keeper tells; ``pps_offset_s`` how late the last pulse was by
+    it, where there is a pulse. ``keeper`` names the programs that keep it, whether they succeed or not.
+    """
+
+    state: str = "unknown"
+    keeper: str = ""
+    error_s: float | None = None
+    pps_offset_s: float | None = None
+
+    @property
+    def kept(self) -> bool:
+        """Whether the system says that it is kept right."""
+        return self.state.startswith("kept")
+
+    def as_message(self) -> dict[str, Any]:
+        errors = {"error_s": self.error_s, "pps_offset_s": self.pps_offset_s}
+        fields = {key: value for key, value in errors.items() if value is not None}
+        return {"source": HOST_CLOCK, "state": self.state, "keeper": self.keeper, **fields}
+
+    def __str__(self) -> str:
+        by = f" ({self.keeper})" if self.keeper else ""
+        within = "" if self.error_s is None else f", within {1e3 * self.error_s:.3g} ms"
+        pulse = "" if self.pps_offset_s is None else f", {1e3 * self.pps_offset_s:+.3g} ms at the pulse"
+        return f"{self.state}{by}{within}{pulse}"
+
+
+def kernel_state() -> str:
+    """What the kernel alone says of the clock, at once: "kept by NTP or PTP", "free-running", "unknown"."""
+    is_kept, _ = _kernel()
+    return "unknown" if is_kept is None else "kept by NTP or PTP" if is_kept else "free-running"
+
+
+def boot_metadata(boot: Path = Path("/proc/sys/kernel/random/boot_id")) -> dict[str, str]:
+    """The boot since which the monotonic clock counts, and how long it stood as the computer slept [ns].
+
+    Nothing where the system does not tell both.
+    """
+    try:
+        slept_ns = time.clock_gettime_ns(time.CLOCK_BOOTTIME) - time.monotonic_ns()
+        return {"boot": boot.read_text().strip(), "slept_ns": str(max(slept_ns, 0))}
+    except (OSError, AttributeError):
+        return {}
+
+
+def host_clock() -> HostClock:
+    """Look at the clock now; asks other programs, and may take some seconds."""
+    is_kept, kernel_error_s = _kernel()
+    keepers = running_keepers()
+    kinds = " and ".join(dict.fromkeys(_KEEPERS[keeper] for keeper in keepers))
+    server_error_s = chrony_error_s(_answer("chronyc", "-n", "-c", "tracking")) if "chronyd" in keepers else None
+    if "systemd-timesyn" in keepers:
+        server_error_s = timesyncd_error_s(_answer("timedatectl", "show-timesync", "--property=NTPMessage"))
+    return HostClock(
+        state=f"kept by {kinds}" if is_kept and kinds else kernel_state(),
+        keeper=", ".join(keepers),
+        error_s=(kernel_error_s if server_error_s is None else server_error_s) if is_kept else None,
+        pps_offset_s=pulse_offset_s(time.time()),
+    )
+
+
+class _Timex(ctypes.Structure):
+    """The beginning of struct timex, and room for the rest of it."""
+
+    _fields_ = [
+        ("modes", ctypes.c_uint), ("offset", ctypes.c_long), ("freq", ctypes.c_long), ("maxerror", ctypes.c_long),
+        ("esterror", ctypes.c_long), ("status", ctypes.c_int), ("rest", ctypes.c_byte * 512),
+    ]  # fmt: skip
+
+
+def _kernel() -> tuple[bool | None, float | None]:
+    """Whether the clock is kept, None if nobody knows, and the largest error that the kernel reckons with [s]."""
+    timex: Any = _Timex()  # modes 0: read only
+    try:
+        state = ctypes.CDLL(None).adjtimex(ctypes.byref(timex))
+    except (OSError, AttributeError):
+        return None, None
+    return state not in (_UNSYNCHRONISED, -1), timex.maxerror * 1e-6
+
+
+def running_keepers(processes: Path = Path("/proc")) -> list[str]:
+    """The programs that run and keep a clock."""
+    running = set()
+    for path in processes.glob("[0-9]*/comm"):
+        with suppress(OSError):
+            running.add(path.read_text().strip())
+    return [name for name in _KEEPERS if name in running]
+
+
+def _answer(*command: str) -> str:
+    try:
+        return subprocess.run(command, capture_output=True, text=True, timeout=_PATIENCE_S, check=True).stdout
+    except (OSError, subprocess.SubprocessError):
+        return ""
+
+
+def chrony_error_s(report: str) -> float | None:
+    """The bound that ``chronyc -c tracking`` gives: offset, root dispersion and half the root delay [s]."""
+    fields = report.strip().split(",")
+    with suppress(ValueError, IndexError):
+        offset, delay, dispersion = (float(fields[number]) for number in (4, 10, 11))
+        return abs(offset) + dispersion + delay / 2
+    return None
+
+
+def timesyncd_error_s(message: str) -> float | None:
+    """The bound by timesyncd's last answer: root dispersion, half the root delay, and the jitter since [s]."""
+    parts = [_seconds(message, name) for name in ("RootDelay", "RootDispersion", "Jitter")]
+    if None in parts:
+        return None
+    delay, dispersion, jitter = (part or 0.0 for part in parts)
+    return delay / 2 + dispersion + jitter
+
+
+def _seconds(message: str, name: str) -> float | None:
+    match = re.search(rf"\b{name}=((?:[\d.]+[a-zµ]* ?)+)", message)
+    if match is None:
+        return None
+    pieces: Sequence[tuple[str, str]] = re.findall(r"([\d.]+)([a-zµ]*)", match[1])
+    try:
+        return sum(float(number) * _SECONDS[unit] for number, unit in pieces)
+    except (KeyError, ValueError):
+        return None
+
+
+def pulse_offset_s(now_s: float, pulses: Path = Path("/sys/class/pps")) -> float | None:
+    """By how much the last pulse missed a whole second of the clock [s]; None without a pulse of late."""
+    for path in sorted(pulses.glob("*/assert")):
+        with suppress(OSError, ValueError):
+            at_s = float(path.read_text().partition("#")[0])
+            if abs(now_s - at_s) < _LATEST_PULSE_S:
+                return at_s - round(at_s)
+    return None
+
 
 Grade = Literal["good", "slow", "silent", "none"]
 
@@ -258,3 +452,407 @@ class Health:
         if self.free_bytes is None or self.bytes_per_s <= 0:
             return None
         return self.free_bytes / self.bytes_per_s
+
+
+_LOOK_EVERY_S = 1.0
+_CLOCK_EVERY_S = 30.0
+_LONGEST_COMMAND_S = 60.0
+_MOST_COMMANDS = 8
+
+
+def check_alarms(rules: Iterable[AlarmSection], health: Health) -> None:
+    """Raise :class:`ConfigurationError` for a rule whose figure there is not."""
+    figures = list(health.figures(time.monotonic_ns()))
+    for rule in rules:
+        if rule.figure not in figures:
+            near = get_close_matches(rule.figure, figures, n=3) or [
+                figure for figure in figures if rule.figure in figure
+            ]
+            near = near[:3] or figures[:8]
+            raise ConfigurationError(
+                f"unknown figure {rule.figure!r}", where=f"alarm {rule.name!r}", fix=f"say {' or '.join(near)}"
+            )
+
+
+@dataclass(slots=True)
+class Alarm:
+    """One rule, and since when what it says has been otherwise than what was told [s]."""
+
+    rule: AlarmSection
+    raised: bool = False
+    since_s: float | None = None
+
+    def look(self, value: float, now_s: float) -> bool:
+        """Whether the alarm is raised, or over, by this value; one that is not known changes nothing."""
+        rule = self.rule
+        outside = (rule.above is not None and value > rule.above) or (rule.below is not None and value < rule.below)
+        if math.isnan(value) or outside == self.raised:
+            self.since_s = None
+            return False
+        if self.since_s is None:
+            self.since_s = now_s
+        if now_s - self.since_s < rule.for_s:
+            return False
+        self.raised, self.since_s = outside, None
+        return True
+
+    def text(self, value: float) -> str:
+        """What there is to say, for people."""
+        rule = self.rule
+        limits = {"above": rule.above, "below": rule.below}
+        bounds = " or ".join(f"{word} {limit:g}" for word, limit in limits.items() if limit is not None)
+        return f"{rule.name}: {rule.figure} is {value:.4g}, {'' if self.raised else 'no more '}{bounds}"
+
+
+class Alarms:
+    """The alarms of one recording in progress; a context manager."""
+
+    def __init__(self, rules: Iterable[AlarmSection], health: Health, tell: Tell) -> None:
+        self._alarms = [Alarm(rule) for rule in rules]
+        self._health, self._tell = health, tell
+        self._commands: list[tuple[str, float, subprocess.Popen[bytes]]] = []
+        self._stopping = threading.Event()
+        self._thread = threading.Thread(target=self._work, name="alarms", daemon=True)
+
+    def __enter__(self) -> Alarms:
+        self._thread.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._stopping.set()
+        self._thread.join()
+
+    def _work(self) -> None:
+        clock_s = -math.inf
+        while not self._stopping.wait(_LOOK_EVERY_S):
+            now_s = time.monotonic()
+            try:
+                if now_s - clock_s >= _CLOCK_EVERY_S:
+                    clock_s = now_s
+                    self._health.clock = host_clock()
+                if self._alarms:
+                    self.look(self._health.figures(time.monotonic_ns()), now_s)
+                self._reap(now_s)
+            except (OSError, RuntimeError) as error:  # no descriptor, no thread: the next look is in a second
+                LOG.warning("the alarms could not be looked at: %s", error)
+        self._reap(time.monotonic())
+        self._leave()
+
+    def look(self, figures: Mapping[str, float], now_s: float) -> None:
+        for alarm in self._alarms:
+            value = figures.get(alarm.rule.figure, math.nan)
+            if alarm.look(value, now_s):
+                self._change(alarm, alarm.text(value), now_s)
+
+    def _change(self, alarm: Alarm, text: str, now_s: float) -> None:
+        name = alarm.rule.name
+        if alarm.raised:
+            self._health.alarms[name] = text
+            self._tell("error", f"ALARM {text}")
+            _ring()
+        else:
+            self._health.alarms.pop(name, None)
+            self._tell("warning", f"alarm over: {text}")
+        if alarm.rule.command:
+            self._run(alarm, text, now_s)
+
+    def _run(self, alarm: Alarm, text: str, now_s: float) -> None:
+        name, state = alarm.rule.name, "raised" if alarm.raised else "over"
+        if len(self._commands) >= _MOST_COMMANDS:
+            self._tell("error", f"alarm {name}: its command is not run, {_MOST_COMMANDS} others have not ended")
+            return
+        variables = {"SEATRIAL_ALARM": name, "SEATRIAL_STATE": state, "SEATRIAL_TEXT": text}
+        try:
+            process = subprocess.Popen(
+                alarm.rule.command, stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
+                env={**os.environ, **variables}, start_new_session=True,
+            )  # fmt: skip
+        except OSError as error:
+            self._tell("error", f"alarm {name}: its command cannot be run: {error.strerror}")
+            return
+        with suppress(OSError):
+            if process.stdin is not None:
+                process.stdin.write(f"{text}\n".encode())  # less than a pipe holds
+                process.stdin.close()
+        self._commands.append((name, now_s, process))
+
+    def _reap(self, now_s: float) -> None:
+        """Tell of commands that have failed, and end those that do not end."""
+        running = []
+        for name, began_s, process in self._commands:
+            if process.poll() is None and now_s - began_s > _LONGEST_COMMAND_S:
+                process.kill()
+                self._tell("error", f"alarm {name}: its command has not ended in {_LONGEST_COMMAND_S:g} s")
+            elif process.returncode is None:
+                running.append((name, began_s, process))
+            elif process.returncode:
+                self._tell("error", f"alarm {name}: its command ended with {process.returncode}")
+        self._commands = running
+
+    def _leave(self) -> None:
+        """Leave the commands that still run to end by themselves, each with a thread that takes its exit status."""
+        for _, _, process in self._commands:
+            with suppress(RuntimeError):  # no thread: the system takes the status once the recorder has ended
+                threading.Thread(target=process.wait, name="alarm command", daemon=True).start()
+        self._commands = []
+
+
+def _ring() -> None:
+    """The bell of the terminal, if there is one."""
+    if sys.stderr.isatty():
+        with suppress(OSError):
+            sys.stderr.write("\a")
+            sys.stderr.flush()
+
+
+LOG = logging.getLogger("seatrial")
+_MOST_WAITING = 10_000
+_LONGEST_JOIN_S = 2.0
+LogFormat = Literal["text", "json"]
+
+
+class JsonLines(logging.Formatter):
+    """One JSON object a line: time (UTC, ISO 8601), level, text, and what else the record carries."""
+
+    def format(self, record: logging.LogRecord) -> str:
+        line = {
+            "time": datetime.fromtimestamp(record.created, UTC).isoformat(timespec="milliseconds"),
+            "level": record.levelname.lower(),
+            "text": record.getMessage(),
+            **getattr(record, "more", {}),
+        }
+        return json.dumps(line)  # in ASCII: also of what nothing encodes, and of what a terminal obeys
+
+
+class _Text(logging.Formatter):
+    """For a person: the text, with its level where that is more than information.
+
+    Further lines of a text are indented, so that none passes for an entry of its own.
+    """
+
+    def format(self, record: logging.LogRecord) -> str:
+        text = printable(record.getMessage()).replace("\n", "\n    ")
+        return text if record.levelno <= logging.INFO else f"{record.levelname.lower()}: {text}"
+
+
+class _Unhurried(logging.Handler):
+    """Writes in a thread of its own: a terminal or a pipe that blocks must not hold up the recording."""
+
+    def __init__(self, stream: TextIO) -> None:
+        super().__init__()
+        self._stream = stream
+        self._lines: queue.Queue[str | None] = queue.Queue(_MOST_WAITING)
+        self._writer = threading.Thread(target=self._write, name="log", daemon=True)
+        self._running = started(self._writer)
+
+    def emit(self, record: logging.LogRecord) -> None:
+        self._running = self._running or started(self._writer)
+        with suppress(queue.Full):
+            self._lines.put_nowait(self.format(record))
+
+    def close(self) -> None:
+        """Write what is left, if that can be done soon."""
+        with suppress(queue.Full):
+            self._lines.put_nowait(None)
+        if self._running:
+            self._writer.join(_LONGEST_JOIN_S)
+        super().close()
+
+    def _write(self) -> None:
+        while (line := self._lines.get()) is not None:
+            with suppress(OSError, ValueError):
+                self._stream.write(f"{line}\n")
+                self._stream.flush()
+
+
+@contextmanager
+def log_to(stream: TextIO, form: LogFormat) -> Iterator[None]:
+    """Send Seatrial's log to a stream, as text or as one JSON object a line."""
+    handler = _Unhurried(stream)
+    handler.setFormatter(JsonLines() if form == "json" else _Text())
+    LOG.addHandler(handler)
+    LOG.setLevel(logging.INFO)
+    LOG.propagate = False
+    try:
+        yield
+    finally:
+        LOG.removeHandler(handler)
+        handler.close()
+
+
+def notify(state: str) -> bool:
+    """Tell systemd something (sd_notify): "READY=1", "WATCHDOG=1", "STATUS=..."; False where nobody listens."""
+    address = os.environ.get("NOTIFY_SOCKET", "")
+    if not address:
+        return False
+    with suppress(OSError), socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as sender:
+        sender.sendto(state.encode(), "\0" + address[1:] if address.startswith("@") else address)
+        return True
+    return False
+
+
+MOST_PER_S = 2.0
+_MOST_AT_ONCE = 4  # after a pause; then no more than MOST_PER_S
+_MOST_GEOJSON_LETTERS = 32_768
+_LARGEST = 1e12
+_KINDS: dict[str, tuple[type, ...]] = {
+    "number": (int, float), "integer": (int,), "string": (str,), "boolean": (bool,), "object": (dict,),
+    "array": (list,),
+}  # fmt: skip
+
+
+class RecordedPrediction(NamedTuple):
+    """A prediction that was taken in: when on the monotonic clock [ns], the instant that it starts from [ns UTC],
+    and the messages that it becomes; that for a map may be empty.
+    """
+
+    monotonic_ns: int
+    start_ns: int
+    data: bytes
+    geojson: bytes
+
+
+def schema_violation(value: Any, schema: Mapping[str, Any], name: str = "it") -> str:
+    """In what a JSON value does not fit a schema of ours; nothing if it does.
+
+    Understands what our schemas say: types, properties, required ones, items and the longest array or text. What
+    a schema does not name is refused.
+    """
+    kind = schema["type"]
+    if not isinstance(value, _KINDS[kind]) or (isinstance(value, bool) and kind != "boolean"):
+        return f"{name} is no {kind}"
+    if isinstance(value, int | float) and not abs(value) <= _LARGEST:  # nor is it not a number
+        return f"{name} is no number that can be meant"
+    if isinstance(value, dict):
+        return _misfit_of_object(value, schema, name)
+    if isinstance(value, list):
+        if len(value) > schema["maxItems"]:
+            return f"{name} has more than {schema['maxItems']} items"
+        texts = (schema_violation(item, schema["items"], f"an item of {name}") for item in value)
+        return next(filter(None, texts), "")
+    if isinstance(value, str) and len(value) > schema["maxLength"]:
+        return f"{name} has more than {schema['maxLength']} letters"
+    return ""
+
+
+def _misfit_of_object(value: dict[str, Any], schema: Mapping[str, Any], name: str) -> str:
+    properties = schema["properties"]
+    if missing := [key for key in schema["required"] if key not in value]:
+        return f"{missing[0]} is missing"
+    for key, entry in value.items():
+        if key not in properties:
+            return f"{name} has an unknown {key[:40]!r}"
+        if text := schema_violation(entry, properties[key], key):
+            return text
+    return ""
+
+
+def parse_prediction(message: Mapping[str, Any]) -> RecordedPrediction:
+    """What a client said, as what is recorded. Raises :class:`InputError` for what does not fit the schema."""
+    body, geojson = message["prediction"], message.get("geojson", "")
+    text = schema_violation(body, PREDICTION, "a prediction") or _misfit_of_track(body["track"])
+    if not isinstance(geojson, str) or len(geojson) > _MOST_GEOJSON_LETTERS:
+        text = text or f"geojson is no text of at most {_MOST_GEOJSON_LETTERS} letters"
+    if text:
+        raise InputError("is no prediction that can be recorded", why=text)
+    drawn = encode(PREDICTED_TRACK_TOPIC, {"geojson": geojson}) if geojson else b""
+    start_ns = round(body["start"] * 1e9)
+    return RecordedPrediction(time.monotonic_ns(), start_ns, encode(PREDICTION_TOPIC, body), drawn)
+
+
+def _misfit_of_track(track: Mapping[str, list[float]]) -> str:
+    """Arrays that go with each other are equally long; what is not known is empty."""
+    length = len(track["seconds"])
+    wrong = [name for name in ARRAYS if len(track[name]) != length and (track[name] or ARRAYS[name])]
+    return f"{wrong[0]} of the track is not as long as its seconds" if wrong else ""
+
+
+class Predictions:
+    """Predictions on their way into a recording: one thread puts them in, the recorder's takes them out."""
+
+    def __init__(self, health: Health) -> None:
+        self._health = health
+        self._waiting: deque[RecordedPrediction] = deque()
+        self._allowed, self._looked_s = float(_MOST_AT_ONCE), time.monotonic()
+
+    def offer(self, message: Mapping[str, Any]) -> str:
+        """Take one in. Returns why not, or nothing; what is refused is counted."""
+        try:
+            foretold = parse_prediction(message)
+        except (InputError, ValueError) as error:  # the latter for halves of letters
+            self._health.predictions_refused += 1
+            return str(error)
+        if not self._has_room():
+            self._health.predictions_refused += 1
+            return f"more than {MOST_PER_S:g} predictions a second"
+        self._waiting.append(foretold)
+        return ""
+
+    def take(self) -> list[RecordedPrediction]:
+        return [self._waiting.popleft() for _ in range(len(self._waiting))]
+
+    def _has_room(self) -> bool:
+        now_s = time.monotonic()
+        self._allowed = min(self._allowed + (now_s - self._looked_s) * MOST_PER_S, float(_MOST_AT_ONCE))
+        self._looked_s = now_s
+        if self._allowed < 1.0 or len(self._waiting) >= _MOST_AT_ONCE:
+            return False
+        self._allowed -= 1.0
+        return True
+
+
+_GATHERED_NS = SILENT_NS  # channels of one line fall silent, and come back, as far apart as their messages do
+
+
+class Handover(NamedTuple):
+    """A channel that goes from one source to another, which has ``returned`` or replaces one that is silent."""
+
+    channel: str
+    before: str
+    after: str
+    returned: bool
+
+    @property
+    def parties(self) -> tuple[str, str]:
+        """From where to where: lines or, on one line, devices."""
+        lines = label_parts(self.before)[0], label_parts(self.after)[0]
+        return lines if lines[0] != lines[1] else (sensor_of(self.before), sensor_of(self.after))
+
+    @property
+    def text(self) -> str:
+        return f"{self.channel}: from {self.before} to {self.after}"
+
+
+@dataclass(slots=True)
+class _Cause:
+    """What one line or device did, with the frame of the first channel that changed by it."""
+
+    first: Frame
+    handovers: dict[str, Handover] = field(default_factory=dict)  # by channel, the last of each
+
+    @property
+    def text(self) -> str:
+        handovers = list(self.handovers.values())
+        if len(handovers) == 1:
+            return handovers[0].text
+        before, after = (sorted({handover.parties[end] for handover in handovers}) for end in (0, 1))
+        channels = f"{len(handovers)} channels: from {', '.join(before)} to {', '.join(after)}"
+        return f"{channels} ({', '.join(self.handovers)})"
+
+
+class Handovers:
+    """The changes not reported yet: their ``causes``, by the line or device that fell silent or returned."""
+
+    def __init__(self) -> None:
+        self.causes: dict[tuple[str, bool], _Cause] = {}
+
+    def add(self, handover: Handover, frame: Frame) -> None:
+        """Note a change that came with a frame."""
+        cause = handover.parties[handover.returned], handover.returned
+        self.causes.setdefault(cause, _Cause(frame)).handovers[handover.channel] = handover
+
+    def due(self, now_ns: float) -> list[tuple[Frame, str]]:
+        """What is to be reported by now [monotonic, ns]: the frame that each began with, and its text."""
+        due = [key for key, cause in self.causes.items() if now_ns - cause.first.monotonic_ns >= _GATHERED_NS]
+        causes = [self.causes.pop(key) for key in due]
+        return [(cause.first, cause.text) for cause in causes]

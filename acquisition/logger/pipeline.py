@@ -3,6 +3,8 @@
 One thread a source does nothing but receive (``receiver.py``), so that a slow disk never delays reception; one
 thread does the rest. An inbox that is full drops frames by number, never silently. What a receiver cannot cope
 with counts as a failed source; what the recorder's thread cannot cope with is reported, and it goes on.
+
+One source's reception: read, pass on to the inbox, and when it fails say so, back off and open it again.
 """
 
 from __future__ import annotations
@@ -10,18 +12,20 @@ from __future__ import annotations
 import queue
 import threading
 import time
+from collections import Counter, deque
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from operator import attrgetter
 
-from seatrial.acquisition.config.configuration import TrialConfig
-from seatrial.acquisition.core.errors import SourceError
-from seatrial.acquisition.core.frames import now_ns
+from seatrial.acquisition.config.trial_file import TrialConfig
+from seatrial.acquisition.core.errors import SeatrialError, SourceError
 from seatrial.acquisition.core.process import started
-from seatrial.acquisition.logger.health import ChannelHealth, Health, SourceHealth
+from seatrial.acquisition.core.trial import Frame, FrameFlag, now_ns
+from seatrial.acquisition.logger.health import ChannelHealth, Health, Predictions, SourceHealth
 from seatrial.acquisition.logger.maintenance import Maintenance, Timescale
-from seatrial.acquisition.logger.predictions import Predictions
 from seatrial.acquisition.logger.processing import FrameProcessor
-from seatrial.acquisition.logger.receiver import Inbox, Receiver
-from seatrial.acquisition.recording.parts import RecordingParts
-from seatrial.acquisition.sources import make_source
+from seatrial.acquisition.recording.parts import RecordingParts, Tell
+from seatrial.acquisition.sources import Senders, Source, make_source
 
 _LOOK_S = 0.01
 _POLL_S = 0.02  # how long a frame may wait for the recorder: little beside the time to the next flush
@@ -235,3 +239,272 @@ class Recorder:
             else:
                 self._parts.write_prediction(data, geojson, self._scale.utc_ns(monotonic_ns), start_ns)
                 self.health.predictions += 1
+
+
+_MOST_AT_ONCE = 100  # of one source, so that the recorder's clock work is never kept waiting for long
+_MOST_BYTES_AT_ONCE = 200_000  # the same: to search a megabyte of junk for packets of MAVLink takes seconds
+_WAITING_BYTES, _LEAST_WAITING_BYTES = 256_000_000, 8_000_000  # of all sources together, of one at least
+POLL_S = 0.1
+_LONGEST_BACK_OFF_S = 10.0
+_TELL_EVERY_S = 10.0
+_LATE_S = 0.02  # what is stamped later than this is marked
+_CATCHING_UP_S, _CATCHING_UP_SHARE = 0.1, 0.1  # of the time it stood still, for what waited on all sources
+_TELL_STILL_S = 0.2
+_SAVED_S = 10.0
+_RECORD_BYTES = 60  # what a frame's record takes beside its bytes, about
+_LEISURE_S = 0.01
+_OVER_BUDGET = "over its budget of {:,.0f} kB/s by {{:,}} frames"
+_SETTLED_S = 5.0  # a source that stays open so long is well, even if it says nothing
+
+
+class Inbox:
+    """Frames that wait to be recorded: one writer thread a source, one reader thread for all.
+
+    A source's share is a number of frames, and of bytes in them. Nobody is woken: the reader comes by often enough,
+    and to wake a thread would cost more than the frame.
+    """
+
+    def __init__(self, sources: Iterable[str], share: int) -> None:
+        self._lines = {name: _Line() for name in sources}
+        self._share = share
+        self._share_bytes = max(_WAITING_BYTES // max(len(self._lines), 1), _LEAST_WAITING_BYTES)
+
+    def put(self, source: str, frames: list[Frame]) -> int:
+        """Take in what the source's share has room for, and return how many frames that is."""
+        line = self._lines[source]
+        room = max(self._share - len(line.frames), 0)
+        admitted = frames if len(frames) <= room else frames[:room]
+        size = sum([len(frame.payload) for frame in admitted])
+        while line.bytes_in + size - line.bytes_out > self._share_bytes and admitted:
+            admitted = admitted[: len(admitted) // 2]
+            size = sum([len(frame.payload) for frame in admitted])
+        line.bytes_in += size
+        line.frames.extend(admitted)
+        return len(admitted)
+
+    def take(self) -> list[Frame]:
+        """What waits, in the order of reception; of each source at most some."""
+        taken: list[Frame] = []
+        for line in self._lines.values():
+            taken += line.take()
+        taken.sort(key=attrgetter("monotonic_ns"))
+        return taken
+
+    def __len__(self) -> int:
+        """How many frames wait."""
+        return sum(len(line.frames) for line in self._lines.values())
+
+
+@dataclass(slots=True)
+class _Line:
+    """What waits of one source. Each of the two counts is written by one thread only."""
+
+    frames: deque[Frame] = field(default_factory=deque)
+    bytes_in: int = 0
+    bytes_out: int = 0
+
+    def take(self) -> list[Frame]:
+        taken, size = [], 0
+        for _ in range(min(len(self.frames), _MOST_AT_ONCE)):
+            taken.append(self.frames.popleft())
+            size += len(taken[-1].payload)
+            if size >= _MOST_BYTES_AT_ONCE:
+                break
+        self.bytes_out += size
+        return taken
+
+
+class RateBudget:
+    """How much of a source is kept: ``bytes_per_s``, and what it has saved of these in up to ten seconds."""
+
+    def __init__(self, bytes_per_s: float, now_s: float) -> None:
+        self.bytes_per_s = bytes_per_s
+        self._budget_bytes, self._looked_s = bytes_per_s * _SAVED_S, now_s
+
+    def admit(self, frames: list[Frame], now_s: float) -> int:
+        """How many of the frames, from the first on, it has room for."""
+        earned = self.bytes_per_s * (now_s - self._looked_s)
+        self._budget_bytes = min(self._budget_bytes + earned, self.bytes_per_s * _SAVED_S)
+        self._looked_s = now_s
+        for count, frame in enumerate(frames):
+            size = len(frame.payload) + _RECORD_BYTES
+            if size > self._budget_bytes:
+                return count
+            self._budget_bytes -= size
+        return len(frames)
+
+
+class Receiver:
+    """What one thread does for one source until ``stopping`` is set; ``tell`` takes events. It raises nothing."""
+
+    def __init__(
+        self,
+        source: Source,
+        health: SourceHealth,
+        inbox: Inbox,
+        stopping: threading.Event,
+        tell: Tell,
+        bytes_per_s: float = float("inf"),
+    ) -> None:
+        self._budget = RateBudget(bytes_per_s, time.monotonic())
+        self.source, self._health, self._inbox, self._stopping, self._tell = source, health, inbox, stopping, tell
+        health.state = "opening"
+        self._senders: Senders | None = getattr(source, "senders", None)
+        if self._senders is not None:
+            health.refusals.append(self._senders.refused)
+        if (refused := getattr(source, "refused", None)) is not None:
+            health.refusals.append(refused)
+        self._back_off_s = POLL_S
+        self._dropped_before = self._lost_before = 0
+        self._untold: Counter[str] = Counter()
+        self._warned_s: dict[str, float] = {}
+        self._opened_s = 0.0
+        self._ended_s = float("inf")  # of the last read
+        self._still_s, self._late, self._catches_up_s = 0.0, 0, 0.0
+        self.tried = threading.Event()
+        self.opened = False
+        self.open_error: SourceError | None = None
+
+    def run(self) -> None:
+        """Receive until told to stop, or until the source says that nothing more will come."""
+        self._open()
+        self.tried.set()
+        while not self._stopping.is_set():
+            if self._health.state == "failed":
+                self._open_later()
+                continue
+            began_s = time.monotonic()
+            try:
+                frames = self.source.read(POLL_S)
+            except Exception as error:  # the other sources go on
+                self._failed(as_source_error(self.source, error))
+                self.close()
+                continue
+            if frames is None:
+                self._health.state = "ended"
+                break
+            while self._senders is not None and self._senders.news:
+                level, text = self._senders.news.popleft()
+                self._tell(level, f"{self._health.name}: {text}")
+            frames = self._marked(frames, began_s, time.monotonic())
+            if frames:
+                self._pass_on(frames)
+            if self._health.failed_ns is not None and (frames or time.monotonic() - self._opened_s > _SETTLED_S):
+                self._back(self._health.failed_ns)
+            if self.source.lost > self._lost_before:
+                self._count_lost(self.source.loss, self.source.lost - self._lost_before)
+                self._lost_before = self.source.lost
+        for why in tuple(self._untold):
+            self._tell_sum(why)
+        self.close()
+
+    def _marked(self, frames: list[Frame], began_s: float, ended_s: float) -> list[Frame]:
+        """The frames, marked if they waited while the recorder stood still, or while it catches up after that.
+
+        A read that took longer than it may, or began long after the one before, tells that it did.
+        """
+        still_s = max(began_s - self._ended_s, ended_s - began_s - POLL_S)
+        self._ended_s = ended_s
+        if still_s > _LATE_S:
+            self._still_s = max(still_s, self._still_s)
+            self._catches_up_s = ended_s + _CATCHING_UP_S + _CATCHING_UP_SHARE * still_s
+        if not self._still_s:
+            return frames
+        if not getattr(self.source, "exact", False):
+            self._late += len(frames)
+            frames = [frame._replace(flags=frame.flags | FrameFlag.LATE) for frame in frames]
+        if not getattr(self.source, "behind", False) and ended_s >= self._catches_up_s:
+            self._tell_still()
+        return frames
+
+    def _tell_still(self) -> None:
+        """Say, when it is over, that the recorder stood still, and what it has cost."""
+        if self._still_s > _TELL_STILL_S:
+            text = f"{self._health.name}: the recorder stood still for {self._still_s:.2f} s"
+            if self._late:
+                text += (
+                    f"; {self._late:,} frames are stamped up to so much late, and their values marked as suspect"
+                )
+            self._tell("warning", text)
+        self._still_s, self._late = 0.0, 0
+
+    def _open(self) -> None:
+        try:
+            self.source.open()
+        except Exception as error:  # drivers raise what they like
+            self.open_error = as_source_error(self.source, error)
+            self._failed(self.open_error)
+            return
+        self._health.state, self._opened_s = "open", time.monotonic()
+        self._ended_s = self._opened_s
+        self.opened = True
+        if remark := getattr(self.source, "remark", ""):
+            self._tell("warning", f"{self._health.name}: {remark}")
+
+    def _back(self, failed_ns: int) -> None:
+        """The source works again: it says something, or stays open; some can be opened and fail at once."""
+        gap_s = (time.monotonic_ns() - failed_ns) / 1e9
+        self._tell("warning", f"source {self.source.name!r} is back after {gap_s:.1f} s")
+        self._health.failed_ns = None
+        self._back_off_s = POLL_S
+
+    def close(self) -> None:
+        try:
+            self.source.close()
+        except Exception as error:  # a cable that was pulled may refuse even this
+            self._tell("warning", str(as_source_error(self.source, error)))
+
+    def _within_budget(self, frames: list[Frame]) -> list[Frame]:
+        """What the budget has room for. A source that floods is read at leisure: the system drops the rest."""
+        admitted = self._budget.admit(frames, time.monotonic())
+        if left_out := len(frames) - admitted:
+            self._health.over_budget += left_out
+            self._count_lost(_OVER_BUDGET.format(self._budget.bytes_per_s / 1e3), left_out)
+            self._stopping.wait(_LEISURE_S)
+            self._ended_s = time.monotonic()
+        return frames[:admitted]
+
+    def _pass_on(self, frames: list[Frame]) -> None:
+        self._health.count_in(len(frames), frames[-1].monotonic_ns)
+        frames = self._within_budget(frames)
+        accepted = self._inbox.put(self._health.name, frames)
+        dropped = len(frames) - accepted
+        if dropped and self._health.dropped == self._dropped_before:
+            self._tell("error", f"{self._health.name}: the queue is full, frames are being dropped")
+        self._health.dropped += dropped
+        if not dropped and self._health.dropped > self._dropped_before:
+            count = self._health.dropped - self._dropped_before
+            self._tell("error", f"{self._health.name}: {count:,} frames were dropped; none any more")
+            self._dropped_before = self._health.dropped
+
+    def _count_lost(self, why: str, count: int) -> None:
+        """What never came to the queue, as ``why`` says: as bad as a drop of our own; told in sums."""
+        self._health.dropped += count
+        self._dropped_before += count
+        self._untold[why] += count
+        if time.monotonic() - self._warned_s.get(why, float("-inf")) > _TELL_EVERY_S:
+            self._tell_sum(why)
+            self._warned_s[why] = time.monotonic()
+
+    def _tell_sum(self, why: str) -> None:
+        self._tell("error", f"{self._health.name}: {why.format(self._untold.pop(why))}")
+
+    def _failed(self, error: SourceError) -> None:
+        if self._health.failed_ns is None:
+            self._health.failed_ns = time.monotonic_ns()
+            self._tell("error", str(error))
+        self._health.state = "failed"
+
+    def _open_later(self) -> None:
+        if self._stopping.wait(self._back_off_s):
+            return
+        self._back_off_s = min(2 * self._back_off_s, _LONGEST_BACK_OFF_S)
+        self._open()
+
+
+def as_source_error(source: Source, error: Exception) -> SourceError:
+    """What a driver raised, as an error of ours."""
+    if isinstance(error, SourceError):
+        return error
+    why = str(error) if isinstance(error, SeatrialError) else f"{type(error).__name__} {error}"
+    return SourceError("failed", where=f"source {source.name!r}", why=why)

@@ -17,21 +17,26 @@ from functools import partial
 from operator import attrgetter
 from pathlib import Path
 
-from seatrial.acquisition.config.configuration import TrialConfig
-from seatrial.acquisition.config.sections import FILE_SOURCES, LiveSection
+from seatrial.acquisition.config.sources import FILE_SOURCES, LiveSection
+from seatrial.acquisition.config.trial_file import TrialConfig
 from seatrial.acquisition.core.errors import ConfigurationError, SeatrialError, SourceError
-from seatrial.acquisition.core.frames import NANO, Frame, iso, now_ns
-from seatrial.acquisition.decoders import BAD_DATA
-from seatrial.acquisition.logger.alarms import Alarms, check_alarms
-from seatrial.acquisition.logger.copies import Copies, require_other_folder
-from seatrial.acquisition.logger.display import Picture, mark_on_keys, status
-from seatrial.acquisition.logger.health import Health, SourceHealth
-from seatrial.acquisition.logger.maintenance import Timescale, clock_metadata
+from seatrial.acquisition.core.trial import NANO, Frame, iso, now_ns
+from seatrial.acquisition.logger.display import LiveView, Picture, StatusPage, mark_on_keys, status
+from seatrial.acquisition.logger.health import (
+    LOG,
+    Alarms,
+    Health,
+    LogFormat,
+    SourceHealth,
+    check_alarms,
+    log_to,
+    notify,
+)
+from seatrial.acquisition.logger.maintenance import Copies, Timescale, clock_metadata, require_other_folder
 from seatrial.acquisition.logger.pipeline import NO_THREAD, Recorder, health_of
 from seatrial.acquisition.logger.processing import FrameProcessor
 from seatrial.acquisition.logger.requests import RecorderState, RequestServer
-from seatrial.acquisition.logger.supervision import LOG, LogFormat, log_to, notify
-from seatrial.acquisition.logger.viewers import LiveView, StatusPage
+from seatrial.acquisition.protocols import BAD_DATA
 from seatrial.acquisition.recording.parts import RecordingParts
 from seatrial.acquisition.sources import Source, make_source
 
@@ -180,7 +185,7 @@ def _display(picture: Picture, recorder: Recorder) -> Iterator[None]:
         return
     from rich.live import Live
 
-    from seatrial.acquisition.core.terminal import Terminal
+    from seatrial.acquisition.core.errors import Terminal
 
     # screen: a window that is resized leaves no ruins, and the terminal comes back as it was
     live = Live(picture, console=Terminal(stderr=True), refresh_per_second=_REDRAW_PER_S, screen=True)

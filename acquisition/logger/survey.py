@@ -1,38 +1,64 @@
 """What comes on each source, message by message, and which channels it makes: decoded as a recording would be.
 
 Nothing is written. The discovery of a ship's sources, the check before departure and the summary of a file ask the
-same survey, and :mod:`seatrial.acquisition.logger.missing` says from it why a channel is missing.
+same survey, and :mod:`seatrial.acquisition.logger.survey` says from it why a channel is missing.
+
+Why a channel is missing, one reason each, and what to do: from a survey of what has come.
+
+``seatrial record --check``: before departure, which channels will be missing, and why.
+
+The check is a short recording, made exactly as a real one and thrown away: what works here works at sea. It lies
+in the folder for temporary files; where the real one will go is looked at, and nothing is written there.
+
+``seatrial redecode``: the channels of a recording anew from its raw input, with a corrected configuration.
+
+The raw input is copied as it is, and so is what people and the recorder noted and what was foretold; everything
+else (channels, fixes, what decoding told) comes from decoding again.
 """
 
 from __future__ import annotations
 
+import os
+import tempfile
+import threading
+import time
 from collections import Counter
-from collections.abc import Iterable, Iterator
+from collections.abc import Container, Iterable, Iterator, Mapping
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from functools import cache
 from itertools import chain, islice
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
-from seatrial.acquisition.config.configuration import TrialConfig
-from seatrial.acquisition.core.channels import channel_names
-from seatrial.acquisition.core.frames import Frame, FrameFlag, Group, Sample, label_parts
-from seatrial.acquisition.core.trial import Trial
-from seatrial.acquisition.decoders import Decoder
-from seatrial.acquisition.decoders.declared_groups import decoded, variants_of
-from seatrial.acquisition.decoders.fast_packets import FastPackets
-from seatrial.acquisition.decoders.mavlink_packets import Fault, PacketCutter, header_of, message_name
-from seatrial.acquisition.decoders.mqtt import topic_and_message
-from seatrial.acquisition.decoders.nmea0183 import sentences_in, split_sentence, split_tag
-from seatrial.acquisition.decoders.nmea2000 import parameter_group
-from seatrial.acquisition.decoders.parameter_groups import ADDRESS_CLAIM
-from seatrial.acquisition.decoders.told_time import SENTENCE_BEHIND
-from seatrial.acquisition.logger.pipeline import health_of
-from seatrial.acquisition.logger.processing import FrameProcessor
-from seatrial.acquisition.recording.messages import MessageSink
-from seatrial.acquisition.recording.reader import MessageStream
-from seatrial.acquisition.recording.schemas import RAW_PREFIX
+from seatrial.acquisition.config.declarations import GroupField, MavlinkField, Origin, SentenceField
+from seatrial.acquisition.config.sources import Carried, LineSource, MqttLinks, OwnSource, RecordingSection
+from seatrial.acquisition.config.trial_file import CONFIGURATION, PACK_ENDING, TrialConfig, parse_config
+from seatrial.acquisition.core.errors import InputError, Progress, SeatrialError, StorageError
+from seatrial.acquisition.core.files import atomic_file, expect_suffix
+from seatrial.acquisition.core.ship import POSE_AND_VELOCITY, channel_names, from_text, is_ship_known, trial_names
+from seatrial.acquisition.core.trial import Frame, FrameFlag, Group, Sample, Trial, label_parts
+from seatrial.acquisition.logger.health import ENOUGH_RATE, SILENT_NS, Health, check_alarms
+from seatrial.acquisition.logger.pipeline import Recorder, health_of
+from seatrial.acquisition.logger.processing import DECODED, FrameProcessor
+from seatrial.acquisition.protocols import Decoder
+from seatrial.acquisition.protocols.clock import SENTENCE_BEHIND
+from seatrial.acquisition.protocols.mavlink import Fault, PacketCutter, header_of, message_name
+from seatrial.acquisition.protocols.mqtt import topic_and_message
+from seatrial.acquisition.protocols.nmea0183 import NO_CHECKSUM, sentences_in, split_sentence, split_tag
+from seatrial.acquisition.protocols.nmea2000 import FastPackets, parameter_group
+from seatrial.acquisition.protocols.parameter_groups import ADDRESS_CLAIM, decoded, variants_of
+from seatrial.acquisition.recording.messages import (
+    EVENT_TOPIC,
+    PREDICTED_TRACK_TOPIC,
+    PREDICTION_TOPIC,
+    RAW_PREFIX,
+    MessageSink,
+    encode,
+)
+from seatrial.acquisition.recording.parts import RecordingParts
+from seatrial.acquisition.recording.reader import MessageEntry, MessageStream, read_trial
+from seatrial.acquisition.recording.writer import RecordingWriter, free_bytes, shortage
 
 PRODUCT_INFORMATION = 126996
 TOPIC_VALUE = "value"
@@ -291,3 +317,509 @@ def _identity(group: int, payload: bytes) -> dict[str, Any]:
     return iso_name | {
         name: str(values[key]).strip() for name, key in wanted.items() if values.get(key) not in (None, "")
     }
+
+
+LOOKED_AT = 10_000
+"""Frames of a recording from which its summary says why something is missing: some seconds of a busy bus."""
+RATED_FIX = "give rated_rpm"
+VARIATION_FIX = "set magnetic_variation_deg or add a source of 127258"
+_MOST_NAMED = 6
+_FRESH_S = 1.5  # how old what others are derived with may be
+
+
+class _Recipe(NamedTuple):
+    """Channels that are derived from ``of``, if what they ``need`` besides is known."""
+
+    channels: tuple[str, ...]
+    of: str
+    needs: tuple[str, ...]
+
+
+_SPEEDS, _WIND = ("surge_mps", "sway_mps"), ("wind_direction_deg", "wind_speed_mps")
+_RECIPES = (
+    _Recipe(("heading_deg",), "heading_magnetic_deg", ("magnetic_variation_deg",)),
+    _Recipe(_SPEEDS, "velocity_north_mps", ("heading_deg",)),
+    _Recipe(_SPEEDS, "course_magnetic_deg", ("speed_over_ground_mps", "magnetic_variation_deg", "heading_deg")),
+    _Recipe(_SPEEDS, "course_over_ground_deg", ("speed_over_ground_mps", "heading_deg")),
+    _Recipe(_SPEEDS, "speed_over_ground_mps", ("course_over_ground_deg", "heading_deg")),
+    _Recipe(("wind_direction_deg",), "wind_direction_magnetic_deg", ("magnetic_variation_deg",)),
+    _Recipe(_WIND, "wind_angle_theoretical_deg", ("wind_speed_theoretical_mps", "heading_deg")),
+    _Recipe(_WIND, "wind_angle_apparent_deg", ("wind_speed_apparent_mps", "heading_deg", *_SPEEDS)),
+    _Recipe(_WIND, "wind_angle_water_deg",
+            ("wind_speed_water_mps", "heading_deg", *_SPEEDS, "speed_through_water_mps")),
+    _Recipe(("north_m", "east_m"), "latitude_deg", ("longitude_deg",)),
+)  # fmt: skip
+_POSITION = ("GGA", "GNS", "RMC", "GLL", "129025", "129029", "GLOBAL_POSITION_INT", "GPS_RAW_INT")
+_CARRIERS = {
+    **dict.fromkeys(("north_m", "east_m"), _POSITION),
+    "heading_deg": ("HDT", "THS", "HDG", "HDM", "127250", "ATTITUDE"),
+    **dict.fromkeys(_SPEEDS, ("VBW", "130578", "VTG", "RMC", "129026", "130577", "LOCAL_POSITION_NED")),
+    "yaw_rate_dps": ("ROT", "127251", "ATTITUDE"),
+    **dict.fromkeys(_WIND, ("MWD", "MWV", "VWR", "VWT", "130306", "WIND", "WIND_COV")),
+}
+"""The messages that can carry each channel of the motion, or what it is derived from."""
+_OF_ACTUATORS = ("TRD", "TRC", "RPM", "RSA", "127245", "127488", "128006", "RAW_RPM")
+_REMEDIES = {
+    "thruster in percent": f"in percent: {RATED_FIX}",
+    "engine without a reduction ratio": "tells the engine's speed: give reduction_ratios",
+    "engine rpm": "tells the engine's speed: give reduction_ratios",
+    "thruster not understood": "of a number that no thruster has: say in `thrusters` whose it is",
+    "rpm of a single or unknown shaft": "of a shaft that the ship has not: list hers as [[actuator]]",
+    "another instance": "of one more than the ship has: list hers as [[actuator]]",
+    "heading without a reference": "without saying which north it counts from",
+    "wind without a reference": "without saying what it refers to",
+    "wind reference unknown": "without saying what it refers to",
+    "course without a reference": "without saying which north it counts from",
+    "not marked valid": "but is marked as not valid: see to the sensor",
+    "no fix": "but without a fix: see to the antenna",
+    "not available": "but its values are not available: see to the sensor",
+    "no value": "but its fields are empty: see to the sensor",
+    "retained by the broker, of unknown age": "but only as the broker has retained it: see to who publishes it",
+    NO_CHECKSUM: 'but without a checksum: checksum = "optional" in [[source]] reads it',
+    "no sound checksum": "but with wrong checksums: see to the line and its baud rate",
+}
+_UNREAD = {
+    "127488": "tells the engine's speed: give reduction_ratios",
+    "128006": "tells a thruster's speed in percent: it has no channel",
+}
+
+
+def missing_channels(survey: Survey) -> dict[str, str]:
+    """The channels of the trial that have not come, and the reason for each."""
+    received = survey.channels
+    return {
+        name: why_missing(name, survey) for name in trial_names(survey.config.actuators) if name not in received
+    }
+
+
+def missing_in(path: Path, present: Container[str]) -> dict[str, str]:
+    """The channels of a recording's trial that are not ``present`` in it, and why, by its raw input.
+
+    Empty where it carries none, or no configuration that can be read today.
+    """
+    with tempfile.TemporaryDirectory(prefix="seatrial-info-") as scratch:
+        try:
+            config = own_configuration(path, Path(scratch))
+            absent = [name for name in config.watched_channels if name not in present]
+            survey = survey_of_recording(config, [path], LOOKED_AT) if absent else None
+        except SeatrialError:
+            return {}
+    if survey is None or not survey.kinds:
+        return {}
+    return {name: why_missing(name, survey) for name in absent}
+
+
+def reasons_in(config: TrialConfig, paths: Iterable[Path], names: Iterable[str]) -> dict[str, str]:
+    """Why channels did not come, by the beginning of a recording; empty words where it cannot be read."""
+    try:
+        survey = survey_of_recording(config, paths, LOOKED_AT)
+    except SeatrialError:
+        return dict.fromkeys(names, "")
+    return {name: why_missing(name, survey) for name in names}
+
+
+def by_reason(missing: Mapping[str, str]) -> dict[str, str]:
+    """The reasons once each, by the channels that they hold for, as one text.
+
+    >>> by_reason({"surge_mps": "no heading", "sway_mps": "no heading"})
+    {'surge_mps, sway_mps': 'no heading'}
+    """
+    names: dict[str, list[str]] = {}
+    for name, reason in missing.items():
+        names.setdefault(reason, []).append(name)
+    return {", ".join(channels): reason for reason, channels in names.items()}
+
+
+def why_missing(name: str, survey: Survey) -> str:
+    """One reason why a channel has not come, and what to do about it."""
+    return what_comes(name, survey) or _nothing(name, survey)
+
+
+def what_comes(name: str, survey: Survey) -> str:
+    """What comes that a channel could be made of, and why it is not; empty where nothing does."""
+    if labels := survey.quantities.get(name):  # on a line that is not to provide it
+        line = label_parts(next(iter(labels)))[0]
+        return f"{_messages(labels)} comes: add {name} to the channels of source {line!r}"
+    return _not_derived(name, survey) or _refused(name, survey)
+
+
+def _not_derived(name: str, survey: Survey) -> str:
+    """What it would be derived from comes, but something else is missing."""
+    for recipe in _RECIPES:
+        labels = survey.quantities.get(recipe.of, {})
+        if name not in recipe.channels or not labels:
+            continue
+        lacking = next((need for need in recipe.needs if not _comes(need, survey)), None)
+        if lacking is not None:
+            return f"{_messages(labels)} comes, but no {_words(lacking)}: {_remedy(lacking, survey)}"
+        slowest = max(recipe.needs, key=lambda need: _interval_s(need, survey))
+        if (interval_s := _interval_s(slowest, survey)) > _FRESH_S:
+            remark = f"{_words(slowest)} only every {interval_s:.0f} s: at most {_FRESH_S} s old it serves"
+            return f"{_messages(labels)} comes, but {remark}"
+    return ""
+
+
+def _comes(quantity: str, survey: Survey) -> bool:
+    """Whether what others are derived with is known: of a line's own, of the ship's, or of the configuration."""
+    if quantity == "magnetic_variation_deg" and survey.config.magnetic_variation_deg is not None:
+        return True
+    if quantity in POSE_AND_VELOCITY and quantity != "heading_deg":
+        return bool(survey.health.channels[quantity].count)
+    return quantity in survey.quantities
+
+
+def _interval_s(quantity: str, survey: Survey) -> float:
+    rates_hz = [tally.rate_hz for tally in survey.quantities.get(quantity, {}).values() if tally.rate_hz]
+    return 1.0 / max(rates_hz) if rates_hz and quantity != "magnetic_variation_deg" else 0.0
+
+
+def _remedy(quantity: str, survey: Survey) -> str:
+    if quantity == "magnetic_variation_deg":
+        return VARIATION_FIX
+    if quantity in trial_names(survey.config.actuators):
+        return why_missing(quantity, survey)
+    return "the sensor leaves it out"
+
+
+def _refused(name: str, survey: Survey) -> str:
+    """A message that could carry it comes, but there is nothing to take from it."""
+    could = {kind: tally for kind, tally in survey.kinds.items() if _can_carry(kind, name, survey)}
+    for kind, tally in sorted(could.items(), key=lambda entry: -entry[1].count):
+        reason = _UNREAD.get(kind.name, "")
+        for why, _ in tally.refused.most_common(1):
+            reason = _REMEDIES.get(why, f"but is refused: {why}")
+        if not reason and kind.name in _CARRIERS.get(name, ()):
+            reason = "but holds no value for it"
+        if reason:
+            what = kind.device if kind.name == TOPIC_VALUE else kind.name
+            return f"{what} comes, {reason}" if reason.startswith(("but", "without")) else f"{what} {reason}"
+    return ""
+
+
+def _can_carry(what: TrafficKind, name: str, survey: Survey) -> bool:
+    """Whether a message can carry a channel; one of a thruster's number only that thruster's."""
+    message = what.name
+    if message == TOPIC_VALUE:
+        return what.device in _topics(name, survey)
+    origins = _origins(name, survey)
+    if name in _CARRIERS or origins:
+        return message in _CARRIERS.get(name, ()) or message in origins
+    kind, _, number = message.partition(" ")
+    owners = [
+        thruster
+        for source in survey.config.sources
+        if isinstance(source, LineSource | MqttLinks)
+        for thruster, thruster_number in source.thrusters.numbers.items()
+        if number == str(thruster_number)
+    ]
+    return kind in _OF_ACTUATORS and (not owners or any(name.startswith(f"{owner}_") for owner in owners))
+
+
+def sources_of(name: str, survey: Survey) -> set[str]:
+    """The sources on which a message comes that can carry a channel."""
+    return {kind.source for kind in survey.kinds if _can_carry(kind, name, survey)}
+
+
+def _nothing(name: str, survey: Survey) -> str:
+    """Nothing that comes could carry it, or nothing comes at all."""
+    for source in survey.config.sources:
+        if name in source.channels and not survey.health.sources[source.name].frames:
+            return f"nothing at all comes from {source.name!r}"
+    if topics := _topics(name, survey):
+        return f"nothing comes under {' or '.join(dict.fromkeys(topics))}"
+    carriers = [carrier for carrier in _CARRIERS.get(name, ()) if not carrier.isupper() or len(carrier) == 3]
+    if carriers:
+        return f"nothing that comes carries it: {', '.join(carriers[:-1])} or {carriers[-1]} would"
+    if origins := _origins(name, survey):
+        return f"nothing that comes carries it: {', '.join(origins)} would"
+    names = {kind.name for kind in survey.kinds}
+    makers_own = {
+        message
+        for message in names
+        if message.startswith("0x") or (message.isdigit() and is_makers_own(int(message)))
+    }
+    frames = "the maker's own frames" + (f" ({', '.join(sorted(makers_own)[:_MOST_NAMED])})" if makers_own else "")
+    return f"nothing that comes carries it: TRD, RPM, RSA or 127245 may, or {frames} by a DBC file"
+
+
+def _topics(name: str, survey: Survey) -> list[str]:
+    sources = (source for source in survey.config.sources if isinstance(source, MqttLinks))
+    return [
+        source.values[name].topic
+        for source in sources
+        if name in source.values and (name in source.channels or not isinstance(source, OwnSource))
+    ]
+
+
+def _origins(name: str, survey: Survey) -> list[str]:
+    """The messages that a declared channel may come from."""
+    origins = (
+        origin
+        for declaration in survey.config.declared
+        if declaration.channel.name == name
+        for origin in declaration.origins
+    )
+    return list(dict.fromkeys(map(message_of, origins)))
+
+
+def message_of(origin: Origin) -> str:
+    """The message that an origin of a declared channel is in, by the name that a survey has for it."""
+    if isinstance(origin, SentenceField):
+        return origin.sentence
+    if isinstance(origin, GroupField):
+        return str(origin.group)
+    return origin.message if isinstance(origin, MavlinkField) else "XDR"
+
+
+def _messages(labels: Iterable[str]) -> str:
+    """The messages in labels of sources, the most frequent first."""
+    return " and ".join(list(Counter(label_parts(label)[2][0] for label in labels))[:2])
+
+
+def _words(quantity: str) -> str:
+    """A quantity for people: ``magnetic_variation_deg`` is the variation."""
+    words = {"magnetic_variation_deg": "variation", **dict.fromkeys(_SPEEDS, "speed over ground")}
+    return words.get(quantity, quantity.rpartition("_")[0].replace("_", " "))
+
+
+@dataclass(frozen=True, slots=True)
+class ChannelReport:
+    """What came of one channel during the check; ``problem`` is empty where all is well."""
+
+    name: str
+    rate_hz: float
+    value: float | None
+    source: str
+    problem: str
+    unit: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class PreflightReport:
+    """What a check found: every channel, every source, what was told on the way, and where a recording would go.
+
+    ``disk_problem`` says why nothing could be recorded there; it is empty where all is well.
+    """
+
+    channels: list[ChannelReport]
+    sources: list[dict[str, Any]]
+    events: list[str]
+    free_bytes: int | None
+    disk_problem: str = ""
+
+    @property
+    def missing(self) -> list[str]:
+        """The channels that would be missing."""
+        return [channel.name for channel in self.channels if channel.problem]
+
+    @property
+    def obstacles(self) -> list[str]:
+        """Why the trial is not ready; nothing if it is."""
+        missing = [f"{', '.join(self.missing)} would be missing"] if self.missing else []
+        return missing + ([self.disk_problem] if self.disk_problem else [])
+
+    def as_json(self) -> dict[str, Any]:
+        return {"ready": not self.obstacles, "missing": self.missing, **asdict(self)}
+
+
+def check_before_departure(
+    config: TrialConfig, duration_s: float, folder: Path | None = None, stop: threading.Event | None = None
+) -> PreflightReport:
+    """Listen to every source for ``duration_s`` [s]; ``folder`` is where the recording would go, if it is known.
+
+    Raises :class:`SourceError` when no source can be opened, :class:`StorageError` when nothing can be written,
+    :class:`ConfigurationError` for an alarm of something that there is not.
+    """
+    check_alarms(config.alarms, health_of(config))
+    scratch_settings = replace(config.recording, reserve_mb=0.0)  # the reserve is for the trial's disk
+    with tempfile.TemporaryDirectory(prefix="seatrial-check-") as scratch:
+        parts = RecordingParts(Path(scratch), config.trial, config.attachments, scratch_settings)
+        recorder = Recorder(config, parts)
+        try:
+            recorder.start()
+            until_s = time.monotonic() + duration_s
+            while time.monotonic() < until_s and not recorder.ended:
+                if (stop or threading.Event()).wait(0.05):
+                    break
+            now_ns = time.monotonic_ns()
+            sources = [source.as_message(now_ns) for source in recorder.health.sources.values()]
+            recorder.stop()
+            survey = survey_of_recording(config, parts.paths)
+            channels = [_report(name, survey, recorder.health, now_ns) for name in recorder.health.names]
+        finally:
+            parts.discard()
+    events = [text for _, level, text in recorder.health.events if level != "info"]
+    free, problem = (None, "") if folder is None else check_folder(folder, config.recording)
+    if config.copies is not None and not config.copies.folder.is_dir():
+        problem = "; ".join(filter(None, (problem, f"{config.copies.folder} is not there to copy to")))
+    return PreflightReport(channels, sources, events, free, problem)
+
+
+def check_folder(folder: Path, settings: RecordingSection) -> tuple[int | None, str]:
+    """What is free where a recording would go [bytes], and why it could not; nothing is written there."""
+    existing = next(directory for directory in (folder, *folder.absolute().parents) if os.path.lexists(directory))
+    if not existing.is_dir():
+        return None, f"{folder}: {existing} is no folder"
+    if not os.access(existing, os.W_OK | os.X_OK):
+        what = "written to" if existing == folder else f"made: {existing} cannot be written to"
+        return None, f"{folder} cannot be {what}"
+    try:
+        free, size = free_bytes(existing)
+    except OSError as error:
+        return None, f"{folder}: its disk cannot be asked for room: {error.strerror}"
+    why = shortage(settings, free, size)
+    return free, f"{folder}: {why}" if why else ""
+
+
+def _report(name: str, survey: Survey, health: Health, now_ns: int) -> ChannelReport:
+    channel = health.channels[name]
+    value = channel.value if channel.count else None
+    problem = _problem(name, survey, health, now_ns)
+    return ChannelReport(
+        name, channel.rate_hz(now_ns), value, channel.source, problem, health.known_channels[name].unit
+    )
+
+
+def _problem(name: str, survey: Survey, health: Health, now_ns: int) -> str:
+    channel = health.channels[name]
+    providers = [source.name for source in survey.config.sources if name in source.channels]
+    if channel.count == 0:
+        failed = [provider for provider in providers if health.sources[provider].state in ("opening", "failed")]
+        if failed:
+            return "; ".join(f"source {provider!r} cannot be opened" for provider in failed)
+        if providers:
+            return why_missing(name, survey)
+        return "; ".join(filter(None, ("no source provides it", what_comes(name, survey))))
+    if channel.age_s(now_ns) * 1e9 > SILENT_NS:
+        return f"fell silent {channel.age_s(now_ns):.0f} s ago"
+    if channel.expected_hz is not None and channel.rate_hz(now_ns) < ENOUGH_RATE * channel.expected_hz:
+        return f"comes {channel.rate_hz(now_ns):.1f} times a second instead of {channel.expected_hz:g}"
+    return ""
+
+
+_FLUSH_EVERY = 10_000  # messages, some megabytes; what is not flushed is in memory
+
+
+@dataclass(slots=True)
+class RedecodeSummary:
+    """What was decoded again: raw frames in, samples out, and frames of sources that are not configured.
+
+    ``left_out`` counts predictions of a version that made others.
+    """
+
+    health: Health
+    frames: int = 0
+    left_out: int = 0
+    unknown: dict[str, int] = field(default_factory=dict)
+
+
+def redecode(
+    paths: list[Path], target: Path, config: TrialConfig | None = None, progress: Progress | None = None
+) -> RedecodeSummary:
+    """Decode the raw input of a recording's parts, given in order, into ``target``.
+
+    Without ``config`` the recording's own serves: the same decoding with today's software. Raises
+    :class:`InputError` for recordings without raw input or configuration, :class:`StorageError`.
+    """
+    expect_suffix(target, ".mcap")
+    if target.exists():
+        raise StorageError("already exists", where=str(target), fix="choose another file, or delete it")
+    with tempfile.TemporaryDirectory(prefix="seatrial-redecode-") as scratch:
+        config = config or own_configuration(paths[0], Path(scratch))
+        with atomic_file(target) as partial:
+            with RecordingWriter(partial, config.trial, config.attachments) as writer:
+                result = _decode_all(paths, config, writer, progress or (lambda share: None))
+            if result.frames == 0:
+                raise InputError("contains no raw input to decode", where=str(paths[0]))
+    return result
+
+
+def own_configuration(path: Path, scratch: Path) -> TrialConfig:
+    """The configuration that a recording carries, its DBC files laid out in ``scratch``."""
+    stream = MessageStream(path)
+    next(iter(stream), None)
+    text = stream.attachments.get(CONFIGURATION)
+    if text is None:
+        fix = "give one with --config, as `seatrial record` takes it"
+        raise InputError("contains no configuration", where=str(path), fix=fix)
+    files: dict[str, Path] = {}
+    packs: dict[str, str] = {}
+    for attachment, data in stream.attachments.items():
+        name, dot, ending = attachment.rpartition(".")
+        if ending == "dbc":
+            files[name] = scratch / f"{len(files)}.dbc"
+            files[name].write_bytes(data)
+        elif dot + ending == PACK_ENDING:
+            packs[name] = data.decode("utf-8", "replace")
+    run_sheet = read_trial(path)
+    is_known = is_ship_known(run_sheet.vessel, run_sheet.actuators)
+    carried = Carried(files, packs, from_text(run_sheet.actuators), ship_is_known=is_known)
+    config = parse_config(text.decode("utf-8", "replace"), path, carried)
+    if config.trial.origin is not None or run_sheet.origin is None:
+        return config
+    latitude_deg, longitude_deg = run_sheet.origin  # of a fix in an earlier part of the recording
+    trial = replace(config.trial, origin_latitude_deg=latitude_deg, origin_longitude_deg=longitude_deg)
+    return replace(config, trial=trial)
+
+
+def _decode_all(
+    paths: list[Path], config: TrialConfig, writer: RecordingWriter, progress: Progress
+) -> RedecodeSummary:
+    result = RedecodeSummary(health_of(config))
+    processing = FrameProcessor(config, writer, result.health)
+    last_ns = 0
+    for number, entry in enumerate(_entries(paths, progress), start=1):
+        if number % _FLUSH_EVERY == 0:
+            writer.flush()
+        if number == 1:
+            result.health.started_ns = entry.log_ns
+        result.health.ended_ns = last_ns = max(last_ns, entry.log_ns)
+        if entry.topic.startswith(RAW_PREFIX):
+            frame = _frame(entry, paths)
+            if frame.origin in result.health.sources:
+                result.health.sources[frame.origin].count_in(1, frame.monotonic_ns)
+                processing.process(frame)
+                result.frames += 1
+            else:
+                writer.write_raw(frame)
+                result.unknown[frame.origin] = result.unknown.get(frame.origin, 0) + 1
+        elif _is_kept(entry):
+            result.left_out += not _renew(entry, writer)
+    processing.report_handovers()
+    names = ", ".join(path.name for path in paths)
+    processing.note(f"decoded again from {names}", last_ns)
+    if result.left_out:
+        processing.note(f"{result.left_out:,} predictions of another version were left out", last_ns, "warning")
+    return result
+
+
+def _renew(entry: MessageEntry, writer: RecordingWriter) -> bool:
+    """Write a message as it is written today; False for one of another version, which does not fit."""
+    try:
+        data = encode(entry.topic, entry.body())
+    except (KeyError, TypeError, ValueError):
+        return False
+    writer.write(entry.topic, data, entry.log_ns, entry.publish_ns)
+    return True
+
+
+def _is_kept(entry: MessageEntry) -> bool:
+    """Whether a message was no product of decoding: what was noted, and what was foretold at the time."""
+    if entry.topic == EVENT_TOPIC:
+        return bool(entry.body().get("name") != DECODED)
+    return entry.topic in (PREDICTION_TOPIC, PREDICTED_TRACK_TOPIC)
+
+
+def _entries(paths: list[Path], progress: Progress) -> Iterator[MessageEntry]:
+    for number, path in enumerate(paths):
+        yield from MessageStream(path)
+        progress((number + 1) / len(paths))
+
+
+def _frame(entry: MessageEntry, paths: list[Path]) -> Frame:
+    try:
+        return entry.frame()
+    except (ValueError, KeyError, TypeError) as error:
+        what = f"topic {entry.topic} contains a message that is not a raw input of Seatrial"
+        where, why = ", ".join(map(str, paths)), f"{type(error).__name__} {error}"
+        raise InputError(what, where=where, why=why) from error

@@ -22,11 +22,10 @@ from mcap import records as mcap
 from mcap.opcode import Opcode
 from numpy.typing import NDArray
 
-from seatrial.acquisition.core.arrays import Floats, Ints, Series
-from seatrial.acquisition.core.text import printable
-from seatrial.acquisition.recording.messages import SOURCE_AT, Topic, decode
-from seatrial.acquisition.recording.records import CUT, HEAD, MESSAGE, MESSAGE_HEAD, TOO_SHORT, RecordError, parse
-from seatrial.acquisition.recording.schemas import SAMPLE
+from seatrial.acquisition.core.errors import printable
+from seatrial.acquisition.core.quantities import Floats, Ints, Series
+from seatrial.acquisition.recording.messages import SAMPLE, SOURCE_AT, Topic, decode
+from seatrial.acquisition.recording.scan import CUT, HEAD, MESSAGE, MESSAGE_HEAD, TOO_SHORT, RecordError, parse
 
 _FAULTS = {TOO_SHORT: "a message too short", CUT: "a chunk with a cut record"}
 _MOST_AT_ONCE = 100_000  # in one batch, whatever a chunk holds: twice what a few chunks of the recorder hold

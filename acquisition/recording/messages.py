@@ -2,34 +2,38 @@
 
 Everything that takes messages (one file, a recording in parts, a live view) is a :class:`MessageSink`. Recordings
 made before had the same in JSON, and are decoded to the same.
+
+From the description of a message to its protobuf class, and to the descriptors that a recording carries.
+
+A description is what :mod:`seatrial.acquisition.recording.messages` holds, in the words of JSON Schema. Beside
+those it may say the ``format`` of a number that is neither protobuf's ``double`` nor ``int64``, the ``number`` of a
+field where fields are not numbered in their order, and the ``names`` of an enumeration's values. What an object
+does not require is an ``optional`` field.
+
+What the messages of a recording's topics hold; every topic has a schema, or viewers skip it.
+
+The descriptions are in the words of JSON Schema, and become protobuf in
+:mod:`seatrial.acquisition.recording.messages`. That of ``/prediction`` is also what the recorder holds a
+prediction, which comes as JSON, against before it takes it.
 """
 
 from __future__ import annotations
 
 import struct
 from abc import ABC, abstractmethod
+from collections.abc import Mapping
 from functools import lru_cache
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 
 import orjson
-from google.protobuf.message import DecodeError
+from google.protobuf import descriptor_pb2, timestamp_pb2
+from google.protobuf.descriptor_pool import DescriptorPool
+from google.protobuf.message import DecodeError, Message
+from google.protobuf.message_factory import GetMessageClass
 
-from seatrial.acquisition.core.budget import TEXT_BYTES
-from seatrial.acquisition.core.frames import NANO, Fix, Frame, FrameFlag, Sample
-from seatrial.acquisition.core.trial import Trial
-from seatrial.acquisition.recording.descriptors import message_class, plain
-from seatrial.acquisition.recording.schemas import (
-    CHANNEL_PREFIX,
-    EVENT_TOPIC,
-    HEALTH_TOPIC,
-    POSITION_TOPIC,
-    PREDICTED_TRACK_TOPIC,
-    PREDICTION_TOPIC,
-    RAW_PREFIX,
-    SAMPLE,
-    kind_of,
-    raw_topic,
-)
+from seatrial.acquisition.core.process import TEXT_BYTES
+from seatrial.acquisition.core.ship import BY_NAME, Channel
+from seatrial.acquisition.core.trial import NANO, Fix, Frame, FrameFlag, Sample, Trial
 
 ENCODING = "protobuf"
 """How messages are encoded, in MCAP's words."""
@@ -42,7 +46,10 @@ _LEVELS = {"debug": 1, "info": 2, "warning": 3, "error": 4, "fatal": 5}
 _LEVEL_NAMES = {number: name for name, number in _LEVELS.items()}
 _NUMBERS = struct.Struct("<BdBdBqBI")  # the first four fields of a sample, each behind its tag
 _VALUE, _SOURCE_TIME, _MONOTONIC, _QUALITY = 1 << 3 | 1, 2 << 3 | 1, 3 << 3 | 1, 4 << 3 | 5
-_CAN, _RECEIVED = struct.Struct("<BIBIBB"), struct.Struct("<Bq")  # the fields of a CAN frame, but its data's bytes
+_CAN, _RECEIVED_FIELD = (
+    struct.Struct("<BIBIBB"),
+    struct.Struct("<Bq"),
+)  # the fields of a CAN frame, but its data's bytes
 _IDENTIFIER, _FLAGS, _DATA, _RECEIVED_AT = 1 << 3 | 5, 2 << 3 | 5, 3 << 3 | 2, 4 << 3 | 1
 _ONE_BYTE_LENGTHS = 128  # longer data have their length in two bytes
 VALUE_AT, QUALITY_AT, SOURCE_AT = 1, 28, 32
@@ -57,7 +64,7 @@ def encode(topic: str, body: dict[str, Any]) -> bytes:
         return bytes(kind_of(topic).message(**body).SerializeToString())
     fields = {"source_time": NOT_SAID, "monotonic_ns": 0, "source_clock": "", **body}
     numbers = (float(fields["value"]), fields["source_time"], fields["monotonic_ns"], int(fields["quality"]))
-    return _numbers(*numbers) + _source(fields["source"], fields["source_clock"])
+    return _number_fields(*numbers) + _source(fields["source"], fields["source_clock"])
 
 
 class Topic(NamedTuple):
@@ -125,11 +132,11 @@ def _decode_json(topic: str, data: bytes) -> dict[str, Any]:
 def encode_sample(sample: Sample) -> bytes:
     """A sample's message, as the protobuf runtime would make it if it never left out a number that is 0."""
     source_time = NOT_SAID if sample.source_ns is None else sample.source_ns / NANO
-    numbers = _numbers(sample.value, source_time, sample.monotonic_ns, sample.quality)
+    numbers = _number_fields(sample.value, source_time, sample.monotonic_ns, sample.quality)
     return numbers + _source(sample.source, sample.clock)
 
 
-def _numbers(value: float, source_time: float, monotonic_ns: int, quality: int) -> bytes:
+def _number_fields(value: float, source_time: float, monotonic_ns: int, quality: int) -> bytes:
     return _NUMBERS.pack(_VALUE, value, _SOURCE_TIME, source_time, _MONOTONIC, monotonic_ns, _QUALITY, quality)
 
 
@@ -144,7 +151,7 @@ def encode_raw(topic: str, frame: Frame) -> bytes:
     payload = frame.payload
     if frame.protocol == "can" and len(payload) < _ONE_BYTE_LENGTHS:
         head = _CAN.pack(_IDENTIFIER, frame.identifier, _FLAGS, frame.flags, _DATA, len(payload))
-        return head + payload + _RECEIVED.pack(_RECEIVED_AT, frame.monotonic_ns) + _sender(frame.sender)
+        return head + payload + _RECEIVED_FIELD.pack(_RECEIVED_AT, frame.monotonic_ns) + _sender(frame.sender)
     body: dict[str, Any] = {"monotonic_ns": frame.monotonic_ns, "sender": frame.sender}
     if frame.protocol == "can":
         body |= {"id": frame.identifier, "flags": int(frame.flags), "data": payload}
@@ -242,3 +249,393 @@ def frame_of(topic: Topic, data: bytes, log_ns: int, publish_ns: int) -> Frame:
         payload = body["topic"].encode() + b"\0" + body["data"]
         return Frame(origin, "mqtt", payload, *times, flags=FrameFlag(body["flags"]), **sent)
     raise ValueError(f"protocol {protocol!r} is not known")
+
+
+Schema: TypeAlias = dict[str, Any]
+
+_FORMATS = {"number": "double", "integer": "int64", "string": "string", "boolean": "bool"}
+_TIMESTAMP = descriptor_pb2.FileDescriptorProto.FromString(timestamp_pb2.DESCRIPTOR.serialized_pb)
+_FIELD = descriptor_pb2.FieldDescriptorProto
+_MESSAGES_OF_FILE, _FIELDS, _MESSAGES = 4, 2, 3  # where in descriptors these stand: what comments refer to
+
+
+class MessageKind:
+    """A kind of message: its full name, its class, and the ``FileDescriptorSet`` by which any reader knows it."""
+
+    def __init__(self, title: str, schema: Schema) -> None:
+        self.title = title
+        self.descriptors = descriptor_pb2.FileDescriptorSet(
+            file=[_TIMESTAMP, _file_of(title, schema)]
+        ).SerializeToString()
+        self.message = message_class(title, self.descriptors)
+
+
+def message_class(title: str, descriptors: bytes) -> Any:
+    """The class of a message that a ``FileDescriptorSet`` describes.
+
+    It lives in a pool of its own: what another file or program calls so is not meant. Raises ValueError for bytes
+    that describe no such message.
+    """
+    pool = DescriptorPool()
+    try:
+        for file in descriptor_pb2.FileDescriptorSet.FromString(descriptors).file:
+            pool.AddSerializedFile(file.SerializeToString())
+        return GetMessageClass(pool.FindMessageTypeByName(title))
+    except (DecodeError, TypeError, KeyError) as error:
+        raise ValueError(f"its schema describes no {title}") from error
+
+
+def plain(message: Message) -> dict[str, Any]:
+    """The fields of a message; optional ones and messages within only where they are said."""
+    fields = message.DESCRIPTOR.fields
+    names = [entry.name for entry in fields if not entry.has_presence or message.HasField(entry.name)]
+    return {name: _plain(getattr(message, name)) for name in names}
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, Message):
+        return plain(value)
+    if isinstance(value, Mapping):
+        return dict(value)
+    return value if isinstance(value, str | bytes | int | float) else [_plain(item) for item in value]
+
+
+def _file_of(title: str, schema: Schema) -> descriptor_pb2.FileDescriptorProto:
+    package, _, name = title.rpartition(".")
+    file = descriptor_pb2.FileDescriptorProto(
+        name=f"{package}/{name}.proto", package=package, syntax="proto3", dependency=[_TIMESTAMP.name]
+    )
+    _fill(file.message_type.add(name=name), schema, f".{title}", file.source_code_info, [_MESSAGES_OF_FILE, 0])
+    return file
+
+
+def _fill(proto: Any, schema: Schema, full_name: str, comments: Any, path: list[int]) -> None:
+    """Put the fields of an object into its descriptor, with their descriptions as comments."""
+    comments.location.add(path=path, span=(0, 0, 0), leading_comments=schema.get("description", ""))
+    required: Any = schema.get("required", schema["properties"])
+    for index, (name, definition) in enumerate(schema["properties"].items()):
+        field = proto.field.add(name=name, number=definition.get("number", index + 1), label=_FIELD.LABEL_OPTIONAL)
+        if definition["type"] == "array" or "additionalProperties" in definition:
+            field.label = _FIELD.LABEL_REPEATED
+        _set_type(proto, field, definition.get("items", definition), full_name, comments, path)
+        if name not in required and field.label != _FIELD.LABEL_REPEATED and field.type != _FIELD.TYPE_MESSAGE:
+            field.MergeFrom(_FIELD(proto3_optional=True, oneof_index=len(proto.oneof_decl)))
+            proto.oneof_decl.add(name=f"_{name}")
+        comments.location.add(
+            path=[*path, _FIELDS, index], span=(0, 0, 0), leading_comments=definition.get("description", "")
+        )
+
+
+def _set_type(proto: Any, field: Any, schema: Schema, full_name: str, comments: Any, path: list[int]) -> None:
+    """Say of which type a field is, and describe that type, if it is one of its own, within the message."""
+    type_name = "".join(word.title() for word in field.name.split("_"))
+    if "names" in schema:
+        field.type, field.type_name = _FIELD.TYPE_ENUM, f"{full_name}.{schema['title']}"
+        enumeration = proto.enum_type.add(name=schema["title"])
+        for number, name in enumerate(schema["names"]):
+            enumeration.value.add(name=name, number=number)
+    elif schema["type"] != "object":
+        kind = schema.get("format", _FORMATS[schema["type"]])
+        field.type = _FIELD.Type.Value(f"TYPE_{kind.upper()}")
+    elif schema.get("title") == "time":
+        field.type, field.type_name = _FIELD.TYPE_MESSAGE, ".google.protobuf.Timestamp"
+    elif "additionalProperties" in schema:
+        field.type, field.type_name = _FIELD.TYPE_MESSAGE, f"{full_name}.{type_name}Entry"
+        entry = {
+            "type": "object",
+            "properties": {"key": {"type": "string"}, "value": schema["additionalProperties"]},
+        }
+        within = proto.nested_type.add(
+            name=f"{type_name}Entry", options=descriptor_pb2.MessageOptions(map_entry=True)
+        )
+        _fill(within, entry, field.type_name, comments, [*path, _MESSAGES, len(proto.nested_type) - 1])
+    else:
+        field.type, field.type_name = _FIELD.TYPE_MESSAGE, f"{full_name}.{type_name}"
+        within = proto.nested_type.add(name=type_name)
+        _fill(within, schema, field.type_name, comments, [*path, _MESSAGES, len(proto.nested_type) - 1])
+
+
+RAW_PREFIX = "/raw/"
+CHANNEL_PREFIX = "/channel/"
+POSITION_TOPIC = "/position"
+EVENT_TOPIC = "/event"
+HEALTH_TOPIC = "/health"
+PREDICTION_TOPIC = "/prediction"
+PREDICTED_TRACK_TOPIC = "/prediction/track"
+
+MOST_SECONDS = 601
+_MOST_LETTERS = 200
+
+
+def _value(kind: str, description: str, kind_of_protobuf: str = "") -> Schema:
+    form = {"format": kind_of_protobuf} if kind_of_protobuf else {}
+    return {"type": kind, "description": description, **form}
+
+
+def _number(description: str) -> Schema:
+    return _value("number", description)
+
+
+def _string(description: str) -> Schema:
+    return _value("string", description)
+
+
+def _text(description: str) -> Schema:
+    return {"type": "string", "maxLength": _MOST_LETTERS, "description": description}
+
+
+def _array(items: Schema, most: int, description: str) -> Schema:
+    return {"type": "array", "items": items, "maxItems": most, "description": description}
+
+
+def _list_of_numbers(description: str) -> Schema:
+    return _array({"type": "number"}, MOST_SECONDS, description)
+
+
+def _channels(description: str) -> Schema:
+    return _array({"type": "string", "maxLength": _MOST_LETTERS}, 64, description)
+
+
+def _object(about: str, unknown: tuple[str, ...] = (), /, **properties: Schema) -> Schema:
+    """An object; those of its properties that are named ``unknown`` may be left out."""
+    required = [name for name in properties if name not in unknown]
+    return {"type": "object", "description": about, "properties": properties, "required": required}
+
+
+_RECEIVED = _value("integer", "When it was received, on the recorder's monotonic clock [ns]", "sfixed64")
+SAMPLE = MessageKind(
+    "seatrial.Sample",
+    _object(
+        "One value of a channel, whose unit and range its metadata say. The numbers are of fixed size, always "
+        "there, and first: they lie at the same places in every message",
+        value=_number("In the channel's unit"),
+        source_time=_number(
+            "When the source says it was measured, UTC since 1970 [s]; not a number if it does not"
+        ),
+        monotonic_ns=_RECEIVED,
+        quality=_value("integer", "1 good, 2 not evaluated, 3 suspect, 4 bad, 9 missing", "fixed32"),
+        source=_string("Which line, device and message it came from, or how it was derived"),
+        source_clock=_string("The clock of publish_time"),
+    ),
+)
+
+
+def _raw(title: str, about: str, **fields: Schema) -> MessageKind:
+    """Input as received, when it was, and from whom."""
+    sender = _string("Who sent it over a network, by address; else empty")
+    return MessageKind(title, _object(about, **fields, monotonic_ns=_RECEIVED, sender=sender))
+
+
+_RAW = {
+    "can": _raw(
+        "seatrial.RawCan",
+        "One CAN frame as received",
+        id=_value("integer", "Arbitration identifier", "fixed32"),
+        flags=_value(
+            "integer",
+            "1 standard identifier, 2 remote, 4 error, 8 put together by a gateway, 16 stamped late",
+            "fixed32",
+        ),
+        data=_value("string", "The data bytes", "bytes"),
+    ),
+    "nmea0183": _raw(
+        "seatrial.RawNmea0183",
+        "One line as received, without its line end",
+        sentence=_string("The bytes of the line as Latin-1"),
+    ),
+    "mqtt": _raw(
+        "seatrial.RawMqtt",
+        "One MQTT message as received",
+        topic=_string("Its topic"),
+        flags=_value("integer", "16 stamped late, 32 retained by the broker, of unknown age", "fixed32"),
+        data=_value("string", "The bytes of its payload", "bytes"),
+    ),
+    "mavlink": _raw(
+        "seatrial.RawMavlink",
+        "Bytes of a MAVLink stream as received",
+        data=_value("string", "The bytes", "bytes"),
+    ),
+}
+
+# Foxglove's well-known schemas: the fields that are used, under their published numbers.
+_TIME = {"type": "object", "title": "time"}
+_LOCATION_FIX = MessageKind(
+    "foxglove.LocationFix",
+    _object(
+        "A navigation satellite fix",
+        timestamp={**_TIME, "number": 6},
+        frame_id={"type": "string", "number": 7},
+        latitude={**_number("[deg]"), "number": 1},
+        longitude={**_number("[deg]"), "number": 2},
+        altitude={
+            **_number("Above the ellipsoid, or the mean sea level if no other is told [m]; 0 if it is not known"),
+            "number": 3,
+        },
+        position_covariance={
+            "type": "array",
+            "items": {"type": "number"},
+            "description": "Of east, north, up [m2], row by row",
+            "number": 4,
+        },
+        position_covariance_type={
+            "type": "integer",
+            "title": "PositionCovarianceType",
+            "names": ("UNKNOWN", "APPROXIMATED", "DIAGONAL_KNOWN", "KNOWN"),
+            "number": 5,
+        },
+    ),
+)
+_LOG = MessageKind(
+    "foxglove.Log",
+    _object(
+        "A message for people",
+        timestamp=_TIME,
+        level={
+            "type": "integer",
+            "title": "Level",
+            "names": ("UNKNOWN", "DEBUG", "INFO", "WARNING", "ERROR", "FATAL"),
+        },
+        message={"type": "string"},
+        name={"type": "string"},
+        file={"type": "string"},
+        line=_value("integer", "", "fixed32"),
+    ),
+)
+_GEOJSON = MessageKind(
+    "foxglove.GeoJSON",
+    _object("GeoJSON data for annotating maps", geojson=_string("GeoJSON data encoded as a UTF-8 string")),
+)
+
+_HEALTH = MessageKind(
+    "seatrial.Health",
+    _object(
+        "The state of one source, or of the computer's clock",
+        ("age_s", "error_s", "pps_offset_s"),
+        source=_string("Its name; that of the clock is `host clock`"),
+        state=_string(
+            "opening, open, silent, failed or ended; of the clock: kept by NTP or PTP, free-running, unknown"
+        ),
+        frames=_value("integer", "Received since the start"),
+        rejected=_value("integer", "Frames and values that came and were not believed"),
+        reasons={
+            "type": "object",
+            "properties": {},
+            "additionalProperties": {"type": "integer"},
+            "description": "How many of them, by reason",
+        },
+        dropped=_value("integer", "Frames lost for want of room, here or in the system, or over the budget"),
+        age_s=_number("Since the last frame [s]; left out if there was none"),
+        over_budget=_value("integer", "Of those that were dropped, how many were over the source's budget"),
+        keeper=_string("Of the clock: the programs that keep it"),
+        error_s=_number("Of the clock: a bound of its error, as far as its keeper tells [s]"),
+        pps_offset_s=_number("Of the clock: how late the last pulse a second was by it [s]"),
+    ),
+)
+
+ARRAYS = {
+    "seconds": True, "north_m": True, "east_m": True, "heading_deg": True, "band_m": False, "band_along_m": False,
+    "band_across_m": False, "latitude_deg": False, "longitude_deg": False,
+}  # fmt: skip
+"""The arrays of a predicted track; those that need not be known may be empty."""
+
+_TRACK = _object(
+    "The predicted track, one element a second; arrays of what is not known are empty",
+    seconds=_list_of_numbers("Since the start of the prediction [s]"),
+    north_m=_list_of_numbers("Position north of the trial's origin [m]"),
+    east_m=_list_of_numbers("Position east of the trial's origin [m]"),
+    heading_deg=_list_of_numbers("Heading from true north, clockwise [deg]"),
+    band_m=_list_of_numbers("Radius of the circle about the region [m]; empty without a calibrator"),
+    band_along_m=_list_of_numbers(
+        "How far the region that holds the position in 95 of 100 cases reaches ahead [m]"
+    ),
+    band_across_m=_list_of_numbers("How far it reaches to either side of the course [m]"),
+    latitude_deg=_list_of_numbers("Latitude, WGS 84 [deg]; empty where the trial's origin is not known"),
+    longitude_deg=_list_of_numbers("Longitude, WGS 84 [deg]; empty where the trial's origin is not known"),
+)
+_ERROR = _object(
+    "How far off the prediction was whose horizon has just passed; left out if there is none that can be judged",
+    ("inside_band",),
+    start=_number("The instant that it started from, UTC since 1970 [s]"),
+    method=_text("Who spoke then"),
+    thrusters_moved=_value(
+        "boolean", "Whether a thruster moved in its horizon otherwise than planned: no part of the means"
+    ),
+    mean_distance_m=_number("Distance between predicted and measured position, mean over its seconds [m]"),
+    end_distance_m=_number("The same at the end of the horizon [m]"),
+    along_m=_number("Predicted too far ahead along the measured heading, at the end [m]"),
+    across_m=_number("Predicted too far to starboard of the measured heading, at the end [m]"),
+    heading_deg=_number("Difference of the headings, mean of its size over its seconds [deg]"),
+    inside_band=_number("Share of its seconds in which the position lay inside the band"),
+)
+_RUNNING = _object(
+    "Means over the predictions of the last minutes whose thrusters were held or as planned; left out if none",
+    ("mean_distance_m", "end_distance_m", "along_m", "across_m", "heading_deg", "inside_band"),
+    over_s=_number("So far back [s]"),
+    predictions=_number("How many were judged"),
+    left_out=_number("How many more were not, as a thruster moved otherwise in their horizon"),
+    mean_distance_m=_number("Mean of mean_distance_m [m]"),
+    end_distance_m=_number("Mean of end_distance_m [m]"),
+    along_m=_number("Mean of along_m, with its sign [m]"),
+    across_m=_number("Mean of across_m, with its sign [m]"),
+    heading_deg=_number("Mean of heading_deg [deg]"),
+    inside_band=_number("Mean of inside_band; 0.95 is what the band promises"),
+)
+PREDICTION: Schema = {
+    "title": "seatrial.Prediction",
+    **_object(
+        "The track of the next seconds with thrusters held or as planned, made while the trial is recorded",
+        ("error", "planned_channels", "band_factor"),
+        start=_number("The instant that the prediction starts from, UTC since 1970 [s]"),
+        made_at=_number("When it was made, UTC since 1970 [s]"),
+        latency_s=_number("From the reception of the newest sample that went into it until it was made [s]"),
+        horizon_s=_number("How far it goes [s]"),
+        method=_text("Who speaks: hybrid (the calibrator), reference or constant_velocity"),
+        vessel=_text("The simulation model"),
+        calibrator=_text("The calibrator's folder; empty without one"),
+        outside_training_range=_value(
+            "boolean", "Whether the start lies beyond what the calibrator was trained on"
+        ),
+        held_channels=_channels("Channels whose newest sample is older than the start and was held to it"),
+        planned_channels=_channels("Channels of actuators that followed planned orders; the others were held"),
+        band_factor=_number("What the calibrator's band was multiplied by to hold 95 of 100; left out without one"),
+        track=_TRACK,
+        error=_ERROR,
+        running=_RUNNING,
+    ),
+}
+
+_WELL_KNOWN = {
+    POSITION_TOPIC: _LOCATION_FIX,
+    EVENT_TOPIC: _LOG,
+    HEALTH_TOPIC: _HEALTH,
+    PREDICTION_TOPIC: MessageKind(PREDICTION["title"], PREDICTION),
+    PREDICTED_TRACK_TOPIC: _GEOJSON,
+}
+
+
+def kind_of(topic: str) -> MessageKind:
+    """What the messages of a topic of ours are. Raises KeyError for any other topic."""
+    if topic.startswith(CHANNEL_PREFIX):
+        return SAMPLE
+    return _RAW[topic.split("/")[2]] if topic.startswith(RAW_PREFIX) else _WELL_KNOWN[topic]
+
+
+def channel_metadata(topic: str, channels: Mapping[str, Channel] = BY_NAME) -> dict[str, str]:
+    """What a topic's record says of it: of a channel its unit, its meaning and the range of possible values.
+
+    ``channels`` are the channels by name. Raises KeyError for another.
+    """
+    if not topic.startswith(CHANNEL_PREFIX):
+        return {}
+    channel = channels[topic.removeprefix(CHANNEL_PREFIX)]
+    interval = "one turn, half open" if channel.circular else "inclusive"
+    return {
+        "unit": channel.unit,
+        "meaning": channel.meaning,
+        "range": f"{channel.low:g} to {channel.high:g}, {interval}",
+    }
+
+
+def raw_topic(protocol: str, origin: str) -> str:
+    """The topic of one line's undecoded input."""
+    return f"{RAW_PREFIX}{protocol}/{origin}"

@@ -15,12 +15,13 @@ from errno import EILSEQ, EINVAL, ENAMETOOLONG
 from hashlib import sha256
 from pathlib import Path
 
-from seatrial.acquisition.config.sections import RecordingSection
+from seatrial.acquisition.config.sources import RecordingSection
 from seatrial.acquisition.core.errors import SeatrialError, StorageError, storage_error
 from seatrial.acquisition.core.trial import Trial
 from seatrial.acquisition.recording.messages import MessageSink
-from seatrial.acquisition.recording.storage import (
+from seatrial.acquisition.recording.writer import (
     RESUME_RATIO,
+    RecordingWriter,
     SyncThread,
     mount_point,
     new_file,
@@ -29,7 +30,6 @@ from seatrial.acquisition.recording.storage import (
     room_bytes,
     why_full,
 )
-from seatrial.acquisition.recording.writer import RecordingWriter
 
 _MEGA = 1_000_000
 _LOOK_EVERY_S = 1.0

@@ -29,16 +29,21 @@ from mcap.reader import make_reader
 from mcap.stream_reader import breakup_chunk
 from mcap.writer import CompressionType, Writer
 
-from seatrial.acquisition.core.budget import MESSAGES, Meter
-from seatrial.acquisition.core.channel import Channel
-from seatrial.acquisition.core.channels import channels_known_to
-from seatrial.acquisition.core.errors import InputError, StorageError
+from seatrial.acquisition.core.errors import InputError, Progress, StorageError
 from seatrial.acquisition.core.files import atomic_file, expect_suffix
-from seatrial.acquisition.core.frames import iso
-from seatrial.acquisition.core.progress import Progress
-from seatrial.acquisition.core.trial import Trial, software_version
+from seatrial.acquisition.core.process import MESSAGES, Meter
+from seatrial.acquisition.core.ship import Channel, channels_known_to
+from seatrial.acquisition.core.trial import Trial, iso, software_version
 from seatrial.acquisition.recording.batches import Batch, batches
-from seatrial.acquisition.recording.messages import ENCODING, ENCODING_BEFORE, Topic, decode, encode
+from seatrial.acquisition.recording.messages import (
+    ENCODING,
+    ENCODING_BEFORE,
+    Topic,
+    channel_metadata,
+    decode,
+    encode,
+    kind_of,
+)
 from seatrial.acquisition.recording.reader import (
     REMEDY,
     MessageStream,
@@ -47,9 +52,15 @@ from seatrial.acquisition.recording.reader import (
     open_recording,
     read_trial,
 )
-from seatrial.acquisition.recording.records import HEAD, RecordError, with_checksum, without_checksum
-from seatrial.acquisition.recording.scan import Damage, Intact, scan
-from seatrial.acquisition.recording.schemas import channel_metadata, kind_of
+from seatrial.acquisition.recording.scan import (
+    HEAD,
+    Damage,
+    Intact,
+    RecordError,
+    scan,
+    with_checksum,
+    without_checksum,
+)
 
 _KEY = struct.Struct("<QQQQ")
 _CHUNK_BYTES = 1024 * 1024

@@ -14,7 +14,7 @@ from mcap.opcode import Opcode
 from numba import njit
 
 from seatrial.acquisition.recording.messages import QUALITY_AT, SAMPLE_TAGS, SOURCE_AT, VALUE_AT
-from seatrial.acquisition.recording.records import CUT, HEAD, MESSAGE, TOO_SHORT
+from seatrial.acquisition.recording.scan import CUT, HEAD, MESSAGE, TOO_SHORT
 
 _MESSAGE = int(Opcode.MESSAGE)
 _HEAD_BYTES, _FIXED_BYTES = HEAD.size, MESSAGE.size

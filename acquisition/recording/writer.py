@@ -2,21 +2,49 @@
 
 The file is readable up to the last :meth:`RecordingWriter.flush` whatever happens afterwards: a flush closes
 the chunk in progress and hands it to the system, ``sync`` makes the disk keep it.
+
+Writing the MCAP format: chunks of messages, and the index at the end.
+
+The records are those of the ``mcap`` library. Its writer serialises a message field by field, which took more than
+a third of the recorder's time, and keeps an object for every chunk until the end. Here a message, and the index
+of a chunk's messages, are packed at once, and of a chunk only its index record is kept, as bytes. The library's
+readers are the oracle that this is tested against. The format: https://mcap.dev/spec.
+
+The disk under a recording: the room on it, and a file that stays whole whatever becomes of the disk.
+
+MCAP's writer hands over a record in many small pieces. They are gathered here and written at once, so that the
+file always ends with a complete record; a write that fails halfway is cut off again.
+
+A table to a recording: what an import and a simulated trial have in common.
 """
 
 from __future__ import annotations
 
+import os
+import struct
+import zlib
+from collections import defaultdict
 from collections.abc import Callable, Mapping
+from concurrent.futures import Future, ThreadPoolExecutor, wait
+from errno import EACCES, EINVAL, ENODEV, ENOSYS, ENOTSUP, EPERM
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
-from seatrial.acquisition.core.channels import channels_known_to
-from seatrial.acquisition.core.errors import StorageError, storage_error
-from seatrial.acquisition.core.trial import Trial, software_version
-from seatrial.acquisition.recording.mcap_file import McapFile, end_without_index
-from seatrial.acquisition.recording.messages import ENCODING, MessageSink
-from seatrial.acquisition.recording.schemas import channel_metadata, kind_of
-from seatrial.acquisition.recording.storage import CommittedFile, SyncThread, end_file, sync_folder
+import numpy as np
+import pandas as pd
+import zstandard
+from mcap import records as mcap
+from mcap.data_stream import RecordBuilder
+from mcap.opcode import Opcode
+from numpy.typing import NDArray
+
+from seatrial.acquisition.config.sources import RecordingSection
+from seatrial.acquisition.core.errors import InputError, StorageError, storage_error
+from seatrial.acquisition.core.files import atomic_file, expect_suffix
+from seatrial.acquisition.core.ship import channels_known_to, channels_of_trial
+from seatrial.acquisition.core.trial import Quality, Sample, Trial, software_version
+from seatrial.acquisition.recording.messages import ENCODING, MessageSink, channel_metadata, kind_of
+from seatrial.acquisition.recording.scan import MCAP_MAGIC, with_checksum
 
 _CHUNK_BYTES = 256 * 1024
 _LATEST_NS = 2**63 - 1
@@ -156,3 +184,551 @@ class RecordingWriter(MessageSink):
             return call()
         except OSError as error:
             raise storage_error(self.path, error) from error
+
+
+_MESSAGE = struct.Struct("<BQHIQQ")
+_MESSAGE_CODE = int(Opcode.MESSAGE)
+_FIXED_BYTES = 2 + 4 + 8 + 8
+_INDEX = struct.Struct("<BQHI")
+_FOOTER_HEAD = struct.Struct("<BQQQ")
+_FOOTER_BYTES = 8 + 8 + 4
+_CHUNKS_TO_NEXT_DEFINITIONS = 300
+
+
+def serialise(record: mcap.McapRecord) -> bytes:
+    """One record as it stands in a file."""
+    builder: Any = RecordBuilder()
+    writable: Any = record
+    writable.write(builder)
+    return bytes(builder.end())
+
+
+class McapFile:
+    """An MCAP file being written to ``stream``, whose errors pass through.
+
+    Times are ns since 1970 and must be 0 or more. A definition (schema, channel) stands in the chunk that first
+    uses it, where a checksum guards it, once more behind that chunk, and again in a chunk every minute or so: no
+    damage to one place makes the others unreadable. The end of the data has a checksum of all of it, and metadata
+    has one of its own, as a file that is not closed has no end.
+    """
+
+    def __init__(self, stream: CommittedFile, library: str, chunk_bytes: int) -> None:
+        self._stream, self._chunk_bytes = stream, chunk_bytes
+        self._compressor = zstandard.ZstdCompressor(level=1)
+        self._schemas: list[bytes] = []
+        self._channels: list[bytes] = []
+        self._repeat: list[bytes] = []
+        self._indexes: dict[Opcode, list[bytes]] = defaultdict(list)
+        self._counts: dict[int, int] = {}
+        self._attachments = self._metadata = 0
+        self._span: tuple[int, int] | None = None
+        self._checksum = 0  # of all bytes so far
+        self._begin_chunk()
+        self._write(MCAP_MAGIC + serialise(mcap.Header("", library)))
+
+    def register_schema(self, name: str, encoding: str, data: bytes) -> int:
+        """Define a schema and return its number."""
+        number = len(self._schemas) + 1
+        self._schemas.append(self._define(mcap.Schema(id=number, name=name, encoding=encoding, data=data)))
+        return number
+
+    def register_channel(
+        self, topic: str, message_encoding: str, schema_id: int, metadata: dict[str, str] | None = None
+    ) -> int:
+        """Define a channel and return its number."""
+        number = len(self._channels) + 1
+        channel = mcap.Channel(
+            id=number, topic=topic, message_encoding=message_encoding, schema_id=schema_id, metadata=metadata or {}
+        )
+        self._channels.append(self._define(channel))
+        self._counts[number] = 0
+        return number
+
+    def add_message(self, channel_id: int, log_ns: int, data: bytes, publish_ns: int, sequence: int) -> None:
+        """Add a message to the chunk in progress, which ends when it is large enough."""
+        chunk = self._chunk
+        head = _MESSAGE.pack(_MESSAGE_CODE, _FIXED_BYTES + len(data), channel_id, sequence, log_ns, publish_ns)
+        self._index[channel_id] += log_ns, len(chunk)
+        chunk += head
+        chunk += data
+        if len(chunk) > self._chunk_bytes:
+            self.end_chunk()
+
+    def add_metadata(self, name: str, metadata: dict[str, str]) -> None:
+        """Add a metadata record, outside all chunks."""
+        checked = mcap.Metadata(name=name, metadata=with_checksum(name, metadata))
+        record, offset = serialise(checked), self._stream.tell()
+        self._write(record)
+        index = mcap.MetadataIndex(offset=offset, length=len(record), name=name)
+        self._indexes[Opcode.METADATA_INDEX].append(serialise(index))
+        self._metadata += 1
+
+    def add_attachment(self, name: str, media_type: str, data: bytes) -> None:
+        """Add an attachment, outside all chunks."""
+        attachment = mcap.Attachment(create_time=0, log_time=0, name=name, media_type=media_type, data=data)
+        record, offset = serialise(attachment), self._stream.tell()
+        self._write(record)
+        index = mcap.AttachmentIndex(
+            offset=offset, length=len(record), create_time=0, log_time=0, data_size=len(data), name=name,
+            media_type=media_type,
+        )  # fmt: skip
+        self._indexes[Opcode.ATTACHMENT_INDEX].append(serialise(index))
+        self._attachments += 1
+
+    def end_chunk(self) -> None:
+        """Write the chunk in progress, if it holds a message."""
+        if not self._index:
+            return
+        start_ns = min(min(places[::2]) for places in self._index.values())
+        end_ns = max(max(places[::2]) for places in self._index.values())
+        chunk = mcap.Chunk(
+            compression="zstd",
+            data=self._compressor.compress(bytes(self._chunk)),
+            message_start_time=start_ns,
+            message_end_time=end_ns,
+            uncompressed_crc=zlib.crc32(self._chunk),
+            uncompressed_size=len(self._chunk),
+        )
+        offset, record = self._stream.tell(), serialise(chunk)
+        self._write(record)
+        self._index_chunk(chunk, offset, len(record))
+        self._span = min(start_ns, (self._span or (start_ns,))[0]), max(end_ns, (self._span or (0, end_ns))[1])
+        self._begin_chunk()
+        self._write(b"".join(self._repeat))
+        self._repeat.clear()
+
+    def finish(self) -> None:
+        """Write the last chunk, the index and the end of the file."""
+        self.end_chunk()
+        self._stream.write(serialise(mcap.DataEnd(self._checksum)))
+        start = self._stream.tell()
+        summary = bytearray()
+        offsets = bytearray()
+        for opcode, records in self._summary():
+            if records:
+                group = mcap.SummaryOffset(
+                    group_opcode=opcode, group_start=start + len(summary), group_length=sum(map(len, records))
+                )
+                offsets += serialise(group)
+                summary += b"".join(records)
+        offsets_start = start + len(summary)
+        summary += offsets
+        crc = zlib.crc32(_FOOTER_HEAD.pack(Opcode.FOOTER, _FOOTER_BYTES, start, offsets_start), zlib.crc32(summary))
+        footer = mcap.Footer(summary_start=start, summary_offset_start=offsets_start, summary_crc=crc)
+        self._stream.write(bytes(summary) + serialise(footer) + MCAP_MAGIC)
+
+    def _write(self, data: bytes) -> None:
+        """Write what belongs to the data, of which there is a checksum."""
+        self._checksum = zlib.crc32(data, self._checksum)
+        self._stream.write(data)
+
+    def _begin_chunk(self) -> None:
+        due = len(self._indexes[Opcode.CHUNK_INDEX]) % _CHUNKS_TO_NEXT_DEFINITIONS == 0
+        self._chunk = bytearray(b"".join(self._schemas + self._channels) if due else b"")
+        self._index: defaultdict[int, list[int]] = defaultdict(list)  # time, place, time, place ...
+
+    def _define(self, record: mcap.Schema | mcap.Channel) -> bytes:
+        data = serialise(record)
+        self._chunk += data
+        self._repeat.append(data)
+        return data
+
+    def _index_chunk(self, chunk: mcap.Chunk, offset: int, length: int) -> None:
+        """Write where in the chunk each channel's messages are, and keep where the chunk is."""
+        start = self._stream.tell()
+        places: dict[int, int] = {}
+        for channel_id, entries in self._index.items():
+            places[channel_id] = self._stream.tell()
+            head = _INDEX.pack(Opcode.MESSAGE_INDEX, 6 + 8 * len(entries), channel_id, 8 * len(entries))
+            self._write(head + struct.pack(f"<{len(entries)}Q", *entries))
+            self._counts[channel_id] += len(entries) // 2
+        index = mcap.ChunkIndex(
+            message_start_time=chunk.message_start_time,
+            message_end_time=chunk.message_end_time,
+            chunk_start_offset=offset,
+            chunk_length=length,
+            message_index_offsets=places,
+            message_index_length=self._stream.tell() - start,
+            compression=chunk.compression,
+            compressed_size=len(chunk.data),
+            uncompressed_size=chunk.uncompressed_size,
+        )
+        self._indexes[Opcode.CHUNK_INDEX].append(serialise(index))
+
+    def _summary(self) -> list[tuple[Opcode, list[bytes]]]:
+        start_ns, end_ns = self._span or (0, 0)
+        statistics = mcap.Statistics(
+            attachment_count=self._attachments,
+            channel_count=len(self._channels),
+            channel_message_counts=self._counts,
+            chunk_count=len(self._indexes[Opcode.CHUNK_INDEX]),
+            message_count=sum(self._counts.values()),
+            message_start_time=start_ns,
+            message_end_time=end_ns,
+            metadata_count=self._metadata,
+            schema_count=len(self._schemas),
+        )
+        return [
+            (Opcode.SCHEMA, self._schemas),
+            (Opcode.CHANNEL, self._channels),
+            (Opcode.STATISTICS, [serialise(statistics)]),
+            *((opcode, self._indexes[opcode]) for opcode in (
+                Opcode.CHUNK_INDEX, Opcode.ATTACHMENT_INDEX, Opcode.METADATA_INDEX
+            )),
+        ]  # fmt: skip
+
+
+def end_without_index() -> bytes:
+    """What ends a file that there is no room to index: readers can do without an index."""
+    return serialise(mcap.DataEnd(0)) + serialise(mcap.Footer(0, 0, 0)) + MCAP_MAGIC
+
+
+RESUME_RATIO = 1.1
+"""So much more than the reserve must be free again before a recording goes on."""
+
+_MEGA = 1_000_000
+_LARGEST_RESERVE_BYTES = 200 * _MEGA
+_RESERVE_SHARE = 0.05
+_COPY_BYTES = 1024 * 1024
+_FOLDER_SYNC_UNSUPPORTED = {EACCES, EINVAL, ENOSYS, ENOTSUP, EPERM}
+
+
+def free_bytes(folder: Path) -> tuple[int, int]:
+    """What is free for us on the folder's disk, and how large that disk is [bytes]."""
+    disk = os.statvfs(folder)
+    return disk.f_bavail * disk.f_frsize, disk.f_blocks * disk.f_frsize
+
+
+def reserve_bytes(settings: RecordingSection, disk_bytes: int) -> float:
+    """How much of a disk of that size stays free [bytes]."""
+    if settings.reserve_mb is not None:
+        return settings.reserve_mb * _MEGA
+    return min(_RESERVE_SHARE * disk_bytes, _LARGEST_RESERVE_BYTES)
+
+
+def shortage(settings: RecordingSection, free: float, size: int, ratio: float = 1.0) -> str:
+    """In what a disk is too full, with so much free of its size [bytes]; nothing if it is not."""
+    reserve = reserve_bytes(settings, size)
+    if free >= reserve * ratio:
+        return ""
+    return f"{free / _MEGA:.1f} MB free, less than the reserve of {reserve / _MEGA:.1f} MB"
+
+
+def room_bytes(folder: Path, settings: RecordingSection) -> int | None:
+    """What may still be written to the folder's disk [bytes]; None if the disk cannot be asked."""
+    try:
+        free, size = free_bytes(folder)
+    except OSError:
+        return None
+    return max(int(free - reserve_bytes(settings, size)), 0)
+
+
+def why_full(folder: Path, settings: RecordingSection, ratio: float = 1.0) -> str:
+    """Why the disk is too full to go on; nothing if it is not."""
+    try:
+        free, size = free_bytes(folder)
+    except OSError:
+        return ""  # opening or writing will say what is wrong, and better
+    why = shortage(settings, free, size, ratio)
+    return f"{folder}: {why}" if why else ""
+
+
+def require_room(folder: Path, settings: RecordingSection) -> None:
+    """Raise :class:`StorageError` where a recording cannot begin for want of room; the folder need not be there."""
+    existing = next(directory for directory in (folder, *folder.absolute().parents) if directory.exists())
+    if why := shortage(settings, *free_bytes(existing)):
+        fix = "free space, or lower `reserve_mb` in [recording]"
+        raise StorageError("cannot be recorded to", where=str(folder), why=why, fix=fix)
+
+
+def mount_point(folder: Path) -> Path | None:
+    """Where the disk below ``folder`` is mounted; None on the root disk, which cannot go."""
+    place = folder.resolve()
+    point = next(path for path in (place, *place.parents) if os.path.ismount(path))
+    return None if point == point.parent else point
+
+
+def require_mounted(point: Path | None) -> None:
+    """Raise OSError where nothing is mounted at ``point`` any more: its folder now belongs to another disk."""
+    if point is not None and not os.path.ismount(point):
+        raise OSError(ENODEV, f"the disk at {point} is gone: nothing is mounted there")
+
+
+class SyncThread:
+    """The thread in which disks keep what was written, for all parts of a recording.
+
+    Where the system gives no thread, the caller's is used, and a new one is tried again each time.
+    """
+
+    def __init__(self) -> None:
+        self._executor: ThreadPoolExecutor | None = None
+
+    @property
+    def running(self) -> bool:
+        """Whether there is a thread."""
+        return self._executor is not None
+
+    def start(self) -> None:
+        """Start the thread, unless there is one."""
+        if self._executor is None:
+            executor = ThreadPoolExecutor(max_workers=1, thread_name_prefix="sync")
+            try:
+                executor.submit(int)  # the only thread of an executor starts with its first work
+            except RuntimeError:
+                return
+            self._executor = executor
+
+    def submit(self, call: Callable[[int], None], descriptor: int) -> Future[None]:
+        """Call with a descriptor in the thread; the future has the result, or the exception."""
+        self.start()
+        if self._executor is not None:
+            return self._executor.submit(call, descriptor)
+        future: Future[None] = Future()
+        try:
+            call(descriptor)
+            future.set_result(None)
+        except OSError as error:
+            future.set_exception(error)
+        return future
+
+    def stop(self) -> None:
+        """End the thread, after what it is doing."""
+        if self._executor is not None:
+            self._executor.shutdown()
+            self._executor = None
+
+
+class CommittedFile:
+    """A file that is only ever appended to, with the part of the file interface that MCAP's writer uses.
+
+    ``committed`` is its length after the last :meth:`flush`, ``synced`` after the last :meth:`sync`; both in
+    bytes. ``thread`` syncs in the background. Methods raise OSError.
+    """
+
+    def __init__(self, path: Path, thread: SyncThread | None = None) -> None:
+        self.path = path
+        self.committed = 0
+        self.synced = 0
+        self._gathered = bytearray()
+        # A slow disk takes seconds to keep what it is given, which the recorder has not got.
+        self._thread = thread or SyncThread()
+        self._syncing: Future[None] | None = None
+        self._syncing_bytes = 0
+        self._descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_TRUNC | os.O_CLOEXEC, 0o644)
+        try:
+            self.inode = os.fstat(self._descriptor).st_ino
+        except OSError:
+            self.close()
+            raise
+
+    @property
+    def closed(self) -> bool:
+        """Whether :meth:`close` was called."""
+        return self._descriptor < 0
+
+    @property
+    def vanished(self) -> bool:
+        """Whether somebody has deleted the file while it was being written."""
+        return os.fstat(self._descriptor).st_nlink == 0
+
+    def write(self, data: bytes) -> int:
+        """Take ``data`` in; nothing reaches the system before :meth:`flush`."""
+        self._gathered += data
+        return len(data)
+
+    def tell(self) -> int:
+        """Where the next byte will stand."""
+        return self.committed + len(self._gathered)
+
+    def flush(self) -> None:
+        """Hand what was gathered to the system: all of it, or nothing and OSError."""
+        try:
+            view, written = memoryview(bytes(self._gathered)), 0
+            while written < len(view):
+                written += os.pwrite(self._descriptor, view[written:], self.committed + written)
+        except OSError:
+            self.cut_to(self.committed)
+            raise
+        self.committed += len(self._gathered)
+        self._gathered.clear()
+
+    def sync(self) -> None:
+        """Flush, and make the disk keep it."""
+        self.flush()
+        self._end_syncing()
+        os.fdatasync(self._descriptor)
+        self.synced = self.committed
+
+    def begin_sync(self) -> bool:
+        """Flush, and let the disk keep it while others go on; False if it is still busy with the last time.
+
+        Raises what went wrong the last time.
+        """
+        self.flush()
+        if self._syncing is not None:
+            if not self._syncing.done():
+                return False
+            self._end_syncing()
+            self.synced = self._syncing_bytes
+        self._syncing_bytes = self.committed
+        self._syncing = self._thread.submit(os.fdatasync, self._descriptor)
+        return True
+
+    def _await_sync(self) -> None:
+        """Wait for a sync in the background: it uses the descriptor."""
+        if self._syncing is not None:
+            wait([self._syncing])
+
+    def _end_syncing(self) -> None:
+        """Let a sync in the background come to its end, and raise what went wrong with it: the system tells it once
+        only, and asked again would say that all is well."""
+        if self._syncing is not None:
+            last, self._syncing = self._syncing, None
+            last.result()
+
+    def cut_to(self, length: int) -> None:
+        """Forget everything after ``length`` bytes; a disk that is gone cannot even do that, and need not."""
+        try:
+            os.ftruncate(self._descriptor, length)
+        except OSError:
+            return
+        self.committed = length
+
+    def abandon(self, ending: bytes) -> bool:
+        """Keep what the disk is sure to have, close it with ``ending`` if that can be, and let go of the file.
+
+        Returns whether the ending was written.
+        """
+        self._await_sync()
+        self._syncing = None
+        self._gathered.clear()
+        self.cut_to(self.synced)
+        self._gathered += ending
+        try:
+            self.sync()
+        except OSError:
+            return False
+        finally:
+            self.close()
+        return True
+
+    def rescue(self, path: Path, ending: bytes) -> None:
+        """Write a deleted file's content to ``path``: as long as the file is open, the system keeps it.
+
+        Leaves nothing at ``path`` if that fails.
+        """
+        try:
+            with path.open("wb") as copy:
+                for offset in range(0, self.committed, _COPY_BYTES):
+                    copy.write(os.pread(self._descriptor, min(_COPY_BYTES, self.committed - offset), offset))
+                copy.write(ending)
+                copy.flush()
+                os.fsync(copy.fileno())
+        except OSError:
+            path.unlink(missing_ok=True)
+            raise
+
+    def close(self) -> None:
+        """Let go of the file; a second call does nothing."""
+        if not self.closed:
+            self._await_sync()
+            descriptor, self._descriptor = self._descriptor, -1
+            os.close(descriptor)
+
+
+def end_file(path: Path, inode: int, length: int, ending: bytes) -> None:
+    """Cut the file at ``path`` to ``length`` and end it, if it is still the one with that inode, and as long."""
+    descriptor = os.open(path, os.O_RDWR | os.O_CLOEXEC)
+    try:
+        state = os.fstat(descriptor)
+        if state.st_ino == inode and state.st_size >= length:
+            os.ftruncate(descriptor, length)
+            os.pwrite(descriptor, ending, length)
+            os.fdatasync(descriptor)
+    finally:
+        os.close(descriptor)
+
+
+def new_file(folder: Path, stem: str) -> Path:
+    """A new empty ``.mcap`` file of our own, the stem with a number where that name is taken; the folder is made.
+
+    Of two programs that want one name, the second gets the next.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    number, path = 1, folder / f"{stem}.mcap"
+    while True:
+        try:
+            path.touch(exist_ok=False)
+        except FileExistsError:
+            number += 1
+            path = folder / f"{stem}_{number}.mcap"
+        else:
+            return path
+
+
+def sync_folder(folder: Path) -> None:
+    """Make the disk keep a new file's name too, not only what is in it; some file systems keep it unasked."""
+    try:
+        descriptor = os.open(folder, os.O_RDONLY | os.O_CLOEXEC)
+        try:
+            os.fsync(descriptor)
+        finally:
+            os.close(descriptor)
+    except OSError as error:
+        if error.errno not in _FOLDER_SYNC_UNSUPPORTED:
+            raise
+
+
+_ROWS_TO_FLUSH = 50_000
+
+
+def write_table(
+    table: pd.DataFrame,
+    path: Path | str,
+    trial: Trial,
+    source: str | Mapping[str, str] = "table",
+    qualities: Mapping[str, NDArray[np.uint8]] | None = None,
+    metadata: Mapping[str, Mapping[str, str]] | None = None,
+) -> int:
+    """Write a table's channels as a recording, in the order of its rows, and return the number of samples.
+
+    ``table`` has a UTC index named ``time`` and columns named as the channels, in their units; NaN cells are
+    not written. ``source`` says where the values come from, for all or by column; ``qualities`` gives flags
+    by column, :attr:`Quality.NOT_EVALUATED` where it is silent; ``metadata`` is said beside the trial's, by
+    name. The file appears under its name only when it is complete. Raises :class:`InputError` for a column that
+    is no channel, :class:`StorageError` when the file cannot be written.
+    """
+    expect_suffix(path, ".mcap")
+    channels = channels_of_trial(trial)
+    unknown = [name for name in table.columns if name not in channels]
+    if unknown:
+        raise InputError(f"columns {', '.join(map(str, unknown))} are no channels", where=str(path))
+    with atomic_file(path) as partial, RecordingWriter(partial, trial) as writer:
+        for name, entries in (metadata or {}).items():
+            writer.write_metadata(name, entries)
+        _write_rows(writer, table, source, qualities or {})
+    return int(table.notna().to_numpy().sum())
+
+
+def _write_rows(
+    writer: RecordingWriter,
+    table: pd.DataFrame,
+    source: str | Mapping[str, str],
+    qualities: Mapping[str, NDArray[np.uint8]],
+) -> None:
+    index = pd.DatetimeIndex(table.index)
+    times_ns = index.as_unit("ns").asi8.tolist()  # pandas 3 counts in microseconds unless told
+    names = [str(name) for name in table.columns]
+    sources = [source if isinstance(source, str) else source.get(name, "table") for name in names]
+    flags = [qualities.get(name) for name in names]
+    values = table.to_numpy(dtype=float)
+    present = np.isfinite(values)
+    for row, time_ns in enumerate(times_ns):
+        for column in np.flatnonzero(present[row]):
+            flag = flags[column]
+            quality = Quality.NOT_EVALUATED if flag is None else Quality(int(flag[row]))
+            value = float(values[row, column])
+            name, origin = names[column], sources[column]
+            writer.write_sample(Sample(name, value, origin, time_ns, 0, time_ns, time_ns, "table", quality))
+        if row % _ROWS_TO_FLUSH == _ROWS_TO_FLUSH - 1:
+            writer.flush()  # or a day of samples would be gathered in memory

@@ -1,36 +1,64 @@
 """Where frames come from: a class a transport, one dict that says which class serves which type.
 
 A source yields frames with their times of reception and knows nothing of what is in them.
+
+A source of a user's own: a class that reads whatever device there is and tells channels by name.
+
+    class Inclinometer:
+        def __init__(self, device): ...        # the source's `options`; may be left out
+        def read(self, timeout_s): ...         # {"roll_deg": 1.5, "pitch_deg": -0.2}, in the channels' units
+        def close(self): ...                   # may be left out
+
+``read`` waits so long at the most and returns what came: a dict of channels, in which ``time`` may say when it was
+measured (UTC, s since 1970); a line of NMEA 0183; a list of those, empty where nothing came; None when nothing will
+ever come again. The class is made when the source is opened: what it raises there, and in ``read``, counts as a
+source that failed, is recorded as an event and tried again, while other sources go on.
+
+What Linux tells of a socket (when something came, how many it had no room for), who sends to it and who may.
+
+What can be recorded, and by which rules: who counts as a source of its own in it, and what its times count from.
+
+The documentation's page of inputs is made of :data:`INPUTS`; a test holds it against the forms that are read.
+
+A log as its readers see it: however it is packed, they get no more of it than its budget.
 """
 
 from __future__ import annotations
 
+import gzip
+import io
+import ipaddress
+import os
+import socket
+import struct
 from abc import ABC, abstractmethod
-from collections import Counter
+from collections import Counter, deque
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any, BinaryIO, NamedTuple
 
-from seatrial.acquisition.config.sections import AnySource
+from seatrial.acquisition.config.sources import AnySource, OwnSource
 from seatrial.acquisition.core.errors import SourceError
-from seatrial.acquisition.core.frames import Frame
-from seatrial.acquisition.core.named_code import imported
-from seatrial.acquisition.sources.sockets import Senders
+from seatrial.acquisition.core.named_code import file_of, imported, load, own_code, require_call
+from seatrial.acquisition.core.process import LOG_BYTES, TEXT_BYTES, Meter
+from seatrial.acquisition.core.trial import NANO, Frame, now_ns
 
 # Imported when first used: a trial without CAN needs no python-can.
 _CLASSES = {
-    "can": "seatrial.acquisition.sources.can_bus:CanBus",
-    "can_file": "seatrial.acquisition.sources.logfile:LogFile",
-    "serial": "seatrial.acquisition.sources.streams:SerialPort",
-    "udp": "seatrial.acquisition.sources.streams:UdpPort",
-    "tcp": "seatrial.acquisition.sources.streams:TcpConnection",
-    "file": "seatrial.acquisition.sources.logfile:LogFile",
-    "mavlink": "seatrial.acquisition.sources.streams:UdpPort",
-    "mavlink_tcp": "seatrial.acquisition.sources.streams:TcpConnection",
-    "mavlink_serial": "seatrial.acquisition.sources.streams:SerialPort",
+    "can": "seatrial.acquisition.sources.lines:CanBus",
+    "can_file": "seatrial.acquisition.sources.log_file:LogFile",
+    "serial": "seatrial.acquisition.sources.lines:SerialPort",
+    "udp": "seatrial.acquisition.sources.lines:UdpPort",
+    "tcp": "seatrial.acquisition.sources.lines:TcpConnection",
+    "file": "seatrial.acquisition.sources.log_file:LogFile",
+    "mavlink": "seatrial.acquisition.sources.lines:UdpPort",
+    "mavlink_tcp": "seatrial.acquisition.sources.lines:TcpConnection",
+    "mavlink_serial": "seatrial.acquisition.sources.lines:SerialPort",
     "mqtt": "seatrial.acquisition.sources.mqtt:MqttConnection",
     "mqtt_file": "seatrial.acquisition.sources.mqtt:MqttLog",
-    "own": "seatrial.acquisition.sources.own:OwnCode",
-    "mavlink_file": "seatrial.acquisition.sources.telemetry_log:TelemetryLog",
+    "own": "seatrial.acquisition.sources:OwnCode",
+    "mavlink_file": "seatrial.acquisition.sources.log_file:TelemetryLog",
 }
 
 SQLITE = b"SQLite format 3\0"
@@ -176,3 +204,301 @@ def make_source(config: AnySource) -> Source:
     """The source that a configuration section describes, not yet open."""
     source: Source = imported(_CLASSES[config.type])(config)
     return source
+
+
+_LINES = "own/lines"
+
+
+class OwnCode(Source):
+    """One object of a user's class. Raises :class:`ConfigurationError` for what is no such class."""
+
+    def __init__(self, config: OwnSource) -> None:
+        super().__init__(config)
+        self._class: Any = load(config.code, "sources")
+        self._file = file_of(self._class)
+        require_call(self._class, config.code, "timeout_s", method="read")
+
+    def _connect(self) -> Any:
+        with own_code(self._config.code, self._file):
+            return self._class(**self._config.options)
+
+    def _receive(self, timeout_s: float) -> list[Frame] | None:
+        with own_code(f"{self._config.code}.read", self._file):
+            received = self._link.read(timeout_s)
+        if received is None:
+            return None
+        clocks = now_ns()
+        payloads = [
+            payload
+            for reading in (received if isinstance(received, list) else [received])
+            for payload in self._payloads(reading)
+        ]
+        return [Frame(self.name, "mqtt", payload, *clocks) for payload in payloads]
+
+    def _payloads(self, reading: Any) -> Iterator[bytes]:
+        if isinstance(reading, str | bytes):
+            yield f"{_LINES}\0".encode() + (reading.encode() if isinstance(reading, str) else reading)
+            return
+        if not isinstance(reading, dict):
+            raise self.failure(
+                f"read returned a {type(reading).__name__}", fix="return a dict of channels, or a list"
+            )
+        time = reading.get("time")
+        for name, value in reading.items():
+            if name != "time":
+                if name not in self._config.values:
+                    raise self.failure(
+                        f"tells {name!r}", "it is no channel", "declare it as [[channel]], or rename it"
+                    )
+                yield f"own/{name}\0{value}{'' if time is None else f',{time}'}".encode()
+
+    def close(self) -> None:
+        if self._link is not None and hasattr(self._link, "close"):
+            with own_code(f"{self._config.code}.close", self._file):
+                self._link.close()
+        self._link = None
+
+
+_SO_RCVBUFFORCE, _SO_TIMESTAMPNS, _SO_MEMINFO = 33, 35, 55  # Python has no names for them
+_DROPPED = 8  # the place of the count among the numbers of SO_MEMINFO
+_MEMINFO_BYTES = 36
+_OLDEST_NS = 60 * NANO  # a frame that waited longer has been stamped by another clock, or ours has been set
+_MOST_SENDERS = 100  # senders' addresses can be forged: there is no end to them
+
+Network = ipaddress.IPv4Network | ipaddress.IPv6Network
+_TIME = struct.Struct("@ll")
+TIME_BYTES = socket.CMSG_SPACE(_TIME.size)
+"""Room for a stamp in ``recvmsg``."""
+
+
+def enlarge(opened: socket.socket, size_bytes: int) -> None:
+    """Ask for so large a receive buffer; without the right to exceed it the system's ``rmem_max`` holds."""
+    try:
+        opened.setsockopt(socket.SOL_SOCKET, _SO_RCVBUFFORCE, size_bytes)
+    except OSError:
+        opened.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, size_bytes)
+
+
+def stamp_arrivals(opened: socket.socket) -> None:
+    """Ask the system to stamp what comes, as far as it can."""
+    with suppress(OSError):
+        opened.setsockopt(socket.SOL_SOCKET, _SO_TIMESTAMPNS, 1)
+
+
+def arrival_ns(more: list[tuple[int, int, bytes]]) -> int | None:
+    """The stamp in the ancillary data of ``recvmsg`` [ns since 1970]; None where there is none."""
+    for level, kind, data in more:
+        if (level, kind) == (socket.SOL_SOCKET, _SO_TIMESTAMPNS) and len(data) >= _TIME.size:
+            seconds, nanoseconds = _TIME.unpack_from(data)
+            return int(seconds * NANO + nanoseconds)
+    return None
+
+
+def dropped(opened: socket.socket) -> int:
+    """How many datagrams or frames the system has had no room for, modulo 2^32; 0 where it does not tell."""
+    try:
+        meminfo = opened.getsockopt(socket.SOL_SOCKET, _SO_MEMINFO, _MEMINFO_BYTES)
+    except OSError:
+        return 0
+    return int(struct.unpack_from("@I", meminfo, 4 * _DROPPED)[0]) if len(meminfo) == _MEMINFO_BYTES else 0
+
+
+def received_at(stamp_ns: int | None) -> tuple[tuple[int, int], bool]:
+    """The wall and the monotonic clock [ns] when something came, and whether its stamp tells; if not, now."""
+    wall_ns, monotonic_ns = now_ns()
+    waited_ns = -1 if stamp_ns is None else wall_ns - stamp_ns
+    if stamp_ns is None or not 0 <= waited_ns < _OLDEST_NS:
+        return (wall_ns, monotonic_ns), False
+    return (stamp_ns, monotonic_ns - waited_ns), True
+
+
+class Drops:
+    """How many the system dropped of one socket since the last look."""
+
+    def __init__(self, opened: socket.socket) -> None:
+        self._socket, self._before = opened, dropped(opened)
+
+    def since(self) -> int:
+        now = dropped(self._socket)
+        count, self._before = (now - self._before) % 2**32, now
+        return count
+
+
+class Senders:
+    """The senders that a source has heard. ``allowed`` are their networks; none: everybody may send.
+
+    ``refused`` counts what came from others, by reason; ``news`` names each of these once, and each but the
+    first of those that may send, as (level, text), and is emptied by who tells them.
+    """
+
+    def __init__(self, allowed: Sequence[Network]) -> None:
+        self._allowed = tuple(allowed)
+        self._senders: dict[str, bool] = {}
+        self.refused: Counter[str] = Counter()
+        self.news: deque[tuple[str, str]] = deque()
+
+    def admits(self, sender: str) -> bool:
+        """Whether something from this address (IPv4 or IPv6, without a port) may come in."""
+        may = self._senders.get(sender)
+        if may is None:
+            address = ipaddress.ip_address(sender.partition("%")[0])
+            may = not self._allowed or any(address in network for network in self._allowed)
+            if len(self._senders) < _MOST_SENDERS:
+                if not may:
+                    self.news.append(("warning", f"{sender} sends and may not"))
+                elif any(self._senders.values()):
+                    self.news.append(("info", f"{sender} sends, too: its values are kept apart"))
+                self._senders[sender] = may
+        if not may:
+            self.refused["sender that is not allowed"] += 1
+        return may
+
+
+class Input(NamedTuple):
+    """A kind of input: what it is, who is a source of its own in it, and what its times are.
+
+    ``live`` says whether it can come over a line as well as from a file.
+    """
+
+    what: str
+    identity: str
+    times: str
+    live: bool = False
+
+
+_ADDRESS = "the device's address, or its NAME once it has claimed one"
+_BUS = "; of several buses in one log each"
+_TALKER = (
+    "the talker, with the source of a TAG block; satellite talkers (GP, GN, GL ...) are one receiver, two positions"
+    " of one moment more than 10 m apart two; values that take turns between two levels are of two; at one port"
+    " each address"
+)
+_COMPONENT = "the system, and every component but the autopilot; at one port each address"
+_SINCE_GATEWAY = "since the gateway started; UTC where the bus or a sentence tells it near the log's beginning"
+_OF_DAY = "time of day; the date is that of the bus or a sentence, else of the file's last change, which is said"
+
+INPUTS: dict[str, Input] = {
+    "nmea0183": Input(
+        "sentences, TAG blocks, with anything that a logger wrote before them", _TALKER,
+        "before the sentence: date and time (UTC or with a zone; the whole log decides whether the day or the month"
+        " comes first), seconds to nanoseconds since 1970, or time of day; else of the TAG block", live=True,
+    ),
+    "candump": Input(
+        "can-utils, with every option", f"{_ADDRESS}{_BUS} interface",
+        "UTC; `-tA` this computer's zone; `-tz`, `-td` since the start or the previous frame", live=True,
+    ),
+    "savvycan": Input(
+        "SavvyCAN's table of frames", f"{_ADDRESS}{_BUS} in the column Bus", "since 1970 or since the log began"
+    ),
+    "canboat": Input(
+        "canboat's lines: time, priority, group, source, destination, bytes", _ADDRESS,
+        "UTC or with a zone, to the nanosecond", live=True,
+    ),
+    "yacht_devices": Input("Yacht Devices RAW, Actisense's CAN ASCII", _ADDRESS, _OF_DAY, live=True),
+    "n2k_ascii": Input("Actisense N2K ASCII", _ADDRESS, _OF_DAY, live=True),
+    "actisense": Input("Actisense's binary messages 93, 95, D0", _ADDRESS, _SINCE_GATEWAY, live=True),
+    "ikonvert": Input("Digital Yacht iKonvert, NavLink2", _ADDRESS, _SINCE_GATEWAY, live=True),
+    "seasmart": Input(
+        "`$PCDIN` (SeaSmart, Chetco and many since)", _ADDRESS,
+        "since the gateway started, or 1/1024 s since 2010", live=True,
+    ),
+    "mxpgn": Input(
+        "`$MXPGN` (ShipModul MiniPlex)", _ADDRESS, "none: of what came before, or of what the bus tells", live=True
+    ),
+    "opencpn": Input("voyage data recorder of OpenCPN, CSV of both kinds", _ADDRESS, "UTC"),
+    "garmin": Input("chart plotters' CSV", _ADDRESS, "since it started, or UTC"),
+    "ebl": Input("Actisense EBL", _ADDRESS, "UTC"),
+    "ydvr": Input("Yacht Devices' recorders, .DAT", _ADDRESS, "in the minute; UTC where the bus tells it"),
+    "yd_can": Input(
+        "Yacht Devices' recorders, .CAN", _ADDRESS, "since the recorder started; UTC where the bus tells it"
+    ),
+    "pcap": Input(
+        "tcpdump and Wireshark on SocketCAN, the older form", f"{_ADDRESS}; captured on all interfaces, each", "UTC"
+    ),
+    "pcapng": Input("the newer form", f"{_ADDRESS}{_BUS} interface", "UTC"),
+    "asc": Input(
+        "Vector's ASC", f"{_ADDRESS}{_BUS} channel",
+        "since the date in its header (this computer's zone), since the line before (`timestamps relative`), or"
+        " times of day, which is said",
+    ),
+    "blf": Input("Vector's BLF, by python-can", f"{_ADDRESS}{_BUS} channel", "UTC"),
+    "trc": Input(
+        "PEAK's TRC, by python-can", f"{_ADDRESS}{_BUS} channel",
+        "since its start, by the line for that or by its comments",
+    ),
+    "mavlink": Input("MAVLink over a network or a serial line", _COMPONENT, "of reception", live=True),
+    "mavlink_file": Input(
+        "telemetry logs of ground stations (.tlog)", _COMPONENT,
+        "UTC; of a clock that was not set the distances, and the date by SYSTEM_TIME, by the clock once it was set,"
+        " or by the file's last change, which is said",
+    ),
+    "mqtt": Input("MQTT, values and sentences", "the topic", "of reception, or beside the value", live=True),
+    "mqtt_file": Input("R/V Gunnerus' SQLite log of MQTT messages", "the topic", "UTC, of the log"),
+    "can": Input("a CAN bus of this computer, by python-can", _ADDRESS, "of the system's reception", live=True),
+}  # fmt: skip
+"""Every kind of input, by its ``form`` or by the ``type`` of its source."""
+
+
+_BLOCK_BYTES = 8192  # as readers ask for: of a packed log that is cut off no more is lost than its last block
+
+
+class BoundedLog(io.BufferedReader):
+    """A log, unpacked if it is ``packed`` by gzip; reading raises :class:`InputError` beyond its budget."""
+
+    def __init__(self, path: Path, *, packed: bool) -> None:
+        self._bytes = _Bytes(path, packed)
+        super().__init__(self._bytes, _BLOCK_BYTES)
+
+    @property
+    def meter(self) -> Meter:
+        """What the reading has taken so far."""
+        return self._bytes.meter
+
+
+class _Bytes(io.RawIOBase):
+    """The bytes of a log, counted since the last time that it was read from its beginning."""
+
+    def __init__(self, path: Path, packed: bool) -> None:
+        self._path, self._size_bytes, self._packed = path, path.stat().st_size, packed
+        self._stream: Any = gzip.GzipFile(path) if packed else path.open("rb")
+        self.meter = Meter(path, self._size_bytes)
+
+    def readable(self) -> bool:
+        return True
+
+    def seekable(self) -> bool:
+        return True
+
+    def readinto(self, buffer: Any, /) -> int:
+        data = self._stream.read1(len(buffer))  # what is there: the rest of a log that is cut off would raise
+        self.meter.add(LOG_BYTES, len(data))
+        buffer[: len(data)] = data
+        return len(data)
+
+    def seek(self, offset: int, whence: int = os.SEEK_SET, /) -> int:
+        if whence == os.SEEK_END and self._packed:
+            while self.read(_BLOCK_BYTES):
+                pass
+            return int(self._stream.tell())
+        place = int(self._stream.seek(offset, whence))
+        self.meter = Meter(self._path, self._size_bytes)
+        return place
+
+    def tell(self) -> int:
+        return int(self._stream.tell())
+
+    def close(self) -> None:
+        self._stream.close()
+        super().close()
+
+
+class Lines(io.TextIOWrapper):
+    """The lines of a log as text; one without an end raises ValueError, not the memory that it takes."""
+
+    def __next__(self) -> str:  # type: ignore[override]  # as TextIOWrapper's is in truth
+        line = self.readline(TEXT_BYTES.least)
+        if not line:
+            raise StopIteration
+        if len(line) >= TEXT_BYTES.least and not line.endswith("\n"):
+            raise ValueError(f"it has a line of more than {TEXT_BYTES.least:,} letters")
+        return line

@@ -15,13 +15,12 @@ import time
 from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any, BinaryIO
 
-from seatrial.acquisition.config.sections import MqttSource, covers
-from seatrial.acquisition.core.budget import TEXT_BYTES
+from seatrial.acquisition.config.sources import MqttSource, covers
 from seatrial.acquisition.core.errors import SourceError, system_reason
-from seatrial.acquisition.core.frames import Frame, FrameFlag, now_ns
-from seatrial.acquisition.decoders.clock import is_possible
-from seatrial.acquisition.sources import SQLITE, LogReader, Source, looks_like, source_error
-from seatrial.acquisition.sources.sockets import enlarge
+from seatrial.acquisition.core.process import TEXT_BYTES
+from seatrial.acquisition.core.trial import Frame, FrameFlag, now_ns
+from seatrial.acquisition.protocols.clock import is_possible
+from seatrial.acquisition.sources import SQLITE, LogReader, Source, enlarge, looks_like, source_error
 
 if TYPE_CHECKING:
     from paho.mqtt.client import Client, MQTTMessage

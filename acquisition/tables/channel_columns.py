@@ -3,37 +3,73 @@
 The channels are read one after another, each by what is known before: the positions tell the unit of speeds, the
 heading that of the rate of turn, ranges that of angles. Where two readings are as likely as each other the draft
 asks.
+
+Which columns are of which actuator: kinds and sides by the words of their names, or the ship's own list.
 """
 
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 import pandas as pd
 import pymap3d
 
-from seatrial.acquisition.core.actuators import KINDS, Actuators, as_text
-from seatrial.acquisition.core.arrays import Floats
-from seatrial.acquisition.core.channels import BY_NAME
 from seatrial.acquisition.core.conventions import FROM_EAST
-from seatrial.acquisition.core.units import scale_to
+from seatrial.acquisition.core.quantities import Floats, scale_to
+from seatrial.acquisition.core.ship import BY_NAME, DEFAULT, KINDS, Actuator, Actuators, as_text, name_of_order
 from seatrial.acquisition.tables import evidence
-from seatrial.acquisition.tables.actuator_columns import Found, find_actuators
-from seatrial.acquisition.tables.column_map import without_fix
-from seatrial.acquisition.tables.coordinates import (
+from seatrial.acquisition.tables.column_map import (
     Axis,
     MeaningOfO,
     degrees_of_text,
     has_unclear_o,
     names_hemispheres,
+    rate,
     signs_of,
     with_hemisphere,
+    without_fix,
 )
-from seatrial.acquisition.tables.derived_columns import rate
-from seatrial.acquisition.tables.draft import SKIP, ColumnCandidate, Draft
-from seatrial.acquisition.tables.evidence import Told, agreement, fit, increments, integrals, means, restlessness
+from seatrial.acquisition.tables.column_names import (
+    BOW,
+    ORDER,
+    PORT,
+    QUANTITIES,
+    STARBOARD,
+    STERN,
+    TUNNEL,
+    headed,
+    units_called,
+    words_of,
+)
+from seatrial.acquisition.tables.evidence import (
+    GROUND,
+    POSITION,
+    SKIP,
+    UNKNOWN,
+    ColumnCandidate,
+    Draft,
+    Known,
+    Told,
+    agreement,
+    asked,
+    best,
+    changes_of,
+    fit,
+    increments,
+    integrals,
+    mean_angle,
+    means,
+    measures,
+    rate_unit,
+    restlessness,
+    take,
+    take_best,
+    turn_round,
+)
 from seatrial.acquisition.tables.heading_columns import (
     angle_unit,
     check_sway,
@@ -42,20 +78,6 @@ from seatrial.acquisition.tables.heading_columns import (
     read_earth_velocity,
     read_heading,
     read_yaw_rate,
-)
-from seatrial.acquisition.tables.table_context import (
-    GROUND,
-    POSITION,
-    UNKNOWN,
-    Known,
-    asked,
-    best,
-    changes_of,
-    mean_angle,
-    rate_unit,
-    take,
-    take_best,
-    turn_round,
 )
 
 FASTEST_MPS = 30.0  # what a speed channel holds
@@ -466,3 +488,155 @@ def _check_helm(context: Known, control: Found) -> None:
     if max(lagged, key=abs) * turns < -0.5:
         way = "port" if turns > 0 else "starboard"
         turn_round(context, control.channel, f"positive turned the ship to {way}")
+
+
+_KIND_OF = {"rudder": "rudder", "azimuth": "azimuth", "shaft": "propeller", "propeller_pitch": "propeller"}
+_ENDING = {"rudder": "_angle_deg", "azimuth": "_angle_deg", "shaft": "_rpm", "propeller_pitch": "_pitch_percent"}
+_LIKE = {
+    "propeller": ("propeller", "controllable_propeller", "waterjet", "azimuth"),
+    "azimuth": ("azimuth", "waterjet"),
+    "rudder": ("rudder",),
+    "tunnel": ("tunnel",),
+}
+"""The kinds of a known ship's actuators that a column of a kind may be of, the likeliest first."""
+_QUANTITY_OF = {"rpm": "shaft", "deg": "azimuth", "%": "propeller_pitch"}
+_NUMBERED = re.compile(r"[a-z]{1,2}\d")
+_SIDES = {"port": PORT, "starboard": STARBOARD, "bow": BOW, "stern": STERN}
+_AZIMUTH_WORDS = frozenset({"az", "azi", "azimuth", "azimut", "asimut", "pod"})
+
+
+@dataclass(frozen=True, slots=True)
+class Found:
+    """A column that tells of an actuator: its control channel, or the channel of the orders to it."""
+
+    candidate: ColumnCandidate
+    channel: str
+    kind: str
+    why: str
+
+
+@dataclass(frozen=True, slots=True)
+class _Part:
+    candidate: ColumnCandidate
+    kind: str
+    side: str
+    is_order: bool
+
+
+def find_actuators(draft: Draft, ship: Actuators = ()) -> tuple[Actuators, list[Found]]:
+    """The actuators that columns tell of, or a known ``ship``'s, and the columns with the channels they become."""
+    exact = _by_name(draft, ship or _named(draft))
+    used_columns = {column.candidate.column for column in exact}
+    parts = [_part(candidate) for candidate in draft.of(*_KIND_OF) if candidate.column not in used_columns]
+    azimuths = {control.side for control in parts if control.kind == "azimuth"}
+    parts = [  # a shaft at the side of an azimuth thruster is the thruster's
+        replace(control, kind="azimuth") if control.kind == "propeller" and control.side in azimuths else control
+        for control in parts
+    ]
+    columns = {column.channel: column for column in exact}
+    kinds = {device.name: device.kind for device in _named(draft)}
+    pitched = {control.side for control in parts if control.candidate.quantity.name == "propeller_pitch"}
+    for part in sorted(parts, key=lambda control: control.is_order):
+        matched = _actuators_of_part(part, ship) if ship else [_new_actuator(part, parts, pitched)]
+        if len(matched) > 1:
+            names = " and ".join(device.name for device in matched)
+            draft.warnings.append(f"{part.candidate.column!r} names no side: it is taken for {names} alike")
+        for actuator in matched:
+            stem = actuator.name + _ENDING[part.candidate.quantity.name]
+            if stem not in {channel.name for channel in actuator.channels}:
+                continue
+            channel = name_of_order(stem) if part.is_order and stem in columns else stem
+            if channel in columns:
+                rival = columns[channel].candidate.column
+                draft.note(part.candidate.column, "-", "", f"not used: {rival!r} is taken for it")
+                continue
+            why = f"{actuator.name}: {actuator.kind.replace('_', ' ')}"
+            columns[channel] = Found(
+                part.candidate, channel, actuator.kind, why + (", its order" if part.is_order else "")
+            )
+            kinds[actuator.name] = actuator.kind
+    actuators = tuple(Actuator(name, kind) for name, kind in kinds.items())
+    if set(actuators) <= set(DEFAULT) and actuators:
+        actuators = DEFAULT
+    return ship or actuators, list(columns.values())
+
+
+def _named(draft: Draft) -> Actuators:
+    """The usual ship's actuators where columns have the names of their angles, as shafts alone may be another's;
+    else thrusters whose shaft and angle have one short name of their own."""
+    names = list(map(str, draft.raw.columns.columns))
+    angles = {channel.name for actuator in DEFAULT for channel in actuator.channels if channel.unit == "deg"}
+    if angles & set(names):
+        return DEFAULT
+    heads = {name.lower().replace(" ", "_"): units for name, units, _ in map(headed, names)}
+    return tuple(  # t1 rpm beside t1 angle [deg]: a number of a maker's own
+        Actuator(name, "azimuth")
+        for name, units in heads.items()
+        if _NUMBERED.fullmatch(name) and "rpm" in units and f"{name}_angle" in heads
+    )
+
+
+def _by_name(draft: Draft, ship: Actuators) -> list[Found]:
+    """The columns that are called as a ship's own channels, with a blank for a line or their unit in brackets."""
+    channels = {channel.name: (actuator, channel.unit) for actuator in ship for channel in actuator.channels}
+    orders = {name_of_order(name): owner for name, owner in channels.items()}
+    columns: dict[str, Found] = {}
+    for column in map(str, draft.raw.columns.columns):
+        head = headed(column)
+        stems = {re.sub(r"\W+", "_", name.strip().lower()) for name in (column, head.name)}
+        for channel, (actuator, unit) in (channels | orders).items():
+            is_called = channel in stems or (channel.rpartition("_")[0] in stems and bool(head.units))
+            if is_called and channel not in columns and (not head.units or _fits(unit, head.units)):
+                quantity = next(entry for entry in QUANTITIES if entry.name == _QUANTITY_OF[unit])
+                units = head.units or units_called(draft.raw.units.get(column, ""))
+                candidate = ColumnCandidate(column, quantity, 1.0, units, frozenset(words_of(column)))
+                columns[channel] = Found(candidate, channel, actuator.kind, f"{actuator.name}: by its name")
+    return list(columns.values())
+
+
+def _fits(unit: str, stated: tuple[str, ...]) -> bool:
+    quantity = next(entry for entry in QUANTITIES if entry.name == _QUANTITY_OF[unit])
+    return any(measures(quantity, spelling) for spelling in stated)
+
+
+def _part(candidate: ColumnCandidate) -> _Part:
+    words = candidate.words
+    kind = _KIND_OF[candidate.quantity.name]
+    if candidate.quantity.name == "shaft" and words & (TUNNEL | (BOW | STERN) - {"forward", "aft", "fwd"}):
+        kind = "tunnel"
+    if candidate.quantity.name == "shaft" and words & _AZIMUTH_WORDS:
+        kind = "azimuth"
+    side = next((name for name, markers in _SIDES.items() if words & markers), "")
+    number = next((word for word in sorted(words) if word.isdigit() and len(word) == 1), "")
+    return _Part(candidate, kind, side or number, bool(words & ORDER))
+
+
+def _actuators_of_part(part: _Part, ship: Actuators) -> list[Actuator]:
+    """The ship's actuators that a column tells of; without a side all of a kind, as of one order to a pair."""
+    words = _SIDES.get(part.side, {part.side})
+    for kind in _LIKE[part.kind]:
+        of_kind = [actuator for actuator in ship if actuator.kind == kind]
+        at_side = [actuator for actuator in of_kind if not words.isdisjoint(actuator.name.split("_"))]
+        if of_kind and (at_side or not part.side or len(of_kind) == 1):
+            return at_side or of_kind
+    return []
+
+
+def _new_actuator(part: _Part, parts: Iterable[_Part], pitched: set[str]) -> Actuator:
+    """An actuator of a ship that nothing else is known of."""
+    if part.kind == "azimuth":
+        return Actuator(
+            _name(part.side, "azimuth") if part.side.isdigit() or not part.side else part.side, "azimuth"
+        )
+    if part.kind == "tunnel":
+        sides = {control.side for control in parts if control.kind == "tunnel"}
+        return Actuator(
+            "tunnel" if len(sides) == 1 and part.side != "stern" else _name(part.side, "tunnel"), "tunnel"
+        )
+    kind = "controllable_propeller" if part.kind == "propeller" and part.side in pitched else part.kind
+    assert kind in KINDS
+    return Actuator(_name(part.side, part.kind), kind)
+
+
+def _name(side: str, kind: str) -> str:
+    return f"{kind}_{side}" if side.isdigit() else f"{side}_{kind}" if side else kind

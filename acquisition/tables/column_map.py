@@ -2,16 +2,28 @@
 
 Units, signs, constants, the plane's position and the true wind become the contract's channels. A map may list the
 ship's actuators, and it says what becomes of rows that cannot be read.
+
+Channels of a table that follow from others of it: the recorder's equations, row by row of a whole table.
+
+Surge and sway from course and speed over ground and the heading, as :mod:`seatrial.acquisition.logger.derive` has
+them; where there is no course, and for the yaw rate, the rates of position and heading: slopes of straight lines
+over a second and a half before and after each row.
+
+Latitudes and longitudes as text, and hemispheres by word or letter, in a closed vocabulary of many languages.
+
+A hemisphere that is read wrongly mirrors the track: what is not in the vocabulary is refused, and an O, which is
+east in some languages and west in others, is decided by what stands beside it or asked.
 """
 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Collection, Iterable, Sequence
+import re
+from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import field, replace
 from difflib import get_close_matches
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 import pandas as pd
@@ -22,18 +34,32 @@ from pydantic.dataclasses import dataclass
 from seatrial.acquisition.config.conditions import Conditions
 from seatrial.acquisition.config.declarations import ChannelSection, Conversion, PackSection
 from seatrial.acquisition.config.run_sheet import InstrumentsSection, Particulars, RunSheet
-from seatrial.acquisition.config.sections import ActuatorSection, check_channel, parse_for_ship
+from seatrial.acquisition.config.sources import ActuatorSection, check_channel, parse_for_ship
 from seatrial.acquisition.config.toml_file import line_of, read_text
-from seatrial.acquisition.core.actuators import Actuator, Actuators
-from seatrial.acquisition.core.angles import are_angles, in_turn, wrap_360
-from seatrial.acquisition.core.arrays import Bools, Floats
-from seatrial.acquisition.core.channel import Channel
-from seatrial.acquisition.core.channels import find_channel, with_declared
-from seatrial.acquisition.core.declared import Declared, declared_text
 from seatrial.acquisition.core.errors import ConfigurationError, InputError
-from seatrial.acquisition.core.units import DEGREES_AND_MINUTES, from_degrees_and_minutes, scale_to
-from seatrial.acquisition.tables.coordinates import Axis, degrees_of_text, signs_of, with_hemisphere
-from seatrial.acquisition.tables.derived_columns import DERIVED, derive, heading_of_quaternion, to_ship_axes
+from seatrial.acquisition.core.quantities import (
+    DEGREES_AND_MINUTES,
+    Bools,
+    Floats,
+    along,
+    from_degrees_and_minutes,
+    scale_to,
+    to_ship,
+)
+from seatrial.acquisition.core.ship import (
+    Actuator,
+    Actuators,
+    Channel,
+    Declared,
+    are_angles,
+    declared_text,
+    find_channel,
+    in_turn,
+    unwrap,
+    with_declared,
+    wrap_360,
+)
+from seatrial.acquisition.tables.column_names import plain_letters
 from seatrial.acquisition.tables.table_files import (
     RawTable,
     TableFile,
@@ -146,7 +172,7 @@ class Long:
 @dataclass(frozen=True, config=_STRICT)
 class ColumnMap:
     """A whole map. ``absent`` names channels that the table has not and that stay away, ``derive`` those that are
-    computed of others (:mod:`seatrial.acquisition.tables.derived_columns`).
+    computed of others (:mod:`seatrial.acquisition.tables.column_map`).
 
     With ``long`` the variables of a long table are its columns.
     ``actuator`` lists the ship's, as in a vessel file. Rows without a time or with text for a number are an error,
@@ -473,3 +499,286 @@ def true_wind(
     """
     true = speed_mps * np.exp(1j * angle_rad) - (surge_mps + 1j * sway_mps)  # ahead + i to starboard
     return wrap_360(np.rad2deg(np.angle(true)) + heading_deg), np.abs(true)
+
+
+_REACH_S = 1.5  # as long as the recorder believes a heading or a speed
+_LEAST_NEIGHBOURS = 1
+_along = np.vectorize(along, otypes=[float, float])
+
+
+def derive(table: pd.DataFrame, names: Sequence[str]) -> dict[str, str]:
+    """Add the channels ``names`` to a table of channels with a UTC index; what each was derived from, by name.
+
+    Channels whose inputs are not there stay away. A value stands in the rows that have the quantity it follows
+    from; the heading is carried to these along straight lines on the circle.
+    """
+    if not names:
+        return {}
+    seconds = seconds_of(pd.DatetimeIndex(table.index))
+    sources: dict[str, str] = {}
+    for make, channels in _DERIVATIONS.items():
+        wanted = [name for name in channels if name in names and name not in table]
+        if wanted and (derived := make(table, seconds)):
+            table[wanted] = np.column_stack([derived[0][name] for name in wanted])
+            sources |= dict.fromkeys(wanted, f"table derived from {derived[1]}")
+    return sources
+
+
+def seconds_of(index: pd.DatetimeIndex) -> Floats:
+    """Seconds of an index since its first time [n]."""
+    ns = index.as_unit("ns").asi8
+    return np.asarray((ns - ns[0]) / 1e9 if ns.size else ns, dtype=float)
+
+
+Made = tuple[dict[str, Floats], str] | None
+
+
+def _yaw_rate(table: pd.DataFrame, seconds: Floats) -> Made:
+    if "heading_deg" not in table:
+        return None
+    heading = unwrap(table["heading_deg"].to_numpy(dtype=float))
+    return {"yaw_rate_dps": rate(seconds, heading)}, "heading_deg"
+
+
+def _velocity(table: pd.DataFrame, seconds: Floats) -> Made:
+    """Surge and sway; of the positions where the table has no course and speed."""
+    if "heading_deg" not in table:
+        return None
+    velocity = velocity_over_ground(table, seconds)
+    if velocity is None:
+        return None
+    north, east, source = velocity
+    return to_ship_axes(table, north, east), f"{source} and heading_deg"
+
+
+def to_ship_axes(table: pd.DataFrame, north: Floats, east: Floats) -> dict[str, Floats]:
+    """Surge and sway [m/s] of velocities [n] to north and east in the rows of a table with a heading."""
+    seconds = seconds_of(pd.DatetimeIndex(table.index))
+    heading = at_all_rows(seconds, unwrap(table["heading_deg"].to_numpy(dtype=float)))
+    surge, sway = to_ship(north, east, np.deg2rad(heading))
+    return {"surge_mps": surge, "sway_mps": sway}
+
+
+def _course(table: pd.DataFrame, seconds: Floats) -> Made:
+    if not {"north_m", "east_m"} <= set(table.columns):
+        return None
+    north, east = (rate(seconds, table[name].to_numpy(dtype=float)) for name in ("north_m", "east_m"))
+    speed = np.hypot(north, east)
+    course = np.where(speed > 0.0, wrap_360(np.rad2deg(np.arctan2(east, north))), np.nan)
+    return {"speed_over_ground_mps": speed, "course_over_ground_deg": course}, "north_m, east_m"
+
+
+_DERIVATIONS: dict[Callable[[pd.DataFrame, Floats], Made], tuple[str, ...]] = {
+    _yaw_rate: ("yaw_rate_dps",),
+    _velocity: ("surge_mps", "sway_mps"),
+    _course: ("speed_over_ground_mps", "course_over_ground_deg"),
+}
+DERIVED: tuple[str, ...] = tuple(name for names in _DERIVATIONS.values() for name in names)
+"""The channels that can be derived."""
+
+
+def velocity_over_ground(table: pd.DataFrame, seconds: Floats) -> tuple[Floats, Floats, str] | None:
+    """Velocity to north and east [m/s] of each row and where it is from; None where the table tells of none."""
+    if {"course_over_ground_deg", "speed_over_ground_mps"} <= set(table.columns):
+        names = ("course_over_ground_deg", "speed_over_ground_mps")
+        north, east = _along(*(table[name].to_numpy(dtype=float) for name in names))
+        return north, east, ", ".join(names)
+    if {"north_m", "east_m"} <= set(table.columns):
+        north, east = (rate(seconds, table[name].to_numpy(dtype=float)) for name in ("north_m", "east_m"))
+        return north, east, "north_m, east_m"
+    return None
+
+
+def rate(seconds: Floats, values: Floats) -> Floats:
+    """The slope of the line of least squares through each value and its neighbours within 1.5 s [per s]; NaN where
+    there is none, of values and of neighbours. The nearest on either side count however far they are.
+    """
+    result = np.full(values.size, np.nan)
+    valid = np.flatnonzero(np.isfinite(values) & np.isfinite(seconds))
+    t, y = seconds[valid], values[valid]
+    if valid.size < 2 or np.any(np.diff(t) < 0.0):
+        return result
+    places = np.arange(valid.size)
+    low = np.minimum(np.searchsorted(t, t - _REACH_S), np.maximum(places - _LEAST_NEIGHBOURS, 0))
+    high = np.maximum(
+        np.searchsorted(t, t + _REACH_S, "right"), np.minimum(places + _LEAST_NEIGHBOURS + 1, valid.size)
+    )
+    count = (high - low).astype(float)
+    t0, y0 = t - t[0], y - y.mean()
+    sums = [np.concatenate([[0.0], np.cumsum(terms)]) for terms in (t0, y0, t0 * t0, t0 * y0)]
+    st, sy, stt, sty = (total[high] - total[low] for total in sums)
+    spread = stt - st * st / count
+    with np.errstate(divide="ignore", invalid="ignore"):
+        result[valid] = np.where(spread > 0.0, (sty - st * sy / count) / spread, np.nan)
+    return result
+
+
+def at_all_rows(seconds: Floats, values: Floats) -> Floats:
+    """Values carried to the rows without one, along straight lines between two no more than 3 s apart; else NaN."""
+    valid = np.flatnonzero(np.isfinite(values) & np.isfinite(seconds))
+    if valid.size == 0:
+        return values
+    result = np.interp(seconds, seconds[valid], values[valid], left=np.nan, right=np.nan)
+    after = np.clip(np.searchsorted(seconds[valid], seconds), 1, max(valid.size - 1, 1))
+    gap = seconds[valid][np.minimum(after, valid.size - 1)] - seconds[valid][after - 1]
+    return np.where(np.isfinite(values), values, np.where(gap <= 2.0 * _REACH_S, result, np.nan))
+
+
+def heading_of_quaternion(x: Floats, y: Floats, z: Floats, w: Floats, frame: str = "enu") -> Floats:
+    """The heading [deg] of orientations [n]; "enu" counts yaw from east to north, "ned" from north to east.
+
+    Yaw of Fossen (2021, eq. 2.74); ROS' frames are those of REP 103.
+    """
+    yaw = np.rad2deg(np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z)))
+    return wrap_360(90.0 - yaw if frame == "enu" else yaw)
+
+
+Axis = Literal["north_south", "east_west"]
+MeaningOfO = Literal["east", "west"]
+_WORDS: dict[Axis, tuple[str, str]] = {
+    "north_south": (
+        "n north northern northward nord norden nordlich nordlig norra norr norte noord noorderbreedte nb nordre"
+        " nordbreite septentrional pohjoinen polnoc sever severni kuzey север с северная 北 北纬 北緯 +1 1",
+        "s south southern southward sud suden sudlich sudlig sodra soder syd sydlig sur sul zuid zuiderbreedte zb"
+        " z sudbreite meridional etela poludnie jih juzni guney юг ю южная 南 南纬 南緯 -1",
+    ),
+    "east_west": (
+        "e east eastern eastward ost osten ostlich ostlig ostra oster oost oosterlengte ol est este leste l"
+        " oriental ostlange ita wschod vychod vychodni dogu восток в восточная 东 東 东经 東経 +1 1",
+        "w west western westward westen westlich vest vestlig vast vastra vaster westerlengte wl v ouest oeste"
+        " ovest occidental westlange lansi zachod zapad zapadni bati запад з западная 西 西经 西経 -1",
+    ),
+}
+"""The words of the two hemispheres of each axis, the positive one first, in small letters without accents."""
+_SIGNS: dict[Axis, dict[str, float]] = {
+    axis: {word: sign for words, sign in zip(sides, (1.0, -1.0), strict=True) for word in words.split()}
+    for axis, sides in _WORDS.items()
+}
+_O_IS_WEST = frozenset({"e", "l", "east", "est", "este", "leste"})
+_O_IS_EAST = frozenset({"w", "v", "z", "west", "vest", "zuid"})
+_EAST_OF_THE_NORTH = ("ø", "ö")  # Øst, Öst: without its accent it would be an O
+_NUMBER = r"\d+(?:[.,]\d+)?"
+_CELL = re.compile(
+    rf"(?P<before>[^\W\d_]*)\.?\s*(?P<sign>[+-]?)\s*(?P<degrees>{_NUMBER})"
+    r"\s*(?P<unit>°|º|˚|度|grad|degrees?|deg\.?|d(?=[\s\d]|$))?[\s:,-]*"
+    rf"(?:(?P<minutes>{_NUMBER})\s*(?:'|′|’|´|分|minutes?|min\.?|m(?=[\s\d]|$))?[\s:]*"
+    rf"(?:(?P<seconds>{_NUMBER})\s*(?:\"|″|”|''|’’|秒|seconds?|sec\.?|s(?=\s*[^\W\d_])|(?<=\d)s(?=$))?)?)?"
+    r"\s*(?P<behind>[^\W\d_]*)\.?",
+    re.IGNORECASE,
+)
+_RUSSIAN = re.compile(r"([сю])\.?\s?ш(?:\.|\b)|([вз])\.?\s?д(?:\.|\b)", re.IGNORECASE)
+"""North, south, east and west of latitude and longitude in Russian, by two letters, of which the first counts."""
+_DIGITS_OF_DDMM = 4  # before the point: degrees alone have three at most
+
+
+def signs_of(column: pd.Series[Any], axis: Axis, o_is: MeaningOfO | None = None) -> Floats:
+    """1 for north and east, -1 for south and west by the words of a column [n]; NaN for an empty cell.
+
+    Raises :class:`InputError` for a word that is not known, and an O that may be either.
+    """
+    words = [_word(cell) if pd.notna(cell) else "" for cell in column.tolist()]
+    o_is = o_is or meaning_of_o(words, str(column.name))
+    signs = {word: _sign(word, axis, o_is, column, words.index(word)) for word in set(words)}
+    return np.array([signs[word] for word in words], dtype=float)
+
+
+def _word(cell: Any) -> str:
+    text = _RUSSIAN.sub(r"\1\2", str(cell)).strip(" .").lower()
+    return "ost" if text in _EAST_OF_THE_NORTH else plain_letters(text)
+
+
+def _sign(word: str, axis: Axis, o_is: MeaningOfO | None, column: pd.Series[Any], row: int) -> float:
+    word = word.removesuffix(".0")  # of a column of 1 and -1
+    if not word:
+        return np.nan
+    if word == "o" and axis == "east_west":
+        if o_is is None:
+            raise InputError(
+                f"column {column.name!r} has the letter O, which is east in some languages and west in others",
+                fix="write E and W, or --answer o_is=east|west",
+            )
+        return 1.0 if o_is == "east" else -1.0
+    if word not in _SIGNS[axis]:
+        cell = str(column.iloc[row])
+        what = f"row {row + 1} of column {column.name!r} names a hemisphere that is not known: {cell!r}"
+        raise InputError(what, fix="write N and S" if axis == "north_south" else "write E and W")
+    return _SIGNS[axis][word]
+
+
+def names_hemispheres(column: pd.Series[Any], axis: Axis) -> bool:
+    """Whether a column of text holds hemispheres of an axis alone, and at least one."""
+    letters = {word for cell in column.dropna().unique() if (word := _word(cell))}
+    return bool(letters) and letters <= {word for word in (*_SIGNS[axis], "o") if word.isalpha()}
+
+
+def meaning_of_o(words: Iterable[str], name: str) -> MeaningOfO | None:
+    """West beside an E or an L (oeste, ouest, ovest), east beside a W, V or Z (Ost, oost); None where nothing is.
+
+    >>> meaning_of_o(["o"], "E/O"), meaning_of_o(["o", "w"], "lon"), meaning_of_o(["o"], "lon")
+    ('west', 'east', None)
+    """
+    for hints in (set(words), set(re.findall(r"(?<![a-z])[elwvz](?![a-z])", plain_letters(name)))):
+        is_west, is_east = bool(hints & _O_IS_WEST), bool(hints & _O_IS_EAST)
+        if is_west != is_east:
+            return "west" if is_west else "east"
+    return None
+
+
+def has_unclear_o(column: pd.Series[Any]) -> bool:
+    """Whether a column of hemispheres, or of longitudes with them, has an O that nothing beside it decides."""
+    words = [word for cell in column.dropna().astype("str").unique() for word in _words(cell)]
+    return "o" in words and meaning_of_o(words, str(column.name)) is None
+
+
+def _words(cell: str) -> list[str]:
+    match = _CELL.fullmatch(cell.strip())
+    return [_word(cell)] if match is None else [_word(match[part]) for part in ("before", "behind") if match[part]]
+
+
+def degrees_of_text(
+    latitude: pd.Series[Any], longitude: pd.Series[Any], o_is: MeaningOfO | None = None
+) -> tuple[list[Floats], list[Floats]]:
+    """Degrees of text such as 62°28.146'N, 6228.146N, 62 28 08.8 N, N62.469 or -62.469, without their hemisphere's
+    sign, and the signs [n] that the text gives, NaN where it names none. NaN for what is no angle.
+
+    Raises :class:`InputError` as :func:`signs_of`, and for a negative angle of a positive hemisphere.
+    """
+    cells = [[_match(cell) for cell in column.tolist()] for column in (latitude, longitude)]
+    singles = [match["degrees"] for matches in cells for match in matches if match and _is_single(match)]
+    is_ddmm = any(len(re.split("[.,]", text)[0]) >= _DIGITS_OF_DDMM for text in singles)
+    sizes, signs = [], []
+    for column, matches, axis in zip((latitude, longitude), cells, _WORDS, strict=True):
+        words = [(match["behind"] or match["before"]) if match else None for match in matches]
+        signs.append(signs_of(pd.Series(words, name=column.name, dtype=object), axis, o_is))
+        sizes.append(np.array([_sexagesimal_degrees(match, is_ddmm) for match in matches], dtype=float))
+    return sizes, signs
+
+
+def _match(cell: Any) -> re.Match[str] | None:
+    return _CELL.fullmatch(_RUSSIAN.sub(r"\1\2", str(cell).strip())) if pd.notna(cell) else None
+
+
+def _is_single(match: re.Match[str]) -> bool:
+    return match["minutes"] is None and match["unit"] is None
+
+
+def _sexagesimal_degrees(match: re.Match[str] | None, is_ddmm: bool) -> float:
+    if match is None:
+        return np.nan
+    whole_degrees, minutes, seconds = (
+        float((match[part] or "0").replace(",", ".")) for part in ("degrees", "minutes", "seconds")
+    )
+    if is_ddmm and _is_single(match):
+        whole_degrees = float(from_degrees_and_minutes(whole_degrees)) if whole_degrees % 100.0 < 60.0 else np.nan
+    size = whole_degrees + minutes / 60.0 + seconds / 3600.0
+    return -size if match["sign"] == "-" else size
+
+
+def with_hemisphere(values: Floats, signs: Floats, column: pd.Series[Any]) -> Floats:
+    """Angles [n] with the sign of their hemisphere [n]; :class:`InputError` where theirs says the other one."""
+    wrong = np.flatnonzero((values < 0.0) & (signs > 0.0))
+    if wrong.size:
+        where = f"row {wrong[0] + 1} of column {column.name!r}"
+        what = f"{where}, {column.iloc[wrong[0]]!r}, is negative, but of the north or the east"
+        raise InputError(what, fix="correct the sign, or leave the column of hemispheres out")
+    return np.asarray(np.abs(values) * signs)

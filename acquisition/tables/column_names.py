@@ -1,5 +1,5 @@
 """What columns and their units are called: the quantities of a trial in the words of several languages, loggers and
-programs, and units as the heads of tables write them, by the names of :mod:`seatrial.acquisition.core.units`.
+programs, and units as the heads of tables write them, by the names of :mod:`seatrial.acquisition.core.quantities`.
 
 Words are compared as a plain run of small letters without accents; the longest phrase that a name holds counts,
 the more of the name it covers the better.
@@ -16,7 +16,7 @@ from functools import lru_cache
 from pathlib import Path
 from typing import NamedTuple
 
-from seatrial.acquisition.core.channels import BY_NAME
+from seatrial.acquisition.core.ship import BY_NAME
 
 
 @dataclass(frozen=True, slots=True)

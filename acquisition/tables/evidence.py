@@ -4,18 +4,45 @@ angles fit the track, the size of values, and codes for no value.
 Increments of position and heading are compared with integrals of speeds and rates between the same instants, so
 that noise and delays matter little. Nothing here asks or decides;
 :mod:`seatrial.acquisition.tables.channel_columns` does.
+
+What is known of a table while its columns are taken for channels, and how a column is taken, turned or asked
+about. Without it each reader of columns would have to be told by the ones before it.
+
+A proposal while it is made, and when it is done: what each column was taken for and why, what is still asked.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import json
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
+import pandas as pd
 
-from seatrial.acquisition.core.arrays import Bools, Floats
-from seatrial.acquisition.core.channel import Channel
-from seatrial.acquisition.core.units import from_degrees_and_minutes, scale_to
+from seatrial.acquisition.core.errors import ConfigurationError
+from seatrial.acquisition.core.quantities import (
+    Bools,
+    Complexes,
+    Floats,
+    from_degrees_and_minutes,
+    scale_to,
+    to_house,
+)
+from seatrial.acquisition.core.ship import BY_NAME, Channel, unwrap, wrap_360
+from seatrial.acquisition.tables.column_names import (
+    BY_CHANNEL,
+    ORDER,
+    Match,
+    Quantity,
+    headed,
+    matches,
+    units_called,
+    words_of,
+)
+from seatrial.acquisition.tables.table_files import RawTable
+from seatrial.acquisition.tables.time_columns import known_day, known_zone
 
 _STEP_S = 5.0  # long against a receiver's noise and delay, short against a turn
 _STEP_ROWS = 2.0
@@ -233,3 +260,354 @@ def are_places(latitude: Floats, longitude: Floats) -> bool:
     """Whether most rows that have either are a place on earth."""
     valid = np.isfinite(latitude) | np.isfinite(longitude)
     return bool(valid.any() and np.mean(is_place(latitude, longitude)[valid]) > 0.5)
+
+
+POSITION = ("north_m", "east_m")
+GROUND = ("course_over_ground_deg", "speed_over_ground_mps")
+UNKNOWN = ScaleFit(np.nan, 0.0, 0)
+
+
+@dataclass(slots=True)
+class Known:
+    """What is known of a table so far: the seconds of its rows [n], the instants between which increments are
+    compared, the channels of the map, their values [n] in our units, the units that speeds have for sure, where on
+    earth the track begins [deg], and whether the heading's sense and the axes of the positions are sure."""
+
+    draft: Draft
+    t: Floats
+    grid: Floats
+    channels: dict[str, dict[str, Any]] = field(default_factory=dict)
+    series: dict[str, Floats] = field(default_factory=dict)
+    speed_units: set[str] = field(default_factory=set)
+    origin: tuple[float, float] | None = None
+    heading_is_sure: bool = False
+    positions_are_sure: bool = False
+
+    @property
+    def heading_is_asked(self) -> bool:
+        """Whether the heading's sense is a question, so that no sign can be judged by it."""
+        return any(question.key == "heading" and question.default is None for question in self.draft.questions)
+
+
+def best(draft: Draft, name: str) -> ColumnCandidate | None:
+    """The likeliest column for a quantity; the others are said to be left."""
+    candidates = draft.of(name)
+    for candidate in candidates[1:]:
+        draft.note(candidate.column, "-", "", f"not used: {candidates[0].column!r} is taken for it")
+    return candidates[0] if candidates else None
+
+
+def take(context: Known, name: str, candidate: ColumnCandidate, unit: str, *why: str, **more: Any) -> None:
+    """Let a column be a channel."""
+    channel, column, draft = BY_NAME[name], candidate.column, context.draft
+    entry: dict[str, Any] = {"column": column, "unit": unit}
+    factor = more["full_scale"] / 100.0 if more else scale_to(channel.unit, unit)
+    values = draft.numbers(column)
+    if missing := codes_of(values, factor, channel):
+        entry["missing"] = missing
+        why = (*why, f"{', '.join(f'{code:g}' for code in missing)} stands for no value")
+        values = without_codes(values, missing)
+    context.channels[name] = entry | more
+    context.series[name] = values * factor
+    draft.note(column, name, unit, *why)
+    if np.isnan(values).all():
+        draft.warnings.append(f"column {column!r}, taken for {name}, holds no value at all")
+
+
+def take_best(context: Known, name: str, unit_of: Callable[[Known, ColumnCandidate, str], Told | None]) -> None:
+    """Let the likeliest column for a channel be it, in the unit that is found."""
+    candidate = best(context.draft, name)
+    if candidate is not None and (unit_guess := unit_of(context, candidate, name)):
+        take(context, name, candidate, *unit_guess)
+
+
+def turn_round(context: Known, name: str, why: str) -> None:
+    """Change the sign of a channel that was taken."""
+    column = count_otherwise(context, name, -1.0, 0.0, f"sign turned: {why}")
+    context.draft.warnings.append(f"the sign of {column!r} is turned round: {why}")
+
+
+def count_otherwise(context: Known, name: str, scale: float, offset: float, why: str) -> str:
+    """Let a channel that was taken be ``scale`` times what it was, plus ``offset``; the column's name."""
+    entry, readings = context.channels[name], context.draft.readings
+    entry["scale"] = scale * entry.get("scale", 1.0)
+    if shifted := scale * entry.get("offset", 0.0) + offset:
+        entry["offset"] = shifted
+    values = scale * context.series[name] + offset
+    context.series[name] = wrap_360(values) if name == "heading_deg" else values
+    place = next(i for i, reading in enumerate(readings) if reading.taken_for == name)
+    readings[place] = replace(readings[place], reasons=(*readings[place].reasons, why))
+    return readings[place].column
+
+
+def asked(draft: Draft, key: str, text: str, options: tuple[str, ...]) -> Told | None:
+    """The unit that a person says, the first one until then; None for a column that is to be left out."""
+    answer = draft.ask(key, text, options)
+    return None if answer == SKIP else (answer or options[0], "as answered")
+
+
+def changes_of(context: Known, *names: str) -> list[Floats]:
+    """How much channels change from one moment of the grid to the next; empty where that cannot be told."""
+    if context.grid.size < 3 or not set(names) <= set(context.series):
+        return []
+    turning = {"heading_deg": unwrap(context.series["heading_deg"])} if "heading_deg" in names else {}
+    return [increments(context.t, (context.series | turning)[name], context.grid) for name in names]
+
+
+def moves_of(context: Known) -> Complexes | None:
+    """The ship's moves between the moments of the grid, north + i east, by position or by course and speed."""
+    if measured := changes_of(context, *POSITION):
+        gap = over_gaps(context.t[np.isfinite(context.series["north_m"])], context.grid)
+        return np.where(gap, np.nan, measured[0] + 1j * measured[1])
+    if context.grid.size < 3 or not set(GROUND) <= set(context.series):
+        return None
+    course, speed = (context.series[name] for name in GROUND)
+    return travelled(context, np.asarray(speed * np.exp(1j * np.deg2rad(course))))
+
+
+def travelled(context: Known, velocity: Complexes) -> Complexes:
+    """What a velocity [n] adds up to from one moment of the grid to the next."""
+    north, east = (integrals(context.t, part, context.grid) for part in (np.real(velocity), np.imag(velocity)))
+    return np.asarray(north + 1j * east)
+
+
+def mean_angle(context: Known, angle_deg: Floats) -> Floats:
+    """The mean of an angle [n, deg], not wrapped, between the moments of the grid."""
+    return means(context.t, unwrap(angle_deg), context.grid)
+
+
+def rate_unit(context: Known, candidate: ColumnCandidate, regression: ScaleFit, kind: Rate) -> Told | None:
+    """A rate's unit as the head says, else as the fit does; an oddness between the two is said."""
+    if not candidate.headed:
+        return rate_by_fit(regression, kind)
+    if remark := odd_factor(candidate.column, candidate.units[0], regression, kind):
+        context.draft.warnings.append(remark)
+    return candidate.headed
+
+
+SKIP = "skip"
+"""The answer that leaves a column out."""
+
+
+@dataclass(frozen=True, slots=True)
+class ColumnReading:
+    """What a column was taken for: a channel or a word for it, in which unit, and why."""
+
+    column: str
+    taken_for: str
+    unit: str = ""
+    reasons: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Question:
+    """What the table does not tell: the key of the answer, the text, what may be answered, and what is taken if
+    nobody does; without a ``default`` it has to be answered."""
+
+    key: str
+    text: str
+    options: tuple[str, ...] = ()
+    default: str | None = None
+
+    def __str__(self) -> str:
+        return f"{self.text} (--answer {self.key}={'|'.join(self.options) or 'VALUE'})"
+
+
+@dataclass(frozen=True, slots=True)
+class ColumnCandidate:
+    """A column that may hold a quantity, how much of its name says so, the units that it is headed with, if any."""
+
+    column: str
+    quantity: Quantity
+    cover: float
+    units: tuple[str, ...]
+    words: frozenset[str]
+
+    @property
+    def headed(self) -> tuple[str, str] | None:
+        """The unit in its head, and that it is from there."""
+        return (self.units[0], "head says so") if self.units else None
+
+
+@dataclass(slots=True)
+class Draft:
+    """The table and what has been found out of it so far; ``tree`` is the map as TOML would have it."""
+
+    raw: RawTable
+    answers: Mapping[str, str]
+    tree: dict[str, Any] = field(default_factory=dict)
+    readings: list[ColumnReading] = field(default_factory=list)
+    questions: list[Question] = field(default_factory=list)
+    warnings: list[str] = field(default_factory=list)
+    candidates: list[ColumnCandidate] = field(default_factory=list)
+    used: set[str] = field(default_factory=set)
+
+    def ask(self, key: str, text: str, options: Sequence[str] = (), default: str | None = None) -> str | None:
+        """The answer to a question, which is noted as long as there is none; the default, if any, meanwhile."""
+        answer = self.answers.get(key)
+        if answer is not None:
+            check_answer(key, answer, options)
+            self.used.add(key)
+            return answer
+        self.questions.append(Question(key, text, (*options,), default))
+        return default
+
+    def numbers(self, column: str) -> Floats:
+        """A column's numbers, NaN for what is none."""
+        return np.asarray(pd.to_numeric(self.raw.columns[column], errors="coerce").to_numpy(dtype=float))
+
+    def of(self, *names: str) -> list[ColumnCandidate]:
+        """The candidates for quantities, the plainest and fullest first; columns without a value come last."""
+        candidates = [candidate for candidate in self.candidates if candidate.quantity.name in names]
+        return sorted(
+            candidates,
+            key=lambda candidate: (
+                self.is_empty(candidate.column),
+                -candidate.cover,
+                -self.count(candidate.column),
+            ),
+        )
+
+    def count(self, column: str) -> int:
+        """How many cells are filled."""
+        return int(self.raw.columns[column].notna().sum())
+
+    def is_empty(self, column: str) -> bool:
+        """Whether a column has no value at all."""
+        return self.count(column) == 0
+
+    def note(self, column: str, taken_for: str, unit: str = "", *reasons: str) -> None:
+        """Write down what a column was taken for."""
+        self.readings.append(ColumnReading(column, taken_for, unit, tuple(reason for reason in reasons if reason)))
+
+
+_CHECKS: dict[str, Callable[[str], object]] = {
+    "zone": known_zone, "start": pd.Timestamp, "day": known_day, "full_scale": float, "year": int
+}  # fmt: skip
+"""What tells whether an answer that is no choice can be one: it raises :class:`ValueError`."""
+KEYS = frozenset({*_CHECKS, "date_order", "o_is", "time_unit", "x_axis", "course", "heading", "rate_of_turn",
+                  "wind", "unit.speed", "unit.wind"})  # fmt: skip
+"""What may be answered, beside ``unit.COLUMN`` and ``full_scale.ACTUATOR``."""
+
+
+def check_answer(key: str, answer: str, options: Sequence[str] = ()) -> None:
+    """Raise :class:`ConfigurationError` for an answer that is none."""
+    if options and answer not in (*options, SKIP):
+        raise ConfigurationError(f"answer {key}={answer} is none of {', '.join(options)}")
+    check = _CHECKS.get(key.partition(".")[0])
+    if check is None or answer == SKIP:
+        return
+    try:
+        check(answer)
+    except ValueError as error:
+        raise ConfigurationError(f"answer {key}={answer} cannot be used", why=str(error)) from error
+
+
+def check_keys(answers: Mapping[str, str], columns: Sequence[str]) -> None:
+    """Raise :class:`ConfigurationError` for an answer to what is never asked."""
+    for key in answers:
+        kind, _, name = key.partition(".")
+        if key not in KEYS and kind != "full_scale" and not (kind == "unit" and name in columns):
+            raise ConfigurationError(
+                f"there is no question {key!r}", fix=f"answer one of {', '.join(sorted(KEYS))}, or unit.COLUMN"
+            )
+
+
+def candidates_of(raw: RawTable) -> list[ColumnCandidate]:
+    """Each column with the first quantity that its name, or what the file says of it, means and its unit fits."""
+    candidates = []
+    for column in map(str, raw.columns.columns):
+        head = headed(column)
+        stated_units = units_called(raw.units.get(column, ""))
+        if (exact := BY_CHANNEL.get(column)) is not None:
+            candidates.append(
+                ColumnCandidate(column, exact, 1.0, stated_units or head.units, frozenset(words_of(column)))
+            )
+            continue
+        names = [(raw.meanings.get(column, ""), stated_units), (head.name, stated_units or head.units)]
+        if column.endswith(head.text):  # what looked like a unit may be none
+            names.append((column, stated_units))
+        for name, units in names:
+            fitting = [
+                (match, usable)
+                for match in matches(name)
+                if (usable := tuple(unit for unit in units if measures(match.quantity, unit))) or not units
+            ]
+            if fitting:
+                match, usable = _plain_n(fitting, raw) if name == "n" else fitting[0]
+                if match.quantity.name in BY_CHANNEL and ORDER & set(words_of(name)):
+                    break  # what is wanted of the motion is not the motion
+                candidates.append(
+                    ColumnCandidate(column, match.quantity, match.cover, usable, frozenset(words_of(name)))
+                )
+                break
+    return candidates
+
+
+def with_answers(draft: Draft) -> list[ColumnCandidate]:
+    """The candidates, their units as answered; those to skip are left out. Raises :class:`ConfigurationError`."""
+    candidates = []
+    for candidate in candidates_of(draft.raw):
+        answer = draft.answers.get(f"unit.{candidate.column}")
+        draft.used.add(f"unit.{candidate.column}")
+        if answer == SKIP:
+            draft.note(candidate.column, "-", "", "left out, as answered")
+            continue
+        units = units_called(answer) or (answer,) if answer else candidate.units
+        if answer and not measures(candidate.quantity, units[0]):
+            raise ConfigurationError(f"unit {answer!r} does not fit what {candidate.column!r} is taken for")
+        candidates.append(replace(candidate, units=units))
+    return candidates
+
+
+def _plain_n(fitting: list[tuple[Match, tuple[str, ...]]], raw: RawTable) -> tuple[Match, tuple[str, ...]]:
+    """A small n is to the north beside an e, else turns of the shaft."""
+    names = {str(column).lower() for column in raw.columns.columns}
+    wanted = "north_m" if names & {"e", "east"} else "shaft"
+    return next((pair for pair in fitting if pair[0].quantity.name == wanted), fitting[0])
+
+
+def measures(quantity: Quantity, unit: str) -> bool:
+    """Whether a column of a quantity may be in a unit."""
+    if unit == "ddmm":
+        return quantity.name in ("latitude", "longitude")
+    if quantity.name in ("time", "date"):
+        return unit in ("s", "ms", "us", "ns", "min", "h", "d")
+    if quantity.name in ("shaft", "engine_rpm", "rudder", "value") and unit == "percent":
+        return True
+    try:
+        to_house(quantity.unit or "1", unit)
+    except ConfigurationError:
+        return False
+    return True
+
+
+def as_toml(tree: Mapping[str, Any], comments: Mapping[str, str]) -> str:
+    """A map's tables as TOML; ``comments`` by channel stand behind its line."""
+    lines = [f"{key} = {_value(value)}" for key, value in tree.items() if not _is_table(value)]
+    for key, value in tree.items():
+        for table in value if isinstance(value, list) and _is_table(value) else [value]:
+            if isinstance(table, dict):
+                lines += ["", f"[[{key}]]" if isinstance(value, list) else f"[{key}]"]
+                lines += [
+                    f"{name} = {_value(entry)}{_comment(comments.get(name))}" for name, entry in table.items()
+                ]
+    return "\n".join(lines) + "\n"
+
+
+def _is_table(value: Any) -> bool:
+    return isinstance(value, dict) or (
+        isinstance(value, list | tuple) and bool(value) and isinstance(value[0], dict)
+    )
+
+
+def _comment(text: str | None) -> str:
+    return f"  # {' '.join(text.split())}" if text else ""
+
+
+def _value(value: Any) -> str:
+    if isinstance(value, dict):
+        return "{ " + ", ".join(f"{key} = {_value(entry)}" for key, entry in value.items()) + " }"
+    if isinstance(value, list | tuple):
+        return "[" + ", ".join(map(_value, value)) + "]"
+    return json.dumps(value, ensure_ascii=False)

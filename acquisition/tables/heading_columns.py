@@ -9,8 +9,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from seatrial.acquisition.core.angles import unwrap, wrap_360
-from seatrial.acquisition.core.arrays import Complexes, Floats
 from seatrial.acquisition.core.conventions import (
     ANGLE_UNITS,
     ANTICLOCKWISE,
@@ -26,19 +24,26 @@ from seatrial.acquisition.core.conventions import (
     judge_axes,
     judge_heading,
 )
-from seatrial.acquisition.core.units import scale_to
+from seatrial.acquisition.core.quantities import Complexes, Floats, scale_to
+from seatrial.acquisition.core.ship import unwrap, wrap_360
 from seatrial.acquisition.tables import evidence
-from seatrial.acquisition.tables.derived_columns import heading_of_quaternion
-from seatrial.acquisition.tables.draft import ColumnCandidate, Draft
-from seatrial.acquisition.tables.evidence import SPEED, ScaleFit, Told, agreement, fit, integrals
-from seatrial.acquisition.tables.table_context import (
+from seatrial.acquisition.tables.column_map import heading_of_quaternion
+from seatrial.acquisition.tables.evidence import (
     POSITION,
+    SPEED,
     UNKNOWN,
+    ColumnCandidate,
+    Draft,
     Known,
+    ScaleFit,
+    Told,
+    agreement,
     asked,
     best,
     changes_of,
     count_otherwise,
+    fit,
+    integrals,
     mean_angle,
     moves_of,
     rate_unit,

@@ -15,27 +15,33 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from seatrial.acquisition.config.vessel_file import actuators_of_ship, load_actuators, name_of_ship
-from seatrial.acquisition.core.actuators import DEFAULT, Actuators, as_text, channel_by_rule, from_text, stated_text
-from seatrial.acquisition.core.angles import in_turn, is_other_convention, is_possible
-from seatrial.acquisition.core.arrays import Floats
-from seatrial.acquisition.core.channel import Channel
-from seatrial.acquisition.core.channels import (
+from seatrial.acquisition.config.declarations import actuators_of_ship, load_actuators, name_of_ship
+from seatrial.acquisition.core.errors import ConfigurationError, InputError
+from seatrial.acquisition.core.files import write_text, written_together
+from seatrial.acquisition.core.quantities import Floats
+from seatrial.acquisition.core.ship import (
+    DEFAULT,
+    Actuators,
+    Channel,
+    Declared,
     actuators_of,
+    as_text,
+    channel_by_rule,
     channel_names,
     channels_known_to,
     channels_of_trial,
+    declared_from_text,
     find_channel,
+    from_text,
+    in_turn,
+    is_other_convention,
+    is_possible,
     is_ship_known,
     required_names,
+    stated_text,
 )
-from seatrial.acquisition.core.declared import Declared, declared_from_text
-from seatrial.acquisition.core.errors import ConfigurationError, InputError
-from seatrial.acquisition.core.files import write_text, written_together
-from seatrial.acquisition.core.frames import Quality
-from seatrial.acquisition.core.trial import Trial
-from seatrial.acquisition.recording.tables import write_table
-from seatrial.acquisition.tables.answers import TIME_KEYS, map_as_answered, time_as_answered
+from seatrial.acquisition.core.trial import Quality, Trial
+from seatrial.acquisition.recording.writer import write_table
 from seatrial.acquisition.tables.column_map import (
     ColumnMap,
     apply_column_map,
@@ -44,9 +50,15 @@ from seatrial.acquisition.tables.column_map import (
     load_column_map,
     long_map,
 )
-from seatrial.acquisition.tables.draft import SKIP, candidates_of
-from seatrial.acquisition.tables.propose import Proposal, propose
-from seatrial.acquisition.tables.standard_columns import judge_columns
+from seatrial.acquisition.tables.evidence import SKIP, candidates_of
+from seatrial.acquisition.tables.propose import (
+    TIME_KEYS,
+    Proposal,
+    judge_columns,
+    map_as_answered,
+    propose,
+    time_as_answered,
+)
 from seatrial.acquisition.tables.table_files import RawTable, TableFile, parse_numbers, read_raw
 from seatrial.acquisition.tables.time_columns import is_usual_time, resolve_times, usual_time
 

@@ -1,39 +1,75 @@
 """A column map for a table that nobody has described: what each column is taken for, in which unit, and why.
 
-Names say what a column may be, heads say units (:mod:`seatrial.acquisition.tables.draft`), and what neither says is
-looked for in the numbers (:mod:`seatrial.acquisition.tables.channel_columns`). What is not clear is asked.
+Names say what a column may be, heads say units (:mod:`seatrial.acquisition.tables.evidence`), and what neither says
+is looked for in the numbers (:mod:`seatrial.acquisition.tables.channel_columns`). What is not clear is asked.
+
+Answers to questions, ``--answer KEY=VALUE``, where a map or standard names leave none: they count for more.
+
+What a proposal took the columns for, as a table for the terminal and as a picture before an import.
+
+Heading, speeds and rates under standard names held against their track, as those of other tables are.
+
+A standard name states unit and sense, but not that the column keeps to it. What is clear is converted as a map
+would convert it, and reported; what is not is an error that states the question.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from copy import copy
 from dataclasses import dataclass, replace
-from typing import Any
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
 
-from seatrial.acquisition.core.actuators import DEFAULT as DEFAULT_SHIP
-from seatrial.acquisition.core.actuators import Actuators
-from seatrial.acquisition.core.arrays import Floats
-from seatrial.acquisition.core.channels import required_names
-from seatrial.acquisition.core.errors import InputError
-from seatrial.acquisition.tables.channel_columns import FASTEST_MPS, read_channels
-from seatrial.acquisition.tables.column_map import Long, widen
-from seatrial.acquisition.tables.draft import (
+from seatrial.acquisition.core.errors import ConfigurationError, InputError
+from seatrial.acquisition.core.files import atomic_file
+from seatrial.acquisition.core.quantities import Floats
+from seatrial.acquisition.core.ship import (
+    BY_NAME,
+    Actuators,
+    channel_unit,
+    is_circular,
+    known_channels,
+    required_names,
+    unwrap,
+    wraps_of,
+)
+from seatrial.acquisition.core.ship import DEFAULT as DEFAULT_SHIP
+from seatrial.acquisition.tables.channel_columns import FASTEST_MPS, read_channels, read_motion
+from seatrial.acquisition.tables.column_map import (
+    Column,
+    ColumnMap,
+    Long,
+    Velocity,
+    apply_column_map,
+    column_map_of,
+    seconds_of,
+    widen,
+)
+from seatrial.acquisition.tables.column_names import units_called
+from seatrial.acquisition.tables.evidence import (
     ColumnReading,
     Draft,
+    Known,
     Question,
     as_toml,
+    best,
     candidates_of,
+    check_answer,
     check_keys,
+    grid_of,
     with_answers,
 )
-from seatrial.acquisition.tables.evidence import grid_of
-from seatrial.acquisition.tables.table_context import Known, best
-from seatrial.acquisition.tables.table_files import RawTable, no_numbers
-from seatrial.acquisition.tables.time_columns import TimeColumn, resolve_times
+from seatrial.acquisition.tables.table_files import RawTable, TableFile, no_numbers
+from seatrial.acquisition.tables.time_columns import TEXT, TimeColumn, resolve_times, with_zone
 from seatrial.acquisition.tables.time_reading import read_time
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
 
 _MOST_VARIABLES = 500
 _MOST_WORDS = 0.2  # of the cells of a column of numbers
@@ -229,3 +265,188 @@ def _check_times(context: Known) -> None:
             f"by its positions the ship makes {speed:.3g} m/s half of the time: times in ms, or positions in"
             " another unit?"
         )
+
+
+_TIME = {"zone": "zone", "start": "start", "day": "day", "date_order": "order", "time_unit": "unit", "year": "year"}
+"""The parts of ``[time]`` by the key of the answer."""
+TIME_KEYS = frozenset(_TIME)
+"""The keys of answers about times."""
+
+
+def map_as_answered(columns: ColumnMap, answers: Mapping[str, str]) -> ColumnMap:
+    """A map with the times, units and full scales as answered.
+
+    Raises :class:`ConfigurationError` for an answer that is none, or to what a map does not leave open.
+    """
+    of_time = {key: value for key, value in answers.items() if key in _TIME}
+    channels = dict(columns.channels)
+    for key, value in answers.items():
+        kind, _, name = key.partition(".")
+        if key in _TIME:
+            continue
+        check_answer(key, value)
+        for channel in _answered_channels(channels, kind, name, key):
+            entry = channels[channel]
+            unit = next(iter(units_called(value)), value)
+            is_scale = kind == "full_scale"
+            channels[channel] = replace(entry, full_scale=float(value)) if is_scale else replace(entry, unit=unit)
+    answered = copy(columns)  # `replace` would check channels that the map declares without their declarations
+    object.__setattr__(answered, "time", time_as_answered(columns.time, of_time))
+    object.__setattr__(answered, "channels", channels)
+    return answered
+
+
+def _answered_channels(channels: Mapping[str, Column], kind: str, name: str, key: str) -> list[str]:
+    """The channels of a map that an answer is about."""
+    if kind == "unit" and name:
+        names = [channel for channel, entry in channels.items() if entry.column == name]
+    elif kind == "full_scale":
+        scaled = [channel for channel, entry in channels.items() if entry.unit == "percent"]
+        names = [channel for channel in scaled if not name or channel in (f"{name}_rpm", f"{name}_angle_deg")]
+    else:
+        names = []
+    if not names:
+        raise ConfigurationError(f"the answer {key} is to no question of this table", fix="change the map")
+    return names
+
+
+def time_as_answered(time: TimeColumn, answers: Mapping[str, str]) -> TimeColumn:
+    """A time column with its zone, start, day, order and unit as answered; the text's own zone is then ignored."""
+    for key, value in answers.items():
+        if key not in _TIME:
+            raise ConfigurationError(f"the answer {key} is to no question of this table", fix="name a column map")
+        check_answer(key, value)
+        is_counted = time.format == "seconds"
+        has_no_use = {
+            "zone": is_counted and time.in_name is None and not time.in_head,
+            "date_order": time.format != TEXT,
+            "year": time.format != TEXT,
+            "time_unit": not is_counted,
+            "day": time.day is None,
+        }
+        if has_no_use.get(key, False):
+            raise ConfigurationError(
+                f"the answer {key}={value} has no use: column {time.column!r} is read as {time.format!r}",
+                fix="leave it out, or change `format` under [time] in the map",
+            )
+        change: dict[str, Any] = {_TIME[key]: int(value) if key == "year" else value}
+        time = replace(
+            time, **({"start": with_zone(value), "in_name": None, "in_head": False} if key == "start" else change)
+        )
+    return replace(time, zone_in_text="ignored") if "zone" in answers else time
+
+
+_MOST_POINTS = 4000  # more cannot be told apart on a page
+_TRACK = ("north_m", "east_m", "latitude_deg", "longitude_deg")
+
+
+def proposal_table(proposal: Proposal) -> Table:
+    """The columns, what each was taken for, its unit and the reasons."""
+    from rich.table import Table
+
+    table = Table(box=None, header_style="dim", padding=(0, 1, 0, 0))
+    for title in ("column", "taken for", "unit", "because"):
+        table.add_column(title, overflow="fold")
+    for reading in proposal.readings:
+        cells = (reading.column, reading.taken_for, reading.unit, "; ".join(reading.reasons))
+        table.add_row(*cells, style="dim" if reading.taken_for == "-" else "")
+    for name in proposal.passed_over:
+        table.add_row(name, "-", "", "not known, ignored", style="dim")
+    return table
+
+
+def draw_preview(raw: RawTable, proposal: Proposal, path: Path) -> None:
+    """The track and every channel over time, as the import would have them, into a PNG file.
+
+    Raises :class:`StorageError` where the file cannot be written.
+    """
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    columns, declared = column_map_of(proposal.text, path)
+    file = apply_column_map(raw, columns, path, declared)
+    table = file.table.iloc[:: max(1, len(file.table) // _MOST_POINTS)]
+    names = [name for name in map(str, table.columns) if name not in _TRACK]
+    why = {entry.taken_for: entry for entry in proposal.readings}
+    rows = max(4, -(-len(names) // 2))
+    figure = Figure(figsize=(14.0, 1.5 * rows + 1.0), layout="constrained")
+    grid = figure.add_gridspec(rows, 3, width_ratios=(1.3, 1.0, 1.0))
+    track = figure.add_subplot(grid[: -(-rows // 2), 0])
+    if {"north_m", "east_m"} <= set(table.columns):
+        track.plot(table["east_m"], table["north_m"], color="#1f4e79", linewidth=1.0)
+        track.set(xlabel="east [m]", ylabel="north [m]", title=raw.path.name, aspect="equal", adjustable="datalim")
+    else:
+        track.set_axis_off()
+    channels = known_channels({"trial": {"channels": file.trial.channels}})
+    for number, name in enumerate(names):
+        axes = figure.add_subplot(grid[number % rows, 1 + number // rows])
+        axes.plot(*_line(table[name], is_circular(name), table.index[0]), color="#1f4e79", linewidth=0.8)
+        reading = why.get(name)
+        source = "derived"
+        if reading:
+            source = reading.column + (f" ({reading.unit})" if reading.unit not in reading.column else "")
+        axes.set_title(f"{name}  ←  {source}", fontsize=8, loc="left")
+        axes.set_ylabel(channel_unit(name, channels), fontsize=8)
+        axes.tick_params(labelsize=7)
+    figure.supxlabel(f"minutes since {table.index[0]:%Y-%m-%d %H:%M:%S} UTC", fontsize=8)
+    FigureCanvasAgg(figure)
+    with atomic_file(path) as partial:
+        figure.savefig(partial, format="png")
+
+
+def _line(column: pd.Series[float], circular: bool, start: pd.Timestamp) -> tuple[Floats, Floats]:
+    """Minutes since the start and values of a line; an angle's is broken where it crosses the whole turn."""
+    present = column.dropna()
+    times = np.asarray((pd.DatetimeIndex(present.index) - start) / pd.Timedelta(minutes=1), dtype=np.float64)
+    values: Floats = present.to_numpy().astype(np.float64)
+    if not circular or values.size == 0 or np.ptp(unwrap(values)) == 0.0:
+        return times, values
+    breaks = wraps_of(values)
+    return np.insert(times, breaks, times[breaks]), np.insert(values, breaks, np.nan)
+
+
+def judge_columns(file: TableFile, raw: RawTable, time: TimeColumn, answers: Mapping[str, str]) -> None:
+    """Convert the columns of motion whose track shows another unit, sense or axes than their names state.
+
+    ``raw`` are the rows of ``file`` before any conversion, ``time`` their time column, ``answers`` those that are
+    not about times. Raises :class:`InputError` with a question that the track leaves open, and
+    :class:`ConfigurationError` for an answer to none.
+    """
+    names = [name for name in map(str, file.table) if name in BY_NAME and raw.columns[name].notna().any()]
+    draft = Draft(replace(raw, columns=raw.columns[names]), answers)
+    check_keys(answers, names)
+    draft.candidates = with_answers(draft)
+    seconds = seconds_of(pd.DatetimeIndex(file.table.index))
+    context = Known(draft, seconds, grid_of(seconds))
+    read_motion(context)
+    if unused := [key for key in answers if key not in draft.used]:
+        raise ConfigurationError(
+            f"the answer {', '.join(unused)} is to no question of this table", fix="name a column map"
+        )
+    if (question := next((entry for entry in draft.questions if entry.default is None), None)) is not None:
+        raise InputError(str(question), where=str(raw.path))
+    file.remarks = (*file.remarks, *draft.warnings)
+    _convert(file, raw, time, context)
+
+
+def _convert(file: TableFile, raw: RawTable, time: TimeColumn, context: Known) -> None:
+    """Put the channels that are not as their names state into the table, as a map of them would."""
+    velocity = context.draft.tree.get("velocity")
+    channels = {name: entry for name, entry in context.channels.items() if _is_changed(name, entry)}
+    if not channels and not velocity:
+        return
+    if velocity:
+        channels |= {"heading_deg": context.channels["heading_deg"]}
+    columns = ColumnMap(
+        time=time,
+        channels={name: Column(**entry) for name, entry in channels.items()},
+        velocity=None if velocity is None else Velocity(**velocity),
+    )
+    converted = apply_column_map(raw, columns, raw.path)
+    for name in map(str, converted.table):
+        file.table[name] = np.asarray(converted.table[name])
+        file.sources[name] = converted.sources[name]
+
+
+def _is_changed(name: str, entry: Mapping[str, Any]) -> bool:
+    return entry["unit"] != BY_NAME[name].unit or bool({"scale", "offset"} & set(entry))

@@ -1,37 +1,46 @@
 """Times of tables as UTC: text of any form, in one column or two, digits, serial days, counts since a start.
 
 What a map's ``[time]`` states becomes one index of UTC times, in the order in which the rows were written.
+
+Times as text in a table's cells, its name and the lines before its header, for the one reader of dates.
+
+Numbers that lost their leading zeros or the signs between their parts are written out for it.
+
+Local times of a table's rows as UTC: by names of zones, offsets, GPS time, and over ends of summer time.
+
+One row alone does not state which of autumn's two hours it is of: the order of the rows does.
 """
 
 from __future__ import annotations
 
+import datetime as dt
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass as plain_dataclass
 from dataclasses import replace
 from datetime import datetime
 from typing import Annotated, Any, Literal
+from zoneinfo import ZoneInfo, available_timezones
 
 import numpy as np
 import pandas as pd
 from pydantic import AfterValidator, ConfigDict
 from pydantic.dataclasses import dataclass
 
-from seatrial.acquisition.core.arrays import Bools, Ints
 from seatrial.acquisition.core.errors import InputError
-from seatrial.acquisition.core.frames import NANO
-from seatrial.acquisition.core.times import DAY_NS, Order, date_order
-from seatrial.acquisition.tables.table_files import RawTable, parse_numbers
-from seatrial.acquisition.tables.time_text import (
-    MIDNIGHT,
-    as_clock,
-    distinct_dates,
-    filled_text,
-    stamps_in,
-    time_in_head,
-    time_in_name,
-    with_digits,
+from seatrial.acquisition.core.quantities import Bools, Ints
+from seatrial.acquisition.core.times import (
+    DAY_NS,
+    Order,
+    Stamp,
+    date_order,
+    find_stamp,
+    gps_ahead_s,
+    is_of_several,
+    offset_s,
 )
-from seatrial.acquisition.tables.zones import GPS, known_zone, to_utc
+from seatrial.acquisition.core.trial import NANO
+from seatrial.acquisition.tables.table_files import RawTable, parse_numbers
 
 _STRICT = ConfigDict(extra="forbid", str_strip_whitespace=True)
 SERIAL_DAYS = {"excel": ("1899-12-30", 0.0), "matlab": ("1970-01-01", 719_529.0)}
@@ -437,3 +446,225 @@ def _refuse_unread(raw: RawTable, time: TimeColumn, missing: Bools) -> None:
     what, why = f"row {rows[0] + 1} of column {time.column!r} {what}", f"{rows.size} such rows"
     fix = "give every row a time like 2026-05-17T12:00:00Z, of the years 1970 to 2261"
     raise InputError(what, where=str(raw.path), why=why, fix=fix)
+
+
+_MOST_DIGITS = 1e15  # more than a number keeps exactly, and than a date has
+MIDNIGHT = re.compile(r"[T ]00:00(:00(\.0+)?)?$")
+_NAME_CLOCK = re.compile(r"(\d\d)[-_.:h](\d\d)[-_.:m](\d\d)(?=\D*$)")
+_DATE_OR_TIME = re.compile(r"\W*(date|time)[\s:;,=]+((?:[^\t;,]|(?<=:\d\d),(?=\d+(?:\s|$)))+)", re.IGNORECASE)
+_START = re.compile(r"start|begin|began|recorded|aufzeichnung|debut|inicio|inizio", re.IGNORECASE)
+
+
+def distinct_dates(stamps: Sequence[Stamp]) -> list[Stamp]:
+    """One stamp of each date, which decide about the order as all of them do."""
+    return list({stamp.numbers: stamp for stamp in reversed(stamps)}.values())[::-1]
+
+
+def stamps_in(raw: RawTable, column: str, date: str | None = None, day: str | None = None) -> list[Stamp | None]:
+    """The date and time of each row; of the time of day alone with the ``day``."""
+    text = as_clock(raw.columns[column]) if date is not None or day is not None else as_text(raw.columns[column])
+    if day is not None:
+        text = f"{day} " + text
+    elif date is not None:
+        text = as_date(raw.columns[date]) + " " + text
+    return [whole_stamp(cell) if isinstance(cell, str) else None for cell in text.tolist()]
+
+
+def whole_stamp(text: str) -> Stamp | None:
+    """The date and time that a text is; None for one with other numbers beside.
+
+    >>> whole_stamp("Sun 17.05.2026 12.30").text, whole_stamp("2026-05-17 12:00:00 7")
+    ('17.05.2026 12:30', None)
+    """
+    text = re.sub(r"(?<=[\dT] )(\d{1,2})\.(\d\d)$", r"\1:\2", text.strip())
+    stamp = find_stamp(text)
+    return stamp if stamp is not None and not re.search(r"\d", text.replace(stamp.text, "", 1)) else None
+
+
+def as_text(column: pd.Series[Any]) -> pd.Series[Any]:
+    """Cells as text; numbers with the 14 digits of a date and time."""
+    return with_digits(column, 14) if pd.api.types.is_numeric_dtype(column.dtype) else filled_text(column)
+
+
+def as_date(column: pd.Series[Any]) -> pd.Series[Any]:
+    """Dates as text; of numbers, that lost their leading zeros, the parts of six or eight digits apart."""
+    if not pd.api.types.is_numeric_dtype(column.dtype):
+        return filled_text(column).str.replace(MIDNIGHT, "", regex=True)
+    if column.max() < _MICRO:
+        return with_digits(column, 6).str.replace(r"^(\d\d)(\d\d)(\d\d)$", r"\1-\2-\3", regex=True)
+    text = with_digits(column, 8)
+    year_first = text.str[:2].isin(["19", "20"]) & (text.str[4:6] <= "12")
+    parts = r"^(\d{4})(\d\d)(\d\d)$" if year_first[text.notna()].all() else r"^(\d\d)(\d\d)(\d{4})$"
+    return text.str.replace(parts, r"\1-\2-\3", regex=True)
+
+
+def as_clock(column: pd.Series[Any]) -> pd.Series[Any]:
+    """Times of day as text; of numbers the parts of hhmmss apart, or the share of a day that spreadsheets have."""
+    if not pd.api.types.is_numeric_dtype(column.dtype):
+        return filled_text(column).str.replace(r"^(\d{1,2})\.(\d\d)$", r"\1:\2", regex=True)
+    if column.dropna().between(0.0, 1.0, inclusive="left").all():
+        since = pd.Timestamp(0) + pd.to_timedelta((column * 86_400e6).round(), unit="us")
+        return since.dt.strftime("%H:%M:%S.%f").where(column.notna())
+    return with_digits(column, 6).str.replace(r"^(\d\d)(\d\d)(\d\d)", r"\1:\2:\3", regex=True)
+
+
+def filled_text(column: pd.Series[Any]) -> pd.Series[Any]:
+    """Cells as text, but empty ones."""
+    return column.astype("str").where(column.notna())
+
+
+def with_digits(column: pd.Series[Any], digits: int) -> pd.Series[Any]:
+    """Numbers with at least so many digits, their microseconds besides."""
+    valid = ((column >= 0.0) & (column < _MOST_DIGITS)).to_numpy()
+    numbers = np.where(valid, column.to_numpy(dtype=float), 0.0)
+    whole_seconds = np.floor(numbers)
+    micros = np.rint((numbers - whole_seconds) * _MICRO).astype(np.int64)
+    seconds = whole_seconds.astype(np.int64) + micros // _MICRO
+    pairs = zip(seconds.tolist(), (micros % _MICRO).tolist(), strict=True)
+    text = [f"{second:0{digits}d}" + (f".{micro:06d}" if micro else "") for second, micro in pairs]
+    return pd.Series(text, index=column.index, dtype="str").where(valid)
+
+
+def time_in_head(lines: Sequence[str]) -> str | None:
+    """The date and time of the start in the lines before a header, ISO 8601; None where none or several are stated.
+
+    >>> time_in_head(["Start of log: 17.05.2026 12:00:00", "Exported 2026-06-01 08:00:00"])
+    '2026-05-17T12:00:00'
+    >>> time_in_head(["Date\t2026/05/17", "Time\t12:00:00.25"])
+    '2026-05-17T12:00:00.250000'
+    """
+    pairs = {match[1].lower(): match[2] for match in map(_DATE_OR_TIME.match, lines) if match}
+    stated = [*lines, f"start {pairs['date']} {pairs['time']}"] if len(pairs) > 1 else lines
+    stamps = [
+        (line, stamp)
+        for line in stated
+        if (stamp := find_stamp(line)) and len(stamp.orders) == 1 and stamp.has_year
+    ]
+    begins = [stamp for line, stamp in stamps if _START.search(line)] or [stamp for _, stamp in stamps]
+    starts = {stamp.local_ns(stamp.orders[0]) for stamp in begins}
+    return pd.Timestamp(starts.pop()).isoformat() if len(starts) == 1 else None
+
+
+def time_in_name(name: str) -> str | None:
+    """The date and time in a file's name, ISO 8601; None where there is none, or one that may be two.
+
+    >>> time_in_name("zigzag_31-Jul-2020_13_22_52.csv.gz"), time_in_name("run 20260517_120000.csv")
+    ('2020-07-31T13:22:52', '2026-05-17T12:00:00')
+    """
+    stamp = find_stamp(_NAME_CLOCK.sub(r" \1:\2:\3", name)) or find_stamp(name)
+    if stamp is None or len(stamp.orders) > 1 or not stamp.has_year:
+        return None
+    return pd.Timestamp(stamp.local_ns(stamp.orders[0])).isoformat()
+
+
+GPS = "GPS"
+"""The zone of GPS time, which is ahead of UTC by the leap seconds since 1980."""
+_CLOSE_NS = 300 * NANO  # rows no further apart have no hour between them
+_FALL_NS = 60 * NANO  # rows out of order go back by less, a clock that is put back by more
+
+
+def known_zone(zone: str) -> str:
+    """A zone's name or offset as it is written; :class:`ValueError` for another text.
+
+    >>> known_zone("UTC+02:00"), known_zone("CEST"), known_zone("Europe/Oslo")
+    ('UTC+02:00', 'CEST', 'Europe/Oslo')
+    """
+    if zone == GPS or zone in available_timezones() or offset_s(zone) is not None:
+        return zone
+    why = "stands for several time zones" if is_of_several(zone) else "is no time zone"
+    raise ValueError(f"{why}; write UTC, an offset like +02:00, GPS, or a name like Europe/Oslo")
+
+
+def to_utc(local_ns: Ints, zone: str) -> tuple[Ints, str]:
+    """Local times [n, ns since 1970 on the zone's clock, in the order of their rows] as UTC, and a remark.
+
+    The remark is empty where nothing is to be known. Times in the hour that spring leaves out, and in autumn's two
+    hours without a step back, are of a clock that was not put forward or back: all rows then have the offset of the
+    time before. A single row in an hour that does not exist has the offset before it.
+    """
+    if zone == GPS:
+        return local_ns - NANO * np.array(
+            [gps_ahead_s(instant_ns) for instant_ns in local_ns.tolist()], dtype=np.int64
+        ), ""
+    ahead_s = offset_s(zone)
+    if ahead_s is not None and zone not in available_timezones():
+        return local_ns - ahead_s * NANO, ""
+    summer, winter = (_utc_ns(local_ns, zone, fold) for fold in (0, 1))
+    if np.array_equal(summer, winter):
+        return summer, ""
+    skipped, doubled = winter < summer, winter > summer
+    if np.count_nonzero(skipped) > 1:
+        first = int(np.flatnonzero(skipped)[0])
+        return _unchanged(local_ns, summer, first, f"the hour that {zone} leaves out", "forward")
+    result = summer.copy()
+    remark = ""
+    for run in _stretches(doubled):
+        start = _first_of_second_hour(local_ns, run)
+        if start is None:
+            return _unchanged(local_ns, summer, run[0], f"the hour that comes twice in {zone}, once", "back")
+        if start < 0:
+            start = int(run[-1]) + 1
+            winter_offset = _offset(local_ns, winter, run[0])
+            remark = (
+                f"{run.size} rows of {_day(local_ns[run[0]])} are in the hour that comes twice in {zone}; nothing"
+                f" states which: summer time is taken, --answer zone={winter_offset} is the other"
+            )
+        result[start : run[-1] + 1] = winter[start : run[-1] + 1]
+    return result, remark
+
+
+def _utc_ns(local_ns: Ints, zone: str, fold: int) -> Ints:
+    """UTC by the first (0) or the second meaning of a local time, which differ where clocks are changed."""
+    quarter_index, part = np.divmod(local_ns, 900 * NANO)  # clocks are changed at quarters of an hour
+    quarters, places = np.unique(quarter_index, return_inverse=True)
+    info = ZoneInfo(zone)
+    offsets = [
+        (dt.datetime(1970, 1, 1) + dt.timedelta(seconds=900 * quarter)).replace(tzinfo=info, fold=fold).utcoffset()
+        for quarter in quarters.tolist()
+    ]
+    ahead_ns = np.array(
+        [round((offset or dt.timedelta()).total_seconds()) * NANO for offset in offsets], dtype=np.int64
+    )
+    return np.asarray(quarter_index * 900 * NANO + part - ahead_ns[places], dtype=np.int64)
+
+
+def _stretches(mask: Bools) -> list[Ints]:
+    """The stretches of rows that a mask holds."""
+    places = np.flatnonzero(mask)
+    return [run for run in np.split(places, np.flatnonzero(np.diff(places) > 1) + 1) if run.size]
+
+
+def _first_of_second_hour(local_ns: Ints, run: Ints) -> int | None:
+    """The first row of a stretch in the doubled hour that is of the second one; one beyond its end where none is.
+
+    None where the rows run on before and behind as if clocks were not changed, -1 where nothing decides.
+    """
+    falls = np.flatnonzero(np.diff(local_ns[run]) < -_FALL_NS)
+    if falls.size:
+        return int(run[falls[0] + 1])
+    usual = int(np.median(np.abs(np.diff(local_ns)))) if local_ns.size > 1 else 0
+    first, last = int(run[0]), int(run[-1])
+    near_ns = max(3 * usual, _CLOSE_NS)
+    joins_before = first > 0 and abs(int(local_ns[first] - local_ns[first - 1])) <= near_ns
+    joins_after = last + 1 < local_ns.size and abs(int(local_ns[last + 1] - local_ns[last])) <= near_ns
+    if joins_before and joins_after:
+        return None
+    return last + 1 if joins_before else first if joins_after else -1
+
+
+def _unchanged(local_ns: Ints, utc_ns: Ints, row: int, hour: str, way: str) -> tuple[Ints, str]:
+    """All rows with the offset that one of them has before the change; a remark that it was not changed."""
+    remark = (
+        f"on {_day(local_ns[row])} rows run on through {hour}: that clock was not put {way};"
+        f" all times are read as of zone {_offset(local_ns, utc_ns, row)}, --answer zone=... names another"
+    )
+    return local_ns - (local_ns[row] - utc_ns[row]), remark
+
+
+def _offset(local_ns: Ints, utc_ns: Ints, row: int) -> str:
+    minutes = int(local_ns[row] - utc_ns[row]) // (60 * NANO)
+    return f"{'-' if minutes < 0 else '+'}{abs(minutes) // 60:02d}:{abs(minutes) % 60:02d}"
+
+
+def _day(local_ns: int) -> str:
+    return str(pd.Timestamp(int(local_ns)).date())

@@ -19,10 +19,20 @@ import pandas as pd
 from seatrial.acquisition.core.errors import ConfigurationError, InputError
 from seatrial.acquisition.core.times import ORDERS, YEAR_LAST, Order, Stamp, date_order, is_of_several, offset_s
 from seatrial.acquisition.tables.column_names import TIME_WORDS, words_of
-from seatrial.acquisition.tables.draft import ColumnCandidate, Draft
-from seatrial.acquisition.tables.time_columns import GPS_WEEK, NS_IN, TEXT, ZONED, with_zone
-from seatrial.acquisition.tables.time_text import distinct_dates, stamps_in, time_in_head, time_in_name, whole_stamp
-from seatrial.acquisition.tables.zones import GPS
+from seatrial.acquisition.tables.evidence import ColumnCandidate, Draft
+from seatrial.acquisition.tables.time_columns import (
+    GPS,
+    GPS_WEEK,
+    NS_IN,
+    TEXT,
+    ZONED,
+    distinct_dates,
+    stamps_in,
+    time_in_head,
+    time_in_name,
+    whole_stamp,
+    with_zone,
+)
 
 _EPOCHS = {"s": (3e8, 4e9), "ms": (3e11, 4e12), "us": (3e14, 4e15), "ns": (3e17, 4e18)}
 """How large counts since 1970 are, of the years 1979 to 2096."""

@@ -18,11 +18,8 @@ from typing import Any
 
 import pandas as pd
 
-from seatrial.acquisition.core.errors import DataShortageError, InputError
-from seatrial.acquisition.core.files import read_json, written_together
-from seatrial.acquisition.core.locks import LOCK
-from seatrial.acquisition.core.progress import Progress
-from seatrial.acquisition.core.text import printable_name
+from seatrial.acquisition.core.errors import DataShortageError, InputError, Progress, printable_name
+from seatrial.acquisition.core.files import LOCK, read_json, written_together
 from seatrial.acquisition.recording.grouping import whole_recordings
 from seatrial.analysis.batch.one_recording import SUMMARY, Row, process_recording, reusable_row, write_json
 from seatrial.analysis.batch.workers import MARKS, BatchJob, Task, attempt, batch_folder, check_address, run_jobs

@@ -20,17 +20,17 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from seatrial.acquisition.core.channels import known_channels
 from seatrial.acquisition.core.errors import (
     DataShortageError,
     InputError,
     SeatrialError,
     StorageError,
+    printable_name,
     storage_error,
 )
 from seatrial.acquisition.core.files import read_json, temporary_folder, write_text
-from seatrial.acquisition.core.serialisation import to_json
-from seatrial.acquisition.core.text import printable_name
+from seatrial.acquisition.core.result import to_json
+from seatrial.acquisition.core.ship import known_channels
 from seatrial.acquisition.core.trial import software_version
 from seatrial.acquisition.recording.grouping import read_parts
 from seatrial.acquisition.recording.reader import Recording, recording_size

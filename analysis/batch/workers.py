@@ -24,11 +24,9 @@ from pathlib import Path
 from queue import Empty, Queue
 from typing import Any, TypeAlias
 
-from seatrial.acquisition.core.errors import InputError, SourceError
-from seatrial.acquisition.core.files import make_folder, remove_leftovers_below
-from seatrial.acquisition.core.locks import locked_folder
+from seatrial.acquisition.core.errors import InputError, Progress, SourceError
+from seatrial.acquisition.core.files import locked_folder, make_folder, remove_leftovers_below
 from seatrial.acquisition.core.process import interrupt_on_terminate
-from seatrial.acquisition.core.progress import Progress
 from seatrial.analysis.batch.one_recording import SUMMARY, Row
 from seatrial.analysis.products import Options, cause_of
 

@@ -16,7 +16,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from seatrial.acquisition.core.arrays import Bools, Floats, Ints
+from seatrial.acquisition.core.quantities import Bools, Floats, Ints
 from seatrial.analysis.estimation.process_models import ProcessModel
 
 Engine = Literal["auto", "filterpy", "compiled"]

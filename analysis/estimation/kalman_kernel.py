@@ -26,7 +26,7 @@ from typing import Any
 import numpy as np
 from numba import njit
 
-from seatrial.acquisition.core.arrays import Bools, Floats, Ints
+from seatrial.acquisition.core.quantities import Bools, Floats, Ints
 from seatrial.analysis.compiling import FAST, compiled
 
 WIDTH = 24

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from seatrial.acquisition.core.arrays import Floats
+from seatrial.acquisition.core.quantities import Floats
 
 Innovations = Callable[[Floats], tuple[Floats, Floats]]
 """Innovations and their variances, both [values], at parameters [p]."""

@@ -12,9 +12,8 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 
-from seatrial.acquisition.core.angles import unwrap, wrap_360
-from seatrial.acquisition.core.arrays import Floats
-from seatrial.acquisition.core.channels import POSE_AND_VELOCITY, is_circular
+from seatrial.acquisition.core.quantities import Floats
+from seatrial.acquisition.core.ship import POSE_AND_VELOCITY, is_circular, unwrap, wrap_360
 
 HALF_WIDTH_S, USUAL_LENGTH_M = 10.0, 25.0
 _LEAST_SAMPLES = 5

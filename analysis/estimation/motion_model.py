@@ -15,11 +15,9 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
-from seatrial.acquisition.core.angles import difference
-from seatrial.acquisition.core.arrays import Bools, Floats, Ints
-from seatrial.acquisition.core.channels import BY_NAME
+from seatrial.acquisition.core.quantities import Bools, Floats, Ints, to_ship
+from seatrial.acquisition.core.ship import BY_NAME, difference
 from seatrial.analysis.estimation.kalman import Start, Steps
-from seatrial.analysis.kinematics import to_ship
 from seatrial.analysis.tables.resample import own_gap_s
 from seatrial.analysis.tables.table import NANO, times_ns
 

@@ -14,7 +14,7 @@ from itertools import product
 
 import numpy as np
 
-from seatrial.acquisition.core.arrays import Floats, Ints
+from seatrial.acquisition.core.quantities import Floats, Ints
 from seatrial.analysis.estimation.kalman import Gate, Start, Steps, innovations_of, smooth_steps
 from seatrial.analysis.estimation.likelihood import ScoringSettings, most_likely, robust_cost
 from seatrial.analysis.estimation.motion_model import (

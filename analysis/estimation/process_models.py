@@ -18,7 +18,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from seatrial.acquisition.core.arrays import Bools, Floats, Ints
+from seatrial.acquisition.core.quantities import Bools, Floats, Ints
 
 QUANTITIES = 3
 _SAME_S = 1e-9

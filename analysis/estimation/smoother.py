@@ -26,9 +26,8 @@ import numpy as np
 import pandas as pd
 from scipy.special import gammaincinv  # scipy.stats would take longer to import than all else here
 
-from seatrial.acquisition.core.angles import wrap_360
-from seatrial.acquisition.core.arrays import Bools, Floats, Ints
-from seatrial.acquisition.core.channels import POSE
+from seatrial.acquisition.core.quantities import Bools, Floats, Ints
+from seatrial.acquisition.core.ship import POSE, wrap_360
 from seatrial.analysis.estimation.kalman import Engine, Gate, Track, smooth_steps
 from seatrial.analysis.estimation.motion_model import (
     BODY,

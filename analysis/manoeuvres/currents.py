@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
-from seatrial.acquisition.core.arrays import Floats
+from seatrial.acquisition.core.quantities import Floats
 from seatrial.analysis.manoeuvres.indices import Current, Index, Manoeuvre, index_of
 from seatrial.analysis.manoeuvres.measures import half_width_s, smooth_motion
 from seatrial.analysis.manoeuvres.motion import Motion

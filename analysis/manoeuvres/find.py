@@ -18,9 +18,9 @@ import numpy as np
 import pandas as pd
 
 from seatrial.acquisition.config.conditions import Conditions
-from seatrial.acquisition.core.arrays import Bools, Floats
 from seatrial.acquisition.core.errors import InputError
 from seatrial.acquisition.core.named_code import OwnCodeError, file_of, load, own_code, require_call
+from seatrial.acquisition.core.quantities import Bools, Floats
 from seatrial.analysis.conditions import recorded_conditions, with_stronger_wind
 from seatrial.analysis.manoeuvres.currents import Observation, observations_of, remove_currents
 from seatrial.analysis.manoeuvres.indices import LeftOut, Manoeuvre

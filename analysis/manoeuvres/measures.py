@@ -21,11 +21,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from seatrial.acquisition.core.angles import wrap_360
-from seatrial.acquisition.core.arrays import Floats
-from seatrial.acquisition.core.channels import POSE_AND_VELOCITY
+from seatrial.acquisition.core.quantities import Floats, to_ship
+from seatrial.acquisition.core.ship import POSE_AND_VELOCITY, wrap_360
 from seatrial.analysis.estimation.local_polynomial import local_quadratic
-from seatrial.analysis.kinematics import to_ship
 from seatrial.analysis.manoeuvres.indices import Manoeuvre, indices_of, nominal_deg, unit_of
 from seatrial.analysis.manoeuvres.motion import (
     BY_DIFFERENCE,

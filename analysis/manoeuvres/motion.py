@@ -23,13 +23,24 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from seatrial.acquisition.core.actuators import RUDDER, Actuator, Actuators, actuators_in, name_of_order
-from seatrial.acquisition.core.angles import circular_mean, unwrap, wrap_180, wrap_360
-from seatrial.acquisition.core.arrays import Bools, Complexes, Floats
-from seatrial.acquisition.core.channels import POSE, POSE_AND_VELOCITY, VELOCITY, is_circular
 from seatrial.acquisition.core.errors import DataShortageError, InputError
+from seatrial.acquisition.core.quantities import Bools, Complexes, Floats, integrate, to_earth, to_ship
+from seatrial.acquisition.core.ship import (
+    POSE,
+    POSE_AND_VELOCITY,
+    RUDDER,
+    VELOCITY,
+    Actuator,
+    Actuators,
+    actuators_in,
+    circular_mean,
+    is_circular,
+    name_of_order,
+    unwrap,
+    wrap_180,
+    wrap_360,
+)
 from seatrial.analysis.estimation.local_polynomial import local_quadratic
-from seatrial.analysis.kinematics import integrate, to_earth, to_ship
 from seatrial.analysis.quality.commands import ORDER_INTERPOLATED, check_orders
 from seatrial.analysis.quality.motion.series import off_the_turn, wild_headings
 from seatrial.analysis.quality.samples import runs, white_noise

@@ -14,8 +14,8 @@ import numpy as np
 import pandas as pd
 
 from seatrial.acquisition.config.conditions import Conditions
+from seatrial.acquisition.config.declarations import length_of_ship
 from seatrial.acquisition.config.run_sheet import Statement, conditions_of
-from seatrial.acquisition.config.vessel_file import length_of_ship
 from seatrial.acquisition.core.files import write_text, written_together
 from seatrial.acquisition.core.trial import software_version
 from seatrial.analysis.manoeuvres.criteria import criteria_of, headline_of_criteria, index_rows, shortfalls_of

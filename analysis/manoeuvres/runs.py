@@ -11,8 +11,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from seatrial.acquisition.core.angles import circular_mean, difference, wrap_360
-from seatrial.acquisition.core.arrays import Bools, Floats
+from seatrial.acquisition.core.quantities import Bools, Floats
+from seatrial.acquisition.core.ship import circular_mean, difference, wrap_360
 from seatrial.analysis.manoeuvres.indices import Index, LeftOut, Manoeuvre, index_of, side_of
 from seatrial.analysis.manoeuvres.measures import (
     Plateau,

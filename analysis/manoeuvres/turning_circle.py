@@ -16,8 +16,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from seatrial.acquisition.core.arrays import Floats
-from seatrial.analysis.kinematics import to_ship
+from seatrial.acquisition.core.quantities import Floats, to_ship
 from seatrial.analysis.manoeuvres.indices import Current, LeftOut, Manoeuvre, side_of
 from seatrial.analysis.manoeuvres.measures import (
     APPROACH_S,

@@ -13,7 +13,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from seatrial.acquisition.core.arrays import Bools, Floats
+from seatrial.acquisition.core.quantities import Bools, Floats
 from seatrial.analysis.estimation.local_polynomial import local_quadratic
 from seatrial.analysis.manoeuvres.indices import Index, Manoeuvre, nominal_deg, side_of
 from seatrial.analysis.manoeuvres.measures import (

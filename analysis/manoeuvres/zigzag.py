@@ -14,7 +14,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from seatrial.acquisition.core.arrays import Floats
+from seatrial.acquisition.core.quantities import Floats
 from seatrial.analysis.manoeuvres.indices import Manoeuvre, from_order, nominal_deg, side_of
 from seatrial.analysis.manoeuvres.measures import (
     Execute,

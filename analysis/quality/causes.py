@@ -13,7 +13,7 @@ from typing import Any
 
 import pandas as pd
 
-from seatrial.acquisition.recording.events import Event
+from seatrial.acquisition.recording.grouping import Event
 from seatrial.analysis.quality.findings import ALL, Finding
 from seatrial.analysis.quality.samples import Stretch
 from seatrial.analysis.tables.table import NANO

@@ -12,11 +12,9 @@ from typing import Any, Literal
 import numpy as np
 import pandas as pd
 
-from seatrial.acquisition.core.actuators import is_order
-from seatrial.acquisition.core.angles import is_other_convention, is_possible
-from seatrial.acquisition.core.arrays import Bools, Floats, Ints, Series
-from seatrial.acquisition.core.channel import Channel
-from seatrial.acquisition.core.frames import Quality, iso
+from seatrial.acquisition.core.quantities import Bools, Floats, Ints, Series
+from seatrial.acquisition.core.ship import Channel, is_order, is_other_convention, is_possible
+from seatrial.acquisition.core.trial import Quality, iso
 from seatrial.analysis.quality.findings import Flags
 from seatrial.analysis.quality.repeated_values import find_stuck, quantisation_step
 from seatrial.analysis.quality.samples import Stretch, interval_ns, judged_as, sort_by_time, stretches_of

@@ -10,14 +10,13 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from seatrial.acquisition.core.angles import in_turn
-from seatrial.acquisition.core.arrays import Bools, Ints, Series
-from seatrial.acquisition.core.channels import BY_NAME, channels_of_table, known_channels
 from seatrial.acquisition.core.errors import DataShortageError, InputError
-from seatrial.acquisition.core.frames import Quality
 from seatrial.acquisition.core.named_code import OwnCodeError, file_of, load, own_code, require_call
+from seatrial.acquisition.core.quantities import Bools, Ints, Series
 from seatrial.acquisition.core.result import Result
-from seatrial.acquisition.recording.events import Event, events_of
+from seatrial.acquisition.core.ship import BY_NAME, channels_of_table, in_turn, known_channels
+from seatrial.acquisition.core.trial import Quality
+from seatrial.acquisition.recording.grouping import Event, events_of
 from seatrial.acquisition.recording.reader import Recording
 from seatrial.analysis.quality.causes import Cause, causes_of
 from seatrial.analysis.quality.channel_checks import ChannelFaults, ChannelQuality, channel_faults, find_spikes

@@ -13,11 +13,9 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
-from seatrial.acquisition.core.actuators import KINDS, Actuator, kind_of_control, part_of_control
-from seatrial.acquisition.core.angles import unwrap
-from seatrial.acquisition.core.arrays import Bools, Floats, Ints
-from seatrial.acquisition.core.channels import BY_NAME
-from seatrial.acquisition.core.frames import Quality
+from seatrial.acquisition.core.quantities import Bools, Floats, Ints
+from seatrial.acquisition.core.ship import BY_NAME, KINDS, Actuator, kind_of_control, part_of_control, unwrap
+from seatrial.acquisition.core.trial import Quality
 from seatrial.analysis.quality.findings import CheckResult, Finding, mark, uniform_flags
 from seatrial.analysis.quality.samples import (
     Samples,

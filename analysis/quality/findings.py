@@ -1,6 +1,6 @@
 """What a check says: flags beside the data, and findings in words with their size.
 
-Flags are those of QARTOD (:class:`seatrial.acquisition.core.frames.Quality`): 1 good, 2 not evaluated, 3 suspect, 4
+Flags are those of QARTOD (:class:`seatrial.acquisition.core.trial.Quality`): 1 good, 2 not evaluated, 3 suspect, 4
 bad, 9 missing. A check never drops a row; it returns flags of the same index as the data it was given. What checks
 of single channels found stands in one finding a channel and code, or in one for all channels together.
 """
@@ -15,9 +15,9 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from seatrial.acquisition.core.arrays import Ints, Series
-from seatrial.acquisition.core.channel import Channel
-from seatrial.acquisition.core.frames import Quality
+from seatrial.acquisition.core.quantities import Ints, Series
+from seatrial.acquisition.core.ship import Channel
+from seatrial.acquisition.core.trial import Quality
 from seatrial.analysis.quality.samples import Stretch
 from seatrial.analysis.quality.time_checks import ClockJump
 from seatrial.analysis.tables.table import NANO, time_span_text

@@ -13,10 +13,9 @@ import numpy as np
 import pandas as pd
 from scipy import special
 
-from seatrial.acquisition.core.angles import difference, wrap_360
-from seatrial.acquisition.core.arrays import Bools, Floats
-from seatrial.acquisition.core.channels import BY_NAME, is_circular
-from seatrial.acquisition.core.frames import Quality
+from seatrial.acquisition.core.quantities import Bools, Floats
+from seatrial.acquisition.core.ship import BY_NAME, difference, is_circular, wrap_360
+from seatrial.acquisition.core.trial import Quality
 from seatrial.analysis.quality.findings import CheckResult, Finding, mark, uniform_flags
 from seatrial.analysis.quality.samples import Samples, robust_spread, runs, runs_of_equal, samples_of
 from seatrial.analysis.tables.table import table_controls, utc_index

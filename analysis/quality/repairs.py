@@ -17,15 +17,13 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
-from seatrial.acquisition.core.angles import in_turn, is_possible, unwrap
-from seatrial.acquisition.core.arrays import Bools, Floats
-from seatrial.acquisition.core.channels import BY_NAME, find_channel, known_channels
 from seatrial.acquisition.core.errors import InputError
 from seatrial.acquisition.core.files import expect_suffix
-from seatrial.acquisition.core.frames import Quality
+from seatrial.acquisition.core.quantities import Bools, Floats, integrate
+from seatrial.acquisition.core.ship import BY_NAME, find_channel, in_turn, is_possible, known_channels, unwrap
+from seatrial.acquisition.core.trial import Quality
 from seatrial.acquisition.recording.reader import Recording
-from seatrial.acquisition.recording.tables import write_table
-from seatrial.analysis.kinematics import integrate
+from seatrial.acquisition.recording.writer import write_table
 from seatrial.analysis.quality.commands import ORDER_INTERPOLATED as ORDER_INTERPOLATED
 from seatrial.analysis.quality.commands import hold_orders
 from seatrial.analysis.quality.findings import ALL, OTHER_TURN, Finding, Flags

@@ -16,9 +16,8 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 
-from seatrial.acquisition.core.arrays import Bools, Floats, Ints, Series
-from seatrial.acquisition.core.channel import Channel
-from seatrial.analysis.kinematics import to_earth
+from seatrial.acquisition.core.quantities import Bools, Floats, Ints, Series, to_earth
+from seatrial.acquisition.core.ship import Channel
 from seatrial.analysis.quality.samples import judged_as, runs_of_equal, sort_by_time, white_noise
 from seatrial.analysis.tables.table import NANO, TimedValues, times_ns
 

@@ -1,8 +1,8 @@
 """The samples of channels as the checks see them, and what the checks share: runs, stretches, noise, steps.
 
 Checks of one channel work on its samples in the order of receipt
-(:class:`seatrial.acquisition.core.arrays.Series`), checks across channels on its samples in the rows of the joined
-table (:class:`Samples`).
+(:class:`seatrial.acquisition.core.quantities.Series`), checks across channels on its samples in the rows of the
+joined table (:class:`Samples`).
 """
 
 from __future__ import annotations
@@ -14,10 +14,8 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from seatrial.acquisition.core.angles import unwrap
-from seatrial.acquisition.core.arrays import Bools, Floats, Ints, Series
-from seatrial.acquisition.core.channel import Channel
-from seatrial.acquisition.core.channels import is_setting
+from seatrial.acquisition.core.quantities import Bools, Floats, Ints, Series
+from seatrial.acquisition.core.ship import Channel, is_setting, unwrap
 from seatrial.analysis.tables.table import NANO, seconds_of, times_ns
 
 ASSUMED = "assumed"

@@ -13,10 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
-from seatrial.acquisition.core.angles import unwrap
-from seatrial.acquisition.core.arrays import Floats, Ints, Series
-from seatrial.acquisition.core.channels import POSE_AND_VELOCITY
-from seatrial.analysis.kinematics import to_earth
+from seatrial.acquisition.core.quantities import Floats, Ints, Series, to_earth
+from seatrial.acquisition.core.ship import POSE_AND_VELOCITY, unwrap
 from seatrial.analysis.quality.samples import interval_ns, white_noise
 from seatrial.analysis.tables.table import NANO, times_ns
 

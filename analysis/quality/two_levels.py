@@ -14,9 +14,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from seatrial.acquisition.core.angles import difference, is_possible
-from seatrial.acquisition.core.arrays import Bools, Floats, Ints, Series
-from seatrial.acquisition.core.channel import Channel
+from seatrial.acquisition.core.quantities import Bools, Floats, Ints, Series
+from seatrial.acquisition.core.ship import Channel, difference, is_possible
 from seatrial.analysis.quality.findings import Finding, utc_time
 from seatrial.analysis.quality.repeated_values import EVERYDAY, everyday_resolution
 from seatrial.analysis.quality.samples import sort_by_time

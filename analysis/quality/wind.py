@@ -14,9 +14,9 @@ import pandas as pd
 from numpy.typing import NDArray
 from scipy import special
 
-from seatrial.acquisition.core.angles import wrap_180, wrap_360
-from seatrial.acquisition.core.arrays import Bools, Complexes, Floats
-from seatrial.acquisition.core.frames import Quality
+from seatrial.acquisition.core.quantities import Bools, Complexes, Floats
+from seatrial.acquisition.core.ship import wrap_180, wrap_360
+from seatrial.acquisition.core.trial import Quality
 from seatrial.analysis.quality.findings import CheckResult, Finding, uniform_flags
 from seatrial.analysis.quality.samples import ASSUMED, jackknife_error, ratios_without_each
 from seatrial.analysis.tables.table import NANO, seconds_of, utc_index
@@ -60,7 +60,7 @@ def check_wind(table: pd.DataFrame) -> CheckResult:
 def true_wind(table: pd.DataFrame, relative_to_bow: bool) -> tuple[Floats, Floats]:
     """Direction [deg, from true north] and speed [m/s] of the true wind, the recorded one being apparent: [rows].
 
-    Vectorised form of :func:`seatrial.acquisition.core.kinematics.wind_over_ground`; NaN where a channel has been
+    Vectorised form of :func:`seatrial.acquisition.core.quantities.wind_over_ground`; NaN where a channel has been
     silent for 2 s, and where the wind itself is not recorded.
     """
     felt, velocity, bow = _vectors(_side_by_side(table))

@@ -27,8 +27,8 @@ from matplotlib.patches import Patch, Rectangle
 from matplotlib.text import Text
 from numpy.typing import ArrayLike, NDArray
 
-from seatrial.acquisition.core.arrays import Floats
 from seatrial.acquisition.core.files import atomic_file
+from seatrial.acquisition.core.quantities import Floats
 from seatrial.analysis.report.plots import STYLE
 
 Draw = Callable[[Figure], object]

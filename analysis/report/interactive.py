@@ -17,11 +17,9 @@ import numpy as np
 import pandas as pd
 from markupsafe import Markup
 
-from seatrial.acquisition.core.angles import in_turn, unwrap, wraps_of
-from seatrial.acquisition.core.arrays import Floats, Ints
-from seatrial.acquisition.core.channel import Channel
-from seatrial.acquisition.core.channels import POSE_AND_VELOCITY, known_channels
 from seatrial.acquisition.core.errors import ConfigurationError, DataShortageError, InputError
+from seatrial.acquisition.core.quantities import Floats, Ints
+from seatrial.acquisition.core.ship import POSE_AND_VELOCITY, Channel, in_turn, known_channels, unwrap, wraps_of
 from seatrial.analysis.report.pages import duration_text
 from seatrial.analysis.report.rendering import TEMPLATES, Page, render
 from seatrial.analysis.tables.table import NANO, declared_channels, table_actuators, times_ns, trial_channels

@@ -9,8 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from seatrial.acquisition.core.arrays import Floats
-from seatrial.analysis.kinematics import to_ship
+from seatrial.acquisition.core.quantities import Floats, to_ship
 from seatrial.analysis.manoeuvres.indices import Manoeuvre, from_order
 from seatrial.analysis.manoeuvres.measures import (
     along_and_across,

@@ -14,8 +14,8 @@ from urllib.parse import quote
 import pandas as pd
 from markupsafe import Markup, escape
 
-from seatrial.acquisition.core.channels import channel_unit, find_channel
-from seatrial.acquisition.core.units import KNOT_MPS
+from seatrial.acquisition.core.quantities import KNOT_MPS
+from seatrial.acquisition.core.ship import channel_unit, find_channel
 from seatrial.analysis.report.quality_page import HEADER, channel_rows, finding_cells
 from seatrial.analysis.report.rendering import Page, render
 from seatrial.analysis.report.run_sheet import run_sheet

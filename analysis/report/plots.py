@@ -21,20 +21,22 @@ from matplotlib.lines import Line2D
 from matplotlib.transforms import Affine2D, ScaledTranslation
 from rich.text import Text
 
-from seatrial.acquisition.core.actuators import (
+from seatrial.acquisition.core.quantities import DIMENSIONLESS, Floats, ending_of, mean_wind
+from seatrial.acquisition.core.ship import (
+    BY_NAME,
+    POSE_AND_VELOCITY,
     Actuators,
+    Channel,
     channel_by_rule,
     control_names,
+    known_channels,
     name_of_order,
     part_of_control,
+    unwrap,
+    wrap_180,
+    wraps_of,
 )
-from seatrial.acquisition.core.angles import unwrap, wrap_180, wraps_of
-from seatrial.acquisition.core.arrays import Floats
-from seatrial.acquisition.core.channel import Channel
-from seatrial.acquisition.core.channels import BY_NAME, POSE_AND_VELOCITY, known_channels
-from seatrial.acquisition.core.units import DIMENSIONLESS, ending_of
-from seatrial.acquisition.recording.events import Event
-from seatrial.analysis.kinematics import mean_wind
+from seatrial.acquisition.recording.grouping import Event
 from seatrial.analysis.report.labels import label_points
 from seatrial.analysis.tables.table import declared_channels, table_actuators, utc_index
 from seatrial.analysis.windows.held import HeldWindows, held_spans_ns

@@ -12,10 +12,10 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from seatrial.acquisition.core.arrays import Floats, Ints
 from seatrial.acquisition.core.files import write_text, written_together
-from seatrial.acquisition.core.frames import Quality
-from seatrial.acquisition.recording.events import counts_text
+from seatrial.acquisition.core.quantities import Floats, Ints
+from seatrial.acquisition.core.trial import Quality
+from seatrial.acquisition.recording.grouping import counts_text
 from seatrial.analysis.quality.findings import ALL
 from seatrial.analysis.quality.samples import runs
 from seatrial.analysis.report.rendering import Page, render

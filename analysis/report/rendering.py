@@ -20,9 +20,8 @@ from typing import TYPE_CHECKING, Any
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 
-from seatrial.acquisition.core.errors import ConfigurationError
+from seatrial.acquisition.core.errors import ConfigurationError, printable
 from seatrial.acquisition.core.files import atomic_file, write_text
-from seatrial.acquisition.core.text import printable
 from seatrial.acquisition.core.trial import software_version
 
 if TYPE_CHECKING:

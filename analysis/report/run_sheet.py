@@ -15,11 +15,10 @@ import pandas as pd
 
 from seatrial.acquisition.config.conditions import REFERENCE_DENSITY_KGPM3, Conditions
 from seatrial.acquisition.config.run_sheet import Particulars, particulars_of
-from seatrial.acquisition.core.actuators import from_text
+from seatrial.acquisition.core.quantities import KNOT_MPS, mean_wind
+from seatrial.acquisition.core.ship import from_text
 from seatrial.acquisition.core.trial import Trial, software_version
-from seatrial.acquisition.core.units import KNOT_MPS
 from seatrial.analysis.conditions import beaufort, recorded_conditions
-from seatrial.analysis.kinematics import mean_wind
 from seatrial.analysis.manoeuvres.criteria import mean_of
 from seatrial.analysis.manoeuvres.indices import index_of
 from seatrial.analysis.manoeuvres.turning_circle import shows_current

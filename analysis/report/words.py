@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import re
 
-from seatrial.acquisition.core.channels import find_channel
-from seatrial.acquisition.core.units import ending_of
+from seatrial.acquisition.core.quantities import ending_of
+from seatrial.acquisition.core.ship import find_channel
 
 _UNIT = re.compile(r"_(m[23]?|mps|deg|degc|kgpm3)$")
 _NAME = re.compile(r"\b[a-z][a-z0-9]*(?:_[a-z0-9]+)+\b")

@@ -23,9 +23,8 @@ from flask import Flask, Response, abort, g, request
 from werkzeug.exceptions import HTTPException
 from werkzeug.serving import ThreadedWSGIServer, WSGIRequestHandler
 
-from seatrial.acquisition.core.errors import InputError, SeatrialError, SourceError, unexpected
-from seatrial.acquisition.core.text import printable_name
-from seatrial.acquisition.logger.supervision import LOG
+from seatrial.acquisition.core.errors import InputError, SeatrialError, SourceError, printable_name, unexpected
+from seatrial.acquisition.logger.health import LOG
 from seatrial.acquisition.recording.grouping import read_parts
 from seatrial.analysis.batch.batch import failures_of
 from seatrial.analysis.batch.one_recording import WAITING, Row

@@ -11,8 +11,7 @@ from typing import IO
 from werkzeug.utils import secure_filename
 
 from seatrial.acquisition.core.errors import InputError, SeatrialError
-from seatrial.acquisition.core.files import atomic_file
-from seatrial.acquisition.core.locks import locked_briefly
+from seatrial.acquisition.core.files import atomic_file, locked_briefly
 from seatrial.acquisition.recording.reader import read_recording
 from seatrial.acquisition.tables.import_table import import_proposed, import_table, is_standard, propose_for
 from seatrial.acquisition.tables.table_files import read_raw

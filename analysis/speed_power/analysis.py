@@ -10,10 +10,9 @@ import numpy as np
 import pandas as pd
 
 from seatrial.acquisition.config.conditions import Conditions
-from seatrial.acquisition.core.arrays import Floats
 from seatrial.acquisition.core.errors import DataShortageError, InputError
-from seatrial.acquisition.core.result import Result
-from seatrial.acquisition.core.serialisation import Number
+from seatrial.acquisition.core.quantities import Floats
+from seatrial.acquisition.core.result import Number, Result
 from seatrial.acquisition.core.trial import software_version
 from seatrial.analysis.manoeuvres.indices import LeftOut
 from seatrial.analysis.speed_power.corrections import Correction, corrections_of, warnings_of

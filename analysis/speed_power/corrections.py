@@ -13,8 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from seatrial.acquisition.config.conditions import REFERENCE_DENSITY_KGPM3, REFERENCE_TEMPERATURE_DEGC, Conditions
-from seatrial.acquisition.core.arrays import Floats
-from seatrial.acquisition.core.serialisation import Number
+from seatrial.acquisition.core.quantities import Floats
+from seatrial.acquisition.core.result import Number
 from seatrial.analysis.manoeuvres.report import number_text
 from seatrial.analysis.manoeuvres.runs import RECIPROCAL_DEG
 from seatrial.analysis.speed_power.runs import RUN_MINUTES, PowerRun

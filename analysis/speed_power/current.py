@@ -14,8 +14,8 @@ from math import comb
 
 import numpy as np
 
-from seatrial.acquisition.core.arrays import Floats
 from seatrial.acquisition.core.errors import DataShortageError
+from seatrial.acquisition.core.quantities import Floats
 
 TIDE_S = 0.51753 * 86_400.0
 """T_C: 12 h 25 min 14.6 s, the standard's 0.51753 day of half a lunar day."""

@@ -16,13 +16,12 @@ import numpy as np
 import pandas as pd
 
 from seatrial.acquisition.config.conditions import Conditions
-from seatrial.acquisition.core.angles import wrap_360
-from seatrial.acquisition.core.arrays import Floats
 from seatrial.acquisition.core.errors import InputError
-from seatrial.acquisition.core.units import Linear, to_house
+from seatrial.acquisition.core.quantities import Floats, Linear, to_house
+from seatrial.acquisition.core.ship import wrap_360
 from seatrial.acquisition.tables.column_names import headed
 from seatrial.acquisition.tables.table_files import RawTable, read_raw
-from seatrial.acquisition.tables.time_text import as_clock, as_date
+from seatrial.acquisition.tables.time_columns import as_clock, as_date
 from seatrial.analysis.speed_power.runs import PowerRun
 
 TABLE_SUFFIXES = (".csv", ".tsv", ".xlsx", ".xls", ".xlsm", ".ods")

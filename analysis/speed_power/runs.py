@@ -11,12 +11,10 @@ from itertools import pairwise
 import numpy as np
 import pandas as pd
 
-from seatrial.acquisition.core.actuators import RUDDER
-from seatrial.acquisition.core.angles import circular_mean, wrap_360
-from seatrial.acquisition.core.arrays import Floats
-from seatrial.acquisition.core.channels import POSE_AND_VELOCITY
 from seatrial.acquisition.core.errors import InputError
-from seatrial.acquisition.core.serialisation import Number
+from seatrial.acquisition.core.quantities import Floats
+from seatrial.acquisition.core.result import Number
+from seatrial.acquisition.core.ship import POSE_AND_VELOCITY, RUDDER, circular_mean, wrap_360
 from seatrial.analysis.manoeuvres.find import marks_of
 from seatrial.analysis.manoeuvres.indices import LeftOut
 from seatrial.analysis.manoeuvres.measures import WIDEST_S, smooth_motion

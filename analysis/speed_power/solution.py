@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from seatrial.acquisition.config.conditions import Conditions
-from seatrial.acquisition.core.arrays import Floats
+from seatrial.acquisition.core.quantities import Floats
 from seatrial.analysis.speed_power.corrections import (
     RAVEN,
     Correction,

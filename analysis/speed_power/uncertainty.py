@@ -20,7 +20,7 @@ from itertools import product
 import numpy as np
 
 from seatrial.acquisition.config.conditions import Conditions
-from seatrial.acquisition.core.arrays import Floats
+from seatrial.acquisition.core.quantities import Floats
 from seatrial.analysis.speed_power.corrections import WAVE_METHODS
 from seatrial.analysis.speed_power.current import TIDE_S
 from seatrial.analysis.speed_power.runs import PowerRun

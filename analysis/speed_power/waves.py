@@ -11,7 +11,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from seatrial.acquisition.config.conditions import Conditions
-from seatrial.acquisition.core.arrays import Bools, Floats
+from seatrial.acquisition.core.quantities import Bools, Floats
 
 GRAVITY_MPS2 = 9.80665
 BOW_DEG = 45.0

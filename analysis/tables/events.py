@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 
 from seatrial.acquisition.core.files import atomic_file, expect_suffix
-from seatrial.acquisition.recording.events import events_of
+from seatrial.acquisition.recording.grouping import events_of
 from seatrial.acquisition.recording.reader import Recording
 from seatrial.analysis.tables.export import write_sheets
 from seatrial.analysis.tables.files import write_parquet

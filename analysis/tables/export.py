@@ -19,12 +19,11 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from seatrial.acquisition.core.channels import BY_NAME, ChannelsByName, channel_unit, known_channels
 from seatrial.acquisition.core.errors import ConfigurationError, InputError
 from seatrial.acquisition.core.files import atomic_file, expect_suffix, write_bytes, write_text, written_together
-from seatrial.acquisition.core.frames import Quality
 from seatrial.acquisition.core.named_code import imported
-from seatrial.acquisition.core.trial import software_version
+from seatrial.acquisition.core.ship import BY_NAME, ChannelsByName, channel_unit, known_channels
+from seatrial.acquisition.core.trial import Quality, software_version
 from seatrial.acquisition.tables.table_files import ABOUT_COLUMNS, UTC_COLUMN
 from seatrial.analysis.tables.files import write_parquet
 from seatrial.analysis.tables.table import NANO, delays_in_ns, provenance_of, times_ns, utc_index

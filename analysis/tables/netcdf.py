@@ -20,11 +20,10 @@ import pandas as pd
 from numpy.typing import NDArray
 from scipy.io import netcdf_file
 
-from seatrial.acquisition.core.arrays import Floats
-from seatrial.acquisition.core.channels import find_channel, known_channels
 from seatrial.acquisition.core.files import atomic_file
-from seatrial.acquisition.core.frames import Quality
-from seatrial.acquisition.core.trial import Trial, software_version
+from seatrial.acquisition.core.quantities import Floats
+from seatrial.acquisition.core.ship import find_channel, known_channels
+from seatrial.acquisition.core.trial import Quality, Trial, software_version
 from seatrial.analysis.tables.export import FLAG_SUFFIX, SIGMA_SUFFIX
 from seatrial.analysis.tables.table import NANO, times_ns
 from seatrial.analysis.tables.tracks import places_of

@@ -22,11 +22,9 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from seatrial.acquisition.core.angles import difference, in_turn
-from seatrial.acquisition.core.arrays import Floats, Ints
-from seatrial.acquisition.core.channel import Channel
-from seatrial.acquisition.core.channels import find_channel, is_setting, known_channels
 from seatrial.acquisition.core.errors import DataShortageError, InputError
+from seatrial.acquisition.core.quantities import Floats, Ints
+from seatrial.acquisition.core.ship import Channel, difference, find_channel, in_turn, is_setting, known_channels
 from seatrial.acquisition.recording.reader import Recording
 from seatrial.analysis.tables.table import (
     NANO,

@@ -22,16 +22,20 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from seatrial.acquisition.core.actuators import Actuators, as_text, control_names
-from seatrial.acquisition.core.arrays import Floats, Ints, Series
-from seatrial.acquisition.core.budget import RECORDING_CELLS
-from seatrial.acquisition.core.channel import Channel
-from seatrial.acquisition.core.channels import (
+from seatrial.acquisition.core.errors import DataShortageError, InputError, printable_name
+from seatrial.acquisition.core.files import open_regular, parse_json
+from seatrial.acquisition.core.process import RECORDING_CELLS
+from seatrial.acquisition.core.quantities import Floats, Ints, Series
+from seatrial.acquisition.core.ship import (
     BY_NAME,
     ENVIRONMENT,
+    Actuators,
+    Channel,
     ChannelsByName,
     actuators_of,
+    as_text,
     channels_of_table,
+    control_names,
     declared_in,
     find_channel,
     is_ship_known,
@@ -39,11 +43,7 @@ from seatrial.acquisition.core.channels import (
     required_names,
     trial_names,
 )
-from seatrial.acquisition.core.errors import DataShortageError, InputError
-from seatrial.acquisition.core.files import open_regular, parse_json
-from seatrial.acquisition.core.frames import Quality
-from seatrial.acquisition.core.text import printable_name
-from seatrial.acquisition.core.trial import Trial, software_version
+from seatrial.acquisition.core.trial import Quality, Trial, software_version
 from seatrial.acquisition.recording.grouping import Files, read_together
 from seatrial.acquisition.recording.reader import Recording
 

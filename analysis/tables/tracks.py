@@ -11,9 +11,9 @@ import numpy as np
 import pandas as pd
 from pymap3d import ned2geodetic
 
-from seatrial.acquisition.core.arrays import Floats
 from seatrial.acquisition.core.errors import DataShortageError
 from seatrial.acquisition.core.files import atomic_file
+from seatrial.acquisition.core.quantities import Floats
 from seatrial.acquisition.core.trial import software_version
 from seatrial.analysis.tables.resample import interpolate, own_gap_s
 from seatrial.analysis.tables.table import NANO, times_ns

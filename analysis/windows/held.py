@@ -30,14 +30,21 @@ import numpy as np
 import pandas as pd
 from numpy.lib.stride_tricks import sliding_window_view
 
-from seatrial.acquisition.core.actuators import DEFAULT, Actuators, control_names, part_of_control
-from seatrial.acquisition.core.angles import difference, unwrap
-from seatrial.acquisition.core.arrays import Bools, Floats, Ints
-from seatrial.acquisition.core.channels import MOTION, is_circular, trial_names
 from seatrial.acquisition.core.errors import DataShortageError, InputError
+from seatrial.acquisition.core.quantities import Bools, Floats, Ints, to_earth
 from seatrial.acquisition.core.result import Result
+from seatrial.acquisition.core.ship import (
+    DEFAULT,
+    MOTION,
+    Actuators,
+    control_names,
+    difference,
+    is_circular,
+    part_of_control,
+    trial_names,
+    unwrap,
+)
 from seatrial.analysis.estimation.noise_levels import noise_of
-from seatrial.analysis.kinematics import to_earth
 from seatrial.analysis.tables.resample import MOTION_FILTER, SETTING_FILTER
 from seatrial.analysis.tables.table import NANO, actuator_attributes, index_of, table_actuators, times_ns, with_calm
 

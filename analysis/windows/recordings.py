@@ -22,11 +22,9 @@ from pathlib import Path
 
 import pandas as pd
 
-from seatrial.acquisition.core.actuators import from_text
-from seatrial.acquisition.core.channels import BY_NAME, POSE_AND_VELOCITY
-from seatrial.acquisition.core.errors import InputError
+from seatrial.acquisition.core.errors import InputError, printable_name
 from seatrial.acquisition.core.files import parse_json, written_together
-from seatrial.acquisition.core.text import printable_name
+from seatrial.acquisition.core.ship import BY_NAME, POSE_AND_VELOCITY, from_text
 from seatrial.acquisition.recording.grouping import read_parts, whole_recordings
 from seatrial.analysis.estimation.smoother import COVARIANCE_NAMES, SmoothedMotion, smooth
 from seatrial.analysis.prepare import Preparation, prepare

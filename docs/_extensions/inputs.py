@@ -16,7 +16,7 @@ class SeatrialInputs(SphinxDirective):
 
     def run(self) -> list[nodes.Node]:
         """The table."""
-        from seatrial.acquisition.sources.inputs import INPUTS
+        from seatrial.acquisition.sources import INPUTS
 
         self.env.note_reread()  # the page is made of the program, which may have changed
         rows = [

@@ -18,14 +18,12 @@ import numpy as np
 import safetensors.numpy
 from pydantic import Field, FiniteFloat, JsonValue, NonNegativeInt, PositiveInt, TypeAdapter, ValidationError
 
-from seatrial.acquisition.core.actuators import as_text, from_text
-from seatrial.acquisition.core.arrays import Floats
-from seatrial.acquisition.core.budget import CALIBRATOR_BYTES
-from seatrial.acquisition.core.channels import trial_names
-from seatrial.acquisition.core.errors import InputError, SeatrialError
+from seatrial.acquisition.core.errors import InputError, SeatrialError, printable_name
 from seatrial.acquisition.core.files import make_folder, read_regular, write_bytes, written_together
 from seatrial.acquisition.core.named_code import absolute, digest_of, in_file
-from seatrial.acquisition.core.text import printable_name
+from seatrial.acquisition.core.process import CALIBRATOR_BYTES
+from seatrial.acquisition.core.quantities import Floats
+from seatrial.acquisition.core.ship import as_text, from_text, trial_names
 from seatrial.analysis.tables.table import MOST
 from seatrial.hybrid.calibrators import METHODS, make_calibrator
 from seatrial.hybrid.calibrators.calibrator import Calibrator, require_shapes

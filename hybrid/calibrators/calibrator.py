@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, ClassVar, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from seatrial.acquisition.core.actuators import DEFAULT, Actuators
-from seatrial.acquisition.core.arrays import Bools, Floats
-from seatrial.acquisition.core.progress import Progress
+from seatrial.acquisition.core.errors import Progress
+from seatrial.acquisition.core.quantities import Bools, Floats
+from seatrial.acquisition.core.ship import DEFAULT, Actuators
 from seatrial.hybrid.prediction.baselines import BASELINES, CandidatePrediction, Fallback
 from seatrial.hybrid.prediction.prediction_windows import PredictionWindows
 from seatrial.hybrid.prediction.regions import conformal_region

@@ -19,9 +19,8 @@ from itertools import islice, pairwise
 import torch
 from torch import Tensor, nn
 
-from seatrial.acquisition.core.arrays import Floats
-from seatrial.acquisition.core.errors import ConfigurationError
-from seatrial.acquisition.core.progress import Progress
+from seatrial.acquisition.core.errors import ConfigurationError, Progress
+from seatrial.acquisition.core.quantities import Floats
 from seatrial.hybrid.calibrators.networks import HIDDEN, Layers
 
 Rows = tuple[Tensor, Tensor]

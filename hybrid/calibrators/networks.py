@@ -22,10 +22,9 @@ from typing import TYPE_CHECKING, ClassVar, Self
 
 import numpy as np
 
-from seatrial.acquisition.core.actuators import Actuators
-from seatrial.acquisition.core.arrays import Floats
-from seatrial.acquisition.core.errors import InputError
-from seatrial.acquisition.core.progress import Progress
+from seatrial.acquisition.core.errors import InputError, Progress
+from seatrial.acquisition.core.quantities import Floats
+from seatrial.acquisition.core.ship import Actuators
 from seatrial.hybrid.calibrators import refuse_untrainable
 from seatrial.hybrid.calibrators.calibrator import Calibrator, DomainOfApplicability, Examples, require_shapes
 from seatrial.hybrid.prediction.baselines import HINDCAST_S, CandidatePrediction, constant_velocity, mean_known

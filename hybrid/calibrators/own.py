@@ -14,12 +14,11 @@ from typing import TYPE_CHECKING, Any, Protocol, Self
 import numpy as np
 import pandas as pd
 
-from seatrial.acquisition.core.actuators import Actuators
-from seatrial.acquisition.core.arrays import Floats
-from seatrial.acquisition.core.errors import ConfigurationError
+from seatrial.acquisition.core.errors import ConfigurationError, Progress
 from seatrial.acquisition.core.files import parse_json
 from seatrial.acquisition.core.named_code import OwnCodeError, file_of, own_code, require_call
-from seatrial.acquisition.core.progress import Progress
+from seatrial.acquisition.core.quantities import Floats
+from seatrial.acquisition.core.ship import Actuators
 from seatrial.hybrid.calibrators.adaptive.calibrator import start_domain, start_names, start_range
 from seatrial.hybrid.calibrators.calibrator import Calibrator, DomainOfApplicability, Examples
 from seatrial.hybrid.calibrators.networks import DOMAIN_MARGIN

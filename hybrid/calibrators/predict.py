@@ -11,13 +11,11 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from seatrial.acquisition.config.vessel_file import vessel_names, vessel_of_ship
-from seatrial.acquisition.core.actuators import control_names
-from seatrial.acquisition.core.angles import wrap_360
-from seatrial.acquisition.core.arrays import Floats
-from seatrial.acquisition.core.channels import trial_names
+from seatrial.acquisition.config.declarations import vessel_names, vessel_of_ship
 from seatrial.acquisition.core.errors import ConfigurationError, InputError, ModelRangeError
+from seatrial.acquisition.core.quantities import Floats
 from seatrial.acquisition.core.result import ChosenModel, ModelResult
+from seatrial.acquisition.core.ship import control_names, trial_names, wrap_360
 from seatrial.analysis.tables.table import table_actuators
 from seatrial.analysis.windows.recordings import SecondBySecond
 from seatrial.hybrid.calibrators.artefact import load

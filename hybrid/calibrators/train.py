@@ -11,9 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from seatrial.acquisition.core.arrays import Floats
-from seatrial.acquisition.core.errors import ConfigurationError, InputError
-from seatrial.acquisition.core.progress import Progress, part_of
+from seatrial.acquisition.core.errors import ConfigurationError, InputError, Progress, part_of
+from seatrial.acquisition.core.quantities import Floats
 from seatrial.acquisition.core.result import ModelResult
 from seatrial.acquisition.core.trial import software_version
 from seatrial.hybrid.calibrators import can_train, make_calibrator

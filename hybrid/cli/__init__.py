@@ -72,8 +72,8 @@ def print_result(values: Any, result: Result, *, as_json: bool) -> None:
     if as_json:
         echo(json.dumps(values))
         return
+    from seatrial.acquisition.core.errors import Terminal
     from seatrial.acquisition.core.result import ModelResult
-    from seatrial.acquisition.core.terminal import Terminal
 
     if isinstance(result, ModelResult):
         for line in result.first_lines:

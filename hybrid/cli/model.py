@@ -209,7 +209,7 @@ def watch(
     with stop_on_signals() as stop:  # before the heavy imports: they take a while, and Ctrl-C may come
         with suppress(OSError):
             os.nice(_NICENESS)
-        from seatrial.acquisition.config.configuration import load_config
+        from seatrial.acquisition.config.trial_file import load_config
         from seatrial.hybrid.calibrators.predict import predictor_of
         from seatrial.hybrid.twin.watch import as_json as described
         from seatrial.hybrid.twin.watch import watch as run

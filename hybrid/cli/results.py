@@ -10,9 +10,9 @@ from typing import Annotated
 import typer
 
 from seatrial.acquisition.cli import AsJson, writes
+from seatrial.acquisition.core.errors import bar, part_of
 from seatrial.acquisition.core.files import written_together
 from seatrial.acquisition.core.process import echo
-from seatrial.acquisition.core.progress import bar, part_of
 from seatrial.hybrid.cli import (
     AllowSeenOption,
     CodeOption,
@@ -143,7 +143,7 @@ def diagnose(
     if as_json:
         echo(json.dumps(diagnosis.as_dict()))
         return
-    from seatrial.acquisition.core.terminal import Terminal
+    from seatrial.acquisition.core.errors import Terminal
     from seatrial.hybrid.report.diagnosis_words import model_line, summary
 
     echo(model_line(diagnosis))
@@ -323,7 +323,7 @@ def report(
 ) -> None:
     """Write the report of a trial, a diagnosis, a reproduction or a batch, as HTML and PDF."""
     from seatrial.acquisition.core.errors import ConfigurationError
-    from seatrial.acquisition.core.locks import locked_folder
+    from seatrial.acquisition.core.files import locked_folder
     from seatrial.analysis.report.rendering import write_pdf
     from seatrial.hybrid.report.folder import Choices, report_folder
     from seatrial.hybrid.report.folder import report as run

@@ -9,8 +9,8 @@ from typing import Annotated
 import typer
 
 from seatrial.acquisition.cli import AsJson, writes
+from seatrial.acquisition.core.errors import bar
 from seatrial.acquisition.core.process import echo
-from seatrial.acquisition.core.progress import bar
 from seatrial.hybrid.cli import (
     EffectsOption,
     SeaStateOption,
@@ -84,7 +84,7 @@ def demo(
     from seatrial.hybrid.workflows.demo import demonstrate
 
     done = demonstrate(output, seed, say=lambda line: echo(line, err=True))
-    from seatrial.acquisition.core.terminal import Terminal
+    from seatrial.acquisition.core.errors import Terminal
 
     echo(done.validation.model, err=True)
     Terminal(stderr=True).print(done.validation)
@@ -161,7 +161,7 @@ def effects(effects_file: EffectsOption = None, vessel: VesselOption = None, as_
         listed = [effect.as_dict() for effect in catalogue.values()]
         echo(json.dumps({"version": VERSION, "effects": listed}))
         return
-    from seatrial.acquisition.core.terminal import Terminal
+    from seatrial.acquisition.core.errors import Terminal
     from seatrial.hybrid.report.tables import CATALOGUE_WIDTH, catalogue_tables
 
     console = Terminal()

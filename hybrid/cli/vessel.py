@@ -9,8 +9,8 @@ from typing import Annotated, Any
 import typer
 
 from seatrial.acquisition.cli import AsJson, writes
+from seatrial.acquisition.core.errors import printable_name
 from seatrial.acquisition.core.process import echo
-from seatrial.acquisition.core.text import printable_name
 from seatrial.hybrid.cli import print_result
 
 _ASKED = {

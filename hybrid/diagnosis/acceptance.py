@@ -24,7 +24,7 @@ import numpy as np
 from scipy.optimize import minimize_scalar
 from scipy.stats import chi2, t
 
-from seatrial.acquisition.core.arrays import Floats, Ints
+from seatrial.acquisition.core.quantities import Floats, Ints
 from seatrial.hybrid.diagnosis.disturbance_model import FORCE_UNITS
 from seatrial.hybrid.diagnosis.evidence import (
     Evidence,

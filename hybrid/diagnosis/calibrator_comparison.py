@@ -14,9 +14,8 @@ from functools import partial
 import numpy as np
 import pandas as pd
 
-from seatrial.acquisition.core.arrays import Ints
-from seatrial.acquisition.core.errors import DataShortageError
-from seatrial.acquisition.core.progress import Progress, part_of
+from seatrial.acquisition.core.errors import DataShortageError, Progress, part_of
+from seatrial.acquisition.core.quantities import Ints
 from seatrial.analysis.tables.resample import resample
 from seatrial.analysis.windows.recordings import second_by_second
 from seatrial.hybrid.calibrators.train import METHOD

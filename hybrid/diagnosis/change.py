@@ -16,7 +16,7 @@ from math import log
 import numpy as np
 from scipy.linalg import cho_factor, solve_triangular
 
-from seatrial.acquisition.core.arrays import Floats, Ints
+from seatrial.acquisition.core.quantities import Floats, Ints
 from seatrial.hybrid.diagnosis.acceptance import Acceptance
 from seatrial.hybrid.diagnosis.coarse_model import is_coarse
 from seatrial.hybrid.diagnosis.evidence import (

@@ -22,8 +22,8 @@ from functools import partial
 
 import numpy as np
 
-from seatrial.acquisition.core.arrays import Floats
-from seatrial.acquisition.core.progress import Progress
+from seatrial.acquisition.core.errors import Progress
+from seatrial.acquisition.core.quantities import Floats
 from seatrial.hybrid.diagnosis.acceptance import (
     CREDIBLE,
     HELD_OUT_LEVEL,

@@ -15,8 +15,7 @@ import numpy as np
 import pandas as pd
 from threadpoolctl import threadpool_limits
 
-from seatrial.acquisition.core.errors import ConfigurationError
-from seatrial.acquisition.core.progress import Progress, part_of
+from seatrial.acquisition.core.errors import ConfigurationError, Progress, part_of
 from seatrial.hybrid.diagnosis.acceptance import Acceptance, accept, accept_names
 from seatrial.hybrid.diagnosis.change import likeliest_change, may_change
 from seatrial.hybrid.diagnosis.coarse_model import preliminary_selection, selected, untested_if_coarse

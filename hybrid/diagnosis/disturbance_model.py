@@ -28,7 +28,7 @@ import numpy as np
 from numba import get_num_threads, njit
 from numpy.typing import NDArray
 
-from seatrial.acquisition.core.arrays import Floats
+from seatrial.acquisition.core.quantities import Floats
 from seatrial.analysis.compiling import FAST, compiled, source_stamp
 from seatrial.analysis.estimation import kalman_kernel, process_models
 from seatrial.analysis.estimation.kalman_kernel import WIDTH, filter_pass, smoother_pass

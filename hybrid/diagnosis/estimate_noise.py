@@ -13,8 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from seatrial.acquisition.core.arrays import Floats, Ints
-from seatrial.acquisition.core.progress import Progress
+from seatrial.acquisition.core.errors import Progress
+from seatrial.acquisition.core.quantities import Floats, Ints
 from seatrial.analysis.estimation.likelihood import Prior, ScoringSettings, most_likely, robust_cost
 from seatrial.hybrid.diagnosis.disturbance_model import (
     FORCE_UNITS,

@@ -22,9 +22,8 @@ from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve, solve_triangular
 from scipy.stats import chi2
 
-from seatrial.acquisition.core.arrays import Floats, Ints
-from seatrial.acquisition.core.errors import ConfigurationError
-from seatrial.acquisition.core.progress import Progress
+from seatrial.acquisition.core.errors import ConfigurationError, Progress
+from seatrial.acquisition.core.quantities import Floats, Ints
 from seatrial.hybrid.diagnosis.disturbance_model import (
     FORCE_UNITS,
     Columns,

@@ -18,8 +18,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from seatrial.acquisition.core.actuators import control_names
-from seatrial.acquisition.core.arrays import Floats, Ints
+from seatrial.acquisition.core.quantities import Floats, Ints
+from seatrial.acquisition.core.ship import control_names
 from seatrial.analysis.estimation.process_models import decay
 from seatrial.hybrid.diagnosis.acceptance import FALSE_ALARM
 from seatrial.hybrid.diagnosis.disturbance_model import (

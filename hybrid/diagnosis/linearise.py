@@ -23,8 +23,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
-from seatrial.acquisition.core.arrays import Floats
 from seatrial.acquisition.core.errors import ConfigurationError
+from seatrial.acquisition.core.quantities import Floats
 from seatrial.analysis.compiling import threads_for
 from seatrial.analysis.quality.samples import robust_spread
 from seatrial.hybrid.diagnosis.log import STEPS_PER_SECOND, Log

@@ -20,14 +20,21 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicHermiteSpline
 from scipy.ndimage import median_filter
 
-from seatrial.acquisition.core.actuators import Actuators, control_names
-from seatrial.acquisition.core.angles import unwrap
-from seatrial.acquisition.core.arrays import Floats, Ints
-from seatrial.acquisition.core.channels import CIRCULAR, ENVIRONMENT, POSE, POSE_AND_VELOCITY, VELOCITY, is_circular
 from seatrial.acquisition.core.errors import DataShortageError
+from seatrial.acquisition.core.quantities import Floats, Ints, integrate, to_earth
+from seatrial.acquisition.core.ship import (
+    CIRCULAR,
+    ENVIRONMENT,
+    POSE,
+    POSE_AND_VELOCITY,
+    VELOCITY,
+    Actuators,
+    control_names,
+    is_circular,
+    unwrap,
+)
 from seatrial.analysis.estimation.noise_levels import NoiseLevels
 from seatrial.analysis.estimation.smoother import smooth
-from seatrial.analysis.kinematics import integrate, to_earth
 from seatrial.analysis.quality.samples import robust_spread, runs
 from seatrial.analysis.tables.table import NANO, require, table_actuators, table_controls, times_ns
 from seatrial.hybrid.vessel.actuators import control_units

@@ -17,10 +17,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import norm, t
 
-from seatrial.acquisition.core.actuators import control_names, names_of
-from seatrial.acquisition.core.actuators import shafts as drives_in
-from seatrial.acquisition.core.arrays import Floats, Ints
-from seatrial.acquisition.core.channels import POSE_AND_VELOCITY
+from seatrial.acquisition.core.quantities import Floats, Ints
+from seatrial.acquisition.core.ship import POSE_AND_VELOCITY, control_names, names_of
+from seatrial.acquisition.core.ship import shafts as drives_in
 from seatrial.hybrid.diagnosis.disturbance_model import FORCE_UNITS, Columns, columns_of, smooth_state
 from seatrial.hybrid.diagnosis.evidence import NormalEquations, fit_columns, gram_matrices, marginalise
 from seatrial.hybrid.diagnosis.linearise import Signature

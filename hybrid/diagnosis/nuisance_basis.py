@@ -19,8 +19,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numba import njit
 
-from seatrial.acquisition.core.actuators import KINDS as CHANNEL_KINDS
-from seatrial.acquisition.core.arrays import Floats, Ints
+from seatrial.acquisition.core.quantities import Floats, Ints
+from seatrial.acquisition.core.ship import KINDS as CHANNEL_KINDS
 from seatrial.analysis.compiling import FAST, Record
 from seatrial.hybrid.diagnosis.linearise import ModelWithEffects, Signature, by_stage, next_states
 from seatrial.hybrid.diagnosis.log import Log

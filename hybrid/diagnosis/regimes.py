@@ -17,7 +17,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from seatrial.acquisition.core.arrays import Floats, Ints
+from seatrial.acquisition.core.quantities import Floats, Ints
 from seatrial.hybrid.diagnosis.acceptance import score_spread
 from seatrial.hybrid.diagnosis.coarse_model import MOST_PARTS, improves_prediction, replications, unseen_m
 from seatrial.hybrid.diagnosis.evidence import Evidence, evidence_of, normal_equations

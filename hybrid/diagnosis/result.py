@@ -1,5 +1,5 @@
 """Results of a diagnosis, which print and are written to and read from JSON
-(:mod:`seatrial.acquisition.core.serialisation`).
+(:mod:`seatrial.acquisition.core.result`).
 
 The serialised fields, in their order, are ``diagnosis.json`` and ``ladder.json``.
 """
@@ -12,8 +12,8 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, computed_field
 
-from seatrial.acquisition.core.arrays import Floats, Ints
-from seatrial.acquisition.core.serialisation import Number, to_json
+from seatrial.acquisition.core.quantities import Floats, Ints
+from seatrial.acquisition.core.result import Number, to_json
 from seatrial.analysis.estimation.likelihood import correlated_pairs
 from seatrial.hybrid.prediction.scores import Interval
 

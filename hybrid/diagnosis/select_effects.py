@@ -13,7 +13,7 @@ from itertools import combinations
 
 import numpy as np
 
-from seatrial.acquisition.core.progress import Progress
+from seatrial.acquisition.core.errors import Progress
 from seatrial.hybrid.diagnosis.evidence import Evidence, evidence_of, normal_equations, restored_gram
 from seatrial.hybrid.diagnosis.linearise import Signature, linearise
 

@@ -12,7 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from seatrial.acquisition.core.arrays import Floats
+from seatrial.acquisition.core.quantities import Floats
 from seatrial.hybrid.diagnosis.acceptance import Acceptance, acceptance_tests
 from seatrial.hybrid.diagnosis.disturbance_model import DisturbanceNoise, columns_of
 from seatrial.hybrid.diagnosis.evidence import ColumnLayout, Evidence, NormalEquations, evidence_of, gram_matrices

@@ -14,7 +14,7 @@ from typing import Literal
 
 import numpy as np
 
-from seatrial.acquisition.core.arrays import Floats
+from seatrial.acquisition.core.quantities import Floats
 from seatrial.hybrid.diagnosis.log import Log
 from seatrial.hybrid.effects import Catalogue
 from seatrial.hybrid.vessel.effect import Effect

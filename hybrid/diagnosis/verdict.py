@@ -9,8 +9,8 @@ from math import atan2, degrees, exp, hypot
 
 import numpy as np
 
-from seatrial.acquisition.core.arrays import Floats
-from seatrial.acquisition.core.progress import Progress, part_of
+from seatrial.acquisition.core.errors import Progress, part_of
+from seatrial.acquisition.core.quantities import Floats
 from seatrial.hybrid.diagnosis.acceptance import (
     CREDIBLE,
     Acceptance,

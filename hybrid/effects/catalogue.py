@@ -15,9 +15,9 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-from seatrial.acquisition.core.actuators import DEFAULT, Actuators
 from seatrial.acquisition.core.errors import ConfigurationError
 from seatrial.acquisition.core.named_code import load
+from seatrial.acquisition.core.ship import DEFAULT, Actuators
 from seatrial.hybrid.effects import environment, hull, sensors
 from seatrial.hybrid.vessel.actuators import KINDS
 from seatrial.hybrid.vessel.effect import FAMILIES, USUAL_LENGTH_M, Effect, Parameter, Values, growth, scale_of

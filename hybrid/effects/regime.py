@@ -16,9 +16,9 @@ from math import atan2, cos, degrees, hypot, inf, nan, sin
 import numpy as np
 from numba import njit
 
-from seatrial.acquisition.core.actuators import ANGLES, Actuators, control_names, names_of, shafts
-from seatrial.acquisition.core.arrays import Floats
 from seatrial.acquisition.core.errors import ConfigurationError
+from seatrial.acquisition.core.quantities import Floats
+from seatrial.acquisition.core.ship import ANGLES, Actuators, control_names, names_of, shafts
 from seatrial.analysis.compiling import compiled
 from seatrial.hybrid.vessel.actuators import control_units
 from seatrial.hybrid.vessel.dynamics import Environment

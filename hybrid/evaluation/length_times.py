@@ -14,8 +14,8 @@ from typing import Any
 
 import numpy as np
 
-from seatrial.acquisition.core.arrays import Floats
 from seatrial.acquisition.core.errors import DataShortageError
+from seatrial.acquisition.core.quantities import Floats
 from seatrial.analysis.windows.recordings import SecondBySecond
 from seatrial.hybrid.calibrators.train import TrainedCalibrator
 from seatrial.hybrid.prediction.baselines import constant_velocity

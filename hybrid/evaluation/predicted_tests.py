@@ -10,9 +10,9 @@ from math import inf, isfinite
 
 import numpy as np
 
-from seatrial.acquisition.core.actuators import control_names
 from seatrial.acquisition.core.errors import DataShortageError
-from seatrial.analysis.kinematics import to_ship
+from seatrial.acquisition.core.quantities import to_ship
+from seatrial.acquisition.core.ship import control_names
 from seatrial.analysis.manoeuvres.indices import Manoeuvre
 from seatrial.analysis.manoeuvres.measures import approach_of, helm_rate_dps
 from seatrial.analysis.manoeuvres.turning_circle import REMOVED

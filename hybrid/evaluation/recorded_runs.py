@@ -13,11 +13,9 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from seatrial.acquisition.core.actuators import Actuators, control_names
-from seatrial.acquisition.core.angles import unwrap
-from seatrial.acquisition.core.arrays import Bools, Floats
-from seatrial.acquisition.core.channels import ENVIRONMENT, is_circular
 from seatrial.acquisition.core.errors import DataShortageError
+from seatrial.acquisition.core.quantities import Bools, Floats
+from seatrial.acquisition.core.ship import ENVIRONMENT, Actuators, control_names, is_circular, unwrap
 from seatrial.analysis.manoeuvres.indices import Manoeuvre
 from seatrial.analysis.manoeuvres.measures import APPROACH_S, half_width_s, smooth_motion
 from seatrial.analysis.manoeuvres.motion import Motion, motion_of

@@ -18,9 +18,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from seatrial.acquisition.core.arrays import Bools, Floats
 from seatrial.acquisition.core.errors import ConfigurationError, DataShortageError
-from seatrial.analysis.kinematics import to_ship
+from seatrial.acquisition.core.quantities import Bools, Floats, to_ship
 from seatrial.hybrid.calibrators.train import HELD_OUT_SHARE
 from seatrial.hybrid.prediction.prediction_windows import (
     WIND,

@@ -8,11 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from seatrial.acquisition.core.arrays import Bools, Floats
+from seatrial.acquisition.core.errors import Progress, part_of
 from seatrial.acquisition.core.named_code import OwnCodeError
-from seatrial.acquisition.core.progress import Progress, part_of
-from seatrial.acquisition.core.result import ModelResult
-from seatrial.acquisition.core.serialisation import to_json
+from seatrial.acquisition.core.quantities import Bools, Floats
+from seatrial.acquisition.core.result import ModelResult, to_json
 from seatrial.hybrid.calibrators import make_calibrator
 from seatrial.hybrid.calibrators.calibrator import Examples, predict_with_fallback
 from seatrial.hybrid.evaluation.splits import SPLITS, Draw, classes_of, leaked_share

@@ -21,13 +21,11 @@ import numpy as np
 import pandas as pd
 from pydantic import Field
 
-from seatrial.acquisition.core.arrays import Floats, Ints
-from seatrial.acquisition.core.channels import POSE_AND_VELOCITY
-from seatrial.acquisition.core.errors import SeatrialError
-from seatrial.acquisition.core.progress import Progress
+from seatrial.acquisition.core.errors import Progress, SeatrialError
+from seatrial.acquisition.core.quantities import Floats, Ints, integrate, to_earth
+from seatrial.acquisition.core.ship import POSE_AND_VELOCITY
 from seatrial.analysis.estimation.noise_levels import NoiseLevels
 from seatrial.analysis.estimation.smoother import smooth
-from seatrial.analysis.kinematics import integrate, to_earth
 from seatrial.analysis.quality.motion.checks import LIMITS
 from seatrial.hybrid.prediction.kalman_filter import LEAP_M
 from seatrial.hybrid.prediction.prediction_windows import PredictionWindows, row_numbers

@@ -9,10 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from seatrial.acquisition.core.arrays import Floats
 from seatrial.acquisition.core.errors import InputError
-from seatrial.acquisition.core.result import ModelResult
-from seatrial.acquisition.core.serialisation import to_json
+from seatrial.acquisition.core.quantities import Floats
+from seatrial.acquisition.core.result import ModelResult, to_json
 from seatrial.hybrid.calibrators.calibrator import PredictedTracks
 from seatrial.hybrid.calibrators.train import TrainedCalibrator
 from seatrial.hybrid.evaluation.length_times import LengthErrors

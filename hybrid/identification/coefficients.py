@@ -14,7 +14,7 @@ from dataclasses import dataclass, fields, replace
 from math import exp, inf
 from typing import Any
 
-from seatrial.acquisition.core.arrays import Floats
+from seatrial.acquisition.core.quantities import Floats
 from seatrial.hybrid.effects.catalogue import catalogue_of
 from seatrial.hybrid.vessel.actuators import KINDS
 from seatrial.hybrid.vessel.hulls import HULLS

@@ -18,9 +18,8 @@ from math import log
 import numpy as np
 from scipy.optimize import minimize
 
-from seatrial.acquisition.core.arrays import Floats
-from seatrial.acquisition.core.errors import ModelRangeError
-from seatrial.acquisition.core.progress import Progress, part_of
+from seatrial.acquisition.core.errors import ModelRangeError, Progress, part_of
+from seatrial.acquisition.core.quantities import Floats
 from seatrial.hybrid.identification.response import PARTS, ResponseModel
 
 START_VARIANCE = 1.0

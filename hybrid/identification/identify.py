@@ -18,12 +18,10 @@ import numpy as np
 import pandas as pd
 from threadpoolctl import threadpool_limits
 
-from seatrial.acquisition.core.actuators import names_of, shafts
-from seatrial.acquisition.core.arrays import Floats
-from seatrial.acquisition.core.errors import DataShortageError, ModelRangeError, SeatrialError
-from seatrial.acquisition.core.progress import Progress, part_of
-from seatrial.acquisition.core.result import ModelResult
-from seatrial.acquisition.core.serialisation import to_json
+from seatrial.acquisition.core.errors import DataShortageError, ModelRangeError, Progress, SeatrialError, part_of
+from seatrial.acquisition.core.quantities import Floats
+from seatrial.acquisition.core.result import ModelResult, to_json
+from seatrial.acquisition.core.ship import names_of, shafts
 from seatrial.acquisition.core.trial import software_version
 from seatrial.analysis.estimation.likelihood import UNKNOWN, correlated_pairs
 from seatrial.analysis.tables.resample import resample

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from seatrial.acquisition.core.arrays import Floats, Ints
+from seatrial.acquisition.core.quantities import Floats, Ints
 from seatrial.hybrid.effects.catalogue import vessel_plant
 from seatrial.hybrid.identification.coefficients import Coefficient, values_at, with_values
 from seatrial.hybrid.identification.segments import Segments

@@ -17,7 +17,7 @@ from scipy.linalg import lapack
 from scipy.optimize import brentq
 from scipy.stats import chi2, ncx2, norm, t
 
-from seatrial.acquisition.core.arrays import Floats, Ints
+from seatrial.acquisition.core.quantities import Floats, Ints
 from seatrial.hybrid.diagnosis.acceptance import FALSE_ALARM, HELD_OUT_LEVEL
 from seatrial.hybrid.diagnosis.evidence import NormalEquations, explained_by, marginalise
 from seatrial.hybrid.effects import Catalogue, Effect

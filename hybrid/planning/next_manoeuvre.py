@@ -14,9 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.stats import norm
 
-from seatrial.acquisition.core.actuators import control_names, shafts
-from seatrial.acquisition.core.errors import ModelRangeError
-from seatrial.acquisition.core.progress import Progress
+from seatrial.acquisition.core.errors import ModelRangeError, Progress
+from seatrial.acquisition.core.ship import control_names, shafts
 from seatrial.hybrid.diagnosis.evidence import NormalEquations, normal_equations
 from seatrial.hybrid.diagnosis.linearise import linearise
 from seatrial.hybrid.diagnosis.log import Log

@@ -20,9 +20,8 @@ from typing import Any
 
 import numpy as np
 
-from seatrial.acquisition.core.arrays import Floats
-from seatrial.acquisition.core.errors import ConfigurationError
-from seatrial.acquisition.core.progress import Progress, part_of
+from seatrial.acquisition.core.errors import ConfigurationError, Progress, part_of
+from seatrial.acquisition.core.quantities import Floats
 from seatrial.acquisition.core.result import Result
 from seatrial.hybrid.diagnosis.disturbance_model import DisturbanceNoise
 from seatrial.hybrid.diagnosis.estimate_noise import estimate_noise

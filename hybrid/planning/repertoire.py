@@ -17,9 +17,9 @@ from typing import Any
 
 import numpy as np
 
-from seatrial.acquisition.core.actuators import Actuators, names_of
-from seatrial.acquisition.core.actuators import shafts as drives_in
-from seatrial.acquisition.core.arrays import Floats
+from seatrial.acquisition.core.quantities import Floats
+from seatrial.acquisition.core.ship import Actuators, names_of
+from seatrial.acquisition.core.ship import shafts as drives_in
 from seatrial.hybrid.diagnosis.log import BLOCK_S, LEG_S, STEPS_PER_SECOND, Log
 from seatrial.hybrid.simulation.handling import HARD_OVER_DEG, pace_of, shaft_limit_rpm
 from seatrial.hybrid.simulation.handling import usual_rpm as own_usual_rpm

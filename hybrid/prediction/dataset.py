@@ -11,9 +11,8 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from seatrial.acquisition.core.arrays import Floats
-from seatrial.acquisition.core.errors import DataShortageError
-from seatrial.acquisition.core.progress import Progress
+from seatrial.acquisition.core.errors import DataShortageError, Progress
+from seatrial.acquisition.core.quantities import Floats
 from seatrial.analysis.estimation.local_polynomial import USUAL_LENGTH_M, half_width_for, smooth_motion
 from seatrial.analysis.tables.table import refuse_duplicates
 from seatrial.analysis.windows.held import HeldWindows

@@ -28,7 +28,7 @@ import numpy as np
 from numba import njit, prange
 from numpy.typing import NDArray
 
-from seatrial.acquisition.core.arrays import Floats
+from seatrial.acquisition.core.quantities import Floats
 from seatrial.analysis.compiling import FAST, Record, compiled, threads_for
 from seatrial.analysis.estimation.kalman_kernel import WIDTH, gain_sequence
 from seatrial.analysis.estimation.process_models import decay, oscillator

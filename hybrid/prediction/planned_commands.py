@@ -17,12 +17,11 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from seatrial.acquisition.core.actuators import Actuators, control_names
-from seatrial.acquisition.core.arrays import Floats
-from seatrial.acquisition.core.budget import CONFIGURATION_BYTES
-from seatrial.acquisition.core.child import read_in_child
 from seatrial.acquisition.core.errors import InputError
 from seatrial.acquisition.core.files import read_regular
+from seatrial.acquisition.core.process import CONFIGURATION_BYTES, read_in_child
+from seatrial.acquisition.core.quantities import Floats
+from seatrial.acquisition.core.ship import Actuators, control_names
 from seatrial.acquisition.tables.table_files import FOREIGN_READER, RawTable
 from seatrial.acquisition.tables.time_columns import parse_times
 from seatrial.hybrid.prediction.prediction_windows import difference_rad

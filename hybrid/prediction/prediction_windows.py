@@ -15,11 +15,9 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from seatrial.acquisition.core.actuators import DEFAULT, Actuators
-from seatrial.acquisition.core.angles import unwrap
-from seatrial.acquisition.core.arrays import Floats, Ints
-from seatrial.acquisition.core.channels import POSE_AND_VELOCITY, trial_names
 from seatrial.acquisition.core.errors import DataShortageError
+from seatrial.acquisition.core.quantities import Floats, Ints
+from seatrial.acquisition.core.ship import DEFAULT, POSE_AND_VELOCITY, Actuators, trial_names, unwrap
 from seatrial.analysis.tables.table import NANO, table_actuators
 from seatrial.analysis.windows.recordings import SecondBySecond
 from seatrial.hybrid.vessel.actuators import angle_columns, control_units

@@ -12,8 +12,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from seatrial.acquisition.core.arrays import Floats
-from seatrial.analysis.kinematics import to_ship
+from seatrial.acquisition.core.quantities import Floats, to_ship
 from seatrial.hybrid.prediction.prediction_windows import PredictionWindows, unlike_groups
 
 COVERAGE = 0.95

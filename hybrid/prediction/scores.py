@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from seatrial.acquisition.core.arrays import Floats
-from seatrial.acquisition.core.serialisation import Number, to_json
+from seatrial.acquisition.core.quantities import Floats
+from seatrial.acquisition.core.result import Number, to_json
 from seatrial.hybrid.prediction.prediction_windows import difference_rad
 
 DRAWS = 2000

@@ -14,11 +14,11 @@ import numpy as np
 import pandas as pd
 
 from seatrial.acquisition.config.conditions import Conditions
+from seatrial.acquisition.config.declarations import vessel_of_ship
 from seatrial.acquisition.config.run_sheet import statement_from_text
-from seatrial.acquisition.config.vessel_file import vessel_of_ship
-from seatrial.acquisition.core.channels import MOTION
 from seatrial.acquisition.core.errors import ConfigurationError, DataShortageError, InputError, SeatrialError
 from seatrial.acquisition.core.result import ChosenModel
+from seatrial.acquisition.core.ship import MOTION
 from seatrial.acquisition.core.trial import Trial
 from seatrial.acquisition.recording.reader import read_trial
 from seatrial.analysis.conditions import recorded_conditions

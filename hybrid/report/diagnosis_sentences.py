@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from seatrial.acquisition.core.serialisation import to_json
+from seatrial.acquisition.core.result import to_json
 from seatrial.hybrid.diagnosis.acceptance import CREDIBLE, Acceptance, AcceptanceTests, LackOfFit
 from seatrial.hybrid.diagnosis.evidence import Evidence
 from seatrial.hybrid.diagnosis.log import Log

@@ -12,7 +12,7 @@ from dataclasses import replace
 from math import isfinite
 from string import Template
 
-from seatrial.acquisition.core.actuators import DEFAULT, Actuators, names_of
+from seatrial.acquisition.core.ship import DEFAULT, Actuators, names_of
 from seatrial.hybrid.diagnosis.result import Estimate
 from seatrial.hybrid.effects import Effect
 from seatrial.hybrid.report.diagnosis_words import number

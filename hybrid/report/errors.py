@@ -19,11 +19,9 @@ import pandas as pd
 from numpy.typing import NDArray
 from scipy.stats import t
 
-from seatrial.acquisition.core.actuators import ANGLES
-from seatrial.acquisition.core.angles import wrap_180, wrap_360
-from seatrial.acquisition.core.arrays import Floats
+from seatrial.acquisition.core.quantities import Floats, to_ship
+from seatrial.acquisition.core.ship import ANGLES, wrap_180, wrap_360
 from seatrial.analysis.estimation.smoother import SmoothedMotion
-from seatrial.analysis.kinematics import to_ship
 from seatrial.analysis.tables.table import NANO, index_of, trial_channels
 from seatrial.hybrid.effects.regime import quantities_along, steering_angles
 from seatrial.hybrid.prediction.prediction_windows import PredictionWindows, difference_rad

@@ -15,9 +15,15 @@ from typing import Any, Literal
 from markupsafe import Markup
 
 from seatrial.acquisition.config.run_sheet import statement_file, statement_text
-from seatrial.acquisition.core.errors import ConfigurationError, InputError, SeatrialError, StorageError
+from seatrial.acquisition.core.errors import (
+    ConfigurationError,
+    InputError,
+    Progress,
+    SeatrialError,
+    StorageError,
+    part_of,
+)
 from seatrial.acquisition.core.files import make_folder, write_text, written_together
-from seatrial.acquisition.core.progress import Progress, part_of
 from seatrial.analysis.manoeuvres.indices import as_json
 from seatrial.analysis.report.rendering import render
 from seatrial.analysis.tables.table import sha256_of

@@ -12,8 +12,8 @@ from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 
-from seatrial.acquisition.core.arrays import Floats
 from seatrial.acquisition.core.files import write_text, written_together
+from seatrial.acquisition.core.quantities import Floats
 from seatrial.analysis.report.plots import PALETTE
 from seatrial.analysis.report.rendering import Page, render
 from seatrial.hybrid.planning.information import TOLD_APART

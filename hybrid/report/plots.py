@@ -17,8 +17,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 
-from seatrial.acquisition.core.arrays import Floats
-from seatrial.analysis.kinematics import to_ship
+from seatrial.acquisition.core.quantities import Floats, to_ship
 from seatrial.analysis.report.plots import FAINT, INK, PALETTE, label
 from seatrial.hybrid.prediction.regions import outlines
 from seatrial.hybrid.prediction.scores import Interval

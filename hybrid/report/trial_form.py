@@ -14,12 +14,9 @@ import numpy as np
 import pandas as pd
 
 from seatrial.acquisition.config.run_sheet import accuracy_of
-from seatrial.acquisition.core.actuators import is_order
-from seatrial.acquisition.core.arrays import Floats
-from seatrial.acquisition.core.channels import channel_unit
-from seatrial.acquisition.core.units import KNOT_MPS
+from seatrial.acquisition.core.quantities import KNOT_MPS, Floats, mean_wind, to_ship
+from seatrial.acquisition.core.ship import channel_unit, is_order
 from seatrial.analysis.conditions import beaufort
-from seatrial.analysis.kinematics import mean_wind, to_ship
 from seatrial.analysis.manoeuvres.criteria import CriterionResult
 from seatrial.analysis.manoeuvres.indices import Manoeuvre, unit_of
 from seatrial.analysis.manoeuvres.motion import Motion

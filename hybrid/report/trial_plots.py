@@ -10,7 +10,7 @@ from matplotlib.collections import QuadMesh
 from matplotlib.colors import LinearSegmentedColormap, LogNorm
 from matplotlib.figure import Figure
 
-from seatrial.acquisition.core.arrays import Floats
+from seatrial.acquisition.core.quantities import Floats
 from seatrial.analysis.report.labels import label_points
 from seatrial.analysis.report.plots import FAINT, INK, PALETTE, Drawing, channels_figure
 from seatrial.hybrid.calibrators.adaptive.parameters import Parameters

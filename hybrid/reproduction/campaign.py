@@ -16,10 +16,9 @@ from itertools import product
 import numpy as np
 import pandas as pd
 
-from seatrial.acquisition.core.actuators import names_of
-from seatrial.acquisition.core.arrays import Bools, Floats, Ints
-from seatrial.acquisition.core.errors import DataShortageError
-from seatrial.acquisition.core.progress import Progress
+from seatrial.acquisition.core.errors import DataShortageError, Progress
+from seatrial.acquisition.core.quantities import Bools, Floats, Ints
+from seatrial.acquisition.core.ship import names_of
 from seatrial.analysis.batch.workers import map_calls
 from seatrial.analysis.tables.resample import resample
 from seatrial.analysis.tables.table import table_actuators

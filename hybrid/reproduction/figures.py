@@ -18,7 +18,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
-from seatrial.acquisition.core.arrays import Floats
+from seatrial.acquisition.core.quantities import Floats
 from seatrial.analysis.report.figures import ENDINGS, fill_figure, write_figure
 from seatrial.analysis.report.plots import FAINT, INK, PALETTE, channels_figure
 from seatrial.hybrid.prediction.prediction_windows import PredictionWindows

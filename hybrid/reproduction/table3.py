@@ -17,9 +17,8 @@ from typing import Any
 import numpy as np
 from pydantic import computed_field
 
-from seatrial.acquisition.core.arrays import Floats
-from seatrial.acquisition.core.result import Result
-from seatrial.acquisition.core.serialisation import from_json, to_json
+from seatrial.acquisition.core.quantities import Floats
+from seatrial.acquisition.core.result import Result, from_json, to_json
 from seatrial.hybrid.prediction.scores import DRAWS, Interval, LegBootstrap, interval_about
 from seatrial.hybrid.reproduction.campaign import SEA_STATES, SPLITS, CampaignJob, SeaResults, SequenceErrors
 

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from seatrial.acquisition.core.arrays import Floats
+from seatrial.acquisition.core.quantities import Floats
 from seatrial.analysis.compiling import FAST, Record, compiled, source_stamp
 from seatrial.hybrid.simulation.handling import handling_of, pace_of
 from seatrial.hybrid.simulation.manoeuvres import ENDS

@@ -15,9 +15,8 @@ from typing import Any
 import pandas as pd
 
 from seatrial.acquisition.config.toml_file import load_toml
-from seatrial.acquisition.core.errors import ConfigurationError
+from seatrial.acquisition.core.errors import ConfigurationError, Progress
 from seatrial.acquisition.core.files import atomic_file, read_json
-from seatrial.acquisition.core.progress import Progress
 from seatrial.acquisition.core.trial import software_version
 from seatrial.analysis.batch.one_recording import Row
 from seatrial.analysis.batch.workers import BatchJob, attempt, batch_folder, check_address, map_calls, run_jobs

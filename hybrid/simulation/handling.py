@@ -20,10 +20,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from seatrial.acquisition.core.actuators import KINDS
-from seatrial.acquisition.core.arrays import Floats
-from seatrial.acquisition.core.channel import Channel
 from seatrial.acquisition.core.errors import ConfigurationError, ModelRangeError
+from seatrial.acquisition.core.quantities import Floats
+from seatrial.acquisition.core.ship import KINDS, Channel
 from seatrial.hybrid.vessel.actuators import control_units
 from seatrial.hybrid.vessel.channels import in_words
 from seatrial.hybrid.vessel.parameters import Vessel

@@ -16,10 +16,10 @@ from math import inf, isnan, nan, radians
 
 import numpy as np
 
-from seatrial.acquisition.core.actuators import DEFAULT, Actuators, control_names, names_of
-from seatrial.acquisition.core.actuators import shafts as drives_in
-from seatrial.acquisition.core.arrays import Floats
 from seatrial.acquisition.core.errors import ConfigurationError
+from seatrial.acquisition.core.quantities import Floats
+from seatrial.acquisition.core.ship import DEFAULT, Actuators, control_names, names_of
+from seatrial.acquisition.core.ship import shafts as drives_in
 from seatrial.hybrid.simulation.handling import CRUISE_RPM, Handling, Pace, handling_of, pace_of
 from seatrial.hybrid.vessel.actuators import control_units
 from seatrial.hybrid.vessel.channels import in_words

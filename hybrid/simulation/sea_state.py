@@ -24,9 +24,8 @@ import numpy as np
 from scipy.signal import lfilter
 
 from seatrial.acquisition.config.toml_file import load_toml
-from seatrial.acquisition.core.arrays import Floats
 from seatrial.acquisition.core.errors import ConfigurationError
-from seatrial.analysis.kinematics import to_ship
+from seatrial.acquisition.core.quantities import Floats, to_ship
 from seatrial.hybrid.vessel.parameters import Dimensions
 from seatrial.hybrid.vessel.plant import Plant
 from seatrial.hybrid.vessel.sensors import pose_rate

@@ -14,9 +14,9 @@ from typing import Any
 
 import numpy as np
 
-from seatrial.acquisition.core.actuators import control_names
-from seatrial.acquisition.core.arrays import Bools, Floats
 from seatrial.acquisition.core.errors import DataShortageError
+from seatrial.acquisition.core.quantities import Bools, Floats
+from seatrial.acquisition.core.ship import control_names
 from seatrial.analysis.manoeuvres.indices import Index, Manoeuvre, from_order, index_of, side_of
 from seatrial.analysis.manoeuvres.measures import approach_of
 from seatrial.analysis.manoeuvres.motion import Motion

@@ -16,14 +16,12 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from seatrial.acquisition.core.actuators import Actuators, as_text
-from seatrial.acquisition.core.arrays import Floats
-from seatrial.acquisition.core.errors import ConfigurationError
+from seatrial.acquisition.core.errors import ConfigurationError, printable_name
 from seatrial.acquisition.core.files import write_text, written_together
-from seatrial.acquisition.core.text import printable_name
+from seatrial.acquisition.core.quantities import Floats, to_ship
+from seatrial.acquisition.core.ship import Actuators, as_text
 from seatrial.acquisition.core.trial import Trial, software_version
-from seatrial.acquisition.recording.tables import write_table
-from seatrial.analysis.kinematics import to_ship
+from seatrial.acquisition.recording.writer import write_table
 from seatrial.hybrid.effects import Catalogue, apply_effects, vessel_plant
 from seatrial.hybrid.simulation.autopilot import Drives, drives_of, sail
 from seatrial.hybrid.simulation.handling import handling_of, steady_speed_mps

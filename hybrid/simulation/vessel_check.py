@@ -17,8 +17,8 @@ from typing import Any, ClassVar
 import numpy as np
 
 from seatrial.acquisition.config.conditions import Conditions
-from seatrial.acquisition.core.arrays import Floats
 from seatrial.acquisition.core.errors import DataShortageError, ModelRangeError
+from seatrial.acquisition.core.quantities import Floats
 from seatrial.acquisition.core.result import Result
 from seatrial.analysis.manoeuvres.criteria import CriterionResult, criteria_of, index_rows
 from seatrial.analysis.manoeuvres.standards import TURNING_HELM_DEG, add_limits

@@ -18,12 +18,10 @@ import orjson
 import pandas as pd
 import pymap3d
 
-from seatrial.acquisition.core.angles import wrap_360
-from seatrial.acquisition.core.arrays import Floats, Series
-from seatrial.acquisition.core.channels import POSE_AND_VELOCITY, trial_names
 from seatrial.acquisition.core.errors import DataShortageError
-from seatrial.acquisition.core.frames import Quality
-from seatrial.acquisition.core.trial import Trial
+from seatrial.acquisition.core.quantities import Floats, Series
+from seatrial.acquisition.core.ship import POSE_AND_VELOCITY, trial_names, wrap_360
+from seatrial.acquisition.core.trial import Quality, Trial
 from seatrial.acquisition.recording.reader import Recording
 from seatrial.analysis.tables.resample import own_gap_s, resample_recording
 from seatrial.analysis.tables.table import NANO, actuators_in_recording

@@ -30,11 +30,15 @@ import numpy as np
 import pandas as pd
 from numpy.lib.stride_tricks import sliding_window_view
 
-from seatrial.acquisition.core.actuators import Actuators, control_names
-from seatrial.acquisition.core.angles import unwrap, wrap_180
-from seatrial.acquisition.core.arrays import Floats
-from seatrial.acquisition.core.channels import POSE_AND_VELOCITY, is_circular
-from seatrial.analysis.kinematics import to_ship
+from seatrial.acquisition.core.quantities import Floats, to_ship
+from seatrial.acquisition.core.ship import (
+    POSE_AND_VELOCITY,
+    Actuators,
+    control_names,
+    is_circular,
+    unwrap,
+    wrap_180,
+)
 from seatrial.analysis.tables.resample import MOTION_FILTER, SETTING_FILTER
 from seatrial.analysis.tables.table import NANO, table_actuators, table_controls, times_ns
 from seatrial.analysis.windows.held import SPAN_SIGMAS, feedback_of, near_jumps, steady_mask, tolerance_of

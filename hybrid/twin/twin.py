@@ -16,14 +16,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pandas as pd
 
-from seatrial.acquisition.core.actuators import DEFAULT, Actuators, as_text
-from seatrial.acquisition.core.arrays import Series
-from seatrial.acquisition.core.channels import trial_names
 from seatrial.acquisition.core.errors import InputError, SeatrialError
-from seatrial.acquisition.core.frames import Quality
-from seatrial.acquisition.core.trial import Trial
-from seatrial.acquisition.logger.follow import Follower
-from seatrial.acquisition.logger.requests import send_prediction
+from seatrial.acquisition.core.quantities import Series
+from seatrial.acquisition.core.ship import DEFAULT, Actuators, as_text, trial_names
+from seatrial.acquisition.core.trial import Quality, Trial
+from seatrial.acquisition.logger.requests import Follower, send_prediction
 from seatrial.acquisition.recording.reader import Recording
 from seatrial.analysis.tables.table import NANO, actuators_in_recording
 from seatrial.hybrid.prediction.planned_commands import read_commands

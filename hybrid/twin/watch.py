@@ -19,11 +19,11 @@ from rich.table import Table
 from rich.text import Text
 from threadpoolctl import threadpool_limits
 
-from seatrial.acquisition.config.configuration import TrialConfig
-from seatrial.acquisition.core.angles import wrap_360
-from seatrial.acquisition.core.terminal import Terminal
-from seatrial.acquisition.logger.supervision import LOG, LogFormat, log_to
-from seatrial.analysis.kinematics import to_ship
+from seatrial.acquisition.config.trial_file import TrialConfig
+from seatrial.acquisition.core.errors import Terminal
+from seatrial.acquisition.core.quantities import to_ship
+from seatrial.acquisition.core.ship import wrap_360
+from seatrial.acquisition.logger.health import LOG, LogFormat, log_to
 from seatrial.hybrid.calibrators.predict import Prediction, Predictor
 from seatrial.hybrid.twin.running_error import MeanErrors, RegionFactor, TrackError
 from seatrial.hybrid.twin.twin import PlanFile, Statistics, Twin, warm_up

@@ -6,11 +6,18 @@ import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike
 
-from seatrial.acquisition.core.actuators import DEFAULT, Actuators, control_names
-from seatrial.acquisition.core.angles import unwrap, wrap_180, wrap_360
-from seatrial.acquisition.core.arrays import Floats
-from seatrial.acquisition.core.channels import ENVIRONMENT, POSE_AND_VELOCITY
 from seatrial.acquisition.core.errors import InputError
+from seatrial.acquisition.core.quantities import Floats
+from seatrial.acquisition.core.ship import (
+    DEFAULT,
+    ENVIRONMENT,
+    POSE_AND_VELOCITY,
+    Actuators,
+    control_names,
+    unwrap,
+    wrap_180,
+    wrap_360,
+)
 from seatrial.analysis.tables.table import table_actuators
 from seatrial.hybrid.vessel.actuators import angle_columns, control_units
 from seatrial.hybrid.vessel.plant import Plant

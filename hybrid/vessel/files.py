@@ -15,12 +15,12 @@ from math import isfinite
 from pathlib import Path
 from typing import Any
 
+from seatrial.acquisition.config.declarations import Tree, find_vessel, vessel_names, vessel_of_ship, vessel_tree
 from seatrial.acquisition.config.toml_file import line_of, read_text, validate
-from seatrial.acquisition.config.vessel_file import Tree, find_vessel, vessel_names, vessel_of_ship, vessel_tree
-from seatrial.acquisition.core.actuators import DEFAULT_VESSEL, VESSELS, check_actuators
 from seatrial.acquisition.core.errors import ConfigurationError, InputError
 from seatrial.acquisition.core.files import write_text
 from seatrial.acquisition.core.result import ChosenModel
+from seatrial.acquisition.core.ship import DEFAULT_VESSEL, VESSELS, check_actuators
 from seatrial.acquisition.core.trial import Trial
 from seatrial.acquisition.recording.reader import read_trial
 from seatrial.hybrid.vessel.actuators import KINDS

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, Union
 from pydantic import Discriminator, Tag
 from pydantic import StrictFloat as Number  # a text or a truth value is no number
 
-from seatrial.acquisition.core.actuators import Actuator, Actuators
+from seatrial.acquisition.core.ship import Actuator, Actuators
 from seatrial.hybrid.vessel.actuators import KINDS
 from seatrial.hybrid.vessel.actuators.kind import ActuatorEntry
 from seatrial.hybrid.vessel.hulls import HULLS

@@ -24,9 +24,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from seatrial.acquisition.core.actuators import Actuators
-from seatrial.acquisition.core.arrays import Floats
 from seatrial.acquisition.core.errors import ConfigurationError
+from seatrial.acquisition.core.quantities import Floats
+from seatrial.acquisition.core.ship import Actuators
 from seatrial.analysis.compiling import source_stamp
 from seatrial.hybrid.vessel.actuators import CODES, CONTROLS_OF, IS_ANGLE, KINDS, ROW_SIZE
 from seatrial.hybrid.vessel.actuators.kind import CONTROL, FIRST_NUMBER, KIND

@@ -13,8 +13,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import ArrayLike
 
-from seatrial.acquisition.core.arrays import Floats
-from seatrial.analysis.kinematics import to_earth, to_ship
+from seatrial.acquisition.core.quantities import Floats, to_earth, to_ship
 from seatrial.hybrid.vessel.plant import Plant, places_of
 
 NORTH, EAST, HEADING, SURGE, SWAY, YAW_RATE = range(6)

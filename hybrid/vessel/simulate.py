@@ -20,8 +20,8 @@ from numba import cfunc, float64, from_dtype, njit, prange, types
 from numba.core.registry import CPUDispatcher
 from numpy.typing import ArrayLike, NDArray
 
-from seatrial.acquisition.core.arrays import Floats
 from seatrial.acquisition.core.errors import InputError, ModelRangeError
+from seatrial.acquisition.core.quantities import Floats
 from seatrial.analysis.compiling import FAST, Record, threads_for
 from seatrial.hybrid.vessel.dynamics import Environment, advance, in_range, inverse_mass, lag_over, scratch_for
 from seatrial.hybrid.vessel.plant import (

@@ -15,12 +15,10 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from seatrial.acquisition.core.actuators import Actuators, name_of_order
-from seatrial.acquisition.core.angles import unwrap, wrap_180
-from seatrial.acquisition.core.arrays import Floats
-from seatrial.acquisition.core.channels import ENVIRONMENT, VELOCITY
-from seatrial.acquisition.core.frames import Quality
-from seatrial.acquisition.core.text import printable_name
+from seatrial.acquisition.core.errors import printable_name
+from seatrial.acquisition.core.quantities import Floats
+from seatrial.acquisition.core.ship import ENVIRONMENT, VELOCITY, Actuators, name_of_order, unwrap, wrap_180
+from seatrial.acquisition.core.trial import Quality
 from seatrial.acquisition.recording.grouping import Files, read_recordings, read_together
 from seatrial.acquisition.recording.reader import Recording
 from seatrial.analysis.quality.check import check_recording

@@ -17,15 +17,14 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from seatrial.acquisition.config.configuration import load_config
-from seatrial.acquisition.core.channels import NAMES
-from seatrial.acquisition.core.errors import SourceError
+from seatrial.acquisition.config.trial_file import load_config
+from seatrial.acquisition.core.errors import SourceError, bar
 from seatrial.acquisition.core.files import write_text
-from seatrial.acquisition.core.progress import bar
+from seatrial.acquisition.core.ship import NAMES
 from seatrial.acquisition.core.trial import Trial
 from seatrial.acquisition.emulator import NullModem, Playback, emulate
 from seatrial.acquisition.recording.reader import Recording, read_recording
-from seatrial.acquisition.recording.tables import write_table
+from seatrial.acquisition.recording.writer import write_table
 from seatrial.analysis.quality.check import DataQuality, check_recording
 from seatrial.analysis.windows.held import HeldWindows
 from seatrial.analysis.windows.recordings import tables_of_recordings, windows_of_tables

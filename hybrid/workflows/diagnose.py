@@ -16,10 +16,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pandas as pd
 
-from seatrial.acquisition.core.arrays import Floats
+from seatrial.acquisition.core.errors import Progress, part_of, printable_name
 from seatrial.acquisition.core.files import remove_file, write_text, written_together
-from seatrial.acquisition.core.progress import Progress, part_of
-from seatrial.acquisition.core.text import printable_name
+from seatrial.acquisition.core.quantities import Floats
 from seatrial.acquisition.core.trial import software_version
 from seatrial.analysis.tables.table import NANO, refuse_duplicates, times_ns
 from seatrial.hybrid.diagnosis.acceptance import HELD_OUT_LEVEL, chance_of_gains

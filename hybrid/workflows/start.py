@@ -11,13 +11,12 @@ import pandas as pd
 from pydantic import TypeAdapter
 from pymap3d import ned2geodetic
 
-from seatrial.acquisition.config.configuration import possible_channels
-from seatrial.acquisition.config.sections import UdpSource
-from seatrial.acquisition.config.vessel_file import find_vessel, vessel_names
-from seatrial.acquisition.core.actuators import VESSELS, Actuators, control_channels
-from seatrial.acquisition.core.channel import Channel
+from seatrial.acquisition.config.declarations import find_vessel, vessel_names
+from seatrial.acquisition.config.sources import UdpSource
+from seatrial.acquisition.config.trial_file import possible_channels
 from seatrial.acquisition.core.errors import ConfigurationError
 from seatrial.acquisition.core.files import write_text, written_together
+from seatrial.acquisition.core.ship import VESSELS, Actuators, Channel, control_channels
 from seatrial.acquisition.recording.parts import safe_name
 from seatrial.acquisition.tables.import_table import refuse_overwriting
 from seatrial.hybrid.simulation.trial import SimulationNoise, simulate_trial

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import struct
 
-from seatrial.acquisition.core.frames import Frame, FrameFlag, Group
+from seatrial.acquisition.core.trial import Frame, FrameFlag, Group
 
 SECOND = 1_000_000_000
 MILLISECOND = 1_000_000

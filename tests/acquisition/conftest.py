@@ -18,14 +18,21 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from seatrial.acquisition.core.actuators import Actuator, Actuators, as_text, control_channels, order_channels
-from seatrial.acquisition.core.channels import MOTION, NAMES
 from seatrial.acquisition.core.errors import InputError
+from seatrial.acquisition.core.ship import (
+    MOTION,
+    NAMES,
+    Actuator,
+    Actuators,
+    as_text,
+    control_channels,
+    order_channels,
+)
 from seatrial.acquisition.core.trial import Trial
 from seatrial.acquisition.emulator import NullModem
+from seatrial.acquisition.recording.messages import HEALTH_TOPIC
 from seatrial.acquisition.recording.reader import MessageStream, read_recording
-from seatrial.acquisition.recording.schemas import HEALTH_TOPIC
-from seatrial.acquisition.recording.tables import write_table
+from seatrial.acquisition.recording.writer import write_table
 
 DBC = Path(__file__).parents[2] / "trials" / "vessels" / "thrusters.dbc"
 ORIGIN = (63.44, 10.4)

@@ -6,11 +6,11 @@ from pathlib import Path
 
 import pytest
 
-from seatrial.acquisition.config.configuration import load_config
-from seatrial.acquisition.decoders.nmea0183 import NO_CHECKSUM, Nmea0183Decoder
-from seatrial.acquisition.decoders.nmea2000 import Nmea2000Decoder
-from seatrial.acquisition.logger.missing import missing_in
+from seatrial.acquisition.config.trial_file import load_config
 from seatrial.acquisition.logger.record import record
+from seatrial.acquisition.logger.survey import missing_in
+from seatrial.acquisition.protocols.nmea0183 import NO_CHECKSUM, Nmea0183Decoder
+from seatrial.acquisition.protocols.nmea2000 import Nmea2000Decoder
 from seatrial.acquisition.recording.reader import read_recording
 from tests.acquisition.can_frames import can_frame, identifier_of
 from tests.acquisition.conftest import config_text

@@ -11,12 +11,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from seatrial.acquisition.config.configuration import parse_config
-from seatrial.acquisition.config.sections import AlarmSection
+from seatrial.acquisition.config.sources import AlarmSection
+from seatrial.acquisition.config.trial_file import parse_config
 from seatrial.acquisition.core.errors import ConfigurationError
-from seatrial.acquisition.logger.alarms import Alarm, Alarms
-from seatrial.acquisition.logger.health import Health, SourceHealth
-from seatrial.acquisition.logger.host_clock import host_clock
+from seatrial.acquisition.logger.health import Alarm, Alarms, Health, SourceHealth, host_clock
 from seatrial.acquisition.logger.record import record
 from seatrial.acquisition.recording.reader import read_recording
 from tests.acquisition.conftest import config_text, free_port, wait_for

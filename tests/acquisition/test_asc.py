@@ -9,8 +9,8 @@ from pathlib import Path
 import can
 import pytest
 
-from seatrial.acquisition.core.frames import Frame, FrameFlag
-from seatrial.acquisition.sources.logfile import LogFile
+from seatrial.acquisition.core.trial import Frame, FrameFlag
+from seatrial.acquisition.sources.log_file import LogFile
 from tests.acquisition.test_can_file import can_file, read_text
 
 DATE = "date Sun May 17 12:00:00.000 pm 2026"

@@ -12,10 +12,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from seatrial.acquisition.config.configuration import parse_config
+from seatrial.acquisition.config.trial_file import parse_config
 from seatrial.acquisition.core.errors import ConfigurationError
-from seatrial.acquisition.core.frames import Frame
-from seatrial.acquisition.logger.receiver import RateBudget
+from seatrial.acquisition.core.trial import Frame
+from seatrial.acquisition.logger.pipeline import RateBudget
 from tests.acquisition.conftest import config_text, free_port
 from tests.acquisition.test_faults import recording, udp
 from tests.acquisition.test_running import say

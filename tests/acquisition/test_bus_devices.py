@@ -8,10 +8,8 @@ from collections import deque
 from hypothesis import given
 from hypothesis import strategies as st
 
-from seatrial.acquisition.config.sections import Device
-from seatrial.acquisition.decoders.bus_devices import BusDevices
-from seatrial.acquisition.decoders.fast_packets import INCOMPLETE
-from seatrial.acquisition.decoders.nmea2000 import Nmea2000Decoder
+from seatrial.acquisition.config.sources import Device
+from seatrial.acquisition.protocols.nmea2000 import INCOMPLETE, BusDevices, Nmea2000Decoder
 from tests.acquisition.can_frames import can_frame, fast_parts, gnss, identifier_of, values
 
 HEADING = identifier_of(127250)

@@ -10,16 +10,15 @@ from typing import get_args, get_type_hints
 import can
 import pytest
 
-from seatrial.acquisition.config.configuration import load_config
-from seatrial.acquisition.config.sections import AnySource
-from seatrial.acquisition.core.frames import sensor_of
-from seatrial.acquisition.decoders.nmea0183 import Nmea0183Decoder
+from seatrial.acquisition.config.sources import AnySource
+from seatrial.acquisition.config.trial_file import load_config
+from seatrial.acquisition.core.trial import sensor_of
 from seatrial.acquisition.logger.record import record
-from seatrial.acquisition.logger.redecode import redecode
+from seatrial.acquisition.logger.survey import redecode
+from seatrial.acquisition.protocols.nmea0183 import Nmea0183Decoder
 from seatrial.acquisition.recording.reader import Recording, read_recording
-from seatrial.acquisition.sources.file_forms import FILE_FORMS
-from seatrial.acquisition.sources.inputs import INPUTS
-from seatrial.acquisition.sources.line_forms import LINE_FORMS
+from seatrial.acquisition.sources import INPUTS
+from seatrial.acquisition.sources.log_formats import FILE_FORMS, LINE_FORMS
 from tests.acquisition.bus_logs import block
 from tests.acquisition.conftest import config_text
 from tests.acquisition.test_nmea0183 import line, sound

@@ -11,12 +11,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from seatrial.acquisition.config.sections import FileSource
+from seatrial.acquisition.config.sources import FileSource
 from seatrial.acquisition.core.errors import SourceError
-from seatrial.acquisition.core.frames import Frame, FrameFlag
+from seatrial.acquisition.core.trial import Frame, FrameFlag
 from seatrial.acquisition.sources import make_source
-from seatrial.acquisition.sources.line_forms import LineReader
-from seatrial.acquisition.sources.logfile import LogFile
+from seatrial.acquisition.sources.log_file import LogFile
+from seatrial.acquisition.sources.log_formats import LineReader
 
 START_NS = 1_779_062_280_249_713_000
 MILLISECOND = 1_000_000

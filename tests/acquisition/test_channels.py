@@ -9,8 +9,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from seatrial.acquisition.core.angles import circular_mean, difference, unwrap, wrap_180, wrap_360
-from seatrial.acquisition.core.channels import (
+from seatrial.acquisition.core.errors import ConfigurationError
+from seatrial.acquisition.core.quantities import scale_to
+from seatrial.acquisition.core.ship import (
     BY_NAME,
     CHANNELS,
     CIRCULAR,
@@ -19,9 +20,12 @@ from seatrial.acquisition.core.channels import (
     NAMES,
     POSE,
     VELOCITY,
+    circular_mean,
+    difference,
+    unwrap,
+    wrap_180,
+    wrap_360,
 )
-from seatrial.acquisition.core.errors import ConfigurationError
-from seatrial.acquisition.core.units import scale_to
 
 ANGLES = st.floats(-1e4, 1e4)
 

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from seatrial.acquisition.config.configuration import load_config
-from seatrial.acquisition.config.sections import CanSource
+from seatrial.acquisition.config.sources import CanSource
 from seatrial.acquisition.config.toml_file import line_of
+from seatrial.acquisition.config.trial_file import load_config
 from seatrial.acquisition.core.errors import ConfigurationError
 from tests.acquisition.conftest import DBC, SIGNALS, config_text
 

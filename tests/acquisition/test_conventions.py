@@ -7,7 +7,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from seatrial.acquisition.core.arrays import Complexes, Floats
 from seatrial.acquisition.core.conventions import (
     ANGLE_UNITS,
     CLOCKWISE,
@@ -19,7 +18,7 @@ from seatrial.acquisition.core.conventions import (
     judge_heading,
     turned_deg,
 )
-from seatrial.acquisition.core.units import scale_to
+from seatrial.acquisition.core.quantities import Complexes, Floats, scale_to
 
 STEP_S = 5.0
 

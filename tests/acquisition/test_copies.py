@@ -11,11 +11,11 @@ from typing import cast
 
 import pytest
 
-from seatrial.acquisition.config.configuration import parse_config
-from seatrial.acquisition.config.sections import CopiesSection
+from seatrial.acquisition.config.sources import CopiesSection
+from seatrial.acquisition.config.trial_file import parse_config
 from seatrial.acquisition.core.errors import ConfigurationError, StorageError
-from seatrial.acquisition.logger import copies as copies_module
-from seatrial.acquisition.logger.copies import Copies, copy_part, same
+from seatrial.acquisition.logger import maintenance as copies_module
+from seatrial.acquisition.logger.maintenance import Copies, copy_part, same
 from seatrial.acquisition.logger.record import record
 from seatrial.acquisition.recording.parts import RecordingParts
 from seatrial.acquisition.recording.reader import read_recording

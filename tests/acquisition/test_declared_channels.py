@@ -21,22 +21,26 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 from scipy.io import loadmat, netcdf_file
 
 import seatrial as st
-from seatrial.acquisition.config.configuration import TrialConfig, load_config, parse_config
-from seatrial.acquisition.core.actuators import DEFAULT
-from seatrial.acquisition.core.channels import actuators_of, channels_known_to, channels_of_trial
-from seatrial.acquisition.core.declared import as_text, declare, declared_from_text
+from seatrial.acquisition.config.trial_file import TrialConfig, load_config, parse_config
 from seatrial.acquisition.core.errors import ConfigurationError, InputError
-from seatrial.acquisition.core.frames import Frame, FrameFlag
-from seatrial.acquisition.core.units import ending_of, to_house
-from seatrial.acquisition.decoders import decoders_by_protocol, make_decoders
-from seatrial.acquisition.decoders.declared_groups import canboat_fields
-from seatrial.acquisition.decoders.parameter_groups import FIELDS
-from seatrial.acquisition.encoders import Moment, make_encoder
-from seatrial.acquisition.encoders.nmea0183 import sentence
+from seatrial.acquisition.core.quantities import ending_of, to_house
+from seatrial.acquisition.core.ship import (
+    DEFAULT,
+    actuators_of,
+    as_text,
+    channels_known_to,
+    channels_of_trial,
+    declare,
+    declared_from_text,
+)
+from seatrial.acquisition.core.trial import Frame, FrameFlag
 from seatrial.acquisition.logger.record import record
-from seatrial.acquisition.logger.redecode import redecode
+from seatrial.acquisition.logger.survey import redecode
+from seatrial.acquisition.protocols import Moment, decoders_by_protocol, make_decoders, make_encoder
+from seatrial.acquisition.protocols.nmea0183 import sentence
+from seatrial.acquisition.protocols.parameter_groups import FIELDS, canboat_fields
 from seatrial.acquisition.recording.reader import read_recording
-from seatrial.acquisition.sources.logfile import LogFile
+from seatrial.acquisition.sources.log_file import LogFile
 from seatrial.acquisition.tables.import_table import import_table
 from seatrial.analysis.quality.check import check_recording
 from seatrial.analysis.tables.export import export_table

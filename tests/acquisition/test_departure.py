@@ -14,13 +14,13 @@ from rich.console import Console
 from typer.testing import CliRunner
 
 from seatrial import app
-from seatrial.acquisition.config.configuration import TrialConfig, load_config
-from seatrial.acquisition.config.sections import AlarmSection, CopiesSection, RecordingSection
+from seatrial.acquisition.config.sources import AlarmSection, CopiesSection, RecordingSection
+from seatrial.acquisition.config.trial_file import TrialConfig, load_config
 from seatrial.acquisition.core.errors import ConfigurationError
-from seatrial.acquisition.logger import preflight as departure
+from seatrial.acquisition.logger import survey as departure
 from seatrial.acquisition.logger.display import preflight_table
-from seatrial.acquisition.logger.preflight import PreflightReport, check_before_departure, check_folder
-from seatrial.acquisition.recording.storage import free_bytes
+from seatrial.acquisition.logger.survey import PreflightReport, check_before_departure, check_folder
+from seatrial.acquisition.recording.writer import free_bytes
 from tests.acquisition.conftest import config_text, free_port
 
 DEFAULT = RecordingSection()

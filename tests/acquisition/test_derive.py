@@ -10,19 +10,19 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from seatrial.acquisition.config.sections import Mounting
-from seatrial.acquisition.core.angles import difference
-from seatrial.acquisition.core.frames import Group, Quality, Sample
-from seatrial.acquisition.core.kinematics import (
+from seatrial.acquisition.config.sources import Mounting
+from seatrial.acquisition.core.quantities import (
     TangentPlane,
     along,
     apparent_wind,
+    to_earth,
+    to_ship,
     velocity_at_reference,
     wind_over_ground,
 )
-from seatrial.acquisition.core.trial import Trial
+from seatrial.acquisition.core.ship import difference
+from seatrial.acquisition.core.trial import Group, Quality, Sample, Trial
 from seatrial.acquisition.logger.derive import Derivation
-from seatrial.analysis.kinematics import to_earth, to_ship
 
 ORIGIN = (63.44, 10.40)
 TRIAL = Trial(name="x", origin_latitude_deg=ORIGIN[0], origin_longitude_deg=ORIGIN[1])
@@ -256,7 +256,7 @@ def test_what_is_needed_and_missing_or_old_gives_no_wind(missing: str) -> None:
     st.floats(allow_nan=True, allow_infinity=True), min_size=1,
 ))  # fmt: skip
 def test_no_number_however_wrong_gets_past_its_channel(values: dict[str, float]) -> None:
-    from seatrial.acquisition.core.channels import BY_NAME
+    from seatrial.acquisition.core.ship import BY_NAME
 
     derivation = Derivation(TRIAL, frozenset({"line"}), {"line": Mounting(1.0, 2.0, 3.0, 4.0)}, 5.0)
     for start in ({"heading_deg": 10.0}, {"yaw_rate_dps": 2.0}, {"surge_mps": 3.0, "sway_mps": 0.1}):

@@ -16,18 +16,16 @@ import pytest
 from paho.mqtt.client import Client
 from paho.mqtt.enums import CallbackAPIVersion
 
-from seatrial.acquisition.config.configuration import load_config, parse_config
-from seatrial.acquisition.config.sections import MqttSource
-from seatrial.acquisition.core.channels import MOTION, NAMES
+from seatrial.acquisition.config.sources import MqttSource
+from seatrial.acquisition.config.trial_file import load_config, parse_config
 from seatrial.acquisition.core.errors import SeatrialError, SourceError
-from seatrial.acquisition.core.frames import Frame
-from seatrial.acquisition.decoders.nmea0183 import split_sentence
+from seatrial.acquisition.core.ship import MOTION, NAMES
+from seatrial.acquisition.core.trial import Frame
 from seatrial.acquisition.discovery.discover import Discovery, discover, discovery_of
-from seatrial.acquisition.discovery.listen import find_baud_rate, form_of, interpret
-from seatrial.acquisition.discovery.places import ListeningPlace, parse_places
+from seatrial.acquisition.discovery.listen import ListeningPlace, find_baud_rate, form_of, interpret, parse_places
 from seatrial.acquisition.emulator import NullModem, emulate
-from seatrial.acquisition.encoders.nmea0183 import sentence
 from seatrial.acquisition.logger.record import record
+from seatrial.acquisition.protocols.nmea0183 import sentence, split_sentence
 from tests.acquisition.can_frames import identifier_of
 from tests.acquisition.conftest import DBC, SIGNALS, Broker, free_port, write_voyage
 from tests.conftest import Command

@@ -23,16 +23,16 @@ from paho.mqtt.client import Client
 from paho.mqtt.enums import CallbackAPIVersion
 from serial.tools.list_ports_common import ListPortInfo
 
-from seatrial.acquisition.config.configuration import load_config, parse_config
-from seatrial.acquisition.config.sections import CanFrames, MqttSource
+from seatrial.acquisition.config.sources import CanFrames, MqttSource
+from seatrial.acquisition.config.trial_file import load_config, parse_config
 from seatrial.acquisition.core.errors import InputError, SourceError, system_reason
-from seatrial.acquisition.core.frames import Frame, FrameFlag
+from seatrial.acquisition.core.trial import Frame, FrameFlag
 from seatrial.acquisition.discovery.discover import Discovery, discover
-from seatrial.acquisition.discovery.places import parse_places, usual_places
+from seatrial.acquisition.discovery.listen import parse_places, usual_places
 from seatrial.acquisition.discovery.readings import topic_readings
 from seatrial.acquisition.emulator import NullModem
-from seatrial.acquisition.encoders.nmea0183 import sentence
 from seatrial.acquisition.logger.record import record
+from seatrial.acquisition.protocols.nmea0183 import sentence
 from tests.acquisition.conftest import Broker
 from tests.conftest import Command
 
@@ -415,7 +415,7 @@ def test_a_line_that_is_found_is_written_by_its_lasting_link(
         for port in found:
             port.hwid = "USB"
         monkeypatch.setattr("serial.tools.list_ports.comports", lambda: found)
-        monkeypatch.setattr("seatrial.acquisition.discovery.places._BY_IDENTITY", tmp_path / "by-id")
+        monkeypatch.setattr("seatrial.acquisition.discovery.listen._BY_IDENTITY", tmp_path / "by-id")
         lines = [place for place in usual_places() if place.type == "serial"]
     assert [line.settings["device"] for line in lines] == [link, cable.emulator_device]
     assert [line.text for line in lines] == [cable.logger_device, cable.emulator_device]

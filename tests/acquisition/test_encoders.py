@@ -13,20 +13,17 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from seatrial.acquisition.config.configuration import load_config
-from seatrial.acquisition.config.sections import AnySource
-from seatrial.acquisition.core.angles import difference
-from seatrial.acquisition.core.channels import BY_NAME, CIRCULAR, NAMES
+from seatrial.acquisition.config.sources import AnySource
+from seatrial.acquisition.config.trial_file import load_config
 from seatrial.acquisition.core.errors import SourceError
-from seatrial.acquisition.core.frames import Frame, FrameFlag
-from seatrial.acquisition.core.trial import Trial
-from seatrial.acquisition.decoders import make_decoders
+from seatrial.acquisition.core.ship import BY_NAME, CIRCULAR, NAMES, difference
+from seatrial.acquisition.core.trial import Frame, FrameFlag, Trial
 from seatrial.acquisition.emulator import emulate, moments_of
-from seatrial.acquisition.encoders import Moment, Packet, make_encoder
-from seatrial.acquisition.encoders.nmea0183 import degrees_and_minutes
 from seatrial.acquisition.logger.derive import Derivation
+from seatrial.acquisition.protocols import Moment, Packet, make_decoders, make_encoder
+from seatrial.acquisition.protocols.nmea0183 import degrees_and_minutes
 from seatrial.acquisition.recording.reader import read_recording
-from seatrial.acquisition.recording.tables import write_table
+from seatrial.acquisition.recording.writer import write_table
 from tests.acquisition.conftest import (
     DBC,
     ORIGIN,

@@ -8,8 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from seatrial.acquisition.decoders.fast_packets import INCOMPLETE
-from seatrial.acquisition.decoders.nmea2000 import Nmea2000Decoder
+from seatrial.acquisition.protocols.nmea2000 import INCOMPLETE, Nmea2000Decoder
 from tests.acquisition.can_frames import can_frame, fast_parts, gnss, identifier_of
 
 

@@ -23,21 +23,20 @@ import can
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from seatrial.acquisition.config.configuration import load_config
-from seatrial.acquisition.core.channels import NAMES
-from seatrial.acquisition.core.frames import Frame, now_ns
-from seatrial.acquisition.decoders.nmea2000 import parameter_group
-from seatrial.acquisition.decoders.parameter_groups import READERS
+from seatrial.acquisition.config.trial_file import load_config
+from seatrial.acquisition.core.ship import NAMES
+from seatrial.acquisition.core.trial import Frame, now_ns
 from seatrial.acquisition.emulator import NullModem
-from seatrial.acquisition.encoders.nmea0183 import sentence
 from seatrial.acquisition.logger import health
 from seatrial.acquisition.logger import maintenance as housekeeping
-from seatrial.acquisition.logger.pipeline import Recorder
-from seatrial.acquisition.logger.receiver import Inbox
+from seatrial.acquisition.logger.pipeline import Inbox, Recorder
+from seatrial.acquisition.protocols.nmea0183 import sentence
+from seatrial.acquisition.protocols.nmea2000 import parameter_group
+from seatrial.acquisition.protocols.parameter_groups import READERS
+from seatrial.acquisition.recording.messages import EVENT_TOPIC, HEALTH_TOPIC, RAW_PREFIX
 from seatrial.acquisition.recording.parts import RecordingParts
 from seatrial.acquisition.recording.reader import MessageStream, Recording, read_recording
-from seatrial.acquisition.recording.schemas import EVENT_TOPIC, HEALTH_TOPIC, RAW_PREFIX
-from seatrial.acquisition.sources import streams
+from seatrial.acquisition.sources import lines
 from tests.acquisition.can_frames import identifier_of
 from tests.acquisition.conftest import free_port, wait_for
 from tests.acquisition.test_running import say
@@ -440,7 +439,7 @@ def test_overruns_of_a_serial_line_are_counted_and_told(
         assert request == termios.TIOCGICOUNT
         answer[: 4 * len(counts)] = struct.pack(f"@{len(counts)}i", *counts.values())
 
-    monkeypatch.setattr(streams, "fcntl", SimpleNamespace(ioctl=ioctl))  # pyserial has its own
+    monkeypatch.setattr(lines, "fcntl", SimpleNamespace(ioctl=ioctl))  # pyserial has its own
     with recording(
         tmp_path, source("line", f'type = "serial"\ndevice = "{cable.path}"', ("heading_deg",))
     ) as running:

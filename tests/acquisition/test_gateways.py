@@ -23,21 +23,19 @@ from nmea2000.encoder import create_encoder
 from nmea2000.input_formats import N2KFormat
 from nmea2000.message import NMEA2000Field, NMEA2000Message
 
-from seatrial.acquisition.config.configuration import load_config
-from seatrial.acquisition.config.sections import FileSource, Form, SerialSource
+from seatrial.acquisition.config.sources import FileSource, Form, SerialSource
+from seatrial.acquisition.config.trial_file import load_config
 from seatrial.acquisition.core.errors import SourceError
-from seatrial.acquisition.core.frames import Frame, FrameFlag
+from seatrial.acquisition.core.trial import Frame, FrameFlag
 from seatrial.acquisition.logger.display import summary
 from seatrial.acquisition.logger.pipeline import Recorder
 from seatrial.acquisition.logger.record import record
-from seatrial.acquisition.logger.redecode import redecode
+from seatrial.acquisition.logger.survey import redecode
 from seatrial.acquisition.recording.parts import RecordingParts
 from seatrial.acquisition.recording.reader import Recording, read_recording
-from seatrial.acquisition.sources.actisense import Cutter
-from seatrial.acquisition.sources.file_forms import FILE_FORMS
-from seatrial.acquisition.sources.line_forms import LINE_FORMS, LineReader
-from seatrial.acquisition.sources.logfile import LogFile
-from seatrial.acquisition.sources.streams import LineAssembler, SerialPort
+from seatrial.acquisition.sources.lines import LineAssembler, SerialPort
+from seatrial.acquisition.sources.log_file import LogFile
+from seatrial.acquisition.sources.log_formats import FILE_FORMS, LINE_FORMS, Cutter, LineReader
 from tests.acquisition import bus_logs
 from tests.acquisition.bus_logs import FORMS, FRAMES, MESSAGES, SECOND, START_NS
 from tests.acquisition.can_frames import fast_parts, gnss

@@ -10,9 +10,9 @@ import pandas as pd
 import pymap3d
 import pytest
 
-from seatrial.acquisition.core.angles import difference
-from seatrial.acquisition.core.arrays import Floats
 from seatrial.acquisition.core.errors import ConfigurationError
+from seatrial.acquisition.core.quantities import Floats
+from seatrial.acquisition.core.ship import difference
 from seatrial.acquisition.tables.import_table import import_table, propose_for
 from seatrial.acquisition.tables.propose import Proposal
 from seatrial.acquisition.tables.table_files import read_raw

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from seatrial.acquisition.logger import host_clock as module
-from seatrial.acquisition.logger.host_clock import (
+from seatrial.acquisition.logger import health as module
+from seatrial.acquisition.logger.health import (
     HostClock,
     chrony_error_s,
     host_clock,

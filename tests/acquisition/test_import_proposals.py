@@ -13,12 +13,11 @@ import pymap3d
 import pytest
 from scipy.io import savemat
 
-from seatrial.acquisition.core.angles import difference
-from seatrial.acquisition.core.arrays import Floats
-from seatrial.acquisition.core.channels import is_circular
 from seatrial.acquisition.core.errors import ConfigurationError, InputError
+from seatrial.acquisition.core.quantities import Floats
+from seatrial.acquisition.core.ship import difference, is_circular
 from seatrial.acquisition.tables.column_names import headed, matches
-from seatrial.acquisition.tables.draft import Question
+from seatrial.acquisition.tables.evidence import Question
 from seatrial.acquisition.tables.import_table import import_proposed, propose_for
 from seatrial.acquisition.tables.propose import Proposal
 from seatrial.acquisition.tables.table_files import read_raw

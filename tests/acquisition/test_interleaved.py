@@ -11,11 +11,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from seatrial.acquisition.core.arrays import Floats
-from seatrial.acquisition.core.frames import Frame
-from seatrial.acquisition.decoders.interleaved import InterleavedSources
-from seatrial.acquisition.decoders.nmea0183 import Nmea0183Decoder
-from seatrial.acquisition.encoders.nmea0183 import sentence
+from seatrial.acquisition.core.quantities import Floats
+from seatrial.acquisition.core.trial import Frame
+from seatrial.acquisition.protocols.nmea0183 import Nmea0183Decoder, sentence
+from seatrial.acquisition.protocols.receivers import InterleavedSources
 from seatrial.acquisition.recording.reader import read_recording
 from seatrial.hybrid.simulation.trial import simulate_trial
 from tests.acquisition.conftest import config_text

@@ -19,13 +19,13 @@ from pathlib import Path
 
 import pytest
 
-from seatrial.acquisition.config.configuration import load_config
-from seatrial.acquisition.core.frames import Frame
-from seatrial.acquisition.encoders.nmea0183 import sentence
+from seatrial.acquisition.config.trial_file import load_config
+from seatrial.acquisition.core.trial import Frame
 from seatrial.acquisition.logger import maintenance, pipeline
+from seatrial.acquisition.protocols.nmea0183 import sentence
+from seatrial.acquisition.recording.messages import RAW_PREFIX
 from seatrial.acquisition.recording.parts import RecordingParts
 from seatrial.acquisition.recording.reader import MessageStream, read_recording
-from seatrial.acquisition.recording.schemas import RAW_PREFIX
 from tests.acquisition.conftest import SimulatedClock, config_text, free_port, recorded_count, wait_for
 from tests.acquisition.test_record_command import start_recorder
 

@@ -14,14 +14,13 @@ from typing import Any
 
 import pytest
 
-from seatrial.acquisition.config.sections import LiveSection
+from seatrial.acquisition.config.sources import LiveSection
 from seatrial.acquisition.core.errors import ConfigurationError, SourceError
 from seatrial.acquisition.core.trial import Trial
+from seatrial.acquisition.logger.display import LiveView
 from seatrial.acquisition.logger.requests import running_recorders, send_prediction
-from seatrial.acquisition.logger.viewers import LiveView
-from seatrial.acquisition.recording.messages import Topic, decode
+from seatrial.acquisition.recording.messages import Topic, decode, kind_of
 from seatrial.acquisition.recording.reader import read_recording
-from seatrial.acquisition.recording.schemas import kind_of
 from tests.acquisition.conftest import PATIENCE_S, free_port, recorded_count, wait_for
 from tests.acquisition.test_predictions import BODY, GEOJSON, RECORDED, Recording
 
@@ -169,7 +168,7 @@ def test_the_layout_shows_what_a_recording_holds() -> None:
             message = field.message_type
         assert path.endswith("[:]") == (field is not None and field.is_repeated), path
     shown = {path.partition(".")[0] for path in paths}
-    from seatrial.acquisition.core.channels import CHANNELS
+    from seatrial.acquisition.core.ship import CHANNELS
 
     assert {each.topic for each in CHANNELS} - shown == {"/channel/north_m", "/channel/east_m"}  # on the map
     assert {"/position", "/event", "/health", "/prediction"} <= shown

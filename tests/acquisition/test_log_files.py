@@ -14,15 +14,15 @@ import pytest
 from typer.testing import CliRunner
 
 from seatrial import app
-from seatrial.acquisition.config.configuration import TrialConfig, load_config
+from seatrial.acquisition.config.trial_file import TrialConfig, load_config
 from seatrial.acquisition.core.errors import ConfigurationError, SourceError
-from seatrial.acquisition.core.frames import Frame
-from seatrial.acquisition.encoders.nmea0183 import sentence
+from seatrial.acquisition.core.trial import Frame
 from seatrial.acquisition.logger.record import record
+from seatrial.acquisition.protocols.nmea0183 import sentence
+from seatrial.acquisition.recording.messages import HEALTH_TOPIC, RAW_PREFIX
 from seatrial.acquisition.recording.reader import MessageStream, read_recording
-from seatrial.acquisition.recording.schemas import HEALTH_TOPIC, RAW_PREFIX
-from seatrial.acquisition.sources import logfile
-from seatrial.acquisition.sources.logfile import LogFile
+from seatrial.acquisition.sources import log_file
+from seatrial.acquisition.sources.log_file import LogFile
 from tests.acquisition.can_frames import identifier_of
 from tests.acquisition.conftest import DBC, free_port
 from tests.acquisition.test_mavlink_packets import stream
@@ -148,7 +148,7 @@ def test_a_signal_that_the_dbc_file_does_not_have_leaves_nothing_behind(tmp_path
 
 def test_a_file_that_fails_on_the_way_keeps_what_was_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A disk's bad sector, say: an error, and a recording that is closed well and holds all that came before."""
-    monkeypatch.setattr(logfile, "_MOST_FRAMES_AT_ONCE", 3)
+    monkeypatch.setattr(log_file, "_MOST_FRAMES_AT_ONCE", 3)
     blocks, read = iter(range(3)), LogFile.read
 
     def failing(self: LogFile, timeout_s: float) -> list[Frame] | None:

@@ -16,11 +16,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from seatrial.acquisition.config.sections import MavlinkSerialSource, MavlinkSource, MavlinkTcpSource
+from seatrial.acquisition.config.sources import MavlinkSerialSource, MavlinkSource, MavlinkTcpSource
 from seatrial.acquisition.core.errors import ConfigurationError, SourceError
-from seatrial.acquisition.core.frames import Fix, Frame, Sample
-from seatrial.acquisition.decoders.mavlink import MavlinkDecoder
+from seatrial.acquisition.core.trial import Fix, Frame, Sample
 from seatrial.acquisition.emulator import NullModem
+from seatrial.acquisition.protocols.mavlink import MavlinkDecoder
 from seatrial.acquisition.sources import Source, make_source
 from tests.acquisition.conftest import free_port
 

@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 from pymavlink.dialects.v10 import ardupilotmega as dialect_1
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from seatrial.acquisition.core.units import DEG_PER_RAD
-from seatrial.acquisition.decoders.mavlink_packets import LONGEST_BYTES, Fault, PacketCutter, checksum, is_sound
+from seatrial.acquisition.core.quantities import DEG_PER_RAD
+from seatrial.acquisition.protocols.mavlink import LONGEST_BYTES, Fault, PacketCutter, checksum, is_sound
 from tests.acquisition.test_mavlink import SECOND, M, attitude, decoder, frame, packed
 
 

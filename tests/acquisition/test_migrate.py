@@ -20,12 +20,11 @@ from typer.testing import CliRunner
 
 from seatrial import app
 from seatrial.acquisition.core.errors import InputError, StorageError
-from seatrial.acquisition.core.frames import NANO, Frame
+from seatrial.acquisition.core.trial import NANO, Frame
 from seatrial.acquisition.emulator import moments_of
-from seatrial.acquisition.logger.redecode import redecode
-from seatrial.acquisition.recording.reader import MessageStream, Recording, describe, read_recording
+from seatrial.acquisition.logger.survey import redecode
+from seatrial.acquisition.recording.reader import MessageStream, Recording, Tail, describe, read_recording
 from seatrial.acquisition.recording.recover import migrate, recover
-from seatrial.acquisition.recording.tail import Tail
 from seatrial.analysis.tables.table import read_table
 
 OLD = Path(__file__).with_name("recorded_as_json.mcap.gz")

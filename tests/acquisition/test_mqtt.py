@@ -18,23 +18,20 @@ from paho.mqtt.enums import CallbackAPIVersion
 from typer.testing import CliRunner
 
 from seatrial import app
-from seatrial.acquisition.config.configuration import TrialConfig, load_config
-from seatrial.acquisition.config.sections import MqttSource
-from seatrial.acquisition.core.angles import difference
-from seatrial.acquisition.core.channels import CIRCULAR, NAMES
+from seatrial.acquisition.config.sources import MqttSource
+from seatrial.acquisition.config.trial_file import TrialConfig, load_config
 from seatrial.acquisition.core.errors import ConfigurationError, SourceError
-from seatrial.acquisition.core.frames import Frame, FrameFlag
-from seatrial.acquisition.encoders.mqtt import told
-from seatrial.acquisition.encoders.nmea0183 import sentence
-from seatrial.acquisition.logger.missing import why_missing
+from seatrial.acquisition.core.ship import CIRCULAR, NAMES, difference
+from seatrial.acquisition.core.trial import Frame, FrameFlag
 from seatrial.acquisition.logger.pipeline import Recorder, health_of
 from seatrial.acquisition.logger.processing import FrameProcessor
 from seatrial.acquisition.logger.record import record
-from seatrial.acquisition.logger.redecode import redecode
-from seatrial.acquisition.logger.survey import survey_of
+from seatrial.acquisition.logger.survey import redecode, survey_of, why_missing
+from seatrial.acquisition.protocols.mqtt import told
+from seatrial.acquisition.protocols.nmea0183 import sentence
+from seatrial.acquisition.recording.messages import RAW_PREFIX
 from seatrial.acquisition.recording.parts import RecordingParts
 from seatrial.acquisition.recording.reader import MessageStream, Recording, read_recording
-from seatrial.acquisition.recording.schemas import RAW_PREFIX
 from seatrial.acquisition.recording.writer import RecordingWriter
 from seatrial.acquisition.sources import make_source, mqtt
 from tests.acquisition.conftest import Broker, config_text, wait_for, write_voyage

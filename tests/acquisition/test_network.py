@@ -11,7 +11,7 @@ from itertools import pairwise
 import can
 import pytest
 
-from seatrial.acquisition.config.sections import (
+from seatrial.acquisition.config.sources import (
     CanSource,
     LiveSection,
     MavlinkSource,
@@ -20,15 +20,13 @@ from seatrial.acquisition.config.sections import (
     UdpSource,
 )
 from seatrial.acquisition.core.errors import SourceError
-from seatrial.acquisition.core.frames import Frame, FrameFlag, Quality
-from seatrial.acquisition.decoders.nmea0183 import Nmea0183Decoder
-from seatrial.acquisition.decoders.nmea2000 import Nmea2000Decoder
-from seatrial.acquisition.encoders.nmea0183 import sentence
+from seatrial.acquisition.core.trial import Frame, FrameFlag, Quality
 from seatrial.acquisition.logger.health import SourceHealth
-from seatrial.acquisition.logger.receiver import Inbox, Receiver
-from seatrial.acquisition.sources import can_bus, streams
-from seatrial.acquisition.sources.can_bus import CanBus
-from seatrial.acquisition.sources.streams import UdpPort
+from seatrial.acquisition.logger.pipeline import Inbox, Receiver
+from seatrial.acquisition.protocols.nmea0183 import Nmea0183Decoder, sentence
+from seatrial.acquisition.protocols.nmea2000 import Nmea2000Decoder
+from seatrial.acquisition.sources import lines
+from seatrial.acquisition.sources.lines import CanBus, UdpPort
 from tests.acquisition.can_frames import can_frame
 from tests.acquisition.conftest import free_port
 
@@ -41,7 +39,7 @@ def test_nothing_listens_beyond_this_computer_unless_asked() -> None:
 
 def test_what_the_system_drops_is_counted(monkeypatch: pytest.MonkeyPatch) -> None:
     """All that was sent was either read or counted."""
-    monkeypatch.setattr(streams, "_BUFFER_BYTES", 4096)
+    monkeypatch.setattr(lines, "_BUFFER_BYTES", 4096)
     port = free_port()
     source = UdpPort(UdpSource(name="line", type="udp", port=port, channels=()))
     source.open()
@@ -69,7 +67,7 @@ def test_frames_that_the_system_drops_are_counted_and_the_others_stamped_when_th
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """Of a bus behind a socket, which nobody reads for a while."""
-    monkeypatch.setattr(can_bus, "_BUFFER_BYTES", 8192)
+    monkeypatch.setattr(lines, "_BUFFER_BYTES", 8192)
     port = free_port()
     source = can_by_multicast(port)
     source.open()

@@ -15,14 +15,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pynmeagps import NMEAReader
 
-from seatrial.acquisition.config.sections import FileSource, Thrusters
-from seatrial.acquisition.core.channels import BY_NAME
-from seatrial.acquisition.core.frames import Frame, Group, Quality, Sample
-from seatrial.acquisition.core.trial import Trial
-from seatrial.acquisition.decoders import make_decoders
-from seatrial.acquisition.decoders.nmea0183 import Nmea0183Decoder, checksum, split_sentence
-from seatrial.acquisition.encoders.nmea0183 import sentence
+from seatrial.acquisition.config.sources import FileSource, Thrusters
+from seatrial.acquisition.core.ship import BY_NAME
+from seatrial.acquisition.core.trial import Frame, Group, Quality, Sample, Trial
 from seatrial.acquisition.logger.derive import Derivation
+from seatrial.acquisition.protocols import make_decoders
+from seatrial.acquisition.protocols.nmea0183 import Nmea0183Decoder, checksum, sentence, split_sentence
 
 SECOND = 1_000_000_000
 KNOT = 1852.0 / 3600.0

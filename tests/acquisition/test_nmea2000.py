@@ -10,9 +10,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from seatrial.acquisition.core.frames import Frame, FrameFlag, Quality
-from seatrial.acquisition.decoders.nmea2000 import Nmea2000Decoder, parameter_group
-from seatrial.acquisition.decoders.parameter_groups import ERROR_VALUE, FIELDS, NOT_AVAILABLE, SHORTEST_BYTES
+from seatrial.acquisition.core.trial import Frame, FrameFlag, Quality
+from seatrial.acquisition.protocols.nmea2000 import Nmea2000Decoder, parameter_group
+from seatrial.acquisition.protocols.parameter_groups import ERROR_VALUE, FIELDS, NOT_AVAILABLE, SHORTEST_BYTES
 from tests.acquisition.can_frames import SECOND, can_frame, fast_parts, gnss, identifier_of, values
 
 HEADING = 0x09F11223  # 127250 from address 35

@@ -17,10 +17,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from nmea2000 import pgns
 
-from seatrial.acquisition.config.sections import FileSource
-from seatrial.acquisition.decoders.nmea2000 import Nmea2000Decoder
-from seatrial.acquisition.decoders.parameter_groups import FIELDS, SHORTEST_BYTES, Field, Message
-from seatrial.acquisition.sources.logfile import LogFile
+from seatrial.acquisition.config.sources import FileSource
+from seatrial.acquisition.protocols.nmea2000 import Nmea2000Decoder
+from seatrial.acquisition.protocols.parameter_groups import FIELDS, SHORTEST_BYTES, Field, Message
+from seatrial.acquisition.sources.log_file import LogFile
 from tests.acquisition.can_frames import can_frame, fast_parts, identifier_of, values
 
 CAPTURES = {

@@ -16,12 +16,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from mcap.reader import make_reader
 
-from seatrial.acquisition.config.sections import RecordingSection
+from seatrial.acquisition.config.sources import RecordingSection
 from seatrial.acquisition.core.errors import StorageError
-from seatrial.acquisition.core.frames import Sample
-from seatrial.acquisition.core.trial import Trial
+from seatrial.acquisition.core.trial import Sample, Trial
 from seatrial.acquisition.recording import parts as parts_module
-from seatrial.acquisition.recording import storage
+from seatrial.acquisition.recording import writer
 from seatrial.acquisition.recording.parts import RecordingParts, parts_in
 from seatrial.acquisition.recording.reader import read_recording
 from tests.acquisition.conftest import PATIENCE_S
@@ -161,9 +160,9 @@ class FailingDisk:
         self.error: int | None = None
         self.room = float("inf")
         self._pwrite, self._fdatasync, self._ftruncate = os.pwrite, os.fdatasync, os.ftruncate
-        monkeypatch.setattr(storage.os, "pwrite", self.pwrite)
-        monkeypatch.setattr(storage.os, "fdatasync", self.fdatasync)
-        monkeypatch.setattr(storage.os, "ftruncate", self.ftruncate)
+        monkeypatch.setattr(writer.os, "pwrite", self.pwrite)
+        monkeypatch.setattr(writer.os, "fdatasync", self.fdatasync)
+        monkeypatch.setattr(writer.os, "ftruncate", self.ftruncate)
 
     def pwrite(self, descriptor: int, data: bytes, offset: int) -> int:
         self.fail()
@@ -284,7 +283,7 @@ def test_a_reserve_is_left_and_the_recording_goes_on_when_there_is_room(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     free = [10_000_000]
-    monkeypatch.setattr(storage, "free_bytes", lambda folder: (free[0], 100_000_000))
+    monkeypatch.setattr(writer, "free_bytes", lambda folder: (free[0], 100_000_000))
     recorded = Recorded(tmp_path, reserve_mb=4.0)
     recorded.write(100)
     recorded.parts.tick(1e9)
@@ -305,7 +304,7 @@ def test_a_reserve_is_left_and_the_recording_goes_on_when_there_is_room(
 
 
 def test_without_room_a_recording_does_not_begin(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(storage, "free_bytes", lambda folder: (1_000_000, 100_000_000))
+    monkeypatch.setattr(writer, "free_bytes", lambda folder: (1_000_000, 100_000_000))
     with pytest.raises(StorageError, match=r"1\.0 MB free, less than the reserve of 5\.0 MB; free space"):
         Recorded(tmp_path)
     assert list(tmp_path.iterdir()) == []
@@ -365,15 +364,15 @@ def test_a_deleted_file_that_cannot_be_put_back_yet_is_not_given_up(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """There is no room for a copy: the deleted file goes on being written, and comes back when there is."""
-    real = storage.CommittedFile.rescue
+    real = writer.CommittedFile.rescue
     room = [False]
 
-    def rescue(self: storage.CommittedFile, path: Path, ending: bytes) -> None:
+    def rescue(self: writer.CommittedFile, path: Path, ending: bytes) -> None:
         if not room[0]:
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
         real(self, path, ending)
 
-    monkeypatch.setattr(storage.CommittedFile, "rescue", rescue)
+    monkeypatch.setattr(writer.CommittedFile, "rescue", rescue)
     recorded = Recorded(tmp_path)
     recorded.write(100)
     recorded.parts.path.unlink()
@@ -391,10 +390,10 @@ def test_a_deleted_file_that_cannot_be_put_back_yet_is_not_given_up(
 def test_a_deleted_file_that_cannot_be_put_back_at_all_is_told(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def rescue(self: storage.CommittedFile, path: Path, ending: bytes) -> None:
+    def rescue(self: writer.CommittedFile, path: Path, ending: bytes) -> None:
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
-    monkeypatch.setattr(storage.CommittedFile, "rescue", rescue)
+    monkeypatch.setattr(writer.CommittedFile, "rescue", rescue)
     recorded = Recorded(tmp_path)
     recorded.write(100)
     recorded.parts.path.unlink()
@@ -422,7 +421,7 @@ def test_a_disk_that_does_not_even_answer_pauses_the_recording(
     recorded.parts.sync()
     with monkeypatch.context() as patched:
         patched.setattr(
-            storage.os, "fstat", lambda descriptor: (_ for _ in ()).throw(OSError(errno.ESTALE, "stale"))
+            writer.os, "fstat", lambda descriptor: (_ for _ in ()).throw(OSError(errno.ESTALE, "stale"))
         )
         recorded.parts.tick(1e9)
     assert recorded.parts.paused
@@ -460,7 +459,7 @@ def test_a_slow_disk_does_not_hold_up_what_is_handed_to_the_system(
         real(descriptor)
 
     recorded = Recorded(tmp_path)
-    monkeypatch.setattr(storage.os, "fdatasync", fdatasync)
+    monkeypatch.setattr(writer.os, "fdatasync", fdatasync)
     recorded.write(100)
     recorded.parts.sync_soon()
     assert asked.wait(PATIENCE_S)

@@ -13,14 +13,13 @@ from pathlib import Path
 
 import pytest
 
-from seatrial.acquisition.config.configuration import TrialConfig, load_config
+from seatrial.acquisition.config.trial_file import TrialConfig, load_config
 from seatrial.acquisition.core.errors import SourceError, StorageError
-from seatrial.acquisition.core.frames import Frame, now_ns
-from seatrial.acquisition.encoders.nmea0183 import sentence
+from seatrial.acquisition.core.trial import Frame, now_ns
 from seatrial.acquisition.logger.health import SourceHealth
 from seatrial.acquisition.logger.maintenance import TICK_S, Maintenance, Timescale
-from seatrial.acquisition.logger.pipeline import Recorder, health_of
-from seatrial.acquisition.logger.receiver import Inbox, Receiver
+from seatrial.acquisition.logger.pipeline import Inbox, Receiver, Recorder, health_of
+from seatrial.acquisition.protocols.nmea0183 import sentence
 from seatrial.acquisition.recording.parts import RecordingParts
 from seatrial.acquisition.recording.reader import Recording, read_recording
 from tests.acquisition.conftest import PATIENCE_S, SimulatedClock, config_text, wait_for
@@ -242,7 +241,7 @@ def test_a_value_that_breaks_the_processing_is_kept_raw(run: Run, monkeypatch: p
 
 
 def test_a_frame_that_breaks_a_decoder_is_kept_raw(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
-    from seatrial.acquisition.decoders.nmea0183 import Nmea0183Decoder
+    from seatrial.acquisition.protocols.nmea0183 import Nmea0183Decoder
 
     sound = Nmea0183Decoder.decode
 

@@ -18,12 +18,9 @@ from mcap_protobuf.decoder import DecoderFactory
 from typer.testing import CliRunner
 
 from seatrial import app
-from seatrial.acquisition.config.configuration import load_config
-from seatrial.acquisition.encoders.nmea0183 import sentence
-from seatrial.acquisition.logger.health import Health
-from seatrial.acquisition.logger.predictions import Predictions, schema_violation
+from seatrial.acquisition.config.trial_file import load_config
+from seatrial.acquisition.logger.health import Health, Predictions, schema_violation
 from seatrial.acquisition.logger.record import record
-from seatrial.acquisition.logger.redecode import redecode
 from seatrial.acquisition.logger.requests import (
     MOST_BYTES,
     RecorderState,
@@ -33,10 +30,17 @@ from seatrial.acquisition.logger.requests import (
     send_mark,
     send_prediction,
 )
-from seatrial.acquisition.recording.messages import Topic, decode
+from seatrial.acquisition.logger.survey import redecode
+from seatrial.acquisition.protocols.nmea0183 import sentence
+from seatrial.acquisition.recording.messages import (
+    PREDICTED_TRACK_TOPIC,
+    PREDICTION,
+    PREDICTION_TOPIC,
+    Topic,
+    decode,
+)
 from seatrial.acquisition.recording.reader import MessageStream, describe, read_recording
 from seatrial.acquisition.recording.recover import recover
-from seatrial.acquisition.recording.schemas import PREDICTED_TRACK_TOPIC, PREDICTION, PREDICTION_TOPIC
 from tests.acquisition.conftest import PATIENCE_S, SimulatedClock, config_text, free_port, wait_for
 
 BODY: dict[str, Any] = {
@@ -166,7 +170,7 @@ def test_more_than_two_a_second_are_refused_and_never_pile_up(
     tmp_path: Path, clock: SimulatedClock, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Four are taken at once, then two a second."""
-    monkeypatch.setattr("seatrial.acquisition.logger.predictions.time", clock)
+    monkeypatch.setattr("seatrial.acquisition.logger.health.time", clock)
     ear, answers = Ear(tmp_path), list[str]()
     with ear.hearing:
         for _ in range(160):

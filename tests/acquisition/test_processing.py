@@ -16,14 +16,14 @@ from mcap.reader import make_reader
 from mcap_protobuf.decoder import DecoderFactory
 from rich.console import Console
 
-from seatrial.acquisition.config.configuration import TrialConfig, load_config
-from seatrial.acquisition.core.frames import Frame
-from seatrial.acquisition.decoders.nmea2000 import parameter_group
-from seatrial.acquisition.encoders import Moment, make_encoder
-from seatrial.acquisition.encoders.nmea0183 import sentence
+from seatrial.acquisition.config.trial_file import TrialConfig, load_config
+from seatrial.acquisition.core.trial import Frame
 from seatrial.acquisition.logger.display import Picture
 from seatrial.acquisition.logger.health import ChannelHealth, Health, SourceHealth
 from seatrial.acquisition.logger.processing import FrameProcessor
+from seatrial.acquisition.protocols import Moment, make_encoder
+from seatrial.acquisition.protocols.nmea0183 import sentence
+from seatrial.acquisition.protocols.nmea2000 import parameter_group
 from seatrial.acquisition.recording.reader import Recording, read_recording
 from seatrial.acquisition.recording.writer import RecordingWriter
 from tests.acquisition.can_frames import can_frame, identifier_of

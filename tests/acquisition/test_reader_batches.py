@@ -18,16 +18,12 @@ from mcap.opcode import Opcode
 from mcap.writer import Writer
 
 from seatrial.acquisition.core.errors import InputError
-from seatrial.acquisition.core.frames import Frame, Quality, Sample
-from seatrial.acquisition.core.trial import Trial
+from seatrial.acquisition.core.trial import Frame, Quality, Sample, Trial
 from seatrial.acquisition.recording import batches, reader
-from seatrial.acquisition.recording.descriptors import MessageKind
-from seatrial.acquisition.recording.mcap_file import serialise
-from seatrial.acquisition.recording.messages import encode_sample
+from seatrial.acquisition.recording.messages import CHANNEL_PREFIX, SAMPLE, MessageKind, encode_sample
 from seatrial.acquisition.recording.reader import MessageStream, Recording, read_recording
-from seatrial.acquisition.recording.records import HEAD, RecordError, parse
-from seatrial.acquisition.recording.schemas import CHANNEL_PREFIX, SAMPLE
-from seatrial.acquisition.recording.writer import RecordingWriter
+from seatrial.acquisition.recording.scan import HEAD, RecordError, parse
+from seatrial.acquisition.recording.writer import RecordingWriter, serialise
 
 SAMPLES = st.builds(
     Sample,

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import pytest
 
-from seatrial.acquisition.config.configuration import load_config
+from seatrial.acquisition.config.trial_file import load_config
 from seatrial.acquisition.core.errors import SourceError
 from seatrial.acquisition.emulator import NullModem, emulate
 from seatrial.acquisition.logger.record import record

@@ -17,16 +17,21 @@ from mcap.reader import make_reader
 from mcap.records import Channel, Message, Schema
 from mcap_protobuf.decoder import DecoderFactory
 
-from seatrial.acquisition.core.channels import BY_NAME, NAMES
 from seatrial.acquisition.core.errors import InputError, StorageError
-from seatrial.acquisition.core.frames import Frame, FrameFlag, Quality, Sample
-from seatrial.acquisition.core.trial import Trial
+from seatrial.acquisition.core.ship import BY_NAME, NAMES
+from seatrial.acquisition.core.trial import Frame, FrameFlag, Quality, Sample, Trial
 from seatrial.acquisition.logger.health import SourceHealth
-from seatrial.acquisition.recording.messages import Topic, decode, encode, encode_raw, encode_sample, frame_of
+from seatrial.acquisition.recording.messages import (
+    Topic,
+    decode,
+    encode,
+    encode_raw,
+    encode_sample,
+    frame_of,
+    kind_of,
+)
 from seatrial.acquisition.recording.reader import MessageStream, describe, read_recording
-from seatrial.acquisition.recording.schemas import kind_of
-from seatrial.acquisition.recording.tables import write_table
-from seatrial.acquisition.recording.writer import RecordingWriter
+from seatrial.acquisition.recording.writer import RecordingWriter, write_table
 from tests.acquisition.conftest import write_voyage
 
 FULL_TRIAL = Trial(

@@ -27,8 +27,7 @@ from mcap.writer import CompressionType, IndexType, Writer
 from typer.testing import CliRunner
 
 from seatrial.acquisition.core.errors import InputError, SeatrialError, StorageError
-from seatrial.acquisition.core.frames import Sample
-from seatrial.acquisition.core.trial import Trial
+from seatrial.acquisition.core.trial import Sample, Trial
 from seatrial.acquisition.recording.reader import MessageStream, read_recording
 from seatrial.acquisition.recording.recover import RecoverySummary, recover
 from seatrial.acquisition.recording.scan import MCAP_MAGIC, Intact, scan

@@ -13,20 +13,25 @@ from hypothesis import strategies as st
 from typer.testing import CliRunner
 
 import seatrial
-from seatrial.acquisition.config.configuration import TrialConfig, load_config
+from seatrial.acquisition.config.trial_file import TrialConfig, load_config
 from seatrial.acquisition.core.errors import InputError, SeatrialError, StorageError
-from seatrial.acquisition.core.frames import Frame, FrameFlag
+from seatrial.acquisition.core.trial import Frame, FrameFlag
 from seatrial.acquisition.emulator import moments_of
-from seatrial.acquisition.encoders import make_encoder
-from seatrial.acquisition.encoders.nmea0183 import sentence
-from seatrial.acquisition.logger import redecode as redecode_module
+from seatrial.acquisition.logger import survey as redecode_module
 from seatrial.acquisition.logger.pipeline import health_of
 from seatrial.acquisition.logger.processing import FrameProcessor
-from seatrial.acquisition.logger.redecode import redecode
-from seatrial.acquisition.recording.messages import MessageSink
+from seatrial.acquisition.logger.survey import redecode
+from seatrial.acquisition.protocols import make_encoder
+from seatrial.acquisition.protocols.nmea0183 import sentence
+from seatrial.acquisition.recording.messages import (
+    CHANNEL_PREFIX,
+    EVENT_TOPIC,
+    HEALTH_TOPIC,
+    RAW_PREFIX,
+    MessageSink,
+)
 from seatrial.acquisition.recording.parts import RecordingParts
 from seatrial.acquisition.recording.reader import MessageEntry, MessageStream, read_recording
-from seatrial.acquisition.recording.schemas import CHANNEL_PREFIX, EVENT_TOPIC, HEALTH_TOPIC, RAW_PREFIX
 from seatrial.acquisition.recording.writer import RecordingWriter
 from tests.acquisition.conftest import DBC, ORIGIN, SIGNALS, write_voyage
 

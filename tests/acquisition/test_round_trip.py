@@ -10,11 +10,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from seatrial.acquisition.config.configuration import TrialConfig, load_config
-from seatrial.acquisition.core.actuators import Actuators
-from seatrial.acquisition.core.angles import difference
-from seatrial.acquisition.core.arrays import Series
-from seatrial.acquisition.core.channels import BY_NAME, CIRCULAR, MOTION, NAMES
+from seatrial.acquisition.config.trial_file import TrialConfig, load_config
+from seatrial.acquisition.core.quantities import Series
+from seatrial.acquisition.core.ship import BY_NAME, CIRCULAR, MOTION, NAMES, Actuators, difference
 from seatrial.acquisition.emulator import NullModem, Playback, emulate
 from seatrial.acquisition.logger.record import record
 from seatrial.acquisition.recording.reader import Recording, read_recording
@@ -238,7 +236,7 @@ def test_times_of_reception_follow_the_played_times(tmp_path: Path, null_modem: 
 def test_tcp_gateway(tmp_path: Path, null_modem: NullModem) -> None:
     """A TCP multiplexer that is there before the recorder: every sentence arrives."""
     from seatrial.acquisition.emulator import moments_of, open_transmitter
-    from seatrial.acquisition.encoders import make_encoder
+    from seatrial.acquisition.protocols import make_encoder
 
     table = write_voyage(tmp_path / "voyage.mcap", duration_s=10.0)
     sending, receiving = transport("tcp", tmp_path, null_modem, "source")

@@ -14,22 +14,24 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from seatrial.acquisition.config.configuration import TrialConfig, load_config
-from seatrial.acquisition.core.actuators import (
+from seatrial.acquisition.config.trial_file import TrialConfig, load_config
+from seatrial.acquisition.core.errors import ConfigurationError
+from seatrial.acquisition.core.ship import (
+    MOTION,
     Actuator,
     Actuators,
+    actuators_of,
+    channel_names,
     from_text,
     numbered_shafts,
     shaft_numbers,
     shaft_of_number,
+    trial_names,
 )
-from seatrial.acquisition.core.channels import MOTION, actuators_of, channel_names, trial_names
-from seatrial.acquisition.core.errors import ConfigurationError
-from seatrial.acquisition.decoders.nmea0183 import Nmea0183Decoder
-from seatrial.acquisition.decoders.nmea2000 import Nmea2000Decoder
 from seatrial.acquisition.emulator import emulate
-from seatrial.acquisition.encoders.nmea0183 import sentence
 from seatrial.acquisition.logger.record import record
+from seatrial.acquisition.protocols.nmea0183 import Nmea0183Decoder, sentence
+from seatrial.acquisition.protocols.nmea2000 import Nmea2000Decoder
 from seatrial.acquisition.recording.reader import read_recording
 from seatrial.acquisition.tables.import_table import import_table
 from tests.acquisition.can_frames import can_frame, identifier_of, values

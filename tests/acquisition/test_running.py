@@ -21,19 +21,18 @@ import pytest
 from typer.testing import CliRunner
 
 from seatrial import app
-from seatrial.acquisition.config.configuration import load_config
-from seatrial.acquisition.config.sections import UdpSource
-from seatrial.acquisition.core.channels import MOTION, NAMES
+from seatrial.acquisition.config.sources import UdpSource
+from seatrial.acquisition.config.trial_file import load_config
 from seatrial.acquisition.core.errors import SourceError
+from seatrial.acquisition.core.ship import MOTION, NAMES
 from seatrial.acquisition.emulator import NullModem
-from seatrial.acquisition.encoders.nmea0183 import sentence
-from seatrial.acquisition.logger import supervision
-from seatrial.acquisition.logger.health import Health
-from seatrial.acquisition.logger.predictions import Predictions
-from seatrial.acquisition.logger.preflight import check_before_departure
+from seatrial.acquisition.logger import health
+from seatrial.acquisition.logger.health import Health, Predictions
 from seatrial.acquisition.logger.requests import Mark, RecorderState, RequestServer, send_mark
+from seatrial.acquisition.logger.survey import check_before_departure
+from seatrial.acquisition.protocols.nmea0183 import sentence
 from seatrial.acquisition.recording.reader import read_recording
-from seatrial.acquisition.sources.streams import TcpConnection, UdpPort
+from seatrial.acquisition.sources.lines import TcpConnection, UdpPort
 from tests.acquisition.conftest import PATIENCE_S, config_text, free_port, recorded_count, wait_for
 
 ROOT = Path(__file__).parents[2]
@@ -252,7 +251,7 @@ def test_a_log_that_nobody_reads_does_not_hold_up_the_recording() -> None:
 
     reader_wakes, stream = threading.Event(), Stuck()
     log = logging.getLogger("seatrial")
-    with supervision.log_to(stream, "text"):
+    with health.log_to(stream, "text"):
         for number in range(20_000):
             log.info("line %d", number)
         logged = True  # with the reader still asleep
@@ -279,9 +278,9 @@ def test_a_supervisor_is_told(tmp_path: Path) -> None:
 
 def test_without_a_supervisor_nobody_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv("NOTIFY_SOCKET", raising=False)
-    assert not supervision.notify("READY=1")
+    assert not health.notify("READY=1")
     monkeypatch.setenv("NOTIFY_SOCKET", "/nowhere/at/all")
-    assert not supervision.notify("READY=1")
+    assert not health.notify("READY=1")
 
 
 def two_lines(folder: Path, port: int, silent_device: str) -> Path:

@@ -8,10 +8,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from seatrial.acquisition.config.sections import CanSource, Device, UdpSource
-from seatrial.acquisition.core.frames import Fix, Sample
+from seatrial.acquisition.config.sources import CanSource, Device, UdpSource
+from seatrial.acquisition.core.trial import Fix, Sample
 from seatrial.acquisition.logger.health import SILENT_NS
-from seatrial.acquisition.logger.selection import Selector
+from seatrial.acquisition.logger.processing import Selector
 
 SECOND = 1_000_000_000
 HEADING = ("heading_deg",)

@@ -10,16 +10,15 @@ from pathlib import Path
 
 import pytest
 
-from seatrial.acquisition.config.configuration import parse_config
+from seatrial.acquisition.config.trial_file import parse_config
 from seatrial.acquisition.core.errors import ConfigurationError
-from seatrial.acquisition.core.frames import Frame, now_ns
-from seatrial.acquisition.decoders import Decoder, FurtherSenders
-from seatrial.acquisition.decoders.nmea0183 import Nmea0183Decoder, checksum
-from seatrial.acquisition.encoders.nmea0183 import sentence
+from seatrial.acquisition.core.trial import Frame, now_ns
 from seatrial.acquisition.logger.pipeline import health_of
 from seatrial.acquisition.logger.processing import FrameProcessor
+from seatrial.acquisition.protocols import Decoder, FurtherSenders
+from seatrial.acquisition.protocols.nmea0183 import Nmea0183Decoder, checksum, sentence
 from seatrial.acquisition.recording.parts import RecordingParts
-from seatrial.acquisition.sources.sockets import Senders
+from seatrial.acquisition.sources import Senders
 from tests.acquisition.can_frames import can_frame
 from tests.acquisition.conftest import config_text, free_port, wait_for
 from tests.acquisition.test_faults import recording, udp

@@ -6,9 +6,9 @@ from collections import deque
 
 import pytest
 
-from seatrial.acquisition.core.frames import Frame
-from seatrial.acquisition.decoders import Notices
-from seatrial.acquisition.decoders.clock import SourceClock
+from seatrial.acquisition.core.trial import Frame
+from seatrial.acquisition.protocols import Notices
+from seatrial.acquisition.protocols.clock import SourceClock
 
 SECOND = 1_000_000_000
 NOW = 1_790_000_000 * SECOND

@@ -9,9 +9,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from seatrial.acquisition.core.angles import difference
-from seatrial.acquisition.core.arrays import Floats
 from seatrial.acquisition.core.errors import ConfigurationError, InputError
+from seatrial.acquisition.core.quantities import Floats
+from seatrial.acquisition.core.ship import difference
 from seatrial.acquisition.tables.import_table import ImportSummary, import_table, is_standard
 from seatrial.acquisition.tables.table_files import read_raw
 from seatrial.analysis.tables.table import read_table

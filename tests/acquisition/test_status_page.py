@@ -10,16 +10,14 @@ from pathlib import Path
 
 import pytest
 
-from seatrial.acquisition.config.configuration import parse_config
-from seatrial.acquisition.config.sections import StatusSection
-from seatrial.acquisition.core.channels import NAMES
+from seatrial.acquisition.config.sources import StatusSection
+from seatrial.acquisition.config.trial_file import parse_config
 from seatrial.acquisition.core.errors import SourceError
-from seatrial.acquisition.core.frames import Sample
-from seatrial.acquisition.logger.display import Picture
-from seatrial.acquisition.logger.health import Health, SourceHealth
-from seatrial.acquisition.logger.host_clock import HostClock
+from seatrial.acquisition.core.ship import NAMES
+from seatrial.acquisition.core.trial import Sample
+from seatrial.acquisition.logger.display import Picture, StatusPage
+from seatrial.acquisition.logger.health import Health, HostClock, SourceHealth
 from seatrial.acquisition.logger.record import record
-from seatrial.acquisition.logger.viewers import StatusPage
 from seatrial.acquisition.recording.reader import read_recording
 from tests.acquisition.conftest import config_text, free_port
 

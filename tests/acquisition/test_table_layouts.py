@@ -13,9 +13,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from seatrial.acquisition.core.arrays import Floats
 from seatrial.acquisition.core.errors import InputError
-from seatrial.acquisition.tables.coordinates import degrees_of_text, meaning_of_o, signs_of
+from seatrial.acquisition.core.quantities import Floats
+from seatrial.acquisition.tables.column_map import degrees_of_text, meaning_of_o, signs_of
 from seatrial.acquisition.tables.import_table import is_standard, propose_for
 from seatrial.acquisition.tables.table_files import read_raw
 from seatrial.analysis.tables.table import read_table

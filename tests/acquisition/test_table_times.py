@@ -19,8 +19,7 @@ from seatrial.acquisition.core.times import gps_ahead_s
 from seatrial.acquisition.tables.import_table import import_table, propose_for
 from seatrial.acquisition.tables.propose import Proposal
 from seatrial.acquisition.tables.table_files import read_raw
-from seatrial.acquisition.tables.time_columns import TimeColumn, resolve_times
-from seatrial.acquisition.tables.zones import known_zone, to_utc
+from seatrial.acquisition.tables.time_columns import TimeColumn, known_zone, resolve_times, to_utc
 from tests.conftest import Command
 
 START = dt.datetime(2026, 5, 17, 12, 0, 0, 500_000, dt.UTC)

@@ -14,9 +14,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.io import savemat
 
-from seatrial.acquisition.core.channels import BY_NAME, MOTION, NAMES
 from seatrial.acquisition.core.errors import ConfigurationError, InputError
-from seatrial.acquisition.core.units import KNOT_MPS, from_degrees_and_minutes
+from seatrial.acquisition.core.quantities import KNOT_MPS, from_degrees_and_minutes
+from seatrial.acquisition.core.ship import BY_NAME, MOTION, NAMES
 from seatrial.acquisition.recording.reader import read_recording
 from seatrial.acquisition.tables.column_map import true_wind
 from seatrial.acquisition.tables.import_table import import_table, propose_for, quality_flags, read_table_file

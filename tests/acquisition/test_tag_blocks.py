@@ -8,11 +8,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from seatrial.acquisition.config.sections import FileSource
-from seatrial.acquisition.core.frames import Frame
-from seatrial.acquisition.decoders.nmea0183 import Nmea0183Decoder, TaggedSentence, split_tag
-from seatrial.acquisition.sources.logfile import LogFile
-from seatrial.acquisition.sources.streams import LineAssembler
+from seatrial.acquisition.config.sources import FileSource
+from seatrial.acquisition.core.trial import Frame
+from seatrial.acquisition.protocols.nmea0183 import Nmea0183Decoder, TaggedSentence, split_tag
+from seatrial.acquisition.sources.lines import LineAssembler
+from seatrial.acquisition.sources.log_file import LogFile
 from tests.acquisition.test_nmea0183 import NOON_NS, SECOND, gga, heading, line, sound, tagged
 
 

@@ -8,18 +8,20 @@ from pathlib import Path
 
 import pytest
 
-from seatrial.acquisition.config.sections import RecordingSection
-from seatrial.acquisition.core.arrays import Series
+from seatrial.acquisition.config.sources import RecordingSection
 from seatrial.acquisition.core.errors import InputError
-from seatrial.acquisition.core.frames import Sample
-from seatrial.acquisition.core.trial import Trial
-from seatrial.acquisition.logger.follow import Follower, choose_recorder, no_recorder_text
-from seatrial.acquisition.logger.health import Health
-from seatrial.acquisition.logger.predictions import Predictions
-from seatrial.acquisition.logger.requests import RecorderState, RequestServer
+from seatrial.acquisition.core.quantities import Series
+from seatrial.acquisition.core.trial import Sample, Trial
+from seatrial.acquisition.logger.health import Health, Predictions
+from seatrial.acquisition.logger.requests import (
+    Follower,
+    RecorderState,
+    RequestServer,
+    choose_recorder,
+    no_recorder_text,
+)
 from seatrial.acquisition.recording.parts import RecordingParts
-from seatrial.acquisition.recording.reader import read_recording
-from seatrial.acquisition.recording.tail import Tail
+from seatrial.acquisition.recording.reader import Tail, read_recording
 from seatrial.acquisition.recording.writer import RecordingWriter
 
 START_NS = 1_790_000_000_000_000_000

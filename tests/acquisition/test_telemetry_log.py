@@ -15,12 +15,12 @@ from hypothesis import strategies as st
 from pymavlink import mavutil
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from seatrial.acquisition.config.sections import MavlinkFileSource
+from seatrial.acquisition.config.sources import MavlinkFileSource
 from seatrial.acquisition.core.errors import SourceError
-from seatrial.acquisition.core.frames import Frame, Sample
-from seatrial.acquisition.core.units import DEG_PER_RAD
-from seatrial.acquisition.decoders import make_decoders
-from seatrial.acquisition.decoders.mavlink_packets import Fault, PacketCutter, header_of, is_sound
+from seatrial.acquisition.core.quantities import DEG_PER_RAD
+from seatrial.acquisition.core.trial import Frame, Sample
+from seatrial.acquisition.protocols import make_decoders
+from seatrial.acquisition.protocols.mavlink import Fault, PacketCutter, header_of, is_sound
 from seatrial.acquisition.sources import make_source
 from tests.acquisition.test_mavlink import UTC_US
 from tests.acquisition.test_mavlink_packets import broken, stream

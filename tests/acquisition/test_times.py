@@ -12,8 +12,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from seatrial.acquisition.core.times import ORDERS, Order, Stamp, date_order, find_stamp
-from seatrial.acquisition.decoders import clock
-from seatrial.acquisition.encoders.nmea0183 import sentence
+from seatrial.acquisition.protocols import clock
+from seatrial.acquisition.protocols.nmea0183 import sentence
 from seatrial.acquisition.recording.reader import read_recording
 from tests.acquisition.conftest import config_text
 from tests.conftest import Command

@@ -10,12 +10,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from seatrial.acquisition.config.configuration import TrialConfig, load_config
-from seatrial.acquisition.core.frames import Frame
-from seatrial.acquisition.encoders.nmea0183 import sentence
+from seatrial.acquisition.config.trial_file import TrialConfig, load_config
+from seatrial.acquisition.core.trial import Frame
 from seatrial.acquisition.logger import maintenance as housekeeping
 from seatrial.acquisition.logger.maintenance import Timescale
 from seatrial.acquisition.logger.pipeline import Recorder
+from seatrial.acquisition.protocols.nmea0183 import sentence
 from seatrial.acquisition.recording.parts import RecordingParts
 from seatrial.acquisition.recording.reader import Recording, read_recording
 from tests.acquisition.conftest import config_text, wait_for

@@ -8,8 +8,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 
-from seatrial.acquisition.core.angles import difference
-from seatrial.acquisition.core.channels import NAMES
+from seatrial.acquisition.core.ship import NAMES, difference
 from seatrial.analysis.tables.table import NANO, index_of
 
 START_S = 1_573_287_600

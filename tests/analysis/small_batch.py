@@ -10,10 +10,9 @@ import numpy as np
 import pandas as pd
 from mcap.reader import make_reader
 
-from seatrial.acquisition.core.angles import wrap_360
-from seatrial.acquisition.core.channels import NAMES
+from seatrial.acquisition.core.ship import NAMES, wrap_360
 from seatrial.acquisition.core.trial import Trial
-from seatrial.acquisition.recording.tables import write_table
+from seatrial.acquisition.recording.writer import write_table
 from seatrial.analysis.products import Options
 from tests.analysis.conftest import table_at
 

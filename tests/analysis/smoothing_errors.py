@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 
-from seatrial.acquisition.core.angles import difference
-from seatrial.acquisition.core.arrays import Bools, Floats
+from seatrial.acquisition.core.quantities import Bools, Floats
+from seatrial.acquisition.core.ship import difference
 from seatrial.analysis.estimation.motion_model import BODY
 from seatrial.analysis.estimation.smoother import SmoothedMotion
 

@@ -12,11 +12,10 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from seatrial.acquisition.core.angles import difference, wrap_180, wrap_360
-from seatrial.acquisition.core.channels import CIRCULAR, NAMES
+from seatrial.acquisition.core.ship import CIRCULAR, NAMES, difference, wrap_180, wrap_360
 from seatrial.acquisition.core.trial import Trial
 from seatrial.acquisition.recording.reader import read_recording
-from seatrial.acquisition.recording.tables import write_table
+from seatrial.acquisition.recording.writer import write_table
 from seatrial.acquisition.tables.import_table import import_table
 from seatrial.analysis.estimation.local_polynomial import smooth_motion
 from seatrial.analysis.estimation.smoother import smooth

@@ -17,10 +17,9 @@ from typer.testing import CliRunner
 
 from seatrial import app
 from seatrial.acquisition.core.errors import InputError
-from seatrial.acquisition.core.frames import Quality
-from seatrial.acquisition.core.trial import Trial
+from seatrial.acquisition.core.trial import Quality, Trial
 from seatrial.acquisition.recording.reader import read_recording
-from seatrial.acquisition.recording.tables import write_table
+from seatrial.acquisition.recording.writer import write_table
 from seatrial.analysis.quality.check import check_recording, check_table
 from seatrial.analysis.tables.files import read_parquet
 from seatrial.analysis.tables.table import read_table

@@ -11,7 +11,7 @@ import pandas as pd
 import pytest
 from scipy.signal import lfilter
 
-from seatrial.acquisition.core.angles import difference
+from seatrial.acquisition.core.ship import difference
 from seatrial.acquisition.tables.import_table import import_table
 from seatrial.analysis.tables.table import seconds_of
 

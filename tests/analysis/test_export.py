@@ -20,11 +20,11 @@ from scipy.io import loadmat, netcdf_file
 from typer.testing import CliRunner
 
 from seatrial import app
-from seatrial.acquisition.core.channels import BY_NAME, NAMES
 from seatrial.acquisition.core.errors import DataShortageError, InputError, StorageError
+from seatrial.acquisition.core.ship import BY_NAME, NAMES
 from seatrial.acquisition.core.trial import Trial
 from seatrial.acquisition.recording.reader import read_recording
-from seatrial.acquisition.recording.tables import write_table
+from seatrial.acquisition.recording.writer import write_table
 from seatrial.acquisition.tables.import_table import import_table
 from seatrial.acquisition.tables.table_files import read_raw
 from seatrial.analysis.prepare import Preparation, prepare

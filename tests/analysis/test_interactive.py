@@ -13,9 +13,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from seatrial.acquisition.core.angles import wrap_180
-from seatrial.acquisition.core.channels import BY_NAME, CIRCULAR, NAMES
 from seatrial.acquisition.core.errors import ConfigurationError, DataShortageError, InputError
+from seatrial.acquisition.core.ship import BY_NAME, CIRCULAR, NAMES, wrap_180
 from seatrial.analysis.manoeuvres import Manoeuvre
 from seatrial.analysis.report.interactive import (
     MOST_PREDICTED,

@@ -8,8 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from seatrial.acquisition.core.angles import difference, wrap_360
-from seatrial.acquisition.core.channels import POSE_AND_VELOCITY
+from seatrial.acquisition.core.ship import POSE_AND_VELOCITY, difference, wrap_360
 from seatrial.analysis.estimation.local_polynomial import (
     half_width_for,
     local_quadratic,

@@ -15,11 +15,11 @@ import pymap3d
 import pytest
 from scipy.io import netcdf_file
 
-from seatrial.acquisition.core.channels import CHANNELS, NAMES
 from seatrial.acquisition.core.errors import InputError
+from seatrial.acquisition.core.ship import CHANNELS, NAMES
 from seatrial.acquisition.core.trial import Trial
 from seatrial.acquisition.recording.reader import read_recording
-from seatrial.acquisition.recording.tables import write_table
+from seatrial.acquisition.recording.writer import write_table
 from seatrial.acquisition.tables.import_table import import_table
 from seatrial.analysis.prepare import Preparation, prepare
 from seatrial.analysis.quality.check import check_recording

@@ -13,10 +13,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from seatrial.acquisition.core.channels import NAMES
 from seatrial.acquisition.core.errors import InputError, StorageError
+from seatrial.acquisition.core.ship import NAMES
 from seatrial.acquisition.core.trial import Trial
-from seatrial.acquisition.recording.tables import write_table
+from seatrial.acquisition.recording.writer import write_table
 from seatrial.analysis.batch import one_recording
 from seatrial.analysis.batch.batch import recordings_below
 from seatrial.analysis.batch.one_recording import SUMMARY, distance_m, process_recording, reusable_row, thumbnail

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from typer.testing import CliRunner
 
 from seatrial import app
-from seatrial.acquisition.core.angles import unwrap
+from seatrial.acquisition.core.ship import unwrap
 from seatrial.acquisition.tables.import_table import import_table
 from seatrial.analysis.tables.resample import resample
 from seatrial.analysis.tables.table import read_table

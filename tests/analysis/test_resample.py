@@ -11,9 +11,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from seatrial.acquisition.core.arrays import Series
-from seatrial.acquisition.core.channels import BY_NAME, is_setting
 from seatrial.acquisition.core.errors import DataShortageError, InputError
+from seatrial.acquisition.core.quantities import Series
+from seatrial.acquisition.core.ship import BY_NAME, is_setting
 from seatrial.acquisition.core.trial import Trial
 from seatrial.acquisition.recording.reader import Recording
 from seatrial.analysis.tables.resample import resample, resample_recording

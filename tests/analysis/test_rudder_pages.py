@@ -10,10 +10,10 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from seatrial.acquisition.core.actuators import Actuator, as_text, control_names, name_of_order
+from seatrial.acquisition.core.ship import Actuator, as_text, control_names, name_of_order
 from seatrial.acquisition.core.trial import Trial
 from seatrial.acquisition.recording.reader import read_recording
-from seatrial.acquisition.recording.tables import write_table
+from seatrial.acquisition.recording.writer import write_table
 from seatrial.acquisition.tables.import_table import read_table_file
 from seatrial.analysis.batch.one_recording import process_recording
 from seatrial.analysis.manoeuvres import find_manoeuvres

@@ -10,7 +10,7 @@ import pytest
 
 from seatrial.acquisition.core.trial import Trial
 from seatrial.acquisition.recording.reader import read_recording
-from seatrial.acquisition.recording.tables import write_table
+from seatrial.acquisition.recording.writer import write_table
 from seatrial.analysis.conditions import BEAUFORT_MPS, beaufort
 from seatrial.analysis.manoeuvres.indices import Current, Manoeuvre
 from seatrial.analysis.report.pages import events_of

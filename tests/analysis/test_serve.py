@@ -22,7 +22,7 @@ from werkzeug.test import TestResponse
 from seatrial.acquisition.core.errors import InputError, SourceError, StorageError
 from seatrial.acquisition.core.trial import Trial
 from seatrial.acquisition.recording.reader import read_recording
-from seatrial.acquisition.recording.tables import write_table
+from seatrial.acquisition.recording.writer import write_table
 from seatrial.analysis.batch.one_recording import SUMMARY, WAITING, Row
 from seatrial.analysis.batch.workers import BatchJob
 from seatrial.analysis.serve.app import MOST_RUNS, make_app, serve

@@ -9,8 +9,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from seatrial.acquisition.core.angles import difference
 from seatrial.acquisition.core.errors import InputError
+from seatrial.acquisition.core.ship import difference
 from seatrial.analysis.estimation.smoother import SmoothedMotion, smooth
 from seatrial.hybrid.simulation.trial import SimulationNoise, simulate_trial
 from tests.analysis.smoothing_errors import coverage, nees, with_accelerations

@@ -11,13 +11,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from seatrial.acquisition.core.arrays import Series
-from seatrial.acquisition.core.channels import BY_NAME, NAMES
 from seatrial.acquisition.core.errors import InputError
-from seatrial.acquisition.core.frames import Quality
-from seatrial.acquisition.core.trial import Trial
+from seatrial.acquisition.core.quantities import Series
+from seatrial.acquisition.core.ship import BY_NAME, NAMES
+from seatrial.acquisition.core.trial import Quality, Trial
 from seatrial.acquisition.recording.reader import Recording
-from seatrial.acquisition.recording.tables import write_table
+from seatrial.acquisition.recording.writer import write_table
 from seatrial.acquisition.tables.import_table import import_table
 from seatrial.analysis.tables.export import export_table
 from seatrial.analysis.tables.resample import resample

@@ -10,11 +10,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from seatrial.acquisition.core.actuators import DEFAULT
-from seatrial.acquisition.core.channels import COMMAND, NAMES
 from seatrial.acquisition.core.errors import DataShortageError, InputError
+from seatrial.acquisition.core.ship import COMMAND, DEFAULT, NAMES
 from seatrial.acquisition.core.trial import Trial
-from seatrial.acquisition.recording.tables import write_table
+from seatrial.acquisition.recording.writer import write_table
 from seatrial.analysis.estimation.noise_levels import noise_of
 from seatrial.analysis.tables.table import CALM, history_of, with_calm
 from seatrial.analysis.windows.held import columns_for, held_windows, join_windows

@@ -8,8 +8,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from seatrial.acquisition.core.actuators import Actuator, Actuators, as_text, control_names
-from seatrial.acquisition.core.channels import trial_names
+from seatrial.acquisition.core.ship import Actuator, Actuators, as_text, control_names, trial_names
 from seatrial.analysis.tables.resample import resample
 from seatrial.analysis.windows.held import REASONS, held_windows, sort_of, steady_mask
 from tests.analysis.conftest import table_at

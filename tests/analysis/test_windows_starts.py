@@ -13,10 +13,9 @@ from hypothesis import strategies as st
 from typer.testing import CliRunner
 
 from seatrial import app
-from seatrial.acquisition.core.actuators import DEFAULT
-from seatrial.acquisition.core.channels import POSE_AND_VELOCITY
+from seatrial.acquisition.core.ship import DEFAULT, POSE_AND_VELOCITY
 from seatrial.acquisition.core.trial import Trial
-from seatrial.acquisition.recording.tables import write_table
+from seatrial.acquisition.recording.writer import write_table
 from seatrial.analysis.estimation.smoother import COVARIANCE_NAMES, smooth
 from seatrial.analysis.tables.resample import resample
 from seatrial.analysis.windows.held import REASONS, columns_for, feedback_of, held_windows, join_windows

@@ -27,13 +27,11 @@ import pyarrow.parquet as pq
 import zstandard
 from mcap import records as mcap
 
-from seatrial.acquisition.core.channels import NAMES
-from seatrial.acquisition.core.frames import Sample
-from seatrial.acquisition.recording.mcap_file import end_without_index, serialise
-from seatrial.acquisition.recording.messages import encode, encode_sample
-from seatrial.acquisition.recording.records import MESSAGE
-from seatrial.acquisition.recording.scan import MCAP_MAGIC
-from seatrial.acquisition.recording.schemas import kind_of
+from seatrial.acquisition.core.ship import NAMES
+from seatrial.acquisition.core.trial import Sample
+from seatrial.acquisition.recording.messages import encode, encode_sample, kind_of
+from seatrial.acquisition.recording.scan import MCAP_MAGIC, MESSAGE
+from seatrial.acquisition.recording.writer import end_without_index, serialise
 
 START_NS = 1_780_000_000_000_000_000
 CHUNK_BYTES = 64 * 1024 * 1024  # the largest that is read

@@ -16,12 +16,11 @@ from pathlib import Path
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from seatrial.acquisition.config.configuration import load_config
-from seatrial.acquisition.core.frames import Frame, FrameFlag
-from seatrial.acquisition.decoders.nmea0183 import checksum
-from seatrial.acquisition.decoders.parameter_groups import READERS, SHORTEST_BYTES
-from seatrial.acquisition.encoders.nmea0183 import sentence
+from seatrial.acquisition.config.trial_file import load_config
+from seatrial.acquisition.core.trial import Frame, FrameFlag
 from seatrial.acquisition.logger.survey import Survey
+from seatrial.acquisition.protocols.nmea0183 import checksum, sentence
+from seatrial.acquisition.protocols.parameter_groups import READERS, SHORTEST_BYTES
 from tests.acquisition.can_frames import identifier_of
 
 START_NS = 1_798_718_400_000_000_000

@@ -13,18 +13,16 @@ from collections.abc import Iterator, Sequence
 from itertools import cycle
 from pathlib import Path
 
-from seatrial.acquisition.config.configuration import TrialConfig, load_config
-from seatrial.acquisition.config.sections import FileSource, MavlinkFileSource
-from seatrial.acquisition.core.channels import channels_known_to
-from seatrial.acquisition.core.frames import Frame, Protocol, Sample
-from seatrial.acquisition.decoders import Decoder, decoders_by_protocol
-from seatrial.acquisition.decoders.fast_packets import LONGEST_BYTES
-from seatrial.acquisition.decoders.nmea2000 import parameter_group
-from seatrial.acquisition.decoders.parameter_groups import ADDRESS_CLAIM, SHORTEST_BYTES
+from seatrial.acquisition.config.sources import FileSource, MavlinkFileSource
+from seatrial.acquisition.config.trial_file import TrialConfig, load_config
+from seatrial.acquisition.core.ship import channels_known_to
+from seatrial.acquisition.core.trial import Frame, Protocol, Sample
 from seatrial.acquisition.logger.survey import Survey
-from seatrial.acquisition.sources.logfile import LogFile
-from seatrial.acquisition.sources.streams import LineAssembler
-from seatrial.acquisition.sources.telemetry_log import TelemetryLog
+from seatrial.acquisition.protocols import Decoder, decoders_by_protocol
+from seatrial.acquisition.protocols.nmea2000 import LONGEST_BYTES, parameter_group
+from seatrial.acquisition.protocols.parameter_groups import ADDRESS_CLAIM, SHORTEST_BYTES
+from seatrial.acquisition.sources.lines import LineAssembler
+from seatrial.acquisition.sources.log_file import LogFile, TelemetryLog
 
 START_NS = 1_798_718_400_000_000_000
 CAPTURES = Path(os.environ.get("SEATRIAL_DATA", Path(__file__).resolve().parents[3] / "shared" / "data"))

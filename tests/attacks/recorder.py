@@ -19,9 +19,9 @@ from pathlib import Path
 
 import pytest
 
-from seatrial.acquisition.encoders.nmea0183 import sentence
+from seatrial.acquisition.protocols.nmea0183 import sentence
+from seatrial.acquisition.recording.messages import RAW_PREFIX
 from seatrial.acquisition.recording.reader import MessageStream
-from seatrial.acquisition.recording.schemas import RAW_PREFIX
 from tests.attacks.commands import PATIENCE_S, start
 
 HOOKS = Path(__file__).parent / "hooks"

@@ -15,10 +15,9 @@ import pandas as pd
 import pytest
 
 import seatrial as st
-from seatrial.acquisition.config.sections import RecordingSection
+from seatrial.acquisition.config.sources import RecordingSection
 from seatrial.acquisition.core.errors import InputError
-from seatrial.acquisition.core.frames import NANO, Sample
-from seatrial.acquisition.core.trial import Trial
+from seatrial.acquisition.core.trial import NANO, Sample, Trial
 from seatrial.acquisition.logger.maintenance import Timescale, clock_metadata
 from seatrial.acquisition.recording.grouping import NEW_PART_NS, read_parts, read_together, whole_recordings
 from seatrial.acquisition.recording.parts import RecordingParts

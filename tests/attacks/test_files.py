@@ -13,13 +13,11 @@ import zstandard
 from mcap import records as mcap
 
 from seatrial.acquisition.core.errors import InputError
-from seatrial.acquisition.core.frames import Frame, Sample
-from seatrial.acquisition.core.trial import Trial
-from seatrial.acquisition.recording.mcap_file import serialise
+from seatrial.acquisition.core.trial import Frame, Sample, Trial
+from seatrial.acquisition.recording.messages import kind_of
 from seatrial.acquisition.recording.reader import Recording, read_recording
 from seatrial.acquisition.recording.recover import recover
-from seatrial.acquisition.recording.schemas import kind_of
-from seatrial.acquisition.recording.writer import RecordingWriter
+from seatrial.acquisition.recording.writer import RecordingWriter, serialise
 from tests.attacks.bombs import (
     CHUNK_BYTES,
     LOG_BOMBS,

@@ -21,20 +21,18 @@ import msgpack
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from seatrial.acquisition.config.configuration import TrialConfig, load_config
-from seatrial.acquisition.core.channels import NAMES
-from seatrial.acquisition.core.frames import Frame, Sample
-from seatrial.acquisition.decoders.nmea0183 import checksum
-from seatrial.acquisition.encoders.nmea0183 import sentence
+from seatrial.acquisition.config.trial_file import TrialConfig, load_config
+from seatrial.acquisition.core.ship import NAMES
+from seatrial.acquisition.core.trial import Frame, Sample
 from seatrial.acquisition.logger.health import ChannelHealth, Events, Health, SourceHealth
 from seatrial.acquisition.logger.maintenance import Maintenance, Timescale
-from seatrial.acquisition.logger.pipeline import health_of
+from seatrial.acquisition.logger.pipeline import Inbox, health_of
 from seatrial.acquisition.logger.processing import FrameProcessor
-from seatrial.acquisition.logger.receiver import Inbox
+from seatrial.acquisition.protocols.nmea0183 import checksum, sentence
 from seatrial.acquisition.recording.parts import RecordingParts
 from seatrial.acquisition.recording.reader import Recording, read_recording
 from seatrial.acquisition.recording.writer import RecordingWriter
-from seatrial.acquisition.sources.streams import LineAssembler
+from seatrial.acquisition.sources.lines import LineAssembler
 from tests.acquisition.can_frames import identifier_of
 from tests.acquisition.conftest import free_port, wait_for
 from tests.acquisition.test_faults import Cable, Running, cable, recording, slcan_headings, source, udp
@@ -298,7 +296,7 @@ def test_a_line_of_64_kb_costs_no_more_than_its_length(name: str) -> None:
 
 READ_ENDLESS = """
 import sys
-from seatrial.acquisition.sources.line_forms import LineReader
+from seatrial.acquisition.sources.log_formats import LineReader
 from tests.attacks.test_live_input import ENDLESS, NOON_NS, LineAssembler
 line, reader, assembler = ENDLESS[sys.argv[1]], LineReader(), LineAssembler("line")
 for _ in range(100):

@@ -10,11 +10,9 @@ from pathlib import Path
 
 import pytest
 
-from seatrial.acquisition.core.frames import Quality, Sample
-from seatrial.acquisition.core.trial import Trial
-from seatrial.acquisition.logger.display import Picture
+from seatrial.acquisition.core.trial import Quality, Sample, Trial
+from seatrial.acquisition.logger.display import Picture, as_json, page
 from seatrial.acquisition.logger.health import Health, SourceHealth
-from seatrial.acquisition.logger.viewers import as_json, page
 from seatrial.acquisition.recording.writer import RecordingWriter
 from seatrial.analysis.serve.app import make_app
 from seatrial.analysis.serve.season import Season

@@ -17,7 +17,7 @@ from typing import Any
 
 import pytest
 
-from seatrial.acquisition.core.locks import LOCK
+from seatrial.acquisition.core.files import LOCK
 from tests.attacks import commands, interruptions
 from tests.attacks.commands import PATIENCE_S, ROOT, run_seatrial
 from tests.attacks.interruptions import (
@@ -45,7 +45,7 @@ SHIP = ("--length", "82", "--beam", "12.5", "--draught", "5.2", "--block", "0.74
 def inputs(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with a recording, one with raw input, and a table."""
     from seatrial.acquisition.core.trial import Trial
-    from seatrial.acquisition.recording.tables import write_table
+    from seatrial.acquisition.recording.writer import write_table
     from seatrial.hybrid.simulation.trial import simulate_trial
 
     folder = tmp_path_factory.mktemp("inputs")
@@ -59,11 +59,11 @@ def inputs(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def _record_raw(folder: Path) -> None:
     """Two minutes of headings as sentences, decoded by the configuration beside them."""
-    from seatrial.acquisition.config.configuration import load_config
-    from seatrial.acquisition.core.frames import Frame, FrameFlag
-    from seatrial.acquisition.encoders.nmea0183 import sentence
+    from seatrial.acquisition.config.trial_file import load_config
+    from seatrial.acquisition.core.trial import Frame, FrameFlag
     from seatrial.acquisition.logger.pipeline import health_of
     from seatrial.acquisition.logger.processing import FrameProcessor
+    from seatrial.acquisition.protocols.nmea0183 import sentence
     from seatrial.acquisition.recording.writer import RecordingWriter
 
     source = '[[source]]\nname = "line"\ntype = "udp"\nport = 10110\nchannels = ["heading_deg"]\n'
@@ -137,7 +137,7 @@ def other_command(output: str) -> Iterator[int]:
     """Another process that writes to an output until the end; its number."""
     code = (
         "import sys; from pathlib import Path\n"
-        "from seatrial.acquisition.core.locks import locked_file, locked_folder\n"
+        "from seatrial.acquisition.core.files import locked_file, locked_folder\n"
         "lock = locked_folder if sys.argv[1].endswith('/') else locked_file\n"
         "with lock(Path(sys.argv[1])): print('locked', flush=True); sys.stdin.read()"
     )

@@ -14,15 +14,20 @@ from pathlib import Path
 
 import pytest
 
-from seatrial.acquisition.config.sections import LiveSection, StatusSection
+from seatrial.acquisition.config.sources import LiveSection, StatusSection
 from seatrial.acquisition.core.errors import SourceError, StorageError
 from seatrial.acquisition.core.trial import Trial
-from seatrial.acquisition.logger.display import Picture
-from seatrial.acquisition.logger.health import Health
-from seatrial.acquisition.logger.predictions import Predictions
-from seatrial.acquisition.logger.requests import RecorderState, RequestServer, send_mark
-from seatrial.acquisition.logger.viewers import LiveView, StatusPage
-from seatrial.acquisition.logger.web_front import RefusalError, Request, WebFront, check_sender
+from seatrial.acquisition.logger.display import LiveView, Picture, StatusPage
+from seatrial.acquisition.logger.health import Health, Predictions
+from seatrial.acquisition.logger.requests import (
+    RecorderState,
+    RefusalError,
+    Request,
+    RequestServer,
+    WebFront,
+    check_sender,
+    send_mark,
+)
 from seatrial.analysis.cli import serve
 from tests.acquisition.conftest import PATIENCE_S, free_port
 from tests.attacks.other_user import as_nobody, open_folder

@@ -20,15 +20,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from seatrial.acquisition.config.sections import RecordingSection
+from seatrial.acquisition.config.sources import RecordingSection
 from seatrial.acquisition.core.errors import StorageError
-from seatrial.acquisition.core.frames import Sample
-from seatrial.acquisition.core.trial import Trial
+from seatrial.acquisition.core.trial import Sample, Trial
 from seatrial.acquisition.recording import parts as parts_module
-from seatrial.acquisition.recording import storage
+from seatrial.acquisition.recording import writer
+from seatrial.acquisition.recording.messages import HEALTH_TOPIC
 from seatrial.acquisition.recording.parts import RecordingParts, parts_in
 from seatrial.acquisition.recording.reader import MessageStream, read_recording
-from seatrial.acquisition.recording.schemas import HEALTH_TOPIC
 from tests.attacks.commands import PATIENCE_S, start
 from tests.attacks.recorder import (
     AttackedRecorder,
@@ -195,8 +194,8 @@ class FailingSystem:
     def __init__(self, patch: pytest.MonkeyPatch) -> None:
         self.failing: dict[str, BaseException] = {}
         for name in self.NAMES:
-            patch.setattr(storage.os, name, self._wrapped(name, getattr(os, name)))
-        patch.setattr(storage.os.path, "ismount", self._wrapped("ismount", os.path.ismount))
+            patch.setattr(writer.os, name, self._wrapped(name, getattr(os, name)))
+        patch.setattr(writer.os.path, "ismount", self._wrapped("ismount", os.path.ismount))
         for name in self.PATHS:
             patch.setattr(Path, name, self._wrapped(name, getattr(Path, name)))
 

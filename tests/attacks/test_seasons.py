@@ -19,9 +19,9 @@ import pandas as pd
 import pytest
 from flask.testing import FlaskClient
 
-from seatrial.acquisition.core.channels import NAMES as CHANNELS
+from seatrial.acquisition.core.ship import NAMES as CHANNELS
 from seatrial.acquisition.core.trial import Trial
-from seatrial.acquisition.recording.tables import write_table
+from seatrial.acquisition.recording.writer import write_table
 from seatrial.analysis.batch.batch import (
     BatchSummary,
     process_job,

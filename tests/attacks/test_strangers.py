@@ -82,11 +82,11 @@ def test_debug_variable_shows_the_traceback(command: Command, monkeypatch: pytes
 
 
 def test_unexpected_error_names_the_line_of_seatrial_that_raised_it() -> None:
-    from seatrial.acquisition.core.units import ending_of
+    from seatrial.acquisition.core.quantities import ending_of
 
     with pytest.raises(AttributeError) as raised:
         ending_of(None)  # type: ignore[arg-type]
-    assert "seatrial.acquisition.core.units, line " in str(unexpected(raised.value))
+    assert "seatrial.acquisition.core.quantities, line " in str(unexpected(raised.value))
 
 
 # Files that name code
@@ -247,8 +247,7 @@ def test_result_of_a_batch_cannot_name_another_folder(voyage: Path, tmp_path: Pa
 
 def recording_with(path: Path, configuration: str, attachments: dict[str, bytes] | None = None) -> Path:
     """A recording with raw input and this configuration attached."""
-    from seatrial.acquisition.core.frames import Frame
-    from seatrial.acquisition.core.trial import Trial
+    from seatrial.acquisition.core.trial import Frame, Trial
     from seatrial.acquisition.recording.writer import RecordingWriter
 
     attached = {"configuration.toml": configuration.encode(), **(attachments or {})}
@@ -350,7 +349,7 @@ def drawn(renderable: object) -> str:
     """What a terminal gets, without the styles that rich adds."""
     from io import StringIO
 
-    from seatrial.acquisition.core.terminal import Terminal
+    from seatrial.acquisition.core.errors import Terminal
 
     stream = StringIO()
     Terminal(file=stream, force_terminal=True, color_system="standard", width=200).print(renderable)
@@ -390,7 +389,7 @@ def test_terminal_takes_no_text_for_markup(text: str) -> None:
 def test_log_shows_escaped_text(form: Any, text: str) -> None:
     from io import StringIO
 
-    from seatrial.acquisition.logger.supervision import LOG, log_to
+    from seatrial.acquisition.logger.health import LOG, log_to
 
     stream = StringIO()
     with log_to(stream, form):
@@ -404,8 +403,7 @@ def test_mark_cannot_pass_for_a_line_of_the_log_or_of_the_display() -> None:
     from io import StringIO
 
     from seatrial.acquisition.logger.display import _events
-    from seatrial.acquisition.logger.health import Health
-    from seatrial.acquisition.logger.supervision import LOG, log_to
+    from seatrial.acquisition.logger.health import LOG, Health, log_to
 
     stream, text = StringIO(), "calm\nerror: the disk is full"
     with log_to(stream, "text"):
@@ -619,8 +617,7 @@ def test_nested_toml_is_refused_where_it_is_read(name: str, nest: str, place: Pa
 @pytest.mark.parametrize("nest", ["array", "object"])
 @pytest.mark.parametrize("key", ["channels", "actuators", "place"])
 def test_nested_json_in_a_run_sheet_is_no_failure(nest: str, key: str, tmp_path: Path, command: Command) -> None:
-    from seatrial.acquisition.core.frames import Sample
-    from seatrial.acquisition.core.trial import Trial
+    from seatrial.acquisition.core.trial import Sample, Trial
     from seatrial.acquisition.recording.writer import RecordingWriter
 
     path = tmp_path / "theirs.mcap"

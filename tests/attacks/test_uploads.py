@@ -21,7 +21,7 @@ from werkzeug.test import TestResponse
 
 from seatrial.acquisition.core.errors import SeatrialError
 from seatrial.acquisition.core.trial import Trial
-from seatrial.acquisition.recording.tables import write_table
+from seatrial.acquisition.recording.writer import write_table
 from seatrial.analysis.serve import app, limited
 from seatrial.analysis.serve.app import make_app
 from seatrial.analysis.serve.limited import call_limited

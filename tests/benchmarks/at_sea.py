@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from seatrial.acquisition.core.progress import bar
+from seatrial.acquisition.core.errors import bar
 from tests.benchmarks.diagnosis.at_sea import KINDS, cases_at_sea
 from tests.benchmarks.diagnosis.scoring import Share, exact, gap_closed, in_set, reported_set, share, silently_wrong
 from tests.benchmarks.diagnosis.store import carried_out

@@ -33,8 +33,7 @@ T = TypeVar("T")
 
 def write_voyage(path: Path, hours: float) -> int:
     """Simulated hours one after the other, each channel at times of its own; the number of samples."""
-    from seatrial.acquisition.core.frames import Sample
-    from seatrial.acquisition.core.trial import Trial
+    from seatrial.acquisition.core.trial import Sample, Trial
     from seatrial.acquisition.recording.writer import RecordingWriter
     from seatrial.hybrid.simulation.trial import simulate_trial
 

@@ -22,9 +22,8 @@ from scipy.interpolate import CubicSpline
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
-from seatrial.acquisition.core.arrays import Floats
-from seatrial.acquisition.tables.derived_columns import rate
-from seatrial.analysis.kinematics import to_earth, to_ship
+from seatrial.acquisition.core.quantities import Floats, to_earth, to_ship
+from seatrial.acquisition.tables.column_map import rate
 from seatrial.analysis.quality.findings import Finding
 from seatrial.analysis.quality.motion.checks import findings_of
 from seatrial.analysis.quality.motion.kinematics import fit_kinematics

@@ -14,7 +14,7 @@ import argparse
 from pathlib import Path
 from typing import Any, get_args
 
-from seatrial.acquisition.core.progress import bar
+from seatrial.acquisition.core.errors import bar
 from tests.benchmarks.diagnosis.cases import GROUPS, Size, cases_of
 from tests.benchmarks.diagnosis.page import write_page
 from tests.benchmarks.diagnosis.plan import planned, preparations

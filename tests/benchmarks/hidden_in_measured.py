@@ -14,7 +14,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from seatrial.acquisition.core.progress import bar
+from seatrial.acquisition.core.errors import bar
 from tests.benchmarks.diagnosis.store import carried_out, stored
 from tests.benchmarks.measured.judge import cases_of, recordings_in
 from tests.benchmarks.measured.kinds import KINDS

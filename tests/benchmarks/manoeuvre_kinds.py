@@ -16,7 +16,7 @@ from itertools import pairwise
 import numpy as np
 import pandas as pd
 
-from seatrial.acquisition.core.arrays import Floats
+from seatrial.acquisition.core.quantities import Floats
 from seatrial.analysis.manoeuvres import LeftOut, Manoeuvre, manoeuvres_and_left_out
 from seatrial.analysis.manoeuvres.measures import crossing_s
 from seatrial.analysis.manoeuvres.motion import Motion, motion_of

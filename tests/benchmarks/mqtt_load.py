@@ -21,10 +21,10 @@ import numpy as np
 from paho.mqtt.client import Client
 from paho.mqtt.enums import CallbackAPIVersion
 
-from seatrial.acquisition.config.configuration import load_config
-from seatrial.acquisition.config.sections import MqttSource
-from seatrial.acquisition.encoders.mqtt import told
-from seatrial.acquisition.encoders.nmea0183 import sentence
+from seatrial.acquisition.config.sources import MqttSource
+from seatrial.acquisition.config.trial_file import load_config
+from seatrial.acquisition.protocols.mqtt import told
+from seatrial.acquisition.protocols.nmea0183 import sentence
 from seatrial.acquisition.recording.reader import Recording, read_recording
 from tests.acquisition.conftest import Broker, open_sources, wait_for
 from tests.benchmarks.recorder_load import ROOT, cpu_s, paced, state

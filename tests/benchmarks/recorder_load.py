@@ -23,9 +23,9 @@ from pathlib import Path
 
 import can
 
-from seatrial.acquisition.config.sections import MavlinkSource
-from seatrial.acquisition.encoders import Moment, make_encoder
-from seatrial.acquisition.encoders.nmea0183 import sentence
+from seatrial.acquisition.config.sources import MavlinkSource
+from seatrial.acquisition.protocols import Moment, make_encoder
+from seatrial.acquisition.protocols.nmea0183 import sentence
 from seatrial.acquisition.recording.reader import read_recording
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -17,13 +17,13 @@ import tempfile
 import time
 from pathlib import Path
 
-from seatrial.acquisition.config.configuration import load_config
+from seatrial.acquisition.config.trial_file import load_config
 from seatrial.acquisition.core.errors import SourceError
-from seatrial.acquisition.core.frames import Frame, now_ns
-from seatrial.acquisition.encoders.nmea0183 import sentence
+from seatrial.acquisition.core.trial import Frame, now_ns
 from seatrial.acquisition.logger import maintenance, pipeline
 from seatrial.acquisition.logger.pipeline import Recorder
-from seatrial.acquisition.recording import storage
+from seatrial.acquisition.protocols.nmea0183 import sentence
+from seatrial.acquisition.recording import writer
 from seatrial.acquisition.recording.parts import RecordingParts
 from seatrial.acquisition.recording.reader import read_recording
 
@@ -101,8 +101,8 @@ class Faults:
         self._week, self._random = week, random.Random(7)
         self._clock_ns, self._full = 0, False
         self.counts = {"network": 0, "disk": 0, "clock": 0}
-        free_bytes = storage.free_bytes
-        storage.free_bytes = lambda folder: (0, 10**12) if self._full else free_bytes(folder)
+        free_bytes = writer.free_bytes
+        writer.free_bytes = lambda folder: (0, 10**12) if self._full else free_bytes(folder)
         maintenance.now_ns = self._now_ns
 
     def _now_ns(self) -> tuple[int, int]:

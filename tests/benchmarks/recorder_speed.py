@@ -13,7 +13,7 @@ import tempfile
 import time
 from pathlib import Path
 
-from seatrial.acquisition.config.configuration import load_config
+from seatrial.acquisition.config.trial_file import load_config
 from seatrial.acquisition.logger.record import record
 
 SATURATED_HZ = 1900

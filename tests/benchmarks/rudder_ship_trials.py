@@ -12,7 +12,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from seatrial.acquisition.core.progress import bar
+from seatrial.acquisition.core.errors import bar
 from tests.benchmarks.diagnosis.rudder_ships import singles, sound
 from tests.benchmarks.diagnosis.scoring import covered, exact, in_set, names_something, share, silently_wrong
 from tests.benchmarks.diagnosis.store import carried_out

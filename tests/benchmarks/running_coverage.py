@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from seatrial.acquisition.core.arrays import Floats
+from seatrial.acquisition.core.quantities import Floats
 from seatrial.analysis.tables.table import NANO, percent_of
 from seatrial.hybrid.calibrators.artefact import load
 from seatrial.hybrid.calibrators.calibrator import PredictedTracks

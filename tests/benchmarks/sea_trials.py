@@ -15,7 +15,7 @@ from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
 from itertools import product
 
-from seatrial.acquisition.core.progress import bar
+from seatrial.acquisition.core.errors import bar
 from seatrial.hybrid.simulation.handling import pace_of
 from seatrial.hybrid.simulation.trial import simulate_trial
 from seatrial.hybrid.vessel.files import load_vessel

@@ -26,7 +26,7 @@ import pandas as pd
 from scipy.optimize import brentq
 
 from seatrial.acquisition.config.conditions import Conditions
-from seatrial.acquisition.core.arrays import Floats
+from seatrial.acquisition.core.quantities import Floats
 from seatrial.analysis.speed_power import SpeedPower, speed_power_of_runs
 from seatrial.analysis.speed_power.run_table import runs_in_table
 

@@ -22,11 +22,10 @@ from pathlib import Path
 import numpy as np
 
 import seatrial as st
-from seatrial.acquisition.config.sections import RecordingSection
-from seatrial.acquisition.core.channels import trial_names
-from seatrial.acquisition.core.frames import Sample
-from seatrial.acquisition.logger.health import Health
-from seatrial.acquisition.logger.predictions import Predictions
+from seatrial.acquisition.config.sources import RecordingSection
+from seatrial.acquisition.core.ship import trial_names
+from seatrial.acquisition.core.trial import Sample
+from seatrial.acquisition.logger.health import Health, Predictions
 from seatrial.acquisition.logger.requests import RecorderState, RequestServer
 from seatrial.acquisition.recording.parts import RecordingParts
 from seatrial.acquisition.recording.reader import Recording, read_recording

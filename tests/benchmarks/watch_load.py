@@ -23,7 +23,7 @@ from pathlib import Path
 
 import numpy as np
 
-from seatrial.acquisition.encoders.nmea0183 import sentence
+from seatrial.acquisition.protocols.nmea0183 import sentence
 from seatrial.acquisition.recording.reader import MessageStream
 from tests.benchmarks import recorder_load as load
 

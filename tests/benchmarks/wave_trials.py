@@ -22,8 +22,7 @@ from scipy.signal import bilinear, butter, lfilter, sosfilt
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
-from seatrial.acquisition.core.arrays import Floats
-from seatrial.analysis.kinematics import to_earth
+from seatrial.acquisition.core.quantities import Floats, to_earth
 from seatrial.analysis.quality.check import check_table
 from seatrial.analysis.quality.findings import Finding
 from seatrial.analysis.quality.repairs import repair

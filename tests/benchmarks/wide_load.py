@@ -15,9 +15,9 @@ import tempfile
 import time
 from pathlib import Path
 
-from seatrial.acquisition.encoders.nmea0183 import sentence
+from seatrial.acquisition.protocols.nmea0183 import sentence
+from seatrial.acquisition.recording.messages import RAW_PREFIX
 from seatrial.acquisition.recording.reader import MessageStream
-from seatrial.acquisition.recording.schemas import RAW_PREFIX
 from tests.acquisition.conftest import free_port
 from tests.benchmarks.recorder_load import ROOT, cpu_s, paced, state
 

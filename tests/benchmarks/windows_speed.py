@@ -11,8 +11,7 @@ import time
 import numpy as np
 import pandas as pd
 
-from seatrial.acquisition.core.angles import unwrap
-from seatrial.acquisition.core.channels import CIRCULAR, COMMAND, NAMES
+from seatrial.acquisition.core.ship import CIRCULAR, COMMAND, NAMES, unwrap
 from seatrial.analysis.estimation.noise_levels import noise_of
 from seatrial.analysis.tables.table import index_of
 from seatrial.analysis.windows.held import (

@@ -14,7 +14,7 @@ from math import atan2, cos, hypot, inf, isfinite, pi, sin, sqrt
 
 import numpy as np
 
-from seatrial.acquisition.core.arrays import Floats
+from seatrial.acquisition.core.quantities import Floats
 
 STEP_S = 0.1
 _RHO, _RHO_AIR, _G = 1025.0, 1.225, 9.81

@@ -22,8 +22,8 @@ import numpy as np
 import pandas as pd
 
 from seatrial.acquisition.config.conditions import Conditions
-from seatrial.acquisition.core.actuators import Actuator, as_text
-from seatrial.acquisition.core.arrays import Floats
+from seatrial.acquisition.core.quantities import Floats
+from seatrial.acquisition.core.ship import Actuator, as_text
 from seatrial.analysis.manoeuvres import Manoeuvre, find_manoeuvres
 from tests.benchmarks.yard_ship import Order, Sailed, YardShip, drawn_hull, held_course
 

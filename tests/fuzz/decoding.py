@@ -5,11 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
-from seatrial.acquisition.core.channel import Channel
-from seatrial.acquisition.core.channels import BY_NAME
-from seatrial.acquisition.core.frames import Frame
-from seatrial.acquisition.decoders import Decoder
+from seatrial.acquisition.core.ship import BY_NAME, Channel
+from seatrial.acquisition.core.trial import Frame
 from seatrial.acquisition.logger.derive import Derivation
+from seatrial.acquisition.protocols import Decoder
 
 
 def check_frame(

@@ -11,12 +11,11 @@ from pathlib import Path
 import atheris
 
 with atheris.instrument_imports(include=["acquisition"]):
-    from seatrial.acquisition.config.sections import Signal
-    from seatrial.acquisition.core.frames import Frame, FrameFlag
-    from seatrial.acquisition.core.trial import Trial
-    from seatrial.acquisition.decoders.clock import SourceClock
-    from seatrial.acquisition.decoders.dbc import DbcDecoder
+    from seatrial.acquisition.config.sources import Signal
+    from seatrial.acquisition.core.trial import Frame, FrameFlag, Trial
     from seatrial.acquisition.logger.derive import Derivation
+    from seatrial.acquisition.protocols.can_frames import DbcDecoder
+    from seatrial.acquisition.protocols.clock import SourceClock
     from tests.fuzz.decoding import check_frame
     from tests.fuzz.running import fuzz
 

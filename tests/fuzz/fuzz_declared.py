@@ -13,7 +13,6 @@ from pathlib import Path
 import atheris
 
 with atheris.instrument_imports(include=["acquisition"]):
-    from seatrial.acquisition.config.configuration import TrialConfig, parse_config
     from seatrial.acquisition.config.declarations import (
         GroupField,
         MavlinkField,
@@ -21,12 +20,13 @@ with atheris.instrument_imports(include=["acquisition"]):
         Transducer,
         carried_by,
     )
-    from seatrial.acquisition.core.channels import channels_known_to
-    from seatrial.acquisition.core.frames import Frame, FrameFlag
-    from seatrial.acquisition.decoders import decoders_by_protocol
-    from seatrial.acquisition.decoders.mavlink import dialect
-    from seatrial.acquisition.decoders.nmea0183 import checksum
+    from seatrial.acquisition.config.trial_file import TrialConfig, parse_config
+    from seatrial.acquisition.core.ship import channels_known_to
+    from seatrial.acquisition.core.trial import Frame, FrameFlag
     from seatrial.acquisition.logger.derive import Derivation
+    from seatrial.acquisition.protocols import decoders_by_protocol
+    from seatrial.acquisition.protocols.mavlink import dialect
+    from seatrial.acquisition.protocols.nmea0183 import checksum
     from tests.acquisition.can_frames import identifier_of
     from tests.fuzz.decoding import check_frame
     from tests.fuzz.running import fuzz

@@ -13,12 +13,10 @@ import atheris
 with atheris.instrument_imports(include=["acquisition"]):
     from rich.console import Console
 
-    from seatrial.acquisition.config.configuration import parse_config
-    from seatrial.acquisition.core.frames import Frame, FrameFlag
-    from seatrial.acquisition.discovery.discover import discovery_of
-    from seatrial.acquisition.discovery.listen import interpret
-    from seatrial.acquisition.discovery.picture import nothing_found, tables
-    from seatrial.acquisition.discovery.places import ListeningPlace
+    from seatrial.acquisition.config.trial_file import parse_config
+    from seatrial.acquisition.core.trial import Frame, FrameFlag
+    from seatrial.acquisition.discovery.discover import discovery_of, nothing_found, tables
+    from seatrial.acquisition.discovery.listen import ListeningPlace, interpret
     from tests.acquisition.bus_logs import FORMS
     from tests.acquisition.can_frames import identifier_of
     from tests.fuzz.running import fuzz

@@ -15,10 +15,9 @@ import atheris
 
 with atheris.instrument_imports(include=["acquisition"]):
     from seatrial.acquisition.sources import looks_like
-    from seatrial.acquisition.sources.file_forms import FILE_FORMS, read_lines
-    from seatrial.acquisition.sources.line_forms import LineReader
-    from seatrial.acquisition.sources.log_clock import LogClock
-    from seatrial.acquisition.sources.streams import LineAssembler
+    from seatrial.acquisition.sources.lines import LineAssembler
+    from seatrial.acquisition.sources.log_file import LogClock
+    from seatrial.acquisition.sources.log_formats import FILE_FORMS, LineReader, read_lines
     from tests.acquisition.bus_logs import FORMS
     from tests.fuzz.running import fuzz
 

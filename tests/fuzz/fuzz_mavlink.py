@@ -10,12 +10,10 @@ from __future__ import annotations
 import atheris
 
 with atheris.instrument_imports(include=["acquisition"]):
-    from seatrial.acquisition.config.sections import MavlinkSource
-    from seatrial.acquisition.core.frames import Frame
-    from seatrial.acquisition.core.trial import Trial
-    from seatrial.acquisition.decoders.mavlink import MavlinkDecoder, dialect
-    from seatrial.acquisition.decoders.mavlink_packets import LONGEST_BYTES, checksum
+    from seatrial.acquisition.config.sources import MavlinkSource
+    from seatrial.acquisition.core.trial import Frame, Trial
     from seatrial.acquisition.logger.derive import Derivation
+    from seatrial.acquisition.protocols.mavlink import LONGEST_BYTES, MavlinkDecoder, checksum, dialect
     from tests.fuzz.decoding import check_frame
     from tests.fuzz.running import fuzz
 

@@ -9,11 +9,10 @@ from __future__ import annotations
 import atheris
 
 with atheris.instrument_imports(include=["acquisition"]):
-    from seatrial.acquisition.config.sections import MqttSource, TopicValue
-    from seatrial.acquisition.core.frames import Frame, FrameFlag
-    from seatrial.acquisition.core.trial import Trial
-    from seatrial.acquisition.decoders import make_decoders
+    from seatrial.acquisition.config.sources import MqttSource, TopicValue
+    from seatrial.acquisition.core.trial import Frame, FrameFlag, Trial
     from seatrial.acquisition.logger.derive import Derivation
+    from seatrial.acquisition.protocols import make_decoders
     from tests.fuzz.decoding import check_frame
     from tests.fuzz.running import fuzz
 

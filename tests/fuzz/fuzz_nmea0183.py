@@ -13,13 +13,12 @@ from typing import Literal
 import atheris
 
 with atheris.instrument_imports(include=["acquisition"]):
-    from seatrial.acquisition.config.sections import Thrusters
-    from seatrial.acquisition.core.actuators import DEFAULT, Actuator, as_text
-    from seatrial.acquisition.core.frames import Frame
-    from seatrial.acquisition.core.trial import Trial
-    from seatrial.acquisition.decoders.nmea0183 import Nmea0183Decoder, checksum
+    from seatrial.acquisition.config.sources import Thrusters
+    from seatrial.acquisition.core.ship import DEFAULT, Actuator, as_text
+    from seatrial.acquisition.core.trial import Frame, Trial
     from seatrial.acquisition.logger.derive import Derivation
-    from seatrial.acquisition.sources.streams import LineAssembler
+    from seatrial.acquisition.protocols.nmea0183 import Nmea0183Decoder, checksum
+    from seatrial.acquisition.sources.lines import LineAssembler
     from tests.fuzz.decoding import check_frame
     from tests.fuzz.running import fuzz
 

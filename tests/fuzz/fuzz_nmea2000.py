@@ -12,13 +12,12 @@ from collections.abc import Iterator
 import atheris
 
 with atheris.instrument_imports(include=["acquisition"]):
-    from seatrial.acquisition.config.sections import Device
-    from seatrial.acquisition.core.actuators import Actuator, as_text
-    from seatrial.acquisition.core.frames import Frame, FrameFlag
-    from seatrial.acquisition.core.trial import Trial
-    from seatrial.acquisition.decoders.nmea2000 import Nmea2000Decoder
-    from seatrial.acquisition.decoders.parameter_groups import ADDRESS_CLAIM, FIELDS, SHORTEST_BYTES
+    from seatrial.acquisition.config.sources import Device
+    from seatrial.acquisition.core.ship import Actuator, as_text
+    from seatrial.acquisition.core.trial import Frame, FrameFlag, Trial
     from seatrial.acquisition.logger.derive import Derivation
+    from seatrial.acquisition.protocols.nmea2000 import Nmea2000Decoder
+    from seatrial.acquisition.protocols.parameter_groups import ADDRESS_CLAIM, FIELDS, SHORTEST_BYTES
     from tests.acquisition.can_frames import fast_parts, identifier_of
     from tests.fuzz.decoding import check_frame
     from tests.fuzz.running import fuzz

@@ -24,8 +24,7 @@ with atheris.instrument_imports(include=["acquisition", "mcap"]):
     from mcap.reader import make_reader
 
     from seatrial.acquisition.core.errors import SeatrialError
-    from seatrial.acquisition.core.frames import Sample
-    from seatrial.acquisition.core.trial import Trial
+    from seatrial.acquisition.core.trial import Sample, Trial
     from seatrial.acquisition.recording.reader import read_recording
     from seatrial.acquisition.recording.recover import recover
     from seatrial.acquisition.recording.scan import MCAP_MAGIC, scan

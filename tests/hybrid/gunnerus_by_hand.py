@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from seatrial.acquisition.core.arrays import Floats
+from seatrial.acquisition.core.quantities import Floats
 
 MASS, INERTIA = 410930.0, 2.1450896e7
 XUD, YVD, YRD, NRD = -79320.5895, -408192.6004, 331671.6384, -12245783.9277

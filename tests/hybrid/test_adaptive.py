@@ -12,9 +12,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from seatrial.acquisition.core.actuators import DEFAULT
-from seatrial.acquisition.core.arrays import Floats
 from seatrial.acquisition.core.errors import DataShortageError
+from seatrial.acquisition.core.quantities import Floats
+from seatrial.acquisition.core.ship import DEFAULT
 from seatrial.analysis.tables.table import NANO
 from seatrial.hybrid.calibrators import make_calibrator
 from seatrial.hybrid.calibrators.adaptive.adaptation import (

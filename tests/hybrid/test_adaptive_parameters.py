@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from seatrial.acquisition.core.actuators import DEFAULT
+from seatrial.acquisition.core.ship import DEFAULT
 from seatrial.hybrid.calibrators.adaptive.adaptation import parameter_names
 from seatrial.hybrid.calibrators.adaptive.calibrator import AdaptiveCalibrator, start_names
 from seatrial.hybrid.calibrators.adaptive.parameters import Parameters, parameters_of

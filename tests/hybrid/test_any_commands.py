@@ -13,9 +13,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from seatrial.acquisition.core.arrays import Floats
-from seatrial.acquisition.core.channels import NAMES
 from seatrial.acquisition.core.errors import InputError
+from seatrial.acquisition.core.quantities import Floats
+from seatrial.acquisition.core.ship import NAMES
 from seatrial.analysis.tables.table import NANO
 from seatrial.analysis.windows.recordings import tables_of_recordings
 from seatrial.hybrid.calibrators import METHODS, make_calibrator

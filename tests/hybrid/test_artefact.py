@@ -20,10 +20,9 @@ import safetensors.numpy
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from seatrial.acquisition.core.actuators import DEFAULT
-from seatrial.acquisition.core.arrays import Floats
-from seatrial.acquisition.core.channels import NAMES
 from seatrial.acquisition.core.errors import ConfigurationError, InputError, SeatrialError, StorageError
+from seatrial.acquisition.core.quantities import Floats
+from seatrial.acquisition.core.ship import DEFAULT, NAMES
 from seatrial.hybrid.calibrators import METHODS, make_calibrator
 from seatrial.hybrid.calibrators.adaptive.fit import adapt
 from seatrial.hybrid.calibrators.artefact import FORMAT, SIDECAR, load, save

@@ -11,8 +11,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from seatrial.acquisition.core.channels import NAMES
 from seatrial.acquisition.core.errors import ConfigurationError, ModelRangeError
+from seatrial.acquisition.core.ship import NAMES
 from seatrial.acquisition.tables.import_table import import_table
 from seatrial.analysis.tables.table import read_table
 from seatrial.hybrid.diagnosis.linearise import plays_of

@@ -10,9 +10,9 @@ import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from seatrial.acquisition.core.actuators import DEFAULT
-from seatrial.acquisition.core.arrays import Floats
 from seatrial.acquisition.core.errors import ConfigurationError
+from seatrial.acquisition.core.quantities import Floats
+from seatrial.acquisition.core.ship import DEFAULT
 from seatrial.hybrid.calibrators import METHODS, make_calibrator
 from seatrial.hybrid.calibrators.network_training import StoppingRule, fit_network
 from seatrial.hybrid.calibrators.networks import (

@@ -10,8 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from seatrial.acquisition.core.arrays import Floats
 from seatrial.acquisition.core.errors import InputError
+from seatrial.acquisition.core.quantities import Floats
 from seatrial.hybrid.effects import CATALOGUE
 from seatrial.hybrid.simulation.manoeuvres import manoeuvre_named
 from seatrial.hybrid.simulation.trial import SimulationNoise, simulate_trial

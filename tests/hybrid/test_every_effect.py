@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from seatrial.acquisition.core.arrays import Floats
+from seatrial.acquisition.core.quantities import Floats
 from seatrial.hybrid.effects import CATALOGUE, FAMILIES, Effect
 from seatrial.hybrid.vessel.plant import Plant, flat, pack
 from seatrial.hybrid.vessel.sensors import measure, move_alike

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from seatrial.acquisition.core.actuators import VESSELS
+from seatrial.acquisition.core.ship import VESSELS
 from seatrial.acquisition.tables.import_table import import_table
 from seatrial.analysis.tables.resample import resample
 from seatrial.analysis.windows.recordings import second_by_second

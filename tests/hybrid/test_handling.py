@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from seatrial.acquisition.core.arrays import Floats
 from seatrial.acquisition.core.errors import ConfigurationError
+from seatrial.acquisition.core.quantities import Floats
 from seatrial.hybrid.effects import vessel_plant
 from seatrial.hybrid.simulation.handling import Pace, handling_of, pace_of, usual_rpm
 from seatrial.hybrid.simulation.manoeuvres import MANOEUVRES, Leg, as_arrays, for_ship, manoeuvre_named, steer

@@ -10,8 +10,8 @@ import pandas as pd
 import pytest
 
 import seatrial as st
-from seatrial.acquisition.core.actuators import as_text
 from seatrial.acquisition.core.errors import InputError
+from seatrial.acquisition.core.ship import as_text
 from seatrial.hybrid.effects.catalogue import vessel_plant
 from seatrial.hybrid.identification.coefficients import coefficients_of, values_at, with_values
 from seatrial.hybrid.identification.identify import Identification, identify_tables

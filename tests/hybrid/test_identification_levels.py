@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
 
-from seatrial.acquisition.core.arrays import Floats
+from seatrial.acquisition.core.quantities import Floats
 from seatrial.hybrid.identification.fit import Variances, estimate_levels, moments_of
 from seatrial.hybrid.identification.response import PARTS
 

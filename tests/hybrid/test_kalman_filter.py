@@ -11,9 +11,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.linalg import block_diag, expm, solve_discrete_are
 
-from seatrial.acquisition.core.actuators import Actuator
-from seatrial.acquisition.core.arrays import Floats
 from seatrial.acquisition.core.errors import InputError
+from seatrial.acquisition.core.quantities import Floats
+from seatrial.acquisition.core.ship import Actuator
 from seatrial.analysis.tables.resample import resample
 from seatrial.analysis.windows.recordings import second_by_second
 from seatrial.hybrid.effects.catalogue import vessel_plant

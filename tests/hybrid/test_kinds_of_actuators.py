@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from seatrial.acquisition.core.actuators import ANGLES, CONTROLS, Actuator, control_names
-from seatrial.acquisition.core.actuators import KINDS as RECORDED_KINDS
+from seatrial.acquisition.core.ship import ANGLES, CONTROLS, Actuator, control_names
+from seatrial.acquisition.core.ship import KINDS as RECORDED_KINDS
 from seatrial.analysis.report.plots import control_groups
 from seatrial.analysis.windows.held import REASONS, TOLERANCES, sort_of, tolerance_of
 from seatrial.hybrid.effects.regime import steering_angles, weights_of

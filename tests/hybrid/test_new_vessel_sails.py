@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from seatrial.acquisition.core.arrays import Floats
+from seatrial.acquisition.core.quantities import Floats
 from seatrial.hybrid.effects.catalogue import vessel_plant
 from seatrial.hybrid.vessel.actuators import control_units
 from seatrial.hybrid.vessel.estimate.new_vessel import NewVessel, new_vessel

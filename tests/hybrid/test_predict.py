@@ -11,9 +11,8 @@ import pandas as pd
 import pytest
 from rich.console import Console
 
-from seatrial.acquisition.core.angles import difference
-from seatrial.acquisition.core.channels import NAMES
 from seatrial.acquisition.core.errors import InputError, ModelRangeError
+from seatrial.acquisition.core.ship import NAMES, difference
 from seatrial.analysis.tables.resample import resample
 from seatrial.analysis.tables.table import read_table
 from seatrial.analysis.windows.recordings import SecondBySecond

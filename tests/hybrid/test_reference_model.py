@@ -7,15 +7,15 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from seatrial.acquisition.config.configuration import load_config
-from seatrial.acquisition.core.actuators import VESSELS, as_text
+from seatrial.acquisition.config.trial_file import load_config
 from seatrial.acquisition.core.errors import ConfigurationError, InputError
+from seatrial.acquisition.core.ship import VESSELS, as_text
 from seatrial.acquisition.core.trial import Trial
-from seatrial.acquisition.encoders.nmea0183 import sentence
 from seatrial.acquisition.logger.record import record
-from seatrial.acquisition.logger.redecode import redecode
+from seatrial.acquisition.logger.survey import redecode
+from seatrial.acquisition.protocols.nmea0183 import sentence
 from seatrial.acquisition.recording.reader import read_recording, read_trial
-from seatrial.acquisition.recording.tables import write_table
+from seatrial.acquisition.recording.writer import write_table
 from seatrial.acquisition.tables.import_table import import_table
 from seatrial.hybrid.simulation.trial import simulate_trial
 from seatrial.hybrid.vessel.files import (

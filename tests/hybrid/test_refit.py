@@ -11,8 +11,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from seatrial.acquisition.core.progress import Progress
-from seatrial.acquisition.core.serialisation import from_json
+from seatrial.acquisition.core.errors import Progress
+from seatrial.acquisition.core.result import from_json
 from seatrial.hybrid.diagnosis.gap import fold_of, unseen_windows
 from seatrial.hybrid.diagnosis.linearise import model_of
 from seatrial.hybrid.diagnosis.log import log_of

@@ -11,8 +11,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.stats import binom
 
-from seatrial.acquisition.core.actuators import Actuators
-from seatrial.acquisition.core.arrays import Bools, Floats
+from seatrial.acquisition.core.quantities import Bools, Floats
+from seatrial.acquisition.core.ship import Actuators
 from seatrial.hybrid.calibrators.calibrator import (
     Calibrator,
     DomainOfApplicability,

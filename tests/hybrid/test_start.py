@@ -12,11 +12,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from seatrial.acquisition.config.configuration import load_config
-from seatrial.acquisition.core.actuators import control_names
-from seatrial.acquisition.core.channels import trial_names
+from seatrial.acquisition.config.trial_file import load_config
+from seatrial.acquisition.core.quantities import integrate
+from seatrial.acquisition.core.ship import control_names, trial_names
 from seatrial.acquisition.recording.reader import read_recording
-from seatrial.analysis.kinematics import integrate
 from seatrial.analysis.manoeuvres import find_manoeuvres
 from seatrial.analysis.tables.table import read_table
 from seatrial.hybrid.vessel.files import load_vessel

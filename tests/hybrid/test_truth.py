@@ -11,9 +11,8 @@ import pytest
 import typer
 from typer.testing import CliRunner
 
-from seatrial.acquisition.core.angles import difference
-from seatrial.acquisition.core.channels import BY_NAME, CHANNELS, NAMES
 from seatrial.acquisition.core.errors import ConfigurationError, ModelRangeError
+from seatrial.acquisition.core.ship import BY_NAME, CHANNELS, NAMES, difference
 from seatrial.hybrid import cli
 from seatrial.hybrid.simulation.manoeuvres import MANOEUVRES, Leg, helm, manoeuvre_named, steer, zigzag
 from seatrial.hybrid.simulation.sea_state import (

@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from seatrial.acquisition.config.vessel_file import load_actuators, vessel_names
-from seatrial.acquisition.core.actuators import VESSELS, Actuator
+from seatrial.acquisition.config.declarations import load_actuators, vessel_names
 from seatrial.acquisition.core.errors import ConfigurationError
+from seatrial.acquisition.core.ship import VESSELS, Actuator
 from seatrial.hybrid.effects.catalogue import catalogue_for
 from seatrial.hybrid.vessel.files import load_vessel, save_vessel, with_effects
 from seatrial.hybrid.vessel.parameters import Vessel

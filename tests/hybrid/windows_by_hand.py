@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from seatrial.acquisition.core.arrays import Bools, Floats
+from seatrial.acquisition.core.quantities import Bools, Floats
 from seatrial.analysis.tables.table import NANO
 from seatrial.hybrid.calibrators.calibrator import Calibrator
 from seatrial.hybrid.prediction.baselines import constant_velocity

@@ -24,9 +24,9 @@ from itertools import combinations
 import numpy as np
 import pandas as pd
 
-from seatrial.acquisition.core.arrays import Floats
 from seatrial.acquisition.core.errors import DataShortageError, InputError
-from seatrial.acquisition.core.frames import Quality, label_parts, sensor_of
+from seatrial.acquisition.core.quantities import Floats
+from seatrial.acquisition.core.trial import Quality, label_parts, sensor_of
 from seatrial.analysis.quality.findings import CheckResult, Finding, mark, uniform_flags
 from seatrial.analysis.quality.motion.coarse import Coarse, coarse_fit, contradiction_finding
 from seatrial.analysis.quality.motion.conventions import axes_finding, heading_finding, is_derived_from

@@ -16,11 +16,9 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from seatrial.acquisition.core.angles import difference
-from seatrial.acquisition.core.arrays import Complexes, Floats, Ints
 from seatrial.acquisition.core.conventions import AXES, HEADINGS
-from seatrial.acquisition.core.units import KNOT_MPS
-from seatrial.analysis.kinematics import integrate
+from seatrial.acquisition.core.quantities import KNOT_MPS, Complexes, Floats, Ints, integrate
+from seatrial.acquisition.core.ship import difference
 from seatrial.analysis.quality.findings import Finding
 from seatrial.analysis.quality.motion.series import (
     GROUPS,

@@ -12,7 +12,6 @@ import numpy as np
 import pandas as pd
 import pymap3d
 
-from seatrial.acquisition.core.arrays import Complexes, Floats
 from seatrial.acquisition.core.conventions import (
     ANGLE_UNITS,
     AXES,
@@ -21,7 +20,7 @@ from seatrial.acquisition.core.conventions import (
     judge_axes,
     judge_heading,
 )
-from seatrial.acquisition.core.units import scale_to
+from seatrial.acquisition.core.quantities import Complexes, Floats, scale_to, to_earth
 from seatrial.acquisition.tables.evidence import (
     ScaleFit,
     fit,
@@ -32,7 +31,6 @@ from seatrial.acquisition.tables.evidence import (
     means,
     over_gaps,
 )
-from seatrial.analysis.kinematics import to_earth
 from seatrial.analysis.quality.findings import Finding
 from seatrial.analysis.quality.motion.series import GROUPS, Group, group_samples
 from seatrial.analysis.tables.table import require, span_of

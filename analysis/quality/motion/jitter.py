@@ -18,8 +18,8 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
-from seatrial.acquisition.core.angles import unwrap
-from seatrial.acquisition.core.arrays import Bools, Floats, Ints
+from seatrial.acquisition.core.quantities import Bools, Floats, Ints
+from seatrial.acquisition.core.ship import unwrap
 from seatrial.analysis.quality.findings import Finding
 from seatrial.analysis.quality.motion.jumps import PositionErrors, position_errors
 from seatrial.analysis.quality.motion.kinematics import CHANCE, SLOW_HZ, Kinematics, quantile

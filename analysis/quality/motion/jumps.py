@@ -16,7 +16,7 @@ import numpy as np
 import pandas as pd
 from numpy.lib.stride_tricks import sliding_window_view
 
-from seatrial.acquisition.core.arrays import Bools, Floats
+from seatrial.acquisition.core.quantities import Bools, Floats
 from seatrial.analysis.quality.findings import Finding
 from seatrial.analysis.quality.motion.series import (
     GROUPS,

@@ -41,8 +41,8 @@ from itertools import pairwise
 import numpy as np
 import pandas as pd
 
-from seatrial.acquisition.core.arrays import Bools, Floats, Ints
 from seatrial.acquisition.core.errors import DataShortageError
+from seatrial.acquisition.core.quantities import Bools, Floats, Ints
 from seatrial.analysis.quality.motion.coarse import Coarse, coarse_fit
 from seatrial.analysis.quality.motion.jumps import remove_jumps
 from seatrial.analysis.quality.motion.series import (

@@ -12,10 +12,9 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from seatrial.acquisition.core.angles import unwrap, wrap_360
-from seatrial.acquisition.core.arrays import Bools, Floats
 from seatrial.acquisition.core.errors import DataShortageError, InputError
-from seatrial.analysis.kinematics import integrate, to_earth
+from seatrial.acquisition.core.quantities import Bools, Floats, integrate, to_earth
+from seatrial.acquisition.core.ship import unwrap, wrap_360
 from seatrial.analysis.quality.motion.jitter import (
     HeadingErrors,
     discontinuities,

@@ -14,9 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
-from seatrial.acquisition.core.arrays import Bools, Floats, Ints
 from seatrial.acquisition.core.errors import DataShortageError
-from seatrial.analysis.kinematics import integrate, to_earth
+from seatrial.acquisition.core.quantities import Bools, Floats, Ints, integrate, to_earth
 from seatrial.analysis.quality.samples import runs, runs_of_equal
 from seatrial.analysis.tables.table import NANO, require, times_ns
 

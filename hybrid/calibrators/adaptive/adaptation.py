@@ -13,8 +13,8 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from seatrial.acquisition.core.actuators import Actuators
-from seatrial.acquisition.core.arrays import Complexes, Floats
+from seatrial.acquisition.core.quantities import Complexes, Floats
+from seatrial.acquisition.core.ship import Actuators
 from seatrial.hybrid.prediction.kalman_filter import (
     AXES,
     FILTER_NUMBERS,

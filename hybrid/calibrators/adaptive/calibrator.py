@@ -15,11 +15,9 @@ from typing import ClassVar, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from seatrial.acquisition.core.actuators import Actuators
-from seatrial.acquisition.core.arrays import Bools, Floats
-from seatrial.acquisition.core.channels import trial_names
-from seatrial.acquisition.core.errors import DataShortageError
-from seatrial.acquisition.core.progress import Progress, part_of
+from seatrial.acquisition.core.errors import DataShortageError, Progress, part_of
+from seatrial.acquisition.core.quantities import Bools, Floats
+from seatrial.acquisition.core.ship import Actuators, trial_names
 from seatrial.hybrid.calibrators.adaptive.adaptation import (
     adapt_plant,
     follow_closer,

@@ -16,9 +16,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-from seatrial.acquisition.core.arrays import Bools, Floats
-from seatrial.acquisition.core.progress import Progress
-from seatrial.analysis.kinematics import to_ship
+from seatrial.acquisition.core.errors import Progress
+from seatrial.acquisition.core.quantities import Bools, Floats, to_ship
 from seatrial.hybrid.calibrators.adaptive.adaptation import parameter_names, run_observer
 from seatrial.hybrid.prediction.kalman_filter import Observations
 from seatrial.hybrid.vessel.plant import Plant

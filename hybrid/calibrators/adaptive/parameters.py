@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from seatrial.acquisition.core.arrays import Floats
+from seatrial.acquisition.core.quantities import Floats
 from seatrial.analysis.estimation.likelihood import UNKNOWN, correlated_pairs
 from seatrial.hybrid.calibrators.adaptive.adaptation import (
     CURRENT_MPS,

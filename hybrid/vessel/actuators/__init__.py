@@ -1,6 +1,6 @@
 """The kinds of actuators, one file each, and the compiled loop's way from a row's kind to its equations.
 
-To add a kind: its controls in :data:`seatrial.acquisition.core.actuators.KINDS`, and a file of its name here, like
+To add a kind: its controls in :data:`seatrial.acquisition.core.ship.KINDS`, and a file of its name here, like
 ``azimuth.py``, whose ``DEFINITION`` is a :class:`~seatrial.hybrid.vessel.actuators.kind.ActuatorModel`.
 """
 
@@ -10,9 +10,9 @@ from importlib import import_module
 
 import numpy as np
 
-from seatrial.acquisition.core.actuators import KINDS as RECORDED_KINDS
-from seatrial.acquisition.core.actuators import Actuators
-from seatrial.acquisition.core.arrays import Floats
+from seatrial.acquisition.core.quantities import Floats
+from seatrial.acquisition.core.ship import KINDS as RECORDED_KINDS
+from seatrial.acquisition.core.ship import Actuators
 from seatrial.analysis.compiling import by_code, compiled
 from seatrial.hybrid.vessel.actuators.kind import FIRST_NUMBER, KIND, PLAY, ActuatorModel
 

@@ -10,7 +10,7 @@ from typing import Literal
 
 from pydantic import StrictFloat as Number
 
-from seatrial.acquisition.core.arrays import Floats
+from seatrial.acquisition.core.quantities import Floats
 from seatrial.analysis.compiling import Record, compiled
 from seatrial.hybrid.vessel.actuators import propeller
 from seatrial.hybrid.vessel.actuators.kind import RPM_PER_RPS, Drive

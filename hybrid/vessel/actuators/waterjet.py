@@ -13,7 +13,7 @@ from typing import Literal
 
 from pydantic import StrictFloat as Number
 
-from seatrial.acquisition.core.arrays import Floats
+from seatrial.acquisition.core.quantities import Floats
 from seatrial.analysis.compiling import Record, compiled
 from seatrial.hybrid.vessel.actuators.effects import FRACTION, angle_offset, backlash, for_each_and_all, lag, loss
 from seatrial.hybrid.vessel.actuators.kind import PLAY, RPM_PER_RPS, ActuatorEntry, ActuatorModel, Drive, columns

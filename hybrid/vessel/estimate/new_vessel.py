@@ -11,9 +11,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
-from seatrial.acquisition.core.actuators import Actuator, check_actuators
 from seatrial.acquisition.core.errors import InputError
 from seatrial.acquisition.core.files import write_text
+from seatrial.acquisition.core.ship import Actuator, check_actuators
 from seatrial.hybrid.vessel.estimate import devices
 from seatrial.hybrid.vessel.estimate import hull as hulls
 from seatrial.hybrid.vessel.estimate.devices import Azimuth, Propeller, Rudder, Tunnel, listed

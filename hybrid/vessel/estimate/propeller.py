@@ -11,8 +11,8 @@ from math import sqrt
 
 import numpy as np
 
-from seatrial.acquisition.core.arrays import Floats
 from seatrial.acquisition.core.errors import InputError
+from seatrial.acquisition.core.quantities import Floats
 from seatrial.hybrid.vessel.estimate.particulars import Estimates, SourcedValue
 
 B_SERIES = "Wageningen B-series, Oosterveld and van Oossanen 1975"

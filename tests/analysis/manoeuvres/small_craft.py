@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
-from seatrial.acquisition.core.actuators import Actuator, Actuators, as_text
-from seatrial.acquisition.core.arrays import Floats
+from seatrial.acquisition.core.quantities import Floats
+from seatrial.acquisition.core.ship import Actuator, Actuators, as_text
 
 STEP_S = 0.05
 RUDDER: Actuators = (Actuator("propeller", "propeller"), Actuator("rudder", "rudder"))

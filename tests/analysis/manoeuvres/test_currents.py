@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from seatrial.acquisition.config.conditions import Conditions
-from seatrial.acquisition.core.arrays import Floats
+from seatrial.acquisition.core.quantities import Floats
 from seatrial.analysis.manoeuvres import Manoeuvre, find_manoeuvres
 from seatrial.analysis.manoeuvres.currents import Observation, current_at
 from seatrial.analysis.manoeuvres.find import RecordedRuns, runs_of_trial

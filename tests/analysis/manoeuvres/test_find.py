@@ -8,8 +8,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from seatrial.acquisition.core.channels import NAMES
 from seatrial.acquisition.core.errors import InputError
+from seatrial.acquisition.core.ship import NAMES
 from seatrial.analysis.manoeuvres import Manoeuvre, find_manoeuvres, manoeuvres_and_left_out
 from seatrial.analysis.manoeuvres.measures import merge_corrections, plateaus
 from seatrial.analysis.tables.table import NANO, times_ns

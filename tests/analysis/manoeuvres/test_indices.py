@@ -11,8 +11,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from seatrial.acquisition.core.angles import wrap_180, wrap_360
-from seatrial.acquisition.core.arrays import Floats
+from seatrial.acquisition.core.quantities import Floats
+from seatrial.acquisition.core.ship import wrap_180, wrap_360
 from seatrial.analysis.manoeuvres import Manoeuvre, as_json, find_manoeuvres
 from seatrial.analysis.manoeuvres.measures import bootstrap_indices, peak
 from seatrial.analysis.manoeuvres.motion import Motion, motion_of

@@ -16,7 +16,7 @@ from typer.testing import CliRunner
 from seatrial import app
 from seatrial.acquisition.core.errors import StorageError
 from seatrial.acquisition.core.trial import Trial
-from seatrial.acquisition.recording.tables import write_table
+from seatrial.acquisition.recording.writer import write_table
 from seatrial.analysis.manoeuvres import find_manoeuvres
 from seatrial.analysis.manoeuvres.indices import Index, Manoeuvre, index_of
 from seatrial.analysis.manoeuvres.motion import motion_of

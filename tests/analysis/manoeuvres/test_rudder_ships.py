@@ -10,8 +10,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from seatrial.acquisition.core.actuators import Actuator, as_text
 from seatrial.acquisition.core.errors import InputError
+from seatrial.acquisition.core.ship import Actuator, as_text
 from seatrial.acquisition.tables.import_table import read_table_file
 from seatrial.analysis.manoeuvres import Manoeuvre, find_manoeuvres
 from seatrial.analysis.manoeuvres.motion import motion_of

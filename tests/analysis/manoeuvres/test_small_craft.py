@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from seatrial.acquisition.core.actuators import Actuator
+from seatrial.acquisition.core.ship import Actuator
 from seatrial.analysis.manoeuvres import LeftOut, Manoeuvre, manoeuvres_and_left_out
 from seatrial.analysis.manoeuvres.criteria import index_rows
 from seatrial.analysis.manoeuvres.motion import drives_by_side

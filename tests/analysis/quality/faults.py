@@ -12,8 +12,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import pandas as pd
 
-from seatrial.acquisition.core.angles import unwrap, wrap_180, wrap_360
-from seatrial.acquisition.core.channels import BY_NAME, CIRCULAR, COMMAND
+from seatrial.acquisition.core.ship import BY_NAME, CIRCULAR, COMMAND, unwrap, wrap_180, wrap_360
 from seatrial.analysis.tables.table import NANO, index_of, times_ns
 
 MOTION = {"position": ("north_m", "east_m"), "heading": ("heading_deg",), "speed": ("surge_mps", "sway_mps"),

@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from seatrial.acquisition.recording.events import Event
+from seatrial.acquisition.recording.grouping import Event
 from seatrial.analysis.quality.causes import causes_of
 from seatrial.analysis.quality.check import DataQuality, check_table
 from seatrial.analysis.quality.findings import Finding

@@ -12,11 +12,17 @@ from hypothesis import strategies as st
 from numpy.typing import ArrayLike
 from scipy.signal import lfilter
 
-from seatrial.acquisition.core.actuators import KINDS, Actuator, is_order, order_channels
-from seatrial.acquisition.core.angles import wrap_180, wrap_360
-from seatrial.acquisition.core.arrays import Bools, Floats, Ints, Series
-from seatrial.acquisition.core.channel import Channel
-from seatrial.acquisition.core.channels import BY_NAME
+from seatrial.acquisition.core.quantities import Bools, Floats, Ints, Series
+from seatrial.acquisition.core.ship import (
+    BY_NAME,
+    KINDS,
+    Actuator,
+    Channel,
+    is_order,
+    order_channels,
+    wrap_180,
+    wrap_360,
+)
 from seatrial.analysis.quality import repeated_values
 from seatrial.analysis.quality.channel_checks import (
     channel_faults,

@@ -9,13 +9,12 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from seatrial.acquisition.core.arrays import Series
-from seatrial.acquisition.core.channels import NAMES
 from seatrial.acquisition.core.errors import DataShortageError, InputError
-from seatrial.acquisition.core.frames import Quality
-from seatrial.acquisition.core.trial import Trial
+from seatrial.acquisition.core.quantities import Series
+from seatrial.acquisition.core.ship import NAMES
+from seatrial.acquisition.core.trial import Quality, Trial
 from seatrial.acquisition.recording.reader import Recording, read_recording
-from seatrial.acquisition.recording.tables import write_table
+from seatrial.acquisition.recording.writer import write_table
 from seatrial.analysis.quality.channel_checks import grade_of
 from seatrial.analysis.quality.check import DataQuality, check_recording, check_table, rows_of
 from seatrial.analysis.tables.table import table_of, times_ns

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from seatrial.acquisition.core.actuators import Actuator, as_text
+from seatrial.acquisition.core.ship import Actuator, as_text
 from seatrial.analysis.quality.commands import check_helm_sign
 from seatrial.hybrid.simulation.trial import simulate_trial
 from tests.analysis.rudder_ships import MODEL, TWIN, Orders, Ship, sail, turn, zigzag

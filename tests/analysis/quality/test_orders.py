@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from seatrial.acquisition.core.channels import COMMAND
-from seatrial.acquisition.core.frames import Quality
+from seatrial.acquisition.core.ship import COMMAND
+from seatrial.acquisition.core.trial import Quality
 from seatrial.analysis.quality.commands import ORDER_INTERPOLATED, check_orders, hold_orders
 from seatrial.analysis.quality.samples import samples_of
 from seatrial.hybrid.simulation.trial import SimulationNoise, simulate_trial

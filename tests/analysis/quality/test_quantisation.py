@@ -9,9 +9,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from seatrial.acquisition.core.angles import wrap_360
-from seatrial.acquisition.core.arrays import Series
-from seatrial.acquisition.core.channels import BY_NAME
+from seatrial.acquisition.core.quantities import Series
+from seatrial.acquisition.core.ship import BY_NAME, wrap_360
 from seatrial.acquisition.tables.import_table import import_table
 from seatrial.analysis.quality.check import DataQuality, check_table
 from seatrial.analysis.quality.repeated_values import grid_step, quantisation_step

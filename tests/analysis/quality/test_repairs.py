@@ -9,13 +9,11 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from seatrial.acquisition.core.angles import difference, is_other_convention, unwrap, wrap_360
-from seatrial.acquisition.core.channels import BY_NAME, NAMES
 from seatrial.acquisition.core.errors import InputError
-from seatrial.acquisition.core.frames import Quality
-from seatrial.acquisition.core.trial import Trial
+from seatrial.acquisition.core.ship import BY_NAME, NAMES, difference, is_other_convention, unwrap, wrap_360
+from seatrial.acquisition.core.trial import Quality, Trial
 from seatrial.acquisition.recording.reader import read_recording
-from seatrial.acquisition.recording.tables import write_table
+from seatrial.acquisition.recording.writer import write_table
 from seatrial.acquisition.tables.import_table import import_table
 from seatrial.analysis.quality.check import check_recording
 from seatrial.analysis.quality.commands import check_orders

@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from seatrial.acquisition.core.frames import Quality
+from seatrial.acquisition.core.trial import Quality
 from seatrial.analysis.quality.commands import check_thruster_feedback
 from seatrial.hybrid.simulation.trial import simulate_trial
 from tests.analysis.conftest import table_at

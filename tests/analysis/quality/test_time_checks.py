@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from seatrial.acquisition.core.arrays import Series
+from seatrial.acquisition.core.quantities import Series
 from seatrial.analysis.quality.time_checks import clock_jumps, jitter_s, reception_jumps
 from seatrial.analysis.tables.table import NANO, index_of, times_ns
 from seatrial.hybrid.simulation.trial import simulate_trial

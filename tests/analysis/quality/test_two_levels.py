@@ -10,8 +10,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from seatrial.acquisition.core.arrays import Bools, Floats
-from seatrial.acquisition.core.channels import BY_NAME
+from seatrial.acquisition.core.quantities import Bools, Floats
+from seatrial.acquisition.core.ship import BY_NAME
 from seatrial.analysis.quality.check import check_table
 from seatrial.analysis.quality.samples import series_of
 from seatrial.analysis.quality.two_levels import ALTERNATING, alternation_findings, find_levels

@@ -8,9 +8,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from seatrial.acquisition.core.angles import difference, wrap_360
-from seatrial.acquisition.core.frames import Quality
-from seatrial.acquisition.core.kinematics import wind_over_ground
+from seatrial.acquisition.core.quantities import wind_over_ground
+from seatrial.acquisition.core.ship import difference, wrap_360
+from seatrial.acquisition.core.trial import Quality
 from seatrial.analysis.quality.wind import check_wind, true_wind
 from seatrial.hybrid.simulation.trial import simulate_trial
 from tests.analysis.conftest import table_at

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from seatrial.acquisition.core.arrays import Floats
+from seatrial.acquisition.core.quantities import Floats
 from seatrial.analysis.speed_power import Conditions
 from seatrial.analysis.speed_power.corrections import (
     ideal_power_kw,

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
-from seatrial.acquisition.core.arrays import Floats
 from seatrial.acquisition.core.errors import DataShortageError
+from seatrial.acquisition.core.quantities import Floats
 from seatrial.analysis.speed_power.current import TIDE_S, iterate_current, mean_of_means
 
 SPEEDS = np.repeat([6.0, 7.0, 7.6, 8.3], 2)

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from scipy.integrate import quad
 from scipy.special import iv, kv
 
-from seatrial.acquisition.core.arrays import Floats
+from seatrial.acquisition.core.quantities import Floats
 from seatrial.analysis.speed_power import Conditions, PowerRun
 from seatrial.analysis.speed_power.corrections import (
     WAVE_METHODS,

@@ -13,7 +13,7 @@ import pandas as pd
 from scipy.optimize import brentq
 from scipy.signal import lfilter
 
-from seatrial.acquisition.core.arrays import Floats
+from seatrial.acquisition.core.quantities import Floats
 
 TIDE_S = 12.42 * 3600.0
 LENGTH_M, BEAM_M, DRAUGHT_M, VOLUME_M3 = 180.0, 32.0, 11.0, 48_000.0

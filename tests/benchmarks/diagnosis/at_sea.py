@@ -11,10 +11,9 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from seatrial.acquisition.core.actuators import DEFAULT, control_names, name_of_order
-from seatrial.acquisition.core.arrays import Floats
-from seatrial.acquisition.core.channels import ENVIRONMENT
 from seatrial.acquisition.core.errors import ConfigurationError
+from seatrial.acquisition.core.quantities import Floats
+from seatrial.acquisition.core.ship import DEFAULT, ENVIRONMENT, control_names, name_of_order
 from seatrial.hybrid.diagnosis.diagnose import TOLERANCE
 from seatrial.hybrid.effects import CATALOGUE
 from seatrial.hybrid.effects.environment import STEADY_WIND

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from seatrial.acquisition.core.arrays import Floats
+from seatrial.acquisition.core.quantities import Floats
 from tests.benchmarks.other_ship.outside import Outside, bank_force, lift_left, thrust_left
 from tests.benchmarks.other_ship.sheet import Sheet
 

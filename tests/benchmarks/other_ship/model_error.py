@@ -12,8 +12,8 @@ from copy import deepcopy
 
 import numpy as np
 
-from seatrial.acquisition.core.arrays import Floats
 from seatrial.acquisition.core.errors import ConfigurationError
+from seatrial.acquisition.core.quantities import Floats
 from tests.benchmarks.other_ship.forces import POWERS, Body, body_of
 from tests.benchmarks.other_ship.motion import forces_along
 from tests.benchmarks.other_ship.outside import Outside

@@ -9,8 +9,8 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from seatrial.acquisition.core.arrays import Floats
 from seatrial.acquisition.core.errors import ConfigurationError
+from seatrial.acquisition.core.quantities import Floats
 
 OUTSIDE = ("yaw_moment_4psi", "sheared_current", "bank_suction", "fading_thrust", "one_sided_stall")
 CHANGING = ("tide_north_mps", "tide_east_mps", "tow_n", "tow_share")

@@ -10,7 +10,7 @@ from numba import njit
 from scipy.fft import irfft, next_fast_len, rfft, rfftfreq
 from scipy.ndimage import uniform_filter1d
 
-from seatrial.acquisition.core.arrays import Floats
+from seatrial.acquisition.core.quantities import Floats
 
 GRAVITY_MPS2 = 9.81
 COMPONENTS = 48

@@ -7,9 +7,8 @@ import pandas as pd
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
-from seatrial.acquisition.core.angles import wrap_180, wrap_360
-from seatrial.acquisition.core.arrays import Floats
-from seatrial.acquisition.core.channels import NAMES
+from seatrial.acquisition.core.quantities import Floats
+from seatrial.acquisition.core.ship import NAMES, wrap_180, wrap_360
 from tests.benchmarks.other_ship.sheet import Sheet
 
 SIGMAS = {

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from seatrial.acquisition.core.arrays import Floats
 from seatrial.acquisition.core.errors import ConfigurationError, ModelRangeError
+from seatrial.acquisition.core.quantities import Floats
 from tests.benchmarks.other_ship.effects import Hidden, data_sheet
 from tests.benchmarks.other_ship.forces import Body, body_of
 from tests.benchmarks.other_ship.model_error import forces_of, with_error

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
-from seatrial.acquisition.core.arrays import Floats
+from seatrial.acquisition.core.quantities import Floats
 from seatrial.hybrid.diagnosis.disturbance_model import FORCE_UNITS, FREE, Columns, DisturbanceNoise
 from seatrial.hybrid.diagnosis.linearise import LinearModel
 

@@ -11,9 +11,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from seatrial.acquisition.core.actuators import DEFAULT
-from seatrial.acquisition.core.arrays import Floats
 from seatrial.acquisition.core.errors import DataShortageError
+from seatrial.acquisition.core.quantities import Floats
+from seatrial.acquisition.core.ship import DEFAULT
 from seatrial.hybrid.calibrators.calibrator import Calibrator
 from seatrial.hybrid.diagnosis.calibrator_comparison import draws_of_folds, ladder, seconds_in_folds
 from seatrial.hybrid.diagnosis.gap import FOLDS, fold_of

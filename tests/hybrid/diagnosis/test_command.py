@@ -13,7 +13,7 @@ from typer.testing import CliRunner
 
 import seatrial
 from seatrial.acquisition.core.trial import Trial
-from seatrial.acquisition.recording.tables import write_table
+from seatrial.acquisition.recording.writer import write_table
 from seatrial.analysis.tables.table import select
 from seatrial.hybrid.effects.catalogue import vessel_plant
 from seatrial.hybrid.simulation.trial import simulate_trial

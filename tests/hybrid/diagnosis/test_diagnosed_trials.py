@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from seatrial.acquisition.core.arrays import Floats
-from seatrial.acquisition.core.channels import ENVIRONMENT
+from seatrial.acquisition.core.quantities import Floats
+from seatrial.acquisition.core.ship import ENVIRONMENT
 from seatrial.hybrid.diagnosis.acceptance import Acceptance, lack_of_fit
 from seatrial.hybrid.diagnosis.select_effects import CLOSE
 from seatrial.hybrid.diagnosis.verdict import close_rivals

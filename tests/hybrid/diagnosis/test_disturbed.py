@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from seatrial.acquisition.core.arrays import Floats
+from seatrial.acquisition.core.quantities import Floats
 from seatrial.analysis.estimation.kalman_kernel import WIDTH
 from seatrial.hybrid.diagnosis.disturbance_model import (
     CALM,

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from seatrial.acquisition.core.arrays import Floats
+from seatrial.acquisition.core.quantities import Floats
 from seatrial.hybrid.diagnosis.estimate_noise import _first_guess
 from seatrial.hybrid.diagnosis.linearise import (
     ModelWithEffects,

@@ -8,7 +8,7 @@ from typing import cast
 import numpy as np
 import pytest
 
-from seatrial.acquisition.core.arrays import Floats
+from seatrial.acquisition.core.quantities import Floats
 from seatrial.hybrid.diagnosis import gap
 from seatrial.hybrid.diagnosis.disturbance_model import DisturbanceNoise, smooth_state
 from seatrial.hybrid.diagnosis.evidence import NormalEquations

@@ -8,8 +8,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from seatrial.acquisition.core.actuators import DEFAULT
-from seatrial.acquisition.core.channels import COMMAND
+from seatrial.acquisition.core.ship import COMMAND, DEFAULT
 from seatrial.hybrid.diagnosis.diagnose import choose_input_hold
 from seatrial.hybrid.diagnosis.disturbance_model import DisturbanceNoise, NoiseEstimate
 from seatrial.hybrid.diagnosis.linearise import ModelWithEffects, linearise

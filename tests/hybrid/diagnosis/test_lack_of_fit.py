@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.stats import binom
 
-from seatrial.acquisition.core.arrays import Floats
+from seatrial.acquisition.core.quantities import Floats
 from seatrial.hybrid.diagnosis.acceptance import INTERACTION_CHANCE, LackOfFit, families, lack_of_fit
 from seatrial.hybrid.diagnosis.evidence import evidence_of
 from seatrial.hybrid.diagnosis.nuisance_basis import INTERACTIONS

@@ -12,10 +12,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import cumulative_simpson, quad
 
-from seatrial.acquisition.core.angles import wrap_360
-from seatrial.acquisition.core.arrays import Floats
-from seatrial.acquisition.core.channels import COMMAND, ENVIRONMENT, POSE, VELOCITY
 from seatrial.acquisition.core.errors import DataShortageError, InputError
+from seatrial.acquisition.core.quantities import Floats
+from seatrial.acquisition.core.ship import COMMAND, ENVIRONMENT, POSE, VELOCITY, wrap_360
 from seatrial.analysis.estimation.noise_levels import NoiseLevels
 from seatrial.analysis.estimation.smoother import smooth
 from seatrial.hybrid.diagnosis.log import BLOCK_S, LEG_S, Log, _with_corners, log_of

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as some
 
-from seatrial.acquisition.core.channels import POSE_AND_VELOCITY
+from seatrial.acquisition.core.ship import POSE_AND_VELOCITY
 from seatrial.hybrid.diagnosis.evidence import NormalEquations, normal_equations
 from seatrial.hybrid.diagnosis.linearise import ModelWithEffects, linearise
 from seatrial.hybrid.diagnosis.map import (

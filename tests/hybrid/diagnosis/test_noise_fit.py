@@ -9,7 +9,7 @@ import pytest
 from numpy.typing import NDArray
 from scipy.stats import chi2
 
-from seatrial.acquisition.core.arrays import Floats
+from seatrial.acquisition.core.quantities import Floats
 from seatrial.hybrid.diagnosis.disturbance_model import Columns, DisturbanceNoise, whiten
 from seatrial.hybrid.diagnosis.estimate_noise import estimate_noise, fit_noise, start_of_drift, start_of_wave_drift
 from seatrial.hybrid.diagnosis.linearise import LinearModel, linearise, model_of

@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from seatrial.acquisition.core.actuators import Actuator
-from seatrial.acquisition.core.arrays import Floats
+from seatrial.acquisition.core.quantities import Floats
+from seatrial.acquisition.core.ship import Actuator
 from seatrial.hybrid.diagnosis.linearise import Signature
 from seatrial.hybrid.diagnosis.log import Log
 from seatrial.hybrid.diagnosis.nuisance_basis import INTERACTIONS, NuisanceBasis, nuisance_basis

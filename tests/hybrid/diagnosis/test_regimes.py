@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from seatrial.acquisition.core.actuators import DEFAULT
 from seatrial.acquisition.core.errors import ConfigurationError
+from seatrial.acquisition.core.ship import DEFAULT
 from seatrial.hybrid.diagnosis.diagnose import diagnose
 from seatrial.hybrid.diagnosis.regimes import FoundRegime, explained, find_regimes, shape_of
 from seatrial.hybrid.diagnosis.result import Replication

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.stats import binom, chi2, kstest
 
-from seatrial.acquisition.core.arrays import Floats
+from seatrial.acquisition.core.quantities import Floats
 from seatrial.hybrid.diagnosis.acceptance import FALSE_ALARM, unseen_gains
 from seatrial.hybrid.diagnosis.acceptance import acceptance_tests as stands
 from seatrial.hybrid.diagnosis.evidence import Evidence, evidence_of

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from seatrial.acquisition.core.actuators import Actuator, Actuators
+from seatrial.acquisition.core.ship import Actuator, Actuators
 from seatrial.hybrid.diagnosis.result import EffectDrift, Estimate, NamedEffect, Replication, When
 from seatrial.hybrid.diagnosis.time_varying import TimeProfile, time_varying
 from seatrial.hybrid.effects import CATALOGUE, vessel_plant

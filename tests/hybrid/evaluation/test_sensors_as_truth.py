@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from seatrial.acquisition.core.arrays import Floats
+from seatrial.acquisition.core.quantities import Floats
 from seatrial.analysis.windows.recordings import SecondBySecond
 from seatrial.hybrid.evaluation.truth import TRUTHS, judged_by_truths, truth_distances, truth_tracks, with_truths
 from seatrial.hybrid.evaluation.validate import Validation, validate

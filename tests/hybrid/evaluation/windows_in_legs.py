@@ -8,8 +8,8 @@ from typing import ClassVar, Self
 
 import numpy as np
 
-from seatrial.acquisition.core.actuators import Actuators
-from seatrial.acquisition.core.arrays import Bools, Floats
+from seatrial.acquisition.core.quantities import Bools, Floats
+from seatrial.acquisition.core.ship import Actuators
 from seatrial.analysis.tables.table import NANO
 from seatrial.hybrid.calibrators.calibrator import Calibrator, DomainOfApplicability, Examples, Progress
 from seatrial.hybrid.prediction.baselines import constant_velocity

@@ -11,7 +11,7 @@ import pandas as pd
 import pytest
 
 from seatrial.acquisition.core.trial import Trial
-from seatrial.acquisition.recording.tables import write_table
+from seatrial.acquisition.recording.writer import write_table
 from seatrial.hybrid.report.folder import Choices, report
 from tests.benchmarks.yard_ship import YardShip
 from tests.benchmarks.yard_trials import Recorder, record, sail

@@ -17,10 +17,10 @@ import pytest
 from typer.testing import CliRunner
 
 import seatrial
-from seatrial.acquisition.core.channels import BY_NAME
+from seatrial.acquisition.core.ship import BY_NAME
 from seatrial.acquisition.core.trial import Trial
 from seatrial.acquisition.recording.reader import read_recording
-from seatrial.acquisition.recording.tables import write_table
+from seatrial.acquisition.recording.writer import write_table
 from seatrial.acquisition.tables.import_table import import_table
 from seatrial.analysis.tables.table import table_of
 from seatrial.hybrid.report.folder import Choices, report

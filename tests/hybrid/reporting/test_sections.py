@@ -17,7 +17,7 @@ import seatrial as st
 from seatrial.acquisition.core.errors import StorageError
 from seatrial.acquisition.core.trial import Trial
 from seatrial.acquisition.recording.reader import read_recording
-from seatrial.acquisition.recording.tables import write_table
+from seatrial.acquisition.recording.writer import write_table
 from seatrial.analysis.report.rendering import Page, render
 from seatrial.analysis.tables.table import table_of
 from seatrial.hybrid.report.case import Case, load_case

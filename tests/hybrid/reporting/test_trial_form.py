@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from seatrial.acquisition.core.units import KNOT_MPS
+from seatrial.acquisition.core.quantities import KNOT_MPS
 from seatrial.analysis.manoeuvres import Manoeuvre, find_manoeuvres
 from seatrial.analysis.manoeuvres.criteria import criteria_of, index_rows
 from seatrial.analysis.manoeuvres.motion import motion_of

@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from seatrial.acquisition.core.channels import NAMES
+from seatrial.acquisition.core.ship import NAMES
 from seatrial.acquisition.core.trial import Trial
-from seatrial.acquisition.recording.tables import write_table
+from seatrial.acquisition.recording.writer import write_table
 
 ORIGIN = (63.44, 10.4)
 START = pd.Timestamp("2026-06-01T08:00:00Z")

@@ -10,14 +10,12 @@ import pandas as pd
 import pytest
 
 import seatrial as st
-from seatrial.acquisition.core.arrays import Series
-from seatrial.acquisition.core.channels import NAMES
 from seatrial.acquisition.core.errors import DataShortageError
-from seatrial.acquisition.logger.predictions import schema_violation
-from seatrial.acquisition.recording.reader import Recording, read_recording
-from seatrial.acquisition.recording.schemas import PREDICTION
-from seatrial.acquisition.recording.tail import Tail
-from seatrial.analysis.kinematics import to_ship
+from seatrial.acquisition.core.quantities import Series, to_ship
+from seatrial.acquisition.core.ship import NAMES
+from seatrial.acquisition.logger.health import schema_violation
+from seatrial.acquisition.recording.messages import PREDICTION
+from seatrial.acquisition.recording.reader import Recording, Tail, read_recording
 from seatrial.analysis.tables.resample import resample
 from seatrial.analysis.tables.table import read_table, table_of
 from seatrial.analysis.windows.recordings import SecondBySecond
@@ -181,7 +179,7 @@ def test_the_message_fits_the_schema_and_lies_where_the_ship_will_be(small: Trai
 def test_a_map_gets_the_track_longitude_first_and_a_ring_of_the_band(small: TrainedCalibrator) -> None:
     import json
 
-    from seatrial.acquisition.core.kinematics import TangentPlane
+    from seatrial.acquisition.core.quantities import TangentPlane
 
     prediction = predict_now(recording_at_rest(75.0), SMALL_HORIZON_S, small.plant, small).prediction
     line, region = json.loads(track_geojson(prediction, ORIGIN))["features"]

@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from seatrial.acquisition.core.arrays import Floats
+from seatrial.acquisition.core.quantities import Floats
 from seatrial.hybrid.calibrators.predict import Prediction
 from seatrial.hybrid.twin.running_error import LARGEST_FACTOR, STEP, RegionFactor, TrackError, step
 

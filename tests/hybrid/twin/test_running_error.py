@@ -8,9 +8,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from seatrial.acquisition.core.actuators import DEFAULT
-from seatrial.acquisition.core.angles import wrap_180
-from seatrial.acquisition.core.arrays import Floats
+from seatrial.acquisition.core.quantities import Floats
+from seatrial.acquisition.core.ship import DEFAULT, wrap_180
 from seatrial.hybrid.calibrators.predict import Prediction
 from seatrial.hybrid.twin.running_error import FILTER_REACH_S, RegionFactor, RunningError, as_planned, track_error
 from seatrial.hybrid.twin.twin import Statistics

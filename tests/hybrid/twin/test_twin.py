@@ -12,16 +12,13 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from seatrial.acquisition.config.sections import RecordingSection
+from seatrial.acquisition.config.sources import RecordingSection
 from seatrial.acquisition.core.errors import InputError
-from seatrial.acquisition.core.frames import Sample
-from seatrial.acquisition.core.trial import Trial
-from seatrial.acquisition.logger.health import Health
-from seatrial.acquisition.logger.predictions import Predictions
+from seatrial.acquisition.core.trial import Sample, Trial
+from seatrial.acquisition.logger.health import Health, Predictions
 from seatrial.acquisition.logger.requests import RecorderState, RequestServer
-from seatrial.acquisition.recording.messages import Topic, decode
+from seatrial.acquisition.recording.messages import PREDICTION_TOPIC, Topic, decode
 from seatrial.acquisition.recording.parts import RecordingParts
-from seatrial.acquisition.recording.schemas import PREDICTION_TOPIC
 from seatrial.hybrid.calibrators.predict import Predictor
 from seatrial.hybrid.calibrators.train import TrainedCalibrator
 from seatrial.hybrid.twin import twin as twin_module

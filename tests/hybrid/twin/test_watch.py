@@ -17,11 +17,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from seatrial.acquisition.config.configuration import load_config
+from seatrial.acquisition.config.trial_file import load_config
 from seatrial.acquisition.emulator import emulate
-from seatrial.acquisition.logger.predictions import schema_violation
+from seatrial.acquisition.logger.health import schema_violation
+from seatrial.acquisition.recording.messages import PREDICTION
 from seatrial.acquisition.recording.reader import MessageStream, describe, read_recording
-from seatrial.acquisition.recording.schemas import PREDICTION
 from seatrial.analysis.tables.resample import resample_recording
 from tests.acquisition.conftest import PATIENCE_S, config_text, free_port, wait_for
 from tests.conftest import Command

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import pandas as pd
 
-from seatrial.acquisition.core.arrays import Floats
+from seatrial.acquisition.core.quantities import Floats
 
 START = pd.Timestamp("2026-06-01T08:00:00Z")
 FINE_S = 0.02

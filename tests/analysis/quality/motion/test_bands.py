@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from seatrial.acquisition.core.frames import Quality
+from seatrial.acquisition.core.trial import Quality
 from seatrial.analysis.quality.check import check_table
 from seatrial.analysis.quality.motion.checks import check_motion
 from seatrial.analysis.quality.motion.kinematics import SLOW_HZ, fit_kinematics

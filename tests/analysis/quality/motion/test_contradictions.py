@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from seatrial.acquisition.core.frames import Quality
+from seatrial.acquisition.core.trial import Quality
 from seatrial.acquisition.tables.import_table import import_table
 from seatrial.analysis.quality.findings import CheckResult, Finding
 from seatrial.analysis.quality.motion.checks import check_motion, delays_of

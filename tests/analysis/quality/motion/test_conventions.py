@@ -9,8 +9,8 @@ import pandas as pd
 import pymap3d
 import pytest
 
-from seatrial.acquisition.tables.derived_columns import derive
-from seatrial.analysis.kinematics import to_earth
+from seatrial.acquisition.core.quantities import to_earth
+from seatrial.acquisition.tables.column_map import derive
 from seatrial.analysis.quality.check import check_table
 from seatrial.analysis.quality.findings import Finding
 from seatrial.analysis.quality.motion.checks import check_motion

@@ -8,8 +8,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from seatrial.acquisition.core.angles import difference
-from seatrial.acquisition.core.arrays import Floats
+from seatrial.acquisition.core.quantities import Floats
+from seatrial.acquisition.core.ship import difference
 from seatrial.analysis.quality.findings import Finding
 from seatrial.analysis.quality.motion.checks import check_motion, independent_groups
 from seatrial.analysis.quality.motion.kinematics import fit_kinematics

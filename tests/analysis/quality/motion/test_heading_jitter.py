@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 from numpy.typing import NDArray
 
-from seatrial.acquisition.core.angles import difference, wrap_360
+from seatrial.acquisition.core.ship import difference, wrap_360
 from seatrial.analysis.quality.findings import Finding
 from seatrial.analysis.quality.motion.checks import check_motion
 from seatrial.analysis.quality.motion.reconstruction import reconstruct_heading

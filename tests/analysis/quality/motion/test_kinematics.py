@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from seatrial.acquisition.core.arrays import Floats
 from seatrial.acquisition.core.errors import DataShortageError, InputError
+from seatrial.acquisition.core.quantities import Floats
 from seatrial.analysis.quality.motion.jumps import remove_jumps
 from seatrial.analysis.quality.motion.kinematics import NAMES, Kinematics, fit_kinematics
 from seatrial.analysis.quality.motion.series import Group, group_samples, motion_of, outliers

@@ -1,0 +1,385 @@
+"""Reading and checking a trial's TOML file; every error names the line and how to correct it."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from dataclasses import field, replace
+from pathlib import Path
+from typing import Annotated, Any
+
+from pydantic import ConfigDict, Discriminator
+from pydantic.dataclasses import dataclass
+
+from seatrial.acquisition.config.conditions import Conditions
+from seatrial.acquisition.config.declarations import (
+    ChannelSection,
+    Declarations,
+    GroupField,
+    MavlinkField,
+    PackFile,
+    PackSection,
+    SentenceField,
+    Transducer,
+)
+from seatrial.acquisition.config.run_sheet import InstrumentsSection, Particulars
+from seatrial.acquisition.config.sources import (
+    FILE_SOURCES,
+    PAIRS,
+    ActuatorSection,
+    AlarmSection,
+    AnySource,
+    CanFrames,
+    CanSource,
+    Carried,
+    CopiesSection,
+    DeclaredShip,
+    FileSource,
+    LineSource,
+    LiveSection,
+    MarkKeys,
+    MavlinkLinks,
+    MavlinkSerialSource,
+    MavlinkSource,
+    MqttLinks,
+    MqttSource,
+    RecordingSection,
+    SerialSource,
+    StatusSection,
+    TrialSection,
+    UdpSource,
+    parse_for_ship,
+)
+from seatrial.acquisition.config.toml_file import line_of, read_text
+from seatrial.acquisition.core.errors import ConfigurationError
+from seatrial.acquisition.core.ship import (
+    AUXILIARY,
+    MOTION,
+    Actuators,
+    Channel,
+    ChannelsByName,
+    as_text,
+    declared_text,
+    from_text,
+    is_setting,
+    is_ship_known,
+    numbered_shafts,
+    required_names,
+    rudder_channels,
+    rudders,
+    shaft_numbers,
+    shafts,
+    stated_text,
+    thruster_numbers,
+    with_declared,
+)
+from seatrial.acquisition.core.trial import Trial
+
+CONFIGURATION = "configuration.toml"
+"""The name of the configuration among a recording's attachments."""
+
+PACK_ENDING = ".pack"
+"""The ending of the name of a pack's attachment."""
+
+
+@dataclass(frozen=True, config=ConfigDict(extra="forbid"))
+class _File:
+    trial: TrialSection
+    source: tuple[Annotated[AnySource, Discriminator("type")], ...]
+    actuator: tuple[ActuatorSection, ...] = ()
+    channel: tuple[ChannelSection, ...] = ()
+    pack: tuple[PackSection, ...] = ()
+    recording: RecordingSection = field(default_factory=RecordingSection)
+    live: LiveSection | None = None
+    copies: CopiesSection | None = None
+    status: StatusSection | None = None
+    alarm: tuple[AlarmSection, ...] = ()
+    marks: MarkKeys = field(default_factory=dict)
+    conditions: Conditions = field(default_factory=Conditions)
+    instruments: InstrumentsSection = field(default_factory=InstrumentsSection)
+    particulars: Particulars = field(default_factory=Particulars)
+
+
+@dataclass(frozen=True)
+class TrialConfig:
+    """A validated trial configuration and the text it came from, which goes into the recording."""
+
+    trial: Trial
+    sources: tuple[AnySource, ...]
+    recording: RecordingSection
+    text: str
+    path: Path
+    live: LiveSection | None = None
+    copies: CopiesSection | None = None
+    status: StatusSection | None = None
+    alarms: tuple[AlarmSection, ...] = ()
+    marks: MarkKeys = field(default_factory=dict)
+    magnetic_variation_deg: float | None = None
+    declared: Declarations = ()
+    packs: tuple[PackFile, ...] = ()
+
+    @property
+    def attachments(self) -> dict[str, bytes]:
+        """The attachments needed to decode a recording again: this configuration, its DBC files and packs."""
+        dbc = {
+            f"{source.name}.dbc": source.dbc.read_bytes()
+            for source in self.sources
+            if isinstance(source, CanFrames) and source.dbc is not None
+        }
+        packs = {f"{pack.name}{PACK_ENDING}": pack.text.encode() for pack in self.packs}
+        return {CONFIGURATION: self.text.encode(), **dbc, **packs}
+
+    @property
+    def actuators(self) -> Actuators:
+        return from_text(self.trial.actuators)
+
+    @property
+    def ship_is_known(self) -> bool:
+        """Whether the file lists the ship's actuators, or names a vessel whose file does."""
+        return is_ship_known(self.trial.vessel, self.trial.actuators)
+
+    @property
+    def known_channels(self) -> ChannelsByName:
+        """The channels by name, including declared ones."""
+        return with_declared(tuple(declaration.channel for declaration in self.declared))
+
+    @property
+    def expected_channels(self) -> frozenset[str]:
+        """The channels that some source provides."""
+        return frozenset(name for source in self.sources for name in source.channels)
+
+    @property
+    def required_channels(self) -> tuple[str, ...]:
+        """The channels that the trial has to have; controls of a ship that is not known only as listed."""
+        return required_names(self.actuators, self.expected_channels, known=self.ship_is_known)
+
+    @property
+    def watched_channels(self) -> tuple[str, ...]:
+        """The channels watched for gaps: the trial's, and declared ones listed for a source."""
+        names = self.required_channels
+        declared = (declaration.channel.name for declaration in self.declared)
+        return (*names, *(name for name in declared if name in self.expected_channels and name not in names))
+
+    @property
+    def missing_channels(self) -> tuple[str, ...]:
+        """Those of the trial's channels that no source provides."""
+        return tuple(name for name in self.required_channels if name not in self.expected_channels)
+
+
+def load_config(path: Path | str) -> TrialConfig:
+    """Read and check a trial's configuration.
+
+    Relative paths in it are relative to the file itself. Raises :class:`ConfigurationError` naming the line.
+    """
+    return parse_config(read_text(path), path)
+
+
+def parse_config(text: str, path: Path | str, carried: Carried | None = None) -> TrialConfig:
+    """Check a configuration's text; files that a recording has ``carried`` replace those that it names.
+
+    Raises :class:`ConfigurationError` naming the line.
+    """
+    file, ship = parse_for_ship(text, path, _File, carried)
+    if not file.source:
+        raise ConfigurationError("has no source", where=str(path), fix="add a [[source]] section")
+    channels_by_name = with_declared(tuple(declaration.channel for declaration in ship.declared))
+    _check_names(file.source, path)
+    _check_units(file.source, channels_by_name, text, path)
+    _check_channels(file.source, ship, channels_by_name, text, path)
+    _check_kinds(file.source, path)
+    _check_inputs(file.source, text, path)
+    _check_dbc(file.source, path)
+    listed = {name for source in file.source for name in source.channels}
+    declared = [declaration.channel for declaration in ship.declared if declaration.channel.group == "declared"]
+    channels = declared_text(channel for channel in declared if channel.name in listed)
+    trial = file.trial.as_trial(file.conditions, file.instruments, file.particulars)
+    actuators = stated_text(ship.actuators, trial.vessel) if ship.is_known else as_text(ship.actuators)
+    return TrialConfig(
+        trial=replace(trial, actuators=actuators, channels=channels),
+        sources=file.source,
+        recording=file.recording,
+        text=text,
+        path=Path(path),
+        live=file.live,
+        copies=file.copies,
+        status=file.status,
+        alarms=file.alarm,
+        marks=file.marks,
+        magnetic_variation_deg=file.trial.magnetic_variation_deg,
+        declared=ship.declared,
+        packs=ship.packs,
+    )
+
+
+def _check_names(sources: tuple[AnySource, ...], path: Path | str) -> None:
+    names, where = [source.name for source in sources], str(path)
+    for name in names:
+        if names.count(name) > 1:
+            raise ConfigurationError(f"two sources are called {name!r}", where=where, fix="give each its own name")
+        if not name.replace("_", "").replace("-", "").isalnum():
+            fix = "use letters, digits, - and _"
+            raise ConfigurationError(f"source name {name!r} is not valid in a topic", where=where, fix=fix)
+
+
+def _check_units(
+    sources: tuple[AnySource, ...], channels_by_name: Mapping[str, Channel], text: str, path: Path | str
+) -> None:
+    for number, source in enumerate(sources):
+        key = next(key for kind, key in _MAPS.items() if isinstance(source, kind))
+        mapped: dict[str, Any] = getattr(source, key)
+        for channel, entry in mapped.items():
+            try:
+                entry.step_to(channels_by_name[channel])
+            except ConfigurationError as error:
+                line = line_of(text, ["source", number, key, channel, "unit"])
+                raise ConfigurationError(f"{channel}: {error}", where=f"{path}, line {line}") from error
+
+
+_MAPS = {CanFrames: "signals", MavlinkLinks: "named_values", MqttLinks: "values"}
+"""The key under which each kind of source maps messages to channels."""
+
+
+def _check_channels(
+    sources: tuple[AnySource, ...],
+    ship: DeclaredShip,
+    channels_by_name: Mapping[str, Channel],
+    text: str,
+    path: Path | str,
+) -> None:
+    """Refuse a channel that no message of the source can carry: it would never have a value."""
+    for number, source in enumerate(sources):
+        possible = possible_channels(source, ship.actuators, ship.declared)
+        for channel in source.channels:
+            if channel not in possible:
+                otherwise = _SENTENCES_HINT if is_setting(channels_by_name[channel]) else _DECLARATION_HINT
+                fix = _MAPPING_HINT.get(source.type.partition("_")[0], otherwise)
+                where = f"{path}, line {line_of(text, ['source', number, 'channels'])}"
+                what = f"no message on source {source.name!r} carries {channel}"
+                raise ConfigurationError(what, where=where, fix=fix)
+
+
+def _check_kinds(sources: tuple[AnySource, ...], path: Path | str) -> None:
+    """Refuse log files beside live sources: their times belong to another day."""
+    files = [source.name for source in sources if isinstance(source, FILE_SOURCES)]
+    if files and len(files) < len(sources):
+        what = f"{', '.join(files)} are log files, but other sources are live"
+        fix = "use separate configurations for live sources and log files"
+        raise ConfigurationError(what, where=str(path), fix=fix)
+
+
+def _check_dbc(sources: tuple[AnySource, ...], path: Path | str) -> None:
+    for source in (section for section in sources if isinstance(section, CanFrames)):
+        where = f"{path}, source {source.name!r}"
+        if source.dbc is not None and not source.dbc.is_file():
+            what = "is not a file" if source.dbc.exists() else "does not exist"
+            raise ConfigurationError(f"DBC file {source.dbc} {what}", where=where)
+        if source.dbc is None and source.signals:
+            raise ConfigurationError("has signals but no dbc file", where=where, fix="add dbc = FILE")
+
+
+def _check_inputs(sources: tuple[AnySource, ...], text: str, path: Path | str) -> None:
+    """Refuse two sources that would read the same port or serial line."""
+    for number, source in enumerate(sources):
+        for earlier in sources[:number]:
+            if key := _shared_input(source, earlier):
+                what = f"source {source.name!r} has the same {key} as {earlier.name!r}"
+                where = f"{path}, line {line_of(text, ['source', number, key])}"
+                why, fix = "only one source can read it", f"correct `{key}`, or merge the two sources"
+                raise ConfigurationError(what, where=where, why=why, fix=fix)
+
+
+def _shared_input(first: AnySource, second: AnySource) -> str:
+    """The key of the input that two sources would both open; empty if there is none."""
+    if isinstance(first, _LISTENING) and isinstance(second, _LISTENING) and first.port == second.port:
+        addresses = {_LOCAL.get(source.address, source.address) for source in (first, second)}
+        return "port" if len(addresses) == 1 or "" in addresses else ""
+    if isinstance(first, _SERIAL) and isinstance(second, _SERIAL):
+        devices = {os.path.realpath(source.device) for source in (first, second)}  # a device may have several names
+        return "device" if len(devices) == 1 else ""
+    return ""
+
+
+_LISTENING = (UdpSource, MavlinkSource)
+_SERIAL = (SerialSource, MavlinkSerialSource)
+_LOCAL = {"localhost": "127.0.0.1", "0.0.0.0": ""}
+"""Other names of addresses; the empty one means all of this computer's."""
+_MAPPING_HINT = {
+    "can": "say which DBC signal does in [source.signals], or for a shaft its engine's turns for one of its own in"
+    " reduction_ratios, or take it off the source's channels",
+    "mqtt": "say which topic does in [source.values], give the topics of the sentences that do, or take it off the"
+    " source's channels",
+    "mavlink": "say which named value does in [source.named_values], or take it off the source's channels",
+}
+_DECLARATION_HINT = (
+    "say in a [[channel]] of this name, under `from`, which message of the source carries it, or take it off the"
+    " source's channels"
+)
+_SENTENCES_HINT = (
+    "take it off the source's channels: NMEA 0183 tells of two rudders (RSA, ROR), three shafts (RPM, PRC), azimuth"
+    " and tunnel thrusters (TRD, TRC), not of waterjets' nozzles; the maker's CAN frames may, or NMEA 2000 by a"
+    " gateway, whose `form` is to be given"
+)
+_MOTION = frozenset(MOTION) | {
+    "latitude_deg", "longitude_deg", "speed_over_ground_mps", "course_over_ground_deg",
+}  # fmt: skip
+_ATTITUDE = frozenset({"roll_deg", "pitch_deg"})
+_NAUTICAL = frozenset(channel.name for channel in AUXILIARY if not is_setting(channel)) - _ATTITUDE - {"heave_m"}
+"""What both NMEA protocols are read for besides the motion: every auxiliary channel but these."""
+
+
+def possible_channels(source: AnySource, actuators: Actuators, declared: Declarations = ()) -> frozenset[str]:
+    """The channels that a source's protocol and mapping can carry, including ``declared`` ones."""
+    return _channels_from(source, actuators) | _declared_from(source, declared)
+
+
+def _channels_from(source: AnySource, actuators: Actuators) -> frozenset[str]:
+    if isinstance(source, MavlinkLinks):
+        return _MOTION | _ATTITUDE | {f"{name}_rpm" for name in shafts(actuators)[:2]} | source.named_values.keys()
+    if isinstance(source, MqttSource) and not source.topics:
+        derived = {channel for pair, more in PAIRS.items() if set(pair) <= source.values.keys() for channel in more}
+        return frozenset(source.values.keys() | derived)
+    nautical = _MOTION | _NAUTICAL | set(() if rudders(actuators) else rudder_channels(actuators))
+    nautical |= set() if isinstance(source, CanSource) else _in_sentences(actuators)
+    if isinstance(source, MqttLinks):
+        return nautical | source.values.keys()
+    if _has_groups(source):
+        return nautical | _ATTITUDE | _in_groups(source, actuators) | source.signals.keys()
+    return nautical
+
+
+def _declared_from(source: AnySource, declared: Declarations) -> set[str]:
+    """The channels declared with an origin that the source can have."""
+    kinds: list[type] = [MavlinkField] if isinstance(source, MavlinkLinks) else []
+    kinds += [SentenceField, Transducer] if isinstance(source, LineSource | MqttLinks) else []
+    kinds += [GroupField] if isinstance(source, CanFrames) and _has_groups(source) else []
+    return {
+        declaration.channel.name
+        for declaration in declared
+        if any(type(origin) in kinds for origin in declaration.origins)
+    }
+
+
+def _has_groups(source: CanFrames) -> bool:
+    """Whether a source is configured to carry NMEA 2000: any line may be a gateway's, but most are not."""
+    if isinstance(source, CanSource | FileSource):
+        return True
+    return bool(source.form or source.devices or source.dbc)
+
+
+def _in_groups(source: CanFrames, actuators: Actuators) -> set[str]:
+    """The actuator channels in NMEA 2000 parameter groups: rudders and their orders, shafts by their engines."""
+    steering = (actuator for actuator in actuators if actuator.name in rudders(actuators))
+    angles = {channel.name for rudder in steering for channel in (*rudder.channels, *rudder.orders)}
+    return angles | {f"{name}_rpm" for name in source.reduction_ratios}
+
+
+def _in_sentences(actuators: Actuators) -> set[str]:
+    """The channels of actuators, and of orders to them, in RSA and ROR, RPM and PRC, TRD and TRC."""
+    fully_carried = {*thruster_numbers(actuators), *(rudders(actuators) if len(rudders(actuators)) <= 2 else ())}
+    numbered = shaft_numbers(numbered_shafts(actuators))
+    return {
+        channel.name
+        for actuator in actuators
+        for channel in (*actuator.channels, *actuator.orders)
+        if actuator.name in fully_carried or (actuator.name in numbered and channel.unit != "deg")
+    }

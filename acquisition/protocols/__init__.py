@@ -1,0 +1,224 @@
+"""What is in a frame: one file a protocol. A decoder turns one frame into samples, guards first.
+
+A decoder keeps only the state its protocol forces on it (packets in parts, the clock of the line, who has which
+address) and counts what it refuses. It never raises on what comes off a wire.
+
+What a decoder may say, besides channels that a message carries as they are, in groups that belong together
+(``derive.py`` makes channels of them):
+
+==================================================  =========================================================
+``latitude_deg``, ``longitude_deg``                 a fix; north and east follow
+``heading_magnetic_deg``, ``magnetic_variation_deg``  compass heading with the deviation applied; east positive
+``velocity_north_mps``, ``velocity_east_mps``       over ground
+``course_over_ground_deg`` or ``course_magnetic_deg``, with ``speed_over_ground_mps``
+``wind_angle_apparent_deg``, ``wind_speed_apparent_mps``   from the bow, as felt on board
+``wind_angle_theoretical_deg``, ``wind_speed_theoretical_mps``   from the bow, over ground
+``wind_angle_water_deg``, ``wind_speed_water_mps``  from the bow, relative to the water
+``wind_direction_magnetic_deg``, ``wind_speed_mps``  from magnetic north, over ground
+==================================================  =========================================================
+
+Channels to bytes, the mirror image of the decoders: what the emulator puts onto buses and lines.
+"""
+
+from __future__ import annotations
+
+import typing
+from abc import ABC, abstractmethod
+from collections import Counter, deque
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from seatrial.acquisition.config.declarations import Declarations, GroupField, SentenceField, Transducer, carried_by
+from seatrial.acquisition.config.sources import AnySource, CanFrames, CanSource, LineSource, MavlinkLinks, MqttLinks
+from seatrial.acquisition.core.named_code import imported
+from seatrial.acquisition.core.ship import BY_NAME, DEFAULT, Actuators, Channel, with_declared
+from seatrial.acquisition.core.trial import Fix, Frame, Group, Protocol, safe_label
+
+BAD_DATA = "bad data"
+"""Why a decoder refuses what is no packet of its protocol."""
+_MOST_UNKNOWN = 500
+_MOST_SENDERS = 100
+Notices = deque[tuple[str, str]]
+"""What people should know, as (level, text): an address that changed, a clock that stepped."""
+
+
+NO_SATELLITES = frozenset({0, 6, 7, 8})
+"""Fixes by the numbers of GGA that are none by satellites: none at all, dead reckoning, typed in, a simulator's."""
+
+
+class FurtherSenders:
+    """The addresses that send to one port besides the first, which needs none in its labels."""
+
+    def __init__(self) -> None:
+        self._labels: dict[str, str] = {}
+
+    def label(self, sender: str) -> str:
+        """What stands in the labels of an address; empty for the first, and where none is known."""
+        if not sender:
+            return ""
+        if (label := self._labels.get(sender)) is None:
+            if len(self._labels) >= _MOST_SENDERS:  # addresses can be forged
+                return "further"
+            label = self._labels[sender] = safe_label(sender) if self._labels else ""
+        return label
+
+
+class Decoder(ABC):
+    """One protocol's step from frame to samples.
+
+    ``refused`` counts frames and values by reason, ``unknown`` sound messages that carry no channel by name;
+    ``notices`` are what there is to tell since the caller emptied them last; ``fixes`` what each sensor's satellite
+    receiver said last of its fix.
+    """
+
+    def __init__(self) -> None:
+        self.refused: Counter[str] = Counter()
+        self.unknown: Counter[str] = Counter()
+        self.notices: Notices = deque()
+        self.fixes: dict[str, Fix] = {}
+
+    def note_unknown(self, name: str) -> None:
+        """Count a message that carries no channel; noise must not name messages without end."""
+        if name in self.unknown or len(self.unknown) < _MOST_UNKNOWN:
+            self.unknown[name] += 1
+
+    @abstractmethod
+    def decode(self, frame: Frame) -> list[Group]:
+        """The samples in one frame, a group a message; empty where there is nothing for us in it."""
+
+
+class ChannelReader(typing.Protocol):
+    """What reads one declared channel in a message."""
+
+    @property
+    def channel(self) -> Channel:
+        """The channel."""
+
+
+Carrier = typing.TypeVar("Carrier")
+Reader = typing.TypeVar("Reader", bound=ChannelReader)
+
+
+class DeclaredReaders(dict[Carrier, list[Reader]]):
+    """The readers of the declared channels of one line, bus or link, by the kind of message that carries them."""
+
+    def channels_in(self, kind: Carrier) -> frozenset[str]:
+        """The channels that these messages carry: what they would say of them otherwise counts no more."""
+        return frozenset(entry.channel.name for entry in self.get(kind, ()))
+
+
+def make_decoders(config: AnySource, actuators: Actuators = DEFAULT, declared: Declarations = ()) -> list[Decoder]:
+    """The decoders that the frames of a source's own protocol go through, on a ship with these actuators."""
+    return next(iter(decoders_by_protocol(config, actuators, declared).values()))
+
+
+def decoders_by_protocol(
+    config: AnySource, actuators: Actuators = DEFAULT, declared: Declarations = ()
+) -> dict[Protocol, list[Decoder]]:
+    """The decoders of a source's frames, its own protocol first: on a line a gateway may send CAN frames, too.
+
+    Of the channels that are ``declared`` they read those that are listed for the source.
+    """
+    if isinstance(config, MavlinkLinks):
+        from seatrial.acquisition.protocols.mavlink import MavlinkDecoder
+
+        return {"mavlink": [MavlinkDecoder(config, actuators, declared)]}
+    if isinstance(config, CanSource):
+        return {"can": _of_can(config, actuators, declared)}
+    from seatrial.acquisition.protocols.nmea0183 import Nmea0183Decoder
+
+    wind, ratios = config.theoretical_wind, config.reduction_ratios
+    fields = carried_by(declared, config.channels, SentenceField | Transducer)
+    ship = actuators, ratios, config.rated_rpm
+    decoder = Nmea0183Decoder(
+        config.thrusters, config.clock, wind, *ship, declared=fields, unchecked=config.checksum == "optional"
+    )
+    if isinstance(config, MqttLinks):
+        from seatrial.acquisition.protocols.mqtt import MqttDecoder
+
+        channels = with_declared(tuple(declaration.channel for declaration in declared))
+        return {"mqtt": [MqttDecoder(config, decoder, channels)]}
+    sentences: list[Decoder] = [decoder]
+    if config.type == "can_file":
+        return {"can": _of_can(config, actuators, declared), "nmea0183": sentences}
+    return {"nmea0183": sentences, "can": _of_can(config, actuators, declared)}
+
+
+def _of_can(config: CanFrames, actuators: Actuators, declared: Declarations) -> list[Decoder]:
+    from seatrial.acquisition.protocols.can_frames import DbcDecoder
+    from seatrial.acquisition.protocols.nmea2000 import Nmea2000Decoder
+
+    nmea2000 = Nmea2000Decoder(
+        config.clock,
+        config.devices,
+        actuators,
+        config.reduction_ratios,
+        shares_bus=config.dbc is not None,
+        declared=carried_by(declared, config.channels, GroupField),
+    )
+    if config.dbc is None:
+        return [nmea2000]
+    channels = with_declared(tuple(declaration.channel for declaration in declared))
+    return [nmea2000, DbcDecoder(config.dbc, config.signals, nmea2000, channels)]
+
+
+_PLACES: tuple[tuple[Any, str], ...] = (
+    (CanSource, "seatrial.acquisition.protocols.can_frames:CanEncoder"),
+    (MavlinkLinks, "seatrial.acquisition.protocols.mavlink:MavlinkEncoder"),
+    (MqttLinks, "seatrial.acquisition.protocols.mqtt:MqttEncoder"),
+    (LineSource, "seatrial.acquisition.protocols.nmea0183:Nmea0183Encoder"),
+)
+"""Imported when first used, like the decoders."""
+
+
+@dataclass(frozen=True, slots=True)
+class Packet:
+    """What is sent at once: one CAN frame, one sentence with its line end, one datagram, or one MQTT message.
+
+    ``payload`` is as in a frame; ``carries`` names the channels whose values are in it.
+    """
+
+    payload: bytes
+    identifier: int = 0
+    extended: bool = True
+    carries: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Moment:
+    """The channel values of one instant: ``values`` in the channels' units, the fix in degrees.
+
+    ``latitude_deg`` and ``longitude_deg`` are given whenever both ``north_m`` and ``east_m`` are.
+    """
+
+    time_ns: int
+    values: dict[str, float]
+    latitude_deg: float | None = None
+    longitude_deg: float | None = None
+
+    @property
+    def fix_of(self) -> tuple[str, ...]:
+        """The channels that travel in the fix."""
+        fix = "north_m", "east_m", "latitude_deg", "longitude_deg"
+        return () if self.latitude_deg is None else self.present(*fix)
+
+    def present(self, *channels: str) -> tuple[str, ...]:
+        """Those of ``channels`` that have a value now."""
+        return tuple(name for name in channels if name in self.values)
+
+
+class Encoder(typing.Protocol):
+    """One source's way of saying an instant."""
+
+    def encode(self, moment: Moment) -> list[Packet]:
+        """The packets that carry the moment's values, the announcement of the time first if it is wanted."""
+
+
+def make_encoder(
+    config: AnySource, actuators: Actuators = DEFAULT, channels: Mapping[str, Channel] = BY_NAME
+) -> Encoder:
+    """The encoder for what a configuration section would receive, on a ship with these actuators and channels."""
+    place = next(place for kinds, place in _PLACES if isinstance(config, kinds))
+    encoder: Encoder = imported(place)(config, actuators, channels)
+    return encoder

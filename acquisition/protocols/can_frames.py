@@ -1,0 +1,326 @@
+"""The vessel's own CAN frames by a DBC file: thrusters, mostly, that no standard message carries.
+
+Frames with 29-bit identifiers are matched by parameter group, as J1939 devices choose their own address, and
+obey its rule that the highest raw values mean "not available" or "error"; 11-bit frames match exactly. Names such
+as "Invalid" in the file's own tables of values hold for both.
+
+Channels to CAN frames: NMEA 2000 by the ``nmea2000`` library, thrusters by the vessel's DBC file.
+"""
+
+from __future__ import annotations
+
+import datetime as dt
+import re
+from collections.abc import Callable, Mapping
+from math import isfinite, nan, pi, radians
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import cantools
+from cantools.database.can import Message as DbcMessage
+from cantools.database.can import Signal as DbcSignal
+from nmea2000.encoder import create_encoder
+from nmea2000.input_formats import N2KFormat
+from nmea2000.message import NMEA2000Field, NMEA2000Message
+
+from seatrial.acquisition.config.sources import CanSource, Signal
+from seatrial.acquisition.core.errors import ConfigurationError, system_reason
+from seatrial.acquisition.core.files import read_regular
+from seatrial.acquisition.core.process import DBC_BITS, DBC_BYTES, DBC_TEXT_BYTES
+from seatrial.acquisition.core.quantities import DEG_PER_RAD, Linear
+from seatrial.acquisition.core.ship import BY_NAME, Actuators, Channel, name_of_order, rudder_channels, shafts
+from seatrial.acquisition.core.trial import NANO, Frame, FrameFlag, Group
+from seatrial.acquisition.protocols import Decoder, Moment, Packet
+from seatrial.acquisition.protocols.clock import DAY_NS
+from seatrial.acquisition.protocols.nmea2000 import Nmea2000Decoder, parameter_group
+from seatrial.acquisition.protocols.parameter_groups import ERROR_VALUE, LIBRARY, NOT_AVAILABLE
+
+_NO_VALUE = re.compile(
+    r"(?i)\b(sna|n/?a|not available|unavailable|invalid|error|fault|unknown|undefined|reserved)\b"
+)
+_SIZES = re.compile(rb"\|\s*(\d+)\s*@|^\s*BO_\s+\d+\s+\w+\s*:\s*(\d+)", re.MULTILINE)
+_LINE_AND_COLUMN = re.compile(r"line (\d+), column (\d+)")
+_ERROR = re.compile(r"(?i)error|fault")
+
+
+def load_dbc(path: Path) -> cantools.db.Database:
+    """Read a DBC file. Raises :class:`ConfigurationError`."""
+    try:
+        content = read_regular(path, DBC_BYTES, ConfigurationError)
+        longest = max(map(len, content.replace(b'\\"', b"__").split(b'"')))
+        DBC_TEXT_BYTES.require(longest, path, len(content), ConfigurationError)
+        widest = max((int(bits or length) for bits, length in _SIZES.findall(content)), default=0)
+        DBC_BITS.require(widest, path, len(content), ConfigurationError)
+        return cantools.database.load_string(_text_of(content), database_format="dbc")
+    except ConfigurationError:
+        raise
+    except Exception as error:  # the parser fails in every possible way
+        fix = "give a DBC file, or correct it"
+        raise ConfigurationError(
+            "is not a readable DBC file", where=str(path), why=_reason(error), fix=fix
+        ) from error
+
+
+def _text_of(content: bytes) -> str:
+    """The text of a DBC file: UTF-8 where it is that, else as its editors write it."""
+    try:
+        return content.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        return content.decode("cp1252", "replace")
+
+
+def _reason(error: Exception) -> str:
+    """Why a DBC file cannot be read, without the words of the library that reads it."""
+    if isinstance(error, OSError):
+        return system_reason(error)
+    text = str(error)
+    if place := _LINE_AND_COLUMN.search(text):
+        return f"line {place[1]}, column {place[2]} is not of a DBC file"
+    fault = re.search(r"(The (?:signals?|message) .+?)\.?\"?$", text)
+    return fault[1] if fault else "its messages and signals contradict each other"
+
+
+def find_signal(database: cantools.db.Database, entry: Signal, path: Path) -> tuple[DbcMessage, DbcSignal]:
+    """The message and signal that a configuration names. Raises :class:`ConfigurationError`."""
+    try:
+        message = database.get_message_by_name(entry.message)
+        return message, message.get_signal_by_name(entry.signal)
+    except KeyError as error:
+        signal_names = ", ".join(
+            f"{frame.name}.{signal.name}" for frame in database.messages for signal in frame.signals
+        )
+        raise ConfigurationError(
+            f"has no signal {entry.message}.{entry.signal}", where=str(path), fix=f"it has {signal_names}"
+        ) from error
+
+
+def frame_key(message: DbcMessage) -> tuple[bool, int]:
+    """How frames find their message: the parameter group for 29-bit, the identifier for 11-bit frames."""
+    if message.is_extended_frame:
+        return True, parameter_group(message.frame_id)[0]
+    return False, message.frame_id
+
+
+def missing_by_rule(raw: float, signal: DbcSignal) -> str | None:
+    """Why a raw value is no value by the rule of J1939-71 and NMEA 2000; None if it is one.
+
+    From 16 bits on, the highest byte tells; below, the highest raw value is "not available" and, from 4 bits on,
+    the one under it "error". Signed signals keep their three highest values. A single bit has none to spare.
+    """
+    if signal.is_float:
+        return None if isfinite(raw) else NOT_AVAILABLE
+    bits, number = signal.length, int(raw)
+    highest = int(2 ** (bits - (1 if signal.is_signed else 0)) - 1)
+    if signal.is_signed:
+        errors = 2 if bits >= 4 else 0
+    elif bits >= 16:
+        highest, errors, number = 0xFF, 1, number >> (bits - 8)
+    else:
+        errors = 1 if bits >= 4 else 0
+    if bits == 1 or not highest - errors <= number:
+        return None
+    return NOT_AVAILABLE if number == highest else ERROR_VALUE
+
+
+def missing_by_name(raw: float, signal: DbcSignal) -> str | None:
+    """Why a raw value is no value by the file's own table of values; None if it is one."""
+    name = str((signal.choices or {}).get(int(raw), "")) if isfinite(raw) else ""
+    if not _NO_VALUE.search(name.replace("_", " ")):
+        return None
+    return ERROR_VALUE if _ERROR.search(name) else NOT_AVAILABLE
+
+
+class _Wanted(NamedTuple):
+    """One signal that carries a channel, and the step to the channel's unit."""
+
+    channel: str
+    signal: DbcSignal
+    step: Linear
+
+
+class DbcDecoder(Decoder):
+    """The configured signals of one DBC file; ``buses`` tells who has which address on the bus of a frame."""
+
+    def __init__(
+        self,
+        path: Path,
+        signals: dict[str, Signal],
+        buses: Nmea2000Decoder,
+        channels: Mapping[str, Channel] = BY_NAME,
+    ) -> None:
+        super().__init__()
+        self._buses = buses
+        self._wanted: dict[tuple[bool, int], tuple[DbcMessage, list[_Wanted]]] = {}
+        database = load_dbc(path)
+        for channel, entry in signals.items():
+            message, signal = find_signal(database, entry, path)
+            wanted = self._wanted.setdefault(frame_key(message), (message, []))
+            wanted[1].append(_Wanted(channel, signal, entry.step_to(channels[channel])))
+
+    def decode(self, frame: Frame) -> list[Group]:
+        if frame.flags & (FrameFlag.REMOTE | FrameFlag.ERROR):
+            return []
+        extended = not frame.flags & FrameFlag.STANDARD_ID
+        group, address = parameter_group(frame.identifier)
+        message, wanted = self._wanted.get((extended, group if extended else frame.identifier), (None, []))
+        if message is None:
+            return []
+        raw = self._raw(message, frame.payload)
+        bus = self._buses.bus(frame)
+        device = bus.devices.label(address) if extended else f"{frame.identifier:03X}{bus.devices.at_bus}"
+        values = [
+            (entry.channel, value)
+            for entry in wanted
+            # of multiplexed signals a frame carries some only
+            if entry.signal.name in raw and bus.devices.may_provide(device, entry.channel)
+            if (value := self._value(raw[entry.signal.name], entry, extended)) is not None
+        ]
+        return bus.clock.group(frame, f"{frame.origin}/{device}:{message.name}", values)
+
+    def _raw(self, message: DbcMessage, payload: bytes) -> dict[str, float]:
+        """The raw values in a frame; bytes beyond the message are nobody's."""
+        if len(payload) < message.length:
+            self.refused["short frame"] += 1
+            return {}
+        try:
+            raw: dict[str, float] = message.decode(payload[: message.length], decode_choices=False, scaling=False)
+        except Exception:  # an unknown multiplexer value, and whatever else the library finds
+            self.refused["undecodable"] += 1
+            return {}
+        return raw
+
+    def _value(self, raw: float, wanted: _Wanted, extended: bool) -> float | None:
+        signal = wanted.signal
+        missing = missing_by_name(raw, signal)
+        if missing is None and (extended or signal.is_float):
+            missing = missing_by_rule(raw, signal)
+        value = 0.0 if missing else wanted.step.apply(float(signal.raw_to_scaled(raw, False)))
+        if missing or not isfinite(value):
+            self.refused[missing or "impossible value"] += 1
+            return None
+        return value
+
+
+_ADDRESS = 35
+
+
+class CanEncoder:
+    """Everything one bus carries: standard parameter groups and the configured DBC signals."""
+
+    def __init__(self, config: CanSource, actuators: Actuators, channels: Mapping[str, Channel]) -> None:
+        self._rudders = rudder_channels(actuators)
+        self._ratios = [
+            (number, f"{name}_rpm", config.reduction_ratios[name])
+            for number, name in enumerate(shafts(actuators))
+            if name in config.reduction_ratios
+        ]
+        self._announces = config.clock == "source"
+        self._encoder = create_encoder(N2KFormat.PYTHON_CAN)
+        self._dbc: dict[str, tuple[DbcMessage, dict[str, tuple[DbcSignal, Linear]]]] = {}
+        if config.dbc is not None:
+            database = load_dbc(config.dbc)
+            for channel, entry in config.signals.items():
+                message, signal = find_signal(database, entry, config.dbc)
+                step = entry.step_to(channels[channel])
+                self._dbc.setdefault(message.name, (message, {}))[1][channel] = signal, step
+
+    def encode(self, moment: Moment) -> list[Packet]:
+        packets = self._system_time(moment) if self._announces else []
+        if moment.latitude_deg is not None:
+            fix = {"latitude": moment.latitude_deg, "longitude": moment.longitude_deg}
+            packets += self._group(129025, "positionRapidUpdate", fix, moment.fix_of)
+        values = dict(moment.values)
+        for message, signals in self._dbc.values():
+            packets += _dbc_frame(message, signals, values)
+        packets += self._machinery(moment)
+        for group, (name, reference, fields) in _MOTION.items():
+            if carries := moment.present(*fields):
+                group_fields = {fields[channel][0]: fields[channel][1](values[channel]) for channel in carries}
+                packets += self._group(group, name, group_fields | reference, carries)
+        return packets
+
+    def _machinery(self, moment: Moment) -> list[Packet]:
+        """Rudders with their orders, and shafts as their engines with the gear that tells the direction."""
+        packets = []
+        for number, angle in enumerate(self._rudders):
+            if carries := moment.present(angle, name_of_order(angle)):
+                position, order = (moment.values.get(name) for name in (angle, name_of_order(angle)))
+                fields = {"instance": number, "position": _radians(position), "angleOrder": _radians(order)}
+                packets += self._group(127245, "rudder", fields, carries)
+        for number, channel, ratio in self._ratios:
+            if channel in moment.values:
+                speed = moment.values[channel] * ratio
+                gear = {"instance": number, "transmissionGear": "Reverse" if speed < 0.0 else "Forward"}
+                packets += self._group(127493, "transmissionParametersDynamic", gear, ())
+                engine = {"instance": number, "speed": abs(speed)}
+                packets += self._group(127488, "engineParametersRapidUpdate", engine, (channel,))
+        return packets
+
+    def _system_time(self, moment: Moment) -> list[Packet]:
+        days, time_of_day_ns = divmod(moment.time_ns, DAY_NS)
+        date = dt.date(1970, 1, 1) + dt.timedelta(days=days)
+        fields = {"source": "GPS", "date": date, "time": time_of_day_ns / NANO}
+        return self._group(126992, "systemTime", fields, (), priority=3)
+
+    def _group(
+        self, group: int, name: str, fields: dict[str, Any], carries: tuple[str, ...], priority: int = 2
+    ) -> list[Packet]:
+        """One parameter group as frames; fields that are None go out as not available."""
+        library_fields = [
+            NMEA2000Field(id=key, value=value, raw_value=value)
+            for key, value in fields.items()
+            if value is not None
+        ]
+        message = NMEA2000Message(
+            PGN=group, id=name, source=_ADDRESS, destination=255, priority=priority, fields=library_fields
+        )
+        with LIBRARY:
+            first, *further = self._encoder.encode(message)
+        packets = [Packet(bytes(first.data), first.arbitration_id, carries=carries)]
+        return packets + [Packet(bytes(frame.data), frame.arbitration_id) for frame in further]
+
+
+def _radians(angle_deg: float | None) -> float | None:
+    return None if angle_deg is None else angle_deg / DEG_PER_RAD
+
+
+def _turn_rad(angle_deg: float) -> float:
+    """An angle in radians that rounds to less than a whole turn on the wire."""
+    angle_rad = round(angle_deg / DEG_PER_RAD, 4)
+    return 0.0 if angle_rad > 2 * pi else angle_rad
+
+
+_MOTION: dict[int, tuple[str, dict[str, str], dict[str, tuple[str, Callable[[float], float]]]]] = {
+    127250: ("vesselHeading", {"reference": "True"}, {"heading_deg": ("heading", _turn_rad)}),
+    127251: ("rateOfTurn", {}, {"yaw_rate_dps": ("rate", radians)}),
+    130578: ("vesselSpeedComponents", {}, {"surge_mps": ("longitudinalSpeedGroundReferenced", float),
+                                           "sway_mps": ("transverseSpeedGroundReferenced", float)}),
+    130306: ("windData", {"reference": "True (ground referenced to North)"},
+             {"wind_direction_deg": ("windAngle", _turn_rad), "wind_speed_mps": ("windSpeed", float)}),
+}  # fmt: skip
+"""The groups of motion and wind: the library's name, the reference, and the field of each channel in its unit."""
+
+
+def _dbc_frame(
+    message: DbcMessage, signals: dict[str, tuple[DbcSignal, Linear]], values: dict[str, float]
+) -> list[Packet]:
+    """One DBC message with the signals that have a value now; others, and values beyond it, as not available."""
+    if not any(channel in values for channel in signals):
+        return []
+    raw = {signal.name: _not_available(signal) for signal in message.signals}
+    carried = []
+    for channel, (signal, step) in signals.items():
+        if channel in values:
+            value = float(signal.scaled_to_raw(step.invert(values[channel])))
+            lowest = -int(2 ** (signal.length - 1)) if signal.is_signed else 0
+            if signal.is_float or (lowest <= value and missing_by_rule(round(value), signal) is None):
+                raw[signal.name] = value if signal.is_float else round(value)
+                carried.append(channel)
+    payload = message.encode(raw, scaling=False, strict=False)
+    return [Packet(payload, message.frame_id, message.is_extended_frame, tuple(carried))]
+
+
+def _not_available(signal: DbcSignal) -> float:
+    if signal.is_float:
+        return nan
+    return int(2 ** (signal.length - (1 if signal.is_signed else 0)) - 1)

@@ -1,0 +1,326 @@
+"""MQTT messages: sentences behind a time, and values that have a topic each.
+
+A sentence goes the way of every line, its time beside it as that of a TAG block. A value is a number,
+``value,time,...``, either of them behind a time and a blank, or a field of a JSON object. What a broker had
+retained is of unknown age and not decoded; a message that tells its time and comes twice counts once.
+
+Channels to MQTT messages: values under their topics as ``value,time``, all else as sentences behind the time.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import replace
+from datetime import timedelta
+from math import isfinite
+from typing import Any, NamedTuple
+
+import orjson
+
+from seatrial.acquisition.config.sources import PAIRS, MqttLinks, TopicValue
+from seatrial.acquisition.core.errors import ConfigurationError
+from seatrial.acquisition.core.quantities import (
+    DEGREES_AND_MINUTES,
+    as_degrees_and_minutes,
+    from_degrees_and_minutes,
+    is_unit,
+)
+from seatrial.acquisition.core.ship import BY_NAME, Actuators, Channel
+from seatrial.acquisition.core.trial import EPOCH, NANO, Frame, FrameFlag, Group, Sample
+from seatrial.acquisition.protocols import Decoder, Moment, Packet
+from seatrial.acquisition.protocols.clock import SENTENCE_BEHIND, SourceClock, told_utc_ns
+from seatrial.acquisition.protocols.nmea0183 import Nmea0183Decoder, Nmea0183Encoder, has_sentence
+
+_REMEMBERED = 10_000  # messages: a broker redelivers what was under way, 20 at once by default, 65,535 at most
+_MOST_TOPICS = 10_000
+_LONGEST_TEXT = 65_536  # of sentences in one message, as in a datagram: ten megabytes would take seconds
+_TOGETHER_NS = 50_000_000  # a ship at 6 m/s makes 0.3 m in it, as much as a good fix errs
+_NUMBER = re.compile(r"[+-]?(?:\d++(?:\.\d*+)?|\.\d++)(?:[eE][+-]?\d{1,3})?", re.ASCII)
+_NO_VALUE = frozenset({"", "none", "null", "nan", "n/a", "na", "-"})
+_TIMED = re.compile(
+    r"(?P<time>\d{4}-\d\d-\d\d[T ][\d:.]{8,18}(?:Z|[+-]\d\d:?\d\d)?|\d{10}(?:\.\d++)?)\s++(?P<rest>.*)", re.ASCII
+)
+_IN_LABELS = str.maketrans(": ", "__")
+_WIND_ABOARD = {
+    "apparent_wind_angle_deg": "wind_angle_apparent_deg", "apparent_wind_speed_mps": "wind_speed_apparent_mps",
+}  # fmt: skip
+"""What the wind on board is called where its angle and speed are told together: true wind follows from it."""
+_PARTNERS = {name: partner for pair in PAIRS for name, partner in (pair, pair[::-1])}
+
+
+class Told(NamedTuple):
+    """What a message says: its value as text, its time [ns UTC] and its unit, if it tells them."""
+
+    text: str
+    time_ns: int | None = None
+    unit: str = ""
+
+
+def topic_and_message(payload: bytes) -> tuple[str, str]:
+    """The topic in a frame, and its message as Latin-1."""
+    topic, _, message = payload.partition(b"\0")
+    return topic.decode("utf-8", "replace"), message.decode("latin-1")
+
+
+def device_and_signal(topic: str) -> tuple[str, str]:
+    """Who publishes under a topic, which is all but its last level, and what it is, as labels of sources say it.
+
+    >>> device_and_signal("ship/MRU/Heading")
+    ('ship/MRU', 'Heading')
+    """
+    device, _, signal = topic.translate(_IN_LABELS).rpartition("/")
+    return device, signal
+
+
+def split_time(text: str) -> tuple[int | None, str]:
+    """The time before a message [ns UTC], if there is one, and the message.
+
+    >>> split_time("2023-11-03T09:41:02Z 12.5")
+    (1699004462000000000, '12.5')
+    """
+    behind = _TIMED.fullmatch(text.strip())
+    return (told_utc_ns(behind["time"]), behind["rest"]) if behind else (None, text.strip())
+
+
+def read_message(text: str, entry: TopicValue) -> Told:
+    """What a message says of an entry. Raises :class:`ValueError` with what is wrong with it.
+
+    >>> read_message("12.5,2023-11-03T09:41:02Z,deg", TopicValue(topic="x", unit="deg"))
+    Told(text='12.5', time_ns=1699004462000000000, unit='deg')
+    """
+    time_ns, text = split_time(text)
+    if text.startswith("{"):
+        return _of_json(text, entry, time_ns)
+    if entry.field is not None:
+        raise ValueError("no JSON object")
+    value, *more = (part.strip() for part in text.split(",", 3))
+    if more and time_ns is None:
+        time_ns = told_utc_ns(more[0])
+    return Told(value, time_ns, more[1] if len(more) > 1 else "")
+
+
+def _of_json(text: str, entry: TopicValue, time_ns: int | None) -> Told:
+    try:
+        document = orjson.loads(text)
+    except orjson.JSONDecodeError as error:
+        raise ValueError("no JSON object") from error
+    value, time = _at(document, entry.field or "value"), _at(document, entry.time_field)
+    if isinstance(value, bool | dict | list):
+        raise ValueError("no number")  # noqa: TRY004 - of the message, not of an argument
+    stamp_ns = told_utc_ns(repr(time) if isinstance(time, float) else str(time)) if time is not None else time_ns
+    return Told("" if value is None else str(value), stamp_ns)
+
+
+def _at(node: Any, path: str) -> Any:
+    """What is at a path of keys in nested objects; None where there is nothing."""
+    if isinstance(node, dict) and path in node:
+        return node[path]
+    head, _, remaining_path = path.partition(".")
+    return _at(node[head], remaining_path) if remaining_path and isinstance(node, dict) and head in node else None
+
+
+class MqttDecoder(Decoder):
+    """The messages of one broker, or one log; ``sentences`` decodes those that are lines of NMEA 0183.
+
+    Values that make others only together (``PAIRS``) wait for each other, if both have a topic: one is sent on
+    alone when the next of its kind comes before its partner.
+    """
+
+    def __init__(
+        self, config: MqttLinks, sentences: Nmea0183Decoder, channels: Mapping[str, Channel] = BY_NAME
+    ) -> None:
+        """Raises :class:`ConfigurationError` for a unit that does not measure its channel."""
+        self.refused, self.unknown = sentences.refused, sentences.unknown
+        self.notices, self.fixes = sentences.notices, sentences.fixes
+        self._stamps, self._clocks = config.clock, dict[str, SourceClock]()
+        self._sentences = sentences
+        self._values: dict[str, list[tuple[str, TopicValue]]] = {}
+        for channel, entry in config.values.items():
+            self._values.setdefault(entry.topic, []).append((channel, entry))
+        self._channels = channels
+        self._steps = {channel: entry.step_to(channels[channel]) for channel, entry in config.values.items()}
+        self._partners = {name: _PARTNERS[name] for name in config.values if _PARTNERS.get(name) in config.values}
+        self._waiting: dict[str, Sample] = {}
+        self._seen: dict[int, None] = {}  # by hash
+        self._of_lines: set[int] = set()  # topics, by hash: one may have 64 kB
+        self._told_unit: set[str] = set()
+
+    def decode(self, frame: Frame) -> list[Group]:
+        if frame.flags & FrameFlag.RETAINED:
+            self.refused["retained by the broker, of unknown age"] += 1
+            return []
+        if hash(frame.payload) in self._seen:
+            self.refused["came twice"] += 1
+            return []
+        topic, text = topic_and_message(frame.payload)
+        if topic in self._values:
+            return self._decode_values(frame, topic, text)
+        if len(text) > _LONGEST_TEXT:
+            if hash(topic) in self._of_lines:
+                self.refused["longer than 64 kB"] += 1
+            return []
+        groups = []
+        for line in text.splitlines():
+            groups += self._decode_line(frame, topic, line.strip())
+        return groups
+
+    def _decode_line(self, frame: Frame, topic: str, line: str) -> list[Group]:
+        """The samples in a sentence; other lines are for nobody, unless the topic is one of sentences."""
+        matches = SENTENCE_BEHIND.fullmatch(line)
+        sentences = (line if matches is None else matches["inner"]).encode("latin-1")
+        if matches is None and not has_sentence(sentences):
+            if line and hash(topic) in self._of_lines:
+                self.refused["no sentence"] += 1
+            return []
+        if len(self._of_lines) < _MOST_TOPICS:
+            self._of_lines.add(hash(topic))
+        time_ns = None if matches is None else told_utc_ns(matches["before"])
+        if time_ns is not None:
+            self._remember(frame.payload)
+        return self._sentences.decode_line(frame, sentences, time_ns)
+
+    def _decode_values(self, frame: Frame, topic: str, text: str) -> list[Group]:
+        """What the channels of a topic read in a message, a group for those that are told together."""
+        samples = []
+        device, signal = device_and_signal(topic)
+        label = f"{frame.origin}/{device}:{signal}"
+        if device not in self._clocks:  # each publisher has its own
+            self._clocks[device] = SourceClock(self._stamps, f"mqtt {device}", self.notices)
+        clock = self._clocks[device]
+        for channel, entry in self._values[topic]:
+            try:
+                reading = read_message(text, entry)
+                value = self._value(channel, entry, reading)
+            except ValueError as error:
+                self.refused[str(error)] += 1
+                continue
+            if reading.time_ns is not None:
+                self._remember(frame.payload)
+                clock.announce(reading.time_ns, frame)  # to tell how far it is from ours, and when it is set
+                clock.forget()  # what tells no time is not stamped by others' time
+            for group in clock.group(frame, label, [(channel, value)], reading.time_ns):
+                samples += group
+        return self._grouped(samples)
+
+    def _value(self, channel: str, entry: TopicValue, reading: Told) -> float:
+        """The value in the channel's unit. Raises :class:`ValueError` for what is no number."""
+        if reading.text.lower() in _NO_VALUE:
+            raise ValueError("not available")
+        if not _NUMBER.fullmatch(reading.text):
+            raise ValueError("no number")
+        if reading.unit and channel not in self._told_unit:
+            self._told_unit.add(channel)
+            self._check_unit(channel, entry, reading.unit)
+        number = float(reading.text)
+        if entry.unit == DEGREES_AND_MINUTES:
+            number = float(from_degrees_and_minutes(number))
+        value = self._steps[channel].apply(number)
+        if not isfinite(value):
+            raise ValueError("no number")
+        return value
+
+    def _check_unit(self, channel: str, entry: TopicValue, unit: str) -> None:
+        """Tell where a message names another unit than the configuration; one that nobody knows is passed over."""
+        try:
+            agreed = replace(entry, unit=unit).step_to(self._channels[channel]) == self._steps[channel]
+        except ConfigurationError:
+            agreed = False
+        if is_unit(unit) and not agreed:
+            text = f"{entry.topic} tells {unit}, the configuration says {entry.unit} of {channel}"
+            self.notices.append(("warning", text))
+
+    def _remember(self, message: bytes) -> None:
+        self._seen[hash(message)] = None
+        if len(self._seen) > _REMEMBERED:
+            del self._seen[next(iter(self._seen))]
+
+    def _grouped(self, samples: Group) -> list[Group]:
+        """The samples, pairs in one group; the first of a pair that is told apart waits for the second."""
+        here = {sample.quantity: sample for sample in samples}
+        groups = []
+        for name, sample in here.items():
+            partner = self._partners.get(name)
+            if partner is None:
+                groups.append([sample])
+            elif partner in here:
+                groups += [_pair(sample, here[partner])] if name < partner else []
+            else:
+                groups += self._paired(sample, partner)
+        return groups
+
+    def _paired(self, sample: Sample, partner: str) -> list[Group]:
+        partner_sample = self._waiting.get(partner)
+        if partner_sample is not None and abs(partner_sample.measured_ns - sample.measured_ns) <= _TOGETHER_NS:
+            del self._waiting[partner]
+            return [_pair(sample, partner_sample)]
+        before = self._waiting.get(sample.quantity)
+        self._waiting[sample.quantity] = sample
+        return [] if before is None else [[before]]
+
+
+def _pair(first: Sample, second: Sample) -> Group:
+    return [
+        sample._replace(quantity=_WIND_ABOARD.get(sample.quantity, sample.quantity)) for sample in (first, second)
+    ]
+
+
+_FIX = {"latitude_deg": "north_m", "longitude_deg": "east_m"}
+"""What a position by itself carries of the plane."""
+
+
+def told(time_ns: int) -> str:
+    """A time as R/V Gunnerus tells it, to the microsecond, or finer where it is.
+
+    >>> told(1699004462769765000), told(1)
+    ('2023-11-03T09:41:02.769765Z', '1970-01-01T00:00:00.000000001Z')
+    """
+    seconds, nanoseconds = divmod(time_ns, NANO)
+    fraction = f"{nanoseconds:09d}".removesuffix("000")
+    return f"{EPOCH + timedelta(seconds=seconds):%Y-%m-%dT%H:%M:%S}.{fraction}Z"
+
+
+class MqttEncoder:
+    """What a source of MQTT would receive; sentences go to the first of its ``topics``, each by its name."""
+
+    def __init__(self, config: MqttLinks, actuators: Actuators, channels: Mapping[str, Channel]) -> None:
+        self._values = {name: (entry, entry.step_to(channels[name])) for name, entry in config.values.items()}
+        self._sentences = Nmea0183Encoder(config, actuators, channels)
+        self._topic = config.topics[0] if config.topics else None
+
+    def encode(self, moment: Moment) -> list[Packet]:
+        time, packets, values = told(moment.time_ns), [], dict(moment.values)
+        if moment.latitude_deg is not None and moment.longitude_deg is not None:
+            values |= {"latitude_deg": moment.latitude_deg, "longitude_deg": moment.longitude_deg}
+        for channel, (entry, step) in self._values.items():
+            if channel in values:
+                message = _message(entry, step.invert(values[channel]), time)
+                carries = moment.present(channel, *(_FIX[channel],) if channel in _FIX else ())
+                packets.append(_packet(entry.topic, message, carries))
+        return packets if self._topic is None else packets + self._sentences_of(moment, time, self._topic)
+
+    def _sentences_of(self, moment: Moment, time: str, topic: str) -> list[Packet]:
+        """The sentences of what has no topic of its own."""
+        remaining = replace(
+            moment, values={name: value for name, value in moment.values.items() if name not in self._values}
+        )
+        if _FIX.keys() <= self._values.keys():
+            remaining = replace(remaining, latitude_deg=None, longitude_deg=None)
+        packets = []
+        for packet in self._sentences.encode(remaining):
+            sentence = packet.payload.strip().decode("ascii")
+            name = sentence[1:].partition(",")[0]
+            sentence_topic = "/".join(name if level in ("+", "#") else level for level in topic.split("/"))
+            packets.append(_packet(sentence_topic, f"{time} {sentence}", packet.carries))
+        return packets
+
+
+def _message(entry: TopicValue, value: float, time: str) -> str:
+    number = as_degrees_and_minutes(value) if entry.unit == DEGREES_AND_MINUTES else value
+    if entry.field is None:
+        return f"{number!r},{time}"
+    return orjson.dumps({entry.field: number, entry.time_field: time}).decode()
+
+
+def _packet(topic: str, message: str, carries: tuple[str, ...]) -> Packet:
+    return Packet(topic.encode() + b"\0" + message.encode(), carries=carries)

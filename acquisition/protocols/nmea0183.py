@@ -1,0 +1,979 @@
+r"""NMEA 0183: lines to samples. No sentence without a sound checksum; what each says is in ``sentences.py``.
+
+Before a sentence may stand what a multiplexer or gateway says of it, a TAG block
+(``\s:GN01,c:1795255200*hh\$GPGGA,...``), and the prefix that IEC 61162-450 puts before both in a datagram.
+
+A line may hold anything else besides: the beginning of a sentence whose end was lost, noise, several sentences.
+Each intact sentence in it is decoded (:func:`sentences_in`); the line itself is recorded as it came.
+
+What each sentence of NMEA 0183 says: one reader a sentence, from fields to values.
+
+Rudders are told apart by their place in RSA and ROR (HTD knows one only), shafts by their number in RPM and PRC,
+azimuth and tunnel thrusters by theirs in TRD and TRC (IEC 61162-1). Of two rudders or shafts the port one is listed
+first.
+
+Everything is read here and not by a library: those at hand refuse a whole sentence for one field that they cannot
+read, do not know VWR and VWT, and take the real numbers of TRD for integers. A field that holds no number is
+missing; only what is marked valid counts; what is left out has a reason.
+
+Channels to NMEA 0183 sentences, with more decimals than the minimum where the format allows them.
+"""
+
+from __future__ import annotations
+
+import datetime as dt
+import re
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
+from functools import partial, reduce
+from math import floor
+from operator import xor
+from typing import Literal, NamedTuple
+
+from seatrial.acquisition.config.declarations import SentenceField, Transducer
+from seatrial.acquisition.config.sources import Clock, LineSource, MqttLinks, Thrusters
+from seatrial.acquisition.core.errors import ConfigurationError
+from seatrial.acquisition.core.quantities import KNOT_MPS, Linear
+from seatrial.acquisition.core.ship import (
+    DEFAULT,
+    Actuator,
+    Actuators,
+    Channel,
+    name_of_order,
+    numbered_shafts,
+    rudder_channels,
+    rudders,
+    shaft_numbers,
+    shaft_of_number,
+)
+from seatrial.acquisition.core.trial import EPOCH, Fix, Frame, Group, Quality, safe_label, sensor_of
+from seatrial.acquisition.protocols import DeclaredReaders, Decoder, FurtherSenders, Moment, Packet
+from seatrial.acquisition.protocols.clock import SourceClock, nearest_day, utc_ns
+from seatrial.acquisition.protocols.receivers import InterleavedSources, Receivers
+
+_DATAGRAM_PREFIX = b"UdPbC\0"
+_TAG_BLOCK = re.compile(rb"\\([\x20-\x7e]*?)\*([0-9A-Fa-f]{2})\\")
+_SECONDS = re.compile(r"(\d{1,10})(?:\.(\d{1,9}))?")
+_MILLISECONDS = re.compile(r"\d{13}")
+_MOST_SENSORS = 1_000  # whose fixes are kept: any talker and any source of a TAG block names one
+_SENTENCE = re.compile(rb"[$!]{1,2}([\x20-\x7e]{3,})\*([0-9A-Fa-f]{2})")  # some devices say $$
+_UNCHECKED = re.compile(rb"[$!]{1,2}([A-Za-z0-9]{5,16},[\x20-\x29\x2b-\x7e]*)")
+NO_CHECKSUM = "comes without a checksum"
+_LONGEST_TAG = 16  # letters; no maker's own is known that has more, and noise must not name devices without end
+_ADDRESS = rb"[A-Za-z0-9]{3,%d}," % _LONGEST_TAG
+_TEXT = rb" \x22#%-)+-\[\]-~"  # what is printable and neither begins nor ends a sentence or a TAG block
+_EMBEDDED = re.compile(  # no sentence begins inside another: where one seems to, the other was cut
+    rb"(?:\\[^\\]{1,200}\\)?[$!]{1,2}(?P<body>" + _ADDRESS + rb"(?:[" + _TEXT + rb"]|[$!](?!" + _ADDRESS + rb"))*+)"
+    rb"\*(?P<sum>[0-9A-Fa-f]{2})"
+)
+_ALONE = re.compile(rb"(?:\\[^\\$!]{1,200}\\)?[$!][" + _TEXT + rb"]*+\*[0-9A-Fa-f]{2}")
+"""Nearly every line: nothing but one sentence, of which only the sum is to be looked at."""
+_WITH_A_FIX = frozenset({"VTG", "GST"})
+"""Sentences that follow a position without repeating it."""
+_LABEL = re.compile(rb"[\t" + _TEXT + rb"]{0,200}")
+
+
+@dataclass(frozen=True, slots=True)
+class TaggedSentence:
+    """A sentence without its envelope, and what the envelope said; ``sound`` is False where that was spoilt."""
+
+    sentence: bytes
+    time_ns: int | None = None
+    source: str = ""
+    sound: bool = True
+
+
+def checksum(body: bytes) -> int:
+    """The exclusive or of the bytes before ``*``, the same for sentences and TAG blocks.
+
+    >>> f"{checksum(b'RCTRD,3,-17.8,R,,V,'):02X}"
+    '59'
+    """
+    return reduce(xor, body, 0)
+
+
+def split_tag(line: bytes) -> TaggedSentence:
+    r"""A line as its sentence with the TAG block's time (c:, UTC, ns since 1970) and source (s:).
+
+    A block with a wrong checksum says nothing, but the sentence behind it has a checksum of its own.
+
+    >>> split_tag(rb"\s:GN01,c:1795255200*3E\$HEHDT,12.3,T*1F")
+    TaggedSentence(sentence=b'$HEHDT,12.3,T*1F', time_ns=1795255200000000000, source='GN01', sound=True)
+    """
+    line = line.removeprefix(_DATAGRAM_PREFIX)
+    if not line.startswith(b"\\"):
+        return TaggedSentence(line)
+    match = _TAG_BLOCK.match(line)
+    if match is None or int(match[2], 16) != checksum(match[1]):
+        return TaggedSentence(line[line.rfind(b"\\") + 1 :], sound=False)
+    items = dict(item.split(":", 1) for item in match[1].decode("ascii").split(",") if ":" in item)
+    source = safe_label(items.get("s", ""))
+    return TaggedSentence(line[match.end() :], unix_ns(items.get("c", "")), source)
+
+
+def unix_ns(text: str) -> int | None:
+    """Seconds or, with 13 digits, milliseconds since 1970 as ns; None for anything else.
+
+    >>> unix_ns("1795255200.25") == unix_ns("1795255200250")
+    True
+    """
+    if _MILLISECONDS.fullmatch(text):
+        return int(text) * 1_000_000
+    match = _SECONDS.fullmatch(text)
+    if match is None:
+        return None
+    return int(match[1]) * 1_000_000_000 + int((match[2] or "").ljust(9, "0"))
+
+
+def split_sentence(line: bytes, *, unchecked: bool = False) -> tuple[str, list[str]] | None:
+    """The tag without its dollar sign and the fields of a sound sentence; None for anything else.
+
+    ``unchecked`` takes a sentence without a checksum for sound.
+    """
+    match = _SENTENCE.fullmatch(line)
+    if match is None and unchecked:
+        match = _UNCHECKED.fullmatch(line)
+    elif match is not None and int(match[2], 16) != checksum(match[1]):
+        return None
+    if match is None:
+        return None
+    tag, *fields = match[1].decode("ascii").split(",")
+    return tag, fields
+
+
+def sentences_in(line: bytes) -> list[bytes]:
+    r"""The intact sentences of a line, each with its TAG block, and between them the parts that are none.
+
+    A line in which no sentence stands apart is one part. A label, text around a sentence that could be no sentence
+    itself (a time, a name), is left out.
+
+    >>> sentences_in(rb"$HEHDT,1$HEHDT,12.3,T*1F")
+    [b'$HEHDT,1', b'$HEHDT,12.3,T*1F']
+    >>> sentences_in(rb"12:00:00 \s:GN01*75\$HEHDT,12.3,T*1F!AIVDM,1")
+    [b'\\s:GN01*75\\$HEHDT,12.3,T*1F', b'!AIVDM,1']
+    """
+    line = line.removeprefix(_DATAGRAM_PREFIX)
+    parts = [line] if _ALONE.fullmatch(line) else cut_at_sentences(line)
+    return parts if len(parts) == 1 else [part for part in parts if not _LABEL.fullmatch(part)]
+
+
+def cut_at_sentences(line: bytes) -> list[bytes]:
+    """The line in parts, none of them empty: a sentence that is intact and stands apart is one of them."""
+    parts, end = list[bytes](), 0
+    for sentence in _EMBEDDED.finditer(line):
+        if checksum(sentence["body"]) == int(sentence["sum"], 16):
+            parts += [line[end : sentence.start()], sentence[0]]
+            end = sentence.end()
+    return [part for part in (*parts, line[end:]) if part]
+
+
+def has_sentence(line: bytes, *, unchecked: bool = False) -> bool:
+    """Whether there is an intact sentence in a line, by its checksum or, ``unchecked``, without one."""
+    return any(
+        split_sentence(split_tag(part).sentence, unchecked=unchecked) is not None for part in sentences_in(line)
+    )
+
+
+_ANY = "?"
+"""Stands for a unit that XDR tells by a letter that is not in its table."""
+
+_XDR_UNITS = {
+    ("A", "D"): "deg", ("A", "R"): "rad", ("C", "C"): "degC", ("C", "K"): "K", ("C", "F"): "degF", ("D", "M"): "m",
+    ("D", "I"): "in", ("F", "H"): "Hz", ("H", "P"): "%", ("I", "A"): "A", ("N", "N"): "N", ("P", "B"): "bar",
+    ("P", "P"): "Pa", ("R", "L"): "l/s", ("T", "R"): "rpm", ("U", "V"): "V", ("V", "M"): "m3",
+}  # fmt: skip
+"""The units of XDR by the letters of the transducer's type and of the unit (gpsd's account of NMEA 0183)."""
+
+
+class _Field(NamedTuple):
+    """One field that carries a channel."""
+
+    channel: Channel
+    origin: SentenceField
+    step: Linear
+
+    def read(self, fields: Fields) -> SentenceReading:
+        for place, wanted in self.origin.when.items():
+            if fields.text(int(place) - 1) not in ((wanted,) if isinstance(wanted, str) else wanted):
+                return SentenceReading()
+        number = fields.number(self.origin.field - 1)
+        seconds = None if self.origin.time is None else fields.seconds_of_day(self.origin.time - 1)
+        values = [] if number is None else [(self.channel.name, self.step.apply(number))]
+        return SentenceReading(values, seconds_of_day=seconds)
+
+
+class _Transducer(NamedTuple):
+    """One transducer that carries a channel; the steps by the unit that the sentence tells, "" where it tells none.
+
+    XDR has four fields for each: type, value, unit, name.
+    """
+
+    channel: Channel
+    name: str
+    steps: Mapping[str, Linear]
+
+    def read(self, fields: Fields) -> SentenceReading:
+        for place in range(0, len(fields) - 3, 4):
+            number, letter = fields.number(place + 1), fields.text(place + 2)
+            if fields.text(place + 3) == self.name and number is not None:
+                unit = _XDR_UNITS.get((fields.text(place), letter), letter and _ANY)
+                step = self.steps.get(unit)
+                if step is None:
+                    return SentenceReading(refused="unit unknown")
+                return SentenceReading([(self.channel.name, step.apply(number))])
+        return SentenceReading()
+
+
+def _steps(channel: Channel, origin: Transducer) -> dict[str, Linear]:
+    """The step from each unit of XDR that measures what the channel does; from any, where the origin gives one."""
+    if origin.unit is not None or origin.full_scale is not None:
+        return dict.fromkeys(("", _ANY, *_XDR_UNITS.values()), origin.step_to(channel))
+    steps = {"": origin.step_to(channel)}
+    for unit in _XDR_UNITS.values():
+        with suppress(ConfigurationError):
+            steps[unit] = origin.step_to(channel, unit)
+    return steps
+
+
+class DeclaredSentences(DeclaredReaders[str, _Field | _Transducer]):
+    """What sentences say of declared channels, by their letters."""
+
+    def __init__(self, wanted: Sequence[tuple[Channel, SentenceField | Transducer]]) -> None:
+        super().__init__()
+        for channel, origin in wanted:
+            if isinstance(origin, SentenceField):
+                self.setdefault(origin.sentence, []).append(_Field(channel, origin, origin.step_to(channel)))
+            else:
+                transducer = _Transducer(channel, origin.transducer, _steps(channel, origin))
+                self.setdefault("XDR", []).append(transducer)
+
+    def read(self, kind: str, fields: Fields) -> SentenceReading:
+        """What a sentence says; of several origins of one channel in it the first that has a value counts."""
+        readings = [reader.read(fields) for reader in self[kind]]
+        values = dict(value for reading in reversed(readings) for value in reading.values)
+        seconds = next((reading.seconds_of_day for reading in readings if reading.seconds_of_day is not None), None)
+        refused = next((reading.refused for reading in readings if reading.refused), "")
+        return SentenceReading(list(values.items()), refused=refused, seconds_of_day=seconds)
+
+
+class Nmea0183Decoder(Decoder):
+    """One line; the date comes from ZDA, RMC or TAG blocks, as position sentences tell only the time of day."""
+
+    def __init__(
+        self,
+        thrusters: Thrusters | None = None,
+        stamps: Clock = "receiver",
+        theoretical_wind: Literal["ground", "water"] = "ground",
+        actuators: Actuators = DEFAULT,
+        reduction_ratios: Mapping[str, float] | None = None,
+        rated_rpm: Mapping[str, float] | None = None,
+        *,
+        declared: Sequence[tuple[Channel, SentenceField | Transducer]] = (),
+        unchecked: bool = False,
+    ) -> None:
+        super().__init__()
+        self._unchecked = unchecked
+        self._tell_gga: set[str] = set()
+        self._receivers = Receivers(self.notices)
+        self._interleaved = InterleavedSources(self.notices)
+        self._senders = FurtherSenders()
+        self.clock = SourceClock(stamps, "nmea0183 ZDA, RMC or TAG", self.notices)
+        numbered = thrusters or Thrusters.model_validate({}, context={"actuators": actuators})
+        machinery = machinery_readers(numbered, actuators, reduction_ratios or {}, rated_rpm or {})
+        self._readers = readers(theoretical_wind) | machinery
+        self._declared = DeclaredSentences(declared)
+
+    def decode(self, frame: Frame) -> list[Group]:
+        return self.decode_line(frame, frame.payload)
+
+    def decode_line(self, frame: Frame, line: bytes, time_ns: int | None = None) -> list[Group]:
+        """The samples in a line that came in a frame; ``time_ns`` is the time that was stated beside it."""
+        groups: list[Group] = []
+        parts, sender = sentences_in(line), self._senders.label(frame.sender)
+        for part in parts:
+            tagged = split_tag(part)
+            if sender:
+                tagged = replace(tagged, source=f"{tagged.source}{'.' if tagged.source else ''}{sender}")
+            tagged = tagged if time_ns is None else replace(tagged, time_ns=time_ns)
+            groups += self._decode(frame, tagged, alone=len(parts) == 1)
+        return groups
+
+    def _decode(self, frame: Frame, tagged: TaggedSentence, *, alone: bool) -> list[Group]:
+        """The samples in a sentence, with what its envelope said; beside others one without a sum was cut off."""
+        sentence = split_sentence(tagged.sentence, unchecked=self._unchecked and alone)
+        if not tagged.sound:
+            self.refused["TAG block with a wrong checksum"] += 1
+        if sentence is None:
+            if tagged.sound or tagged.sentence.startswith((b"$", b"!")):  # a TAG block alone is one fault, not two
+                has_none = alone and _UNCHECKED.fullmatch(tagged.sentence) is not None
+                self.refused[NO_CHECKSUM if has_none else "no sound checksum"] += 1
+            return []
+        if tagged.time_ns is not None:  # which is then this sentence's time too, unless it tells its own
+            self.clock.announce(tagged.time_ns, frame)
+        tag, fields = sentence
+        if not tag.isalnum() or len(tag) > _LONGEST_TAG:
+            self.refused["no talker and kind"] += 1
+            return []
+        talker, kind = ("P", tag) if tag.startswith("P") else (tag[:-3], tag[-3:])  # P: a maker's own
+        groups: list[Group] = []
+        if kind not in self._readers and kind not in self._declared:
+            self.note_unknown(tag)
+        if kind in self._readers:
+            reading = self._readers[kind](Fields(fields))
+            if reading.refused or not (reading.values or reading.date or reading.sigma_m):
+                self.refused[reading.refused or "no value"] += 1
+            if kind in self._declared:
+                values = [pair for pair in reading.values if pair[0] not in self._declared.channels_in(kind)]
+                reading = replace(reading, values=values)
+            groups = self._groups(reading, frame, talker, kind, tagged)
+        if kind in self._declared:
+            reading = self._declared.read(kind, Fields(fields))
+            if reading.refused:
+                self.refused[reading.refused] += 1
+            groups += self._groups(reading, frame, talker, kind, tagged)
+        return groups
+
+    def _groups(
+        self, reading: SentenceReading, frame: Frame, talker: str, kind: str, tagged: TaggedSentence
+    ) -> list[Group]:
+        label = _label(frame.origin, talker, kind, tagged, reading)
+        number = self._receiver(kind, sensor_of(label), reading, frame)
+        name = f"receiver{number}" if number > 1 else self._further_source(kind, label, reading, frame)
+        if name:
+            tagged = replace(tagged, source=f"{tagged.source}{'.' if tagged.source else ''}{name}")
+            label = _label(frame.origin, talker, kind, tagged, reading)
+        self._note_fix(kind, sensor_of(label), reading)
+        return self.clock.group(frame, label, reading.values, self._told_ns(reading, frame), reading.quality)
+
+    def _receiver(self, kind: str, sensor: str, reading: SentenceReading, frame: Frame) -> int:
+        """Which of several receivers that have one name says it."""
+        position = dict(reading.values)
+        if reading.seconds_of_day is not None and {"latitude_deg", "longitude_deg"} <= position.keys():
+            place = position["latitude_deg"], position["longitude_deg"]
+            return self._receivers.number(sensor, kind, reading.seconds_of_day, frame.monotonic_ns, place)
+        return self._receivers.last(sensor) if kind in _WITH_A_FIX else 1
+
+    def _further_source(self, kind: str, label: str, reading: SentenceReading, frame: Frame) -> str:
+        """Which of several sources of one name says what has neither time nor position; empty for the first."""
+        if reading.seconds_of_day is not None or kind in _WITH_A_FIX or not reading.values:
+            return ""
+        number = self._interleaved.number(label, *reading.values[0], frame.monotonic_ns)
+        return f"source{number}" if number > 1 else ""
+
+    def _note_fix(self, kind: str, sensor: str, reading: SentenceReading) -> None:
+        """GGA tells it finer than the modes of the other sentences, which count where it does not come."""
+        former = self.fixes.get(sensor, Fix())
+        if reading.sigma_m is not None:
+            fix = former._replace(sigma_m=reading.sigma_m)
+        elif reading.fix is not None and (kind == "GGA" or sensor not in self._tell_gga):
+            fix = former._replace(kind=reading.fix, height_m=reading.height_m)
+        else:
+            return
+        if kind == "GGA":
+            self._tell_gga.add(sensor)
+        self.fixes.pop(sensor, None)
+        self.fixes[sensor] = fix  # the last to have reported stands last
+        if len(self.fixes) > _MOST_SENSORS:
+            oldest = next(iter(self.fixes))
+            del self.fixes[oldest]
+            self._tell_gga.discard(oldest)
+
+    def _told_ns(self, reading: SentenceReading, frame: Frame) -> int | None:
+        """When the sentence says its values were true; what tells the date too also sets the line's clock."""
+        if reading.seconds_of_day is None:
+            return None
+        if reading.date is not None:
+            told_ns = utc_ns(reading.date, reading.seconds_of_day)
+            self.clock.announce(told_ns, frame)
+            return told_ns
+        now_ns = self.clock.at(frame)
+        return None if now_ns is None else nearest_day(reading.seconds_of_day, now_ns)
+
+
+def _label(origin: str, talker: str, kind: str, tagged: TaggedSentence, reading: SentenceReading) -> str:
+    """Who says it: line, talker, the device behind a gateway if it is named, sentence, meaning if it has several.
+
+    ``line/II:MWV apparent``, ``line/GP@GN01:GGA``.
+    """
+    device = f"{talker}@{tagged.source}" if tagged.source else talker
+    meaning = f" {reading.meaning}" if reading.meaning else ""
+    return f"{origin}/{device}:{kind}{meaning}"
+
+
+_ROUNDED_KMH = 0.15  # knots and km/h, each to a tenth
+_NUMBER = re.compile(r"[+-]?(\d{1,9}(\.\d*)?|\.\d+)")
+_DEGREES_AND_MINUTES = re.compile(r"(\d{1,3})([0-5]\d(?:\.\d*)?)")
+_TIME_OF_DAY = re.compile(r"([01]\d|2[0-3])([0-5]\d)([0-5]\d(?:\.\d*)?|60(?:\.\d*)?)")
+_SIGNS = {"N": 1.0, "S": -1.0, "E": 1.0, "W": -1.0}
+MPS_OF_UNIT = {"N": KNOT_MPS, "K": 1.0 / 3.6, "M": 1.0, "S": 0.44704}  # S: statute miles per hour
+Values = list[tuple[str, float]]
+NOT_VALID = "not marked valid"
+# Dead reckoning, typed in by hand, a simulator: true enough to be recorded, and to be looked at.
+_SUSPECT_MODES = frozenset("EMS")
+_SUSPECT_FIXES = frozenset("678")
+_BEST_MODES = "RFPDAEMSN"
+_FIX_OF_MODE = {"N": 0, "A": 1, "D": 2, "P": 3, "R": 4, "F": 5, "E": 6, "M": 7, "S": 8}
+
+
+class Fields:
+    """The fields of one sentence, some of them empty, some perhaps not there at all."""
+
+    def __init__(self, texts: list[str]) -> None:
+        self._texts = texts
+
+    def __len__(self) -> int:
+        return len(self._texts)
+
+    def text(self, index: int, absent: str = "") -> str:
+        return self._texts[index].strip() if index < len(self._texts) else absent
+
+    def number(self, index: int) -> float | None:
+        text = self.text(index)
+        return float(text) if _NUMBER.fullmatch(text) else None
+
+    def measured(self, index: int, letter: str) -> float | None:
+        """A number followed by the letter of its unit or reference, which some leave empty."""
+        return self.number(index) if self.text(index + 1) in (letter, "") else None
+
+    def eastward(self, index: int) -> float | None:
+        """An angle [deg] followed by E or W, east positive."""
+        angle_deg, letter = self.number(index), self.text(index + 1)
+        return None if angle_deg is None or letter not in ("E", "W") else _SIGNS[letter] * angle_deg
+
+    def degrees(self, index: int, letters: str) -> float | None:
+        """``ddmm.mmmm`` followed by one of two letters, as degrees, north and east positive."""
+        match, letter = _DEGREES_AND_MINUTES.fullmatch(self.text(index)), self.text(index + 1)
+        if match is None or letter not in tuple(letters):
+            return None
+        return _SIGNS[letter] * (int(match[1]) + float(match[2]) / 60.0)
+
+    def speed_mps(self, *places: tuple[int, str]) -> float | None:
+        """The first speed that is given, of those at an index in a unit; so the finest unit comes first.
+
+        The letter behind a number names its unit, the place only where that is empty: some devices leave the
+        first of two speeds out, and not its place.
+        """
+        for index, unit in places:
+            speed, factor = self.number(index), MPS_OF_UNIT.get(self.text(index + 1) or unit)
+            if speed is not None and factor is not None:
+                return speed * factor
+        return None
+
+    def seconds_of_day(self, index: int) -> float | None:
+        """``hhmmss.sss`` as seconds since midnight; the leap second is the next day's first."""
+        match = _TIME_OF_DAY.fullmatch(self.text(index))
+        return int(match[1]) * 3600 + int(match[2]) * 60 + float(match[3]) if match else None
+
+
+@dataclass(frozen=True, slots=True)
+class SentenceReading:
+    """What one sentence says. ``meaning`` tells apart the different things that one kind of sentence can say;
+    ``refused`` is why something in it was left out, empty if nothing was. ``fix``, ``height_m`` and ``sigma_m`` are
+    what the receiver says of its fix, as in :class:`Fix`.
+    """
+
+    values: Values = field(default_factory=list)
+    meaning: str = ""
+    quality: Quality = Quality.NOT_EVALUATED
+    refused: str = ""
+    date: dt.date | None = None
+    seconds_of_day: float | None = None
+    fix: int | None = None
+    height_m: float | None = None
+    sigma_m: tuple[float, float, float] | None = None
+
+
+Reader = Callable[[Fields], SentenceReading]
+
+
+def present(*pairs: tuple[str, float | None]) -> Values:
+    """Those of the pairs that have a value."""
+    return [(name, value) for name, value in pairs if value is not None]
+
+
+def _knots(fields: Fields, index: int) -> float | None:
+    knots = fields.number(index)
+    return None if knots is None else knots * KNOT_MPS
+
+
+def _position(fields: Fields, index: int) -> Values:
+    """Both or none: half a position is none."""
+    pair = (("latitude_deg", fields.degrees(index, "NS")), ("longitude_deg", fields.degrees(index + 2, "EW")))
+    both = present(*pair)
+    return both if len(both) == 2 else []
+
+
+def _quality(mode: str) -> Quality:
+    return Quality.SUSPECT if mode in _SUSPECT_MODES else Quality.NOT_EVALUATED
+
+
+def _gga(fields: Fields) -> SentenceReading:
+    fix = fields.text(5)
+    if fix in ("0", ""):
+        return SentenceReading(refused=NOT_VALID, fix=0)
+    quality = Quality.SUSPECT if fix in _SUSPECT_FIXES else Quality.NOT_EVALUATED
+    number = int(fix) if fix in tuple("123456789") else None
+    height_m, geoid_m = fields.measured(8, "M"), fields.measured(10, "M")
+    return SentenceReading(
+        _position(fields, 1),
+        quality=quality,
+        seconds_of_day=fields.seconds_of_day(0),
+        fix=number,
+        height_m=None if height_m is None else height_m + (geoid_m or 0.0),
+    )
+
+
+def _gns(fields: Fields) -> SentenceReading:
+    """The fix of a receiver of several constellations: of their modes, one letter each, the best holds."""
+    modes = [mode for mode in _BEST_MODES if mode in fields.text(5)]
+    if not modes or modes[0] == "N":
+        return SentenceReading(refused=NOT_VALID, fix=0)
+    height_m, geoid_m = fields.number(8), fields.number(9)
+    return SentenceReading(
+        _position(fields, 1),
+        quality=_quality(modes[0]),
+        seconds_of_day=fields.seconds_of_day(0),
+        fix=_FIX_OF_MODE[modes[0]],
+        height_m=None if height_m is None else height_m + (geoid_m or 0.0),
+    )
+
+
+def _gst(fields: Fields) -> SentenceReading:
+    """The errors of the fix: standard deviations of latitude, longitude and height [m]."""
+    north_m, east_m, up_m = (fields.number(index) for index in (5, 6, 7))
+    if north_m is None or east_m is None or up_m is None:
+        return SentenceReading()
+    return SentenceReading(sigma_m=(east_m, north_m, up_m))
+
+
+def _gll(fields: Fields) -> SentenceReading:
+    mode = fields.text(6)
+    if fields.text(5, absent="A") != "A" or mode == "N":
+        return SentenceReading(refused=NOT_VALID, fix=0)
+    seconds = fields.seconds_of_day(4)
+    return SentenceReading(
+        _position(fields, 0), quality=_quality(mode), seconds_of_day=seconds, fix=_FIX_OF_MODE.get(mode)
+    )
+
+
+def _rmc(fields: Fields) -> SentenceReading:
+    mode = fields.text(11)
+    if fields.text(1) != "A" or mode == "N":
+        return SentenceReading(refused=NOT_VALID, fix=0)
+    movement = present(
+        ("course_over_ground_deg", fields.number(7)),
+        ("speed_over_ground_mps", _knots(fields, 6)),
+        ("magnetic_variation_deg", fields.eastward(9)),
+    )
+    return SentenceReading(
+        _position(fields, 2) + movement,
+        quality=_quality(mode),
+        date=_six_digit_date(fields.text(8)),
+        seconds_of_day=fields.seconds_of_day(0),
+        fix=_FIX_OF_MODE.get(mode),
+    )
+
+
+def _six_digit_date(text: str) -> dt.date | None:
+    """``ddmmyy``; 80 to 99 are of the last century, as receivers say that do not know the date yet."""
+    if not re.fullmatch(r"\d{6}", text):
+        return None
+    year = int(text[4:])
+    return _date(year + (1900 if year >= 80 else 2000), int(text[2:4]), int(text[:2]))
+
+
+def _zda(fields: Fields) -> SentenceReading:
+    parts = [fields.text(index) for index in (3, 2, 1)]
+    date = _date(*map(int, parts)) if all(re.fullmatch(r"\d{1,4}", part) for part in parts) else None
+    seconds = fields.seconds_of_day(0)
+    refused = "no time" if date is None or seconds is None else ""
+    return SentenceReading(date=date, seconds_of_day=seconds, refused=refused)
+
+
+def _date(year: int, month: int, day: int) -> dt.date | None:
+    try:
+        return dt.date(year, month, day)
+    except ValueError:
+        return None
+
+
+def _vtg(fields: Fields) -> SentenceReading:
+    mode = fields.text(8)
+    if mode == "N":
+        return SentenceReading(refused=NOT_VALID)
+    if len(fields) == 4 and not any(fields.text(index).isalpha() for index in range(4)):
+        return _vtg_without_letters(fields)
+    course, speed = fields.measured(0, "T"), fields.speed_mps((4, "N"), (6, "K"))
+    values = present(("course_over_ground_deg", course), ("speed_over_ground_mps", speed))
+    return SentenceReading(values, quality=_quality(mode))
+
+
+def _vtg_without_letters(fields: Fields) -> SentenceReading:
+    """Before NMEA 2.3: course true and magnetic, speed in knots and km/h; a cut one has none that agree."""
+    course, knots, kmh = (fields.number(index) for index in (0, 2, 3))
+    if knots is None or kmh is None or abs(knots * 1.852 - kmh) > _ROUNDED_KMH:
+        return SentenceReading(refused="a form that is not known")
+    values = present(("course_over_ground_deg", course), ("speed_over_ground_mps", knots * KNOT_MPS))
+    return SentenceReading(values)
+
+
+def _ths(fields: Fields) -> SentenceReading:
+    mode = fields.text(1)
+    if mode not in ("A", *_SUSPECT_MODES):
+        return SentenceReading(refused=NOT_VALID)
+    return SentenceReading(present(("heading_deg", fields.number(0))), quality=_quality(mode))
+
+
+def _hdg(fields: Fields) -> SentenceReading:
+    sensor, deviation = fields.number(0), fields.eastward(1)
+    # A sum may pass north; a sensor that says more than a turn itself is left for the range check to find.
+    if sensor is not None and deviation is not None and 0.0 <= sensor <= 360.0:
+        sensor = (sensor + deviation) % 360.0
+    pair = ("heading_magnetic_deg", sensor), ("magnetic_variation_deg", fields.eastward(3))
+    return SentenceReading(present(*pair))
+
+
+def _rot(fields: Fields) -> SentenceReading:
+    rate_deg_per_min = fields.number(0)
+    if fields.text(1) != "A":
+        return SentenceReading(refused=NOT_VALID)
+    return SentenceReading([] if rate_deg_per_min is None else [("yaw_rate_dps", rate_deg_per_min / 60.0)])
+
+
+def _vbw(fields: Fields) -> SentenceReading:
+    ground = present(("surge_mps", _knots(fields, 3)), ("sway_mps", _knots(fields, 4)))
+    water = present(("speed_through_water_mps", _knots(fields, 0)))
+    ground_valid, water_valid = fields.text(5) == "A", fields.text(2) == "A"
+    left_out = (ground and not ground_valid) or (water and not water_valid)
+    values = (ground if ground_valid else []) + (water if water_valid else [])
+    return SentenceReading(values, refused=NOT_VALID if left_out else "")
+
+
+def _mwv(fields: Fields, theoretical: str) -> SentenceReading:
+    reference = {"R": "apparent", "T": theoretical}.get(fields.text(1))
+    if reference is None:
+        return SentenceReading(refused="wind reference unknown")
+    if fields.text(4) != "A":
+        return SentenceReading(refused=NOT_VALID)
+    speed, unit = fields.number(2), MPS_OF_UNIT.get(fields.text(3))
+    if speed is None or unit is None:
+        reading = _bow_wind(fields.number(0), None, reference)
+        return reading if speed is None else replace(reading, refused="unit unknown")
+    return _bow_wind(fields.number(0), speed * unit, reference)
+
+
+def _obsolete_wind(fields: Fields, reference: str) -> SentenceReading:
+    """VWR and VWT: up to 180 degrees to the left or right of the bow."""
+    angle, sign = fields.number(0), {"R": 1.0, "L": -1.0}.get(fields.text(1))
+    signed = None if angle is None or sign is None or not 0.0 <= angle <= 180.0 else sign * angle
+    return _bow_wind(signed, fields.speed_mps((2, "N"), (4, "M"), (6, "K")), reference)
+
+
+def _bow_wind(angle_deg: float | None, speed_mps: float | None, reference: str) -> SentenceReading:
+    pair = (f"wind_angle_{reference}_deg", angle_deg), (f"wind_speed_{reference}_mps", speed_mps)
+    return SentenceReading(present(*pair), reference)
+
+
+def _mwd(fields: Fields) -> SentenceReading:
+    speed = present(("wind_speed_mps", fields.speed_mps((4, "N"), (6, "M"))))
+    true = present(("wind_direction_deg", fields.measured(0, "T")))
+    magnetic = present(("wind_direction_magnetic_deg", fields.measured(2, "M")))
+    return SentenceReading(true + speed) if true or not magnetic else SentenceReading(magnetic + speed, "magnetic")
+
+
+_READERS: dict[str, Reader] = {
+    "GGA": _gga,
+    "GNS": _gns,
+    "GST": _gst,
+    "GLL": _gll,
+    "RMC": _rmc,
+    "ZDA": _zda,
+    "VTG": _vtg,
+    "HDT": lambda fields: SentenceReading(present(("heading_deg", fields.measured(0, "T")))),
+    "THS": _ths,
+    "HDG": _hdg,
+    "HDM": lambda fields: SentenceReading(present(("heading_magnetic_deg", fields.measured(0, "M")))),
+    "ROT": _rot,
+    "VBW": _vbw,
+    # the headings in it repeat those of another device
+    "VHW": lambda fields: SentenceReading(
+        present(("speed_through_water_mps", fields.speed_mps((4, "N"), (6, "K"))))
+    ),
+    "MWD": _mwd,
+}
+
+
+def readers(theoretical_wind: Literal["ground", "water"]) -> dict[str, Reader]:
+    """The reader of each sentence of motion, wind and time, by its last three letters."""
+    theoretical = "theoretical" if theoretical_wind == "ground" else "water"
+    return {
+        **_READERS,
+        "MWV": partial(_mwv, theoretical=theoretical),
+        "VWR": partial(_obsolete_wind, reference="apparent"),
+        "VWT": partial(_obsolete_wind, reference=theoretical),
+    }
+
+
+_Controls = dict[float, tuple[str, str]]
+"""The channels of each thruster's shaft speed and angle, empty if it has none, by its number in TRD and TRC."""
+
+
+def _rudders(fields: Fields, channels: tuple[str, ...]) -> SentenceReading:
+    """RSA and ROR: starboard or single rudder first, then port. Of a single one any sensor will do."""
+    if len(channels) > 2:
+        return SentenceReading(refused="more than two rudders")
+    valid = [fields.number(index) if fields.text(index + 1) == "A" else None for index in (0, 2)]
+    if fields.text(1) != "A" and fields.text(3) != "A":
+        return SentenceReading(refused=NOT_VALID)
+    if len(channels) == 1:
+        return SentenceReading(present((channels[0], valid[0] if fields.text(1) == "A" else valid[1])))
+    port, starboard = channels
+    return SentenceReading(present((port, valid[1]), (starboard, valid[0])))
+
+
+def _heading_control(fields: Fields, channels: tuple[str, ...]) -> SentenceReading:
+    """HTD: the rudder angle that a heading or track control system orders, and its side."""
+    if len(channels) > 1:
+        return SentenceReading(refused="one order to several rudders")
+    angle, sign = fields.number(1), {"R": 1.0, "L": -1.0}.get(fields.text(2))
+    ordered = None if angle is None or sign is None or angle < 0.0 else sign * angle
+    return _as_orders(SentenceReading(present((channels[0], ordered))))
+
+
+def _rpm(fields: Fields, shafts: Actuators, reduction_ratios: Mapping[str, float]) -> SentenceReading:
+    """A shaft's speed and pitch; an engine's speed stands for its shaft's where its reduction ratio is known."""
+    source, number = fields.text(0), fields.number(1)
+    if source not in ("S", "E"):
+        return SentenceReading(refused="rpm of no shaft")
+    shaft = shaft_of_number(number, shafts)
+    if shaft is None:
+        return SentenceReading(refused="rpm of a single or unknown shaft")
+    ratio = reduction_ratios.get(shaft.name) if source == "E" else 1.0
+    if ratio is None:
+        return SentenceReading(refused="engine rpm")
+    if fields.text(4) != "A":
+        return SentenceReading(refused=NOT_VALID)
+    rpm = fields.number(2)
+    values = _of_shaft(shaft, None if rpm is None else rpm / ratio, fields.number(3))
+    return SentenceReading(values, f"{'shaft' if source == 'S' else 'engine'} {number:.0f}")
+
+
+def _of_shaft(shaft: Actuator, rpm: float | None, pitch_percent: float | None) -> list[tuple[str, float]]:
+    """Those of the two values that a shaft has a channel for: pitch, with a controllable one only."""
+    channels = {channel.name for channel in shaft.channels}
+    both = present((f"{shaft.name}_rpm", rpm), (f"{shaft.name}_pitch_percent", pitch_percent))
+    return [(name, value) for name, value in both if name in channels]
+
+
+def _in_rpm(value: float | None, mode: str, rated_rpm: float | None) -> float | None:
+    """A shaft's speed by its mode: R rpm, P percent of the rated one; None where it is neither, or not known."""
+    if value is None or mode == "R":
+        return value
+    return None if mode != "P" or rated_rpm is None else value * rated_rpm / 100.0
+
+
+def _propulsion_order(fields: Fields, shafts: Actuators, rated_rpm: Mapping[str, float]) -> SentenceReading:
+    """PRC: lever, its status, rpm, its mode, pitch, its mode, location, shaft."""
+    shaft = shaft_of_number(fields.number(7), shafts)
+    if shaft is None:
+        return SentenceReading(refused="order to an unknown shaft")
+    rpm = _in_rpm(fields.number(2), fields.text(3), rated_rpm.get(shaft.name))
+    pitch_percent = fields.number(4) if fields.text(5) == "P" else None
+    return _as_orders(SentenceReading(_of_shaft(shaft, rpm, pitch_percent), f"shaft {fields.number(7):.0f}"))
+
+
+def _thruster(fields: Fields, controls: _Controls, rated_rpm: Mapping[str, float]) -> SentenceReading:
+    """TRD and TRC: number, rpm, its mode, pitch, its mode, azimuth, which is the direction of the thrust.
+
+    ``rated_rpm`` is by channel.
+    """
+    number = fields.number(0)
+    shaft, azimuth = ("", "") if number is None else controls.get(number, ("", ""))
+    if not shaft:
+        return SentenceReading(refused="thruster not understood")
+    speed, mode = fields.number(1), fields.text(2)
+    rpm = present((shaft, _in_rpm(speed, mode, rated_rpm.get(shaft))))
+    angle = present((azimuth, fields.number(5))) if azimuth else []
+    if rpm or speed is None:
+        return SentenceReading(rpm + angle)
+    return SentenceReading(angle, refused="thruster in percent" if mode == "P" else NOT_VALID)
+
+
+def _thruster_order(
+    fields: Fields, controls: _Controls, rated_rpm: Mapping[str, float], fills_channels: bool
+) -> SentenceReading:
+    reading = _thruster(fields, controls, rated_rpm)
+    orders = _as_orders(reading)
+    return replace(orders, values=orders.values + reading.values) if fills_channels else orders
+
+
+def _as_orders(reading: SentenceReading) -> SentenceReading:
+    return replace(reading, values=[(name_of_order(name), value) for name, value in reading.values])
+
+
+def machinery_readers(
+    thrusters: Thrusters,
+    actuators: Actuators,
+    reduction_ratios: Mapping[str, float],
+    rated_rpm: Mapping[str, float],
+) -> dict[str, Reader]:
+    """The reader of each of these sentences, by its last three letters, on a ship with these actuators."""
+    controls: _Controls = {}
+    for actuator in actuators:
+        if actuator.name in thrusters.numbers:
+            shaft, azimuth, *_ = (*(channel.name for channel in actuator.channels), "")
+            controls[thrusters.numbers[actuator.name]] = shaft, azimuth
+    rated = {f"{name}_rpm": rpm for name, rpm in rated_rpm.items()}
+    demand = thrusters.channels_from == "demand"
+    unwanted = SentenceReading(refused="thruster response where demands are wanted")
+    angles, shafts = rudder_channels(actuators), numbered_shafts(actuators)
+    readers: dict[str, Reader] = {
+        "RSA": partial(_rudders, channels=angles),
+        "RPM": partial(_rpm, shafts=shafts, reduction_ratios=reduction_ratios),
+        "TRD": (lambda fields: unwanted) if demand else partial(_thruster, controls=controls, rated_rpm=rated),
+        "TRC": partial(_thruster_order, controls=controls, rated_rpm=rated, fills_channels=demand),
+    }
+    if rudders(actuators):
+        readers["ROR"] = lambda fields: _as_orders(_rudders(fields, angles))
+        readers["HTD"] = partial(_heading_control, channels=angles)
+    if not {propulsor.name for propulsor in shafts} & thrusters.numbers.keys():  # else TRC tells the orders to them
+        readers["PRC"] = partial(_propulsion_order, shafts=shafts, rated_rpm=rated_rpm)
+    return readers
+
+
+def sentence(body: str) -> bytes:
+    """A body between ``$`` and ``*`` made a sentence.
+
+    >>> sentence("RCTRD,2,400.5,R,,V,90.8")
+    b'$RCTRD,2,400.5,R,,V,90.8*55\\r\\n'
+    """
+    return f"${body}*{checksum(body.encode('ascii')):02X}\r\n".encode("ascii")
+
+
+def degrees_and_minutes(angle_deg: float, digits: int) -> str:
+    """An angle without its sign as ``ddmm.mmmmmm``; ``digits`` for the degrees.
+
+    >>> degrees_and_minutes(-10.5, 3)
+    '01030.000000'
+    """
+    micro_minutes = round(abs(angle_deg) * 60e6)
+    degrees, remainder = divmod(micro_minutes, 60_000_000)
+    return f"{degrees:0{digits}d}{remainder // 1_000_000:02d}.{remainder % 1_000_000:06d}"
+
+
+class Nmea0183Encoder:
+    """GGA, HDT, ROT, VBW, MWD; the ship's actuators; ZDA first where the line announces the time.
+
+    Of actuators RSA and ROR, RPM and PRC, TRD and TRC; TRC for TRD where the line takes orders for responses.
+    """
+
+    def __init__(
+        self, config: LineSource | MqttLinks, actuators: Actuators, channels: Mapping[str, Channel]
+    ) -> None:
+        self._announces = isinstance(config, LineSource) and config.clock == "source"
+        self._thrusters = config.thrusters.numbers
+        self._responses = "TRC" if config.thrusters.channels_from == "demand" else "TRD"
+        angles = rudder_channels(actuators)
+        self._rudders = tuple(reversed(angles)) if len(angles) <= 2 else ()
+        shafts = shaft_numbers(numbered_shafts(actuators))
+        self._shafts = {name: number for name, number in shafts.items() if name not in self._thrusters}
+
+    def encode(self, moment: Moment) -> list[Packet]:
+        packets = [Packet(sentence(_time_sentence(moment.time_ns)))] if self._announces else []
+        if moment.latitude_deg is not None and moment.longitude_deg is not None:
+            fix = _fix_sentence(moment.time_ns, moment.latitude_deg, moment.longitude_deg)
+            packets.append(Packet(sentence(fix), carries=moment.fix_of))
+        for channels, body in _NAVIGATION.items():
+            packets += _packet_of(moment, channels, body)
+        return packets + self._machinery(moment)
+
+    def _machinery(self, moment: Moment) -> list[Packet]:
+        packets = _packet_of(moment, self._rudders, partial(_rudder_sentence, "RSA"))
+        packets += _packet_of(moment, tuple(map(name_of_order, self._rudders)), partial(_rudder_sentence, "ROR"))
+        for name, number in self._thrusters.items():
+            pair = (f"{name}_rpm", f"{name}_angle_deg")
+            packets += _packet_of(moment, pair, partial(_thruster_sentence, self._responses, number))
+            packets += _packet_of(
+                moment, tuple(map(name_of_order, pair)), partial(_thruster_sentence, "TRC", number)
+            )
+        for name, number in self._shafts.items():
+            pair = (f"{name}_rpm", f"{name}_pitch_percent")
+            packets += _packet_of(moment, pair, partial(_shaft, number))
+            packets += _packet_of(moment, tuple(map(name_of_order, pair)), partial(_shaft_order, number))
+        return packets
+
+
+Body = Callable[..., str]
+"""A sentence's body from the values of channels, None for one that is not known."""
+
+
+def _packet_of(moment: Moment, channels: tuple[str, ...], body: Body) -> list[Packet]:
+    """The sentence of some channels; none where no value of them is known."""
+    carries = moment.present(*channels)
+    return [Packet(sentence(body(*map(moment.values.get, channels))), carries=carries)] if carries else []
+
+
+def _rudder_sentence(kind: str, starboard_deg: float | None, port_deg: float | None = None) -> str:
+    """The starboard or single rudder, then the port one."""
+    fields = [f"{_decimals(angle_deg, 1.0, 4)},{_mode(angle_deg, 'A')}" for angle_deg in (starboard_deg, port_deg)]
+    return f"ER{kind},{','.join(fields)}{',B' if kind == 'ROR' else ''}"
+
+
+def _thruster_sentence(kind: str, number: int, rpm: float | None, angle_deg: float | None) -> str:
+    ending = ",B,R" if kind == "TRC" else ""
+    return f"RC{kind},{number},{_decimals(rpm, 1.0, 3)},{_mode(rpm, 'R')},,V,{_turn(angle_deg, 3)}{ending}"
+
+
+def _shaft(number: int, rpm: float | None, pitch_percent: float | None) -> str:
+    return f"ERRPM,S,{number},{_decimals(rpm, 1.0, 3)},{_decimals(pitch_percent, 1.0, 3)},A"
+
+
+def _shaft_order(number: int, rpm: float | None, pitch_percent: float | None) -> str:
+    speed, pitch = f"{_decimals(rpm, 1.0, 3)},{_mode(rpm, 'R')}", _decimals(pitch_percent, 1.0, 3)
+    return f"ERPRC,,V,{speed},{pitch},{_mode(pitch_percent, 'P')},B,{number}"
+
+
+def _mode(value: float | None, unit: str) -> str:
+    """The letter of a value's unit, V for invalid where it is not there."""
+    return "V" if value is None else unit
+
+
+def _decimals(value: float | None, scale: float, digits: int) -> str:
+    return "" if value is None else f"{value * scale:.{digits}f}"
+
+
+def _turn(angle_deg: float | None, digits: int) -> str:
+    """An angle from 0 to just below 360; rounding comes first, or 359.99999 would be sent as 360.0000."""
+    return "" if angle_deg is None else f"{round(angle_deg % 360.0, digits) % 360.0:.{digits}f}"
+
+
+def _clock(time_ns: int) -> tuple[dt.datetime, str]:
+    """The UTC date and ``hhmmss.ffffff`` of a time; whole microseconds, rounded down."""
+    moment = EPOCH + dt.timedelta(microseconds=floor(time_ns / 1000))
+    return moment, moment.strftime("%H%M%S.%f")
+
+
+def _time_sentence(time_ns: int) -> str:
+    moment, clock = _clock(time_ns)
+    return f"GPZDA,{clock},{moment:%d,%m,%Y},00,00"
+
+
+def _fix_sentence(time_ns: int, latitude_deg: float, longitude_deg: float) -> str:
+    _, clock = _clock(time_ns)
+    latitude = f"{degrees_and_minutes(latitude_deg, 2)},{'N' if latitude_deg >= 0 else 'S'}"
+    longitude = f"{degrees_and_minutes(longitude_deg, 3)},{'E' if longitude_deg >= 0 else 'W'}"
+    return f"GPGGA,{clock},{latitude},{longitude},4,12,0.6,0.0,M,0.0,M,,"
+
+
+_NAVIGATION: dict[tuple[str, ...], Body] = {
+    ("heading_deg",): lambda heading: f"HEHDT,{_turn(heading, 4)},T",
+    ("yaw_rate_dps",): lambda rate: f"TIROT,{rate * 60.0:.3f},A",
+    ("surge_mps", "sway_mps"): lambda ahead, aside: (
+        f"VDVBW,,,V,{_decimals(ahead, 1.0 / KNOT_MPS, 4)},{_decimals(aside, 1.0 / KNOT_MPS, 4)},A,,V,,V"
+    ),
+    ("wind_direction_deg", "wind_speed_mps"): lambda direction, speed: (
+        f"WIMWD,{_turn(direction, 3)},T,,M,{_decimals(speed, 1.0 / KNOT_MPS, 3)},N,{_decimals(speed, 1.0, 3)},M"
+    ),
+}
+"""The sentences of motion and wind by the channels that they carry."""

@@ -1,0 +1,470 @@
+"""Serial lines, TCP connections and UDP ports: NMEA 0183, a gateway's NMEA 2000, or MAVLink as its bytes come.
+
+CAN frames from any interface that python-can knows.
+"""
+
+from __future__ import annotations
+
+import fcntl
+import ipaddress
+import logging
+import os
+import socket
+import struct
+import termios
+from abc import abstractmethod
+from collections.abc import Callable
+from contextlib import suppress
+from functools import partial
+from itertools import chain
+from typing import TYPE_CHECKING, Any
+
+import can
+from can.interfaces.udp_multicast.utils import unpack_message
+
+from seatrial.acquisition.config.sources import (
+    CanSource,
+    MavlinkLinks,
+    MavlinkSerialSource,
+    MavlinkSource,
+    MavlinkTcpSource,
+    SerialSource,
+    TcpSource,
+    UdpSource,
+)
+from seatrial.acquisition.core.errors import system_reason
+from seatrial.acquisition.core.trial import HIGHEST_IDENTIFIER, Frame, FrameFlag, can_flags, now_ns
+from seatrial.acquisition.sources import (
+    TIME_BYTES,
+    Drops,
+    Senders,
+    Source,
+    arrival_ns,
+    enlarge,
+    received_at,
+    source_error,
+    stamp_arrivals,
+)
+from seatrial.acquisition.sources.log_formats import Cutter, LineReader, LogEntry, is_message, parts_of
+
+if TYPE_CHECKING:
+    import serial
+
+
+_DATAGRAM_BYTES = 65_535
+_MOST_DATAGRAMS = 100
+_BUFFER_BYTES = 4 * 1024 * 1024
+_CONNECT_TIMEOUT_S = 3.0
+
+_ICOUNT_BYTES, _OVERRUN = 80, (7, 10)  # struct serial_icounter_struct: overrun, buf_overrun
+
+_GREETINGS = {
+    "actisense": b"\x10\x02\xa1\x03\x11\x02\x00\x49\x10\x03",  # operating mode: pass on all that is heard
+    "ikonvert": b"$PDGY,N2NET_INIT,ALL\r\n",
+}
+"""What makes a gateway on a serial line pass on what it hears; sent where its form is named, and to no other."""
+
+StreamSource = SerialSource | UdpSource | TcpSource | MavlinkSource | MavlinkTcpSource | MavlinkSerialSource
+
+
+class LineAssembler:
+    """Cuts a stream of bytes into frames, stamped when they were complete: sentences, and what gateways send.
+
+    What stands before a sentence, a TAG block or a datagram's prefix, stays with it. A line that is of no form that
+    is known is a frame of NMEA 0183, for the decoder to refuse and to count.
+    """
+
+    def __init__(self, origin: str, form: str = "") -> None:
+        self._origin = origin
+        self._reader = LineReader(form)
+        self._cutter = Cutter()
+        self.cut = self._cutter.cut
+
+    def push(self, received: bytes, times: tuple[int, int] | None = None) -> list[Frame]:
+        """The frames that ``received`` completes, at the ``times`` of both clocks, else now; no empty lines."""
+        return self._frames(self._cutter.push(received), times)
+
+    def end(self, times: tuple[int, int] | None = None) -> list[Frame]:
+        """The last line, where the stream ended without a line end (a datagram, a file)."""
+        return self._frames(self._cutter.end(), times)
+
+    def _frames(self, pieces: list[bytes], times: tuple[int, int] | None) -> list[Frame]:
+        clocks, frames = times or now_ns(), []
+        for part in chain.from_iterable(map(parts_of, pieces)):
+            entry, binary = self._reader.entry(part), is_message(part)
+            if not binary and (entry is None or entry.protocol == "nmea0183"):
+                entry = LogEntry(None, part, protocol="nmea0183")  # raw input is what came
+            if entry is not None:  # a binary message may say nothing of the bus
+                of_can = entry.identifier, entry.flags
+                frames.append(Frame(self._origin, entry.protocol, entry.payload, *clocks, *of_can))
+        return frames
+
+
+class _Stream(Source):
+    """One line or connection. MAVLink is cut into packets by its decoder."""
+
+    def __init__(self, config: StreamSource) -> None:
+        super().__init__(config)
+        self._lines = None if isinstance(config, MavlinkLinks) else LineAssembler(config.name, config.form)
+        if not isinstance(config, SerialSource | MavlinkSerialSource):
+            self.senders = Senders(config.senders)
+
+    @abstractmethod
+    def _bytes(self, timeout_s: float) -> bytes:
+        """What has come, or nothing after the timeout. Raises what the line raises."""
+
+    def open(self) -> None:
+        super().open()
+        if self._lines is not None:
+            self._lines.cut()
+
+    def _receive(self, timeout_s: float) -> list[Frame] | None:
+        received = self._bytes(timeout_s)
+        if not received:
+            return []
+        if self._lines is None:
+            return [Frame(self.name, "mavlink", received, *now_ns())]
+        return self._lines.push(received)
+
+
+def overruns(descriptor: int) -> int:
+    """How often a serial line has had no room for a byte, in its chip or its driver; 0 where it does not tell."""
+    counts = bytearray(_ICOUNT_BYTES)
+    try:
+        fcntl.ioctl(descriptor, termios.TIOCGICOUNT, counts)
+    except OSError:  # a pseudo-terminal, or a driver that does not count
+        return 0
+    numbers = struct.unpack(f"@{_ICOUNT_BYTES // 4}i", counts)
+    return sum(numbers[place] for place in _OVERRUN)
+
+
+def open_port(config: SerialSource | MavlinkSerialSource) -> serial.Serial:
+    """Open the serial port of a configuration section, 8N1. Raises :class:`SourceError`."""
+    import serial
+
+    try:
+        return serial.Serial(config.device, config.baud_rate, timeout=0, exclusive=True)
+    except (ValueError, OSError) as error:  # pyserial's own errors are OSErrors
+        why = system_reason(error) or "its settings are not possible"
+        fix = "connect it, stop the program that uses it, or correct `device`"
+        raise source_error(config, f"serial line {config.device} cannot be opened", why, fix) from error
+
+
+def _reason(error: Exception) -> str:
+    return system_reason(error) or "it was unplugged, or another program reads it"
+
+
+class SerialPort(_Stream):
+    """One serial port: a line of NMEA 0183, a telemetry radio, or the autopilot's own port.
+
+    ``lost`` counts overruns: the chip or the driver had no room for one byte or more.
+    """
+
+    _overruns = 0
+    loss = "the serial line has overrun {:,} times: bytes were lost"
+
+    def _receive(self, timeout_s: float) -> list[Frame] | None:
+        frames = super()._receive(timeout_s)
+        now = overruns(self._link.fd)
+        self.lost += max(now - self._overruns, 0)
+        self._overruns = now
+        return frames
+
+    def _connect(self) -> serial.Serial:
+        port = open_port(self._config)
+        self._overruns = overruns(port.fd)
+        if greeting := _GREETINGS.get(getattr(self._config, "form", "")):
+            try:
+                port.write(greeting)
+            except OSError as error:
+                port.close()
+                raise self.failure("serial line failed", _reason(error)) from error
+        return port
+
+    def _bytes(self, timeout_s: float) -> bytes:
+        try:
+            if self._link.timeout != timeout_s:  # setting it asks the system for the line's settings each time
+                self._link.timeout = timeout_s
+            first = bytes(self._link.read(1))
+            return first + bytes(self._link.read(self._link.in_waiting)) if first else b""
+        except (OSError, TypeError) as error:  # pyserial raises TypeError on unplug
+            raise self.failure("serial line failed", _reason(error)) from error
+
+
+class TcpConnection(_Stream):
+    """One connection to a server: a multiplexer, a gateway, a router, or a simulated autopilot."""
+
+    senders: Senders
+
+    def _connect(self) -> socket.socket:
+        address, port = self._config.address, self._config.port
+        try:
+            opened = socket.create_connection((address, port), timeout=_CONNECT_TIMEOUT_S)
+        except OSError as error:
+            unresolved = isinstance(error, socket.gaierror)
+            why = system_reason(error) or "no answer in time"
+            fix = "correct `address`" if unresolved else "start the gateway, or correct `address` and `port`"
+            raise self.failure(f"TCP {address}:{port} does not answer", why, fix) from error
+        self._peer = str(opened.getpeername()[0])
+        if not self.senders.admits(self._peer):
+            opened.close()
+            raise self.failure(f"{self._peer} answers, which may not", fix="correct `address` or `senders`")
+        return opened
+
+    def _receive(self, timeout_s: float) -> list[Frame] | None:
+        return [frame._replace(sender=self._peer) for frame in super()._receive(timeout_s) or ()]
+
+    def _bytes(self, timeout_s: float) -> bytes:
+        try:
+            self._link.settimeout(timeout_s)
+            received = bytes(self._link.recv(_DATAGRAM_BYTES))
+        except (TimeoutError, BlockingIOError):
+            return b""
+        except OSError as error:
+            raise self.failure("connection failed", _reason(error)) from error
+        if not received:
+            raise self.failure("the other end closed the connection")
+        self.behind = len(received) == _DATAGRAM_BYTES
+        return received
+
+
+class UdpPort(_Stream):
+    """A UDP port that others send to, a datagram one or more sentences, or some MAVLink.
+
+    ``lost`` counts the datagrams that the system had no room for.
+    """
+
+    senders: Senders
+
+    def _connect(self) -> socket.socket:
+        opened = _bind_udp(self._config)
+        self._drops = Drops(opened)
+        return opened
+
+    def _receive(self, timeout_s: float) -> list[Frame] | None:
+        frames: list[Frame] = []
+        self.exact = True
+        try:
+            self._link.settimeout(timeout_s)
+            for _ in range(_MOST_DATAGRAMS):
+                frames += self._frames(self._bytes(timeout_s))
+                self._link.settimeout(0.0)
+        except (TimeoutError, BlockingIOError):
+            pass
+        except OSError as error:
+            raise self.failure("network failed", str(error.strerror)) from error
+        self.behind = len(frames) >= _MOST_DATAGRAMS
+        self.lost += self._drops.since()
+        return frames
+
+    def _bytes(self, timeout_s: float) -> bytes:
+        data, more, _, (self._sender, _) = self._link.recvmsg(_DATAGRAM_BYTES, TIME_BYTES)
+        self._times, stamped = received_at(arrival_ns(more))
+        self.exact = self.exact and stamped
+        return bytes(data) if self.senders.admits(self._sender) else b""
+
+    def _frames(self, datagram: bytes) -> list[Frame]:
+        """The frames of a datagram, which never continues the one before it."""
+        if self._lines is None:
+            return [Frame(self.name, "mavlink", datagram, *self._times, sender=self._sender)] if datagram else []
+        frames = self._lines.push(datagram, self._times) + self._lines.end(self._times)
+        return [frame._replace(sender=self._sender) for frame in frames]
+
+
+def _bind_udp(config: UdpSource | MavlinkSource) -> socket.socket:
+    """A UDP socket bound to the section's address, with as large a buffer as the system allows.
+
+    A multicast group, such as those of IEC 61162-450, is joined, and other programs may listen to it too.
+    """
+    opened = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    try:
+        enlarge(opened, _BUFFER_BYTES)
+        stamp_arrivals(opened)
+        shared = _is_multicast(config.address)
+        if shared:
+            opened.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        opened.bind((config.address, config.port))  # to a group's own address: nothing else comes
+        if shared:
+            _join(opened, config.address)
+    except OSError as error:
+        opened.close()
+        unresolved = isinstance(error, socket.gaierror)
+        fix = (
+            "correct `address`" if unresolved else "stop the program that uses it, or correct `address` and `port`"
+        )
+        what = f"UDP {config.address}:{config.port} cannot be listened on"
+        raise source_error(config, what, str(error.strerror), fix) from error
+    return opened
+
+
+def _is_multicast(address: str) -> bool:
+    """Whether it is the address of an IPv4 group.
+
+    >>> _is_multicast("239.192.0.1"), _is_multicast("127.0.0.1"), _is_multicast("localhost")
+    (True, False, False)
+    """
+    with suppress(ValueError):
+        return ipaddress.IPv4Address(address).is_multicast
+    return False
+
+
+def _join(opened: socket.socket, address: str) -> None:
+    """Join a group on every interface, as the one with the instruments need not be the one that is routed to.
+
+    Raises :class:`OSError` if not one of them can join.
+    """
+    interfaces, failures = socket.if_nameindex(), list[OSError]()
+    for index, _ in interfaces:
+        membership = struct.pack("4s4si", socket.inet_aton(address), socket.inet_aton("0.0.0.0"), index)
+        try:
+            opened.setsockopt(socket.IPPROTO_IP, socket.IP_ADD_MEMBERSHIP, membership)
+        except OSError as error:  # one that knows no multicast, or is down
+            failures.append(error)
+    if failures and len(failures) == len(interfaces):
+        raise failures[-1]
+
+
+_MOST_FRAMES_AT_ONCE = 200
+_UNREADABLE = "frame that cannot be read"
+_MOST_UNREADABLE = 1_000  # in a row: then it is the driver that is broken, not what comes
+_LONGEST_FRAME_BYTES = 64
+_BUS_BUFFER_BYTES = 16 * 1024 * 1024  # ten seconds of a full bus, of whose frames each takes some 800 bytes of it
+
+
+def open_bus(config: CanSource) -> can.BusABC:
+    """Open the bus of a configuration section. Raises :class:`SourceError`."""
+    logging.getLogger("can").setLevel(logging.ERROR)  # the errors raised say what is missing
+    try:
+        return can.Bus(
+            interface=config.interface,
+            channel=config.channel,
+            receive_own_messages=False,
+            **config.options,
+        )
+    except Exception as error:  # drivers raise what they like
+        what = f"CAN bus {config.interface}:{config.channel} cannot be opened"
+        fix = "connect the interface, or correct `interface`, `channel` and `options`"
+        raise source_error(config, what, _bus_reason(config.interface, error), fix) from error
+
+
+def _bus_reason(interface: str, error: Exception) -> str:
+    """Why a bus cannot be opened, in words that do not depend on its driver."""
+    if interface not in can.VALID_INTERFACES:
+        return f"python-can knows no interface {interface!r}, only {', '.join(sorted(can.VALID_INTERFACES))}"
+    if why := system_reason(error):
+        return why
+    if isinstance(error, can.CanInterfaceNotImplementedError | ImportError | NameError | AttributeError):
+        return "its driver is not installed on this computer"
+    if isinstance(error, ValueError | TypeError):
+        return "the interface does not take this channel with these options"
+    return "its driver is not installed, or finds no such interface"
+
+
+def flags_of(message: can.Message) -> FrameFlag:
+    """What kind of frame python-can's message was."""
+    return can_flags(not message.is_extended_id, message.is_remote_frame, message.is_error_frame)
+
+
+class CanBus(Source):
+    """One bus; frames have the system's stamp where they come by a socket, else that of when they are read.
+
+    ``lost`` counts the frames that the system had no room for, ``refused`` what came and was no frame: noise on the
+    serial line of an adapter, a stranger's datagram. A bus that fails does so once what came before is passed on.
+    """
+
+    def __init__(self, config: CanSource) -> None:
+        super().__init__(config)
+        self._unreadable = 0
+        self._failed: Exception | None = None
+
+    def _connect(self) -> can.BusABC:
+        bus = open_bus(self._config)
+        if self._config.interface == "udp_multicast":
+            bus._multicast.recv = partial(self._readable, bus._multicast.recv)
+        self._unreadable, self._failed = 0, None
+        self._socket = _socket_of(bus)
+        if self._socket is not None:
+            enlarge(self._socket, _BUS_BUFFER_BYTES)
+            self._drops = Drops(self._socket)
+        return bus
+
+    def _receive(self, timeout_s: float) -> list[Frame] | None:
+        frames: list[Frame] = []
+        self.exact = self._socket is not None
+        if self._failed is not None:
+            raise self.failure("CAN bus failed", _fault(self._failed)) from self._failed
+        try:
+            while len(frames) < _MOST_FRAMES_AT_ONCE and (message := self._link.recv(0.0 if frames else timeout_s)):
+                if _is_frame(message):
+                    frames.append(self._frame(message))
+                else:
+                    self.refused[_UNREADABLE] += 1
+        except Exception as error:
+            if isinstance(error, can.CanError | OSError) and not isinstance(error.__cause__, ValueError):
+                if not frames:
+                    raise self.failure("CAN bus failed", _fault(error)) from error
+                self._failed = error
+            else:  # python-can's drivers raise what they like where a line is no frame
+                self._count_unreadable(error)
+        else:
+            self._unreadable = 0
+        self.behind = len(frames) == _MOST_FRAMES_AT_ONCE
+        if self._socket is not None:
+            self.lost += self._drops.since()
+        return frames
+
+    def _count_unreadable(self, error: Exception) -> None:
+        self.refused[_UNREADABLE] += 1
+        self._unreadable += 1
+        if isinstance(pending := getattr(self._link, "_buffer", None), bytearray):
+            pending.clear()  # slcan keeps what is no text, and would fail on it for ever
+        if self._unreadable > _MOST_UNREADABLE:
+            raise self.failure("CAN bus failed", "nothing that comes is a frame") from error
+
+    def _readable(self, receive: Callable[[float | None], Any], timeout_s: float | None = None) -> Any:
+        """What python-can received by multicast; nothing where it would take a datagram for a fault of the bus."""
+        received = receive(timeout_s)
+        if received is None:
+            return None
+        try:
+            unpack_message(received[0], check=True)
+        except Exception:  # as the library says
+            self.refused[_UNREADABLE] += 1
+            return None
+        return received
+
+    def close(self) -> None:
+        if self._link is not None:
+            self._link.shutdown()
+            self._link = None
+            if self._socket is not None:
+                self._socket.close()
+
+    def _frame(self, message: can.Message) -> Frame:
+        stamp_ns = round(message.timestamp * 1e6) * 1000 if self._socket is not None else None
+        times, stamped = received_at(stamp_ns)
+        self.exact = self.exact and stamped
+        return Frame(self.name, "can", bytes(message.data), *times, message.arbitration_id, flags_of(message))
+
+
+def _fault(error: Exception) -> str:
+    return system_reason(error) or "its driver reports a fault"
+
+
+def _is_frame(message: can.Message) -> bool:
+    """Whether a message can have been on a bus: some drivers do not look at what they are told."""
+    identifier, highest = message.arbitration_id, HIGHEST_IDENTIFIER if message.is_extended_id else 0x7FF
+    return isinstance(identifier, int) and 0 <= identifier <= highest and len(message.data) <= _LONGEST_FRAME_BYTES
+
+
+def _socket_of(bus: can.BusABC) -> socket.socket | None:
+    """The socket behind a bus, by a handle of its own; None for one behind which there is something else."""
+    try:
+        handle = os.dup(bus.fileno())
+    except (NotImplementedError, OSError, ValueError, TypeError):
+        return None
+    try:
+        return socket.socket(fileno=handle)
+    except OSError:
+        os.close(handle)
+        return None

@@ -1,0 +1,1019 @@
+"""Lines of text as gateways send them and logs keep them, to CAN frames, whole messages and sentences.
+
+A form is a pattern and a small function from what it matched to an entry, listed in :data:`LINE_FORMS`. Times are
+as the line tells them: UTC, since the log began (before 2001), or a clock that comes round (``turn_ns``).
+
+Actisense's binary messages (BST), of NGT-1, NGX, W2K, WGX and others, and the marks that they come between.
+
+Source: the descriptions in the maker's public SDK. A message begins with its kind and length; all its bytes add
+up to zero. Kinds that say nothing of the bus, the gateway's own, are sound and empty.
+
+Vector's ASC: a header with the date, then a line for each event on one of several channels.
+
+What the stamps count from is told in three ways: the header's date, unless the header says that each counts from
+the line before; or midnight, by programs that write times of day below a date of their own. Dates are this
+machine's local time, as their writers mean them.
+
+Log files to entries: one function a form, each with what the file's first bytes look like, in one table.
+
+A function takes the open file and a :class:`LineReader`, which also counts what could not be read; it raises
+:class:`ValueError` with what is broken where a file ends before its time.
+"""
+
+from __future__ import annotations
+
+import base64
+import binascii
+import datetime as dt
+import re
+import struct
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
+from itertools import chain
+from typing import BinaryIO, NamedTuple
+
+from seatrial.acquisition.core.times import Order, Stamp
+from seatrial.acquisition.core.trial import HIGHEST_IDENTIFIER, NANO, FrameFlag, Protocol, can_flags
+from seatrial.acquisition.protocols.clock import (
+    DAY_NS,
+    SENTENCE_BEHIND,
+    ZONE,
+    StatedTimes,
+    day_ns,
+    is_possible,
+    possible_ns,
+    zoned_ns,
+)
+from seatrial.acquisition.protocols.nmea0183 import (
+    checksum,
+    cut_at_sentences,
+    has_sentence,
+    sentences_in,
+    split_tag,
+)
+from seatrial.acquisition.protocols.nmea2000 import parameter_group
+
+MILLI_NS = 1_000_000
+_MOST_BYTES = 64  # of a frame of CAN FD
+_LONGEST_MESSAGE = 1785  # bytes, of ISO 11783's transport protocol
+_ERROR_BIT = 0x20000000  # candump marks error frames by a bit above the 29 of the identifier
+
+
+_pattern = partial(re.compile, flags=re.ASCII)  # what is no ASCII is no space and no digit
+
+
+class LogEntry(NamedTuple):
+    """One frame, whole message or sentence, with the time that its line tells, if any.
+
+    A clock that starts anew every ``turn_ns`` (at midnight, after 2^32 ms) tells how much of the turn is over.
+    ``bus`` is the interface or channel of a log that has several.
+    """
+
+    time_ns: int | None
+    payload: bytes
+    identifier: int = 0
+    flags: FrameFlag = FrameFlag.NONE
+    protocol: Protocol = "can"
+    turn_ns: int = 0
+    bus: str = ""
+
+
+def message(
+    header: tuple[int, int, int, int],
+    payload: bytes,
+    time_ns: int | None,
+    turn_ns: int = 0,
+    *,
+    assembled: bool = True,
+) -> LogEntry | None:
+    """A message of a parameter group; ``header`` is its priority, group, source and destination.
+
+    ``assembled`` says that it was put together where it took several frames. None for what can have been on no bus:
+    groups beyond 18 bits are a gateway's own.
+    """
+    priority, group, source, destination = header
+    addressed = (group >> 8) & 0xFF < 240
+    if group > 0x3FFFF or max(source, destination) > 255 or len(payload) > _LONGEST_MESSAGE:
+        return None
+    if addressed and group & 0xFF:
+        return None
+    identifier = (priority & 7) << 26 | group << 8 | source | (destination << 8 if addressed else 0)
+    flags = FrameFlag.WHOLE if assembled else FrameFlag.NONE
+    return LogEntry(time_ns, payload, identifier, flags, turn_ns=turn_ns)
+
+
+def _header(match: re.Match[str], base: int = 10) -> tuple[int, int, int, int]:
+    """Priority, group, source and destination of a message, 0 for what its line does not tell."""
+    priority, group, source, destination = match.group("priority", "group", "source", "destination")
+    return int(priority or "0", base), int(group, base), int(source or "0", base), int(destination, base)
+
+
+_CANDUMP_LOG = _pattern(
+    r"\((?P<time>[\d.TZ: +-]{1,40})\)\s+(?P<bus>\S+)\s+"
+    r"(?P<id>[0-9A-Fa-f]{3}|[0-9A-Fa-f]{8})#(?:#(?P<fd>[0-9A-Fa-f]))?"
+    r"(?P<data>(?:[0-9A-Fa-f]{2}\.?)*|R[0-9A-Fa-f]?)(?:_[0-9A-Fa-f])?(?:\s+[RT])?\s*"
+)
+_CANDUMP_CONSOLE = _pattern(
+    r"(?:\((?P<time>[\d.TZ: +-]{1,40})\)\s+)?(?P<bus>\S+)\s+(?:[RT]X [B-] [E-]\s+)?"
+    r"(?P<id>[0-9A-Fa-f]{3}|[0-9A-Fa-f]{8})\s+\[(?P<length>\d{1,2})\]"
+    r"(?:\s+(?P<remote>remote request)|(?P<data>(?:[\s`]+(?:[01]{8}|[0-9A-Fa-f]{2}))*))"
+    r"(?:\s+ERRORFRAME|\s+'.*')?\s*"
+)
+_CANDUMP_OLD = _pattern(
+    r"<0x(?P<id>[0-9A-Fa-f]{3}|[0-9A-Fa-f]{8})>\s+\[(?P<length>\d{1,2})\](?P<data>(?:\s+[0-9A-Fa-f]{2})*)\s*"
+)
+
+
+def _candump_log(match: re.Match[str]) -> LogEntry | None:
+    remote = match["data"].startswith("R")
+    data = b"" if remote else bytes.fromhex(match["data"].replace(".", ""))
+    return _frame(match["time"], match["id"], data, remote, match["bus"])
+
+
+def _candump_console(match: re.Match[str]) -> LogEntry | None:
+    fields = match.groupdict()
+    remote = fields.get("remote") is not None
+    data = _console_bytes(fields["data"] or "")
+    if not remote and len(data) != int(fields["length"]):
+        return None
+    return _frame(fields.get("time"), fields["id"], data, remote, fields.get("bus") or "")
+
+
+def _console_bytes(text: str) -> bytes:
+    """Bytes as candump prints them: hexadecimal, binary (``-i``), or the last one first (``-S``)."""
+    swapped = "`" in text
+    parts = text.replace("`", " ").split()
+    base = 2 if parts and len(parts[0]) == 8 else 16
+    data = bytes(int(part, base) for part in parts)
+    return data[::-1] if swapped else data
+
+
+def _frame(time: str | None, identifier: str, data: bytes, remote: bool, bus: str) -> LogEntry | None:
+    time_ns = None if time is None else _candump_time_ns(time)
+    if len(data) > _MOST_BYTES or (time is not None and time_ns is None):
+        return None
+    number = int(identifier, 16)
+    flags = can_flags(len(identifier) == 3, remote, bool(number & _ERROR_BIT))
+    return LogEntry(time_ns, data, number & HIGHEST_IDENTIFIER, flags, bus=bus)
+
+
+_SAVVYCAN = _pattern(
+    r"(?P<time>\d{1,19}),(?P<id>[0-9A-Fa-f]{1,8}),(?P<extended>true|false),(?:(?P<direction>[RT]x),)?(?P<bus>\d+),"
+    r"(?P<length>\d{1,2}),(?P<data>(?:[0-9A-Fa-f]{2},?){0,64}),*"
+)
+
+
+def _savvycan(match: re.Match[str]) -> LogEntry | None:
+    """A row of SavvyCAN's table: microseconds since 1970 or since the log began, the frame's bytes in columns."""
+    data, identifier = bytes.fromhex(match["data"].replace(",", "")), int(match["id"], 16)
+    if len(data) != int(match["length"]):
+        return None
+    flags = can_flags(match["extended"] == "false")
+    bus = f"channel{match['bus']}"
+    return LogEntry(1000 * int(match["time"]), data, identifier & HIGHEST_IDENTIFIER, flags, bus=bus)
+
+
+_DATE_TIME = _pattern(r"(\d{4}-\d\d-\d\d)[ T](\d\d:\d\d:\d\d)(?:\.(\d{1,9}))?(Z|[+-]\d\d(?::?\d\d)?)?")
+
+
+def _candump_time_ns(text: str) -> int | None:
+    """Seconds, or a date and time, in this machine's zone (as of candump) if it has none; None for others."""
+    if "-" in text:
+        match = _DATE_TIME.fullmatch(text)
+        return None if match is None else zoned_ns(match[1], match[2], match[3], match[4], None)
+    seconds, _, fraction = text.partition(".")
+    if not seconds.isdigit() or (fraction and not fraction.isdigit()) or len(seconds) > 10:
+        return None
+    return int(seconds) * NANO + int(fraction[:9].ljust(9, "0"))
+
+
+_CANBOAT = _pattern(
+    r"(?P<date>\d{4}-\d\d-\d\d)[-T ](?P<clock>\d\d:\d\d:\d\d)(?:[.,](?P<fraction>\d{1,9}))?"
+    rf"{ZONE},(?P<priority>[0-7]),(?P<group>\d{{1,6}}),"
+    r"(?P<source>\d{1,3}),(?P<destination>\d{1,3}),(?P<length>\d{1,4})(?P<data>(?:,[0-9A-Fa-f]{2})*),?\s*"
+)
+
+
+def _canboat(match: re.Match[str]) -> LogEntry | None:
+    """Where it has more than 8 bytes canboat has put it together; one of 8 may be part of a longer message."""
+    data = bytes.fromhex(match["data"].replace(",", ""))
+    time_ns = zoned_ns(match["date"], match["clock"], match["fraction"], match["zone"], dt.UTC)
+    if time_ns is None or len(data) != int(match["length"]):
+        return None
+    return message(_header(match), data, time_ns, assembled=len(data) > 8)
+
+
+_YACHT_DEVICES = _pattern(
+    r"(?:(?P<clock>\d\d:\d\d:\d\d)(?:\.(?P<fraction>\d{1,9}))?\s+[RT]\s+)?"
+    r"(?P<id>[0-9A-Fa-f]{8})(?P<data>(?:\s+[0-9A-Fa-f]{2}){1,8})\s*"
+)
+
+
+def _yacht_devices(match: re.Match[str]) -> LogEntry | None:
+    """``17:33:21.107 R 19F51323 01 2F 30 70 00 2F 30 70``, and of some devices without time and direction."""
+    time_ns = day_ns(match["clock"], match["fraction"]) if match["clock"] else None
+    number = int(match["id"], 16)
+    if number > HIGHEST_IDENTIFIER or (match["clock"] and time_ns is None):
+        return None
+    return LogEntry(time_ns, bytes.fromhex(match["data"]), number, turn_ns=DAY_NS)
+
+
+_N2K_ASCII = _pattern(
+    r"(?:A(?P<clock>\d{6})(?:\.(?P<fraction>\d{1,9}))?\s+)?"
+    r"(?P<source>[0-9A-Fa-f]{2})(?P<destination>[0-9A-Fa-f]{2})(?P<priority>[0-9A-Fa-f])\s+"
+    r"(?P<group>[0-9A-Fa-f]{5,6})\s+(?P<data>(?:[0-9A-Fa-f]{2})+)(?:\s.*)?"
+)
+
+
+def _n2k_ascii(match: re.Match[str]) -> LogEntry | None:
+    """``A173321.107 23FF7 1F513 012F3070002F30709F``: whole messages of an Actisense gateway."""
+    time_ns = day_ns(match["clock"], match["fraction"]) if match["clock"] else None
+    if match["clock"] and time_ns is None:
+        return None
+    return message(_header(match, 16), bytes.fromhex(match["data"]), time_ns, DAY_NS)
+
+
+_IKONVERT = _pattern(
+    r"!PDGY,(?P<group>\d{1,6}),(?:(?P<priority>[0-7]),(?P<source>\d{1,3}),)?(?P<destination>\d{1,3}),"
+    r"(?:(?P<seconds>\d{0,9})(?:\.(?P<fraction>\d{1,9}))?,)?(?P<data>[A-Za-z0-9+/]+={0,2})\s*"
+)
+
+
+def _ikonvert(match: re.Match[str]) -> LogEntry | None:
+    """Digital Yacht's, with the seconds since the gateway started; of what is sent to it they are not told."""
+    try:
+        data = base64.b64decode(match["data"], validate=True)
+    except binascii.Error:
+        return None
+    fraction_ns = int((match["fraction"] or "").ljust(9, "0"))
+    time_ns = int(match["seconds"]) * NANO + fraction_ns if match["seconds"] else None
+    return message(_header(match), data, time_ns)
+
+
+_SEASMART = _pattern(
+    r"\$PCDIN,(?P<group>[0-9A-Fa-f]{6}),(?P<time>[0-9A-Va-v]{1,8})!?,(?P<source>[0-9A-Fa-f]{2}),"
+    r"(?P<data>(?:[0-9A-Fa-f]{2})+)\*(?P<sum>[0-9A-Fa-f]{2})\s*"
+)
+_SEASMART_EPOCH_NS = 1_262_304_000 * NANO  # 2010
+_LONGEST_UPTIME_MS = 0x80000000
+
+
+def _seasmart(match: re.Match[str]) -> LogEntry | None:
+    """SeaSmart's and what followed it. Its time is of one of two kinds, which the protocol does not tell apart.
+
+    Devices write milliseconds since they started, hexadecimal; the original 1/1024 s since 2010 to the base of 32,
+    which begin with 8 or more since 2018: a device that has been on for 25 days is taken for one.
+    """
+    if not _is_sound(match):
+        return None
+    header = 0, int(match["group"], 16), int(match["source"], 16), 255
+    digits, turn_ns = match["time"], 2**32 * MILLI_NS
+    if max(digits.upper()) <= "F" and int(digits, 16) < _LONGEST_UPTIME_MS:
+        time_ns = int(digits, 16) * MILLI_NS
+    else:
+        time_ns, turn_ns = _SEASMART_EPOCH_NS + int(digits, 32) * NANO // 1024, 0
+    return message(header, bytes.fromhex(match["data"]), time_ns, turn_ns)
+
+
+_MXPGN = _pattern(
+    r"\$[A-Z]{2}PGN,(?P<group>[0-9A-Fa-f]{6}),(?P<attribute>[0-9A-Fa-f]{4}),"
+    r"(?P<data>(?:[0-9A-Fa-f]{2})+)\*(?P<sum>[0-9A-Fa-f]{2})\s*"
+)
+
+
+def _mxpgn(match: re.Match[str]) -> LogEntry | None:
+    """ShipModul's: a CAN frame, its data as one number, so that the last byte comes first; some put them together.
+
+    What a program sends to the bus bears a bit, and an address that is the receiver's; the sender's is not told.
+    """
+    attribute, group = int(match["attribute"], 16), int(match["group"], 16)
+    data, address = bytes.fromhex(match["data"])[::-1], attribute & 0xFF
+    if not _is_sound(match) or (len(data) <= 8 and len(data) != min(attribute >> 8 & 0xF, 8)):
+        return None
+    source, destination = (0, address) if attribute & 0x8000 else (address, 255)
+    if (group >> 8) & 0xFF < 240:
+        group, destination = group & 0x3FF00, group & 0xFF or destination
+    return message((attribute >> 12 & 7, group, source, destination), data, None, assembled=len(data) > 8)
+
+
+def _is_sound(match: re.Match[str]) -> bool:
+    body = match.string[1 : match.string.rindex("*")]
+    return checksum(body.encode("latin-1")) == int(match["sum"], 16)
+
+
+_GARMIN = _pattern(
+    r"\d+,(?P<time>\d+|(?:\d+_){6}\d+),(?P<group>\d{1,6}),.*,(?P<source>\d{1,3}),(?P<destination>\d{1,3}),"
+    r"(?P<priority>[0-7]),[01],(?P<length>\d{1,3}),0x(?P<data>(?:[0-9A-Fa-f]{2})+)\s*"
+)
+
+
+def _garmin(match: re.Match[str]) -> LogEntry | None:
+    """A chart plotter's log: milliseconds since it started, or ``month_day_year_hour_minute_second_ms``."""
+    data, numbers = bytes.fromhex(match["data"]), match["time"].split("_")
+    if len(data) != int(match["length"]):
+        return None
+    time_ns: int | None = int(numbers[0]) * MILLI_NS
+    if len(numbers) > 1:
+        month, day, year, hour, minute, second, milli = map(int, numbers)
+        clock = f"{hour:02d}:{minute:02d}:{second:02d}"
+        time_ns = zoned_ns(f"{year:04d}-{month:02d}-{day:02d}", clock, f"{milli % 1000:03d}", None, dt.UTC)
+    return None if time_ns is None else message(_header(match), data, time_ns)
+
+
+_OPENCPN_MESSAGE = _pattern(r"(?:\$PCDIN,\d+,)?(?P<data>93(?:[0-9A-Fa-f]{2}){12,})\s*")
+
+
+def _opencpn(match: re.Match[str]) -> LogEntry | None:
+    """A message as OpenCPN keeps it: as Actisense's gateway gives it, whose time it fills in as it likes."""
+    stored = message_entry(bytes.fromhex(match["data"]))
+    return None if stored is None else message(stored.header, stored.payload, None)
+
+
+Read = Callable[[re.Match[str]], LogEntry | None]
+LINE_FORMS: dict[str, tuple[tuple[re.Pattern[str], Read], ...]] = {
+    "candump": (
+        (_CANDUMP_LOG, _candump_log),
+        (_CANDUMP_CONSOLE, _candump_console),
+        (_CANDUMP_OLD, _candump_console),
+    ),
+    "savvycan": ((_SAVVYCAN, _savvycan),),
+    "canboat": ((_CANBOAT, _canboat),),
+    "yacht_devices": ((_YACHT_DEVICES, _yacht_devices),),
+    "n2k_ascii": ((_N2K_ASCII, _n2k_ascii),),
+    "ikonvert": ((_IKONVERT, _ikonvert),),
+    "seasmart": ((_SEASMART, _seasmart),),
+    "mxpgn": ((_MXPGN, _mxpgn),),
+    "garmin": ((_GARMIN, _garmin),),
+    "opencpn": ((_OPENCPN_MESSAGE, _opencpn),),
+}
+"""Each form of a line by its name, with what it looks like and how it is read."""
+
+_NO_ENTRY = _pattern(
+    r"(?:[#;][^\x00-\x08\x0e-\x1f\x7f]*|//.*|interface = .*|\$PDGY,.*|Sequence #,.*"
+    r"|(?:timestamp|received_at|Time Stamp),.*|)"
+)
+_COMMENTS = frozenset("#;")
+_COLOUR = _pattern(r"\x1b\[[0-9;]*m")
+_BEGINNINGS = ("$", "!", "\\", "UdPbC")  # of a sentence, a TAG block, a datagram's prefix
+_ENDING = _pattern(r"(?P<inner>.*\*[0-9A-Fa-f]{2})[\s,;]++(?P<after>[^*$!]*)")
+_PACKED = re.compile(rb"[$!](?:PCDIN|PDGY|[A-Z]{2}PGN),")  # a gateway's message
+_ENVELOPES = (
+    _pattern(r"(?P<before>\d{13};)[A-Za-z0-9]{0,12};(?P<inner>.*)"),  # Signal K's log of all its inputs
+    # OpenCPN's voyage data recorder: the time, the protocol, one or two columns of its own, what came.
+    _pattern(r"(?P<before>[^,]*),NMEA2000,(?:[^,]*,){1,2}\"?(?P<inner>A?[0-9A-Fa-f][0-9A-Fa-f:.RT ]{11,})\"?"),
+)
+
+
+def parts_of(piece: bytes) -> list[bytes]:
+    """A line or message in parts of one entry each: cut where a gateway's message stands among sentences."""
+    if piece.startswith(MARK) or not _PACKED.search(piece):
+        return [piece]
+    return cut_at_sentences(piece) if len(sentences_in(piece)) > 1 else [piece]
+
+
+class LineReader:
+    """Lines, and Actisense's messages, to entries: of one form, or of any, as each line shows.
+
+    ``unreadable`` counts those that are neither an entry nor a comment.
+    """
+
+    def __init__(self, form: str = "", times: StatedTimes | None = None) -> None:
+        self.unreadable = 0
+        self.times = times or StatedTimes()
+        self._forms = [line_form for name, forms in LINE_FORMS.items() if form in ("", name) for line_form in forms]
+
+    def entries(self, pieces: Sequence[bytes]) -> Iterator[LogEntry]:
+        """The entries in lines and messages, each read when it is asked for."""
+        has_packed = _PACKED.search(b"\n".join(pieces)) is not None  # asked once: lines are many
+        parts = chain.from_iterable(map(parts_of, pieces)) if has_packed else pieces
+        return filter(None, map(self.entry, parts))
+
+    def entry(self, piece: bytes) -> LogEntry | None:
+        """The entry in a line or a message, if there is one; of a line that :func:`parts_of` leaves as it is."""
+        if piece.startswith(MARK) and (stored := stored_message(piece[len(MARK) :])) is not None:
+            return _of_stored(stored)
+        text = piece.decode("latin-1")
+        return self._sentence(text) if text.startswith(_BEGINNINGS) else self._line(text)
+
+    def _sentence(self, text: str) -> LogEntry | None:
+        """A line that begins as a sentence does; some have a message of NMEA 2000 inside, or a time behind."""
+        if text[-3:-2] != "*" and (match := _ENDING.fullmatch(text)):
+            return _at(self._sentence(match["inner"]), self.times.read(match["after"]))
+        line = text.encode("latin-1")
+        tagged = split_tag(line)
+        if tagged.sentence[3:7] == b"PGN," or tagged.sentence.startswith((b"$PCDIN,", b"!PDGY,")):
+            entry = self._bare(tagged.sentence.decode("latin-1"))
+            if entry is None:
+                return self._disturbed(line)
+            return _at(entry, None if tagged.time_ns is None else (possible_ns(tagged.time_ns), 0))
+        return (
+            None if _NO_ENTRY.fullmatch(text) else LogEntry(possible_ns(tagged.time_ns), line, protocol="nmea0183")
+        )
+
+    def _line(self, text: str) -> LogEntry | None:
+        if "\x1b" in text:
+            text = _COLOUR.sub("", text).strip()
+        entry = self._bare(text) or self._enveloped(text)
+        return entry if entry is not None or _NO_ENTRY.fullmatch(text) else self._disturbed(text.encode("latin-1"))
+
+    def _disturbed(self, line: bytes) -> LogEntry | None:
+        """A line of no form, for the sentences that are in it all the same."""
+        if has_sentence(line):
+            return LogEntry(None, line, protocol="nmea0183")
+        self.unreadable += 1
+        return None
+
+    def _bare(self, text: str) -> LogEntry | None:
+        for form in self._forms:
+            if match := form[0].fullmatch(text):
+                if form is not self._forms[0]:  # the next line is most likely of the same form
+                    self._forms.remove(form)
+                    self._forms.insert(0, form)
+                return form[1](match)
+        return None
+
+    def _enveloped(self, text: str) -> LogEntry | None:
+        """What stands behind a time or a name that a logger wrote before it."""
+        if text[:1] in _COMMENTS:
+            return None
+        if match := SENTENCE_BEHIND.fullmatch(text):
+            inner = match["inner"].removesuffix('"') if match["before"].endswith('"') else match["inner"]
+            return _at(self._sentence(inner), self.times.read(match["before"]))
+        match = next(filter(None, (pattern.fullmatch(text) for pattern in _ENVELOPES)), None)
+        return None if match is None else _at(self._bare(match["inner"]), self.times.read(match["before"]))
+
+
+def _of_stored(stored: Stored) -> LogEntry | None:
+    """What an Actisense message says of the bus, if anything."""
+    if stored.sentence:
+        return LogEntry(None, stored.sentence, protocol="nmea0183")
+    if not stored.payload:
+        return None
+    return message(stored.header, stored.payload, stored.time_ns, stored.turn_ns, assembled=stored.assembled)
+
+
+def _at(entry: LogEntry | None, time: tuple[int | None, int] | None) -> LogEntry | None:
+    """The entry at the time that was told beside it, if any was."""
+    return entry if entry is None or time is None else entry._replace(time_ns=time[0], turn_ns=time[1])
+
+
+MARK, END = b"\x10\x02", b"\x10\x03"
+_DLE = b"\x10"
+_LONGEST_BYTES = 1_800  # 1,785 bytes is the longest message
+_BODY = re.compile(rb"(?:[^\x10]++|\x10\x10)*+\x10[^\x10]", re.DOTALL)
+_KINDS = frozenset(range(0x90, 0xB0)) | frozenset(range(0xD0, 0xE0))
+_TEXT_KIND = b"\x9d"
+_LINE_END = re.compile(rb"[\r\n]")  # some devices send only one of the two
+_LONGEST_LINE_BYTES = 8192  # of a message of 1,785 bytes in hexadecimal; a line without an end must not eat memory
+_SHORTEST_CUT_BYTES = 4096  # more than the longest sentence, which the same message has in it
+_BEGINNING = re.compile(rb"\\[^\\]{1,200}(?:\\[$!]?|\Z)|[$!]{1,2}")
+"""Of a sentence, or of its TAG block."""
+_SENTENCE_LINE = re.compile(rb"[$!][A-Za-z0-9]{3,16},[\x20-\x7e]{0,200}\*[0-9A-Fa-f]{2}[\r\n]")
+_MILLI_NS = 1_000_000
+_UPTIME_TURN_NS = 2**32 * _MILLI_NS
+_STEPS_NS = (1_000_000, 100_000, 10_000, 1_000)  # of the 16-bit clock of single frames, by two bits
+
+
+class Stored(NamedTuple):
+    """What a message holds: a group's bytes with their priority, group, source and destination, or a sentence.
+
+    ``time_ns`` counts from when the gateway started and comes round after ``turn_ns``. ``assembled`` tells messages
+    that the gateway has put together from single frames.
+    """
+
+    header: tuple[int, int, int, int] = (0, 0, 0, 0)
+    payload: bytes = b""
+    time_ns: int = 0
+    turn_ns: int = _UPTIME_TURN_NS
+    assembled: bool = True
+    sentence: bytes = b""
+
+
+def stored_message(stored: bytes) -> Stored | None:
+    """What a message with its checksum holds; None for one that is not sound."""
+    if len(stored) < 3:
+        return None
+    body, kind = stored[:-1], stored[0]
+    length = int.from_bytes(body[1:3], "little") if kind == 0xD0 else body[1] + 2
+    if length != len(body) or sum(stored) & 0xFF:
+        return None
+    if kind == 0x93:
+        return message_entry(body)
+    if kind == 0x95:
+        return _single_frame(body)
+    if kind == 0xD0:
+        return _newest(body)
+    return Stored(sentence=body[2:].strip(b"\0\r\n \t")) if kind == _TEXT_KIND[0] else Stored()
+
+
+def is_message(piece: bytes) -> bool:
+    """Whether a piece that :class:`Cutter` cut is a message, not text."""
+    return piece.startswith(MARK) and stored_message(piece[len(MARK) :]) is not None
+
+
+def message_entry(body: bytes) -> Stored | None:
+    """A message of kind 93, without its checksum; None where its lengths contradict each other."""
+    if len(body) < 13 or body[0] != 0x93 or len(body) < 13 + body[12]:
+        return None
+    group, destination = _group(body[5], body[4], body[3], body[6])
+    header = body[2] & 7, group, body[7], destination
+    return Stored(header, body[13 : 13 + body[12]], int.from_bytes(body[8:12], "little") * _MILLI_NS)
+
+
+def _newest(body: bytes) -> Stored | None:
+    if len(body) < 13:
+        return None
+    group, destination = _group(body[7], body[6], body[5], body[3])
+    time_ns = int.from_bytes(body[9:13], "little") * _MILLI_NS
+    return Stored((body[7] >> 2 & 7, group, body[4], destination), body[13:], time_ns)
+
+
+def _single_frame(body: bytes) -> Stored | None:
+    if not 8 <= len(body) <= 16:
+        return None
+    group, destination = _group(body[7], body[6], body[5], body[5] if body[6] < 240 else 255)
+    step_ns = _STEPS_NS[body[7] >> 5 & 3]
+    header = body[7] >> 2 & 7, group, body[4], destination
+    return Stored(header, body[8:], int.from_bytes(body[2:4], "little") * step_ns, 2**16 * step_ns, assembled=False)
+
+
+def _group(page: int, pdu_format: int, pdu_specific: int, destination: int) -> tuple[int, int]:
+    """The parameter group and who it is for, from the fields of an identifier."""
+    addressed = pdu_format < 240
+    return (page & 3) << 16 | pdu_format << 8 | (0 if addressed else pdu_specific), destination
+
+
+class Cutter:
+    """Cuts a stream of bytes into lines of text and binary messages, which begin with :data:`MARK`.
+
+    Both may come on one stream. A message that is not sound is text.
+    """
+
+    def __init__(self) -> None:
+        self._pending = b""
+
+    def push(self, received: bytes) -> list[bytes]:
+        """The lines and messages that ``received`` completes; empty lines are passed over."""
+        data, pieces, start, at, end = self._pending + received, list[bytes](), 0, 0, 0
+        while (at := data.find(MARK, at)) >= 0:
+            body = at + len(MARK)
+            if body >= end:  # what seems a mark inside, behind an escaped byte, would end at the same place
+                frame = _BODY.match(data, body)
+                end = len(data) + 1 if frame is None else frame.end()
+            if (message := _message(data, body, end)) is not None:
+                pieces += [*_lines(data[start:at]), MARK + message]
+                start = at = end
+            elif end > len(data) and _may_go_on(data, body):
+                break
+            else:
+                at += 1
+        until = len(data) if at < 0 else at
+        last = max(data.rfind(b"\n", start, until), data.rfind(b"\r", start, until))
+        if last >= 0:
+            pieces += _lines(data[start : last + 1])
+            start = last + 1
+        *full, self._pending = _in_pieces(data[start:])
+        return pieces + full
+
+    def cut(self) -> None:
+        """The stream was cut and begins anew: what was under way stays as far as it came, by itself."""
+        if self._pending:
+            self._pending = self._pending.replace(MARK, MARK[:1] + b"\n" + MARK[1:]) + b"\n"
+
+    def end(self) -> list[bytes]:
+        """The last line, or what there is of a message, where the stream ended (a datagram, a file)."""
+        pieces, self._pending = _lines(self._pending), b""
+        return pieces
+
+
+def _lines(text: bytes) -> list[bytes]:
+    lines = [stripped for line in _LINE_END.split(text) if (stripped := line.strip(b"\0 \t"))]
+    if max(map(len, lines), default=0) <= _LONGEST_LINE_BYTES:
+        return lines
+    return [piece for line in lines for piece in _in_pieces(line)]
+
+
+def _in_pieces(line: bytes) -> list[bytes]:
+    """A line in pieces that are not too long; no sentence is cut in two that is not too long itself."""
+    pieces = []
+    while len(line) > _LONGEST_LINE_BYTES:
+        beginnings = _BEGINNING.finditer(line, _SHORTEST_CUT_BYTES, _LONGEST_LINE_BYTES)
+        cut = max((beginning.start() for beginning in beginnings), default=_LONGEST_LINE_BYTES)
+        pieces.append(line[:cut])
+        line = line[cut:]
+    return [*pieces, line]
+
+
+def _message(data: bytes, at: int, end: int) -> bytes | None:
+    """The sound message with these bounds, unescaped; None where there is none."""
+    if end > len(data) or data[end - len(END) : end] != END or end - at > 2 * _LONGEST_BYTES:
+        return None
+    message = data[at : end - len(END)].replace(_DLE * 2, _DLE)
+    return None if stored_message(message) is None else message
+
+
+def _may_go_on(data: bytes, at: int) -> bool:
+    """Whether a message may begin here of which more is to come: by its kind, and its length with all escaped.
+
+    What a line with a sentence follows upon is noise that looks so, and must not hold the sentence back.
+    """
+    kind, length = data[at : at + 1], data[at + 1 : at + 3]
+    if kind and kind[0] not in _KINDS:
+        return False
+    most = 2 * _LONGEST_BYTES if kind == b"\xd0" else 2 * (258 if len(length) < 2 else length[0] + 4)
+    return len(data) - at < most and (kind == _TEXT_KIND or not _SENTENCE_LINE.search(data, at))
+
+
+_LONGEST_LINE = 65_536
+_STAMPED = re.compile(r"(?P<seconds>-?\d{1,10})(?:\.(?P<fraction>\d{1,9}))?\s+(?P<rest>.*)")
+_FRAME = re.compile(
+    r"(?P<channel>\d{1,3})\s+(?P<id>[0-9A-Fa-f]{1,10})(?P<extended>x?)\s+(?:Rx|Tx|TxRq)\s+(?P<kind>[dr])"
+    r"(?:\s+(?P<length>[0-9A-Fa-f]{1,2}))?(?P<data>(?:\s+[0-9A-Fa-f]{1,3})*)(?:\s+Length\s*=.*)?\s*",
+    re.IGNORECASE,
+)
+_FD_FRAME = re.compile(
+    r"CANFD\s+(?P<channel>\d{1,3})\s+(?:Rx|Tx|TxRq)\s+(?P<id>[0-9A-Fa-f]{1,10})(?P<extended>x?)(?:\s+[A-Za-z_]\w*)?"
+    r"\s+[01]\s+[01]\s+[0-9A-Fa-f]{1,2}\s+(?P<length>\d{1,2})(?P<data>(?:\s+[0-9A-Fa-f]{1,3})*).*",
+    re.IGNORECASE,
+)
+_ERROR = re.compile(r"(?:CANFD\s+)?(?P<channel>\d{1,3})\s+(?:(?:Rx|Tx)\s+)?ErrorFrame\b.*", re.IGNORECASE)
+_EVENT = re.compile(
+    r"(?:CAN\s+)?\d{1,3}\s+(?:Statistic|Status)\b.*|CAN\s+\d{1,3}\s+Status\b.*|Start of measurement.*"
+    r"|log (?:trigger|direct) .*|(?:SV|SysVar|EnvVar|Comment|TriggerEvent|GPS-Event|GlobalMarker)\b.*",
+    re.IGNORECASE,
+)
+_SECTION = re.compile(r"(?:end|begin)\s+trigger\s*block\b.*|(?:no )?internal events logged.*|//.*|", re.IGNORECASE)
+_BEGINS = re.compile(rb"\s*(?:date\s+\S|base\s+(?:hex|dec)\b|//\s*version\b)", re.IGNORECASE)
+_DAY_BEGAN_WITHIN_NS = 600 * NANO
+"""A stamp that is the header's time of day, or up to ten minutes later, counts from midnight: as a time since the
+header it would mean a pause of just so long."""
+_EARLIEST_TIME_OF_DAY_NS = 3600 * NANO  # what is less is a time since the header, whatever that says
+
+
+def begins_asc(head: bytes) -> bool:
+    """Whether a file begins as ASC does."""
+    return _BEGINS.match(head.removeprefix(b"\xef\xbb\xbf")) is not None
+
+
+def read_asc(file: BinaryIO, reader: LineReader) -> Iterator[LogEntry]:
+    """The frames of a log. Raises :class:`ValueError` where its last line is cut off."""
+    log = _Log(reader)
+    while line := file.readline(_LONGEST_LINE):
+        entry = log.entry(line.decode("utf-8", "replace").strip("\ufeff \t\r\n"))
+        if entry is not None:
+            yield entry
+    if log.is_cut:
+        raise ValueError("its last line is cut off")
+
+
+class _Log:
+    """What the header says, and the time of the line before."""
+
+    def __init__(self, reader: LineReader) -> None:
+        self._reader = reader
+        self._base, self._relative, self._counts_from_midnight = 16, False, False
+        self._began: Stamp | None = None
+        self._last_ns: int | None = None
+        self.is_cut = False  # whether the last line began as a frame does, but had too few bytes
+
+    def entry(self, text: str) -> LogEntry | None:
+        """The frame in a line, if there is one; a line of neither header, events nor frames is counted."""
+        self.is_cut = False
+        stamped = _STAMPED.fullmatch(text)
+        if stamped is None:
+            self._reader.unreadable += not self._header(text)
+            return None
+        time_ns = self._time_ns(stamped)
+        entry = _entry(stamped["rest"], self._base)
+        if entry is None:
+            self.is_cut = _FRAME.match(stamped["rest"]) is not None
+            self._reader.unreadable += _EVENT.fullmatch(stamped["rest"]) is None
+            return None
+        return entry._replace(time_ns=time_ns)
+
+    def _header(self, text: str) -> bool:
+        """Take up a line of the header, or of a trigger block; whether it is one."""
+        words = text.lower().split()
+        if words[:1] == ["base"]:
+            self._base = 10 if words[1:2] == ["dec"] else 16
+            self._relative = words[2:4] == ["timestamps", "relative"]
+            return True
+        if words[:1] == ["date"] or words[:2] in (["begin", "triggerblock"], ["begin", "trigger"]):
+            self._reader.times.read(text)
+            self._began = self._reader.times.last or self._began
+            self._last_ns = None
+            return True
+        return _SECTION.fullmatch(text) is not None
+
+    def _time_ns(self, stamped: re.Match[str]) -> int:
+        """The line's time: UTC where the log has a date, else since its beginning."""
+        fraction_ns = int((stamped["fraction"] or "").ljust(9, "0"))
+        stated_ns = int(stamped["seconds"]) * NANO + (-fraction_ns if stamped["seconds"][0] == "-" else fraction_ns)
+        is_first, before_ns = self._last_ns is None, self._last_ns or 0
+        self._last_ns = stated_ns + before_ns if self._relative else stated_ns
+        if self._began is None:
+            return self._last_ns
+        if is_first and not self._relative:
+            self._counts_from_midnight = _is_time_of_day(stated_ns, self._began)
+            if self._counts_from_midnight:
+                self._reader.times.remark = "its stamps are times of day: they count from midnight of its date"
+        began_ns = _utc_ns(self._began, self._reader.times.order_of(self._began))
+        return self._last_ns + (began_ns - self._began.clock_ns if self._counts_from_midnight else began_ns)
+
+
+def _is_time_of_day(stated_ns: int, began: Stamp) -> bool:
+    since_ns = (stated_ns - began.clock_ns) % DAY_NS
+    return stated_ns >= _EARLIEST_TIME_OF_DAY_NS and since_ns <= _DAY_BEGAN_WITHIN_NS
+
+
+def _utc_ns(began: Stamp, order: Order) -> int:
+    """A header's date as UTC: its zone is this machine's if it has none."""
+    local_ns = began.local_ns(order)
+    if began.offset_s is not None:
+        return local_ns - began.offset_s * NANO
+    seconds, fraction_ns = divmod(local_ns, NANO)
+    here = dt.datetime.fromtimestamp(seconds, dt.UTC).replace(tzinfo=None).astimezone()
+    return round(here.timestamp()) * NANO + fraction_ns
+
+
+def _entry(text: str, base: int) -> LogEntry | None:
+    """The frame in what follows a stamp, as yet without its time."""
+    if match := _ERROR.fullmatch(text):
+        return LogEntry(None, b"", 0, can_flags(standard=True, error=True), bus=f"channel{match['channel']}")
+    match = _FRAME.fullmatch(text) or _FD_FRAME.fullmatch(text)
+    if match is None:
+        return None
+    parts = match.groupdict()
+    remote = (parts.get("kind") or "d").lower() == "r"
+    try:
+        identifier, data = int(parts["id"], base), b"" if remote else _bytes(parts, base)
+    except ValueError:  # digits of another base, or bytes beyond 255
+        return None
+    extended = bool(parts["extended"])
+    if data is None or identifier > (HIGHEST_IDENTIFIER if extended else 0x7FF):
+        return None
+    flags: FrameFlag = can_flags(not extended, remote)
+    return LogEntry(None, data, identifier, flags, bus=f"channel{parts['channel']}")
+
+
+def _bytes(parts: dict[str, str], base: int) -> bytes | None:
+    """A frame's data, as many bytes as it says; None where some are missing."""
+    length = int(parts["length"] or "0", 10 if "kind" not in parts else 16)
+    if "kind" in parts:
+        length = min(length, 8)  # codes beyond 8 mean 8 on classical CAN
+    numbers = parts["data"].split()[:length]
+    return bytes(int(number, base) for number in numbers) if len(numbers) == length <= _MOST_BYTES else None
+
+
+_BLOCK_BYTES = 8192
+_LONGEST_PACKET = 65_536
+_LONGEST_RECORD = 4096
+_CUT_OFF = "its last record is cut off"
+_SERVICE = 0xFFFFFFFF  # in the place of an identifier, in Yacht Devices' files
+
+
+def read_lines(file: BinaryIO, reader: LineReader) -> Iterator[LogEntry]:
+    """Lines of text, and Actisense's messages as a program wrote them to a file."""
+    cutter = Cutter()
+    while block := file.read(_BLOCK_BYTES):
+        yield from reader.entries(cutter.push(block))
+    yield from reader.entries(cutter.end())
+
+
+_EBL_PART = re.compile(
+    rb"\x1b\x01(?P<tag>(?:[^\x1b]|\x1b\x1b)*+)\x1b\n|(?P<data>(?:[^\x1b]|\x1b\x1b)++)|\x1b[^\x01\x1b]", re.DOTALL
+)
+_FILETIME_1970 = 116_444_736_000_000_000  # 100 ns since 1601
+
+
+def read_ebl(file: BinaryIO, reader: LineReader) -> Iterator[LogEntry]:
+    """Actisense's log: the bytes of a gateway between tags, of which one tells the time of what follows."""
+    cutter, time_ns, data = Cutter(), None, b""
+    while block := file.read(_BLOCK_BYTES):
+        data, at = data + block, 0
+        while match := _EBL_PART.match(data, at):
+            at = match.end()
+            tag, raw = ((match[name] or b"").replace(b"\x1b\x1b", b"\x1b") for name in ("tag", "data"))
+            if tag[:1] == b"\x03" and len(tag) == 9:
+                told_ns = (int.from_bytes(tag[1:], "little") - _FILETIME_1970) * 100
+                time_ns = told_ns if is_possible(told_ns) else time_ns
+            pieces = [_checked(tag[1:])] if tag[:1] == b"\x07" else cutter.push(raw)
+            for entry in reader.entries(pieces):
+                yield entry if time_ns is None else entry._replace(time_ns=time_ns, turn_ns=0)
+            reader.unreadable += not tag and not raw
+        if len(data) - at > _LONGEST_RECORD:  # a tag without an end
+            reader.unreadable, at = reader.unreadable + 1, at + 2
+        data = data[at:]
+    pieces = cutter.end()
+    yield from reader.entries(pieces)
+    if data or any(piece.startswith(MARK) for piece in pieces):
+        raise ValueError(_CUT_OFF)
+
+
+def _checked(stored: bytes) -> bytes:
+    """A message from a tag of its own, which some write without the checksum."""
+    return MARK + (stored if not sum(stored) & 0xFF else stored + bytes([-sum(stored) & 0xFF]))
+
+
+# The groups that Yacht Devices' recorder keeps as whole messages of any length; the others have 8 bytes.
+_WHOLE_GROUPS = frozenset(
+    group
+    for first, last in (
+        (65240, 65240), (126208, 126208), (126464, 126464), (126720, 126720), (126983, 126988), (126996, 126998),
+        (127233, 127233), (127237, 127237), (127489, 127489), (127496, 127498), (127503, 127504), (127506, 127507),
+        (127509, 127514), (128275, 128275), (128520, 128520), (129029, 129029), (129038, 129041), (129044, 129045),
+        (129284, 129285), (129301, 129302), (129538, 129538), (129540, 129542), (129545, 129545), (129547, 129547),
+        (129549, 129549), (129551, 129551), (129556, 129556), (129792, 129810), (130052, 130054), (130060, 130061),
+        (130064, 130074), (130320, 130324), (130567, 130567), (130577, 130578), (130816, 131071),
+    )
+    for group in range(first, last + 1)
+)  # fmt: skip
+_REQUEST, _REQUEST_BYTES = 59904, 3
+_MINUTE_NS = 60 * NANO
+
+
+def read_ydvr(file: BinaryIO, reader: LineReader) -> Iterator[LogEntry]:
+    """The .DAT files of Yacht Devices' recorder up to version 4: messages of any length, ms in the minute."""
+    data, at = b"", 0
+    while True:
+        if len(data) - at < _LONGEST_RECORD and (block := file.read(_BLOCK_BYTES)):
+            data, at = data[at:] + block, 0
+        if at == len(data):
+            return
+        record = _ydvr_record(data, at)
+        if record is None:
+            if len(data) - at < 6 + 2 + 255:
+                raise ValueError(_CUT_OFF)
+            reader.unreadable, at = reader.unreadable + 1, _next_record(data, at + 1)
+            continue
+        entry, at = record
+        if entry is not None:
+            yield entry
+
+
+def _ydvr_record(data: bytes, at: int) -> tuple[LogEntry | None, int] | None:
+    """The record at a place, and where the next one begins; None where there is none."""
+    if len(data) < at + 6:
+        return None
+    milliseconds, identifier = struct.unpack_from("<HI", data, at)
+    if milliseconds >= 60_000 or not (identifier == _SERVICE or identifier <= HIGHEST_IDENTIFIER):
+        return None
+    group, body = parameter_group(identifier)[0], at + 6
+    length = _REQUEST_BYTES if group == _REQUEST and identifier != _SERVICE else 8
+    if assembled := identifier != _SERVICE and group in _WHOLE_GROUPS:
+        if len(data) < body + 2:
+            return None
+        body, length = body + 2, data[body + 1]
+    if len(data) < body + length:
+        return None
+    if identifier == _SERVICE:
+        return None, body + length
+    flags = FrameFlag.WHOLE if assembled else FrameFlag.NONE
+    payload = data[body : body + length]
+    return LogEntry(milliseconds * MILLI_NS, payload, identifier, flags, turn_ns=_MINUTE_NS), body + length
+
+
+def _next_record(data: bytes, at: int) -> int:
+    """Where, after damage, three records follow each other again; the end where they never do."""
+    for start in range(at, len(data)):
+        place = start
+        for _ in range(3):
+            record = _ydvr_record(data, place)
+            if record is None:
+                break
+            place = record[1]
+        else:
+            return start
+    return len(data)
+
+
+_YD_CAN_TURN_NS = 1024 * _MINUTE_NS
+
+
+def read_yd_can(file: BinaryIO, reader: LineReader) -> Iterator[LogEntry]:
+    """The .CAN files of Yacht Devices' recorders and gateways: frames in records of 16 bytes, minutes and ms."""
+    while record := file.read(16):
+        if len(record) < 16:
+            raise ValueError(_CUT_OFF)
+        head, milliseconds, identifier = struct.unpack_from("<HHI", record)
+        if identifier == _SERVICE:
+            continue
+        standard = bool(head & 0x8000)
+        if milliseconds >= 60_000 or identifier > (0x7FF if standard else HIGHEST_IDENTIFIER):
+            reader.unreadable += 1
+            continue
+        time_ns, data = ((head & 0x3FF) * 60_000 + milliseconds) * MILLI_NS, record[8 : 9 + (head >> 11 & 7)]
+        yield LogEntry(time_ns, data, identifier, can_flags(standard), turn_ns=_YD_CAN_TURN_NS)
+
+
+_SOCKETCAN, _COOKED, _COOKED_2 = _CAN_LINKS = 227, 113, 276  # link types
+_CAN_PROTOCOLS = (0x000C, 0x000D)
+_IF_NAME, _IF_TSRESOL = 2, 9  # options of an interface
+
+
+def read_pcap(file: BinaryIO, reader: LineReader) -> Iterator[LogEntry]:
+    """What tcpdump and Wireshark capture of SocketCAN, in the older of their two forms."""
+    head = file.read(24)
+    order = "<" if head[:4] in (b"\xd4\xc3\xb2\xa1", b"\x4d\x3c\xb2\xa1") else ">"
+    finest_ns = 1 if head[:4] in (b"\x4d\x3c\xb2\xa1", b"\xa1\xb2\x3c\x4d") else 1000
+    link = struct.unpack(f"{order}I", head[20:24].ljust(4, b"\0"))[0] & 0xFFFF
+    _check_link(link)
+    while record := file.read(16):
+        seconds, fraction, length, _ = struct.unpack(f"{order}IIII", record) if len(record) == 16 else (0, 0, -1, 0)
+        packet = file.read(length) if 0 <= length <= _LONGEST_PACKET else b""
+        if len(packet) != length:
+            raise ValueError(_CUT_OFF)
+        yield from _packet(packet, link, seconds * NANO + fraction * finest_ns, reader)
+
+
+def read_pcapng(file: BinaryIO, reader: LineReader) -> Iterator[LogEntry]:
+    """The newer form: blocks, of which some describe an interface and others hold a packet of one."""
+    order, links = "<", list[tuple[int, int, str]]()
+    while start := file.read(8):
+        if start[:4] == b"\n\r\r\n":
+            magic = file.read(4)
+            order, links = ("<" if magic == b"\x4d\x3c\x2b\x1a" else ">"), []
+        else:
+            magic = b""
+        kind, length = struct.unpack(f"{order}II", start) if len(start) == 8 else (0, 0)
+        body = file.read(length - 8 - len(magic)) if 12 <= length <= 2**24 else b""
+        if len(body) != length - 8 - len(magic) or length < 12:
+            raise ValueError(_CUT_OFF)
+        if kind == 1:
+            options = _options(body[8:-4], order)
+            name = options.get(_IF_NAME, b"").rstrip(b"\0").decode("utf-8", "replace") or f"interface{len(links)}"
+            links.append((struct.unpack_from(f"{order}H", body)[0], _ticks_per_s(options), name))
+        elif kind == 6 and len(body) >= 24:
+            interface, high, low, captured = struct.unpack_from(f"{order}IIII", body)
+            if interface < len(links):
+                link, ticks, name = links[interface]
+                time_ns = (high << 32 | low) * NANO // ticks
+                yield from _packet(body[20 : 20 + captured], link, time_ns, reader, name)
+    if not any(link in _CAN_LINKS for link, _, _ in links):
+        _check_link(links[0][0] if links else 0)
+
+
+def _options(data: bytes, order: str) -> dict[int, bytes]:
+    """The options of an interface by their codes, the first of each."""
+    options, at = dict[int, bytes](), 0
+    while at + 4 <= len(data):
+        code, length = struct.unpack_from(f"{order}HH", data, at)
+        options.setdefault(code, data[at + 4 : at + 4 + length])
+        at += 4 + length + -length % 4
+    return options
+
+
+def _ticks_per_s(options: dict[int, bytes]) -> int:
+    """An interface's clock: a million ticks unless an option says otherwise, as a power of 10 or of 2."""
+    resolution = options.get(_IF_TSRESOL, b"")
+    if len(resolution) != 1:
+        return 1_000_000
+    power = resolution[0]
+    return int(2 ** (power & 0x7F)) if power & 0x80 else int(10 ** min(power, 18))
+
+
+def _check_link(link: int) -> None:
+    if link not in _CAN_LINKS:
+        raise ValueError(f"it is a capture of link type {link}, which has no CAN frames ({_SOCKETCAN} does)")
+
+
+def _packet(packet: bytes, link: int, time_ns: int, reader: LineReader, bus: str = "") -> Iterator[LogEntry]:
+    """The CAN frame in a captured packet; those of other protocols are passed over.
+
+    Of what was captured on all interfaces at once the packet itself says which it came by.
+    """
+    if link in (_COOKED, _COOKED_2):
+        skip, place = (16, 14) if link == _COOKED else (20, 0)
+        if int.from_bytes(packet[place : place + 2], "big") not in _CAN_PROTOCOLS:
+            return
+        bus = f"interface{int.from_bytes(packet[4:8], 'big')}" if link == _COOKED_2 else bus
+        packet = packet[skip:]
+    elif link != _SOCKETCAN:
+        return
+    if len(packet) < 8 or len(packet) < 8 + packet[4] or packet[4] > 64:
+        reader.unreadable += 1
+        return
+    identifier = int.from_bytes(packet[:4], "big")
+    extended, remote, error = (bool(identifier & bit) for bit in (0x80000000, 0x40000000, 0x20000000))
+    data = b"" if remote else packet[8 : 8 + packet[4]]
+    flags = can_flags(not extended, remote, error)
+    yield LogEntry(time_ns, data, identifier & HIGHEST_IDENTIFIER, flags, bus=bus)
+
+
+class FileForm(NamedTuple):
+    """What the first bytes of a file look like, and how it is read."""
+
+    begins: Callable[[bytes], bool]
+    read: Callable[[BinaryIO, LineReader], Iterator[LogEntry]]
+
+
+_PCAP = (b"\xd4\xc3\xb2\xa1", b"\xa1\xb2\xc3\xd4", b"\x4d\x3c\xb2\xa1", b"\xa1\xb2\x3c\x4d")
+FILE_FORMS: dict[str, FileForm] = {
+    "ebl": FileForm(lambda head: head.startswith(b"\x1b\x01"), read_ebl),
+    "ydvr": FileForm(lambda head: head[6:10] == b"YDVR", read_ydvr),
+    "yd_can": FileForm(lambda head: head[8:12] == b"YDVR", read_yd_can),
+    "pcap": FileForm(lambda head: head.startswith(_PCAP), read_pcap),
+    "pcapng": FileForm(lambda head: head.startswith(b"\n\r\r\n"), read_pcapng),
+    "asc": FileForm(begins_asc, read_asc),
+}
+"""Files that are read as a whole by their names; those of python-can are in ``logfile.py``."""
