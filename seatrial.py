@@ -97,7 +97,7 @@ def _say_version(wanted: bool) -> None:
 
 _SCRIPTING = "seatrial.hybrid.scripting"
 _PLACES = {
-    "batch": "seatrial.analysis.batch.batch:run_batch",
+    "batch": "seatrial.analysis.batch:run_batch",
     "declare": "seatrial.acquisition.core.ship:declare",
     "export": "seatrial.analysis.tables.export:export_table",
     "import_table": "seatrial.acquisition.tables.import_table:import_table",

@@ -68,7 +68,7 @@ def check(
     table = table_of(recording)
     quality = check_recording(recording, table, own or ())
     if output is not None:
-        from seatrial.analysis.report.quality_page import write_quality
+        from seatrial.analysis.report.pages import write_quality
         from seatrial.analysis.tables.table import provenance_of
 
         for path in write_quality(quality, output, recording.trial.as_metadata(), provenance_of(table)):
@@ -127,7 +127,7 @@ def export(
     from dataclasses import asdict
 
     from seatrial.acquisition.recording.grouping import read_together
-    from seatrial.analysis.prepare import Preparation, prepare
+    from seatrial.analysis.quality.repairs import Preparation, prepare
     from seatrial.analysis.tables.export import KINDS, export_table
     from seatrial.analysis.tables.table import history_of
 
@@ -150,7 +150,7 @@ def export(
     for path in beside:
         echo(f"units, trial and provenance: {path}", err=True)
     if netcdf:
-        from seatrial.analysis.tables.netcdf import remarks
+        from seatrial.analysis.tables.export import remarks
 
         for remark in remarks(table, attributes):
             echo(remark, err=True)
@@ -160,7 +160,7 @@ def export(
 def _export_events(files: list[Path], output: Path) -> None:
     """Write the event log of a recording as a table."""
     from seatrial.acquisition.recording.grouping import read_together
-    from seatrial.analysis.tables.events import event_table, export_events
+    from seatrial.analysis.tables.export import event_table, export_events
 
     table = event_table(read_together(files))
     written = export_events(table, output)
@@ -203,7 +203,7 @@ def windows(
 ) -> None:
     """Extract held windows: periods with steady controls."""
     from seatrial.acquisition.core.errors import bar
-    from seatrial.analysis.windows.recordings import WindowOptions, windows_of_recordings, write_windows
+    from seatrial.analysis.windows.held import WindowOptions, windows_of_recordings, write_windows
 
     expect_suffix(output, ".parquet")
     repair = repair or rebuild_positions  # speeds are scaled before positions lean on them
@@ -264,7 +264,7 @@ def manoeuvres(
     from seatrial.acquisition.config.run_sheet import statement_from_text, statement_text
     from seatrial.acquisition.core.errors import Terminal, bar
     from seatrial.acquisition.recording.grouping import whole_recordings
-    from seatrial.analysis.manoeuvres.report import (
+    from seatrial.analysis.report.tables import (
         manoeuvres_of,
         summary,
         terminal_tables,
@@ -364,7 +364,7 @@ def batch(
     from seatrial.acquisition.config.run_sheet import statement_text
     from seatrial.acquisition.core.errors import bar
     from seatrial.acquisition.core.process import Termination
-    from seatrial.analysis.batch.batch import run_batch
+    from seatrial.analysis.batch import run_batch
     from seatrial.analysis.products import Options
 
     if rebuild_positions and no_repair:
@@ -424,9 +424,8 @@ def serve(
     from seatrial.acquisition.config.run_sheet import statement_text
     from seatrial.acquisition.core.process import interrupt_on_terminate
     from seatrial.analysis.products import Options
-    from seatrial.analysis.serve.app import make_app
-    from seatrial.analysis.serve.app import serve as run
-    from seatrial.analysis.serve.season import Season, results_folder
+    from seatrial.analysis.serve import Season, make_app, results_folder
+    from seatrial.analysis.serve import serve as run
 
     options = Options(statement=statement_text(None, folder))
     season = Season(folder, output or results_folder(folder), options, eager=not on_demand)

@@ -13,7 +13,7 @@ from seatrial.acquisition.config.conditions import Conditions
 from seatrial.acquisition.config.run_sheet import conditions_of
 from seatrial.acquisition.core.quantities import mean_wind
 from seatrial.acquisition.core.trial import Trial
-from seatrial.analysis.quality.samples import is_assumed
+from seatrial.analysis.series import is_assumed
 
 BEAUFORT_MPS = (0.3, 1.6, 3.4, 5.5, 8.0, 10.8, 13.9, 17.2, 20.8, 24.5, 28.5, 32.7)
 """The mean speeds from which the force of the wind is one more, by the World Meteorological Organization."""

@@ -15,13 +15,11 @@ from seatrial.acquisition.recording.grouping import read_parts
 from seatrial.acquisition.recording.reader import Recording
 from seatrial.analysis.estimation.smoother import smooth
 from seatrial.analysis.manoeuvres import LeftOut, Manoeuvre, manoeuvres_and_left_out
-from seatrial.analysis.prepare import with_motion
 from seatrial.analysis.quality.check import DataQuality, check_recording
-from seatrial.analysis.quality.repairs import Repair, RepairResult, repair
+from seatrial.analysis.quality.repairs import Repair, RepairResult, repair, with_motion
 from seatrial.analysis.tables.resample import resample
 from seatrial.analysis.tables.table import require, table_of, with_calm
-from seatrial.analysis.windows.held import HeldWindows, held_windows
-from seatrial.analysis.windows.recordings import add_start_states
+from seatrial.analysis.windows.held import HeldWindows, add_start_states, held_windows
 
 
 @dataclass(frozen=True, slots=True)

@@ -110,7 +110,7 @@ def events(recording: Paths) -> pd.DataFrame:
     InputError
         For a file that is missing or no recording.
     """
-    from seatrial.analysis.tables.events import event_table
+    from seatrial.analysis.tables.export import event_table
 
     return event_table(read_together(recording))
 
@@ -141,8 +141,8 @@ def prepare(
     ``smooth`` takes the motion from the Kalman smoother, with standard deviations; ``flags`` adds a quality flag
     beside every value. What was done stands in ``table.attrs``.
     """
-    from seatrial.analysis.prepare import Preparation
-    from seatrial.analysis.prepare import prepare as prepare_recording
+    from seatrial.analysis.quality.repairs import Preparation
+    from seatrial.analysis.quality.repairs import prepare as prepare_recording
 
     return prepare_recording(read_together(recording), Preparation(rate_hz, repair, remove_delays, smooth, flags))
 
@@ -159,8 +159,7 @@ def windows(
 
     With ``any_commands`` all stretches that have data, whatever the actuators do; ``held`` tells them apart.
     """
-    from seatrial.analysis.windows.held import held_windows
-    from seatrial.analysis.windows.recordings import WindowOptions, windows_of_recordings
+    from seatrial.analysis.windows.held import WindowOptions, held_windows, windows_of_recordings
 
     if isinstance(data, pd.DataFrame):
         return held_windows(data, horizon_s, stride_s, keep_moving=any_commands)
@@ -198,7 +197,7 @@ def manoeuvres(
     """
     from seatrial.acquisition.config.conditions import Conditions
     from seatrial.acquisition.config.run_sheet import Statement, load_statement
-    from seatrial.analysis.manoeuvres.report import manoeuvres_of
+    from seatrial.analysis.report.tables import manoeuvres_of
 
     known = Statement(conditions=conditions) if isinstance(conditions, Conditions) else None
     known = load_statement(conditions) if isinstance(conditions, str | Path) else known
@@ -249,8 +248,8 @@ def speed_power(
     from seatrial.acquisition.config.conditions import Conditions
     from seatrial.acquisition.config.run_sheet import statement_from_text, statement_text
     from seatrial.acquisition.core.errors import InputError
-    from seatrial.analysis.speed_power.run_table import is_run_table
-    from seatrial.analysis.speed_power.typical_wind import read_wind_resistance
+    from seatrial.analysis.speed_power.corrections import read_wind_resistance
+    from seatrial.analysis.speed_power.runs import is_run_table
 
     paths = as_paths(recordings)
     if isinstance(conditions, Conditions):
@@ -271,7 +270,7 @@ def speed_power(
 
 def _power_of_tables(paths: list[Path], given: Conditions, vessel: str | Path | Vessel | None) -> SpeedPower:
     from seatrial.analysis.speed_power import speed_power_of_runs
-    from seatrial.analysis.speed_power.run_table import read_run_table
+    from seatrial.analysis.speed_power.runs import read_run_table
     from seatrial.hybrid.vessel.files import load_vessel
     from seatrial.hybrid.vessel.windage import conditions_of
 
@@ -478,7 +477,7 @@ def predict(
     from functools import partial
 
     from seatrial.analysis.tables.resample import resample
-    from seatrial.analysis.windows.recordings import second_by_second
+    from seatrial.analysis.windows.held import second_by_second
     from seatrial.hybrid.calibrators.predict import parse_time, predictor_of
     from seatrial.hybrid.calibrators.predict import predict as predict_at
     from seatrial.hybrid.prediction.planned_commands import read_commands
@@ -546,7 +545,7 @@ def identify(
     own, without it about a ship length. Each recording is checked before: values that stood still are set aside,
     and no stretch goes over a jump of the positions.
     """
-    from seatrial.analysis.windows.recordings import named_recordings
+    from seatrial.analysis.windows.held import named_recordings
     from seatrial.hybrid.identification.identify import identify_tables, judge, repertoire_of
     from seatrial.hybrid.vessel.files import save_vessel
     from seatrial.hybrid.workflows.checked import usable_tables
@@ -679,7 +678,7 @@ def _dataset(
 
 def _with_truths(dataset: Dataset, recordings: Paths, part: str, rebuilt: bool) -> Dataset:
     """The data set with its windows' tracks by each sensor as it was measured."""
-    from seatrial.analysis.windows.recordings import tables_of_recordings
+    from seatrial.analysis.windows.held import tables_of_recordings
     from seatrial.hybrid.evaluation.truth import with_truths
 
     with bar("sensors") as progress:

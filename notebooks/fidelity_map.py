@@ -51,7 +51,7 @@ from matplotlib.patches import Patch, Rectangle
 from seatrial.acquisition.core.errors import DataShortageError, Progress
 from seatrial.acquisition.core.files import write_text
 from seatrial.acquisition.core.quantities import Bools, Floats
-from seatrial.analysis.batch.workers import map_calls
+from seatrial.analysis.batch import map_calls
 from seatrial.analysis.report.figures import fill_figure, png_of, write_figure
 from seatrial.analysis.report.plots import INK
 from seatrial.analysis.report.rendering import Page, picture, render

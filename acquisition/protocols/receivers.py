@@ -3,9 +3,9 @@
 Sources that report one quantity under one talker on one line, told apart by values that take turns.
 
 Sentences such as HDT have neither time nor position. Two compasses of one talker are seen only in values that go to
-and fro between two levels (:mod:`seatrial.analysis.quality.two_levels` finds the same in recordings). Until that is
-certain the values pass as of one source; two that agree, as rates of turn about zero do, are never told apart.
-Where two have met and part again, the times at which they are due say which is which.
+and fro between two levels (:mod:`seatrial.analysis.quality.channel_checks` finds the same in recordings). Until
+that is certain the values pass as of one source; two that agree, as rates of turn about zero do, are never told
+apart. Where two have met and part again, the times at which they are due say which is which.
 """
 
 from __future__ import annotations

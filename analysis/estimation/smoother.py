@@ -33,18 +33,19 @@ from seatrial.analysis.estimation.motion_model import (
     BODY,
     CHANNELS,
     MotionSamples,
+    NoiseLevels,
     apart_from,
     body_covariance,
     body_states,
     combine_samples,
+    estimate_levels,
     first_state,
     heading_steps,
     in_gaps,
     motion_steps,
     motion_values,
 )
-from seatrial.analysis.estimation.noise_levels import NoiseLevels, estimate_levels
-from seatrial.analysis.tables.files import write_parquet
+from seatrial.analysis.tables.export import write_parquet
 from seatrial.analysis.tables.resample import grid, rate_fraction
 from seatrial.analysis.tables.table import (
     NANO,

@@ -3,34 +3,332 @@
 Runs are alike that have one name (test and helm) and one approach speed within a fifth. The mean of three and more
 has the 95 % interval of their own intervals or of the scatter between them (Student's t), whichever is wider. Two
 say next to nothing of the scatter (Student's factor is 12.7): their mean stands with the range of both.
+
+The criteria of IMO's Standards for ship manoeuvrability, resolution MSC.137(76), by their letter.
+
+Every value counts from the position and the moment at which the order is given, is that of the midship point, and
+belongs to one test (4.2): advance and tactical diameter to the turning circle with 35 deg or the largest helm, the
+distance to 10 deg of turn to a helm of 10 deg, overshoots to the 10/10 and 20/20 zigzags, the track reach to the
+full astern stop. The standards are for ships of 100 m and more and for chemical tankers and gas carriers, fully
+loaded and on even keel, in deep water and calm, after a steady approach at the test speed (5.2; MSC/Circ.1053,
+2.2.1.2). A criterion is *met* or *not met* only where all of that is known; it *cannot be said* where the interval
+of the value contains the limit, and is *not shown* where something is missing.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from operator import ne
 from typing import Any
 
 import numpy as np
 
+from seatrial.acquisition.config.conditions import Conditions
 from seatrial.analysis.manoeuvres.indices import Index, Manoeuvre, from_order, nominal_deg
-from seatrial.analysis.manoeuvres.standards import (
-    CANNOT_BE_SAID,
-    CRITERIA,
-    MET,
-    NO_LENGTH,
-    NOT_FOR_SHIP,
-    NOT_MET,
-    NOT_SHOWN,
-    RESOLUTION,
-    Criterion,
-    criterion_of,
-    largest_helm_deg,
-    result_of,
-)
-from seatrial.analysis.manoeuvres.turning_circle import REMOVED
-from seatrial.analysis.manoeuvres.zigzag import SWITCH_SHARE
+from seatrial.analysis.manoeuvres.kinds import REMOVED, SWITCH_SHARE
+
+MET, NOT_MET, CANNOT_BE_SAID, NOT_SHOWN = "met", "not_met", "cannot_be_said", "not_shown"
+
+RESOLUTION = "MSC.137(76)"
+NO_LENGTH = "the ship's length is not known"
+NOT_FOR_SHIP = "the standards are for ships of 100 m and more"
+
+TURNING_HELM_DEG, INITIAL_TURNING_HELM_DEG = 35.0, 10.0
+_LARGEST_ZIGZAG_HELM_DEG = 20.0
+_NEAR_SHARE, _SAME_HELM_SHARE = 0.2, 0.1  # a run is called by an angle that it is near
+_TURNING_ANGLE_SHARE = 0.05  # by which a helm of 35 deg may differ
+_TEST_ANGLE_SHARE = 0.1  # by which the angles of a test may differ and still show its criterion
+_LEAST_LENGTH_M = 100.0
+_DEEP_DRAUGHTS = 4.0
+_LARGEST_BEAUFORT, _LARGEST_SEA_STATE = 5, 4
+_DRAUGHT_SHARE = 0.05  # of the full load draught, by which a trial's may differ (MSC/Circ.1053, 2.2.1.2.2)
+_TEST_SPEED_SHARE = 0.9
+_STEADY_TURN_DEG = 2.0  # of heading in the time of one ship length: as much as noise shows of a steady approach
+_STEADY_SHARE = 0.05  # of the speed in that time
+
+
+def first_overshoot_10_10_deg(length_per_speed_s: float) -> float:
+    """10 below L/V = 10 s, 20 from 30 s, 5 + L/V / 2 between (5.3.3.1)."""
+    return float(np.clip(5.0 + 0.5 * length_per_speed_s, 10.0, 20.0))
+
+
+def second_overshoot_10_10_deg(length_per_speed_s: float) -> float:
+    """25 below L/V = 10 s, 40 from 30 s, 17.5 + 0.75 L/V between (5.3.3.2)."""
+    return float(np.clip(17.5 + 0.75 * length_per_speed_s, 25.0, 40.0))
+
+
+@dataclass(frozen=True, slots=True)
+class Criterion:
+    """One criterion of section 5.3.
+
+    ``limit`` gives it from the ship's length [m] and the test speed [m/s], None where it needs a length that is not
+    known; ``matches`` whether a run is its test, with the largest helm of its trial [deg]. ``helm_deg`` is the helm
+    of the test, None for the largest, and of a zigzag the switching angle as well.
+    """
+
+    name: str
+    clause: str
+    index: str
+    limit: Callable[[float | None, float], float | None]
+    matches: Callable[[Manoeuvre, float], bool]
+    helm_deg: float | None = None
+    sides: tuple[str, ...] = ("port", "starboard")
+
+
+def is_turning_test(helm_deg: float, largest_deg: float) -> bool:
+    """Whether a circle is the turning test (4.2.2): with 35 deg of helm, or the largest helm of its trial.
+
+    The helms of the other tests, 10 and 20 deg, are no ship's largest: a trial with nothing more has no turning
+    test.
+    """
+    at_35 = abs(abs(helm_deg) / TURNING_HELM_DEG - 1.0) <= _SAME_HELM_SHARE
+    at_largest = abs(helm_deg) >= (1.0 - _SAME_HELM_SHARE) * largest_deg
+    return (at_35 or at_largest) and abs(helm_deg) > (1.0 + _SAME_HELM_SHARE) * _LARGEST_ZIGZAG_HELM_DEG
+
+
+def _is_turning_circle(run: Manoeuvre, largest_deg: float) -> bool:
+    return run.kind == "turning_circle" and is_turning_test(run.helm_deg or 0.0, largest_deg)
+
+
+def _is_initial_turn(run: Manoeuvre, largest_deg: float) -> bool:
+    steered = run.kind in ("zigzag", "turning_circle", "course_change")
+    return steered and abs(abs(run.helm_deg or 0.0) / INITIAL_TURNING_HELM_DEG - 1.0) <= _NEAR_SHARE
+
+
+def _is_zigzag(nominal_deg: float) -> Callable[[Manoeuvre, float], bool]:
+    """Whether a run is the zigzag of this helm and switch, within a fifth of both."""
+
+    def matches(run: Manoeuvre, largest_deg: float) -> bool:
+        angles = abs(run.helm_deg or 0.0), run.settings.get("switch_deg", 0.0)
+        return run.kind == "zigzag" and all(abs(angle / nominal_deg - 1.0) <= _NEAR_SHARE for angle in angles)
+
+    return matches
+
+
+def _is_full_astern(run: Manoeuvre, largest_deg: float) -> bool:
+    return run.kind == "stopping" and run.settings.get("thrust_rpm", 0.0) < 0.0
+
+
+def _in_lengths(lengths: float) -> Callable[[float | None, float], float | None]:
+    return lambda length_m, speed_mps: lengths * length_m if length_m else None
+
+
+def _by_pace(limit_deg: Callable[[float], float]) -> Callable[[float | None, float], float | None]:
+    return lambda length_m, speed_mps: limit_deg(length_m / speed_mps) if length_m and speed_mps > 0.0 else None
+
+
+FULL_ASTERN = "stopping with thrust astern"
+"""The name of a full astern stop."""
+
+CRITERIA = (
+    Criterion("advance", "5.3.1", "advance_m", _in_lengths(4.5), _is_turning_circle),
+    Criterion("tactical diameter", "5.3.1", "tactical_diameter_m", _in_lengths(5.0), _is_turning_circle),
+    Criterion("initial turning", "5.3.2", "initial_turning_m", _in_lengths(2.5), _is_initial_turn, 10.0),
+    Criterion("first overshoot of 10/10", "5.3.3.1", from_order(1), _by_pace(first_overshoot_10_10_deg),
+              _is_zigzag(10.0), 10.0),
+    Criterion("second overshoot of 10/10", "5.3.3.2", from_order(2), _by_pace(second_overshoot_10_10_deg),
+              _is_zigzag(10.0), 10.0),
+    Criterion("first overshoot of 20/20", "5.3.3.3", from_order(1), lambda length_m, speed_mps: 25.0,
+              _is_zigzag(20.0), 20.0),
+    Criterion("track reach", "5.3.4", "track_reach_m", _in_lengths(15.0), _is_full_astern, sides=("",)),
+)  # fmt: skip
+"""The criteria, in the order of the resolution."""
+
+
+def criterion_of(run: Manoeuvre, index: str, largest_deg: float) -> Criterion | None:
+    """The criterion that an index of a run is judged by, None where there is none."""
+    plain = index.removesuffix("_current_removed")
+    candidates = (criterion for criterion in CRITERIA if criterion.index == plain)
+    return next((criterion for criterion in candidates if criterion.matches(run, largest_deg)), None)
+
+
+def missing_of(run: Manoeuvre, conditions: Conditions) -> tuple[str, ...]:
+    """What is missing for a run to show a criterion, in the order of the standard; empty where it shows it.
+
+    For a ship that the standards are not for, it is that alone.
+    """
+    length_shortfall = _length_shortfall(conditions)
+    if length_shortfall.startswith(NOT_FOR_SHIP):
+        return (length_shortfall,)
+    shortfalls = (
+        length_shortfall, *condition_shortfalls(conditions).values(), _approach_shortfall(run, conditions),
+        _speed_shortfall(run, conditions),
+    )  # fmt: skip
+    return tuple(shortfall for shortfall in shortfalls if shortfall)
+
+
+def condition_shortfalls(conditions: Conditions) -> dict[str, str]:
+    """By each condition that the standards ask of a trial (5.2; MSC/Circ.1053) why it is not shown, empty where it
+    is fulfilled."""
+    share = f"{_DRAUGHT_SHARE * 100.0:.0f} %"
+    return {
+        f"draught within {share} of the full load draught": _loading_shortfall(conditions),
+        "even keel": _trim_shortfall(conditions),
+        f"at least {_DEEP_DRAUGHTS:.0f} draughts of water": _depth_shortfall(conditions),
+        f"wind of force {_LARGEST_BEAUFORT} at most":
+            _weather_shortfall("the wind", "force", conditions.beaufort, _LARGEST_BEAUFORT),
+        f"sea state {_LARGEST_SEA_STATE} at most":
+            _weather_shortfall("the sea", "state", conditions.sea_state, _LARGEST_SEA_STATE),
+        "current known": "" if _is_known(conditions, "current_mps") else "the current is not known",
+    }  # fmt: skip
+
+
+def _test_shortfalls(run: Manoeuvre, criterion: Criterion) -> tuple[str, ...]:
+    """Whether a run was sailed with other angles than the test of a criterion."""
+    angles = {"helm": abs(run.helm_deg or 0.0)}
+    if run.kind == "zigzag" and criterion.index != "initial_turning_m":
+        angles["switching angle"] = run.settings["switch_deg"]
+    if criterion.helm_deg is None and run.kind == "turning_circle":
+        over = angles["helm"] / TURNING_HELM_DEG - 1.0
+        if over > _TURNING_ANGLE_SHARE:
+            return (f"the helm was {angles['helm']:.1f} deg, more than {TURNING_HELM_DEG:.0f} deg",)
+        if over < -_TURNING_ANGLE_SHARE:
+            return (f"whether {angles['helm']:.1f} deg is the largest helm at the test speed is not known",)
+    return tuple(
+        f"the {name} was {angle:.1f} deg, not {criterion.helm_deg:.0f} deg"
+        for name, angle in angles.items()
+        if criterion.helm_deg is not None and abs(angle / criterion.helm_deg - 1.0) > _TEST_ANGLE_SHARE
+    )
+
+
+def _is_known(conditions: Conditions, name: str) -> bool:
+    return bool(np.isfinite(conditions.number(name)))
+
+
+def _length_shortfall(conditions: Conditions) -> str:
+    if conditions.length_m is None:
+        return NO_LENGTH
+    if conditions.length_m < _LEAST_LENGTH_M and not conditions.chemical_or_gas_tanker:
+        return f"{NOT_FOR_SHIP}, not {conditions.length_m:g} m"
+    return ""
+
+
+def _loading_shortfall(conditions: Conditions) -> str:
+    lacking = [name for name in ("draught_m", "full_load_draught_m") if not _is_known(conditions, name)]
+    if lacking or conditions.draught_m is None or conditions.full_load_draught_m is None:
+        return f"the loading is not known: {' and '.join(lacking)}"
+    if abs(conditions.draught_m / conditions.full_load_draught_m - 1.0) > _DRAUGHT_SHARE:
+        return f"not fully loaded: {conditions.draught_m:g} m of {conditions.full_load_draught_m:g} m of draught"
+    return ""
+
+
+def _trim_shortfall(conditions: Conditions) -> str:
+    if conditions.trim_m is None or not _is_known(conditions, "trim_m"):
+        return "the trim is not known"
+    if conditions.draught_m and abs(conditions.trim_m) > _DRAUGHT_SHARE * conditions.draught_m:
+        return f"not on even keel: {conditions.trim_m:g} m of trim"
+    return ""
+
+
+def _depth_shortfall(conditions: Conditions) -> str:
+    if conditions.water_depth_m is None or conditions.draught_m is None:
+        return "the depth of the water in draughts is not known"
+    draughts = conditions.water_depth_m / conditions.draught_m
+    if not draughts >= _DEEP_DRAUGHTS:
+        return f"the water was {draughts:.1f} draughts deep, less than {_DEEP_DRAUGHTS:.0f}"
+    return ""
+
+
+def _weather_shortfall(what: str, scale: str, value: int | None, largest: int) -> str:
+    if value is None or not np.isfinite(value):
+        return f"{what} is not known"
+    return f"{what} was of {scale} {value}, above {largest}" if value > largest else ""
+
+
+def _approach_shortfall(run: Manoeuvre, conditions: Conditions) -> str:
+    """Whether the approach was not steady, or the orders contradict the helm. In the time of one ship length
+    neither heading nor speed may change by more than what noise shows of them."""
+    noted = next(iter(run.shortfalls), "")
+    speed_mps = run.settings.get("approach_mps", 0.0)
+    if noted or not conditions.length_m or not speed_mps > 0.0:
+        return noted
+    length_s = conditions.length_m / speed_mps
+    turned_deg, gained = (abs(run.settings.get(name, 0.0)) * length_s
+                          for name in ("approach_yaw_rate_dps", "approach_acceleration_mps2"))  # fmt: skip
+    if turned_deg > _STEADY_TURN_DEG:
+        return f"the approach was not steady: the heading turned by {turned_deg:.1f} deg a ship length"
+    if gained > _STEADY_SHARE * speed_mps:
+        return f"the approach was not steady: the speed changed by {gained / speed_mps:.0%} a ship length"
+    return ""
+
+
+def _speed_shortfall(run: Manoeuvre, conditions: Conditions) -> str:
+    """Whether the speed through the water may have been less than that of the test: the one over ground less the
+    current, which may have come from astern."""
+    speed_mps, wanted_mps = run.settings.get("approach_mps"), conditions.speed_at_85_percent_mcr_mps
+    if speed_mps is None or wanted_mps is None or not np.isfinite(wanted_mps):
+        return "the speed at 85 % of the maximum output is not known"
+    fraction = (speed_mps - (conditions.current_mps or 0.0)) / wanted_mps
+    if not fraction >= _TEST_SPEED_SHARE:
+        return f"the approach was at {fraction:.0%} of the speed at 85 % of the maximum output, less than 90 %"
+    return ""
+
+
+def result_of(index: Index, limit: float, missing: Sequence[str]) -> str:
+    """The result of a value with its interval against a limit."""
+    if missing:
+        return NOT_SHOWN
+    if index.low > limit:
+        return NOT_MET
+    return MET if 0.0 < index.value <= index.high <= limit else CANNOT_BE_SAID
+
+
+def add_limits(
+    runs: Iterable[Manoeuvre], conditions: Conditions, trial: Sequence[Manoeuvre] = ()
+) -> tuple[Manoeuvre, ...]:
+    """Runs with limits and results on the indices that have them, and notes with the reasons.
+
+    The largest helm is that of all zigzags and turns of the ``trial``, or of the runs where they are all of it.
+    """
+    judged = tuple(runs)
+    largest_deg = largest_helm_deg(trial or judged)
+    drifts = [float(np.hypot(run.current.north_mps, run.current.east_mps)) for run in judged if run.current]
+    if conditions.current_mps is None and drifts:
+        conditions = replace(conditions, current_mps=max(drifts))
+    return tuple(_add_limits(run, conditions, largest_deg) for run in judged)
+
+
+def largest_helm_deg(runs: Iterable[Manoeuvre]) -> float:
+    """The largest helm of a trial [deg]."""
+    return max((abs(run.helm_deg or 0.0) for run in runs), default=0.0)
+
+
+def _add_limits(run: Manoeuvre, conditions: Conditions, largest_deg: float) -> Manoeuvre:
+    # The speed through the water, by which two limits go, is that over ground to within the current.
+    current_mps, speed_mps = conditions.current_mps or 0.0, run.settings.get("approach_mps", 0.0)
+    indices, missing = dict(run.indices), missing_of(run, conditions)
+    for name, index in run.indices.items():
+        criterion = criterion_of(run, name, largest_deg)
+        if criterion is None:
+            continue
+        limit = criterion.limit(conditions.length_m, speed_mps)
+        other_ship = any(reason.startswith(NOT_FOR_SHIP) for reason in missing)
+        shortfalls = missing if other_ship else (*missing, *_test_shortfalls(run, criterion))
+        drifts = run.kind == "stopping" and not name.endswith("_current_removed")
+        carried_m = current_mps * (run.end - run.start).total_seconds() if drifts else 0.0
+        judged = replace(index, low=index.low - carried_m, high=index.high + carried_m)
+        ends = [criterion.limit(conditions.length_m, speed_mps + sign * current_mps) for sign in (1.0, -1.0)]
+        results = {result_of(judged, end, shortfalls) for end in ends if end is not None}
+        result = "" if limit is None else results.pop() if len(results) == 1 else CANNOT_BE_SAID
+        indices[name] = replace(judged, limit=limit, result=result, missing=shortfalls)
+    notes = dict.fromkeys((*run.notes, *_helm_notes(run, conditions, largest_deg)))
+    return replace(run, indices=indices, notes=tuple(notes))
+
+
+def _helm_notes(run: Manoeuvre, conditions: Conditions, largest_deg: float) -> list[str]:
+    """Why a circle has no limits, or has them though its helm was not 35 deg."""
+    helm_deg = abs(run.helm_deg or 0.0)
+    is_test = is_turning_test(helm_deg, largest_deg)
+    at_35 = abs(helm_deg / TURNING_HELM_DEG - 1.0) <= _SAME_HELM_SHARE
+    if not conditions.length_m or run.kind != "turning_circle" or (is_test and at_35):
+        return []
+    shown = "limits are" if is_test else "no limits: advance and diameter have them"
+    return [
+        f"{shown} for {TURNING_HELM_DEG:.0f} deg or the largest helm, and this was {helm_deg:.0f} deg, the largest "
+        f"of this recording {largest_deg:.0f} deg"
+    ]
+
 
 _MAIN = {
     "turning_circle": ("advance_m", "transfer_m", "tactical_diameter_m", "steady_diameter_m"),

@@ -22,7 +22,7 @@ class Index:
     """One index with the 95 % interval ``low`` to ``high``; NaN where the interval is unknown.
 
     ``lengths`` is the value in ship lengths. ``counted_from`` is :data:`ORDER` or :data:`HALF_HELM`, empty for what
-    does not count from a moment. ``limit`` is that of the standard (:mod:`seatrial.analysis.manoeuvres.standards`)
+    does not count from a moment. ``limit`` is that of the standard (:mod:`seatrial.analysis.manoeuvres.criteria`)
     in ``unit``, ``result`` the value's against it, and ``missing`` what is missing to show it.
     """
 

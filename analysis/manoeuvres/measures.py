@@ -23,7 +23,6 @@ import numpy as np
 
 from seatrial.acquisition.core.quantities import Floats, to_ship
 from seatrial.acquisition.core.ship import POSE_AND_VELOCITY, wrap_360
-from seatrial.analysis.estimation.local_polynomial import local_quadratic
 from seatrial.analysis.manoeuvres.indices import Manoeuvre, indices_of, nominal_deg, unit_of
 from seatrial.analysis.manoeuvres.motion import (
     BY_DIFFERENCE,
@@ -33,6 +32,7 @@ from seatrial.analysis.manoeuvres.motion import (
     running_median,
     stretches,
 )
+from seatrial.analysis.series import local_quadratic
 
 APPROACH_S = 10.0
 

@@ -40,10 +40,9 @@ from seatrial.acquisition.core.ship import (
     wrap_180,
     wrap_360,
 )
-from seatrial.analysis.estimation.local_polynomial import local_quadratic
 from seatrial.analysis.quality.commands import ORDER_INTERPOLATED, check_orders
-from seatrial.analysis.quality.motion.series import off_the_turn, wild_headings
-from seatrial.analysis.quality.samples import runs, white_noise
+from seatrial.analysis.quality.motion.model import off_the_turn, wild_headings
+from seatrial.analysis.series import local_quadratic, runs, white_noise
 from seatrial.analysis.tables.resample import resample
 from seatrial.analysis.tables.table import (
     NANO,

@@ -13,6 +13,7 @@ import numpy as np
 
 from seatrial.acquisition.core.quantities import Bools, Floats
 from seatrial.acquisition.core.ship import circular_mean, difference, wrap_360
+from seatrial.analysis.manoeuvres.criteria import FULL_ASTERN
 from seatrial.analysis.manoeuvres.indices import Index, LeftOut, Manoeuvre, index_of, side_of
 from seatrial.analysis.manoeuvres.measures import (
     Plateau,
@@ -32,7 +33,6 @@ from seatrial.analysis.manoeuvres.measures import (
     tolerance_of,
 )
 from seatrial.analysis.manoeuvres.motion import Motion, noise_of, stretches
-from seatrial.analysis.manoeuvres.standards import FULL_ASTERN
 from seatrial.analysis.tables.table import NANO
 
 _LOOK_S = 10.0

@@ -14,7 +14,6 @@ from itertools import pairwise
 import numpy as np
 
 from seatrial.acquisition.core.quantities import Bools, Floats
-from seatrial.analysis.estimation.local_polynomial import local_quadratic
 from seatrial.analysis.manoeuvres.indices import Index, Manoeuvre, nominal_deg, side_of
 from seatrial.analysis.manoeuvres.measures import (
     APPROACH_S,
@@ -37,6 +36,7 @@ from seatrial.analysis.manoeuvres.measures import (
     next_execute,
 )
 from seatrial.analysis.manoeuvres.motion import Motion, noise_of, stretches
+from seatrial.analysis.series import local_quadratic
 
 _MARGIN_S = 20.0
 _AMIDSHIPS_DEG, _AMIDSHIPS_SHARE = 1.0, 0.1

@@ -2,24 +2,71 @@
 
 Thresholds come from the channel's own noise, rate and habits, so that no ship and no sensor is the standard.
 All checks together give the channel its flags, its counts and its grade.
+
+Angles that were resampled as plain numbers: straight lines between 360 and 0, or between 180 and -180.
+
+A ship that passes north turns by a degree or two; her heading as a number falls by almost a whole turn. Whoever
+interpolates the numbers draws a line across the circle, and its samples point anywhere. Found from the rate of
+turn: the ends of such a line agree with it on the circle, and what lies between does not.
+
+Values that alternate between two levels: two sources under one name, read in turn, as of two compasses.
+
+Their mean points where neither does, and nothing else shows it: each value is possible, and the rate is twice what
+it was. The steps from sample to sample are then of two kinds, far apart in size: those of the one quantity that
+both measure, and those from one level to the other, which come in turn up and down and hardly differ from each
+other. Noise, waves and manoeuvres fill what is between; a rudder that is thrown over and back stays over for some
+samples; values that flicker between two neighbouring codes are no more than the channel's own step apart.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
 import pandas as pd
+from scipy import special
 
 from seatrial.acquisition.core.quantities import Bools, Floats, Ints, Series
-from seatrial.acquisition.core.ship import Channel, is_order, is_other_convention, is_possible
+from seatrial.acquisition.core.ship import (
+    BY_NAME,
+    Channel,
+    difference,
+    is_circular,
+    is_order,
+    is_other_convention,
+    is_possible,
+    wrap_360,
+)
 from seatrial.acquisition.core.trial import Quality, iso
-from seatrial.analysis.quality.findings import Flags
-from seatrial.analysis.quality.repeated_values import find_stuck, quantisation_step
-from seatrial.analysis.quality.samples import Stretch, interval_ns, judged_as, sort_by_time, stretches_of
-from seatrial.analysis.quality.time_checks import ClockJump, jitter_s
-from seatrial.analysis.tables.table import NANO, TimedValues, valid_values
+from seatrial.analysis.quality.findings import (
+    CheckResult,
+    ClockJump,
+    Finding,
+    Flags,
+    jitter_s,
+    mark,
+    uniform_flags,
+    utc_time,
+)
+from seatrial.analysis.series import (
+    EVERYDAY,
+    Samples,
+    Stretch,
+    everyday_resolution,
+    find_stuck,
+    interval_ns,
+    judged_as,
+    quantisation_step,
+    robust_spread,
+    runs,
+    runs_of_equal,
+    samples_of,
+    sort_by_time,
+    stretches_of,
+)
+from seatrial.analysis.tables.table import NANO, TimedValues, table_controls, utc_index, valid_values
 
 WIDEST_SPIKE = 3
 _SPIKE_SIZE = 5.0
@@ -100,7 +147,7 @@ def find_spikes(samples: Series, channel: Channel) -> Bools:
             noise = np.maximum(noise, _neighbourhood(deviation, 0.8 if width == 1 else 0.9))
             if sparse:
                 noise = np.maximum(noise, 0.5 * np.quantile(deviation, 0.97))
-            limit = np.maximum(_SPIKE_SIZE * noise, np.minimum(sustained, _possible(channel, span)))
+            limit = np.maximum(_SPIKE_SIZE * noise, np.minimum(sustained, _possible_change(channel, span)))
             starts = np.flatnonzero(leaving > np.maximum(limit, 3.0 * step))
             starts = starts[leaving[starts] > 2.0 * _neighbouring_scatter(seconds, values, slope, starts, width)]
             for offset in range(width):
@@ -173,7 +220,7 @@ def _neighbourhood(leaving: Floats, share: float) -> Floats:
     return np.pad(np.repeat(wide, length), (0, leaving.size - blocks * length), mode="edge")
 
 
-def _possible(channel: Channel, span_s: Floats) -> Floats:
+def _possible_change(channel: Channel, span_s: Floats) -> Floats:
     """How far a ship or a thruster can leave and return within a time: at a rate, or with an acceleration."""
     kind = judged_as(channel)
     acceleration = _POSSIBLE_ACCELERATION.get(kind, 0.0)
@@ -323,3 +370,352 @@ def grade_of(flagged: dict[int, int], missing: int, named: bool) -> Grade:
     if not due or lost > BAD_SHARE * due:
         return "bad"
     return "suspect" if named or doubtful > SUSPECT_SHARE * due else "good"
+
+
+WRAP_INTERPOLATED = "heading_wrap_interpolated"
+_ALWAYS_JUDGED = ("heading_deg", "wind_direction_deg")
+_SMALLEST_DEG = 1.0
+"""Samples nearer than this to where they belong are left: they do no harm and noise looks like them."""
+_LARGEST_DEG = 45.0
+"""An angle whose steps scatter so widely (wind in a calm) that the limit would be larger is not judged."""
+_LONGEST_STEP = 5.0
+"""Steps longer than so many usual ones are holes: what happened there is not known."""
+_FEWEST_SPOILT = 0.1
+_LUCK = 1e-4
+_CONTROL_TURNS_DEG = (73.0, 131.0, 229.0, 287.0)
+"""Not halves, thirds or quarters of a turn: samples on the lines crowd there."""
+
+
+def is_judged(table: pd.DataFrame, name: str) -> bool:
+    """Whether a channel is an angle that :func:`check_heading_wrap` judges: heading, wind, an actuator's."""
+    return name in _ALWAYS_JUDGED or (name in table_controls(table) and is_circular(name))
+
+
+def check_heading_wrap(table: pd.DataFrame) -> CheckResult:
+    """Find angles that were interpolated straight through their seam (``heading_wrap_interpolated``).
+
+    Judges the heading, the wind's direction and the azimuths, one finding a channel; the samples on the
+    lines are flagged bad. ``estimate`` says how many ``samples`` on how many ``places``.
+    """
+    judged = (name for name in (*_ALWAYS_JUDGED, *table_controls(table)) if is_judged(table, name))
+    names = tuple(name for name in judged if name in table)
+    flags, index, findings = uniform_flags(table, names), utc_index(table), []
+    for name in names:
+        series = _possible_samples(table, name)
+        wrong, places = _wrong_samples(table, name, series)
+        rows = series.rows[wrong]
+        mark(flags, name, rows, Quality.BAD)
+        if places:
+            findings.append(_wrap_finding(name, index[rows[0]], index[rows[-1]], rows.size, places))
+    return CheckResult(flags, tuple(findings))
+
+
+def seam_line_mask(table: pd.DataFrame, name: str) -> Bools:
+    """Whether each value of an angle lies on a straight line through its seam: [rows]."""
+    wrong = np.zeros(len(table), np.bool_)
+    series = _possible_samples(table, name)
+    wrong[series.rows[_wrong_samples(table, name, series)[0]]] = True
+    return wrong
+
+
+def _wrap_finding(name: str, start: pd.Timestamp, end: pd.Timestamp, samples: int, places: int) -> Finding:
+    seam = "360 and 0" if BY_NAME[name].low == 0.0 else "180 and -180"
+    text = f"{name} was interpolated as a plain number between {seam}: {samples} samples in {places} places"
+    remedy = "They are put back on the circle between their neighbours by --repair"
+    return Finding(WRAP_INTERPOLATED, name, start, end, text, remedy,
+                   {"samples": float(samples), "places": float(places)}, certain=True)  # fmt: skip
+
+
+def _possible_samples(table: pd.DataFrame, name: str) -> Samples:
+    """The values that are angles; a sentinel is none, and no place on a line either."""
+    series, channel = samples_of(table, name), BY_NAME[name]
+    held = (series.value >= channel.low) & (series.value <= channel.high)
+    return Samples(series.rows[held], series.time_s[held], series.value[held])
+
+
+def _wrong_samples(table: pd.DataFrame, name: str, series: Samples) -> tuple[Bools, int]:
+    """The wrong samples [n] and the number of places; none where chance explains them as well.
+
+    A spike that happens to stand where the ship passes north looks the same. It would stand as often where she
+    passes east, so the circle is turned, and what is found then is what chance brings; and spikes stand in few
+    of the passages, and at other places too. Angles without a measured rate must show three places.
+    """
+    nothing = np.zeros(series.rows.size, np.bool_), 0
+    if series.rows.size < 4:
+        return nothing
+    expected_deg = _expected_steps(table, name, series)
+    scatter_deg = robust_spread(difference(np.diff(series.value), expected_deg))
+    if 10.0 * scatter_deg > _LARGEST_DEG:
+        return nothing
+    limit_deg = max(10.0 * scatter_deg, _SMALLEST_DEG)
+    from_seam = wrap_360(series.value - BY_NAME[name].low)
+    lines = _lines(series.time_s, from_seam, expected_deg, limit_deg)
+    if lines.places < (1 if name == "heading_deg" else 3) or lines.could_be_spikes():
+        return nothing
+    turned = [
+        _lines(series.time_s, wrap_360(from_seam + turn), expected_deg, limit_deg).places
+        for turn in _CONTROL_TURNS_DEG
+    ]
+    return (lines.wrong, lines.places) if lines.places > 3 * max(turned) else nothing
+
+
+def _expected_steps(table: pd.DataFrame, name: str, series: Samples) -> Floats:
+    """How far the angle should turn from each sample to the next [n-1, deg]: by the yaw rate, else not at all."""
+    rate = samples_of(table, "yaw_rate_dps")
+    if name != "heading_deg" or rate.rows.size < 2:
+        return np.zeros(series.rows.size - 1)
+    rate_dps = np.interp(series.time_s, rate.time_s, rate.value)
+    return 0.5 * (rate_dps[1:] + rate_dps[:-1]) * np.diff(series.time_s)
+
+
+@dataclass(frozen=True, slots=True)
+class _Group:
+    """Consecutive steps that the rate of turn does not explain, samples ``first`` to ``last``."""
+
+    first: int
+    last: int
+    turns: int
+    off_deg: Floats
+    """How far the samples between the ends are from where they belong."""
+    closes: bool
+    """Whether the ends agree with the rate of turn on the circle."""
+    at_seam: bool
+
+
+@dataclass(frozen=True, slots=True)
+class _Lines:
+    """The samples on lines across the circle [n], on how many ``places``, and the evidence for spikes instead."""
+
+    wrong: Bools
+    places: int
+    spoilt_passages: int
+    sound_passages: int
+    elsewhere: int
+    """Excursions of the same kind that have nothing to do with the seam."""
+
+    def could_be_spikes(self) -> bool:
+        """Whether few of the passages are affected, or no more than the excursions elsewhere make likely."""
+        passages = self.spoilt_passages + self.sound_passages
+        share = _LUCK + 3.0 * self.elsewhere / self.wrong.size
+        by_chance = float(special.bdtrc(self.spoilt_passages - 1, passages, min(share, 1.0)))
+        return self.spoilt_passages < _FEWEST_SPOILT * passages or by_chance > 0.01
+
+
+def _lines(time_s: Floats, from_seam_deg: Floats, expected_deg: Floats, limit_deg: float) -> _Lines:
+    """Lines across the circle of angles that are counted from the seam."""
+    step_deg = np.diff(from_seam_deg)
+    hole = np.diff(time_s) > _LONGEST_STEP * np.median(np.diff(time_s))
+    wild = (np.abs(step_deg - expected_deg) > limit_deg) & ~hole
+    # Two stray samples may stand level, so that the step between them looks sound.
+    wild[1:-1] |= wild[:-2] & wild[2:] & ~hole[1:-1]
+    path_deg = np.concatenate([[0.0], np.cumsum(expected_deg)])
+    groups = [
+        _group(int(first), int(stop), from_seam_deg, path_deg, limit_deg)
+        for first, stop in zip(*runs(wild), strict=True)
+        if stop - first >= 2
+    ]
+    usable = [group for group in groups if group.closes and (np.abs(group.off_deg) > 2.0 * limit_deg).any()]
+    wrong = np.zeros(time_s.size, np.bool_)
+    whole_deg = 360.0 - 6.0 * limit_deg
+    certain = [
+        group
+        for group in usable
+        if abs(group.turns) == 1 or _makes_whole_turn(step_deg[group.first : group.last], whole_deg)
+    ]
+    # Swinging about the seam, samples may go astray twice and come back on the side they left from: no turn
+    # is left over. Alone that is a spike near north; beside places that are sure it is one of them.
+    swings = [group for group in usable if group.turns == 0 and group.at_seam and len(certain) >= 3]
+    for group in (*certain, *swings):
+        wrong[group.first + 1 : group.last] |= np.abs(group.off_deg) > limit_deg
+    passes = (np.abs(step_deg) > whole_deg) & ~wrong[:-1] & ~wrong[1:]
+    elsewhere = sum(group.turns == 0 and not group.at_seam for group in usable)
+    return _Lines(wrong, int(runs(wrong)[0].size), len(certain), int(passes.sum()), int(elsewhere))
+
+
+def _group(first: int, last: int, from_seam_deg: Floats, path_deg: Floats, limit_deg: float) -> _Group:
+    turned = from_seam_deg[last] - from_seam_deg[first]
+    expected = path_deg[last] - path_deg[first]
+    turns = round((turned - expected) / 360.0)
+    left_deg = turned - expected - 360.0 * turns
+    inside = np.arange(first + 1, last)
+    share = (inside - first) / (last - first)
+    belongs = from_seam_deg[first] + path_deg[inside] - path_deg[first] + share * left_deg
+    off_deg = difference(from_seam_deg[inside], belongs)
+    # A rate of turn that is a few per cent wrong adds its share over a long group.
+    closes = abs(left_deg) < limit_deg * np.sqrt(last - first) + 0.1 * abs(expected)
+    ends = from_seam_deg[[first, last]]
+    at_seam = bool((np.minimum(ends, 360.0 - ends) < 3.0 * limit_deg).all())
+    return _Group(first, last, turns, off_deg, bool(closes), at_seam)
+
+
+def _makes_whole_turn(step_deg: Floats, whole_deg: float) -> bool:
+    """Whether a stretch of one sign, of two steps or more, makes up a whole turn: there and back again."""
+    sign = np.sign(step_deg)
+    starts, lengths = runs_of_equal(np.diff(sign) != 0.0)
+    return bool(((np.abs(np.add.reduceat(step_deg, starts)) > whole_deg) & (lengths >= 2)).any())
+
+
+ALTERNATING = "alternating_levels"
+"""Steps that are judged together: sources that take turns do so within seconds."""
+_FEWEST_TURNS = 8
+_FEWEST_STEPS = 16
+_BETWEEN = (0.25, 0.75)
+"""Steps of these shares of the distance belong to neither kind."""
+_MOST_BETWEEN = 0.02
+_EVEN = 0.12
+"""The spread of the steps between the levels, as a share of the distance; of waves near half the rate it is 0.3."""
+_RETURNS = 0.5
+"""The share of turns with another right beside them: three in four where two sources come at random, none of a
+rudder that stays over for three samples."""
+_TO_AND_FRO = 0.85
+"""The share of steps against the one before: two thirds of white noise."""
+_RATES = ("deg/s", "m/s")
+_SYMMETRIC = 0.1
+"""Levels of a rate or speed that lie about zero, within this share of their distance, are waves at half the rate of
+recording: two sources that measure the same rate differ by a constant from something that changes."""
+_COARSEST = 20.0
+"""Everyday resolutions that the levels are apart at least."""
+_HALF_TURN_DEG = 150.0
+"""Levels as far apart turn either way, by their noise."""
+
+
+@dataclass(frozen=True, slots=True)
+class AlternatingLevels:
+    """Two levels at the place where they first come in turn, how often they do, and the samples [n] of the channel
+    that lie on the upper one (1), the lower one (-1) or in no such part (0)."""
+
+    lower: float
+    upper: float
+    separation: float
+    turns: int
+    side: Ints
+
+
+def find_levels(samples: Series, channel: Channel) -> AlternatingLevels | None:
+    """The two levels that the values of a channel alternate between; None where they do not."""
+    places, _, values = sort_by_time(samples, channel)
+    steps = np.diff(values)
+    if steps.size < _FEWEST_STEPS:
+        return None
+    width = min(_BLOCK, steps.size)
+    count = steps.size // width
+    blocks = np.concatenate([steps[: count * width], steps[-width:]]).reshape(-1, width)  # the end is judged, too
+    firsts = np.append(np.arange(count) * width, steps.size - width)
+    separation = np.quantile(np.abs(blocks), 1.0 - 0.5 * _FEWEST_TURNS / _BLOCK, axis=1)
+    alternate = _alternate(blocks, separation, channel)
+    distance = float(np.median(separation[alternate])) if alternate.any() else 0.0
+    alternate &= np.abs(separation - distance) < _EVEN * distance
+    if (
+        not alternate.any()
+        or _is_own_step(values, distance, channel)
+        or _is_oscillation(blocks, separation, alternate)
+    ):
+        return None
+    side = np.zeros(samples.value.size, dtype=np.int64)
+    for first in firsts[alternate][::-1]:
+        inside = slice(first, first + width + 1)
+        side[places[inside]] = sides = _sides(values[inside], distance, channel)
+    lower, upper = (channel.wrapped(float(np.median(values[inside][sides == level]))) for level in (-1, 1))
+    if channel.unit in _RATES and abs(lower + upper) < _SYMMETRIC * distance:
+        return None
+    turns = np.count_nonzero(np.diff(side[places]) != 0)
+    return AlternatingLevels(lower, upper, distance, int(turns), side)
+
+
+def _alternate(blocks: Floats, separation: Floats, channel: Channel) -> Bools:
+    """Which blocks of steps [blocks, steps] alternate between two levels that are ``separation`` [blocks] apart."""
+    size = np.abs(blocks) / np.maximum(separation, 1e-300)[:, np.newaxis]
+    turns = size > _BETWEEN[1]
+    enough = turns.sum(axis=1) >= _FEWEST_TURNS
+    between = np.mean((size > _BETWEEN[0]) & ~turns, axis=1) <= _MOST_BETWEEN
+    spread = np.array([1.4826 * np.median(np.abs(row[turn] - np.median(row[turn]))) if turn.any() else np.inf
+                       for row, turn in zip(size, turns, strict=True)])  # fmt: skip
+    balance = np.cumsum(np.sign(blocks) * turns, axis=1)
+    either_way = channel.circular & (separation > _HALF_TURN_DEG)
+    in_turn = (np.ptp(np.pad(balance, ((0, 0), (1, 0))), axis=1) <= 1.0) | either_way
+    neighbours = np.pad(turns, ((0, 0), (1, 1)))
+    returning = (turns & (neighbours[:, :-2] | neighbours[:, 2:])).sum(axis=1) >= _RETURNS * turns.sum(axis=1)
+    is_coarse = separation > _COARSEST * _resolution(channel)
+    return np.asarray(enough & between & (spread <= _EVEN) & in_turn & returning & is_coarse)
+
+
+def _is_oscillation(blocks: Floats, separation: Floats, alternate: Bools) -> bool:
+    """Whether the steps of other blocks go up and down in turn as well, but by less: waves at half the rate of
+    recording, whose size comes and goes, look like two levels while it is at its largest."""
+    distance = float(np.median(separation[alternate]))
+    to_and_fro = np.mean(blocks[:, 1:] * blocks[:, :-1] < 0.0, axis=1) > _TO_AND_FRO
+    smaller = (separation > _BETWEEN[0] * distance) & (separation < (1.0 - _EVEN) * distance)
+    return bool((to_and_fro & smaller & ~alternate).any())
+
+
+def _resolution(channel: Channel) -> float:
+    """The everyday resolution of a channel, of a declared one by its unit."""
+    return EVERYDAY.get(channel.unit, 0.0) if channel.group == "declared" else everyday_resolution(channel)
+
+
+def _is_own_step(values: Floats, separation: float, channel: Channel) -> bool:
+    """Whether the levels are neighbours on the grid of the channel's values.
+
+    A ship that lies still shows no values but two: they are no neighbours on a grid that counts from zero unless
+    both are multiples of their distance; where a position's grid counts from is not known.
+    """
+    distances = np.diff(np.unique(values))
+    if (distances < 0.5 * separation).any():
+        return False
+    from_grid = np.abs(values / separation - np.rint(values / separation))
+    return channel.unit == "m" or bool(np.quantile(from_grid, 0.9) < 0.02)
+
+
+def _sides(values: Floats, separation: float, channel: Channel) -> Ints:
+    """On which level each of some values lies, by the turns between them: 1 the upper, -1 the lower."""
+    turned = np.concatenate([[0], np.cumsum(np.abs(np.diff(values)) > _BETWEEN[1] * separation)]) % 2
+    offset = difference(values, values[0]) if channel.circular else values
+    odd, even = (np.median(offset[turned == which]) for which in (1, 0))
+    return np.where(turned == (1 if odd > even else 0), 1, -1)
+
+
+def alternation_findings(series: Mapping[str, Series], channels: Mapping[str, Channel]) -> list[Finding]:
+    """A finding for each channel that alternates between two levels, which names both and, if they are known, both
+    sources."""
+    detected = {
+        name: find_levels(_values_in_range(samples, channels[name]), channels[name])
+        for name, samples in series.items()
+        if not channels[name].state
+    }
+    return [
+        _levels_finding(channels[name], series[name], levels)
+        for name, levels in detected.items()
+        if levels is not None
+    ]
+
+
+def _values_in_range(samples: Series, channel: Channel) -> Series:
+    """The samples without the values that no such channel has, of which arithmetic makes no number."""
+    return replace(samples, value=np.where(is_possible(channel, samples.value), samples.value, np.nan))
+
+
+def _levels_finding(channel: Channel, samples: Series, levels: AlternatingLevels) -> Finding:
+    lower, upper = (_main_source(samples, levels.side == side) for side in (-1, 1))
+    named = lower != upper and bool(lower and upper)
+    of = (f" ({lower})", f" ({upper})") if named else ("", "")
+    times = samples.measured_ns[levels.side != 0]
+    text = (
+        f"{channel.name} alternates between two levels, {levels.lower:.4g}{of[0]} and {levels.upper:.4g} "
+        f"{channel.unit}{of[1]}, {levels.separation:.3g} {channel.unit} apart, {levels.turns:,} times: "
+        f"two sources under one name"
+    )
+    remedy = "Record or import one of the sources alone; a mean of both is what neither measured"
+    estimate = {
+        "level": levels.lower,
+        "other_level": levels.upper,
+        "apart": levels.separation,
+        "count": float(levels.turns),
+    }
+    ends = utc_time(int(times.min())), utc_time(int(times.max()))
+    return Finding(ALTERNATING, channel.name, *ends, text, remedy, estimate)
+
+
+def _main_source(samples: Series, chosen: Bools) -> str:
+    """The source of most of the chosen samples; empty where it is not known."""
+    index = samples.source_index[chosen]
+    return samples.sources[int(np.bincount(index).argmax())] if index.size and samples.sources else ""

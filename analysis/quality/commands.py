@@ -17,7 +17,7 @@ from seatrial.acquisition.core.quantities import Bools, Floats, Ints
 from seatrial.acquisition.core.ship import BY_NAME, KINDS, Actuator, kind_of_control, part_of_control, unwrap
 from seatrial.acquisition.core.trial import Quality
 from seatrial.analysis.quality.findings import CheckResult, Finding, mark, uniform_flags
-from seatrial.analysis.quality.samples import (
+from seatrial.analysis.series import (
     Samples,
     jackknife_error,
     mask_of_runs,

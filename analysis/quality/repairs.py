@@ -4,6 +4,12 @@ They are done in an order that lets none lean on what a later one mends: impossi
 become gaps first; then headings on the circle, then the scales of yaw rate and speeds, then the heading, which is
 rebuilt from the yaw rate, then the positions, which are rebuilt from heading and speeds, then the wind, which needs
 both too. Orders stand alone. At last the stamps of what is late are moved, which makes rows anew.
+
+From a recording to the table that is asked for: repaired, delays removed, resampled, smoothed, with flags.
+
+The recording is checked once, impossible values left out, and everything follows from what that found: repairs,
+flags and delays. The steps come in the order in which each needs the one before; a smoother has to have the times
+right.
 """
 
 from __future__ import annotations
@@ -12,7 +18,7 @@ import json
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -24,14 +30,16 @@ from seatrial.acquisition.core.ship import BY_NAME, find_channel, in_turn, is_po
 from seatrial.acquisition.core.trial import Quality
 from seatrial.acquisition.recording.reader import Recording
 from seatrial.acquisition.recording.writer import write_table
+from seatrial.analysis.quality.channel_checks import WRAP_INTERPOLATED, is_judged, seam_line_mask
 from seatrial.analysis.quality.commands import ORDER_INTERPOLATED as ORDER_INTERPOLATED
 from seatrial.analysis.quality.commands import hold_orders
 from seatrial.analysis.quality.findings import ALL, OTHER_TURN, Finding, Flags
-from seatrial.analysis.quality.heading_wrap import WRAP_INTERPOLATED, is_judged, seam_line_mask
-from seatrial.analysis.quality.motion.checks import delays_of
-from seatrial.analysis.quality.motion.reconstruction import reconstruct_heading, reconstruct_positions
-from seatrial.analysis.quality.samples import rows_of, samples_of
+from seatrial.analysis.quality.motion.findings import delays_of
+from seatrial.analysis.quality.motion.positions import reconstruct_heading, reconstruct_positions
 from seatrial.analysis.quality.wind import true_wind
+from seatrial.analysis.series import rows_of, samples_of
+from seatrial.analysis.tables.export import SIGMA_SUFFIX, add_flags
+from seatrial.analysis.tables.resample import resample, resample_recording
 from seatrial.analysis.tables.table import (
     HISTORY_KEY,
     add_step,
@@ -41,9 +49,13 @@ from seatrial.analysis.tables.table import (
     move_stamps,
     remove_delays,
     seconds_of,
+    table_of,
     times_ns,
     utc_index,
 )
+
+if TYPE_CHECKING:
+    from seatrial.analysis.estimation.smoother import SmoothedMotion
 
 
 @dataclass(frozen=True, slots=True)
@@ -350,7 +362,7 @@ def scale_channels(table: pd.DataFrame, finding: Finding, _: FlagsByChannel) -> 
 
 
 def repair_heading(table: pd.DataFrame, finding: Finding, _: FlagsByChannel) -> SingleRepair:
-    """Take the shape of the turns from the yaw rate (:mod:`seatrial.analysis.quality.motion.reconstruction`)."""
+    """Take the shape of the turns from the yaw rate (:mod:`seatrial.analysis.quality.motion.positions`)."""
     rebuilt = reconstruct_heading(table)
     if rebuilt is None:
         return SingleRepair(_HEADING_STAYS, {}, always_reported=True)
@@ -407,3 +419,86 @@ REPAIRS: dict[str, Callable[[pd.DataFrame, Finding, FlagsByChannel], SingleRepai
     ORDER_INTERPOLATED: repair_orders,
 }
 """The single repairs by the code of their finding, in the order in which they are done."""
+
+
+SMOOTHED_RATE_HZ = 1.0
+"""The rate of a smoothed table for which none is given."""
+
+
+@dataclass(frozen=True, slots=True)
+class Preparation:
+    """What is to be done with a recording's samples before they are written as a table.
+
+    Without ``rate_hz`` [Hz] the raw samples stay as they are, unless ``smooth`` asks for a rate.
+    """
+
+    rate_hz: float | None = None
+    repair: bool = False
+    remove_delays: bool = False
+    smooth: bool = False
+    flags: bool = False
+
+
+def prepare(recording: Recording, how: Preparation, *, rebuild_positions: bool = False) -> pd.DataFrame:
+    """The recording's table, the steps that were done in its history.
+
+    ``rebuild_positions``, with the repairs, takes the path that speeds and heading give for the positions
+    (:func:`seatrial.analysis.quality.repairs.request_position_repair`).
+    Raises :class:`seatrial.acquisition.core.errors.DataShortageError` for a recording without samples,
+    :class:`seatrial.acquisition.core.errors.InputError` where smoothing lacks position or heading.
+    """
+    if how == Preparation(rate_hz=how.rate_hz) and how.rate_hz is not None:
+        return resample_recording(recording, how.rate_hz)  # needs no joined table
+    raw = table_of(recording)
+    if not (how.repair or how.flags or how.remove_delays):
+        return _at_rate(raw, how, {})
+    from seatrial.analysis.quality.motion.findings import delays_of
+
+    table, flags, findings = checked_table(recording, raw, repaired=how.repair, rebuild_positions=rebuild_positions)
+    left = [each for each in findings if not (how.repair and each.certain)]
+    delays = delays_of(left, raw) if how.remove_delays else {}
+    result = _at_rate(table, how, delays)
+    return add_flags(result, flags, delays) if how.flags else result
+
+
+def checked_table(
+    recording: Recording, raw: pd.DataFrame, *, repaired: bool = False, rebuild_positions: bool = False
+) -> tuple[pd.DataFrame, pd.DataFrame, tuple[Finding, ...]]:
+    """The recording's table, ``repaired`` or as it is, its flags, and all that a check of it finds."""
+    from seatrial.analysis.quality.check import check_recording
+
+    quality = check_recording(recording, raw)
+    table, flags = raw, quality.flags
+    if repaired:
+        done = repair(raw, quality.findings, flags, recording, rebuild_positions=rebuild_positions)
+        table, flags = done.table, flags if done.flags is None else done.flags
+    return table, flags, quality.findings
+
+
+def _at_rate(table: pd.DataFrame, how: Preparation, delays: Mapping[str, float]) -> pd.DataFrame:
+    if how.smooth:
+        return smooth_table(table, how.rate_hz or SMOOTHED_RATE_HZ, delays)
+    if how.rate_hz is not None:
+        return resample(table, how.rate_hz, delays=delays)
+    return remove_delays(table, delays) if delays else table
+
+
+def smooth_table(table: pd.DataFrame, rate_hz: float, delays: Mapping[str, float] | None = None) -> pd.DataFrame:
+    """All channels at ``rate_hz``, motion from the Kalman smoother with the standard deviation of each.
+
+    The motion channels and their rates of change come from :func:`seatrial.analysis.estimation.smoother.smooth`, a
+    column ``<name>_sigma`` beside each; all others are resampled. ``delays`` [s by channel] are removed first.
+    """
+    from seatrial.analysis.estimation.smoother import smooth
+
+    motion = smooth(remove_delays(table, delays) if delays else table, rate_hz)
+    return with_motion(resample(table, rate_hz, delays=delays), motion)
+
+
+def with_motion(table: pd.DataFrame, motion: SmoothedMotion) -> pd.DataFrame:
+    """A table with motion and its rates of change from the smoother, the standard deviation of each beside it."""
+    states, sigmas = (each.reindex(table.index) for each in (motion.states, motion.standard_deviations()))
+    result = add_step(table, "smooth", rate_hz=float(table.attrs["rate_hz"]))
+    for name in states.columns:
+        result[name], result[f"{name}{SIGMA_SUFFIX}"] = states[name], sigmas[name]
+    return result

@@ -18,7 +18,7 @@ from seatrial.acquisition.core.quantities import Bools, Complexes, Floats
 from seatrial.acquisition.core.ship import wrap_180, wrap_360
 from seatrial.acquisition.core.trial import Quality
 from seatrial.analysis.quality.findings import CheckResult, Finding, uniform_flags
-from seatrial.analysis.quality.samples import ASSUMED, jackknife_error, ratios_without_each
+from seatrial.analysis.series import ASSUMED, jackknife_error, ratios_without_each
 from seatrial.analysis.tables.table import NANO, seconds_of, utc_index
 
 JUDGED = ("wind_direction_deg", "wind_speed_mps")

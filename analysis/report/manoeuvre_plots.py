@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 
 from seatrial.acquisition.core.quantities import Floats, to_ship
 from seatrial.analysis.manoeuvres.indices import Manoeuvre, from_order
+from seatrial.analysis.manoeuvres.kinds import remove_current
 from seatrial.analysis.manoeuvres.measures import (
     along_and_across,
     approach_of,
@@ -20,10 +21,8 @@ from seatrial.analysis.manoeuvres.measures import (
     smooth_motion,
 )
 from seatrial.analysis.manoeuvres.motion import Motion
-from seatrial.analysis.manoeuvres.report import index_cells, plain_name
-from seatrial.analysis.manoeuvres.turning_circle import remove_current
-from seatrial.analysis.report.labels import label_points
-from seatrial.analysis.report.plots import FAINT, PALETTE, outlines
+from seatrial.analysis.report.plots import FAINT, PALETTE, label_points, outlines
+from seatrial.analysis.report.tables import index_cells, plain_name
 
 BLUE, ORANGE, GREEN, PURPLE, RED = PALETTE[:5]
 _MARGIN_S = 15.0

@@ -2,28 +2,48 @@
 
 A recording's page says what it is, what it is worth, where the ship went, what she did, where it comes from. The
 index has a row a recording, to sort, to filter and to click through, in one file without network.
+
+The quality of a recording for people, at a terminal and on a page, and for programs as JSON and Parquet.
 """
 
 from __future__ import annotations
 
+import json
 import re
+from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from urllib.parse import quote
 
+import numpy as np
 import pandas as pd
 from markupsafe import Markup, escape
+from numpy.typing import NDArray
 
-from seatrial.acquisition.core.quantities import KNOT_MPS
+from seatrial.acquisition.core.files import write_text, written_together
+from seatrial.acquisition.core.quantities import KNOT_MPS, Floats, Ints
 from seatrial.acquisition.core.ship import channel_unit, find_channel
-from seatrial.analysis.report.quality_page import HEADER, channel_rows, finding_cells
+from seatrial.acquisition.core.trial import Quality
+from seatrial.acquisition.recording.grouping import counts_text
+from seatrial.analysis.quality.findings import ALL
 from seatrial.analysis.report.rendering import Page, render
-from seatrial.analysis.report.run_sheet import run_sheet
-from seatrial.analysis.tables.export import SIGMA_SUFFIX
+from seatrial.analysis.report.tables import run_sheet
+from seatrial.analysis.series import runs
+from seatrial.analysis.tables.export import SIGMA_SUFFIX, write_parquet
+from seatrial.analysis.tables.table import main_stretch, times_ns
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+    from rich.console import RenderableType
+    from rich.table import Table
+
     from seatrial.acquisition.recording.reader import Recording
     from seatrial.analysis.products import Products
+    from seatrial.analysis.quality.channel_checks import ChannelQuality
+    from seatrial.analysis.quality.check import Cause, DataQuality
+    from seatrial.analysis.quality.findings import Finding
 
 
 _FILES = ("table.parquet", "flags.parquet", "quality.json", "windows.parquet", "manoeuvres.json", "summary.json")
@@ -159,7 +179,7 @@ def index_page(
     title: str,
     live: Mapping[str, Any] | None = None,
 ) -> Page:
-    """The page of rows as of :func:`seatrial.analysis.batch.one_recording.row_of` and failures by their cause.
+    """The page of rows as of :func:`seatrial.analysis.batch.row_of` and failures by their cause.
 
     ``live`` is of a page that is served: its scripts' ``nonce``, how many are ``waiting``, and, where files may be
     sent, up to how many MB (``upload_mb``) and with which ``token``.
@@ -236,3 +256,233 @@ def _grade_order(row: Row) -> float | str:
     """The worst first, and of one grade the one that lacks most channels."""
     missing, grade = row.get("missing") or [], row.get("grade") or ""
     return _GRADES.get(grade, "") if not missing else _GRADES.get(grade, 0) - len(missing) / 100
+
+
+PALETTE = ("#0072B2", "#CC79A7", "#56B4E9", "#000000", "#8C564B", "#7F7F7F", "#9467BD")
+COLOURS = {Quality.GOOD: "#9CC9B5", Quality.NOT_EVALUATED: "#D9DEE2", Quality.SUSPECT: "#E69F00",
+           Quality.BAD: "#D55E00"}  # fmt: skip
+"""Flags, the graver the later."""
+_BINS = 1200
+
+
+def write_quality(
+    quality: DataQuality, folder: Path, trial: Mapping[str, str], provenance: Mapping[str, Any]
+) -> list[Path]:
+    """Write ``quality.json``, ``flags.parquet`` and ``quality.html`` into a folder; it is made if need be.
+
+    ``provenance`` (:func:`seatrial.analysis.tables.table.provenance_of`) goes into both of the files for programs.
+
+    Raises :class:`StorageError` when they cannot be written.
+    """
+    found = quality.as_json()
+    report = folder / "quality.json"
+    flags = folder / "flags.parquet"
+    recording = str(provenance["recording"])
+    origin = {"recording": recording, "findings": found["findings"], "provenance": provenance}
+    about = {key: json.dumps(value) for key, value in origin.items()}
+    with written_together(report):
+        write_text(report, json.dumps({**found, "provenance": provenance}, indent=1) + "\n")
+        write_parquet(quality.flags, flags, dict.fromkeys(map(str, quality.flags.columns), "QARTOD flag"), about)
+        return [report, flags, quality_page(quality, trial, recording).write(folder / "quality.html")]
+
+
+def quality_page(quality: DataQuality, trial: Mapping[str, str], recording: str) -> Page:
+    """One page: how much is good, what was found, the flags over time, the counts by channel."""
+    grades = [each.grade for each in quality.channels.values()]
+    counts = {f"channels {grade}": grades.count(grade) for grade in ("good", "suspect", "bad")}
+    return render(
+        "quality.html", title="Data quality", subtitle=recording, quality=quality,
+        headline={**counts, "findings": len(quality.findings)},
+        trial=[(key.replace("_", " "), value) for key, value in trial.items()
+               if value and key != "channels"],
+    )  # fmt: skip
+
+
+HEADER = ["channel", "grade", "samples", "rate [Hz]", "gaps", "stuck", "spikes", "out of range", "times twice",
+          "steps back"]  # fmt: skip
+
+
+def channel_rows(quality: DataQuality, *, shares: bool = False) -> list[list[str]]:
+    """A row a channel, as :data:`HEADER` says; with the share that is flagged good if asked for."""
+    return [
+        [name, each.grade, *counts_of(each), *([_good_share(quality, name)] if shares else [])]
+        for name, each in quality.channels.items()
+    ]
+
+
+def finding_cells(finding: Finding) -> list[str]:
+    """What was found, in which channel and when, and a sentence on it."""
+    where = "all channels" if finding.channel == ALL else finding.channel
+    about = f"{where} \u00b7 {finding.start:%H:%M:%S} to {finding.end:%H:%M:%S} UTC"
+    return [finding.code.replace("_", " "), about, finding_text(finding)]
+
+
+def _good_share(quality: DataQuality, name: str) -> str:
+    """The share of the samples that were due whose flag is good, as the strip shows them."""
+    flags = quality.flags[name].to_numpy()
+    due = int((flags != Quality.MISSING).sum()) + quality.channels[name].missing
+    return f"{(flags == Quality.GOOD).sum() / due:.1%}" if due else ""
+
+
+def draw_flags(figure: Figure, quality: DataQuality) -> None:
+    """Flags by channel over time, and the findings as lines."""
+    from matplotlib.dates import ConciseDateFormatter, date2num
+    from matplotlib.patches import Patch
+
+    from seatrial.analysis.report.plots import draw_marks
+
+    axes = figure.subplots()
+    stamps = times_ns(quality.flags)
+    first, last = main_stretch(stamps)
+    edges = np.linspace(first, last + 1, _BINS + 1)
+    days = date2num(edges.astype("datetime64[ns]"))  # type: ignore[no-untyped-call]
+    names = list(quality.channels)
+    for line, name in enumerate(names):
+        flags = binned_flags(stamps, quality.flags[name].to_numpy(), edges)
+        for flag, colour in COLOURS.items():
+            bars = [(days[a], days[b] - days[a]) for a, b in zip(*runs(flags == flag), strict=True)]
+            axes.broken_barh(bars, (line - 0.32, 0.5), facecolors=colour, linewidth=0)
+    codes = list(dict.fromkeys(each.code for each in quality.findings))
+    colours = {code: PALETTE[number % len(PALETTE)] for number, code in enumerate(codes)}
+    _draw_findings(axes, quality.findings, names, colours)
+    axes.set_yticks(range(len(names)), names, fontsize=8)
+    axes.set_ylim(len(names) - 0.4, -0.6)
+    axes.set_xlim(days[0], days[-1])
+    axes.xaxis_date()
+    axes.xaxis.set_major_formatter(ConciseDateFormatter(axes.xaxis.get_major_locator()))  # type: ignore[no-untyped-call]
+    draw_marks(axes, quality.marks)
+    axes.tick_params(axis="y", length=0)
+    axes.grid(False)
+    for side in ("top", "right", "left"):
+        axes.spines[side].set_visible(False)
+    told = (Quality.GOOD, Quality.SUSPECT, Quality.BAD)
+    legend = [Patch(color=COLOURS[flag], label=flag.name.lower()) for flag in told]
+    legend += [Patch(color=colour, label=code.replace("_", " ")) for code, colour in colours.items()]
+    axes.legend(handles=legend, loc="lower left", bbox_to_anchor=(0, 1.0), ncols=5, fontsize=7, frameon=False)
+
+
+def binned_flags(stamps: Ints, flags: NDArray[np.uint8], edges: Floats) -> Ints:
+    """The gravest flag in each bin of time, 0 where the channel has no sample: [bins].
+
+    A bin without a sample between two that follow each other at the channel's own rate takes the one before.
+    """
+    present = flags != Quality.MISSING
+    bins = np.clip(np.searchsorted(edges, stamps[present], side="right") - 1, 0, edges.size - 2)
+    gravest = np.zeros(edges.size - 1, dtype=np.int64)
+    for flag in COLOURS:
+        gravest[bins[flags[present] == flag]] = flag
+    usual = 2.5 * float(np.median(np.diff(bins))) if bins.size > 1 else 0.0
+    known = pd.Series(np.where(gravest, gravest, np.nan))
+    return np.asarray(known.ffill(limit=max(int(usual), 1)).fillna(0), dtype=np.int64)
+
+
+def _draw_findings(axes: Axes, findings: tuple[Finding, ...], names: list[str], colours: dict[str, str]) -> None:
+    """A line below the channel's, or across all of them, by finding; its ends are widened so that it shows."""
+    from matplotlib.dates import date2num
+
+    low, high = axes.get_xlim()
+    for finding in findings:
+        start, end = date2num([finding.start, finding.end])  # type: ignore[no-untyped-call]
+        start, end = min(start, end - 0.002 * (high - low)), max(end, start + 0.002 * (high - low))
+        colour, depth = colours[finding.code], list(colours).index(finding.code) % 3
+        if finding.channel == ALL:
+            axes.axvspan(start, end, color=colour, alpha=0.25, linewidth=0, zorder=0)
+        for line, name in enumerate(names):
+            if finding.channel == ALL or name in finding.channel:
+                bar = (line + 0.22 + 0.08 * depth, 0.08)
+                axes.broken_barh([(start, end - start)], bar, facecolors=colour, linewidth=0)
+
+
+_STYLES = {"good": "green", "suspect": "yellow", "bad": "bold red"}
+_CHANNEL_COLUMNS = ("channel", "grade", "count", "rate Hz", "gaps", "stuck", "spikes", "range", "twice", "back")
+
+
+def quality_view(quality: DataQuality) -> RenderableType:
+    """The table of channels and each finding with its remedy, for a terminal."""
+    from rich.console import Group
+    from rich.text import Text
+
+    missing = missing_text(quality)
+    parts: list[RenderableType] = [
+        channel_table(quality),
+        *([Text(missing, style="yellow")] if missing else []),
+        "",
+    ]
+    if not quality.findings:
+        parts.append(Text("Nothing found.", style="green"))
+    causes = quality.causes
+    for cause in causes[:MOST_CAUSES]:
+        start, end = cause.span
+        parts += [
+            Text(f"{cause.code}  {_where(cause)}", style="bold"),
+            Text(f"  {start:%Y-%m-%d %H:%M:%S} to {end:%H:%M:%S}", style="dim"),
+            Text(f"  {cause_text(cause)}"),
+        ]
+    if len(causes) > MOST_CAUSES:
+        parts += ["", Text(_more(causes[MOST_CAUSES:]), style="yellow")]
+    if events := counts_text(list(quality.events)):
+        parts.append(Text(f"in the log: {events}; `seatrial info` lists marks and alarms", style="dim"))
+    return Group(*parts)
+
+
+MOST_CAUSES = 10
+"""What a terminal shows: more would push the gravest out of sight."""
+
+
+def _where(cause: Cause) -> str:
+    """The channels of a cause as a heading has them: the first three."""
+    names = ["all channels" if name == ALL else name for name in cause.channels]
+    return ", ".join(names[:3]) + (f" and {len(names) - 3} more" if len(names) > 3 else "")
+
+
+def _more(causes: tuple[Cause, ...]) -> str:
+    """How many findings a terminal leaves out, of what kinds, and where they all are."""
+    kinds = Counter(cause.code for cause in causes)
+    said = ", ".join(f"{code} {count}" if count > 1 else code for code, count in kinds.items())
+    return (
+        f"{len(causes)} more, less severe ({said}): `seatrial check FILE -o FOLDER` writes a page with all of them"
+    )
+
+
+def cause_text(cause: Cause) -> str:
+    """A cause as sentences: a finding alone as it stands, several of them as one paragraph."""
+    return cause.text if len(cause.findings) > 1 or cause.events else finding_text(cause.findings[0])
+
+
+def cause_cells(cause: Cause) -> list[str]:
+    """What was found, in which channels and when, and all that is to be said of it."""
+    what, about, _ = finding_cells(cause.findings[0])
+    if len(cause.channels) > 1:
+        start, end = cause.span
+        about = f"{_where(cause)} \u00b7 {start:%H:%M:%S} to {end:%H:%M:%S} UTC"
+    return [what, about, cause_text(cause)]
+
+
+def missing_text(quality: DataQuality) -> str:
+    """Which channels of a trial the recording lacks altogether; empty if it has all."""
+    return f"not in the recording: {', '.join(quality.missing)}" if quality.missing else ""
+
+
+def finding_text(finding: Finding) -> str:
+    """A finding and its remedy as sentences with one full stop each."""
+    return f"{finding.as_json()['text'].rstrip('.')}."
+
+
+def channel_table(quality: DataQuality) -> Table:
+    """A line a channel: its grade and the counts of its own faults; nothing stands for none."""
+    from rich.table import Table
+    from rich.text import Text
+
+    table = Table(box=None, header_style="dim", padding=(0, 1, 0, 0))
+    for number, title in enumerate(_CHANNEL_COLUMNS):
+        table.add_column(title, justify="left" if number < 2 else "right", no_wrap=True)
+    for name, channel in quality.channels.items():
+        table.add_row(name, Text(channel.grade, _STYLES[channel.grade]), *counts_of(channel))
+    return table
+
+
+def counts_of(channel: ChannelQuality) -> list[str]:
+    """The counts of a channel as text, empty where nothing was found."""
+    faults = (len(channel.gaps), len(channel.stuck), channel.spikes, channel.out_of_range, channel.duplicates,
+              channel.time_backwards)  # fmt: skip
+    return [f"{channel.count:,}", f"{channel.rate_hz:.2f}", *(f"{each:,}" if each else "" for each in faults)]

@@ -54,19 +54,18 @@ def _escaped(value: Any) -> Any:
 @cache
 def environment(*folders: Path) -> Environment:
     """Where templates are looked for: in ``folders``, then in this package's."""
-    from seatrial.analysis.manoeuvres import report
     from seatrial.analysis.manoeuvres.motion import motion_of
-    from seatrial.analysis.report import manoeuvre_plots, plots, quality_page
+    from seatrial.analysis.report import manoeuvre_plots, pages, plots, tables
 
     made = Environment(
         loader=FileSystemLoader([*folders, TEMPLATES]), autoescape=True, undefined=StrictUndefined,
         trim_blocks=True, lstrip_blocks=True, finalize=_escaped,
     )  # fmt: skip
-    made.filters |= {"plain": lambda name: name.replace("_", " "), "manoeuvre_line": report.manoeuvre_line}
+    made.filters |= {"plain": lambda name: name.replace("_", " "), "manoeuvre_line": tables.manoeuvre_line}
     made.globals |= {
         "version": software_version(), "level": 2, "subtitle": "", "body": "", "picture": picture,
-        "plots": plots, "quality_page": quality_page,
-        "motion_of": motion_of, "manoeuvre_figures": manoeuvre_plots, "manoeuvre_report": report,
+        "plots": plots, "quality_page": pages,
+        "motion_of": motion_of, "manoeuvre_figures": manoeuvre_plots, "manoeuvre_report": tables,
     }  # fmt: skip
     made.globals["ui"] = made.get_template("macros.html").module
     return made

@@ -1,9 +1,23 @@
-"""Speed and power of a ship from double runs: corrected run by run, current removed, with intervals."""
+"""Speed and power of a ship from double runs: corrected run by run, current removed, with intervals.
+
+How far the speed at a power may be off: the current, the runs' scatter, the sensors and the corrections.
+
+What differs from run to run is judged by the runs themselves. The current along the course is a constant, a tide
+of 12.4 h with its half and its double period, and an irregular part; how strong tide and irregular part are, the
+speeds of the runs make likely or not (restricted maximum likelihood over a grid, every power setting with a speed
+of its own). Of each such current the variance of the result follows from how the result changes with the speed of
+each run (JCGM 100, 5.1.3), and the interval holds 95 % of the mixture.
+
+What is common to all runs, they cannot show: the error of the power measurement, of the anemometer, of
+coefficients and formulas. It is propagated from the standard uncertainties below. Wind and waves that were not
+corrected for move the middle of the interval by what they may have taken, where the ship's size tells it.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import product
 from typing import ClassVar
 
 import numpy as np
@@ -15,11 +29,26 @@ from seatrial.acquisition.core.quantities import Floats
 from seatrial.acquisition.core.result import Number, Result
 from seatrial.acquisition.core.trial import software_version
 from seatrial.analysis.manoeuvres.indices import LeftOut
-from seatrial.analysis.speed_power.corrections import Correction, corrections_of, warnings_of
-from seatrial.analysis.speed_power.current import PowerCurve
+from seatrial.analysis.speed_power.corrections import (
+    BOW_DEG,
+    GRAVITY_MPS2,
+    TYPICAL_WIND_RESISTANCE,
+    WAVE_METHODS,
+    Correction,
+    corrections_of,
+    from_ahead,
+    warnings_of,
+    wind_resistance_of,
+)
 from seatrial.analysis.speed_power.runs import PowerRun, double_runs, power_runs
-from seatrial.analysis.speed_power.solution import SpeedPowerSolution, SpeedTrial, solve, trial_of
-from seatrial.analysis.speed_power.uncertainty import Intervals, intervals_of, why_unbounded
+from seatrial.analysis.speed_power.solution import (
+    TIDE_S,
+    PowerCurve,
+    SpeedPowerSolution,
+    SpeedTrial,
+    solve,
+    trial_of,
+)
 
 _BAND_POINTS = 25
 
@@ -223,3 +252,270 @@ def _sizes(
             )  # fmt: skip
         sized.append(correction)
     return tuple(sized)
+
+
+Outputs = Callable[[SpeedPowerSolution], Floats]
+"""The speeds [m/s] that are wanted of a solution."""
+
+# What a current and a sea are like in general, set before and checked with the programmes 0 to 399 of
+# tests/benchmarks/speed_trials.py: of the errors, 95 % are to be within the intervals.
+_TIDES_MPS = (0.02, 0.05, 0.12, 0.25, 0.5, 1.0)
+_IRREGULAR_MPS = (0.005, 0.01, 0.02, 0.04, 0.08, 0.16)
+_CORRELATED_S = (1800.0, 7200.0)
+_USUAL_IRREGULAR_MPS = 0.02  # its logarithm is taken to be normal with a deviation of one
+_CONSTANT_MPS = 0.2
+_HALF_PERIOD, _DOUBLE_PERIOD = 0.1, 0.2  # of the tide's amplitude: overtides in shallow water, daily tides
+_STEP_MPS, _STEP_POWER = 0.005, 0.002
+_HALVINGS = 40
+
+_WIND_SPEED, _WIND_DEG = 0.08, 5.0  # of the true wind: the ship disturbs the flow at the anemometer
+_OWN_WIND_CURVE, _TYPICAL_WIND_CURVE = 0.10, 0.20
+_EFFICIENCY, _LOAD_VARIATION = 0.03, -0.1
+_WAVES = 0.4  # of the resistance: 15 % of a height that was observed, 30 % of the formula
+_NO_WAVES_DEG = 100.0  # off the bow, from where waves add nothing; between the bow's sector and there they fade
+_SHALLOW, _DISPLACEMENT, _WATER = 0.3, 0.1, 0.1  # of the correction
+_VISCOUS_SHARE = 0.8  # of the resistance
+_USUAL_EFFICIENCY, _USUAL_FRONTAL, _USUAL_SLENDERNESS, _USUAL_BEAM = 0.65, 0.7, 6.5, 2.6
+_UNKNOWN_DEPTH = 0.5  # of the correction
+_UNKNOWN_WIND = 0.6  # of its effect, with the usual values of what is not known
+_FULLY_DEVELOPED = 0.21  # H g / U^2 of waves that the wind has raised for long (Pierson and Moskowitz 1964)
+
+
+@dataclass(frozen=True, slots=True)
+class UncertaintySource:
+    """One source of uncertainty: how far it moves each of the speeds [m/s], and their standard uncertainties."""
+
+    name: str
+    shift_mps: Floats
+    standard_mps: Floats
+
+
+@dataclass(frozen=True, slots=True)
+class Intervals:
+    """The middle of the 95 % interval of each speed, less the speed, and half its width [m/s], from its sources."""
+
+    shift_mps: Floats
+    half_mps: Floats
+    sources: tuple[UncertaintySource, ...]
+
+
+def intervals_of(
+    trial: SpeedTrial,
+    runs: Sequence[PowerRun],
+    best: SpeedPowerSolution,
+    speed: Floats,
+    power: Floats,
+    outputs: Outputs,
+) -> Intervals:
+    """The 95 % intervals of the ``outputs`` of a solution, of measured speeds over ground [m/s] and powers [kW]."""
+    values = outputs(best)
+    by_speed, by_power = _sensitivities(trial, speed, power, outputs, values)
+    weights, variances = _random_part(trial, runs, best, speed, by_speed, by_power)
+    sources = [
+        UncertaintySource("current and scatter of the runs", np.zeros_like(values), np.sqrt(weights @ variances)),
+        *_systematic_part(trial, speed, power, outputs, values),
+    ]
+    systematic = sum((source.standard_mps**2 for source in sources[1:]), start=np.zeros_like(values))
+    shift = sum((source.shift_mps for source in sources), start=np.zeros_like(values))
+    return Intervals(shift, _mixture_half(weights, variances + systematic), tuple(sources))
+
+
+def _sensitivities(
+    trial: SpeedTrial, speed: Floats, power: Floats, outputs: Outputs, values: Floats
+) -> tuple[Floats, Floats]:
+    """How the outputs change with the speed [outputs, runs] and the power [.. a kW] of each run."""
+    by_speed, by_power = [], []
+    for run in range(speed.size):
+        step = np.zeros_like(speed)
+        step[run] = 1.0
+        by_speed.append((outputs(solve(trial, speed + _STEP_MPS * step, power)) - values) / _STEP_MPS)
+        change = _STEP_POWER * power[run]
+        by_power.append((outputs(solve(trial, speed, power + change * step)) - values) / change)
+    return np.array(by_speed).T, np.array(by_power).T
+
+
+def _random_part(
+    trial: SpeedTrial,
+    runs: Sequence[PowerRun],
+    best: SpeedPowerSolution,
+    speed: Floats,
+    by_speed: Floats,
+    by_power: Floats,
+) -> tuple[Floats, Floats]:
+    """How likely each current of the grid is, and the variances of the outputs with it [currents, outputs]."""
+    errors = np.array([[run.speed_se_mps, run.power_se_kw] for run in runs])
+    speed_se, share_se = np.sqrt(np.mean([errors[:, 0] ** 2, (errors[:, 1] / best.power_kw) ** 2], axis=1))
+    power_se = share_se * best.power_kw
+    slope = best.current.curve.slope(best.current.speed_mps)
+    residual = speed - best.current.speed_mps - best.current.misfit_mps
+    settings = np.zeros((speed.size, len(trial.groups)))
+    for column, group in enumerate(trial.groups):
+        settings[group, column] = 1.0
+    logs, variances = [], []
+    for tide, irregular, scale in product(_TIDES_MPS, _IRREGULAR_MPS, _CORRELATED_S):
+        covariance = np.outer(trial.along, trial.along) * _current_covariance(trial.time_s, tide, irregular, scale)
+        noise = np.diag(0.5 * irregular**2 + speed_se**2 + (power_se / slope) ** 2)
+        prior = -0.5 * np.log(irregular / _USUAL_IRREGULAR_MPS) ** 2
+        logs.append(prior + _likelihood(residual, settings, covariance + noise))
+        drift = np.einsum("oi,ij,oj->o", by_speed, covariance, by_speed)
+        white = (0.5 * irregular**2 + speed_se**2) * np.sum(by_speed**2, axis=1)
+        variances.append(drift + white + (by_power**2) @ power_se**2)
+    weights = np.exp(np.array(logs) - np.max(logs))
+    return weights / weights.sum(), np.array(variances)
+
+
+def _current_covariance(time_s: Floats, tide: float, irregular: float, scale_s: float) -> Floats:
+    """The covariance of the current [m^2/s^2] between times [runs, runs]."""
+    apart = np.abs(time_s[:, np.newaxis] - time_s)
+    phase = 2.0 * np.pi * apart / TIDE_S
+    regular = np.cos(phase) + _HALF_PERIOD**2 * np.cos(2.0 * phase) + _DOUBLE_PERIOD**2 * np.cos(0.5 * phase)
+    return np.asarray(_CONSTANT_MPS**2 + 0.5 * tide**2 * regular + 0.5 * irregular**2 * np.exp(-apart / scale_s))
+
+
+def _likelihood(residual: Floats, settings: Floats, covariance: Floats) -> float:
+    """The logarithm of the restricted likelihood of residuals whose means by setting are free."""
+    inverse = np.linalg.inv(covariance)
+    information = settings.T @ inverse @ settings
+    rest = residual - settings @ np.linalg.solve(information, settings.T @ inverse @ residual)
+    logs = np.linalg.slogdet(covariance)[1] + np.linalg.slogdet(information)[1]
+    return float(-0.5 * (logs + rest @ inverse @ rest))
+
+
+def _mixture_half(weights: Floats, variances: Floats) -> Floats:
+    """Half of the interval that holds 95 % of a mixture of normal distributions about zero, of each output."""
+    from scipy.special import ndtr
+
+    low, high = np.zeros(variances.shape[1]), 8.0 * np.sqrt(variances.max(axis=0))
+    for _ in range(_HALVINGS):
+        middle = 0.5 * (low + high)
+        inside = weights @ (2.0 * ndtr(middle / np.sqrt(np.maximum(variances, 1e-12))) - 1.0)
+        low, high = np.where(inside < 0.95, middle, low), np.where(inside < 0.95, high, middle)
+    return np.asarray(high)
+
+
+@dataclass(frozen=True, slots=True)
+class _Change:
+    """A trial in which something common to all runs is otherwise: how much of the change of the result is to be
+    expected (``shift``), and how much of it is one standard uncertainty (``spread``)."""
+
+    name: str
+    trial: SpeedTrial
+    power_factor: float = 1.0
+    shift: float = 0.0
+    spread: float = 1.0
+
+
+def _systematic_part(
+    trial: SpeedTrial, speed: Floats, power: Floats, outputs: Outputs, values: Floats
+) -> Iterator[UncertaintySource]:
+    changes = list(_changes(trial))
+    for name in dict.fromkeys(change.name for change in changes):
+        shift, variance = np.zeros_like(values), np.zeros_like(values)
+        for change in (each for each in changes if each.name == name):
+            moved = outputs(solve(change.trial, speed, power * change.power_factor)) - values
+            shift, variance = shift + change.shift * moved, variance + (change.spread * moved) ** 2
+        yield UncertaintySource(name, shift, np.sqrt(variance))
+
+
+def _changes(trial: SpeedTrial) -> Iterator[_Change]:
+    given, methods = trial.given, trial.methods
+    # An accuracy is half of a rectangular distribution (JCGM 100, 4.3.7)
+    yield _Change("power measurement", trial, 1.0 + given.power_error_percent / 100.0 / np.sqrt(3.0))
+    yield from _wind_changes(trial) if "wind" in methods else _unknown_wind(trial)
+    yield from _wave_changes(trial) if "waves" in methods else _unknown_waves(trial)
+    if methods.keys() & {"wind", "waves", "water"}:
+        efficiency = given.number("propulsive_efficiency") * (1.0 - _EFFICIENCY)
+        yield _Change("propulsive efficiency", _with(trial, propulsive_efficiency=efficiency))
+        variation = given.load_variation + _LOAD_VARIATION
+        yield _Change("propulsive efficiency", _with(trial, load_variation=variation))
+    if "shallow water" not in methods:
+        yield from _uncorrected_depth(trial)
+    for name, share in (("shallow water", _SHALLOW), ("displacement", _DISPLACEMENT), ("water", _WATER)):
+        if name in methods:
+            yield _Change(name, trial.without(name), spread=share)
+
+
+def _uncorrected_depth(trial: SpeedTrial) -> Iterator[_Change]:
+    """What the bottom may have taken: in deep water Raven's viscous part, in shallow Lackenby's of a usual ship."""
+    usual = _usual(trial.given)
+    beam_m, draught_m = usual.number("beam_m"), usual.number("draught_m")
+    depth_m = float(trial.sea.water_depth_m.min())
+    if depth_m < 3.0 * np.sqrt(beam_m * draught_m):
+        shallow = replace(trial, given=replace(usual, form_factor=None))
+        yield _Change("shallow water", shallow.corrected_by("shallow water"), shift=1.0, spread=_UNKNOWN_DEPTH)
+    elif np.isfinite(depth_m):
+        share = _VISCOUS_SHARE * 0.57 * (draught_m / depth_m) ** 1.79
+        yield _Change("shallow water", trial, 1.0 - share, shift=1.0, spread=0.5)
+
+
+def _with(trial: SpeedTrial, **conditions: float) -> SpeedTrial:
+    return replace(trial, given=replace(trial.given, **conditions))  # type: ignore[arg-type]
+
+
+def _wind_changes(trial: SpeedTrial) -> Iterator[_Change]:
+    curve = np.array(wind_resistance_of(trial.given))
+    error = _OWN_WIND_CURVE if trial.given.wind_resistance else _TYPICAL_WIND_CURVE
+    yield _Change("wind", replace(trial, wind_mps=trial.wind_mps * (1.0 + _WIND_SPEED)))
+    yield _Change("wind", replace(trial, wind_from_deg=trial.wind_from_deg + _WIND_DEG))
+    scaled = replace(trial.given, wind_resistance=tuple(map(float, curve * (1.0 + error))))
+    yield _Change("wind", replace(trial, given=scaled))
+
+
+def _wave_changes(trial: SpeedTrial) -> Iterator[_Change]:
+    height = trial.sea.wave_height_m * np.sqrt(1.0 + _WAVES)
+    yield _Change("waves", replace(trial, sea=replace(trial.sea, wave_height_m=height)))
+    yield from _side_waves(trial)
+
+
+def _side_waves(trial: SpeedTrial) -> Iterator[_Change]:
+    """What waves from the side may take, which the formulas leave out."""
+    if not from_ahead(trial.heading_deg, trial.sea.wave_from_deg).all():
+        yield _Change("waves", _with_side_waves(trial), shift=1.0, spread=0.6)
+
+
+def _with_side_waves(trial: SpeedTrial) -> SpeedTrial:
+    off = np.abs((trial.sea.wave_from_deg - trial.heading_deg + 180.0) % 360.0 - 180.0)
+    share = np.clip((_NO_WAVES_DEG - off) / (_NO_WAVES_DEG - BOW_DEG), 0.0, 1.0)
+    sea = replace(
+        trial.sea, wave_height_m=np.sqrt(share) * trial.sea.wave_height_m, wave_from_deg=trial.heading_deg
+    )
+    return replace(trial, sea=sea)
+
+
+def _unknown_wind(trial: SpeedTrial) -> Iterator[_Change]:
+    """What the wind may have taken that was not corrected for."""
+    usual = replace(trial, given=_usual(trial.given))
+    yield _Change("wind", usual.corrected_by("wind"), shift=1.0, spread=_UNKNOWN_WIND)
+
+
+def _unknown_waves(trial: SpeedTrial) -> Iterator[_Change]:
+    """What waves may have taken that were not corrected for: of their height, or of any that the wind may raise."""
+    sea, spread = trial.sea, _UNKNOWN_WIND
+    height, towards = sea.wave_height_m, sea.wave_from_deg
+    if not np.isfinite(height).all():  # the square of a height that lies anywhere below the highest one
+        height, spread = _FULLY_DEVELOPED * trial.wind_mps**2 / GRAVITY_MPS2 / np.sqrt(3.0), np.sqrt(0.8)
+    towards = np.where(np.isfinite(towards), towards, trial.wind_from_deg)
+    usual = replace(trial, given=_usual(trial.given), sea=replace(sea, wave_height_m=height, wave_from_deg=towards))
+    yield _Change("waves", _with_side_waves(usual.corrected_by("waves", WAVE_METHODS[0])), shift=1.0, spread=spread)
+
+
+def _usual(given: Conditions) -> Conditions:
+    """The conditions with usual values of what wind, waves and depth act on, where they are not known."""
+    beam = given.beam_m or given.number("length_m") / _USUAL_SLENDERNESS
+    draught = given.draught_m or beam / _USUAL_BEAM
+    return replace(
+        given, beam_m=beam, draught_m=draught, midship_section_m2=given.midship_section_m2 or 0.98 * beam * draught,
+        bow_length_m=given.bow_length_m or beam,
+        frontal_area_m2=given.frontal_area_m2 or _USUAL_FRONTAL * beam**2,
+        propulsive_efficiency=given.propulsive_efficiency or _USUAL_EFFICIENCY,
+        wind_resistance=wind_resistance_of(given) or TYPICAL_WIND_RESISTANCE["tanker_loaded"],
+    )  # fmt: skip
+
+
+def why_unbounded(trial: SpeedTrial) -> str:
+    """Why there is no interval: what wind or waves took is neither corrected for nor bounded; "" where there is."""
+    if not np.isfinite(trial.wind_mps).all():
+        return "the wind during the runs is not known"
+    if {"wind", "waves"} <= trial.methods.keys() or trial.given.beam_m or trial.given.length_m:
+        return ""
+    return "wind or waves are not corrected for, and without length_m or beam_m nothing bounds what they took"

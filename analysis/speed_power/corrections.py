@@ -3,32 +3,41 @@
 Its ITTC twin is 7.5-04-01-01.1 (2017, 2021). Resistances are in newtons, powers in kilowatts, speeds in metres a
 second; arrays have one element a run. Directions that wind and waves come from are clockwise from true north. The
 end says which formulas can be used with what is known, and where the standard does not apply.
+
+What waves add to the resistance: STAWAVE-1 and STAWAVE-2 of ISO 15016:2015, annex D (ITTC 7.5-04-01-01.1).
+
+Both are for waves from up to 45 deg off the bow; waves from elsewhere are taken to add nothing. STAWAVE-1 is for a
+ship that hardly heaves and pitches, as its waves are short; STAWAVE-2 adds what heave and pitch take.
+
+Typical coefficients of wind resistance by kind of ship, where those of the ship herself are not known.
+
+From the data sets of ITTC 7.5-04-01-01.1 (2021), section F.3, which ISO 15016:2015, annex C, has too: wind tunnel
+results of the STA joint industry project. The standard itself was not at hand. The numbers are those in which two
+independent transcriptions agree; of the tanker in ballast there was one. The other kinds of the standard, such as
+car carriers and ferries, are left out: of them there was one, read off charts.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
-from seatrial.acquisition.config.conditions import REFERENCE_DENSITY_KGPM3, REFERENCE_TEMPERATURE_DEGC, Conditions
-from seatrial.acquisition.core.quantities import Floats
-from seatrial.acquisition.core.result import Number
-from seatrial.analysis.manoeuvres.report import number_text
-from seatrial.analysis.manoeuvres.runs import RECIPROCAL_DEG
-from seatrial.analysis.speed_power.runs import RUN_MINUTES, PowerRun
-from seatrial.analysis.speed_power.typical_wind import wind_resistance_of
-from seatrial.analysis.speed_power.waves import (
-    GRAVITY_MPS2,
-    STAWAVE_1,
-    STAWAVE_2,
-    from_ahead,
-    outside_stawave2,
-    stawave1_limit_m,
-    stawave1_n,
-    stawave2_n,
+from seatrial.acquisition.config.conditions import (
+    REFERENCE_DENSITY_KGPM3,
+    REFERENCE_TEMPERATURE_DEGC,
+    Conditions,
+    WindType,
 )
+from seatrial.acquisition.core.errors import InputError
+from seatrial.acquisition.core.quantities import Bools, Floats
+from seatrial.acquisition.core.result import Number
+from seatrial.acquisition.tables.table_files import read_raw
+from seatrial.analysis.manoeuvres.runs import RECIPROCAL_DEG
+from seatrial.analysis.report.tables import number_text
+from seatrial.analysis.speed_power.runs import RUN_MINUTES, PowerRun
 
 _LEAST_BLOCKAGE = 0.05  # of midship section by the square of the depth: Lackenby's formula begins there
 _MOST_SINKAGE = 0.05  # of the displacement, Raven
@@ -328,3 +337,144 @@ def _of_sea(given: Conditions, runs: Sequence[PowerRun]) -> Iterator[str]:
     least = float(np.fmax(wide, 2.0 * fastest**2 / GRAVITY_MPS2))
     if (depth := float(np.fmin.reduce(sea.water_depth_m))) < least:
         yield f"{depth:g} m of water are less than the {least:.0f} m that the standard allows"
+
+
+GRAVITY_MPS2 = 9.80665
+BOW_DEG = 45.0
+_GYRADIUS_SHARE = 0.25  # of the length: the pitch of a ship whose radius of gyration is not known
+_FREQUENCIES = 200
+_LOWEST_SHARE, _HIGHEST_SHARE = 0.65, 5.9  # of the peak's frequency: between them lies 99.8 % of the energy
+STAWAVE_1 = ("beam_m", "bow_length_m")
+STAWAVE_2 = ("length_m", "beam_m", "draught_m", "displacement_m3")
+_RANGES = {
+    "L_PP": (75.0, 350.0), "L_PP / B": (4.0, 9.0), "B / T": (2.2, 5.5), "Fr": (0.10, 0.30), "C_B": (0.50, 0.90),
+}  # fmt: skip
+"""Where STAWAVE-2 may be used: ITTC 7.5-04-01-01.2 (2014)."""
+
+
+def from_ahead(heading_deg: Floats, wave_from_deg: Floats) -> Bools:
+    """The runs with waves from up to 45 deg off the bow."""
+    off = (wave_from_deg - heading_deg + 180.0) % 360.0 - 180.0
+    return np.asarray(np.abs(off) <= BOW_DEG)
+
+
+def stawave1_n(given: Conditions, height_m: Floats) -> Floats:
+    """R_AWL = rho g H^2 B sqrt(B / L_BWL) / 16 [N] of head waves of a significant height [m]."""
+    beam, bow = given.number("beam_m"), given.number("bow_length_m")
+    return np.asarray(given.water_density_kgpm3 * GRAVITY_MPS2 * height_m**2 * beam * np.sqrt(beam / bow) / 16.0)
+
+
+def stawave2_n(given: Conditions, height_m: Floats, period_s: Floats, speed_mps: Floats) -> Floats:
+    """R_AWL [N] of head waves of a significant height [m] and mean period T01 [s], at speeds through the water.
+
+    The response in regular waves, times twice the spectrum of ITTC 1978, 173 H^2 / (T^4 w^5) exp(-691 / (T^4 w^4)).
+    """
+    peak = (0.8 * 691.0) ** 0.25 / period_s
+    share = np.geomspace(_LOWEST_SHARE, _HIGHEST_SHARE, _FREQUENCIES)
+    omega = peak[:, np.newaxis] * share
+    fourth = (period_s**4)[:, np.newaxis]
+    spectrum = 173.0 * (height_m**2)[:, np.newaxis] / fourth / omega**5 * np.exp(-691.0 / fourth / omega**4)
+    response = regular_waves_n(given, omega, speed_mps[:, np.newaxis])
+    return np.asarray(2.0 * np.trapezoid(response * spectrum, omega, axis=1))
+
+
+def regular_waves_n(given: Conditions, omega: Floats, speed_mps: Floats) -> Floats:
+    """R_AW / zeta_A^2 [N/m^2] of STAWAVE-2 in regular head waves of a frequency [rad/s]: motion and reflection."""
+    from scipy.special import i1e, k1e
+
+    L, B, T = (given.number(name) for name in STAWAVE_2[:3])
+    C_B = given.number("displacement_m3") / (L * B * T)
+    k_yy = (given.pitch_gyradius_m or _GYRADIUS_SHARE * L) / L
+    rho_g = given.water_density_kgpm3 * GRAVITY_MPS2
+    Fr = speed_mps / np.sqrt(GRAVITY_MPS2 * L)
+    ratio = np.sqrt(L / GRAVITY_MPS2) * np.cbrt(k_yy) / (1.17 * Fr**-0.143) * omega
+    a = 60.3 * C_B**1.34
+    b = np.where(ratio < 1.0, 11.0, -8.5)
+    d = np.where(ratio < 1.0, 14.0, -566.0 * (L / B) ** -2.66)
+    motion = ratio**b * np.exp(b / d * (1.0 - ratio**d)) * a * Fr**1.5 * np.exp(-3.5 * Fr)
+    f = 0.692 * (speed_mps / np.sqrt(T * GRAVITY_MPS2)) ** 0.769 + 1.81 * C_B**6.95
+    x = 1.5 * omega**2 / GRAVITY_MPS2 * T
+    # pi^2 I^2 / (pi^2 I^2 + K^2), of the scaled Bessel functions: I alone is beyond a float's range in short waves
+    transmitted = (k1e(x) / i1e(x) * np.exp(-2.0 * x) / np.pi) ** 2
+    return np.asarray(4.0 * rho_g * B**2 / L * motion + 0.5 * rho_g * B * f / (1.0 + transmitted))
+
+
+def stawave1_limit_m(length_m: float) -> float:
+    """The highest waves [m] of STAWAVE-1: 2.25 sqrt(L_PP / 100 m)."""
+    return float(2.25 * np.sqrt(length_m / 100.0))
+
+
+def outside_stawave2(given: Conditions, slowest_mps: float, fastest_mps: float) -> Iterator[str]:
+    """Where a ship at speeds through the water lies outside the range of STAWAVE-2."""
+    L, B, T = (given.number(name) for name in STAWAVE_2[:3])
+    froude = [speed / np.sqrt(GRAVITY_MPS2 * L) for speed in (slowest_mps, fastest_mps)]
+    values = {
+        "L_PP": [L], "L_PP / B": [L / B], "B / T": [B / T], "Fr": froude,
+        "C_B": [given.number("displacement_m3") / (L * B * T)],
+    }  # fmt: skip
+    for name, (low, high) in _RANGES.items():
+        for value in values[name]:
+            if not low <= value <= high:
+                yield f"{name} of {value:.3g} is not {low:g} to {high:g}"
+                break
+
+
+TYPICAL_WIND_RESISTANCE: dict[WindType, tuple[float, ...]] = {
+    "tanker_loaded": (
+        0.96, 0.93, 0.85, 0.73, 0.62, 0.47, 0.34, 0.17, 0.06, -0.05,
+        -0.14, -0.22, -0.29, -0.40, -0.53, -0.66, -0.75, -0.79, -0.77,
+    ),
+    "tanker_ballast": (
+        0.86, 0.76, 0.62, 0.45, 0.32, 0.21, 0.13, 0.06, 0.04, -0.02,
+        -0.08, -0.19, -0.29, -0.38, -0.47, -0.56, -0.61, -0.66, -0.63,
+    ),
+    "gas_carrier_prismatic": (
+        1.02, 0.99, 0.93, 0.83, 0.67, 0.48, 0.30, 0.14, 0.03, -0.05,
+        -0.11, -0.24, -0.41, -0.56, -0.68, -0.79, -0.88, -0.92, -0.91,
+    ),
+    "container_loaded": (
+        1.01, 1.11, 1.11, 0.95, 0.74, 0.46, 0.13, -0.28, -0.77, -1.09, -1.18, -1.19, -0.94,
+    ),
+    "general_cargo": (
+        0.60, 0.87, 1.00, 1.00, 0.88, 0.85, 0.65, 0.42, 0.27, 0.09,
+        -0.09, -0.49, -0.84, -1.15, -1.39, -1.47, -1.34, -0.92, -0.82,
+    ),
+}  # fmt: skip
+"""C_AA at equal steps from 0 to 180 deg off the bow: a tanker of 280,000 dwt with a conventional bow, a gas carrier
+with integrated prismatic tanks, a container ship of 6800 TEU with containers, a general cargo ship."""
+
+
+def wind_resistance_of(given: Conditions) -> tuple[float, ...]:
+    """C_AA of a ship at equal steps from 0 to 180 deg off the bow: its own, else those typical of its kind."""
+    if given.wind_resistance or given.wind_resistance_type is None:
+        return given.wind_resistance
+    return TYPICAL_WIND_RESISTANCE[given.wind_resistance_type]
+
+
+def read_wind_resistance(path: Path | str) -> tuple[float, ...]:
+    """C_AA every 5 deg from 0 to 180 off the bow, of a table with the columns ``angle`` [deg] and ``C_AA``.
+
+    Raises :class:`InputError` for a table without them, or whose angles do not go from 0 to 180 deg.
+    """
+    table = read_raw(path).columns
+    named = {str(name).lower().split("[")[0].strip().removesuffix("_deg"): name for name in table.columns}
+    if not {"angle", "c_aa"} <= named.keys():
+        raise InputError(
+            "has no columns angle and C_AA", where=str(path), why=f"it has {', '.join(map(str, table.columns))}",
+            fix="name the angle off the bow 'angle [deg]' and the coefficient 'C_AA'",
+        )  # fmt: skip
+    try:
+        angle, drag = (table[named[name]].to_numpy(dtype=float) for name in ("angle", "c_aa"))
+    except ValueError as error:
+        raise InputError("holds text among its numbers", where=str(path), why=str(error)) from error
+    order = np.argsort(angle)
+    if not (np.isfinite([angle, drag]).all() and angle.size > 2 and np.ptp(angle) == angle.max() == 180.0):
+        raise InputError(
+            "does not go from 0 to 180 deg", where=str(path), fix="give C_AA from 0 to 180 deg off the bow"
+        )
+    if np.interp(0.0, angle[order], drag[order]) <= 0.0:
+        raise InputError(
+            "has no resistance to the wind from ahead", where=str(path),
+            fix="change the sign: C_AA is positive where the air brakes, C_X the other way round",
+        )  # fmt: skip
+    return tuple(map(float, np.interp(np.arange(0.0, 181.0, 5.0), angle[order], drag[order])))

@@ -12,7 +12,7 @@ import numpy as np
 from seatrial.acquisition.core.files import write_text, written_together
 from seatrial.acquisition.core.quantities import KNOT_MPS
 from seatrial.acquisition.core.result import to_json
-from seatrial.analysis.manoeuvres.report import left_out_line
+from seatrial.analysis.report.tables import left_out_line
 from seatrial.analysis.speed_power.analysis import SpeedAtPower, SpeedPower
 from seatrial.analysis.speed_power.runs import PowerRun
 

@@ -1,13 +1,24 @@
-"""The speeds through the water, the current and the curve of a trial, from speeds over ground and powers."""
+"""The speeds through the water, the current and the curve of a trial, from speeds over ground and powers.
+
+Speed through the water from runs in a current, by the mean of means and by the iterative method.
+
+ISO 15016:2015 and ITTC 7.5-04-01-01.1 have both. The mean of means takes runs at one power, to and fro, evenly
+spaced in time: weights 1, 3, 3, 1 of four runs remove a current that changes as a parabola, 1 and 1 of two only one
+that does not change. The iterative method takes all powers together: the current is
+V_C(t) = V_CC cos(2 pi t / T_C) + V_CS sin(2 pi t / T_C) + V_CT t + V_C0 along the course, the power
+P(V) = a + b V^q.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from math import comb
 
 import numpy as np
 
 from seatrial.acquisition.config.conditions import Conditions
+from seatrial.acquisition.core.errors import DataShortageError
 from seatrial.acquisition.core.quantities import Floats
 from seatrial.analysis.speed_power.corrections import (
     RAVEN,
@@ -20,13 +31,6 @@ from seatrial.analysis.speed_power.corrections import (
     water_resistance_n,
     wave_resistance_n,
     wind_resistance_n,
-)
-from seatrial.analysis.speed_power.current import (
-    IterativeCurrent,
-    PowerCurve,
-    fit_curve,
-    iterate_current,
-    mean_of_means,
 )
 from seatrial.analysis.speed_power.runs import PowerRun, settings_of
 
@@ -141,3 +145,132 @@ def _in_deep_water(trial: SpeedTrial, speed: Floats, power: Floats, depth: Float
         ratio = given.number("stated_displacement_m3") / given.number("displacement_m3")
         power = power * ratio ** (2.0 / 3.0)  # the admiralty coefficient, at one speed
     return speed, power
+
+
+TIDE_S = 0.51753 * 86_400.0
+"""T_C: 12 h 25 min 14.6 s, the standard's 0.51753 day of half a lunar day."""
+_TERMS = 4  # of the current
+_SLOWEST_Q, _FASTEST_Q = 1.0, 9.0
+_ITERATIONS, _CLOSE_MPS = 400, 1e-7
+
+
+@dataclass(frozen=True, slots=True)
+class PowerCurve:
+    """P(V) = a + b V^q, P in kW and V in m/s."""
+
+    a: float
+    b: float
+    q: float
+
+    def power_kw(self, speed_mps: Floats) -> Floats:
+        """The power at speeds."""
+        return np.asarray(self.a + self.b * speed_mps**self.q)
+
+    def slope(self, speed_mps: Floats) -> Floats:
+        """dP/dV [kW s/m] at speeds."""
+        return np.asarray(self.q * self.b * speed_mps ** (self.q - 1.0))
+
+    def speed_mps(self, power_kw: Floats | float) -> Floats:
+        """The speed at powers; NaN below the curve's foot."""
+        share = (np.asarray(power_kw, dtype=float) - self.a) / self.b
+        return np.asarray(np.where(share > 0.0, np.abs(share) ** (1.0 / self.q), np.nan))
+
+
+def fit_curve(speed_mps: Floats, power_kw: Floats, settings: int) -> PowerCurve:
+    """The curve through runs, by least squares of power; a is 0 with two settings, and q is 3 with one.
+
+    For every q the best a and b are those of a line, so that q alone is searched for.
+    """
+    from scipy.optimize import minimize_scalar
+
+    if settings < 2:
+        return _with_exponent(speed_mps, power_kw, 3.0, through_zero=True)
+
+    def misfit(q: float) -> float:
+        curve = _with_exponent(speed_mps, power_kw, q, through_zero=settings < 3)
+        return float(np.sum((curve.power_kw(speed_mps) - power_kw) ** 2))
+
+    best = minimize_scalar(misfit, bounds=(_SLOWEST_Q, _FASTEST_Q), method="bounded", options={"xatol": 1e-7})
+    return _with_exponent(speed_mps, power_kw, float(best.x), through_zero=settings < 3)
+
+
+def _with_exponent(speed_mps: Floats, power_kw: Floats, q: float, *, through_zero: bool) -> PowerCurve:
+    scale = float(speed_mps.mean())
+    powered = (speed_mps / scale) ** q
+    design = np.column_stack([powered] if through_zero else [powered, np.ones_like(powered)])
+    found = np.linalg.lstsq(design, power_kw, rcond=None)[0]
+    return PowerCurve(0.0 if through_zero else float(found[1]), float(found[0]) / scale**q, q)
+
+
+def mean_of_means(values: Floats, alternating: bool = True) -> float:
+    """The repeated mean of neighbours of runs in order of time: weights 1, 3, 3, 1 of four, 1, 2, 1 of three.
+
+    Runs that do not go to and fro in turn have their plain mean: other weights would not balance their courses.
+
+    >>> mean_of_means(np.array([10.0, 12.0, 10.0, 12.0]))
+    11.0
+    """
+    weights = [comb(values.size - 1, k) for k in range(values.size)] if alternating else np.ones(values.size)
+    return float(np.average(values, weights=weights))
+
+
+@dataclass(frozen=True, slots=True)
+class IterativeCurrent:
+    """What the iterative method found: the curve, the speed through the water of each run, and the current.
+
+    ``terms`` are V_C0, V_CT, V_CS and V_CC [m/s, m/s a day, m/s, m/s], as many as the runs allow, positive along
+    the course of the first run; ``current_mps`` is what each run went with. ``misfit_mps`` are the runs' distances
+    in speed from the curve, ``free`` how many more runs there are than unknowns.
+    """
+
+    curve: PowerCurve
+    speed_mps: Floats
+    terms: tuple[float, ...]
+    current_mps: Floats
+    misfit_mps: Floats
+    free: int
+
+
+def terms_of_current(runs: int, settings: int) -> int:
+    """How many terms of the current can be found beside the curve, one run being left over: 4 at most."""
+    return max(1, min(_TERMS, runs - min(settings, 3) - 1))
+
+
+def current_design(time_s: Floats, terms: int) -> Floats:
+    """The current's terms at times [runs, terms]: constant, even change a day, sine, cosine of the tide."""
+    phase = 2.0 * np.pi * time_s / TIDE_S
+    return np.column_stack([np.ones_like(phase), time_s / 86_400.0, np.sin(phase), np.cos(phase)])[:, :terms]
+
+
+def iterate_current(
+    time_s: Floats, along: Floats, over_ground_mps: Floats, power_kw: Floats, start_mps: Floats, settings: int
+) -> IterativeCurrent:
+    """The curve and the current that agree with all runs, found in turn until the speeds stand still.
+
+    ``time_s`` are the middles of the runs, ``along`` 1 or -1 for runs with or against the course that the current
+    is counted along, ``start_mps`` first speeds through the water: the mean of each double run. Raises
+    :class:`DataShortageError` where more power goes with less speed.
+    """
+    design = current_design(time_s, terms_of_current(time_s.size, settings)) * along[:, np.newaxis]
+    speed, share, last_change = start_mps, 1.0, np.inf
+    for _ in range(_ITERATIONS):
+        curve = fit_curve(speed, power_kw, settings) if speed.min() > 0.0 else None
+        if curve is None or not curve.b > 0.0:
+            raise DataShortageError(
+                "the power of the runs does not grow with their speed", why="no curve and no current explain them",
+                fix="check the speeds and powers of the runs, and whether the channel is the shaft power",
+            )  # fmt: skip
+        # The speed at which the curve has the run's power, by the slope where the run is: it need not reach it.
+        by_power = speed + (power_kw - curve.power_kw(speed)) / curve.slope(speed)
+        terms = np.linalg.lstsq(design, over_ground_mps - by_power, rcond=None)[0]
+        step = over_ground_mps - design @ terms - speed
+        change = float(np.max(np.abs(step)))
+        if change > last_change:  # with few runs whole steps may swing about the solution, or away from it
+            share = 0.5 * share
+        speed, last_change = speed + share * step, change
+        if change < _CLOSE_MPS:
+            break
+    curve = fit_curve(speed, power_kw, settings)
+    misfit = (power_kw - curve.power_kw(speed)) / curve.slope(speed)
+    free = time_s.size - design.shape[1] - min(settings, 3)
+    return IterativeCurrent(curve, speed, tuple(map(float, terms)), design @ terms, misfit, free)

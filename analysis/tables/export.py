@@ -3,6 +3,20 @@
 Parquet carries both in its metadata, .mat in structs, NetCDF in attributes and Excel on a second sheet. CSV has no
 place for them and has to open anywhere without options, so that they stand in a second file beside it, the name
 with ``.json`` after it. KML and GPX say the trial's name only.
+
+Files of results: named by their format; Parquet with units on its columns.
+
+The event log of a recording as a table, for scripts and for files.
+
+The way of a ship over ground in latitude and longitude: for maps as KML, for plotters as GPX.
+
+A table as NetCDF by CF-1.11 and ACDD-1.3: one trajectory, QARTOD flags as ancillary variables.
+
+The file is of the classic format (64-bit offset), which every NetCDF library reads and scipy writes. Each column is
+a variable under its own name. ``lat`` and ``lon`` say where each row was, interpolated between positions that lie
+close together and missing where nobody knows; without an origin or latitudes, north and east stand for them.
+Quantities for which CF has no standard name (settings of actuators above all) are auxiliary coordinates of the
+others: what these were measured at.
 """
 
 from __future__ import annotations
@@ -10,23 +24,29 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Callable, Mapping
-from datetime import datetime
+from datetime import UTC, datetime
 from io import BytesIO
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree as ET
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
+from pymap3d import ned2geodetic
+from scipy.io import netcdf_file
 
-from seatrial.acquisition.core.errors import ConfigurationError, InputError
+from seatrial.acquisition.core.errors import ConfigurationError, DataShortageError, InputError
 from seatrial.acquisition.core.files import atomic_file, expect_suffix, write_bytes, write_text, written_together
 from seatrial.acquisition.core.named_code import imported
-from seatrial.acquisition.core.ship import BY_NAME, ChannelsByName, channel_unit, known_channels
-from seatrial.acquisition.core.trial import Quality, software_version
+from seatrial.acquisition.core.quantities import Floats
+from seatrial.acquisition.core.ship import BY_NAME, ChannelsByName, channel_unit, find_channel, known_channels
+from seatrial.acquisition.core.trial import Quality, Trial, software_version
+from seatrial.acquisition.recording.grouping import events_of
+from seatrial.acquisition.recording.reader import Recording
 from seatrial.acquisition.tables.table_files import ABOUT_COLUMNS, UTC_COLUMN
-from seatrial.analysis.tables.files import write_parquet
-from seatrial.analysis.tables.table import NANO, delays_in_ns, provenance_of, times_ns, utc_index
+from seatrial.analysis.tables.resample import interpolate, own_gap_s
+from seatrial.analysis.tables.table import NANO, delays_in_ns, index_of, provenance_of, times_ns, utc_index
 
 Writer = Callable[[pd.DataFrame, Path, Mapping[str, Any]], list[Path]]
 """Writes a table and what is to be said about it; the files that it wrote."""
@@ -220,9 +240,444 @@ def matlab_name(name: str) -> str:
 
 _WRITERS: dict[str, Writer | str] = {
     ".parquet": _write_parquet, ".csv": _write_csv, ".mat": _write_mat, ".xlsx": _write_excel,
-    ".nc": "seatrial.analysis.tables.netcdf:write_netcdf",
-    ".kml": "seatrial.analysis.tables.tracks:write_kml", ".gpx": "seatrial.analysis.tables.tracks:write_gpx",
+    ".nc": "seatrial.analysis.tables.export:write_netcdf",
+    ".kml": "seatrial.analysis.tables.export:write_kml", ".gpx": "seatrial.analysis.tables.export:write_gpx",
 }  # fmt: skip
 """By suffix; NetCDF and tracks, which need more, by where they are."""
 KINDS = tuple(_WRITERS)
 """The suffixes of what a table can be written as."""
+
+
+METADATA_PREFIX = "seatrial."
+
+
+def write_parquet(
+    table: pd.DataFrame, path: Path | str, units: Mapping[str, str], metadata: Mapping[str, str]
+) -> None:
+    """Write ``table`` with a unit on each column named in ``units`` and ``metadata`` under our prefix.
+
+    The index is written if it has a name. The file appears under its name only when it is complete. Raises
+    :class:`InputError` for another suffix than .parquet, :class:`StorageError` when it cannot be written.
+    """
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    expect_suffix(path, ".parquet")
+    plain = table.copy(deep=False)
+    plain.attrs = {}  # the metadata says it; pandas would write it a second time, and only as JSON
+    arrow = pa.Table.from_pandas(plain, preserve_index=table.index.name is not None)
+    fields = [
+        field.with_metadata({"unit": units[field.name]}) if field.name in units else field for field in arrow.schema
+    ]
+    file_metadata = {METADATA_PREFIX + key: text for key, text in metadata.items()}
+    file_metadata[METADATA_PREFIX + "software_version"] = software_version()
+    schema = pa.schema(fields, metadata={**(arrow.schema.metadata or {}), **file_metadata})
+    with atomic_file(path) as partial, partial.open("wb") as stream:  # Arrow opens no name that is not UTF-8
+        pq.write_table(arrow.cast(schema), stream)
+
+
+def read_parquet(path: Path | str) -> tuple[pd.DataFrame, dict[str, str]]:
+    """A Parquet file and the metadata under our prefix. Raises :class:`InputError` if it is none."""
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    if not Path(path).is_file():
+        raise InputError("does not exist", where=str(path), fix="check the path")
+    try:
+        with Path(path).open("rb") as stream:
+            arrow = pq.read_table(stream)
+        frame = arrow.to_pandas()
+    except (pa.ArrowException, OSError) as error:
+        why = (str(error).splitlines() or [type(error).__name__])[0]
+        raise InputError("is not a readable Parquet file", where=str(path), why=why) from error
+    texts = {key.decode(): text.decode() for key, text in (arrow.schema.metadata or {}).items()}
+    file_metadata = {
+        key.removeprefix(METADATA_PREFIX): text for key, text in texts.items() if key.startswith(METADATA_PREFIX)
+    }
+    return frame, file_metadata
+
+
+COLUMNS = ("kind", "level", "source", "text")
+EVENT_KINDS = (".csv", ".parquet", ".xlsx")
+"""The suffixes of what a table of texts can be written as."""
+
+
+def event_table(recording: Recording) -> pd.DataFrame:
+    """The events of a recording in the order of time: :data:`COLUMNS` with a UTC index named ``time``."""
+    events = events_of(recording)
+    rows = [[getattr(event, column) for column in COLUMNS] for event in events]
+    index = index_of(np.array([event.time_ns for event in events], dtype=np.int64))
+    return pd.DataFrame(rows, index=index, columns=list(COLUMNS), dtype=str)
+
+
+def export_events(events: pd.DataFrame, path: Path) -> list[Path]:
+    """Write a table of events as the suffix of ``path`` says, .csv, .parquet or .xlsx; the files that were written.
+
+    Raises :class:`InputError` for another suffix and :class:`StorageError` when it cannot be written.
+    """
+    kind = expect_suffix(path, *EVENT_KINDS)
+    if kind == ".parquet":
+        write_parquet(events, path, {}, {})
+    elif kind == ".xlsx":
+        times = pd.DatetimeIndex(events.index).as_unit("us").tz_localize(None).rename("time_utc")
+        return write_sheets({"events": events.set_axis(times, axis=0).reset_index()}, path)
+    else:
+        texts = pd.DatetimeIndex(events.index).strftime("%Y-%m-%dT%H:%M:%S.%fZ")
+        with atomic_file(path) as partial:
+            events.set_axis(texts, axis=0).to_csv(partial, index_label="time")
+    return [path]
+
+
+_KML, _GX, _GPX = (
+    "http://www.opengis.net/kml/2.2", "http://www.google.com/kml/ext/2.2", "http://www.topografix.com/GPX/1/1",
+)  # fmt: skip
+_DECIMALS = 8  # of a degree: a millimetre
+
+
+def places_of(table: pd.DataFrame) -> dict[str, Floats]:
+    """Latitude and longitude [deg] of each row as ``lat`` and ``lon``: from north and east, or as they are.
+
+    They are interpolated between positions that lie close together, NaN elsewhere. Nothing without positions, or
+    without an origin.
+    """
+    time_ns, trial = times_ns(table), table.attrs.get("trial", {})
+    origin = trial.get("origin_latitude_deg"), trial.get("origin_longitude_deg")
+
+    def at_rows(values: Any) -> Floats:
+        return interpolate(time_ns, np.asarray(values, dtype=float), time_ns)
+
+    if None not in origin and {"north_m", "east_m"} <= set(table.columns):
+        lat, lon, _ = ned2geodetic(at_rows(table["north_m"]), at_rows(table["east_m"]), 0.0, *origin, 0.0)
+    elif {"latitude_deg", "longitude_deg"} <= set(table.columns):
+        lat, turned = at_rows(table["latitude_deg"]), table["longitude_deg"].to_numpy(dtype=float, copy=True)
+        valid = np.isfinite(turned)
+        turned[valid] = np.unwrap(turned[valid], period=360.0)
+        lon = (at_rows(turned) + 180.0) % 360.0 - 180.0
+    else:
+        return {}
+    return {"lat": np.asarray(lat), "lon": np.asarray(lon)}
+
+
+def write_gpx(table: pd.DataFrame, path: Path, about: Mapping[str, Any]) -> list[Path]:
+    """GPX 1.1: one track, a segment for each stretch without a hole. Raises :class:`DataShortageError`."""
+    root = ET.Element("gpx", xmlns=_GPX, version="1.1", creator=software_version())
+    track = _child(root, "trk")
+    _child(track, "name", _title(about))
+    for segment in _segments(table):
+        written = _child(track, "trkseg")
+        for time, lat, lon in segment:
+            _child(_child(written, "trkpt", lat=lat, lon=lon), "time", time)
+    return _write_xml(root, path)
+
+
+def write_kml(table: pd.DataFrame, path: Path, about: Mapping[str, Any]) -> list[Path]:
+    """KML 2.2: each stretch without a hole as a line, and as a track that an Earth viewer plays.
+
+    Raises :class:`DataShortageError` where no position is known.
+    """
+    root = ET.Element("kml", {"xmlns": _KML, "xmlns:gx": _GX})
+    document = _child(root, "Document")
+    _child(document, "name", _title(about))
+    for segment in _segments(table):
+        placemark = _child(document, "Placemark")
+        _child(placemark, "name", f"{segment[0][0]} to {segment[-1][0]}")
+        line = _child(placemark, "LineString")
+        _child(line, "tessellate", "1")
+        _child(line, "coordinates", " ".join(f"{lon},{lat}" for _, lat, lon in segment))
+        played = _child(document, "Placemark")
+        _child(played, "name", about["trial"].get("vessel") or "ship")
+        track = _child(played, "gx:Track")
+        for time, _, _ in segment:
+            _child(track, "when", time)
+        for _, lat, lon in segment:
+            _child(track, "gx:coord", f"{lon} {lat} 0")
+    return _write_xml(root, path)
+
+
+def _title(about: Mapping[str, Any]) -> str:
+    return about["trial"].get("name") or about["recording"] or "trial"
+
+
+def _segments(table: pd.DataFrame) -> list[list[tuple[str, str, str]]]:
+    """Time (ISO 8601), latitude and longitude [deg] as text of the rows of each stretch whose place is known."""
+    where = places_of(table)
+    located = np.flatnonzero(np.isfinite(where["lat"]) & np.isfinite(where["lon"])) if where else np.empty(0, int)
+    if located.size == 0:
+        raise DataShortageError(
+            "contains no latitude and longitude", why="it has no positions, or its north and east have no origin",
+            fix="give [trial] an origin before recording, or export a table",
+        )  # fmt: skip
+    times = np.datetime_as_string(times_ns(table).astype("datetime64[ns]"), unit="ms")
+    lat, lon = ([f"{value:.{_DECIMALS}f}" for value in where[name]] for name in ("lat", "lon"))
+    step_ns = np.diff(times_ns(table)[located])
+    holes = (np.diff(located) > 1) | (step_ns > own_gap_s(np.median(step_ns) if step_ns.size else 0.0) * NANO)
+    stretches = np.split(located, np.flatnonzero(holes) + 1)
+    return [[(f"{times[row]}Z", lat[row], lon[row]) for row in rows] for rows in stretches]
+
+
+def _child(parent: ET.Element, tag: str, text: str = "", **attributes: str) -> ET.Element:
+    element = ET.SubElement(parent, tag, attributes)
+    element.text = text or None
+    return element
+
+
+def _write_xml(root: ET.Element, path: Path) -> list[Path]:
+    ET.indent(root, " ")
+    with atomic_file(path) as partial:
+        ET.ElementTree(root).write(partial, encoding="utf-8", xml_declaration=True)
+    return [path]
+
+
+STANDARD_NAMES = {
+    "north_m": "projection_y_coordinate",
+    "east_m": "projection_x_coordinate",
+    "heading_deg": "platform_orientation",
+    "surge_mps": "platform_surge_rate_fore",
+    "sway_mps": "platform_sway_rate_starboard",
+    "yaw_rate_dps": "platform_yaw_rate_fore_starboard",
+    "wind_direction_deg": "wind_from_direction",
+    "wind_speed_mps": "wind_speed",
+    "latitude_deg": "latitude",
+    "longitude_deg": "longitude",
+    "speed_through_water_mps": "platform_speed_wrt_sea_water",
+    "speed_over_ground_mps": "platform_speed_wrt_ground",
+    "course_over_ground_deg": "platform_course",
+    "roll_deg": "platform_roll_starboard_down",
+    "pitch_deg": "platform_pitch_fore_up",
+    "heave_m": "platform_heave_down",
+}
+"""Channels by their names in version 93 of the CF standard name table."""
+
+WISHED = ("creator_name", "creator_email", "institution", "project", "license")
+"""What data centres ask for and only people know; a recording's trial or the user says it."""
+
+_UNITS = {"deg": "degree", "deg/s": "degree s-1", "deg/s2": "degree s-2", "m/s": "m s-1", "m/s2": "m s-2",
+          "%": "percent", "degC": "degree_Celsius", "l/h": "L h-1", "Nm": "N m", "kNm": "kN m"}  # fmt: skip
+"""Units as UDUNITS writes them; it takes others, such as rpm, as they are."""
+
+_MEANINGS = {Quality.GOOD: "pass", Quality.NOT_EVALUATED: "not_evaluated", Quality.SUSPECT: "suspect",
+             Quality.BAD: "fail", Quality.MISSING: "missing"}  # fmt: skip
+_KEYWORDS = "sea trial, ship motion, ship manoeuvring, platform orientation, wind, actuator settings"
+_ROW = "obs"
+
+Attributes = dict[str, Any]
+
+
+def write_netcdf(table: pd.DataFrame, path: Path, about: Mapping[str, Any]) -> list[Path]:
+    """Write a table; ``about`` has its units, trial, provenance, and the global ``attributes`` that a user gives.
+
+    A single trajectory as in H.4.2 of the CF conventions, its rows along ``obs``. Trial and provenance are global
+    attributes too, as JSON.
+    """
+    places = places_of(table)
+    attributes = {**_global_attributes(table, places, about), **about.get("attributes", {})}
+    with atomic_file(path) as partial, netcdf_file(partial, "w", version=2) as file:
+        file.createDimension(_ROW, len(table))
+        _set_attributes(file, attributes)
+        _write_identifier(file, attributes["id"])
+        _write_variable(file, "time", *_time(table))
+        for name, values in places.items():
+            _write_variable(file, name, values, _PLACE_ATTRIBUTES[name])
+        for name in map(str, table.columns):
+            _write_variable(file, name, table[name].to_numpy(), _attributes(name, table, places, about["units"]))
+    return [path]
+
+
+def remarks(table: pd.DataFrame, attributes: Mapping[str, str]) -> list[str]:
+    """What a data centre will miss, and what to do: :data:`WISHED` that nobody has said, and places."""
+    trial = table.attrs.get("trial", {})
+    unsaid = [name for name in WISHED if not (trial.get(name) or attributes.get(name))]
+    messages = []
+    if unsaid:
+        messages.append(
+            f"not known: {', '.join(unsaid)}; give them in [trial] before recording or by --attribute NAME=VALUE"
+        )
+    if not places_of(table):
+        instead = "north and east stand for them" if _local(table) else "nor has it positions in the plane"
+        messages.append(f"no latitude and longitude: the recording has none and no origin; {instead}")
+    return messages
+
+
+def _local(table: pd.DataFrame) -> list[str]:
+    """The coordinates in the tangent plane that a table has."""
+    return [name for name in ("north_m", "east_m") if name in table.columns]
+
+
+_PLACE_ATTRIBUTES: dict[str, Attributes] = {
+    name: {
+        "standard_name": standard_name,
+        "long_name": f"{standard_name.capitalize()}, WGS 84",
+        "units": f"degrees_{direction}",
+        "axis": axis, "coverage_content_type": "coordinate",
+        "comment": "interpolated between positions that lie close together",
+    }
+    for name, standard_name, direction, axis in (
+        ("lat", "latitude", "north", "Y"), ("lon", "longitude", "east", "X")
+    )
+}  # fmt: skip
+
+
+def _time(table: pd.DataFrame) -> tuple[Floats, Attributes]:
+    """Seconds since the whole second of the first row, which keep nanoseconds for a month."""
+    time_ns = times_ns(table)
+    start = int(time_ns[0]) // NANO
+    return (time_ns - start * NANO) / NANO, {
+        "standard_name": "time", "long_name": "Time of measurement", "axis": "T", "calendar": "standard",
+        "units": f"seconds since {_iso(start)}", "units_metadata": "leap_seconds: none",
+        "coverage_content_type": "coordinate",
+    }  # fmt: skip
+
+
+def _iso(seconds: float) -> str:
+    """Seconds since 1970 as ISO 8601, with as many decimals as there are."""
+    text = datetime.fromtimestamp(seconds, UTC).isoformat(timespec="auto")
+    return text.replace("+00:00", "Z")
+
+
+def _attributes(
+    name: str, table: pd.DataFrame, places: Mapping[str, Floats], units: Mapping[str, str]
+) -> Attributes:
+    """What a column's variable says of itself."""
+    if name.endswith(FLAG_SUFFIX):
+        return _flag_attributes(name.removesuffix(FLAG_SUFFIX), _coordinates(table, places))
+    of = name.removesuffix(SIGMA_SUFFIX)
+    channel, standard = find_channel(of, known_channels(table.attrs)), STANDARD_NAMES.get(of)
+    meaning = channel.meaning if channel else of.replace("_", " ").capitalize()
+    ancillary = [column for column in (name + FLAG_SUFFIX, name + SIGMA_SUFFIX) if column in table.columns]
+    attributes = {
+        "long_name": meaning if of == name else f"Standard deviation: {meaning}",
+        "standard_name": standard if of == name or not standard else f"{standard} standard_error",
+        "units": _units_of(standard, units.get(name, "")),
+        "coverage_content_type": "physicalMeasurement" if of == name else "qualityInformation",
+        "source": "; ".join(table.attrs.get("sources", {}).get(name, [])),
+        "ancillary_variables": " ".join(ancillary),
+        "coordinates": _coordinates(table, places) if standard else "",
+        "axis": {"north_m": "Y", "east_m": "X"}.get(name) if not places else None,
+    }
+    return {key: value for key, value in attributes.items() if value}
+
+
+def _units_of(standard: str | None, unit: str) -> str:
+    named = {"latitude": "degrees_north", "longitude": "degrees_east"}
+    return named.get(standard or "") or _UNITS.get(unit, unit) or "1"
+
+
+def _flag_attributes(of: str, coordinates: str) -> Attributes:
+    return {
+        "long_name": f"QARTOD flag of {of}",
+        "standard_name": "aggregate_quality_flag",
+        "flag_values": np.array([*_MEANINGS], dtype=np.int8),
+        "flag_meanings": " ".join(_MEANINGS.values()),
+        "coverage_content_type": "qualityInformation",
+        "coordinates": coordinates,
+    }
+
+
+def _coordinates(table: pd.DataFrame, places: Mapping[str, Floats]) -> str:
+    """The names of when, where, and what CF has no standard name for."""
+    where = [*places] or _local(table)
+    names = [name for name in map(str, table.columns) if not name.endswith(FLAG_SUFFIX)]
+    nameless = [name for name in names if name.removesuffix(SIGMA_SUFFIX) not in STANDARD_NAMES]
+    return " ".join(["time", *where, *nameless])
+
+
+def _global_attributes(table: pd.DataFrame, places: Mapping[str, Floats], about: Mapping[str, Any]) -> Attributes:
+    trial = Trial.from_metadata({key: str(value) for key, value in about["trial"].items()})
+    name = about["trial"].get("name") or Path(about["recording"] or "trial").stem
+    ship, place = trial.vessel or "a ship", f", {trial.place}" if trial.place else ""
+    steps = [f"{step['version']}: {step['step']} {json.dumps(step['options'])}"
+             for step in about["provenance"]["history"]]  # fmt: skip
+    rate = about["rate_hz"]
+    attributes = {
+        "Conventions": "CF-1.11, ACDD-1.3",
+        "featureType": "trajectory",
+        "cdm_data_type": "Trajectory",
+        "id": "_".join(str(name).split()),
+        "title": f"Sea trial {name} of {ship}{place}",
+        "summary": trial.summary or _summary(table, ship, place),
+        "keywords": trial.keywords or _KEYWORDS,
+        "platform": trial.vessel,
+        "source": f"sensors of the ship, from {about['recording'] or 'a table'}",
+        "history": "\n".join([*steps, f"{software_version()}: export"]),
+        "processing_level": "samples as measured" if rate is None else f"resampled to {rate:g} Hz",
+        "standard_name_vocabulary": "CF Standard Name Table v93",
+        "date_created": _iso(int(times_ns(table)[-1]) // NANO),  # of the data; a product has no time of day in it
+        "comment": _comment(trial),
+        **{key: getattr(trial, key) for key in WISHED},
+        **_coverage(table, places),
+        "trial": json.dumps(about["trial"]),
+        "provenance": json.dumps(about["provenance"]),
+    }
+    return {key: value for key, value in attributes.items() if value != ""}
+
+
+def _summary(table: pd.DataFrame, ship: str, place: str) -> str:
+    names = [str(name) for name in table.columns if not str(name).endswith((FLAG_SUFFIX, SIGMA_SUFFIX))]
+    return (
+        f"Measurements aboard {ship}{place}, in a sea trial of {_iso(int(times_ns(table)[0]) / NANO)}, each with a"
+        f" flag of its quality: {', '.join(names)}."
+    )
+
+
+def _comment(trial: Trial) -> str:
+    """The crew's words, and how she lay in the water."""
+    notes = (("", trial.crew_notes), ("loading: ", trial.loading), ("sea state: ", trial.sea_state))
+    metres = (
+        ("draught", trial.draught_m),
+        ("trim by the stern", trial.trim_m),
+        ("water depth", trial.water_depth_m),
+    )
+    words = [f"{what}{text}" for what, text in notes if text]
+    return "; ".join(words + [f"{what} {value:g} m" for what, value in metres if value is not None])
+
+
+def _coverage(table: pd.DataFrame, places: Mapping[str, Floats]) -> Attributes:
+    """When, how often, and where, of the rows that have a place."""
+    time_ns = times_ns(table)
+    step_s = float(np.median(np.diff(time_ns))) / NANO if len(table) > 1 else 0.0
+    attributes: Attributes = {
+        "time_coverage_start": _iso(int(time_ns[0]) / NANO),
+        "time_coverage_end": _iso(int(time_ns[-1]) / NANO),
+        "time_coverage_duration": f"PT{(int(time_ns[-1]) - int(time_ns[0])) / NANO:g}S",
+        "time_coverage_resolution": f"PT{step_s:g}S",
+    }
+    ends = {
+        name: (np.nanmin(degrees), np.nanmax(degrees))
+        for name, degrees in places.items()
+        if np.isfinite(degrees).any()
+    }
+    if not ends:
+        return attributes
+    (south, north), (west, east) = ends["lat"], ends["lon"]
+    corners = ((south, west), (south, east), (north, east), (north, west), (south, west))
+    bounds = ", ".join(f"{lat:.7f} {lon:.7f}" for lat, lon in corners)
+    return {
+        **attributes,
+        "geospatial_lat_min": south, "geospatial_lat_max": north, "geospatial_lat_units": "degrees_north",
+        "geospatial_lon_min": west, "geospatial_lon_max": east, "geospatial_lon_units": "degrees_east",
+        "geospatial_bounds": f"POLYGON (({bounds}))", "geospatial_bounds_crs": "EPSG:4326",
+    }  # fmt: skip
+
+
+def _write_identifier(file: netcdf_file, name: str) -> None:
+    letters = np.frombuffer(name.encode(), dtype="S1")
+    file.createDimension("name_strlen", letters.size)
+    variable = file.createVariable("trajectory", "c", ("name_strlen",))
+    variable[:] = letters
+    _set_attributes(variable, {"cf_role": "trajectory_id", "long_name": "Name of the trial"})
+
+
+def _write_variable(file: netcdf_file, name: str, values: NDArray[Any], attributes: Attributes) -> None:
+    flags = values.dtype == np.uint8
+    variable = file.createVariable(name, "b" if flags else "d", (_ROW,))
+    variable[:] = values.astype(np.int8) if flags else values
+    _set_attributes(
+        variable, attributes if flags or attributes.get("axis") == "T" else {"_FillValue": np.nan, **attributes}
+    )
+
+
+def _set_attributes(of: Any, attributes: Attributes) -> None:
+    """Attributes of a file or of a variable: text in UTF-8, numbers in double precision."""
+    for key, value in attributes.items():
+        plain = value.encode() if isinstance(value, str) else np.asarray(value)
+        setattr(of, key, plain)

@@ -17,7 +17,7 @@ from seatrial.acquisition.core.quantities import Floats
 from seatrial.acquisition.core.result import ChosenModel, ModelResult
 from seatrial.acquisition.core.ship import control_names, trial_names, wrap_360
 from seatrial.analysis.tables.table import table_actuators
-from seatrial.analysis.windows.recordings import SecondBySecond
+from seatrial.analysis.windows.held import SecondBySecond
 from seatrial.hybrid.calibrators.artefact import load
 from seatrial.hybrid.calibrators.train import TrainedCalibrator, plant_for
 from seatrial.hybrid.effects.catalogue import vessel_plant

@@ -17,7 +17,7 @@ import pandas as pd
 from seatrial.acquisition.core.errors import DataShortageError, Progress, part_of
 from seatrial.acquisition.core.quantities import Ints
 from seatrial.analysis.tables.resample import resample
-from seatrial.analysis.windows.recordings import second_by_second
+from seatrial.analysis.windows.held import second_by_second
 from seatrial.hybrid.calibrators.train import METHOD
 from seatrial.hybrid.diagnosis.gap import FOLDS, HORIZON_S, fold_of
 from seatrial.hybrid.diagnosis.linearise import ModelWithEffects

@@ -26,7 +26,7 @@ from scipy.signal import lfilter
 from seatrial.acquisition.core.errors import ConfigurationError
 from seatrial.acquisition.core.quantities import Floats
 from seatrial.analysis.compiling import threads_for
-from seatrial.analysis.quality.samples import robust_spread
+from seatrial.analysis.series import robust_spread
 from seatrial.hybrid.diagnosis.log import STEPS_PER_SECOND, Log
 from seatrial.hybrid.diagnosis.time_varying import TimeVaryingEffect, time_varying_among
 from seatrial.hybrid.effects import Catalogue, apply_effects

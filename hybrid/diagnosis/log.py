@@ -33,9 +33,9 @@ from seatrial.acquisition.core.ship import (
     is_circular,
     unwrap,
 )
-from seatrial.analysis.estimation.noise_levels import NoiseLevels
+from seatrial.analysis.estimation.motion_model import NoiseLevels
 from seatrial.analysis.estimation.smoother import smooth
-from seatrial.analysis.quality.samples import robust_spread, runs
+from seatrial.analysis.series import robust_spread, runs
 from seatrial.analysis.tables.table import NANO, require, table_actuators, table_controls, times_ns
 from seatrial.hybrid.vessel.actuators import control_units
 from seatrial.hybrid.vessel.channels import STATE_UNITS, states_of

@@ -20,7 +20,7 @@ from seatrial.acquisition.core import files
 from seatrial.acquisition.core.errors import InputError
 from seatrial.acquisition.core.files import remove_file, write_text, written_together
 from seatrial.acquisition.core.result import Number, from_json, to_json
-from seatrial.analysis.tables.files import read_parquet, write_parquet
+from seatrial.analysis.tables.export import read_parquet, write_parquet
 from seatrial.hybrid.diagnosis.result import (
     FORCES,
     Correlation,

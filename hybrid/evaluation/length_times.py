@@ -16,7 +16,7 @@ import numpy as np
 
 from seatrial.acquisition.core.errors import DataShortageError
 from seatrial.acquisition.core.quantities import Floats
-from seatrial.analysis.windows.recordings import SecondBySecond
+from seatrial.analysis.windows.held import SecondBySecond
 from seatrial.hybrid.calibrators.train import TrainedCalibrator
 from seatrial.hybrid.prediction.baselines import constant_velocity
 from seatrial.hybrid.prediction.dataset import dataset_of, within_model_range

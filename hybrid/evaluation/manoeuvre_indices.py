@@ -24,10 +24,10 @@ from seatrial.acquisition.core.errors import DataShortageError, SeatrialError
 from seatrial.acquisition.recording.grouping import read_parts
 from seatrial.analysis.manoeuvres.find import find_manoeuvres
 from seatrial.analysis.manoeuvres.indices import Index, Manoeuvre
-from seatrial.analysis.manoeuvres.turning_circle import REMOVED, shows_current
-from seatrial.analysis.prepare import Preparation, prepare
+from seatrial.analysis.manoeuvres.kinds import REMOVED, shows_current
+from seatrial.analysis.quality.repairs import Preparation, prepare
 from seatrial.analysis.tables.table import select, trial_of
-from seatrial.analysis.windows.recordings import named_recordings
+from seatrial.analysis.windows.held import named_recordings
 from seatrial.hybrid.calibrators.predict import Predictor
 from seatrial.hybrid.evaluation.predicted_tests import APPROACH_RPM, PREDICTED_KINDS, JudgedModel, predicted_indices
 from seatrial.hybrid.evaluation.recorded_runs import (

@@ -14,8 +14,8 @@ from seatrial.acquisition.core.errors import DataShortageError
 from seatrial.acquisition.core.quantities import to_ship
 from seatrial.acquisition.core.ship import control_names
 from seatrial.analysis.manoeuvres.indices import Manoeuvre
+from seatrial.analysis.manoeuvres.kinds import REMOVED
 from seatrial.analysis.manoeuvres.measures import approach_of, helm_rate_dps
-from seatrial.analysis.manoeuvres.turning_circle import REMOVED
 from seatrial.hybrid.evaluation.recorded_runs import RecordedMotion, Water, at_order, final_speed_mps, with_water
 from seatrial.hybrid.simulation.autopilot import drives_of
 from seatrial.hybrid.simulation.handling import handling_of

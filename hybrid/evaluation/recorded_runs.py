@@ -17,12 +17,11 @@ from seatrial.acquisition.core.errors import DataShortageError
 from seatrial.acquisition.core.quantities import Bools, Floats
 from seatrial.acquisition.core.ship import ENVIRONMENT, Actuators, control_names, is_circular, unwrap
 from seatrial.analysis.manoeuvres.indices import Manoeuvre
+from seatrial.analysis.manoeuvres.kinds import REMOVED, circle_indices, current_of, zigzag_indices
 from seatrial.analysis.manoeuvres.measures import APPROACH_S, half_width_s, smooth_motion
 from seatrial.analysis.manoeuvres.motion import Motion, motion_of
 from seatrial.analysis.manoeuvres.runs import acceleration_indices, drift_indices, stopping_indices
-from seatrial.analysis.manoeuvres.turning_circle import REMOVED, circle_indices, current_of
 from seatrial.analysis.manoeuvres.turning_tests import pull_out_indices
-from seatrial.analysis.manoeuvres.zigzag import zigzag_indices
 from seatrial.analysis.tables.table import NANO, require, table_actuators, times_ns
 from seatrial.hybrid.prediction.prediction_windows import mean_controls
 from seatrial.hybrid.vessel.actuators import control_units

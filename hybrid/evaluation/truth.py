@@ -24,9 +24,9 @@ from pydantic import Field
 from seatrial.acquisition.core.errors import Progress, SeatrialError
 from seatrial.acquisition.core.quantities import Floats, Ints, integrate, to_earth
 from seatrial.acquisition.core.ship import POSE_AND_VELOCITY
-from seatrial.analysis.estimation.noise_levels import NoiseLevels
+from seatrial.analysis.estimation.motion_model import NoiseLevels
 from seatrial.analysis.estimation.smoother import smooth
-from seatrial.analysis.quality.motion.checks import LIMITS
+from seatrial.analysis.quality.motion.findings import LIMITS
 from seatrial.hybrid.prediction.kalman_filter import LEAP_M
 from seatrial.hybrid.prediction.prediction_windows import PredictionWindows, row_numbers
 from seatrial.hybrid.prediction.scores import Interval, LegBootstrap, distances

@@ -26,7 +26,7 @@ from seatrial.acquisition.core.trial import software_version
 from seatrial.analysis.estimation.likelihood import UNKNOWN, correlated_pairs
 from seatrial.analysis.tables.resample import resample
 from seatrial.analysis.tables.table import select
-from seatrial.analysis.windows.recordings import second_by_second
+from seatrial.analysis.windows.held import second_by_second
 from seatrial.hybrid.effects.catalogue import vessel_plant
 from seatrial.hybrid.identification.coefficients import Coefficient, coefficients_of
 from seatrial.hybrid.identification.fit import CoefficientFit, fit, information_at

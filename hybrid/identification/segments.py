@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from seatrial.acquisition.core.errors import DataShortageError
 from seatrial.acquisition.core.quantities import Bools, Floats, Ints
-from seatrial.analysis.estimation.local_polynomial import half_width_for, smooth_motion
+from seatrial.analysis.series import half_width_for, smooth_motion
 from seatrial.analysis.tables.resample import rate_fraction, resample
 from seatrial.analysis.tables.table import seconds_of, table_actuators, with_calm
 from seatrial.hybrid.prediction.prediction_windows import mean_controls

@@ -13,10 +13,9 @@ from numpy.typing import NDArray
 
 from seatrial.acquisition.core.errors import DataShortageError, Progress
 from seatrial.acquisition.core.quantities import Floats
-from seatrial.analysis.estimation.local_polynomial import USUAL_LENGTH_M, half_width_for, smooth_motion
+from seatrial.analysis.series import USUAL_LENGTH_M, half_width_for, smooth_motion
 from seatrial.analysis.tables.table import refuse_duplicates
-from seatrial.analysis.windows.held import HeldWindows
-from seatrial.analysis.windows.recordings import SecondBySecond, tables_of_recordings, windows_of_tables
+from seatrial.analysis.windows.held import HeldWindows, SecondBySecond, tables_of_recordings, windows_of_tables
 from seatrial.hybrid.prediction.baselines import reference
 from seatrial.hybrid.prediction.kalman_filter import filtered_starts
 from seatrial.hybrid.prediction.prediction_windows import (

@@ -19,7 +19,7 @@ from seatrial.acquisition.core.errors import DataShortageError
 from seatrial.acquisition.core.quantities import Floats, Ints
 from seatrial.acquisition.core.ship import DEFAULT, POSE_AND_VELOCITY, Actuators, trial_names, unwrap
 from seatrial.analysis.tables.table import NANO, table_actuators
-from seatrial.analysis.windows.recordings import SecondBySecond
+from seatrial.analysis.windows.held import SecondBySecond
 from seatrial.hybrid.vessel.actuators import angle_columns, control_units
 from seatrial.hybrid.vessel.channels import STATE_UNITS, WIND_UNITS
 from seatrial.hybrid.vessel.sensors import HEADING

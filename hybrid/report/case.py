@@ -27,11 +27,11 @@ from seatrial.analysis.manoeuvres.criteria import CriterionResult, IndexRow, cri
 from seatrial.analysis.manoeuvres.find import RecordedRuns, runs_of_trial
 from seatrial.analysis.manoeuvres.indices import Manoeuvre
 from seatrial.analysis.products import Options, Products, analyse
-from seatrial.analysis.report.run_sheet import ShipDimensions
+from seatrial.analysis.report.tables import ShipDimensions
 from seatrial.analysis.speed_power import SpeedPower, power_columns, speed_power
 from seatrial.analysis.tables.resample import resample
 from seatrial.analysis.tables.table import percent_of, refuse_duplicates, select
-from seatrial.analysis.windows.recordings import named_recordings, second_by_second
+from seatrial.analysis.windows.held import named_recordings, second_by_second
 from seatrial.hybrid.calibrators.adaptive.calibrator import AdaptiveCalibrator
 from seatrial.hybrid.calibrators.adaptive.parameters import Parameters, parameters_of
 from seatrial.hybrid.calibrators.artefact import load

@@ -12,7 +12,7 @@ from rich.console import Group
 from rich.text import Text
 
 from seatrial.analysis.report.rendering import Page, render
-from seatrial.analysis.report.words import in_words
+from seatrial.analysis.report.tables import in_words
 from seatrial.hybrid.diagnosis.result import (
     Correlation,
     Diagnosis,

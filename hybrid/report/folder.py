@@ -218,7 +218,7 @@ def batch_reports(
 
     Raises :class:`InputError` without the folder of the recordings, whose place no result knows.
     """
-    from seatrial.analysis.batch.batch import run_batch, write_index
+    from seatrial.analysis.batch import run_batch, write_index
 
     if recordings is None:
         raise InputError("contains the results of a batch without the path of the recordings", where=str(out),
@@ -245,7 +245,7 @@ def batch_reports(
 
 def _refuse_elsewhere(out: Path, recordings: Path) -> None:
     """Raise :class:`InputError` where none of a batch's recordings lies in the folder that is given for them."""
-    from seatrial.analysis.batch.batch import read_index
+    from seatrial.analysis.batch import read_index
 
     paths = [str(path) for path in read_index(out / "index.parquet")["path"] if path]
     if paths and not any((recordings / path).is_file() for path in paths):
@@ -256,7 +256,7 @@ def _refuse_elsewhere(out: Path, recordings: Path) -> None:
 
 def batch_options(out: Path) -> Any:
     """The options of a batch, from the first result that says them."""
-    from seatrial.analysis.batch.one_recording import SUMMARY
+    from seatrial.analysis.batch import SUMMARY
     from seatrial.analysis.products import Options
 
     for path in sorted(out.rglob(SUMMARY)):

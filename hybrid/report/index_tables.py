@@ -10,7 +10,7 @@ from rich.console import Group
 from rich.table import Table
 from rich.text import Text
 
-from seatrial.analysis.manoeuvres.report import index_cells, plain_name
+from seatrial.analysis.report.tables import index_cells, plain_name
 from seatrial.hybrid.report.tables import text_table
 
 if TYPE_CHECKING:

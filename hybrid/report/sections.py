@@ -13,7 +13,7 @@ from jinja2 import Environment
 from seatrial.acquisition.core.errors import SeatrialError
 from seatrial.analysis.report.figures import write_figure
 from seatrial.analysis.report.rendering import Page, environment, render
-from seatrial.analysis.report.words import in_words, reason_of
+from seatrial.analysis.report.tables import in_words, reason_of
 
 FAILED = "This section failed, which is a fault of Seatrial"
 _LEVEL = 3  # of headings inside a section: that of the section is above

@@ -20,11 +20,9 @@ from seatrial.analysis.conditions import beaufort
 from seatrial.analysis.manoeuvres.criteria import CriterionResult
 from seatrial.analysis.manoeuvres.indices import Manoeuvre, unit_of
 from seatrial.analysis.manoeuvres.motion import Motion
-from seatrial.analysis.manoeuvres.report import index_cells
 from seatrial.analysis.products import Products
-from seatrial.analysis.quality.samples import ASSUMED, is_assumed, white_noise
-from seatrial.analysis.report.run_sheet import has_date
-from seatrial.analysis.report.words import in_words
+from seatrial.analysis.report.tables import has_date, in_words, index_cells
+from seatrial.analysis.series import ASSUMED, is_assumed, white_noise
 from seatrial.analysis.speed_power.report import power_text
 from seatrial.analysis.speed_power.runs import mean_power_kw
 from seatrial.analysis.tables.table import NANO, times_ns

@@ -11,8 +11,7 @@ from matplotlib.colors import LinearSegmentedColormap, LogNorm
 from matplotlib.figure import Figure
 
 from seatrial.acquisition.core.quantities import Floats
-from seatrial.analysis.report.labels import label_points
-from seatrial.analysis.report.plots import FAINT, INK, PALETTE, Drawing, channels_figure
+from seatrial.analysis.report.plots import FAINT, INK, PALETTE, Drawing, channels_figure, label_points
 from seatrial.hybrid.calibrators.adaptive.parameters import Parameters
 from seatrial.hybrid.calibrators.calibrator import DomainOfApplicability
 from seatrial.hybrid.prediction.scores import distances

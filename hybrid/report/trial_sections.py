@@ -12,17 +12,30 @@ import numpy as np
 from seatrial.acquisition.config.conditions import Conditions
 from seatrial.acquisition.core.errors import ConfigurationError, DataShortageError
 from seatrial.analysis.conditions import recorded_conditions
-from seatrial.analysis.manoeuvres.criteria import IndexRow, Mean, headline_of_criteria
+from seatrial.analysis.manoeuvres.criteria import (
+    NOT_FOR_SHIP,
+    RESOLUTION,
+    IndexRow,
+    Mean,
+    condition_shortfalls,
+    headline_of_criteria,
+)
 from seatrial.analysis.manoeuvres.indices import Manoeuvre
-from seatrial.analysis.manoeuvres.report import index_cells, left_out_line, plain_name
-from seatrial.analysis.manoeuvres.standards import NOT_FOR_SHIP, RESOLUTION, condition_shortfalls
 from seatrial.analysis.products import Products
-from seatrial.analysis.quality.samples import is_assumed
 from seatrial.analysis.report.manoeuvre_plots import PICTURED
-from seatrial.analysis.report.pages import events_of
-from seatrial.analysis.report.quality_page import counts_of
-from seatrial.analysis.report.run_sheet import UNKNOWN, condition_rows, file_rows, has_date, ship_rows
-from seatrial.analysis.report.words import in_words
+from seatrial.analysis.report.pages import counts_of, events_of
+from seatrial.analysis.report.tables import (
+    UNKNOWN,
+    condition_rows,
+    file_rows,
+    has_date,
+    in_words,
+    index_cells,
+    left_out_line,
+    plain_name,
+    ship_rows,
+)
+from seatrial.analysis.series import is_assumed
 from seatrial.analysis.speed_power.report import sentence
 from seatrial.hybrid.prediction.scores import TWO_SIDED
 from seatrial.hybrid.report.case import Case

@@ -19,11 +19,10 @@ import pandas as pd
 from seatrial.acquisition.core.errors import DataShortageError, Progress
 from seatrial.acquisition.core.quantities import Bools, Floats, Ints
 from seatrial.acquisition.core.ship import names_of
-from seatrial.analysis.batch.workers import map_calls
+from seatrial.analysis.batch import map_calls
 from seatrial.analysis.tables.resample import resample
 from seatrial.analysis.tables.table import table_actuators
-from seatrial.analysis.windows.held import held_windows
-from seatrial.analysis.windows.recordings import SecondBySecond
+from seatrial.analysis.windows.held import SecondBySecond, held_windows
 from seatrial.hybrid.calibrators import make_calibrator, refuse_untrainable
 from seatrial.hybrid.calibrators.calibrator import Examples
 from seatrial.hybrid.effects.catalogue import vessel_plant

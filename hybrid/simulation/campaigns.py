@@ -1,6 +1,6 @@
 """Many simulated trials in one call: every vessel in every sea state, manoeuvre and seed, on worker processes.
 
-The workers, and what happens when one of them dies, are those of :mod:`seatrial.analysis.batch.batch`.
+The workers, and what happens when one of them dies, are those of :mod:`seatrial.analysis.batch`.
 """
 
 from __future__ import annotations
@@ -18,8 +18,7 @@ from seatrial.acquisition.config.toml_file import load_toml
 from seatrial.acquisition.core.errors import ConfigurationError, Progress
 from seatrial.acquisition.core.files import atomic_file, read_json
 from seatrial.acquisition.core.trial import software_version
-from seatrial.analysis.batch.one_recording import Row
-from seatrial.analysis.batch.workers import BatchJob, attempt, batch_folder, check_address, map_calls, run_jobs
+from seatrial.analysis.batch import BatchJob, Row, attempt, batch_folder, check_address, map_calls, run_jobs
 from seatrial.analysis.products import Options
 from seatrial.analysis.tables.table import sha256_of
 from seatrial.hybrid.effects import apply_effects, vessel_plant
@@ -128,7 +127,7 @@ def run_campaign(
 
     Trials that are there already, made by the same version from the same numbers, are not made again. With one
     worker everything happens in this process; ``workers`` and ``scheduler`` otherwise, and their errors, are
-    those of :func:`seatrial.analysis.batch.batch.run_batch`.
+    those of :func:`seatrial.analysis.batch.run_batch`.
     """
     out = Path(out).resolve()
     check_address(scheduler)

@@ -17,14 +17,13 @@ import numpy as np
 from seatrial.acquisition.core.errors import DataShortageError
 from seatrial.acquisition.core.quantities import Bools, Floats
 from seatrial.acquisition.core.ship import control_names
+from seatrial.analysis.manoeuvres.criteria import FULL_ASTERN
 from seatrial.analysis.manoeuvres.indices import Index, Manoeuvre, from_order, index_of, side_of
+from seatrial.analysis.manoeuvres.kinds import circle_indices, zigzag_indices
 from seatrial.analysis.manoeuvres.measures import approach_of
 from seatrial.analysis.manoeuvres.motion import Motion
 from seatrial.analysis.manoeuvres.runs import stopping_indices
-from seatrial.analysis.manoeuvres.standards import FULL_ASTERN
-from seatrial.analysis.manoeuvres.turning_circle import circle_indices
 from seatrial.analysis.manoeuvres.turning_tests import pull_out_indices
-from seatrial.analysis.manoeuvres.zigzag import zigzag_indices
 from seatrial.hybrid.effects import vessel_plant
 from seatrial.hybrid.simulation.autopilot import Drives, drives_of
 from seatrial.hybrid.simulation.handling import handling_of, pace_of, usual_rpm

@@ -20,8 +20,13 @@ from seatrial.acquisition.config.conditions import Conditions
 from seatrial.acquisition.core.errors import DataShortageError, ModelRangeError
 from seatrial.acquisition.core.quantities import Floats
 from seatrial.acquisition.core.result import Result
-from seatrial.analysis.manoeuvres.criteria import CriterionResult, criteria_of, index_rows
-from seatrial.analysis.manoeuvres.standards import TURNING_HELM_DEG, add_limits
+from seatrial.analysis.manoeuvres.criteria import (
+    TURNING_HELM_DEG,
+    CriterionResult,
+    add_limits,
+    criteria_of,
+    index_rows,
+)
 from seatrial.hybrid.effects import vessel_plant
 from seatrial.hybrid.simulation.handling import handling_of, shaft_limit_rpm, steady_speed_mps
 from seatrial.hybrid.simulation.standard_tests import (

@@ -25,7 +25,7 @@ from seatrial.acquisition.core.trial import Quality, Trial
 from seatrial.acquisition.recording.reader import Recording
 from seatrial.analysis.tables.resample import own_gap_s, resample_recording
 from seatrial.analysis.tables.table import NANO, actuators_in_recording
-from seatrial.analysis.windows.recordings import SecondBySecond
+from seatrial.analysis.windows.held import SecondBySecond
 from seatrial.hybrid.calibrators.predict import Prediction, predict
 from seatrial.hybrid.prediction.regions import bands, outlines
 from seatrial.hybrid.twin.running_error import MeanErrors, TrackError

@@ -23,7 +23,7 @@ from seatrial.acquisition.recording.grouping import Files, read_recordings, read
 from seatrial.acquisition.recording.reader import Recording
 from seatrial.analysis.quality.check import check_recording
 from seatrial.analysis.quality.findings import Finding
-from seatrial.analysis.quality.motion.series import GROUPS
+from seatrial.analysis.quality.motion.model import GROUPS
 from seatrial.analysis.quality.repairs import Repair, repair
 from seatrial.analysis.tables.table import (
     NANO,

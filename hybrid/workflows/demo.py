@@ -26,8 +26,7 @@ from seatrial.acquisition.emulator import NullModem, Playback, emulate
 from seatrial.acquisition.recording.reader import Recording, read_recording
 from seatrial.acquisition.recording.writer import write_table
 from seatrial.analysis.quality.check import DataQuality, check_recording
-from seatrial.analysis.windows.held import HeldWindows
-from seatrial.analysis.windows.recordings import tables_of_recordings, windows_of_tables
+from seatrial.analysis.windows.held import HeldWindows, tables_of_recordings, windows_of_tables
 from seatrial.hybrid.calibrators.artefact import save
 from seatrial.hybrid.calibrators.train import TrainedCalibrator, train
 from seatrial.hybrid.diagnosis.diagnose import TOLERANCE

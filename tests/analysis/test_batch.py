@@ -22,17 +22,21 @@ from typer.testing import CliRunner
 
 from seatrial import app
 from seatrial.acquisition.core.errors import DataShortageError, InputError, SourceError, StorageError
-from seatrial.analysis.batch import workers
-from seatrial.analysis.batch.batch import (
+from seatrial.analysis import batch
+from seatrial.analysis.batch import (
+    MARKS,
+    MOST_ATTEMPTS,
+    NOT_CLOSED,
+    BatchJob,
     BatchSummary,
+    Row,
     process_job,
+    process_recording,
     read_index,
     recordings_below,
     result_names,
     run_batch,
 )
-from seatrial.analysis.batch.one_recording import NOT_CLOSED, Row, process_recording
-from seatrial.analysis.batch.workers import MARKS, MOST_ATTEMPTS, BatchJob
 from seatrial.analysis.products import Options
 from tests.acquisition.conftest import PATIENCE_S
 from tests.analysis.small_batch import BROKEN, QUICK, hashes, sailed, write_batch, write_broken
@@ -177,7 +181,7 @@ def test_a_result_whose_recording_is_gone_stays_and_the_index_says_so(
 
 def _troubled(job: BatchJob) -> Row:
     """An attempt in which 1 kills its worker once, 2 always, 3 surprises, 4 hangs; the others are light work."""
-    from seatrial.analysis.batch import batch
+    from seatrial.analysis import batch
 
     once, last = Path(job.out).parent / "died_once", job.name[-1]
 
@@ -210,8 +214,8 @@ def test_whatever_a_recording_does_to_its_worker_is_one_row_and_the_others_are_d
 
 
 def test_no_scheduler_is_one_error_soon(one: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    assert workers._CONNECT_S <= 10  # what is waited for an answer
-    monkeypatch.setattr(workers, "_CONNECT_S", 1)
+    assert batch._CONNECT_S <= 10  # what is waited for an answer
+    monkeypatch.setattr(batch, "_CONNECT_S", 1)
     with pytest.raises(SourceError, match="no scheduler can be reached") as caught:
         run_batch(one, tmp_path / "out", scheduler="tcp://127.0.0.1:9")
     assert "\n" not in str(caught.value)

@@ -14,7 +14,7 @@ import pytest
 
 from seatrial.acquisition.core.errors import StorageError
 from seatrial.acquisition.core.ship import NAMES as CHANNELS
-from seatrial.analysis.batch.batch import failures_of, gone_rows, index_table, read_index, write_index
+from seatrial.analysis.batch import failures_of, gone_rows, index_table, read_index, write_index
 from seatrial.analysis.report.pages import index_page
 from tests.browser import Browser, running_browser
 

@@ -21,7 +21,7 @@ from seatrial.acquisition.core.trial import Quality, Trial
 from seatrial.acquisition.recording.reader import read_recording
 from seatrial.acquisition.recording.writer import write_table
 from seatrial.analysis.quality.check import check_recording, check_table
-from seatrial.analysis.tables.files import read_parquet
+from seatrial.analysis.tables.export import read_parquet
 from seatrial.analysis.tables.table import read_table
 from seatrial.hybrid.simulation.trial import simulate_trial
 

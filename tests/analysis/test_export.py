@@ -27,8 +27,8 @@ from seatrial.acquisition.recording.reader import read_recording
 from seatrial.acquisition.recording.writer import write_table
 from seatrial.acquisition.tables.import_table import import_table
 from seatrial.acquisition.tables.table_files import read_raw
-from seatrial.analysis.prepare import Preparation, prepare
 from seatrial.analysis.quality.findings import CheckResult
+from seatrial.analysis.quality.repairs import Preparation, prepare
 from seatrial.analysis.tables.export import add_flags, export_table, matlab_name
 from seatrial.analysis.tables.resample import resample
 from seatrial.analysis.tables.table import add_step, history_of, provenance_of, read_table

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from seatrial.acquisition.core.ship import POSE_AND_VELOCITY, difference, wrap_360
-from seatrial.analysis.estimation.local_polynomial import (
+from seatrial.analysis.series import (
     half_width_for,
     local_quadratic,
     smooth_motion,

@@ -8,8 +8,8 @@ from math import sqrt
 
 import pytest
 
-from seatrial.analysis.batch import workers as module
-from seatrial.analysis.batch.workers import map_calls
+from seatrial.analysis import batch as module
+from seatrial.analysis.batch import map_calls
 
 
 @pytest.fixture(scope="module", autouse=True)

@@ -21,8 +21,8 @@ from seatrial.acquisition.core.trial import Trial
 from seatrial.acquisition.recording.reader import read_recording
 from seatrial.acquisition.recording.writer import write_table
 from seatrial.acquisition.tables.import_table import import_table
-from seatrial.analysis.prepare import Preparation, prepare
 from seatrial.analysis.quality.check import check_recording
+from seatrial.analysis.quality.repairs import Preparation, prepare
 from seatrial.analysis.tables.export import export_table
 from seatrial.analysis.tables.table import read_table
 from tests.analysis.conftest import steady_table, table_at

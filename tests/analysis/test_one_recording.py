@@ -17,12 +17,18 @@ from seatrial.acquisition.core.errors import InputError, StorageError
 from seatrial.acquisition.core.ship import NAMES
 from seatrial.acquisition.core.trial import Trial
 from seatrial.acquisition.recording.writer import write_table
-from seatrial.analysis.batch import one_recording
-from seatrial.analysis.batch.batch import recordings_below
-from seatrial.analysis.batch.one_recording import SUMMARY, distance_m, process_recording, reusable_row, thumbnail
+from seatrial.analysis import batch
+from seatrial.analysis.batch import (
+    SUMMARY,
+    distance_m,
+    process_recording,
+    recordings_below,
+    reusable_row,
+    thumbnail,
+)
 from seatrial.analysis.products import cause_of
-from seatrial.analysis.tables.files import read_parquet
-from seatrial.analysis.windows.recordings import read_windows
+from seatrial.analysis.tables.export import read_parquet
+from seatrial.analysis.windows.held import read_windows
 from tests.analysis.conftest import table_at
 from tests.analysis.small_batch import QUICK, hashes, sailed
 
@@ -131,7 +137,7 @@ def test_what_fails_on_the_way_leaves_the_earlier_result_and_no_trace(
     def interrupted(*_: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(one_recording, "write_json", interrupted)
+    monkeypatch.setattr(batch, "write_json", interrupted)
     with pytest.raises(KeyboardInterrupt):
         process_recording(recording, tmp_path / "out", replace(QUICK, stride_s=7))
     assert hashes(tmp_path) == before

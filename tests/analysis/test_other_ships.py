@@ -12,7 +12,7 @@ import pytest
 
 from seatrial.acquisition.core.trial import Trial
 from seatrial.acquisition.recording.writer import write_table
-from seatrial.analysis.batch.one_recording import process_recording
+from seatrial.analysis.batch import process_recording
 from seatrial.analysis.manoeuvres import Manoeuvre, find_manoeuvres
 from seatrial.analysis.manoeuvres.motion import motion_of
 from seatrial.analysis.report.figures import fill_figure, numbers_of

@@ -14,8 +14,16 @@ from matplotlib.lines import Line2D
 from matplotlib.text import Text
 
 from seatrial.analysis.report.figures import fill_figure, numbers_of
-from seatrial.analysis.report.labels import label_points
-from seatrial.analysis.report.plots import STYLE, channels_figure, held_shade, label, outline_rows, series, track
+from seatrial.analysis.report.plots import (
+    STYLE,
+    channels_figure,
+    held_shade,
+    label,
+    label_points,
+    outline_rows,
+    series,
+    track,
+)
 from seatrial.analysis.windows.held import held_windows
 from tests.analysis.conftest import steady_table
 

@@ -17,8 +17,7 @@ from seatrial.acquisition.core.ship import unwrap
 from seatrial.acquisition.tables.import_table import import_table
 from seatrial.analysis.tables.resample import resample
 from seatrial.analysis.tables.table import read_table
-from seatrial.analysis.windows.held import held_windows
-from seatrial.analysis.windows.recordings import read_windows
+from seatrial.analysis.windows.held import held_windows, read_windows
 
 pytestmark = pytest.mark.shared
 

@@ -15,14 +15,14 @@ from seatrial.acquisition.core.trial import Trial
 from seatrial.acquisition.recording.reader import read_recording
 from seatrial.acquisition.recording.writer import write_table
 from seatrial.acquisition.tables.import_table import read_table_file
-from seatrial.analysis.batch.one_recording import process_recording
+from seatrial.analysis.batch import process_recording
 from seatrial.analysis.manoeuvres import find_manoeuvres
 from seatrial.analysis.manoeuvres.motion import motion_of
 from seatrial.analysis.report.figures import fill_figure, numbers_of
 from seatrial.analysis.report.interactive import interactive_page, page_data
 from seatrial.analysis.report.manoeuvre_plots import draw
 from seatrial.analysis.report.plots import channels_figure, control_groups, label, track_figure
-from seatrial.analysis.report.run_sheet import run_sheet
+from seatrial.analysis.report.tables import run_sheet
 from seatrial.analysis.tables.export import export_table
 from seatrial.analysis.tables.resample import resample
 from seatrial.analysis.tables.table import table_actuators, table_of

@@ -14,7 +14,7 @@ from seatrial.acquisition.recording.writer import write_table
 from seatrial.analysis.conditions import BEAUFORT_MPS, beaufort
 from seatrial.analysis.manoeuvres.indices import Current, Manoeuvre
 from seatrial.analysis.report.pages import events_of
-from seatrial.analysis.report.run_sheet import UNKNOWN, ShipDimensions, run_sheet, wind_words
+from seatrial.analysis.report.tables import UNKNOWN, ShipDimensions, run_sheet, wind_words
 from seatrial.analysis.tables.resample import resample
 from seatrial.analysis.tables.table import table_of
 from tests.analysis.conftest import steady_table

@@ -23,10 +23,8 @@ from seatrial.acquisition.core.errors import InputError, SourceError, StorageErr
 from seatrial.acquisition.core.trial import Trial
 from seatrial.acquisition.recording.reader import read_recording
 from seatrial.acquisition.recording.writer import write_table
-from seatrial.analysis.batch.one_recording import SUMMARY, WAITING, Row
-from seatrial.analysis.batch.workers import BatchJob
-from seatrial.analysis.serve.app import MOST_RUNS, make_app, serve
-from seatrial.analysis.serve.season import Season, _Worker
+from seatrial.analysis.batch import SUMMARY, WAITING, BatchJob, Row
+from seatrial.analysis.serve import MOST_RUNS, Season, _Worker, make_app, serve
 from tests.acquisition.conftest import PATIENCE_S
 from tests.analysis.small_batch import QUICK, sailed
 from tests.browser import running_browser
@@ -73,7 +71,7 @@ def one_worker() -> Iterator[None]:
     """One process for all seasons here, and another after the test in which it dies."""
     shared = OneWorker()
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("seatrial.analysis.serve.season._Worker", lambda: shared)
+        patch.setattr("seatrial.analysis.serve._Worker", lambda: shared)
         yield
     _Worker.stop(shared)
 
@@ -231,7 +229,7 @@ def test_a_worker_that_dies_is_one_failed_row(
 ) -> None:
     with Season(folder, tmp_path, QUICK, eager=False) as mortal:
         wait_for(lambda: by_name(mortal)["evil"].get("samples") is not None)
-        monkeypatch.setattr("seatrial.analysis.serve.season.result_of", dies)
+        monkeypatch.setattr("seatrial.analysis.serve.result_of", dies)
         mortal.ask("evil")
         wait_for(lambda: by_name(mortal)["evil"]["status"] == "failed")
         assert "its worker died" in by_name(mortal)["evil"]["cause"]

@@ -14,11 +14,13 @@ from seatrial.acquisition.core.errors import DataShortageError, InputError
 from seatrial.acquisition.core.ship import COMMAND, DEFAULT, NAMES
 from seatrial.acquisition.core.trial import Trial
 from seatrial.acquisition.recording.writer import write_table
-from seatrial.analysis.estimation.noise_levels import noise_of
+from seatrial.analysis.estimation.motion_model import noise_of
 from seatrial.analysis.tables.table import CALM, history_of, with_calm
-from seatrial.analysis.windows.held import columns_for, held_windows, join_windows
-from seatrial.analysis.windows.recordings import (
+from seatrial.analysis.windows.held import (
     SecondBySecond,
+    columns_for,
+    held_windows,
+    join_windows,
     names_of_trials,
     read_windows,
     windows_of_recordings,

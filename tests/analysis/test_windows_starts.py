@@ -18,11 +18,15 @@ from seatrial.acquisition.core.trial import Trial
 from seatrial.acquisition.recording.writer import write_table
 from seatrial.analysis.estimation.smoother import COVARIANCE_NAMES, smooth
 from seatrial.analysis.tables.resample import resample
-from seatrial.analysis.windows.held import REASONS, columns_for, feedback_of, held_windows, join_windows
-from seatrial.analysis.windows.recordings import (
+from seatrial.analysis.windows.held import (
+    REASONS,
     START_COLUMNS,
     WindowOptions,
     add_start_states,
+    columns_for,
+    feedback_of,
+    held_windows,
+    join_windows,
     read_windows,
     starts_path,
     windows_of_recordings,

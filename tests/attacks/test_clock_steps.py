@@ -22,8 +22,7 @@ from seatrial.acquisition.logger.maintenance import Timescale, clock_metadata
 from seatrial.acquisition.recording.grouping import NEW_PART_NS, read_parts, read_together, whole_recordings
 from seatrial.acquisition.recording.parts import RecordingParts
 from seatrial.acquisition.recording.writer import RecordingWriter
-from seatrial.analysis.batch.batch import process_job, recordings_below
-from seatrial.analysis.batch.workers import MARKS, BatchJob
+from seatrial.analysis.batch import MARKS, BatchJob, process_job, recordings_below
 from seatrial.analysis.tables.table import times_ns
 from tests.analysis.small_batch import QUICK, sailed
 from tests.attacks.test_seasons import batch_here

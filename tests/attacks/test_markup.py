@@ -14,8 +14,7 @@ from seatrial.acquisition.core.trial import Quality, Sample, Trial
 from seatrial.acquisition.logger.display import Picture, as_json, page
 from seatrial.acquisition.logger.health import Health, SourceHealth
 from seatrial.acquisition.recording.writer import RecordingWriter
-from seatrial.analysis.serve.app import make_app
-from seatrial.analysis.serve.season import Season
+from seatrial.analysis.serve import Season, make_app
 from seatrial.analysis.tables.table import times_ns
 from tests.analysis.small_batch import QUICK, sailed
 from tests.analysis.test_serve import HERE

@@ -668,7 +668,7 @@ class RunBatch:
         self.stride_s = stride_s
 
     def __call__(self) -> None:
-        from seatrial.analysis.batch import batch
+        from seatrial.analysis import batch
         from seatrial.analysis.products import Options
 
         with pytest.MonkeyPatch.context() as patch:

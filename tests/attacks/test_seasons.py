@@ -22,20 +22,22 @@ from flask.testing import FlaskClient
 from seatrial.acquisition.core.ship import NAMES as CHANNELS
 from seatrial.acquisition.core.trial import Trial
 from seatrial.acquisition.recording.writer import write_table
-from seatrial.analysis.batch.batch import (
+from seatrial.analysis import serve
+from seatrial.analysis.batch import (
+    MARKS,
+    WAITING,
+    BatchJob,
     BatchSummary,
+    Row,
+    attempt,
     process_job,
     read_index,
     recordings_below,
     result_names,
     run_batch,
 )
-from seatrial.analysis.batch.one_recording import WAITING, Row
-from seatrial.analysis.batch.workers import MARKS, BatchJob, attempt
 from seatrial.analysis.products import Options
-from seatrial.analysis.serve import season
-from seatrial.analysis.serve.app import make_app
-from seatrial.analysis.serve.season import Season
+from seatrial.analysis.serve import Season, make_app
 from tests.acquisition.conftest import PATIENCE_S
 from tests.analysis.small_batch import QUICK, sailed
 from tests.analysis.test_serve import HERE, wait_for
@@ -132,7 +134,7 @@ def batch_here(folder: Path, out: Path) -> BatchSummary:
         return [process_job(job) for job in jobs]
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("seatrial.analysis.batch.batch.run_jobs", run_here)
+        patch.setattr("seatrial.analysis.batch.run_jobs", run_here)
         return run_batch(folder, out, options=QUICK)
 
 
@@ -312,11 +314,11 @@ def hang(job: BatchJob) -> Row:
 
 @pytest.mark.attack
 def test_recording_that_hangs_holds_up_no_other_of_the_season(monkeypatch: pytest.MonkeyPatch) -> None:
-    worker = season._Worker()
-    monkeypatch.setattr(season, "_LONGEST_S", 0.5)
+    worker = serve._Worker()
+    monkeypatch.setattr(serve, "_LONGEST_S", 0.5)
     assert worker.row_of(hang, BatchJob("a", "a.mcap", "out", QUICK)) is None
     monkeypatch.undo()
-    row = worker.row_of(season._first_look, BatchJob("a", "nothing.mcap", "out", QUICK))
+    row = worker.row_of(serve._first_look, BatchJob("a", "nothing.mcap", "out", QUICK))
     worker.stop()
     assert row is not None
     assert row["status"] == "failed"

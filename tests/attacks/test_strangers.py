@@ -796,7 +796,7 @@ def test_sidecar_with_another_value_ends_in_no_traceback(
     ids=lambda change: next(iter(change)),
 )  # fmt: skip
 def test_result_that_is_none_is_no_row_of_the_index(change: dict[str, Any]) -> None:
-    from seatrial.analysis.batch.batch import is_row
+    from seatrial.analysis.batch import is_row
 
     row = {"name": "a", "status": "done", "cause": "", "findings": 3, "start": "2026-03-01T00:00:00+00:00"}
     assert is_row(row)

@@ -22,10 +22,8 @@ from werkzeug.test import TestResponse
 from seatrial.acquisition.core.errors import SeatrialError
 from seatrial.acquisition.core.trial import Trial
 from seatrial.acquisition.recording.writer import write_table
-from seatrial.analysis.serve import app, limited
-from seatrial.analysis.serve.app import make_app
-from seatrial.analysis.serve.limited import call_limited
-from seatrial.analysis.serve.season import Season
+from seatrial.analysis import serve
+from seatrial.analysis.serve import Season, call_limited, make_app
 from tests.acquisition.conftest import PATIENCE_S
 from tests.analysis.small_batch import QUICK, sailed
 from tests.analysis.test_serve import HERE, table_text
@@ -235,7 +233,7 @@ def test_name_of_a_file_leads_nowhere_else(
         Path(given).with_suffix(".mcap").write_bytes(b"made")
         return []
 
-    monkeypatch.setattr("seatrial.analysis.serve.uploads.call_limited", make)
+    monkeypatch.setattr("seatrial.analysis.serve.call_limited", make)
     before = {path for path in folder.parent.rglob("*") if path.is_dir()}
     answer = send(client, name, b"x")
     assert answer.status_code in (200, 400, 422)
@@ -282,7 +280,7 @@ def test_one_file_is_received_at_a_time(client: FlaskClient, monkeypatch: pytest
         goes_on.wait(PATIENCE_S)
         return Path("a.mcap"), []
 
-    monkeypatch.setattr(app, "receive", receive)
+    monkeypatch.setattr(serve, "receive", receive)
     answers: list[TestResponse] = []
     first = Thread(target=lambda: answers.append(send(client.application.test_client(), "a.csv", b"x")))
     first.start()
@@ -348,14 +346,14 @@ def test_strange_address_is_a_page_that_says_so(address: str, client: FlaskClien
 
 
 def test_exports_at_once_are_bounded() -> None:
-    turns = [limited._turns.acquire(blocking=False) for _ in range(limited.MOST_AT_ONCE + 1)]
+    turns = [serve._turns.acquire(blocking=False) for _ in range(serve.MOST_AT_ONCE + 1)]
     try:
-        assert turns == [True] * limited.MOST_AT_ONCE + [False]
+        assert turns == [True] * serve.MOST_AT_ONCE + [False]
         with pytest.raises(SeatrialError, match="try again"):
             call_limited(hang, longest_s=0.1)
     finally:
-        for _ in range(limited.MOST_AT_ONCE):
-            limited._turns.release()
+        for _ in range(serve.MOST_AT_ONCE):
+            serve._turns.release()
 
 
 @pytest.mark.attack

@@ -16,7 +16,7 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
-from seatrial.analysis.batch.batch import run_batch
+from seatrial.analysis.batch import run_batch
 from seatrial.analysis.products import Options
 from tests.analysis.small_batch import sailed, write_batch
 

@@ -25,9 +25,9 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 from seatrial.acquisition.core.quantities import Floats, to_earth, to_ship
 from seatrial.acquisition.tables.column_map import rate
 from seatrial.analysis.quality.findings import Finding
-from seatrial.analysis.quality.motion.checks import findings_of
-from seatrial.analysis.quality.motion.kinematics import fit_kinematics
-from seatrial.analysis.quality.motion.series import GROUPS, MOTION
+from seatrial.analysis.quality.motion.findings import findings_of
+from seatrial.analysis.quality.motion.fit import fit_kinematics
+from seatrial.analysis.quality.motion.model import GROUPS, MOTION
 from seatrial.hybrid.simulation.trial import simulate_trial
 
 MANOEUVRES = ("zigzag_20_20", "zigzag_10_10", "turning_circle_20", "voyage", "programme")

@@ -23,9 +23,8 @@ import pandas as pd
 
 from seatrial.acquisition.core.quantities import Floats
 from seatrial.analysis.manoeuvres import find_manoeuvres
+from seatrial.analysis.manoeuvres.kinds import circle_indices, zigzag_indices
 from seatrial.analysis.manoeuvres.motion import motion_of
-from seatrial.analysis.manoeuvres.turning_circle import circle_indices
-from seatrial.analysis.manoeuvres.zigzag import zigzag_indices
 from seatrial.hybrid.simulation.handling import pace_of, usual_rpm
 from seatrial.hybrid.simulation.manoeuvres import helm, steer, zigzag
 from seatrial.hybrid.simulation.trial import simulate_trial, usual_noise

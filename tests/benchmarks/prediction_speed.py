@@ -22,7 +22,7 @@ import pandas as pd
 sys.path.insert(0, str(Path(__file__).parents[2]))
 
 from seatrial.acquisition.core.quantities import Floats
-from seatrial.analysis.windows.recordings import SecondBySecond
+from seatrial.analysis.windows.held import SecondBySecond
 from seatrial.hybrid.calibrators import METHODS, make_calibrator
 from seatrial.hybrid.calibrators.artefact import load
 from seatrial.hybrid.calibrators.calibrator import Calibrator

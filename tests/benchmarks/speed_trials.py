@@ -28,7 +28,7 @@ from scipy.optimize import brentq
 from seatrial.acquisition.config.conditions import Conditions
 from seatrial.acquisition.core.quantities import Floats
 from seatrial.analysis.speed_power import SpeedPower, speed_power_of_runs
-from seatrial.analysis.speed_power.run_table import runs_in_table
+from seatrial.analysis.speed_power.runs import runs_in_table
 
 _RHO, _RHO_AIR, _G, _NU, _KNOT = 1026.0, 1.225, 9.81, 1.19e-6, 1852.0 / 3600.0
 _MOON_S = 44_714.0

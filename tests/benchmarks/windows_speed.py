@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 
 from seatrial.acquisition.core.ship import CIRCULAR, COMMAND, NAMES, unwrap
-from seatrial.analysis.estimation.noise_levels import noise_of
+from seatrial.analysis.estimation.motion_model import noise_of
 from seatrial.analysis.tables.table import index_of
 from seatrial.analysis.windows.held import (
     DRIFT_SIGMAS,

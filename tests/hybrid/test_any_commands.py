@@ -17,7 +17,7 @@ from seatrial.acquisition.core.errors import InputError
 from seatrial.acquisition.core.quantities import Floats
 from seatrial.acquisition.core.ship import NAMES
 from seatrial.analysis.tables.table import NANO
-from seatrial.analysis.windows.recordings import tables_of_recordings
+from seatrial.analysis.windows.held import tables_of_recordings
 from seatrial.hybrid.calibrators import METHODS, make_calibrator
 from seatrial.hybrid.calibrators.adaptive.adaptation import expected_wind, gust_decay_s, observations_of
 from seatrial.hybrid.calibrators.adaptive.fit import adapt

@@ -12,7 +12,7 @@ from seatrial.acquisition.core.ship import wrap_180
 from seatrial.acquisition.core.trial import Trial
 from seatrial.acquisition.recording.reader import read_recording
 from seatrial.acquisition.recording.writer import write_table
-from seatrial.analysis.quality.motion.checks import check_motion
+from seatrial.analysis.quality.motion.findings import check_motion
 from seatrial.hybrid.diagnosis.log import log_of
 from seatrial.hybrid.effects import CATALOGUE
 from seatrial.hybrid.simulation.trial import simulate_trial

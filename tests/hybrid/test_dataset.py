@@ -13,7 +13,7 @@ from typer.testing import CliRunner
 from seatrial import app
 from seatrial.acquisition.core.trial import Trial
 from seatrial.acquisition.recording.writer import write_table
-from seatrial.analysis.windows.recordings import tables_of_recordings
+from seatrial.analysis.windows.held import tables_of_recordings
 from seatrial.hybrid.calibrators.predict import window_at
 from seatrial.hybrid.evaluation.splits import SPLITS, shared_seconds
 from seatrial.hybrid.prediction.dataset import load_dataset

@@ -11,7 +11,7 @@ import pytest
 from seatrial.acquisition.core.ship import VESSELS
 from seatrial.acquisition.tables.import_table import import_table
 from seatrial.analysis.tables.resample import resample
-from seatrial.analysis.windows.recordings import second_by_second
+from seatrial.analysis.windows.held import second_by_second
 from seatrial.hybrid.effects.catalogue import vessel_plant
 from seatrial.hybrid.prediction.baselines import constant_velocity, reference
 from seatrial.hybrid.prediction.dataset import dataset_of

@@ -15,7 +15,7 @@ from seatrial.acquisition.core.errors import InputError
 from seatrial.acquisition.core.quantities import Floats
 from seatrial.acquisition.core.ship import Actuator
 from seatrial.analysis.tables.resample import resample
-from seatrial.analysis.windows.recordings import second_by_second
+from seatrial.analysis.windows.held import second_by_second
 from seatrial.hybrid.effects.catalogue import vessel_plant
 from seatrial.hybrid.prediction.baselines import reference
 from seatrial.hybrid.prediction.dataset import dataset_of

@@ -15,7 +15,7 @@ from seatrial.acquisition.core.errors import InputError, ModelRangeError
 from seatrial.acquisition.core.ship import NAMES, difference
 from seatrial.analysis.tables.resample import resample
 from seatrial.analysis.tables.table import read_table
-from seatrial.analysis.windows.recordings import SecondBySecond
+from seatrial.analysis.windows.held import SecondBySecond
 from seatrial.hybrid.calibrators.predict import Prediction, parse_time, predict, window_at
 from seatrial.hybrid.calibrators.train import TrainedCalibrator
 from seatrial.hybrid.prediction.baselines import reference

@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from seatrial.acquisition.config.conditions import Conditions
 from seatrial.analysis.manoeuvres.criteria import (
     IndexRow,
+    add_limits,
     criteria_of,
     headline_of_criteria,
     index_rows,
@@ -20,7 +21,6 @@ from seatrial.analysis.manoeuvres.criteria import (
     shortfalls_of,
 )
 from seatrial.analysis.manoeuvres.indices import Index, Manoeuvre, index_of
-from seatrial.analysis.manoeuvres.standards import add_limits
 
 START = pd.Timestamp("2026-05-01 10:00", tz="UTC")
 LARGE = Conditions(

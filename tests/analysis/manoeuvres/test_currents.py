@@ -14,8 +14,7 @@ from hypothesis import strategies as st
 from seatrial.acquisition.config.conditions import Conditions
 from seatrial.acquisition.core.quantities import Floats
 from seatrial.analysis.manoeuvres import Manoeuvre, find_manoeuvres
-from seatrial.analysis.manoeuvres.currents import Observation, current_at
-from seatrial.analysis.manoeuvres.find import RecordedRuns, runs_of_trial
+from seatrial.analysis.manoeuvres.find import Observation, RecordedRuns, current_at, runs_of_trial
 from tests.benchmarks.yard_ship import Sailed, YardShip
 from tests.benchmarks.yard_trials import Recorder, record, sail
 

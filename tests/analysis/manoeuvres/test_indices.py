@@ -14,10 +14,9 @@ from hypothesis import strategies as st
 from seatrial.acquisition.core.quantities import Floats
 from seatrial.acquisition.core.ship import wrap_180, wrap_360
 from seatrial.analysis.manoeuvres import Manoeuvre, as_json, find_manoeuvres
+from seatrial.analysis.manoeuvres.kinds import circle_indices, zigzag_indices
 from seatrial.analysis.manoeuvres.measures import bootstrap_indices, peak
 from seatrial.analysis.manoeuvres.motion import Motion, motion_of
-from seatrial.analysis.manoeuvres.turning_circle import circle_indices
-from seatrial.analysis.manoeuvres.zigzag import zigzag_indices
 from tests.analysis.conftest import table_at
 from tests.analysis.manoeuvres.conftest import Sail
 

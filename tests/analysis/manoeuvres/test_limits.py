@@ -8,8 +8,7 @@ import pandas as pd
 import pytest
 
 from seatrial.acquisition.config.conditions import Conditions
-from seatrial.analysis.manoeuvres.indices import Manoeuvre, index_of
-from seatrial.analysis.manoeuvres.standards import (
+from seatrial.analysis.manoeuvres.criteria import (
     CRITERIA,
     add_limits,
     first_overshoot_10_10_deg,
@@ -17,6 +16,7 @@ from seatrial.analysis.manoeuvres.standards import (
     missing_of,
     second_overshoot_10_10_deg,
 )
+from seatrial.analysis.manoeuvres.indices import Manoeuvre, index_of
 
 HUNDRED = Conditions(length_m=100.0)
 FULLY_KNOWN = Conditions(

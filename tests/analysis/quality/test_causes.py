@@ -7,8 +7,7 @@ import pandas as pd
 import pytest
 
 from seatrial.acquisition.recording.grouping import Event
-from seatrial.analysis.quality.causes import causes_of
-from seatrial.analysis.quality.check import DataQuality, check_table
+from seatrial.analysis.quality.check import DataQuality, causes_of, check_table
 from seatrial.analysis.quality.findings import Finding
 
 ROWS = 1200

@@ -23,7 +23,7 @@ from seatrial.acquisition.core.ship import (
     wrap_180,
     wrap_360,
 )
-from seatrial.analysis.quality import repeated_values
+from seatrial.analysis import series
 from seatrial.analysis.quality.channel_checks import (
     channel_faults,
     find_backwards,
@@ -32,8 +32,7 @@ from seatrial.analysis.quality.channel_checks import (
     find_out_of_range,
     find_spikes,
 )
-from seatrial.analysis.quality.repeated_values import find_stuck
-from seatrial.analysis.quality.samples import runs_of_equal, series_of, stretches_of
+from seatrial.analysis.series import find_stuck, runs_of_equal, series_of, stretches_of
 from seatrial.analysis.tables.table import NANO, valid_values
 
 HEADING, SURGE, RPM, NORTH = (BY_NAME[name] for name in ("heading_deg", "surge_mps", "port_rpm", "north_m"))
@@ -197,7 +196,7 @@ def test_the_runs_of_a_speed_are_looked_up_twice_however_many_there_are(monkeypa
         calls.append(new.size)
         return runs_of_equal(new)
 
-    monkeypatch.setattr(repeated_values, "runs_of_equal", counted)
+    monkeypatch.setattr(series, "runs_of_equal", counted)
     assert places(find_stuck(samples(np.repeat(4.0 + 0.02 * noise(300), 10), 20.0), SURGE)) == []
     assert len(calls) == 2
 

@@ -14,8 +14,8 @@ from typer.testing import CliRunner
 from seatrial import app
 from seatrial.acquisition.core.trial import Quality, Trial
 from seatrial.acquisition.recording.writer import write_table
-from seatrial.analysis.report.quality_page import binned_flags
-from seatrial.analysis.tables.files import read_parquet
+from seatrial.analysis.report.pages import binned_flags
+from seatrial.analysis.tables.export import read_parquet
 from seatrial.hybrid.simulation.trial import simulate_trial
 
 RUN = CliRunner()

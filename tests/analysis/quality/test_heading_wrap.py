@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from seatrial.acquisition.core.ship import difference, unwrap, wrap_180, wrap_360
 from seatrial.acquisition.core.trial import Quality
 from seatrial.acquisition.tables.import_table import import_table
-from seatrial.analysis.quality.heading_wrap import WRAP_INTERPOLATED, check_heading_wrap, seam_line_mask
+from seatrial.analysis.quality.channel_checks import WRAP_INTERPOLATED, check_heading_wrap, seam_line_mask
 from seatrial.analysis.tables.table import NANO, read_table, times_ns
 from seatrial.hybrid.simulation.trial import SimulationNoise, simulate_trial
 from tests.analysis.conftest import table_at

@@ -13,8 +13,7 @@ from seatrial.acquisition.core.quantities import Series
 from seatrial.acquisition.core.ship import BY_NAME, wrap_360
 from seatrial.acquisition.tables.import_table import import_table
 from seatrial.analysis.quality.check import DataQuality, check_table
-from seatrial.analysis.quality.repeated_values import grid_step, quantisation_step
-from seatrial.analysis.quality.samples import series_of
+from seatrial.analysis.series import grid_step, quantisation_step, series_of
 from seatrial.analysis.tables.table import NANO, read_table
 
 MAPS = Path(__file__).parents[3] / "trials" / "columns"

@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 
 from seatrial.acquisition.core.quantities import Series
-from seatrial.analysis.quality.time_checks import clock_jumps, jitter_s, reception_jumps
+from seatrial.analysis.quality.findings import clock_jumps, jitter_s, reception_jumps
 from seatrial.analysis.tables.table import NANO, index_of, times_ns
 from seatrial.hybrid.simulation.trial import simulate_trial
 

@@ -12,9 +12,9 @@ from hypothesis import strategies as st
 
 from seatrial.acquisition.core.quantities import Bools, Floats
 from seatrial.acquisition.core.ship import BY_NAME
+from seatrial.analysis.quality.channel_checks import ALTERNATING, alternation_findings, find_levels
 from seatrial.analysis.quality.check import check_table
-from seatrial.analysis.quality.samples import series_of
-from seatrial.analysis.quality.two_levels import ALTERNATING, alternation_findings, find_levels
+from seatrial.analysis.series import series_of
 
 _ROWS = 600
 _TIME_S = np.arange(_ROWS) * 0.5

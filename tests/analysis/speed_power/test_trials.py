@@ -15,7 +15,7 @@ from scipy.optimize import brentq
 import seatrial as st
 from seatrial.acquisition.core.errors import DataShortageError, InputError
 from seatrial.acquisition.core.result import from_json, to_json
-from seatrial.analysis.batch.one_recording import process_recording
+from seatrial.analysis.batch import process_recording
 from seatrial.analysis.products import Options
 from seatrial.analysis.speed_power import Conditions, SpeedPower, power_runs, speed_power
 from seatrial.analysis.speed_power.report import corrected_words, sentence

@@ -11,10 +11,10 @@ import pytest
 from seatrial.acquisition.config.conditions import WindType
 from seatrial.acquisition.core.errors import InputError
 from seatrial.analysis.speed_power import Conditions
-from seatrial.analysis.speed_power.corrections import wind_resistance_n
-from seatrial.analysis.speed_power.typical_wind import (
+from seatrial.analysis.speed_power.corrections import (
     TYPICAL_WIND_RESISTANCE,
     read_wind_resistance,
+    wind_resistance_n,
     wind_resistance_of,
 )
 

@@ -9,6 +9,7 @@ import pytest
 from scipy.stats import norm
 
 from seatrial.analysis.speed_power import SpeedPower, speed_power_of_runs
+from seatrial.analysis.speed_power.analysis import _mixture_half
 from seatrial.analysis.speed_power.report import (
     correction_rows,
     power_text,
@@ -17,8 +18,7 @@ from seatrial.analysis.speed_power.report import (
     setting_rows,
     uncertainty_rows,
 )
-from seatrial.analysis.speed_power.run_table import runs_in_table
-from seatrial.analysis.speed_power.uncertainty import _mixture_half
+from seatrial.analysis.speed_power.runs import runs_in_table
 from tests.benchmarks.speed_trials import Programme, rows_of
 
 

@@ -15,13 +15,17 @@ from scipy.special import iv, kv
 from seatrial.acquisition.core.quantities import Floats
 from seatrial.analysis.speed_power import Conditions, PowerRun
 from seatrial.analysis.speed_power.corrections import (
+    GRAVITY_MPS2,
     WAVE_METHODS,
     Correction,
     RunSeas,
     corrections_of,
+    from_ahead,
+    regular_waves_n,
+    stawave1_n,
+    stawave2_n,
     wave_resistance_n,
 )
-from seatrial.analysis.speed_power.waves import GRAVITY_MPS2, from_ahead, regular_waves_n, stawave1_n, stawave2_n
 
 SHIP = Conditions(
     length_m=180.0, beam_m=32.0, draught_m=11.0, displacement_m3=48_000.0, bow_length_m=40.0,

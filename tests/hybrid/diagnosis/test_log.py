@@ -15,7 +15,7 @@ from scipy.integrate import cumulative_simpson, quad
 from seatrial.acquisition.core.errors import DataShortageError, InputError
 from seatrial.acquisition.core.quantities import Floats
 from seatrial.acquisition.core.ship import COMMAND, ENVIRONMENT, POSE, VELOCITY, wrap_360
-from seatrial.analysis.estimation.noise_levels import NoiseLevels
+from seatrial.analysis.estimation.motion_model import NoiseLevels
 from seatrial.analysis.estimation.smoother import smooth
 from seatrial.hybrid.diagnosis.log import BLOCK_S, LEG_S, Log, _with_corners, log_of
 from seatrial.hybrid.vessel.channels import as_table

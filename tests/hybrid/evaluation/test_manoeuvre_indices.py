@@ -21,7 +21,7 @@ from seatrial.acquisition.core.errors import DataShortageError
 from seatrial.analysis.manoeuvres import Index, Manoeuvre, find_manoeuvres
 from seatrial.analysis.manoeuvres.indices import Current
 from seatrial.analysis.tables.resample import resample
-from seatrial.analysis.windows.recordings import SecondBySecond
+from seatrial.analysis.windows.held import SecondBySecond
 from seatrial.hybrid import cli
 from seatrial.hybrid.calibrators import make_calibrator
 from seatrial.hybrid.calibrators.adaptive.adaptation import parameter_names

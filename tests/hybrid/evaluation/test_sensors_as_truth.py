@@ -10,7 +10,7 @@ import pandas as pd
 import pytest
 
 from seatrial.acquisition.core.quantities import Floats
-from seatrial.analysis.windows.recordings import SecondBySecond
+from seatrial.analysis.windows.held import SecondBySecond
 from seatrial.hybrid.evaluation.truth import TRUTHS, judged_by_truths, truth_distances, truth_tracks, with_truths
 from seatrial.hybrid.evaluation.validate import Validation, validate
 from seatrial.hybrid.prediction.baselines import constant_velocity

@@ -85,7 +85,7 @@ def test_options_of_a_batch_are_those_of_its_results(tmp_path: Path) -> None:
 @pytest.mark.pages
 def test_a_batch_leads_to_the_report_of_each_recording(unseen: Path, tmp_path: Path) -> None:
     """The links are there after the reports, and again when the batch is run anew."""
-    from seatrial.analysis.batch.batch import run_batch
+    from seatrial.analysis.batch import run_batch
     from seatrial.analysis.products import Options
 
     batch_folder, out = tmp_path / "batch_folder", tmp_path / "out"

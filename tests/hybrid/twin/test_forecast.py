@@ -18,7 +18,7 @@ from seatrial.acquisition.recording.messages import PREDICTION
 from seatrial.acquisition.recording.reader import Recording, Tail, read_recording
 from seatrial.analysis.tables.resample import resample
 from seatrial.analysis.tables.table import read_table, table_of
-from seatrial.analysis.windows.recordings import SecondBySecond
+from seatrial.analysis.windows.held import SecondBySecond
 from seatrial.hybrid.calibrators.predict import predict
 from seatrial.hybrid.calibrators.train import TrainedCalibrator
 from seatrial.hybrid.effects import vessel_plant

@@ -8,8 +8,8 @@ import pytest
 
 from seatrial.acquisition.core.trial import Quality
 from seatrial.analysis.quality.check import check_table
-from seatrial.analysis.quality.motion.checks import check_motion
-from seatrial.analysis.quality.motion.kinematics import SLOW_HZ, fit_kinematics
+from seatrial.analysis.quality.motion.findings import check_motion
+from seatrial.analysis.quality.motion.fit import SLOW_HZ, fit_kinematics
 from seatrial.analysis.quality.repairs import repair
 from seatrial.analysis.tables.table import move_stamps, seconds_of
 from tests.analysis.quality.motion.kinematic_trials import Faults, Noise, sailed

@@ -11,8 +11,8 @@ import pytest
 from seatrial.acquisition.core.trial import Quality
 from seatrial.acquisition.tables.import_table import import_table
 from seatrial.analysis.quality.findings import CheckResult, Finding
-from seatrial.analysis.quality.motion.checks import check_motion, delays_of
-from seatrial.analysis.quality.motion.series import MOTION
+from seatrial.analysis.quality.motion.findings import check_motion, delays_of
+from seatrial.analysis.quality.motion.model import MOTION
 from seatrial.analysis.tables.table import read_table
 from seatrial.hybrid.simulation.trial import SimulationNoise as SensorNoise
 from seatrial.hybrid.simulation.trial import simulate_trial

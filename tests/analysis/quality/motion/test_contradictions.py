@@ -11,9 +11,8 @@ import pytest
 from seatrial.acquisition.core.trial import Quality
 from seatrial.acquisition.tables.import_table import import_table
 from seatrial.analysis.quality.findings import CheckResult, Finding
-from seatrial.analysis.quality.motion.checks import check_motion, delays_of
-from seatrial.analysis.quality.motion.coarse import coarse_fit
-from seatrial.analysis.quality.motion.series import GROUPS
+from seatrial.analysis.quality.motion.findings import check_motion, delays_of
+from seatrial.analysis.quality.motion.model import GROUPS, coarse_fit
 from seatrial.analysis.quality.repairs import repair
 from seatrial.analysis.tables.table import read_table
 from seatrial.hybrid.simulation.trial import simulate_trial

@@ -13,8 +13,7 @@ from seatrial.acquisition.core.quantities import to_earth
 from seatrial.acquisition.tables.column_map import derive
 from seatrial.analysis.quality.check import check_table
 from seatrial.analysis.quality.findings import Finding
-from seatrial.analysis.quality.motion.checks import check_motion
-from seatrial.analysis.quality.motion.conventions import axes_finding, heading_finding
+from seatrial.analysis.quality.motion.findings import axes_finding, check_motion, heading_finding
 from seatrial.hybrid.simulation.trial import simulate_trial
 from tests.analysis.quality.motion.kinematic_trials import Faults, Noise, sailed
 

@@ -11,9 +11,9 @@ import pytest
 from seatrial.acquisition.core.quantities import Floats
 from seatrial.acquisition.core.ship import difference
 from seatrial.analysis.quality.findings import Finding
-from seatrial.analysis.quality.motion.checks import check_motion, independent_groups
-from seatrial.analysis.quality.motion.kinematics import fit_kinematics
-from seatrial.analysis.quality.motion.series import motion_of
+from seatrial.analysis.quality.motion.findings import check_motion, independent_groups
+from seatrial.analysis.quality.motion.fit import fit_kinematics
+from seatrial.analysis.quality.motion.model import motion_of
 from tests.analysis.quality.motion.kinematic_trials import Faults, sailed
 from tests.benchmarks.delay_trials import DELAYS, SPEEDS, Recorded, recorded
 

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from seatrial.acquisition.core.ship import difference, wrap_360
 from seatrial.analysis.quality.findings import Finding
-from seatrial.analysis.quality.motion.checks import check_motion
-from seatrial.analysis.quality.motion.reconstruction import reconstruct_heading
+from seatrial.analysis.quality.motion.findings import check_motion
+from seatrial.analysis.quality.motion.positions import reconstruct_heading
 from seatrial.analysis.quality.repairs import repair
 from tests.analysis.quality import faults
 from tests.analysis.quality.faults import Fault

@@ -10,9 +10,8 @@ from hypothesis import strategies as st
 
 from seatrial.acquisition.core.errors import DataShortageError, InputError
 from seatrial.acquisition.core.quantities import Floats
-from seatrial.analysis.quality.motion.jumps import remove_jumps
-from seatrial.analysis.quality.motion.kinematics import NAMES, Kinematics, fit_kinematics
-from seatrial.analysis.quality.motion.series import Group, group_samples, motion_of, outliers
+from seatrial.analysis.quality.motion.fit import NAMES, Kinematics, fit_kinematics, remove_jumps
+from seatrial.analysis.quality.motion.model import Group, group_samples, motion_of, outliers
 from tests.analysis.quality.motion.kinematic_trials import Faults, Noise, sailed
 
 NEUTRAL = np.array([1.0 if name.endswith("factor") else 0.0 for name in NAMES])

@@ -1,4 +1,18 @@
-"""Repeated values: sensors that are stuck, and values on a grid that is coarser than the channel's noise.
+"""The samples of channels as the checks see them, and what the checks share: runs, stretches, noise, steps.
+
+Checks of one channel work on its samples in the order of receipt
+(:class:`seatrial.acquisition.core.quantities.Series`), checks across channels on its samples in the rows of the
+joined table (:class:`Samples`).
+
+Two-sided smoothing of the motion by local polynomials, which removes waves and noise.
+
+A prediction over half a minute starts from a speed and a heading. In waves with a period of five seconds the
+measured ones oscillate by decimetres a second and tenths of a degree, which is no basis for a prediction. Each
+motion channel is replaced by a local second-degree polynomial fitted to the samples within 10 s on either side,
+weighted with a raised cosine (Savitzky and Golay 1964, with weights; Cleveland 1979): slow motion and its
+curvature are reproduced exactly, waves of 4 to 8 s are attenuated by a factor of ten and more.
+
+Repeated values: sensors that are stuck, and values on a grid that is coarser than the channel's noise.
 
 A long repeat alone proves nothing: a thruster at rest, a held order, an assumed constant and a still ship on a
 coarse sensor repeat for minutes. Three things prove that a sensor is stuck: the channel's own noise, there right
@@ -13,13 +27,220 @@ or drifts by less than a hundredth of its step shows in the differences of conse
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from typing import Any
+
 import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
 
 from seatrial.acquisition.core.quantities import Bools, Floats, Ints, Series, to_earth
-from seatrial.acquisition.core.ship import Channel
-from seatrial.analysis.quality.samples import judged_as, runs_of_equal, sort_by_time, white_noise
-from seatrial.analysis.tables.table import NANO, TimedValues, times_ns
+from seatrial.acquisition.core.ship import POSE_AND_VELOCITY, Channel, is_circular, is_setting, unwrap, wrap_360
+from seatrial.analysis.tables.table import NANO, TimedValues, seconds_of, times_ns
+
+ASSUMED = "assumed"
+"""The source of a channel that a column map gave a value to."""
+
+
+@dataclass(frozen=True, slots=True, order=True)
+class Stretch:
+    """A part of a channel's time in which something is wrong, and its size (seconds, or what the check defines)."""
+
+    start_ns: int
+    end_ns: int
+    size: float = 0.0
+
+    @property
+    def seconds(self) -> float:
+        return (self.end_ns - self.start_ns) / NANO
+
+
+def series_of(measured_ns: Ints, value: Floats) -> Series:
+    """Samples in the order of receipt of which nothing but times [ns] and values is known."""
+    none = np.zeros(value.size, dtype=np.int32)
+    return Series(measured_ns, measured_ns, value, none.astype(np.uint8), (), none)
+
+
+def rows_of(table_ns: Ints, measured_ns: Ints) -> Ints:
+    """The row of each sample in a sorted table that holds a repeated time in as many rows."""
+    order = np.argsort(measured_ns, kind="stable")
+    times = measured_ns[order]
+    rows = np.empty(times.size, dtype=np.int64)
+    rows[order] = np.searchsorted(table_ns, times) + np.arange(times.size) - np.searchsorted(times, times)
+    return np.minimum(rows, table_ns.size - 1)
+
+
+def judged_as(channel: Channel) -> tuple[str, str]:
+    """Group and unit that a channel is judged by, recorded as an auxiliary one or not: a rudder and an order are
+    commands, the wind on board is wind."""
+    if is_setting(channel):
+        return "command", channel.unit
+    return ("environment" if channel.name.startswith("apparent_wind_") else channel.group), channel.unit
+
+
+def is_assumed(table: pd.DataFrame, name: str) -> bool:
+    """Whether a channel's values were assumed at an import and not measured."""
+    return bool(table.attrs.get("sources", {}).get(name) == [ASSUMED])
+
+
+def sort_by_time(samples: Series, channel: Channel) -> tuple[Ints, Ints, Floats]:
+    """Which samples have a value, in the order of measured time: their places, times [ns], values.
+
+    Angles come unwrapped, so that differences are turns.
+    """
+    order = np.argsort(samples.measured_ns, kind="stable")
+    order = order[np.isfinite(samples.value[order])]
+    values = samples.value[order]
+    return order, samples.measured_ns[order], unwrap(values) if channel.circular else values
+
+
+def interval_ns(times_ns: Ints) -> float:
+    """The channel's own interval [ns]: the median of its steps in time, without those of no length."""
+    steps = np.diff(np.sort(times_ns))
+    steps = steps[steps > 0]
+    return float(np.median(steps)) if steps.size else 0.0
+
+
+def white_noise(values: Floats) -> float:
+    """Standard deviation of what differs from sample to sample, whatever the slow motion is.
+
+    From third differences (weights 1, -3, 3, -1; their squares sum to 20) by the median of their size, so that
+    outliers and short manoeuvres do not count.
+    """
+    if values.size < 8:
+        return 0.0
+    return float(np.median(np.abs(np.diff(values, 3))) / 0.6745 / np.sqrt(20.0))
+
+
+def stretches_of(times: Ints, flagged: Bools) -> list[Stretch]:
+    """Runs of flagged samples, measured at ``times`` [ns], as stretches, sized by their number of samples."""
+    starts, ends = runs(flagged)
+    pairs = ((sorted((int(times[a]), int(times[b - 1]))), b - a) for a, b in zip(starts, ends, strict=True))
+    return [Stretch(first, last, float(count)) for (first, last), count in pairs]
+
+
+@dataclass(frozen=True, slots=True)
+class Samples:
+    """The values that one channel has: their ``rows`` in the table, times [s] and values, all of shape [n]."""
+
+    rows: Ints
+    time_s: Floats
+    value: Floats
+
+
+def samples_of(table: pd.DataFrame, name: str) -> Samples:
+    """The finite values of a channel at distinct times; of a repeated time the first. Empty if it is lacking."""
+    if name not in table:
+        return Samples(np.zeros(0, np.int64), np.zeros(0), np.zeros(0))
+    value = table[name].to_numpy(dtype=float)
+    time_ns = times_ns(table)
+    rows = np.flatnonzero(np.isfinite(value))
+    rows = rows[np.concatenate([[True], np.diff(time_ns[rows]) > 0])] if rows.size else rows
+    return Samples(rows, seconds_of(table)[rows], value[rows])
+
+
+def runs(mask: Bools) -> tuple[Ints, Ints]:
+    """First and one past the last index of every stretch of ``True``.
+
+    >>> [ends.tolist() for ends in runs(np.array([True, False, True, True]))]
+    [[0, 2], [1, 4]]
+    """
+    edges = np.diff(np.concatenate([[0], np.asarray(mask, np.int8), [0]]))
+    return np.flatnonzero(edges == 1), np.flatnonzero(edges == -1)
+
+
+def mask_of_runs(first: Ints, stop: Ints, count: int) -> Bools:
+    """Whether each of ``count`` samples lies in one of the stretches: the inverse of :func:`runs`."""
+    edges = np.zeros(count + 1, np.int64)
+    np.add.at(edges, first, 1)
+    np.add.at(edges, stop, -1)
+    return np.cumsum(edges[:-1]) > 0
+
+
+def robust_spread(values: Floats) -> float:
+    """A standard deviation that outliers do not affect: 1.4826 median |x|."""
+    return float(1.4826 * np.median(np.abs(values))) if values.size else 0.0
+
+
+def runs_of_equal(changes: Bools) -> tuple[Ints, Ints]:
+    """First samples and lengths of the runs of one value; ``changes`` [n - 1] says where the next sample differs.
+
+    >>> [each.tolist() for each in runs_of_equal(np.array([False, True, False]))]
+    [[0, 2], [2, 2]]
+    """
+    starts = np.concatenate([[0], np.flatnonzero(changes) + 1])
+    return starts, np.diff(np.append(starts, changes.size + 1))
+
+
+def jackknife_error(estimates: Floats) -> Floats:
+    """Standard errors [...] from estimates [n, ...] of which each leaves out one of n parts.
+
+    B. Efron, The Jackknife, the Bootstrap and Other Resampling Plans, 1982.
+    """
+    count = len(estimates)
+    return np.asarray(np.sqrt((count - 1) / count * ((estimates - estimates.mean(axis=0)) ** 2).sum(axis=0)))
+
+
+def ratios_without_each(numerators: NDArray[Any], denominators: NDArray[Any]) -> NDArray[Any]:
+    """The ratio of the sums of n parts, each part left out in turn: [n], as a jackknife wants it."""
+    remaining = np.maximum(denominators.sum() - denominators, 1e-12)
+    return np.asarray((numerators.sum() - numerators) / remaining)
+
+
+HALF_WIDTH_S, USUAL_LENGTH_M = 10.0, 25.0
+_LEAST_SAMPLES = 5
+
+
+def half_width_for(length_m: float) -> float:
+    """The half-width of the fits for a ship of this length [s]: :data:`HALF_WIDTH_S`, scaled with the root of
+    the length below :data:`USUAL_LENGTH_M`, since a model moves that much faster (Froude)."""
+    return HALF_WIDTH_S * min(1.0, float(np.sqrt(length_m / USUAL_LENGTH_M)))
+
+
+def smooth_motion(table: pd.DataFrame, half_width_s: float = HALF_WIDTH_S) -> pd.DataFrame:
+    """Smooth the motion channels of a table with evenly spaced rows; NaN stays NaN.
+
+    Near gaps and ends the fit is one-sided; with fewer than five samples nearby, values are unchanged.
+    """
+    times_ns = pd.DatetimeIndex(table.index).as_unit("ns").asi8
+    step_s = float(np.median(np.diff(times_ns))) / 1e9 if len(table) > 1 else 1.0
+    columns = {}
+    for name in POSE_AND_VELOCITY:
+        values = table[name].to_numpy(dtype=float)
+        smooth = local_quadratic(unwrap(values) if is_circular(name) else values, half_width_s / step_s)
+        columns[name] = wrap_360(smooth) if is_circular(name) else smooth
+    return pd.DataFrame(columns, index=table.index)
+
+
+def local_quadratic(values: Floats, half_width: float) -> Floats:
+    """A weighted second-degree fit around each sample [rows], evaluated there; ``half_width`` in samples.
+
+    The normal equations of all fits are nine convolutions; each is then a 3 by 3 system.
+    """
+    reach = int(np.ceil(half_width))
+    offset = np.arange(-reach, reach + 1) / max(half_width, 1.0)
+    weight = 0.5 + 0.5 * np.cos(np.pi * np.clip(offset, -1.0, 1.0))
+    present = np.isfinite(values)
+    if not present.any() or reach < 1:
+        return values.copy()
+    centre = float(values[present].mean())
+    filled = np.where(present, values - centre, 0.0)
+    moments = [_weighted_sum(present.astype(float), weight * offset**k) for k in range(5)]
+    products = [_weighted_sum(filled, weight * offset**k) for k in range(3)]
+    samples_in_reach = _weighted_sum(present.astype(float), (weight > 0).astype(float))
+    normal = np.stack([np.stack([moments[i + j] for j in range(3)], axis=-1) for i in range(3)], axis=-2)
+    right = np.stack(products, axis=-1)[..., None]
+    fitted = values.copy()
+    enough = present & (samples_in_reach >= _LEAST_SAMPLES)
+    fitted[enough] = np.linalg.solve(normal[enough], right[enough])[:, 0, 0] + centre
+    return fitted
+
+
+def _weighted_sum(values: Floats, kernel: Floats) -> Floats:
+    """The sum of ``values`` around each sample, weighted with a kernel of odd length."""
+    reach = kernel.size // 2
+    return np.asarray(np.convolve(values, kernel[::-1])[reach : reach + values.size])
+
 
 _SHORTEST, _BESIDE = 8, 100
 _JUMP = 3.0

@@ -1,0 +1,897 @@
+"""Everything that is made of one recording: read once, and what the index needs written into one folder.
+
+A result is written under another name and renamed when it is complete, so an interruption leaves no half of
+one. Its bytes depend on the recording, the options and the versions alone: there is no time of day and no
+working folder in it.
+
+Jobs on worker processes: a row for each job, whatever happens to the others.
+
+Workers are those of dask.distributed, in a cluster of our own on this machine or behind a scheduler that is already
+running; those share the file system with us. A job that kills its worker, or hangs, is known by the marks that
+every attempt leaves in the output folder: no scheduler can tell which of a dead worker's tasks was to blame.
+
+A batch of recordings: each processed on a worker process, and one index over all of them.
+
+The index has one row a recording, as Parquet for programs and as a page for people. Results whose recording is no
+longer there have rows too, with the status ``gone``: nothing is removed.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import re
+import shutil
+import signal
+import sys
+import threading
+import time
+import unicodedata
+from collections import Counter
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
+from dataclasses import asdict, dataclass, field, replace
+from importlib import import_module
+from importlib.metadata import version
+from multiprocessing import resource_tracker
+from pathlib import Path
+from queue import Empty, Queue
+from typing import Any, TypeAlias
+
+import numpy as np
+import pandas as pd
+
+from seatrial.acquisition.core.errors import (
+    DataShortageError,
+    InputError,
+    Progress,
+    SeatrialError,
+    SourceError,
+    StorageError,
+    printable_name,
+    storage_error,
+)
+from seatrial.acquisition.core.files import (
+    LOCK,
+    locked_folder,
+    make_folder,
+    read_json,
+    remove_leftovers_below,
+    temporary_folder,
+    write_text,
+    written_together,
+)
+from seatrial.acquisition.core.process import interrupt_on_terminate
+from seatrial.acquisition.core.result import to_json
+from seatrial.acquisition.core.ship import known_channels
+from seatrial.acquisition.core.trial import software_version
+from seatrial.acquisition.recording.grouping import read_parts, whole_recordings
+from seatrial.acquisition.recording.reader import Recording, recording_size
+from seatrial.analysis.conditions import recorded_conditions
+from seatrial.analysis.manoeuvres.criteria import criteria_of, index_rows
+from seatrial.analysis.manoeuvres.indices import Manoeuvre, as_json, from_order
+from seatrial.analysis.products import Options, Products, analyse, cause_of
+from seatrial.analysis.report.pages import index_page
+from seatrial.analysis.report.tables import criteria_by_vessel
+from seatrial.analysis.speed_power import power_columns, speed_power
+from seatrial.analysis.tables.export import FLAG_MEANING, read_parquet, unit_of, write_parquet
+from seatrial.analysis.tables.table import history_of, provenance_of, required_channels, sha256_of, table_of
+from seatrial.analysis.windows.held import write_windows
+
+Row = dict[str, Any]
+"""One recording in the index: plain values by name, see :func:`row_of`."""
+SUMMARY = "summary.json"
+WAITING = "waiting"
+"""The status of a recording that is not analysed yet."""
+GRADES = ("good", "suspect", "bad")
+KEY_INDICES = frozenset({
+    "overshoot_1_deg", "overshoot_2_deg", "overshoot_mean_deg", from_order(1), from_order(2), "advance_m",
+    "transfer_m", "tactical_diameter_m", "steady_diameter_m", "speed_over_ground_mps", "speed_through_water_mps",
+    "track_reach_m", "head_reach_m",
+})  # fmt: skip
+NOT_CLOSED = "was not closed and is read as far as it goes; see what is missing with `seatrial recover`"
+"""The remark on a recording that was cut off: done, and explained."""
+_COURSE_STEP_S = 5  # distances are summed over means of so long, or the noise of a position adds to them
+_THUMBNAIL_POINTS = 60
+
+
+def process_recording(
+    path: Path | str, folder: Path | str, options: Options | None = None, name: str = "", later: Sequence[Path] = ()
+) -> Row:
+    """Read a recording and write all that is made of it into ``folder``, which it replaces as a whole.
+
+    ``later`` are the parts after the one at ``path``, of a recording in parts.
+
+    ``name`` is what windows and legs are called by, the file's name without it; recordings whose windows are to
+    be joined need different ones. Written are ``quality.json`` and ``flags.parquet``, ``table.parquet`` (1 Hz),
+    ``windows.parquet``, ``manoeuvres.json``, ``page.html`` and ``summary.json``, which is the row that is
+    returned: what the recording is, counts, ``status`` and ``cause``. What can be made of an incomplete recording
+    is made; its status is ``failed`` and its cause says what is missing. Raises :class:`InputError` for what is
+    no recording, :class:`DataShortageError` for one without samples, :class:`StorageError` when a result cannot
+    be written.
+    """
+    paths, folder, options = (Path(path), *later), Path(folder), options or Options()
+    provenance = origin_of(paths, options, name)
+    products = analyse(paths, options, name)
+    row = row_of(products, provenance)
+    try:
+        folder.parent.mkdir(parents=True, exist_ok=True)
+        with temporary_folder(folder) as place:
+            partial = place / folder.name
+            partial.mkdir()
+            _write(products, row, provenance, partial)
+            _put(partial, folder)
+    except OSError as error:
+        raise error if isinstance(error, SeatrialError) else storage_error(folder, error) from error
+    return row
+
+
+def origin_of(paths: Sequence[Path], options: Options, name: str = "") -> dict[str, Any]:
+    """What a result rests on, before it is made: the recording's ``name``, size [bytes] and SHA-256, the options,
+    the versions.
+
+    Two results of equal origin are equal. Raises :class:`InputError` for what cannot be read.
+    """
+    size = sum(map(recording_size, paths))
+    digest = sha256_of(*paths)
+    if digest is None:
+        raise InputError("cannot be read", where=str(paths[0]), fix="check its permissions")
+    packages = {name: version(name) for name in ("numpy", "pandas", "scipy", "pyarrow")}
+    software = {"seatrial": software_version(), "python": sys.version.split()[0], **packages}
+    return {
+        "recording": name or printable_name(paths[0].stem),
+        "bytes": size,
+        "sha256": digest,
+        "options": asdict(options),
+        "software": software,
+    }
+
+
+def _put(partial: Path, folder: Path) -> None:
+    """Give a complete result its name; the older one goes, and one that came in between is as good as ours."""
+    if folder.exists() and not (folder / SUMMARY).is_file():
+        raise StorageError("exists and is not a result of an earlier batch", where=str(folder),
+                           fix="name another output folder")  # fmt: skip
+    with suppress(FileNotFoundError):
+        folder.rename(partial.with_name("older"))
+    try:
+        partial.rename(folder)
+    except OSError:
+        if not (folder / SUMMARY).is_file():
+            raise
+
+
+def reusable_row(
+    path: Path, folder: Path, options: Options, name: str = "", later: Sequence[Path] = ()
+) -> Row | None:
+    """The row of an earlier result that is as good as a new one, ``None`` where there is none."""
+    try:
+        row: Row = dict(read_json(folder / SUMMARY))
+    except (OSError, ValueError, TypeError):
+        return None
+    origin = json.loads(json.dumps(origin_of((path, *later), options, name)))
+    return row if row.get("provenance") == origin else None
+
+
+def _write(products: Products, row: Row, provenance: Mapping[str, Any], folder: Path) -> None:
+    """All files of a result, each with its origin and history in it."""
+    from seatrial.analysis.report.pages import recording_page
+
+    origin = {"provenance": to_json(provenance), "history": to_json(history_of(products.one_hz))}
+    about = {key: json.dumps(value) for key, value in origin.items()}
+    trial = {"trial": json.dumps(to_json(products.recording.trial.as_metadata())), "rate_hz": "1.0"}
+    channels = known_channels(products.one_hz.attrs)
+    units = {str(name): unit for name in products.one_hz.columns if (unit := unit_of(str(name), channels))}
+    write_parquet(products.one_hz, folder / "table.parquet", units, {**about, **trial})
+    write_parquet(products.quality.flags, folder / "flags.parquet", {}, {**about, "meaning": FLAG_MEANING})
+    repairs = [asdict(repair) for repair in products.repairs]
+    write_json(folder / "quality.json", {**products.quality.as_json(), "repairs": repairs, **origin})
+    left_out = [manoeuvre.as_json() for manoeuvre in products.left_out]
+    criteria = criteria_by_vessel({products.recording.trial.vessel: products.manoeuvres})
+    results = {"manoeuvres": as_json(products.manoeuvres), "left_out": left_out, "criteria": criteria}
+    write_json(folder / "manoeuvres.json", {**results, **origin})
+    if products.windows is not None:
+        whence = provenance_of(products.one_hz, provenance["options"], products.recording.path)
+        named = {provenance["recording"]: to_json({**whence, "recording_sha256": provenance["sha256"]})}
+        write_windows(replace(products.windows, provenance=named), folder / "windows.parquet")
+    recording_page(products, row).write(folder / "page.html")
+    write_json(folder / SUMMARY, row)
+
+
+def write_json(path: Path, content: Mapping[str, Any]) -> None:
+    """Write values as JSON for people and programs."""
+    write_text(path, json.dumps(to_json(content), indent=1, ensure_ascii=False) + "\n")
+
+
+def row_of(products: Products, provenance: Mapping[str, Any]) -> Row:
+    """The row of a recording: plain values only, NaN as ``None``."""
+    recording, one_hz, windows = products.recording, products.one_hz, products.windows
+    missing = missing_channels(products.table)
+    row: Row = {
+        "status": "failed" if products.shortfalls else "done",
+        "cause": "; ".join(products.shortfalls) or "; ".join(remarks_on(recording)),
+        **_recording_row(recording),
+        "start": one_hz.index[0].isoformat(),
+        "duration_s": float(len(one_hz) - 1),
+        "distance_m": distance_m(one_hz),
+        "channels": len(required_channels(products.table)) - len(missing),
+        "missing": missing,
+        "grade": max(
+            (channel.grade for channel in products.quality.channels.values()), key=GRADES.index, default=""
+        ),
+        "findings": len(products.quality.findings),
+        "findings_by_code": dict(Counter(finding.code for finding in products.quality.findings)),
+        "repairs": len(products.repairs),
+        "manoeuvres": dict(Counter(manoeuvre.kind for manoeuvre in products.manoeuvres)),
+        "left_out": dict(Counter(manoeuvre.kind for manoeuvre in products.left_out)),
+        "indices": key_indices(products.manoeuvres) | speed_at_power(products),
+        "criteria": _criteria_counts(products.manoeuvres),
+        "windows_kept": windows.kept if windows else None,
+        "windows_candidates": windows.candidates if windows else None,
+        "windows_dropped": windows.dropped if windows else {},
+        "legs": windows.legs if windows else None,
+        "track": thumbnail(one_hz),
+        "provenance": dict(provenance),
+    }
+    return dict(to_json(row))
+
+
+def _criteria_counts(runs: Sequence[Manoeuvre]) -> dict[str, int]:
+    """How many criteria of the standards have which result; none of a recording without a test of one."""
+    rows = index_rows(runs)
+    has_test = any(row.criterion for row in rows)
+    return dict(Counter(result.result for result in criteria_of(rows))) if has_test else {}
+
+
+def remarks_on(recording: Recording) -> list[str]:
+    """What a reader of the results has to know of a recording of which all could be made."""
+    return [remark for remark in ("" if recording.closed else NOT_CLOSED, recording.clock) if remark]
+
+
+def first_look(paths: Sequence[Path]) -> Row:
+    """What a recording, a file or its parts, tells before it is analysed: whose it is, when, how much, its track.
+
+    Raises as :func:`process_recording` does, but for writing.
+    """
+    recording = read_parts(paths)
+    table = table_of(recording)
+    row = {
+        "status": WAITING, "cause": "", **_recording_row(recording), "start": table.index[0].isoformat(),
+        "duration_s": (table.index[-1] - table.index[0]).total_seconds(), "track": thumbnail(table),
+    }  # fmt: skip
+    return dict(to_json(row))
+
+
+def _recording_row(recording: Recording) -> Row:
+    """What a row says of a recording itself."""
+    return {
+        "vessel": recording.trial.vessel,
+        "trial": recording.trial.name,
+        "place": recording.trial.place,
+        "samples": sum(int(series.value.size) for series in recording.series.values()),
+        "closed": recording.closed,
+        "parts": len(recording.paths),
+    }
+
+
+def missing_channels(table: pd.DataFrame) -> list[str]:
+    """Those channels of the ship's trials that have no value at all; no check can judge them."""
+    return [name for name in required_channels(table) if name not in table or not table[name].notna().any()]
+
+
+def key_indices(manoeuvres: Iterable[Manoeuvre]) -> dict[str, float]:
+    """The indices that a batch is compared by: the median of each over a recording's manoeuvres of a kind."""
+    values: dict[str, list[float]] = {}
+    for manoeuvre in manoeuvres:
+        for name in KEY_INDICES & set(manoeuvre.indices):
+            values.setdefault(f"{manoeuvre.kind}_{name}", []).append(manoeuvre.indices[name].value)
+    return {name: float(np.median(values[name])) for name in sorted(values)}
+
+
+def speed_at_power(products: Products) -> dict[str, float]:
+    """The speed in still water at the highest power of a speed trial; empty for a recording that is none."""
+    if not power_columns(products.table):
+        return {}
+    recording = products.recording
+    try:
+        result = speed_power(
+            [products.table], recorded_conditions(recording.trial, products.table), recording.events
+        )
+    except (DataShortageError, InputError):
+        return {}
+    return {"speed_power_kw": result.fastest.power_kw, "speed_power_mps": result.fastest.speed_mps}
+
+
+def distance_m(one_hz: pd.DataFrame) -> float | None:
+    """The distance sailed over ground [m]: between means of its position over 5 s, straight across holes.
+
+    ``None`` where there are not two of them.
+    """
+    position = one_hz.reindex(columns=["north_m", "east_m"]).to_numpy(dtype=float)
+    steps = position[: len(position) // _COURSE_STEP_S * _COURSE_STEP_S].reshape(-1, _COURSE_STEP_S, 2)
+    means = steps.mean(axis=1)
+    means = means[np.isfinite(means).all(axis=1)]
+    if len(means) < 2:
+        return None
+    return float(np.hypot(*np.diff(means, axis=0).T).sum())
+
+
+def thumbnail(one_hz: pd.DataFrame) -> str:
+    """The track as points of a polyline in a square of 100 by 100, north up and to scale; empty without one."""
+    track = one_hz.reindex(columns=["east_m", "north_m"]).dropna().to_numpy(dtype=float) * [1.0, -1.0]
+    if len(track) < 2:
+        return ""
+    chosen = track[np.unique(np.linspace(0, len(track) - 1, _THUMBNAIL_POINTS).astype(int))]
+    middle, size = (chosen.max(axis=0) + chosen.min(axis=0)) / 2.0, max(np.ptp(chosen, axis=0).max(), 1.0)
+    return " ".join(f"{x:.0f},{y:.0f}" for x, y in 50.0 + 92.0 * (chosen - middle) / size)
+
+
+MOST_ATTEMPTS = 3
+"""So often a recording may take its worker down before it is left alone."""
+MARKS = ".attempts"
+"""The folder of the marks, in the output folder."""
+Client: TypeAlias = Any  # of distributed, whose functions have no types
+Future: TypeAlias = Any
+_CONNECT_S, _WORKERS_S, _PATIENCE_S = 8, 30, 60.0
+_ADDRESS = re.compile(r"((tcp|tls|ws|wss)://)?([\w.-]+|\[[0-9a-fA-F:]+\]):\d{1,5}")
+_MOST_SUBMITTED = 2 * MOST_ATTEMPTS
+"""So often a row is asked for; who takes a worker down is told by the marks long before."""
+
+
+@dataclass(frozen=True, slots=True)
+class BatchJob:
+    """One recording to be processed; everything a worker must know, in plain values. ``later`` are the parts after
+    the one at ``path``.
+    """
+
+    name: str
+    path: str
+    out: str
+    options: Options
+    again: bool = False
+    timeout_s: float | None = None
+    later: tuple[str, ...] = ()
+
+    @property
+    def folder(self) -> Path:
+        """Where its result stands."""
+        return Path(self.out) / self.name
+
+    @property
+    def mark(self) -> Path:
+        """A file with one byte for each attempt at it that has not come to an end."""
+        return Path(self.out) / MARKS / hashlib.sha256(self.name.encode()).hexdigest()
+
+
+Task = Callable[[BatchJob], Row]
+
+
+def check_address(scheduler: str | None) -> None:
+    """Raises :class:`InputError` for what cannot be the address of a scheduler."""
+    if scheduler is not None and not _ADDRESS.fullmatch(scheduler):
+        raise InputError(
+            "is not the address of a scheduler", where=repr(scheduler), fix="give one like tcp://host:8786"
+        )
+
+
+def run_jobs(
+    jobs: Sequence[BatchJob],
+    task: Task,
+    workers: int | None = None,
+    scheduler: str | None = None,
+    progress: Progress = lambda share: None,
+) -> list[Row]:
+    """The rows that ``task`` makes of the jobs on worker processes, in the order of the jobs.
+
+    Arguments and errors as those of :func:`run_batch`; the jobs' output folder has to be ours, see
+    :func:`batch_folder`.
+    """
+    with _client(workers or os.cpu_count() or 1, scheduler) as client:
+        return _gathered(client, jobs, task, progress)
+
+
+def map_calls(
+    calls: Sequence[tuple[Any, ...]],
+    workers: int | None = None,
+    progress: Progress = lambda share: None,
+    finished: Callable[[int, Any], None] = lambda number, result: None,
+) -> list[Any]:
+    """The results of calls, each a function and its arguments, on worker processes; in the order of the calls.
+
+    ``finished`` is told the number of each call and its result as soon as that is there. The first error ends all
+    and is raised. With one of ``workers`` the calls are made in this process.
+    """
+    workers, results = workers or os.cpu_count() or 1, dict[int, Any]()
+
+    def keep(number: int, result: Any) -> None:
+        results[number] = result
+        finished(number, result)
+        progress(len(results) / len(calls))
+
+    if workers < 2:
+        for number, (function, *arguments) in enumerate(calls):
+            keep(number, function(*arguments))
+        return [results[number] for number in range(len(calls))]
+    with _client(workers, None) as client:
+        futures = {client.submit(_on_one_core, *call, pure=False): number for number, call in enumerate(calls)}
+        try:
+            for future in import_module("distributed").as_completed(futures, loop=client.loop):
+                keep(futures[future], future.result())
+            return [results[number] for number in range(len(calls))]
+        except BaseException:
+            client.cancel(list(futures), force=True)
+            raise
+
+
+def _on_one_core(function: Callable[..., Any], *arguments: Any) -> Any:
+    """A call whose compiled loops keep to one core: threads of several processes would wait for each other."""
+    import_module("numba").set_num_threads(1)
+    return function(*arguments)
+
+
+@contextmanager
+def batch_folder(out: Path) -> Iterator[None]:
+    """The output folder, locked and cleared of what killed runs left there; SIGTERM ends as Ctrl-C does."""
+    with locked_folder(out):
+        remove_leftovers_below(out)
+        shutil.rmtree(out / MARKS, ignore_errors=True)
+        make_folder(out / MARKS)
+        try:
+            with interrupt_on_terminate():
+                yield
+        finally:
+            shutil.rmtree(out / MARKS, ignore_errors=True)
+
+
+def attempt(job: BatchJob, work: Callable[[BatchJob], Row]) -> Row:
+    """The row that ``work`` makes of a job with the job's name on it, or that of its failure; with marks."""
+    ended = _attempts_ended(job)
+    if ended:
+        return failed_row(job, ended)
+    try:
+        with job.mark.open("ab") as mark:
+            mark.write(b".")
+        with _watched(job.timeout_s):
+            return {**work(job), "name": job.name}  # an earlier result may say another name
+    except Exception as error:  # whatever it is, it is this job's and no other's
+        return failed_row(job, cause_of(error))
+    finally:
+        job.mark.unlink(missing_ok=True)
+
+
+def _attempts_ended(job: BatchJob) -> str:
+    """Why a recording is not attempted once more; empty if it is."""
+    try:
+        state = job.mark.stat()
+    except FileNotFoundError:
+        return ""
+    if job.timeout_s is not None and time.time() - state.st_mtime >= job.timeout_s:
+        return f"took longer than {job.timeout_s:g} s"
+    if state.st_size >= MOST_ATTEMPTS:
+        return f"its worker died {MOST_ATTEMPTS} times over it; too little memory, or a fault in native code"
+    return ""
+
+
+@contextmanager
+def _watched(timeout_s: float | None) -> Iterator[None]:
+    """Ends this process after a time: a thread that hangs can be stopped in no other way."""
+    if timeout_s is None:
+        yield
+        return
+    watch = threading.Timer(timeout_s, os._exit, args=(1,))
+    watch.daemon = True
+    watch.start()
+    try:
+        yield
+    finally:
+        watch.cancel()
+
+
+def failed_row(job: BatchJob, cause: str) -> Row:
+    """The row of a recording of which nothing could be made; what was made of it earlier is no longer true."""
+    with suppress(OSError):  # a folder that is closed to us
+        if (job.folder / SUMMARY).is_file():
+            shutil.rmtree(job.folder, ignore_errors=True)
+    return {"name": job.name, "status": "failed", "cause": cause}
+
+
+@contextmanager
+def _client(workers: int, scheduler: str | None) -> Iterator[Client]:
+    """A client of a scheduler that is there, or of a cluster of worker processes that ends with it."""
+    dask, distributed = import_module("dask"), import_module("distributed")
+    quiet = {
+        "distributed.scheduler.allowed-failures": 10 * MOST_ATTEMPTS,  # our own marks know who is to blame
+        "distributed.scheduler.worker-saturation": 1.0,
+        "distributed.comm.timeouts.connect": f"{_CONNECT_S}s",
+        "distributed.deploy.lost-worker-timeout": f"{_PATIENCE_S:.0f}s",  # a busy machine starts one in 20 s
+    }
+    with dask.config.set(quiet):
+        if scheduler is not None:
+            with _connected(scheduler) as client:
+                yield client
+            return
+        with block_interrupts():
+            cluster = distributed.LocalCluster(
+                n_workers=workers, threads_per_worker=1, processes=True, host="127.0.0.1",
+                dashboard_address="127.0.0.1:0", scheduler_kwargs={"dashboard": False}, silence_logs="CRITICAL",
+            )  # fmt: skip
+        with cluster, distributed.Client(cluster, set_as_default=False) as client:
+            yield client
+
+
+@contextmanager
+def _connected(scheduler: str) -> Iterator[Client]:
+    try:
+        client = import_module("distributed").Client(scheduler, timeout=_CONNECT_S, set_as_default=False)
+    except (OSError, ValueError) as error:
+        raise SourceError("no scheduler can be reached", where=scheduler,
+                          fix="start one with `dask scheduler`, or give its address") from error  # fmt: skip
+    with client:
+        try:
+            client.wait_for_workers(1, timeout=_WORKERS_S)
+        except TimeoutError as error:
+            raise SourceError("the scheduler has no workers", where=scheduler,
+                              fix=f"start some with `dask worker {scheduler}`") from error  # fmt: skip
+        yield client
+
+
+def _gathered(client: Client, jobs: Sequence[BatchJob], task: Task, progress: Progress) -> list[Row]:
+    """The rows of all jobs in their order, as they come."""
+    ended: Queue[Future] = Queue()
+    pending: dict[str, tuple[int, Future]] = {}
+
+    def submit(number: int) -> None:
+        future = client.submit(task, jobs[number], pure=False)
+        submitted[number] += 1
+        pending[future.key] = number, future
+        future.add_done_callback(ended.put)
+
+    rows: dict[int, Row] = {}
+    submitted: Counter[int] = Counter()
+    try:
+        for number in range(len(jobs)):
+            submit(number)
+        while pending:
+            future = _next(client, ended)
+            number, _ = pending.pop(future.key)
+            row = _row_of(future, jobs[number])
+            if row is None and submitted[number] < _MOST_SUBMITTED:
+                submit(number)
+                continue
+            rows[number] = row or failed_row(jobs[number], "its workers died over it again and again")
+            progress(len(rows) / len(jobs))
+    except BaseException:
+        with suppress(Exception):
+            client.cancel([future for _, future in pending.values()], force=True)
+        raise
+    return [rows[number] for number in range(len(jobs))]
+
+
+def _next(client: Client, ended: Queue[Future]) -> Future:
+    """The next task that has ended. Raises :class:`SourceError` when nobody is left who could end one."""
+    since = time.monotonic()
+    while True:
+        try:
+            return ended.get(timeout=1.0)
+        except Empty:
+            pass
+        if client.status == "running" and client.scheduler_info(n_workers=-1)["workers"]:
+            since = time.monotonic()
+        elif time.monotonic() - since > _PATIENCE_S or client.status == "closed":
+            raise SourceError("scheduler or workers are gone", fix="restart them and the batch, which resumes")
+
+
+def _row_of(future: Future, job: BatchJob) -> Row | None:
+    """A task's row; ``None`` where it is to be asked for once more: its worker died, perhaps over another
+    recording, or it died with the row before anybody had fetched it (the result itself is on the disk then)."""
+    if future.status == "error":
+        error = future.exception()
+        return None if type(error).__name__ == "KilledWorker" else failed_row(job, cause_of(error))
+    try:
+        row: Row | None = future.result() if future.status == "finished" else None
+    except Exception:  # lost between the question and the answer
+        return None
+    return row
+
+
+@contextmanager
+def block_interrupts() -> Iterator[None]:
+    """Threads and processes that begin here, and those that they begin, never hear Ctrl-C; it waits for us.
+
+    A terminal interrupts the whole group of processes, and each worker would print where it was. The tracker of
+    multiprocessing begins before: the thread that starts it hears Ctrl-C again afterwards.
+    """
+    resource_tracker.ensure_running()
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+Failures = list[tuple[str, list[str]]]
+"""Causes and the names of the recordings that failed of each, the most frequent first."""
+REPORT = "report.html"
+"""A notebook report beside a result, which the page leads to where there is one."""
+GONE = "gone"
+"""The status of a result whose recording is not in the folder any more."""
+TEXTS = ("name", "path", "status", "cause", "vessel", "trial", "place", "grade")
+MEASURES = {"duration_s": "s", "distance_m": "m"}
+COUNTS = ("samples", "channels", "findings", "repairs", "windows_kept", "windows_candidates", "legs")
+NESTED_COUNTS = ("findings_by_code", "windows_dropped", "manoeuvres", "left_out", "criteria")
+_LONGEST_NAME_BYTES, _DIGEST_LETTERS = 245, 12  # file systems take 255; ten are for underscores
+_NUMBER = re.compile(r"\d[\d,.]*\d|\d")
+CRITERIA = "criteria.json"
+"""What the recordings of each ship together show of the standards' criteria."""
+_RESERVED = {"index.html", "index.parquet", CRITERIA, MARKS, LOCK}
+
+
+@dataclass(frozen=True, slots=True)
+class BatchSummary:
+    """What a batch came to. ``done`` counts those with a complete result, ``reused`` those of them not new.
+
+    ``gone_rows`` are of results whose recording is not in the folder any more; they are in the index only.
+    ``files`` are those of each recording, by the name of its row.
+    """
+
+    rows: list[Row]
+    done: int
+    reused: int
+    index: Path
+    gone_rows: tuple[Row, ...] = ()
+    files: Mapping[str, tuple[Path, ...]] = field(default_factory=dict)
+
+    @property
+    def gone(self) -> tuple[str, ...]:
+        return tuple(row["name"] for row in self.gone_rows)
+
+    @property
+    def failed(self) -> int:
+        """The number of recordings without a complete result."""
+        return len(self.rows) - self.done
+
+    @property
+    def failures(self) -> Failures:
+        """The failed recordings by cause, the most frequent first."""
+        return failures_of(self.rows)
+
+    def as_json(self) -> dict[str, Any]:
+        """The summary as `--json` prints it."""
+        grouped = [{"cause": cause, "recordings": names} for cause, names in self.failures]
+        return {
+            "recordings": len(self.rows), "done": self.done, "reused": self.reused, "failed": self.failed,
+            "failures": grouped, "gone": list(self.gone), "index": str(self.index),
+        }  # fmt: skip
+
+
+def run_batch(
+    folder: Path | str,
+    out: Path | str,
+    workers: int | None = None,
+    scheduler: str | None = None,
+    options: Options | None = None,
+    progress: Progress = lambda share: None,
+    *,
+    again: bool = False,
+    timeout_s: float | None = None,
+    task: Task | None = None,
+) -> BatchSummary:
+    """Process every ``*.mcap`` below ``folder`` into ``out``, parts of one recording as one, and write the index.
+
+    ``workers`` is the number of processes, that of the cores without it; ``scheduler`` an address like
+    ``tcp://host:8786`` instead. Results of equal provenance are used as they are unless ``again``. A
+    recording that takes longer than ``timeout_s`` [s] fails. ``task`` stands in for the work of one recording.
+    Raises :class:`InputError` for a folder or an address that is none, :class:`DataShortageError` for one without
+    recordings, :class:`SourceError` for a scheduler that cannot be reached, :class:`StorageError` when
+    ``out`` cannot be written or another batch is writing there.
+    """
+    folder, out = Path(folder), Path(out).resolve()
+    if folder.resolve().is_relative_to(out):
+        raise InputError("the recordings are in the output folder", where=str(out), fix="name another with -o")
+    check_address(scheduler)
+    recordings = recordings_below(folder, out)
+    if not recordings:
+        raise DataShortageError("contains no recording", where=str(folder), fix="name a folder with .mcap files")
+    names, chosen = names_of(folder, recordings), options or Options()
+    jobs = [
+        BatchJob(
+            name,
+            str(paths[0].absolute()),
+            str(out),
+            chosen,
+            again,
+            timeout_s,
+            tuple(str(path.absolute()) for path in paths[1:]),
+        )
+        for name, paths in zip(names, recordings, strict=True)
+    ]
+    with batch_folder(out):
+        rows = run_jobs(jobs, task or process_job, workers, scheduler, progress)
+        for row, paths in zip(rows, recordings, strict=True):
+            row["path"] = printable_name(paths[0].relative_to(folder))
+        reused = sum(row.pop("reused", False) and row["status"] == "done" for row in rows)
+        gone = gone_rows(set(names), out)
+        index = write_index([*rows, *gone], out, printable_name(folder.resolve().name))
+        write_json(out / CRITERIA, {"criteria": criteria_of_ships(rows, out)})
+    done = sum(row["status"] == "done" for row in rows)
+    return BatchSummary(rows, done, reused, index, tuple(gone), dict(zip(names, recordings, strict=True)))
+
+
+def criteria_of_ships(rows: Sequence[Row], out: Path) -> list[dict[str, Any]]:
+    """The criteria of each ship from the manoeuvres of all her recordings, with the keys of ``manoeuvres``."""
+    runs: dict[str, list[Manoeuvre]] = {}
+    for row in rows:
+        if row["status"] == "done" and row.get("manoeuvres"):
+            document = json.loads((out / row["name"] / "manoeuvres.json").read_text(encoding="utf-8"))
+            runs.setdefault(row["vessel"], []).extend(map(Manoeuvre.from_json, document["manoeuvres"]))
+    return criteria_by_vessel(runs)
+
+
+def process_job(job: BatchJob) -> Row:
+    """What a worker does for one recording: a row comes back whatever happens, short of the worker's death."""
+    return attempt(job, result_of)
+
+
+def result_of(job: BatchJob) -> Row:
+    """The row of a recording: that of an earlier result if it is as good as a new one, else of one made now."""
+    path, later = Path(job.path), tuple(map(Path, job.later))
+    row = None if job.again else reusable_row(path, job.folder, job.options, job.name, later)
+    if row is not None and is_row(row):
+        return {**row, "reused": True}
+    return process_recording(path, job.folder, job.options, job.name, later)
+
+
+def recordings_below(folder: Path, out: Path) -> list[tuple[Path, ...]]:
+    """What is called ``*.mcap`` below a folder, in the order of its names, the output folder left out.
+
+    The files of a recording in parts stand together. A folder that cannot be looked into stands for what is in it.
+    """
+    if not folder.is_dir():
+        raise InputError("is no folder" if folder.exists() else "does not exist", where=str(folder),
+                         fix="give the folder of the recordings")  # fmt: skip
+    paths: list[Path] = []
+    unreadable: list[OSError] = []
+    for root, folders, files in os.walk(folder, onerror=unreadable.append):
+        folders[:] = [name for name in folders if os.path.realpath(Path(root, name)) != str(out)]
+        names = (name for name in (*folders, *files) if name.endswith(".mcap") and not name.startswith("."))
+        paths += (Path(root, name) for name in names)
+    return whole_recordings(sorted({*paths, *(Path(error.filename) for error in unreadable)}))
+
+
+def names_of(folder: Path, recordings: Sequence[Sequence[Path]]) -> list[str]:
+    """A name for each recording below a folder: :func:`result_names` of their first files."""
+    return result_names([paths[0].relative_to(folder).as_posix() for paths in recordings])
+
+
+def result_names(paths: list[str]) -> list[str]:
+    r"""A name for each recording's result: its relative path without suffix, changed where two would meet.
+
+    It is fit for any file system, page and program: bytes that are no text and control characters are escaped, what
+    is too long for a folder is shortened, nothing is hidden, and two names differ in more than case and encoding.
+
+    >>> result_names(["a.mcap", "a/b.mcap", "index.html.mcap", ".c/B.mcap", "_c/b.mcap"])
+    ['a_', 'a/b', 'index.html_', '_c/B', '_c/b_']
+    """
+    texts = ["/".join(map(_folder_name, path.removesuffix(".mcap").split("/"))) for path in paths]
+    taken = set(
+        map(_comparable, _RESERVED | {parent.as_posix() for text in texts for parent in Path(text).parents})
+    )
+    names = []
+    for name in texts:
+        while _comparable(name) in taken:
+            name += "_"
+        taken.add(_comparable(name))
+        names.append(name)
+    return names
+
+
+def _folder_name(text: str) -> str:
+    """A part of a path as the name of a folder for its result."""
+    name = printable_name(text)
+    name = f"_{name[1:]}" if name.startswith(".") else name
+    if len(name.encode()) > _LONGEST_NAME_BYTES:
+        digest = hashlib.sha256(os.fsencode(text)).hexdigest()[:_DIGEST_LETTERS]
+        kept = name.encode()[: _LONGEST_NAME_BYTES - _DIGEST_LETTERS - 1]
+        name = f"{kept.decode(errors='ignore')}~{digest}"
+    return name
+
+
+def _comparable(name: str) -> str:
+    """What is equal for names that some file systems take for one."""
+    return unicodedata.normalize("NFC", unicodedata.normalize("NFC", name).casefold())
+
+
+def failures_of(rows: Sequence[Mapping[str, Any]]) -> Failures:
+    """Failed recordings by cause; causes that differ in their numbers only are one, with N for each number.
+
+    >>> failures_of([{"name": str(n), "status": "failed", "cause": f"damaged near byte {n}"} for n in (1, 2)])
+    [('damaged near byte N', ['1', '2'])]
+    """
+    groups: dict[str, list[Mapping[str, Any]]] = {}
+    for row in rows:
+        if row["status"] == "failed":
+            groups.setdefault(_NUMBER.sub("N", row["cause"]), []).append(row)
+    named = []
+    for pattern, failed in groups.items():
+        causes = {row["cause"] for row in failed}
+        named.append((causes.pop() if len(causes) == 1 else pattern, sorted(row["name"] for row in failed)))
+    return sorted(named, key=lambda failure: (-len(failure[1]), failure[0]))
+
+
+def is_row(values: Mapping[str, Any]) -> bool:
+    """Whether values from a file are a row of the index, and not what another program, or a person, wrote there."""
+    try:
+        index_table([values])
+    except Exception:  # whatever pandas makes of them
+        return False
+    return True
+
+
+def index_table(rows: Sequence[Mapping[str, Any]]) -> pd.DataFrame:
+    """The rows as a table with the same kinds of columns whatever failed: counts are whole or missing.
+
+    Counts by code, by reason and by kind stand in columns of their own, like ``findings_by_code.spikes``.
+    """
+    columns: dict[str, Any] = {name: _array([row.get(name) or "" for row in rows], "str") for name in TEXTS}
+    columns["closed"] = _array([row.get("closed") for row in rows], "boolean")
+    missing = [None if row.get("missing") is None else " ".join(row["missing"]) for row in rows]
+    columns["missing"] = _array(missing, "str")
+    starts = _array([row.get("start") for row in rows], "object")
+    columns["start"] = pd.to_datetime(starts, utc=True, format="ISO8601").dt.as_unit("ns")
+    for name, dtype in (dict.fromkeys(MEASURES, "Float64") | dict.fromkeys(COUNTS, "Int64")).items():
+        columns[name] = _array([row.get(name) for row in rows], dtype)
+    for name in NESTED_COUNTS:
+        columns |= _nested(rows, name, "Int64", 0)
+    columns |= _nested(rows, "indices", "Float64", None)
+    for name in ("bytes", "sha256", "options", "software"):
+        values = [row.get("provenance", {}).get(name) for row in rows]
+        texts = [json.dumps(value) if isinstance(value, dict) else value for value in values]
+        columns[name] = _array(texts, "Int64" if name == "bytes" else "str")
+    return pd.DataFrame(columns)
+
+
+def _nested(rows: Sequence[Mapping[str, Any]], name: str, dtype: str, absent: int | None) -> dict[str, Any]:
+    """A column for each key of the mappings called ``name``; ``absent`` where a recording was judged without it."""
+    keys = sorted({key for row in rows for key in row.get(name) or {}})
+    return {
+        f"{name}.{key}": _array(
+            [None if row.get(name) is None else row[name].get(key, absent) for row in rows], dtype
+        )
+        for key in keys
+    }
+
+
+def _array(values: Sequence[Any], dtype: str) -> Any:
+    return pd.Series(list(values), dtype=dtype)
+
+
+def gone_rows(names: Collection[str], out: Path) -> list[dict[str, Any]]:
+    """The rows of complete results below ``out`` that belong to none of ``names``, in the order of their names."""
+    rows = []
+    for path in sorted(out.rglob(SUMMARY)):
+        name = path.parent.relative_to(out).as_posix()
+        try:
+            row = read_json(path)
+            ours = name not in names and row["provenance"]["recording"] == name and is_row(row)
+        except (OSError, ValueError, LookupError, TypeError):
+            continue  # somebody else's file of that name
+        if ours:
+            rows.append({**row, "name": name, "status": GONE, "cause": "its recording is not there any more"})
+    return rows
+
+
+def write_index(rows: Sequence[Mapping[str, Any]], out: Path, title: str) -> Path:
+    """Write ``index.parquet`` and ``index.html`` into ``out`` and return the path of the page.
+
+    Raises :class:`seatrial.acquisition.core.errors.StorageError` when they cannot be written.
+    """
+    rows = [{**row, "report": (out / row["name"] / REPORT).is_file()} for row in rows]
+    with written_together(out / "index.parquet"):
+        write_parquet(index_table(rows), out / "index.parquet", MEASURES, {"batch": json.dumps({"of": title})})
+        return index_page(rows, failures_of(rows), title).write(out / "index.html")
+
+
+def read_index(path: Path | str) -> pd.DataFrame:
+    """The index as a table. Raises :class:`InputError` for any other file."""
+    return read_parquet(path)[0]

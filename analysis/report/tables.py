@@ -1,0 +1,640 @@
+"""Manoeuvres for people and programs: a table on the screen, JSON, and a page with a picture of each.
+
+What a report says in place of the names that programs use.
+
+The run sheet of a trial: the ship with her loading, the conditions, the file; and what nobody recorded.
+
+Fields as in the form of MSC/Circ.1053, appendix 6. What people state comes from the recording's metadata, wind and
+times from its channels.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pandas as pd
+
+from seatrial.acquisition.config.conditions import REFERENCE_DENSITY_KGPM3, Conditions
+from seatrial.acquisition.config.declarations import length_of_ship
+from seatrial.acquisition.config.run_sheet import Particulars, Statement, conditions_of, particulars_of
+from seatrial.acquisition.core.files import write_text, written_together
+from seatrial.acquisition.core.quantities import KNOT_MPS, ending_of, mean_wind
+from seatrial.acquisition.core.ship import find_channel, from_text
+from seatrial.acquisition.core.trial import Trial, software_version
+from seatrial.analysis.conditions import beaufort, recorded_conditions
+from seatrial.analysis.manoeuvres.criteria import (
+    NOT_FOR_SHIP,
+    criteria_of,
+    headline_of_criteria,
+    index_rows,
+    mean_of,
+    shortfalls_of,
+)
+from seatrial.analysis.manoeuvres.find import RecordedRuns, manoeuvres_and_left_out, runs_of_trial
+from seatrial.analysis.manoeuvres.indices import UNITS, Index, LeftOut, Manoeuvre, as_json, index_of, unit_of
+from seatrial.analysis.manoeuvres.kinds import REMOVED, shows_current
+from seatrial.analysis.series import ASSUMED
+from seatrial.analysis.tables.table import provenance_of, sha256_of, trial_of
+
+if TYPE_CHECKING:
+    from rich.console import Group
+
+    from seatrial.acquisition.recording.grouping import Files
+    from seatrial.acquisition.recording.reader import Recording
+
+
+@dataclass(frozen=True, slots=True)
+class RecordingManoeuvres:
+    """The manoeuvres of one recording, with its table."""
+
+    recording: str
+    table: pd.DataFrame
+    manoeuvres: tuple[Manoeuvre, ...]
+    left_out: tuple[LeftOut, ...] = ()
+    stated: Conditions = field(default_factory=Conditions)
+
+
+def manoeuvres_of(
+    files: Files, length_m: float | None = None, own: Sequence[str] = (), statement: Statement | None = None
+) -> RecordingManoeuvres:
+    """The manoeuvres of a recording or its parts, named by its event marks, and those of a user's ``own`` kinds.
+
+    ``statement`` is what a person states of the trial besides the recording. Without ``length_m`` the length is
+    that of the statement, of the recording, or of the vessel file of the ship that it names. Raises
+    :class:`InputError`, and :class:`DataShortageError` for a recording without channels.
+    """
+    from seatrial.acquisition.recording.grouping import read_together
+    from seatrial.analysis.tables.table import table_of
+
+    recording = read_together(files)
+    if statement is not None:
+        recording = replace(recording, trial=statement.added_to(recording.trial))
+    table = table_of(recording)
+    carried_m = length_m or conditions_of(recording.trial).length_m
+    known_m = carried_m or length_of_ship(recording.trial.vessel, recording.path.parent)
+    stated = Conditions(length_m=known_m)
+    runs, left_out = manoeuvres_and_left_out(table, None, recording.events, own, stated)
+    return RecordingManoeuvres(str(recording.path), table, runs, left_out, stated)
+
+
+def with_trial_currents(found: Sequence[RecordingManoeuvres]) -> list[RecordingManoeuvres]:
+    """The recordings with their manoeuvres as those of one trial of each ship (:func:`.runs_of_trial`)."""
+    by_vessel: dict[str, list[RecordingManoeuvres]] = {}
+    for recording in found:
+        by_vessel.setdefault(trial_of(recording.table).vessel, []).append(recording)
+    runs: dict[str, tuple[Manoeuvre, ...]] = {}
+    for recordings in by_vessel.values():
+        judged = runs_of_trial([RecordedRuns(entry.table, entry.manoeuvres, entry.stated) for entry in recordings])
+        runs |= {recording.recording: trial for recording, trial in zip(recordings, judged, strict=True)}
+    return [replace(recording, manoeuvres=runs[recording.recording]) for recording in found]
+
+
+def summary(found: Sequence[RecordingManoeuvres], length_m: float | None = None) -> dict[str, Any]:
+    """All recordings with the keys of the contract."""
+    return {
+        "criteria": criteria_by_vessel(_runs_by_vessel(found)),
+        "recordings": [
+            {
+                "recording": each.recording,
+                "manoeuvres": as_json(each.manoeuvres),
+                "left_out": [left.as_json() for left in each.left_out],
+            }
+            for each in found
+        ],
+        "length_m": length_m,
+        "software_version": software_version(),
+    }
+
+
+def _runs_by_vessel(found: Sequence[RecordingManoeuvres]) -> dict[str, list[Manoeuvre]]:
+    runs: dict[str, list[Manoeuvre]] = {}
+    for recording in found:
+        runs.setdefault(trial_of(recording.table).vessel, []).extend(recording.manoeuvres)
+    return runs
+
+
+def criteria_by_vessel(runs: Mapping[str, Sequence[Manoeuvre]]) -> list[dict[str, Any]]:
+    """The criteria of each ship, with the keys of the contract: runs of one are no runs of another."""
+    return [
+        {"vessel": vessel, **result.as_json()}
+        for vessel, trial in runs.items()
+        for result in criteria_of(index_rows(trial))
+    ]
+
+
+def plain_name(name: str) -> str:
+    """The name of an index or setting for people.
+
+    >>> plain_name("tactical_diameter_m_current_removed")
+    'tactical diameter, current removed'
+    """
+    plain, removed = name.removesuffix("_current_removed"), name.endswith("_current_removed")
+    unit = next((suffix for suffix in UNITS if plain.endswith(suffix)), "")
+    return plain.removesuffix(unit).replace("_", " ") + (", current removed" if removed else "")
+
+
+_MOST_FIGURES = 4  # of a value, whatever its interval: no antenna knows a ship's place to millimetres
+
+
+def index_cells(index: Index) -> tuple[str, str, str, str]:
+    """Value, interval, lengths and limit of an index as text, with digits that the interval bears."""
+    width = 0.5 * (index.high - index.low)
+    most = _digits(index.value or width, _MOST_FIGURES)
+    digits = min(_digits(width, 2), most) if width > 0 else most
+    interval = f"{index.low:.{digits}f} to {index.high:.{digits}f}" if np.isfinite(width) else ""
+    lengths = f"{index.lengths:.2f}" if index.lengths is not None else ""
+    limit = f"{index.limit:.1f} {index.unit}" if index.limit is not None else ""
+    if index.limit_lengths is not None:
+        limit += f" ({index.limit_lengths:.1f} L)"
+    return f"{index.value:.{digits}f} {index.unit}".strip(), interval, lengths, limit
+
+
+def _digits(value: float, significant: int) -> int:
+    """The decimals that show so many digits of a value, 4 at most."""
+    return int(np.clip(significant - 1 - np.floor(np.log10(abs(value))), 0, 4)) if value else 0
+
+
+HEADER = ("index", "value", "95 % interval", "lengths", "IMO limit", "result")
+_SECONDARY = re.compile(r"time_to_check_yaw_|overshoot_([3-9]|\d\d)|(steady|drift|speed_loss).*_removed")
+
+
+def rows_of(manoeuvre: Manoeuvre, *, every: bool = True) -> list[list[str]]:
+    """One row an index; without ``every`` the first two overshoots stand for all, and the main indices."""
+    return [[plain_name(name), *index_cells(index), index.result.replace("_", " ")]
+            for name, index in manoeuvre.indices.items() if every or not _SECONDARY.search(name)]  # fmt: skip
+
+
+def headline(manoeuvre: Manoeuvre) -> str:
+    """Time, name and side in one line."""
+    seconds = (manoeuvre.end - manoeuvre.start).total_seconds()
+    return f"{manoeuvre.start:%H:%M:%S} {manoeuvre.sided_name}, {seconds:.0f} s"
+
+
+def setting_text(name: str, value: float) -> str:
+    """A setting with its unit, to three digits.
+
+    >>> setting_text("port_rpm", 160.04), setting_text("half_command_s", 0.8581), setting_text("swings", 4.0)
+    ('port 160 rpm', 'half command 0.858 s', 'swings 4')
+    """
+    digits = _digits(value, 3) if value % 1.0 else 0
+    return f"{plain_name(name)} {value:.{digits}f} {unit_of(name)}".strip()
+
+
+def subline(manoeuvre: Manoeuvre) -> str:
+    """Settings, current and notes."""
+    parts = [setting_text(name, value) for name, value in manoeuvre.settings.items()]
+    if manoeuvre.current:
+        each = manoeuvre.current.as_json()
+        parts.append(f"drift {each['speed_mps']:.2f} m/s to {each['direction_deg']:.0f} deg")
+    return "; ".join([", ".join(parts), *manoeuvre.notes])
+
+
+_FIRST_INDICES = 3
+_LATER = ("time_to_check", "initial_turning")  # left to the manoeuvre's own table
+
+
+def manoeuvre_line(manoeuvre: Manoeuvre) -> list[str]:
+    """A manoeuvre's row in the table of all: overshoots from the order, which have the limits, stand first, and the
+    current is removed where it is known, as in the figure."""
+    found = manoeuvre.indices
+    main = [each for each in found if not any(part in each for part in _LATER) and not each.endswith(REMOVED)]
+    main.sort(key=lambda each: "from_order" not in each)
+    indices = ", ".join(
+        f"{plain_name(name)} {index_cells(found.get(name + REMOVED, found[name]))[0]}"
+        + " (current removed)" * (name + REMOVED in found)
+        for name in main[:_FIRST_INDICES]
+    )
+    seconds = (manoeuvre.end - manoeuvre.start).total_seconds()
+    return [f"{manoeuvre.start:%H:%M:%S}", manoeuvre.sided_name, f"{seconds:.0f} s", indices]
+
+
+def without_empty(header: Sequence[str], rows: list[list[str]]) -> tuple[list[str], list[list[str]]]:
+    """A table without the columns that hold nothing.
+
+    >>> without_empty(["index", "limit"], [["reach", ""]])
+    (['index'], [['reach']])
+    """
+    kept = [place for place in range(len(header)) if not rows or any(row[place] for row in rows)]
+    return [header[place] for place in kept], [[row[place] for place in kept] for row in rows]
+
+
+def terminal_tables(found: RecordingManoeuvres, *, every: bool = False) -> Group:
+    """A table a manoeuvre for the terminal, of the main indices or of ``every`` one."""
+    from rich.console import Group
+    from rich.table import Table
+    from rich.text import Text
+
+    blocks: list[Any] = [Text(f"{found.recording}: {count_text(found.manoeuvres)}", style="bold")]
+    for each in found.manoeuvres:
+        table = Table(box=None, header_style="dim", padding=(0, 2, 0, 0))
+        header, rows = without_empty(HEADER, rows_of(each, every=every))
+        for title in header:
+            table.add_column(title, justify="left" if title == "index" else "right", no_wrap=True)
+        for row in rows:
+            table.add_row(*map(Text, row))
+        blocks += [Text(""), Text(headline(each), style="bold cyan"), Text(subline(each), style="dim"), table]
+    blocks += [Text(""), *(Text(left_out_line(each), style="dim") for each in found.left_out)]
+    return Group(*blocks)
+
+
+def trial_criteria_lines(found: Sequence[RecordingManoeuvres]) -> list[str]:
+    """What the recordings of each ship show together of IMO's criteria, and what is missing."""
+    by_vessel = _runs_by_vessel(found)
+    lines = {vessel: criteria_lines(runs) for vessel, runs in by_vessel.items()}
+    several = sum(map(bool, lines.values())) > 1
+    return [f"{vessel}: {line}" if several else line for vessel, every in lines.items() for line in every]
+
+
+def criteria_lines(runs: Iterable[Manoeuvre]) -> list[str]:
+    """What runs show of IMO's criteria, and what is missing; nothing where none is a test of one."""
+    rows = index_rows(runs)
+    if not any(row.criterion for row in rows):
+        return []
+    results = criteria_of(rows)
+    if any(reason.startswith(NOT_FOR_SHIP) for result in results for reason in result.missing):
+        return [headline_of_criteria(results)]
+    missing = (f"Missing: {reason} ({names})." for reason, names in shortfalls_of(results))
+    return [headline_of_criteria(results), *missing]
+
+
+def left_out_line(each: LeftOut) -> str:
+    """What was left out and why, in one line."""
+    seconds = (each.end - each.start).total_seconds()
+    return f"{each.start:%H:%M:%S} left out, no {number_text(1, each.kind)[2:]}: {each.why} ({seconds:.0f} s)"
+
+
+def count_text(manoeuvres: Sequence[Manoeuvre]) -> str:
+    """The number of manoeuvres of each kind as text.
+
+    >>> count_text(())
+    'no manoeuvre found'
+    """
+    counts = Counter(each.kind for each in manoeuvres)
+    return ", ".join(number_text(number, kind) for kind, number in counts.items()) or "no manoeuvre found"
+
+
+def number_text(number: int, kind: str) -> str:
+    """A number of manoeuvres of a kind as text.
+
+    >>> number_text(1, "zigzag"), number_text(2, "course_change"), number_text(3, "crabbing")
+    ('1 zigzag', '2 course changes', '3 crabbing runs')
+    """
+    nouns = {
+        "crabbing": "crabbing run", "stopping": "stopping test", "pull_out": "pull-out", "spiral": "direct spiral",
+        "williamson_turn": "Williamson turn",
+    }  # fmt: skip
+    noun = nouns.get(kind, kind.replace("_", " "))
+    return f"{number} {noun}{'s' * (number != 1)}"
+
+
+def write_report(
+    found: Sequence[RecordingManoeuvres], folder: Path, length_m: float | None = None
+) -> tuple[Path, Path]:
+    """Write ``manoeuvres.json`` and ``manoeuvres.html``, a picture of each manoeuvre in it.
+
+    Raises :class:`StorageError`.
+    """
+    from seatrial.analysis.report.rendering import render
+
+    content = summary(found, length_m)
+    for each, entry in zip(found, content["recordings"], strict=True):
+        provenance = provenance_of(each.table, {"length_m": length_m}, Path(each.recording))
+        entry |= {"recording": provenance["recording"], "provenance": provenance}
+    page = render(
+        "manoeuvres.html", title="Manoeuvres", found=found, length_m=length_m,
+        criteria=trial_criteria_lines(found),
+        subtitle="Indices after ITTC 7.5-04-02-01; criteria of IMO MSC.137(76)",
+    )  # fmt: skip
+    plain = folder / "manoeuvres.json"
+    with written_together(plain):
+        write_text(plain, json.dumps(content, indent=2) + "\n")
+        return plain, page.write(folder / "manoeuvres.html")
+
+
+_UNIT = re.compile(r"_(m[23]?|mps|deg|degc|kgpm3)$")
+_NAME = re.compile(r"\b[a-z][a-z0-9]*(?:_[a-z0-9]+)+\b")
+_POSITION = {"north_m": "north position", "east_m": "east position"}
+
+
+def in_words(text: str) -> str:
+    """A text with every channel's name in it, and every other name with underscores, as a person says it.
+
+    >>> in_words("port_rpm was interpolated, surge_mps and north_m were not")
+    'port shaft speed was interpolated, surge and north position were not'
+    """
+    return _NAME.sub(lambda name: _words_of(name[0]), text)
+
+
+def _words_of(name: str) -> str:
+    channel = find_channel(name)
+    if channel is None:
+        return _UNIT.sub("", name).replace("_", " ")
+    if name.endswith("_rpm"):
+        return f"{name.removesuffix('_rpm').replace('_', ' ')} shaft speed"
+    return _POSITION.get(name) or name.removesuffix(ending_of(channel.unit)).replace("_", " ")
+
+
+def reason_of(text: str) -> str:
+    """What went wrong and why, in words: an error's line without the remedy that it ends with.
+
+    >>> reason_of("the table lacks heading_deg; name it in the column map")
+    'the table lacks heading'
+    """
+    return in_words(text.partition("; ")[0])
+
+
+UNKNOWN = "not recorded"
+
+
+@dataclass(frozen=True, slots=True)
+class ShipDimensions:
+    """Main dimensions [m], from a vessel file or a person; a person may know the length only.
+
+    ``title`` is what people call her, empty where only the file's ``name`` is known.
+    """
+
+    name: str
+    over_all_m: float
+    between_perpendiculars_m: float
+    beam_m: float | None = None
+    draught_m: float | None = None
+    title: str = ""
+
+
+Rows = list[tuple[str, str]]
+
+
+def run_sheet(
+    recording: Recording,
+    one_hz: pd.DataFrame,
+    manoeuvres: Iterable[Manoeuvre] = (),
+    ship: ShipDimensions | None = None,
+) -> Rows:
+    """What and its value as text, in the order of a run sheet; what is not known says so.
+
+    ``one_hz`` is the recording once a second. ``manoeuvres`` whose turns show a current give it.
+    """
+    runs = tuple(manoeuvres)
+    conditions = condition_rows(recording, one_hz, runs, ship)
+    return [*ship_rows(recording.trial, one_hz, runs, ship), *conditions, *file_rows(recording)]
+
+
+def ship_rows(
+    trial: Trial, one_hz: pd.DataFrame, manoeuvres: Iterable[Manoeuvre], ship: ShipDimensions | None
+) -> Rows:
+    """The ship's particulars and her loading."""
+    stated, particulars = recorded_conditions(trial, pd.DataFrame()), particulars_of(trial)
+    return [
+        ("ship", (ship.title if ship else "") or trial.vessel or UNKNOWN),
+        ("ship type", particulars.ship_type or UNKNOWN),
+        ("IMO number", particulars.imo_number or UNKNOWN),
+        ("hull number, builder", _joined(particulars.hull_number, particulars.builder)),
+        ("owner", particulars.owner or UNKNOWN),
+        ("classification", particulars.classification or UNKNOWN),
+        *_dimensions(ship, stated, one_hz, manoeuvres),
+        ("loading", trial.loading or UNKNOWN),
+        ("draughts fore, aft", _draughts(stated)),
+        ("full load draught", _metres(stated.full_load_draught_m)),
+        ("trim by the stern", _metres(stated.trim_m)),
+        ("displacement", _quantity(stated.displacement_m3, "m\u00b3")),
+        ("block coefficient", _block_coefficient(particulars, stated, ship)),
+        ("metacentric height GM", _metres(stated.gm_m)),
+        ("rudders", _rudders(particulars, stated, ship)),
+        ("propellers", _joined(
+            _counted(particulars.propellers, particulars.propeller_type),
+            f"diameter {particulars.propeller_diameter_m:g} m" if particulars.propeller_diameter_m else "")),
+        ("engines", _joined(_counted(particulars.engines, particulars.engine_type), _rating(particulars))),
+        ("speed at 85 % of the maximum output", _speed_text(stated.speed_at_85_percent_mcr_mps)),
+        *_actuators(trial.actuators),
+    ]  # fmt: skip
+
+
+def condition_rows(
+    recording: Recording, one_hz: pd.DataFrame, manoeuvres: Iterable[Manoeuvre], ship: ShipDimensions | None
+) -> Rows:
+    """Time, place, water and weather of a trial, and where its antenna is."""
+    trial = recording.trial
+    stated = recorded_conditions(trial, pd.DataFrame())
+    state_of_sea = UNKNOWN if stated.sea_state is None else f"state {stated.sea_state}"
+    draught_m = stated.draught_m or (ship.draught_m if ship else None)
+    density = stated.water_density_kgpm3
+    return [
+        ("trial", trial.name or UNKNOWN),
+        *_when(one_hz),
+        ("place", trial.place or UNKNOWN),
+        ("origin of north and east", _origin_text(trial.origin)),
+        ("water depth", _depth(stated.water_depth_m, draught_m)),
+        ("water temperature, density", _joined(
+            "" if stated.water_temperature_degc is None else f"{stated.water_temperature_degc:g} \u00b0C",
+            f"{density:g} kg/m\u00b3" if density != REFERENCE_DENSITY_KGPM3 else "")),
+        ("wind", _wind(recording, one_hz, stated.beaufort)),
+        ("sea state", trial.sea_state or state_of_sea),
+        ("significant wave height", _waves(stated)),
+        ("current", _current(manoeuvres, stated.current_mps)),
+        ("antenna from midship", _place_text(trial)),
+        ("crew notes", trial.crew_notes or UNKNOWN),
+    ]  # fmt: skip
+
+
+def _joined(*parts: str) -> str:
+    return ", ".join(filter(None, parts)) or UNKNOWN
+
+
+def _counted(number: int | None, what: str) -> str:
+    return " ".join(filter(None, (str(number or ""), what)))
+
+
+def _quantity(value: float | None, unit: str) -> str:
+    return UNKNOWN if value is None else f"{value:,.5g} {unit}" if value < 1e4 else f"{value:,.0f} {unit}"
+
+
+def _draughts(stated: Conditions) -> str:
+    if stated.draught_m is None:
+        return UNKNOWN
+    if stated.trim_m is None:
+        return f"mean {stated.draught_m:g} m"
+    half = 0.5 * stated.trim_m
+    fore_m, aft_m = stated.draught_m - half, stated.draught_m + half
+    return f"{fore_m:g} m, {aft_m:g} m, from the mean of {stated.draught_m:g} m and the trim"
+
+
+def _block_coefficient(particulars: Particulars, stated: Conditions, ship: ShipDimensions | None) -> str:
+    """As stated, else by the displacement, length, beam and draught of the trial."""
+    if particulars.block_coefficient is not None:
+        return f"{particulars.block_coefficient:g}"
+    sizes = (ship.between_perpendiculars_m, ship.beam_m, stated.draught_m) if ship else (None,)
+    if stated.displacement_m3 is None or None in sizes:
+        return UNKNOWN
+    return f"{stated.displacement_m3 / np.prod(np.array(sizes, dtype=float)):.3f}, from the displacement"
+
+
+def _rudders(particulars: Particulars, stated: Conditions, ship: ShipDimensions | None) -> str:
+    area, draught_m = particulars.rudder_area_m2, stated.full_load_draught_m or (ship.draught_m if ship else None)
+    ratio = (
+        f" (1/{ship.between_perpendiculars_m * draught_m / area:.0f} of LT)" if area and ship and draught_m else ""
+    )
+    return _joined(
+        _counted(particulars.rudders, particulars.rudder_type),
+        f"area {area:g} m\u00b2{ratio}" if area else "",
+        f"{particulars.rudder_rate_dps:g} deg/s" if particulars.rudder_rate_dps else "",
+    )
+
+
+def _rating(particulars: Particulars) -> str:
+    at = f" at {particulars.mcr_rpm:g} rpm" if particulars.mcr_rpm else ""
+    return f"MCR {particulars.mcr_kw:,.0f} kW{at}" if particulars.mcr_kw else ""
+
+
+def _waves(stated: Conditions) -> str:
+    if stated.wave_height_m is None:
+        return UNKNOWN
+    direction = "" if stated.wave_from_deg is None else f" from {stated.wave_from_deg:.0f}\u00b0"
+    return f"{stated.wave_height_m:g} m{direction}"
+
+
+def file_rows(recording: Recording) -> list[tuple[str, str]]:
+    """The file behind a run sheet, and the software."""
+    return [
+        ("recording", _files_text(recording.paths)),
+        ("SHA-256", sha256_of(*recording.paths) or UNKNOWN),
+        ("closed properly", "yes" if recording.closed else "no: read as far as it goes"),
+        *([("clock", recording.clock)] if recording.clock else []),
+        ("this page by", software_version()),
+    ]
+
+
+def _files_text(paths: Sequence[Path]) -> str:
+    more = f" and {len(paths) - 1} later part{'s' * (len(paths) > 2)}" if len(paths) > 1 else ""
+    return f"{paths[0].name}{more}, {sum(path.stat().st_size for path in paths):,} bytes"
+
+
+def _actuators(said: str) -> list[tuple[str, str]]:
+    """What drives and steers a ship, each with its kind where the name does not say it; nothing for the list that
+    recordings do not say."""
+    if not said:
+        return []
+    named = ((each.name.replace("_", " "), each.kind.replace("_", " ")) for each in from_text(said))
+    return [("actuators", ", ".join(name if kind in name else f"{name} ({kind})" for name, kind in named))]
+
+
+def _when(one_hz: pd.DataFrame) -> list[tuple[str, str]]:
+    first, last = one_hz.index[0], one_hz.index[-1]
+    minutes = (last - first).total_seconds() / 60.0
+    if not has_date(first):
+        return [("date", UNKNOWN), ("duration", f"{minutes:.1f} min")]
+    until = f"{last:%H:%M:%S}" if last.date() == first.date() else f"{last:%Y-%m-%d %H:%M:%S}"
+    return [("date", f"{first:%Y-%m-%d}"), ("time, UTC", f"{first:%H:%M:%S} to {until}, {minutes:.1f} min")]
+
+
+def has_date(time: pd.Timestamp) -> bool:
+    """Whether a time has a date: those of an unknown start count from 1970."""
+    return time.year > _UNKNOWN_YEAR
+
+
+_UNKNOWN_YEAR = 1970
+
+
+def _origin_text(origin: tuple[float, float] | None) -> str:
+    if origin is None:
+        return UNKNOWN
+    latitude, longitude = origin
+    return (
+        f"{abs(latitude):.5f}\u00b0 {'N' if latitude >= 0 else 'S'}, "
+        f"{abs(longitude):.5f}\u00b0 {'E' if longitude >= 0 else 'W'}"
+    )
+
+
+def _metres(value: float | None) -> str:
+    return UNKNOWN if value is None else f"{value:g} m"
+
+
+def _depth(depth_m: float | None, draught_m: float | None) -> str:
+    if depth_m is None or not draught_m:
+        return _metres(depth_m)
+    return f"{depth_m:g} m, {depth_m / draught_m:.1f} draughts"
+
+
+def _speed_text(speed_mps: float | None) -> str:
+    return UNKNOWN if speed_mps is None else f"{speed_mps:.2f} m/s ({speed_mps / KNOT_MPS:.1f} kn)"
+
+
+def _place_text(trial: Trial) -> str:
+    if trial.antenna_forward_m is None:
+        return UNKNOWN
+    return f"{trial.antenna_forward_m:g} m forward, {trial.antenna_starboard_m or 0.0:g} m to starboard"
+
+
+def _wind(recording: Recording, one_hz: pd.DataFrame, stated_beaufort: int | None) -> str:
+    """The wind as it was measured; one that an import assumed is none. Else its force as it was stated."""
+    series = recording.series.get("wind_speed_mps")
+    if stated_beaufort is not None and series is None:
+        return f"Beaufort {stated_beaufort}, as stated"
+    return f"{UNKNOWN}, calm assumed" if series and series.sources == (ASSUMED,) else wind_words(one_hz)
+
+
+def wind_words(table: pd.DataFrame) -> str:
+    """The mean wind, where it comes from, how it gusts, and its force."""
+    air = table.reindex(columns=["wind_speed_mps", "wind_direction_deg"]).dropna()
+    if air.empty:
+        return UNKNOWN
+    speed_mps, from_deg = mean_wind(air)
+    gust = float(np.quantile(air["wind_speed_mps"], 0.99))
+    return f"{speed_mps:.1f} m/s from {from_deg:.0f}\u00b0, gusts {gust:.1f} m/s, Beaufort {beaufort(speed_mps)}"
+
+
+def _current(manoeuvres: Iterable[Manoeuvre], stated_mps: float | None) -> str:
+    """The mean of what turns of more than one and a half circles show, with its 95 % interval along itself,
+    of two turns half of their range.
+    """
+    found = [run.current for run in manoeuvres if run.current is not None and shows_current(run)]
+    if not found:
+        return (
+            "unknown: no turn of one and a half circles" if stated_mps is None else f"{stated_mps:g} m/s, as stated"
+        )
+    north, east = (
+        mean_of([index_of("", getattr(each, f"{name}_mps"), getattr(each, f"{name}_within_mps")) for each in found])
+        for name in ("north", "east")
+    )  # fmt: skip
+    speed = float(np.hypot(north.index.value, east.index.value))
+    towards = np.arctan2(east.index.value, north.index.value)
+    within = np.hypot(np.cos(towards) * north.half, np.sin(towards) * east.half)
+    turns = f"{len(found)} turn{'' if len(found) == 1 else 's'}"
+    interval = "the range of both" if len(found) == 2 else "95 % interval"
+    return (
+        f"{speed:.2f} \u00b1 {within:.2f} m/s towards {np.rad2deg(towards) % 360.0:.0f}\u00b0 ({interval}), "
+        f"from {turns}, wind drift included"
+    )
+
+
+def _dimensions(
+    ship: ShipDimensions | None, stated: Conditions, one_hz: pd.DataFrame, manoeuvres: Iterable[Manoeuvre]
+) -> Rows:
+    """Dimensions and the ratios that the IMO's form asks for; the speed is that of the fastest approach, or without
+    manoeuvres the median of what the ship made good."""
+    if ship is None:
+        return [("dimensions", "unknown: no vessel file for the ship that the recording names")]
+    both = one_hz.reindex(columns=["surge_mps", "sway_mps"]).dropna()
+    speed = float(np.median(np.hypot(both["surge_mps"], both["sway_mps"]))) if len(both) else 0.0
+    approaches = [each.settings["approach_mps"] for each in manoeuvres if "approach_mps" in each.settings]
+    speed, whose = (max(approaches), "fastest approach") if approaches else (speed, "median speed")
+    length_m, beam_m, draught_m = ship.between_perpendiculars_m, ship.beam_m, stated.draught_m or ship.draught_m
+    ratios = [
+        f"L/B {length_m / beam_m:.2f}" if beam_m else "",
+        f"B/T {beam_m / draught_m:.2f}" if beam_m and draught_m else "",
+        f"L/V {length_m / speed:.1f} s at the {whose}, {speed:.2f} m/s over ground" if speed > _SLOWEST_MPS else "",
+    ]
+    overall = f"{ship.over_all_m:g} m overall, " if ship.over_all_m != length_m else ""
+    size = f"{overall}{length_m:g} m between perpendiculars (L)"
+    size += f", beam {beam_m:g} m" if beam_m else ""
+    size += f", draught {ship.draught_m:g} m" if ship.draught_m else ""
+    return [("dimensions", size), ("ratios", _joined(*ratios))]
+
+
+_SLOWEST_MPS = 0.1  # a ship that lies still has no L/V

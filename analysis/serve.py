@@ -1,0 +1,741 @@
+"""The pages of a season: who may ask for them, what lies at which address, and what is said when nothing does.
+
+Nothing is served but to this computer under its own name, and no page may fetch from elsewhere or run a script
+that is not ours. A name in an address is looked up among the recordings and never becomes a path by itself.
+
+A season: the recordings below a folder as rows, at once, and what is made of each as it is wanted.
+
+The results are those of a batch, in a folder that a batch may have written or may take over. What is known of each
+recording is kept there too, by the names, sizes and times of its files, so that thousands are listed without
+opening one. One process beside the page does the work, so that neither a long recording nor one that kills its
+worker holds up anybody.
+
+Strangers' files are read in a process of their own, under limits of memory, time and what it writes.
+
+A file may hold more than memory does, never come to an end, or end the program that reads it in native code. None
+of that may be the end of the server: what happened is one line.
+
+Files that are sent to a season: a recording, or a table that becomes one, put among the others.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import logging
+import os
+import resource
+import secrets
+import shutil
+import signal
+import socket
+import sqlite3
+import threading
+import time
+from collections.abc import Callable, Iterable, Sequence
+from contextlib import ExitStack, suppress
+from dataclasses import dataclass
+from functools import lru_cache
+from itertools import count
+from multiprocessing import get_context
+from multiprocessing.connection import Connection
+from multiprocessing.context import SpawnProcess
+from pathlib import Path
+from queue import PriorityQueue
+from tempfile import TemporaryDirectory
+from threading import BoundedSemaphore, Lock
+from typing import IO, Any
+from urllib.parse import quote, urlsplit
+
+import pandas as pd
+from flask import Flask, Response, abort, g, request
+from werkzeug.exceptions import HTTPException
+from werkzeug.serving import ThreadedWSGIServer, WSGIRequestHandler
+from werkzeug.utils import secure_filename
+
+from seatrial.acquisition.core.errors import (
+    InputError,
+    SeatrialError,
+    SourceError,
+    StorageError,
+    printable_name,
+    unexpected,
+)
+from seatrial.acquisition.core.files import atomic_file, locked_briefly, make_folder
+from seatrial.acquisition.core.trial import software_version
+from seatrial.acquisition.logger.health import LOG
+from seatrial.acquisition.recording.grouping import read_parts
+from seatrial.acquisition.recording.reader import read_recording
+from seatrial.acquisition.tables.import_table import import_proposed, import_table, is_standard, propose_for
+from seatrial.acquisition.tables.table_files import read_raw
+from seatrial.analysis.batch import (
+    WAITING,
+    BatchJob,
+    Row,
+    failed_row,
+    failures_of,
+    first_look,
+    names_of,
+    recordings_below,
+    result_of,
+)
+from seatrial.analysis.manoeuvres.indices import Manoeuvre
+from seatrial.analysis.manoeuvres.motion import Motion, motion_of
+from seatrial.analysis.products import Options, cause_of
+from seatrial.analysis.quality.repairs import Preparation, prepare
+from seatrial.analysis.report.pages import index_page
+from seatrial.analysis.report.rendering import environment, render
+from seatrial.analysis.report.tables import rows_of
+from seatrial.analysis.tables.export import KINDS, export_table, read_parquet, write_sheets
+from seatrial.analysis.tables.table import channels_of
+
+ADDRESS = "127.0.0.1"
+NAMES = (ADDRESS, "localhost")
+MOST_CLIENTS = 64
+"""Requests that are answered at once; browsers have six under way."""
+MOST_RUNS = 40
+"""Runs that are drawn over each other; more cannot be told apart."""
+LINKS = "<!--links-->"
+"""Where a recording's page has room for the way back, its exports and its diagnosis."""
+_MEGA = 1_000_000
+_POLICY = (
+    "default-src 'none'; img-src 'self' data:; style-src 'unsafe-inline'; script-src 'nonce-{}'; "
+    "form-action 'self'; base-uri 'none'; frame-ancestors 'none'"
+)
+_HEADERS = {
+    "X-Content-Type-Options": "nosniff", "Referrer-Policy": "same-origin", "Cache-Control": "no-store",
+    "Cross-Origin-Resource-Policy": "same-origin",
+}  # fmt: skip
+_drawing = Lock()  # matplotlib keeps its style for the whole process
+
+
+def make_app(season: Season, upload_mb: float | None = None) -> Flask:
+    """The pages of a season; with ``upload_mb`` [MB] files up to that size may be sent, else it is read only."""
+    app, token = Flask("seatrial", static_folder=None, template_folder=None), secrets.token_urlsafe()
+    app.config.update(
+        TRUSTED_HOSTS=list(NAMES), MAX_CONTENT_LENGTH=int(_MEGA * (upload_mb or 0.1)), MAX_FORM_PARTS=4
+    )
+    app.before_request(_new_nonce)
+    app.after_request(_secured)
+    app.register_error_handler(SeatrialError, lambda error: (_message("This cannot be done", [str(error)]), 422))
+    app.register_error_handler(HTTPException, _explained)
+    app.register_error_handler(Exception, _unexpected_error)
+    pages = _Pages(season, upload_mb, token)
+    environment()  # what pages are drawn with, before anybody waits
+    for path, page in pages.addresses().items():
+        app.add_url_rule(path, path, page)
+    if upload_mb is not None:
+        app.add_url_rule("/upload", "upload", pages.upload, methods=["POST"])
+    return app
+
+
+def serve(app: Flask, port: int, ready: Callable[[str], object]) -> None:
+    """Answer requests of this computer until interrupted; ``ready`` hears the address.
+
+    Raises :class:`SourceError` where the port cannot be had.
+    """
+    logging.getLogger("werkzeug").setLevel(logging.ERROR)  # the terminal is for what goes wrong
+    try:
+        listening = socket.create_server((ADDRESS, port))
+    except OSError as error:
+        raise SourceError(
+            f"cannot listen on {ADDRESS}:{port}", why=error.strerror or str(error),
+            fix="stop the program that uses the port, or give another --port",
+        ) from error  # fmt: skip
+    port = listening.getsockname()[1]
+    with listening, _Server(ADDRESS, port, app, _Handler, fd=listening.fileno()) as server:
+        ready(f"http://{ADDRESS}:{port}/")
+        server.serve_forever()
+
+
+class _Handler(WSGIRequestHandler):
+    """Waits for a client that says nothing, or takes nothing, no longer than this [s]."""
+
+    timeout = 10.0
+
+
+class _Server(ThreadedWSGIServer):
+    """Answers each request in a thread of its own, up to a number of them; of more it hangs up."""
+
+    daemon_threads = True
+
+    def __init__(self, *arguments: Any, **named: Any) -> None:
+        super().__init__(*arguments, **named)
+        self._turns = BoundedSemaphore(MOST_CLIENTS)
+
+    def process_request(self, request: Any, client_address: Any) -> None:
+        if not self._turns.acquire(blocking=False):
+            self.shutdown_request(request)
+            return
+        super().process_request(request, client_address)
+
+    def process_request_thread(self, request: Any, client_address: Any) -> None:
+        try:
+            super().process_request_thread(request, client_address)
+        finally:
+            self._turns.release()
+
+
+class _Pages:
+    """What lies at each address."""
+
+    def __init__(self, season: Season, upload_mb: float | None, token: str) -> None:
+        self._season, self._upload_mb, self._token = season, upload_mb, token
+        self._receiving = Lock()
+
+    def addresses(self) -> dict[str, Callable[..., Any]]:
+        return {
+            "/": self.index,
+            "/favicon.ico": lambda: Response(status=204),
+            "/runs.html": self.runs,
+            "/runs.xlsx": self.runs_as_workbook,
+            "/<path:name>/page.html": self.trial,
+            "/<path:name>/report.html": self.report,
+            "/<path:name>/diagnosis.html": self.diagnosis,
+            "/<path:name>/export.<kind>": self.export,
+        }
+
+    def index(self) -> str:
+        rows = self._season.rows()
+        waiting = sum(row["status"] == WAITING for row in rows)
+        live = {"nonce": g.nonce, "token": self._token, "upload_mb": self._upload_mb, "waiting": waiting}
+        rows = [{**row, "report": (self._season.out / row["name"] / "report.html").is_file()} for row in rows]
+        return index_page(rows, failures_of(rows), self._season.folder.resolve().name, live).html
+
+    def trial(self, name: str) -> str:
+        row = self._row_of(name)
+        if row["status"] == WAITING:
+            return self._wait(name)
+        if "provenance" not in row:
+            return _message(name, [row["cause"]])
+        try:
+            page = (self._season.out / name / "page.html").read_text(encoding="utf-8")
+        except FileNotFoundError:
+            return self._wait(name, anew=True)
+        links = render("links_of_trial.html", row=row, kinds=[kind[1:] for kind in KINDS]).html
+        return page.replace(LINKS, links, 1)
+
+    def report(self, name: str) -> str:
+        self._row_of(name)
+        return _read_page(self._season.out / name / "report.html")
+
+    def diagnosis(self, name: str) -> str:
+        _, folder = self._season.diagnosis_of(self._row_of(name))
+        return _read_page(folder / "report.html" if folder else None)
+
+    def export(self, name: str, kind: str) -> Response:
+        if f".{kind}" not in KINDS:
+            abort(404)
+        self._row_of(name)
+        files = [str(path) for path in self._season.files(name)]
+        return _attached(f"{Path(name).name}.{kind}", lambda path: call_limited(export_recording, files, str(path)))
+
+    def runs(self) -> str:
+        runs = runs_in(self._season.out, self._requested_names(), kind := request.args.get("kind", ""))
+        if not runs:
+            return _message("No runs", ["None of these recordings holds such a manoeuvre."])
+        drawn = [
+            (run.label, motion, run.manoeuvre) for run, motion in with_motions(self._season.out, runs[:MOST_RUNS])
+        ]
+        header, rows = compared(runs)
+        with _drawing:
+            return render(
+                "runs.html", title=f"Runs: {kind.replace('_', ' ') or 'all manoeuvres'}", runs=drawn,
+                header=header, rows=rows, workbook=f"runs.xlsx?{request.query_string.decode()}",
+                left_out=len(runs) - len(drawn),
+            ).html  # fmt: skip
+
+    def runs_as_workbook(self) -> Response:
+        runs = runs_in(self._season.out, self._requested_names(), request.args.get("kind", ""))
+        return _attached("runs.xlsx", lambda path: write_sheets({"indices": index_table(runs)}, path))
+
+    def upload(self) -> str:
+        origin = request.headers.get("Origin")
+        if origin is not None and urlsplit(origin).netloc != request.host:
+            abort(403)
+        if not self._receiving.acquire(blocking=False):  # before a byte of it is stored
+            abort(503, "Another file is being received; send it again afterwards.")
+        try:
+            return self._receive()
+        finally:
+            self._receiving.release()
+
+    def _receive(self) -> str:
+        if not secrets.compare_digest(request.form.get("token", "").encode(), self._token.encode()):
+            abort(403)
+        if (upload := request.files.get("file")) is None:
+            abort(400)
+        path, lines = receive(upload.stream, upload.filename or "", self._season.folder)
+        return _message(f"{path.name} is in the season", lines)
+
+    def _requested_names(self) -> list[str]:
+        """The recordings that a request names, of those that have a result; all that have one if it names none."""
+        done = {row["name"] for row in self._season.rows() if "provenance" in row}
+        return [name for name in request.args.getlist("name") or sorted(done) if name in done]
+
+    def _row_of(self, name: str) -> Row:
+        row = self._season.row(name)
+        return row if row is not None else abort(404)
+
+    def _wait(self, name: str, *, anew: bool = False) -> str:
+        self._season.ask(name, anew=anew)
+        return _message(name, ["It is being analysed; this page shows it as soon as it is done."], again_s=2)
+
+
+def _read_page(path: Path | None) -> str:
+    if path is None or not path.is_file():
+        abort(404)
+    return path.read_text(encoding="utf-8")
+
+
+def export_recording(files: Sequence[str], path: str) -> list[str]:
+    """Write a recording, a file or its parts, as the table of its kind, once a second and repaired."""
+    table = prepare(read_parts([Path(file) for file in files]), Preparation(rate_hz=1.0, repair=True))
+    export_table(table, Path(path), {"rate_hz": 1.0})
+    return []
+
+
+def _attached(name: str, write: Callable[[Path], object]) -> Response:
+    """A file to be kept, as ``write`` makes it."""
+    with TemporaryDirectory(prefix="seatrial-") as folder:
+        path = Path(folder) / f"made{Path(name).suffix}"
+        write(path)
+        content = path.read_bytes()
+    named = f"attachment; filename*=UTF-8''{quote(name)}"
+    return Response(content, headers={"Content-Disposition": named}, mimetype="application/octet-stream")
+
+
+def _message(title: str, lines: list[str], again_s: int | None = None) -> str:
+    return render("message.html", title=title, lines=lines, again_s=again_s).html
+
+
+def _explained(error: HTTPException) -> tuple[str, int]:
+    return _message(error.name, [error.description or ""]), error.code or 500
+
+
+def _unexpected_error(error: Exception) -> tuple[str, int]:
+    """What nobody foresaw, as a page with one line, which the terminal has too."""
+    fault = unexpected(error)
+    LOG.error("%s: %s", printable_name(request.path), fault)
+    return _message("This page failed", [str(fault), "The other pages are not affected."]), 500
+
+
+def _new_nonce() -> None:
+    g.nonce = secrets.token_urlsafe()
+
+
+def _secured(response: Response) -> Response:
+    response.headers.extend({**_HEADERS, "Content-Security-Policy": _POLICY.format(g.get("nonce", "none"))})
+    return response
+
+
+_RUN_COLUMNS = [
+    "recording", "started [UTC]", "kind", "manoeuvre", "index", "value", "low", "high", "unit", "lengths", "limit",
+    "counted_from", "result", "missing",
+]  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class Run:
+    """One manoeuvre in a recording's result."""
+
+    recording: str
+    manoeuvre: Manoeuvre
+
+    @property
+    def label(self) -> str:
+        return f"{self.recording}, {self.manoeuvre.start:%H:%M:%S} {self.manoeuvre.sided_name}"
+
+
+def runs_in(results: Path, names: Iterable[str], kind: str = "") -> list[Run]:
+    """The manoeuvres of a kind, or of all, in the results of recordings. Raises :class:`InputError`."""
+    runs = []
+    for name in names:
+        path = results / name / "manoeuvres.json"
+        try:
+            records = json.loads(path.read_text(encoding="utf-8"))["manoeuvres"]
+            manoeuvres = [Manoeuvre.from_json(record) for record in records if kind in ("", record["kind"])]
+        except (OSError, ValueError, KeyError, TypeError) as error:
+            raise InputError("are not the manoeuvres of a batch", where=str(path), why=str(error)) from error
+        runs += [Run(name, manoeuvre) for manoeuvre in manoeuvres]
+    return runs
+
+
+def with_motions(results: Path, runs: Iterable[Run]) -> list[tuple[Run, Motion]]:
+    """The runs, each with the motion of its recording once a second, as its result has it."""
+    motions: dict[str, Motion] = {}
+    for run in runs:
+        if run.recording not in motions:
+            table, metadata = read_parquet(results / run.recording / "table.parquet")
+            table.attrs["trial"] = json.loads(metadata["trial"])
+            motions[run.recording] = motion_of(table)
+    return [(run, motions[run.recording]) for run in runs]
+
+
+def compared(runs: Sequence[Run]) -> tuple[list[str], list[list[str]]]:
+    """A table for people: a row a run, a column each of the main indices that any has."""
+    names = list(dict.fromkeys(row[0] for run in runs for row in rows_of(run.manoeuvre, every=False)))
+    cells = [(run.label, {row[0]: row[1] for row in rows_of(run.manoeuvre)}) for run in runs]
+    return ["run", *names], [[label, *(values.get(name, "") for name in names)] for label, values in cells]
+
+
+def index_table(runs: Iterable[Run]) -> pd.DataFrame:
+    """A row each index of each run, for a workbook: value, 95 % interval, unit, IMO's limit."""
+    rows = [
+        {"recording": run.recording, "started [UTC]": run.manoeuvre.start.tz_localize(None),
+         "kind": run.manoeuvre.kind, "manoeuvre": run.manoeuvre.sided_name, "index": name, **index.as_json(),
+         "missing": "; ".join(index.missing)}
+        for run in runs for name, index in run.manoeuvre.indices.items()
+    ]  # fmt: skip
+    return pd.DataFrame(rows, columns=_RUN_COLUMNS)
+
+
+ASKED, LOOK, REST = range(3)
+"""What is worked on first: what somebody waits for, a first look at each recording, the analysis of the others."""
+SETTLED_S = 20.0
+"""A file that has changed since is still being written, and is not analysed unless somebody asks."""
+DIAGNOSIS = "diagnosis.json"
+_KEPT = ".season.sqlite"
+_NICENESS = 10
+_CREATE = "CREATE TABLE IF NOT EXISTS season (name TEXT PRIMARY KEY, stamp TEXT, row TEXT)"
+_REPLACE = "INSERT OR REPLACE INTO season VALUES (?, ?, ?)"
+_LONGEST_S = 3600.0  # an analysis: the recording of a day takes some minutes
+_DIED = "its worker died over it, or took an hour; too little memory, or a fault in native code"
+_MOST_DIAGNOSIS_BYTES = 64_000_000  # one of a season of forty recordings has a few MB
+
+
+def results_folder(folder: Path) -> Path:
+    """Where the results of a season are kept unless a folder is named: the user's cache, apart for each season."""
+    cache = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
+    return cache / "seatrial" / hashlib.sha256(str(folder.resolve()).encode()).hexdigest()[:16]
+
+
+class Season:
+    """The recordings below ``folder`` and their results in ``out``; a context manager.
+
+    ``eager`` analyses all of them, one after the other; without it those that are asked for. Raises
+    :class:`InputError` for what is no folder, :class:`StorageError` where ``out`` cannot be written.
+    """
+
+    def __init__(
+        self, folder: Path, out: Path, options: Options | None = None, *, eager: bool = True,
+        settled_s: float = SETTLED_S,
+    ) -> None:  # fmt: skip
+        self.folder, self.out, self._options = folder, out.resolve(), options or Options()
+        if folder.resolve().is_relative_to(self.out):
+            raise InputError("the recordings are in the folder of the results", where=str(out), fix="name another")
+        self._eager, self._settled_s = eager, settled_s
+        self._files: dict[str, tuple[Path, ...]] = {}
+        self._diagnoses: list[tuple[int, str, frozenset[str], Path]] = []
+        self._requests: PriorityQueue[tuple[int, int, str]] = PriorityQueue()
+        self._requested: set[tuple[int, str]] = set()
+        self._number, self._lock, self._worker = count(), threading.RLock(), _Worker()
+        self._ended = False
+
+    def __enter__(self) -> Season:
+        recordings_below(self.folder, self.out)  # which says what is no folder
+        make_folder(self.out)
+        try:
+            with ExitStack() as closing:
+                self._store = sqlite3.connect(self.out / _KEPT, check_same_thread=False)
+                closing.callback(self._store.close)
+                self._store.execute(_CREATE)
+                kept = self._store.execute("SELECT name, stamp, row FROM season")
+                self._kept = {name: (stamp, json.loads(row)) for name, stamp, row in kept}
+                closing.pop_all()
+        except sqlite3.Error as error:
+            raise StorageError("cannot be used", where=str(self.out / _KEPT), why=str(error),
+                               fix="remove it, or name another folder with -o") from error  # fmt: skip
+        self.rows()
+        threading.Thread(target=self._work, name="season", daemon=True).start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        with self._lock:
+            self._ended = True
+            self._store.close()
+        self._requests.put((-1, 0, ""))
+        self._worker.stop()
+
+    def rows(self) -> list[Row]:
+        """A row each recording as in the index of a batch; of one not analysed what a first look tells, if that."""
+        with self._lock:
+            recordings = recordings_below(self.folder, self.out)
+            self._files = dict(zip(names_of(self.folder, recordings), recordings, strict=True))
+            states = {path: _state_of(path) for path in self.folder.rglob(DIAGNOSIS)}
+            self._diagnoses = [
+                (state[1], *_read_diagnosis(path, state), path.parent) for path, state in states.items()
+            ]
+            return [self._row(name) for name in self._files]
+
+    def row(self, name: str) -> Row | None:
+        """The row of a recording by its name, as :meth:`rows`; None where there is none of that name."""
+        with self._lock:
+            if name not in self._files:
+                self.rows()
+            return self._row(name) if name in self._files else None
+
+    def files(self, name: str) -> tuple[Path, ...]:
+        """The files of a recording that :meth:`row` knows."""
+        return self._files[name]
+
+    def ask(self, name: str, *, anew: bool = False) -> None:
+        """Have a recording analysed next; ``anew`` where its result is not there any more."""
+        with self._lock:
+            if anew:
+                self._kept.pop(name, None)
+            self._request(ASKED, name)
+
+    def diagnosis_of(self, row: Row) -> tuple[str, Path | None]:
+        """Verdict and folder of the newest diagnosis that a recording took part in."""
+        digests = set(row.get("provenance", {}).get("sha256", "").split(", ")) - {""}
+        diagnoses = [(changed, verdict, folder) for changed, verdict, of, folder in self._diagnoses if of & digests]
+        return max(diagnoses, default=(0, "", None))[1:]
+
+    def _row(self, name: str) -> Row:
+        stamp, row = self._kept.get(name, ("", None))
+        if row is None or stamp != self._stamp(name):
+            self._request(LOOK, name)
+            row = {"status": WAITING, "cause": ""}
+        elif row["status"] == WAITING and self._eager and self._is_settled(name):
+            self._request(REST, name)
+        path = self._files[name][0].relative_to(self.folder).as_posix()
+        return {**row, "name": name, "path": path, "verdict": self.diagnosis_of(row)[0]}
+
+    def _stamp(self, name: str) -> str:
+        """What a row hangs on: the files' names, sizes and times, the options and the version."""
+        states = [(path.name, *_state_of(path)) for path in self._files[name]]
+        return repr((states, self._options, software_version()))
+
+    def _is_settled(self, name: str) -> bool:
+        newest_ns = max(_state_of(path)[1] for path in self._files[name])
+        return time.time() - newest_ns / 1e9 > self._settled_s
+
+    def _request(self, urgency: int, name: str) -> None:
+        if (urgency, name) not in self._requested:
+            self._requested.add((urgency, name))
+            self._requests.put((urgency, next(self._number), name))
+
+    def _work(self) -> None:
+        """One request after the other, until the season ends."""
+        while True:
+            urgency, _, name = self._requests.get()
+            if urgency < 0:
+                return
+            with self._lock:
+                self._requested.discard((urgency, name))
+                if name not in self._files:
+                    continue
+                stamp, files = self._stamp(name), self._files[name]
+                kept_stamp, row = self._kept.get(name, ("", {}))
+            if kept_stamp == stamp and (urgency == LOOK or row["status"] != WAITING):
+                continue
+            first, *later = map(str, files)
+            job = BatchJob(name, first, str(self.out), self._options, later=tuple(later))
+            row = self._worker.row_of(_first_look if urgency == LOOK else result_of, job)
+            with self._lock:
+                if self._ended:
+                    return
+                self._kept[name] = stamp, failed_row(job, _DIED) if row is None else row
+                if row is not None:  # one that killed its worker is tried again after the next start
+                    self._store.execute(_REPLACE, (name, stamp, json.dumps(row)))
+                    self._store.commit()
+
+
+@lru_cache(maxsize=10_000)
+def _read_diagnosis(path: Path, state: tuple[int, int]) -> tuple[str, frozenset[str]]:
+    """Verdict and hashes of the recordings of a diagnosis in a ``state``; nothing of what is none."""
+    if state[0] > _MOST_DIAGNOSIS_BYTES or not path.is_file():
+        return "", frozenset()
+    try:
+        document = json.loads(path.read_text(encoding="utf-8"))
+        return str(document["verdict"]), frozenset(str(document["provenance"]["recordings_sha256"]).split(", "))
+    except (OSError, ValueError, KeyError, TypeError, RecursionError):
+        return "", frozenset()
+
+
+def _state_of(path: Path) -> tuple[int, int]:
+    """Size [bytes] and time of change [ns]; of one that has gone none."""
+    with suppress(OSError):
+        state = path.stat()
+        return state.st_size, state.st_mtime_ns
+    return 0, 0
+
+
+def _first_look(job: BatchJob) -> Row:
+    return {"name": job.name, **first_look([Path(job.path), *map(Path, job.later)])}
+
+
+class _Worker:
+    """A process that makes rows of jobs, one at a time; another takes its place when it dies."""
+
+    def __init__(self) -> None:
+        self._process: SpawnProcess | None = None
+
+    def row_of(self, work: Callable[[BatchJob], Row], job: BatchJob) -> Row | None:
+        """The row that ``work`` makes of a job, or of its failure; None where it kills the process or hangs."""
+        if self._process is None:
+            context = get_context("spawn")
+            self._pipe, theirs = context.Pipe()
+            self._process = context.Process(target=_attend_requests, args=(theirs,), daemon=True)
+            self._process.start()
+            theirs.close()
+        try:
+            self._pipe.send((work, job))
+            if not self._pipe.poll(_LONGEST_S):
+                raise TimeoutError
+            row: Row = self._pipe.recv()
+        except (EOFError, OSError):
+            self._process.kill()
+            self._process = None
+            return None
+        return row
+
+    def stop(self) -> None:
+        if self._process is not None and self._process.is_alive():
+            self._process.kill()
+
+
+def _attend_requests(pipe: Connection) -> None:
+    """What the worker does: jobs in, rows out, until nobody asks any more."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the terminal's Ctrl-C is for the page
+    os.nice(_NICENESS)
+    with suppress(EOFError):
+        while True:
+            work, job = pipe.recv()
+            try:
+                row = work(job)
+            except Exception as error:  # whatever it is, it is this recording's and no other's
+                row = failed_row(job, cause_of(error))
+            pipe.send(row)
+
+
+LONGEST_S = 600.0
+"""An export of a day takes a minute, the import of 500 MB of text some minutes."""
+LEAST_MEMORY_BYTES = 3 * 1024**3  # of addresses; the libraries alone take 1.5 GB of them
+MOST_WRITTEN_BYTES = 8 * 1024**3
+MOST_AT_ONCE = 2
+_turns = BoundedSemaphore(MOST_AT_ONCE)
+_Work = Callable[..., Sequence[str]]
+
+
+def call_limited(function: _Work, *arguments: object, longest_s: float | None = None) -> list[str]:
+    """The lines that a function says, called in a process of its own; it is to be importable, its arguments plain.
+
+    Raises :class:`SeatrialError`: what the function raised, or that it took too long or its process ended.
+    """
+    longest_s = LONGEST_S if longest_s is None else longest_s
+    if not _turns.acquire(timeout=longest_s):
+        raise InputError("others are being read", fix="try again in a minute")
+    context = get_context("spawn")
+    receiver, sender = context.Pipe(duplex=False)
+    process = context.Process(target=_run_and_send, args=(sender, function, arguments), daemon=True)
+    try:
+        process.start()
+        sender.close()  # or the end of the process would pass unnoticed
+        if not receiver.poll(longest_s):
+            raise InputError(f"took longer than {longest_s:g} s to read", fix="read it on the command line")
+        answer = json.loads(receiver.recv_bytes())  # no pickle: whoever sends it has read a stranger's file
+    except (EOFError, OSError) as error:
+        process.join()
+        raise InputError(
+            "ended the program that read it", why=_exit_reason(process.exitcode),
+            fix="it needs more memory than there is, or is damaged; if it is sound, read it on the command line",
+        ) from error  # fmt: skip
+    finally:
+        process.kill()
+        process.join()
+        receiver.close()
+        _turns.release()
+    if "error" in answer:
+        raise SeatrialError(str(answer["error"]))
+    return [str(line) for line in answer["lines"]]
+
+
+def _exit_reason(code: int | None) -> str:
+    with suppress(ValueError):
+        return f"signal {signal.Signals(-(code or 0)).name}"
+    return f"exit code {code}"
+
+
+def _run_and_send(pipe: Connection, function: _Work, arguments: tuple[object, ...]) -> None:
+    """What the process does: one call, and the answer to it as JSON."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the terminal's Ctrl-C is for the server
+    _limit()
+    try:
+        answer: dict[str, object] = {"lines": list(function(*arguments))}
+    except Exception as error:  # whatever it is, it is this file's and no other's
+        answer = {"error": str(unexpected(error))}
+    pipe.send_bytes(json.dumps(answer).encode())
+
+
+def _limit() -> None:
+    """Bound what this process may take, and have it end first where memory is short, without a word on stderr."""
+    memory_bytes = max(LEAST_MEMORY_BYTES, os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") // 2)
+    for limit, value in (
+        (resource.RLIMIT_AS, memory_bytes), (resource.RLIMIT_FSIZE, MOST_WRITTEN_BYTES), (resource.RLIMIT_CORE, 0),
+    ):  # fmt: skip
+        _, hard = resource.getrlimit(limit)
+        resource.setrlimit(limit, (value if hard == resource.RLIM_INFINITY else min(value, hard), hard))
+    with suppress(OSError):
+        Path("/proc/self/oom_score_adj").write_text("1000")
+    with Path(os.devnull).open("w") as nothing:
+        os.dup2(nothing.fileno(), 2)
+
+
+_LONGEST_NAME_BYTES = 200  # of 255, for what is added while it is written
+
+
+def receive(stream: IO[bytes], filename: str, folder: Path) -> tuple[Path, list[str]]:
+    """Put a recording, or a table as a recording, into a folder; its path, and what was found in it.
+
+    Raises :class:`InputError` for what cannot be read, also where it ends the process that reads it, for a table
+    that leaves a question open, and where a recording of that name is there; :class:`StorageError` for what the
+    folder does not take.
+    """
+    name = secure_filename(filename).lstrip("-")  # or a shell would take it for an option
+    if not name or len(name.encode()) > _LONGEST_NAME_BYTES:
+        raise InputError("has an invalid file name", where=repr(filename[:_LONGEST_NAME_BYTES]), fix="rename it")
+    with TemporaryDirectory(prefix="seatrial-") as place:
+        source = Path(place) / name
+        with source.open("wb") as copy:
+            shutil.copyfileobj(stream, copy)
+        try:
+            lines = call_limited(make_recording, str(source))
+        except SeatrialError as error:  # whoever sent it knows nothing of our folders
+            raise InputError(str(error).replace(f"{place}/", ""), where=name) from error
+        return _put(_recording_path(source), folder), lines
+
+
+def make_recording(source: str) -> list[str]:
+    """Make a recording of a file, beside it, unless it is one, and say what is in it."""
+    path = Path(source)
+    recording = _recording_path(path)
+    if recording == path:
+        return [f"{len(channels_of(read_recording(path)))} channels"]
+    raw = read_raw(path)
+    if is_standard(raw):
+        return [str(import_table(path, recording))]
+    proposal = propose_for(raw)
+    if proposal.unanswered:
+        raise InputError(
+            f"leaves an open question: {proposal.unanswered[0]}",
+            fix="import it with `seatrial import`, which accepts the answer",
+        )
+    summary = import_proposed(raw, proposal, recording, recording.with_suffix(".columns.toml"))
+    return [str(summary), *proposal.warnings]
+
+
+def _recording_path(source: Path) -> Path:
+    return source if source.suffix.lower() == ".mcap" else source.with_suffix(".mcap")
+
+
+def _put(recording: Path, folder: Path) -> Path:
+    """Copy a file into a folder, complete or not at all; one of that name stays as it is."""
+    target = folder / f"{recording.stem}.mcap"
+    with locked_briefly(target):
+        if os.path.lexists(target):
+            raise InputError("already exists", where=target.name, fix="rename the file and upload it again")
+        with atomic_file(target) as partial:
+            shutil.copyfile(recording, partial)
+    return target
