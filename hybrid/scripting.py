@@ -36,19 +36,19 @@ if TYPE_CHECKING:
     from seatrial.analysis.quality.check import DataQuality
     from seatrial.analysis.speed_power import Conditions, SpeedPower
     from seatrial.analysis.windows.held import HeldWindows
+    from seatrial.hybrid.calibrators import TrainedCalibrator
     from seatrial.hybrid.calibrators.predict import Prediction
-    from seatrial.hybrid.calibrators.train import TrainedCalibrator
     from seatrial.hybrid.effects.catalogue import Catalogue
     from seatrial.hybrid.evaluation.study import Evaluation
     from seatrial.hybrid.evaluation.validate import Validation
     from seatrial.hybrid.identification.identify import Identification
-    from seatrial.hybrid.planning.plan import Plan
+    from seatrial.hybrid.planning import Plan
     from seatrial.hybrid.prediction.dataset import Dataset
     from seatrial.hybrid.simulation.vessel_check import VesselCheck
     from seatrial.hybrid.vessel.files import ReferenceModel
     from seatrial.hybrid.vessel.parameters import Vessel
     from seatrial.hybrid.vessel.plant import Plant
-    from seatrial.hybrid.workflows.diagnose import DiagnosisRun
+    from seatrial.hybrid.workflows import DiagnosisRun
 
 Paths = str | Path | Sequence[str | Path]
 HORIZON_S = 15
@@ -361,7 +361,7 @@ def train(
     Raises :class:`DataShortageError` where there is no window, :class:`ConfigurationError` for an unknown method.
     """
     from seatrial.hybrid.calibrators import refuse_untrainable
-    from seatrial.hybrid.calibrators.train import train as train_calibrator
+    from seatrial.hybrid.calibrators import train as train_calibrator
     from seatrial.hybrid.effects.catalogue import vessel_plant
 
     refuse_untrainable(method)
@@ -395,9 +395,8 @@ def validate(
     Recordings that the calibrator was trained on are refused with :class:`InputError` unless ``allow_seen``.
     """
     from seatrial.hybrid.calibrators.predict import predictor_of
-    from seatrial.hybrid.evaluation.length_times import errors_by_length
     from seatrial.hybrid.evaluation.manoeuvre_indices import index_comparison, runs_of_recordings
-    from seatrial.hybrid.evaluation.validate import refuse_training_data
+    from seatrial.hybrid.evaluation.validate import errors_by_length, refuse_training_data
     from seatrial.hybrid.evaluation.validate import validate as validate_dataset
     from seatrial.hybrid.vessel.files import trials_of
 
@@ -440,7 +439,7 @@ def evaluate(
     """
     from seatrial.hybrid.calibrators import COMPARED, can_train, refuse_untrainable
     from seatrial.hybrid.effects.catalogue import vessel_plant
-    from seatrial.hybrid.evaluation import splits as split_kinds
+    from seatrial.hybrid.evaluation import study as split_kinds
     from seatrial.hybrid.evaluation.study import evaluation_of, study
 
     kinds = (
@@ -478,9 +477,8 @@ def predict(
 
     from seatrial.analysis.tables.resample import resample
     from seatrial.analysis.windows.held import second_by_second
-    from seatrial.hybrid.calibrators.predict import parse_time, predictor_of
+    from seatrial.hybrid.calibrators.predict import parse_time, predictor_of, read_commands
     from seatrial.hybrid.calibrators.predict import predict as predict_at
-    from seatrial.hybrid.prediction.planned_commands import read_commands
     from seatrial.hybrid.vessel.files import trials_of
 
     by = predictor_of(trials_of([Path(recording)]), calibrator, vessel, horizon_s)
@@ -514,7 +512,7 @@ def diagnose(
     ``None`` where their time stamps jitter.
     """
     from seatrial.hybrid.effects.catalogue import catalogue_with
-    from seatrial.hybrid.workflows.diagnose import diagnose_files
+    from seatrial.hybrid.workflows import diagnose_files
 
     ship = _model(recordings, vessel).vessel
     catalogue = catalogue_with(effect_files, without, ship)
@@ -548,7 +546,7 @@ def identify(
     from seatrial.analysis.windows.held import named_recordings
     from seatrial.hybrid.identification.identify import identify_tables, judge, repertoire_of
     from seatrial.hybrid.vessel.files import save_vessel
-    from seatrial.hybrid.workflows.checked import usable_tables
+    from seatrial.hybrid.workflows import usable_tables
 
     chosen = _model(recordings, vessel)
     ship, paths = chosen.vessel, as_paths(recordings)
@@ -585,9 +583,9 @@ def plan(
     Without a sea state in a gentle sea, a ship's model in a calm basin.
     """
     from seatrial.hybrid.effects.catalogue import catalogue_with
-    from seatrial.hybrid.planning.plan import noise_in, programme_of
-    from seatrial.hybrid.planning.plan import plan as plan_programme
-    from seatrial.hybrid.simulation.sea_state import sea_for
+    from seatrial.hybrid.planning import noise_in, programme_of
+    from seatrial.hybrid.planning import plan as plan_programme
+    from seatrial.hybrid.simulation.trial import sea_for
     from seatrial.hybrid.vessel.files import load_vessel
 
     ship = load_vessel(vessel)
@@ -679,7 +677,7 @@ def _dataset(
 def _with_truths(dataset: Dataset, recordings: Paths, part: str, rebuilt: bool) -> Dataset:
     """The data set with its windows' tracks by each sensor as it was measured."""
     from seatrial.analysis.windows.held import tables_of_recordings
-    from seatrial.hybrid.evaluation.truth import with_truths
+    from seatrial.hybrid.evaluation.validate import with_truths
 
     with bar("sensors") as progress:
         tables = dataset.tables

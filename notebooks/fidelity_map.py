@@ -57,11 +57,10 @@ from seatrial.analysis.report.plots import INK
 from seatrial.analysis.report.rendering import Page, picture, render
 from seatrial.hybrid.calibrators import make_calibrator
 from seatrial.hybrid.effects import vessel_plant
-from seatrial.hybrid.prediction.baselines import constant_velocity, reference
-from seatrial.hybrid.prediction.prediction_windows import PredictionWindows, concatenate_windows
-from seatrial.hybrid.prediction.scores import distances
+from seatrial.hybrid.prediction.baselines import constant_velocity, distances, reference
+from seatrial.hybrid.prediction.windows import PredictionWindows, concatenate_windows
 from seatrial.hybrid.report.plots import COLOUR, plain_numbers
-from seatrial.hybrid.report.words import join_words
+from seatrial.hybrid.report.text import join_words
 from seatrial.hybrid.reproduction.campaign import MODEL, TRUTH, paper_campaign
 from seatrial.hybrid.vessel.files import load_vessel
 from seatrial.hybrid.vessel.plant import Plant

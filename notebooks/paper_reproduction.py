@@ -32,9 +32,8 @@ from IPython.display import display
 import seatrial as st
 from seatrial.hybrid.calibrators import make_calibrator
 from seatrial.hybrid.effects import vessel_plant
-from seatrial.hybrid.prediction.baselines import reference
-from seatrial.hybrid.prediction.prediction_windows import draw_groups
-from seatrial.hybrid.prediction.scores import score
+from seatrial.hybrid.prediction.baselines import reference, score
+from seatrial.hybrid.prediction.windows import draw_groups
 from seatrial.hybrid.reproduction.campaign import MODEL, TRUTH, paper_campaign
 
 # %% [markdown]

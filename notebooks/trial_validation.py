@@ -34,7 +34,7 @@ import pandas as pd
 from IPython.display import display
 
 import seatrial as st
-from seatrial.hybrid.report.index_tables import INDEX_HEADER, index_tables
+from seatrial.hybrid.report.trial_form import INDEX_HEADER, index_tables
 
 case = st.load_case(
     recordings, calibrator, vessel, horizon_s, part=part, repair=repair, allow_seen=allow_seen, length_m=length_m,

@@ -20,8 +20,8 @@ from hypothesis import HealthCheck, settings
 import seatrial
 
 if TYPE_CHECKING:
+    from seatrial.hybrid.calibrators import TrainedCalibrator
     from seatrial.hybrid.calibrators.networks import NetworkCalibrator
-    from seatrial.hybrid.calibrators.train import TrainedCalibrator
     from seatrial.hybrid.vessel.plant import Plant
 
 # How long an example takes is the machine's affair, and no finding.
@@ -124,13 +124,13 @@ def few_epochs(method: str, seed: int = 0, plant: Plant | None = None, epochs: i
 @pytest.fixture(scope="session")
 def small(earlier: list[Path]) -> TrainedCalibrator:
     """A calibrator on the ship before she was lengthened, trained on little and for a short time."""
-    from seatrial.hybrid.calibrators.train import train
+    from seatrial.hybrid.calibrators import train
     from seatrial.hybrid.effects.catalogue import vessel_plant
     from seatrial.hybrid.prediction.dataset import load_dataset
     from seatrial.hybrid.vessel.files import load_vessel
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("seatrial.hybrid.calibrators.train.make_calibrator", few_epochs)
+        patch.setattr("seatrial.hybrid.calibrators.make_calibrator", few_epochs)
         dataset = load_dataset(earlier, SMALL_HORIZON_S, 5)
         return train(dataset, "gunnerus_short", vessel_plant(load_vessel("gunnerus_short")), "paper")
 

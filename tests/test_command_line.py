@@ -164,7 +164,7 @@ def test_train_validate_predict(
 ) -> None:
     """The three in a row, each with one JSON object; the horizon of the calibrator is taken up unasked."""
     monkeypatch.setattr(
-        "seatrial.hybrid.calibrators.train.make_calibrator",
+        "seatrial.hybrid.calibrators.make_calibrator",
         lambda method, seed, plant: few_epochs(method, seed, plant, 2),
     )
     folder = tmp_path / "calibrator"

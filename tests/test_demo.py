@@ -20,7 +20,7 @@ def test_the_recorder_is_ended_when_it_has_all_that_was_played_or_nothing_more_c
     held: list[int], longest_s: float, clock: SimulatedClock, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A recorder on a busy machine is behind: a fixed pause cut off the end of the voyage."""
-    from seatrial.hybrid.workflows import demo
+    from seatrial.hybrid import demo
 
     left, asked = iter(held), list[int]()
 
@@ -39,7 +39,7 @@ def test_the_recorder_is_ended_when_it_has_all_that_was_played_or_nothing_more_c
 @pytest.mark.slow
 def test_the_demo_loses_nothing_and_beats_the_reference(tmp_path: Path) -> None:
     """Every played value is recorded, and the calibrator is better than its reference on the unseen voyage."""
-    from seatrial.hybrid.workflows.demo import demonstrate
+    from seatrial.hybrid.demo import demonstrate
 
     said: list[str] = []
     done = demonstrate(tmp_path, seed=7, say=said.append)

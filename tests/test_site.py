@@ -62,8 +62,8 @@ def test_functions_have_their_texts(site: Path) -> None:
     text = (site / "reference" / "python.html").read_text(encoding="utf-8")
     for name in (
         "seatrial.analysis.tables.table.read_table",
-        "seatrial.hybrid.calibrators.train.train",
-        "seatrial.hybrid.workflows.diagnose.diagnose_files",
+        "seatrial.hybrid.calibrators.train",
+        "seatrial.hybrid.workflows.diagnose_files",
     ):
         assert f'id="{name}"' in text
     assert "The raw samples of all channels joined on their measured time." in text

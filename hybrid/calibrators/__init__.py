@@ -1,16 +1,37 @@
-"""Calibrators behind one interface: the methods by name, each imported on first use."""
+"""Calibrators behind one interface: the methods by name, each imported on first use.
+
+The interface of all calibrators (fit to windows, predict tracks with uncertainty, save), and their
+predictions with the fallback outside the domain of applicability.
+
+``seatrial train``: a calibrator on a reference model, its accuracy on held-out legs, and its use.
+"""
 
 from __future__ import annotations
 
+import platform
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from datetime import UTC, datetime
+from importlib.metadata import version
 from importlib.util import find_spec
-from typing import TYPE_CHECKING
+from typing import Any, ClassVar, Self
 
-from seatrial.acquisition.core.errors import ConfigurationError
+import numpy as np
+from numpy.typing import NDArray
+
+from seatrial.acquisition.core.errors import ConfigurationError, InputError, Progress, part_of
 from seatrial.acquisition.core.named_code import load
-
-if TYPE_CHECKING:
-    from seatrial.hybrid.calibrators.calibrator import Calibrator
-    from seatrial.hybrid.vessel.plant import Plant
+from seatrial.acquisition.core.quantities import Bools, Floats
+from seatrial.acquisition.core.result import ModelResult
+from seatrial.acquisition.core.ship import DEFAULT, Actuators
+from seatrial.acquisition.core.trial import software_version
+from seatrial.hybrid.effects.catalogue import vessel_plant
+from seatrial.hybrid.prediction.baselines import BASELINES, CandidatePrediction, Fallback, conformal_region, score
+from seatrial.hybrid.prediction.dataset import Dataset, WindowSource, within_model_range
+from seatrial.hybrid.prediction.windows import PredictionWindows, clear_of, draw_windows, unlike_groups
+from seatrial.hybrid.vessel.files import load_vessel
+from seatrial.hybrid.vessel.plant import Plant, plant_hash
 
 # Imported when first used.
 _METHODS = {
@@ -18,7 +39,7 @@ _METHODS = {
     "data_driven": "seatrial.hybrid.calibrators.networks:DataDrivenCalibrator",
     "additive": "seatrial.hybrid.calibrators.networks:AdditiveCalibrator",
     "paper_adam": "seatrial.hybrid.calibrators.networks:PublishedPaperCalibrator",
-    "adaptive": "seatrial.hybrid.calibrators.adaptive.calibrator:AdaptiveCalibrator",
+    "adaptive": "seatrial.hybrid.calibrators.adaptive:AdaptiveCalibrator",
 }
 INSTALL = "pip install 'seatrial[networks]'"
 METHODS: tuple[str, ...] = tuple(_METHODS)
@@ -57,3 +78,299 @@ def make_calibrator(method: str, seed: int = 0, plant: Plant | None = None) -> C
     from seatrial.hybrid.calibrators.own import own_calibrator
 
     return own_calibrator(factory, method, seed, plant)
+
+
+Examples = tuple[PredictionWindows, Floats]
+"""Windows and the reference model's tracks on them [N, H+1, 3]."""
+
+
+def require_shapes(tensors: Mapping[str, Floats], shapes: Mapping[str, tuple[int, ...]]) -> None:
+    """Raise :class:`ValueError` for a tensor from a file that is missing, of another shape, or no floats."""
+    for name, shape in shapes.items():
+        tensor = tensors.get(name)
+        if tensor is None or tensor.shape != shape or tensor.dtype != np.float64:
+            what = "missing" if tensor is None else f"{tensor.dtype} {tensor.shape}"
+            raise ValueError(f"{name} is {what}, and this version has float64 {shape}")
+
+
+@dataclass(frozen=True, slots=True)
+class DomainOfApplicability:
+    """The values of N windows compared with the range in training, by quantity.
+
+    ``names`` [C] of the quantities, ``values`` [N, K, C] of the windows (K seconds, or one), range in training
+    ``low`` to ``high`` [C], and ``margin`` [C] by which a value inside the domain may exceed that range.
+    """
+
+    names: tuple[str, ...]
+    values: Floats
+    low: Floats
+    high: Floats
+    margin: Floats
+
+    @property
+    def outside_range(self) -> Bools:
+        """Which windows leave the training range by at least a thousandth of it, by quantity [N, C]."""
+        return self._beyond(1e-3 * (self.high - self.low) + 1e-9)
+
+    @property
+    def outside(self) -> Bools:
+        """Which windows leave the domain, by quantity [N, C]."""
+        return self._beyond(self.margin)
+
+    def _beyond(self, margin: Floats) -> Bools:
+        outside = (self.values < self.low - margin) | (self.values > self.high + margin)
+        return np.asarray(outside.any(axis=1))
+
+
+class Calibrator(ABC):
+    """A learned map from the start of a window and the reference's track to the ship's track.
+
+    Fitted values end in an underscore, as in scikit-learn. ``plant`` is the reference model, for calibrators
+    that adapt it; ``actuators`` are the ship's, those of ``plant`` or of the training windows; ``any_commands``
+    means that it takes windows with any commands, like those it was fitted to.
+    """
+
+    method: str
+    extrapolates: ClassVar[bool] = False
+    """Whether it is believed outside its domain of applicability too, as one may whose regions grow there."""
+    outputs: ClassVar[tuple[str, ...]] = ("north_m", "east_m")
+
+    def __init__(self, seed: int = 0, plant: Plant | None = None) -> None:
+        self.seed, self.plant = seed, plant
+        self.actuators: Actuators = plant.layout if plant else DEFAULT
+        self.any_commands = False
+
+    @property
+    def inputs(self) -> tuple[str, ...]:
+        """The names of the inputs, for the ship at hand."""
+        return self.labels(self.actuators)
+
+    @abstractmethod
+    def labels(self, actuators: Actuators) -> tuple[str, ...]:
+        """The names of the inputs, for a ship with these actuators."""
+
+    @abstractmethod
+    def fit(self, training: Examples, stopping: Examples, progress: Progress = lambda share: None) -> Self:
+        """Fit to windows; ``stopping`` are windows of other legs, for early stopping or selection."""
+
+    @abstractmethod
+    def predict(self, windows: PredictionWindows, reference: Floats) -> Floats:
+        """The predicted tracks [N, H+1, 3]: north, east [m], heading [rad]."""
+
+    @abstractmethod
+    def domain(self, windows: PredictionWindows, reference: Floats) -> DomainOfApplicability:
+        """The windows' values of the quantities of the domain of applicability, with the training range."""
+
+    def outside_domain(self, windows: PredictionWindows, reference: Floats) -> Bools:
+        """Which windows [N] lie outside the domain of applicability."""
+        return np.asarray(self.domain(windows, reference).outside.any(axis=1))
+
+    def predict_with_uncertainty(self, windows: PredictionWindows, reference: Floats) -> tuple[Floats, Floats]:
+        """:meth:`predict`, with the relative uncertainty of each prediction [N, H], one on average; here
+        constant."""
+        return self.predict(windows, reference), np.ones((len(windows), windows.horizon_s))
+
+    def beside_baselines(self, windows: PredictionWindows, tracks: Floats) -> CandidatePrediction | None:
+        """Its predicted ``tracks`` [N, H+1, 3] as a candidate for the average of :class:`Fallback`.
+
+        If None, they are used alone inside the domain of applicability.
+        """
+        return None
+
+    def adapted_model(self) -> Plant | None:
+        """The reference model with what was learned of it; None of a calibrator that corrects tracks."""
+        return None
+
+    def out_of_sample_tracks(self, stopping: Examples) -> Floats:
+        """The tracks [N, H+1, 3] of the ``stopping`` windows of :meth:`fit` by a model not fitted to them."""
+        return self.predict(*stopping)
+
+    def conformal_region(self, stopping: Examples) -> Floats:
+        """The semi-axes [H, 2] of the 95 % region by second, in metres, for an uncertainty of one."""
+        return conformal_region(self.out_of_sample_tracks(stopping), stopping[0])
+
+    @abstractmethod
+    def state_dict(self) -> dict[str, Floats]:
+        """All fitted values, by name."""
+
+    @abstractmethod
+    def load_state_dict(self, tensors: dict[str, Floats]) -> Self:
+        """Restore the fitted values of :meth:`state_dict`, and return itself."""
+
+
+@dataclass(frozen=True, slots=True)
+class PredictedTracks:
+    """Predictions of N windows with their 95 % regions.
+
+    ``tracks`` [N, H+1, 3], semi-axes ``region_m`` [N, H, 2]; ``outside_domain`` [N] marks the windows outside
+    the calibrator's domain of applicability; ``source`` [N] is ``hybrid``, or one of :data:`BASELINES`.
+    """
+
+    tracks: Floats
+    region_m: Floats
+    outside_domain: Bools
+    source: NDArray[np.str_]
+
+
+def predict_with_fallback(
+    calibrator: Calibrator,
+    plant: Plant,
+    region_m: Floats,
+    fallback: Fallback,
+    windows: PredictionWindows,
+    reference: Floats,
+) -> PredictedTracks:
+    """The calibrator's tracks and regions, replaced by the fallback's where it gives no finite number, or
+    outside its domain unless it extrapolates.
+
+    A calibrator with hindcasts (:meth:`~Calibrator.beside_baselines`) is averaged with the baselines inside its
+    domain as well; its region is then the mean of both.
+
+    ``region_m`` is the calibrator's :meth:`~Calibrator.conformal_region`, for at least as many seconds as the
+    windows have; ``reference`` [N, H+1, 3] are the model's tracks.
+    """
+    tracks, uncertainty = calibrator.predict_with_uncertainty(windows, reference)
+    regions_m = uncertainty[..., None] * region_m[: windows.horizon_s]
+    no_number = np.asarray(~np.isfinite(tracks).all(axis=(1, 2)))
+    outside = calibrator.outside_domain(windows, reference) | no_number
+    silent = no_number if calibrator.extrapolates else outside
+    tracks[silent] = np.nan
+    source = np.full(len(windows), "hybrid", dtype="<U20")
+    candidate = calibrator.beside_baselines(windows, tracks)
+    asked = silent if candidate is None else np.ones_like(silent)
+    if asked.any():
+        replacement = fallback.predict(windows.subset(asked), reference[asked], plant, candidate)
+        weight = replacement.weight[len(BASELINES) :].sum(axis=0)[:, None, None]
+        others_m = replacement.expected_error_m[:, None, None] * fallback.region[: windows.horizon_s]
+        tracks[asked], source[silent] = replacement.tracks, replacement.source[silent[asked]]
+        regions_m[asked] = np.where(weight > 0.0, weight * regions_m[asked], 0.0) + (1.0 - weight) * others_m
+    return PredictedTracks(tracks, regions_m, outside, source)
+
+
+HELD_OUT_SHARE = 0.2
+METHOD = "adaptive"
+"""The default method."""
+
+
+def versions() -> dict[str, str]:
+    """The versions of the software used for training."""
+    libraries = {name: version(name) for name in ("torch", "numpy") if find_spec(name)}
+    return {
+        "seatrial": software_version().removeprefix("seatrial "),
+        "python": platform.python_version(),
+    } | libraries
+
+
+@dataclass(frozen=True, slots=True)
+class TrainedCalibrator(ModelResult):
+    """A trained calibrator, as saved and used for predictions.
+
+    ``calibrator`` corrects the reference model ``plant``, called ``vessel``; ``data_driven`` was trained on the
+    same windows without a model, None if networks could not be trained. ``region_m`` [H, 2] are the semi-axes
+    of the 95 % region by second for a relative uncertainty of one, from held-out legs; ``fallback`` predicts
+    outside the domain of applicability.
+    """
+
+    calibrator: Calibrator
+    data_driven: Calibrator | None
+    horizon_s: int
+    vessel: str
+    plant: Plant
+    region_m: Floats
+    fallback: Fallback
+    sources: tuple[WindowSource, ...]
+    metrics: dict[str, Any]
+    trained_at: datetime = field(default_factory=lambda: datetime.now(UTC).replace(microsecond=0))
+    versions: dict[str, str] = field(default_factory=versions)
+    view = "seatrial.hybrid.report.text:training_view"
+    drawing = "seatrial.hybrid.report.plots:draw_regions"
+    size_inch = (7.0, 4.0)
+
+    def predict_tracks(self, windows: PredictionWindows, reference: Floats) -> PredictedTracks:
+        """Tracks and regions, by the fallback outside the domain of applicability.
+
+        ``reference`` [N, H+1, 3] are the reference model's tracks on the windows.
+        """
+        return predict_with_fallback(self.calibrator, self.plant, self.region_m, self.fallback, windows, reference)
+
+    def refuse_commands(self) -> None:
+        """Raise :class:`InputError` if it was trained on held controls and so cannot take any commands."""
+        if not self.calibrator.any_commands:
+            raise InputError(
+                "the calibrator was trained on held controls and cannot predict with other commands",
+                fix="leave --any or --commands out, or train again with --any",
+            )
+
+    def refuse_horizon(self, horizon_s: int) -> None:
+        """Raise :class:`InputError` if it was trained for a shorter horizon."""
+        if horizon_s > self.horizon_s:
+            raise InputError(
+                f"the calibrator predicts at most {self.horizon_s} s, not {horizon_s} s",
+                fix=f"use --horizon {self.horizon_s}, or train again",
+            )
+
+
+def plant_for(trained: TrainedCalibrator, vessel: str | None) -> Plant:
+    """The reference model that a calibrator was trained on; ``vessel`` may confirm it but not replace it.
+
+    Raises :class:`ConfigurationError` if the named model differs in any number from that of the training.
+    """
+    if vessel is not None and plant_hash(vessel_plant(load_vessel(vessel))) != plant_hash(trained.plant):
+        raise ConfigurationError(
+            f"vessel {vessel!r} is not the model that the calibrator was trained on",
+            why=f"it was trained on {trained.vessel!r}, and the numbers differ",
+            fix="leave --vessel out, give that vessel, or train again",
+        )
+    return trained.plant
+
+
+def train(
+    dataset: Dataset,
+    vessel: str,
+    plant: Plant,
+    method: str = METHOD,
+    seed: int = 0,
+    progress: Progress = lambda share: None,
+) -> TrainedCalibrator:
+    """Train a calibrator of ``method`` on a data set and, if networks can be trained, the one without a model.
+
+    A share :data:`HELD_OUT_SHARE` of the legs, or of the recordings with any commands, is held out for early
+    stopping and for the size of the regions. Raises :class:`DataShortageError` without windows in the range of
+    the model, or with only one leg.
+    """
+    windows, tracks = within_model_range(dataset.windows, plant)
+    held_out = draw_windows(windows, unlike_groups(windows), HELD_OUT_SHARE, seed)
+    fitting = clear_of(windows, ~held_out, held_out)
+    training = (windows.subset(fitting), tracks[fitting])
+    stopping = (windows.subset(held_out), tracks[held_out])
+    calibrator = make_calibrator(method, seed, plant).fit(training, stopping, part_of(progress, 0, 2))
+    data_driven = None
+    if can_train("data_driven"):
+        data_driven = make_calibrator("data_driven", seed, plant).fit(training, stopping, part_of(progress, 1, 2))
+    return TrainedCalibrator(
+        calibrator=calibrator,
+        data_driven=data_driven,
+        horizon_s=windows.horizon_s,
+        vessel=vessel,
+        plant=plant,
+        region_m=calibrator.conformal_region(stopping),
+        fallback=Fallback.fit(windows, tracks, plant),
+        sources=tuple(replace(source, path=source.path.resolve()) for source in dataset.sources),
+        metrics=_metrics(windows, training, stopping, calibrator.out_of_sample_tracks(stopping)),
+    )
+
+
+def _metrics(
+    windows: PredictionWindows, training: Examples, stopping: Examples, predicted: Floats
+) -> dict[str, Any]:
+    judged = stopping[0].whole
+    measured = stopping[0].track[judged]
+    return {
+        "windows": int(windows.whole.sum()),
+        "shorter_windows": int((~windows.whole).sum()),
+        "legs": int(np.unique(windows.leg).size),
+        "training_windows": int(training[0].whole.sum()),
+        "held_out_windows": int(judged.sum()),
+        "held_out_reference_m": score(stopping[1][judged], measured).mean_distance_m,
+        "held_out_hybrid_m": score(predicted[judged], measured).mean_distance_m,
+    }

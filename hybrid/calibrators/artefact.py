@@ -25,12 +25,10 @@ from seatrial.acquisition.core.process import CALIBRATOR_BYTES
 from seatrial.acquisition.core.quantities import Floats
 from seatrial.acquisition.core.ship import as_text, from_text, trial_names
 from seatrial.analysis.tables.table import MOST
-from seatrial.hybrid.calibrators import METHODS, make_calibrator
-from seatrial.hybrid.calibrators.calibrator import Calibrator, require_shapes
-from seatrial.hybrid.calibrators.train import TrainedCalibrator
+from seatrial.hybrid.calibrators import METHODS, Calibrator, TrainedCalibrator, make_calibrator, require_shapes
 from seatrial.hybrid.prediction.baselines import Fallback
 from seatrial.hybrid.prediction.dataset import WindowSource
-from seatrial.hybrid.prediction.prediction_windows import PAST_S
+from seatrial.hybrid.prediction.windows import PAST_S
 from seatrial.hybrid.vessel.plant import Plant, plant_hash, plant_numbers, plant_of
 
 SIDECAR = "calibrator.json"

@@ -25,13 +25,23 @@ import numpy as np
 from seatrial.acquisition.core.errors import InputError, Progress
 from seatrial.acquisition.core.quantities import Floats
 from seatrial.acquisition.core.ship import Actuators
-from seatrial.hybrid.calibrators import refuse_untrainable
-from seatrial.hybrid.calibrators.calibrator import Calibrator, DomainOfApplicability, Examples, require_shapes
-from seatrial.hybrid.prediction.baselines import HINDCAST_S, CandidatePrediction, constant_velocity, mean_known
+from seatrial.hybrid.calibrators import (
+    Calibrator,
+    DomainOfApplicability,
+    Examples,
+    refuse_untrainable,
+    require_shapes,
+)
+from seatrial.hybrid.prediction.baselines import (
+    HINDCAST_S,
+    CandidatePrediction,
+    constant_velocity,
+    mean_distances,
+    mean_known,
+)
 from seatrial.hybrid.prediction.baselines import reference as model_tracks
 from seatrial.hybrid.prediction.kalman_filter import filtered_starts
-from seatrial.hybrid.prediction.prediction_windows import PredictionWindows, hindcast_windows
-from seatrial.hybrid.prediction.scores import mean_distances
+from seatrial.hybrid.prediction.windows import PredictionWindows, hindcast_windows
 from seatrial.hybrid.vessel.actuators import angle_columns, control_labels
 from seatrial.hybrid.vessel.sensors import HEADING, SURGE
 

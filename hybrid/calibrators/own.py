@@ -19,10 +19,10 @@ from seatrial.acquisition.core.files import parse_json
 from seatrial.acquisition.core.named_code import OwnCodeError, file_of, own_code, require_call
 from seatrial.acquisition.core.quantities import Floats
 from seatrial.acquisition.core.ship import Actuators
-from seatrial.hybrid.calibrators.adaptive.calibrator import start_domain, start_names, start_range
-from seatrial.hybrid.calibrators.calibrator import Calibrator, DomainOfApplicability, Examples
+from seatrial.hybrid.calibrators import Calibrator, DomainOfApplicability, Examples
+from seatrial.hybrid.calibrators.adaptive import start_domain, start_names, start_range
 from seatrial.hybrid.calibrators.networks import DOMAIN_MARGIN
-from seatrial.hybrid.prediction.prediction_windows import PredictionWindows
+from seatrial.hybrid.prediction.windows import PredictionWindows
 from seatrial.hybrid.vessel.actuators import angle_columns, control_labels
 
 if TYPE_CHECKING:

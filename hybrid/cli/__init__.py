@@ -17,7 +17,7 @@ from seatrial.acquisition.core.process import echo
 
 if TYPE_CHECKING:
     from seatrial.acquisition.core.result import Result
-    from seatrial.hybrid.calibrators.train import TrainedCalibrator
+    from seatrial.hybrid.calibrators import TrainedCalibrator
 
 Recordings = Annotated[list[Path], typer.Argument(help="Recordings.")]
 VesselOption = Annotated[str | None, typer.Option(help="A vessel of trials/vessels, or a vessel file.")]

@@ -211,8 +211,8 @@ def watch(
             os.nice(_NICENESS)
         from seatrial.acquisition.config.trial_file import load_config
         from seatrial.hybrid.calibrators.predict import predictor_of
-        from seatrial.hybrid.twin.watch import as_json as described
-        from seatrial.hybrid.twin.watch import watch as run
+        from seatrial.hybrid.twin import as_json as described
+        from seatrial.hybrid.twin import watch as run
 
         trial = load_config(config)
         trained = chosen_calibrator(calibrator, method)

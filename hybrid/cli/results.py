@@ -117,7 +117,7 @@ def diagnose(
     from seatrial.analysis.tables.table import percent_of
     from seatrial.hybrid.effects.catalogue import catalogue_with
     from seatrial.hybrid.vessel.files import reference_model, trials_of
-    from seatrial.hybrid.workflows.diagnose import diagnose_files, write_diagnosis
+    from seatrial.hybrid.workflows import diagnose_files, write_diagnosis
 
     ship = reference_model(trials_of(files), vessel).vessel
     catalogue = catalogue_with(effects or (), without or (), ship)
@@ -144,7 +144,7 @@ def diagnose(
         echo(json.dumps(diagnosis.as_dict()))
         return
     from seatrial.acquisition.core.errors import Terminal
-    from seatrial.hybrid.report.diagnosis_words import model_line, summary
+    from seatrial.hybrid.report.diagnosis import model_line, summary
 
     echo(model_line(diagnosis))
     for name in ("repaired", "left_out", "wind"):
@@ -261,7 +261,7 @@ def fidelity(
     """Map how the hybrid's gain depends on the error of the reference model."""
     from seatrial.hybrid.calibrators import refuse_untrainable
     from seatrial.hybrid.reproduction import notebook
-    from seatrial.hybrid.simulation.sea_state import sea_state_named
+    from seatrial.hybrid.simulation.trial import sea_state_named
 
     for each in (method, "data_driven"):
         refuse_untrainable(each)

@@ -64,7 +64,7 @@ def init(
     particulars = {} if vessel is not None else complete(needed, devices, "--vessel FILE")
     from seatrial.acquisition.recording.parts import safe_name
     from seatrial.hybrid.vessel.estimate.new_vessel import new_vessel
-    from seatrial.hybrid.workflows.start import start_folder
+    from seatrial.hybrid.workflows import start_folder
 
     name = safe_name(name or folder.resolve().name)
     ship = new_vessel(name=name, **particulars) if vessel is None else vessel
@@ -81,7 +81,7 @@ def demo(
     seed: Annotated[int, typer.Option(min=0, help="The same seed gives the same voyage.")] = 1,
 ) -> None:
     """Run the whole chain: from simulated buses to a report."""
-    from seatrial.hybrid.workflows.demo import demonstrate
+    from seatrial.hybrid.demo import demonstrate
 
     done = demonstrate(output, seed, say=lambda line: echo(line, err=True))
     from seatrial.acquisition.core.errors import Terminal
@@ -162,7 +162,7 @@ def effects(effects_file: EffectsOption = None, vessel: VesselOption = None, as_
         echo(json.dumps({"version": VERSION, "effects": listed}))
         return
     from seatrial.acquisition.core.errors import Terminal
-    from seatrial.hybrid.report.tables import CATALOGUE_WIDTH, catalogue_tables
+    from seatrial.hybrid.report.text import CATALOGUE_WIDTH, catalogue_tables
 
     console = Terminal()
     console.width = max(console.width, CATALOGUE_WIDTH)

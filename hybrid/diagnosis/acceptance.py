@@ -27,6 +27,9 @@ from scipy.stats import chi2, t
 from seatrial.acquisition.core.quantities import Floats, Ints
 from seatrial.hybrid.diagnosis.disturbance_model import FORCE_UNITS
 from seatrial.hybrid.diagnosis.evidence import (
+    AXES,
+    INTERACTIONS,
+    OPERATION,
     Evidence,
     JointFit,
     NormalEquations,
@@ -38,7 +41,6 @@ from seatrial.hybrid.diagnosis.evidence import (
     restored_data,
     restored_gram,
 )
-from seatrial.hybrid.diagnosis.nuisance_basis import AXES, INTERACTIONS, OPERATION
 from seatrial.hybrid.diagnosis.select_effects import (
     MAX_LINEARISATIONS,
     Selection,

@@ -18,21 +18,18 @@ from seatrial.acquisition.core.errors import DataShortageError, Progress, part_o
 from seatrial.acquisition.core.quantities import Ints
 from seatrial.analysis.tables.resample import resample
 from seatrial.analysis.windows.held import second_by_second
-from seatrial.hybrid.calibrators.train import METHOD
+from seatrial.hybrid.calibrators import METHOD
+from seatrial.hybrid.diagnosis.evidence import OPERATION
 from seatrial.hybrid.diagnosis.gap import FOLDS, HORIZON_S, fold_of
-from seatrial.hybrid.diagnosis.linearise import ModelWithEffects
+from seatrial.hybrid.diagnosis.linearise import ModelWithEffects, time_varying_among
 from seatrial.hybrid.diagnosis.log import Log, tables_by_recording
-from seatrial.hybrid.diagnosis.nuisance_basis import OPERATION
 from seatrial.hybrid.diagnosis.result import Diagnosis, Ladder, Ratio, UnknownCause
 from seatrial.hybrid.diagnosis.select_effects import Coordinates
-from seatrial.hybrid.diagnosis.time_varying import time_varying_among
 from seatrial.hybrid.diagnosis.verdict import Conclusion
-from seatrial.hybrid.evaluation.splits import Draw, with_stopping
-from seatrial.hybrid.evaluation.study import MethodErrors, evaluate_draw, pool_draws
-from seatrial.hybrid.prediction.baselines import reference
+from seatrial.hybrid.evaluation.study import Draw, MethodErrors, evaluate_draw, pool_draws, with_stopping
+from seatrial.hybrid.prediction.baselines import LegBootstrap, reference
 from seatrial.hybrid.prediction.dataset import dataset_of
-from seatrial.hybrid.prediction.prediction_windows import PredictionWindows
-from seatrial.hybrid.prediction.scores import LegBootstrap
+from seatrial.hybrid.prediction.windows import PredictionWindows
 from seatrial.hybrid.vessel.plant import Plant
 
 _TELLING = 0.9  # of the error: a tenth is worth explaining

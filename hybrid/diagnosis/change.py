@@ -20,22 +20,22 @@ from seatrial.acquisition.core.quantities import Floats, Ints
 from seatrial.hybrid.diagnosis.acceptance import Acceptance
 from seatrial.hybrid.diagnosis.coarse_model import is_coarse
 from seatrial.hybrid.diagnosis.evidence import (
+    FEW,
     Evidence,
     NormalEquations,
     log_evidence,
     normal_equations,
     restored_data,
 )
-from seatrial.hybrid.diagnosis.log import Log
-from seatrial.hybrid.diagnosis.nuisance_basis import FEW
-from seatrial.hybrid.diagnosis.select_effects import CLOSE, search_effects
-from seatrial.hybrid.diagnosis.time_varying import (
+from seatrial.hybrid.diagnosis.linearise import (
     Shape,
     TimeProfile,
     TimeVaryingEffect,
     time_varying,
     time_varying_among,
 )
+from seatrial.hybrid.diagnosis.log import Log
+from seatrial.hybrid.diagnosis.select_effects import CLOSE, search_effects
 from seatrial.hybrid.vessel.effect import Effect
 
 _STEP_S = 10  # between candidate times of a change

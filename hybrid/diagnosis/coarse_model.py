@@ -35,7 +35,7 @@ from seatrial.hybrid.diagnosis.acceptance import (
     lack_of_fit_that_matters,
     pairs_spanning,
 )
-from seatrial.hybrid.diagnosis.evidence import Evidence, JointFit, marginalise
+from seatrial.hybrid.diagnosis.evidence import FEW, INTERACTIONS, OPERATION, Evidence, JointFit, marginalise
 from seatrial.hybrid.diagnosis.gap import (
     LinearTracks,
     UnseenWindows,
@@ -44,7 +44,6 @@ from seatrial.hybrid.diagnosis.gap import (
     evidence_without,
     linear_tracks,
 )
-from seatrial.hybrid.diagnosis.nuisance_basis import FEW, INTERACTIONS, OPERATION
 from seatrial.hybrid.diagnosis.result import Replication
 from seatrial.hybrid.diagnosis.select_effects import (
     MAX_LINEARISATIONS,

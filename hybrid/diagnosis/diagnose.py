@@ -21,12 +21,10 @@ from seatrial.hybrid.diagnosis.change import likeliest_change, may_change
 from seatrial.hybrid.diagnosis.coarse_model import preliminary_selection, selected, untested_if_coarse
 from seatrial.hybrid.diagnosis.disturbance_model import NoiseEstimate
 from seatrial.hybrid.diagnosis.estimate_noise import estimate_noise
-from seatrial.hybrid.diagnosis.evidence import evidence_of, normal_equations, weigh_evidence
-from seatrial.hybrid.diagnosis.linearise import Linearisation, linearise, model_of
+from seatrial.hybrid.diagnosis.evidence import FEW, evidence_of, normal_equations, weigh_evidence
+from seatrial.hybrid.diagnosis.linearise import Linearisation, linearise, model_of, with_recordings
 from seatrial.hybrid.diagnosis.log import INPUT_HOLDS, SELDOM_S, InputHold, log_of
-from seatrial.hybrid.diagnosis.nuisance_basis import FEW
 from seatrial.hybrid.diagnosis.select_effects import log_density, search_effects
-from seatrial.hybrid.diagnosis.time_varying import with_recordings
 from seatrial.hybrid.diagnosis.verdict import Conclusion, reach_verdict
 from seatrial.hybrid.effects import Catalogue
 from seatrial.hybrid.effects.catalogue import catalogue_of

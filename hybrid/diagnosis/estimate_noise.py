@@ -26,6 +26,7 @@ from seatrial.hybrid.diagnosis.disturbance_model import (
     whiten,
 )
 from seatrial.hybrid.diagnosis.evidence import (
+    FEW,
     DesignMatrix,
     design_matrix,
     draw_columns,
@@ -33,6 +34,7 @@ from seatrial.hybrid.diagnosis.evidence import (
     gram_matrices,
     subset_of,
     tolerated_forces,
+    wind_error_mps,
 )
 from seatrial.hybrid.diagnosis.linearise import (
     Linearisation,
@@ -43,9 +45,8 @@ from seatrial.hybrid.diagnosis.linearise import (
     sensor_readings,
 )
 from seatrial.hybrid.diagnosis.log import Log
-from seatrial.hybrid.diagnosis.nuisance_basis import FEW, wind_error_mps
 from seatrial.hybrid.vessel.effect import growth
-from seatrial.hybrid.vessel.estimate.particulars import SEA_WATER_KGPM3
+from seatrial.hybrid.vessel.estimate.hull import SEA_WATER_KGPM3
 
 _SCORING = ScoringSettings(limit=16.0, longest_step=1.0, damping=(1.0, 4.0), enough=1.0)
 _DEVIATION = 1.5  # prior standard deviation of each log level about its start

@@ -44,12 +44,11 @@ from seatrial.hybrid.diagnosis.linearise import (
 from seatrial.hybrid.diagnosis.log import STEPS_PER_SECOND, Log
 from seatrial.hybrid.diagnosis.result import Gap, Tracks
 from seatrial.hybrid.diagnosis.select_effects import Coordinates, fitted_coordinates, search_effects
-from seatrial.hybrid.prediction.baselines import present_motion_held
-from seatrial.hybrid.prediction.scores import distances
+from seatrial.hybrid.prediction.baselines import distances, present_motion_held
 from seatrial.hybrid.vessel.actuators import control_units
+from seatrial.hybrid.vessel.dynamics import simulate_batch
 from seatrial.hybrid.vessel.plant import Plant
 from seatrial.hybrid.vessel.sensors import measure
-from seatrial.hybrid.vessel.simulate import simulate_batch
 
 HORIZON_S = 15
 FOLDS = 4

@@ -8,6 +8,13 @@ With x the true state, x0 the state of the linearisation, f the simulator over o
 All matrices are finite differences of the simulator itself, so whatever can be simulated can be diagnosed: an
 effect is its change of f and h, and needs no formula of its own here. The linearisation follows the measured
 motion, so a poor model does no harm: its error over one second is the defect f(x0[k]) - x0[k+1].
+
+The profile of an effect whose size varies over a trial.
+
+Currents differ from day to day, a tow may be dropped, a tide turns. Such an effect has a size in each of
+several pieces of a trial, and its signatures are those of the constant effect times the weight of each piece in
+each second. It joins the catalogue beside the constant effect, and the evidence decides between the two: every
+further size has to pay for itself.
 """
 
 from __future__ import annotations
@@ -18,6 +25,7 @@ from dataclasses import dataclass, field, fields, replace
 from functools import lru_cache, partial
 from math import inf, sqrt
 from operator import attrgetter
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,24 +36,22 @@ from seatrial.acquisition.core.quantities import Floats
 from seatrial.analysis.compiling import threads_for
 from seatrial.analysis.series import robust_spread
 from seatrial.hybrid.diagnosis.log import STEPS_PER_SECOND, Log
-from seatrial.hybrid.diagnosis.time_varying import TimeVaryingEffect, time_varying_among
 from seatrial.hybrid.effects import Catalogue, apply_effects
-from seatrial.hybrid.vessel.actuators import KINDS, angle_columns
-from seatrial.hybrid.vessel.actuators.kind import PLAY
-from seatrial.hybrid.vessel.channels import check_ship
-from seatrial.hybrid.vessel.effect import growth, scale_of
+from seatrial.hybrid.vessel.actuators import KINDS, PLAY, angle_columns
+from seatrial.hybrid.vessel.dynamics import simulate_batch
+from seatrial.hybrid.vessel.effect import Effect, growth, scale_of
 from seatrial.hybrid.vessel.parameters import Vessel
 from seatrial.hybrid.vessel.plant import Plant, bare_plant
 from seatrial.hybrid.vessel.sensors import (
     HEADING,
     acting_controls,
     behind_play,
+    check_ship,
     measure,
     move_alike,
     report_alike,
     report_late,
 )
-from seatrial.hybrid.vessel.simulate import simulate_batch
 
 DT_S = 1.0 / STEPS_PER_SECOND
 _STATE_STEPS = np.array([1.0, 1.0, 1e-3, 1e-2, 1e-2, 1e-4])
@@ -544,3 +550,117 @@ def true_states(log: Log, plant: Plant) -> Floats:
         if np.abs(error[:, HEADING:]).max(initial=0.0) < _SAME:  # no reading but its own depends on a position
             break
     return states
+
+
+Shape = Literal["recordings", "until", "since", "step", "drift"]
+
+_MOST = 0.5  # of the time has to be in recordings with more than one leg
+_LEVELS = 24
+"""Steps into which a drift is divided for linearisation; between them it is followed to first order."""
+
+
+@dataclass(frozen=True, slots=True)
+class TimeProfile:
+    """The profile of an effect's size over a trial.
+
+    A separate size in each of the ``times_s`` recordings (their numbers); one size ``until`` a time, ``since``
+    a time, or on both sides of it (``step``); or a linear ``drift`` from the first of two times to the second.
+    Times are UTC since 1970 [s], ``interval_s`` is the 95 % interval of the time of a change.
+    """
+
+    shape: Shape
+    times_s: tuple[float, ...]
+    interval_s: tuple[float, float] | None = None
+
+    @property
+    def pieces(self) -> int:
+        """The number of pieces with separate sizes."""
+        return {"recordings": len(self.times_s), "until": 1, "since": 1, "step": 2, "drift": 2}[self.shape]
+
+    def shares(self, log: Log) -> Floats:
+        """The weight of each piece's size in each second [T, pieces]."""
+        if self.shape == "recordings":
+            return np.asarray(log.recording[:, None] == np.array(self.times_s), dtype=np.float64)
+        if self.shape == "drift":
+            first, last = self.times_s
+            late = np.clip((log.time_s - first) / max(last - first, 1.0), 0.0, 1.0)
+        else:
+            late = np.asarray(log.time_s >= self.times_s[0], dtype=np.float64)
+        ends = {"until": (1.0 - late,), "since": (late,)}
+        return np.column_stack(ends.get(self.shape, (1.0 - late, late)))
+
+    def levels(self, log: Log) -> Floats:
+        """The weights rounded to a few levels, each constant within a block."""
+        mean = [np.bincount(log.block, weights=share) / np.bincount(log.block) for share in self.shares(log).T]
+        levels = _LEVELS if self.shape == "drift" else 1
+        return np.asarray(np.round(np.column_stack(mean)[log.block] * levels) / levels)
+
+
+@dataclass(frozen=True)
+class TimeVaryingEffect(Effect):
+    """An effect ``of`` the catalogue whose size follows a profile: the coordinates of its pieces in order."""
+
+    of: str = ""
+    profile: TimeProfile = TimeProfile("since", (0.0,))
+
+    @property
+    def base(self) -> str:
+        """The name in the catalogue."""
+        return self.of
+
+    def pieces(self, free: Sequence[float]) -> list[tuple[float, ...]]:
+        """Free coordinates of each piece."""
+        width = len(free) // self.profile.pieces
+        return [tuple(free[first : first + width]) for first in range(0, len(free), width)]
+
+    def bounded(self, free: Sequence[float]) -> tuple[float, ...]:
+        """The closest free coordinates within bounds, piece by piece."""
+        return tuple(
+            coordinate
+            for piece in self.pieces(free)
+            for coordinate in super(TimeVaryingEffect, self).bounded(piece)
+        )
+
+    @property
+    def free_scale(self) -> tuple[float, ...]:
+        """The typical size of each free coordinate."""
+        return super().free_scale * self.profile.pieces
+
+    @property
+    def smallest_free(self) -> tuple[float, ...]:
+        """The smallest size of interest of each free coordinate."""
+        return super().smallest_free * self.profile.pieces
+
+
+def time_varying(effect: Effect, profile: TimeProfile) -> TimeVaryingEffect:
+    """An effect with a profile, under a name of its own."""
+    values = {attribute.name: getattr(effect, attribute.name) for attribute in fields(Effect)}
+    return TimeVaryingEffect(
+        **{**values, "name": f"{effect.name}, {profile.shape}"}, of=effect.name, profile=profile
+    )
+
+
+def with_recordings(catalogue: Catalogue, log: Log) -> Catalogue:
+    """The catalogue plus environmental and sensor effects with a separate size in each recording.
+
+    The catalogue itself if there is only one recording, or most of the time is in recordings of a single leg:
+    there is no other leg to test such a size on.
+    """
+    recordings = tuple(np.unique(log.recording).tolist())
+    legs = {recording: np.unique(log.leg[log.recording == recording]).size for recording in recordings}
+    judged = np.isin(log.recording, [recording for recording in recordings if legs[recording] > 1])
+    if len(recordings) < 2 or judged.mean() < _MOST:
+        return catalogue
+    profile = TimeProfile("recordings", recordings)
+    varying = [time_varying(effect, profile) for effect in catalogue.values() if effect.scope != "ship"]
+    return {**catalogue, **{effect.name: effect for effect in varying}}
+
+
+def time_varying_among(names: Iterable[str], catalogue: Catalogue) -> list[TimeVaryingEffect]:
+    """Those of ``names`` that have a profile."""
+    return [effect for effect in map(catalogue.__getitem__, names) if isinstance(effect, TimeVaryingEffect)]
+
+
+def base_names(names: Iterable[str], catalogue: Catalogue) -> tuple[str, ...]:
+    """Names as in the catalogue, each once."""
+    return tuple(dict.fromkeys(catalogue[name].base for name in names))

@@ -38,7 +38,7 @@ from seatrial.analysis.estimation.smoother import smooth
 from seatrial.analysis.series import robust_spread, runs
 from seatrial.analysis.tables.table import NANO, require, table_actuators, table_controls, times_ns
 from seatrial.hybrid.vessel.actuators import control_units
-from seatrial.hybrid.vessel.channels import STATE_UNITS, states_of
+from seatrial.hybrid.vessel.sensors import STATE_UNITS, states_of
 
 BLOCK_S = 60
 """Length of a block [s], which starts from an unknown state; longer blocks gain nothing measurable."""

@@ -21,10 +21,16 @@ from seatrial.acquisition.core.quantities import Floats, Ints
 from seatrial.acquisition.core.ship import POSE_AND_VELOCITY, control_names, names_of
 from seatrial.acquisition.core.ship import shafts as drives_in
 from seatrial.hybrid.diagnosis.disturbance_model import FORCE_UNITS, Columns, columns_of, smooth_state
-from seatrial.hybrid.diagnosis.evidence import NormalEquations, fit_columns, gram_matrices, marginalise
+from seatrial.hybrid.diagnosis.evidence import (
+    NormalEquations,
+    fit_columns,
+    gram_matrices,
+    marginalise,
+    wind_error_mps,
+    wind_errors,
+)
 from seatrial.hybrid.diagnosis.linearise import Signature
 from seatrial.hybrid.diagnosis.log import Log
-from seatrial.hybrid.diagnosis.nuisance_basis import wind_error_mps, wind_errors
 from seatrial.hybrid.diagnosis.result import FORCES, GapCell, Map
 from seatrial.hybrid.effects.regime import quantities_along, steering_angles
 from seatrial.hybrid.vessel.actuators import control_units

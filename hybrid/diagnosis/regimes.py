@@ -20,11 +20,10 @@ import numpy as np
 from seatrial.acquisition.core.quantities import Floats, Ints
 from seatrial.hybrid.diagnosis.acceptance import score_spread
 from seatrial.hybrid.diagnosis.coarse_model import MOST_PARTS, improves_prediction, replications, unseen_m
-from seatrial.hybrid.diagnosis.evidence import Evidence, evidence_of, normal_equations
+from seatrial.hybrid.diagnosis.evidence import AXES, FEW, Evidence, evidence_of, normal_equations
 from seatrial.hybrid.diagnosis.gap import UnseenWindows, evidence_within, evidence_without, fold_of
 from seatrial.hybrid.diagnosis.linearise import Linearisation, signatures
 from seatrial.hybrid.diagnosis.map import map_of, round_edges
-from seatrial.hybrid.diagnosis.nuisance_basis import AXES, FEW
 from seatrial.hybrid.diagnosis.result import Replication
 from seatrial.hybrid.diagnosis.select_effects import relinearise_at_fit
 from seatrial.hybrid.effects import Effect

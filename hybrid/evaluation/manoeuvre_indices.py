@@ -1,19 +1,28 @@
 """The manoeuvres of a recording as a model makes them: measured beside simulated indices, with their difference.
 
 A model is judged in two forms. *Predicted*: the same test in still air, at the approach speed, helm, helm
-rate, side and switching angle of the recorded one (:mod:`seatrial.hybrid.evaluation.predicted_tests`): what a yard
-asks of a model. *Replayed*: the recorded controls and wind from the state at the order
-(:mod:`seatrial.hybrid.evaluation.recorded_runs`). Both are measured by the functions that measure the recording.
+rate, side and switching angle of the recorded one (:mod:`seatrial.hybrid.evaluation.manoeuvre_indices`): what a
+yard asks of a model. *Replayed*: the recorded controls and wind from the state at the order
+(:mod:`seatrial.hybrid.evaluation.manoeuvre_indices`). Both are measured by the functions that measure the
+recording.
+
+A recorded manoeuvre replayed by a model: from the state at the order, under the recorded controls and wind.
+
+What lies before the order stays as it was measured, so that the same functions find the same indices, approach and
+all, in the measured run and in the replayed one.
+
+A recorded test sailed anew by a model, as before a trial: the same approach speed, helm, helm rate, side and
+switching angle, in still air.
 """
 
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import product
-from math import isfinite, nan
+from math import inf, isfinite, nan
 from pathlib import Path
 from typing import Any
 
@@ -21,26 +30,398 @@ import numpy as np
 import pandas as pd
 
 from seatrial.acquisition.core.errors import DataShortageError, SeatrialError
+from seatrial.acquisition.core.quantities import Bools, Floats, to_ship
+from seatrial.acquisition.core.ship import ENVIRONMENT, Actuators, control_names, is_circular, unwrap
 from seatrial.acquisition.recording.grouping import read_parts
 from seatrial.analysis.manoeuvres.find import find_manoeuvres
 from seatrial.analysis.manoeuvres.indices import Index, Manoeuvre
-from seatrial.analysis.manoeuvres.kinds import REMOVED, shows_current
+from seatrial.analysis.manoeuvres.kinds import REMOVED, circle_indices, current_of, shows_current, zigzag_indices
+from seatrial.analysis.manoeuvres.measures import (
+    APPROACH_S,
+    approach_of,
+    half_width_s,
+    helm_rate_dps,
+    smooth_motion,
+)
+from seatrial.analysis.manoeuvres.motion import Motion, motion_of
+from seatrial.analysis.manoeuvres.runs import acceleration_indices, drift_indices, stopping_indices
+from seatrial.analysis.manoeuvres.turning_tests import pull_out_indices
 from seatrial.analysis.quality.repairs import Preparation, prepare
-from seatrial.analysis.tables.table import select, trial_of
+from seatrial.analysis.tables.table import NANO, require, select, table_actuators, times_ns, trial_of
 from seatrial.analysis.windows.held import named_recordings
 from seatrial.hybrid.calibrators.predict import Predictor
-from seatrial.hybrid.evaluation.predicted_tests import APPROACH_RPM, PREDICTED_KINDS, JudgedModel, predicted_indices
-from seatrial.hybrid.evaluation.recorded_runs import (
-    REPLAYED_KINDS,
-    RecordedMotion,
-    Water,
-    recorded_motion,
-    replayed_indices,
-    water_in,
-    with_water,
+from seatrial.hybrid.prediction.windows import mean_controls
+from seatrial.hybrid.simulation.autopilot import drives_of
+from seatrial.hybrid.simulation.manoeuvres import handling_of, steer
+from seatrial.hybrid.simulation.vessel_check import (
+    SHOWN,
+    StandardTest,
+    TrialShip,
+    approach_at,
+    as_fast_as_ordered,
+    largest_helm_deg,
+    pull_out,
+    sailed,
+    stop,
+    turning_circle,
+    with_helm_rate,
+    zigzag_test,
 )
-from seatrial.hybrid.simulation.standard_tests import SHOWN
+from seatrial.hybrid.vessel.actuators import control_units
+from seatrial.hybrid.vessel.dynamics import range_error, simulate_batch
+from seatrial.hybrid.vessel.parameters import Vessel
 from seatrial.hybrid.vessel.plant import Plant
+from seatrial.hybrid.vessel.sensors import STATE_UNITS, WIND_UNITS, check_ship
+
+_BEFORE_S = 30.0
+_HELD_FROM = 0.8  # of a run's time: what the controls are then, they are at its end
+
+Indices = Mapping[str, float]
+Water = tuple[float, float]
+"""The velocity of the water, north and east [m/s]."""
+
+
+@dataclass(frozen=True, slots=True)
+class RecordedMotion:
+    """The motion of a recording on its grid, with the ``controls`` [rows, controls] and the ``wind`` [rows, 2] of
+    its rows in SI; what was not recorded is zero."""
+
+    motion: Motion
+    controls: Floats
+    wind: Floats
+    actuators: Actuators
+
+    def seconds(self, time: pd.Timestamp) -> float:
+        """A time on the clock of the motion [s]."""
+        return float((pd.Timestamp(time).value - self.motion.origin_ns) / NANO)
+
+
+def recorded_motion(table: pd.DataFrame, plant: Plant) -> RecordedMotion:
+    """The motion in a table of samples of the ship that ``plant`` is a model of.
+
+    Raises :class:`InputError` for a ship with other actuators, or without position, heading or controls.
+    """
+    actuators = table_actuators(table)
+    check_ship(actuators, plant)
+    require(table, tuple(channel.name for each in actuators if each.drives for channel in each.channels))
+    motion = motion_of(table, plant.length_between_perpendiculars_m)
+    at_ns = motion.origin_ns + np.round(motion.time_s * NANO)
+    controls = np.column_stack([_column(table, name, at_ns) for name in control_names(actuators)])
+    direction, speed = (_column(table, name, at_ns) for name in ENVIRONMENT)
+    wind = np.column_stack([direction, speed]) * WIND_UNITS
+    return RecordedMotion(motion, controls * control_units(actuators), wind, actuators)
+
+
+def _column(table: pd.DataFrame, name: str, at_ns: Floats) -> Floats:
+    """A channel at other times, angles the shorter way round; zero where it was not recorded."""
+    samples = table[name].dropna() if name in table else pd.Series(dtype=float)
+    if samples.empty:
+        return np.zeros(at_ns.size)
+    values = samples.to_numpy(dtype=float)
+    return np.interp(at_ns, times_ns(samples.to_frame()), unwrap(values) if is_circular(name) else values)
+
+
+def replay(
+    recorded: RecordedMotion, run: Manoeuvre, plant: Plant, until: Callable[[Motion], Bools] | None = None
+) -> Motion:
+    """The motion of ``plant`` through a recorded run, after the measured motion before its order.
+
+    With ``until`` it ends at the first row after the order of which that is true, and the controls at the end of
+    the run are held for as long again, for a model that takes more time; where none is true, it ends after that.
+    Raises :class:`ModelRangeError` where the model leaves its range before, :class:`DataShortageError` where
+    nothing was recorded before the order.
+    """
+    measured, step_s = recorded.motion, recorded.motion.step_s
+    start, end = recorded.seconds(run.start), recorded.seconds(run.end)
+    first, last = (int(np.searchsorted(measured.time_s, time - 1e-6)) for time in (start, end))
+    before = _before(measured, first, (end - start) / (2.0 * (len(run.executes) + 1)))
+    settings, wind = recorded.controls[first : last + 1], recorded.wind[first : last + 1]
+    controls, wind = mean_controls(settings[np.newaxis], recorded.actuators)[0], wind[:-1]
+    if until is not None:
+        controls, wind = _held_on(controls, int(_HELD_FROM * len(controls))), _held_on(wind, len(wind) - 1)
+    state = _state_at_end(before) * STATE_UNITS
+    runs = simulate_batch(plant, state, controls, wind, step_s)
+    left = int(runs.left_at[0])
+    made = runs.states[0, 1 : None if left < 0 else left + 1]
+    motion = _joined(before, made / STATE_UNITS)
+    reached = np.flatnonzero(until(motion) & (motion.time_s > start)) if until is not None else np.array([])
+    if not reached.size and left >= 0:
+        raise range_error(runs, plant, step_s)
+    return motion.rows(0, int(reached[0]) + 1) if reached.size else motion
+
+
+def _held_on(values: Floats, row: int) -> Floats:
+    """Rows of values with that of a row held from there on, for as long again as all of them."""
+    return np.concatenate([values[:row], np.tile(values[row], (2 * len(values) - row, 1))])
+
+
+_COLUMNS = ("north_m", "east_m", "heading_deg", "surge_mps", "sway_mps", "yaw_rate_dps")
+
+
+def _before(measured: Motion, first: int, scale_s: float) -> Motion:
+    """The motion up to a row, smoothed by what came before it alone: what came after answers the order."""
+    order_s = float(measured.time_s[first])
+    part = measured.around(order_s, order_s, _BEFORE_S)
+    part = part.rows(0, int(np.searchsorted(part.time_s, order_s - 1e-6)) + 1)
+    if part.time_s.size < 3:
+        raise DataShortageError("nothing was recorded before the order")
+    return smooth_motion(part, half_width_s(part, scale_s))
+
+
+def _state_at_end(before: Motion) -> Floats:
+    """The state [6] at the last row, in channels' units: speeds and heading by lines through the approach.
+
+    A parabola's end has more than twice the variance of a line's.
+    """
+    part = before.between(float(before.time_s[-1]) - APPROACH_S, float(before.time_s[-1]))
+    ends = [np.polyfit(part.time_s - part.time_s[-1], getattr(part, name), 1)[-1] for name in _COLUMNS[2:]]
+    return np.array([before.north_m[-1], before.east_m[-1], *ends])
+
+
+def _joined(before: Motion, after: Floats) -> Motion:
+    """A motion with rows [rows, 6] in the units of the channels appended, without what the indices do not need."""
+    columns: dict[str, Any] = {
+        name: np.append(getattr(before, name), after[:, i]) for i, name in enumerate(_COLUMNS)
+    }
+    rows = before.time_s.size + len(after)
+    nothing, everywhere = np.zeros(rows), np.ones(rows, dtype=bool)
+    return replace(
+        before, time_s=before.time_s[0] + before.step_s * np.arange(rows), helm_deg=nothing,
+        thrust=nothing, drives={}, tunnels={}, known=everywhere, broken=~everywhere, helm_order_deg=None, **columns,
+    )  # fmt: skip
+
+
+def replayed_indices(recorded: RecordedMotion, run: Manoeuvre, plant: Plant) -> Indices:
+    """The indices of a recorded run as ``plant`` replays it.
+
+    The run is of one of :data:`REPLAYED_KINDS`. Errors as :func:`replay`; :class:`DataShortageError` where the
+    model does not do what the ship did.
+    """
+    return _MEASURES[run.kind](recorded, run, plant)
+
+
+def _circle_indices(recorded: RecordedMotion, run: Manoeuvre, plant: Plant) -> Indices:
+    """Until the model has turned as far as the ship did, if it does."""
+    start, motion = recorded.seconds(run.start), _whole_circle(recorded, run, plant)
+    found = circle_indices(motion, np.array([start, motion.time_s[-1]]))
+    if any(name.endswith(REMOVED) for name in run.indices) and not any(name.endswith(REMOVED) for name in found):
+        turned_deg = abs(motion.heading_deg[-1] - motion.at("heading_deg", start))
+        raise DataShortageError(
+            f"in twice the time the model turns by {turned_deg:.0f} deg, too little to remove the current"
+        )
+    return found
+
+
+def _whole_circle(recorded: RecordedMotion, run: Manoeuvre, plant: Plant) -> Motion:
+    def turned(motion: Motion) -> Bools:
+        off_deg = motion.heading_deg - motion.at("heading_deg", recorded.seconds(run.start))
+        return np.asarray(run.sign * off_deg >= run.settings["turned_deg"])
+
+    return replay(recorded, run, plant, turned)
+
+
+def _zigzag_indices(recorded: RecordedMotion, run: Manoeuvre, plant: Plant) -> Indices:
+    orders = np.array([recorded.seconds(time) for time in (run.start, *run.executes, run.end)])
+    halves = orders + run.settings.get("half_command_s", 0.0)
+    halves[-1] = orders[-1]
+    return zigzag_indices(replay(recorded, run, plant), np.array([orders, halves]))
+
+
+def _stop_indices(recorded: RecordedMotion, run: Manoeuvre, plant: Plant) -> Indices:
+    """Until the model is as slow as the ship was at the end."""
+    motion = replay(recorded, run, plant, lambda motion: motion.surge_mps <= final_speed_mps(run))
+    if motion.surge_mps[-1] > final_speed_mps(run):
+        raise DataShortageError("the model does not stop in twice the time of the ship")
+    return stopping_indices(motion, np.array([recorded.seconds(run.start), motion.time_s[-1]]))
+
+
+def final_speed_mps(run: Manoeuvre) -> float:
+    """The speed at the end of a stop: none where the ship came to rest."""
+    return max(0.0, run.indices["final_speed_mps"].value) if "final_speed_mps" in run.indices else 0.0
+
+
+def _by(measure: Callable[[Motion, Floats], Indices]) -> Callable[..., Indices]:
+    """The indices by a function of a motion and the times of its order and end."""
+
+    def indices(recorded: RecordedMotion, run: Manoeuvre, plant: Plant) -> Indices:
+        times = np.array([recorded.seconds(run.start), recorded.seconds(run.end)])
+        found = measure(replay(recorded, run, plant), times)
+        if not found:
+            raise DataShortageError("the rate of turn of the model does not settle in the time of the run")
+        return found
+
+    return indices
+
+
+_MEASURES: dict[str, Callable[..., Indices]] = {
+    "turning_circle": _circle_indices, "zigzag": _zigzag_indices, "stopping": _stop_indices, "pull_out":
+    _by(pull_out_indices), "acceleration": _by(acceleration_indices), "thruster_test": _by(drift_indices),
+    "crabbing": _by(drift_indices),
+}  # fmt: skip
+REPLAYED_KINDS = tuple(_MEASURES)
+"""The kinds of manoeuvre that can be replayed."""
+
+
+def with_water(plant: Plant, water: Water) -> Plant:
+    """The plant in water that moves so."""
+    return plant.replaced(current_north_mps=water[0], current_east_mps=water[1])
+
+
+def water_in(recorded: RecordedMotion, circle: Manoeuvre, plant: Plant) -> Water | None:
+    """The current in a turning circle by its drift, less what the wind adds to that by the model itself.
+
+    None where the drift is not known, or the model cannot replay the circle.
+    """
+    if circle.current is None:
+        return None
+    drift = circle.current.north_mps, circle.current.east_mps
+    motion = _whole_circle(recorded, circle, with_water(plant, (0.0, 0.0)))
+    leeway = current_of(motion, recorded.seconds(circle.start), float(motion.time_s[-1]))
+    return drift if leeway is None else (drift[0] - leeway.north_mps, drift[1] - leeway.east_mps)
+
+
+def at_order(run: Manoeuvre, water: Water | None) -> float:
+    """The speed through the water in the approach of a run [m/s]: over ground where the current is not known."""
+    over_ground = run.settings["approach_mps"]
+    if water is None:
+        return over_ground
+    heading = np.deg2rad(run.settings["approach_heading_deg"])
+    return float(over_ground - water[0] * np.cos(heading) - water[1] * np.sin(heading))
+
+
+APPROACH_RPM = "approach_rpm"
+"""The mean shaft speed in the approach, as an index."""
+_IDLE_SHARE = 0.08  # of the shaft speed before a stop: below it the shafts stand, as in finding one
+
+
+@dataclass(frozen=True, slots=True)
+class JudgedModel:
+    """A model to be judged: its plant, and the vessel file with its autopilot and drives.
+
+    Without a plant it makes no manoeuvre, without a vessel file it is replayed only; ``why`` says so.
+    """
+
+    plant: Plant | None
+    vessel: Vessel | None
+    why: str = ""
+
+
+def predicted_indices(
+    recorded: RecordedMotion, run: Manoeuvre, model: JudgedModel, water: Water | None
+) -> Mapping[str, float]:
+    """The indices of the test that a run was, made by a model in still air, and in the ``water`` of the run or
+    its own.
+
+    Where the current is removed from the indices of the run, in still water at its speed through the water. Raises
+    :class:`DataShortageError` for a test that the model cannot make, :class:`ModelRangeError` where it leaves its
+    range.
+    """
+    if model.plant is None or model.vessel is None:
+        raise DataShortageError(model.why)
+    if run.kind == "speed_run":
+        return _speed_run(_ship_in(model.vessel, model.plant, (0.0, 0.0)), run)
+    if recorded.motion.at("surge_mps", recorded.seconds(run.start)) <= 0.0:
+        raise DataShortageError("the approach was not ahead")
+    if any(name.endswith(REMOVED) for name in run.indices):
+        speed_mps, current = at_order(run, water), (0.0, 0.0)
+    else:
+        own = model.plant.current_north_mps, model.plant.current_east_mps
+        speed_mps, current = run.settings["approach_mps"], _off_the_approach(run, own if water is None else water)
+    ship, rate_dps = _ship_in(model.vessel, model.plant, current), _helm_rate_dps(recorded, run)
+    ship = with_helm_rate(ship, rate_dps) if isfinite(rate_dps) else ship
+    if run.kind == "pull_out":  # its speed is that in the turn before, which is no approach
+        return _values(_pull_out(_at_recorded_rpm(ship, run), run))
+    ship, handling = approach_at(ship, speed_mps), handling_of(model.vessel)
+    takes = {APPROACH_RPM: ship.rpm * float(handling.ahead[handling.main].mean())}
+    return takes | _values(_TESTS[run.kind](ship, run))
+
+
+def _values(test: StandardTest) -> dict[str, float]:
+    return {name: index.value for name, index in test.indices.items()}
+
+
+def _ship_in(vessel: Vessel, plant: Plant, water: Water) -> TrialShip:
+    """A ship in water that moves so, without waves."""
+    return TrialShip(vessel, with_water(plant, water).replaced(drift_force_n=0.0), drives_of(vessel), 0.0)
+
+
+def _off_the_approach(run: Manoeuvre, water: Water) -> Water:
+    """The water's velocity ahead and to starboard of the approach, which is to the north in a simulated test."""
+    ahead, aside = to_ship(*water, np.deg2rad(run.settings["approach_heading_deg"]))
+    return float(ahead), float(aside)
+
+
+def _helm_rate_dps(recorded: RecordedMotion, run: Manoeuvre) -> float:
+    """How fast the helm went over in a run [deg/s]; infinite where only orders were recorded."""
+    motion = recorded.motion
+    if motion.orders_are_events or run.helm_deg is None:
+        return inf
+    span = recorded.seconds(run.start), recorded.seconds(run.end)
+    part = motion.around(*span, 2.0 * motion.step_s)
+    return helm_rate_dps(part.helm_deg, part.step_s)
+
+
+def _helm_of(ship: TrialShip, run: Manoeuvre) -> float:
+    """The helm of a run [deg]. Raises :class:`DataShortageError` for one that was not recorded or is too large."""
+    if not handling_of(ship.vessel).steering_angles.any():
+        raise DataShortageError("the model is steered by the difference of its shafts, which has no angle of helm")
+    if run.helm_deg is None:
+        raise DataShortageError("the recording tells no angle of the helm")
+    helm_deg, limit_deg = abs(run.helm_deg), largest_helm_deg(ship)
+    if helm_deg > _SAME_HELM * limit_deg:
+        raise DataShortageError(
+            f"the helm of {helm_deg:.0f} deg is beyond the model's limit of {limit_deg:.0f} deg"
+        )
+    return helm_deg
+
+
+def _circle_test(ship: TrialShip, run: Manoeuvre) -> StandardTest:
+    return turning_circle(ship, run.sign, _helm_of(ship, run), max(run.settings["turned_deg"], _LEAST_TURN_DEG))
+
+
+def _zigzag_test(ship: TrialShip, run: Manoeuvre) -> StandardTest:
+    return zigzag_test(ship, run.sign, _helm_of(ship, run), run.settings["switch_deg"], int(run.settings["swings"]))
+
+
+def _pull_out(ship: TrialShip, run: Manoeuvre) -> StandardTest:
+    return pull_out(ship, run.sign, _helm_of(ship, run))
+
+
+def _stop_test(ship: TrialShip, run: Manoeuvre) -> StandardTest:
+    """The shafts ordered to the share of their speed before that they had in the run, or to none."""
+    share = run.settings["thrust_rpm"] / run.settings["thrust_before_rpm"]
+    return stop(ship, ship.rpm * share * (abs(share) > _IDLE_SHARE), final_speed_mps(run), run.name)
+
+
+def _speed_run(ship: TrialShip, run: Manoeuvre) -> Mapping[str, float]:
+    """The steady speed at the shaft speeds of a run."""
+    ship = _at_recorded_rpm(ship, run)
+    motion, _ = sailed(ship, (steer(0.0, inf, ship.rpm),), _SETTLING_LENGTHS)
+    return {"speed_through_water_mps": approach_of(motion, float(motion.time_s[-1]))["approach_mps"]}
+
+
+def _at_recorded_rpm(ship: TrialShip, run: Manoeuvre) -> TrialShip:
+    """The ship at the mean shaft speed of a run."""
+    names, handling = control_names(ship.vessel.actuators), handling_of(ship.vessel)
+    rpm = [_shaft_rpm(run, names[i]) / handling.ahead[i] for i in np.flatnonzero(handling.main)]
+    return as_fast_as_ordered(replace(ship, rpm=float(np.mean(rpm))))
+
+
+def _shaft_rpm(run: Manoeuvre, name: str) -> float:
+    """The speed of a shaft in a run, of a controllable propeller what it would turn at full pitch [rpm]."""
+    for key in (name, f"{name.removesuffix('_rpm')}_at_full_pitch_rpm"):
+        if key in run.settings:
+            return run.settings[key]
+    raise DataShortageError(f"{name} was not recorded")
+
+
+_LEAST_TURN_DEG, _SETTLING_LENGTHS, _SAME_HELM = 185.0, 20.0, 1.05
+_TESTS: dict[str, Callable[[TrialShip, Manoeuvre], StandardTest]] = {
+    "turning_circle": _circle_test, "zigzag": _zigzag_test, "stopping": _stop_test,
+}  # fmt: skip
+PREDICTED_KINDS = (*_TESTS, "pull_out", "speed_run")
+"""The kinds of manoeuvre that can be sailed anew."""
+
 
 LOG = logging.getLogger("seatrial")
 JUDGED = {

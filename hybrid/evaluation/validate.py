@@ -1,28 +1,65 @@
-"""``seatrial validate``: every method on unseen windows, in one table."""
+"""``seatrial validate``: every method on unseen windows, in one table.
+
+The true track by each sensor alone: what predictions are compared with, and how reliable it is.
+
+Besides the track used for prediction there are three: the measured positions, never rebuilt by a repair; dead
+reckoning, the speed over ground along the heading integrated from second 0; and all sensors combined by the
+Kalman smoother. Each starts at the smoother's position at second 0.
+
+The noise floor of each is the error that a perfect prediction would show. It comes from a parametric bootstrap
+(Efron and Tibshirani 1993, section 6.5): the smoothed motion, measured again with white noise at the
+recording's levels, goes through the same steps, and the resulting tracks are compared with that motion. A
+further difference between the first two may be due to either (wandering positions, a wrong speed scale), so it
+is included in every floor.
+
+Errors of predictions after 1, 2 and 5 times L/V, the time in which a ship sails her own length.
+
+The time in which a ship answers her helm goes with L/V (Nomoto et al. 1957), so that an error after so many seconds
+says something else of a tanker than of a boat; after so many L/V it says the same of both. The windows have any
+commands, under which the model predicts as they were recorded, as none are held for five lengths in a zigzag.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import asdict, dataclass, replace
+from math import ceil
+from typing import Annotated, Any
 
 import numpy as np
+import pandas as pd
 from numpy.typing import NDArray
+from pydantic import Field
 
-from seatrial.acquisition.core.errors import InputError
-from seatrial.acquisition.core.quantities import Floats
+from seatrial.acquisition.core.errors import DataShortageError, InputError, Progress, SeatrialError
+from seatrial.acquisition.core.quantities import Floats, Ints, integrate, to_earth
 from seatrial.acquisition.core.result import ModelResult, to_json
-from seatrial.hybrid.calibrators.calibrator import PredictedTracks
-from seatrial.hybrid.calibrators.train import TrainedCalibrator
-from seatrial.hybrid.evaluation.length_times import LengthErrors
+from seatrial.acquisition.core.ship import POSE_AND_VELOCITY
+from seatrial.analysis.estimation.motion_model import NoiseLevels
+from seatrial.analysis.estimation.smoother import smooth
+from seatrial.analysis.quality.motion.findings import LIMITS
+from seatrial.analysis.windows.held import SecondBySecond
+from seatrial.hybrid.calibrators import PredictedTracks, TrainedCalibrator
 from seatrial.hybrid.evaluation.manoeuvre_indices import IndexComparisons
-from seatrial.hybrid.evaluation.truth import Truths, judged_by_truths, truth_distances
-from seatrial.hybrid.prediction.baselines import reference, untrained_tracks
-from seatrial.hybrid.prediction.dataset import Dataset, WindowSource, within_model_range
-from seatrial.hybrid.prediction.prediction_windows import PredictionWindows, starting_two_sided
-from seatrial.hybrid.prediction.regions import bands, relative_distances
-from seatrial.hybrid.prediction.scores import TWO_SIDED, Score, score, scores_json
+from seatrial.hybrid.prediction.baselines import (
+    TWO_SIDED,
+    Interval,
+    LegBootstrap,
+    Score,
+    bands,
+    constant_velocity,
+    distances,
+    reference,
+    relative_distances,
+    score,
+    scores_json,
+    untrained_tracks,
+)
+from seatrial.hybrid.prediction.dataset import Dataset, WindowSource, dataset_of, within_model_range
+from seatrial.hybrid.prediction.kalman_filter import LEAP_M
+from seatrial.hybrid.prediction.windows import PredictionWindows, difference_rad, row_numbers, starting_two_sided
 from seatrial.hybrid.vessel.plant import Plant
+from seatrial.hybrid.vessel.sensors import HEADING, STATE_UNITS, SURGE, SWAY
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,7 +89,7 @@ class Validation(ModelResult):
     jumps: int = 0
     by_length: LengthErrors | None = None
     indices: IndexComparisons | None = None
-    view = "seatrial.hybrid.report.tables:validation_view"
+    view = "seatrial.hybrid.report.text:validation_view"
     drawing = "seatrial.hybrid.report.plots:draw_validation"
 
     @property
@@ -155,3 +192,267 @@ def _tracks(
 def _coverage(predicted: PredictedTracks, windows: PredictionWindows) -> float:
     """The share of measured positions inside their regions, over windows and seconds."""
     return float((relative_distances(predicted.tracks, windows.track, predicted.region_m) <= 1.0).mean())
+
+
+TRUTHS = ("position", "dead_reckoning", "joined")
+
+UNSEEN_SHARE = float(np.hypot(LIMITS["speed_factor"].least, LIMITS["heading_offset_rad"].least))
+"""Errors of speed and heading, as a share of the distance sailed, that ``seatrial check`` would not find."""
+
+
+@dataclass(frozen=True, slots=True)
+class ByTruth:
+    """Mean distances [m] to one truth over the ``windows`` in which it is known: of a perfect prediction, and
+    of each method."""
+
+    windows: int
+    floor_m: Interval
+    methods: dict[str, Interval]
+
+
+@dataclass(frozen=True, slots=True)
+class Truths:
+    """The errors of methods by each of :data:`TRUTHS`, over ``horizon_s``.
+
+    ``apart_m`` is the mean distance between positions and dead reckoning, ``explained_m`` the part of it that
+    noise and undetectable errors explain.
+    """
+
+    horizon_s: Annotated[int, Field(exclude=True)]
+    apart_m: Interval
+    explained_m: float
+    by: dict[str, ByTruth]
+
+    @property
+    def remark(self) -> str:
+        """A remark if positions and speeds disagree, else empty."""
+        if not _clearly(self.apart_m, self.explained_m):
+            return ""
+        floor_m = min(each.floor_m.value for each in self.by.values())
+        return (
+            f"positions and speeds disagree by {self.apart_m.value:.2f} m over {self.horizon_s} s, and their noise "
+            f"leaves {self.explained_m:.2f} m: an error below {floor_m:.2f} m may be the sensors'"
+        )
+
+
+def _clearly(apart_m: Interval, explained_m: float) -> bool:
+    """Whether a mean distance exceeds what explains it; significantly, unless there is only one leg."""
+    return bool((apart_m.low if np.isfinite(apart_m.low) else apart_m.value) > explained_m)
+
+
+def with_truths(
+    windows: PredictionWindows,
+    tables: Mapping[str, pd.DataFrame],
+    progress: Progress = lambda share: None,
+    *,
+    rebuilt: bool = False,
+) -> PredictionWindows:
+    """The windows with their tracks by each of :data:`TRUTHS`, and with the errors of simulated ones.
+
+    ``tables`` are the recordings at 1 Hz by trial, as measured. If the windows' positions were ``rebuilt``,
+    they differ from the measured ones, and every truth is shifted to the start of the windows' tracks. NaN
+    where a sensor has a gap or jumps further than the ship can move.
+    """
+    shape = (len(windows), len(TRUTHS), windows.horizon_s + 1, 2)
+    truths, errors = np.full((2, *shape), np.nan)
+    start_ns, random = windows.start_ns, np.random.default_rng(0)
+    for number, (trial, table) in enumerate(tables.items()):
+        progress(number / len(tables))
+        mine = np.flatnonzero(windows.trial == trial)
+        try:
+            motion = smooth(table, 1.0)
+            really = sailed(motion.states)
+            again = measured_anew(really, motion.noise, random)
+            joined = smooth(again, 1.0, levels=motion.noise).states
+        except SeatrialError:  # too short to estimate its noise
+            continue
+        rows = row_numbers(table, start_ns[mine], np.arange(windows.horizon_s + 1))
+        measured, smoothed, true, anew, rejoined = (
+            _si(each.reindex(table.index), rows) for each in (table, motion.states, really, again, joined)
+        )
+        found, simulated = truth_tracks(measured, smoothed[..., :2]), truth_tracks(anew, rejoined[..., :2])
+        if rebuilt:
+            found += windows.track[mine][:, None, :1, :2] - smoothed[:, None, :1, :2]
+            simulated += true[:, None, :1, :2] - rejoined[:, None, :1, :2]
+        truths[mine], errors[mine] = found, simulated - true[:, None, :, :2]
+    return replace(windows, truths=truths, truth_errors=errors)
+
+
+def sailed(motion: pd.DataFrame) -> pd.DataFrame:
+    """A smoothed motion with positions integrated from its speeds and headings, and so without receiver jumps."""
+    surge, sway = motion["surge_mps"].to_numpy(), motion["sway_mps"].to_numpy()
+    velocity = to_earth(surge, sway, np.deg2rad(motion["heading_deg"].to_numpy()))
+    north, east = (integrate(np.nan_to_num(each), 1.0) for each in velocity)
+    return motion[list(POSE_AND_VELOCITY)].assign(north_m=north, east_m=east)
+
+
+def measured_anew(motion: pd.DataFrame, levels: NoiseLevels, random: np.random.Generator) -> pd.DataFrame:
+    """A motion as recorded by sensors with white noise at these levels."""
+    position, speed, turn = levels.position_m, levels.speed_mps, np.rad2deg(levels.yaw_rate_radps)
+    sigma = np.array([position, position, np.rad2deg(levels.heading_rad), speed, speed, turn])
+    return motion + sigma * random.standard_normal(motion.shape)
+
+
+def truth_tracks(measured: Floats, joined: Floats) -> Floats:
+    """The tracks [N, K, H+1, 2] by each of :data:`TRUTHS`, from ``measured`` [N, H+1, 6] and the ``joined``
+    positions of all sensors [N, H+1, 2]. NaN where positions jump further than the ship can move."""
+    velocity = np.stack(to_earth(measured[..., 3], measured[..., 4], measured[..., 2]), axis=-1)
+    steps = 0.5 * (velocity[:, 1:] + velocity[:, :-1])
+    way = np.concatenate([np.zeros_like(steps[:, :1]), np.cumsum(steps, axis=1)], axis=1)
+    tracks = np.stack([measured[..., :2], joined[:, :1] + way, joined], axis=1)
+    leap_m = np.linalg.norm(np.diff(tracks, axis=2) - steps[:, None], axis=-1).max(axis=2)
+    return np.where((leap_m < LEAP_M)[..., None, None], tracks, np.nan)
+
+
+def truth_distances(predicted: Floats, windows: PredictionWindows) -> Floats:
+    """The mean distance [N, K] of tracks [N, H+1, 2 or 3] to each truth; K is 0 if there are none."""
+    truths = np.empty((len(windows), 0, *predicted.shape[1:2], 2)) if windows.truths is None else windows.truths
+    apart = predicted[:, None, 1:, :2] - truths[:, :, 1:]
+    return np.asarray(np.hypot(apart[..., 0], apart[..., 1]).mean(axis=2))
+
+
+def judged_by_truths(windows: PredictionWindows, distance_m: Mapping[str, Floats], seed: int = 0) -> Truths | None:
+    """The errors of methods by each truth, from mean distances [N, K] of :func:`truth_distances`, with
+    intervals over legs. None if windows have no truths."""
+    if windows.truths is None or windows.truth_errors is None:
+        return None
+    known = np.asarray(np.isfinite(windows.truths + windows.truth_errors).all(axis=(2, 3)))
+    both = np.asarray(known[:, :2].all(axis=1))
+    if not both.any():
+        return None
+    position, reckoned = np.moveaxis(windows.truths[both][:, :2], 1, 0)
+    errors_m = np.linalg.norm(windows.truth_errors[:, :, 1:], axis=-1).mean(axis=2)
+    apart_m = LegBootstrap.of(windows.leg[both], seed).mean(distances(position, reckoned).mean(axis=1))
+    noise_m = float(distances(*np.moveaxis(windows.truth_errors[both][:, :2], 1, 0)).mean())
+    way_m = float(np.linalg.norm(reckoned[:, 1:] - reckoned[:, :1], axis=-1).mean())
+    explained_m = float(np.hypot(noise_m, UNSEEN_SHARE * way_m))
+    beyond_m = np.sqrt(max(apart_m.value**2 - noise_m**2, 0.0)) if _clearly(apart_m, explained_m) else 0.0
+    by = {}
+    for column, name in enumerate(TRUTHS):
+        some = known[:, column]
+        if some.any():
+            legs = LegBootstrap.of(windows.leg[some], seed)
+            methods = {method: legs.mean(each[some, column]) for method, each in distance_m.items()}
+            noise = legs.mean(errors_m[some, column])
+            floor_m = Interval(*(float(np.hypot(each, beyond_m)) for each in (noise.value, noise.low, noise.high)))
+            by[name] = ByTruth(int(some.sum()), floor_m, methods)
+    return Truths(windows.horizon_s, apart_m, explained_m, by)
+
+
+def _si(table: pd.DataFrame, rows: Ints) -> Floats:
+    """Pose and velocity in SI at these rows [N, H+1, 6]; NaN at -1. The heading may be unwrapped."""
+    values = table[list(POSE_AND_VELOCITY)].to_numpy(dtype=float) * STATE_UNITS
+    return np.asarray(np.vstack([values, np.full(6, np.nan)])[rows])
+
+
+LENGTHS = (1, 2, 5)
+_MOST_WINDOWS = 2000  # of all recordings: more take memory, and change no mean
+
+
+@dataclass(frozen=True, slots=True)
+class LengthError:
+    """The mean error of a method at a time: distance [m], in ship lengths, and heading [deg]."""
+
+    distance_m: float
+    distance_lengths: float
+    heading_error_deg: float
+
+
+@dataclass(frozen=True, slots=True)
+class LengthErrors:
+    """The errors after each of ``seconds``, which are ``lengths`` times L/V, by method, over the same ``windows``.
+
+    ``length_m`` is the length between perpendiculars and ``speed_mps`` the median speed over ground of the windows.
+    """
+
+    length_m: float
+    speed_mps: float
+    lengths: tuple[int, ...]
+    seconds: tuple[int, ...]
+    windows: int
+    methods: Mapping[str, tuple[LengthError, ...]]
+
+    @property
+    def length_time_s(self) -> float:
+        """L/V [s]."""
+        return self.length_m / self.speed_mps
+
+    def as_json(self, horizon_s: int) -> dict[str, Any]:
+        """With the keys of the contract; ``horizon_lengths`` is the horizon of the other figures in L/V."""
+        return {
+            "length_m": self.length_m, "speed_mps": self.speed_mps, "length_time_s": self.length_time_s,
+            "horizon_lengths": horizon_s / self.length_time_s, "windows": self.windows,
+            "errors": [
+                {"lengths": lengths, "seconds": seconds,
+                 "methods": {name: asdict(errors[i]) for name, errors in self.methods.items()}}
+                for i, (lengths, seconds) in enumerate(zip(self.lengths, self.seconds, strict=True))
+            ],
+        }  # fmt: skip
+
+
+def errors_by_length(
+    tables: Mapping[str, SecondBySecond],
+    judged: PredictionWindows,
+    plant: Plant,
+    trained: TrainedCalibrator | None = None,
+) -> LengthErrors | None:
+    """The errors after so many L/V of the reference, constant velocity, and a calibrator that predicts as far.
+
+    Parameters
+    ----------
+    tables
+        The recordings at 1 Hz, by trial.
+    judged
+        The windows whose median speed over ground is V [m/s].
+    plant
+        The reference model; L is its length between perpendiculars [m].
+    trained
+        A calibrator, judged if it takes any commands and its horizon is long enough.
+
+    Returns
+    -------
+    LengthErrors or None
+        At whole seconds, one at least. The longest times are left out where no recording lasts as long; None where
+        none does.
+    """
+    length_m = plant.length_between_perpendiculars_m
+    speed_mps = float(np.median(np.hypot(judged.start[:, SURGE], judged.start[:, SWAY])))
+    rarest_s = ceil(sum(len(each.table) for each in tables.values()) / _MOST_WINDOWS)
+    for most in range(len(LENGTHS), 0, -1) if speed_mps > 0.0 else ():
+        lengths = LENGTHS[:most]
+        seconds = tuple(max(1, round(each * length_m / speed_mps)) for each in lengths)
+        try:
+            dataset = dataset_of(
+                tables, seconds[-1], max(seconds[0], rarest_s), any_commands=True, length_m=plant.length_overall_m
+            )
+            windows, reference = within_model_range(dataset.windows, plant)
+        except DataShortageError:
+            continue
+        tracks = _tracks_of_model_and_calibrator(windows, reference, trained)
+        methods = {name: _errors(track, windows, seconds, length_m) for name, track in tracks.items()}
+        return LengthErrors(length_m, speed_mps, lengths, seconds, len(windows), methods)
+    return None
+
+
+def _tracks_of_model_and_calibrator(
+    windows: PredictionWindows, reference: Floats, trained: TrainedCalibrator | None
+) -> dict[str, Floats]:
+    tracks = {"constant_velocity": constant_velocity(windows), "reference": reference}
+    if trained is None or not trained.calibrator.any_commands or windows.horizon_s > trained.horizon_s:
+        return tracks
+    return {**tracks, "hybrid": trained.predict_tracks(windows, reference).tracks}
+
+
+def _errors(
+    track: Floats, windows: PredictionWindows, seconds: tuple[int, ...], length_m: float
+) -> tuple[LengthError, ...]:
+    """The mean errors at each of some seconds."""
+    distance_m = distances(track, windows.track).mean(axis=0)
+    turned = difference_rad(track[:, 1:, HEADING], windows.track[:, 1:, HEADING])
+    heading_deg = np.rad2deg(np.abs(turned)).mean(axis=0)
+    return tuple(
+        LengthError(
+            float(distance_m[each - 1]), float(distance_m[each - 1]) / length_m, float(heading_deg[each - 1])
+        )
+        for each in seconds
+    )

@@ -8,19 +8,53 @@ together: with the starts fixed, ``scipy.optimize.least_squares`` oscillates bet
 The residual of a segment is r = Z b + e: b are the deviation of its start and the forces that the model lacks,
 e the sensors' white noise, so r has covariance V = Z D Z' + R (mixed models, Laird and Ware 1982). Only the Q
 by Q matrix of Woodbury's identity is inverted, never one of V's size.
+
+The model's response on every segment, and its derivatives with respect to each unknown.
+
+Unknown for all segments are the coefficients; for a recording its current and the errors of its wind and motion
+sensors; for a segment its start and the forces that the model lacks, one over the whole segment and one in each
+part.
+
+Recordings cut into segments, each simulated from its own start.
+
+A segment lasts about the time to sail a ship length, in which she responds to her helm: long enough to show the
+effect of coefficients, short enough that model errors do not carry the ship away, and that there are many
+segments for estimating errors by leaving out each in turn.
+
+The coefficients of a vessel file that trials can determine, with their priors.
+
+A coefficient is named as in ``[estimated]``: ``hull.Y_v``, ``rudder.a_H``. The prior of its deviation is
+normal, with the relative width given in ``[estimated]`` or else the usual one. Coefficients that keep their
+sign, such as damping, masses and all of an actuator's, vary by a factor exp(width z), the others by 1 + width
+z. Dimensions, positions and limits are known, and so is everything that is zero: a term that the model does not
+have.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from math import log
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, fields, replace
+from math import ceil, exp, inf, log
+from typing import Any
 
 import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
 from scipy.optimize import minimize
 
-from seatrial.acquisition.core.errors import ModelRangeError, Progress, part_of
-from seatrial.acquisition.core.quantities import Floats
-from seatrial.hybrid.identification.response import PARTS, ResponseModel
+from seatrial.acquisition.core.errors import DataShortageError, ModelRangeError, Progress, part_of
+from seatrial.acquisition.core.quantities import Bools, Floats, Ints
+from seatrial.analysis.series import half_width_for, smooth_motion
+from seatrial.analysis.tables.resample import rate_fraction, resample
+from seatrial.analysis.tables.table import seconds_of, table_actuators, with_calm
+from seatrial.hybrid.effects.catalogue import catalogue_of, vessel_plant
+from seatrial.hybrid.prediction.windows import mean_controls
+from seatrial.hybrid.vessel.actuators import KINDS
+from seatrial.hybrid.vessel.dynamics import simulate_batch
+from seatrial.hybrid.vessel.hulls import HULLS
+from seatrial.hybrid.vessel.parameters import Vessel
+from seatrial.hybrid.vessel.plant import Plant, angles_in, pack
+from seatrial.hybrid.vessel.sensors import acting_controls, check_ship, controls_of, measure, states_of, wind_of
 
 START_VARIANCE = 1.0
 """The prior variance of a start's deviation, in units of ``start_scale`` squared: the start is free."""
@@ -299,3 +333,463 @@ def information_at(model: ResponseModel, z: Floats, starts: Floats, levels: Vari
     if not np.isfinite(place.cost):
         return np.full((model.size, model.size), np.nan)
     return np.asarray(_normal(model, place)[0].sum(axis=0))
+
+
+PARTS = 5
+"""The number of parts of a segment, each with its own missing force."""
+
+FORCES = ("constant_X_n", "constant_Y_n", "constant_N_nm")
+CURRENT_SHARE, WIND_SHARE, WIND_RAD = 0.05, 0.15, 0.15
+HEADING_RAD, SPEED_SHARE, SWAY_SHARE, ANTENNA_LENGTHS, DELAY_S = 0.01, 0.01, 0.01, 0.02, 0.5
+"""Prior widths: the current as a share of the ship's speed, the wind sensor's factor and direction, the heading
+bias, the speed factor, the sway bias as a share of the speed, the antenna position in ship lengths, and the
+delays of controls and positions, which do not scale with the ship. As in the catalogue of effects."""
+
+Variant = tuple[Plant, Floats, Floats]
+"""A plant, the surroundings of each recording, the starts."""
+
+_DIFFERENCE = 1e-3
+_WIDER = 2.0
+
+
+@dataclass(frozen=True, slots=True)
+class Surrounding:
+    """An unknown of a recording: the plant's parameter, its value at zero and its width."""
+
+    name: str
+    neutral: float
+    width: float
+
+
+def surroundings_of(plant: Plant, speed_mps: float) -> tuple[Surrounding, ...]:
+    """The unknowns of every recording of a ship at her usual speed; those of the sensors come last."""
+    length_m = plant.length_between_perpendiculars_m
+    widths = {
+        "current_north_mps": CURRENT_SHARE * speed_mps, "current_east_mps": CURRENT_SHARE * speed_mps,
+        "wind_speed_factor": WIND_SHARE, "wind_direction_bias_rad": WIND_RAD, "command_delay_s": DELAY_S,
+        "heading_bias_rad": HEADING_RAD, "position_delay_s": DELAY_S,
+        "speed_scale": SPEED_SHARE, "sway_bias_mps": SWAY_SHARE * speed_mps,
+        "antenna_forward_m": ANTENNA_LENGTHS * length_m, "antenna_starboard_m": ANTENNA_LENGTHS * length_m,
+    }  # fmt: skip
+    return tuple(Surrounding(name, float(getattr(plant, name)), width) for name, width in widths.items())
+
+
+SIMULATED = 5
+"""The number of surroundings that act in the simulation; the others act on its sensor readings."""
+
+
+@dataclass(frozen=True, slots=True)
+class ResponseModel:
+    """A vessel whose ``coefficients`` are unknown, on ``segments``.
+
+    The unknowns are a vector z [coefficients + recordings x surroundings], each in units of its prior's width.
+    """
+
+    vessel: Vessel
+    coefficients: tuple[Coefficient, ...]
+    segments: Segments
+    surroundings: tuple[Surrounding, ...]
+    sensors: Plant
+
+    @property
+    def size(self) -> int:
+        """The number of unknowns in z."""
+        return len(self.coefficients) + len(self.segments.names) * len(self.surroundings)
+
+    @property
+    def own_unknowns(self) -> Ints:
+        """The unknowns that each segment depends on [S, coefficients + surroundings]."""
+        kept, count = len(self.coefficients), len(self.surroundings)
+        around = kept + self.segments.recording[:, None] * count + np.arange(count)
+        return np.concatenate([np.tile(np.arange(kept), (len(around), 1)), around], axis=1)
+
+    def vessel_at(self, z: Floats) -> Vessel:
+        """The vessel with the coefficients of ``z``."""
+        return with_values(self.vessel, values_at(self.coefficients, z[: len(self.coefficients)]))
+
+    def on_segments(self, segments: Segments, z: Floats) -> tuple[ResponseModel, Floats]:
+        """The same coefficients on other segments, and ``z`` there, with unknown surroundings."""
+        model, kept = model_of(self.vessel, self.coefficients, segments), len(self.coefficients)
+        return model, np.concatenate([z[:kept], np.zeros(model.size - kept)])
+
+    def plant(self, z: Floats) -> Plant:
+        """The plant at the coefficients of ``z``, with a wider range, as a search needs."""
+        plant = vessel_plant(self.vessel_at(z))
+        high = _WIDER * max(plant.surge_high_mps, -plant.surge_low_mps)
+        return plant.replaced(
+            surge_low_mps=-high, surge_high_mps=high, sway_limit_mps=high,
+            yaw_rate_limit_radps=_WIDER * 2.0 * plant.yaw_rate_limit_radps,
+        )  # fmt: skip
+
+    def around(self, z: Floats) -> Floats:
+        """The surroundings [recordings, surroundings] of ``z``."""
+        deviations = z[len(self.coefficients) :].reshape(len(self.segments.names), len(self.surroundings))
+        widths = np.array([surrounding.width for surrounding in self.surroundings])
+        return np.asarray([surrounding.neutral for surrounding in self.surroundings] + deviations * widths)
+
+    def reported(self, z: Floats, start: Floats) -> Floats:
+        """What the sensors report of the segments [S, T, 6], from ``start`` [S, 6]."""
+        around = self.around(z)
+        return self._seen(self._run([(self.plant(z), around, start)])[0], around)
+
+    def slopes(self, z: Floats, start: Floats) -> Floats:
+        """The derivative of the readings with respect to each coefficient and each surrounding of the segment's
+        recording, [S, T, 6, coefficients + surroundings]."""
+        plant, around = self.plant(z), self.around(z)
+        moved = [z + _DIFFERENCE * row for row in np.eye(len(z))[: len(self.coefficients)]]
+        shifted = [
+            around + _DIFFERENCE * row for row in np.diag([surrounding.width for surrounding in self.surroundings])
+        ]
+        variants = [(plant, around, start), *((self.plant(row), around, start) for row in moved)]
+        still, *states = self._run(
+            [*variants, *((plant, surroundings, start) for surroundings in shifted[:SIMULATED])]
+        )
+        states += [still] * (len(shifted) - SIMULATED)
+        seen = self._seen(still, around)
+        settings = [around] * len(moved) + shifted
+        columns = [
+            (self._seen(state, surroundings) - seen) / _DIFFERENCE
+            for state, surroundings in zip(states, settings, strict=True)
+        ]
+        return np.stack(columns, axis=-1)
+
+    def own_slopes(self, z: Floats, start: Floats) -> tuple[Floats, Floats]:
+        """The readings [S, T, 6], and their derivatives with respect to a segment's own unknowns: [S, T, 6, 6 +
+        3 + 3 PARTS].
+
+        The start in units of :attr:`start_scale`; the forces over the whole segment and in each part in units
+        of mass times speed squared over length, moments of that times length.
+        """
+        plant, around = self.plant(z), self.around(z)
+        starts = [start + _DIFFERENCE * row for row in np.diag(self.start_scale)]
+        still, *moved = self._run([(plant, around, begin) for begin in (start, *starts)])
+        seen = self._seen(still, around)
+        by_start = [(self._seen(state, around) - seen) / _DIFFERENCE for state in moved]
+        pulses = self._pulses(plant, around, still)
+        parts = pulses.reshape(*pulses.shape[:3], -1)
+        return seen, np.concatenate([np.stack(by_start, axis=-1), pulses.sum(axis=-1), parts], axis=-1)
+
+    def _pulses(self, plant: Plant, around: Floats, still: Floats) -> Floats:
+        """The derivative of states with respect to a force that acts in one part: [S, T, 6, 3 axes, parts]."""
+        length_m, steps = plant.length_between_perpendiculars_m, self.segments.controls.shape[1]
+        sizes = np.array([1.0, 1.0, length_m]) * plant.mass_kg * self.segments.speed_mps**2 / length_m
+        pushed = [
+            plant.shifted(**{name: _DIFFERENCE * size}) for name, size in zip(FORCES, sizes.tolist(), strict=True)
+        ]
+        onset = np.zeros((*still.shape, 3, PARTS + 1))
+        for part in range(PARTS):
+            first = part * steps // PARTS
+            moved = self._run([(variant, around, still[:, first]) for variant in pushed], first)
+            onset[:, first:, :, :, part] = (np.moveaxis(moved, 0, -1) - still[:, first:, :, None]) / _DIFFERENCE
+        return np.asarray((onset[..., :-1] - onset[..., 1:])[:, : -1 : self.segments.every])
+
+    @property
+    def start_scale(self) -> Floats:
+        """The units of a start's deviation [6]: a length, a radian, the speed, a turn."""
+        speed = self.segments.speed_mps
+        length_m = self.vessel.dimensions.length_between_perpendiculars_m
+        return np.array([length_m, length_m, 1.0, speed, speed, speed / length_m])
+
+    def _run(self, variants: Sequence[Variant], first: int = 0) -> Floats:
+        """True states [variants, S, K+1, 6] of all variants at once, from step ``first`` on."""
+        segments = self.segments
+        plants = np.concatenate([np.repeat(pack(plant), len(segments)) for plant, _, _ in variants])
+        surroundings = np.concatenate([around[segments.recording] for _, around, _ in variants])
+        for number, surrounding in enumerate(self.surroundings[:SIMULATED]):
+            plants[surrounding.name] = surroundings[:, number]
+        start = np.concatenate([begin for _, _, begin in variants])
+        again = (len(variants), 1, 1)
+        # what acts is drawn up from whole segments: a delay reaches back over the step that a run begins at
+        controls = acting_controls(
+            np.tile(segments.controls, again), plants["command_delay_s"], segments.dt_s, angles_in(plants)
+        )[:, first:]
+        plants["command_delay_s"] = 0.0
+        wind = np.tile(segments.wind[:, first:], again)
+        # steps are a small share of a ship length: one step of the integration each
+        states = simulate_batch(plants, start, controls, wind, segments.dt_s, substeps=1).states
+        return states.reshape(len(variants), len(segments), *states.shape[1:])
+
+    def _seen(self, states: Floats, around: Floats) -> Floats:
+        """The readings of states [S, K+1, 6] at the times of comparison [S, T, 6]."""
+        sparse = states[:, : -1 : self.segments.every]
+        seen = np.empty_like(sparse)
+        names = [surrounding.name for surrounding in self.surroundings[SIMULATED:]]
+        for number, values in enumerate(around):
+            mine = self.segments.recording == number
+            sensors = self.sensors.replaced(**dict(zip(names, values[SIMULATED:].tolist(), strict=True)))
+            seen[mine] = measure(sparse[mine], sensors, self.segments.every * self.segments.dt_s)
+        return seen
+
+
+def model_of(vessel: Vessel, coefficients: Sequence[Coefficient], segments: Segments) -> ResponseModel:
+    """The model of a vessel on segments, its surroundings at their usual widths."""
+    plant = vessel_plant(vessel)
+    return ResponseModel(vessel, tuple(coefficients), segments, surroundings_of(plant, segments.speed_mps), plant)
+
+
+LENGTHS = 1.0
+"""A segment's duration, in ship lengths at her usual speed."""
+
+SHORTEST_S, LONGEST_S = 15.0, 240.0
+COMPARED = 30
+"""The number of comparisons with measurements in a segment."""
+
+LEAST_EVERY, MOST_EVERY = 3, 8
+"""The least number of control steps between comparisons. As far as possible a step equals the interval of the
+records or a whole fraction of it, since between records a moving rudder is not on the interpolated line."""
+
+MOST = 400
+"""The number of segments beyond which only every second, third ... one of a longer recording is used."""
+
+_MOVING_SHARE = 0.2
+_FEWEST_SEGMENTS = 4
+
+
+@dataclass(frozen=True, slots=True)
+class Segments:
+    """S segments of K steps of ``dt_s``, compared at T times.
+
+    ``measured`` [S, T, 6] as reported, NaN where nothing was; ``motion`` [S, T, 6] a first guess of the states;
+    ``controls`` [S, K, controls] and ``wind`` [S, K, 2] in SI; ``recording`` [S] counts the recordings, called
+    ``names``; ``speed_mps`` is the ship's usual one. ``left_out`` counts candidates that lack data.
+    """
+
+    measured: Floats
+    motion: Floats
+    controls: Floats
+    wind: Floats
+    recording: Ints
+    names: tuple[str, ...]
+    dt_s: float
+    speed_mps: float
+    left_out: int = 0
+
+    def __len__(self) -> int:
+        return len(self.measured)
+
+    @property
+    def start(self) -> Floats:
+        """An initial estimate of the states [S, 6] at the start."""
+        return self.motion[:, 0]
+
+    @property
+    def every(self) -> int:
+        """The steps between comparisons."""
+        return int(self.controls.shape[1] // self.measured.shape[1])
+
+    @property
+    def duration_s(self) -> float:
+        """The length of a segment [s]."""
+        return float(self.controls.shape[1] * self.dt_s)
+
+    def subset(self, chosen: Bools | NDArray[np.int64]) -> Segments:
+        """The segments that a mask or index chooses."""
+        rows = {name: getattr(self, name)[chosen] for name in _ROWS}
+        return replace(self, **rows)
+
+    def split(self, parts: int) -> Segments:
+        """Segments divided into this number of parts."""
+        measured, motion, controls, wind = (_in_parts(getattr(self, name), parts) for name in _ROWS[:-1])
+        return replace(
+            self, measured=measured, motion=motion, controls=controls, wind=wind,
+            recording=np.repeat(self.recording, parts),
+        )  # fmt: skip
+
+
+_ROWS = ("measured", "motion", "controls", "wind", "recording")
+
+
+def _in_parts(rows: Floats, parts: int) -> Floats:
+    """Rows [S, n, ...] as [S parts, n / parts, ...]."""
+    return rows.reshape(len(rows) * parts, rows.shape[1] // parts, *rows.shape[2:])
+
+
+def segments_of(tables: Mapping[str, pd.DataFrame], plant: Plant, duration_s: float | None = None) -> Segments:
+    """The segments of tables of samples, at any rate, by the recording's name.
+
+    Raises :class:`DataShortageError` if there are fewer than a handful, :class:`InputError` for recordings of
+    another ship.
+    """
+    speed = _usual_speed(tables)
+    length_m = plant.length_between_perpendiculars_m
+    lasting = duration_s or float(np.clip(LENGTHS * length_m / max(speed, 1e-3), SHORTEST_S, LONGEST_S))
+    dt_s, steps = _steps(lasting, tables)
+    parts = [_cut(resample(table, 1.0 / dt_s), plant, steps) for table in tables.values()]
+    number = [len(part[0]) for part in parts]
+    measured, motion, controls, wind = (np.concatenate([part[column] for part in parts]) for column in range(4))
+    segments = Segments(
+        measured, motion, controls, wind,
+        recording=np.repeat(np.arange(len(parts)), number),
+        names=tuple(tables), dt_s=dt_s, speed_mps=speed, left_out=sum(int(part[4]) for part in parts),
+    )  # fmt: skip
+    if len(segments) < _FEWEST_SEGMENTS:
+        raise DataShortageError(
+            f"only {len(segments)} segments of {lasting:.0f} s have motion and controls",
+            where=", ".join(tables), fix="give longer recordings, or check these with `seatrial check`",
+        )  # fmt: skip
+    stride = -(-len(segments) // MOST)
+    return segments if stride == 1 else segments.subset(np.arange(0, len(segments), stride))
+
+
+def _usual_speed(tables: Mapping[str, pd.DataFrame]) -> float:
+    """The median speed ahead [m/s] while the ship moves."""
+    speed = np.abs(np.concatenate([table["surge_mps"].dropna().to_numpy() for table in tables.values()]))
+    if not speed.size or not speed.max() > 0.0:
+        raise DataShortageError("the ship does not move", where=", ".join(tables), fix="give recordings under way")
+    return float(np.median(speed[speed >= _MOVING_SHARE * np.percentile(speed, 99.0)]))
+
+
+def _steps(lasting_s: float, tables: Mapping[str, pd.DataFrame]) -> tuple[float, int]:
+    """The length of a step [s], and the number of steps between comparisons."""
+    records = [np.diff(seconds_of(table[["surge_mps"]].dropna())) for table in tables.values()]
+    interval_s = float(np.median(np.concatenate(records)))
+    apart_s = lasting_s / COMPARED
+    count = ceil(interval_s * LEAST_EVERY / apart_s - 0.01)  # steps from one record to the next
+    dt_s = max(interval_s / count, apart_s / MOST_EVERY)
+    steps = count * ceil(apart_s / interval_s - 0.01) if interval_s <= apart_s else round(apart_s / dt_s)
+    return float(1 / rate_fraction(1.0 / dt_s)), min(max(steps, LEAST_EVERY), MOST_EVERY)
+
+
+def _cut(table: pd.DataFrame, plant: Plant, interval: int) -> tuple[Floats, Floats, Floats, Floats, int]:
+    """Measured, motion, controls and wind of the whole segments of one table, and how many lack data."""
+    check_ship(table_actuators(table), plant)
+    measured, controls = states_of(table), controls_of(table, plant.layout)
+    wind = wind_of(with_calm(table))
+    motion = states_of(smooth_motion(table, half_width_for(plant.length_overall_m)))
+    motion[:, 2] += 2.0 * np.pi * np.round((measured[:, 2] - motion[:, 2]) / (2.0 * np.pi))
+    steps = COMPARED * interval
+    count = max(0, len(table) - 1) // steps
+    rows = np.arange(count * steps).reshape(count, steps)
+    ends = np.append(rows, rows[:, -1:] + 1, axis=1)
+    complete = np.isfinite(np.column_stack([controls, wind]))[ends].all(axis=(1, 2))
+    complete &= np.isfinite(motion[rows[:, ::interval]]).all(axis=(1, 2))
+    rows, ends = rows[complete], ends[complete]
+    acting, compared = mean_controls(controls[ends], plant.layout), rows[:, ::interval]
+    return measured[compared], motion[compared], acting, wind[rows], int((~complete).sum())
+
+
+USUAL_WIDTHS = {"hull": 0.3, "inertia": 0.15, "actuator": 0.2}
+"""The relative prior widths of coefficients without a stated error: about those of ``vessel new``."""
+
+WIND_LOAD_WIDTH, ASTERN_WIDTH = 0.2, 0.3
+"""The relative prior width of the wind coefficients as a whole, whose regressions have errors of a fifth
+(Fujiwara, Ueno and Nimura 1998), and of a shaft's astern thrust if the file does not give it."""
+
+_FAR = 100.0
+"""A bound on logarithms; the model leaves its range where a search reaches it."""
+
+_ADDED_MASSES = ("Xud", "Yvd", "Yrd", "Nrd", "m_x", "m_y", "J_z", "I_zG", "yaw_inertia_kgm2")
+_POSITIVE = ("mass_kg", "yaw_inertia_kgm2", "Xud", "Yvd", "Nrd", "m", "m_x", "m_y", "I_zG", "J_z", "draught_m",
+             "superstructure_area_m2", "frontal_area_m2", "lateral_area_m2", "lateral_centre_height_m",
+             "bridge_height_m")  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class Coefficient:
+    """A coefficient: its name, its initial value, the relative width of its prior, and its parametrisation.
+
+    ``twins`` are the names of the same coefficient of identical actuators; ``most`` is its upper bound.
+    """
+
+    name: str
+    start: float
+    width: float
+    keeps_sign: bool
+    twins: tuple[str, ...] = ()
+    most: float = inf
+
+    def value(self, z: float) -> float:
+        """The value at a deviation of ``z`` standard deviations."""
+        departed = exp(min(self.width * z, _FAR)) if self.keeps_sign else 1.0 + self.width * z
+        return min(self.start * departed, self.most)
+
+
+def coefficients_of(vessel: Vessel) -> tuple[Coefficient, ...]:
+    """The coefficients of a vessel that trials can determine."""
+    return tuple(_coefficients(vessel))
+
+
+def _coefficients(vessel: Vessel) -> Iterable[Coefficient]:
+    hull = HULLS[vessel.hull.model]
+    yield from _of_table(vessel, "inertia", vessel.inertia, _ADDED_MASSES, _POSITIVE)
+    yield from _of_table(vessel, "hull", vessel.hull, hull.numbers, hull.keeps_sign)
+    yield from _of_table(vessel, "wind", vessel.wind, (), _POSITIVE)
+    if vessel.wind.model != "none":
+        yield _factor(vessel, "wind_load", WIND_LOAD_WIDTH)
+    for first, *duplicates in _alike(vessel):
+        for coefficient in _of_actuator(vessel, first):
+            yield replace(
+                coefficient,
+                twins=tuple(_renamed(coefficient.name, first.name, duplicate.name) for duplicate in duplicates),
+            )
+
+
+_OWN = {"name": "", "y_m": 0.0, "behind": ""}
+
+
+def _alike(vessel: Vessel) -> list[list[Any]]:
+    """The actuators, grouped if identical but for name and side."""
+    groups: dict[Any, list[Any]] = {}
+    listed: tuple[Any, ...] = vessel.actuator
+    for actuator in listed:
+        same = replace(actuator, **{name: value for name, value in _OWN.items() if hasattr(actuator, name)})
+        groups.setdefault(same, []).append(actuator)
+    return list(groups.values())
+
+
+def _renamed(name: str, old: str, new: str) -> str:
+    """The name of a coefficient of the ``old`` actuator for the ``new`` one."""
+    table, _, number = name.rpartition(".")
+    return f"{table.removesuffix(old)}{new}.{number}"
+
+
+def _of_actuator(vessel: Vessel, entry: Any) -> Iterable[Coefficient]:
+    kind, astern = KINDS[entry.kind], f"astern_thrust_{entry.name}"
+    usual = (*kind.keeps_sign, *kind.adapted)
+    yield from _of_table(vessel, entry.name, entry, usual, [field.name for field in fields(entry)])
+    if astern in catalogue_of(vessel) and not hasattr(entry, "astern_0"):
+        yield _factor(vessel, astern, ASTERN_WIDTH)
+
+
+def _factor(vessel: Vessel, effect: str, width: float) -> Coefficient:
+    """The factor of an effect, from the file or 1, within the effect's bounds."""
+    start = float(vessel.effects.get(effect, {}).get("factor", 1.0))
+    (factor,) = catalogue_of(vessel)[effect].parameters
+    return Coefficient(f"effects.{effect}.factor", start, width, keeps_sign=True, most=factor.high)
+
+
+def _of_table(
+    vessel: Vessel, label: str, entry: Any, usual: Sequence[str], keeps_sign: Sequence[str]
+) -> Iterable[Coefficient]:
+    """The coefficients of one table of the file: those with a stated error, and the ``usual`` ones."""
+    width = USUAL_WIDTHS.get(label, USUAL_WIDTHS["actuator"])
+    for name in (field.name for field in fields(entry)):
+        start, stated_error = getattr(entry, name), vessel.estimated.get(f"{label}.{name}", 0.0)
+        if isinstance(start, float) and start != 0.0 and (stated_error > 0.0 or name in usual):
+            yield Coefficient(f"{label}.{name}", start, float(stated_error) or width, name in keeps_sign)
+
+
+def values_at(coefficients: Sequence[Coefficient], z: Floats) -> dict[str, float]:
+    """The values by name at deviations ``z`` [coefficients]."""
+    return {
+        name: coefficient.value(float(at))
+        for coefficient, at in zip(coefficients, z, strict=True)
+        for name in (coefficient.name, *coefficient.twins)
+    }
+
+
+def with_values(vessel: Vessel, values: Mapping[str, float]) -> Vessel:
+    """A vessel with these coefficients replaced."""
+    tables: dict[str, dict[str, float]] = {}
+    for name, value in values.items():
+        table, _, number = name.rpartition(".")
+        tables.setdefault(table, {})[number] = value
+    parts = {name: replace(getattr(vessel, name), **tables[name]) for name in ("inertia", "hull", "wind")
+             if name in tables}  # fmt: skip
+    listed: tuple[Any, ...] = vessel.actuator
+    actuators = tuple(replace(actuator, **tables.get(actuator.name, {})) for actuator in listed)
+    loads = {name.partition(".")[2]: numbers for name, numbers in tables.items() if name.startswith("effects.")}
+    changed = {
+        name: numbers for name, numbers in loads.items() if name in vessel.effects or numbers != {"factor": 1.0}
+    }
+    return replace(vessel, **parts, actuator=actuators, effects={**vessel.effects, **changed})

@@ -28,16 +28,20 @@ from seatrial.analysis.tables.resample import resample
 from seatrial.analysis.tables.table import select
 from seatrial.analysis.windows.held import second_by_second
 from seatrial.hybrid.effects.catalogue import vessel_plant
-from seatrial.hybrid.identification.coefficients import Coefficient, coefficients_of
-from seatrial.hybrid.identification.fit import CoefficientFit, fit, information_at
-from seatrial.hybrid.identification.response import ResponseModel, model_of
-from seatrial.hybrid.identification.segments import segments_of
-from seatrial.hybrid.prediction.baselines import constant_velocity, reference
+from seatrial.hybrid.identification.fit import (
+    Coefficient,
+    CoefficientFit,
+    ResponseModel,
+    coefficients_of,
+    fit,
+    information_at,
+    model_of,
+    segments_of,
+)
+from seatrial.hybrid.prediction.baselines import Score, constant_velocity, reference, score, scores_json
 from seatrial.hybrid.prediction.dataset import dataset_of
 from seatrial.hybrid.prediction.kalman_filter import filtered_starts
-from seatrial.hybrid.prediction.scores import Score, score, scores_json
-from seatrial.hybrid.simulation.sea_state import sea_state_named
-from seatrial.hybrid.simulation.trial import SimulationNoise, simulate_trial
+from seatrial.hybrid.simulation.trial import SimulationNoise, sea_state_named, simulate_trial
 from seatrial.hybrid.vessel.parameters import Vessel
 from seatrial.hybrid.vessel.plant import Plant
 

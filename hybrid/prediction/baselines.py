@@ -8,24 +8,38 @@ Outside its domain of applicability a calibrator is replaced by a weighted mean 
 weighted by the inverse fourth power of its expected error, which follows from its errors in training and from a
 hindcast of the last seconds. Inside the domain a calibrator may be averaged with them
 (:class:`CandidatePrediction`).
+
+95 % regions about predicted positions: ellipses along and across the predicted course.
+
+Their size follows from errors on legs not used for training (split conformal prediction, Lei et al. 2018),
+normalised by the relative uncertainty that a method assigns to each window. Errors of windows of one leg or
+recording are correlated, so those of a new one exceed a quantile over all windows: regions are widened until
+each group is covered when sized on the others. A region is given by its semi-axes, along and across, in metres,
+as the last axis of an array.
+
+Errors of predicted tracks, and confidence intervals of their means.
+
+Intervals come from the cluster bootstrap (Davison and Hinkley 1997, section 3.8): as many legs as there are,
+drawn with replacement, each with all of its windows, since errors of one leg's windows are strongly correlated.
+Ratios are paired: both means come from the same legs. The sequences of a campaign are legs of their own.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from seatrial.acquisition.core.quantities import Floats
+from seatrial.acquisition.core.quantities import Floats, to_ship
+from seatrial.acquisition.core.result import Number, to_json
 from seatrial.hybrid.prediction.kalman_filter import filtered_starts
-from seatrial.hybrid.prediction.prediction_windows import PredictionWindows, hindcast_windows
-from seatrial.hybrid.prediction.regions import conformal_region
-from seatrial.hybrid.prediction.scores import mean_distances
-from seatrial.hybrid.vessel.channels import check_ship
+from seatrial.hybrid.prediction.windows import PredictionWindows, difference_rad, hindcast_windows, unlike_groups
+from seatrial.hybrid.vessel.dynamics import simulate_batch
 from seatrial.hybrid.vessel.plant import Plant
-from seatrial.hybrid.vessel.sensors import YAW_RATE, arc
-from seatrial.hybrid.vessel.simulate import simulate_batch
+from seatrial.hybrid.vessel.sensors import YAW_RATE, arc, check_ship
 
 
 def constant_velocity(windows: PredictionWindows) -> Floats:
@@ -185,3 +199,248 @@ def mean_known(errors_m: Floats) -> float:
     """The mean of the finite errors; :data:`_UNKNOWN_ERROR_M` if there are none."""
     known = errors_m[np.isfinite(errors_m)]
     return max(float(known.mean()), _LEAST_ERROR_M) if known.size else _UNKNOWN_ERROR_M
+
+
+COVERAGE = 0.95
+_COUNTED = 0.9
+"""Errors beyond this quantile are clipped when the shape of regions is estimated: a few bad windows determine
+the size, not the shape."""
+_MOST_PARTS = 20  # with more groups, several are held out at once
+_CORNERS = np.linspace(0.0, 2.0 * np.pi, 24, endpoint=False)
+
+
+def conformal_region(predicted: Floats, windows: PredictionWindows, uncertainty: Floats | None = None) -> Floats:
+    """The semi-axes [H, 2] of the region that holds 95 % of the measured positions, by second, in metres.
+
+    ``predicted`` are tracks [N, H+1, 3] of the windows. With the relative ``uncertainty`` [N, H] of each
+    prediction the region is that for an uncertainty of one. The quantile is that of split conformal prediction,
+    the ceil((n + 1) 0.95)-th of n errors, so it does not shrink with few windows; no axis shrinks from one
+    second to the next. Seconds not measured or not predicted (NaN) do not count.
+    """
+    along, across = errors_by_course(predicted, windows.track)
+    if uncertainty is not None:
+        along, across = along / uncertainty, across / uncertainty
+    shape = _shape(along, across, len(np.unique(windows.trial)))
+    relative = np.hypot(along / shape[:, 0], across / shape[:, 1])
+    size = _widening(relative, unlike_groups(windows)) * _quantile(relative, COVERAGE)
+    return np.maximum.accumulate(size[:, None] * shape, axis=0)
+
+
+def relative_distances(predicted: Floats, measured: Floats, region_m: Floats) -> Floats:
+    """Errors of tracks [N, H+1, 3] at seconds 1 to H [N, H], relative to their regions [N or 1, H, 2] in that
+    direction: 1 on the border, more outside, 0 without error."""
+    gap_m = np.stack(errors_by_course(predicted, measured), axis=-1)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.asarray(np.linalg.norm(np.where(gap_m == 0.0, 0.0, gap_m / region_m), axis=-1))
+
+
+def errors_by_course(predicted: Floats, measured: Floats) -> tuple[Floats, Floats]:
+    """Errors of tracks [N, H+1, 2 or 3] forward and to starboard [N, H] of the measured ones at seconds 1 to H,
+    relative to the predicted course [m]."""
+    gap = (predicted - measured)[:, 1:]
+    along, across = to_ship(gap[..., 0], gap[..., 1], courses(predicted))
+    return np.asarray(along), np.asarray(across)
+
+
+def courses(tracks: Floats) -> Floats:
+    """The course over ground of tracks [.., H+1, 2 or 3] at seconds 1 to H [.., H], from the second before
+    [rad].
+    """
+    step = np.diff(tracks[..., :2], axis=-2)
+    return np.asarray(np.arctan2(step[..., 1], step[..., 0]))
+
+
+def circle_about(region_m: Floats) -> Floats:
+    """The radius of the circles that enclose regions [.., 2], in metres."""
+    return np.asarray(region_m.max(axis=-1))
+
+
+def bands(region_m: Floats | None) -> dict[str, Floats | None]:
+    """A region [.., 2] by its names in files: the enclosing circle, along and across."""
+    if region_m is None:
+        return dict.fromkeys(("band_m", "band_along_m", "band_across_m"))
+    return {"band_m": circle_about(region_m), "band_along_m": region_m[..., 0], "band_across_m": region_m[..., 1]}
+
+
+def equal_area_radius(region_m: Floats) -> Floats:
+    """The radius of the circles of equal area to regions [.., 2], in metres."""
+    return np.asarray(np.sqrt(region_m.prod(axis=-1)))
+
+
+def outlines(track: Floats, region_m: Floats) -> Floats:
+    """Points [H, 24, 2], north and east, of the borders of the regions [H, 2] about a track [H+1, 3]."""
+    course = courses(track)[:, None]
+    along, across = region_m[:, :1] * np.cos(_CORNERS), region_m[:, 1:] * np.sin(_CORNERS)
+    north = along * np.cos(course) - across * np.sin(course)
+    east = along * np.sin(course) + across * np.cos(course)
+    return np.asarray(track[1:, None, :2] + np.stack([north, east], axis=-1))
+
+
+def _shape(along: Floats, across: Floats, recordings: int) -> Floats:
+    """The semi-axes [H, 2] of regions of area pi, in the ratio of the errors [N, H] along and across.
+
+    A few recordings may not be representative, since other sensors have other errors: the logarithm of the
+    ratio is shrunk towards a circle as by one more recording, so that one recording counts half.
+    """
+    with np.errstate(divide="ignore", invalid="ignore"):
+        log_ratio = np.log(_typical(along) / _typical(across))
+    stretch = np.exp(0.5 * np.where(np.isfinite(log_ratio), log_ratio, 0.0) * recordings / (recordings + 1.0))
+    return np.column_stack([stretch, 1.0 / stretch])
+
+
+def _typical(errors: Floats) -> Floats:
+    """The typical size of errors [N, H] by second, without the worst tenth [H]."""
+    size = np.abs(errors)
+    squares = np.minimum(size, _quantile(size, _COUNTED)) ** 2
+    return np.asarray(np.sqrt(np.nansum(squares, axis=0) / np.isfinite(size).sum(axis=0)))
+
+
+def _widening(relative: Floats, group: NDArray[np.str_]) -> float:
+    """The factor, at least 1, by which regions sized on all windows' ``relative`` distances [N, H] must be
+    widened to hold 95 % of each group [N] when sized on the others."""
+    names = np.unique(group)
+    if len(names) < 2:
+        return 1.0
+    beyond = []
+    for left_out in np.array_split(names, min(len(names), _MOST_PARTS)):
+        mine = np.isin(group, left_out)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            beyond.append((relative[mine] / _quantile(relative[~mine], COVERAGE)).ravel())
+    needed = float(_quantile(np.concatenate(beyond)[:, None], COVERAGE)[0])
+    return max(1.0, needed) if np.isfinite(needed) else 1.0
+
+
+def _quantile(values: Floats, share: float) -> Floats:
+    """The ceil((n + 1) share)-th of n values [N, H], or the largest, by second [H]; NaN does not count."""
+    count = np.isfinite(values).sum(axis=0)
+    rank = np.minimum(np.ceil((count + 1) * share), count).astype(np.int64) - 1
+    return np.asarray(np.take_along_axis(np.sort(values, axis=0), rank[None], axis=0)[0])
+
+
+DRAWS = 2000
+FEW_LEGS = 10
+"""With fewer legs than this, bootstrap intervals are too narrow."""
+
+COVERAGE_PERCENT = (2.5, 97.5)
+
+
+@dataclass(frozen=True, slots=True)
+class Score:
+    """Errors of one method over N windows of H seconds; means run over windows and seconds 1 to H."""
+
+    mean_distance_m: float
+    end_distance_m: float
+    mae_north_m: float
+    mae_east_m: float
+    heading_error_deg: float
+    by_second: tuple[float, ...]
+
+
+def distances(predicted: Floats, measured: Floats) -> Floats:
+    """The distance between two tracks [N, H+1, 2 or 3] at seconds 1 to H [N, H], in metres."""
+    gap = predicted[:, 1:, :2] - measured[:, 1:, :2]
+    return np.asarray(np.hypot(gap[..., 0], gap[..., 1]))
+
+
+def mean_distances(predicted: Floats, measured: Floats) -> Floats:
+    """The mean distance of two tracks [N, H+1, 2 or 3] over seconds 1 to H [N] in metres; NaN where any is."""
+    return np.asarray(distances(predicted, measured).mean(axis=1))
+
+
+def score(predicted: Floats, measured: Floats) -> Score:
+    """Compare tracks [N, H+1, 3] of north, east [m] and heading [rad]."""
+    gap = predicted[:, 1:] - measured[:, 1:]
+    distance = distances(predicted, measured)
+    turn = difference_rad(predicted[:, 1:, 2], measured[:, 1:, 2])
+    return Score(
+        mean_distance_m=float(distance.mean()),
+        end_distance_m=float(distance[:, -1].mean()),
+        mae_north_m=float(np.abs(gap[..., 0]).mean()),
+        mae_east_m=float(np.abs(gap[..., 1]).mean()),
+        heading_error_deg=float(np.rad2deg(np.abs(turn)).mean()),
+        by_second=tuple(float(each) for each in distance.mean(axis=0)),
+    )
+
+
+TWO_SIDED = "_two_sided"
+"""The ending of the name of a method that starts from the two-sided state."""
+
+
+def start_of(method: str) -> str:
+    """The start state of a method's predictions: causal, or two-sided."""
+    return "two_sided" if method.endswith(TWO_SIDED) else "causal"
+
+
+def scores_json(scores: Mapping[str, Score]) -> dict[str, Any]:
+    """Scores by method for JSON, each with its start state."""
+    return {name: {"start": start_of(name), **to_json(each)} for name, each in scores.items()}
+
+
+@dataclass(frozen=True, slots=True)
+class Interval:
+    """A value with its 95 % interval; NaN bounds if there is only one leg."""
+
+    value: Number
+    low: Number
+    high: Number
+
+
+@dataclass(frozen=True, slots=True)
+class LegBootstrap:
+    """Bootstrap draws of legs, the same for all statistics.
+
+    ``leg`` [N] is the number of each window's leg, ``times`` [draws, legs] how often each leg was drawn.
+    """
+
+    leg: NDArray[np.int64]
+    times: Floats
+
+    @classmethod
+    def of(cls, legs: NDArray[np.str_] | NDArray[np.int64], seed: int, draws: int = DRAWS) -> LegBootstrap:
+        """Draws for windows of the named or numbered legs [N]; equal numbers of legs and seeds give equal
+        draws."""
+        names, number = np.unique(legs, return_inverse=True)
+        share = np.full(len(names), 1.0 / len(names))
+        times = np.random.default_rng(seed).multinomial(len(names), share, size=draws)
+        return cls(number.astype(np.int64), times.astype(float))
+
+    @property
+    def legs(self) -> int:
+        """The number of legs."""
+        return int(self.times.shape[1])
+
+    def means(self, values: Floats) -> Floats:
+        """The means over windows of ``values`` [N, K] in each draw [draws, K]."""
+        sums = np.zeros((self.legs, values.shape[1]))
+        np.add.at(sums, self.leg, values)
+        counts = np.bincount(self.leg, minlength=self.legs)
+        return np.asarray((self.times @ sums) / (self.times @ counts)[:, None])
+
+    def mean(self, values: Floats) -> Interval:
+        """The mean of ``values`` [N] over windows."""
+        return self.mean_of_each(values[:, None])[0]
+
+    def mean_of_each(self, values: Floats) -> tuple[Interval, ...]:
+        """The means of the columns of ``values`` [N, K] over windows."""
+        return self._intervals(values.mean(axis=0), self.means(values))
+
+    def ratio(self, values: Floats, others: Floats) -> Interval:
+        """The mean of ``values`` [N] over that of ``others`` [N], paired; 1 where both are zero."""
+        means = np.vstack([self.means(np.column_stack([values, others])), [values.mean(), others.mean()]])
+        with np.errstate(divide="ignore", invalid="ignore"):
+            quotients = means[:, 0] / means[:, 1]
+        quotients[np.isnan(quotients)] = 1.0
+        return self._intervals(quotients[-1:], quotients[:-1, None])[0]
+
+    def _intervals(self, values: Floats, drawn: Floats) -> tuple[Interval, ...]:
+        """Intervals about ``values`` [K] from draws [draws, K]."""
+        if self.legs < 2:
+            return tuple(Interval(float(each), np.nan, np.nan) for each in values)
+        return tuple(interval_about(float(value), draws) for value, draws in zip(values, drawn.T, strict=True))
+
+
+def interval_about(value: float, drawn: Floats) -> Interval:
+    """``value`` with the central 95 % of ``drawn`` [draws]."""
+    # without interpolation, which is undefined between infinite draws
+    low, high = np.percentile(drawn, COVERAGE_PERCENT, method="nearest")
+    return Interval(value, float(low), float(high))

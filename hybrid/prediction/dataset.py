@@ -18,7 +18,7 @@ from seatrial.analysis.tables.table import refuse_duplicates
 from seatrial.analysis.windows.held import HeldWindows, SecondBySecond, tables_of_recordings, windows_of_tables
 from seatrial.hybrid.prediction.baselines import reference
 from seatrial.hybrid.prediction.kalman_filter import filtered_starts
-from seatrial.hybrid.prediction.prediction_windows import (
+from seatrial.hybrid.prediction.windows import (
     PredictionWindows,
     concatenate_windows,
     starting_two_sided,

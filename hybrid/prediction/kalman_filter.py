@@ -32,22 +32,21 @@ from seatrial.acquisition.core.quantities import Floats
 from seatrial.analysis.compiling import FAST, Record, compiled, threads_for
 from seatrial.analysis.estimation.kalman_kernel import WIDTH, gain_sequence
 from seatrial.analysis.estimation.process_models import decay, oscillator
-from seatrial.hybrid.prediction.prediction_windows import CONTROLS, WIND, PredictionWindows
-from seatrial.hybrid.vessel.actuators import CONTROLS_OF, IS_ANGLE
-from seatrial.hybrid.vessel.actuators.kind import CONTROL, KIND
-from seatrial.hybrid.vessel.channels import check_ship
+from seatrial.hybrid.prediction.windows import CONTROLS, WIND, PredictionWindows
+from seatrial.hybrid.vessel.actuators import CONTROL, CONTROLS_OF, IS_ANGLE, KIND
 from seatrial.hybrid.vessel.dynamics import (
     Control,
     InverseMass,
     Scratch,
     State,
     advance,
+    combine_forces,
     inverse_mass,
     lag_over,
     scratch_for,
 )
 from seatrial.hybrid.vessel.plant import PHYSICS_STAMP, ForceFunction, Plant, pack
-from seatrial.hybrid.vessel.simulate import combine_forces
+from seatrial.hybrid.vessel.sensors import check_ship
 
 LEAP_M, LEAP_RAD, LEAP_MPS, LEAP_RADPS = 8.0, 0.5, 1.5, 0.15
 TURN_RADPS, TURNS = 0.02, 4
@@ -317,7 +316,7 @@ class Observations:
     """The observations of N windows.
 
     ``past`` [N, P+1, channels] in the order of
-    :class:`~seatrial.hybrid.prediction.prediction_windows.PredictionWindows`, newest first, without gaps for
+    :class:`~seatrial.hybrid.prediction.windows.PredictionWindows`, newest first, without gaps for
     ``known_s`` [N] seconds; ``control`` [N, H, controls] and ``wind`` [N, H, 2] act from second 0.
     """
 

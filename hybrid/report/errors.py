@@ -24,12 +24,11 @@ from seatrial.acquisition.core.ship import ANGLES, wrap_180, wrap_360
 from seatrial.analysis.estimation.smoother import SmoothedMotion
 from seatrial.analysis.tables.table import NANO, index_of, trial_channels
 from seatrial.hybrid.effects.regime import quantities_along, steering_angles
-from seatrial.hybrid.prediction.prediction_windows import PredictionWindows, difference_rad
-from seatrial.hybrid.prediction.regions import equal_area_radius, relative_distances
-from seatrial.hybrid.prediction.scores import LegBootstrap, distances
-from seatrial.hybrid.vessel.channels import controls_of, states_of, wind_of
+from seatrial.hybrid.prediction.baselines import LegBootstrap, distances, equal_area_radius, relative_distances
+from seatrial.hybrid.prediction.windows import PredictionWindows, difference_rad
+from seatrial.hybrid.vessel.dynamics import simulate_batch
 from seatrial.hybrid.vessel.plant import Plant
-from seatrial.hybrid.vessel.simulate import simulate_batch
+from seatrial.hybrid.vessel.sensors import controls_of, states_of, wind_of
 
 COLUMNS = ("north_m", "east_m", "heading_deg", "surge_mps", "sway_mps", "yaw_rate_dps", "speed_mps")
 

@@ -15,11 +15,10 @@ from seatrial.acquisition.core.files import write_text, written_together
 from seatrial.analysis.report.plots import FAINT, INK, PALETTE
 from seatrial.analysis.report.rendering import Page, render
 from seatrial.hybrid.evaluation.study import BASELINES, Evaluation, MethodSummary, SplitSummary
-from seatrial.hybrid.prediction.scores import Interval
+from seatrial.hybrid.prediction.baselines import Interval
 from seatrial.hybrid.report.plots import COLOUR, interval_bar, logarithmic, named_rows, reach
 from seatrial.hybrid.report.sections import templates
-from seatrial.hybrid.report.tables import MEANING, counts_of, spread
-from seatrial.hybrid.report.words import no_wrap, plain
+from seatrial.hybrid.report.text import MEANING, counts_of, no_wrap, plain, spread
 
 _LABELS, _SHORTEST = 84, 10  # characters that fit below an axis side by side, and of one label at the least
 

@@ -27,11 +27,10 @@ from seatrial.acquisition.core.files import make_folder, write_text, written_tog
 from seatrial.analysis.manoeuvres.indices import as_json
 from seatrial.analysis.report.rendering import render
 from seatrial.analysis.tables.table import sha256_of
-from seatrial.hybrid.diagnosis.serialisation import read_diagnosis, read_json
-from seatrial.hybrid.report.case import load_case
-from seatrial.hybrid.report.diagnosis_words import PAGE_FILE, write_report
+from seatrial.hybrid.diagnosis.result import read_diagnosis, read_json
+from seatrial.hybrid.report.diagnosis import PAGE_FILE, write_report
 from seatrial.hybrid.report.sections import sections
-from seatrial.hybrid.report.trial_sections import ship_name, subtitle, write_interactive_pages
+from seatrial.hybrid.report.trial import load_case, ship_name, subtitle, write_interactive_pages
 from seatrial.hybrid.reproduction.page import is_reproduced, write_page
 
 Kind = Literal["diagnosis", "reproduction", "trial", "batch"]

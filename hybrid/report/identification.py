@@ -18,7 +18,7 @@ from seatrial.hybrid.identification.identify import (
     ManoeuvreInformation,
 )
 from seatrial.hybrid.report.plots import legend_above, named_rows
-from seatrial.hybrid.report.tables import text_table
+from seatrial.hybrid.report.text import text_table
 
 _BLUE, _ORANGE = PALETTE[:2]
 _TRIALS = 5

@@ -16,10 +16,10 @@ from seatrial.acquisition.core.files import write_text, written_together
 from seatrial.acquisition.core.quantities import Floats
 from seatrial.analysis.report.plots import PALETTE
 from seatrial.analysis.report.rendering import Page, render
-from seatrial.hybrid.planning.information import TOLD_APART
-from seatrial.hybrid.planning.plan import Plan, Programme
+from seatrial.hybrid.diagnosis.planning import TOLD_APART
+from seatrial.hybrid.planning import Plan, Programme
 from seatrial.hybrid.report.sections import templates
-from seatrial.hybrid.report.words import plain
+from seatrial.hybrid.report.text import plain
 
 JSON_FILE, PAGE_FILE = "plan.json", "plan.html"
 _MOST = 100.0  # twice the log likelihood: more than this is plenty in any picture

@@ -19,14 +19,13 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 
 from seatrial.acquisition.core.quantities import Floats, to_ship
 from seatrial.analysis.report.plots import FAINT, INK, PALETTE, label
-from seatrial.hybrid.prediction.regions import outlines
-from seatrial.hybrid.prediction.scores import Interval
+from seatrial.hybrid.prediction.baselines import Interval, outlines
 from seatrial.hybrid.report.errors import QUANTITIES, Calibration, ErrorComponents, errors_of
-from seatrial.hybrid.report.words import plain
+from seatrial.hybrid.report.text import plain
 
 if TYPE_CHECKING:
+    from seatrial.hybrid.calibrators import TrainedCalibrator
     from seatrial.hybrid.calibrators.predict import Prediction
-    from seatrial.hybrid.calibrators.train import TrainedCalibrator
     from seatrial.hybrid.evaluation.validate import Validation
 
 _ELLIPSES = 6  # of a track's regions; more would lie on each other

@@ -52,34 +52,32 @@ def templates() -> Environment:
     """The templates of this package, with what they call."""
     from seatrial.analysis.manoeuvres.criteria import shortfalls_of
     from seatrial.analysis.speed_power import report as speed_power
-    from seatrial.hybrid.diagnosis.serialisation import read_diagnosis
-    from seatrial.hybrid.prediction.scores import FEW_LEGS
+    from seatrial.hybrid.diagnosis.result import read_diagnosis
+    from seatrial.hybrid.prediction.baselines import FEW_LEGS
     from seatrial.hybrid.report import (
-        diagnosis_map_plots,
+        diagnosis,
         diagnosis_plots,
-        diagnosis_words,
         evaluation_page,
-        index_tables,
         plan_page,
-        tables,
+        text,
+        trial,
         trial_form,
         trial_plots,
-        trial_sections,
         vessel_check,
     )
-    from seatrial.hybrid.report.diagnosis_words import chance, percent
+    from seatrial.hybrid.report.diagnosis import chance, percent
     from seatrial.hybrid.report.errors import ENOUGH_S
 
     made = environment(Path(__file__).parent / "templates")
-    made.filters |= {"percent": percent, "chance": chance, "cell_row": diagnosis_words.cell_row,
+    made.filters |= {"percent": percent, "chance": chance, "cell_row": diagnosis.cell_row,
                      "in_words": in_words, "reason_of": reason_of,
                      "rows_in_words": lambda rows: [[in_words(cell) for cell in row] for row in rows],
                      "sentence": lambda text: f"{text[:1].upper()}{text[1:]}."}  # fmt: skip
     made.globals |= {
-        "trial": trial_sections, "form": trial_form, "index_tables": index_tables,
-        "trial_plots": trial_plots, "diagnosis_words": diagnosis_words,
-        "diagnosis_plots": diagnosis_plots, "map_plots": diagnosis_map_plots, "evaluation": evaluation_page,
-        "read_diagnosis": read_diagnosis, "speed_power": speed_power, "tables": tables, "plans": plan_page,
+        "trial": trial, "form": trial_form, "index_tables": trial_form,
+        "trial_plots": trial_plots, "diagnosis_words": diagnosis,
+        "diagnosis_plots": diagnosis_plots, "map_plots": diagnosis_plots, "evaluation": evaluation_page,
+        "read_diagnosis": read_diagnosis, "speed_power": speed_power, "tables": text, "plans": plan_page,
         "checks": vessel_check, "shortfalls_of": shortfalls_of, "FEW_LEGS": FEW_LEGS,
         "ENOUGH_S": ENOUGH_S,
     }  # fmt: skip

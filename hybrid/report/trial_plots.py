@@ -12,12 +12,11 @@ from matplotlib.figure import Figure
 
 from seatrial.acquisition.core.quantities import Floats
 from seatrial.analysis.report.plots import FAINT, INK, PALETTE, Drawing, channels_figure, label_points
-from seatrial.hybrid.calibrators.adaptive.parameters import Parameters
-from seatrial.hybrid.calibrators.calibrator import DomainOfApplicability
-from seatrial.hybrid.prediction.scores import distances
+from seatrial.hybrid.calibrators import DomainOfApplicability
+from seatrial.hybrid.calibrators.adaptive import Parameters
+from seatrial.hybrid.prediction.baselines import distances
 from seatrial.hybrid.report import plots
-from seatrial.hybrid.report.case import Case
-from seatrial.hybrid.report.diagnosis_map_plots import axis_title
+from seatrial.hybrid.report.diagnosis_plots import axis_title
 from seatrial.hybrid.report.errors import (
     ACCELERATIONS,
     QUANTITIES,
@@ -28,7 +27,8 @@ from seatrial.hybrid.report.errors import (
     consecutive_windows,
     planes_of,
 )
-from seatrial.hybrid.report.words import plain, quantity_title
+from seatrial.hybrid.report.text import plain, quantity_title
+from seatrial.hybrid.report.trial import Case
 
 MISSING = ("missing in surge\n[m/s\u00b2]", "missing in sway\n[m/s\u00b2]", "missing in yaw\n[deg/s\u00b2]")
 _NOTHING = "#DFE4E8"  # of a cell of too few seconds

@@ -21,9 +21,8 @@ from seatrial.analysis.report.plots import FAINT, INK, PALETTE, outlines
 from seatrial.analysis.report.rendering import Page, render
 from seatrial.analysis.report.tables import plain_name
 from seatrial.hybrid.report.sections import templates
-from seatrial.hybrid.report.words import join_words
-from seatrial.hybrid.simulation.standard_tests import StandardTest
-from seatrial.hybrid.simulation.vessel_check import VesselCheck
+from seatrial.hybrid.report.text import join_words
+from seatrial.hybrid.simulation.vessel_check import StandardTest, VesselCheck
 
 BLUE, ORANGE, GREEN, _, RED = PALETTE[:5]
 HEADER = ("", "value", "lengths", "IMO limit", "")

@@ -23,18 +23,16 @@ from seatrial.analysis.batch import map_calls
 from seatrial.analysis.tables.resample import resample
 from seatrial.analysis.tables.table import table_actuators
 from seatrial.analysis.windows.held import SecondBySecond, held_windows
-from seatrial.hybrid.calibrators import make_calibrator, refuse_untrainable
-from seatrial.hybrid.calibrators.calibrator import Examples
+from seatrial.hybrid.calibrators import Examples, make_calibrator, refuse_untrainable
 from seatrial.hybrid.effects.catalogue import vessel_plant
-from seatrial.hybrid.prediction.baselines import constant_velocity, reference
+from seatrial.hybrid.prediction.baselines import constant_velocity, reference, relative_distances
 from seatrial.hybrid.prediction.dataset import start_motion
-from seatrial.hybrid.prediction.prediction_windows import (
+from seatrial.hybrid.prediction.windows import (
     PredictionWindows,
     draw_groups,
     starting_two_sided,
     windows_from_rows,
 )
-from seatrial.hybrid.prediction.regions import relative_distances
 from seatrial.hybrid.simulation.manoeuvres import Manoeuvre, manoeuvre_named
 from seatrial.hybrid.simulation.trial import simulate_trial
 from seatrial.hybrid.vessel.files import load_vessel

@@ -21,10 +21,10 @@ from numpy.typing import NDArray
 from seatrial.acquisition.core.quantities import Floats
 from seatrial.analysis.report.figures import ENDINGS, fill_figure, write_figure
 from seatrial.analysis.report.plots import FAINT, INK, PALETTE, channels_figure
-from seatrial.hybrid.prediction.prediction_windows import PredictionWindows
-from seatrial.hybrid.prediction.regions import circle_about, outlines
+from seatrial.hybrid.prediction.baselines import circle_about, outlines
+from seatrial.hybrid.prediction.windows import PredictionWindows
 from seatrial.hybrid.report.plots import COLOUR, box, plain_numbers, start_frame
-from seatrial.hybrid.report.words import plain
+from seatrial.hybrid.report.text import plain
 from seatrial.hybrid.reproduction.campaign import AZIMUTHS_DEG, BEFORE_S, SeaResults, example_sequence
 
 AZIMUTH_COLOUR = {10.0: PALETTE[0], 20.0: PALETTE[2], 30.0: PALETTE[4]}

@@ -17,11 +17,10 @@ from seatrial.acquisition.core.errors import InputError
 from seatrial.acquisition.core.files import atomic_file, read_json, write_text, written_together
 from seatrial.analysis.report.plots import FAINT
 from seatrial.analysis.report.rendering import Page, render
-from seatrial.hybrid.prediction.scores import Interval
+from seatrial.hybrid.prediction.baselines import Interval
 from seatrial.hybrid.report.plots import COLOUR, interval_bar, logarithmic
 from seatrial.hybrid.report.sections import sections, templates
-from seatrial.hybrid.report.tables import spread, text_table
-from seatrial.hybrid.report.words import no_wrap, plain
+from seatrial.hybrid.report.text import no_wrap, plain, spread, text_table
 from seatrial.hybrid.reproduction.figures import FIGURES, FigureSpec
 from seatrial.hybrid.reproduction.table3 import PUBLISHED, Reduction, Row, Table3, read_table3
 

@@ -19,7 +19,7 @@ from pydantic import computed_field
 
 from seatrial.acquisition.core.quantities import Floats
 from seatrial.acquisition.core.result import Result, from_json, to_json
-from seatrial.hybrid.prediction.scores import DRAWS, Interval, LegBootstrap, interval_about
+from seatrial.hybrid.prediction.baselines import DRAWS, Interval, LegBootstrap, interval_about
 from seatrial.hybrid.reproduction.campaign import SEA_STATES, SPLITS, CampaignJob, SeaResults, SequenceErrors
 
 SEEDS = 5
@@ -187,7 +187,7 @@ def bootstrap_means(figures: Sequence[Floats], draws: int = DRAWS) -> Floats:
     """Means of the ``figures`` of each seed [n, H, K], over the seconds at which the first is known [1 + draws, K].
 
     Row 0 is the mean over seeds as measured; each row after it of a draw of whole sequences, with replacement
-    and within each seed: :class:`~seatrial.hybrid.prediction.scores.LegBootstrap`, stratified.
+    and within each seed: :class:`~seatrial.hybrid.prediction.baselines.LegBootstrap`, stratified.
     """
     by_seed = [_means(each, draws, seed) for seed, each in enumerate(figures)]
     return np.asarray(np.mean(by_seed, axis=0))

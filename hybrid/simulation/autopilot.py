@@ -15,10 +15,8 @@ from numba import njit
 
 from seatrial.acquisition.core.quantities import Floats
 from seatrial.analysis.compiling import FAST, Record, compiled, source_stamp
-from seatrial.hybrid.simulation.handling import handling_of, pace_of
-from seatrial.hybrid.simulation.manoeuvres import ENDS
-from seatrial.hybrid.vessel.actuators import KINDS, control_units
-from seatrial.hybrid.vessel.actuators.kind import wrapped
+from seatrial.hybrid.simulation.manoeuvres import ENDS, handling_of, pace_of
+from seatrial.hybrid.vessel.actuators import KINDS, control_units, wrapped
 from seatrial.hybrid.vessel.dynamics import Control, State, advance, in_range, inverse_mass, lag_over, scratch_for
 from seatrial.hybrid.vessel.parameters import Vessel
 from seatrial.hybrid.vessel.sensors import HEADING, YAW_RATE

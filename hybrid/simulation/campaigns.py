@@ -23,8 +23,7 @@ from seatrial.analysis.products import Options
 from seatrial.analysis.tables.table import sha256_of
 from seatrial.hybrid.effects import apply_effects, vessel_plant
 from seatrial.hybrid.simulation.manoeuvres import manoeuvre_named
-from seatrial.hybrid.simulation.sea_state import sea_state_named
-from seatrial.hybrid.simulation.trial import SimulationNoise, record_trial, simulate_trial
+from seatrial.hybrid.simulation.trial import SimulationNoise, record_trial, sea_state_named, simulate_trial
 from seatrial.hybrid.vessel.files import load_vessel, locate_vessel
 
 INDEX = "campaign.csv"

@@ -1,46 +1,64 @@
 """The standard manoeuvres of a vessel file on the simulator, in still water and air, beside IMO's limits.
 
 Turning circles to both sides, zigzags 10/10 and 20/20, pull-outs, a crash stop
-(:mod:`seatrial.hybrid.simulation.standard_tests`), and the steady speed over the shaft speed. The criteria are
+(:mod:`seatrial.hybrid.simulation.vessel_check`), and the steady speed over the shaft speed. The criteria are
 judged by the functions that judge those of recordings.
 
 The test speed is the one at 85 % of the propellers' highest power, taken as the cube of the shaft speed.
+
+The standard tests on the simulator: turning circle, zigzag, pull-out and stop, each after a steady approach.
+
+IMO MSC.137(76) and MSC/Circ.1053; ITTC 7.5-04-02-01. The measures are those of the manoeuvres found in recordings
+(:mod:`seatrial.analysis.manoeuvres`), on the simulated track instead of a measured one, in still air. An autopilot
+holds the approach, also against a moment that turns the ship by itself: what counts is the heading that it holds.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
+from math import inf, nan
 from typing import Any, ClassVar
 
 import numpy as np
 
 from seatrial.acquisition.config.conditions import Conditions
 from seatrial.acquisition.core.errors import DataShortageError, ModelRangeError
-from seatrial.acquisition.core.quantities import Floats
+from seatrial.acquisition.core.quantities import Bools, Floats
 from seatrial.acquisition.core.result import Result
+from seatrial.acquisition.core.ship import control_names
 from seatrial.analysis.manoeuvres.criteria import (
+    FULL_ASTERN,
     TURNING_HELM_DEG,
     CriterionResult,
     add_limits,
     criteria_of,
     index_rows,
 )
+from seatrial.analysis.manoeuvres.indices import Index, Manoeuvre, from_order, index_of, side_of
+from seatrial.analysis.manoeuvres.kinds import circle_indices, zigzag_indices
+from seatrial.analysis.manoeuvres.measures import approach_of
+from seatrial.analysis.manoeuvres.motion import Motion
+from seatrial.analysis.manoeuvres.runs import stopping_indices
+from seatrial.analysis.manoeuvres.turning_tests import pull_out_indices
 from seatrial.hybrid.effects import vessel_plant
-from seatrial.hybrid.simulation.handling import handling_of, shaft_limit_rpm, steady_speed_mps
-from seatrial.hybrid.simulation.standard_tests import (
-    StandardTest,
-    TrialShip,
-    largest_helm_deg,
-    pull_out,
-    ship_at,
-    stop,
-    turning_circle,
-    zigzag_test,
+from seatrial.hybrid.simulation.autopilot import Drives, drives_of
+from seatrial.hybrid.simulation.manoeuvres import (
+    Leg,
+    handling_of,
+    helm,
+    pace_of,
+    shaft_limit_rpm,
+    steady_speed_mps,
+    steer,
+    usual_rpm,
+    zigzag,
 )
+from seatrial.hybrid.simulation.trial import SeaState, sail_through
 from seatrial.hybrid.vessel.actuators import control_units
 from seatrial.hybrid.vessel.parameters import Vessel
+from seatrial.hybrid.vessel.plant import Plant
 
 TEST_SHARE = 0.85 ** (1.0 / 3.0)
 """The shaft speed of the tests, of its limit."""
@@ -204,3 +222,262 @@ def _zigzag(ship: TrialShip, angle_deg: float, side: float) -> StandardTest:
 
 def _pull_out(ship: TrialShip, side: float) -> StandardTest:
     return _within_range(min(_PULL_OUT_DEG, largest_helm_deg(ship)), partial(pull_out, ship, side))
+
+
+STILL = SeaState(0.0, 0.0, 5.0, 0.0)
+"""No wind, no waves, no current."""
+SWINGS = 4
+SHOWN = {
+    "turning_circle": ("advance_m", "transfer_m", "tactical_diameter_m", "steady_diameter_m", "steady_yaw_rate_dps",
+                       "drift_angle_deg", "speed_loss"),
+    "zigzag": ("initial_turning_m", from_order(1), from_order(2), "period_s"),
+    "pull_out": ("turning_yaw_rate_dps", "residual_yaw_rate_dps"),
+    "stopping": ("track_reach_m", "head_reach_m", "lateral_deviation_m", "heading_change_deg", "stopping_time_s"),
+}  # fmt: skip
+"""What is shown of each kind of test."""
+
+_STEP_S = 0.05  # at R/V Gunnerus' pace
+_APPROACH_LENGTHS, _LEAST_APPROACH_S = 20.0, 15.0
+_CIRCLE_LENGTHS, _SWING_LENGTHS, _TURN_LENGTHS, _PULL_LENGTHS, _STOP_LENGTHS = 80.0, 30.0, 15.0, 180.0, 120.0
+_CIRCLE_DEG = 720.0
+_STEADY_SHARE = 0.02  # of the rate of turn of a circle as wide as the ship is long, which a steady approach keeps
+_WIDEST_SWING_DEG = 150.0
+_SAME_SPEED, _MOST_APPROACHES = 0.002, 10
+_MOST_RPM = 2.0  # of the shafts' limit: what a model may turn that needs more for a speed than its ship
+
+
+@dataclass(frozen=True, slots=True)
+class TrialShip:
+    """A ship as she sails tests: ``plant`` is what moves, ``vessel`` has her autopilot, ``drives`` are what her
+    controls can do; the approach is at ``rpm``."""
+
+    vessel: Vessel
+    plant: Plant
+    drives: Drives
+    rpm: float
+
+    @property
+    def length_m(self) -> float:
+        """The length between perpendiculars, with what effects make of it."""
+        return self.plant.length_between_perpendiculars_m
+
+
+def ship_at(vessel: Vessel, rpm: float) -> TrialShip:
+    """The ship of a vessel file, with its effects, at a shaft speed."""
+    return TrialShip(vessel, vessel_plant(vessel), drives_of(vessel), rpm)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class StandardTest:
+    """One simulated test: the run with its indices, its motion, and the times of its orders and of its end [s]."""
+
+    run: Manoeuvre
+    motion: Motion
+    executes_s: Floats
+
+    @property
+    def kind(self) -> str:
+        """The kind of manoeuvre."""
+        return self.run.kind
+
+    @property
+    def name(self) -> str:
+        """The test and its side."""
+        return self.run.sided_name
+
+    @property
+    def helm_deg(self) -> float:
+        """The helm, positive to starboard [deg]; 0 of a stop."""
+        return self.run.sign * abs(self.run.helm_deg or 0.0)
+
+    @property
+    def indices(self) -> Mapping[str, Index]:
+        """The indices by name; simulated without noise, they have no interval."""
+        return self.run.indices
+
+    def as_dict(self) -> dict[str, Any]:
+        """For JSON, without the track."""
+        return {
+            "kind": self.kind, "name": self.name, "helm_deg": self.helm_deg, "executes_s": self.executes_s.tolist(),
+            "indices": {name: index.as_json() for name, index in self.indices.items()},
+        }  # fmt: skip
+
+
+def approach_at(ship: TrialShip, speed_mps: float) -> TrialShip:
+    """The ship with the shaft speed at which her approach has this speed through the water.
+
+    Raises :class:`DataShortageError` where no shaft speed up to twice the shafts' limit gives it within 0.2 %, and
+    :class:`ModelRangeError` where it is out of the range of her model.
+    """
+    if not speed_mps > 0.0:
+        raise DataShortageError(f"no approach can be made at {speed_mps:.2f} m/s")
+    highest = _MOST_RPM * float(np.max(ship.drives.limit[_mains(ship)])) / _rps_per_rpm(ship)
+    rpm = min(usual_rpm(ship.vessel), highest)
+    for _ in range(_MOST_APPROACHES):
+        trial = as_fast_as_ordered(replace(ship, rpm=rpm))
+        motion, start = sailed(trial, (steer(0.0, inf, rpm),), 0.0)
+        made_mps = approach_of(motion, start)["approach_mps"]
+        if abs(made_mps - speed_mps) <= _SAME_SPEED * speed_mps:
+            return trial
+        rpm = min(rpm * speed_mps / max(made_mps, 1e-3 * speed_mps), highest)
+    raise DataShortageError(
+        f"the model makes no {speed_mps:.2f} m/s straight ahead",
+        why=f"it makes {made_mps:.2f} m/s at {trial.rpm:.4g} rpm",
+    )
+
+
+def _mains(ship: TrialShip) -> Bools:
+    return handling_of(ship.vessel).main
+
+
+def _rps_per_rpm(ship: TrialShip) -> float:
+    return float(control_units(ship.vessel.actuators)[_mains(ship)][0])
+
+
+def as_fast_as_ordered(ship: TrialShip) -> TrialShip:
+    """The ship with drives that turn as fast as is ordered."""
+    ordered = np.abs(handling_of(ship.vessel).orders(ship.rpm, 0.0)) * control_units(ship.vessel.actuators)
+    limit = np.where(_mains(ship), np.maximum(ship.drives.limit, ordered), ship.drives.limit)
+    return replace(ship, drives=ship.drives._replace(limit=limit))
+
+
+def largest_helm_deg(ship: TrialShip) -> float:
+    """The largest angle to which all that steers the ship goes [deg]; infinite where nothing limits it."""
+    limits = (ship.drives.limit / control_units(ship.vessel.actuators))[handling_of(ship.vessel).steering_angles]
+    return float(min(limits, default=inf))
+
+
+def with_helm_rate(ship: TrialShip, rate_dps: float) -> TrialShip:
+    """The ship with all angles that steer her going over at this rate."""
+    rate = np.where(handling_of(ship.vessel).steering_angles, np.deg2rad(rate_dps), ship.drives.rate)
+    return replace(ship, drives=ship.drives._replace(rate=rate))
+
+
+def sailed(ship: TrialShip, legs: Sequence[Leg], lengths: float) -> tuple[Motion, float]:
+    """The motion of legs after an approach on a straight course, for so many ship lengths at the usual speed, and
+    the time of the execute [s]."""
+    pace = pace_of(ship.vessel)
+    approach_s = max(_LEAST_APPROACH_S, _APPROACH_LENGTHS * pace.length_s)
+    dt_s = _STEP_S * pace.time
+    steps = round((approach_s + lengths * pace.length_s) / dt_s)
+    approach = steer(0.0, approach_s, ship.rpm)
+    still = np.random.default_rng(0)
+    voyage = sail_through(
+        ship.vessel, ship.plant, STILL, (approach, *legs), steps, dt_s, 0.0, still, still, ship.drives
+    )
+    motion = _motion(ship.vessel, voyage.states, voyage.controls / control_units(ship.vessel.actuators), dt_s)
+    return motion, float(np.ceil(approach_s / dt_s - 1e-9)) * dt_s
+
+
+def _motion(vessel: Vessel, states: Floats, controls: Floats, dt_s: float) -> Motion:
+    """States [rows, 6] and controls [rows, controls], in their channels' units, as the motion of a recording."""
+    handling, rows = handling_of(vessel), len(states)
+    names = control_names(vessel.actuators)
+    helm_deg = controls @ handling.helm / (handling.helm @ handling.helm) if handling.helm.any() else np.zeros(rows)
+    return Motion(
+        origin_ns=0, time_s=np.arange(rows) * np.float64(dt_s), north_m=states[:, 0], east_m=states[:, 1],
+        heading_deg=np.rad2deg(states[:, 2]), surge_mps=states[:, 3], sway_mps=states[:, 4],
+        yaw_rate_dps=np.rad2deg(states[:, 5]), helm_deg=helm_deg, thrust=np.zeros(rows),
+        drives={names[i]: controls[:, i] for i in np.flatnonzero(handling.main)}, tunnels={},
+        known=np.ones(rows, dtype=bool), broken=np.zeros(rows, dtype=bool),
+    )  # fmt: skip
+
+
+def _test(
+    kind: str, name: str, side: float, motion: Motion, executes_s: Sequence[float], values: Mapping[str, float],
+    length_m: float, helm_deg: float = 0.0, **settings: float,
+) -> StandardTest:  # fmt: skip
+    """A test with the indices that are shown of its kind; what was not reached is left out.
+
+    Raises :class:`DataShortageError` where the approach was not steady.
+    """
+    approach = approach_of(motion, executes_s[0])
+    circling_dps = float(np.rad2deg(approach["approach_mps"] / max(length_m, 1e-3)))
+    if abs(approach["approach_yaw_rate_dps"]) > _STEADY_SHARE * circling_dps:
+        raise DataShortageError("the approach is not steady", why="the autopilot cannot keep the ship straight")
+    indices = {
+        name: index_of(name, float(values[name]), 0.0, length_m, kind)
+        for name in SHOWN[kind] if np.isfinite(values.get(name, nan))
+    }  # fmt: skip
+    run = Manoeuvre(
+        kind, name, motion.utc(executes_s[0]), motion.utc(executes_s[-1]), side_of(side) if side else "",
+        {**({"rudder_deg": helm_deg} if helm_deg else {}), "approach_mps": approach["approach_mps"], **settings},
+        indices,
+    )  # fmt: skip
+    return StandardTest(run, motion, np.array(executes_s))
+
+
+def turning_circle(ship: TrialShip, side: float, helm_deg: float, turn_deg: float = _CIRCLE_DEG) -> StandardTest:
+    """A turning circle to a side, 1 for starboard and -1 for port, until the ship has turned by so much."""
+    motion, start = sailed(ship, (helm(-side * helm_deg, ship.rpm),), _CIRCLE_LENGTHS)
+    turned = np.flatnonzero(side * (motion.heading_deg - motion.at("heading_deg", start)) >= turn_deg)
+    motion = motion.rows(0, int(turned[0]) + 1 if turned.size else motion.time_s.size)
+    end = float(motion.time_s[-1])
+    values = circle_indices(motion, np.array([start, end]))
+    if "tactical_diameter_m" not in values or values["tactical_diameter_m"] <= 0.0:
+        raise DataShortageError(f"the ship does not turn to {side_of(side)} by half a circle")
+    name = f"turning circle {helm_deg:.0f} deg"
+    return _test("turning_circle", name, side, motion, (start, end), values, ship.length_m, helm_deg)
+
+
+def zigzag_test(
+    ship: TrialShip, side: float, helm_deg: float, switch_deg: float, swings: int = SWINGS
+) -> StandardTest:
+    """A zigzag about the heading that the autopilot holds in the approach, which need not be the one ordered."""
+    swung = zigzag(-side * helm_deg, -side * switch_deg, ship.rpm, swings=swings)
+    ordered = [replace(leg, at_most_s=inf) for leg in swung]
+    approach, start = sailed(ship, ordered[:1], 0.0)
+    course_deg = approach.at("heading_deg", start)
+    if abs(course_deg) >= switch_deg:
+        raise DataShortageError(f"the autopilot holds the course only within {abs(course_deg):.0f} deg")
+    legs = [replace(leg, deviation_deg=leg.deviation_deg + course_deg) for leg in ordered]
+    motion, start = sailed(ship, legs, _SWING_LENGTHS * swings)
+    executes = _executes_s(motion, start, switch_deg, side, swings)
+    motion = motion.between(0.0, executes[-1])
+    widest_deg = np.abs(motion.heading_deg[motion.time_s >= start] - course_deg).max()
+    if widest_deg > _WIDEST_SWING_DEG:
+        raise DataShortageError(f"the heading swings by {widest_deg:.0f} deg, which is no zigzag")
+    values = zigzag_indices(motion, np.array([executes, executes]))
+    name = f"zigzag {helm_deg:.0f}/{switch_deg:.0f}"
+    return _test("zigzag", name, side, motion, executes, values, ship.length_m, helm_deg, switch_deg=switch_deg)
+
+
+def _executes_s(motion: Motion, start: float, switch_deg: float, first_side: float, swings: int) -> list[float]:
+    """The times at which the helm of a zigzag was ordered, and of its end [s]."""
+    executes, side = [start], first_side
+    off = motion.heading_deg - motion.at("heading_deg", start)
+    for _ in range(swings):
+        over = np.flatnonzero((side * off >= switch_deg) & (motion.time_s > executes[-1]))
+        if not over.size:
+            raise DataShortageError(f"the heading is not off by {switch_deg:g} deg after swing {len(executes)}")
+        executes.append(float(motion.time_s[over[0]]))
+        side = -side
+    return executes
+
+
+def pull_out(ship: TrialShip, side: float, helm_deg: float) -> StandardTest:
+    """The helm put amidships out of a steady turn to a side. Raises :class:`DataShortageError` where the rate of
+    turn does not settle."""
+    turn_s = _TURN_LENGTHS * pace_of(ship.vessel).length_s
+    legs = (helm(-side * helm_deg, ship.rpm, turn_s), helm(0.0, ship.rpm))
+    motion, start = sailed(ship, legs, _TURN_LENGTHS + _PULL_LENGTHS)
+    released, end = start + turn_s, float(motion.time_s[-1])
+    values = pull_out_indices(motion, np.array([released, end]))
+    if not values:
+        raise DataShortageError("the rate of turn has not settled with the helm amidships")
+    name = f"pull-out from {helm_deg:.0f} deg"
+    return _test("pull_out", name, side, motion, (start, released, end), values, ship.length_m, helm_deg)
+
+
+def stop(ship: TrialShip, rpm: float, slower_mps: float = 0.0, name: str = FULL_ASTERN) -> StandardTest:
+    """The shafts ordered to another speed [rpm], astern or none, until the ship is as slow as that."""
+    legs = (Leg(rpm=rpm, slower_mps=slower_mps), Leg(rpm=0.0))
+    motion, start = sailed(ship, legs, _STOP_LENGTHS)
+    stopped = np.flatnonzero((motion.surge_mps <= slower_mps) & (motion.time_s > start))
+    if not stopped.size:
+        raise DataShortageError(f"the ship does not stop within {_STOP_LENGTHS:g} lengths' time")
+    end = float(motion.time_s[stopped[0]])
+    values = stopping_indices(motion, np.array([start, end]))
+    return _test(
+        "stopping", name, 0.0, motion.between(0.0, end), (start, end), values, ship.length_m, thrust_rpm=rpm
+    )

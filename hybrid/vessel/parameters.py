@@ -14,8 +14,7 @@ from pydantic import Discriminator, Tag
 from pydantic import StrictFloat as Number  # a text or a truth value is no number
 
 from seatrial.acquisition.core.ship import Actuator, Actuators
-from seatrial.hybrid.vessel.actuators import KINDS
-from seatrial.hybrid.vessel.actuators.kind import ActuatorEntry
+from seatrial.hybrid.vessel.actuators import KINDS, ActuatorEntry
 from seatrial.hybrid.vessel.hulls import HULLS
 from seatrial.hybrid.vessel.hulls.kind import HullEntry
 from seatrial.hybrid.vessel.wind import FujiwaraWind, NoWind, Wind

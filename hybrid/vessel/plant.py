@@ -28,8 +28,16 @@ from seatrial.acquisition.core.errors import ConfigurationError
 from seatrial.acquisition.core.quantities import Floats
 from seatrial.acquisition.core.ship import Actuators
 from seatrial.analysis.compiling import source_stamp
-from seatrial.hybrid.vessel.actuators import CODES, CONTROLS_OF, IS_ANGLE, KINDS, ROW_SIZE
-from seatrial.hybrid.vessel.actuators.kind import CONTROL, FIRST_NUMBER, KIND
+from seatrial.hybrid.vessel.actuators import (
+    CODES,
+    CONTROL,
+    CONTROLS_OF,
+    FIRST_NUMBER,
+    IS_ANGLE,
+    KIND,
+    KINDS,
+    ROW_SIZE,
+)
 from seatrial.hybrid.vessel.hulls import HULL_CODES, HULL_SIZE, HULLS
 from seatrial.hybrid.vessel.hulls.kind import HullModel
 from seatrial.hybrid.vessel.parameters import Vessel

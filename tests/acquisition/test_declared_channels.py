@@ -27,11 +27,11 @@ from seatrial.acquisition.core.quantities import ending_of, to_house
 from seatrial.acquisition.core.ship import (
     DEFAULT,
     actuators_of,
-    as_text,
     channels_known_to,
     channels_of_trial,
     declare,
     declared_from_text,
+    declared_text,
 )
 from seatrial.acquisition.core.trial import Frame, FrameFlag
 from seatrial.acquisition.logger.record import record
@@ -503,7 +503,7 @@ def test_a_state_is_not_held_across_a_gap() -> None:
     stamps = pd.to_datetime([0.0, 1.0, 2.0, 30.0, 31.0], unit="s", utc=True)
     channel = declare("winch_mode", "1", 0, 9, state=True)
     table = pd.DataFrame({"winch_mode": [1.0, 1.0, 2.0, 3.0, 3.0]}, index=stamps.rename("time"))
-    table.attrs = {"trial": {"channels": as_text([channel])}}
+    table.attrs = {"trial": {"channels": declared_text([channel])}}
     found = resample(table)["winch_mode"]
     assert found.iloc[:4].tolist() == [1.0, 1.0, 2.0, 2.0]
     assert found.iloc[8:29].isna().all()
@@ -651,7 +651,7 @@ def test_the_files_own_origins_go_before_a_packs() -> None:
     )
 )
 def test_what_a_recording_says_of_a_channel_reads_back(channel: Any) -> None:
-    (again,) = declared_from_text(as_text([channel]))
+    (again,) = declared_from_text(declared_text([channel]))
     assert again == channel
 
 

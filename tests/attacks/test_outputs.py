@@ -690,7 +690,7 @@ class WriteDiagnosis:
 
         from seatrial.hybrid.effects.catalogue import catalogue_of
         from seatrial.hybrid.vessel.files import load_vessel
-        from seatrial.hybrid.workflows.diagnose import diagnose_files, write_diagnosis
+        from seatrial.hybrid.workflows import diagnose_files, write_diagnosis
 
         ship = load_vessel("gunnerus_short")
         if WriteDiagnosis.run is None:

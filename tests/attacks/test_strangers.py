@@ -103,9 +103,8 @@ class Mine:
 @pytest.fixture(scope="session")
 def calibrator_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A calibrator on disk, hardly trained."""
-    from seatrial.hybrid.calibrators import make_calibrator
+    from seatrial.hybrid.calibrators import TrainedCalibrator, make_calibrator
     from seatrial.hybrid.calibrators.artefact import save
-    from seatrial.hybrid.calibrators.train import TrainedCalibrator
     from seatrial.hybrid.effects.catalogue import vessel_plant
     from seatrial.hybrid.prediction.baselines import Fallback
     from seatrial.hybrid.vessel.files import load_vessel

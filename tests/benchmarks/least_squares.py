@@ -24,13 +24,13 @@ from torch import nn
 sys.path.insert(0, str(Path(__file__).parents[2]))
 
 from seatrial.acquisition.core.quantities import Floats
-from seatrial.hybrid.calibrators.adaptive import fit
-from seatrial.hybrid.calibrators.adaptive.adaptation import NAMES, Observations, observations_of, run_observer
+from seatrial.hybrid.calibrators import adaptive
+from seatrial.hybrid.calibrators.adaptive import NAMES, Observations, observations_of, run_observer
 from seatrial.hybrid.calibrators.network_training import Perceptron, Rows, StoppingRule, fit_network, make_network
 from seatrial.hybrid.calibrators.networks import PaperCalibrator
 from seatrial.hybrid.effects import apply_effects, vessel_plant
-from seatrial.hybrid.prediction.prediction_windows import PredictionWindows
-from seatrial.hybrid.prediction.scores import distances
+from seatrial.hybrid.prediction.baselines import distances
+from seatrial.hybrid.prediction.windows import PredictionWindows
 from seatrial.hybrid.vessel.files import load_vessel
 from seatrial.hybrid.vessel.plant import Plant
 from tests.benchmarks.training_speed import FITTED, distance_m, scaled_rows, windows
@@ -40,18 +40,20 @@ WINDOWS, SECONDS = 60, 15
 METHODS, STEPS = ("trf", "lm"), 12
 
 
-def adapted_by_scipy(plant: Plant, seen: Observations, track: Floats, method: str, most: int = fit.STEPS) -> Floats:
-    """As :func:`fit.adapt`, the steps inside a whitening scipy's; no more Jacobians are drawn up than by ours."""
-    off, known = fit._differences(plant, seen, track)
+def adapted_by_scipy(
+    plant: Plant, seen: Observations, track: Floats, method: str, most: int = adaptive.STEPS
+) -> Floats:
+    """As :func:`adaptive.adapt`, with scipy's steps in a whitened space and no more Jacobians than ours."""
+    off, known = adaptive._differences(plant, seen, track)
     vector, jacobians = np.zeros(len(NAMES)), dict[bytes, Floats]()
 
     def raw(at: Floats) -> Floats:
         if at.tobytes() not in jacobians:
-            jacobians[at.tobytes()] = fit._slope(off, at, off(at), np.ones_like(known[..., None], dtype=float))
+            jacobians[at.tobytes()] = adaptive._slope(off, at, off(at), np.ones_like(known[..., None], dtype=float))
         return jacobians[at.tobytes()]
 
     while len(jacobians) < most:
-        weight = fit._whitening(off(vector), known, 1.0)
+        weight = adaptive._whitening(off(vector), known, 1.0)
         spread = np.broadcast_to(weight, (*known.shape, 3)).ravel()
 
         def differences(at: Floats, weight: Floats = weight) -> Floats:
@@ -92,7 +94,7 @@ def adaptive(seed: int) -> dict[str, tuple[float, float]]:
     ship = apply_effects(plant, {"hull_lengthening": {"length_m": 5.0}, "hull_fouling": {"resistance_factor": 1.4}})
     taught, unseen = (noisy(voyages(ship, WINDOWS, SECONDS, each), each) for each in (2 * seed, 2 * seed + 1))
     observations, later = observations_of(taught), observations_of(unseen)
-    fit.adapt(plant, observations, taught.track, 1.0, steps=1)  # compiles
+    adaptive.adapt(plant, observations, taught.track, 1.0, steps=1)  # compiles
 
     def measured(way: Callable[[], Floats]) -> tuple[float, float]:
         began = time.process_time()
@@ -101,7 +103,7 @@ def adaptive(seed: int) -> dict[str, tuple[float, float]]:
         states, waves = run_observer(vector, plant, later)
         return taken_s, float(distances(states[..., :3] + waves, unseen.track).mean())
 
-    found = {"ours": measured(lambda: fit.adapt(plant, observations, taught.track, 1.0))}
+    found = {"ours": measured(lambda: adaptive.adapt(plant, observations, taught.track, 1.0))}
     for method in METHODS:
         way = partial(adapted_by_scipy, plant, observations, taught.track, method)
         found[f"scipy {method}"] = measured(way)

@@ -22,10 +22,9 @@ from seatrial.analysis.manoeuvres.measures import crossing_s
 from seatrial.analysis.manoeuvres.motion import Motion, motion_of
 from seatrial.analysis.manoeuvres.runs import acceleration_indices, drift_indices, stopping_indices
 from seatrial.analysis.manoeuvres.turning_tests import pull_out_indices, spiral_indices
-from seatrial.hybrid.simulation.handling import pace_of, usual_rpm
-from seatrial.hybrid.simulation.manoeuvres import Leg, alone, steer
+from seatrial.hybrid.simulation.manoeuvres import Leg, alone, pace_of, steer, usual_rpm
 from seatrial.hybrid.simulation.trial import simulate_trial, usual_noise
-from seatrial.hybrid.vessel.channels import as_table
+from seatrial.hybrid.vessel.sensors import as_table
 from tests.benchmarks.manoeuvre_trials import Case, Score, case_of, vessel_of
 
 HELMS = (15.0, 10.0, 5.0, 0.0, -5.0, -10.0, -15.0)

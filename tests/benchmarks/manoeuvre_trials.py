@@ -25,12 +25,11 @@ from seatrial.acquisition.core.quantities import Floats
 from seatrial.analysis.manoeuvres import find_manoeuvres
 from seatrial.analysis.manoeuvres.kinds import circle_indices, zigzag_indices
 from seatrial.analysis.manoeuvres.motion import motion_of
-from seatrial.hybrid.simulation.handling import pace_of, usual_rpm
-from seatrial.hybrid.simulation.manoeuvres import helm, steer, zigzag
+from seatrial.hybrid.simulation.manoeuvres import helm, pace_of, steer, usual_rpm, zigzag
 from seatrial.hybrid.simulation.trial import simulate_trial, usual_noise
-from seatrial.hybrid.vessel.channels import as_table
 from seatrial.hybrid.vessel.files import load_vessel
 from seatrial.hybrid.vessel.parameters import Vessel
+from seatrial.hybrid.vessel.sensors import as_table
 
 VESSELS = Path(__file__).parents[2] / "trials" / "vessels"
 SHIPS = {"kvlcc2_180m": ("kvlcc2_7m", 180.0 / 7.0), "kvlcc2_7m": ("kvlcc2_7m", 1.0),

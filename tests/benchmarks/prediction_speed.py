@@ -23,15 +23,13 @@ sys.path.insert(0, str(Path(__file__).parents[2]))
 
 from seatrial.acquisition.core.quantities import Floats
 from seatrial.analysis.windows.held import SecondBySecond
-from seatrial.hybrid.calibrators import METHODS, make_calibrator
+from seatrial.hybrid.calibrators import METHODS, Calibrator, TrainedCalibrator, make_calibrator, train
 from seatrial.hybrid.calibrators.artefact import load
-from seatrial.hybrid.calibrators.calibrator import Calibrator
 from seatrial.hybrid.calibrators.predict import predict
-from seatrial.hybrid.calibrators.train import TrainedCalibrator, train
 from seatrial.hybrid.effects import vessel_plant
 from seatrial.hybrid.prediction.baselines import reference
 from seatrial.hybrid.prediction.dataset import Dataset
-from seatrial.hybrid.prediction.prediction_windows import PAST_S, PredictionWindows
+from seatrial.hybrid.prediction.windows import PAST_S, PredictionWindows
 from seatrial.hybrid.vessel.files import load_vessel
 from seatrial.hybrid.vessel.plant import Plant
 from tests.hybrid.twin.steady_ship import steady_table

@@ -16,13 +16,13 @@ import numpy as np
 
 from seatrial.acquisition.core.quantities import Floats
 from seatrial.analysis.tables.table import NANO, percent_of
+from seatrial.hybrid.calibrators import PredictedTracks
 from seatrial.hybrid.calibrators.artefact import load
-from seatrial.hybrid.calibrators.calibrator import PredictedTracks
 from seatrial.hybrid.calibrators.predict import Prediction
 from seatrial.hybrid.prediction.baselines import reference
 from seatrial.hybrid.prediction.dataset import load_dataset
-from seatrial.hybrid.prediction.prediction_windows import PredictionWindows
-from seatrial.hybrid.twin.running_error import FILTER_REACH_S, RegionFactor, TrackError, track_error
+from seatrial.hybrid.prediction.windows import PredictionWindows
+from seatrial.hybrid.twin import FILTER_REACH_S, RegionFactor, TrackError, track_error
 
 
 def replay(

@@ -16,10 +16,10 @@ from concurrent.futures import ProcessPoolExecutor
 from itertools import product
 
 from seatrial.acquisition.core.errors import bar
-from seatrial.hybrid.simulation.handling import pace_of
+from seatrial.hybrid.simulation.manoeuvres import pace_of
 from seatrial.hybrid.simulation.trial import simulate_trial
 from seatrial.hybrid.vessel.files import load_vessel
-from seatrial.hybrid.workflows.diagnose import diagnose_tables
+from seatrial.hybrid.workflows import diagnose_tables
 from tests.benchmarks.diagnosis.rudder_ships import SHIPS, ship_named
 
 OF_THE_SEA = {"ocean_current", "wave_drift"}

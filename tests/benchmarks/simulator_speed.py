@@ -16,8 +16,8 @@ sys.path.insert(0, str(Path(__file__).parents[2]))
 
 from seatrial.hybrid.effects import vessel_plant
 from seatrial.hybrid.simulation.trial import simulate_trial
+from seatrial.hybrid.vessel.dynamics import simulate, simulate_batch
 from seatrial.hybrid.vessel.files import load_vessel
-from seatrial.hybrid.vessel.simulate import simulate, simulate_batch
 from tests.benchmarks import bare_loop
 from tests.hybrid import gunnerus_by_hand as by_hand
 

@@ -27,9 +27,9 @@ from seatrial.hybrid.calibrators.network_training import Rows, StoppingRule, fit
 from seatrial.hybrid.calibrators.networks import HIDDEN, PaperCalibrator, Standardisation
 from seatrial.hybrid.effects import vessel_plant
 from seatrial.hybrid.simulation.trial import simulate_trial
-from seatrial.hybrid.vessel.channels import controls_of, states_of, wind_of
+from seatrial.hybrid.vessel.dynamics import simulate_batch
 from seatrial.hybrid.vessel.files import load_vessel
-from seatrial.hybrid.vessel.simulate import simulate_batch
+from seatrial.hybrid.vessel.sensors import controls_of, states_of, wind_of
 
 SECONDS, FITTED, KEPT_OUT = 30, 56, 24
 FASTEST_HZ = 20

@@ -30,10 +30,9 @@ from seatrial.acquisition.logger.requests import RecorderState, RequestServer
 from seatrial.acquisition.recording.parts import RecordingParts
 from seatrial.acquisition.recording.reader import Recording, read_recording
 from seatrial.analysis.tables.table import NANO, actuators_in_recording
+from seatrial.hybrid import twin as twin_module
 from seatrial.hybrid.calibrators.predict import HORIZON_S, predictor_of
-from seatrial.hybrid.twin import twin as twin_module
-from seatrial.hybrid.twin.twin import Twin, warm_up
-from seatrial.hybrid.twin.watch import summary_of
+from seatrial.hybrid.twin import Twin, summary_of, warm_up
 from tests.benchmarks.recorder_soak import state
 
 PATIENCE_S = 0.5  # for the twin to find the next part

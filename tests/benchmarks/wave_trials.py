@@ -26,8 +26,7 @@ from seatrial.acquisition.core.quantities import Floats, to_earth
 from seatrial.analysis.quality.check import check_table
 from seatrial.analysis.quality.findings import Finding
 from seatrial.analysis.quality.repairs import repair
-from seatrial.hybrid.simulation.sea_state import GRAVITY_MPS2, jonswap, ornstein_uhlenbeck
-from seatrial.hybrid.simulation.trial import simulate_trial
+from seatrial.hybrid.simulation.trial import GRAVITY_MPS2, jonswap, ornstein_uhlenbeck, simulate_trial
 
 STEP_S = 0.1
 _GUNNERUS_M = 31.25

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from seatrial.acquisition.core.quantities import Floats
+from seatrial.hybrid.vessel.dynamics import simulate
 from seatrial.hybrid.vessel.files import load_vessel
 from seatrial.hybrid.vessel.parameters import Vessel
 from seatrial.hybrid.vessel.plant import Plant, bare_plant
-from seatrial.hybrid.vessel.simulate import simulate
 
 Held = Callable[..., Floats]
 

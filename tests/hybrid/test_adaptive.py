@@ -16,8 +16,12 @@ from seatrial.acquisition.core.errors import DataShortageError
 from seatrial.acquisition.core.quantities import Floats
 from seatrial.acquisition.core.ship import DEFAULT
 from seatrial.analysis.tables.table import NANO
-from seatrial.hybrid.calibrators import make_calibrator
-from seatrial.hybrid.calibrators.adaptive.adaptation import (
+from seatrial.hybrid.calibrators import TrainedCalibrator, make_calibrator, predict_with_fallback
+from seatrial.hybrid.calibrators.adaptive import (
+    AdaptiveCalibrator,
+    _folds,
+    _Usual,
+    adapt,
     adapt_plant,
     observations_of,
     observer_gains,
@@ -25,22 +29,13 @@ from seatrial.hybrid.calibrators.adaptive.adaptation import (
     positive_names,
     run_observer,
     signed_names,
-)
-from seatrial.hybrid.calibrators.adaptive.calibrator import (
-    AdaptiveCalibrator,
-    _folds,
-    _Usual,
     start_names,
     starts_of,
 )
-from seatrial.hybrid.calibrators.adaptive.fit import adapt
 from seatrial.hybrid.calibrators.artefact import load, save
-from seatrial.hybrid.calibrators.calibrator import predict_with_fallback
-from seatrial.hybrid.calibrators.train import TrainedCalibrator
-from seatrial.hybrid.prediction.baselines import Fallback, reference
+from seatrial.hybrid.prediction.baselines import Fallback, distances, reference
 from seatrial.hybrid.prediction.kalman_filter import FORCE_DECAY, NOISE_LEVELS
-from seatrial.hybrid.prediction.prediction_windows import PAST_S, PredictionWindows, hindcast_windows
-from seatrial.hybrid.prediction.scores import distances
+from seatrial.hybrid.prediction.windows import PAST_S, PredictionWindows, hindcast_windows
 from seatrial.hybrid.vessel.actuators import control_labels
 from seatrial.hybrid.vessel.files import load_vessel
 from seatrial.hybrid.vessel.plant import Form, Plant, flat, pack, places_of
@@ -92,7 +87,7 @@ def fit(plant: Plant, windows: PredictionWindows, seed: int = 0) -> AdaptiveCali
     calibrator = make_calibrator("adaptive", seed, plant)
     assert isinstance(calibrator, AdaptiveCalibrator)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("seatrial.hybrid.calibrators.adaptive.calibrator.adapt", partial(adapt, steps=2))
+        patch.setattr("seatrial.hybrid.calibrators.adaptive.adapt", partial(adapt, steps=2))
         return calibrator.fit(training, stopping)
 
 
@@ -504,6 +499,6 @@ def test_many_windows_are_hindcast_as_few_are(
     """A day of them is looked back on in parts, as all at once would fill the memory."""
     alone = reference(another_day, plant)
     whole = answers(learned, another_day, alone)
-    monkeypatch.setattr("seatrial.hybrid.calibrators.adaptive.calibrator._AT_ONCE", 5)
+    monkeypatch.setattr("seatrial.hybrid.calibrators.adaptive._AT_ONCE", 5)
     for parted, together in zip(answers(learned, another_day, alone), whole, strict=True):
         assert np.array_equal(parted, together)

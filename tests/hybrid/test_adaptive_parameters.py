@@ -9,13 +9,17 @@ import numpy as np
 import pytest
 
 from seatrial.acquisition.core.ship import DEFAULT
-from seatrial.hybrid.calibrators.adaptive.adaptation import parameter_names
-from seatrial.hybrid.calibrators.adaptive.calibrator import AdaptiveCalibrator, start_names
-from seatrial.hybrid.calibrators.adaptive.parameters import Parameters, parameters_of
+from seatrial.hybrid.calibrators.adaptive import (
+    AdaptiveCalibrator,
+    Parameters,
+    parameter_names,
+    parameters_of,
+    start_names,
+)
 from seatrial.hybrid.effects.catalogue import vessel_plant
 from seatrial.hybrid.prediction.baselines import reference
 from seatrial.hybrid.prediction.dataset import load_dataset
-from seatrial.hybrid.prediction.prediction_windows import PredictionWindows
+from seatrial.hybrid.prediction.windows import PredictionWindows
 from seatrial.hybrid.vessel.files import load_vessel
 from seatrial.hybrid.vessel.plant import Form
 

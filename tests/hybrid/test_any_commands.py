@@ -18,20 +18,17 @@ from seatrial.acquisition.core.quantities import Floats
 from seatrial.acquisition.core.ship import NAMES
 from seatrial.analysis.tables.table import NANO
 from seatrial.analysis.windows.held import tables_of_recordings
-from seatrial.hybrid.calibrators import METHODS, make_calibrator
-from seatrial.hybrid.calibrators.adaptive.adaptation import expected_wind, gust_decay_s, observations_of
-from seatrial.hybrid.calibrators.adaptive.fit import adapt
+from seatrial.hybrid.calibrators import METHODS, Calibrator, TrainedCalibrator, make_calibrator
+from seatrial.hybrid.calibrators.adaptive import adapt, expected_wind, gust_decay_s, observations_of
 from seatrial.hybrid.calibrators.artefact import SIDECAR, load, save
-from seatrial.hybrid.calibrators.calibrator import Calibrator
 from seatrial.hybrid.calibrators.networks import command_inputs
-from seatrial.hybrid.calibrators.train import TrainedCalibrator
-from seatrial.hybrid.evaluation.splits import SPLITS, shared_seconds
+from seatrial.hybrid.evaluation.study import SPLITS, shared_seconds
 from seatrial.hybrid.evaluation.validate import validate
 from seatrial.hybrid.prediction.baselines import Fallback, reference
 from seatrial.hybrid.prediction.dataset import Dataset, load_dataset
-from seatrial.hybrid.prediction.prediction_windows import PAST_S, PredictionWindows, clear_of, unlike_groups
+from seatrial.hybrid.prediction.windows import PAST_S, PredictionWindows, clear_of, unlike_groups
+from seatrial.hybrid.vessel.dynamics import simulate_batch
 from seatrial.hybrid.vessel.plant import Plant
-from seatrial.hybrid.vessel.simulate import simulate_batch
 from tests.conftest import Simulated
 from tests.hybrid.windows_by_hand import STARTED_NS, voyages
 
@@ -57,7 +54,7 @@ def fitted(plant: Plant) -> Callable[[str], Calibrator]:
         calibrator = make_calibrator(method, 0, plant)
         vars(calibrator).update(epochs=5, batch=64)
         with pytest.MonkeyPatch.context() as patch:
-            patch.setattr("seatrial.hybrid.calibrators.adaptive.calibrator.adapt", partial(adapt, steps=1))
+            patch.setattr("seatrial.hybrid.calibrators.adaptive.adapt", partial(adapt, steps=1))
             return calibrator.fit((training, reference(training, plant)), (stopping, reference(stopping, plant)))
 
     return fit

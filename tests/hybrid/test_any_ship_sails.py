@@ -10,12 +10,21 @@ import pytest
 
 from seatrial.acquisition.core.errors import ConfigurationError
 from seatrial.hybrid.diagnosis.map import quantities
+from seatrial.hybrid.diagnosis.planning import rehearse, repertoire, shafts_of
 from seatrial.hybrid.effects import vessel_plant
-from seatrial.hybrid.planning.repertoire import rehearse, repertoire, shafts_of
-from seatrial.hybrid.simulation.handling import handling_of, pace_of, usual_rpm
-from seatrial.hybrid.simulation.manoeuvres import MANOEUVRES, Leg, as_arrays, for_ship, helm, in_time, steer
-from seatrial.hybrid.simulation.sea_state import sea_state_named
-from seatrial.hybrid.simulation.trial import SimulationNoise, Voyage, sail_through, simulate_trial
+from seatrial.hybrid.simulation.manoeuvres import (
+    MANOEUVRES,
+    Leg,
+    as_arrays,
+    for_ship,
+    handling_of,
+    helm,
+    in_time,
+    pace_of,
+    steer,
+    usual_rpm,
+)
+from seatrial.hybrid.simulation.trial import SimulationNoise, Voyage, sail_through, sea_state_named, simulate_trial
 from seatrial.hybrid.simulation.vessel_check import check_vessel
 from seatrial.hybrid.vessel.actuators.controllable_propeller import ControllablePropeller
 from seatrial.hybrid.vessel.actuators.waterjet import Waterjet

@@ -23,11 +23,10 @@ from hypothesis import strategies as st
 from seatrial.acquisition.core.errors import ConfigurationError, InputError, SeatrialError, StorageError
 from seatrial.acquisition.core.quantities import Floats
 from seatrial.acquisition.core.ship import DEFAULT, NAMES
-from seatrial.hybrid.calibrators import METHODS, make_calibrator
-from seatrial.hybrid.calibrators.adaptive.fit import adapt
+from seatrial.hybrid.calibrators import METHODS, TrainedCalibrator, make_calibrator, plant_for
+from seatrial.hybrid.calibrators.adaptive import adapt
 from seatrial.hybrid.calibrators.artefact import FORMAT, SIDECAR, load, save
 from seatrial.hybrid.calibrators.networks import REFERENCE_INPUTS, DataDrivenCalibrator, start_labels
-from seatrial.hybrid.calibrators.train import TrainedCalibrator, plant_for
 from seatrial.hybrid.prediction.baselines import Fallback
 from seatrial.hybrid.vessel.files import load_vessel, locate_vessel, save_vessel, with_effects
 from seatrial.hybrid.vessel.plant import Plant, bare_plant, plant_hash, plant_numbers, plant_of
@@ -48,7 +47,7 @@ def tiny(plant: Plant) -> Callable[..., TrainedCalibrator]:
         for calibrator in fitted:
             vars(calibrator).update(epochs=2, batch=32)
             with pytest.MonkeyPatch.context() as patch:
-                patch.setattr("seatrial.hybrid.calibrators.adaptive.calibrator.adapt", partial(adapt, steps=1))
+                patch.setattr("seatrial.hybrid.calibrators.adaptive.adapt", partial(adapt, steps=1))
                 calibrator.fit((training, training.track), (stopping, stopping.track))
         region_m = np.linspace((0.5, 0.4), (3.0, 2.0), SECONDS)
         fallback = Fallback(np.array([1.5, 0.5]), np.array([1.0, 0.3]), region_m)

@@ -10,10 +10,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
-from seatrial.hybrid.prediction.baselines import constant_velocity, reference
-from seatrial.hybrid.prediction.scores import distances, score
+from seatrial.hybrid.prediction.baselines import constant_velocity, distances, reference, score
+from seatrial.hybrid.vessel.dynamics import simulate
 from seatrial.hybrid.vessel.plant import Plant
-from seatrial.hybrid.vessel.simulate import simulate
 from tests.hybrid.windows_by_hand import moved, random_windows, turned, windows_at
 
 SECONDS = 30

@@ -17,10 +17,9 @@ from seatrial.acquisition.tables.import_table import import_table
 from seatrial.analysis.tables.table import read_table
 from seatrial.hybrid.diagnosis.linearise import plays_of
 from seatrial.hybrid.effects import CATALOGUE, apply_effects
-from seatrial.hybrid.vessel.channels import controls_of, states_of, wind_of
+from seatrial.hybrid.vessel.dynamics import simulate
 from seatrial.hybrid.vessel.plant import Plant
-from seatrial.hybrid.vessel.sensors import behind_play, measure
-from seatrial.hybrid.vessel.simulate import simulate
+from seatrial.hybrid.vessel.sensors import behind_play, controls_of, measure, states_of, wind_of
 from tests.benchmarks.other_ship import EFFECTS, OUTSIDE, PROGRAMMES, SEAS, Sea, make_trial
 from tests.benchmarks.other_ship.__main__ import main
 from tests.benchmarks.other_ship.effects import data_sheet

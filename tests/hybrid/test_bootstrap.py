@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from scipy.stats import norm
 
 from seatrial.acquisition.core.result import to_json
-from seatrial.hybrid.prediction.scores import Interval, LegBootstrap
+from seatrial.hybrid.prediction.baselines import Interval, LegBootstrap
 
 
 def _width(interval: Interval) -> float:

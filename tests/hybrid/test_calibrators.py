@@ -26,8 +26,8 @@ from seatrial.hybrid.calibrators.networks import (
     start_inputs,
     start_labels,
 )
-from seatrial.hybrid.prediction.prediction_windows import PredictionWindows
-from seatrial.hybrid.prediction.scores import score
+from seatrial.hybrid.prediction.baselines import score
+from seatrial.hybrid.prediction.windows import PredictionWindows
 from tests.hybrid.windows_by_hand import moved, random_windows, windows_at
 
 SECONDS = 8

@@ -16,7 +16,7 @@ from seatrial.analysis.quality.motion.findings import check_motion
 from seatrial.hybrid.diagnosis.log import log_of
 from seatrial.hybrid.effects import CATALOGUE
 from seatrial.hybrid.simulation.trial import simulate_trial
-from seatrial.hybrid.workflows.checked import Checked, checked_tables, without_wind
+from seatrial.hybrid.workflows import Checked, checked_tables, without_wind
 
 
 @pytest.fixture(scope="module")

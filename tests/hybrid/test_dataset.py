@@ -15,10 +15,10 @@ from seatrial.acquisition.core.trial import Trial
 from seatrial.acquisition.recording.writer import write_table
 from seatrial.analysis.windows.held import tables_of_recordings
 from seatrial.hybrid.calibrators.predict import window_at
-from seatrial.hybrid.evaluation.splits import SPLITS, shared_seconds
+from seatrial.hybrid.evaluation.study import SPLITS, shared_seconds
 from seatrial.hybrid.prediction.dataset import load_dataset
 from seatrial.hybrid.prediction.kalman_filter import filtered_starts
-from seatrial.hybrid.prediction.prediction_windows import PredictionWindows
+from seatrial.hybrid.prediction.windows import PredictionWindows
 from seatrial.hybrid.simulation.trial import simulate_trial
 from seatrial.hybrid.vessel.plant import Plant
 from tests.conftest import few_epochs
@@ -55,7 +55,7 @@ def test_train_and_validate_repair_on_request(
 ) -> None:
     """With --repair both judge the reference on speeds in knots as on those that are right."""
     monkeypatch.setattr(
-        "seatrial.hybrid.calibrators.train.make_calibrator",
+        "seatrial.hybrid.calibrators.make_calibrator",
         lambda method, seed, plant: few_epochs(method, seed, plant, 1),
     )
 

@@ -15,9 +15,9 @@ from seatrial.hybrid.effects import CATALOGUE
 from seatrial.hybrid.effects.environment import STEADY_WIND
 from seatrial.hybrid.effects.hull import aspect_growth
 from seatrial.hybrid.vessel.actuators import KINDS
+from seatrial.hybrid.vessel.dynamics import simulate
 from seatrial.hybrid.vessel.files import load_vessel
 from seatrial.hybrid.vessel.plant import Plant, bare_plant
-from seatrial.hybrid.vessel.simulate import simulate
 from tests.hybrid.conftest import Held
 
 Force = tuple[float, float, float]

@@ -15,10 +15,9 @@ from seatrial.acquisition.core.quantities import Floats
 from seatrial.hybrid.effects import CATALOGUE
 from seatrial.hybrid.simulation.manoeuvres import manoeuvre_named
 from seatrial.hybrid.simulation.trial import SimulationNoise, simulate_trial
-from seatrial.hybrid.vessel.channels import controls_of, wind_of
+from seatrial.hybrid.vessel.dynamics import simulate, simulate_batch
 from seatrial.hybrid.vessel.plant import Plant
-from seatrial.hybrid.vessel.sensors import acting_controls, behind_play, measure
-from seatrial.hybrid.vessel.simulate import simulate, simulate_batch
+from seatrial.hybrid.vessel.sensors import acting_controls, behind_play, controls_of, measure, wind_of
 from tests.hybrid.conftest import Held
 
 ANGLES = (1, 3)

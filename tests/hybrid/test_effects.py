@@ -106,7 +106,7 @@ def test_cross_flow_drag_touches_two_coefficients_and_wind_load_the_wind(plant: 
 
 def test_lag_makes_a_step_of_the_helm_act_late(plant: Plant) -> None:
     """With a lag of one second the turn after a step of the helm is what it was a second before."""
-    from seatrial.hybrid.vessel.simulate import simulate
+    from seatrial.hybrid.vessel.dynamics import simulate
 
     K = 300
     controls = np.tile([2.5, 0.0, 2.5, 0.0, 0.0], (K, 1))
@@ -120,7 +120,7 @@ def test_lag_makes_a_step_of_the_helm_act_late(plant: Plant) -> None:
 
 def test_lag_does_not_depend_on_the_step(plant: Plant) -> None:
     """The lag's update is exact, so that a run in two substeps is the run in eight."""
-    from seatrial.hybrid.vessel.simulate import simulate
+    from seatrial.hybrid.vessel.dynamics import simulate
 
     controls = np.zeros((20, 5))
     controls[:, ::2], controls[5:, 1::2] = 2.5, 0.3
@@ -168,7 +168,7 @@ def test_a_late_position_is_where_the_ship_was(plant: Plant, held: Held) -> None
     fine = held(plant, angle_deg=(20.0, 20.0), seconds=1, substeps=8)
     half = measure(true, CATALOGUE["position_delay"].apply(plant, {"seconds": 0.5}), 1.0)
     controls = np.tile([2.5, np.deg2rad(20.0)] * 2 + [0.0], (60, 1))
-    from seatrial.hybrid.vessel.simulate import simulate
+    from seatrial.hybrid.vessel.dynamics import simulate
 
     exact = simulate(plant, true[0], controls, np.zeros((60, 2)), 0.5)[1::2]
     assert half[1:, :2] == pytest.approx(exact[:, :2], abs=5e-3)

@@ -9,7 +9,7 @@ import pytest
 
 from seatrial.acquisition.core.errors import InputError
 from seatrial.hybrid.vessel.estimate import devices, hull, propeller
-from seatrial.hybrid.vessel.estimate.particulars import Estimates, MainParticulars, outside_samples
+from seatrial.hybrid.vessel.estimate.hull import Estimates, MainParticulars, outside_samples
 from seatrial.hybrid.vessel.estimate.propeller import pod, tunnel_force
 
 KVLCC2 = MainParticulars(

@@ -13,9 +13,9 @@ from hypothesis import strategies as st
 
 from seatrial.acquisition.core.quantities import Floats
 from seatrial.hybrid.effects import CATALOGUE, FAMILIES, Effect
+from seatrial.hybrid.vessel.dynamics import simulate
 from seatrial.hybrid.vessel.plant import Plant, flat, pack
 from seatrial.hybrid.vessel.sensors import measure, move_alike
-from seatrial.hybrid.vessel.simulate import simulate
 
 EFFECTS = list(CATALOGUE.values())
 BY_NAME = pytest.mark.parametrize("effect", EFFECTS, ids=lambda each: each.name)

@@ -9,8 +9,8 @@ import pandas as pd
 import pytest
 
 from seatrial.hybrid.vessel.actuators.azimuth import force
+from seatrial.hybrid.vessel.dynamics import simulate
 from seatrial.hybrid.vessel.plant import Plant, pack
-from seatrial.hybrid.vessel.simulate import simulate
 
 pytestmark = pytest.mark.shared
 

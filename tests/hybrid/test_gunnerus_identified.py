@@ -13,12 +13,11 @@ from seatrial.acquisition.tables.import_table import import_table
 from seatrial.analysis.tables.resample import resample
 from seatrial.analysis.windows.held import second_by_second
 from seatrial.hybrid.effects.catalogue import vessel_plant
-from seatrial.hybrid.prediction.baselines import constant_velocity, reference
+from seatrial.hybrid.prediction.baselines import constant_velocity, reference, score
 from seatrial.hybrid.prediction.dataset import dataset_of
-from seatrial.hybrid.prediction.scores import score
+from seatrial.hybrid.vessel.dynamics import simulate_batch
 from seatrial.hybrid.vessel.files import load_vessel, ships_of
-from seatrial.hybrid.vessel.simulate import simulate_batch
-from seatrial.hybrid.workflows.checked import usable_tables
+from seatrial.hybrid.workflows import usable_tables
 
 PARTS = {
     "gunnerus_2019_docking": "docking_2019-11-09_part1.csv",

@@ -10,10 +10,19 @@ import pytest
 from seatrial.acquisition.core.errors import ConfigurationError
 from seatrial.acquisition.core.quantities import Floats
 from seatrial.hybrid.effects import vessel_plant
-from seatrial.hybrid.simulation.handling import Pace, handling_of, pace_of, usual_rpm
-from seatrial.hybrid.simulation.manoeuvres import MANOEUVRES, Leg, as_arrays, for_ship, manoeuvre_named, steer
-from seatrial.hybrid.simulation.sea_state import sea_state_named
-from seatrial.hybrid.simulation.trial import sail_through
+from seatrial.hybrid.simulation.manoeuvres import (
+    MANOEUVRES,
+    Leg,
+    Pace,
+    as_arrays,
+    for_ship,
+    handling_of,
+    manoeuvre_named,
+    pace_of,
+    steer,
+    usual_rpm,
+)
+from seatrial.hybrid.simulation.trial import sail_through, sea_state_named
 from seatrial.hybrid.vessel.files import load_vessel
 from seatrial.hybrid.vessel.parameters import Vessel
 from tests.hybrid.froude import froude_scaled

@@ -13,15 +13,12 @@ import seatrial as st
 from seatrial.acquisition.core.errors import InputError
 from seatrial.acquisition.core.ship import as_text
 from seatrial.hybrid.effects.catalogue import vessel_plant
-from seatrial.hybrid.identification.coefficients import coefficients_of, values_at, with_values
+from seatrial.hybrid.identification.fit import PARTS, coefficients_of, model_of, segments_of, values_at, with_values
 from seatrial.hybrid.identification.identify import Identification, identify_tables
-from seatrial.hybrid.identification.response import PARTS, model_of
-from seatrial.hybrid.identification.segments import segments_of
-from seatrial.hybrid.simulation.sea_state import SeaState
-from seatrial.hybrid.simulation.trial import SimulationNoise, simulate_trial
-from seatrial.hybrid.vessel.channels import as_table
+from seatrial.hybrid.simulation.trial import SeaState, SimulationNoise, simulate_trial
 from seatrial.hybrid.vessel.files import load_vessel, save_vessel
 from seatrial.hybrid.vessel.parameters import Vessel
+from seatrial.hybrid.vessel.sensors import as_table
 
 ONLY = ("hull.Y_v", "hull.N_r", "hull.C_D", "rudder.lift_slope", "propeller.astern_0")
 TRUE = {"hull.Y_v": -0.45, "hull.N_r": -0.041, "hull.C_D": 0.8, "rudder.lift_slope": 2.9}

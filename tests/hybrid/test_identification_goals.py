@@ -9,10 +9,9 @@ import pytest
 
 import seatrial as st
 from seatrial.acquisition.tables.import_table import import_table
-from seatrial.hybrid.identification.coefficients import coefficients_of, values_at, with_values
+from seatrial.hybrid.identification.fit import coefficients_of, values_at, with_values
 from seatrial.hybrid.identification.identify import identify_tables
-from seatrial.hybrid.simulation.sea_state import SeaState
-from seatrial.hybrid.simulation.trial import SimulationNoise, simulate_trial
+from seatrial.hybrid.simulation.trial import SeaState, SimulationNoise, simulate_trial
 from seatrial.hybrid.vessel.estimate.new_vessel import HullName, new_vessel
 from seatrial.hybrid.vessel.files import load_vessel
 from seatrial.hybrid.vessel.parameters import Vessel

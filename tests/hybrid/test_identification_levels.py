@@ -7,8 +7,7 @@ import pytest
 from scipy.stats import multivariate_normal
 
 from seatrial.acquisition.core.quantities import Floats
-from seatrial.hybrid.identification.fit import Variances, estimate_levels, moments_of
-from seatrial.hybrid.identification.response import PARTS
+from seatrial.hybrid.identification.fit import PARTS, Variances, estimate_levels, moments_of
 
 OWN = 9 + 3 * PARTS
 TRUE = Variances(

@@ -17,10 +17,9 @@ from seatrial.acquisition.core.ship import Actuator
 from seatrial.analysis.tables.resample import resample
 from seatrial.analysis.windows.held import second_by_second
 from seatrial.hybrid.effects.catalogue import vessel_plant
-from seatrial.hybrid.prediction.baselines import reference
+from seatrial.hybrid.prediction.baselines import distances, reference
 from seatrial.hybrid.prediction.dataset import dataset_of
 from seatrial.hybrid.prediction.kalman_filter import WAVE_DAMPING, filtered_starts, kalman_gains, wave_step
-from seatrial.hybrid.prediction.scores import distances
 from seatrial.hybrid.simulation.trial import simulate_trial
 from seatrial.hybrid.vessel.files import load_vessel
 from seatrial.hybrid.vessel.plant import Plant

@@ -9,7 +9,7 @@ from seatrial.acquisition.core.ship import KINDS as RECORDED_KINDS
 from seatrial.analysis.report.plots import control_groups
 from seatrial.analysis.windows.held import REASONS, TOLERANCES, sort_of, tolerance_of
 from seatrial.hybrid.effects.regime import steering_angles, weights_of
-from seatrial.hybrid.report.diagnosis_map_plots import QUANTITIES
+from seatrial.hybrid.report.diagnosis_plots import QUANTITIES
 from seatrial.hybrid.vessel.actuators import KINDS
 
 

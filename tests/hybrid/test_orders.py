@@ -12,9 +12,9 @@ from seatrial.acquisition.core.trial import Trial
 from seatrial.acquisition.recording.reader import read_recording
 from seatrial.acquisition.recording.writer import write_table
 from seatrial.hybrid.simulation.trial import SimulationNoise, simulate_trial
-from seatrial.hybrid.vessel.actuators.kind import Drive
+from seatrial.hybrid.vessel.actuators import Drive
 from seatrial.hybrid.vessel.files import load_vessel
-from seatrial.hybrid.workflows.checked import checked_tables, driven_by_orders, followed, idle_angles
+from seatrial.hybrid.workflows import checked_tables, driven_by_orders, followed, idle_angles
 
 VESSEL = load_vessel("gunnerus_short")
 

@@ -16,12 +16,18 @@ from seatrial.acquisition.core.ship import NAMES, difference
 from seatrial.analysis.tables.resample import resample
 from seatrial.analysis.tables.table import read_table
 from seatrial.analysis.windows.held import SecondBySecond
-from seatrial.hybrid.calibrators.predict import Prediction, parse_time, predict, window_at
-from seatrial.hybrid.calibrators.train import TrainedCalibrator
+from seatrial.hybrid.calibrators import TrainedCalibrator
+from seatrial.hybrid.calibrators.predict import (
+    Prediction,
+    parse_time,
+    planned_commands,
+    predict,
+    read_commands,
+    window_at,
+)
 from seatrial.hybrid.prediction.baselines import reference
 from seatrial.hybrid.prediction.kalman_filter import filtered_starts
-from seatrial.hybrid.prediction.planned_commands import planned_commands, read_commands
-from seatrial.hybrid.report.tables import prediction_table
+from seatrial.hybrid.report.text import prediction_table
 from seatrial.hybrid.vessel.plant import Plant
 from tests.conftest import SMALL_HORIZON_S
 

@@ -11,7 +11,7 @@ from hypothesis.extra.numpy import arrays
 
 from seatrial.acquisition.core.errors import DataShortageError
 from seatrial.acquisition.core.ship import CIRCULAR, NAMES
-from seatrial.hybrid.prediction.prediction_windows import draw_groups, starting_two_sided, windows_from_rows
+from seatrial.hybrid.prediction.windows import draw_groups, starting_two_sided, windows_from_rows
 
 START = pd.Timestamp("2026-06-01T08:00:00Z")
 

@@ -13,12 +13,13 @@ import pytest
 
 from seatrial.acquisition.core.errors import Progress
 from seatrial.acquisition.core.result import from_json
+from seatrial.hybrid import workflows
 from seatrial.hybrid.diagnosis.gap import fold_of, unseen_windows
 from seatrial.hybrid.diagnosis.linearise import model_of
 from seatrial.hybrid.diagnosis.log import log_of
 from seatrial.hybrid.diagnosis.result import Diagnosis, Estimate, Extras, IdentifiedCorrection, Remainder
-from seatrial.hybrid.identification.coefficients import coefficients_of, with_values
-from seatrial.hybrid.report.diagnosis_words import (
+from seatrial.hybrid.identification.fit import coefficients_of, with_values
+from seatrial.hybrid.report.diagnosis import (
     coefficient_rows,
     correction_sentence,
     granted_rows,
@@ -28,9 +29,7 @@ from seatrial.hybrid.report.diagnosis_words import (
 from seatrial.hybrid.simulation.trial import simulate_trial
 from seatrial.hybrid.vessel.files import load_vessel
 from seatrial.hybrid.vessel.parameters import Vessel
-from seatrial.hybrid.workflows import diagnose
-from seatrial.hybrid.workflows.checked import Checked
-from seatrial.hybrid.workflows.diagnose import DiagnosisRun, diagnose_tables, vessel_with_effects
+from seatrial.hybrid.workflows import Checked, DiagnosisRun, diagnose_tables, vessel_with_effects
 from tests.hybrid.diagnosis.made_up import named
 
 SHIP = load_vessel("gunnerus_long")
@@ -55,10 +54,10 @@ def off_by(share: float, ship: Vessel, seed: int) -> Vessel:
 
 def test_forces_of_one_ship_do_not_move_and_those_of_a_heavier_one_do_all_round(table: pd.DataFrame) -> None:
     log = log_of([table])
-    assert diagnose.forces_moved(log, SHIP, SHIP) == {"surge": 0.0, "sway": 0.0, "yaw": 0.0}
+    assert workflows.forces_moved(log, SHIP, SHIP) == {"surge": 0.0, "sway": 0.0, "yaw": 0.0}
     weak = with_values(SHIP, {"port.thrust_nn": 0.7, "starboard.thrust_nn": 0.7})
     weaker = with_values(SHIP, {"port.thrust_nn": 0.6, "starboard.thrust_nn": 0.6})
-    one, two = (diagnose.forces_moved(log, SHIP, each) for each in (weak, weaker))
+    one, two = (workflows.forces_moved(log, SHIP, each) for each in (weak, weaker))
     lost = 1.0 - 0.7 / 0.8218
     assert 0.2 * lost < one["surge"] < 3.0 * lost  # rms and extremes, bollard and under way
     assert two["surge"] / one["surge"] == pytest.approx((0.8218 - 0.6) / (0.8218 - 0.7), rel=0.05)
@@ -66,7 +65,7 @@ def test_forces_of_one_ship_do_not_move_and_those_of_a_heavier_one_do_all_round(
 
 def test_the_seconds_of_a_fold_have_no_part_in_its_refit(table: pd.DataFrame) -> None:
     log = log_of([table])
-    rest = diagnose._without_fold({"0": table}, log, 1)["0"]
+    rest = workflows._without_fold({"0": table}, log, 1)["0"]
     out = set(log.time_s[fold_of(log) == 1].tolist())
     assert out
     assert not out & set((rest.index.asi8 // 10**9).tolist())
@@ -81,7 +80,7 @@ def test_what_is_determined_of_one_thruster_is_so_of_its_twin(table: pd.DataFram
         SimpleNamespace(name="port.thrust_nn", twins=("starboard.thrust_nn",), known=True, **levels),
         SimpleNamespace(name="hull.Yuv", twins=(), known=False, **levels),
     ))  # fmt: skip
-    correction = diagnose._correction(windows, windows.before, found, {})
+    correction = workflows._correction(windows, windows.before, found, {})
     assert set(correction.known) == {"port.thrust_nn", "starboard.thrust_nn"}
     assert set(correction.coefficients) == set(correction.start) == {*correction.known, "hull.Yuv"}
 
@@ -142,12 +141,14 @@ def off_in(effects: int, before_m: float) -> Diagnosis:
 def test_a_model_is_off_in_many_things_where_it_is_worse_than_constant_velocity_and_many_effects_do_not_do() -> (
     None
 ):
-    assert diagnose.off_in_many_things(off_in(8, 1.7))
-    assert not diagnose.off_in_many_things(off_in(8, 0.8))  # better than constant velocity: its effects are its own
-    assert not diagnose.off_in_many_things(off_in(3, 1.7))  # few causes, however large
-    assert not diagnose.off_in_many_things(replace(off_in(8, 1.7), remainder=None))  # they explain all
+    assert workflows.off_in_many_things(off_in(8, 1.7))
+    assert not workflows.off_in_many_things(
+        off_in(8, 0.8)
+    )  # better than constant velocity: its effects are its own
+    assert not workflows.off_in_many_things(off_in(3, 1.7))  # few causes, however large
+    assert not workflows.off_in_many_things(replace(off_in(8, 1.7), remainder=None))  # they explain all
     in_parts = replace(off_in(1, 1.7), effects=off_in(1, 1.7).effects * 8)
-    assert not diagnose.off_in_many_things(in_parts)  # one effect that varies over the trial
+    assert not workflows.off_in_many_things(in_parts)  # one effect that varies over the trial
 
 
 @pytest.mark.parametrize(
@@ -165,8 +166,8 @@ def test_coefficients_are_identified_where_asked_or_due_of_repaired_sensors_and_
     monkeypatch: pytest.MonkeyPatch, table: pd.DataFrame, identify: bool | None, effects: int, better: bool,
     diagnosed: list[tuple[str, bool]], refitted: bool,
 ) -> None:  # fmt: skip
-    refit = diagnose.Refit(replace(SHIP, name="refitted") if better else SHIP, a_correction(better))
-    monkeypatch.setattr(diagnose, "refit_model", lambda tables, vessel, progress: refit)
+    refit = workflows.Refit(replace(SHIP, name="refitted") if better else SHIP, a_correction(better))
+    monkeypatch.setattr(workflows, "refit_model", lambda tables, vessel, progress: refit)
     asked, shares = list[tuple[str, bool]](), list[float]()
 
     def of(record: Checked, vessel: Vessel, progress: Progress) -> DiagnosisRun:
@@ -177,7 +178,7 @@ def test_coefficients_are_identified_where_asked_or_due_of_repaired_sensors_and_
     def checked(repaired: bool) -> Checked:
         return Checked((table,), repaired=repaired)
 
-    run, found = diagnose.with_refit(checked, of, SHIP, identify=identify, progress=shares.append)
+    run, found = workflows.with_refit(checked, of, SHIP, identify=identify, progress=shares.append)
     assert asked == diagnosed
     assert run.diagnosis.provenance["of"] == diagnosed[-1][0]
     assert found is (refit if refitted else None)
@@ -196,7 +197,7 @@ def test_what_no_coefficient_is_gets_its_name_after_the_refit_and_the_gap_closes
 ) -> None:
     """The gentle sea has a current; all coefficients are off by 15 %. Without the refit other things are named."""
     ship = off_by(0.15, SHIP, 1)
-    found = diagnose.refit_model([table], ship)
+    found = workflows.refit_model([table], ship)
     said = found.correction
     assert said.applied
     assert said.after_m < 0.7 * said.before_m
@@ -218,7 +219,7 @@ def test_what_no_coefficient_is_gets_its_name_after_the_refit_and_the_gap_closes
 
 @pytest.mark.slow
 def test_a_model_that_is_right_does_not_get_worse() -> None:
-    found = diagnose.refit_model([simulate_trial(SHIP, "calm", "programme", 900.0, 1.0, 5)[0]], SHIP)
+    found = workflows.refit_model([simulate_trial(SHIP, "calm", "programme", 900.0, 1.0, 5)[0]], SHIP)
     said = found.correction
     assert (found.vessel is SHIP) == (not said.applied)
     assert not said.applied or said.after_m < said.before_m

@@ -13,7 +13,7 @@ from scipy.stats import binom
 
 from seatrial.acquisition.core.quantities import Bools, Floats
 from seatrial.acquisition.core.ship import Actuators
-from seatrial.hybrid.calibrators.calibrator import (
+from seatrial.hybrid.calibrators import (
     Calibrator,
     DomainOfApplicability,
     Examples,
@@ -26,25 +26,23 @@ from seatrial.hybrid.prediction.baselines import (
     HINDCAST_S,
     CandidatePrediction,
     Fallback,
+    conformal_region,
     constant_velocity,
+    equal_area_radius,
+    mean_distances,
+    outlines,
     reference,
+    relative_distances,
 )
 from seatrial.hybrid.prediction.kalman_filter import filtered_starts
-from seatrial.hybrid.prediction.prediction_windows import (
+from seatrial.hybrid.prediction.windows import (
     PAST_S,
     PredictionWindows,
     concatenate_windows,
     hindcast_windows,
 )
-from seatrial.hybrid.prediction.regions import (
-    conformal_region,
-    equal_area_radius,
-    outlines,
-    relative_distances,
-)
-from seatrial.hybrid.prediction.scores import mean_distances
+from seatrial.hybrid.vessel.dynamics import simulate_batch
 from seatrial.hybrid.vessel.plant import Plant
-from seatrial.hybrid.vessel.simulate import simulate_batch
 from tests.hybrid.windows_by_hand import random_windows, voyages
 
 SECONDS = 12

@@ -17,9 +17,9 @@ from hypothesis import strategies as st
 from seatrial.acquisition.core.errors import ConfigurationError
 from seatrial.acquisition.core.quantities import Floats
 from seatrial.hybrid.effects.catalogue import catalogue_of, vessel_plant
+from seatrial.hybrid.vessel.dynamics import simulate
 from seatrial.hybrid.vessel.files import load_vessel, save_vessel
 from seatrial.hybrid.vessel.plant import Plant, pack
-from seatrial.hybrid.vessel.simulate import simulate
 from tests.force_calls import actuators_force, drag_across, hull_force, wind_force
 
 Force = tuple[float, float, float]

@@ -10,8 +10,8 @@ from scipy.integrate import solve_ivp
 
 from seatrial.acquisition.core.errors import ConfigurationError, InputError, ModelRangeError
 from seatrial.hybrid.effects import CATALOGUE
+from seatrial.hybrid.vessel.dynamics import run_all, simulate, simulate_batch
 from seatrial.hybrid.vessel.plant import Plant, pack
-from seatrial.hybrid.vessel.simulate import run_all, simulate, simulate_batch
 from tests.hybrid import gunnerus_by_hand as by_hand
 from tests.hybrid.conftest import Held
 

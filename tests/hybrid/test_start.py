@@ -20,7 +20,7 @@ from seatrial.analysis.manoeuvres import find_manoeuvres
 from seatrial.analysis.tables.table import read_table
 from seatrial.hybrid.vessel.files import load_vessel
 from seatrial.hybrid.vessel.plant import bare_plant
-from seatrial.hybrid.workflows.start import start_folder
+from seatrial.hybrid.workflows import start_folder
 from tests.acquisition.conftest import free_port
 from tests.conftest import Command
 

@@ -14,13 +14,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from seatrial.acquisition.core.errors import DataShortageError, InputError
-from seatrial.hybrid.calibrators.train import TrainedCalibrator, train
+from seatrial.hybrid.calibrators import TrainedCalibrator, train
 from seatrial.hybrid.effects.catalogue import vessel_plant
 from seatrial.hybrid.evaluation.validate import Validation, refuse_training_data, validate
+from seatrial.hybrid.prediction.baselines import circle_about, conformal_region, distances, relative_distances
 from seatrial.hybrid.prediction.dataset import WindowSource, load_dataset, within_model_range
-from seatrial.hybrid.prediction.regions import circle_about, conformal_region, relative_distances
-from seatrial.hybrid.prediction.scores import distances
-from seatrial.hybrid.report.tables import validation_table
+from seatrial.hybrid.report.text import validation_table
 from seatrial.hybrid.vessel.files import load_vessel
 from seatrial.hybrid.vessel.plant import Plant
 from tests.conftest import SMALL_HORIZON_S, Simulated, few_epochs
@@ -199,7 +198,7 @@ def test_training_repeats(earlier: list[Path], unseen: Path, plant: Plant, monke
     def fewer(method: str, seed: int, plant: Plant) -> object:
         return few_epochs(method, seed, plant, epochs=2)
 
-    monkeypatch.setattr("seatrial.hybrid.calibrators.train.make_calibrator", fewer)
+    monkeypatch.setattr("seatrial.hybrid.calibrators.make_calibrator", fewer)
     dataset = load_dataset(earlier[:2], 15, 5)
     first, again, other = (train(dataset, "gunnerus_short", plant, "paper", seed) for seed in (1, 1, 2))
     assert np.array_equal(first.region_m, again.region_m)

@@ -15,21 +15,22 @@ from seatrial.acquisition.core.errors import ConfigurationError, ModelRangeError
 from seatrial.acquisition.core.ship import BY_NAME, CHANNELS, NAMES, difference
 from seatrial.hybrid import cli
 from seatrial.hybrid.simulation.manoeuvres import MANOEUVRES, Leg, helm, manoeuvre_named, steer, zigzag
-from seatrial.hybrid.simulation.sea_state import (
+from seatrial.hybrid.simulation.trial import (
     SeaState,
+    SimulationNoise,
     drift_series,
     jonswap,
     sea_for,
     sea_state_named,
     sea_states,
+    simulate_trial,
     wave_motion,
     wind_series,
 )
-from seatrial.hybrid.simulation.trial import SimulationNoise, simulate_trial
-from seatrial.hybrid.vessel.channels import controls_of, states_of, wind_of
+from seatrial.hybrid.vessel.dynamics import simulate_batch
 from seatrial.hybrid.vessel.files import load_vessel
 from seatrial.hybrid.vessel.plant import Plant
-from seatrial.hybrid.vessel.simulate import simulate_batch
+from seatrial.hybrid.vessel.sensors import controls_of, states_of, wind_of
 from tests.hybrid.froude import froude_scaled
 
 PERFECT = SimulationNoise().scaled(0.0)
@@ -279,7 +280,7 @@ def test_the_catalogue_prints_as_json() -> None:
 def test_channels_convert_there_and_back() -> None:
     """A table to arrays and back is the table, angles at the wrap included."""
     table, truth = simulate_trial("gunnerus_short", "gentle", "zigzag", 30.0, 2.0, heading_deg=359.0)
-    from seatrial.hybrid.vessel.channels import as_table
+    from seatrial.hybrid.vessel.sensors import as_table
 
     back = as_table(states_of(table), controls_of(table), wind_of(table), table.index)
     pd.testing.assert_frame_equal(back, table)

@@ -16,9 +16,15 @@ import seatrial as st
 from seatrial.analysis.manoeuvres import find_manoeuvres
 from seatrial.hybrid import cli
 from seatrial.hybrid.simulation.manoeuvres import steer, turning_circle, zigzag
-from seatrial.hybrid.simulation.standard_tests import StandardTest, ship_at
 from seatrial.hybrid.simulation.trial import SimulationNoise, simulate_trial
-from seatrial.hybrid.simulation.vessel_check import TEST_SHARE, VesselCheck, check_vessel, conditions_of
+from seatrial.hybrid.simulation.vessel_check import (
+    TEST_SHARE,
+    StandardTest,
+    VesselCheck,
+    check_vessel,
+    conditions_of,
+    ship_at,
+)
 from seatrial.hybrid.vessel.files import load_vessel
 from seatrial.hybrid.vessel.plant import bare_plant
 from tests.hybrid.froude import froude_scaled

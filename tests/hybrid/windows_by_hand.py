@@ -9,11 +9,11 @@ from numpy.typing import ArrayLike
 
 from seatrial.acquisition.core.quantities import Bools, Floats
 from seatrial.analysis.tables.table import NANO
-from seatrial.hybrid.calibrators.calibrator import Calibrator
+from seatrial.hybrid.calibrators import Calibrator
 from seatrial.hybrid.prediction.baselines import constant_velocity
-from seatrial.hybrid.prediction.prediction_windows import PAST_S, PredictionWindows
+from seatrial.hybrid.prediction.windows import PAST_S, PredictionWindows
+from seatrial.hybrid.vessel.dynamics import simulate_batch
 from seatrial.hybrid.vessel.plant import Plant
-from seatrial.hybrid.vessel.simulate import simulate_batch
 
 STARTED_NS = 1_780_300_800 * NANO
 """2026-06-01, 8 o'clock."""

@@ -15,6 +15,15 @@ from pydantic import StrictFloat as Number
 
 from seatrial.acquisition.core.quantities import Floats
 from seatrial.analysis.compiling import Record, compiled
+from seatrial.hybrid.vessel.actuators import (
+    PLAY,
+    RPM_PER_RPS,
+    ActuatorEntry,
+    ActuatorModel,
+    Drive,
+    columns,
+    wrapped,
+)
 from seatrial.hybrid.vessel.actuators.effects import (
     FRACTION,
     WAKE,
@@ -24,15 +33,6 @@ from seatrial.hybrid.vessel.actuators.effects import (
     for_each_and_all,
     loss,
 )  # fmt: skip
-from seatrial.hybrid.vessel.actuators.kind import (
-    PLAY,
-    RPM_PER_RPS,
-    ActuatorEntry,
-    ActuatorModel,
-    Drive,
-    columns,
-    wrapped,
-)
 from seatrial.hybrid.vessel.effect import Effect, Parameter, multiplied, scaling
 
 

@@ -12,8 +12,7 @@ from pydantic import StrictFloat as Number
 
 from seatrial.acquisition.core.quantities import Floats
 from seatrial.analysis.compiling import Record, compiled
-from seatrial.hybrid.vessel.actuators import propeller
-from seatrial.hybrid.vessel.actuators.kind import RPM_PER_RPS, Drive
+from seatrial.hybrid.vessel.actuators import RPM_PER_RPS, Drive, propeller
 from seatrial.hybrid.vessel.actuators.propeller import PITCH, SHAFT_RPS, Blades, turning
 
 

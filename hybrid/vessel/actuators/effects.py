@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
-from seatrial.hybrid.vessel.actuators.kind import PLAY
+from seatrial.hybrid.vessel.actuators import PLAY
 from seatrial.hybrid.vessel.effect import Effect, Parameter, Values, shift
 
 if TYPE_CHECKING:

@@ -16,6 +16,7 @@ from pydantic import StrictFloat as Number
 
 from seatrial.acquisition.core.quantities import Floats
 from seatrial.analysis.compiling import Record, compiled
+from seatrial.hybrid.vessel.actuators import RPM_PER_RPS, ActuatorEntry, ActuatorModel, Drive, columns
 from seatrial.hybrid.vessel.actuators.effects import (
     FRACTION,
     WAKE,
@@ -25,7 +26,6 @@ from seatrial.hybrid.vessel.actuators.effects import (
     loss,
     named,
 )
-from seatrial.hybrid.vessel.actuators.kind import RPM_PER_RPS, ActuatorEntry, ActuatorModel, Drive, columns
 from seatrial.hybrid.vessel.effect import Effect, Parameter, shift
 
 

@@ -16,6 +16,7 @@ from pydantic import StrictFloat as Number
 
 from seatrial.acquisition.core.quantities import Floats
 from seatrial.analysis.compiling import Record, compiled
+from seatrial.hybrid.vessel.actuators import PLAY, ActuatorEntry, ActuatorModel, Drive, columns
 from seatrial.hybrid.vessel.actuators.effects import (
     FRACTION,
     angle_offset,
@@ -25,7 +26,6 @@ from seatrial.hybrid.vessel.actuators.effects import (
     loss,
     named,
 )
-from seatrial.hybrid.vessel.actuators.kind import PLAY, ActuatorEntry, ActuatorModel, Drive, columns
 from seatrial.hybrid.vessel.actuators.propeller import DIAMETER_M, SHAFT_RPS, drift_at, inflow, thrust
 from seatrial.hybrid.vessel.effect import Effect, Parameter, shift
 

@@ -15,8 +15,8 @@ from pydantic import StrictFloat as Number
 
 from seatrial.acquisition.core.quantities import Floats
 from seatrial.analysis.compiling import Record, compiled
+from seatrial.hybrid.vessel.actuators import PLAY, RPM_PER_RPS, ActuatorEntry, ActuatorModel, Drive, columns
 from seatrial.hybrid.vessel.actuators.effects import FRACTION, angle_offset, backlash, for_each_and_all, lag, loss
-from seatrial.hybrid.vessel.actuators.kind import PLAY, RPM_PER_RPS, ActuatorEntry, ActuatorModel, Drive, columns
 from seatrial.hybrid.vessel.effect import Effect
 
 

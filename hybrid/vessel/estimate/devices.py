@@ -14,8 +14,9 @@ from seatrial.hybrid.vessel.actuators.rudder import normal_force_slope
 from seatrial.hybrid.vessel.effect import USUAL_LENGTH_M
 from seatrial.hybrid.vessel.estimate import hull
 from seatrial.hybrid.vessel.estimate import propeller as screws
-from seatrial.hybrid.vessel.estimate.hull import KIJIMA, YOSHIMURA
-from seatrial.hybrid.vessel.estimate.particulars import (
+from seatrial.hybrid.vessel.estimate.hull import (
+    KIJIMA,
+    YOSHIMURA,
     Cell,
     Estimates,
     MainParticulars,

@@ -17,7 +17,7 @@ from seatrial.acquisition.core.ship import Actuator, check_actuators
 from seatrial.hybrid.vessel.estimate import devices
 from seatrial.hybrid.vessel.estimate import hull as hulls
 from seatrial.hybrid.vessel.estimate.devices import Azimuth, Propeller, Rudder, Tunnel, listed
-from seatrial.hybrid.vessel.estimate.particulars import (
+from seatrial.hybrid.vessel.estimate.hull import (
     SEA_WATER_KGPM3,
     Estimates,
     MainParticulars,

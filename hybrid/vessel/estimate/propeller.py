@@ -13,7 +13,7 @@ import numpy as np
 
 from seatrial.acquisition.core.errors import InputError
 from seatrial.acquisition.core.quantities import Floats
-from seatrial.hybrid.vessel.estimate.particulars import Estimates, SourcedValue
+from seatrial.hybrid.vessel.estimate.hull import Estimates, SourcedValue
 
 B_SERIES = "Wageningen B-series, Oosterveld and van Oossanen 1975"
 _TERMS = np.array([

@@ -10,7 +10,7 @@ import pandas as pd
 import pytest
 
 from seatrial.hybrid.simulation.trial import SimulationNoise, simulate_trial
-from seatrial.hybrid.vessel.channels import as_table
+from seatrial.hybrid.vessel.sensors import as_table
 
 
 @dataclass(frozen=True)

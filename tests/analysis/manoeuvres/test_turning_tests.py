@@ -9,8 +9,7 @@ import pandas as pd
 import pytest
 
 from seatrial.analysis.manoeuvres import Manoeuvre, find_manoeuvres
-from seatrial.hybrid.simulation.handling import pace_of, usual_rpm
-from seatrial.hybrid.simulation.manoeuvres import Leg, helm, steer
+from seatrial.hybrid.simulation.manoeuvres import Leg, helm, pace_of, steer, usual_rpm
 from seatrial.hybrid.simulation.trial import simulate_trial
 from seatrial.hybrid.vessel.parameters import Vessel
 from tests.benchmarks.manoeuvre_trials import vessel_of

@@ -20,7 +20,7 @@ from seatrial.analysis.products import Options
 from seatrial.analysis.speed_power import Conditions, SpeedPower, power_runs, speed_power
 from seatrial.analysis.speed_power.report import corrected_words, sentence
 from seatrial.analysis.speed_power.runs import power_columns
-from seatrial.hybrid.report.case import Case
+from seatrial.hybrid.report.trial import Case
 from tests.analysis.speed_power.trials import (
     BEAM_M,
     DRAUGHT_M,

@@ -19,7 +19,7 @@ from seatrial.hybrid.effects import CATALOGUE
 from seatrial.hybrid.effects.environment import STEADY_WIND
 from seatrial.hybrid.vessel.actuators import control_units
 from seatrial.hybrid.vessel.files import load_vessel
-from seatrial.hybrid.workflows.diagnose import diagnose_tables
+from seatrial.hybrid.workflows import diagnose_tables
 from tests.benchmarks.diagnosis.design import VESSEL, Hidden
 from tests.benchmarks.diagnosis.scoring import holds
 from tests.benchmarks.diagnosis.sound import placed

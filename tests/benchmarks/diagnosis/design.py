@@ -9,8 +9,7 @@ from typing import Any, Literal
 import numpy as np
 import pandas as pd
 
-from seatrial.hybrid.simulation.sea_state import SeaState
-from seatrial.hybrid.simulation.trial import SimulationNoise, simulate_trial
+from seatrial.hybrid.simulation.trial import SeaState, SimulationNoise, simulate_trial
 from tests.benchmarks.other_ship.programmes import Order, steer
 from tests.benchmarks.other_ship.sea import SEAS
 from tests.benchmarks.other_ship.trial import make_trial

@@ -10,7 +10,7 @@ from zlib import crc32
 
 import numpy as np
 
-from seatrial.hybrid.planning.information import TOLD_APART
+from seatrial.hybrid.diagnosis.planning import TOLD_APART
 from tests.benchmarks.diagnosis.cases import Case
 from tests.benchmarks.diagnosis.design import Design
 from tests.benchmarks.diagnosis.outside_size import MOST

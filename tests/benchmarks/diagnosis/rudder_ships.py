@@ -14,22 +14,21 @@ import pandas as pd
 
 from seatrial.hybrid.diagnosis.diagnose import TOLERANCE
 from seatrial.hybrid.effects.catalogue import catalogue_of
-from seatrial.hybrid.simulation.handling import pace_of
 from seatrial.hybrid.simulation.manoeuvres import (
     Leg,
     Manoeuvre,
     for_ship,
+    pace_of,
     reciprocal,
     settle,
     steer,
     turning_circle,
     zigzag,
 )
-from seatrial.hybrid.simulation.sea_state import SeaState
-from seatrial.hybrid.simulation.trial import simulate_trial
+from seatrial.hybrid.simulation.trial import SeaState, simulate_trial
 from seatrial.hybrid.vessel.files import load_vessel
 from seatrial.hybrid.vessel.parameters import Vessel
-from seatrial.hybrid.workflows.diagnose import diagnose_tables
+from seatrial.hybrid.workflows import diagnose_tables
 from tests.hybrid.froude import froude_scaled
 
 SHIPS = {"esso_osaka_3m": ("esso_osaka_3m", 1.0), "kvlcc2_7m": ("kvlcc2_7m", 1.0),

@@ -9,12 +9,11 @@ import pandas as pd
 
 from seatrial.acquisition.core.errors import ConfigurationError
 from seatrial.hybrid.diagnosis.diagnose import TOLERANCE
+from seatrial.hybrid.diagnosis.planning import MINUTES, CandidateManoeuvre, repertoire, shafts_of, usual_rpm
 from seatrial.hybrid.effects import CATALOGUE
-from seatrial.hybrid.planning.next_manoeuvre import usual_rpm
-from seatrial.hybrid.planning.repertoire import MINUTES, CandidateManoeuvre, repertoire, shafts_of
 from seatrial.hybrid.simulation.manoeuvres import Leg, Manoeuvre
 from seatrial.hybrid.vessel.parameters import Vessel
-from seatrial.hybrid.workflows.diagnose import DiagnosisRun, diagnose_tables
+from seatrial.hybrid.workflows import DiagnosisRun, diagnose_tables
 from tests.benchmarks.diagnosis.design import Design, Hidden, simulated
 from tests.benchmarks.other_ship.programmes import HOLD, STEER, TURN, ZIGZAG, Order
 

@@ -16,7 +16,7 @@ from seatrial.hybrid.diagnosis.result import Diagnosis
 from seatrial.hybrid.effects import CATALOGUE
 from seatrial.hybrid.effects.catalogue import catalogue_with
 from seatrial.hybrid.vessel.files import load_vessel
-from seatrial.hybrid.workflows.diagnose import DiagnosisRun, diagnose_tables
+from seatrial.hybrid.workflows import DiagnosisRun, diagnose_tables
 from tests.benchmarks.diagnosis import at_sea, rudder_ships
 from tests.benchmarks.diagnosis.at_sea import SeaCase
 from tests.benchmarks.diagnosis.cases import Case

@@ -19,11 +19,10 @@ from seatrial.hybrid.diagnosis.linearise import model_of
 from seatrial.hybrid.diagnosis.log import Log, log_of
 from seatrial.hybrid.diagnosis.select_effects import Coordinates, fitted_coordinates
 from seatrial.hybrid.effects.catalogue import catalogue_of
-from seatrial.hybrid.prediction.scores import distances
+from seatrial.hybrid.prediction.baselines import distances
 from seatrial.hybrid.vessel.files import load_vessel
 from seatrial.hybrid.vessel.parameters import Vessel
-from seatrial.hybrid.workflows.checked import checked_tables
-from seatrial.hybrid.workflows.diagnose import diagnose_tables
+from seatrial.hybrid.workflows import checked_tables, diagnose_tables
 from tests.benchmarks.measured.kinds import KINDS, Kind
 
 VESSEL = "esso_osaka_3m"

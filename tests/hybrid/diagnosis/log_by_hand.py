@@ -6,9 +6,9 @@ import numpy as np
 
 from seatrial.acquisition.core.quantities import Floats
 from seatrial.hybrid.diagnosis.log import STEPS_PER_SECOND, Log
+from seatrial.hybrid.vessel.dynamics import simulate
 from seatrial.hybrid.vessel.plant import Plant
 from seatrial.hybrid.vessel.sensors import measure
-from seatrial.hybrid.vessel.simulate import simulate
 
 DT_S = 1.0 / STEPS_PER_SECOND
 START_S = 1_800_000_000

@@ -25,7 +25,7 @@ from seatrial.hybrid.diagnosis.result import (
     Tracks,
     UnknownCause,
 )
-from seatrial.hybrid.prediction.scores import Interval
+from seatrial.hybrid.prediction.baselines import Interval
 
 CURRENT = NamedEffect(
     "ocean_current", "environment", "physics",

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from seatrial.hybrid.diagnosis.planning import Shafts, repertoire
 from seatrial.hybrid.effects import CATALOGUE
-from seatrial.hybrid.planning.repertoire import Shafts, repertoire
 from tests.benchmarks.diagnosis.cases import GROUPS, Case, cases_of
 from tests.benchmarks.diagnosis.design import MORE_PROGRAMMES, Design
 from tests.benchmarks.diagnosis.page import write_page

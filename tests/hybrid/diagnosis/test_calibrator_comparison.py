@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from seatrial.acquisition.core.errors import DataShortageError
 from seatrial.acquisition.core.quantities import Floats
 from seatrial.acquisition.core.ship import DEFAULT
-from seatrial.hybrid.calibrators.calibrator import Calibrator
+from seatrial.hybrid.calibrators import Calibrator
 from seatrial.hybrid.diagnosis.calibrator_comparison import draws_of_folds, ladder, seconds_in_folds
 from seatrial.hybrid.diagnosis.gap import FOLDS, fold_of
 from seatrial.hybrid.diagnosis.linearise import ModelWithEffects
@@ -22,11 +22,10 @@ from seatrial.hybrid.diagnosis.log import Log
 from seatrial.hybrid.diagnosis.result import Ladder
 from seatrial.hybrid.diagnosis.select_effects import Coordinates
 from seatrial.hybrid.effects import CATALOGUE
-from seatrial.hybrid.evaluation.splits import shared_seconds
-from seatrial.hybrid.prediction.baselines import reference
-from seatrial.hybrid.prediction.prediction_windows import PredictionWindows
-from seatrial.hybrid.prediction.scores import distances, score
-from seatrial.hybrid.report.diagnosis_words import ladder_sentence
+from seatrial.hybrid.evaluation.study import shared_seconds
+from seatrial.hybrid.prediction.baselines import distances, reference, score
+from seatrial.hybrid.prediction.windows import PredictionWindows
+from seatrial.hybrid.report.diagnosis import ladder_sentence
 from seatrial.hybrid.vessel.plant import Plant
 from tests.hybrid.diagnosis.made_up import a_ladder
 from tests.hybrid.evaluation.windows_in_legs import FAKES, Oracle, windows_of_legs

@@ -18,8 +18,7 @@ from seatrial.hybrid.diagnosis.coarse_model import (
     substitutes_of,
 )
 from seatrial.hybrid.diagnosis.diagnose import diagnose
-from seatrial.hybrid.diagnosis.evidence import Evidence, evidence_of
-from seatrial.hybrid.diagnosis.nuisance_basis import OPERATION
+from seatrial.hybrid.diagnosis.evidence import OPERATION, Evidence, evidence_of
 from seatrial.hybrid.diagnosis.result import Replication
 from seatrial.hybrid.simulation.trial import simulate_trial
 from seatrial.hybrid.vessel.files import load_vessel

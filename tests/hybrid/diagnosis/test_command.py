@@ -18,7 +18,7 @@ from seatrial.analysis.tables.table import select
 from seatrial.hybrid.effects.catalogue import vessel_plant
 from seatrial.hybrid.simulation.trial import simulate_trial
 from seatrial.hybrid.vessel.files import load_vessel
-from seatrial.hybrid.workflows.diagnose import DiagnosisRun, diagnose_files
+from seatrial.hybrid.workflows import DiagnosisRun, diagnose_files
 from tests.hybrid.evaluation.windows_in_legs import Oracle
 
 HIDDEN = {"ocean_current": {"speed_mps": 0.3, "direction_deg": 205.0}}
@@ -53,7 +53,7 @@ def done(recording: Path, found: list[DiagnosisRun]) -> tuple[dict[str, Any], Pa
         return found[0]
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("seatrial.hybrid.workflows.diagnose.diagnose_files", diagnosed)
+        patch.setattr("seatrial.hybrid.workflows.diagnose_files", diagnosed)
         patch.setattr(
             "seatrial.hybrid.evaluation.study.make_calibrator", lambda method, seed, plant: Oracle(seed, plant)
         )
@@ -127,7 +127,7 @@ def test_too_few_held_legs_for_a_calibrator_are_one_line(
 ) -> None:
     """The diagnosis stands, and the page and the terminal say why there is no ladder."""
     short = replace(found[0], tables=[select(each, (0.0, 30.0)) for each in found[0].tables])
-    monkeypatch.setattr("seatrial.hybrid.workflows.diagnose.diagnose_files", lambda *given, **options: short)
+    monkeypatch.setattr("seatrial.hybrid.workflows.diagnose_files", lambda *given, **options: short)
     command = ["diagnose", str(recording), "-o", str(tmp_path), "--calibrate"]
     result = CliRunner().invoke(seatrial.app, command)
     assert result.exit_code == 0, result.output

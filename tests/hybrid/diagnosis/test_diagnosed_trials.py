@@ -11,7 +11,7 @@ from seatrial.hybrid.diagnosis.acceptance import Acceptance, lack_of_fit
 from seatrial.hybrid.diagnosis.select_effects import CLOSE
 from seatrial.hybrid.diagnosis.verdict import close_rivals
 from seatrial.hybrid.vessel.files import load_vessel
-from seatrial.hybrid.workflows.diagnose import diagnose_tables
+from seatrial.hybrid.workflows import diagnose_tables
 from tests.benchmarks.other_ship.programmes import HOLD, Order, hold
 from tests.benchmarks.other_ship.trial import make_trial
 from tests.hybrid.diagnosis.conftest import Diagnosed

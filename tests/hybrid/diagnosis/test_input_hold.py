@@ -13,12 +13,12 @@ from seatrial.hybrid.diagnosis.diagnose import choose_input_hold
 from seatrial.hybrid.diagnosis.disturbance_model import DisturbanceNoise, NoiseEstimate
 from seatrial.hybrid.diagnosis.linearise import ModelWithEffects, linearise
 from seatrial.hybrid.diagnosis.log import INPUT_HOLDS, InputHold, log_of, mean_settings
+from seatrial.hybrid.diagnosis.planning import append_rehearsals
 from seatrial.hybrid.effects import CATALOGUE, apply_effects
-from seatrial.hybrid.planning.repertoire import append_rehearsals
 from seatrial.hybrid.vessel.actuators import control_units
-from seatrial.hybrid.vessel.channels import STATE_UNITS
+from seatrial.hybrid.vessel.dynamics import simulate
 from seatrial.hybrid.vessel.plant import Plant
-from seatrial.hybrid.vessel.simulate import simulate
+from seatrial.hybrid.vessel.sensors import STATE_UNITS
 from tests.hybrid.diagnosis.examination_by_hand import SMALL_CATALOGUE
 
 DT_S, SECONDS = 0.1, 600

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from seatrial.hybrid.diagnosis.coarse_model import about_likeliest, compatible_effects
-from seatrial.hybrid.diagnosis.evidence import Evidence, evidence_of, normal_equations
+from seatrial.hybrid.diagnosis.evidence import FEW, Evidence, evidence_of, normal_equations
 from seatrial.hybrid.diagnosis.gap import (
     LinearTracks,
     UnseenWindows,
@@ -18,7 +18,6 @@ from seatrial.hybrid.diagnosis.gap import (
     within_bounds,
 )
 from seatrial.hybrid.diagnosis.linearise import ModelWithEffects, linearise
-from seatrial.hybrid.diagnosis.nuisance_basis import FEW
 from seatrial.hybrid.diagnosis.select_effects import fitted_coordinates
 from seatrial.hybrid.effects import CATALOGUE, apply_effects
 from seatrial.hybrid.vessel.plant import Plant

@@ -19,8 +19,8 @@ from seatrial.hybrid.diagnosis.linearise import (
 )
 from seatrial.hybrid.diagnosis.log import STEPS_PER_SECOND, Log
 from seatrial.hybrid.effects import CATALOGUE
+from seatrial.hybrid.vessel.dynamics import simulate
 from seatrial.hybrid.vessel.plant import Plant
-from seatrial.hybrid.vessel.simulate import simulate
 from tests.hybrid.diagnosis.log_by_hand import DT_S, a_log, orders
 
 SMALL = np.array([0.03, 0.03, 1e-3, 0.02, 0.02, 5e-4])

@@ -18,7 +18,7 @@ from seatrial.acquisition.core.ship import COMMAND, ENVIRONMENT, POSE, VELOCITY,
 from seatrial.analysis.estimation.motion_model import NoiseLevels
 from seatrial.analysis.estimation.smoother import smooth
 from seatrial.hybrid.diagnosis.log import BLOCK_S, LEG_S, Log, _with_corners, log_of
-from seatrial.hybrid.vessel.channels import as_table
+from seatrial.hybrid.vessel.sensors import as_table
 
 START_S = 1_800_000_000
 MOTION = (*POSE, *VELOCITY)

@@ -23,9 +23,9 @@ from seatrial.hybrid.diagnosis.result import (
     Suspect,
     When,
 )
-from seatrial.hybrid.report import diagnosis_map_plots as map_plots
+from seatrial.hybrid.report import diagnosis_plots as map_plots
 from seatrial.hybrid.report import diagnosis_plots as plots
-from seatrial.hybrid.report.diagnosis_words import (
+from seatrial.hybrid.report.diagnosis import (
     headline,
     model_line,
     next_steps,

@@ -17,12 +17,12 @@ from seatrial.hybrid.diagnosis.result import Replication
 from seatrial.hybrid.effects import apply_effects, load_effects
 from seatrial.hybrid.effects.catalogue import catalogue_of
 from seatrial.hybrid.effects.regime import MOST, Regime, as_file, quantities_along, regime_effect
-from seatrial.hybrid.report.diagnosis_sentences import regime_in_words
+from seatrial.hybrid.report.diagnosis import regime_in_words
 from seatrial.hybrid.simulation.manoeuvres import Leg
 from seatrial.hybrid.simulation.trial import simulate_trial
+from seatrial.hybrid.vessel.dynamics import simulate
 from seatrial.hybrid.vessel.files import load_vessel, with_effects
 from seatrial.hybrid.vessel.plant import Plant
-from seatrial.hybrid.vessel.simulate import simulate
 
 ASTERN = Regime("surge", {"rpm": (-inf, 0.0)}, "rpm", -100.0)
 SECONDS = 800

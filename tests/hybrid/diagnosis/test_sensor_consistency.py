@@ -12,14 +12,14 @@ from seatrial.hybrid.diagnosis.evidence import evidence_of
 from seatrial.hybrid.diagnosis.linearise import ModelWithEffects, linear_model
 from seatrial.hybrid.diagnosis.log import Log, log_of
 from seatrial.hybrid.diagnosis.result import SensorContradiction
-from seatrial.hybrid.diagnosis.sensor_consistency import (
+from seatrial.hybrid.diagnosis.verdict import (
     _normal_equations,
     find_contradictions,
     motion_sensors,
     without_dynamics,
 )
 from seatrial.hybrid.effects import CATALOGUE, apply_effects
-from seatrial.hybrid.report.diagnosis_sentences import contradictions
+from seatrial.hybrid.report.diagnosis import contradictions
 from seatrial.hybrid.vessel.plant import Plant
 from tests.benchmarks.other_ship.trial import make_trial
 from tests.hybrid.diagnosis.noisy_log import QUIET, noisy_log

@@ -10,13 +10,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from seatrial.acquisition.core.ship import Actuator, Actuators
+from seatrial.hybrid.diagnosis.linearise import TimeProfile, time_varying
 from seatrial.hybrid.diagnosis.result import EffectDrift, Estimate, NamedEffect, Replication, When
-from seatrial.hybrid.diagnosis.time_varying import TimeProfile, time_varying
 from seatrial.hybrid.effects import CATALOGUE, vessel_plant
 from seatrial.hybrid.effects.catalogue import catalogue_for
 from seatrial.hybrid.effects.environment import STEADY_WIND
-from seatrial.hybrid.report.diagnosis_sentences import _no_wind, in_parts
-from seatrial.hybrid.report.effect_sentences import sentence
+from seatrial.hybrid.report.diagnosis import _no_wind, in_parts, sentence
 from seatrial.hybrid.vessel.files import load_vessel
 from tests.hybrid.diagnosis.log_by_hand import a_log
 

@@ -11,6 +11,11 @@ import pytest
 
 from seatrial.acquisition.core.errors import InputError
 from seatrial.hybrid.diagnosis.result import (
+    DIAGNOSIS,
+    LADDER,
+    MAP,
+    SHOWN,
+    TRACKS,
     Correlation,
     Diagnosis,
     EffectDrift,
@@ -19,17 +24,10 @@ from seatrial.hybrid.diagnosis.result import (
     SensorContradiction,
     Tracks,
     When,
-)
-from seatrial.hybrid.diagnosis.serialisation import (
-    DIAGNOSIS,
-    LADDER,
-    MAP,
-    SHOWN,
-    TRACKS,
     read_diagnosis,
     write_figure_data,
 )
-from seatrial.hybrid.report.diagnosis_words import page_of
+from seatrial.hybrid.report.diagnosis import page_of
 from tests.hybrid.diagnosis.made_up import CURRENT, a_ladder, a_map, named, of_verdict
 
 SENSORS = SensorContradiction("heading_bias", (-1.5,), (0.1,), 1e-6, ("speed_sensor_rotation",), "They disagree.")

@@ -14,20 +14,23 @@ from seatrial.hybrid.diagnosis.acceptance import Acceptance, LackOfFit
 from seatrial.hybrid.diagnosis.change import likeliest_change, may_change
 from seatrial.hybrid.diagnosis.evidence import Evidence, evidence_of, normal_equations
 from seatrial.hybrid.diagnosis.gap import unseen_windows
-from seatrial.hybrid.diagnosis.linearise import ModelWithEffects, linear_model, linearise, signatures
-from seatrial.hybrid.diagnosis.log import Log
-from seatrial.hybrid.diagnosis.map import recorded_s
-from seatrial.hybrid.diagnosis.time_varying import (
+from seatrial.hybrid.diagnosis.linearise import (
+    ModelWithEffects,
     TimeProfile,
     TimeVaryingEffect,
     base_names,
+    linear_model,
+    linearise,
+    signatures,
     time_varying,
     with_recordings,
 )
+from seatrial.hybrid.diagnosis.log import Log
+from seatrial.hybrid.diagnosis.map import recorded_s
 from seatrial.hybrid.effects import CATALOGUE
 from seatrial.hybrid.vessel.files import load_vessel
 from seatrial.hybrid.vessel.plant import Plant
-from seatrial.hybrid.workflows.diagnose import diagnose_tables, vessel_with_effects
+from seatrial.hybrid.workflows import diagnose_tables, vessel_with_effects
 from tests.benchmarks.other_ship.trial import make_trial
 from tests.hybrid.diagnosis.log_by_hand import a_log
 from tests.hybrid.diagnosis.noisy_log import QUIET

@@ -10,13 +10,18 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from seatrial.hybrid.diagnosis.acceptance import LackOfFit, acceptance_tests
+from seatrial.hybrid.diagnosis.evidence import OPERATION
 from seatrial.hybrid.diagnosis.gap import unseen_windows
 from seatrial.hybrid.diagnosis.linearise import ModelWithEffects
-from seatrial.hybrid.diagnosis.nuisance_basis import OPERATION
-from seatrial.hybrid.diagnosis.sensor_consistency import find_contradictions
-from seatrial.hybrid.diagnosis.verdict import drop_non_predictive, intervals, makes_worse, verdict_of
+from seatrial.hybrid.diagnosis.verdict import (
+    drop_non_predictive,
+    find_contradictions,
+    intervals,
+    makes_worse,
+    verdict_of,
+)
 from seatrial.hybrid.effects import CATALOGUE, FAMILIES
-from seatrial.hybrid.report.diagnosis_sentences import unknown_cause
+from seatrial.hybrid.report.diagnosis import unknown_cause
 from seatrial.hybrid.vessel.plant import Plant
 from tests.hybrid.diagnosis.noisy_log import QUIET, noisy_log
 

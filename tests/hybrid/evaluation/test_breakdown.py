@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from seatrial.hybrid.evaluation.splits import MANOEUVRES, classes_of, manoeuvres, winds
+from seatrial.hybrid.evaluation.study import MANOEUVRES, classes_of, manoeuvres, winds
 from tests.hybrid.evaluation.windows_in_legs import windows_of_legs
 from tests.hybrid.windows_by_hand import windows_at
 

@@ -16,11 +16,10 @@ from rich.console import Console
 from typer.testing import CliRunner
 
 from seatrial import app
-from seatrial.hybrid.calibrators.calibrator import Calibrator
+from seatrial.hybrid.calibrators import Calibrator
 from seatrial.hybrid.evaluation.study import Evaluation, Study, evaluation_of, study
-from seatrial.hybrid.prediction.baselines import constant_velocity, reference
-from seatrial.hybrid.prediction.prediction_windows import PredictionWindows
-from seatrial.hybrid.prediction.scores import distances, score
+from seatrial.hybrid.prediction.baselines import constant_velocity, distances, reference, score
+from seatrial.hybrid.prediction.windows import PredictionWindows
 from seatrial.hybrid.report.evaluation_page import breakdown
 from seatrial.hybrid.vessel.plant import Plant
 from tests.hybrid.evaluation.windows_in_legs import FAKES, SECONDS, Memory, windows_of_legs

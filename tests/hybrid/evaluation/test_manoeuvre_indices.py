@@ -24,11 +24,9 @@ from seatrial.analysis.tables.resample import resample
 from seatrial.analysis.windows.held import SecondBySecond
 from seatrial.hybrid import cli
 from seatrial.hybrid.calibrators import make_calibrator
-from seatrial.hybrid.calibrators.adaptive.adaptation import parameter_names
-from seatrial.hybrid.calibrators.adaptive.calibrator import AdaptiveCalibrator
+from seatrial.hybrid.calibrators.adaptive import AdaptiveCalibrator, parameter_names
 from seatrial.hybrid.calibrators.predict import Predictor
 from seatrial.hybrid.effects import vessel_plant
-from seatrial.hybrid.evaluation.length_times import LengthErrors, errors_by_length
 from seatrial.hybrid.evaluation.manoeuvre_indices import (
     IndexComparison,
     IndexComparisons,
@@ -38,15 +36,14 @@ from seatrial.hybrid.evaluation.manoeuvre_indices import (
     index_comparison,
     models_of,
 )
+from seatrial.hybrid.evaluation.validate import LengthErrors, errors_by_length
 from seatrial.hybrid.prediction.dataset import dataset_of
-from seatrial.hybrid.report.index_tables import INDEX_HEADER, index_tables, notes_of_indices
-from seatrial.hybrid.simulation.handling import pace_of, usual_rpm
-from seatrial.hybrid.simulation.manoeuvres import Leg, steer, turning_circle, zigzag
+from seatrial.hybrid.report.trial_form import INDEX_HEADER, index_tables, notes_of_indices
+from seatrial.hybrid.simulation.manoeuvres import Leg, pace_of, steer, turning_circle, usual_rpm, zigzag
 from seatrial.hybrid.simulation.manoeuvres import Manoeuvre as Legs
-from seatrial.hybrid.simulation.sea_state import SeaState
-from seatrial.hybrid.simulation.standard_tests import ship_at
-from seatrial.hybrid.simulation.standard_tests import turning_circle as sail_circle
-from seatrial.hybrid.simulation.trial import record_trial, simulate_trial
+from seatrial.hybrid.simulation.trial import SeaState, record_trial, simulate_trial
+from seatrial.hybrid.simulation.vessel_check import ship_at
+from seatrial.hybrid.simulation.vessel_check import turning_circle as sail_circle
 from seatrial.hybrid.vessel.files import load_vessel
 from seatrial.hybrid.vessel.parameters import Vessel
 

@@ -7,10 +7,9 @@ from pathlib import Path
 import pytest
 
 from seatrial.acquisition.tables.import_table import import_table
-from seatrial.hybrid.evaluation.splits import SPLITS, shared_seconds
-from seatrial.hybrid.evaluation.study import evaluation_of, study
+from seatrial.hybrid.evaluation.study import SPLITS, evaluation_of, shared_seconds, study
 from seatrial.hybrid.prediction.dataset import load_dataset
-from seatrial.hybrid.prediction.prediction_windows import PredictionWindows
+from seatrial.hybrid.prediction.windows import PredictionWindows
 from seatrial.hybrid.vessel.plant import Plant
 
 pytestmark = pytest.mark.shared

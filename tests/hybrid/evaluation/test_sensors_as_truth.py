@@ -11,11 +11,18 @@ import pytest
 
 from seatrial.acquisition.core.quantities import Floats
 from seatrial.analysis.windows.held import SecondBySecond
-from seatrial.hybrid.evaluation.truth import TRUTHS, judged_by_truths, truth_distances, truth_tracks, with_truths
-from seatrial.hybrid.evaluation.validate import Validation, validate
+from seatrial.hybrid.evaluation.validate import (
+    TRUTHS,
+    Validation,
+    judged_by_truths,
+    truth_distances,
+    truth_tracks,
+    validate,
+    with_truths,
+)
 from seatrial.hybrid.prediction.baselines import constant_velocity
 from seatrial.hybrid.prediction.dataset import Dataset, dataset_of
-from seatrial.hybrid.prediction.prediction_windows import PredictionWindows
+from seatrial.hybrid.prediction.windows import PredictionWindows
 from seatrial.hybrid.simulation.trial import SimulationNoise, simulate_trial
 from seatrial.hybrid.vessel.plant import Plant
 

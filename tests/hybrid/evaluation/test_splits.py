@@ -8,7 +8,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from seatrial.acquisition.core.errors import ConfigurationError, DataShortageError
-from seatrial.hybrid.evaluation.splits import SPLITS, refuse_unknown, shared_seconds
+from seatrial.hybrid.evaluation.study import SPLITS, refuse_unknown, shared_seconds
 from tests.hybrid.evaluation.windows_in_legs import SECONDS, windows_of_legs
 
 legs_of_windows = st.lists(st.integers(1, 8), min_size=6, max_size=12)

@@ -11,9 +11,9 @@ import numpy as np
 from seatrial.acquisition.core.quantities import Bools, Floats
 from seatrial.acquisition.core.ship import Actuators
 from seatrial.analysis.tables.table import NANO
-from seatrial.hybrid.calibrators.calibrator import Calibrator, DomainOfApplicability, Examples, Progress
+from seatrial.hybrid.calibrators import Calibrator, DomainOfApplicability, Examples, Progress
 from seatrial.hybrid.prediction.baselines import constant_velocity
-from seatrial.hybrid.prediction.prediction_windows import PredictionWindows
+from seatrial.hybrid.prediction.windows import PredictionWindows
 from tests.hybrid.windows_by_hand import STARTED_NS, random_windows
 
 SECONDS = 10

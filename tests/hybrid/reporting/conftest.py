@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from seatrial.hybrid.report.case import Case, load_case
+from seatrial.hybrid.report.trial import Case, load_case
 
 
 @pytest.fixture(scope="session")

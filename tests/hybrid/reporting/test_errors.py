@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from seatrial.analysis.tables.table import NANO
-from seatrial.hybrid.prediction.prediction_windows import PAST_S, PredictionWindows
+from seatrial.hybrid.prediction.windows import PAST_S, PredictionWindows
 from seatrial.hybrid.report.errors import (
     COLUMNS,
     calibration_of,

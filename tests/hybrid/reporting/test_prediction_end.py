@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from seatrial.hybrid.prediction.regions import outlines
+from seatrial.hybrid.prediction.baselines import outlines
 from seatrial.hybrid.report.plots import prediction_end
 
 

@@ -21,12 +21,12 @@ from seatrial.hybrid.report.errors import (
     modelled_acceleration,
     residuals_of,
 )
-from seatrial.hybrid.report.trial_sections import residual_sentences
+from seatrial.hybrid.report.trial import residual_sentences
 from seatrial.hybrid.simulation.trial import simulate_trial
-from seatrial.hybrid.vessel.channels import controls_of, states_of, wind_of
+from seatrial.hybrid.vessel.dynamics import simulate_batch
 from seatrial.hybrid.vessel.files import load_vessel
 from seatrial.hybrid.vessel.plant import Plant
-from seatrial.hybrid.vessel.simulate import simulate_batch
+from seatrial.hybrid.vessel.sensors import controls_of, states_of, wind_of
 
 
 @pytest.fixture(scope="module")

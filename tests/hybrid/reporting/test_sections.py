@@ -20,12 +20,11 @@ from seatrial.acquisition.recording.reader import read_recording
 from seatrial.acquisition.recording.writer import write_table
 from seatrial.analysis.report.rendering import Page, render
 from seatrial.analysis.tables.table import table_of
-from seatrial.hybrid.report.case import Case, load_case
 from seatrial.hybrid.report.folder import BLOCKS
 from seatrial.hybrid.report.sections import FAILED, sections, templates
+from seatrial.hybrid.report.text import plain
+from seatrial.hybrid.report.trial import Case, load_case, model_sentence, verdict_of
 from seatrial.hybrid.report.trial_plots import error_distributions
-from seatrial.hybrid.report.trial_sections import model_sentence, verdict_of
-from seatrial.hybrid.report.words import plain
 from tests.analysis.speed_power.trials import Day, sail
 
 PICTURE = re.compile(r'<img alt="([^"]*)" src="data:image/png;base64,([^"]+)">')

@@ -16,9 +16,8 @@ from matplotlib.figure import Figure
 
 from seatrial.acquisition.core.errors import DataShortageError
 from seatrial.hybrid.effects import vessel_plant
-from seatrial.hybrid.prediction.baselines import reference
-from seatrial.hybrid.prediction.prediction_windows import PredictionWindows
-from seatrial.hybrid.prediction.scores import distances
+from seatrial.hybrid.prediction.baselines import distances, reference
+from seatrial.hybrid.prediction.windows import PredictionWindows
 from seatrial.hybrid.reproduction import notebook
 from seatrial.hybrid.vessel.files import load_vessel
 from seatrial.hybrid.vessel.plant import Plant

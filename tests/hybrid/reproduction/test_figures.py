@@ -11,11 +11,10 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from seatrial.hybrid.calibrators import make_calibrator
-from seatrial.hybrid.calibrators.adaptive.fit import adapt
-from seatrial.hybrid.calibrators.calibrator import Calibrator
+from seatrial.hybrid.calibrators import Calibrator, make_calibrator
+from seatrial.hybrid.calibrators.adaptive import adapt
 from seatrial.hybrid.calibrators.networks import NetworkCalibrator
-from seatrial.hybrid.prediction.scores import distances
+from seatrial.hybrid.prediction.baselines import distances
 from seatrial.hybrid.report.plots import start_frame
 from seatrial.hybrid.reproduction import campaign, figures, page
 from seatrial.hybrid.reproduction.campaign import CampaignJob, seas_of
@@ -39,7 +38,7 @@ def shown() -> Iterator[Seas]:
     """One small campaign in a gentle sea."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(campaign, "make_calibrator", quick)
-        patch.setattr("seatrial.hybrid.calibrators.adaptive.calibrator.adapt", partial(adapt, steps=1))
+        patch.setattr("seatrial.hybrid.calibrators.adaptive.adapt", partial(adapt, steps=1))
         yield seas_of([CampaignJob("gentle", 2, sequences=12)], workers=1)
 
 

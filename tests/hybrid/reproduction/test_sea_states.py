@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from dataclasses import MISSING, fields
 
-from seatrial.hybrid.simulation.sea_state import SEA_STATES, SeaState
+from seatrial.hybrid.simulation.trial import SEA_STATES, SeaState
 
 STATED = {"wind_mps", "wave_height_m", "current_mps"}
 NUMBER = re.compile(r"(?:# )?(\w+) = (\S+)(.*)")

@@ -18,11 +18,10 @@ from rich.console import Console
 from typer.testing import CliRunner
 
 import seatrial
-from seatrial.hybrid.calibrators import make_calibrator
-from seatrial.hybrid.calibrators.adaptive.fit import adapt
-from seatrial.hybrid.calibrators.calibrator import Calibrator
+from seatrial.hybrid.calibrators import Calibrator, make_calibrator
+from seatrial.hybrid.calibrators.adaptive import adapt
 from seatrial.hybrid.calibrators.networks import NetworkCalibrator
-from seatrial.hybrid.prediction.scores import score
+from seatrial.hybrid.prediction.baselines import score
 from seatrial.hybrid.reproduction import campaign
 from seatrial.hybrid.reproduction.campaign import (
     CampaignJob,
@@ -70,7 +69,7 @@ def small() -> Callable[[list[CampaignJob]], tuple[SeaResults, ...]]:
     def compare_methods(jobs: list[CampaignJob]) -> tuple[SeaResults, ...]:
         with pytest.MonkeyPatch.context() as patch:
             patch.setattr(campaign, "make_calibrator", quick)
-            patch.setattr("seatrial.hybrid.calibrators.adaptive.calibrator.adapt", partial(adapt, steps=1))
+            patch.setattr("seatrial.hybrid.calibrators.adaptive.adapt", partial(adapt, steps=1))
             return seas_of(jobs, workers=1)
 
     return compare_methods

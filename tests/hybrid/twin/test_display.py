@@ -12,9 +12,7 @@ import pandas as pd
 from rich.console import Console
 
 from seatrial.hybrid.calibrators.predict import Prediction
-from seatrial.hybrid.twin.running_error import RegionFactor, RunningError, TrackError
-from seatrial.hybrid.twin.twin import Statistics
-from seatrial.hybrid.twin.watch import Display
+from seatrial.hybrid.twin import Display, RegionFactor, RunningError, Statistics, TrackError
 
 
 def picture(prediction: Prediction | None, error: TrackError | None, width: int = 100) -> str:

@@ -19,20 +19,20 @@ from seatrial.acquisition.recording.reader import Recording, Tail, read_recordin
 from seatrial.analysis.tables.resample import resample
 from seatrial.analysis.tables.table import read_table, table_of
 from seatrial.analysis.windows.held import SecondBySecond
+from seatrial.hybrid.calibrators import TrainedCalibrator
 from seatrial.hybrid.calibrators.predict import predict
-from seatrial.hybrid.calibrators.train import TrainedCalibrator
 from seatrial.hybrid.effects import vessel_plant
-from seatrial.hybrid.prediction.regions import courses
-from seatrial.hybrid.twin.forecast import (
+from seatrial.hybrid.prediction.baselines import courses
+from seatrial.hybrid.twin import (
+    MeanErrors,
     RecentSamples,
     message_body,
     newest_second_ns,
     positions,
     predict_now,
+    recording_at_rest,
     track_geojson,
 )
-from seatrial.hybrid.twin.running_error import MeanErrors
-from seatrial.hybrid.twin.twin import recording_at_rest
 from seatrial.hybrid.vessel.files import load_vessel
 from seatrial.hybrid.vessel.plant import Plant
 from tests.conftest import SMALL_HORIZON_S, Simulated

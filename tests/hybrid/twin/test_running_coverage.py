@@ -10,7 +10,7 @@ import pytest
 
 from seatrial.acquisition.core.quantities import Floats
 from seatrial.hybrid.calibrators.predict import Prediction
-from seatrial.hybrid.twin.running_error import LARGEST_FACTOR, STEP, RegionFactor, TrackError, step
+from seatrial.hybrid.twin import LARGEST_FACTOR, STEP, RegionFactor, TrackError, step
 
 HORIZON_S = 30
 NANO = 1_000_000_000

@@ -11,9 +11,15 @@ import pytest
 from seatrial.acquisition.core.quantities import Floats
 from seatrial.acquisition.core.ship import DEFAULT, wrap_180
 from seatrial.hybrid.calibrators.predict import Prediction
-from seatrial.hybrid.twin.running_error import FILTER_REACH_S, RegionFactor, RunningError, as_planned, track_error
-from seatrial.hybrid.twin.twin import Statistics
-from seatrial.hybrid.twin.watch import summary_of
+from seatrial.hybrid.twin import (
+    FILTER_REACH_S,
+    RegionFactor,
+    RunningError,
+    Statistics,
+    as_planned,
+    summary_of,
+    track_error,
+)
 from tests.hybrid.twin.steady_ship import HEADING_DEG, SPEED_MPS, START, steady_table
 
 HORIZON_S = 10

@@ -19,12 +19,10 @@ from seatrial.acquisition.logger.health import Health, Predictions
 from seatrial.acquisition.logger.requests import RecorderState, RequestServer
 from seatrial.acquisition.recording.messages import PREDICTION_TOPIC, Topic, decode
 from seatrial.acquisition.recording.parts import RecordingParts
+from seatrial.hybrid import twin as twin_module
+from seatrial.hybrid.calibrators import TrainedCalibrator
 from seatrial.hybrid.calibrators.predict import Predictor
-from seatrial.hybrid.calibrators.train import TrainedCalibrator
-from seatrial.hybrid.twin import twin as twin_module
-from seatrial.hybrid.twin.running_error import LARGEST_FACTOR, step
-from seatrial.hybrid.twin.twin import PlanFile, Twin
-from seatrial.hybrid.twin.watch import watch
+from seatrial.hybrid.twin import LARGEST_FACTOR, PlanFile, Twin, step, watch
 from seatrial.hybrid.vessel.plant import Plant
 from tests.hybrid.twin.steady_ship import ORIGIN, steady_table
 

@@ -17,10 +17,7 @@ from seatrial.hybrid.diagnosis.estimate_noise import estimate_noise
 from seatrial.hybrid.diagnosis.evidence import NormalEquations, normal_equations, weigh_evidence
 from seatrial.hybrid.diagnosis.linearise import ModelWithEffects, linearise, model_of
 from seatrial.hybrid.diagnosis.log import log_of
-from seatrial.hybrid.diagnosis.select_effects import select_effects
-from seatrial.hybrid.effects import CATALOGUE
-from seatrial.hybrid.effects.catalogue import catalogue_for, vessel_plant
-from seatrial.hybrid.planning.information import (
+from seatrial.hybrid.diagnosis.planning import (
     Information,
     as_parameter,
     design_of,
@@ -29,12 +26,14 @@ from seatrial.hybrid.planning.information import (
     limits,
     noncentrality,
     predicted_limit,
+    rehearse,
     separation,
 )
-from seatrial.hybrid.planning.repertoire import rehearse
+from seatrial.hybrid.diagnosis.select_effects import select_effects
+from seatrial.hybrid.effects import CATALOGUE
+from seatrial.hybrid.effects.catalogue import catalogue_for, vessel_plant
 from seatrial.hybrid.simulation.manoeuvres import turning_circle, zigzag
-from seatrial.hybrid.simulation.sea_state import SeaState
-from seatrial.hybrid.simulation.trial import simulate_trial
+from seatrial.hybrid.simulation.trial import SeaState, simulate_trial
 from seatrial.hybrid.vessel.files import load_vessel
 from seatrial.hybrid.vessel.parameters import Vessel
 from seatrial.hybrid.vessel.plant import Plant

@@ -12,20 +12,23 @@ from seatrial.hybrid.diagnosis.disturbance_model import DisturbanceNoise
 from seatrial.hybrid.diagnosis.evidence import NormalEquations, normal_equations
 from seatrial.hybrid.diagnosis.linearise import ModelWithEffects, acting_settings, linearise
 from seatrial.hybrid.diagnosis.log import Log
-from seatrial.hybrid.effects import CATALOGUE
-from seatrial.hybrid.planning.next_manoeuvre import (
+from seatrial.hybrid.diagnosis.planning import (
     Pair,
     RankedCandidate,
     Rehearsal,
+    append_rehearsals,
     best_request,
     rank_candidates,
     rehearsal_of,
+    rehearse,
+    repertoire,
+    shafts_of,
     usual_rpm,
     wind_in,
 )
-from seatrial.hybrid.planning.repertoire import append_rehearsals, rehearse, repertoire, shafts_of
+from seatrial.hybrid.effects import CATALOGUE
 from seatrial.hybrid.simulation.manoeuvres import Manoeuvre, steer, zigzag
-from seatrial.hybrid.simulation.sea_state import SeaState
+from seatrial.hybrid.simulation.trial import SeaState
 from seatrial.hybrid.vessel.effect import Values
 from seatrial.hybrid.vessel.parameters import Vessel
 from seatrial.hybrid.vessel.plant import Plant

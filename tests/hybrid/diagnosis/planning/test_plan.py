@@ -13,15 +13,14 @@ from rich.console import Console
 from typer.testing import CliRunner
 
 from seatrial.acquisition.core.errors import ConfigurationError
+from seatrial.hybrid import planning as planning
 from seatrial.hybrid.cli import mount
 from seatrial.hybrid.diagnosis.disturbance_model import DisturbanceNoise
+from seatrial.hybrid.diagnosis.planning import CandidateManoeuvre, Design
 from seatrial.hybrid.effects import CATALOGUE
-from seatrial.hybrid.planning import plan as planning
-from seatrial.hybrid.planning.information import Design
-from seatrial.hybrid.planning.plan import Aims, Plan, compose_programme, cost, noise_in, plan, programme_of
-from seatrial.hybrid.planning.repertoire import CandidateManoeuvre
+from seatrial.hybrid.planning import Aims, Plan, compose_programme, cost, noise_in, plan, programme_of
 from seatrial.hybrid.report.plan_page import page_of
-from seatrial.hybrid.simulation.sea_state import sea_state_named
+from seatrial.hybrid.simulation.trial import sea_state_named
 from seatrial.hybrid.vessel.parameters import Vessel
 
 SOME = (

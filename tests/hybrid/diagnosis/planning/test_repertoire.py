@@ -7,13 +7,20 @@ import re
 from seatrial.hybrid.diagnosis.disturbance_model import DisturbanceNoise
 from seatrial.hybrid.diagnosis.evidence import normal_equations
 from seatrial.hybrid.diagnosis.linearise import ModelWithEffects, linearise
+from seatrial.hybrid.diagnosis.planning import (
+    CandidateManoeuvre,
+    Pair,
+    Shafts,
+    best_request,
+    rank_candidates,
+    rehearsal_of,
+    rehearse,
+    repertoire,
+)
 from seatrial.hybrid.effects import vessel_plant
 from seatrial.hybrid.effects.catalogue import catalogue_of
-from seatrial.hybrid.planning.next_manoeuvre import Pair, best_request, rank_candidates, rehearsal_of
-from seatrial.hybrid.planning.repertoire import CandidateManoeuvre, Shafts, rehearse, repertoire
-from seatrial.hybrid.simulation.handling import usual_rpm
-from seatrial.hybrid.simulation.manoeuvres import steer
-from seatrial.hybrid.simulation.sea_state import sea_state_named
+from seatrial.hybrid.simulation.manoeuvres import steer, usual_rpm
+from seatrial.hybrid.simulation.trial import sea_state_named
 from seatrial.hybrid.vessel.files import load_vessel
 
 TWIN_SCREW = Shafts(

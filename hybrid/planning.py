@@ -28,31 +28,27 @@ from seatrial.hybrid.diagnosis.estimate_noise import estimate_noise
 from seatrial.hybrid.diagnosis.evidence import normal_equations
 from seatrial.hybrid.diagnosis.linearise import ModelWithEffects, linearise
 from seatrial.hybrid.diagnosis.log import log_of
-from seatrial.hybrid.effects import Catalogue, Effect, vessel_plant
-from seatrial.hybrid.effects.catalogue import catalogue_of
-from seatrial.hybrid.planning.information import (
+from seatrial.hybrid.diagnosis.planning import (
     TOLD_APART,
+    CandidateManoeuvre,
     Design,
     Information,
+    append_rehearsals,
+    as_one_leg,
     as_parameter,
     design_of,
     free_limits,
     least_separation,
     noncentrality,
-)
-from seatrial.hybrid.planning.next_manoeuvre import rehearsals
-from seatrial.hybrid.planning.repertoire import (
-    CandidateManoeuvre,
-    append_rehearsals,
-    as_one_leg,
+    rehearsals,
     rehearse,
     repertoire,
     shafts_of,
 )
-from seatrial.hybrid.simulation.handling import usual_rpm
-from seatrial.hybrid.simulation.manoeuvres import for_ship, manoeuvre_named
-from seatrial.hybrid.simulation.sea_state import SeaState
-from seatrial.hybrid.simulation.trial import simulate_trial
+from seatrial.hybrid.effects import Catalogue, Effect, vessel_plant
+from seatrial.hybrid.effects.catalogue import catalogue_of
+from seatrial.hybrid.simulation.manoeuvres import for_ship, manoeuvre_named, usual_rpm
+from seatrial.hybrid.simulation.trial import SeaState, simulate_trial
 from seatrial.hybrid.vessel.parameters import Vessel
 
 _SEEN = noncentrality(16.0, 1)
@@ -178,7 +174,7 @@ class Plan(Result):
     catalogue: Catalogue
     asked: Programme
     better: Programme
-    view = "seatrial.hybrid.report.tables:plan_view"
+    view = "seatrial.hybrid.report.text:plan_view"
     drawing = "seatrial.hybrid.report.plan_page:draw_plan"
     size_inch = (9.0, 2.6)
 

@@ -27,8 +27,8 @@ from seatrial.acquisition.recording.reader import Recording, read_recording
 from seatrial.acquisition.recording.writer import write_table
 from seatrial.analysis.quality.check import DataQuality, check_recording
 from seatrial.analysis.windows.held import HeldWindows, tables_of_recordings, windows_of_tables
+from seatrial.hybrid.calibrators import TrainedCalibrator, train
 from seatrial.hybrid.calibrators.artefact import save
-from seatrial.hybrid.calibrators.train import TrainedCalibrator, train
 from seatrial.hybrid.diagnosis.diagnose import TOLERANCE
 from seatrial.hybrid.diagnosis.result import Diagnosis
 from seatrial.hybrid.effects import CATALOGUE
@@ -36,12 +36,12 @@ from seatrial.hybrid.effects.catalogue import vessel_plant
 from seatrial.hybrid.evaluation.validate import Validation, refuse_training_data, validate
 from seatrial.hybrid.prediction.dataset import load_dataset
 from seatrial.hybrid.report.folder import Choices, folder_report
-from seatrial.hybrid.report.words import plain
+from seatrial.hybrid.report.text import plain
 from seatrial.hybrid.simulation.trial import simulate_trial
 from seatrial.hybrid.vessel.files import load_vessel, reference_model, trials_of
-from seatrial.hybrid.workflows.diagnose import diagnose_files, write_diagnosis
+from seatrial.hybrid.workflows import diagnose_files, write_diagnosis
 
-TEMPLATE = Path(__file__).resolve().parents[2] / "trials" / "demo.toml"
+TEMPLATE = Path(__file__).resolve().parents[1] / "trials" / "demo.toml"
 SHIP, MODEL, SEA_STATE = "gunnerus_long", "gunnerus_short", "gentle"
 VOYAGE_S, TRAINING_VOYAGES, TRAINING_S = 1200.0, 6, 1800.0
 SPEED = 24.0

@@ -21,8 +21,7 @@ from seatrial.acquisition.core.ship import DEFAULT, POSE_AND_VELOCITY, Actuators
 from seatrial.analysis.tables.table import NANO, table_actuators
 from seatrial.analysis.windows.held import SecondBySecond
 from seatrial.hybrid.vessel.actuators import angle_columns, control_units
-from seatrial.hybrid.vessel.channels import STATE_UNITS, WIND_UNITS
-from seatrial.hybrid.vessel.sensors import HEADING
+from seatrial.hybrid.vessel.sensors import HEADING, STATE_UNITS, WIND_UNITS
 
 WIND, CONTROLS = slice(6, 8), slice(8, None)
 """The columns of wind and controls among the channels of a window: after the state."""
@@ -48,7 +47,7 @@ class PredictionWindows:
     nothing was recorded. The heading has no jumps and meets that of ``track`` at second 0.
 
     ``truths`` [N, K, H+1, 2] are tracks by each of K sensors alone or joined, and ``truth_errors`` of the same
-    shape the errors that such sensors make, both of :mod:`seatrial.hybrid.evaluation.truth`; None where nobody
+    shape the errors that such sensors make, both of :mod:`seatrial.hybrid.evaluation.validate`; None where nobody
     asked.
 
     A ``track`` may end in NaN: what is known of the first seconds is learned from, but not judged.

@@ -1,0 +1,763 @@
+"""The information of a trial on each effect, with or without data: what could be detected, what distinguished.
+
+The information matrix of all effects follows from the same inner products as the evidence, without the data, so
+it also exists for a trial that has not been made. With F the inner products of the effects' columns, an effect
+of size a changes twice the log likelihood by a' F a, and by less if another effect can imitate it.
+
+The next manoeuvre: the one that best separates effects that the data cannot distinguish.
+
+Every candidate is simulated with the ship as identified, in the wind and noise of the recording, and evaluated
+together with the recording, so that the model error is common to both. The best candidate is likely to separate
+most pairs, whichever effect is true (Box and Hill 1967); for a pair it counts the evidence of one against the
+other at any size (T-optimality: Atkinson and Fedorov 1975).
+
+Manoeuvres of some ten minutes that a ship can be asked for, scaled to her shaft speeds and pace, and their
+simulation.
+
+They are made of the parts of :mod:`seatrial.hybrid.simulation.manoeuvres`, with the words in which an officer of
+the watch may be asked for them. A simulated candidate is a log without noise or gaps: the information of a trial
+depends on where it takes the ship, not on the noise of the readings, so its true motion serves as the measured one
+and needs no smoothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache, partial
+from math import expm1, inf, log, log1p, sqrt
+from typing import Any
+
+import numpy as np
+from scipy.linalg import lapack
+from scipy.optimize import brentq
+from scipy.stats import chi2, ncx2, norm, t
+
+from seatrial.acquisition.core.errors import ModelRangeError, Progress
+from seatrial.acquisition.core.quantities import Floats, Ints
+from seatrial.acquisition.core.ship import Actuators, control_names, names_of, shafts
+from seatrial.acquisition.core.ship import shafts as drives_in
+from seatrial.hybrid.diagnosis.acceptance import FALSE_ALARM, HELD_OUT_LEVEL
+from seatrial.hybrid.diagnosis.evidence import NormalEquations, explained_by, marginalise, normal_equations
+from seatrial.hybrid.diagnosis.linearise import linearise
+from seatrial.hybrid.diagnosis.log import BLOCK_S, LEG_S, STEPS_PER_SECOND, Log
+from seatrial.hybrid.diagnosis.result import NextTrial
+from seatrial.hybrid.diagnosis.select_effects import CLOSE
+from seatrial.hybrid.effects import Catalogue, Effect, apply_effects
+from seatrial.hybrid.simulation.manoeuvres import (
+    HARD_OVER_DEG,
+    Leg,
+    Manoeuvre,
+    both_ways,
+    in_time,
+    one_by_one,
+    pace_of,
+    reciprocal,
+    settle,
+    shaft_limit_rpm,
+    steer,
+    turning_circle,
+    zigzag,
+)
+from seatrial.hybrid.simulation.manoeuvres import usual_rpm as own_usual_rpm
+from seatrial.hybrid.simulation.trial import SeaState, sail_through
+from seatrial.hybrid.vessel.actuators import RPM_PER_RPS
+from seatrial.hybrid.vessel.effect import Values
+from seatrial.hybrid.vessel.parameters import Vessel
+from seatrial.hybrid.vessel.plant import Plant
+from seatrial.hybrid.vessel.sensors import measure
+
+POWER = 0.9
+"""The power: an effect at its limit is found in this share of such trials."""
+
+TOLD_APART = 9.0
+"""Twice the log likelihood by which the wrong one of two effects has to be worse to be excluded (p = 0.13 %)."""
+
+_UNHEARD = 1e-2  # of the prior's information: less is negligible
+_NONE = 1e-7  # of the prior's information: less is rounding
+
+
+@dataclass(frozen=True, slots=True)
+class Information:
+    """``matrix`` [P, P]: the information on all effects' free coordinates, nuisances marginalised."""
+
+    matrix: Floats
+    columns: Mapping[str, Ints]
+    catalogue: Catalogue
+
+    def of(self, name: str, given: Sequence[str] = ()) -> Floats:
+        """The information on an effect's coordinates [d, d] when those of ``given`` are free."""
+        none, own = np.zeros(0, dtype=np.int64), self.columns[name]
+        others = np.concatenate([none, *(self.columns[each] for each in given)])
+        return np.asarray(self.matrix[np.ix_(own, own)] - explained_by(self.matrix, own, others))
+
+
+def information_of(equations: NormalEquations) -> Information:
+    """The information in all legs of a trial."""
+    kept = 1 + np.arange(len(equations.layout.effect))
+    matrix, _ = marginalise(equations.gram.sum(axis=0), kept, equations.nuisance, equations.nuisance_scale)
+    return Information(matrix, _columns(equations), equations.model.catalogue)
+
+
+def _columns(equations: NormalEquations) -> dict[str, Ints]:
+    names = equations.model.catalogue
+    return {name: np.array(equations.layout.of(name), dtype=np.int64) - 1 for name in names}
+
+
+@dataclass(frozen=True, slots=True)
+class Design:
+    """Legs [L, P+K, P+K] from which any trial can be assembled: inner products of effects and nuisances.
+
+    The K nuisances are those combinations of all of them on which any leg has information, each of unit
+    variance.
+    """
+
+    legs: Floats
+    columns: Mapping[str, Ints]
+    catalogue: Catalogue
+
+    def information(self, legs: Sequence[int]) -> Information:
+        """The information in some legs; one listed twice is sailed twice."""
+        total = self.legs[np.array(legs, dtype=int)].sum(axis=0)
+        effects = sum(len(each) for each in self.columns.values())
+        rest = np.arange(effects, len(total))
+        matrix, _ = marginalise(total, np.arange(effects), rest, np.ones(len(rest)))
+        return Information(matrix, self.columns, self.catalogue)
+
+
+def design_of(equations: NormalEquations) -> Design:
+    """A trial's legs, prepared for repeated assembly."""
+    scale, nuisance = equations.nuisance_scale, equations.nuisance
+    heard = _heard(equations.gram.sum(axis=0)[np.ix_(nuisance, nuisance)] * np.outer(scale, scale))
+    effects = 1 + np.arange(len(equations.layout.effect))
+    change = np.zeros((equations.gram.shape[1], len(effects) + heard.shape[1]))
+    change[effects, np.arange(len(effects))] = 1.0
+    # What is tolerated of an effect has the effect's own column, so that this adds up and does not overwrite.
+    change[nuisance, len(effects) :] += heard * scale[:, None]
+    legs = np.array([change.T @ leg @ change for leg in equations.gram])
+    return Design(legs, _columns(equations), equations.model.catalogue)
+
+
+def _heard(granted: Floats) -> Floats:
+    """Orthonormal combinations [n, K] of coordinates of unit variance on which ``granted`` [n, n] has
+    information.
+
+    By pivoted Cholesky decomposition, stopped where pivots become negligible (Higham 1990).
+    """
+    factor, order, rank, _ = lapack.dpstrf(granted, tol=_UNHEARD, lower=1)
+    spanned = np.zeros((len(granted), rank))
+    spanned[order - 1] = np.tril(factor)[:, :rank]
+    return np.asarray(np.linalg.qr(spanned)[0])
+
+
+def separation(
+    information: Information, name: str, rival: str, free: Sequence[float], given: Sequence[str] = ()
+) -> float:
+    """Twice the log likelihood by which an effect at ``free`` coordinates is better than its best imitation.
+
+    The ``rival`` imitates it at any size; effects in ``given`` are fitted beside either. The expected value
+    without noise: a' (F_ii - F_ij F_jj^-1 F_ji) a.
+    """
+    size = np.asarray(free, dtype=float)
+    return max(0.0, float(size @ information.of(name, (rival, *given)) @ size))
+
+
+def least_separation(information: Information, name: str, rival: str) -> float:
+    """The smallest :func:`separation` over all directions, of an effect of typical size."""
+    spread = np.array(information.catalogue[name].free_scale)
+    own, other = information.columns[name], information.columns[rival]
+    if len(own) == len(other) == 1:  # most are, and a programme is weighed by thousands of them
+        (i,), (j,), matrix = own, other, information.matrix
+        shared = matrix[i, j] ** 2 / matrix[j, j] if matrix[j, j] > 0.0 else 0.0
+        return max(0.0, float((matrix[i, i] - shared) * spread[0] ** 2))
+    least = np.linalg.eigvalsh(information.of(name, (rival,)) * np.outer(spread, spread))[0]
+    return max(0.0, float(least))
+
+
+def limits(equations: NormalEquations) -> dict[str, float]:
+    """The size at which each effect would be found in nine of ten trials like this one, in its parameter's
+    unit.
+
+    The distance of the first parameter from its neutral value, or the largest value for one that is absent at
+    infinity. For an effect with a direction, the worst direction. Infinite (0 for the latter) if no possible
+    size would do.
+    """
+    information, legs = information_of(equations), legs_of(equations)
+    seen = free_limits(information)
+    result = {}
+    for name, effect in equations.model.catalogue.items():
+        own = information.columns[name]
+        again = predicted_limit(information, name, legs[:, own[:, None], own])
+        result[name] = as_parameter(effect, max(seen[name], again))
+    return result
+
+
+def legs_of(equations: NormalEquations) -> Floats:
+    """The information on all effects' coordinates in each leg by itself [L, P, P]."""
+    kept = 1 + np.arange(len(equations.layout.effect))
+    nuisance, scale = equations.nuisance, equations.nuisance_scale
+    return np.array([marginalise(leg, kept, nuisance, scale)[0] for leg in equations.gram])
+
+
+def as_parameter(effect: Effect, size: float) -> float:
+    """A size in free coordinates as the deviation of the first parameter from neutral; infinite if out of
+    bounds."""
+    first = effect.parameters[0]
+    if effect.chart == "inverse_square":
+        value = size**-0.5
+        return value if value >= first.low else 0.0
+    return size if size <= max(first.high - first.neutral, first.neutral - first.low) else inf
+
+
+def free_limits(information: Information) -> dict[str, float]:
+    """The limits in free coordinates, ignoring bounds; infinite if undetectable."""
+    return {name: _limit(information, name) for name in information.catalogue}
+
+
+def _limit(information: Information, name: str) -> float:
+    effect, block = information.catalogue[name], information.of(name)
+    prior = np.array(effect.free_scale)
+    relative = np.asarray(np.linalg.eigvalsh(block * np.outer(prior, prior)), dtype=np.float64)
+    if relative[0] < _NONE:
+        return inf
+    needed = noncentrality(needed_gain(relative, len(information.catalogue)), len(prior))
+    shape = _shape(effect)
+    worst = float(np.linalg.eigvalsh(block * np.outer(shape, shape))[0])
+    # The interval of one that is found has to reach what anyone cares about.
+    reach = effect.smallest_free[0] - (1.96 - float(norm.ppf(POWER))) / sqrt(worst)
+    return max(sqrt(needed / worst), reach)
+
+
+def _shape(effect: Effect) -> Floats:
+    """The size of each coordinate relative to the first."""
+    if len({each.unit for each in effect.parameters}) == 1 or effect.chart != "linear":
+        return np.ones(len(effect.free_scale))
+    return np.asarray(np.array(effect.free_scale) / effect.free_scale[0])
+
+
+def predicted_limit(information: Information, name: str, legs: Floats) -> float:
+    """The size, in free coordinates, at which an effect's gains on held-out legs become significant (Student).
+
+    ``legs`` [L, d, d] is its information in each. A leg gains half its noncentrality, with the noncentrality as
+    variance, so in units of its scatter half the root, and the spread of information between legs adds scatter.
+    Infinite if that alone hides any size: an effect that shows in one leg of many is not predicted by the
+    others.
+    """
+    shape = _shape(information.catalogue[name])
+    direction = shape * np.linalg.eigh(information.of(name) * np.outer(shape, shape))[1][:, 0]
+    each = np.einsum("i,lij,j->l", direction, legs, direction)
+    count, total = len(each), float(each.sum())
+    if count < 2 or total <= 0.0:
+        return inf
+    level, margin = float(t.isf(HELD_OUT_LEVEL, count - 1)), float(norm.ppf(POWER))
+    share = np.sqrt(np.maximum(each, 0.0) / total)
+    even, uneven = 0.5 * float(share.mean()) * sqrt(count), 0.25 * float(share.var(ddof=1))
+    # (even x - margin)^2 = level^2 (1 + uneven x^2), with x^2 the noncentrality of all legs
+    leading = even**2 - level**2 * uneven
+    if leading <= 0.0:
+        return inf
+    constant = margin**2 - level**2
+    root = (margin * even + sqrt(max(0.0, (margin * even) ** 2 - leading * constant))) / leading
+    return root / sqrt(total)
+
+
+def needed_gain(relative: Floats, effects: int) -> float:
+    """The gain that an effect needs to be named: the larger of those required by significance and by evidence.
+
+    ``relative`` [d] are the eigenvalues of its information in units of its prior's; ``effects`` are tried. The
+    first is chi-square corrected for all of them (Sidak 1967); the second is where the log evidence less the
+    penalty is zero.
+    """
+    single = -expm1(log1p(-FALSE_ALARM) / effects)
+    occam = float(np.log1p(relative).sum()) + 2.0 * log(effects)
+    return max(float(chi2.isf(single, len(relative))), occam * float(1.0 + 1.0 / relative[0]))
+
+
+@lru_cache(maxsize=4096)
+def noncentrality(threshold: float, degrees: int, power: float = POWER) -> float:
+    """The noncentrality at which a chi-square variate exceeds ``threshold`` with probability ``power``."""
+    most = 4.0 * threshold + 100.0
+    return float(brentq(lambda value: float(ncx2.sf(threshold, degrees, value)) - power, 1e-9, most, xtol=1e-6))
+
+
+_IDLE_SHARE = 0.2  # of the fastest: slower shafts count as stopped
+_WORTH_A_MINUTE = 0.1  # log odds per minute: less is not worthwhile
+_LONGEST_S = 7200  # of a recording: more changes nothing
+
+
+@dataclass(frozen=True, slots=True)
+class Pair:
+    """An effect at ``values`` that may be true, a ``rival`` of any size, and the effects fitted beside either.
+
+    ``weight`` is the probability that the first is the true one.
+    """
+
+    name: str
+    rival: str
+    values: Values
+    given: tuple[str, ...] = ()
+    weight: float = 1.0
+
+
+@dataclass(frozen=True, slots=True)
+class RankedCandidate:
+    """A candidate, the log odds of each pair with it and without it, and its value.
+
+    ``share_separated`` is the share of the pairs that it is likely to separate.
+    """
+
+    candidate: CandidateManoeuvre
+    with_it: tuple[float, ...]
+    without: tuple[float, ...]
+    share_separated: float
+
+    @property
+    def gains(self) -> tuple[float, ...]:
+        """The gain of each pair per minute."""
+        return tuple((a - b) / self.candidate.minutes for a, b in zip(self.with_it, self.without, strict=True))
+
+
+@dataclass(frozen=True, slots=True)
+class Rehearsal:
+    """A recording's legs followed by a leg for each candidate that the ship can make."""
+
+    design: Design
+    recorded: range
+    candidates: tuple[CandidateManoeuvre, ...]
+
+
+def next_manoeuvre(
+    equations: NormalEquations,
+    vessel: Vessel,
+    values: Mapping[str, Values],
+    pairs: Sequence[Pair],
+    progress: Progress = lambda share: None,
+) -> NextTrial | None:
+    """The manoeuvre that separates most of ``pairs``, or None if no candidate is of use.
+
+    ``values`` has the parameters of all named effects, with which the ship is simulated.
+    """
+    return best_request(rank_candidates(rehearsal_of(equations, vessel, values, progress), pairs), pairs)
+
+
+def best_request(ranking: Sequence[RankedCandidate], pairs: Sequence[Pair]) -> NextTrial | None:
+    """The first of a ranking as a request, or None if it is not worthwhile.
+
+    The evidence is in log odds, of recording and manoeuvre together, for the closest of the pairs that the
+    manoeuvre separates.
+    """
+    best = next(iter(ranking), None)
+    if best is None or max(best.gains) < _WORTH_A_MINUTE:
+        return None
+    worst = min(
+        (place for place, gain in enumerate(best.gains) if gain >= _WORTH_A_MINUTE), key=best.with_it.__getitem__
+    )
+    what, pair = f"{best.candidate.what}, {best.candidate.minutes:g} minutes in all", pairs[worst]
+    return NextTrial(what, (pair.name, pair.rival), best.with_it[worst], best.candidate.minutes)
+
+
+def rehearsal_of(
+    equations: NormalEquations,
+    vessel: Vessel,
+    values: Mapping[str, Values],
+    progress: Progress = lambda share: None,
+) -> Rehearsal:
+    """Simulate every candidate with the effects ``values``, following the recording."""
+    model, log = equations.model, _shortened(equations.log)
+    ship = apply_effects(model.base, values, model.catalogue)
+    candidates = repertoire(shafts_of(vessel, usual_rpm(log)))
+    made = rehearsals(candidates, vessel, ship, wind_in(log), float(np.rad2deg(log.nominal[-1, 2])))
+    joined = append_rehearsals(log, [as_one_leg(each) for each in made.values()])
+    whole = normal_equations(linearise(joined, model, equations.tolerance), equations.noise, progress=progress)
+    return Rehearsal(design_of(whole), range(log.legs), tuple(made))
+
+
+def rank_candidates(rehearsal: Rehearsal, pairs: Sequence[Pair]) -> list[RankedCandidate]:
+    """Every candidate with its log odds for ``pairs``, the best first."""
+    design, recorded = rehearsal.design, rehearsal.recorded
+    now = _evidence(design.information(recorded), pairs)
+    result = []
+    for leg, candidate in enumerate(rehearsal.candidates, start=len(recorded)):
+        both = _evidence(design.information([*recorded, leg]), pairs)
+        result.append(RankedCandidate(candidate, both, now, _share_separated(both, pairs)))
+    return sorted(result, key=lambda each: (-each.share_separated, -min(each.gains)))
+
+
+def _share_separated(evidence: Sequence[float], pairs: Sequence[Pair]) -> float:
+    """The share of the pairs likely to be separated: log odds have a variance of twice their mean."""
+    expected = np.maximum(np.array(evidence), 1e-9)
+    chances = norm.cdf((expected - CLOSE) / np.sqrt(2.0 * expected))
+    return float(np.average(chances, weights=[each.weight for each in pairs]))
+
+
+def rehearsals(
+    candidates: Sequence[CandidateManoeuvre], vessel: Vessel, ship: Plant, sea: SeaState, heading_deg: float = 0.0
+) -> dict[CandidateManoeuvre, Log]:
+    """The simulated log of every candidate that stays in the range of the model."""
+    made = {}
+    for candidate in candidates:
+        try:
+            made[candidate] = rehearse(
+                candidate.legs, vessel, ship, sea, round(60.0 * candidate.minutes), heading_deg
+            )
+        except ModelRangeError:  # cannot be evaluated, so it is not proposed
+            continue
+    return made
+
+
+def usual_rpm(log: Log) -> float:
+    """The usual shaft speed [rpm] under way: the median of the fastest propulsor."""
+    main = {f"{name}_rpm" for name in shafts(log.actuators)}
+    fastest = (
+        np.abs(log.controls[:, :, [name in main for name in control_names(log.actuators)]])
+        .mean(axis=1)
+        .max(axis=1, initial=0.0)
+        * RPM_PER_RPS
+    )
+    return float(np.median(fastest[fastest >= _IDLE_SHARE * fastest.max()]))
+
+
+def wind_in(log: Log) -> SeaState:
+    """The mean wind of a log, as a sea state without waves."""
+    direction, speed = log.wind.T
+    north, east = float((speed * np.cos(direction)).mean()), float((speed * np.sin(direction)).mean())
+    from_deg = float(np.rad2deg(np.arctan2(east, north)) % 360.0)
+    return SeaState(float(np.hypot(north, east)), 0.0, 5.0, 0.0, direction_from_deg=from_deg)
+
+
+def _shortened(log: Log) -> Log:
+    """Legs spread over a log, up to the length that is worth evaluating."""
+    kept = max(1, round(log.legs * min(1.0, _LONGEST_S / len(log))))
+    chosen = np.unique(np.linspace(0, log.legs - 1, kept).round().astype(int))
+    return log.subset(np.isin(log.leg, chosen))
+
+
+def _evidence(information: Information, pairs: Sequence[Pair]) -> tuple[float, ...]:
+    """The log odds of each pair's first effect, at its value, against its second at any."""
+    result = []
+    for each in pairs:
+        free = information.catalogue[each.name].free(each.values)
+        result.append(0.5 * separation(information, each.name, each.rival, free, each.given))
+    return tuple(result)
+
+
+MINUTES = 10.0
+"""The length of a manoeuvre for R/V Gunnerus [min]; other ships' lengths are scaled."""
+
+_FEWEST_MINUTES = 2
+_IN_SECONDS_S = 100.0  # shorter times are given in seconds
+_SLOW, _FAST = 0.7, 1.15  # of the usual shaft speed
+_TUNNEL = 0.75  # of the tunnel thruster's limit
+_ROUND_RPM = 5.0
+_MIXED = "helm"  # what steers a ship by more than one sort of angle
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class CandidateManoeuvre:
+    """A manoeuvre: name, description, and legs that are repeated until its ``minutes`` are over."""
+
+    name: str
+    what: str
+    legs: Manoeuvre
+    minutes: float = MINUTES
+
+
+@dataclass(frozen=True, slots=True)
+class Shafts:
+    """Shaft speeds [rpm] for manoeuvres: usual, half, slower, faster; the tunnel thruster's.
+
+    ``drives`` and ``tunnels`` are the names of propulsors and tunnel thrusters, ``steering`` those of the
+    actuators that steer by an angle, none for a ship steered by differential thrust. ``drive`` and ``steers``
+    are words for one of them. ``time`` is the length of her manoeuvres relative to R/V Gunnerus'. ``most`` is
+    the lowest limit of her shafts, ``hard_over`` the rpm that a hard-over helm adds to one shaft and subtracts
+    from the other.
+    """
+
+    usual: float
+    half: float
+    slow: float
+    fast: float
+    tunnel: float
+    drives: tuple[str, ...]
+    steering: tuple[str, ...]
+    tunnels: tuple[str, ...]
+    drive: str = "thruster"
+    steers: str = "azimuth"
+    time: float = 1.0
+    most: float = inf
+    hard_over: float = 0.0
+
+    @property
+    def minutes(self) -> float:
+        """The length of a manoeuvre, with repetitions, in whole minutes."""
+        return float(max(_FEWEST_MINUTES, round(MINUTES * self.time)))
+
+    def candidate(self, name: str, what: str, legs: Sequence[Leg]) -> CandidateManoeuvre:
+        """A candidate whose legs are given in R/V Gunnerus' time."""
+        return CandidateManoeuvre(name, what, in_time(tuple(legs), self.time), self.minutes)
+
+    def span(self, seconds: float) -> str:
+        """A time given for R/V Gunnerus, scaled to this ship, in words."""
+        own_s = seconds * self.time
+        if own_s < _IN_SECONDS_S:
+            return "a minute" if round(own_s) == 60 else f"{max(5.0, 5.0 * round(own_s / 5.0)):g} seconds"
+        return f"{round(own_s / 30.0) / 2.0:g} minutes"
+
+    def helm(self, angle_deg: float, rpm: float) -> str:
+        """The helm at an angle and a shaft speed, in words."""
+        if not self.steering:
+            apart = angle_deg / HARD_OVER_DEG * self.hard_over
+            return f"one shaft at {min(rpm + apart, self.most):.0f} and the other at {rpm - apart:.0f} rpm"
+        number = {1: f"the {self.steers}", 2: f"both {self.steers}s"}
+        return f"{number.get(len(self.steering), f'all {self.steers}s')} at {angle_deg:g} degrees"
+
+
+def shafts_of(vessel: Vessel, usual_rpm: float) -> Shafts:
+    """Round figures around a usual shaft speed, within the limits of the drives."""
+    most = shaft_limit_rpm(vessel)
+    usual_rpm = min(usual_rpm, most)
+    usual, half, slow, fast = (
+        min(max(_ROUND_RPM, round(usual_rpm * share / _ROUND_RPM) * _ROUND_RPM), most)
+        for share in (1.0, 0.5, _SLOW, _FAST)
+    )
+    aside = min((each.limit_rpm for each in vessel.of_kind("tunnel")), default=0.0)
+    steering = [each for each in vessel.actuators if each.angle]
+    return Shafts(
+        usual, half, slow, fast, round(_TUNNEL * aside / _ROUND_RPM) * _ROUND_RPM,
+        drives_in(vessel.actuators), tuple(each.name for each in steering), names_of(vessel.actuators, "tunnel"),
+        _common((each.noun for each in vessel.actuators if each.drives), "thruster"),
+        _common((each.steers_by for each in steering), _MIXED), pace_of(vessel).time, most, own_usual_rpm(vessel),
+    )  # fmt: skip
+
+
+def _common(words: Iterable[str], otherwise: str) -> str:
+    """The word that all of ``words`` are."""
+    found = set(words)
+    return found.pop() if len(found) == 1 else otherwise
+
+
+def repertoire(shafts: Shafts) -> tuple[CandidateManoeuvre, ...]:
+    """All candidates that a ship with these thrusters can make."""
+    by_angle, alike = len(shafts.steering) > 0, shafts.steers != _MIXED
+    needed: dict[Callable[[Shafts], CandidateManoeuvre], bool] = {
+        _uneven: len(shafts.drives) == 2 and by_angle, _opposed: len(shafts.steering) == 2 and alike,
+        _crash_stop: shafts.drive == "propeller", _one_drive: len(shafts.drives) > 1,
+        _tunnel: len(shafts.tunnels) > 0,
+    }  # fmt: skip
+    return tuple(make(shafts) for make in _MAKERS if needed.get(make, True))
+
+
+def _reciprocal(at: Shafts) -> CandidateManoeuvre:
+    what = f"Run straight at {at.usual:g} rpm, {at.span(240.0)} on a heading and as long on the reciprocal"
+    legs = both_ways(lambda course: (settle(course, at.usual), steer(course, 220.0, at.usual)))
+    return at.candidate("reciprocal_headings", what, legs)
+
+
+def _four_headings(at: Shafts) -> CandidateManoeuvre:
+    what = f"Run straight at {at.usual:g} rpm on four headings 90 degrees apart, {at.span(120.0)} each"
+    return at.candidate("four_headings", what, reciprocal(110.0, at.usual))
+
+
+def _speed_runs(at: Shafts) -> CandidateManoeuvre:
+    speeds = (at.half, at.slow, at.usual, at.fast)
+    steps = ", ".join(f"{rpm:g}" for rpm in speeds)
+    what = f"Run straight at {steps} rpm, {at.span(60.0)} each, on a heading and on the reciprocal"
+    legs = both_ways(lambda course: (settle(course, speeds[0]), *(steer(course, 65.0, rpm) for rpm in speeds)))
+    return at.candidate("speed_runs", what, legs)
+
+
+def _turns(at: Shafts, helm_deg: float, turn_deg: float) -> CandidateManoeuvre:
+    what = (
+        f"Turn through {turn_deg:g} degrees at {at.usual:g} rpm with {at.helm(helm_deg, at.usual)}, "
+        "to one side and then to the other"
+    )
+    return at.candidate(f"turns_{helm_deg:g}", what, turning_circle(helm_deg, at.usual, turn_deg))
+
+
+def _zigzag(at: Shafts, helm_deg: float, switch_deg: float, slow: bool = False) -> CandidateManoeuvre:
+    rpm = at.slow if slow else at.usual
+    swings = zigzag(helm_deg, switch_deg, rpm, swings=10)
+    by = "" if at.steering else f" with {at.helm(helm_deg, rpm)}"
+    what = f"Zigzags {helm_deg:g}/{switch_deg:g} at {rpm:g} rpm{by}, about a heading and about the reciprocal"
+    name = f"zigzags_{helm_deg:g}_{switch_deg:g}{'_slow' * slow}"
+    return at.candidate(name, what, both_ways(lambda course: (settle(course, rpm), *swings)))
+
+
+def _speed_changes(at: Shafts) -> CandidateManoeuvre:
+    what = (
+        f"Speed up to {at.fast:g} rpm and slow down to {at.half:g} rpm every {at.span(30.0)}, {at.span(300.0)} on "
+        "a heading and as long on the reciprocal"
+    )
+    changes = (at.half, at.fast) * 4
+    legs = both_ways(lambda course: (settle(course, at.fast), *(steer(course, 30.0, rpm) for rpm in changes)))
+    return at.candidate("speed_changes", what, legs)
+
+
+def _coasting(at: Shafts) -> CandidateManoeuvre:
+    idle = Leg(rpm=0.0, at_most_s=180.0)
+    what = (
+        f"Speed up to {at.usual:g} rpm and coast without thrust for {at.span(180.0)}, on a heading and on the "
+        "reciprocal"
+    )
+    legs = both_ways(lambda course: (settle(course, at.usual), steer(course, 60.0, at.usual), idle))
+    return at.candidate("coasting", what, legs)
+
+
+def _crash_stop(at: Shafts) -> CandidateManoeuvre:
+    astern = Leg(rpm=-at.usual, slower_mps=0.0, at_most_s=120.0)
+    what = (
+        f"Speed up to {at.usual:g} rpm and stop at {at.usual:g} rpm astern until she stands, on a heading and on "
+        "the reciprocal"
+    )
+    legs = both_ways(lambda course: (settle(course, at.usual), steer(course, 90.0, at.usual), astern))
+    return at.candidate("crash_stops", what, legs)
+
+
+def _one_drive(at: Shafts) -> CandidateManoeuvre:
+    first, *others = (_named(name, at.drive) for name in at.drives)
+    then = "".join(f", then on the {name} alone" for name in others)
+    seconds, spans = 120.0, f"{at.span(120.0)} each"
+    if at.steering:
+        held = f"{at.span(60.0)} each held straight, at 15 degrees and at -15 degrees"
+        seconds, spans = 300.0, f"{at.span(120.0)} on a course, then {held}"
+    legs = one_by_one(at.drives, at.usual, seconds, by_angle=bool(at.steering))
+    what = f"Run on the {first} alone at {at.usual:g} rpm{then}: {spans}"
+    return at.candidate("one_thruster_at_a_time", what, [leg for each in legs for leg in each])
+
+
+def _named(name: str, drive: str) -> str:
+    """A drive's name, with its kind where the name does not contain it."""
+    words = name.replace("_", " ")
+    return words if drive in words else f"{words} {drive}"
+
+
+def _opposed(at: Shafts) -> CandidateManoeuvre:
+    one, other = (f"{name}_angle_deg" for name in at.steering)
+    legs = [Leg(rpm=at.usual, orders={one: a, other: -a}, at_most_s=75.0) for a in (20.0, -20.0, 35.0, -35.0)]
+    drives = {1: f"the {at.drive}", 2: f"both {at.drive}s"}.get(len(at.drives), f"all {at.drive}s")
+    what = (
+        f"Hold {drives} at {at.usual:g} rpm with {at.steers}s opposed, 20 and 35 degrees inwards and outwards, "
+        f"{at.span(75.0)} each, twice"
+    )
+    return at.candidate(f"{at.steers}s_opposed", what, legs)
+
+
+def _uneven(at: Shafts) -> CandidateManoeuvre:
+    one, other = at.drives
+    legs = [
+        leg
+        for orders in (
+            {f"{one}_rpm": at.usual, f"{other}_rpm": at.slow},
+            {f"{one}_rpm": at.slow, f"{other}_rpm": at.usual},
+        )
+        for leg in (
+            Leg(orders=orders, course_deg=0.0, at_most_s=90.0),
+            *(Leg(orders=orders, helm_deg=angle, at_most_s=45.0) for angle in (10.0, -10.0)),
+        )
+    ]
+    names = [name.replace("_", " ") for name in (one, other)]
+    what = (
+        f"Run with {names[0]} at {at.usual:g} and {names[1]} at {at.slow:g} rpm, then the other way round: "
+        f"{at.span(90.0)} on a course, {at.span(45.0)} each at 10 degrees and at -10 degrees"
+    )
+    return at.candidate("uneven_thrusters", what, legs)
+
+
+def _tunnel(at: Shafts) -> CandidateManoeuvre:
+    def push(main: float, name: str, aside: float) -> Leg:
+        return Leg(rpm=main, orders={f"{name}_rpm": aside}, at_most_s=60.0)
+
+    ahead = 0.3 * at.usual
+    subject = "the tunnel thruster" if len(at.tunnels) == 1 else "each tunnel thruster"
+    sides = (at.tunnel, 0.0, -at.tunnel, 0.0)
+    legs = [push(main, name, side) for name in at.tunnels for main in (0.0, ahead) for side in sides]
+    what = (
+        f"Run {subject} at {at.tunnel:g} rpm to either side, {at.span(60.0)} each and {at.span(60.0)} of rest "
+        f"between, stopped and at {ahead:.0f} rpm ahead"
+    )
+    return at.candidate("tunnel_thruster", what, legs)
+
+
+def _drifting(at: Shafts) -> CandidateManoeuvre:
+    legs = (Leg(rpm=0.0, at_most_s=60.0 * MINUTES),)
+    return at.candidate("drifting", "Lie stopped without any thrust and drift", legs)
+
+
+_MAKERS: tuple[Callable[[Shafts], CandidateManoeuvre], ...] = (
+    _reciprocal, _four_headings, _speed_runs,
+    *(partial(_turns, helm_deg=helm, turn_deg=turn) for helm, turn in ((15.0, 360.0), (30.0, 720.0))),
+    *(partial(_zigzag, helm_deg=helm, switch_deg=switch, slow=slow)
+      for helm, switch, slow in ((10.0, 10.0, False), (20.0, 20.0, False), (20.0, 20.0, True), (30.0, 5.0, False))),
+    _speed_changes, _coasting, _crash_stop, _one_drive, _uneven, _opposed, _tunnel, _drifting,
+)  # fmt: skip
+
+
+_STEPS = 4  # simulator steps in a quarter of a second, so that the autopilot's loop is as fast as a real one
+_SEED = 20260903
+
+
+def rehearse(
+    legs: Manoeuvre, vessel: Vessel, plant: Plant, sea: SeaState, seconds: int, heading_deg: float = 0.0
+) -> Log:
+    """Simulate ``seconds`` of a manoeuvre with ``plant`` and the autopilot and drives of ``vessel``.
+
+    Gusts are those of the ``sea``, always the same; waves and current are not, as they belong to the noise and
+    to the plant. Raises :class:`ModelRangeError` if the ship leaves the range of her model.
+    """
+    per_second = STEPS_PER_SECOND * _STEPS
+    streams = [np.random.default_rng(each) for each in np.random.SeedSequence(_SEED).spawn(2)]
+    dt_s = 1.0 / per_second
+    voyage = sail_through(
+        vessel, plant, sea, legs, (seconds + 1) * per_second, dt_s, heading_deg, streams[0], streams[1]
+    )
+    seen = measure(voyage.states, plant, dt_s)[:-1:per_second][: seconds + 1]
+    return _log(seen, _mean(voyage.controls, _STEPS), voyage.wind[::per_second], seconds + 1, vessel.actuators)
+
+
+def _log(seen: Floats, controls: Floats, wind: Floats, rows: int, actuators: Actuators) -> Log:
+    block = np.arange(rows, dtype=np.int64) * max(1, round(rows / BLOCK_S)) // rows
+    weight = np.zeros((rows, 6, STEPS_PER_SECOND + 1))
+    weight[:, :, STEPS_PER_SECOND // 2] = 1.0
+    return Log(
+        seen, weight, seen.copy(), controls[: rows * STEPS_PER_SECOND].reshape(rows, STEPS_PER_SECOND, -1),
+        wind[:rows].copy(), np.arange(rows, dtype=np.int64), block, block // round(LEG_S / BLOCK_S),
+        np.zeros(rows, dtype=np.int64), actuators,
+    )  # fmt: skip
+
+
+def _mean(series: Floats, number: int) -> Floats:
+    """Means of ``number`` rows at a time."""
+    whole = len(series) // number * number
+    return np.asarray(series[:whole].reshape(-1, number, series.shape[1]).mean(axis=1))
+
+
+def as_one_leg(log: Log) -> Log:
+    """The same log as a single leg."""
+    return replace(log, leg=np.zeros(len(log), dtype=np.int64))
+
+
+def append_rehearsals(first: Log, others: Sequence[Log]) -> Log:
+    """Several logs as one: each continues at the place of the one before and, after a break, at its time.
+
+    Channels not measured in ``first`` are not measured in the others either.
+    """
+    parts = [first]
+    missing = ~np.isfinite(first.measured).any(axis=0)
+    for other in others:
+        last = parts[-1]
+        shift = np.zeros(6)
+        shift[:2] = last.nominal[-1, :2] - other.nominal[0, :2]
+        seen = other.measured + shift
+        seen[:, missing] = np.nan
+        parts.append(
+            replace(
+                other, measured=seen, nominal=other.nominal + shift,
+                time_s=other.time_s - other.time_s[0] + last.time_s[-1] + BLOCK_S,
+                block=other.block + last.block[-1] + 1, leg=other.leg + last.leg[-1] + 1,
+                recording=np.full_like(other.recording, last.recording[-1]),
+            )
+        )  # fmt: skip
+    arrays = [name for name in Log.__slots__ if isinstance(getattr(first, name), np.ndarray)]
+    together: dict[str, Any] = {name: np.concatenate([getattr(part, name) for part in parts]) for name in arrays}
+    # A simulated log has a single input hold, and no log before it.
+    return replace(first, held={}, cut_from=None, **together)

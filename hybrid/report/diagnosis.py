@@ -1,0 +1,1207 @@
+"""A diagnosis in words: named effects, contradictions between sensors, the remainder, regimes, remarks.
+
+What a diagnosis's page and terminal say: words, numbers, rows. ``templates/diagnosis.html`` makes the page.
+
+A named effect in one plain sentence: what it is, its size, and how certain it is.
+
+Effects of the ship and her sensors have texts of their own; those of actuators have one for each kind of effect,
+with the actuator's name and noun in it: one actuator, a pair, or all of a kind.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
+from datetime import UTC, datetime
+from math import inf, isfinite, pi
+from pathlib import Path
+from string import Template
+from typing import Any
+
+import numpy as np
+from rich.console import Group
+from rich.text import Text
+
+from seatrial.acquisition.core.result import to_json
+from seatrial.acquisition.core.ship import DEFAULT, Actuators, names_of
+from seatrial.analysis.report.rendering import Page, render
+from seatrial.analysis.report.tables import in_words
+from seatrial.hybrid.diagnosis.acceptance import CREDIBLE, Acceptance, AcceptanceTests, LackOfFit
+from seatrial.hybrid.diagnosis.evidence import AXES, INTERACTIONS, OPERATION, Evidence
+from seatrial.hybrid.diagnosis.linearise import TimeProfile, TimeVaryingEffect, base_names
+from seatrial.hybrid.diagnosis.log import Log
+from seatrial.hybrid.diagnosis.map import notable_places
+from seatrial.hybrid.diagnosis.regimes import FoundRegime
+from seatrial.hybrid.diagnosis.result import (
+    FORCES,
+    Correlation,
+    Diagnosis,
+    EffectDrift,
+    Estimate,
+    Extras,
+    GapCell,
+    IdentifiedCorrection,
+    Ladder,
+    NamedEffect,
+    Ratio,
+    RegimeEffect,
+    Remainder,
+    Replication,
+    Rival,
+    SensorContradiction,
+    Suspect,
+    UnknownCause,
+    When,
+)
+from seatrial.hybrid.diagnosis.select_effects import CLOSE, rivals_of
+from seatrial.hybrid.diagnosis.verdict import Conclusion, estimates
+from seatrial.hybrid.effects import Catalogue, Effect
+from seatrial.hybrid.effects.catalogue import VERSION
+from seatrial.hybrid.effects.environment import STEADY_WIND
+from seatrial.hybrid.effects.regime import Regime, parameter_of
+from seatrial.hybrid.prediction.baselines import Interval
+from seatrial.hybrid.report.sections import templates
+from seatrial.hybrid.report.text import UNITS, force_unit, join_words, plain, quantity_title
+from seatrial.hybrid.vessel.actuators import KINDS
+
+_ALMOST = 1.1
+
+
+def describe(conclusion: Conclusion, provenance: Mapping[str, Any] | None = None) -> tuple[Diagnosis, Extras]:
+    """A conclusion as the contract's diagnosis, in words where it has words, and what a report shows beside it."""
+    first, accepted, gap = conclusion.first, conclusion.accepted, conclusion.gap
+    equations = first.evidence.equations
+    effects = tuple(each for name in accepted.names for each in _named_effects(conclusion, name))
+    catalogue = equations.model.catalogue
+    diagnosis = Diagnosis(
+        verdict=conclusion.verdict,
+        tolerance=equations.tolerance,
+        effects=effects,
+        rivals=_rivals(conclusion.rivals, catalogue),
+        indistinguishable=tuple(dict.fromkeys(base_names(group, catalogue) for group in conclusion.tied)),
+        unknown=_unknown(conclusion),
+        where=notable_places(conclusion.maps[0].places),
+        gap=gap.gap,
+        next_manoeuvre=conclusion.next_manoeuvre,
+        suspects=conclusion.suspects,
+        tracks=gap.tracks,
+        remarks=_remarks(conclusion, effects),
+        remainder=remainder_of(conclusion),
+        regimes=tuple(map(regime_in_words, conclusion.regimes)),
+        provenance={**(provenance or {}), **_provenance(first)},
+    )
+    sensors = contradictions(conclusion.sensors) if conclusion.sensors else ()
+    return diagnosis, Extras(*conclusion.maps, sensors, correlation=correlation_of(accepted))
+
+
+def _rivals(rivals: Sequence[Rival], catalogue: Catalogue) -> tuple[Rival, ...]:
+    """Rivals as the catalogue names them, the closest form of each."""
+    found = dict[tuple[str, str], Rival]()
+    for each in rivals:
+        pair = catalogue[each.instead_of].base, catalogue[each.name].base
+        found.setdefault(pair, Rival(*pair, each.evidence))
+    return tuple(found.values())
+
+
+def _named_effects(conclusion: Conclusion, name: str) -> list[NamedEffect]:
+    """A named effect, once for each part of the trial in which it has a size of its own."""
+    accepted, gap = conclusion.accepted, conclusion.gap
+    equations = accepted.evidence.equations
+    effect, test = equations.model.catalogue[name], accepted.tests[name]
+    sizes, share = estimates(accepted, name), float(gap.shares.get(name, 0.0))
+    others = [each for each in accepted.names if each != name]
+    log_odds = accepted.evidence.log_odds(accepted.names) - accepted.evidence.log_odds(others)
+    whole = NamedEffect(
+        effect.base, effect.family, effect.kind, share, test.p_value, "", sizes[-1], conclusion.replicated[name],
+        log_odds, effect.scope, in_vessel=effect.base != STEADY_WIND.name,
+    )  # fmt: skip
+    if isinstance(effect, TimeVaryingEffect):
+        return in_parts(whole, effect, sizes, equations.log)
+    return [replace(whole, sentence=sentence(effect, sizes[0], share, equations.log.actuators))]
+
+
+def in_parts(
+    whole: NamedEffect, effect: TimeVaryingEffect, sizes: Sequence[Parameters], log: Log
+) -> list[NamedEffect]:
+    """An effect that is not the same in all of a trial, by its parts."""
+
+    def said(parameters: Parameters, when: str) -> str:
+        what, ends = words_and_interval(effect, parameters, log.actuators)
+        return f"{when}: {what[:1].lower()}{what[1:]} ({ends})"
+
+    part = f"it explains {100.0 * whole.share_of_gap:.0f} % of the gap on legs not used to find it."
+    if effect.profile.shape == "drift":
+        since, until = map(_utc, effect.profile.times_s)
+        drift = EffectDrift(since, until, sizes[0])
+        words = f"{said(sizes[0], f'At {clock(drift.since)} UTC')}, changing linearly; "
+        words += f"{said(sizes[1], f'at {clock(drift.until)} UTC')}; {part}"
+        return [replace(whole, drift=drift, sentence=words)]
+    found = []
+    for size, when in zip(sizes, _parts_of(effect.profile, log), strict=True):
+        last = part if len(sizes) == 1 else f"with its other sizes {part}"
+        words = f"{said(size, when_words(when))}; {last}"
+        kept = _kept(effect, when, log)
+        found.append(replace(whole, parameters=size, when=when, in_vessel=kept, sentence=words))
+    return found
+
+
+def _parts_of(profile: TimeProfile, log: Log) -> list[When]:
+    if profile.shape == "recordings":
+        return [When(recording=Path(log.names[int(number)]).name) for number in profile.times_s]
+    (at,) = map(_utc, profile.times_s)
+    low, high = map(_utc, profile.interval_s or profile.times_s * 2)
+    ends = {"until": When(until=at, low=low, high=high), "since": When(since=at, low=low, high=high)}
+    return [ends[profile.shape]] if profile.shape in ends else list(ends.values())
+
+
+def _kept(effect: TimeVaryingEffect, when: When, log: Log) -> bool:
+    """Whether it is there at the end of the trial, and the ship's own where it differs between recordings."""
+    if when.recording is None:
+        return when.until is None
+    latest = Path(log.names[int(log.recording[np.argmax(log.time_s)])]).name
+    return effect.scope == "ship" and when.recording == latest
+
+
+def _utc(time_s: float) -> str:
+    return datetime.fromtimestamp(round(time_s), UTC).isoformat().replace("+00:00", "Z")
+
+
+def _unknown(conclusion: Conclusion) -> UnknownCause | None:
+    if conclusion.verdict != "unknown":
+        return None
+    accepted = conclusion.accepted
+    if conclusion.withdrawn:
+        names = join_words([plain(each) for each in conclusion.withdrawn])
+        words = f"{names}, but predictions on held-out legs are worse with it, so it is only suspected"
+        return UnknownCause(conclusion.left_open, (OPERATION,), words)
+    effects = [accepted.evidence.equations.model.catalogue[name] for name in accepted.names]
+    return unknown_cause(conclusion.first.lack_of_fit, effects, conclusion.left_open)
+
+
+def unknown_cause(
+    found: Sequence[LackOfFit], effects: Sequence[Effect], share_of_gap: float
+) -> UnknownCause | None:
+    """What remains, in words; or what so many named ``effects`` at once are likely to stand for."""
+    if found:
+        found = _told(found)
+        where = tuple(dict.fromkeys(each.depends for each in found))
+        return UnknownCause(share_of_gap, where, "; ".join(dict.fromkeys(looks_like(each) for each in found[:3])))
+    if len(effects) <= CREDIBLE:
+        return None
+    families = " and ".join(dict.fromkeys(each.family for each in effects))
+    several = f"{len(effects)} effects at once ({families})"
+    words = f"{several}: more likely one similar effect that is not in the catalogue"
+    return UnknownCause(share_of_gap, (OPERATION,), words)
+
+
+def remainder_of(conclusion: Conclusion) -> Remainder | None:
+    """What the named effects leave unexplained: its size, and where it is most significant; None if nothing."""
+    accepted, left = conclusion.accepted, conclusion.maps[1]
+    if not (accepted.beside_remainder and accepted.lack_of_fit):
+        return None
+    shares = np.sqrt((left.force**2).mean(axis=0)) / accepted.evidence.equations.force_range
+    axis = int(np.argmax(shares))
+    kind = "moment" if AXES[axis] == "yaw" else "force"
+    words = f"a {AXES[axis]} {kind} of {percent(float(shares[axis]))} of its range (root mean square)"
+    surest = next((each for each in notable_places(left.places) if each.channel == FORCES[axis]), None)
+    if surest is not None:
+        _, cell, _, size, _ = cell_row(surest)
+        words += f", most significant at {cell}: {size} {_UNIT[AXES[axis]]}"
+    where = tuple(dict.fromkeys(each.depends for each in accepted.lack_of_fit))
+    return Remainder(float(shares[axis]), conclusion.left_open, where, words)
+
+
+def _told(found: Sequence[LackOfFit]) -> list[LackOfFit]:
+    """Without weaker signs that an effect has another form than it is named for."""
+    first = {each.what: each for each in reversed(found) if each.depends in INTERACTIONS}
+    return [each for each in found if each.depends not in INTERACTIONS or each is first[each.what]]
+
+
+_UNIT = {"surge": "N", "sway": "N", "yaw": "N m"}
+
+
+def looks_like(remainder: LackOfFit) -> str:
+    """One family in words: its axis or effect, on what it depends, and its size."""
+    if remainder.what == "force":
+        return (
+            f"forces of speeds and thrusters that are wrong by some {100.0 * remainder.size:.2g} % of their range"
+        )
+    if remainder.what in AXES:
+        kind = "moment" if remainder.what == "yaw" else "force"
+        size = f"{remainder.size:.2g} {_UNIT[remainder.what]}"
+        return f"a {remainder.what} {kind} of some {size} that varies with {DEPENDS[remainder.depends]}"
+    varies = f"{plain(remainder.what.split(',')[0])} that varies with {DEPENDS[remainder.depends]}"
+    other = ": more likely a similar effect that is not in the catalogue"
+    return varies + other if remainder.depends in INTERACTIONS else varies
+
+
+def correlation_of(accepted: Acceptance) -> Correlation:
+    """How the estimates of what was named are correlated, in its free coordinates."""
+    fit = accepted.evidence.fit(accepted.names)
+    deviation = np.sqrt(np.diag(fit.covariance))
+    titles, order = list[str](), list[int]()
+    for name in accepted.names:
+        places, base = accepted.evidence.places(fit, name), accepted.evidence.equations.model.catalogue[name].base
+        titles += [
+            f"{plain(base)}, {number}" if len(places) > 1 else plain(base) for number, _ in enumerate(places, 1)
+        ]
+        order += places
+    matrix = fit.covariance / np.outer(deviation, deviation)
+    return Correlation(tuple(titles), np.asarray(matrix[np.ix_(order, order)]))
+
+
+def contradictions(sensors: Acceptance) -> tuple[SensorContradiction, ...]:
+    """Each contradiction in words, the most significant first."""
+    results = [_contradiction(sensors.evidence, sensors.names, test) for test in sensors.tests.values()]
+    return tuple(sorted(results, key=lambda each: each.p_value))
+
+
+def _contradiction(evidence: Evidence, names: tuple[str, ...], test: AcceptanceTests) -> SensorContradiction:
+    model = evidence.equations.model
+    effect = model.catalogue[test.name]
+    fit = evidence.fit(names)
+    places = evidence.places(fit, test.name)
+    free = tuple(float(fit.values[place]) for place in places)
+    errors = tuple(float(np.sqrt(fit.covariance[place, place])) for place in places)
+    rivals = sorted((less, rival) for rival, less in rivals_of(evidence, names, test.name).items() if less < CLOSE)
+    alike = base_names((rival for _, rival in rivals), model.catalogue)
+    words = "; then ".join(
+        ", ".join(
+            f"{parameter_title(each.name, each.unit)} {number(values[each.name])} ± {number(1.96 * error)} "
+            f"{'' if each.unit == '1' else each.unit}".rstrip()
+            for each, error in zip(effect.parameters, some, strict=True)
+        )
+        for values, some in zip(model.piecewise(test.name, free), effect.pieces(errors), strict=True)
+    )
+    sentence = f"The sensors contradict each other; a possible cause is {plain(effect.base)}: {words}"
+    if alike:
+        others = join_words([plain(each) for each in alike], "or")
+        sentence += f"; without a ship model {others} cannot be ruled out"
+    return SensorContradiction(effect.base, free, errors, test.p_value, alike, sentence + ".")
+
+
+def _no_wind(catalogue: Catalogue) -> str:
+    """The remark on a trial in which the wind is nil: it was not recorded, or a calm was."""
+    if STEADY_WIND.name in catalogue:
+        return "no wind was recorded: only a steady wind was considered"
+    return "the wind is nil throughout: its effects were tested in a calm, and a steady wind was not considered"
+
+
+def _remarks(conclusion: Conclusion, effects: Sequence[NamedEffect]) -> tuple[str, ...]:
+    equations = conclusion.first.evidence.equations
+    log, vessel, gap = equations.log, equations.model.vessel, conclusion.gap
+    remarks = []
+    if not log.wind[:, 1].any():
+        remarks.append(_no_wind(equations.model.catalogue))
+    remarks += _about_settings(log)
+    if log.refused:
+        remarks.append(f"{log.refused} outliers were rejected")
+    for group in {base_names(group, equations.model.catalogue): None for group in conclusion.composites}:
+        family = next(each.family for each in effects if each.name in group)
+        remarks.append(
+            f"{join_words([plain(name) for name in group])} are of one family ({family}) and may together be one "
+            "effect that is not in the catalogue"
+        )
+    remarks += [_made_by(name, pair) for name, *pair in conclusion.accepted.substitute_pairs]
+    if effects and gap.gap.closed < 0.0:
+        remarks.append(
+            "predictions are no better with the named effects: other errors of the model are larger and mask them"
+        )
+    alone = min((each.after_m for each in conclusion.regimes[:1]), default=np.inf)
+    if len(effects) > 1 and alone < _ALMOST * gap.gap.after_m:
+        remarks.append(
+            "a force in one regime alone improves predictions almost as much as all named effects: together these "
+            "may only imitate one effect that is not in the catalogue"
+        )
+    for each in effects:
+        if vessel is not None and each.name in vessel.effects and each.in_vessel:
+            remarks.append(f"{each.name} is already in the vessel file: the value here replaces the one there")
+    return tuple(remarks)
+
+
+def _made_by(name: str, pair: Sequence[str]) -> str:
+    """That two effects may stand for one that is named.
+
+    >>> _made_by("skeg", ("drift_moment", "yaw_damping"))
+    'drift moment and yaw damping together would do what skeg does, and predict as well in its place'
+    """
+    both = join_words([plain(each) for each in pair])
+    return f"{both} together would do what {plain(name)} does, and predict as well in its place"
+
+
+def _about_settings(log: Log) -> list[str]:
+    """How thruster settings were read between their records, where that is not as usual."""
+    if log.input_hold == "line":
+        seldom = f"thruster settings were recorded every {log.setting_step_s:g} s: shorter lags cannot be found"
+        return [seldom] if log.setting_step_s > 0.5 else []
+    held = f"thruster settings are taken as held {log.input_hold}: this fits the motion better than interpolation"
+    late = "; or they are held until the next record, and act later by one interval"
+    return [held + late if log.input_hold == "since the last record" else held]
+
+
+def _provenance(first: Acceptance) -> dict[str, Any]:
+    """What every verdict states: the catalogue, the force range of which the tolerance is a share, the noise."""
+    extent = first.evidence.equations.force_range.tolist()
+    return {
+        "catalogue_version": VERSION,
+        "effects_in_catalogue": len(base_names(first.evidence.names, first.evidence.equations.model.catalogue)),
+        "force_range": dict(zip(("surge_n", "sway_n", "yaw_nm"), extent, strict=True)),
+        "noise": to_json(first.evidence.equations.noise),
+    }
+
+
+_WHAT = {
+    "speed_mps": "the speed",
+    "surge_mps": "surge",
+    "sway_mps": "sway",
+    "yaw_rate_dps": "the yaw rate",
+    "drift_angle_deg": "the drift angle",
+    "wind_mps": "the wind",
+    "relative_wind_deg": "the direction of the wind off the bow",
+    "rpm": "the mean shaft speed",
+    "azimuth_deg": "the mean azimuth",
+    "rudder_deg": "the mean rudder angle",
+    "nozzle_deg": "the mean nozzle angle",
+}
+_WAYS = {"surge": ("ahead", "astern"), "sway": ("to starboard", "to port"), "yaw": ("to starboard", "to port")}
+
+
+def regime_in_words(found: FoundRegime) -> RegimeEffect:
+    """A regime that was found as the contract has it."""
+    regime = found.regime
+    name, unit = parameter_of(regime)
+    reach = 1.96 * abs(found.error)
+    return RegimeEffect(
+        found.name,
+        regime_sentence(found),
+        regime.axis,
+        {each: (_end(low), _end(high)) for each, (low, high) in regime.within.items()},
+        regime.grows_with,
+        regime.at,
+        {name: Estimate(found.value, found.value - reach, found.value + reach, unit)},
+        found.share,
+        found.replicated,
+        found.after_m,
+    )
+
+
+def _end(value: float) -> float | None:
+    return value if isfinite(value) else None
+
+
+def regime_sentence(found: FoundRegime) -> str:
+    """Force, regime, and what it brings, in one sentence."""
+    regime, (size_n, unit) = found.regime, force_unit(abs(found.value))
+    unit, what = (f"{unit} m", "moment") if regime.axis == "yaw" else (unit, "force")
+    way = _WAYS[regime.axis][found.value < 0.0]
+    spans = [f"{_quantity(name)} is {_between(name, *span)}" for name, span in regime.within.items()]
+    where = f" while {join_words(spans)}" if spans else ""
+    return (
+        f"The model lacks {number(abs(found.value) / size_n)} {unit} {way}{where}{_growth(regime)}: "
+        f"{percent(found.share)} of the missing {regime.axis} {what}; "
+        f"with it the error on held-out legs is {found.after_m:.2f} m."
+    )
+
+
+def _growth(regime: Regime) -> str:
+    if regime.grows_with is None:
+        return ""
+    of, unit = _quantity(regime.grows_with), _unit(regime.grows_with)
+    return f", proportional to the square of {of} (the figure is for {number(regime.at)} {unit})"
+
+
+def _between(name: str, low: float, high: float) -> str:
+    unit = _unit(name)
+    if not isfinite(low):
+        return f"below {number(high)} {unit}"
+    return f"above {number(low)} {unit}" if not isfinite(high) else f"{number(low)} to {number(high)} {unit}"
+
+
+def _quantity(name: str) -> str:
+    return _WHAT.get(name) or f"the shaft speed of the {plain(name.removesuffix('_rpm'))} thruster"
+
+
+def _unit(name: str) -> str:
+    return UNITS[name.rsplit("_", 1)[-1]]
+
+
+_SMALL = 0.001
+_NOTABLE = 0.1  # of itself: as many percent as a regression leaves in doubt of the best known numbers
+
+DEPENDS = {
+    "heading": "the heading",
+    "place": "the place",
+    "time": "time",
+    "azimuth": "large angles of helm",
+    "operating point": "the operating point (speed and thruster settings)",
+    "speed": "the speed",
+    "drift": "the speed sideways",
+    "turning": "the yaw rate",
+    "thrust": "the thrust ahead",
+    "side thrust": "the thrust sideways",
+}
+"""What something unknown may depend on."""
+
+
+ONE_OF_THEM = "one effect of their family that is not in the catalogue"
+"""What the effects of a group that are named together may really be."""
+
+
+def alternatives(group: Sequence[str], named: Sequence[str], last: str = "or") -> str:
+    """Effects of which the data do not tell which it is; or, where all are named, that may be one unknown.
+
+    >>> alternatives(["trim", "skeg"], ["trim"])
+    'trim or skeg'
+    >>> alternatives(["trim", "skeg"], ["skeg", "trim"], "from")
+    'trim and skeg from one effect of their family that is not in the catalogue'
+    """
+    words = [plain(name) for name in group]
+    return f"{join_words(words)} {last} {ONE_OF_THEM}" if set(group) <= set(named) else join_words(words, last)
+
+
+def number(value: float) -> str:
+    """Three figures, without exponents where people read none.
+
+    >>> number(-0.01234), number(12345.6), number(inf)
+    ('−0.0123', '12,346', 'no end')
+    """
+    if value == inf:
+        return "no end"
+    size = abs(value)
+    text = f"{value:,.0f}" if size >= 100.0 else f"{value:.3g}"
+    return text.replace("-", "\u2212") if "e" not in text else text
+
+
+def percent(share: float) -> str:
+    """A share in whole percent, or one figure below ten.
+
+    >>> percent(0.834), percent(0.01)
+    ('83 %', '1 %')
+    """
+    return f"{100.0 * share:.0f} %" if abs(share) >= 0.0995 else f"{100.0 * share:.2g} %"
+
+
+def chance(p_value: float) -> str:
+    """The chance of something where there is nothing.
+
+    >>> chance(0.012), chance(1e-9)
+    ('p = 0.012', 'p < 0.001')
+    """
+    return f"p < {_SMALL:g}" if p_value < _SMALL else f"p = {p_value:.2g}"
+
+
+def parameter_title(name: str, unit: str) -> str:
+    """A parameter's name without its unit.
+
+    >>> parameter_title("time_constant_s", "s"), parameter_title("resistance_factor", "1")
+    ('time constant', 'resistance factor')
+    """
+    return plain(name if unit == "1" or "_" not in name else name.rsplit("_", 1)[0])
+
+
+_MODEL = "model: "
+
+
+def model_line(diagnosis: Diagnosis) -> str:
+    """Which model was diagnosed, and whether it is not that of the ship which the recordings name."""
+    return doubt_of_model(diagnosis) or f"{_MODEL}{diagnosis.provenance.get('vessel', 'as given')}"
+
+
+def doubt_of_model(diagnosis: Diagnosis) -> str:
+    """What is to be said first of the model; empty where it is that of the recordings."""
+    return next((each for each in diagnosis.remarks if each.startswith(_MODEL)), "")
+
+
+def other_remarks(diagnosis: Diagnosis) -> list[str]:
+    """What else was said on the way."""
+    return [each for each in diagnosis.remarks if each != doubt_of_model(diagnosis)]
+
+
+def correction_sentence(correction: IdentifiedCorrection) -> str:
+    """What a refit of the model before the diagnosis did, and what the model's structure can close, for people."""
+    ahead, across, yaw = (percent(each) for each in correction.forces.values())
+    moved = sum(
+        abs(each.value - correction.start[name]) > _NOTABLE * abs(correction.start[name])
+        for name, each in correction.coefficients.items()
+    )
+    closes = (
+        f"on {correction.held_out_windows} held-out windows the error falls from "
+        f"{number(correction.before_m)} to {number(correction.after_m)} m"
+    )
+    if not correction.applied:
+        return (
+            "The model was re-identified but left unchanged: on held-out legs the error is "
+            f"{number(correction.after_m)} m with the new coefficients and {number(correction.before_m)} m without."
+        )
+    return (
+        f"The diagnosis starts from a refit of the model: {moved} of {len(correction.coefficients)} coefficients "
+        f"changed by more than {percent(_NOTABLE)}, which changes the forces by {ahead} of their range in surge, "
+        f"{across} in sway and {yaw} in yaw; {closes}, the best that this model's structure allows."
+    )
+
+
+def structure_rows(correction: IdentifiedCorrection) -> list[list[str]]:
+    """What the model's structure can close, beside the constant velocity, on legs that took no part."""
+    rungs = {
+        "constant velocity": correction.constant_velocity_m,
+        "model before the refit": correction.before_m,
+        "model with coefficients of the other legs (the best of this structure)": correction.after_m,
+    }
+    return [[name, f"{number(each)} m"] for name, each in rungs.items()]
+
+
+def coefficient_rows(correction: IdentifiedCorrection) -> list[list[str]]:
+    """Each coefficient of a refit, those that moved most first."""
+
+    def change(name: str) -> float:
+        return correction.coefficients[name].value / correction.start[name] - 1.0
+
+    names = sorted(correction.coefficients, key=lambda name: -abs(change(name)))
+    told = {name: "yes" if name in correction.known else "only with others" for name in names}
+    return [
+        [name.removeprefix("effects.").replace(".", " "), number(correction.start[name]),
+         number(correction.coefficients[name].value), _span(correction.coefficients[name]),
+         f"{100.0 * change(name):+.0f} %".replace("-", "\u2212"), told[name]]
+        for name in names
+    ]  # fmt: skip
+
+
+def verdict_sentence(diagnosis: Diagnosis) -> str:
+    """The verdict in one plain sentence."""
+    named = _lacking(diagnosis.effects)
+    if diagnosis.verdict == "nothing_missing":
+        return "Nothing is missing that this trial could reveal"
+    if diagnosis.verdict == "unknown":
+        return f"{named + ', and s' if named else 'S'}omething is missing that no effect of the catalogue explains"
+    if diagnosis.verdict == "indistinguishable" and diagnosis.remainder is None:
+        names = [each.name for each in diagnosis.effects]
+        groups = [alternatives(group, names) for group in diagnosis.indistinguishable]
+        return f"This trial cannot determine which is missing: {'; '.join(groups)}"
+    left = diagnosis.remainder
+    rest = f"; forces of {percent(left.share_of_range)} of the range remain unexplained" if left is not None else ""
+    return named + rest
+
+
+def _lacking(effects: Sequence[NamedEffect]) -> str:
+    """What the model lacks and what the sensors show, as a sentence; nothing without effects."""
+    lacks, shown = (plain_names(each for each in effects if (each.kind == "sensor") is it) for it in (False, True))
+    parts = [f"the model lacks {join_words(lacks)}"] if lacks else []
+    parts += [f"the sensors show {join_words(shown)}"] if shown else []
+    sentence = ", and ".join(parts)
+    return sentence[:1].upper() + sentence[1:]
+
+
+def headline(diagnosis: Diagnosis) -> dict[str, str]:
+    """The numbers that matter."""
+    gap, error = diagnosis.gap, f"error over {diagnosis.gap.horizon_s} s"
+    if diagnosis.effects:
+        figures = {
+            f"{error} before": f"{gap.before_m:.2f} m",
+            "after": f"{gap.after_m:.2f} m",
+            "floor, from noise alone": f"{gap.floor_m:.2f} m",
+            "of the gap above the floor closed": percent(gap.closed) if gap.closed > 0.0 else "nothing",
+        }
+    else:
+        figures = {error: f"{gap.before_m:.2f} m", "constant velocity": f"{gap.constant_velocity_m:.2f} m"}
+        if gap.floor_m < gap.before_m:
+            figures["floor, from noise alone"] = f"{gap.floor_m:.2f} m"
+    figures["of the force range: tolerated model error"] = f"{percent(diagnosis.tolerance)}"
+    return figures
+
+
+def verdict_meaning(diagnosis: Diagnosis) -> str:
+    """What the verdict means, and how errors are judged."""
+    gap = diagnosis.gap
+    part = (
+        "used neither to name nor to fit effects"
+        if diagnosis.remainder is None
+        else "not used to fit the sizes of effects (which effects to name was decided on all)"
+    )
+    judged = (
+        f"Errors are mean distances between predicted and measured tracks over {gap.held_out_windows} windows of "
+        f"{gap.horizon_s} s that were {part}."
+    )
+    says = {
+        "named": "Each named effect is significant, given the number of effects tried, and improves predictions of "
+        "held-out legs.",
+        "nothing_missing": "This is within the tolerances of the model and the sensors; the ranking below gives "
+        "the size that each effect could have without being found.",
+        "unknown": "A systematic remainder exceeds the noise; what it depends on is given below. No effect of the "
+        "catalogue fits it.",
+        "indistinguishable": "The effects listed together explain the trial equally well.",
+    }
+    if diagnosis.remainder is not None:
+        says |= dict.fromkeys(
+            ("named", "indistinguishable"),
+            "The model is coarse: it lacks more than is named here. The named effects are found in most parts of "
+            "the trial separately and improve predictions of held-out legs; the remainder is described below.",
+        )
+    after = " The manoeuvre that would best distinguish them is given below." if diagnosis.next_manoeuvre else ""
+    return f"{says[diagnosis.verdict]}{after} {judged}"
+
+
+def next_steps(diagnosis: Diagnosis, contradictions: Sequence[SensorContradiction] = ()) -> list[str]:
+    """What the reader can do next, the most useful first; ``contradictions`` are those between the sensors."""
+    sensors = plain_names(each for each in diagnosis.effects if each.kind == "sensor")
+    steps = []
+    if contradictions and not sensors:
+        steps.append(
+            "Correct the sensors first: without any ship model they contradict each other, as by "
+            f"{join_words(list(dict.fromkeys(plain(each.effect) for each in contradictions)))} (see the end of "
+            "this page). Then repeat the diagnosis, since forces may otherwise stand for them."
+        )
+    if sensors:
+        steps.append(
+            f"Check the sensors first ({join_words(sensors)}): correct their mounting, settings or timing if "
+            "needed, and repeat the diagnosis, since the other effects may change."
+        )
+    steps += _use_of_vessel(diagnosis)
+    if diagnosis.next_manoeuvre is not None:
+        steps.append("Sail the manoeuvre given below: it distinguishes what this trial cannot.")
+    if diagnosis.unknown is not None:
+        steps.append(
+            "Sail some minutes in the cells of the map below where the model is most wrong, one quantity varied at "
+            "a time, and diagnose the recordings together: no effect of the catalogue explains this one."
+        )
+    if diagnosis.regimes:
+        steps.append(
+            "Look for a cause in the regimes below, where the model is worst, and sail some minutes in each: "
+            "there a trial is most informative."
+        )
+    if diagnosis.identified is not None and diagnosis.identified.applied:
+        steps.append(
+            "Use the coefficients identified from this trial only within its speeds, drift angles and thruster "
+            "settings: those that it determines only with others are no measurement of the ship. With "
+            "--no-identify, diagnose names effects of the model as it was."
+        )
+    if (diagnosis.remainder or diagnosis.unknown) is not None and diagnosis.identified is None:
+        steps.append(
+            "If many coefficients may be wrong, for example because they are another ship's, identify them first "
+            "(--identify)."
+        )
+    if diagnosis.verdict == "nothing_missing":
+        steps.append("Use the model as it is; the rest may be learned on top of it.")
+    return steps
+
+
+def _use_of_vessel(diagnosis: Diagnosis) -> list[str]:
+    """What to do with the vessel file, where it has an effect of more than the sensors."""
+    written = [each for each in diagnosis.effects if each.in_vessel]
+    if all(each.kind == "sensor" for each in written):
+        return []
+    use = "Use the vessel file beside this page, vessel.toml: the model with the named effects."
+    passing = dict.fromkeys(f"[effects.{each.name}]" for each in written if each.scope != "ship")
+    if passing:
+        use += f" It predicts this trial; for another, delete what is not the ship's own: {join_words([*passing])}."
+    return [use]
+
+
+def clock(time: str) -> str:
+    """A time of UTC for people, to the minute.
+
+    >>> clock("2026-09-01T12:40:29Z")
+    '12:40 on 1 Sep'
+    """
+    at = datetime.fromisoformat(time)
+    return f"{at:%H:%M} on {at.day} {at:%b}"
+
+
+def when_words(when: When) -> str:
+    """The part of a trial in which an effect has a size, at the beginning of a sentence.
+
+    >>> when_words(When(recording="tuesday.mcap"))
+    'In tuesday.mcap'
+    """
+    if when.recording is not None:
+        return f"In {when.recording}"
+    at = when.until or when.since or ""
+    span = f"{clock(at)} UTC"
+    if when.low is not None and when.high is not None:
+        span += f" ({clock(when.low)[:5]} to {clock(when.high)[:5]})"
+    return f"Until {span}" if when.until is not None else f"From {span} on"
+
+
+def title_of(effect: NamedEffect) -> str:
+    """An effect's name, with the part of the trial that its size is of."""
+    if effect.drift is not None:
+        return f"{plain(effect.name)}, at the end"
+    if effect.when is None:
+        return plain(effect.name)
+    when = when_words(effect.when)
+    return f"{plain(effect.name)}, {when[:1].lower()}{when[1:]}"
+
+
+def left_with_recordings(diagnosis: Diagnosis) -> str:
+    """What of it the vessel file does not have, or has as it is at the end; empty where nothing changes."""
+    kept = {each.name for each in diagnosis.effects if each.in_vessel}
+    partly = [each for each in diagnosis.effects if each.when is not None or each.drift is not None]
+    gone, last = (plain_names(each for each in partly if (each.name in kept) is there) for there in (False, True))
+    if not partly:
+        return ""
+    said = [f"no {join_words(gone, 'or')}"] if gone else []
+    said += [f"the {join_words(last)} at the end of the trial"] if last else []
+    return f"The vessel file has the ship's own effects at the end of the trial: {', and '.join(said)}."
+
+
+def parameter_rows(diagnosis: Diagnosis) -> list[list[str]]:
+    """Each parameter of the named effects with its interval."""
+    return [
+        [title_of(each), parameter_title(name, estimate.unit), number(estimate.value), _span(estimate),
+         "" if estimate.unit == "1" else estimate.unit]
+        for each in diagnosis.effects
+        for name, estimate in each.parameters.items()
+    ]  # fmt: skip
+
+
+def correlation_rows(correlation: Correlation) -> list[list[str]]:
+    """How the estimates are correlated."""
+    return [
+        [name, *(f"{each:+.2f}".replace("-", "\u2212") for each in row)]
+        for name, row in zip(correlation.names, correlation.matrix.tolist(), strict=True)
+    ]
+
+
+REGIMES_NOTE = (
+    "A force in a regime is an observation, not an explanation. regimes.py has each regime as an effect: with "
+    "--effects regimes.py the next diagnosis weighs it against all other effects."
+)
+
+
+def found_in(replicated: Replication) -> str:
+    """In how many parts of the trial something is found."""
+    return f"found separately in {replicated.found} of {replicated.parts} parts of the trial"
+
+
+def certainty(effect: NamedEffect) -> str:
+    """Family, share of the gap and how sure an effect is."""
+    family = effect.family if effect.family == effect.kind else f"{effect.family}, {effect.kind}"
+    return (
+        f"{family}; {percent(effect.share_of_gap)} of the gap; by chance {chance(effect.p_value)}; "
+        f"log evidence {number(effect.evidence)}; {found_in(effect.replicated)}"
+    )
+
+
+def dependence(where: Sequence[str]) -> str:
+    """What something unknown depends on."""
+    return join_words([DEPENDS.get(each, plain(each)) for each in where])
+
+
+def titled_rungs(ladder: Ladder) -> dict[str, Interval]:
+    """The mean distances of a comparison of calibrators, by title."""
+    return {_rung_title(name): each for name, each in ladder.mean_distance_m.items()}
+
+
+def _rung_title(name: str) -> str:
+    return plain(name.replace("_calibrated", ", calibrated"))
+
+
+def ladder_rows(ladder: Ladder) -> tuple[list[list[str]], int]:
+    """A row a rung, and which is the best."""
+    rows = [[_rung_title(name), number(each.value), _span(each) if isfinite(each.low) else "", _gain(ladder, name)]
+            for name, each in ladder.mean_distance_m.items()]  # fmt: skip
+    return rows, min(range(len(rows)), key=lambda row: list(ladder.mean_distance_m.values())[row].value)
+
+
+def ladder_sentence(ladder: Ladder) -> str:
+    """What a calibrator adds, and whether the named effects help it, in one sentence; or why this is not known."""
+    rungs = ladder.mean_distance_m
+    if not rungs:
+        return f"No calibrator was trained: {ladder.why_not}."
+    errors = {name: f"{number(each.value)} m" for name, each in rungs.items()}
+    reference = f"On held-out legs the error of the reference is {errors['reference']}"
+    if "named" not in rungs:
+        change = change_of(ladder.ratio("reference_calibrated", "reference"))
+        return f"{reference}, with a calibrator {errors['reference_calibrated']}: {change}."
+    ratio = ladder.ratio("named_calibrated", "reference_calibrated")
+    helps = "the named effects help the calibrator"
+    if ratio.low > 1.0:
+        helps = "the named effects do not help the calibrator"
+    elif not ratio.high < 1.0:
+        helps = "these legs do not show that the named effects help the calibrator"
+    return (
+        f"{reference}, with the named effects {errors['named']}, with a calibrator "
+        f"{errors['reference_calibrated']}, with both {errors['named_calibrated']}: {helps}, {change_of(ratio)}."
+    )
+
+
+def change_of(ratio: Interval | Ratio) -> str:
+    """A ratio of errors in words, with its 95 % interval.
+
+    >>> change_of(Interval(0.8, 0.7, 0.9)), change_of(Interval(0.98, 0.95, 1.02))
+    ('20 % less error (10 to 30 %)', '2 % less error (5 % less to 2 % more)')
+    """
+    value, low, high = (each - 1.0 for each in (ratio.value, ratio.low, ratio.high))
+    words = f"{percent(abs(value))} {'more' if value > 0.0 else 'less'} error"
+    if not (isfinite(low) and isfinite(high)):
+        return words
+    if low * high > 0.0:
+        near, far = sorted((abs(low), abs(high)))
+        return f"{words} ({percent(near).removesuffix(' %')} to {percent(far)})"
+    return f"{words} ({percent(-low)} less to {percent(high)} more)"
+
+
+def _gain(ladder: Ladder, name: str) -> str:
+    base = name.removesuffix("_calibrated")
+    return change_of(ladder.ratio(name, base)) if name != base else ""
+
+
+def cell_row(place: GapCell) -> list[str]:
+    """A cell of the map."""
+    from seatrial.hybrid.report.diagnosis_plots import axis_title, cell_name, quantity_of
+
+    cell = f"{axis_title(quantity_of(place))}: {cell_name(place)}"
+    z = f"{place.z:.1f}".replace("-", "\u2212")
+    return [quantity_title(place.channel), cell, str(place.windows), number(place.error), z]
+
+
+def suspect_rows(suspects: Sequence[Suspect]) -> list[list[str]]:
+    """The catalogue ranked, each effect alone in the model."""
+    return [
+        [plain(each.name), each.family, number(each.evidence), chance(each.p_value), _smallest_found(each)]
+        for each in suspects
+    ]
+
+
+def _smallest_found(suspect: Suspect) -> str:
+    """How large an effect must be to be found; where there is no wind, for one, its effects are not at any size."""
+    if not 0.0 < suspect.limit < inf:
+        return "" if suspect.limit != suspect.limit else "not by this trial"
+    return f"{number(suspect.limit)} {'' if suspect.unit == '1' else suspect.unit}".strip()
+
+
+def granted_rows(diagnosis: Diagnosis) -> list[list[str]]:
+    """What the verdict rests on: tolerance and provenance; what was not asked for is left out."""
+    extent = diagnosis.provenance.get("force_range")
+    rows = [["tolerance", f"{percent(diagnosis.tolerance)} of the range of the forces in the trial"]]
+    if extent:
+        size_n, unit = force_unit(diagnosis.tolerance * max(extent.values()))
+        own = [number(diagnosis.tolerance * extent[name] / size_n) for name in ("surge_n", "sway_n", "yaw_nm")]
+        rows.append(["which is", f"{own[0]} {unit} ahead, {own[1]} {unit} across, {own[2]} {unit} m in yaw"])
+    for key, value in diagnosis.provenance.items():
+        if key not in ("force_range", "noise") and value not in (False, "0..100"):
+            rows.append([plain(str(key)), _done(value) if key in ("repaired", "left_out") else _words(value)])
+    return rows
+
+
+def _done(text: str) -> str:
+    """What was done to each file, with the names of files as they are and those of channels in words."""
+    parts = (each.partition(": ") for each in text.split("; "))
+    return "; ".join(f"{file}{colon}{in_words(said)}" for file, colon, said in parts)
+
+
+def noise_rows(diagnosis: Diagnosis) -> list[list[str]]:
+    """Levels of noise, as the data have them: standard deviations in the units of the channels."""
+    noise, turn = diagnosis.provenance["noise"], 180.0 / pi
+    size_n, unit = force_unit(max(*noise["gust"][:2], *noise["slow"][:2]))
+    forces = (("ahead", 1.0 / size_n, unit), ("across", 1.0 / size_n, unit), ("in yaw", 1.0 / size_n, f"{unit} m"))
+    swing = (("north", 1.0, "m"), ("east", 1.0, "m"), ("in yaw", turn, "deg"))
+    sensors = (
+        ("positions", 1.0, "m"), ("heading", turn, "deg"), ("surge", 1.0, "m/s"), ("sway", 1.0, "m/s"),
+        ("yaw rate", turn, "deg/s"),
+    )  # fmt: skip
+    white = [noise[name] for name in ("position_m", "heading_rad", "surge_mps", "sway_mps", "yaw_rate_radps")]
+
+    def lasting(levels: str, name: str) -> str:
+        return f"{levels}; time constant {number(noise[name])} s"
+
+    rows = [
+        ["sensors, anew each second", _levels(white, sensors)],
+        ["gusts, anew each second", _levels(noise["gust"], forces)],
+        ["slow forces", lasting(_levels(noise["slow"], forces), "slow_s")],
+    ]
+    if any(noise["waves"]):
+        period_s, towards_deg = 2.0 * pi / noise["wave_frequency_radps"], noise["wave_towards_rad"] * turn % 360.0
+        levels = _levels(noise["waves"], swing)
+        rows.append(["wave motion", f"{levels}; period {number(period_s)} s, towards {towards_deg:.0f} deg"])
+    if noise.get("wave_drift_n"):
+        beam = f"{number(noise['wave_drift_n'] / size_n)} {unit} in beam sea"
+        rows.append(["slow drift of the waves", lasting(beam, "wave_drift_s")])
+    if any(noise["drift"]):
+        rows.append(["slow errors of sensors", lasting(_levels(noise["drift"], sensors), "drift_s")])
+    return rows
+
+
+def _levels(values: Sequence[float], units: Sequence[tuple[str, float, str]]) -> str:
+    """Levels in their units, each with what it is of; those that are none are left out."""
+    told = zip(values, units, strict=True)
+    return ", ".join(f"{name} {number(value * factor)} {unit}" for value, (name, factor, unit) in told if value)
+
+
+def _words(value: Any) -> str:
+    if isinstance(value, Mapping):
+        return ", ".join(f"{plain(str(key))} {_words(each)}" for key, each in value.items())
+    if isinstance(value, list | tuple):
+        return ", ".join(_words(each) for each in value)
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    return number(value) if isinstance(value, float) else str(value)
+
+
+def plain_names(effects: Iterable[NamedEffect]) -> list[str]:
+    """The effects' names for people, each once."""
+    return list(dict.fromkeys(plain(each.name) for each in effects))
+
+
+def effect_names(effects: Sequence[NamedEffect]) -> str:
+    """The effects' names at the beginning of a sentence."""
+    return join_words(plain_names(effects)).capitalize()
+
+
+def file_rows(effects: Sequence[NamedEffect]) -> list[list[str]]:
+    """The lines that a vessel file has for them."""
+    return [[f"[effects.{each.name}]", f"{name} = {number(estimate.value)}", estimate.unit]
+            for each in effects for name, estimate in each.parameters.items()]  # fmt: skip
+
+
+def _span(interval: Estimate | Interval) -> str:
+    return f"{number(interval.low)} to {number(interval.high)}"
+
+
+PAGE_FILE = "report.html"
+
+
+def write_report(diagnosis: Diagnosis, extras: Extras, folder: Path) -> Path:
+    """Write the page into ``folder`` and return its path. Raises :class:`StorageError`."""
+    return page_of(diagnosis, extras).write(folder / PAGE_FILE)
+
+
+def page_of(diagnosis: Diagnosis, extras: Extras) -> Page:
+    """The page, not yet written."""
+    known = diagnosis.provenance
+    vessel = f"vessel {known['vessel']}" if "vessel" in known else ""
+    parts = ["Diagnosis", str(known.get("recordings", "")), vessel]
+    return render(
+        "diagnosis.html", templates=templates(), title=verdict_sentence(diagnosis),
+        subtitle="; ".join(each for each in parts if each), diagnosis=diagnosis, extras=extras,
+    )  # fmt: skip
+
+
+_VERDICTS = {
+    "named": "The model lacks these effects:",
+    "nothing_missing": "Nothing is missing beyond the tolerance.",
+    "unknown": "Something is missing that no effect of the catalogue explains.",
+    "indistinguishable": "Something is missing, but these data cannot distinguish several possible causes.",
+}
+
+
+def summary(diagnosis: Diagnosis, ladder: Ladder | None = None) -> Group:
+    """The diagnosis in some lines, and what a calibrator adds where one was trained."""
+    lines = [] if diagnosis.identified is None else [Text(correction_sentence(diagnosis.identified))]
+    lines.append(Text(_VERDICTS[diagnosis.verdict], style="bold"))
+    lines += [Text(f"- {each.sentence}") for each in diagnosis.effects]
+    names = [each.name for each in diagnosis.effects]
+    for group in diagnosis.indistinguishable:
+        lines.append(Text(f"These data cannot distinguish {alternatives(group, names, 'from')}."))
+    left = diagnosis.unknown or diagnosis.remainder
+    if left is not None:
+        lines.append(Text(f"What remains looks like {left.looks_like}."))
+    lines += [Text(f"- {each.sentence}") for each in diagnosis.regimes]
+    if diagnosis.regimes:
+        lines.append(Text(REGIMES_NOTE))
+    gap = diagnosis.gap
+    if gap.held_out_windows:
+        where = f"Mean distance over {gap.horizon_s} s on {gap.held_out_windows} held-out windows"
+        lines.append(Text(f"{where}: {gap.distances(bool(diagnosis.effects))}."))
+    if ladder is not None:
+        lines.append(Text(ladder_sentence(ladder)))
+    if diagnosis.next_manoeuvre is not None:
+        lines.append(Text(f"Next: {diagnosis.next_manoeuvre.what}"))
+    lines += [Text(f"note: {each}", style="dim") for each in other_remarks(diagnosis)]
+    return Group(*lines)
+
+
+Parameters = Mapping[str, Estimate]
+
+
+def sentence(effect: Effect, parameters: Parameters, share_of_gap: float, actuators: Actuators = DEFAULT) -> str:
+    """A named effect in one plain sentence, with its size, certainty and share of the gap.
+
+    ``actuators`` are the ship's, by default R/V Gunnerus'.
+    """
+    what, ends = words_and_interval(effect, parameters, actuators)
+    return f"{what} ({ends}); it explains {100.0 * share_of_gap:.0f} % of the gap on legs not used to find it."
+
+
+def words_and_interval(effect: Effect, parameters: Parameters, actuators: Actuators) -> tuple[str, str]:
+    """An effect with its size, and the ends of its 95 % intervals."""
+    if effect.base in _SEVERAL:
+        return _of_several(_SEVERAL[effect.base], parameters)
+    if text := _ONE.get(effect.base) or _actuator_text(effect.base, actuators):
+        return _of_one(effect, text, next(iter(parameters.values())))
+    return _of_any(effect, parameters)
+
+
+def _of_one(effect: Effect, text: str, estimate: Estimate) -> tuple[str, str]:
+    """A size in words, in percent of change where the text has percent."""
+    neutral = effect.parameters[0].neutral
+    less = "[" in text and bool(estimate.value < neutral)
+    text = re.sub(r"\[(.*?)\|(.*?)\]", rf"\{1 + less}", text)
+
+    def size(value: float) -> float:
+        change = 100.0 * (value - neutral) if "%" in text and isfinite(neutral) else value
+        return -change if less else change
+
+    low, high = sorted((size(estimate.low), size(estimate.high)))
+    return text.format(number(size(estimate.value))), span(low, high)
+
+
+def _of_several(text: str, parameters: Parameters) -> tuple[str, str]:
+    """A place is said by its side of the reference point, and its interval on that side; shares in percent."""
+    if "%" in text:
+        parameters = {name: _times(each, 100.0) for name, each in parameters.items()}
+    for way, other, each in zip(("ahead", "to starboard"), ("astern", "to port"), parameters, strict=False):
+        if f"{{}} m {way}" in text and parameters[each].value < 0.0:
+            text = text.replace(f"m {way}", f"m {other}")
+            parameters = {**parameters, each: _times(parameters[each], -1.0)}
+    values = [number(each.value) if each.unit != "deg" else f"{each.value:.0f}" for each in parameters.values()]
+    ends = "; ".join(span(each.low, each.high, each.unit) for each in parameters.values())
+    return text.format(*values), ends
+
+
+def _times(estimate: Estimate, factor: float) -> Estimate:
+    low, high = sorted((factor * estimate.low, factor * estimate.high))
+    return replace(estimate, value=factor * estimate.value, low=low, high=high)
+
+
+def _of_any(effect: Effect, parameters: Parameters) -> tuple[str, str]:
+    """What is in no list of ours: its name and its parameters."""
+    sizes = ", ".join(
+        f"{plain(name.rsplit('_', 1)[0])} {number(each.value)} {each.unit}".removesuffix(" 1")
+        for name, each in parameters.items()
+    )
+    ends = "; ".join(span(each.low, each.high) for each in parameters.values())
+    return f"The model lacks {plain(effect.base)}: {sizes}", ends
+
+
+def span(low: float, high: float, unit: str = "") -> str:
+    """The ends of an interval; angles in whole degrees.
+
+    >>> span(0.341, 0.36), span(-1.2, 0.5), span(202.7, 206.9, "deg")
+    ('0.341-0.36', '−1.2 to 0.5', '203-207')
+    """
+    ends = [f"{end:.0f}".replace("-", "\u2212") if unit == "deg" else number(end) for end in (low, high)]
+    return "-".join(ends) if low >= 0.0 else " to ".join(ends)
+
+
+_SEVERAL = {
+    "ocean_current": "The ship drifts with a current of {} m/s towards {} deg",
+    "steady_wind": "A wind that was not recorded blows at {} m/s towards {} deg",
+    "wave_drift": "Waves push the ship with {} N in beam sea towards {} deg",
+    "low_speed_damping": "At low speed the water slows the ship more than in the model: surge by {} % a second, "
+    "sway by {} %, yaw by {} %",
+    "position_antenna_offset": "The recorded position is that of a point {} m ahead and {} m to starboard of the "
+    "reference point",
+    "speed_sensor_offset": "The recorded speeds are those of a point {} m ahead and {} m to starboard of the "
+    "reference point",
+}
+"""Effects of two parameters and more, in their order."""
+
+
+_ONE = {
+    "loading": "The ship is {} % [heavier|lighter] than her model",
+    "surge_added_mass": "The added mass in surge is {} % [more|less] than the model's",
+    "sway_added_mass": "The added mass in sway is {} % [more|less] than the model's",
+    "yaw_inertia": "The inertia in yaw is {} % [more|less] than the model's",
+    "hull_fouling": "The hull's resistance straight ahead is {} % [more|less] than the model's",
+    "cross_flow_drag": "The hull's cross-flow drag is {} % [more|less] than the model's",
+    "drift_force": "The side force of the drifting hull is {} % [more|less] than the model's",
+    "drift_moment": "The yaw moment of the drifting hull is {} % [more|less] than the model's",
+    "turning_force": "The side force of the turning hull is {} % [more|less] than the model's",
+    "turning_drag": "The resistance of the turning hull is {} % [more|less] than the model's",
+    "yaw_damping": "The hull's yaw damping is {} % [more|less] than the model's",
+    "trim": "The hull's side force acts {} m further [forward|aft] than the model's, as with trim by the "
+    "[head|stern]",
+    "skeg": "The hull has {} m2 [more|less] skeg than the model",
+    "towed_load": "Something [holds the ship back|pushes the ship ahead] with a steady {} N",
+    "hull_lengthening": "The ship is {} m [longer|shorter] than her model",
+    "shallow_water": "The water is about {} m deep, which affects the hull forces",
+    "wake_fraction": "[The wake slows the water at the thrusters by {} %|"
+    "The water at the thrusters is {} % faster than the ship]",
+    "pod_side_force": "The side force of the pods in oblique flow is {} % [more|less] than the model's",
+    "azimuth_scale": "The true angles of both azimuths are {} % [larger|smaller] than reported",
+    "yaw_asymmetry": "A steady moment of {} N m turns the ship to [starboard|port]",
+    "sway_asymmetry": "A steady force of {} N pushes the ship to [starboard|port]",
+    "wind_load": "The wind loads are {} % [more|less] than the tables say",
+    "wind_drag": "The wind force along the ship is {} % [more|less] than the model's",
+    "wind_side_load": "The wind force across the ship is {} % [more|less] than the model's",
+    "wind_yaw_load": "The yaw moment of the wind is {} % [more|less] than the model's",
+    "position_delay": "Positions are stamped {} s too [late|early]",
+    "heading_delay": "Headings are stamped {} s too [late|early]",
+    "speed_delay": "Surge, sway and yaw rate are stamped {} s too [late|early]",
+    "command_delay": "The drives' feedback is stamped {} s too [late|early]",
+    "thruster_lag": "The thrusters follow the recorded settings with a lag of {} s",
+    "heading_bias": "The compass reads {} deg too [much|little]",
+    "speed_sensor_rotation": "The speed sensor is turned {} deg [clockwise|counter-clockwise]",
+    "speed_scale": "Reported speeds are {} times the true ones",
+    "sway_bias": "The speed sensor reports {} m/s too much to [starboard|port]",
+    "yaw_rate_bias": "The rate gyro reads {} deg/s too [much|little]",
+    "yaw_rate_scale": "Reported yaw rates are {} times the true ones",
+    "wind_direction_bias": "The wind vane reads {} deg too [much|little]",
+    "wind_speed_scale": "Reported wind speeds are {} times the true ones",
+}
+"""Effects of one parameter; in brackets what is said of more, and of less, which is then without a sign."""
+
+_LOSS = "$Subject [<lacks|lack> {} % of <its|their> $force|<has|have> {} % more $force than the model's]"
+
+_ACTUATORS = {
+    "thrust_loss": _LOSS,
+    "azimuth_offset": "The true angle<|s> of $azimuth <is|are> the reported angle<|s> plus {} deg",
+    "nozzle_offset": "The true angle<|s> of $nozzle <is|are> the reported angle<|s> plus {} deg",
+    "rudder_loss": _LOSS,
+    "rudder_offset": "$Subject <is|are> truly {} deg to [starboard|port] of the reported angle<|s>",
+    "wake": "The water at $subject is {} % [slower than the model's: the hull's wake is larger|faster than the "
+    "model's]",
+    "thrust_deduction": "$Subject <loses|lose> {} % [more|less] of <its|their> thrust to the hull than the model's",
+    "rudder_interaction": "$Subject <draws|draw> {} % [more|less] of <its|their> side force from the hull than "
+    "the model's",
+    "flow_straightening": "$Subject <meets|meet> {} % [more|less] of the drift at the stern than the model's",
+    "astern_thrust": "$Subject <gives|give> {} % [more|less] thrust astern than the model's",
+    "speed_loss": "$Subject <loses|lose> half the side force at {} m/s ahead",
+    "backlash": "$Subject <has|have> {} deg of backlash between the reported and the true angle<|s>",
+    "lag": "$Subject <follows|follow> the recorded settings with a lag of {} s",
+}
+"""Effects of actuators by their stem, which is followed by an actuator's name, ``both`` or ``all``.
+
+``<one|several>`` is what is said of one actuator and of several. An angle of thrust is to starboard of what is
+reported where it is positive, which astern turns the ship to port.
+"""
+
+
+def _actuator_text(effect: str, actuators: Actuators) -> str:
+    """The text for an effect of one actuator, of a pair, or of all of a kind; empty for another effect."""
+    effect = "thrust_loss_tunnel" if effect == "tunnel_thrust_loss" else effect
+    stem = next((each for each in _ACTUATORS if effect.startswith(f"{each}_")), None)
+    if stem is None:
+        return ""
+    which = effect.removeprefix(f"{stem}_")
+    one = next((each for each in actuators if each.name == which), None)
+    if one is not None:
+        return _text_of(stem, f"The {which.replace('_', ' ')}", one.noun, one.kind)
+    first, _, group = which.partition("_")
+    member = next((each for each in actuators if effect in _effects_of(each.kind, actuators)), None)
+    if first not in ("both", "all") or member is None:
+        return ""
+    return _text_of(stem, first.capitalize(), group or f"{member.noun}s", member.kind, several=True)
+
+
+def _text_of(stem: str, which: str, noun: str, kind: str, several: bool = False) -> str:
+    """The text of an effect of ``which`` actuators; a name that says its kind does not say it twice."""
+
+    def named(noun: str) -> str:
+        return which if noun in which else f"{which} {noun}"
+
+    def inside(words: str) -> str:
+        return words[0].lower() + words[1:]
+
+    words = {
+        "Subject": named(noun), "subject": inside(named(noun)),
+        "azimuth": inside(named("azimuth")) + "s" * several, "nozzle": inside(named("nozzle")) + "s" * several,
+        "force": {"tunnel": "side force", "rudder": "force"}.get(kind, "thrust"),
+    }  # fmt: skip
+    return Template(re.sub(r"<(.*?)\|(.*?)>", rf"\{1 + several}", _ACTUATORS[stem])).substitute(words)
+
+
+def _effects_of(kind: str, actuators: Actuators) -> set[str]:
+    """The names of the effects of a ship's actuators of one kind."""
+    return {each.name for each in KINDS[kind].effects(names_of(actuators, kind))}

@@ -1,0 +1,990 @@
+"""The samples of the last minute, a prediction from their newest whole second, as by ``seatrial predict``, and
+that prediction as the body of a ``/prediction`` message and as GeoJSON for a map.
+
+Only a fraction of a second of data follows that second. So the filter that brings the channels to 1 Hz is
+one-sided there, and the start state of all methods is that of a Kalman filter
+(:mod:`seatrial.hybrid.prediction.kalman_filter`), less certain than a two-sided state computed from a recording.
+
+The errors of the predictions of the last minutes, computed as soon as their horizons have been measured.
+
+A prediction assumes constant wind, and thrusters held or as planned. If a thruster moved otherwise during the
+horizon, which the prediction could not know, its error says little about the model: such errors are counted,
+marked and excluded from the means.
+
+The regions adapt to these errors: wider after the ship has left them too often, narrower after too seldom. The
+factor on their size tracks the quantile that it stands for (adaptive conformal inference: Gibbs and Candes
+2021; as a quantile tracker Angelopoulos, Candes and Tibshirani 2023, "Conformal PID control for time series
+prediction", equation 3), on a logarithmic scale:
+
+    log factor  <-  log factor + step (share of seconds outside - 0.05)
+
+for each independent prediction, with larger steps at first. Predictions that start a second apart have nearly
+the same error, so each counts as the seconds since the previous one over the horizon. Whatever the errors, the
+mean share outside tends to 5 % as 1 / (number of independent predictions) while the factor is inside its
+bounds.
+
+The twin: follows the recorder of a trial, predicts once a second and evaluates its earlier predictions.
+
+A person may write, change and delete a file of planned orders while it runs.
+
+``seatrial watch``: running the twin, its display in a terminal and its summary.
+"""
+
+from __future__ import annotations
+
+import logging
+import sys
+import threading
+import time
+from array import array
+from collections import deque
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import ExitStack, suppress
+from dataclasses import asdict, dataclass, field, replace
+from functools import reduce
+from math import exp, log
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import orjson
+import pandas as pd
+import pymap3d
+from numpy.lib.stride_tricks import sliding_window_view
+from rich.console import Console, ConsoleOptions, RenderableType
+from rich.live import Live
+from rich.table import Table
+from rich.text import Text
+from threadpoolctl import threadpool_limits
+
+from seatrial.acquisition.config.trial_file import TrialConfig
+from seatrial.acquisition.core.errors import DataShortageError, InputError, SeatrialError, Terminal
+from seatrial.acquisition.core.quantities import Floats, Series, to_ship
+from seatrial.acquisition.core.ship import (
+    DEFAULT,
+    POSE_AND_VELOCITY,
+    Actuators,
+    as_text,
+    control_names,
+    is_circular,
+    trial_names,
+    unwrap,
+    wrap_180,
+    wrap_360,
+)
+from seatrial.acquisition.core.trial import Quality, Trial
+from seatrial.acquisition.logger.health import LOG, LogFormat, log_to
+from seatrial.acquisition.logger.requests import Follower, send_prediction
+from seatrial.acquisition.recording.reader import Recording
+from seatrial.analysis.tables.resample import MOTION_FILTER, SETTING_FILTER, own_gap_s, resample_recording
+from seatrial.analysis.tables.table import NANO, actuators_in_recording, table_actuators, table_controls, times_ns
+from seatrial.analysis.windows.held import (
+    SPAN_SIGMAS,
+    SecondBySecond,
+    feedback_of,
+    near_jumps,
+    steady_mask,
+    tolerance_of,
+)
+from seatrial.hybrid.calibrators.predict import Prediction, Predictor, predict, read_commands
+from seatrial.hybrid.prediction.baselines import COVERAGE, bands, outlines, relative_distances
+from seatrial.hybrid.prediction.windows import PAST_S, difference_rad
+from seatrial.hybrid.vessel.plant import Plant
+
+if TYPE_CHECKING:
+    from seatrial.hybrid.calibrators import TrainedCalibrator
+
+
+_SOURCE = ("",)
+
+
+@dataclass(frozen=True, slots=True)
+class Forecast:
+    """A prediction, the 1 Hz table that it was made of, and the channels that were held to its start."""
+
+    prediction: Prediction
+    table: pd.DataFrame
+    held: tuple[str, ...]
+
+
+def newest_second_ns(recording: Recording) -> int | None:
+    """The newest whole second [ns] covered by all motion channels; None if there is none.
+
+    Wind and thrusters are held anyway, and may be older.
+    """
+    spans = [_span_ns(recording.series.get(name)) for name in POSE_AND_VELOCITY]
+    known = [each for each in spans if each is not None]
+    if len(known) < len(POSE_AND_VELOCITY):
+        return None
+    second_ns = min(newest for _, newest in known) // NANO * NANO
+    return second_ns if second_ns >= max(oldest for oldest, _ in known) else None
+
+
+def missing_channels(recording: Recording, at_ns: int | None) -> list[str]:
+    """The trial's channels without a value at a second: never received, or too long before it.
+
+    Without a second (None) those that were never received.
+    """
+    return [
+        name
+        for name in trial_names(actuators_in_recording(recording))
+        if (span := _span_ns(recording.series.get(name))) is None
+        or (at_ns is not None and at_ns - span[1] > _longest_hold_ns(recording.series[name]))
+    ]
+
+
+def predict_now(
+    recording: Recording,
+    horizon_s: int,
+    plant: Plant,
+    trained: TrainedCalibrator | None = None,
+    at_ns: int | None = None,
+    commands: pd.DataFrame | None = None,
+) -> Forecast:
+    """Predict from the newest whole second of the last minute or so, or from the second ``at_ns``, with the
+    thrusters as they are or under planned ``commands`` (:func:`.read_commands`).
+
+    Raises :class:`DataShortageError` naming the channels that are missing, :class:`InputError` where one has a gap
+    at that second, :class:`ModelRangeError` where the reference leaves its range.
+    """
+    start_ns = newest_second_ns(recording) if at_ns is None else at_ns
+    missing = missing_channels(recording, start_ns)
+    if missing:
+        raise DataShortageError(f"{', '.join(missing)} missing", fix="run `seatrial record --check`")
+    if start_ns is None:
+        raise DataShortageError("no whole second of the ship's motion", fix="wait for more")
+    filled, held = hold_until(recording, start_ns)
+    table = resample_recording(filled)
+    at = pd.Timestamp(start_ns, unit="ns", tz="UTC")
+    return Forecast(predict(SecondBySecond(table), at, horizon_s, plant, trained, commands), table, held)
+
+
+def hold_until(recording: Recording, until_ns: int) -> tuple[Recording, tuple[str, ...]]:
+    """Wind and thrusters held from their newest sample to a second, where that is later; and which these are."""
+    series, held = dict(recording.series), []
+    for name in trial_names(actuators_in_recording(recording)):
+        span = _span_ns(series[name])
+        if name not in POSE_AND_VELOCITY and span is not None and span[1] < until_ns:
+            series[name] = _longer(series[name], until_ns)
+            held.append(name)
+    return (replace(recording, series=series) if held else recording), tuple(held)
+
+
+def _longer(series: Series, until_ns: int) -> Series:
+    """A series with its newest valid value repeated, as if measured at ``until_ns``."""
+    believed = np.flatnonzero(series.quality < Quality.BAD)
+    last = believed[np.argmax(series.measured_ns[believed])]
+    repeated = replace(series.subset(np.array([last])), measured_ns=np.array([until_ns]))
+    return Series.joined([series, repeated])
+
+
+def _span_ns(series: Series | None) -> tuple[int, int] | None:
+    """The times of a channel's first and last valid samples [ns]; None without one."""
+    if series is None:
+        return None
+    believed = series.measured_ns[series.quality < Quality.BAD]
+    return (int(believed.min()), int(believed.max())) if believed.size else None
+
+
+def _longest_hold_ns(series: Series) -> float:
+    """The longest gap that resampling bridges in this channel [ns]."""
+    apart = np.diff(np.sort(series.measured_ns))
+    return own_gap_s(float(np.median(apart)) if apart.size else 0.0) * NANO
+
+
+class RecentSamples:
+    """The samples received in the last ``keep_s`` seconds before the newest one, by channel."""
+
+    def __init__(self, keep_s: float) -> None:
+        self._keep_ns = round(keep_s * 1e9)
+        self._samples: dict[str, Series] = {}
+        self.newest_received_ns = 0
+
+    def clear(self) -> None:
+        """Drop all samples."""
+        self._samples.clear()
+        self.newest_received_ns = 0
+
+    def add(self, samples: Mapping[str, Series], *, again: bool = False) -> None:
+        """Append samples by channel; with ``again``, known ones are skipped."""
+        for name, each in samples.items():
+            added, known = each, self._samples.get(name)
+            if again and known is not None and known.received_ns.size:
+                added = added.subset(added.received_ns > known.received_ns.max())
+            if added.received_ns.size:
+                self.newest_received_ns = max(self.newest_received_ns, int(added.received_ns.max()))
+            self._samples[name] = added if known is None else Series.joined([known, added])
+        oldest_ns = self.newest_received_ns - self._keep_ns
+        self._samples = {name: each.subset(each.received_ns >= oldest_ns) for name, each in self._samples.items()}
+
+    def recording(self, trial: Trial, path: Path) -> Recording:
+        """The samples as a recording, without their sources."""
+        series = {
+            name: replace(each, sources=_SOURCE, source_index=np.zeros(each.value.size, np.int32))
+            for name, each in self._samples.items()
+            if each.value.size
+        }
+        return Recording(path, trial, series, {}, [], 0, False, 0, self.newest_received_ns)
+
+
+Origin = tuple[float, float] | None
+"""Latitude and longitude of the plane's origin [deg], if it is known."""
+
+_TRACK_STYLE = {"color": "#ff7f0e", "weight": 4}
+_BAND_STYLE = {"color": "#ff7f0e", "weight": 1, "fillOpacity": 0.15}
+
+
+def message_body(
+    prediction: Prediction,
+    held: Sequence[str],
+    origin: Origin,
+    model: tuple[str, str],
+    made_ns: int,
+    latency_s: float,
+    error: TrackError | None,
+    running: tuple[float, MeanErrors],
+    band_factor: float = 1.0,
+) -> dict[str, Any]:
+    """The message body. ``model`` names the vessel and the calibrator's folder, ``running`` has the mean errors
+    and the seconds that they cover, ``band_factor`` is the factor on the band."""
+    over_s, mean = running
+    body = {
+        "start": prediction.at.as_unit("ns").value / NANO,
+        "made_at": made_ns / NANO,
+        "latency_s": round(latency_s, 4),
+        "horizon_s": len(prediction.track) - 1,
+        "method": prediction.method,
+        "vessel": model[0][-200:],
+        "calibrator": model[1][-200:],
+        "outside_training_range": prediction.outside_domain,
+        "held_channels": list(held),
+        "track": track_arrays(prediction, origin),
+        "running": {"over_s": over_s, **_without_none(asdict(mean))},
+    }
+    if prediction.region_m is not None:
+        body["band_factor"] = round(band_factor, 4)
+    if prediction.planned:
+        body["planned_channels"] = list(prediction.planned)
+    return body if error is None else {**body, "error": _without_none(error.as_dict())}
+
+
+def _without_none(values: dict[str, Any]) -> dict[str, Any]:
+    """The dictionary without None values."""
+    return {name: value for name, value in values.items() if value is not None}
+
+
+def track_arrays(prediction: Prediction, origin: Origin) -> dict[str, list[float]]:
+    """The track as arrays by second; positions to the millimetre, unknown quantities empty."""
+    north_m, east_m, heading = prediction.track.T
+    latitude_deg, longitude_deg = positions(north_m, east_m, origin)
+    regions = bands(prediction.region_m)
+    return {
+        "seconds": np.arange(len(north_m), dtype=float).tolist(),
+        "north_m": north_m.round(3).tolist(),
+        "east_m": east_m.round(3).tolist(),
+        "heading_deg": wrap_360(np.rad2deg(heading)).round(3).tolist(),
+        **{name: [] if each is None else each.round(3).tolist() for name, each in regions.items()},
+        "latitude_deg": latitude_deg.round(8).tolist(),
+        "longitude_deg": longitude_deg.round(8).tolist(),
+    }
+
+
+def positions(north_m: Floats, east_m: Floats, origin: Origin) -> tuple[Floats, Floats]:
+    """Latitudes and longitudes [deg] of points of the plane; empty without an origin."""
+    if origin is None:
+        return np.empty(0), np.empty(0)
+    latitude, longitude, _ = pymap3d.ned2geodetic(north_m, east_m, np.zeros_like(north_m), *origin, 0.0)
+    return np.asarray(latitude), np.asarray(longitude)
+
+
+def track_geojson(prediction: Prediction, origin: Origin) -> str:
+    """The track as a line, and the 95 % region at its end, for a map; empty without an origin."""
+    if origin is None:
+        return ""
+    north_m, east_m = prediction.track.T[:2]
+    name = f"{prediction.method}, {len(north_m) - 1} s"
+    features = [_feature("LineString", _coordinates(north_m, east_m, origin), name, _TRACK_STYLE)]
+    if prediction.region_m is not None:
+        corners = outlines(prediction.track, prediction.region_m[1:])[-1]
+        ring = _coordinates(corners[:, 0], corners[:, 1], origin)
+        ring.append(ring[0])
+        features.append(_feature("Polygon", [ring], f"95 % after {len(north_m) - 1} s", _BAND_STYLE))
+    return orjson.dumps({"type": "FeatureCollection", "features": features}).decode()
+
+
+def _coordinates(north_m: Floats, east_m: Floats, origin: Origin) -> list[list[float]]:
+    """Points as GeoJSON has them: longitude first [deg]."""
+    latitude, longitude = positions(north_m, east_m, origin)
+    points: list[list[float]] = np.column_stack([longitude, latitude]).round(8).tolist()
+    return points
+
+
+def _feature(kind: str, coordinates: list[Any], name: str, style: dict[str, Any]) -> dict[str, Any]:
+    return {
+        "type": "Feature",
+        "properties": {"name": name, "style": style},
+        "geometry": {"type": kind, "coordinates": coordinates},
+    }
+
+
+FILTER_REACH_S = MOTION_FILTER.reach
+"""The delay after which the value of a second at 1 Hz is final [s]: the reach of the filter."""
+AVERAGED_S = 300.0
+_DRIVEN_S = 5
+"""The time that a drive may need to follow an order [s]: with a lag of 1 s, the longest of the vessel files, it
+is within a hundredth after 4.6 s."""
+
+
+@dataclass(frozen=True, slots=True)
+class TrackError:
+    """The error of one prediction, whose start is in ns UTC. Distances are means over its seconds, or at the end.
+
+    ``along_m`` and ``across_m`` are how far it was ahead and to starboard of the ship at the end, by her measured
+    heading; ``inside_band`` is the share of its seconds inside the 95 % band, None without a band.
+    """
+
+    start_ns: int
+    method: str
+    thrusters_moved: bool
+    mean_distance_m: float
+    end_distance_m: float
+    along_m: float
+    across_m: float
+    heading_deg: float
+    inside_band: float | None
+
+    def as_dict(self) -> dict[str, Any]:
+        """For JSON, as the schema of ``/prediction`` has it."""
+        values = asdict(self)
+        return {"start": values.pop("start_ns") / NANO, **values}
+
+
+_MEANS = ("mean_distance_m", "end_distance_m", "along_m", "across_m", "heading_deg", "inside_band")
+
+
+@dataclass(frozen=True, slots=True)
+class MeanErrors:
+    """Means over evaluated predictions during which the thrusters did as assumed, None if there are none.
+
+    ``along_m`` and ``across_m`` are signed. ``left_out`` counts the other predictions.
+    """
+
+    predictions: int = 0
+    left_out: int = 0
+    mean_distance_m: float | None = None
+    end_distance_m: float | None = None
+    along_m: float | None = None
+    across_m: float | None = None
+    heading_deg: float | None = None
+    inside_band: float | None = None
+
+    def with_error(self, error: TrackError) -> MeanErrors:
+        """The means updated with one more prediction."""
+        if error.thrusters_moved:
+            return replace(self, left_out=self.left_out + 1)
+        number, means = self.predictions + 1, dict[str, Any]()
+        for name in _MEANS:
+            value, mean = getattr(error, name), getattr(self, name)
+            means[name] = value if mean is None else mean + (value - mean) / number
+        return replace(self, predictions=number, **means)
+
+
+def track_error(prediction: Prediction, measured: Floats, thrusters_moved: bool) -> TrackError:
+    """The error of a prediction against the measured track [H+1, 3] of north, east [m] and heading [rad]."""
+    gap = prediction.track[1:, :2] - measured[1:, :2]
+    distance = np.hypot(gap[:, 0], gap[:, 1])
+    along_m, across_m = to_ship(gap[-1, 0], gap[-1, 1], measured[-1, 2])
+    turn = difference_rad(prediction.track[1:, 2], measured[1:, 2])
+    return TrackError(
+        start_ns=prediction.at.as_unit("ns").value,
+        method=prediction.method,
+        thrusters_moved=thrusters_moved,
+        mean_distance_m=float(distance.mean()),
+        end_distance_m=float(distance[-1]),
+        along_m=float(along_m),
+        across_m=float(across_m),
+        heading_deg=float(np.rad2deg(np.abs(turn)).mean()),
+        inside_band=_inside_band(prediction, measured),
+    )
+
+
+def _inside_band(prediction: Prediction, measured: Floats) -> float | None:
+    """The share of seconds at which the region holds the measured track [H+1, 3]; None without a region."""
+    if prediction.region_m is None:
+        return None
+    relative = relative_distances(prediction.track[None], measured[None], prediction.region_m[1:])
+    return float(np.mean(relative <= 1.0))
+
+
+def any_thruster_moved(
+    table: pd.DataFrame, row: int, horizon_s: int, planned: Mapping[str, Floats] | None = None
+) -> bool:
+    """Whether a thruster departed from ``planned`` in the seconds ``row`` to ``row + horizon_s`` of a 1 Hz
+    table.
+
+    ``planned`` are channels [horizon_s] by name, all others are held. The tolerance is that of held windows.
+    """
+    actuators, plan = table_actuators(table), planned or {}
+    return not all(
+        as_planned(name, values, row, plan[name], actuators)
+        if name in plan
+        else steady_mask(name, values, horizon_s + 1, 1, actuators)[row]
+        for name, values in ((name, table[name].to_numpy(dtype=float)) for name in control_names(actuators))
+    )
+
+
+def as_planned(name: str, values: Floats, row: int, planned: Floats, actuators: Actuators) -> bool:
+    """Whether a control channel followed ``planned`` [H] from ``row`` on, in the channel's unit.
+
+    Its mean over each second has to lie between the orders of the last :data:`_DRIVEN_S` seconds and those
+    within reach of the 1 Hz filter, with the tolerance of a held setting. The last seconds, to which that
+    filter carries values from after the horizon, do not count.
+    """
+    reach, circular = SETTING_FILTER.reach, is_circular(name)
+    seconds = max(len(planned) - reach, 1)
+    series = unwrap(values) if circular else values
+    done = sliding_window_view(series[row : row + seconds + 1], 2).mean(axis=1)
+    orders = np.concatenate([np.full(_DRIVEN_S, values[row]), planned, np.full(reach, planned[-1])])
+    near = sliding_window_view(unwrap(orders) if circular else orders, _DRIVEN_S + 1 + reach)[:seconds]
+    low, high = near.min(axis=1), near.max(axis=1)
+    off = done - 0.5 * (low + high)
+    tolerance = tolerance_of(name, actuators).at(series)
+    span = tolerance.span + SPAN_SIGMAS * feedback_of(series, tolerance.noise).noise
+    return bool((np.abs(wrap_180(off) if circular else off) <= 0.5 * (high - low) + span).all())
+
+
+class RunningError:
+    """Pending predictions, whose horizons are not over, and the errors of the latest ones whose horizons are.
+
+    ``unmeasured`` counts those without a measured track because a channel was missing, positions jumped or
+    another recording began.
+    """
+
+    def __init__(self, over_s: float = AVERAGED_S) -> None:
+        self.over_s = over_s
+        self.unmeasured = 0
+        self._pending: deque[Prediction] = deque()
+        self._last: deque[TrackError] = deque()
+
+    def add(self, prediction: Prediction) -> None:
+        """Add a prediction, later than those before it."""
+        self._pending.append(prediction)
+
+    def clear(self) -> None:
+        """Drop the pending predictions and count them as unmeasured."""
+        self.unmeasured += len(self._pending)
+        self._pending.clear()
+
+    def evaluate(self, table: pd.DataFrame, until_ns: int) -> list[TrackError]:
+        """Evaluate predictions with a 1 Hz table known up to a time [ns]; the errors, earliest first."""
+        found = []
+        while self._pending:
+            prediction = self._pending[0]
+            start_ns, horizon_s = prediction.at.as_unit("ns").value, len(prediction.track) - 1
+            if until_ns < start_ns + (horizon_s + FILTER_REACH_S) * NANO:
+                break
+            self._pending.popleft()
+            error = self._error(prediction, table, start_ns, horizon_s)
+            if error is None:
+                self.unmeasured += 1
+            else:
+                found.append(error)
+        self._last.extend(found)
+        while self._last and self._last[0].start_ns < self._last[-1].start_ns - self.over_s * NANO:
+            self._last.popleft()
+        return found
+
+    def mean(self) -> MeanErrors:
+        """The means over the evaluated predictions of the last ``over_s`` seconds."""
+        return reduce(MeanErrors.with_error, self._last, MeanErrors())
+
+    def _error(
+        self, prediction: Prediction, table: pd.DataFrame, start_ns: int, horizon_s: int
+    ) -> TrackError | None:
+        times = times_ns(table)
+        row = int(np.searchsorted(times, start_ns))
+        rows = slice(row, row + horizon_s + 1)
+        seconds = table.iloc[rows]
+        if len(seconds) <= horizon_s or times[row] != start_ns or times[rows][-1] != start_ns + horizon_s * NANO:
+            return None
+        heading = np.deg2rad(unwrap(seconds["heading_deg"].to_numpy(dtype=float)))
+        track = np.column_stack([seconds["north_m"], seconds["east_m"], heading])
+        if not (np.isfinite(track).all() and seconds[list(table_controls(table))].notna().all(axis=None)):
+            return None
+        if near_jumps(table[list(POSE_AND_VELOCITY)].to_numpy(dtype=float))[rows].any():
+            return None
+        moved = any_thruster_moved(table, row, horizon_s, prediction.planned)
+        return track_error(prediction, track, moved)
+
+
+STEP = 0.3
+"""The step after the first predictions. For errors that follow a Gaussian process, regions of half the right
+width cover 94 % over the first hour of 30 s predictions, of twice the width 97 %, and right ones grow by 9 % in
+area by chance; half the step takes twice as long, twice the step costs twice the area."""
+LARGEST_FACTOR = 4.0
+"""The largest factor; the smallest is its inverse. From there, as after a failed sensor, it recovers in an hour
+of 30 s predictions."""
+
+
+def step(learned: float) -> float:
+    """The step after a number of independent predictions: large at first, as t^-0.6 (Angelopoulos, Barber and
+    Bates 2024, "Online conformal prediction with decaying step sizes"), then :data:`STEP`, since ships and days
+    change."""
+    return max(STEP, exp(-0.6 * log(max(learned, 1.0))))
+
+
+@dataclass(frozen=True, slots=True)
+class RegionFactor:
+    """The factor on the size of the 95 % regions, the number of independent predictions behind it, and the
+    start of the latest [ns UTC]."""
+
+    factor: float = 1.0
+    learned: float = 0.0
+    start_ns: int | None = None
+
+    def after(self, error: TrackError, horizon_s: int) -> RegionFactor:
+        """The factor after one more evaluated prediction; unchanged if that had no region or a thruster moved."""
+        if error.inside_band is None or error.thrusters_moved:
+            return self
+        apart_s = 0.0 if self.start_ns is None else (error.start_ns - self.start_ns) / NANO
+        independent = min(max(apart_s, 0.0) / horizon_s, 1.0)
+        learned, bound = self.learned + independent, log(LARGEST_FACTOR)
+        raised = log(self.factor) + step(learned) * independent * (COVERAGE - error.inside_band)
+        return RegionFactor(exp(min(max(raised, -bound), bound)), learned, error.start_ns)
+
+    def widened(self, prediction: Prediction) -> Prediction:
+        """A prediction with its region, if it has one, multiplied by the factor."""
+        if prediction.region_m is None:
+            return prediction
+        return replace(prediction, region_m=self.factor * prediction.region_m)
+
+    @property
+    def is_at_bound(self) -> bool:
+        """Whether it is at a bound, where regions no longer measure the errors."""
+        return abs(log(self.factor)) > 0.999 * log(LARGEST_FACTOR)
+
+    def __str__(self) -> str:
+        """What it says of the regions in plain words.
+
+        >>> print(RegionFactor(1.5))
+        band 1.5 times as wide as the calibrator's, which held the ship too seldom
+        """
+        if abs(self.factor - 1.0) < 0.05:
+            return "band as wide as the calibrator's"
+        held = "held the ship too seldom" if self.factor > 1.0 else "was wider than needed"
+        beyond = ": at its limit, train again" if self.is_at_bound else ""
+        return f"band {self.factor:.2g} times as wide as the calibrator's, which {held}{beyond}"
+
+
+Notify = Callable[[str, str], None]
+
+
+class PlanFile:
+    """The orders of a plan file, reread whenever it changes; ``notify`` gets level and text each time.
+
+    Without the file the present orders continue. An unreadable file is reported, and the previous plan is
+    followed until it can be read.
+    """
+
+    def __init__(self, path: Path, actuators: Actuators, notify: Notify) -> None:
+        self.path = path
+        self._actuators, self._notify = actuators, notify
+        self._orders: pd.DataFrame | None = None
+        self._seen: tuple[int, ...] | None = ()  # as no file is
+
+    def orders(self) -> pd.DataFrame | None:
+        """The orders as :func:`.read_commands` gives them; None without a plan."""
+        seen = _version_of(self.path)
+        if seen != self._seen:
+            self._seen = seen
+            self._read()
+        return self._orders
+
+    def _read(self) -> None:
+        if self._seen is None:
+            self._orders = None
+            self._notify("warning", f"no plan at {self.path}: what is ordered now goes on")
+            return
+        try:
+            self._orders = read_commands(self.path, self._actuators)
+        except InputError as error:
+            before = "what is ordered now goes on" if self._orders is None else "the plan before goes on"
+            self._notify("warning", f"no new plan, {before}: {error}")
+            return
+        self._notify("info", plan_text(self._orders))
+
+
+def _version_of(path: Path) -> tuple[int, ...] | None:
+    """A file's version, which changes when it does; None without a file."""
+    try:
+        found = path.stat()
+    except OSError:
+        return None
+    return found.st_ino, found.st_size, found.st_mtime_ns
+
+
+def plan_text(orders: pd.DataFrame) -> str:
+    """A plan in one line: what it orders, and from when to when.
+
+    >>> plan_text(pd.DataFrame({"rudder_angle_deg": [0.0, -20.0]}, index=pd.Index([0.0, 5.0], name="second")))
+    'plan of rudder_angle_deg: 2 orders, 0 to 5 s after the start of each prediction'
+    """
+    first, last = orders.index[[0, -1]]
+    when = (
+        f"{first:%Y-%m-%d %H:%M:%S} to {last:%Y-%m-%d %H:%M:%S} UTC"
+        if isinstance(first, pd.Timestamp)
+        else f"{first:g} to {last:g} s after the start of each prediction"
+    )
+    number = "1 order" if len(orders) == 1 else f"{len(orders)} orders"
+    return f"plan of {', '.join(map(str, orders.columns))}: {number}, {when}"
+
+
+_MARGIN_S = 15.0  # longer than the filters' reach and the evaluation's delay
+_LEAST_APART_S = 0.55  # the recorder accepts two a second
+_STALLED_S = 3.0
+_BACK_NS = 5_000_000_000  # a wrong time stamp in the future must not silence the twin for good
+
+
+def keep_s(horizon_s: int) -> float:
+    """The seconds of data needed for prediction and evaluation."""
+    return max(PAST_S, horizon_s) + _MARGIN_S
+
+
+@dataclass(slots=True)
+class Statistics:
+    """Counts and means since the start, and the latency of each prediction [s]."""
+
+    made: int = 0
+    recorded: int = 0
+    latency_s: array[float] = field(default_factory=lambda: array("d"))
+    errors: MeanErrors = field(default_factory=MeanErrors)
+
+
+class Twin:
+    """The twin of the recorder of trial ``name``; to be closed. Call :meth:`poll` about ten times a second.
+
+    The thrusters are held, or follow a ``plan`` of orders.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        configuration: Path,
+        predictor: Predictor,
+        notify: Notify,
+        folder: Path | None = None,
+        plan: PlanFile | None = None,
+    ) -> None:
+        self.predictor, self.statistics, self.errors = predictor, Statistics(), RunningError()
+        self.region = RegionFactor()
+        self.last: Forecast | None = None
+        self.last_error: TrackError | None = None
+        self.follower = Follower(name, configuration, keep_s(predictor.horizon_s), notify, folder)
+        self._recent, self._plan = RecentSamples(keep_s(predictor.horizon_s)), plan
+        self._notify, self._last_notice = notify, ""
+        self._start_ns, self._made_s, self._new_s = 0, 0.0, time.monotonic()
+
+    def close(self) -> None:
+        """Close the recording."""
+        self.follower.close()
+
+    def poll(self) -> bool:
+        """Read new samples; whether they led to a new prediction."""
+        news = self.follower.news()
+        if news.anew:
+            self._recent.clear()
+            self.errors.clear()
+            self._start_ns, self._new_s = 0, time.monotonic()
+        for samples in news.samples:
+            self._recent.add(samples, again=news.again)
+        path = self.follower.path
+        if not news.samples or path is None or time.monotonic() - self._made_s < _LEAST_APART_S:
+            return False
+        recording = self._recent.recording(self.follower.trial, path)
+        start_ns = newest_second_ns(recording)
+        if start_ns is not None and start_ns < self._start_ns - _BACK_NS:
+            back_s = (self._start_ns - start_ns) / NANO
+            self._notify_once("warning", f"the sources' times went back by {back_s:.0f} s: begun anew")
+            self._start_ns = 0
+            self.errors.clear()
+        if start_ns is None or start_ns <= self._start_ns:
+            self._notify_missing_channels(recording)
+            return False
+        self._start_ns = start_ns
+        return self._predict(recording, start_ns)
+
+    def _predict(self, recording: Recording, start_ns: int) -> bool:
+        self._made_s = time.monotonic()
+        by, orders = self.predictor, None if self._plan is None else self._plan.orders()
+        try:
+            forecast = predict_now(recording, by.horizon_s, by.plant, by.trained, start_ns, orders)
+        except SeatrialError as error:
+            self._notify_once("warning", f"no prediction: {error}")
+            return False
+        self._new_s = time.monotonic()
+        self._evaluate(forecast, start_ns)
+        forecast = replace(forecast, prediction=self.region.widened(forecast.prediction))
+        self.last = forecast
+        self.errors.add(forecast.prediction)
+        self._publish(forecast)
+        return True
+
+    def _evaluate(self, forecast: Forecast, until_ns: int) -> None:
+        errors = self.errors.evaluate(forecast.table, until_ns)
+        for error in errors:
+            self.statistics.errors = self.statistics.errors.with_error(error)
+            self.region = self.region.after(error, self.predictor.horizon_s)
+        self.last_error = errors[-1] if errors else None
+
+    def _publish(self, forecast: Forecast) -> None:
+        """Send the prediction to the recorder."""
+        origin, made_ns = self.follower.trial.origin, self.follower.utc_ns
+        latency_s = max((made_ns - self._recent.newest_received_ns) / NANO, 0.0)
+        self.statistics.made += 1
+        self.statistics.latency_s.append(latency_s)
+        names = self.predictor.vessel, self.predictor.calibrator
+        running = self.errors.over_s, self.errors.mean()
+        body = message_body(
+            forecast.prediction, forecast.held, origin, names, made_ns, latency_s, self.last_error, running,
+            self.region.factor,
+        )  # fmt: skip
+        if self.follower.recorder is None:
+            return
+        refused = send_prediction(self.follower.recorder[0], body, track_geojson(forecast.prediction, origin))
+        self.statistics.recorded += not refused
+        self._notify_once("warning" if refused else "info", f"not recorded: {refused}" if refused else "predicting")
+
+    def _notify_missing_channels(self, recording: Recording) -> None:
+        """Name the channels without which no prediction can be made."""
+        if time.monotonic() - self._new_s < _STALLED_S:
+            return
+        newest = [int(each.measured_ns.max()) for name, each in recording.series.items()
+                  if name in trial_names(actuators_in_recording(recording))]  # fmt: skip
+        missing = missing_channels(recording, max(newest) // NANO * NANO if newest else None)
+        if missing:
+            self._notify_once("warning", f"no prediction: nothing comes of {', '.join(missing)}")
+
+    def _notify_once(self, level: str, text: str) -> None:
+        """Notify once of each new text."""
+        if text != self._last_notice:
+            self._last_notice = text
+            self._notify(level, text)
+
+
+def warm_up(predictor: Predictor) -> None:
+    """Make one prediction for a ship at rest, so that compilation happens before it matters."""
+    with suppress(SeatrialError):
+        still = recording_at_rest(keep_s(predictor.horizon_s), predictor.plant.layout)
+        predict_now(still, predictor.horizon_s, predictor.plant, predictor.trained)
+
+
+def recording_at_rest(seconds: float, actuators: Actuators = DEFAULT) -> Recording:
+    """A recording with all channels of a ship at zero, one sample a second."""
+    times_ns = np.arange(int(seconds) + 1, dtype=np.int64) * NANO
+    zeros = np.zeros(times_ns.size)
+    flags = np.full(times_ns.size, Quality.GOOD, np.uint8)
+    series = Series(times_ns, times_ns, zeros, flags, ("",), np.zeros(times_ns.size, np.int32))
+    return Recording(
+        Path(), Trial(actuators=as_text(actuators)), dict.fromkeys(trial_names(actuators), series), {}, [], 0,
+        True, 0, int(times_ns[-1]),
+    )  # fmt: skip
+
+
+_POLL_S = 0.1
+_LOG_EVERY_S = 30.0
+_REDRAW_PER_S = 2.0
+_MESSAGES = 5  # that are shown
+_LEVELS = {"info": logging.INFO, "warning": logging.WARNING, "error": logging.ERROR}
+_ROWS = 6
+_LEVEL_STYLES = {"info": "dim", "warning": "yellow", "error": "bold red"}
+
+
+@dataclass(frozen=True, slots=True)
+class WatchSummary:
+    """Counts of predictions, mean errors, and latencies.
+
+    ``made`` predictions, of which the logger ``recorded`` some; ``judged`` against measurements, ``left_out``
+    of the means because a thruster departed from the plan, ``unmeasured`` for lack of a measured track.
+    ``band_factor`` is the final factor on the calibrator's band.
+    """
+
+    made: int
+    recorded: int
+    judged: int
+    left_out: int
+    unmeasured: int
+    mean_distance_m: float | None
+    end_distance_m: float | None
+    heading_deg: float | None
+    inside_band: float | None
+    band_factor: float | None
+    latency_median_s: float | None
+    latency_95_s: float | None
+    latency_max_s: float | None
+
+    def __str__(self) -> str:
+        text = f"{self.made:,} predictions, {self.recorded:,} recorded, {self.judged:,} judged"
+        text += f", {self.left_out:,} left out as a thruster moved"
+        if self.mean_distance_m is not None:
+            text += f"; {self.mean_distance_m:.2f} m off on the way, {self.end_distance_m:.2f} m at the end"
+        if self.inside_band is not None:
+            text += f", {self.inside_band:.0%} inside the band"
+        if self.band_factor is not None:
+            text += f"; {RegionFactor(self.band_factor)}"
+        if self.latency_median_s is not None:
+            text += f"; latency {self.latency_median_s:.2f} s, {self.latency_95_s:.2f} s in 95 of 100 cases"
+        return text
+
+
+def summary_of(statistics: Statistics, unmeasured: int, region: RegionFactor) -> WatchSummary:
+    """A summary of the statistics and of the adaptation of the regions."""
+    errors, latency_s = statistics.errors, statistics.latency_s
+    latencies = np.quantile(latency_s, (0.5, 0.95, 1.0)).tolist() if latency_s else (None, None, None)
+    return WatchSummary(
+        statistics.made, statistics.recorded, errors.predictions, errors.left_out, unmeasured,
+        errors.mean_distance_m, errors.end_distance_m, errors.heading_deg, errors.inside_band,
+        None if errors.inside_band is None else region.factor, *latencies,
+    )  # fmt: skip
+
+
+def watch(
+    config: TrialConfig,
+    predictor: Predictor,
+    stop: threading.Event,
+    duration_s: float | None = None,
+    log_format: LogFormat = "text",
+    folder: Path | None = None,
+    commands: Path | None = None,
+) -> WatchSummary:
+    """Predict beside the recorder of a trial until ``stop`` is set or ``duration_s`` is over.
+
+    Waits where there is no recorder, and goes on with the next where one ends. ``folder`` is where recorders
+    leave their sockets, if not in the usual place; ``commands`` a file of planned orders (:class:`.PlanFile`).
+    Raises :class:`InputError` for a calibrator of held controls beside such a file.
+    """
+    if commands is not None and predictor.trained is not None:
+        predictor.trained.refuse_commands()
+    messages: deque[tuple[str, str]] = deque(maxlen=_MESSAGES)
+    on_terminal = sys.stderr.isatty()
+
+    def notify(level: str, text: str) -> None:
+        if on_terminal:
+            messages.append((level, text))
+        else:
+            LOG.log(_LEVELS[level], text)
+
+    with ExitStack() as stack:
+        stack.enter_context(threadpool_limits(limits=1))  # leave the other cores to the logger
+        plan = None if commands is None else PlanFile(commands, predictor.plant.layout, notify)
+        twin = Twin(config.trial.name, config.path, predictor, notify, folder, plan)
+        stack.callback(twin.close)
+        display = Live(
+            Display(twin, messages), console=Terminal(stderr=True), refresh_per_second=_REDRAW_PER_S, screen=True
+        )  # drawn by a thread of its own
+        stack.enter_context(display if on_terminal else log_to(sys.stderr, log_format))
+        warm_up(predictor)
+        _run(twin, stop, duration_s)
+        return summary_of(twin.statistics, twin.errors.unmeasured, twin.region)
+
+
+def _run(twin: Twin, stop: threading.Event, duration_s: float | None) -> None:
+    until_s = float("inf") if duration_s is None else time.monotonic() + duration_s
+    logged_s = time.monotonic()
+    while time.monotonic() < until_s and not stop.wait(_POLL_S):
+        twin.poll()
+        if time.monotonic() - logged_s >= _LOG_EVERY_S and twin.statistics.made:
+            logged_s = time.monotonic()
+            mean = mean_error_text(twin.errors.mean(), twin.errors.over_s)
+            LOG.info("%s; %s; %s", latency_text(twin), mean, twin.region)
+
+
+def as_json(summary: WatchSummary, predictor: Predictor) -> dict[str, object]:
+    """One object for other programs."""
+    return {
+        **predictor.said.remarks,
+        "horizon_s": predictor.horizon_s,
+        "vessel": predictor.vessel,
+        "calibrator": predictor.calibrator,
+        **asdict(summary),
+    }
+
+
+@dataclass(frozen=True, slots=True)
+class Display:
+    """A twin's state for a terminal, drawn anew each time."""
+
+    twin: Twin
+    messages: deque[tuple[str, str]]
+
+    def __rich_console__(self, console: Console, options: ConsoleOptions) -> Iterator[RenderableType]:
+        twin = self.twin
+        path = twin.follower.path
+        part = "waiting" if path is None else path.name
+        yield _one_line(("● TWIN ", "bold cyan"), f"{twin.statistics.made:,} predictions  {part}")
+        if twin.last is not None:
+            yield _one_line(
+                (source_text(twin.last.prediction), "yellow" if twin.last.prediction.outside_domain else "green")
+            )
+            yield track_table(twin.last.prediction)
+            if twin.last.prediction.region_m is not None:
+                yield _one_line((str(twin.region), "red" if twin.region.is_at_bound else ""))
+        yield _one_line(latency_text(twin))
+        yield _one_line(last_error_text(twin.last_error))
+        for line in mean_error_text(twin.errors.mean(), twin.errors.over_s).split("; "):
+            yield _one_line(line)
+        for level, text in tuple(self.messages):
+            yield _one_line((text, _LEVEL_STYLES.get(level, "")))
+
+
+def _one_line(*parts: str | tuple[str, str]) -> Text:
+    return Text.assemble(*parts, no_wrap=True, overflow="ellipsis")
+
+
+def source_text(prediction: Prediction) -> str:
+    """The method and the start of a prediction."""
+    beyond = ", outside the calibrator's training range" if prediction.outside_domain else ""
+    planned = f", with {', '.join(prediction.planned)} as planned" if prediction.planned else ""
+    return f"{prediction.method} from {prediction.at:%H:%M:%SZ}{beyond}{planned}"
+
+
+def track_table(prediction: Prediction) -> Table:
+    """A row every few seconds: distance ahead and to starboard of the present position, heading, band."""
+    table = Table(box=None, padding=(0, 1, 0, 0), header_style="dim")
+    for title in ("in s", "ahead m", "starboard m", "heading deg", "95 % band m"):
+        table.add_column(title, justify="right", min_width=8, no_wrap=True)
+    horizon_s = len(prediction.track) - 1
+    north, east, heading = prediction.track[0]
+    for second in np.unique(np.linspace(0, horizon_s, _ROWS + 1).round().astype(int))[1:]:
+        away_north, away_east = prediction.track[second, :2] - (north, east)
+        ahead, aside = to_ship(away_north, away_east, heading)
+        band = "–" if prediction.band_m is None else f"{prediction.band_m[second]:.1f}"
+        there_deg = float(wrap_360(np.rad2deg(prediction.track[second, 2])))
+        table.add_row(str(second), f"{ahead:.1f}", f"{aside:.1f}", f"{there_deg:.1f}", band)
+    return table
+
+
+def latency_text(twin: Twin) -> str:
+    """The latency of the newest prediction."""
+    times_s = twin.statistics.latency_s
+    return f"latency {times_s[-1]:.2f} s" if times_s else "no prediction yet"
+
+
+def last_error_text(error: TrackError | None) -> str:
+    """The error of the prediction whose horizon has just passed."""
+    if error is None:
+        return "no earlier prediction to judge"
+    why = "  a thruster moved: not in the means" if error.thrusters_moved else ""
+    return f"then: {error.end_distance_m:.1f} m off at the end, {error.mean_distance_m:.1f} m on the way{why}"
+
+
+def mean_error_text(mean: MeanErrors, over_s: float) -> str:
+    """The means over the last minutes."""
+    if mean.mean_distance_m is None or mean.along_m is None or mean.across_m is None:
+        return f"last {over_s / 60:g} min: none judged, {mean.left_out} left out as a thruster moved"
+    inside = "" if mean.inside_band is None else f", {mean.inside_band:.0%} inside the band"
+    over = f"last {over_s / 60:g} min"
+    return (
+        f"{over}: {mean.mean_distance_m:.2f} m on the way, {mean.end_distance_m:.2f} m at the end "
+        f"({mean.along_m:+.2f} ahead, {mean.across_m:+.2f} to starboard), {mean.heading_deg:.2f} deg{inside}; "
+        f"{mean.predictions} judged, {mean.left_out} left out as a thruster moved"
+    )

@@ -1,0 +1,753 @@
+"""From recordings to a diagnosis, and from a diagnosis to its files.
+
+A model that is off in many things at once is re-identified before, on request or where the diagnosis of it shows
+that. What the structure of a model can close is what remains when its coefficients are as good as the trial can
+make them. They are identified from all legs but those of a fold, and predictions are judged on that fold's, so that
+the figure is of legs that took no part. Where these do not come closer, the model stays as it was.
+
+What a check of a recording does for a diagnosis: parts between jumps of the positions, without what is frozen.
+
+A position that jumps is a force beyond any ship to a filter, and a value that stands still while the sensor is gone
+is one as well. Each part has a start of its own that nobody knows, so that a jump between them costs nothing.
+In the place of feedback that is dead comes the order where it was recorded; else it is said.
+
+``seatrial init``: a folder for the trials of a ship, in which recording and importing work at once.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pandas as pd
+from pydantic import TypeAdapter
+from pymap3d import ned2geodetic
+
+from seatrial.acquisition.config.declarations import find_vessel, vessel_names
+from seatrial.acquisition.config.sources import UdpSource
+from seatrial.acquisition.config.trial_file import possible_channels
+from seatrial.acquisition.core.errors import ConfigurationError, Progress, part_of, printable_name
+from seatrial.acquisition.core.files import remove_file, write_text, written_together
+from seatrial.acquisition.core.quantities import Floats
+from seatrial.acquisition.core.ship import (
+    ENVIRONMENT,
+    VELOCITY,
+    VESSELS,
+    Actuators,
+    Channel,
+    control_channels,
+    name_of_order,
+    unwrap,
+    wrap_180,
+)
+from seatrial.acquisition.core.trial import Quality, software_version
+from seatrial.acquisition.recording.grouping import Files, read_recordings, read_together
+from seatrial.acquisition.recording.parts import safe_name
+from seatrial.acquisition.recording.reader import Recording
+from seatrial.acquisition.tables.import_table import refuse_overwriting
+from seatrial.analysis.quality.check import check_recording
+from seatrial.analysis.quality.findings import Finding
+from seatrial.analysis.quality.motion.model import GROUPS
+from seatrial.analysis.quality.repairs import Repair, repair
+from seatrial.analysis.tables.table import (
+    NANO,
+    refuse_duplicates,
+    select,
+    table_actuators,
+    table_controls,
+    table_of,
+    times_ns,
+    utc_index,
+)
+from seatrial.hybrid.diagnosis.acceptance import HELD_OUT_LEVEL, chance_of_gains
+from seatrial.hybrid.diagnosis.diagnose import TOLERANCE, diagnose
+from seatrial.hybrid.diagnosis.evidence import force_range
+from seatrial.hybrid.diagnosis.gap import HORIZON_S, UnseenWindows, fold_of, predicted_tracks, unseen_windows
+from seatrial.hybrid.diagnosis.linearise import linear_model, model_of, next_states, true_states
+from seatrial.hybrid.diagnosis.log import BLOCK_S, Log, joined, log_of
+from seatrial.hybrid.diagnosis.result import (
+    DIAGNOSIS,
+    Diagnosis,
+    Estimate,
+    Extras,
+    IdentifiedCorrection,
+    write_figure_data,
+)
+from seatrial.hybrid.diagnosis.verdict import Conclusion
+from seatrial.hybrid.effects import Catalogue
+from seatrial.hybrid.effects.catalogue import catalogue_of, vessel_plant
+from seatrial.hybrid.effects.environment import STEADY_WIND
+from seatrial.hybrid.effects.regime import as_file
+from seatrial.hybrid.identification.identify import Identification, identify_tables
+from seatrial.hybrid.prediction.baselines import distances, present_motion_held
+from seatrial.hybrid.report.diagnosis import correction_sentence, describe, model_line, write_report
+from seatrial.hybrid.report.text import plain
+from seatrial.hybrid.simulation.autopilot import Drives, follow, shares
+from seatrial.hybrid.simulation.trial import SimulationNoise, simulate_trial
+from seatrial.hybrid.vessel.actuators import KINDS, Drive
+from seatrial.hybrid.vessel.estimate.new_vessel import NewVessel
+from seatrial.hybrid.vessel.files import load_vessel, reference_model, save_vessel, trials_of, with_effects
+from seatrial.hybrid.vessel.parameters import Vessel
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+SEGMENT_S = 2.0 * HORIZON_S
+"""A stretch that the fit simulates from a start of its own: what is to be foretold, and where that has led to."""
+
+_FORCES = ("surge", "sway", "yaw")
+
+
+@dataclass(frozen=True, slots=True)
+class Refit:
+    """A vessel with coefficients from all of a trial, or as it was where that is no better, and how that went."""
+
+    vessel: Vessel
+    correction: IdentifiedCorrection
+
+
+def refit_model(tables: Sequence[pd.DataFrame], vessel: Vessel, progress: Progress = lambda share: None) -> Refit:
+    """Re-identify ``vessel`` from raw tables, and judge that on legs left out.
+
+    Raises as :func:`.identify_tables`.
+    """
+    log = log_of(tables)
+    windows = unseen_windows(log, model_of(vessel, {}))
+    folds = np.unique(windows.fold).tolist()
+    named = {str(number): table for number, table in enumerate(tables)}
+    after = windows.before.copy()
+    for number, fold in enumerate(folds):
+        others = _without_fold(named, log, fold)
+        part = part_of(progress, number, len(folds) + 1)
+        refitted = identify_tables(others, vessel, segment_s=SEGMENT_S, progress=part)[0].vessel
+        mine = windows.fold == fold
+        after[mine] = _predicted(windows, refitted, mine)
+    whole = part_of(progress, len(folds), len(folds) + 1)
+    found = identify_tables(named, vessel, segment_s=SEGMENT_S, progress=whole)[0]
+    correction = _correction(windows, after, found, forces_moved(log, vessel, found.vessel))
+    return Refit(found.vessel if correction.applied else vessel, correction)
+
+
+def _without_fold(tables: Mapping[str, pd.DataFrame], log: Log, fold: int) -> dict[str, pd.DataFrame]:
+    """The tables without the seconds of a fold's legs: segments that these would cross have no data."""
+    left_out = log.time_s[fold_of(log) == fold]
+    rest = {name: table[~np.isin(_seconds(table), left_out)] for name, table in tables.items()}
+    return {name: table for name, table in rest.items() if len(table)}
+
+
+def _seconds(table: pd.DataFrame) -> Floats:
+    return np.asarray(np.rint(times_ns(table) / NANO))
+
+
+def _predicted(windows: UnseenWindows, vessel: Vessel, mine: np.ndarray) -> Floats:
+    plant = vessel_plant(vessel)
+    return predicted_tracks(windows.log, plant, true_states(windows.log, plant), windows.starts[mine])
+
+
+def forces_moved(log: Log, before: Vessel, after: Vessel) -> dict[str, float]:
+    """How far the forces of two vessels are apart along a trial, root mean square as shares of the force range.
+
+    They are the forces ahead, across and in yaw that would make the one move in a second as the other does: a
+    mass or an inertia that differs counts as the force that it takes.
+    """
+    old, new = vessel_plant(before), vessel_plant(after)
+    linear = linear_model(log, old)
+    moved = next_states(log, new, linear.origin) - next_states(log, old, linear.origin)
+    force = np.linalg.solve(linear.B[:, 3:], moved[:, 3:, None])[..., 0]
+    shares = np.sqrt((force**2).mean(axis=0)) / force_range(log, old, linear.origin)
+    return dict(zip(_FORCES, shares.tolist(), strict=True))
+
+
+def _correction(
+    windows: UnseenWindows, after: Floats, found: Identification, forces: Mapping[str, float]
+) -> IdentifiedCorrection:
+    gains = windows.by_leg_m(windows.before) - windows.by_leg_m(after)
+    held = present_motion_held(windows.log.nominal[windows.starts], HORIZON_S)
+    off_m = np.array([distances(each, windows.measured) for each in (held, windows.before, after)])
+    known = np.isfinite(off_m).all(axis=0)
+    held_m, before_m, after_m = off_m[:, known].mean(axis=1).tolist()
+    each_of = {name: each for each in found.coefficients for name in (each.name, *each.twins)}
+    return IdentifiedCorrection(
+        applied=bool(gains.mean() > 0.0 and chance_of_gains(gains) < HELD_OUT_LEVEL),
+        constant_velocity_m=held_m,
+        before_m=before_m,
+        after_m=after_m,
+        held_out_windows=int(known.any(axis=1).sum()),
+        forces=forces,
+        coefficients={name: Estimate(each.value, each.low, each.high, "") for name, each in each_of.items()},
+        start={name: each.start for name, each in each_of.items()},
+        known=tuple(name for name, each in each_of.items() if each.known),
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class DiagnosisRun:
+    """A diagnosis, the numbers and tables that it was made from, and what its page shows beside it.
+
+    ``refit`` is the vessel that it started from, where that was identified before.
+    """
+
+    diagnosis: Diagnosis
+    conclusion: Conclusion
+    extras: Extras
+    tables: Sequence[pd.DataFrame]
+    refit: Vessel | None = None
+
+    def __str__(self) -> str:
+        return f"{model_line(self.diagnosis)}\n{self.diagnosis}"
+
+    def plot(self) -> Figure:
+        """The parameters that were named with their 95 % intervals, and below them the gap that they close."""
+        from seatrial.hybrid.report.diagnosis_plots import overview_figure
+
+        return overview_figure(self.diagnosis)
+
+
+def diagnose_tables(
+    tables: Sequence[pd.DataFrame],
+    vessel: Vessel,
+    tolerance: float = TOLERANCE,
+    catalogue: Catalogue | None = None,
+    provenance: Mapping[str, Any] | None = None,
+    progress: Progress = lambda share: None,
+) -> DiagnosisRun:
+    """Diagnose raw tables and put the conclusion into words; errors as :func:`.diagnose.diagnose`.
+
+    The catalogue is the vessel's unless another is given; where no wind was recorded, with a steady one in the
+    place of the effects of the wind. Where feedback is dead and orders are there, these drive the model, which is
+    the first remark.
+    """
+    tables, driven = driven_by_orders(tables, vessel)
+    every = catalogue_of(vessel) if catalogue is None else catalogue
+    known = without_wind(every, tables)
+    said = {} if known == every else {"wind": "not recorded: only a steady one was looked for"}
+    conclusion = diagnose(tables, vessel, tolerance, known, progress)
+    diagnosis, extras = describe(conclusion, {**(provenance or {}), **said})
+    return DiagnosisRun(replace(diagnosis, remarks=(*driven, *diagnosis.remarks)), conclusion, extras, tables)
+
+
+def diagnose_files(
+    files: Sequence[Path],
+    vessel: Vessel,
+    tolerance: float,
+    catalogue: Catalogue,
+    part_percent: tuple[float, float] = (0.0, 100.0),
+    *,
+    repair: bool = False,
+    rebuild_positions: bool | None = None,
+    identify: bool | None = None,
+    progress: Progress = lambda share: None,
+) -> DiagnosisRun:
+    """Diagnose recordings, or a part of each one's time in percent; errors as :func:`.diagnose.diagnose`.
+
+    Each is checked before (:func:`.checked_files`): it is parted where its positions jump, what stood still is
+    left out, and faults of the record are repaired. With ``repair`` scales and delays of sensors are, too, and not
+    diagnosed any more; ``rebuild_positions`` takes positions by dead reckoning, ``None`` where their time stamps
+    jitter. ``identify`` has the model's coefficients identified from the recordings before (:func:`with_refit`),
+    ``None`` where the diagnosis shows that it is off in many things.
+    """
+    hashes = refuse_duplicates(files)
+    said = reference_model(trials_of(files), vessel).said
+    provenance = {
+        "software_version": software_version(),
+        "recordings": ", ".join(printable_name(Path(file).name) for file in files),
+        "recordings_sha256": ", ".join(hashes),
+        "vessel": vessel.name,
+        "rebuild_positions": "where their stamps jitter" if rebuild_positions is None else rebuild_positions,
+        "part_percent": f"{part_percent[0]:g}..{part_percent[1]:g}",
+    }
+
+    def checked(repaired: bool) -> Checked:
+        return checked_files(files, part_percent, repaired=repaired, rebuild_positions=rebuild_positions)
+
+    def diagnosed(record: Checked, start: Vessel, part: Progress) -> DiagnosisRun:
+        done = {"repaired": "; ".join(record.repairs), "left_out": "; ".join(record.remarks)}
+        about = provenance | {"repair": record.repaired} | {name: text for name, text in done.items() if text}
+        return diagnose_tables(record.tables, start, tolerance, catalogue, about, part)
+
+    run, refit = with_refit(checked, diagnosed, vessel, identify=identify, repair=repair, progress=progress)
+    first = replace(run.diagnosis, remarks=(*said.remarks.get("remarks", ()), *run.diagnosis.remarks))
+    if refit is None:
+        return replace(run, diagnosis=first)
+    start = refit.vessel if refit.correction.applied else None
+    return replace(run, diagnosis=replace(first, identified=refit.correction), refit=start)
+
+
+def with_refit(
+    checked: Callable[[bool], Checked],
+    diagnosed: Callable[[Checked, Vessel, Progress], DiagnosisRun],
+    vessel: Vessel,
+    *,
+    identify: bool | None = None,
+    repair: bool = False,
+    progress: Progress = lambda share: None,
+) -> tuple[DiagnosisRun, Refit | None]:
+    """What is ``diagnosed`` in a record that is ``checked``, with or without repair of its sensors.
+
+    Before it, if ``identify`` or with None where the model proves :func:`off_in_many_things`, the coefficients are
+    identified. The sensors are repaired then, too, because coefficients would absorb the scale of one. Where new
+    coefficients are no better, the model as it is has been or is diagnosed.
+    """
+    record = checked(repair or bool(identify))
+    progress(0.1)
+    first = None if identify else diagnosed(record, vessel, lambda share: progress(0.1 + 0.3 * share))
+    if first is not None and (identify is False or not off_in_many_things(first.diagnosis)):
+        progress(1.0)
+        return first, None
+    record = record if record.repaired else checked(True)
+    tables = driven_by_orders(record.tables, vessel)[0]
+    refit = refit_model(tables, vessel, lambda share: progress(0.4 + 0.3 * share))
+    if first is None or refit.correction.applied:
+        run = diagnosed(record, refit.vessel, lambda share: progress(0.7 + 0.3 * share))
+    else:
+        run = first
+    why = () if first is None else (_many_things(first.diagnosis, refit.correction.applied),)
+    return replace(run, diagnosis=replace(run.diagnosis, remarks=(*why, *run.diagnosis.remarks))), refit
+
+
+MANY = 5
+"""Effects named at once from which a model that needs them is better re-identified: more than the three causes
+that simulated trials had at most, and fewer than the eight to eleven named for halves of R/V Gunnerus' trials of
+2022."""
+
+
+def off_in_many_things(diagnosis: Diagnosis) -> bool:
+    """Whether a model predicts worse than constant velocity does, needs many effects, and forces remain beside."""
+    gap = diagnosis.gap
+    worse = gap.before_m > gap.constant_velocity_m
+    return worse and len({each.name for each in diagnosis.effects}) >= MANY and diagnosis.remainder is not None
+
+
+def _many_things(diagnosis: Diagnosis, applied: bool) -> str:
+    gap, names = diagnosis.gap, dict.fromkeys(plain(each.name) for each in diagnosis.effects)
+    outcome = "its coefficients were re-identified" if applied else "new coefficients were not better"
+    return (
+        f"The model as it is predicts worse than constant velocity ({gap.before_m:.2f} m against "
+        f"{gap.constant_velocity_m:.2f} m), and {len(names)} effects left forces unexplained: {outcome}. The "
+        f"effects were {', '.join(names)}; with them the error on held-out legs was {gap.after_m:.2f} m"
+    )
+
+
+def write_diagnosis(run: DiagnosisRun, vessel: Vessel, folder: Path) -> Path:
+    """Write ``diagnosis.json``, ``vessel.toml``, ``report.html`` and the numbers behind its figures.
+
+    Where a calibrator was trained on top ``ladder.json``, where the model was identified before
+    ``identified.toml``, and where regimes were found ``regimes.py``; files of an earlier diagnosis go. Returns the
+    page's path.
+
+    Raises :class:`StorageError`.
+    """
+    with written_together(folder / DIAGNOSIS):
+        write_figure_data(run.diagnosis, run.extras, folder)
+        _write_regimes(run.conclusion, folder / "regimes.py")
+        if run.refit is None:
+            remove_file(folder / "identified.toml")
+        else:
+            save_vessel(run.refit, folder / "identified.toml")
+        save_vessel(vessel_with_effects(run.refit or vessel, run.diagnosis), folder / "vessel.toml")
+        return write_report(run.diagnosis, run.extras, folder)
+
+
+def _write_regimes(conclusion: Conclusion, path: Path) -> None:
+    found = {each.name: (each.regime, each.value) for each in conclusion.regimes}
+    if found:
+        write_text(path, as_file(found))
+    else:
+        remove_file(path)
+
+
+def vessel_with_effects(vessel: Vessel, diagnosis: Diagnosis) -> Vessel:
+    """``vessel`` with what was named, and where that comes from.
+
+    A named effect that the vessel has already takes that one's place: its value is what both come to. What is not
+    the same in all of the trial stands as it is at the end; the sea and the sensors of each recording stay with it.
+    """
+    kept = [each for each in diagnosis.effects if each.in_vessel]
+    effects = {each.name: {name: estimate.value for name, estimate in each.parameters.items()} for each in kept}
+    notes = {
+        f"diagnosis_{each.name}": "; ".join(
+            f"{name} {estimate.value:.6g} ({estimate.low:.6g} to {estimate.high:.6g}) {estimate.unit}"
+            for name, estimate in each.parameters.items()
+        )
+        for each in kept
+    }
+    if diagnosis.identified is not None:
+        notes[f"diagnosis_{diagnosis.identified.name}"] = correction_sentence(diagnosis.identified)
+    result = with_effects(vessel, effects, **_plain(diagnosis.provenance), **notes, verdict=diagnosis.verdict)
+    return replace(result, name=f"{vessel.name}_diagnosed", description=_description(vessel, diagnosis))
+
+
+_OF_SCOPE = {"day": " (of the day of that trial)", "recording": " (of its sensors)"}
+
+
+def _description(vessel: Vessel, diagnosis: Diagnosis) -> str:
+    added = dict[str, list[str]]()
+    for each in diagnosis.effects:
+        if each.in_vessel:
+            added.setdefault(each.scope, []).append(each.name)
+    parts = [", ".join(names) + _OF_SCOPE.get(scope, "") for scope, names in added.items()]
+    if diagnosis.identified is not None and diagnosis.identified.applied:
+        parts.insert(0, "identified coefficients")
+    return f"{vessel.description or vessel.name}; a diagnosis added {'; '.join(parts) or 'nothing'}"
+
+
+def _plain(provenance: Mapping[str, Any]) -> dict[str, Any]:
+    """What a TOML table may hold: texts and numbers."""
+    return {
+        f"diagnosis_{key}": value if isinstance(value, int | float) else str(value)
+        for key, value in provenance.items()
+    }
+
+
+_STEP_S = 0.1
+_TURNS_DEG = 30.0  # by drift and wind alone, or at an even surge, sway or yaw rate, a ship hardly turns so far
+_AHEAD_DEG = 1.0  # an angle held further from ahead turns the ship by right
+
+
+def driven_by_orders(
+    tables: Sequence[pd.DataFrame], vessel: Vessel
+) -> tuple[tuple[pd.DataFrame, ...], tuple[str, ...]]:
+    """Raw tables with orders, through the drives of ``vessel``, in the place of dead feedback, and what was done.
+
+    Feedback is dead where it has no values, or one value throughout although the order moves.
+    """
+    done = [_of_one(table, vessel) for table in tables]
+    return tuple(table for table, _ in done), tuple(dict.fromkeys(text for _, said in done for text in said))
+
+
+def _of_one(table: pd.DataFrame, vessel: Vessel) -> tuple[pd.DataFrame, list[str]]:
+    filled, said = dict[str, Floats](), list[str]()
+    for each, entry in zip(vessel.actuators, vessel.actuator, strict=True):
+        kind = KINDS[each.kind]
+        parts = zip(each.channels, kind.drives(entry), kind.units, kind.still, strict=True)
+        for channel, drive, unit, still in parts:
+            order, how = name_of_order(channel.name), how_it_is_dead(table, channel.name)
+            moves = _is_there(table, order) and _reach(table[order]) * unit > still
+            if how and (moves or (_is_there(table, order) and not _is_there(table, channel.name))):
+                own = Drive(drive.lag_s, drive.limit / unit, drive.rate / unit)
+                filled[channel.name] = followed(table, order, own, circular=channel.circular)
+                said.append(f"{channel.name} {how}: its order drives the model, with a lag of {drive.lag_s:g} s")
+    return (table.assign(**filled) if filled else table), said
+
+
+def how_it_is_dead(table: pd.DataFrame, name: str) -> str:
+    """In words what is wrong with a channel that has no values, or one throughout; empty for any other."""
+    if not _is_there(table, name):
+        return "has no values"
+    return f"stands at {table[name].min():g} throughout" if table[name].min() == table[name].max() else ""
+
+
+def idle_angles(table: pd.DataFrame, actuators: Actuators) -> tuple[str, ...]:
+    """In words the angles that stand still although the ship turns or others like them move: unused, or dead.
+
+    Where their orders were recorded these say it, and :func:`driven_by_orders` takes them.
+    """
+    angles = {each.angle.name: each.kind for each in actuators if each.angle and each.angle.name in table}
+    still = {name for name in angles if _is_there(table, name) and how_it_is_dead(table, name)}
+    unknown = {name for name in still if not _is_there(table, name_of_order(name))}
+    moving = {kind for name, kind in angles.items() if name not in still}
+    turned_deg, found = _turned_deg(table), []
+    for name in sorted(unknown):
+        ahead = abs(float(table[name].median())) < _AHEAD_DEG
+        if angles[name] in moving or (ahead and turned_deg > _TURNS_DEG):
+            other = "others like it move" if angles[name] in moving else f"the ship turns by {turned_deg:.0f} deg"
+            found.append(
+                f"{name} {how_it_is_dead(table, name)} although {other}: taken as recorded; if it was used, what "
+                "is named may stand for that"
+            )
+    return tuple(found)
+
+
+def _is_there(table: pd.DataFrame, name: str) -> bool:
+    return name in table and bool(table[name].notna().any())
+
+
+def _turned_deg(table: pd.DataFrame) -> float:
+    return _reach(table["heading_deg"], circular=True) if "heading_deg" in table else 0.0
+
+
+def _reach(values: pd.Series, *, circular: bool = False) -> float:
+    """From the least of the values to the most, 0 of none."""
+    known = values.dropna().to_numpy(dtype=float)
+    return float(np.ptp(unwrap(known) if circular else known)) if known.size else 0.0
+
+
+def followed(table: pd.DataFrame, order: str, drive: Drive, *, circular: bool) -> Floats:
+    """What a drive makes of its orders, each held until the next, at the times of a table; NaN before the first.
+
+    ``drive`` has its limits in the channel's unit.
+    """
+    known, every = table[order].notna().to_numpy(), times_ns(table) / NANO
+    times, values = every[known], table[order].to_numpy(dtype=float)[known]
+    values = unwrap(values) if circular else values
+    grid = np.arange(times[0], every[-1] + _STEP_S, _STEP_S)
+    held = values[np.searchsorted(times, grid, side="right") - 1]
+    acting = np.interp(every, grid, _driven(held, drive))
+    return np.where(every >= times[0], wrap_180(acting) if circular else acting, np.nan)
+
+
+def _driven(orders: Floats, drive: Drive) -> Floats:
+    """What a drive makes of orders, one a step, that begins at the first (:func:`.follow`)."""
+    lag_s, limit, rate, helm = (np.array([each]) for each in (drive.lag_s, drive.limit, drive.rate, 0.0))
+    drives = Drives(lag_s, limit, rate, helm, damping_s=0.0, settled_radps=0.0)
+    share, result = shares(drives, _STEP_S), np.empty_like(orders)
+    now = np.clip(orders[:1], -drive.limit, drive.limit)
+    for k in range(len(orders)):
+        result[k] = now[0]
+        follow(drives, share, now, orders[k : k + 1], _STEP_S)
+    return result
+
+
+_AROUND = pd.Timedelta(seconds=2.5)
+"""Filters and interpolation make a ramp of a jump, and its stamps may be late: so much on either side goes."""
+_FROZEN = ("stuck", "feedback_frozen", "position_jump")
+_MOST_FROZEN = 0.5
+_FOR_A_NAME = ("speed_scale", "yaw_rate_scale", "channel_delay")
+"""Errors of sensors that the catalogue has: a diagnosis names them."""
+
+
+@dataclass(frozen=True, slots=True)
+class Checked:
+    """The tables that a diagnosis takes in, and in a sentence each what was left out of the recording and what was
+    repaired in it; ``repaired`` says whether scales and delays of sensors were."""
+
+    tables: tuple[pd.DataFrame, ...]
+    remarks: tuple[str, ...] = ()
+    repairs: tuple[str, ...] = ()
+    repaired: bool = False
+
+
+def checked_tables(
+    recording: Recording,
+    part_percent: tuple[float, float] = (0.0, 100.0),
+    *,
+    repaired: bool = False,
+    rebuild_positions: bool | None = None,
+) -> Checked:
+    """The raw tables of a recording, or of a part of its time in percent, as its check says that they can be used.
+
+    Faults of the record that no effect could be (a heading interpolated through north, orders interpolated from
+    event to event, spikes) are put right. ``repaired`` has the errors put right as well that a diagnosis would
+    name: factors of speeds and yaw rate, delays. ``rebuild_positions`` takes the path that speeds and heading give
+    for the positions; ``None`` does so where the check finds that their stamps jitter.
+    """
+    raw = table_of(recording)
+    quality = check_recording(recording, raw)
+    findings = quality.findings
+    faults = [each for each in findings if repaired or each.code not in _FOR_A_NAME]
+    done = repair(raw, faults, quality.flags, recording, rebuild_positions=rebuild_positions)
+    flags = quality.flags if done.flags is None else done.flags
+    table, remarks = without_frozen(select(done.table, part_percent), select(flags, part_percent), findings)
+    dead = dead_sensors(table)
+    parts, more = between_jumps(table.assign(**dict.fromkeys(dead, np.nan)), findings)
+    gone = (f"{name} has one value throughout although the ship turns: it is left out" for name in dead)
+    remarks = (*remarks, *gone, *idle_angles(table, table_actuators(table)), *more)
+    return Checked(parts, remarks, tuple(dict.fromkeys(map(_in_words, done.repairs))), repaired)
+
+
+def checked_files(
+    files: Sequence[Path],
+    part_percent: tuple[float, float] = (0.0, 100.0),
+    *,
+    repaired: bool = False,
+    rebuild_positions: bool | None = None,
+) -> Checked:
+    """The tables of all recordings by :func:`checked_tables`; each sentence begins with the name of its file."""
+    tables, remarks, repairs = list[pd.DataFrame](), list[str](), list[str]()
+    for recording in read_recordings(map(Path, files)):
+        found = checked_tables(recording, part_percent, repaired=repaired, rebuild_positions=rebuild_positions)
+        tables, name = [*tables, *found.tables], printable_name(recording.path.name)
+        remarks += [f"{name}: {remark}" for remark in found.remarks]
+        repairs += [f"{name}: {repair}" for repair in found.repairs]
+    return Checked(tuple(tables), tuple(remarks), tuple(repairs), repaired)
+
+
+def _in_words(done: Repair) -> str:
+    return done.text if done.channel in done.text else f"{done.channel}: {done.text}"
+
+
+def usable_tables(
+    recordings: Mapping[str, Files],
+    part_percent: tuple[float, float] = (0.0, 100.0),
+    *,
+    repaired: bool = False,
+    rebuild_positions: bool | None = None,
+) -> tuple[dict[str, pd.DataFrame], tuple[str, ...]]:
+    """One raw table for each recording by name, with a gap where :func:`checked_tables` parts it, and remarks."""
+    tables, remarks = dict[str, pd.DataFrame](), list[str]()
+    for name, files in recordings.items():
+        checked = checked_tables(
+            read_together(files), part_percent, repaired=repaired, rebuild_positions=rebuild_positions
+        )
+        tables[name] = joined(checked.tables)
+        remarks += [f"{name}: {remark}" for remark in checked.remarks]
+    return tables, tuple(remarks)
+
+
+def dead_sensors(table: pd.DataFrame) -> tuple[str, ...]:
+    """Speeds and yaw rate that have one value throughout although the heading turns: nobody measured them."""
+    dead = tuple(each for each in VELOCITY if _is_there(table, each) and how_it_is_dead(table, each))
+    return dead if _turned_deg(table) > _TURNS_DEG else ()
+
+
+def without_frozen(
+    table: pd.DataFrame, flags: pd.DataFrame, findings: Iterable[Finding]
+) -> tuple[pd.DataFrame, tuple[str, ...]]:
+    """The table with gaps where a channel stood still or positions were displaced, and what was made so.
+
+    A control that is frozen for most of the time stays: without it nothing is known of what drives the ship.
+    """
+    kept, remarks = table.copy(), list[str]()
+    for finding in (each for each in findings if each.code in _FROZEN):
+        for name in filter(flags.__contains__, GROUPS.get(finding.channel, (finding.channel,))):
+            bad = (flags[name] == Quality.BAD).to_numpy() & kept[name].notna().to_numpy()
+            if name in table_controls(table) and bad.sum() > _MOST_FROZEN * table[name].count():
+                remarks.append(f"{name} stands still for most of the time and was taken as recorded")
+            elif bad.any():
+                kept[name] = kept[name].mask(bad)
+                remarks.append(f"{int(bad.sum()):,} values of {name} left out: {finding.text}")
+    return kept, tuple(remarks)
+
+
+def between_jumps(
+    table: pd.DataFrame, findings: Iterable[Finding]
+) -> tuple[tuple[pd.DataFrame, ...], tuple[str, ...]]:
+    """The parts of a table between jumps of the positions that do not return, those of a minute and more; and what
+    was parted where."""
+    jumps = [each for each in findings if each.code == "position_jump" and each.start == each.end]
+    times = utc_index(table)
+    inside = [each for each in jumps if times.min() < each.start < times.max()]
+    edges = [times.min() - _AROUND, *sorted(each.start for each in inside), times.max() + _AROUND]
+    parts = [table[(times >= first + _AROUND) & (times <= last - _AROUND)] for first, last in pairwise(edges)]
+    long = tuple(part for part in parts if len(part) and np.ptp(utc_index(part).asi8) >= BLOCK_S * 1e9)
+    return long or (table,), tuple(f"parted: {each.text}" for each in inside)
+
+
+def without_wind(catalogue: Catalogue, tables: Sequence[pd.DataFrame]) -> Catalogue:
+    """The catalogue; where a table has no wind, a steady one in the place of the effects of a recorded one."""
+    if all(set(ENVIRONMENT) <= set(each) and each[list(ENVIRONMENT)].notna().any().all() for each in tables):
+        return catalogue
+    kept = {name: effect for name, effect in catalogue.items() if not name.startswith("wind_")}
+    return {**kept, STEADY_WIND.name: STEADY_WIND}
+
+
+TEMPLATES = VESSELS.parent / "start"
+_CONTROLS = "# CONTROLS\n"
+_KNOT_MPS = 1852.0 / 3600.0
+_EXAMPLE_S, _PLACE_DEG = 420.0, (63.44, 10.4)
+
+
+def start_folder(
+    folder: Path, vessel: NewVessel | str | Path, name: str = "", *, force: bool = False
+) -> list[Path]:
+    """Write a ship's ``vessel.toml``, ``trial.toml``, ``columns.toml`` and ``example.csv`` into a folder.
+
+    Parameters
+    ----------
+    folder
+        Made if it does not exist.
+    vessel
+        The ship: estimated from main dimensions, or a vessel's name or file. A ship that comes with Seatrial, and a
+        ``vessel.toml`` that is in the folder already, are not written.
+    name
+        What the trial is called; by default as the folder.
+    force
+        Whether files that exist are replaced.
+
+    Returns
+    -------
+    list of Path
+        The files written.
+
+    Raises
+    ------
+    InputError
+        For a file that exists, without ``force``.
+    ConfigurationError
+        For a vessel file at fault, and for a ship of one's own with the name of one in Seatrial.
+    StorageError
+        For a folder that cannot be written to.
+    """
+    name = safe_name(name or folder.resolve().name)
+    ship, text = _ship_of(vessel, folder)
+    texts = {} if text is None else {"vessel.toml": text}
+    texts["trial.toml"] = _filled("trial.toml", name, ship, _listed(ship))
+    texts["columns.toml"] = _filled("columns.toml", name, ship, _mapped(ship.actuators))
+    for file in (*texts, "example.csv"):
+        refuse_overwriting(folder / file, force)
+    texts["example.csv"] = _example_table(ship)
+    with written_together(folder / "trial.toml"):
+        return [write_text(folder / file, text) for file, text in texts.items()]
+
+
+def _ship_of(vessel: NewVessel | str | Path, folder: Path) -> tuple[Vessel, str | None]:
+    """The ship, and the text of its vessel file; None where that need not be written."""
+    with TemporaryDirectory(prefix="seatrial-init-") as scratch:
+        copy = Path(scratch) / "vessel.toml"
+        if isinstance(vessel, NewVessel):
+            vessel.save(copy)
+            ship, exists = load_vessel(copy), False
+        else:
+            file = find_vessel(vessel)
+            ship = load_vessel(file)
+            if file.parent == VESSELS:
+                return ship, None
+            save_vessel(ship, copy)
+            exists = file.resolve() == (folder / "vessel.toml").resolve()
+        if ship.name in vessel_names():
+            fix = "give yours another one with --name, or in its vessel file"
+            raise ConfigurationError(f"{ship.name} is the name of a ship in Seatrial", fix=fix)
+        return ship, None if exists else copy.read_text(encoding="utf-8")
+
+
+def _filled(file: str, name: str, ship: Vessel, controls: str) -> str:
+    """A template with the names and the controls in their places."""
+    words = {"NAME": name, "SHIP": json.dumps(ship.name)[1:-1], _CONTROLS: controls}
+    template = (TEMPLATES / file).read_text(encoding="utf-8")
+    return re.sub("|".join(words), lambda match: words[match[0]], template)
+
+
+def _listed(ship: Vessel) -> str:
+    """The controls as the list of a source of sentences has them; those that no sentence carries as a comment."""
+    settings = {"name": "bridge", "type": "udp", "port": 10110, "channels": ()}
+    possible = possible_channels(TypeAdapter(UdpSource).validate_python(settings), ship.actuators)
+    names = [channel.name for channel in control_channels(ship.actuators)]
+    rows = [f'"{name}",' if name in possible else f'# "{name}": no sentence carries it' for name in names]
+    return "".join(f"{row}\n  " for row in rows)[:-2]
+
+
+def _mapped(actuators: Actuators) -> str:
+    """The controls as a column map has them."""
+    return "".join(
+        f'{channel.name:<18} = {{ column = "{_title(channel)}", unit = "{channel.unit}" }}\n'
+        for channel in control_channels(actuators)
+    )
+
+
+def _title(channel: Channel) -> str:
+    """A control as a column of a table is called: ``Port pitch %``."""
+    words = channel.name.rpartition("_")[0].replace("_", " ").capitalize()
+    return f"{words} {channel.unit}"
+
+
+def _example_table(vessel: Vessel) -> str:
+    """A 10/10 zigzag of the ship in a calm sea, by sensors so good that its columns agree by eye."""
+    table, _ = simulate_trial(vessel, "calm", "zigzag_10_10", _EXAMPLE_S, 1.0, noise=SimulationNoise().scaled(0.1))
+    lat, lon, _ = ned2geodetic(table["north_m"], table["east_m"], 0.0, *_PLACE_DEG, 0.0)
+    knots = table[["surge_mps", "sway_mps", "wind_speed_mps"]] / _KNOT_MPS
+    return pd.DataFrame({
+        "Time UTC": pd.DatetimeIndex(table.index).strftime("%Y-%m-%dT%H:%M:%SZ"),
+        "Lat": lat.round(7), "Lon": lon.round(7),
+        "Heading": table["heading_deg"].round(2), "ROT deg/min": (60.0 * table["yaw_rate_dps"]).round(2),
+        "Speed ahead kn": knots["surge_mps"].round(2), "Speed to starboard kn": knots["sway_mps"].round(2),
+        "Wind from": table["wind_direction_deg"].round(1), "Wind kn": knots["wind_speed_mps"].round(1),
+        **{_title(each): table[each.name].round(1) for each in control_channels(vessel.actuators)},
+    }).to_csv(index=False)  # fmt: skip

@@ -1,1 +1,0 @@
-"""The jobs behind the commands: train, validate, predict, diagnose, demo."""
