@@ -9,8 +9,7 @@ from math import isfinite
 
 import pandas as pd
 
-from seatrial.acquisition.config.conditions import Conditions
-from seatrial.acquisition.config.run_sheet import conditions_of
+from seatrial.acquisition.config.run_sheet import Conditions, conditions_of
 from seatrial.acquisition.core.quantities import mean_wind
 from seatrial.acquisition.core.trial import Trial
 from seatrial.analysis.series import is_assumed

@@ -28,9 +28,9 @@ from seatrial.acquisition.recording.writer import write_table
 from seatrial.analysis.quality.check import DataQuality, check_recording
 from seatrial.analysis.windows.held import HeldWindows, tables_of_recordings, windows_of_tables
 from seatrial.hybrid.calibrators import TrainedCalibrator, train
-from seatrial.hybrid.calibrators.artefact import save
-from seatrial.hybrid.diagnosis.diagnose import TOLERANCE
+from seatrial.hybrid.calibrators.own import save
 from seatrial.hybrid.diagnosis.result import Diagnosis
+from seatrial.hybrid.diagnosis.verdict import TOLERANCE
 from seatrial.hybrid.effects import CATALOGUE
 from seatrial.hybrid.effects.catalogue import vessel_plant
 from seatrial.hybrid.evaluation.validate import Validation, refuse_training_data, validate

@@ -195,8 +195,7 @@ def manoeuvres(
         ``cannot_be_said`` or ``not_shown`` where there is a ``limit``, and ``missing`` lists what is missing to
         show the criterion.
     """
-    from seatrial.acquisition.config.conditions import Conditions
-    from seatrial.acquisition.config.run_sheet import Statement, load_statement
+    from seatrial.acquisition.config.run_sheet import Conditions, Statement, load_statement
     from seatrial.analysis.report.tables import manoeuvres_of
 
     known = Statement(conditions=conditions) if isinstance(conditions, Conditions) else None
@@ -245,8 +244,7 @@ def speed_power(
     DataShortageError
         Without a double run.
     """
-    from seatrial.acquisition.config.conditions import Conditions
-    from seatrial.acquisition.config.run_sheet import statement_from_text, statement_text
+    from seatrial.acquisition.config.run_sheet import Conditions, statement_from_text, statement_text
     from seatrial.acquisition.core.errors import InputError
     from seatrial.analysis.speed_power.corrections import read_wind_resistance
     from seatrial.analysis.speed_power.runs import is_run_table

@@ -67,7 +67,6 @@ from seatrial.analysis.tables.table import (
     utc_index,
 )
 from seatrial.hybrid.diagnosis.acceptance import HELD_OUT_LEVEL, chance_of_gains
-from seatrial.hybrid.diagnosis.diagnose import TOLERANCE, diagnose
 from seatrial.hybrid.diagnosis.evidence import force_range
 from seatrial.hybrid.diagnosis.gap import HORIZON_S, UnseenWindows, fold_of, predicted_tracks, unseen_windows
 from seatrial.hybrid.diagnosis.linearise import linear_model, model_of, next_states, true_states
@@ -80,7 +79,7 @@ from seatrial.hybrid.diagnosis.result import (
     IdentifiedCorrection,
     write_figure_data,
 )
-from seatrial.hybrid.diagnosis.verdict import Conclusion
+from seatrial.hybrid.diagnosis.verdict import TOLERANCE, Conclusion, diagnose
 from seatrial.hybrid.effects import Catalogue
 from seatrial.hybrid.effects.catalogue import catalogue_of, vessel_plant
 from seatrial.hybrid.effects.environment import STEADY_WIND

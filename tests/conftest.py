@@ -138,6 +138,6 @@ def small(earlier: list[Path]) -> TrainedCalibrator:
 @pytest.fixture(scope="session")
 def small_folder(small: TrainedCalibrator, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The small calibrator on disk."""
-    from seatrial.hybrid.calibrators.artefact import save
+    from seatrial.hybrid.calibrators.own import save
 
     return save(small, tmp_path_factory.mktemp("calibrator") / "small").parent

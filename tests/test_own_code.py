@@ -12,9 +12,8 @@ import seatrial as st
 from seatrial.acquisition.core.errors import ConfigurationError, InputError
 from seatrial.acquisition.core.named_code import OwnCodeError, load
 from seatrial.hybrid.calibrators import make_calibrator
-from seatrial.hybrid.calibrators.artefact import load as load_calibrator
-from seatrial.hybrid.calibrators.artefact import save
-from seatrial.hybrid.calibrators.own import OwnCalibrator
+from seatrial.hybrid.calibrators.own import OwnCalibrator, save
+from seatrial.hybrid.calibrators.own import load as load_calibrator
 from tests.conftest import Command, few_epochs
 from tests.pages import block_of
 

@@ -11,7 +11,6 @@ from typing import Annotated, Any
 from pydantic import ConfigDict, Discriminator
 from pydantic.dataclasses import dataclass
 
-from seatrial.acquisition.config.conditions import Conditions
 from seatrial.acquisition.config.declarations import (
     ChannelSection,
     Declarations,
@@ -22,7 +21,7 @@ from seatrial.acquisition.config.declarations import (
     SentenceField,
     Transducer,
 )
-from seatrial.acquisition.config.run_sheet import InstrumentsSection, Particulars
+from seatrial.acquisition.config.run_sheet import Conditions, InstrumentsSection, Particulars
 from seatrial.acquisition.config.sources import (
     FILE_SOURCES,
     PAIRS,

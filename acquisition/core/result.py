@@ -61,7 +61,7 @@ class Result:
     def plot(self) -> Figure:
         """The result as a matplotlib figure."""
         draw = imported(self.drawing)
-        filled: Figure = imported("seatrial.analysis.report.figures:fill_figure")(
+        filled: Figure = imported("seatrial.analysis.report.rendering:fill_figure")(
             lambda figure: draw(figure, self), self.size_inch
         )
         return filled

@@ -28,11 +28,14 @@ from seatrial.acquisition.config.trial_file import TrialConfig, parse_config, po
 from seatrial.acquisition.core.errors import ConfigurationError, Progress, part_of
 from seatrial.acquisition.core.ship import MOTION, channel_names, channel_unit
 from seatrial.acquisition.core.trial import Frame, label_parts
-from seatrial.acquisition.discovery.listen import KNOWN_FORMS, Heard, ListeningPlace, listen
-from seatrial.acquisition.discovery.readings import (
+from seatrial.acquisition.discovery.listen import (
+    KNOWN_FORMS,
     DbcMessages,
+    Heard,
     LatestReading,
+    ListeningPlace,
     choose_dbc,
+    listen,
     match_signals,
     signal_readings,
     topic_readings,

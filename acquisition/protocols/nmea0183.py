@@ -49,8 +49,7 @@ from seatrial.acquisition.core.ship import (
 )
 from seatrial.acquisition.core.trial import EPOCH, Fix, Frame, Group, Quality, safe_label, sensor_of
 from seatrial.acquisition.protocols import DeclaredReaders, Decoder, FurtherSenders, Moment, Packet
-from seatrial.acquisition.protocols.clock import SourceClock, nearest_day, utc_ns
-from seatrial.acquisition.protocols.receivers import InterleavedSources, Receivers
+from seatrial.acquisition.protocols.clock import InterleavedSources, Receivers, SourceClock, nearest_day, utc_ns
 
 _DATAGRAM_PREFIX = b"UdPbC\0"
 _TAG_BLOCK = re.compile(rb"\\([\x20-\x7e]*?)\*([0-9A-Fa-f]{2})\\")

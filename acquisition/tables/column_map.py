@@ -5,9 +5,9 @@ ship's actuators, and it says what becomes of rows that cannot be read.
 
 Channels of a table that follow from others of it: the recorder's equations, row by row of a whole table.
 
-Surge and sway from course and speed over ground and the heading, as :mod:`seatrial.acquisition.logger.derive` has
-them; where there is no course, and for the yaw rate, the rates of position and heading: slopes of straight lines
-over a second and a half before and after each row.
+Surge and sway from course and speed over ground and the heading, as :mod:`seatrial.acquisition.logger.processing`
+has them; where there is no course, and for the yaw rate, the rates of position and heading: slopes of straight
+lines over a second and a half before and after each row.
 
 Latitudes and longitudes as text, and hemispheres by word or letter, in a closed vocabulary of many languages.
 
@@ -31,9 +31,8 @@ import pymap3d
 from pydantic import AfterValidator, ConfigDict, ValidationInfo
 from pydantic.dataclasses import dataclass
 
-from seatrial.acquisition.config.conditions import Conditions
 from seatrial.acquisition.config.declarations import ChannelSection, Conversion, PackSection
-from seatrial.acquisition.config.run_sheet import InstrumentsSection, Particulars, RunSheet
+from seatrial.acquisition.config.run_sheet import Conditions, InstrumentsSection, Particulars, RunSheet
 from seatrial.acquisition.config.sources import ActuatorSection, check_channel, parse_for_ship
 from seatrial.acquisition.config.toml_file import line_of, read_text
 from seatrial.acquisition.core.errors import ConfigurationError, InputError

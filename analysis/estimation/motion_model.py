@@ -27,8 +27,15 @@ import pandas as pd
 from seatrial.acquisition.core.quantities import Bools, Floats, Ints, to_ship
 from seatrial.acquisition.core.ship import BY_NAME, difference
 from seatrial.analysis.estimation.kalman import Gate, Start, Steps, innovations_of, smooth_steps
-from seatrial.analysis.estimation.likelihood import ScoringSettings, most_likely, robust_cost
-from seatrial.analysis.estimation.process_models import Law, ProcessModel, WaveMotion, WhiteJerk
+from seatrial.analysis.estimation.process_models import (
+    Law,
+    ProcessModel,
+    ScoringSettings,
+    WaveMotion,
+    WhiteJerk,
+    most_likely,
+    robust_cost,
+)
 from seatrial.analysis.tables.resample import own_gap_s
 from seatrial.analysis.tables.table import NANO, times_ns
 

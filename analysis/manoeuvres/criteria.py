@@ -24,7 +24,7 @@ from typing import Any
 
 import numpy as np
 
-from seatrial.acquisition.config.conditions import Conditions
+from seatrial.acquisition.config.run_sheet import Conditions
 from seatrial.analysis.manoeuvres.indices import Index, Manoeuvre, from_order, nominal_deg
 from seatrial.analysis.manoeuvres.kinds import REMOVED, SWITCH_SHARE
 

@@ -24,7 +24,7 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
-from seatrial.acquisition.config.conditions import Conditions
+from seatrial.acquisition.config.run_sheet import Conditions
 from seatrial.acquisition.core.errors import InputError
 from seatrial.acquisition.core.named_code import OwnCodeError, file_of, load, own_code, require_call
 from seatrial.acquisition.core.quantities import Bools, Floats

@@ -21,9 +21,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pandas as pd
 
-from seatrial.acquisition.config.conditions import REFERENCE_DENSITY_KGPM3, Conditions
 from seatrial.acquisition.config.declarations import length_of_ship
-from seatrial.acquisition.config.run_sheet import Particulars, Statement, conditions_of, particulars_of
+from seatrial.acquisition.config.run_sheet import (
+    REFERENCE_DENSITY_KGPM3,
+    Conditions,
+    Particulars,
+    Statement,
+    conditions_of,
+    particulars_of,
+)
 from seatrial.acquisition.core.files import write_text, written_together
 from seatrial.acquisition.core.quantities import KNOT_MPS, ending_of, mean_wind
 from seatrial.acquisition.core.ship import find_channel, from_text

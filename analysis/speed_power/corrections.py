@@ -25,7 +25,7 @@ from pathlib import Path
 
 import numpy as np
 
-from seatrial.acquisition.config.conditions import (
+from seatrial.acquisition.config.run_sheet import (
     REFERENCE_DENSITY_KGPM3,
     REFERENCE_TEMPERATURE_DEGC,
     Conditions,

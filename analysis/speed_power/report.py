@@ -180,7 +180,7 @@ def draw(figure: Figure, result: SpeedPower) -> None:
 
 def write_speed_power(result: SpeedPower, folder: Path) -> list[Path]:
     """Write ``speed_power.json`` and the picture. Raises :class:`StorageError`."""
-    from seatrial.analysis.report.figures import write_figure
+    from seatrial.analysis.report.rendering import write_figure
 
     plain = folder / "speed_power.json"
     with written_together(plain):

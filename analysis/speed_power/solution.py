@@ -17,7 +17,7 @@ from math import comb
 
 import numpy as np
 
-from seatrial.acquisition.config.conditions import Conditions
+from seatrial.acquisition.config.run_sheet import Conditions
 from seatrial.acquisition.core.errors import DataShortageError
 from seatrial.acquisition.core.quantities import Floats
 from seatrial.analysis.speed_power.corrections import (

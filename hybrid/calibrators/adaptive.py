@@ -48,7 +48,7 @@ from numpy.typing import NDArray
 from seatrial.acquisition.core.errors import DataShortageError, Progress, part_of
 from seatrial.acquisition.core.quantities import Bools, Complexes, Floats, to_ship
 from seatrial.acquisition.core.ship import Actuators, trial_names
-from seatrial.analysis.estimation.likelihood import UNKNOWN, correlated_pairs
+from seatrial.analysis.estimation.process_models import UNKNOWN, correlated_pairs
 from seatrial.hybrid.calibrators import Calibrator, DomainOfApplicability, Examples, require_shapes
 from seatrial.hybrid.prediction.baselines import (
     HINDCAST_S,

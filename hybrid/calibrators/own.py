@@ -2,33 +2,64 @@
 
 The class gets :class:`KnownWindows`, what is known of windows at their start, and never later data. Its regions
 are made by split conformal prediction on held-out legs, like those of all calibrators.
+
+A trained calibrator on disk: weights as safetensors, everything else in a readable JSON file, the sidecar.
+
+The sidecar has inputs, scaling, reference model, regions, data and metrics. Pydantic checks types in strict
+mode; further conditions on values, and their agreement with the weights, are checked here.
 """
 
 from __future__ import annotations
 
+import hashlib
 import inspect
 import json
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Protocol, Self
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from datetime import datetime
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Protocol, Self
 
 import numpy as np
 import pandas as pd
+import safetensors.numpy
+from pydantic import Field, FiniteFloat, JsonValue, NonNegativeInt, PositiveInt, TypeAdapter, ValidationError
 
-from seatrial.acquisition.core.errors import ConfigurationError, Progress
-from seatrial.acquisition.core.files import parse_json
-from seatrial.acquisition.core.named_code import OwnCodeError, file_of, own_code, require_call
+from seatrial.acquisition.core.errors import ConfigurationError, InputError, Progress, SeatrialError, printable_name
+from seatrial.acquisition.core.files import make_folder, parse_json, read_regular, write_bytes, written_together
+from seatrial.acquisition.core.named_code import (
+    OwnCodeError,
+    absolute,
+    digest_of,
+    file_of,
+    in_file,
+    own_code,
+    require_call,
+)
+from seatrial.acquisition.core.process import CALIBRATOR_BYTES
 from seatrial.acquisition.core.quantities import Floats
-from seatrial.acquisition.core.ship import Actuators
-from seatrial.hybrid.calibrators import Calibrator, DomainOfApplicability, Examples
+from seatrial.acquisition.core.ship import Actuators, as_text, from_text, trial_names
+from seatrial.analysis.tables.table import MOST
+from seatrial.hybrid.calibrators import (
+    METHODS,
+    Calibrator,
+    DomainOfApplicability,
+    Examples,
+    TrainedCalibrator,
+    make_calibrator,
+    require_shapes,
+)
 from seatrial.hybrid.calibrators.adaptive import start_domain, start_names, start_range
 from seatrial.hybrid.calibrators.networks import DOMAIN_MARGIN
-from seatrial.hybrid.prediction.windows import PredictionWindows
+from seatrial.hybrid.prediction.baselines import Fallback
+from seatrial.hybrid.prediction.dataset import WindowSource
+from seatrial.hybrid.prediction.windows import PAST_S, PredictionWindows
 from seatrial.hybrid.vessel.actuators import angle_columns, control_labels
+from seatrial.hybrid.vessel.plant import Plant, plant_hash, plant_numbers, plant_of
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from seatrial.hybrid.vessel.plant import Plant
 
 STATE = ("north_m", "east_m", "heading_rad", "surge_mps", "sway_mps", "yaw_rate_radps")
 WIND = ("wind_direction_rad", "wind_speed_mps")
@@ -172,3 +203,406 @@ class OwnCalibrator(Calibrator):
 
 def _is_numeric(value: Any) -> bool:
     return isinstance(value, np.ndarray | np.generic) and value.dtype.kind in "fiub"
+
+
+SIDECAR = "calibrator.json"
+FORMAT = 8
+UNITS = {
+    "m": "m", "mps": "m/s", "mps2": "m/s2", "rad": "rad", "radps": "rad/s", "radps2": "rad/s2",
+    "rps": "rev/s", "rpm": "rev/min", "n": "N", "nm": "N m", "s": "s", "second": "s",
+}  # fmt: skip
+"""Units by the last word of a name; others are dimensionless."""
+
+Digest = Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")]
+_FARTHEST_M = 4e7  # around the Earth
+SemiAxis = Annotated[FiniteFloat, Field(ge=0.0, le=_FARTHEST_M)]
+SemiAxes = tuple[SemiAxis, SemiAxis]
+Error = Annotated[FiniteFloat, Field(gt=0.0, le=_FARTHEST_M)]
+
+
+@dataclass(frozen=True, slots=True)
+class ScaledQuantity:
+    """An input or output: unit, scaling and range in training; no deviation if it was constant."""
+
+    name: str
+    unit: str
+    mean: FiniteFloat | None = None
+    deviation: FiniteFloat | None = None
+    low: FiniteFloat | None = None
+    high: FiniteFloat | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class CalibratorDescription:
+    """A calibrator: its method and seed, inputs and outputs; for a user-defined one the hash of its file."""
+
+    method: str
+    seed: NonNegativeInt
+    inputs: tuple[ScaledQuantity, ...]
+    outputs: tuple[ScaledQuantity, ...]
+    code_sha256: Digest | Literal[""] = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Reference:
+    """The reference model in full, so that the vessel file is not needed later."""
+
+    name: str
+    sha256: Digest
+    numbers: dict[str, FiniteFloat | tuple[FiniteFloat, ...]]
+
+
+@dataclass(frozen=True, slots=True)
+class StoredFallback:
+    """The fallback: mean training errors of its baselines over the horizon and over the hindcast [m], and the
+    semi-axes of its 95 % region by second, per metre of expected error."""
+
+    reference_m: tuple[Error, Error]
+    constant_velocity_m: tuple[Error, Error]
+    region: tuple[SemiAxes, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Sidecar:
+    """Everything about an artefact except the weights; ``files`` has their hashes.
+
+    ``data_driven`` is left out if no network could be trained. ``any_commands`` is written only if true.
+    ``actuators`` are the ship's as in recordings, empty for the default list.
+    """
+
+    format: int
+    trained_at: datetime
+    versions: dict[str, str]
+    horizon_s: PositiveInt
+    past_s: NonNegativeInt
+    channels: tuple[str, ...]
+    vessel: Reference
+    calibrator: CalibratorDescription
+    files: dict[str, Digest]
+    region_m: tuple[SemiAxes, ...]
+    reserve: StoredFallback
+    data: tuple[WindowSource, ...]
+    metrics: dict[str, JsonValue]
+    data_driven: CalibratorDescription | None = None
+    any_commands: bool = False
+    actuators: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class _Head:
+    format: JsonValue
+
+
+_SIDECAR, _HEAD = TypeAdapter(Sidecar), TypeAdapter(_Head)
+
+
+def model_of(calibrator: Calibrator, tensors: Mapping[str, Floats]) -> CalibratorDescription:
+    """A calibrator's description; the scaling comes from its ``tensors`` if they contain one."""
+    method = absolute(calibrator.method)
+    return CalibratorDescription(
+        method,
+        calibrator.seed,
+        _quantities("input", calibrator.inputs, tensors),
+        _quantities("output", calibrator.outputs, tensors),
+        "" if method in METHODS else digest_of(method, "calibrators"),
+    )
+
+
+def _quantities(side: str, names: tuple[str, ...], tensors: Mapping[str, Floats]) -> tuple[ScaledQuantity, ...]:
+    rows = {key: tensors.get(f"{side}.{key}") for key in ("mean", "deviation")}
+    low_high = tensors.get(f"{side}.range")
+    rows |= dict(zip(("low", "high"), (None, None) if low_high is None else low_high, strict=True))
+    columns = {key: row.tolist() for key, row in rows.items() if row is not None and row.shape == (len(names),)}
+    return tuple(
+        ScaledQuantity(name, unit_of(name), **{key: _finite(column[i]) for key, column in columns.items()})
+        for i, name in enumerate(names)
+    )
+
+
+def _finite(value: float) -> float | None:
+    """The number, or None for an infinite deviation, by which a constant column is scaled to zero."""
+    return None if abs(value) == float("inf") else value
+
+
+def unit_of(name: str) -> str:
+    """The unit at the end of a name.
+
+    >>> unit_of("surge_mps"), unit_of("heading_sin")
+    ('m/s', '1')
+    """
+    return UNITS.get(name.rsplit("_", 1)[-1], "1")
+
+
+def read_sidecar(folder: Path, method: str | None = None) -> tuple[Sidecar, Plant]:
+    """Read the sidecar of an artefact and its reference model, checked as far as possible without the weights.
+
+    ``method`` is the code that the user names for it: a file named in the sidecar alone is not executed. Raises
+    :class:`InputError` naming the key that is missing or wrong.
+    """
+    path = folder / SIDECAR
+    raw = read_bytes(path)
+    try:
+        version = _HEAD.validate_json(raw).format
+        if version != FORMAT:
+            raise InputError(f"is of format {_short(version)}, and this version reads {FORMAT}",
+                             where=str(path), fix="train again")  # fmt: skip
+        sidecar = _SIDECAR.validate_json(raw, strict=True)
+    except ValidationError as error:
+        raise damage_error(path, _explain(error)) from error
+    sidecar = replace(sidecar, calibrator=_with_code(sidecar.calibrator, method, path))
+    _check(sidecar, path)
+    return sidecar, _plant(sidecar, path)
+
+
+def _with_code(model: CalibratorDescription, method: str | None, path: Path) -> CalibratorDescription:
+    """A model with the code that a user named for it. Raises :class:`InputError` for a file that nobody named.
+
+    A calibrator from elsewhere could otherwise run what it brings along.
+    """
+    if method is None:
+        if in_file(model.method) is None:
+            return model
+        raise InputError(
+            "needs code of your own, which runs only if you name it", where=str(path),
+            why=f"it was trained with {_short(model.method)}",
+            fix="if you trust that file, give it with --method FILE.py:CLASS, in Python with"
+            " load_calibrator(FOLDER, method=...)",
+        )  # fmt: skip
+    if not model.code_sha256 and method != model.method:
+        raise InputError(f"is of the method {_short(model.method)}, not {method}", where=str(path),
+                         fix="leave --method out, or give the folder of that calibrator")  # fmt: skip
+    return replace(model, method=absolute(method))
+
+
+def read_bytes(path: Path) -> bytes:
+    """Read a file of an artefact. Raises :class:`InputError`."""
+    try:
+        return read_regular(path, CALIBRATOR_BYTES)
+    except (FileNotFoundError, NotADirectoryError) as error:
+        raise InputError("is not a trained calibrator", where=str(path.parent), why=f"{path.name} is missing",
+                         fix="make one with `seatrial train`") from error  # fmt: skip
+    except OSError as error:
+        raise InputError("cannot be read", where=str(path), why=error.strerror or str(error),
+                         fix="make it readable, or train again") from error  # fmt: skip
+
+
+def damage_error(path: Path, why: str) -> InputError:
+    """The error for content that no version of Seatrial writes."""
+    return InputError(
+        "is damaged or was edited", where=str(path), why=why, fix="use an intact copy, or train again"
+    )
+
+
+def _check(sidecar: Sidecar, path: Path) -> None:
+    """Check what types cannot express. Raises :class:`InputError`."""
+    names = trial_names(from_text(sidecar.actuators))
+    if sidecar.channels != names:
+        differing = ", ".join(sorted(set(sidecar.channels) ^ set(names))) or "their order differs"
+        raise InputError("was trained on other channels than those of this version",
+                         where=str(path), why=_short(differing), fix="train again")  # fmt: skip
+    if sidecar.past_s != PAST_S:
+        raise InputError(f"was trained on windows with {sidecar.past_s} s before their start, not {PAST_S} s",
+                         where=str(path), fix="train again")  # fmt: skip
+    for name, region in (("region_m", sidecar.region_m), ("reserve.region", sidecar.reserve.region)):
+        if len(region) != sidecar.horizon_s:
+            raise damage_error(path, f"{name} has {len(region)} values for {sidecar.horizon_s} s")
+    if not all(0.0 <= source.part[0] < source.part[1] <= 100.0 for source in sidecar.data):
+        raise damage_error(path, "a part of a recording's time is not within 0..100 percent")
+    if sidecar.calibrator.code_sha256:
+        _check_code(sidecar.calibrator, path)
+    elif sidecar.calibrator.method not in METHODS:
+        raise InputError(f"is of the method {_short(sidecar.calibrator.method)}, which this version does not have",
+                         where=str(path), fix=f"train again with one of {', '.join(METHODS)}")  # fmt: skip
+    if sidecar.data_driven is not None and sidecar.data_driven.method != PARTS[1]:
+        raise damage_error(path, f"data_driven.method is {_short(sidecar.data_driven.method)}, not {PARTS[1]}")
+
+
+def _check_code(model: CalibratorDescription, path: Path) -> None:
+    """Require the unchanged user file that made a calibrator. Raises :class:`InputError`."""
+    digest = digest_of(model.method, "calibrators")
+    if not digest:
+        raise InputError("was made by code that no longer exists", where=str(path),
+                         why=f"there is no {model.method}",
+                         fix="restore it, or give its new path with --method FILE.py:CLASS")  # fmt: skip
+    if digest != model.code_sha256:
+        raise InputError("was made by another version of its code", where=str(path),
+                         why=f"{model.method} has changed: it was the file of SHA-256 {model.code_sha256}",
+                         fix="restore that version, or train again")  # fmt: skip
+
+
+def _plant(sidecar: Sidecar, path: Path) -> Plant:
+    stored = sidecar.vessel
+    try:
+        plant = plant_of(stored.numbers, from_text(sidecar.actuators))
+    except ValueError as error:
+        raise damage_error(path, f"vessel.numbers: {error}"[:160]) from error
+    if plant_hash(plant) != stored.sha256:
+        raise damage_error(path, "the vessel's numbers are not those of its hash")
+    return plant
+
+
+def _explain(error: ValidationError) -> str:
+    """The first validation error: the key and what is wrong with it."""
+    first = error.errors(include_url=False, include_context=False, include_input=False)[0]
+    return _short(": ".join(filter(None, (".".join(map(str, first["loc"])), first["msg"]))))
+
+
+def _short(value: object) -> str:
+    text = value if isinstance(value, str) else json.dumps(value)
+    return text if len(text) <= 120 else f"{text[:120]}..."
+
+
+Tensors = dict[str, Floats]
+PARTS = ("calibrator", "data_driven")
+"""The tensor files of an artefact; the second only if there is such a network."""
+
+
+def save(trained: TrainedCalibrator, folder: Path) -> Path:
+    """Write the artefact into ``folder`` and return the sidecar's path.
+
+    All files are complete before the first is moved into place, the sidecar last and the old one out of the
+    way: at any time the folder holds the old artefact, the new one or none. Raises :class:`StorageError`, and
+    :class:`InputError` for weights that are not finite.
+    """
+    parts: dict[str, Calibrator | None] = {name: getattr(trained, name) for name in PARTS}
+    tensors = {name: part.state_dict() for name, part in parts.items() if part is not None}
+    for name, arrays in tensors.items():
+        _refuse_not_numbers(arrays, folder / _file(name))
+    contents = {_file(name): safetensors.numpy.save(arrays) for name, arrays in tensors.items()}
+    sidecar = _sidecar(trained, tensors, {name: _digest(data) for name, data in contents.items()})
+    left_out = {name for name in ("data_driven", "any_commands", "actuators") if not getattr(sidecar, name)}
+    text = _SIDECAR.dump_json(sidecar, indent=2, exclude=left_out) + b"\n"
+    make_folder(folder)
+    with written_together(folder / SIDECAR):
+        for name, content in (contents | {SIDECAR: text}).items():
+            write_bytes(folder / name, content)
+    return folder / SIDECAR
+
+
+def _sidecar(trained: TrainedCalibrator, tensors: dict[str, Tensors], digests: dict[str, str]) -> Sidecar:
+    return Sidecar(
+        format=FORMAT,
+        trained_at=trained.trained_at,
+        versions=trained.versions,
+        horizon_s=trained.horizon_s,
+        past_s=PAST_S,
+        channels=trial_names(trained.plant.layout),
+        vessel=Reference(printable_name(trained.vessel), plant_hash(trained.plant), plant_numbers(trained.plant)),
+        calibrator=model_of(trained.calibrator, tensors["calibrator"]),
+        data_driven=model_of(trained.data_driven, tensors["data_driven"]) if trained.data_driven else None,
+        files=digests,
+        region_m=_semi_axes(trained.region_m),
+        reserve=_stored_fallback(trained.fallback),
+        data=tuple(replace(source, path=Path(printable_name(source.path))) for source in trained.sources),
+        metrics=trained.metrics,
+        any_commands=trained.calibrator.any_commands,
+        actuators=as_text(trained.plant.layout),
+    )
+
+
+def load(folder: Path, method: str | None = None) -> TrainedCalibrator:
+    """Read an artefact; ``method`` is a user's own code that made it, ``FILE.py:CLASS``, which is executed.
+
+    Raises :class:`InputError` naming what is missing or wrong, and for code of a user's own without ``method``.
+    """
+    sidecar, plant = read_sidecar(folder, method)
+    data_driven = sidecar.data_driven
+    return TrainedCalibrator(
+        calibrator=_restored(sidecar, sidecar.calibrator, "calibrator", plant, folder),
+        data_driven=_restored(sidecar, data_driven, "data_driven", plant, folder) if data_driven else None,
+        horizon_s=sidecar.horizon_s,
+        vessel=sidecar.vessel.name,
+        plant=plant,
+        region_m=np.array(sidecar.region_m),
+        fallback=_fallback_from(sidecar.reserve),
+        sources=sidecar.data,
+        metrics=sidecar.metrics,
+        trained_at=sidecar.trained_at,
+        versions=sidecar.versions,
+    )
+
+
+def _stored_fallback(fallback: Fallback) -> StoredFallback:
+    (reference, constant_velocity) = zip(
+        fallback.training_error_m.tolist(), fallback.hindcast_error_m.tolist(), strict=True
+    )
+    return StoredFallback(reference, constant_velocity, _semi_axes(fallback.region))
+
+
+def _semi_axes(region_m: Floats) -> tuple[SemiAxes, ...]:
+    return tuple((float(along), float(across)) for along, across in region_m)
+
+
+def _fallback_from(stored: StoredFallback) -> Fallback:
+    training_m, hindcast_m = np.array([stored.reference_m, stored.constant_velocity_m]).T
+    return Fallback(training_m, hindcast_m, np.array(stored.region))
+
+
+def _restored(sidecar: Sidecar, model: CalibratorDescription, part: str, plant: Plant, folder: Path) -> Calibrator:
+    """The calibrator described by a ``part`` of the sidecar, with its weights, if they match."""
+    tensors = _tensors(folder / _file(part), sidecar.files)
+    calibrator = make_calibrator(model.method, model.seed, plant)
+    calibrator.any_commands = sidecar.any_commands
+    names = tuple(feature.name for feature in model.inputs)
+    if calibrator.inputs != names:
+        differing = sorted(set(calibrator.inputs) ^ set(names))
+        raise InputError(f"was trained on other inputs than this version has for {model.method}",
+                         where=str(folder / SIDECAR),
+                         why=", ".join(differing)[:120], fix="train again")  # fmt: skip
+    try:
+        if "region" in tensors:
+            require_shapes(tensors, {"region": (sidecar.horizon_s, 2)})
+        calibrator.load_state_dict(tensors)
+        described = model_of(calibrator, tensors)
+    except Exception as error:  # weights that others made may fail in every possible way
+        raise damage_error(folder, f"the weights are not those of {model.method}: {_reason(error)}") from error
+    if described != model:
+        raise damage_error(
+            folder / SIDECAR, f"the inputs and outputs of {model.method} are not scaled as its weights are"
+        )
+    return calibrator
+
+
+def _file(name: str) -> str:
+    return f"{name}.safetensors"
+
+
+def _tensors(path: Path, digests: dict[str, str]) -> Tensors:
+    """The tensors of a file, if it is the one that the sidecar was written with."""
+    content = read_bytes(path)
+    if digests.get(path.name) != _digest(content):
+        raise InputError(
+            "does not belong to its JSON file",
+            where=str(path),
+            why="their hashes differ: it is truncated, damaged, or of another calibrator",
+            fix="use an intact copy of the folder, or train again",
+        )
+    try:
+        tensors: Tensors = safetensors.numpy.load(content)
+    except Exception as error:  # the library fails in every possible way
+        raise damage_error(path, _reason(error)) from error
+    _refuse_not_numbers(tensors, path)
+    return tensors
+
+
+def _refuse_not_numbers(tensors: Tensors, path: Path) -> None:
+    """Raise :class:`InputError` for weights that are not finite, or so large that products of them are not; the
+    deviation of a constant may be infinite."""
+    for name, value in tensors.items():
+        if bool(
+            np.isnan(value).any() if name.endswith("deviation") else not (np.abs(value.astype(float)) < MOST).all()
+        ):
+            raise InputError(f"has a {name} that is not a number", where=str(path),
+                             why="the training failed or the file was changed", fix="train again")  # fmt: skip
+
+
+def _digest(content: bytes) -> str:
+    return hashlib.sha256(content).hexdigest()
+
+
+def _reason(error: Exception) -> str:
+    """The first lines of a library's error message."""
+    if isinstance(error, SeatrialError):
+        return error.what
+    text = f"{error} is missing" if isinstance(error, KeyError) else str(error)
+    return " ".join(text.splitlines()[:2])[:160]

@@ -35,7 +35,7 @@ from seatrial.acquisition.tables.time_columns import parse_times
 from seatrial.analysis.tables.table import table_actuators
 from seatrial.analysis.windows.held import SecondBySecond
 from seatrial.hybrid.calibrators import TrainedCalibrator, plant_for
-from seatrial.hybrid.calibrators.artefact import load
+from seatrial.hybrid.calibrators.own import load
 from seatrial.hybrid.effects.catalogue import vessel_plant
 from seatrial.hybrid.prediction.baselines import bands, circle_about, reference
 from seatrial.hybrid.prediction.kalman_filter import filtered_starts

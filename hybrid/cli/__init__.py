@@ -62,7 +62,7 @@ def chosen_calibrator(folder: Path | None, method: str | None) -> TrainedCalibra
             "is the code of a trained calibrator: give its folder with --calibrator; `seatrial train` makes one, "
             "`seatrial evaluate` compares methods untrained", param_hint="--method",
         )  # fmt: skip
-    from seatrial.hybrid.calibrators.artefact import load
+    from seatrial.hybrid.calibrators.own import load
 
     return load(folder, method)
 

@@ -52,7 +52,7 @@ def train(
 ) -> None:
     """Train a calibrator on a reference model."""
     from seatrial.hybrid.calibrators import refuse_untrainable
-    from seatrial.hybrid.calibrators.artefact import save
+    from seatrial.hybrid.calibrators.own import save
     from seatrial.hybrid.scripting import train as run
     from seatrial.hybrid.vessel.files import reference_model, trials_of
 

@@ -186,7 +186,7 @@ def identify(
         segment_s=segment, part=part,
     )  # fmt: skip
     if picture is not None:
-        from seatrial.analysis.report.figures import write_figure
+        from seatrial.analysis.report.rendering import write_figure
 
         for path in write_figure(found.plot(), picture.parent, picture.stem, [picture.suffix.lstrip(".") or "png"]):
             echo(path, err=True)

@@ -133,7 +133,7 @@ def campaign(
     """Simulate many trials: vessels, seas, manoeuvres, seeds."""
     if workers is not None and scheduler is not None:
         raise typer.BadParameter("give --workers or --scheduler, not both")
-    from seatrial.hybrid.simulation.campaigns import load_campaign, run_campaign
+    from seatrial.hybrid.simulation.trial import load_campaign, run_campaign
 
     planned = load_campaign(file)
     with bar("campaign") as progress:

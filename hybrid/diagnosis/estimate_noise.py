@@ -1,6 +1,6 @@
 """Noise levels of a log, and a better trajectory to linearise along.
 
-The noise levels maximise the likelihood of the measurements (:mod:`seatrial.analysis.estimation.likelihood`),
+The noise levels maximise the likelihood of the measurements (:mod:`seatrial.analysis.estimation.process_models`),
 computed from the innovations of the Kalman filter of ship and disturbances. A draw of all effects is removed from
 the data first; otherwise a missing effect would be estimated as noise and so be hidden.
 """
@@ -15,7 +15,7 @@ import numpy as np
 
 from seatrial.acquisition.core.errors import Progress
 from seatrial.acquisition.core.quantities import Floats, Ints
-from seatrial.analysis.estimation.likelihood import Prior, ScoringSettings, most_likely, robust_cost
+from seatrial.analysis.estimation.process_models import Prior, ScoringSettings, most_likely, robust_cost
 from seatrial.hybrid.diagnosis.disturbance_model import (
     FORCE_UNITS,
     GRAVITY_MPS2,

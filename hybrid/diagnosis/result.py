@@ -27,7 +27,7 @@ from seatrial.acquisition.core.errors import InputError
 from seatrial.acquisition.core.files import remove_file, write_text, written_together
 from seatrial.acquisition.core.quantities import Floats, Ints
 from seatrial.acquisition.core.result import Number, from_json, to_json
-from seatrial.analysis.estimation.likelihood import correlated_pairs
+from seatrial.analysis.estimation.process_models import correlated_pairs
 from seatrial.analysis.tables.export import read_parquet, write_parquet
 from seatrial.hybrid.prediction.baselines import Interval
 

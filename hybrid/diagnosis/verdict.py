@@ -6,6 +6,13 @@ Speeds over ground rotated by the heading must integrate to the track, and yaw r
 moves the ship. So the filter is run with process noise so large that the dynamics carry no information, and
 only sensor effects are searched. Water, hull and thrusters cannot show here; nor can errors that all sensors
 share, such as a common delay.
+
+The diagnosis in six stages: linearise, noise, evidence, selection, acceptance, verdict.
+
+The noise is estimated for linear interpolation of the thruster settings between records, then again if the drives
+moved in steps: a drive moves gradually from record to record, and a line is close to the truth; but a recorder or
+simulator that holds each setting until the next record makes steps, which lead or lag the line by half a record: at
+one record a second, enough to be mistaken for a missing effect. The motion shows clearly which of the two it is.
 """
 
 from __future__ import annotations
@@ -16,34 +23,46 @@ from functools import partial
 from math import atan2, degrees, exp, hypot
 
 import numpy as np
+import pandas as pd
+from threadpoolctl import threadpool_limits
 
-from seatrial.acquisition.core.errors import Progress, part_of
+from seatrial.acquisition.core.errors import ConfigurationError, Progress, part_of
 from seatrial.acquisition.core.quantities import Floats
 from seatrial.hybrid.diagnosis.acceptance import (
     CREDIBLE,
     Acceptance,
     LackOfFit,
+    accept,
+    accept_names,
     acceptance_tests,
     composite_effects,
     families_with_many_effects,
 )
+from seatrial.hybrid.diagnosis.change import likeliest_change, may_change
 from seatrial.hybrid.diagnosis.coarse_model import (
     improves_prediction,
     is_coarse,
     is_far_off,
     name_of_coarse_model,
+    preliminary_selection,
     replications,
+    selected,
     sizes_without,
     unseen_m,
+    untested_if_coarse,
 )
-from seatrial.hybrid.diagnosis.disturbance_model import DisturbanceNoise, columns_of
+from seatrial.hybrid.diagnosis.disturbance_model import DisturbanceNoise, NoiseEstimate, columns_of
+from seatrial.hybrid.diagnosis.estimate_noise import estimate_noise
 from seatrial.hybrid.diagnosis.evidence import (
+    FEW,
     ColumnLayout,
     Evidence,
     NormalEquations,
     evidence_of,
     gram_matrices,
+    normal_equations,
     tolerances,
+    weigh_evidence,
 )
 from seatrial.hybrid.diagnosis.gap import (
     HeldOutGap,
@@ -57,6 +76,7 @@ from seatrial.hybrid.diagnosis.gap import (
 )
 from seatrial.hybrid.diagnosis.linearise import (
     DT_S,
+    Linearisation,
     LinearModel,
     ModelWithEffects,
     Signature,
@@ -64,15 +84,17 @@ from seatrial.hybrid.diagnosis.linearise import (
     base_names,
     by_stage,
     linear_model,
+    linearise,
+    model_of,
     sensor_readings,
     signatures,
     time_varying_among,
     time_varying_signatures,
+    with_recordings,
 )
-from seatrial.hybrid.diagnosis.log import STEPS_PER_SECOND, Log
-from seatrial.hybrid.diagnosis.map import map_of
+from seatrial.hybrid.diagnosis.log import INPUT_HOLDS, SELDOM_S, STEPS_PER_SECOND, InputHold, Log, log_of
+from seatrial.hybrid.diagnosis.map import FoundRegime, largest_regimes, map_of
 from seatrial.hybrid.diagnosis.planning import Pair, limits, next_manoeuvre
-from seatrial.hybrid.diagnosis.regimes import FoundRegime, largest_regimes
 from seatrial.hybrid.diagnosis.result import Estimate, Map, NextTrial, Replication, Rival, Suspect, Verdict
 from seatrial.hybrid.diagnosis.select_effects import (
     CLOSE,
@@ -81,10 +103,13 @@ from seatrial.hybrid.diagnosis.select_effects import (
     fitted_coordinates,
     has_converged,
     linear_about,
+    log_density,
     rivals_of,
     search_effects,
 )
 from seatrial.hybrid.effects import Catalogue, Effect
+from seatrial.hybrid.effects.catalogue import catalogue_of
+from seatrial.hybrid.vessel.parameters import Vessel
 from seatrial.hybrid.vessel.sensors import HEADING
 
 _RIVALS = 10  # closest rivals of an effect that a manoeuvre is chosen to separate
@@ -232,7 +257,7 @@ def estimates(accepted: Acceptance, name: str) -> list[dict[str, Estimate]]:
         places = [int(place) for place in piece]
         covariance = fit.covariance[np.ix_(places, places)] * accepted.tests[name].spread
         file_free = model.given.get(effect.base, (0.0,) * len(places))
-        bounded = Effect.bounded(effect, fit.values[places] + np.array(file_free))
+        bounded = Effect.bounded(effect, fit.values[places] + np.array(file_free))  # noqa: PD011 - no column
         sizes.append(intervals(effect, np.array(bounded), covariance))
     return sizes
 
@@ -524,3 +549,104 @@ def _between(log: Log, origin: Floats, late_s: float = 0.0) -> Floats:
         around[:, quarter, 2] = tau * r
         around[:, quarter, 3:] = tau * change
     return np.asarray(np.einsum("tcq,tqc->tc", log.weight, around))
+
+
+CHANGES = 3
+"""The largest number of effects that may vary over a trial."""
+
+TOLERANCE = 0.01
+"""The default model error allowed, as a share of the force range."""
+
+_ENOUGH_S = 600.0  # seconds of the log: every turn shows the input hold
+_PLAIN = 20.0  # margin in log likelihood by which steps must beat linear interpolation
+
+
+def diagnose(
+    tables: Sequence[pd.DataFrame],
+    vessel: Vessel,
+    tolerance: float = TOLERANCE,
+    catalogue: Catalogue | None = None,
+    progress: Progress = lambda share: None,
+) -> Conclusion:
+    """Diagnose tables of samples of the ship's channels against the model of ``vessel``.
+
+    ``tolerance`` is the model error allowed, as a share of the force range. Raises :class:`ConfigurationError`
+    for an impossible tolerance, :class:`DataShortageError` and :class:`InputError` for tables that lack what is
+    needed.
+    """
+    if not 0.0 < tolerance < 1.0:
+        raise ConfigurationError(
+            f"a tolerance of {100.0 * tolerance:g} % is impossible", fix="give more than 0 and less than 100"
+        )
+
+    def part(first: float, last: float) -> Progress:
+        return lambda share: progress(first + (last - first) * share)
+
+    with threadpool_limits(1, user_api="blas"):  # nested in the filter's own threads they would only wait
+        effects = catalogue_of(vessel) if catalogue is None else catalogue
+        log = log_of(tables)
+        model = model_of(vessel, with_recordings(effects, log))
+        acceptance = accepted_of(linearise(log, model, tolerance), part(0.1, 0.6))
+        return reach_verdict(add_time_varying_effects(acceptance), part(0.6, 1.0))
+
+
+def accepted_of(linearisation: Linearisation, progress: Progress = lambda share: None) -> Acceptance:
+    """Stages two to five: the effects that pass all tests, and what they leave unexplained."""
+    estimate = estimate_noise(linearisation, part_of(progress, 0, 3))
+    estimate = choose_input_hold(estimate, part_of(progress, 1, 3))
+    selection = selected(weigh_evidence(estimate), part_of(progress, 2, 3))
+    return untested_if_coarse(selection) or accept(selection)
+
+
+def choose_input_hold(estimate: NoiseEstimate, progress: Progress = lambda share: None) -> NoiseEstimate:
+    """The estimate with the input hold that fits the motion best; for steps the noise is estimated anew."""
+    linearisation, best, most = estimate.linearisation, INPUT_HOLDS[0], -np.inf
+    for hold in INPUT_HOLDS:  # of equals the first: linear
+        density = _log_evidence(estimate, hold, most)
+        if density > most:
+            best, most = hold, density
+    if best == linearisation.log.input_hold:
+        return estimate
+    return estimate_noise(
+        linearise(linearisation.log.with_input_hold(best), linearisation.model, linearisation.tolerance), progress
+    )
+
+
+def _log_evidence(estimate: NoiseEstimate, hold: InputHold, least: float) -> float:
+    """Log evidence of an input hold on part of the data, less the margin by which steps have to be better.
+
+    With sparse settings the difference is as large as a lag or a delay, so such effects are selected first at
+    their size, unless after two linearisations the density is below ``least``, so that steps would have to gain
+    the whole margin: in 18 searches on simulated trials further linearisations gained 1 at most. For a coarse
+    model none converges: the evidence changes by hundreds from one linearisation to the next, and that linearised
+    about no effect is compared.
+    """
+    linearisation = estimate.linearisation
+    margin = 0.0 if hold == linearisation.log.input_hold else _PLAIN
+    log = linearisation.log.with_input_hold(hold) if margin else linearisation.log
+    part = linearise(log.subset(log.spread_blocks(_ENOUGH_S)), linearisation.model, linearisation.tolerance)
+    evidence = evidence_of(normal_equations(part, estimate.noise, number=FEW))
+    if log.setting_step_s > SELDOM_S:
+        preliminary = preliminary_selection(evidence)
+        density = log_density(preliminary.evidence, preliminary.names) - margin
+        if density + margin < least and not untested_if_coarse(preliminary):
+            return density
+        if not untested_if_coarse(selection := selected(evidence, preliminary=preliminary)):
+            accepted = accept_names(selection)
+            return log_density(accepted.evidence, accepted.names) - margin
+    return log_density(evidence, search_effects(evidence)) - margin
+
+
+def add_time_varying_effects(acceptance: Acceptance) -> Acceptance:
+    """Add effects that vary over the trial, one after another, as long as they are accepted."""
+    for _ in range(CHANGES):
+        change = likeliest_change(acceptance) if may_change(acceptance) else None
+        if change is None:
+            break
+        equations = acceptance.evidence.equations
+        model = replace(equations.model, at={}, catalogue={**equations.model.catalogue, change.name: change})
+        again = accepted_of(linearise(equations.log, model, equations.tolerance))
+        if change.name not in again.names:
+            break
+        acceptance = again
+    return acceptance

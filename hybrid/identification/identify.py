@@ -23,7 +23,7 @@ from seatrial.acquisition.core.quantities import Floats
 from seatrial.acquisition.core.result import ModelResult, to_json
 from seatrial.acquisition.core.ship import names_of, shafts
 from seatrial.acquisition.core.trial import software_version
-from seatrial.analysis.estimation.likelihood import UNKNOWN, correlated_pairs
+from seatrial.analysis.estimation.process_models import UNKNOWN, correlated_pairs
 from seatrial.analysis.tables.resample import resample
 from seatrial.analysis.tables.table import select
 from seatrial.analysis.windows.held import second_by_second

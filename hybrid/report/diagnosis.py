@@ -31,8 +31,7 @@ from seatrial.hybrid.diagnosis.acceptance import CREDIBLE, Acceptance, Acceptanc
 from seatrial.hybrid.diagnosis.evidence import AXES, INTERACTIONS, OPERATION, Evidence
 from seatrial.hybrid.diagnosis.linearise import TimeProfile, TimeVaryingEffect, base_names
 from seatrial.hybrid.diagnosis.log import Log
-from seatrial.hybrid.diagnosis.map import notable_places
-from seatrial.hybrid.diagnosis.regimes import FoundRegime
+from seatrial.hybrid.diagnosis.map import FoundRegime, notable_places
 from seatrial.hybrid.diagnosis.result import (
     FORCES,
     Correlation,

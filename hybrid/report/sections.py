@@ -11,8 +11,7 @@ from typing import Any
 from jinja2 import Environment
 
 from seatrial.acquisition.core.errors import SeatrialError
-from seatrial.analysis.report.figures import write_figure
-from seatrial.analysis.report.rendering import Page, environment, render
+from seatrial.analysis.report.rendering import Page, environment, render, write_figure
 from seatrial.analysis.report.tables import in_words, reason_of
 
 FAILED = "This section failed, which is a fault of Seatrial"

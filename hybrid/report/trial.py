@@ -16,9 +16,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pandas as pd
 
-from seatrial.acquisition.config.conditions import Conditions
 from seatrial.acquisition.config.declarations import vessel_of_ship
-from seatrial.acquisition.config.run_sheet import statement_from_text
+from seatrial.acquisition.config.run_sheet import Conditions, statement_from_text
 from seatrial.acquisition.core.errors import ConfigurationError, DataShortageError, InputError, SeatrialError
 from seatrial.acquisition.core.result import ChosenModel
 from seatrial.acquisition.core.ship import MOTION
@@ -62,7 +61,7 @@ from seatrial.analysis.tables.table import percent_of, refuse_duplicates, select
 from seatrial.analysis.windows.held import named_recordings, second_by_second
 from seatrial.hybrid.calibrators import DomainOfApplicability, TrainedCalibrator
 from seatrial.hybrid.calibrators.adaptive import AdaptiveCalibrator, Parameters, parameters_of
-from seatrial.hybrid.calibrators.artefact import load
+from seatrial.hybrid.calibrators.own import load
 from seatrial.hybrid.calibrators.predict import HORIZON_S, Predictor, predictor_of
 from seatrial.hybrid.evaluation.manoeuvre_indices import IndexComparisons, index_comparison
 from seatrial.hybrid.evaluation.validate import (

@@ -16,9 +16,8 @@ from rich.text import Text
 from seatrial.analysis.manoeuvres.criteria import headline_of_criteria, shortfalls_of
 from seatrial.analysis.manoeuvres.indices import Index, from_order
 from seatrial.analysis.manoeuvres.measures import peak
-from seatrial.analysis.report.figures import write_figure
 from seatrial.analysis.report.plots import FAINT, INK, PALETTE, outlines
-from seatrial.analysis.report.rendering import Page, render
+from seatrial.analysis.report.rendering import Page, render, write_figure
 from seatrial.analysis.report.tables import plain_name
 from seatrial.hybrid.report.sections import templates
 from seatrial.hybrid.report.text import join_words

@@ -23,7 +23,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from seatrial.acquisition.config.conditions import Conditions
+from seatrial.acquisition.config.run_sheet import Conditions
 from seatrial.acquisition.core.errors import DataShortageError, ModelRangeError
 from seatrial.acquisition.core.quantities import Bools, Floats
 from seatrial.acquisition.core.result import Result

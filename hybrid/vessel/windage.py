@@ -7,7 +7,7 @@ from collections.abc import Iterable
 import numpy as np
 import pandas as pd
 
-from seatrial.acquisition.config.conditions import Conditions
+from seatrial.acquisition.config.run_sheet import Conditions
 from seatrial.acquisition.core.trial import Trial
 from seatrial.analysis.conditions import recorded_conditions
 from seatrial.hybrid.vessel.parameters import Vessel

@@ -22,7 +22,7 @@ from seatrial.acquisition.core.quantities import (
 )
 from seatrial.acquisition.core.ship import difference
 from seatrial.acquisition.core.trial import Group, Quality, Sample, Trial
-from seatrial.acquisition.logger.derive import Derivation
+from seatrial.acquisition.logger.processing import Derivation
 
 ORIGIN = (63.44, 10.40)
 TRIAL = Trial(name="x", origin_latitude_deg=ORIGIN[0], origin_longitude_deg=ORIGIN[1])

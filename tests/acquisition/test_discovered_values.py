@@ -28,8 +28,7 @@ from seatrial.acquisition.config.trial_file import load_config, parse_config
 from seatrial.acquisition.core.errors import InputError, SourceError, system_reason
 from seatrial.acquisition.core.trial import Frame, FrameFlag
 from seatrial.acquisition.discovery.discover import Discovery, discover
-from seatrial.acquisition.discovery.listen import parse_places, usual_places
-from seatrial.acquisition.discovery.readings import topic_readings
+from seatrial.acquisition.discovery.listen import parse_places, topic_readings, usual_places
 from seatrial.acquisition.emulator import NullModem
 from seatrial.acquisition.logger.record import record
 from seatrial.acquisition.protocols.nmea0183 import sentence

@@ -19,7 +19,7 @@ from seatrial.acquisition.core.errors import SourceError
 from seatrial.acquisition.core.ship import BY_NAME, CIRCULAR, NAMES, difference
 from seatrial.acquisition.core.trial import Frame, FrameFlag, Trial
 from seatrial.acquisition.emulator import emulate, moments_of
-from seatrial.acquisition.logger.derive import Derivation
+from seatrial.acquisition.logger.processing import Derivation
 from seatrial.acquisition.protocols import Moment, Packet, make_decoders, make_encoder
 from seatrial.acquisition.protocols.nmea0183 import degrees_and_minutes
 from seatrial.acquisition.recording.reader import read_recording

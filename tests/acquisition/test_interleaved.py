@@ -13,8 +13,8 @@ from hypothesis import strategies as st
 
 from seatrial.acquisition.core.quantities import Floats
 from seatrial.acquisition.core.trial import Frame
+from seatrial.acquisition.protocols.clock import InterleavedSources
 from seatrial.acquisition.protocols.nmea0183 import Nmea0183Decoder, sentence
-from seatrial.acquisition.protocols.receivers import InterleavedSources
 from seatrial.acquisition.recording.reader import read_recording
 from seatrial.hybrid.simulation.trial import simulate_trial
 from tests.acquisition.conftest import config_text

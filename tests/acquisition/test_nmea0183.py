@@ -18,7 +18,7 @@ from pynmeagps import NMEAReader
 from seatrial.acquisition.config.sources import FileSource, Thrusters
 from seatrial.acquisition.core.ship import BY_NAME
 from seatrial.acquisition.core.trial import Frame, Group, Quality, Sample, Trial
-from seatrial.acquisition.logger.derive import Derivation
+from seatrial.acquisition.logger.processing import Derivation
 from seatrial.acquisition.protocols import make_decoders
 from seatrial.acquisition.protocols.nmea0183 import Nmea0183Decoder, checksum, sentence, split_sentence
 

@@ -234,7 +234,7 @@ def test_frames_that_cannot_be_recorded_are_counted_and_do_not_end_the_recorder(
 
 
 def test_a_value_that_breaks_the_processing_is_kept_raw(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("seatrial.acquisition.logger.derive.Derivation.remember", lambda self, sample: 1 / 0)
+    monkeypatch.setattr("seatrial.acquisition.logger.processing.Derivation.remember", lambda self, sample: 1 / 0)
     recording = run(FakeSource("line", reads([frame(), frame()])))
     assert recording.raw["/raw/nmea0183/line"] == 2
     assert texts(recording).count("could not be interpreted: ZeroDivisionError") == 1

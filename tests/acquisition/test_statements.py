@@ -8,9 +8,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from seatrial.acquisition.config.conditions import Conditions
 from seatrial.acquisition.config.run_sheet import (
     CONDITIONS_FILE,
+    Conditions,
     InstrumentsSection,
     Particulars,
     RunSheet,

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from seatrial.acquisition.core.quantities import Floats
-from seatrial.analysis.estimation.likelihood import (
+from seatrial.analysis.estimation.process_models import (
     Prior,
     ScoringSettings,
     correlated_pairs,

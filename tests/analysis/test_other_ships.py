@@ -15,10 +15,10 @@ from seatrial.acquisition.recording.writer import write_table
 from seatrial.analysis.batch import process_recording
 from seatrial.analysis.manoeuvres import Manoeuvre, find_manoeuvres
 from seatrial.analysis.manoeuvres.motion import motion_of
-from seatrial.analysis.report.figures import fill_figure, numbers_of
 from seatrial.analysis.report.interactive import interactive_page, page_data
 from seatrial.analysis.report.manoeuvre_plots import draw
 from seatrial.analysis.report.plots import channels_figure, label
+from seatrial.analysis.report.rendering import fill_figure, numbers_of
 from seatrial.analysis.tables.resample import resample
 from seatrial.hybrid.simulation.trial import simulate_trial
 from seatrial.hybrid.vessel.files import load_vessel, save_vessel

@@ -13,7 +13,6 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.text import Text
 
-from seatrial.analysis.report.figures import fill_figure, numbers_of
 from seatrial.analysis.report.plots import (
     STYLE,
     channels_figure,
@@ -24,6 +23,7 @@ from seatrial.analysis.report.plots import (
     series,
     track,
 )
+from seatrial.analysis.report.rendering import fill_figure, numbers_of
 from seatrial.analysis.windows.held import held_windows
 from tests.analysis.conftest import steady_table
 

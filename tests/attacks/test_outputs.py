@@ -656,7 +656,7 @@ class SaveCalibrator:
         from dataclasses import replace
         from datetime import UTC, datetime
 
-        from seatrial.hybrid.calibrators.artefact import load, save
+        from seatrial.hybrid.calibrators.own import load, save
 
         save(replace(load(Path("small")), trained_at=datetime(2026, 1, self.day, tzinfo=UTC)), Path("out"))
 

@@ -104,7 +104,7 @@ class Mine:
 def calibrator_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A calibrator on disk, hardly trained."""
     from seatrial.hybrid.calibrators import TrainedCalibrator, make_calibrator
-    from seatrial.hybrid.calibrators.artefact import save
+    from seatrial.hybrid.calibrators.own import save
     from seatrial.hybrid.effects.catalogue import vessel_plant
     from seatrial.hybrid.prediction.baselines import Fallback
     from seatrial.hybrid.vessel.files import load_vessel

@@ -24,7 +24,7 @@ sys.path.insert(0, str(Path(__file__).parents[2]))
 from seatrial.acquisition.core.quantities import Floats
 from seatrial.analysis.windows.held import SecondBySecond
 from seatrial.hybrid.calibrators import METHODS, Calibrator, TrainedCalibrator, make_calibrator, train
-from seatrial.hybrid.calibrators.artefact import load
+from seatrial.hybrid.calibrators.own import load
 from seatrial.hybrid.calibrators.predict import predict
 from seatrial.hybrid.effects import vessel_plant
 from seatrial.hybrid.prediction.baselines import reference

@@ -17,7 +17,7 @@ import numpy as np
 from seatrial.acquisition.core.quantities import Floats
 from seatrial.analysis.tables.table import NANO, percent_of
 from seatrial.hybrid.calibrators import PredictedTracks
-from seatrial.hybrid.calibrators.artefact import load
+from seatrial.hybrid.calibrators.own import load
 from seatrial.hybrid.calibrators.predict import Prediction
 from seatrial.hybrid.prediction.baselines import reference
 from seatrial.hybrid.prediction.dataset import load_dataset

@@ -25,7 +25,7 @@ import numpy as np
 import pandas as pd
 from scipy.optimize import brentq
 
-from seatrial.acquisition.config.conditions import Conditions
+from seatrial.acquisition.config.run_sheet import Conditions
 from seatrial.acquisition.core.quantities import Floats
 from seatrial.analysis.speed_power import SpeedPower, speed_power_of_runs
 from seatrial.analysis.speed_power.runs import runs_in_table

@@ -21,7 +21,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import pandas as pd
 
-from seatrial.acquisition.config.conditions import Conditions
+from seatrial.acquisition.config.run_sheet import Conditions
 from seatrial.acquisition.core.quantities import Floats
 from seatrial.acquisition.core.ship import Actuator, as_text
 from seatrial.analysis.manoeuvres import Manoeuvre, find_manoeuvres

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 
 from seatrial.acquisition.core.ship import BY_NAME, Channel
 from seatrial.acquisition.core.trial import Frame
-from seatrial.acquisition.logger.derive import Derivation
+from seatrial.acquisition.logger.processing import Derivation
 from seatrial.acquisition.protocols import Decoder
 
 

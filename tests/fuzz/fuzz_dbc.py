@@ -13,7 +13,7 @@ import atheris
 with atheris.instrument_imports(include=["acquisition"]):
     from seatrial.acquisition.config.sources import Signal
     from seatrial.acquisition.core.trial import Frame, FrameFlag, Trial
-    from seatrial.acquisition.logger.derive import Derivation
+    from seatrial.acquisition.logger.processing import Derivation
     from seatrial.acquisition.protocols.can_frames import DbcDecoder
     from seatrial.acquisition.protocols.clock import SourceClock
     from tests.fuzz.decoding import check_frame

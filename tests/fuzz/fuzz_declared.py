@@ -23,7 +23,7 @@ with atheris.instrument_imports(include=["acquisition"]):
     from seatrial.acquisition.config.trial_file import TrialConfig, parse_config
     from seatrial.acquisition.core.ship import channels_known_to
     from seatrial.acquisition.core.trial import Frame, FrameFlag
-    from seatrial.acquisition.logger.derive import Derivation
+    from seatrial.acquisition.logger.processing import Derivation
     from seatrial.acquisition.protocols import decoders_by_protocol
     from seatrial.acquisition.protocols.mavlink import dialect
     from seatrial.acquisition.protocols.nmea0183 import checksum

@@ -12,7 +12,7 @@ import atheris
 with atheris.instrument_imports(include=["acquisition"]):
     from seatrial.acquisition.config.sources import MavlinkSource
     from seatrial.acquisition.core.trial import Frame, Trial
-    from seatrial.acquisition.logger.derive import Derivation
+    from seatrial.acquisition.logger.processing import Derivation
     from seatrial.acquisition.protocols.mavlink import LONGEST_BYTES, MavlinkDecoder, checksum, dialect
     from tests.fuzz.decoding import check_frame
     from tests.fuzz.running import fuzz

@@ -11,7 +11,7 @@ import atheris
 with atheris.instrument_imports(include=["acquisition"]):
     from seatrial.acquisition.config.sources import MqttSource, TopicValue
     from seatrial.acquisition.core.trial import Frame, FrameFlag, Trial
-    from seatrial.acquisition.logger.derive import Derivation
+    from seatrial.acquisition.logger.processing import Derivation
     from seatrial.acquisition.protocols import make_decoders
     from tests.fuzz.decoding import check_frame
     from tests.fuzz.running import fuzz

@@ -16,7 +16,7 @@ with atheris.instrument_imports(include=["acquisition"]):
     from seatrial.acquisition.config.sources import Thrusters
     from seatrial.acquisition.core.ship import DEFAULT, Actuator, as_text
     from seatrial.acquisition.core.trial import Frame, Trial
-    from seatrial.acquisition.logger.derive import Derivation
+    from seatrial.acquisition.logger.processing import Derivation
     from seatrial.acquisition.protocols.nmea0183 import Nmea0183Decoder, checksum
     from seatrial.acquisition.sources.lines import LineAssembler
     from tests.fuzz.decoding import check_frame

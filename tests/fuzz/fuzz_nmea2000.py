@@ -15,7 +15,7 @@ with atheris.instrument_imports(include=["acquisition"]):
     from seatrial.acquisition.config.sources import Device
     from seatrial.acquisition.core.ship import Actuator, as_text
     from seatrial.acquisition.core.trial import Frame, FrameFlag, Trial
-    from seatrial.acquisition.logger.derive import Derivation
+    from seatrial.acquisition.logger.processing import Derivation
     from seatrial.acquisition.protocols.nmea2000 import Nmea2000Decoder
     from seatrial.acquisition.protocols.parameter_groups import ADDRESS_CLAIM, FIELDS, SHORTEST_BYTES
     from tests.acquisition.can_frames import fast_parts, identifier_of

@@ -32,7 +32,7 @@ from seatrial.hybrid.calibrators.adaptive import (
     start_names,
     starts_of,
 )
-from seatrial.hybrid.calibrators.artefact import load, save
+from seatrial.hybrid.calibrators.own import load, save
 from seatrial.hybrid.prediction.baselines import Fallback, distances, reference
 from seatrial.hybrid.prediction.kalman_filter import FORCE_DECAY, NOISE_LEVELS
 from seatrial.hybrid.prediction.windows import PAST_S, PredictionWindows, hindcast_windows

@@ -20,8 +20,8 @@ from seatrial.analysis.tables.table import NANO
 from seatrial.analysis.windows.held import tables_of_recordings
 from seatrial.hybrid.calibrators import METHODS, Calibrator, TrainedCalibrator, make_calibrator
 from seatrial.hybrid.calibrators.adaptive import adapt, expected_wind, gust_decay_s, observations_of
-from seatrial.hybrid.calibrators.artefact import SIDECAR, load, save
 from seatrial.hybrid.calibrators.networks import command_inputs
+from seatrial.hybrid.calibrators.own import SIDECAR, load, save
 from seatrial.hybrid.evaluation.study import SPLITS, shared_seconds
 from seatrial.hybrid.evaluation.validate import validate
 from seatrial.hybrid.prediction.baselines import Fallback, reference

@@ -25,8 +25,8 @@ from seatrial.acquisition.core.quantities import Floats
 from seatrial.acquisition.core.ship import DEFAULT, NAMES
 from seatrial.hybrid.calibrators import METHODS, TrainedCalibrator, make_calibrator, plant_for
 from seatrial.hybrid.calibrators.adaptive import adapt
-from seatrial.hybrid.calibrators.artefact import FORMAT, SIDECAR, load, save
 from seatrial.hybrid.calibrators.networks import REFERENCE_INPUTS, DataDrivenCalibrator, start_labels
+from seatrial.hybrid.calibrators.own import FORMAT, SIDECAR, load, save
 from seatrial.hybrid.prediction.baselines import Fallback
 from seatrial.hybrid.vessel.files import load_vessel, locate_vessel, save_vessel, with_effects
 from seatrial.hybrid.vessel.plant import Plant, bare_plant, plant_hash, plant_numbers, plant_of

@@ -17,8 +17,14 @@ from typer.testing import CliRunner
 from seatrial.acquisition.core.errors import ConfigurationError, InputError
 from seatrial.analysis.tables.table import read_table
 from seatrial.hybrid import cli
-from seatrial.hybrid.simulation.campaigns import Campaign, CampaignResult, load_campaign, run_campaign, trials_of
-from seatrial.hybrid.simulation.trial import simulate_trial
+from seatrial.hybrid.simulation.trial import (
+    Campaign,
+    CampaignResult,
+    load_campaign,
+    run_campaign,
+    simulate_trial,
+    trials_of,
+)
 from seatrial.hybrid.vessel.files import load_vessel, save_vessel
 
 EXAMPLE = Path(__file__).parents[2] / "trials" / "campaign.toml"

@@ -13,7 +13,7 @@ import seatrial as st
 from seatrial.acquisition.core.errors import ConfigurationError, InputError
 from seatrial.acquisition.tables.import_table import import_table
 from seatrial.hybrid.calibrators.adaptive import adapt
-from seatrial.hybrid.calibrators.artefact import save
+from seatrial.hybrid.calibrators.own import save
 from seatrial.hybrid.vessel.files import load_vessel, save_vessel
 
 HULL = load_vessel("gunnerus_short")

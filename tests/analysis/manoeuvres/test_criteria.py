@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from seatrial.acquisition.config.conditions import Conditions
+from seatrial.acquisition.config.run_sheet import Conditions
 from seatrial.analysis.manoeuvres.criteria import (
     IndexRow,
     add_limits,

@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from seatrial.acquisition.config.conditions import Conditions
+from seatrial.acquisition.config.run_sheet import Conditions
 from seatrial.acquisition.core.quantities import Floats
 from seatrial.analysis.manoeuvres import Manoeuvre, find_manoeuvres
 from seatrial.analysis.manoeuvres.find import Observation, RecordedRuns, current_at, runs_of_trial

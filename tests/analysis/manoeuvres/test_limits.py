@@ -7,7 +7,7 @@ from dataclasses import replace
 import pandas as pd
 import pytest
 
-from seatrial.acquisition.config.conditions import Conditions
+from seatrial.acquisition.config.run_sheet import Conditions
 from seatrial.analysis.manoeuvres.criteria import (
     CRITERIA,
     add_limits,

@@ -12,8 +12,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from seatrial.acquisition.config.conditions import Conditions
-from seatrial.acquisition.config.run_sheet import conditions_of
+from seatrial.acquisition.config.run_sheet import Conditions, conditions_of
 from seatrial.acquisition.config.trial_file import parse_config
 from seatrial.acquisition.core.errors import ConfigurationError
 from seatrial.acquisition.core.trial import Trial

@@ -8,7 +8,7 @@ from typing import get_args
 import numpy as np
 import pytest
 
-from seatrial.acquisition.config.conditions import WindType
+from seatrial.acquisition.config.run_sheet import WindType
 from seatrial.acquisition.core.errors import InputError
 from seatrial.analysis.speed_power import Conditions
 from seatrial.analysis.speed_power.corrections import (

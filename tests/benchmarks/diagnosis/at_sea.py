@@ -14,7 +14,7 @@ import pandas as pd
 from seatrial.acquisition.core.errors import ConfigurationError
 from seatrial.acquisition.core.quantities import Floats
 from seatrial.acquisition.core.ship import DEFAULT, ENVIRONMENT, control_names, name_of_order
-from seatrial.hybrid.diagnosis.diagnose import TOLERANCE
+from seatrial.hybrid.diagnosis.verdict import TOLERANCE
 from seatrial.hybrid.effects import CATALOGUE
 from seatrial.hybrid.effects.environment import STEADY_WIND
 from seatrial.hybrid.vessel.actuators import control_units

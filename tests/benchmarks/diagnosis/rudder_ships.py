@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from seatrial.hybrid.diagnosis.diagnose import TOLERANCE
+from seatrial.hybrid.diagnosis.verdict import TOLERANCE
 from seatrial.hybrid.effects.catalogue import catalogue_of
 from seatrial.hybrid.simulation.manoeuvres import (
     Leg,

@@ -8,8 +8,8 @@ from math import inf, isnan
 import pandas as pd
 
 from seatrial.acquisition.core.errors import ConfigurationError
-from seatrial.hybrid.diagnosis.diagnose import TOLERANCE
 from seatrial.hybrid.diagnosis.planning import MINUTES, CandidateManoeuvre, repertoire, shafts_of, usual_rpm
+from seatrial.hybrid.diagnosis.verdict import TOLERANCE
 from seatrial.hybrid.effects import CATALOGUE
 from seatrial.hybrid.simulation.manoeuvres import Leg, Manoeuvre
 from seatrial.hybrid.vessel.parameters import Vessel

@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 
 from seatrial.acquisition.core.errors import ConfigurationError
-from seatrial.hybrid.diagnosis.diagnose import TOLERANCE
 from seatrial.hybrid.diagnosis.estimate_noise import estimate_noise
 from seatrial.hybrid.diagnosis.evidence import NormalEquations, normal_equations
 from seatrial.hybrid.diagnosis.linearise import linearise, model_of
 from seatrial.hybrid.diagnosis.log import log_of
 from seatrial.hybrid.diagnosis.planning import TOLD_APART, Information, free_limits, information_of, separation
+from seatrial.hybrid.diagnosis.verdict import TOLERANCE
 from seatrial.hybrid.effects import CATALOGUE, Effect
 from seatrial.hybrid.vessel.files import load_vessel
 from tests.benchmarks.diagnosis.design import VESSEL, Design, Hidden, simulated

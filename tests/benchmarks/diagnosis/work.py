@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 
 from seatrial.acquisition.core.errors import ModelRangeError, SeatrialError
-from seatrial.hybrid.diagnosis.diagnose import TOLERANCE
 from seatrial.hybrid.diagnosis.result import Diagnosis
+from seatrial.hybrid.diagnosis.verdict import TOLERANCE
 from seatrial.hybrid.effects import CATALOGUE
 from seatrial.hybrid.effects.catalogue import catalogue_with
 from seatrial.hybrid.vessel.files import load_vessel

@@ -17,9 +17,9 @@ from seatrial.hybrid.diagnosis.coarse_model import (
     single_effect_suffices,
     substitutes_of,
 )
-from seatrial.hybrid.diagnosis.diagnose import diagnose
 from seatrial.hybrid.diagnosis.evidence import OPERATION, Evidence, evidence_of
 from seatrial.hybrid.diagnosis.result import Replication
+from seatrial.hybrid.diagnosis.verdict import diagnose
 from seatrial.hybrid.simulation.trial import simulate_trial
 from seatrial.hybrid.vessel.files import load_vessel
 from seatrial.hybrid.vessel.hulls.polynomial import NUMBERS

@@ -9,11 +9,11 @@ import pandas as pd
 import pytest
 
 from seatrial.acquisition.core.ship import COMMAND, DEFAULT
-from seatrial.hybrid.diagnosis.diagnose import choose_input_hold
 from seatrial.hybrid.diagnosis.disturbance_model import DisturbanceNoise, NoiseEstimate
 from seatrial.hybrid.diagnosis.linearise import ModelWithEffects, linearise
 from seatrial.hybrid.diagnosis.log import INPUT_HOLDS, InputHold, log_of, mean_settings
 from seatrial.hybrid.diagnosis.planning import append_rehearsals
+from seatrial.hybrid.diagnosis.verdict import choose_input_hold
 from seatrial.hybrid.effects import CATALOGUE, apply_effects
 from seatrial.hybrid.vessel.actuators import control_units
 from seatrial.hybrid.vessel.dynamics import simulate

@@ -11,9 +11,9 @@ import pytest
 
 from seatrial.acquisition.core.errors import ConfigurationError
 from seatrial.acquisition.core.ship import DEFAULT
-from seatrial.hybrid.diagnosis.diagnose import diagnose
-from seatrial.hybrid.diagnosis.regimes import FoundRegime, explained, find_regimes, shape_of
+from seatrial.hybrid.diagnosis.map import FoundRegime, explained, find_regimes, shape_of
 from seatrial.hybrid.diagnosis.result import Replication
+from seatrial.hybrid.diagnosis.verdict import diagnose
 from seatrial.hybrid.effects import apply_effects, load_effects
 from seatrial.hybrid.effects.catalogue import catalogue_of
 from seatrial.hybrid.effects.regime import MOST, Regime, as_file, quantities_along, regime_effect
