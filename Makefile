@@ -70,7 +70,7 @@ PACKAGE := build/package/seatrial
 $(PACKAGE):
 	mkdir -p $@
 	ln -s ../../../seatrial.py $@/__init__.py
-	for folder in acquisition analysis hybrid; do ln -s ../../../$$folder $@/$$folder; done
+	for folder in acquisition analysis hybrid notebooks; do ln -s ../../../$$folder $@/$$folder; done
 
 lint: $(STAMP) $(PACKAGE) ## ruff (rules, complexity, docstrings, format), import layers, dead code
 	$(BIN)/ruff check .

@@ -107,7 +107,7 @@ _PLACES = {
     "load_vessel": "seatrial.hybrid.vessel.files:load_vessel",
     "new_vessel": "seatrial.hybrid.vessel.estimate.new_vessel:new_vessel",
     "read": "seatrial.analysis.tables.table:read_table",
-    "reproduction_sections": "seatrial.hybrid.reproduction.page:results_sections",
+    "reproduction_sections": "seatrial.notebooks.wang2021.page:results_sections",
     "resample": "seatrial.analysis.tables.resample:resample",
     "save_calibrator": "seatrial.hybrid.calibrators.own:save",
     "save_vessel": "seatrial.hybrid.vessel.files:save_vessel",

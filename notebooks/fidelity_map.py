@@ -60,9 +60,9 @@ from seatrial.hybrid.prediction.baselines import constant_velocity, distances, r
 from seatrial.hybrid.prediction.windows import PredictionWindows, concatenate_windows
 from seatrial.hybrid.report.plots import COLOUR, plain_numbers
 from seatrial.hybrid.report.text import join_words
-from seatrial.hybrid.reproduction.campaign import MODEL, TRUTH, paper_campaign
 from seatrial.hybrid.vessel.files import load_vessel
 from seatrial.hybrid.vessel.plant import Plant
+from seatrial.notebooks.wang2021.campaign import MODEL, TRUTH, paper_campaign
 
 # %% [markdown]
 # ## Degraded references

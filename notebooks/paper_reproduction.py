@@ -34,7 +34,7 @@ from seatrial.hybrid.calibrators import make_calibrator
 from seatrial.hybrid.effects import vessel_plant
 from seatrial.hybrid.prediction.baselines import reference, score
 from seatrial.hybrid.prediction.windows import draw_groups
-from seatrial.hybrid.reproduction.campaign import MODEL, TRUTH, paper_campaign
+from seatrial.notebooks.wang2021.campaign import MODEL, TRUTH, paper_campaign
 
 # %% [markdown]
 # ## The problem

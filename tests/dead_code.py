@@ -21,7 +21,11 @@ def template_words() -> set[str]:
 
 def loaded_names() -> set[str]:
     """Every function that is loaded by the text ``"module:function"``."""
-    sources = [path for folder in ("acquisition", "analysis", "hybrid") for path in (ROOT / folder).rglob("*.py")]
+    sources = [
+        path
+        for folder in ("acquisition", "analysis", "hybrid", "notebooks")
+        for path in (ROOT / folder).rglob("*.py")
+    ]
     return {
         name
         for path in (ROOT / "seatrial.py", *sources)

@@ -202,11 +202,10 @@ def table3(
     as_json: AsJson = False,
 ) -> None:
     """Reproduce the paper's Table III on unseen sequences, and with the random split."""
-    from seatrial.hybrid.reproduction.campaign import seas_of
-    from seatrial.hybrid.reproduction.page import write_table3
-    from seatrial.hybrid.reproduction.running import RunningTable
-    from seatrial.hybrid.reproduction.table3 import papers_jobs
-    from seatrial.hybrid.reproduction.table3 import table3 as table_of
+    from seatrial.notebooks.wang2021.campaign import seas_of
+    from seatrial.notebooks.wang2021.page import RunningTable, write_table3
+    from seatrial.notebooks.wang2021.table3 import papers_jobs
+    from seatrial.notebooks.wang2021.table3 import table3 as table_of
 
     jobs = papers_jobs(seed, seeds)
     running = RunningTable(len(jobs), workers, output, partial(echo, err=True))
@@ -215,8 +214,8 @@ def table3(
         seas = seas_of(jobs, workers, progress, running.add)
     table = table_of(seas)
     if output is not None:
-        from seatrial.hybrid.reproduction.figures import write_figures
-        from seatrial.hybrid.reproduction.page import TABLE, write_page
+        from seatrial.notebooks.wang2021.figures import write_figures
+        from seatrial.notebooks.wang2021.page import TABLE, write_page
 
         with written_together(output / TABLE):
             write_figures([sea for sea in seas if sea.job.seed == seed], output)
@@ -235,9 +234,9 @@ def figures(
     as_json: AsJson = False,
 ) -> None:
     """Reproduce the figures of the paper."""
-    from seatrial.hybrid.reproduction.campaign import seas_of
-    from seatrial.hybrid.reproduction.figures import write_figures
-    from seatrial.hybrid.reproduction.table3 import papers_jobs
+    from seatrial.notebooks.wang2021.campaign import seas_of
+    from seatrial.notebooks.wang2021.figures import write_figures
+    from seatrial.notebooks.wang2021.table3 import papers_jobs
 
     with bar("figures") as progress:
         paths = write_figures(seas_of(papers_jobs(seed, 1), progress=progress), output)
@@ -260,20 +259,19 @@ def fidelity(
 ) -> None:
     """Map how the hybrid's gain depends on the error of the reference model."""
     from seatrial.hybrid.calibrators import refuse_untrainable
-    from seatrial.hybrid.reproduction import notebook
     from seatrial.hybrid.simulation.trial import sea_state_named
+    from seatrial.notebooks import fidelity_map
 
     for each in (method, "data_driven"):
         refuse_untrainable(each)
     sea_state_named(sea_state)
-    code = notebook("fidelity_map")
     with bar("fidelity") as progress:
-        found = code.papers_map(sea_state, method, seed, seeds, workers, progress)
+        found = fidelity_map.papers_map(sea_state, method, seed, seeds, workers, progress)
     if output is not None:
-        page = code.page_of(found, f"{method}, {sea_state} sea").write(output / "fidelity_map.html")
-        for path in (*code.write_map(found, output), page):
+        page = fidelity_map.page_of(found, f"{method}, {sea_state} sea").write(output / "fidelity_map.html")
+        for path in (*fidelity_map.write_map(found, output), page):
             echo(path, err=True)
-    numbers = code.with_reading(found)
+    numbers = fidelity_map.with_reading(found)
     if as_json:
         echo(json.dumps(numbers))
         return

@@ -24,6 +24,7 @@ from seatrial.acquisition.core.errors import (
     part_of,
 )
 from seatrial.acquisition.core.files import make_folder, write_text, written_together
+from seatrial.acquisition.core.named_code import imported
 from seatrial.analysis.manoeuvres.indices import as_json
 from seatrial.analysis.report.rendering import render
 from seatrial.analysis.tables.table import sha256_of
@@ -31,7 +32,8 @@ from seatrial.hybrid.diagnosis.result import read_diagnosis, read_json
 from seatrial.hybrid.report.diagnosis import PAGE_FILE, write_report
 from seatrial.hybrid.report.sections import sections
 from seatrial.hybrid.report.trial import load_case, ship_name, subtitle, write_interactive_pages
-from seatrial.hybrid.reproduction.page import is_reproduced, write_page
+
+_REPRODUCTION = "seatrial.notebooks.wang2021.page"
 
 Kind = Literal["diagnosis", "reproduction", "trial", "batch"]
 
@@ -76,7 +78,7 @@ def kind_of(folder: Path) -> Kind:
     """What a folder holds. Raises :class:`InputError` where there is nothing to report on."""
     if (folder / "diagnosis.json").is_file():
         return "diagnosis"
-    if is_reproduced(folder):
+    if imported(f"{_REPRODUCTION}:is_reproduced")(folder):
         return "reproduction"
     if (folder / "index.parquet").is_file():
         return "batch"
@@ -113,7 +115,7 @@ def report(
     if kind == "trial":
         return folder_report(where, choices, progress)
     if kind == "reproduction":
-        return [write_page(where)]
+        return [imported(f"{_REPRODUCTION}:write_page")(where)]
     diagnosis, extras = read_diagnosis(where)
     try:
         return [write_report(diagnosis, extras, where)]

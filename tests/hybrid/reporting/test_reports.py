@@ -24,7 +24,6 @@ from seatrial.acquisition.recording.writer import write_table
 from seatrial.acquisition.tables.import_table import import_table
 from seatrial.analysis.tables.table import table_of
 from seatrial.hybrid.report.folder import Choices, report
-from seatrial.hybrid.reproduction import SOURCES
 from tests.browser import running_browser
 
 try:
@@ -32,7 +31,8 @@ try:
 except OSError:  # without the library Pango: the command says so, and writes no PDF
     HTML = None
 pytestmark = pytest.mark.pages
-MAPS = Path(__file__).resolve().parents[3] / "trials" / "columns"
+ROOT = Path(__file__).resolve().parents[3]
+MAPS, SOURCES = ROOT / "trials" / "columns", ROOT / "notebooks"
 REAL = {
     "gunnerus_2019_docking": "docking_2019-11-09_part1.csv",
     "gunnerus_2022_trials": "trials_2022-10-27_part1.csv",

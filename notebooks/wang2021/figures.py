@@ -25,7 +25,7 @@ from seatrial.hybrid.prediction.baselines import circle_about, outlines
 from seatrial.hybrid.prediction.windows import PredictionWindows
 from seatrial.hybrid.report.plots import COLOUR, box, plain_numbers, start_frame
 from seatrial.hybrid.report.text import plain
-from seatrial.hybrid.reproduction.campaign import AZIMUTHS_DEG, BEFORE_S, SeaResults, example_sequence
+from seatrial.notebooks.wang2021.campaign import AZIMUTHS_DEG, BEFORE_S, SeaResults, example_sequence
 
 AZIMUTH_COLOUR = {10.0: PALETTE[0], 20.0: PALETTE[2], 30.0: PALETTE[4]}
 

@@ -20,7 +20,7 @@ from pydantic import computed_field
 from seatrial.acquisition.core.quantities import Floats
 from seatrial.acquisition.core.result import Result, from_json, to_json
 from seatrial.hybrid.prediction.baselines import DRAWS, Interval, LegBootstrap, interval_about
-from seatrial.hybrid.reproduction.campaign import SEA_STATES, SPLITS, CampaignJob, SeaResults, SequenceErrors
+from seatrial.notebooks.wang2021.campaign import SEA_STATES, SPLITS, CampaignJob, SeaResults, SequenceErrors
 
 SEEDS = 5
 ORDER = (
@@ -108,8 +108,8 @@ class Table3(Result):
 
     rows: tuple[Row, ...]
     cells: tuple[Reduction, ...]
-    view = "seatrial.hybrid.reproduction.page:table3_view"
-    drawing = "seatrial.hybrid.reproduction.page:draw_table3"
+    view = "seatrial.notebooks.wang2021.page:table3_view"
+    drawing = "seatrial.notebooks.wang2021.page:draw_table3"
 
     def as_dict(self) -> dict[str, Any]:
         """The contract's JSON object."""

@@ -22,8 +22,9 @@ from seatrial.hybrid.calibrators import Calibrator, make_calibrator
 from seatrial.hybrid.calibrators.adaptive import adapt
 from seatrial.hybrid.calibrators.networks import NetworkCalibrator
 from seatrial.hybrid.prediction.baselines import score
-from seatrial.hybrid.reproduction import campaign
-from seatrial.hybrid.reproduction.campaign import (
+from seatrial.hybrid.vessel.plant import Plant
+from seatrial.notebooks.wang2021 import campaign
+from seatrial.notebooks.wang2021.campaign import (
     CampaignJob,
     SeaResults,
     SequenceErrors,
@@ -31,9 +32,8 @@ from seatrial.hybrid.reproduction.campaign import (
     parts_of,
     seas_of,
 )
-from seatrial.hybrid.reproduction.page import write_page, write_table3
-from seatrial.hybrid.reproduction.running import RunningTable
-from seatrial.hybrid.reproduction.table3 import (
+from seatrial.notebooks.wang2021.page import RunningTable, write_page, write_table3
+from seatrial.notebooks.wang2021.table3 import (
     ORDER,
     PUBLISHED,
     Row,
@@ -44,7 +44,6 @@ from seatrial.hybrid.reproduction.table3 import (
     rows_of,
     table3,
 )
-from seatrial.hybrid.vessel.plant import Plant
 from tests.hybrid.windows_by_hand import random_windows
 
 CONTRACT = {
@@ -274,10 +273,10 @@ def test_files_hold_the_table(table: Table3, tmp_path: Path) -> None:
 
 def test_the_command_prints_and_writes(table: Table3, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """``reproduce table3``: one JSON object on stdout, or tables with the published reductions beside ours."""
-    monkeypatch.setattr("seatrial.hybrid.reproduction.campaign.seas_of", lambda *_: ())
-    monkeypatch.setattr("seatrial.hybrid.reproduction.table3.table3", lambda *_: table)
+    monkeypatch.setattr("seatrial.notebooks.wang2021.campaign.seas_of", lambda *_: ())
+    monkeypatch.setattr("seatrial.notebooks.wang2021.table3.table3", lambda *_: table)
     monkeypatch.setattr(
-        "seatrial.hybrid.reproduction.figures.write_figures", lambda *_: []
+        "seatrial.notebooks.wang2021.figures.write_figures", lambda *_: []
     )  # the page without figures
     plain = CliRunner().invoke(seatrial.app, ["reproduce", "table3", "--json", "-o", str(tmp_path)])
     assert json.loads(plain.stdout) == json.loads((tmp_path / "table3.json").read_text())
@@ -313,7 +312,7 @@ def test_an_interrupt_leaves_the_finished_campaigns(
         finished(shown[0])
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("seatrial.hybrid.reproduction.campaign.seas_of", interrupted)
+    monkeypatch.setattr("seatrial.notebooks.wang2021.campaign.seas_of", interrupted)
     run = CliRunner().invoke(seatrial.app, ["reproduce", "table3", "-o", str(tmp_path)])
     assert run.exit_code != 0
     assert "1 of 15 campaigns" in run.stderr

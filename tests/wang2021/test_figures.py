@@ -16,12 +16,12 @@ from seatrial.hybrid.calibrators.adaptive import adapt
 from seatrial.hybrid.calibrators.networks import NetworkCalibrator
 from seatrial.hybrid.prediction.baselines import distances
 from seatrial.hybrid.report.plots import start_frame
-from seatrial.hybrid.reproduction import campaign, figures, page
-from seatrial.hybrid.reproduction.campaign import CampaignJob, seas_of
-from seatrial.hybrid.reproduction.figures import FIGURES, Seas, write_figures
-from seatrial.hybrid.reproduction.page import shortfalls, write_page, write_table3
-from seatrial.hybrid.reproduction.table3 import Table3, table3
 from seatrial.hybrid.vessel.plant import Plant
+from seatrial.notebooks.wang2021 import campaign, figures, page
+from seatrial.notebooks.wang2021.campaign import CampaignJob, seas_of
+from seatrial.notebooks.wang2021.figures import FIGURES, Seas, write_figures
+from seatrial.notebooks.wang2021.page import shortfalls, write_page, write_table3
+from seatrial.notebooks.wang2021.table3 import Table3, table3
 from tests.hybrid.windows_by_hand import random_windows
 
 

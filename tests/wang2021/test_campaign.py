@@ -11,9 +11,9 @@ import pytest
 from seatrial.acquisition.core.errors import DataShortageError
 from seatrial.hybrid.effects.catalogue import vessel_plant
 from seatrial.hybrid.prediction.baselines import constant_velocity, reference, score
-from seatrial.hybrid.reproduction import campaign as campaigns
-from seatrial.hybrid.reproduction.campaign import AZIMUTHS_DEG, BEFORE_S, CampaignWindows, paper_campaign
 from seatrial.hybrid.vessel.files import load_vessel
+from seatrial.notebooks.wang2021 import campaign as campaigns
+from seatrial.notebooks.wang2021.campaign import AZIMUTHS_DEG, BEFORE_S, CampaignWindows, paper_campaign
 
 
 @pytest.fixture(scope="module")

@@ -1,0 +1,1 @@
+"""Worked examples, as scripts that Jupyter opens as notebooks."""
