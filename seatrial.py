@@ -29,12 +29,18 @@ from typing import TYPE_CHECKING, Any, NoReturn
 
 from seatrial.acquisition.core.errors import DEBUG_VARIABLE, printable, unexpected
 from seatrial.acquisition.core.named_code import imported
-from seatrial.acquisition.core.process import echo, guard_standard_streams, interrupt_on_terminate, stop_on_signals
+from seatrial.acquisition.core.process import (
+    Termination,
+    echo,
+    guard_standard_streams,
+    interrupt_on_terminate,
+    stop_on_signals,
+)
 
 if TYPE_CHECKING:
     import typer
 
-_INTERRUPTED = 130  # 128 + SIGINT, as shells have it
+_INTERRUPTED, _TERMINATED = 130, 143  # 128 and the signal, as shells have it
 
 
 @cache
@@ -42,9 +48,8 @@ def _app() -> typer.Typer:
     """All commands. It is built late, so that signals are heard while it is loaded."""
     import typer
 
-    from seatrial.acquisition import cli as acquisition_cli
-    from seatrial.analysis import cli as analysis_cli
-    from seatrial.hybrid import cli as hybrid_cli
+    import seatrial.hybrid.commands  # noqa: F401 - registers all commands
+    from seatrial.acquisition.commands import PREDICTIONS, TRIALS, mount
 
     class Commands(typer.core.TyperGroup):
         """All commands; a complaint about an argument, such as the name of a file, shows it escaped."""
@@ -70,8 +75,13 @@ def _app() -> typer.Typer:
     ) -> None:
         """What stands before every command."""
 
-    for package_cli in (acquisition_cli, analysis_cli, hybrid_cli):
-        package_cli.mount(app)
+    groups = {name: typer.Typer(no_args_is_help=True) for name in ("vessel", "reproduce")}
+    mount(app, groups)
+    app.add_typer(groups["vessel"], name="vessel", help="Vessel files of your own ship.", rich_help_panel=TRIALS)
+    app.add_typer(
+        groups["reproduce"], name="reproduce", help="Reproduce the paper's results from scratch.",
+        rich_help_panel=PREDICTIONS,
+    )  # fmt: skip
     return app
 
 
@@ -95,34 +105,30 @@ def _say_version(wanted: bool) -> None:
         raise typer.Exit
 
 
-_SCRIPTING = "seatrial.hybrid.scripting"
 _PLACES = {
-    "batch": "seatrial.analysis.batch:run_batch",
     "declare": "seatrial.acquisition.core.ship:declare",
-    "export": "seatrial.analysis.tables.export:export_table",
-    "import_table": "seatrial.acquisition.tables.import_table:import_table",
     "load_calibrator": "seatrial.hybrid.calibrators.own:load",
     "load_case": "seatrial.hybrid.report.trial:load_case",
     "load_diagnosis": "seatrial.hybrid.diagnosis.result:read_diagnosis",
     "load_vessel": "seatrial.hybrid.vessel.files:load_vessel",
-    "new_vessel": "seatrial.hybrid.vessel.estimate.new_vessel:new_vessel",
     "read": "seatrial.analysis.tables.table:read_table",
     "reproduction_sections": "seatrial.notebooks.wang2021.page:results_sections",
     "resample": "seatrial.analysis.tables.resample:resample",
     "save_calibrator": "seatrial.hybrid.calibrators.own:save",
     "save_vessel": "seatrial.hybrid.vessel.files:save_vessel",
     "sections": "seatrial.hybrid.report.sections:sections",
-    "smooth": "seatrial.analysis.estimation.smoother:smooth",
     "vessels": "seatrial.acquisition.config.declarations:vessel_names",
     "version": "seatrial.acquisition.core.trial:software_version",
 } | {
-    name: f"{_SCRIPTING}:{name}"
-    for name in (
-        "check", "diagnose", "effects", "evaluate", "events", "identify", "info", "manoeuvres", "plan", "plot",
-        "predict", "prepare", "report", "simulate", "speed_power", "train", "validate", "vessel_check",
-        "windows", "write",
-    )
-}  # fmt: skip
+    name: f"seatrial.{package}.commands:{name}"
+    for package, names in {
+        "acquisition": "discover emulate import_table info mark migrate record recover redecode write",
+        "analysis": "batch check events export manoeuvres plot prepare serve smooth windows",
+        "hybrid": "campaign demo diagnose effects evaluate fidelity figures identify init new_vessel plan predict "
+        "report simulate speed_power table3 train validate vessel_check watch",
+    }.items()
+    for name in names.split()
+}
 """The names of a script: the module that each is in, and what it is called there."""
 
 __all__ = ["main", *sorted(_PLACES)]
@@ -131,6 +137,10 @@ __all__ = ["main", *sorted(_PLACES)]
 def __getattr__(name: str) -> Any:
     if name == "app":
         return _app()
+    if name == "__version__":
+        from importlib.metadata import version
+
+        return version("seatrial")
     if name in _PLACES:
         globals()[name] = value = imported(_PLACES[name])
         return value
@@ -150,8 +160,8 @@ def main() -> None:
     try:
         with stop_on_signals() if sys.argv[1:2] in (["record"], ["watch"]) else interrupt_on_terminate():
             _app()()
-    except KeyboardInterrupt:
-        sys.exit(_INTERRUPTED)
+    except KeyboardInterrupt as stop:
+        sys.exit(_TERMINATED if isinstance(stop, Termination) else _INTERRUPTED)
     except Exception as error:
         _fail(error)
 

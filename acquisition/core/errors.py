@@ -4,6 +4,7 @@
 
     SeatrialError
     ├── ConfigurationError   a configuration or vessel file is wrong: edit the line named
+    │   └── UsageError       options do not go together: give others
     ├── InputError           a file or a table given as input is unsuitable: give another
     ├── SourceError          a bus, port or socket cannot be opened or has failed: connect it and try again
     ├── StorageError         the recording cannot be written: make room, mount the disk, change permissions
@@ -80,6 +81,10 @@ class ConfigurationError(SeatrialError, ValueError):
 
     Examples: an unknown unit, a source without a port, two sources with the same name.
     """
+
+
+class UsageError(ConfigurationError):
+    """Options that exclude each other, or one that is missing; ``where`` names the option."""
 
 
 class InputError(SeatrialError, ValueError):

@@ -22,6 +22,7 @@ import sys
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
+from contextvars import ContextVar
 from dataclasses import dataclass, field
 from math import isfinite
 from pathlib import Path
@@ -55,6 +56,30 @@ def guard_standard_streams() -> None:
 def echo(line: object, *, err: bool = False) -> None:
     """Print a line of a command, in which control characters and the bytes of odd file names are escaped."""
     print(printable(str(line)), file=sys.stderr if err else sys.stdout, flush=True)
+
+
+_ANNOUNCING: ContextVar[bool] = ContextVar("announcing", default=False)
+
+
+def announce(line: object, *, err: bool = True) -> None:
+    """Print a remark of a function, if it runs as a command: on stderr, or with ``err=False`` on stdout."""
+    if _ANNOUNCING.get():
+        echo(line, err=err)
+
+
+def is_announcing() -> bool:
+    """Whether a function runs as a command."""
+    return _ANNOUNCING.get()
+
+
+@contextmanager
+def announced() -> Iterator[None]:
+    """Show what is announced within."""
+    token = _ANNOUNCING.set(True)
+    try:
+        yield
+    finally:
+        _ANNOUNCING.reset(token)
 
 
 def _guarded(stream: TextIO) -> TextIO:

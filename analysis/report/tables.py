@@ -644,3 +644,31 @@ def _dimensions(
 
 
 _SLOWEST_MPS = 0.1  # a ship that lies still has no L/V
+
+
+class ManoeuvreTable(pd.DataFrame):
+    """One row an index of each manoeuvre; ``recorded`` are the recordings that they were found in."""
+
+    _metadata = ["recorded"]  # noqa: RUF012 - as pandas has it
+    recorded: list[RecordingManoeuvres]
+
+    @property
+    def _constructor(self) -> type[ManoeuvreTable]:
+        return ManoeuvreTable
+
+
+def manoeuvre_table(recorded: Sequence[RecordingManoeuvres]) -> ManoeuvreTable:
+    """The indices of all manoeuvres of some recordings, one row each."""
+    rows = [
+        {"manoeuvre": run.name, "kind": run.kind, "side": run.side, "start": run.start, "index": name,
+         "value": index.value, "low": index.low, "high": index.high, "unit": index.unit, "limit": index.limit,
+         "counted_from": index.counted_from, "result": index.result, "missing": "; ".join(index.missing)}
+        for recording in recorded
+        for run in recording.manoeuvres
+        for name, index in run.indices.items()
+    ]  # fmt: skip
+    columns = ["manoeuvre", "kind", "side", "start", "index", "value", "low", "high", "unit", "limit",
+               "counted_from", "result", "missing"]  # fmt: skip
+    table = ManoeuvreTable(rows, columns=columns)
+    table.recorded = list(recorded)
+    return table

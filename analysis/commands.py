@@ -1,0 +1,852 @@
+"""Functions of ``import seatrial as st`` that need no model, and are commands, too: from check to serve."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Union
+
+import typer
+
+from seatrial.acquisition.commands import (
+    RECORDINGS,
+    Data,
+    Output,
+    Parsed,
+    Recording,
+    as_paths,
+    command,
+    is_table,
+)
+from seatrial.acquisition.core.errors import UsageError, bar
+from seatrial.acquisition.core.files import expect_suffix
+from seatrial.acquisition.core.process import announce, echo
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.figure import Figure
+
+    from seatrial.acquisition.config.run_sheet import Conditions, Statement
+    from seatrial.analysis.batch import BatchSummary
+    from seatrial.analysis.estimation.smoother import SmoothedMotion
+    from seatrial.analysis.quality.check import DataQuality
+    from seatrial.analysis.report.tables import ManoeuvreTable
+    from seatrial.analysis.windows.held import HeldWindows
+
+HORIZON_S = 15
+"""How far is predicted unless stated otherwise [s]."""
+
+Recordings = Annotated[Data, Parsed(list[Path]), typer.Argument(metavar="FILES...", help="Recordings.")]
+OutputFolder = Annotated[
+    str | Path | None, Parsed(Path), typer.Option("-o", "--output", help="A folder for the results.")
+]
+Horizon = Annotated[int, typer.Option("--horizon", min=2, help="The length of a window (the horizon) in seconds.")]
+Stride = Annotated[int, typer.Option("--stride", min=1, help="Seconds between the starts of windows.")]
+AllWindows = Annotated[
+    bool,
+    typer.Option(
+        "--all-windows", "--any", help="All windows with data, with the recorded controls; not only held windows."
+    ),
+]
+Repair = Annotated[bool, typer.Option("--repair", help="First repair faults that are beyond doubt.")]
+RemoveDelays = Annotated[
+    bool, typer.Option("--remove-delays", help="Estimate the channels' delays and remove them first.")
+]
+RebuildPositions = Annotated[
+    bool,
+    typer.Option(
+        "--rebuild-positions",
+        help="Also replace positions with jittering time stamps by dead reckoning from speeds and heading, "
+        "and such headings by the integrated yaw rate.",
+    ),
+]
+TimeRange = Annotated[
+    tuple[float, float] | str,
+    Parsed(str),
+    typer.Option("--time-range", "--part", help="A part of each recording's time in percent, e.g. 0..70."),
+]
+ALL_OF_IT = (0.0, 100.0)
+Length = Annotated[
+    float | None,
+    typer.Option(
+        "--length",
+        min=0.1,
+        help="The ship's length between perpendiculars in metres, for IMO limits and lengths; default: that of "
+        "the vessel file of the ship that the recording names.",
+    ),
+]
+TrialConditions = Annotated[
+    Union["Conditions", str, Path, None],
+    Parsed(Path),
+    typer.Option(
+        "--conditions",
+        help="A TOML file with the conditions of the trial, to show the criteria of the standards; default: "
+        "conditions.toml beside the recording.",
+    ),
+]
+Workers = Annotated[int | None, typer.Option(min=1, help="Number of worker processes; default: one per core.")]
+Scheduler = Annotated[str | None, typer.Option(help="A running dask scheduler, like tcp://host:8786.")]
+
+
+def percent_of(time_range: tuple[float, float] | str) -> tuple[float, float]:
+    """A part of a recording's time, ``(0, 70)`` or ``"0..70"``, in percent. Raises :class:`InputError`."""
+    from seatrial.analysis.tables import table
+
+    return table.percent_of(time_range if isinstance(time_range, str) else "{:g}..{:g}".format(*time_range))
+
+
+def _print_quality(quality: DataQuality, as_json: bool, options: Mapping[str, Any]) -> None:
+    from seatrial.acquisition.core.errors import Terminal
+
+    if as_json:
+        echo(json.dumps(quality.as_json()))
+    else:
+        Terminal().print(quality)
+
+
+@command(RECORDINGS, "repair", folder="output", show=_print_quality)
+def check(
+    recording: Recording,
+    output: Annotated[
+        str | Path | None,
+        Parsed(Path),
+        typer.Option("-o", "--output", help="A folder for quality.json, flags.parquet, quality.html."),
+    ] = None,
+    repair: Annotated[
+        str | Path | None,
+        Parsed(Path),
+        typer.Option("--repair", help="Also write a repaired recording: only faults beyond doubt are repaired."),
+    ] = None,
+    *,
+    rebuild_positions: RebuildPositions = False,
+    checks: Annotated[
+        Sequence[str],
+        Parsed(list[str]),
+        typer.Option("--check", help="FILE.py:FUNCTION: a check of your own; may be repeated."),
+    ] = (),
+) -> DataQuality:
+    """Check the data quality of a recording, channel by channel.
+
+    Parameters
+    ----------
+    recording
+        A recording, the files of one in parts, or a table of raw samples.
+    output
+        A folder for ``quality.json``, ``flags.parquet`` and ``quality.html``.
+    repair
+        A repaired recording to write: only faults beyond doubt are repaired.
+    rebuild_positions
+        With ``repair``: replace positions with jittering time stamps by dead reckoning, and such headings by the
+        integrated yaw rate.
+    checks
+        Checks of your own, ``FILE.py:FUNCTION``.
+
+    Returns
+    -------
+    DataQuality
+        ``channels`` with counts, gaps and grades, the ``findings``, and a flag for each sample.
+
+    Raises
+    ------
+    InputError
+        For what is no recording.
+
+    Examples
+    --------
+    >>> import numpy as np, pandas as pd, seatrial as st
+    >>> index = pd.date_range("2026-05-17", periods=600, freq="1s", tz="UTC", name="time", unit="ns")
+    >>> heading = pd.DataFrame({"heading_deg": np.linspace(0.0, 90.0, 600)}, index=index)
+    >>> st.check(heading).findings
+    ()
+    """
+    from seatrial.acquisition.recording.grouping import read_together
+    from seatrial.analysis.quality.check import check_recording, check_table
+    from seatrial.analysis.tables.table import table_of
+
+    if repair is not None:
+        expect_suffix(repair, ".mcap")
+    elif rebuild_positions:
+        raise UsageError("--rebuild-positions needs --repair")
+    if is_table(recording) and output is None and repair is None:
+        return check_table(recording, checks)
+    files = as_paths(recording)
+    read = read_together(files)
+    if not read.closed:
+        names = ", ".join(map(str, files))
+        announce(f"warning: {names} was not closed: its end may be missing; `seatrial recover` mends it")
+    if read.clock:
+        announce(f"note: {read.clock}")
+    table = table_of(read)
+    quality = check_recording(read, table, checks)
+    if output is not None:
+        from seatrial.analysis.report.pages import write_quality
+        from seatrial.analysis.tables.table import provenance_of
+
+        for path in write_quality(quality, Path(output), read.trial.as_metadata(), provenance_of(table)):
+            announce(path)
+    if repair is not None:
+        from seatrial.analysis.quality.repairs import write_repaired
+        from seatrial.analysis.tables.table import count_bad
+
+        repairs = write_repaired(
+            read, table, quality.findings, Path(repair), quality.flags, rebuild_positions=rebuild_positions
+        ).repairs
+        for step in repairs:
+            announce(f"repaired {step.channel}: {step.text}, {_values(step.changed)}")
+        if not repairs:
+            bad = count_bad(read)
+            without = f", without {_values(bad)} flagged bad in it" if bad else ""
+            announce(f"nothing to repair: the recording is written as it is{without}")
+        announce(repair)
+    return quality
+
+
+def _values(count: int) -> str:
+    return "1 value" if count == 1 else f"{count:,} values"
+
+
+def prepare(
+    recording: Data,
+    rate_hz: float | None = 1.0,
+    *,
+    repair: bool = True,
+    remove_delays: bool = False,
+    smooth: bool = False,
+    flags: bool = False,
+) -> pd.DataFrame:
+    """The table of a recording at one rate, by default with the certain repairs.
+
+    Parameters
+    ----------
+    recording
+        A recording, the files of one in parts, or a table of its samples.
+    rate_hz
+        Rows per second [Hz]; None for the raw samples.
+    repair
+        Repair faults that are beyond doubt.
+    remove_delays
+        Estimate the channels' delays and remove them.
+    smooth
+        Take the motion from the Kalman smoother, with standard deviations.
+    flags
+        Add a quality flag (QARTOD) beside every value.
+
+    Returns
+    -------
+    pandas.DataFrame
+        UTC index ``time``, one column a channel; units, trial and what was done stand in ``attrs``.
+
+    Raises
+    ------
+    DataShortageError
+        For a recording without samples.
+    InputError
+        Where smoothing lacks position or heading.
+    """
+    from seatrial.acquisition.recording.grouping import read_together
+    from seatrial.analysis.quality import repairs
+
+    how = repairs.Preparation(rate_hz, repair, remove_delays, smooth, flags)
+    return repairs.prepare(read_together(as_paths(recording)), how)
+
+
+@command(RECORDINGS, "output")
+def export(
+    recording: Recording,
+    output: Output,
+    rate_hz: Annotated[
+        float | None, typer.Option("--rate", help="Resample to this rate in Hz; default: raw samples.")
+    ] = None,
+    *,
+    smooth: Annotated[
+        bool, typer.Option("--smooth", help="Write the smoothed motion, with uncertainties; default rate: 1 Hz.")
+    ] = False,
+    repair: Repair = False,
+    remove_delays: RemoveDelays = False,
+    flags: Annotated[
+        bool, typer.Option("--flags", help="Add a column of QARTOD flags for each channel; always in NetCDF.")
+    ] = False,
+    events: Annotated[
+        bool,
+        typer.Option("--events", help="Write marks, alarms and events of sources instead, .csv, .parquet, .xlsx."),
+    ] = False,
+    attribute: Annotated[
+        Mapping[str, str] | Sequence[str],
+        Parsed(list[str]),
+        typer.Option(help="NAME=VALUE: a global attribute of the NetCDF, like license=CC-BY-4.0; may be repeated."),
+    ] = (),
+) -> list[Path]:
+    """Write a recording as a table, Parquet, CSV, Excel, .mat or NetCDF (CF-1.11), or its track as KML or GPX.
+
+    Parameters
+    ----------
+    recording
+        A recording, the files of one in parts, or a table, which is written as it is.
+    output
+        The file: .parquet, .csv, .xlsx, .mat, .nc, .kml or .gpx.
+    rate_hz
+        Resample to this rate [Hz]; by default the raw samples.
+    smooth
+        Write the smoothed motion, with standard deviations; at 1 Hz unless ``rate_hz`` is given.
+    repair
+        First repair faults that are beyond doubt.
+    remove_delays
+        Estimate the channels' delays and remove them first.
+    flags
+        Add a column of QARTOD flags for each channel; always in NetCDF.
+    events
+        Write the event log instead.
+    attribute
+        Global attributes of the NetCDF.
+
+    Returns
+    -------
+    list of Path
+        The files that were written.
+
+    Raises
+    ------
+    InputError
+        For another suffix.
+    StorageError
+        Where it cannot be written.
+    """
+    from dataclasses import asdict
+
+    from seatrial.acquisition.recording.grouping import read_together
+    from seatrial.analysis.quality.repairs import Preparation
+    from seatrial.analysis.quality.repairs import prepare as prepare_recording
+    from seatrial.analysis.tables.export import KINDS, event_table, export_events, export_table, remarks
+    from seatrial.analysis.tables.table import history_of
+
+    target, options = Path(output), (rate_hz, smooth, repair, remove_delays, flags)
+    if events:
+        if any(options) or attribute:
+            raise UsageError("--events writes the log as it is: leave the other options out")
+        log = event_table(read_together(as_paths(recording)))
+        written = export_events(log, target)
+        announce(f"{len(log):,} events")
+        announce(written[0], err=False)
+        return written
+    netcdf = expect_suffix(target, *KINDS) == ".nc"
+    attributes = dict(attribute) if isinstance(attribute, Mapping) else _named_values(attribute)
+    if attributes and not netcdf:
+        raise UsageError("--attribute is for NetCDF: name the output .nc")
+    how = Preparation(rate_hz, repair, remove_delays, smooth, flags or netcdf)
+    if is_table(recording) and not any(options):
+        table, done = recording, dict[str, Any]()
+    else:
+        table, done = prepare_recording(read_together(as_paths(recording)), how), asdict(how)
+    written = export_table(table, target, done, attributes)
+    for step in history_of(table):
+        if step["step"] in ("repair", "remove_delays"):
+            announce(step["options"].get("text") or f"delays removed: {step['options']['delays_s']} s")
+    announce(f"{len(table):,} rows of {len(table.columns)} columns")
+    for path in written[1:]:
+        announce(f"units, trial and provenance: {path}")
+    for remark in remarks(table, attributes) if netcdf else ():
+        announce(remark)
+    announce(written[0], err=False)
+    return written
+
+
+def _named_values(pairs: Sequence[str]) -> dict[str, str]:
+    """Options like NAME=VALUE by name."""
+    parts = [pair.partition("=") for pair in pairs]
+    wrong = [name for name, _, value in parts if not (name.isidentifier() and value)]
+    if wrong:
+        raise UsageError(f"{wrong[0]!r} is no NAME=VALUE, like license=CC-BY-4.0")
+    return {name: value for name, _, value in parts}
+
+
+def events(recording: Data) -> pd.DataFrame:
+    """The event log of a recording: marks, alarms, what happened to its sources and to the recorder.
+
+    Parameters
+    ----------
+    recording
+        The file, or the files of one recording in parts.
+
+    Returns
+    -------
+    pandas.DataFrame
+        A row an event, in the order of time: ``kind`` (mark, alarm, source, recorder), ``level`` (info, warning,
+        error), ``source`` (which one, if any) and ``text``, with a UTC index named ``time``.
+
+    Raises
+    ------
+    InputError
+        For a file that is missing or no recording.
+    """
+    from seatrial.acquisition.recording.grouping import read_together
+    from seatrial.analysis.tables.export import event_table
+
+    return event_table(read_together(as_paths(recording)))
+
+
+def _print_windows(windows: HeldWindows, as_json: bool, options: Mapping[str, Any]) -> None:
+    files, all_windows = len(options["recordings"]), options["all_windows"]
+    summary = {
+        "recordings": files,
+        "candidates": windows.candidates,
+        "kept": windows.kept,
+        "dropped": windows.dropped,
+    }
+    if all_windows:
+        summary["moving"] = windows.moving
+    if as_json:
+        echo(json.dumps(summary))
+        return
+    reasons = ", ".join(f"{count} {reason}" for reason, count in windows.dropped.items()) or "none"
+    recordings = "1 recording" if files == 1 else f"{files} recordings"
+    legs = "1 leg" if windows.legs == 1 else f"{windows.legs} legs"
+    echo(
+        f"{windows.kept} of {windows.candidates} windows of {options['horizon_s']} s "
+        f"{'kept' if all_windows else 'held'}, in {legs} of {recordings}; dropped: {reasons}",
+        err=True,
+    )
+    echo(options["output"])
+
+
+@command(RECORDINGS, "output", show=_print_windows)
+def windows(
+    recordings: Recordings,
+    output: Annotated[
+        str | Path | None,
+        Parsed(Path, required=True),
+        typer.Option("-o", "--output", help="The file or folder to write."),
+    ] = None,
+    horizon_s: Horizon = HORIZON_S,
+    stride_s: Stride = 5,
+    *,
+    all_windows: Annotated[
+        bool,
+        typer.Option(
+            "--all-windows",
+            "--any",
+            "--keep-moving",
+            help="All windows with data, not only held windows; the column `held` marks those.",
+        ),
+    ] = False,
+    repair: Repair = False,
+    remove_delays: RemoveDelays = False,
+    rebuild_positions: RebuildPositions = False,
+    starts: Annotated[
+        bool, typer.Option("--starts/--no-starts", help="Also write smoothed start states, to NAME.starts.parquet.")
+    ] = True,
+) -> HeldWindows:
+    """Extract held windows: periods with steady controls.
+
+    Parameters
+    ----------
+    recordings
+        A recording, several, or a table of one with a row a second.
+    output
+        A Parquet file to write.
+    horizon_s
+        The length of a window [s].
+    stride_s
+        Seconds between the starts of windows.
+    all_windows
+        Also windows in which a control moved; the column ``held`` marks the others.
+    repair
+        First repair faults that are beyond doubt.
+    remove_delays
+        Estimate the channels' delays and remove them first.
+    rebuild_positions
+        Repair, and replace positions with jittering time stamps by dead reckoning.
+    starts
+        Smoothed start states too; they are computed for an ``output`` only.
+
+    Returns
+    -------
+    HeldWindows
+        ``rows`` with one row a second of each window, the count of ``candidates``, and why others were dropped.
+
+    Raises
+    ------
+    InputError
+        For a table that lacks channels or is not on whole seconds.
+    """
+    from seatrial.analysis.windows.held import WindowOptions, held_windows, windows_of_recordings, write_windows
+
+    if output is not None:
+        expect_suffix(output, ".parquet")
+    repair = repair or rebuild_positions  # speeds are scaled before positions lean on them
+    if is_table(recordings) and output is None and not (repair or remove_delays):
+        return held_windows(recordings, horizon_s, stride_s, keep_moving=all_windows)
+    how = WindowOptions(
+        horizon_s, stride_s, all_windows, repair, remove_delays, starts and output is not None, rebuild_positions
+    )
+    with bar("windows") as progress:
+        held = windows_of_recordings(as_paths(recordings), how, progress)
+    if output is not None:
+        write_windows(held, Path(output))
+    return held
+
+
+def _print_manoeuvres(table: ManoeuvreTable, as_json: bool, options: Mapping[str, Any]) -> None:
+    from seatrial.acquisition.core.errors import Terminal
+    from seatrial.analysis.report.tables import summary, terminal_tables, trial_criteria_lines
+
+    if as_json:
+        echo(json.dumps(summary(table.recorded, options["length_m"])))
+    if as_json or options["output"] is not None:
+        return
+    for recording in table.recorded:
+        Terminal().print(terminal_tables(recording, every=options["all_indices"]))
+    for line in trial_criteria_lines(table.recorded):
+        echo(line)
+
+
+@command(RECORDINGS, folder="output", show=_print_manoeuvres)
+def manoeuvres(
+    recordings: Recordings,
+    length_m: Length = None,
+    *,
+    output: Annotated[
+        str | Path | None,
+        Parsed(Path),
+        typer.Option("-o", "--output", help="A folder for JSON and pictures."),
+    ] = None,
+    conditions: TrialConditions = None,
+    all_indices: Annotated[bool, typer.Option("--all", help="Show every index, including each overshoot.")] = False,
+    finders: Annotated[
+        Sequence[str],
+        Parsed(list[str]),
+        typer.Option("--manoeuvre", help="FILE.py:FUNCTION: finds a manoeuvre of your own; may be repeated."),
+    ] = (),
+) -> ManoeuvreTable:
+    """Find manoeuvres and compute their indices.
+
+    Parameters
+    ----------
+    recordings
+        A recording, several of one trial, or a table.
+    length_m
+        The length between perpendiculars [m], for indices in ship lengths and the limits that depend on it; without
+        it that of the vessel file of the ship that the recording names.
+    output
+        A folder for ``manoeuvres.json`` and ``manoeuvres.html`` with its pictures.
+    conditions
+        The conditions of the trial, or the TOML file that holds them; they complete those of the recording.
+    all_indices
+        The terminal shows every index; the returned table always has all.
+    finders
+        Finders of the user's own manoeuvres, ``FILE.py:FUNCTION``.
+
+    Returns
+    -------
+    ManoeuvreTable
+        A table, one row an index, with its 95 % interval, unit and IMO limit. ``counted_from`` is the moment from
+        which an index counts; ``result`` is ``met``, ``not_met``, ``cannot_be_said`` or ``not_shown`` where there
+        is a ``limit``, and ``missing`` lists what is missing to show the criterion.
+
+    Raises
+    ------
+    InputError
+        For a file that is missing or no recording.
+    """
+    from seatrial.acquisition.recording.grouping import whole_recordings
+    from seatrial.analysis.report.tables import manoeuvre_table, manoeuvres_of, with_trial_currents, write_report
+
+    recorded, parts_of_recordings = [], whole_recordings(as_paths(recordings))
+    with bar("manoeuvres") as progress:
+        for number, parts in enumerate(parts_of_recordings, start=1):
+            recorded.append(manoeuvres_of(parts, length_m, finders, _statement(conditions, parts[0])))
+            progress(number / len(parts_of_recordings))
+        recorded = with_trial_currents(recorded)
+    if output is not None:
+        for path in write_report(recorded, Path(output), length_m):
+            announce(path, err=False)
+    return manoeuvre_table(recorded)
+
+
+def _statement(conditions: Conditions | str | Path | None, recording: Path) -> Statement:
+    """What is stated of a trial: conditions as they are, a file of them, or the file beside the recording."""
+    from seatrial.acquisition.config.run_sheet import Statement, statement_from_text, statement_text
+
+    if conditions is None or isinstance(conditions, str | Path):
+        file = None if conditions is None else Path(conditions)
+        return statement_from_text(statement_text(file, recording))
+    return Statement(conditions=conditions)
+
+
+def _print_smoothed(smoothed: SmoothedMotion, as_json: bool, options: Mapping[str, Any]) -> None:
+    from seatrial.analysis.estimation.smoother import summary_of
+
+    for remark in smoothed.remarks:
+        echo(remark, err=True)
+    summary = summary_of(smoothed)
+    if as_json:
+        echo(json.dumps(summary))
+        return
+    noise = smoothed.noise
+    echo(
+        f"{summary['rows']:,} rows, {summary['missing']:,} of them in gaps; noise {noise.position_m:.3g} m, "
+        f"{noise.heading_rad * 57.29578:.3g} deg, {noise.speed_mps:.3g} m/s, "
+        f"{noise.yaw_rate_radps * 57.29578:.3g} deg/s; {sum(summary['rejected'].values()):,} samples refused",
+        err=True,
+    )
+    echo(options["output"])
+
+
+@command(RECORDINGS, "output", show=_print_smoothed)
+def smooth(
+    recording: Recording,
+    output: Annotated[
+        str | Path | None,
+        Parsed(Path, required=True),
+        typer.Option("-o", "--output", help="The file or folder to write."),
+    ] = None,
+    rate_hz: Annotated[float, typer.Option("--rate", help="Rows per second (Hz).")] = 1.0,
+) -> SmoothedMotion:
+    """Smooth the motion with a Kalman smoother, with uncertainties.
+
+    Parameters
+    ----------
+    recording
+        A recording, the files of one in parts, or a table of raw samples.
+    output
+        A Parquet file to write.
+    rate_hz
+        Rows per second [Hz].
+
+    Returns
+    -------
+    SmoothedMotion
+        ``states`` [rows] with pose, velocity and acceleration, their ``covariance`` [rows, 9, 9] in SI, the noise
+        of the sensors, and which samples were refused.
+
+    Raises
+    ------
+    InputError
+        Without position or heading.
+    """
+    from seatrial.analysis.estimation import smoother
+    from seatrial.analysis.tables.table import read_table
+
+    if output is not None:
+        expect_suffix(output, ".parquet")
+    table = recording if is_table(recording) else read_table(as_paths(recording))
+    smoothed = smoother.smooth(table, rate_hz)
+    if output is not None:
+        smoother.write_smoothed(smoothed, output)
+    return smoothed
+
+
+def _print_batch(summary: BatchSummary, as_json: bool, options: Mapping[str, Any]) -> None:
+    for cause, names in summary.failures:
+        echo(f"{len(names)} failed: {cause}\n    {', '.join(names)}", err=True)
+    if cut_off := [row["name"] for row in summary.rows if row["status"] == "done" and row.get("closed") is False]:
+        echo(f"{len(cut_off)} done, but cut off before the end: {', '.join(cut_off)}", err=True)
+    if summary.gone:
+        echo(f"{len(summary.gone)} of recordings that are gone: {', '.join(summary.gone)}", err=True)
+    if as_json:
+        echo(json.dumps(summary.as_json()))
+    else:
+        echo(f"{summary.done} done, {summary.reused} of them before, {summary.failed} failed", err=True)
+        echo(summary.index)
+    if summary.failed:
+        raise typer.Exit(1)
+
+
+@command(RECORDINGS, folder="output", show=_print_batch)
+def batch(
+    folder: Annotated[
+        str | Path, Parsed(Path), typer.Argument(help="A folder with recordings, also in subfolders.")
+    ],
+    output: Output,
+    workers: Workers = None,
+    scheduler: Scheduler = None,
+    *,
+    horizon_s: Horizon = HORIZON_S,
+    stride_s: Stride = 5,
+    length_m: Annotated[
+        float | None,
+        typer.Option(
+            "--length",
+            min=0.1,
+            help="The ship's length between perpendiculars in metres, for distances in ship lengths.",
+        ),
+    ] = None,
+    conditions: Annotated[
+        str | Path | None,
+        Parsed(Path),
+        typer.Option(
+            help="A TOML file that states what the recordings do not: conditions, particulars, instruments, "
+            "run sheet; default: conditions.toml in the folder."
+        ),
+    ] = None,
+    no_repair: Annotated[bool, typer.Option("--no-repair", help="Do not repair anything.")] = False,
+    rebuild_positions: RebuildPositions = False,
+    no_smooth: Annotated[
+        bool, typer.Option("--no-smooth", help="Skip the smoother, and with it the uncertainties.")
+    ] = False,
+    no_pictures: Annotated[bool, typer.Option("--no-pictures", help="Pages without pictures, faster.")] = False,
+    again: Annotated[bool, typer.Option("--again", help="Recompute existing results.")] = False,
+    timeout_s: Annotated[
+        float | None, typer.Option("--timeout", min=0.1, help="Give up on a recording after this many seconds.")
+    ] = None,
+) -> BatchSummary:
+    """Analyse every recording in a folder; resumes.
+
+    Parameters
+    ----------
+    folder
+        A folder with recordings, also in subfolders.
+    output
+        The folder for the results of each recording and the index of all.
+    workers, scheduler
+        How many processes on this computer, or the address of a running dask scheduler.
+    horizon_s, stride_s
+        Length of the windows and time between their starts [s].
+    length_m
+        The ship's length between perpendiculars [m], for distances in ship lengths.
+    conditions
+        A TOML file that states what the recordings do not; by default ``conditions.toml`` in the folder.
+    no_repair, rebuild_positions
+        Repair nothing; or replace jittering positions by dead reckoning, too.
+    no_smooth, no_pictures
+        Leave out the smoother or the pictures, which take most of the time.
+    again
+        Recompute results that exist.
+    timeout_s
+        Give up on a recording after this time [s].
+
+    Returns
+    -------
+    BatchSummary
+        A row a recording, and how many were done, reused and failed.
+
+    Raises
+    ------
+    InputError
+        For a folder or an address that is none.
+    DataShortageError
+        For a folder without recordings.
+    """
+    from seatrial.acquisition.config.run_sheet import statement_text
+    from seatrial.acquisition.core.process import Termination
+    from seatrial.analysis.batch import run_batch
+    from seatrial.analysis.products import Options
+
+    if workers is not None and scheduler is not None:
+        raise UsageError("give --workers or --scheduler, not both")
+    if rebuild_positions and no_repair:
+        raise UsageError("--rebuild-positions needs the repairs")
+    source = Path(folder)
+    options = Options(
+        not no_repair, not no_smooth, not no_pictures, horizon_s, stride_s, length_m, rebuild_positions,
+        statement_text(None if conditions is None else Path(conditions), source),
+    )  # fmt: skip
+    try:
+        with bar("batch") as progress:
+            return run_batch(
+                source, output, workers, scheduler, options, progress, again=again, timeout_s=timeout_s
+            )
+    except KeyboardInterrupt as stop:
+        how = "terminated" if isinstance(stop, Termination) else "interrupted"
+        announce(f"seatrial: {how}; what is done stays, the same command goes on from there")
+        raise
+
+
+@command(RECORDINGS)
+def serve(
+    folder: Annotated[
+        str | Path, Parsed(Path), typer.Argument(help="A folder with recordings, also in subfolders.")
+    ],
+    output: Annotated[
+        str | Path | None,
+        Parsed(Path),
+        typer.Option(
+            "-o", "--output", help="The folder for results, for example that of `batch`; default: in the cache."
+        ),
+    ] = None,
+    port: Annotated[
+        int, typer.Option(min=1, max=65535, help="The port to listen on, on this computer only.")
+    ] = 8766,  # 8765 is the live view's, which viewers expect there
+    on_demand: Annotated[
+        bool,
+        typer.Option("--on-demand", help="Analyse only what is opened; default: everything, one after the other."),
+    ] = False,
+    upload: Annotated[bool, typer.Option("--upload", help="Allow uploads into FOLDER.")] = False,
+    upload_mb: Annotated[float, typer.Option(min=0.1, help="The largest upload in MB.")] = 500.0,
+) -> None:
+    """Show a season of recordings as pages for a browser on this computer.
+
+    Parameters
+    ----------
+    folder
+        A folder with recordings, also in subfolders.
+    output
+        The folder for results; by default in the cache.
+    port
+        The port to listen on, on this computer only.
+    on_demand
+        Analyse only what is opened.
+    upload, upload_mb
+        Allow uploads into the folder, and the largest [MB].
+
+    Raises
+    ------
+    ConfigurationError
+        Without the package flask.
+    """
+    from seatrial.acquisition.core.errors import ConfigurationError
+
+    try:
+        import flask  # noqa: F401 - asked for before anything is begun
+    except ImportError as error:
+        raise ConfigurationError("serve needs the package flask", fix="pip install 'seatrial[serve]'") from error
+    from seatrial.acquisition.config.run_sheet import statement_text
+    from seatrial.acquisition.core.process import interrupt_on_terminate
+    from seatrial.analysis.products import Options
+    from seatrial.analysis.serve import Season, make_app, results_folder
+    from seatrial.analysis.serve import serve as run
+
+    source = Path(folder)
+    options = Options(statement=statement_text(None, source))
+    results = results_folder(source) if output is None else Path(output)
+    season = Season(source, results, options, eager=not on_demand)
+    with interrupt_on_terminate(), suppress(KeyboardInterrupt), season:
+        echo(f"results: {season.out}", err=True)
+        run(make_app(season, upload_mb if upload else None), port, echo)
+
+
+def plot(table: pd.DataFrame) -> Figure:
+    """The track and the channels of a table, side by side.
+
+    Parameters
+    ----------
+    table
+        A table with columns of the conventions.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        Track and channels, a panel each.
+
+    Raises
+    ------
+    DataShortageError
+        For a table with nothing to draw.
+    """
+    from seatrial.acquisition.core.errors import DataShortageError
+    from seatrial.analysis.report.plots import channels_figure, track_figure
+    from seatrial.analysis.report.rendering import fill_figure
+
+    parts = [part for part in (track_figure(table), channels_figure(table)) if part is not None]
+    if not parts:
+        raise DataShortageError(
+            "the table has no channel to plot", fix="give a table with columns of the conventions"
+        )
+
+    def fill(figure: Figure) -> None:
+        panels = figure.subfigures(1, len(parts), squeeze=False)[0]
+        for (draw, _, _), panel in zip(parts, panels, strict=True):
+            draw(panel)
+
+    return fill_figure(fill, (8.0 * len(parts), 8.0))

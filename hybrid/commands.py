@@ -1,0 +1,1908 @@
+"""Functions of ``import seatrial as st`` that need a model, and are commands, too: from simulate to report."""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Union
+
+import typer
+
+from seatrial.acquisition.commands import (
+    ABOARD,
+    DIAGNOSIS,
+    PREDICTIONS,
+    RECORDINGS,
+    TRIALS,
+    AsJson,
+    Data,
+    Parsed,
+    as_paths,
+    command,
+    show_result,
+)
+from seatrial.acquisition.core.errors import Terminal, UsageError, bar, part_of, printable_name
+from seatrial.acquisition.core.files import expect_suffix, locked_folder, written_together
+from seatrial.acquisition.core.process import announce, echo, stop_on_signals
+from seatrial.analysis.commands import (
+    ALL_OF_IT,
+    HORIZON_S,
+    AllWindows,
+    OutputFolder,
+    RebuildPositions,
+    Recordings,
+    Repair,
+    Scheduler,
+    Stride,
+    TimeRange,
+    Workers,
+    percent_of,
+)
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from seatrial.acquisition.config.run_sheet import Conditions
+    from seatrial.analysis.speed_power import SpeedPower
+    from seatrial.hybrid.calibrators import TrainedCalibrator
+    from seatrial.hybrid.calibrators.predict import Prediction
+    from seatrial.hybrid.demo import Demonstration
+    from seatrial.hybrid.effects.catalogue import Catalogue
+    from seatrial.hybrid.evaluation.study import Evaluation
+    from seatrial.hybrid.evaluation.validate import Validation
+    from seatrial.hybrid.identification.identify import Identification
+    from seatrial.hybrid.planning import Plan
+    from seatrial.hybrid.prediction.dataset import Dataset
+    from seatrial.hybrid.simulation.trial import CampaignResult
+    from seatrial.hybrid.simulation.vessel_check import VesselCheck
+    from seatrial.hybrid.twin import WatchSummary
+    from seatrial.hybrid.vessel.estimate.new_vessel import NewVessel
+    from seatrial.hybrid.vessel.files import ReferenceModel
+    from seatrial.hybrid.vessel.parameters import Vessel
+    from seatrial.hybrid.vessel.plant import Plant
+    from seatrial.hybrid.workflows import DiagnosisRun
+
+WATCH_HORIZON_S = 30
+_NICENESS = 5  # the recorder goes first
+
+VesselName = Annotated[
+    Union["Vessel", str, Path, None],
+    Parsed(str),
+    typer.Option(help="A vessel of trials/vessels, or a vessel file."),
+]
+VesselFile = Annotated[
+    str | Path | None, Parsed(str), typer.Option("--vessel", help="A vessel of trials/vessels, or a vessel file.")
+]
+InitialModel = Annotated[
+    Union["Vessel", str, Path, None],
+    Parsed(str),
+    typer.Option(help="The initial model: a vessel of trials/vessels, or a vessel file."),
+]
+SeaState = Annotated[str, typer.Option(help="A sea state of trials/sea_states.toml; scaled down for a ship model.")]
+Calibrator = Annotated[
+    Union["TrainedCalibrator", str, Path, None],
+    Parsed(Path),
+    typer.Option(help="A calibrator: the folder written by `seatrial train`."),
+]
+CalibratorCode = Annotated[
+    str | None,
+    typer.Option(
+        "--method", help="FILE.py:CLASS: the code of a calibrator of your own, which runs only if it is given here."
+    ),
+]
+PredictionHorizon = Annotated[
+    int | None,
+    typer.Option(
+        "--horizon", min=2, help="The horizon of the predictions in seconds; default: 15, or the calibrator's."
+    ),
+]
+AllowSeen = Annotated[bool, typer.Option(help="Also test recordings that the calibrator was trained on.")]
+Effects = Annotated[
+    Sequence[str | Path],
+    Parsed(list[Path]),
+    typer.Option("--effects", help="A Python file with effects of your own."),
+]
+Without = Annotated[
+    Sequence[str],
+    Parsed(list[str]),
+    typer.Option(help="An effect to leave out of the catalogue; may be repeated."),
+]
+Tolerance = Annotated[
+    float,
+    typer.Option(
+        "--tolerance", min=0.0, max=20.0, help="The model error that is tolerated, in % of the force range."
+    ),
+]
+RepairSensors = Annotated[
+    bool,
+    typer.Option(
+        "--repair-sensors",
+        "--repair",
+        help="Also repair the scales and delays of sensors, instead of naming them.",
+    ),
+]
+RebuildIfJitter = Annotated[
+    bool | None,
+    typer.Option(
+        "--rebuild-positions/--keep-positions",
+        help="Take positions by dead reckoning from speeds and heading, or as recorded; default: the first if the "
+        "time stamps jitter.",
+    ),
+]
+Seed = Annotated[int, typer.Option(min=0, help="The same seed gives the same figures.")]
+Manoeuvres = Annotated[
+    Sequence[str],
+    Parsed(list[str]),
+    typer.Argument(
+        metavar="MANOEUVRES...",
+        help="MANOEUVRE or MANOEUVRE=MINUTES, one after the other: those of `seatrial simulate`, and "
+        "reciprocal_headings, one_thruster_at_a_time, ...; default: the programme of docs/planning.md.",
+    ),
+]
+SpeedConditions = Annotated[
+    Union["Conditions", str, Path, None],
+    Parsed(Path),
+    typer.Option(
+        "--conditions",
+        help="A TOML file with the ship's data and the conditions, which goes above those of the "
+        "recordings; default: conditions.toml beside the files.",
+    ),
+]
+PlannedOrders = Annotated[
+    str | Path | None,
+    Parsed(Path),
+    typer.Option(
+        "--commands",
+        help="A table of planned orders: second or time, and channels of actuators; default: unchanged.",
+    ),
+]
+
+
+# Trials, before they are sailed
+
+
+def _print_demonstration(done: Demonstration, as_json: bool, options: Mapping[str, Any]) -> None:
+    echo(done.validation.model, err=True)
+    Terminal(stderr=True).print(done.validation)
+    reduction = done.validation.reduction or 0.0
+    text = f"{done.report}: {sum(done.lost.values())} samples lost, {reduction:.0%} less error than the reference"
+    echo(json.dumps({"report": str(done.report), "lost": done.lost, "reduction": reduction}) if as_json else text)
+
+
+@command(TRIALS, folder="output", show=_print_demonstration)
+def demo(
+    output: Annotated[
+        str | Path, Parsed(Path), typer.Option("-o", "--output", help="The folder for all output.")
+    ] = Path("demo"),
+    seed: Annotated[int, typer.Option(min=0, help="The same seed gives the same voyage.")] = 1,
+) -> Demonstration:
+    """Run the whole chain: from simulated buses to a report.
+
+    Parameters
+    ----------
+    output
+        The folder for all output.
+    seed
+        The same seed gives the same voyage.
+
+    Returns
+    -------
+    Demonstration
+        The ``report``, what was played and lost, the windows, the validation and the diagnosis.
+    """
+    from seatrial.hybrid.demo import demonstrate
+
+    return demonstrate(Path(output), seed, say=announce)
+
+
+Name = Annotated[str | None, typer.Option(help="Name of ship and trial; default: the folder's.")]
+LengthBetweenPerpendiculars = Annotated[
+    float | None, typer.Option("--length", help="Length between perpendiculars in m.")
+]
+Beam = Annotated[float | None, typer.Option("--beam", help="Beam in m.")]
+Draught = Annotated[float | None, typer.Option("--draught", help="Mean draught in m.")]
+Block = Annotated[float | None, typer.Option("--block", help="Block coefficient.")]
+ServiceSpeed = Annotated[float | None, typer.Option("--service-speed", help="Service speed in calm water in m/s.")]
+_DEVICE_HELP = "{0}, NAME,KEY=NUMBER,...; may be repeated."
+Propellers = Annotated[
+    Sequence[Any], Parsed(list[str]), typer.Option("--propeller", help=_DEVICE_HELP.format("A propeller"))
+]
+Azimuths = Annotated[
+    Sequence[Any], Parsed(list[str]), typer.Option("--azimuth", help=_DEVICE_HELP.format("An azimuth thruster"))
+]
+Rudders = Annotated[
+    Sequence[Any], Parsed(list[str]), typer.Option("--rudder", help=_DEVICE_HELP.format("A rudder"))
+]
+Tunnels = Annotated[
+    Sequence[Any], Parsed(list[str]), typer.Option("--tunnel", help=_DEVICE_HELP.format("A tunnel thruster"))
+]
+
+_NEEDED = {
+    "length_m": ("--length", "Length between perpendiculars [m]"),
+    "beam_m": ("--beam", "Beam [m]"),
+    "draught_m": ("--draught", "Mean draught [m]"),
+    "block": ("--block", "Block coefficient"),
+    "service_speed_mps": ("--service-speed", "Service speed [m/s]"),
+}
+"""What every ship needs: its option, and how it is asked for."""
+
+_DEVICES = {
+    "propellers": ("--propeller", "A propeller, diameter=M[,pitch_ratio=..][,blades=..][,area_ratio=..][,rpm=..]"),
+    "azimuths": ("--azimuth", "An azimuth thruster, diameter=M[,pitch_ratio=..][,x=M][,y=M]"),
+    "rudders": ("--rudder", "A rudder, area=M2[,span=M][,behind=NAME]"),
+    "tunnels": ("--tunnel", "A tunnel thruster, bow or stern,diameter=M,power=KW"),
+}
+
+
+@command(TRIALS, folder="folder")
+def init(
+    folder: Annotated[str | Path, Parsed(Path), typer.Argument(help="The folder to make.")],
+    name: Name = None,
+    vessel: Annotated[
+        str | Path | None,
+        Parsed(str),
+        typer.Option(help="Your ship, if it has a vessel file: a name or a file."),
+    ] = None,
+    *,
+    length_m: LengthBetweenPerpendiculars = None,
+    beam_m: Beam = None,
+    draught_m: Draught = None,
+    block: Block = None,
+    service_speed_mps: ServiceSpeed = None,
+    propellers: Propellers = (),
+    azimuths: Azimuths = (),
+    rudders: Rudders = (),
+    tunnels: Tunnels = (),
+    force: Annotated[bool, typer.Option("--force", help="Replace existing files.")] = False,
+) -> list[Path]:
+    """Set up a folder for your ship's trials, from its main dimensions or vessel file.
+
+    Parameters
+    ----------
+    folder
+        The folder to make.
+    name
+        Name of ship and trial; by default the folder's.
+    vessel
+        The ship's vessel file, instead of its dimensions.
+    length_m, beam_m, draught_m
+        Length between perpendiculars, beam and mean draught [m].
+    block
+        The block coefficient.
+    service_speed_mps
+        Service speed in calm water [m/s].
+    propellers, azimuths, rudders, tunnels
+        Propulsors, ``"NAME,KEY=NUMBER,..."``.
+    force
+        Replace existing files.
+
+    Returns
+    -------
+    list of Path
+        The files that were written.
+
+    Raises
+    ------
+    ConfigurationError
+        For dimensions that are missing; a command asks for them at a terminal.
+    """
+    from seatrial.acquisition.recording.parts import safe_name
+    from seatrial.hybrid.vessel.estimate import new_vessel as estimates
+    from seatrial.hybrid.workflows import start_folder
+
+    dimensions = {
+        "length_m": length_m,
+        "beam_m": beam_m,
+        "draught_m": draught_m,
+        "block": block,
+        "service_speed_mps": service_speed_mps,
+    }
+    devices = {"propellers": propellers, "azimuths": azimuths, "rudders": rudders, "tunnels": tunnels}
+    options = {key: (_NEEDED | _DEVICES)[key][0] for key, value in (dimensions | devices).items() if value}
+    if vessel is not None and options:
+        raise UsageError("is given with --vessel, whose file says it", where=next(iter(options.values())))
+    particulars = {} if vessel is not None else complete(dimensions, devices, "--vessel FILE")
+    target = Path(folder)
+    name = safe_name(name or target.resolve().name)
+    ship = estimates.new_vessel(name=name, **particulars) if vessel is None else vessel
+    for warning in getattr(ship, "warnings", ()):
+        announce(f"note: {warning}")
+    announce("simulating an example, the first time with half a minute of compilation")
+    paths = start_folder(target, ship, name, force=force)
+    for path in paths:
+        announce(path, err=False)
+    return paths
+
+
+def complete(
+    dimensions: Mapping[str, float | None], devices: Mapping[str, Sequence[Any]], alternative: str = ""
+) -> dict[str, Any]:
+    """Dimensions and propulsors of a ship, those that are missing as a person at the terminal gives them.
+
+    Without a terminal they are wrong usage; ``alternative`` is the option that makes all of them unnecessary.
+    """
+    missing = [key for key, value in dimensions.items() if value is None]
+    driven = bool(devices["propellers"] or devices["azimuths"])
+    if (missing or not driven) and not at_terminal():
+        names = [_NEEDED[key][0] for key in missing] + ([] if driven else ["--propeller or --azimuth"])
+        raise UsageError(f"missing: {', '.join(names)}{f'; or give {alternative}' if alternative else ''}")
+    asked = {key: float(typer.prompt(_NEEDED[key][1], type=float, err=True)) for key in missing}
+    listed = {key: tuple(value) or (() if driven else _ask_for(key)) for key, value in devices.items()}
+    return {**dimensions, **asked, **listed}
+
+
+def at_terminal() -> bool:
+    """Whether a person can be asked."""
+    return sys.stdin.isatty()
+
+
+def _ask_for(key: str) -> tuple[str, ...]:
+    """Devices of a kind, one an answer, until an empty answer."""
+    answers: list[str] = []
+    question = f"{_DEVICES[key][1]} (empty: no more)"
+    while answer := str(typer.prompt(question, default="", show_default=False, err=True)):
+        answers.append(answer)
+    return tuple(answers)
+
+
+@command(TRIALS, "output", name="new", group="vessel")
+def new_vessel(
+    output: Annotated[
+        str | Path | None,
+        Parsed(Path, required=True),
+        typer.Option("-o", "--output", help="The vessel file to write."),
+    ] = None,
+    *,
+    name: Annotated[str | None, typer.Option(help="The ship's name; by default that of the file.")] = None,
+    length_m: LengthBetweenPerpendiculars = None,
+    beam_m: Beam = None,
+    draught_m: Draught = None,
+    block: Block = None,
+    service_speed_mps: ServiceSpeed = None,
+    propellers: Propellers = (),
+    azimuths: Azimuths = (),
+    rudders: Rudders = (),
+    tunnels: Tunnels = (),
+    hull: Annotated[str, typer.Option(help="mmg, or cross_flow for low speed.")] = "mmg",
+    length_overall_m: Annotated[float | None, typer.Option("--length-overall", help="Length overall in m.")] = None,
+    centre_of_gravity_m: Annotated[
+        float | None,
+        typer.Option("--centre-of-gravity", help="Position forward of midship in m; default: estimated."),
+    ] = None,
+    frontal_area_m2: Annotated[
+        float | None, typer.Option("--frontal-area", help="Frontal area above water in m2.")
+    ] = None,
+    lateral_area_m2: Annotated[
+        float | None, typer.Option("--lateral-area", help="Lateral area above water in m2.")
+    ] = None,
+    water_density_kgpm3: Annotated[
+        float, typer.Option("--water-density", help="Water density in kg/m3: fresh 1000, salt 1025.")
+    ] = 1025.0,
+) -> NewVessel:
+    """Write a vessel file from main dimensions, by published regressions.
+
+    Parameters
+    ----------
+    output
+        The vessel file to write.
+    name
+        The ship's name; by default that of the file.
+    length_m, beam_m, draught_m
+        Length between perpendiculars, beam and mean draught [m].
+    block
+        The block coefficient.
+    service_speed_mps
+        Service speed in calm water [m/s].
+    propellers, azimuths, rudders, tunnels
+        Propulsors, as objects of :mod:`seatrial.hybrid.vessel.estimate.devices` or ``"NAME,KEY=NUMBER,..."``;
+        places from midship, forward and to starboard [m].
+    hull
+        "mmg", or "cross_flow" for low speed.
+    length_overall_m, centre_of_gravity_m
+        Length overall, and the centre of gravity forward of midship [m].
+    frontal_area_m2, lateral_area_m2
+        Areas above water [m2].
+    water_density_kgpm3
+        Water density [kg/m3].
+
+    Returns
+    -------
+    NewVessel
+        The ``text`` of the vessel file, ``warnings``, and the shaft speed at service speed.
+
+    Raises
+    ------
+    InputError
+        For dimensions that no displacement ship has, and for propulsors that cannot be.
+    ConfigurationError
+        For dimensions that are missing; a command asks for them at a terminal.
+
+    Notes
+    -----
+    The regressions and their sources are in docs/theory/estimates.md.
+
+    Examples
+    --------
+    >>> import seatrial as st
+    >>> ship = st.new_vessel(
+    ...     name="ferry", length_m=82.0, beam_m=12.5, draught_m=5.2, block=0.74, service_speed_mps=6.0,
+    ...     propellers=["main,diameter=3.4"], rudders=["main,area=9"],
+    ... )
+    >>> sorted(ship.service_rpm)
+    ['main']
+    """
+    from seatrial.hybrid.vessel.estimate import new_vessel as estimates
+
+    dimensions = {
+        "length_m": length_m,
+        "beam_m": beam_m,
+        "draught_m": draught_m,
+        "block": block,
+        "service_speed_mps": service_speed_mps,
+    }
+    devices = {"propellers": propellers, "azimuths": azimuths, "rudders": rudders, "tunnels": tunnels}
+    particulars = complete(dimensions, devices)
+    if hull not in ("mmg", "cross_flow"):
+        raise UsageError(f"no hull model {hull!r}; give mmg or cross_flow")
+    made = estimates.new_vessel(
+        output,
+        name=name or ("ship" if output is None else printable_name(Path(output).stem)),
+        **particulars,
+        hull=hull,  # type: ignore[arg-type]
+        length_overall_m=length_overall_m, centre_of_gravity_m=centre_of_gravity_m,
+        frontal_area_m2=frontal_area_m2, lateral_area_m2=lateral_area_m2, water_density_kgpm3=water_density_kgpm3,
+    )  # fmt: skip
+    for warning in made.warnings:
+        announce(f"note: {warning}")
+    rpm = ", ".join(f"{shaft} {value:.4g} rpm" for shaft, value in made.service_rpm.items())
+    announce(f"{particulars['service_speed_mps']:g} m/s takes {rpm}")
+    announce(output, err=False)
+    return made
+
+
+@command(TRIALS, "output", name="check", group="vessel", show=show_result)
+def vessel_check(
+    vessel: Annotated[
+        Any, Parsed(str, required=True), typer.Argument(help="A vessel of trials/vessels, or a vessel file.")
+    ] = None,
+    rpm: Annotated[
+        float | None, typer.Option(min=0.0, help="Shaft speed of the tests; default: 95 % of the shafts' limit.")
+    ] = None,
+    output: Annotated[
+        str | Path | None,
+        Parsed(Path),
+        typer.Option("-o", "--output", help="A picture (.png, .svg, .pdf) or a page (.html)."),
+    ] = None,
+) -> VesselCheck:
+    """Simulate the standard manoeuvres of a vessel file, and compare them with the IMO limits.
+
+    Parameters
+    ----------
+    vessel
+        A vessel, its name or its file.
+    rpm
+        The shaft speed of the tests; by default 95 % of the shafts' limit, that of 85 % of the highest power.
+    output
+        A picture (.png, .svg, .pdf) or a page (.html).
+
+    Returns
+    -------
+    VesselCheck
+        Steady speeds, turning circles, zigzags, pull-outs and a crash stop in still water and air, with their
+        indices beside IMO's limits.
+    """
+    from seatrial.hybrid.simulation.vessel_check import check_vessel
+    from seatrial.hybrid.vessel.files import load_vessel
+
+    checked = check_vessel(load_vessel(vessel), rpm)
+    if output is not None:
+        from seatrial.hybrid.report.vessel_check import write_vessel_check
+
+        announce(write_vessel_check(checked, Path(output)))
+    return checked
+
+
+@command(TRIALS, "output")
+def simulate(
+    output: Annotated[
+        str | Path,
+        Parsed(Path, required=True),
+        typer.Option("-o", "--output", help="The recording to write, OUT.mcap."),
+    ],
+    vessel: VesselName = None,
+    sea_state: SeaState = "calm",
+    manoeuvre: Annotated[
+        str, typer.Option(help="voyage, programme, paper, zigzag_20_20, turning_circle_30, ...")
+    ] = "voyage",
+    duration_s: Annotated[
+        float, typer.Option("--duration", min=1.0, help="Length of the trial in seconds.")
+    ] = 1200.0,
+    rate_hz: Annotated[float, typer.Option("--rate", min=0.1, max=100.0, help="Sampling rate in Hz.")] = 10.0,
+    seed: Annotated[int, typer.Option(min=0, help="The same seed gives the same trial.")] = 0,
+    hide: Annotated[
+        Mapping[str, Mapping[str, float]] | Sequence[str],
+        Parsed(list[str]),
+        typer.Option(help="An effect to hide, EFFECT:PARAM=VALUE,...; may be repeated."),
+    ] = (),
+    effects: Effects = (),
+    *,
+    catalogue: Catalogue | None = None,
+) -> pd.DataFrame:
+    """Simulate a trial as its sensors would have recorded it.
+
+    Parameters
+    ----------
+    output
+        The recording to write; what was hidden goes to ``NAME.truth.json`` beside it and into nothing else.
+    vessel
+        A vessel, its name or its file.
+    sea_state
+        A sea state of trials/sea_states.toml; scaled down for a ship model.
+    manoeuvre
+        "voyage", "programme", "zigzag_20_20", "turning_circle_30", ...
+    duration_s
+        Length of the trial [s].
+    rate_hz
+        Sampling rate [Hz].
+    seed
+        The same seed gives the same trial.
+    hide
+        Effects to hide, ``{"ocean_current": {"speed_mps": 0.4}}`` or ``"ocean_current:speed_mps=0.4"``.
+    effects
+        Files with effects of your own.
+    catalogue
+        The catalogue that ``hide`` chooses from, instead of the ship's with ``effects``.
+
+    Returns
+    -------
+    pandas.DataFrame
+        What the sensors reported, as it was recorded.
+
+    Raises
+    ------
+    ConfigurationError
+        For an unknown vessel, sea state, manoeuvre or effect.
+    """
+    from seatrial.hybrid.effects.catalogue import catalogue_with, parse_effects
+    from seatrial.hybrid.simulation.trial import record_trial, simulate_trial
+    from seatrial.hybrid.vessel.files import load_vessel
+
+    expect_suffix(output, ".mcap")
+    target, ship = Path(output), load_vessel(vessel)
+    known = catalogue_with(effects, vessel=ship) if catalogue is None else catalogue
+    hidden = hide if isinstance(hide, Mapping) else parse_effects(hide, known)
+    table, truth = simulate_trial(ship, sea_state, manoeuvre, duration_s, rate_hz, seed, hidden, catalogue=known)
+    record_trial(table, truth, target, place="Trondheimsfjord, simulated")
+    samples = int(table.notna().to_numpy().sum())
+    announce(
+        f"{samples:,} samples of {duration_s:g} s in {target}; the truth is in {target.with_suffix('.truth.json')}"
+    )
+    return table
+
+
+@command(TRIALS, folder="output", show=show_result)
+def plan(
+    manoeuvres: Manoeuvres = (),
+    vessel: VesselName = None,
+    sea_state: Annotated[
+        str | None,
+        typer.Option(help="A sea state of trials/sea_states.toml; default: gentle, for a ship model calm."),
+    ] = None,
+    duration_min: Annotated[
+        float, typer.Option("--duration", min=5.0, max=600.0, help="Length of the trial in minutes.")
+    ] = 60.0,
+    tolerance_percent: Tolerance = 1.0,
+    *,
+    effects: Effects = (),
+    without: Without = (),
+    output: Annotated[
+        str | Path | None,
+        Parsed(Path),
+        typer.Option("-o", "--output", help="A folder for plan.json and plan.html."),
+    ] = None,
+) -> Plan:
+    """Say which effects a planned trial could find, and propose a better one.
+
+    Parameters
+    ----------
+    manoeuvres
+        ``MANOEUVRE`` or ``MANOEUVRE=MINUTES``, one after the other; by default the programme of docs/planning.md.
+    vessel
+        A vessel, its name or its file.
+    sea_state
+        A sea state; by default a gentle sea, for a ship's model a calm basin.
+    duration_min
+        Length of the trial [min].
+    tolerance_percent
+        The model error that is tolerated, in % of the force range.
+    effects, without
+        Files with effects of your own, and effects that are ruled out.
+    output
+        A folder for ``plan.json`` and ``plan.html``.
+
+    Returns
+    -------
+    Plan
+        The size from which each effect would show, and a better programme.
+
+    Raises
+    ------
+    ConfigurationError
+        For an unknown vessel, sea state, manoeuvre or effect.
+    """
+    from seatrial.hybrid.effects.catalogue import catalogue_with
+    from seatrial.hybrid.planning import noise_in, programme_of
+    from seatrial.hybrid.planning import plan as plan_programme
+    from seatrial.hybrid.simulation.trial import sea_for
+    from seatrial.hybrid.vessel.files import load_vessel
+
+    ship = load_vessel(vessel)
+    sea = sea_for(sea_state or ("calm" if ship.dimensions.is_model else "gentle"), ship.dimensions)
+    catalogue, tolerance = catalogue_with(effects, without, ship), tolerance_percent / 100.0
+    programme = programme_of(manoeuvres, ship, duration_min)
+    with bar("noise") as progress:
+        noise = noise_in(ship, sea, tolerance, catalogue, progress)
+    with bar("planning") as progress:
+        planned = plan_programme(programme, ship, sea, noise, tolerance, catalogue, progress)
+    if output is not None:
+        from seatrial.hybrid.report.plan_page import write_plan
+
+        for path in write_plan(planned, Path(output)):
+            announce(path)
+    return planned
+
+
+def _print_campaign(campaign: CampaignResult, as_json: bool, options: Mapping[str, Any]) -> None:
+    for row in campaign.failed:
+        echo(f"{row['name']} failed: {row['cause']}", err=True)
+    done = len(campaign.rows) - len(campaign.failed)
+    if as_json:
+        counts = {"done": done, "reused": campaign.reused, "failed": len(campaign.failed)}
+        echo(json.dumps({"trials": len(campaign.rows), **counts, "index": str(campaign.index)}))
+    else:
+        echo(f"{done} done, {campaign.reused} of them before, {len(campaign.failed)} failed", err=True)
+        echo(campaign.index)
+    if campaign.failed:
+        raise typer.Exit(1)
+
+
+@command(TRIALS, folder="output", show=_print_campaign)
+def campaign(
+    file: Annotated[
+        str | Path, Parsed(Path), typer.Argument(help="The campaign, a TOML file like trials/campaign.toml.")
+    ],
+    output: Annotated[
+        str | Path,
+        Parsed(Path, required=True),
+        typer.Option("-o", "--output", help="The folder for all output."),
+    ],
+    workers: Workers = None,
+    scheduler: Scheduler = None,
+) -> CampaignResult:
+    """Simulate many trials: vessels, seas, manoeuvres, seeds.
+
+    Parameters
+    ----------
+    file
+        The campaign, a TOML file like trials/campaign.toml.
+    output
+        The folder for the recordings, their truths and the index.
+    workers, scheduler
+        How many processes on this computer, or the address of a running dask scheduler.
+
+    Returns
+    -------
+    CampaignResult
+        A row a trial, and how many were reused and failed.
+
+    Raises
+    ------
+    ConfigurationError
+        For a campaign that cannot be used.
+    """
+    from seatrial.hybrid.simulation.trial import load_campaign, run_campaign
+
+    if workers is not None and scheduler is not None:
+        raise UsageError("give --workers or --scheduler, not both")
+    planned = load_campaign(Path(file))
+    with bar("campaign") as progress:
+        return run_campaign(planned, Path(output), workers, scheduler, progress)
+
+
+# Predictions
+
+
+def _print_training(trained: TrainedCalibrator, as_json: bool, options: Mapping[str, Any]) -> None:
+
+    folder, metrics = Path(options["output"]), trained.metrics
+    if as_json:
+        echo(json.dumps({**trained.remarks, "calibrator": str(folder), **metrics}))
+        return
+    echo(str(trained), err=True)
+    _announce_networks("the one without a model beside it")
+    if metrics["held_out_hybrid_m"] > metrics["held_out_reference_m"]:
+        echo("warning: on legs kept out it is WORSE than the reference; it needs more held legs", err=True)
+    echo(folder)
+
+
+@command(PREDICTIONS, folder="output", show=_print_training)
+def train(
+    recordings: Recordings,
+    vessel: VesselName = None,
+    method: Annotated[
+        str, typer.Option(help="adaptive, paper, paper_adam, additive, data_driven, or FILE.py:CLASS of your own.")
+    ] = "adaptive",
+    horizon_s: Annotated[
+        int, typer.Option("--horizon", min=2, help="The horizon of its predictions, in seconds.")
+    ] = HORIZON_S,
+    *,
+    output: Annotated[
+        str | Path | None,
+        Parsed(Path, required=True),
+        typer.Option("-o", "--output", help="The folder for the calibrator."),
+    ] = None,
+    stride_s: Stride = 5,
+    time_range: TimeRange = ALL_OF_IT,
+    all_windows: AllWindows = False,
+    repair: Repair = False,
+    rebuild_positions: RebuildPositions = False,
+    seed: Annotated[int, typer.Option(min=0, help="The same seed gives the same calibrator.")] = 0,
+) -> TrainedCalibrator:
+    """Train a calibrator on a reference model.
+
+    Parameters
+    ----------
+    recordings
+        A recording, several, or a table.
+    vessel
+        The reference model: a vessel, its name or its file; by default that of the ship that the recordings name.
+    method
+        "adaptive", "paper", "paper_adam", "additive", "data_driven", or ``FILE.py:CLASS`` of your own.
+    horizon_s
+        The horizon of its predictions [s].
+    output
+        The folder for the calibrator.
+    stride_s
+        Seconds between the starts of windows.
+    time_range
+        The part of each recording's time to train on [%], ``(0, 70)`` or ``"0..70"``.
+    all_windows
+        All windows, under the commands as they were recorded, not only held ones.
+    repair, rebuild_positions
+        First repair faults beyond doubt; or replace jittering positions by dead reckoning, too.
+    seed
+        The same seed gives the same calibrator.
+
+    Returns
+    -------
+    TrainedCalibrator
+        It predicts (:func:`seatrial.predict`), and knows how well it did on legs that were kept out.
+
+    Raises
+    ------
+    DataShortageError
+        Where there is no window.
+    ConfigurationError
+        For an unknown method.
+    """
+    from seatrial.hybrid import calibrators
+    from seatrial.hybrid.effects.catalogue import vessel_plant
+
+    calibrators.refuse_untrainable(method)
+    files = as_paths(recordings)
+    model = _model(files, vessel)
+    plant = vessel_plant(model.vessel)
+    dataset = _dataset(
+        files, horizon_s, stride_s, time_range, all_windows, repair, rebuild_positions, plant, shorter=True
+    )
+    with bar("training") as progress:
+        trained = replace(calibrators.train(dataset, model.file, plant, method, seed, progress), model=model.said)
+    if output is not None:
+        from seatrial.hybrid.calibrators.own import save
+
+        save(trained, Path(output))
+    return trained
+
+
+def _announce_networks(what: str) -> None:
+    """Say what is left out where networks cannot be trained."""
+    from seatrial.hybrid.calibrators import INSTALL, can_train
+
+    if not can_train("data_driven"):
+        announce(f"left out, as PyTorch is not installed, which trains networks: {what}; {INSTALL}")
+
+
+def chosen_calibrator(
+    calibrator: TrainedCalibrator | str | Path | None, method: str | None
+) -> TrainedCalibrator | str | Path | None:
+    """A calibrator, read with its code at another place if ``method`` says so."""
+    if method is None:
+        return calibrator
+    if not isinstance(calibrator, str | Path):
+        raise UsageError(
+            "is the code of a trained calibrator: give its folder with --calibrator; `seatrial train` makes one, "
+            "`seatrial evaluate` compares methods untrained", where="--method",
+        )  # fmt: skip
+    from seatrial.hybrid.calibrators.own import load
+
+    return load(Path(calibrator), method)
+
+
+@command(PREDICTIONS, show=show_result)
+def validate(
+    recordings: Recordings,
+    calibrator: Calibrator = None,
+    vessel: VesselFile = None,
+    horizon_s: PredictionHorizon = None,
+    *,
+    method: CalibratorCode = None,
+    stride_s: Stride = 5,
+    time_range: TimeRange = ALL_OF_IT,
+    all_windows: AllWindows = False,
+    repair: Repair = False,
+    rebuild_positions: RebuildPositions = False,
+    allow_seen: AllowSeen = False,
+) -> Validation:
+    """Score every method on recordings that were not used for training, and the model by its manoeuvre indices.
+
+    Parameters
+    ----------
+    recordings
+        A recording, several, or a table.
+    calibrator
+        A calibrator, or its folder; without one the baselines and the model are judged.
+    vessel
+        The reference model; by default that of the calibrator, or of the ship that the recordings name.
+    horizon_s
+        The horizon of the predictions [s]; by default 15, or the calibrator's.
+    method
+        ``FILE.py:CLASS``: the code of a calibrator of your own.
+    stride_s
+        Seconds between the starts of windows.
+    time_range
+        The part of each recording's time [%], ``(70, 100)`` or ``"70..100"``.
+    all_windows
+        All windows, under the commands as they were recorded, not only held ones.
+    repair, rebuild_positions
+        First repair faults beyond doubt; or replace jittering positions by dead reckoning, too.
+    allow_seen
+        Also recordings that the calibrator was trained on.
+
+    Returns
+    -------
+    Validation
+        ``scores`` of each method with intervals by legs, errors after 1, 2 and 5 L/V, and the indices of the
+        manoeuvres beside those that the model has.
+
+    Raises
+    ------
+    InputError
+        For recordings that the calibrator was trained on, without ``allow_seen``.
+    DataShortageError
+        Where there is no window.
+    """
+    from seatrial.hybrid.calibrators.predict import predictor_of
+    from seatrial.hybrid.evaluation import validate as validation
+    from seatrial.hybrid.evaluation.manoeuvre_indices import index_comparison, runs_of_recordings
+    from seatrial.hybrid.vessel.files import trials_of
+
+    files, part = as_paths(recordings), percent_of(time_range)
+    predictor = predictor_of(trials_of(files), chosen_calibrator(calibrator, method), vessel, horizon_s)
+    plant, trained = predictor.plant, predictor.trained
+    dataset = _dataset(
+        files, predictor.horizon_s, stride_s, time_range, all_windows, repair, rebuild_positions, plant
+    )
+    if trained is not None and not allow_seen:
+        validation.refuse_training_data(dataset.sources, trained)
+    scored = validation.validate(_with_truths(dataset, files, time_range, rebuild_positions), plant, trained)
+    runs = runs_of_recordings(
+        files, plant.length_between_perpendiculars_m, part,
+        repair=repair or rebuild_positions, rebuild_positions=rebuild_positions,
+    )  # fmt: skip
+    return replace(
+        scored, model=predictor.said, indices=index_comparison(runs, predictor),
+        by_length=validation.errors_by_length(dataset.tables, scored.windows, plant, trained),
+    )  # fmt: skip
+
+
+def _evaluation_values(evaluation: Evaluation, options: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
+    """What an evaluation was made of, and that with its figures."""
+    vessel, repair = options["vessel"], options["repair"] or options["rebuild_positions"]
+    about = {
+        **evaluation.remarks,
+        "files": [str(path) for path in as_paths(options["recordings"])],
+        "vessel": str(vessel) if vessel else (evaluation.model.name if evaluation.model else ""),
+        "stride_s": options["stride_s"],
+        **({"any_commands": True} if options["all_windows"] else {}),
+        "repair": repair,
+        "rebuild_positions": options["rebuild_positions"],
+        "seed": options["seed"],
+    }
+    return about, {**about, **evaluation.as_dict()}
+
+
+def _print_evaluation(evaluation: Evaluation, as_json: bool, options: Mapping[str, Any]) -> None:
+    if as_json:
+        echo(json.dumps(_evaluation_values(evaluation, options)[1]))
+    else:
+        show_result(evaluation, as_json, options)
+
+
+@command(PREDICTIONS, folder="output", show=_print_evaluation)
+def evaluate(
+    recordings: Recordings,
+    vessel: VesselName = None,
+    horizon_s: Annotated[
+        int, typer.Option("--horizon", min=2, help="The horizon of the predictions, in seconds.")
+    ] = HORIZON_S,
+    *,
+    splits: Annotated[
+        Sequence[str],
+        Parsed(list[str]),
+        typer.Option(
+            "--split",
+            help="leg, time, recording or random; may be repeated. Default: leg and time, and recording if there "
+            "are several files.",
+        ),
+    ] = (),
+    methods: Annotated[
+        Sequence[str],
+        Parsed(list[str]),
+        typer.Option(
+            "--method",
+            help="A kind of calibrator, or FILE.py:CLASS of your own; may be repeated. "
+            "Default: all but paper_adam.",
+        ),
+    ] = (),
+    draws: Annotated[int, typer.Option(min=1, help="Number of random splits of legs, or of windows.")] = 5,
+    stride_s: Stride = 5,
+    all_windows: AllWindows = False,
+    repair: Repair = False,
+    rebuild_positions: RebuildPositions = False,
+    output: Annotated[
+        str | Path | None,
+        Parsed(Path),
+        typer.Option("-o", "--output", help="A folder for evaluation.json and evaluation.html."),
+    ] = None,
+    seed: Seed = 0,
+) -> Evaluation:
+    """Compare the methods by cross-validation, with 95 % intervals.
+
+    Parameters
+    ----------
+    recordings
+        A recording, several, or a table.
+    vessel
+        The reference model; by default that of the ship that the recordings name.
+    horizon_s
+        The horizon of the predictions [s].
+    splits
+        "leg", "time", "recording", "random"; by default leg and time, and recording where there are several.
+    methods
+        Kinds of calibrators, ``FILE.py:CLASS`` for your own; by default all but ``paper_adam`` that can be trained
+        here.
+    draws
+        Number of random splits of legs, or of windows.
+    stride_s
+        Seconds between the starts of windows.
+    all_windows
+        All windows, under the commands as they were recorded, not only held ones.
+    repair, rebuild_positions
+        First repair faults beyond doubt; or replace jittering positions by dead reckoning, too.
+    output
+        A folder for ``evaluation.json`` and ``evaluation.html``.
+    seed
+        The same seed gives the same figures.
+
+    Returns
+    -------
+    Evaluation
+        The errors of each method and split with 95 % intervals by legs.
+
+    Raises
+    ------
+    DataShortageError
+        Where there are too few windows or legs for a split.
+    """
+    from seatrial.hybrid import calibrators
+    from seatrial.hybrid.effects.catalogue import vessel_plant
+    from seatrial.hybrid.evaluation.study import evaluation_of, refuse_unknown, study
+
+    files = as_paths(recordings)
+    if not methods:
+        _announce_networks("every method but adaptive")
+    kinds = list(dict.fromkeys(splits)) or ["leg", "time", "recording"][: 2 if len(files) == 1 else 3]
+    names = list(dict.fromkeys(methods or filter(calibrators.can_train, calibrators.COMPARED)))
+    refuse_unknown(kinds)
+    for name in names:
+        calibrators.refuse_untrainable(name)
+    model = _model(files, vessel)
+    plant = vessel_plant(model.vessel)
+    dataset = _dataset(
+        files, horizon_s, stride_s, ALL_OF_IT, all_windows, repair, rebuild_positions, plant, shorter=True
+    )
+    dataset = _with_truths(dataset, files, ALL_OF_IT, rebuild_positions)
+    with bar("fitting") as progress:
+        judged = study(dataset.windows, plant, names, kinds, draws, seed, progress)
+    evaluation = replace(evaluation_of(judged, plant.length_overall_m, seed), model=model.said)
+    if output is not None:
+        from seatrial.hybrid.report.evaluation_page import write_evaluation
+
+        options = {"recordings": files, "vessel": vessel, "stride_s": stride_s, "all_windows": all_windows,
+                   "repair": repair, "rebuild_positions": rebuild_positions, "seed": seed}  # fmt: skip
+        about, values = _evaluation_values(evaluation, options)
+        for path in write_evaluation(evaluation, json.dumps(values), about, Path(output)):
+            announce(path)
+    return evaluation
+
+
+@command(PREDICTIONS, show=show_result)
+def predict(
+    recording: Annotated[Data, Parsed(Path), typer.Argument(metavar="FILE", help="A recording.")],
+    at: Annotated[str, typer.Option(help="ISO 8601 with zone, seconds since 1970, or +SECONDS from the start.")],
+    calibrator: Calibrator = None,
+    vessel: VesselFile = None,
+    horizon_s: Annotated[
+        int | None,
+        typer.Option(
+            "--horizon", min=1, help="The horizon of the predictions in seconds; default: 15, or the calibrator's."
+        ),
+    ] = None,
+    orders: PlannedOrders = None,
+    *,
+    method: CalibratorCode = None,
+) -> Prediction:
+    """Predict the track from one instant of a recording.
+
+    Parameters
+    ----------
+    recording
+        A recording, or a table.
+    at
+        The instant: ISO 8601 with zone, seconds since 1970, or ``"+SECONDS"`` from the start.
+    calibrator
+        A calibrator, or its folder; without one the model predicts.
+    vessel
+        The reference model; by default that of the calibrator, or of the ship that the recording names.
+    horizon_s
+        How far to predict [s]; by default 15, or the calibrator's horizon.
+    orders
+        A table of planned orders (``second`` or ``time``, and channels of actuators); by default they stay.
+    method
+        ``FILE.py:CLASS``: the code of a calibrator of your own.
+
+    Returns
+    -------
+    Prediction
+        The track, once a second, with the region that holds the position in 95 of 100 cases.
+
+    Raises
+    ------
+    InputError
+        For an instant outside the recording.
+    """
+    from seatrial.analysis.tables.resample import resample
+    from seatrial.analysis.tables.table import read_table, require, table_actuators, with_calm
+    from seatrial.analysis.windows.held import second_by_second
+    from seatrial.hybrid.calibrators import predict as predictions
+    from seatrial.hybrid.vessel.files import trials_of
+
+    files = as_paths(recording)
+    predictor = predictions.predictor_of(trials_of(files), chosen_calibrator(calibrator, method), vessel, horizon_s)
+    table = read_table(files)
+    require(with_calm(table))
+    recorded = second_by_second(partial(resample, table))
+    planned = None if orders is None else predictions.read_commands(Path(orders), table_actuators(table))
+    instant = predictions.parse_time(at, recorded.table)
+    prediction = predictions.predict(
+        recorded, instant, predictor.horizon_s, predictor.plant, predictor.trained, planned
+    )
+    return replace(prediction, model=predictor.said)
+
+
+@command(ABOARD)
+def watch(
+    config: Annotated[
+        str | Path, Parsed(Path), typer.Argument(help="The configuration that `seatrial record` runs with.")
+    ],
+    calibrator: Calibrator = None,
+    vessel: VesselFile = None,
+    horizon_s: Annotated[
+        int | None,
+        typer.Option(
+            "--horizon",
+            min=2,
+            max=300,
+            help="The horizon of the predictions in seconds; default: 30, or the calibrator's.",
+        ),
+    ] = None,
+    orders: Annotated[
+        str | Path | None,
+        Parsed(Path),
+        typer.Option(
+            "--commands",
+            help="A table of planned orders: time or second, and channels of actuators; read "
+            "again when it changes. Default: unchanged orders.",
+        ),
+    ] = None,
+    duration_s: Annotated[
+        float | None, typer.Option("--duration", min=0.0, help="Stop after this many seconds.")
+    ] = None,
+    *,
+    method: CalibratorCode = None,
+    log: Annotated[str, typer.Option(help="Log format without a terminal: text, or json lines.")] = "text",
+    as_json: AsJson = False,
+) -> WatchSummary:
+    """Predict live beside the running recorder, and score earlier predictions.
+
+    Parameters
+    ----------
+    config
+        The configuration that ``seatrial record`` runs with.
+    calibrator
+        A calibrator, or its folder; without one the model predicts.
+    vessel
+        The reference model; by default that of the calibrator or of the configuration.
+    horizon_s
+        How far to predict [s]; by default 30, or the calibrator's horizon.
+    orders
+        A table of planned orders, read again when it changes.
+    duration_s
+        When to stop [s]; by default on a signal.
+    method
+        ``FILE.py:CLASS``: the code of a calibrator of your own.
+    log
+        "text" or "json" lines, where there is no terminal.
+    as_json
+        Print the counts as one JSON object.
+
+    Returns
+    -------
+    WatchSummary
+        Counts of predictions, mean errors, and latencies.
+    """
+    if log not in ("text", "json"):
+        raise UsageError("is neither text nor json", where="--log")
+    with stop_on_signals() as stop:  # before the heavy imports: they take a while, and Ctrl-C may come
+        with suppress(OSError, AttributeError):
+            os.nice(_NICENESS)
+        from seatrial.acquisition.config.trial_file import load_config
+        from seatrial.hybrid import twin
+        from seatrial.hybrid.calibrators.predict import predictor_of
+
+        trial = load_config(Path(config))
+        trained = chosen_calibrator(calibrator, method)
+        predictor = predictor_of({Path(config): trial.trial}, trained, vessel, horizon_s, WATCH_HORIZON_S)
+        announce(predictor.said)
+        summary = twin.watch(
+            trial, predictor, stop, duration_s,
+            log_format=log, commands=None if orders is None else Path(orders),  # type: ignore[arg-type]
+        )  # fmt: skip
+    announce(summary)
+    if as_json:
+        echo(json.dumps(twin.as_json(summary, predictor)))
+    return summary
+
+
+# What the model lacks
+
+
+def _print_effects(table: pd.DataFrame, as_json: bool, options: Mapping[str, Any]) -> None:
+    from seatrial.hybrid.effects.catalogue import VERSION, catalogue_with
+    from seatrial.hybrid.report.text import CATALOGUE_WIDTH, catalogue_tables
+    from seatrial.hybrid.vessel.files import load_vessel
+
+    catalogue = catalogue_with(options["effects"], vessel=load_vessel(options["vessel"]))
+    if as_json:
+        echo(json.dumps({"version": VERSION, "effects": [effect.as_dict() for effect in catalogue.values()]}))
+        return
+    console = Terminal()
+    console.width = max(console.width, CATALOGUE_WIDTH)
+    console.print(catalogue_tables(catalogue))
+
+
+@command(DIAGNOSIS, show=_print_effects)
+def effects(effects: Effects = (), vessel: VesselName = None) -> pd.DataFrame:
+    """List the effects that a model may lack.
+
+    Parameters
+    ----------
+    effects
+        Files with effects of your own.
+    vessel
+        The vessel whose actuators the effects are of.
+
+    Returns
+    -------
+    pandas.DataFrame
+        One row a parameter: the effect, its family and kind, the parameter with unit, neutral value and bounds.
+
+    Examples
+    --------
+    >>> import seatrial as st
+    >>> "ocean_current" in set(st.effects()["effect"])
+    True
+    """
+    import pandas as pd
+
+    from seatrial.hybrid.effects.catalogue import catalogue_with
+    from seatrial.hybrid.vessel.files import load_vessel
+
+    files = [effects] if isinstance(effects, str | Path) else effects
+    rows = [
+        {"effect": effect.name, "family": effect.family, "kind": effect.kind, "parameter": parameter.name,
+         "unit": parameter.unit, "neutral": parameter.neutral, "low": parameter.low, "high": parameter.high,
+         "what": effect.what}
+        for effect in catalogue_with(files, vessel=load_vessel(vessel)).values()
+        for parameter in effect.parameters
+    ]  # fmt: skip
+    return pd.DataFrame(rows)
+
+
+def _print_diagnosis(run: DiagnosisRun, as_json: bool, options: Mapping[str, Any]) -> None:
+    from seatrial.hybrid.report.diagnosis import PAGE_FILE, model_line, summary
+
+    diagnosis = run.diagnosis
+    if as_json:
+        echo(json.dumps(diagnosis.as_dict()))
+        return
+    echo(model_line(diagnosis))
+    for name in ("repaired", "left_out", "wind"):
+        if name in diagnosis.provenance:
+            echo(f"{name.replace('_', ' ')}: {diagnosis.provenance[name]}")
+    Terminal().print(summary(diagnosis, run.extras.ladder))
+    echo(Path(options["output"]) / PAGE_FILE)
+
+
+@command(DIAGNOSIS, folder="output", show=_print_diagnosis)
+def diagnose(
+    recordings: Recordings,
+    vessel: VesselName = None,
+    tolerance_percent: Annotated[
+        float, typer.Option("--tolerance", help="The model error that is tolerated, in % of the force range.")
+    ] = 1.0,
+    *,
+    output: Annotated[
+        str | Path | None,
+        Parsed(Path, required=True),
+        typer.Option("-o", "--output", help="The folder for all output."),
+    ] = None,
+    effects: Effects = (),
+    without: Without = (),
+    repair_sensors: RepairSensors = False,
+    rebuild_positions: RebuildIfJitter = None,
+    time_range: TimeRange = ALL_OF_IT,
+    identify: Annotated[
+        bool | None,
+        typer.Option(
+            "--identify/--no-identify",
+            help="First identify the model's coefficients (default: if many of them prove wrong).",
+        ),
+    ] = None,
+    calibrate: Annotated[
+        bool,
+        typer.Option(
+            "--calibrate", help="Also train a calibrator on the model with and without the named effects."
+        ),
+    ] = False,
+    seed: Annotated[int, typer.Option(min=0, help="The same seed gives the same calibrators.")] = 0,
+) -> DiagnosisRun:
+    """Name the effects that the model lacks, add them, and show how the error shrinks.
+
+    Parameters
+    ----------
+    recordings
+        A recording, several, or a table.
+    vessel
+        The model: a vessel, its name or its file; by default that of the ship that the recordings name.
+    tolerance_percent
+        How far off the model may be anyway [% of the force range].
+    output
+        The folder for ``diagnosis.json``, ``vessel.toml``, ``report.html`` and the numbers behind its figures.
+    effects, without
+        Files with effects of your own, and effects to leave out of the catalogue.
+    repair_sensors
+        Repair the scales and delays of sensors, instead of naming them.
+    rebuild_positions
+        Take positions by dead reckoning; None: if their time stamps jitter.
+    time_range
+        The part of each recording's time [%], ``(0, 70)`` or ``"0..70"``.
+    identify
+        Have the coefficients identified before; None: if many of them prove wrong.
+    calibrate
+        Also train a calibrator on the model with and without the named effects.
+    seed
+        The same seed gives the same calibrators.
+
+    Returns
+    -------
+    DiagnosisRun
+        The ``diagnosis``: the effects named with their sizes and 95 % intervals, the gap before and after; and the
+        tables that it was made from.
+
+    Raises
+    ------
+    DataShortageError
+        For recordings that are too short.
+    InputError
+        For a recording without what a diagnosis needs.
+    """
+    from seatrial.hybrid import workflows
+    from seatrial.hybrid.effects.catalogue import catalogue_with
+
+    files = as_paths(recordings)
+    ship = _model(files, vessel).vessel
+    catalogue = catalogue_with(effects, without, ship)
+    with bar("diagnosing") as progress:
+        run = workflows.diagnose_files(
+            files, ship, tolerance_percent / 100.0, catalogue, percent_of(time_range),
+            repair=repair_sensors, rebuild_positions=rebuild_positions, identify=identify, progress=progress,
+        )  # fmt: skip
+    if calibrate:
+        from seatrial.hybrid.diagnosis.calibrator_comparison import compare_calibrators, doubted_by_calibrator
+
+        with bar("training") as progress:
+            comparison = compare_calibrators(run.conclusion, run.tables, seed=seed, progress=progress)
+        run = replace(
+            run,
+            diagnosis=doubted_by_calibrator(run.diagnosis, comparison),
+            extras=replace(run.extras, ladder=comparison),
+        )
+    if output is not None:
+        workflows.write_diagnosis(run, ship, Path(output))
+    return run
+
+
+@command(DIAGNOSIS, "output", "picture", show=show_result)
+def identify(
+    recordings: Recordings,
+    vessel: InitialModel = None,
+    output: Annotated[
+        str | Path | None,
+        Parsed(Path, required=True),
+        typer.Option("-o", "--output", help="The vessel file to write."),
+    ] = None,
+    horizon_s: Annotated[
+        int, typer.Option("--horizon", min=2, help="The horizon of the predictions for validation, in seconds.")
+    ] = 30,
+    *,
+    repair_sensors: RepairSensors = False,
+    rebuild_positions: RebuildIfJitter = None,
+    time_range: TimeRange = ALL_OF_IT,
+    validation: Annotated[bool, typer.Option(help="Validate on a held-out part; takes twice the time.")] = True,
+    segment_s: Annotated[
+        float | None,
+        typer.Option(
+            "--segment",
+            min=1.0,
+            help="Length of a segment in seconds; default: about the time for one ship length.",
+        ),
+    ] = None,
+    picture: Annotated[
+        str | Path | None, Parsed(Path), typer.Option(help="A picture of the fit: .png, .svg or .pdf.")
+    ] = None,
+) -> Identification:
+    """Identify the coefficients of a model from recordings, with intervals.
+
+    Parameters
+    ----------
+    recordings
+        A recording, several, or a table. Each is checked before: values that were constant are excluded, and no
+        segment goes over a jump of the positions.
+    vessel
+        The initial model: a vessel, its name or its file.
+    output
+        The vessel file to write.
+    horizon_s
+        The horizon of the predictions for validation [s].
+    repair_sensors
+        Repair the scales and delays of sensors before.
+    rebuild_positions
+        Take positions by dead reckoning; None: if their time stamps jitter.
+    time_range
+        The part of each recording's time [%], ``(0, 70)`` or ``"0..70"``.
+    validation
+        Predict a part that is held out; takes twice the time.
+    segment_s
+        How long each stretch is that the fit simulates from a start of its own [s]; by default the time for about a
+        ship length.
+    picture
+        A picture of the fit: .png, .svg or .pdf.
+
+    Returns
+    -------
+    Identification
+        The coefficients with 95 % intervals, which the data do not determine, and the errors on the held-out part.
+
+    Raises
+    ------
+    DataShortageError
+        For recordings that are too short.
+    """
+    from seatrial.analysis.tables.table import warn_of_calm, with_calm
+    from seatrial.analysis.windows.held import named_recordings
+    from seatrial.hybrid.identification.identify import identify_tables, judge, repertoire_of
+    from seatrial.hybrid.vessel.files import save_vessel
+    from seatrial.hybrid.workflows import usable_tables
+
+    files = as_paths(recordings)
+    model = _model(files, vessel)
+    tables, excluded = usable_tables(
+        named_recordings(files), percent_of(time_range),
+        repaired=repair_sensors or bool(rebuild_positions), rebuild_positions=rebuild_positions,
+    )  # fmt: skip
+    for table in tables.values() if not validation else ():  # the validation reports it, too
+        warn_of_calm(with_calm(table))
+    with bar("identifying") as progress:
+        identified, fit, response = identify_tables(
+            tables, model.vessel, candidates=repertoire_of(model.vessel), segment_s=segment_s, progress=progress
+        )
+    if validation:
+        with bar("validating") as progress:
+            identified = replace(identified, validation=judge(tables, response, fit, horizon_s, progress))
+    if output is not None:
+        save_vessel(identified.vessel, output)
+    identified = replace(identified, file=str(output or ""), model=model.said, set_aside=excluded)
+    if picture is not None:
+        from seatrial.analysis.report.rendering import write_figure
+
+        target = Path(picture)
+        for path in write_figure(
+            identified.plot(), target.parent, target.stem, [target.suffix.lstrip(".") or "png"]
+        ):
+            announce(path)
+    return identified
+
+
+# Results
+
+
+def _print_speed_power(result: SpeedPower, as_json: bool, options: Mapping[str, Any]) -> None:
+    from seatrial.analysis.speed_power.report import as_dict, power_text, speed_text
+
+    speeds = [result.speed_at(power_kw) for power_kw in options["power_kw"]]
+    if as_json:
+        echo(json.dumps(as_dict(result, speeds)))
+        return
+    show_result(result, as_json, options)
+    for speed in speeds:
+        text, interval = speed_text(speed)
+        echo(f"at {power_text(speed.power_kw)}: {text}, {interval or 'no interval'}")
+
+
+@command(RECORDINGS, folder="output", show=_print_speed_power)
+def speed_power(
+    recordings: Annotated[
+        Data,
+        Parsed(list[Path]),
+        typer.Argument(
+            metavar="FILES...", help="Recordings, or a table of run averages: .csv, .xlsx, one row a run."
+        ),
+    ],
+    conditions: SpeedConditions = None,
+    vessel: VesselName = None,
+    wind_coefficients: Annotated[
+        str | Path | None,
+        Parsed(Path),
+        typer.Option(help="A table of the ship's wind resistance: columns angle off the bow in degrees and C_AA."),
+    ] = None,
+    *,
+    power_kw: Annotated[
+        Sequence[float],
+        Parsed(list[float]),
+        typer.Option("--power", help="Print the speed at this power in kW; may be repeated."),
+    ] = (),
+    output: OutputFolder = None,
+) -> SpeedPower:
+    """Speed-power curve from reciprocal runs, corrected for current and wind.
+
+    Parameters
+    ----------
+    recordings
+        Recordings of one trial, or tables of run averages (.csv, .xlsx) with one row a run.
+    conditions
+        The conditions of the ship and the day, or the TOML file that holds them; by default ``conditions.toml``
+        beside the files. They are completed by those of the recordings or tables and by the vessel file.
+    vessel
+        A vessel, its name or its file; by default that of the ship which the first recording names.
+    wind_coefficients
+        A table of the ship's wind resistance: columns ``angle`` [deg] off the bow and ``C_AA``.
+    power_kw
+        Powers [kW] whose speeds the command prints; see ``speed_at`` of the result.
+    output
+        A folder for the page and its numbers.
+
+    Returns
+    -------
+    SpeedPower
+        Speeds at the power of each setting with 95 % intervals, the corrections with their sizes.
+
+    Raises
+    ------
+    InputError
+        Where no power was recorded, and for a table that is none of run averages.
+    DataShortageError
+        Without a double run.
+
+    Notes
+    -----
+    ISO 15016:2015; see docs/speed_power.md.
+    """
+    from seatrial.acquisition.config.run_sheet import Conditions, statement_from_text, statement_text
+    from seatrial.acquisition.core.errors import InputError
+    from seatrial.analysis.speed_power.corrections import read_wind_resistance
+    from seatrial.analysis.speed_power.runs import is_run_table
+
+    files = as_paths(recordings)
+    if not isinstance(conditions, Conditions):
+        text = statement_text(None if conditions is None else Path(conditions), files[0])
+        conditions = statement_from_text(text).conditions
+    if wind_coefficients is not None:
+        conditions = replace(conditions, wind_resistance=read_wind_resistance(Path(wind_coefficients)))
+    tables = [path for path in files if is_run_table(path)]
+    if tables and len(tables) < len(files):
+        raise InputError(
+            "are tables of run averages and recordings", where=", ".join(path.name for path in files),
+            fix="give either; one trial is in one form",
+        )  # fmt: skip
+    result = (_power_of_tables if tables else _power_of_recordings)(files, conditions, vessel)
+    for speed in power_kw:
+        result.speed_at(speed)  # outside of the runs it is an error before anything is written
+    if output is not None:
+        from seatrial.analysis.speed_power.report import write_speed_power
+
+        for path in write_speed_power(result, Path(output)):
+            announce(path)
+    return result
+
+
+def _power_of_tables(files: list[Path], conditions: Conditions, vessel: Vessel | str | Path | None) -> SpeedPower:
+    from seatrial.analysis.speed_power import speed_power_of_runs
+    from seatrial.analysis.speed_power.runs import read_run_table
+    from seatrial.hybrid.vessel.files import load_vessel
+    from seatrial.hybrid.vessel.windage import conditions_of
+
+    tables = [read_run_table(path) for path in files]
+    for table in tables:
+        conditions = conditions.with_known(table.conditions)
+    if vessel is not None:
+        conditions = conditions.with_known(conditions_of(load_vessel(vessel)))
+    result = speed_power_of_runs([run for table in tables for run in table.runs], conditions)
+    remarks = [f"columns of {path.name} that are not used: {', '.join(table.passed_over)}"
+               for path, table in zip(files, tables, strict=True) if table.passed_over]  # fmt: skip
+    return replace(result, warnings=(*result.warnings, *remarks))
+
+
+def _power_of_recordings(
+    files: list[Path], conditions: Conditions, vessel: Vessel | str | Path | None
+) -> SpeedPower:
+    from seatrial.acquisition.config.declarations import vessel_of_ship
+    from seatrial.acquisition.recording.grouping import read_recordings
+    from seatrial.analysis.speed_power import speed_power as analyse
+    from seatrial.analysis.tables.table import table_of
+    from seatrial.hybrid.vessel.files import load_vessel
+    from seatrial.hybrid.vessel.windage import known_conditions
+
+    recordings = list(read_recordings(files))
+    tables = [table_of(recording) for recording in recordings]
+    first = recordings[0]
+    ship = vessel or vessel_of_ship(first.trial.vessel, first.path.parent)
+    recorded = [(recording.trial, table) for recording, table in zip(recordings, tables, strict=True)]
+    known = known_conditions(recorded, load_vessel(ship) if ship else None, conditions)
+    return analyse(tables, known, [event for recording in recordings for event in recording.events])
+
+
+def _print_pages(paths: list[Path], as_json: bool, options: Mapping[str, Any]) -> None:
+    if as_json:
+        pages = [str(path) for path in paths if path.suffix != ".pdf"]
+        pdfs = [str(path) for path in paths if path.suffix == ".pdf"]
+        echo(json.dumps({"report": pages[0], "pages": pages, "pdf": pdfs}))
+    for path in () if as_json else paths:
+        echo(path)
+
+
+@command(RECORDINGS, show=_print_pages)
+def report(
+    folder: Annotated[
+        str | Path,
+        Parsed(Path),
+        typer.Argument(
+            help="A recording, a folder of recordings, or an output folder of diagnose, reproduce or batch."
+        ),
+    ],
+    calibrator: Annotated[
+        str | Path | None,
+        Parsed(Path),
+        typer.Option(help="A calibrator: the folder written by `seatrial train`; default: the one in FOLDER."),
+    ] = None,
+    vessel: Annotated[
+        str | Path | None, Parsed(str), typer.Option(help="A vessel of trials/vessels, or a vessel file.")
+    ] = None,
+    horizon_s: PredictionHorizon = None,
+    *,
+    method: CalibratorCode = None,
+    time_range: TimeRange = ALL_OF_IT,
+    no_repair: Annotated[bool, typer.Option("--no-repair", help="Do not repair anything.")] = False,
+    allow_seen: AllowSeen = False,
+    recordings: Annotated[
+        str | Path | None,
+        Parsed(Path),
+        typer.Option(help="For the results of a batch: the folder of its recordings."),
+    ] = None,
+    length_m: Annotated[
+        float | None,
+        typer.Option(
+            "--length",
+            min=0.1,
+            help="The ship's length between perpendiculars in metres, if no vessel file has it.",
+        ),
+    ] = None,
+    interactive: Annotated[
+        bool,
+        typer.Option(
+            "--interactive/--no-interactive", help="Also write an interactive page of track and channels."
+        ),
+    ] = True,
+    conditions: Annotated[
+        str | Path | None,
+        Parsed(Path),
+        typer.Option(
+            help="A TOML file that states what the recordings do not: conditions, particulars, instruments, "
+            "run sheet; default: conditions.toml beside the recordings."
+        ),
+    ] = None,
+    pdf: Annotated[bool, typer.Option("--pdf/--no-pdf", help="Also write each page as PDF.")] = True,
+) -> list[Path]:
+    """Write the report of a trial, a diagnosis, a reproduction or a batch, as HTML and PDF.
+
+    Parameters
+    ----------
+    folder
+        A recording, a folder of recordings, or an output folder of diagnose, reproduce or batch.
+    calibrator
+        The folder of a calibrator; by default the one in ``folder``.
+    vessel
+        The name or the file of the vessel; by default that of the ship that the recordings name.
+    horizon_s
+        The horizon of the predictions [s]; by default 15, or the calibrator's.
+    method
+        ``FILE.py:CLASS``: the code of a calibrator of your own.
+    time_range
+        The part of each recording's time that the model is judged on [%].
+    no_repair
+        Repair nothing.
+    allow_seen
+        Also recordings that the calibrator was trained on.
+    recordings
+        For the results of a batch: the folder of its recordings.
+    length_m
+        The ship's length between perpendiculars [m], if no vessel file has it.
+    interactive
+        Also write an interactive page of track and channels.
+    conditions
+        A TOML file that states what the recordings do not; by default ``conditions.toml`` beside them.
+    pdf
+        Also write each page as PDF.
+
+    Returns
+    -------
+    list of Path
+        The pages, then their PDFs.
+
+    Raises
+    ------
+    InputError
+        For a folder that holds nothing to report on.
+    """
+    from seatrial.acquisition.core.errors import ConfigurationError
+    from seatrial.analysis.report.rendering import write_pdf
+    from seatrial.hybrid.report import folder as folders
+    from seatrial.hybrid.report.sections import FAILED
+
+    place = Path(folder)
+    choices = folders.Choices(
+        None if calibrator is None else Path(calibrator), None if vessel is None else str(vessel), horizon_s,
+        "{:g}..{:g}".format(*percent_of(time_range)), not no_repair, allow_seen, interactive, length_m, method,
+        None if conditions is None else Path(conditions),
+    )  # fmt: skip
+    source = None if recordings is None else Path(recordings)
+    with locked_folder(folders.report_folder(place)), bar("report") as progress:
+        pages = folders.report(place, choices, source, part_of(progress, 0, 2) if pdf else progress)
+        printed, warnings = list[Path](), list[str]()
+        for number, page in enumerate(pages if pdf else ()):
+            try:
+                printed.append(write_pdf(page))
+            except ConfigurationError as error:
+                warnings = [str(error)]
+            progress(0.5 + 0.5 * (number + 1) / len(pages))
+    warnings += [f"a section of {page} failed; its place in the page says why" for page in pages
+                 if FAILED in page.read_text(encoding="utf-8")]  # fmt: skip
+    for warning in warnings:
+        announce(f"warning: {warning}")
+    return [*pages, *printed]
+
+
+# The paper
+
+
+@command(PREDICTIONS, folder="output", group="reproduce", show=show_result)
+def table3(
+    output: OutputFolder = None,
+    seed: Seed = 0,
+    seeds: Annotated[int, typer.Option(min=1, help="Number of campaigns in each sea state.")] = 5,
+    workers: Workers = None,
+) -> Any:
+    """Reproduce the paper's Table III on unseen sequences, and with the random split.
+
+    Parameters
+    ----------
+    output
+        A folder for the page with its figures, JSON and CSV.
+    seed, seeds
+        The first seed, and the number of campaigns in each sea state.
+    workers
+        Number of processes; by default one per core.
+
+    Returns
+    -------
+    Table3
+        Each published reduction beside ours.
+    """
+    from seatrial.notebooks.wang2021 import campaign, figures, page
+    from seatrial.notebooks.wang2021 import table3 as tables
+
+    target = None if output is None else Path(output)
+    jobs = tables.papers_jobs(seed, seeds)
+    running = page.RunningTable(len(jobs), workers, target, announce)
+    running.announce()
+    with bar("campaigns") as progress:
+        seas = campaign.seas_of(jobs, workers, progress, running.add)
+    table = tables.table3(seas)
+    if target is not None:
+        with written_together(target / page.TABLE):
+            figures.write_figures([sea for sea in seas if sea.job.seed == seed], target)
+            written = page.write_table3(table, target)
+        for path in (*written, page.write_page(target)):
+            announce(path)
+    return table
+
+
+def _print_figures(paths: list[Path], as_json: bool, options: Mapping[str, Any]) -> None:
+    if as_json:
+        echo(json.dumps({"figures": [str(path) for path in paths]}))
+    for path in () if as_json else paths:
+        echo(path)
+
+
+@command(PREDICTIONS, folder="output", group="reproduce", show=_print_figures)
+def figures(
+    output: Annotated[
+        str | Path, Parsed(Path), typer.Option("-o", "--output", help="The folder for the figures.")
+    ] = Path("reproduction"),
+    seed: Seed = 0,
+) -> list[Path]:
+    """Reproduce the figures of the paper.
+
+    Parameters
+    ----------
+    output
+        The folder for the figures.
+    seed
+        The same seed gives the same figures.
+
+    Returns
+    -------
+    list of Path
+        The pictures and their numbers.
+    """
+    from seatrial.notebooks.wang2021 import campaign, table3
+    from seatrial.notebooks.wang2021 import figures as drawings
+
+    with bar("figures") as progress:
+        seas = campaign.seas_of(table3.papers_jobs(seed, 1), progress=progress)
+        return list(drawings.write_figures(seas, Path(output)))
+
+
+def _print_fidelity(fidelity: Any, as_json: bool, options: Mapping[str, Any]) -> None:
+    from seatrial.notebooks import fidelity_map
+
+    numbers = fidelity_map.with_reading(fidelity)
+    if as_json:
+        echo(json.dumps(numbers))
+    for sentence in () if as_json else numbers["reading"]:
+        echo(sentence)
+
+
+@command(PREDICTIONS, folder="output", group="reproduce", show=_print_fidelity)
+def fidelity(
+    output: OutputFolder = None,
+    seed: Seed = 0,
+    seeds: Annotated[int, typer.Option(min=1, help="Number of random training sets to average over.")] = 2,
+    sea_state: SeaState = "gentle",
+    method: Annotated[str, typer.Option(help="The calibrator to train on every reference model.")] = "paper",
+    workers: Workers = None,
+) -> Any:
+    """Map how the hybrid's gain depends on the error of the reference model.
+
+    Parameters
+    ----------
+    output
+        A folder for the map.
+    seed, seeds
+        The first seed, and the number of random training sets to average over.
+    sea_state
+        A sea state of trials/sea_states.toml.
+    method
+        The calibrator to train on every reference model.
+    workers
+        Number of processes; by default one per core.
+
+    Returns
+    -------
+    FidelityMap
+        The errors of reference and hybrid for each degraded model.
+    """
+    from seatrial.hybrid.calibrators import refuse_untrainable
+    from seatrial.hybrid.simulation.trial import sea_state_named
+    from seatrial.notebooks import fidelity_map
+
+    for name in (method, "data_driven"):
+        refuse_untrainable(name)
+    sea_state_named(sea_state)
+    with bar("fidelity") as progress:
+        mapped = fidelity_map.papers_map(sea_state, method, seed, seeds, workers, progress)
+    if output is not None:
+        target = Path(output)
+        page = fidelity_map.page_of(mapped, f"{method}, {sea_state} sea").write(target / "fidelity_map.html")
+        for path in (*fidelity_map.write_map(mapped, target), page):
+            announce(path)
+    return mapped
+
+
+def _model(files: list[Path], vessel: Vessel | str | Path | None) -> ReferenceModel:
+    from seatrial.hybrid.vessel.files import reference_model, trials_of
+
+    return reference_model(trials_of(files), vessel)
+
+
+def _dataset(
+    files: list[Path],
+    horizon_s: int,
+    stride_s: int,
+    time_range: tuple[float, float] | str,
+    all_windows: bool,
+    repair: bool,
+    rebuild_positions: bool,
+    plant: Plant,
+    *,
+    shorter: bool = False,
+) -> Dataset:
+    from seatrial.hybrid.prediction.dataset import load_dataset
+
+    with bar("reading") as progress:
+        return load_dataset(
+            files, horizon_s, stride_s, percent_of(time_range), progress, shorter=shorter,
+            any_commands=all_windows, length_m=plant.length_overall_m,
+            repair=repair or rebuild_positions, rebuild_positions=rebuild_positions,
+        )  # fmt: skip
+
+
+def _with_truths(
+    dataset: Dataset, files: list[Path], time_range: tuple[float, float] | str, rebuilt: bool
+) -> Dataset:
+    """The data set with its windows' tracks by each sensor as it was measured."""
+    from seatrial.analysis.windows.held import tables_of_recordings
+    from seatrial.hybrid.evaluation.validate import with_truths
+
+    with bar("sensors") as progress:
+        tables = dataset.tables
+        if rebuilt:
+            tables = tables_of_recordings(files, part_percent=percent_of(time_range), repair=True)
+        measured = {trial: table.table for trial, table in tables.items()}
+        return replace(dataset, windows=with_truths(dataset.windows, measured, progress, rebuilt=rebuilt))
