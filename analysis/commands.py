@@ -67,7 +67,7 @@ TimeRange = Annotated[
     Parsed(str),
     typer.Option("--time-range", "--part", help="A part of each recording's time in percent, e.g. 0..70."),
 ]
-ALL_OF_IT = (0.0, 100.0)
+ALL_OF_IT = "0..100"
 Length = Annotated[
     float | None,
     typer.Option(
