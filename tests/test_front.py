@@ -1,0 +1,80 @@
+"""Every command is the function of its name: the same options, documented in full."""
+
+from __future__ import annotations
+
+import inspect
+from typing import Any
+
+import pandas as pd
+import pytest
+import typer
+
+import seatrial as st
+import seatrial.hybrid.commands  # registers all commands
+from seatrial.acquisition.commands import COMMANDS, Command, as_paths
+
+NAMES = [f"{entry.group} {entry.name}".strip() for entry in COMMANDS]
+UNITS = ("_s", "_m", "_hz", "_kw", "_min", "_percent", "_mps", "_m2", "_kgpm3")
+
+
+def parameters(entry: Command) -> dict[str, Any]:
+    """The parameters that are options, with their metadata."""
+    scope, options = entry.function.__globals__, {}
+    for name, parameter in inspect.signature(entry.function).parameters.items():
+        try:
+            annotation = eval(parameter.annotation, scope)
+        except NameError:
+            continue
+        if extras := getattr(annotation, "__metadata__", ()):
+            options[name] = extras[-1]
+    return options
+
+
+@pytest.mark.parametrize("entry", COMMANDS, ids=NAMES)
+def test_command_is_a_function_of_the_package(entry: Command) -> None:
+    assert getattr(st, entry.function.__name__) is entry.function
+    word = entry.function.__name__.replace("_", "-")
+    assert word in (entry.name, f"{entry.group}-{entry.name}", f"{entry.name}-{entry.group}", "import-table")
+
+
+@pytest.mark.parametrize("entry", COMMANDS, ids=NAMES)
+def test_options_have_the_names_of_the_parameters(entry: Command) -> None:
+    """``horizon_s`` is ``--horizon``: the unit stands in the name of a parameter and in the help of an option."""
+    for name, option in parameters(entry).items():
+        declared = (option.default, *(option.param_decls or ()))  # typer takes the first for a default
+        flags = [flag for flag in declared if isinstance(flag, str) and flag.startswith("--")]
+        if isinstance(option, typer.models.ArgumentInfo) or not flags or name in ("output", "as_json"):
+            continue
+        stem = next((name.removesuffix(unit) for unit in UNITS if name.endswith(unit)), name)
+        spelled = {flag.partition("/")[0].lstrip("-").replace("-", "_") for flag in flags}
+        plural = {f"{word}s" for word in spelled}
+        renamed = {"finders": "manoeuvre", "orders": "commands", "all_indices": "all", "method": "method"}
+        assert {stem, renamed.get(stem, stem)} & (spelled | plural), (name, flags)
+
+
+@pytest.mark.parametrize("name", [name for name in st.__all__ if name not in ("main", "version", "vessels")])
+def test_every_function_documents_parameters_and_result(name: str) -> None:
+    function = getattr(st, name)
+    if not function.__module__.endswith(".commands"):
+        return
+    text = inspect.getdoc(function) or ""
+    assert "\nReturns\n-------" in text or inspect.signature(function).return_annotation == "None"
+    described = {
+        word.strip().lstrip("*")
+        for line in text.split("\nParameters\n")[-1].splitlines()
+        if line and not line.startswith((" ", "-"))
+        for word in line.split(",")
+    }
+    assert set(inspect.signature(function).parameters) <= described
+
+
+def test_a_table_may_stand_where_a_recording_is_asked_for(tmp_path: Any) -> None:
+    table = st.simulate(tmp_path / "trial.mcap", duration_s=60.0, rate_hz=1.0)
+    (path,) = as_paths(table)
+    again = st.read(path)
+    pd.testing.assert_frame_equal(again[table.columns], table, check_freq=False, check_names=False)
+    assert st.info(table)["channels"].keys() == st.info(tmp_path / "trial.mcap")["channels"].keys()
+
+
+def test_version_is_that_of_the_distribution() -> None:
+    assert f"seatrial {st.__version__}" == st.version()
