@@ -11,22 +11,30 @@ TORCH := $(shell sed -n 's/^\(torch==[^ ;]*\).*/\1/p' constraints.txt)
 # Where the environment forbids it, every process that a test starts would compile all our modules anew.
 unexport PYTHONDONTWRITEBYTECODE
 
+SHELL := /bin/bash
 .DEFAULT_GOAL := help
-.PHONY: help install lock demo test attack test-slow oracle pages docs linkcheck lint types benchmark benchmark-day benchmark-quality benchmark-diagnosis benchmark-measured load flood watch-load load-mqtt soak fuzz check clean
+.PHONY: help install lock demo test attack test-slow oracle pages docs linkcheck lint types benchmark benchmark-day benchmark-quality benchmark-diagnosis benchmark-measured load flood watch-load load-mqtt soak fuzz check release clean
 
 help:            ## show this list
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## */\t/' | expand -t 22
 
 install: $(STAMP) ## make .venv with the pinned set of constraints.txt, by their hashes
 
+# What comes is named as it comes: a fresh machine downloads for minutes.
+NAMES := awk '/^ *(Downloading|Using cached) /{sub(/^ */,"  "); print; fflush()}'
+
 $(STAMP): pyproject.toml constraints.txt
-	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
+	@echo "1 of 4  the environment, $(VENV)"
+	@test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
+	@echo "2 of 4  $(TORCH), its build without CUDA"
 	@test -z "$(TORCH_INDEX)" || \
 	  $(PIP) install --no-deps --retries 0 --index-url $(TORCH_INDEX) $(TORCH) 2>/dev/null || \
 	  echo "$(TORCH_INDEX) gave no PyTorch: it comes from the package index, on Linux with gigabytes of CUDA"
-	$(PIP) install --no-deps --require-hashes --requirement constraints.txt
-	$(PIP) install $(TORCH)  # the CUDA libraries of a PyTorch from the package index; of the CPU build nothing
-	$(PIP) install --no-deps --no-build-isolation --editable .
+	@echo "3 of 4  $$(grep -c '^[a-z]' constraints.txt) packages by their hashes; minutes on a fresh machine"
+	@set -o pipefail; $(PIP:-qq=) install --no-deps --require-hashes --requirement constraints.txt | $(NAMES)
+	@$(PIP) install $(TORCH)  # the CUDA libraries of a PyTorch from the package index; of the CPU build nothing
+	@echo "4 of 4  Seatrial itself"
+	@$(PIP) install --no-deps --no-build-isolation --editable .
 	@touch $@
 
 lock: $(STAMP)   ## write constraints.txt anew for every Python that pyproject.toml promises; UPGRADE=1: the newest of all
@@ -121,6 +129,18 @@ fuzz: $(STAMP)   ## every decoder and recovery against bytes found by coverage, 
 	  $(BIN)/python -m tests.fuzz.fuzz_$$name -max_total_time=600 -rss_limit_mb=300 || exit 1; done
 
 check: lint types docs test pages ## what CI runs
+
+# The version stands in pyproject.toml alone.
+VERSION = $(shell sed -n 's/^version = "\(.*\)"/\1/p' pyproject.toml)
+
+release: $(STAMP) ## build a release into dist/, check it as it is installed, print the text of its tag
+	rm -rf dist
+	$(BIN)/python -m hatchling build -d dist
+	$(BIN)/python -m pytest -q tests/test_package.py
+	@! grep -q '^## $(VERSION), unreleased' CHANGELOG.md || \
+	  { echo "CHANGELOG.md says that $(VERSION) is unreleased: give it a date, then run this again"; exit 1; }
+	@sed -n '/^## $(VERSION)/,/^## [^$(VERSION)]/p' CHANGELOG.md
+	@echo "git tag -a v$(VERSION), with the text above; then upload dist/"
 
 clean:           ## forget the environment and what the demo made
 	rm -rf $(VENV) demo docs/_build
