@@ -878,7 +878,7 @@ def write(
         The name of the vessel.
     declared
         Further columns (:func:`seatrial.declare`), unless the table was read from a recording that declares them.
-    **trial
+    trial
         Fields of :class:`seatrial.acquisition.core.trial.Trial`.
 
     Returns

@@ -432,7 +432,7 @@ def new_vessel(
     >>> import seatrial as st
     >>> ship = st.new_vessel(
     ...     name="ferry", length_m=82.0, beam_m=12.5, draught_m=5.2, block=0.74, service_speed_mps=6.0,
-    ...     propellers=["main,diameter=3.4"], rudders=["main,area=9"],
+    ...     propellers=["main,diameter=3.4"], rudders=["rudder,area=9"],
     ... )
     >>> sorted(ship.service_rpm)
     ['main']

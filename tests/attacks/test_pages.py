@@ -28,7 +28,7 @@ from seatrial.acquisition.logger.requests import (
     check_sender,
     send_mark,
 )
-from seatrial.analysis.cli import serve
+from seatrial.analysis.commands import serve
 from tests.acquisition.conftest import PATIENCE_S, free_port
 from tests.attacks.other_user import as_nobody, open_folder
 

@@ -177,7 +177,7 @@ def test_without_a_terminal_everything_that_is_missing_is_named(tmp_path: Path) 
 
 
 def test_at_a_terminal_what_is_missing_is_asked_for(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("seatrial.hybrid.cli.vessel.at_terminal", lambda: True)
+    monkeypatch.setattr("seatrial.hybrid.commands.at_terminal", lambda: True)
     file = tmp_path / "asked.toml"
     answers = ["0.81", "main, diameter=0.216", "", "", "area=0.0539", "", ""]
     done = CliRunner().invoke(

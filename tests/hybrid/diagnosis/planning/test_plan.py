@@ -8,13 +8,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import typer
 from rich.console import Console
 from typer.testing import CliRunner
 
+import seatrial
 from seatrial.acquisition.core.errors import ConfigurationError
 from seatrial.hybrid import planning as planning
-from seatrial.hybrid.cli import mount
 from seatrial.hybrid.diagnosis.disturbance_model import DisturbanceNoise
 from seatrial.hybrid.diagnosis.planning import CandidateManoeuvre, Design
 from seatrial.hybrid.effects import CATALOGUE
@@ -140,12 +139,9 @@ def test_the_command_prints_writes_and_says_where(
 
     monkeypatch.setattr(planning, "noise_in", lambda *_: DisturbanceNoise())
     monkeypatch.setattr(planning, "plan", prepared)
-    app = typer.Typer()
-    mount(app)
-    app.callback()(lambda: None)
     folder = tmp_path / "out"
     result = CliRunner().invoke(
-        app, ["plan", "zigzag", "coasting=10", "--duration", "30", "-o", str(folder), "--json"]
+        seatrial.app, ["plan", "zigzag", "coasting=10", "--duration", "30", "-o", str(folder), "--json"]
     )
     assert result.exit_code == 0, result.output
     assert asked == [20.0, 10.0]
