@@ -24,7 +24,7 @@ from pydantic.dataclasses import dataclass
 
 from seatrial.acquisition.config.toml_file import line_of, parse_toml, read_text, validate
 from seatrial.acquisition.core.errors import ConfigurationError
-from seatrial.acquisition.core.quantities import Linear, to_house
+from seatrial.acquisition.core.quantities import Linear, conversion_to
 from seatrial.acquisition.core.ship import SHIPPED, VESSELS, Actuator, Actuators, Channel, check_actuators, declare
 
 PACKS = Path(__file__).parents[2] / "trials" / "packs"
@@ -61,9 +61,9 @@ class Conversion:
         if self.full_scale is None:
             if unit == PERCENT and channel.unit != "%":
                 raise ConfigurationError("percent needs full_scale, the value at 100 %")
-            first = to_house(channel.unit, unit) if unit else Linear(1.0)
+            first = conversion_to(channel.unit, unit) if unit else Linear(1.0)
         else:
-            share = to_house("%", unit or PERCENT)
+            share = conversion_to("%", unit or PERCENT)
             first = Linear(share.scale * of_full, share.offset * of_full)
         return Linear(self.scale * first.scale, self.scale * first.offset + self.offset)
 
@@ -309,7 +309,7 @@ def _declared(section: ChannelSection, ship_channels: Mapping[str, Channel]) -> 
 
 
 @contextmanager
-def complaints_about(channel: Channel) -> Iterator[None]:
+def errors_about_channel(channel: Channel) -> Iterator[None]:
     """Add the channel to an error in its declaration."""
     try:
         yield
@@ -317,7 +317,7 @@ def complaints_about(channel: Channel) -> Iterator[None]:
         raise error.at(f"channel {channel.name}") from error
 
 
-def carried_by(declared: Declarations, channels: Iterable[str], kind: Any) -> list[tuple[Channel, Any]]:
+def select_origins(declared: Declarations, channels: Iterable[str], kind: Any) -> list[tuple[Channel, Any]]:
     """The channels and origins of one kind, among those listed for a source."""
     wanted = frozenset(channels)
     return [

@@ -115,7 +115,7 @@ Conditions.__pydantic_config__ = {"extra": "forbid"}  # type: ignore[attr-define
 
 
 LOG = logging.getLogger("seatrial")
-Carried = TypeVar("Carried")
+Content = TypeVar("Content")
 
 CONDITIONS_FILE = "conditions.toml"
 """The file beside recordings that states what they do not."""
@@ -285,7 +285,7 @@ def accuracy_of(trial: Trial) -> dict[str, float]:
     return _carried(dict[str, Positive], trial.accuracy, trial) or {}
 
 
-def _carried(kind: type[Carried], text: str, trial: Trial) -> Carried | None:
+def _carried(kind: type[Content], text: str, trial: Trial) -> Content | None:
     if not text:
         return None
     try:

@@ -45,7 +45,7 @@ from seatrial.acquisition.config.declarations import (
 from seatrial.acquisition.config.run_sheet import RunSheet
 from seatrial.acquisition.config.toml_file import line_of, parse_toml, validate
 from seatrial.acquisition.core.errors import ConfigurationError
-from seatrial.acquisition.core.named_code import absolute
+from seatrial.acquisition.core.named_code import absolute_name
 from seatrial.acquisition.core.quantities import DEGREES_AND_MINUTES, Linear
 from seatrial.acquisition.core.ship import (
     BY_NAME,
@@ -55,12 +55,12 @@ from seatrial.acquisition.core.ship import (
     Channel,
     Declared,
     channel_names,
+    channels_with_declared,
     check_actuators,
     control_channels,
     shafts,
     thruster_numbers,
     trial_names,
-    with_declared,
 )
 from seatrial.acquisition.core.times import Order
 
@@ -191,7 +191,7 @@ def parse_for_ship(
     ship_file = validate(
         {section.name: raw[section.name] for section in fields(_Ship) if section.name in raw}, text, path, _Ship
     )
-    listed = check_listed(ship_file.actuator, text, path)
+    listed = check_actuator_list(ship_file.actuator, text, path)
     attached = None if carried is None else carried.actuators
     actuators = listed or attached or actuators_of_ship(str(ship_file.trial.vessel), folder)
     is_known = bool(actuators) if carried is None or listed else carried.ship_is_known
@@ -210,7 +210,7 @@ def parse_for_ship(
     return validate(raw, text, path, model, context), DeclaredShip(actuators, is_known, declared, packs)
 
 
-def check_listed(listed: tuple[ActuatorSection, ...], text: str, path: Path | str) -> Actuators:
+def check_actuator_list(listed: tuple[ActuatorSection, ...], text: str, path: Path | str) -> Actuators:
     """The actuators listed in a file, none if there are none. Raises :class:`ConfigurationError`."""
     try:
         return check_actuators(Actuator(section.name, section.kind) for section in listed) if listed else ()
@@ -629,12 +629,12 @@ def _own_values(raw: object, info: ValidationInfo) -> dict[str, dict[str, str]]:
     if raw:
         raise ValueError("is not for a source of your own, which returns channels by name, in their units")
     declared = (info.context or {}).get("declared", ())
-    channels, names = with_declared(declared), channel_names(_actuators(info), declared)
+    channels, names = channels_with_declared(declared), channel_names(_actuators(info), declared)
     return {name: {"topic": f"own/{name}", "unit": channels[name].unit} for name in names}
 
 
 def _whole_path(name: str, info: ValidationInfo) -> str:
-    return absolute(name, (info.context or {}).get("folder"))
+    return absolute_name(name, (info.context or {}).get("folder"))
 
 
 @dataclass(frozen=True, config=STRICT, kw_only=True)

@@ -58,6 +58,7 @@ from seatrial.acquisition.core.ship import (
     Channel,
     ChannelsByName,
     as_text,
+    channels_with_declared,
     declared_text,
     from_text,
     is_setting,
@@ -70,7 +71,6 @@ from seatrial.acquisition.core.ship import (
     shafts,
     stated_text,
     thruster_numbers,
-    with_declared,
 )
 from seatrial.acquisition.core.trial import Trial
 
@@ -140,7 +140,7 @@ class TrialConfig:
     @property
     def known_channels(self) -> ChannelsByName:
         """The channels by name, including declared ones."""
-        return with_declared(tuple(declaration.channel for declaration in self.declared))
+        return channels_with_declared(tuple(declaration.channel for declaration in self.declared))
 
     @property
     def expected_channels(self) -> frozenset[str]:
@@ -150,7 +150,7 @@ class TrialConfig:
     @property
     def required_channels(self) -> tuple[str, ...]:
         """The channels that the trial has to have; controls of a ship that is not known only as listed."""
-        return required_names(self.actuators, self.expected_channels, known=self.ship_is_known)
+        return required_names(self.actuators, self.expected_channels, ship_is_known=self.ship_is_known)
 
     @property
     def watched_channels(self) -> tuple[str, ...]:
@@ -181,7 +181,7 @@ def parse_config(text: str, path: Path | str, carried: Carried | None = None) ->
     file, ship = parse_for_ship(text, path, _File, carried)
     if not file.source:
         raise ConfigurationError("has no source", where=str(path), fix="add a [[source]] section")
-    channels_by_name = with_declared(tuple(declaration.channel for declaration in ship.declared))
+    channels_by_name = channels_with_declared(tuple(declaration.channel for declaration in ship.declared))
     _check_names(file.source, path)
     _check_units(file.source, channels_by_name, text, path)
     _check_channels(file.source, ship, channels_by_name, text, path)

@@ -29,10 +29,16 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from seatrial.acquisition.config.declarations import Declarations, GroupField, SentenceField, Transducer, carried_by
+from seatrial.acquisition.config.declarations import (
+    Declarations,
+    GroupField,
+    SentenceField,
+    Transducer,
+    select_origins,
+)
 from seatrial.acquisition.config.sources import AnySource, CanFrames, CanSource, LineSource, MavlinkLinks, MqttLinks
 from seatrial.acquisition.core.named_code import imported
-from seatrial.acquisition.core.ship import BY_NAME, DEFAULT, Actuators, Channel, with_declared
+from seatrial.acquisition.core.ship import BY_NAME, DEFAULT, Actuators, Channel, channels_with_declared
 from seatrial.acquisition.core.trial import Fix, Frame, Group, Protocol, safe_label
 
 BAD_DATA = "bad data"
@@ -129,7 +135,7 @@ def decoders_by_protocol(
     from seatrial.acquisition.protocols.nmea0183 import Nmea0183Decoder
 
     wind, ratios = config.theoretical_wind, config.reduction_ratios
-    fields = carried_by(declared, config.channels, SentenceField | Transducer)
+    fields = select_origins(declared, config.channels, SentenceField | Transducer)
     ship = actuators, ratios, config.rated_rpm
     decoder = Nmea0183Decoder(
         config.thrusters, config.clock, wind, *ship, declared=fields, unchecked=config.checksum == "optional"
@@ -137,7 +143,7 @@ def decoders_by_protocol(
     if isinstance(config, MqttLinks):
         from seatrial.acquisition.protocols.mqtt import MqttDecoder
 
-        channels = with_declared(tuple(declaration.channel for declaration in declared))
+        channels = channels_with_declared(tuple(declaration.channel for declaration in declared))
         return {"mqtt": [MqttDecoder(config, decoder, channels)]}
     sentences: list[Decoder] = [decoder]
     if config.type == "can_file":
@@ -155,11 +161,11 @@ def _of_can(config: CanFrames, actuators: Actuators, declared: Declarations) -> 
         actuators,
         config.reduction_ratios,
         shares_bus=config.dbc is not None,
-        declared=carried_by(declared, config.channels, GroupField),
+        declared=select_origins(declared, config.channels, GroupField),
     )
     if config.dbc is None:
         return [nmea2000]
-    channels = with_declared(tuple(declaration.channel for declaration in declared))
+    channels = channels_with_declared(tuple(declaration.channel for declaration in declared))
     return [nmea2000, DbcDecoder(config.dbc, config.signals, nmea2000, channels)]
 
 

@@ -60,12 +60,12 @@ def is_possible(time_ns: int) -> bool:
     return time_ns in _POSSIBLE_NS
 
 
-def rolled_over_ns(time_ns: int, latest_ns: int) -> int | None:
+def correct_week_rollover(time_ns: int, latest_ns: int) -> int | None:
     """The time that a receiver means which counts weeks to 1,024 and has begun again; None where it means none.
 
     ``latest_ns`` is a moment that it cannot be later than by more than a day.
 
-    >>> meant_ns = rolled_over_ns(utc_ns(dt.date(2006, 10, 1), 5.0), utc_ns(dt.date(2027, 1, 1), 0))
+    >>> meant_ns = correct_week_rollover(utc_ns(dt.date(2006, 10, 1), 5.0), utc_ns(dt.date(2027, 1, 1), 0))
     >>> meant_ns == utc_ns(dt.date(2026, 5, 17), 5.0)
     True
     """
@@ -170,7 +170,7 @@ class SourceClock:
 _pattern = partial(re.compile, flags=re.ASCII)  # what is no ASCII is no space and no digit
 ZONE = r"(?P<zone>Z|UTC|[+-]\d\d(?::?\d\d)?)?Z?"
 """What names a zone in a pattern."""
-SENTENCE_BEHIND = _pattern(r"(?P<before>[^$!\\]{0,200})(?P<inner>(?:[$!][A-Za-z0-9]{3,},|\\[a-z]{1,3}:).*)")
+SENTENCE_WITH_PREFIX = _pattern(r"(?P<before>[^$!\\]{0,200})(?P<inner>(?:[$!][A-Za-z0-9]{3,},|\\[a-z]{1,3}:).*)")
 """A sentence, or its TAG block, with what stands before it."""
 _UNIX = _pattern(r"(?<![\d.])(\d{10}\.\d{1,9}|\d{19}|\d{16}|\d{13}|\d{10})(?![\d.])")
 _CLOCK = _pattern(r"(?<!\d)(\d\d:\d\d:\d\d)(?:[.,](\d{1,9}))?")
@@ -179,10 +179,12 @@ _MOST_STAMPS = 20_000
 _SECONDS = _pattern(r"[\[(]?\s*(\d{1,9})\.(\d{1,9})(?![\d.])")
 
 
-def zoned_ns(date: str, clock: str, fraction: str | None, zone: str | None, usual: dt.tzinfo | None) -> int | None:
+def zoned_time_ns(
+    date: str, clock: str, fraction: str | None, zone: str | None, usual: dt.tzinfo | None
+) -> int | None:
     """A date, a time and a zone as ns since 1970; ``usual`` where no zone is given, None is this machine's.
 
-    >>> zoned_ns("1970-01-01", "02:00:01", "25", "+02:00", None)
+    >>> zoned_time_ns("1970-01-01", "02:00:01", "25", "+02:00", None)
     1250000000
     """
     try:
@@ -198,10 +200,10 @@ def zoned_ns(date: str, clock: str, fraction: str | None, zone: str | None, usua
     return seconds * NANO + int((fraction or "")[:9].ljust(9, "0"))
 
 
-def day_ns(clock: str, fraction: str | None) -> int | None:
+def time_of_day_ns(clock: str, fraction: str | None) -> int | None:
     """A time of day, ``hh:mm:ss`` or ``hhmmss``, as ns since midnight; None where there is no such time.
 
-    >>> day_ns("17:33:21", "107")
+    >>> time_of_day_ns("17:33:21", "107")
     63201107000000
     """
     digits = clock.replace(":", "")
@@ -247,7 +249,7 @@ class StatedTimes:
         if match := _CLOCK.search(text):
             if not self.unread_date and _DATE_LIKE.search(text):
                 self.unread_date = text.strip()
-            return day_ns(match[1], match[2]), DAY_NS
+            return time_of_day_ns(match[1], match[2]), DAY_NS
         if match := _SECONDS.match(text):
             return int(match[1]) * NANO + int(match[2].ljust(9, "0")), 0
         return None
@@ -266,10 +268,10 @@ class StatedTimes:
             return None
 
 
-def told_utc_ns(text: str) -> int | None:
+def parse_utc_ns(text: str) -> int | None:
     """The UTC that a text tells [ns since 1970]; None where it tells none, one that cannot be, or may mean two.
 
-    >>> told_utc_ns("2023-11-03T09:41:02.769765Z ")
+    >>> parse_utc_ns("2023-11-03T09:41:02.769765Z ")
     1699004462769765000
     """
     times = StatedTimes()

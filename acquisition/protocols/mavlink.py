@@ -25,7 +25,12 @@ from typing import Any, NamedTuple
 import pymap3d
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from seatrial.acquisition.config.declarations import Declarations, MavlinkField, carried_by, complaints_about
+from seatrial.acquisition.config.declarations import (
+    Declarations,
+    MavlinkField,
+    errors_about_channel,
+    select_origins,
+)
 from seatrial.acquisition.config.sources import MavlinkFileSource, MavlinkLinks
 from seatrial.acquisition.core.errors import ConfigurationError
 from seatrial.acquisition.core.quantities import DEG_PER_RAD, Linear, to_earth
@@ -35,8 +40,8 @@ from seatrial.acquisition.core.ship import (
     Actuators,
     Channel,
     channel_names,
+    channels_with_declared,
     shafts,
-    with_declared,
     wrap_180,
 )
 from seatrial.acquisition.core.trial import Fix, Frame, Group
@@ -170,7 +175,7 @@ class DeclaredMessages(DeclaredReaders[str, _MessageChannel]):
         self.names: dict[int, str] = {}
         kinds = {message_class.msgname: message_class for message_class in dialect.mavlink_map.values()}
         for channel, origin in wanted:
-            with complaints_about(channel):
+            with errors_about_channel(channel):
                 kind = _kind_of(origin, kinds)
                 step = origin.step_to(channel, kind.fieldunits_by_name.get(origin.field))
             self.names[kind.id] = origin.message
@@ -215,8 +220,8 @@ class MavlinkDecoder(Decoder):
         super().__init__()
         self.clock = SourceClock(config.clock, "mavlink SYSTEM_TIME", self.notices)
         self._system_id, self._component_id = config.system_id, config.component_id
-        channels = with_declared(tuple(declaration.channel for declaration in declared))
-        self._declared = DeclaredMessages(carried_by(declared, config.channels, MavlinkField))
+        channels = channels_with_declared(tuple(declaration.channel for declaration in declared))
+        self._declared = DeclaredMessages(select_origins(declared, config.channels, MavlinkField))
         self._names = _NAMES | self._declared.names
         self._wanted = frozenset((*_chosen(config), *_CONTEXT, *self._declared.names.values()))
         self._named = {
@@ -453,12 +458,12 @@ def message_name(number: int) -> str:
     return str(message.msgname) if message else str(number)
 
 
-def is_known(packet: bytes) -> bool:
+def has_known_message(packet: bytes) -> bool:
     """Whether a whole packet's message is one of the dialect: of others no checksum can be proved."""
     return header_of(packet).message_id in _CRC_EXTRA
 
 
-def extent(data: bytes, at: int) -> int:
+def packet_length(data: bytes, at: int) -> int:
     """How many bytes the packet that begins at ``at`` has; 0 where none can begin.
 
     Where its first three bytes have not all come, the answer is more than there are.
@@ -481,7 +486,7 @@ def is_sound(data: bytes, at: int = 0) -> bool:
 
     The checksum includes a number that belongs to the message, so that of an unknown message cannot be checked.
     """
-    length = extent(data, at)
+    length = packet_length(data, at)
     if length == 0 or at + length > len(data):
         return False
     extra = _CRC_EXTRA.get(header_of(data[at : at + 10]).message_id)
@@ -529,7 +534,7 @@ def _cut(data: bytes, *, complete: bool) -> tuple[list[bytes | Fault], int]:
     pieces: list[bytes | Fault] = []
     at, rubbish = 0, False
     while at < len(data):
-        end = at + extent(data, at)
+        end = at + packet_length(data, at)
         following = sound[bisect_left(sound, at)]
         if following == at:
             piece: bytes | Fault | None = data[at:end]
@@ -560,7 +565,7 @@ def _undecided(data: bytes, at: int, end: int) -> bool:
     if end >= len(data):
         return True
     late = _MAGIC.finditer(data, max(at + 1, len(data) - LONGEST_BYTES), end)
-    return any(match.start() + extent(data, match.start()) > len(data) for match in late)
+    return any(match.start() + packet_length(data, match.start()) > len(data) for match in late)
 
 
 def _passed_over(data: bytes, at: int, end: int, following: int) -> Fault | None:

@@ -29,7 +29,7 @@ from seatrial.acquisition.core.quantities import (
 from seatrial.acquisition.core.ship import BY_NAME, Actuators, Channel
 from seatrial.acquisition.core.trial import EPOCH, NANO, Frame, FrameFlag, Group, Sample
 from seatrial.acquisition.protocols import Decoder, Moment, Packet
-from seatrial.acquisition.protocols.clock import SENTENCE_BEHIND, SourceClock, told_utc_ns
+from seatrial.acquisition.protocols.clock import SENTENCE_WITH_PREFIX, SourceClock, parse_utc_ns
 from seatrial.acquisition.protocols.nmea0183 import Nmea0183Decoder, Nmea0183Encoder, has_sentence
 
 _REMEMBERED = 10_000  # messages: a broker redelivers what was under way, 20 at once by default, 65,535 at most
@@ -49,7 +49,7 @@ _WIND_ABOARD = {
 _PARTNERS = {name: partner for pair in PAIRS for name, partner in (pair, pair[::-1])}
 
 
-class Told(NamedTuple):
+class ValueReading(NamedTuple):
     """What a message says: its value as text, its time [ns UTC] and its unit, if it tells them."""
 
     text: str
@@ -80,10 +80,10 @@ def split_time(text: str) -> tuple[int | None, str]:
     (1699004462000000000, '12.5')
     """
     behind = _TIMED.fullmatch(text.strip())
-    return (told_utc_ns(behind["time"]), behind["rest"]) if behind else (None, text.strip())
+    return (parse_utc_ns(behind["time"]), behind["rest"]) if behind else (None, text.strip())
 
 
-def read_message(text: str, entry: TopicValue) -> Told:
+def read_message(text: str, entry: TopicValue) -> ValueReading:
     """What a message says of an entry. Raises :class:`ValueError` with what is wrong with it.
 
     >>> read_message("12.5,2023-11-03T09:41:02Z,deg", TopicValue(topic="x", unit="deg"))
@@ -96,11 +96,11 @@ def read_message(text: str, entry: TopicValue) -> Told:
         raise ValueError("no JSON object")
     value, *more = (part.strip() for part in text.split(",", 3))
     if more and time_ns is None:
-        time_ns = told_utc_ns(more[0])
-    return Told(value, time_ns, more[1] if len(more) > 1 else "")
+        time_ns = parse_utc_ns(more[0])
+    return ValueReading(value, time_ns, more[1] if len(more) > 1 else "")
 
 
-def _of_json(text: str, entry: TopicValue, time_ns: int | None) -> Told:
+def _of_json(text: str, entry: TopicValue, time_ns: int | None) -> ValueReading:
     try:
         document = orjson.loads(text)
     except orjson.JSONDecodeError as error:
@@ -108,8 +108,8 @@ def _of_json(text: str, entry: TopicValue, time_ns: int | None) -> Told:
     value, time = _at(document, entry.field or "value"), _at(document, entry.time_field)
     if isinstance(value, bool | dict | list):
         raise ValueError("no number")  # noqa: TRY004 - of the message, not of an argument
-    stamp_ns = told_utc_ns(repr(time) if isinstance(time, float) else str(time)) if time is not None else time_ns
-    return Told("" if value is None else str(value), stamp_ns)
+    stamp_ns = parse_utc_ns(repr(time) if isinstance(time, float) else str(time)) if time is not None else time_ns
+    return ValueReading("" if value is None else str(value), stamp_ns)
 
 
 def _at(node: Any, path: str) -> Any:
@@ -167,7 +167,7 @@ class MqttDecoder(Decoder):
 
     def _decode_line(self, frame: Frame, topic: str, line: str) -> list[Group]:
         """The samples in a sentence; other lines are for nobody, unless the topic is one of sentences."""
-        matches = SENTENCE_BEHIND.fullmatch(line)
+        matches = SENTENCE_WITH_PREFIX.fullmatch(line)
         sentences = (line if matches is None else matches["inner"]).encode("latin-1")
         if matches is None and not has_sentence(sentences):
             if line and hash(topic) in self._of_lines:
@@ -175,7 +175,7 @@ class MqttDecoder(Decoder):
             return []
         if len(self._of_lines) < _MOST_TOPICS:
             self._of_lines.add(hash(topic))
-        time_ns = None if matches is None else told_utc_ns(matches["before"])
+        time_ns = None if matches is None else parse_utc_ns(matches["before"])
         if time_ns is not None:
             self._remember(frame.payload)
         return self._sentences.decode_line(frame, sentences, time_ns)
@@ -203,7 +203,7 @@ class MqttDecoder(Decoder):
                 samples += group
         return self._grouped(samples)
 
-    def _value(self, channel: str, entry: TopicValue, reading: Told) -> float:
+    def _value(self, channel: str, entry: TopicValue, reading: ValueReading) -> float:
         """The value in the channel's unit. Raises :class:`ValueError` for what is no number."""
         if reading.text.lower() in _NO_VALUE:
             raise ValueError("not available")
@@ -269,10 +269,10 @@ _FIX = {"latitude_deg": "north_m", "longitude_deg": "east_m"}
 """What a position by itself carries of the plane."""
 
 
-def told(time_ns: int) -> str:
+def format_time(time_ns: int) -> str:
     """A time as R/V Gunnerus tells it, to the microsecond, or finer where it is.
 
-    >>> told(1699004462769765000), told(1)
+    >>> format_time(1699004462769765000), format_time(1)
     ('2023-11-03T09:41:02.769765Z', '1970-01-01T00:00:00.000000001Z')
     """
     seconds, nanoseconds = divmod(time_ns, NANO)
@@ -289,7 +289,7 @@ class MqttEncoder:
         self._topic = config.topics[0] if config.topics else None
 
     def encode(self, moment: Moment) -> list[Packet]:
-        time, packets, values = told(moment.time_ns), [], dict(moment.values)
+        time, packets, values = format_time(moment.time_ns), [], dict(moment.values)
         if moment.latitude_deg is not None and moment.longitude_deg is not None:
             values |= {"latitude_deg": moment.latitude_deg, "longitude_deg": moment.longitude_deg}
         for channel, (entry, step) in self._values.items():

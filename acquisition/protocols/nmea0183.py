@@ -280,7 +280,7 @@ class Nmea0183Decoder(Decoder):
         self.clock = SourceClock(stamps, "nmea0183 ZDA, RMC or TAG", self.notices)
         numbered = thrusters or Thrusters.model_validate({}, context={"actuators": actuators})
         machinery = machinery_readers(numbered, actuators, reduction_ratios or {}, rated_rpm or {})
-        self._readers = readers(theoretical_wind) | machinery
+        self._readers = motion_readers(theoretical_wind) | machinery
         self._declared = DeclaredSentences(declared)
 
     def decode(self, frame: Frame) -> list[Group]:
@@ -486,7 +486,7 @@ class SentenceReading:
 Reader = Callable[[Fields], SentenceReading]
 
 
-def present(*pairs: tuple[str, float | None]) -> Values:
+def available(*pairs: tuple[str, float | None]) -> Values:
     """Those of the pairs that have a value."""
     return [(name, value) for name, value in pairs if value is not None]
 
@@ -499,7 +499,7 @@ def _knots(fields: Fields, index: int) -> float | None:
 def _position(fields: Fields, index: int) -> Values:
     """Both or none: half a position is none."""
     pair = (("latitude_deg", fields.degrees(index, "NS")), ("longitude_deg", fields.degrees(index + 2, "EW")))
-    both = present(*pair)
+    both = available(*pair)
     return both if len(both) == 2 else []
 
 
@@ -560,7 +560,7 @@ def _rmc(fields: Fields) -> SentenceReading:
     mode = fields.text(11)
     if fields.text(1) != "A" or mode == "N":
         return SentenceReading(refused=NOT_VALID, fix=0)
-    movement = present(
+    movement = available(
         ("course_over_ground_deg", fields.number(7)),
         ("speed_over_ground_mps", _knots(fields, 6)),
         ("magnetic_variation_deg", fields.eastward(9)),
@@ -604,7 +604,7 @@ def _vtg(fields: Fields) -> SentenceReading:
     if len(fields) == 4 and not any(fields.text(index).isalpha() for index in range(4)):
         return _vtg_without_letters(fields)
     course, speed = fields.measured(0, "T"), fields.speed_mps((4, "N"), (6, "K"))
-    values = present(("course_over_ground_deg", course), ("speed_over_ground_mps", speed))
+    values = available(("course_over_ground_deg", course), ("speed_over_ground_mps", speed))
     return SentenceReading(values, quality=_quality(mode))
 
 
@@ -613,7 +613,7 @@ def _vtg_without_letters(fields: Fields) -> SentenceReading:
     course, knots, kmh = (fields.number(index) for index in (0, 2, 3))
     if knots is None or kmh is None or abs(knots * 1.852 - kmh) > _ROUNDED_KMH:
         return SentenceReading(refused="a form that is not known")
-    values = present(("course_over_ground_deg", course), ("speed_over_ground_mps", knots * KNOT_MPS))
+    values = available(("course_over_ground_deg", course), ("speed_over_ground_mps", knots * KNOT_MPS))
     return SentenceReading(values)
 
 
@@ -621,7 +621,7 @@ def _ths(fields: Fields) -> SentenceReading:
     mode = fields.text(1)
     if mode not in ("A", *_SUSPECT_MODES):
         return SentenceReading(refused=NOT_VALID)
-    return SentenceReading(present(("heading_deg", fields.number(0))), quality=_quality(mode))
+    return SentenceReading(available(("heading_deg", fields.number(0))), quality=_quality(mode))
 
 
 def _hdg(fields: Fields) -> SentenceReading:
@@ -630,7 +630,7 @@ def _hdg(fields: Fields) -> SentenceReading:
     if sensor is not None and deviation is not None and 0.0 <= sensor <= 360.0:
         sensor = (sensor + deviation) % 360.0
     pair = ("heading_magnetic_deg", sensor), ("magnetic_variation_deg", fields.eastward(3))
-    return SentenceReading(present(*pair))
+    return SentenceReading(available(*pair))
 
 
 def _rot(fields: Fields) -> SentenceReading:
@@ -641,8 +641,8 @@ def _rot(fields: Fields) -> SentenceReading:
 
 
 def _vbw(fields: Fields) -> SentenceReading:
-    ground = present(("surge_mps", _knots(fields, 3)), ("sway_mps", _knots(fields, 4)))
-    water = present(("speed_through_water_mps", _knots(fields, 0)))
+    ground = available(("surge_mps", _knots(fields, 3)), ("sway_mps", _knots(fields, 4)))
+    water = available(("speed_through_water_mps", _knots(fields, 0)))
     ground_valid, water_valid = fields.text(5) == "A", fields.text(2) == "A"
     left_out = (ground and not ground_valid) or (water and not water_valid)
     values = (ground if ground_valid else []) + (water if water_valid else [])
@@ -671,13 +671,13 @@ def _obsolete_wind(fields: Fields, reference: str) -> SentenceReading:
 
 def _bow_wind(angle_deg: float | None, speed_mps: float | None, reference: str) -> SentenceReading:
     pair = (f"wind_angle_{reference}_deg", angle_deg), (f"wind_speed_{reference}_mps", speed_mps)
-    return SentenceReading(present(*pair), reference)
+    return SentenceReading(available(*pair), reference)
 
 
 def _mwd(fields: Fields) -> SentenceReading:
-    speed = present(("wind_speed_mps", fields.speed_mps((4, "N"), (6, "M"))))
-    true = present(("wind_direction_deg", fields.measured(0, "T")))
-    magnetic = present(("wind_direction_magnetic_deg", fields.measured(2, "M")))
+    speed = available(("wind_speed_mps", fields.speed_mps((4, "N"), (6, "M"))))
+    true = available(("wind_direction_deg", fields.measured(0, "T")))
+    magnetic = available(("wind_direction_magnetic_deg", fields.measured(2, "M")))
     return SentenceReading(true + speed) if true or not magnetic else SentenceReading(magnetic + speed, "magnetic")
 
 
@@ -689,21 +689,21 @@ _READERS: dict[str, Reader] = {
     "RMC": _rmc,
     "ZDA": _zda,
     "VTG": _vtg,
-    "HDT": lambda fields: SentenceReading(present(("heading_deg", fields.measured(0, "T")))),
+    "HDT": lambda fields: SentenceReading(available(("heading_deg", fields.measured(0, "T")))),
     "THS": _ths,
     "HDG": _hdg,
-    "HDM": lambda fields: SentenceReading(present(("heading_magnetic_deg", fields.measured(0, "M")))),
+    "HDM": lambda fields: SentenceReading(available(("heading_magnetic_deg", fields.measured(0, "M")))),
     "ROT": _rot,
     "VBW": _vbw,
     # the headings in it repeat those of another device
     "VHW": lambda fields: SentenceReading(
-        present(("speed_through_water_mps", fields.speed_mps((4, "N"), (6, "K"))))
+        available(("speed_through_water_mps", fields.speed_mps((4, "N"), (6, "K"))))
     ),
     "MWD": _mwd,
 }
 
 
-def readers(theoretical_wind: Literal["ground", "water"]) -> dict[str, Reader]:
+def motion_readers(theoretical_wind: Literal["ground", "water"]) -> dict[str, Reader]:
     """The reader of each sentence of motion, wind and time, by its last three letters."""
     theoretical = "theoretical" if theoretical_wind == "ground" else "water"
     return {
@@ -726,9 +726,9 @@ def _rudders(fields: Fields, channels: tuple[str, ...]) -> SentenceReading:
     if fields.text(1) != "A" and fields.text(3) != "A":
         return SentenceReading(refused=NOT_VALID)
     if len(channels) == 1:
-        return SentenceReading(present((channels[0], valid[0] if fields.text(1) == "A" else valid[1])))
+        return SentenceReading(available((channels[0], valid[0] if fields.text(1) == "A" else valid[1])))
     port, starboard = channels
-    return SentenceReading(present((port, valid[1]), (starboard, valid[0])))
+    return SentenceReading(available((port, valid[1]), (starboard, valid[0])))
 
 
 def _heading_control(fields: Fields, channels: tuple[str, ...]) -> SentenceReading:
@@ -737,7 +737,7 @@ def _heading_control(fields: Fields, channels: tuple[str, ...]) -> SentenceReadi
         return SentenceReading(refused="one order to several rudders")
     angle, sign = fields.number(1), {"R": 1.0, "L": -1.0}.get(fields.text(2))
     ordered = None if angle is None or sign is None or angle < 0.0 else sign * angle
-    return _as_orders(SentenceReading(present((channels[0], ordered))))
+    return _as_orders(SentenceReading(available((channels[0], ordered))))
 
 
 def _rpm(fields: Fields, shafts: Actuators, reduction_ratios: Mapping[str, float]) -> SentenceReading:
@@ -761,7 +761,7 @@ def _rpm(fields: Fields, shafts: Actuators, reduction_ratios: Mapping[str, float
 def _of_shaft(shaft: Actuator, rpm: float | None, pitch_percent: float | None) -> list[tuple[str, float]]:
     """Those of the two values that a shaft has a channel for: pitch, with a controllable one only."""
     channels = {channel.name for channel in shaft.channels}
-    both = present((f"{shaft.name}_rpm", rpm), (f"{shaft.name}_pitch_percent", pitch_percent))
+    both = available((f"{shaft.name}_rpm", rpm), (f"{shaft.name}_pitch_percent", pitch_percent))
     return [(name, value) for name, value in both if name in channels]
 
 
@@ -792,8 +792,8 @@ def _thruster(fields: Fields, controls: _Controls, rated_rpm: Mapping[str, float
     if not shaft:
         return SentenceReading(refused="thruster not understood")
     speed, mode = fields.number(1), fields.text(2)
-    rpm = present((shaft, _in_rpm(speed, mode, rated_rpm.get(shaft))))
-    angle = present((azimuth, fields.number(5))) if azimuth else []
+    rpm = available((shaft, _in_rpm(speed, mode, rated_rpm.get(shaft))))
+    angle = available((azimuth, fields.number(5))) if azimuth else []
     if rpm or speed is None:
         return SentenceReading(rpm + angle)
     return SentenceReading(angle, refused="thruster in percent" if mode == "P" else NOT_VALID)
@@ -827,18 +827,18 @@ def machinery_readers(
     demand = thrusters.channels_from == "demand"
     unwanted = SentenceReading(refused="thruster response where demands are wanted")
     angles, shafts = rudder_channels(actuators), numbered_shafts(actuators)
-    readers: dict[str, Reader] = {
+    machinery: dict[str, Reader] = {
         "RSA": partial(_rudders, channels=angles),
         "RPM": partial(_rpm, shafts=shafts, reduction_ratios=reduction_ratios),
         "TRD": (lambda fields: unwanted) if demand else partial(_thruster, controls=controls, rated_rpm=rated),
         "TRC": partial(_thruster_order, controls=controls, rated_rpm=rated, fills_channels=demand),
     }
     if rudders(actuators):
-        readers["ROR"] = lambda fields: _as_orders(_rudders(fields, angles))
-        readers["HTD"] = partial(_heading_control, channels=angles)
+        machinery["ROR"] = lambda fields: _as_orders(_rudders(fields, angles))
+        machinery["HTD"] = partial(_heading_control, channels=angles)
     if not {propulsor.name for propulsor in shafts} & thrusters.numbers.keys():  # else TRC tells the orders to them
-        readers["PRC"] = partial(_propulsion_order, shafts=shafts, rated_rpm=rated_rpm)
-    return readers
+        machinery["PRC"] = partial(_propulsion_order, shafts=shafts, rated_rpm=rated_rpm)
+    return machinery
 
 
 def sentence(body: str) -> bytes:

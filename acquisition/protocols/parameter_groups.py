@@ -25,7 +25,7 @@ from functools import cache
 from math import pi
 from typing import Any, NamedTuple
 
-from seatrial.acquisition.config.declarations import GroupField, complaints_about
+from seatrial.acquisition.config.declarations import GroupField, errors_about_channel
 from seatrial.acquisition.core.errors import ConfigurationError
 from seatrial.acquisition.core.quantities import DEG_PER_RAD, Linear
 from seatrial.acquisition.core.ship import Actuators, Channel, name_of_order, rudder_channels, rudders, shafts
@@ -185,7 +185,7 @@ class GroupReading(NamedTuple):
     height_m: float | None = None
 
 
-def given(values: Values) -> Values:
+def available(values: Values) -> Values:
     """Without the values that are missing, where a device need not give them."""
     return [(name, value) for name, value in values if not isinstance(value, str)]
 
@@ -206,7 +206,7 @@ def group_time(message: Message) -> int | None:
 
 def _heading(message: Message) -> GroupReading:
     reference, heading = message["reference"], message["heading"]
-    variation = given([("magnetic_variation_deg", message.degrees("variation"))])
+    variation = available([("magnetic_variation_deg", message.degrees("variation"))])
     if reference == 0:
         return GroupReading([("heading_deg", message.degrees("heading")), *variation])
     if reference != 1:
@@ -257,7 +257,7 @@ def _direction_data(message: Message) -> GroupReading:
 
 def _speed_components(message: Message) -> GroupReading:
     ground = ("surge_mps", "longitudinalSpeedGroundReferenced"), ("sway_mps", "transverseSpeedGroundReferenced")
-    water = given([("speed_through_water_mps", message["longitudinalSpeedWaterReferenced"])])
+    water = available([("speed_through_water_mps", message["longitudinalSpeedWaterReferenced"])])
     return GroupReading([*((name, message[field]) for name, field in ground), *water])
 
 
@@ -326,7 +326,7 @@ class _Rudders:
     def _values(self, channel: str, message: Message) -> Values:
         position: Values = [(channel, message.degrees("position"))]
         order: Values = [(name_of_order(channel), message.degrees("angleOrder"))] if self._tells_orders else []
-        return [*given(position), *given(order)] or position
+        return [*available(position), *available(order)] or position
 
 
 class _Engines:
@@ -409,7 +409,7 @@ class DeclaredGroups(DeclaredReaders[int, _GroupChannel]):
         super().__init__()
         self.shortest: dict[int, int] = {}
         for channel, origin in wanted:
-            with complaints_about(channel):
+            with errors_about_channel(channel):
                 group_channel = _group_channel(channel, origin)
             self.setdefault(origin.group, []).append(group_channel)
             if _is_fast(origin.group) and origin.group not in SHORTEST_BYTES:
@@ -461,7 +461,7 @@ LIBRARY = threading.Lock()
 """Held while the library's codec is used, of which a process has one: it raises when two threads meet in it."""
 
 
-def variants_of(group: int) -> Sequence[Any]:
+def group_variants(group: int) -> Sequence[Any]:
     """What canboat's database knows of a group: each of its variants; nothing of a group that it lacks."""
     from nmea2000 import backend
 
@@ -469,7 +469,7 @@ def variants_of(group: int) -> Sequence[Any]:
         return list(backend.DATABASE.pgn_variants(group))
 
 
-def decoded(group: int, payload: bytes) -> Any:
+def decode_by_library(group: int, payload: bytes) -> Any:
     """A message as the library reads it, None of a group that canboat's database lacks."""
     from nmea2000 import backend
 
@@ -480,7 +480,7 @@ def decoded(group: int, payload: bytes) -> Any:
 @cache
 def canboat_fields(group: int) -> Mapping[str, KnownField]:
     """The numbers and codes of a group by their names in canboat's database; none where it tells of several."""
-    variants = variants_of(group)
+    variants = group_variants(group)
     if len(variants) != 1:
         return {}
     return {
@@ -501,7 +501,7 @@ def _as_field(group: int, info: Any) -> Field:
 def _is_signed(group: int, info: Any) -> bool:
     """Whether all ones are a value, one step below zero, and not the code for none: the library does not say."""
     ones = ((1 << info.bit_length) - 1) << info.bit_offset
-    message = decoded(group, ones.to_bytes(max(-(-ones.bit_length() // 8), 8), "little"))
+    message = decode_by_library(group, ones.to_bytes(max(-(-ones.bit_length() // 8), 8), "little"))
     raw = {field.id: field.raw_value for field in message.fields}[info.id] if message else None
     return isinstance(raw, int | float) and raw < 0
 
@@ -514,7 +514,7 @@ def _is_fast(group: int) -> bool:
         return True
     if group < _NMEA2000_FROM or group == single[0]:
         return False
-    return any(variant.packet_type == "Fast" for variant in variants_of(group))
+    return any(variant.packet_type == "Fast" for variant in group_variants(group))
 
 
 def _follows_j1939(group: int) -> bool:
