@@ -32,7 +32,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from seatrial.acquisition.config.declarations import GroupField, MavlinkField, Origin, SentenceField
-from seatrial.acquisition.config.sources import Carried, LineSource, MqttLinks, OwnSource, RecordingSection
+from seatrial.acquisition.config.sources import CarriedFiles, LineSource, MqttLinks, OwnSource, RecordingSection
 from seatrial.acquisition.config.trial_file import CONFIGURATION, PACK_ENDING, TrialConfig, parse_config
 from seatrial.acquisition.core.errors import InputError, Progress, SeatrialError, StorageError
 from seatrial.acquisition.core.files import atomic_file, expect_suffix
@@ -753,7 +753,7 @@ def own_configuration(path: Path, scratch: Path) -> TrialConfig:
             packs[name] = data.decode("utf-8", "replace")
     run_sheet = read_trial(path)
     is_known = is_ship_known(run_sheet.vessel, run_sheet.actuators)
-    carried = Carried(files, packs, from_text(run_sheet.actuators), ship_is_known=is_known)
+    carried = CarriedFiles(files, packs, from_text(run_sheet.actuators), ship_is_known=is_known)
     config = parse_config(text.decode("utf-8", "replace"), path, carried)
     if config.trial.origin is not None or run_sheet.origin is None:
         return config
