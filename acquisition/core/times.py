@@ -14,7 +14,8 @@ from contextlib import suppress
 from dataclasses import dataclass
 from typing import Literal
 
-NANO = 1_000_000_000
+from seatrial.acquisition.core.trial import NANO
+
 DAY_NS = 86_400 * NANO
 Order = Literal["year-first", "day-first", "month-first"]
 ORDERS: tuple[Order, ...] = ("year-first", "day-first", "month-first")

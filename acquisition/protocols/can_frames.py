@@ -29,9 +29,9 @@ from seatrial.acquisition.core.files import read_regular
 from seatrial.acquisition.core.process import DBC_BITS, DBC_BYTES, DBC_TEXT_BYTES
 from seatrial.acquisition.core.quantities import DEG_PER_RAD, Linear
 from seatrial.acquisition.core.ship import BY_NAME, Actuators, Channel, name_of_order, rudder_channels, shafts
+from seatrial.acquisition.core.times import DAY_NS
 from seatrial.acquisition.core.trial import NANO, Frame, FrameFlag, Group
 from seatrial.acquisition.protocols import Decoder, Moment, Packet
-from seatrial.acquisition.protocols.clock import DAY_NS
 from seatrial.acquisition.protocols.nmea2000 import Nmea2000Decoder, parameter_group
 from seatrial.acquisition.protocols.parameter_groups import ERROR_VALUE, LIBRARY, NOT_AVAILABLE
 

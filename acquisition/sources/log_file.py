@@ -40,9 +40,9 @@ from can.io import blf
 
 from seatrial.acquisition.config.sources import FileSource
 from seatrial.acquisition.core.process import LOG_BYTES
-from seatrial.acquisition.core.times import YEAR_LAST, Order, Stamp, date_order
+from seatrial.acquisition.core.times import DAY_NS, YEAR_LAST, Order, Stamp, date_order
 from seatrial.acquisition.core.trial import HIGHEST_IDENTIFIER, NANO, Frame, FrameFlag, iso, now_ns
-from seatrial.acquisition.protocols.clock import DAY_NS, StatedTimes, correct_week_rollover, is_possible, utc_ns
+from seatrial.acquisition.protocols.clock import StatedTimes, correct_week_rollover, is_possible, utc_ns
 from seatrial.acquisition.protocols.mavlink import LONGEST_BYTES, header_of, is_signed, is_sound, packet_length
 from seatrial.acquisition.protocols.nmea0183 import (
     Fields,

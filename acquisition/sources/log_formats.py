@@ -32,10 +32,9 @@ from functools import partial
 from itertools import chain
 from typing import BinaryIO, NamedTuple
 
-from seatrial.acquisition.core.times import Order, Stamp
+from seatrial.acquisition.core.times import DAY_NS, Order, Stamp
 from seatrial.acquisition.core.trial import HIGHEST_IDENTIFIER, NANO, FrameFlag, Protocol, can_flags
 from seatrial.acquisition.protocols.clock import (
-    DAY_NS,
     SENTENCE_WITH_PREFIX,
     ZONE,
     StatedTimes,
