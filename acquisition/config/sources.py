@@ -87,10 +87,6 @@ def check_channel(name: str, actuators: Actuators = DEFAULT, declared: Declared 
     return name
 
 
-def _check_channel_of_ship(name: str, info: ValidationInfo) -> str:
-    return check_channel(name, _actuators(info), (info.context or {}).get("declared", ()))
-
-
 def _check_shaft_of_ship(name: str, info: ValidationInfo) -> str:
     ship_shafts = shafts(_actuators(info))
     if name not in ship_shafts:
@@ -117,7 +113,12 @@ def _absolute_path(path: Path, info: ValidationInfo) -> Path:
     return attached[name]
 
 
-ChannelName = Annotated[str, AfterValidator(_check_channel_of_ship)]
+ChannelName = Annotated[
+    str,
+    AfterValidator(
+        lambda name, info: check_channel(name, _actuators(info), (info.context or {}).get("declared", ()))
+    ),
+]
 AbsolutePath = Annotated[Path, AfterValidator(_absolute_path)]
 Clock = Literal["receiver", "source"]
 Form = Literal[
@@ -628,10 +629,6 @@ def _values_of_user_code(raw: object, info: ValidationInfo) -> dict[str, dict[st
     return {name: {"topic": f"own/{name}", "unit": channels[name].unit} for name in names}
 
 
-def _absolute_code(name: str, info: ValidationInfo) -> str:
-    return absolute_name(name, (info.context or {}).get("folder"))
-
-
 @dataclass(frozen=True, config=STRICT, kw_only=True)
 class OwnSource(_Mqtt):
     """A user-defined source: ``class`` is ``FILE.py:CLASS``, or an entry point of ``seatrial.sources``.
@@ -640,7 +637,11 @@ class OwnSource(_Mqtt):
     """
 
     type: Literal["own"]
-    code: Annotated[str, Field(alias="class"), AfterValidator(_absolute_code)]
+    code: Annotated[
+        str,
+        Field(alias="class"),
+        AfterValidator(lambda name, info: absolute_name(name, (info.context or {}).get("folder"))),
+    ]
     options: dict[str, Any] = field(default_factory=dict)
     values: Annotated[dict[ChannelName, TopicValue], BeforeValidator(_values_of_user_code)] = Field(
         default_factory=dict, validate_default=True

@@ -273,7 +273,7 @@ def _lines_of(assembler: LineAssembler, frame: Frame, *, is_datagram: bool) -> l
 
 def _soundness(chunks: Sequence[bytes], *, is_datagram: bool = False) -> tuple[int, int]:
     """How many bytes of what came are of sound lines or gateways' messages, and how many of MAVLink's packets."""
-    assembler, cutter, lines, packets = LineAssembler(""), PacketCutter(whole=False), 0, 0
+    assembler, cutter, lines, packets = LineAssembler(""), PacketCutter(complete=False), 0, 0
     for chunk in chunks:
         frames = _lines_of(assembler, Frame("", "nmea0183", chunk, 0, 0), is_datagram=is_datagram)
         lines += sum(len(frame.payload) for frame in frames if _is_sound(frame))
@@ -314,7 +314,7 @@ def _with_system(capture: Heard) -> Heard:
         return capture
     from seatrial.acquisition.protocols.mavlink import is_read
 
-    cutter, systems = PacketCutter(whole=capture.place.type == "mavlink_file"), Counter[int]()
+    cutter, systems = PacketCutter(complete=capture.place.type == "mavlink_file"), Counter[int]()
     for frame in islice(capture.frames(), _HEAD_FRAMES):
         headers = [header_of(packet) for packet in cutter.push(frame.payload) if not isinstance(packet, Fault)]
         systems.update(

@@ -126,7 +126,7 @@ class Survey(FrameProcessor):
         self.events: list[str] = []
         self.first_ns = self.last_ns = 0
         self._cutters = {
-            source.name: PacketCutter(whole=source.type == "mavlink_file") for source in config.sources
+            source.name: PacketCutter(complete=source.type == "mavlink_file") for source in config.sources
         }
         self._products = {source.name: FastPackets(Counter()) for source in config.sources}
         self._refused_before: dict[int, Counter[str]] = {}

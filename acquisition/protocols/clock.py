@@ -381,8 +381,8 @@ _LEAST_LEVEL_DISTANCE = {"deg": 5.0, "dps": 1.0, "mps": 1.0, "rpm": 20.0, "perce
 """Of two levels, by the unit at the end of a quantity's name: ten steps of a coarse instrument."""
 _FEWEST, _MOST, _STRIDE = 17, 65, 8  # values that are tested, and how many come from one test to the next
 _FEWEST_TURNS = 8
-_BETWEEN = (0.25, 0.75)  # of the distance: steps of such a size belong to neither kind
-_EVEN = 0.12  # how much turns may differ from their median, as a fraction of it; of waves it is 0.3
+_INTERMEDIATE = (0.25, 0.75)  # of the distance: steps of such a size belong to neither kind
+_TURN_SPREAD = 0.12  # how much turns may differ from their median, as a fraction of it; of waves it is 0.3
 _RETURNS = 0.5  # of the turns are adjacent to another; none of a rudder that stays over for three samples
 _HALF_TURN_DEG = 150.0  # the way between levels of this distance is to either side, by their noise
 _SILENT_NS = 3 * NANO  # a source that is silent for longer has no last value
@@ -455,16 +455,16 @@ def two_levels(values: Sequence[float], least: float, *, circular: bool) -> tupl
     steps = [_difference(later, former, circular) for former, later in pairwise(values)]
     largest = sorted(map(abs, steps))[-_FEWEST_TURNS:]
     distance = largest[_FEWEST_TURNS // 2]
-    places = [place for place, step in enumerate(steps) if abs(step) > _BETWEEN[1] * distance]
+    places = [place for place, step in enumerate(steps) if abs(step) > _INTERMEDIATE[1] * distance]
     turns = [steps[place] for place in places]
-    intermediate = sum(abs(step) > _BETWEEN[0] * distance for step in steps) - len(turns)
+    intermediate = sum(abs(step) > _INTERMEDIATE[0] * distance for step in steps) - len(turns)
     adjacent = sum(place + 1 in places or place - 1 in places for place in places)
     in_turn = all(former * later < 0.0 for former, later in pairwise(turns))
     if (
         distance < least
         or len(turns) < _FEWEST_TURNS
         or intermediate
-        or max(abs(abs(turn) - distance) for turn in turns) > _EVEN * distance
+        or max(abs(abs(turn) - distance) for turn in turns) > _TURN_SPREAD * distance
         or adjacent < _RETURNS * len(turns)
         or not (in_turn or (circular and distance > _HALF_TURN_DEG))
     ):

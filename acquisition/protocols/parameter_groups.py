@@ -251,18 +251,6 @@ def _course_and_speed(message: Message) -> GroupReading:
     return GroupReading([(course, value), ("speed_over_ground_mps", message["sog"])])
 
 
-def _direction_data(message: Message) -> GroupReading:
-    """Course and speed only: heading, set and drift are computed by the device from other devices' data."""
-    quality = Quality.NOT_EVALUATED if message["dataMode"] in _MEASURED_MODES else Quality.SUSPECT
-    return GroupReading(_course_and_speed(message).values, quality=quality)
-
-
-def _speed_components(message: Message) -> GroupReading:
-    ground = ("surge_mps", "longitudinalSpeedGroundReferenced"), ("sway_mps", "transverseSpeedGroundReferenced")
-    water = available([("speed_through_water_mps", message["longitudinalSpeedWaterReferenced"])])
-    return GroupReading([*((name, message[field]) for name, field in ground), *water])
-
-
 _WINDS = {
     0: ("wind_direction_deg", "wind_speed_mps", ""),
     1: ("wind_direction_magnetic_deg", "wind_speed_mps", "magnetic"),
@@ -294,8 +282,17 @@ READERS: dict[int, Reader] = {
     GNSS_POSITION: _gnss_position,
     TIME_AND_DATE: lambda message: GroupReading([]),
     130306: _wind,
-    130577: _direction_data,
-    130578: _speed_components,
+    # course and speed only: heading, set and drift are computed by the device from other devices' data
+    130577: lambda message: _course_and_speed(message)._replace(
+        quality=Quality.NOT_EVALUATED if message["dataMode"] in _MEASURED_MODES else Quality.SUSPECT
+    ),
+    130578: lambda message: GroupReading(
+        [
+            ("surge_mps", message["longitudinalSpeedGroundReferenced"]),
+            ("sway_mps", message["transverseSpeedGroundReferenced"]),
+            *available([("speed_through_water_mps", message["longitudinalSpeedWaterReferenced"])]),
+        ]
+    ),
 }
 """The groups that we decode on every ship; :func:`machinery_readers` adds those of its actuators."""
 
