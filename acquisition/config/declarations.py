@@ -28,7 +28,7 @@ PACKS = Path(__file__).parents[2] / "trials" / "packs"
 """The folder of the packs that come with Seatrial."""
 
 GIVE_CONFIG = "give a configuration of yours with --config"
-"""What to do where a recording's own configuration names a file that is not attached."""
+"""What to do where a recording's configuration names a file that is not attached."""
 
 STRICT = ConfigDict(extra="forbid", str_strip_whitespace=True)
 Finite = Annotated[float, Field(allow_inf_nan=False)]
@@ -40,7 +40,7 @@ _TAG = re.compile(r"[A-OQ-Z][A-Z0-9]{2}|P[A-Z0-9]{2,}")
 class Conversion:
     """A received number as a channel's value: ``scale * (number in the channel's unit) + offset``.
 
-    ``unit`` is the number's; by default the origin's own unit if the protocol defines one, else the channel's.
+    ``unit`` is the number's; by default the origin's unit if the protocol defines one, else the channel's.
     With ``full_scale``, in the channel's unit, the number is a percentage of it.
     """
 
@@ -370,7 +370,7 @@ def name_of_ship(vessel: str | Path) -> str:
 
 
 def _ship_names(path: Path) -> tuple[str, ...]:
-    """The names of a vessel file: the file's own, and the one in it; none for another TOML file."""
+    """The names of a vessel file: the file's, and the one in it; none for another TOML file."""
     try:
         tree = parse_toml(read_text(path), path)
     except ConfigurationError:

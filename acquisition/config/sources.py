@@ -2,7 +2,7 @@
 
 Each source lists the channels it provides; where several provide one, their order in the file is the order of
 preference. ``clock = "source"`` stamps a source's samples with the time reported by the source; the default
-stamps them with the time of reception and stores the source's own time as well.
+stamps them with the time of reception and stores the source's time as well.
 """
 
 from __future__ import annotations
@@ -160,7 +160,7 @@ class _Ship:
 
 
 class DeclaredShip(NamedTuple):
-    """The ship of a file: its actuators, whether the file says which, the channels that it declares, its packs."""
+    """The ship of a file: its actuators, whether the file states them, the channels that it declares, its packs."""
 
     actuators: Actuators
     is_known: bool
@@ -330,7 +330,7 @@ class _Engines(_Source):
 
 @dataclass(frozen=True, config=STRICT, kw_only=True)
 class _CanFrames(_Engines):
-    """The settings of every stream of CAN frames: its devices, and the vessel's own frames by a DBC file.
+    """The settings of every stream of CAN frames: its devices, and the vessel's frames by a DBC file.
 
     ``addresses`` are the accepted source addresses on the bus, by default all.
     """
@@ -343,7 +343,7 @@ class _CanFrames(_Engines):
 
 @dataclass(frozen=True, config=STRICT, kw_only=True)
 class CanSource(_CanFrames):
-    """A CAN bus by python-can: NMEA 2000, and with a DBC file the vessel's own frames.
+    """A CAN bus by python-can: NMEA 2000, and with a DBC file the vessel's frames.
 
     ``options`` are passed to python-can's interface unchanged (bitrate, port, hop_limit ...).
     """
@@ -569,7 +569,7 @@ class _Mqtt(_Sentences):
 
 @dataclass(frozen=True, config=STRICT, kw_only=True)
 class MqttSource(_Mqtt):
-    """Messages from an MQTT broker; encrypted with ``tls``, or a ``ca_file`` of the broker's own authority.
+    """Messages from an MQTT broker; encrypted with ``tls``, or a ``ca_file`` of the broker's authority.
 
     The password of ``user`` is the first line of ``password_file``, or the environment variable
     ``password_variable``: a configuration is stored in its recording and must not contain it.
@@ -621,7 +621,7 @@ class MqttFileSource(_Mqtt):
 
 
 def _values_of_user_code(raw: object, info: ValidationInfo) -> dict[str, dict[str, str]]:
-    """The channels that a user's code may provide, each under its own topic, in the channel's unit."""
+    """The channels that a user's code may provide, each under a separate topic, in the channel's unit."""
     if raw:
         raise ValueError("is not for a source of your own, which returns channels by name, in their units")
     declared = (info.context or {}).get("declared", ())

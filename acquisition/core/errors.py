@@ -125,7 +125,7 @@ def system_reason(error: BaseException) -> str:
 def storage_error(path: Path | str, error: OSError, what: str = "cannot be written") -> StorageError:
     """The error for an output that the system refuses to write, naming what is in the way on its path.
 
-    The system's own message is misleading: "File exists" for a folder that cannot be made below a file.
+    The system's message is misleading: "File exists" for a folder that cannot be made below a file.
     """
     path = Path(path)
     why, fix = error.strerror or str(error), _CURES.get(error.errno or 0, "choose another place")
@@ -240,7 +240,7 @@ class Terminal(Console):
 
     def render(self, renderable: RenderableType, options: ConsoleOptions | None = None) -> Iterable[Segment]:
         """As rich's, which calls it for whatever is in a table or a group, too."""
-        text = rich_cast(renderable)
-        if isinstance(text, Text) and (plain := printable(text.plain)) != text.plain:  # loses its inner styles
-            text = Text(plain, text.style, justify=text.justify, overflow=text.overflow, no_wrap=text.no_wrap)
-        return super().render(text, options)
+        shown = rich_cast(renderable)
+        if isinstance(shown, Text) and (plain := printable(shown.plain)) != shown.plain:  # loses its inner styles
+            shown = Text(plain, shown.style, justify=shown.justify, overflow=shown.overflow, no_wrap=shown.no_wrap)
+        return super().render(shown, options)

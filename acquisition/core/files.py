@@ -130,7 +130,7 @@ def atomic_file(path: Path | str) -> Iterator[Path]:
 
 @contextmanager
 def temporary_folder(path: Path) -> Iterator[Path]:
-    """A temporary folder beside ``path``, for what is to become a folder of that name; removed at the end.
+    """A temporary folder in the place of ``path``, which may be renamed to it; removed at the end.
 
     Raises OSError.
     """
@@ -441,7 +441,7 @@ def _take(path: Path, output: Path, *, wait: bool) -> int:
         try:
             lock(descriptor, wait=wait)
             if is_open_at(descriptor, path):  # not removed in between by the process that had it
-                with suppress(OSError):  # of another user; on a full disk, what is written next says so
+                with suppress(OSError):  # of another user; a full disk is reported by the next writing
                     os.truncate(descriptor, 0)
                     os.pwrite(descriptor, f"process {os.getpid()} on {socket.gethostname()}".encode(), 0)
                 return descriptor

@@ -65,7 +65,7 @@ class Result:
 
 @dataclass(frozen=True, slots=True)
 class ChosenModel:
-    """The model that a result was computed with: its name, and a remark if it is not the recordings' own."""
+    """The model that a result was computed with: its name, and a remark if it is not that of the recordings."""
 
     name: str
     doubt: str = ""
@@ -75,7 +75,7 @@ class ChosenModel:
 
     @property
     def remarks(self) -> dict[str, list[str]]:
-        """The first entries of a JSON object: empty if the model is the recordings' own."""
+        """The first entries of a JSON object: empty if the model is that of the recordings."""
         return {"remarks": [str(self)]} if self.doubt else {}
 
 

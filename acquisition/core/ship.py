@@ -538,7 +538,7 @@ def trial_names(actuators: Actuators) -> tuple[str, ...]:
 
 
 def is_ship_known(vessel: str, actuators: str) -> bool:
-    """Whether a trial says which actuators its ship has: by a list, or by the name of one of Seatrial's vessels."""
+    """Whether a trial states its ship's actuators: by a list, or by the name of one of Seatrial's vessels."""
     return bool(actuators) or vessel.removesuffix(".toml").rpartition("/")[2] in SHIPPED
 
 

@@ -22,7 +22,7 @@ ORDERS: tuple[Order, ...] = ("year-first", "day-first", "month-first")
 _EARLIEST_YEAR, _LATEST_YEAR = 1970, 2099  # two digits are of this century
 _LONGEST_LOG_DAYS = 31.0  # a log that lasts longer by one order than by the other is not read so
 _MUCH_LONGER = 10.0  # a month in the place of a day makes a day a month
-_STATED_NS = 36 * 3600 * NANO  # a local time and UTC are no further apart
+_STATED_NS = 36 * 3600 * NANO  # the most that a local time and UTC differ
 
 _MONTHS = {
     month: number
@@ -55,7 +55,7 @@ _LEAP_SECONDS_NS = [
 """The GPS times from which it is a second more ahead of UTC: IERS, Bulletin C; the last was at the end of 2016."""
 
 YEAR_LAST = "two digits behind slashes are usually the year"
-"""Why an order is taken that the log itself does not state."""
+"""Why an order is assumed that the log itself does not state."""
 _SLASHED = re.compile(r"\d/\d\d?/\d\d(?!\d)")
 _NAME = r"[A-Za-zäéû]{3,9}\.?"
 _ZONE = r"(?:\s?(?P<zone>(?:UTC|GMT)?[+-]\d{1,2}(?::?\d\d)?|[A-Z]{3,4}(?![A-Za-z0-9$!])|UT|Z)(?![A-Za-z0-9]))?"
@@ -93,7 +93,7 @@ _PATTERNS = (_YEAR_DAY, _COMPACT, _COMPACT_DATE, _NUMBERS, _NAMED, _YEAR_NAMED, 
 class Stamp:
     """A date and a time of day as a text states them; ``text`` is the place in it.
 
-    ``numbers`` are those of the date as they stand there, ``orders`` those in which they are a date. Without
+    ``numbers`` are those of the date in the order of the text, ``orders`` those in which they are a date. Without
     ``has_year`` the first number is no year but 0. ``offset_s`` is the zone's, None where the text names none, and
     ``zone`` its name where that stands for several.
     """
@@ -107,7 +107,7 @@ class Stamp:
     has_year: bool = True
 
     def local_ns(self, order: Order, year: int | None = None) -> int:
-        """The time as ns since 1970 in its own zone. Raises :class:`ValueError` where there is no such date."""
+        """The time as ns since 1970 in its zone. Raises :class:`ValueError` where there is no such date."""
         date = _date(self.numbers if year is None else (year, *self.numbers[1:]), order)
         if date is None:
             raise ValueError("no date of a log")
@@ -137,7 +137,7 @@ clock_ns=50401250000000, offset_s=7200, zone='', has_year=True)
 
 def _stamp(match: re.Match[str]) -> Stamp | None:
     parts = match.groupdict()
-    clock_ns = _clock_ns(parts["clock"], parts.get("fraction"), parts.get("half"))
+    clock_ns = time_of_day_ns(parts["clock"], parts.get("fraction"), parts.get("half"))
     dates = _numbers(parts)
     if clock_ns is None or dates is None:
         return None
@@ -155,7 +155,7 @@ def _stamp(match: re.Match[str]) -> Stamp | None:
 
 
 def _numbers(parts: dict[str, str | None]) -> tuple[tuple[int, int, int], tuple[Order, ...]] | None:
-    """The numbers of a date, and the orders that they can stand in."""
+    """The numbers of a date, and the orders that they can have."""
     if parts.get("yearday"):
         first = dt.date(int(parts["a"] or 0), 1, 1)
         date = first + dt.timedelta(days=int(parts["yearday"] or 1) - 1)
@@ -192,8 +192,12 @@ def _date(numbers: Sequence[int], order: Order) -> dt.date | None:
     return None
 
 
-def _clock_ns(clock: str, fraction: str | None, half: str | None) -> int | None:
-    """A time of day as ns since midnight; None where there is none."""
+def time_of_day_ns(clock: str, fraction: str | None, half: str | None = None) -> int | None:
+    """A time of day as ns since midnight; None where there is no such time.
+
+    >>> time_of_day_ns("17:33:21", "107") == time_of_day_ns("05h33m21", "107", "p") == 63_201_107_000_000
+    True
+    """
     clock = re.sub(r"\s?(?:\.|h|min|mn|m)\s?", ":", clock.lower())
     if ":" not in clock:
         clock = f"{clock[:2]}:{clock[2:4]}:{clock[4:]}"

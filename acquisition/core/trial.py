@@ -25,7 +25,7 @@ NANO = 1_000_000_000
 HIGHEST_IDENTIFIER = 0x1FFFFFFF
 """Of a CAN frame: 29 bits."""
 _NOT_IN_A_LABEL = re.compile(r"[^A-Za-z0-9._-]")
-_LONGEST_NAME = 32  # letters of what stands behind the @ in a label; a TAG block's source has at most 15
+_LONGEST_NAME = 32  # letters after the @ in a label; a TAG block's source has at most 15
 _SATELLITE_TALKERS = frozenset({"GN", "GP", "GL", "GA", "GB", "BD", "GI", "GQ", "QZ"})
 
 

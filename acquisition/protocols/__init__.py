@@ -114,14 +114,14 @@ class DeclaredReaders(dict[Carrier, list[Reader]]):
 
 
 def make_decoders(config: AnySource, actuators: Actuators = DEFAULT, declared: Declarations = ()) -> list[Decoder]:
-    """The decoders that the frames of a source's own protocol go through, on a ship with these actuators."""
+    """The decoders that the frames of a source's main protocol go through, on a ship with these actuators."""
     return next(iter(decoders_by_protocol(config, actuators, declared).values()))
 
 
 def decoders_by_protocol(
     config: AnySource, actuators: Actuators = DEFAULT, declared: Declarations = ()
 ) -> dict[Protocol, list[Decoder]]:
-    """The decoders of a source's frames, its own protocol first: on a line a gateway may send CAN frames, too.
+    """The decoders of a source's frames, its main protocol first: on a line a gateway may send CAN frames, too.
 
     Of the channels that are ``declared`` they read those that are listed for the source.
     """

@@ -22,7 +22,7 @@ from itertools import pairwise
 from math import cos, hypot, radians
 
 from seatrial.acquisition.config.sources import Clock
-from seatrial.acquisition.core.times import DAY_NS, Order, Stamp, find_stamp
+from seatrial.acquisition.core.times import DAY_NS, Order, Stamp, find_stamp, time_of_day_ns
 from seatrial.acquisition.core.trial import NANO, Frame, FrameFlag, Group, Quality, Sample
 from seatrial.acquisition.protocols import Notices
 
@@ -164,7 +164,7 @@ _pattern = partial(re.compile, flags=re.ASCII)  # what is no ASCII is no space a
 ZONE = r"(?P<zone>Z|UTC|[+-]\d\d(?::?\d\d)?)?Z?"
 """What names a zone in a pattern."""
 SENTENCE_WITH_PREFIX = _pattern(r"(?P<before>[^$!\\]{0,200})(?P<inner>(?:[$!][A-Za-z0-9]{3,},|\\[a-z]{1,3}:).*)")
-"""A sentence, or its TAG block, with what stands before it."""
+"""A sentence, or its TAG block, with the text before it."""
 _UNIX = _pattern(r"(?<![\d.])(\d{10}\.\d{1,9}|\d{19}|\d{16}|\d{13}|\d{10})(?![\d.])")
 _CLOCK = _pattern(r"(?<!\d)(\d\d:\d\d:\d\d)(?:[.,](\d{1,9}))?")
 _DATE_LIKE = _pattern(r"\d{1,4}[^\d\s:,;][A-Za-z\d]{1,9}\D\d{1,4}|\d{8}|[A-Za-z]{3} +\d{1,2}\b")
@@ -193,19 +193,6 @@ def zoned_time_ns(
     return seconds * NANO + int((fraction or "")[:9].ljust(9, "0"))
 
 
-def time_of_day_ns(clock: str, fraction: str | None) -> int | None:
-    """A time of day, ``hh:mm:ss`` or ``hhmmss``, as ns since midnight; None where there is no such time.
-
-    >>> time_of_day_ns("17:33:21", "107")
-    63201107000000
-    """
-    digits = clock.replace(":", "")
-    hours, minutes, seconds = int(digits[:2]), int(digits[2:4]), int(digits[4:])
-    if hours > 23 or minutes > 59 or seconds > 59:
-        return None
-    return (3600 * hours + 60 * minutes + seconds) * NANO + int((fraction or "")[:9].ljust(9, "0"))
-
-
 class StatedTimes:
     """The times that are beside a log's sentences; ``order`` is that of its dates, ``year`` of dates without one.
 
@@ -218,7 +205,7 @@ class StatedTimes:
         self.last: Stamp | None = None
         self.unread_date = ""  # the first text with a time of day whose date was not understood
         self.unknown_zone = ""
-        self.remark = ""  # what a log's own header means for its times
+        self.remark = ""  # what a log's header means for its times
 
     def read(self, text: str) -> tuple[int | None, int] | None:
         """The time in the text beside a sentence, and the period of its clock [ns]; None where there is none.

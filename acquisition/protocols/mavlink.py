@@ -215,7 +215,7 @@ class MavlinkDecoder(Decoder):
         }
         self._shafts = tuple(f"{name}_rpm" for name in shafts(actuators)[:2])
         self._angles = frozenset(name for name in channel_names(actuators) if BY_NAME[name].circular)
-        self._boot_ns: dict[str, int] = {}  # by sender: each counts from its own start
+        self._boot_ns: dict[str, int] = {}  # by sender: each counts from its start
         self._last_boot_ms: dict[str, int] = {}
         self._quiet_until_ns = 0
         self._origins: dict[str, tuple[float, float]] = {}  # by address

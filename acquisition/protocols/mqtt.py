@@ -306,7 +306,7 @@ class MqttEncoder:
         return packets if self._topic is None else packets + self._sentences_of(moment, time, self._topic)
 
     def _sentences_of(self, moment: Moment, time: str, topic: str) -> list[Packet]:
-        """The sentences of what has no topic of its own."""
+        """The sentences of what has no separate topic."""
         remaining = replace(
             moment, values={name: value for name, value in moment.values.items() if name not in self._values}
         )

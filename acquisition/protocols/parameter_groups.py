@@ -37,7 +37,7 @@ NOT_AVAILABLE, ERROR_VALUE = "not available", "error value"
 Value = float | str
 """A number, or the reason why there is none."""
 _DAY_S = 86_400
-_WHOLE_TURN_RAD = 2 * pi + 1e-4  # a whole turn rounded up to the wire's step
+_FULL_TURN_RAD = 2 * pi + 1e-4  # rounded up to the wire's step
 _NO_FIX, _NO_FIX_ERROR = 0, 14
 _METHODS = range(1, 9)  # numbered as the fixes of GGA are
 _SATELLITE_METHODS = range(1, 6)  # above them dead reckoning, manual input, simulator and what is not defined yet
@@ -218,7 +218,7 @@ def _deviated_deg(heading: Value, deviation: Value) -> Value:
     """A compass heading with its deviation, within a turn unless the heading itself is beyond one [deg]."""
     if isinstance(heading, str):
         return heading
-    if isinstance(deviation, str) or heading > _WHOLE_TURN_RAD:
+    if isinstance(deviation, str) or heading > _FULL_TURN_RAD:
         return heading * DEG_PER_RAD
     if abs(deviation) > pi:
         return "impossible deviation"

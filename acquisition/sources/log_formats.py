@@ -32,7 +32,7 @@ from functools import partial
 from itertools import chain
 from typing import BinaryIO, NamedTuple
 
-from seatrial.acquisition.core.times import DAY_NS, Order, Stamp
+from seatrial.acquisition.core.times import DAY_NS, Order, Stamp, time_of_day_ns
 from seatrial.acquisition.core.trial import HIGHEST_IDENTIFIER, NANO, FrameFlag, Protocol, can_flags
 from seatrial.acquisition.protocols.clock import (
     SENTENCE_WITH_PREFIX,
@@ -40,7 +40,6 @@ from seatrial.acquisition.protocols.clock import (
     StatedTimes,
     is_possible,
     possible_ns,
-    time_of_day_ns,
     zoned_time_ns,
 )
 from seatrial.acquisition.protocols.nmea0183 import (
