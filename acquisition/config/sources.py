@@ -147,7 +147,7 @@ class ActuatorSection:
 
 
 @dataclass(frozen=True, config=ConfigDict(extra="ignore"))
-class _ShipName:
+class _Named:
     vessel: object = ""
 
 
@@ -156,7 +156,7 @@ class _Ship:
     actuator: tuple[ActuatorSection, ...] = ()
     channel: tuple[ChannelSection, ...] = ()
     pack: tuple[PackSection, ...] = ()
-    trial: _ShipName = field(default_factory=_ShipName)
+    trial: _Named = field(default_factory=_Named)
 
 
 class DeclaredShip(NamedTuple):
