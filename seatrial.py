@@ -27,7 +27,7 @@ from contextlib import contextmanager
 from functools import cache
 from typing import TYPE_CHECKING, Any, NoReturn
 
-from seatrial.acquisition.core.errors import DEBUG_VARIABLE, printable, unexpected
+from seatrial.acquisition.core.errors import DEBUG_VARIABLE, printable, unexpected_error
 from seatrial.acquisition.core.named_code import imported
 from seatrial.acquisition.core.process import (
     Termination,
@@ -169,7 +169,7 @@ def main() -> None:
 def _fail(error: Exception) -> NoReturn:
     if os.environ.get(DEBUG_VARIABLE):
         traceback.print_exception(error)
-    print(f"seatrial: {unexpected(error)}", file=sys.stderr)  # noqa: T201 - this is the terminal
+    print(f"seatrial: {unexpected_error(error)}", file=sys.stderr)  # noqa: T201 - this is the terminal
     sys.exit(1)
 
 

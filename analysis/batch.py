@@ -53,7 +53,7 @@ from seatrial.acquisition.core.errors import (
     storage_error,
 )
 from seatrial.acquisition.core.files import (
-    LOCK,
+    LOCK_NAME,
     locked_folder,
     make_folder,
     read_json,
@@ -624,7 +624,7 @@ _LONGEST_NAME_BYTES, _DIGEST_LETTERS = 245, 12  # file systems take 255; ten are
 _NUMBER = re.compile(r"\d[\d,.]*\d|\d")
 CRITERIA = "criteria.json"
 """What the recordings of each ship together show of the standards' criteria."""
-_RESERVED = {"index.html", "index.parquet", CRITERIA, MARKS, LOCK}
+_RESERVED = {"index.html", "index.parquet", CRITERIA, MARKS, LOCK_NAME}
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,7 +10,7 @@ from pathlib import Path
 import pandas as pd
 
 from seatrial.acquisition.config.run_sheet import statement_from_text
-from seatrial.acquisition.core.errors import SeatrialError, printable_name, unexpected
+from seatrial.acquisition.core.errors import SeatrialError, printable_name, unexpected_error
 from seatrial.acquisition.recording.grouping import read_parts
 from seatrial.acquisition.recording.reader import Recording
 from seatrial.analysis.estimation.smoother import smooth
@@ -114,5 +114,5 @@ def cause_of(error: BaseException) -> str:
 
     Of an error that nobody foresaw it says where in Seatrial it arose.
     """
-    fault = unexpected(error)
+    fault = unexpected_error(error)
     return str(fault.at("" if isinstance(error, SeatrialError | OSError) else fault.where))

@@ -59,7 +59,7 @@ from seatrial.acquisition.core.errors import (
     SourceError,
     StorageError,
     printable_name,
-    unexpected,
+    unexpected_error,
 )
 from seatrial.acquisition.core.files import atomic_file, locked_briefly, make_folder
 from seatrial.acquisition.core.trial import software_version
@@ -315,7 +315,7 @@ def _explained(error: HTTPException) -> tuple[str, int]:
 
 def _unexpected_error(error: Exception) -> tuple[str, int]:
     """What nobody foresaw, as a page with one line, which the terminal has too."""
-    fault = unexpected(error)
+    fault = unexpected_error(error)
     LOG.error("%s: %s", printable_name(request.path), fault)
     return _message("This page failed", [str(fault), "The other pages are not affected."]), 500
 
@@ -665,7 +665,7 @@ def _run_and_send(pipe: Connection, function: _Work, arguments: tuple[object, ..
     try:
         answer: dict[str, object] = {"lines": list(function(*arguments))}
     except Exception as error:  # whatever it is, it is this file's and no other's
-        answer = {"error": str(unexpected(error))}
+        answer = {"error": str(unexpected_error(error))}
     pipe.send_bytes(json.dumps(answer).encode())
 
 

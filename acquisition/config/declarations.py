@@ -1,12 +1,9 @@
-"""Declared channels and their origins: ``[[channel]]`` and ``[[pack]]``.
+"""What files declare: channels and their origins (``[[channel]]``, ``[[pack]]``), and vessel files' actuators.
 
-A pack is a file of such declarations, found in ``trials/packs`` by name or elsewhere by path. Declarations for
-each of several equal devices, such as engines, have ``{each}`` in their names and may number them by
-``{number}``. Known channels may be given further origins.
-
-Vessel files: finding them by name or path, merging them with their base, and listing their actuators.
-
-``hybrid/vessel`` interprets the numbers in them; recording and importing need the actuators only.
+A pack is a file of channels, found in ``trials/packs`` by name or elsewhere by path. Declarations for each of
+several equal devices, such as engines, have ``{each}`` in their names and may number them by ``{number}``.
+Channels that a ship has anyway may be given further origins. A vessel file is found by name or path and merged
+with its base; ``hybrid/vessel`` interprets the numbers in it, recording and importing need the actuators only.
 """
 
 from __future__ import annotations
@@ -24,14 +21,14 @@ from pydantic.dataclasses import dataclass
 
 from seatrial.acquisition.config.toml_file import line_of, parse_toml, read_text, validate
 from seatrial.acquisition.core.errors import ConfigurationError
-from seatrial.acquisition.core.quantities import Linear, to_house
+from seatrial.acquisition.core.quantities import Linear, conversion_to
 from seatrial.acquisition.core.ship import SHIPPED, VESSELS, Actuator, Actuators, Channel, check_actuators, declare
 
 PACKS = Path(__file__).parents[2] / "trials" / "packs"
 """The folder of the packs that come with Seatrial."""
 
 GIVE_CONFIG = "give a configuration of yours with --config"
-"""What to do where a recording's own configuration names a file that is not attached."""
+"""What to do where a recording's configuration names a file that is not attached."""
 
 STRICT = ConfigDict(extra="forbid", str_strip_whitespace=True)
 Finite = Annotated[float, Field(allow_inf_nan=False)]
@@ -43,7 +40,7 @@ _TAG = re.compile(r"[A-OQ-Z][A-Z0-9]{2}|P[A-Z0-9]{2,}")
 class Conversion:
     """A received number as a channel's value: ``scale * (number in the channel's unit) + offset``.
 
-    ``unit`` is the number's; by default the origin's own unit if the protocol defines one, else the channel's.
+    ``unit`` is the number's; by default the origin's unit if the protocol defines one, else the channel's.
     With ``full_scale``, in the channel's unit, the number is a percentage of it.
     """
 
@@ -52,23 +49,23 @@ class Conversion:
     offset: Finite = 0.0
     full_scale: Finite | None = None
 
-    def step_to(self, channel: Channel, usual: str | None = None) -> Linear:
-        """The conversion to the channel's unit, from ``usual`` if no unit is given.
+    def step_to(self, channel: Channel, default_unit: str | None = None) -> Linear:
+        """The conversion to the channel's unit, from ``default_unit`` if no unit is given.
 
         Raises :class:`ConfigurationError` if the units measure different quantities.
         """
-        unit, of_full = self.unit or usual, (self.full_scale or 0.0) / 100.0
+        unit, per_percent = self.unit or default_unit, (self.full_scale or 0.0) / 100.0
         if self.full_scale is None:
             if unit == PERCENT and channel.unit != "%":
                 raise ConfigurationError("percent needs full_scale, the value at 100 %")
-            first = to_house(channel.unit, unit) if unit else Linear(1.0)
+            step = conversion_to(channel.unit, unit) if unit else Linear(1.0)
         else:
-            share = to_house("%", unit or PERCENT)
-            first = Linear(share.scale * of_full, share.offset * of_full)
-        return Linear(self.scale * first.scale, self.scale * first.offset + self.offset)
+            to_percent = conversion_to("%", unit or PERCENT)
+            step = Linear(to_percent.scale * per_percent, to_percent.offset * per_percent)
+        return Linear(self.scale * step.scale, self.scale * step.offset + self.offset)
 
 
-def _tag(sentence: str) -> str:
+def _check_tag(sentence: str) -> str:
     if not _TAG.fullmatch(sentence):
         raise ValueError(
             "is not a sentence; write its three letters, like DPT, or the whole tag of a proprietary one, like PSXN"
@@ -84,7 +81,7 @@ class SentenceField(Conversion):
     gives required values of other fields, ``time`` the field with the time of day (hhmmss).
     """
 
-    sentence: Annotated[str, AfterValidator(_tag)]
+    sentence: Annotated[str, AfterValidator(_check_tag)]
     field: PositiveInt
     when: dict[Annotated[str, StringConstraints(pattern=r"^[1-9]\d?$")], tuple[str, ...] | str] = Field(
         default_factory=dict
@@ -128,19 +125,17 @@ class MavlinkField(Conversion):
 Origin = SentenceField | Transducer | GroupField | MavlinkField
 
 
-def _kind_of(origin: Any) -> str | None:
-    """The kind of an origin, by the key that only this kind has."""
-    kinds = ("sentence", "transducer", "group", "message")
-    return next((f"by {key}" for key in kinds if isinstance(origin, dict) and key in origin), None)
-
-
+_ORIGIN_KEYS = ("sentence", "transducer", "group", "message")
+"""The keys of origins that only one kind of them has."""
 _AnyOrigin = Annotated[
     Annotated[SentenceField, Tag("by sentence")]
     | Annotated[Transducer, Tag("by transducer")]
     | Annotated[GroupField, Tag("by group")]
     | Annotated[MavlinkField, Tag("by message")],
     Discriminator(
-        _kind_of,
+        lambda origin: next(
+            (f"by {key}" for key in _ORIGIN_KEYS if isinstance(origin, dict) and key in origin), None
+        ),
         custom_error_type="no_origin",
         custom_error_message="says none of sentence, transducer, group and message",
     ),
@@ -151,8 +146,8 @@ _AnyOrigin = Annotated[
 class ChannelSection:
     """A channel: its name, which ends in its unit, the unit, the range of possible values, its origins.
 
-    A ``state`` is a code or a count that keeps its value until the next one. For a known channel only the name
-    and the origins are given.
+    A ``state`` is a code or a count that keeps its value until the next one. For a channel of the ship only the
+    name and the origins are given.
     """
 
     name: str
@@ -180,7 +175,7 @@ class _Pack:
 
 @plain_dataclass(frozen=True, slots=True)
 class DeclaredChannel:
-    """A channel and its origins; for a known channel these are further ones."""
+    """A channel and its origins; for a channel of the ship these are further ones."""
 
     channel: Channel
     origins: tuple[Origin, ...] = ()
@@ -197,7 +192,7 @@ class PackFile:
     name: str
     path: Path
     text: str
-    each: tuple[str, ...]
+    device_names: tuple[str, ...]
 
 
 def find_pack(name: str, folder: Path) -> Path:
@@ -219,23 +214,19 @@ def read_packs(
     """
     files = []
     for number, pack in enumerate(packs):
-        try:
-            files.append(_read_pack(pack, folder) if carried is None else _carried_pack(pack, carried))
-        except ConfigurationError as error:
-            raise error.at(f"{path}, line {line_of(text, ['pack', number, 'name'])}") from error
+        where = f"{path}, line {line_of(text, ['pack', number, 'name'])}"
+        if carried is None:
+            try:
+                file = find_pack(pack.name, folder)
+                files.append(PackFile(pack.name, file, read_text(file), pack.each))
+            except ConfigurationError as error:
+                raise error.at(where) from error
+        elif pack.name in carried:
+            files.append(PackFile(pack.name, Path(pack.name), carried[pack.name], pack.each))
+        else:
+            what = f"the recording has no attachment for the pack {pack.name!r}, and no other file is read for it"
+            raise ConfigurationError(what, where=where, fix=GIVE_CONFIG)
     return tuple(files)
-
-
-def _read_pack(pack: PackSection, folder: Path) -> PackFile:
-    file = find_pack(pack.name, folder)
-    return PackFile(pack.name, file, read_text(file), pack.each)
-
-
-def _carried_pack(pack: PackSection, carried: Mapping[str, str]) -> PackFile:
-    if pack.name not in carried:
-        what = f"the recording has no attachment for the pack {pack.name!r}, and no other file is read for it"
-        raise ConfigurationError(what, fix=GIVE_CONFIG)
-    return PackFile(pack.name, Path(pack.name), carried[pack.name], pack.each)
 
 
 def declarations_of(
@@ -255,39 +246,39 @@ def declarations_of(
             raise ConfigurationError(what, where=f"{path}, line {line_of(text, ['channel'])}", fix=fix)
     candidates = [(section, path, text, number) for number, section in enumerate(sections)]
     for pack in packs:
-        candidates += [(section, pack.path, pack.text, number) for section, number in _of_pack(pack)]
+        candidates += [(section, pack.path, pack.text, number) for section, number in _channels_of_pack(pack)]
     declarations: dict[str, DeclaredChannel] = {}
-    for section, where, of, number in candidates:
+    for section, file, file_text, number in candidates:
         if section.name not in declarations:
             try:
-                declarations[section.name] = _declared(section, ship_channels)
+                declarations[section.name] = _declaration(section, ship_channels)
             except ConfigurationError as error:
-                raise error.at(f"{where}, line {line_of(of, ['channel', number, 'name'])}") from error
+                raise error.at(f"{file}, line {line_of(file_text, ['channel', number, 'name'])}") from error
     return tuple(declarations.values())
 
 
-def _of_pack(pack: PackFile) -> Iterator[tuple[ChannelSection, int]]:
+def _channels_of_pack(pack: PackFile) -> Iterator[tuple[ChannelSection, int]]:
     """A pack's channels with their number in its file, those with ``{each}`` once for each name."""
     raw = parse_toml(pack.text, pack.path)
-    for place, name in enumerate(pack.each):
-        filled = validate(_filled(raw, name, place), pack.text, pack.path, _Pack).channel
-        for number, section in enumerate(filled):
-            if place == 0 or "{each}" in raw["channel"][number]["name"]:
+    for device_number, device in enumerate(pack.device_names):
+        sections = validate(_fill_in_device(raw, device, device_number), pack.text, pack.path, _Pack).channel
+        for number, section in enumerate(sections):
+            if device_number == 0 or "{each}" in raw["channel"][number]["name"]:
                 yield section, number
 
 
-def _filled(node: Any, device: str, number: int) -> Any:
+def _fill_in_device(node: Any, device: str, number: int) -> Any:
     """A declaration with the name and number of one device filled in."""
     if isinstance(node, dict):
-        return {key: _filled(value, device, number) for key, value in node.items()}
+        return {key: _fill_in_device(value, device, number) for key, value in node.items()}
     if isinstance(node, list):
-        return [_filled(value, device, number) for value in node]
+        return [_fill_in_device(value, device, number) for value in node]
     if not isinstance(node, str):
         return node
     return number if node == "{number}" else node.replace("{each}", device).replace("{number}", str(number))
 
 
-def _declared(section: ChannelSection, ship_channels: Mapping[str, Channel]) -> DeclaredChannel:
+def _declaration(section: ChannelSection, ship_channels: Mapping[str, Channel]) -> DeclaredChannel:
     name = section.name
     if name in ship_channels:
         if section.unit is not None or section.range is not None or section.state or section.meaning:
@@ -295,8 +286,8 @@ def _declared(section: ChannelSection, ship_channels: Mapping[str, Channel]) -> 
             raise ConfigurationError(f"{name} is already a channel of the ship", fix=fix)
         channel = ship_channels[name]
     elif section.unit is None or section.range is None:
-        lacking = "unit" if section.unit is None else "range"
-        raise ConfigurationError(f"channel {name} has no {lacking}", fix="add it")
+        missing = "unit" if section.unit is None else "range"
+        raise ConfigurationError(f"channel {name} has no {missing}", fix="add it")
     else:
         channel = declare(name, section.unit, *section.range, section.meaning, section.state)
     for origin in section.origins:
@@ -309,7 +300,7 @@ def _declared(section: ChannelSection, ship_channels: Mapping[str, Channel]) -> 
 
 
 @contextmanager
-def complaints_about(channel: Channel) -> Iterator[None]:
+def errors_about_channel(channel: Channel) -> Iterator[None]:
     """Add the channel to an error in its declaration."""
     try:
         yield
@@ -317,13 +308,13 @@ def complaints_about(channel: Channel) -> Iterator[None]:
         raise error.at(f"channel {channel.name}") from error
 
 
-def carried_by(declared: Declarations, channels: Iterable[str], kind: Any) -> list[tuple[Channel, Any]]:
+def select_origins(declared: Declarations, channels: Iterable[str], kind: Any) -> list[tuple[Channel, Any]]:
     """The channels and origins of one kind, among those listed for a source."""
-    wanted = frozenset(channels)
+    names = frozenset(channels)
     return [
         (declaration.channel, origin)
         for declaration in declared
-        if declaration.channel.name in wanted
+        if declaration.channel.name in names
         for origin in declaration.origins
         if isinstance(origin, kind)
     ]
@@ -339,14 +330,14 @@ def vessel_names() -> list[str]:
 
 
 def find_vessel(name_or_file: str | Path, folder: Path | None = None) -> Path:
-    """The file of a vessel by its name in ``trials/vessels``, or by a path from ``folder`` (else from here).
+    """The file of a vessel by its name in ``trials/vessels``, or by a path from ``folder`` (working directory).
 
     Raises :class:`ConfigurationError` for what is neither.
     """
     text = str(name_or_file)
-    named = VESSELS / f"{text}.toml"
-    if "/" not in text and named.is_file():
-        return named
+    shipped = VESSELS / f"{text}.toml"
+    if "/" not in text and shipped.is_file():
+        return shipped
     path = (folder or Path.cwd()) / text
     if path.is_file():
         return path
@@ -363,9 +354,8 @@ def vessel_of_ship(ship: str, folder: Path) -> Path | None:
     """
     ship = Path(ship).stem if ship.endswith(".toml") else ship
     for place in (VESSELS, folder, Path.cwd()) if ship else ():
-        names_by_path = {path: _ship_names(path) for path in sorted(place.glob("*.toml"))}
-        named = [path for path, names in names_by_path.items() if ship in names]
-        matches = [path for path in named if path.stem == ship] or named
+        candidates = [path for path in sorted(place.glob("*.toml")) if ship in _ship_names(path)]
+        matches = [path for path in candidates if path.stem == ship] or candidates
         if len(matches) > 1:
             what = f"{' and '.join(path.name for path in matches)} are both of the ship {ship!r}"
             raise ConfigurationError(what, where=str(place), fix="choose one with --vessel, or rename one")
@@ -375,12 +365,12 @@ def vessel_of_ship(ship: str, folder: Path) -> Path | None:
 
 
 def name_of_ship(vessel: str | Path) -> str:
-    """The name of a vessel: her name in ``trials/vessels`` or the name in her file."""
+    """The name of a vessel: its name in ``trials/vessels`` or the name in its file."""
     return str(vessel_tree(find_vessel(vessel))["name"])
 
 
 def _ship_names(path: Path) -> tuple[str, ...]:
-    """The names of a vessel file: the file's own, and the one in it; none for another TOML file."""
+    """The names of a vessel file: the file's, and the one in it; none for another TOML file."""
     try:
         tree = parse_toml(read_text(path), path)
     except ConfigurationError:
@@ -389,24 +379,24 @@ def _ship_names(path: Path) -> tuple[str, ...]:
 
 
 def vessel_tree(path: Path) -> Tree:
-    """The tables of a vessel file merged with its base, and that with its own base.
+    """The tables of a vessel file merged with its base, and so on with the base of that.
 
     A base is the name of a vessel that comes with Seatrial or a path, relative to the file that names it. A
-    file without a name takes its own file name, not its base's. Raises :class:`ConfigurationError` for an
+    file without a name takes the file's name, not its base's. Raises :class:`ConfigurationError` for an
     unreadable file, a missing base, and circular bases.
     """
     return {"name": path.stem, **_with_base(path, seen=())}
 
 
 def load_actuators(vessel: str | Path) -> Actuators:
-    """The names and kinds of a vessel's actuators, by her name or from her file.
+    """The names and kinds of a vessel's actuators, by its name or from its file.
 
     Raises :class:`ConfigurationError` for anything but a vessel file, and for a list that cannot be one ship's.
     """
     path = find_vessel(vessel)
-    listed = vessel_tree(path).get("actuator", [])
+    entries = vessel_tree(path).get("actuator", [])
     try:
-        return check_actuators(Actuator(str(entry["name"]), str(entry["kind"])) for entry in listed)
+        return check_actuators(Actuator(str(entry["name"]), str(entry["kind"])) for entry in entries)
     except (TypeError, KeyError) as error:
         fix = "write an [[actuator]] with name and kind for each"
         raise ConfigurationError("has actuators without name or kind", where=str(path), fix=fix) from error
@@ -417,16 +407,16 @@ def load_actuators(vessel: str | Path) -> Actuators:
 def length_of_ship(ship: str, folder: Path) -> float | None:
     """The length between perpendiculars [m] of the ship named by a file in ``folder``; None without a vessel file.
 
-    What the effects of a vessel file make of the length is not in it.
+    What the effects of a vessel file change of the length is not included.
     """
     file = vessel_of_ship(ship, folder)
-    length_m = {} if file is None else vessel_tree(file).get("dimensions", {})
-    value = length_m.get("length_between_perpendiculars_m") if isinstance(length_m, dict) else None
-    return float(value) if isinstance(value, int | float) else None
+    dimensions = {} if file is None else vessel_tree(file).get("dimensions", {})
+    length_m = dimensions.get("length_between_perpendiculars_m") if isinstance(dimensions, dict) else None
+    return float(length_m) if isinstance(length_m, int | float) else None
 
 
 def actuators_of_ship(ship: str, folder: Path) -> Actuators:
-    """The actuators of the ship named by a file in ``folder``, none if she has no vessel file."""
+    """The actuators of the ship named by a file in ``folder``, none if it has no vessel file."""
     file = vessel_of_ship(ship, folder)
     return () if file is None else load_actuators(file)
 
@@ -439,46 +429,42 @@ def _with_base(path: Path, seen: tuple[Path, ...]) -> Tree:
         return {key: value for key, value in tree.items() if key != "base"}
     if not isinstance(base, str):
         raise ConfigurationError("base is not a name", where=str(path), fix='write base = "NAME or FILE"')
-    below = find_vessel(base, path.parent)
+    base_path = find_vessel(base, path.parent)
     seen = (*seen, path.resolve())
-    if below.resolve() in seen:
+    if base_path.resolve() in seen:
         fix = "let it build on another vessel, or on none"
         raise ConfigurationError(f"base {base!r} leads back to a file that builds on it", where=str(path), fix=fix)
-    return _merged({key: value for key, value in _with_base(below, seen).items() if key != "name"}, tree)
+    return _merged({key: value for key, value in _with_base(base_path, seen).items() if key != "name"}, tree)
 
 
 def _check_names(tree: Tree, path: Path) -> None:
     """Actuators are merged by name. Raises :class:`ConfigurationError` for a name that is no text."""
-    listed = tree.get("actuator", [])
+    entries = tree.get("actuator", [])
     names = (
-        [entry.get("name", "") for entry in listed if isinstance(entry, dict)] if isinstance(listed, list) else []
+        [entry.get("name", "") for entry in entries if isinstance(entry, dict)] if isinstance(entries, list) else []
     )
     if not all(isinstance(name, str) for name in names):
         fix = 'write name = "NAME" in each [[actuator]]'
         raise ConfigurationError("has an actuator whose name is no text", where=str(path), fix=fix)
 
 
-def _merged(below: Tree, above: Tree) -> Tree:
-    """``below`` overridden by ``above``: tables of the same ``model`` key by key, actuators by name."""
-    result = dict(below)
-    for key, value in above.items():
-        under = result.get(key)
-        if key == "actuator" and isinstance(under, list) and isinstance(value, list):
-            result[key] = _merged_by_name(under, value)
+def _merged(base: Tree, tree: Tree) -> Tree:
+    """``base`` overridden by ``tree``: tables of the same ``model`` key by key, actuators by name."""
+    merged = dict(base)
+    for key, value in tree.items():
+        base_value = base.get(key)
+        if key == "actuator" and isinstance(base_value, list) and isinstance(value, list):
+            by_name = {entry.get("name"): entry for entry in base_value if isinstance(entry, dict)}
+            for entry in value:
+                name = entry.get("name") if isinstance(entry, dict) else None
+                by_name[name] = _merged(by_name[name], entry) if name in by_name else entry
+            merged[key] = list(by_name.values())
         elif (
-            isinstance(under, dict)
+            isinstance(base_value, dict)
             and isinstance(value, dict)
-            and value.get("model", under.get("model")) == under.get("model")
+            and value.get("model", base_value.get("model")) == base_value.get("model")
         ):
-            result[key] = _merged(under, value)
+            merged[key] = _merged(base_value, value)
         else:
-            result[key] = value
-    return result
-
-
-def _merged_by_name(below: list[Any], above: list[Any]) -> list[Any]:
-    merged = {entry.get("name"): entry for entry in below if isinstance(entry, dict)}
-    for entry in above:
-        name = entry.get("name") if isinstance(entry, dict) else None
-        merged[name] = _merged(merged[name], entry) if name in merged else entry
-    return list(merged.values())
+            merged[key] = value
+    return merged

@@ -1,9 +1,7 @@
-"""A trial as people describe it: its run sheet, its conditions, the instruments, and the ship's particulars.
+"""A trial as its crew describes it: its run sheet, its conditions, the instruments, and the ship's particulars.
 
-The tables ``[trial]``, ``[conditions]``, ``[instruments]`` and ``[particulars]`` of a configuration and of a column
-map, and of the file ``conditions.toml`` that states afterwards what a recording does not.
-
-A ship as she ran her trial, and the sea and the air of that day: the ``[conditions]`` of a trial.
+They are the tables ``[trial]``, ``[conditions]``, ``[instruments]`` and ``[particulars]`` of a configuration and
+of a column map, and of the file ``conditions.toml`` that states afterwards what a recording does not.
 """
 
 from __future__ import annotations
@@ -23,6 +21,11 @@ from seatrial.acquisition.config.toml_file import parse_toml, read_text, validat
 from seatrial.acquisition.core.errors import printable
 from seatrial.acquisition.core.trial import Trial
 
+LOG = logging.getLogger("seatrial")
+Content = TypeVar("Content")
+
+CONDITIONS_FILE = "conditions.toml"
+"""The file beside recordings that states what they do not."""
 REFERENCE_DENSITY_KGPM3, REFERENCE_TEMPERATURE_DEGC = 1026.0, 15.0
 """The water that results are stated for, ISO 15016:2015."""
 
@@ -35,7 +38,7 @@ WindType = Literal[
 
 @dataclasses.dataclass(frozen=True, slots=True, kw_only=True)
 class Conditions:
-    """A ship as she ran her trial, and the sea and the air of that day; None is not known.
+    """A ship as it ran its trial, and the sea and the air of that day; None is not known.
 
     ``displacement_m3`` is that of the trial and ``stated_displacement_m3`` the one that results are wanted for.
     ``midship_section_m2`` is the area of the largest section under water, ``bow_length_m`` how far abaft the stem
@@ -50,7 +53,7 @@ class Conditions:
     of the power measurement. ``trim_m`` is positive by the stern, ``gm_m`` the metacentric height,
     ``full_load_draught_m`` that of the summer load line; ``beaufort`` and ``sea_state`` (0 to 9) are the force of
     the wind and the state of the sea, ``current_mps`` the speed of the current. ``speed_at_85_percent_mcr_mps`` is
-    that of the ship at 85 % of the maximum output of her engines. IMO's standards for ship manoeuvrability are for
+    that of the ship at 85 % of the maximum output of its engines. IMO's standards for ship manoeuvrability are for
     a ``chemical_or_gas_tanker`` of any length.
     """
 
@@ -100,25 +103,20 @@ class Conditions:
 
     def as_text(self) -> str:
         """What is known of these, as a recording carries it: JSON, empty where nothing is."""
-        default = Conditions()
-        known = {field.name: value for field in fields(self)
-                 if (value := getattr(self, field.name)) != getattr(default, field.name)}  # fmt: skip
-        return json.dumps(known) if known else ""
+        return _text(self._stated())
 
-    def with_known(self, other: Conditions) -> Conditions:
-        """These with what they do not say taken from others."""
-        default, own = Conditions(), {each.name: getattr(self, each.name) for each in fields(self)}
-        return replace(other, **{name: value for name, value in own.items() if value != getattr(default, name)})
+    def with_known(self, fallback: Conditions) -> Conditions:
+        """These, with what they do not state taken from ``fallback``."""
+        return replace(fallback, **self._stated())
+
+    def _stated(self) -> dict[str, Any]:
+        default = Conditions()
+        values = {entry.name: getattr(self, entry.name) for entry in fields(self)}
+        return {name: value for name, value in values.items() if value != getattr(default, name)}
 
 
 Conditions.__pydantic_config__ = {"extra": "forbid"}  # type: ignore[attr-defined]
 
-
-LOG = logging.getLogger("seatrial")
-Carried = TypeVar("Carried")
-
-CONDITIONS_FILE = "conditions.toml"
-"""The file beside recordings that states what they do not."""
 
 _Count = Annotated[int, Field(ge=1, le=20)]
 
@@ -143,7 +141,7 @@ class InstrumentsSection:
 
 @dataclass(frozen=True, config=STRICT, kw_only=True)
 class Particulars:
-    """What a report states of a ship besides the dimensions and the loading in her :class:`Conditions`.
+    """What a report states of a ship besides the dimensions and the loading in its :class:`Conditions`.
 
     ``rudder_area_m2`` is that of all rudders; ``mcr_kw`` and ``mcr_rpm`` the maximum continuous rating of all
     engines and the shaft speed that belongs to it.
@@ -176,7 +174,7 @@ class Particulars:
 
 @dataclass(frozen=True, config=STRICT, kw_only=True)
 class RunSheet:
-    """A person's description of a trial, in a configuration or a column map.
+    """The description of a trial in a configuration or a column map.
 
     The fields from ``summary`` on are those that data centres ask for, with their names in ACDD-1.3.
     """
@@ -203,9 +201,12 @@ class RunSheet:
         """The run sheet in the form that a recording stores."""
         values: dict[str, Any] = {entry.name: getattr(self, entry.name) for entry in fields(RunSheet)}
         origin = values.pop("origin")
-        place = (None, None) if origin is None else (origin.latitude_deg, origin.longitude_deg)
+        latitude_deg, longitude_deg = (
+            (None, None) if origin is None else (origin.latitude_deg, origin.longitude_deg)
+        )
         return Trial(
-            **values, origin_latitude_deg=place[0], origin_longitude_deg=place[1], conditions=conditions.as_text(),
+            **values, origin_latitude_deg=latitude_deg, origin_longitude_deg=longitude_deg,
+            conditions=conditions.as_text(),
             antenna_forward_m=instruments.antenna_forward_m, antenna_starboard_m=instruments.antenna_starboard_m,
             accuracy=_text(instruments.accuracy), particulars=_text(particulars.stated()),
         )  # fmt: skip
@@ -213,7 +214,7 @@ class RunSheet:
 
 @dataclass(frozen=True, config=STRICT, kw_only=True)
 class Statement:
-    """What a person states of trials that are recorded already; it counts for more than what a recording holds."""
+    """What a user states of trials that are recorded already; it takes precedence over what a recording holds."""
 
     trial: RunSheet = field(default_factory=RunSheet)
     conditions: Conditions = field(default_factory=Conditions)
@@ -285,7 +286,7 @@ def accuracy_of(trial: Trial) -> dict[str, float]:
     return _carried(dict[str, Positive], trial.accuracy, trial) or {}
 
 
-def _carried(kind: type[Carried], text: str, trial: Trial) -> Carried | None:
+def _carried(kind: type[Content], text: str, trial: Trial) -> Content | None:
     if not text:
         return None
     try:

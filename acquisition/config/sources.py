@@ -2,7 +2,7 @@
 
 Each source lists the channels it provides; where several provide one, their order in the file is the order of
 preference. ``clock = "source"`` stamps a source's samples with the time reported by the source; the default
-stamps them with the time of reception and stores the source's own time as well.
+stamps them with the time of reception and stores the source's time as well.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ from seatrial.acquisition.config.declarations import (
 from seatrial.acquisition.config.run_sheet import RunSheet
 from seatrial.acquisition.config.toml_file import line_of, parse_toml, validate
 from seatrial.acquisition.core.errors import ConfigurationError
-from seatrial.acquisition.core.named_code import absolute
+from seatrial.acquisition.core.named_code import absolute_name
 from seatrial.acquisition.core.quantities import DEGREES_AND_MINUTES, Linear
 from seatrial.acquisition.core.ship import (
     BY_NAME,
@@ -55,16 +55,19 @@ from seatrial.acquisition.core.ship import (
     Channel,
     Declared,
     channel_names,
+    channels_with_declared,
     check_actuators,
     control_channels,
     shafts,
     thruster_numbers,
     trial_names,
-    with_declared,
 )
 from seatrial.acquisition.core.times import Order
 
 _MOST_LETTERS = 10  # in the name of a MAVLink named value
+_ONE_TOPIC = r"^[^+#\x00]+$"
+_TOPICS = r"^(?:(?:\+|[^+#/\x00]*)/)*(?:\+|#|[^+#/\x00]*)$"
+"""Topics that may have wildcards: ``+`` stands for one level, ``#`` for all further ones."""
 
 Model = TypeVar("Model")
 
@@ -75,35 +78,31 @@ def _actuators(info: ValidationInfo) -> Actuators:
     return actuators
 
 
-def _own_channel(name: str, info: ValidationInfo) -> str:
-    return check_channel(name, _actuators(info), (info.context or {}).get("declared", ()))
-
-
 def check_channel(name: str, actuators: Actuators = DEFAULT, declared: Declared = ()) -> str:
-    """Check the name of a ship's or a declared channel. Raises :class:`ValueError` with similar names."""
+    """Check the name of a ship's or a declared channel. Raises :class:`ValueError` that suggests similar names."""
     names = channel_names(actuators, declared)
     if name not in names:
-        near = get_close_matches(name, names, n=1, cutoff=0.4) or trial_names(actuators)
-        raise ValueError(f"is no channel; did you mean {' '.join(near)}?")
+        suggestions = get_close_matches(name, names, n=1, cutoff=0.4) or trial_names(actuators)
+        raise ValueError(f"is no channel; did you mean {' '.join(suggestions)}?")
     return name
 
 
-def _own_shaft(name: str, info: ValidationInfo) -> str:
+def _check_shaft_of_ship(name: str, info: ValidationInfo) -> str:
     ship_shafts = shafts(_actuators(info))
     if name not in ship_shafts:
         raise ValueError(f"is not a shaft of the ship; its shafts are {', '.join(ship_shafts) or 'none'}")
     return name
 
 
-def _own_rotor(name: str, info: ValidationInfo) -> str:
-    turning = [actuator.name for actuator in _actuators(info) if actuator.channels[0].unit == "rpm"]
-    if name not in turning:
-        raise ValueError(f"is not an actuator with rpm; those are {', '.join(turning) or 'nothing'}")
+def _check_rotor_of_ship(name: str, info: ValidationInfo) -> str:
+    rotors = [actuator.name for actuator in _actuators(info) if actuator.channels[0].unit == "rpm"]
+    if name not in rotors:
+        raise ValueError(f"is not an actuator with rpm; those are {', '.join(rotors) or 'nothing'}")
     return name
 
 
-def _absolute(path: Path, info: ValidationInfo) -> Path:
-    """A path relative to the file being read; of a DBC file that a recording's configuration names its copy."""
+def _absolute_path(path: Path, info: ValidationInfo) -> Path:
+    """A path relative to the file being read; for a DBC file that a recording's configuration names, its copy."""
     context = info.context or {"folder": Path(), "dbc_files": None}
     attached: Mapping[str, Path] | None = context["dbc_files"]
     if info.field_name != "dbc" or attached is None:
@@ -114,8 +113,13 @@ def _absolute(path: Path, info: ValidationInfo) -> Path:
     return attached[name]
 
 
-ChannelName = Annotated[str, AfterValidator(_own_channel)]
-AbsolutePath = Annotated[Path, AfterValidator(_absolute)]
+ChannelName = Annotated[
+    str,
+    AfterValidator(
+        lambda name, info: check_channel(name, _actuators(info), (info.context or {}).get("declared", ()))
+    ),
+]
+AbsolutePath = Annotated[Path, AfterValidator(_absolute_path)]
 Clock = Literal["receiver", "source"]
 Form = Literal[
     "nmea0183", "candump", "savvycan", "canboat", "yacht_devices", "n2k_ascii", "ikonvert", "seasmart", "mxpgn",
@@ -126,9 +130,9 @@ Port = Annotated[int, Field(ge=1, le=65_535)]
 PageOrigin = Annotated[str, StringConstraints(pattern=r"^[a-z][a-z0-9+.-]*://[^\s/@]*$")]
 """Where a page in a browser comes from, as the browser states it: scheme, host and port."""
 FinitePositive = Annotated[PositiveFloat, Field(allow_inf_nan=False)]
-ReductionRatios = dict[Annotated[str, AfterValidator(_own_shaft)], FinitePositive]
+ReductionRatios = dict[Annotated[str, AfterValidator(_check_shaft_of_ship)], FinitePositive]
 """Engine turns for one turn of the shaft, by actuator."""
-RatedSpeeds = dict[Annotated[str, AfterValidator(_own_rotor)], FinitePositive]
+RatedSpeeds = dict[Annotated[str, AfterValidator(_check_rotor_of_ship)], FinitePositive]
 """The rpm at 100 %, by actuator."""
 Angle = Annotated[float, Field(ge=-180, le=360)]
 IsoName = Annotated[str, StringConstraints(pattern=r"^[0-9a-fA-F]{16}$", to_lower=True)]
@@ -156,7 +160,7 @@ class _Ship:
 
 
 class DeclaredShip(NamedTuple):
-    """The ship of a file: its actuators, whether the file says which, the channels that it declares, its packs."""
+    """The ship of a file: its actuators, whether the file states them, the channels that it declares, its packs."""
 
     actuators: Actuators
     is_known: bool
@@ -165,11 +169,11 @@ class DeclaredShip(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Carried:
+class CarriedFiles:
     """What a recording carries besides its configuration: DBC files by source, packs by name, the actuators, and
-    whether it says that these are its ship's.
+    whether it states that these are its ship's.
 
-    Nothing else that its configuration names is opened: it may be a stranger's.
+    Nothing else that its configuration names is opened: the recording may be from an untrusted source.
     """
 
     dbc_files: Mapping[str, Path] = field(default_factory=dict)
@@ -179,7 +183,7 @@ class Carried:
 
 
 def parse_for_ship(
-    text: str, path: Path | str, model: type[Model], carried: Carried | None = None
+    text: str, path: Path | str, model: type[Model], carried: CarriedFiles | None = None
 ) -> tuple[Model, DeclaredShip]:
     """A TOML text as ``model``, with the channels of the ship that it lists as ``[[actuator]]`` or declares.
 
@@ -191,10 +195,10 @@ def parse_for_ship(
     ship_file = validate(
         {section.name: raw[section.name] for section in fields(_Ship) if section.name in raw}, text, path, _Ship
     )
-    listed = check_listed(ship_file.actuator, text, path)
-    attached = None if carried is None else carried.actuators
-    actuators = listed or attached or actuators_of_ship(str(ship_file.trial.vessel), folder)
-    is_known = bool(actuators) if carried is None or listed else carried.ship_is_known
+    in_file = check_actuator_list(ship_file.actuator, text, path)
+    in_recording = None if carried is None else carried.actuators
+    actuators = in_file or in_recording or actuators_of_ship(str(ship_file.trial.vessel), folder)
+    is_known = bool(actuators) if carried is None or in_file else carried.ship_is_known
     actuators = actuators or DEFAULT
     packs = read_packs(ship_file.pack, folder, None if carried is None else carried.packs, text, path)
     ship_channels = {name: BY_NAME[name] for name in channel_names(actuators)}
@@ -210,10 +214,10 @@ def parse_for_ship(
     return validate(raw, text, path, model, context), DeclaredShip(actuators, is_known, declared, packs)
 
 
-def check_listed(listed: tuple[ActuatorSection, ...], text: str, path: Path | str) -> Actuators:
+def check_actuator_list(sections: tuple[ActuatorSection, ...], text: str, path: Path | str) -> Actuators:
     """The actuators listed in a file, none if there are none. Raises :class:`ConfigurationError`."""
     try:
-        return check_actuators(Actuator(section.name, section.kind) for section in listed) if listed else ()
+        return check_actuators(Actuator(section.name, section.kind) for section in sections) if sections else ()
     except ConfigurationError as error:
         raise error.at(f"{path}, line {line_of(text, ['actuator'])}") from error
 
@@ -256,13 +260,12 @@ class Thrusters(BaseModel):
     def _fill_in(cls, raw: Any, info: ValidationInfo) -> Any:
         if not isinstance(raw, dict):
             return raw
-        usual = thruster_numbers(_actuators(info))
-        unknown = raw.keys() - usual.keys() - {"channels_from"}
+        defaults = thruster_numbers(_actuators(info))
+        unknown = raw.keys() - defaults.keys() - {"channels_from"}
         if unknown:
-            raise ValueError(
-                f"there is no thruster {', '.join(sorted(unknown))}; the thrusters are {', '.join(usual) or 'none'}"
-            )
-        return {**usual, **raw}
+            names = ", ".join(defaults) or "none"
+            raise ValueError(f"there is no thruster {', '.join(sorted(unknown))}; the thrusters are {names}")
+        return {**defaults, **raw}
 
     @model_validator(mode="after")
     def _check(self) -> Thrusters:
@@ -327,7 +330,7 @@ class _Engines(_Source):
 
 @dataclass(frozen=True, config=STRICT, kw_only=True)
 class _CanFrames(_Engines):
-    """The settings of every stream of CAN frames: its devices, and the vessel's own frames by a DBC file.
+    """The settings of every stream of CAN frames: its devices, and the vessel's frames by a DBC file.
 
     ``addresses`` are the accepted source addresses on the bus, by default all.
     """
@@ -340,7 +343,7 @@ class _CanFrames(_Engines):
 
 @dataclass(frozen=True, config=STRICT, kw_only=True)
 class CanSource(_CanFrames):
-    """A CAN bus by python-can: NMEA 2000, and with a DBC file the vessel's own frames.
+    """A CAN bus by python-can: NMEA 2000, and with a DBC file the vessel's frames.
 
     ``options`` are passed to python-can's interface unchanged (bitrate, port, hop_limit ...).
     """
@@ -367,8 +370,8 @@ class _Port(_Source):
 class _Sentences(_Engines):
     """The settings of every source of NMEA 0183; by ``rated_rpm`` percentages in TRD, TRC and PRC become rpm.
 
-    ``theoretical_wind`` is the reference of MWV's "T" on this vessel, which the sentence does not tell. With an
-    ``optional`` checksum sentences that come without one are decoded, too; a wrong one is never.
+    ``theoretical_wind`` is the reference of MWV's "T" on this vessel, which the sentence does not state. With an
+    ``optional`` checksum sentences that come without one are decoded, too; those with a wrong one never are.
     """
 
     thrusters: Thrusters = Field(default_factory=dict, validate_default=True)
@@ -412,7 +415,7 @@ class TcpSource(_Port, _Lines):
 
 @dataclass(frozen=True, config=STRICT, kw_only=True)
 class FileSource(_Lines):
-    """A log of sentences, CAN frames or whole messages, told apart by what is in it, read once to its end.
+    """A log of sentences, CAN frames or whole messages, recognised by its content, read once to its end.
 
     ``can_file`` is an older name of one with CAN frames. ``date_order`` says what comes first in the dates before
     its sentences, where the log leaves that open.
@@ -430,27 +433,25 @@ _ABBREVIATIONS = (
 """Abbreviations that shorten channel names until they fit MAVLink."""
 
 
-def _short(name: str) -> str:
-    """A channel's name as that of a named value: ``starboard_angle_deg`` becomes ``stbd_ang``."""
-    for number, (word, shorter) in enumerate(_ABBREVIATIONS):
-        if number < 3 or len(name) > _MOST_LETTERS:
-            name = name.replace(word, shorter)
-    return name
-
-
-def _usual_named_values(raw: Any, info: ValidationInfo) -> Any:
+def _default_named_values(raw: Any, info: ValidationInfo) -> Any:
     """By default, the channels that MAVLink's RPM cannot carry, by short names: ``port_ang``, ``stbd_ang``."""
     if raw is not None:
         return raw
     actuators = _actuators(info)
     carried = {f"{name}_rpm" for name in shafts(actuators)[:2]}
     units = {channel.name: channel.unit for channel in control_channels(actuators) if channel.name not in carried}
-    short = {name: _short(name) for name in units}
-    fits = Counter(short_name for short_name in short.values() if len(short_name) <= _MOST_LETTERS)
+    short_names = {}
+    for name in units:
+        short_name = name
+        for number, (word, abbreviation) in enumerate(_ABBREVIATIONS):
+            if number < 3 or len(short_name) > _MOST_LETTERS:
+                short_name = short_name.replace(word, abbreviation)
+        short_names[name] = short_name
+    counts = Counter(short_name for short_name in short_names.values() if len(short_name) <= _MOST_LETTERS)
     return {
         name: {"name": short_name, "unit": units[name]}
-        for name, short_name in short.items()
-        if fits[short_name] == 1
+        for name, short_name in short_names.items()
+        if counts[short_name] == 1
     }
 
 
@@ -461,7 +462,7 @@ class _Mavlink(_Source):
     system_id: Annotated[int, Field(ge=1, le=255)] = 1
     component_id: Annotated[int, Field(ge=1, le=255)] | None = None
     messages: tuple[str, ...] | None = None
-    named_values: Annotated[dict[ChannelName, NamedValue], BeforeValidator(_usual_named_values)] = Field(
+    named_values: Annotated[dict[ChannelName, NamedValue], BeforeValidator(_default_named_values)] = Field(
         default=None, validate_default=True
     )
 
@@ -497,24 +498,19 @@ class MavlinkFileSource(_Mavlink):
     path: AbsolutePath
 
 
-_ONE_TOPIC = r"^[^+#\x00]+$"
-_TOPICS = r"^(?:(?:\+|[^+#/\x00]*)/)*(?:\+|#|[^+#/\x00]*)$"
-"""Topics that may have wildcards: ``+`` stands for one level, ``#`` for the rest."""
-
-
 def covers(pattern: str, topics: str) -> bool:
-    """Whether a pattern matches a topic, or all topics of another pattern: ``+`` is one level, ``#`` the rest.
+    """Whether a pattern matches a topic, or all topics of another pattern: ``+`` is one level, ``#`` all further.
 
     >>> covers("ship/NMEA/#", "ship/NMEA/GPGGA"), covers("ship/+/x", "ship/#"), covers("#", "$SYS/uptime")
     (True, False, False)
     """
-    theirs = topics.split("/")
-    for number, level in enumerate(pattern.split("/")):
+    levels, topic_levels = pattern.split("/"), topics.split("/")
+    for number, level in enumerate(levels):
         if level == "#":
             return number > 0 or not topics.startswith("$")
-        if number >= len(theirs) or theirs[number] == "#" or level not in ("+", theirs[number]):
+        if number >= len(topic_levels) or topic_levels[number] == "#" or level not in ("+", topic_levels[number]):
             return False
-    return len(theirs) == len(pattern.split("/"))
+    return len(topic_levels) == len(levels)
 
 
 def overlap(pattern: str, other_pattern: str) -> bool:
@@ -545,10 +541,10 @@ class TopicValue(Conversion):
     field: str | None = None
     time_field: str = "time"
 
-    def step_to(self, channel: Channel, usual: str | None = None) -> Linear:
+    def step_to(self, channel: Channel, default_unit: str | None = None) -> Linear:
         if self.unit == DEGREES_AND_MINUTES and channel.unit == "deg":
             return replace(self, unit="deg").step_to(channel)
-        return super().step_to(channel, usual)
+        return super().step_to(channel, default_unit)
 
 
 PAIRS: dict[tuple[str, str], tuple[str, ...]] = {
@@ -556,7 +552,7 @@ PAIRS: dict[tuple[str, str], tuple[str, ...]] = {
     ("course_over_ground_deg", "speed_over_ground_mps"): ("surge_mps", "sway_mps"),
     ("apparent_wind_angle_deg", "apparent_wind_speed_mps"): ("wind_direction_deg", "wind_speed_mps"),
 }
-"""Values from which others are derived when known together, with the derived ones."""
+"""Pairs of values from which others are derived, with the derived ones."""
 
 
 @dataclass(frozen=True, config=STRICT, kw_only=True)
@@ -573,7 +569,7 @@ class _Mqtt(_Sentences):
 
 @dataclass(frozen=True, config=STRICT, kw_only=True)
 class MqttSource(_Mqtt):
-    """Messages from an MQTT broker; encrypted with ``tls``, or a ``ca_file`` of the broker's own authority.
+    """Messages from an MQTT broker; encrypted with ``tls``, or a ``ca_file`` of the broker's authority.
 
     The password of ``user`` is the first line of ``password_file``, or the environment variable
     ``password_variable``: a configuration is stored in its recording and must not contain it.
@@ -612,8 +608,8 @@ class MqttSource(_Mqtt):
     @property
     def subscriptions(self) -> list[str]:
         """The topics to subscribe to, none of them covered by another."""
-        wanted = list(dict.fromkeys([*self.topics, *(entry.topic for entry in self.values.values())]))
-        return [topic for topic in wanted if not any(covers(wider, topic) for wider in wanted if wider != topic)]
+        topics = list(dict.fromkeys([*self.topics, *(entry.topic for entry in self.values.values())]))
+        return [topic for topic in topics if not any(covers(wider, topic) for wider in topics if wider != topic)]
 
 
 @dataclass(frozen=True, config=STRICT, kw_only=True)
@@ -624,17 +620,13 @@ class MqttFileSource(_Mqtt):
     path: AbsolutePath
 
 
-def _own_values(raw: object, info: ValidationInfo) -> dict[str, dict[str, str]]:
-    """The channels that a user's code may provide, each under its own topic, in the channel's unit."""
+def _values_of_user_code(raw: object, info: ValidationInfo) -> dict[str, dict[str, str]]:
+    """The channels that a user's code may provide, each under a separate topic, in the channel's unit."""
     if raw:
         raise ValueError("is not for a source of your own, which returns channels by name, in their units")
     declared = (info.context or {}).get("declared", ())
-    channels, names = with_declared(declared), channel_names(_actuators(info), declared)
+    channels, names = channels_with_declared(declared), channel_names(_actuators(info), declared)
     return {name: {"topic": f"own/{name}", "unit": channels[name].unit} for name in names}
-
-
-def _whole_path(name: str, info: ValidationInfo) -> str:
-    return absolute(name, (info.context or {}).get("folder"))
 
 
 @dataclass(frozen=True, config=STRICT, kw_only=True)
@@ -645,9 +637,13 @@ class OwnSource(_Mqtt):
     """
 
     type: Literal["own"]
-    code: Annotated[str, Field(alias="class"), AfterValidator(_whole_path)]
+    code: Annotated[
+        str,
+        Field(alias="class"),
+        AfterValidator(lambda name, info: absolute_name(name, (info.context or {}).get("folder"))),
+    ]
     options: dict[str, Any] = field(default_factory=dict)
-    values: Annotated[dict[ChannelName, TopicValue], BeforeValidator(_own_values)] = Field(
+    values: Annotated[dict[ChannelName, TopicValue], BeforeValidator(_values_of_user_code)] = Field(
         default_factory=dict, validate_default=True
     )
 

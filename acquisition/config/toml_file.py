@@ -17,7 +17,7 @@ from seatrial.acquisition.core.process import CONFIGURATION_BYTES
 
 Model = TypeVar("Model")
 _TABLE = re.compile(r"^\s*\[(?P<array>\[)?\s*(?P<path>[^\[\]]+?)\s*\]")
-_MOST_LEVELS = 16  # tables and lists in each other; a configuration has at most six
+_MOST_LEVELS = 16  # nested tables and lists; a configuration has at most six
 _UNKNOWN_KEY = ("unexpected_keyword_argument", "extra_forbidden")
 """Reported first: a misspelt key is often the reason why another is missing."""
 _ENDLESS_KEY = re.compile(r"(?:\.[^\n=,.]+){100}")
@@ -50,7 +50,7 @@ def load_toml(path: Path | str, model: type[Model]) -> Model:
 
 def parse_toml(text: str, path: Path | str) -> dict[str, Any]:
     """The tables of a TOML text that came from ``path``. Raises :class:`ConfigurationError`."""
-    if _ENDLESS_KEY.search(text):  # of which the library takes memory by the square
+    if _ENDLESS_KEY.search(text):  # for which the library takes memory by the square
         raise ConfigurationError(
             "is not valid TOML", where=str(path), why="a key has more than 100 parts", fix="correct it there"
         )
@@ -64,7 +64,7 @@ def parse_toml(text: str, path: Path | str) -> dict[str, Any]:
 
 
 def _refuse_nested(tree: dict[str, Any], path: Path | str) -> None:
-    """Raise :class:`ConfigurationError` for tables and lists so deep in each other that no walk ends."""
+    """Raise :class:`ConfigurationError` for tables and lists nested so deeply that no recursion ends."""
     level: list[Any] = [tree]
     for _ in range(_MOST_LEVELS):
         members = (value.values() if isinstance(value, dict) else value for value in level)
@@ -87,12 +87,12 @@ def validate(
         keys = [key for key in first["loc"] if not _is_union_tag(key, raw, first["loc"])]
         if first["type"].startswith("union_tag"):
             keys.append("type")
-        more = f"{error.error_count() - 1} more after this one" if error.error_count() > 1 else ""
+        further = f"{error.error_count() - 1} more after this one" if error.error_count() > 1 else ""
         hint = _hint(str(keys[-1]), first["loc"], model) if first["type"] in _UNKNOWN_KEY else ""
         raise ConfigurationError(
             f"{'.'.join(map(str, keys)) or 'file'}: {_explain(first)}",
             where=f"{path}, line {line_of(text, keys)}",
-            fix="; ".join(filter(None, [hint, more])),
+            fix="; ".join(filter(None, [hint, further])),
         ) from error
 
 
@@ -104,8 +104,8 @@ def _hint(key: str, location: Sequence[str | int], model: type[Model]) -> str:
     for part in location[:-1]:  # the tag of a union leads nowhere in the schema
         tables = [table for parent in tables for table in _members(parent, part, definitions)] or tables
     possible = _keys_of(option for table in tables for option in _options(table, definitions))
-    if near := get_close_matches(key, possible - {key}, n=1):
-        return f"did you mean {near[0]}?"
+    if matches := get_close_matches(key, possible - {key}, n=1):
+        return f"did you mean {matches[0]}?"
     is_elsewhere = key in _keys_of((schema, *definitions.values()))
     return "it belongs to another table, or to another type of this one" if is_elsewhere else ""
 
@@ -135,7 +135,7 @@ def _members(node: dict[str, Any], part: str | int, definitions: dict[str, Any])
 
 
 def line_of(text: str, keys: Sequence[str | int]) -> int:
-    """The line (from 1) on which the deepest known part of ``keys`` stands; 1 if none does.
+    """The line (from 1) of the deepest part of ``keys`` that the text has; 1 if it has none.
 
     >>> line_of("a = 1\\n[[source]]\\nname = 'x'\\n[[source]]\\nname = 'y'", ["source", 1, "name"])
     5

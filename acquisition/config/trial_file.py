@@ -30,7 +30,7 @@ from seatrial.acquisition.config.sources import (
     AnySource,
     CanFrames,
     CanSource,
-    Carried,
+    CarriedFiles,
     CopiesSection,
     DeclaredShip,
     FileSource,
@@ -58,6 +58,7 @@ from seatrial.acquisition.core.ship import (
     Channel,
     ChannelsByName,
     as_text,
+    channels_with_declared,
     declared_text,
     from_text,
     is_setting,
@@ -70,7 +71,6 @@ from seatrial.acquisition.core.ship import (
     shafts,
     stated_text,
     thruster_numbers,
-    with_declared,
 )
 from seatrial.acquisition.core.trial import Trial
 
@@ -79,6 +79,34 @@ CONFIGURATION = "configuration.toml"
 
 PACK_ENDING = ".pack"
 """The ending of the name of a pack's attachment."""
+_MAPS = {CanFrames: "signals", MavlinkLinks: "named_values", MqttLinks: "values"}
+"""The key under which each kind of source maps messages to channels."""
+_LISTENING = (UdpSource, MavlinkSource)
+_SERIAL = (SerialSource, MavlinkSerialSource)
+_LOCAL = {"localhost": "127.0.0.1", "0.0.0.0": ""}
+"""Other names of addresses; the empty one means all of this computer's."""
+_MAPPING_HINT = {
+    "can": "say which DBC signal does in [source.signals], or for a shaft its engine's turns for one of its own in"
+    " reduction_ratios, or take it off the source's channels",
+    "mqtt": "say which topic does in [source.values], give the topics of the sentences that do, or take it off the"
+    " source's channels",
+    "mavlink": "say which named value does in [source.named_values], or take it off the source's channels",
+}
+_DECLARATION_HINT = (
+    "say in a [[channel]] of this name, under `from`, which message of the source carries it, or take it off the"
+    " source's channels"
+)
+_SENTENCES_HINT = (
+    "take it off the source's channels: NMEA 0183 tells of two rudders (RSA, ROR), three shafts (RPM, PRC), azimuth"
+    " and tunnel thrusters (TRD, TRC), not of waterjets' nozzles; the maker's CAN frames may, or NMEA 2000 by a"
+    " gateway, whose `form` is to be given"
+)
+_MOTION = frozenset(MOTION) | {
+    "latitude_deg", "longitude_deg", "speed_over_ground_mps", "course_over_ground_deg",
+}  # fmt: skip
+_ATTITUDE = frozenset({"roll_deg", "pitch_deg"})
+_NAUTICAL = frozenset(channel.name for channel in AUXILIARY if not is_setting(channel)) - _ATTITUDE - {"heave_m"}
+"""What both NMEA protocols are read for besides the motion: every auxiliary channel but these."""
 
 
 @dataclass(frozen=True, config=ConfigDict(extra="forbid"))
@@ -140,7 +168,7 @@ class TrialConfig:
     @property
     def known_channels(self) -> ChannelsByName:
         """The channels by name, including declared ones."""
-        return with_declared(tuple(declaration.channel for declaration in self.declared))
+        return channels_with_declared(tuple(declaration.channel for declaration in self.declared))
 
     @property
     def expected_channels(self) -> frozenset[str]:
@@ -150,14 +178,14 @@ class TrialConfig:
     @property
     def required_channels(self) -> tuple[str, ...]:
         """The channels that the trial has to have; controls of a ship that is not known only as listed."""
-        return required_names(self.actuators, self.expected_channels, known=self.ship_is_known)
+        return required_names(self.actuators, self.expected_channels, ship_is_known=self.ship_is_known)
 
     @property
     def watched_channels(self) -> tuple[str, ...]:
         """The channels watched for gaps: the trial's, and declared ones listed for a source."""
-        names = self.required_channels
+        required = self.required_channels
         declared = (declaration.channel.name for declaration in self.declared)
-        return (*names, *(name for name in declared if name in self.expected_channels and name not in names))
+        return (*required, *(name for name in declared if name in self.expected_channels and name not in required))
 
     @property
     def missing_channels(self) -> tuple[str, ...]:
@@ -173,7 +201,7 @@ def load_config(path: Path | str) -> TrialConfig:
     return parse_config(read_text(path), path)
 
 
-def parse_config(text: str, path: Path | str, carried: Carried | None = None) -> TrialConfig:
+def parse_config(text: str, path: Path | str, carried: CarriedFiles | None = None) -> TrialConfig:
     """Check a configuration's text; files that a recording has ``carried`` replace those that it names.
 
     Raises :class:`ConfigurationError` naming the line.
@@ -181,11 +209,10 @@ def parse_config(text: str, path: Path | str, carried: Carried | None = None) ->
     file, ship = parse_for_ship(text, path, _File, carried)
     if not file.source:
         raise ConfigurationError("has no source", where=str(path), fix="add a [[source]] section")
-    channels_by_name = with_declared(tuple(declaration.channel for declaration in ship.declared))
+    channels_by_name = channels_with_declared(tuple(declaration.channel for declaration in ship.declared))
     _check_names(file.source, path)
     _check_units(file.source, channels_by_name, text, path)
     _check_channels(file.source, ship, channels_by_name, text, path)
-    _check_kinds(file.source, path)
     _check_inputs(file.source, text, path)
     _check_dbc(file.source, path)
     listed = {name for source in file.source for name in source.channels}
@@ -234,10 +261,6 @@ def _check_units(
                 raise ConfigurationError(f"{channel}: {error}", where=f"{path}, line {line}") from error
 
 
-_MAPS = {CanFrames: "signals", MavlinkLinks: "named_values", MqttLinks: "values"}
-"""The key under which each kind of source maps messages to channels."""
-
-
 def _check_channels(
     sources: tuple[AnySource, ...],
     ship: DeclaredShip,
@@ -250,20 +273,11 @@ def _check_channels(
         possible = possible_channels(source, ship.actuators, ship.declared)
         for channel in source.channels:
             if channel not in possible:
-                otherwise = _SENTENCES_HINT if is_setting(channels_by_name[channel]) else _DECLARATION_HINT
-                fix = _MAPPING_HINT.get(source.type.partition("_")[0], otherwise)
+                default_hint = _SENTENCES_HINT if is_setting(channels_by_name[channel]) else _DECLARATION_HINT
+                fix = _MAPPING_HINT.get(source.type.partition("_")[0], default_hint)
                 where = f"{path}, line {line_of(text, ['source', number, 'channels'])}"
                 what = f"no message on source {source.name!r} carries {channel}"
                 raise ConfigurationError(what, where=where, fix=fix)
-
-
-def _check_kinds(sources: tuple[AnySource, ...], path: Path | str) -> None:
-    """Refuse log files beside live sources: their times belong to another day."""
-    files = [source.name for source in sources if isinstance(source, FILE_SOURCES)]
-    if files and len(files) < len(sources):
-        what = f"{', '.join(files)} are log files, but other sources are live"
-        fix = "use separate configurations for live sources and log files"
-        raise ConfigurationError(what, where=str(path), fix=fix)
 
 
 def _check_dbc(sources: tuple[AnySource, ...], path: Path | str) -> None:
@@ -277,7 +291,13 @@ def _check_dbc(sources: tuple[AnySource, ...], path: Path | str) -> None:
 
 
 def _check_inputs(sources: tuple[AnySource, ...], text: str, path: Path | str) -> None:
-    """Refuse two sources that would read the same port or serial line."""
+    """Refuse log files beside live sources, as their times belong to another day, and two sources that would read
+    the same port or serial line."""
+    files = [source.name for source in sources if isinstance(source, FILE_SOURCES)]
+    if files and len(files) < len(sources):
+        what = f"{', '.join(files)} are log files, but other sources are live"
+        fix = "use separate configurations for live sources and log files"
+        raise ConfigurationError(what, where=str(path), fix=fix)
     for number, source in enumerate(sources):
         for earlier in sources[:number]:
             if key := _shared_input(source, earlier):
@@ -298,34 +318,6 @@ def _shared_input(first: AnySource, second: AnySource) -> str:
     return ""
 
 
-_LISTENING = (UdpSource, MavlinkSource)
-_SERIAL = (SerialSource, MavlinkSerialSource)
-_LOCAL = {"localhost": "127.0.0.1", "0.0.0.0": ""}
-"""Other names of addresses; the empty one means all of this computer's."""
-_MAPPING_HINT = {
-    "can": "say which DBC signal does in [source.signals], or for a shaft its engine's turns for one of its own in"
-    " reduction_ratios, or take it off the source's channels",
-    "mqtt": "say which topic does in [source.values], give the topics of the sentences that do, or take it off the"
-    " source's channels",
-    "mavlink": "say which named value does in [source.named_values], or take it off the source's channels",
-}
-_DECLARATION_HINT = (
-    "say in a [[channel]] of this name, under `from`, which message of the source carries it, or take it off the"
-    " source's channels"
-)
-_SENTENCES_HINT = (
-    "take it off the source's channels: NMEA 0183 tells of two rudders (RSA, ROR), three shafts (RPM, PRC), azimuth"
-    " and tunnel thrusters (TRD, TRC), not of waterjets' nozzles; the maker's CAN frames may, or NMEA 2000 by a"
-    " gateway, whose `form` is to be given"
-)
-_MOTION = frozenset(MOTION) | {
-    "latitude_deg", "longitude_deg", "speed_over_ground_mps", "course_over_ground_deg",
-}  # fmt: skip
-_ATTITUDE = frozenset({"roll_deg", "pitch_deg"})
-_NAUTICAL = frozenset(channel.name for channel in AUXILIARY if not is_setting(channel)) - _ATTITUDE - {"heave_m"}
-"""What both NMEA protocols are read for besides the motion: every auxiliary channel but these."""
-
-
 def possible_channels(source: AnySource, actuators: Actuators, declared: Declarations = ()) -> frozenset[str]:
     """The channels that a source's protocol and mapping can carry, including ``declared`` ones."""
     return _channels_from(source, actuators) | _declared_from(source, declared)
@@ -335,14 +327,18 @@ def _channels_from(source: AnySource, actuators: Actuators) -> frozenset[str]:
     if isinstance(source, MavlinkLinks):
         return _MOTION | _ATTITUDE | {f"{name}_rpm" for name in shafts(actuators)[:2]} | source.named_values.keys()
     if isinstance(source, MqttSource) and not source.topics:
-        derived = {channel for pair, more in PAIRS.items() if set(pair) <= source.values.keys() for channel in more}
-        return frozenset(source.values.keys() | derived)
+        derived = [channels for pair, channels in PAIRS.items() if set(pair) <= source.values.keys()]
+        return frozenset(source.values.keys()).union(*derived)
     nautical = _MOTION | _NAUTICAL | set(() if rudders(actuators) else rudder_channels(actuators))
-    nautical |= set() if isinstance(source, CanSource) else _in_sentences(actuators)
+    nautical |= set() if isinstance(source, CanSource) else _channels_in_sentences(actuators)
     if isinstance(source, MqttLinks):
         return nautical | source.values.keys()
     if _has_groups(source):
-        return nautical | _ATTITUDE | _in_groups(source, actuators) | source.signals.keys()
+        # what parameter groups carry: rudders and their orders, shafts by their engines
+        steering = [actuator for actuator in actuators if actuator.name in rudders(actuators)]
+        angles = {channel.name for rudder in steering for channel in (*rudder.channels, *rudder.orders)}
+        turns = {f"{name}_rpm" for name in source.reduction_ratios}
+        return nautical | _ATTITUDE | angles | turns | source.signals.keys()
     return nautical
 
 
@@ -365,14 +361,7 @@ def _has_groups(source: CanFrames) -> bool:
     return bool(source.form or source.devices or source.dbc)
 
 
-def _in_groups(source: CanFrames, actuators: Actuators) -> set[str]:
-    """The actuator channels in NMEA 2000 parameter groups: rudders and their orders, shafts by their engines."""
-    steering = (actuator for actuator in actuators if actuator.name in rudders(actuators))
-    angles = {channel.name for rudder in steering for channel in (*rudder.channels, *rudder.orders)}
-    return angles | {f"{name}_rpm" for name in source.reduction_ratios}
-
-
-def _in_sentences(actuators: Actuators) -> set[str]:
+def _channels_in_sentences(actuators: Actuators) -> set[str]:
     """The channels of actuators, and of orders to them, in RSA and ROR, RPM and PRC, TRD and TRC."""
     fully_carried = {*thruster_numbers(actuators), *(rudders(actuators) if len(rudders(actuators)) <= 2 else ())}
     numbered = shaft_numbers(numbered_shafts(actuators))

@@ -1,11 +1,11 @@
 """In which units, senses and axes headings and speeds may be recorded, and which of these the track agrees with.
 
-Import and check compare the same conventions, so that neither accuses a channel without having compared the
-others. A heading is compared by the drift angle that each convention makes of it, the direction of the moves from
+Import and check compare the same conventions, so that neither reports a channel without having compared the
+others. A heading is compared by the drift angle that each convention gives, the direction of the moves from
 instant to instant less the heading: the right convention leaves the drift of a ship, a wrong one an angle that
-changes as the ship turns. Speeds are compared by the moves that they make in each axes. A convention is named where
-it explains most of the turns and the others much less; a ship that hardly moves or turns, or that goes where wind
-and current take it, tells of none.
+changes as the ship turns. Speeds are compared by the moves that they make in each pair of axes. A convention is
+named where it explains most of the turns and the others much less; a ship that hardly moves or turns, or that
+drifts with wind and current, gives no evidence.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ ANGLE_UNITS = {"deg": "degrees", "rad": "radians", "ddeg": "tenths of a degree",
 class HeadingConvention:
     """A zero and a sense of headings: ``heading_deg = scale * recorded + offset_deg``.
 
-    ``mirrored`` says what of the positions would look the same.
+    ``mirrored`` states which fault of the positions would look the same.
     """
 
     name: str
@@ -64,10 +64,10 @@ AXES = {
 }
 """The axes in which two columns of speeds may be, in words, ours first."""
 
-# Of 2,636 simulated sound motions (ships of 2 to 320 m in manoeuvres and seas, adrift, turning on the spot, astern,
+# Of 2,636 simulated valid motions (ships of 2 to 320 m in manoeuvres and seas, adrift, turning on the spot, astern,
 # crabbing; records of 20 s and more, noise to 2 m) these limits name none; of 236 headings in each wrong convention
-# they name two in three, the rest being short of turns or drowned in noise, and none wrongly. A course that follows
-# the heading late, as every ship's does, reaches none of the ratios.
+# they name two in three, the others being short of turns or hidden in noise, and none wrongly. A course that
+# follows the heading with a delay, as every ship's does, reaches none of the ratios.
 _FEWEST = 12
 _LEAST_TURNED_DEG = 90.0
 _FAR_DEG = 150.0  # a tidal stream turns as far in five hours
@@ -75,18 +75,18 @@ _LEAST_BACK_DEG = 45.0
 _SWING_DEG = 10.0
 _LEAST_COURSE = 0.004  # circular variance of the courses: a standard deviation of 5 degrees
 _MOST_DRIFT = 0.1  # circular variance of the drift angle: a standard deviation of 26 degrees
-_BEYOND_OTHERS = 3.0  # times the variance, by every other reading and by a heading that tells nothing
-_BEYOND_OTHER_SENSE = 9.0
+_RIVAL_RATIO = 3.0  # times the variance, by all rival readings and by a constant heading
+_OTHER_SENSE_RATIO = 9.0
 _MOST_OFF_DEG = 40.0  # the mean drift angle: of a ship that crabs
 _FARTHEST = 3.0  # moves longer than this many medians are jumps, and count no more than that
-_MOST_LEFT = 0.02  # of the square of the moves, by speeds in their axes
-_LEAST_OTHERS = 0.002  # by those in the others: what a bow 3 degrees off them leaves
-_KEPT = 0.8
+_MOST_RESIDUAL = 0.02  # of the square of the moves, by speeds in their axes
+_LEAST_RIVAL_RESIDUAL = 0.002  # by those in the rival axes: what a bow 3 degrees off them leaves
+_FITTED_FRACTION = 0.8
 
 
 @dataclass(frozen=True, slots=True)
 class DriftAngle:
-    """The drift angle that a reading of the heading makes: circular variance (0 to 1) and mean [deg]."""
+    """The drift angle by one reading of the heading: circular variance (0 to 1) and mean [deg]."""
 
     variance: float
     mean_deg: float
@@ -97,7 +97,7 @@ class DriftAngle:
         return float(np.rad2deg(np.sqrt(-2.0 * np.log(max(1.0 - self.variance, 1e-9)))))
 
 
-def drift_of(moves: Complexes, heading_deg: Floats) -> DriftAngle:
+def drift_angle(moves: Complexes, heading_deg: Floats) -> DriftAngle:
     """The drift angle of moves [n] to north + i east, weighed by their length, beside headings [n]."""
     length = np.abs(moves)
     moving = np.isfinite(length) & np.isfinite(heading_deg) & (length > 0.0)
@@ -111,9 +111,9 @@ def drift_of(moves: Complexes, heading_deg: Floats) -> DriftAngle:
 
 @dataclass(frozen=True, slots=True)
 class HeadingVerdict:
-    """What the track says of a heading: its unit and convention, and the drift angles that the recorded reading
-    and the best one make. Nothing is known where ``unit`` is empty; where only ``convention`` is None, the heading
-    turns as the track does, but its zero is none that is known."""
+    """What the track shows of a heading: its unit and convention, and the drift angles of the recorded and the best
+    reading. Nothing is decided where ``unit`` is empty; where only ``convention`` is None, the heading turns as the
+    track does, but its zero is none of the conventions'."""
 
     unit: str
     convention: HeadingConvention | None
@@ -146,21 +146,23 @@ def judge_heading(moves: Complexes, readings: Mapping[str, Floats], recorded: st
     HeadingVerdict
         Without a unit where the moves do not decide.
     """
-    as_recorded = drift_of(moves, readings[recorded])
+    as_recorded = drift_angle(moves, readings[recorded])
     undecided = HeadingVerdict("", None, as_recorded, as_recorded)
     sensed = {
-        (unit, sense): drift_of(moves, sense * angles) for unit, angles in readings.items() for sense in (1.0, -1.0)
+        (unit, sense): drift_angle(moves, sense * angles)
+        for unit, angles in readings.items()
+        for sense in (1.0, -1.0)
     }
     unit, sense = best = min(sensed, key=lambda candidate: sensed[candidate].variance)
-    drift, constant = sensed[best], drift_of(moves, np.zeros(moves.size))
+    drift, constant = sensed[best], drift_angle(moves, np.zeros(moves.size))
     rival_variances = [constant.variance, *(rival.variance for reading, rival in sensed.items() if reading != best)]
     is_decided = (
         np.count_nonzero(np.abs(moves) > 0.0) >= _FEWEST
         and constant.variance > _LEAST_COURSE
         and drift.variance < _MOST_DRIFT
-        and min(rival_variances) > _BEYOND_OTHERS * drift.variance
-        and sensed[unit, -sense].variance > _BEYOND_OTHER_SENSE * drift.variance
-        and _turns(readings[unit])
+        and min(rival_variances) > _RIVAL_RATIO * drift.variance
+        and sensed[unit, -sense].variance > _OTHER_SENSE_RATIO * drift.variance
+        and _turns_enough(readings[unit])
     )
     if not is_decided:
         return undecided
@@ -172,16 +174,16 @@ def judge_heading(moves: Complexes, readings: Mapping[str, Floats], recorded: st
     return HeadingVerdict(unit, nearest if off_deg[nearest] < _MOST_OFF_DEG else None, as_recorded, drift)
 
 
-def _turns(heading_deg: Floats) -> bool:
+def _turns_enough(heading_deg: Floats) -> bool:
     """Whether a heading turns enough, and to both sides or far: a ship adrift and the stream that carries it may
     both turn slowly, as if one followed the other."""
-    turned, angles = turned_deg(heading_deg), heading_deg[np.isfinite(heading_deg)]
+    turned, angles = total_turn_deg(heading_deg), heading_deg[np.isfinite(heading_deg)]
     net = abs(float(angles[-1] - angles[0])) if angles.size else 0.0
     return turned >= _LEAST_TURNED_DEG and (net >= _FAR_DEG or turned - net >= _LEAST_BACK_DEG)
 
 
-def turned_deg(heading_deg: Floats) -> float:
-    """How far a heading [n, deg], not wrapped, turned this way and that, in swings of 10 deg and more."""
+def total_turn_deg(heading_deg: Floats) -> float:
+    """How far a heading [n, deg], not wrapped, turned to both sides, in swings of 10 deg and more."""
     angles = heading_deg[np.isfinite(heading_deg)]
     turned, last = 0.0, float(angles[0]) if angles.size else 0.0
     for angle in angles.tolist():
@@ -193,27 +195,27 @@ def turned_deg(heading_deg: Floats) -> float:
 def conventions_of_course(moves: Complexes, heading_deg: Floats) -> tuple[HeadingConvention, ...]:
     """The conventions by which a ship on a straight course moves along its heading, where it does not as recorded.
 
-    A straight course tells no sense; ours is not among them, and nothing is where the ship moves along it.
+    A straight course does not show the sense; ours is not among them, and none is where the ship moves along it.
     """
-    drift = drift_of(moves, heading_deg)
+    drift = drift_angle(moves, heading_deg)
     if drift.variance > _LEAST_COURSE or abs(drift.mean_deg) < _MOST_OFF_DEG:
         return ()
     mean = circular_mean(heading_deg)
     return tuple(
         convention
         for convention in HEADINGS[1:]
-        if abs(drift_of(moves, np.full(moves.size, convention.scale * mean + convention.offset_deg)).mean_deg)
+        if abs(drift_angle(moves, np.full(moves.size, convention.scale * mean + convention.offset_deg)).mean_deg)
         < _SWING_DEG
     )
 
 
 @dataclass(frozen=True, slots=True)
 class AxesFit:
-    """How moves follow from speeds in some axes: the factor to multiply these by, and the share of the square of
-    the moves that is left over."""
+    """How moves follow from speeds in one pair of axes: the factor to multiply these by, and the fraction of the
+    square of the moves that remains as residual."""
 
     factor: float
-    left: float
+    residual: float
 
 
 def judge_axes(moves: Complexes, travelled: Mapping[str, Complexes]) -> tuple[str, dict[str, AxesFit]]:
@@ -222,22 +224,22 @@ def judge_axes(moves: Complexes, travelled: Mapping[str, Complexes]) -> tuple[st
     ``travelled`` are the moves [n, m] that the speeds make in each.
     """
     fits = {axes: _axes_fit(moves, speed_moves) for axes, speed_moves in travelled.items()}
-    best = min(fits, key=lambda axes: fits[axes].left)
-    next_best = min(fit.left for axes, fit in fits.items() if axes != best)
-    residual = fits[best].left
-    is_decided = residual < _MOST_LEFT and next_best > max(_LEAST_OTHERS, _BEYOND_OTHER_SENSE * residual)
+    best = min(fits, key=lambda axes: fits[axes].residual)
+    next_best = min(fit.residual for axes, fit in fits.items() if axes != best)
+    residual = fits[best].residual
+    is_decided = residual < _MOST_RESIDUAL and next_best > max(_LEAST_RIVAL_RESIDUAL, _OTHER_SENSE_RATIO * residual)
     return (best if is_decided and fits[best].factor > 0.0 else ""), fits
 
 
 def _axes_fit(moves: Complexes, travelled: Complexes) -> AxesFit:
     """The factor of least squares, of the moves without the fifth that fits worst: jumps of the positions."""
-    there = np.isfinite(moves) & np.isfinite(travelled)
-    moves, travelled = moves[there], travelled[there]
+    valid = np.isfinite(moves) & np.isfinite(travelled)
+    moves, travelled = moves[valid], travelled[valid]
     if moves.size < _FEWEST or not moves.any() or not travelled.any():
         return AxesFit(0.0, 1.0)
     residual = np.abs(moves - _ratio(moves, travelled) * travelled)
-    kept = residual <= np.quantile(residual, _KEPT)
-    moves, travelled = moves[kept], travelled[kept]
+    fitted = residual <= np.quantile(residual, _FITTED_FRACTION)
+    moves, travelled = moves[fitted], travelled[fitted]
     if not moves.any() or not travelled.any():
         return AxesFit(0.0, 1.0)
     factor = _ratio(moves, travelled)

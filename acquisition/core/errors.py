@@ -13,14 +13,9 @@
 
 Every message says what, where, why and what to do, in that order, on one line.
 
-Making other people's text safe for a terminal.
-
-Progress of long work: a bar on stderr if that is a terminal, else nothing.
-
-The terminal: lines and tables go out here, with other people's text escaped instead of obeyed.
-
-Names of files, marks of the crew and cells of tables come from anywhere. A control character in them would move
-the cursor, clear the screen or hide a warning; brackets would be taken for rich's markup.
+Foreign text (names of files, marks of the crew, cells of tables) is escaped before it reaches a terminal: a control
+character would move the cursor, clear the screen or hide a warning; brackets would be taken for rich's markup.
+Progress of long work is a bar on stderr if that is a terminal, else nothing.
 """
 
 from __future__ import annotations
@@ -46,15 +41,20 @@ DEBUG_VARIABLE = "SEATRIAL_DEBUG"
 
 _LONGEST_REASON = 300  # characters: a validator's message may quote the whole input
 _PACKAGE = "seatrial"
-_LOOP = "Symlink loop"  # as pathlib begins what it says of links that lead to themselves
+_LOOP = "Symlink loop"  # how pathlib's message on links that lead to themselves begins
 _CURES = {
     ENOSPC: "make room on the disk",
     EACCES: "choose another folder, or ask for the right to write there",
     EPERM: "choose another folder, or ask for the right to write there",
     EROFS: "choose another folder: this one is read-only",
 }
-_IN_WORDS = {ENOTTY: "it is no serial line", EAFNOSUPPORT: "this computer's system does not support it"}
+_PLAIN_REASONS = {ENOTTY: "it is no serial line", EAFNOSUPPORT: "this computer's system does not support it"}
 """For errors that the system words for programmers."""
+_CONTROL = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200e\u200f\u202a-\u202e\u2066-\u2069\ud800-\udfff]")
+"""What a terminal may obey instead of showing: control characters of both sets, but tab and line feed; marks that
+change the direction of writing; and surrogates, which stand for bytes of a file name that are no UTF-8."""
+_FIRST_BYTE, _LAST_BYTE, _BYTES = "\udc80", "\udcff", 0xDC00  # the surrogates of such bytes
+_PIPED_COLUMNS = 200
 
 
 class SeatrialError(Exception):
@@ -114,7 +114,7 @@ class ModelRangeError(SeatrialError, ArithmeticError):
 
 
 def system_reason(error: BaseException) -> str:
-    """Why the system refused, by the number in an error or in one that it was made of; empty if none has one."""
+    """Why the system refused, by the number in an error or in one of its causes; empty if none has one."""
     cause: BaseException | None = error
     while cause is not None:
         numbers = (getattr(cause, "errno", None), *cause.args[:1])
@@ -122,7 +122,7 @@ def system_reason(error: BaseException) -> str:
             return "no computer of this name is known"
         for number in numbers:
             if isinstance(number, int) and number in errorcode:
-                return _IN_WORDS.get(number) or os.strerror(number)
+                return _PLAIN_REASONS.get(number) or os.strerror(number)
         cause = cause.__cause__ or cause.__context__
     return ""
 
@@ -130,7 +130,7 @@ def system_reason(error: BaseException) -> str:
 def storage_error(path: Path | str, error: OSError, what: str = "cannot be written") -> StorageError:
     """The error for an output that the system refuses to write, naming what is in the way on its path.
 
-    The system's own message is misleading: "File exists" for a folder that cannot be made below a file.
+    The system's message is misleading: "File exists" for a folder that cannot be made below a file.
     """
     path = Path(path)
     why, fix = error.strerror or str(error), _CURES.get(error.errno or 0, "choose another place")
@@ -143,7 +143,7 @@ def storage_error(path: Path | str, error: OSError, what: str = "cannot be writt
     return StorageError(what, where=str(path), why=why, fix=fix)
 
 
-def unexpected(error: BaseException) -> SeatrialError:
+def unexpected_error(error: BaseException) -> SeatrialError:
     """The one line for an exception that was not foreseen: its type and message, and where in Seatrial it arose.
 
     For the guards at the outermost edges: the command line, a page of the server, a worker of a batch.
@@ -160,40 +160,30 @@ def unexpected(error: BaseException) -> SeatrialError:
     else:
         what, why = "failed unexpectedly", f"{type(error).__name__}: {error}".removesuffix(": ")
         fix = f"check the input; for a report set {DEBUG_VARIABLE}=1, which shows the traceback"
-    return SeatrialError(what, where=_origin(error), why=why[:_LONGEST_REASON], fix=fix)
-
-
-def _origin(error: BaseException) -> str:
-    """The innermost line of Seatrial in an exception's traceback; "" without any."""
     lines = [
         f"{name}, line {line}"
         for frame, line in walk_tb(error.__traceback__)
         if (name := str(frame.f_globals.get("__name__"))).partition(".")[0] == _PACKAGE
     ]
-    return lines[-1] if lines else ""
+    return SeatrialError(what, where=lines[-1] if lines else "", why=why[:_LONGEST_REASON], fix=fix)
 
 
-Said = TypeVar("Said")
-
-# All that a terminal may obey instead of showing it: control characters of both sets, but tab and line feed, and
-# what turns the direction of writing round; and the bytes of a file name that are no UTF-8, which nothing encodes.
-_OBEYED = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200e\u200f\u202a-\u202e\u2066-\u2069\ud800-\udfff]")
-_FIRST_BYTE, _LAST_BYTE, _BYTES = "\udc80", "\udcff", 0xDC00  # which Python has as these
+Printable = TypeVar("Printable")
 
 
-def printable(said: Said) -> Said:
+def printable(value: Printable) -> Printable:
     r"""Text, or text in lists, tuples and dictionaries, with control characters escaped.
 
     >>> print(printable("calm\x1b[2J"))
     calm\x1b[2J
     """
-    if isinstance(said, str):
-        return _OBEYED.sub(lambda match: _escape(match[0]), said)  # type: ignore[return-value]
-    if isinstance(said, dict):
-        return {printable(key): printable(value) for key, value in said.items()}  # type: ignore[return-value]
-    if isinstance(said, list | tuple):
-        return type(said)(map(printable, said))
-    return said
+    if isinstance(value, str):
+        return _CONTROL.sub(_escape, value)  # type: ignore[return-value]
+    if isinstance(value, dict):
+        return {printable(key): printable(entry) for key, entry in value.items()}  # type: ignore[return-value]
+    if isinstance(value, list | tuple):
+        return type(value)(map(printable, value))
+    return value
 
 
 def printable_name(path: str | os.PathLike[str]) -> str:
@@ -205,14 +195,15 @@ def printable_name(path: str | os.PathLike[str]) -> str:
     return printable(os.fspath(path)).replace("\t", r"\t").replace("\n", r"\n")
 
 
-def _escape(character: str) -> str:
+def _escape(match: re.Match[str]) -> str:
+    character = match[0]
     if _FIRST_BYTE <= character <= _LAST_BYTE:
         return f"\\x{ord(character) - _BYTES:02x}"
     return repr(character)[1:-1]
 
 
 Progress = Callable[[float], None]
-"""A callback for the share of work done, 0 to 1."""
+"""A callback for the fraction of work done, 0 to 1."""
 
 
 def part_of(progress: Progress, done: int, total: int) -> Progress:
@@ -221,23 +212,20 @@ def part_of(progress: Progress, done: int, total: int) -> Progress:
     >>> part_of(print, 1, 4)(0.5)
     0.375
     """
-    return lambda share: progress((done + share) / total)
+    return lambda fraction: progress((done + fraction) / total)
 
 
 @contextmanager
 def bar(what: str) -> Iterator[Progress]:
-    """A function that takes the share done, 0 to 1."""
+    """A progress bar, as a function that takes the fraction done, 0 to 1."""
     if not sys.stderr.isatty():
-        yield lambda share: None
+        yield lambda fraction: None
         return
     from rich.progress import Progress as Bars
 
     with Bars(console=Terminal(stderr=True), transient=True) as progress:
         task = progress.add_task(what, total=1.0)
-        yield lambda share: progress.update(task, completed=share)
-
-
-_PIPED_COLUMNS = 200
+        yield lambda fraction: progress.update(task, completed=fraction)
 
 
 class Terminal(Console):
@@ -258,12 +246,6 @@ class Terminal(Console):
     def render(self, renderable: RenderableType, options: ConsoleOptions | None = None) -> Iterable[Segment]:
         """As rich's, which calls it for whatever is in a table or a group, too."""
         shown = rich_cast(renderable)
-        return super().render(_escaped(shown) if isinstance(shown, Text) else shown, options)
-
-
-def _escaped(text: Text) -> Text:
-    """A text itself, or without its inner styles where it has to be escaped."""
-    shown = printable(text.plain)
-    if shown == text.plain:
-        return text
-    return Text(shown, text.style, justify=text.justify, overflow=text.overflow, no_wrap=text.no_wrap)
+        if isinstance(shown, Text) and (plain := printable(shown.plain)) != shown.plain:  # loses its inner styles
+            shown = Text(plain, shown.style, justify=shown.justify, overflow=shown.overflow, no_wrap=shown.no_wrap)
+        return super().render(shown, options)

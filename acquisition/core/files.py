@@ -1,15 +1,13 @@
 """Files: input that is a regular file of bounded size, output that is complete or absent.
 
-An output is never a mixture of two commands' or of two runs'. It is written under a temporary name beside its own
-and renamed when it is complete and on the disk. That name is new for every writer, which holds a lock on it
-(:mod:`seatrial.acquisition.core.files`): what a killed process has left behind has no lock, and the next writer of
-the same output removes it.
+An output is never a mixture of two commands' or of two runs'. It is written under a temporary name in the same
+folder and renamed when it is complete and on the disk. That name is new for every writer, which holds a lock on it:
+what a killed process has left behind has no lock, and the next writer of the same output removes it.
 
-Locks of outputs: two commands that would write to one place at the same time, of which the second is refused.
-
-A lock is the system's (``flock``) on a hidden file in the output folder, or beside the output file, which states
-whose it is. It ends with its process, however that ends; a file that is left behind locks nothing. Where a file
-system has no locks, nothing is locked.
+Of two commands that would write to one place at the same time the second is refused. The lock is the system's
+(``flock``) on a hidden file in the output folder, or beside the output file, which states its owner. It ends with
+its process, however that ends; a file that is left behind locks nothing. Where a file system has no locks, nothing
+is locked.
 """
 
 from __future__ import annotations
@@ -39,6 +37,10 @@ _IRREGULAR = {
     stat.S_ISFIFO: "a named pipe", stat.S_ISSOCK: "a socket", stat.S_ISCHR: "a device", stat.S_ISBLK: "a device",
 }  # fmt: skip
 _TEMPORARY = re.compile(r"\..+\.[0-9a-f]{16}\.part", re.DOTALL)
+LOCK_NAME = ".lock"
+"""The name of the file in an output folder by which it is locked."""
+_LONGEST_NAME_BYTES = 100
+"""Of a name within a hidden one. The shortest limit of a file system in use is eCryptfs', 143 bytes."""
 
 
 def require_regular(path: Path | str) -> None:
@@ -115,7 +117,11 @@ def atomic_file(path: Path | str) -> Iterator[Path]:
         stack = stack if file_set is None else file_set.temporaries
         partial = stack.enter_context(_temporary(path, folder=False))
         yield partial
-        _sync(partial)
+        descriptor = os.open(partial, os.O_RDONLY | os.O_CLOEXEC)
+        try:
+            os.fsync(descriptor)  # before it gets its name: a power cut would leave an empty file under it
+        finally:
+            os.close(descriptor)
         if file_set is None:
             partial.replace(path)
         else:
@@ -124,7 +130,7 @@ def atomic_file(path: Path | str) -> Iterator[Path]:
 
 @contextmanager
 def temporary_folder(path: Path) -> Iterator[Path]:
-    """A temporary folder beside ``path``, for what is to become a folder of that name; removed at the end.
+    """A temporary folder in the place of ``path``, which may be renamed to it; removed at the end.
 
     Raises OSError.
     """
@@ -136,8 +142,8 @@ def temporary_folder(path: Path) -> Iterator[Path]:
 def written_together(last: Path) -> Iterator[None]:
     """All files written inside appear at the end, when all of them are complete; ``last`` after all others.
 
-    An earlier ``last`` is removed before the first of them changes: where it exists, all belong together. A set
-    within another is part of that. Raises :class:`StorageError`.
+    An existing ``last`` is removed before the first of them changes: where it exists, all belong together. A set
+    within another is part of the outer one. Raises :class:`StorageError`.
     """
     if _current_set.get() is not None:
         yield
@@ -220,7 +226,7 @@ def refuse_input(path: Path) -> None:
 
 
 def _identity(path: Path) -> tuple[int, int] | None:
-    """What a file is the same by, however it is called; None for what is no file."""
+    """Device and inode, by which a file is the same whatever its name; None for what is no file."""
     try:
         state = path.stat()
     except (OSError, ValueError):
@@ -250,19 +256,18 @@ def _storage_errors(path: Path) -> Iterator[None]:
         raise storage_error(path, error) from error
 
 
-def _sync(path: Path) -> None:
-    """Make the disk keep a file before it gets its name: a power cut would leave an empty one under it."""
-    descriptor = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
-    try:
-        os.fsync(descriptor)
-    finally:
-        os.close(descriptor)
-
-
 @contextmanager
 def _temporary(path: Path, *, folder: bool) -> Iterator[Path]:
-    """A new file or folder beside ``path``, locked, and removed at the end unless it was renamed."""
-    _remove_leftovers(path)
+    """A new file or folder beside ``path``, locked, and removed at the end unless it was renamed.
+
+    What killed processes have left of their writing to ``path`` is removed first.
+    """
+    beginning = hidden_name(path.name, "")
+    with suppress(OSError), os.scandir(path.parent) as entries:
+        names = [entry.name for entry in entries if entry.name.startswith(beginning)]
+        for name in names:
+            if len(name) == len(beginning) + len("0123456789abcdef.part"):
+                _remove_leftover(path.with_name(name))
     partial, descriptor = _new_temporary(path, folder=folder)
     try:
         yield partial
@@ -281,19 +286,9 @@ def _new_temporary(path: Path, *, folder: bool) -> tuple[Path, int]:
         descriptor = os.open(partial, flags | os.O_CLOEXEC, 0o666)
         with suppress(BlockingIOError):
             lock(descriptor)
-            if is_at(descriptor, partial):
+            if is_open_at(descriptor, partial):
                 return partial, descriptor
         os.close(descriptor)  # another process took it for a leftover before it was locked
-
-
-def _remove_leftovers(path: Path) -> None:
-    """Remove what killed processes have left of their writing to ``path``."""
-    beginning = hidden_name(path.name, "")
-    with suppress(OSError), os.scandir(path.parent) as entries:
-        names = [entry.name for entry in entries if entry.name.startswith(beginning)]
-        for name in names:
-            if len(name) == len(beginning) + len("0123456789abcdef.part"):
-                _remove_leftover(path.with_name(name))
 
 
 def remove_leftovers_below(folder: Path) -> None:
@@ -334,17 +329,13 @@ def expect_suffix(path: Path | str, *suffixes: str) -> str:
     kind = path.suffix.lower() or (suffixes[0] if len(suffixes) == 1 else "")
     if kind not in suffixes:
         *leading, last = suffixes
-        named = f"{', '.join(leading)} or {last}" if leading else last
+        choices = f"{', '.join(leading)} or {last}" if leading else last
         raise InputError(
-            f"cannot write {path.suffix or 'a file without suffix'}", where=str(path), fix=f"name it {named}"
+            f"cannot write {path.suffix or 'a file without suffix'}", where=str(path), fix=f"name it {choices}"
         )
     return kind
 
 
-LOCK = ".lock"
-"""The name of the file in an output folder by which it is locked."""
-_LONGEST_NAME_BYTES = 100
-"""Of a name within a hidden one. The shortest limit of a file system in use is eCryptfs', 143 bytes."""
 _locks: ContextVar[frozenset[Path]] = ContextVar("locks", default=frozenset())
 
 
@@ -356,7 +347,7 @@ def locked_folder(folder: Path) -> Iterator[None]:
     """
     if folder.is_file():
         raise StorageError("is a file, not a folder", where=str(folder), fix="name another folder")
-    with _locked(folder / LOCK, folder, wait=False):
+    with _locked(folder / LOCK_NAME, folder, wait=False):
         yield
 
 
@@ -371,7 +362,7 @@ def locked_file(path: Path) -> Iterator[None]:
 
 @contextmanager
 def locked_briefly(path: Path) -> Iterator[None]:
-    """A file whose last step nothing else takes at the same moment; it waits for its turn.
+    """A file whose replacing no other process does at the same moment; it waits for its turn.
 
     It is independent of :func:`locked_file`, which a command holds for hours. Raises :class:`StorageError`.
     """
@@ -406,7 +397,7 @@ def lock(descriptor: int, *, wait: bool = False) -> bool:
     return True
 
 
-def is_at(descriptor: int, path: Path) -> bool:
+def is_open_at(descriptor: int, path: Path) -> bool:
     """Whether an open file is still the one at ``path``."""
     with suppress(OSError):
         return os.path.samestat(os.fstat(descriptor), path.stat())
@@ -433,21 +424,24 @@ def _locked(path: Path, output: Path, *, wait: bool) -> Iterator[None]:
         yield
     finally:
         _locks.reset(token)
-        if is_at(descriptor, path):
+        if is_open_at(descriptor, path):
             with suppress(OSError):
-                path.unlink()  # before it is let go, or it might be another's
+                path.unlink()  # before it is released, or it might be another's
         os.close(descriptor)
         _remove_empty(missing)
 
 
 def _take(path: Path, output: Path, *, wait: bool) -> int:
-    """The descriptor of a lock file that is ours. Raises :class:`StorageError` where it is another's, OSError."""
+    """The descriptor of a lock file, locked. Raises :class:`StorageError` where another command has it, OSError."""
     while True:
-        descriptor = _open(path)
+        try:
+            descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o666)
+        except PermissionError:  # left behind by another user's command; a lock does not need the right to write
+            descriptor = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
         try:
             lock(descriptor, wait=wait)
-            if is_at(descriptor, path):  # not removed in between by the process that had it
-                with suppress(OSError):  # of another user; on a full disk, what is written next says so
+            if is_open_at(descriptor, path):  # not removed in between by the process that had it
+                with suppress(OSError):  # of another user; a full disk is reported by the next writing
                     os.truncate(descriptor, 0)
                     os.pwrite(descriptor, f"process {os.getpid()} on {socket.gethostname()}".encode(), 0)
                 return descriptor
@@ -459,13 +453,6 @@ def _take(path: Path, output: Path, *, wait: bool) -> int:
                 fix="wait until it ends, or name another output",
             ) from error  # fmt: skip
         os.close(descriptor)
-
-
-def _open(path: Path) -> int:
-    try:
-        return os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o666)
-    except PermissionError:  # left behind by another user's command; a lock does not need the right to write
-        return os.open(path, os.O_RDONLY | os.O_CLOEXEC)
 
 
 def _remove_empty(folders: list[Path]) -> None:

@@ -43,10 +43,10 @@ def imported(place: str) -> Any:
     return getattr(import_module(module), name)
 
 
-def in_file(name: str) -> tuple[Path, str] | None:
+def file_and_name(name: str) -> tuple[Path, str] | None:
     """The file and name in ``FILE.py:NAME``, the name "" if not given; None for anything that is no file.
 
-    >>> in_file("mine.py:Mine"), in_file("mine.py"), in_file("adaptive")
+    >>> file_and_name("mine.py:Mine"), file_and_name("mine.py"), file_and_name("adaptive")
     ((PosixPath('mine.py'), 'Mine'), (PosixPath('mine.py'), ''), None)
     """
     file, _, attribute = name.rpartition(":")
@@ -55,9 +55,9 @@ def in_file(name: str) -> tuple[Path, str] | None:
     return (Path(name), "") if name.endswith(".py") else None
 
 
-def absolute(name: str, folder: Path | None = None) -> str:
+def absolute_name(name: str, folder: Path | None = None) -> str:
     """``FILE.py:NAME`` with an absolute path, relative to ``folder``; other names unchanged."""
-    location = in_file(name)
+    location = file_and_name(name)
     return name if location is None else f"{((folder or Path()) / location[0]).resolve()}:{location[1]}"
 
 
@@ -68,16 +68,16 @@ def load(name: str, group: str, ours: Mapping[str, str] | None = None) -> Any:
     """
     if ours and name in ours:
         return imported(ours[name])
-    if (location := in_file(name)) is not None:
+    if (location := file_and_name(name)) is not None:
         return _attribute(*location)
     entries = _entries(group)
     if name not in entries:
         names = [*(ours or ()), *entries]
-        near = get_close_matches(name, names, n=1)
-        mean = f"did you mean {near[0]}? " if near else ""
-        among = f"use one of {', '.join(names)}, or " if names else "give "
+        matches = get_close_matches(name, names, n=1)
+        guess = f"did you mean {matches[0]}? " if matches else ""
+        choices = f"use one of {', '.join(names)}, or " if names else "give "
         raise ConfigurationError(
-            f"no {group.removesuffix('s')} is called {name!r}", fix=f"{mean}{among}FILE.py:NAME of your own"
+            f"no {group.removesuffix('s')} is called {name!r}", fix=f"{guess}{choices}FILE.py:NAME of your own"
         )
     with own_code(name, ""):
         return entries[name].load()
@@ -85,7 +85,7 @@ def load(name: str, group: str, ours: Mapping[str, str] | None = None) -> Any:
 
 def digest_of(name: str, group: str) -> str:
     """The SHA-256 of the file with a user's code, which is not executed; "" for ours and for a missing file."""
-    entry, location = _entries(group).get(name), in_file(name)
+    entry, location = _entries(group).get(name), file_and_name(name)
     file = location[0] if location else None
     if entry is not None:
         spec = find_spec(entry.module)
@@ -130,14 +130,14 @@ def require_call(code: Any, name: str, *arguments: str, method: str = "") -> Non
     ``method`` names the method of the class ``code`` to check.
     """
     parameters = ("self", *arguments) if method else arguments
-    wanted = f"{method or name.rpartition(':')[2]}({', '.join(parameters)})"
-    called = getattr(code, method, None) if method else code
+    signature = f"{method or name.rpartition(':')[2]}({', '.join(parameters)})"
+    function = getattr(code, method, None) if method else code
     try:
-        inspect.signature(called).bind(*([code] if method else []), *arguments)  # type: ignore[arg-type]
+        inspect.signature(function).bind(*([code] if method else []), *arguments)  # type: ignore[arg-type]
     except (TypeError, ValueError) as error:
         what = f"has no {method}" if method else "is no function"
-        what, why = ("takes other arguments", str(error)) if callable(called) else (what, "")
-        raise ConfigurationError(what, where=name, why=why, fix=f"define {wanted}") from error
+        what, why = ("takes other arguments", str(error)) if callable(function) else (what, "")
+        raise ConfigurationError(what, where=name, why=why, fix=f"define {signature}") from error
 
 
 def _entries(group: str) -> dict[str, EntryPoint]:

@@ -1,14 +1,9 @@
-"""The process: signals that end a recording, and standard streams whose failure must not end one.
-
-Nothing heavy is imported here, so that it is in place first.
-
-What a file may take of memory and time, by its size on disk, and how a person raises it.
+"""The process: signals that end a recording, standard streams whose failure must not, and limits for foreign files.
 
 A small file can unpack to more than a machine holds. What an honest file unpacks to is in proportion to its bytes:
 each budget is an allowance for a file of any size and a multiple of its bytes, several times what the densest
-honest files were measured to need. ``SEATRIAL_BUDGET`` multiplies all of them.
-
-A script in a process of its own, under limits: what a library does with a hostile file ends there.
+honest files were measured to need. ``SEATRIAL_BUDGET`` multiplies all of them. A library that may fall for a
+hostile file reads it in a child process. Nothing heavy is imported here, so that signals and streams come first.
 """
 
 from __future__ import annotations
@@ -32,8 +27,11 @@ from typing import Any, TextIO
 
 from seatrial.acquisition.core.errors import ConfigurationError, InputError, SeatrialError, StorageError, printable
 
+BUDGET_VARIABLE = "SEATRIAL_BUDGET"
 _STDOUT = 1
-_NAMES = ("stdin", "stdout", "stderr")
+_REFUSED = 3  # the exit code of a script that refuses a file, and says why on stderr
+_MOST_LETTERS = 300
+_MEGA = 1_000_000
 _active: list[threading.Event] = []
 
 
@@ -44,18 +42,13 @@ def guard_standard_streams() -> None:
     cannot be printed must not end a recording. A failure to write to stdout, such as a full disk, is reported
     once, since requested output is lost.
     """
-    for name in _NAMES:
+    for name in ("stdin", "stdout", "stderr"):
         stream = getattr(sys, name)
         if stream is None:  # takes the lowest free descriptor, the missing one, so that no recording gets it
             mode = "r" if name == "stdin" else "w"
             setattr(sys, name, Path(os.devnull).open(mode, encoding="utf-8"))  # noqa: SIM115 - to the end
         elif name != "stdin" and stream is getattr(sys, f"__{name}__"):  # and not a test's
             setattr(sys, name, _guarded(stream))
-
-
-def echo(line: object, *, err: bool = False) -> None:
-    """Print a line of a command, in which control characters and the bytes of odd file names are escaped."""
-    print(printable(str(line)), file=sys.stderr if err else sys.stdout, flush=True)
 
 
 _ANNOUNCING: ContextVar[bool] = ContextVar("announcing", default=False)
@@ -95,6 +88,11 @@ def _guarded(stream: TextIO) -> TextIO:
     )
 
 
+def echo(line: object, *, err: bool = False) -> None:
+    """Print a line of a command, in which control characters and the bytes of odd file names are escaped."""
+    print(printable(str(line)), file=sys.stderr if err else sys.stdout, flush=True)
+
+
 class _Output(io.FileIO):
     """An output descriptor that discards everything after its first failure."""
 
@@ -116,7 +114,7 @@ class _Output(io.FileIO):
             return len(data)
 
 
-def started(thread: threading.Thread) -> bool:
+def start_thread(thread: threading.Thread) -> bool:
     """Start a thread; False where the system gives none now, which may be tried again."""
     try:
         thread.start()
@@ -140,10 +138,10 @@ def stop_on_signals() -> Iterator[threading.Event]:
     def handle(number: int, frame: FrameType | None) -> None:
         stop.set()
 
-    ends = [signal.SIGINT, signal.SIGTERM]
+    numbers = [signal.SIGINT, signal.SIGTERM]
     if signal.getsignal(signal.SIGHUP) is not signal.SIG_IGN:
-        ends.append(signal.SIGHUP)
-    previous = {number: signal.signal(number, handle) for number in ends}
+        numbers.append(signal.SIGHUP)
+    previous = {number: signal.signal(number, handle) for number in numbers}
     _active.append(stop)
     try:
         yield stop
@@ -159,29 +157,25 @@ class Termination(KeyboardInterrupt):
 
 @contextmanager
 def interrupt_on_terminate() -> Iterator[None]:
-    """SIGTERM ends what is done here as Ctrl-C does, instead of the process where it stands."""
+    """SIGTERM ends the work inside as Ctrl-C does, instead of killing the process at once."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return
 
     def stop(*_: object) -> None:
-        signal.signal(signal.SIGTERM, signal.SIG_IGN)  # once is enough; what follows is the way out
+        signal.signal(signal.SIGTERM, signal.SIG_IGN)  # once is enough: the process is already ending
         raise Termination
 
-    before = signal.signal(signal.SIGTERM, stop)
+    previous = signal.signal(signal.SIGTERM, stop)
     try:
         yield
     finally:
-        signal.signal(signal.SIGTERM, before)
-
-
-VARIABLE = "SEATRIAL_BUDGET"
-_MEGA = 1_000_000
+        signal.signal(signal.SIGTERM, previous)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FileBudget:
-    """So much of ``what`` (a plural) a file may hold: ``least``, and ``per_byte`` for each byte on disk."""
+    """How much of ``what`` (a plural) a file may hold: ``least``, and ``per_byte`` for each byte on disk."""
 
     what: str
     least: int
@@ -199,7 +193,7 @@ class FileBudget:
         if amount > allowance:
             raise kind(
                 f"has at least {amount:,} {self.what}", where=str(path),
-                why=f"the budget of a file of {file_bytes:,} bytes is {allowance:,}", fix=how_to_raise(),
+                why=f"the budget of a file of {file_bytes:,} bytes is {allowance:,}", fix=budget_hint(),
             )  # fmt: skip
 
 
@@ -225,7 +219,7 @@ TABLE_CELLS = FileBudget("cells", 5_000_000, 40.0)
 .mat, 17 in HDF5, 21 in CSV by bzip2."""
 
 TABLE_COLUMNS = FileBudget("columns", 2_000)
-"""The widest table that we know has 300; to recognise 20,000 by their names takes a minute."""
+"""The widest table that we have met has 300; to recognise 20,000 by their names takes a minute."""
 
 TABLE_TEXT_BYTES = FileBudget("unpacked bytes of text", 32 * _MEGA, 200.0)
 """Constant values beside a time: gzip 37, bzip2 112, xz 360 times their size."""
@@ -250,7 +244,7 @@ JSON_BYTES = FileBudget("bytes", 256 * _MEGA)
 """Of a JSON file: ours have kilobytes, the largest, what a diagnosis shows, some megabytes."""
 
 CALIBRATOR_BYTES = FileBudget("bytes", 1024 * _MEGA)
-"""Of a file of a calibrator: ours have up to 4 MB; one of a user's own may keep its training data."""
+"""Of a file of a calibrator: ours have up to 4 MB; a user's may keep its training data."""
 
 DBC_BITS = FileBudget("bits in one signal or bytes in one message", 15_000)
 """The longest message of J1939 has 1,785 bytes, 14,280 bits; cantools takes time by the square."""
@@ -263,12 +257,12 @@ NAME_BYTES = FileBudget("bytes in a name or a sample", 10_000)
 """A sample has some 70, of JSON 300; no topic is named in more than a line."""
 
 TEXT_BYTES = FileBudget("bytes in one text, cell or line", _MEGA)
-"""The longest text that people write is a trial's list of declared channels, some 100 kB."""
+"""The longest text in use is a trial's list of declared channels, some 100 kB."""
 
 
-def how_to_raise() -> str:
-    """What a user does who wants such a file to be read."""
-    return f"if you trust the file, raise all budgets tenfold with {VARIABLE}={10 * budget_factor():g}"
+def budget_hint() -> str:
+    """How a user gets such a file read."""
+    return f"if you trust the file, raise all budgets tenfold with {BUDGET_VARIABLE}={10 * budget_factor():g}"
 
 
 def budget_factor() -> float:
@@ -276,19 +270,21 @@ def budget_factor() -> float:
 
     Raises :class:`ConfigurationError` unless it is a positive number.
     """
-    text = os.environ.get(VARIABLE, "").strip() or "1"
+    text = os.environ.get(BUDGET_VARIABLE, "").strip() or "1"
     try:
         factor = float(text)
     except ValueError:
         factor = -1.0
     if not (isfinite(factor) and factor > 0.0):
-        raise ConfigurationError(f"{VARIABLE}={text!r} is no factor", fix=f"set a number such as {VARIABLE}=10")
+        raise ConfigurationError(
+            f"{BUDGET_VARIABLE}={text!r} is no factor", fix=f"set a number such as {BUDGET_VARIABLE}=10"
+        )
     return factor
 
 
 @dataclass(slots=True)
 class Meter:
-    """What the reading of one file has taken so far, held against its budgets."""
+    """What the reading of one file has taken so far, compared with its budgets."""
 
     path: Path | str
     file_bytes: int
@@ -311,10 +307,6 @@ class Meter:
         """Count ``amount`` more. Raises :class:`InputError` beyond the budget."""
         self._totals[budget] = total = self._totals.get(budget, 0) + amount
         self.check(budget, total)
-
-
-_REFUSED = 3  # the exit code of a script that refuses a file, and says why on stderr
-_MOST_LETTERS = 300
 
 
 def read_in_child(script: Path, reader: str, path: Path) -> Any:
@@ -354,5 +346,5 @@ def read_in_child(script: Path, reader: str, path: Path) -> Any:
     if code or not received:
         memory, seconds = int(limits[0]), int(limits[1])
         why = f"the budget of a file of {size_bytes:,} bytes is {memory:,} bytes of memory and {seconds} s"
-        raise InputError("takes too much memory or time", where=str(path), why=why, fix=how_to_raise())
+        raise InputError("takes too much memory or time", where=str(path), why=why, fix=budget_hint())
     return result

@@ -1,16 +1,9 @@
-"""Conversions between earth, ship and wind axes, and a trial's tangent plane: functions of floats.
+"""Quantities: units, array types, and conversions between earth, ship and wind axes.
 
-Angles in degrees, clockwise; speeds in m/s; ``surge`` along the bow, ``sway`` to starboard. A wind direction or
-angle is where the wind comes from.
-
-Kinematics of arrays and of single values: rotation between earth and ship, integrated rates, the mean wind.
-
-Array types for signatures, one name for each element type, and the samples of one channel as arrays.
-
-Units: their names in files, and their conversion to the units of channels.
-
-Inside the code everything is SI with angles in radians; channels are in the units that their names end in (``_m
-_deg _mps _dps _rpm _percent``). A conversion is one affine step, ``house = scale * value + offset``.
+Conversions of single floats take angles in degrees, clockwise, and speeds in m/s; ``surge`` is along the bow,
+``sway`` to starboard; a wind direction or angle is where the wind comes from. Inside the code everything else is SI
+with angles in radians; channels are in the units that their names end in (``_m _deg _mps _dps _rpm _percent``). A
+conversion of units is one affine step, ``house = scale * value + offset``, to the house's unit of that quantity.
 """
 
 from __future__ import annotations
@@ -24,15 +17,22 @@ from typing import Annotated, Any, NamedTuple, TypeAlias, TypeVar
 import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike, NDArray
+from pydantic_core import core_schema
 
 from seatrial.acquisition.core.errors import ConfigurationError
 
+KNOT_MPS = 1852.0 / 3600.0
+DEG_PER_RAD = 180.0 / pi
+DIMENSIONLESS = "1"
+"""The unit of counts, codes and ratios, whose names have no ending."""
+DEGREES_AND_MINUTES = "ddmm"
+"""The unit of angles given as degrees and minutes in one number."""
 _SEMI_MAJOR_M = 6_378_137.0
 _FLATTENING = 1.0 / 298.257223563
 _ECCENTRICITY2 = _FLATTENING * (2.0 - _FLATTENING)
 
 
-def along(direction_deg: float, speed_mps: float) -> tuple[float, float]:
+def velocity_components(direction_deg: float, speed_mps: float) -> tuple[float, float]:
     """The components of a velocity towards ``direction_deg``: north and east, or forward and to starboard."""
     angle = radians(direction_deg)
     return speed_mps * cos(angle), speed_mps * sin(angle)
@@ -60,7 +60,7 @@ def wind_over_ground(
         >>> round(direction, 9), round(speed, 9)
         (270.0, 6.0)
     """
-    ahead, starboard = along(angle_deg, speed_mps)  # where it comes from: the air moves the other way
+    ahead, starboard = velocity_components(angle_deg, speed_mps)  # where it comes from: the air moves the other way
     ahead, starboard = ahead - surge_mps, starboard - sway_mps
     speed = hypot(ahead, starboard)
     from_bow_deg = degrees(atan2(starboard, ahead)) if speed > 0.0 else angle_deg
@@ -72,7 +72,7 @@ def apparent_wind(angle_deg: float, speed_mps: float, speed_through_water_mps: f
 
     Instruments do so with heading and log speed, as if there were no leeway; this is the inverse.
     """
-    ahead, starboard = along(angle_deg, speed_mps)
+    ahead, starboard = velocity_components(angle_deg, speed_mps)
     ahead += speed_through_water_mps
     return degrees(atan2(starboard, ahead)) % 360.0, hypot(ahead, starboard)
 
@@ -90,8 +90,8 @@ class TangentPlane:
     def north_east_m(self, latitude_deg: float, longitude_deg: float) -> tuple[float, float]:
         """North and east [m] of a point on the ellipsoid."""
         x, y, z = (
-            here - there
-            for here, there in zip(_earth_centred(latitude_deg, longitude_deg), self._centre, strict=True)
+            point - centre
+            for point, centre in zip(_earth_centred(latitude_deg, longitude_deg), self._centre, strict=True)
         )
         (sin_latitude, sin_longitude), (cos_latitude, cos_longitude) = self._sin, self._cos
         outward = cos_longitude * x + sin_longitude * y
@@ -141,14 +141,12 @@ def mean_wind(air: pd.DataFrame) -> tuple[float, float]:
 
 
 class _AsLists:
-    """Tells pydantic that an array is nested lists in JSON, with elements of this type; null is NaN."""
+    """Has pydantic write an array as nested lists in JSON, with elements of this type; null is NaN."""
 
     def __init__(self, dtype: type) -> None:
         self.dtype = dtype
 
     def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> Any:
-        from pydantic_core import core_schema
-
         return core_schema.no_info_plain_validator_function(
             lambda values: np.array(values, dtype=self.dtype),
             serialization=core_schema.plain_serializer_function_ser_schema(lambda array: array.tolist()),
@@ -175,38 +173,29 @@ class Series:
     sources: tuple[str, ...]
     source_index: NDArray[np.int32]
 
-    def subset(self, which: NDArray[Any]) -> Series:
-        """The samples at ``which``, a mask [n] or indices."""
+    def subset(self, rows: NDArray[Any]) -> Series:
+        """The samples at ``rows``, a mask [n] or indices."""
         return Series(
-            self.measured_ns[which],
-            self.received_ns[which],
-            self.value[which],
-            self.quality[which],
+            self.measured_ns[rows],
+            self.received_ns[rows],
+            self.value[rows],
+            self.quality[rows],
             self.sources,
-            self.source_index[which],
+            self.source_index[rows],
         )
 
     @classmethod
     def joined(cls, parts: Sequence[Series]) -> Series:
         """The samples of one series after the other."""
         sources = tuple(dict.fromkeys(name for part in parts for name in part.sources))
-        places = [np.array([sources.index(name) for name in part.sources], np.int32) for part in parts]
-        index = [place[part.source_index] for place, part in zip(places, parts, strict=True)]
+        numbers = [np.array([sources.index(name) for name in part.sources], np.int32) for part in parts]
+        index = [number[part.source_index] for number, part in zip(numbers, parts, strict=True)]
 
         def column(name: str) -> NDArray[Any]:
             return np.concatenate([getattr(part, name) for part in parts])
 
-        numbers = column("measured_ns"), column("received_ns"), column("value"), column("quality")
-        return cls(*numbers, sources, np.concatenate(index))
-
-
-KNOT_MPS = 1852.0 / 3600.0
-DEG_PER_RAD = 180.0 / pi
-DIMENSIONLESS = "1"
-"""The unit of counts, codes and ratios, whose names have no ending."""
-DEGREES_AND_MINUTES = "ddmm"
-"""The unit of angles given as degrees and minutes in one number."""
-Number = TypeVar("Number", float, Floats)
+        columns = column("measured_ns"), column("received_ns"), column("value"), column("quality")
+        return cls(*columns, sources, np.concatenate(index))
 
 
 class Linear(NamedTuple):
@@ -270,14 +259,14 @@ _ALIASES = {
 _ENDINGS = {"%": "percent", "deg/s": "dps", DIMENSIONLESS: ""}
 
 
-def canonical(unit: str) -> str:
+def canonical_unit(unit: str) -> str:
     """The name of a unit in this module."""
     return _ALIASES.get(unit, unit)
 
 
 def is_unit(name: str) -> bool:
     """Whether a unit is known."""
-    return any(canonical(name) in sizes for sizes in _SIZES.values())
+    return any(canonical_unit(name) in sizes for sizes in _SIZES.values())
 
 
 def ending_of(unit: str) -> str:
@@ -286,21 +275,21 @@ def ending_of(unit: str) -> str:
     >>> ending_of("l/h"), ending_of("deg/s"), ending_of("kg/m3"), ending_of("1")
     ('_lph', '_dps', '_kgpm3', '')
     """
-    plain = _ENDINGS.get(unit)
-    if plain is None:
-        plain = re.sub(r"[^a-z0-9]", "", unit.replace("/", "p").lower())
-    return f"_{plain}" if plain else ""
+    ending = _ENDINGS.get(unit)
+    if ending is None:
+        ending = re.sub(r"[^a-z0-9]", "", unit.replace("/", "p").lower())
+    return f"_{ending}" if ending else ""
 
 
-def to_house(house: str, unit: str) -> Linear:
+def conversion_to(house: str, unit: str) -> Linear:
     """The conversion from ``unit`` to the unit ``house``; any unit converts to itself.
 
     Raises :class:`ConfigurationError` if the unit is unknown or measures something else.
 
-        >>> to_house("degC", "K").apply(273.15)
+        >>> conversion_to("degC", "K").apply(273.15)
         0.0
     """
-    stated_unit, unit = unit, canonical(unit)
+    stated_unit, unit = unit, canonical_unit(unit)
     sizes = next((by_unit for by_unit in _SIZES.values() if house in by_unit), {house: 1.0})
     if unit not in sizes:
         raise ConfigurationError(
@@ -311,12 +300,15 @@ def to_house(house: str, unit: str) -> Linear:
 
 
 def scale_to(house: str, unit: str) -> float:
-    """The factor of :func:`to_house`, for units with a common zero.
+    """The factor of :func:`conversion_to`, for units with a common zero.
 
     >>> round(scale_to("m/s", "knots"), 6)
     0.514444
     """
-    return to_house(house, unit).scale
+    return conversion_to(house, unit).scale
+
+
+Number = TypeVar("Number", float, Floats)
 
 
 def from_degrees_and_minutes(ddmm: Number) -> Number:

@@ -1,12 +1,11 @@
-"""Results that print and plot themselves.
+"""Results that print and plot themselves, and go to JSON and back.
 
 A result names the functions that show it, ``"module:function"``; they are loaded when it is printed or plotted.
 So no result imports a page, and plotting code is loaded only when needed.
 
-Results to JSON and back: a dataclass's fields are the keys, and its types say how to read them.
-
-``Annotated[..., Field(exclude=True)]`` leaves a field out, ``@computed_field`` above a property adds one. Arrays
-(:mod:`seatrial.acquisition.core.quantities`) are nested lists. JSON knows no NaN: it is written as null, and a
+In JSON a dataclass's fields are the keys, and its types say how to read them. ``Annotated[...,
+Field(exclude=True)]`` leaves a field out, ``@computed_field`` above a property adds one. Arrays
+(:mod:`seatrial.acquisition.core.quantities`) are nested lists. NaN, which JSON lacks, is written as null, and a
 field that may hold one has the type :data:`Number`, which reads null as NaN.
 """
 
@@ -20,7 +19,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, TypeVar
 import numpy as np
 from pydantic import BeforeValidator, TypeAdapter, ValidationError
 
-from seatrial.acquisition.core.errors import InputError
+from seatrial.acquisition.core.errors import InputError, Terminal
 from seatrial.acquisition.core.named_code import imported
 
 if TYPE_CHECKING:
@@ -44,12 +43,10 @@ class Result:
     size_inch: ClassVar[tuple[float, float]] = (9.0, 5.0)
 
     def __rich__(self) -> RenderableType:
-        shown: RenderableType = imported(self.view)(self)
-        return shown
+        renderable: RenderableType = imported(self.view)(self)
+        return renderable
 
     def __str__(self) -> str:
-        from seatrial.acquisition.core.errors import Terminal
-
         text = StringIO()
         Terminal(file=text, width=_WIDTH).print(self)
         return "\n".join(line.rstrip() for line in text.getvalue().rstrip().split("\n"))
@@ -61,15 +58,14 @@ class Result:
     def plot(self) -> Figure:
         """The result as a matplotlib figure."""
         draw = imported(self.drawing)
-        filled: Figure = imported("seatrial.analysis.report.rendering:fill_figure")(
-            lambda figure: draw(figure, self), self.size_inch
-        )
-        return filled
+        fill_figure = imported("seatrial.analysis.report.rendering:fill_figure")
+        figure: Figure = fill_figure(lambda canvas: draw(canvas, self), self.size_inch)
+        return figure
 
 
 @dataclass(frozen=True, slots=True)
 class ChosenModel:
-    """The model that a result was computed with: its name, and a remark if it is not the recordings' own."""
+    """The model that a result was computed with: its name, and a remark if it is not that of the recordings."""
 
     name: str
     doubt: str = ""
@@ -79,7 +75,7 @@ class ChosenModel:
 
     @property
     def remarks(self) -> dict[str, list[str]]:
-        """The first entries of a JSON object: empty if the model is the recordings' own."""
+        """The first entries of a JSON object: empty if the model is that of the recordings."""
         return {"remarks": [str(self)]} if self.doubt else {}
 
 
@@ -116,7 +112,13 @@ Number = Annotated[float, BeforeValidator(lambda value: float("nan") if value is
 
 def to_json(result: Any) -> Any:
     """A dataclass, or lists and dicts of them, as plain values for JSON: NaN and infinities become None."""
-    return json.loads(TypeAdapter[Any](type(result)).dump_json(result, fallback=_plain))
+
+    def plain(value: Any) -> Any:
+        if isinstance(value, np.generic | np.ndarray):
+            return value.tolist()
+        raise TypeError(f"{type(value).__name__} cannot be written as JSON")
+
+    return json.loads(TypeAdapter[Any](type(result)).dump_json(result, fallback=plain))
 
 
 def from_json(kind: type[Decoded], values: Any) -> Decoded:
@@ -129,9 +131,3 @@ def from_json(kind: type[Decoded], values: Any) -> Decoded:
         raise InputError(
             f"is not a {kind.__name__} of this version", where=place, why=first["msg"], fix="create it again"
         ) from error
-
-
-def _plain(value: Any) -> Any:
-    if isinstance(value, np.generic | np.ndarray):
-        return value.tolist()
-    raise TypeError(f"{type(value).__name__} cannot be written as JSON")

@@ -1,27 +1,14 @@
-"""A ship's actuators as a list of names and kinds, and the channels that follow from it.
+"""The channels of a trial, as data: columns, topics, schema texts and range checks all derive from them.
 
-The control channels of a recording, the channels of their orders, their units and ranges are defined nowhere
-else: an actuator's kind gives its controls (:data:`KINDS`), its name the names of their channels. The default
-list is R/V Gunnerus', read from her vessel file.
+Those of motion and wind are fixed. Those of the controls and their orders follow from the ship's list of
+actuators and are defined nowhere else: an actuator's kind gives its controls (:data:`KINDS`), its name the names
+of their channels; ``CHANNELS`` are the 13 of the default list, R/V Gunnerus', read from its vessel file. A user
+may declare others, which are treated like them; their definition is stored in the recording, since it is nowhere
+else. The last part is angles in degrees on the circle: its functions take floats or arrays, return the same
+shape, and pass NaN through.
 
-A channel: a quantity with its unit, the range of its possible values, and its topic.
-
-The channels of a trial, as data.
-
-Columns, topics, schema texts, range checks and circular treatment all derive from the channels. Those of motion
-and wind are fixed; those of the actuators follow from the ship's list (:mod:`seatrial.acquisition.core.ship`):
-``CHANNELS`` are the 13 of the default list, R/V Gunnerus'. Frames and signs: north-east-down earth frame; body
-frame x forward, y to starboard; yaw positive to starboard; azimuth angles positive when the thrust vector turns
-to starboard; wind direction is where the wind comes from.
-
-Channels that a user declares in addition to those of every trial: their checks, their text in a recording.
-
-A declared channel is recorded, checked, resampled, exported and plotted like the others; its definition is
-stored in the recording, since nothing else knows it.
-
-Angles in degrees: wrapping, differences, means and interpolation on the circle.
-
-Every function takes floats or arrays, returns the same shape, and passes NaN through.
+Frames and signs: north-east-down earth frame; body frame x forward, y to starboard; yaw positive to starboard;
+azimuth angles positive when the thrust vector turns to starboard; wind direction is where the wind comes from.
 """
 
 from __future__ import annotations
@@ -42,7 +29,7 @@ from numpy.typing import ArrayLike
 
 from seatrial.acquisition.core.errors import ConfigurationError
 from seatrial.acquisition.core.files import parse_json
-from seatrial.acquisition.core.quantities import Bools, Floats, Ints, canonical, ending_of
+from seatrial.acquisition.core.quantities import Bools, Floats, Ints, canonical_unit, ending_of
 from seatrial.acquisition.core.trial import Trial
 
 VESSELS = Path(__file__).parents[2] / "trials" / "vessels"
@@ -56,6 +43,65 @@ RUDDER = "rudder_angle_deg"
 
 NAME_PATTERN = re.compile(r"[a-z][a-z0-9_]*")
 _ORDER = "_order"
+_ENDINGS = ("_rpm", "_angle_deg", "_pitch_percent")
+"""The endings of the names of control channels."""
+_SIDEWAYS = ("tunnel", "thruster", "bow", "stern", "aft", "fore")
+"""Parts of the names of thrusters that push sideways, used where the kind is not stated."""
+_CHANNEL_NAME = re.compile(r"[a-z][a-z0-9]*(_[a-z0-9]+)*")
+_UNIT = re.compile(r"[A-Za-z0-9%/^.*-]{1,20}")
+_MOST_LETTERS = 60
+_TURN_DEG = 360.0
+_LEAST_STAY = 5
+_SEAM_DEG = 170.0  # codes for no value, -1 to -99, are far from the seam of -180..180
+
+
+Group = Literal["pose", "velocity", "environment", "command", "auxiliary", "declared"]
+
+
+@dataclass(frozen=True, slots=True)
+class Channel:
+    """A quantity with its unit and the range of its possible values.
+
+    ``low`` and ``high`` are inclusive, except for angles: their range is one turn, which includes the end that
+    ``conventions`` gives (0 <= x < 360, or -180 < x <= 180). A ``state`` is a code or a count that keeps its
+    value until the next one and is never interpolated.
+    """
+
+    name: str
+    unit: str
+    low: float
+    high: float
+    group: Group
+    meaning: str
+    circular: bool = False
+    state: bool = False
+
+    @property
+    def topic(self) -> str:
+        """The MCAP topic that carries this channel."""
+        return f"/channel/{self.name}"
+
+    def holds(self, value: float) -> bool:
+        """Whether ``value`` [``unit``] is possible. NaN and infinities are not."""
+        if not self.circular:
+            return self.low <= value <= self.high
+        if self.low < 0:
+            return self.low < value <= self.high
+        return self.low <= value < self.high
+
+    def wrapped(self, value: float) -> float:
+        """``value`` wrapped into this channel's turn; unchanged if the channel is no angle."""
+        if not self.circular:
+            return value
+        if self.low < 0:
+            return self.high - (self.high - value) % 360.0
+        turned = value % 360.0
+        return 0.0 if turned == 360.0 else turned  # -1e-20 % 360.0 is 360.0 in floating point
+
+
+def angle_channel(name: str, group: Group, meaning: str) -> Channel:
+    """A channel of an angle [deg] from 0 to 360."""
+    return Channel(name, "deg", 0.0, 360.0, group, meaning, circular=True)
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,7 +139,7 @@ class Actuator:
     @property
     def is_at_bow(self) -> bool:
         """Whether it is a tunnel thruster whose name does not place it aft."""
-        return self.kind == "tunnel" and _end(self.name) == "bow"
+        return self.kind == "tunnel" and _ship_end(self.name) == "bow"
 
     @property
     def orders(self) -> tuple[Channel, ...]:
@@ -121,7 +167,7 @@ class Control:
 
     def channel(self, name: str) -> Channel:
         """The channel of this control of the actuator called ``name``."""
-        meaning = self.meaning.format(name.replace("_", " ").capitalize(), end=_end(name))
+        meaning = self.meaning.format(name.replace("_", " ").capitalize(), end=_ship_end(name))
         circular = self.high == 180.0
         return Channel(f"{name}{self.ending}", self.unit, -self.high, self.high, "command", meaning, circular)
 
@@ -140,7 +186,7 @@ ANGLES = ("azimuth", "rudder", "nozzle")
 """The controls that are steering angles."""
 
 
-def _end(name: str) -> str:
+def _ship_end(name: str) -> str:
     return "stern" if "stern" in name or "aft" in name else "bow"
 
 
@@ -169,25 +215,11 @@ KINDS: dict[str, ActuatorKind] = {
 }
 """The kinds of actuators; the force of each is in ``hybrid/vessel/actuators``, in a file of the kind's name."""
 
-_ENDINGS = ("_rpm", "_angle_deg", "_pitch_percent")
-"""The endings of the names of control channels."""
 
-_ASIDE = ("tunnel", "thruster", "bow", "stern", "aft", "fore")
-"""Parts of the names of thrusters that push sideways, used where the kind is not stated."""
-
-
-def _by_rule(stem: str, ending: str) -> Channel:
+def _control_by_rule(stem: str, ending: str) -> Channel:
     """The control channel of an actuator of unknown kind."""
     angle = "rudder" if "rudder" in stem else "azimuth"
     return CONTROLS[{"_rpm": "shaft", "_angle_deg": angle, "_pitch_percent": "pitch"}[ending]].channel(stem)
-
-
-def _kind_by_rule(stem: str, endings: set[str]) -> str:
-    if "_angle_deg" in endings:
-        return "azimuth" if "_rpm" in endings else "rudder"
-    if "_pitch_percent" in endings:
-        return "controllable_propeller"
-    return "tunnel" if any(part in stem for part in _ASIDE) else "propeller"
 
 
 def name_of_order(control: str) -> str:
@@ -212,9 +244,9 @@ def channel_by_rule(name: str) -> Channel | None:
         if stem == name or not NAME_PATTERN.fullmatch(stem):
             continue
         if stem.endswith(_ORDER):
-            of = _by_rule(stem.removesuffix(_ORDER), ending)
-            return replace(of, name=name, group="auxiliary", meaning=f"Order: {of.meaning}")
-        return _by_rule(stem, ending)
+            control = _control_by_rule(stem.removesuffix(_ORDER), ending)
+            return replace(control, name=name, group="auxiliary", meaning=f"Order: {control.meaning}")
+        return _control_by_rule(stem, ending)
     return None
 
 
@@ -224,11 +256,11 @@ def check_actuators(actuators: Iterable[Actuator]) -> Actuators:
     Raises :class:`ConfigurationError` for an empty list, an unknown kind, a name that cannot be part of a
     channel's name, and a name used twice.
     """
-    result = tuple(actuators)
-    if not result:
+    checked = tuple(actuators)
+    if not checked:
         raise ConfigurationError("the ship has no actuator", fix="list at least one, each with name and kind")
-    names = [actuator.name for actuator in result]
-    for actuator in result:
+    names = [actuator.name for actuator in checked]
+    for actuator in checked:
         if actuator.kind not in KINDS:
             what = f"actuator {actuator.name}: no kind {actuator.kind!r}"
             raise ConfigurationError(what, fix=f"write one of {', '.join(KINDS)}")
@@ -237,7 +269,7 @@ def check_actuators(actuators: Iterable[Actuator]) -> Actuators:
             raise ConfigurationError(f"actuator name {actuator.name!r} cannot be part of a channel's name", fix=fix)
         if names.count(actuator.name) > 1:
             raise ConfigurationError(f"two actuators are called {actuator.name!r}", fix="give each its own name")
-    return result
+    return checked
 
 
 def names_of(actuators: Actuators, kind: str) -> tuple[str, ...]:
@@ -309,7 +341,7 @@ def kind_of_control(name: str, actuators: Actuators) -> str:
     return {channel.name: actuator.kind for actuator in actuators for channel in actuator.channels}[name]
 
 
-def part_of_control(name: str, actuators: Actuators) -> str:
+def control_of_channel(name: str, actuators: Actuators) -> str:
     """The name of a control channel's control: a shaft, an azimuth ... Raises :class:`KeyError` for none."""
     pairs = (
         pair
@@ -336,21 +368,29 @@ def actuators_in(names: Iterable[str]) -> Actuators:
         if channel is not None and channel.group == "command":
             ending = next(suffix for suffix in _ENDINGS if name.endswith(suffix))
             stems.setdefault(name.removesuffix(ending), set()).add(ending)
-    return tuple(Actuator(stem, _kind_by_rule(stem, endings)) for stem, endings in stems.items())
+    kinds = {}
+    for stem, endings in stems.items():
+        if "_angle_deg" in endings:
+            kinds[stem] = "azimuth" if "_rpm" in endings else "rudder"
+        elif "_pitch_percent" in endings:
+            kinds[stem] = "controllable_propeller"
+        else:
+            kinds[stem] = "tunnel" if any(part in stem for part in _SIDEWAYS) else "propeller"
+    return tuple(Actuator(stem, kind) for stem, kind in kinds.items())
 
 
 def as_text(actuators: Actuators) -> str:
     """A list of actuators as text, as in a recording's metadata; empty for the default list."""
-    return "" if actuators == DEFAULT else _listed(actuators)
+    return "" if actuators == DEFAULT else _names_and_kinds(actuators)
 
 
 def stated_text(actuators: Actuators, vessel: str) -> str:
     """As :func:`as_text` for a ship whose list is known; the default list is written out, too, unless ``vessel`` is
     the name of a ship that comes with Seatrial."""
-    return as_text(actuators) or ("" if vessel in SHIPPED else _listed(actuators))
+    return as_text(actuators) or ("" if vessel in SHIPPED else _names_and_kinds(actuators))
 
 
-def _listed(actuators: Actuators) -> str:
+def _names_and_kinds(actuators: Actuators) -> str:
     return ", ".join(f"{actuator.name}:{actuator.kind}" for actuator in actuators)
 
 
@@ -363,68 +403,19 @@ def from_text(text: str) -> Actuators:
     return check_actuators(Actuator(name, kind) for name, _, kind in parts)
 
 
-_LISTED = tomllib.loads((VESSELS / f"{DEFAULT_VESSEL}.toml").read_text(encoding="utf-8"))["actuator"]
-DEFAULT: Actuators = check_actuators(Actuator(entry["name"], entry["kind"]) for entry in _LISTED)
-"""The actuators of recordings that do not state any: R/V Gunnerus', from her vessel file."""
-
-
-Group = Literal["pose", "velocity", "environment", "command", "auxiliary", "declared"]
-
-
-@dataclass(frozen=True, slots=True)
-class Channel:
-    """A quantity with its unit and the range of its possible values.
-
-    ``low`` and ``high`` are inclusive, except for angles: their range is one turn, which includes the end that
-    ``conventions`` gives (0 <= x < 360, or -180 < x <= 180). A ``state`` is a code or a count that keeps its
-    value until the next one and is never interpolated.
-    """
-
-    name: str
-    unit: str
-    low: float
-    high: float
-    group: Group
-    meaning: str
-    circular: bool = False
-    state: bool = False
-
-    @property
-    def topic(self) -> str:
-        """The MCAP topic that carries this channel."""
-        return f"/channel/{self.name}"
-
-    def holds(self, value: float) -> bool:
-        """Whether ``value`` [``unit``] is possible. NaN and infinities are not."""
-        if not self.circular:
-            return self.low <= value <= self.high
-        if self.low < 0:
-            return self.low < value <= self.high
-        return self.low <= value < self.high
-
-    def wrapped(self, value: float) -> float:
-        """``value`` wrapped into this channel's turn; unchanged if the channel is no angle."""
-        if not self.circular:
-            return value
-        if self.low < 0:
-            return self.high - (self.high - value) % 360.0
-        turned = value % 360.0
-        return 0.0 if turned == 360.0 else turned  # -1e-20 % 360.0 is 360.0 in floating point
-
-
-def circle(name: str, group: Group, meaning: str) -> Channel:
-    """A channel of an angle [deg] from 0 to 360."""
-    return Channel(name, "deg", 0.0, 360.0, group, meaning, circular=True)
+_ENTRIES = tomllib.loads((VESSELS / f"{DEFAULT_VESSEL}.toml").read_text(encoding="utf-8"))["actuator"]
+DEFAULT: Actuators = check_actuators(Actuator(entry["name"], entry["kind"]) for entry in _ENTRIES)
+"""The actuators of recordings that do not state any: R/V Gunnerus', from its vessel file."""
 
 
 MOTION_CHANNELS: tuple[Channel, ...] = (
     Channel("north_m", "m", -1e6, 1e6, "pose", "Position north of the trial's origin"),
     Channel("east_m", "m", -1e6, 1e6, "pose", "Position east of the trial's origin"),
-    circle("heading_deg", "pose", "Heading from true north, clockwise"),
+    angle_channel("heading_deg", "pose", "Heading from true north, clockwise"),
     Channel("surge_mps", "m/s", -30, 30, "velocity", "Speed over ground along the bow"),
     Channel("sway_mps", "m/s", -30, 30, "velocity", "Speed over ground to starboard"),
     Channel("yaw_rate_dps", "deg/s", -60, 60, "velocity", "Rate of turn, positive to starboard"),
-    circle("wind_direction_deg", "environment", "Direction the wind comes from, from true north"),
+    angle_channel("wind_direction_deg", "environment", "Direction the wind comes from, from true north"),
     Channel("wind_speed_mps", "m/s", 0, 100, "environment", "Wind speed over ground"),
 )
 """The channels of motion and wind, which every ship has."""
@@ -437,10 +428,10 @@ _AUXILIARY: tuple[Channel, ...] = (
     Channel("pitch_deg", "deg", -90, 90, "auxiliary", "Pitch, positive bow up"),
     Channel("heave_m", "m", -100, 100, "auxiliary", "Heave, positive down"),
     Channel("speed_over_ground_mps", "m/s", 0, 30, "auxiliary", "Speed over ground along the course"),
-    circle("course_over_ground_deg", "auxiliary", "Course over ground from true north, clockwise"),
-    circle("heading_magnetic_deg", "auxiliary", "Heading from magnetic north, clockwise"),
+    angle_channel("course_over_ground_deg", "auxiliary", "Course over ground from true north, clockwise"),
+    angle_channel("heading_magnetic_deg", "auxiliary", "Heading from magnetic north, clockwise"),
     Channel("magnetic_variation_deg", "deg", -180, 180, "auxiliary", "Magnetic variation, positive to the east"),
-    circle("apparent_wind_angle_deg", "auxiliary", "Direction the wind on board comes from, from the bow"),
+    angle_channel("apparent_wind_angle_deg", "auxiliary", "Direction the wind on board comes from, from the bow"),
     Channel("apparent_wind_speed_mps", "m/s", 0, 100, "auxiliary", "Wind speed on board"),
     Channel(RUDDER, "deg", -90, 90, "auxiliary", "Rudder, positive turns the ship to starboard"),
 )
@@ -455,7 +446,7 @@ AUXILIARY: tuple[Channel, ...] = (*_AUXILIARY, *order_channels(DEFAULT))
 class ChannelsByName(dict[str, Channel]):
     """The channels of the default list by name; those of other ships' actuators are found by rule.
 
-    ``in`` and iteration cover the default list only: what else a ship has follows from her list of actuators
+    ``in`` and iteration cover the default list only: what else a ship has follows from its list of actuators
     (:func:`channel_names`). Raises :class:`KeyError` for what is no channel of any ship.
     """
 
@@ -490,14 +481,14 @@ def is_setting(channel: Channel) -> bool:
     return channel.name == RUDDER or (channel.name not in _FIXED and channel_by_rule(channel.name) is not None)
 
 
-def find_channel(name: str, known: ChannelsByName = BY_NAME) -> Channel | None:
+def find_channel(name: str, channels: ChannelsByName = BY_NAME) -> Channel | None:
     """The channel of this name, of any ship; None for a column that is no channel."""
-    return known.get(name) or channel_by_rule(name)
+    return channels.get(name) or channel_by_rule(name)
 
 
-def channel_unit(name: str, known: ChannelsByName = BY_NAME) -> str:
+def channel_unit(name: str, channels: ChannelsByName = BY_NAME) -> str:
     """The unit of a channel of any ship; empty for a column that is no channel."""
-    channel = find_channel(name, known)
+    channel = find_channel(name, channels)
     return channel.unit if channel else ""
 
 
@@ -508,7 +499,7 @@ def is_circular(name: str) -> bool:
 
 
 @lru_cache(maxsize=64)
-def with_declared(declared: Declared) -> ChannelsByName:
+def channels_with_declared(declared: Declared) -> ChannelsByName:
     """The channels by name, including those that a trial declares."""
     return ChannelsByName({**BY_NAME, **{channel.name: channel for channel in declared}}) if declared else BY_NAME
 
@@ -520,12 +511,12 @@ def declared_in(attributes: Mapping[Any, Any]) -> Declared:
 
 def known_channels(attributes: Mapping[Any, Any]) -> ChannelsByName:
     """The channels by name, including those that the trial of a table declares, from its ``attrs``."""
-    return with_declared(declared_in(attributes))
+    return channels_with_declared(declared_in(attributes))
 
 
 def channels_known_to(trial: Trial) -> ChannelsByName:
     """The channels by name, including those that a trial declares."""
-    return with_declared(declared_from_text(trial.channels))
+    return channels_with_declared(declared_from_text(trial.channels))
 
 
 def channels_of_trial(trial: Trial) -> dict[str, Channel]:
@@ -547,16 +538,16 @@ def trial_names(actuators: Actuators) -> tuple[str, ...]:
 
 
 def is_ship_known(vessel: str, actuators: str) -> bool:
-    """Whether a trial says which actuators its ship has: by a list, or by the name of one of Seatrial's vessels."""
+    """Whether a trial states its ship's actuators: by a list, or by the name of one of Seatrial's vessels."""
     return bool(actuators) or vessel.removesuffix(".toml").rpartition("/")[2] in SHIPPED
 
 
-def required_names(actuators: Actuators, present: Collection[str], *, known: bool) -> tuple[str, ...]:
+def required_names(actuators: Actuators, present: Collection[str], *, ship_is_known: bool) -> tuple[str, ...]:
     """The channels that a trial of a ship with these actuators has to have.
 
-    Of a ship that is not ``known`` no control can be missing: those ``present`` are all.
+    Of a ship that is not known no control can be missing: those ``present`` are all.
     """
-    return (*MOTION, *(name for name in control_names(actuators) if known or name in present))
+    return (*MOTION, *(name for name in control_names(actuators) if ship_is_known or name in present))
 
 
 @lru_cache(maxsize=64)
@@ -588,11 +579,6 @@ def actuators_of(columns: Iterable[Any], attributes: Mapping[Any, Any] | None = 
     return DEFAULT if is_default else inferred
 
 
-_NAME = re.compile(r"[a-z][a-z0-9]*(_[a-z0-9]+)*")
-_UNIT = re.compile(r"[A-Za-z0-9%/^.*-]{1,20}")
-_MOST_LETTERS = 60
-_TURN_DEG = 360.0
-
 Declared = tuple[Channel, ...]
 """The channels that a trial declares."""
 
@@ -603,12 +589,12 @@ def declare(name: str, unit: str, low: float, high: float, meaning: str = "", st
     Raises :class:`ConfigurationError` for a name that cannot be part of a topic or does not end in its unit, an
     unreadable unit, and an empty range.
     """
-    unit = canonical(unit)
+    unit = canonical_unit(unit)
     ending = ending_of(unit)
     if not _UNIT.fullmatch(unit):
         what = f"unit {unit!r} of channel {name} is not known"
         raise ConfigurationError(what, fix="write it like kW, m3/h or kg/m3")
-    if not _NAME.fullmatch(name) or len(name) > _MOST_LETTERS:
+    if not _CHANNEL_NAME.fullmatch(name) or len(name) > _MOST_LETTERS:
         what = f"channel name {name!r} is not valid in a topic"
         why = f"it has other than small letters, digits and single _, or more than {_MOST_LETTERS} letters"
         raise ConfigurationError(what, why=why, fix="write it like fuel_rate_lph")
@@ -634,10 +620,6 @@ def declared_from_text(text: str) -> Declared:
         return tuple(declare(**entry) for entry in parse_json(text)) if text else ()
     except (ValueError, TypeError):
         return ()
-
-
-_LEAST_STAY = 5
-_SEAM_DEG = 170.0  # codes for no value, -1 to -99, are far from the seam of -180..180
 
 
 def wrap_360(angle_deg: ArrayLike) -> Floats:
@@ -668,17 +650,17 @@ def is_possible(channel: Channel, values: Floats) -> Bools:
 def are_angles(values: Floats) -> Bools:
     """A mask [n] of the angles [deg] of a series, in whatever turn, that are measurements, not codes for no value.
 
-    Those are whose part of the series, between steps of half a turn and more, has more than two values.
+    They are where a part of the series, between steps of half a turn and more, has more than two values.
     """
-    there = np.flatnonzero(np.isfinite(values))
-    steps = np.abs(np.diff(values[there])) >= 180.0
-    result = np.zeros(values.size, np.bool_)
-    for part in np.split(there, np.flatnonzero(steps) + 1):
-        result[part] = np.unique(values[part]).size > 2
-    return result
+    valid = np.flatnonzero(np.isfinite(values))
+    steps = np.abs(np.diff(values[valid])) >= 180.0
+    measured = np.zeros(values.size, np.bool_)
+    for part in np.split(valid, np.flatnonzero(steps) + 1):
+        measured[part] = np.unique(values[part]).size > 2
+    return measured
 
 
-def counted_on(values: Floats, outside: Bools) -> bool:
+def is_unwrapped_angle(values: Floats, outside: Bools) -> bool:
     """Whether values ``outside`` a turn, in a series of angles [deg], come from an unwrapped angle.
 
     An unwrapped series stays outside for a while; outliers and codes for no value are isolated.
@@ -689,27 +671,28 @@ def counted_on(values: Floats, outside: Bools) -> bool:
 
 def is_other_convention(channel: Channel, values: Floats) -> bool:
     """Whether an angle's impossible values are those of the other convention, 0..360 for -180..180 or back, or are
-    counted on beyond the turn.
+    unwrapped angles.
 
     They are if all of them lie in that convention's turn and no possible one contradicts it, so that the two
-    halves make one turn; three different values at least, or a code for no value would pass, but for headings a
-    little beyond -180, where no code is. The closed end of the channel's own turn, like a heading of 360, is always
-    the same angle.
+    halves make one turn; at least three different values, or a code for no value would pass, but for headings a
+    little beyond -180, where no code is. The closed end of the channel's turn, like a heading of 360, is always the
+    same angle.
     """
     values = values[np.isfinite(values)]
     impossible = ~is_possible(channel, values)
     outside = values[impossible]
     if not channel.circular or not outside.size:
         return False
-    closed = -180.0 if channel.low < 0.0 else 360.0
-    ours, theirs = ((-180.0, 0.0), (180.0, 360.0)) if channel.low < 0.0 else ((180.0, 360.0), (-180.0, 0.0))
-    contradicting = (values > ours[0]) & (values < ours[1])
-    in_other_turn = (outside >= theirs[0]) & (outside < theirs[1])
-    if (outside == closed).all():
+    closed_end = -180.0 if channel.low < 0.0 else 360.0
+    halves = (-180.0, 0.0), (180.0, 360.0)
+    (low, high), (other_low, other_high) = halves if channel.low < 0.0 else halves[::-1]
+    contradicting = (values > low) & (values < high)
+    in_other_turn = (outside >= other_low) & (outside < other_high)
+    if (outside == closed_end).all():
         return True
-    whole_turn = bool((in_other_turn | (outside == closed)).all()) and not contradicting.any()
+    one_turn = bool((in_other_turn | (outside == closed_end)).all()) and not contradicting.any()
     beyond_south = channel.low >= 0.0 and bool((outside < -_SEAM_DEG).all())
-    return (whole_turn and (np.unique(outside).size >= 3 or beyond_south)) or counted_on(values, impossible)
+    return (one_turn and (np.unique(outside).size >= 3 or beyond_south)) or is_unwrapped_angle(values, impossible)
 
 
 def difference(to_deg: ArrayLike, from_deg: ArrayLike) -> Floats:

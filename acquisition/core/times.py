@@ -10,18 +10,19 @@ import datetime as dt
 import re
 from bisect import bisect_right
 from collections.abc import Iterable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
-from functools import partial
 from typing import Literal
 
-NANO = 1_000_000_000
+from seatrial.acquisition.core.trial import NANO
+
 DAY_NS = 86_400 * NANO
 Order = Literal["year-first", "day-first", "month-first"]
 ORDERS: tuple[Order, ...] = ("year-first", "day-first", "month-first")
 _EARLIEST_YEAR, _LATEST_YEAR = 1970, 2099  # two digits are of this century
 _LONGEST_LOG_DAYS = 31.0  # a log that lasts longer by one order than by the other is not read so
 _MUCH_LONGER = 10.0  # a month in the place of a day makes a day a month
-_STATED_NS = 36 * 3600 * NANO  # a local time and UTC are no further apart
+_STATED_NS = 36 * 3600 * NANO  # the most that a local time and UTC differ
 
 _MONTHS = {
     month: number
@@ -54,7 +55,7 @@ _LEAP_SECONDS_NS = [
 """The GPS times from which it is a second more ahead of UTC: IERS, Bulletin C; the last was at the end of 2016."""
 
 YEAR_LAST = "two digits behind slashes are usually the year"
-"""Why an order is taken that the log itself does not state."""
+"""Why an order is assumed that the log itself does not state."""
 _SLASHED = re.compile(r"\d/\d\d?/\d\d(?!\d)")
 _NAME = r"[A-Za-zäéû]{3,9}\.?"
 _ZONE = r"(?:\s?(?P<zone>(?:UTC|GMT)?[+-]\d{1,2}(?::?\d\d)?|[A-Z]{3,4}(?![A-Za-z0-9$!])|UT|Z)(?![A-Za-z0-9]))?"
@@ -65,20 +66,21 @@ _CLOCK = (
     r"(?:\s?s(?:ec)?(?![a-z]))?(?:\s?(?P<half>[AaPp])\.?\s?[Mm]\.?)?" + _ZONE
 )
 _GAP = r"(?:[T ,_;\t:-]|at )+"
-_pattern = partial(re.compile)
-_YEAR_DAY = _pattern(r"(?<!\d)(?P<a>\d{4})[:-](?P<yearday>\d{3})[:T]" + _CLOCK)
-_COMPACT = _pattern(
+_YEAR_DAY = re.compile(r"(?<!\d)(?P<a>\d{4})[:-](?P<yearday>\d{3})[:T]" + _CLOCK)
+_COMPACT = re.compile(
     r"(?<!\d)(?P<a>(?:19|20)\d\d)(?P<b>\d\d)(?P<c>\d\d)[T _-]?(?P<clock>\d{6})(?!\d)(?:[.,](?P<fraction>\d{1,9}))?"
     + _ZONE
 )
-_COMPACT_DATE = _pattern(r"(?<!\d)(?P<a>(?:19|20)\d\d)(?P<b>\d\d)(?P<c>\d\d)" + _GAP + _CLOCK)
-_NUMBERS = _pattern(
+_COMPACT_DATE = re.compile(r"(?<!\d)(?P<a>(?:19|20)\d\d)(?P<b>\d\d)(?P<c>\d\d)" + _GAP + _CLOCK)
+_NUMBERS = re.compile(
     r"(?<![\d.:])(?P<a>\d{4}|\d{1,2})(?P<sign>[-/. ])(?P<b>\d{1,2})(?P=sign)(?P<c>\d{4}|\d{1,2})(?![\d:])"
     + _GAP + _CLOCK
 )  # fmt: skip
-_NAMED = _pattern(rf"(?<!\d)(?P<a>\d{{1,2}})[-/. ]?(?P<name>{_NAME})[-/. ,]?(?P<c>\d{{4}}|\d{{2}})" + _GAP + _CLOCK)
-_YEAR_NAMED = _pattern(rf"(?<!\d)(?P<c>\d{{4}})[-/. ](?P<name>{_NAME})[-/. ](?P<a>\d{{1,2}})" + _GAP + _CLOCK)
-_NAME_FIRST = _pattern(
+_NAMED = re.compile(
+    rf"(?<!\d)(?P<a>\d{{1,2}})[-/. ]?(?P<name>{_NAME})[-/. ,]?(?P<c>\d{{4}}|\d{{2}})" + _GAP + _CLOCK
+)
+_YEAR_NAMED = re.compile(rf"(?<!\d)(?P<c>\d{{4}})[-/. ](?P<name>{_NAME})[-/. ](?P<a>\d{{1,2}})" + _GAP + _CLOCK)
+_NAME_FIRST = re.compile(
     rf"(?P<name>{_NAME})[ .]+(?P<a>\d{{1,2}})(?:,? (?P<c>\d{{4}}))?"
     + _GAP
     + _CLOCK
@@ -91,7 +93,7 @@ _PATTERNS = (_YEAR_DAY, _COMPACT, _COMPACT_DATE, _NUMBERS, _NAMED, _YEAR_NAMED, 
 class Stamp:
     """A date and a time of day as a text states them; ``text`` is the place in it.
 
-    ``numbers`` are those of the date as they stand there, ``orders`` those in which they are a date. Without
+    ``numbers`` are those of the date in the order of the text, ``orders`` those in which they are a date. Without
     ``has_year`` the first number is no year but 0. ``offset_s`` is the zone's, None where the text names none, and
     ``zone`` its name where that stands for several.
     """
@@ -105,8 +107,10 @@ class Stamp:
     has_year: bool = True
 
     def local_ns(self, order: Order, year: int | None = None) -> int:
-        """The time as ns since 1970 in its own zone. Raises :class:`ValueError` where there is no such date."""
+        """The time as ns since 1970 in its zone. Raises :class:`ValueError` where there is no such date."""
         date = _date(self.numbers if year is None else (year, *self.numbers[1:]), order)
+        if date is None:
+            raise ValueError("no date of a log")
         return (date - dt.date(1970, 1, 1)).days * DAY_NS + self.clock_ns
 
     def utc_ns(self, order: Order, year: int | None = None) -> int:
@@ -133,25 +137,25 @@ clock_ns=50401250000000, offset_s=7200, zone='', has_year=True)
 
 def _stamp(match: re.Match[str]) -> Stamp | None:
     parts = match.groupdict()
-    clock_ns = _clock_ns(parts["clock"], parts.get("fraction"), parts.get("half"))
+    clock_ns = time_of_day_ns(parts["clock"], parts.get("fraction"), parts.get("half"))
     dates = _numbers(parts)
     if clock_ns is None or dates is None:
         return None
     numbers, candidates = dates
     has_year = bool(numbers[0] or candidates != ("year-first",))
-    tried = numbers if has_year else (2024, *numbers[1:])  # a leap year has every day
-    orders = tuple(order for order in candidates if _is_date(tried, order))
+    numbers_with_year = numbers if has_year else (2024, *numbers[1:])  # a leap year has every day
+    orders = tuple(order for order in candidates if _date(numbers_with_year, order) is not None)
     if not orders:
         return None
     zone = (parts.get("zone") or "").strip()
-    ahead_s = offset_s(zone)
-    if not is_of_several(zone):
+    offset_s = zone_offset_s(zone)
+    if not is_ambiguous_zone(zone):
         zone = ""  # a word that is no zone: GPS, NAV
-    return Stamp(match[0].strip(), numbers, orders, clock_ns, ahead_s, zone, has_year)
+    return Stamp(match[0].strip(), numbers, orders, clock_ns, offset_s, zone, has_year)
 
 
 def _numbers(parts: dict[str, str | None]) -> tuple[tuple[int, int, int], tuple[Order, ...]] | None:
-    """The numbers of a date, and the orders that they can stand in."""
+    """The numbers of a date, and the orders that they can have."""
     if parts.get("yearday"):
         first = dt.date(int(parts["a"] or 0), 1, 1)
         date = first + dt.timedelta(days=int(parts["yearday"] or 1) - 1)
@@ -175,26 +179,25 @@ def _numbers(parts: dict[str, str | None]) -> tuple[tuple[int, int, int], tuple[
     return numbers, by_sign.get(parts.get("sign") or "", ORDERS)
 
 
-def _date(numbers: Sequence[int], order: Order) -> dt.date:
+def _date(numbers: Sequence[int], order: Order) -> dt.date | None:
+    """The date of these numbers; None where there is none in the years of logs."""
     a, b, c = numbers
     year, month, day = {"year-first": (a, b, c), "day-first": (c, b, a), "month-first": (c, a, b)}[order]
     if year < 100:
         year += 2000
     if not _EARLIEST_YEAR <= year <= _LATEST_YEAR:
-        raise ValueError("no year of a log")
-    return dt.date(year, month, day)
+        return None
+    with suppress(ValueError):
+        return dt.date(year, month, day)
+    return None
 
 
-def _is_date(numbers: Sequence[int], order: Order) -> bool:
-    try:
-        _date(numbers, order)
-    except ValueError:
-        return False
-    return True
+def time_of_day_ns(clock: str, fraction: str | None, half: str | None = None) -> int | None:
+    """A time of day as ns since midnight; None where there is no such time.
 
-
-def _clock_ns(clock: str, fraction: str | None, half: str | None) -> int | None:
-    """A time of day as ns since midnight; None where there is none."""
+    >>> time_of_day_ns("17:33:21", "107") == time_of_day_ns("05h33m21", "107", "p") == 63_201_107_000_000
+    True
+    """
     clock = re.sub(r"\s?(?:\.|h|min|mn|m)\s?", ":", clock.lower())
     if ":" not in clock:
         clock = f"{clock[:2]}:{clock[2:4]}:{clock[4:]}"
@@ -208,11 +211,11 @@ def _clock_ns(clock: str, fraction: str | None, half: str | None) -> int | None:
     return (3600 * hours + 60 * minutes + seconds) * NANO + int((fraction or "")[:9].ljust(9, "0"))
 
 
-def offset_s(zone: str) -> int | None:
+def zone_offset_s(zone: str) -> int | None:
     """How far a zone is ahead of UTC [s]; None for no zone and for one that is not known.
 
-    >>> offset_s("UTC+02:00"), offset_s("GMT-3"), offset_s("-0330"), offset_s("CEST"), offset_s("CST")
-    (7200, -10800, -12600, 7200, None)
+    >>> [zone_offset_s(zone) for zone in ("UTC+02:00", "GMT-3", "-0330", "CEST", "CST")]
+    [7200, -10800, -12600, 7200, None]
     """
     match = re.fullmatch(r"(?:UTC|GMT)?\s*([+-])\s*(\d{1,2})(?::?(\d\d))?", zone, re.IGNORECASE)
     if match and int(match[2]) <= _FURTHEST_ZONE_H:
@@ -222,7 +225,7 @@ def offset_s(zone: str) -> int | None:
     return None if hours is None else round(3600 * hours)
 
 
-def is_of_several(zone: str) -> bool:
+def is_ambiguous_zone(zone: str) -> bool:
     """Whether a zone's abbreviation stands for several zones, as CST for three."""
     return zone.lower() in _SEVERAL_ZONES
 
@@ -237,36 +240,33 @@ def gps_ahead_s(time_ns: int) -> int:
 
 
 def date_order(
-    stamps: Sequence[Stamp], stated: Iterable[tuple[Stamp, int]] = (), usual: Order = "month-first"
+    stamps: Sequence[Stamp], stated: Iterable[tuple[Stamp, int]] = (), default: Order = "month-first"
 ) -> tuple[Order, str]:
     """The order of the numbers in a log's dates, and why; the reason is empty where nothing decides.
 
     ``stated`` are stamps with a UTC [ns] of another origin, such as a receiver's sentence. What decides is, in this
     order: which is possible for all; which agrees with ``stated``; by which the log lasts at most a month, and a
     tenth of what it lasts by the other; with slashes, that two digits of a year stand last (:data:`YEAR_LAST`).
-    ``usual`` is taken where nothing decides.
+    ``default`` is taken where nothing decides.
     """
     possible = [order for order in ORDERS if all(order in stamp.orders for stamp in stamps)]
     if len(possible) == 1:
         return possible[0], "no other order is possible"
-    references = list(stated)
-    agreeing = [order for order in possible if references and _agrees(references, order)]
+    references, agreeing, spans = list(stated), list[Order](), list[tuple[float, Order]]()
+    for order in possible:
+        near = [
+            abs(stamp.utc_ns(order) - utc_ns) < _STATED_NS for stamp, utc_ns in references if order in stamp.orders
+        ]
+        if references and sum(near) > len(references) / 2:
+            agreeing.append(order)
+        times = [stamp.local_ns(order) for stamp in stamps if stamp.has_year]
+        spans.append(((max(times) - min(times)) / DAY_NS if times else 0.0, order))
     if len(agreeing) == 1:
         return agreeing[0], "as the date beside it"
-    spans = sorted((_span_days(stamps, order), order) for order in possible)
-    behind = [order for order in possible if order != "year-first"]
+    spans.sort()
+    year_last = [order for order in possible if order != "year-first"]
     if len(spans) > 1 and spans[0][0] <= _LONGEST_LOG_DAYS and spans[0][0] * _MUCH_LONGER < spans[1][0]:
         return spans[0][1], f"else it would last {spans[1][0]:.0f} days"
-    if len(behind) == 1 and all(_SLASHED.search(stamp.text) for stamp in stamps):
-        return behind[0], YEAR_LAST
-    return (usual if usual in possible or not possible else possible[0]), ""
-
-
-def _agrees(stated: Sequence[tuple[Stamp, int]], order: Order) -> bool:
-    near = [abs(stamp.utc_ns(order) - utc_ns) < _STATED_NS for stamp, utc_ns in stated if order in stamp.orders]
-    return sum(near) > len(stated) / 2
-
-
-def _span_days(stamps: Sequence[Stamp], order: Order) -> float:
-    times = [stamp.local_ns(order) for stamp in stamps if stamp.has_year]
-    return (max(times) - min(times)) / DAY_NS if times else 0.0
+    if len(year_last) == 1 and all(_SLASHED.search(stamp.text) for stamp in stamps):
+        return year_last[0], YEAR_LAST
+    return (default if default in possible or not possible else possible[0]), ""

@@ -1,8 +1,7 @@
-"""The description of a trial: the ship, the place, the origin of the tangent plane, the crew's notes.
+"""A trial's description, and the two values that pass through acquisition: frames and samples.
 
-The two values passed through acquisition: a frame (bytes from a wire) and a sample (one number).
-
-They are named tuples, since thousands are made every second.
+The description has the ship, the place, the origin of the tangent plane, the crew's notes. A frame is bytes from a
+wire, a sample one number; they are named tuples, since thousands are made every second.
 """
 
 from __future__ import annotations
@@ -19,6 +18,15 @@ from typing import Literal, NamedTuple
 
 SOFTWARE = "seatrial"
 """What the version of all files that Seatrial writes begins with."""
+Protocol = Literal["can", "nmea0183", "mavlink", "mqtt"]
+EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
+NANO = 1_000_000_000
+"""Nanoseconds in a second."""
+HIGHEST_IDENTIFIER = 0x1FFFFFFF
+"""Of a CAN frame: 29 bits."""
+_NOT_IN_A_LABEL = re.compile(r"[^A-Za-z0-9._-]")
+_LONGEST_NAME = 32  # letters after the @ in a label; a TAG block's source has at most 15
+_SATELLITE_TALKERS = frozenset({"GN", "GP", "GL", "GA", "GB", "BD", "GI", "GQ", "QZ"})
 
 
 @cache
@@ -81,7 +89,12 @@ class Trial:
     def as_metadata(self) -> dict[str, str]:
         """The MCAP metadata record ``trial``, without unknown fields."""
         values = {field.name: getattr(self, field.name) for field in fields(self)}
-        texts = {key: _encodable(str(value)) for key, value in values.items() if value not in (None, "")}
+        # bytes of a file name that are not UTF-8 are written as escapes: a recording could not hold them
+        texts = {
+            key: str(value).encode(errors="backslashreplace").decode()
+            for key, value in values.items()
+            if value not in (None, "")
+        }
         if "name" in texts:
             texts["trial"] = texts.pop("name")
         return {**texts, "software_version": software_version()}
@@ -97,19 +110,6 @@ class Trial:
                 numeric = "float" in str(field.type)
                 values[field.name] = float(texts[field.name]) if numeric else texts[field.name]
         return cls(**values)  # type: ignore[arg-type]
-
-
-def _encodable(text: str) -> str:
-    """A text as a file can hold it: bytes of a file name that are not UTF-8 are written as escapes."""
-    return text.encode(errors="backslashreplace").decode()
-
-
-Protocol = Literal["can", "nmea0183", "mavlink", "mqtt"]
-EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
-NANO = 1_000_000_000
-"""Nanoseconds in a second."""
-HIGHEST_IDENTIFIER = 0x1FFFFFFF
-"""Of a CAN frame: 29 bits."""
 
 
 class Quality(IntEnum):
@@ -132,9 +132,9 @@ class FrameFlag(IntFlag):
     WHOLE = 8
     """A message of NMEA 2000 that a gateway or a log has put together, if it took several frames."""
     LATE = 16
-    """Stamped when the recorder could fetch it, after it had stood still: it came before."""
+    """Stamped when the recorder could fetch it, after the recorder had been suspended: it came before."""
     RETAINED = 32
-    """What an MQTT broker had kept of a topic, of an age that nobody knows."""
+    """What an MQTT broker had kept of a topic, of unknown age."""
 
 
 @cache
@@ -181,20 +181,13 @@ class Sample(NamedTuple):
     quality: Quality = Quality.NOT_EVALUATED
 
 
-_NOT_IN_A_LABEL = re.compile(r"[^A-Za-z0-9._-]")
-_LONGEST_NAME = 32  # letters of what stands behind the @ in a label; a TAG block's source has at most 15
-
-
 def safe_label(name: str) -> str:
-    """A name off the wire as it can stand in a label.
+    """A name from the wire as it can stand in a label.
 
     >>> safe_label("can 0/1")
     'can_0_1'
     """
     return _NOT_IN_A_LABEL.sub("_", name[:_LONGEST_NAME])
-
-
-_SATELLITE_TALKERS = frozenset({"GN", "GP", "GL", "GA", "GB", "BD", "GI", "GQ", "QZ"})
 
 
 def label_parts(source: str) -> tuple[str, str, list[str]]:
@@ -221,7 +214,7 @@ def sensor_of(source: str) -> str:
 
 
 class Fix(NamedTuple):
-    """A satellite receiver's report of its fix, as far as it gives one.
+    """A satellite receiver's report of its fix; None where it reports nothing.
 
     ``kind`` is numbered as in GGA, 0 for none; ``height_m`` is above the WGS 84 ellipsoid, or above mean sea
     level if the receiver reports nothing else; ``sigma_m`` are standard deviations east, north and up.

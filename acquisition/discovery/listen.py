@@ -39,12 +39,12 @@ from seatrial.acquisition.core.errors import (
     SourceError,
     system_reason,
 )
-from seatrial.acquisition.core.quantities import canonical, is_unit, scale_to
+from seatrial.acquisition.core.quantities import canonical_unit, is_unit, scale_to
 from seatrial.acquisition.core.ship import BY_NAME, RUDDER, VESSELS, Actuators, Channel, rudders
 from seatrial.acquisition.core.trial import Frame, FrameFlag
 from seatrial.acquisition.protocols.can_frames import frame_key, load_dbc, missing_by_name, missing_by_rule
-from seatrial.acquisition.protocols.clock import SENTENCE_BEHIND
-from seatrial.acquisition.protocols.mavlink import Fault, PacketCutter, header_of, is_known
+from seatrial.acquisition.protocols.clock import SENTENCE_WITH_PREFIX
+from seatrial.acquisition.protocols.mavlink import Fault, PacketCutter, has_known_message, header_of
 from seatrial.acquisition.protocols.mqtt import read_message, split_time, topic_and_message
 from seatrial.acquisition.protocols.nmea0183 import has_sentence
 from seatrial.acquisition.protocols.nmea2000 import parameter_group
@@ -252,7 +252,7 @@ def topics_of_sentences(received: Iterable[Frame]) -> list[str]:
     topics = set()
     for frame in received:
         topic, _, text = frame.payload.partition(b"\0")
-        if any(SENTENCE_BEHIND.fullmatch(line.strip()) for line in text.decode("latin-1").splitlines()):
+        if any(SENTENCE_WITH_PREFIX.fullmatch(line.strip()) for line in text.decode("latin-1").splitlines()):
             topics.add(topic.decode("utf-8", "replace"))
     if not all(
         name and name.isprintable() and name == name.strip() and not set("+#") & set(name) for name in topics
@@ -273,12 +273,14 @@ def _lines_of(assembler: LineAssembler, frame: Frame, *, is_datagram: bool) -> l
 
 def _soundness(chunks: Sequence[bytes], *, is_datagram: bool = False) -> tuple[int, int]:
     """How many bytes of what came are of sound lines or gateways' messages, and how many of MAVLink's packets."""
-    assembler, cutter, lines, packets = LineAssembler(""), PacketCutter(whole=False), 0, 0
+    assembler, cutter, lines, packets = LineAssembler(""), PacketCutter(complete=False), 0, 0
     for chunk in chunks:
         frames = _lines_of(assembler, Frame("", "nmea0183", chunk, 0, 0), is_datagram=is_datagram)
         lines += sum(len(frame.payload) for frame in frames if _is_sound(frame))
         packets += sum(
-            len(packet) for packet in cutter.push(chunk) if not isinstance(packet, Fault) and is_known(packet)
+            len(packet)
+            for packet in cutter.push(chunk)
+            if not isinstance(packet, Fault) and has_known_message(packet)
         )
     return lines, packets
 
@@ -312,7 +314,7 @@ def _with_system(capture: Heard) -> Heard:
         return capture
     from seatrial.acquisition.protocols.mavlink import is_read
 
-    cutter, systems = PacketCutter(whole=capture.place.type == "mavlink_file"), Counter[int]()
+    cutter, systems = PacketCutter(complete=capture.place.type == "mavlink_file"), Counter[int]()
     for frame in islice(capture.frames(), _HEAD_FRAMES):
         headers = [header_of(packet) for packet in cutter.push(frame.payload) if not isinstance(packet, Fault)]
         systems.update(
@@ -597,7 +599,11 @@ def signal_readings(
             values |= _decoded(message, frame)
         for signal in message.signals:
             if signal.name in values:
-                entry = {"message": message.name, "signal": signal.name, "unit": canonical(str(signal.unit or ""))}
+                entry = {
+                    "message": message.name,
+                    "signal": signal.name,
+                    "unit": canonical_unit(str(signal.unit or "")),
+                }
                 channel = channels.get((message.name, signal.name), "")
                 readings.append(LatestReading(source, entry, *values[signal.name], channel))
     return readings
@@ -656,7 +662,7 @@ def topic_readings(source: str, frames: Iterable[Frame]) -> list[LatestReading]:
 
 
 def _is_sentence(text: str) -> bool:
-    return any(SENTENCE_BEHIND.fullmatch(line.strip()) for line in text[:_LONGEST_MESSAGE].splitlines())
+    return any(SENTENCE_WITH_PREFIX.fullmatch(line.strip()) for line in text[:_LONGEST_MESSAGE].splitlines())
 
 
 def _fields_in(text: str) -> list[_Field]:
@@ -814,7 +820,7 @@ def match_signals(path: Path, actuators: Actuators) -> SignalNames:
 def _signal_of(channel: Channel, actuator: str, database: cantools.db.Database) -> dict[str, str] | None:
     """The one signal whose name tells of the actuator and whose unit is the channel's; None where several do."""
     candidates = [
-        {"message": message.name, "signal": signal.name, "unit": canonical(str(signal.unit))}
+        {"message": message.name, "signal": signal.name, "unit": canonical_unit(str(signal.unit))}
         for message in database.messages
         for signal in message.signals
         if _measures(signal, channel.unit) and _tells_of(actuator, f"{message.name} {signal.name}")

@@ -42,7 +42,7 @@ from rich.text import Text
 
 from seatrial.acquisition.config.sources import LiveSection, StatusSection
 from seatrial.acquisition.core.errors import ConfigurationError, SourceError, printable
-from seatrial.acquisition.core.process import started
+from seatrial.acquisition.core.process import start_thread
 from seatrial.acquisition.core.ship import channels_known_to
 from seatrial.acquisition.core.trial import NANO, Trial, iso
 from seatrial.acquisition.logger.health import ChannelHealth, Health
@@ -260,7 +260,7 @@ def mark_on_keys(mark: Mark, texts: Mapping[str, str]) -> Iterator[None]:
         target=_listen, args=(descriptor, mark, dict(texts), stopping), name="keys", daemon=True
     )
     tty.setcbreak(descriptor)  # Ctrl-C still ends the recording
-    listening = started(listener)
+    listening = start_thread(listener)
     try:
         yield
     finally:

@@ -46,7 +46,7 @@ from typing import Any, Literal, NamedTuple, TextIO
 
 from seatrial.acquisition.config.sources import AlarmSection
 from seatrial.acquisition.core.errors import ConfigurationError, InputError, printable
-from seatrial.acquisition.core.process import started
+from seatrial.acquisition.core.process import start_thread
 from seatrial.acquisition.core.ship import BY_NAME, NAMES, Channel
 from seatrial.acquisition.core.trial import Frame, Sample, label_parts, sensor_of
 from seatrial.acquisition.recording.messages import (
@@ -643,10 +643,10 @@ class _Unhurried(logging.Handler):
         self._stream = stream
         self._lines: queue.Queue[str | None] = queue.Queue(_MOST_WAITING)
         self._writer = threading.Thread(target=self._write, name="log", daemon=True)
-        self._running = started(self._writer)
+        self._running = start_thread(self._writer)
 
     def emit(self, record: logging.LogRecord) -> None:
-        self._running = self._running or started(self._writer)
+        self._running = self._running or start_thread(self._writer)
         with suppress(queue.Full):
             self._lines.put_nowait(self.format(record))
 

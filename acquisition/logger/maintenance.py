@@ -23,7 +23,7 @@ from pathlib import Path
 
 from seatrial.acquisition.config.sources import CopiesSection, RecordingSection
 from seatrial.acquisition.core.errors import ConfigurationError, StorageError, storage_error
-from seatrial.acquisition.core.process import started
+from seatrial.acquisition.core.process import start_thread
 from seatrial.acquisition.core.trial import Frame, now_ns
 from seatrial.acquisition.logger.health import LOG, SILENT_NS, CopyState, Health, boot_metadata, kernel_state
 from seatrial.acquisition.recording.grouping import NEW_PART_NS
@@ -271,7 +271,7 @@ class Copies:
 
     def start(self) -> bool:
         """Begin in a thread of its own; False where the system gives none."""
-        return started(self._thread)
+        return start_thread(self._thread)
 
     def stop(self) -> None:
         """Copy what the recording has ended with, as far as that can be done soon; the rest comes the next time."""

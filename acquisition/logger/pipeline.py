@@ -19,7 +19,7 @@ from operator import attrgetter
 
 from seatrial.acquisition.config.trial_file import TrialConfig
 from seatrial.acquisition.core.errors import SeatrialError, SourceError
-from seatrial.acquisition.core.process import started
+from seatrial.acquisition.core.process import start_thread
 from seatrial.acquisition.core.trial import Frame, FrameFlag, now_ns
 from seatrial.acquisition.logger.health import ChannelHealth, Health, Predictions, SourceHealth
 from seatrial.acquisition.logger.maintenance import Maintenance, Timescale
@@ -99,7 +99,7 @@ class Recorder:
         self._threads = [
             threading.Thread(target=receiver.run, name=receiver.source.name, daemon=True) for receiver in receivers
         ]
-        self._unstarted = [thread for thread in self._threads if not started(thread)]
+        self._unstarted = [thread for thread in self._threads if not start_thread(thread)]
         for thread in self._unstarted:
             self.tell("error", f"{thread.name}: {NO_THREAD}; it is tried again every second")
         running = [
@@ -108,7 +108,7 @@ class Recorder:
             if thread not in self._unstarted
         ]
         error = _none_opened(running) if running else SourceError(NO_THREAD, where="the sources", fix=_MORE_THREADS)
-        if error is None and not started(self._worker):
+        if error is None and not start_thread(self._worker):
             error = SourceError(NO_THREAD, where="the recorder", fix=_MORE_THREADS)
         if error is not None:
             self._stopping.set()
@@ -211,7 +211,7 @@ class Recorder:
             return
         self._tried_s = time.monotonic()
         for thread in tuple(self._unstarted):
-            if not self._stopping.is_set() and started(thread):
+            if not self._stopping.is_set() and start_thread(thread):
                 self._unstarted.remove(thread)
                 self.tell("warning", f"{thread.name}: the system has a thread for this source again")
 

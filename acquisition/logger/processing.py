@@ -21,11 +21,11 @@ from seatrial.acquisition.config.sources import AnySource, CanFrames, Mounting, 
 from seatrial.acquisition.config.trial_file import TrialConfig
 from seatrial.acquisition.core.quantities import (
     TangentPlane,
-    along,
     apparent_wind,
     to_earth,
     to_ship,
     velocity_at_reference,
+    velocity_components,
     wind_over_ground,
 )
 from seatrial.acquisition.core.ship import BY_NAME, Channel, channels_of_trial
@@ -603,9 +603,9 @@ class Derivation:
         if speed is None:
             return None
         if (course := group.get("course_over_ground_deg")) is not None:
-            return speed, *along(course.value, speed.value)
+            return speed, *velocity_components(course.value, speed.value)
         if (course := group.get("course_magnetic_deg")) is not None and self._variation_deg is not None:
-            return speed, *along(course.value + self._variation_deg, speed.value)
+            return speed, *velocity_components(course.value + self._variation_deg, speed.value)
         return None
 
     def _position(self, group: Quantities, mounting: Mounting) -> Iterator[Sample]:

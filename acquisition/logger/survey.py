@@ -32,7 +32,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from seatrial.acquisition.config.declarations import GroupField, MavlinkField, Origin, SentenceField
-from seatrial.acquisition.config.sources import Carried, LineSource, MqttLinks, OwnSource, RecordingSection
+from seatrial.acquisition.config.sources import CarriedFiles, LineSource, MqttLinks, OwnSource, RecordingSection
 from seatrial.acquisition.config.trial_file import CONFIGURATION, PACK_ENDING, TrialConfig, parse_config
 from seatrial.acquisition.core.errors import InputError, Progress, SeatrialError, StorageError
 from seatrial.acquisition.core.files import atomic_file, expect_suffix
@@ -42,12 +42,12 @@ from seatrial.acquisition.logger.health import ENOUGH_RATE, SILENT_NS, Health, c
 from seatrial.acquisition.logger.pipeline import Recorder, health_of
 from seatrial.acquisition.logger.processing import DECODED, FrameProcessor
 from seatrial.acquisition.protocols import Decoder
-from seatrial.acquisition.protocols.clock import SENTENCE_BEHIND
+from seatrial.acquisition.protocols.clock import SENTENCE_WITH_PREFIX
 from seatrial.acquisition.protocols.mavlink import Fault, PacketCutter, header_of, message_name
 from seatrial.acquisition.protocols.mqtt import topic_and_message
 from seatrial.acquisition.protocols.nmea0183 import NO_CHECKSUM, sentences_in, split_sentence, split_tag
 from seatrial.acquisition.protocols.nmea2000 import FastPackets, parameter_group
-from seatrial.acquisition.protocols.parameter_groups import ADDRESS_CLAIM, decoded, variants_of
+from seatrial.acquisition.protocols.parameter_groups import ADDRESS_CLAIM, decode_by_library, group_variants
 from seatrial.acquisition.recording.messages import (
     EVENT_TOPIC,
     PREDICTED_TRACK_TOPIC,
@@ -126,7 +126,7 @@ class Survey(FrameProcessor):
         self.events: list[str] = []
         self.first_ns = self.last_ns = 0
         self._cutters = {
-            source.name: PacketCutter(whole=source.type == "mavlink_file") for source in config.sources
+            source.name: PacketCutter(complete=source.type == "mavlink_file") for source in config.sources
         }
         self._products = {source.name: FastPackets(Counter()) for source in config.sources}
         self._refused_before: dict[int, Counter[str]] = {}
@@ -213,7 +213,7 @@ class Survey(FrameProcessor):
                 yield _sentence_kind(frame.origin, part)
         else:
             topic, message = topic_and_message(frame.payload)
-            line = SENTENCE_BEHIND.fullmatch(message.strip())
+            line = SENTENCE_WITH_PREFIX.fullmatch(message.strip())
             name = TOPIC_VALUE if line is None else _sentence_kind("", line["inner"].encode("latin-1")).name
             yield TrafficKind(frame.origin, topic, name)
 
@@ -282,7 +282,7 @@ def _is_later_part(frame: Frame) -> bool:
 
 @cache
 def _is_fast(group: int) -> bool:
-    variants = variants_of(group)
+    variants = group_variants(group)
     return bool(variants) and all(variant.packet_type == "Fast" for variant in variants)
 
 
@@ -300,13 +300,13 @@ def name_of_group(group: int) -> str:
     """
     if is_makers_own(group):
         return ""
-    names = {variant.id for variant in variants_of(group)}
+    names = {variant.id for variant in group_variants(group)}
     return names.pop() if len(names) == 1 else ""
 
 
 def _identity(group: int, payload: bytes) -> dict[str, Any]:
     """What a claim of an address, or a product's information, tells of a device."""
-    message = decoded(group, payload)
+    message = decode_by_library(group, payload)
     values = {} if message is None else {entry.id: entry.value for entry in message.fields}
     wanted = {"model": "modelId", "version": "modelVersion", "software": "softwareVersionCode",
               "serial": "modelSerialCode"}  # fmt: skip
@@ -753,7 +753,7 @@ def own_configuration(path: Path, scratch: Path) -> TrialConfig:
             packs[name] = data.decode("utf-8", "replace")
     run_sheet = read_trial(path)
     is_known = is_ship_known(run_sheet.vessel, run_sheet.actuators)
-    carried = Carried(files, packs, from_text(run_sheet.actuators), ship_is_known=is_known)
+    carried = CarriedFiles(files, packs, from_text(run_sheet.actuators), ship_is_known=is_known)
     config = parse_config(text.decode("utf-8", "replace"), path, carried)
     if config.trial.origin is not None or run_sheet.origin is None:
         return config

@@ -1,9 +1,10 @@
-"""What is in a frame: one file a protocol. A decoder turns one frame into samples, guards first.
+"""What is in a frame: one file a protocol. A decoder turns one frame into samples, an encoder channels into bytes.
 
-A decoder keeps only the state its protocol forces on it (packets in parts, the clock of the line, who has which
-address) and counts what it refuses. It never raises on what comes off a wire.
+A decoder keeps only the state its protocol forces on it (packets in parts, the clock of the line, which device has
+which address) and counts what it refuses. It never raises on what comes from a wire. Encoders are what the emulator
+puts onto buses and lines.
 
-What a decoder may say, besides channels that a message carries as they are, in groups that belong together
+What a decoder may report, besides channels that a message carries as they are, in groups that belong together
 (``derive.py`` makes channels of them):
 
 ==================================================  =========================================================
@@ -16,8 +17,6 @@ What a decoder may say, besides channels that a message carries as they are, in 
 ``wind_angle_water_deg``, ``wind_speed_water_mps``  from the bow, relative to the water
 ``wind_direction_magnetic_deg``, ``wind_speed_mps``  from magnetic north, over ground
 ==================================================  =========================================================
-
-Channels to bytes, the mirror image of the decoders: what the emulator puts onto buses and lines.
 """
 
 from __future__ import annotations
@@ -29,10 +28,16 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from seatrial.acquisition.config.declarations import Declarations, GroupField, SentenceField, Transducer, carried_by
+from seatrial.acquisition.config.declarations import (
+    Declarations,
+    GroupField,
+    SentenceField,
+    Transducer,
+    select_origins,
+)
 from seatrial.acquisition.config.sources import AnySource, CanFrames, CanSource, LineSource, MavlinkLinks, MqttLinks
 from seatrial.acquisition.core.named_code import imported
-from seatrial.acquisition.core.ship import BY_NAME, DEFAULT, Actuators, Channel, with_declared
+from seatrial.acquisition.core.ship import BY_NAME, DEFAULT, Actuators, Channel, channels_with_declared
 from seatrial.acquisition.core.trial import Fix, Frame, Group, Protocol, safe_label
 
 BAD_DATA = "bad data"
@@ -40,7 +45,7 @@ BAD_DATA = "bad data"
 _MOST_UNKNOWN = 500
 _MOST_SENDERS = 100
 Notices = deque[tuple[str, str]]
-"""What people should know, as (level, text): an address that changed, a clock that stepped."""
+"""What users should know, as (level, text): an address that changed, a clock that stepped."""
 
 
 NO_SATELLITES = frozenset({0, 6, 7, 8})
@@ -54,7 +59,7 @@ class FurtherSenders:
         self._labels: dict[str, str] = {}
 
     def label(self, sender: str) -> str:
-        """What stands in the labels of an address; empty for the first, and where none is known."""
+        """What an address has in its labels; empty for the first, and where none is known."""
         if not sender:
             return ""
         if (label := self._labels.get(sender)) is None:
@@ -67,9 +72,9 @@ class FurtherSenders:
 class Decoder(ABC):
     """One protocol's step from frame to samples.
 
-    ``refused`` counts frames and values by reason, ``unknown`` sound messages that carry no channel by name;
-    ``notices`` are what there is to tell since the caller emptied them last; ``fixes`` what each sensor's satellite
-    receiver said last of its fix.
+    ``refused`` counts frames and values by reason, ``unknown`` valid messages that carry no channel by name;
+    ``notices`` are those since the caller emptied them last; ``fixes`` the last report of each sensor's satellite
+    receiver on its fix.
     """
 
     def __init__(self) -> None:
@@ -79,7 +84,7 @@ class Decoder(ABC):
         self.fixes: dict[str, Fix] = {}
 
     def note_unknown(self, name: str) -> None:
-        """Count a message that carries no channel; noise must not name messages without end."""
+        """Count a message that carries no channel; noise must not name unbounded numbers of messages."""
         if name in self.unknown or len(self.unknown) < _MOST_UNKNOWN:
             self.unknown[name] += 1
 
@@ -104,19 +109,19 @@ class DeclaredReaders(dict[Carrier, list[Reader]]):
     """The readers of the declared channels of one line, bus or link, by the kind of message that carries them."""
 
     def channels_in(self, kind: Carrier) -> frozenset[str]:
-        """The channels that these messages carry: what they would say of them otherwise counts no more."""
+        """The channels that these messages carry by declaration, which replaces their standard meaning."""
         return frozenset(entry.channel.name for entry in self.get(kind, ()))
 
 
 def make_decoders(config: AnySource, actuators: Actuators = DEFAULT, declared: Declarations = ()) -> list[Decoder]:
-    """The decoders that the frames of a source's own protocol go through, on a ship with these actuators."""
+    """The decoders that the frames of a source's main protocol go through, on a ship with these actuators."""
     return next(iter(decoders_by_protocol(config, actuators, declared).values()))
 
 
 def decoders_by_protocol(
     config: AnySource, actuators: Actuators = DEFAULT, declared: Declarations = ()
 ) -> dict[Protocol, list[Decoder]]:
-    """The decoders of a source's frames, its own protocol first: on a line a gateway may send CAN frames, too.
+    """The decoders of a source's frames, its main protocol first: on a line a gateway may send CAN frames, too.
 
     Of the channels that are ``declared`` they read those that are listed for the source.
     """
@@ -125,27 +130,31 @@ def decoders_by_protocol(
 
         return {"mavlink": [MavlinkDecoder(config, actuators, declared)]}
     if isinstance(config, CanSource):
-        return {"can": _of_can(config, actuators, declared)}
+        return {"can": _can_decoders(config, actuators, declared)}
     from seatrial.acquisition.protocols.nmea0183 import Nmea0183Decoder
 
-    wind, ratios = config.theoretical_wind, config.reduction_ratios
-    fields = carried_by(declared, config.channels, SentenceField | Transducer)
-    ship = actuators, ratios, config.rated_rpm
     decoder = Nmea0183Decoder(
-        config.thrusters, config.clock, wind, *ship, declared=fields, unchecked=config.checksum == "optional"
+        config.thrusters,
+        config.clock,
+        config.theoretical_wind,
+        actuators,
+        config.reduction_ratios,
+        config.rated_rpm,
+        declared=select_origins(declared, config.channels, SentenceField | Transducer),
+        unchecked=config.checksum == "optional",
     )
     if isinstance(config, MqttLinks):
         from seatrial.acquisition.protocols.mqtt import MqttDecoder
 
-        channels = with_declared(tuple(declaration.channel for declaration in declared))
+        channels = channels_with_declared(tuple(declaration.channel for declaration in declared))
         return {"mqtt": [MqttDecoder(config, decoder, channels)]}
     sentences: list[Decoder] = [decoder]
     if config.type == "can_file":
-        return {"can": _of_can(config, actuators, declared), "nmea0183": sentences}
-    return {"nmea0183": sentences, "can": _of_can(config, actuators, declared)}
+        return {"can": _can_decoders(config, actuators, declared), "nmea0183": sentences}
+    return {"nmea0183": sentences, "can": _can_decoders(config, actuators, declared)}
 
 
-def _of_can(config: CanFrames, actuators: Actuators, declared: Declarations) -> list[Decoder]:
+def _can_decoders(config: CanFrames, actuators: Actuators, declared: Declarations) -> list[Decoder]:
     from seatrial.acquisition.protocols.can_frames import DbcDecoder
     from seatrial.acquisition.protocols.nmea2000 import Nmea2000Decoder
 
@@ -155,15 +164,15 @@ def _of_can(config: CanFrames, actuators: Actuators, declared: Declarations) -> 
         actuators,
         config.reduction_ratios,
         shares_bus=config.dbc is not None,
-        declared=carried_by(declared, config.channels, GroupField),
+        declared=select_origins(declared, config.channels, GroupField),
     )
     if config.dbc is None:
         return [nmea2000]
-    channels = with_declared(tuple(declaration.channel for declaration in declared))
+    channels = channels_with_declared(tuple(declaration.channel for declaration in declared))
     return [nmea2000, DbcDecoder(config.dbc, config.signals, nmea2000, channels)]
 
 
-_PLACES: tuple[tuple[Any, str], ...] = (
+_ENCODERS: tuple[tuple[Any, str], ...] = (
     (CanSource, "seatrial.acquisition.protocols.can_frames:CanEncoder"),
     (MavlinkLinks, "seatrial.acquisition.protocols.mavlink:MavlinkEncoder"),
     (MqttLinks, "seatrial.acquisition.protocols.mqtt:MqttEncoder"),
@@ -209,7 +218,7 @@ class Moment:
 
 
 class Encoder(typing.Protocol):
-    """One source's way of saying an instant."""
+    """One source's way of sending an instant."""
 
     def encode(self, moment: Moment) -> list[Packet]:
         """The packets that carry the moment's values, the announcement of the time first if it is wanted."""
@@ -219,6 +228,6 @@ def make_encoder(
     config: AnySource, actuators: Actuators = DEFAULT, channels: Mapping[str, Channel] = BY_NAME
 ) -> Encoder:
     """The encoder for what a configuration section would receive, on a ship with these actuators and channels."""
-    place = next(place for kinds, place in _PLACES if isinstance(config, kinds))
+    place = next(place for kinds, place in _ENCODERS if isinstance(config, kinds))
     encoder: Encoder = imported(place)(config, actuators, channels)
     return encoder

@@ -1,10 +1,8 @@
-"""The vessel's own CAN frames by a DBC file: thrusters, mostly, that no standard message carries.
+"""CAN frames of the vessel's DBC file, mostly of thrusters, which no standard message carries; the CAN encoder.
 
-Frames with 29-bit identifiers are matched by parameter group, as J1939 devices choose their own address, and
-obey its rule that the highest raw values mean "not available" or "error"; 11-bit frames match exactly. Names such
-as "Invalid" in the file's own tables of values hold for both.
-
-Channels to CAN frames: NMEA 2000 by the ``nmea2000`` library, thrusters by the vessel's DBC file.
+Frames with 29-bit identifiers are matched by parameter group, as J1939 devices choose their address, and obey its
+rule that the highest raw values mean "not available" or "error"; 11-bit frames match exactly. Names such as
+"Invalid" in the file's tables of values hold for both. The encoder writes NMEA 2000 by the ``nmea2000`` library.
 """
 
 from __future__ import annotations
@@ -29,9 +27,9 @@ from seatrial.acquisition.core.files import read_regular
 from seatrial.acquisition.core.process import DBC_BITS, DBC_BYTES, DBC_TEXT_BYTES
 from seatrial.acquisition.core.quantities import DEG_PER_RAD, Linear
 from seatrial.acquisition.core.ship import BY_NAME, Actuators, Channel, name_of_order, rudder_channels, shafts
+from seatrial.acquisition.core.times import DAY_NS
 from seatrial.acquisition.core.trial import NANO, Frame, FrameFlag, Group
 from seatrial.acquisition.protocols import Decoder, Moment, Packet
-from seatrial.acquisition.protocols.clock import DAY_NS
 from seatrial.acquisition.protocols.nmea2000 import Nmea2000Decoder, parameter_group
 from seatrial.acquisition.protocols.parameter_groups import ERROR_VALUE, LIBRARY, NOT_AVAILABLE
 
@@ -41,6 +39,7 @@ _NO_VALUE = re.compile(
 _SIZES = re.compile(rb"\|\s*(\d+)\s*@|^\s*BO_\s+\d+\s+\w+\s*:\s*(\d+)", re.MULTILINE)
 _LINE_AND_COLUMN = re.compile(r"line (\d+), column (\d+)")
 _ERROR = re.compile(r"(?i)error|fault")
+_ADDRESS = 35
 
 
 def load_dbc(path: Path) -> cantools.db.Database:
@@ -51,7 +50,11 @@ def load_dbc(path: Path) -> cantools.db.Database:
         DBC_TEXT_BYTES.require(longest, path, len(content), ConfigurationError)
         widest = max((int(bits or length) for bits, length in _SIZES.findall(content)), default=0)
         DBC_BITS.require(widest, path, len(content), ConfigurationError)
-        return cantools.database.load_string(_text_of(content), database_format="dbc")
+        try:
+            text = content.decode("utf-8-sig")
+        except UnicodeDecodeError:  # as editors of DBC files write it
+            text = content.decode("cp1252", "replace")
+        return cantools.database.load_string(text, database_format="dbc")
     except ConfigurationError:
         raise
     except Exception as error:  # the parser fails in every possible way
@@ -59,14 +62,6 @@ def load_dbc(path: Path) -> cantools.db.Database:
         raise ConfigurationError(
             "is not a readable DBC file", where=str(path), why=_reason(error), fix=fix
         ) from error
-
-
-def _text_of(content: bytes) -> str:
-    """The text of a DBC file: UTF-8 where it is that, else as its editors write it."""
-    try:
-        return content.decode("utf-8-sig")
-    except UnicodeDecodeError:
-        return content.decode("cp1252", "replace")
 
 
 def _reason(error: Exception) -> str:
@@ -104,8 +99,8 @@ def frame_key(message: DbcMessage) -> tuple[bool, int]:
 def missing_by_rule(raw: float, signal: DbcSignal) -> str | None:
     """Why a raw value is no value by the rule of J1939-71 and NMEA 2000; None if it is one.
 
-    From 16 bits on, the highest byte tells; below, the highest raw value is "not available" and, from 4 bits on,
-    the one under it "error". Signed signals keep their three highest values. A single bit has none to spare.
+    From 16 bits on, the highest byte decides; below, the highest raw value is "not available" and, from 4 bits on,
+    the next lower one "error". Signed signals keep their three highest values. A single bit has none to spare.
     """
     if signal.is_float:
         return None if isfinite(raw) else NOT_AVAILABLE
@@ -123,14 +118,14 @@ def missing_by_rule(raw: float, signal: DbcSignal) -> str | None:
 
 
 def missing_by_name(raw: float, signal: DbcSignal) -> str | None:
-    """Why a raw value is no value by the file's own table of values; None if it is one."""
+    """Why a raw value is no value by the file's table of values; None if it is one."""
     name = str((signal.choices or {}).get(int(raw), "")) if isfinite(raw) else ""
     if not _NO_VALUE.search(name.replace("_", " ")):
         return None
     return ERROR_VALUE if _ERROR.search(name) else NOT_AVAILABLE
 
 
-class _Wanted(NamedTuple):
+class _MappedSignal(NamedTuple):
     """One signal that carries a channel, and the step to the channel's unit."""
 
     channel: str
@@ -139,7 +134,7 @@ class _Wanted(NamedTuple):
 
 
 class DbcDecoder(Decoder):
-    """The configured signals of one DBC file; ``buses`` tells who has which address on the bus of a frame."""
+    """The configured signals of one DBC file; ``buses`` has the device of each address on the bus of a frame."""
 
     def __init__(
         self,
@@ -150,19 +145,19 @@ class DbcDecoder(Decoder):
     ) -> None:
         super().__init__()
         self._buses = buses
-        self._wanted: dict[tuple[bool, int], tuple[DbcMessage, list[_Wanted]]] = {}
+        self._mapped: dict[tuple[bool, int], tuple[DbcMessage, list[_MappedSignal]]] = {}
         database = load_dbc(path)
         for channel, entry in signals.items():
             message, signal = find_signal(database, entry, path)
-            wanted = self._wanted.setdefault(frame_key(message), (message, []))
-            wanted[1].append(_Wanted(channel, signal, entry.step_to(channels[channel])))
+            _, mapped = self._mapped.setdefault(frame_key(message), (message, []))
+            mapped.append(_MappedSignal(channel, signal, entry.step_to(channels[channel])))
 
     def decode(self, frame: Frame) -> list[Group]:
         if frame.flags & (FrameFlag.REMOTE | FrameFlag.ERROR):
             return []
         extended = not frame.flags & FrameFlag.STANDARD_ID
         group, address = parameter_group(frame.identifier)
-        message, wanted = self._wanted.get((extended, group if extended else frame.identifier), (None, []))
+        message, mapped = self._mapped.get((extended, group if extended else frame.identifier), (None, []))
         if message is None:
             return []
         raw = self._raw(message, frame.payload)
@@ -170,15 +165,15 @@ class DbcDecoder(Decoder):
         device = bus.devices.label(address) if extended else f"{frame.identifier:03X}{bus.devices.at_bus}"
         values = [
             (entry.channel, value)
-            for entry in wanted
-            # of multiplexed signals a frame carries some only
+            for entry in mapped
+            # a frame carries only some of the multiplexed signals
             if entry.signal.name in raw and bus.devices.may_provide(device, entry.channel)
             if (value := self._value(raw[entry.signal.name], entry, extended)) is not None
         ]
         return bus.clock.group(frame, f"{frame.origin}/{device}:{message.name}", values)
 
     def _raw(self, message: DbcMessage, payload: bytes) -> dict[str, float]:
-        """The raw values in a frame; bytes beyond the message are nobody's."""
+        """The raw values in a frame; bytes beyond the message are ignored."""
         if len(payload) < message.length:
             self.refused["short frame"] += 1
             return {}
@@ -189,19 +184,16 @@ class DbcDecoder(Decoder):
             return {}
         return raw
 
-    def _value(self, raw: float, wanted: _Wanted, extended: bool) -> float | None:
-        signal = wanted.signal
+    def _value(self, raw: float, mapped: _MappedSignal, extended: bool) -> float | None:
+        signal = mapped.signal
         missing = missing_by_name(raw, signal)
         if missing is None and (extended or signal.is_float):
             missing = missing_by_rule(raw, signal)
-        value = 0.0 if missing else wanted.step.apply(float(signal.raw_to_scaled(raw, False)))
+        value = 0.0 if missing else mapped.step.apply(float(signal.raw_to_scaled(raw, False)))
         if missing or not isfinite(value):
             self.refused[missing or "impossible value"] += 1
             return None
         return value
-
-
-_ADDRESS = 35
 
 
 class CanEncoder:
@@ -240,7 +232,7 @@ class CanEncoder:
         return packets
 
     def _machinery(self, moment: Moment) -> list[Packet]:
-        """Rudders with their orders, and shafts as their engines with the gear that tells the direction."""
+        """Rudders with their orders, and shafts as their engines with the gear that has the direction."""
         packets = []
         for number, angle in enumerate(self._rudders):
             if carries := moment.present(angle, name_of_order(angle)):
@@ -307,7 +299,10 @@ def _dbc_frame(
     """One DBC message with the signals that have a value now; others, and values beyond it, as not available."""
     if not any(channel in values for channel in signals):
         return []
-    raw = {signal.name: _not_available(signal) for signal in message.signals}
+    raw = {
+        signal.name: nan if signal.is_float else int(2 ** (signal.length - (1 if signal.is_signed else 0)) - 1)
+        for signal in message.signals
+    }
     carried = []
     for channel, (signal, step) in signals.items():
         if channel in values:
@@ -318,9 +313,3 @@ def _dbc_frame(
                 carried.append(channel)
     payload = message.encode(raw, scaling=False, strict=False)
     return [Packet(payload, message.frame_id, message.is_extended_frame, tuple(carried))]
-
-
-def _not_available(signal: DbcSignal) -> float:
-    if signal.is_float:
-        return nan
-    return int(2 ** (signal.length - (1 if signal.is_signed else 0)) - 1)

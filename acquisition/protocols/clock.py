@@ -1,17 +1,13 @@
-"""The clock of a source, as it announces it, and the three times of a sample.
+"""The clock of a source, as it announces it, the three times of a sample, and which source of a line a value is of.
 
-The time that a line of text tells: beside a sentence, in front of a value, in a field of a log.
+Lines of text state their time beside a sentence, in front of a value, in a field of a log: UTC as a date and time
+or as seconds since 1970, a time of day, or seconds since a beginning.
 
-UTC as a date and time or as seconds since 1970, a time of day, or seconds since something began.
-
-Receivers that report positions under one talker on one line, told apart by two positions of one moment.
-
-Sources that report one quantity under one talker on one line, told apart by values that take turns.
-
-Sentences such as HDT have neither time nor position. Two compasses of one talker are seen only in values that go to
-and fro between two levels (:mod:`seatrial.analysis.quality.channel_checks` finds the same in recordings). Until
-that is certain the values pass as of one source; two that agree, as rates of turn about zero do, are never told
-apart. Where two have met and part again, the times at which they are due say which is which.
+Two receivers of one talker on one line are distinguished by two positions of one moment. Sentences such as HDT
+have neither time nor position: two compasses of one talker are seen only in values that alternate between two
+levels (:mod:`seatrial.analysis.quality.channel_checks` finds the same in recordings). Until that is certain the
+values pass as those of one source; two that agree, as rates of turn about zero do, are never separated. Where two
+have met and diverge again, the times at which they are due tell which is which.
 """
 
 from __future__ import annotations
@@ -26,22 +22,21 @@ from itertools import pairwise
 from math import cos, hypot, radians
 
 from seatrial.acquisition.config.sources import Clock
-from seatrial.acquisition.core.times import Order, Stamp, find_stamp
+from seatrial.acquisition.core.times import DAY_NS, Order, Stamp, find_stamp, time_of_day_ns
 from seatrial.acquisition.core.trial import NANO, Frame, FrameFlag, Group, Quality, Sample
 from seatrial.acquisition.protocols import Notices
 
 _LONGEST_EXTRAPOLATION_NS = 5_000_000_000
 _SET_NS = 2_000_000_000  # times in whole seconds, and lines that lag, differ by a second from one to the next
-_APART_NS, _SETTLED_NS = 1_000_000_000, 10_000_000_000
-"""Least between two reports of a clock: of a step, and of what has crept, as while a gateway sends what it kept."""
+_STEP_INTERVAL_NS, _DRIFT_INTERVAL_NS = 1_000_000_000, 10_000_000_000
+"""Least between two reports of a clock: of a step, and of a drift, as while a gateway sends what it has stored."""
 _FAR_S = 2.0
 _EPOCH = dt.date(1970, 1, 1)
-# A receiver that does not know the time yet tells 1980, one whose weeks rolled over tells 20 years ago; times
-# after 2262 do not fit into 64 bits of nanoseconds and would make the whole recording unreadable.
+# A receiver without the time reports 1980, one whose weeks rolled over 20 years ago; times after 2262 do not fit
+# into 64 bits of nanoseconds and would make the whole recording unreadable.
 _POSSIBLE_NS = range(
     (dt.date(2010, 1, 1) - _EPOCH).days * 86_400 * 10**9, (dt.date(2100, 1, 1) - _EPOCH).days * 86_400 * 10**9
 )
-DAY_NS = 86_400 * NANO
 _GPS_EPOCH_NS = (dt.date(1980, 1, 6) - _EPOCH).days * DAY_NS
 _GPS_ROUND_NS = 1024 * 7 * DAY_NS  # the week number of GPS' L1 signal has ten bits
 
@@ -56,24 +51,24 @@ def utc_ns(date: dt.date, seconds_of_day: float) -> int:
 
 
 def is_possible(time_ns: int) -> bool:
-    """Whether a time that a source tells can be true at all."""
+    """Whether a time that a source states can be true at all."""
     return time_ns in _POSSIBLE_NS
 
 
-def rolled_over_ns(time_ns: int, latest_ns: int) -> int | None:
-    """The time that a receiver means which counts weeks to 1,024 and has begun again; None where it means none.
+def correct_week_rollover(time_ns: int, latest_ns: int) -> int | None:
+    """The time of a receiver whose count of weeks, to 1,024, has begun again; None where that explains nothing.
 
     ``latest_ns`` is a moment that it cannot be later than by more than a day.
 
-    >>> meant_ns = rolled_over_ns(utc_ns(dt.date(2006, 10, 1), 5.0), utc_ns(dt.date(2027, 1, 1), 0))
-    >>> meant_ns == utc_ns(dt.date(2026, 5, 17), 5.0)
+    >>> corrected_ns = correct_week_rollover(utc_ns(dt.date(2006, 10, 1), 5.0), utc_ns(dt.date(2027, 1, 1), 0))
+    >>> corrected_ns == utc_ns(dt.date(2026, 5, 17), 5.0)
     True
     """
     since_round_ns = (time_ns - _GPS_EPOCH_NS) % _GPS_ROUND_NS
-    meant_ns = time_ns + _GPS_ROUND_NS
-    if since_round_ns < DAY_NS or not is_possible(meant_ns) or meant_ns > latest_ns + DAY_NS:
-        return None  # in the first day of a round: a receiver that does not know the time yet
-    return meant_ns
+    corrected_ns = time_ns + _GPS_ROUND_NS
+    if since_round_ns < DAY_NS or not is_possible(corrected_ns) or corrected_ns > latest_ns + DAY_NS:
+        return None  # in the first day of a round: a receiver that does not have the time yet
+    return corrected_ns
 
 
 def nearest_day(seconds_of_day: float, now_ns: int) -> int:
@@ -88,11 +83,11 @@ def nearest_day(seconds_of_day: float, now_ns: int) -> int:
 
 
 class SourceClock:
-    """The UTC time that a source announces now and then, carried on by our monotonic clock.
+    """The UTC time that a source announces now and then, continued by our monotonic clock.
 
-    With ``stamps`` "source" it decides the measured time of the source's samples; with "receiver" what the
-    source says is only kept beside the time of reception. A clock that is far from ours, or that is set, is told
-    in ``notices``, unless it is ``muted``: ours may be no clock to compare with.
+    With ``stamps`` "source" it decides the measured time of the source's samples; with "receiver" the source's time
+    is only kept beside the time of reception. A clock that is far from ours, or that is set, is reported in
+    ``notices``, unless it is ``muted``: ours may be no clock to compare with.
     """
 
     def __init__(self, stamps: Clock, name: str, notices: Notices | None = None) -> None:
@@ -101,42 +96,40 @@ class SourceClock:
         self.muted = False
         self._notices: Notices = deque() if notices is None else notices
         self._announced: tuple[int, int] | None = None
-        self._offset_ns: int | None = None  # its UTC less our monotonic clock, when it was last told
-        self._last_offset_ns = self._told_ns = 0  # the same of the last announcement; when it was told
+        self._offset_ns: int | None = None  # its UTC less our monotonic clock, when it was last reported
+        self._last_offset_ns = self._reported_ns = 0  # the same of the last announcement; when it was reported
 
     def announce(self, source_ns: int, frame: Frame) -> None:
-        """The source said that it is ``source_ns`` UTC."""
+        """The source states that it is ``source_ns`` UTC."""
         if is_possible(source_ns):
             self._announced = (source_ns, frame.monotonic_ns)
             if not self.muted:
                 self._compare(source_ns, frame)
 
     def _compare(self, source_ns: int, frame: Frame) -> None:
-        """Tell at first how far the clock is from ours, and whenever it has been set since."""
-        offset_ns, before_ns = source_ns - frame.monotonic_ns, self._offset_ns
+        """Report at first how far the clock is from ours, and whenever it has been set since."""
+        offset_ns, previous_ns = source_ns - frame.monotonic_ns, self._offset_ns
         is_step = abs(offset_ns - self._last_offset_ns) >= _SET_NS
         self._last_offset_ns = offset_ns
-        if before_ns is not None and abs(offset_ns - before_ns) < _SET_NS:
+        if previous_ns is not None:
+            interval_ns = _STEP_INTERVAL_NS if is_step else _DRIFT_INTERVAL_NS
+            step_ns = offset_ns - previous_ns
+            if abs(step_ns) >= _SET_NS and frame.monotonic_ns - self._reported_ns >= interval_ns:
+                self._offset_ns, self._reported_ns = offset_ns, frame.monotonic_ns
+                self._notices.append(("warning", f"clock {self.name} was set by {step_ns / 1e9:+.3f} s"))
             return
-        if before_ns is not None and frame.monotonic_ns - self._told_ns < (_APART_NS if is_step else _SETTLED_NS):
-            return
-        self._offset_ns, self._told_ns = offset_ns, frame.monotonic_ns
-        if before_ns is not None:
-            self._notices.append(
-                ("warning", f"clock {self.name} was set by {(offset_ns - before_ns) / 1e9:+.3f} s")
-            )
-            return
+        self._offset_ns, self._reported_ns = offset_ns, frame.monotonic_ns
         ahead_s = (source_ns - frame.received_ns) / 1e9
         level = "warning" if abs(ahead_s) > _FAR_S else "info"
-        trusted = "it stamps this source" if self.stamps == "source" else "ours stamps this source"
-        self._notices.append((level, f"clock {self.name} is {ahead_s:+.3f} s from ours; {trusted}"))
+        effect = "it stamps this source" if self.stamps == "source" else "ours stamps this source"
+        self._notices.append((level, f"clock {self.name} is {ahead_s:+.3f} s from ours; {effect}"))
 
     def forget(self) -> None:
-        """What the source said no longer holds: it has started anew."""
+        """The source's announcement no longer holds: it has restarted."""
         self._announced = None
 
     def at(self, frame: Frame) -> int | None:
-        """The source's UTC time when ``frame`` was received; None if it has not said it of late."""
+        """The source's UTC time when ``frame`` was received; None without an announcement within the last 5 s."""
         if self._announced is None:
             return None
         source_ns, monotonic_ns = self._announced
@@ -153,16 +146,16 @@ class SourceClock:
     ) -> list[Group]:
         """One message's values as a group with their three times; no group where there is no value.
 
-        ``source_ns`` is what the message itself said of when it was measured. A value whose stamp may be late is
-        suspect.
+        ``source_ns`` is when it was measured, as the message states. A value whose stamp may be delayed is suspect.
         """
-        told_ns = source_ns if source_ns is not None and is_possible(source_ns) else self.at(frame)
+        if source_ns is None or not is_possible(source_ns):
+            source_ns = self.at(frame)
         measured_ns, clock = frame.received_ns if frame.stamped_ns is None else frame.stamped_ns, "receiver"
-        if self.stamps == "source" and told_ns is not None:
-            measured_ns, clock = told_ns, self.name
+        if self.stamps == "source" and source_ns is not None:
+            measured_ns, clock = source_ns, self.name
         elif frame.flags and frame.flags & FrameFlag.LATE:
             quality = max(quality, Quality.SUSPECT)
-        times = (frame.received_ns, frame.monotonic_ns, measured_ns, told_ns, clock)
+        times = (frame.received_ns, frame.monotonic_ns, measured_ns, source_ns, clock)
         group = [Sample(quantity, value, source, *times, quality) for quantity, value in values]
         return [group] if group else []
 
@@ -170,8 +163,8 @@ class SourceClock:
 _pattern = partial(re.compile, flags=re.ASCII)  # what is no ASCII is no space and no digit
 ZONE = r"(?P<zone>Z|UTC|[+-]\d\d(?::?\d\d)?)?Z?"
 """What names a zone in a pattern."""
-SENTENCE_BEHIND = _pattern(r"(?P<before>[^$!\\]{0,200})(?P<inner>(?:[$!][A-Za-z0-9]{3,},|\\[a-z]{1,3}:).*)")
-"""A sentence, or its TAG block, with what stands before it."""
+SENTENCE_WITH_PREFIX = _pattern(r"(?P<before>[^$!\\]{0,200})(?P<inner>(?:[$!][A-Za-z0-9]{3,},|\\[a-z]{1,3}:).*)")
+"""A sentence, or its TAG block, with the text before it."""
 _UNIX = _pattern(r"(?<![\d.])(\d{10}\.\d{1,9}|\d{19}|\d{16}|\d{13}|\d{10})(?![\d.])")
 _CLOCK = _pattern(r"(?<!\d)(\d\d:\d\d:\d\d)(?:[.,](\d{1,9}))?")
 _DATE_LIKE = _pattern(r"\d{1,4}[^\d\s:,;][A-Za-z\d]{1,9}\D\d{1,4}|\d{8}|[A-Za-z]{3} +\d{1,2}\b")
@@ -179,40 +172,29 @@ _MOST_STAMPS = 20_000
 _SECONDS = _pattern(r"[\[(]?\s*(\d{1,9})\.(\d{1,9})(?![\d.])")
 
 
-def zoned_ns(date: str, clock: str, fraction: str | None, zone: str | None, usual: dt.tzinfo | None) -> int | None:
-    """A date, a time and a zone as ns since 1970; ``usual`` where no zone is given, None is this machine's.
+def zoned_time_ns(
+    date: str, clock: str, fraction: str | None, zone: str | None, default_zone: dt.tzinfo | None
+) -> int | None:
+    """A date, a time and a zone as ns since 1970; ``default_zone`` without one, None is this machine's.
 
-    >>> zoned_ns("1970-01-01", "02:00:01", "25", "+02:00", None)
+    >>> zoned_time_ns("1970-01-01", "02:00:01", "25", "+02:00", None)
     1250000000
     """
     try:
         moment = dt.datetime.fromisoformat(f"{date}T{clock}")
         if zone and zone not in ("Z", "UTC"):
             sign, hours, minutes = -1 if zone[0] == "-" else 1, int(zone[1:3]), int(zone[3:].strip(":") or 0)
-            usual = dt.timezone(sign * dt.timedelta(hours=hours, minutes=minutes))
+            default_zone = dt.timezone(sign * dt.timedelta(hours=hours, minutes=minutes))
         elif zone:
-            usual = dt.UTC
-        seconds = round((moment.replace(tzinfo=usual) if usual else moment.astimezone()).timestamp())
+            default_zone = dt.UTC
+        seconds = round((moment.replace(tzinfo=default_zone) if default_zone else moment.astimezone()).timestamp())
     except (ValueError, OverflowError, OSError):
         return None
     return seconds * NANO + int((fraction or "")[:9].ljust(9, "0"))
 
 
-def day_ns(clock: str, fraction: str | None) -> int | None:
-    """A time of day, ``hh:mm:ss`` or ``hhmmss``, as ns since midnight; None where there is no such time.
-
-    >>> day_ns("17:33:21", "107")
-    63201107000000
-    """
-    digits = clock.replace(":", "")
-    hours, minutes, seconds = int(digits[:2]), int(digits[2:4]), int(digits[4:])
-    if hours > 23 or minutes > 59 or seconds > 59:
-        return None
-    return (3600 * hours + 60 * minutes + seconds) * NANO + int((fraction or "")[:9].ljust(9, "0"))
-
-
 class StatedTimes:
-    """The times that stand beside a log's sentences; ``order`` is that of its dates, ``year`` of dates without one.
+    """The times that are beside a log's sentences; ``order`` is that of its dates, ``year`` of dates without one.
 
     Until the order is known, dates that may mean two days are collected in ``stamps``, the first of them.
     """
@@ -223,13 +205,13 @@ class StatedTimes:
         self.last: Stamp | None = None
         self.unread_date = ""  # the first text with a time of day whose date was not understood
         self.unknown_zone = ""
-        self.remark = ""  # what a log's own header means for its times
+        self.remark = ""  # what a log's header means for its times
 
     def read(self, text: str) -> tuple[int | None, int] | None:
-        """The time in what stands beside a sentence, and the turn of its clock [ns]; None where there is none.
+        """The time in the text beside a sentence, and the period of its clock [ns]; None where there is none.
 
         A date and a time, UTC unless it has a zone; seconds to nanoseconds since 1970; a time of day; seconds since
-        the log began. A time that cannot be is None itself.
+        the log began. An impossible time is None itself.
 
         >>> read = StatedTimes().read
         >>> read("NAV 2013/11/20 05:00:04.5 GPS ") == read("1384923604.5 ") == (1384923604500000000, 0)
@@ -240,23 +222,23 @@ class StatedTimes:
             if len(self.stamps) < _MOST_STAMPS:
                 self.stamps.append(stamp)
             self.unknown_zone = self.unknown_zone or stamp.zone
-            return self._of_stamp(stamp), 0
+            return self._stamp_ns(stamp), 0
         if match := _UNIX.search(text):
             digits, _, fraction = match[1].partition(".")
             return possible_ns(int((digits + fraction).ljust(19, "0"))), 0
         if match := _CLOCK.search(text):
             if not self.unread_date and _DATE_LIKE.search(text):
                 self.unread_date = text.strip()
-            return day_ns(match[1], match[2]), DAY_NS
+            return time_of_day_ns(match[1], match[2]), DAY_NS
         if match := _SECONDS.match(text):
             return int(match[1]) * NANO + int(match[2].ljust(9, "0")), 0
         return None
 
     def order_of(self, stamp: Stamp) -> Order:
-        """The order of a date's numbers: the log's, where it can have that."""
+        """The order of a date's numbers: the log's, where that is possible."""
         return self.order if self.order in stamp.orders and self.order is not None else stamp.orders[-1]
 
-    def _of_stamp(self, stamp: Stamp) -> int | None:
+    def _stamp_ns(self, stamp: Stamp) -> int | None:
         order = self.order_of(stamp)
         if not stamp.has_year and self.year is None:
             return None
@@ -266,43 +248,43 @@ class StatedTimes:
             return None
 
 
-def told_utc_ns(text: str) -> int | None:
-    """The UTC that a text tells [ns since 1970]; None where it tells none, one that cannot be, or may mean two.
+def parse_utc_ns(text: str) -> int | None:
+    """The UTC that a text states [ns since 1970]; None where it states none, an impossible one, or may mean two.
 
-    >>> told_utc_ns("2023-11-03T09:41:02.769765Z ")
+    >>> parse_utc_ns("2023-11-03T09:41:02.769765Z ")
     1699004462769765000
     """
     times = StatedTimes()
-    result = times.read(text)
-    if result is None or result[1] or (times.last is not None and len(times.last.orders) > 1):
+    reading = times.read(text)
+    if reading is None or reading[1] or (times.last is not None and len(times.last.orders) > 1):
         return None
-    return possible_ns(result[0])
+    return possible_ns(reading[0])
 
 
 def possible_ns(time_ns: int | None) -> int | None:
-    """A time that can be true at all; None for another."""
+    """A time that can be true at all; None for an impossible one."""
     return time_ns if time_ns is not None and is_possible(time_ns) else None
 
 
 _DEGREE_M = 111_195.0  # of a meridian
-_APART_M, _APART_AT_FIRST_M = 10.0, 25.0
-"""Two positions of one moment further apart than this are of two receivers: one repeats itself, or states whole
+_LEAST_DISTANCE_M, _INITIAL_DISTANCE_M = 10.0, 25.0
+"""Two positions of one moment with a larger distance are of two receivers: one repeats itself, or states whole
 seconds only, in which a ship whose speed is not known yet may go the longer way."""
 _SECONDS_OF_WAY = 1.5  # in a stated second, with an error of the speed
 _ONE_MOMENT_NS = 900_000_000
-"""What comes later than this after a position of the same stated time is of another moment: that clock stands,
+"""What comes later than this after a position of the same stated time is of another moment: that clock is frozen,
 as fixes come once a second and more often."""
-_MOST_RECEIVERS, _MOST_TALKERS = 4, 100  # noise must not name receivers without end
+_MOST_RECEIVERS, _MOST_TALKERS = 4, 100  # noise must not name unbounded numbers of receivers
 
 
 @dataclass(slots=True)
 class _Receiver:
-    """One receiver's last position [deg] and moment, as stated [s of the day] and when it came [ns, monotonic], and
+    """One receiver's last position [deg] and moment, as stated [s of the day] and on arrival [ns, monotonic], and
     the kinds of sentences that reported it."""
 
     position: tuple[float, float]
     moment_s: float
-    came_ns: int
+    arrival_ns: int
     kinds: set[str] = field(default_factory=set)
     speed_mps: float | None = None
 
@@ -315,19 +297,19 @@ class _Receiver:
     def reach_m(self) -> float:
         """How far from its last position it may report another one of the same moment."""
         if self.speed_mps is None:
-            return _APART_AT_FIRST_M
-        return max(_APART_M, _SECONDS_OF_WAY * self.speed_mps)
+            return _INITIAL_DISTANCE_M
+        return max(_LEAST_DISTANCE_M, _SECONDS_OF_WAY * self.speed_mps)
 
-    def has_reported(self, kind: str, moment_s: float, came_ns: int) -> bool:
+    def has_reported(self, kind: str, moment_s: float, arrival_ns: int) -> bool:
         """Whether it has reported this moment in a sentence of this kind."""
-        return self.moment_s == moment_s and kind in self.kinds and came_ns - self.came_ns <= _ONE_MOMENT_NS
+        return self.moment_s == moment_s and kind in self.kinds and arrival_ns - self.arrival_ns <= _ONE_MOMENT_NS
 
-    def update(self, kind: str, moment_s: float, came_ns: int, position: tuple[float, float]) -> None:
+    def update(self, kind: str, moment_s: float, arrival_ns: int, position: tuple[float, float]) -> None:
         since_s = moment_s - self.moment_s
-        if since_s or came_ns - self.came_ns > _ONE_MOMENT_NS:
+        if since_s or arrival_ns - self.arrival_ns > _ONE_MOMENT_NS:
             self.kinds.clear()
             self.speed_mps = self.distance_m(position) / since_s if since_s > 0 else None
-            self.came_ns = came_ns
+            self.arrival_ns = arrival_ns
         self.kinds.add(kind)
         self.position, self.moment_s = position, moment_s
 
@@ -340,34 +322,41 @@ class Receivers:
         self._receivers: dict[str, list[_Receiver]] = {}
         self._last: dict[str, int] = {}
 
-    def number(self, sensor: str, kind: str, moment_s: float, came_ns: int, position: tuple[float, float]) -> int:
+    def number(
+        self, sensor: str, kind: str, moment_s: float, arrival_ns: int, position: tuple[float, float]
+    ) -> int:
         """Which receiver reports a position [deg] of a moment [s of the day]: 1 for the first of a sensor.
 
-        ``came_ns`` is when the sentence came, on the monotonic clock.
+        ``arrival_ns`` is when the sentence came, on the monotonic clock.
         One sentence of a kind is expected of each receiver at each moment; a further one, if it is too far from all
-        known positions, is another receiver's.
+        last positions, is another receiver's.
         """
         if sensor not in self._receivers:
             if len(self._receivers) >= _MOST_TALKERS:
                 return 1
-            self._receivers[sensor] = [_Receiver(position, moment_s, came_ns)]
+            self._receivers[sensor] = [_Receiver(position, moment_s, arrival_ns)]
         receivers = self._receivers[sensor]
-        reported = [receiver.has_reported(kind, moment_s, came_ns) for receiver in receivers]
-        waiting = [receiver for receiver, has in zip(receivers, reported, strict=True) if not has]
+        reported = [receiver.has_reported(kind, moment_s, arrival_ns) for receiver in receivers]
+        waiting = [receiver for receiver, is_done in zip(receivers, reported, strict=True) if not is_done]
         receiver = _nearest(waiting or receivers, position)
         if any(reported) and receiver.distance_m(position) > receiver.reach_m:
             receiver = _nearest(receivers, position)
             distance_m = receiver.distance_m(position)
             if distance_m > receiver.reach_m and len(receivers) < _MOST_RECEIVERS:
-                receiver = _Receiver(position, moment_s, came_ns)
+                receiver = _Receiver(position, moment_s, arrival_ns)
                 receivers.append(receiver)
-                self._notices.append(("warning", _distance_notice(sensor, len(receivers), distance_m)))
-        receiver.update(kind, moment_s, came_ns, position)
+                talker = sensor.partition("/")[2]
+                text = (
+                    f"two receivers with the talker {talker} on one line: a second position of the same moment is"
+                    f" {distance_m:,.0f} m from the first; its values are kept apart, as receiver{len(receivers)}"
+                )
+                self._notices.append(("warning", text))
+        receiver.update(kind, moment_s, arrival_ns, position)
         self._last[sensor] = receivers.index(receiver) + 1
         return self._last[sensor]
 
     def last(self, sensor: str) -> int:
-        """The receiver whose position was the last one: what belongs to a fix and bears none follows it."""
+        """The receiver whose position was the last one: what belongs to a fix and has no position follows it."""
         return self._last.get(sensor, 1)
 
 
@@ -375,37 +364,29 @@ def _nearest(receivers: list[_Receiver], position: tuple[float, float]) -> _Rece
     return min(receivers, key=lambda receiver: receiver.distance_m(position))
 
 
-def _distance_notice(sensor: str, number: int, distance_m: float) -> str:
-    talker = sensor.partition("/")[2]
-    return (
-        f"two receivers with the talker {talker} on one line: a second position of the same moment is"
-        f" {distance_m:,.0f} m from the first; its values are kept apart, as receiver{number}"
-    )
-
-
-_LEAST_APART = {"deg": 5.0, "dps": 1.0, "mps": 1.0, "rpm": 20.0, "percent": 20.0, "m": 1.0}
-"""Levels are further apart, by the unit at the end of a quantity's name: ten steps of a coarse instrument."""
-_FEWEST, _MOST, _STRIDE = 17, 65, 8  # values that are judged, and how many come from one judgement to the next
+_LEAST_LEVEL_DISTANCE = {"deg": 5.0, "dps": 1.0, "mps": 1.0, "rpm": 20.0, "percent": 20.0, "m": 1.0}
+"""Of two levels, by the unit at the end of a quantity's name: ten steps of a coarse instrument."""
+_FEWEST, _MOST, _STRIDE = 17, 65, 8  # values that are tested, and how many come from one test to the next
 _FEWEST_TURNS = 8
-_BETWEEN = (0.25, 0.75)  # of the distance: steps of such a size belong to neither kind
-_EVEN = 0.12  # how much turns may differ from their median, as a fraction of it; of waves it is 0.3
-_RETURNS = 0.5  # of the turns have another beside them; none of a rudder that stays over for three samples
-_HALF_TURN_DEG = 150.0  # levels as far apart turn either way, by their noise
+_INTERMEDIATE = (0.25, 0.75)  # of the distance: steps of such a size belong to neither kind
+_TURN_SPREAD = 0.12  # how much turns may differ from their median, as a fraction of it; of waves it is 0.3
+_RETURNS = 0.5  # of the turns are adjacent to another; none of a rudder that stays over for three samples
+_HALF_TURN_DEG = 150.0  # the way between levels of this distance is to either side, by their noise
 _SILENT_NS = 3 * NANO  # a source that is silent for longer has no last value
-_MOST_SERIES = 200  # noise must not name series without end
+_MOST_SERIES = 200  # noise must not name unbounded numbers of series
 
 
 @dataclass(slots=True)
 class _Source:
-    """A source's last value, when it came, and the time between its last two [ns]; 0 where that is not known."""
+    """A source's last value, its arrival, and the time between its last two [ns]; 0 where that is not known."""
 
     value: float
-    came_ns: int
+    arrival_ns: int
     interval_ns: int = 0
 
-    def late(self, came_ns: int) -> float:
+    def timing_error(self, arrival_ns: int) -> float:
         """How many intervals a value would come before or after it is due."""
-        return abs((came_ns - self.came_ns) / self.interval_ns - 1.0) if self.interval_ns else 0.0
+        return abs((arrival_ns - self.arrival_ns) / self.interval_ns - 1.0) if self.interval_ns else 0.0
 
 
 @dataclass(slots=True)
@@ -422,50 +403,55 @@ class InterleavedSources:
         self._notices = notices
         self._series: dict[str, _Series] = {}
 
-    def number(self, label: str, quantity: str, value: float, came_ns: int) -> int:
-        """Which source reports a value of a quantity: 1 for the first, and as long as there is no other.
+    def number(self, label: str, quantity: str, value: float, arrival_ns: int) -> int:
+        """Which source reports a value of a quantity: 1 for the first, and as long as there is only one.
 
-        ``label`` is that of the sentence, ``came_ns`` when it came, on the monotonic clock.
+        ``label`` is that of the sentence, ``arrival_ns`` its arrival on the monotonic clock.
         """
         unit = quantity.rpartition("_")[2]
         series = self._series.get(key := f"{label} {quantity}")
         if series is None:
-            if unit not in _LEAST_APART or len(self._series) >= _MOST_SERIES:
+            if unit not in _LEAST_LEVEL_DISTANCE or len(self._series) >= _MOST_SERIES:
                 return 1
             series = self._series[key] = _Series()
         if series.sources:
-            return _assign(series.sources, value, came_ns, unit)
+            return _assign(series.sources, value, arrival_ns, unit)
         series.values.append(value)
         series.count += 1
         if series.count >= _FEWEST and (series.count - _FEWEST) % _STRIDE == 0:
-            values, least = [*series.values], _LEAST_APART[unit]
-            parts = (values[-_FEWEST:], values)  # a turn between spoils the longer one
+            values, least = [*series.values], _LEAST_LEVEL_DISTANCE[unit]
+            parts = (values[-_FEWEST:], values)  # a turn of the ship invalidates the longer one
             levels = next(filter(None, (two_levels(part, least, circular=unit == "deg") for part in parts)), None)
             if levels is not None:
-                series.sources = [_Source(level, came_ns) for level in levels]
-                self._notices.append(("warning", _levels_notice(label, quantity, *levels)))
-                return _assign(series.sources, value, came_ns, unit)
+                series.sources = [_Source(level, arrival_ns) for level in levels]
+                first, second = levels
+                text = (
+                    f"{label.partition('/')[2]} alternates between {first:.4g} and {second:.4g} in {quantity}:"
+                    " two sources under one talker; the second's values are kept apart from here on, as source2"
+                )
+                self._notices.append(("warning", text))
+                return _assign(series.sources, value, arrival_ns, unit)
         return 1
 
 
 def two_levels(values: Sequence[float], least: float, *, circular: bool) -> tuple[float, float] | None:
-    """The last values of two sources that take turns, that of the first value first; None where there is one.
+    """The last values of two alternating sources, that of the first value first; None where there is one source.
 
-    ``least`` is how far they are apart at least; ``circular`` values are angles in degrees.
+    ``least`` is the least distance of the two; ``circular`` values are angles in degrees.
     """
     steps = [_difference(later, former, circular) for former, later in pairwise(values)]
     largest = sorted(map(abs, steps))[-_FEWEST_TURNS:]
     distance = largest[_FEWEST_TURNS // 2]
-    places = [place for place, step in enumerate(steps) if abs(step) > _BETWEEN[1] * distance]
+    places = [place for place, step in enumerate(steps) if abs(step) > _INTERMEDIATE[1] * distance]
     turns = [steps[place] for place in places]
-    between = sum(abs(step) > _BETWEEN[0] * distance for step in steps) - len(turns)
+    intermediate = sum(abs(step) > _INTERMEDIATE[0] * distance for step in steps) - len(turns)
     adjacent = sum(place + 1 in places or place - 1 in places for place in places)
     in_turn = all(former * later < 0.0 for former, later in pairwise(turns))
     if (
         distance < least
         or len(turns) < _FEWEST_TURNS
-        or between
-        or max(abs(abs(turn) - distance) for turn in turns) > _EVEN * distance
+        or intermediate
+        or max(abs(abs(turn) - distance) for turn in turns) > _TURN_SPREAD * distance
         or adjacent < _RETURNS * len(turns)
         or not (in_turn or (circular and distance > _HALF_TURN_DEG))
     ):
@@ -478,26 +464,18 @@ def two_levels(values: Sequence[float], least: float, *, circular: bool) -> tupl
     return last[0], last[1]
 
 
-def _assign(sources: list[_Source], value: float, came_ns: int, unit: str) -> int:
+def _assign(sources: list[_Source], value: float, arrival_ns: int, unit: str) -> int:
     """The source with the last value nearest to a value; where the two values have met, the one that is due."""
-    present = [source for source in sources if came_ns - source.came_ns <= _SILENT_NS] or sources
+    present = [source for source in sources if arrival_ns - source.arrival_ns <= _SILENT_NS] or sources
     circular = unit == "deg"
-    have_met = abs(_difference(sources[0].value, sources[1].value, circular)) < 0.5 * _LEAST_APART[unit]
+    have_met = abs(_difference(sources[0].value, sources[1].value, circular)) < 0.5 * _LEAST_LEVEL_DISTANCE[unit]
     if have_met:
-        source = min(present, key=lambda candidate: candidate.late(came_ns))
+        source = min(present, key=lambda candidate: candidate.timing_error(arrival_ns))
     else:
         source = min(present, key=lambda candidate: abs(_difference(value, candidate.value, circular)))
-    source.value, source.came_ns, source.interval_ns = value, came_ns, came_ns - source.came_ns
+    source.value, source.arrival_ns, source.interval_ns = value, arrival_ns, arrival_ns - source.arrival_ns
     return sources.index(source) + 1
 
 
 def _difference(later: float, former: float, circular: bool) -> float:
     return (later - former + 180.0) % 360.0 - 180.0 if circular else later - former
-
-
-def _levels_notice(label: str, quantity: str, first: float, second: float) -> str:
-    levels = f"{first:.4g} and {second:.4g} in {quantity}"
-    return (
-        f"{label.partition('/')[2]} alternates between {levels}: two sources under one talker; the second's values"
-        " are kept apart from here on, as source2"
-    )

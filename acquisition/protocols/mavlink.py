@@ -1,14 +1,11 @@
-"""MAVLink: packets to samples, by ``pymavlink``; one system, known messages, bad data counted.
+"""MAVLink: packets to samples, by ``pymavlink``, of one system, with bad data counted; and channels to datagrams.
 
-Left out on purpose: SERVO_OUTPUT_RAW is an order and no measurement; ESC_TELEMETRY_1_TO_4 tells rpm without a sign,
-and a reversed propeller would look like one ahead; VFR_HUD has whole degrees of what ATTITUDE tells better.
+Left out on purpose: SERVO_OUTPUT_RAW is an order and no measurement; ESC_TELEMETRY_1_TO_4 has rpm without a sign,
+and a reversed propeller would look like one ahead; VFR_HUD has whole degrees of what ATTITUDE has more precisely.
 
-MAVLink packets in bytes: where each begins and ends, whether its checksum holds, what lies between them.
-
-``pymavlink``'s own parser takes the length byte of a damaged packet at its word, and loses the sound packets
-within that length. Here a packet is only passed over whole where nothing sound begins inside it.
-
-Channels to MAVLink datagrams: one datagram a moment, as an autopilot's router would bundle them.
+``pymavlink``'s parser trusts the length byte of a damaged packet, and loses the sound packets within that length.
+Here a damaged packet is only skipped as a whole where nothing sound begins inside it. The encoder sends one
+datagram a moment, as an autopilot's router would bundle them.
 """
 
 from __future__ import annotations
@@ -25,7 +22,12 @@ from typing import Any, NamedTuple
 import pymap3d
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from seatrial.acquisition.config.declarations import Declarations, MavlinkField, carried_by, complaints_about
+from seatrial.acquisition.config.declarations import (
+    Declarations,
+    MavlinkField,
+    errors_about_channel,
+    select_origins,
+)
 from seatrial.acquisition.config.sources import MavlinkFileSource, MavlinkLinks
 from seatrial.acquisition.core.errors import ConfigurationError
 from seatrial.acquisition.core.quantities import DEG_PER_RAD, Linear, to_earth
@@ -35,8 +37,8 @@ from seatrial.acquisition.core.ship import (
     Actuators,
     Channel,
     channel_names,
+    channels_with_declared,
     shafts,
-    with_declared,
     wrap_180,
 )
 from seatrial.acquisition.core.trial import Fix, Frame, Group
@@ -45,7 +47,7 @@ from seatrial.acquisition.protocols.clock import SourceClock, is_possible
 
 Values = list[tuple[str, float]]
 UNKNOWN_VELOCITY = 32_767
-"""What our own encoder sends in GLOBAL_POSITION_INT where it knows no velocity; no vessel makes 328 m/s."""
+"""What our encoder sends in GLOBAL_POSITION_INT where it has no velocity; no vessel makes 328 m/s."""
 _UNKNOWN = 65_535  # of speeds, courses and headings in 16 bits
 _NO_RPM = -1.0  # what ArduPilot sends of a shaft without a sensor, or with one that fails
 _FIX_IN_SPACE = 3
@@ -54,21 +56,23 @@ _MICRO_NS = 1000
 _MILLI_NS = 1_000_000
 _OUT_OF_ORDER_MS = 1_000  # messages of several tasks, and datagrams, may overtake each other
 _QUIET_NS = 60 * 10**9
-_WRAP_MS = 2**32  # time since boot begins anew after 49.7 days
+_WRAP_MS = 2**32  # time since boot begins again after 49.7 days
 _NEAR_WRAP_MS = 60_000
-_LARGEST_ANGLE_DEG = 360.01  # a whole turn, and what rounding adds to it
+_LARGEST_ANGLE_DEG = 360.01  # a full turn, and what rounding adds to it
+_INTEGER_TYPE = re.compile(r"(u?)int(\d+)_t")
+_MAGIC = re.compile(b"[\xfd\xfe]")
+_VERSION_1 = 0xFE
+_SIGNED = 1  # the only incompatibility flag that we know; a packet with another one cannot be understood
+_SIGNATURE_BYTES = 13
+_CHECKSUM_BYTES = 2
+_HEADER_BYTES = {0xFD: 10, 0xFE: 6}
+_CRC_EXTRA = {number: message.crc_extra for number, message in dialect.mavlink_map.items()}
+LONGEST_BYTES = 10 + 255 + _CHECKSUM_BYTES + _SIGNATURE_BYTES
+_REVERSED = bytes(int(f"{byte:08b}"[::-1], 2) for byte in range(256))
 
 
 def _scaled(value: int, unit: float) -> float:
     return nan if value == _UNKNOWN else value * unit
-
-
-def _fix(message: Any) -> Fix:
-    """What GPS_RAW_INT says of the fix; what it does not know is 0 in the fields that version 2 has added."""
-    across_m, up_m = message.h_acc / 1e3, message.v_acc / 1e3
-    sigma_m = (across_m, across_m, up_m) if across_m > 0.0 and up_m > 0.0 else None
-    height_m = (message.alt_ellipsoid or message.alt) / 1e3
-    return Fix(_FIX_OF_TYPE.get(message.fix_type, 1), height_m, sigma_m)
 
 
 def _position(latitude: int, longitude: int) -> Values:
@@ -77,15 +81,6 @@ def _position(latitude: int, longitude: int) -> Values:
     return [
         ("latitude_deg", latitude / 1e7 if has_fix else nan),
         ("longitude_deg", longitude / 1e7 if has_fix else nan),
-    ]
-
-
-def _attitude(message: Any) -> Values:
-    return [
-        ("heading_deg", message.yaw * DEG_PER_RAD),
-        ("yaw_rate_dps", message.yawspeed * DEG_PER_RAD),
-        ("roll_deg", message.roll * DEG_PER_RAD),
-        ("pitch_deg", message.pitch * DEG_PER_RAD),
     ]
 
 
@@ -99,16 +94,8 @@ def _global_position(message: Any) -> Values:
     ]
 
 
-def _satellite_position(message: Any) -> Values:
-    return [
-        *_position(message.lat, message.lon),
-        ("speed_over_ground_mps", _scaled(message.vel, 0.01)),
-        ("course_over_ground_deg", _scaled(message.cog, 0.01)),
-    ]
-
-
 def _local_velocity(message: Any) -> Values:
-    """Speeds only: the position is relative to the autopilot's own origin, and a group of its own."""
+    """Speeds only: the position is relative to the autopilot's origin, and a separate group."""
     return [("velocity_north_mps", message.vx), ("velocity_east_mps", message.vy)]
 
 
@@ -122,24 +109,30 @@ def _wind_vector(message: Any) -> Values:
 
 
 _READERS: dict[str, Callable[[Any], Values]] = {
-    "ATTITUDE": _attitude,
+    "ATTITUDE": lambda message: [
+        ("heading_deg", message.yaw * DEG_PER_RAD),
+        ("yaw_rate_dps", message.yawspeed * DEG_PER_RAD),
+        ("roll_deg", message.roll * DEG_PER_RAD),
+        ("pitch_deg", message.pitch * DEG_PER_RAD),
+    ],
     "GLOBAL_POSITION_INT": _global_position,
-    "GPS_RAW_INT": _satellite_position,
+    "GPS_RAW_INT": lambda message: [
+        *_position(message.lat, message.lon),
+        ("speed_over_ground_mps", _scaled(message.vel, 0.01)),
+        ("course_over_ground_deg", _scaled(message.cog, 0.01)),
+    ],
     "LOCAL_POSITION_NED": _local_velocity,
     "WIND": lambda message: [("wind_direction_deg", message.direction), ("wind_speed_mps", message.speed)],
     "WIND_COV": _wind_vector,
 }
-_WANTED = (*_READERS, "RPM", "RAW_RPM", "NAMED_VALUE_FLOAT")
-_CONTEXT = ("SYSTEM_TIME", "GPS_GLOBAL_ORIGIN")  # they give no samples but make sense of the others: always read
-_NAMES = {getattr(dialect, f"MAVLINK_MSG_ID_{name}"): name for name in (*_WANTED, *_CONTEXT)}
+_MESSAGES = (*_READERS, "RPM", "RAW_RPM", "NAMED_VALUE_FLOAT")
+_CONTEXT = ("SYSTEM_TIME", "GPS_GLOBAL_ORIGIN")  # without samples, but needed for the others: always read
+_NAMES = {getattr(dialect, f"MAVLINK_MSG_ID_{name}"): name for name in (*_MESSAGES, *_CONTEXT)}
 
 
 def is_read(message_id: int) -> bool:
     """Whether messages of this number are read."""
     return message_id in _NAMES
-
-
-_INTEGER_TYPE = re.compile(r"(u?)int(\d+)_t")
 
 
 class _MessageChannel(NamedTuple):
@@ -160,21 +153,24 @@ class _MessageChannel(NamedTuple):
 
 
 class DeclaredMessages(DeclaredReaders[str, _MessageChannel]):
-    """What messages say of declared channels; ``names`` are the messages by number.
+    """The declared channels in messages; ``names`` are the messages by number.
 
-    Raises :class:`ConfigurationError` for a message or field that the dialect has not, and units that do not fit.
+    Raises :class:`ConfigurationError` for a message or field that the dialect lacks, and units that do not fit.
     """
 
-    def __init__(self, wanted: Sequence[tuple[Channel, MavlinkField]]) -> None:
+    def __init__(self, declared: Sequence[tuple[Channel, MavlinkField]]) -> None:
         super().__init__()
         self.names: dict[int, str] = {}
         kinds = {message_class.msgname: message_class for message_class in dialect.mavlink_map.values()}
-        for channel, origin in wanted:
-            with complaints_about(channel):
-                kind = _kind_of(origin, kinds)
+        for channel, origin in declared:
+            with errors_about_channel(channel):
+                kind = _message_kind(origin, kinds)
                 step = origin.step_to(channel, kind.fieldunits_by_name.get(origin.field))
             self.names[kind.id] = origin.message
-            message_channel = _MessageChannel(channel, origin, step, _unknown(kind, origin.field))
+            # by MAVLink's convention the highest whole number means that the value is not known
+            match = _INTEGER_TYPE.fullmatch(kind.fieldtypes[kind.fieldnames.index(origin.field)])
+            unknown = None if match is None else 2 ** (int(match[2]) - (match[1] == "")) - 1
+            message_channel = _MessageChannel(channel, origin, step, unknown)
             self.setdefault(origin.message, []).append(message_channel)
 
     def read(self, name: str, message: Any) -> list[tuple[str, float]]:
@@ -182,12 +178,12 @@ class DeclaredMessages(DeclaredReaders[str, _MessageChannel]):
         return [value for message_channel in self.get(name, ()) for value in message_channel.read(message)]
 
 
-def _kind_of(origin: MavlinkField, kinds: Mapping[str, Any]) -> Any:
+def _message_kind(origin: MavlinkField, kinds: Mapping[str, Any]) -> Any:
     """The dialect's message that a declaration names, if it has its fields and they are numbers."""
     kind = kinds.get(origin.message)
     if kind is None:
-        near = ", ".join(get_close_matches(origin.message, kinds, n=3)) or "ATTITUDE"
-        raise ConfigurationError(f"MAVLink has no message {origin.message}", fix=f"write one such as {near}")
+        matches = ", ".join(get_close_matches(origin.message, kinds, n=3)) or "ATTITUDE"
+        raise ConfigurationError(f"MAVLink has no message {origin.message}", fix=f"write one such as {matches}")
     for name in (origin.field, *origin.where):
         if name not in kind.fieldnames:
             fields = ", ".join(kind.fieldnames)
@@ -200,36 +196,30 @@ def _kind_of(origin: MavlinkField, kinds: Mapping[str, Any]) -> Any:
     return kind
 
 
-def _unknown(kind: Any, field: str) -> int | None:
-    """What a field of whole numbers holds where the value is not known: by MAVLink's custom the highest."""
-    match = _INTEGER_TYPE.fullmatch(kind.fieldtypes[kind.fieldnames.index(field)])
-    return None if match is None else 2 ** (int(match[2]) - (match[1] == "")) - 1
-
-
 class MavlinkDecoder(Decoder):
     """One link; ``time_boot_ms`` becomes UTC by the last SYSTEM_TIME."""
 
     def __init__(self, config: MavlinkLinks, actuators: Actuators = DEFAULT, declared: Declarations = ()) -> None:
-        """Raises :class:`ConfigurationError` where ``messages`` names one that nobody reads, or a declared channel
-        one that is not known."""
+        """Raises :class:`ConfigurationError` where ``messages`` names one that is not read, or a declared channel
+        an unknown one."""
         super().__init__()
         self.clock = SourceClock(config.clock, "mavlink SYSTEM_TIME", self.notices)
         self._system_id, self._component_id = config.system_id, config.component_id
-        channels = with_declared(tuple(declaration.channel for declaration in declared))
-        self._declared = DeclaredMessages(carried_by(declared, config.channels, MavlinkField))
+        channels = channels_with_declared(tuple(declaration.channel for declaration in declared))
+        self._declared = DeclaredMessages(select_origins(declared, config.channels, MavlinkField))
         self._names = _NAMES | self._declared.names
-        self._wanted = frozenset((*_chosen(config), *_CONTEXT, *self._declared.names.values()))
-        self._named = {
+        self._requested = frozenset((*_requested_messages(config), *_CONTEXT, *self._declared.names.values()))
+        self._named_values = {
             entry.name: (channel, entry.step_to(channels[channel]))
             for channel, entry in config.named_values.items()
         }
         self._shafts = tuple(f"{name}_rpm" for name in shafts(actuators)[:2])
         self._angles = frozenset(name for name in channel_names(actuators) if BY_NAME[name].circular)
-        self._boot_ns: dict[str, int] = {}  # by sender: each counts from its own start
+        self._boot_ns: dict[str, int] = {}  # by sender: each counts from its start
         self._last_boot_ms: dict[str, int] = {}
         self._quiet_until_ns = 0
         self._origins: dict[str, tuple[float, float]] = {}  # by address
-        self._cutter = PacketCutter(whole=isinstance(config, MavlinkFileSource))
+        self._cutter = PacketCutter(complete=isinstance(config, MavlinkFileSource))
         self._link = dialect.MAVLink(None)
         self._senders = FurtherSenders()
 
@@ -243,13 +233,13 @@ class MavlinkDecoder(Decoder):
         return groups
 
     def _kind(self, header: Header) -> str:
-        """The name of a message that is for us, else nothing. Messages that nobody reads are no refusals."""
+        """The name of a message to decode, else nothing. Messages that are never read are no refusals."""
         kind, reason = self._names.get(header.message_id, ""), ""
         if header.system_id != self._system_id:
             reason = "another system"
         elif self._component_id not in (None, header.component_id):
             reason = "another component"
-        elif kind and kind not in self._wanted:
+        elif kind and kind not in self._requested:
             reason = "message not wanted"
         if reason:
             self.refused[reason] += 1
@@ -264,17 +254,17 @@ class MavlinkDecoder(Decoder):
             self.refused["undecodable"] += 1
             return []
         self._notice_restart(message, frame)
-        told_ns, groups, readings = self._measured_ns(message, frame), [], self._values(kind, message, frame)
-        if ours := self._declared.channels_in(kind):
-            readings = [(label, [pair for pair in values if pair[0] not in ours]) for label, values in readings]
+        source_ns, groups, readings = self._measured_ns(message, frame), [], self._values(kind, message, frame)
+        if declared := self._declared.channels_in(kind):
+            readings = [(label, [pair for pair in values if pair[0] not in declared]) for label, values in readings]
             readings.append((kind, self._declared.read(kind, message)))
         for label, values in readings:
             source = f"{frame.origin}/{self._sender(message, frame)}:{label}"
-            groups += self.clock.group(frame, source, self._possible(values), told_ns)
+            groups += self.clock.group(frame, source, self._possible(values), source_ns)
         return groups
 
     def _sender(self, message: Any, frame: Frame) -> str:
-        """The system, with the component where it is not the autopilot: a companion is a source of its own; so is
+        """The system, with the component where it is not the autopilot: a companion is a separate source; so is
         another system of the same number, at another address."""
         component = message.get_srcComponent()
         is_autopilot = component == dialect.MAV_COMP_ID_AUTOPILOT1
@@ -283,7 +273,7 @@ class MavlinkDecoder(Decoder):
         return f"{system}@{further}" if further else system
 
     def _values(self, kind: str, message: Any, frame: Frame) -> list[tuple[str, Values]]:
-        """What a message says, a list a group, each with what its source is labelled with."""
+        """The values in a message, a list a group, each with the label of its source."""
         match kind:
             case "SYSTEM_TIME":
                 self._set_clock(message, frame)
@@ -296,7 +286,7 @@ class MavlinkDecoder(Decoder):
             case "RPM":
                 rpm = (nan if value == _NO_RPM else value for value in (message.rpm1, message.rpm2))
                 return [(kind, list(zip(self._shafts, rpm, strict=False)))]
-            case "RAW_RPM":  # its unit is rpm, whatever the field is called
+            case "RAW_RPM":  # its unit is rpm, although the field is called frequency
                 return [(kind, [(name, message.frequency) for name in self._shafts[message.index :][:1]])]
             case "LOCAL_POSITION_NED":
                 return [
@@ -304,14 +294,19 @@ class MavlinkDecoder(Decoder):
                     ("GPS_GLOBAL_ORIGIN", self._local_position(message, frame)),
                 ]
             case "GPS_RAW_INT":
-                self.fixes[f"{frame.origin}/{self._sender(message, frame)}"] = _fix(message)
+                # what the receiver does not know is 0 in the fields that version 2 has added
+                across_m, up_m = message.h_acc / 1e3, message.v_acc / 1e3
+                sigma_m = (across_m, across_m, up_m) if across_m > 0.0 and up_m > 0.0 else None
+                height_m = (message.alt_ellipsoid or message.alt) / 1e3
+                fix = Fix(_FIX_OF_TYPE.get(message.fix_type, 1), height_m, sigma_m)
+                self.fixes[f"{frame.origin}/{self._sender(message, frame)}"] = fix
                 if message.fix_type < _FIX_IN_SPACE:
                     self.refused["no fix"] += 1
                     return []
         return [(kind, _READERS[kind](message))] if kind in _READERS else []
 
     def _possible(self, values: Values) -> Values:
-        """The values without those that are none: NaN is MAVLink's "not known"."""
+        """The values without missing and impossible ones: NaN is MAVLink's "not known"."""
         possible = []
         for name, value in values:
             if isnan(value):
@@ -323,11 +318,11 @@ class MavlinkDecoder(Decoder):
         return possible
 
     def _named_value(self, message: Any) -> Values:
-        channel, step = self._named.get(message.name.rstrip("\0"), ("", Linear(1.0)))
+        channel, step = self._named_values.get(message.name.rstrip("\0"), ("", Linear(1.0)))
         return [(channel, step.apply(message.value))] if channel else []
 
     def _local_position(self, message: Any, frame: Frame) -> Values:
-        """Latitude and longitude, once the autopilot has told its origin; empty where they cannot be.
+        """Latitude and longitude, once the autopilot has sent its origin; empty where they are impossible.
 
         Height plays no part for a ship: it would shift a position 10 km from the origin by 1 cm.
         """
@@ -350,7 +345,7 @@ class MavlinkDecoder(Decoder):
     def _notice_restart(self, message: Any, frame: Frame) -> None:
         """Time since boot that falls back: the autopilot has restarted, or 49.7 days are over.
 
-        Two autopilots of one number would fall back without end; people are told once in a while.
+        Two autopilots of one number would fall back again and again: the notices are limited in rate.
         """
         boot_ms, sender = getattr(message, "time_boot_ms", None), self._sender(message, frame)
         if boot_ms is None:
@@ -369,49 +364,37 @@ class MavlinkDecoder(Decoder):
             self.notices.append(("warning", f"the autopilot has restarted after {last_ms / 1e3:.0f} s"))
 
     def _set_clock(self, message: Any, frame: Frame) -> None:
-        if message.time_unix_usec == 0:  # the autopilot does not know the time yet
+        if message.time_unix_usec == 0:  # the autopilot does not have the time yet
             return
-        told_ns = message.time_unix_usec * _MICRO_NS
-        self._boot_ns[self._sender(message, frame)] = told_ns - message.time_boot_ms * _MILLI_NS
-        self.clock.announce(told_ns, frame)
+        utc_ns = message.time_unix_usec * _MICRO_NS
+        self._boot_ns[self._sender(message, frame)] = utc_ns - message.time_boot_ms * _MILLI_NS
+        self.clock.announce(utc_ns, frame)
 
     def _measured_ns(self, message: Any, frame: Frame) -> int | None:
-        """When a message says that it was measured [ns UTC]: since boot, in ``time_usec`` perhaps since 1970."""
+        """When a message states that it was measured [ns UTC]: since boot, in ``time_usec`` perhaps since 1970."""
         since_ns = None
         if hasattr(message, "time_boot_ms"):
             since_ns = int(message.time_boot_ms) * _MILLI_NS
         elif hasattr(message, "time_usec"):
-            since_ns = int(message.time_usec) * _MICRO_NS or None  # 0: it does not say
+            since_ns = int(message.time_usec) * _MICRO_NS or None  # 0: it does not state it
             if since_ns is not None and is_possible(since_ns):
                 return since_ns
         boot_ns = self._boot_ns.get(self._sender(message, frame))
         return None if since_ns is None or boot_ns is None else boot_ns + since_ns
 
 
-def _chosen(config: MavlinkLinks) -> tuple[str, ...]:
+def _requested_messages(config: MavlinkLinks) -> tuple[str, ...]:
     """The messages that the configuration asks for, by default all that are read."""
-    chosen = _WANTED if config.messages is None else config.messages
-    for name in chosen:
-        if name not in _WANTED + _CONTEXT:
+    requested = _MESSAGES if config.messages is None else config.messages
+    for name in requested:
+        if name not in _MESSAGES + _CONTEXT:
             raise ConfigurationError(
                 f"message {name!r} is not read",
                 where=f"source {config.name!r}",
                 why="nothing in it is a channel",
-                fix=f"choose of {', '.join(_WANTED)}",
+                fix=f"choose of {', '.join(_MESSAGES)}",
             )
-    return tuple(chosen)
-
-
-_MAGIC = re.compile(b"[\xfd\xfe]")
-_VERSION_1 = 0xFE
-_SIGNED = 1  # the only incompatibility flag that we know; a packet with another one cannot be understood
-_SIGNATURE_BYTES = 13
-_CHECKSUM_BYTES = 2
-_HEADER_BYTES = {0xFD: 10, 0xFE: 6}
-_CRC_EXTRA = {number: message.crc_extra for number, message in dialect.mavlink_map.items()}
-LONGEST_BYTES = 10 + 255 + _CHECKSUM_BYTES + _SIGNATURE_BYTES
-
-_REVERSED = bytes(int(f"{byte:08b}"[::-1], 2) for byte in range(256))
+    return tuple(requested)
 
 
 @dataclass(frozen=True, slots=True)
@@ -425,7 +408,7 @@ class Header:
 
 @dataclass(frozen=True, slots=True)
 class Fault:
-    """Bytes that are no packet to be used, and why."""
+    """Bytes that are no usable packet, and why."""
 
     reason: str
 
@@ -453,15 +436,15 @@ def message_name(number: int) -> str:
     return str(message.msgname) if message else str(number)
 
 
-def is_known(packet: bytes) -> bool:
-    """Whether a whole packet's message is one of the dialect: of others no checksum can be proved."""
+def has_known_message(packet: bytes) -> bool:
+    """Whether a packet's message is one of the dialect: of others no checksum can be verified."""
     return header_of(packet).message_id in _CRC_EXTRA
 
 
-def extent(data: bytes, at: int) -> int:
-    """How many bytes the packet that begins at ``at`` has; 0 where none can begin.
+def packet_length(data: bytes, at: int) -> int:
+    """The number of bytes of the packet that begins at ``at``; 0 where none can begin.
 
-    Where its first three bytes have not all come, the answer is more than there are.
+    Where its first three bytes have not all come, the length exceeds what there is.
     """
     header_bytes = _HEADER_BYTES.get(data[at])
     if header_bytes is None:
@@ -481,7 +464,7 @@ def is_sound(data: bytes, at: int = 0) -> bool:
 
     The checksum includes a number that belongs to the message, so that of an unknown message cannot be checked.
     """
-    length = extent(data, at)
+    length = packet_length(data, at)
     if length == 0 or at + length > len(data):
         return False
     extra = _CRC_EXTRA.get(header_of(data[at : at + 10]).message_id)
@@ -499,74 +482,71 @@ def is_signed(data: bytes, at: int = 0) -> bool:
 class PacketCutter:
     """Cuts a stream, in whatever pieces it comes, into packets and faults. At most two packets are kept waiting.
 
-    With ``whole`` every piece ends where a packet ends, as in a log; otherwise a packet may go on in the next.
+    With ``complete`` every piece ends where a packet ends, as in a log; otherwise a packet may go on in the next.
     """
 
-    def __init__(self, *, whole: bool) -> None:
-        self._complete = whole
+    def __init__(self, *, complete: bool) -> None:
+        self._complete = complete
         self._pending = b""
 
     def push(self, received: bytes) -> list[bytes | Fault]:
         """The packets and faults that are complete now, in their order."""
-        before: list[bytes | Fault] = []
+        damaged: list[bytes | Fault] = []
         if self._pending and received and is_sound(received):
-            # What waits is the rest of a damaged packet; it must not hold back, and make late, what came now.
-            before, _ = _cut(self._pending, complete=True)
+            # The pending bytes are the end of a damaged packet; they must not delay what came now.
+            damaged, _ = _cut(self._pending, complete=True)
             self._pending = b""
         data = self._pending + received
-        pieces, used = _cut(data, complete=self._complete)
-        self._pending = data[used:]
-        return before + pieces
+        pieces, used_bytes = _cut(data, complete=self._complete)
+        self._pending = data[used_bytes:]
+        return damaged + pieces
 
 
 def _cut(data: bytes, *, complete: bool) -> tuple[list[bytes | Fault], int]:
     """Packets and faults from the beginning of ``data``, and how many of its bytes they are made of.
 
-    Unless it is ``complete``, what bytes to come may yet decide is left.
+    Unless it is ``complete``, an end on which bytes to come may decide is not cut.
     """
     starts = (match.start() for match in _MAGIC.finditer(data))
     sound = [*(start for start in starts if is_sound(data, start)), len(data)]
     pieces: list[bytes | Fault] = []
-    at, rubbish = 0, False
+    at, skipped = 0, False
     while at < len(data):
-        end = at + extent(data, at)
+        end = at + packet_length(data, at)
         following = sound[bisect_left(sound, at)]
         if following == at:
             piece: bytes | Fault | None = data[at:end]
-            end = _end_of_sound(data, at, end, sound)
+            following = sound[bisect_left(sound, at + 1)]
+            if is_signed(data, at) and end - _SIGNATURE_BYTES <= following < end:
+                end = following  # its signature was cut off
         elif at < end and not complete and _undecided(data, at, end):
             break
         else:
-            piece = _passed_over(data, at, end, following)
+            piece = _damaged_packet(data, at, end, following)
         if piece is None:
-            rubbish, at = True, _next_magic(data, at + 1)
+            match = _MAGIC.search(data, at + 1)
+            skipped, at = True, match.start() if match else len(data)
             continue
-        pieces += [Fault(BAD_DATA), piece] if rubbish else [piece]
-        rubbish, at = False, end
-    return pieces + [Fault(BAD_DATA)] * rubbish, at
-
-
-def _end_of_sound(data: bytes, at: int, end: int, sound: list[int]) -> int:
-    """Where a sound packet ends: where the next one begins, if its signature was cut off."""
-    following = sound[bisect_left(sound, at + 1)]
-    return following if is_signed(data, at) and end - _SIGNATURE_BYTES <= following < end else end
+        pieces += [Fault(BAD_DATA), piece] if skipped else [piece]
+        skipped, at = False, end
+    return pieces + [Fault(BAD_DATA)] * skipped, at
 
 
 def _undecided(data: bytes, at: int, end: int) -> bool:
-    """Whether bytes to come may tell that a packet without a right checksum has another length than it says.
+    """Whether bytes to come may show that a packet without a right checksum has another length than it states.
 
     What follows may begin no packet, or a packet that began inside may turn out to be sound.
     """
     if end >= len(data):
         return True
-    late = _MAGIC.finditer(data, max(at + 1, len(data) - LONGEST_BYTES), end)
-    return any(match.start() + extent(data, match.start()) > len(data) for match in late)
+    inner = _MAGIC.finditer(data, max(at + 1, len(data) - LONGEST_BYTES), end)
+    return any(match.start() + packet_length(data, match.start()) > len(data) for match in inner)
 
 
-def _passed_over(data: bytes, at: int, end: int, following: int) -> Fault | None:
-    """Why a packet without a right checksum is passed over whole; None where its length is not to be believed.
+def _damaged_packet(data: bytes, at: int, end: int, following: int) -> Fault | None:
+    """The fault of a packet without a right checksum; None where its length is not credible.
 
-    It is believed where the next sound packet, at ``following``, does not begin before its end, and the byte after
+    It is credible where the next sound packet, at ``following``, does not begin before its end, and the byte after
     it may begin a packet.
     """
     if end == at or end > following or (end < len(data) and data[end] not in _HEADER_BYTES):
@@ -575,21 +555,13 @@ def _passed_over(data: bytes, at: int, end: int, following: int) -> Fault | None
     return Fault("unknown message" if unknown else BAD_DATA)
 
 
-def _next_magic(data: bytes, at: int) -> int:
-    match = _MAGIC.search(data, at)
-    return match.start() if match else len(data)
-
-
-_UNKNOWN_COURSE = 65535
-
-
 class MavlinkEncoder:
     """Attitude, velocity, position, wind, rpm and named values of one system."""
 
     def __init__(self, config: MavlinkLinks, actuators: Actuators, channels: Mapping[str, Channel]) -> None:
         self._link = dialect.MAVLink(None, srcSystem=config.system_id, srcComponent=1)
         self._announces = config.clock == "source"
-        self._named = {
+        self._named_values = {
             channel: (entry.name.encode("ascii"), entry.step_to(channels[channel]))
             for channel, entry in config.named_values.items()
         }
@@ -602,8 +574,8 @@ class MavlinkEncoder:
             self._boot_ns = moment.time_ns
         boot_ms = round((moment.time_ns - self._boot_ns) / 1e6) % 2**32
         carries, messages = self._motion(moment, boot_ms)
-        for more, message in self._machinery(moment, boot_ms):
-            carries.update(more)
+        for channels, message in self._machinery(moment, boot_ms):
+            carries.update(channels)
             messages.append(message)
         if self._announces:
             messages.insert(0, self._link.system_time_encode(moment.time_ns // 1000, boot_ms))
@@ -614,7 +586,7 @@ class MavlinkEncoder:
         ]
 
     def _motion(self, moment: Moment, boot_ms: int) -> tuple[set[str], list[Any]]:
-        """Attitude, velocity and position, and which channels they carry; what is not known is not made up."""
+        """Attitude, velocity and position, and which channels they carry; unknown values are not invented."""
         values, messages = moment.values, []
         carries = set(moment.present("heading_deg", "yaw_rate_dps"))
         if carries:
@@ -628,9 +600,7 @@ class MavlinkEncoder:
         if moment.latitude_deg is not None and moment.longitude_deg is not None:
             fix = round(moment.latitude_deg * 1e7), round(moment.longitude_deg * 1e7)
             rounded = [UNKNOWN_VELOCITY] * 2 if velocity is None else [round(100 * speed) for speed in velocity]
-            messages.append(
-                self._link.global_position_int_encode(boot_ms, *fix, 0, 0, *rounded, 0, _UNKNOWN_COURSE)
-            )
+            messages.append(self._link.global_position_int_encode(boot_ms, *fix, 0, 0, *rounded, 0, _UNKNOWN))
             carries.update(moment.fix_of)
         return carries, messages
 
@@ -651,7 +621,7 @@ class MavlinkEncoder:
         if rpm := moment.present(*self._shafts):
             first, second, *_ = (*(values.get(name, nan) for name in self._shafts), nan, nan)
             yield rpm, self._link.rpm_encode(first, second)
-        for channel, (name, step) in self._named.items():
+        for channel, (name, step) in self._named_values.items():
             if channel in values:
                 message = self._link.named_value_float_encode(boot_ms, name, step.invert(values[channel]))
                 yield (channel,), message

@@ -1,10 +1,9 @@
-"""MQTT messages: sentences behind a time, and values that have a topic each.
+"""MQTT messages: sentences after a time, and values that have a topic each.
 
-A sentence goes the way of every line, its time beside it as that of a TAG block. A value is a number,
-``value,time,...``, either of them behind a time and a blank, or a field of a JSON object. What a broker had
-retained is of unknown age and not decoded; a message that tells its time and comes twice counts once.
-
-Channels to MQTT messages: values under their topics as ``value,time``, all else as sentences behind the time.
+A sentence is decoded as every line, with its time as that of a TAG block. A value is a number,
+``value,time,...``, either of them after a time and a blank, or a field of a JSON object. What a broker had
+retained is of unknown age and not decoded; a message that has a time and comes twice counts once. The encoder
+sends values under their topics as ``value,time``, all else as sentences after the time.
 """
 
 from __future__ import annotations
@@ -29,28 +28,30 @@ from seatrial.acquisition.core.quantities import (
 from seatrial.acquisition.core.ship import BY_NAME, Actuators, Channel
 from seatrial.acquisition.core.trial import EPOCH, NANO, Frame, FrameFlag, Group, Sample
 from seatrial.acquisition.protocols import Decoder, Moment, Packet
-from seatrial.acquisition.protocols.clock import SENTENCE_BEHIND, SourceClock, told_utc_ns
+from seatrial.acquisition.protocols.clock import SENTENCE_WITH_PREFIX, SourceClock, parse_utc_ns
 from seatrial.acquisition.protocols.nmea0183 import Nmea0183Decoder, Nmea0183Encoder, has_sentence
 
-_REMEMBERED = 10_000  # messages: a broker redelivers what was under way, 20 at once by default, 65,535 at most
+_REMEMBERED = 10_000  # messages: a broker redelivers those in flight, 20 at once by default, 65,535 at most
 _MOST_TOPICS = 10_000
 _LONGEST_TEXT = 65_536  # of sentences in one message, as in a datagram: ten megabytes would take seconds
-_TOGETHER_NS = 50_000_000  # a ship at 6 m/s makes 0.3 m in it, as much as a good fix errs
+_PAIR_NS = 50_000_000  # a ship at 6 m/s makes 0.3 m in it, the error of a good fix
 _NUMBER = re.compile(r"[+-]?(?:\d++(?:\.\d*+)?|\.\d++)(?:[eE][+-]?\d{1,3})?", re.ASCII)
 _NO_VALUE = frozenset({"", "none", "null", "nan", "n/a", "na", "-"})
 _TIMED = re.compile(
-    r"(?P<time>\d{4}-\d\d-\d\d[T ][\d:.]{8,18}(?:Z|[+-]\d\d:?\d\d)?|\d{10}(?:\.\d++)?)\s++(?P<rest>.*)", re.ASCII
+    r"(?P<time>\d{4}-\d\d-\d\d[T ][\d:.]{8,18}(?:Z|[+-]\d\d:?\d\d)?|\d{10}(?:\.\d++)?)\s++(?P<message>.*)", re.ASCII
 )
 _IN_LABELS = str.maketrans(": ", "__")
-_WIND_ABOARD = {
+_APPARENT_WIND = {
     "apparent_wind_angle_deg": "wind_angle_apparent_deg", "apparent_wind_speed_mps": "wind_speed_apparent_mps",
 }  # fmt: skip
-"""What the wind on board is called where its angle and speed are told together: true wind follows from it."""
+"""The names of the wind on board where its angle and speed come together: true wind follows from it."""
+_POSITION = {"latitude_deg": "north_m", "longitude_deg": "east_m"}
+"""What each coordinate of a position carries of the plane."""
 _PARTNERS = {name: partner for pair in PAIRS for name, partner in (pair, pair[::-1])}
 
 
-class Told(NamedTuple):
-    """What a message says: its value as text, its time [ns UTC] and its unit, if it tells them."""
+class ValueReading(NamedTuple):
+    """What is in a message: its value as text, its time [ns UTC] and its unit, if it has them."""
 
     text: str
     time_ns: int | None = None
@@ -64,7 +65,7 @@ def topic_and_message(payload: bytes) -> tuple[str, str]:
 
 
 def device_and_signal(topic: str) -> tuple[str, str]:
-    """Who publishes under a topic, which is all but its last level, and what it is, as labels of sources say it.
+    """The publisher of a topic, which is all but its last level, and the signal, as in labels of sources.
 
     >>> device_and_signal("ship/MRU/Heading")
     ('ship/MRU', 'Heading')
@@ -79,52 +80,56 @@ def split_time(text: str) -> tuple[int | None, str]:
     >>> split_time("2023-11-03T09:41:02Z 12.5")
     (1699004462000000000, '12.5')
     """
-    behind = _TIMED.fullmatch(text.strip())
-    return (told_utc_ns(behind["time"]), behind["rest"]) if behind else (None, text.strip())
+    match = _TIMED.fullmatch(text.strip())
+    return (parse_utc_ns(match["time"]), match["message"]) if match else (None, text.strip())
 
 
-def read_message(text: str, entry: TopicValue) -> Told:
-    """What a message says of an entry. Raises :class:`ValueError` with what is wrong with it.
+def read_message(text: str, entry: TopicValue) -> ValueReading:
+    """What a message has of an entry. Raises :class:`ValueError` with what is wrong with it.
 
     >>> read_message("12.5,2023-11-03T09:41:02Z,deg", TopicValue(topic="x", unit="deg"))
-    Told(text='12.5', time_ns=1699004462000000000, unit='deg')
+    ValueReading(text='12.5', time_ns=1699004462000000000, unit='deg')
     """
     time_ns, text = split_time(text)
     if text.startswith("{"):
-        return _of_json(text, entry, time_ns)
+        return _read_json(text, entry, time_ns)
     if entry.field is not None:
         raise ValueError("no JSON object")
-    value, *more = (part.strip() for part in text.split(",", 3))
-    if more and time_ns is None:
-        time_ns = told_utc_ns(more[0])
-    return Told(value, time_ns, more[1] if len(more) > 1 else "")
+    value, time, unit, *_ = (*(part.strip() for part in text.split(",", 3)), "", "")
+    if time and time_ns is None:
+        time_ns = parse_utc_ns(time)
+    return ValueReading(value, time_ns, unit)
 
 
-def _of_json(text: str, entry: TopicValue, time_ns: int | None) -> Told:
+def _read_json(text: str, entry: TopicValue, time_ns: int | None) -> ValueReading:
     try:
         document = orjson.loads(text)
     except orjson.JSONDecodeError as error:
         raise ValueError("no JSON object") from error
-    value, time = _at(document, entry.field or "value"), _at(document, entry.time_field)
+    value, time = _value_at(document, entry.field or "value"), _value_at(document, entry.time_field)
     if isinstance(value, bool | dict | list):
         raise ValueError("no number")  # noqa: TRY004 - of the message, not of an argument
-    stamp_ns = told_utc_ns(repr(time) if isinstance(time, float) else str(time)) if time is not None else time_ns
-    return Told("" if value is None else str(value), stamp_ns)
+    stamp_ns = parse_utc_ns(repr(time) if isinstance(time, float) else str(time)) if time is not None else time_ns
+    return ValueReading("" if value is None else str(value), stamp_ns)
 
 
-def _at(node: Any, path: str) -> Any:
-    """What is at a path of keys in nested objects; None where there is nothing."""
+def _value_at(node: Any, path: str) -> Any:
+    """The value at a path of keys in nested objects; None where there is nothing."""
     if isinstance(node, dict) and path in node:
         return node[path]
     head, _, remaining_path = path.partition(".")
-    return _at(node[head], remaining_path) if remaining_path and isinstance(node, dict) and head in node else None
+    return (
+        _value_at(node[head], remaining_path)
+        if remaining_path and isinstance(node, dict) and head in node
+        else None
+    )
 
 
 class MqttDecoder(Decoder):
     """The messages of one broker, or one log; ``sentences`` decodes those that are lines of NMEA 0183.
 
-    Values that make others only together (``PAIRS``) wait for each other, if both have a topic: one is sent on
-    alone when the next of its kind comes before its partner.
+    Values from which others follow only in pairs (``PAIRS``) wait for each other, if both have a topic: one is
+    passed on alone when the next of its kind comes before its partner.
     """
 
     def __init__(
@@ -143,8 +148,8 @@ class MqttDecoder(Decoder):
         self._partners = {name: _PARTNERS[name] for name in config.values if _PARTNERS.get(name) in config.values}
         self._waiting: dict[str, Sample] = {}
         self._seen: dict[int, None] = {}  # by hash
-        self._of_lines: set[int] = set()  # topics, by hash: one may have 64 kB
-        self._told_unit: set[str] = set()
+        self._sentence_topics: set[int] = set()  # by hash: one may have 64 kB
+        self._unit_checked: set[str] = set()
 
     def decode(self, frame: Frame) -> list[Group]:
         if frame.flags & FrameFlag.RETAINED:
@@ -157,7 +162,7 @@ class MqttDecoder(Decoder):
         if topic in self._values:
             return self._decode_values(frame, topic, text)
         if len(text) > _LONGEST_TEXT:
-            if hash(topic) in self._of_lines:
+            if hash(topic) in self._sentence_topics:
                 self.refused["longer than 64 kB"] += 1
             return []
         groups = []
@@ -166,26 +171,26 @@ class MqttDecoder(Decoder):
         return groups
 
     def _decode_line(self, frame: Frame, topic: str, line: str) -> list[Group]:
-        """The samples in a sentence; other lines are for nobody, unless the topic is one of sentences."""
-        matches = SENTENCE_BEHIND.fullmatch(line)
+        """The samples in a sentence; other lines are ignored, and counted where the topic is one of sentences."""
+        matches = SENTENCE_WITH_PREFIX.fullmatch(line)
         sentences = (line if matches is None else matches["inner"]).encode("latin-1")
         if matches is None and not has_sentence(sentences):
-            if line and hash(topic) in self._of_lines:
+            if line and hash(topic) in self._sentence_topics:
                 self.refused["no sentence"] += 1
             return []
-        if len(self._of_lines) < _MOST_TOPICS:
-            self._of_lines.add(hash(topic))
-        time_ns = None if matches is None else told_utc_ns(matches["before"])
+        if len(self._sentence_topics) < _MOST_TOPICS:
+            self._sentence_topics.add(hash(topic))
+        time_ns = None if matches is None else parse_utc_ns(matches["before"])
         if time_ns is not None:
             self._remember(frame.payload)
         return self._sentences.decode_line(frame, sentences, time_ns)
 
     def _decode_values(self, frame: Frame, topic: str, text: str) -> list[Group]:
-        """What the channels of a topic read in a message, a group for those that are told together."""
+        """The channels of a topic in a message, a group for pairs that come together."""
         samples = []
         device, signal = device_and_signal(topic)
         label = f"{frame.origin}/{device}:{signal}"
-        if device not in self._clocks:  # each publisher has its own
+        if device not in self._clocks:  # one for each publisher
             self._clocks[device] = SourceClock(self._stamps, f"mqtt {device}", self.notices)
         clock = self._clocks[device]
         for channel, entry in self._values[topic]:
@@ -197,20 +202,20 @@ class MqttDecoder(Decoder):
                 continue
             if reading.time_ns is not None:
                 self._remember(frame.payload)
-                clock.announce(reading.time_ns, frame)  # to tell how far it is from ours, and when it is set
-                clock.forget()  # what tells no time is not stamped by others' time
+                clock.announce(reading.time_ns, frame)  # to report how far it is from ours, and when it is set
+                clock.forget()  # a message without a time is not stamped by the time of another
             for group in clock.group(frame, label, [(channel, value)], reading.time_ns):
                 samples += group
         return self._grouped(samples)
 
-    def _value(self, channel: str, entry: TopicValue, reading: Told) -> float:
+    def _value(self, channel: str, entry: TopicValue, reading: ValueReading) -> float:
         """The value in the channel's unit. Raises :class:`ValueError` for what is no number."""
         if reading.text.lower() in _NO_VALUE:
             raise ValueError("not available")
         if not _NUMBER.fullmatch(reading.text):
             raise ValueError("no number")
-        if reading.unit and channel not in self._told_unit:
-            self._told_unit.add(channel)
+        if reading.unit and channel not in self._unit_checked:
+            self._unit_checked.add(channel)
             self._check_unit(channel, entry, reading.unit)
         number = float(reading.text)
         if entry.unit == DEGREES_AND_MINUTES:
@@ -221,12 +226,12 @@ class MqttDecoder(Decoder):
         return value
 
     def _check_unit(self, channel: str, entry: TopicValue, unit: str) -> None:
-        """Tell where a message names another unit than the configuration; one that nobody knows is passed over."""
+        """Report where a message names another unit than the configuration; an unknown one is ignored."""
         try:
-            agreed = replace(entry, unit=unit).step_to(self._channels[channel]) == self._steps[channel]
+            agrees = replace(entry, unit=unit).step_to(self._channels[channel]) == self._steps[channel]
         except ConfigurationError:
-            agreed = False
-        if is_unit(unit) and not agreed:
+            agrees = False
+        if is_unit(unit) and not agrees:
             text = f"{entry.topic} tells {unit}, the configuration says {entry.unit} of {channel}"
             self.notices.append(("warning", text))
 
@@ -236,43 +241,39 @@ class MqttDecoder(Decoder):
             del self._seen[next(iter(self._seen))]
 
     def _grouped(self, samples: Group) -> list[Group]:
-        """The samples, pairs in one group; the first of a pair that is told apart waits for the second."""
-        here = {sample.quantity: sample for sample in samples}
+        """The samples, pairs in one group; the first of a pair that comes separately waits for the second."""
+        by_name = {sample.quantity: sample for sample in samples}
         groups = []
-        for name, sample in here.items():
+        for name, sample in by_name.items():
             partner = self._partners.get(name)
             if partner is None:
                 groups.append([sample])
-            elif partner in here:
-                groups += [_pair(sample, here[partner])] if name < partner else []
+            elif partner in by_name:
+                groups += [_pair(sample, by_name[partner])] if name < partner else []
             else:
-                groups += self._paired(sample, partner)
+                groups += self._pair_or_wait(sample, partner)
         return groups
 
-    def _paired(self, sample: Sample, partner: str) -> list[Group]:
+    def _pair_or_wait(self, sample: Sample, partner: str) -> list[Group]:
         partner_sample = self._waiting.get(partner)
-        if partner_sample is not None and abs(partner_sample.measured_ns - sample.measured_ns) <= _TOGETHER_NS:
+        if partner_sample is not None and abs(partner_sample.measured_ns - sample.measured_ns) <= _PAIR_NS:
             del self._waiting[partner]
             return [_pair(sample, partner_sample)]
-        before = self._waiting.get(sample.quantity)
+        previous = self._waiting.get(sample.quantity)
         self._waiting[sample.quantity] = sample
-        return [] if before is None else [[before]]
+        return [] if previous is None else [[previous]]
 
 
 def _pair(first: Sample, second: Sample) -> Group:
     return [
-        sample._replace(quantity=_WIND_ABOARD.get(sample.quantity, sample.quantity)) for sample in (first, second)
+        sample._replace(quantity=_APPARENT_WIND.get(sample.quantity, sample.quantity)) for sample in (first, second)
     ]
 
 
-_FIX = {"latitude_deg": "north_m", "longitude_deg": "east_m"}
-"""What a position by itself carries of the plane."""
+def format_time(time_ns: int) -> str:
+    """A time in the format of R/V Gunnerus, to the microsecond, or finer where it is.
 
-
-def told(time_ns: int) -> str:
-    """A time as R/V Gunnerus tells it, to the microsecond, or finer where it is.
-
-    >>> told(1699004462769765000), told(1)
+    >>> format_time(1699004462769765000), format_time(1)
     ('2023-11-03T09:41:02.769765Z', '1970-01-01T00:00:00.000000001Z')
     """
     seconds, nanoseconds = divmod(time_ns, NANO)
@@ -289,22 +290,27 @@ class MqttEncoder:
         self._topic = config.topics[0] if config.topics else None
 
     def encode(self, moment: Moment) -> list[Packet]:
-        time, packets, values = told(moment.time_ns), [], dict(moment.values)
+        time, packets, values = format_time(moment.time_ns), [], dict(moment.values)
         if moment.latitude_deg is not None and moment.longitude_deg is not None:
             values |= {"latitude_deg": moment.latitude_deg, "longitude_deg": moment.longitude_deg}
         for channel, (entry, step) in self._values.items():
             if channel in values:
-                message = _message(entry, step.invert(values[channel]), time)
-                carries = moment.present(channel, *(_FIX[channel],) if channel in _FIX else ())
+                number = step.invert(values[channel])
+                if entry.unit == DEGREES_AND_MINUTES:
+                    number = as_degrees_and_minutes(number)
+                message = f"{number!r},{time}"
+                if entry.field is not None:
+                    message = orjson.dumps({entry.field: number, entry.time_field: time}).decode()
+                carries = moment.present(channel, *(_POSITION[channel],) if channel in _POSITION else ())
                 packets.append(_packet(entry.topic, message, carries))
         return packets if self._topic is None else packets + self._sentences_of(moment, time, self._topic)
 
     def _sentences_of(self, moment: Moment, time: str, topic: str) -> list[Packet]:
-        """The sentences of what has no topic of its own."""
+        """The sentences of what has no separate topic."""
         remaining = replace(
             moment, values={name: value for name, value in moment.values.items() if name not in self._values}
         )
-        if _FIX.keys() <= self._values.keys():
+        if _POSITION.keys() <= self._values.keys():
             remaining = replace(remaining, latitude_deg=None, longitude_deg=None)
         packets = []
         for packet in self._sentences.encode(remaining):
@@ -313,13 +319,6 @@ class MqttEncoder:
             sentence_topic = "/".join(name if level in ("+", "#") else level for level in topic.split("/"))
             packets.append(_packet(sentence_topic, f"{time} {sentence}", packet.carries))
         return packets
-
-
-def _message(entry: TopicValue, value: float, time: str) -> str:
-    number = as_degrees_and_minutes(value) if entry.unit == DEGREES_AND_MINUTES else value
-    if entry.field is None:
-        return f"{number!r},{time}"
-    return orjson.dumps({entry.field: number, entry.time_field: time}).decode()
 
 
 def _packet(topic: str, message: str, carries: tuple[str, ...]) -> Packet:

@@ -1,22 +1,18 @@
-r"""NMEA 0183: lines to samples. No sentence without a sound checksum; what each says is in ``sentences.py``.
+r"""NMEA 0183: lines to samples, one reader a sentence, none without a valid checksum; and channels to sentences.
 
-Before a sentence may stand what a multiplexer or gateway says of it, a TAG block
-(``\s:GN01,c:1795255200*hh\$GPGGA,...``), and the prefix that IEC 61162-450 puts before both in a datagram.
+Before a sentence there may be a multiplexer's or gateway's TAG block (``\s:GN01,c:1795255200*hh\$GPGGA,...``),
+and the prefix that IEC 61162-450 puts before both in a datagram. A line may hold anything else besides: the
+beginning of a sentence whose end was lost, noise, several sentences. Each intact sentence in it is decoded
+(:func:`sentences_in`); the line itself is recorded as it came.
 
-A line may hold anything else besides: the beginning of a sentence whose end was lost, noise, several sentences.
-Each intact sentence in it is decoded (:func:`sentences_in`); the line itself is recorded as it came.
-
-What each sentence of NMEA 0183 says: one reader a sentence, from fields to values.
-
-Rudders are told apart by their place in RSA and ROR (HTD knows one only), shafts by their number in RPM and PRC,
+Rudders are distinguished by their place in RSA and ROR (HTD has only one), shafts by their number in RPM and PRC,
 azimuth and tunnel thrusters by theirs in TRD and TRC (IEC 61162-1). Of two rudders or shafts the port one is listed
 first.
 
-Everything is read here and not by a library: those at hand refuse a whole sentence for one field that they cannot
-read, do not know VWR and VWT, and take the real numbers of TRD for integers. A field that holds no number is
-missing; only what is marked valid counts; what is left out has a reason.
-
-Channels to NMEA 0183 sentences, with more decimals than the minimum where the format allows them.
+Everything is read here and not by a library: the available ones refuse a sentence for one field that they cannot
+read, lack VWR and VWT, and take the real numbers of TRD for integers. A field that holds no number is missing;
+only what is marked valid counts; what is refused has a reason. The encoder writes more decimals than the minimum
+where the format allows them.
 """
 
 from __future__ import annotations
@@ -59,23 +55,44 @@ _MOST_SENSORS = 1_000  # whose fixes are kept: any talker and any source of a TA
 _SENTENCE = re.compile(rb"[$!]{1,2}([\x20-\x7e]{3,})\*([0-9A-Fa-f]{2})")  # some devices say $$
 _UNCHECKED = re.compile(rb"[$!]{1,2}([A-Za-z0-9]{5,16},[\x20-\x29\x2b-\x7e]*)")
 NO_CHECKSUM = "comes without a checksum"
-_LONGEST_TAG = 16  # letters; no maker's own is known that has more, and noise must not name devices without end
+_LONGEST_TAG = 16  # letters; no proprietary one is known with more, and noise must not name unbounded devices
 _ADDRESS = rb"[A-Za-z0-9]{3,%d}," % _LONGEST_TAG
-_TEXT = rb" \x22#%-)+-\[\]-~"  # what is printable and neither begins nor ends a sentence or a TAG block
+_TEXT = rb" \x22#%-)+-\[\]-~"  # printable characters that neither begin nor end a sentence or a TAG block
 _EMBEDDED = re.compile(  # no sentence begins inside another: where one seems to, the other was cut
     rb"(?:\\[^\\]{1,200}\\)?[$!]{1,2}(?P<body>" + _ADDRESS + rb"(?:[" + _TEXT + rb"]|[$!](?!" + _ADDRESS + rb"))*+)"
     rb"\*(?P<sum>[0-9A-Fa-f]{2})"
 )
-_ALONE = re.compile(rb"(?:\\[^\\$!]{1,200}\\)?[$!][" + _TEXT + rb"]*+\*[0-9A-Fa-f]{2}")
-"""Nearly every line: nothing but one sentence, of which only the sum is to be looked at."""
+_SINGLE = re.compile(rb"(?:\\[^\\$!]{1,200}\\)?[$!][" + _TEXT + rb"]*+\*[0-9A-Fa-f]{2}")
+"""Nearly every line: nothing but one sentence, of which only the checksum is still to be verified."""
 _WITH_A_FIX = frozenset({"VTG", "GST"})
 """Sentences that follow a position without repeating it."""
 _LABEL = re.compile(rb"[\t" + _TEXT + rb"]{0,200}")
+_ANY = "?"
+"""Stands for a unit that XDR gives by a letter that is not in its table."""
+_XDR_UNITS = {
+    ("A", "D"): "deg", ("A", "R"): "rad", ("C", "C"): "degC", ("C", "K"): "K", ("C", "F"): "degF", ("D", "M"): "m",
+    ("D", "I"): "in", ("F", "H"): "Hz", ("H", "P"): "%", ("I", "A"): "A", ("N", "N"): "N", ("P", "B"): "bar",
+    ("P", "P"): "Pa", ("R", "L"): "l/s", ("T", "R"): "rpm", ("U", "V"): "V", ("V", "M"): "m3",
+}  # fmt: skip
+"""The units of XDR by the letters of the transducer's type and of the unit (gpsd's account of NMEA 0183)."""
+_ROUNDED_KMH = 0.15  # knots and km/h, each to a tenth
+_NUMBER = re.compile(r"[+-]?(\d{1,9}(\.\d*)?|\.\d+)")
+_DEGREES_AND_MINUTES = re.compile(r"(\d{1,3})([0-5]\d(?:\.\d*)?)")
+_TIME_OF_DAY = re.compile(r"([01]\d|2[0-3])([0-5]\d)([0-5]\d(?:\.\d*)?|60(?:\.\d*)?)")
+_SIGNS = {"N": 1.0, "S": -1.0, "E": 1.0, "W": -1.0}
+MPS_OF_UNIT = {"N": KNOT_MPS, "K": 1.0 / 3.6, "M": 1.0, "S": 0.44704}  # S: statute miles per hour
+NOT_VALID = "not marked valid"
+# Dead reckoning, manual input, a simulator: recorded, and marked as suspect.
+_SUSPECT_MODES = frozenset("EMS")
+_SUSPECT_FIXES = frozenset("678")
+_BEST_MODES = "RFPDAEMSN"
+_FIX_OF_MODE = {"N": 0, "A": 1, "D": 2, "P": 3, "R": 4, "F": 5, "E": 6, "M": 7, "S": 8}
+Values = list[tuple[str, float]]
 
 
 @dataclass(frozen=True, slots=True)
 class TaggedSentence:
-    """A sentence without its envelope, and what the envelope said; ``sound`` is False where that was spoilt."""
+    """A sentence without its envelope, and what the envelope states; ``sound`` is False where that was damaged."""
 
     sentence: bytes
     time_ns: int | None = None
@@ -95,7 +112,7 @@ def checksum(body: bytes) -> int:
 def split_tag(line: bytes) -> TaggedSentence:
     r"""A line as its sentence with the TAG block's time (c:, UTC, ns since 1970) and source (s:).
 
-    A block with a wrong checksum says nothing, but the sentence behind it has a checksum of its own.
+    A block with a wrong checksum is ignored, but the sentence after it has its checksum.
 
     >>> split_tag(rb"\s:GN01,c:1795255200*3E\$HEHDT,12.3,T*1F")
     TaggedSentence(sentence=b'$HEHDT,12.3,T*1F', time_ns=1795255200000000000, source='GN01', sound=True)
@@ -126,9 +143,9 @@ def unix_ns(text: str) -> int | None:
 
 
 def split_sentence(line: bytes, *, unchecked: bool = False) -> tuple[str, list[str]] | None:
-    """The tag without its dollar sign and the fields of a sound sentence; None for anything else.
+    """The tag without its dollar sign and the fields of a valid sentence; None for anything else.
 
-    ``unchecked`` takes a sentence without a checksum for sound.
+    ``unchecked`` accepts a sentence without a checksum.
     """
     match = _SENTENCE.fullmatch(line)
     if match is None and unchecked:
@@ -144,8 +161,8 @@ def split_sentence(line: bytes, *, unchecked: bool = False) -> tuple[str, list[s
 def sentences_in(line: bytes) -> list[bytes]:
     r"""The intact sentences of a line, each with its TAG block, and between them the parts that are none.
 
-    A line in which no sentence stands apart is one part. A label, text around a sentence that could be no sentence
-    itself (a time, a name), is left out.
+    A line without an intact sentence is one part. A label, text around a sentence that cannot be a sentence itself
+    (a time, a name), is dropped.
 
     >>> sentences_in(rb"$HEHDT,1$HEHDT,12.3,T*1F")
     [b'$HEHDT,1', b'$HEHDT,12.3,T*1F']
@@ -153,12 +170,12 @@ def sentences_in(line: bytes) -> list[bytes]:
     [b'\\s:GN01*75\\$HEHDT,12.3,T*1F', b'!AIVDM,1']
     """
     line = line.removeprefix(_DATAGRAM_PREFIX)
-    parts = [line] if _ALONE.fullmatch(line) else cut_at_sentences(line)
+    parts = [line] if _SINGLE.fullmatch(line) else cut_at_sentences(line)
     return parts if len(parts) == 1 else [part for part in parts if not _LABEL.fullmatch(part)]
 
 
 def cut_at_sentences(line: bytes) -> list[bytes]:
-    """The line in parts, none of them empty: a sentence that is intact and stands apart is one of them."""
+    """The line in parts, none of them empty: an intact sentence is one of them."""
     parts, end = list[bytes](), 0
     for sentence in _EMBEDDED.finditer(line):
         if checksum(sentence["body"]) == int(sentence["sum"], 16):
@@ -174,17 +191,6 @@ def has_sentence(line: bytes, *, unchecked: bool = False) -> bool:
     )
 
 
-_ANY = "?"
-"""Stands for a unit that XDR tells by a letter that is not in its table."""
-
-_XDR_UNITS = {
-    ("A", "D"): "deg", ("A", "R"): "rad", ("C", "C"): "degC", ("C", "K"): "K", ("C", "F"): "degF", ("D", "M"): "m",
-    ("D", "I"): "in", ("F", "H"): "Hz", ("H", "P"): "%", ("I", "A"): "A", ("N", "N"): "N", ("P", "B"): "bar",
-    ("P", "P"): "Pa", ("R", "L"): "l/s", ("T", "R"): "rpm", ("U", "V"): "V", ("V", "M"): "m3",
-}  # fmt: skip
-"""The units of XDR by the letters of the transducer's type and of the unit (gpsd's account of NMEA 0183)."""
-
-
 class _Field(NamedTuple):
     """One field that carries a channel."""
 
@@ -193,8 +199,8 @@ class _Field(NamedTuple):
     step: Linear
 
     def read(self, fields: Fields) -> SentenceReading:
-        for place, wanted in self.origin.when.items():
-            if fields.text(int(place) - 1) not in ((wanted,) if isinstance(wanted, str) else wanted):
+        for place, required in self.origin.when.items():
+            if fields.text(int(place) - 1) not in ((required,) if isinstance(required, str) else required):
                 return SentenceReading()
         number = fields.number(self.origin.field - 1)
         seconds = None if self.origin.time is None else fields.seconds_of_day(self.origin.time - 1)
@@ -203,7 +209,7 @@ class _Field(NamedTuple):
 
 
 class _Transducer(NamedTuple):
-    """One transducer that carries a channel; the steps by the unit that the sentence tells, "" where it tells none.
+    """One transducer that carries a channel; the steps by the unit in the sentence, "" where it has none.
 
     XDR has four fields for each: type, value, unit, name.
     """
@@ -236,11 +242,11 @@ def _steps(channel: Channel, origin: Transducer) -> dict[str, Linear]:
 
 
 class DeclaredSentences(DeclaredReaders[str, _Field | _Transducer]):
-    """What sentences say of declared channels, by their letters."""
+    """The declared channels in sentences, by their letters."""
 
-    def __init__(self, wanted: Sequence[tuple[Channel, SentenceField | Transducer]]) -> None:
+    def __init__(self, declared: Sequence[tuple[Channel, SentenceField | Transducer]]) -> None:
         super().__init__()
-        for channel, origin in wanted:
+        for channel, origin in declared:
             if isinstance(origin, SentenceField):
                 self.setdefault(origin.sentence, []).append(_Field(channel, origin, origin.step_to(channel)))
             else:
@@ -248,7 +254,7 @@ class DeclaredSentences(DeclaredReaders[str, _Field | _Transducer]):
                 self.setdefault("XDR", []).append(transducer)
 
     def read(self, kind: str, fields: Fields) -> SentenceReading:
-        """What a sentence says; of several origins of one channel in it the first that has a value counts."""
+        """The channels in a sentence; of several origins of one channel in it the first that has a value counts."""
         readings = [reader.read(fields) for reader in self[kind]]
         values = dict(value for reading in reversed(readings) for value in reading.values)
         seconds = next((reading.seconds_of_day for reading in readings if reading.seconds_of_day is not None), None)
@@ -257,7 +263,7 @@ class DeclaredSentences(DeclaredReaders[str, _Field | _Transducer]):
 
 
 class Nmea0183Decoder(Decoder):
-    """One line; the date comes from ZDA, RMC or TAG blocks, as position sentences tell only the time of day."""
+    """One line; the date comes from ZDA, RMC or TAG blocks, as position sentences have only the time of day."""
 
     def __init__(
         self,
@@ -273,21 +279,21 @@ class Nmea0183Decoder(Decoder):
     ) -> None:
         super().__init__()
         self._unchecked = unchecked
-        self._tell_gga: set[str] = set()
+        self._sends_gga: set[str] = set()
         self._receivers = Receivers(self.notices)
         self._interleaved = InterleavedSources(self.notices)
         self._senders = FurtherSenders()
         self.clock = SourceClock(stamps, "nmea0183 ZDA, RMC or TAG", self.notices)
         numbered = thrusters or Thrusters.model_validate({}, context={"actuators": actuators})
         machinery = machinery_readers(numbered, actuators, reduction_ratios or {}, rated_rpm or {})
-        self._readers = readers(theoretical_wind) | machinery
+        self._readers = motion_readers(theoretical_wind) | machinery
         self._declared = DeclaredSentences(declared)
 
     def decode(self, frame: Frame) -> list[Group]:
         return self.decode_line(frame, frame.payload)
 
     def decode_line(self, frame: Frame, line: bytes, time_ns: int | None = None) -> list[Group]:
-        """The samples in a line that came in a frame; ``time_ns`` is the time that was stated beside it."""
+        """The samples in a line that came in a frame; ``time_ns`` is the time that the log states beside it."""
         groups: list[Group] = []
         parts, sender = sentences_in(line), self._senders.label(frame.sender)
         for part in parts:
@@ -299,22 +305,22 @@ class Nmea0183Decoder(Decoder):
         return groups
 
     def _decode(self, frame: Frame, tagged: TaggedSentence, *, alone: bool) -> list[Group]:
-        """The samples in a sentence, with what its envelope said; beside others one without a sum was cut off."""
+        """The samples in a sentence; one without a checksum that is not alone in its line was cut off."""
         sentence = split_sentence(tagged.sentence, unchecked=self._unchecked and alone)
         if not tagged.sound:
             self.refused["TAG block with a wrong checksum"] += 1
         if sentence is None:
             if tagged.sound or tagged.sentence.startswith((b"$", b"!")):  # a TAG block alone is one fault, not two
-                has_none = alone and _UNCHECKED.fullmatch(tagged.sentence) is not None
-                self.refused[NO_CHECKSUM if has_none else "no sound checksum"] += 1
+                lacks_checksum = alone and _UNCHECKED.fullmatch(tagged.sentence) is not None
+                self.refused[NO_CHECKSUM if lacks_checksum else "no sound checksum"] += 1
             return []
-        if tagged.time_ns is not None:  # which is then this sentence's time too, unless it tells its own
+        if tagged.time_ns is not None:  # which is then this sentence's time too, unless it states one
             self.clock.announce(tagged.time_ns, frame)
         tag, fields = sentence
         if not tag.isalnum() or len(tag) > _LONGEST_TAG:
             self.refused["no talker and kind"] += 1
             return []
-        talker, kind = ("P", tag) if tag.startswith("P") else (tag[:-3], tag[-3:])  # P: a maker's own
+        talker, kind = ("P", tag) if tag.startswith("P") else (tag[:-3], tag[-3:])  # P: proprietary
         groups: list[Group] = []
         if kind not in self._readers and kind not in self._declared:
             self.note_unknown(tag)
@@ -343,10 +349,10 @@ class Nmea0183Decoder(Decoder):
             tagged = replace(tagged, source=f"{tagged.source}{'.' if tagged.source else ''}{name}")
             label = _label(frame.origin, talker, kind, tagged, reading)
         self._note_fix(kind, sensor_of(label), reading)
-        return self.clock.group(frame, label, reading.values, self._told_ns(reading, frame), reading.quality)
+        return self.clock.group(frame, label, reading.values, self._source_ns(reading, frame), reading.quality)
 
     def _receiver(self, kind: str, sensor: str, reading: SentenceReading, frame: Frame) -> int:
-        """Which of several receivers that have one name says it."""
+        """Which of several receivers of one name it is from."""
         position = dict(reading.values)
         if reading.seconds_of_day is not None and {"latitude_deg", "longitude_deg"} <= position.keys():
             place = position["latitude_deg"], position["longitude_deg"]
@@ -354,44 +360,44 @@ class Nmea0183Decoder(Decoder):
         return self._receivers.last(sensor) if kind in _WITH_A_FIX else 1
 
     def _further_source(self, kind: str, label: str, reading: SentenceReading, frame: Frame) -> str:
-        """Which of several sources of one name says what has neither time nor position; empty for the first."""
+        """Which of several sources a sentence without time and position is from; empty for the first."""
         if reading.seconds_of_day is not None or kind in _WITH_A_FIX or not reading.values:
             return ""
         number = self._interleaved.number(label, *reading.values[0], frame.monotonic_ns)
         return f"source{number}" if number > 1 else ""
 
     def _note_fix(self, kind: str, sensor: str, reading: SentenceReading) -> None:
-        """GGA tells it finer than the modes of the other sentences, which count where it does not come."""
+        """GGA has finer kinds of fix than the modes of other sentences, which count where it does not come."""
         former = self.fixes.get(sensor, Fix())
         if reading.sigma_m is not None:
             fix = former._replace(sigma_m=reading.sigma_m)
-        elif reading.fix is not None and (kind == "GGA" or sensor not in self._tell_gga):
+        elif reading.fix is not None and (kind == "GGA" or sensor not in self._sends_gga):
             fix = former._replace(kind=reading.fix, height_m=reading.height_m)
         else:
             return
         if kind == "GGA":
-            self._tell_gga.add(sensor)
+            self._sends_gga.add(sensor)
         self.fixes.pop(sensor, None)
-        self.fixes[sensor] = fix  # the last to have reported stands last
+        self.fixes[sensor] = fix  # in the order of the last reports
         if len(self.fixes) > _MOST_SENSORS:
             oldest = next(iter(self.fixes))
             del self.fixes[oldest]
-            self._tell_gga.discard(oldest)
+            self._sends_gga.discard(oldest)
 
-    def _told_ns(self, reading: SentenceReading, frame: Frame) -> int | None:
-        """When the sentence says its values were true; what tells the date too also sets the line's clock."""
+    def _source_ns(self, reading: SentenceReading, frame: Frame) -> int | None:
+        """The time of the values by the sentence; one with the date also sets the line's clock."""
         if reading.seconds_of_day is None:
             return None
         if reading.date is not None:
-            told_ns = utc_ns(reading.date, reading.seconds_of_day)
-            self.clock.announce(told_ns, frame)
-            return told_ns
+            source_ns = utc_ns(reading.date, reading.seconds_of_day)
+            self.clock.announce(source_ns, frame)
+            return source_ns
         now_ns = self.clock.at(frame)
         return None if now_ns is None else nearest_day(reading.seconds_of_day, now_ns)
 
 
 def _label(origin: str, talker: str, kind: str, tagged: TaggedSentence, reading: SentenceReading) -> str:
-    """Who says it: line, talker, the device behind a gateway if it is named, sentence, meaning if it has several.
+    """A source's label: line, talker, the device behind a gateway if it is named, sentence, its meaning if several.
 
     ``line/II:MWV apparent``, ``line/GP@GN01:GGA``.
     """
@@ -400,23 +406,8 @@ def _label(origin: str, talker: str, kind: str, tagged: TaggedSentence, reading:
     return f"{origin}/{device}:{kind}{meaning}"
 
 
-_ROUNDED_KMH = 0.15  # knots and km/h, each to a tenth
-_NUMBER = re.compile(r"[+-]?(\d{1,9}(\.\d*)?|\.\d+)")
-_DEGREES_AND_MINUTES = re.compile(r"(\d{1,3})([0-5]\d(?:\.\d*)?)")
-_TIME_OF_DAY = re.compile(r"([01]\d|2[0-3])([0-5]\d)([0-5]\d(?:\.\d*)?|60(?:\.\d*)?)")
-_SIGNS = {"N": 1.0, "S": -1.0, "E": 1.0, "W": -1.0}
-MPS_OF_UNIT = {"N": KNOT_MPS, "K": 1.0 / 3.6, "M": 1.0, "S": 0.44704}  # S: statute miles per hour
-Values = list[tuple[str, float]]
-NOT_VALID = "not marked valid"
-# Dead reckoning, typed in by hand, a simulator: true enough to be recorded, and to be looked at.
-_SUSPECT_MODES = frozenset("EMS")
-_SUSPECT_FIXES = frozenset("678")
-_BEST_MODES = "RFPDAEMSN"
-_FIX_OF_MODE = {"N": 0, "A": 1, "D": 2, "P": 3, "R": 4, "F": 5, "E": 6, "M": 7, "S": 8}
-
-
 class Fields:
-    """The fields of one sentence, some of them empty, some perhaps not there at all."""
+    """The fields of one sentence, of which some may be empty or missing."""
 
     def __init__(self, texts: list[str]) -> None:
         self._texts = texts
@@ -432,7 +423,7 @@ class Fields:
         return float(text) if _NUMBER.fullmatch(text) else None
 
     def measured(self, index: int, letter: str) -> float | None:
-        """A number followed by the letter of its unit or reference, which some leave empty."""
+        """A number followed by the letter of its unit or reference, which some devices leave empty."""
         return self.number(index) if self.text(index + 1) in (letter, "") else None
 
     def eastward(self, index: int) -> float | None:
@@ -448,10 +439,10 @@ class Fields:
         return _SIGNS[letter] * (int(match[1]) + float(match[2]) / 60.0)
 
     def speed_mps(self, *places: tuple[int, str]) -> float | None:
-        """The first speed that is given, of those at an index in a unit; so the finest unit comes first.
+        """The first speed that is there, of those at an index in a unit; so the finest unit comes first.
 
-        The letter behind a number names its unit, the place only where that is empty: some devices leave the
-        first of two speeds out, and not its place.
+        The letter after a number names its unit, the place only where that is empty: some devices omit the first of
+        two speeds, and not its place.
         """
         for index, unit in places:
             speed, factor = self.number(index), MPS_OF_UNIT.get(self.text(index + 1) or unit)
@@ -467,9 +458,9 @@ class Fields:
 
 @dataclass(frozen=True, slots=True)
 class SentenceReading:
-    """What one sentence says. ``meaning`` tells apart the different things that one kind of sentence can say;
-    ``refused`` is why something in it was left out, empty if nothing was. ``fix``, ``height_m`` and ``sigma_m`` are
-    what the receiver says of its fix, as in :class:`Fix`.
+    """The values in one sentence. ``meaning`` distinguishes what one kind of sentence can report; ``refused`` is
+    why something in it was refused, empty if nothing was. ``fix``, ``height_m`` and ``sigma_m`` are the receiver's
+    report of its fix, as in :class:`Fix`.
     """
 
     values: Values = field(default_factory=list)
@@ -486,7 +477,7 @@ class SentenceReading:
 Reader = Callable[[Fields], SentenceReading]
 
 
-def present(*pairs: tuple[str, float | None]) -> Values:
+def available(*pairs: tuple[str, float | None]) -> Values:
     """Those of the pairs that have a value."""
     return [(name, value) for name, value in pairs if value is not None]
 
@@ -497,10 +488,10 @@ def _knots(fields: Fields, index: int) -> float | None:
 
 
 def _position(fields: Fields, index: int) -> Values:
-    """Both or none: half a position is none."""
+    """Both coordinates or none: one alone is of no use."""
     pair = (("latitude_deg", fields.degrees(index, "NS")), ("longitude_deg", fields.degrees(index + 2, "EW")))
-    both = present(*pair)
-    return both if len(both) == 2 else []
+    values = available(*pair)
+    return values if len(values) == 2 else []
 
 
 def _quality(mode: str) -> Quality:
@@ -560,26 +551,22 @@ def _rmc(fields: Fields) -> SentenceReading:
     mode = fields.text(11)
     if fields.text(1) != "A" or mode == "N":
         return SentenceReading(refused=NOT_VALID, fix=0)
-    movement = present(
+    movement = available(
         ("course_over_ground_deg", fields.number(7)),
         ("speed_over_ground_mps", _knots(fields, 6)),
         ("magnetic_variation_deg", fields.eastward(9)),
     )
+    ddmmyy, date = fields.text(8), None
+    if re.fullmatch(r"\d{6}", ddmmyy):  # 80 to 99 are of the last century, as of receivers without the date
+        year = int(ddmmyy[4:])
+        date = _date(year + (1900 if year >= 80 else 2000), int(ddmmyy[2:4]), int(ddmmyy[:2]))
     return SentenceReading(
         _position(fields, 2) + movement,
         quality=_quality(mode),
-        date=_six_digit_date(fields.text(8)),
+        date=date,
         seconds_of_day=fields.seconds_of_day(0),
         fix=_FIX_OF_MODE.get(mode),
     )
-
-
-def _six_digit_date(text: str) -> dt.date | None:
-    """``ddmmyy``; 80 to 99 are of the last century, as receivers say that do not know the date yet."""
-    if not re.fullmatch(r"\d{6}", text):
-        return None
-    year = int(text[4:])
-    return _date(year + (1900 if year >= 80 else 2000), int(text[2:4]), int(text[:2]))
 
 
 def _zda(fields: Fields) -> SentenceReading:
@@ -602,35 +589,31 @@ def _vtg(fields: Fields) -> SentenceReading:
     if mode == "N":
         return SentenceReading(refused=NOT_VALID)
     if len(fields) == 4 and not any(fields.text(index).isalpha() for index in range(4)):
-        return _vtg_without_letters(fields)
-    course, speed = fields.measured(0, "T"), fields.speed_mps((4, "N"), (6, "K"))
-    values = present(("course_over_ground_deg", course), ("speed_over_ground_mps", speed))
+        # before NMEA 2.3: course true and magnetic, speed in knots and km/h, which disagree if the sentence was cut
+        course, knots, kmh = (fields.number(index) for index in (0, 2, 3))
+        if knots is None or kmh is None or abs(knots * 1.852 - kmh) > _ROUNDED_KMH:
+            return SentenceReading(refused="a form that is not known")
+        speed: float | None = knots * KNOT_MPS
+    else:
+        course, speed = fields.measured(0, "T"), fields.speed_mps((4, "N"), (6, "K"))
+    values = available(("course_over_ground_deg", course), ("speed_over_ground_mps", speed))
     return SentenceReading(values, quality=_quality(mode))
-
-
-def _vtg_without_letters(fields: Fields) -> SentenceReading:
-    """Before NMEA 2.3: course true and magnetic, speed in knots and km/h; a cut one has none that agree."""
-    course, knots, kmh = (fields.number(index) for index in (0, 2, 3))
-    if knots is None or kmh is None or abs(knots * 1.852 - kmh) > _ROUNDED_KMH:
-        return SentenceReading(refused="a form that is not known")
-    values = present(("course_over_ground_deg", course), ("speed_over_ground_mps", knots * KNOT_MPS))
-    return SentenceReading(values)
 
 
 def _ths(fields: Fields) -> SentenceReading:
     mode = fields.text(1)
     if mode not in ("A", *_SUSPECT_MODES):
         return SentenceReading(refused=NOT_VALID)
-    return SentenceReading(present(("heading_deg", fields.number(0))), quality=_quality(mode))
+    return SentenceReading(available(("heading_deg", fields.number(0))), quality=_quality(mode))
 
 
 def _hdg(fields: Fields) -> SentenceReading:
     sensor, deviation = fields.number(0), fields.eastward(1)
-    # A sum may pass north; a sensor that says more than a turn itself is left for the range check to find.
+    # A sum may pass north; a sensor reading beyond a turn is passed on for the range check.
     if sensor is not None and deviation is not None and 0.0 <= sensor <= 360.0:
         sensor = (sensor + deviation) % 360.0
     pair = ("heading_magnetic_deg", sensor), ("magnetic_variation_deg", fields.eastward(3))
-    return SentenceReading(present(*pair))
+    return SentenceReading(available(*pair))
 
 
 def _rot(fields: Fields) -> SentenceReading:
@@ -641,12 +624,12 @@ def _rot(fields: Fields) -> SentenceReading:
 
 
 def _vbw(fields: Fields) -> SentenceReading:
-    ground = present(("surge_mps", _knots(fields, 3)), ("sway_mps", _knots(fields, 4)))
-    water = present(("speed_through_water_mps", _knots(fields, 0)))
+    ground = available(("surge_mps", _knots(fields, 3)), ("sway_mps", _knots(fields, 4)))
+    water = available(("speed_through_water_mps", _knots(fields, 0)))
     ground_valid, water_valid = fields.text(5) == "A", fields.text(2) == "A"
-    left_out = (ground and not ground_valid) or (water and not water_valid)
+    is_refused = (ground and not ground_valid) or (water and not water_valid)
     values = (ground if ground_valid else []) + (water if water_valid else [])
-    return SentenceReading(values, refused=NOT_VALID if left_out else "")
+    return SentenceReading(values, refused=NOT_VALID if is_refused else "")
 
 
 def _mwv(fields: Fields, theoretical: str) -> SentenceReading:
@@ -671,13 +654,13 @@ def _obsolete_wind(fields: Fields, reference: str) -> SentenceReading:
 
 def _bow_wind(angle_deg: float | None, speed_mps: float | None, reference: str) -> SentenceReading:
     pair = (f"wind_angle_{reference}_deg", angle_deg), (f"wind_speed_{reference}_mps", speed_mps)
-    return SentenceReading(present(*pair), reference)
+    return SentenceReading(available(*pair), reference)
 
 
 def _mwd(fields: Fields) -> SentenceReading:
-    speed = present(("wind_speed_mps", fields.speed_mps((4, "N"), (6, "M"))))
-    true = present(("wind_direction_deg", fields.measured(0, "T")))
-    magnetic = present(("wind_direction_magnetic_deg", fields.measured(2, "M")))
+    speed = available(("wind_speed_mps", fields.speed_mps((4, "N"), (6, "M"))))
+    true = available(("wind_direction_deg", fields.measured(0, "T")))
+    magnetic = available(("wind_direction_magnetic_deg", fields.measured(2, "M")))
     return SentenceReading(true + speed) if true or not magnetic else SentenceReading(magnetic + speed, "magnetic")
 
 
@@ -689,21 +672,21 @@ _READERS: dict[str, Reader] = {
     "RMC": _rmc,
     "ZDA": _zda,
     "VTG": _vtg,
-    "HDT": lambda fields: SentenceReading(present(("heading_deg", fields.measured(0, "T")))),
+    "HDT": lambda fields: SentenceReading(available(("heading_deg", fields.measured(0, "T")))),
     "THS": _ths,
     "HDG": _hdg,
-    "HDM": lambda fields: SentenceReading(present(("heading_magnetic_deg", fields.measured(0, "M")))),
+    "HDM": lambda fields: SentenceReading(available(("heading_magnetic_deg", fields.measured(0, "M")))),
     "ROT": _rot,
     "VBW": _vbw,
     # the headings in it repeat those of another device
     "VHW": lambda fields: SentenceReading(
-        present(("speed_through_water_mps", fields.speed_mps((4, "N"), (6, "K"))))
+        available(("speed_through_water_mps", fields.speed_mps((4, "N"), (6, "K"))))
     ),
     "MWD": _mwd,
 }
 
 
-def readers(theoretical_wind: Literal["ground", "water"]) -> dict[str, Reader]:
+def motion_readers(theoretical_wind: Literal["ground", "water"]) -> dict[str, Reader]:
     """The reader of each sentence of motion, wind and time, by its last three letters."""
     theoretical = "theoretical" if theoretical_wind == "ground" else "water"
     return {
@@ -719,16 +702,16 @@ _Controls = dict[float, tuple[str, str]]
 
 
 def _rudders(fields: Fields, channels: tuple[str, ...]) -> SentenceReading:
-    """RSA and ROR: starboard or single rudder first, then port. Of a single one any sensor will do."""
+    """RSA and ROR: starboard or single rudder first, then port. A single one may have either sensor."""
     if len(channels) > 2:
         return SentenceReading(refused="more than two rudders")
     valid = [fields.number(index) if fields.text(index + 1) == "A" else None for index in (0, 2)]
     if fields.text(1) != "A" and fields.text(3) != "A":
         return SentenceReading(refused=NOT_VALID)
     if len(channels) == 1:
-        return SentenceReading(present((channels[0], valid[0] if fields.text(1) == "A" else valid[1])))
+        return SentenceReading(available((channels[0], valid[0] if fields.text(1) == "A" else valid[1])))
     port, starboard = channels
-    return SentenceReading(present((port, valid[1]), (starboard, valid[0])))
+    return SentenceReading(available((port, valid[1]), (starboard, valid[0])))
 
 
 def _heading_control(fields: Fields, channels: tuple[str, ...]) -> SentenceReading:
@@ -737,7 +720,7 @@ def _heading_control(fields: Fields, channels: tuple[str, ...]) -> SentenceReadi
         return SentenceReading(refused="one order to several rudders")
     angle, sign = fields.number(1), {"R": 1.0, "L": -1.0}.get(fields.text(2))
     ordered = None if angle is None or sign is None or angle < 0.0 else sign * angle
-    return _as_orders(SentenceReading(present((channels[0], ordered))))
+    return _as_orders(SentenceReading(available((channels[0], ordered))))
 
 
 def _rpm(fields: Fields, shafts: Actuators, reduction_ratios: Mapping[str, float]) -> SentenceReading:
@@ -754,15 +737,15 @@ def _rpm(fields: Fields, shafts: Actuators, reduction_ratios: Mapping[str, float
     if fields.text(4) != "A":
         return SentenceReading(refused=NOT_VALID)
     rpm = fields.number(2)
-    values = _of_shaft(shaft, None if rpm is None else rpm / ratio, fields.number(3))
+    values = _shaft_values(shaft, None if rpm is None else rpm / ratio, fields.number(3))
     return SentenceReading(values, f"{'shaft' if source == 'S' else 'engine'} {number:.0f}")
 
 
-def _of_shaft(shaft: Actuator, rpm: float | None, pitch_percent: float | None) -> list[tuple[str, float]]:
-    """Those of the two values that a shaft has a channel for: pitch, with a controllable one only."""
+def _shaft_values(shaft: Actuator, rpm: float | None, pitch_percent: float | None) -> list[tuple[str, float]]:
+    """Those of the two values that a shaft has a channel for: pitch only with a controllable one."""
     channels = {channel.name for channel in shaft.channels}
-    both = present((f"{shaft.name}_rpm", rpm), (f"{shaft.name}_pitch_percent", pitch_percent))
-    return [(name, value) for name, value in both if name in channels]
+    values = available((f"{shaft.name}_rpm", rpm), (f"{shaft.name}_pitch_percent", pitch_percent))
+    return [(name, value) for name, value in values if name in channels]
 
 
 def _in_rpm(value: float | None, mode: str, rated_rpm: float | None) -> float | None:
@@ -779,7 +762,7 @@ def _propulsion_order(fields: Fields, shafts: Actuators, rated_rpm: Mapping[str,
         return SentenceReading(refused="order to an unknown shaft")
     rpm = _in_rpm(fields.number(2), fields.text(3), rated_rpm.get(shaft.name))
     pitch_percent = fields.number(4) if fields.text(5) == "P" else None
-    return _as_orders(SentenceReading(_of_shaft(shaft, rpm, pitch_percent), f"shaft {fields.number(7):.0f}"))
+    return _as_orders(SentenceReading(_shaft_values(shaft, rpm, pitch_percent), f"shaft {fields.number(7):.0f}"))
 
 
 def _thruster(fields: Fields, controls: _Controls, rated_rpm: Mapping[str, float]) -> SentenceReading:
@@ -792,8 +775,8 @@ def _thruster(fields: Fields, controls: _Controls, rated_rpm: Mapping[str, float
     if not shaft:
         return SentenceReading(refused="thruster not understood")
     speed, mode = fields.number(1), fields.text(2)
-    rpm = present((shaft, _in_rpm(speed, mode, rated_rpm.get(shaft))))
-    angle = present((azimuth, fields.number(5))) if azimuth else []
+    rpm = available((shaft, _in_rpm(speed, mode, rated_rpm.get(shaft))))
+    angle = available((azimuth, fields.number(5))) if azimuth else []
     if rpm or speed is None:
         return SentenceReading(rpm + angle)
     return SentenceReading(angle, refused="thruster in percent" if mode == "P" else NOT_VALID)
@@ -823,26 +806,28 @@ def machinery_readers(
         if actuator.name in thrusters.numbers:
             shaft, azimuth, *_ = (*(channel.name for channel in actuator.channels), "")
             controls[thrusters.numbers[actuator.name]] = shaft, azimuth
-    rated = {f"{name}_rpm": rpm for name, rpm in rated_rpm.items()}
+    rated_by_channel = {f"{name}_rpm": rpm for name, rpm in rated_rpm.items()}
     demand = thrusters.channels_from == "demand"
-    unwanted = SentenceReading(refused="thruster response where demands are wanted")
+    ignored = SentenceReading(refused="thruster response where demands are wanted")
     angles, shafts = rudder_channels(actuators), numbered_shafts(actuators)
-    readers: dict[str, Reader] = {
+    machinery: dict[str, Reader] = {
         "RSA": partial(_rudders, channels=angles),
         "RPM": partial(_rpm, shafts=shafts, reduction_ratios=reduction_ratios),
-        "TRD": (lambda fields: unwanted) if demand else partial(_thruster, controls=controls, rated_rpm=rated),
-        "TRC": partial(_thruster_order, controls=controls, rated_rpm=rated, fills_channels=demand),
+        "TRD": (lambda fields: ignored)
+        if demand
+        else partial(_thruster, controls=controls, rated_rpm=rated_by_channel),
+        "TRC": partial(_thruster_order, controls=controls, rated_rpm=rated_by_channel, fills_channels=demand),
     }
     if rudders(actuators):
-        readers["ROR"] = lambda fields: _as_orders(_rudders(fields, angles))
-        readers["HTD"] = partial(_heading_control, channels=angles)
-    if not {propulsor.name for propulsor in shafts} & thrusters.numbers.keys():  # else TRC tells the orders to them
-        readers["PRC"] = partial(_propulsion_order, shafts=shafts, rated_rpm=rated_rpm)
-    return readers
+        machinery["ROR"] = lambda fields: _as_orders(_rudders(fields, angles))
+        machinery["HTD"] = partial(_heading_control, channels=angles)
+    if not {propulsor.name for propulsor in shafts} & thrusters.numbers.keys():  # else TRC has the orders to them
+        machinery["PRC"] = partial(_propulsion_order, shafts=shafts, rated_rpm=rated_rpm)
+    return machinery
 
 
 def sentence(body: str) -> bytes:
-    """A body between ``$`` and ``*`` made a sentence.
+    """The sentence of a body, which is between ``$`` and ``*``.
 
     >>> sentence("RCTRD,2,400.5,R,,V,90.8")
     b'$RCTRD,2,400.5,R,,V,90.8*55\\r\\n'
@@ -879,9 +864,15 @@ class Nmea0183Encoder:
         self._shafts = {name: number for name, number in shafts.items() if name not in self._thrusters}
 
     def encode(self, moment: Moment) -> list[Packet]:
-        packets = [Packet(sentence(_time_sentence(moment.time_ns)))] if self._announces else []
+        utc = EPOCH + dt.timedelta(microseconds=floor(moment.time_ns / 1000))  # rounded down
+        clock = f"{utc:%H%M%S.%f}"
+        packets = [Packet(sentence(f"GPZDA,{clock},{utc:%d,%m,%Y},00,00"))] if self._announces else []
         if moment.latitude_deg is not None and moment.longitude_deg is not None:
-            fix = _fix_sentence(moment.time_ns, moment.latitude_deg, moment.longitude_deg)
+            latitude = f"{degrees_and_minutes(moment.latitude_deg, 2)},{'N' if moment.latitude_deg >= 0 else 'S'}"
+            longitude = (
+                f"{degrees_and_minutes(moment.longitude_deg, 3)},{'E' if moment.longitude_deg >= 0 else 'W'}"
+            )
+            fix = f"GPGGA,{clock},{latitude},{longitude},4,12,0.6,0.0,M,0.0,M,,"
             packets.append(Packet(sentence(fix), carries=moment.fix_of))
         for channels, body in _NAVIGATION.items():
             packets += _packet_of(moment, channels, body)
@@ -898,8 +889,8 @@ class Nmea0183Encoder:
             )
         for name, number in self._shafts.items():
             pair = (f"{name}_rpm", f"{name}_pitch_percent")
-            packets += _packet_of(moment, pair, partial(_shaft, number))
-            packets += _packet_of(moment, tuple(map(name_of_order, pair)), partial(_shaft_order, number))
+            packets += _packet_of(moment, pair, partial(_shaft_sentence, number))
+            packets += _packet_of(moment, tuple(map(name_of_order, pair)), partial(_shaft_order_sentence, number))
         return packets
 
 
@@ -924,17 +915,17 @@ def _thruster_sentence(kind: str, number: int, rpm: float | None, angle_deg: flo
     return f"RC{kind},{number},{_decimals(rpm, 1.0, 3)},{_mode(rpm, 'R')},,V,{_turn(angle_deg, 3)}{ending}"
 
 
-def _shaft(number: int, rpm: float | None, pitch_percent: float | None) -> str:
+def _shaft_sentence(number: int, rpm: float | None, pitch_percent: float | None) -> str:
     return f"ERRPM,S,{number},{_decimals(rpm, 1.0, 3)},{_decimals(pitch_percent, 1.0, 3)},A"
 
 
-def _shaft_order(number: int, rpm: float | None, pitch_percent: float | None) -> str:
+def _shaft_order_sentence(number: int, rpm: float | None, pitch_percent: float | None) -> str:
     speed, pitch = f"{_decimals(rpm, 1.0, 3)},{_mode(rpm, 'R')}", _decimals(pitch_percent, 1.0, 3)
     return f"ERPRC,,V,{speed},{pitch},{_mode(pitch_percent, 'P')},B,{number}"
 
 
 def _mode(value: float | None, unit: str) -> str:
-    """The letter of a value's unit, V for invalid where it is not there."""
+    """The letter of a value's unit, V for invalid where it is missing."""
     return "V" if value is None else unit
 
 
@@ -947,29 +938,11 @@ def _turn(angle_deg: float | None, digits: int) -> str:
     return "" if angle_deg is None else f"{round(angle_deg % 360.0, digits) % 360.0:.{digits}f}"
 
 
-def _clock(time_ns: int) -> tuple[dt.datetime, str]:
-    """The UTC date and ``hhmmss.ffffff`` of a time; whole microseconds, rounded down."""
-    moment = EPOCH + dt.timedelta(microseconds=floor(time_ns / 1000))
-    return moment, moment.strftime("%H%M%S.%f")
-
-
-def _time_sentence(time_ns: int) -> str:
-    moment, clock = _clock(time_ns)
-    return f"GPZDA,{clock},{moment:%d,%m,%Y},00,00"
-
-
-def _fix_sentence(time_ns: int, latitude_deg: float, longitude_deg: float) -> str:
-    _, clock = _clock(time_ns)
-    latitude = f"{degrees_and_minutes(latitude_deg, 2)},{'N' if latitude_deg >= 0 else 'S'}"
-    longitude = f"{degrees_and_minutes(longitude_deg, 3)},{'E' if longitude_deg >= 0 else 'W'}"
-    return f"GPGGA,{clock},{latitude},{longitude},4,12,0.6,0.0,M,0.0,M,,"
-
-
 _NAVIGATION: dict[tuple[str, ...], Body] = {
     ("heading_deg",): lambda heading: f"HEHDT,{_turn(heading, 4)},T",
     ("yaw_rate_dps",): lambda rate: f"TIROT,{rate * 60.0:.3f},A",
-    ("surge_mps", "sway_mps"): lambda ahead, aside: (
-        f"VDVBW,,,V,{_decimals(ahead, 1.0 / KNOT_MPS, 4)},{_decimals(aside, 1.0 / KNOT_MPS, 4)},A,,V,,V"
+    ("surge_mps", "sway_mps"): lambda surge, sway: (
+        f"VDVBW,,,V,{_decimals(surge, 1.0 / KNOT_MPS, 4)},{_decimals(sway, 1.0 / KNOT_MPS, 4)},A,,V,,V"
     ),
     ("wind_direction_deg", "wind_speed_mps"): lambda direction, speed: (
         f"WIMWD,{_turn(direction, 3)},T,,M,{_decimals(speed, 1.0 / KNOT_MPS, 3)},N,{_decimals(speed, 1.0, 3)},M"

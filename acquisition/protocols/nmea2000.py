@@ -1,21 +1,17 @@
-"""NMEA 2000: CAN frames to samples. What is believable is decided here; what a group means, beside it.
+"""NMEA 2000: CAN frames to samples. Which messages are plausible is decided here; what a group means is in
+:mod:`~seatrial.acquisition.protocols.parameter_groups`.
 
 Guards come first: remote, error and 11-bit frames, frames of other than 8 bytes, messages of which a part was
-lost; what a gateway has put together passes by the last. Sources are named by device, group and, where a group has
-several, the meaning: ``bus/35:130306 apparent``.
+lost; what a gateway has put together skips the last. Sources are named by device, group and, where a group has
+several, the meaning: ``bus/35:130306 apparent``. Addresses are claimed, and change hands; a device's 64-bit NAME
+stays. So a device keeps its first label: its name in the configuration, or its address at that time.
 
-Who has which address on an NMEA 2000 bus, and what a device is called in our recordings.
-
-Addresses are claimed, and change hands; a device's 64-bit NAME stays. So a device keeps the label that it was
-first heard under: what the configuration calls it, or its address at that time.
-
-Messages that come in several frames ("fast packets"), put together again or not at all.
-
-A frame's first byte holds the number of its message (3 bits) and its place in it (5 bits); the first frame also
-says how long the message is. Numbers come round after eight messages, so a part that was lost must never be
-replaced by the same part of a later message: that would make a believable message that nobody sent. Parts may
-come in any order, but not late, not twice unless one upon the other, and the first never completes a message:
-where it comes last, the others belong to a message whose own first part was lost.
+Messages that come in several frames ("fast packets") are put together completely or not at all. A frame's first
+byte holds the number of its message (3 bits) and its place in it (5 bits); the first frame also has the length of
+the message. Numbers repeat after eight messages, so a part that was lost must never be replaced by the same part
+of a later message: that would make a plausible message that was never sent. Parts may come in any order, but not
+delayed, not twice unless in a row, and the first never completes a message: where it comes last, the others
+belong to a message whose first part was lost.
 """
 
 from __future__ import annotations
@@ -50,7 +46,14 @@ from seatrial.acquisition.protocols.parameter_groups import (
 )
 
 _CLOCKS = (SYSTEM_TIME, TIME_AND_DATE, GNSS_POSITION)
-"""What tells the time, best first: a position's time is that of the fix, which is late by the time it comes."""
+"""The groups with the time, best first: a position's time is that of the fix, which arrives with a delay."""
+_NO_ADDRESS = 254  # claimed by a device that found none free
+_MOST_NAMES = 512  # a bus has 252 addresses; more NAMEs than this are noise that looks like claims
+_LONGEST_GAP_NS = 750_000_000  # parts with a longer gap belong to two messages
+_MOST_BEGUN_SINCE = 4  # a message of which parts are missing after so many others will never be complete
+_FIRST_PART_BYTES, _PART_BYTES = 6, 7
+LONGEST_BYTES = _FIRST_PART_BYTES + 31 * _PART_BYTES
+INCOMPLETE = "incomplete fast packet"
 
 
 def parameter_group(identifier: int) -> tuple[int, int]:
@@ -65,13 +68,8 @@ def parameter_group(identifier: int) -> tuple[int, int]:
     return group, identifier & 0xFF
 
 
-def _nothing(_: Message) -> GroupReading:
-    """Of a group that only declared channels are in."""
-    return GroupReading([])
-
-
 class Bus:
-    """What is known of one bus: its devices and clock, and messages of which parts have come."""
+    """The state of one bus: its devices and clock, and messages of which parts have come."""
 
     def __init__(self, devices: BusDevices, clock: SourceClock, refused: Counter[str]) -> None:
         self.devices, self.clock = devices, clock
@@ -83,7 +81,7 @@ class Bus:
 class Nmea2000Decoder(Decoder):
     """The buses of one source: one, or those that a log names.
 
-    Two buses may each have a device of the same address: labels tell them apart, ``bus/4@can0:127250``.
+    Two buses may each have a device of the same address: labels distinguish them, ``bus/4@can0:127250``.
     """
 
     def __init__(
@@ -96,7 +94,7 @@ class Nmea2000Decoder(Decoder):
         shares_bus: bool = False,
         declared: Sequence[tuple[Channel, GroupField]] = (),
     ) -> None:
-        """Raises :class:`ConfigurationError` for a declared field that is not known."""
+        """Raises :class:`ConfigurationError` for an unknown declared field."""
         super().__init__()
         self._stamps, self._configured = stamps, devices
         self._buses = {"": self._new_bus("")}
@@ -115,9 +113,9 @@ class Nmea2000Decoder(Decoder):
         bus = self._buses.get(frame.sender)
         if bus is None:
             bus = self._buses[frame.sender] = self._new_bus(frame.sender)
-            named = [name for name in self._buses if name]
-            if len(named) > 1:
-                text = f"there are several buses, {', '.join(named)}: devices of each are sources of their own"
+            names = [name for name in self._buses if name]
+            if len(names) > 1:
+                text = f"there are several buses, {', '.join(names)}: devices of each are sources of their own"
                 self.notices.append(("info", f"{text}, like {bus.devices.label(frame.identifier & 0xFF)}"))
         return bus
 
@@ -133,32 +131,33 @@ class Nmea2000Decoder(Decoder):
             return []
         group, address, message = parsed
         device = bus.devices.label(address)
-        reading = self._readers.get(group, _nothing)(message)
-        told_ns = None
+        read = self._readers.get(group)
+        reading = GroupReading([]) if read is None else read(message)  # none: only declared channels are in it
+        source_ns = None
         if group in _CLOCKS:
-            told_ns = group_time(message)
-            _announce(bus, told_ns, frame, group, device, reading.quality)
+            source_ns = group_time(message)
+            _announce(bus, source_ns, frame, group, device, reading.quality)
         sensor, quality = f"{frame.origin}/{device}", reading.quality
         if reading.fix is not None:
             self.fixes[sensor] = Fix(reading.fix, reading.height_m)
         elif group == POSITION and self.fixes.get(sensor, Fix()).kind in NO_SATELLITES:
-            quality = Quality.SUSPECT  # the last position, again and again
+            quality = Quality.SUSPECT  # the last position, repeated
         source, groups = f"{sensor}:{group}", []
         if reading.instance is None or self._is_first_instance(bus, device, group, reading.instance):
             meaning = f" {reading.meaning}" if reading.meaning else ""
             values = self._admitted(bus, device, reading.values)
             if group in self._declared:
                 values = [pair for pair in values if pair[0] not in self._declared.channels_in(group)]
-            groups = bus.clock.group(frame, source + meaning, values, told_ns, quality)
+            groups = bus.clock.group(frame, source + meaning, values, source_ns, quality)
         if group in self._declared:
             declared = self._admitted(bus, device, self._declared.read(group, address, message))
-            groups += bus.clock.group(frame, source, declared, told_ns)
+            groups += bus.clock.group(frame, source, declared, source_ns)
         return groups
 
     def message(self, frame: Frame) -> tuple[int, int, Message] | None:
-        """The message that is whole with this frame, with its group and the sender's address.
+        """The message that this frame completes, with its group and the sender's address.
 
-        None where the frame is refused, of no group that we listen to, or not the last one of its message.
+        None where the frame is refused, of no group that we decode, or not the last one of its message.
         """
         return self._message(frame, self.bus(frame))
 
@@ -196,7 +195,7 @@ class Nmea2000Decoder(Decoder):
         return True
 
     def _admitted(self, bus: Bus, device: str, candidates: Iterable[tuple[str, Value]]) -> list[tuple[str, float]]:
-        """The values that are there and wanted; those that are missing are counted."""
+        """The values that exist and that the configuration allows; missing ones are counted."""
         values = []
         for quantity, value in candidates:
             if not bus.devices.may_provide(device, quantity):
@@ -208,7 +207,7 @@ class Nmea2000Decoder(Decoder):
         return values
 
     def _is_first_instance(self, bus: Bus, device: str, group: int, instance: int) -> bool:
-        """Whether no lower number of the same thing, a second rudder's say, was heard from the device."""
+        """Whether the device has sent no lower number of the same thing, of a second rudder for example."""
         first = min(instance, bus.first_instance.get((device, group), instance))
         bus.first_instance[device, group] = first
         if instance > first:
@@ -216,21 +215,18 @@ class Nmea2000Decoder(Decoder):
         return instance == first
 
 
-def _announce(bus: Bus, told_ns: int | None, frame: Frame, group: int, device: str, quality: Quality) -> None:
-    """One device is the bus's clock until it falls silent: two clocks would make time go to and fro."""
-    if told_ns is None or quality is not Quality.NOT_EVALUATED:
+def _announce(bus: Bus, source_ns: int | None, frame: Frame, group: int, device: str, quality: Quality) -> None:
+    """One device is the bus's clock until it falls silent: two clocks would make time jump back and forth."""
+    if source_ns is None or quality is not Quality.NOT_EVALUATED:
         return
     if bus.timekeeper is not None and bus.clock.at(frame) is not None:
-        keeper, kept_by = bus.timekeeper
-        if device != keeper or _CLOCKS.index(group) > _CLOCKS.index(kept_by):
+        keeper, keeper_group = bus.timekeeper
+        if device != keeper or _CLOCKS.index(group) > _CLOCKS.index(keeper_group):
             return
     bus.timekeeper = device, group
     bus.clock.name = f"nmea2000 {group}"
-    bus.clock.announce(told_ns, frame)
+    bus.clock.announce(source_ns, frame)
 
-
-_NO_ADDRESS = 254  # claimed by a device that found none free
-_MOST_NAMES = 512  # a bus has 252 addresses; more NAMEs than this are noise that looks like claims
 
 _LEADS_TO = {
     "latitude_deg": {"north_m", "east_m", "longitude_deg"},
@@ -248,11 +244,11 @@ _LEADS_TO = {
     "wind_angle_water_deg": {"wind_direction_deg", "wind_speed_mps"},
     "wind_speed_water_mps": {"wind_direction_deg", "wind_speed_mps"},
 }
-"""The channels that are derived from a quantity, besides its own."""
+"""The channels that are derived from a quantity, besides the one of its name."""
 
 
 class BusDevices:
-    """The devices of one bus, as configured and as heard; ``bus`` tells it apart from others of the same log."""
+    """The devices of one bus, as configured and as observed; ``bus`` distinguishes the buses of one log."""
 
     def __init__(self, configured: tuple[Device, ...], notices: Notices, bus: str = "") -> None:
         self.at_bus = f"@{safe_label(bus)}" if bus else ""
@@ -260,7 +256,12 @@ class BusDevices:
         self._by_iso_name = {device.iso_name: label for label, device in labels if device.iso_name is not None}
         self._by_address = {device.address: label for label, device in labels if device.address is not None}
         self._provides = {
-            label: _quantities(device.channels) for label, device in labels if device.channels is not None
+            label: {
+                *device.channels,
+                *(name for name, derived in _LEADS_TO.items() if derived & {*device.channels}),
+            }
+            for label, device in labels
+            if device.channels is not None
         }
         self._notices = notices
         self._name_at: dict[int, str] = {}
@@ -271,19 +272,19 @@ class BusDevices:
         """What the device that has this address now is called."""
         label = self._label_at.get(address)
         if label is None:
-            label = self._usual_label(address)
-            if label in self._label_of.values():  # whose it was has moved away, and nobody has claimed it since
+            label = self._default_label(address)
+            if label in self._label_of.values():  # its device has moved away, and the address is unclaimed since
                 label = f"{address}-unclaimed{self.at_bus}"
             self._label_at[address] = label
         return label
 
     def may_provide(self, label: str, quantity: str) -> bool:
-        """Whether the configuration wants this quantity from this device."""
+        """Whether the configuration takes this quantity from this device."""
         provides = self._provides.get(label)
         return provides is None or quantity in provides
 
     def claim(self, address: int, payload: bytes) -> bool:
-        """A device claims an address by its NAME, 8 bytes; tells whether the address changed hands."""
+        """A device claims an address by its NAME, 8 bytes; returns whether the address changed hands."""
         name = f"{int.from_bytes(payload, 'little'):016x}"
         former_address = next(
             (held_address for held_address, holder in self._name_at.items() if holder == name), None
@@ -314,24 +315,12 @@ class BusDevices:
         return former_label not in (None, label) or former_name is not None
 
     def _new_label(self, address: int, name: str) -> str:
-        """The label of a NAME that was never heard before."""
-        label = self._by_iso_name.get(name) or self._usual_label(address)
+        """The label of a NAME that is new on the bus."""
+        label = self._by_iso_name.get(name) or self._default_label(address)
         return name + self.at_bus if label in self._label_of.values() else label
 
-    def _usual_label(self, address: int) -> str:
+    def _default_label(self, address: int) -> str:
         return self._by_address.get(address, f"{address}{self.at_bus}")
-
-
-def _quantities(wanted: Sequence[str]) -> frozenset[str]:
-    """The quantities that can become one of these channels."""
-    return frozenset(wanted) | {name for name, channels in _LEADS_TO.items() if channels.intersection(wanted)}
-
-
-_LONGEST_GAP_NS = 750_000_000  # parts further apart than this belong to two messages
-_MOST_BEGUN_SINCE = 4  # a message of which parts are missing after so many others will never be whole
-_FIRST_PART_BYTES, _PART_BYTES = 6, 7
-LONGEST_BYTES = _FIRST_PART_BYTES + 31 * _PART_BYTES
-INCOMPLETE = "incomplete fast packet"
 
 
 @dataclass(slots=True)
@@ -352,7 +341,7 @@ class _Partial:
 
 @dataclass(slots=True)
 class _Stream:
-    """The messages of one group from one address. ``closed`` is the last number whose fate is known."""
+    """The messages of one group from one address. ``closed`` is the last number that was completed or refused."""
 
     begun: int = 0
     closed: int | None = None
@@ -367,7 +356,7 @@ class FastPackets:
         self._streams: dict[tuple[int, int], _Stream] = {}
 
     def push(self, address: int, group: int, part: bytes, monotonic_ns: int, shortest: int) -> bytes | None:
-        """The whole message if this part of 8 bytes was the last one missing.
+        """The complete message if this part of 8 bytes was the last one missing.
 
         ``shortest`` is the least length [bytes] that is possible for the group.
         """
@@ -375,13 +364,13 @@ class FastPackets:
         number, place = part[0] >> 5, part[0] & 0x1F
         data = part[1:] if place else part[2:]
         partial = stream.partials.get(number)
-        if partial is not None and _is_repeated(partial, place, data):
-            return None
+        if partial is not None and place == partial.last_place and partial.parts[place] == data:
+            return None  # the same part twice in a row, as when its acknowledgement was disturbed
         if partial is not None and not _continues(partial, place, part[1], monotonic_ns):
             self._drop(stream, number)
             partial = None
         if partial is None:
-            if place and number == stream.closed:  # a part of a message that is whole already
+            if place and number == stream.closed:  # a part of a message that is complete already
                 return None
             partial = self._begin(stream, number, monotonic_ns)
         if place == 0:
@@ -397,7 +386,7 @@ class FastPackets:
         return b"".join(partial.parts[index] for index in range(partial.places))[: partial.length]
 
     def forget(self, address: int) -> None:
-        """Another device has this address now: what the former one began will not be continued."""
+        """A new device has this address: what the former one began will not be continued."""
         for key in [key for key in self._streams if key[0] == address]:
             self._refused[INCOMPLETE] += len(self._streams.pop(key).partials)
 
@@ -415,13 +404,8 @@ class FastPackets:
         del stream.partials[number]
 
 
-def _is_repeated(partial: _Partial, place: int, data: bytes) -> bool:
-    """Whether the same part comes twice in a row, as it does when its acknowledgement was disturbed."""
-    return place == partial.last_place and partial.parts[place] == data
-
-
 def _continues(partial: _Partial, place: int, length: int, monotonic_ns: int) -> bool:
-    """Whether a part can belong to a message of which others have come; ``length`` is what a first part says."""
+    """Whether a part can belong to a message of which others have come; ``length`` is that in a first part."""
     if monotonic_ns - partial.last_ns > _LONGEST_GAP_NS or place in partial.parts:
         return False
     if place:

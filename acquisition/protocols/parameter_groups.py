@@ -1,17 +1,13 @@
-"""The parameter groups of NMEA 2000 that we listen to: where their fields are, and one reader function a group.
+"""The parameter groups of NMEA 2000 that we decode: where their fields are, and one reader function a group.
 
-Which of a ship's rudders and engines a message means is told by its instance: instances count from 0 in the order
-of her list, so that of a pair the port one is 0. No standard group tells the speed of a shaft, nor a propeller's
-pitch; those of engines and gearboxes stand for the speed where the reduction ratio is known.
+Which of a ship's rudders and engines a message means is given by its instance: instances count from 0 in the
+order of the ship's list, so that of a pair the port one is 0. No standard group has the speed of a shaft, nor a
+propeller's pitch; those of engines and gearboxes stand for the speed where the reduction ratio is known.
 
 Fields are named as in canboat's database and are in SI units and radians, positions in degrees. A field of a
-number keeps its three highest raw values to say "not available", "error" and nothing at all (reserved); lookups
-are given as they are.
-
-What parameter groups of NMEA 2000 and J1939 say of declared channels: any field of any group.
-
-Where a field is, a declaration says itself or canboat's database does, as the ``nmea2000`` library carries it. How
-it is read, and what is no value, is decided here.
+number keeps its three highest raw values for "not available", "error" and nothing at all (reserved); lookups are
+given as they are. Declared channels may be in any field of any group of NMEA 2000 and J1939: its place is in the
+declaration or in canboat's database, as the ``nmea2000`` library carries it.
 """
 
 from __future__ import annotations
@@ -25,7 +21,7 @@ from functools import cache
 from math import pi
 from typing import Any, NamedTuple
 
-from seatrial.acquisition.config.declarations import GroupField, complaints_about
+from seatrial.acquisition.config.declarations import GroupField, errors_about_channel
 from seatrial.acquisition.core.errors import ConfigurationError
 from seatrial.acquisition.core.quantities import DEG_PER_RAD, Linear
 from seatrial.acquisition.core.ship import Actuators, Channel, name_of_order, rudder_channels, rudders, shafts
@@ -41,12 +37,21 @@ NOT_AVAILABLE, ERROR_VALUE = "not available", "error value"
 Value = float | str
 """A number, or the reason why there is none."""
 _DAY_S = 86_400
-_WHOLE_TURN_RAD = 2 * pi + 1e-4  # a whole turn rounded up to the wire's step
+_FULL_TURN_RAD = 2 * pi + 1e-4  # rounded up to the wire's step
 _NO_FIX, _NO_FIX_ERROR = 0, 14
 _METHODS = range(1, 9)  # numbered as the fixes of GGA are
 _SATELLITE_METHODS = range(1, 6)  # above them dead reckoning, manual input, simulator and what is not defined yet
 _MEASURED_MODES = range(2)  # of 130577: autonomous and differential; above them estimated, simulated, manual
 Values = list[tuple[str, Value]]
+_NO_INSTANCE = 255
+_NEUTRAL, _REVERSE = 1, 2
+_BIT_RANGE = re.compile(r"(\d{1,4}):(\d{1,2})")
+_MOST_BITS = 8 * 223
+_NMEA2000_FROM = 0x1F000
+_PROPRIETARY = (0xEF00, range(0xFF00, 0x10000))
+_FAST = (0x1EF00, range(0x1FF00, 0x20000))
+_NUMBERS = frozenset({"NUMBER", "DURATION", "TIME", "DATE"})
+_CODES = frozenset({"LOOKUP", "INDIRECT_LOOKUP", "BITLOOKUP", "BINARY", "RESERVED"})
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,8 +75,10 @@ class Field:
         ones = (1 << self.bits) - 1
         highest = ones >> self.signed
         by_byte = self.j1939 and self.bits >= 8 and not self.signed
-        none = (0xFB << self.bits - 8, 0xFF << self.bits - 8) if by_byte else (highest - 2, highest)
-        for name, value in zip(("_ones", "_highest", "_reserved", "_absent"), (ones, highest, *none), strict=True):
+        limits = (0xFB << self.bits - 8, 0xFF << self.bits - 8) if by_byte else (highest - 2, highest)
+        for name, value in zip(
+            ("_ones", "_highest", "_reserved", "_absent"), (ones, highest, *limits), strict=True
+        ):
             object.__setattr__(self, name, value)
 
     def read(self, raw: int) -> Value:
@@ -95,8 +102,7 @@ class Message:
         self._bits = 8 * len(payload)
 
     def __getitem__(self, name: str) -> Value:
-        bit_field = self._fields[name]
-        return bit_field.read(self.raw) if bit_field.start + bit_field.bits <= self._bits else NOT_AVAILABLE
+        return self.read(self._fields[name])
 
     def read(self, bit_field: Field) -> Value:
         """A field's value, or the reason why there is none."""
@@ -171,10 +177,10 @@ SHORT_FRAMES = {127258: 6}
 
 
 class GroupReading(NamedTuple):
-    """What a message says to us.
+    """What a message reports.
 
-    ``meaning`` tells apart what one group may mean, ``instance`` which of several equal things it is about, ``fix``
-    and ``height_m`` are what a receiver says of its fix, as in :class:`seatrial.acquisition.core.trial.Fix`.
+    ``meaning`` distinguishes what one group may mean, ``instance`` is which of several equal things it is about,
+    ``fix`` and ``height_m`` are a receiver's report of its fix, as in :class:`seatrial.acquisition.core.trial.Fix`.
     """
 
     values: Iterable[tuple[str, Value]]
@@ -185,19 +191,13 @@ class GroupReading(NamedTuple):
     height_m: float | None = None
 
 
-def given(values: Values) -> Values:
+def available(values: Values) -> Values:
     """Without the values that are missing, where a device need not give them."""
     return [(name, value) for name, value in values if not isinstance(value, str)]
 
 
-def _together(values: Values) -> Values:
-    """Values of which one alone is of no use: all of them, or why there are none."""
-    missing: Values = [(name, value) for name, value in values if isinstance(value, str)]
-    return missing or values
-
-
 def group_time(message: Message) -> int | None:
-    """A message's date and time as ns since 1970; None if it does not say."""
+    """A message's date and time as ns since 1970; None if it does not state them."""
     days, seconds = message["date"], message["time"]
     if isinstance(days, str) or isinstance(seconds, str) or seconds >= _DAY_S + 1:  # a leap second is possible
         return None
@@ -206,7 +206,7 @@ def group_time(message: Message) -> int | None:
 
 def _heading(message: Message) -> GroupReading:
     reference, heading = message["reference"], message["heading"]
-    variation = given([("magnetic_variation_deg", message.degrees("variation"))])
+    variation = available([("magnetic_variation_deg", message.degrees("variation"))])
     if reference == 0:
         return GroupReading([("heading_deg", message.degrees("heading")), *variation])
     if reference != 1:
@@ -218,7 +218,7 @@ def _deviated_deg(heading: Value, deviation: Value) -> Value:
     """A compass heading with its deviation, within a turn unless the heading itself is beyond one [deg]."""
     if isinstance(heading, str):
         return heading
-    if isinstance(deviation, str) or heading > _WHOLE_TURN_RAD:
+    if isinstance(deviation, str) or heading > _FULL_TURN_RAD:
         return heading * DEG_PER_RAD
     if abs(deviation) > pi:
         return "impossible deviation"
@@ -226,7 +226,9 @@ def _deviated_deg(heading: Value, deviation: Value) -> Value:
 
 
 def _position(message: Message) -> GroupReading:
-    return GroupReading(_together([("latitude_deg", message["latitude"]), ("longitude_deg", message["longitude"])]))
+    """Both coordinates, or why there is none: one alone is of no use."""
+    position: Values = [("latitude_deg", message["latitude"]), ("longitude_deg", message["longitude"])]
+    return GroupReading([pair for pair in position if isinstance(pair[1], str)] or position)
 
 
 def _gnss_position(message: Message) -> GroupReading:
@@ -247,18 +249,6 @@ def _course_and_speed(message: Message) -> GroupReading:
     if course is None:
         course, value = "course_over_ground_deg", value if isinstance(value, str) else "course without a reference"
     return GroupReading([(course, value), ("speed_over_ground_mps", message["sog"])])
-
-
-def _direction_data(message: Message) -> GroupReading:
-    """Course and speed only: heading, set and drift are worked out by the device from what others said."""
-    quality = Quality.NOT_EVALUATED if message["dataMode"] in _MEASURED_MODES else Quality.SUSPECT
-    return GroupReading(_course_and_speed(message).values, quality=quality)
-
-
-def _speed_components(message: Message) -> GroupReading:
-    ground = ("surge_mps", "longitudinalSpeedGroundReferenced"), ("sway_mps", "transverseSpeedGroundReferenced")
-    water = given([("speed_through_water_mps", message["longitudinalSpeedWaterReferenced"])])
-    return GroupReading([*((name, message[field]) for name, field in ground), *water])
 
 
 _WINDS = {
@@ -292,14 +282,19 @@ READERS: dict[int, Reader] = {
     GNSS_POSITION: _gnss_position,
     TIME_AND_DATE: lambda message: GroupReading([]),
     130306: _wind,
-    130577: _direction_data,
-    130578: _speed_components,
+    # course and speed only: heading, set and drift are computed by the device from other devices' data
+    130577: lambda message: _course_and_speed(message)._replace(
+        quality=Quality.NOT_EVALUATED if message["dataMode"] in _MEASURED_MODES else Quality.SUSPECT
+    ),
+    130578: lambda message: GroupReading(
+        [
+            ("surge_mps", message["longitudinalSpeedGroundReferenced"]),
+            ("sway_mps", message["transverseSpeedGroundReferenced"]),
+            *available([("speed_through_water_mps", message["longitudinalSpeedWaterReferenced"])]),
+        ]
+    ),
 }
-"""The groups that we listen to on every ship; :func:`machinery_readers` adds those of her own actuators."""
-
-
-_NO_INSTANCE = 255
-_NEUTRAL, _REVERSE = 1, 2
+"""The groups that we decode on every ship; :func:`machinery_readers` adds those of its actuators."""
 
 
 def _instance(message: Message) -> int:
@@ -308,11 +303,11 @@ def _instance(message: Message) -> int:
 
 
 class _Rudders:
-    """127245: position and order. Of a single rudder the lowest instance that a device tells of is hers."""
+    """127245: position and order. A single rudder has the lowest instance that a device reports."""
 
     def __init__(self, actuators: Actuators) -> None:
         self._channels = rudder_channels(actuators)
-        self._tells_orders = bool(rudders(actuators))
+        self._has_orders = bool(rudders(actuators))
 
     def read(self, message: Message) -> GroupReading:
         number = _instance(message)
@@ -325,8 +320,8 @@ class _Rudders:
 
     def _values(self, channel: str, message: Message) -> Values:
         position: Values = [(channel, message.degrees("position"))]
-        order: Values = [(name_of_order(channel), message.degrees("angleOrder"))] if self._tells_orders else []
-        return [*given(position), *given(order)] or position
+        order: Values = [(name_of_order(channel), message.degrees("angleOrder"))] if self._has_orders else []
+        return [*available(position), *available(order)] or position
 
 
 class _Engines:
@@ -365,17 +360,8 @@ def machinery_readers(actuators: Actuators, reduction_ratios: Mapping[str, float
     return readers
 
 
-_BIT_RANGE = re.compile(r"(\d{1,4}):(\d{1,2})")
-_MOST_BITS = 8 * 223
-_NMEA2000_FROM = 0x1F000
-_PROPRIETARY = (0xEF00, range(0xFF00, 0x10000))
-_FAST = (0x1EF00, range(0x1FF00, 0x20000))
-_NUMBERS = frozenset({"NUMBER", "DURATION", "TIME", "DATE"})
-_CODES = frozenset({"LOOKUP", "INDIRECT_LOOKUP", "BITLOOKUP", "BINARY", "RESERVED"})
-
-
-class KnownField(NamedTuple):
-    """A field of canboat's database: where it is, and its unit where it has one."""
+class GroupFieldPlace(NamedTuple):
+    """A field of a group: where it is, and its unit where canboat's database has one."""
 
     field: Field
     unit: str | None
@@ -399,18 +385,22 @@ class _GroupChannel(NamedTuple):
 
 
 class DeclaredGroups(DeclaredReaders[int, _GroupChannel]):
-    """What groups say of declared channels, by their numbers.
+    """The declared channels in groups, by their numbers.
 
     ``shortest`` are the groups among them that come in several frames, with the least length [bytes] that holds
-    what is asked for. Raises :class:`ConfigurationError` for a field that is not known, and units that do not fit.
+    the declared fields. Raises :class:`ConfigurationError` for an unknown field and for units that do not fit.
     """
 
-    def __init__(self, wanted: Sequence[tuple[Channel, GroupField]]) -> None:
+    def __init__(self, declared: Sequence[tuple[Channel, GroupField]]) -> None:
         super().__init__()
         self.shortest: dict[int, int] = {}
-        for channel, origin in wanted:
-            with complaints_about(channel):
-                group_channel = _group_channel(channel, origin)
+        for channel, origin in declared:
+            with errors_about_channel(channel):
+                field, unit = _field(origin.field, origin)
+                fields = ((_field(name, origin).field, code) for name, code in origin.where.items())
+                # a code has no values that mean "not available"
+                where = tuple((Field(field.start, field.bits), code) for field, code in fields)
+                group_channel = _GroupChannel(channel, field, origin.step_to(channel, unit), where, origin.address)
             self.setdefault(origin.group, []).append(group_channel)
             if _is_fast(origin.group) and origin.group not in SHORTEST_BYTES:
                 last_bit = max(
@@ -429,18 +419,7 @@ class DeclaredGroups(DeclaredReaders[int, _GroupChannel]):
         return list(values.items())
 
 
-def _group_channel(channel: Channel, origin: GroupField) -> _GroupChannel:
-    field, unit = _field(origin.field, origin)
-    where = tuple((_code(_field(name, origin)[0]), code) for name, code in origin.where.items())
-    return _GroupChannel(channel, field, origin.step_to(channel, unit), where, origin.address)
-
-
-def _code(field: Field) -> Field:
-    """The field as a code, which has no values that mean "not available"."""
-    return Field(field.start, field.bits)
-
-
-def _field(name: str, origin: GroupField) -> KnownField:
+def _field(name: str, origin: GroupField) -> GroupFieldPlace:
     """A field by its place or by its name. Raises :class:`ConfigurationError` for neither."""
     if place := _BIT_RANGE.fullmatch(name):
         start, bits = int(place[1]), int(place[2])
@@ -448,7 +427,11 @@ def _field(name: str, origin: GroupField) -> KnownField:
             raise ConfigurationError(
                 f"group {origin.group} has no bits {name}", fix="write first bit:number of bits"
             )
-        return KnownField(Field(start, bits, origin.step, origin.signed, _follows_j1939(origin.group)), None)
+        # J1939's values for "no value" hold in all groups that are neither NMEA 2000's nor proprietary
+        proprietary, proprietary_range = _PROPRIETARY
+        is_proprietary = origin.group == proprietary or origin.group in proprietary_range
+        j1939 = origin.group < _NMEA2000_FROM and not is_proprietary
+        return GroupFieldPlace(Field(start, bits, origin.step, origin.signed, j1939), None)
     fields = canboat_fields(origin.group)
     if name not in fields:
         why = f"it has {', '.join(fields)}" if fields else "canboat's database does not tell of it, or of several"
@@ -461,15 +444,15 @@ LIBRARY = threading.Lock()
 """Held while the library's codec is used, of which a process has one: it raises when two threads meet in it."""
 
 
-def variants_of(group: int) -> Sequence[Any]:
-    """What canboat's database knows of a group: each of its variants; nothing of a group that it lacks."""
+def group_variants(group: int) -> Sequence[Any]:
+    """The variants of a group in canboat's database; none of a group that it lacks."""
     from nmea2000 import backend
 
     with LIBRARY:
         return list(backend.DATABASE.pgn_variants(group))
 
 
-def decoded(group: int, payload: bytes) -> Any:
+def decode_by_library(group: int, payload: bytes) -> Any:
     """A message as the library reads it, None of a group that canboat's database lacks."""
     from nmea2000 import backend
 
@@ -478,45 +461,32 @@ def decoded(group: int, payload: bytes) -> Any:
 
 
 @cache
-def canboat_fields(group: int) -> Mapping[str, KnownField]:
-    """The numbers and codes of a group by their names in canboat's database; none where it tells of several."""
-    variants = variants_of(group)
-    if len(variants) != 1:
-        return {}
-    return {
-        field.id: KnownField(_as_field(group, field), field.unit)
-        for field in variants[0].fields
-        if field.bit_offset is not None
-        and field.bit_length is not None
-        and not field.offset
-        and field.field_type in _NUMBERS | _CODES
-    }
-
-
-def _as_field(group: int, info: Any) -> Field:
-    step = info.resolution if info.field_type in _NUMBERS else None
-    return Field(info.bit_offset, info.bit_length, step, step is not None and _is_signed(group, info))
+def canboat_fields(group: int) -> Mapping[str, GroupFieldPlace]:
+    """The numbers and codes of a group by their names in canboat's database; none where it has several variants."""
+    variants = group_variants(group)
+    fields = {}
+    for info in variants[0].fields if len(variants) == 1 else ():
+        has_place = info.bit_offset is not None and info.bit_length is not None
+        if has_place and not info.offset and info.field_type in _NUMBERS | _CODES:
+            step = info.resolution if info.field_type in _NUMBERS else None
+            signed = step is not None and _is_signed(group, info)
+            fields[info.id] = GroupFieldPlace(Field(info.bit_offset, info.bit_length, step, signed), info.unit)
+    return fields
 
 
 def _is_signed(group: int, info: Any) -> bool:
     """Whether all ones are a value, one step below zero, and not the code for none: the library does not say."""
     ones = ((1 << info.bit_length) - 1) << info.bit_offset
-    message = decoded(group, ones.to_bytes(max(-(-ones.bit_length() // 8), 8), "little"))
+    message = decode_by_library(group, ones.to_bytes(max(-(-ones.bit_length() // 8), 8), "little"))
     raw = {field.id: field.raw_value for field in message.fields}[info.id] if message else None
     return isinstance(raw, int | float) and raw < 0
 
 
 @cache
 def _is_fast(group: int) -> bool:
-    """Whether a group comes in several frames: by its number where that tells, else by canboat's database."""
-    single, several = _PROPRIETARY, _FAST
-    if group == several[0] or group in several[1]:
+    """Whether a group comes in several frames: by its number where that decides, else by canboat's database."""
+    if group == _FAST[0] or group in _FAST[1]:
         return True
-    if group < _NMEA2000_FROM or group == single[0]:
+    if group < _NMEA2000_FROM or group == _PROPRIETARY[0]:
         return False
-    return any(variant.packet_type == "Fast" for variant in variants_of(group))
-
-
-def _follows_j1939(group: int) -> bool:
-    """Whether what is no value is J1939's: of all groups that are neither NMEA 2000's nor a maker's own."""
-    return group < _NMEA2000_FROM and group != _PROPRIETARY[0] and group not in _PROPRIETARY[1]
+    return any(variant.packet_type == "Fast" for variant in group_variants(group))

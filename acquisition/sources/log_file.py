@@ -40,15 +40,15 @@ from can.io import blf
 
 from seatrial.acquisition.config.sources import FileSource
 from seatrial.acquisition.core.process import LOG_BYTES
-from seatrial.acquisition.core.times import YEAR_LAST, Order, Stamp, date_order
+from seatrial.acquisition.core.times import DAY_NS, YEAR_LAST, Order, Stamp, date_order
 from seatrial.acquisition.core.trial import HIGHEST_IDENTIFIER, NANO, Frame, FrameFlag, iso, now_ns
-from seatrial.acquisition.protocols.clock import DAY_NS, StatedTimes, is_possible, rolled_over_ns, utc_ns
-from seatrial.acquisition.protocols.mavlink import LONGEST_BYTES, extent, header_of, is_signed, is_sound
+from seatrial.acquisition.protocols.clock import StatedTimes, correct_week_rollover, is_possible, utc_ns
+from seatrial.acquisition.protocols.mavlink import LONGEST_BYTES, header_of, is_signed, is_sound, packet_length
 from seatrial.acquisition.protocols.nmea0183 import (
     Fields,
     SentenceReading,
     has_sentence,
-    readers,
+    motion_readers,
     sentences_in,
     split_sentence,
     split_tag,
@@ -420,7 +420,7 @@ _LATEST_NS = 4_102_444_800 * NANO  # 2100; what is later is broken
 _SLACK_NS = NANO  # by so much a clock that comes round may go back without having come round
 _MANY = 100  # entries at one and the same time: the gateway's clock stands still
 _AGREED_NS = 2 * NANO  # the bus tells whole seconds, late
-_TELL_TIME = {kind: read for kind, read in readers("ground").items() if kind in ("ZDA", "RMC")}
+_TELL_TIME = {kind: read for kind, read in motion_readers("ground").items() if kind in ("ZDA", "RMC")}
 
 
 class LogClock:
@@ -545,7 +545,7 @@ def _possible_ns(time_ns: int | None) -> int | None:
     """A time that can be true, or that a receiver means whose weeks have rolled over; None for others."""
     if time_ns is None or is_possible(time_ns):
         return time_ns
-    return rolled_over_ns(time_ns, now_ns()[0])
+    return correct_week_rollover(time_ns, now_ns()[0])
 
 
 def _is_rolled_over(entry: LogEntry) -> bool:
@@ -601,7 +601,7 @@ def entry_end(data: bytes, at: int) -> int | None:
     if time_at(data, at) is None:
         return None
     packet = at + _TIME_BYTES
-    length = extent(data, packet)
+    length = packet_length(data, packet)
     end = packet + length
     if length == 0 or end > len(data):
         return None
@@ -716,7 +716,7 @@ class TelemetryLog(LogReader):
 
 def _stated_utc_ns(packet: bytes) -> int | None:
     """The UTC that an intact SYSTEM_TIME states [ns since 1970]; None of all others."""
-    if not packet or extent(packet, 0) != len(packet) or not is_sound(packet):
+    if not packet or packet_length(packet, 0) != len(packet) or not is_sound(packet):
         return None
     if header_of(packet).message_id != _SYSTEM_TIME:
         return None

@@ -32,17 +32,15 @@ from functools import partial
 from itertools import chain
 from typing import BinaryIO, NamedTuple
 
-from seatrial.acquisition.core.times import Order, Stamp
+from seatrial.acquisition.core.times import DAY_NS, Order, Stamp, time_of_day_ns
 from seatrial.acquisition.core.trial import HIGHEST_IDENTIFIER, NANO, FrameFlag, Protocol, can_flags
 from seatrial.acquisition.protocols.clock import (
-    DAY_NS,
-    SENTENCE_BEHIND,
+    SENTENCE_WITH_PREFIX,
     ZONE,
     StatedTimes,
-    day_ns,
     is_possible,
     possible_ns,
-    zoned_ns,
+    zoned_time_ns,
 )
 from seatrial.acquisition.protocols.nmea0183 import (
     checksum,
@@ -180,7 +178,7 @@ def _candump_time_ns(text: str) -> int | None:
     """Seconds, or a date and time, in this machine's zone (as of candump) if it has none; None for others."""
     if "-" in text:
         match = _DATE_TIME.fullmatch(text)
-        return None if match is None else zoned_ns(match[1], match[2], match[3], match[4], None)
+        return None if match is None else zoned_time_ns(match[1], match[2], match[3], match[4], None)
     seconds, _, fraction = text.partition(".")
     if not seconds.isdigit() or (fraction and not fraction.isdigit()) or len(seconds) > 10:
         return None
@@ -197,7 +195,7 @@ _CANBOAT = _pattern(
 def _canboat(match: re.Match[str]) -> LogEntry | None:
     """Where it has more than 8 bytes canboat has put it together; one of 8 may be part of a longer message."""
     data = bytes.fromhex(match["data"].replace(",", ""))
-    time_ns = zoned_ns(match["date"], match["clock"], match["fraction"], match["zone"], dt.UTC)
+    time_ns = zoned_time_ns(match["date"], match["clock"], match["fraction"], match["zone"], dt.UTC)
     if time_ns is None or len(data) != int(match["length"]):
         return None
     return message(_header(match), data, time_ns, assembled=len(data) > 8)
@@ -211,7 +209,7 @@ _YACHT_DEVICES = _pattern(
 
 def _yacht_devices(match: re.Match[str]) -> LogEntry | None:
     """``17:33:21.107 R 19F51323 01 2F 30 70 00 2F 30 70``, and of some devices without time and direction."""
-    time_ns = day_ns(match["clock"], match["fraction"]) if match["clock"] else None
+    time_ns = time_of_day_ns(match["clock"], match["fraction"]) if match["clock"] else None
     number = int(match["id"], 16)
     if number > HIGHEST_IDENTIFIER or (match["clock"] and time_ns is None):
         return None
@@ -227,7 +225,7 @@ _N2K_ASCII = _pattern(
 
 def _n2k_ascii(match: re.Match[str]) -> LogEntry | None:
     """``A173321.107 23FF7 1F513 012F3070002F30709F``: whole messages of an Actisense gateway."""
-    time_ns = day_ns(match["clock"], match["fraction"]) if match["clock"] else None
+    time_ns = time_of_day_ns(match["clock"], match["fraction"]) if match["clock"] else None
     if match["clock"] and time_ns is None:
         return None
     return message(_header(match, 16), bytes.fromhex(match["data"]), time_ns, DAY_NS)
@@ -316,7 +314,7 @@ def _garmin(match: re.Match[str]) -> LogEntry | None:
     if len(numbers) > 1:
         month, day, year, hour, minute, second, milli = map(int, numbers)
         clock = f"{hour:02d}:{minute:02d}:{second:02d}"
-        time_ns = zoned_ns(f"{year:04d}-{month:02d}-{day:02d}", clock, f"{milli % 1000:03d}", None, dt.UTC)
+        time_ns = zoned_time_ns(f"{year:04d}-{month:02d}-{day:02d}", clock, f"{milli % 1000:03d}", None, dt.UTC)
     return None if time_ns is None else message(_header(match), data, time_ns)
 
 
@@ -436,7 +434,7 @@ class LineReader:
         """What stands behind a time or a name that a logger wrote before it."""
         if text[:1] in _COMMENTS:
             return None
-        if match := SENTENCE_BEHIND.fullmatch(text):
+        if match := SENTENCE_WITH_PREFIX.fullmatch(text):
             inner = match["inner"].removesuffix('"') if match["before"].endswith('"') else match["inner"]
             return _at(self._sentence(inner), self.times.read(match["before"]))
         match = next(filter(None, (pattern.fullmatch(text) for pattern in _ENVELOPES)), None)

@@ -40,10 +40,10 @@ from seatrial.acquisition.core.quantities import (
     DEGREES_AND_MINUTES,
     Bools,
     Floats,
-    along,
     from_degrees_and_minutes,
     scale_to,
     to_ship,
+    velocity_components,
 )
 from seatrial.acquisition.core.ship import (
     Actuator,
@@ -51,11 +51,11 @@ from seatrial.acquisition.core.ship import (
     Channel,
     Declared,
     are_angles,
+    channels_with_declared,
     declared_text,
     find_channel,
     in_turn,
     unwrap,
-    with_declared,
     wrap_360,
 )
 from seatrial.acquisition.tables.column_names import plain_letters
@@ -70,7 +70,7 @@ from seatrial.acquisition.tables.time_columns import TimeColumn, TimedRows, reso
 
 def _of_any_ship(name: str, info: ValidationInfo) -> str:
     declared = (info.context or {}).get("declared", ())
-    return name if find_channel(name, with_declared(declared)) else check_channel(name, declared=declared)
+    return name if find_channel(name, channels_with_declared(declared)) else check_channel(name, declared=declared)
 
 
 AnyChannel = Annotated[str, AfterValidator(_of_any_ship)]
@@ -234,7 +234,7 @@ def column_map_of(text: str, path: Path | str) -> tuple[ColumnMap, Declared]:
     declared = tuple(
         declaration.channel for declaration in ship.declared if declaration.channel.group == "declared"
     )
-    channels = with_declared(declared)
+    channels = channels_with_declared(declared)
     for name, column in loaded.channels.items():
         if complaint := _complaint(channels[name], column):
             line = line_of(text, ["channels", name, "unit"])
@@ -317,7 +317,7 @@ def apply_column_map(raw: RawTable, columns: ColumnMap, map_path: Path | str, de
         index, dropped = asked.drop_unreadable(timed, columns)
     dropped |= {"twice of one variable and time": duplicates} if duplicates else {}
     trial = columns.trial.as_trial(columns.conditions, columns.instruments, columns.particulars)
-    trial, channels = replace(trial, channels=declared_text(declared)), with_declared(declared)
+    trial, channels = replace(trial, channels=declared_text(declared)), channels_with_declared(declared)
     result = TableFile(pd.DataFrame(index=index), trial, dropped=dropped, remarks=timed.remarks)
     for name, entry in columns.channels.items():
         if entry.column is None:
@@ -502,7 +502,7 @@ def true_wind(
 
 _REACH_S = 1.5  # as long as the recorder believes a heading or a speed
 _LEAST_NEIGHBOURS = 1
-_along = np.vectorize(along, otypes=[float, float])
+_along = np.vectorize(velocity_components, otypes=[float, float])
 
 
 def derive(table: pd.DataFrame, names: Sequence[str]) -> dict[str, str]:

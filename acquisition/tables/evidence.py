@@ -26,9 +26,9 @@ from seatrial.acquisition.core.quantities import (
     Bools,
     Complexes,
     Floats,
+    conversion_to,
     from_degrees_and_minutes,
     scale_to,
-    to_house,
 )
 from seatrial.acquisition.core.ship import BY_NAME, Channel, unwrap, wrap_360
 from seatrial.acquisition.tables.column_names import (
@@ -576,7 +576,7 @@ def measures(quantity: Quantity, unit: str) -> bool:
     if quantity.name in ("shaft", "engine_rpm", "rudder", "value") and unit == "percent":
         return True
     try:
-        to_house(quantity.unit or "1", unit)
+        conversion_to(quantity.unit or "1", unit)
     except ConfigurationError:
         return False
     return True

@@ -20,7 +20,7 @@ from seatrial.acquisition.core.conventions import (
     HeadingConvention,
     HeadingVerdict,
     conventions_of_course,
-    drift_of,
+    drift_angle,
     judge_axes,
     judge_heading,
 )
@@ -273,7 +273,7 @@ def _exchanged(context: Known, moves: Complexes) -> float | None:
     if abs(longitude) > 0.5 * np.pi:
         return 1.0
     turned = moves.imag / np.cos(latitude) + 1j * moves.real * np.cos(longitude)
-    return drift_of(turned, mean_angle(context, context.series["heading_deg"])).variance
+    return drift_angle(turned, mean_angle(context, context.series["heading_deg"])).variance
 
 
 def _has_hemispheres(context: Known, convention: HeadingConvention) -> bool:
@@ -313,7 +313,7 @@ def _judge_straight_course(context: Known, moves: Complexes) -> None:
     fast = float(np.nanmedian(np.abs(moves) / np.diff(context.grid))) > _FASTEST_DRIFT_MPS
     column = context.channels["heading_deg"]["column"]
     if fast and (likely := conventions_of_course(moves, heading)):
-        drift_deg = drift_of(moves, heading).mean_deg
+        drift_deg = drift_angle(moves, heading).mean_deg
         words = " or ".join(convention.words for convention in likely)
         side = "starboard" if drift_deg > 0.0 else "port"
         text = (
@@ -384,7 +384,7 @@ def read_earth_velocity(context: Known) -> None:
     unit = unit or asked(context.draft, "unit.speed", f"in which unit is {columns[0].column!r}?", SPEED.units[:3])
     if unit is None:
         return
-    residual, as_ship = (f"{np.sqrt(fits[name].left):.1%}" for name in (axes, "ship"))
+    residual, as_ship = (f"{np.sqrt(fits[name].residual):.1%}" for name in (axes, "ship"))
     why = f"{residual} of the way is left over, {as_ship} as surge and sway"
     _take_velocity(context, columns if axes == "north_east" else columns[::-1], unit, why)
     names = " and ".join(repr(candidate.column) for candidate in columns)

@@ -279,7 +279,9 @@ def _missing(file: TableFile) -> tuple[str, ...]:
     trial, columns = file.trial, file.table.columns
     is_known = is_ship_known(trial.vessel, trial.actuators)
     return tuple(
-        name for name in required_names(from_text(trial.actuators), columns, known=is_known) if name not in columns
+        name
+        for name in required_names(from_text(trial.actuators), columns, ship_is_known=is_known)
+        if name not in columns
     )
 
 

@@ -200,7 +200,9 @@ def _complete(context: Known, ship: Actuators, *, ship_is_known: bool) -> None:
             del draft.tree["apparent_wind"]
     draft.tree["channels"] = context.channels
     states_ship = ship_is_known or "actuator" in draft.tree
-    draft.tree["absent"] = [name for name in required_names(ship, has, known=states_ship) if name not in has]
+    draft.tree["absent"] = [
+        name for name in required_names(ship, has, ship_is_known=states_ship) if name not in has
+    ]
     _declare(context)
 
 

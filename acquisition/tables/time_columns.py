@@ -36,8 +36,8 @@ from seatrial.acquisition.core.times import (
     date_order,
     find_stamp,
     gps_ahead_s,
-    is_of_several,
-    offset_s,
+    is_ambiguous_zone,
+    zone_offset_s,
 )
 from seatrial.acquisition.core.trial import NANO
 from seatrial.acquisition.tables.table_files import RawTable, parse_numbers
@@ -569,9 +569,9 @@ def known_zone(zone: str) -> str:
     >>> known_zone("UTC+02:00"), known_zone("CEST"), known_zone("Europe/Oslo")
     ('UTC+02:00', 'CEST', 'Europe/Oslo')
     """
-    if zone == GPS or zone in available_timezones() or offset_s(zone) is not None:
+    if zone == GPS or zone in available_timezones() or zone_offset_s(zone) is not None:
         return zone
-    why = "stands for several time zones" if is_of_several(zone) else "is no time zone"
+    why = "stands for several time zones" if is_ambiguous_zone(zone) else "is no time zone"
     raise ValueError(f"{why}; write UTC, an offset like +02:00, GPS, or a name like Europe/Oslo")
 
 
@@ -586,7 +586,7 @@ def to_utc(local_ns: Ints, zone: str) -> tuple[Ints, str]:
         return local_ns - NANO * np.array(
             [gps_ahead_s(instant_ns) for instant_ns in local_ns.tolist()], dtype=np.int64
         ), ""
-    ahead_s = offset_s(zone)
+    ahead_s = zone_offset_s(zone)
     if ahead_s is not None and zone not in available_timezones():
         return local_ns - ahead_s * NANO, ""
     summer, winter = (_utc_ns(local_ns, zone, fold) for fold in (0, 1))

@@ -17,7 +17,15 @@ import numpy as np
 import pandas as pd
 
 from seatrial.acquisition.core.errors import ConfigurationError, InputError
-from seatrial.acquisition.core.times import ORDERS, YEAR_LAST, Order, Stamp, date_order, is_of_several, offset_s
+from seatrial.acquisition.core.times import (
+    ORDERS,
+    YEAR_LAST,
+    Order,
+    Stamp,
+    date_order,
+    is_ambiguous_zone,
+    zone_offset_s,
+)
 from seatrial.acquisition.tables.column_names import TIME_WORDS, words_of
 from seatrial.acquisition.tables.evidence import ColumnCandidate, Draft
 from seatrial.acquisition.tables.time_columns import (
@@ -360,7 +368,7 @@ def _zone(draft: Draft, column: str, entry: Mapping[str, Any], several: str) -> 
     name = f"{column} {draft.raw.units.get(column, '')} {entry.get('date', '')}"
     words = set(words_of(name))
     stated = GPS if entry["format"] == GPS_WEEK else _zone_in(name)
-    if "zone" not in draft.answers and not several and not is_of_several(stated) and stated:
+    if "zone" not in draft.answers and not several and not is_ambiguous_zone(stated) and stated:
         if stated == GPS:
             draft.warnings.append(
                 f"{column!r} is taken for GPS time, which is ahead of UTC by the leap seconds, 18 s since 2017;"
@@ -399,7 +407,7 @@ def _zones_beside(draft: Draft) -> tuple[str, tuple[str, ...]]:
 
 
 def _is_zone(text: str) -> bool:
-    return text in available_timezones() or offset_s(text) is not None
+    return text in available_timezones() or zone_offset_s(text) is not None
 
 
 def _zone_in(name: str) -> str:
@@ -415,7 +423,7 @@ def _zone_in(name: str) -> str:
     if words & _UTC_WORDS:
         return "UTC"
     for word in re.findall(r"(?<![A-Za-z])[A-Z]{3,4}(?![A-Za-z])", name):
-        if offset_s(word) is not None or is_of_several(word):
+        if zone_offset_s(word) is not None or is_ambiguous_zone(word):
             return str(word)
     is_gps = words & _GPS_WORDS or ("gps" in words and set(words_of(name)) <= TIME_WORDS | {"gps"})
     return GPS if is_gps else ""

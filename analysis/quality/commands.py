@@ -14,7 +14,7 @@ import numpy as np
 import pandas as pd
 
 from seatrial.acquisition.core.quantities import Bools, Floats, Ints
-from seatrial.acquisition.core.ship import BY_NAME, KINDS, Actuator, kind_of_control, part_of_control, unwrap
+from seatrial.acquisition.core.ship import BY_NAME, KINDS, Actuator, control_of_channel, kind_of_control, unwrap
 from seatrial.acquisition.core.trial import Quality
 from seatrial.analysis.quality.findings import CheckResult, Finding, mark, uniform_flags
 from seatrial.analysis.series import (
@@ -106,7 +106,7 @@ def order_ramps(table: pd.DataFrame, name: str, series: Samples) -> Ramps:
     """
     value = unwrap(series.value) if BY_NAME[name].circular else series.value
     ramps = straight_ramps(series.time_s, value)
-    slowest = _SLOWEST_DRIVE_PER_S.get(part_of_control(name, table_actuators(table)), _SLOWEST_OTHER_PER_S)
+    slowest = _SLOWEST_DRIVE_PER_S.get(control_of_channel(name, table_actuators(table)), _SLOWEST_OTHER_PER_S)
     telling = (np.abs(ramps.slope_per_s) < slowest) & ~_is_drive_limit(ramps.slope_per_s)
     long_s = ramps.seconds[telling & (ramps.seconds >= _LONG_S)]
     is_interpolated = long_s.size >= 3 or bool((long_s >= _VERY_LONG_S).any())

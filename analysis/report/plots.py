@@ -34,9 +34,9 @@ from seatrial.acquisition.core.ship import (
     Channel,
     channel_by_rule,
     control_names,
+    control_of_channel,
     known_channels,
     name_of_order,
-    part_of_control,
     unwrap,
     wrap_180,
     wraps_of,
@@ -430,7 +430,7 @@ def control_groups(actuators: Actuators) -> dict[str, list[str]]:
               "tunnel thruster": shafts, "pitch": "pitch [%]"}  # fmt: skip
     groups: dict[str, list[str]] = {title: [] for title in titles.values()}
     for name in control_names(actuators):
-        groups[titles[part_of_control(name, actuators)]].append(name)
+        groups[titles[control_of_channel(name, actuators)]].append(name)
     return {title: names for title, names in groups.items() if names}
 
 

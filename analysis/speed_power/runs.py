@@ -21,7 +21,7 @@ import pandas as pd
 
 from seatrial.acquisition.config.run_sheet import Conditions
 from seatrial.acquisition.core.errors import InputError
-from seatrial.acquisition.core.quantities import Floats, Linear, to_house
+from seatrial.acquisition.core.quantities import Floats, Linear, conversion_to
 from seatrial.acquisition.core.result import Number
 from seatrial.acquisition.core.ship import POSE_AND_VELOCITY, RUDDER, circular_mean, wrap_360
 from seatrial.acquisition.tables.column_names import headed
@@ -435,7 +435,7 @@ def _numbers(table: pd.DataFrame, column: _Column, quantity: str) -> Floats:
             f"column {column.name!r} holds {str(bad[0])!r}", fix="write a number, with a decimal point"
         )
     minutes = kind.unit == "s" and column.unit == "min"
-    scale = Linear(60.0) if minutes else to_house(kind.unit, column.unit)
+    scale = Linear(60.0) if minutes else conversion_to(kind.unit, column.unit)
     converted = scale.scale * values + scale.offset
     beyond = np.flatnonzero((converted < kind.low) | (converted > kind.high))
     if beyond.size:

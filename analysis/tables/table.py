@@ -129,7 +129,7 @@ def required_channels(table: pd.DataFrame) -> tuple[str, ...]:
     """The channels that a table has to have: motion, wind, and the controls of the ship that its trial names."""
     trial = table.attrs.get("trial") or {}
     ship_is_known = is_ship_known(trial.get("vessel") or "", trial.get("actuators") or "")
-    return required_names(table_actuators(table), table.columns, known=ship_is_known)
+    return required_names(table_actuators(table), table.columns, ship_is_known=ship_is_known)
 
 
 def table_controls(table: pd.DataFrame) -> tuple[str, ...]:

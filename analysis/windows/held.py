@@ -57,10 +57,10 @@ from seatrial.acquisition.core.ship import (
     POSE_AND_VELOCITY,
     Actuators,
     control_names,
+    control_of_channel,
     difference,
     from_text,
     is_circular,
-    part_of_control,
     trial_names,
     unwrap,
 )
@@ -439,7 +439,7 @@ def sort_of(name: str, actuators: Actuators) -> Sort:
 
     Raises :class:`KeyError` for a channel that is no control of the ship.
     """
-    sort: Sort = part_of_control(name, actuators).removesuffix(" thruster")  # type: ignore[assignment]
+    sort: Sort = control_of_channel(name, actuators).removesuffix(" thruster")  # type: ignore[assignment]
     return sort
 
 

@@ -29,10 +29,10 @@ from seatrial.acquisition.core.errors import ConfigurationError, InputError, Pro
 from seatrial.acquisition.core.files import make_folder, parse_json, read_regular, write_bytes, written_together
 from seatrial.acquisition.core.named_code import (
     OwnCodeError,
-    absolute,
+    absolute_name,
     digest_of,
+    file_and_name,
     file_of,
-    in_file,
     own_code,
     require_call,
 )
@@ -298,7 +298,7 @@ _SIDECAR, _HEAD = TypeAdapter(Sidecar), TypeAdapter(_Head)
 
 def model_of(calibrator: Calibrator, tensors: Mapping[str, Floats]) -> CalibratorDescription:
     """A calibrator's description; the scaling comes from its ``tensors`` if they contain one."""
-    method = absolute(calibrator.method)
+    method = absolute_name(calibrator.method)
     return CalibratorDescription(
         method,
         calibrator.seed,
@@ -360,7 +360,7 @@ def _with_code(model: CalibratorDescription, method: str | None, path: Path) -> 
     A calibrator from elsewhere could otherwise run what it brings along.
     """
     if method is None:
-        if in_file(model.method) is None:
+        if file_and_name(model.method) is None:
             return model
         raise InputError(
             "needs code of your own, which runs only if you name it", where=str(path),
@@ -371,7 +371,7 @@ def _with_code(model: CalibratorDescription, method: str | None, path: Path) -> 
     if not model.code_sha256 and method != model.method:
         raise InputError(f"is of the method {_short(model.method)}, not {method}", where=str(path),
                          fix="leave --method out, or give the folder of that calibrator")  # fmt: skip
-    return replace(model, method=absolute(method))
+    return replace(model, method=absolute_name(method))
 
 
 def read_bytes(path: Path) -> bytes:

@@ -13,10 +13,10 @@ from seatrial.acquisition.core.conventions import (
     HEADINGS,
     HeadingConvention,
     conventions_of_course,
-    drift_of,
+    drift_angle,
     judge_axes,
     judge_heading,
-    turned_deg,
+    total_turn_deg,
 )
 from seatrial.acquisition.core.quantities import Complexes, Floats, scale_to
 
@@ -88,7 +88,7 @@ def test_moves_that_are_missing_do_not_count() -> None:
     moves[::3] = np.nan
     heading[1::7] = np.nan
     assert judge_heading(moves, {"deg": heading}).convention is CLOCKWISE
-    assert drift_of(np.full(5, np.nan + 0j), np.zeros(5)).variance == 1.0
+    assert drift_angle(np.full(5, np.nan + 0j), np.zeros(5)).variance == 1.0
 
 
 def test_a_position_that_jumps_by_a_hundred_miles_changes_nothing() -> None:
@@ -114,9 +114,9 @@ def test_a_ship_adrift_and_a_stream_that_veer_alike_tell_nothing(ratio: float) -
 
 def test_turns_are_swings_and_no_noise() -> None:
     noise = np.random.default_rng(0).normal(0.0, 1.0, 500)
-    assert turned_deg(noise) == 0.0
-    assert turned_deg(np.array([0.0, 20.0, 0.0, 20.0])) == 60.0
-    assert turned_deg(np.array([])) == 0.0
+    assert total_turn_deg(noise) == 0.0
+    assert total_turn_deg(np.array([0.0, 20.0, 0.0, 20.0])) == 60.0
+    assert total_turn_deg(np.array([])) == 0.0
 
 
 def speeds_in_each(moves: Complexes, heading: Floats, recorded: Complexes) -> dict[str, Complexes]:

@@ -23,7 +23,7 @@ from scipy.io import loadmat, netcdf_file
 import seatrial as st
 from seatrial.acquisition.config.trial_file import TrialConfig, load_config, parse_config
 from seatrial.acquisition.core.errors import ConfigurationError, InputError
-from seatrial.acquisition.core.quantities import ending_of, to_house
+from seatrial.acquisition.core.quantities import conversion_to, ending_of
 from seatrial.acquisition.core.ship import (
     DEFAULT,
     actuators_of,
@@ -676,10 +676,10 @@ def test_a_name_ends_in_its_unit(unit: str, ending: str) -> None:
 
 
 def test_units_have_zeros_and_sizes() -> None:
-    assert to_house("degC", "degF").apply(212.0) == pytest.approx(100.0)
-    assert to_house("hPa", "bar").apply(1.013) == pytest.approx(1013.0)
-    assert to_house("l/h", "m3/s").invert(3600.0) == pytest.approx(0.001)
-    assert to_house("mg/l", "mg/l").apply(nan) is not None
+    assert conversion_to("degC", "degF").apply(212.0) == pytest.approx(100.0)
+    assert conversion_to("hPa", "bar").apply(1.013) == pytest.approx(1013.0)
+    assert conversion_to("l/h", "m3/s").invert(3600.0) == pytest.approx(0.001)
+    assert conversion_to("mg/l", "mg/l").apply(nan) is not None
 
 
 def test_the_example_names_only_what_its_sources_can_carry() -> None:

@@ -13,11 +13,11 @@ from hypothesis import strategies as st
 from seatrial.acquisition.config.sources import Mounting
 from seatrial.acquisition.core.quantities import (
     TangentPlane,
-    along,
     apparent_wind,
     to_earth,
     to_ship,
     velocity_at_reference,
+    velocity_components,
     wind_over_ground,
 )
 from seatrial.acquisition.core.ship import difference
@@ -276,7 +276,7 @@ def test_numbers_that_are_none_are_counted() -> None:
 
 def test_along_and_phase_agree() -> None:
     for turn in range(12):
-        assert complex(*along(30.0 * turn, 2.0)) == pytest.approx(2.0 * cmath.exp(1j * pi * turn / 6))
+        assert complex(*velocity_components(30.0 * turn, 2.0)) == pytest.approx(2.0 * cmath.exp(1j * pi * turn / 6))
 
 
 IMPOSSIBLE = [

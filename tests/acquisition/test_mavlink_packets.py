@@ -87,7 +87,7 @@ def broken(pieces: list[bytes], damaged: Collection[int], generator: random.Rand
 
 def good(data: Iterable[bytes]) -> list[bytes]:
     """What a cutter makes of pieces of a stream, without the faults."""
-    cutter = PacketCutter(whole=False)
+    cutter = PacketCutter(complete=False)
     return [piece for received in data for piece in cutter.push(received) if not isinstance(piece, Fault)]
 
 
@@ -129,7 +129,7 @@ def test_a_cut_off_datagram_does_not_hold_back_the_next() -> None:
 
 @pytest.mark.parametrize("rubbish", [b"\xfd", b"\xfe", b"\xfd\xff\x01", b"\xfe\xff", b"\x00", b"\xfe\x09\x1e"])
 def test_endless_rubbish_needs_no_memory(rubbish: bytes) -> None:
-    cutter = PacketCutter(whole=False)
+    cutter = PacketCutter(complete=False)
     for _ in range(100):
         cutter.push(rubbish * 100)
         assert len(cutter._pending) <= 2 * LONGEST_BYTES

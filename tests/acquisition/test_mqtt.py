@@ -27,7 +27,7 @@ from seatrial.acquisition.logger.pipeline import Recorder, health_of
 from seatrial.acquisition.logger.processing import FrameProcessor
 from seatrial.acquisition.logger.record import record
 from seatrial.acquisition.logger.survey import redecode, survey_of, why_missing
-from seatrial.acquisition.protocols.mqtt import told
+from seatrial.acquisition.protocols.mqtt import format_time
 from seatrial.acquisition.protocols.nmea0183 import sentence
 from seatrial.acquisition.recording.messages import RAW_PREFIX
 from seatrial.acquisition.recording.parts import RecordingParts
@@ -70,7 +70,7 @@ def message(topic: str, text: str, number: int = 0, flags: FrameFlag = FrameFlag
 
 
 def at(number: float) -> str:
-    return told(START_NS + round(number * 1e9))
+    return format_time(START_NS + round(number * 1e9))
 
 
 def recorded(folder: Path, config: TrialConfig, frames: list[Frame]) -> tuple[Recording, dict[str, int]]:

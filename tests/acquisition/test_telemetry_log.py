@@ -48,7 +48,7 @@ def frames_of(path: Path) -> list[Frame]:
 
 def sound_packets(frames: list[Frame]) -> list[bytes]:
     """What a decoder would take from the frames, and its count of the rest."""
-    cutter = PacketCutter(whole=True)
+    cutter = PacketCutter(complete=True)
     pieces = [piece for frame in frames for piece in cutter.push(frame.payload)]
     return [piece for piece in pieces if not isinstance(piece, Fault)]
 

@@ -233,4 +233,4 @@ def test_a_receiver_whose_weeks_have_rolled_over_gives_its_date_and_this_is_said
 )
 def test_a_receiver_that_does_not_know_the_date_has_not_rolled_over(date: dt.date) -> None:
     later_ns = clock.utc_ns(dt.date(2026, 11, 28), 0.0)
-    assert clock.rolled_over_ns(clock.utc_ns(date, 5.0), later_ns) is None
+    assert clock.correct_week_rollover(clock.utc_ns(date, 5.0), later_ns) is None

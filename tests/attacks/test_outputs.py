@@ -17,7 +17,7 @@ from typing import Any
 
 import pytest
 
-from seatrial.acquisition.core.files import LOCK
+from seatrial.acquisition.core.files import LOCK_NAME
 from tests.attacks import commands, interruptions
 from tests.attacks.commands import PATIENCE_S, ROOT, run_seatrial
 from tests.attacks.interruptions import (
@@ -842,7 +842,7 @@ def test_second_batch_on_a_folder_is_refused_and_the_first_is_as_alone(inputs: P
     run_seatrial("batch", "in", "-o", "alone", *quick, cwd=tmp_path).done()
     first = commands.start([sys.executable, "-m", "seatrial", "batch", "in", "-o", "out", *quick], cwd=tmp_path)
     until = time.monotonic() + PATIENCE_S
-    while not (tmp_path / "out" / LOCK).exists():
+    while not (tmp_path / "out" / LOCK_NAME).exists():
         assert time.monotonic() < until
         time.sleep(0.05)
     for other in (("batch", "in", "-o", "out", *quick, "--stride", "9"), ("check", "in/0.mcap", "-o", "out")):
@@ -864,7 +864,10 @@ def test_batch_killed_with_its_workers_is_resumed_as_never_killed(
     quick = ("--workers", "1", "--no-smooth", "--no-pictures")
     first = commands.start([sys.executable, "-m", "seatrial", "batch", "in", "-o", "out", *quick], cwd=tmp_path)
     until = time.monotonic() + PATIENCE_S
-    while not (tmp_path / "out" / LOCK).exists() or len(list((tmp_path / "out").glob("*/summary.json"))) < results:
+    while (
+        not (tmp_path / "out" / LOCK_NAME).exists()
+        or len(list((tmp_path / "out").glob("*/summary.json"))) < results
+    ):
         assert time.monotonic() < until
         time.sleep(0.02)
     os.killpg(first.pid, signal.SIGKILL)

@@ -23,7 +23,7 @@ from safetensors.numpy import load_file
 from safetensors.numpy import save as save_tensors
 
 import seatrial as st
-from seatrial.acquisition.core.errors import InputError, SeatrialError, unexpected
+from seatrial.acquisition.core.errors import InputError, SeatrialError, unexpected_error
 from tests.attacks.commands import run, run_seatrial
 from tests.conftest import Command, Done, Simulated
 
@@ -86,7 +86,7 @@ def test_unexpected_error_names_the_line_of_seatrial_that_raised_it() -> None:
 
     with pytest.raises(AttributeError) as raised:
         ending_of(None)  # type: ignore[arg-type]
-    assert "seatrial.acquisition.core.quantities, line " in str(unexpected(raised.value))
+    assert "seatrial.acquisition.core.quantities, line " in str(unexpected_error(raised.value))
 
 
 # Files that name code

@@ -23,7 +23,7 @@ from paho.mqtt.enums import CallbackAPIVersion
 
 from seatrial.acquisition.config.sources import MqttSource
 from seatrial.acquisition.config.trial_file import load_config
-from seatrial.acquisition.protocols.mqtt import told
+from seatrial.acquisition.protocols.mqtt import format_time
 from seatrial.acquisition.protocols.nmea0183 import sentence
 from seatrial.acquisition.recording.reader import Recording, read_recording
 from tests.acquisition.conftest import Broker, open_sources, wait_for
@@ -46,7 +46,7 @@ class Publisher:
         self._client.loop_start()
 
     def send(self, number: int) -> None:
-        now, place, turn = told(time.time_ns()), number % SENTENCES_SHARE, number // SENTENCES_SHARE
+        now, place, turn = format_time(time.time_ns()), number % SENTENCES_SHARE, number // SENTENCES_SHARE
         if place == 0:
             clock = now[11:-1].replace(":", "")
             body = f"GPGGA,{clock},6326.{turn % 10_000:04d},N,01024.0,E,4,12,0.6,0.0,M,0.0,M,,"

@@ -18,7 +18,7 @@ with atheris.instrument_imports(include=["acquisition"]):
         MavlinkField,
         SentenceField,
         Transducer,
-        carried_by,
+        select_origins,
     )
     from seatrial.acquisition.config.trial_file import TrialConfig, parse_config
     from seatrial.acquisition.core.ship import channels_known_to
@@ -47,10 +47,10 @@ def config_of(source: str, channels: list[str]) -> TrialConfig:
 DECLARED = config_of(next(iter(SOURCES)), []).declared
 NAMES = [each.channel.name for each in DECLARED]
 CONFIGS = [
-    config_of(source, [name for name in NAMES if carried_by(DECLARED, [name], kinds)])
+    config_of(source, [name for name in NAMES if select_origins(DECLARED, [name], kinds)])
     for source, kinds in SOURCES.items()
 ]
-CARRIED = carried_by(DECLARED, NAMES, (GroupField, MavlinkField))
+CARRIED = select_origins(DECLARED, NAMES, (GroupField, MavlinkField))
 GROUPS = sorted({origin.group for _, origin in CARRIED if isinstance(origin, GroupField)})
 MESSAGES = sorted({origin.message for _, origin in CARRIED if isinstance(origin, MavlinkField)})
 KINDS = {each.msgname: each for each in dialect.mavlink_map.values()}

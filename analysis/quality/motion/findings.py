@@ -724,7 +724,7 @@ def axes_finding(table: pd.DataFrame) -> Finding | None:
     axes, fits = judge_axes(_moves(position, grid), _travelled(speed.time_s, velocities, grid))
     if axes in ("", "ship"):
         return None
-    unexplained, as_ship = (float(np.sqrt(fits[name].left)) for name in (axes, "ship"))
+    unexplained, as_ship = (float(np.sqrt(fits[name].residual)) for name in (axes, "ship"))
     text = (
         f"Surge and sway are speeds {AXES[axes]}: {unexplained:.1%} of the way by the positions is left over by"
         f" them, and {as_ship:.1%} along the ship"
