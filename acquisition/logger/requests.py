@@ -419,7 +419,7 @@ def _follows(part: Tail, before: Tail) -> bool:
     """Whether a part goes on where another ended: the same recording and, as far as they tell, the same clock."""
     if part.metadata.get("part", {}).get("follows") != before.path.name:
         return False
-    return not PartClock.of(part.metadata).is_another_than(PartClock.of(before.metadata))
+    return not PartClock.of(part.metadata).was_set_since(PartClock.of(before.metadata))
 
 
 MOST_CLIENTS = 16
