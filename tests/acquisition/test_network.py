@@ -67,7 +67,7 @@ def test_frames_that_the_system_drops_are_counted_and_the_others_stamped_when_th
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """Of a bus behind a socket, which nobody reads for a while."""
-    monkeypatch.setattr(lines, "_BUFFER_BYTES", 8192)
+    monkeypatch.setattr(lines, "_BUS_BUFFER_BYTES", 8192)
     port = free_port()
     source = can_by_multicast(port)
     source.open()
