@@ -95,10 +95,10 @@ class Picture:
     def __rich_console__(self, console: Console, options: ConsoleOptions) -> Iterator[RenderableType]:
         health, now_ns = self.health, time.monotonic_ns()
         paused = ("■ PAUSED, NOTHING IS WRITTEN ", "bold white on red")
-        elapsed = (_clock((now_ns - health.started_ns) // NANO), "bold")
+        elapsed = (_clock_text((now_ns - health.started_ns) // NANO), "bold")
         state = paused if health.trouble else ("● REC ", "bold red")
         yield _line(state, elapsed, f"  {health.samples:,} samples  {health.part}")
-        yield _second_line(health, self.marks)
+        yield _status_line(health, self.marks)
         alarms = (_line((f"ALARM {text}", "bold white on red")) for text in tuple(health.alarms.values()))
         remarks = [*_clock_and_copies(health), *alarms]
         yield from remarks
@@ -115,12 +115,12 @@ def _line(*parts: str | tuple[str, str]) -> Text:
     return Text.assemble(*printable(parts), no_wrap=True, overflow="ellipsis")
 
 
-def _second_line(health: Health, marks: Mapping[str, str] | None) -> Text:
+def _status_line(health: Health, marks: Mapping[str, str] | None) -> Text:
     if health.trouble:
         return _line((health.trouble, "bold red"))
     keys = ", ".join([*(f"{key} {text}" for key, text in (marks or {}).items()), "m a mark"])
     return _line(
-        _disk(health),
+        _disk_text(health),
         ("" if marks is None else f"  Ctrl-C ends; {keys}", "dim"),
         (f"  {health.marks} mark{'' if health.marks == 1 else 's'}", "dim"),
     )
@@ -138,7 +138,7 @@ def _clock_and_copies(health: Health) -> Iterator[Text]:
         yield _line(*parts)
 
 
-def _disk(health: Health) -> tuple[str, str]:
+def _disk_text(health: Health) -> tuple[str, str]:
     if health.free_bytes is None:
         return "disk ?", "yellow"
     text, remaining_s = f"disk {health.free_bytes / 1e9:.1f} GB left", health.seconds_left
@@ -160,7 +160,7 @@ def _duration_text(seconds: float) -> str:
     return f"{days} d {hours} h" if days else f"{hours} h {minutes} min"
 
 
-def _clock(seconds: int) -> str:
+def _clock_text(seconds: int) -> str:
     return f"{seconds // 3600:d}:{seconds // 60 % 60:02d}:{seconds % 60:02d}"
 
 
@@ -223,7 +223,7 @@ def summary(health: Health, paths: Sequence[Path]) -> str:
     name = paths[0].name if len(paths) == 1 else f"{paths[0].name} and {len(paths) - 1} more parts"
     ended_ns = time.monotonic_ns() if health.ended_ns is None else health.ended_ns
     return (
-        f"{name}: {_clock((ended_ns - health.started_ns) // NANO)}, {frames:,} frames, "
+        f"{name}: {_clock_text((ended_ns - health.started_ns) // NANO)}, {frames:,} frames, "
         f"{health.samples:,} samples, {received} of {len(health.names)} channels, {dropped:,} dropped"
     )
 

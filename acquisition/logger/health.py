@@ -208,14 +208,14 @@ def chrony_error_s(report: str) -> float | None:
 
 def timesyncd_error_s(message: str) -> float | None:
     """The bound by timesyncd's last answer: root dispersion, half the root delay, and the jitter since [s]."""
-    parts = [_seconds(message, name) for name in ("RootDelay", "RootDispersion", "Jitter")]
+    parts = [_parse_seconds(message, name) for name in ("RootDelay", "RootDispersion", "Jitter")]
     if None in parts:
         return None
     delay, dispersion, jitter = (part or 0.0 for part in parts)
     return delay / 2 + dispersion + jitter
 
 
-def _seconds(message: str, name: str) -> float | None:
+def _parse_seconds(message: str, name: str) -> float | None:
     match = re.search(rf"\b{name}=((?:[\d.]+[a-zµ]* ?)+)", message)
     if match is None:
         return None

@@ -159,15 +159,15 @@ class Maintenance:
 
         One that has failed is not reported until it is back.
         """
-        fallen_silent, never_heard, gaps_s = list[str](), list[str](), dict[str, float]()
+        fallen_silent, never_sent, gaps_s = list[str](), list[str](), dict[str, float]()
         for source in self._health.sources.values():
             silent = source.is_silent(now) and now - self._health.started_ns > SILENT_NS
             if silent and source.name not in self._silent and source.failed_ns is None:
                 self._silent[source.name] = source.last_ns or self._health.started_ns
-                (fallen_silent if source.frames else never_heard).append(source.name)
+                (fallen_silent if source.frames else never_sent).append(source.name)
             elif not silent and source.state == "open" and source.name in self._silent:
                 gaps_s[source.name] = ((source.last_ns or now) - self._silent.pop(source.name)) / 1e9
-        self._note_sources(never_heard, "has said nothing yet", "have said nothing yet")
+        self._note_sources(never_sent, "has said nothing yet", "have said nothing yet")
         self._note_sources(fallen_silent, "has fallen silent", "have fallen silent")
         gap = f"{max(gaps_s.values(), default=0.0):.1f} s"
         self._note_sources(list(gaps_s), f"is heard again after {gap}", f"are heard again after up to {gap}")
@@ -300,7 +300,7 @@ class Copies:
         current = None if self._parts.paused else self._parts.path
         try:
             require_mounted(self._mount)
-            sizes = {path: path.stat().st_size for path in self._recorded()}
+            sizes = {path: path.stat().st_size for path in self._recorded_parts()}
             finished = [path for path, size in sizes.items()
                         if path != current and (everything or self._sizes.get(path) == size)]  # fmt: skip
             self._sizes = sizes
@@ -321,7 +321,7 @@ class Copies:
             self.state.trouble = ""
             self._parts.tell("warning", f"copies to {self._target} go on; nothing is missing there")
 
-    def _recorded(self) -> list[Path]:
+    def _recorded_parts(self) -> list[Path]:
         """The parts of the trial in the folder, also those that a file system gave another name."""
         present = parts_in(self._folder, self._trial)
         return [*present, *(path for path in self._parts.paths if path not in present and path.exists())]

@@ -164,7 +164,7 @@ class Recorder:
         """The recorder's thread: everything behind the inbox, until the sources stopped and it is empty."""
         try:
             self.tell("info", "recording started")
-            self._drain()
+            self._record_until_end()
             self.tell("info", "recording stopped")
             self._note_texts()
             self._parts.sync()
@@ -172,13 +172,13 @@ class Recorder:
             self._failure = error
             self._stopping.set()
 
-    def _drain(self) -> None:
+    def _record_until_end(self) -> None:
         maintenance = Maintenance(self._config.recording, self._parts, self.health, self._scale, self._note)
         failures = 0
         while True:
             finished = self._all_received.is_set()
             try:
-                if self._turn(maintenance, finished):
+                if self._record_waiting(maintenance, finished):
                     return
                 failures = 0
             except Exception as error:  # nothing but the user ends a recording
@@ -188,7 +188,7 @@ class Recorder:
                 self._report("the recorder", error)
                 time.sleep(_POLL_S)
 
-    def _turn(self, maintenance: Maintenance, finished: bool) -> bool:
+    def _record_waiting(self, maintenance: Maintenance, finished: bool) -> bool:
         """Record what waits, and do what is due by the clock; whether that was the last."""
         if finished and self._parts.paused:
             self._parts.resume()  # the last chance to keep what waits
@@ -372,7 +372,7 @@ class Receiver:
             try:
                 frames = self.source.read(POLL_S)
             except Exception as error:  # the other sources go on
-                self._failed(as_source_error(self.source, error))
+                self._note_failure(as_source_error(self.source, error))
                 self.close()
                 continue
             if frames is None:
@@ -381,11 +381,11 @@ class Receiver:
             while self._senders is not None and self._senders.news:
                 level, text = self._senders.news.popleft()
                 self._tell(level, f"{self._health.name}: {text}")
-            frames = self._marked(frames, began_s, time.monotonic())
+            frames = self._mark_delayed(frames, began_s, time.monotonic())
             if frames:
                 self._pass_on(frames)
             if self._health.failed_ns is not None and (frames or time.monotonic() - self._opened_s > _SETTLED_S):
-                self._back(self._health.failed_ns)
+                self._report_return(self._health.failed_ns)
             if self.source.lost > self._lost_before:
                 self._count_lost(self.source.loss, self.source.lost - self._lost_before)
                 self._lost_before = self.source.lost
@@ -393,7 +393,7 @@ class Receiver:
             self._report_losses(template)
         self.close()
 
-    def _marked(self, frames: list[Frame], began_s: float, ended_s: float) -> list[Frame]:
+    def _mark_delayed(self, frames: list[Frame], began_s: float, ended_s: float) -> list[Frame]:
         """The frames, marked if they waited while the recorder stood still, or while it catches up after that.
 
         A read that took longer than it may, or began long after the one before, shows that it stood still.
@@ -428,7 +428,7 @@ class Receiver:
             self.source.open()
         except Exception as error:  # drivers raise what they like
             self.open_error = as_source_error(self.source, error)
-            self._failed(self.open_error)
+            self._note_failure(self.open_error)
             return
         self._health.state, self._opened_s = "open", time.monotonic()
         self._ended_s = self._opened_s
@@ -436,7 +436,7 @@ class Receiver:
         if remark := getattr(self.source, "remark", ""):
             self._tell("warning", f"{self._health.name}: {remark}")
 
-    def _back(self, failed_ns: int) -> None:
+    def _report_return(self, failed_ns: int) -> None:
         """The source works again: it sends, or stays open; some can be opened and fail at once."""
         gap_s = (time.monotonic_ns() - failed_ns) / 1e9
         self._tell("warning", f"source {self.source.name!r} is back after {gap_s:.1f} s")
@@ -484,7 +484,7 @@ class Receiver:
     def _report_losses(self, template: str) -> None:
         self._tell("error", f"{self._health.name}: {template.format(self._unreported.pop(template))}")
 
-    def _failed(self, error: SourceError) -> None:
+    def _note_failure(self, error: SourceError) -> None:
         if self._health.failed_ns is None:
             self._health.failed_ns = time.monotonic_ns()
             self._tell("error", str(error))

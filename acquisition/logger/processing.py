@@ -392,12 +392,12 @@ class Selector:
             return False, None
         holder = self._holders.get(sample.quantity)
         if holder is None:
-            if sample.quantity == self._anywhere and self._waits(sample, rank):
+            if sample.quantity == self._anywhere and self._must_wait(sample, rank):
                 return False, None
             self._holders[sample.quantity] = _Holder(sample, rank)
             return True, None
         pair = holder.sample.source, sample.source
-        if pair[0] == pair[1] or self._continues(holder, sample):
+        if pair[0] == pair[1] or self._is_same_receiver(holder, sample):
             holder.sample, holder.rank, holder.interval_ns = sample, rank, holder.since(sample)
             return True, None
         if rank < holder.rank or sample.monotonic_ns - holder.sample.monotonic_ns > self._patience_ns:
@@ -406,7 +406,7 @@ class Selector:
             return True, None if _share_receiver(*pair) and pair not in self._rivals else handover
         return False, None
 
-    def _waits(self, sample: Sample, rank: Rank) -> bool:
+    def _must_wait(self, sample: Sample, rank: Rank) -> bool:
         """Whether a line or device that is listed before the sample's may yet send."""
         *_, line, device, _ = rank
         best_line = self._first_line[sample.quantity]
@@ -417,7 +417,7 @@ class Selector:
             self._since_ns = sample.monotonic_ns
         return is_expected and sample.monotonic_ns - self._since_ns <= SILENT_NS
 
-    def _continues(self, holder: _Holder, sample: Sample) -> bool:
+    def _is_same_receiver(self, holder: _Holder, sample: Sample) -> bool:
         """Whether the holder continues under another talker: in turn, and never concurrently with the former."""
         pair = holder.sample.source, sample.source
         messages = [label_parts(source)[2] for source in pair]
@@ -504,16 +504,16 @@ class Derivation:
 
     def channels(self, group: Group) -> tuple[list[Sample], int]:
         """The channel samples in a group, angles wrapped, and how many values no channel can hold."""
-        valid, impossible = _possible(group, self._limits)
+        valid, impossible = _drop_impossible(group, self._limits)
         stated = _DERIVED_FROM.intersection([sample.quantity for sample in valid])
         if stated:
-            valid, impossible_derived = _possible(self._derive(valid, stated), self._limits)
+            valid, impossible_derived = _drop_impossible(self._derive(valid, stated), self._limits)
             impossible += impossible_derived
         return [sample for sample in valid if sample.quantity in self._channels], impossible
 
     def _derive(self, group: Group, stated: frozenset[str]) -> list[Sample]:
         """The group's samples, corrected for their mounting, and what follows from what they have ``stated``."""
-        mounting = self._mountings.get(_line(group[0]), _UNCORRECTED)
+        mounting = self._mountings.get(_line_of(group[0]), _UNCORRECTED)
         corrected = group if mounting is _UNCORRECTED else self._correct_headings(group, mounting)
         quantities = {sample.quantity: sample for sample in corrected}
         if not stated.isdisjoint(_COMPASS):
@@ -533,9 +533,9 @@ class Derivation:
             self._variation_deg = group["magnetic_variation_deg"].value
         heading, magnetic = group.get("heading_deg"), group.get("heading_magnetic_deg")
         if heading is None and magnetic is not None and self._variation_deg is not None:
-            heading = _derived(magnetic, "heading_deg", (magnetic.value + self._variation_deg) % 360.0)
+            heading = _derived_sample(magnetic, "heading_deg", (magnetic.value + self._variation_deg) % 360.0)
         if heading is not None:
-            group["heading_deg"] = self._headings[_line(heading)] = heading
+            group["heading_deg"] = self._headings[_line_of(heading)] = heading
 
     def _correct_headings(self, group: Group, mounting: Mounting) -> Iterator[Sample]:
         """The samples, headings and bow-relative wind angles corrected for how their sensors are mounted."""
@@ -546,11 +546,11 @@ class Derivation:
             elif sample.quantity.startswith("wind_angle_"):
                 turn_deg = mounting.wind_angle_deg
             turned_deg = (sample.value + turn_deg) % 360.0
-            yield sample if turn_deg == 0.0 else _derived(sample, sample.quantity, turned_deg)
+            yield sample if turn_deg == 0.0 else _derived_sample(sample, sample.quantity, turned_deg)
 
     def _heading_deg(self, sample: Sample) -> float | None:
         """The true heading when ``sample`` came: the line's own or else the ship's, carried on by the yaw rate."""
-        for heading in (self._headings.get(_line(sample)), self._ship.get("heading_deg")):
+        for heading in (self._headings.get(_line_of(sample)), self._ship.get("heading_deg")):
             if heading is None:
                 continue
             age_ns = sample.monotonic_ns - heading.monotonic_ns
@@ -574,7 +574,7 @@ class Derivation:
         yaw_rate_dps = self._ship_value("yaw_rate_dps", next(iter(velocity.values())))
         shift = velocity_at_reference(0.0, 0.0, yaw_rate_dps or 0.0, mounting.forward_m, mounting.starboard_m)
         moved = {
-            name: _derived(velocity[name], name, velocity[name].value + metres_per_second)
+            name: _derived_sample(velocity[name], name, velocity[name].value + metres_per_second)
             for name, metres_per_second in zip(("surge_mps", "sway_mps"), shift, strict=True)
             if name in velocity
         }
@@ -590,7 +590,9 @@ class Derivation:
             return {}
         sample, north, east = ground_velocity
         surge, sway = map(float, to_ship(north, east, radians(heading_deg)))
-        return {name: _derived(sample, name, speed) for name, speed in (("surge_mps", surge), ("sway_mps", sway))}
+        return {
+            name: _derived_sample(sample, name, speed) for name, speed in (("surge_mps", surge), ("sway_mps", sway))
+        }
 
     def _over_ground(self, group: Quantities) -> tuple[Sample, float, float] | None:
         """Velocity to north and east, as told or from course and speed."""
@@ -615,7 +617,7 @@ class Derivation:
             # no origin are fixes by a simulator or dead reckoning, and 0, 0, which receivers send before a fix
             is_valid = latitude.quality in (Quality.GOOD, Quality.NOT_EVALUATED)
             is_valid = is_valid and (latitude.value, longitude.value) != (0.0, 0.0)
-            if _line(latitude) not in self._positions_from or not is_valid:
+            if _line_of(latitude) not in self._positions_from or not is_valid:
                 return
             self._plane = TangentPlane(latitude.value, longitude.value)
         north, east = self._plane.north_east_m(latitude.value, longitude.value)
@@ -625,14 +627,14 @@ class Derivation:
                 return
             antenna = to_earth(mounting.forward_m, mounting.starboard_m, radians(heading_deg))
             north, east = north - float(antenna[0]), east - float(antenna[1])
-        yield _derived(latitude, "north_m", north)
-        yield _derived(latitude, "east_m", east)
+        yield _derived_sample(latitude, "north_m", north)
+        yield _derived_sample(latitude, "east_m", east)
 
     def _wind(self, group: Quantities) -> Iterator[Sample]:
         """Wind over ground from true north, from whatever reference the instrument has."""
         magnetic = group.get("wind_direction_magnetic_deg")
         if magnetic is not None and self._variation_deg is not None:
-            yield _derived(magnetic, "wind_direction_deg", (magnetic.value + self._variation_deg) % 360.0)
+            yield _derived_sample(magnetic, "wind_direction_deg", (magnetic.value + self._variation_deg) % 360.0)
         for kind, angle_name, speed_name in _BOW_WIND_NAMES:
             angle, speed = group.get(angle_name), group.get(speed_name)
             if angle is None or speed is None:
@@ -642,8 +644,8 @@ class Derivation:
                 yield speed._replace(quantity="apparent_wind_speed_mps")
             wind = self._over_ground_wind(kind, angle, speed.value)
             if wind is not None:
-                yield _derived(angle, "wind_direction_deg", wind[0])
-                yield _derived(angle, "wind_speed_mps", wind[1])
+                yield _derived_sample(angle, "wind_direction_deg", wind[0])
+                yield _derived_sample(angle, "wind_speed_mps", wind[1])
 
     def _over_ground_wind(self, kind: str, angle: Sample, speed_mps: float) -> tuple[float, float] | None:
         heading_deg = self._heading_deg(angle)
@@ -663,7 +665,7 @@ class Derivation:
         return wind_over_ground(felt_deg, felt_mps, surge, sway, heading_deg)
 
 
-def _possible(samples: Group, limits: Mapping[str, Channel]) -> tuple[Group, int]:
+def _drop_impossible(samples: Group, limits: Mapping[str, Channel]) -> tuple[Group, int]:
     """The samples that can be true, angles within their turn, and how many cannot.
 
     Where one of a pair is impossible the other is not accepted either: what comes of both, and the direction of
@@ -683,10 +685,10 @@ def _possible(samples: Group, limits: Mapping[str, Channel]) -> tuple[Group, int
     return possible, len(samples) - len(possible)
 
 
-def _derived(sample: Sample, quantity: str, value: float) -> Sample:
+def _derived_sample(sample: Sample, quantity: str, value: float) -> Sample:
     source = sample.source if sample.source.endswith(" derived") else f"{sample.source} derived"
     return Sample(quantity, value, source, *sample[3:])  # as _replace() would, in half the time
 
 
-def _line(sample: Sample) -> str:
+def _line_of(sample: Sample) -> str:
     return sample.source.partition("/")[0]

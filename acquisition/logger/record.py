@@ -108,21 +108,19 @@ def _record_live(
         server = RequestServer(
             recorder.mark, lambda: _recorder_state(config, recorder.health, parts), recorder.predictions
         )
-        _enter_optional(stack, server, recorder)
+        _try_enter(stack, server, recorder)
         if live or config.live is not None:
             view = LiveView(config.live or LiveSection(), config.trial)
-            if _enter_optional(stack, view, recorder):
+            if _try_enter(stack, view, recorder):
                 parts.listeners.append(view.publish)
                 LOG.info("live view at %s", view.address)
         picture = Picture(recorder.health, config.expected_channels, config.marks)
         if config.status is not None:
             shown = StatusPage(config.status, replace(picture, marks=None), config.trial.name)
-            if _enter_optional(stack, shown, recorder):
+            if _try_enter(stack, shown, recorder):
                 LOG.info("status page at %s", shown.address)
-        _enter_optional(
-            stack, Alarms(config.alarms, recorder.health, partial(recorder.tell, name="alarm")), recorder
-        )
-        _enter_optional(stack, _display(picture, recorder), recorder)
+        _try_enter(stack, Alarms(config.alarms, recorder.health, partial(recorder.tell, name="alarm")), recorder)
+        _try_enter(stack, _display(picture, recorder), recorder)
         LOG.info("recording to %s", parts.path)
         notify("READY=1")
         _wait(recorder, stop, duration_s)
@@ -172,7 +170,7 @@ def _wait(recorder: Recorder, stop: threading.Event, duration_s: float | None) -
             return
 
 
-def _enter_optional(stack: ExitStack, extra: AbstractContextManager[object], recorder: Recorder) -> bool:
+def _try_enter(stack: ExitStack, extra: AbstractContextManager[object], recorder: Recorder) -> bool:
     """Enter what a recording can do without; where it is unavailable, report it and record all the same."""
     try:
         stack.enter_context(extra)

@@ -163,7 +163,7 @@ class RequestServer:
         text, at_ns, now_ns = message["text"], message["monotonic_ns"], time.monotonic_ns()
         if not isinstance(text, str) or type(at_ns) is not int:
             raise TypeError("no mark")
-        self._mark(_writable(text), at_ns if abs(at_ns - now_ns) <= _LARGEST_OFFSET_NS else now_ns)
+        self._mark(_mark_text(text), at_ns if abs(at_ns - now_ns) <= _LARGEST_OFFSET_NS else now_ns)
         return b"ok"
 
     def _serve(self) -> None:
@@ -252,7 +252,7 @@ def ask(path: Path, message: bytes, patience_s: float = PATIENCE_S) -> bytes | N
     return None
 
 
-def _writable(text: str) -> str:
+def _mark_text(text: str) -> str:
     """As much of a text as a mark holds; halves of letters, which no file takes, become question marks."""
     return text[:_MOST_LETTERS].encode(errors="replace").decode()
 
@@ -262,7 +262,7 @@ def send_mark(text: str, folder: Path | None = None) -> int:
 
     Raises :class:`SourceError` when none does.
     """
-    mark = {"text": _writable(text), "monotonic_ns": time.monotonic_ns()}
+    mark = {"text": _mark_text(text), "monotonic_ns": time.monotonic_ns()}
     message = json.dumps(mark, ensure_ascii=False).encode()
     marked = sum(ask(path, message) == b"ok" for path in servers(folder))
     if not marked:

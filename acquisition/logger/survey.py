@@ -274,7 +274,7 @@ class Survey(FrameProcessor):
             products = self._products[frame.origin]
             payload = products.push(int(address), group, frame.payload, frame.monotonic_ns, _PRODUCT_BYTES)
         if group in (ADDRESS_CLAIM, PRODUCT_INFORMATION) and payload is not None:
-            self.devices.setdefault((frame.origin, address), {}).update(_identity(group, payload))
+            self.devices.setdefault((frame.origin, address), {}).update(_device_identity(group, payload))
 
 
 def _sentence_kind(line: str, payload: bytes) -> TrafficKind:
@@ -337,7 +337,7 @@ def name_of_group(group: int) -> str:
     return names.pop() if len(names) == 1 else ""
 
 
-def _identity(group: int, payload: bytes) -> dict[str, Any]:
+def _device_identity(group: int, payload: bytes) -> dict[str, Any]:
     """What a claim of an address, or a product's information, states of a device."""
     message = decoded(group, payload)
     values = {} if message is None else {entry.id: entry.value for entry in message.fields}

@@ -216,11 +216,13 @@ def _sort_samples(batch: Batch, topics: Mapping[int, Topic], counts: Mapping[int
         begin, span = ends[index] - sizes[index], slice(borders[index], borders[index + 1])
         measured_ns, received_ns, value, quality = (column[begin : ends[index]] for column in columns)
         numbers = measured_ns, received_ns, value.view(np.float64), quality
-        series_by_topic[topic] = _series(*numbers, [str(source) for source in sources[span]], rows[span] - begin)
+        series_by_topic[topic] = _make_series(
+            *numbers, [str(source) for source in sources[span]], rows[span] - begin
+        )
     return series_by_topic
 
 
-def _series(
+def _make_series(
     measured_ns: Ints, received_ns: Ints, value: Floats, quality: NDArray[np.uint8], sources: list[str], rows: Ints
 ) -> Series:
     """Samples of one topic; each of ``sources`` is theirs from the one at its place in ``rows`` on."""
@@ -255,5 +257,5 @@ def _decode_samples(batch: Batch, topics: Mapping[int, Topic]) -> dict[str, Seri
         measured_ns, received_ns, value, quality, source = zip(*rows, strict=True)
         numbers = np.array(measured_ns, np.int64), np.array(received_ns, np.int64), np.array(value)
         qualities = np.frombuffer(bytes(quality), np.uint8)
-        series_by_topic[topic] = _series(*numbers, qualities, list(source), np.arange(len(rows)))
+        series_by_topic[topic] = _make_series(*numbers, qualities, list(source), np.arange(len(rows)))
     return series_by_topic

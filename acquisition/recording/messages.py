@@ -90,7 +90,7 @@ class Topic(NamedTuple):
     @property
     def has_fixed_places(self) -> bool:
         """Whether the numbers of its messages, samples, lie where :func:`encode_sample` puts them, or may."""
-        return self.encoding == ENCODING and _fields(self.name, self.schema) == _fields(self.name, b"")
+        return self.encoding == ENCODING and _field_layout(self.name, self.schema) == _field_layout(self.name, b"")
 
 
 def decode(topic: Topic, data: bytes) -> dict[str, Any]:
@@ -121,7 +121,7 @@ def _message_class_in(name: str, schema: bytes) -> Any:
 
 
 @lru_cache(maxsize=256)
-def _fields(name: str, schema: bytes) -> set[tuple[str, int, int]]:
+def _field_layout(name: str, schema: bytes) -> set[tuple[str, int, int]]:
     return {(entry.name, entry.number, entry.type) for entry in _message_class_in(name, schema).DESCRIPTOR.fields}
 
 

@@ -126,7 +126,9 @@ class RecordingParts(MessageSink):
                 listener(topic, data, log_ns)
             except Exception as error:  # a viewer's server must not cost the recording
                 self.listeners.remove(listener)
-                self.tell("error", f"a listener to the recording failed and gets nothing more: {_reason(error)}")
+                self.tell(
+                    "error", f"a listener to the recording failed and gets nothing more: {_reason_text(error)}"
+                )
 
     def write_trial(self, trial: Trial) -> None:
         self._trial = trial
@@ -146,7 +148,7 @@ class RecordingParts(MessageSink):
     def sync(self) -> None:
         """Make the disk keep what there is."""
         if self._part is not None and self._attempt(self._part.sync):
-            self._confirmed()
+            self._mark_confirmed()
 
     def sync_soon(self) -> bool:
         """Let the disk keep what there is while the recording goes on; False while it is still busy."""
@@ -239,7 +241,7 @@ class RecordingParts(MessageSink):
             _remove(path)
             raise
         self.lost += self._unkept
-        self._confirmed()
+        self._mark_confirmed()
         self._part = part
         self.paths.append(path)
         self.trouble = ""
@@ -292,7 +294,7 @@ class RecordingParts(MessageSink):
                 self._not_ended.append(self._part)
             self._part, self._requested = None, (0, 0)
             outcome = "the file is ended well" if ended else "the file is readable as far as it goes"
-            self._pause(_reason(error), outcome)
+            self._pause(_reason_text(error), outcome)
             return False
         return True
 
@@ -300,11 +302,11 @@ class RecordingParts(MessageSink):
         if self._part is None or not self._attempt(self._part.close):
             return False
         self._closed_bytes += self._part.size_bytes
-        self._confirmed()
+        self._mark_confirmed()
         self._part = None
         return True
 
-    def _confirmed(self) -> None:
+    def _mark_confirmed(self) -> None:
         """The disk has everything that was written."""
         self._unsure.clear()
         self._unkept, self._requested = 0, (0, 0)
@@ -340,7 +342,7 @@ class RecordingParts(MessageSink):
         self.paths[-1] = path
         self._closed_bytes += self._part.size_bytes
         self._reported_deleted, self._part = False, None
-        self._confirmed()
+        self._mark_confirmed()
         self._try_to_open("the part before was deleted")
 
     def _pause(self, reason: str, outcome: str) -> None:
@@ -352,7 +354,7 @@ class RecordingParts(MessageSink):
             self._open_part(reason)
         except Exception as error:  # nothing but the user ends a recording
             if not self.trouble:
-                self._pause(_reason(error), "nothing of it is lost while memory holds it")
+                self._pause(_reason_text(error), "nothing of it is lost while memory holds it")
 
     def _report_thread(self) -> None:
         """Report once that the disk has no thread of its own, and once that it has one again."""
@@ -364,7 +366,7 @@ class RecordingParts(MessageSink):
             self.tell("info", "the disk has a thread again")
 
 
-def _reason(error: Exception) -> str:
+def _reason_text(error: Exception) -> str:
     if isinstance(error, SeatrialError):
         return str(error)
     if isinstance(error, OSError):

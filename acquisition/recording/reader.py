@@ -208,11 +208,11 @@ class MessageStream:
                         continue
                 if isinstance(extent, Intact) and extent.record is None:
                     continue
-                yield from self._unpacked(chunks)
+                yield from self._unpack(chunks)
                 chunks.clear()
                 size_bytes = 0
                 yield from self._outside_chunks(extent)
-            yield from self._unpacked(chunks)
+            yield from self._unpack(chunks)
 
     def _outside_chunks(self, extent: Intact | Damage) -> Iterator[Batch | mcap.McapRecord]:
         if isinstance(extent, Damage):
@@ -224,7 +224,7 @@ class MessageStream:
         elif extent.record is not None and not isinstance(extent.record, mcap.Chunk):
             yield extent.record
 
-    def _unpacked(self, chunks: list[tuple[int, mcap.Chunk]]) -> Iterator[Batch | mcap.McapRecord]:
+    def _unpack(self, chunks: list[tuple[int, mcap.Chunk]]) -> Iterator[Batch | mcap.McapRecord]:
         """What is in chunks one after the other, with the places in the file at which they begin."""
         try:
             yield from batches(*(chunk for _, chunk in chunks))
@@ -478,7 +478,7 @@ class Tail:
             return {}
         self._meter.grow(size)
         samples: dict[str, SeriesBuilder] = {}
-        places = self._places(size)
+        places = self._complete_records(size)
         for place in self._relevant(places):
             if not self._take_in(place, samples, is_last=place is places[-1]):
                 break
@@ -487,7 +487,7 @@ class Tail:
             self._offset = places[-1].end if places else self._offset
         return {topic.removeprefix(CHANNEL_PREFIX): builder.series() for topic, builder in samples.items()}
 
-    def _places(self, size: int) -> list[_Place]:
+    def _complete_records(self, size: int) -> list[_Place]:
         """All whole records from where the last reading ended."""
         places, start = [], self._offset
         while start + HEAD.size <= size:

@@ -92,7 +92,7 @@ def collect_definitions(stream: BinaryIO, path: Path, progress: Progress) -> Def
     Raises :class:`InputError` for more of them than there can be.
     """
     definitions, meter = Definitions(), Meter(path, os.fstat(stream.fileno()).st_size)
-    for extent in _scan(stream, progress):
+    for extent in _scan_with_progress(stream, progress):
         if not isinstance(extent, Intact):
             continue
         if isinstance(extent.record, mcap.Header):
@@ -122,7 +122,7 @@ def _definitions_in(record: mcap.McapRecord | None, meter: Meter) -> Iterator[mc
                 meter.add(MESSAGES, len(item) if isinstance(item, Batch) else 1)
 
 
-def _scan(stream: BinaryIO, progress: Progress) -> Iterator[Intact | Damage]:
+def _scan_with_progress(stream: BinaryIO, progress: Progress) -> Iterator[Intact | Damage]:
     """As :func:`scan`; ``progress`` takes the share done."""
     size_bytes = stream.seek(0, os.SEEK_END)
     shown = 0
@@ -276,7 +276,7 @@ class Saving:
 
     def keep_topic(self, channel: mcap.Channel) -> None:
         """Define a topic in the copy."""
-        self._channel(channel.id)
+        self._copy_channel(channel.id)
 
     def take(self, extent: Intact | Damage) -> None:
         """Copy a record, or count what was lost."""
@@ -323,7 +323,7 @@ class Saving:
 
     def take_message(self, message: mcap.Message) -> None:
         """Copy a message as it is."""
-        channel = self._topics.get(message.channel_id) or self._channel(message.channel_id)
+        channel = self._topics.get(message.channel_id) or self._copy_channel(message.channel_id)
         if channel is None:
             self.summary.lose("a message of no known topic", _MESSAGE_HEAD_BYTES + len(message.data))
             return
@@ -354,12 +354,12 @@ class Saving:
         self.writer.add_metadata(name, texts)
         self.summary.metadata += 1
 
-    def _channel(self, number: int) -> tuple[int, str] | None:
+    def _copy_channel(self, number: int) -> tuple[int, str] | None:
         """The copy's number of a channel, and its topic."""
         channel = self.definitions.find(mcap.Channel, number)
         if channel is None:
             return None
-        schema = self._schema(channel.schema_id)
+        schema = self._copy_schema(channel.schema_id)
         key = (number, channel.topic, channel.message_encoding, schema, *chain(*channel.metadata.items()))
         if key not in self._channels:
             self._channels[key] = self.writer.register_channel(
@@ -368,7 +368,7 @@ class Saving:
         self._topics[number] = self._channels[key], channel.topic
         return self._topics[number]
 
-    def _schema(self, number: int) -> int:
+    def _copy_schema(self, number: int) -> int:
         schema = self.definitions.find(mcap.Schema, number)
         if schema is None:
             return 0  # MCAP's word for none
@@ -432,7 +432,7 @@ def _write(
         writer = Writer(file, chunk_size=_CHUNK_BYTES, compression=zstd, enable_data_crcs=True)
         writer.start(profile=definitions.header.profile, library=software_version())
         saved = saving(writer, definitions)
-        for extent in _scan(stream, progress):
+        for extent in _scan_with_progress(stream, progress):
             saved.take(extent)
         writer.finish()  # type: ignore[no-untyped-call]
         file.flush()
@@ -455,12 +455,12 @@ class Migration(Saving):
         super().__init__(writer, definitions)
 
     def keep_topic(self, channel: mcap.Channel) -> None:
-        if not self._define(channel):
+        if not self._define_converted(channel):
             super().keep_topic(channel)
 
     def take_message(self, message: mcap.Message) -> None:
         channel = self.definitions.find(mcap.Channel, message.channel_id)
-        number = None if channel is None else self._define(channel)
+        number = None if channel is None else self._define_converted(channel)
         if channel is None or number is None:
             super().take_message(message)
             return
@@ -473,7 +473,7 @@ class Migration(Saving):
             self.converted[channel.topic] += 1
             self.add(replace(message, data=data), number, channel.topic)
 
-    def _define(self, channel: mcap.Channel) -> int | None:
+    def _define_converted(self, channel: mcap.Channel) -> int | None:
         """The copy's number of one of our topics in JSON; None for any other channel."""
         topic = channel.topic
         if channel.message_encoding != ENCODING_BEFORE:

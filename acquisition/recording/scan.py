@@ -193,7 +193,7 @@ def _parse_chunk(content: bytes) -> mcap.Chunk:
     start_ns, end_ns, size_bytes, crc, name_length = _CHUNK.unpack_from(content)
     data_start = _CHUNK.size + name_length + 8
     compression = content[_CHUNK.size : data_start - 8]
-    plain = _decompressed(compression, memoryview(content)[data_start:], size_bytes)
+    plain = _decompress(compression, memoryview(content)[data_start:], size_bytes)
     check_checksum(zlib.crc32(plain), crc, "a chunk")
     return mcap.Chunk("", plain, end_ns, start_ns, crc, size_bytes)
 
@@ -240,7 +240,7 @@ def _parse_fields(opcode: int, content: bytes) -> mcap.McapRecord:
     return record
 
 
-def _decompressed(compression: bytes, data: memoryview, size_bytes: int) -> bytes:
+def _decompress(compression: bytes, data: memoryview, size_bytes: int) -> bytes:
     """A chunk's records, never more than it said that they are: what its data claim is not believed."""
     limit = size_bytes + 1  # one more, to notice that there is more
     plain: bytes
@@ -348,8 +348,8 @@ class _Records:
             self._count_in(self._peek(offset, end - offset))
             return Intact(offset, end, None)
         opcode, end = self._check_head(offset, head)
-        content = self._content(offset, end)
-        record = self._record(opcode, content, end)
+        content = self._read_content(offset, end)
+        record = self._parse_in_context(opcode, content, end)
         if opcode not in _GUARDED and not self._seems_record(end) and self._next_intact(offset + 1)[0] < end:
             raise RecordError("a record of which bytes are missing")  # what it says is its end is in another
         self._account(record, head, content)
@@ -405,7 +405,7 @@ class _Records:
             check_chunk_head(self._peek(offset + HEAD.size, CHUNK_HEAD_BYTES), length)
         return opcode, offset + HEAD.size + length
 
-    def _record(self, opcode: int, content: bytes, end: int) -> mcap.McapRecord | None:
+    def _parse_in_context(self, opcode: int, content: bytes, end: int) -> mcap.McapRecord | None:
         """The record, if its surroundings make it one: not every kind has a checksum or a length of its own.
 
         After damage in a file of chunks no message outside a chunk counts: it is more likely out of the damaged
@@ -455,7 +455,7 @@ class _Records:
             self._block_start, start = offset, 0
         return self._block[start : start + length]
 
-    def _content(self, offset: int, end: int) -> bytes:
+    def _read_content(self, offset: int, end: int) -> bytes:
         content = self._peek(offset + HEAD.size, end - offset - HEAD.size)
         if offset + HEAD.size + len(content) < end:
             raise RecordError("the file ends within a record")  # it was shortened under our hands
@@ -516,7 +516,7 @@ class _Records:
         if opcode not in (Opcode.CHUNK, Opcode.FOOTER) and not self._is_followed(end):
             raise RecordError("a record that nothing follows")
         self._search_budget_bytes -= end - offset
-        self._record(opcode, self._content(offset, end), end)
+        self._parse_in_context(opcode, self._read_content(offset, end), end)
 
     def _candidates(self, start: int, only_chunks: bool) -> Iterator[int]:
         """Every place from ``start`` on where a record may begin.

@@ -112,7 +112,7 @@ class RecordingWriter(MessageSink):
     @property
     def vanished(self) -> bool:
         """Whether the file was deleted while it is being written. Raises :class:`StorageError`."""
-        return not self._file.closed and self._guarded(lambda: self._file.vanished)
+        return not self._file.closed and self._call_guarded(lambda: self._file.vanished)
 
     def write(self, topic: str, data: bytes, log_ns: int, publish_ns: int) -> None:
         channel = self._topics.get(topic) or self._register(topic)
@@ -131,29 +131,29 @@ class RecordingWriter(MessageSink):
 
     def flush(self) -> None:
         """Close the chunk in progress and hand it to the operating system."""
-        self._guarded(self._flush)
+        self._call_guarded(self._flush)
 
     def sync(self) -> None:
         """Flush, and make the disk keep what was flushed."""
-        self._guarded(self._flush)
-        self._guarded(self._file.sync)
+        self._call_guarded(self._flush)
+        self._call_guarded(self._file.sync)
 
     def begin_sync(self) -> bool:
         """As :meth:`sync`, without waiting for the disk; False if it is still busy with the last sync.
 
         A fault of the last sync is raised now.
         """
-        self._guarded(self._mcap.end_chunk)
-        return self._guarded(self._file.begin_sync)
+        self._call_guarded(self._mcap.end_chunk)
+        return self._call_guarded(self._file.begin_sync)
 
     def close(self) -> None:
         """Write the index and close the file; a second call does nothing."""
         if self._file.closed:
             return
-        self._guarded(self._flush)
-        self._guarded(self._mcap.finish)
-        self._guarded(self._file.sync)
-        self._guarded(self._file.close)
+        self._call_guarded(self._flush)
+        self._call_guarded(self._mcap.finish)
+        self._call_guarded(self._file.sync)
+        self._call_guarded(self._file.close)
 
     def abandon(self) -> bool:
         """Give up on a file that can no longer be written: keep what was synced, ended well if there is room.
@@ -171,9 +171,9 @@ class RecordingWriter(MessageSink):
 
         Where that fails, the deleted file goes on being written.
         """
-        self._guarded(self._flush)
-        self._guarded(lambda: self._file.rescue(path, end_without_index()))
-        self._guarded(self._file.close)
+        self._call_guarded(self._flush)
+        self._call_guarded(lambda: self._file.rescue(path, end_without_index()))
+        self._call_guarded(self._file.close)
 
     def _flush(self) -> None:
         self._mcap.end_chunk()
@@ -187,7 +187,7 @@ class RecordingWriter(MessageSink):
         self._topics[topic] = [number, 0]
         return self._topics[topic]
 
-    def _guarded(self, call: Callable[[], Answer]) -> Answer:
+    def _call_guarded(self, call: Callable[[], Answer]) -> Answer:
         try:
             return call()
         except OSError as error:

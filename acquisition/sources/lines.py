@@ -292,7 +292,7 @@ def _bind_udp(config: UdpSource | MavlinkSource) -> socket.socket:
             opened.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         opened.bind((config.address, config.port))  # to a group's own address: nothing else comes
         if shared:
-            _join(opened, config.address)
+            _join_group(opened, config.address)
     except OSError as error:
         opened.close()
         is_unresolved = isinstance(error, socket.gaierror)
@@ -306,7 +306,7 @@ def _bind_udp(config: UdpSource | MavlinkSource) -> socket.socket:
     return opened
 
 
-def _join(opened: socket.socket, address: str) -> None:
+def _join_group(opened: socket.socket, address: str) -> None:
     """Join a group on every interface, as the instruments' need not be the default route.
 
     Raises :class:`OSError` if not one of them can join.

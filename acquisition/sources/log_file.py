@@ -199,7 +199,7 @@ class LogFile(LogReader):
         log = self._log = open_log(StatedTimes(self._config.date_order))
         entries = iter(log)
         beginning, stated = _read_head(entries, log.times)
-        is_sound = partial(_is_sound, unchecked=self._config.checksum == "optional")
+        is_sound = partial(_is_recordable, unchecked=self._config.checksum == "optional")
         if head and not any(map(is_sound, chain(beginning, entries))):
             reason = log.damage or f"it looks like {looks_like(head)}"
             raise ValueError(f"nothing in it can be recorded: {reason}; supported are {UNDERSTOOD}")
@@ -338,13 +338,13 @@ def _choose_reader(head: bytes, form: str, open_file: Callable[[], BinaryIO]) ->
         library = _BLF
     elif next((line for line in head.decode("latin-1").splitlines() if line.strip()), "").lstrip().startswith(";"):
         library = _read_trc
-    is_text = form in LINE_FORMS or any(map(_is_sound, read_lines(BytesIO(head), LineReader())))
+    is_text = form in LINE_FORMS or any(map(_is_recordable, read_lines(BytesIO(head), LineReader())))
     if read is None and library is not None and not is_text:
         read = partial(_library_log, library)
     return lambda times: _Log(read or read_lines, open_file(), form, times)
 
 
-def _is_sound(entry: LogEntry, *, unchecked: bool = False) -> bool:
+def _is_recordable(entry: LogEntry, *, unchecked: bool = False) -> bool:
     """Whether it is a frame, a message, or a line with an intact sentence."""
     return entry.protocol == "can" or has_sentence(entry.payload, unchecked=unchecked)
 

@@ -386,12 +386,12 @@ class LineReader:
                 stored.header, stored.payload, stored.time_ns, stored.turn_ns, assembled=stored.assembled
             )
         text = piece.decode("latin-1")
-        return self._sentence(text) if text.startswith(_BEGINNINGS) else self._line(text)
+        return self._read_sentence(text) if text.startswith(_BEGINNINGS) else self._read_line(text)
 
-    def _sentence(self, text: str) -> LogEntry | None:
+    def _read_sentence(self, text: str) -> LogEntry | None:
         """A line that begins as a sentence does; some have a message of NMEA 2000 inside, or a time behind."""
         if text[-3:-2] != "*" and (match := _ENDING.fullmatch(text)):
-            return _at_time(self._sentence(match["inner"]), self.times.read(match["after"]))
+            return _at_time(self._read_sentence(match["inner"]), self.times.read(match["after"]))
         line = text.encode("latin-1")
         tagged = split_tag(line)
         if tagged.sentence[3:7] == b"PGN," or tagged.sentence.startswith((b"$PCDIN,", b"!PDGY,")):
@@ -403,7 +403,7 @@ class LineReader:
             None if _NO_ENTRY.fullmatch(text) else LogEntry(possible_ns(tagged.time_ns), line, protocol="nmea0183")
         )
 
-    def _line(self, text: str) -> LogEntry | None:
+    def _read_line(self, text: str) -> LogEntry | None:
         if "\x1b" in text:
             text = _COLOUR.sub("", text).strip()
         entry = self._match_form(text) or self._unwrap(text)
@@ -433,7 +433,7 @@ class LineReader:
             return None
         if match := SENTENCE_BEHIND.fullmatch(text):
             inner = match["inner"].removesuffix('"') if match["before"].endswith('"') else match["inner"]
-            return _at_time(self._sentence(inner), self.times.read(match["before"]))
+            return _at_time(self._read_sentence(inner), self.times.read(match["before"]))
         match = next(filter(None, (pattern.fullmatch(text) for pattern in _ENVELOPES)), None)
         if match is None:
             return None
@@ -486,10 +486,8 @@ def stored_message(stored: bytes) -> Stored | None:
         return None
     if kind == 0x93:
         return parse_kind_93(body)
-    if kind == 0x95:
-        return _parse_kind_95(body)
-    if kind == 0xD0:
-        return _parse_kind_d0(body)
+    if kind in (0x95, 0xD0):
+        return _parse_kind_95_or_d0(body)
     return Stored(sentence=body[2:].strip(b"\0\r\n \t")) if kind == _TEXT_KIND[0] else Stored()
 
 
@@ -502,32 +500,28 @@ def parse_kind_93(body: bytes) -> Stored | None:
     """A message of kind 93, without its checksum; None where its lengths contradict each other."""
     if len(body) < 13 or body[0] != 0x93 or len(body) < 13 + body[12]:
         return None
-    group, destination = _group_and_destination(body[5], body[4], body[3], body[6])
-    header = body[2] & 7, group, body[7], destination
+    header = body[2] & 7, _group(body[5], body[4], body[3]), body[7], body[6]
     return Stored(header, body[13 : 13 + body[12]], int.from_bytes(body[8:12], "little") * MILLI_NS)
 
 
-def _parse_kind_d0(body: bytes) -> Stored | None:
-    if len(body) < 13:
+def _parse_kind_95_or_d0(body: bytes) -> Stored | None:
+    """A message with an identifier's fields: of kind 95 a single frame; None for one of a wrong length."""
+    is_single = body[0] == 0x95
+    if not (8 <= len(body) <= 16 if is_single else len(body) >= 13):
         return None
-    group, destination = _group_and_destination(body[7], body[6], body[5], body[3])
-    time_ns = int.from_bytes(body[9:13], "little") * MILLI_NS
-    return Stored((body[7] >> 2 & 7, group, body[4], destination), body[13:], time_ns)
-
-
-def _parse_kind_95(body: bytes) -> Stored | None:
-    if not 8 <= len(body) <= 16:
-        return None
-    group, destination = _group_and_destination(body[7], body[6], body[5], body[5] if body[6] < 240 else 255)
-    step_ns = _STEPS_NS[body[7] >> 5 & 3]
+    group, destination = _group(body[7], body[6], body[5]), body[3]
+    if is_single:
+        destination = body[5] if body[6] < 240 else 255
     header = body[7] >> 2 & 7, group, body[4], destination
+    if not is_single:
+        return Stored(header, body[13:], int.from_bytes(body[9:13], "little") * MILLI_NS)
+    step_ns = _STEPS_NS[body[7] >> 5 & 3]
     return Stored(header, body[8:], int.from_bytes(body[2:4], "little") * step_ns, 2**16 * step_ns, assembled=False)
 
 
-def _group_and_destination(page: int, pdu_format: int, pdu_specific: int, destination: int) -> tuple[int, int]:
-    """The parameter group and who it is for, from the fields of an identifier."""
-    addressed = pdu_format < 240
-    return (page & 3) << 16 | pdu_format << 8 | (0 if addressed else pdu_specific), destination
+def _group(page: int, pdu_format: int, pdu_specific: int) -> int:
+    """The parameter group from the fields of an identifier."""
+    return (page & 3) << 16 | pdu_format << 8 | (0 if pdu_format < 240 else pdu_specific)
 
 
 class Cutter:
@@ -547,7 +541,10 @@ class Cutter:
             if body >= end:  # what seems a mark inside, behind an escaped byte, would end at the same place
                 frame = _BODY.match(data, body)
                 end = len(data) + 1 if frame is None else frame.end()
-            if (message := _unescaped_message(data, body, end)) is not None:
+            message = b""
+            if end <= len(data) and data[end - len(END) : end] == END and end - body <= 2 * _LONGEST_BYTES:
+                message = data[body : end - len(END)].replace(_DLE * 2, _DLE)
+            if stored_message(message) is not None:
                 pieces += [*_split_lines(data[start:at]), MARK + message]
                 start = at = end
             elif end > len(data) and _may_continue(data, body):
@@ -589,14 +586,6 @@ def _split_long(line: bytes) -> list[bytes]:
         pieces.append(line[:cut])
         line = line[cut:]
     return [*pieces, line]
-
-
-def _unescaped_message(data: bytes, at: int, end: int) -> bytes | None:
-    """The sound message with these bounds, unescaped; None where there is none."""
-    if end > len(data) or data[end - len(END) : end] != END or end - at > 2 * _LONGEST_BYTES:
-        return None
-    message = data[at : end - len(END)].replace(_DLE * 2, _DLE)
-    return None if stored_message(message) is None else message
 
 
 def _may_continue(data: bytes, at: int) -> bool:
@@ -671,7 +660,7 @@ class _AscLog:
             self._reader.unreadable += not self._read_header(text)
             return None
         time_ns = self._time_ns(stamped)
-        entry = _frame_entry(stamped["event"], self._base)
+        entry = _parse_event(stamped["event"], self._base)
         if entry is None:
             self.is_cut = _FRAME.match(stamped["event"]) is not None
             self._reader.unreadable += _EVENT.fullmatch(stamped["event"]) is None
@@ -702,8 +691,8 @@ class _AscLog:
             return self._last_ns
         if is_first and not self._relative:
             since_ns = (stated_ns - self._began.clock_ns) % DAY_NS
-            is_late_enough = stated_ns >= _EARLIEST_TIME_OF_DAY_NS
-            self._counts_from_midnight = is_late_enough and since_ns <= _DAY_BEGAN_WITHIN_NS
+            is_past_first_hour = stated_ns >= _EARLIEST_TIME_OF_DAY_NS
+            self._counts_from_midnight = is_past_first_hour and since_ns <= _DAY_BEGAN_WITHIN_NS
             if self._counts_from_midnight:
                 self._reader.times.remark = "its stamps are times of day: they count from midnight of its date"
         began_ns = self._began.local_ns(self._reader.times.order_of(self._began))
@@ -716,7 +705,7 @@ class _AscLog:
         return self._last_ns + (began_ns - self._began.clock_ns if self._counts_from_midnight else began_ns)
 
 
-def _frame_entry(text: str, base: int) -> LogEntry | None:
+def _parse_event(text: str, base: int) -> LogEntry | None:
     """The frame in what follows a stamp, as yet without its time."""
     if match := _ERROR.fullmatch(text):
         return LogEntry(None, b"", 0, can_flags(standard=True, error=True), bus=f"channel{match['channel']}")
@@ -725,24 +714,18 @@ def _frame_entry(text: str, base: int) -> LogEntry | None:
         return None
     parts = match.groupdict()
     remote = (parts.get("kind") or "d").lower() == "r"
+    # codes beyond 8 mean 8 on classical CAN
+    length = min(int(parts["length"] or "0", 16), 8) if "kind" in parts else int(parts["length"])
+    numbers = [] if remote else parts["data"].split()[:length]
     try:
-        identifier, data = int(parts["id"], base), b"" if remote else _frame_bytes(parts, base)
+        identifier, data = int(parts["id"], base), bytes(int(number, base) for number in numbers)
     except ValueError:  # digits of another base, or bytes beyond 255
         return None
-    extended = bool(parts["extended"])
-    if data is None or identifier > (HIGHEST_IDENTIFIER if extended else 0x7FF):
+    extended, is_complete = bool(parts["extended"]), remote or len(numbers) == length <= _MOST_BYTES
+    if not is_complete or identifier > (HIGHEST_IDENTIFIER if extended else 0x7FF):
         return None
     flags: FrameFlag = can_flags(not extended, remote)
     return LogEntry(None, data, identifier, flags, bus=f"channel{parts['channel']}")
-
-
-def _frame_bytes(parts: dict[str, str], base: int) -> bytes | None:
-    """A frame's data, as many bytes as it says; None where some are missing."""
-    length = int(parts["length"] or "0", 10 if "kind" not in parts else 16)
-    if "kind" in parts:
-        length = min(length, 8)  # codes beyond 8 mean 8 on classical CAN
-    numbers = parts["data"].split()[:length]
-    return bytes(int(number, base) for number in numbers) if len(numbers) == length <= _MOST_BYTES else None
 
 
 _BLOCK_BYTES = 8192

@@ -44,7 +44,7 @@ def failure(config: MqttSource, what: str, why: str = "", fix: str = "") -> Sour
 
 def connect(config: MqttSource, keep_alive_s: int = _KEEP_ALIVE_S) -> Client:
     """Connect to a broker, which has answered then. Raises :class:`SourceError`."""
-    client = _client(config)
+    client = _make_client(config)
     answers: list[Any] = []
     client.on_connect = lambda *arguments: answers.append(arguments[3])
     try:
@@ -68,7 +68,7 @@ def _reason(error: Exception) -> str:
     return system_reason(error) or "no answer in time"
 
 
-def _client(config: MqttSource) -> Client:
+def _make_client(config: MqttSource) -> Client:
     from paho.mqtt.client import Client
     from paho.mqtt.enums import CallbackAPIVersion
 
@@ -144,7 +144,7 @@ class MqttConnection(Source):
         config: MqttSource = self._config
         self._frames, self._size, self._lost = [], 0, None
         client = connect(config)
-        client.on_message = self._take
+        client.on_message = self._on_message
         answers: list[Any] = []
         client.on_subscribe = lambda *arguments: answers.append(arguments[3])
         client.subscribe([(topic, 0) for topic in config.subscriptions])
@@ -156,7 +156,7 @@ class MqttConnection(Source):
         self.remark = f"the broker refuses {', '.join(refused)}" if refused else ""
         return client
 
-    def _take(self, _client: Client, _data: Any, message: MQTTMessage) -> None:
+    def _on_message(self, _client: Client, _data: Any, message: MQTTMessage) -> None:
         flags = FrameFlag.RETAINED if message.retain else FrameFlag.NONE
         try:
             topic = message.topic.encode()
