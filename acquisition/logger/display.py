@@ -106,9 +106,7 @@ class Picture:
         yield _source_table(health, now_ns)
         used_rows = 2 + len(remarks) + 1 + len(health.names) + 1 + len(health.sources)
         free_rows = (options.height or console.height) - used_rows - 1  # the cursor needs a line of its own
-        for time_ns, level, text in health.events.newest(free_rows):
-            moment, line = datetime.fromtimestamp(time_ns // 10**9, UTC), text.replace("\n", r"\n")
-            yield _line((f"{moment:%H:%M:%SZ} {line}", _LEVEL_STYLES.get(level, "")))
+        yield from _event_lines(health, free_rows)
 
 
 def _line(*parts: str | tuple[str, str]) -> Text:
@@ -205,6 +203,12 @@ def _source_table(health: Health, now_ns: int) -> Table:
         counts = f"{source.frames:,}", f"{source.rejected:,}"
         table.add_row(source.name, Text(state, _STATE_STYLES[state]), *counts, dropped)
     return table
+
+
+def _event_lines(health: Health, rows: int) -> Iterator[Text]:
+    for time_ns, level, text in health.events.newest(rows):
+        moment, line = datetime.fromtimestamp(time_ns // 10**9, UTC), text.replace("\n", r"\n")
+        yield _line((f"{moment:%H:%M:%SZ} {line}", _LEVEL_STYLES.get(level, "")))
 
 
 def status(health: Health) -> str:

@@ -18,18 +18,8 @@ from pathlib import Path
 from seatrial.acquisition.config.sources import RecordingSection
 from seatrial.acquisition.core.errors import SeatrialError, StorageError, storage_error
 from seatrial.acquisition.core.trial import Trial
+from seatrial.acquisition.recording import writer
 from seatrial.acquisition.recording.messages import MessageSink
-from seatrial.acquisition.recording.writer import (
-    RESUME_RATIO,
-    RecordingWriter,
-    SyncThread,
-    mount_point,
-    new_file,
-    require_mounted,
-    require_room,
-    room_bytes,
-    why_full,
-)
 
 _MEGA = 1_000_000
 _CHECK_PERIOD_S = 1.0
@@ -72,19 +62,19 @@ class RecordingParts(MessageSink):
         self._clock = dict(clock or {})
         self.tell = tell
         self._stem = _new_stem(folder, trial.name, datetime.now(UTC))
-        self._thread, self._thread_missing = SyncThread(), False
-        self._not_ended: list[RecordingWriter] = []  # parts that the disk did not even let us end
+        self._thread, self._thread_missing = writer.SyncThread(), False
+        self._not_ended: list[writer.RecordingWriter] = []  # parts that the disk did not even let us end
         self._unsure: list[Message] = []
         self._unkept = 0  # as unsure, but too many to be kept
         self._requested = 0, 0  # of both, how many the disk was asked to keep
         self._closed_bytes = 0  # in the parts before
         self._checked_s = self._began_s = time.monotonic()
-        self._part: RecordingWriter | None = None
+        self._part: writer.RecordingWriter | None = None
         self._mount: Path | None = None
         try:
-            require_room(folder, settings)
+            writer.require_room(folder, settings)
             self._open_part("recording started")
-            self._mount = mount_point(folder)
+            self._mount = writer.mount_point(folder)
         except OSError as error:
             place = folder / f"{self._stem}.mcap"
             raise error if isinstance(error, StorageError) else storage_error(place, error) from error
@@ -107,7 +97,7 @@ class RecordingParts(MessageSink):
     @property
     def room_bytes(self) -> int | None:
         """What may still be written to this disk [bytes]; None if the disk cannot be asked."""
-        return room_bytes(self._folder, self._settings)
+        return writer.room_bytes(self._folder, self._settings)
 
     def write(self, topic: str, data: bytes, log_ns: int, publish_ns: int) -> None:
         """Record a message; while the recording is paused it waits in memory, as long as there is room."""
@@ -173,11 +163,11 @@ class RecordingParts(MessageSink):
         self._report_thread()
         if self._part is None:
             self.resume()
-        elif not self._attempt(lambda: require_mounted(self._mount)):
+        elif not self._attempt(lambda: writer.require_mounted(self._mount)):
             return
         elif self._has_vanished():
             self._restore()
-        elif (reason := why_full(self._folder, self._settings)) and self._close_part():
+        elif (reason := writer.why_full(self._folder, self._settings)) and self._close_part():
             self._pause(reason, "the file is closed well")
         elif self._part is not None and self._part_is_full(now_s):
             self.next_part("the part is full")
@@ -190,7 +180,7 @@ class RecordingParts(MessageSink):
     def resume(self) -> None:
         """End a pause, if its cause is gone."""
         reason = self.trouble
-        if self._part is not None or why_full(self._folder, self._settings, RESUME_RATIO):
+        if self._part is not None or writer.why_full(self._folder, self._settings, writer.RESUME_RATIO):
             return
         self._try_to_open(f"after a pause: {reason}")
         if self._part is not None:
@@ -225,7 +215,7 @@ class RecordingParts(MessageSink):
     def _open_part(self, reason: str) -> None:
         path = self._new_path()
         try:
-            part = RecordingWriter(path, self._trial, self._attachments, self._thread)
+            part = writer.RecordingWriter(path, self._trial, self._attachments, self._thread)
         except Exception:
             _remove(path)
             raise
@@ -258,8 +248,8 @@ class RecordingParts(MessageSink):
         return self._new_file(self._part_stem())
 
     def _new_file(self, stem: str) -> Path:
-        require_mounted(self._mount)
-        return new_file(self._folder, stem)
+        writer.require_mounted(self._mount)
+        return writer.new_file(self._folder, stem)
 
     def _part_stem(self) -> str:
         number = len(self.paths) + 1
@@ -374,7 +364,7 @@ def _reason_text(error: Exception) -> str:
     return f"{type(error).__name__} {error}"
 
 
-def _abandon(part: RecordingWriter) -> bool:
+def _abandon(part: writer.RecordingWriter) -> bool:
     """Give up on a part; returns whether it could be ended well."""
     try:
         return part.abandon()
