@@ -820,11 +820,11 @@ def recover(
 
 def _print_migration(migrated: Migration, as_json: bool, options: Mapping[str, Any]) -> None:
     if as_json:
-        echo(json.dumps({"converted": migrated.converted, "kept": migrated.kept}))
+        echo(json.dumps({"converted": migrated.converted, "kept": migrated.unconverted}))
         return
-    echo(f"{migrated.converted.total():,} of {migrated.found.messages:,} messages converted", err=True)
-    if migrated.kept:
-        kept = ", ".join(f"{topic} {count:,}" for topic, count in migrated.kept.items())
+    echo(f"{migrated.converted.total():,} of {migrated.summary.messages:,} messages converted", err=True)
+    if migrated.unconverted:
+        kept = ", ".join(f"{topic} {count:,}" for topic, count in migrated.unconverted.items())
         echo(f"warning: kept as they were, as they fit no schema of today: {kept}", err=True)
     echo(options["output"])
 

@@ -1,4 +1,4 @@
-"""The mirror image of the logger: a recording becomes traffic on the buses and lines of a configuration.
+"""Plays a recording as traffic onto the buses and lines of a configuration: the mirror image of the logger.
 
 Each source of the configuration sends the channels that it lists, in the order and at the pace of the
 recording. A source with ``clock = "source"`` announces the recording's own time before each moment.
@@ -44,7 +44,7 @@ _WRITE_TIMEOUT_S = 5.0
 _WAIT_S = 30.0
 _BLOCK_BYTES = 4096
 _POLL_S = 0.1
-_MOST_UNANSWERED = 20  # messages, as many as a broker takes at once unless told otherwise
+_MOST_UNANSWERED = 20  # messages, as many as a broker takes at once by default
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,21 +74,17 @@ def moments_of(
         fix = "give [trial] origin in the configuration"
         raise InputError("has positions but no origin", where=str(recording.path), fix=fix)
     times = np.concatenate([recording.series[name].measured_ns for name in present] or [np.empty(0, np.int64)])
-    values = np.concatenate([recording.series[name].value for name in present] or [np.empty(0)])
-    which = np.repeat(np.arange(len(present)), [recording.series[name].value.size for name in present])
+    samples = np.concatenate([recording.series[name].value for name in present] or [np.empty(0)])
+    channel_index = np.repeat(np.arange(len(present)), [recording.series[name].value.size for name in present])
     order = np.argsort(times, kind="stable")
     edges = np.flatnonzero(np.diff(times[order])) + 1
     for rows in np.split(order, edges) if order.size else []:
-        now = {present[which[row]]: float(values[row]) for row in rows}
-        yield _with_fix(int(times[rows[0]]), now, origin)
-
-
-def _with_fix(time_ns: int, values: dict[str, float], origin: tuple[float, float] | None) -> Moment:
-    if origin is None or "north_m" not in values or "east_m" not in values:
-        fix = values.get("latitude_deg"), values.get("longitude_deg")
-        return Moment(time_ns, values) if None in fix else Moment(time_ns, values, *fix)
-    latitude, longitude, _ = pymap3d.ned2geodetic(values["north_m"], values["east_m"], 0.0, *origin, 0.0)
-    return Moment(time_ns, values, float(latitude), float(longitude))
+        values = {present[channel_index[row]]: float(samples[row]) for row in rows}
+        position = values.get("latitude_deg"), values.get("longitude_deg")
+        if origin is not None and {"north_m", "east_m"} <= values.keys():
+            latitude, longitude, _ = pymap3d.ned2geodetic(values["north_m"], values["east_m"], 0.0, *origin, 0.0)
+            position = float(latitude), float(longitude)
+        yield Moment(int(times[rows[0]]), values, *(() if None in position else position))
 
 
 def emulate(
@@ -152,7 +148,7 @@ class Transmitter:
         self._config, self._link = config, link
 
     def ready(self) -> None:
-        """Wait until somebody can listen. Raises :class:`SourceError` when nobody comes."""
+        """Wait until a receiver can listen. Raises :class:`SourceError` when none comes."""
         return
 
     def send(self, packets: list[Packet]) -> None:
@@ -166,7 +162,7 @@ class Transmitter:
             raise source_error(self._config, "cannot be sent", str(error), fix) from error
 
     def _write(self, packets: list[Packet]) -> None:
-        self._link.write(_bytes_of(packets))
+        self._link.write(_join_payloads(packets))
 
     def close(self) -> None:
         self._link.close()
@@ -180,7 +176,7 @@ def open_transmitter(config: AnySource) -> Transmitter:
     return _TRANSMITTERS[config.type](config)
 
 
-def _bytes_of(packets: list[Packet]) -> bytes:
+def _join_payloads(packets: list[Packet]) -> bytes:
     return b"".join(packet.payload for packet in packets)
 
 
@@ -222,8 +218,8 @@ class _UdpTransmitter(Transmitter):
         self._address = (config.address, config.port)
 
     def _write(self, packets: list[Packet]) -> None:
-        if payload := _bytes_of(packets):
-            with suppress(ConnectionRefusedError):  # nobody listens yet, which is no fault of a datagram's
+        if payload := _join_payloads(packets):
+            with suppress(ConnectionRefusedError):  # no receiver listens yet, which is no fault of a datagram's
                 self._link.sendto(payload, self._address)
 
 
@@ -234,8 +230,8 @@ class _TcpTransmitter(Transmitter):
         try:
             server = socket.create_server((config.address, config.port))
         except OSError as error:
-            what = f"TCP {config.address}:{config.port} cannot be served"
-            raise source_error(config, what, str(error)) from error
+            problem = f"TCP {config.address}:{config.port} cannot be served"
+            raise source_error(config, problem, str(error)) from error
         super().__init__(config, server)
         server.settimeout(_WAIT_S)
         self._client: socket.socket | None = None
@@ -252,7 +248,7 @@ class _TcpTransmitter(Transmitter):
         return self._client
 
     def _write(self, packets: list[Packet]) -> None:
-        self._connected().sendall(_bytes_of(packets))
+        self._connected().sendall(_join_payloads(packets))
 
     def close(self) -> None:
         if self._client is not None:
@@ -274,7 +270,7 @@ class _FileTransmitter(Transmitter):
 
 
 class _MqttTransmitter(Transmitter):
-    """A publisher, no faster than the broker answers: some drop what they have not yet seen to when one leaves."""
+    """A publisher, no faster than the broker answers: some drop unanswered messages when a client leaves."""
 
     def __init__(self, config: MqttSource) -> None:
         from seatrial.acquisition.sources.mqtt import connect, pump
@@ -289,10 +285,10 @@ class _MqttTransmitter(Transmitter):
             self._unanswered.append(self._link.publish(topic.decode(), message, qos=1))
             self._await_answers(_MOST_UNANSWERED)
 
-    def _await_answers(self, most: int) -> None:
+    def _await_answers(self, limit: int) -> None:
         """Wait until all but so many of the messages are the broker's."""
         until_s = time.monotonic() + _WRITE_TIMEOUT_S
-        while len(self._unanswered) > most:
+        while len(self._unanswered) > limit:
             self._pump()
             while self._unanswered and self._unanswered[0].is_published():
                 self._unanswered.popleft()
@@ -300,7 +296,7 @@ class _MqttTransmitter(Transmitter):
                 raise TimeoutError("the broker accepts nothing")
 
     def close(self) -> None:
-        with suppress(SourceError, *self.errors):  # of a lost connection, which has been told
+        with suppress(SourceError, *self.errors):  # of a lost connection, which has been reported
             self._await_answers(0)
         self._link.disconnect()
 

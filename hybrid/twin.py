@@ -691,7 +691,7 @@ class Twin:
     def poll(self) -> bool:
         """Read new samples; whether they led to a new prediction."""
         news = self.follower.news()
-        if news.anew:
+        if news.restarted:
             self._recent.clear()
             self.errors.clear()
             self._start_ns, self._new_s = 0, time.monotonic()

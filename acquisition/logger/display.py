@@ -1,15 +1,13 @@
-"""What the crew sees on a terminal: a recording in progress, its keys, its summary, the check before departure.
+"""Shows a recording in progress: on the terminal, with its keys and summary, in a live view and on a status page.
 
-What is being recorded, for those who look from elsewhere: the live view and the status page.
+The live view serves Foxglove and Lichtblick over a WebSocket. It gets every message after the recorder has written
+it and passes it to the server's own threads, which drop the oldest for a viewer that is too slow. Raw input is not
+served: nobody looks at it, and it is most of the load. The package's server answers any client, so it listens where
+only :class:`WebFront` finds it, which passes on those that are entitled.
 
-The live view serves Foxglove and Lichtblick over a WebSocket. It hears every message after the recorder has written
-it and hands it to the server's own threads, which drop the oldest for a viewer that is too slow. Raw input is not
-served: nobody looks at it, and it is most of the load. The package's server answers whoever asks, so it listens
-where only :class:`WebFront` finds it, which passes on those that are meant.
-
-The status page is what the terminal shows, as a page that renews itself and as JSON, for this computer only. It is
-read-only: GET of two paths, bound to 127.0.0.1, for nobody who calls this computer by another name (a page
-elsewhere could have its name point here).
+The status page is what the terminal shows, as a page that refreshes itself and as JSON. It is read-only: GET of two
+paths, bound to 127.0.0.1, and not for requests under another name (a page elsewhere could have its name point
+here).
 """
 
 from __future__ import annotations
@@ -41,7 +39,7 @@ from rich.table import Table
 from rich.text import Text
 
 from seatrial.acquisition.config.sources import LiveSection, StatusSection
-from seatrial.acquisition.core.errors import ConfigurationError, SourceError, printable
+from seatrial.acquisition.core.errors import ConfigurationError, SourceError, Terminal, printable
 from seatrial.acquisition.core.process import start_thread
 from seatrial.acquisition.core.ship import channels_known_to
 from seatrial.acquisition.core.trial import NANO, Trial, iso
@@ -55,24 +53,39 @@ from seatrial.acquisition.logger.requests import (
     WebFront,
     response,
 )
-from seatrial.acquisition.logger.survey import ChannelReport, PreflightReport
+from seatrial.acquisition.logger.survey import PreflightReport
 from seatrial.acquisition.recording.messages import ENCODING, RAW_PREFIX, channel_metadata, kind_of
 
 _UNIT_FROM_COLUMNS = 86  # the names end with the unit anyhow
 _STATE_STYLES = {"opening": "yellow", "open": "green", "silent": "yellow", "failed": "bold red", "ended": "dim"}
 _GRADE_STYLES = {"good": "green", "slow": "yellow", "silent": "bold red", "none": "yellow"}
 _LEVEL_STYLES = {"info": "dim", "warning": "yellow", "error": "bold red"}
-_LITTLE_TIME_S = 3600.0
+_SHORT_TIME_S = 3600.0
 _POLL_S = 0.2
 COUNTED_KEYS = (" ", "m")
+
+_BACKLOG = 256  # messages a viewer may lag behind: some seconds
+_STALLED_S = 30.0  # a viewer that takes nothing for so long has gone: its window, or its computer, is asleep
+_RELAYED_BYTES = 65_536
+_COLUMNS, _ROWS = 120, 60
+_PAGE = """<!DOCTYPE html>
+<html lang="en"><head><meta charset="utf-8"><meta http-equiv="refresh" content="2"><title>{title}</title>
+<style>body {{ color: #000; background: #fff }} pre {{ font-family: monospace; font-size: 14px }}</style></head>
+<body><pre>{body}</pre></body></html>
+"""
+_HEADERS = {
+    "Cache-Control": "no-store",
+    "Content-Security-Policy": "default-src 'none'; style-src 'unsafe-inline'",
+    "X-Content-Type-Options": "nosniff",
+}
 
 
 @dataclass(frozen=True, slots=True)
 class Picture:
-    """Everything worth seeing, drawn anew each time; ``expected`` are the channels that some source provides.
+    """Everything worth seeing, drawn again each time; ``expected`` are the channels that a source provides.
 
-    What does not fit goes in this order: words from the right, the unit column, events from the oldest. Without
-    ``marks``, the keys that set them, nobody can press any.
+    What does not fit is dropped in this order: words from the right, the unit column, events from the oldest.
+    ``marks`` are the keys that set marks; None where there is no keyboard.
     """
 
     health: Health
@@ -80,43 +93,39 @@ class Picture:
     marks: Mapping[str, str] | None
 
     def __rich_console__(self, console: Console, options: ConsoleOptions) -> Iterator[RenderableType]:
-        now_ns = time.monotonic_ns()
-        yield _header(self.health, now_ns)
-        yield _second_line(self.health, self.marks)
-        alarms = (_one_line((f"ALARM {text}", "bold white on red")) for text in tuple(self.health.alarms.values()))
-        more = [*_clock_and_copies(self.health), *alarms]
-        yield from more
-        yield _channel_table(self.health, self.expected, now_ns, options.max_width)
-        yield _source_table(self.health, now_ns)
-        taken = 2 + len(more) + 1 + len(self.health.names) + 1 + len(self.health.sources)
-        rows = (options.height or console.height) - taken - 1  # the cursor wants a line of its own
-        yield from _events(self.health, rows)
+        health, now_ns = self.health, time.monotonic_ns()
+        paused = ("■ PAUSED, NOTHING IS WRITTEN ", "bold white on red")
+        elapsed = (_clock_text((now_ns - health.started_ns) // NANO), "bold")
+        state = paused if health.trouble else ("● REC ", "bold red")
+        yield _line(state, elapsed, f"  {health.samples:,} samples  {health.part}")
+        yield _status_line(health, self.marks)
+        alarms = (_line((f"ALARM {text}", "bold white on red")) for text in tuple(health.alarms.values()))
+        remarks = [*_clock_and_copies(health), *alarms]
+        yield from remarks
+        yield _channel_table(health, self.expected, now_ns, options.max_width)
+        yield _source_table(health, now_ns)
+        used_rows = 2 + len(remarks) + 1 + len(health.names) + 1 + len(health.sources)
+        free_rows = (options.height or console.height) - used_rows - 1  # the cursor needs a line of its own
+        yield from _event_lines(health, free_rows)
 
 
-def _one_line(*parts: str | tuple[str, str]) -> Text:
+def _line(*parts: str | tuple[str, str]) -> Text:
     return Text.assemble(*printable(parts), no_wrap=True, overflow="ellipsis")
 
 
-def _header(health: Health, now_ns: int) -> Text:
-    paused = ("■ PAUSED, NOTHING IS WRITTEN ", "bold white on red")
-    state = paused if health.trouble else ("● REC ", "bold red")
-    recorded = (_clock((now_ns - health.started_ns) // NANO), "bold")
-    return _one_line(state, recorded, f"  {health.samples:,} samples  {health.part}")
-
-
-def _second_line(health: Health, marks: Mapping[str, str] | None) -> Text:
+def _status_line(health: Health, marks: Mapping[str, str] | None) -> Text:
     if health.trouble:
-        return _one_line((health.trouble, "bold red"))
+        return _line((health.trouble, "bold red"))
     keys = ", ".join([*(f"{key} {text}" for key, text in (marks or {}).items()), "m a mark"])
-    return _one_line(
-        _disk(health),
+    return _line(
+        _disk_text(health),
         ("" if marks is None else f"  Ctrl-C ends; {keys}", "dim"),
         (f"  {health.marks} mark{'' if health.marks == 1 else 's'}", "dim"),
     )
 
 
 def _clock_and_copies(health: Health) -> Iterator[Text]:
-    """The computer's clock once it is known, and the copies where something is to be said of them."""
+    """The computer's clock once it is known, and the copies where they wait or fail."""
     clock = "yellow" if health.clock.state == "free-running" else "dim"
     parts = [] if health.clock.state == "unknown" else [(f"clock {health.clock}", clock)]
     if health.copies.trouble:
@@ -124,23 +133,23 @@ def _clock_and_copies(health: Health) -> Iterator[Text]:
     elif health.copies.waiting:
         parts.append((f"  {health.copies.waiting} parts to copy", "dim"))
     if parts:
-        yield _one_line(*parts)
+        yield _line(*parts)
 
 
-def _disk(health: Health) -> tuple[str, str]:
+def _disk_text(health: Health) -> tuple[str, str]:
     if health.free_bytes is None:
         return "disk ?", "yellow"
-    text, left_s = f"disk {health.free_bytes / 1e9:.1f} GB left", health.seconds_left
-    if left_s is None:
+    text, remaining_s = f"disk {health.free_bytes / 1e9:.1f} GB left", health.seconds_left
+    if remaining_s is None:
         return text, "green"
-    text += f", {_lasts(left_s)} at {health.bytes_per_s / 1e3:.0f} kB/s"
-    return text, "bold red" if left_s < _LITTLE_TIME_S else "green"
+    text += f", {_duration_text(remaining_s)} at {health.bytes_per_s / 1e3:.0f} kB/s"
+    return text, "bold red" if remaining_s < _SHORT_TIME_S else "green"
 
 
-def _lasts(seconds: float) -> str:
-    """A duration for people: the two largest units.
+def _duration_text(seconds: float) -> str:
+    """A duration in its two largest units.
 
-    >>> _lasts(200_000.0)
+    >>> _duration_text(200_000.0)
     '2 d 7 h'
     """
     if seconds >= 365 * 86_400:
@@ -149,7 +158,7 @@ def _lasts(seconds: float) -> str:
     return f"{days} d {hours} h" if days else f"{hours} h {minutes} min"
 
 
-def _clock(seconds: int) -> str:
+def _clock_text(seconds: int) -> str:
     return f"{seconds // 3600:d}:{seconds // 60 % 60:02d}:{seconds % 60:02d}"
 
 
@@ -160,8 +169,8 @@ def _channel_table(health: Health, expected: frozenset[str], now_ns: int, width:
     table.add_column("value", justify="right", min_width=9, no_wrap=True)
     if with_unit:
         table.add_column("unit", no_wrap=True)
-    for title, least in (("rate/expected", 13), ("age s", 6)):
-        table.add_column(title, justify="right", min_width=least, no_wrap=True)
+    for title, min_width in (("rate/expected", 13), ("age s", 6)):
+        table.add_column(title, justify="right", min_width=min_width, no_wrap=True)
     table.add_column("grade", min_width=6, no_wrap=True)
     table.add_column("source")
     for name in health.names:
@@ -174,12 +183,12 @@ def _channel_row(channel: ChannelHealth, is_expected: bool, now_ns: int) -> tupl
     """Value, rate, age, grade and source."""
     if channel.count == 0:
         text, style = ("waiting", "yellow") if is_expected else ("no source configured", "dim")
-        return "–", "–", "–", "–", _one_line((text, style))
+        return "–", "–", "–", "–", _line((text, style))
     grade = channel.grade(now_ns)
     wanted_hz = channel.wanted_hz
     rates = f"{channel.rate_hz(now_ns):.1f}{f'/{wanted_hz:.1f}' if wanted_hz else ''} Hz"
     shown = Text(grade, _GRADE_STYLES[grade])
-    return f"{channel.value:.3f}", rates, f"{channel.age_s(now_ns):.1f}", shown, _one_line(channel.source)
+    return f"{channel.value:.3f}", rates, f"{channel.age_s(now_ns):.1f}", shown, _line(channel.source)
 
 
 def _source_table(health: Health, now_ns: int) -> Table:
@@ -196,11 +205,10 @@ def _source_table(health: Health, now_ns: int) -> Table:
     return table
 
 
-def _events(health: Health, rows: int) -> Iterator[Text]:
+def _event_lines(health: Health, rows: int) -> Iterator[Text]:
     for time_ns, level, text in health.events.newest(rows):
-        moment = datetime.fromtimestamp(time_ns // 10**9, UTC)
-        line = text.replace("\n", r"\n")
-        yield _one_line((f"{moment:%H:%M:%SZ} {line}", _LEVEL_STYLES.get(level, "")))
+        moment, line = datetime.fromtimestamp(time_ns // 10**9, UTC), text.replace("\n", r"\n")
+        yield _line((f"{moment:%H:%M:%SZ} {line}", _LEVEL_STYLES.get(level, "")))
 
 
 def status(health: Health) -> str:
@@ -213,25 +221,28 @@ def status(health: Health) -> str:
 
 def summary(health: Health, paths: Sequence[Path]) -> str:
     """One line for the end of a recording."""
-    seen = sum(health.channels[name].count > 0 for name in health.names)
+    received = sum(health.channels[name].count > 0 for name in health.names)
     dropped = sum(source.dropped for source in health.sources.values())
     frames = sum(source.frames for source in health.sources.values())
     name = paths[0].name if len(paths) == 1 else f"{paths[0].name} and {len(paths) - 1} more parts"
     ended_ns = time.monotonic_ns() if health.ended_ns is None else health.ended_ns
     return (
-        f"{name}: {_clock((ended_ns - health.started_ns) // NANO)}, {frames:,} frames, "
-        f"{health.samples:,} samples, {seen} of {len(health.names)} channels, {dropped:,} dropped"
+        f"{name}: {_clock_text((ended_ns - health.started_ns) // NANO)}, {frames:,} frames, "
+        f"{health.samples:,} samples, {received} of {len(health.names)} channels, {dropped:,} dropped"
     )
 
 
 def preflight_table(report: PreflightReport) -> Group:
-    """The channels and what is wrong with them; then what was told while listening, and the room on the disk."""
+    """The channels and what is wrong with them; then events while listening, and the room on the disk."""
     table = Table(box=None, padding=(0, 1, 0, 0), header_style="dim")
     for title, justify in (("", "left"), ("channel", "left"), ("rate Hz", "right"), ("value", "right"),
                            ("unit", "left"), ("source, or what is wrong", "left")):  # fmt: skip
         table.add_column(title, justify=justify, overflow="fold")  # type: ignore[arg-type]
     for channel in report.channels:
-        table.add_row(*_row(channel))
+        good = Text("✗", "bold red") if channel.problem else Text("✓", "green")
+        rate, value = ("–", "–") if channel.value is None else (f"{channel.rate_hz:.1f}", f"{channel.value:.3f}")
+        source = Text(channel.problem, "red") if channel.problem else Text(channel.source, "dim")
+        table.add_row(good, channel.name, rate, value, channel.unit, source)
     lines = [Text(text, "yellow") for text in report.events]
     if report.disk_problem:
         lines.append(Text(f"✗ {report.disk_problem}", "bold red"))
@@ -240,37 +251,30 @@ def preflight_table(report: PreflightReport) -> Group:
     return Group(table, *lines)
 
 
-def _row(channel: ChannelReport) -> tuple[str | Text, ...]:
-    good = Text("✗", "bold red") if channel.problem else Text("✓", "green")
-    rate, value = ("–", "–") if channel.value is None else (f"{channel.rate_hz:.1f}", f"{channel.value:.3f}")
-    source = Text(channel.problem, "red") if channel.problem else Text(channel.source, "dim")
-    return good, channel.name, rate, value, channel.unit, source
-
-
 @contextmanager
 def mark_on_keys(mark: Mark, texts: Mapping[str, str]) -> Iterator[None]:
-    """Hear keys on standard input, if that is a terminal: those of ``texts`` set that mark, m a number."""
+    """Read keys on standard input, if that is a terminal: those of ``texts`` set that mark, m a number."""
     if not sys.stdin.isatty():
         yield
         return
     descriptor = sys.stdin.fileno()
-    before = termios.tcgetattr(descriptor)
+    settings = termios.tcgetattr(descriptor)
     stopping = threading.Event()
     listener = threading.Thread(
-        target=_listen, args=(descriptor, mark, dict(texts), stopping), name="keys", daemon=True
+        target=_read_keys, args=(descriptor, mark, dict(texts), stopping), name="keys", daemon=True
     )
     tty.setcbreak(descriptor)  # Ctrl-C still ends the recording
-    listening = start_thread(listener)
+    is_listening = start_thread(listener)
     try:
         yield
     finally:
         stopping.set()
-        if listening:
+        if is_listening:
             listener.join()
-        termios.tcsetattr(descriptor, termios.TCSADRAIN, before)
+        termios.tcsetattr(descriptor, termios.TCSADRAIN, settings)
 
 
-def _listen(descriptor: int, mark: Mark, texts: dict[str, str], stopping: threading.Event) -> None:
+def _read_keys(descriptor: int, mark: Mark, texts: dict[str, str], stopping: threading.Event) -> None:
     count = 0
     while not stopping.is_set():
         readable, _, _ = select.select([descriptor], [], [], _POLL_S)
@@ -286,22 +290,6 @@ def _listen(descriptor: int, mark: Mark, texts: dict[str, str], stopping: thread
             elif key in COUNTED_KEYS:
                 count += 1
                 mark(f"mark {count}", time.monotonic_ns())
-
-
-_BACKLOG = 256  # messages a viewer may lag behind: some seconds
-_STALLED_S = 30.0  # a viewer that takes nothing for so long has gone: its window, or its computer, is asleep
-_RELAYED_BYTES = 65_536
-_COLUMNS, _ROWS = 120, 60
-_PAGE = """<!DOCTYPE html>
-<html lang="en"><head><meta charset="utf-8"><meta http-equiv="refresh" content="2"><title>{title}</title>
-<style>body {{ color: #000; background: #fff }} pre {{ font-family: monospace; font-size: 14px }}</style></head>
-<body><pre>{body}</pre></body></html>
-"""
-_HEADERS = {
-    "Cache-Control": "no-store",
-    "Content-Security-Policy": "default-src 'none'; style-src 'unsafe-inline'",
-    "X-Content-Type-Options": "nosniff",
-}
 
 
 class LiveView:
@@ -324,7 +312,11 @@ class LiveView:
             raise ConfigurationError("the live view needs the package foxglove-sdk", fix=fix) from error
         self._sdk, self._context = foxglove, foxglove.Context()
         address, port = self._settings.address, self._settings.port
-        self._hidden = _hidden_address()
+        # An address of this computer alone that no page can guess: one of 16 million, with a port of 28,000. Only
+        # Linux has all of 127.0.0.0/8; elsewhere the port alone is unknown.
+        self._hidden = LOOPBACK
+        if sys.platform == "linux":
+            self._hidden = str(IPv4Address((127 << 24) + 2 + secrets.randbelow((1 << 24) - 4)))
         try:
             with ExitStack() as stack:
                 self._server = foxglove.start_server(
@@ -334,10 +326,10 @@ class LiveView:
                 stack.enter_context(WebFront("live view", address, port, self._relay, self._settings.origins))
                 self._closing = stack.pop_all()
         except Exception as error:  # the package promises no kind of error
-            what = f"the live view cannot be served on {address}:{port}"
-            why = getattr(error, "strerror", "") or str(error)
+            problem = f"the live view cannot be served on {address}:{port}"
+            reason = getattr(error, "strerror", "") or str(error)
             fix = "stop the program that uses the port, or give another in [live]"
-            raise SourceError(what, why=why, fix=fix) from error
+            raise SourceError(problem, why=reason, fix=fix) from error
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -349,13 +341,13 @@ class LiveView:
         return f"ws://{f'[{address}]' if ':' in address else address}:{self._settings.port}"
 
     def _relay(self, viewer: socket.socket, request: Request) -> None:
-        """Pass a viewer's request on to the package's server, and then what both say."""
+        """Pass a viewer's request on to the package's server, and then what both send."""
         with socket.create_connection((self._hidden, self._server.port), timeout=PATIENCE_S) as server:
             server.sendall(request.raw)
             relay(viewer, server)
 
     def publish(self, topic: str, data: bytes, log_ns: int) -> None:
-        """Pass a message on to whoever looks."""
+        """Pass a message on to the viewers."""
         if topic.startswith(RAW_PREFIX):
             return
         channel = self._channels.get(topic) or self._open(topic)
@@ -371,18 +363,8 @@ class LiveView:
         return self._channels[topic]
 
 
-def _hidden_address() -> str:
-    """An address of this computer alone that no page can guess: one of 16 million, with a port of 28,000.
-
-    Only Linux has all of 127.0.0.0/8; elsewhere the port alone is unknown.
-    """
-    if sys.platform != "linux":
-        return LOOPBACK
-    return str(IPv4Address((127 << 24) + 2 + secrets.randbelow((1 << 24) - 4)))
-
-
 def relay(viewer: socket.socket, server: socket.socket) -> None:
-    """Pass on what either of two connections says until either ends, or takes nothing for too long."""
+    """Pass on what comes on either of two connections until either ends, or accepts nothing for too long."""
     with selectors.DefaultSelector() as selector:
         for source, target in ((viewer, server), (server, viewer)):
             source.settimeout(_STALLED_S)
@@ -397,8 +379,6 @@ def relay(viewer: socket.socket, server: socket.socket) -> None:
 
 def page(picture: Picture, title: str) -> str:
     """What the terminal shows, as a page."""
-    from seatrial.acquisition.core.errors import Terminal
-
     console = Terminal(record=True, file=io.StringIO(), width=_COLUMNS, height=_ROWS, force_terminal=True)
     console.print(picture)
     body = console.export_html(inline_styles=True, code_format="{code}")
@@ -440,9 +420,9 @@ class StatusPage:
         try:
             self._front.__enter__()
         except OSError as error:
-            what = f"the status page cannot be served on {LOOPBACK}:{self._settings.port}"
+            problem = f"the status page cannot be served on {LOOPBACK}:{self._settings.port}"
             fix = "stop the program that uses the port, or give another in [status]"
-            raise SourceError(what, why=str(error.strerror), fix=fix) from error
+            raise SourceError(problem, why=str(error.strerror), fix=fix) from error
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -455,7 +435,7 @@ class StatusPage:
         client.sendall(response(HTTPStatus.OK, body, kind, **_HEADERS))
 
     def _answer(self, path: str) -> tuple[str, bytes]:
-        """The kind and the bytes of what lies at a path. Raises :class:`RefusalError` where nothing does."""
+        """The type and the bytes of the content at a path. Raises :class:`RefusalError` where there is none."""
         if path == "/":
             return "text/html; charset=utf-8", page(self._picture, self._title).encode()
         if path == "/status.json":

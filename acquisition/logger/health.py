@@ -1,23 +1,14 @@
-"""How the sources and channels are doing: counts, rates, ages, grades. The pipeline writes, the display reads.
+"""Keeps the state of a recording in progress (counts, rates, ages, grades) and raises alarms by it.
 
-Who keeps this computer's clock right, and how well: what the system tells without privileges.
+The pipeline writes it, the display, the alarms and the status page read it. The computer's clock is judged without
+privileges: the kernel states whether it is kept (adjtimex), the list of processes by which program, chrony and
+systemd-timesyncd the bound of its error, a pulse a second (PPS) its offset. Alarms compare figures with their
+limits once a second in a thread of its own: an event of the recording, a line of the log, red on the terminal with
+its bell, and a command of the user's.
 
-The kernel says whether anybody keeps it (adjtimex), the list of processes who, chrony and systemd-timesyncd how far
-off it may be, a pulse a second (PPS) how far it is off.
-
-Alarms by rule: once a second the recorder's figures against their limits, in a thread of its own.
-
-An alarm is an event of the recording, a line of the log, red on the terminal with its bell, and a command of the
-user's. The thread also looks, now and then, at who keeps the computer's clock.
-
-What a recorder without a person needs: log lines that a program can read, and a word to its supervisor.
-
-Predictions that another program makes of the ship while she is recorded: checked, few, and bounded.
-
-The recorder knows nothing of how they are made. It takes what fits the topic's schema, a few a second, and refuses
-the rest with a word: whatever the other program does, the recording of the ship comes first.
-
-Channels that change from one source to another, gathered by their cause: one event for one outage or return.
+Also here: log lines that a program can read and the supervisor's notices; predictions of other programs on their
+way into the recording, checked, few and bounded, so that it comes first; and channels that change from one source
+to another, gathered by their cause: one event for one outage or return.
 """
 
 from __future__ import annotations
@@ -70,13 +61,47 @@ _LATEST_PULSE_S = 2.5
 HOST_CLOCK = "host clock"
 """The name of the computer's clock among the sources' states; no source can be called so."""
 
+Grade = Literal["good", "slow", "silent", "none"]
+
+_RATE_OVER_NS = 5_000_000_000
+SILENT_NS = 2_500_000_000
+_QUIET_NS = 1_500_000_000
+ENOUGH_RATE = 0.8  # of what is expected
+_PERIODS_TO_SILENCE = 5
+_LEAST_SPANS, _MOST_SPANS = 4, 60  # of the 5 s above: what goes on for less than half of them is not the usual rate
+_HIGHEST_RATE_HZ = 1000.0
+
+Event = tuple[int, str, str]
+"""When [ns since 1970], level, text."""
+
+_CHECK_PERIOD_S = 1.0
+_CLOCK_PERIOD_S = 30.0
+_LONGEST_COMMAND_S = 60.0
+_MOST_COMMANDS = 8
+
+LOG = logging.getLogger("seatrial")
+_MOST_WAITING_LINES = 10_000
+_LONGEST_JOIN_S = 2.0
+LogFormat = Literal["text", "json"]
+
+MOST_PER_S = 2.0
+_MOST_AT_ONCE = 4  # after a pause; then no more than MOST_PER_S
+_MOST_GEOJSON_LETTERS = 32_768
+_LARGEST = 1e12
+_KINDS: dict[str, tuple[type, ...]] = {
+    "number": (int, float), "integer": (int,), "string": (str,), "boolean": (bool,), "object": (dict,),
+    "array": (list,),
+}  # fmt: skip
+
+_GATHERED_NS = SILENT_NS  # channels of one line fall silent, and come back, as far apart as their messages do
+
 
 @dataclass(frozen=True, slots=True)
 class HostClock:
     """The state of the computer's clock.
 
-    ``error_s`` is a bound of its error, as far as its keeper tells; ``pps_offset_s`` how late the last pulse was by
-    it, where there is a pulse. ``keeper`` names the programs that keep it, whether they succeed or not.
+    ``error_s`` is a bound of its error, as far as its keeper states one; ``pps_offset_s`` how late the last pulse
+    was by it, where there is a pulse. ``keeper`` names the programs that keep it, whether they succeed or not.
     """
 
     state: str = "unknown"
@@ -85,8 +110,8 @@ class HostClock:
     pps_offset_s: float | None = None
 
     @property
-    def kept(self) -> bool:
-        """Whether the system says that it is kept right."""
+    def is_kept(self) -> bool:
+        """Whether the system says that it is synchronised."""
         return self.state.startswith("kept")
 
     def as_message(self) -> dict[str, Any]:
@@ -103,14 +128,14 @@ class HostClock:
 
 def kernel_state() -> str:
     """What the kernel alone says of the clock, at once: "kept by NTP or PTP", "free-running", "unknown"."""
-    is_kept, _ = _kernel()
+    is_kept, _ = _read_kernel_clock()
     return "unknown" if is_kept is None else "kept by NTP or PTP" if is_kept else "free-running"
 
 
 def boot_metadata(boot: Path = Path("/proc/sys/kernel/random/boot_id")) -> dict[str, str]:
     """The boot since which the monotonic clock counts, and how long it stood as the computer slept [ns].
 
-    Nothing where the system does not tell both.
+    Empty where the system does not state both.
     """
     try:
         slept_ns = time.clock_gettime_ns(time.CLOCK_BOOTTIME) - time.monotonic_ns()
@@ -121,12 +146,14 @@ def boot_metadata(boot: Path = Path("/proc/sys/kernel/random/boot_id")) -> dict[
 
 def host_clock() -> HostClock:
     """Look at the clock now; asks other programs, and may take some seconds."""
-    is_kept, kernel_error_s = _kernel()
+    is_kept, kernel_error_s = _read_kernel_clock()
     keepers = running_keepers()
     kinds = " and ".join(dict.fromkeys(_KEEPERS[keeper] for keeper in keepers))
-    server_error_s = chrony_error_s(_answer("chronyc", "-n", "-c", "tracking")) if "chronyd" in keepers else None
+    server_error_s = None
+    if "chronyd" in keepers:
+        server_error_s = chrony_error_s(_command_output("chronyc", "-n", "-c", "tracking"))
     if "systemd-timesyn" in keepers:
-        server_error_s = timesyncd_error_s(_answer("timedatectl", "show-timesync", "--property=NTPMessage"))
+        server_error_s = timesyncd_error_s(_command_output("timedatectl", "show-timesync", "--property=NTPMessage"))
     return HostClock(
         state=f"kept by {kinds}" if is_kept and kinds else kernel_state(),
         keeper=", ".join(keepers),
@@ -144,8 +171,8 @@ class _Timex(ctypes.Structure):
     ]  # fmt: skip
 
 
-def _kernel() -> tuple[bool | None, float | None]:
-    """Whether the clock is kept, None if nobody knows, and the largest error that the kernel reckons with [s]."""
+def _read_kernel_clock() -> tuple[bool | None, float | None]:
+    """Whether the clock is kept, None if unknown, and the kernel's bound of its error [s]."""
     timex: Any = _Timex()  # modes 0: read only
     try:
         state = ctypes.CDLL(None).adjtimex(ctypes.byref(timex))
@@ -163,7 +190,7 @@ def running_keepers(processes: Path = Path("/proc")) -> list[str]:
     return [name for name in _KEEPERS if name in running]
 
 
-def _answer(*command: str) -> str:
+def _command_output(*command: str) -> str:
     try:
         return subprocess.run(command, capture_output=True, text=True, timeout=_PATIENCE_S, check=True).stdout
     except (OSError, subprocess.SubprocessError):
@@ -181,14 +208,14 @@ def chrony_error_s(report: str) -> float | None:
 
 def timesyncd_error_s(message: str) -> float | None:
     """The bound by timesyncd's last answer: root dispersion, half the root delay, and the jitter since [s]."""
-    parts = [_seconds(message, name) for name in ("RootDelay", "RootDispersion", "Jitter")]
+    parts = [_parse_seconds(message, name) for name in ("RootDelay", "RootDispersion", "Jitter")]
     if None in parts:
         return None
     delay, dispersion, jitter = (part or 0.0 for part in parts)
     return delay / 2 + dispersion + jitter
 
 
-def _seconds(message: str, name: str) -> float | None:
+def _parse_seconds(message: str, name: str) -> float | None:
     match = re.search(rf"\b{name}=((?:[\d.]+[a-zµ]* ?)+)", message)
     if match is None:
         return None
@@ -200,24 +227,13 @@ def _seconds(message: str, name: str) -> float | None:
 
 
 def pulse_offset_s(now_s: float, pulses: Path = Path("/sys/class/pps")) -> float | None:
-    """By how much the last pulse missed a whole second of the clock [s]; None without a pulse of late."""
+    """By how much the last pulse missed a whole second of the clock [s]; None without a recent pulse."""
     for path in sorted(pulses.glob("*/assert")):
         with suppress(OSError, ValueError):
             at_s = float(path.read_text().partition("#")[0])
             if abs(now_s - at_s) < _LATEST_PULSE_S:
                 return at_s - round(at_s)
     return None
-
-
-Grade = Literal["good", "slow", "silent", "none"]
-
-_RATE_OVER_NS = 5_000_000_000
-SILENT_NS = 2_500_000_000
-_QUIET_NS = 1_500_000_000
-ENOUGH_RATE = 0.8  # of what is expected
-_PERIODS_TO_SILENCE = 5
-_LEAST_SPANS, _MOST_SPANS = 4, 60  # of the 5 s above: what goes on for less than half of them is not the usual rate
-_HIGHEST_RATE_HZ = 1000.0
 
 
 @dataclass(slots=True)
@@ -230,7 +246,7 @@ class SourceHealth:
     dropped: int = 0  # frames that are not in the recording, for want of room or of budget
     over_budget: int = 0  # of them, those that its budget had no room for
     refusals: list[Counter[str]] = field(default_factory=list)  # of the source's decoders, by reason
-    not_known: list[Counter[str]] = field(default_factory=list)  # messages that carry no channel, by name
+    unknown_messages: list[Counter[str]] = field(default_factory=list)  # messages that carry no channel, by name
     impossible: int = 0  # decoded, but no value that its channel can hold
     last_ns: int | None = None
     failed_ns: int | None = None
@@ -242,26 +258,26 @@ class SourceHealth:
 
     @property
     def rejected(self) -> int:
-        """Frames and values that came and were not believed."""
+        """Frames and values that came and were not accepted."""
         return self.refused + self.impossible
 
     @property
     def reasons(self) -> dict[str, int]:
-        """Why frames and values were not believed, and how many."""
+        """Why frames and values were not accepted, and how many."""
         reasons = {reason: count for counts in self.refusals for reason, count in list(counts.items()) if count}
         return {**reasons, "outside its channel's range": self.impossible} if self.impossible else reasons
 
     @property
     def unknown(self) -> dict[str, int]:
         """Sound messages that carry no channel, by name, and how many."""
-        return {name: count for counts in self.not_known for name, count in list(counts.items())}
+        return {name: count for counts in self.unknown_messages for name, count in list(counts.items())}
 
     def count_in(self, frames: int, monotonic_ns: int) -> None:
         self.frames += frames
         self.last_ns = monotonic_ns
 
     def is_silent(self, now_ns: int) -> bool:
-        """Whether it is open and nothing has come of late."""
+        """Whether it is open and nothing has come recently."""
         return self.state == "open" and (self.last_ns is None or now_ns - self.last_ns > SILENT_NS)
 
     def as_message(self, now_ns: int) -> dict[str, Any]:
@@ -330,7 +346,7 @@ class ChannelHealth:
         return self.usual_hz if self.expected_hz is None else self.expected_hz
 
     def grade(self, now_ns: int) -> Grade:
-        """good; slow: less often than expected; silent: nothing of late; none: never came."""
+        """good; slow: less often than expected; silent: nothing recently; none: never came."""
         if not self.count:
             return "none"
         wanted_hz = self.wanted_hz
@@ -338,10 +354,6 @@ class ChannelHealth:
         if self.age_s(now_ns) > longest_s:
             return "silent"
         return "slow" if self.rate_hz(now_ns) < ENOUGH_RATE * wanted_hz else "good"
-
-
-Event = tuple[int, str, str]
-"""When [ns since 1970], level, text."""
 
 
 class Events:
@@ -362,14 +374,14 @@ class Events:
     def __iter__(self) -> Iterator[Event]:
         return iter(self.newest(sum(map(len, self._kinds.values()))))
 
-    def newest(self, most: int) -> list[Event]:
+    def newest(self, limit: int) -> list[Event]:
         """At most so many, in the order in which they came: of each kind the newest, then those before them."""
         ranked = [
             (rank, place, number, event)
             for place, events in enumerate(self._kinds.values())
             for rank, (number, event) in enumerate(reversed(tuple(events)))  # another thread puts more in
         ]
-        chosen = sorted(ranked)[: max(most, 0)]
+        chosen = sorted(ranked)[: max(limit, 0)]
         return [event for *_, event in sorted(chosen, key=lambda ranking: ranking[2])]
 
 
@@ -417,21 +429,21 @@ class Health:
         channel.count_in(sample)
 
     def figures(self, now_ns: int) -> dict[str, float]:
-        """Everything that can be said in a number, by name, for alarms and programs; not a number: not known.
+        """Everything that can be expressed in a number, by name, for alarms and programs; not a number: not known.
 
         Ages count from the start of the recording until something comes.
         """
         since_ns = self.started_ns
-        left_s, free = self.seconds_left, self.free_bytes
+        remaining_s, free = self.seconds_left, self.free_bytes
         figures = {
             "recorder.age_s": (now_ns - self.worked_ns) / 1e9,
             "recorder.paused": float(bool(self.trouble)),
             "recorder.bytes_per_s": self.bytes_per_s,
             "disk.free_gb": math.nan if free is None else free / 1e9,
-            "disk.hours_left": math.nan if left_s is None else left_s / 3600.0,
+            "disk.hours_left": math.nan if remaining_s is None else remaining_s / 3600.0,
             "copies.waiting": float(self.copies.waiting),
             "copies.failing": float(bool(self.copies.trouble)),
-            "clock.kept": math.nan if self.clock.state == "unknown" else float(self.clock.kept),
+            "clock.kept": math.nan if self.clock.state == "unknown" else float(self.clock.is_kept),
             "clock.error_s": math.nan if self.clock.error_s is None else self.clock.error_s,
             "clock.pps_offset_s": math.nan if self.clock.pps_offset_s is None else self.clock.pps_offset_s,
         }
@@ -454,14 +466,8 @@ class Health:
         return self.free_bytes / self.bytes_per_s
 
 
-_LOOK_EVERY_S = 1.0
-_CLOCK_EVERY_S = 30.0
-_LONGEST_COMMAND_S = 60.0
-_MOST_COMMANDS = 8
-
-
 def check_alarms(rules: Iterable[AlarmSection], health: Health) -> None:
-    """Raise :class:`ConfigurationError` for a rule whose figure there is not."""
+    """Raise :class:`ConfigurationError` for a rule of a figure that does not exist."""
     figures = list(health.figures(time.monotonic_ns()))
     for rule in rules:
         if rule.figure not in figures:
@@ -476,13 +482,13 @@ def check_alarms(rules: Iterable[AlarmSection], health: Health) -> None:
 
 @dataclass(slots=True)
 class Alarm:
-    """One rule, and since when what it says has been otherwise than what was told [s]."""
+    """One rule, and since when its condition has differed from the reported state [s]."""
 
     rule: AlarmSection
     raised: bool = False
     since_s: float | None = None
 
-    def look(self, value: float, now_s: float) -> bool:
+    def update(self, value: float, now_s: float) -> bool:
         """Whether the alarm is raised, or over, by this value; one that is not known changes nothing."""
         rule = self.rule
         outside = (rule.above is not None and value > rule.above) or (rule.below is not None and value < rule.below)
@@ -497,7 +503,7 @@ class Alarm:
         return True
 
     def text(self, value: float) -> str:
-        """What there is to say, for people."""
+        """The alarm as a sentence."""
         rule = self.rule
         limits = {"above": rule.above, "below": rule.below}
         bounds = " or ".join(f"{word} {limit:g}" for word, limit in limits.items() if limit is not None)
@@ -524,24 +530,24 @@ class Alarms:
 
     def _work(self) -> None:
         clock_s = -math.inf
-        while not self._stopping.wait(_LOOK_EVERY_S):
+        while not self._stopping.wait(_CHECK_PERIOD_S):
             now_s = time.monotonic()
             try:
-                if now_s - clock_s >= _CLOCK_EVERY_S:
+                if now_s - clock_s >= _CLOCK_PERIOD_S:
                     clock_s = now_s
                     self._health.clock = host_clock()
                 if self._alarms:
-                    self.look(self._health.figures(time.monotonic_ns()), now_s)
+                    self.check(self._health.figures(time.monotonic_ns()), now_s)
                 self._reap(now_s)
             except (OSError, RuntimeError) as error:  # no descriptor, no thread: the next look is in a second
                 LOG.warning("the alarms could not be looked at: %s", error)
         self._reap(time.monotonic())
-        self._leave()
+        self._release_commands()
 
-    def look(self, figures: Mapping[str, float], now_s: float) -> None:
+    def check(self, figures: Mapping[str, float], now_s: float) -> None:
         for alarm in self._alarms:
             value = figures.get(alarm.rule.figure, math.nan)
-            if alarm.look(value, now_s):
+            if alarm.update(value, now_s):
                 self._change(alarm, alarm.text(value), now_s)
 
     def _change(self, alarm: Alarm, text: str, now_s: float) -> None:
@@ -549,7 +555,10 @@ class Alarms:
         if alarm.raised:
             self._health.alarms[name] = text
             self._tell("error", f"ALARM {text}")
-            _ring()
+            if sys.stderr.isatty():
+                with suppress(OSError):
+                    sys.stderr.write("\a")  # the bell
+                    sys.stderr.flush()
         else:
             self._health.alarms.pop(name, None)
             self._tell("warning", f"alarm over: {text}")
@@ -577,7 +586,7 @@ class Alarms:
         self._commands.append((name, now_s, process))
 
     def _reap(self, now_s: float) -> None:
-        """Tell of commands that have failed, and end those that do not end."""
+        """Report commands that have failed, and end those that do not end."""
         running = []
         for name, began_s, process in self._commands:
             if process.poll() is None and now_s - began_s > _LONGEST_COMMAND_S:
@@ -589,26 +598,12 @@ class Alarms:
                 self._tell("error", f"alarm {name}: its command ended with {process.returncode}")
         self._commands = running
 
-    def _leave(self) -> None:
+    def _release_commands(self) -> None:
         """Leave the commands that still run to end by themselves, each with a thread that takes its exit status."""
         for _, _, process in self._commands:
             with suppress(RuntimeError):  # no thread: the system takes the status once the recorder has ended
                 threading.Thread(target=process.wait, name="alarm command", daemon=True).start()
         self._commands = []
-
-
-def _ring() -> None:
-    """The bell of the terminal, if there is one."""
-    if sys.stderr.isatty():
-        with suppress(OSError):
-            sys.stderr.write("\a")
-            sys.stderr.flush()
-
-
-LOG = logging.getLogger("seatrial")
-_MOST_WAITING = 10_000
-_LONGEST_JOIN_S = 2.0
-LogFormat = Literal["text", "json"]
 
 
 class JsonLines(logging.Formatter):
@@ -624,8 +619,8 @@ class JsonLines(logging.Formatter):
         return json.dumps(line)  # in ASCII: also of what nothing encodes, and of what a terminal obeys
 
 
-class _Text(logging.Formatter):
-    """For a person: the text, with its level where that is more than information.
+class _TextLines(logging.Formatter):
+    """The text, with its level where that is more than information.
 
     Further lines of a text are indented, so that none passes for an entry of its own.
     """
@@ -635,13 +630,13 @@ class _Text(logging.Formatter):
         return text if record.levelno <= logging.INFO else f"{record.levelname.lower()}: {text}"
 
 
-class _Unhurried(logging.Handler):
+class _BackgroundHandler(logging.Handler):
     """Writes in a thread of its own: a terminal or a pipe that blocks must not hold up the recording."""
 
     def __init__(self, stream: TextIO) -> None:
         super().__init__()
         self._stream = stream
-        self._lines: queue.Queue[str | None] = queue.Queue(_MOST_WAITING)
+        self._lines: queue.Queue[str | None] = queue.Queue(_MOST_WAITING_LINES)
         self._writer = threading.Thread(target=self._write, name="log", daemon=True)
         self._running = start_thread(self._writer)
 
@@ -651,7 +646,7 @@ class _Unhurried(logging.Handler):
             self._lines.put_nowait(self.format(record))
 
     def close(self) -> None:
-        """Write what is left, if that can be done soon."""
+        """Write the remaining lines, if that can be done soon."""
         with suppress(queue.Full):
             self._lines.put_nowait(None)
         if self._running:
@@ -668,8 +663,8 @@ class _Unhurried(logging.Handler):
 @contextmanager
 def log_to(stream: TextIO, form: LogFormat) -> Iterator[None]:
     """Send Seatrial's log to a stream, as text or as one JSON object a line."""
-    handler = _Unhurried(stream)
-    handler.setFormatter(JsonLines() if form == "json" else _Text())
+    handler = _BackgroundHandler(stream)
+    handler.setFormatter(JsonLines() if form == "json" else _TextLines())
     LOG.addHandler(handler)
     LOG.setLevel(logging.INFO)
     LOG.propagate = False
@@ -681,7 +676,7 @@ def log_to(stream: TextIO, form: LogFormat) -> Iterator[None]:
 
 
 def notify(state: str) -> bool:
-    """Tell systemd something (sd_notify): "READY=1", "WATCHDOG=1", "STATUS=..."; False where nobody listens."""
+    """Notify systemd (sd_notify): "READY=1", "WATCHDOG=1", "STATUS=..."; False where nothing listens."""
     address = os.environ.get("NOTIFY_SOCKET", "")
     if not address:
         return False
@@ -689,16 +684,6 @@ def notify(state: str) -> bool:
         sender.sendto(state.encode(), "\0" + address[1:] if address.startswith("@") else address)
         return True
     return False
-
-
-MOST_PER_S = 2.0
-_MOST_AT_ONCE = 4  # after a pause; then no more than MOST_PER_S
-_MOST_GEOJSON_LETTERS = 32_768
-_LARGEST = 1e12
-_KINDS: dict[str, tuple[type, ...]] = {
-    "number": (int, float), "integer": (int,), "string": (str,), "boolean": (bool,), "object": (dict,),
-    "array": (list,),
-}  # fmt: skip
 
 
 class RecordedPrediction(NamedTuple):
@@ -713,9 +698,9 @@ class RecordedPrediction(NamedTuple):
 
 
 def schema_violation(value: Any, schema: Mapping[str, Any], name: str = "it") -> str:
-    """In what a JSON value does not fit a schema of ours; nothing if it does.
+    """In what a JSON value does not fit a schema of ours; empty if it does.
 
-    Understands what our schemas say: types, properties, required ones, items and the longest array or text. What
+    Understands what our schemas use: types, properties, required ones, items and the longest array or text. What
     a schema does not name is refused.
     """
     kind = schema["type"]
@@ -724,7 +709,7 @@ def schema_violation(value: Any, schema: Mapping[str, Any], name: str = "it") ->
     if isinstance(value, int | float) and not abs(value) <= _LARGEST:  # nor is it not a number
         return f"{name} is no number that can be meant"
     if isinstance(value, dict):
-        return _misfit_of_object(value, schema, name)
+        return _object_violation(value, schema, name)
     if isinstance(value, list):
         if len(value) > schema["maxItems"]:
             return f"{name} has more than {schema['maxItems']} items"
@@ -735,7 +720,7 @@ def schema_violation(value: Any, schema: Mapping[str, Any], name: str = "it") ->
     return ""
 
 
-def _misfit_of_object(value: dict[str, Any], schema: Mapping[str, Any], name: str) -> str:
+def _object_violation(value: dict[str, Any], schema: Mapping[str, Any], name: str) -> str:
     properties = schema["properties"]
     if missing := [key for key in schema["required"] if key not in value]:
         return f"{missing[0]} is missing"
@@ -748,9 +733,14 @@ def _misfit_of_object(value: dict[str, Any], schema: Mapping[str, Any], name: st
 
 
 def parse_prediction(message: Mapping[str, Any]) -> RecordedPrediction:
-    """What a client said, as what is recorded. Raises :class:`InputError` for what does not fit the schema."""
+    """A client's message, as what is recorded. Raises :class:`InputError` for what does not fit the schema."""
     body, geojson = message["prediction"], message.get("geojson", "")
-    text = schema_violation(body, PREDICTION, "a prediction") or _misfit_of_track(body["track"])
+    text = schema_violation(body, PREDICTION, "a prediction")
+    if not text:
+        track = body["track"]
+        length = len(track["seconds"])  # arrays of what is not known are empty
+        wrong = [name for name in ARRAYS if len(track[name]) != length and (track[name] or ARRAYS[name])]
+        text = f"{wrong[0]} of the track is not as long as its seconds" if wrong else ""
     if not isinstance(geojson, str) or len(geojson) > _MOST_GEOJSON_LETTERS:
         text = text or f"geojson is no text of at most {_MOST_GEOJSON_LETTERS} letters"
     if text:
@@ -760,32 +750,25 @@ def parse_prediction(message: Mapping[str, Any]) -> RecordedPrediction:
     return RecordedPrediction(time.monotonic_ns(), start_ns, encode(PREDICTION_TOPIC, body), drawn)
 
 
-def _misfit_of_track(track: Mapping[str, list[float]]) -> str:
-    """Arrays that go with each other are equally long; what is not known is empty."""
-    length = len(track["seconds"])
-    wrong = [name for name in ARRAYS if len(track[name]) != length and (track[name] or ARRAYS[name])]
-    return f"{wrong[0]} of the track is not as long as its seconds" if wrong else ""
-
-
 class Predictions:
     """Predictions on their way into a recording: one thread puts them in, the recorder's takes them out."""
 
     def __init__(self, health: Health) -> None:
         self._health = health
         self._waiting: deque[RecordedPrediction] = deque()
-        self._allowed, self._looked_s = float(_MOST_AT_ONCE), time.monotonic()
+        self._allowed, self._checked_s = float(_MOST_AT_ONCE), time.monotonic()
 
     def offer(self, message: Mapping[str, Any]) -> str:
-        """Take one in. Returns why not, or nothing; what is refused is counted."""
+        """Take one in. Returns why not, or an empty text; what is refused is counted."""
         try:
-            foretold = parse_prediction(message)
+            prediction = parse_prediction(message)
         except (InputError, ValueError) as error:  # the latter for halves of letters
             self._health.predictions_refused += 1
             return str(error)
         if not self._has_room():
             self._health.predictions_refused += 1
             return f"more than {MOST_PER_S:g} predictions a second"
-        self._waiting.append(foretold)
+        self._waiting.append(prediction)
         return ""
 
     def take(self) -> list[RecordedPrediction]:
@@ -793,15 +776,12 @@ class Predictions:
 
     def _has_room(self) -> bool:
         now_s = time.monotonic()
-        self._allowed = min(self._allowed + (now_s - self._looked_s) * MOST_PER_S, float(_MOST_AT_ONCE))
-        self._looked_s = now_s
+        self._allowed = min(self._allowed + (now_s - self._checked_s) * MOST_PER_S, float(_MOST_AT_ONCE))
+        self._checked_s = now_s
         if self._allowed < 1.0 or len(self._waiting) >= _MOST_AT_ONCE:
             return False
         self._allowed -= 1.0
         return True
-
-
-_GATHERED_NS = SILENT_NS  # channels of one line fall silent, and come back, as far apart as their messages do
 
 
 class Handover(NamedTuple):
@@ -827,7 +807,7 @@ class Handover(NamedTuple):
 class _Cause:
     """What one line or device did, with the frame of the first channel that changed by it."""
 
-    first: Frame
+    frame: Frame
     handovers: dict[str, Handover] = field(default_factory=dict)  # by channel, the last of each
 
     @property
@@ -853,6 +833,6 @@ class Handovers:
 
     def due(self, now_ns: float) -> list[tuple[Frame, str]]:
         """What is to be reported by now [monotonic, ns]: the frame that each began with, and its text."""
-        due = [key for key, cause in self.causes.items() if now_ns - cause.first.monotonic_ns >= _GATHERED_NS]
+        due = [key for key, cause in self.causes.items() if now_ns - cause.frame.monotonic_ns >= _GATHERED_NS]
         causes = [self.causes.pop(key) for key in due]
-        return [(cause.first, cause.text) for cause in causes]
+        return [(cause.frame, cause.text) for cause in causes]

@@ -1,13 +1,11 @@
-"""What a recording does by the clock: flush, sync, a word on each source's health, a look at clock and disk.
+"""Does what a recording needs by the clock: flush, sync, health of the sources, checks of clock and disk, copies.
 
-Its time is UTC that never steps, whatever is done to the computer's clock: the wall clock is taken once and carried
-on by the monotonic clock, so that order and durations stay right. Small differences (a clock that is kept by NTP)
-are followed slowly; a step is told, and the next part of the recording takes the new time.
+A recording's time is UTC that never steps, whatever is done to the computer's clock: the wall clock is taken once
+and carried on by the monotonic clock, so that order and durations stay right. Small differences (a clock that is
+kept by NTP) are followed slowly; a step is reported, and the next part of the recording takes the new time.
 
-Copies of finished parts in a second folder, read back and compared; older parts make room once theirs are sound.
-
-Nothing is deleted whose copy has not just been read back and found to be the same, byte for byte. The work is done
-beside the recording, at a lower priority.
+Finished parts are copied to a second folder at a lower priority, read back and compared; older parts make room once
+their copies are verified. Nothing is deleted whose copy has not just been read back and is the same, byte for byte.
 """
 
 from __future__ import annotations
@@ -31,12 +29,23 @@ from seatrial.acquisition.recording.parts import RecordingParts, Tell, parts_in
 from seatrial.acquisition.recording.writer import free_bytes, mount_point, new_file, require_mounted, sync_folder
 
 STEP_NS = 100_000_000  # what NTP corrects without a step is less; so is what a busy computer can feign
-_FOLLOW_SHARE = 500e-6  # the fastest that a kernel's clock is slewed
+_SLEW_FRACTION = 500e-6  # the fastest that a kernel's clock is slewed
 _TOLERANCE_NS = 1_000_000
 TICK_S = 0.05
-"""How late the recorder may look at the clock; flush and sync come so much earlier."""
+"""How late the recorder may check the clock; flush and sync come so much earlier."""
 _HEALTH_EVERY_S = 1.0
-_GROWTH_SHARE = 0.1  # of the newest second in the mean rate of growth
+_GROWTH_FRACTION = 0.1  # of the newest second in the mean rate of growth
+
+_LOOK_EVERY_S, _TRY_AGAIN_S = 5.0, 60.0
+_LONGEST_FINISH_S = 20.0  # less than the patience of a supervisor that stops us
+_LONGEST_STOP_S = 5.0
+_PIECE_BYTES = 1024 * 1024
+_PAUSE_S = 0.005  # after each piece: at most 200 MB/s, so that the recording's disk has time for it
+_PRIORITY = 10
+_GIGA = 1e9
+
+Pause = Callable[[], None]
+"""What is done between two pieces; it may raise, to end the work."""
 
 
 class Timescale:
@@ -59,20 +68,20 @@ class Timescale:
         return frame._replace(received_ns=received_ns)
 
     def follow(self, wall_ns: int, monotonic_ns: int) -> int:
-        """Look at the wall clock, and follow it slowly. Returns its step since the last look [ns], 0 for none."""
+        """Read the wall clock, and follow it slowly. Returns its step since the last reading [ns], 0 for none."""
         wall_offset_ns = wall_ns - monotonic_ns
         step_ns = wall_offset_ns - self._wall_offset_ns
         self._wall_offset_ns = wall_offset_ns
-        most_ns = int((monotonic_ns - self._followed_ns) * _FOLLOW_SHARE)
+        limit_ns = int((monotonic_ns - self._followed_ns) * _SLEW_FRACTION)
         self._followed_ns = monotonic_ns
         behind_ns = wall_offset_ns - self.offset_ns
         if abs(behind_ns) < NEW_PART_NS:
-            self.offset_ns += max(-most_ns, min(most_ns, behind_ns))
+            self.offset_ns += max(-limit_ns, min(limit_ns, behind_ns))
         return step_ns if abs(step_ns) >= STEP_NS else 0
 
     @property
-    def is_far_off(self) -> bool:
-        """Whether the wall clock has gone so far that following it slowly is no use."""
+    def is_beyond_following(self) -> bool:
+        """Whether the wall clock has moved too far to be followed slowly."""
         return abs(self._wall_offset_ns - self.offset_ns) >= NEW_PART_NS
 
     def adopt(self) -> None:
@@ -103,23 +112,23 @@ class Maintenance:
 
     def tick(self) -> None:
         now_s = time.monotonic()
-        self._look_at_the_clock()
+        self._check_clock()
         self._parts.tick(now_s)
         if now_s - self._reported_s >= _HEALTH_EVERY_S:
             self._report(now_s)
         if now_s - self._flushed_s >= self._settings.flush_s - TICK_S:
             self._parts.flush()
             self._flushed_s = now_s
-        # A disk that is still busy with the last time is asked again as soon as it is not.
+        # A disk that is still busy with the last sync is asked again as soon as it is not.
         if now_s - self._synced_s >= self._settings.sync_s - TICK_S and self._parts.sync_soon():
             self._synced_s = now_s
 
-    def _look_at_the_clock(self) -> None:
+    def _check_clock(self) -> None:
         step_ns = self._scale.follow(*now_ns())
         if not step_ns:
             return
         text = f"the computer's clock was set by {step_ns / 1e9:+.3f} s"
-        if not self._scale.is_far_off:
+        if not self._scale.is_beyond_following:
             self._note("warning", f"{text}; the times in this recording follow it slowly")
             return
         self._note(
@@ -130,8 +139,8 @@ class Maintenance:
         self._note("warning", f"{text}; times in {self._parts.path.name} are by the new time")
 
     def _report(self, now_s: float) -> None:
-        self._listen(time.monotonic_ns())
-        self._watch_the_disk(now_s - self._reported_s)
+        self._report_silence(time.monotonic_ns())
+        self._check_disk(now_s - self._reported_s)
         self._reported_s = now_s
         self.report_sources()
 
@@ -145,21 +154,21 @@ class Maintenance:
         if self._health.clock.state != "unknown":
             self._parts.write_health(self._health.clock.as_message(), self._scale.utc_ns(now))
 
-    def _listen(self, now: int) -> None:
-        """Say when sources fall silent and when they are heard again, of several at once in one event.
+    def _report_silence(self, now: int) -> None:
+        """Report when sources fall silent and when they send again, of several at once in one event.
 
-        One that has failed is no news until it is back.
+        One that has failed is not reported until it is back.
         """
-        silent_now, mute, gaps_s = list[str](), list[str](), dict[str, float]()
+        fallen_silent, never_sent, gaps_s = list[str](), list[str](), dict[str, float]()
         for source in self._health.sources.values():
             silent = source.is_silent(now) and now - self._health.started_ns > SILENT_NS
             if silent and source.name not in self._silent and source.failed_ns is None:
                 self._silent[source.name] = source.last_ns or self._health.started_ns
-                (silent_now if source.frames else mute).append(source.name)
+                (fallen_silent if source.frames else never_sent).append(source.name)
             elif not silent and source.state == "open" and source.name in self._silent:
                 gaps_s[source.name] = ((source.last_ns or now) - self._silent.pop(source.name)) / 1e9
-        self._note_sources(mute, "has said nothing yet", "have said nothing yet")
-        self._note_sources(silent_now, "has fallen silent", "have fallen silent")
+        self._note_sources(never_sent, "has said nothing yet", "have said nothing yet")
+        self._note_sources(fallen_silent, "has fallen silent", "have fallen silent")
         gap = f"{max(gaps_s.values(), default=0.0):.1f} s"
         self._note_sources(list(gaps_s), f"is heard again after {gap}", f"are heard again after up to {gap}")
 
@@ -169,24 +178,12 @@ class Maintenance:
         elif names:
             self._note("warning", f"{len(names)} sources {verb_of_several}: {', '.join(names)}")
 
-    def _watch_the_disk(self, since_s: float) -> None:
+    def _check_disk(self, since_s: float) -> None:
         health, parts = self._health, self._parts
         rate = (parts.written_bytes - self._written_bytes) / max(since_s, 1e-3)
         self._written_bytes = parts.written_bytes
-        health.bytes_per_s += _GROWTH_SHARE * (rate - health.bytes_per_s) if health.bytes_per_s else rate
+        health.bytes_per_s += _GROWTH_FRACTION * (rate - health.bytes_per_s) if health.bytes_per_s else rate
         health.free_bytes, health.trouble, health.part = parts.room_bytes, parts.trouble, parts.path.name
-
-
-_LOOK_EVERY_S, _TRY_AGAIN_S = 5.0, 60.0
-_LONGEST_FINISH_S = 20.0  # what a supervisor that stops us has patience for
-_LONGEST_STOP_S = 5.0
-_PIECE_BYTES = 1024 * 1024
-_PAUSE_S = 0.005  # after each piece: at most 200 MB/s, so that the recording's disk has time for it
-_PRIORITY = 10
-_GIGA = 1e9
-
-Pause = Callable[[], None]
-"""What is done between two pieces; it may raise, to end the work."""
 
 
 def copy_part(path: Path, folder: Path, pause: Pause = lambda: None) -> Path:
@@ -208,26 +205,26 @@ def copy_part(path: Path, folder: Path, pause: Pause = lambda: None) -> Path:
             target.flush()
             os.fsync(target.fileno())
         shutil.copystat(path, partial)
-        sound = same(path, partial, pause)
-        if sound and copy.exists():
+        is_same = have_same_content(path, partial, pause)
+        if is_same and copy.exists():
             copy.rename(new_file(folder, f"{copy.stem}_other"))
-        if sound:
+        if is_same:
             partial.replace(copy)
             sync_folder(folder)
     except OSError as error:
         raise storage_error(copy, error) from error
     finally:
         partial.unlink(missing_ok=True)
-    if not sound:
+    if not is_same:
         raise StorageError("reads back differently from what was written", where=str(copy), fix="check the disk")
     return copy
 
 
-def same(first: Path, second: Path, pause: Pause = lambda: None) -> bool:
-    """Whether two files, not one under two names, hold the same as the disks have them; not if one is not there."""
+def have_same_content(path_a: Path, path_b: Path, pause: Pause = lambda: None) -> bool:
+    """Whether two files, not one under two names, have the same content on disk; False if one does not exist."""
     try:
-        alike = first.stat().st_size == second.stat().st_size and not first.samefile(second)
-        return alike and _digest(first, pause) == _digest(second, pause)
+        may_be_same = path_a.stat().st_size == path_b.stat().st_size and not path_a.samefile(path_b)
+        return may_be_same and _digest(path_a, pause) == _digest(path_b, pause)
     except OSError:
         return False
 
@@ -243,21 +240,21 @@ def _digest(path: Path, pause: Pause) -> bytes:
     return digest.digest()
 
 
-def require_other_folder(settings: CopiesSection, folder: Path) -> None:
+def require_separate_folder(settings: CopiesSection, folder: Path) -> None:
     """Raise :class:`ConfigurationError` where the copies would be the recordings themselves."""
     if settings.folder.resolve() == folder.resolve():
-        where, fix = f"[copies] {settings.folder}", "name a folder on another disk"
-        raise ConfigurationError("is the folder of the recordings", where=where, fix=fix)
+        section, fix = f"[copies] {settings.folder}", "name a folder on another disk"
+        raise ConfigurationError("is the folder of the recordings", where=section, fix=fix)
 
 
 class _EndedError(Exception):
-    """The recording is over, and so is our time."""
+    """The recording is over, and so is the time for copies."""
 
 
 class Copies:
     """The copies of one trial's recordings in ``folder``, kept up while ``parts`` are written.
 
-    Trouble is told once and tried again.
+    A fault is reported once, and copying tried again.
     """
 
     def __init__(self, settings: CopiesSection, folder: Path, trial: str, parts: RecordingParts) -> None:
@@ -274,16 +271,16 @@ class Copies:
         return start_thread(self._thread)
 
     def stop(self) -> None:
-        """Copy what the recording has ended with, as far as that can be done soon; the rest comes the next time."""
+        """Copy what the recording has ended with, as far as that can be done soon; the next recording goes on."""
         self._parts.tell = lambda level, text: getattr(LOG, level)(text)  # the recording is closed
         self._ending.set()
         if self._thread.ident is not None:
             self._thread.join(_LONGEST_FINISH_S)
             self._ended.set()
-            self._thread.join(_LONGEST_STOP_S)  # no longer: a disk that hangs must not keep us
+            self._thread.join(_LONGEST_STOP_S)  # no longer: a disk that hangs must not block the end
 
-    def where(self, path: Path) -> Path:
-        """Where a part is to be found: where it was recorded, or its copy once it made room."""
+    def current_path(self, path: Path) -> Path:
+        """Where a part is: where it was recorded, or its copy once it was deleted there."""
         return path if os.path.lexists(path) else self._target / path.name
 
     def _work(self) -> None:
@@ -291,19 +288,19 @@ class Copies:
             os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), _PRIORITY)
         with suppress(_EndedError):
             while not self._ending.wait(_TRY_AGAIN_S if self.state.trouble else _LOOK_EVERY_S):
-                self.look()
-            self.look(everything=True)
+                self.update()
+            self.update(everything=True)
 
     def _pause(self) -> None:
         if self._ended.wait(_PAUSE_S):
             raise _EndedError
 
-    def look(self, *, everything: bool = False) -> None:
-        """Copy what has not grown since the last look (``everything``: that too), and make room."""
+    def update(self, *, everything: bool = False) -> None:
+        """Copy what has not grown since the last call (``everything``: that too), and make room."""
         current = None if self._parts.paused else self._parts.path
         try:
             require_mounted(self._mount)
-            sizes = {path: path.stat().st_size for path in self._recorded()}
+            sizes = {path: path.stat().st_size for path in self._recorded_parts()}
             finished = [path for path, size in sizes.items()
                         if path != current and (everything or self._sizes.get(path) == size)]  # fmt: skip
             self._sizes = sizes
@@ -324,7 +321,7 @@ class Copies:
             self.state.trouble = ""
             self._parts.tell("warning", f"copies to {self._target} go on; nothing is missing there")
 
-    def _recorded(self) -> list[Path]:
+    def _recorded_parts(self) -> list[Path]:
         """The parts of the trial in the folder, also those that a file system gave another name."""
         present = parts_in(self._folder, self._trial)
         return [*present, *(path for path in self._parts.paths if path not in present and path.exists())]
@@ -338,7 +335,7 @@ class Copies:
         for path in finished:
             if self._keep_gb is None or size <= self._keep_gb * _GIGA:
                 return
-            if not same(path, self._target / path.name, self._pause):
+            if not have_same_content(path, self._target / path.name, self._pause):
                 copy_part(path, self._target, self._pause)
             size -= path.stat().st_size
             path.unlink()

@@ -1,10 +1,9 @@
-"""Source -> inbox -> decode -> derive -> select -> record: the only place with threads.
+"""Runs a recording: source -> inbox -> decode -> derive -> select -> record; the only place with threads.
 
-One thread a source does nothing but receive (``receiver.py``), so that a slow disk never delays reception; one
-thread does the rest. An inbox that is full drops frames by number, never silently. What a receiver cannot cope
-with counts as a failed source; what the recorder's thread cannot cope with is reported, and it goes on.
-
-One source's reception: read, pass on to the inbox, and when it fails say so, back off and open it again.
+One thread a source (:class:`Receiver`) only receives, so that a slow disk never delays reception; when its source
+fails it reports it, backs off and opens it again. One thread does the remaining work. An inbox that is full drops
+frames by number, never silently. What a receiver cannot cope with counts as a failed source; what the recorder's
+thread cannot cope with is reported, and it goes on.
 """
 
 from __future__ import annotations
@@ -32,16 +31,31 @@ _POLL_S = 0.02  # how long a frame may wait for the recorder: little beside the 
 _LONGEST_TICK_S = 20.0  # a memory card may take its time
 _LONGEST_JOIN_S = 5.0  # a driver that hangs must not keep a recording from being closed
 _START_AGAIN_S = 1.0
-_REPORT_EVERY_S = 60.0  # of failures that repeat themselves
+_REPORT_PERIOD_S = 60.0  # of failures that repeat themselves
 _MOST_FAILURES_AT_END = 50  # in a row: about a second
 
 
 NO_THREAD = "the system gives no thread"
 _MORE_THREADS = "end other programs, or raise the limit (systemd: TasksMax=)"
 
+_MOST_AT_ONCE = 100  # of one source, so that the recorder's clock work is never kept waiting for long
+_MOST_BYTES_AT_ONCE = 200_000  # the same: to search a megabyte of junk for packets of MAVLink takes seconds
+_WAITING_BYTES, _LEAST_WAITING_BYTES = 256_000_000, 8_000_000  # of all sources together, of one at least
+POLL_S = 0.1
+_LONGEST_BACK_OFF_S = 10.0
+_LOSS_PERIOD_S = 10.0
+_LONGEST_DELAY_S = 0.02  # what is stamped with a longer delay is marked
+_CATCHING_UP_S, _CATCHING_UP_FRACTION = 0.1, 0.1  # of the time it stood still, for what waited on all sources
+_SHORTEST_STILL_S = 0.2
+_SAVED_S = 10.0
+_RECORD_BYTES = 60  # what a frame's record takes beside its bytes, about
+_FLOOD_PAUSE_S = 0.01
+_OVER_BUDGET = "over its budget of {:,.0f} kB/s by {{:,}} frames"
+_SETTLED_S = 5.0  # a source that stays open so long is well, even if it sends nothing
+
 
 def health_of(config: TrialConfig) -> Health:
-    """Nothing seen yet, of the sources and channels of a configuration."""
+    """The state of a recording that has not begun, with the sources and channels of a configuration."""
     sources = {section.name: SourceHealth(section.name) for section in config.sources}
     health = Health(sources, config.watched_channels, config.known_channels)
     for name in config.expected_channels:
@@ -50,15 +64,6 @@ def health_of(config: TrialConfig) -> Health:
         for name, rate_hz in source.rates_hz.items():
             health.channels.setdefault(name, ChannelHealth()).expected_hz = rate_hz
     return health
-
-
-def _none_opened(receivers: list[Receiver]) -> SourceError | None:
-    """Wait until one source is open, or all have tried: the first one's error then."""
-    while not all(receiver.tried.is_set() for receiver in receivers):
-        if any(receiver.opened for receiver in receivers):
-            return None
-        time.sleep(_LOOK_S)
-    return None if any(receiver.opened for receiver in receivers) else receivers[0].open_error
 
 
 class Recorder:
@@ -107,7 +112,13 @@ class Recorder:
             for receiver, thread in zip(receivers, self._threads, strict=True)
             if thread not in self._unstarted
         ]
-        error = _none_opened(running) if running else SourceError(NO_THREAD, where="the sources", fix=_MORE_THREADS)
+        error: SourceError | None = SourceError(NO_THREAD, where="the sources", fix=_MORE_THREADS)
+        if running:
+            while not (
+                all(receiver.tried.is_set() for receiver in running) or any(receiver.opened for receiver in running)
+            ):
+                time.sleep(_LOOK_S)
+            error = None if any(receiver.opened for receiver in running) else running[0].open_error
         if error is None and not start_thread(self._worker):
             error = SourceError(NO_THREAD, where="the recorder", fix=_MORE_THREADS)
         if error is not None:
@@ -122,7 +133,7 @@ class Recorder:
 
     @property
     def alive(self) -> bool:
-        """Whether the recorder's thread has come round of late: what a watchdog wants to know."""
+        """Whether the recorder's thread has come round recently: what a watchdog asks."""
         return time.monotonic_ns() - self.health.worked_ns < _LONGEST_TICK_S * 1e9
 
     def stop(self) -> None:
@@ -153,7 +164,7 @@ class Recorder:
         """The recorder's thread: everything behind the inbox, until the sources stopped and it is empty."""
         try:
             self.tell("info", "recording started")
-            self._drain()
+            self._record_until_end()
             self.tell("info", "recording stopped")
             self._note_texts()
             self._parts.sync()
@@ -161,13 +172,13 @@ class Recorder:
             self._failure = error
             self._stopping.set()
 
-    def _drain(self) -> None:
+    def _record_until_end(self) -> None:
         maintenance = Maintenance(self._config.recording, self._parts, self.health, self._scale, self._note)
         failures = 0
         while True:
             finished = self._all_received.is_set()
             try:
-                if self._turn(maintenance, finished):
+                if self._record_waiting(maintenance, finished):
                     return
                 failures = 0
             except Exception as error:  # nothing but the user ends a recording
@@ -177,7 +188,7 @@ class Recorder:
                 self._report("the recorder", error)
                 time.sleep(_POLL_S)
 
-    def _turn(self, maintenance: Maintenance, finished: bool) -> bool:
+    def _record_waiting(self, maintenance: Maintenance, finished: bool) -> bool:
         """Record what waits, and do what is due by the clock; whether that was the last."""
         if finished and self._parts.paused:
             self._parts.resume()  # the last chance to keep what waits
@@ -186,7 +197,7 @@ class Recorder:
         for frame in frames:
             try:
                 self._processing.process(self._scale.stamp(frame))
-            except Exception as error:  # the others go on; how many are lost is said at the end
+            except Exception as error:  # the next frames go on; how many are lost is reported at the end
                 self._parts.lost += 1
                 self._report(f"a frame of {frame.origin}", error)
         if not len(self._inbox):  # then all that came before now has been processed
@@ -215,11 +226,11 @@ class Recorder:
                 self._unstarted.remove(thread)
                 self.tell("warning", f"{thread.name}: the system has a thread for this source again")
 
-    def _report(self, where: str, error: Exception) -> None:
-        """Report what nobody foresaw, each kind once a minute."""
-        text = f"{where} met an unexpected error: {type(error).__name__} {error}"
-        if time.monotonic() - self._reported_s.get(where, float("-inf")) >= _REPORT_EVERY_S:
-            self._reported_s[where] = time.monotonic()
+    def _report(self, subject: str, error: Exception) -> None:
+        """Report an unexpected error, each kind once a minute."""
+        text = f"{subject} met an unexpected error: {type(error).__name__} {error}"
+        if time.monotonic() - self._reported_s.get(subject, float("-inf")) >= _REPORT_PERIOD_S:
+            self._reported_s[subject] = time.monotonic()
             self.tell("error", text)
 
     def _note(self, level: str, text: str) -> None:
@@ -232,7 +243,7 @@ class Recorder:
             self._processing.note(text, self._scale.utc_ns(monotonic_ns), level, name)
 
     def _note_predictions(self) -> None:
-        """What others foretell, unless nothing is written at the moment: memory is for what was measured."""
+        """Record other programs' predictions, unless nothing is written: memory is for what was measured."""
         for monotonic_ns, start_ns, data, geojson in self.predictions.take():
             if self._parts.paused:
                 self.health.predictions_dropped += 1
@@ -241,41 +252,25 @@ class Recorder:
                 self.health.predictions += 1
 
 
-_MOST_AT_ONCE = 100  # of one source, so that the recorder's clock work is never kept waiting for long
-_MOST_BYTES_AT_ONCE = 200_000  # the same: to search a megabyte of junk for packets of MAVLink takes seconds
-_WAITING_BYTES, _LEAST_WAITING_BYTES = 256_000_000, 8_000_000  # of all sources together, of one at least
-POLL_S = 0.1
-_LONGEST_BACK_OFF_S = 10.0
-_TELL_EVERY_S = 10.0
-_LATE_S = 0.02  # what is stamped later than this is marked
-_CATCHING_UP_S, _CATCHING_UP_SHARE = 0.1, 0.1  # of the time it stood still, for what waited on all sources
-_TELL_STILL_S = 0.2
-_SAVED_S = 10.0
-_RECORD_BYTES = 60  # what a frame's record takes beside its bytes, about
-_LEISURE_S = 0.01
-_OVER_BUDGET = "over its budget of {:,.0f} kB/s by {{:,}} frames"
-_SETTLED_S = 5.0  # a source that stays open so long is well, even if it says nothing
-
-
 class Inbox:
     """Frames that wait to be recorded: one writer thread a source, one reader thread for all.
 
-    A source's share is a number of frames, and of bytes in them. Nobody is woken: the reader comes by often enough,
-    and to wake a thread would cost more than the frame.
+    A source's quota is a number of frames, and of bytes in them. No thread is woken: the reader comes by often
+    enough, and to wake a thread would cost more than the frame.
     """
 
-    def __init__(self, sources: Iterable[str], share: int) -> None:
+    def __init__(self, sources: Iterable[str], quota: int) -> None:
         self._lines = {name: _Line() for name in sources}
-        self._share = share
-        self._share_bytes = max(_WAITING_BYTES // max(len(self._lines), 1), _LEAST_WAITING_BYTES)
+        self._quota = quota
+        self._quota_bytes = max(_WAITING_BYTES // max(len(self._lines), 1), _LEAST_WAITING_BYTES)
 
     def put(self, source: str, frames: list[Frame]) -> int:
-        """Take in what the source's share has room for, and return how many frames that is."""
+        """Take in what the source's quota has room for, and return how many frames that is."""
         line = self._lines[source]
-        room = max(self._share - len(line.frames), 0)
+        room = max(self._quota - len(line.frames), 0)
         admitted = frames if len(frames) <= room else frames[:room]
         size = sum([len(frame.payload) for frame in admitted])
-        while line.bytes_in + size - line.bytes_out > self._share_bytes and admitted:
+        while line.bytes_in + size - line.bytes_out > self._quota_bytes and admitted:
             admitted = admitted[: len(admitted) // 2]
             size = sum([len(frame.payload) for frame in admitted])
         line.bytes_in += size
@@ -283,12 +278,12 @@ class Inbox:
         return len(admitted)
 
     def take(self) -> list[Frame]:
-        """What waits, in the order of reception; of each source at most some."""
-        taken: list[Frame] = []
+        """What waits, in the order of reception; of each source a limited number."""
+        frames: list[Frame] = []
         for line in self._lines.values():
-            taken += line.take()
-        taken.sort(key=attrgetter("monotonic_ns"))
-        return taken
+            frames += line.take()
+        frames.sort(key=attrgetter("monotonic_ns"))
+        return frames
 
     def __len__(self) -> int:
         """How many frames wait."""
@@ -304,14 +299,14 @@ class _Line:
     bytes_out: int = 0
 
     def take(self) -> list[Frame]:
-        taken, size = [], 0
+        frames, size = [], 0
         for _ in range(min(len(self.frames), _MOST_AT_ONCE)):
-            taken.append(self.frames.popleft())
-            size += len(taken[-1].payload)
+            frames.append(self.frames.popleft())
+            size += len(frames[-1].payload)
             if size >= _MOST_BYTES_AT_ONCE:
                 break
         self.bytes_out += size
-        return taken
+        return frames
 
 
 class RateBudget:
@@ -356,7 +351,7 @@ class Receiver:
             health.refusals.append(refused)
         self._back_off_s = POLL_S
         self._dropped_before = self._lost_before = 0
-        self._untold: Counter[str] = Counter()
+        self._unreported: Counter[str] = Counter()
         self._warned_s: dict[str, float] = {}
         self._opened_s = 0.0
         self._ended_s = float("inf")  # of the last read
@@ -366,7 +361,7 @@ class Receiver:
         self.open_error: SourceError | None = None
 
     def run(self) -> None:
-        """Receive until told to stop, or until the source says that nothing more will come."""
+        """Receive until ``stopping`` is set, or until the source says that nothing more will come."""
         self._open()
         self.tried.set()
         while not self._stopping.is_set():
@@ -377,7 +372,7 @@ class Receiver:
             try:
                 frames = self.source.read(POLL_S)
             except Exception as error:  # the other sources go on
-                self._failed(as_source_error(self.source, error))
+                self._note_failure(as_source_error(self.source, error))
                 self.close()
                 continue
             if frames is None:
@@ -386,40 +381,40 @@ class Receiver:
             while self._senders is not None and self._senders.news:
                 level, text = self._senders.news.popleft()
                 self._tell(level, f"{self._health.name}: {text}")
-            frames = self._marked(frames, began_s, time.monotonic())
+            frames = self._mark_delayed(frames, began_s, time.monotonic())
             if frames:
                 self._pass_on(frames)
             if self._health.failed_ns is not None and (frames or time.monotonic() - self._opened_s > _SETTLED_S):
-                self._back(self._health.failed_ns)
+                self._report_return(self._health.failed_ns)
             if self.source.lost > self._lost_before:
                 self._count_lost(self.source.loss, self.source.lost - self._lost_before)
                 self._lost_before = self.source.lost
-        for why in tuple(self._untold):
-            self._tell_sum(why)
+        for template in tuple(self._unreported):
+            self._report_losses(template)
         self.close()
 
-    def _marked(self, frames: list[Frame], began_s: float, ended_s: float) -> list[Frame]:
+    def _mark_delayed(self, frames: list[Frame], began_s: float, ended_s: float) -> list[Frame]:
         """The frames, marked if they waited while the recorder stood still, or while it catches up after that.
 
-        A read that took longer than it may, or began long after the one before, tells that it did.
+        A read that took longer than it may, or began long after the one before, shows that it stood still.
         """
         still_s = max(began_s - self._ended_s, ended_s - began_s - POLL_S)
         self._ended_s = ended_s
-        if still_s > _LATE_S:
+        if still_s > _LONGEST_DELAY_S:
             self._still_s = max(still_s, self._still_s)
-            self._catches_up_s = ended_s + _CATCHING_UP_S + _CATCHING_UP_SHARE * still_s
+            self._catches_up_s = ended_s + _CATCHING_UP_S + _CATCHING_UP_FRACTION * still_s
         if not self._still_s:
             return frames
         if not getattr(self.source, "exact", False):
             self._late += len(frames)
             frames = [frame._replace(flags=frame.flags | FrameFlag.LATE) for frame in frames]
         if not getattr(self.source, "behind", False) and ended_s >= self._catches_up_s:
-            self._tell_still()
+            self._report_standstill()
         return frames
 
-    def _tell_still(self) -> None:
-        """Say, when it is over, that the recorder stood still, and what it has cost."""
-        if self._still_s > _TELL_STILL_S:
+    def _report_standstill(self) -> None:
+        """Report, when it is over, that the recorder stood still, and what it has cost."""
+        if self._still_s > _SHORTEST_STILL_S:
             text = f"{self._health.name}: the recorder stood still for {self._still_s:.2f} s"
             if self._late:
                 text += (
@@ -433,7 +428,7 @@ class Receiver:
             self.source.open()
         except Exception as error:  # drivers raise what they like
             self.open_error = as_source_error(self.source, error)
-            self._failed(self.open_error)
+            self._note_failure(self.open_error)
             return
         self._health.state, self._opened_s = "open", time.monotonic()
         self._ended_s = self._opened_s
@@ -441,8 +436,8 @@ class Receiver:
         if remark := getattr(self.source, "remark", ""):
             self._tell("warning", f"{self._health.name}: {remark}")
 
-    def _back(self, failed_ns: int) -> None:
-        """The source works again: it says something, or stays open; some can be opened and fail at once."""
+    def _report_return(self, failed_ns: int) -> None:
+        """The source works again: it sends, or stays open; some can be opened and fail at once."""
         gap_s = (time.monotonic_ns() - failed_ns) / 1e9
         self._tell("warning", f"source {self.source.name!r} is back after {gap_s:.1f} s")
         self._health.failed_ns = None
@@ -455,12 +450,12 @@ class Receiver:
             self._tell("warning", str(as_source_error(self.source, error)))
 
     def _within_budget(self, frames: list[Frame]) -> list[Frame]:
-        """What the budget has room for. A source that floods is read at leisure: the system drops the rest."""
+        """What the budget has room for. A source that floods is read slowly: the system drops the excess."""
         admitted = self._budget.admit(frames, time.monotonic())
-        if left_out := len(frames) - admitted:
-            self._health.over_budget += left_out
-            self._count_lost(_OVER_BUDGET.format(self._budget.bytes_per_s / 1e3), left_out)
-            self._stopping.wait(_LEISURE_S)
+        if excess := len(frames) - admitted:
+            self._health.over_budget += excess
+            self._count_lost(_OVER_BUDGET.format(self._budget.bytes_per_s / 1e3), excess)
+            self._stopping.wait(_FLOOD_PAUSE_S)
             self._ended_s = time.monotonic()
         return frames[:admitted]
 
@@ -477,19 +472,19 @@ class Receiver:
             self._tell("error", f"{self._health.name}: {count:,} frames were dropped; none any more")
             self._dropped_before = self._health.dropped
 
-    def _count_lost(self, why: str, count: int) -> None:
-        """What never came to the queue, as ``why`` says: as bad as a drop of our own; told in sums."""
+    def _count_lost(self, template: str, count: int) -> None:
+        """Count what never came to the queue: as bad as a drop of our own; ``template`` takes their sum."""
         self._health.dropped += count
         self._dropped_before += count
-        self._untold[why] += count
-        if time.monotonic() - self._warned_s.get(why, float("-inf")) > _TELL_EVERY_S:
-            self._tell_sum(why)
-            self._warned_s[why] = time.monotonic()
+        self._unreported[template] += count
+        if time.monotonic() - self._warned_s.get(template, float("-inf")) > _LOSS_PERIOD_S:
+            self._report_losses(template)
+            self._warned_s[template] = time.monotonic()
 
-    def _tell_sum(self, why: str) -> None:
-        self._tell("error", f"{self._health.name}: {why.format(self._untold.pop(why))}")
+    def _report_losses(self, template: str) -> None:
+        self._tell("error", f"{self._health.name}: {template.format(self._unreported.pop(template))}")
 
-    def _failed(self, error: SourceError) -> None:
+    def _note_failure(self, error: SourceError) -> None:
         if self._health.failed_ns is None:
             self._health.failed_ns = time.monotonic_ns()
             self._tell("error", str(error))
@@ -506,5 +501,5 @@ def as_source_error(source: Source, error: Exception) -> SourceError:
     """What a driver raised, as an error of ours."""
     if isinstance(error, SourceError):
         return error
-    why = str(error) if isinstance(error, SeatrialError) else f"{type(error).__name__} {error}"
-    return SourceError("failed", where=f"source {source.name!r}", why=why)
+    reason = str(error) if isinstance(error, SeatrialError) else f"{type(error).__name__} {error}"
+    return SourceError("failed", where=f"source {source.name!r}", why=reason)

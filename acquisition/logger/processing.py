@@ -1,9 +1,7 @@
-"""What happens to a frame between its reception and the recording: kept raw, decoded, derived, selected.
+"""Turns received frames into a recording: kept raw, decoded, derived, and one source selected for each channel.
 
-Which source has a channel: one at a time, by the order of the configuration, its devices, fixes and messages.
-
-Quantities off the wires to the 13 channels: the trial's plane, the ship's axes, true north, wind over ground.
-
+A channel has one source at a time, by the order of the configuration, its devices, fixes and messages. Derived are
+the 13 channels from the quantities on the wires: the trial's plane, the ship's axes, true north, wind over ground.
 What is derived says so in its source. Values that a channel cannot hold are left out and counted.
 """
 
@@ -49,38 +47,105 @@ _VARIATION_ERROR_DEG = 1.0  # twice what the World Magnetic Model's declination 
 _EVENTS_A_MINUTE = 30
 _MOST_CONTRADICTIONS = 100  # sources are named by what comes off the wire
 DECODED = "decoding"
-"""The name of events that decoding brings forth, and would bring forth again."""
+"""The name of events that decoding emits, and would emit again."""
 _LOG_LEVELS = {"info": logging.INFO, "warning": logging.WARNING, "error": logging.ERROR}
+
+POSITION = frozenset({"north_m", "east_m", "latitude_deg", "longitude_deg"})
+VARIATION = "magnetic_variation_deg"
+VARIATION_KEEPS_NS = 600 * 10**9
+"""The variation changes by tenths of a degree in an hour's way: the last value holds while its source is silent."""
+_MOST_RANKS = 10_000
+
+# What a device sends in two messages, and which of them is the slower or coarser one: 129025 comes ten times as
+# often as 129029, LOCAL_POSITION_NED has the finer speeds, GGA states whether there is a fix at all.
+_CHOICE = {
+    **dict.fromkeys(("129029", "130577", "GLOBAL_POSITION_INT", "RMC", "GLL", "HDM", "VWR", "VWT", "HTD"), 1),
+    **dict.fromkeys(("GPS_RAW_INT", "GPS_GLOBAL_ORIGIN"), 2),
+}
+_MEANING = {"": 0, "engine": 1, "magnetic": 2, "theoretical": 2, "water": 4, "apparent": 4}
+"""How far from the channel itself a message's reference is: what needs less derivation is preferred."""
+_OF_A_FIX = frozenset({"GGA", "GNS", "RMC", "GLL", "VTG", "129025", "129026", "129029"})
+"""Messages that repeat one fix of one receiver: which of them a position is read from is no news."""
+
+# By the numbers of GGA: fixed and floating ambiguities, then precise, differential, corrected by satellite; plain.
+_GRADE = {4: 0, 5: 1, 3: 2, 2: 2, 9: 2}
+_PLAIN_GRADE = 3
+_UNKNOWN_FIX = Fix()
+_TURN_FRACTION = 0.75  # of the time from one message to the next: what comes earlier is concurrent
+
+Rank = tuple[bool, bool, int, int, int, int]
+"""No satellites, a stand-in's, grade of the fix; line, device on it, message: what is smaller is preferred."""
+
+_HEADING_KEEPS_NS = 1_500_000_000  # carried on by the rate of turn for as long
+_MOTION_KEEPS_NS = 1_500_000_000
+_FULL_TURN_DEG = 360.01  # a turn rounded up to a wire's step: NMEA 2000 can send 360.0008 degrees
+_UNCORRECTED = Mounting()
+
+_HEADINGS = ("heading_deg", "heading_magnetic_deg")
+_BOW_WINDS = ("apparent", "theoretical", "water")
+# What decoders deliver that is no channel is held to the limits of the channel of its kind.
+_KINDS = {
+    "velocity_north_mps": "surge_mps",
+    "velocity_east_mps": "surge_mps",
+    "course_magnetic_deg": "course_over_ground_deg",
+    "wind_direction_magnetic_deg": "wind_direction_deg",
+    **{f"wind_angle_{kind}_deg": "apparent_wind_angle_deg" for kind in _BOW_WINDS},
+    **{f"wind_speed_{kind}_mps": "wind_speed_mps" for kind in _BOW_WINDS},
+}
+_PAIRS = (
+    ("latitude_deg", "longitude_deg"),
+    ("north_m", "east_m"),
+    ("surge_mps", "sway_mps"),
+    ("velocity_north_mps", "velocity_east_mps"),
+    ("course_over_ground_deg", "speed_over_ground_mps"),
+    ("course_magnetic_deg", "speed_over_ground_mps"),
+    ("wind_direction_deg", "wind_speed_mps"),
+    ("wind_direction_magnetic_deg", "wind_speed_mps"),
+    ("apparent_wind_angle_deg", "apparent_wind_speed_mps"),
+    *((f"wind_angle_{kind}_deg", f"wind_speed_{kind}_mps") for kind in _BOW_WINDS),
+)
+_PARTNERS = {
+    quantity: {partner for pair in _PAIRS if quantity in pair for partner in pair if partner != quantity}
+    for quantity in {name for pair in _PAIRS for name in pair}
+}
+_REMEMBERED = frozenset({"heading_deg", "yaw_rate_dps", "surge_mps", "sway_mps", "speed_through_water_mps"})
+_BOW_WIND_NAMES = tuple((kind, f"wind_angle_{kind}_deg", f"wind_speed_{kind}_mps") for kind in _BOW_WINDS)
+_COMPASS = frozenset({*_HEADINGS, "magnetic_variation_deg"})
+_VELOCITY = frozenset({"velocity_north_mps", "speed_over_ground_mps", "surge_mps", "sway_mps"})
+_WIND = frozenset({"wind_direction_magnetic_deg", *(angle for _, angle, _ in _BOW_WIND_NAMES)})
+_DERIVED_FROM = _COMPASS | _VELOCITY | _WIND | {"latitude_deg"}
+
+Quantities = dict[str, Sample]
 
 
 @dataclass(slots=True)
-class _Allowance:
-    """How many events a source may still bring forth in this minute."""
+class _EventBudget:
+    """How many events a source may still emit in this minute."""
 
     until_ns: int = 0
     remaining: int = _EVENTS_A_MINUTE
-    left_out: int = 0
+    omitted: int = 0
 
     def allows(self, now_ns: int) -> bool:
-        """Take one event from what is left of this minute; count it if nothing is."""
+        """Take one event from what remains of this minute; count it if nothing does."""
         if now_ns >= self.until_ns:
             self.until_ns, self.remaining = now_ns + 60_000_000_000, _EVENTS_A_MINUTE
         self.remaining -= 1
-        self.left_out += self.remaining < 0
+        self.omitted += self.remaining < 0
         return self.remaining >= 0
 
 
 @dataclass(slots=True)
 class _Addresses:
-    """The source addresses on a bus that are believed."""
+    """The source addresses on a bus that are accepted."""
 
-    believed: tuple[int, ...]
+    accepted: tuple[int, ...]
     refused: Counter[str] = field(default_factory=Counter)
 
     def admit(self, frame: Frame) -> bool:
-        """Whether a frame is of one of them, or tells no address."""
+        """Whether a frame is of one of them, or has no address."""
         has_address = frame.protocol == "can" and not frame.flags & FrameFlag.STANDARD_ID
-        if has_address and frame.identifier & 0xFF not in self.believed:
+        if has_address and frame.identifier & 0xFF not in self.accepted:
             self.refused["address that is not allowed"] += 1
             return False
         return True
@@ -97,7 +162,7 @@ class FrameProcessor:
         self._decoders = {source.name: decoders_by_protocol(source, *ship) for source in config.sources}
         for name, decoders in self._decoders.items():
             health.sources[name].refusals = [decoder.refused for decoder in chain(*decoders.values())]
-            health.sources[name].not_known = [decoder.unknown for decoder in chain(*decoders.values())]
+            health.sources[name].unknown_messages = [decoder.unknown for decoder in chain(*decoders.values())]
         self._addresses = {source.name: _Addresses(source.addresses) for source in config.sources
                            if isinstance(source, CanFrames) and source.addresses}  # fmt: skip
         self._failed: dict[str, Counter[str]] = {source.name: Counter() for source in config.sources}
@@ -118,11 +183,11 @@ class FrameProcessor:
         self._variations = Selector(config.sources, {}, VARIATION_KEEPS_NS, anywhere=VARIATION)
         self._variation: Sample | None = None
         self._contradict: set[str] = set()
-        self._allowances = {source.name: _Allowance() for source in config.sources}
+        self._event_budgets = {source.name: _EventBudget() for source in config.sources}
         self._handovers = Handovers()
 
     def mute_clocks(self, origin: str) -> None:
-        """Tell nothing of this source's clocks: its frames have no times that they could be compared with."""
+        """Report nothing of this source's clocks: its frames have no times that they could be compared with."""
         for decoder in chain(*self._decoders[origin].values()):
             if (clock := getattr(decoder, "clock", None)) is not None:
                 clock.muted = True
@@ -141,26 +206,26 @@ class FrameProcessor:
     def report_handovers(self, now_ns: float = inf) -> None:
         """Report which channels have other sources, of causes that are over by now [monotonic, ns] or of all."""
         for frame, text in self._handovers.due(now_ns):
-            self._tell(frame, text, "warning")
+            self._note_within_budget(frame, text, "warning")
 
     def _interpret(self, frame: Frame) -> None:
         if self._handovers.causes:
             self.report_handovers(frame.monotonic_ns)
-        self._end_storm(frame)
+        self._report_omitted(frame)
         if frame.origin in self._addresses and not self._addresses[frame.origin].admit(frame):
             return
         health = self._health.sources[frame.origin]
         for decoder in self._decoders[frame.origin].get(frame.protocol, ()):
             for group in self._decoded(decoder, frame):
-                samples, impossible = self._derivation.channels(self._with_chosen_variation(group, frame))
+                samples, impossible = self._derivation.channels(self._drop_unselected_variation(group, frame))
                 health.impossible += impossible
                 self._record(samples, frame)
             while decoder.notices:
                 level, text = decoder.notices.popleft()
-                self._tell(frame, f"{frame.origin}: {text}", level)
+                self._note_within_budget(frame, f"{frame.origin}: {text}", level)
 
     def _decoded(self, decoder: Decoder, frame: Frame) -> list[Group]:
-        """The frame's groups. What a decoder trips over is kept raw and must not end the recording."""
+        """The frame's groups. A frame that a decoder fails at is kept raw and must not end the recording."""
         try:
             return decoder.decode(frame)
         except Exception as error:
@@ -170,7 +235,7 @@ class FrameProcessor:
             decoder.refused["decoder failed"] += 1
             return []
 
-    def _with_chosen_variation(self, group: Group, frame: Frame) -> Group:
+    def _drop_unselected_variation(self, group: Group, frame: Frame) -> Group:
         """The group, without a magnetic variation of another source than the one that all headings go by."""
         sample = next((member for member in group if member.quantity == VARIATION), None)
         if sample is None or not BY_NAME[VARIATION].holds(sample.value):
@@ -181,22 +246,22 @@ class FrameProcessor:
         if chosen:
             self._variation = sample
             return group
-        self._tell_contradiction(sample, frame)
+        self._report_contradiction(sample, frame)
         return [member for member in group if member is not sample]
 
-    def _tell_contradiction(self, sample: Sample, frame: Frame) -> None:
-        """Say once of each other source of a magnetic variation that it tells another."""
+    def _report_contradiction(self, sample: Sample, frame: Frame) -> None:
+        """Report once of a source of a magnetic variation that it contradicts the selected one."""
         if self._variation is None:
             return
-        off_deg = sample.value - self._variation.value
+        difference_deg = sample.value - self._variation.value
         is_news = sample.source not in self._contradict and len(self._contradict) < _MOST_CONTRADICTIONS
-        if is_news and abs(off_deg) > _VARIATION_ERROR_DEG:
+        if is_news and abs(difference_deg) > _VARIATION_ERROR_DEG:
             self._contradict.add(sample.source)
             text = (
-                f"{sample.source} tells a magnetic variation of {sample.value:.2f} deg, {off_deg:+.2f} deg from"
-                f" that of {self._variation.source}, which is taken; who is listed first is believed"
+                f"{sample.source} tells a magnetic variation of {sample.value:.2f} deg, {difference_deg:+.2f} deg"
+                f" from that of {self._variation.source}, which is taken; who is listed first is believed"
             )
-            self._tell(frame, text, "warning")
+            self._note_within_budget(frame, text, "warning")
 
     def _record(self, samples: list[Sample], frame: Frame) -> None:
         has_position = False
@@ -223,24 +288,24 @@ class FrameProcessor:
             self._writer.write_position(latitude.value, longitude.value, *times, fix)
 
     def _keep_origin(self, latitude_deg: float, longitude_deg: float, received_ns: int) -> None:
-        """The first fix became the origin: the recording must say so."""
+        """The first fix became the origin: the recording must state it."""
         self._trial = replace(self._trial, origin_latitude_deg=latitude_deg, origin_longitude_deg=longitude_deg)
         self._writer.write_trial(self._trial)
         text = f"the first fix is the origin: {latitude_deg:.7f}, {longitude_deg:.7f}"
         self.note(text, received_ns, "info", DECODED)
 
-    def _tell(self, frame: Frame, text: str, level: str) -> None:
-        """Note what decoding told, within what a source may tell: rubbish can look like news without end."""
-        if self._allowances[frame.origin].allows(frame.monotonic_ns):
+    def _note_within_budget(self, frame: Frame, text: str, level: str) -> None:
+        """Note an event of decoding, within the source's budget: malformed input can cause events without end."""
+        if self._event_budgets[frame.origin].allows(frame.monotonic_ns):
             self.note(text, frame.received_ns, level, DECODED)
 
-    def _end_storm(self, frame: Frame) -> None:
-        """Once the source may tell something again: how much it could not."""
-        allowance = self._allowances[frame.origin]
-        if allowance.left_out and frame.monotonic_ns >= allowance.until_ns:
-            text = f"{frame.origin}: {allowance.left_out:,} more events were left out"
+    def _report_omitted(self, frame: Frame) -> None:
+        """Report, once the source has a new budget, how many events were omitted."""
+        budget = self._event_budgets[frame.origin]
+        if budget.omitted and frame.monotonic_ns >= budget.until_ns:
+            text = f"{frame.origin}: {budget.omitted:,} more events were left out"
             self.note(text, frame.received_ns, "warning", DECODED)
-            allowance.left_out = 0
+            budget.omitted = 0
 
     def note(self, text: str, received_ns: int, level: str = "info", name: str = "seatrial") -> None:
         """Put a line into the recording's event log and the display."""
@@ -249,46 +314,19 @@ class FrameProcessor:
         LOG.log(_LOG_LEVELS[level], text, extra={"more": {"recording_time": received_ns / 1e9, "name": name}})
 
 
-POSITION = frozenset({"north_m", "east_m", "latitude_deg", "longitude_deg"})
-VARIATION = "magnetic_variation_deg"
-VARIATION_KEEPS_NS = 600 * 10**9
-"""The variation changes by tenths of a degree in an hour's way: what was told holds while its source is silent."""
-_MOST_RANKS = 10_000
-
-# What a device says in two messages, and which of them is the slower or coarser one: 129025 comes ten times as
-# often as 129029, LOCAL_POSITION_NED has the finer speeds, GGA tells whether there is a fix at all.
-_CHOICE = {
-    **dict.fromkeys(("129029", "130577", "GLOBAL_POSITION_INT", "RMC", "GLL", "HDM", "VWR", "VWT", "HTD"), 1),
-    **dict.fromkeys(("GPS_RAW_INT", "GPS_GLOBAL_ORIGIN"), 2),
-}
-_MEANING = {"": 0, "engine": 1, "magnetic": 2, "theoretical": 2, "water": 4, "apparent": 4}
-"""How far from the channel itself a message's reference is: what needs less derivation is preferred."""
-_OF_A_FIX = frozenset({"GGA", "GNS", "RMC", "GLL", "VTG", "129025", "129026", "129029"})
-"""Messages that repeat one fix of one receiver: which of them a position is read from is no news."""
-
-# By the numbers of GGA: fixed and floating ambiguities, then precise, differential, corrected by satellite; plain.
-_GRADE = {4: 0, 5: 1, 3: 2, 2: 2, 9: 2}
-_PLAIN_GRADE = 3
-_NO_WORD = Fix()
-_ITS_TURN = 0.75  # of the time from one message to the next: what comes earlier comes beside it
-
-Rank = tuple[bool, bool, int, int, int, int]
-"""No satellites, a stand-in's, grade of the fix; line, device on it, message: what is smaller is preferred."""
-
-
 @dataclass(slots=True)
 class _Holder:
     """Who has a channel: its last sample, its rank, and the time between its last two messages [ns]."""
 
-    last: Sample
+    sample: Sample
     rank: Rank
     interval_ns: int = 0
 
     def since(self, sample: Sample) -> int:
-        """The time since its last message: between the measurements as far as both tell when they were [ns]."""
-        if self.last.source_ns is not None and sample.source_ns is not None:
-            return sample.source_ns - self.last.source_ns
-        return sample.monotonic_ns - self.last.monotonic_ns
+        """The time since its last message: between the measurements as far as both state their times [ns]."""
+        if self.sample.source_ns is not None and sample.source_ns is not None:
+            return sample.source_ns - self.sample.source_ns
+        return sample.monotonic_ns - self.sample.monotonic_ns
 
 
 class Selector:
@@ -296,13 +334,13 @@ class Selector:
 
     The order of the configuration's sources is the order of preference, and within a bus the order of its devices;
     of an MQTT broker's a channel's own topic goes before sentences. A position by satellites is preferred to any
-    other, and among those that stand in for the first the better fix, by ``fixes``: what each sensor's receiver
+    other, and among substitutes of the first the better fix, by ``fixes``: what each sensor's receiver
     says of its fix, by GGA's numbers. Of two messages the finer one has it, and what needs less derivation. What
     is equal in all this, two devices that are not listed, say, is decided by who came first, until that has been
     silent for ``patience_ns``.
 
     The talkers of satellite receivers are names of one receiver, which may change from one fix to the next, until
-    two of them tell the same thing side by side. Every line may provide what is listed ``anywhere``, after those
+    two of them send the same thing concurrently. Every line may provide what is listed ``anywhere``, after those
     that list it, which are waited for at first: what is taken from another would change at once.
     """
 
@@ -354,47 +392,47 @@ class Selector:
             return False, None
         holder = self._holders.get(sample.quantity)
         if holder is None:
-            if sample.quantity == self._anywhere and self._waits(sample, rank):
+            if sample.quantity == self._anywhere and self._must_wait(sample, rank):
                 return False, None
             self._holders[sample.quantity] = _Holder(sample, rank)
             return True, None
-        pair = holder.last.source, sample.source
-        if pair[0] == pair[1] or self._continues(holder, sample):
-            holder.last, holder.rank, holder.interval_ns = sample, rank, holder.since(sample)
+        pair = holder.sample.source, sample.source
+        if pair[0] == pair[1] or self._is_same_receiver(holder, sample):
+            holder.sample, holder.rank, holder.interval_ns = sample, rank, holder.since(sample)
             return True, None
-        if rank < holder.rank or sample.monotonic_ns - holder.last.monotonic_ns > self._patience_ns:
+        if rank < holder.rank or sample.monotonic_ns - holder.sample.monotonic_ns > self._patience_ns:
             handover = Handover(sample.quantity, *pair, rank < holder.rank)
             self._holders[sample.quantity] = _Holder(sample, rank)
-            return True, None if _is_one_receiver(*pair) and pair not in self._rivals else handover
+            return True, None if _share_receiver(*pair) and pair not in self._rivals else handover
         return False, None
 
-    def _waits(self, sample: Sample, rank: Rank) -> bool:
-        """Whether a line or device that is listed before the sample's may yet be heard."""
+    def _must_wait(self, sample: Sample, rank: Rank) -> bool:
+        """Whether a line or device that is listed before the sample's may yet send."""
         *_, line, device, _ = rank
-        first = self._first_line[sample.quantity]
-        before = (line > first and first < self._listed) or (
+        best_line = self._first_line[sample.quantity]
+        is_expected = (line > best_line and best_line < self._listed) or (
             device > 0 and label_parts(sample.source)[0] in self._lists_devices
         )
         if self._since_ns is None:
             self._since_ns = sample.monotonic_ns
-        return before and sample.monotonic_ns - self._since_ns <= SILENT_NS
+        return is_expected and sample.monotonic_ns - self._since_ns <= SILENT_NS
 
-    def _continues(self, holder: _Holder, sample: Sample) -> bool:
-        """Whether the holder itself goes on under another talker: in its turn, and never beside the other name."""
-        pair = holder.last.source, sample.source
+    def _is_same_receiver(self, holder: _Holder, sample: Sample) -> bool:
+        """Whether the holder continues under another talker: in turn, and never concurrently with the former."""
+        pair = holder.sample.source, sample.source
         messages = [label_parts(source)[2] for source in pair]
-        if not _is_one_receiver(*pair) or pair in self._rivals or messages[0] != messages[1]:
+        if not _share_receiver(*pair) or pair in self._rivals or messages[0] != messages[1]:
             return False
-        if holder.interval_ns <= 0 or (holder.last.source_ns is None) != (sample.source_ns is None):
+        if holder.interval_ns <= 0 or (holder.sample.source_ns is None) != (sample.source_ns is None):
             return False
-        if holder.since(sample) >= _ITS_TURN * holder.interval_ns:
+        if holder.since(sample) >= _TURN_FRACTION * holder.interval_ns:
             return True
         if len(self._rivals) < _MOST_RANKS:
             self._rivals |= {pair, pair[::-1]}
         return False
 
     def _rank(self, source: str, quantity: str) -> Rank | None:
-        fix = self._fixes.get(sensor_of(source), _NO_WORD).kind if quantity in POSITION else None
+        fix = self._fixes.get(sensor_of(source), _UNKNOWN_FIX).kind if quantity in POSITION else None
         key = source, quantity, fix
         if key not in self._ranks:
             if len(self._ranks) >= _MOST_RANKS:  # sources are named by what comes off the wire: without end
@@ -422,52 +460,10 @@ class Selector:
 
 
 @lru_cache(maxsize=4096)
-def _is_one_receiver(first: str, second: str) -> bool:
-    """Whether two sources are messages of a fix by one receiver, as far as their names tell."""
-    messages = {label_parts(source)[2][0] for source in (first, second)}
-    return sensor_of(first) == sensor_of(second) and messages <= _OF_A_FIX
-
-
-_HEADING_KEEPS_NS = 1_500_000_000  # carried on by the rate of turn for as long
-_MOTION_KEEPS_NS = 1_500_000_000
-_WHOLE_TURN_DEG = 360.01  # a turn rounded up to a wire's step: NMEA 2000 can say 360.0008 degrees
-_AS_FITTED = Mounting()
-
-_HEADINGS = ("heading_deg", "heading_magnetic_deg")
-_BOW_WINDS = ("apparent", "theoretical", "water")
-# What decoders say that is no channel is held to the limits of the channel that it is of a kind with.
-_KINDS = {
-    "velocity_north_mps": "surge_mps",
-    "velocity_east_mps": "surge_mps",
-    "course_magnetic_deg": "course_over_ground_deg",
-    "wind_direction_magnetic_deg": "wind_direction_deg",
-    **{f"wind_angle_{kind}_deg": "apparent_wind_angle_deg" for kind in _BOW_WINDS},
-    **{f"wind_speed_{kind}_mps": "wind_speed_mps" for kind in _BOW_WINDS},
-}
-_PAIRS = (
-    ("latitude_deg", "longitude_deg"),
-    ("north_m", "east_m"),
-    ("surge_mps", "sway_mps"),
-    ("velocity_north_mps", "velocity_east_mps"),
-    ("course_over_ground_deg", "speed_over_ground_mps"),
-    ("course_magnetic_deg", "speed_over_ground_mps"),
-    ("wind_direction_deg", "wind_speed_mps"),
-    ("wind_direction_magnetic_deg", "wind_speed_mps"),
-    ("apparent_wind_angle_deg", "apparent_wind_speed_mps"),
-    *((f"wind_angle_{kind}_deg", f"wind_speed_{kind}_mps") for kind in _BOW_WINDS),
-)
-_PARTNERS = {
-    quantity: {partner for pair in _PAIRS if quantity in pair for partner in pair if partner != quantity}
-    for quantity in {name for pair in _PAIRS for name in pair}
-}
-_REMEMBERED = frozenset({"heading_deg", "yaw_rate_dps", "surge_mps", "sway_mps", "speed_through_water_mps"})
-_BOW_WIND_NAMES = tuple((kind, f"wind_angle_{kind}_deg", f"wind_speed_{kind}_mps") for kind in _BOW_WINDS)
-_COMPASS = frozenset({*_HEADINGS, "magnetic_variation_deg"})
-_VELOCITY = frozenset({"velocity_north_mps", "speed_over_ground_mps", "surge_mps", "sway_mps"})
-_WIND = frozenset({"wind_direction_magnetic_deg", *(angle for _, angle, _ in _BOW_WIND_NAMES)})
-_SPEAKS_OF_MORE = _COMPASS | _VELOCITY | _WIND | {"latitude_deg"}
-
-Quantities = dict[str, Sample]
+def _share_receiver(source_a: str, source_b: str) -> bool:
+    """Whether two sources are messages of a fix by one receiver, as far as their names show."""
+    messages = {label_parts(source)[2][0] for source in (source_a, source_b)}
+    return sensor_of(source_a) == sensor_of(source_b) and messages <= _OF_A_FIX
 
 
 class Derivation:
@@ -487,7 +483,9 @@ class Derivation:
     ) -> None:
         self._plane = None if trial.origin is None else TangentPlane(*trial.origin)
         self._positions_from = positions_from
-        self._mountings = {line: mounting for line, mounting in (mountings or {}).items() if mounting != _AS_FITTED}
+        self._mountings = {
+            line: mounting for line, mounting in (mountings or {}).items() if mounting != _UNCORRECTED
+        }
         self._variation_deg = variation_deg
         self._channels = channels_of_trial(trial)
         self._limits = {**self._channels, **{quantity: BY_NAME[channel] for quantity, channel in _KINDS.items()}}
@@ -506,18 +504,18 @@ class Derivation:
 
     def channels(self, group: Group) -> tuple[list[Sample], int]:
         """The channel samples in a group, angles wrapped, and how many values no channel can hold."""
-        sound, impossible = _possible(group, self._limits)
-        stated = _SPEAKS_OF_MORE.intersection([sample.quantity for sample in sound])
+        valid, impossible = _drop_impossible(group, self._limits)
+        stated = _DERIVED_FROM.intersection([sample.quantity for sample in valid])
         if stated:
-            sound, more = _possible(self._derived(sound, stated), self._limits)
-            impossible += more
-        return [sample for sample in sound if sample.quantity in self._channels], impossible
+            valid, impossible_derived = _drop_impossible(self._derive(valid, stated), self._limits)
+            impossible += impossible_derived
+        return [sample for sample in valid if sample.quantity in self._channels], impossible
 
-    def _derived(self, group: Group, stated: frozenset[str]) -> list[Sample]:
+    def _derive(self, group: Group, stated: frozenset[str]) -> list[Sample]:
         """The group's samples, corrected for their mounting, and what follows from what they have ``stated``."""
-        mounting = self._mountings.get(_line(group[0]), _AS_FITTED)
-        turned = group if mounting is _AS_FITTED else self._turned(group, mounting)
-        quantities = {sample.quantity: sample for sample in turned}
+        mounting = self._mountings.get(_line_of(group[0]), _UNCORRECTED)
+        corrected = group if mounting is _UNCORRECTED else self._correct_headings(group, mounting)
+        quantities = {sample.quantity: sample for sample in corrected}
         if not stated.isdisjoint(_COMPASS):
             self._note_compass(quantities)
         if not stated.isdisjoint(_VELOCITY):
@@ -535,12 +533,12 @@ class Derivation:
             self._variation_deg = group["magnetic_variation_deg"].value
         heading, magnetic = group.get("heading_deg"), group.get("heading_magnetic_deg")
         if heading is None and magnetic is not None and self._variation_deg is not None:
-            heading = _derived(magnetic, "heading_deg", (magnetic.value + self._variation_deg) % 360.0)
+            heading = _derived_sample(magnetic, "heading_deg", (magnetic.value + self._variation_deg) % 360.0)
         if heading is not None:
-            group["heading_deg"] = self._headings[_line(heading)] = heading
+            group["heading_deg"] = self._headings[_line_of(heading)] = heading
 
-    def _turned(self, group: Group, mounting: Mounting) -> Iterator[Sample]:
-        """Headings and bow-relative wind angles, turned by what their sensors are mounted off."""
+    def _correct_headings(self, group: Group, mounting: Mounting) -> Iterator[Sample]:
+        """The samples, headings and bow-relative wind angles corrected for how their sensors are mounted."""
         for sample in group:
             turn_deg = 0.0
             if sample.quantity in _HEADINGS:
@@ -548,11 +546,11 @@ class Derivation:
             elif sample.quantity.startswith("wind_angle_"):
                 turn_deg = mounting.wind_angle_deg
             turned_deg = (sample.value + turn_deg) % 360.0
-            yield sample if turn_deg == 0.0 else _derived(sample, sample.quantity, turned_deg)
+            yield sample if turn_deg == 0.0 else _derived_sample(sample, sample.quantity, turned_deg)
 
     def _heading_deg(self, sample: Sample) -> float | None:
         """The true heading when ``sample`` came: the line's own or else the ship's, carried on by the yaw rate."""
-        for heading in (self._headings.get(_line(sample)), self._ship.get("heading_deg")):
+        for heading in (self._headings.get(_line_of(sample)), self._ship.get("heading_deg")):
             if heading is None:
                 continue
             age_ns = sample.monotonic_ns - heading.monotonic_ns
@@ -576,11 +574,11 @@ class Derivation:
         yaw_rate_dps = self._ship_value("yaw_rate_dps", next(iter(velocity.values())))
         shift = velocity_at_reference(0.0, 0.0, yaw_rate_dps or 0.0, mounting.forward_m, mounting.starboard_m)
         moved = {
-            name: _derived(velocity[name], name, velocity[name].value + metres_per_second)
+            name: _derived_sample(velocity[name], name, velocity[name].value + metres_per_second)
             for name, metres_per_second in zip(("surge_mps", "sway_mps"), shift, strict=True)
             if name in velocity
         }
-        if yaw_rate_dps is None:  # whether she turns is not known, so neither is how her ends move
+        if yaw_rate_dps is None:  # whether the ship turns is not known, so neither is how its ends move
             return {name: sample._replace(quality=Quality.SUSPECT) for name, sample in moved.items()}
         return moved
 
@@ -592,7 +590,9 @@ class Derivation:
             return {}
         sample, north, east = ground_velocity
         surge, sway = map(float, to_ship(north, east, radians(heading_deg)))
-        return {name: _derived(sample, name, speed) for name, speed in (("surge_mps", surge), ("sway_mps", sway))}
+        return {
+            name: _derived_sample(sample, name, speed) for name, speed in (("surge_mps", surge), ("sway_mps", sway))
+        }
 
     def _over_ground(self, group: Quantities) -> tuple[Sample, float, float] | None:
         """Velocity to north and east, as told or from course and speed."""
@@ -614,7 +614,10 @@ class Derivation:
         if latitude is None or longitude is None:
             return
         if self._plane is None:
-            if _line(latitude) not in self._positions_from or not _may_be_origin(latitude, longitude):
+            # no origin are fixes by a simulator or dead reckoning, and 0, 0, which receivers send before a fix
+            is_valid = latitude.quality in (Quality.GOOD, Quality.NOT_EVALUATED)
+            is_valid = is_valid and (latitude.value, longitude.value) != (0.0, 0.0)
+            if _line_of(latitude) not in self._positions_from or not is_valid:
                 return
             self._plane = TangentPlane(latitude.value, longitude.value)
         north, east = self._plane.north_east_m(latitude.value, longitude.value)
@@ -624,14 +627,14 @@ class Derivation:
                 return
             antenna = to_earth(mounting.forward_m, mounting.starboard_m, radians(heading_deg))
             north, east = north - float(antenna[0]), east - float(antenna[1])
-        yield _derived(latitude, "north_m", north)
-        yield _derived(latitude, "east_m", east)
+        yield _derived_sample(latitude, "north_m", north)
+        yield _derived_sample(latitude, "east_m", east)
 
     def _wind(self, group: Quantities) -> Iterator[Sample]:
         """Wind over ground from true north, from whatever reference the instrument has."""
         magnetic = group.get("wind_direction_magnetic_deg")
         if magnetic is not None and self._variation_deg is not None:
-            yield _derived(magnetic, "wind_direction_deg", (magnetic.value + self._variation_deg) % 360.0)
+            yield _derived_sample(magnetic, "wind_direction_deg", (magnetic.value + self._variation_deg) % 360.0)
         for kind, angle_name, speed_name in _BOW_WIND_NAMES:
             angle, speed = group.get(angle_name), group.get(speed_name)
             if angle is None or speed is None:
@@ -641,8 +644,8 @@ class Derivation:
                 yield speed._replace(quantity="apparent_wind_speed_mps")
             wind = self._over_ground_wind(kind, angle, speed.value)
             if wind is not None:
-                yield _derived(angle, "wind_direction_deg", wind[0])
-                yield _derived(angle, "wind_speed_mps", wind[1])
+                yield _derived_sample(angle, "wind_direction_deg", wind[0])
+                yield _derived_sample(angle, "wind_speed_mps", wind[1])
 
     def _over_ground_wind(self, kind: str, angle: Sample, speed_mps: float) -> tuple[float, float] | None:
         heading_deg = self._heading_deg(angle)
@@ -662,10 +665,10 @@ class Derivation:
         return wind_over_ground(felt_deg, felt_mps, surge, sway, heading_deg)
 
 
-def _possible(samples: Group, limits: Mapping[str, Channel]) -> tuple[Group, int]:
+def _drop_impossible(samples: Group, limits: Mapping[str, Channel]) -> tuple[Group, int]:
     """The samples that can be true, angles within their turn, and how many cannot.
 
-    Where one of a pair is impossible the other is not believed either: what comes of both, and the direction of
+    Where one of a pair is impossible the other is not accepted either: what comes of both, and the direction of
     a wind of 999 m/s, would be false.
     """
     possible = []
@@ -673,7 +676,7 @@ def _possible(samples: Group, limits: Mapping[str, Channel]) -> tuple[Group, int
         channel = limits.get(sample.quantity)
         if channel is None or channel.holds(sample.value):
             possible.append(sample)
-        elif channel.circular and abs(sample.value) <= _WHOLE_TURN_DEG:
+        elif channel.circular and abs(sample.value) <= _FULL_TURN_DEG:
             possible.append(sample._replace(value=channel.wrapped(sample.value)))
     if len(possible) < len(samples):
         possible_quantities = {sample.quantity for sample in possible}
@@ -682,16 +685,10 @@ def _possible(samples: Group, limits: Mapping[str, Channel]) -> tuple[Group, int
     return possible, len(samples) - len(possible)
 
 
-def _may_be_origin(latitude: Sample, longitude: Sample) -> bool:
-    """A simulator's fix, or one by dead reckoning, is no origin; nor is 0, 0, which receivers tell before a fix."""
-    sound = latitude.quality in (Quality.GOOD, Quality.NOT_EVALUATED)
-    return sound and (latitude.value, longitude.value) != (0.0, 0.0)
-
-
-def _derived(sample: Sample, quantity: str, value: float) -> Sample:
+def _derived_sample(sample: Sample, quantity: str, value: float) -> Sample:
     source = sample.source if sample.source.endswith(" derived") else f"{sample.source} derived"
     return Sample(quantity, value, source, *sample[3:])  # as _replace() would, in half the time
 
 
-def _line(sample: Sample) -> str:
+def _line_of(sample: Sample) -> str:
     return sample.source.partition("/")[0]

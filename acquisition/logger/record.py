@@ -1,6 +1,6 @@
-"""``seatrial record``: one recording from start to end, with display, marks and a supervisor, or from log files.
+"""Makes one recording from start to end (``seatrial record``): live, with display and marks, or from log files.
 
-Log files are read without threads and without hurry, in the order of their own times.
+Log files are read without threads, as fast as the disk allows, in the order of their own times.
 """
 
 from __future__ import annotations
@@ -17,9 +17,11 @@ from functools import partial
 from operator import attrgetter
 from pathlib import Path
 
+from rich.live import Live
+
 from seatrial.acquisition.config.sources import FILE_SOURCES, LiveSection
 from seatrial.acquisition.config.trial_file import TrialConfig
-from seatrial.acquisition.core.errors import ConfigurationError, SeatrialError, SourceError
+from seatrial.acquisition.core.errors import ConfigurationError, SeatrialError, SourceError, Terminal
 from seatrial.acquisition.core.trial import NANO, Frame, iso, now_ns
 from seatrial.acquisition.logger.display import LiveView, Picture, StatusPage, mark_on_keys, status
 from seatrial.acquisition.logger.health import (
@@ -32,7 +34,7 @@ from seatrial.acquisition.logger.health import (
     log_to,
     notify,
 )
-from seatrial.acquisition.logger.maintenance import Copies, Timescale, clock_metadata, require_other_folder
+from seatrial.acquisition.logger.maintenance import Copies, Timescale, clock_metadata, require_separate_folder
 from seatrial.acquisition.logger.pipeline import NO_THREAD, Recorder, health_of
 from seatrial.acquisition.logger.processing import FrameProcessor
 from seatrial.acquisition.logger.requests import RecorderState, RequestServer
@@ -42,9 +44,9 @@ from seatrial.acquisition.sources import Source, make_source
 
 _LOOK_S = 0.05
 _REDRAW_PER_S = 4.0
-_WATCHDOG_EVERY_S = 1.0
-_TICK_EVERY = 2_000  # frames; as seldom as the files' times allow, as often as memory wants
-_TELL_EVERY_S = 5.0
+_WATCHDOG_PERIOD_S = 1.0
+_FRAMES_PER_TICK = 2_000  # frames; as seldom as the files' times allow, as often as memory wants
+_PROGRESS_PERIOD_S = 5.0
 _POLL_S = 0.2
 _MOST_NAMED = 20  # messages that carry no channel: a bus has some dozens of kinds
 _WITHOUT_TIMES = (
@@ -63,8 +65,8 @@ def record(
 ) -> tuple[list[Path], Health]:
     """Record until ``stop`` is set, ``duration_s`` is over, or every source has ended.
 
-    Returns the recording's parts and what was seen. Raises :class:`SourceError` when no source at all can be
-    opened, :class:`ConfigurationError` for what only a decoder can find wrong (no file is left behind then),
+    Returns the recording's parts and its health. Raises :class:`SourceError` when no source at all can be
+    opened, :class:`ConfigurationError` for what only a decoder can find wrong (no file remains then),
     :class:`StorageError` when the disk fails and messages are lost.
     """
     stop = stop or threading.Event()
@@ -79,7 +81,7 @@ def _record_live(
     config: TrialConfig, folder: Path, duration_s: float | None, stop: threading.Event, live: bool
 ) -> tuple[list[Path], Health]:
     if config.copies is not None:
-        require_other_folder(config.copies, folder)
+        require_separate_folder(config.copies, folder)
     check_alarms(config.alarms, health_of(config))
     scale = Timescale(*now_ns())
     clock = clock_metadata(scale)
@@ -104,29 +106,29 @@ def _record_live(
         if config.missing_channels:
             LOG.warning("no source provides %s", ", ".join(config.missing_channels))
         server = RequestServer(
-            recorder.mark, lambda: _running(config, recorder.health, parts), recorder.predictions
+            recorder.mark, lambda: _recorder_state(config, recorder.health, parts), recorder.predictions
         )
-        _with(stack, server, recorder)
+        _try_enter(stack, server, recorder)
         if live or config.live is not None:
             view = LiveView(config.live or LiveSection(), config.trial)
-            if _with(stack, view, recorder):
+            if _try_enter(stack, view, recorder):
                 parts.listeners.append(view.publish)
                 LOG.info("live view at %s", view.address)
         picture = Picture(recorder.health, config.expected_channels, config.marks)
         if config.status is not None:
             shown = StatusPage(config.status, replace(picture, marks=None), config.trial.name)
-            if _with(stack, shown, recorder):
+            if _try_enter(stack, shown, recorder):
                 LOG.info("status page at %s", shown.address)
-        _with(stack, Alarms(config.alarms, recorder.health, partial(recorder.tell, name="alarm")), recorder)
-        _with(stack, _display(picture, recorder), recorder)
+        _try_enter(stack, Alarms(config.alarms, recorder.health, partial(recorder.tell, name="alarm")), recorder)
+        _try_enter(stack, _display(picture, recorder), recorder)
         LOG.info("recording to %s", parts.path)
         notify("READY=1")
         _wait(recorder, stop, duration_s)
         notify("STOPPING=1")
-    return parts.paths if copies is None else [copies.where(path) for path in parts.paths], recorder.health
+    return parts.paths if copies is None else [copies.current_path(path) for path in parts.paths], recorder.health
 
 
-def _running(config: TrialConfig, health: Health, parts: RecordingParts) -> RecorderState:
+def _recorder_state(config: TrialConfig, health: Health, parts: RecordingParts) -> RecorderState:
     return RecorderState(
         trial=config.trial.name,
         configuration=str(config.path.absolute()),
@@ -161,15 +163,15 @@ def _wait(recorder: Recorder, stop: threading.Event, duration_s: float | None) -
     until_s = float("inf") if duration_s is None else time.monotonic() + duration_s
     notified_s = 0.0
     while not recorder.ended and time.monotonic() < until_s:
-        if time.monotonic() - notified_s > _WATCHDOG_EVERY_S and recorder.alive:
+        if time.monotonic() - notified_s > _WATCHDOG_PERIOD_S and recorder.alive:
             notify(f"WATCHDOG=1\nSTATUS={status(recorder.health)}")
             notified_s = time.monotonic()
         if stop.wait(_LOOK_S):
             return
 
 
-def _with(stack: ExitStack, extra: AbstractContextManager[object], recorder: Recorder) -> bool:
-    """Enter what a recording can do without; where it cannot be had, say so and record all the same."""
+def _try_enter(stack: ExitStack, extra: AbstractContextManager[object], recorder: Recorder) -> bool:
+    """Enter what a recording can do without; where it is unavailable, report it and record all the same."""
     try:
         stack.enter_context(extra)
     except (SeatrialError, OSError, RuntimeError) as error:  # the last: no thread
@@ -183,11 +185,7 @@ def _display(picture: Picture, recorder: Recorder) -> Iterator[None]:
     if not sys.stderr.isatty():
         yield
         return
-    from rich.live import Live
-
-    from seatrial.acquisition.core.errors import Terminal
-
-    # screen: a window that is resized leaves no ruins, and the terminal comes back as it was
+    # screen: a window that is resized leaves no debris, and the terminal is restored
     live = Live(picture, console=Terminal(stderr=True), refresh_per_second=_REDRAW_PER_S, screen=True)
     with mark_on_keys(recorder.mark, picture.marks or {}), live:
         yield
@@ -209,28 +207,28 @@ def _read_log_files(
         frames = heapq.merge(*(reading.frames(source) for source in sources), key=attrgetter("received_ns"))
         reading.take(frames, float("inf") if duration_s is None else duration_s * 1e9)
         for source in sources:
-            _tell_troubles(source, health.sources[source.name], reading)
+            _report_faults(source, health.sources[source.name], reading)
         reading.report_sources()
         reading.tell("info", "recording stopped")
 
 
-def _tell_troubles(source: Source, seen: SourceHealth, reading: _Reading) -> None:
+def _report_faults(source: Source, health: SourceHealth, reading: _Reading) -> None:
     if remark := getattr(source, "remark", ""):
         reading.tell("warning", f"{source.name}: {remark}")
     if unreadable := getattr(source, "unreadable", 0):
         lines = "line" if unreadable == 1 else "lines"
         reading.tell("warning", f"{source.name}: {unreadable:,} {lines} of the log could not be read")
-    if bad := seen.reasons.get(BAD_DATA):
+    if bad := health.reasons.get(BAD_DATA):
         places = "place" if bad == 1 else "places"
         reading.tell("warning", f"{source.name}: no packet that can be read at {bad:,} {places} of the log")
-    refusals = sorted(seen.reasons.items(), key=lambda item: -item[1])
+    refusals = sorted(health.reasons.items(), key=lambda item: -item[1])
     refused = [f"{reason} ({count:,})" for reason, count in refusals if reason != BAD_DATA]
     if refused:
         reading.tell("info", f"{source.name}: not used, but recorded raw: {', '.join(refused)}")
-    if unknown := sorted(seen.unknown.items(), key=lambda item: -item[1]):
+    if unknown := sorted(health.unknown.items(), key=lambda item: -item[1]):
         named = ", ".join(f"{name} ({count:,})" for name, count in unknown[:_MOST_NAMED])
-        more = f" and {len(unknown) - _MOST_NAMED} more" if len(unknown) > _MOST_NAMED else ""
-        reading.tell("info", f"{source.name}: carries no channel, but recorded raw: {named}{more}")
+        further = f" and {len(unknown) - _MOST_NAMED} more" if len(unknown) > _MOST_NAMED else ""
+        reading.tell("info", f"{source.name}: carries no channel, but recorded raw: {named}{further}")
     if damage := getattr(source, "damage", ""):
         reading.tell("error", f"{source.name}: {damage}")
 
@@ -242,10 +240,10 @@ class _Reading:
         self, processing: FrameProcessor, parts: RecordingParts, health: Health, stop: threading.Event
     ) -> None:
         self._processing, self._parts, self._health, self._stop = processing, parts, health, stop
-        self._reported_ns = 0  # when by the logs' time the state of the sources was last said
-        self.now_ns = time.time_ns()  # until a log tells another
+        self._reported_ns = 0  # when by the logs' time the state of the sources was last reported
+        self.now_ns = time.time_ns()  # until a log states another
         self._reported_s = time.monotonic()
-        self._untimed: list[str] = []  # sources whose logs have no times, as yet untold
+        self._untimed: list[str] = []  # sources whose logs have no times, not reported yet
         parts.tell = self.tell
 
     def tell(self, level: str, text: str) -> None:
@@ -253,7 +251,7 @@ class _Reading:
         self._processing.note(text, self.now_ns, level)
 
     def take(self, frames: Iterator[Frame], duration_ns: float) -> None:
-        """Process the frames until their end, the duration's, or until told to stop."""
+        """Process the frames until their end, the duration's, or until ``stop`` is set."""
         until_ns = float("inf")
         for number, frame in enumerate(frames):
             self.now_ns = frame.received_ns
@@ -269,7 +267,7 @@ class _Reading:
             self._processing.process(frame)
             if abs(self.now_ns - self._reported_ns) >= NANO:
                 self.report_sources()
-            if number % _TICK_EVERY == _TICK_EVERY - 1:
+            if number % _FRAMES_PER_TICK == _FRAMES_PER_TICK - 1:
                 self._tick(number + 1)
         self._processing.report_handovers()
 
@@ -281,24 +279,24 @@ class _Reading:
 
     def frames(self, source: Source) -> Iterator[Frame]:
         """A log's frames, as fast as they are taken; at the first it shows whether the log has times."""
-        seen = self._health.sources[source.name]
+        health = self._health.sources[source.name]
         while (block := source.read(0.0)) is not None:
             if block:
                 # Times since its beginning bear no stamp, but keep the frames' distances.
                 timed = any(member.stamped_ns is not None for member in block) or getattr(source, "timed", False)
-                if not seen.frames and not timed:
+                if not health.frames and not timed:
                     self._untimed.append(source.name)
                     self._processing.mute_clocks(source.name)
                 for frame in block:
-                    seen.count_in(1, frame.monotonic_ns)
+                    health.count_in(1, frame.monotonic_ns)
                     yield frame
-        seen.state = "ended"
+        health.state = "ended"
 
     def _tick(self, frames: int) -> None:
         self._parts.sync()
         self._parts.tick(time.monotonic())
         while self._parts.paused and not self._stop.wait(_POLL_S):  # a file can wait for the disk
             self._parts.tick(time.monotonic())
-        if time.monotonic() - self._reported_s >= _TELL_EVERY_S:
+        if time.monotonic() - self._reported_s >= _PROGRESS_PERIOD_S:
             LOG.info("%s frames, up to %s", f"{frames:,}", iso(self.now_ns))
             self._reported_s = time.monotonic()

@@ -1,19 +1,16 @@
-"""What a recorder answers to other programs of this computer: marks, who it is, predictions of the ship.
+"""Serves other programs: marks, state and predictions over a local socket, and the front of web pages and viewers.
 
-They reach it through a socket that lies in a folder that only its owner can open; nothing listens on a network. One
-thread hears all clients at once, so that one that stalls in the middle of a word holds up nobody else.
+The socket lies in a folder that only its owner can open; nothing listens on a network. One thread serves all
+clients at once, so that one that stalls in the middle of a word blocks no other. A client sends one JSON object:
+``{"text", "monotonic_ns"}`` is a mark, ``{"ask": "recording"}`` asks which file is being written and of which
+trial, ``{"prediction", "geojson"}`` goes into the recording. The answer is ``ok``, a JSON object, or ``refused:``
+and why; malformed requests get none. :class:`Follower` follows what a recorder writes from outside: through all
+parts, and from one recording to the next.
 
-A client says one JSON object: ``{"text", "monotonic_ns"}`` is a mark, ``{"ask": "recording"}`` asks which file is
-being written and of which trial, ``{"prediction", "geojson"}`` goes into the recording. The answer is ``ok``, a
-JSON object, or ``refused:`` and why; rubbish gets none.
-
-What a recorder writes, followed from outside: through all parts, and from one recording to the next.
-
-What browsers and viewers of the recorder meet first: few clients at once, briefly, and only those entitled.
-
-A page from anywhere can make a browser aboard ask here, and a name elsewhere can be made to point here. Both give
-themselves away: by the name under which they ask (``Host``), and by where they come from (``Origin``). A client
-that says nothing, little, or too much costs nobody else the page, and never the recorder.
+:class:`WebFront` admits few web clients at once, briefly, and only those entitled. A page from anywhere can make a
+browser aboard send requests here, and a name elsewhere can be made to point here. Both are recognised: by the name
+that is requested (``Host``), and by where the request comes from (``Origin``). A client that sends nothing, little,
+or too much costs no other client the page, and never the recorder.
 """
 
 from __future__ import annotations
@@ -45,19 +42,33 @@ from seatrial.acquisition.recording.parts import Tell
 from seatrial.acquisition.recording.reader import Tail
 
 MOST_BYTES = 65_536
-"""A client that says more than this is not heard to its end."""
+"""A client that sends more than this is cut off."""
 PATIENCE_S = 3.0
-"""How long a client may take to say what it wants, and how long it waits for an answer."""
-_SHORT_PATIENCE_S = 1.0  # of who asks again and again
-_MOST_CLIENTS = 16  # at once; one more, and whoever has kept us waiting longest must go
+"""How long a client may take to send its request, and to take in the answer."""
+_SHORT_PATIENCE_S = 1.0  # of a client that asks again and again
+_MOST_CLIENTS = 16  # at once; of more, the one that has waited longest is disconnected
 _LOOK_S = 0.2
 
 _MOST_LETTERS = 500
-_MOST_APART_NS = 60_000_000_000  # a moment further off cannot be true: now is taken
+_LARGEST_OFFSET_NS = 60_000_000_000  # a time further from now cannot be right: now is taken
 Mark = Callable[[str, int], None]
 """What takes a mark: its text, and when it was set on the monotonic clock [ns]."""
 _QUESTION = orjson.dumps({"ask": "recording"})
 _REFUSED = b"refused: "
+
+_QUIET_S = 1.0  # after so long without anything new the recorder is asked what it writes
+_ASK_PERIOD_S, _ASK_SOON_S = 1.0, 0.1  # the latter where a part has just come to its end
+
+MOST_CLIENTS = 16
+"""So many may be asking at once, and as many be served; browsers open six to one address."""
+LOOPBACK = "127.0.0.1"
+_MOST_HEAD_BYTES = 16_384  # what Apache and nginx take at least; a browser with many cookies sends half of it
+_MOST_REASONS = 20
+_LONGEST_ORIGIN = 100  # in a log line
+_RETRY_S = 0.2
+_HOST = re.compile(r"(\[[0-9a-f:.]+\]|[a-z0-9._-]+)(?::\d{1,5})?", re.IGNORECASE)
+_LINE = re.compile(r"([!#$%&'*+.^_`|~0-9A-Za-z-]+):[ \t]*([^\x00-\x08\x0a-\x1f\x7f]*?)[ \t]*")
+_SINGLE = ("host", "origin")
 
 
 def runtime_folder() -> Path:
@@ -85,12 +96,12 @@ class RecorderState:
     predictions_refused: int
 
 
-Who = Callable[[], RecorderState]
+StateReader = Callable[[], RecorderState]
 
 
 @dataclass(slots=True)
 class _Client:
-    """Somebody who is still speaking: what was said so far, and until when it must be over."""
+    """A client that is still sending: what it has sent so far, and until when it must be complete."""
 
     socket: socket.socket
     until_s: float
@@ -98,13 +109,15 @@ class _Client:
 
 
 class RequestServer:
-    """Hears what others say to a recorder while it is entered; a context manager.
+    """Answers other programs' requests to a recorder while it is entered; a context manager.
 
-    Raises :class:`StorageError` when the socket's folder cannot be had or belongs to somebody else.
+    Raises :class:`StorageError` when the socket's folder cannot be made or belongs to another user.
     """
 
-    def __init__(self, mark: Mark, who: Who, predictions: Predictions, folder: Path | None = None) -> None:
-        self._mark, self._who, self._predictions = mark, who, predictions
+    def __init__(
+        self, mark: Mark, read_state: StateReader, predictions: Predictions, folder: Path | None = None
+    ) -> None:
+        self._mark, self._read_state, self._predictions = mark, read_state, predictions
         self.path = (folder or runtime_folder()) / f"{os.getpid()}-{time.monotonic_ns():x}.sock"
         self._stopping = threading.Event()
         self._clients: list[_Client] = []  # in the order in which they came
@@ -116,11 +129,11 @@ class RequestServer:
             if {folder.lstat().st_uid, folder.stat().st_uid} != {os.getuid()}:  # a link has an owner, too
                 raise PermissionError(f"{folder} belongs to another user")
             self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
-            unheard = self.path.with_suffix(".new")  # one that does not listen yet is taken for one left behind
-            self._socket.bind(str(unheard))
-            unheard.chmod(0o600)  # before it listens, and whatever the folder allows
+            unready = self.path.with_suffix(".new")  # one that does not listen yet would be taken for stale
+            self._socket.bind(str(unready))
+            unready.chmod(0o600)  # before it listens, and whatever the folder allows
             self._socket.listen()
-            unheard.rename(self.path)
+            unready.rename(self.path)
         except OSError as error:
             raise StorageError(
                 "cannot receive marks", where=str(folder), why=str(error), fix="set SEATRIAL_RUNTIME to a folder"
@@ -140,17 +153,17 @@ class RequestServer:
             self.path.unlink()
 
     def answer(self, received: bytes) -> bytes:
-        """The answer to what a client said. Raises any error that rubbish can cause."""
+        """The answer to a client's request. Raises any error that malformed input can cause."""
         message = json.loads(received)  # which reads what some programs write and orjson does not
         if "ask" in message:
-            return orjson.dumps(asdict(self._who()))
+            return orjson.dumps(asdict(self._read_state()))
         if "prediction" in message:
             refused = self._predictions.offer(message)
             return _REFUSED + refused.encode() if refused else b"ok"
         text, at_ns, now_ns = message["text"], message["monotonic_ns"], time.monotonic_ns()
         if not isinstance(text, str) or type(at_ns) is not int:
             raise TypeError("no mark")
-        self._mark(_writable(text), at_ns if abs(at_ns - now_ns) <= _MOST_APART_NS else now_ns)
+        self._mark(_mark_text(text), at_ns if abs(at_ns - now_ns) <= _LARGEST_OFFSET_NS else now_ns)
         return b"ok"
 
     def _serve(self) -> None:
@@ -159,14 +172,14 @@ class RequestServer:
             while not self._stopping.is_set():
                 for key, _ in selector.select(_LOOK_S):
                     if key.data is None:
-                        self._welcome(selector)
-                    elif key.data in self._clients:  # it may have had to go a moment ago
-                        self._hear(key.data, selector)
-                self._let_go(selector)
+                        self._accept(selector)
+                    elif key.data in self._clients:  # it may have been disconnected a moment ago
+                        self._receive(key.data, selector)
+                self._drop_expired(selector)
             for client in tuple(self._clients):
-                self._part_with(client, selector)
+                self._disconnect(client, selector)
 
-    def _welcome(self, selector: selectors.BaseSelector) -> None:
+    def _accept(self, selector: selectors.BaseSelector) -> None:
         try:
             connection, _ = self._socket.accept()
         except OSError:
@@ -178,56 +191,59 @@ class RequestServer:
             self._clients.append(client)
             selector.register(connection, selectors.EVENT_READ, client)
 
-    def _hear(self, client: _Client, selector: selectors.BaseSelector) -> None:
-        """Take in what a client says, and answer once it has said all."""
+    def _receive(self, client: _Client, selector: selectors.BaseSelector) -> None:
+        """Take in what a client sends, and answer once it is complete."""
         try:
-            more = client.socket.recv(MOST_BYTES)
+            data = client.socket.recv(MOST_BYTES)
         except BlockingIOError:
             return
         except OSError:
-            self._part_with(client, selector)
+            self._disconnect(client, selector)
             return
-        client.received += more
-        if not more:
-            # whoever sends rubbish gets no answer; what is nested too deeply is a RecursionError
+        client.received += data
+        if not data:
+            # malformed requests get no answer; what is nested too deeply is a RecursionError
             with suppress(OSError, ValueError, KeyError, TypeError, RecursionError):
                 client.socket.send(self.answer(bytes(client.received)))  # short: it fits into the socket
-        if not more or len(client.received) > MOST_BYTES:
-            self._part_with(client, selector)
+        if not data or len(client.received) > MOST_BYTES:
+            self._disconnect(client, selector)
 
-    def _let_go(self, selector: selectors.BaseSelector) -> None:
-        """Part with those that took too long, and with the first of too many."""
+    def _drop_expired(self, selector: selectors.BaseSelector) -> None:
+        """Disconnect those that took too long, and the first of too many."""
         now_s = time.monotonic()
-        late = [client for client in self._clients if now_s >= client.until_s]
-        for client in late or self._clients[:-_MOST_CLIENTS]:
-            self._part_with(client, selector)
+        expired = [client for client in self._clients if now_s >= client.until_s]
+        for client in expired or self._clients[:-_MOST_CLIENTS]:
+            self._disconnect(client, selector)
 
-    def _part_with(self, client: _Client, selector: selectors.BaseSelector) -> None:
+    def _disconnect(self, client: _Client, selector: selectors.BaseSelector) -> None:
         self._clients.remove(client)
         selector.unregister(client.socket)
         client.socket.close()
 
 
 def servers(folder: Path | None = None) -> list[Path]:
-    """The sockets that lie in a folder; some may have been left behind by a recorder that was killed."""
+    """The sockets that lie in a folder; some may be stale, of a recorder that was killed."""
     return sorted((folder or runtime_folder()).glob("*.sock"))
 
 
 def ask(path: Path, message: bytes, patience_s: float = PATIENCE_S) -> bytes | None:
-    """What the server at ``path`` answers; None if nobody does. A socket that nobody listens to is removed.
+    """What the server at ``path`` answers; None if none does. A socket without a listener is removed.
 
-    Another user's server is told nothing: where anyone can write, it may stand in for a recorder.
+    Nothing is sent to another user's server: where anyone can write, it may pose as a recorder.
     """
     with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as client:
         client.settimeout(patience_s)
         try:
             client.connect(str(path))
-            if _user_of_server(client) not in (os.getuid(), 0):
-                return None
+            if hasattr(socket, "SO_PEERCRED"):  # else the system does not state whose server it is
+                credentials = struct.Struct("3i")  # process, user, group
+                packed = client.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, credentials.size)
+                if credentials.unpack(packed)[1] not in (os.getuid(), 0):
+                    return None
             client.sendall(message)
             client.shutdown(socket.SHUT_WR)
             return client.recv(MOST_BYTES) or None
-        except ConnectionRefusedError:  # left behind by a recorder that was killed
+        except ConnectionRefusedError:  # stale, of a recorder that was killed
             with suppress(OSError):
                 if path.is_socket():
                     path.unlink()
@@ -236,26 +252,17 @@ def ask(path: Path, message: bytes, patience_s: float = PATIENCE_S) -> bytes | N
     return None
 
 
-def _user_of_server(client: socket.socket) -> int:
-    """The user whose program listens at the other end; ourselves where the system does not tell."""
-    if not hasattr(socket, "SO_PEERCRED"):
-        return os.getuid()
-    credentials = struct.Struct("3i")  # process, user, group
-    user: int = credentials.unpack(client.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, credentials.size))[1]
-    return user
-
-
-def _writable(text: str) -> str:
+def _mark_text(text: str) -> str:
     """As much of a text as a mark holds; halves of letters, which no file takes, become question marks."""
     return text[:_MOST_LETTERS].encode(errors="replace").decode()
 
 
 def send_mark(text: str, folder: Path | None = None) -> int:
-    """Set a mark in every recording that runs here, and return how many heard it.
+    """Set a mark in every recording that runs here, and return how many took it.
 
     Raises :class:`SourceError` when none does.
     """
-    mark = {"text": _writable(text), "monotonic_ns": time.monotonic_ns()}
+    mark = {"text": _mark_text(text), "monotonic_ns": time.monotonic_ns()}
     message = json.dumps(mark, ensure_ascii=False).encode()
     marked = sum(ask(path, message) == b"ok" for path in servers(folder))
     if not marked:
@@ -283,20 +290,16 @@ def send_prediction(path: Path, body: Mapping[str, Any], geojson: str = "") -> s
     return "" if answer == b"ok" else answer.removeprefix(_REFUSED).decode(errors="replace")
 
 
-_QUIET_S = 1.0  # after so long without anything new the recorder is asked what it writes
-_ASK_EVERY_S, _ASK_SOON_S = 1.0, 0.1  # the latter where a part has just come to its end
-
-
 @dataclass(frozen=True, slots=True)
 class NewSamples:
     """The samples that are new, by channel, in pieces as they were written.
 
-    ``anew`` says that nothing before them belongs to them: another recording, or another clock. ``again`` says
+    ``restarted`` says that nothing before them belongs to them: another recording, or another clock. ``again`` says
     that part of them may have been there before, as the recorder had to give a file up.
     """
 
     samples: list[dict[str, Series]] = field(default_factory=list)
-    anew: bool = False
+    restarted: bool = False
     again: bool = False
 
 
@@ -314,7 +317,7 @@ def choose_recorder(
 
 
 def no_recorder_text(recorders: list[tuple[Path, RecorderState]], trial: str) -> str:
-    """Why there is nobody to follow, in words."""
+    """Why there is no recorder to follow, in words."""
     running = ", ".join(f"{state.trial!r} ({state.configuration})" for _, state in recorders)
     remark = f"; what runs is the recorder of {running}" if running else ""
     return f"no recorder of the trial {trial!r} runs here{remark}; waiting for one"
@@ -323,8 +326,8 @@ def no_recorder_text(recorders: list[tuple[Path, RecorderState]], trial: str) ->
 class Follower:
     """Follows the recorder of one trial; to be closed. Nothing it does can hold up the recorder.
 
-    ``recent_s`` is how much of a recording is wanted of what was there before. ``recorder`` is whom it follows, and
-    the socket it can be spoken to by; ``trial`` and ``clock`` are those of the part that is read.
+    ``recent_s`` is how much is read of what was recorded before. ``recorder`` is the one it follows, with
+    its socket; ``trial`` and ``clock`` are those of the part that is read.
     """
 
     def __init__(
@@ -355,11 +358,11 @@ class Follower:
         if pieces:
             self._heard_s = now_s
             return NewSamples(pieces)
-        over = self._tail is not None and (self._tail.ended or self._tail.cut)
-        quiet = now_s - self._heard_s >= _QUIET_S
-        if (over or quiet) and now_s - self._asked_s >= (_ASK_EVERY_S if quiet else _ASK_SOON_S):
+        is_over = self._tail is not None and (self._tail.ended or self._tail.cut)
+        is_quiet = now_s - self._heard_s >= _QUIET_S
+        if (is_over or is_quiet) and now_s - self._asked_s >= (_ASK_PERIOD_S if is_quiet else _ASK_SOON_S):
             self._asked_s = now_s
-            return self._go_on()
+            return self._ask_recorder()
         return NewSamples()
 
     def close(self) -> None:
@@ -372,67 +375,49 @@ class Follower:
         try:
             samples = self._tail.read()
         except InputError as error:
-            self._say("warning", str(error))
+            self._report("warning", str(error))
             return []
         self.trial = self._tail.trial
         return [samples] if samples else []
 
-    def _go_on(self) -> NewSamples:
+    def _ask_recorder(self) -> NewSamples:
         recorders = running_recorders(self._folder)
         self.recorder = choose_recorder(recorders, self._name, self._configuration)
         if self.recorder is None:
-            self._say("info", no_recorder_text(recorders, self._name))
+            self._report("info", no_recorder_text(recorders, self._name))
             return NewSamples(self._read())
         running = self.recorder[1]
         path = Path(running.recording)
         if self.path == path:
             if running.paused:
-                self._say("warning", f"the recorder writes nothing at the moment to {path.name}")
+                self._report("warning", f"the recorder writes nothing at the moment to {path.name}")
             return NewSamples(self._read())
         return self._change_to(path)
 
     def _change_to(self, path: Path) -> NewSamples:
-        """Read the rest of this part and go over to the next, or to another recording."""
+        """Read the remainder of this part and go on with the next, or with another recording."""
         remaining, before = self._read(), self._tail
         try:
             self._tail = Tail(path, self._recent_s)
         except InputError as error:  # deleted, or not there yet
-            self._say("warning", str(error))
+            self._report("warning", str(error))
             return NewSamples(remaining)
-        first = self._read()
-        follows = before is not None and _follows(self._tail, before)
-        again = before is not None and before.cut
-        if before is not None:
+        samples = self._read()
+        follows, again = False, before is not None and before.cut
+        if before is not None:  # the same recording and, as far as the parts state it, the same clock?
+            clock, clock_before = PartClock.of(self._tail.metadata), PartClock.of(before.metadata)
+            is_next = self._tail.metadata.get("part", {}).get("follows") == before.path.name
+            follows = is_next and not clock.was_set_since(clock_before)
             before.close()
-        self._say("info", f"following {path.name}{'' if follows else ', from its last minutes on'}")
+        self._report("info", f"following {path.name}{'' if follows else ', from its last minutes on'}")
         self._heard_s = time.monotonic()
-        return NewSamples(remaining + first, again=again) if follows else NewSamples(first, anew=True)
+        return NewSamples(remaining + samples, again=again) if follows else NewSamples(samples, restarted=True)
 
-    def _say(self, level: str, text: str) -> None:
-        """Tell what is new, once."""
+    def _report(self, level: str, text: str) -> None:
+        """Report what is new, once."""
         if text != self._last_text:
             self._last_text = text
             self._tell(level, text)
-
-
-def _follows(part: Tail, before: Tail) -> bool:
-    """Whether a part goes on where another ended: the same recording and, as far as they tell, the same clock."""
-    if part.metadata.get("part", {}).get("follows") != before.path.name:
-        return False
-    return not PartClock.of(part.metadata).is_another_than(PartClock.of(before.metadata))
-
-
-MOST_CLIENTS = 16
-"""So many may be asking at once, and as many be served; browsers open six to one address."""
-"""How long a client may take to ask, and to take in what it asked for."""
-LOOPBACK = "127.0.0.1"
-_MOST_HEAD_BYTES = 16_384  # what Apache and nginx take at least; a browser with many cookies sends half of it
-_MOST_REASONS = 20
-_LONGEST_ORIGIN = 100  # in a log line
-_RETRY_S = 0.2
-_HOST = re.compile(r"(\[[0-9a-f:.]+\]|[a-z0-9._-]+)(?::\d{1,5})?", re.IGNORECASE)
-_LINE = re.compile(r"([!#$%&'*+.^_`|~0-9A-Za-z-]+):[ \t]*([^\x00-\x08\x0a-\x1f\x7f]*?)[ \t]*")
-_SINGLE = ("host", "origin")
 
 
 @dataclass(frozen=True, slots=True)
@@ -461,9 +446,9 @@ def response(status: HTTPStatus, body: bytes, kind: str = "text/plain; charset=u
 
 
 def check_sender(request: Request, address: str, origins: Sequence[str] = ()) -> None:
-    """Raise :class:`RefusalError` for a request to another name than this computer's, or of a stranger's page.
+    """Raise :class:`RefusalError` for a request to another name than this computer's, or of an unknown page.
 
-    ``address`` is the one that is listened on; ``origins`` are those of pages that are welcome besides ours.
+    ``address`` is the one that is listened on; ``origins`` are those of pages that are admitted besides ours.
     """
     host = request.headers.get("host", "")
     if not _is_our_host(host, address):
@@ -474,7 +459,7 @@ def check_sender(request: Request, address: str, origins: Sequence[str] = ()) ->
 
 
 def _is_our_host(host: str, address: str) -> bool:
-    """Whether a ``Host`` is a name of this computer that nobody else can make point here.
+    """Whether a ``Host`` is a name of this computer that cannot be made to point here from elsewhere.
 
     Such are addresses in figures, as no name server answers for them; on the loopback interface only its own.
     """
@@ -507,9 +492,9 @@ def read_request(client: socket.socket, patience_s: float = PATIENCE_S) -> Reque
 
 
 def parse_request(received: bytes) -> Request:
-    """The request that begins some bytes. Raises :class:`RefusalError` for what is none, or is ambiguous."""
-    first, *lines = received.partition(b"\r\n\r\n")[0].decode("latin-1").split("\r\n")
-    words = first.split(" ")
+    """The request that some bytes begin with. Raises :class:`RefusalError` for none, or an ambiguous one."""
+    request_line, *lines = received.partition(b"\r\n\r\n")[0].decode("latin-1").split("\r\n")
+    words = request_line.split(" ")
     if len(words) != 3 or not re.fullmatch(r"HTTP/1\.[01]", words[2]) or not words[0].isalpha():
         raise RefusalError(HTTPStatus.BAD_REQUEST)
     headers: dict[str, str] = {}
@@ -525,7 +510,7 @@ class WebFront:
     """Listens on ``address`` and ``port`` and hands entitled requests to ``serve``; a context manager.
 
     ``serve`` gets the client's socket, which is closed afterwards, and its request, in a thread of its own. Raises
-    OSError on entering where the port cannot be had.
+    OSError on entering where the port is not available.
     """
 
     def __init__(
@@ -561,7 +546,7 @@ class WebFront:
                 self._admit(self._socket.accept()[0])
             except TimeoutError:
                 continue
-            except (OSError, RuntimeError):  # no file or thread to be had at the moment
+            except (OSError, RuntimeError):  # no file or thread is available at the moment
                 self._stopping.wait(_RETRY_S)
 
     def _admit(self, client: socket.socket) -> None:
@@ -587,7 +572,7 @@ class WebFront:
             self._refuse(client, refusal)
         except OSError:
             pass  # gone, or too slow
-        except Exception as error:  # whatever it is, it is this answer's, and no page may end a recording
+        except Exception as error:  # of this answer only: no page may end a recording
             self._refuse(client, RefusalError(HTTPStatus.INTERNAL_SERVER_ERROR, f"{type(error).__name__}: {error}"))
         finally:
             self._forget(client)
@@ -606,7 +591,7 @@ class WebFront:
             client.close()
 
     def _refuse(self, client: socket.socket, refusal: RefusalError) -> None:
-        """Answer with the reason, and log each reason once, so that who wonders finds out."""
+        """Answer with the reason, and log each reason once."""
         text = printable(refusal.text)
         with self._lock:
             is_new = text not in self._reasons and len(self._reasons) < _MOST_REASONS

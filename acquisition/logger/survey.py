@@ -1,19 +1,11 @@
-"""What comes on each source, message by message, and which channels it makes: decoded as a recording would be.
+"""Surveys what comes on each source, message by message, and states why a channel is missing and what to do.
 
-Nothing is written. The discovery of a ship's sources, the check before departure and the summary of a file ask the
-same survey, and :mod:`seatrial.acquisition.logger.survey` says from it why a channel is missing.
-
-Why a channel is missing, one reason each, and what to do: from a survey of what has come.
-
-``seatrial record --check``: before departure, which channels will be missing, and why.
-
-The check is a short recording, made exactly as a real one and thrown away: what works here works at sea. It lies
-in the folder for temporary files; where the real one will go is looked at, and nothing is written there.
-
-``seatrial redecode``: the channels of a recording anew from its raw input, with a corrected configuration.
-
-The raw input is copied as it is, and so is what people and the recorder noted and what was foretold; everything
-else (channels, fixes, what decoding told) comes from decoding again.
+A :class:`Survey` decodes as a recording would, but writes nothing. The discovery of a ship's sources, the check
+before departure and the summary of a file ask it. ``seatrial record --check`` makes a short recording, exactly as a
+real one, in the folder for temporary files and throws it away: what works there works at sea; where the real one
+will go is only checked. ``seatrial redecode`` makes the channels of a recording again from its raw input, with a
+corrected configuration; the raw input is copied as it is, and so are notes of people and of the recorder, and
+predictions.
 """
 
 from __future__ import annotations
@@ -64,8 +56,53 @@ PRODUCT_INFORMATION = 126996
 TOPIC_VALUE = "value"
 """The name of what comes under a topic of MQTT, its device, and is no sentence."""
 _PRODUCT_BYTES = 134
-_NUMBERED = frozenset({"TRD", "TRC"})  # sentences of several like things, which a number tells apart
-_MOST_KINDS, _LONGEST_NAME = 5_000, 200  # what comes off a wire has no end
+_NUMBERED = frozenset({"TRD", "TRC"})  # sentences of several alike devices, which a number distinguishes
+_MOST_KINDS, _LONGEST_NAME = 5_000, 200  # what comes off a wire is unbounded
+
+LOOKED_AT = 10_000
+"""Frames of a recording from which its summary says why something is missing: some seconds of a busy bus."""
+RATED_FIX = "give rated_rpm"
+VARIATION_FIX = "set magnetic_variation_deg or add a source of 127258"
+_MOST_NAMED = 6
+_FRESH_S = 1.5  # how old a quantity that is needed to derive a channel may be
+
+_SPEEDS, _WIND = ("surge_mps", "sway_mps"), ("wind_direction_deg", "wind_speed_mps")
+
+_POSITION = ("GGA", "GNS", "RMC", "GLL", "129025", "129029", "GLOBAL_POSITION_INT", "GPS_RAW_INT")
+_CARRIERS = {
+    **dict.fromkeys(("north_m", "east_m"), _POSITION),
+    "heading_deg": ("HDT", "THS", "HDG", "HDM", "127250", "ATTITUDE"),
+    **dict.fromkeys(_SPEEDS, ("VBW", "130578", "VTG", "RMC", "129026", "130577", "LOCAL_POSITION_NED")),
+    "yaw_rate_dps": ("ROT", "127251", "ATTITUDE"),
+    **dict.fromkeys(_WIND, ("MWD", "MWV", "VWR", "VWT", "130306", "WIND", "WIND_COV")),
+}
+"""The messages that can carry each channel of the motion, or what it is derived from."""
+_OF_ACTUATORS = ("TRD", "TRC", "RPM", "RSA", "127245", "127488", "128006", "RAW_RPM")
+_REMEDIES = {
+    "thruster in percent": f"in percent: {RATED_FIX}",
+    "engine without a reduction ratio": "tells the engine's speed: give reduction_ratios",
+    "engine rpm": "tells the engine's speed: give reduction_ratios",
+    "thruster not understood": "of a number that no thruster has: say in `thrusters` whose it is",
+    "rpm of a single or unknown shaft": "of a shaft that the ship has not: list hers as [[actuator]]",
+    "another instance": "of one more than the ship has: list hers as [[actuator]]",
+    "heading without a reference": "without saying which north it counts from",
+    "wind without a reference": "without saying what it refers to",
+    "wind reference unknown": "without saying what it refers to",
+    "course without a reference": "without saying which north it counts from",
+    "not marked valid": "but is marked as not valid: see to the sensor",
+    "no fix": "but without a fix: see to the antenna",
+    "not available": "but its values are not available: see to the sensor",
+    "no value": "but its fields are empty: see to the sensor",
+    "retained by the broker, of unknown age": "but only as the broker has retained it: see to who publishes it",
+    NO_CHECKSUM: 'but without a checksum: checksum = "optional" in [[source]] reads it',
+    "no sound checksum": "but with wrong checksums: see to the line and its baud rate",
+}
+_UNREAD = {
+    "127488": "tells the engine's speed: give reduction_ratios",
+    "128006": "tells a thruster's speed in percent: it has no channel",
+}
+
+_FLUSH_EVERY = 10_000  # messages, some megabytes; what is not flushed is in memory
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,7 +116,7 @@ class TrafficKind:
 
 @dataclass(slots=True)
 class Tally:
-    """How often something came, when [ns, monotonic], and what it said last."""
+    """How often something came, when [ns, monotonic], and its last values."""
 
     count: int = 0
     first_ns: int = 0
@@ -99,7 +136,7 @@ class Tally:
         return 1e9 * (self.count - 1) / span_ns if span_ns > 0 else 0.0
 
 
-class _Nowhere(MessageSink):
+class _NullSink(MessageSink):
     """A recording that is not kept."""
 
     def write(self, topic: str, data: bytes, log_ns: int, publish_ns: int) -> None: ...
@@ -110,7 +147,7 @@ class _Nowhere(MessageSink):
 
 
 class Survey(FrameProcessor):
-    """What has come of a configuration's sources; ``events`` are what a recording would have told.
+    """What has come of a configuration's sources; ``events`` are those of a recording.
 
     ``kinds`` are the messages, ``quantities`` what was decoded and derived of them, by quantity and by the label of
     its source, chosen for its channel or not; ``devices`` who is on a bus, by source and address.
@@ -118,7 +155,7 @@ class Survey(FrameProcessor):
 
     def __init__(self, config: TrialConfig) -> None:
         self.health = health_of(config)
-        super().__init__(config, _Nowhere(), self.health)
+        super().__init__(config, _NullSink(), self.health)
         self.config = config
         self.kinds: dict[TrafficKind, Tally] = {}
         self.quantities: dict[str, dict[str, Tally]] = {}
@@ -151,9 +188,12 @@ class Survey(FrameProcessor):
         self.first_ns = self.first_ns or frame.received_ns
         self.last_ns = max(self.last_ns, frame.received_ns)
         self.health.sources[frame.origin].count_in(1, frame.monotonic_ns)
+        # the later parts of a message in several frames of CAN are not counted
+        is_part = frame.protocol == "can" and not frame.flags & ~FrameFlag.LATE and bool(frame.payload)
+        is_part = is_part and _is_fast(parameter_group(frame.identifier)[0]) and bool(frame.payload[0] & 0x1F)
         for kind in self._kinds_of(frame):
             self._kind, tally = kind, self._tally_of(kind)
-            if not _is_later_part(frame):
+            if not is_part:
                 tally.count_in(frame.monotonic_ns)
         super().process(frame)
         for reason, count in self._newly_refused(frame.origin).items():
@@ -183,7 +223,7 @@ class Survey(FrameProcessor):
         super()._record(samples, frame)
 
     def _note_quantity(self, sample: Sample) -> None:
-        """Of what is decoded and a channel, too, the second word counts no more than the first."""
+        """Count a sample; the second of what is decoded and a channel, too, counts no more."""
         labels = self.quantities.setdefault(sample.quantity, {})
         if sample.source in labels or len(labels) < _MOST_KINDS:
             tally = labels.setdefault(sample.source, Tally())
@@ -228,13 +268,13 @@ class Survey(FrameProcessor):
         return TrafficKind(frame.origin, str(address), str(group))
 
     def _note_device(self, frame: Frame, group: int, address: str) -> None:
-        """Who claims an address, and what the maker says that it is."""
+        """Note who claims an address, and what the maker says that it is."""
         payload: bytes | None = frame.payload
         if group == PRODUCT_INFORMATION and not frame.flags & FrameFlag.WHOLE and len(frame.payload) == 8:
             products = self._products[frame.origin]
             payload = products.push(int(address), group, frame.payload, frame.monotonic_ns, _PRODUCT_BYTES)
         if group in (ADDRESS_CLAIM, PRODUCT_INFORMATION) and payload is not None:
-            self.devices.setdefault((frame.origin, address), {}).update(_identity(group, payload))
+            self.devices.setdefault((frame.origin, address), {}).update(_device_identity(group, payload))
 
 
 def _sentence_kind(line: str, payload: bytes) -> TrafficKind:
@@ -248,7 +288,7 @@ def _sentence_kind(line: str, payload: bytes) -> TrafficKind:
 
 
 def survey_of(config: TrialConfig, frames: Iterable[Frame]) -> Survey:
-    """The survey of frames that came in this order; those of sources that are not configured are passed over."""
+    """The survey of frames that came in this order; those of sources that are not configured are skipped."""
     survey = Survey(config)
     for frame in frames:
         if frame.origin in survey.health.sources:
@@ -262,22 +302,15 @@ def survey_of_recording(config: TrialConfig, paths: Iterable[Path], most_frames:
 
     Raises :class:`InputError` for files that are no recordings.
     """
-    return survey_of(config, islice(_raw_frames(paths), most_frames))
+    return survey_of(config, islice(_read_raw_frames(paths), most_frames))
 
 
-def _raw_frames(paths: Iterable[Path]) -> Iterator[Frame]:
+def _read_raw_frames(paths: Iterable[Path]) -> Iterator[Frame]:
     """The raw input, without what another program has put under such a topic."""
     for entry in chain.from_iterable(map(MessageStream, paths)):
         if entry.topic.startswith(RAW_PREFIX):
             with suppress(ValueError, KeyError, TypeError):
                 yield entry.frame()
-
-
-def _is_later_part(frame: Frame) -> bool:
-    """Whether a frame of CAN is part of a message whose first part was counted."""
-    if frame.protocol != "can" or frame.flags & ~FrameFlag.LATE or not frame.payload:
-        return False
-    return _is_fast(parameter_group(frame.identifier)[0]) and bool(frame.payload[0] & 0x1F)
 
 
 @cache
@@ -286,45 +319,37 @@ def _is_fast(group: int) -> bool:
     return bool(variants) and all(variant.packet_type == "Fast" for variant in variants)
 
 
-def is_makers_own(group: int) -> bool:
+def is_proprietary(group: int) -> bool:
     """Whether a parameter group is proprietary, which means something else with every maker."""
     return group in (61184, 126720) or 65_280 <= group < 65_536 or 130_816 <= group < 131_072
 
 
 @cache
 def name_of_group(group: int) -> str:
-    """A parameter group's name in canboat's database; empty for what is a maker's own or not known.
+    """A parameter group's name in canboat's database; empty for what is proprietary or not known.
 
     >>> name_of_group(127250), name_of_group(65297)
     ('vesselHeading', '')
     """
-    if is_makers_own(group):
+    if is_proprietary(group):
         return ""
     names = {variant.id for variant in group_variants(group)}
     return names.pop() if len(names) == 1 else ""
 
 
-def _identity(group: int, payload: bytes) -> dict[str, Any]:
-    """What a claim of an address, or a product's information, tells of a device."""
+def _device_identity(group: int, payload: bytes) -> dict[str, Any]:
+    """What a claim of an address, or a product's information, states of a device."""
     message = decode_by_library(group, payload)
     values = {} if message is None else {entry.id: entry.value for entry in message.fields}
-    wanted = {"model": "modelId", "version": "modelVersion", "software": "softwareVersionCode",
+    keys = {"model": "modelId", "version": "modelVersion", "software": "softwareVersionCode",
               "serial": "modelSerialCode"}  # fmt: skip
     iso_name = {}
     if group == ADDRESS_CLAIM:
-        wanted = {"manufacturer": "manufacturerCode", "function": "deviceFunction", "instance": "deviceInstance"}
+        keys = {"manufacturer": "manufacturerCode", "function": "deviceFunction", "instance": "deviceInstance"}
         iso_name = {"iso_name": f"{int.from_bytes(payload[:8], 'little'):016x}"}
     return iso_name | {
-        name: str(values[key]).strip() for name, key in wanted.items() if values.get(key) not in (None, "")
+        name: str(values[key]).strip() for name, key in keys.items() if values.get(key) not in (None, "")
     }
-
-
-LOOKED_AT = 10_000
-"""Frames of a recording from which its summary says why something is missing: some seconds of a busy bus."""
-RATED_FIX = "give rated_rpm"
-VARIATION_FIX = "set magnetic_variation_deg or add a source of 127258"
-_MOST_NAMED = 6
-_FRESH_S = 1.5  # how old what others are derived with may be
 
 
 class _Recipe(NamedTuple):
@@ -335,7 +360,6 @@ class _Recipe(NamedTuple):
     needs: tuple[str, ...]
 
 
-_SPEEDS, _WIND = ("surge_mps", "sway_mps"), ("wind_direction_deg", "wind_speed_mps")
 _RECIPES = (
     _Recipe(("heading_deg",), "heading_magnetic_deg", ("magnetic_variation_deg",)),
     _Recipe(_SPEEDS, "velocity_north_mps", ("heading_deg",)),
@@ -349,39 +373,6 @@ _RECIPES = (
             ("wind_speed_water_mps", "heading_deg", *_SPEEDS, "speed_through_water_mps")),
     _Recipe(("north_m", "east_m"), "latitude_deg", ("longitude_deg",)),
 )  # fmt: skip
-_POSITION = ("GGA", "GNS", "RMC", "GLL", "129025", "129029", "GLOBAL_POSITION_INT", "GPS_RAW_INT")
-_CARRIERS = {
-    **dict.fromkeys(("north_m", "east_m"), _POSITION),
-    "heading_deg": ("HDT", "THS", "HDG", "HDM", "127250", "ATTITUDE"),
-    **dict.fromkeys(_SPEEDS, ("VBW", "130578", "VTG", "RMC", "129026", "130577", "LOCAL_POSITION_NED")),
-    "yaw_rate_dps": ("ROT", "127251", "ATTITUDE"),
-    **dict.fromkeys(_WIND, ("MWD", "MWV", "VWR", "VWT", "130306", "WIND", "WIND_COV")),
-}
-"""The messages that can carry each channel of the motion, or what it is derived from."""
-_OF_ACTUATORS = ("TRD", "TRC", "RPM", "RSA", "127245", "127488", "128006", "RAW_RPM")
-_REMEDIES = {
-    "thruster in percent": f"in percent: {RATED_FIX}",
-    "engine without a reduction ratio": "tells the engine's speed: give reduction_ratios",
-    "engine rpm": "tells the engine's speed: give reduction_ratios",
-    "thruster not understood": "of a number that no thruster has: say in `thrusters` whose it is",
-    "rpm of a single or unknown shaft": "of a shaft that the ship has not: list hers as [[actuator]]",
-    "another instance": "of one more than the ship has: list hers as [[actuator]]",
-    "heading without a reference": "without saying which north it counts from",
-    "wind without a reference": "without saying what it refers to",
-    "wind reference unknown": "without saying what it refers to",
-    "course without a reference": "without saying which north it counts from",
-    "not marked valid": "but is marked as not valid: see to the sensor",
-    "no fix": "but without a fix: see to the antenna",
-    "not available": "but its values are not available: see to the sensor",
-    "no value": "but its fields are empty: see to the sensor",
-    "retained by the broker, of unknown age": "but only as the broker has retained it: see to who publishes it",
-    NO_CHECKSUM: 'but without a checksum: checksum = "optional" in [[source]] reads it',
-    "no sound checksum": "but with wrong checksums: see to the line and its baud rate",
-}
-_UNREAD = {
-    "127488": "tells the engine's speed: give reduction_ratios",
-    "128006": "tells a thruster's speed in percent: it has no channel",
-}
 
 
 def missing_channels(survey: Survey) -> dict[str, str]:
@@ -399,7 +390,7 @@ def missing_in(path: Path, present: Container[str]) -> dict[str, str]:
     """
     with tempfile.TemporaryDirectory(prefix="seatrial-info-") as scratch:
         try:
-            config = own_configuration(path, Path(scratch))
+            config = recorded_configuration(path, Path(scratch))
             absent = [name for name in config.watched_channels if name not in present]
             survey = survey_of_recording(config, [path], LOOKED_AT) if absent else None
         except SeatrialError:
@@ -410,7 +401,7 @@ def missing_in(path: Path, present: Container[str]) -> dict[str, str]:
 
 
 def reasons_in(config: TrialConfig, paths: Iterable[Path], names: Iterable[str]) -> dict[str, str]:
-    """Why channels did not come, by the beginning of a recording; empty words where it cannot be read."""
+    """Why channels did not come, by the beginning of a recording; empty texts where it cannot be read."""
     try:
         survey = survey_of_recording(config, paths, LOOKED_AT)
     except SeatrialError:
@@ -432,35 +423,40 @@ def by_reason(missing: Mapping[str, str]) -> dict[str, str]:
 
 def why_missing(name: str, survey: Survey) -> str:
     """One reason why a channel has not come, and what to do about it."""
-    return what_comes(name, survey) or _nothing(name, survey)
+    return what_comes(name, survey) or _what_would_carry(name, survey)
 
 
 def what_comes(name: str, survey: Survey) -> str:
-    """What comes that a channel could be made of, and why it is not; empty where nothing does."""
+    """What comes that could make a channel, and why it does not; empty where nothing comes."""
     if labels := survey.quantities.get(name):  # on a line that is not to provide it
         line = label_parts(next(iter(labels)))[0]
-        return f"{_messages(labels)} comes: add {name} to the channels of source {line!r}"
-    return _not_derived(name, survey) or _refused(name, survey)
+        return f"{_message_names(labels)} comes: add {name} to the channels of source {line!r}"
+    return _why_not_derived(name, survey) or _why_refused(name, survey)
 
 
-def _not_derived(name: str, survey: Survey) -> str:
-    """What it would be derived from comes, but something else is missing."""
+def _why_not_derived(name: str, survey: Survey) -> str:
+    """Where its origin comes, but something else is missing to derive it: what; else empty."""
     for recipe in _RECIPES:
         labels = survey.quantities.get(recipe.of, {})
         if name not in recipe.channels or not labels:
             continue
-        lacking = next((need for need in recipe.needs if not _comes(need, survey)), None)
+        lacking = next((need for need in recipe.needs if not _is_available(need, survey)), None)
         if lacking is not None:
-            return f"{_messages(labels)} comes, but no {_words(lacking)}: {_remedy(lacking, survey)}"
+            remedy = "the sensor leaves it out"
+            if lacking == "magnetic_variation_deg":
+                remedy = VARIATION_FIX
+            elif lacking in trial_names(survey.config.actuators):
+                remedy = why_missing(lacking, survey)
+            return f"{_message_names(labels)} comes, but no {_quantity_words(lacking)}: {remedy}"
         slowest = max(recipe.needs, key=lambda need: _interval_s(need, survey))
         if (interval_s := _interval_s(slowest, survey)) > _FRESH_S:
-            remark = f"{_words(slowest)} only every {interval_s:.0f} s: at most {_FRESH_S} s old it serves"
-            return f"{_messages(labels)} comes, but {remark}"
+            remark = f"{_quantity_words(slowest)} only every {interval_s:.0f} s: at most {_FRESH_S} s old it serves"
+            return f"{_message_names(labels)} comes, but {remark}"
     return ""
 
 
-def _comes(quantity: str, survey: Survey) -> bool:
-    """Whether what others are derived with is known: of a line's own, of the ship's, or of the configuration."""
+def _is_available(quantity: str, survey: Survey) -> bool:
+    """Whether a quantity to derive channels with is known: from a line, the ship's, or the configuration."""
     if quantity == "magnetic_variation_deg" and survey.config.magnetic_variation_deg is not None:
         return True
     if quantity in POSE_AND_VELOCITY and quantity != "heading_deg":
@@ -473,35 +469,27 @@ def _interval_s(quantity: str, survey: Survey) -> float:
     return 1.0 / max(rates_hz) if rates_hz and quantity != "magnetic_variation_deg" else 0.0
 
 
-def _remedy(quantity: str, survey: Survey) -> str:
-    if quantity == "magnetic_variation_deg":
-        return VARIATION_FIX
-    if quantity in trial_names(survey.config.actuators):
-        return why_missing(quantity, survey)
-    return "the sensor leaves it out"
-
-
-def _refused(name: str, survey: Survey) -> str:
-    """A message that could carry it comes, but there is nothing to take from it."""
-    could = {kind: tally for kind, tally in survey.kinds.items() if _can_carry(kind, name, survey)}
-    for kind, tally in sorted(could.items(), key=lambda entry: -entry[1].count):
+def _why_refused(name: str, survey: Survey) -> str:
+    """Where a message that could carry it comes, but has no value for it: why; else empty."""
+    carriers = {kind: tally for kind, tally in survey.kinds.items() if _can_carry(kind, name, survey)}
+    for kind, tally in sorted(carriers.items(), key=lambda entry: -entry[1].count):
         reason = _UNREAD.get(kind.name, "")
-        for why, _ in tally.refused.most_common(1):
-            reason = _REMEDIES.get(why, f"but is refused: {why}")
+        for refusal, _ in tally.refused.most_common(1):
+            reason = _REMEDIES.get(refusal, f"but is refused: {refusal}")
         if not reason and kind.name in _CARRIERS.get(name, ()):
             reason = "but holds no value for it"
         if reason:
-            what = kind.device if kind.name == TOPIC_VALUE else kind.name
-            return f"{what} comes, {reason}" if reason.startswith(("but", "without")) else f"{what} {reason}"
+            label = kind.device if kind.name == TOPIC_VALUE else kind.name
+            return f"{label} comes, {reason}" if reason.startswith(("but", "without")) else f"{label} {reason}"
     return ""
 
 
-def _can_carry(what: TrafficKind, name: str, survey: Survey) -> bool:
+def _can_carry(traffic: TrafficKind, name: str, survey: Survey) -> bool:
     """Whether a message can carry a channel; one of a thruster's number only that thruster's."""
-    message = what.name
+    message = traffic.name
     if message == TOPIC_VALUE:
-        return what.device in _topics(name, survey)
-    origins = _origins(name, survey)
+        return traffic.device in _topics_of(name, survey)
+    origins = _origin_messages(name, survey)
     if name in _CARRIERS or origins:
         return message in _CARRIERS.get(name, ()) or message in origins
     kind, _, number = message.partition(" ")
@@ -520,29 +508,31 @@ def sources_of(name: str, survey: Survey) -> set[str]:
     return {kind.source for kind in survey.kinds if _can_carry(kind, name, survey)}
 
 
-def _nothing(name: str, survey: Survey) -> str:
-    """Nothing that comes could carry it, or nothing comes at all."""
+def _what_would_carry(name: str, survey: Survey) -> str:
+    """What would carry it, where nothing that comes could, or nothing comes at all."""
     for source in survey.config.sources:
         if name in source.channels and not survey.health.sources[source.name].frames:
             return f"nothing at all comes from {source.name!r}"
-    if topics := _topics(name, survey):
+    if topics := _topics_of(name, survey):
         return f"nothing comes under {' or '.join(dict.fromkeys(topics))}"
     carriers = [carrier for carrier in _CARRIERS.get(name, ()) if not carrier.isupper() or len(carrier) == 3]
     if carriers:
         return f"nothing that comes carries it: {', '.join(carriers[:-1])} or {carriers[-1]} would"
-    if origins := _origins(name, survey):
+    if origins := _origin_messages(name, survey):
         return f"nothing that comes carries it: {', '.join(origins)} would"
     names = {kind.name for kind in survey.kinds}
-    makers_own = {
+    proprietary = {
         message
         for message in names
-        if message.startswith("0x") or (message.isdigit() and is_makers_own(int(message)))
+        if message.startswith("0x") or (message.isdigit() and is_proprietary(int(message)))
     }
-    frames = "the maker's own frames" + (f" ({', '.join(sorted(makers_own)[:_MOST_NAMED])})" if makers_own else "")
+    frames = "the maker's own frames" + (
+        f" ({', '.join(sorted(proprietary)[:_MOST_NAMED])})" if proprietary else ""
+    )
     return f"nothing that comes carries it: TRD, RPM, RSA or 127245 may, or {frames} by a DBC file"
 
 
-def _topics(name: str, survey: Survey) -> list[str]:
+def _topics_of(name: str, survey: Survey) -> list[str]:
     sources = (source for source in survey.config.sources if isinstance(source, MqttLinks))
     return [
         source.values[name].topic
@@ -551,7 +541,7 @@ def _topics(name: str, survey: Survey) -> list[str]:
     ]
 
 
-def _origins(name: str, survey: Survey) -> list[str]:
+def _origin_messages(name: str, survey: Survey) -> list[str]:
     """The messages that a declared channel may come from."""
     origins = (
         origin
@@ -571,13 +561,13 @@ def message_of(origin: Origin) -> str:
     return origin.message if isinstance(origin, MavlinkField) else "XDR"
 
 
-def _messages(labels: Iterable[str]) -> str:
+def _message_names(labels: Iterable[str]) -> str:
     """The messages in labels of sources, the most frequent first."""
     return " and ".join(list(Counter(label_parts(label)[2][0] for label in labels))[:2])
 
 
-def _words(quantity: str) -> str:
-    """A quantity for people: ``magnetic_variation_deg`` is the variation."""
+def _quantity_words(quantity: str) -> str:
+    """A quantity in words: ``magnetic_variation_deg`` is the variation."""
     words = {"magnetic_variation_deg": "variation", **dict.fromkeys(_SPEEDS, "speed over ground")}
     return words.get(quantity, quantity.rpartition("_")[0].replace("_", " "))
 
@@ -596,7 +586,7 @@ class ChannelReport:
 
 @dataclass(frozen=True, slots=True)
 class PreflightReport:
-    """What a check found: every channel, every source, what was told on the way, and where a recording would go.
+    """The result of a check: every channel, every source, the events, and where a recording would go.
 
     ``disk_problem`` says why nothing could be recorded there; it is empty where all is well.
     """
@@ -628,7 +618,7 @@ def check_before_departure(
     """Listen to every source for ``duration_s`` [s]; ``folder`` is where the recording would go, if it is known.
 
     Raises :class:`SourceError` when no source can be opened, :class:`StorageError` when nothing can be written,
-    :class:`ConfigurationError` for an alarm of something that there is not.
+    :class:`ConfigurationError` for an alarm of a figure that does not exist.
     """
     check_alarms(config.alarms, health_of(config))
     scratch_settings = replace(config.recording, reserve_mb=0.0)  # the reserve is for the trial's disk
@@ -645,14 +635,19 @@ def check_before_departure(
             sources = [source.as_message(now_ns) for source in recorder.health.sources.values()]
             recorder.stop()
             survey = survey_of_recording(config, parts.paths)
-            channels = [_report(name, survey, recorder.health, now_ns) for name in recorder.health.names]
+            channels = []
+            for name in recorder.health.names:
+                channel, unit = recorder.health.channels[name], recorder.health.known_channels[name].unit
+                value, rate_hz = channel.value if channel.count else None, channel.rate_hz(now_ns)
+                problem = _channel_problem(name, survey, recorder.health, now_ns)
+                channels.append(ChannelReport(name, rate_hz, value, channel.source, problem, unit))
         finally:
             parts.discard()
     events = [text for _, level, text in recorder.health.events if level != "info"]
-    free, problem = (None, "") if folder is None else check_folder(folder, config.recording)
+    free, disk_problem = (None, "") if folder is None else check_folder(folder, config.recording)
     if config.copies is not None and not config.copies.folder.is_dir():
-        problem = "; ".join(filter(None, (problem, f"{config.copies.folder} is not there to copy to")))
-    return PreflightReport(channels, sources, events, free, problem)
+        disk_problem = "; ".join(filter(None, (disk_problem, f"{config.copies.folder} is not there to copy to")))
+    return PreflightReport(channels, sources, events, free, disk_problem)
 
 
 def check_folder(folder: Path, settings: RecordingSection) -> tuple[int | None, str]:
@@ -661,26 +656,17 @@ def check_folder(folder: Path, settings: RecordingSection) -> tuple[int | None, 
     if not existing.is_dir():
         return None, f"{folder}: {existing} is no folder"
     if not os.access(existing, os.W_OK | os.X_OK):
-        what = "written to" if existing == folder else f"made: {existing} cannot be written to"
-        return None, f"{folder} cannot be {what}"
+        problem = "written to" if existing == folder else f"made: {existing} cannot be written to"
+        return None, f"{folder} cannot be {problem}"
     try:
         free, size = free_bytes(existing)
     except OSError as error:
         return None, f"{folder}: its disk cannot be asked for room: {error.strerror}"
-    why = shortage(settings, free, size)
-    return free, f"{folder}: {why}" if why else ""
+    reason = shortage(settings, free, size)
+    return free, f"{folder}: {reason}" if reason else ""
 
 
-def _report(name: str, survey: Survey, health: Health, now_ns: int) -> ChannelReport:
-    channel = health.channels[name]
-    value = channel.value if channel.count else None
-    problem = _problem(name, survey, health, now_ns)
-    return ChannelReport(
-        name, channel.rate_hz(now_ns), value, channel.source, problem, health.known_channels[name].unit
-    )
-
-
-def _problem(name: str, survey: Survey, health: Health, now_ns: int) -> str:
+def _channel_problem(name: str, survey: Survey, health: Health, now_ns: int) -> str:
     channel = health.channels[name]
     providers = [source.name for source in survey.config.sources if name in source.channels]
     if channel.count == 0:
@@ -697,19 +683,16 @@ def _problem(name: str, survey: Survey, health: Health, now_ns: int) -> str:
     return ""
 
 
-_FLUSH_EVERY = 10_000  # messages, some megabytes; what is not flushed is in memory
-
-
 @dataclass(slots=True)
 class RedecodeSummary:
     """What was decoded again: raw frames in, samples out, and frames of sources that are not configured.
 
-    ``left_out`` counts predictions of a version that made others.
+    ``omitted`` counts predictions in another version's form.
     """
 
     health: Health
     frames: int = 0
-    left_out: int = 0
+    omitted: int = 0
     unknown: dict[str, int] = field(default_factory=dict)
 
 
@@ -725,7 +708,7 @@ def redecode(
     if target.exists():
         raise StorageError("already exists", where=str(target), fix="choose another file, or delete it")
     with tempfile.TemporaryDirectory(prefix="seatrial-redecode-") as scratch:
-        config = config or own_configuration(paths[0], Path(scratch))
+        config = config or recorded_configuration(paths[0], Path(scratch))
         with atomic_file(target) as partial:
             with RecordingWriter(partial, config.trial, config.attachments) as writer:
                 result = _decode_all(paths, config, writer, progress or (lambda share: None))
@@ -734,7 +717,7 @@ def redecode(
     return result
 
 
-def own_configuration(path: Path, scratch: Path) -> TrialConfig:
+def recorded_configuration(path: Path, scratch: Path) -> TrialConfig:
     """The configuration that a recording carries, its DBC files laid out in ``scratch``."""
     stream = MessageStream(path)
     next(iter(stream), None)
@@ -752,8 +735,8 @@ def own_configuration(path: Path, scratch: Path) -> TrialConfig:
         elif dot + ending == PACK_ENDING:
             packs[name] = data.decode("utf-8", "replace")
     run_sheet = read_trial(path)
-    is_known = is_ship_known(run_sheet.vessel, run_sheet.actuators)
-    carried = CarriedFiles(files, packs, from_text(run_sheet.actuators), ship_is_known=is_known)
+    is_ship_stated = is_ship_known(run_sheet.vessel, run_sheet.actuators)
+    carried = CarriedFiles(files, packs, from_text(run_sheet.actuators), ship_is_known=is_ship_stated)
     config = parse_config(text.decode("utf-8", "replace"), path, carried)
     if config.trial.origin is not None or run_sheet.origin is None:
         return config
@@ -768,14 +751,14 @@ def _decode_all(
     result = RedecodeSummary(health_of(config))
     processing = FrameProcessor(config, writer, result.health)
     last_ns = 0
-    for number, entry in enumerate(_entries(paths, progress), start=1):
+    for number, entry in enumerate(_read_entries(paths, progress), start=1):
         if number % _FLUSH_EVERY == 0:
             writer.flush()
         if number == 1:
             result.health.started_ns = entry.log_ns
         result.health.ended_ns = last_ns = max(last_ns, entry.log_ns)
         if entry.topic.startswith(RAW_PREFIX):
-            frame = _frame(entry, paths)
+            frame = _raw_frame(entry, paths)
             if frame.origin in result.health.sources:
                 result.health.sources[frame.origin].count_in(1, frame.monotonic_ns)
                 processing.process(frame)
@@ -783,43 +766,41 @@ def _decode_all(
             else:
                 writer.write_raw(frame)
                 result.unknown[frame.origin] = result.unknown.get(frame.origin, 0) + 1
-        elif _is_kept(entry):
-            result.left_out += not _renew(entry, writer)
+        else:
+            result.omitted += not _copy_unless_decoded(entry, writer)
     processing.report_handovers()
     names = ", ".join(path.name for path in paths)
     processing.note(f"decoded again from {names}", last_ns)
-    if result.left_out:
-        processing.note(f"{result.left_out:,} predictions of another version were left out", last_ns, "warning")
+    if result.omitted:
+        processing.note(f"{result.omitted:,} predictions of another version were left out", last_ns, "warning")
     return result
 
 
-def _renew(entry: MessageEntry, writer: RecordingWriter) -> bool:
-    """Write a message as it is written today; False for one of another version, which does not fit."""
-    try:
-        data = encode(entry.topic, entry.body())
-    except (KeyError, TypeError, ValueError):
-        return False
-    writer.write(entry.topic, data, entry.log_ns, entry.publish_ns)
+def _copy_unless_decoded(entry: MessageEntry, writer: RecordingWriter) -> bool:
+    """Copy a note or a prediction, as it is written today; False for one of another version, which does not fit."""
+    if entry.topic == EVENT_TOPIC:
+        is_copied = entry.body().get("name") != DECODED
+    else:
+        is_copied = entry.topic in (PREDICTION_TOPIC, PREDICTED_TRACK_TOPIC)
+    if is_copied:
+        try:
+            data = encode(entry.topic, entry.body())
+        except (KeyError, TypeError, ValueError):
+            return False
+        writer.write(entry.topic, data, entry.log_ns, entry.publish_ns)
     return True
 
 
-def _is_kept(entry: MessageEntry) -> bool:
-    """Whether a message was no product of decoding: what was noted, and what was foretold at the time."""
-    if entry.topic == EVENT_TOPIC:
-        return bool(entry.body().get("name") != DECODED)
-    return entry.topic in (PREDICTION_TOPIC, PREDICTED_TRACK_TOPIC)
-
-
-def _entries(paths: list[Path], progress: Progress) -> Iterator[MessageEntry]:
+def _read_entries(paths: list[Path], progress: Progress) -> Iterator[MessageEntry]:
     for number, path in enumerate(paths):
         yield from MessageStream(path)
         progress((number + 1) / len(paths))
 
 
-def _frame(entry: MessageEntry, paths: list[Path]) -> Frame:
+def _raw_frame(entry: MessageEntry, paths: list[Path]) -> Frame:
     try:
         return entry.frame()
     except (ValueError, KeyError, TypeError) as error:
-        what = f"topic {entry.topic} contains a message that is not a raw input of Seatrial"
-        where, why = ", ".join(map(str, paths)), f"{type(error).__name__} {error}"
-        raise InputError(what, where=where, why=why) from error
+        problem = f"topic {entry.topic} contains a message that is not a raw input of Seatrial"
+        names, cause = ", ".join(map(str, paths)), f"{type(error).__name__} {error}"
+        raise InputError(problem, where=names, why=cause) from error

@@ -1,8 +1,8 @@
-"""The messages of chunks all at once: a recording of a day has more than twenty million of them.
+"""Decodes the messages of whole chunks at once: a recording of a day has more than twenty million of them.
 
-A compiled loop (:mod:`seatrial.acquisition.recording.walk`) finds the records and puts samples of fixed layout in
-order. What another serialiser wrote, what was recorded as JSON before, and what is so little that loading the
-compiler takes longer than reading it, is decoded message by message.
+A compiled loop (:mod:`seatrial.acquisition.recording.walk`) finds the records and sorts samples of fixed layout
+into columns. What another serialiser wrote, JSON of earlier recordings, and files so small that loading the
+compiler takes longer than reading them, are decoded message by message.
 """
 
 from __future__ import annotations
@@ -28,8 +28,8 @@ from seatrial.acquisition.recording.messages import SAMPLE, SOURCE_AT, Topic, de
 from seatrial.acquisition.recording.scan import CUT, HEAD, MESSAGE, MESSAGE_HEAD, TOO_SHORT, RecordError, parse
 
 _FAULTS = {TOO_SHORT: "a message too short", CUT: "a chunk with a cut record"}
-_MOST_AT_ONCE = 100_000  # in one batch, whatever a chunk holds: twice what a few chunks of the recorder hold
-_LITTLE_BYTES = 2_000_000  # some 25,000 samples: message by message as long as loading numba, a third of a second
+_LARGEST_BATCH = 100_000  # in one batch, whatever a chunk holds: twice what a few chunks of the recorder hold
+_COMPILED_FROM_BYTES = 2_000_000  # some 25,000 samples: they take as long as loading numba, a third of a second
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,8 +74,8 @@ class Batch:
 
     def pieces(self, start: int, stop: int) -> Iterator[Batch]:
         """The messages from ``start`` to ``stop``, not too many at once; none if there are none."""
-        for place in range(start, stop, _MOST_AT_ONCE):
-            yield Batch(self.heads[place : min(place + _MOST_AT_ONCE, stop)], self.plain)
+        for place in range(start, stop, _LARGEST_BATCH):
+            yield Batch(self.heads[place : min(place + _LARGEST_BATCH, stop)], self.plain)
 
     def of_channels(self, numbers: Iterable[int]) -> Batch:
         """Only the messages of some channels."""
@@ -89,22 +89,24 @@ def batches(*chunks: mcap.Chunk) -> Iterator[Batch | mcap.McapRecord]:
     """
     ends = list(accumulate(len(chunk.data) for chunk in chunks))
     plain = chunks[0].data if len(chunks) == 1 else b"".join(chunk.data for chunk in chunks)
-    heads, record_places, size, fault = (_walk if _is_worth_loading(plain) else _walk_little)(plain, ends)
-    yield from _in_order(Batch(heads, plain), record_places)
+    find_records = _find_records if _is_worth_loading(plain) else _find_records_uncompiled
+    heads, record_places, size, fault = find_records(plain, ends)
+    yield from _in_file_order(Batch(heads, plain), record_places)
     if fault:
         raise RecordError(_FAULTS[fault], bisect_right(ends, size))
 
 
 def _is_worth_loading(plain: bytes) -> bool:
     """Whether the compiled loop is there already, or so much is to be read that it pays to load it."""
-    return len(plain) >= _LITTLE_BYTES or "seatrial.acquisition.recording.walk" in sys.modules
+    return len(plain) >= _COMPILED_FROM_BYTES or "seatrial.acquisition.recording.walk" in sys.modules
 
 
-_Walked: TypeAlias = tuple[NDArray[np.void], Ints, int, int]
-"""The heads of messages, where other records begin, where the last good record ends, what is wrong behind it."""
+_FoundRecords: TypeAlias = tuple[NDArray[np.void], Ints, int, int]
+"""The heads of messages, where other records begin, where the last intact record ends, the fault behind it."""
 
 
-def _walk(plain: bytes, ends: list[int]) -> _Walked:
+def _find_records(plain: bytes, ends: list[int]) -> _FoundRecords:
+    """The records of chunks one after the other, which end at ``ends``."""
     from seatrial.acquisition.recording.walk import count_records, read_heads
 
     messages, non_messages, size, fault = count_records(np.frombuffer(plain, np.uint8), np.array(ends))
@@ -113,8 +115,8 @@ def _walk(plain: bytes, ends: list[int]) -> _Walked:
     return heads, places, size, fault
 
 
-def _walk_little(plain: bytes, ends: list[int]) -> _Walked:
-    """The same without the compiler."""
+def _find_records_uncompiled(plain: bytes, ends: list[int]) -> _FoundRecords:
+    """As :func:`_find_records`, without the compiler."""
     heads: list[tuple[int, ...]] = []
     record_places: list[int] = []
     place = fault = 0
@@ -134,20 +136,20 @@ def _walk_little(plain: bytes, ends: list[int]) -> _Walked:
     return np.array(heads, MESSAGE_HEAD), np.array(record_places, np.int64), place, fault
 
 
-def _in_order(batch: Batch, record_places: Ints) -> Iterator[Batch | mcap.McapRecord]:
+def _in_file_order(batch: Batch, record_places: Ints) -> Iterator[Batch | mcap.McapRecord]:
     """Messages and definitions as they stand in the file: a number may mean something else from a place on."""
     opcodes = np.frombuffer(batch.plain, np.uint8)[record_places]
     definitions = record_places[np.isin(opcodes, (Opcode.SCHEMA, Opcode.CHANNEL))]
-    done = 0
-    for place, until in zip(definitions, np.searchsorted(batch.heads["start"], definitions), strict=True):
-        yield from batch.pieces(done, until)
-        done = until
+    start = 0
+    for place, stop in zip(definitions, np.searchsorted(batch.heads["start"], definitions), strict=True):
+        yield from batch.pieces(start, stop)
+        start = stop
         opcode, length = HEAD.unpack_from(batch.plain, place)
         begin = place + HEAD.size
         record = parse(opcode, batch.plain[begin : begin + length])
         if record is not None:
             yield record
-    yield from batch.pieces(done, len(batch))
+    yield from batch.pieces(start, len(batch))
 
 
 class SeriesBuilder:
@@ -157,11 +159,12 @@ class SeriesBuilder:
         self._columns: list[array[Any]] = [array("q"), array("q"), array("d"), array("B"), array("i")]
         self._sources: dict[str, int] = {}
 
-    def extend(self, more: Series) -> None:
+    def extend(self, samples: Series) -> None:
         """Add samples."""
-        sources = [self._sources.setdefault(source, len(self._sources)) for source in more.sources]
-        index = np.array(sources, np.int32)[more.source_index]
-        added: tuple[NDArray[Any], ...] = (more.measured_ns, more.received_ns, more.value, more.quality, index)
+        sources = [self._sources.setdefault(source, len(self._sources)) for source in samples.sources]
+        index = np.array(sources, np.int32)[samples.source_index]
+        measured_ns, received_ns = samples.measured_ns, samples.received_ns
+        added: tuple[NDArray[Any], ...] = (measured_ns, received_ns, samples.value, samples.quality, index)
         for column, values in zip(self._columns, added, strict=True):
             column.frombytes(values.tobytes())
 
@@ -182,12 +185,12 @@ def add_samples(by_topic: dict[str, SeriesBuilder], batch: Batch, topics: Mappin
     if not counts:
         return
     fixed = _is_worth_loading(batch.plain) and all(topics[number].has_fixed_places for number in counts)
-    series_by_topic = (_in_columns(batch, topics, counts) if fixed else None) or _one_by_one(batch, topics)
+    series_by_topic = (_sort_samples(batch, topics, counts) if fixed else None) or _decode_samples(batch, topics)
     for topic, series in series_by_topic.items():
         (by_topic.get(topic) or by_topic.setdefault(topic, SeriesBuilder())).extend(series)
 
 
-def _in_columns(batch: Batch, topics: Mapping[int, Topic], counts: Mapping[int, int]) -> dict[str, Series] | None:
+def _sort_samples(batch: Batch, topics: Mapping[int, Topic], counts: Mapping[int, int]) -> dict[str, Series] | None:
     """Samples with their numbers in fixed places, by topic; None if there is one of another layout."""
     from seatrial.acquisition.recording.walk import sort_samples
 
@@ -204,20 +207,22 @@ def _in_columns(batch: Batch, topics: Mapping[int, Topic], counts: Mapping[int, 
     if change_count < 0:
         return None
     rows, messages = changes[np.argsort(changes[:change_count, 0])].T
-    sources = [_source_in(data[SOURCE_AT:]) for data in Batch(batch.heads[messages], batch.plain).data()]
+    sources = [_parse_source(data[SOURCE_AT:]) for data in Batch(batch.heads[messages], batch.plain).data()]
     if None in sources:
         return None
     borders = np.searchsorted(rows, [0, *ends])
-    found_series = {}
-    for topic, place in ranks.items():
-        begin, which = ends[place] - sizes[place], slice(borders[place], borders[place + 1])
-        measured_ns, received_ns, value, quality = (column[begin : ends[place]] for column in columns)
+    series_by_topic = {}
+    for topic, index in ranks.items():
+        begin, span = ends[index] - sizes[index], slice(borders[index], borders[index + 1])
+        measured_ns, received_ns, value, quality = (column[begin : ends[index]] for column in columns)
         numbers = measured_ns, received_ns, value.view(np.float64), quality
-        found_series[topic] = _series(*numbers, [str(source) for source in sources[which]], rows[which] - begin)
-    return found_series
+        series_by_topic[topic] = _make_series(
+            *numbers, [str(source) for source in sources[span]], rows[span] - begin
+        )
+    return series_by_topic
 
 
-def _series(
+def _make_series(
     measured_ns: Ints, received_ns: Ints, value: Floats, quality: NDArray[np.uint8], sources: list[str], rows: Ints
 ) -> Series:
     """Samples of one topic; each of ``sources`` is theirs from the one at its place in ``rows`` on."""
@@ -228,7 +233,7 @@ def _series(
 
 
 @lru_cache(maxsize=1024)
-def _source_in(tail: bytes) -> str | None:
+def _parse_source(tail: bytes) -> str | None:
     """The source in what follows a sample's numbers; None if there is more than source and clock."""
     try:
         sample = SAMPLE.message.FromString(tail)
@@ -237,8 +242,8 @@ def _source_in(tail: bytes) -> str | None:
     return sample.source if {tag.name for tag, _ in sample.ListFields()} <= {"source", "source_clock"} else None
 
 
-def _one_by_one(batch: Batch, topics: Mapping[int, Topic]) -> dict[str, Series]:
-    """Samples by topic, of whatever layout and encoding."""
+def _decode_samples(batch: Batch, topics: Mapping[int, Topic]) -> dict[str, Series]:
+    """Samples by topic, of any layout and encoding."""
     rows_by_topic: dict[str, list[tuple[int, int, float, int, str]]] = {}
     for (number, _, log_ns, publish_ns, *_), data in zip(batch.heads.tolist(), batch.data(), strict=True):
         if topics[number].is_channel:
@@ -247,10 +252,10 @@ def _one_by_one(batch: Batch, topics: Mapping[int, Topic]) -> dict[str, Series]:
                 raise TypeError("the source is no text")
             row = publish_ns, log_ns, float(body["value"]), int(body["quality"]), body["source"]
             rows_by_topic.setdefault(topics[number].name, []).append(row)
-    return {topic: _in_arrays(rows) for topic, rows in rows_by_topic.items()}
-
-
-def _in_arrays(samples: list[tuple[int, int, float, int, str]]) -> Series:
-    measured_ns, received_ns, value, quality, source = zip(*samples, strict=True)
-    numbers = np.array(measured_ns, np.int64), np.array(received_ns, np.int64), np.array(value)
-    return _series(*numbers, np.frombuffer(bytes(quality), np.uint8), list(source), np.arange(len(samples)))
+    series_by_topic = {}
+    for topic, rows in rows_by_topic.items():
+        measured_ns, received_ns, value, quality, source = zip(*rows, strict=True)
+        numbers = np.array(measured_ns, np.int64), np.array(received_ns, np.int64), np.array(value)
+        qualities = np.frombuffer(bytes(quality), np.uint8)
+        series_by_topic[topic] = _make_series(*numbers, qualities, list(source), np.arange(len(rows)))
+    return series_by_topic

@@ -1,11 +1,9 @@
-"""Which files are one recording, and its times by one clock.
+"""Groups files into recordings, moves the times of their parts onto one clock, and lists their events.
 
-A recorder whose computer's clock is set goes on in a new part, by the new time. Its parts state how far UTC is from
-the monotonic clock, which nobody sets. Where they were recorded in one boot, and also state how long the computer
-has slept, during which the monotonic clock stands, the times on both sides of the step are those of one recording,
-moved onto one clock. Where they do not state it, what lies on either side of a step is a recording of its own.
-
-The event log of a recording: marks, alarms, what happened to its sources, and what the recorder itself said.
+A recorder whose computer's clock is set continues in a new part, by the new time. Its parts state how far UTC is
+from the monotonic clock, which nobody sets. Where they were recorded in one boot, and also state how long the
+computer has slept, during which the monotonic clock stands still, the times on both sides of the step are those of
+one recording, moved onto one clock. Where they do not state it, each side of a step is a recording of its own.
 """
 
 from __future__ import annotations
@@ -23,7 +21,7 @@ import numpy as np
 from mcap import records as mcap
 
 from seatrial.acquisition.core.errors import InputError, printable
-from seatrial.acquisition.core.quantities import Ints, Series
+from seatrial.acquisition.core.quantities import Series
 from seatrial.acquisition.core.trial import iso
 from seatrial.acquisition.recording.reader import Recording, open_recording, read_recording, recording_size
 from seatrial.acquisition.recording.scan import Damage, scan
@@ -35,8 +33,12 @@ _RECORDER_NAME = re.compile(rf".*_{_TIME}.*\.mcap")
 _LATER_PART = re.compile(rf"(.*_{_TIME})_part\d+(?:_\d+)?")
 _MOST_RECORDS = 100  # before the first message: header, run sheet, configuration with its DBC files, part, clock
 _MOST_NS = 2**61  # 73 years: two such numbers and a time still fit into 64 bits
-_KEPT = "kept"
 Metadata = Mapping[str, Mapping[str, str]]
+Files = Path | str | Sequence[Path | str]
+"""A recording: its file, or those of its parts."""
+KINDS = ("mark", "alarm", "source", "recorder")
+_ALARM = re.compile(r"ALARM |alarm over: |alarm ")
+_WORD = re.compile(r"[^\s':,;]+")
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,11 +57,18 @@ class PartClock:
     def of(cls, metadata: Metadata) -> PartClock:
         """The clock that a part states."""
         texts = metadata.get("clock", {})
-        offset_ns, slept_ns = (_integer(texts.get(key)) for key in ("utc_minus_monotonic_ns", "slept_ns"))
-        return cls(offset_ns, texts.get("boot", ""), slept_ns, texts.get("host_clock", "").startswith(_KEPT))
+        numbers: dict[str, int] = {}
+        for key in ("utc_minus_monotonic_ns", "slept_ns"):
+            with suppress(ValueError):
+                number = int(texts.get(key, ""))
+                if abs(number) < _MOST_NS:
+                    numbers[key] = number
+        is_synchronised = texts.get("host_clock", "").startswith("kept")
+        boot = texts.get("boot", "")
+        return cls(numbers.get("utc_minus_monotonic_ns"), boot, numbers.get("slept_ns"), is_synchronised)
 
-    def is_another_than(self, before: PartClock) -> bool:
-        """Whether it was set since, as far as both state it."""
+    def was_set_since(self, before: PartClock) -> bool:
+        """Whether it differs from an earlier part's clock by a step, as far as both state it."""
         if self.offset_ns is None or before.offset_ns is None:
             return False
         return abs(self.offset_ns - before.offset_ns) >= NEW_PART_NS
@@ -73,44 +82,40 @@ class PartClock:
         return offset_ns - slept_ns - earlier_offset_ns + earlier_slept_ns
 
 
-def _integer(text: str | None) -> int | None:
-    with suppress(TypeError, ValueError):
-        number = int(text)  # type: ignore[arg-type]
-        return number if abs(number) < _MOST_NS else None
-    return None
-
-
 def whole_recordings(paths: Iterable[Path]) -> list[tuple[Path, ...]]:
-    """Recordings as their files, in the order given: the parts of one recording together, as they came.
+    """Recordings as their files, in the order of ``paths``: the parts of one recording together, in their order.
 
-    A part belongs to the one that it says it follows, else to the one that its name says; not where the clock was
-    set between them by nobody knows how much.
+    A part belongs to the one that it states it follows, else to the one that its name states; not where the clock
+    was set between them by an unknown time.
     """
     paths = list(paths)
     by_place = {(path.parent, path.name): path for path in paths}
     recordings: dict[Path, list[Path]] = {}
-    first_of: dict[Path, Path] = {}
+    beginnings: dict[Path, Path] = {}  # the part that a part's recording begins with
     by_stem: dict[Path, Path] = {}
     for path in _in_chain_order(paths, by_place):
         match = _LATER_PART.fullmatch(path.stem)
         stem = path.parent / (match[1] if match else path.stem)
-        follows = by_place.get((path.parent, _follows(path)), by_stem.get(stem) if match else None)
-        before = first_of.get(follows) if follows is not None else None
-        is_free = before is not None and recordings[before][-1] == follows  # no other part follows it already
-        first = before if before and follows and is_free and _is_joinable(follows, path) else path
-        recordings.setdefault(first, []).append(path)
-        first_of[path], by_stem[stem] = first, path
+        previous = by_place.get((path.parent, _follows(path)), by_stem.get(stem) if match else None)
+        beginning = path
+        candidate = beginnings.get(previous) if previous is not None else None
+        if previous and candidate and recordings[candidate][-1] == previous:  # no other part follows it already
+            before, clock = PartClock.of(_head(previous)), PartClock.of(_head(path))
+            if not clock.was_set_since(before) or clock.ahead_of(before) is not None:  # alignable
+                beginning = candidate
+        recordings.setdefault(beginning, []).append(path)
+        beginnings[path], by_stem[stem] = beginning, path
     order = {path: number for number, path in enumerate(paths)}
-    return [tuple(recordings[first]) for first in sorted(recordings, key=order.__getitem__)]
+    return [tuple(recordings[beginning]) for beginning in sorted(recordings, key=order.__getitem__)]
 
 
 def _in_chain_order(paths: Sequence[Path], by_place: Mapping[tuple[Path, str], Path]) -> Iterator[Path]:
-    """The paths in their order, but each after the one that it follows; of a circle each once."""
-    seen: set[Path] = set()
+    """The paths in their order, but each after the one that it follows; in a circle each once."""
+    visited: set[Path] = set()
     for path in paths:
         chain = []
-        while path is not None and path not in seen:
-            seen.add(path)
+        while path is not None and path not in visited:
+            visited.add(path)
             chain.append(path)
             path = by_place.get((path.parent, _follows(path)))  # type: ignore[assignment]
         yield from reversed(chain)
@@ -120,14 +125,8 @@ def _follows(path: Path) -> str:
     return _head(path).get("part", {}).get("follows", "")
 
 
-def _is_joinable(part: Path, later: Path) -> bool:
-    """Whether the times of both can be brought onto one clock."""
-    before, clock = PartClock.of(_head(part)), PartClock.of(_head(later))
-    return not clock.is_another_than(before) or clock.ahead_of(before) is not None
-
-
 def _head(path: Path) -> Metadata:
-    """What a file says of its part and clock; nothing for a name that no recorder gives, and for what is none."""
+    """What a file states of its part and clock; empty for a name that no recorder gives, and for no recording."""
     if not _RECORDER_NAME.fullmatch(path.name):
         return {}
     try:
@@ -150,10 +149,6 @@ def _read_head(path: Path, _: tuple[int, int]) -> Metadata:
             if number > _MOST_RECORDS or {"part", "clock"} <= metadata.keys():
                 break
     return metadata
-
-
-Files = Path | str | Sequence[Path | str]
-"""A recording: its file, or those of its parts."""
 
 
 def read_recordings(paths: Iterable[Path]) -> Iterator[Recording]:
@@ -190,10 +185,10 @@ def read_parts(paths: Sequence[Path]) -> Recording:
     for part in parts:
         for name, series in part.series.items():
             samples.setdefault(name, []).append(series)
-    first = parts[0]
+    beginning = parts[0]
     spans = [part for part in parts if part.messages] or parts
     return replace(
-        parts[-1], path=first.path, later_parts=tuple(paths[1:]), metadata=first.metadata,
+        parts[-1], path=beginning.path, later_parts=tuple(paths[1:]), metadata=beginning.metadata,
         series={name: Series.joined(pieces) for name, pieces in samples.items()},
         raw=dict(sum((Counter(part.raw) for part in parts), Counter())),
         events=[event for part in parts for event in part.events],
@@ -206,38 +201,34 @@ def read_parts(paths: Sequence[Path]) -> Recording:
 
 
 def _align_clocks(parts: Sequence[Recording]) -> tuple[list[Recording], str]:
-    """The parts with their times by one clock, and what is to be known of them."""
+    """The parts with their times by one clock, and a remark on a missing beginning and on moved times."""
     clocks = [PartClock.of(part.metadata) for part in parts]
     synchronised = [clock for clock in clocks if clock.is_synchronised]
     ahead_ns = [(synchronised or clocks)[-1].ahead_of(clock) or 0 for clock in clocks]
     moves_ns = [ahead if abs(ahead) >= NEW_PART_NS else 0 for ahead in ahead_ns]
     aligned = [_shift(part, by_ns) if by_ns else part for part, by_ns in zip(parts, moves_ns, strict=True)]
-    return aligned, "; ".join(filter(None, (_first_part_text(parts[0]), _moves_text(moves_ns))))
-
-
-def _first_part_text(part: Recording) -> str:
-    """That a recording begins with a later part, and why that began."""
-    texts = part.metadata.get("part", {})
-    if not texts.get("follows"):
-        return ""
-    return f"it begins with part {texts.get('number')}, which follows {texts['follows']}: {texts.get('reason')}"
-
-
-def _moves_text(moves_ns: Sequence[int]) -> str:
-    """How many parts have their times moved, and by how much."""
+    remarks, part = [], parts[0].metadata.get("part", {})
     moves = Counter(by_ns for by_ns in moves_ns if by_ns)
-    if not moves:
-        return ""
-    texts = [f"of {count} of its {len(moves_ns)} parts by {by_ns / 1e9:+,.3f} s" for by_ns, count in moves.items()]
-    return f"the computer's clock was set meanwhile: times are moved, {', '.join(texts)}, by its monotonic clock"
+    if part.get("follows"):
+        number, reason = part.get("number"), part.get("reason")
+        remarks.append(f"it begins with part {number}, which follows {part['follows']}: {reason}")
+    if moves:
+        texts = [f"of {count} of its {len(parts)} parts by {by_ns / 1e9:+,.3f} s" for by_ns, count in moves.items()]
+        remarks.append(
+            f"the computer's clock was set meanwhile: times are moved, {', '.join(texts)}, by its monotonic clock"
+        )
+    return aligned, "; ".join(remarks)
 
 
 def _shift(part: Recording, by_ns: int) -> Recording:
     """A part whose times by the computer's clock are moved; those by another clock, as of a satellite, stay."""
 
     def move(series: Series) -> Series:
-        received_ns = series.received_ns + by_ns
-        return replace(series, received_ns=received_ns, measured_ns=_shift_times(series, received_ns, by_ns))
+        measured_ns, received_ns = series.measured_ns, series.received_ns + by_ns
+        # a measurement nearer to the reception by the new clock is not of the old one
+        is_old = np.abs(measured_ns - series.received_ns) <= np.abs(measured_ns - received_ns)
+        moved_ns = np.asarray(np.where(is_old, measured_ns + by_ns, measured_ns))
+        return replace(series, received_ns=received_ns, measured_ns=moved_ns)
 
     return replace(
         part,
@@ -246,18 +237,6 @@ def _shift(part: Recording, by_ns: int) -> Recording:
         start_ns=part.start_ns + by_ns,
         end_ns=part.end_ns + by_ns,
     )
-
-
-def _shift_times(series: Series, received_ns: Ints, by_ns: int) -> Ints:
-    """Times of measurement: one that is nearer to the reception by the new clock is not of the old one."""
-    measured_ns = series.measured_ns
-    is_old = np.abs(measured_ns - series.received_ns) <= np.abs(measured_ns - received_ns)
-    return np.asarray(np.where(is_old, measured_ns + by_ns, measured_ns))
-
-
-KINDS = ("mark", "alarm", "source", "recorder")
-_ALARM = re.compile(r"ALARM |alarm over: |alarm ")
-_WORD = re.compile(r"[^\s':,;]+")
 
 
 @dataclass(frozen=True, slots=True)
@@ -280,25 +259,22 @@ class Event:
 
 
 def events_of(recording: Recording) -> list[Event]:
-    """The events of a recording in the order of time; what names one of its sources is about that source."""
+    """The events of a recording in the order of time; what names one of its sources is about that source.
+
+    Files of long ago name no marks and alarms.
+    """
     lines = {*recording.health, *(source.partition("/")[0] for series in recording.series.values()
                                   for source in series.sources)}  # fmt: skip
     labels = recording.event_labels or [("", "")] * len(recording.events)
-    events = [
-        _event(time_ns, text, name, level, lines)
-        for (time_ns, text), (name, level) in zip(recording.events, labels, strict=True)
-    ]
+    events = []
+    for (time_ns, text), (name, level) in zip(recording.events, labels, strict=True):
+        kind, source = "mark" if name == "mark" else "alarm", ""
+        if name not in ("mark", "alarm") and not _ALARM.match(text):
+            words = (word.partition("/")[0] for word in _WORD.findall(text))
+            source = next((word for word in words if word in lines), "")
+            kind = "source" if source else "recorder"
+        events.append(Event(time_ns, kind, level, source, text))
     return sorted(events, key=lambda event: event.time_ns)
-
-
-def _event(time_ns: int, text: str, name: str, level: str, lines: set[str]) -> Event:
-    """An event from what the file says of it: files of long ago name no marks and alarms."""
-    if name == "mark":
-        return Event(time_ns, "mark", level, "", text)
-    if name == "alarm" or _ALARM.match(text):
-        return Event(time_ns, "alarm", level, "", text)
-    source = next((word for word in _WORD.findall(text) if word.partition("/")[0] in lines), "").partition("/")[0]
-    return Event(time_ns, "source" if source else "recorder", level, source, text)
 
 
 def counts_text(events: list[Event]) -> str:

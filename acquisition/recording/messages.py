@@ -1,20 +1,13 @@
-"""What a recording says, message by message: samples, raw frames, fixes, events and health as protobuf.
+"""Defines what a recording's messages hold: samples, raw frames, fixes, events, health, predictions, as protobuf.
 
-Everything that takes messages (one file, a recording in parts, a live view) is a :class:`MessageSink`. Recordings
-made before had the same in JSON, and are decoded to the same.
+Everything that takes messages (one file, a recording in parts, a live view) is a :class:`MessageSink`. Earlier
+recordings had the same messages in JSON, and are decoded to the same.
 
-From the description of a message to its protobuf class, and to the descriptors that a recording carries.
-
-A description is what :mod:`seatrial.acquisition.recording.messages` holds, in the words of JSON Schema. Beside
-those it may say the ``format`` of a number that is neither protobuf's ``double`` nor ``int64``, the ``number`` of a
-field where fields are not numbered in their order, and the ``names`` of an enumeration's values. What an object
-does not require is an ``optional`` field.
-
-What the messages of a recording's topics hold; every topic has a schema, or viewers skip it.
-
-The descriptions are in the words of JSON Schema, and become protobuf in
-:mod:`seatrial.acquisition.recording.messages`. That of ``/prediction`` is also what the recorder holds a
-prediction, which comes as JSON, against before it takes it.
+Every topic has a schema, or viewers skip it. Schemas are descriptions in the words of JSON Schema, from which
+protobuf classes and the descriptors that a recording carries are made. Beyond JSON Schema they may give the
+``format`` of a number that is neither protobuf's ``double`` nor ``int64``, the ``number`` of a field where fields
+are not numbered in their order, and the ``names`` of an enumeration's values. What an object does not require is an
+``optional`` field. The recorder also checks predictions, which come as JSON, against their description.
 """
 
 from __future__ import annotations
@@ -35,36 +28,51 @@ from seatrial.acquisition.core.process import TEXT_BYTES
 from seatrial.acquisition.core.ship import BY_NAME, Channel
 from seatrial.acquisition.core.trial import NANO, Fix, Frame, FrameFlag, Sample, Trial
 
+RAW_PREFIX = "/raw/"
+CHANNEL_PREFIX = "/channel/"
+POSITION_TOPIC = "/position"
+EVENT_TOPIC = "/event"
+HEALTH_TOPIC = "/health"
+PREDICTION_TOPIC = "/prediction"
+PREDICTED_TRACK_TOPIC = "/prediction/track"
+
+MOST_SECONDS = 601
+_MOST_LETTERS = 200
+
 ENCODING = "protobuf"
 """How messages are encoded, in MCAP's words."""
 ENCODING_BEFORE = "json"
 
-NOT_SAID = float("nan")
+_NOT_STATED = float("nan")
 _NO_FIX = Fix()
 _DIAGONAL_KNOWN = 2
 _LEVELS = {"debug": 1, "info": 2, "warning": 3, "error": 4, "fatal": 5}
 _LEVEL_NAMES = {number: name for name, number in _LEVELS.items()}
 _NUMBERS = struct.Struct("<BdBdBqBI")  # the first four fields of a sample, each behind its tag
 _VALUE, _SOURCE_TIME, _MONOTONIC, _QUALITY = 1 << 3 | 1, 2 << 3 | 1, 3 << 3 | 1, 4 << 3 | 5
-_CAN, _RECEIVED_FIELD = (
-    struct.Struct("<BIBIBB"),
-    struct.Struct("<Bq"),
-)  # the fields of a CAN frame, but its data's bytes
+_CAN, _RECEIVED_FIELD = struct.Struct("<BIBIBB"), struct.Struct("<Bq")  # the fields of a CAN frame, but its data
 _IDENTIFIER, _FLAGS, _DATA, _RECEIVED_AT = 1 << 3 | 5, 2 << 3 | 5, 3 << 3 | 2, 4 << 3 | 1
-_ONE_BYTE_LENGTHS = 128  # longer data have their length in two bytes
+_LONG_DATA_BYTES = 128  # from here on data have their length in two bytes
 VALUE_AT, QUALITY_AT, SOURCE_AT = 1, 28, 32
 """Where in a sample's message these begin."""
 SAMPLE_TAGS = (0, _VALUE), (9, _SOURCE_TIME), (18, _MONOTONIC), (27, _QUALITY)
 """Where in a sample's message the tags of its numbers stand, and what they are."""
 
+Schema: TypeAlias = dict[str, Any]
+
+_FORMATS = {"number": "double", "integer": "int64", "string": "string", "boolean": "bool"}
+_TIMESTAMP = descriptor_pb2.FileDescriptorProto.FromString(timestamp_pb2.DESCRIPTOR.serialized_pb)
+_FIELD = descriptor_pb2.FieldDescriptorProto
+_MESSAGES_OF_FILE, _FIELDS, _MESSAGES = 4, 2, 3  # where in descriptors these stand: what comments refer to
+
 
 def encode(topic: str, body: dict[str, Any]) -> bytes:
-    """The message of a topic of ours that says this. Raises TypeError, ValueError or KeyError if none does."""
+    """The message of a topic of ours with these fields. Raises TypeError, ValueError or KeyError if none fits."""
     if not topic.startswith(CHANNEL_PREFIX):
         return bytes(kind_of(topic).message(**body).SerializeToString())
-    fields = {"source_time": NOT_SAID, "monotonic_ns": 0, "source_clock": "", **body}
+    fields = {"source_time": _NOT_STATED, "monotonic_ns": 0, "source_clock": "", **body}
     numbers = (float(fields["value"]), fields["source_time"], fields["monotonic_ns"], int(fields["quality"]))
-    return _number_fields(*numbers) + _source(fields["source"], fields["source_clock"])
+    return _number_fields(*numbers) + _encode_source(fields["source"], fields["source_clock"])
 
 
 class Topic(NamedTuple):
@@ -82,7 +90,7 @@ class Topic(NamedTuple):
     @property
     def has_fixed_places(self) -> bool:
         """Whether the numbers of its messages, samples, lie where :func:`encode_sample` puts them, or may."""
-        return self.encoding == ENCODING and _fields(self.name, self.schema) == _fields(self.name, b"")
+        return self.encoding == ENCODING and _field_layout(self.name, self.schema) == _field_layout(self.name, b"")
 
 
 def decode(topic: Topic, data: bytes) -> dict[str, Any]:
@@ -93,7 +101,7 @@ def decode(topic: Topic, data: bytes) -> dict[str, Any]:
     try:
         if topic.encoding == ENCODING_BEFORE:
             return _decode_json(topic.name, data)
-        return plain(_class_in(topic.name, topic.schema).FromString(data))
+        return message_fields(_message_class_in(topic.name, topic.schema).FromString(data))
     except (DecodeError, TypeError) as error:
         raise ValueError(str(error)) from error
 
@@ -104,7 +112,7 @@ def level_name(level: Any) -> str:
 
 
 @lru_cache(maxsize=256)
-def _class_in(name: str, schema: bytes) -> Any:
+def _message_class_in(name: str, schema: bytes) -> Any:
     """The class of a topic's messages by the schema that a file gives; fields may have had other numbers."""
     kind = kind_of(name)
     if len(schema) > TEXT_BYTES.allowance(0):
@@ -113,8 +121,8 @@ def _class_in(name: str, schema: bytes) -> Any:
 
 
 @lru_cache(maxsize=256)
-def _fields(name: str, schema: bytes) -> set[tuple[str, int, int]]:
-    return {(entry.name, entry.number, entry.type) for entry in _class_in(name, schema).DESCRIPTOR.fields}
+def _field_layout(name: str, schema: bytes) -> set[tuple[str, int, int]]:
+    return {(entry.name, entry.number, entry.type) for entry in _message_class_in(name, schema).DESCRIPTOR.fields}
 
 
 def _decode_json(topic: str, data: bytes) -> dict[str, Any]:
@@ -131,9 +139,9 @@ def _decode_json(topic: str, data: bytes) -> dict[str, Any]:
 
 def encode_sample(sample: Sample) -> bytes:
     """A sample's message, as the protobuf runtime would make it if it never left out a number that is 0."""
-    source_time = NOT_SAID if sample.source_ns is None else sample.source_ns / NANO
+    source_time = _NOT_STATED if sample.source_ns is None else sample.source_ns / NANO
     numbers = _number_fields(sample.value, source_time, sample.monotonic_ns, sample.quality)
-    return numbers + _source(sample.source, sample.clock)
+    return numbers + _encode_source(sample.source, sample.clock)
 
 
 def _number_fields(value: float, source_time: float, monotonic_ns: int, quality: int) -> bytes:
@@ -141,7 +149,7 @@ def _number_fields(value: float, source_time: float, monotonic_ns: int, quality:
 
 
 @lru_cache(maxsize=1024)
-def _source(source: str, clock: str) -> bytes:
+def _encode_source(source: str, clock: str) -> bytes:
     """The last two fields of a sample: thousands of samples have the same."""
     return bytes(SAMPLE.message(source=source, source_clock=clock).SerializeToString())
 
@@ -149,9 +157,11 @@ def _source(source: str, clock: str) -> bytes:
 def encode_raw(topic: str, frame: Frame) -> bytes:
     """A raw frame's message. That of CAN is packed at once: a full bus has 1,900 a second."""
     payload = frame.payload
-    if frame.protocol == "can" and len(payload) < _ONE_BYTE_LENGTHS:
+    if frame.protocol == "can" and len(payload) < _LONG_DATA_BYTES:
         head = _CAN.pack(_IDENTIFIER, frame.identifier, _FLAGS, frame.flags, _DATA, len(payload))
-        return head + payload + _RECEIVED_FIELD.pack(_RECEIVED_AT, frame.monotonic_ns) + _sender(frame.sender)
+        return (
+            head + payload + _RECEIVED_FIELD.pack(_RECEIVED_AT, frame.monotonic_ns) + _encode_sender(frame.sender)
+        )
     body: dict[str, Any] = {"monotonic_ns": frame.monotonic_ns, "sender": frame.sender}
     if frame.protocol == "can":
         body |= {"id": frame.identifier, "flags": int(frame.flags), "data": payload}
@@ -166,12 +176,12 @@ def encode_raw(topic: str, frame: Frame) -> bytes:
 
 
 @lru_cache(maxsize=1024)
-def _sender(sender: str) -> bytes:
+def _encode_sender(sender: str) -> bytes:
     return bytes(kind_of("/raw/can/").message(sender=sender).SerializeToString())
 
 
 class MessageSink(ABC):
-    """Turns what the recorder has to say into messages; heirs say where they go."""
+    """Turns what the recorder reports into messages; subclasses say where they go."""
 
     @abstractmethod
     def write(self, topic: str, data: bytes, log_ns: int, publish_ns: int) -> None:
@@ -179,7 +189,7 @@ class MessageSink(ABC):
 
     @abstractmethod
     def write_trial(self, trial: Trial) -> None:
-        """Say anew what is known of the trial, once more is known; the last word holds."""
+        """Write what is known of the trial again, once more is known; the last one holds."""
 
     def write_sample(self, sample: Sample) -> None:
         """Record one value on its channel's topic; ``value`` must be finite."""
@@ -194,7 +204,7 @@ class MessageSink(ABC):
     def write_position(
         self, latitude_deg: float, longitude_deg: float, received_ns: int, measured_ns: int, fix: Fix = _NO_FIX
     ) -> None:
-        """Record a position for the map panels of viewers, with the height and the errors that its fix tells."""
+        """Record a position for the map panels of viewers, with the height and the errors that its fix states."""
         east, north, up = (sigma_m**2 for sigma_m in fix.sigma_m or (0.0, 0.0, 0.0))
         body = {
             "timestamp": _timestamp(measured_ns),
@@ -218,7 +228,7 @@ class MessageSink(ABC):
         self.write(HEALTH_TOPIC, encode(HEALTH_TOPIC, health), received_ns, received_ns)
 
     def write_prediction(self, data: bytes, geojson: bytes, received_ns: int, start_ns: int) -> None:
-        """Record what another program foretells from ``start_ns`` on, and what a map draws of it, if anything."""
+        """Record what another program predicts from ``start_ns`` on, and what a map draws of it, if anything."""
         self.write(PREDICTION_TOPIC, data, received_ns, start_ns)
         if geojson:
             self.write(PREDICTED_TRACK_TOPIC, geojson, received_ns, start_ns)
@@ -251,22 +261,18 @@ def frame_of(topic: Topic, data: bytes, log_ns: int, publish_ns: int) -> Frame:
     raise ValueError(f"protocol {protocol!r} is not known")
 
 
-Schema: TypeAlias = dict[str, Any]
-
-_FORMATS = {"number": "double", "integer": "int64", "string": "string", "boolean": "bool"}
-_TIMESTAMP = descriptor_pb2.FileDescriptorProto.FromString(timestamp_pb2.DESCRIPTOR.serialized_pb)
-_FIELD = descriptor_pb2.FieldDescriptorProto
-_MESSAGES_OF_FILE, _FIELDS, _MESSAGES = 4, 2, 3  # where in descriptors these stand: what comments refer to
-
-
 class MessageKind:
     """A kind of message: its full name, its class, and the ``FileDescriptorSet`` by which any reader knows it."""
 
     def __init__(self, title: str, schema: Schema) -> None:
         self.title = title
-        self.descriptors = descriptor_pb2.FileDescriptorSet(
-            file=[_TIMESTAMP, _file_of(title, schema)]
-        ).SerializeToString()
+        package, _, name = title.rpartition(".")
+        file = descriptor_pb2.FileDescriptorProto(
+            name=f"{package}/{name}.proto", package=package, syntax="proto3", dependency=[_TIMESTAMP.name]
+        )
+        message = file.message_type.add(name=name)
+        _fill(message, schema, f".{title}", file.source_code_info, [_MESSAGES_OF_FILE, 0])
+        self.descriptors = descriptor_pb2.FileDescriptorSet(file=[_TIMESTAMP, file]).SerializeToString()
         self.message = message_class(title, self.descriptors)
 
 
@@ -285,28 +291,19 @@ def message_class(title: str, descriptors: bytes) -> Any:
         raise ValueError(f"its schema describes no {title}") from error
 
 
-def plain(message: Message) -> dict[str, Any]:
-    """The fields of a message; optional ones and messages within only where they are said."""
+def message_fields(message: Message) -> dict[str, Any]:
+    """The fields of a message; optional ones and messages within only where they are set."""
     fields = message.DESCRIPTOR.fields
     names = [entry.name for entry in fields if not entry.has_presence or message.HasField(entry.name)]
-    return {name: _plain(getattr(message, name)) for name in names}
+    return {name: _plain_value(getattr(message, name)) for name in names}
 
 
-def _plain(value: Any) -> Any:
+def _plain_value(value: Any) -> Any:
     if isinstance(value, Message):
-        return plain(value)
+        return message_fields(value)
     if isinstance(value, Mapping):
         return dict(value)
-    return value if isinstance(value, str | bytes | int | float) else [_plain(item) for item in value]
-
-
-def _file_of(title: str, schema: Schema) -> descriptor_pb2.FileDescriptorProto:
-    package, _, name = title.rpartition(".")
-    file = descriptor_pb2.FileDescriptorProto(
-        name=f"{package}/{name}.proto", package=package, syntax="proto3", dependency=[_TIMESTAMP.name]
-    )
-    _fill(file.message_type.add(name=name), schema, f".{title}", file.source_code_info, [_MESSAGES_OF_FILE, 0])
-    return file
+    return value if isinstance(value, str | bytes | int | float) else [_plain_value(item) for item in value]
 
 
 def _fill(proto: Any, schema: Schema, full_name: str, comments: Any, path: list[int]) -> None:
@@ -355,18 +352,6 @@ def _set_type(proto: Any, field: Any, schema: Schema, full_name: str, comments: 
         _fill(within, schema, field.type_name, comments, [*path, _MESSAGES, len(proto.nested_type) - 1])
 
 
-RAW_PREFIX = "/raw/"
-CHANNEL_PREFIX = "/channel/"
-POSITION_TOPIC = "/position"
-EVENT_TOPIC = "/event"
-HEALTH_TOPIC = "/health"
-PREDICTION_TOPIC = "/prediction"
-PREDICTED_TRACK_TOPIC = "/prediction/track"
-
-MOST_SECONDS = 601
-_MOST_LETTERS = 200
-
-
 def _value(kind: str, description: str, kind_of_protobuf: str = "") -> Schema:
     form = {"format": kind_of_protobuf} if kind_of_protobuf else {}
     return {"type": kind, "description": description, **form}
@@ -384,8 +369,8 @@ def _text(description: str) -> Schema:
     return {"type": "string", "maxLength": _MOST_LETTERS, "description": description}
 
 
-def _array(items: Schema, most: int, description: str) -> Schema:
-    return {"type": "array", "items": items, "maxItems": most, "description": description}
+def _array(items: Schema, max_items: int, description: str) -> Schema:
+    return {"type": "array", "items": items, "maxItems": max_items, "description": description}
 
 
 def _list_of_numbers(description: str) -> Schema:
@@ -604,7 +589,7 @@ PREDICTION: Schema = {
     ),
 }
 
-_WELL_KNOWN = {
+_KINDS = {
     POSITION_TOPIC: _LOCATION_FIX,
     EVENT_TOPIC: _LOG,
     HEALTH_TOPIC: _HEALTH,
@@ -617,7 +602,7 @@ def kind_of(topic: str) -> MessageKind:
     """What the messages of a topic of ours are. Raises KeyError for any other topic."""
     if topic.startswith(CHANNEL_PREFIX):
         return SAMPLE
-    return _RAW[topic.split("/")[2]] if topic.startswith(RAW_PREFIX) else _WELL_KNOWN[topic]
+    return _RAW[topic.split("/")[2]] if topic.startswith(RAW_PREFIX) else _KINDS[topic]
 
 
 def channel_metadata(topic: str, channels: Mapping[str, Channel] = BY_NAME) -> dict[str, str]:

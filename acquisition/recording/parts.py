@@ -1,7 +1,7 @@
-"""A recording in parts: the next begins after a time or a size, after trouble with the disk, or a clock's step.
+"""Writes a recording in parts: the next begins after a time or a size, after a disk fault, or a clock's step.
 
-Every part is a whole recording of its own. What the disk has not confirmed yet is kept, and goes into the next
-part when this one cannot be written any more, so that trouble with a disk costs nothing that memory can hold.
+Every part is a complete recording of its own. What the disk has not confirmed yet is kept, and goes into the next
+part when this one cannot be written any more, so that a disk fault costs nothing that memory can hold.
 """
 
 from __future__ import annotations
@@ -18,29 +18,23 @@ from pathlib import Path
 from seatrial.acquisition.config.sources import RecordingSection
 from seatrial.acquisition.core.errors import SeatrialError, StorageError, storage_error
 from seatrial.acquisition.core.trial import Trial
+from seatrial.acquisition.recording import writer
 from seatrial.acquisition.recording.messages import MessageSink
-from seatrial.acquisition.recording.writer import (
-    RESUME_RATIO,
-    RecordingWriter,
-    SyncThread,
-    mount_point,
-    new_file,
-    require_mounted,
-    require_room,
-    room_bytes,
-    why_full,
-)
 
 _MEGA = 1_000_000
-_LOOK_EVERY_S = 1.0
+_CHECK_PERIOD_S = 1.0
 _MOST_UNSURE = 100_000  # messages that wait for the disk; about 30 MB
 _NAME_REFUSED = {EILSEQ, EINVAL, ENAMETOOLONG}  # by a file system that takes other letters, or fewer
+_TIME_FORMAT = "%Y%m%dT%H%M%SZ"
+_TIME = r"\d{8}T\d{6}Z"
+_MOST_LETTERS = 40  # of a trial's name in that of a file: with all that follows, some 100, of 255 bytes
+_DIGEST_LETTERS = 7
 
 Message = tuple[str, bytes, int, int]
 Tell = Callable[[str, str], None]
-"""Somebody who wants to know what happens to the recording: level, text."""
+"""Takes reports of what happens to the recording: level, text."""
 Listener = Callable[[str, bytes, int], None]
-"""Somebody who wants every message as well: topic, JSON, time of reception; must be quick and raise nothing."""
+"""Takes every message as well: topic, JSON, time of reception; must be quick and raise nothing."""
 
 
 class RecordingParts(MessageSink):
@@ -67,20 +61,20 @@ class RecordingParts(MessageSink):
         self._folder, self._trial, self._attachments, self._settings = folder, trial, dict(attachments), settings
         self._clock = dict(clock or {})
         self.tell = tell
-        self._stem = _stem(folder, trial.name, datetime.now(UTC))
-        self._thread, self._thread_missing = SyncThread(), False
-        self._not_ended: list[RecordingWriter] = []  # parts that the disk did not even let us end
+        self._stem = _new_stem(folder, trial.name, datetime.now(UTC))
+        self._thread, self._thread_missing = writer.SyncThread(), False
+        self._not_ended: list[writer.RecordingWriter] = []  # parts that the disk did not even let us end
         self._unsure: list[Message] = []
         self._unkept = 0  # as unsure, but too many to be kept
-        self._asked = 0, 0  # of both, how many the disk was asked to keep
+        self._requested = 0, 0  # of both, how many the disk was asked to keep
         self._closed_bytes = 0  # in the parts before
-        self._looked_s = self._began_s = time.monotonic()
-        self._part: RecordingWriter | None = None
+        self._checked_s = self._began_s = time.monotonic()
+        self._part: writer.RecordingWriter | None = None
         self._mount: Path | None = None
         try:
-            require_room(folder, settings)
+            writer.require_room(folder, settings)
             self._open_part("recording started")
-            self._mount = mount_point(folder)
+            self._mount = writer.mount_point(folder)
         except OSError as error:
             place = folder / f"{self._stem}.mcap"
             raise error if isinstance(error, StorageError) else storage_error(place, error) from error
@@ -103,7 +97,7 @@ class RecordingParts(MessageSink):
     @property
     def room_bytes(self) -> int | None:
         """What may still be written to this disk [bytes]; None if the disk cannot be asked."""
-        return room_bytes(self._folder, self._settings)
+        return writer.room_bytes(self._folder, self._settings)
 
     def write(self, topic: str, data: bytes, log_ns: int, publish_ns: int) -> None:
         """Record a message; while the recording is paused it waits in memory, as long as there is room."""
@@ -122,7 +116,9 @@ class RecordingParts(MessageSink):
                 listener(topic, data, log_ns)
             except Exception as error:  # a viewer's server must not cost the recording
                 self.listeners.remove(listener)
-                self.tell("error", f"a listener to the recording failed and gets nothing more: {_reason(error)}")
+                self.tell(
+                    "error", f"a listener to the recording failed and gets nothing more: {_reason_text(error)}"
+                )
 
     def write_trial(self, trial: Trial) -> None:
         self._trial = trial
@@ -142,36 +138,36 @@ class RecordingParts(MessageSink):
     def sync(self) -> None:
         """Make the disk keep what there is."""
         if self._part is not None and self._attempt(self._part.sync):
-            self._confirmed()
+            self._mark_confirmed()
 
     def sync_soon(self) -> bool:
         """Let the disk keep what there is while the recording goes on; False while it is still busy."""
-        asked = self._asked
+        requested = self._requested
         if self._part is not None:
             self._attempt(self._begin_sync)
-        return self._asked is not asked
+        return self._requested is not requested
 
     def _begin_sync(self) -> None:
         unsure = len(self._unsure), self._unkept
         if self._part is not None and self._part.begin_sync():
-            kept, unkept = self._asked  # what was asked for the last time is on the disk
-            del self._unsure[:kept]
-            self._unkept -= unkept
-            self._asked = unsure[0] - kept, unsure[1] - unkept
+            confirmed, confirmed_unkept = self._requested  # what was asked for the last time is on the disk
+            del self._unsure[:confirmed]
+            self._unkept -= confirmed_unkept
+            self._requested = unsure[0] - confirmed, unsure[1] - confirmed_unkept
 
     def tick(self, now_s: float) -> None:
         """Once a second: the size and age of the part, room on the disk, and whether a pause can end."""
-        if now_s - self._looked_s < _LOOK_EVERY_S:
+        if now_s - self._checked_s < _CHECK_PERIOD_S:
             return
-        self._looked_s = now_s
+        self._checked_s = now_s
         self._report_thread()
         if self._part is None:
             self.resume()
-        elif not self._attempt(lambda: require_mounted(self._mount)):
+        elif not self._attempt(lambda: writer.require_mounted(self._mount)):
             return
         elif self._has_vanished():
-            self._put_back()
-        elif (reason := why_full(self._folder, self._settings)) and self._close_part():
+            self._restore()
+        elif (reason := writer.why_full(self._folder, self._settings)) and self._close_part():
             self._pause(reason, "the file is closed well")
         elif self._part is not None and self._part_is_full(now_s):
             self.next_part("the part is full")
@@ -183,17 +179,17 @@ class RecordingParts(MessageSink):
 
     def resume(self) -> None:
         """End a pause, if its cause is gone."""
-        why = self.trouble
-        if self._part is not None or why_full(self._folder, self._settings, RESUME_RATIO):
+        reason = self.trouble
+        if self._part is not None or writer.why_full(self._folder, self._settings, writer.RESUME_RATIO):
             return
-        self._try_to_open(f"after a pause: {why}")
+        self._try_to_open(f"after a pause: {reason}")
         if self._part is not None:
-            self.tell("warning", f"recording goes on in {self.path.name}, after: {why}")
+            self.tell("warning", f"recording goes on in {self.path.name}, after: {reason}")
 
     def discard(self) -> None:
         """Leave nothing behind: the recording never began."""
         if self._part is not None:
-            _abandoned(self._part)
+            _abandon(self._part)
             self._part = None
         for path in self.paths:
             with suppress(OSError):
@@ -205,7 +201,7 @@ class RecordingParts(MessageSink):
         if self._part is None and (self._unsure or self.lost):
             self.resume()
         if self._part is not None and self._has_vanished():
-            self._put_back()
+            self._restore()
             if self._part is not None and self._part.vanished:
                 self.lost += self._part.messages
         if self._part is not None:
@@ -219,7 +215,7 @@ class RecordingParts(MessageSink):
     def _open_part(self, reason: str) -> None:
         path = self._new_path()
         try:
-            part = RecordingWriter(path, self._trial, self._attachments, self._thread)
+            part = writer.RecordingWriter(path, self._trial, self._attachments, self._thread)
         except Exception:
             _remove(path)
             raise
@@ -231,11 +227,11 @@ class RecordingParts(MessageSink):
                 part.write(*message)
             part.sync()
         except Exception:
-            _abandoned(part)
+            _abandon(part)
             _remove(path)
             raise
         self.lost += self._unkept
-        self._confirmed()
+        self._mark_confirmed()
         self._part = part
         self.paths.append(path)
         self.trouble = ""
@@ -252,8 +248,8 @@ class RecordingParts(MessageSink):
         return self._new_file(self._part_stem())
 
     def _new_file(self, stem: str) -> Path:
-        require_mounted(self._mount)
-        return new_file(self._folder, stem)
+        writer.require_mounted(self._mount)
+        return writer.new_file(self._folder, stem)
 
     def _part_stem(self) -> str:
         number = len(self.paths) + 1
@@ -283,12 +279,12 @@ class RecordingParts(MessageSink):
             action()
         except Exception as error:  # nothing but the user ends a recording
             ended = True
-            if self._part is not None and not _abandoned(self._part):
+            if self._part is not None and not _abandon(self._part):
                 ended = False
                 self._not_ended.append(self._part)
-            self._part, self._asked = None, (0, 0)
-            how = "the file is ended well" if ended else "the file is readable as far as it goes"
-            self._pause(_reason(error), how)
+            self._part, self._requested = None, (0, 0)
+            outcome = "the file is ended well" if ended else "the file is readable as far as it goes"
+            self._pause(_reason_text(error), outcome)
             return False
         return True
 
@@ -296,14 +292,14 @@ class RecordingParts(MessageSink):
         if self._part is None or not self._attempt(self._part.close):
             return False
         self._closed_bytes += self._part.size_bytes
-        self._confirmed()
+        self._mark_confirmed()
         self._part = None
         return True
 
-    def _confirmed(self) -> None:
+    def _mark_confirmed(self) -> None:
         """The disk has everything that was written."""
         self._unsure.clear()
-        self._unkept, self._asked = 0, (0, 0)
+        self._unkept, self._requested = 0, (0, 0)
 
     def _has_vanished(self) -> bool:
         vanished = False
@@ -314,8 +310,8 @@ class RecordingParts(MessageSink):
 
         return self._attempt(look) and vanished
 
-    def _put_back(self) -> None:
-        """Somebody has deleted the file: its content is still there, and is written once more.
+    def _restore(self) -> None:
+        """The file was deleted: its content is still there, and is written once more.
 
         Where there is no room for that, the deleted file goes on being written, and it is tried again.
         """
@@ -336,19 +332,19 @@ class RecordingParts(MessageSink):
         self.paths[-1] = path
         self._closed_bytes += self._part.size_bytes
         self._reported_deleted, self._part = False, None
-        self._confirmed()
+        self._mark_confirmed()
         self._try_to_open("the part before was deleted")
 
-    def _pause(self, why: str, how: str) -> None:
-        self.trouble = why
-        self.tell("error", f"RECORDING PAUSED: {why}; {how}; it goes on as soon as it can")
+    def _pause(self, reason: str, outcome: str) -> None:
+        self.trouble = reason
+        self.tell("error", f"RECORDING PAUSED: {reason}; {outcome}; it goes on as soon as it can")
 
     def _try_to_open(self, reason: str) -> None:
         try:
             self._open_part(reason)
         except Exception as error:  # nothing but the user ends a recording
             if not self.trouble:
-                self._pause(_reason(error), "nothing of it is lost while memory holds it")
+                self._pause(_reason_text(error), "nothing of it is lost while memory holds it")
 
     def _report_thread(self) -> None:
         """Report once that the disk has no thread of its own, and once that it has one again."""
@@ -360,7 +356,7 @@ class RecordingParts(MessageSink):
             self.tell("info", "the disk has a thread again")
 
 
-def _reason(error: Exception) -> str:
+def _reason_text(error: Exception) -> str:
     if isinstance(error, SeatrialError):
         return str(error)
     if isinstance(error, OSError):
@@ -368,8 +364,8 @@ def _reason(error: Exception) -> str:
     return f"{type(error).__name__} {error}"
 
 
-def _abandoned(part: RecordingWriter) -> bool:
-    """Give up on a part; whether it could be ended well."""
+def _abandon(part: writer.RecordingWriter) -> bool:
+    """Give up on a part; returns whether it could be ended well."""
     try:
         return part.abandon()
     except Exception:  # such as no memory: the disk is not all that can fail
@@ -379,12 +375,6 @@ def _abandoned(part: RecordingWriter) -> bool:
 def _remove(path: Path) -> None:
     with suppress(OSError):
         path.unlink(missing_ok=True)
-
-
-_TIME_FORMAT = "%Y%m%dT%H%M%SZ"
-_TIME = r"\d{8}T\d{6}Z"
-_MOST_LETTERS = 40  # of a trial's name in that of a file: with all that follows, some 100, of 255 bytes
-_DIGEST_LETTERS = 7
 
 
 def safe_name(name: str) -> str:
@@ -404,7 +394,7 @@ def parts_in(folder: Path, name: str) -> dict[Path, str]:
     return {path: match[1] for path, match in matches if match}
 
 
-def _stem(folder: Path, name: str, started: datetime) -> str:
+def _new_stem(folder: Path, name: str, started: datetime) -> str:
     """The trial's name and the UTC time of the recording's start: names sort as the recordings came.
 
     Where the clock is behind a recording in the folder, as without a battery after each boot, the name is that
@@ -419,8 +409,8 @@ def _stem(folder: Path, name: str, started: datetime) -> str:
     latest = max(stems, default="")
     if stem > latest:
         return stem
-    first = re.match(rf".*?_{_TIME}", latest)
-    base = first[0] if first else latest
+    match = re.match(rf".*?_{_TIME}", latest)
+    base = match[0] if match else latest
     runs = (re.match(rf"{re.escape(base)}_run(\d+)_", existing) for existing in stems)
     number = 1 + max((int(run[1]) for run in runs if run), default=0)
     return f"{base}_run{number:05d}_{time_text}"

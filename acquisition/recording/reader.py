@@ -1,12 +1,9 @@
-"""Reading a recording, closed or not: messages in file order, channels as arrays.
+"""Reads a recording, closed, cut off or still being written: messages in file order, channels as arrays.
 
-Reading streams through the file and never trusts an index: a recording that was cut off is read as far as it
-goes and says so (``closed`` is False).
-
-A recording that is still being written, read as it grows.
-
-The recorder hands whole chunks to the system five times a second; what stands at the end of the file may be half a
-record, which is whole the next time. Nothing is asked of the recorder: it need not know that anybody reads.
+Reading streams through the file and never trusts an index: a recording that was cut off is read as far as it goes
+and says so (``closed`` is False). Of a growing file (:class:`Tail`), to which the recorder hands complete chunks
+five times a second, the end may be half a record, which is complete the next time; the recorder need not know of
+it.
 """
 
 from __future__ import annotations
@@ -56,7 +53,7 @@ from seatrial.acquisition.recording.scan import (
     Damage,
     Intact,
     RecordError,
-    is_known,
+    is_record_kind,
     parse,
     scan,
     without_checksum,
@@ -64,6 +61,8 @@ from seatrial.acquisition.recording.scan import (
 
 _ENOUGH_BYTES = 4 * 1024 * 1024  # of chunks unpacked together: many small ones cost no more than a large one
 REMEDY = "save what is intact with `seatrial recover`"
+_SPAN = struct.Struct("<QQ")  # what a chunk begins with: the times of its first and last message
+_SKIPPED = (Opcode.MESSAGE_INDEX, Opcode.CHUNK_INDEX, Opcode.ATTACHMENT)
 
 
 @dataclass(frozen=True, slots=True)
@@ -146,14 +145,14 @@ class MessageStream:
         """The same messages, those that follow each other in a chunk together."""
         self.topics.clear()
         schemas: dict[int, bytes] = {}
-        promised: int | None = None
-        messages = 0
+        stated_count: int | None = None
+        count = 0
         for record in self._records():
             if isinstance(record, Batch):
                 self.meter.add(MESSAGES, len(record))
                 if not self.topics.keys() >= record.counts().keys():
                     raise self._damaged("a message of no topic")
-                messages += len(record)
+                count += len(record)
                 yield record
             elif isinstance(record, mcap.Schema):
                 count_definition(record, self.meter, is_new=record.id not in schemas)
@@ -165,11 +164,11 @@ class MessageStream:
                 if self.topics.setdefault(record.id, topic) != topic:
                     raise self._damaged("two topics of one number")
             elif isinstance(record, mcap.Statistics):
-                promised = record.message_count
+                stated_count = record.message_count
             else:
                 self._note(record)
-        if self.closed and promised not in (None, messages):  # a chunk can vanish without another trace
-            raise self._damaged(f"{messages:,} messages of {promised:,}")
+        if self.closed and stated_count not in (None, count):  # a chunk can vanish without another trace
+            raise self._damaged(f"{count:,} messages of {stated_count:,}")
 
     def run_sheets(self) -> Iterator[Trial]:
         """What the file says of its trial, one word after the other."""
@@ -209,31 +208,31 @@ class MessageStream:
                         continue
                 if isinstance(extent, Intact) and extent.record is None:
                     continue
-                yield from self._unpacked(chunks)
+                yield from self._unpack(chunks)
                 chunks.clear()
                 size_bytes = 0
                 yield from self._outside_chunks(extent)
-            yield from self._unpacked(chunks)
+            yield from self._unpack(chunks)
 
     def _outside_chunks(self, extent: Intact | Damage) -> Iterator[Batch | mcap.McapRecord]:
         if isinstance(extent, Damage):
             self.closed = False
             if not extent.cut:
-                raise self._damaged(extent.why, f" near byte {extent.start}")
+                raise self._damaged(extent.reason, f" near byte {extent.start}")
         elif isinstance(extent.record, mcap.Message):
             yield Batch.of_message(extent.record)
         elif extent.record is not None and not isinstance(extent.record, mcap.Chunk):
             yield extent.record
 
-    def _unpacked(self, chunks: list[tuple[int, mcap.Chunk]]) -> Iterator[Batch | mcap.McapRecord]:
+    def _unpack(self, chunks: list[tuple[int, mcap.Chunk]]) -> Iterator[Batch | mcap.McapRecord]:
         """What is in chunks one after the other, with the places in the file at which they begin."""
         try:
             yield from batches(*(chunk for _, chunk in chunks))
         except RecordError as error:
             raise self._damaged(str(error), f" near byte {chunks[error.chunk][0]}") from error
 
-    def _damaged(self, why: str, where: str = "") -> InputError:
-        return InputError(f"is damaged{where}", where=str(self.path), why=why, fix=REMEDY)
+    def _damaged(self, reason: str, place: str = "") -> InputError:
+        return InputError(f"is damaged{place}", where=str(self.path), why=reason, fix=REMEDY)
 
 
 def count_definition(record: mcap.Channel | mcap.Schema, meter: Meter, *, is_new: bool) -> None:
@@ -258,10 +257,10 @@ def count_description(record: mcap.Metadata | mcap.Attachment, meter: Meter) -> 
     meter.add(DESCRIPTION_BYTES, size)
 
 
-def open_recording(path: Path, *, whatever_it_is: bool = False) -> BinaryIO:
+def open_recording(path: Path, *, accept_any: bool = False) -> BinaryIO:
     """A file to read, at its beginning. Raises :class:`InputError` if it cannot be a recording.
 
-    ``whatever_it_is`` accepts files whose beginning says that they are none: it may be what is damaged.
+    ``accept_any`` admits files that do not begin as a recording: their beginning may be what is damaged.
     """
     if recording_size(path) == 0:
         raise InputError("is empty", where=str(path), fix="give a recording with data")
@@ -269,7 +268,7 @@ def open_recording(path: Path, *, whatever_it_is: bool = False) -> BinaryIO:
         stream = path.open("rb")
     except OSError as error:
         raise InputError("cannot be opened", where=str(path), why=str(error.strerror)) from error
-    if not whatever_it_is and stream.read(len(MCAP_MAGIC)) != MCAP_MAGIC:
+    if not accept_any and stream.read(len(MCAP_MAGIC)) != MCAP_MAGIC:
         stream.close()
         fix = "give a .mcap file, or convert a table with `seatrial import`"
         raise InputError("is not an MCAP recording", where=str(path), fix=fix)
@@ -278,26 +277,26 @@ def open_recording(path: Path, *, whatever_it_is: bool = False) -> BinaryIO:
 
 def recording_size(path: Path) -> int:
     """The size of a file [bytes]. Raises :class:`InputError` for what is none: a pipe may never come to an end."""
-    where = str(path)
+    name = str(path)
     try:
         state = path.stat()
         if stat.S_ISDIR(state.st_mode):
             os.scandir(path).close()  # one that is closed to us says so
     except FileNotFoundError as error:
-        why = "it is a link to nothing" if path.is_symlink() else ""
-        raise InputError("does not exist", where=where, why=why, fix="check the path") from error
+        reason = "it is a link to nothing" if path.is_symlink() else ""
+        raise InputError("does not exist", where=name, why=reason, fix="check the path") from error
     except OSError as error:
-        raise InputError("cannot be opened", where=where, why=error.strerror or str(error)) from error
+        raise InputError("cannot be opened", where=name, why=error.strerror or str(error)) from error
     if stat.S_ISDIR(state.st_mode):
-        raise InputError("is a folder, not a recording", where=where, fix="name a .mcap file in it")
+        raise InputError("is a folder, not a recording", where=name, fix="name a .mcap file in it")
     if not stat.S_ISREG(state.st_mode):
-        raise InputError("is not a file", where=where, fix="give a recording, not a pipe, socket or device")
+        raise InputError("is not a file", where=name, fix="give a recording, not a pipe, socket or device")
     return state.st_size
 
 
-def _foreign(path: Path, topic: str, error: Exception, what: str) -> InputError:
+def _foreign_message(path: Path, topic: str, error: Exception, kind: str) -> InputError:
     return InputError(
-        f"topic {topic} holds a message that is no {what} of ours",
+        f"topic {topic} holds a message that is no {kind} of ours",
         where=str(path),
         why=f"{type(error).__name__} {error}",
         fix="give a recording made by seatrial",
@@ -305,22 +304,22 @@ def _foreign(path: Path, topic: str, error: Exception, what: str) -> InputError:
 
 
 def _keyed_bodies(
-    batch: Batch, topic: Topic, meter: Meter, key: str, what: str
+    batch: Batch, topic: Topic, meter: Meter, key: str, kind: str
 ) -> list[tuple[str, dict[str, Any]]]:
-    """What the messages of a batch, all of one topic, say; each behind what it says under a key."""
+    """The bodies of a batch's messages, all of one topic, each behind its value of a key."""
     sizes = batch.sizes
     meter.check(TEXT_BYTES, int(sizes.max()))
     meter.add(DESCRIPTION_BYTES, int(sizes.sum()))
     try:
         return [(str(body[key]), body) for body in (decode(topic, data) for data in batch.data())]
     except (KeyError, ValueError) as error:
-        raise _foreign(Path(meter.path), topic.name, error, what) from error
+        raise _foreign_message(Path(meter.path), topic.name, error, kind) from error
 
 
 def _add_samples(
     samples: dict[str, SeriesBuilder], batch: Batch, topics: Mapping[int, Topic], meter: Meter
 ) -> None:
-    """As :func:`add_samples`; if it fails, topic by topic, to say which holds what is no sample."""
+    """As :func:`add_samples`; if it fails, topic by topic, to report which holds what is no sample."""
     if batch.sizes.max() > NAME_BYTES.least:
         channels = batch.of_channels(number for number in batch.counts() if topics[number].is_channel)
         meter.check(NAME_BYTES, int(channels.sizes.max(initial=0)))
@@ -330,7 +329,7 @@ def _add_samples(
         try:
             add_samples(samples, batch.of_channels([number]), topics)
         except (KeyError, TypeError, ValueError, OverflowError) as error:
-            raise _foreign(Path(meter.path), topics[number].name, error, "sample") from error
+            raise _foreign_message(Path(meter.path), topics[number].name, error, "sample") from error
     return None
 
 
@@ -387,7 +386,7 @@ def read_recording(path: Path | str) -> Recording:
 def read_trial(path: Path | str) -> Trial:
     """The run sheet that a recording begins with, before any fix could become the origin; empty without one.
 
-    Errors as :func:`read_recording`, of what stands before it.
+    Errors as :func:`read_recording`, of what precedes it.
     """
     return next(MessageStream(Path(path)).run_sheets(), Trial())
 
@@ -420,10 +419,6 @@ def _describe_series(series: Series) -> dict[str, Any]:
     }
 
 
-_SPAN = struct.Struct("<QQ")  # what a chunk begins with: the times of its first and last message
-_OF_NO_USE = (Opcode.MESSAGE_INDEX, Opcode.CHUNK_INDEX, Opcode.ATTACHMENT)
-
-
 @dataclass(frozen=True, slots=True)
 class _Place:
     """A whole record: where it begins, its kind, where it ends, and of a chunk when its last message came [ns]."""
@@ -437,9 +432,9 @@ class _Place:
 class Tail:
     """The samples of a growing file; a context manager. Raises :class:`InputError` if the file cannot be opened.
 
-    With ``recent_s`` what is older than that is passed over, as far as it was not read in time: whoever comes late
-    or was held up need not read for hours. ``ended`` says that the recorder has closed the file, ``cut`` that the
-    file has become shorter than what was read: the recorder gave it up, and says part of it again in the next.
+    With ``recent_s`` what is older than that is skipped, as far as it was not read in time: a reader that starts
+    late or was held up need not read for hours. ``ended`` says that the recorder has closed the file, ``cut`` that
+    the file has become shorter than what was read: the recorder gave it up, and repeats part of it in the next.
     ``damaged`` counts chunks that could not be read.
     """
 
@@ -454,7 +449,7 @@ class Tail:
         self._schemas: dict[int, bytes] = {}
         self._offset = len(MCAP_MAGIC)
         self._meter = Meter(path, 0)
-        self._doubted = -1  # where a record was met that could not be read, the last time
+        self._unreadable_at = -1  # where a record was met that could not be read, the last time
         try:
             self._descriptor = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
         except OSError as error:
@@ -483,16 +478,16 @@ class Tail:
             return {}
         self._meter.grow(size)
         samples: dict[str, SeriesBuilder] = {}
-        places = self._places(size)
-        for place in self._wanted(places):
-            if not self._take(place, samples, is_last=place is places[-1]):
+        places = self._complete_records(size)
+        for place in self._relevant(places):
+            if not self._take_in(place, samples, is_last=place is places[-1]):
                 break
             self._offset = place.end
         else:
             self._offset = places[-1].end if places else self._offset
         return {topic.removeprefix(CHANNEL_PREFIX): builder.series() for topic, builder in samples.items()}
 
-    def _places(self, size: int) -> list[_Place]:
+    def _complete_records(self, size: int) -> list[_Place]:
         """All whole records from where the last reading ended."""
         places, start = [], self._offset
         while start + HEAD.size <= size:
@@ -500,7 +495,7 @@ class Tail:
             if head.startswith(MCAP_MAGIC):
                 break
             opcode, length = HEAD.unpack_from(head)
-            if not is_known(opcode) or length > LARGEST_BYTES:
+            if not is_record_kind(opcode) or length > LARGEST_BYTES:
                 raise InputError(
                     f"is damaged near byte {start}", where=str(self.path), why="no record begins there"
                 )
@@ -512,15 +507,15 @@ class Tail:
             start = end
         return places
 
-    def _wanted(self, places: list[_Place]) -> Iterable[_Place]:
+    def _relevant(self, places: list[_Place]) -> Iterable[_Place]:
         """The records that say something: topics, metadata, the end, and chunks that are recent enough."""
         newest_ns = max((place.until_ns for place in places), default=0)
         oldest_ns = 0 if self._recent_ns is None else newest_ns - self._recent_ns
         for place in places:
-            if place.opcode not in _OF_NO_USE and not (place.opcode == Opcode.CHUNK and place.until_ns < oldest_ns):
+            if place.opcode not in _SKIPPED and not (place.opcode == Opcode.CHUNK and place.until_ns < oldest_ns):
                 yield place
 
-    def _take(self, place: _Place, samples: dict[str, SeriesBuilder], *, is_last: bool) -> bool:
+    def _take_in(self, place: _Place, samples: dict[str, SeriesBuilder], *, is_last: bool) -> bool:
         """Take in a record; False if it cannot be read and may be whole the next time."""
         content = os.pread(self._descriptor, place.end - place.start - HEAD.size, place.start + HEAD.size)
         try:
@@ -531,8 +526,8 @@ class Tail:
         except InputError:  # more than its budget
             raise
         except (RecordError, KeyError, TypeError, ValueError, OverflowError):
-            if is_last and self._doubted != place.start:
-                self._doubted = place.start
+            if is_last and self._unreadable_at != place.start:
+                self._unreadable_at = place.start
                 return False
             self.damaged += 1
         return True

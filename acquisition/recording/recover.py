@@ -1,10 +1,9 @@
-"""Saving what is intact of a damaged recording, of whatever maker, into a new and well-closed one.
+"""Saves what is intact of a damaged recording, of any maker, into a new and properly closed one.
 
 The file is read twice: once for the definitions of topics, which may stand behind the messages that need them,
-once for the messages. The copy gets its name only when it has been read back and found to hold all of them.
-
-In the same way a recording whose messages are JSON becomes one whose messages are protobuf. Everything else is
-copied as it is: what others recorded, metadata, attachments, times and numbers of messages.
+once for the messages. The copy gets its name only when it has been read back and holds all of them. In the same
+way a recording whose messages are JSON becomes one whose messages are protobuf; everything else is copied as it is:
+other programs' messages, metadata, attachments, times and numbers of messages.
 """
 
 from __future__ import annotations
@@ -93,7 +92,7 @@ def collect_definitions(stream: BinaryIO, path: Path, progress: Progress) -> Def
     Raises :class:`InputError` for more of them than there can be.
     """
     definitions, meter = Definitions(), Meter(path, os.fstat(stream.fileno()).st_size)
-    for extent in _scan(stream, progress):
+    for extent in _scan_with_progress(stream, progress):
         if not isinstance(extent, Intact):
             continue
         if isinstance(extent.record, mcap.Header):
@@ -104,9 +103,9 @@ def collect_definitions(stream: BinaryIO, path: Path, progress: Progress) -> Def
             definitions.chunk_starts.append(extent.record.chunk_start_offset)
         by_number = definitions.vouched if isinstance(extent.record, mcap.Chunk) else definitions.unvouched
         for record in _definitions_in(extent.record, meter):
-            first = by_number.get((type(record), record.id))
-            count_definition(record, meter, is_new=first != record)
-            if first is None:
+            definition = by_number.get((type(record), record.id))
+            count_definition(record, meter, is_new=definition != record)
+            if definition is None:
                 by_number[type(record), record.id] = record
     definitions.chunk_starts = array("Q", sorted(definitions.chunk_starts))
     return definitions
@@ -123,7 +122,7 @@ def _definitions_in(record: mcap.McapRecord | None, meter: Meter) -> Iterator[mc
                 meter.add(MESSAGES, len(item) if isinstance(item, Batch) else 1)
 
 
-def _scan(stream: BinaryIO, progress: Progress) -> Iterator[Intact | Damage]:
+def _scan_with_progress(stream: BinaryIO, progress: Progress) -> Iterator[Intact | Damage]:
     """As :func:`scan`; ``progress`` takes the share done."""
     size_bytes = stream.seek(0, os.SEEK_END)
     shown = 0
@@ -166,17 +165,17 @@ def verify(partial: Path, target: Path, saved: Digest) -> None:
         for entry in written:
             stream_digest.add(entry.topic, entry.log_ns, entry.publish_ns, entry.data)
         with partial.open("rb") as stream:
-            for topic, message in _by_index(stream):
+            for topic, message in _read_by_index(stream):
                 index_digest.add(topic, message.log_time, message.publish_time, message.data)
     except (InputError, McapError, ValueError, KeyError, struct.error) as error:
-        raise _unlike(target, str(error)) from error
+        raise _mismatch(target, str(error)) from error
     if not written.closed or not stream_digest.value == index_digest.value == saved.value:
-        raise _unlike(
+        raise _mismatch(
             target, f"{stream_digest.messages:,} and {index_digest.messages:,} messages of {saved.messages:,}"
         )
 
 
-def _by_index(stream: BinaryIO) -> Iterator[tuple[str, mcap.Message]]:
+def _read_by_index(stream: BinaryIO) -> Iterator[tuple[str, mcap.Message]]:
     """Topics and messages in file order, found by the library through the file's index.
 
     The library's own ``iter_messages`` in file order would first hold all of them.
@@ -191,8 +190,10 @@ def _by_index(stream: BinaryIO) -> Iterator[tuple[str, mcap.Message]]:
                 yield summary.channels[record.channel_id].topic, record
 
 
-def _unlike(target: Path, why: str) -> StorageError:
-    return StorageError("does not read back as it was written", where=str(target), why=why, fix="try another disk")
+def _mismatch(target: Path, reason: str) -> StorageError:
+    return StorageError(
+        "does not read back as it was written", where=str(target), why=reason, fix="try another disk"
+    )
 
 
 @dataclass(slots=True)
@@ -222,11 +223,11 @@ class RecoverySummary:
     @property
     def reasons(self) -> str:
         """The most frequent reasons of a loss."""
-        return ", ".join(f"{why} ({count:,})" for why, count in self.refused.most_common(3))
+        return ", ".join(f"{reason} ({count:,})" for reason, count in self.refused.most_common(3))
 
-    def lose(self, why: str, size_bytes: int, chunks: int = 0) -> None:
+    def lose(self, reason: str, size_bytes: int, chunks: int = 0) -> None:
         """Count what cannot be saved."""
-        self.refused[why] += 1
+        self.refused[reason] += 1
         self.lost_bytes += size_bytes
         self.damaged_chunks += chunks
 
@@ -252,15 +253,15 @@ class RecoverySummary:
             return f"{saved}{ended}; nothing was lost"
         chunks = f" with {self.damaged_chunks} chunks" if self.damaged_chunks != 1 else " with 1 chunk"
         gaps = "".join(f"; a gap of {(end - start) / 1e9:.3f} s from {iso(start)}" for start, end in self.gaps[:5])
-        more = f"; {len(self.gaps) - 5} more gaps" if len(self.gaps) > 5 else ""
-        return f"{saved}{ended}. Lost {self.lost_bytes:,} bytes{chunks}: {self.reasons}{gaps}{more}"
+        further = f"; {len(self.gaps) - 5} more gaps" if len(self.gaps) > 5 else ""
+        return f"{saved}{ended}. Lost {self.lost_bytes:,} bytes{chunks}: {self.reasons}{gaps}{further}"
 
 
 class Saving:
     """Copies records into a new file and counts what was found, saved and lost."""
 
     def __init__(self, writer: Writer, definitions: Definitions) -> None:
-        self.found = RecoverySummary()
+        self.summary = RecoverySummary()
         self.digest = Digest()
         self.writer = writer
         self.definitions = definitions
@@ -275,7 +276,7 @@ class Saving:
 
     def keep_topic(self, channel: mcap.Channel) -> None:
         """Define a topic in the copy."""
-        self._channel(channel.id)
+        self._copy_channel(channel.id)
 
     def take(self, extent: Intact | Damage) -> None:
         """Copy a record, or count what was lost."""
@@ -283,10 +284,10 @@ class Saving:
         if isinstance(extent, Damage):
             starts = self.definitions.chunk_starts
             indexed = bisect_left(starts, extent.end) - bisect_left(starts, extent.start)
-            self.found.lose(extent.why, size_bytes, max(extent.chunks, indexed))
+            self.summary.lose(extent.reason, size_bytes, max(extent.chunks, indexed))
             self._after_damage |= extent.messages
         elif extent.private:
-            self.found.lose("a private record of another program", size_bytes)
+            self.summary.lose("a private record of another program", size_bytes)
         elif isinstance(extent.record, mcap.Chunk):
             self._take_chunk(extent.record, size_bytes)
         elif isinstance(extent.record, mcap.Message):
@@ -298,9 +299,9 @@ class Saving:
             self.writer.add_attachment(
                 attachment.create_time, attachment.log_time, attachment.name, attachment.media_type, attachment.data
             )
-            self.found.attachments += 1
+            self.summary.attachments += 1
         elif isinstance(extent.record, mcap.Footer):
-            self.found.closed = True
+            self.summary.closed = True
 
     def _take_chunk(self, chunk: mcap.Chunk, size_bytes: int) -> None:
         try:
@@ -311,7 +312,7 @@ class Saving:
                 elif isinstance(record, mcap.Channel | mcap.Schema):
                     self._redefine(record)
         except RecordError as error:
-            self.found.lose(str(error), size_bytes, chunks=1)
+            self.summary.lose(str(error), size_bytes, chunks=1)
             self._after_damage = True
 
     def _redefine(self, record: mcap.Channel | mcap.Schema) -> None:
@@ -322,9 +323,9 @@ class Saving:
 
     def take_message(self, message: mcap.Message) -> None:
         """Copy a message as it is."""
-        channel = self._topics.get(message.channel_id) or self._channel(message.channel_id)
+        channel = self._topics.get(message.channel_id) or self._copy_channel(message.channel_id)
         if channel is None:
-            self.found.lose("a message of no known topic", _MESSAGE_HEAD_BYTES + len(message.data))
+            self.summary.lose("a message of no known topic", _MESSAGE_HEAD_BYTES + len(message.data))
             return
         self.add(message, *channel)
 
@@ -333,11 +334,11 @@ class Saving:
         log_ns = message.log_time
         self.writer.add_message(number, log_ns, message.data, message.publish_time, message.sequence)
         self.digest.add(topic, log_ns, message.publish_time, message.data)
-        self.found.counts[topic] += 1
+        self.summary.counts[topic] += 1
         if self._last_ns is None or log_ns > self._last_ns:
             if self._after_damage and self._last_ns is not None:
-                self.found.gaps.append((self._last_ns, log_ns))
-            self._last_ns = self.found.recovered_until_ns = log_ns
+                self.summary.gaps.append((self._last_ns, log_ns))
+            self._last_ns = self.summary.recovered_until_ns = log_ns
         self._after_damage = False
 
     def _take_metadata(self, metadata: mcap.Metadata) -> None:
@@ -349,16 +350,16 @@ class Saving:
         except ValueError:  # it would keep the copy from being read; under another name it is not lost
             name = f"{name} (damaged)"
             texts = with_checksum(name, texts)
-            self.found.lose(f"metadata, kept as {name!r}", 0)
+            self.summary.lose(f"metadata, kept as {name!r}", 0)
         self.writer.add_metadata(name, texts)
-        self.found.metadata += 1
+        self.summary.metadata += 1
 
-    def _channel(self, number: int) -> tuple[int, str] | None:
+    def _copy_channel(self, number: int) -> tuple[int, str] | None:
         """The copy's number of a channel, and its topic."""
         channel = self.definitions.find(mcap.Channel, number)
         if channel is None:
             return None
-        schema = self._schema(channel.schema_id)
+        schema = self._copy_schema(channel.schema_id)
         key = (number, channel.topic, channel.message_encoding, schema, *chain(*channel.metadata.items()))
         if key not in self._channels:
             self._channels[key] = self.writer.register_channel(
@@ -367,7 +368,7 @@ class Saving:
         self._topics[number] = self._channels[key], channel.topic
         return self._topics[number]
 
-    def _schema(self, number: int) -> int:
+    def _copy_schema(self, number: int) -> int:
         schema = self.definitions.find(mcap.Schema, number)
         if schema is None:
             return 0  # MCAP's word for none
@@ -375,6 +376,13 @@ class Saving:
         if key not in self._schemas:
             self._schemas[key] = self.writer.register_schema(schema.name, schema.encoding, schema.data)
         return self._schemas[key]
+
+    def check(self, source: Path) -> None:
+        """Raise :class:`InputError` where the copy is of no use."""
+        summary = self.summary
+        if not (summary.messages or summary.metadata or summary.attachments):
+            what, fix = "contains nothing that can be saved", "give another copy of it"
+            raise InputError(what, where=str(source), why=summary.reasons, fix=fix)
 
 
 Copy = TypeVar("Copy", bound=Saving)
@@ -386,44 +394,30 @@ def recover(source: Path, target: Path, progress: Progress = lambda share: None)
     ``progress`` takes the share done. Raises :class:`InputError` when nothing can be saved, :class:`StorageError`
     when ``target`` exists or cannot be written, or does not read back as what was saved. ``source`` is only read.
     """
-    return copy_intact(source, target, Saving, _require_something, progress).found
-
-
-def _require_something(saved: Saving, source: Path) -> None:
-    if not (saved.found.messages or saved.found.metadata or saved.found.attachments):
-        fix = "give another copy of it"
-        raise InputError("contains nothing that can be saved", where=str(source), why=saved.found.reasons, fix=fix)
+    return copy_intact(source, target, Saving, progress).summary
 
 
 def copy_intact(
-    source: Path,
-    target: Path,
-    saving: Callable[[Writer, Definitions], Copy],
-    check: Callable[[Copy, Path], None],
-    progress: Progress,
+    source: Path, target: Path, saving: Callable[[Writer, Definitions], Copy], progress: Progress
 ) -> Copy:
-    """Pass all that is in a file to what ``saving`` makes; ``check`` may refuse the result before it has a name.
+    """Pass all that is in a file to what ``saving`` makes, which may refuse the result before it has a name.
 
     Raises :class:`InputError`, and :class:`StorageError` when ``target`` exists or cannot be written, or does not
     read back as what was saved.
     """
     expect_suffix(target, ".mcap")
-    with open_recording(source, whatever_it_is=True) as stream:
-        _refuse_existing(source, target)
+    with open_recording(source, accept_any=True) as stream:
+        if os.path.lexists(target):
+            is_source = target.exists() and target.samefile(source)
+            what = "is the recording that is to be saved" if is_source else "already exists"
+            raise StorageError(what, where=str(target), fix="name a new file")
         definitions = collect_definitions(stream, source, lambda share: progress(0.3 * share))
         with atomic_file(target) as partial:
             saved = _write(stream, partial, definitions, saving, lambda share: progress(0.3 + 0.5 * share))
-            check(saved, source)
+            saved.check(source)
             verify(partial, target, saved.digest)
     progress(1.0)
     return saved
-
-
-def _refuse_existing(source: Path, target: Path) -> None:
-    if os.path.lexists(target):
-        same = target.exists() and target.samefile(source)
-        what = "is the recording that is to be saved" if same else "already exists"
-        raise StorageError(what, where=str(target), fix="name a new file")
 
 
 def _write(
@@ -438,7 +432,7 @@ def _write(
         writer = Writer(file, chunk_size=_CHUNK_BYTES, compression=zstd, enable_data_crcs=True)
         writer.start(profile=definitions.header.profile, library=software_version())
         saved = saving(writer, definitions)
-        for extent in _scan(stream, progress):
+        for extent in _scan_with_progress(stream, progress):
             saved.take(extent)
         writer.finish()  # type: ignore[no-untyped-call]
         file.flush()
@@ -449,37 +443,37 @@ def _write(
 class Migration(Saving):
     """Copies records, our messages in JSON as protobuf: ``converted`` counts them by topic.
 
-    ``kept`` are those that fit no schema of today; they stay JSON, and are read as such.
+    ``unconverted`` are those that fit no schema of today; they stay JSON, and are read as such.
     """
 
     def __init__(self, writer: Writer, definitions: Definitions, channels: Mapping[str, Channel]) -> None:
         self.converted: Counter[str] = Counter()
-        self.kept: Counter[str] = Counter()
+        self.unconverted: Counter[str] = Counter()
         self._trial_channels = channels
         self._numbers: dict[str, int] = {}
         self._kinds: dict[str, int] = {}
         super().__init__(writer, definitions)
 
     def keep_topic(self, channel: mcap.Channel) -> None:
-        if not self._define(channel):
+        if not self._define_converted(channel):
             super().keep_topic(channel)
 
     def take_message(self, message: mcap.Message) -> None:
         channel = self.definitions.find(mcap.Channel, message.channel_id)
-        number = None if channel is None else self._define(channel)
+        number = None if channel is None else self._define_converted(channel)
         if channel is None or number is None:
             super().take_message(message)
             return
         try:
             data = encode(channel.topic, decode(Topic(channel.topic, ENCODING_BEFORE), message.data))
         except (KeyError, TypeError, ValueError, OverflowError):
-            self.kept[channel.topic] += 1
+            self.unconverted[channel.topic] += 1
             super().take_message(message)
         else:
             self.converted[channel.topic] += 1
             self.add(replace(message, data=data), number, channel.topic)
 
-    def _define(self, channel: mcap.Channel) -> int | None:
+    def _define_converted(self, channel: mcap.Channel) -> int | None:
         """The copy's number of one of our topics in JSON; None for any other channel."""
         topic = channel.topic
         if channel.message_encoding != ENCODING_BEFORE:
@@ -495,9 +489,16 @@ class Migration(Saving):
             self._numbers[topic] = number
         return self._numbers[topic]
 
+    def check(self, source: Path) -> None:
+        if self.summary.damaged_chunks or self.summary.lost_bytes:
+            raise InputError("is damaged", where=str(source), why=self.summary.reasons, fix=f"first {REMEDY}")
+        if not self.converted:
+            why = f"{self.summary.messages:,} messages, none of ours in JSON"
+            raise InputError("has nothing to migrate", where=str(source), why=why, fix="use it as it is")
+
 
 def migrate(source: Path, target: Path, progress: Progress = lambda share: None) -> Migration:
-    """Write the recording ``source`` anew as ``target``, with messages as they are recorded today.
+    """Write the recording ``source`` again as ``target``, with messages as they are recorded today.
 
     ``progress`` takes the share done. Raises :class:`InputError` for a damaged recording and for one that has no
     messages in JSON, :class:`StorageError` when ``target`` exists, cannot be written, or does not read back as it
@@ -505,17 +506,5 @@ def migrate(source: Path, target: Path, progress: Progress = lambda share: None)
     """
     channels = channels_known_to(read_trial(source))
     return copy_intact(
-        source,
-        target,
-        lambda writer, definitions: Migration(writer, definitions, channels),
-        _check_migrated,
-        progress,
+        source, target, lambda writer, definitions: Migration(writer, definitions, channels), progress
     )
-
-
-def _check_migrated(migrated: Migration, source: Path) -> None:
-    if migrated.found.damaged_chunks or migrated.found.lost_bytes:
-        raise InputError("is damaged", where=str(source), why=migrated.found.reasons, fix=f"first {REMEDY}")
-    if not migrated.converted:
-        why = f"{migrated.found.messages:,} messages, none of ours in JSON"
-        raise InputError("has nothing to migrate", where=str(source), why=why, fix="use it as it is")

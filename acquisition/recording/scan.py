@@ -1,12 +1,8 @@
-"""All records of an MCAP file from first to last, in bounded memory, in spite of damage.
+"""Reads all records of an MCAP file from first to last, in bounded memory, in spite of damage.
 
-:func:`scan` walks over an open file and yields what is intact and what is not, and goes on behind the damage.
-Whoever wants an intact file stops at the first damage.
-
-One record of an MCAP file: from bytes that may be damaged to the library's record, or a clear refusal.
-
-What counts as intact: a record that is exactly as long as its fields, and of a chunk and an attachment also that
-its checksum is right. Nothing that a record claims of itself makes us read or decompress more than a limit.
+:func:`scan` walks over an open file, yields what is intact and what is not, and goes on behind the damage. Intact
+is a record that is exactly as long as its fields, and whose checksum is right if it is a chunk or an attachment.
+Nothing that a record claims of itself makes us read or decompress more than a limit.
 """
 
 from __future__ import annotations
@@ -79,6 +75,25 @@ _PARSERS: dict[int, Callable[[ReadDataStream], mcap.McapRecord]] = {
 }
 _FORMAT_ERRORS = (McapError, ValueError, struct.error, zstandard.ZstdError, RuntimeError)  # lz4 raises the last
 
+MCAP_MAGIC = b"\x89MCAP0\r\n"
+_LENGTH_PATTERN = rb"[\x00-\xff]{3}[\x00-\x04]\x00{4}"  # one that may be
+_RECORD_PATTERN = re.compile(rb"[\x01-\x0f]" + _LENGTH_PATTERN)
+_CHUNK_PATTERN = re.compile(  # kind, length, two times, size, checksum, name of the compression
+    rb"\x06"
+    + _LENGTH_PATTERN
+    + rb"[\x00-\xff]{16}"
+    + _LENGTH_PATTERN
+    + rb"[\x00-\xff]{4}(?:\x00{4}|\x03\x00{3}lz4|\x04\x00{3}zstd)"
+)
+_INDEX_HEAD = struct.Struct("<BQHI")  # kind, length, number of the channel, bytes of the entries
+_INDEX_FIXED_BYTES = 6
+_CHECKSUM_BYTES = 4
+_GUARDED = (Opcode.CHUNK, Opcode.ATTACHMENT, Opcode.DATA_END, Opcode.FOOTER)  # by a checksum, or what follows
+_BLOCK_BYTES = 1024 * 1024  # read at once: there are hundreds of records in it
+_OVERLAP_BYTES = HEAD.size + CHUNK_HEAD_BYTES
+_MOST_FALSE_ALARMS = 20_000
+_FIRST_SEARCHED_BYTES, _SEARCHED_BYTES = 4 * 1024, 1024 * 1024
+
 
 class RecordError(ValueError):
     """Bytes are not the record that they should be. The text says why, the same text for the same cause.
@@ -86,19 +101,19 @@ class RecordError(ValueError):
     ``chunk`` counts on from the first of those that were read together.
     """
 
-    def __init__(self, why: str, chunk: int = 0) -> None:
-        super().__init__(why)
+    def __init__(self, reason: str, chunk: int = 0) -> None:
+        super().__init__(reason)
         self.chunk = chunk
 
 
-class _OfThread(threading.local):
-    """What takes longer to make than to use, and serves one thread only."""
+class _ThreadLocal(threading.local):
+    """What takes longer to make than to use, one for each thread."""
 
     def __init__(self) -> None:
         self.decompressor = zstandard.ZstdDecompressor(max_window_size=LARGEST_BYTES)
 
 
-_OF_THREAD = _OfThread()
+_LOCAL = _ThreadLocal()
 
 
 class _Fields(ReadDataStream):
@@ -122,7 +137,7 @@ def is_private(opcode: int) -> bool:
     return opcode >= _FIRST_PRIVATE
 
 
-def is_known(opcode: int) -> bool:
+def is_record_kind(opcode: int) -> bool:
     """Whether a record may be of this kind."""
     return Opcode.HEADER <= opcode <= Opcode.DATA_END or is_private(opcode)
 
@@ -178,7 +193,7 @@ def _parse_chunk(content: bytes) -> mcap.Chunk:
     start_ns, end_ns, size_bytes, crc, name_length = _CHUNK.unpack_from(content)
     data_start = _CHUNK.size + name_length + 8
     compression = content[_CHUNK.size : data_start - 8]
-    plain = _decompressed(compression, memoryview(content)[data_start:], size_bytes)
+    plain = _decompress(compression, memoryview(content)[data_start:], size_bytes)
     check_checksum(zlib.crc32(plain), crc, "a chunk")
     return mcap.Chunk("", plain, end_ns, start_ns, crc, size_bytes)
 
@@ -225,14 +240,18 @@ def _parse_fields(opcode: int, content: bytes) -> mcap.McapRecord:
     return record
 
 
-def _decompressed(compression: bytes, data: memoryview, size_bytes: int) -> bytes:
+def _decompress(compression: bytes, data: memoryview, size_bytes: int) -> bytes:
     """A chunk's records, never more than it said that they are: what its data claim is not believed."""
-    enough = size_bytes + 1  # one more, to notice that there is more
+    limit = size_bytes + 1  # one more, to notice that there is more
+    plain: bytes
     try:
-        if compression == b"zstd":
-            plain = _unzstd(data, size_bytes, enough)
-        elif compression == b"lz4":
-            plain = lz4.frame.LZ4FrameDecompressor().decompress(data, max_length=enough)
+        if compression == b"lz4":
+            plain = lz4.frame.LZ4FrameDecompressor().decompress(data, max_length=limit)
+        elif compression == b"zstd" and zstandard.get_frame_parameters(data).content_size == size_bytes:
+            plain = _LOCAL.decompressor.decompress(data)  # at once, as the data state the expected size
+        elif compression == b"zstd":
+            with _LOCAL.decompressor.stream_reader(data) as reader:
+                plain = reader.read(limit)
         else:
             plain = bytes(data)
     except _FORMAT_ERRORS as error:
@@ -242,39 +261,10 @@ def _decompressed(compression: bytes, data: memoryview, size_bytes: int) -> byte
     return plain
 
 
-def _unzstd(data: memoryview, size: int, enough: int) -> bytes:
-    """At once where the data say their size and it is the one that is expected, else as far as ``enough``."""
-    decompressor = _OF_THREAD.decompressor
-    if zstandard.get_frame_parameters(data).content_size == size:
-        return decompressor.decompress(data)
-    with decompressor.stream_reader(data) as reader:
-        return reader.read(enough)
-
-
-def check_checksum(checksum: int, expected: int, whose: str) -> None:
+def check_checksum(checksum: int, expected: int, name: str) -> None:
     """Raise :class:`RecordError` unless a checksum is the one that a record names, or it names none."""
     if expected not in (0, checksum):  # 0 means that the writer made none
-        raise RecordError(f"the checksum of {whose} is wrong")
-
-
-MCAP_MAGIC = b"\x89MCAP0\r\n"
-_LENGTH_PATTERN = rb"[\x00-\xff]{3}[\x00-\x04]\x00{4}"  # one that may be
-_RECORD_PATTERN = re.compile(rb"[\x01-\x0f]" + _LENGTH_PATTERN)
-_CHUNK_PATTERN = re.compile(  # kind, length, two times, size, checksum, name of the compression
-    rb"\x06"
-    + _LENGTH_PATTERN
-    + rb"[\x00-\xff]{16}"
-    + _LENGTH_PATTERN
-    + rb"[\x00-\xff]{4}(?:\x00{4}|\x03\x00{3}lz4|\x04\x00{3}zstd)"
-)
-_INDEX_HEAD = struct.Struct("<BQHI")  # kind, length, number of the channel, bytes of the entries
-_INDEX_FIXED_BYTES = 6
-_CHECKSUM_BYTES = 4
-_GUARDED = (Opcode.CHUNK, Opcode.ATTACHMENT, Opcode.DATA_END, Opcode.FOOTER)  # by a checksum, or what follows
-_BLOCK_BYTES = 1024 * 1024  # read at once: there are hundreds of records in it
-_OVERLAP_BYTES = HEAD.size + CHUNK_HEAD_BYTES
-_MOST_FALSE_ALARMS = 20_000
-_FIRST_SEARCHED_BYTES, _SEARCHED_BYTES = 4 * 1024, 1024 * 1024
+        raise RecordError(f"the checksum of {name} is wrong")
 
 
 @dataclass(frozen=True, slots=True)
@@ -301,7 +291,7 @@ class Damage:
 
     start: int
     end: int
-    why: str
+    reason: str
     chunks: int
     messages: bool
     cut: bool
@@ -318,8 +308,8 @@ def scan(stream: BinaryIO) -> Iterator[Intact | Damage]:
         try:
             extent = records.record_or_damage_at(offset)
         except OSError as error:
-            where, fix = str(getattr(stream, "name", "")), "copy it to a sound disk first"
-            raise InputError("cannot be read", where=where, why=error.strerror or str(error), fix=fix) from error
+            name, fix = str(getattr(stream, "name", "")), "copy it to a sound disk first"
+            raise InputError("cannot be read", where=name, why=error.strerror or str(error), fix=fix) from error
         yield extent
         offset = extent.end
 
@@ -333,7 +323,7 @@ class _Records:
         self._checksum: int | None = 0  # of this section's bytes so far; unknown behind damage
         self._block, self._block_start = b"", 0  # what was read last, more than was asked for
         self._chunked = False  # a chunk was met, intact or not
-        self._is_own = False  # the recorder, or a recovery, wrote it
+        self._is_ours = False  # the recorder, or a recovery, wrote it
         self._amid_damage = False  # no chunk has been found intact since the last damage
         self._false_alarms = 0
         self._search_budget_bytes = 8 * self.size_bytes + LARGEST_BYTES
@@ -342,30 +332,30 @@ class _Records:
     def record_or_damage_at(self, offset: int) -> Intact | Damage:
         """The record that begins here, or the damage."""
         try:
-            return self.at(offset)
+            return self.record_at(offset)
         except RecordError as error:
-            return self.damage(offset, str(error))
+            return self.damage_at(offset, str(error))
 
-    def at(self, offset: int) -> Intact:
+    def record_at(self, offset: int) -> Intact:
         """The record that begins where the one before it ended. Raises :class:`RecordError` if none does."""
         head = self._peek(offset, HEAD.size)
         if head.startswith(MCAP_MAGIC):
             self._checksum = zlib.crc32(MCAP_MAGIC)
             return Intact(offset, offset + len(MCAP_MAGIC), None)
         if offset == 0:  # the magic bytes are gone, so what is here must prove itself
-            self._check_found(0)
+            self._check_candidate(0)
         if (end := self._end_of_indexes(offset)) > offset:
             self._count_in(self._peek(offset, end - offset))
             return Intact(offset, end, None)
         opcode, end = self._check_head(offset, head)
-        content = self._content(offset, end)
-        record = self._record(opcode, content, end)
+        content = self._read_content(offset, end)
+        record = self._parse_in_context(opcode, content, end)
         if opcode not in _GUARDED and not self._seems_record(end) and self._next_intact(offset + 1)[0] < end:
             raise RecordError("a record of which bytes are missing")  # what it says is its end is in another
         self._account(record, head, content)
         return Intact(offset, end, record, is_private(opcode))
 
-    def damage(self, start: int, why: str) -> Damage:
+    def damage_at(self, start: int, reason: str) -> Damage:
         """What lies from ``start`` to the next record that is intact, or to the end of the file."""
         head = self._peek(start, HEAD.size)
         chunks = int(head[0] == Opcode.CHUNK or self._seems_chunk(start))
@@ -373,17 +363,17 @@ class _Records:
         self._chunked |= chunks > 0
         self._amid_damage = True
         claimed_end = end = _claimed_end(start, head)
-        measured = end is not None and end <= self.size_bytes and self._leads_on(end)
+        measured = end is not None and end <= self.size_bytes and self._is_followed(end)
         if measured and head[0] != Opcode.ATTACHMENT:  # which may hold a recording; else bytes are missing
             measured = self._next_intact(start + 1, only_chunks=True)[0] >= (end or 0)
         if end is not None and self._ends_within_magic(end):
             end = self.size_bytes
         elif end is None or not measured:
-            end, begun = self._next_intact(start + 1)
-            chunks += begun
+            end, damaged = self._next_intact(start + 1)
+            chunks += damaged
         unfinished = len(head) < HEAD.size or claimed_end is not None or not any(head)
         cut = end == self.size_bytes and start > 0 and unfinished
-        return Damage(start, end, why, chunks, chunks > 0 or not measured or head[0] == Opcode.MESSAGE, cut)
+        return Damage(start, end, reason, chunks, chunks > 0 or not measured or head[0] == Opcode.MESSAGE, cut)
 
     def _end_of_indexes(self, offset: int) -> int:
         """Where the indexes of messages end that begin here, for there is one for each topic in a chunk.
@@ -405,7 +395,7 @@ class _Records:
         if len(head) < HEAD.size:
             raise RecordError("the file ends within a record")
         opcode, length = HEAD.unpack(head)
-        if not is_known(opcode):
+        if not is_record_kind(opcode):
             raise RecordError("no known kind of record")
         if length > LARGEST_BYTES:
             raise RecordError(f"a record of more than {LARGEST_BYTES // 2**20} MiB")
@@ -415,30 +405,30 @@ class _Records:
             check_chunk_head(self._peek(offset + HEAD.size, CHUNK_HEAD_BYTES), length)
         return opcode, offset + HEAD.size + length
 
-    def _record(self, opcode: int, content: bytes, end: int) -> mcap.McapRecord | None:
+    def _parse_in_context(self, opcode: int, content: bytes, end: int) -> mcap.McapRecord | None:
         """The record, if its surroundings make it one: not every kind has a checksum or a length of its own.
 
         After damage in a file of chunks no message outside a chunk counts: it is more likely out of the damaged
         chunk, and nothing vouches for it. In a file of our own writing there is none, nor a private record, nor an
         attachment without a checksum: what looks so is a record of another kind with a flipped bit.
         """
-        if self._is_own and (opcode == Opcode.MESSAGE or is_private(opcode)):
+        if self._is_ours and (opcode == Opcode.MESSAGE or is_private(opcode)):
             raise RecordError("a record that the recorder does not write")
         if opcode == Opcode.MESSAGE and self._chunked and self._amid_damage:
             raise RecordError("a message without a checksum amid damage")
-        if (opcode == Opcode.MESSAGE or is_private(opcode)) and not self._leads_on(end):
+        if (opcode == Opcode.MESSAGE or is_private(opcode)) and not self._is_followed(end):
             raise RecordError("a record that nothing follows")
         if opcode == Opcode.FOOTER and self._peek(end, len(MCAP_MAGIC)) != MCAP_MAGIC:
             raise RecordError("no magic bytes at the end")
         record = parse(opcode, content)
-        if self._is_own and isinstance(record, mcap.Attachment):
+        if self._is_ours and isinstance(record, mcap.Attachment):
             checksum = int.from_bytes(content[-_CHECKSUM_BYTES:], "little")
             check_checksum(checksum, zlib.crc32(content[:-_CHECKSUM_BYTES]), "an attachment")
         return record
 
     def _account(self, record: mcap.McapRecord | None, head: bytes, content: bytes) -> None:
         if isinstance(record, mcap.Header):
-            self._is_own = record.library.startswith(SOFTWARE)
+            self._is_ours = record.library.startswith(SOFTWARE)
         if isinstance(record, mcap.Chunk):
             self._meter.add(EXPANDED_BYTES, len(record.data))
             self._chunked, self._amid_damage = True, False
@@ -465,7 +455,7 @@ class _Records:
             self._block_start, start = offset, 0
         return self._block[start : start + length]
 
-    def _content(self, offset: int, end: int) -> bytes:
+    def _read_content(self, offset: int, end: int) -> bytes:
         content = self._peek(offset + HEAD.size, end - offset - HEAD.size)
         if offset + HEAD.size + len(content) < end:
             raise RecordError("the file ends within a record")  # it was shortened under our hands
@@ -491,7 +481,7 @@ class _Records:
             return bool(entries + _INDEX_FIXED_BYTES == length)
         return not is_private(head[0]) and (head[0] != Opcode.CHUNK or self._seems_chunk(offset))
 
-    def _leads_on(self, offset: int) -> bool:
+    def _is_followed(self, offset: int) -> bool:
         """Whether the file ends here or something begins that looks like a record."""
         head = self._peek(offset, HEAD.size)
         return not head or head.startswith(MCAP_MAGIC) or _claimed_end(offset, head) is not None
@@ -508,7 +498,7 @@ class _Records:
             if self._search_budget_bytes < 0:
                 break
             try:
-                self._check_found(candidate)
+                self._check_candidate(candidate)
             except RecordError:
                 is_chunk = self._peek(candidate, 1)[0] == Opcode.CHUNK
                 chunks += is_chunk and self._seems_chunk(candidate)
@@ -516,17 +506,17 @@ class _Records:
                 return candidate, chunks
         return self.size_bytes, chunks
 
-    def _check_found(self, offset: int) -> None:
+    def _check_candidate(self, offset: int) -> None:
         """Raise :class:`RecordError` unless a record begins here, where none needs to.
 
         Only a checksum is believed, or the record that follows. Garbage can name any number of long records, and
         to read them all would take for ever, so there is a budget.
         """
         opcode, end = self._check_head(offset, self._peek(offset, HEAD.size))
-        if opcode not in (Opcode.CHUNK, Opcode.FOOTER) and not self._leads_on(end):
+        if opcode not in (Opcode.CHUNK, Opcode.FOOTER) and not self._is_followed(end):
             raise RecordError("a record that nothing follows")
         self._search_budget_bytes -= end - offset
-        self._record(opcode, self._content(offset, end), end)
+        self._parse_in_context(opcode, self._read_content(offset, end), end)
 
     def _candidates(self, start: int, only_chunks: bool) -> Iterator[int]:
         """Every place from ``start`` on where a record may begin.
@@ -554,4 +544,4 @@ class _Records:
 def _claimed_end(offset: int, head: bytes) -> int | None:
     """Where a record ends by its own word; None if this is no head of a record. The file may end within it."""
     opcode, length = HEAD.unpack(head.ljust(HEAD.size, b"\0"))
-    return offset + HEAD.size + length if is_known(opcode) and length <= LARGEST_BYTES else None
+    return offset + HEAD.size + length if is_record_kind(opcode) and length <= LARGEST_BYTES else None

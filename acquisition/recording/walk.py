@@ -1,7 +1,7 @@
 """The compiled walk over messages: where each record begins, its head, and samples put in order by channel.
 
-Where a record begins only the one before says, so this is a loop and no array expression. 22 million messages of a
-day are walked over in less than a second. Everything else about a recording is in Python: nothing but this needs
+Only the record before states where a record begins, so this is a loop and no array expression. It walks over the 22
+million messages of a day in less than a second. Everything else about a recording is in Python: nothing else needs
 to be fast, and nothing here decides what a file may hold but the lengths of its records.
 """
 
@@ -90,15 +90,15 @@ def _is_sample(data: Any, start: Any, end: Any) -> Any:
 
 
 @njit(inline="always")
-def _same(data: Any, first: Any, second: Any, size: Any) -> Any:
+def _equal_bytes(data: Any, start_a: Any, start_b: Any, size: Any) -> Any:
     """Whether the same bytes stand in two places."""
     index = 0
     while index + 8 <= size:
-        if _number(data, first + index, 8) != _number(data, second + index, 8):
+        if _number(data, start_a + index, 8) != _number(data, start_b + index, 8):
             return False
         index += 8
     while index < size:
-        if data[first + index] != data[second + index]:
+        if data[start_a + index] != data[start_b + index]:
             return False
         index += 1
     return True
@@ -130,7 +130,7 @@ def sort_samples(
         measured_ns[row], received_ns[row] = head.publish_ns, head.log_ns
         value[row], quality[row] = _number(data, head.start + VALUE_AT, 8), data[head.start + QUALITY_AT]
         start, size = head.start + SOURCE_AT, head.end - head.start - SOURCE_AT
-        if size != last_size[topic] or not _same(data, last_start[topic], start, size):
+        if size != last_size[topic] or not _equal_bytes(data, last_start[topic], start, size):
             changes[change_count, 0], changes[change_count, 1] = row, index
             change_count += 1
         last_start[topic], last_size[topic] = start, size

@@ -1,21 +1,11 @@
-"""Writing a recording: one MCAP file.
+"""Writes a recording: one MCAP file that stays readable up to its last flush, whatever becomes of the disk.
 
-The file is readable up to the last :meth:`RecordingWriter.flush` whatever happens afterwards: a flush closes
-the chunk in progress and hands it to the system, ``sync`` makes the disk keep it.
-
-Writing the MCAP format: chunks of messages, and the index at the end.
-
-The records are those of the ``mcap`` library. Its writer serialises a message field by field, which took more than
-a third of the recorder's time, and keeps an object for every chunk until the end. Here a message, and the index
-of a chunk's messages, are packed at once, and of a chunk only its index record is kept, as bytes. The library's
-readers are the oracle that this is tested against. The format: https://mcap.dev/spec.
-
-The disk under a recording: the room on it, and a file that stays whole whatever becomes of the disk.
-
-MCAP's writer hands over a record in many small pieces. They are gathered here and written at once, so that the
-file always ends with a complete record; a write that fails halfway is cut off again.
-
-A table to a recording: what an import and a simulated trial have in common.
+:meth:`RecordingWriter.flush` closes the chunk in progress and hands it to the system, ``sync`` makes the disk keep
+it. The records are those of the ``mcap`` library, whose readers are the oracle that :class:`McapFile` is tested
+against; its writer took more than a third of the recorder's time and kept an object for every chunk until the end.
+Here a message, and the index of a chunk's messages, are packed at once, and of a chunk only its index record is
+kept, as bytes. The format: https://mcap.dev/spec. :class:`CommittedFile` gathers the pieces of a record and writes
+them at once, so that the file always ends with a complete record; a write that fails halfway is cut off again.
 """
 
 from __future__ import annotations
@@ -49,6 +39,24 @@ from seatrial.acquisition.recording.scan import MCAP_MAGIC, with_checksum
 _CHUNK_BYTES = 256 * 1024
 _LATEST_NS = 2**63 - 1
 _MEDIA_TYPES = {".toml": "application/toml"}
+_ROWS_TO_FLUSH = 50_000
+
+_MESSAGE = struct.Struct("<BQHIQQ")
+_MESSAGE_CODE = int(Opcode.MESSAGE)
+_FIXED_BYTES = 2 + 4 + 8 + 8
+_INDEX = struct.Struct("<BQHI")
+_FOOTER_HEAD = struct.Struct("<BQQQ")
+_FOOTER_BYTES = 8 + 8 + 4
+_CHUNKS_TO_NEXT_DEFINITIONS = 300
+
+_MEGA = 1_000_000
+_LARGEST_RESERVE_BYTES = 200 * _MEGA
+_RESERVE_FRACTION = 0.05
+_COPY_BYTES = 1024 * 1024
+_FOLDER_SYNC_UNSUPPORTED = {EACCES, EINVAL, ENOSYS, ENOTSUP, EPERM}
+
+RESUME_RATIO = 1.1
+"""So much more than the reserve must be free again before a recording goes on."""
 
 Answer = TypeVar("Answer")
 
@@ -103,8 +111,8 @@ class RecordingWriter(MessageSink):
 
     @property
     def vanished(self) -> bool:
-        """Whether somebody has deleted the file that is being written. Raises :class:`StorageError`."""
-        return not self._file.closed and self._guarded(lambda: self._file.vanished)
+        """Whether the file was deleted while it is being written. Raises :class:`StorageError`."""
+        return not self._file.closed and self._call_guarded(lambda: self._file.vanished)
 
     def write(self, topic: str, data: bytes, log_ns: int, publish_ns: int) -> None:
         channel = self._topics.get(topic) or self._register(topic)
@@ -123,29 +131,29 @@ class RecordingWriter(MessageSink):
 
     def flush(self) -> None:
         """Close the chunk in progress and hand it to the operating system."""
-        self._guarded(self._flush)
+        self._call_guarded(self._flush)
 
     def sync(self) -> None:
         """Flush, and make the disk keep what was flushed."""
-        self._guarded(self._flush)
-        self._guarded(self._file.sync)
+        self._call_guarded(self._flush)
+        self._call_guarded(self._file.sync)
 
     def begin_sync(self) -> bool:
-        """As :meth:`sync`, without waiting for the disk; False if it is still busy with the last time.
+        """As :meth:`sync`, without waiting for the disk; False if it is still busy with the last sync.
 
-        Trouble of the last time is raised now.
+        A fault of the last sync is raised now.
         """
-        self._guarded(self._mcap.end_chunk)
-        return self._guarded(self._file.begin_sync)
+        self._call_guarded(self._mcap.end_chunk)
+        return self._call_guarded(self._file.begin_sync)
 
     def close(self) -> None:
         """Write the index and close the file; a second call does nothing."""
         if self._file.closed:
             return
-        self._guarded(self._flush)
-        self._guarded(self._mcap.finish)
-        self._guarded(self._file.sync)
-        self._guarded(self._file.close)
+        self._call_guarded(self._flush)
+        self._call_guarded(self._mcap.finish)
+        self._call_guarded(self._file.sync)
+        self._call_guarded(self._file.close)
 
     def abandon(self) -> bool:
         """Give up on a file that can no longer be written: keep what was synced, ended well if there is room.
@@ -163,9 +171,9 @@ class RecordingWriter(MessageSink):
 
         Where that fails, the deleted file goes on being written.
         """
-        self._guarded(self._flush)
-        self._guarded(lambda: self._file.rescue(path, end_without_index()))
-        self._guarded(self._file.close)
+        self._call_guarded(self._flush)
+        self._call_guarded(lambda: self._file.rescue(path, end_without_index()))
+        self._call_guarded(self._file.close)
 
     def _flush(self) -> None:
         self._mcap.end_chunk()
@@ -179,20 +187,11 @@ class RecordingWriter(MessageSink):
         self._topics[topic] = [number, 0]
         return self._topics[topic]
 
-    def _guarded(self, call: Callable[[], Answer]) -> Answer:
+    def _call_guarded(self, call: Callable[[], Answer]) -> Answer:
         try:
             return call()
         except OSError as error:
             raise storage_error(self.path, error) from error
-
-
-_MESSAGE = struct.Struct("<BQHIQQ")
-_MESSAGE_CODE = int(Opcode.MESSAGE)
-_FIXED_BYTES = 2 + 4 + 8 + 8
-_INDEX = struct.Struct("<BQHI")
-_FOOTER_HEAD = struct.Struct("<BQQQ")
-_FOOTER_BYTES = 8 + 8 + 4
-_CHUNKS_TO_NEXT_DEFINITIONS = 300
 
 
 def serialise(record: mcap.McapRecord) -> bytes:
@@ -383,16 +382,6 @@ def end_without_index() -> bytes:
     return serialise(mcap.DataEnd(0)) + serialise(mcap.Footer(0, 0, 0)) + MCAP_MAGIC
 
 
-RESUME_RATIO = 1.1
-"""So much more than the reserve must be free again before a recording goes on."""
-
-_MEGA = 1_000_000
-_LARGEST_RESERVE_BYTES = 200 * _MEGA
-_RESERVE_SHARE = 0.05
-_COPY_BYTES = 1024 * 1024
-_FOLDER_SYNC_UNSUPPORTED = {EACCES, EINVAL, ENOSYS, ENOTSUP, EPERM}
-
-
 def free_bytes(folder: Path) -> tuple[int, int]:
     """What is free for us on the folder's disk, and how large that disk is [bytes]."""
     disk = os.statvfs(folder)
@@ -403,7 +392,7 @@ def reserve_bytes(settings: RecordingSection, disk_bytes: int) -> float:
     """How much of a disk of that size stays free [bytes]."""
     if settings.reserve_mb is not None:
         return settings.reserve_mb * _MEGA
-    return min(_RESERVE_SHARE * disk_bytes, _LARGEST_RESERVE_BYTES)
+    return min(_RESERVE_FRACTION * disk_bytes, _LARGEST_RESERVE_BYTES)
 
 
 def shortage(settings: RecordingSection, free: float, size: int, ratio: float = 1.0) -> str:
@@ -429,16 +418,16 @@ def why_full(folder: Path, settings: RecordingSection, ratio: float = 1.0) -> st
         free, size = free_bytes(folder)
     except OSError:
         return ""  # opening or writing will say what is wrong, and better
-    why = shortage(settings, free, size, ratio)
-    return f"{folder}: {why}" if why else ""
+    reason = shortage(settings, free, size, ratio)
+    return f"{folder}: {reason}" if reason else ""
 
 
 def require_room(folder: Path, settings: RecordingSection) -> None:
     """Raise :class:`StorageError` where a recording cannot begin for want of room; the folder need not be there."""
     existing = next(directory for directory in (folder, *folder.absolute().parents) if directory.exists())
-    if why := shortage(settings, *free_bytes(existing)):
+    if reason := shortage(settings, *free_bytes(existing)):
         fix = "free space, or lower `reserve_mb` in [recording]"
-        raise StorageError("cannot be recorded to", where=str(folder), why=why, fix=fix)
+        raise StorageError("cannot be recorded to", where=str(folder), why=reason, fix=fix)
 
 
 def mount_point(folder: Path) -> Path | None:
@@ -509,8 +498,8 @@ class CommittedFile:
         self.path = path
         self.committed = 0
         self.synced = 0
-        self._gathered = bytearray()
-        # A slow disk takes seconds to keep what it is given, which the recorder has not got.
+        self._pending = bytearray()
+        # A slow disk takes seconds to sync, too long for the recorder's thread.
         self._thread = thread or SyncThread()
         self._syncing: Future[None] | None = None
         self._syncing_bytes = 0
@@ -528,29 +517,29 @@ class CommittedFile:
 
     @property
     def vanished(self) -> bool:
-        """Whether somebody has deleted the file while it was being written."""
+        """Whether the file was deleted while it was being written."""
         return os.fstat(self._descriptor).st_nlink == 0
 
     def write(self, data: bytes) -> int:
         """Take ``data`` in; nothing reaches the system before :meth:`flush`."""
-        self._gathered += data
+        self._pending += data
         return len(data)
 
     def tell(self) -> int:
         """Where the next byte will stand."""
-        return self.committed + len(self._gathered)
+        return self.committed + len(self._pending)
 
     def flush(self) -> None:
         """Hand what was gathered to the system: all of it, or nothing and OSError."""
         try:
-            view, written = memoryview(bytes(self._gathered)), 0
+            view, written = memoryview(bytes(self._pending)), 0
             while written < len(view):
                 written += os.pwrite(self._descriptor, view[written:], self.committed + written)
         except OSError:
             self.cut_to(self.committed)
             raise
-        self.committed += len(self._gathered)
-        self._gathered.clear()
+        self.committed += len(self._pending)
+        self._pending.clear()
 
     def sync(self) -> None:
         """Flush, and make the disk keep it."""
@@ -560,9 +549,9 @@ class CommittedFile:
         self.synced = self.committed
 
     def begin_sync(self) -> bool:
-        """Flush, and let the disk keep it while others go on; False if it is still busy with the last time.
+        """Flush, and let the disk keep it in the background; False if it is still busy with the last sync.
 
-        Raises what went wrong the last time.
+        Raises what went wrong with the last sync.
         """
         self.flush()
         if self._syncing is not None:
@@ -580,11 +569,10 @@ class CommittedFile:
             wait([self._syncing])
 
     def _end_syncing(self) -> None:
-        """Let a sync in the background come to its end, and raise what went wrong with it: the system tells it once
-        only, and asked again would say that all is well."""
+        """Wait for a sync in the background, and raise what went wrong with it: the system reports it only once."""
         if self._syncing is not None:
-            last, self._syncing = self._syncing, None
-            last.result()
+            syncing, self._syncing = self._syncing, None
+            syncing.result()
 
     def cut_to(self, length: int) -> None:
         """Forget everything after ``length`` bytes; a disk that is gone cannot even do that, and need not."""
@@ -601,9 +589,9 @@ class CommittedFile:
         """
         self._await_sync()
         self._syncing = None
-        self._gathered.clear()
+        self._pending.clear()
         self.cut_to(self.synced)
-        self._gathered += ending
+        self._pending += ending
         try:
             self.sync()
         except OSError:
@@ -679,9 +667,6 @@ def sync_folder(folder: Path) -> None:
             raise
 
 
-_ROWS_TO_FLUSH = 50_000
-
-
 def write_table(
     table: pd.DataFrame,
     path: Path | str,
@@ -694,7 +679,7 @@ def write_table(
 
     ``table`` has a UTC index named ``time`` and columns named as the channels, in their units; NaN cells are
     not written. ``source`` says where the values come from, for all or by column; ``qualities`` gives flags
-    by column, :attr:`Quality.NOT_EVALUATED` where it is silent; ``metadata`` is said beside the trial's, by
+    by column, :attr:`Quality.NOT_EVALUATED` where it is silent; ``metadata`` is written besides the trial's, by
     name. The file appears under its name only when it is complete. Raises :class:`InputError` for a column that
     is no channel, :class:`StorageError` when the file cannot be written.
     """
@@ -717,7 +702,7 @@ def _write_rows(
     qualities: Mapping[str, NDArray[np.uint8]],
 ) -> None:
     index = pd.DatetimeIndex(table.index)
-    times_ns = index.as_unit("ns").asi8.tolist()  # pandas 3 counts in microseconds unless told
+    times_ns = index.as_unit("ns").asi8.tolist()  # pandas 3 counts in microseconds by default
     names = [str(name) for name in table.columns]
     sources = [source if isinstance(source, str) else source.get(name, "table") for name in names]
     flags = [qualities.get(name) for name in names]
@@ -731,4 +716,4 @@ def _write_rows(
             name, origin = names[column], sources[column]
             writer.write_sample(Sample(name, value, origin, time_ns, 0, time_ns, time_ns, "table", quality))
         if row % _ROWS_TO_FLUSH == _ROWS_TO_FLUSH - 1:
-            writer.flush()  # or a day of samples would be gathered in memory
+            writer.flush()  # or a day of samples would be held in memory

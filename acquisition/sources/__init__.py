@@ -1,26 +1,20 @@
-"""Where frames come from: a class a transport, one dict that says which class serves which type.
+"""Opens what frames come from: a class a transport, one dict of the class for each type of source.
 
-A source yields frames with their times of reception and knows nothing of what is in them.
+A source yields frames with their times of reception and knows nothing of their content. Also here: what Linux
+reports of a socket (time stamps, drops), who may send to it, packed logs read within a budget, and :data:`INPUTS`,
+from which the documentation's page of inputs is made.
 
-A source of a user's own: a class that reads whatever device there is and tells channels by name.
+A source of a user's own is a class that reads any device and names channels:
 
     class Inclinometer:
         def __init__(self, device): ...        # the source's `options`; may be left out
         def read(self, timeout_s): ...         # {"roll_deg": 1.5, "pitch_deg": -0.2}, in the channels' units
         def close(self): ...                   # may be left out
 
-``read`` waits so long at the most and returns what came: a dict of channels, in which ``time`` may say when it was
+``read`` waits no longer than that and returns what came: a dict of channels, in which ``time`` may say when it was
 measured (UTC, s since 1970); a line of NMEA 0183; a list of those, empty where nothing came; None when nothing will
 ever come again. The class is made when the source is opened: what it raises there, and in ``read``, counts as a
-source that failed, is recorded as an event and tried again, while other sources go on.
-
-What Linux tells of a socket (when something came, how many it had no room for), who sends to it and who may.
-
-What can be recorded, and by which rules: who counts as a source of its own in it, and what its times count from.
-
-The documentation's page of inputs is made of :data:`INPUTS`; a test holds it against the forms that are read.
-
-A log as its readers see it: however it is packed, they get no more of it than its budget.
+failed source, is recorded as an event and tried again, while other sources go on.
 """
 
 from __future__ import annotations
@@ -80,6 +74,19 @@ _MAGIC = {
 }
 """What a file looks like, by its first bytes."""
 _MOST_LETTERS = 60
+_LINES_TOPIC = "own/lines"
+_BLOCK_BYTES = 8192  # as readers ask for: of a packed log that is cut off no more is lost than its last block
+
+_SO_RCVBUFFORCE, _SO_TIMESTAMPNS, _SO_MEMINFO = 33, 35, 55  # Python has no names for them
+_DROPPED = 8  # the place of the count among the numbers of SO_MEMINFO
+_MEMINFO_BYTES = 36
+_OLDEST_NS = 60 * NANO  # a frame that waited longer has been stamped by another clock, or ours has been set
+_MOST_SENDERS = 100  # senders' addresses can be forged: there is no end to them
+
+Network = ipaddress.IPv4Network | ipaddress.IPv6Network
+_TIME = struct.Struct("@ll")
+TIME_BYTES = socket.CMSG_SPACE(_TIME.size)
+"""Room for a stamp in ``recvmsg``."""
 
 
 def source_error(config: AnySource, what: str, why: str = "", fix: str = "") -> SourceError:
@@ -88,12 +95,12 @@ def source_error(config: AnySource, what: str, why: str = "", fix: str = "") -> 
 
 
 class Source(ABC):
-    """One transport, as the pipeline asks for it; heirs say how it is opened and read.
+    """One transport, as the pipeline asks for it; subclasses define how it is opened and read.
 
-    ``lost`` is how much the system had no room for, as far as it tells, and ``loss`` says what that is. ``exact``
-    tells whether all that was read last is stamped with when it came, by the system or a driver, not with when it
-    was read. ``behind`` tells whether more was waiting than was read. ``senders`` are those of a network's port.
-    ``refused`` counts by reason what came and made no frame.
+    ``lost`` is how much the system had no room for, as far as it reports it, and ``loss`` says what that is.
+    ``exact`` says whether all that was read last is stamped with when it came, by the system or a driver, not with
+    when it was read. ``behind`` says whether more was waiting than was read. ``senders`` are those of a network's
+    port. ``refused`` counts by reason what came and made no frame.
     """
 
     lost = 0
@@ -140,30 +147,30 @@ class Source(ABC):
 
 
 class LogReader(Source):
-    """A log file, read once, as fast as it is taken; heirs say what its bytes are."""
+    """A log file, read once, as fast as it is taken; subclasses define what its bytes are."""
 
-    def _begin(self, file: BinaryIO) -> None:
+    def _read_beginning(self, file: BinaryIO) -> None:
         """Look at the beginning of an open file. Raises OSError or ValueError for what is no log."""
         return
 
     @abstractmethod
-    def _next(self, file: BinaryIO) -> list[Frame] | None:
+    def _next_frames(self, file: BinaryIO) -> list[Frame] | None:
         """The next frames, perhaps none; None at the end of the file."""
 
     def _connect(self) -> BinaryIO:
         path: Path = self._config.path
         try:
             self._link = file = path.open("rb")
-            self._begin(file)
+            self._read_beginning(file)
         except (OSError, ValueError) as error:
             self.close()
-            why = (error.strerror if isinstance(error, OSError) else None) or str(error)
-            raise self.failure(f"file {path} cannot be opened", why, "correct `path`") from error
+            reason = (error.strerror if isinstance(error, OSError) else None) or str(error)
+            raise self.failure(f"file {path} cannot be opened", reason, "correct `path`") from error
         return file
 
     def _receive(self, timeout_s: float) -> list[Frame] | None:
         try:
-            return self._next(self._link)
+            return self._next_frames(self._link)
         except OSError as error:
             raise self.failure("file failed", str(error.strerror)) from error
 
@@ -183,16 +190,16 @@ def looks_like(head: bytes) -> str:
     if printable < 0.9 * len(head):
         return f"binary, and begins with {head[:8].hex(' ')}"
     lines = [line.strip() for line in head.decode("utf-8", "replace").splitlines() if line.strip()]
-    first = next((line for line in lines if not line.startswith("#")), "")
-    if first.startswith(("{", "[")):
+    beginning = next((line for line in lines if not line.startswith("#")), "")
+    if beginning.startswith(("{", "[")):
         return "JSON, already decoded by another program: what came off the bus is needed"
-    if "$" in first or "!" in first:
-        fix = "" if "*" in first else ', which checksum = "optional" reads'
-        return f"sentences without a sound checksum ({_shortened(first)}){fix}"
-    names = [name.strip(' "') for name in first.replace(";", ",").replace("\t", ",").split(",")]
+    if "$" in beginning or "!" in beginning:
+        fix = "" if "*" in beginning else ', which checksum = "optional" reads'
+        return f"sentences without a sound checksum ({_shortened(beginning)}){fix}"
+    names = [name.strip(' "') for name in beginning.replace(";", ",").replace("\t", ",").split(",")]
     if len(names) > 1 and all(name and not name[0].isdigit() for name in names):
         return f"a table with the columns {_shortened(', '.join(names))}: `seatrial import` reads tables"
-    return f"text ({_shortened(first)})" if first else "text without a word in it"
+    return f"text ({_shortened(beginning)})" if beginning else "text without a word in it"
 
 
 def _shortened(text: str) -> str:
@@ -204,9 +211,6 @@ def make_source(config: AnySource) -> Source:
     """The source that a configuration section describes, not yet open."""
     source: Source = imported(_CLASSES[config.type])(config)
     return source
-
-
-_LINES = "own/lines"
 
 
 class OwnCode(Source):
@@ -237,7 +241,7 @@ class OwnCode(Source):
 
     def _payloads(self, reading: Any) -> Iterator[bytes]:
         if isinstance(reading, str | bytes):
-            yield f"{_LINES}\0".encode() + (reading.encode() if isinstance(reading, str) else reading)
+            yield f"{_LINES_TOPIC}\0".encode() + (reading.encode() if isinstance(reading, str) else reading)
             return
         if not isinstance(reading, dict):
             raise self.failure(
@@ -259,18 +263,6 @@ class OwnCode(Source):
         self._link = None
 
 
-_SO_RCVBUFFORCE, _SO_TIMESTAMPNS, _SO_MEMINFO = 33, 35, 55  # Python has no names for them
-_DROPPED = 8  # the place of the count among the numbers of SO_MEMINFO
-_MEMINFO_BYTES = 36
-_OLDEST_NS = 60 * NANO  # a frame that waited longer has been stamped by another clock, or ours has been set
-_MOST_SENDERS = 100  # senders' addresses can be forged: there is no end to them
-
-Network = ipaddress.IPv4Network | ipaddress.IPv6Network
-_TIME = struct.Struct("@ll")
-TIME_BYTES = socket.CMSG_SPACE(_TIME.size)
-"""Room for a stamp in ``recvmsg``."""
-
-
 def enlarge(opened: socket.socket, size_bytes: int) -> None:
     """Ask for so large a receive buffer; without the right to exceed it the system's ``rmem_max`` holds."""
     try:
@@ -285,9 +277,9 @@ def stamp_arrivals(opened: socket.socket) -> None:
         opened.setsockopt(socket.SOL_SOCKET, _SO_TIMESTAMPNS, 1)
 
 
-def arrival_ns(more: list[tuple[int, int, bytes]]) -> int | None:
+def arrival_ns(ancillary: list[tuple[int, int, bytes]]) -> int | None:
     """The stamp in the ancillary data of ``recvmsg`` [ns since 1970]; None where there is none."""
-    for level, kind, data in more:
+    for level, kind, data in ancillary:
         if (level, kind) == (socket.SOL_SOCKET, _SO_TIMESTAMPNS) and len(data) >= _TIME.size:
             seconds, nanoseconds = _TIME.unpack_from(data)
             return int(seconds * NANO + nanoseconds)
@@ -295,7 +287,7 @@ def arrival_ns(more: list[tuple[int, int, bytes]]) -> int | None:
 
 
 def dropped(opened: socket.socket) -> int:
-    """How many datagrams or frames the system has had no room for, modulo 2^32; 0 where it does not tell."""
+    """How many datagrams or frames the system has had no room for, modulo 2^32; 0 where it does not report it."""
     try:
         meminfo = opened.getsockopt(socket.SOL_SOCKET, _SO_MEMINFO, _MEMINFO_BYTES)
     except OSError:
@@ -304,7 +296,7 @@ def dropped(opened: socket.socket) -> int:
 
 
 def received_at(stamp_ns: int | None) -> tuple[tuple[int, int], bool]:
-    """The wall and the monotonic clock [ns] when something came, and whether its stamp tells; if not, now."""
+    """The wall and the monotonic clock [ns] when something came, and whether by its stamp; if not, now."""
     wall_ns, monotonic_ns = now_ns()
     waited_ns = -1 if stamp_ns is None else wall_ns - stamp_ns
     if stamp_ns is None or not 0 <= waited_ns < _OLDEST_NS:
@@ -313,22 +305,22 @@ def received_at(stamp_ns: int | None) -> tuple[tuple[int, int], bool]:
 
 
 class Drops:
-    """How many the system dropped of one socket since the last look."""
+    """How many the system dropped of one socket since the last count."""
 
     def __init__(self, opened: socket.socket) -> None:
         self._socket, self._before = opened, dropped(opened)
 
-    def since(self) -> int:
-        now = dropped(self._socket)
-        count, self._before = (now - self._before) % 2**32, now
-        return count
+    def count(self) -> int:
+        """How many it dropped since the last call."""
+        before, self._before = self._before, dropped(self._socket)
+        return (self._before - before) % 2**32
 
 
 class Senders:
-    """The senders that a source has heard. ``allowed`` are their networks; none: everybody may send.
+    """The senders that a source has received from. ``allowed`` are their networks; none: anyone may send.
 
-    ``refused`` counts what came from others, by reason; ``news`` names each of these once, and each but the
-    first of those that may send, as (level, text), and is emptied by who tells them.
+    ``refused`` counts what came from elsewhere, by reason; ``news`` names these senders once, and all but the first
+    of those that may send, as (level, text), and is emptied by the reader.
     """
 
     def __init__(self, allowed: Sequence[Network]) -> None:
@@ -339,19 +331,19 @@ class Senders:
 
     def admits(self, sender: str) -> bool:
         """Whether something from this address (IPv4 or IPv6, without a port) may come in."""
-        may = self._senders.get(sender)
-        if may is None:
+        is_allowed = self._senders.get(sender)
+        if is_allowed is None:
             address = ipaddress.ip_address(sender.partition("%")[0])
-            may = not self._allowed or any(address in network for network in self._allowed)
+            is_allowed = not self._allowed or any(address in network for network in self._allowed)
             if len(self._senders) < _MOST_SENDERS:
-                if not may:
+                if not is_allowed:
                     self.news.append(("warning", f"{sender} sends and may not"))
                 elif any(self._senders.values()):
                     self.news.append(("info", f"{sender} sends, too: its values are kept apart"))
-                self._senders[sender] = may
-        if not may:
+                self._senders[sender] = is_allowed
+        if not is_allowed:
             self.refused["sender that is not allowed"] += 1
-        return may
+        return is_allowed
 
 
 class Input(NamedTuple):
@@ -439,9 +431,6 @@ INPUTS: dict[str, Input] = {
 """Every kind of input, by its ``form`` or by the ``type`` of its source."""
 
 
-_BLOCK_BYTES = 8192  # as readers ask for: of a packed log that is cut off no more is lost than its last block
-
-
 class BoundedLog(io.BufferedReader):
     """A log, unpacked if it is ``packed`` by gzip; reading raises :class:`InputError` beyond its budget."""
 
@@ -470,17 +459,17 @@ class _Bytes(io.RawIOBase):
         return True
 
     def readinto(self, buffer: Any, /) -> int:
-        data = self._stream.read1(len(buffer))  # what is there: the rest of a log that is cut off would raise
+        data = self._stream.read1(len(buffer))  # what is there: more of a log that is cut off would raise
         self.meter.add(LOG_BYTES, len(data))
         buffer[: len(data)] = data
         return len(data)
 
-    def seek(self, offset: int, whence: int = os.SEEK_SET, /) -> int:
-        if whence == os.SEEK_END and self._packed:
+    def seek(self, offset: int, origin: int = os.SEEK_SET, /) -> int:
+        if origin == os.SEEK_END and self._packed:
             while self.read(_BLOCK_BYTES):
                 pass
             return int(self._stream.tell())
-        place = int(self._stream.seek(offset, whence))
+        place = int(self._stream.seek(offset, origin))
         self.meter = Meter(self._path, self._size_bytes)
         return place
 

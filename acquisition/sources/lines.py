@@ -1,6 +1,6 @@
-"""Serial lines, TCP connections and UDP ports: NMEA 0183, a gateway's NMEA 2000, or MAVLink as its bytes come.
+"""Receives from lines and buses: serial, TCP and UDP (NMEA 0183, a gateway's NMEA 2000, MAVLink), and CAN.
 
-CAN frames from any interface that python-can knows.
+CAN frames come from any interface that python-can knows.
 """
 
 from __future__ import annotations
@@ -50,19 +50,24 @@ from seatrial.acquisition.sources.log_formats import Cutter, LineReader, LogEntr
 if TYPE_CHECKING:
     import serial
 
-
 _DATAGRAM_BYTES = 65_535
 _MOST_DATAGRAMS = 100
 _BUFFER_BYTES = 4 * 1024 * 1024
 _CONNECT_TIMEOUT_S = 3.0
 
+_MOST_FRAMES_AT_ONCE = 200
+_UNREADABLE = "frame that cannot be read"
+_MOST_UNREADABLE = 1_000  # in a row: then it is the driver that is broken, not what comes
+_LONGEST_FRAME_BYTES = 64
+_BUS_BUFFER_BYTES = 16 * 1024 * 1024  # ten seconds of a full bus, a frame takes some 800 bytes of it
+
 _ICOUNT_BYTES, _OVERRUN = 80, (7, 10)  # struct serial_icounter_struct: overrun, buf_overrun
 
 _GREETINGS = {
-    "actisense": b"\x10\x02\xa1\x03\x11\x02\x00\x49\x10\x03",  # operating mode: pass on all that is heard
+    "actisense": b"\x10\x02\xa1\x03\x11\x02\x00\x49\x10\x03",  # operating mode: pass on all that is received
     "ikonvert": b"$PDGY,N2NET_INIT,ALL\r\n",
 }
-"""What makes a gateway on a serial line pass on what it hears; sent where its form is named, and to no other."""
+"""What makes a gateway on a serial line pass on what it receives; sent only where its form is configured."""
 
 StreamSource = SerialSource | UdpSource | TcpSource | MavlinkSource | MavlinkTcpSource | MavlinkSerialSource
 
@@ -94,7 +99,7 @@ class LineAssembler:
             entry, binary = self._reader.entry(part), is_message(part)
             if not binary and (entry is None or entry.protocol == "nmea0183"):
                 entry = LogEntry(None, part, protocol="nmea0183")  # raw input is what came
-            if entry is not None:  # a binary message may say nothing of the bus
+            if entry is not None:  # a binary message need not be from the bus
                 of_can = entry.identifier, entry.flags
                 frames.append(Frame(self._origin, entry.protocol, entry.payload, *clocks, *of_can))
         return frames
@@ -128,7 +133,7 @@ class _Stream(Source):
 
 
 def overruns(descriptor: int) -> int:
-    """How often a serial line has had no room for a byte, in its chip or its driver; 0 where it does not tell."""
+    """How often a serial line had no room for a byte, in its chip or driver; 0 where it does not report it."""
     counts = bytearray(_ICOUNT_BYTES)
     try:
         fcntl.ioctl(descriptor, termios.TIOCGICOUNT, counts)
@@ -145,12 +150,12 @@ def open_port(config: SerialSource | MavlinkSerialSource) -> serial.Serial:
     try:
         return serial.Serial(config.device, config.baud_rate, timeout=0, exclusive=True)
     except (ValueError, OSError) as error:  # pyserial's own errors are OSErrors
-        why = system_reason(error) or "its settings are not possible"
+        reason = system_reason(error) or "its settings are not possible"
         fix = "connect it, stop the program that uses it, or correct `device`"
-        raise source_error(config, f"serial line {config.device} cannot be opened", why, fix) from error
+        raise source_error(config, f"serial line {config.device} cannot be opened", reason, fix) from error
 
 
-def _reason(error: Exception) -> str:
+def _stream_reason(error: Exception) -> str:
     return system_reason(error) or "it was unplugged, or another program reads it"
 
 
@@ -178,17 +183,17 @@ class SerialPort(_Stream):
                 port.write(greeting)
             except OSError as error:
                 port.close()
-                raise self.failure("serial line failed", _reason(error)) from error
+                raise self.failure("serial line failed", _stream_reason(error)) from error
         return port
 
     def _bytes(self, timeout_s: float) -> bytes:
         try:
             if self._link.timeout != timeout_s:  # setting it asks the system for the line's settings each time
                 self._link.timeout = timeout_s
-            first = bytes(self._link.read(1))
-            return first + bytes(self._link.read(self._link.in_waiting)) if first else b""
+            data = bytes(self._link.read(1))
+            return data + bytes(self._link.read(self._link.in_waiting)) if data else b""
         except (OSError, TypeError) as error:  # pyserial raises TypeError on unplug
-            raise self.failure("serial line failed", _reason(error)) from error
+            raise self.failure("serial line failed", _stream_reason(error)) from error
 
 
 class TcpConnection(_Stream):
@@ -202,9 +207,9 @@ class TcpConnection(_Stream):
             opened = socket.create_connection((address, port), timeout=_CONNECT_TIMEOUT_S)
         except OSError as error:
             unresolved = isinstance(error, socket.gaierror)
-            why = system_reason(error) or "no answer in time"
+            reason = system_reason(error) or "no answer in time"
             fix = "correct `address`" if unresolved else "start the gateway, or correct `address` and `port`"
-            raise self.failure(f"TCP {address}:{port} does not answer", why, fix) from error
+            raise self.failure(f"TCP {address}:{port} does not answer", reason, fix) from error
         self._peer = str(opened.getpeername()[0])
         if not self.senders.admits(self._peer):
             opened.close()
@@ -221,7 +226,7 @@ class TcpConnection(_Stream):
         except (TimeoutError, BlockingIOError):
             return b""
         except OSError as error:
-            raise self.failure("connection failed", _reason(error)) from error
+            raise self.failure("connection failed", _stream_reason(error)) from error
         if not received:
             raise self.failure("the other end closed the connection")
         self.behind = len(received) == _DATAGRAM_BYTES
@@ -254,12 +259,12 @@ class UdpPort(_Stream):
         except OSError as error:
             raise self.failure("network failed", str(error.strerror)) from error
         self.behind = len(frames) >= _MOST_DATAGRAMS
-        self.lost += self._drops.since()
+        self.lost += self._drops.count()
         return frames
 
     def _bytes(self, timeout_s: float) -> bytes:
-        data, more, _, (self._sender, _) = self._link.recvmsg(_DATAGRAM_BYTES, TIME_BYTES)
-        self._times, stamped = received_at(arrival_ns(more))
+        data, ancillary, _, (self._sender, _) = self._link.recvmsg(_DATAGRAM_BYTES, TIME_BYTES)
+        self._times, stamped = received_at(arrival_ns(ancillary))
         self.exact = self.exact and stamped
         return bytes(data) if self.senders.admits(self._sender) else b""
 
@@ -280,36 +285,29 @@ def _bind_udp(config: UdpSource | MavlinkSource) -> socket.socket:
     try:
         enlarge(opened, _BUFFER_BYTES)
         stamp_arrivals(opened)
-        shared = _is_multicast(config.address)
+        shared = False
+        with suppress(ValueError):
+            shared = ipaddress.IPv4Address(config.address).is_multicast
         if shared:
             opened.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         opened.bind((config.address, config.port))  # to a group's own address: nothing else comes
         if shared:
-            _join(opened, config.address)
+            _join_group(opened, config.address)
     except OSError as error:
         opened.close()
-        unresolved = isinstance(error, socket.gaierror)
+        is_unresolved = isinstance(error, socket.gaierror)
         fix = (
-            "correct `address`" if unresolved else "stop the program that uses it, or correct `address` and `port`"
+            "correct `address`"
+            if is_unresolved
+            else "stop the program that uses it, or correct `address` and `port`"
         )
-        what = f"UDP {config.address}:{config.port} cannot be listened on"
-        raise source_error(config, what, str(error.strerror), fix) from error
+        problem = f"UDP {config.address}:{config.port} cannot be listened on"
+        raise source_error(config, problem, str(error.strerror), fix) from error
     return opened
 
 
-def _is_multicast(address: str) -> bool:
-    """Whether it is the address of an IPv4 group.
-
-    >>> _is_multicast("239.192.0.1"), _is_multicast("127.0.0.1"), _is_multicast("localhost")
-    (True, False, False)
-    """
-    with suppress(ValueError):
-        return ipaddress.IPv4Address(address).is_multicast
-    return False
-
-
-def _join(opened: socket.socket, address: str) -> None:
-    """Join a group on every interface, as the one with the instruments need not be the one that is routed to.
+def _join_group(opened: socket.socket, address: str) -> None:
+    """Join a group on every interface, as the instruments' need not be the default route.
 
     Raises :class:`OSError` if not one of them can join.
     """
@@ -324,13 +322,6 @@ def _join(opened: socket.socket, address: str) -> None:
         raise failures[-1]
 
 
-_MOST_FRAMES_AT_ONCE = 200
-_UNREADABLE = "frame that cannot be read"
-_MOST_UNREADABLE = 1_000  # in a row: then it is the driver that is broken, not what comes
-_LONGEST_FRAME_BYTES = 64
-_BUS_BUFFER_BYTES = 16 * 1024 * 1024  # ten seconds of a full bus, of whose frames each takes some 800 bytes of it
-
-
 def open_bus(config: CanSource) -> can.BusABC:
     """Open the bus of a configuration section. Raises :class:`SourceError`."""
     logging.getLogger("can").setLevel(logging.ERROR)  # the errors raised say what is missing
@@ -342,17 +333,17 @@ def open_bus(config: CanSource) -> can.BusABC:
             **config.options,
         )
     except Exception as error:  # drivers raise what they like
-        what = f"CAN bus {config.interface}:{config.channel} cannot be opened"
+        problem = f"CAN bus {config.interface}:{config.channel} cannot be opened"
         fix = "connect the interface, or correct `interface`, `channel` and `options`"
-        raise source_error(config, what, _bus_reason(config.interface, error), fix) from error
+        raise source_error(config, problem, _bus_opening_reason(config.interface, error), fix) from error
 
 
-def _bus_reason(interface: str, error: Exception) -> str:
+def _bus_opening_reason(interface: str, error: Exception) -> str:
     """Why a bus cannot be opened, in words that do not depend on its driver."""
     if interface not in can.VALID_INTERFACES:
         return f"python-can knows no interface {interface!r}, only {', '.join(sorted(can.VALID_INTERFACES))}"
-    if why := system_reason(error):
-        return why
+    if reason := system_reason(error):
+        return reason
     if isinstance(error, can.CanInterfaceNotImplementedError | ImportError | NameError | AttributeError):
         return "its driver is not installed on this computer"
     if isinstance(error, ValueError | TypeError):
@@ -369,7 +360,7 @@ class CanBus(Source):
     """One bus; frames have the system's stamp where they come by a socket, else that of when they are read.
 
     ``lost`` counts the frames that the system had no room for, ``refused`` what came and was no frame: noise on the
-    serial line of an adapter, a stranger's datagram. A bus that fails does so once what came before is passed on.
+    serial line of an adapter, an unrelated datagram. A bus that fails does so once what came before is passed on.
     """
 
     def __init__(self, config: CanSource) -> None:
@@ -392,17 +383,22 @@ class CanBus(Source):
         frames: list[Frame] = []
         self.exact = self._socket is not None
         if self._failed is not None:
-            raise self.failure("CAN bus failed", _fault(self._failed)) from self._failed
+            raise self.failure("CAN bus failed", _bus_fault(self._failed)) from self._failed
         try:
             while len(frames) < _MOST_FRAMES_AT_ONCE and (message := self._link.recv(0.0 if frames else timeout_s)):
-                if _is_frame(message):
+                identifier, highest = (
+                    message.arbitration_id,
+                    HIGHEST_IDENTIFIER if message.is_extended_id else 0x7FF,
+                )
+                is_identifier = isinstance(identifier, int) and 0 <= identifier <= highest
+                if is_identifier and len(message.data) <= _LONGEST_FRAME_BYTES:
                     frames.append(self._frame(message))
-                else:
+                else:  # some drivers do not check what they receive
                     self.refused[_UNREADABLE] += 1
         except Exception as error:
             if isinstance(error, can.CanError | OSError) and not isinstance(error.__cause__, ValueError):
                 if not frames:
-                    raise self.failure("CAN bus failed", _fault(error)) from error
+                    raise self.failure("CAN bus failed", _bus_fault(error)) from error
                 self._failed = error
             else:  # python-can's drivers raise what they like where a line is no frame
                 self._count_unreadable(error)
@@ -410,7 +406,7 @@ class CanBus(Source):
             self._unreadable = 0
         self.behind = len(frames) == _MOST_FRAMES_AT_ONCE
         if self._socket is not None:
-            self.lost += self._drops.since()
+            self.lost += self._drops.count()
         return frames
 
     def _count_unreadable(self, error: Exception) -> None:
@@ -447,18 +443,12 @@ class CanBus(Source):
         return Frame(self.name, "can", bytes(message.data), *times, message.arbitration_id, flags_of(message))
 
 
-def _fault(error: Exception) -> str:
+def _bus_fault(error: Exception) -> str:
     return system_reason(error) or "its driver reports a fault"
 
 
-def _is_frame(message: can.Message) -> bool:
-    """Whether a message can have been on a bus: some drivers do not look at what they are told."""
-    identifier, highest = message.arbitration_id, HIGHEST_IDENTIFIER if message.is_extended_id else 0x7FF
-    return isinstance(identifier, int) and 0 <= identifier <= highest and len(message.data) <= _LONGEST_FRAME_BYTES
-
-
 def _socket_of(bus: can.BusABC) -> socket.socket | None:
-    """The socket behind a bus, by a handle of its own; None for one behind which there is something else."""
+    """The socket behind a bus, by a handle of its own; None where it has none."""
     try:
         handle = os.dup(bus.fileno())
     except (NotImplementedError, OSError, ValueError, TypeError):

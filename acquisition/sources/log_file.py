@@ -1,21 +1,16 @@
-"""Log files of CAN frames, messages and sentences, told apart by what is in them, as fast as they are taken.
+"""Reads log files of CAN frames, messages, sentences and MAVLink, by their content, as fast as they are taken.
 
-A log's time is UTC where it gives one; dates without a zone are this machine's local time in ASC and candump's
-text (as their writers mean them) and UTC elsewhere. Times of day, and times since the log or a gateway began,
-become UTC if the bus or a sentence tells it near the log's beginning; a time of day takes its date from the file's
-last change if nobody does. Other times keep their distances, counted from the moment of opening, but bear no stamp.
-What has no time has that of what came before it. A log without any goes by what the bus or a sentence tells; if
-nobody does, it is received as fast as it is read.
+A log's time is UTC where it gives one; dates without a zone are this machine's local time in ASC and candump's text
+(as their writers mean them) and UTC elsewhere. Times of day, and times since the log or a gateway began, become UTC
+if the bus or a sentence states it near the log's beginning; a time of day otherwise takes its date from the file's
+last change. Other times keep their distances, counted from the moment of opening, but bear no stamp. What has no
+time has that of what came before it. A log without any goes by what the bus or a sentence states; if neither does,
+it is received as fast as it is read.
 
-The times of a log's entries: UTC as far as the log, the bus or a sentence tells it, else since the log began.
-
-MAVLink packets from a telemetry log (.tlog): 8 bytes of time before each packet, as ground stations write it.
-
-Damage costs no more than itself: what is no entry becomes a frame of its own, for the decoder to count, and the
-log goes on at the next time that can be true and has a packet after it.
-
-A ground station or companion computer whose clock was not set writes times from 1970 or 2000 on. Their distances
-are right; the date is taken from where the log itself states it, or from the file, and that is said.
+A telemetry log (.tlog) has 8 bytes of time before each MAVLink packet. Damage costs no more than itself: what is no
+entry becomes a frame of its own, for the decoder to count, and the log goes on at the next possible time with a
+packet after it. A ground station or companion computer whose clock was not set writes times from 1970 or 2000 on.
+Their distances are right; the date is taken from where the log itself states it, or from the file, with a remark.
 """
 
 from __future__ import annotations
@@ -48,7 +43,6 @@ from seatrial.acquisition.protocols.nmea0183 import (
     Fields,
     SentenceReading,
     has_sentence,
-    motion_readers,
     sentences_in,
     split_sentence,
     split_tag,
@@ -78,8 +72,29 @@ UNDERSTOOD = (
     " ASC, TRC and sentences of NMEA 0183 with any time before them"
 )
 _LIBRARY_LOGGERS = tuple(logging.getLogger(f"can.io.{kind}") for kind in ("blf", "trc"))
-Make = Callable[[Any], Iterable[can.Message]]
-_LONGEST_OBJECT_BYTES = 1024 * 1024  # of BLF; a frame has some 100, a text that somebody typed 64 kB
+MakeReader = Callable[[Any], Iterable[can.Message]]
+_LONGEST_OBJECT_BYTES = 1024 * 1024  # of BLF; a frame has some 100, a typed text 64 kB
+
+EARLIEST_UTC_NS = 1_000_000_000 * NANO
+"""Times before are since the log began."""
+_LATEST_NS = 4_102_444_800 * NANO  # 2100; what is later is broken
+_SLACK_NS = NANO  # by so much a clock may go back without having wrapped around
+_STUCK_ENTRIES = 100  # entries at one and the same time: the gateway's clock stands still
+_AGREED_NS = 2 * NANO  # the bus tells whole seconds, late
+_TIME_READERS = {kind: read for kind, read in motion_readers("ground").items() if kind in ("ZDA", "RMC")}
+
+_TIME_BYTES = 8
+_MICRO_NS = 1000
+_BLOCK_BYTES = 4096  # some 100 entries, at most 256
+_LONGEST_DAMAGE_BYTES = 65_536  # in one frame; within it no packet is cut in two
+_LOOK_AHEAD_BYTES = 2 * (_TIME_BYTES + LONGEST_BYTES) + 1  # an entry, and one that may begin inside it
+# A clock may be set during a log, but then all that follows is on the new time; one time far from both its
+# neighbours is damaged.
+_JUMP_NS = 60 * NANO
+_MOST_STEPS = 10_000
+# Microseconds of a time before 2100, then a packet's first byte.
+_MAY_BE_ENTRY = re.compile(rb"(?=\x00[\x00-\x0e].{6}[\xfd\xfe])", re.DOTALL)
+_SYSTEM_TIME = 2  # the message whose first eight bytes are the microseconds since 1970
 
 
 class _Blf(can.BLFReader):  # type: ignore[misc]  # the library has no types
@@ -98,7 +113,7 @@ class _Blf(can.BLFReader):  # type: ignore[misc]  # the library has no types
             body = self.file.read(size - head.size)
             self.file.read(size % 4)
             if kind == blf.LOG_CONTAINER:
-                plain = _container(body)
+                plain = _unpack_container(body)
                 self._meter.add(LOG_BYTES, len(plain))
                 yield from self._parse_container(plain)
                 if len(self._tail) > _LONGEST_OBJECT_BYTES:
@@ -106,8 +121,8 @@ class _Blf(can.BLFReader):  # type: ignore[misc]  # the library has no types
         self.stop()
 
 
-def _container(body: bytes) -> bytes:
-    """What is in a container; empty for a compression that nobody uses."""
+def _unpack_container(body: bytes) -> bytes:
+    """The content of a container; empty for a compression that is not in use."""
     (method, _), packed = blf.LOG_CONTAINER_STRUCT.unpack_from(body), body[blf.LOG_CONTAINER_STRUCT.size :]
     if method == blf.NO_COMPRESSION:
         return packed
@@ -121,7 +136,12 @@ def _container(body: bytes) -> bytes:
     return plain
 
 
-_BLF: Make = _Blf
+_BLF: MakeReader = _Blf
+
+
+def _read_trc(file: BinaryIO) -> Iterable[can.Message]:
+    messages: Iterable[can.Message] = can.TRCReader(Lines(file, encoding="utf-8", errors="replace"))
+    return messages
 
 
 class LogFile(LogReader):
@@ -150,11 +170,11 @@ class LogFile(LogReader):
         """What is broken in the log and where its reading ended; empty for a log that was read to its end."""
         if self._log is None or not self._log.damage:
             return ""
-        where, newest_ns = f"reading ended after {self._count:,} frames", self._newest_ns
+        end, newest_ns = f"reading ended after {self._count:,} frames", self._newest_ns
         if newest_ns is not None:
             utc = newest_ns >= EARLIEST_UTC_NS
-            where += f", the last of {iso(newest_ns) if utc else f'{newest_ns / 1e9:.3f} s after its beginning'}"
-        return f"the log is damaged ({self._log.damage}); {where}"
+            end += f", the last of {iso(newest_ns) if utc else f'{newest_ns / 1e9:.3f} s after its beginning'}"
+        return f"the log is damaged ({self._log.damage}); {end}"
 
     @property
     def remark(self) -> str:
@@ -164,37 +184,43 @@ class LogFile(LogReader):
             remarks.append(f"its times go back by {self._back_ns / 1e9:,.3f} s at {at}: its clock was set")
         return "; ".join(filter(None, remarks))
 
-    def _begin(self, file: BinaryIO) -> None:
+    def _read_beginning(self, file: BinaryIO) -> None:
         head = file.read(_HEAD_BYTES)
-        if packed := head.startswith(_GZIP):
-            head = _inflated(head)
+        if is_packed := head.startswith(_GZIP):
+            try:
+                head = zlib.decompressobj(wbits=31).decompress(head, _HEAD_BYTES)
+            except zlib.error as error:
+                raise ValueError(f"it cannot be unpacked: {error}") from error
         if head.startswith(SQLITE):  # sentences in it would be found, without their topics and times
             raise ValueError(f"it looks like {looks_like(head)}")
         path: Path = self._config.path
-        make = _maker(head, self._config.form, partial(BoundedLog, path, packed=packed))
-        log = self._log = make(StatedTimes(self._config.date_order))
+        open_log = _choose_reader(head, self._config.form, partial(BoundedLog, path, packed=is_packed))
+        log = self._log = open_log(StatedTimes(self._config.date_order))
         entries = iter(log)
-        beginning, stated = _beginning(entries, log.times)
-        is_sound = partial(_is_sound, unchecked=self._config.checksum == "optional")
+        beginning, stated = _read_head(entries, log.times)
+        is_sound = partial(_is_recordable, unchecked=self._config.checksum == "optional")
         if head and not any(map(is_sound, chain(beginning, entries))):
-            why = log.damage or f"it looks like {looks_like(head)}"
-            raise ValueError(f"nothing in it can be recorded: {why}; supported are {UNDERSTOOD}")
+            reason = log.damage or f"it looks like {looks_like(head)}"
+            raise ValueError(f"nothing in it can be recorded: {reason}; supported are {UNDERSTOOD}")
         log.close()
-        tail = _last_bytes(file) if log.times.stamps and not packed else b""
+        tail = b""
+        if log.times.stamps and not is_packed:
+            file.seek(max(file.seek(0, os.SEEK_END) - _HEAD_BYTES, 0))
+            tail = file.read(_HEAD_BYTES)
         changed_ns = path.stat().st_mtime_ns
-        times, self._date_remark = _settled(log.times, stated, tail, self._config.date_order, changed_ns)
+        times, self._date_remark = _settle_dates(log.times, stated, tail, self._config.date_order, changed_ns)
         if times.order != log.times.order or times.year is not None:
-            log = make(times)
-            beginning, _ = _beginning(iter(log), times)
+            log = open_log(times)
+            beginning, _ = _read_head(iter(log), times)
             log.close()
         self._clock = LogClock(beginning, changed_ns)
         buses = {entry.bus for entry in beginning if entry.bus}
         self._only_bus = buses.pop() if len(buses) == 1 else ""
-        self._log = make(times)
+        self._log = open_log(times)
         self._entries = iter(self._log)
         self._opened_ns, self._last_ns, self._count, self._newest_ns = now_ns()[0], 0, 0, None
 
-    def _next(self, file: BinaryIO) -> list[Frame] | None:
+    def _next_frames(self, file: BinaryIO) -> list[Frame] | None:
         return [self._frame(entry) for entry in islice(self._entries, _MOST_FRAMES_AT_ONCE)] or None
 
     def close(self) -> None:
@@ -210,7 +236,7 @@ class LogFile(LogReader):
                 self._note_step_back(time_ns)
             self._clock_ns = time_ns
         if time_ns is not None and self._newest_ns is not None and entry.protocol == "nmea0183":
-            time_ns = max(time_ns, self._newest_ns)  # sentences come late, not early
+            time_ns = max(time_ns, self._newest_ns)  # sentences are delayed, never advanced
         self._count, self._newest_ns, self.timed = self._count + 1, time_ns, time_ns is not None
         bus = "" if entry.bus == self._only_bus else entry.bus
         stamped_ns = None
@@ -228,13 +254,6 @@ class LogFile(LogReader):
         """Note the first step back of the log's clock; whether one forward is a gap nobody can tell."""
         if self._back_at_ns is None:
             self._back_at_ns, self._back_ns = time_ns, self._clock_ns - time_ns
-
-
-def _inflated(beginning: bytes) -> bytes:
-    try:
-        return zlib.decompressobj(wbits=31).decompress(beginning, _HEAD_BYTES)
-    except zlib.error as error:
-        raise ValueError(f"it cannot be unpacked: {error}") from error
 
 
 class _Log:
@@ -264,47 +283,41 @@ class _Log:
             self.damage = str(error)
 
 
-def _beginning(entries: Iterator[LogEntry], times: StatedTimes) -> tuple[list[LogEntry], list[tuple[Stamp, int]]]:
-    """A log's first entries, and the dates beside those that state the UTC themselves."""
+def _read_head(entries: Iterator[LogEntry], times: StatedTimes) -> tuple[list[LogEntry], list[tuple[Stamp, int]]]:
+    """A log's first entries, and the dates of those that state the UTC themselves."""
     beginning, stated = list[LogEntry](), list[tuple[Stamp, int]]()
     for entry in islice(entries, _HEAD_ENTRIES):
         beginning.append(entry)
-        if times.last is not None and (utc_ns := told_utc_ns(entry)) is not None:
+        if times.last is not None and (utc_ns := entry_utc_ns(entry)) is not None:
             stated.append((times.last, utc_ns))
     return beginning, stated
 
 
-def _last_bytes(file: BinaryIO) -> bytes:
-    size = file.seek(0, os.SEEK_END)
-    file.seek(max(size - _HEAD_BYTES, 0))
-    return file.read(_HEAD_BYTES)
-
-
-def _settled(
+def _settle_dates(
     times: StatedTimes, stated: list[tuple[Stamp, int]], tail: bytes, configured: Order | None, changed_ns: int
 ) -> tuple[StatedTimes, str]:
-    """The reader of the dates of a log whose beginning and end were read, and a remark on what is not stated."""
+    """How the dates of a log are read, by those in its beginning and end, and a remark on what they leave open."""
     ending = StatedTimes()
     for _ in read_lines(BytesIO(tail), LineReader(times=ending)):
         pass
     stamps = [*times.stamps, *ending.stamps]
-    order, why = (configured, "as configured") if configured else date_order(stamps, stated)
+    order, basis = (configured, "as configured") if configured else date_order(stamps, stated)
     year, remark = None, times.remark
-    first = next(iter(times.stamps), None)
-    if first is not None and not first.has_year:
+    stamp = next(iter(times.stamps), None)
+    if stamp is not None and not stamp.has_year:
         year = (dt.datetime.fromtimestamp(changed_ns / 1e9, dt.UTC)).year
-        remark = f"its dates, like {first.text!r}, have no year; that of the file's last change, {year}, is taken"
+        remark = f"its dates, like {stamp.text!r}, have no year; that of the file's last change, {year}, is taken"
         if stated:
             year = dt.datetime.fromtimestamp(stated[0][1] / 1e9, dt.UTC).year
-            remark = f"its dates, like {first.text!r}, have no year; {year} is that of a sentence in it"
-    elif first is not None and why == YEAR_LAST:
+            remark = f"its dates, like {stamp.text!r}, have no year; {year} is that of a sentence in it"
+    elif stamp is not None and basis == YEAR_LAST:
         remark = (
-            f"its dates, like {first.text!r}, are read {order}, as {why};"
+            f"its dates, like {stamp.text!r}, are read {order}, as {basis};"
             ' say date_order = "year-first" in [[source]] if they are not'
         )
-    elif first is not None and not why:
+    elif stamp is not None and not basis:
         remark = (
-            f"its dates, like {first.text!r}, may have the day or the month first: {order} is taken;"
+            f"its dates, like {stamp.text!r}, may have the day or the month first: {order} is taken;"
             f' say date_order = "day-first" or "month-first" in [[source]]'
         )
     elif times.unread_date:
@@ -314,30 +327,40 @@ def _settled(
     return StatedTimes(order, year), remark
 
 
-def _maker(head: bytes, form: str, open_file: Callable[[], BinaryIO]) -> Callable[[StatedTimes], _Log]:
-    """What begins to read a log: by its form or, where none is named, by its first bytes."""
+def _choose_reader(head: bytes, form: str, open_file: Callable[[], BinaryIO]) -> Callable[[StatedTimes], _Log]:
+    """What opens a log to be read: by its form or, where none is named, by its first bytes."""
     read = FILE_FORMS[form].read if form in FILE_FORMS else None
     if not form:
         read = next((file_form.read for file_form in FILE_FORMS.values() if file_form.begins(head)), None)
-    library = _library_form(head)
-    is_text = form in LINE_FORMS or any(map(_is_sound, read_lines(BytesIO(head), LineReader())))
+    library: MakeReader | None = None
+    if head.startswith(b"LOGG"):
+        library = _BLF
+    elif next((line for line in head.decode("latin-1").splitlines() if line.strip()), "").lstrip().startswith(";"):
+        library = _read_trc
+    is_text = form in LINE_FORMS or any(map(_is_recordable, read_lines(BytesIO(head), LineReader())))
     if read is None and library is not None and not is_text:
         read = partial(_library_log, library)
     return lambda times: _Log(read or read_lines, open_file(), form, times)
 
 
-def _is_sound(entry: LogEntry, *, unchecked: bool = False) -> bool:
+def _is_recordable(entry: LogEntry, *, unchecked: bool = False) -> bool:
     """Whether it is a frame, a message, or a line with an intact sentence."""
     return entry.protocol == "can" or has_sentence(entry.payload, unchecked=unchecked)
 
 
-def _library_log(make: Make, file: BinaryIO, reader: LineReader) -> Iterator[LogEntry]:
+def _library_log(make_messages: MakeReader, file: BinaryIO, reader: LineReader) -> Iterator[LogEntry]:
     """The entries of a log by one of python-can's readers. Raises :class:`ValueError` for a broken beginning."""
-    size_bytes = file.seek(0, os.SEEK_END) if make is _BLF else 0  # 0 for text
+    size_bytes = file.seek(0, os.SEEK_END) if make_messages is _BLF else 0  # 0 for text
     file.seek(0)
     try:
-        began_ns = 0 if size_bytes else _stated_start_ns(file, reader.times)
-        return _library_entries(make(file), file, size_bytes, reader, began_ns)
+        began_ns = 0
+        if not size_bytes:  # of a TRC log without a line for its start the comments state it
+            head = file.read(_HEAD_BYTES)
+            file.seek(0)
+            match = None if b"$STARTTIME" in head else _START_TIME.search(head)
+            stated = None if match is None else reader.times.read(match[1].decode("latin-1"))
+            began_ns = 0 if stated is None or stated[1] else stated[0] or 0
+        return _library_entries(make_messages(file), file, size_bytes, reader, began_ns)
     except Exception as error:  # the library promises no set of errors for a broken log
         file.close()
         raise ValueError(f"its beginning is broken: {error}") from error
@@ -346,21 +369,23 @@ def _library_log(make: Make, file: BinaryIO, reader: LineReader) -> Iterator[Log
 def _library_entries(
     messages: Iterable[can.Message], file: BinaryIO, size_bytes: int, reader: LineReader, began_ns: int
 ) -> Iterator[LogEntry]:
-    """What python-can trips over ends the log; what it passes over it tells its logger only: that is counted."""
+    """What python-can fails at ends the log; what it skips it reports to its logger only, where it is counted."""
 
     def count(record: logging.LogRecord) -> bool:
         reader.unreadable += 1
         return False
 
-    cut, first = False, 0 if isinstance(messages, can.TRCReader) else 1  # python-can counts BLF's channels from 0
+    is_cut = False
+    first_channel = 0 if isinstance(messages, can.TRCReader) else 1  # python-can counts BLF's channels from 0
     for logger in _LIBRARY_LOGGERS:
         logger.addFilter(count)
     try:
         for message in messages:
-            cut = not size_bytes and _is_cut(message)
-            if message.arbitration_id <= HIGHEST_IDENTIFIER and not cut:
+            length = 0 if size_bytes or message.is_remote_frame or message.is_error_frame else message.dlc
+            is_cut = len(message.data) < min(length, 64 if message.is_fd else 8)  # the library fills up no line
+            if message.arbitration_id <= HIGHEST_IDENTIFIER and not is_cut:
                 time_ns = began_ns + round(message.timestamp * 1e6) * 1000  # no finer than a float of today holds
-                bus = "" if message.channel is None else f"channel{int(message.channel) + first}"
+                bus = "" if message.channel is None else f"channel{int(message.channel) + first_channel}"
                 yield LogEntry(time_ns, bytes(message.data), message.arbitration_id, flags_of(message), bus=bus)
             else:
                 reader.unreadable += 1
@@ -368,59 +393,21 @@ def _library_entries(
         raise
     except Exception as error:
         reason = f"{type(error).__name__}: {error}".rstrip(": ")
-        raise ValueError(_lost_end(messages, size_bytes) or reason) from error
+        raise ValueError(_missing_end(messages, size_bytes) or reason) from error
     finally:
         file.close()
         for logger in _LIBRARY_LOGGERS:
             logger.removeFilter(count)
-    if damage := _lost_end(messages, size_bytes) or ("its last line is cut off" if cut else ""):
+    if damage := _missing_end(messages, size_bytes) or ("its last line is cut off" if is_cut else ""):
         raise ValueError(damage)
 
 
-def _stated_start_ns(file: BinaryIO, times: StatedTimes) -> int:
-    """When a TRC log began [ns since 1970], by its comments where it has no line for that; 0 where it has."""
-    head = file.read(_HEAD_BYTES)
-    file.seek(0)
-    match = None if b"$STARTTIME" in head else _START_TIME.search(head)
-    stated = None if match is None else times.read(match[1].decode("latin-1"))
-    return 0 if stated is None or stated[1] else stated[0] or 0
-
-
-def _lost_end(blf: Any, size_bytes: int) -> str:
+def _missing_end(blf: Any, size_bytes: int) -> str:
     """What is missing at the end of a BLF log, as far as it can tell."""
     once_bytes = getattr(blf, "file_size", 0)
     if once_bytes > size_bytes:
         return f"it was {once_bytes:,} bytes long, {size_bytes:,} are left"
     return "its last object is cut off" if bytes(getattr(blf, "_tail", b"")).strip(b"\0") else ""
-
-
-def _is_cut(message: can.Message) -> bool:
-    """Whether bytes are missing: the library fills nothing up where a line of ASC ends before its data."""
-    length = min(message.dlc, 64 if message.is_fd else 8)
-    return not (message.is_remote_frame or message.is_error_frame) and len(message.data) < length
-
-
-def _library_form(head: bytes) -> Make | None:
-    """What reads a log, by its first bytes; None for what python-can does not read."""
-    first = next((line for line in head.decode("latin-1").lower().splitlines() if line.strip()), "").strip()
-    if head.startswith(b"LOGG"):
-        return _BLF
-    if first.startswith(";"):
-        return lambda file: can.TRCReader(_text(file))
-    return None
-
-
-def _text(file: BinaryIO) -> Lines:
-    return Lines(file, encoding="utf-8", errors="replace")
-
-
-EARLIEST_UTC_NS = 1_000_000_000 * NANO
-"""Times before are since the log began."""
-_LATEST_NS = 4_102_444_800 * NANO  # 2100; what is later is broken
-_SLACK_NS = NANO  # by so much a clock that comes round may go back without having come round
-_MANY = 100  # entries at one and the same time: the gateway's clock stands still
-_AGREED_NS = 2 * NANO  # the bus tells whole seconds, late
-_TELL_TIME = {kind: read for kind, read in motion_readers("ground").items() if kind in ("ZDA", "RMC")}
 
 
 class LogClock:
@@ -432,35 +419,39 @@ class LogClock:
     def __init__(self, head: Sequence[LogEntry], changed_ns: int) -> None:
         self.remark = ""
         self._now_ns: int | None = None
-        self._differences = _are_differences([entry.time_ns for entry in head if not entry.turn_ns])
-        self._epoch_ns = 0  # UTC when the log's running time was zero; 0 as long as nobody tells it
-        self._begin()
-        self._stands_still = len(head) > _MANY and len({entry.time_ns for entry in head}) == 1
+        stamps_ns = [entry.time_ns for entry in head if not entry.turn_ns and entry.time_ns is not None]
+        # times since the log began would not fall, but those since the frame before do (candump -td)
+        self._differences = any(later < earlier < EARLIEST_UTC_NS for earlier, later in pairwise(stamps_ns))
+        self._epoch_ns = 0  # UTC when the log's running time was zero; 0 as long as it is not stated
+        self._restart()
+        self._stands_still = len(head) > _STUCK_ENTRIES and len({entry.time_ns for entry in head}) == 1
         running = [(self._running_ns(entry), entry) for entry in head]
         timed = [(time_ns, entry) for time_ns, entry in running if time_ns is not None]
-        self._teller = None if timed else _usual_teller(head)
-        if self._teller is not None:
+        self._time_source = None if timed else _usual_time_source(head)
+        if self._time_source is not None:
             self.remark = (
                 "it has no times of its own; what the bus or a sentence tells is taken, mostly whole seconds"
             )
         self._learn(timed, changed_ns)
-        rolled_over = next((entry for entry in head if _is_rolled_over(entry)), None)
-        if rolled_over is not None:
-            date = iso(told_utc_ns(rolled_over) or 0)[:10]
-            self.remark = f"a receiver's weeks have rolled over: its date is 1,024 weeks back, {date} is taken"
-        self._begin()
+        for entry in head:
+            lines = sentences_in(entry.payload) if entry.protocol == "nmea0183" else ()
+            if any(_possible_ns(time_ns) not in (None, time_ns) for time_ns in map(_sentence_ns, lines)):
+                date = iso(entry_utc_ns(entry) or 0)[:10]
+                self.remark = f"a receiver's weeks have rolled over: its date is 1,024 weeks back, {date} is taken"
+                break
+        self._restart()
         next((entry for entry in head if self.time_ns(entry) is not None), None)  # what comes before has it, too
-        self._begin()
+        self._restart()
 
-    def _begin(self) -> None:
+    def _restart(self) -> None:
         self._turns: dict[int, tuple[int, int]] = {}
         self._since_start_ns = 0
 
     def time_ns(self, entry: LogEntry) -> int | None:
-        """The entry's time, or that of the one before: UTC, or since the log began; None where there is none."""
-        if self._teller is not None:
-            told_ns = told_utc_ns(entry) if _teller(entry) == self._teller else None
-            self._now_ns = self._now_ns if told_ns is None else told_ns
+        """The entry's time, or that of the entry before: UTC, or since the log began; None where there is none."""
+        if self._time_source is not None:
+            stated_ns = entry_utc_ns(entry) if _time_source(entry) == self._time_source else None
+            self._now_ns = self._now_ns if stated_ns is None else stated_ns
             return self._now_ns
         running_ns = self._running_ns(entry)
         if running_ns is not None:
@@ -468,7 +459,7 @@ class LogClock:
         return self._now_ns
 
     def _running_ns(self, entry: LogEntry) -> int | None:
-        """As the entry tells it, but that a clock which comes round runs on, and differences are added up."""
+        """As the entry states it, but that a clock that wraps around runs on, and differences are added up."""
         time_ns, turn_ns = entry.time_ns, entry.turn_ns
         if time_ns is None or self._stands_still or not 0 <= time_ns < _LATEST_NS:
             return None
@@ -486,24 +477,24 @@ class LogClock:
         return time_ns
 
     def _learn(self, running: list[tuple[int, LogEntry]], changed_ns: int) -> None:
-        """When the log began, by who tells UTC in its beginning or, of times of day, by the file's last change."""
+        """When the log began, by the UTC stated in its beginning or, of times of day, by the file's last change."""
         since = [(time_ns, entry) for time_ns, entry in running if time_ns < EARLIEST_UTC_NS]
         if not since:
             return
-        teller = _usual_teller([entry for _, entry in since])
+        time_source = _usual_time_source([entry for _, entry in since])
         starts_ns = [
             utc - time_ns
             for time_ns, entry in since
-            if _teller(entry) == teller and (utc := told_utc_ns(entry)) is not None
+            if _time_source(entry) == time_source and (utc := entry_utc_ns(entry)) is not None
         ]
-        # a receiver that has just been switched on tells anything
+        # a receiver that has just been switched on may state any time
         began_ns = median_low(starts_ns) if starts_ns else 0
         has_clock = any(entry.turn_ns == DAY_NS for _, entry in since)
-        if began_ns and has_clock and abs(began_ns - (midnight := _whole_days(began_ns))) <= _AGREED_NS:
+        if began_ns and has_clock and abs(began_ns - (midnight := _nearest_midnight_ns(began_ns))) <= _AGREED_NS:
             began_ns = midnight
         elif began_ns and has_clock:
-            off_s = (_whole_days(began_ns) - began_ns) / 1e9
-            self.remark = f"its clock is {off_s:+.1f} s from that of the bus or a sentence, which is taken"
+            offset_s = (_nearest_midnight_ns(began_ns) - began_ns) / 1e9
+            self.remark = f"its clock is {offset_s:+.1f} s from that of the bus or a sentence, which is taken"
         elif has_clock:
             last_ns = max(time_ns for time_ns, _ in since)
             began_ns = (changed_ns - last_ns) // DAY_NS * DAY_NS
@@ -513,23 +504,23 @@ class LogClock:
         self._epoch_ns = began_ns
 
 
-def _teller(entry: LogEntry) -> tuple[int, bytes]:
-    """Who says it: the identifier of a frame, the beginning of a sentence."""
+def _time_source(entry: LogEntry) -> tuple[int, bytes]:
+    """What an entry comes from: the identifier of a frame, the beginning of a sentence."""
     return entry.identifier, b"" if entry.protocol == "can" else split_tag(entry.payload).sentence[:6]
 
 
-def _usual_teller(head: Sequence[LogEntry]) -> tuple[int, bytes] | None:
-    """Who tells the UTC most often: two that did would make the time go to and fro."""
-    tellers = Counter(_teller(entry) for entry in head if told_utc_ns(entry) is not None)
-    return tellers.most_common(1)[0][0] if tellers else None
+def _usual_time_source(head: Sequence[LogEntry]) -> tuple[int, bytes] | None:
+    """What states the UTC most often: two sources would make the time go to and fro."""
+    counts = Counter(_time_source(entry) for entry in head if entry_utc_ns(entry) is not None)
+    return counts.most_common(1)[0][0] if counts else None
 
 
-def _whole_days(time_ns: int) -> int:
+def _nearest_midnight_ns(time_ns: int) -> int:
     return (time_ns + DAY_NS // 2) // DAY_NS * DAY_NS
 
 
-def told_utc_ns(entry: LogEntry) -> int | None:
-    """The UTC that a message or a sentence tells [ns since 1970]; None for all others."""
+def entry_utc_ns(entry: LogEntry) -> int | None:
+    """The UTC that a message or a sentence states [ns since 1970]; None for any other."""
     if entry.protocol == "nmea0183":
         stated = (_possible_ns(time_ns) for time_ns in map(_sentence_ns, sentences_in(entry.payload)))
         return next((utc for utc in stated if utc is not None), None)
@@ -548,39 +539,14 @@ def _possible_ns(time_ns: int | None) -> int | None:
     return correct_week_rollover(time_ns, now_ns()[0])
 
 
-def _is_rolled_over(entry: LogEntry) -> bool:
-    stated = map(_sentence_ns, sentences_in(entry.payload)) if entry.protocol == "nmea0183" else ()
-    return any(time_ns is not None and _possible_ns(time_ns) not in (None, time_ns) for time_ns in stated)
-
-
 def _sentence_ns(line: bytes) -> int | None:
-    """The date and time that a sentence states [ns since 1970]; None for all others."""
+    """The date and time that a sentence states [ns since 1970]; None for any other."""
     tag, fields = split_sentence(split_tag(line).sentence) or ("", [])
-    read = _TELL_TIME.get(tag[-3:])
+    read = _TIME_READERS.get(tag[-3:])
     reading = SentenceReading() if read is None else read(Fields(fields))
     if reading.date is None or reading.seconds_of_day is None:
         return None
     return utc_ns(reading.date, reading.seconds_of_day)
-
-
-def _are_differences(times_ns: list[int | None]) -> bool:
-    """Whether times are since the frame before (candump -td): times since the log began would not fall."""
-    stamps_ns = [time_ns for time_ns in times_ns if time_ns is not None]
-    return any(later < former < EARLIEST_UTC_NS for former, later in pairwise(stamps_ns))
-
-
-_TIME_BYTES = 8
-_MICRO_NS = 1000
-_BLOCK_BYTES = 4096  # some 100 entries, at most 256
-_LONGEST_DAMAGE_BYTES = 65_536  # in one frame; within it no packet is cut in two
-_LOOK_AHEAD_BYTES = 2 * (_TIME_BYTES + LONGEST_BYTES) + 1  # an entry, and one that may begin inside it
-# A clock may be set during a log, but then all that follows is on the new time; one time far from both its
-# neighbours is damaged.
-_JUMP_NS = 60 * NANO
-_MOST_STEPS = 10_000
-# Microseconds of a time before 2100, then a packet's first byte.
-_MAY_BE_ENTRY = re.compile(rb"(?=\x00[\x00-\x0e].{6}[\xfd\xfe])", re.DOTALL)
-_SYSTEM_TIME = 2  # the message whose first eight bytes are the microseconds since 1970
 
 
 def time_at(data: bytes, at: int) -> int | None:
@@ -595,7 +561,7 @@ def time_at(data: bytes, at: int) -> int | None:
 def entry_end(data: bytes, at: int) -> int | None:
     """Where the entry that begins at ``at`` ends; None where it is none, or is cut off.
 
-    A packet whose length no checksum confirms (of an unknown message, a signed one) is believed where another
+    A packet whose length no checksum confirms (of an unknown message, a signed one) is accepted where another
     entry follows, or the end of ``data``, which may be within a time, and no sound entry begins inside.
     """
     if time_at(data, at) is None:
@@ -623,10 +589,10 @@ def next_entry(data: bytes, at: int, settled: int) -> int | None:
 class TelemetryLog(LogReader):
     """One log; every frame has the log's time and no other. ``remark`` is what should be known of its times."""
 
-    def _begin(self, file: BinaryIO) -> None:
-        beginning = file.read(_LONGEST_DAMAGE_BYTES)
-        first = next_entry(beginning, 0, len(beginning))
-        time_ns = None if first is None else time_at(beginning, first)
+    def _read_beginning(self, file: BinaryIO) -> None:
+        head = file.read(_LONGEST_DAMAGE_BYTES)
+        begin = next_entry(head, 0, len(head))
+        time_ns = None if begin is None else time_at(head, begin)
         changed_ns = self._config.path.stat().st_mtime_ns
         self._behind_ns, self._steps, self._date = 0, list[tuple[int, int]](), ""
         began_ns = changed_ns if time_ns is None else time_ns
@@ -641,14 +607,14 @@ class TelemetryLog(LogReader):
         self._steps.clear()
 
     def _clock_error(self, file: BinaryIO, changed_ns: int) -> tuple[int, str]:
-        """How far a clock that was not set is behind UTC [ns], and who says so: the first to state it."""
+        """How far a clock that was not set is behind UTC [ns], and what states it first."""
         last_ns = self._time_ns
-        while (frames := self._next(file)) is not None:
+        while (frames := self._next_frames(file)) is not None:
             for frame in frames:
                 if is_possible(frame.received_ns):
                     return frame.received_ns - last_ns, "where that clock was set later"
                 last_ns = frame.received_ns
-                if (utc_ns := _stated_utc_ns(frame.payload)) is not None:
+                if (utc_ns := _packet_utc_ns(frame.payload)) is not None:
                     return utc_ns - last_ns, "SYSTEM_TIME in it"
         return changed_ns - last_ns, "the file's last change"
 
@@ -662,18 +628,18 @@ class TelemetryLog(LogReader):
             )
         if self._steps:
             at_ns, step_ns = self._steps[0]
-            more = f", and {len(self._steps) - 1} times more" if len(self._steps) > 1 else ""
-            remarks.append(f"its clock was set by {step_ns / NANO:+,.0f} s at {iso(at_ns)}{more}")
+            repeated = f", and {len(self._steps) - 1} times more" if len(self._steps) > 1 else ""
+            remarks.append(f"its clock was set by {step_ns / NANO:+,.0f} s at {iso(at_ns)}{repeated}")
         return "; ".join(remarks)
 
-    def _next(self, file: BinaryIO) -> list[Frame] | None:
+    def _next_frames(self, file: BinaryIO) -> list[Frame] | None:
         block = file.read(_BLOCK_BYTES)
         self._data += block
         frames = self._frames(ended=not block)
         return frames if frames or block else None
 
     def _frames(self, *, ended: bool) -> list[Frame]:
-        """The frames in the bytes at hand; what may yet turn out to be an entry is left for the next time."""
+        """The frames in the bytes at hand; what may yet turn out to be an entry waits for the next call."""
         data, frames, at = self._data, [], 0
         settled = len(data) - (0 if ended else _LOOK_AHEAD_BYTES)
         while at < settled:
@@ -684,13 +650,13 @@ class TelemetryLog(LogReader):
                     break
                 end = settled if end is None else end
             else:
-                self._go_on(self._believed(data, at, end))
+                self._advance(self._plausible_time_ns(data, at, end))
             frames.append(self._frame(data[payload_from:end]))
             at = end
         self._data = data[at:]
         return frames
 
-    def _believed(self, data: bytes, at: int, end: int) -> int:
+    def _plausible_time_ns(self, data: bytes, at: int, end: int) -> int:
         """The time of the entry, unless the one before and the one after agree that it is wrong [ns UTC]."""
         time_ns, next_ns = time_at(data, at) or self._time_ns, time_at(data, end) if end < len(data) else None
         jumps = abs(time_ns - self._time_ns) > _JUMP_NS
@@ -698,7 +664,7 @@ class TelemetryLog(LogReader):
             return self._time_ns
         return time_ns
 
-    def _go_on(self, time_ns: int) -> None:
+    def _advance(self, time_ns: int) -> None:
         before_ns, after_ns = self._utc_ns(self._time_ns), self._utc_ns(time_ns)
         if abs(after_ns - before_ns) > _JUMP_NS and len(self._steps) < _MOST_STEPS:
             self._steps.append((after_ns, after_ns - before_ns))
@@ -714,7 +680,7 @@ class TelemetryLog(LogReader):
         return Frame(self.name, "mavlink", payload, time_ns, self._monotonic_ns, stamped_ns=time_ns)
 
 
-def _stated_utc_ns(packet: bytes) -> int | None:
+def _packet_utc_ns(packet: bytes) -> int | None:
     """The UTC that an intact SYSTEM_TIME states [ns since 1970]; None of all others."""
     if not packet or packet_length(packet, 0) != len(packet) or not is_sound(packet):
         return None

@@ -1,23 +1,16 @@
-"""Lines of text as gateways send them and logs keep them, to CAN frames, whole messages and sentences.
+"""Turns lines and files of logs and gateways into CAN frames, whole messages and sentences: a form, a function.
 
-A form is a pattern and a small function from what it matched to an entry, listed in :data:`LINE_FORMS`. Times are
-as the line tells them: UTC, since the log began (before 2001), or a clock that comes round (``turn_ns``).
+A form of a line is a pattern and a small function from what it matched to an entry (:data:`LINE_FORMS`); a form of
+a file is what its first bytes look like and a function that reads it (:data:`FILE_FORMS`). Such a function takes
+the open file and a :class:`LineReader`, which also counts what could not be read; it raises :class:`ValueError`
+with what is broken where a file ends before its time. Times are as the line states them: UTC, since the log began
+(before 2001), or a clock that wraps around (``turn_ns``).
 
-Actisense's binary messages (BST), of NGT-1, NGX, W2K, WGX and others, and the marks that they come between.
-
-Source: the descriptions in the maker's public SDK. A message begins with its kind and length; all its bytes add
-up to zero. Kinds that say nothing of the bus, the gateway's own, are sound and empty.
-
-Vector's ASC: a header with the date, then a line for each event on one of several channels.
-
-What the stamps count from is told in three ways: the header's date, unless the header says that each counts from
-the line before; or midnight, by programs that write times of day below a date of their own. Dates are this
+Actisense's binary messages (BST), of NGT-1, NGX, W2K, WGX and others, by the descriptions in the maker's public
+SDK, begin with their kind and length; all their bytes add up to zero. Kinds that concern only the gateway are valid
+and empty. Stamps of Vector's ASC count from the header's date, unless the header says that each counts from the
+line before; or from midnight, by programs that write times of day below a date of their own. Dates are this
 machine's local time, as their writers mean them.
-
-Log files to entries: one function a form, each with what the file's first bytes look like, in one table.
-
-A function takes the open file and a :class:`LineReader`, which also counts what could not be read; it raises
-:class:`ValueError` with what is broken where a file ends before its time.
 """
 
 from __future__ import annotations
@@ -32,7 +25,7 @@ from functools import partial
 from itertools import chain
 from typing import BinaryIO, NamedTuple
 
-from seatrial.acquisition.core.times import DAY_NS, Order, Stamp, time_of_day_ns
+from seatrial.acquisition.core.times import DAY_NS, Stamp, time_of_day_ns
 from seatrial.acquisition.core.trial import HIGHEST_IDENTIFIER, NANO, FrameFlag, Protocol, can_flags
 from seatrial.acquisition.protocols.clock import (
     SENTENCE_WITH_PREFIX,
@@ -55,15 +48,13 @@ MILLI_NS = 1_000_000
 _MOST_BYTES = 64  # of a frame of CAN FD
 _LONGEST_MESSAGE = 1785  # bytes, of ISO 11783's transport protocol
 _ERROR_BIT = 0x20000000  # candump marks error frames by a bit above the 29 of the identifier
-
-
-_pattern = partial(re.compile, flags=re.ASCII)  # what is no ASCII is no space and no digit
+_pattern = partial(re.compile, flags=re.ASCII)  # outside ASCII nothing is a space or a digit
 
 
 class LogEntry(NamedTuple):
-    """One frame, whole message or sentence, with the time that its line tells, if any.
+    """One frame, whole message or sentence, with the time that its line states, if any.
 
-    A clock that starts anew every ``turn_ns`` (at midnight, after 2^32 ms) tells how much of the turn is over.
+    A clock that restarts every ``turn_ns`` (at midnight, after 2^32 ms) states how much of the turn is over.
     ``bus`` is the interface or channel of a log that has several.
     """
 
@@ -100,8 +91,8 @@ def message(
     return LogEntry(time_ns, payload, identifier, flags, turn_ns=turn_ns)
 
 
-def _header(match: re.Match[str], base: int = 10) -> tuple[int, int, int, int]:
-    """Priority, group, source and destination of a message, 0 for what its line does not tell."""
+def _message_header(match: re.Match[str], base: int = 10) -> tuple[int, int, int, int]:
+    """Priority, group, source and destination of a message, 0 for what its line does not state."""
     priority, group, source, destination = match.group("priority", "group", "source", "destination")
     return int(priority or "0", base), int(group, base), int(source or "0", base), int(destination, base)
 
@@ -122,31 +113,27 @@ _CANDUMP_OLD = _pattern(
 )
 
 
-def _candump_log(match: re.Match[str]) -> LogEntry | None:
+def _read_candump_log(match: re.Match[str]) -> LogEntry | None:
     remote = match["data"].startswith("R")
     data = b"" if remote else bytes.fromhex(match["data"].replace(".", ""))
-    return _frame(match["time"], match["id"], data, remote, match["bus"])
+    return _candump_frame(match["time"], match["id"], data, remote, match["bus"])
 
 
-def _candump_console(match: re.Match[str]) -> LogEntry | None:
+def _read_candump_console(match: re.Match[str]) -> LogEntry | None:
     fields = match.groupdict()
     remote = fields.get("remote") is not None
-    data = _console_bytes(fields["data"] or "")
+    text = fields["data"] or ""
+    parts = text.replace("`", " ").split()
+    base = 2 if parts and len(parts[0]) == 8 else 16  # binary: -i
+    data = bytes(int(part, base) for part in parts)
+    if "`" in text:  # the last byte comes first: -S
+        data = data[::-1]
     if not remote and len(data) != int(fields["length"]):
         return None
-    return _frame(fields.get("time"), fields["id"], data, remote, fields.get("bus") or "")
+    return _candump_frame(fields.get("time"), fields["id"], data, remote, fields.get("bus") or "")
 
 
-def _console_bytes(text: str) -> bytes:
-    """Bytes as candump prints them: hexadecimal, binary (``-i``), or the last one first (``-S``)."""
-    swapped = "`" in text
-    parts = text.replace("`", " ").split()
-    base = 2 if parts and len(parts[0]) == 8 else 16
-    data = bytes(int(part, base) for part in parts)
-    return data[::-1] if swapped else data
-
-
-def _frame(time: str | None, identifier: str, data: bytes, remote: bool, bus: str) -> LogEntry | None:
+def _candump_frame(time: str | None, identifier: str, data: bytes, remote: bool, bus: str) -> LogEntry | None:
     time_ns = None if time is None else _candump_time_ns(time)
     if len(data) > _MOST_BYTES or (time is not None and time_ns is None):
         return None
@@ -161,7 +148,7 @@ _SAVVYCAN = _pattern(
 )
 
 
-def _savvycan(match: re.Match[str]) -> LogEntry | None:
+def _read_savvycan(match: re.Match[str]) -> LogEntry | None:
     """A row of SavvyCAN's table: microseconds since 1970 or since the log began, the frame's bytes in columns."""
     data, identifier = bytes.fromhex(match["data"].replace(",", "")), int(match["id"], 16)
     if len(data) != int(match["length"]):
@@ -192,13 +179,13 @@ _CANBOAT = _pattern(
 )
 
 
-def _canboat(match: re.Match[str]) -> LogEntry | None:
+def _read_canboat(match: re.Match[str]) -> LogEntry | None:
     """Where it has more than 8 bytes canboat has put it together; one of 8 may be part of a longer message."""
     data = bytes.fromhex(match["data"].replace(",", ""))
     time_ns = zoned_time_ns(match["date"], match["clock"], match["fraction"], match["zone"], dt.UTC)
     if time_ns is None or len(data) != int(match["length"]):
         return None
-    return message(_header(match), data, time_ns, assembled=len(data) > 8)
+    return message(_message_header(match), data, time_ns, assembled=len(data) > 8)
 
 
 _YACHT_DEVICES = _pattern(
@@ -207,7 +194,7 @@ _YACHT_DEVICES = _pattern(
 )
 
 
-def _yacht_devices(match: re.Match[str]) -> LogEntry | None:
+def _read_yacht_devices(match: re.Match[str]) -> LogEntry | None:
     """``17:33:21.107 R 19F51323 01 2F 30 70 00 2F 30 70``, and of some devices without time and direction."""
     time_ns = time_of_day_ns(match["clock"], match["fraction"]) if match["clock"] else None
     number = int(match["id"], 16)
@@ -223,12 +210,12 @@ _N2K_ASCII = _pattern(
 )
 
 
-def _n2k_ascii(match: re.Match[str]) -> LogEntry | None:
+def _read_n2k_ascii(match: re.Match[str]) -> LogEntry | None:
     """``A173321.107 23FF7 1F513 012F3070002F30709F``: whole messages of an Actisense gateway."""
     time_ns = time_of_day_ns(match["clock"], match["fraction"]) if match["clock"] else None
     if match["clock"] and time_ns is None:
         return None
-    return message(_header(match, 16), bytes.fromhex(match["data"]), time_ns, DAY_NS)
+    return message(_message_header(match, 16), bytes.fromhex(match["data"]), time_ns, DAY_NS)
 
 
 _IKONVERT = _pattern(
@@ -237,15 +224,15 @@ _IKONVERT = _pattern(
 )
 
 
-def _ikonvert(match: re.Match[str]) -> LogEntry | None:
-    """Digital Yacht's, with the seconds since the gateway started; of what is sent to it they are not told."""
+def _read_ikonvert(match: re.Match[str]) -> LogEntry | None:
+    """Digital Yacht's, with the seconds since the gateway started, except for what is sent to it."""
     try:
         data = base64.b64decode(match["data"], validate=True)
     except binascii.Error:
         return None
     fraction_ns = int((match["fraction"] or "").ljust(9, "0"))
     time_ns = int(match["seconds"]) * NANO + fraction_ns if match["seconds"] else None
-    return message(_header(match), data, time_ns)
+    return message(_message_header(match), data, time_ns)
 
 
 _SEASMART = _pattern(
@@ -256,13 +243,13 @@ _SEASMART_EPOCH_NS = 1_262_304_000 * NANO  # 2010
 _LONGEST_UPTIME_MS = 0x80000000
 
 
-def _seasmart(match: re.Match[str]) -> LogEntry | None:
-    """SeaSmart's and what followed it. Its time is of one of two kinds, which the protocol does not tell apart.
+def _read_seasmart(match: re.Match[str]) -> LogEntry | None:
+    """SeaSmart's and what followed it. Its time is of one of two kinds, which the protocol does not distinguish.
 
     Devices write milliseconds since they started, hexadecimal; the original 1/1024 s since 2010 to the base of 32,
     which begin with 8 or more since 2018: a device that has been on for 25 days is taken for one.
     """
-    if not _is_sound(match):
+    if not _has_valid_checksum(match):
         return None
     header = 0, int(match["group"], 16), int(match["source"], 16), 255
     digits, turn_ns = match["time"], 2**32 * MILLI_NS
@@ -279,14 +266,14 @@ _MXPGN = _pattern(
 )
 
 
-def _mxpgn(match: re.Match[str]) -> LogEntry | None:
+def _read_mxpgn(match: re.Match[str]) -> LogEntry | None:
     """ShipModul's: a CAN frame, its data as one number, so that the last byte comes first; some put them together.
 
-    What a program sends to the bus bears a bit, and an address that is the receiver's; the sender's is not told.
+    What a program sends to the bus bears a bit, and an address that is the receiver's; the sender's is not stated.
     """
     attribute, group = int(match["attribute"], 16), int(match["group"], 16)
     data, address = bytes.fromhex(match["data"])[::-1], attribute & 0xFF
-    if not _is_sound(match) or (len(data) <= 8 and len(data) != min(attribute >> 8 & 0xF, 8)):
+    if not _has_valid_checksum(match) or (len(data) <= 8 and len(data) != min(attribute >> 8 & 0xF, 8)):
         return None
     source, destination = (0, address) if attribute & 0x8000 else (address, 255)
     if (group >> 8) & 0xFF < 240:
@@ -294,7 +281,7 @@ def _mxpgn(match: re.Match[str]) -> LogEntry | None:
     return message((attribute >> 12 & 7, group, source, destination), data, None, assembled=len(data) > 8)
 
 
-def _is_sound(match: re.Match[str]) -> bool:
+def _has_valid_checksum(match: re.Match[str]) -> bool:
     body = match.string[1 : match.string.rindex("*")]
     return checksum(body.encode("latin-1")) == int(match["sum"], 16)
 
@@ -305,7 +292,7 @@ _GARMIN = _pattern(
 )
 
 
-def _garmin(match: re.Match[str]) -> LogEntry | None:
+def _read_garmin(match: re.Match[str]) -> LogEntry | None:
     """A chart plotter's log: milliseconds since it started, or ``month_day_year_hour_minute_second_ms``."""
     data, numbers = bytes.fromhex(match["data"]), match["time"].split("_")
     if len(data) != int(match["length"]):
@@ -315,34 +302,34 @@ def _garmin(match: re.Match[str]) -> LogEntry | None:
         month, day, year, hour, minute, second, milli = map(int, numbers)
         clock = f"{hour:02d}:{minute:02d}:{second:02d}"
         time_ns = zoned_time_ns(f"{year:04d}-{month:02d}-{day:02d}", clock, f"{milli % 1000:03d}", None, dt.UTC)
-    return None if time_ns is None else message(_header(match), data, time_ns)
+    return None if time_ns is None else message(_message_header(match), data, time_ns)
 
 
 _OPENCPN_MESSAGE = _pattern(r"(?:\$PCDIN,\d+,)?(?P<data>93(?:[0-9A-Fa-f]{2}){12,})\s*")
 
 
-def _opencpn(match: re.Match[str]) -> LogEntry | None:
+def _read_opencpn(match: re.Match[str]) -> LogEntry | None:
     """A message as OpenCPN keeps it: as Actisense's gateway gives it, whose time it fills in as it likes."""
-    stored = message_entry(bytes.fromhex(match["data"]))
+    stored = parse_kind_93(bytes.fromhex(match["data"]))
     return None if stored is None else message(stored.header, stored.payload, None)
 
 
-Read = Callable[[re.Match[str]], LogEntry | None]
-LINE_FORMS: dict[str, tuple[tuple[re.Pattern[str], Read], ...]] = {
+ReadMatch = Callable[[re.Match[str]], LogEntry | None]
+LINE_FORMS: dict[str, tuple[tuple[re.Pattern[str], ReadMatch], ...]] = {
     "candump": (
-        (_CANDUMP_LOG, _candump_log),
-        (_CANDUMP_CONSOLE, _candump_console),
-        (_CANDUMP_OLD, _candump_console),
+        (_CANDUMP_LOG, _read_candump_log),
+        (_CANDUMP_CONSOLE, _read_candump_console),
+        (_CANDUMP_OLD, _read_candump_console),
     ),
-    "savvycan": ((_SAVVYCAN, _savvycan),),
-    "canboat": ((_CANBOAT, _canboat),),
-    "yacht_devices": ((_YACHT_DEVICES, _yacht_devices),),
-    "n2k_ascii": ((_N2K_ASCII, _n2k_ascii),),
-    "ikonvert": ((_IKONVERT, _ikonvert),),
-    "seasmart": ((_SEASMART, _seasmart),),
-    "mxpgn": ((_MXPGN, _mxpgn),),
-    "garmin": ((_GARMIN, _garmin),),
-    "opencpn": ((_OPENCPN_MESSAGE, _opencpn),),
+    "savvycan": ((_SAVVYCAN, _read_savvycan),),
+    "canboat": ((_CANBOAT, _read_canboat),),
+    "yacht_devices": ((_YACHT_DEVICES, _read_yacht_devices),),
+    "n2k_ascii": ((_N2K_ASCII, _read_n2k_ascii),),
+    "ikonvert": ((_IKONVERT, _read_ikonvert),),
+    "seasmart": ((_SEASMART, _read_seasmart),),
+    "mxpgn": ((_MXPGN, _read_mxpgn),),
+    "garmin": ((_GARMIN, _read_garmin),),
+    "opencpn": ((_OPENCPN_MESSAGE, _read_opencpn),),
 }
 """Each form of a line by its name, with what it looks like and how it is read."""
 
@@ -389,39 +376,47 @@ class LineReader:
     def entry(self, piece: bytes) -> LogEntry | None:
         """The entry in a line or a message, if there is one; of a line that :func:`parts_of` leaves as it is."""
         if piece.startswith(MARK) and (stored := stored_message(piece[len(MARK) :])) is not None:
-            return _of_stored(stored)
+            if stored.sentence:
+                return LogEntry(None, stored.sentence, protocol="nmea0183")
+            if not stored.payload:
+                return None
+            return message(
+                stored.header, stored.payload, stored.time_ns, stored.turn_ns, assembled=stored.assembled
+            )
         text = piece.decode("latin-1")
-        return self._sentence(text) if text.startswith(_BEGINNINGS) else self._line(text)
+        return self._read_sentence(text) if text.startswith(_BEGINNINGS) else self._read_line(text)
 
-    def _sentence(self, text: str) -> LogEntry | None:
+    def _read_sentence(self, text: str) -> LogEntry | None:
         """A line that begins as a sentence does; some have a message of NMEA 2000 inside, or a time behind."""
         if text[-3:-2] != "*" and (match := _ENDING.fullmatch(text)):
-            return _at(self._sentence(match["inner"]), self.times.read(match["after"]))
+            return _at_time(self._read_sentence(match["inner"]), self.times.read(match["after"]))
         line = text.encode("latin-1")
         tagged = split_tag(line)
         if tagged.sentence[3:7] == b"PGN," or tagged.sentence.startswith((b"$PCDIN,", b"!PDGY,")):
-            entry = self._bare(tagged.sentence.decode("latin-1"))
+            entry = self._match_form(tagged.sentence.decode("latin-1"))
             if entry is None:
-                return self._disturbed(line)
-            return _at(entry, None if tagged.time_ns is None else (possible_ns(tagged.time_ns), 0))
+                return self._embedded_sentence(line)
+            return _at_time(entry, None if tagged.time_ns is None else (possible_ns(tagged.time_ns), 0))
         return (
             None if _NO_ENTRY.fullmatch(text) else LogEntry(possible_ns(tagged.time_ns), line, protocol="nmea0183")
         )
 
-    def _line(self, text: str) -> LogEntry | None:
+    def _read_line(self, text: str) -> LogEntry | None:
         if "\x1b" in text:
             text = _COLOUR.sub("", text).strip()
-        entry = self._bare(text) or self._enveloped(text)
-        return entry if entry is not None or _NO_ENTRY.fullmatch(text) else self._disturbed(text.encode("latin-1"))
+        entry = self._match_form(text) or self._unwrap(text)
+        if entry is not None or _NO_ENTRY.fullmatch(text):
+            return entry
+        return self._embedded_sentence(text.encode("latin-1"))
 
-    def _disturbed(self, line: bytes) -> LogEntry | None:
+    def _embedded_sentence(self, line: bytes) -> LogEntry | None:
         """A line of no form, for the sentences that are in it all the same."""
         if has_sentence(line):
             return LogEntry(None, line, protocol="nmea0183")
         self.unreadable += 1
         return None
 
-    def _bare(self, text: str) -> LogEntry | None:
+    def _match_form(self, text: str) -> LogEntry | None:
         for form in self._forms:
             if match := form[0].fullmatch(text):
                 if form is not self._forms[0]:  # the next line is most likely of the same form
@@ -430,28 +425,21 @@ class LineReader:
                 return form[1](match)
         return None
 
-    def _enveloped(self, text: str) -> LogEntry | None:
+    def _unwrap(self, text: str) -> LogEntry | None:
         """What stands behind a time or a name that a logger wrote before it."""
         if text[:1] in _COMMENTS:
             return None
         if match := SENTENCE_WITH_PREFIX.fullmatch(text):
             inner = match["inner"].removesuffix('"') if match["before"].endswith('"') else match["inner"]
-            return _at(self._sentence(inner), self.times.read(match["before"]))
+            return _at_time(self._read_sentence(inner), self.times.read(match["before"]))
         match = next(filter(None, (pattern.fullmatch(text) for pattern in _ENVELOPES)), None)
-        return None if match is None else _at(self._bare(match["inner"]), self.times.read(match["before"]))
+        if match is None:
+            return None
+        return _at_time(self._match_form(match["inner"]), self.times.read(match["before"]))
 
 
-def _of_stored(stored: Stored) -> LogEntry | None:
-    """What an Actisense message says of the bus, if anything."""
-    if stored.sentence:
-        return LogEntry(None, stored.sentence, protocol="nmea0183")
-    if not stored.payload:
-        return None
-    return message(stored.header, stored.payload, stored.time_ns, stored.turn_ns, assembled=stored.assembled)
-
-
-def _at(entry: LogEntry | None, time: tuple[int | None, int] | None) -> LogEntry | None:
-    """The entry at the time that was told beside it, if any was."""
+def _at_time(entry: LogEntry | None, time: tuple[int | None, int] | None) -> LogEntry | None:
+    """The entry at the time stated next to it, if any."""
     return entry if entry is None or time is None else entry._replace(time_ns=time[0], turn_ns=time[1])
 
 
@@ -467,16 +455,15 @@ _SHORTEST_CUT_BYTES = 4096  # more than the longest sentence, which the same mes
 _BEGINNING = re.compile(rb"\\[^\\]{1,200}(?:\\[$!]?|\Z)|[$!]{1,2}")
 """Of a sentence, or of its TAG block."""
 _SENTENCE_LINE = re.compile(rb"[$!][A-Za-z0-9]{3,16},[\x20-\x7e]{0,200}\*[0-9A-Fa-f]{2}[\r\n]")
-_MILLI_NS = 1_000_000
-_UPTIME_TURN_NS = 2**32 * _MILLI_NS
+_UPTIME_TURN_NS = 2**32 * MILLI_NS
 _STEPS_NS = (1_000_000, 100_000, 10_000, 1_000)  # of the 16-bit clock of single frames, by two bits
 
 
 class Stored(NamedTuple):
     """What a message holds: a group's bytes with their priority, group, source and destination, or a sentence.
 
-    ``time_ns`` counts from when the gateway started and comes round after ``turn_ns``. ``assembled`` tells messages
-    that the gateway has put together from single frames.
+    ``time_ns`` counts from when the gateway started and wraps around after ``turn_ns``. ``assembled`` marks
+    messages that the gateway has put together from single frames.
     """
 
     header: tuple[int, int, int, int] = (0, 0, 0, 0)
@@ -496,11 +483,9 @@ def stored_message(stored: bytes) -> Stored | None:
     if length != len(body) or sum(stored) & 0xFF:
         return None
     if kind == 0x93:
-        return message_entry(body)
-    if kind == 0x95:
-        return _single_frame(body)
-    if kind == 0xD0:
-        return _newest(body)
+        return parse_kind_93(body)
+    if kind in (0x95, 0xD0):
+        return _parse_kind_95_or_d0(body)
     return Stored(sentence=body[2:].strip(b"\0\r\n \t")) if kind == _TEXT_KIND[0] else Stored()
 
 
@@ -509,36 +494,32 @@ def is_message(piece: bytes) -> bool:
     return piece.startswith(MARK) and stored_message(piece[len(MARK) :]) is not None
 
 
-def message_entry(body: bytes) -> Stored | None:
+def parse_kind_93(body: bytes) -> Stored | None:
     """A message of kind 93, without its checksum; None where its lengths contradict each other."""
     if len(body) < 13 or body[0] != 0x93 or len(body) < 13 + body[12]:
         return None
-    group, destination = _group(body[5], body[4], body[3], body[6])
-    header = body[2] & 7, group, body[7], destination
-    return Stored(header, body[13 : 13 + body[12]], int.from_bytes(body[8:12], "little") * _MILLI_NS)
+    header = body[2] & 7, _group(body[5], body[4], body[3]), body[7], body[6]
+    return Stored(header, body[13 : 13 + body[12]], int.from_bytes(body[8:12], "little") * MILLI_NS)
 
 
-def _newest(body: bytes) -> Stored | None:
-    if len(body) < 13:
+def _parse_kind_95_or_d0(body: bytes) -> Stored | None:
+    """A message with an identifier's fields: of kind 95 a single frame; None for one of a wrong length."""
+    is_single = body[0] == 0x95
+    if not (8 <= len(body) <= 16 if is_single else len(body) >= 13):
         return None
-    group, destination = _group(body[7], body[6], body[5], body[3])
-    time_ns = int.from_bytes(body[9:13], "little") * _MILLI_NS
-    return Stored((body[7] >> 2 & 7, group, body[4], destination), body[13:], time_ns)
-
-
-def _single_frame(body: bytes) -> Stored | None:
-    if not 8 <= len(body) <= 16:
-        return None
-    group, destination = _group(body[7], body[6], body[5], body[5] if body[6] < 240 else 255)
-    step_ns = _STEPS_NS[body[7] >> 5 & 3]
+    group, destination = _group(body[7], body[6], body[5]), body[3]
+    if is_single:
+        destination = body[5] if body[6] < 240 else 255
     header = body[7] >> 2 & 7, group, body[4], destination
+    if not is_single:
+        return Stored(header, body[13:], int.from_bytes(body[9:13], "little") * MILLI_NS)
+    step_ns = _STEPS_NS[body[7] >> 5 & 3]
     return Stored(header, body[8:], int.from_bytes(body[2:4], "little") * step_ns, 2**16 * step_ns, assembled=False)
 
 
-def _group(page: int, pdu_format: int, pdu_specific: int, destination: int) -> tuple[int, int]:
-    """The parameter group and who it is for, from the fields of an identifier."""
-    addressed = pdu_format < 240
-    return (page & 3) << 16 | pdu_format << 8 | (0 if addressed else pdu_specific), destination
+def _group(page: int, pdu_format: int, pdu_specific: int) -> int:
+    """The parameter group from the fields of an identifier."""
+    return (page & 3) << 16 | pdu_format << 8 | (0 if pdu_format < 240 else pdu_specific)
 
 
 class Cutter:
@@ -558,40 +539,43 @@ class Cutter:
             if body >= end:  # what seems a mark inside, behind an escaped byte, would end at the same place
                 frame = _BODY.match(data, body)
                 end = len(data) + 1 if frame is None else frame.end()
-            if (message := _message(data, body, end)) is not None:
-                pieces += [*_lines(data[start:at]), MARK + message]
+            message = b""
+            if end <= len(data) and data[end - len(END) : end] == END and end - body <= 2 * _LONGEST_BYTES:
+                message = data[body : end - len(END)].replace(_DLE * 2, _DLE)
+            if stored_message(message) is not None:
+                pieces += [*_split_lines(data[start:at]), MARK + message]
                 start = at = end
-            elif end > len(data) and _may_go_on(data, body):
+            elif end > len(data) and _may_continue(data, body):
                 break
             else:
                 at += 1
-        until = len(data) if at < 0 else at
-        last = max(data.rfind(b"\n", start, until), data.rfind(b"\r", start, until))
-        if last >= 0:
-            pieces += _lines(data[start : last + 1])
-            start = last + 1
-        *full, self._pending = _in_pieces(data[start:])
+        stop = len(data) if at < 0 else at
+        line_end = max(data.rfind(b"\n", start, stop), data.rfind(b"\r", start, stop))
+        if line_end >= 0:
+            pieces += _split_lines(data[start : line_end + 1])
+            start = line_end + 1
+        *full, self._pending = _split_long(data[start:])
         return pieces + full
 
     def cut(self) -> None:
-        """The stream was cut and begins anew: what was under way stays as far as it came, by itself."""
+        """The stream was cut and restarts: an unfinished piece stays as far as it came, by itself."""
         if self._pending:
             self._pending = self._pending.replace(MARK, MARK[:1] + b"\n" + MARK[1:]) + b"\n"
 
     def end(self) -> list[bytes]:
         """The last line, or what there is of a message, where the stream ended (a datagram, a file)."""
-        pieces, self._pending = _lines(self._pending), b""
+        pieces, self._pending = _split_lines(self._pending), b""
         return pieces
 
 
-def _lines(text: bytes) -> list[bytes]:
+def _split_lines(text: bytes) -> list[bytes]:
     lines = [stripped for line in _LINE_END.split(text) if (stripped := line.strip(b"\0 \t"))]
     if max(map(len, lines), default=0) <= _LONGEST_LINE_BYTES:
         return lines
-    return [piece for line in lines for piece in _in_pieces(line)]
+    return [piece for line in lines for piece in _split_long(line)]
 
 
-def _in_pieces(line: bytes) -> list[bytes]:
+def _split_long(line: bytes) -> list[bytes]:
     """A line in pieces that are not too long; no sentence is cut in two that is not too long itself."""
     pieces = []
     while len(line) > _LONGEST_LINE_BYTES:
@@ -602,15 +586,7 @@ def _in_pieces(line: bytes) -> list[bytes]:
     return [*pieces, line]
 
 
-def _message(data: bytes, at: int, end: int) -> bytes | None:
-    """The sound message with these bounds, unescaped; None where there is none."""
-    if end > len(data) or data[end - len(END) : end] != END or end - at > 2 * _LONGEST_BYTES:
-        return None
-    message = data[at : end - len(END)].replace(_DLE * 2, _DLE)
-    return None if stored_message(message) is None else message
-
-
-def _may_go_on(data: bytes, at: int) -> bool:
+def _may_continue(data: bytes, at: int) -> bool:
     """Whether a message may begin here of which more is to come: by its kind, and its length with all escaped.
 
     What a line with a sentence follows upon is noise that looks so, and must not hold the sentence back.
@@ -618,12 +594,12 @@ def _may_go_on(data: bytes, at: int) -> bool:
     kind, length = data[at : at + 1], data[at + 1 : at + 3]
     if kind and kind[0] not in _KINDS:
         return False
-    most = 2 * _LONGEST_BYTES if kind == b"\xd0" else 2 * (258 if len(length) < 2 else length[0] + 4)
-    return len(data) - at < most and (kind == _TEXT_KIND or not _SENTENCE_LINE.search(data, at))
+    longest = 2 * _LONGEST_BYTES if kind == b"\xd0" else 2 * (258 if len(length) < 2 else length[0] + 4)
+    return len(data) - at < longest and (kind == _TEXT_KIND or not _SENTENCE_LINE.search(data, at))
 
 
 _LONGEST_LINE = 65_536
-_STAMPED = re.compile(r"(?P<seconds>-?\d{1,10})(?:\.(?P<fraction>\d{1,9}))?\s+(?P<rest>.*)")
+_STAMPED = re.compile(r"(?P<seconds>-?\d{1,10})(?:\.(?P<fraction>\d{1,9}))?\s+(?P<event>.*)")
 _FRAME = re.compile(
     r"(?P<channel>\d{1,3})\s+(?P<id>[0-9A-Fa-f]{1,10})(?P<extended>x?)\s+(?:Rx|Tx|TxRq)\s+(?P<kind>[dr])"
     r"(?:\s+(?P<length>[0-9A-Fa-f]{1,2}))?(?P<data>(?:\s+[0-9A-Fa-f]{1,3})*)(?:\s+Length\s*=.*)?\s*",
@@ -655,7 +631,7 @@ def begins_asc(head: bytes) -> bool:
 
 def read_asc(file: BinaryIO, reader: LineReader) -> Iterator[LogEntry]:
     """The frames of a log. Raises :class:`ValueError` where its last line is cut off."""
-    log = _Log(reader)
+    log = _AscLog(reader)
     while line := file.readline(_LONGEST_LINE):
         entry = log.entry(line.decode("utf-8", "replace").strip("\ufeff \t\r\n"))
         if entry is not None:
@@ -664,7 +640,7 @@ def read_asc(file: BinaryIO, reader: LineReader) -> Iterator[LogEntry]:
         raise ValueError("its last line is cut off")
 
 
-class _Log:
+class _AscLog:
     """What the header says, and the time of the line before."""
 
     def __init__(self, reader: LineReader) -> None:
@@ -679,17 +655,17 @@ class _Log:
         self.is_cut = False
         stamped = _STAMPED.fullmatch(text)
         if stamped is None:
-            self._reader.unreadable += not self._header(text)
+            self._reader.unreadable += not self._read_header(text)
             return None
         time_ns = self._time_ns(stamped)
-        entry = _entry(stamped["rest"], self._base)
+        entry = _parse_event(stamped["event"], self._base)
         if entry is None:
-            self.is_cut = _FRAME.match(stamped["rest"]) is not None
-            self._reader.unreadable += _EVENT.fullmatch(stamped["rest"]) is None
+            self.is_cut = _FRAME.match(stamped["event"]) is not None
+            self._reader.unreadable += _EVENT.fullmatch(stamped["event"]) is None
             return None
         return entry._replace(time_ns=time_ns)
 
-    def _header(self, text: str) -> bool:
+    def _read_header(self, text: str) -> bool:
         """Take up a line of the header, or of a trigger block; whether it is one."""
         words = text.lower().split()
         if words[:1] == ["base"]:
@@ -712,29 +688,22 @@ class _Log:
         if self._began is None:
             return self._last_ns
         if is_first and not self._relative:
-            self._counts_from_midnight = _is_time_of_day(stated_ns, self._began)
+            since_ns = (stated_ns - self._began.clock_ns) % DAY_NS
+            is_past_first_hour = stated_ns >= _EARLIEST_TIME_OF_DAY_NS
+            self._counts_from_midnight = is_past_first_hour and since_ns <= _DAY_BEGAN_WITHIN_NS
             if self._counts_from_midnight:
                 self._reader.times.remark = "its stamps are times of day: they count from midnight of its date"
-        began_ns = _utc_ns(self._began, self._reader.times.order_of(self._began))
+        began_ns = self._began.local_ns(self._reader.times.order_of(self._began))
+        if self._began.offset_s is not None:
+            began_ns -= self._began.offset_s * NANO
+        else:  # this machine's zone
+            seconds, fraction_ns = divmod(began_ns, NANO)
+            local = dt.datetime.fromtimestamp(seconds, dt.UTC).replace(tzinfo=None).astimezone()
+            began_ns = round(local.timestamp()) * NANO + fraction_ns
         return self._last_ns + (began_ns - self._began.clock_ns if self._counts_from_midnight else began_ns)
 
 
-def _is_time_of_day(stated_ns: int, began: Stamp) -> bool:
-    since_ns = (stated_ns - began.clock_ns) % DAY_NS
-    return stated_ns >= _EARLIEST_TIME_OF_DAY_NS and since_ns <= _DAY_BEGAN_WITHIN_NS
-
-
-def _utc_ns(began: Stamp, order: Order) -> int:
-    """A header's date as UTC: its zone is this machine's if it has none."""
-    local_ns = began.local_ns(order)
-    if began.offset_s is not None:
-        return local_ns - began.offset_s * NANO
-    seconds, fraction_ns = divmod(local_ns, NANO)
-    here = dt.datetime.fromtimestamp(seconds, dt.UTC).replace(tzinfo=None).astimezone()
-    return round(here.timestamp()) * NANO + fraction_ns
-
-
-def _entry(text: str, base: int) -> LogEntry | None:
+def _parse_event(text: str, base: int) -> LogEntry | None:
     """The frame in what follows a stamp, as yet without its time."""
     if match := _ERROR.fullmatch(text):
         return LogEntry(None, b"", 0, can_flags(standard=True, error=True), bus=f"channel{match['channel']}")
@@ -743,30 +712,24 @@ def _entry(text: str, base: int) -> LogEntry | None:
         return None
     parts = match.groupdict()
     remote = (parts.get("kind") or "d").lower() == "r"
+    # codes beyond 8 mean 8 on classical CAN
+    length = min(int(parts["length"] or "0", 16), 8) if "kind" in parts else int(parts["length"])
+    numbers = [] if remote else parts["data"].split()[:length]
     try:
-        identifier, data = int(parts["id"], base), b"" if remote else _bytes(parts, base)
+        identifier, data = int(parts["id"], base), bytes(int(number, base) for number in numbers)
     except ValueError:  # digits of another base, or bytes beyond 255
         return None
-    extended = bool(parts["extended"])
-    if data is None or identifier > (HIGHEST_IDENTIFIER if extended else 0x7FF):
+    extended, is_complete = bool(parts["extended"]), remote or len(numbers) == length <= _MOST_BYTES
+    if not is_complete or identifier > (HIGHEST_IDENTIFIER if extended else 0x7FF):
         return None
     flags: FrameFlag = can_flags(not extended, remote)
     return LogEntry(None, data, identifier, flags, bus=f"channel{parts['channel']}")
 
 
-def _bytes(parts: dict[str, str], base: int) -> bytes | None:
-    """A frame's data, as many bytes as it says; None where some are missing."""
-    length = int(parts["length"] or "0", 10 if "kind" not in parts else 16)
-    if "kind" in parts:
-        length = min(length, 8)  # codes beyond 8 mean 8 on classical CAN
-    numbers = parts["data"].split()[:length]
-    return bytes(int(number, base) for number in numbers) if len(numbers) == length <= _MOST_BYTES else None
-
-
 _BLOCK_BYTES = 8192
 _LONGEST_PACKET = 65_536
 _LONGEST_RECORD = 4096
-_CUT_OFF = "its last record is cut off"
+_CUT_RECORD = "its last record is cut off"
 _SERVICE = 0xFFFFFFFF  # in the place of an identifier, in Yacht Devices' files
 
 
@@ -785,7 +748,7 @@ _FILETIME_1970 = 116_444_736_000_000_000  # 100 ns since 1601
 
 
 def read_ebl(file: BinaryIO, reader: LineReader) -> Iterator[LogEntry]:
-    """Actisense's log: the bytes of a gateway between tags, of which one tells the time of what follows."""
+    """Actisense's log: the bytes of a gateway between tags, one of which states the time of what follows."""
     cutter, time_ns, data = Cutter(), None, b""
     while block := file.read(_BLOCK_BYTES):
         data, at = data + block, 0
@@ -793,9 +756,13 @@ def read_ebl(file: BinaryIO, reader: LineReader) -> Iterator[LogEntry]:
             at = match.end()
             tag, raw = ((match[name] or b"").replace(b"\x1b\x1b", b"\x1b") for name in ("tag", "data"))
             if tag[:1] == b"\x03" and len(tag) == 9:
-                told_ns = (int.from_bytes(tag[1:], "little") - _FILETIME_1970) * 100
-                time_ns = told_ns if is_possible(told_ns) else time_ns
-            pieces = [_checked(tag[1:])] if tag[:1] == b"\x07" else cutter.push(raw)
+                stated_ns = (int.from_bytes(tag[1:], "little") - _FILETIME_1970) * 100
+                time_ns = stated_ns if is_possible(stated_ns) else time_ns
+            if tag[:1] == b"\x07":  # a message, which some programs write without the checksum
+                missing = -sum(tag[1:]) & 0xFF
+                pieces = [MARK + tag[1:] + (bytes([missing]) if missing else b"")]
+            else:
+                pieces = cutter.push(raw)
             for entry in reader.entries(pieces):
                 yield entry if time_ns is None else entry._replace(time_ns=time_ns, turn_ns=0)
             reader.unreadable += not tag and not raw
@@ -805,18 +772,13 @@ def read_ebl(file: BinaryIO, reader: LineReader) -> Iterator[LogEntry]:
     pieces = cutter.end()
     yield from reader.entries(pieces)
     if data or any(piece.startswith(MARK) for piece in pieces):
-        raise ValueError(_CUT_OFF)
-
-
-def _checked(stored: bytes) -> bytes:
-    """A message from a tag of its own, which some write without the checksum."""
-    return MARK + (stored if not sum(stored) & 0xFF else stored + bytes([-sum(stored) & 0xFF]))
+        raise ValueError(_CUT_RECORD)
 
 
 # The groups that Yacht Devices' recorder keeps as whole messages of any length; the others have 8 bytes.
-_WHOLE_GROUPS = frozenset(
+_ASSEMBLED_GROUPS = frozenset(
     group
-    for first, last in (
+    for begin, end in (
         (65240, 65240), (126208, 126208), (126464, 126464), (126720, 126720), (126983, 126988), (126996, 126998),
         (127233, 127233), (127237, 127237), (127489, 127489), (127496, 127498), (127503, 127504), (127506, 127507),
         (127509, 127514), (128275, 128275), (128520, 128520), (129029, 129029), (129038, 129041), (129044, 129045),
@@ -824,7 +786,7 @@ _WHOLE_GROUPS = frozenset(
         (129549, 129549), (129551, 129551), (129556, 129556), (129792, 129810), (130052, 130054), (130060, 130061),
         (130064, 130074), (130320, 130324), (130567, 130567), (130577, 130578), (130816, 131071),
     )
-    for group in range(first, last + 1)
+    for group in range(begin, end + 1)
 )  # fmt: skip
 _REQUEST, _REQUEST_BYTES = 59904, 3
 _MINUTE_NS = 60 * NANO
@@ -841,7 +803,7 @@ def read_ydvr(file: BinaryIO, reader: LineReader) -> Iterator[LogEntry]:
         record = _ydvr_record(data, at)
         if record is None:
             if len(data) - at < 6 + 2 + 255:
-                raise ValueError(_CUT_OFF)
+                raise ValueError(_CUT_RECORD)
             reader.unreadable, at = reader.unreadable + 1, _next_record(data, at + 1)
             continue
         entry, at = record
@@ -858,7 +820,7 @@ def _ydvr_record(data: bytes, at: int) -> tuple[LogEntry | None, int] | None:
         return None
     group, body = parameter_group(identifier)[0], at + 6
     length = _REQUEST_BYTES if group == _REQUEST and identifier != _SERVICE else 8
-    if assembled := identifier != _SERVICE and group in _WHOLE_GROUPS:
+    if assembled := identifier != _SERVICE and group in _ASSEMBLED_GROUPS:
         if len(data) < body + 2:
             return None
         body, length = body + 2, data[body + 1]
@@ -892,7 +854,7 @@ def read_yd_can(file: BinaryIO, reader: LineReader) -> Iterator[LogEntry]:
     """The .CAN files of Yacht Devices' recorders and gateways: frames in records of 16 bytes, minutes and ms."""
     while record := file.read(16):
         if len(record) < 16:
-            raise ValueError(_CUT_OFF)
+            raise ValueError(_CUT_RECORD)
         head, milliseconds, identifier = struct.unpack_from("<HHI", record)
         if identifier == _SERVICE:
             continue
@@ -920,7 +882,7 @@ def read_pcap(file: BinaryIO, reader: LineReader) -> Iterator[LogEntry]:
         seconds, fraction, length, _ = struct.unpack(f"{order}IIII", record) if len(record) == 16 else (0, 0, -1, 0)
         packet = file.read(length) if 0 <= length <= _LONGEST_PACKET else b""
         if len(packet) != length:
-            raise ValueError(_CUT_OFF)
+            raise ValueError(_CUT_RECORD)
         yield from _packet(packet, link, seconds * NANO + fraction * finest_ns, reader)
 
 
@@ -936,11 +898,9 @@ def read_pcapng(file: BinaryIO, reader: LineReader) -> Iterator[LogEntry]:
         kind, length = struct.unpack(f"{order}II", start) if len(start) == 8 else (0, 0)
         body = file.read(length - 8 - len(magic)) if 12 <= length <= 2**24 else b""
         if len(body) != length - 8 - len(magic) or length < 12:
-            raise ValueError(_CUT_OFF)
+            raise ValueError(_CUT_RECORD)
         if kind == 1:
-            options = _options(body[8:-4], order)
-            name = options.get(_IF_NAME, b"").rstrip(b"\0").decode("utf-8", "replace") or f"interface{len(links)}"
-            links.append((struct.unpack_from(f"{order}H", body)[0], _ticks_per_s(options), name))
+            links.append(_parse_interface(body, order, len(links)))
         elif kind == 6 and len(body) >= 24:
             interface, high, low, captured = struct.unpack_from(f"{order}IIII", body)
             if interface < len(links):
@@ -951,23 +911,18 @@ def read_pcapng(file: BinaryIO, reader: LineReader) -> Iterator[LogEntry]:
         _check_link(links[0][0] if links else 0)
 
 
-def _options(data: bytes, order: str) -> dict[int, bytes]:
-    """The options of an interface by their codes, the first of each."""
-    options, at = dict[int, bytes](), 0
+def _parse_interface(body: bytes, order: str, number: int) -> tuple[int, int, str]:
+    """An interface's link type, the ticks of its clock a second, and its name."""
+    data, options, at = body[8:-4], dict[int, bytes](), 0  # options by their codes, the first of each
     while at + 4 <= len(data):
         code, length = struct.unpack_from(f"{order}HH", data, at)
         options.setdefault(code, data[at + 4 : at + 4 + length])
         at += 4 + length + -length % 4
-    return options
-
-
-def _ticks_per_s(options: dict[int, bytes]) -> int:
-    """An interface's clock: a million ticks unless an option says otherwise, as a power of 10 or of 2."""
-    resolution = options.get(_IF_TSRESOL, b"")
-    if len(resolution) != 1:
-        return 1_000_000
-    power = resolution[0]
-    return int(2 ** (power & 0x7F)) if power & 0x80 else int(10 ** min(power, 18))
+    name = options.get(_IF_NAME, b"").rstrip(b"\0").decode("utf-8", "replace") or f"interface{number}"
+    resolution, ticks = options.get(_IF_TSRESOL, b""), 1_000_000
+    if len(resolution) == 1:
+        ticks = 2 ** (resolution[0] & 0x7F) if resolution[0] & 0x80 else 10 ** min(resolution[0], 18)
+    return struct.unpack_from(f"{order}H", body)[0], ticks, name
 
 
 def _check_link(link: int) -> None:
@@ -1014,4 +969,4 @@ FILE_FORMS: dict[str, FileForm] = {
     "pcapng": FileForm(lambda head: head.startswith(b"\n\r\r\n"), read_pcapng),
     "asc": FileForm(begins_asc, read_asc),
 }
-"""Files that are read as a whole by their names; those of python-can are in ``logfile.py``."""
+"""Files that are read as a whole by their names; those of python-can are in ``log_file.py``."""

@@ -1,9 +1,9 @@
-"""MQTT messages, each a frame with its topic: from a broker, and from an SQLite log of them.
+"""Reads MQTT messages, a frame each with its topic, from a broker or from an SQLite log of them.
 
 The connection asks for quality of service 0 and a clean session. Between a broker and its subscriber TCP loses
 nothing, and what waits while the recorder stands still is in a large receive buffer: with quality 1 a broker holds
-no more than some 1,000 messages back and drops the rest. What is published while the connection is down is lost to
-both, unless the broker keeps it for us: then nobody could tell how old a message without a time is.
+back no more than some 1,000 messages and drops further ones. What is published while the connection is down is lost
+either way, unless the broker keeps it for us: then the age of a message without a time would be unknown.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ def failure(config: MqttSource, what: str, why: str = "", fix: str = "") -> Sour
 
 def connect(config: MqttSource, keep_alive_s: int = _KEEP_ALIVE_S) -> Client:
     """Connect to a broker, which has answered then. Raises :class:`SourceError`."""
-    client = _client(config)
+    client = _make_client(config)
     answers: list[Any] = []
     client.on_connect = lambda *arguments: answers.append(arguments[3])
     try:
@@ -52,7 +52,7 @@ def connect(config: MqttSource, keep_alive_s: int = _KEEP_ALIVE_S) -> Client:
     except (OSError, ValueError) as error:
         wrong = "`port`, `tls` and `ca_file`" if isinstance(error, ssl.SSLError) else "`address` and `port`"
         raise failure(config, "does not answer", _reason(error), f"start it, or correct {wrong}") from error
-    answer = _await(config, client, answers)
+    answer = _await_answer(config, client, answers)
     if answer.is_failure:
         fix = "correct `user` and its password" if answer.value in _NOT_ALLOWED else ""
         raise failure(config, "refuses the connection", str(answer), fix)
@@ -68,7 +68,7 @@ def _reason(error: Exception) -> str:
     return system_reason(error) or "no answer in time"
 
 
-def _client(config: MqttSource) -> Client:
+def _make_client(config: MqttSource) -> Client:
     from paho.mqtt.client import Client
     from paho.mqtt.enums import CallbackAPIVersion
 
@@ -81,8 +81,8 @@ def _client(config: MqttSource) -> Client:
         try:
             client.tls_set_context(ssl.create_default_context(cafile=config.ca_file))
         except OSError as error:
-            why = f"{config.ca_file}: {_reason(error)}"
-            raise failure(config, "cannot be checked", why, "correct `ca_file`") from error
+            reason = f"{config.ca_file}: {_reason(error)}"
+            raise failure(config, "cannot be checked", reason, "correct `ca_file`") from error
     return client
 
 
@@ -98,11 +98,11 @@ def _password(config: MqttSource) -> str | None:
     try:
         return next(iter(config.password_file.read_text(encoding="utf-8").splitlines()), "")
     except (OSError, UnicodeDecodeError) as error:
-        why = f"{config.password_file}: {getattr(error, 'strerror', None) or 'it is no text'}"
-        raise failure(config, "has no password", why, "correct `password_file`") from error
+        reason = f"{config.password_file}: {getattr(error, 'strerror', None) or 'it is no text'}"
+        raise failure(config, "has no password", reason, "correct `password_file`") from error
 
 
-def _await(config: MqttSource, client: Client, answers: list[Any]) -> Any:
+def _await_answer(config: MqttSource, client: Client, answers: list[Any]) -> Any:
     """What the broker answers. Raises :class:`SourceError` if it does not in time."""
     until_s = time.monotonic() + _TIMEOUT_S
     while not answers:
@@ -144,11 +144,11 @@ class MqttConnection(Source):
         config: MqttSource = self._config
         self._frames, self._size, self._lost = [], 0, None
         client = connect(config)
-        client.on_message = self._take
+        client.on_message = self._on_message
         answers: list[Any] = []
         client.on_subscribe = lambda *arguments: answers.append(arguments[3])
         client.subscribe([(topic, 0) for topic in config.subscriptions])
-        codes = _await(config, client, answers)
+        codes = _await_answer(config, client, answers)
         refused = [topic for topic, code in zip(config.subscriptions, codes, strict=False) if code.is_failure]
         if len(refused) == len(config.subscriptions):
             fix = "correct `topics`, or ask for the right to them"
@@ -156,7 +156,7 @@ class MqttConnection(Source):
         self.remark = f"the broker refuses {', '.join(refused)}" if refused else ""
         return client
 
-    def _take(self, _client: Client, _data: Any, message: MQTTMessage) -> None:
+    def _on_message(self, _client: Client, _data: Any, message: MQTTMessage) -> None:
         flags = FrameFlag.RETAINED if message.retain else FrameFlag.NONE
         try:
             topic = message.topic.encode()
@@ -197,7 +197,7 @@ class MqttLog(LogReader):
     counts rows without a topic or a time, ``damage`` is what ended its reading.
     """
 
-    def _begin(self, file: BinaryIO) -> None:
+    def _read_beginning(self, file: BinaryIO) -> None:
         self.unreadable, self.damage = 0, ""
         self._monotonic_ns, self._topics = 0, dict[str, bool]()
         head = file.read(_HEAD_BYTES)
@@ -213,7 +213,7 @@ class MqttLog(LogReader):
         except sqlite3.Error as error:
             raise ValueError(f"it is not a log of MQTT messages: {error}") from error
 
-    def _next(self, file: BinaryIO) -> list[Frame] | None:
+    def _next_frames(self, file: BinaryIO) -> list[Frame] | None:
         try:
             rows = self._rows.fetchmany(_MOST_AT_ONCE)
         except sqlite3.Error as error:
@@ -226,16 +226,16 @@ class MqttLog(LogReader):
             time_ns = round(seconds * 1e6) * 1000 if isinstance(seconds, int | float) else 0
             if not isinstance(topic, str) or not isinstance(message, str | bytes) or not is_possible(time_ns):
                 self.unreadable += 1
-            elif self._wanted(topic):
+            elif self._is_subscribed(topic):
                 text = message.encode() if isinstance(message, str) else message
                 self._monotonic_ns = max(self._monotonic_ns, time_ns)
                 payload = topic.encode("utf-8", "replace") + b"\0" + text
                 yield Frame(self.name, "mqtt", payload, time_ns, self._monotonic_ns, stamped_ns=time_ns)
 
-    def _wanted(self, topic: str) -> bool:
+    def _is_subscribed(self, topic: str) -> bool:
         if topic not in self._topics:
-            wanted = [*self._config.topics, *(entry.topic for entry in self._config.values.values())]
-            self._topics[topic] = not self._config.topics or any(covers(pattern, topic) for pattern in wanted)
+            patterns = [*self._config.topics, *(entry.topic for entry in self._config.values.values())]
+            self._topics[topic] = not self._config.topics or any(covers(pattern, topic) for pattern in patterns)
         return self._topics[topic]
 
     def close(self) -> None:

@@ -29,7 +29,7 @@ def test_an_alarm_stands_for_what_has_lasted(values: list[float], for_s: int) ->
     """Looked at once a second: its state is that of the last values that agreed for so long, unknown ones aside."""
     alarm, told, lasting = Alarm(rule(for_s=float(for_s))), [], list[bool]()
     for second, value in enumerate(values):
-        told.append(alarm.look(value, float(second)))
+        told.append(alarm.update(value, float(second)))
         lasting = [] if math.isnan(value) else [*lasting, value > 20.0]
         recent = lasting[-(for_s + 1) :]
         if len(recent) == for_s + 1 and len(set(recent)) == 1:
@@ -44,7 +44,7 @@ def test_what_is_told() -> None:
     told, health = list[str](), Health({"gps": SourceHealth("gps")})
     alarms = Alarms([rule(for_s=0.0, below=2.0)], health, lambda level, text: told.append(f"{level}: {text}"))
     for second, value in enumerate((10.0, 25.0, 26.0, 10.0, 1.0)):
-        alarms.look({"wind_speed_mps": value}, float(second))
+        alarms.check({"wind_speed_mps": value}, float(second))
     assert told == [
         "error: ALARM wind: wind_speed_mps is 25, above 20 or below 2",
         "warning: alarm over: wind: wind_speed_mps is 10, no more above 20 or below 2",

@@ -20,8 +20,8 @@ from seatrial.acquisition.logger.health import (
 
 def test_this_computer_can_be_asked() -> None:
     clock = host_clock()
-    assert clock.kept == (kernel_state() == "kept by NTP or PTP")
-    assert (clock.error_s is not None) == clock.kept
+    assert clock.is_kept == (kernel_state() == "kept by NTP or PTP")
+    assert (clock.error_s is not None) == clock.is_kept
 
 
 def test_chronys_bound_is_offset_dispersion_and_half_the_delay() -> None:
@@ -79,9 +79,9 @@ def test_the_state_in_words(
     report: str,
     said: str,
 ) -> None:
-    monkeypatch.setattr(module, "_kernel", lambda: kernel)
+    monkeypatch.setattr(module, "_read_kernel_clock", lambda: kernel)
     monkeypatch.setattr(module, "running_keepers", lambda: keepers)
-    monkeypatch.setattr(module, "_answer", lambda *command: report)
+    monkeypatch.setattr(module, "_command_output", lambda *command: report)
     monkeypatch.setattr(module, "pulse_offset_s", lambda now_s: None)
     assert str(host_clock()) == said
     assert str(HostClock("free-running", pps_offset_s=-0.0015)) == "free-running, -1.5 ms at the pulse"

@@ -79,7 +79,7 @@ def record_and_die(config_path: Path, folder: Path, rate_hz: float, kill_s: floa
     for module in (pipeline, maintenance):
         module.time = clock  # type: ignore[attr-defined]
     clock.recorder = pipeline.Recorder(config, RecordingParts(folder, config.trial, {}, config.recording))
-    clock.recorder._drain()
+    clock.recorder._record_until_end()
 
 
 def config_file(folder: Path, section: str, more: str = "") -> Path:

@@ -109,7 +109,7 @@ def test_a_migrated_recording_says_the_same(old: Path, tmp_path: Path) -> None:
     before, new = old.read_bytes(), tmp_path / "new.mcap"
     done = migrate(old, new)
     assert old.read_bytes() == before
-    assert (done.converted.total(), done.kept) == (137, {})
+    assert (done.converted.total(), done.unconverted) == (137, {})
     assert_equal(read_recording(new), read_recording(old))
     assert describe(read_recording(new)) == describe(read_recording(old))
     assert messages(new) == messages(old)
@@ -146,7 +146,7 @@ def test_what_is_not_ours_and_what_fits_no_schema_is_kept_as_it_is(tmp_path: Pat
         writer.finish()
     done = migrate(source, target)
     assert done.converted == {"/channel/north_m": 1, "/health": 1}
-    assert done.kept == {"/channel/north_m": 1}
+    assert done.unconverted == {"/channel/north_m": 1}
     found = {(entry.topic, entry.described.encoding): entry.data for entry in MessageStream(target)}
     assert found["/channel/north_m", "json"] == theirs["/channel/north_m"][1]
     assert (found["/camera", "json"], found["/raw/semaphore/x", "json"]) == (b'{"of": "another"}', b"{}")

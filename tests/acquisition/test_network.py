@@ -119,7 +119,7 @@ def test_what_waited_while_the_recorder_stood_still_is_marked(exact: bool, marke
     reads = [(9, 0.1, False), (8, 1.2, True), (7, 1.21, False), (6, 1.31, False), (5, 1.41, False), (4, 1.5, False)]
     for (count, ended_s, behind), (_, began_s, _) in zip(reads, [(0, 0.0, False), *reads], strict=False):
         source.behind = behind
-        frames = receiver._marked(frames_of(count), began_s, ended_s)
+        frames = receiver._mark_delayed(frames_of(count), began_s, ended_s)
         counts.append(sum(bool(frame.flags & FrameFlag.LATE) for frame in frames))
         assert len(frames) == count
     assert counts == marked

@@ -169,7 +169,7 @@ def gathered(rows: Rows, following: Follower, monkeypatch: pytest.MonkeyPatch, l
         news = following.news()
         for each in news.samples:
             add(rows, each)
-        anew.append(news.anew)
+        anew.append(news.restarted)
         following._asked_s -= 1.5
         following._heard_s -= 1.5
     return anew

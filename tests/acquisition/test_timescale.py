@@ -55,7 +55,7 @@ def test_a_step_is_told_once_and_with_its_size(step_s: float) -> None:
     stepped_ns = int(step_s * SECOND)
     assert scale.follow(NOW + 2 * SECOND + stepped_ns, 2 * SECOND) == stepped_ns
     assert scale.follow(NOW + 3 * SECOND + stepped_ns, 3 * SECOND) == 0
-    assert scale.is_far_off == (abs(step_s) > 1.0)
+    assert scale.is_beyond_following == (abs(step_s) > 1.0)
 
 
 def test_a_small_error_is_followed_to_its_end() -> None:

@@ -401,7 +401,7 @@ def test_log_shows_escaped_text(form: Any, text: str) -> None:
 def test_mark_cannot_pass_for_a_line_of_the_log_or_of_the_display() -> None:
     from io import StringIO
 
-    from seatrial.acquisition.logger.display import _events
+    from seatrial.acquisition.logger.display import _event_lines
     from seatrial.acquisition.logger.health import LOG, Health, log_to
 
     stream, text = StringIO(), "calm\nerror: the disk is full"
@@ -410,7 +410,7 @@ def test_mark_cannot_pass_for_a_line_of_the_log_or_of_the_display() -> None:
     assert not any(line.startswith("error") for line in stream.getvalue().splitlines())
     health = Health((), (), 0)
     health.events.append((0, "info", text))
-    assert drawn(next(_events(health, 5))).count("\n") == 1
+    assert drawn(next(_event_lines(health, 5))).count("\n") == 1
 
 
 @hostile
