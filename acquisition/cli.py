@@ -171,8 +171,8 @@ def discover(
     with stop_on_signals() as stop:
         from seatrial.acquisition.core.errors import InputError, StorageError, bar
         from seatrial.acquisition.core.files import write_text
+        from seatrial.acquisition.discovery.discover import describe_silence, discovery_tables
         from seatrial.acquisition.discovery.discover import discover as run
-        from seatrial.acquisition.discovery.discover import nothing_found, tables
         from seatrial.acquisition.discovery.listen import parse_places, usual_places
 
         if output is not None and output.exists():
@@ -189,10 +189,10 @@ def discover(
         from seatrial.acquisition.core.errors import Terminal
 
         console = Terminal()
-        for table in tables(discovery):
+        for table in discovery_tables(discovery):
             console.print(table)
     if discovery.survey is None:
-        raise InputError(nothing_found(discovery))
+        raise InputError(describe_silence(discovery))
     if output is not None:
         write_text(output, discovery.configuration)
         echo(f"wrote {output}; `seatrial record {output} --check` says whether it still comes", err=True)

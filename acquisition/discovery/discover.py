@@ -29,9 +29,9 @@ from seatrial.acquisition.core.errors import ConfigurationError, Progress, part_
 from seatrial.acquisition.core.ship import MOTION, channel_names, channel_unit
 from seatrial.acquisition.core.trial import Frame, label_parts
 from seatrial.acquisition.discovery.listen import (
-    KNOWN_FORMS,
+    INPUT_FORMS,
+    Capture,
     DbcMessages,
-    Heard,
     LatestReading,
     ListeningPlace,
     choose_dbc,
@@ -56,7 +56,7 @@ from seatrial.acquisition.logger.survey import (
 from seatrial.acquisition.protocols.can_frames import load_dbc
 from seatrial.acquisition.protocols.nmea2000 import parameter_group
 
-_TELL_EVERY = 5_000  # frames
+_PROGRESS_FRAMES = 5_000  # frames
 
 
 @dataclass(frozen=True)
@@ -67,7 +67,7 @@ class Discovery:
     ``readings`` are the values of signals and topics that a configuration has to map.
     """
 
-    heard: list[Heard]
+    captures: list[Capture]
     survey: Survey | None = None
     missing: dict[str, str] = field(default_factory=dict)
     configuration: str = ""
@@ -81,7 +81,7 @@ class Discovery:
     def as_json(self) -> dict[str, Any]:
         """What was found as an object of JSON's kinds."""
         return {
-            "places": [_place_json(capture) for capture in self.heard],
+            "places": [_place_json(capture) for capture in self.captures],
             "devices": [] if self.survey is None else _devices_json(self.survey),
             "messages": [] if self.survey is None else _messages_json(self.survey),
             "values": [reading.as_json() for reading in self.readings],
@@ -116,11 +116,11 @@ def discover(
         fix = f"copy it to {folder.absolute()}"
         raise ConfigurationError("lies elsewhere", where=str(find_vessel(vessel)), fix=fix)
     captures = listen(places, duration_s, stop, part_of(progress, 0, 2))
-    return discovery_of(captures, name, vessel, dbc, folder, stop, part_of(progress, 1, 2))
+    return interpret_captures(captures, name, vessel, dbc, folder, stop, part_of(progress, 1, 2))
 
 
-def discovery_of(
-    heard: list[Heard],
+def interpret_captures(
+    heard: list[Capture],
     name: str = "discovered",
     vessel: str = "",
     dbc: Path | None = None,
@@ -132,11 +132,11 @@ def discovery_of(
     captures = [capture for capture in heard if capture.count and not capture.problem]
     if not captures:
         return Discovery(heard)
-    config = everything(captures, vessel, dbc, (folder or Path()) / f"{name}.toml")
+    config = broadest_configuration(captures, vessel, dbc, (folder or Path()) / f"{name}.toml")
     until = stop if any(capture.expected for capture in captures) else None  # what has been heard live is looked at
     expected = sum(capture.expected or capture.count for capture in captures)
     in_order = heapq.merge(*(capture.frames() for capture in captures), key=attrgetter("received_ns"))
-    survey = survey_of(config, _counted(in_order, expected, until, progress))
+    survey = survey_of(config, _with_progress(in_order, expected, until, progress))
     for received in captures:
         received.count = survey.health.sources[received.place.name].frames
     reasons, readings = missing_channels(survey), list(_readings(captures, survey))
@@ -148,7 +148,7 @@ def discovery_of(
     return Discovery(heard, survey, missing, text, readings)
 
 
-def _readings(captures: Iterable[Heard], survey: Survey) -> Iterator[LatestReading]:
+def _readings(captures: Iterable[Capture], survey: Survey) -> Iterator[LatestReading]:
     """The values of the signals of each source's DBC file, and of the topics of each broker."""
     sources = {section.name: section for section in survey.config.sources}
     for capture in captures:
@@ -162,7 +162,7 @@ def _readings(captures: Iterable[Heard], survey: Survey) -> Iterator[LatestReadi
             yield from signal_readings(source.name, capture.frames(), DbcMessages(load_dbc(source.dbc)), mapped)
 
 
-def _remark_on_controls(captures: Iterable[Heard], controls: Iterable[str], survey: Survey) -> None:
+def _remark_on_controls(captures: Iterable[Capture], controls: Iterable[str], survey: Survey) -> None:
     """Say of each source what it carries of actuators that is no channel yet, and why."""
     reasons = {name: reason for name in sorted(controls) if (reason := what_comes(name, survey))}
     for capture in captures:
@@ -170,19 +170,19 @@ def _remark_on_controls(captures: Iterable[Heard], controls: Iterable[str], surv
         capture.remarks += dict.fromkeys(remarks)
 
 
-def _counted(
+def _with_progress(
     frames: Iterator[Frame], expected: int, stop: threading.Event | None, progress: Progress
 ) -> Iterator[Frame]:
     """The frames, with the progress that they make, until their end or until told to stop."""
     for number, frame in enumerate(frames):
-        if number % _TELL_EVERY == 0:
+        if number % _PROGRESS_FRAMES == 0:
             progress(min(number / max(expected, 1), 1.0))
             if number and stop is not None and stop.is_set():
                 return
         yield frame
 
 
-def _place_json(capture: Heard) -> dict[str, Any]:
+def _place_json(capture: Capture) -> dict[str, Any]:
     place = capture.place
     return {
         "place": place.text or place.name,
@@ -238,7 +238,7 @@ _MOST_EVENTS = 12
 _MOST_VALUES = 4  # of a message, in its row
 
 
-def tables(discovery: Discovery) -> Iterator[RenderableType]:
+def discovery_tables(discovery: Discovery) -> Iterator[RenderableType]:
     """Places, devices, messages, channels and what is missing, each as a table that has a row at least."""
     content = discovery.as_json()
     yield _table(
@@ -285,21 +285,21 @@ def _channel_rows(channels: dict[str, Any]) -> Iterator[tuple[str, ...]]:
         yield name, value, channel_unit(name), rate_hz, ", ".join(channel["sources"])
 
 
-def nothing_found(discovery: Discovery) -> str:
+def describe_silence(discovery: Discovery) -> str:
     """Where was listened in vain, and what to do."""
     places: dict[str, list[str]] = {}
-    for capture in discovery.heard:
+    for capture in discovery.captures:
         places.setdefault(capture.problem, []).append(capture.place.text or capture.place.name)
     where = "; ".join(f"{', '.join(names)}: {problem}" for problem, names in places.items())
-    if not any(entry.place.expected for entry in discovery.heard):
+    if not any(entry.place.expected for entry in discovery.captures):
         kinds = {"can": "CAN interface", "serial": "serial line"}.items()
-        kinds_present = {entry.place.type for entry in discovery.heard}
+        kinds_present = {entry.place.type for entry in discovery.captures}
         where += "".join(f"; this computer shows no {words}" for kind, words in kinds if kind not in kinds_present)
-    live = any(entry.place.type != "file" for entry in discovery.heard)
+    live = any(entry.place.type != "file" for entry in discovery.captures)
     advice = (
         "switch the instruments on, check cables and firewall, listen longer with --duration, or " if live else ""
     )
-    return f"nothing was found ({where or 'there is nowhere to listen'}); {advice}name {KNOWN_FORMS}"
+    return f"nothing was found ({where or 'there is nowhere to listen'}); {advice}name {INPUT_FORMS}"
 
 
 def _remarks(place: dict[str, Any]) -> str:
@@ -330,34 +330,34 @@ def _table(titles: tuple[str, ...], rows: list[tuple[str, ...]]) -> Table:
 
 _WIDTH = 112
 _HEAD_FRAMES = 20_000
-_OF_ENGINES = frozenset({127488, 127493})  # groups of one frame whose first byte is the engine's instance
-_ENGINE_OF_J1939 = 61444
+_ENGINE_GROUPS = frozenset({127488, 127493})  # groups of one frame whose first byte is the engine's instance
+_J1939_ENGINE_GROUP = 61444
 _MOST_ENGINES = 8
-_ENGINES = {1: ["main"], 2: ["port", "starboard"], 3: ["port", "centre", "starboard"]}
+_ENGINE_NAMES = {1: ["main"], 2: ["port", "starboard"], 3: ["port", "centre", "starboard"]}
 
 
-def everything(captures: Sequence[Heard], vessel: str, dbc: Path | None, path: Path) -> TrialConfig:
+def broadest_configuration(captures: Sequence[Capture], vessel: str, dbc: Path | None, path: Path) -> TrialConfig:
     """A configuration whose sources may provide every channel that their kind can carry, of all packs, too."""
-    trial = f'[trial]\nname = "discovered"\n{_line("vessel", vessel) if vessel else ""}'
-    trial += "".join(map(_pack, all_packs(captures)))
-    sections = list(map(_settings, captures))
-    bare = parse_config(trial + "".join(map(_section, sections)), path)
+    trial = f'[trial]\nname = "discovered"\n{_toml_line("vessel", vessel) if vessel else ""}'
+    trial += "".join(map(_pack_text, candidate_packs(captures)))
+    sections = list(map(_section_settings, captures))
+    bare = parse_config(trial + "".join(map(_section_text, sections)), path)
     for section, capture in zip(sections, captures, strict=True):
         _add_dbc(section, capture, dbc, path.parent, bare)
-    ship = parse_config(trial + "".join(map(_section, sections)), path)
+    ship = parse_config(trial + "".join(map(_section_text, sections)), path)
     order = channel_names(ship.actuators, tuple(declaration.channel for declaration in ship.declared))
     for section, source in zip(sections, ship.sources, strict=True):
         possible = possible_channels(source, ship.actuators, ship.declared)
         section["channels"] = sorted(possible, key=order.index)
-    return parse_config(trial + "".join(map(_section, sections)), path)
+    return parse_config(trial + "".join(map(_section_text, sections)), path)
 
 
-def all_packs(captures: Sequence[Heard]) -> list[dict[str, Any]]:
+def candidate_packs(captures: Sequence[Capture]) -> list[dict[str, Any]]:
     """The packs that come along, as sections; those of several like things with as many names as engines speak."""
     frames = (frame for capture in captures for frame in islice(capture.frames(), _HEAD_FRAMES))
     engines = {_engine_of(frame) for frame in frames if frame.protocol == "can" and frame.payload}
     count = 1 + max((engine for engine in engines if engine is not None and engine < _MOST_ENGINES), default=0)
-    names = _ENGINES.get(count) or [f"number_{number + 1}" for number in range(count)]
+    names = _ENGINE_NAMES.get(count) or [f"number_{number + 1}" for number in range(count)]
     return [
         {"name": path.stem, **({"each": names} if "{each}" in path.read_text() else {})}
         for path in sorted(PACKS.glob("*.toml"))
@@ -367,9 +367,9 @@ def all_packs(captures: Sequence[Heard]) -> list[dict[str, Any]]:
 def _engine_of(frame: Frame) -> int | None:
     """The number of the engine that a frame tells of, by its instance, on J1939 by its address."""
     group, address = parameter_group(frame.identifier)
-    if group in _OF_ENGINES:
+    if group in _ENGINE_GROUPS:
         return frame.payload[0]
-    return address if group == _ENGINE_OF_J1939 else None
+    return address if group == _J1939_ENGINE_GROUP else None
 
 
 def used_packs(packs: Sequence[dict[str, Any]], survey: Survey) -> list[dict[str, Any]]:
@@ -380,24 +380,26 @@ def used_packs(packs: Sequence[dict[str, Any]], survey: Survey) -> list[dict[str
         if {message_of(origin) for origin in declaration.origins}
         & {label_parts(label)[2][0] for label in survey.quantities.get(declaration.channel.name, ())}
     }
-    return [pack for pack in packs if by_declaration & set(_names_in(pack))]
+    return [pack for pack in packs if by_declaration & set(_channel_names_of_pack(pack))]
 
 
-def _names_in(pack: Mapping[str, Any]) -> Iterator[str]:
+def _channel_names_of_pack(pack: Mapping[str, Any]) -> Iterator[str]:
     path = PACKS / f"{pack['name']}.toml"
     for channel in parse_toml(path.read_text(), path)["channel"]:
         yield from (channel["name"].replace("{each}", instance) for instance in pack.get("each", [""]))
 
 
-def _pack(pack: Mapping[str, Any]) -> str:
-    return "[[pack]]\n" + "".join(_line(key, value) for key, value in pack.items())
+def _pack_text(pack: Mapping[str, Any]) -> str:
+    return "[[pack]]\n" + "".join(_toml_line(key, value) for key, value in pack.items())
 
 
-def _settings(capture: Heard) -> dict[str, Any]:
+def _section_settings(capture: Capture) -> dict[str, Any]:
     return {"name": capture.place.name, "type": capture.place.type, **capture.place.settings, "channels": []}
 
 
-def _add_dbc(section: dict[str, Any], capture: Heard, dbc: Path | None, folder: Path, config: TrialConfig) -> None:
+def _add_dbc(
+    section: dict[str, Any], capture: Capture, dbc: Path | None, folder: Path, config: TrialConfig
+) -> None:
     """The vessel's own frames, by the DBC file that describes them."""
     named = section.pop("dbc", None) or dbc
     frames = [frame for frame in islice(capture.frames(), _HEAD_FRAMES) if frame.protocol == "can"]
@@ -418,7 +420,7 @@ class Gaps(NamedTuple):
 
 
 def configuration_text(
-    captures: Sequence[Heard],
+    captures: Sequence[Capture],
     survey: Survey,
     gaps: Gaps,
     readings: Sequence[LatestReading],
@@ -434,8 +436,8 @@ def configuration_text(
             " the one further up is preferred, and the next takes over when it falls silent: change the order to"
             " your liking."
         ),
-        f"\n[trial]\n{_line('name', name)}",
-        _line("vessel", vessel)
+        f"\n[trial]\n{_toml_line('name', name)}",
+        _toml_line("vessel", vessel)
         if vessel
         else _comment(
             'vessel = "NAME"   # a file of trials/vessels, or your own, which says what actuators there are'
@@ -446,18 +448,20 @@ def configuration_text(
     if missing:
         parts.append("\n" + _comment("Missing:"))
         parts += [_comment(f"{names}: {reason}", "#   ") for names, reason in by_reason(missing).items()]
-    parts += [f"\n{_pack(pack)}" for pack in used_packs(all_packs(captures), survey)]
+    parts += [f"\n{_pack_text(pack)}" for pack in used_packs(candidate_packs(captures), survey)]
     parts += [_source_text(capture, survey, reasons, readings) for capture in captures]
     return "".join(parts)
 
 
 def _source_text(
-    capture: Heard, survey: Survey, reasons: Mapping[str, str], readings: Iterable[LatestReading]
+    capture: Capture, survey: Survey, reasons: Mapping[str, str], readings: Iterable[LatestReading]
 ) -> str:
     source = next(candidate for candidate in survey.config.sources if candidate.name == capture.place.name)
     provided = [*survey.provided(source.name), *_wanting_a_number(source.name, survey, reasons)]
     signals = getattr(source, "signals", {})
-    section = {key: value for key, value in _settings(capture).items() if key != "dbc"} | {"channels": provided}
+    section = {key: value for key, value in _section_settings(capture).items() if key != "dbc"} | {
+        "channels": provided
+    }
     if getattr(source, "dbc", None) is not None:
         section["dbc"] = str(source.dbc)  # type: ignore[union-attr]
         section["signals"] = {
@@ -470,9 +474,9 @@ def _source_text(
         comments += _comment("Check signs and values of the DBC file's signals alongside.")
     if not provided:
         comments += _comment("No channel comes of it; what comes is recorded undecoded all the same.")
-    hints = [*_rated(provided, reasons), *_rivals(source.name, survey)]
-    template = _template([reading for reading in readings if reading.source == source.name], section)
-    return f"\n{comments}{_section(section, hints)}{template}"
+    hints = [*_rated(provided, reasons), *_rank_devices(source.name, survey)]
+    template = _mapping_template([reading for reading in readings if reading.source == source.name], section)
+    return f"\n{comments}{_section_text(section, hints)}{template}"
 
 
 def _wanting_a_number(source: str, survey: Survey, missing: Mapping[str, str]) -> list[str]:
@@ -485,10 +489,10 @@ def _rated(listed: Iterable[str], missing: Mapping[str, str]) -> Iterator[str]:
     """The setting that percent of thrusters wait for."""
     names = [name for name in listed if missing.get(name, "").endswith(RATED_FIX)]
     if names:
-        yield _line("rated_rpm", {name.removesuffix("_rpm"): 0 for name in names}).rstrip() + "   # at 100 %"
+        yield _toml_line("rated_rpm", {name.removesuffix("_rpm"): 0 for name in names}).rstrip() + "   # at 100 %"
 
 
-def _template(readings: Sequence[LatestReading], section: Mapping[str, Any]) -> str:
+def _mapping_template(readings: Sequence[LatestReading], section: Mapping[str, Any]) -> str:
     """The signals and topics that come, with their values, for a person to say which channel each carries."""
     unmapped = [entry for entry in readings if not entry.channel]
     if not unmapped:
@@ -500,12 +504,12 @@ def _template(readings: Sequence[LatestReading], section: Mapping[str, Any]) -> 
     )
     text += "" if section.get(table) else f"[source.{table}]\n"
     for reading in unmapped:
-        line = f"{_line('channel', reading.entry).rstrip()}   # {reading.text}"
-        text += f"# {_visible(line)}\n"
+        line = f"{_toml_line('channel', reading.entry).rstrip()}   # {reading.text}"
+        text += f"# {_printable(line)}\n"
     return text
 
 
-def _rivals(source: str, survey: Survey) -> Iterator[str]:
+def _rank_devices(source: str, survey: Survey) -> Iterator[str]:
     """Where several devices on one bus tell the same: who they are, and how to put them in order."""
     rivals: dict[tuple[str, ...], list[str]] = {}
     for name in survey.provided(source):
@@ -518,7 +522,7 @@ def _rivals(source: str, survey: Survey) -> Iterator[str]:
     ranked = sorted({address for addresses in rivals for address in addresses}, key=int)
     if ranked:
         listed = [{"name": f"device_{address}", **_identified(source, address, survey)} for address in ranked]
-        yield _line("devices", listed).rstrip()
+        yield _toml_line("devices", listed).rstrip()
 
 
 def _identified(source: str, address: str, survey: Survey) -> dict[str, Any]:
@@ -526,21 +530,21 @@ def _identified(source: str, address: str, survey: Survey) -> dict[str, Any]:
     return {"iso_name": device["iso_name"]} if "iso_name" in device else {"address": int(address)}
 
 
-def _section(section: Mapping[str, Any], hints: Iterable[str] = ()) -> str:
+def _section_text(section: Mapping[str, Any], hints: Iterable[str] = ()) -> str:
     """A [[source]] section, hints as comments in it; its signals are a table of their own and come last."""
     plain = {key: value for key, value in section.items() if key != "signals"}
-    text = "[[source]]\n" + "".join(_line(key, value) for key, value in plain.items())
+    text = "[[source]]\n" + "".join(_toml_line(key, value) for key, value in plain.items())
     text += "".join(f"# {row}\n" for hint in hints for row in hint.splitlines())
     if signals := section.get("signals"):
-        text += "[source.signals]\n" + "".join(_line(key, value) for key, value in signals.items())
+        text += "[source.signals]\n" + "".join(_toml_line(key, value) for key, value in signals.items())
     return text
 
 
-def _line(key: str, value: Any) -> str:
-    text = f"{key} = {_inline(value)}"
+def _toml_line(key: str, value: Any) -> str:
+    text = f"{key} = {_toml_value(value)}"
     if isinstance(value, list) and len(text) > _WIDTH:
         rows: list[str] = [" "]
-        for item in map(_inline, value):
+        for item in map(_toml_value, value):
             if len(rows[-1]) + len(item) > _WIDTH:
                 rows.append(" ")
             rows[-1] += f" {item},"
@@ -548,20 +552,20 @@ def _line(key: str, value: Any) -> str:
     return f"{text}\n"
 
 
-def _inline(value: Any) -> str:
+def _toml_value(value: Any) -> str:
     """A value as TOML writes it; its strings and numbers are JSON's."""
     if isinstance(value, Mapping):
-        return "{ " + ", ".join(f"{key} = {_inline(item)}" for key, item in value.items()) + " }"
+        return "{ " + ", ".join(f"{key} = {_toml_value(item)}" for key, item in value.items()) + " }"
     if isinstance(value, list | tuple):
-        return "[" + ", ".join(map(_inline, value)) + "]"
+        return "[" + ", ".join(map(_toml_value, value)) + "]"
     return json.dumps(value)
 
 
-def _visible(text: str) -> str:
+def _printable(text: str) -> str:
     return "".join(letter if letter.isprintable() else "?" for letter in text)
 
 
 def _comment(text: str, mark: str = "# ") -> str:
     """Text behind number signs, on as many lines as it takes; control characters are made visible."""
-    rows = wrap(_visible(text), _WIDTH + 1 - len(mark), break_long_words=False, break_on_hyphens=False)
+    rows = wrap(_printable(text), _WIDTH + 1 - len(mark), break_long_words=False, break_on_hyphens=False)
     return "".join(f"{mark}{row}\n" for row in rows)

@@ -55,7 +55,7 @@ from seatrial.acquisition.sources.log_formats import LINE_FORMS, Cutter, LineRea
 
 BAUD_RATES = (4_800, 38_400, 115_200, 9_600, 57_600, 230_400, 19_200, 460_800)
 """Of serial lines, the usual ones first: NMEA 0183, its fast form, gateways and autopilots."""
-LOOK_S = 1.6
+BAUD_PROBE_S = 1.6
 """For so long a line is listened to at each rate: instruments speak once a second."""
 _POLL_S = 0.1
 _MOST_FRAMES = 500_000  # of one place, some 200 MB: a quarter of an hour of a busy bus
@@ -69,7 +69,7 @@ _HEAD_FRAMES = 5_000  # of a log, which show what it is
 
 
 @dataclass
-class Heard:
+class Capture:
     """What came at a place: its settings as far as they were found out, and its frames.
 
     ``problem`` is why nothing could be heard there, or nothing be made of what came; empty where all is well.
@@ -88,31 +88,31 @@ def listen(
     duration_s: float,
     stop: threading.Event | None = None,
     progress: Progress = lambda share: None,
-) -> list[Heard]:
+) -> list[Capture]:
     """Listen at all places for ``duration_s`` [s], or until ``stop`` is set; logs are looked into."""
     stop, until_s = stop or threading.Event(), time.monotonic() + duration_s
-    results: dict[str, Heard] = {}
+    results: dict[str, Capture] = {}
     live = [place for place in places if place.type != "file"]
     threads = [
         threading.Thread(target=_listen_at, args=(place, until_s, stop, results), daemon=True) for place in live
     ]
     for thread in threads:
         thread.start()
-    results |= {place.name: look_into(place) for place in places if place.type == "file"}
+    results |= {place.name: capture_log(place) for place in places if place.type == "file"}
     while any(thread.is_alive() for thread in threads):
         progress(min(1.0, 1.0 - (until_s - time.monotonic()) / max(duration_s, 1e-9)))
         time.sleep(_POLL_S)
     return [results[place.name] for place in places]
 
 
-def section_of(place: ListeningPlace) -> AnySource:
+def place_section(place: ListeningPlace) -> AnySource:
     """The place as a section of a configuration."""
     section = {"name": place.name, "type": place.type, "channels": (), **place.settings}
     source: AnySource = TypeAdapter(AnySource).validate_python(section)
     return source
 
 
-def look_into(place: ListeningPlace) -> Heard:
+def capture_log(place: ListeningPlace) -> Capture:
     """A log file: what it is, and its frames, read anew each time that they are asked for."""
     path = Path(place.settings["path"])
     try:
@@ -122,29 +122,29 @@ def look_into(place: ListeningPlace) -> Heard:
             place = replace(place, type="mavlink_file")
         elif head.startswith(b"SQLite format 3"):
             place = replace(place, type="mqtt_file")
-        count = sum(1 for _ in islice(_received(place), _HEAD_FRAMES))
+        count = sum(1 for _ in islice(_receive(place), _HEAD_FRAMES))
         expected = path.stat().st_size // _BYTES_A_FRAME
-        capture = Heard(place, lambda: _received(place), count, expected)
+        capture = Capture(place, lambda: _receive(place), count, expected)
     except SourceError as error:
-        return Heard(place, problem=_in_words(error))
+        return Capture(place, problem=_error_text(error))
     except OSError as error:
-        return Heard(place, problem=f"cannot be read: {error.strerror}")
-    return _with_system(capture)
+        return Capture(place, problem=f"cannot be read: {error.strerror}")
+    return _with_mavlink_system(capture)
 
 
-def _listen_at(place: ListeningPlace, until_s: float, stop: threading.Event, results: dict[str, Heard]) -> None:
+def _listen_at(place: ListeningPlace, until_s: float, stop: threading.Event, results: dict[str, Capture]) -> None:
     """One thread's work: it raises nothing."""
     try:
-        rated_place = _with_rate(place, until_s, stop) if place.type == "serial" else place
+        rated_place = _with_baud_rate(place, until_s, stop) if place.type == "serial" else place
         raw = replace(rated_place, type=_RAW_TYPES.get(rated_place.type, rated_place.type))
-        frames, fault = _until_failure(_bounded(_received(raw, until_s, stop)))
+        frames, fault = _until_failure(_bounded(_receive(raw, until_s, stop)))
         capture = interpret(rated_place, frames)
         capture.problem = capture.problem if frames or not fault else fault
         capture.remarks += [f"{fault}; what came before is here"] if frames and fault else []
     except SeatrialError as error:
-        capture = Heard(place, problem=_in_words(error))
+        capture = Capture(place, problem=_error_text(error))
     except Exception as error:  # drivers raise what they like
-        capture = Heard(place, problem=f"its driver failed: {system_reason(error) or type(error).__name__}")
+        capture = Capture(place, problem=f"its driver failed: {system_reason(error) or type(error).__name__}")
     results[place.name] = capture
 
 
@@ -154,18 +154,18 @@ def _until_failure(frames: Iterable[Frame]) -> tuple[list[Frame], str]:
     try:
         received.extend(frames)
     except SeatrialError as error:
-        return received, _in_words(error)
+        return received, _error_text(error)
     return received, ""
 
 
-def _in_words(error: SeatrialError) -> str:
+def _error_text(error: SeatrialError) -> str:
     """An error's what and why: where it was stands beside it, and what to do below all."""
     return f"{error.what}: {error.why}" if error.why else error.what
 
 
-def _received(place: ListeningPlace, until_s: float = inf, stop: threading.Event | None = None) -> Iterator[Frame]:
+def _receive(place: ListeningPlace, until_s: float = inf, stop: threading.Event | None = None) -> Iterator[Frame]:
     """The frames of a place as a source gives them, until the end of a log, a time [s] or a word to stop."""
-    source = make_source(section_of(place))
+    source = make_source(place_section(place))
     source.open()
     try:
         while time.monotonic() < until_s and not (stop and stop.is_set()):
@@ -187,7 +187,7 @@ def _bounded(frames: Iterator[Frame]) -> Iterator[Frame]:
             return
 
 
-def _with_rate(place: ListeningPlace, until_s: float, stop: threading.Event) -> ListeningPlace:
+def _with_baud_rate(place: ListeningPlace, until_s: float, stop: threading.Event) -> ListeningPlace:
     """A serial line with its baud rate, found out where it is not given."""
     if "baud_rate" in place.settings:
         return place
@@ -197,8 +197,8 @@ def _with_rate(place: ListeningPlace, until_s: float, stop: threading.Event) -> 
 
     def read_at(rate: int) -> bytes:
         raw = replace(at(rate), type="mavlink_serial")
-        look_until_s = min(time.monotonic() + LOOK_S, until_s)
-        return b"".join(frame.payload for frame in _received(raw, look_until_s, stop))
+        look_until_s = min(time.monotonic() + BAUD_PROBE_S, until_s)
+        return b"".join(frame.payload for frame in _receive(raw, look_until_s, stop))
 
     return at(find_baud_rate(read_at))
 
@@ -212,7 +212,7 @@ def find_baud_rate(read_at: Callable[[int], bytes], rates: Sequence[int] = BAUD_
     for rate in rates:
         received = read_at(rate)
         came = came or bool(received)
-        if max(_soundness([received])):
+        if max(_count_sound_bytes([received])):
             return rate
     if came:
         fix = "give the rate as /dev/ttyUSB0@RATE; check the polarity of the line"
@@ -220,34 +220,36 @@ def find_baud_rate(read_at: Callable[[int], bytes], rates: Sequence[int] = BAUD_
     return rates[0]
 
 
-def interpret(place: ListeningPlace, received: Sequence[Frame]) -> Heard:
+def interpret(place: ListeningPlace, received: Sequence[Frame]) -> Capture:
     """What came at a place, as what it is. Bytes of a line that are nothing known are told as a problem."""
     if place.type == "mqtt" and received:
-        place = replace(place, settings={**place.settings, "topics": topics_of_sentences(received) or ["#"]})
+        place = replace(place, settings={**place.settings, "topics": sentence_topics(received) or ["#"]})
     if place.type in ("can", "mqtt"):
-        return Heard(place, lambda: iter(received), len(received), problem="" if received else _SILENT)
+        return Capture(place, lambda: iter(received), len(received), problem="" if received else _NOTHING_COMES)
     if not received:
-        return Heard(place, problem=_SILENT)
-    lines, packets = _soundness([frame.payload for frame in received], is_datagram=place.type == "udp")
+        return Capture(place, problem=_NOTHING_COMES)
+    lines, packets = _count_sound_bytes([frame.payload for frame in received], is_datagram=place.type == "udp")
     if not lines and not packets:
         beginning = received[0].payload[:24]
-        return Heard(place, problem=f"bytes come that are nothing known; they begin with {beginning!r}")
+        return Capture(place, problem=f"bytes come that are nothing known; they begin with {beginning!r}")
     if packets > lines:
         link = replace(place, type=_RAW_TYPES[place.type])
-        return _with_system(Heard(link, lambda: iter(received), len(received)))
+        return _with_mavlink_system(Capture(link, lambda: iter(received), len(received)))
     assembler = LineAssembler(place.name)
-    frames = [line for frame in received for line in _lines_of(assembler, frame, is_datagram=place.type == "udp")]
+    frames = [
+        line for frame in received for line in _split_lines(assembler, frame, is_datagram=place.type == "udp")
+    ]
     if any(frame.protocol == "can" for frame in frames):
         end = b"\n" if place.type == "udp" else b""
-        form = form_of(end.join(frame.payload for frame in received))
+        form = gateway_form(end.join(frame.payload for frame in received))
         place = replace(place, settings={**place.settings, **({"form": form} if form else {})})
-    return Heard(place, lambda: iter(frames), len(frames))
+    return Capture(place, lambda: iter(frames), len(frames))
 
 
-_SILENT = "nothing comes"
+_NOTHING_COMES = "nothing comes"
 
 
-def topics_of_sentences(received: Iterable[Frame]) -> list[str]:
+def sentence_topics(received: Iterable[Frame]) -> list[str]:
     """The MQTT topics on which sentences come, or what many begin with; all, where one cannot be written down."""
     topics = set()
     for frame in received:
@@ -265,17 +267,17 @@ def topics_of_sentences(received: Iterable[Frame]) -> list[str]:
     return ["/".join([*common, "#"])]
 
 
-def _lines_of(assembler: LineAssembler, frame: Frame, *, is_datagram: bool) -> list[Frame]:
+def _split_lines(assembler: LineAssembler, frame: Frame, *, is_datagram: bool) -> list[Frame]:
     """The lines in some bytes; ``is_datagram`` says that they end where a line does."""
     times = frame.received_ns, frame.monotonic_ns
     return assembler.push(frame.payload, times) + (assembler.end(times) if is_datagram else [])
 
 
-def _soundness(chunks: Sequence[bytes], *, is_datagram: bool = False) -> tuple[int, int]:
+def _count_sound_bytes(chunks: Sequence[bytes], *, is_datagram: bool = False) -> tuple[int, int]:
     """How many bytes of what came are of sound lines or gateways' messages, and how many of MAVLink's packets."""
     assembler, cutter, lines, packets = LineAssembler(""), PacketCutter(whole=False), 0, 0
     for chunk in chunks:
-        frames = _lines_of(assembler, Frame("", "nmea0183", chunk, 0, 0), is_datagram=is_datagram)
+        frames = _split_lines(assembler, Frame("", "nmea0183", chunk, 0, 0), is_datagram=is_datagram)
         lines += sum(len(frame.payload) for frame in frames if _is_sound(frame))
         packets += sum(
             len(packet) for packet in cutter.push(chunk) if not isinstance(packet, Fault) and is_known(packet)
@@ -287,7 +289,7 @@ def _is_sound(frame: Frame) -> bool:
     return frame.protocol == "can" or has_sentence(frame.payload)
 
 
-def form_of(received: bytes) -> str:
+def gateway_form(received: bytes) -> str:
     """The form in which a gateway sends NMEA 2000, by the lines that it has sent; empty where none fits."""
     any_form = LineReader()
     readers = {name: LineReader(name) for name in LINE_FORMS}
@@ -306,7 +308,7 @@ def _is_frame(entry: LogEntry | None) -> bool:
     return entry is not None and entry.protocol == "can"
 
 
-def _with_system(capture: Heard) -> Heard:
+def _with_mavlink_system(capture: Capture) -> Capture:
     """A MAVLink link with the system that tells of the ship: the one most of whose messages are read."""
     if not capture.place.type.startswith("mavlink"):
         return capture
@@ -338,7 +340,7 @@ _GROUPS = tuple((f"239.192.0.{number}", 60_000 + number) for number in range(1, 
 """The transmission groups of IEC 61162-450."""
 _USUAL_TCP = (("127.0.0.1", 10110), ("127.0.0.1", 2000), ("127.0.0.1", 5760))
 _LINK_TYPES = {"mavlink": "udp", "mavlink_tcp": "tcp", "mavlink_serial": "serial"}
-KNOWN_FORMS = (
+INPUT_FORMS = (
     "a log file, a configuration (.toml) whose sources are listened to, can0 or can:INTERFACE:CHANNEL,"
     " /dev/ttyUSB0 or /dev/ttyUSB0@38400, any path of a serial line, udp:PORT or udp:ADDRESS:PORT,"
     " tcp:ADDRESS:PORT, mqtt:ADDRESS or mqtt:ADDRESS:PORT"
@@ -367,8 +369,8 @@ def parse_places(inputs: Sequence[str]) -> list[ListeningPlace]:
     Raises :class:`InputError` for what is no place, and for logs beside what is live, as their times are not of
     today; :class:`ConfigurationError` for a configuration at fault.
     """
-    places = _with_own_names(place for text in inputs for place in _parse(text))
-    _refuse_twice(places)
+    places = _with_unique_names(place for text in inputs for place in _parse_place(text))
+    _refuse_duplicate_lines(places)
     logs = [place.text for place in places if place.type == "file"]
     if logs and len(logs) < len(places):
         fix = "discover the logs and what is live one after the other"
@@ -376,7 +378,7 @@ def parse_places(inputs: Sequence[str]) -> list[ListeningPlace]:
     return places
 
 
-def _refuse_twice(places: Iterable[ListeningPlace]) -> None:
+def _refuse_duplicate_lines(places: Iterable[ListeningPlace]) -> None:
     """Raise :class:`InputError` for a serial line that is named twice, perhaps by a link: only one can read it."""
     lines: dict[str, ListeningPlace] = {}
     for place in places:
@@ -388,23 +390,23 @@ def _refuse_twice(places: Iterable[ListeningPlace]) -> None:
             lines[device] = place
 
 
-def _parse(text: str) -> list[ListeningPlace]:
+def _parse_place(text: str) -> list[ListeningPlace]:
     kind, _, target = text.partition(":")
     path = Path(text)
     if kind in ("udp", "tcp") and target:
-        return [_port(kind, target, text)]
+        return [_port_place(kind, target, text)]
     if kind == "mqtt" and target:
         address, _, port = target.partition(":")
-        return [_port("mqtt", f"{address}:{port or 1883}", text)]
+        return [_port_place("mqtt", f"{address}:{port or 1883}", text)]
     if kind == "can" and target.count(":") >= 1:
         interface, _, channel = target.partition(":")
-        return [_can(interface, channel, text)]
+        return [_can_place(interface, channel, text)]
     if _CAN_NAME.fullmatch(text) and not path.exists():
-        return [_can("socketcan", text, text)]
+        return [_can_place("socketcan", text, text)]
     if kind == "serial" or _SERIAL_NAME.fullmatch(text) or _is_device(text):
-        return [_serial(target if kind == "serial" else text, text)]
+        return [_serial_place(target if kind == "serial" else text, text)]
     if path.suffix == ".toml" and path.is_file():
-        return _of_configuration(path)
+        return _places_of_configuration(path)
     if path.is_file():
         return [
             ListeningPlace(path.stem, "file", {"path": str(path.absolute())}, text, folder=path.absolute().parent)
@@ -414,11 +416,11 @@ def _parse(text: str) -> list[ListeningPlace]:
         raise InputError("is not an input", where=text, why=why, fix="connect the device, or correct the link")
     if os.path.lexists(path):
         kind = "a folder" if path.is_dir() else "a pipe or socket"
-        raise InputError("is not an input", where=text, why=f"it is {kind}", fix=f"name {KNOWN_FORMS}")
-    raise InputError("is not an input", where=text, fix=f"name {KNOWN_FORMS}")
+        raise InputError("is not an input", where=text, why=f"it is {kind}", fix=f"name {INPUT_FORMS}")
+    raise InputError("is not an input", where=text, fix=f"name {INPUT_FORMS}")
 
 
-def _can(interface: str, channel: str, text: str) -> ListeningPlace:
+def _can_place(interface: str, channel: str, text: str) -> ListeningPlace:
     """``udp_multicast:239.74.163.2?port=43113``: what follows the question mark are the interface's settings."""
     channel, _, query = channel.partition("?")
     options: dict[str, Any] = {key: _number(value) for key, value in parse_qsl(query)}
@@ -447,7 +449,7 @@ def _is_device(text: str) -> bool:
         return False
 
 
-def _serial(text: str, user_text: str) -> ListeningPlace:
+def _serial_place(text: str, user_text: str) -> ListeningPlace:
     device, rate = _device_and_rate(text)
     if rate and (not rate.isdigit() or not int(rate)):
         raise InputError(f"{rate!r} is not a baud rate", where=user_text, fix="write it as /dev/ttyUSB0@38400")
@@ -458,7 +460,7 @@ def _serial(text: str, user_text: str) -> ListeningPlace:
     return ListeningPlace(f"serial_{name}" if name.isdigit() else name, "serial", settings, user_text)
 
 
-def _port(kind: str, target: str, text: str) -> ListeningPlace:
+def _port_place(kind: str, target: str, text: str) -> ListeningPlace:
     address, _, port = target.rpartition(":")
     if not port.isdigit() or not 0 < int(port) < 65_536:
         raise InputError(f"{port!r} is not a port", where=text, fix=f"write it as {kind}:ADDRESS:PORT")
@@ -468,15 +470,17 @@ def _port(kind: str, target: str, text: str) -> ListeningPlace:
     return ListeningPlace(f"{kind}_{port}", kind, settings, text)
 
 
-def _of_configuration(path: Path) -> list[ListeningPlace]:
+def _places_of_configuration(path: Path) -> list[ListeningPlace]:
     """Where the sources of a configuration listen, with their names; what they expect there is not asked."""
     sections = parse_toml(read_text(path), path).get("source", [])
     if not isinstance(sections, list) or not sections:
         raise ConfigurationError("has no source", where=str(path), fix="add a [[source]] section")
-    return [place for section in sections if isinstance(section, dict) and (place := _of_section(section, path))]
+    return [
+        place for section in sections if isinstance(section, dict) and (place := _place_of_section(section, path))
+    ]
 
 
-def _of_section(section: dict[str, Any], path: Path) -> ListeningPlace | None:
+def _place_of_section(section: dict[str, Any], path: Path) -> ListeningPlace | None:
     kind = str(section.get("type", ""))
     kind = _LINK_TYPES.get(kind, "file" if kind.endswith("file") else kind)
     keys = {
@@ -502,11 +506,11 @@ def _of_section(section: dict[str, Any], path: Path) -> ListeningPlace | None:
 def usual_places() -> list[ListeningPlace]:
     """Where instruments are mostly heard on this computer: its CAN interfaces, serial lines and the usual ports."""
     places = [*_can_interfaces(), *_serial_lines()]
-    places += [_port("udp", f"{address}:{port}", f"udp:{port}") for address, port in _USUAL_UDP]
-    places += [_port("udp", f"{address}:{port}", f"udp:{address}:{port}") for address, port in _GROUPS]
-    places += [_port("tcp", f"{address}:{port}", f"tcp:{address}:{port}") for address, port in _USUAL_TCP]
-    places.append(_port("mqtt", "127.0.0.1:1883", "mqtt:127.0.0.1"))
-    return _with_own_names(replace(place, expected=False) for place in places)
+    places += [_port_place("udp", f"{address}:{port}", f"udp:{port}") for address, port in _USUAL_UDP]
+    places += [_port_place("udp", f"{address}:{port}", f"udp:{address}:{port}") for address, port in _GROUPS]
+    places += [_port_place("tcp", f"{address}:{port}", f"tcp:{address}:{port}") for address, port in _USUAL_TCP]
+    places.append(_port_place("mqtt", "127.0.0.1:1883", "mqtt:127.0.0.1"))
+    return _with_unique_names(replace(place, expected=False) for place in places)
 
 
 def _can_interfaces() -> list[ListeningPlace]:
@@ -520,7 +524,7 @@ def _can_interfaces() -> list[ListeningPlace]:
         with suppress(Exception):  # drivers raise what they like
             configs += can.detect_available_configs(interface)
     return [
-        _can(config["interface"], str(config["channel"]), f"can:{config['interface']}:{config['channel']}")
+        _can_place(config["interface"], str(config["channel"]), f"can:{config['interface']}:{config['channel']}")
         for config in configs
     ]
 
@@ -528,7 +532,7 @@ def _can_interfaces() -> list[ListeningPlace]:
 def _serial_lines() -> list[ListeningPlace]:
     from serial.tools.list_ports import comports
 
-    lines = [_serial(port.device, port.device) for port in comports() if port.hwid != "n/a"]
+    lines = [_serial_place(port.device, port.device) for port in comports() if port.hwid != "n/a"]
     return [replace(line, settings={"device": _lasting_path(line.settings["device"])}) for line in lines]
 
 
@@ -538,7 +542,7 @@ def _lasting_path(device: str) -> str:
     return str(next(links, device))
 
 
-def _with_own_names(places: Iterable[ListeningPlace]) -> list[ListeningPlace]:
+def _with_unique_names(places: Iterable[ListeningPlace]) -> list[ListeningPlace]:
     """Names that can be part of a topic, none twice."""
     named: dict[str, ListeningPlace] = {}
     for place in places:
@@ -553,7 +557,7 @@ def _with_own_names(places: Iterable[ListeningPlace]) -> list[ListeningPlace]:
 _LATEST = 64  # frames of a message: each signal of a multiplexed one comes in some of them only
 _MOST_LATEST_TOPICS, _MOST_FIELDS, _MOST_LEVELS = 1_000, 100, 8  # what comes off a wire has no end
 _LONGEST_TEXT, _LONGEST_MESSAGE = 40, 65_536
-_NUMBER = re.compile(r"[+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d{1,3})?", re.ASCII)
+_NUMBER_TEXT = re.compile(r"[+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d{1,3})?", re.ASCII)
 
 
 @dataclass(frozen=True)
@@ -588,13 +592,13 @@ def signal_readings(
     """The latest value of each signal on a source; ``channels`` are those mapped, by message and signal."""
     latest: dict[str, tuple[DbcMessage, deque[Frame]]] = {}
     for frame in frames:
-        if (message := messages.of(frame)) is not None:
+        if (message := messages.message_of(frame)) is not None:
             latest.setdefault(message.name, (message, deque(maxlen=_LATEST)))[1].append(frame)
     readings = []
     for message, recent in latest.values():
         values: dict[str, tuple[float | None, str]] = {}
         for frame in recent:
-            values |= _decoded(message, frame)
+            values |= _decode_signals(message, frame)
         for signal in message.signals:
             if signal.name in values:
                 entry = {"message": message.name, "signal": signal.name, "unit": canonical(str(signal.unit or ""))}
@@ -603,20 +607,20 @@ def signal_readings(
     return readings
 
 
-def _decoded(message: DbcMessage, frame: Frame) -> dict[str, tuple[float | None, str]]:
+def _decode_signals(message: DbcMessage, frame: Frame) -> dict[str, tuple[float | None, str]]:
     """The values of the signals in a frame, each with the name of its state or the reason why it has none."""
     try:
         raw: dict[str, float] = message.decode(frame.payload[: message.length], decode_choices=False, scaling=False)
     except Exception:  # an unknown multiplexer value, and whatever else the library finds
         return {}
     return {
-        signal.name: _value(raw[signal.name], signal, not frame.flags & FrameFlag.STANDARD_ID)
+        signal.name: _scaled_value(raw[signal.name], signal, not frame.flags & FrameFlag.STANDARD_ID)
         for signal in message.signals
         if signal.name in raw
     }
 
 
-def _value(raw: float, signal: DbcSignal, is_extended: bool) -> tuple[float | None, str]:
+def _scaled_value(raw: float, signal: DbcSignal, is_extended: bool) -> tuple[float | None, str]:
     missing = missing_by_name(raw, signal)
     if missing is None and (is_extended or signal.is_float):
         missing = missing_by_rule(raw, signal)
@@ -626,7 +630,7 @@ def _value(raw: float, signal: DbcSignal, is_extended: bool) -> tuple[float | No
     return value, str((signal.choices or {}).get(int(raw), ""))
 
 
-class _Field(NamedTuple):
+class _JsonField(NamedTuple):
     """A value in a message; ``path`` is its field in a JSON object."""
 
     path: str
@@ -659,26 +663,26 @@ def _is_sentence(text: str) -> bool:
     return any(SENTENCE_BEHIND.fullmatch(line.strip()) for line in text[:_LONGEST_MESSAGE].splitlines())
 
 
-def _fields_in(text: str) -> list[_Field]:
+def _fields_in(text: str) -> list[_JsonField]:
     """The values in a message; its text, shortened, where it is neither a number nor a JSON object."""
     if len(text) > _LONGEST_MESSAGE:
-        return [_Field("", f"{len(text):,} bytes")]
+        return [_JsonField("", f"{len(text):,} bytes")]
     _, body = split_time(text)
     if body.startswith("{"):
         with suppress(orjson.JSONDecodeError):
-            return list(islice(_leaves(orjson.loads(body)), _MOST_FIELDS))
-        return [_Field("", _shortened(body))]
+            return list(islice(_json_leaves(orjson.loads(body)), _MOST_FIELDS))
+        return [_JsonField("", _shortened(body))]
     message = read_message(text, TopicValue(topic="any", unit=""))
     unit = message.unit if is_unit(message.unit) else ""
-    number = _number_or_none(message.text)
-    return [_Field("", _shortened(body)) if number is None else _Field("", number, unit)]
+    number = _finite_number(message.text)
+    return [_JsonField("", _shortened(body)) if number is None else _JsonField("", number, unit)]
 
 
-def _number_or_none(value: Any) -> float | None:
+def _finite_number(value: Any) -> float | None:
     """A finite number, or the text of one, as a float; None for all else."""
     if isinstance(value, bool) or not isinstance(value, int | float | str):
         return None
-    number = float(value) if not isinstance(value, str) or _NUMBER.fullmatch(value) else float("nan")
+    number = float(value) if not isinstance(value, str) or _NUMBER_TEXT.fullmatch(value) else float("nan")
     return number if isfinite(number) else None
 
 
@@ -687,19 +691,19 @@ def _shortened(text: str) -> str:
     return shown if len(shown) <= _LONGEST_TEXT else f"{shown[:_LONGEST_TEXT]}..."
 
 
-def _leaves(content: Mapping[str, Any], path: str = "", level: int = 0) -> Iterator[_Field]:
+def _json_leaves(content: Mapping[str, Any], path: str = "", level: int = 0) -> Iterator[_JsonField]:
     """The values in nested objects, by their paths."""
     for key, value in content.items():
         inner = f"{path}.{key}" if path else key
         if isinstance(value, dict) and level < _MOST_LEVELS:
-            yield from _leaves(value, inner, level + 1)
+            yield from _json_leaves(value, inner, level + 1)
         else:
-            number = _number_or_none(value)
-            yield _Field(inner, _shortened(str(value)) if number is None else number)
+            number = _finite_number(value)
+            yield _JsonField(inner, _shortened(str(value)) if number is None else number)
 
 
 _NO_FEEDBACK = re.compile(r"(?i)order|command|cmd|demand|setpoint|request|reference|limit|max|min")
-_ALSO_CALLED = {"starboard": ("stbd", "stb"), "tunnel": ("bow",), "propeller": ("prop",)}
+_ABBREVIATIONS = {"starboard": ("stbd", "stb"), "tunnel": ("bow",), "propeller": ("prop",)}
 _ENOUGH_MESSAGES = 2
 
 SignalNames = dict[str, dict[str, str]]
@@ -716,7 +720,7 @@ class DbcMessages:
         }
         self._by_group = {frame_key(message): message for message in database.messages if message.is_extended_frame}
 
-    def of(self, frame: Frame) -> DbcMessage | None:
+    def message_of(self, frame: Frame) -> DbcMessage | None:
         """The message that a frame is, if it has all of its bytes."""
         if frame.protocol != "can" or frame.flags & (FrameFlag.REMOTE | FrameFlag.ERROR):
             return None
@@ -728,7 +732,7 @@ class DbcMessages:
 
     def count_in(self, frames: Iterable[Frame]) -> int:
         """How many of the messages are among some frames."""
-        return len({message.name for frame in frames if (message := self.of(frame)) is not None})
+        return len({message.name for frame in frames if (message := self.message_of(frame)) is not None})
 
 
 class DbcChoice(NamedTuple):
@@ -746,17 +750,17 @@ def choose_dbc(named: Path | None, folders: Iterable[Path | None], frames: Seque
     if named is not None:
         messages = DbcMessages(load_dbc(named))
         count = messages.count_in(frames)
-        return DbcChoice(named if count else None, _coverage(named, count, messages))
+        return DbcChoice(named if count else None, _describe_coverage(named, count, messages))
     remarks: list[str] = []
     for folder in dict.fromkeys(directory.absolute() for directory in folders if directory is not None):
-        if (path := _fitting(folder, frames, remarks)) is not None:
+        if (path := _find_fitting_dbc(folder, frames, remarks)) is not None:
             return DbcChoice(path, "; ".join(remarks))
-    path = None if remarks else own_dbc(frames)
+    path = None if remarks else vessel_dbc(frames)
     remarks += [] if path is None else [f"{path.name} of Seatrial fits"]
     return DbcChoice(path, "; ".join(remarks))
 
 
-def _fitting(folder: Path, frames: Sequence[Frame], remarks: list[str]) -> Path | None:
+def _find_fitting_dbc(folder: Path, frames: Sequence[Frame], remarks: list[str]) -> Path | None:
     """The DBC file in a folder that fits frames: two of its messages come, or all of fewer; of several the one most
     of whose messages come. ``remarks`` take what is to be said of it, or of those that are not taken."""
     counts: dict[Path, int] = {}
@@ -770,7 +774,7 @@ def _fitting(folder: Path, frames: Sequence[Frame], remarks: list[str]) -> Path 
         if count >= min(_ENOUGH_MESSAGES, messages.count) > 0:
             counts[path] = count
         if count:
-            remarks.append(_coverage(path, count, messages))
+            remarks.append(_describe_coverage(path, count, messages))
     best = [path for path, count in counts.items() if count == max(counts.values())]
     if len(best) > 1:
         remarks.append("they fit alike: name one with --dbc")
@@ -779,11 +783,11 @@ def _fitting(folder: Path, frames: Sequence[Frame], remarks: list[str]) -> Path 
     return best[0] if len(best) == 1 else None
 
 
-def _coverage(path: Path, count: int, messages: DbcMessages) -> str:
+def _describe_coverage(path: Path, count: int, messages: DbcMessages) -> str:
     return f"{path.name}: {count or 'none'} of its {messages.count} messages come{'s' * (count < 2)}"
 
 
-def own_dbc(frames: Iterable[Frame]) -> Path | None:
+def vessel_dbc(frames: Iterable[Frame]) -> Path | None:
     """The DBC file beside the vessel files that is the bus's own, if there is one.
 
     At least two of its messages come with their very identifiers, and none of its groups with others: proprietary
@@ -807,11 +811,11 @@ def match_signals(path: Path, actuators: Actuators) -> SignalNames:
     database = load_dbc(path)
     wanted = [(channel, actuator.name) for actuator in actuators for channel in actuator.channels]
     wanted += [] if rudders(actuators) else [(BY_NAME[RUDDER], "rudder")]
-    matches = ((channel.name, _signal_of(channel, actuator, database)) for channel, actuator in wanted)
+    matches = ((channel.name, _find_signal(channel, actuator, database)) for channel, actuator in wanted)
     return {name: entry for name, entry in matches if entry is not None}
 
 
-def _signal_of(channel: Channel, actuator: str, database: cantools.db.Database) -> dict[str, str] | None:
+def _find_signal(channel: Channel, actuator: str, database: cantools.db.Database) -> dict[str, str] | None:
     """The one signal whose name tells of the actuator and whose unit is the channel's; None where several do."""
     candidates = [
         {"message": message.name, "signal": signal.name, "unit": canonical(str(signal.unit))}
@@ -834,5 +838,5 @@ def _tells_of(actuator: str, text: str) -> bool:
     if _NO_FEEDBACK.search(text):
         return False
     plain = re.sub(r"[^a-z]", "", text.lower())
-    words = ((word, *_ALSO_CALLED.get(word, ())) for word in actuator.split("_"))
+    words = ((word, *_ABBREVIATIONS.get(word, ())) for word in actuator.split("_"))
     return all(any(name in plain for name in names) for names in words)

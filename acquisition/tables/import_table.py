@@ -45,27 +45,27 @@ from seatrial.acquisition.recording.writer import write_table
 from seatrial.acquisition.tables.column_map import (
     ColumnMap,
     apply_column_map,
-    column_map_of,
     line_in_map,
     load_column_map,
-    long_map,
+    map_of_long_table,
+    parse_column_map,
 )
-from seatrial.acquisition.tables.evidence import SKIP, candidates_of
+from seatrial.acquisition.tables.evidence import SKIP, column_candidates
 from seatrial.acquisition.tables.propose import (
     TIME_KEYS,
     Proposal,
-    judge_columns,
-    map_as_answered,
+    apply_map_answers,
+    apply_time_answers,
+    convert_by_track,
     propose,
-    time_as_answered,
 )
 from seatrial.acquisition.tables.table_files import RawTable, TableFile, parse_numbers, read_raw
-from seatrial.acquisition.tables.time_columns import is_usual_time, resolve_times, usual_time
+from seatrial.acquisition.tables.time_columns import has_standard_times, resolve_times, standard_time_column
 
 LABELS = frozenset({"window", "second", "trial", "leg", "start", "surge_mps2", "sway_mps2", "yaw_dps2"})
 """Columns of our own exports that are no channels; they are passed over."""
 
-BESIDE = ("_flag", "_sigma")
+COMPANION_SUFFIXES = ("_flag", "_sigma")
 """How columns of our own exports end that say something of a channel; they are passed over too."""
 
 
@@ -126,7 +126,7 @@ def import_table(
     :class:`StorageError` when the recording cannot be written.
     """
     refuse_overwriting(output, force)
-    return _record(read_table_file(path, map_path, allow_missing, ignore_unknown, vessel, answers), output)
+    return _write_recording(read_table_file(path, map_path, allow_missing, ignore_unknown, vessel, answers), output)
 
 
 def import_proposed(
@@ -147,10 +147,10 @@ def import_proposed(
     map_file = Path(map_path)
     if not (map_file.is_file() and map_file.read_bytes() == proposal.text.encode()):
         refuse_overwriting(map_path, force, "import with it by --columns, name another file by --write-map")
-    columns, declared = column_map_of(proposal.text, map_path)
+    columns, declared = parse_column_map(proposal.text, map_path)
     with written_together(Path(output)):
         write_text(map_path, proposal.text)
-        summary = _record(_through_map(raw, columns, declared, map_path, vessel), output)
+        summary = _write_recording(_through_map(raw, columns, declared, map_path, vessel), output)
     return replace(summary, remarks=())  # the proposal has them among its warnings
 
 
@@ -168,13 +168,15 @@ def is_standard(raw: RawTable) -> bool:
     """
     names = list(map(str, raw.columns.columns))
     channels = channels_of_trial(raw.trial)
-    if (long := long_map(raw, channels)) is not None:
+    if (long := map_of_long_table(raw, channels)) is not None:
         return bool(long.channels)
-    own_names = [name for name in names if name == "time" or _is_our_column(name, channels) or find_channel(name)]
+    own_names = [
+        name for name in names if name == "time" or _is_export_column(name, channels) or find_channel(name)
+    ]
     if raw.trial.actuators:
         return True
-    recognised = {candidate.column for candidate in candidates_of(raw)} - set(own_names)
-    return "time" in names and 2 * len(own_names) > len(names) and not recognised and is_usual_time(raw)
+    recognised = {candidate.column for candidate in column_candidates(raw)} - set(own_names)
+    return "time" in names and 2 * len(own_names) > len(names) and not recognised and has_standard_times(raw)
 
 
 def refuse_overwriting(path: Path | str, force: bool, fix: str = "name another file") -> None:
@@ -183,7 +185,7 @@ def refuse_overwriting(path: Path | str, force: bool, fix: str = "name another f
         raise InputError("already exists", where=str(path), fix=f"{fix}, or use --force to replace it")
 
 
-def _record(file: TableFile, output: Path | str) -> ImportSummary:
+def _write_recording(file: TableFile, output: Path | str) -> ImportSummary:
     """Write a table as a recording; what was found in it."""
     flags = quality_flags(file.table, file.trial)
     samples = write_table(file.table, output, file.trial, file.sources, flags)
@@ -227,17 +229,19 @@ def read_table_file(
     raw = read_raw(path)
     if map_path is not None:
         columns, declared = load_column_map(map_path)
-        return _through_map(raw, map_as_answered(columns, answers or {}), declared, map_path, vessel, allow_missing)
+        return _through_map(
+            raw, apply_map_answers(columns, answers or {}), declared, map_path, vessel, allow_missing
+        )
     ship, fix = _actuators_of(vessel), "give it a constant in a map (--columns), or use --allow-missing"
-    long = long_map(raw, channel_names(ship or DEFAULT))
+    long = map_of_long_table(raw, channel_names(ship or DEFAULT))
     if long is None:
-        file, fix = _standard(raw, ignore_unknown, ship, answers or {}, vessel), f"add the column, {fix}"
+        file, fix = _read_standard(raw, ignore_unknown, ship, answers or {}, vessel), f"add the column, {fix}"
     else:
         file = apply_column_map(raw, long, path)
-        file = _for_ship(
+        file = _assign_ship(
             file, ship or actuators_in_columns(map(str, file.table), file.trial), raw, vessel, is_known=bool(ship)
         )
-    return _checked(file, raw, allow_missing, fix)
+    return _require_channels(file, raw, allow_missing, fix)
 
 
 def _actuators_of(vessel: Path | str | None) -> Actuators:
@@ -258,13 +262,13 @@ def _through_map(
     stated_ship = ship or columns.actuators or actuators_of_ship(columns.trial.vessel, Path(map_path).parent)
     ship = stated_ship or actuators_in_columns([*file.table, *columns.absent], file.trial)
     _check_mapped(columns.channels, ship, file.trial, map_path)
-    file = _for_ship(file, ship, raw, vessel, is_known=bool(stated_ship))
+    file = _assign_ship(file, ship, raw, vessel, is_known=bool(stated_ship))
     allow_missing = allow_missing or set(_missing(file)) <= set(columns.absent)
     fix = f"give it a column or a constant in {map_path}, or list it under `absent` there"
-    return _checked(file, raw, allow_missing, fix)
+    return _require_channels(file, raw, allow_missing, fix)
 
 
-def _checked(file: TableFile, raw: RawTable, allow_missing: bool, fix: str) -> TableFile:
+def _require_channels(file: TableFile, raw: RawTable, allow_missing: bool, fix: str) -> TableFile:
     """The table; an :class:`InputError` where it lacks a channel that it needs."""
     missing = _missing(file)
     if missing and not allow_missing:
@@ -301,12 +305,12 @@ def _check_mapped(names: Iterable[str], ship: Actuators, trial: Trial, map_path:
     for name in names:
         if name not in channels:
             actuator_names = ", ".join(actuator.name for actuator in ship)
-            what = f"{_with_hint(name, channels)} is not a channel of a ship with actuators {actuator_names}"
+            what = f"{_name_with_hint(name, channels)} is not a channel of a ship with actuators {actuator_names}"
             where = line_in_map(map_path, ["channels", name])
             raise ConfigurationError(what, where=where, fix="correct the name, or give the ship with --vessel FILE")
 
 
-def _standard(
+def _read_standard(
     raw: RawTable, ignore_unknown: bool, ship: Actuators, answers: Mapping[str, str], vessel: Path | str | None
 ) -> TableFile:
     """A table whose columns are named as the channels."""
@@ -321,23 +325,25 @@ def _standard(
     ship = stated_ship or actuators_in_columns(present, raw.trial)
     channels = channels_of_trial(replace(raw.trial, actuators=as_text(ship)))
     unknown = tuple(
-        name for name in present if name not in channels and name != "time" and not _is_our_column(name, channels)
+        name
+        for name in present
+        if name not in channels and name != "time" and not _is_export_column(name, channels)
     )
     if unknown and not ignore_unknown:
         ships = "; give the ship with --vessel FILE" if any(map(channel_by_rule, unknown)) else ""
-        what = f"has unknown columns {', '.join(_with_hint(name, channels) for name in unknown)}"
+        what = f"has unknown columns {', '.join(_name_with_hint(name, channels) for name in unknown)}"
         fix = f"rename them, map them with --columns MAP.toml, or use --ignore-unknown{ships}"
         raise InputError(what, where=str(raw.path), fix=fix)
     of_time = {key: value for key, value in answers.items() if key in TIME_KEYS}
     of_columns = {key: value for key, value in answers.items() if key not in TIME_KEYS}
-    time = time_as_answered(usual_time(raw), of_time)
+    time = apply_time_answers(standard_time_column(raw), of_time)
     timed = resolve_times(raw, time, strict=True)
     names = [name for name in channels if name in present and answers.get(f"unit.{name}") != SKIP]
     columns = {name: _in_its_turn(channels[name], parse_numbers(timed.raw, name)) for name in names}
     table = pd.DataFrame(columns, index=timed.index)
     file = TableFile(table, raw.trial, dict.fromkeys(names, "table"), unknown, remarks=timed.remarks)
-    judge_columns(file, timed.raw, time, of_columns)
-    return _for_ship(file, ship, raw, vessel, is_known=bool(stated_ship))
+    convert_by_track(file, timed.raw, time, of_columns)
+    return _assign_ship(file, ship, raw, vessel, is_known=bool(stated_ship))
 
 
 def _in_its_turn(channel: Channel, values: Floats) -> Floats:
@@ -346,7 +352,7 @@ def _in_its_turn(channel: Channel, values: Floats) -> Floats:
     return in_turn(channel, values) if is_other_convention(channel, values) else values
 
 
-def _for_ship(
+def _assign_ship(
     file: TableFile, ship: Actuators, raw: RawTable, vessel: Path | str | None, *, is_known: bool
 ) -> TableFile:
     """The table in the order of the ship's channels, its trial with names and the ship's actuators."""
@@ -357,13 +363,13 @@ def _for_ship(
     return file
 
 
-def _is_our_column(name: str, channels: Collection[str]) -> bool:
+def _is_export_column(name: str, channels: Collection[str]) -> bool:
     """Whether a column is one of our own exports that is no channel."""
-    stems = {name, *(name.removesuffix(ending) for ending in BESIDE)}
+    stems = {name, *(name.removesuffix(ending) for ending in COMPANION_SUFFIXES)}
     return not stems.isdisjoint(LABELS) or (name not in channels and not stems.isdisjoint(channels))
 
 
-def _with_hint(name: str, channels: Collection[str]) -> str:
+def _name_with_hint(name: str, channels: Collection[str]) -> str:
     near = get_close_matches(name.lower(), channels, n=1, cutoff=0.5)
     return f"{name} (did you mean {near[0]}?)" if near else name
 

@@ -42,29 +42,29 @@ from seatrial.acquisition.tables.channel_columns import FASTEST_MPS, read_channe
 from seatrial.acquisition.tables.column_map import (
     Column,
     ColumnMap,
-    Long,
+    LongLayout,
     Velocity,
     apply_column_map,
-    column_map_of,
+    parse_column_map,
     seconds_of,
-    widen,
+    widen_long_table,
 )
-from seatrial.acquisition.tables.column_names import units_called
+from seatrial.acquisition.tables.column_names import parse_units
 from seatrial.acquisition.tables.evidence import (
     ColumnReading,
-    Draft,
-    Known,
+    MappingDraft,
     Question,
-    as_toml,
-    best,
-    candidates_of,
+    TableContext,
+    best_candidate,
+    candidates_as_answered,
     check_answer,
     check_keys,
-    grid_of,
-    with_answers,
+    column_candidates,
+    comparison_grid,
+    map_as_toml,
 )
-from seatrial.acquisition.tables.table_files import RawTable, TableFile, no_numbers
-from seatrial.acquisition.tables.time_columns import TEXT, TimeColumn, resolve_times, with_zone
+from seatrial.acquisition.tables.table_files import RawTable, TableFile, non_numeric_cells
+from seatrial.acquisition.tables.time_columns import TEXT, TimeColumn, add_zone, resolve_times
 from seatrial.acquisition.tables.time_reading import read_time
 
 if TYPE_CHECKING:
@@ -106,30 +106,30 @@ def propose(
         names = list(map(str, raw.columns.columns))
         fix = f"name its columns, {names[0]!r} to {names[-1]!r}, in a column map (--columns)"
         raise InputError("has no row of names", where=str(raw.path), why="it begins with data", fix=fix)
-    draft = Draft(raw, answers or {})
-    _find_long(draft)
+    draft = MappingDraft(raw, answers or {})
+    _detect_long_table(draft)
     check_keys(draft.answers, list(map(str, draft.raw.columns.columns)))
-    draft.candidates = with_answers(draft)
+    draft.candidates = candidates_as_answered(draft)
     if vessel:
         draft.tree["trial"] = {"vessel": vessel}
     used = set(read_time(draft))
     draft.candidates = [candidate for candidate in draft.candidates if candidate.column not in used]
-    seconds = _seconds(draft)
-    context = Known(draft, seconds, grid_of(seconds))
-    _complete(context, read_channels(context, ship) or DEFAULT_SHIP, ship_is_known=bool(ship))
+    seconds = _row_seconds(draft)
+    context = TableContext(draft, seconds, comparison_grid(seconds))
+    _add_derived_channels(context, read_channels(context, ship) or DEFAULT_SHIP, ship_is_known=bool(ship))
     _check_times(context)
-    _drop_text(context)
+    _drop_rows_with_text(context)
     asked = any(question.default is None for question in draft.questions)
     if not asked and not draft.tree.get("channels") and "position" not in draft.tree:
         raise InputError("has no column that is a channel", where=str(raw.path), fix="give a map with --columns")
-    for key in [key for key in draft.answers if key not in draft.used]:
+    for key in [key for key in draft.answers if key not in draft.used_answers]:
         draft.warnings.append(
             f"the answer {key}={draft.answers[key]} is not used: the table leaves no such question"
         )
     used |= {reading.column for reading in draft.readings}
     comments = {reading.taken_for: "; ".join(reading.reasons) for reading in draft.readings}
     passed = tuple(name for name in map(str, draft.raw.columns.columns) if name not in used)
-    text = as_toml(_in_order(draft.tree), comments)
+    text = map_as_toml(_in_order(draft.tree), comments)
     return Proposal(text, tuple(draft.readings), tuple(draft.questions), tuple(draft.warnings), passed)
 
 
@@ -140,9 +140,9 @@ def _in_order(tree: dict[str, Any]) -> dict[str, Any]:
     return {key: tree[key] for key in (*first, "channels", *tree) if key in tree}
 
 
-def _find_long(draft: Draft) -> None:
+def _detect_long_table(draft: MappingDraft) -> None:
     """Spread a table that has a row for each value."""
-    candidates = candidates_of(draft.raw)
+    candidates = column_candidates(draft.raw)
 
     def of(*names: str) -> list[str]:
         return [candidate.column for candidate in candidates if candidate.quantity.name in names]
@@ -153,15 +153,15 @@ def _find_long(draft: Draft) -> None:
         names = column.dropna().unique()
         text = not pd.api.types.is_numeric_dtype(column.dtype)
         if text and keys and values and 1 < len(names) <= min(_MOST_VARIABLES, column.size // 2):
-            long = Long(variable, values[0], next(iter(of("unit")), None))
+            long = LongLayout(variable, values[0], next(iter(of("unit")), None))
             draft.tree["long"] = {key: value for key, value in vars(long).items() if value is not None}
-            draft.raw, duplicates = widen(draft.raw, long, keys, names)
+            draft.raw, duplicates = widen_long_table(draft.raw, long, keys, names)
             if duplicates:
                 draft.warnings.append(f"{duplicates:,} values come twice of one variable and time; the last counts")
             return
 
 
-def _seconds(draft: Draft) -> Floats:
+def _row_seconds(draft: MappingDraft) -> Floats:
     """Seconds since the first row of each row, NaN without a time; rows are put in the order of their writing."""
     time = TimeColumn(**draft.tree["time"])
     timed = resolve_times(draft.raw, replace(time, zone=time.zone or "UTC"))
@@ -184,7 +184,7 @@ def _seconds(draft: Draft) -> Floats:
     return np.where(has_time, (ns - ns[has_time][0]) / 1e9, np.nan)
 
 
-def _complete(context: Known, ship: Actuators, *, ship_is_known: bool) -> None:
+def _add_derived_channels(context: TableContext, ship: Actuators, *, ship_is_known: bool) -> None:
     """Put the channels into the map, those that follow from them, and those that are absent."""
     draft, has = context.draft, set(context.channels) | set(context.series)
     wanted = [name for name in _derivable(has) if name not in has]
@@ -201,7 +201,7 @@ def _complete(context: Known, ship: Actuators, *, ship_is_known: bool) -> None:
     draft.tree["channels"] = context.channels
     states_ship = ship_is_known or "actuator" in draft.tree
     draft.tree["absent"] = [name for name in required_names(ship, has, known=states_ship) if name not in has]
-    _declare(context)
+    _declare_channels(context)
 
 
 def _derivable(has: set[str]) -> tuple[str, ...]:
@@ -212,12 +212,12 @@ def _derivable(has: set[str]) -> tuple[str, ...]:
     return ("speed_over_ground_mps", "course_over_ground_deg") if "north_m" in has else ()
 
 
-def _drop_text(context: Known) -> None:
+def _drop_rows_with_text(context: TableContext) -> None:
     """Let rows go in which a column of numbers holds a word, if they are few, and say which."""
     draft = context.draft
     for column in dict.fromkeys(str(entry["column"]) for entry in context.channels.values()):
         cells = draft.raw.columns[column]
-        words = no_numbers(cells)
+        words = non_numeric_cells(cells)
         if 0 < np.count_nonzero(words) <= _MOST_WORDS * cells.notna().sum():
             row = int(np.flatnonzero(words)[0])
             draft.tree["unreadable_rows"] = "drop"
@@ -227,11 +227,11 @@ def _drop_text(context: Known) -> None:
             )
 
 
-def _declare(context: Known) -> None:
+def _declare_channels(context: TableContext) -> None:
     """Let shaft power and torque be channels that the map declares."""
     draft = context.draft
     for name, (channel, unit) in _DECLARED.items():
-        candidate = best(draft, name)
+        candidate = best_candidate(draft, name)
         if candidate is None:
             continue
         if not candidate.units:
@@ -243,7 +243,7 @@ def _declare(context: Known) -> None:
         draft.note(candidate.column, channel, candidate.units[0], "declared in the map")
 
 
-def _check_times(context: Known) -> None:
+def _check_times(context: TableContext) -> None:
     """Say so where span, step or track cannot be a trial's."""
     has_time = np.isfinite(context.t)
     steps, warnings = np.diff(context.t[has_time]), context.draft.warnings
@@ -267,31 +267,38 @@ def _check_times(context: Known) -> None:
         )
 
 
-_TIME = {"zone": "zone", "start": "start", "day": "day", "date_order": "order", "time_unit": "unit", "year": "year"}
+_TIME_FIELDS = {
+    "zone": "zone",
+    "start": "start",
+    "day": "day",
+    "date_order": "order",
+    "time_unit": "unit",
+    "year": "year",
+}
 """The parts of ``[time]`` by the key of the answer."""
-TIME_KEYS = frozenset(_TIME)
+TIME_KEYS = frozenset(_TIME_FIELDS)
 """The keys of answers about times."""
 
 
-def map_as_answered(columns: ColumnMap, answers: Mapping[str, str]) -> ColumnMap:
+def apply_map_answers(columns: ColumnMap, answers: Mapping[str, str]) -> ColumnMap:
     """A map with the times, units and full scales as answered.
 
     Raises :class:`ConfigurationError` for an answer that is none, or to what a map does not leave open.
     """
-    of_time = {key: value for key, value in answers.items() if key in _TIME}
+    of_time = {key: value for key, value in answers.items() if key in _TIME_FIELDS}
     channels = dict(columns.channels)
     for key, value in answers.items():
         kind, _, name = key.partition(".")
-        if key in _TIME:
+        if key in _TIME_FIELDS:
             continue
         check_answer(key, value)
         for channel in _answered_channels(channels, kind, name, key):
             entry = channels[channel]
-            unit = next(iter(units_called(value)), value)
+            unit = next(iter(parse_units(value)), value)
             is_scale = kind == "full_scale"
             channels[channel] = replace(entry, full_scale=float(value)) if is_scale else replace(entry, unit=unit)
     answered = copy(columns)  # `replace` would check channels that the map declares without their declarations
-    object.__setattr__(answered, "time", time_as_answered(columns.time, of_time))
+    object.__setattr__(answered, "time", apply_time_answers(columns.time, of_time))
     object.__setattr__(answered, "channels", channels)
     return answered
 
@@ -310,10 +317,10 @@ def _answered_channels(channels: Mapping[str, Column], kind: str, name: str, key
     return names
 
 
-def time_as_answered(time: TimeColumn, answers: Mapping[str, str]) -> TimeColumn:
+def apply_time_answers(time: TimeColumn, answers: Mapping[str, str]) -> TimeColumn:
     """A time column with its zone, start, day, order and unit as answered; the text's own zone is then ignored."""
     for key, value in answers.items():
-        if key not in _TIME:
+        if key not in _TIME_FIELDS:
             raise ConfigurationError(f"the answer {key} is to no question of this table", fix="name a column map")
         check_answer(key, value)
         is_counted = time.format == "seconds"
@@ -329,15 +336,15 @@ def time_as_answered(time: TimeColumn, answers: Mapping[str, str]) -> TimeColumn
                 f"the answer {key}={value} has no use: column {time.column!r} is read as {time.format!r}",
                 fix="leave it out, or change `format` under [time] in the map",
             )
-        change: dict[str, Any] = {_TIME[key]: int(value) if key == "year" else value}
+        change: dict[str, Any] = {_TIME_FIELDS[key]: int(value) if key == "year" else value}
         time = replace(
-            time, **({"start": with_zone(value), "in_name": None, "in_head": False} if key == "start" else change)
+            time, **({"start": add_zone(value), "in_name": None, "in_head": False} if key == "start" else change)
         )
     return replace(time, zone_in_text="ignored") if "zone" in answers else time
 
 
 _MOST_POINTS = 4000  # more cannot be told apart on a page
-_TRACK = ("north_m", "east_m", "latitude_deg", "longitude_deg")
+_TRACK_CHANNELS = ("north_m", "east_m", "latitude_deg", "longitude_deg")
 
 
 def proposal_table(proposal: Proposal) -> Table:
@@ -363,10 +370,10 @@ def draw_preview(raw: RawTable, proposal: Proposal, path: Path) -> None:
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    columns, declared = column_map_of(proposal.text, path)
+    columns, declared = parse_column_map(proposal.text, path)
     file = apply_column_map(raw, columns, path, declared)
     table = file.table.iloc[:: max(1, len(file.table) // _MOST_POINTS)]
-    names = [name for name in map(str, table.columns) if name not in _TRACK]
+    names = [name for name in map(str, table.columns) if name not in _TRACK_CHANNELS]
     why = {entry.taken_for: entry for entry in proposal.readings}
     rows = max(4, -(-len(names) // 2))
     figure = Figure(figsize=(14.0, 1.5 * rows + 1.0), layout="constrained")
@@ -380,7 +387,9 @@ def draw_preview(raw: RawTable, proposal: Proposal, path: Path) -> None:
     channels = known_channels({"trial": {"channels": file.trial.channels}})
     for number, name in enumerate(names):
         axes = figure.add_subplot(grid[number % rows, 1 + number // rows])
-        axes.plot(*_line(table[name], is_circular(name), table.index[0]), color="#1f4e79", linewidth=0.8)
+        axes.plot(
+            *_line_with_breaks(table[name], is_circular(name), table.index[0]), color="#1f4e79", linewidth=0.8
+        )
         reading = why.get(name)
         source = "derived"
         if reading:
@@ -394,7 +403,7 @@ def draw_preview(raw: RawTable, proposal: Proposal, path: Path) -> None:
         figure.savefig(partial, format="png")
 
 
-def _line(column: pd.Series[float], circular: bool, start: pd.Timestamp) -> tuple[Floats, Floats]:
+def _line_with_breaks(column: pd.Series[float], circular: bool, start: pd.Timestamp) -> tuple[Floats, Floats]:
     """Minutes since the start and values of a line; an angle's is broken where it crosses the whole turn."""
     present = column.dropna()
     times = np.asarray((pd.DatetimeIndex(present.index) - start) / pd.Timedelta(minutes=1), dtype=np.float64)
@@ -405,7 +414,7 @@ def _line(column: pd.Series[float], circular: bool, start: pd.Timestamp) -> tupl
     return np.insert(times, breaks, times[breaks]), np.insert(values, breaks, np.nan)
 
 
-def judge_columns(file: TableFile, raw: RawTable, time: TimeColumn, answers: Mapping[str, str]) -> None:
+def convert_by_track(file: TableFile, raw: RawTable, time: TimeColumn, answers: Mapping[str, str]) -> None:
     """Convert the columns of motion whose track shows another unit, sense or axes than their names state.
 
     ``raw`` are the rows of ``file`` before any conversion, ``time`` their time column, ``answers`` those that are
@@ -413,23 +422,23 @@ def judge_columns(file: TableFile, raw: RawTable, time: TimeColumn, answers: Map
     :class:`ConfigurationError` for an answer to none.
     """
     names = [name for name in map(str, file.table) if name in BY_NAME and raw.columns[name].notna().any()]
-    draft = Draft(replace(raw, columns=raw.columns[names]), answers)
+    draft = MappingDraft(replace(raw, columns=raw.columns[names]), answers)
     check_keys(answers, names)
-    draft.candidates = with_answers(draft)
+    draft.candidates = candidates_as_answered(draft)
     seconds = seconds_of(pd.DatetimeIndex(file.table.index))
-    context = Known(draft, seconds, grid_of(seconds))
+    context = TableContext(draft, seconds, comparison_grid(seconds))
     read_motion(context)
-    if unused := [key for key in answers if key not in draft.used]:
+    if unused := [key for key in answers if key not in draft.used_answers]:
         raise ConfigurationError(
             f"the answer {', '.join(unused)} is to no question of this table", fix="name a column map"
         )
     if (question := next((entry for entry in draft.questions if entry.default is None), None)) is not None:
         raise InputError(str(question), where=str(raw.path))
     file.remarks = (*file.remarks, *draft.warnings)
-    _convert(file, raw, time, context)
+    _convert_channels(file, raw, time, context)
 
 
-def _convert(file: TableFile, raw: RawTable, time: TimeColumn, context: Known) -> None:
+def _convert_channels(file: TableFile, raw: RawTable, time: TimeColumn, context: TableContext) -> None:
     """Put the channels that are not as their names state into the table, as a map of them would."""
     velocity = context.draft.tree.get("velocity")
     channels = {name: entry for name, entry in context.channels.items() if _is_changed(name, entry)}

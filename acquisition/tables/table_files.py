@@ -37,7 +37,7 @@ from seatrial.acquisition.core.quantities import Bools, Floats
 from seatrial.acquisition.core.trial import Trial
 
 if TYPE_CHECKING:
-    from seatrial.acquisition.tables.text_tables import ReadRows
+    from seatrial.acquisition.tables.text_tables import ParsedRows
 
 
 _OPENERS: dict[str, Callable[[Path], Any]] = {
@@ -75,14 +75,14 @@ class RawTable:
     is_nameless: bool = False
 
     @classmethod
-    def of_rows(cls, path: Path, read: ReadRows, trial: Trial) -> RawTable:
+    def from_rows(cls, path: Path, read: ParsedRows, trial: Trial) -> RawTable:
         """The table of rows of cells."""
         return cls(path, read.frame, trial, read.units, {}, read.preamble, read.remarks, read.is_nameless)
 
     @property
     def name(self) -> str:
         """The file's name without what says its kind."""
-        return self.path.name.removesuffix("".join(_kind_of(self.path)))
+        return self.path.name.removesuffix("".join(_suffixes(self.path)))
 
 
 @dataclass(slots=True)
@@ -112,7 +112,7 @@ class TableFile:
 def read_raw(path: Path | str) -> RawTable:
     """The table as it is in the file. Raises :class:`InputError` for anything that is no table with rows."""
     path = Path(path)
-    suffix, packed = _kind_of(path)
+    suffix, packed = _suffixes(path)
     readers = _readers()
     if not path.is_file():
         raise InputError("is no file", where=str(path), fix="check the path")
@@ -138,7 +138,7 @@ def read_raw(path: Path | str) -> RawTable:
     return raw
 
 
-def _kind_of(path: Path) -> tuple[str, str]:
+def _suffixes(path: Path) -> tuple[str, str]:
     """What a file's name says of its kind: ``.csv`` and how it is packed, for instance ``.gz``, or nothing."""
     packed = path.suffix if path.suffix.lower() in _OPENERS else ""
     return Path(path.name.removesuffix(packed)).suffix, packed
@@ -153,21 +153,21 @@ def _read_text(path: Path) -> RawTable:
     """Cells between commas, semicolons, tabs, bars or blanks, with a decimal point or comma."""
     from seatrial.acquisition.tables.text_tables import (
         decode,
+        has_can_frame_columns,
         is_expedition,
         is_rtklib,
-        is_table_of_frames,
+        parse_text,
         read_expedition,
         read_rtklib,
-        read_text,
     )
 
     meter = Meter(path, path.stat().st_size)
-    text = decode(_unpacked(path, meter))
+    text = decode(_decompressed(path, meter))
     if "\0" in text:
         raise InputError("is no text", where=str(path), why="it contains zero bytes", fix="save it as CSV in UTF-8")
 
     def check_names(names: list[str]) -> None:
-        refuse_twins(names, path)
+        refuse_duplicate_names(names, path)
         meter.check(TABLE_COLUMNS, len(names))
         meter.check(TABLE_CELLS, len(names) * text.count("\n"))
 
@@ -177,17 +177,17 @@ def _read_text(path: Path) -> RawTable:
     if is_rtklib(text):
         frame, remark = read_rtklib(text)
         return RawTable(path, frame, remarks=(remark,))
-    read = read_text(text, check_names)
-    if is_table_of_frames(list(map(str, read.frame))):
+    read = parse_text(text, check_names)
+    if has_can_frame_columns(list(map(str, read.frame))):
         fix = 'read it as a log: `seatrial record` with [[source]] type = "file" and its path'
         raise InputError("holds frames of a CAN bus, not columns of values", where=str(path), fix=fix)
-    return RawTable.of_rows(path, read, _trial_beside(path))
+    return RawTable.from_rows(path, read, _trial_beside(path))
 
 
-def _unpacked(path: Path, meter: Meter) -> bytes:
+def _decompressed(path: Path, meter: Meter) -> bytes:
     """The bytes of a text file. Raises :class:`InputError` for more than its budget, or a line longer than any."""
     blocks, line_bytes = list[bytes](), 0
-    with _OPENERS[_kind_of(path)[1].lower()](path) as stream:
+    with _OPENERS[_suffixes(path)[1].lower()](path) as stream:
         while block := stream.read(TEXT_BYTES.least):
             meter.add(TABLE_TEXT_BYTES, len(block))
             first = block.find(b"\n")
@@ -199,7 +199,7 @@ def _unpacked(path: Path, meter: Meter) -> bytes:
 
 def _read_sheet(path: Path) -> RawTable:
     """The sheet with most filled rows; in our own exports time and trial are found as they were written."""
-    from seatrial.acquisition.tables.text_tables import frame_of_rows
+    from seatrial.acquisition.tables.text_tables import parse_sheet_rows
 
     require_package("python_calamine", "excel", path)
     sheets = read_in_child(FOREIGN_READER, "sheets", path)
@@ -212,14 +212,14 @@ def _read_sheet(path: Path) -> RawTable:
             sheets.values(), key=lambda sheet: sum(any(cell != "" for cell in row) for row in sheet), default=[]
         )
     )
-    read = frame_of_rows(rows)
+    read = parse_sheet_rows(rows)
     frame = read.frame
     if is_export and UTC_COLUMN in frame and "time" not in frame:  # people may have changed it since
         times = [f"{cell}Z" if _NAIVE_TIME.fullmatch(str(cell)) else cell for cell in frame[UTC_COLUMN]]
         frame = frame.assign(**{UTC_COLUMN: times}).rename(columns={UTC_COLUMN: "time"})
-    refuse_twins(list(frame.columns), path)
+    refuse_duplicate_names(list(frame.columns), path)
     entries = {name: value for what, name, value in about if what == "trial"} if is_export else {}
-    return RawTable.of_rows(path, replace(read, frame=frame), trial_of(entries))
+    return RawTable.from_rows(path, replace(read, frame=frame), parse_trial(entries))
 
 
 def _read_gpx(path: Path) -> RawTable:
@@ -234,24 +234,26 @@ def _read_gpx(path: Path) -> RawTable:
             meter.check(XML_DEPTH, len(parents))
             continue
         parents.pop()
-        if _tag(element) in ("trkpt", "rtept"):
+        if _local_tag(element) in ("trkpt", "rtept"):
             rows.append(_point(element))
             meter.add(TABLE_CELLS, len(rows[-1]))
             names.update(rows[-1])
             meter.check(TABLE_COLUMNS, len(names))
-        if parents and not any(_tag(parent) in ("trkpt", "rtept") for parent in parents):
+        if parents and not any(_local_tag(parent) in ("trkpt", "rtept") for parent in parents):
             parents[-1].remove(element)  # what was read need not stay in memory
     return RawTable(path, pd.DataFrame(rows), units={"lat": "deg", "lon": "deg", "ele": "m", "speed": "m/s"})
 
 
 def _point(point: Any) -> dict[str, Any]:
     texts = {
-        _tag(item): _cell(item.text) for item in point.iter() if item is not point and (item.text or "").strip()
+        _local_tag(item): _cell(item.text)
+        for item in point.iter()
+        if item is not point and (item.text or "").strip()
     }
     return {"lat": float(point.get("lat", "nan")), "lon": float(point.get("lon", "nan")), **texts}
 
 
-def _tag(element: Any) -> str:
+def _local_tag(element: Any) -> str:
     return str(element.tag).rpartition("}")[2]
 
 
@@ -275,12 +277,12 @@ def _trial_beside(path: Path) -> Trial:
     """The trial that our own exports write beside a CSV file; an empty one where there is no such file."""
     sidecar = path.with_name(f"{path.name}.json")
     try:
-        return trial_of(read_json(sidecar)["trial"])
+        return parse_trial(read_json(sidecar)["trial"])
     except (OSError, ValueError, KeyError, TypeError, AttributeError):
         return Trial()
 
 
-def refuse_twins(names: list[str], path: Path) -> None:
+def refuse_duplicate_names(names: list[str], path: Path) -> None:
     """Raise :class:`InputError` for columns of one name."""
     twins = [name for name, count in Counter(names).items() if count > 1]
     if twins:
@@ -296,12 +298,12 @@ def _read_parquet(path: Path) -> RawTable:
     if isinstance(frame.index, pd.DatetimeIndex) and "time" not in frame:
         frame = frame.rename_axis("time").reset_index()
     frame.columns = pd.Index([str(name).strip() for name in frame.columns])
-    refuse_twins(list(frame.columns), path)
+    refuse_duplicate_names(list(frame.columns), path)
     written = (arrow.schema.metadata or {}).get(b"seatrial.trial")
-    return RawTable(path, frame, trial_of(parse_json(written)) if written else Trial())
+    return RawTable(path, frame, parse_trial(parse_json(written)) if written else Trial())
 
 
-def trial_of(values: Mapping[str, Any]) -> Trial:
+def parse_trial(values: Mapping[str, Any]) -> Trial:
     """The trial by what a file says of it, as text; what is not known is left out."""
     texts = {str(key): str(value) for key, value in values.items() if value is not None and np.size(value)}
     if "name" in texts:
@@ -309,19 +311,21 @@ def trial_of(values: Mapping[str, Any]) -> Trial:
     return Trial.from_metadata(texts)
 
 
-def no_numbers(column: pd.Series[Any]) -> Bools:
+def non_numeric_cells(column: pd.Series[Any]) -> Bools:
     """Where a column holds something that is no number; an empty cell is none of these."""
     values = pd.to_numeric(column, errors="coerce")
     return np.asarray(values.isna().to_numpy() & column.notna().to_numpy())
 
 
-def readable_rows(raw: RawTable, times: pd.DatetimeIndex, numbers: Sequence[str]) -> tuple[Bools, dict[str, int]]:
+def select_readable_rows(
+    raw: RawTable, times: pd.DatetimeIndex, numbers: Sequence[str]
+) -> tuple[Bools, dict[str, int]]:
     """Which rows have a time and no text where a number belongs, and how many have not, by the reason.
 
     ``times`` are those of the rows, NaT for none. Raises :class:`InputError` where no row is left.
     """
     timeless = np.asarray(times.isna())
-    text = np.any([no_numbers(raw.columns[name]) for name in numbers], axis=0) & ~timeless
+    text = np.any([non_numeric_cells(raw.columns[name]) for name in numbers], axis=0) & ~timeless
     dropped = {"without a time": int(timeless.sum()), "with text for a number": int(text.sum())}
     valid = ~(timeless | text)
     if not valid.any():
@@ -334,7 +338,7 @@ def parse_numbers(raw: RawTable, name: str) -> Floats:
     """A column as numbers, empty cells as NaN. Raises :class:`InputError` naming the first cell that is none."""
     column = raw.columns[name]
     values = pd.to_numeric(column, errors="coerce")
-    wrong = np.flatnonzero(no_numbers(column))
+    wrong = np.flatnonzero(non_numeric_cells(column))
     if wrong.size:
         what = f"row {wrong[0] + 1} of column {name!r} is not a number: {column.iloc[wrong[0]]!r}"
         why = f"{wrong.size} cells of the column are not numbers"
@@ -344,9 +348,9 @@ def parse_numbers(raw: RawTable, name: str) -> Floats:
 
 _HDF5, _USER_BLOCK_BYTES = b"\x89HDF", 512
 _SINCE = re.compile(r"(seconds|minutes|hours|days|milliseconds|microseconds|nanoseconds) since (.+)")
-_UNITS = {"seconds": "s", "minutes": "m", "hours": "h", "days": "D", "milliseconds": "ms", "microseconds": "us",
+_TIME_UNITS = {"seconds": "s", "minutes": "m", "hours": "h", "days": "D", "milliseconds": "ms", "microseconds": "us",
           "nanoseconds": "ns"}  # fmt: skip
-_UNIT_NS = {name: pd.Timedelta(f"1{unit}").value for name, unit in _UNITS.items()}
+_UNIT_NS = {name: pd.Timedelta(f"1{unit}").value for name, unit in _TIME_UNITS.items()}
 _TIME_NAMES = ("time", "Time", "TIME", "obs_time", "datetime", "t")
 
 
@@ -361,7 +365,7 @@ def read_mat(path: Path) -> RawTable:
     loaded: dict[str, Any] = read_in_child(FOREIGN_READER, "mat", path)
     content = {key: value for key, value in loaded.items() if not key.startswith(("__", "#"))}
     trial, units = content.pop("trial", {}), content.pop("units", None)
-    vectors = _vectors(content) or _of_simulink(content) or _of_one_struct(content, path)
+    vectors = _vectors(content) or _simulink_vectors(content) or _vectors_of_struct(content, path)
     lengths = Counter(len(vector) for vector in vectors.values())
     usual = lengths.most_common(1)[0][0]
     unequal = [f"{name} ({len(vector)})" for name, vector in vectors.items() if len(vector) != usual]
@@ -371,28 +375,28 @@ def read_mat(path: Path) -> RawTable:
         )
     stated_units = {str(name): str(unit) for name, unit in units.items()} if isinstance(units, dict) else {}
     return RawTable(
-        path, pd.DataFrame(vectors), trial_of(trial) if isinstance(trial, dict) else Trial(), stated_units
+        path, pd.DataFrame(vectors), parse_trial(trial) if isinstance(trial, dict) else Trial(), stated_units
     )
 
 
-def _of_one_struct(content: Mapping[str, Any], path: Path) -> dict[str, NDArray[Any]]:
+def _vectors_of_struct(content: Mapping[str, Any], path: Path) -> dict[str, NDArray[Any]]:
     structs = [value for value in content.values() if isinstance(value, dict)]
-    candidates = [vectors for struct in structs if (vectors := _vectors(_flat(struct)))]
+    candidates = [vectors for struct in structs if (vectors := _vectors(_flatten_struct(struct)))]
     if len(candidates) != 1:
         what = "holds no vectors" if not candidates else f"holds {len(candidates)} structs of vectors"
         raise InputError(what, where=str(path), fix="save one struct of vectors, or the vectors themselves")
     return candidates[0]
 
 
-def _flat(struct: Mapping[str, Any], stem: str = "") -> dict[str, Any]:
+def _flatten_struct(struct: Mapping[str, Any], stem: str = "") -> dict[str, Any]:
     """The fields of a struct and of those in it, their names joined by a point."""
     result: dict[str, Any] = {}
     for name, value in struct.items():
-        result |= _flat(value, f"{stem}{name}.") if isinstance(value, dict) else {f"{stem}{name}": value}
+        result |= _flatten_struct(value, f"{stem}{name}.") if isinstance(value, dict) else {f"{stem}{name}": value}
     return result
 
 
-def _of_simulink(content: Mapping[str, Any]) -> dict[str, NDArray[Any]]:
+def _simulink_vectors(content: Mapping[str, Any]) -> dict[str, NDArray[Any]]:
     """What the blocks "To Workspace" and "Scope" save as a structure with time: ``time``, ``signals.values``.
 
     A signal is called by its label, else by the variable; the times are those of the first of the structures.
@@ -453,7 +457,7 @@ def read_netcdf(path: Path) -> RawTable:
         for name, (_, _, metadata) in along.items()
         if (meaning := metadata.get("standard_name") or metadata.get("long_name"))
     }
-    return RawTable(path, frame, trial_of(parse_json(str(attributes.get("trial", "{}")))), units, meanings)
+    return RawTable(path, frame, parse_trial(parse_json(str(attributes.get("trial", "{}")))), units, meanings)
 
 
 def _is_hdf5(path: Path) -> bool:
@@ -469,7 +473,7 @@ def _times_since(counted: pd.Series[Any], since: re.Match[str]) -> pd.Series[Any
     whole_units = np.floor(counted)
     # pandas cuts off what is less than a nanosecond, and a count in binary is often short of it
     part_ns = np.rint((counted - whole_units) * _UNIT_NS[since[1]])
-    return start + pd.to_timedelta(whole_units, unit=_UNITS[since[1]]) + pd.to_timedelta(part_ns, unit="ns")  # type: ignore[call-overload, no-any-return]
+    return start + pd.to_timedelta(whole_units, unit=_TIME_UNITS[since[1]]) + pd.to_timedelta(part_ns, unit="ns")  # type: ignore[call-overload, no-any-return]
 
 
 def _unscaled(values: NDArray[Any], metadata: Mapping[str, Any]) -> NDArray[Any]:

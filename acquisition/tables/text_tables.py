@@ -26,10 +26,16 @@ import pandas as pd
 import pymap3d
 
 from seatrial.acquisition.core.quantities import Floats
-from seatrial.acquisition.tables.column_names import LETTERS, headed, is_unit_cell, matches, units_called
+from seatrial.acquisition.tables.column_names import (
+    EAST_ASIAN_LETTERS,
+    is_unit_cell,
+    match_quantities,
+    parse_units,
+    split_header,
+)
 from seatrial.acquisition.tables.time_columns import time_in_head
 
-NOT_AVAILABLE = (
+MISSING_TEXTS = (
     "-", "--", "---", "----", "-----", "*", "**", "***", "****", "?", "??", "???", "n.a.", "N.A.", "n.v.", "k.A.",
     "N/V", "na", "nil", "NIL", "none", "NONE", "invalid", "INVALID", "Invalid", "missing", "no data", "No Data",
     "NODATA", "#NV", "#DIV/0!", "#WERT!", "#VALUE!", "#REF!", "#BEZUG!", "[]", "\\N", "INF/NAN",
@@ -63,7 +69,7 @@ class Layout:
 
 
 @dataclass(frozen=True, slots=True)
-class ReadRows:
+class ParsedRows:
     """A table's frame, the units that a row of it states by column, the lines before its header, and remarks."""
 
     frame: pd.DataFrame
@@ -85,7 +91,7 @@ def decode(content: bytes) -> str:
         return content.decode("utf-8").replace(_BOM, "")  # also where files with a mark were joined
     except UnicodeDecodeError:
         texts = [content.decode(page, errors="replace") for page in _CODE_PAGES]
-        return max(texts, key=lambda text: sum(letter in LETTERS for letter in text[:_PROBE_LETTERS]))
+        return max(texts, key=lambda text: sum(letter in EAST_ASIAN_LETTERS for letter in text[:_PROBE_LETTERS]))
 
 
 def find_layout(rows: Sequence[Sequence[Any]]) -> Layout:
@@ -108,18 +114,18 @@ def find_layout(rows: Sequence[Sequence[Any]]) -> Layout:
     if names and names[0][:1] in _COMMENT:
         names[0] = names[0].lstrip(f"{_COMMENT} ")
     unit_row = next((rows[number] for number in of_units if number > header), [])
-    units = {place: str(cell).strip() for place, cell in enumerate(unit_row) if _filled(cell)}
+    units = {place: str(cell).strip() for place, cell in enumerate(unit_row) if _is_filled(cell)}
     by_name = {names[place]: text for place, text in units.items() if place < len(names) and text != "-"}
     return Layout(tuple(names), header, min(max(first, header + 1), len(rows)), by_name)
 
 
 def _known_in(row: Sequence[Any]) -> int:
-    return sum(bool(matches(headed(name).name)) for name in map(_name, row) if name)
+    return sum(bool(match_quantities(split_header(name).name)) for name in map(_cell_text, row) if name)
 
 
 def _full_names(rows: Sequence[Sequence[Any]], header: int, named: Sequence[int], width: int) -> list[str]:
     """The names of a header, with those of the row above or below where that makes another, known name of them."""
-    names = [_name(cell) for cell in rows[header]]
+    names = [_cell_text(cell) for cell in rows[header]]
     repeated = {name for name, count in Counter(names).items() if count > 1 and name}
     groups = (
         rows[header - 1]
@@ -129,109 +135,109 @@ def _full_names(rows: Sequence[Sequence[Any]], header: int, named: Sequence[int]
     below = rows[header + 1] if header + 1 in named else []
     above = ""
     for place, name in enumerate(names):
-        above = _name(groups[place]) if place < len(groups) and _filled(groups[place]) else above
-        behind = _name(below[place]) if place < len(below) else ""
+        above = _cell_text(groups[place]) if place < len(groups) and _is_filled(groups[place]) else above
+        behind = _cell_text(below[place]) if place < len(below) else ""
         for full in (f"{above} {name}" if above else "", f"{name} {behind}" if behind else ""):
-            if full and name and (matches(headed(full).name) or name in repeated):
+            if full and name and (match_quantities(split_header(full).name) or name in repeated):
                 names[place] = full
                 break
     return names
 
 
 def _has_number(row: Sequence[Any]) -> bool:
-    return any(map(_is_number, filter(_filled, row)))
+    return any(map(_is_number, filter(_is_filled, row)))
 
 
-def read_text(text: str, refuse_twins: Callable[[list[str]], None]) -> ReadRows:
+def parse_text(text: str, refuse_twins: Callable[[list[str]], None]) -> ParsedRows:
     """What is in a text of lines.
 
     ``refuse_twins`` raises for names that come twice. Raises :class:`ValueError` naming the first row that is
     longer than the header.
     """
-    head, text = without_heads_of_labview(text)
-    lines = list(islice((line.rstrip("\r\n") for line in _lines(text) if line.strip()), _PROBE_LINES))
-    delimiter = _delimiter(lines)
-    rows = [_split(line, delimiter) for line in lines]
+    head, text = split_labview_headers(text)
+    lines = list(islice((line.rstrip("\r\n") for line in _iterate_lines(text) if line.strip()), _PROBE_LINES))
+    delimiter = _detect_delimiter(lines)
+    rows = [_split_cells(line, delimiter) for line in lines]
     layout = find_layout(rows)
     refuse_twins([name for name in layout.names if name])
     body = [cell.strip() for row in rows[layout.first :] for cell in row]
     decimal = "," if _decimal_is_comma(body, delimiter) else "."
-    start = _start_of(text, layout.first)
-    content, repeated = _without_repeated(text[start:], lines[: layout.first], layout.header)
+    start = _offset_of_row(text, layout.first)
+    content, repeated = _without_repeated_header(text[start:], lines[: layout.first], layout.header)
     _refuse_another_table(content, text.count("\n", 0, start), layout.names[0], delimiter)
     with warnings.catch_warnings():
         warnings.simplefilter("error", pd.errors.ParserWarning)  # rows longer than the header would be cut
         try:
             frame = pd.read_csv(
                 io.BytesIO(content.encode()), sep=r"\s+" if delimiter == " " else delimiter, decimal=decimal,
-                header=None, names=_unique(layout.names), skipinitialspace=True, low_memory=False, index_col=False,
-                na_values=list(NOT_AVAILABLE),
+                header=None, names=_column_labels(layout.names), skipinitialspace=True, low_memory=False, index_col=False,
+                na_values=list(MISSING_TEXTS),
             )  # fmt: skip
         except (pd.errors.ParserError, pd.errors.ParserWarning) as error:
             raise ValueError(_longer_row(text, start, delimiter, len(layout.names))) from error
-    frame = _without_nameless(frame)  # what a delimiter at the end of every line leaves
+    frame = _drop_nameless_columns(frame)  # what a delimiter at the end of every line leaves
     remarks = (f"the header is repeated {repeated} times among the rows",) if repeated else ()
-    frame, units = _without_units(frame.apply(lambda column: _ungrouped(column, decimal)), decimal)
-    return ReadRows(
+    frame, units = _split_units(frame.apply(lambda column: _parse_grouped_numbers(column, decimal)), decimal)
+    return ParsedRows(
         frame, layout.units | units, (*head, *lines[: layout.header or 0]), remarks, layout.header is None
     )
 
 
-def _without_repeated(content: str, head: Sequence[str], header: int | None) -> tuple[str, int]:
+def _without_repeated_header(content: str, head: Sequence[str], header: int | None) -> tuple[str, int]:
     """The rows without those that repeat the header, or the row of units below it, as joined files have them."""
     if header is None or head[header] not in content:
         return content, 0
     lines = set(head[header:])
-    remaining = [line for line in _lines(content) if line.rstrip("\r\n") not in lines]
-    return "".join(remaining), sum(line.rstrip("\r\n") == head[header] for line in _lines(content))
+    remaining = [line for line in _iterate_lines(content) if line.rstrip("\r\n") not in lines]
+    return "".join(remaining), sum(line.rstrip("\r\n") == head[header] for line in _iterate_lines(content))
 
 
 def _refuse_another_table(content: str, before: int, name: str, delimiter: str) -> None:
     """Raise :class:`ValueError` for a line that begins with the first column's name: the names of other columns."""
     if name and f"\n{name}" not in content:
         return
-    for number, line in enumerate(_lines(content), start=before + 1):
-        if name and line.startswith(name) and _name(_split(line.rstrip("\r\n"), delimiter)[0]) == name:
+    for number, line in enumerate(_iterate_lines(content), start=before + 1):
+        if name and line.startswith(name) and _cell_text(_split_cells(line.rstrip("\r\n"), delimiter)[0]) == name:
             raise ValueError(f"in line {number} another table begins, {line.strip()!r}; save the two apart")
 
 
 def _longer_row(text: str, start: int, delimiter: str, width: int) -> str:
     """Which line is longer than the header, as a reason."""
     number = text.count("\n", 0, start)
-    for line in _lines(text[start:]):
+    for line in _iterate_lines(text[start:]):
         number += 1
-        if line.strip() and (cells := len(_split(line.rstrip("\r\n"), delimiter))) > width:
+        if line.strip() and (cells := len(_split_cells(line.rstrip("\r\n"), delimiter))) > width:
             return f"line {number} has {cells} cells, the header {width}"
     return "its lines cannot be divided into cells; is a quotation mark missing?"
 
 
-def frame_of_rows(rows: Sequence[Sequence[Any]]) -> ReadRows:
+def parse_sheet_rows(rows: Sequence[Sequence[Any]]) -> ParsedRows:
     """What is in a spreadsheet's rows, whose cells have types."""
-    rows = [row for row in rows if any(_filled(cell) for cell in row)]
+    rows = [row for row in rows if any(_is_filled(cell) for cell in row)]
     if not rows:
-        return ReadRows(pd.DataFrame())
+        return ParsedRows(pd.DataFrame())
     layout = find_layout(rows[:_PROBE_LINES])
-    header = [] if layout.header is None else [_name(cell) for cell in rows[layout.header]]
-    body = [row for row in rows[layout.first :] if not header or [_name(cell) for cell in row] != header]
+    header = [] if layout.header is None else [_cell_text(cell) for cell in rows[layout.header]]
+    body = [row for row in rows[layout.first :] if not header or [_cell_text(cell) for cell in row] != header]
     repeated = len(rows) - layout.first - len(body)
-    frame = pd.DataFrame(body, columns=_unique(layout.names, max(map(len, body), default=len(header))))
-    frame = _without_nameless(frame.map(_plain).dropna(how="all"))
-    preamble = tuple(" ".join(str(cell) for cell in row if _filled(cell)) for row in rows[: layout.header or 0])
+    frame = pd.DataFrame(body, columns=_column_labels(layout.names, max(map(len, body), default=len(header))))
+    frame = _drop_nameless_columns(frame.map(_plain).dropna(how="all"))
+    preamble = tuple(" ".join(str(cell) for cell in row if _is_filled(cell)) for row in rows[: layout.header or 0])
     remarks = (f"the header is repeated {repeated} times among the rows",) if repeated else ()
-    frame, units = _without_units(frame.infer_objects().reset_index(drop=True), ".")
-    return ReadRows(frame, layout.units | units, preamble, remarks, layout.header is None)
+    frame, units = _split_units(frame.infer_objects().reset_index(drop=True), ".")
+    return ParsedRows(frame, layout.units | units, preamble, remarks, layout.header is None)
 
 
-def _without_nameless(frame: pd.DataFrame) -> pd.DataFrame:
+def _drop_nameless_columns(frame: pd.DataFrame) -> pd.DataFrame:
     """Without the columns that have neither a name nor a value."""
     empty = [name for name in map(str, frame) if name.startswith("Unnamed:") and frame[name].isna().all()]
     return frame.drop(columns=empty)
 
 
-def _start_of(text: str, rows: int) -> int:
+def _offset_of_row(text: str, rows: int) -> int:
     """Where in the text its row of this number begins, empty lines not counted."""
     place = 0
-    for line in _lines(text):
+    for line in _iterate_lines(text):
         if line.strip():
             if rows == 0:
                 return place
@@ -240,7 +246,7 @@ def _start_of(text: str, rows: int) -> int:
     return place
 
 
-def _lines(text: str) -> Iterator[str]:
+def _iterate_lines(text: str) -> Iterator[str]:
     """The lines with their ends, one at a time: a text stream would take four bytes a letter of the whole text."""
     start = 0
     while start < len(text):
@@ -253,30 +259,30 @@ def _plain(cell: Any) -> Any:
     """A spreadsheet's cell: times and dates as text, text for no value as none."""
     if isinstance(cell, str):
         text = cell.strip()
-        return None if not text or text in NOT_AVAILABLE else text
+        return None if not text or text in MISSING_TEXTS else text
     if isinstance(cell, datetime | date | time):
         return cell.isoformat()
     return cell
 
 
-def _unique(names: Sequence[str], width: int = 0) -> list[str]:
+def _column_labels(names: Sequence[str], width: int = 0) -> list[str]:
     """A name for each column, as pandas has them where there is none."""
     filled = [*names, *[""] * (width - len(names))]
     return [name or f"Unnamed: {place}" for place, name in enumerate(filled)]
 
 
-def _name(cell: Any) -> str:
-    return " ".join(str(cell).split()) if _filled(cell) else ""
+def _cell_text(cell: Any) -> str:
+    return " ".join(str(cell).split()) if _is_filled(cell) else ""
 
 
-def _filled(cell: Any) -> bool:
+def _is_filled(cell: Any) -> bool:
     return cell is not None and bool(str(cell).strip())
 
 
 def _trimmed(row: Sequence[Any]) -> list[Any]:
     """A row without the empty cells at its end."""
     cells = list(row)
-    while cells and not _filled(cells[-1]):
+    while cells and not _is_filled(cells[-1]):
         cells.pop()
     return cells
 
@@ -286,14 +292,14 @@ def _is_value(cell: Any) -> bool:
 
 
 def _is_data(row: Sequence[Any], width: int) -> bool:
-    filled = [cell for cell in row if _filled(cell)]
+    filled = [cell for cell in row if _is_filled(cell)]
     return (
         len(row) >= min(width, 2) and 3 * sum(map(_is_value, filled)) >= len(filled) > 0 and width <= len(row) + 1
     )
 
 
 def _could_name(row: Sequence[Any], width: int) -> bool:
-    filled = [cell for cell in row if _filled(cell)]
+    filled = [cell for cell in row if _is_filled(cell)]
     return 2 * len(filled) >= width and not any(map(_is_number, filled))
 
 
@@ -302,21 +308,21 @@ def _is_number(cell: Any) -> bool:
 
 
 def _is_unit_row(row: Sequence[Any]) -> bool:
-    filled = [str(cell) for cell in row if _filled(cell)]
+    filled = [str(cell) for cell in row if _is_filled(cell)]
     return 3 * sum(map(is_unit_cell, filled)) >= 2 * len(filled)
 
 
-def _split(line: str, delimiter: str) -> list[str]:
+def _split_cells(line: str, delimiter: str) -> list[str]:
     return (
         line.split() if delimiter == " " else next(csv.reader([line], delimiter=delimiter, skipinitialspace=True))
     )
 
 
-def _delimiter(lines: Sequence[str]) -> str:
+def _detect_delimiter(lines: Sequence[str]) -> str:
     """What divides most lines into equally many cells; of several, what the first of them has."""
     best, likeliest = 0.0, ","
     for delimiter in _DELIMITERS:
-        counts = Counter(len(_split(line, delimiter)) for line in lines)
+        counts = Counter(len(_split_cells(line, delimiter)) for line in lines)
         width, count = max(counts.items(), key=lambda entry: (entry[0] > 1, entry[1]))
         share = count / len(lines) if width > 1 else 0.0
         if share > best + 0.05:
@@ -333,7 +339,7 @@ def _decimal_is_comma(cells: Sequence[str], delimiter: str) -> bool:
     return commas > sum(bool(_POINT_NUMBER.fullmatch(cell)) for cell in cells)
 
 
-def _ungrouped(column: pd.Series[Any], decimal: str) -> pd.Series[Any]:
+def _parse_grouped_numbers(column: pd.Series[Any], decimal: str) -> pd.Series[Any]:
     """Numbers written with a sign between the thousands, as numbers."""
     if not pd.api.types.is_string_dtype(column.dtype) and column.dtype != object:
         return column
@@ -350,13 +356,13 @@ def _ungrouped(column: pd.Series[Any], decimal: str) -> pd.Series[Any]:
     return pd.to_numeric(plain).reindex(column.index)
 
 
-def _without_units(frame: pd.DataFrame, decimal: str) -> tuple[pd.DataFrame, dict[str, str]]:
+def _split_units(frame: pd.DataFrame, decimal: str) -> tuple[pd.DataFrame, dict[str, str]]:
     """The frame with numbers where all cells of a column have one unit behind them, and these units by column."""
     units = dict[str, str]()
     for name in map(str, frame):
         text = frame[name].dropna()
         first = _WITH_UNIT.fullmatch(str(text.iloc[0]).strip()) if len(text) else None
-        if first is None or first[2] in _HEMISPHERES or not units_called(first[2]):
+        if first is None or first[2] in _HEMISPHERES or not parse_units(first[2]):
             continue
         parts = text.astype(str).str.strip().str.extract(f"^{_WITH_UNIT.pattern}$")
         if (parts[1] == first[2]).all():
@@ -478,7 +484,7 @@ def _on_earth(frame: pd.DataFrame) -> pd.DataFrame:
     return frame.rename(columns={"e-baseline(m)": "east(m)", "n-baseline(m)": "north(m)", "u-baseline(m)": "up(m)"})
 
 
-def without_heads_of_labview(text: str) -> tuple[list[str], str]:
+def split_labview_headers(text: str) -> tuple[list[str], str]:
     """The lines of the two heads of a LabVIEW measurement, and what follows; other texts have none of them.
 
     The times of several segments, each of which has a head of its own, are counted on from the start of the first.
@@ -491,18 +497,18 @@ def without_heads_of_labview(text: str) -> tuple[list[str], str]:
         return file_head.splitlines(), "".join(part.partition("\n")[2] for part in parts)
     heads, bodies = [parts[0].partition("\n")[2]], list[str]()
     for part in parts[1:-1]:
-        body, head = _divided(part)
+        body, head = _split_segment(part)
         bodies.append(body)
         heads.append(head)
     bodies.append(parts[-1].partition("\n")[2])
     first = [*file_head.splitlines(), *heads[0].splitlines()]
     return first, bodies[0] + "".join(
-        _counted_on(bodies[0], body, first, head, place)
+        _shift_segment(bodies[0], body, first, head, place)
         for place, (body, head) in enumerate(zip(bodies[1:], heads[1:], strict=True), start=2)
     )
 
 
-def _divided(part: str) -> tuple[str, str]:
+def _split_segment(part: str) -> tuple[str, str]:
     """The rows of a segment, and the head of the next one, which begins with the number of its channels."""
     _, _, body = part.partition("\n")
     begin = re.search(r"^Channels\b", body, re.MULTILINE)
@@ -511,7 +517,7 @@ def _divided(part: str) -> tuple[str, str]:
     return body[: begin.start()], body[begin.start() :]
 
 
-def _counted_on(first_body: str, body: str, first: Sequence[str], head: str, place: int) -> str:
+def _shift_segment(first_body: str, body: str, first: Sequence[str], head: str, place: int) -> str:
     """The rows of a later segment, their first cell counted from the start of the first segment."""
     starts = [pd.Timestamp(time_in_head(lines) or "NaT") for lines in (first, head.splitlines())]
     later_s = (starts[1] - starts[0]).total_seconds()
@@ -520,10 +526,10 @@ def _counted_on(first_body: str, body: str, first: Sequence[str], head: str, pla
     names, _, rows = body.lstrip("\n\r\t ").partition("\n")
     if names.strip() != first_body.lstrip("\n\r\t ").partition("\n")[0].strip():
         raise ValueError(f"segment {place} of this LabVIEW measurement has other columns: {names.strip()!r}")
-    return "".join(_later(line, later_s) for line in rows.splitlines(keepends=True))
+    return "".join(_shift_line(line, later_s) for line in rows.splitlines(keepends=True))
 
 
-def _later(line: str, seconds: float) -> str:
+def _shift_line(line: str, seconds: float) -> str:
     cell = re.match(r"\s*-?\d+(?:([.,])\d*)?(?:[eE][+-]?\d+)?", line)
     if cell is None:
         return line
@@ -531,7 +537,7 @@ def _later(line: str, seconds: float) -> str:
     return counted.replace(".", cell[1] or ".") + line[cell.end() :]
 
 
-def is_table_of_frames(names: Sequence[str]) -> bool:
+def has_can_frame_columns(names: Sequence[str]) -> bool:
     """Whether columns are those of frames of a CAN bus."""
     plain_names = {name.strip().lower() for name in names}
     return any(head <= plain_names for head in _CAN_HEADS)

@@ -68,7 +68,7 @@ _NEWEST_FIRST = 0.9  # of the steps go back
 _SET_NS = pd.Timestamp("1990-01-01").value  # receivers and clocks that are not set begin in 1970 or 1980
 
 
-def _instant(text: str) -> str:
+def _checked_instant(text: str) -> str:
     try:
         zoned = datetime.fromisoformat(text).tzinfo is not None
     except ValueError as error:
@@ -78,33 +78,33 @@ def _instant(text: str) -> str:
     return text
 
 
-_IN_NAMES = {
+_NAME_DIRECTIVES = {
     **dict.fromkeys(("%d", "%m", "%H", "%M", "%S", "%y"), r"\d{1,2}"),
     "%Y": r"\d{4}", "%j": r"\d{3}", "%b": "[A-Za-z]{3}", "%B": "[A-Za-z]+",
 }  # fmt: skip
 """What the directives of :meth:`datetime.strptime` that a file's name may hold look like."""
 
 
-def _in_name(text: str) -> str:
-    unknown = set(re.findall("%.?", text)) - set(_IN_NAMES)
+def _checked_name_form(text: str) -> str:
+    unknown = set(re.findall("%.?", text)) - set(_NAME_DIRECTIVES)
     if text != TEXT and (unknown or "%" not in text):
-        raise ValueError(f"is no time such as %Y-%m-%d_%H%M%S, nor {TEXT}; known are {' '.join(_IN_NAMES)}")
+        raise ValueError(f"is no time such as %Y-%m-%d_%H%M%S, nor {TEXT}; known are {' '.join(_NAME_DIRECTIVES)}")
     return text
 
 
-def _known_format(text: str) -> str:
+def _checked_format(text: str) -> str:
     if text not in ("iso", "seconds", TEXT, GPS_WEEK, *SERIAL_DAYS) and "%" not in text:
         raise ValueError("is none of iso, text, seconds, gps-week, excel, matlab nor a form like %d.%m.%Y %H:%M")
     return text
 
 
-def with_zone(instant: str) -> str:
+def add_zone(instant: str) -> str:
     """A time with its zone, UTC where it names none. Raises :class:`ValueError` for another text."""
     stamp = pd.Timestamp(instant)
     return stamp.isoformat() + ("" if stamp.tz else "+00:00")
 
 
-def known_day(text: str) -> str:
+def checked_day(text: str) -> str:
     """A day as 2026-05-17; :class:`ValueError` for another text."""
     datetime.strptime(text, "%Y-%m-%d")
     return text
@@ -129,15 +129,15 @@ class TimeColumn:
     """
 
     column: str
-    format: Annotated[str, AfterValidator(_known_format)] = "iso"
-    zone: Annotated[str, AfterValidator(known_zone)] | None = None
-    start: Annotated[str, AfterValidator(_instant)] | None = None
-    in_name: Annotated[str, AfterValidator(_in_name)] | None = None
+    format: Annotated[str, AfterValidator(_checked_format)] = "iso"
+    zone: Annotated[str, AfterValidator(checked_zone)] | None = None
+    start: Annotated[str, AfterValidator(_checked_instant)] | None = None
+    in_name: Annotated[str, AfterValidator(_checked_name_form)] | None = None
     in_head: bool = False
     name_tells: Literal["start", "end"] = "start"
     unit: Literal["ns", "us", "ms", "s", "min", "h", "d"] = "s"
     date: str | None = None
-    day: Annotated[str, AfterValidator(known_day)] | None = None
+    day: Annotated[str, AfterValidator(checked_day)] | None = None
     order: Order | None = None
     year: int | None = None
     zone_in_text: Literal["used", "ignored"] = "used"
@@ -178,7 +178,7 @@ def resolve_times(raw: RawTable, time: TimeColumn, *, strict: bool = False) -> T
         remarks += [remark] if remark else []
     if time.format != "seconds" and time.start is not None and (valid := time_ns != _NO_TIME).any():
         time_ns[valid] += pd.Timestamp(time.start).as_unit("ns").value - time_ns[valid][0]
-    time_ns, remark = _storable(time_ns, time.column)
+    time_ns, remark = _keep_storable(time_ns, time.column)
     remarks += [remark] if remark else []
     if not remark and (time.format != "seconds" or time.start is None):
         remarks += _clock_remarks(time_ns, time)
@@ -188,12 +188,12 @@ def resolve_times(raw: RawTable, time: TimeColumn, *, strict: bool = False) -> T
     return TimedRows(raw, index, tuple(remarks))
 
 
-def usual_time(raw: RawTable, name: str = "time") -> TimeColumn:
+def standard_time_column(raw: RawTable, name: str = "time") -> TimeColumn:
     """The time column of a table in the contract's form: seconds since 1970, or ISO 8601."""
     return TimeColumn(name, "seconds" if pd.api.types.is_numeric_dtype(raw.columns[name]) else "iso")
 
 
-def is_usual_time(raw: RawTable) -> bool:
+def has_standard_times(raw: RawTable) -> bool:
     """Whether the column ``time`` is of numbers or has some ISO 8601 text."""
     cells = raw.columns["time"].dropna()
     if cells.empty or pd.api.types.is_numeric_dtype(cells) or pd.api.types.is_datetime64_any_dtype(cells):
@@ -203,29 +203,29 @@ def is_usual_time(raw: RawTable) -> bool:
 
 def parse_times(raw: RawTable, name: str) -> pd.DatetimeIndex:
     """A column of ISO 8601 text with a zone, or of seconds since 1970, as UTC times; every row needs one."""
-    return resolve_times(raw, usual_time(raw, name), strict=True).index
+    return resolve_times(raw, standard_time_column(raw, name), strict=True).index
 
 
 def _local_times(raw: RawTable, time: TimeColumn) -> tuple[Ints, Bools]:
     """The times [ns since 1970], and which are UTC; the others are on their zone's clock."""
     column = raw.columns[time.column]
     if time.format == "seconds":
-        local_ns = _counted(raw, column, time)
+        local_ns = _from_counts(raw, column, time)
         return local_ns, np.ones(local_ns.size, dtype=bool)
     if time.format in SERIAL_DAYS:
-        return _ns(_from_serial_days(column, time.format))
+        return _as_nanoseconds(_from_serial_days(column, time.format))
     if time.format == GPS_WEEK:
         return _from_gps_weeks(raw, time)
     if time.format == TEXT:
         return _from_stamps(raw, time)
     if time.format == "iso" and time.date is None and time.day is None:
         if isinstance(column.dtype, pd.DatetimeTZDtype):
-            return _ns(column)
+            return _as_nanoseconds(column)
         return _from_iso(column.astype("str"), time.zone_in_text == "used")
     return _from_form(raw, time)
 
 
-def _ns(times: pd.Series[Any]) -> tuple[Ints, Bools]:
+def _as_nanoseconds(times: pd.Series[Any]) -> tuple[Ints, Bools]:
     """Times as ns since 1970, and whether they are UTC. What is beyond nanoseconds has none."""
     is_utc = isinstance(times.dtype, pd.DatetimeTZDtype)
     plain = times.dt.tz_convert("UTC").dt.tz_localize(None) if is_utc else times
@@ -242,15 +242,15 @@ def _from_iso(text: pd.Series[Any], use_zones: bool) -> tuple[Ints, Bools]:
     zoned = text.str.contains(ZONED, regex=True, na=False)
     if not use_zones:
         text, zoned = text.str.replace(_ZONE_AT_END, "", regex=True), zoned & False
-    utc_ns, _ = _ns(pd.to_datetime(text.where(zoned), format="ISO8601", utc=True, errors="coerce"))
-    local_ns, _ = _ns(pd.to_datetime(text.mask(zoned), format="ISO8601", utc=True, errors="coerce"))
+    utc_ns, _ = _as_nanoseconds(pd.to_datetime(text.where(zoned), format="ISO8601", utc=True, errors="coerce"))
+    local_ns, _ = _as_nanoseconds(pd.to_datetime(text.mask(zoned), format="ISO8601", utc=True, errors="coerce"))
     is_utc = zoned.to_numpy(dtype=bool)
     return np.where(is_utc, utc_ns, local_ns), is_utc
 
 
 def _from_stamps(raw: RawTable, time: TimeColumn) -> tuple[Ints, Bools]:
     """Times as the one reader of dates finds them in each cell. Raises :class:`InputError` for unclear dates."""
-    stamps = stamps_in(raw, time.column, time.date, time.day)
+    stamps = stamps_of_rows(raw, time.column, time.date, time.day)
     dated = [stamp for stamp in stamps if stamp is not None]
     order = time.order
     if order is None:
@@ -288,11 +288,11 @@ def _from_form(raw: RawTable, time: TimeColumn) -> tuple[Ints, Bools]:
     """Text of a form of strptime, or ISO 8601 in two columns or of a time of day."""
     form = re.sub("[.,]%f", "", time.format)  # fractions are read besides
     if time.date is None:
-        text = _of_form(raw.columns[time.column], form)
+        text = _as_text_of_form(raw.columns[time.column], form)
     else:
         date_form, _, time_form = form.partition(" ") if form != "iso" else ("iso", "", "iso")
-        dates = _of_form(raw.columns[time.date], date_form).str.replace(MIDNIGHT, "", regex=True)
-        text = dates + " " + _of_form(raw.columns[time.column], time_form)
+        dates = _as_text_of_form(raw.columns[time.date], date_form).str.replace(MIDNIGHT, "", regex=True)
+        text = dates + " " + _as_text_of_form(raw.columns[time.column], time_form)
     if time.day is not None:
         text, form = f"{time.day} " + text, form if form == "iso" else f"%Y-%m-%d {form}"
     if form == "iso":
@@ -300,19 +300,19 @@ def _from_form(raw: RawTable, time: TimeColumn) -> tuple[Ints, Bools]:
     text = text.str.strip().str.replace(r"\s*(?:UTC|GMT|Z)$", "", regex=True)
     fraction = text.str.extract(_FRACTION, expand=True)[1]
     base = text.str.replace(_FRACTION, r"\1", regex=True) if fraction.notna().any() else text
-    local_ns, is_utc = _ns(pd.to_datetime(base, format=form, errors="coerce", utc="%z" in form))
+    local_ns, is_utc = _as_nanoseconds(pd.to_datetime(base, format=form, errors="coerce", utc="%z" in form))
     part_ns = pd.to_numeric(fraction.str.ljust(9, "0").str[:9]).fillna(0.0).to_numpy(dtype=np.int64)
     return np.where(local_ns == _NO_TIME, _NO_TIME, local_ns + part_ns), is_utc
 
 
-def _of_form(column: pd.Series[Any], form: str) -> pd.Series[Any]:
+def _as_text_of_form(column: pd.Series[Any], form: str) -> pd.Series[Any]:
     if not pd.api.types.is_numeric_dtype(column.dtype):
         return filled_text(column)
     is_share_of_day = form not in _DIGITS and column.dropna().between(0.0, 1.0, inclusive="left").all()
-    return as_clock(column) if is_share_of_day else with_digits(column, _DIGITS.get(form, 1))
+    return as_clock(column) if is_share_of_day else zero_padded(column, _DIGITS.get(form, 1))
 
 
-def _counted(raw: RawTable, column: pd.Series[Any], time: TimeColumn) -> Ints:
+def _from_counts(raw: RawTable, column: pd.Series[Any], time: TimeColumn) -> Ints:
     """Counts since a start, or since 1970, as UTC; whole numbers without a detour over floats.
 
     A float of today's seconds since 1970 is good to 0.2 microseconds: it is rounded to one.
@@ -338,7 +338,7 @@ def _counted(raw: RawTable, column: pd.Series[Any], time: TimeColumn) -> Ints:
 def _start_in_name(raw: RawTable, time: TimeColumn) -> str:
     """The instant that the seconds count from, by the time that the file's name holds."""
     form = time.in_name or ""
-    parts = (_IN_NAMES.get(part) or re.escape(part) for part in re.split("(%.)", form))
+    parts = (_NAME_DIRECTIVES.get(part) or re.escape(part) for part in re.split("(%.)", form))
     match = re.search("".join(parts), raw.path.name)
     counted = pd.to_numeric(raw.columns[time.column], errors="coerce") * (NS_IN[time.unit] / NANO)
     passed_s = float(counted.max() if time.name_tells == "end" else counted.min())
@@ -382,7 +382,7 @@ def _over_midnights(local_ns: Ints) -> Ints:
     return result
 
 
-def _storable(time_ns: Ints, column: str) -> tuple[Ints, str]:
+def _keep_storable(time_ns: Ints, column: str) -> tuple[Ints, str]:
     """Times that a recording can hold, others as none; where most are before 1970 they are moved to its first day.
 
     Years such as 0001 and 9999 are what programs write that know no time.
@@ -395,7 +395,7 @@ def _storable(time_ns: Ints, column: str) -> tuple[Ints, str]:
         was, now = time_ns[first], time_ns[first] % DAY_NS
         time_ns[valid] += now - was
         remark = (
-            f"the times of {column!r} begin on {_iso(was)}: moved to 1970, so that durations are kept;"
+            f"the times of {column!r} begin on {_iso_text(was)}: moved to 1970, so that durations are kept;"
             " --answer start=2026-05-17T12:00:00Z is the first row's time"
         )
         early = valid & (time_ns < 0)
@@ -410,7 +410,7 @@ def _clock_remarks(time_ns: Ints, time: TimeColumn) -> list[str]:
         return []  # what counts from an unknown start is another matter
     if unset.all():
         return [
-            f"the clock of {time.column!r} was not set, it begins on {_iso(time_ns[places[0]])}: durations hold;"
+            f"the clock of {time.column!r} was not set, it begins on {_iso_text(time_ns[places[0]])}: durations hold;"
             " --answer start=2026-05-17T12:00:00Z is the first row's time"
         ]
     first = int(np.count_nonzero(unset))
@@ -420,12 +420,12 @@ def _clock_remarks(time_ns: Ints, time: TimeColumn) -> list[str]:
     was, step = time_ns[places[0]], int(np.median(steps))
     time_ns[places[:first]] += time_ns[places[first]] - step - time_ns[places[first - 1]]
     return [
-        f"the clock of {time.column!r} was set in row {places[first] + 1}, it began on {_iso(was)}: the rows before"
+        f"the clock of {time.column!r} was set in row {places[first] + 1}, it began on {_iso_text(was)}: the rows before"
         " are moved so that they run on"
     ]
 
 
-def _iso(time_ns: int) -> str:
+def _iso_text(time_ns: int) -> str:
     return pd.Timestamp(int(time_ns)).isoformat()
 
 
@@ -460,20 +460,22 @@ def distinct_dates(stamps: Sequence[Stamp]) -> list[Stamp]:
     return list({stamp.numbers: stamp for stamp in reversed(stamps)}.values())[::-1]
 
 
-def stamps_in(raw: RawTable, column: str, date: str | None = None, day: str | None = None) -> list[Stamp | None]:
+def stamps_of_rows(
+    raw: RawTable, column: str, date: str | None = None, day: str | None = None
+) -> list[Stamp | None]:
     """The date and time of each row; of the time of day alone with the ``day``."""
     text = as_clock(raw.columns[column]) if date is not None or day is not None else as_text(raw.columns[column])
     if day is not None:
         text = f"{day} " + text
     elif date is not None:
         text = as_date(raw.columns[date]) + " " + text
-    return [whole_stamp(cell) if isinstance(cell, str) else None for cell in text.tolist()]
+    return [stamp_of_cell(cell) if isinstance(cell, str) else None for cell in text.tolist()]
 
 
-def whole_stamp(text: str) -> Stamp | None:
+def stamp_of_cell(text: str) -> Stamp | None:
     """The date and time that a text is; None for one with other numbers beside.
 
-    >>> whole_stamp("Sun 17.05.2026 12.30").text, whole_stamp("2026-05-17 12:00:00 7")
+    >>> stamp_of_cell("Sun 17.05.2026 12.30").text, stamp_of_cell("2026-05-17 12:00:00 7")
     ('17.05.2026 12:30', None)
     """
     text = re.sub(r"(?<=[\dT] )(\d{1,2})\.(\d\d)$", r"\1:\2", text.strip())
@@ -483,7 +485,7 @@ def whole_stamp(text: str) -> Stamp | None:
 
 def as_text(column: pd.Series[Any]) -> pd.Series[Any]:
     """Cells as text; numbers with the 14 digits of a date and time."""
-    return with_digits(column, 14) if pd.api.types.is_numeric_dtype(column.dtype) else filled_text(column)
+    return zero_padded(column, 14) if pd.api.types.is_numeric_dtype(column.dtype) else filled_text(column)
 
 
 def as_date(column: pd.Series[Any]) -> pd.Series[Any]:
@@ -491,8 +493,8 @@ def as_date(column: pd.Series[Any]) -> pd.Series[Any]:
     if not pd.api.types.is_numeric_dtype(column.dtype):
         return filled_text(column).str.replace(MIDNIGHT, "", regex=True)
     if column.max() < _MICRO:
-        return with_digits(column, 6).str.replace(r"^(\d\d)(\d\d)(\d\d)$", r"\1-\2-\3", regex=True)
-    text = with_digits(column, 8)
+        return zero_padded(column, 6).str.replace(r"^(\d\d)(\d\d)(\d\d)$", r"\1-\2-\3", regex=True)
+    text = zero_padded(column, 8)
     year_first = text.str[:2].isin(["19", "20"]) & (text.str[4:6] <= "12")
     parts = r"^(\d{4})(\d\d)(\d\d)$" if year_first[text.notna()].all() else r"^(\d\d)(\d\d)(\d{4})$"
     return text.str.replace(parts, r"\1-\2-\3", regex=True)
@@ -505,7 +507,7 @@ def as_clock(column: pd.Series[Any]) -> pd.Series[Any]:
     if column.dropna().between(0.0, 1.0, inclusive="left").all():
         since = pd.Timestamp(0) + pd.to_timedelta((column * 86_400e6).round(), unit="us")
         return since.dt.strftime("%H:%M:%S.%f").where(column.notna())
-    return with_digits(column, 6).str.replace(r"^(\d\d)(\d\d)(\d\d)", r"\1:\2:\3", regex=True)
+    return zero_padded(column, 6).str.replace(r"^(\d\d)(\d\d)(\d\d)", r"\1:\2:\3", regex=True)
 
 
 def filled_text(column: pd.Series[Any]) -> pd.Series[Any]:
@@ -513,7 +515,7 @@ def filled_text(column: pd.Series[Any]) -> pd.Series[Any]:
     return column.astype("str").where(column.notna())
 
 
-def with_digits(column: pd.Series[Any], digits: int) -> pd.Series[Any]:
+def zero_padded(column: pd.Series[Any], digits: int) -> pd.Series[Any]:
     """Numbers with at least so many digits, their microseconds besides."""
     valid = ((column >= 0.0) & (column < _MOST_DIGITS)).to_numpy()
     numbers = np.where(valid, column.to_numpy(dtype=float), 0.0)
@@ -563,10 +565,10 @@ _CLOSE_NS = 300 * NANO  # rows no further apart have no hour between them
 _FALL_NS = 60 * NANO  # rows out of order go back by less, a clock that is put back by more
 
 
-def known_zone(zone: str) -> str:
+def checked_zone(zone: str) -> str:
     """A zone's name or offset as it is written; :class:`ValueError` for another text.
 
-    >>> known_zone("UTC+02:00"), known_zone("CEST"), known_zone("Europe/Oslo")
+    >>> checked_zone("UTC+02:00"), checked_zone("CEST"), checked_zone("Europe/Oslo")
     ('UTC+02:00', 'CEST', 'Europe/Oslo')
     """
     if zone == GPS or zone in available_timezones() or offset_s(zone) is not None:
@@ -595,18 +597,20 @@ def to_utc(local_ns: Ints, zone: str) -> tuple[Ints, str]:
     skipped, doubled = winter < summer, winter > summer
     if np.count_nonzero(skipped) > 1:
         first = int(np.flatnonzero(skipped)[0])
-        return _unchanged(local_ns, summer, first, f"the hour that {zone} leaves out", "forward")
+        return _without_clock_change(local_ns, summer, first, f"the hour that {zone} leaves out", "forward")
     result = summer.copy()
     remark = ""
     for run in _stretches(doubled):
         start = _first_of_second_hour(local_ns, run)
         if start is None:
-            return _unchanged(local_ns, summer, run[0], f"the hour that comes twice in {zone}, once", "back")
+            return _without_clock_change(
+                local_ns, summer, run[0], f"the hour that comes twice in {zone}, once", "back"
+            )
         if start < 0:
             start = int(run[-1]) + 1
-            winter_offset = _offset(local_ns, winter, run[0])
+            winter_offset = _offset_text(local_ns, winter, run[0])
             remark = (
-                f"{run.size} rows of {_day(local_ns[run[0]])} are in the hour that comes twice in {zone}; nothing"
+                f"{run.size} rows of {_day_text(local_ns[run[0]])} are in the hour that comes twice in {zone}; nothing"
                 f" states which: summer time is taken, --answer zone={winter_offset} is the other"
             )
         result[start : run[-1] + 1] = winter[start : run[-1] + 1]
@@ -652,19 +656,19 @@ def _first_of_second_hour(local_ns: Ints, run: Ints) -> int | None:
     return last + 1 if joins_before else first if joins_after else -1
 
 
-def _unchanged(local_ns: Ints, utc_ns: Ints, row: int, hour: str, way: str) -> tuple[Ints, str]:
+def _without_clock_change(local_ns: Ints, utc_ns: Ints, row: int, hour: str, way: str) -> tuple[Ints, str]:
     """All rows with the offset that one of them has before the change; a remark that it was not changed."""
     remark = (
-        f"on {_day(local_ns[row])} rows run on through {hour}: that clock was not put {way};"
-        f" all times are read as of zone {_offset(local_ns, utc_ns, row)}, --answer zone=... names another"
+        f"on {_day_text(local_ns[row])} rows run on through {hour}: that clock was not put {way};"
+        f" all times are read as of zone {_offset_text(local_ns, utc_ns, row)}, --answer zone=... names another"
     )
     return local_ns - (local_ns[row] - utc_ns[row]), remark
 
 
-def _offset(local_ns: Ints, utc_ns: Ints, row: int) -> str:
+def _offset_text(local_ns: Ints, utc_ns: Ints, row: int) -> str:
     minutes = int(local_ns[row] - utc_ns[row]) // (60 * NANO)
     return f"{'-' if minutes < 0 else '+'}{abs(minutes) // 60:02d}:{abs(minutes) % 60:02d}"
 
 
-def _day(local_ns: int) -> str:
+def _day_text(local_ns: int) -> str:
     return str(pd.Timestamp(int(local_ns)).date())
