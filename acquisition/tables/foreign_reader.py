@@ -1,8 +1,8 @@
-"""What other libraries make of spreadsheets, .mat, NetCDF and Parquet files, as a script of its own.
+"""A script that reads spreadsheets, .mat, NetCDF and Parquet files with other libraries, in a limited process.
 
-None of these libraries can be told how much a file may take: a sheet with one cell in its last corner makes
-calamine reserve the whole grid, a few bytes of .mat or HDF5 declare arrays of any size. The script limits itself,
-then reads, and writes the pickled result to stdout. It imports nothing of Seatrial, to begin quickly.
+These libraries have no limits of memory: a sheet with one cell in its last corner makes calamine reserve the whole
+grid, a few bytes of .mat or HDF5 declare arrays of any size. The script limits itself, reads, and writes the pickled
+result to stdout. It imports nothing of Seatrial, to start quickly.
 """
 
 from __future__ import annotations
@@ -15,15 +15,15 @@ from collections.abc import Callable, Iterator, Mapping
 from typing import Any, BinaryIO
 
 _EXIT_REFUSED = 3
-_MAX_DEPTH = 32  # groups in groups: of one that holds itself there is no end
+_MAX_DEPTH = 32  # of nested groups: one that contains itself has no end
 
 
 class RefusedError(ValueError):
-    """Why a file is not read, in words for its user; what a library says of it is for its author."""
+    """The reason why a file is not read, in words for its user."""
 
 
 class _CellBudget:
-    """How many cells a file may still give."""
+    """The number of cells that a file may still have."""
 
     def __init__(self, allowance: int) -> None:
         self.remaining = allowance
@@ -56,9 +56,11 @@ def read_parquet(path: str, cells: _CellBudget) -> Any:
     cells.take(max(metadata.num_rows, 1) * max(metadata.num_columns, 1))
     table = pq.read_table(path)
     for number, field in enumerate(table.schema):
-        if pa.types.is_dictionary(field.type):  # a long text of many rows would take its room later, without limits
-            plain = field.with_type(field.type.value_type)
-            table = table.set_column(number, plain, table.column(number).cast(plain.type))
+        if pa.types.is_dictionary(
+            field.type
+        ):  # a long text of many rows would take its memory later, without limits
+            decoded = field.with_type(field.type.value_type)
+            table = table.set_column(number, decoded, table.column(number).cast(decoded.type))
     return table
 
 
@@ -83,7 +85,7 @@ def _count_cells(value: Any, cells: _CellBudget) -> None:
 
 
 def _variables_of_hdf5(path: str) -> dict[str, Any]:
-    """The variables of a MATLAB 7.3 file, as :func:`scipy.io.loadmat` gives those of older ones."""
+    """The variables of a MATLAB 7.3 file, as :func:`scipy.io.loadmat` returns those of older ones."""
     import h5py
     import numpy as np
 
@@ -106,7 +108,7 @@ def _variables_of_hdf5(path: str) -> dict[str, Any]:
 
 
 def _members(group: Any) -> Iterator[tuple[str, Any]]:
-    """What is in a group. Raises RefusedError for a link to another file, which nobody has given us."""
+    """The members of a group. Raises RefusedError for a link to another file."""
     import h5py
 
     for name in group:
@@ -133,13 +135,13 @@ def read_netcdf(path: str, cells: _CellBudget) -> tuple[Variables, dict[str, Any
         for name, item in file.variables.items():
             values = item.data
             cells.take(values.size)
-            plain = values.astype(values.dtype.newbyteorder("="))
-            variables[name] = tuple(item.dimensions), plain, _readable_attributes(item._attributes)
+            values = values.astype(values.dtype.newbyteorder("="))
+            variables[name] = tuple(item.dimensions), values, _readable_attributes(item._attributes)
         return variables, _readable_attributes(file._attributes)
 
 
 def read_netcdf_4(path: str, cells: _CellBudget) -> tuple[Variables, dict[str, Any]]:
-    """The same of a NetCDF-4 file, which is one of HDF5."""
+    """As :func:`read_netcdf`, of a NetCDF-4 file, which is HDF5."""
     import h5py
 
     with h5py.File(path) as file:
@@ -154,7 +156,7 @@ def read_netcdf_4(path: str, cells: _CellBudget) -> tuple[Variables, dict[str, A
 
 
 def _readable_attributes(attributes: Mapping[str, Any]) -> dict[str, Any]:
-    """The attributes that say something by themselves, not those that refer to other parts of the file."""
+    """The attributes without those that refer to other parts of the file."""
     return {
         name: value.decode(errors="replace") if isinstance(value, bytes) else value
         for name, value in attributes.items()
@@ -172,13 +174,13 @@ READERS: dict[str, Callable[[str, _CellBudget], Any]] = {
 
 
 def main() -> int:
-    """Read one file under limits and write what is in it to stdout."""
+    """Read one file under limits and write its content to stdout."""
     reader, path, memory_bytes, cpu_seconds, cells = sys.argv[1:]
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
     for kind, limit in ((resource.RLIMIT_DATA, int(memory_bytes)), (resource.RLIMIT_CPU, int(cpu_seconds))):
-        hard = resource.getrlimit(kind)[1]
-        lowest = limit if hard == resource.RLIM_INFINITY else min(limit, hard)
-        resource.setrlimit(kind, (lowest, hard))
+        hard_limit = resource.getrlimit(kind)[1]
+        soft_limit = limit if hard_limit == resource.RLIM_INFINITY else min(limit, hard_limit)
+        resource.setrlimit(kind, (soft_limit, hard_limit))
     with os.fdopen(os.dup(sys.stdout.fileno()), "wb") as output:
         os.dup2(sys.stderr.fileno(), sys.stdout.fileno())  # what a library prints is no part of the result
         return _write(READERS[reader], path, _CellBudget(int(cells)), output)
