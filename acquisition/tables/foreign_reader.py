@@ -1,8 +1,8 @@
 """A script that reads spreadsheets, .mat, NetCDF and Parquet files with other libraries, in a limited process.
 
 These libraries have no limits of memory: a sheet with one cell in its last corner makes calamine reserve the whole
-grid, a few bytes of .mat or HDF5 declare arrays of any size. The script limits itself, reads, and writes the pickled
-result to stdout. It imports nothing of Seatrial, to start quickly.
+grid, a few bytes of .mat or HDF5 declare arrays of any size. The script limits itself, reads, and writes the
+pickled result to stdout. It imports nothing of Seatrial, to start quickly.
 """
 
 from __future__ import annotations

@@ -187,17 +187,15 @@ def _decompressed(path: Path, meter: Meter) -> bytes:
 
 def _read_sheet(path: Path) -> RawTable:
     """The sheet with most filled rows; in our exports time and trial are restored as they were written."""
-    from seatrial.acquisition.tables.text_tables import parse_sheet_rows
+    from seatrial.acquisition.tables import text_tables
 
     require_package("python_calamine", "excel", path)
     sheets = read_in_child(FOREIGN_READER, "sheets", path)
     about = sheets.get("about", [])
     is_export = "data" in sheets and about[:1] == [ABOUT_COLUMNS]
-    fullest = max(
-        sheets.values(), key=lambda sheet: sum(any(cell != "" for cell in row) for row in sheet), default=[]
-    )
-    rows: list[Any] = sheets["data"] if is_export else fullest
-    parsed = parse_sheet_rows(rows)
+    sizes = {name: sum(any(cell != "" for cell in row) for row in sheet) for name, sheet in sheets.items()}
+    fullest = max(sizes, key=sizes.__getitem__, default="")
+    parsed = text_tables.parse_sheet_rows(sheets.get("data" if is_export else fullest, []))
     frame = parsed.frame
     if is_export and UTC_COLUMN in frame and "time" not in frame:  # a user may have changed it since
         times = [f"{cell}Z" if _NAIVE_TIME.fullmatch(str(cell)) else cell for cell in frame[UTC_COLUMN]]
