@@ -59,7 +59,7 @@ _PROGRESS_FRAMES = 5_000  # between reports of progress
 _MOST_EVENTS = 12
 _MOST_VALUES = 4  # of a message, in its row
 _WIDTH = 112  # letters of a line
-_HEAD_FRAMES = 20_000
+_HEAD_FRAMES = 20_000  # by which engines and DBC files are detected
 _ENGINE_GROUPS = frozenset({127488, 127493})  # groups of one frame whose first byte is the engine's instance
 _J1939_ENGINE_GROUP = 61444
 _MOST_ENGINES = 8
@@ -117,8 +117,8 @@ def discover(
 
     ``vessel`` is the ship's name or file, whose actuators the channels belong to; without it no control is missing.
     ``dbc`` describes the ship's CAN frames, else one next to the configuration that fits them; ``folder`` is that
-    of the configuration. Raises :class:`ConfigurationError` for an invalid vessel or DBC file. Places that cannot be
-    listened to are reported in the result, and are no error.
+    of the configuration. Raises :class:`ConfigurationError` for an invalid vessel or DBC file. Places that cannot
+    be listened to are reported in the result, and are no error.
     """
     if dbc is not None:
         load_dbc(dbc)
@@ -344,21 +344,20 @@ def broadest_configuration(captures: Sequence[Capture], vessel: str, dbc: Path |
 def candidate_packs(captures: Sequence[Capture]) -> list[dict[str, Any]]:
     """Seatrial's packs as sections; those of several engines with as many names as there are engines."""
     frames = (frame for capture in captures for frame in islice(capture.frames(), _HEAD_FRAMES))
-    engines = {_engine_of(frame) for frame in frames if frame.protocol == "can" and frame.payload}
-    count = 1 + max((engine for engine in engines if engine is not None and engine < _MOST_ENGINES), default=0)
+    engines = {0}
+    for frame in frames:
+        if frame.protocol == "can" and frame.payload:
+            group, address = parameter_group(frame.identifier)
+            if group in _ENGINE_GROUPS:
+                engines.add(frame.payload[0])
+            elif group == _J1939_ENGINE_GROUP:
+                engines.add(address)
+    count = 1 + max(engine for engine in engines if engine < _MOST_ENGINES)
     names = _ENGINE_NAMES.get(count) or [f"number_{number + 1}" for number in range(count)]
     return [
         {"name": path.stem, **({"each": names} if "{each}" in path.read_text() else {})}
         for path in sorted(PACKS.glob("*.toml"))
     ]
-
-
-def _engine_of(frame: Frame) -> int | None:
-    """The number of a frame's engine by its instance, on J1939 by its address."""
-    group, address = parameter_group(frame.identifier)
-    if group in _ENGINE_GROUPS:
-        return frame.payload[0]
-    return address if group == _J1939_ENGINE_GROUP else None
 
 
 def used_packs(packs: Sequence[dict[str, Any]], survey: Survey) -> list[dict[str, Any]]:

@@ -615,7 +615,7 @@ def _matching_actuators(control: _ControlColumn, ship: Actuators) -> list[Actuat
 def _new_actuator(control: _ControlColumn, controls: Iterable[_ControlColumn], pitched_sides: set[str]) -> Actuator:
     """The actuator of a column, of a ship whose actuators are not known."""
     side, kind = control.side, control.kind
-    name = _actuator_name(side, kind)
+    name = f"{kind}_{side}" if side.isdigit() else f"{side}_{kind}" if side else kind
     if kind == "azimuth":
         return Actuator(side if side and not side.isdigit() else name, "azimuth")
     if kind == "tunnel":
@@ -624,7 +624,3 @@ def _new_actuator(control: _ControlColumn, controls: Iterable[_ControlColumn], p
     kind = "controllable_propeller" if kind == "propeller" and side in pitched_sides else kind
     assert kind in KINDS
     return Actuator(name, kind)
-
-
-def _actuator_name(side: str, kind: str) -> str:
-    return f"{kind}_{side}" if side.isdigit() else f"{side}_{kind}" if side else kind

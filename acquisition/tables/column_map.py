@@ -287,10 +287,8 @@ class _RequestedColumns:
 def apply_column_map(raw: RawTable, columns: ColumnMap, map_path: Path | str, declared: Declared = ()) -> TableFile:
     """A table by its map, in the contract's names, units and signs; angles within their channels' turn.
 
-    ``declared`` are the channels that the map declares.
-
-    Raises :class:`ConfigurationError` naming the map's line for a column that the table lacks, and
-    :class:`InputError` for cells that are no numbers and rows without a time.
+    ``declared`` are the channels that the map declares. Raises :class:`ConfigurationError` naming the map's line
+    for a missing column, and :class:`InputError` for cells that are no numbers and rows without a time.
     """
     requested, units, duplicates = _RequestedColumns(raw, map_path), raw.units, 0
     requested.require_column(columns.time.column, ("time", "column"))

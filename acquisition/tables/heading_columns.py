@@ -217,7 +217,11 @@ def _correct_heading(
         draft.warnings.append(f"{column!r} {reading_text}; it is turned, --answer heading=clockwise leaves it")
         context.heading_is_sure = True
         return
-    remark = _remark_on_course(context, moves, convention)
+    course, remark = context.series.get("course_over_ground_deg"), ""
+    if course is not None:
+        course_verdict = judge_heading(moves, {"deg": evidence.mean_angle(context, course)})
+        if course_verdict.convention is convention:
+            remark = ", against which the course over ground turns as well"
     text = (
         f"{column!r} turns against the track. Either it {reading_text}. Or it is right and the positions are not:"
         f" {convention.mirrored}; then correct these{remark}. Which is it?"
@@ -276,14 +280,6 @@ def _is_track_confirmed(context: TableContext, moves: Complexes) -> bool:
     candidate = next(iter(context.draft.candidates_for("yaw_rate_dps")), None)
     turning = NO_FIT if candidate is None else _fit_to_heading(context, candidate.column)
     return turning.is_clear and turning.factor < 0.0
-
-
-def _remark_on_course(context: TableContext, moves: Complexes, convention: HeadingConvention) -> str:
-    """A remark if the course over ground agrees with the heading against the positions."""
-    if (course := context.series.get("course_over_ground_deg")) is None:
-        return ""
-    verdict = judge_heading(moves, {"deg": evidence.mean_angle(context, course)})
-    return ", against which the course over ground turns as well" if verdict.convention is convention else ""
 
 
 def _judge_straight_course(context: TableContext, moves: Complexes) -> None:

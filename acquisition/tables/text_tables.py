@@ -97,13 +97,21 @@ def find_layout(rows: Sequence[Sequence[Any]]) -> Layout:
     The header is the row of names before the data with most known names, the last of several with as many. Names of
     the row above or below belong to it where they complete a known name: "Wind" above "Speed".
     """
-    width = Counter(_filled_width(row) for row in rows[-max(1, len(rows) // 2) :]).most_common(1)[0][0]
+    widths = [max((index for index, cell in enumerate(row, 1) if _is_filled(cell)), default=0) for row in rows]
+    width = Counter(widths[-max(1, len(rows) // 2) :]).most_common(1)[0][0]
     first = next((number for number, row in enumerate(rows) if _is_data(row, width)), len(rows))
-    candidates = [number for number in range(first) if _may_be_names(rows[number], width)]
+    filled = [[cell for cell in row if _is_filled(cell)] for row in rows[:first]]
+    candidates = [
+        number for number, cells in enumerate(filled) if 2 * len(cells) >= width and not any(map(_is_number, cells))
+    ]
     if not candidates and first < len(rows) and width > 1:
         return Layout(tuple(f"column {index + 1}" for index in range(width)), None, first)
     candidates = candidates or [0]
-    unit_rows = [number for number in candidates[1:] if _is_unit_row(rows[number])]
+    unit_rows = [
+        number
+        for number in candidates[1:]
+        if 3 * sum(is_unit_cell(str(cell)) for cell in filled[number]) >= 2 * len(filled[number])
+    ]
     name_rows = [number for number in candidates if number not in unit_rows]
     header = max(name_rows, key=lambda number: (sum(map(_is_known_name, map(_cell_text, rows[number]))), number))
     names = _full_names(rows, header, name_rows)
@@ -270,29 +278,14 @@ def _is_filled(cell: Any) -> bool:
     return cell is not None and bool(str(cell).strip())
 
 
-def _filled_width(row: Sequence[Any]) -> int:
-    """The number of cells up to the last filled one."""
-    return max((index + 1 for index, cell in enumerate(row) if _is_filled(cell)), default=0)
-
-
 def _is_data(row: Sequence[Any], width: int) -> bool:
     filled = [cell for cell in row if _is_filled(cell)]
     values = sum(_is_number(cell) or bool(_TIME_LIKE.fullmatch(cell.strip())) for cell in filled)
     return len(row) >= min(width, 2) and 3 * values >= len(filled) > 0 and width <= len(row) + 1
 
 
-def _may_be_names(row: Sequence[Any], width: int) -> bool:
-    filled = [cell for cell in row if _is_filled(cell)]
-    return 2 * len(filled) >= width and not any(map(_is_number, filled))
-
-
 def _is_number(cell: Any) -> bool:
     return not isinstance(cell, str) or bool(_NUMBER.fullmatch(cell.strip()))
-
-
-def _is_unit_row(row: Sequence[Any]) -> bool:
-    filled = [str(cell) for cell in row if _is_filled(cell)]
-    return 3 * sum(map(is_unit_cell, filled)) >= 2 * len(filled)
 
 
 def _split_cells(line: str, delimiter: str) -> list[str]:
@@ -422,7 +415,13 @@ def read_rtklib(text: str) -> tuple[pd.DataFrame, str]:
             raise ValueError(f"line {line_number} has {len(cells)} cells, the header {2 + sum(widths)}")
         rows.append(cells)
     table = np.array(rows, dtype=object).reshape(-1, 2 + sum(widths))
-    frame = _rtklib_times(table, system)
+    if len(table) and "/" in table[0, 0]:
+        frame = pd.DataFrame({f"time {system}": [f"{date} {clock}" for date, clock in table[:, :2]]})
+    elif system == "GPST":
+        weeks, seconds = table[:, :2].astype(float).T
+        frame = pd.DataFrame({"GPS week": weeks, "time of week (s)": seconds})
+    else:
+        raise ValueError(f"its weeks and seconds are in {system}; write them in GPST, or as dates")
     first = 2
     for name, width in zip(names, widths, strict=True):
         values = table[:, first : first + width].astype(float)
@@ -437,14 +436,6 @@ def read_rtklib(text: str) -> tuple[pd.DataFrame, str]:
         is_known = quality < len(_RTKLIB_QUALITY)
         remarks.append(f"{count:,} {_RTKLIB_QUALITY[quality] if is_known else f'of quality {quality}'}")
     return _with_standard_coordinates(frame), f"solutions of RTKLIB: {', '.join(remarks)}"
-
-
-def _rtklib_times(table: np.ndarray, system: str) -> pd.DataFrame:
-    if len(table) and "/" in table[0, 0]:
-        return pd.DataFrame({f"time {system}": [f"{date} {clock}" for date, clock in table[:, :2]]})
-    if system != "GPST":
-        raise ValueError(f"its weeks and seconds are in {system}; write them in GPST, or as dates")
-    return pd.DataFrame({"GPS week": table[:, 0].astype(float), "time of week (s)": table[:, 1].astype(float)})
 
 
 def _with_standard_coordinates(frame: pd.DataFrame) -> pd.DataFrame:
@@ -471,24 +462,18 @@ def split_labview_headers(text: str) -> tuple[list[str], str]:
         return file_head.splitlines(), "".join(part.partition("\n")[2] for part in parts)
     heads, bodies = [parts[0].partition("\n")[2]], list[str]()
     for part in parts[1:-1]:
-        body, head = _split_segment(part)
-        bodies.append(body)
-        heads.append(head)
+        rows = part.partition("\n")[2]
+        next_head = re.search(r"^Channels\b", rows, re.MULTILINE)  # begins with the number of channels
+        if next_head is None:
+            raise ValueError("a segment of this LabVIEW measurement has no line Channels")
+        bodies.append(rows[: next_head.start()])
+        heads.append(rows[next_head.start() :])
     bodies.append(parts[-1].partition("\n")[2])
     first_head = [*file_head.splitlines(), *heads[0].splitlines()]
     return first_head, bodies[0] + "".join(
         _shift_segment(bodies[0], body, first_head, head, number)
         for number, (body, head) in enumerate(zip(bodies[1:], heads[1:], strict=True), start=2)
     )
-
-
-def _split_segment(part: str) -> tuple[str, str]:
-    """The rows of a segment, and the header of the next one, which begins with the number of its channels."""
-    _, _, body = part.partition("\n")
-    begin = re.search(r"^Channels\b", body, re.MULTILINE)
-    if begin is None:
-        raise ValueError("a segment of this LabVIEW measurement has no line Channels")
-    return body[: begin.start()], body[begin.start() :]
 
 
 def _shift_segment(first_body: str, body: str, first_head: Sequence[str], head: str, number: int) -> str:
