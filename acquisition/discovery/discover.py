@@ -111,7 +111,7 @@ def discover(
     dbc: Path | None = None,
     folder: Path | None = None,
     stop: threading.Event | None = None,
-    progress: Progress = lambda share: None,
+    progress: Progress = lambda fraction: None,
 ) -> Discovery:
     """Listen at all places for ``duration_s`` [s], and propose a configuration named ``name``.
 
@@ -137,7 +137,7 @@ def interpret_captures(
     dbc: Path | None = None,
     folder: Path | None = None,
     stop: threading.Event | None = None,
-    progress: Progress = lambda share: None,
+    progress: Progress = lambda fraction: None,
 ) -> Discovery:
     """The discovery by captures; arguments as those of :func:`discover`."""
     received = [capture for capture in captures if capture.count and not capture.problem]
@@ -330,9 +330,9 @@ def broadest_configuration(captures: Sequence[Capture], vessel: str, dbc: Path |
     trial = f'[trial]\nname = "discovered"\n{_toml_line("vessel", vessel) if vessel else ""}'
     trial += "".join(map(_pack_text, candidate_packs(captures)))
     sections = list(map(_section_settings, captures))
-    bare = parse_config(trial + "".join(map(_section_text, sections)), path)
+    config = parse_config(trial + "".join(map(_section_text, sections)), path)
     for section, capture in zip(sections, captures, strict=True):
-        _add_dbc(section, capture, dbc, path.parent, bare)
+        _add_dbc(section, capture, dbc, path.parent, config)
     ship = parse_config(trial + "".join(map(_section_text, sections)), path)
     order = channel_names(ship.actuators, tuple(declaration.channel for declaration in ship.declared))
     for section, source in zip(sections, ship.sources, strict=True):
@@ -543,7 +543,7 @@ def _printable(text: str) -> str:
     return "".join(letter if letter.isprintable() else "?" for letter in text)
 
 
-def _comment(text: str, mark: str = "# ") -> str:
+def _comment(text: str, prefix: str = "# ") -> str:
     """Text as a comment of as many lines as it takes; control characters are replaced."""
-    rows = wrap(_printable(text), _WIDTH + 1 - len(mark), break_long_words=False, break_on_hyphens=False)
-    return "".join(f"{mark}{row}\n" for row in rows)
+    rows = wrap(_printable(text), _WIDTH + 1 - len(prefix), break_long_words=False, break_on_hyphens=False)
+    return "".join(f"{prefix}{row}\n" for row in rows)

@@ -86,14 +86,15 @@ def listen(
     places: Sequence[ListeningPlace],
     duration_s: float,
     stop: threading.Event | None = None,
-    progress: Progress = lambda share: None,
+    progress: Progress = lambda fraction: None,
 ) -> list[Capture]:
     """Listen at all places for ``duration_s`` [s], or until ``stop`` is set; logs are read."""
     stop, until_s = stop or threading.Event(), time.monotonic() + duration_s
     results: dict[str, Capture] = {}
-    live = [place for place in places if place.type != "file"]
+    live_places = [place for place in places if place.type != "file"]
     threads = [
-        threading.Thread(target=_listen_at, args=(place, until_s, stop, results), daemon=True) for place in live
+        threading.Thread(target=_listen_at, args=(place, until_s, stop, results), daemon=True)
+        for place in live_places
     ]
     for thread in threads:
         thread.start()
@@ -555,8 +556,8 @@ class LatestReading:
     def text(self) -> str:
         """The value with its unit and note, for a user."""
         value = f"{self.value:.6g}" if isinstance(self.value, float) else self.value or ""
-        shown = f"{value} {self.entry['unit']}".strip() if value else ""
-        return f"{shown} ({self.note})" if shown and self.note else shown or self.note
+        text = f"{value} {self.entry['unit']}".strip() if value else ""
+        return f"{text} ({self.note})" if text and self.note else text or self.note
 
     def as_json(self) -> dict[str, Any]:
         """The reading as an object of JSON."""
@@ -658,8 +659,8 @@ def _finite_number(value: Any) -> float | None:
 
 
 def _shortened(text: str) -> str:
-    shown = "".join(letter if letter.isprintable() else "?" for letter in text.strip())
-    return shown if len(shown) <= _LONGEST_TEXT else f"{shown[:_LONGEST_TEXT]}..."
+    printable = "".join(letter if letter.isprintable() else "?" for letter in text.strip())
+    return printable if len(printable) <= _LONGEST_TEXT else f"{printable[:_LONGEST_TEXT]}..."
 
 
 def _json_leaves(content: Mapping[str, Any], path: str = "", level: int = 0) -> Iterator[_JsonField]:
@@ -713,15 +714,15 @@ class DbcChoice(NamedTuple):
     remark: str = ""
 
 
-def choose_dbc(named: Path | None, folders: Iterable[Path | None], frames: Sequence[Frame]) -> DbcChoice:
-    """The DBC file of the bus of ``frames``: the one ``named``, one in a folder, or one of Seatrial's.
+def choose_dbc(stated: Path | None, folders: Iterable[Path | None], frames: Sequence[Frame]) -> DbcChoice:
+    """The DBC file of the bus of ``frames``: the one ``stated``, one in a folder, or one of Seatrial's.
 
-    Raises :class:`ConfigurationError` for an invalid file that is named.
+    Raises :class:`ConfigurationError` for an invalid file that is stated.
     """
-    if named is not None:
-        messages = DbcMessages(load_dbc(named))
+    if stated is not None:
+        messages = DbcMessages(load_dbc(stated))
         count = messages.count_in(frames)
-        return DbcChoice(named if count else None, _describe_coverage(named, count, messages))
+        return DbcChoice(stated if count else None, _describe_coverage(stated, count, messages))
     remarks: list[str] = []
     for folder in dict.fromkeys(directory.absolute() for directory in folders if directory is not None):
         if (path := _find_fitting_dbc(folder, frames, remarks)) is not None:

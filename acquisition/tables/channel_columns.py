@@ -164,12 +164,12 @@ def _hemisphere_column(draft: MappingDraft, angle: ColumnCandidate, axis: Axis) 
     names = list(map(str, columns.columns))
     index = names.index(angle.column)
     neighbours = [name for name in names[max(index - 1, 0) : index + 2] if holds_hemispheres(columns[name], axis)]
-    named = [  # without counts, such as a column ns of satellites: signs and flags are at most 1
+    by_name = [  # without counts, such as a column ns of satellites: signs and flags are at most 1
         candidate.column
         for candidate in draft.candidates_for(axis)
         if not np.nanmax(np.abs(draft.numbers(candidate.column)), initial=0.0) > 1.0
     ]
-    for name in [*named, *neighbours]:
+    for name in [*by_name, *neighbours]:
         if not draft.is_empty(name):
             return columns[name]
         side = "north" if axis == "north_south" else "east"
@@ -271,12 +271,12 @@ def _resolve_mirrored_axes(
 def _subtract_grid_offset(context: TableContext, name: str) -> None:
     """Let positions of a grid such as UTM, millions of metres, begin near zero."""
     values, entry = context.series[name], context.channels[name]
-    first = next(iter(values[np.isfinite(values)]), 0.0)
-    if abs(first) > BY_NAME[name].high:
-        entry["offset"] = -1000.0 * round(first / 1000.0)
+    start = next(iter(values[np.isfinite(values)]), 0.0)
+    if abs(start) > BY_NAME[name].high:
+        entry["offset"] = -1000.0 * round(start / 1000.0)
         context.series[name] = values + entry["offset"]
         context.draft.warnings.append(
-            f"{entry['column']!r} counts from {1000 * round(first / 1000.0):,} m, as grids do (UTM)"
+            f"{entry['column']!r} counts from {1000 * round(start / 1000.0):,} m, as grids do (UTM)"
         )
 
 
@@ -368,8 +368,8 @@ def _wind_unit(context: TableContext, speed: ColumnCandidate, apparent: ColumnCa
 
 def _clearly_steadiest(changes: dict[str, float]) -> str | None:
     """The reading by which the wind is clearly steadier than by another, if there is one."""
-    clear = bool(changes) and max(changes.values()) > _CLEAR_RATIO * min(changes.values())
-    return min(changes, key=changes.__getitem__) if clear else None
+    is_clear = bool(changes) and max(changes.values()) > _CLEAR_RATIO * min(changes.values())
+    return min(changes, key=changes.__getitem__) if is_clear else None
 
 
 def _wind_kind(context: TableContext, direction: ColumnCandidate, speed: ColumnCandidate) -> str | None:

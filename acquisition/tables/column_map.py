@@ -393,8 +393,8 @@ def _add_position(result: TableFile, entry: Position, requested: _RequestedColum
     if not valid.any():
         what = f"columns {entry.latitude!r} and {entry.longitude!r} contain no position"
         raise InputError(what, where=str(requested.raw.path), fix="check the unit of [position] in the map")
-    first = int(np.flatnonzero(valid)[0])
-    origin = result.trial.origin or (float(latitude[first]), float(longitude[first]))
+    first_fix = int(np.flatnonzero(valid)[0])
+    origin = result.trial.origin or (float(latitude[first_fix]), float(longitude[first_fix]))
     result.trial = replace(result.trial, origin_latitude_deg=origin[0], origin_longitude_deg=origin[1])
     north, east = np.full((2, valid.size), np.nan)
     north[valid], east[valid], _ = pymap3d.geodetic2ned(latitude[valid], longitude[valid], 0.0, *origin, 0.0)
@@ -608,8 +608,8 @@ def interpolate_short_gaps(seconds: Floats, values: Floats) -> Floats:
     if valid.size == 0:
         return values
     result = np.interp(seconds, seconds[valid], values[valid], left=np.nan, right=np.nan)
-    after = np.clip(np.searchsorted(seconds[valid], seconds), 1, max(valid.size - 1, 1))
-    gap = seconds[valid][np.minimum(after, valid.size - 1)] - seconds[valid][after - 1]
+    next_index = np.clip(np.searchsorted(seconds[valid], seconds), 1, max(valid.size - 1, 1))
+    gap = seconds[valid][np.minimum(next_index, valid.size - 1)] - seconds[valid][next_index - 1]
     return np.where(np.isfinite(values), values, np.where(gap <= 2.0 * _SLOPE_REACH_S, result, np.nan))
 
 

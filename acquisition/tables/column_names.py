@@ -109,23 +109,25 @@ def match_quantities(name: str) -> tuple[Match, ...]:
     words = words_of(name)
     if " ".join(words) not in _PHRASES and any(word in _WORDS["other"] or "force" in word for word in words):
         return ()
-    text, joined = f" {' '.join(words)} ", "".join(words)
-    candidates = [match for quantity in QUANTITIES if (match := _match_quantity(quantity, words, text, joined))]
+    text, compact_text = f" {' '.join(words)} ", "".join(words)
+    candidates = [
+        match for quantity in QUANTITIES if (match := _match_quantity(quantity, words, text, compact_text))
+    ]
     return tuple(sorted(candidates, key=lambda candidate: -candidate.cover))
 
 
-def _match_quantity(quantity: Quantity, words: tuple[str, ...], text: str, joined: str) -> Match | None:
+def _match_quantity(quantity: Quantity, words: tuple[str, ...], text: str, compact_text: str) -> Match | None:
     """How well the longest of a quantity's phrases covers a name; single letters count as a whole name only.
 
     Words of sides may stand inside a phrase, and its words may be in another order, unless one is a single letter.
     """
-    plain = f" {' '.join(word for word in words if word not in PORT | STARBOARD)} "
+    text_without_sides = f" {' '.join(word for word in words if word not in PORT | STARBOARD)} "
     wordings = [
         wording
         for wording in quantity.phrases
-        if len(wording) > 1 and (f" {wording} " in text or f" {wording} " in plain)
+        if len(wording) > 1 and (f" {wording} " in text or f" {wording} " in text_without_sides)
     ]
-    if joined in {wording.replace(" ", "") for wording in quantity.phrases}:
+    if compact_text in {wording.replace(" ", "") for wording in quantity.phrases}:
         return Match(quantity, 1.0, frozenset())
     for wording in quantity.phrases:
         parts = wording.split()
@@ -222,9 +224,9 @@ def parse_units(text: str) -> tuple[str, ...]:
     text = text.strip().strip("[](){}").strip()
     if text in _CASED_UNITS:
         return _CASED_UNITS[text]
-    plain = text.lower().replace("′", "'").replace("⁻¹", "-1").replace("^", "").replace("œ", "oe")
-    plain = re.sub(r"\s*([/*·.])\s*", r"\1", plain)
-    for form in (plain, plain.replace(" ", "_"), plain.replace(" ", ""), _without_accents(plain)):
+    spelling = text.lower().replace("′", "'").replace("⁻¹", "-1").replace("^", "").replace("œ", "oe")
+    spelling = re.sub(r"\s*([/*·.])\s*", r"\1", spelling)
+    for form in (spelling, spelling.replace(" ", "_"), spelling.replace(" ", ""), _without_accents(spelling)):
         if form in _UNITS_BY_SPELLING:
             return _UNITS_BY_SPELLING[form]
     return ()
@@ -232,8 +234,8 @@ def parse_units(text: str) -> tuple[str, ...]:
 
 def is_unit_cell(text: str) -> bool:
     """Whether a cell of a row below the names may stand in a row of units."""
-    bare = text.strip().strip("[](){}").strip()
-    return bare in ("", "-") or bool(parse_units(bare)) or bool(_NO_UNIT.fullmatch(bare))
+    content = text.strip().strip("[](){}").strip()
+    return content in ("", "-") or bool(parse_units(content)) or bool(_NO_UNIT.fullmatch(content))
 
 
 def split_header(name: str) -> HeaderUnit:
@@ -245,8 +247,8 @@ def split_header(name: str) -> HeaderUnit:
     for match in reversed(list(_BRACKETED.finditer(name))):
         units = parse_units(match[1])
         if units or _NO_UNIT.fullmatch(match[1].strip()):
-            bare = (name[: match.start()] + " " + name[match.end() :]).strip(" /,;:-")
-            return HeaderUnit(bare, units, match[1].strip())
+            stem = (name[: match.start()] + " " + name[match.end() :]).strip(" /,;:-")
+            return HeaderUnit(stem, units, match[1].strip())
     for pattern in (r"\s+/\s*|\s*/\s+", r"\s*,\s*", r"\s+in\s+", r"\s*:\s*"):
         parts = re.split(pattern, name)
         if len(parts) > 1 and (units := parse_units(parts[-1])):
@@ -256,5 +258,5 @@ def split_header(name: str) -> HeaderUnit:
         text = " ".join(words[-count:])
         if units := parse_units(text):
             return HeaderUnit(" ".join(words[:-count]), units, text)
-    stem, _, last = name.rpartition("/")
-    return HeaderUnit(stem, units, last) if stem and (units := parse_units(last)) else HeaderUnit(name, (), "")
+    stem, _, suffix = name.rpartition("/")
+    return HeaderUnit(stem, units, suffix) if stem and (units := parse_units(suffix)) else HeaderUnit(name, (), "")

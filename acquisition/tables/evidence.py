@@ -93,9 +93,9 @@ def spans_gap(seconds: Floats, grid: Floats) -> Bools:
     times = np.sort(seconds[np.isfinite(seconds)])
     if times.size < 2 or grid.size < 2:
         return np.ones(max(grid.size - 1, 0), np.bool_)
-    after = np.clip(np.searchsorted(times, grid), 1, times.size - 1)
-    lost = times[after] - times[after - 1] > _LONGEST_GAP_STEPS * (grid[1] - grid[0])
-    return np.asarray(lost[1:] | lost[:-1])
+    next_index = np.clip(np.searchsorted(times, grid), 1, times.size - 1)
+    in_gap = times[next_index] - times[next_index - 1] > _LONGEST_GAP_STEPS * (grid[1] - grid[0])
+    return np.asarray(in_gap[1:] | in_gap[:-1])
 
 
 def interval_means(seconds: Floats, values: Floats, grid: Floats) -> Floats:
@@ -125,10 +125,10 @@ def fit_scale(measured: Floats, reference: Floats) -> ScaleFit:
 def direction_agreement(north: Floats, east: Floats, direction_deg: Floats) -> float:
     """How well displacements [n] point along angles, weighted by length: 1 along, 0 anyhow, -1 against."""
     length = np.hypot(north, east)
-    along = north * np.cos(np.deg2rad(direction_deg)) + east * np.sin(np.deg2rad(direction_deg))
-    valid = np.isfinite(along)
+    projections = north * np.cos(np.deg2rad(direction_deg)) + east * np.sin(np.deg2rad(direction_deg))
+    valid = np.isfinite(projections)
     total = float(length[valid].sum())
-    return float(along[valid].sum()) / total if valid.sum() >= _MIN_INCREMENTS and total > 0.0 else 0.0
+    return float(projections[valid].sum()) / total if valid.sum() >= _MIN_INCREMENTS and total > 0.0 else 0.0
 
 
 def mean_square_change(seconds: Floats, vector: np.ndarray, grid: Floats) -> float:
@@ -198,8 +198,8 @@ def remark_on_factor(column: str, unit: str, regression: ScaleFit, rate: RateUni
         factor < _FACTOR_TOLERANCE and factor / regression.correlation**2 > 1.0 / _FACTOR_TOLERANCE
     ):
         return ""
-    likely = rate_unit_by_fit(regression, rate)
-    guess = f": {likely[0]}?" if likely and likely[0] != unit else ""
+    alternative = rate_unit_by_fit(regression, rate)
+    guess = f": {alternative[0]}?" if alternative and alternative[0] != unit else ""
     return f"{column!r} in {unit} is off from {rate.source} by a factor {factor:.3f}{guess}"
 
 
@@ -213,7 +213,7 @@ def angle_unit_by_range(values: Floats, name: str, heading_unit: str) -> UnitGue
         (name in _FULL_CIRCLE_CHANNELS and span > np.pi, "rad", f"within {values.min():.2f} to {values.max():.2f}"),
         (largest == 0.0, "deg", "all zero"),
     )
-    return next(((unit, why) for holds, unit, why in rules if holds), None)
+    return next(((unit, why) for applies, unit, why in rules if applies), None)
 
 
 def shaft_unit_by_range(largest: float, words: frozenset[str]) -> UnitGuess | None:
@@ -292,18 +292,18 @@ def best_candidate(draft: MappingDraft, name: str) -> ColumnCandidate | None:
 
 
 def assign_column(
-    context: TableContext, name: str, candidate: ColumnCandidate, unit: str, *why: str, **more: Any
+    context: TableContext, name: str, candidate: ColumnCandidate, unit: str, *why: str, **entries: Any
 ) -> None:
-    """Assign a column to a channel, in a unit; ``more`` are further entries of the map."""
+    """Assign a column to a channel, in a unit; ``entries`` are further ones of the map."""
     channel, column, draft = BY_NAME[name], candidate.column, context.draft
     entry: dict[str, Any] = {"column": column, "unit": unit}
-    factor = more["full_scale"] / 100.0 if more else scale_to(channel.unit, unit)
+    factor = entries["full_scale"] / 100.0 if entries else scale_to(channel.unit, unit)
     values = draft.numbers(column)
     if missing := missing_codes(values, factor, channel):
         entry["missing"] = missing
         why = (*why, f"{', '.join(f'{code:g}' for code in missing)} stands for no value")
         values = mask_codes(values, missing)
-    context.channels[name] = entry | more
+    context.channels[name] = entry | entries
     context.series[name] = values * factor
     draft.note(column, name, unit, *why)
     if np.isnan(values).all():

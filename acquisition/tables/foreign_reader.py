@@ -186,9 +186,9 @@ def main() -> int:
         return _write(READERS[reader], path, _CellBudget(int(cells)), output)
 
 
-def _write(read: Callable[[str, _CellBudget], Any], path: str, cells: _CellBudget, output: BinaryIO) -> int:
+def _write(reader: Callable[[str, _CellBudget], Any], path: str, cells: _CellBudget, output: BinaryIO) -> int:
     try:
-        pickle.dump(read(path, cells), output, protocol=5)
+        pickle.dump(reader(path, cells), output, protocol=5)
         output.flush()
     except MemoryError:
         return 1

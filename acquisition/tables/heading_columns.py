@@ -285,20 +285,22 @@ def _is_track_confirmed(context: TableContext, moves: Complexes) -> bool:
 def _judge_straight_course(context: TableContext, moves: Complexes) -> None:
     """Ask about a straight track that does not run along the heading, which stays as it is without an answer."""
     draft, heading = context.draft, evidence.mean_angle(context, context.series["heading_deg"])
-    along = evidence.direction_agreement(moves.real, moves.imag, heading)
-    fast = float(np.nanmedian(np.abs(moves) / np.diff(context.grid))) > _FASTEST_DRIFT_MPS
+    alignment = evidence.direction_agreement(moves.real, moves.imag, heading)
+    is_fast = float(np.nanmedian(np.abs(moves) / np.diff(context.grid))) > _FASTEST_DRIFT_MPS
     column = context.channels["heading_deg"]["column"]
-    if fast and (likely := conventions.conventions_of_course(moves, heading)):
+    if is_fast and (candidates := conventions.conventions_of_course(moves, heading)):
         drift_deg = conventions.drift_of(moves, heading).mean_deg
-        words = " or ".join(convention.words for convention in likely)
+        words = " or ".join(convention.words for convention in candidates)
         side = "starboard" if drift_deg > 0.0 else "port"
         text = (
             f"the track runs {abs(drift_deg):.0f} deg to {side} of {column!r}: does it count {words}?"
             " A straight course does not tell"
         )
-        draft.ask("heading", text, (CLOCKWISE.name, *(convention.name for convention in likely)), CLOCKWISE.name)
-        draft.warnings.append(f"{text}; it stays as it is, --answer heading={likely[0].name} turns it")
-    elif along < -0.5:
+        draft.ask(
+            "heading", text, (CLOCKWISE.name, *(convention.name for convention in candidates)), CLOCKWISE.name
+        )
+        draft.warnings.append(f"{text}; it stays as it is, --answer heading={candidates[0].name} turns it")
+    elif alignment < -0.5:
         draft.warnings.append(
             "the ship moves astern most of the time by position and heading: heading of the stern?"
         )

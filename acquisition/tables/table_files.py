@@ -397,20 +397,20 @@ def read_netcdf(path: Path) -> RawTable:
     if time is None:
         raise InputError("has no variable time", where=str(path), fix="rename the one that holds the times")
     rows = variables[time][0]
-    along = {name: variable for name, variable in variables.items() if variable[0] == rows}
+    series = {name: variable for name, variable in variables.items() if variable[0] == rows}
     if "provenance" in attributes:  # our exports: lat and lon follow from the other columns
-        along = {name: variable for name, variable in along.items() if name not in ("lat", "lon")}
-    frame = pd.DataFrame({name: _unscaled(values, metadata) for name, (_, values, metadata) in along.items()})
-    if since := _SINCE.match(str(along[time][2].get("units", ""))):
+        series = {name: variable for name, variable in series.items() if name not in ("lat", "lon")}
+    frame = pd.DataFrame({name: _unscaled(values, metadata) for name, (_, values, metadata) in series.items()})
+    if since := _SINCE.match(str(series[time][2].get("units", ""))):
         frame[time] = _times_since(frame[time], since)
     units = {
         name: str(metadata["units"])
-        for name, (_, _, metadata) in along.items()
+        for name, (_, _, metadata) in series.items()
         if "units" in metadata and name != time
     }
     meanings = {
         name: str(meaning)
-        for name, (_, _, metadata) in along.items()
+        for name, (_, _, metadata) in series.items()
         if (meaning := metadata.get("standard_name") or metadata.get("long_name"))
     }
     return RawTable(path, frame, parse_trial(parse_json(str(attributes.get("trial", "{}")))), units, meanings)
@@ -423,13 +423,13 @@ def _is_hdf5(path: Path) -> bool:
     return head.startswith(_HDF5) or head.endswith(_HDF5)
 
 
-def _times_since(counted: pd.Series[Any], since: re.Match[str]) -> pd.Series[Any]:
+def _times_since(counts: pd.Series[Any], since: re.Match[str]) -> pd.Series[Any]:
     """Times of counts since a start, as CF conventions write them: "seconds since 1970-01-01"."""
     start = pd.Timestamp(since[2])
     start = start.tz_localize("UTC") if start.tz is None else start
-    whole_units = np.floor(counted)
+    whole_units = np.floor(counts)
     # pandas truncates to nanoseconds, and a binary count is often just short of one
-    part_ns = np.rint((counted - whole_units) * _UNIT_NS[since[1]])
+    part_ns = np.rint((counts - whole_units) * _UNIT_NS[since[1]])
     return start + pd.to_timedelta(whole_units, unit=_TIME_UNITS[since[1]]) + pd.to_timedelta(part_ns, unit="ns")  # type: ignore[call-overload, no-any-return]
 
 

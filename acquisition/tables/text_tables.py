@@ -61,7 +61,7 @@ class Layout:
 
     names: tuple[str, ...]
     header: int | None
-    first: int
+    first_data: int
     units: dict[str, str] = field(default_factory=dict)
 
 
@@ -99,13 +99,13 @@ def find_layout(rows: Sequence[Sequence[Any]]) -> Layout:
     """
     widths = [max((index for index, cell in enumerate(row, 1) if _is_filled(cell)), default=0) for row in rows]
     width = Counter(widths[-max(1, len(rows) // 2) :]).most_common(1)[0][0]
-    first = next((number for number, row in enumerate(rows) if _is_data(row, width)), len(rows))
-    filled = [[cell for cell in row if _is_filled(cell)] for row in rows[:first]]
+    first_data = next((number for number, row in enumerate(rows) if _is_data(row, width)), len(rows))
+    filled = [[cell for cell in row if _is_filled(cell)] for row in rows[:first_data]]
     candidates = [
         number for number, cells in enumerate(filled) if 2 * len(cells) >= width and not any(map(_is_number, cells))
     ]
-    if not candidates and first < len(rows) and width > 1:
-        return Layout(tuple(f"column {index + 1}" for index in range(width)), None, first)
+    if not candidates and first_data < len(rows) and width > 1:
+        return Layout(tuple(f"column {index + 1}" for index in range(width)), None, first_data)
     candidates = candidates or [0]
     unit_rows = [
         number
@@ -120,7 +120,7 @@ def find_layout(rows: Sequence[Sequence[Any]]) -> Layout:
     unit_row = next((rows[number] for number in unit_rows if number > header), [])
     texts = {index: str(cell).strip() for index, cell in enumerate(unit_row) if _is_filled(cell)}
     units = {names[index]: text for index, text in texts.items() if index < len(names) and text != "-"}
-    return Layout(tuple(names), header, min(max(first, header + 1), len(rows)), units)
+    return Layout(tuple(names), header, min(max(first_data, header + 1), len(rows)), units)
 
 
 def _is_known_name(name: str) -> bool:
@@ -134,11 +134,11 @@ def _full_names(rows: Sequence[Sequence[Any]], header: int, name_rows: Sequence[
     groups: Sequence[Any] = rows[header - 1] if header and (repeated or header - 1 in name_rows) else []
     if any(map(_is_number, filter(_is_filled, groups))):
         groups = []
-    below = rows[header + 1] if header + 1 in name_rows else []
+    lower_row = rows[header + 1] if header + 1 in name_rows else []
     group = ""
     for index, name in enumerate(names):
         group = _cell_text(groups[index]) if index < len(groups) and _is_filled(groups[index]) else group
-        suffix = _cell_text(below[index]) if index < len(below) else ""
+        suffix = _cell_text(lower_row[index]) if index < len(lower_row) else ""
         for full in (f"{group} {name}" if group else "", f"{name} {suffix}" if suffix else ""):
             if full and name and (_is_known_name(full) or name in repeated):
                 names[index] = full
@@ -158,12 +158,12 @@ def parse_text(text: str, check_names: Callable[[list[str]], None]) -> ParsedRow
     rows = [_split_cells(line, delimiter) for line in lines]
     layout = find_layout(rows)
     check_names([name for name in layout.names if name])
-    cells = [cell.strip() for row in rows[layout.first :] for cell in row]
+    cells = [cell.strip() for row in rows[layout.first_data :] for cell in row]
     commas = sum(bool(_COMMA_NUMBER.fullmatch(cell) or _GROUPED[","].fullmatch(cell)) for cell in cells)
     points = sum(bool(_POINT_NUMBER.fullmatch(cell)) for cell in cells)
     decimal = "," if commas > points and delimiter != "," else "."
-    start = _offset_of_row(text, layout.first)
-    content, repeated = _without_repeated_header(text[start:], lines[: layout.first], layout.header)
+    start = _offset_of_row(text, layout.first_data)
+    content, repeated = _without_repeated_header(text[start:], lines[: layout.first_data], layout.header)
     _refuse_second_table(content, text.count("\n", 0, start), layout.names[0], delimiter)
     with warnings.catch_warnings():
         warnings.simplefilter("error", pd.errors.ParserWarning)  # rows longer than the header would be cut
@@ -192,11 +192,11 @@ def _without_repeated_header(content: str, head: Sequence[str], header: int | No
     return "".join(remaining), sum(line.rstrip("\r\n") == head[header] for line in _iterate_lines(content))
 
 
-def _refuse_second_table(content: str, before: int, name: str, delimiter: str) -> None:
+def _refuse_second_table(content: str, lines_before: int, name: str, delimiter: str) -> None:
     """Raise :class:`ValueError` for a line that begins with the first column's name: another header."""
     if name and f"\n{name}" not in content:
         return
-    for number, line in enumerate(_iterate_lines(content), start=before + 1):
+    for number, line in enumerate(_iterate_lines(content), start=lines_before + 1):
         if name and line.startswith(name) and _cell_text(_split_cells(line.rstrip("\r\n"), delimiter)[0]) == name:
             raise ValueError(f"in line {number} another table begins, {line.strip()!r}; save the two apart")
 
@@ -218,8 +218,8 @@ def parse_sheet_rows(rows: Sequence[Sequence[Any]]) -> ParsedRows:
         return ParsedRows(pd.DataFrame())
     layout = find_layout(rows[:_PROBE_LINES])
     header = [] if layout.header is None else [_cell_text(cell) for cell in rows[layout.header]]
-    body = [row for row in rows[layout.first :] if not header or [_cell_text(cell) for cell in row] != header]
-    repeated = len(rows) - layout.first - len(body)
+    body = [row for row in rows[layout.first_data :] if not header or [_cell_text(cell) for cell in row] != header]
+    repeated = len(rows) - layout.first_data - len(body)
     frame = pd.DataFrame(body, columns=_column_labels(layout.names, max(map(len, body), default=len(header))))
     frame = _drop_nameless_columns(frame.map(_cell_value).dropna(how="all"))
     preamble = tuple(" ".join(str(cell) for cell in row if _is_filled(cell)) for row in rows[: layout.header or 0])
@@ -330,13 +330,13 @@ def _split_units(frame: pd.DataFrame, decimal: str) -> tuple[pd.DataFrame, dict[
     units = dict[str, str]()
     for name in map(str, frame):
         text = frame[name].dropna()
-        first = _WITH_UNIT.fullmatch(str(text.iloc[0]).strip()) if len(text) else None
-        if first is None or first[2] in _HEMISPHERES or not parse_units(first[2]):
+        example = _WITH_UNIT.fullmatch(str(text.iloc[0]).strip()) if len(text) else None
+        if example is None or example[2] in _HEMISPHERES or not parse_units(example[2]):
             continue
         parts = text.astype(str).str.strip().str.extract(f"^{_WITH_UNIT.pattern}$")
-        if (parts[1] == first[2]).all():
+        if (parts[1] == example[2]).all():
             numbers = pd.to_numeric(parts[0].str.replace(decimal, ".", regex=False))
-            frame, units[name] = frame.assign(**{name: numbers.reindex(frame.index)}), first[2]
+            frame, units[name] = frame.assign(**{name: numbers.reindex(frame.index)}), example[2]
     return frame, units
 
 
@@ -422,15 +422,15 @@ def read_rtklib(text: str) -> tuple[pd.DataFrame, str]:
         frame = pd.DataFrame({"GPS week": weeks, "time of week (s)": seconds})
     else:
         raise ValueError(f"its weeks and seconds are in {system}; write them in GPST, or as dates")
-    first = 2
+    place = 2
     for name, width in zip(names, widths, strict=True):
-        values = table[:, first : first + width].astype(float)
+        values = table[:, place : place + width].astype(float)
         if width > 1:  # degrees, which alone have the sign, minutes and seconds
             degrees = np.copysign(np.abs(values) @ (1.0, 1.0 / 60.0, 1.0 / 3600.0), values[:, 0])
             frame[name.replace(_RTKLIB_SEXAGESIMAL, "(deg)")] = degrees
         else:
             frame[name] = values[:, 0]
-        first += width
+        place += width
     remarks = []
     for quality, count in zip(*np.unique(frame["Q"].to_numpy(dtype=int), return_counts=True), strict=True):
         is_known = quality < len(_RTKLIB_QUALITY)

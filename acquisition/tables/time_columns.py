@@ -253,13 +253,13 @@ def _from_iso(text: pd.Series[Any], use_zones: bool) -> tuple[Ints, Bools]:
 def _from_stamps(raw: RawTable, time: TimeColumn) -> tuple[Ints, Bools]:
     """Times by :func:`~seatrial.acquisition.core.times.find_stamp`; :class:`InputError` for ambiguous dates."""
     stamps = stamps_of_rows(raw, time.column, time.date, time.day)
-    dated = [stamp for stamp in stamps if stamp is not None]
+    present = [stamp for stamp in stamps if stamp is not None]
     order = time.order
     if order is None:
-        order, why = date_order(distinct_dates(dated))
-        if dated and not why:
+        order, why = date_order(distinct_dates(present))
+        if present and not why:
             fix = 'say order = "day-first" or "month-first" under [time] in the map'
-            what = f"dates like {dated[0].text!r} may have the day or the month first"
+            what = f"dates like {present[0].text!r} may have the day or the month first"
             raise InputError(what, where=str(raw.path), fix=fix)
     uses_zones = time.zone_in_text == "used"
     local_ns, is_utc = np.full(len(stamps), _NO_TIME), np.zeros(len(stamps), dtype=bool)
@@ -326,18 +326,18 @@ def _from_counts(raw: RawTable, column: pd.Series[Any], time: TimeColumn) -> Int
             fix = "give `start` in the map's [time]"
             raise InputError("states no start in the lines before its header", where=str(raw.path), fix=fix)
         start = str(_local_to_utc(pd.Timestamp(local), time.zone))
-    begin_ns = 0 if start is None else pd.Timestamp(start).as_unit("ns").value
+    start_ns = 0 if start is None else pd.Timestamp(start).as_unit("ns").value
     numbers, unit_ns = pd.to_numeric(column, errors="coerce"), NS_IN[time.unit]
     values = numbers.to_numpy(dtype=float)
-    valid = (values >= -begin_ns / unit_ns) & (values < (_LAST_NS - begin_ns) / unit_ns)
+    valid = (values >= -start_ns / unit_ns) & (values < (_LAST_NS - start_ns) / unit_ns)
     if numbers.dtype.kind in "iu":
-        counted: Ints = np.where(valid, numbers.to_numpy().astype(np.int64), 0) * unit_ns
+        elapsed_ns: Ints = np.where(valid, numbers.to_numpy().astype(np.int64), 0) * unit_ns
     else:
         values = np.where(valid, values, 0.0)
         integers, finest = np.floor(values), _MICRO if start is None and time.unit == "s" else unit_ns
         part_ns = np.rint((values - integers) * finest).astype(np.int64) * (unit_ns // finest)
-        counted = integers.astype(np.int64) * unit_ns + part_ns
-    return np.where(valid, begin_ns + counted, _NO_TIME)
+        elapsed_ns = integers.astype(np.int64) * unit_ns + part_ns
+    return np.where(valid, start_ns + elapsed_ns, _NO_TIME)
 
 
 def _start_in_name(raw: RawTable, time: TimeColumn) -> str:
@@ -567,8 +567,8 @@ def to_utc(local_ns: Ints, zone: str) -> tuple[Ints, str]:
         return summer, ""
     skipped, doubled = winter < summer, winter > summer
     if np.count_nonzero(skipped) > 1:
-        first = int(np.flatnonzero(skipped)[0])
-        return _without_clock_change(local_ns, summer, first, f"the hour that {zone} leaves out", "forward")
+        row = int(np.flatnonzero(skipped)[0])
+        return _without_clock_change(local_ns, summer, row, f"the hour that {zone} leaves out", "forward")
     result = summer.copy()
     remark = ""
     rows = np.flatnonzero(doubled)
