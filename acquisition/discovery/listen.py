@@ -796,15 +796,12 @@ def _find_signal(channel: Channel, actuator: str, database: cantools.db.Database
             name = f"{message.name} {signal.name}"
             letters = re.sub(r"[^a-z]", "", name.lower())
             is_named = all(any(spelling in letters for spelling in spellings) for spellings in words)
-            if is_named and not _NO_FEEDBACK.search(name) and _is_convertible(str(signal.unit), channel.unit):
-                entry = {"message": message.name, "signal": signal.name, "unit": canonical(str(signal.unit))}
-                candidates.append(entry)
+            if not is_named or _NO_FEEDBACK.search(name):
+                continue
+            try:
+                scale_to(channel.unit, str(signal.unit))
+            except ConfigurationError:  # a unit of another quantity
+                continue
+            entry = {"message": message.name, "signal": signal.name, "unit": canonical(str(signal.unit))}
+            candidates.append(entry)
     return candidates[0] if len(candidates) == 1 else None
-
-
-def _is_convertible(unit: str, channel_unit: str) -> bool:
-    try:
-        scale_to(channel_unit, unit)
-    except ConfigurationError:
-        return False
-    return True

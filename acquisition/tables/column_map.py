@@ -291,18 +291,16 @@ def apply_column_map(raw: RawTable, columns: ColumnMap, map_path: Path | str, de
     for a missing column, and :class:`InputError` for cells that are no numbers and rows without a time.
     """
     requested, units, duplicates = _RequestedColumns(raw, map_path), raw.units, 0
-    requested.require_column(columns.time.column, ("time", "column"))
-    if columns.time.date is not None:
-        requested.require_column(columns.time.date, ("time", "date"))
+    for key, column in (("column", columns.time.column), ("date", columns.time.date)):
+        if column is not None:
+            requested.require_column(column, ("time", key))
     if columns.long is not None:
         requested.raw, duplicates = _widen_requested(requested, columns.long, columns)
         units = requested.raw.units
     drops = columns.unreadable_rows == "drop"
     timed = resolve_times(requested.raw, columns.time, strict=not drops)
-    requested.raw, index = timed.raw, timed.index
-    dropped: dict[str, int] = {}
-    if drops:
-        index, dropped = requested.drop_unreadable(timed, columns)
+    requested.raw = timed.raw
+    index, dropped = requested.drop_unreadable(timed, columns) if drops else (timed.index, {})
     dropped |= {"twice of one variable and time": duplicates} if duplicates else {}
     trial = columns.trial.as_trial(columns.conditions, columns.instruments, columns.particulars)
     trial, channels = replace(trial, channels=declared_text(declared)), with_declared(declared)

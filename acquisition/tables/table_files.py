@@ -402,7 +402,13 @@ def read_netcdf(path: Path) -> RawTable:
         series = {name: variable for name, variable in series.items() if name not in ("lat", "lon")}
     frame = pd.DataFrame({name: _unscaled(values, metadata) for name, (_, values, metadata) in series.items()})
     if since := _SINCE.match(str(series[time][2].get("units", ""))):
-        frame[time] = _times_since(frame[time], since)
+        start = pd.Timestamp(since[2])
+        start = start.tz_localize("UTC") if start.tz is None else start
+        # pandas truncates to nanoseconds, and a binary count is often just short of one
+        integers = np.floor(frame[time])
+        part_ns = np.rint((frame[time] - integers) * _UNIT_NS[since[1]])
+        elapsed = pd.to_timedelta(integers, unit=_TIME_UNITS[since[1]])  # type: ignore[call-overload]
+        frame[time] = start + elapsed + pd.to_timedelta(part_ns, unit="ns")
     units = {
         name: str(metadata["units"])
         for name, (_, _, metadata) in series.items()
@@ -421,16 +427,6 @@ def _is_hdf5(path: Path) -> bool:
     with path.open("rb") as stream:
         head = stream.read(_USER_BLOCK_BYTES + len(_HDF5))
     return head.startswith(_HDF5) or head.endswith(_HDF5)
-
-
-def _times_since(counts: pd.Series[Any], since: re.Match[str]) -> pd.Series[Any]:
-    """Times of counts since a start, as CF conventions write them: "seconds since 1970-01-01"."""
-    start = pd.Timestamp(since[2])
-    start = start.tz_localize("UTC") if start.tz is None else start
-    whole_units = np.floor(counts)
-    # pandas truncates to nanoseconds, and a binary count is often just short of one
-    part_ns = np.rint((counts - whole_units) * _UNIT_NS[since[1]])
-    return start + pd.to_timedelta(whole_units, unit=_TIME_UNITS[since[1]]) + pd.to_timedelta(part_ns, unit="ns")  # type: ignore[call-overload, no-any-return]
 
 
 def _unscaled(values: NDArray[Any], metadata: Mapping[str, Any]) -> NDArray[Any]:

@@ -80,7 +80,12 @@ def read_time(draft: MappingDraft) -> tuple[str, ...]:
     if week and time_of_week:
         return _read_gps_week(draft, week.column, time_of_week)
     if clocks := of_kind("clock"):
-        return _read_time_of_day(draft, clocks[0])
+        date_in_name = re.search(r"(?:19|20)\d\d-?[01]\d-?[0-3]\d", draft.raw.path.name)
+        default = str(pd.Timestamp(date_in_name[0]).date()) if date_in_name else None
+        text = f"column {clocks[0]!r} has the time of day only; of which day (2026-05-17)?"
+        day = draft.ask("day", text, (), default)
+        why = f"time of day, of {day}" if day else "time of day"
+        return _note_text_time(draft, {"column": clocks[0], "day": day or "1970-01-01"}, why)
     if numbers := of_kind("number"):
         return _read_seconds(draft, numbers[0])
     if time_of_week:
@@ -193,14 +198,6 @@ def _are_date_and_clock(draft: MappingDraft, date: str, clock: str) -> bool:
 
 def _is_text(draft: MappingDraft, column: str) -> bool:
     return not pd.api.types.is_numeric_dtype(draft.raw.columns[column].dtype)
-
-
-def _read_time_of_day(draft: MappingDraft, column: str) -> tuple[str, ...]:
-    date_in_name = re.search(r"(?:19|20)\d\d-?[01]\d-?[0-3]\d", draft.raw.path.name)
-    default = str(pd.Timestamp(date_in_name[0]).date()) if date_in_name else None
-    day = draft.ask("day", f"column {column!r} has the time of day only; of which day (2026-05-17)?", (), default)
-    why = f"time of day, of {day}" if day else "time of day"
-    return _note_text_time(draft, {"column": column, "day": day or "1970-01-01"}, why)
 
 
 def _note_text_time(draft: MappingDraft, entry: dict[str, Any], why: str) -> tuple[str, ...]:
