@@ -355,14 +355,14 @@ def _check_departure(
 
 def _print_discovery(discovery: Discovery, as_json: bool, options: Mapping[str, Any]) -> None:
     from seatrial.acquisition.core.errors import Terminal
-    from seatrial.acquisition.discovery.discover import nothing_found, tables
+    from seatrial.acquisition.discovery.discover import describe_silence, discovery_tables
 
     if as_json:
         echo(json.dumps(discovery.as_json()))
-    for table in () if as_json or discovery.survey is None else tables(discovery):
+    for table in () if as_json or discovery.survey is None else discovery_tables(discovery):
         Terminal().print(table)
     if discovery.survey is None:
-        raise InputError(nothing_found(discovery))
+        raise InputError(describe_silence(discovery))
 
 
 @command(ABOARD, "output", show=_print_discovery)

@@ -1,8 +1,7 @@
-"""``seatrial discover``: who speaks where, what it says, and a configuration that records it.
+"""Discovers what instruments send where, and writes a configuration that records it: ``seatrial discover``.
 
-What was found, as tables for a terminal, and in words where nothing was.
-
-A configuration that records all that has been heard, as text, with a comment wherever something is missing.
+The result is a :class:`Discovery`, as tables for a terminal, as JSON, and as the text of a configuration with a
+comment wherever something is missing.
 """
 
 from __future__ import annotations
@@ -29,9 +28,9 @@ from seatrial.acquisition.core.errors import ConfigurationError, Progress, part_
 from seatrial.acquisition.core.ship import MOTION, channel_names, channel_unit
 from seatrial.acquisition.core.trial import Frame, label_parts
 from seatrial.acquisition.discovery.listen import (
-    KNOWN_FORMS,
+    INPUT_FORMS,
+    Capture,
     DbcMessages,
-    Heard,
     LatestReading,
     ListeningPlace,
     choose_dbc,
@@ -56,18 +55,26 @@ from seatrial.acquisition.logger.survey import (
 from seatrial.acquisition.protocols.can_frames import load_dbc
 from seatrial.acquisition.protocols.nmea2000 import parameter_group
 
-_TELL_EVERY = 5_000  # frames
+_PROGRESS_FRAMES = 5_000  # between reports of progress
+_MOST_EVENTS = 12
+_MOST_VALUES = 4  # of a message, in its row
+_WIDTH = 112  # letters of a line
+_HEAD_FRAMES = 20_000  # by which engines and DBC files are detected
+_ENGINE_GROUPS = frozenset({127488, 127493})  # groups of one frame whose first byte is the engine's instance
+_J1939_ENGINE_GROUP = 61444
+_MOST_ENGINES = 8
+_ENGINE_NAMES = {1: ["main"], 2: ["port", "starboard"], 3: ["port", "centre", "starboard"]}
 
 
 @dataclass(frozen=True)
 class Discovery:
-    """What was found: where was listened, what came there, and a configuration that records it.
+    """What was received where, and a configuration that records it.
 
-    ``configuration`` is empty, and ``survey`` None, where nothing was found; ``missing`` says why, by channel.
-    ``readings`` are the values of signals and topics that a configuration has to map.
+    ``configuration`` is empty, and ``survey`` None, if nothing was received; ``missing`` gives the reasons by
+    channel. ``readings`` are the values of signals and topics that a configuration has to map.
     """
 
-    heard: list[Heard]
+    captures: list[Capture]
     survey: Survey | None = None
     missing: dict[str, str] = field(default_factory=dict)
     configuration: str = ""
@@ -75,14 +82,18 @@ class Discovery:
 
     @property
     def channels(self) -> dict[str, list[str]]:
-        """The channels that the configuration records, with the sources of each."""
+        """The channels that the configuration records, with their sources."""
         return {} if self.survey is None else self.survey.channels
 
     def as_json(self) -> dict[str, Any]:
-        """What was found as an object of JSON's kinds."""
+        """The discovery as an object of JSON."""
+        devices = {} if self.survey is None else self.survey.devices
         return {
-            "places": [_place_json(capture) for capture in self.heard],
-            "devices": [] if self.survey is None else _devices_json(self.survey),
+            "places": [_place_json(capture) for capture in self.captures],
+            "devices": [
+                {"source": source, "address": int(address), **devices[source, address]}
+                for source, address in sorted(devices, key=lambda device: (device[0], int(device[1])))
+            ],
             "messages": [] if self.survey is None else _messages_json(self.survey),
             "values": [reading.as_json() for reading in self.readings],
             "channels": {} if self.survey is None else _channels_json(self.survey),
@@ -100,14 +111,14 @@ def discover(
     dbc: Path | None = None,
     folder: Path | None = None,
     stop: threading.Event | None = None,
-    progress: Progress = lambda share: None,
+    progress: Progress = lambda fraction: None,
 ) -> Discovery:
     """Listen at all places for ``duration_s`` [s], and propose a configuration named ``name``.
 
-    ``vessel`` is the ship's name or file, whose actuators the channels are; without it no control of a ship is
-    missing. ``dbc`` describes the ship's own CAN frames, else one beside the configuration that fits them;
-    ``folder`` is where the configuration will lie. Raises :class:`ConfigurationError` for a vessel or a DBC file
-    at fault. What cannot be listened to is told in the result, and is no error.
+    ``vessel`` is the ship's name or file, whose actuators the channels belong to; without it no control is missing.
+    ``dbc`` describes the ship's CAN frames, else one next to the configuration that fits them; ``folder`` is that
+    of the configuration. Raises :class:`ConfigurationError` for an invalid vessel or DBC file. Places that cannot
+    be listened to are reported in the result, and are no error.
     """
     if dbc is not None:
         load_dbc(dbc)
@@ -116,39 +127,44 @@ def discover(
         fix = f"copy it to {folder.absolute()}"
         raise ConfigurationError("lies elsewhere", where=str(find_vessel(vessel)), fix=fix)
     captures = listen(places, duration_s, stop, part_of(progress, 0, 2))
-    return discovery_of(captures, name, vessel, dbc, folder, stop, part_of(progress, 1, 2))
+    return interpret_captures(captures, name, vessel, dbc, folder, stop, part_of(progress, 1, 2))
 
 
-def discovery_of(
-    heard: list[Heard],
+def interpret_captures(
+    captures: list[Capture],
     name: str = "discovered",
     vessel: str = "",
     dbc: Path | None = None,
     folder: Path | None = None,
     stop: threading.Event | None = None,
-    progress: Progress = lambda share: None,
+    progress: Progress = lambda fraction: None,
 ) -> Discovery:
-    """What has been heard, understood; as :func:`discover`."""
-    captures = [capture for capture in heard if capture.count and not capture.problem]
-    if not captures:
-        return Discovery(heard)
-    config = everything(captures, vessel, dbc, (folder or Path()) / f"{name}.toml")
-    until = stop if any(capture.expected for capture in captures) else None  # what has been heard live is looked at
-    expected = sum(capture.expected or capture.count for capture in captures)
-    in_order = heapq.merge(*(capture.frames() for capture in captures), key=attrgetter("received_ns"))
-    survey = survey_of(config, _counted(in_order, expected, until, progress))
-    for received in captures:
-        received.count = survey.health.sources[received.place.name].frames
-    reasons, readings = missing_channels(survey), list(_readings(captures, survey))
+    """The discovery by captures; arguments as those of :func:`discover`."""
+    received = [capture for capture in captures if capture.count and not capture.problem]
+    if not received:
+        return Discovery(captures)
+    config = broadest_configuration(received, vessel, dbc, (folder or Path()) / f"{name}.toml")
+    if not any(capture.expected for capture in received):
+        stop = None  # live captures are short: they are read to their end
+    expected = sum(capture.expected or capture.count for capture in received)
+    in_order = heapq.merge(*(capture.frames() for capture in received), key=attrgetter("received_ns"))
+    survey = survey_of(config, _with_progress(in_order, expected, stop, progress))
+    for capture in received:
+        capture.count = survey.health.sources[capture.place.name].frames
+    reasons, readings = missing_channels(survey), list(_readings(received, survey))
     missing = reasons
-    if not survey.config.ship_is_known:  # then no control can be missing, but what comes may be of one
+    if not survey.config.ship_is_known:  # then no control is missing, but what comes may be of one
         missing = {name: reason for name, reason in reasons.items() if name in MOTION}
-        _remark_on_controls(captures, reasons.keys() - missing.keys(), survey)
-    text = configuration_text(captures, survey, Gaps(reasons, missing), readings, name, vessel)
-    return Discovery(heard, survey, missing, text, readings)
+        controls = {name: what_comes(name, survey) for name in sorted(reasons.keys() - missing.keys())}
+        for capture in received:
+            source = capture.place.name
+            remarks = [text for name, text in controls.items() if text and source in sources_of(name, survey)]
+            capture.remarks += dict.fromkeys(remarks)
+    text = configuration_text(received, survey, Gaps(reasons, missing), readings, name, vessel)
+    return Discovery(captures, survey, missing, text, readings)
 
 
-def _readings(captures: Iterable[Heard], survey: Survey) -> Iterator[LatestReading]:
+def _readings(captures: Iterable[Capture], survey: Survey) -> Iterator[LatestReading]:
     """The values of the signals of each source's DBC file, and of the topics of each broker."""
     sources = {section.name: section for section in survey.config.sources}
     for capture in captures:
@@ -162,27 +178,19 @@ def _readings(captures: Iterable[Heard], survey: Survey) -> Iterator[LatestReadi
             yield from signal_readings(source.name, capture.frames(), DbcMessages(load_dbc(source.dbc)), mapped)
 
 
-def _remark_on_controls(captures: Iterable[Heard], controls: Iterable[str], survey: Survey) -> None:
-    """Say of each source what it carries of actuators that is no channel yet, and why."""
-    reasons = {name: reason for name in sorted(controls) if (reason := what_comes(name, survey))}
-    for capture in captures:
-        remarks = [reason for name, reason in reasons.items() if capture.place.name in sources_of(name, survey)]
-        capture.remarks += dict.fromkeys(remarks)
-
-
-def _counted(
+def _with_progress(
     frames: Iterator[Frame], expected: int, stop: threading.Event | None, progress: Progress
 ) -> Iterator[Frame]:
-    """The frames, with the progress that they make, until their end or until told to stop."""
+    """The frames, with reports of progress, until their end or ``stop``."""
     for number, frame in enumerate(frames):
-        if number % _TELL_EVERY == 0:
+        if number % _PROGRESS_FRAMES == 0:
             progress(min(number / max(expected, 1), 1.0))
             if number and stop is not None and stop.is_set():
                 return
         yield frame
 
 
-def _place_json(capture: Heard) -> dict[str, Any]:
+def _place_json(capture: Capture) -> dict[str, Any]:
     place = capture.place
     return {
         "place": place.text or place.name,
@@ -195,12 +203,12 @@ def _place_json(capture: Heard) -> dict[str, Any]:
     }
 
 
-def _devices_json(survey: Survey) -> list[dict[str, Any]]:
-    order = sorted(survey.devices, key=lambda device: (device[0], int(device[1])))
-    return [{"source": device[0], "address": int(device[1]), **survey.devices[device]} for device in order]
-
-
 def _messages_json(survey: Survey) -> list[dict[str, Any]]:
+    def order(entry: tuple[TrafficKind, Any]) -> tuple[Any, ...]:
+        kind = entry[0]
+        number = (0, int(kind.device)) if kind.device.isdigit() else (1, 0)
+        return kind.source, number, kind.device, kind.name
+
     return [
         {
             "source": kind.source,
@@ -212,13 +220,8 @@ def _messages_json(survey: Survey) -> list[dict[str, Any]]:
             "values": tally.values,
             "refused": dict(tally.refused),
         }
-        for kind, tally in sorted(survey.kinds.items(), key=lambda entry: _order(entry[0]))
+        for kind, tally in sorted(survey.kinds.items(), key=order)
     ]
-
-
-def _order(kind: TrafficKind) -> tuple[Any, ...]:
-    number = (0, int(kind.device)) if kind.device.isdigit() else (1, 0)
-    return kind.source, number, kind.device, kind.name
 
 
 def _channels_json(survey: Survey) -> dict[str, Any]:
@@ -234,31 +237,28 @@ def _channels_json(survey: Survey) -> dict[str, Any]:
     }
 
 
-_MOST_EVENTS = 12
-_MOST_VALUES = 4  # of a message, in its row
-
-
-def tables(discovery: Discovery) -> Iterator[RenderableType]:
-    """Places, devices, messages, channels and what is missing, each as a table that has a row at least."""
+def discovery_tables(discovery: Discovery) -> Iterator[RenderableType]:
+    """Tables of places, devices, messages, channels and missing channels, without empty ones."""
     content = discovery.as_json()
     yield _table(
         ("listened at", "source", "frames", ""),
         [(place["place"], place["source"], f"{place['frames']:,}", _remarks(place)) for place in content["places"]],
     )
     if content["devices"]:
-        shown = ("manufacturer", "model", "function", "iso_name")
+        keys = ("manufacturer", "model", "function", "iso_name")
         rows = [
-            (device["source"], str(device["address"]), *(str(device.get(key, "")) for key in shown))
+            (device["source"], str(device["address"]), *(str(device.get(key, "")) for key in keys))
             for device in content["devices"]
         ]
-        yield _table(("device on", "address", *shown[:-1], "NAME"), rows)
+        yield _table(("device on", "address", *keys[:-1], "NAME"), rows)
     if content["messages"]:
         yield _table(
             ("message of", "device", "message", "rate Hz", "latest", "refused"),
             [
                 (message["source"], message["device"], f"{message['message']} {message['name']}".strip(),
                  f"{message['rate_hz']:.2f}" if message["rate_hz"] else f"{message['count']} x",
-                 _values(message["values"]), _counts(message["refused"]))
+                 _values(message["values"]),
+                 ", ".join(f"{reason} {count:,}" for reason, count in message["refused"].items()))
                 for message in content["messages"]
             ],
         )  # fmt: skip
@@ -272,138 +272,129 @@ def tables(discovery: Discovery) -> Iterator[RenderableType]:
             ],
         )  # fmt: skip
     if content["channels"]:
-        yield _table(("channel", "value", "unit", "rate Hz", "sources"), list(_channel_rows(content["channels"])))
+        rows = [
+            (name, f"{channel['value']:.6g}", channel_unit(name), f"{channel['rate_hz']:.2f}",
+             ", ".join(channel["sources"]))
+            for name, channel in content["channels"].items()
+        ]  # fmt: skip
+        yield _table(("channel", "value", "unit", "rate Hz", "sources"), rows)
     if content["events"]:
         yield _table(("event",), [(event,) for event in content["events"][:_MOST_EVENTS]])
     if content["missing"]:
         yield _table(("missing", "why"), list(by_reason(discovery.missing).items()))
 
 
-def _channel_rows(channels: dict[str, Any]) -> Iterator[tuple[str, ...]]:
-    for name, channel in channels.items():
-        value, rate_hz = f"{channel['value']:.6g}", f"{channel['rate_hz']:.2f}"
-        yield name, value, channel_unit(name), rate_hz, ", ".join(channel["sources"])
-
-
-def nothing_found(discovery: Discovery) -> str:
-    """Where was listened in vain, and what to do."""
+def describe_silence(discovery: Discovery) -> str:
+    """An error message on places without any message: where, why, and what to do."""
     places: dict[str, list[str]] = {}
-    for capture in discovery.heard:
+    for capture in discovery.captures:
         places.setdefault(capture.problem, []).append(capture.place.text or capture.place.name)
     where = "; ".join(f"{', '.join(names)}: {problem}" for problem, names in places.items())
-    if not any(entry.place.expected for entry in discovery.heard):
-        kinds = {"can": "CAN interface", "serial": "serial line"}.items()
-        kinds_present = {entry.place.type for entry in discovery.heard}
-        where += "".join(f"; this computer shows no {words}" for kind, words in kinds if kind not in kinds_present)
-    live = any(entry.place.type != "file" for entry in discovery.heard)
+    types = {capture.place.type for capture in discovery.captures}
+    if not any(capture.place.expected for capture in discovery.captures):
+        lines = {"can": "CAN interface", "serial": "serial line"}.items()
+        where += "".join(f"; this computer shows no {words}" for type_, words in lines if type_ not in types)
+    is_live = bool(types - {"file"})
     advice = (
-        "switch the instruments on, check cables and firewall, listen longer with --duration, or " if live else ""
+        "switch the instruments on, check cables and firewall, listen longer with --duration, or "
+        if is_live
+        else ""
     )
-    return f"nothing was found ({where or 'there is nowhere to listen'}); {advice}name {KNOWN_FORMS}"
+    return f"nothing was found ({where or 'there is nowhere to listen'}); {advice}name {INPUT_FORMS}"
 
 
 def _remarks(place: dict[str, Any]) -> str:
-    """What was found out of a place besides: its rate and form, or why nothing was heard there."""
+    """A place's rate, form, problem and remarks."""
     rate = f"{place['baud_rate']} baud" if "baud_rate" in place else ""
     return "; ".join(filter(None, (rate, place.get("form"), place.get("problem"), *place.get("remarks", []))))
 
 
 def _values(values: dict[str, float]) -> str:
-    shown = [f"{name} {value:.6g}" for name, value in list(values.items())[:_MOST_VALUES]]
-    return ", ".join(shown) + (" ..." if len(values) > _MOST_VALUES else "")
-
-
-def _counts(counts: dict[str, int]) -> str:
-    return ", ".join(f"{reason} {count:,}" for reason, count in counts.items())
+    texts = [f"{name} {value:.6g}" for name, value in list(values.items())[:_MOST_VALUES]]
+    return ", ".join(texts) + (" ..." if len(values) > _MOST_VALUES else "")
 
 
 def _table(titles: tuple[str, ...], rows: list[tuple[str, ...]]) -> Table:
     table = Table(box=None, header_style="dim", padding=(0, 1, 0, 0))
     for title in titles:
-        right = title in ("frames", "rate Hz", "value")
-        table.add_column(title, justify="right" if right else "left", overflow="fold")
+        is_number = title in ("frames", "rate Hz", "value")
+        table.add_column(title, justify="right" if is_number else "left", overflow="fold")
     for row in rows:
         table.add_row(*row)
     table.add_section()
     return table
 
 
-_WIDTH = 112
-_HEAD_FRAMES = 20_000
-_OF_ENGINES = frozenset({127488, 127493})  # groups of one frame whose first byte is the engine's instance
-_ENGINE_OF_J1939 = 61444
-_MOST_ENGINES = 8
-_ENGINES = {1: ["main"], 2: ["port", "starboard"], 3: ["port", "centre", "starboard"]}
-
-
-def everything(captures: Sequence[Heard], vessel: str, dbc: Path | None, path: Path) -> TrialConfig:
-    """A configuration whose sources may provide every channel that their kind can carry, of all packs, too."""
-    trial = f'[trial]\nname = "discovered"\n{_line("vessel", vessel) if vessel else ""}'
-    trial += "".join(map(_pack, all_packs(captures)))
-    sections = list(map(_settings, captures))
-    bare = parse_config(trial + "".join(map(_section, sections)), path)
+def broadest_configuration(captures: Sequence[Capture], vessel: str, dbc: Path | None, path: Path) -> TrialConfig:
+    """A configuration whose sources provide all channels that they can carry, including those of all packs."""
+    trial = f'[trial]\nname = "discovered"\n{_toml_line("vessel", vessel) if vessel else ""}'
+    trial += "".join(map(_pack_text, candidate_packs(captures)))
+    sections = list(map(_section_settings, captures))
+    config = parse_config(trial + "".join(map(_section_text, sections)), path)
     for section, capture in zip(sections, captures, strict=True):
-        _add_dbc(section, capture, dbc, path.parent, bare)
-    ship = parse_config(trial + "".join(map(_section, sections)), path)
+        _add_dbc(section, capture, dbc, path.parent, config)
+    ship = parse_config(trial + "".join(map(_section_text, sections)), path)
     order = channel_names(ship.actuators, tuple(declaration.channel for declaration in ship.declared))
     for section, source in zip(sections, ship.sources, strict=True):
         possible = possible_channels(source, ship.actuators, ship.declared)
         section["channels"] = sorted(possible, key=order.index)
-    return parse_config(trial + "".join(map(_section, sections)), path)
+    return parse_config(trial + "".join(map(_section_text, sections)), path)
 
 
-def all_packs(captures: Sequence[Heard]) -> list[dict[str, Any]]:
-    """The packs that come along, as sections; those of several like things with as many names as engines speak."""
+def candidate_packs(captures: Sequence[Capture]) -> list[dict[str, Any]]:
+    """Seatrial's packs as sections; those of several engines with as many names as there are engines."""
     frames = (frame for capture in captures for frame in islice(capture.frames(), _HEAD_FRAMES))
-    engines = {_engine_of(frame) for frame in frames if frame.protocol == "can" and frame.payload}
-    count = 1 + max((engine for engine in engines if engine is not None and engine < _MOST_ENGINES), default=0)
-    names = _ENGINES.get(count) or [f"number_{number + 1}" for number in range(count)]
+    engines = {0}
+    for frame in frames:
+        if frame.protocol == "can" and frame.payload:
+            group, address = parameter_group(frame.identifier)
+            if group in _ENGINE_GROUPS:
+                engines.add(frame.payload[0])
+            elif group == _J1939_ENGINE_GROUP:
+                engines.add(address)
+    count = 1 + max(engine for engine in engines if engine < _MOST_ENGINES)
+    names = _ENGINE_NAMES.get(count) or [f"number_{number + 1}" for number in range(count)]
     return [
         {"name": path.stem, **({"each": names} if "{each}" in path.read_text() else {})}
         for path in sorted(PACKS.glob("*.toml"))
     ]
 
 
-def _engine_of(frame: Frame) -> int | None:
-    """The number of the engine that a frame tells of, by its instance, on J1939 by its address."""
-    group, address = parameter_group(frame.identifier)
-    if group in _OF_ENGINES:
-        return frame.payload[0]
-    return address if group == _ENGINE_OF_J1939 else None
-
-
 def used_packs(packs: Sequence[dict[str, Any]], survey: Survey) -> list[dict[str, Any]]:
-    """Those of the packs by which something has come."""
-    by_declaration = {
+    """The packs of whose channels some were received by their declaration."""
+    received = {
         declaration.channel.name
         for declaration in survey.config.declared
         if {message_of(origin) for origin in declaration.origins}
         & {label_parts(label)[2][0] for label in survey.quantities.get(declaration.channel.name, ())}
     }
-    return [pack for pack in packs if by_declaration & set(_names_in(pack))]
+    used = []
+    for pack in packs:
+        path = PACKS / f"{pack['name']}.toml"
+        templates = [channel["name"] for channel in parse_toml(path.read_text(), path)["channel"]]
+        instances = pack.get("each", [""])
+        if received & {template.replace("{each}", name) for template in templates for name in instances}:
+            used.append(pack)
+    return used
 
 
-def _names_in(pack: Mapping[str, Any]) -> Iterator[str]:
-    path = PACKS / f"{pack['name']}.toml"
-    for channel in parse_toml(path.read_text(), path)["channel"]:
-        yield from (channel["name"].replace("{each}", instance) for instance in pack.get("each", [""]))
+def _pack_text(pack: Mapping[str, Any]) -> str:
+    return "[[pack]]\n" + "".join(_toml_line(key, value) for key, value in pack.items())
 
 
-def _pack(pack: Mapping[str, Any]) -> str:
-    return "[[pack]]\n" + "".join(_line(key, value) for key, value in pack.items())
-
-
-def _settings(capture: Heard) -> dict[str, Any]:
+def _section_settings(capture: Capture) -> dict[str, Any]:
     return {"name": capture.place.name, "type": capture.place.type, **capture.place.settings, "channels": []}
 
 
-def _add_dbc(section: dict[str, Any], capture: Heard, dbc: Path | None, folder: Path, config: TrialConfig) -> None:
-    """The vessel's own frames, by the DBC file that describes them."""
-    named = section.pop("dbc", None) or dbc
+def _add_dbc(
+    section: dict[str, Any], capture: Capture, dbc: Path | None, folder: Path, config: TrialConfig
+) -> None:
+    """Add the vessel's CAN frames by the DBC file that describes them."""
+    stated = section.pop("dbc", None) or dbc
     frames = [frame for frame in islice(capture.frames(), _HEAD_FRAMES) if frame.protocol == "can"]
     if section["type"] not in ("can", "file", "serial", "udp", "tcp") or not frames:
         return
-    choice = choose_dbc(None if named is None else Path(named), [capture.place.folder, folder], frames)
+    choice = choose_dbc(None if stated is None else Path(stated), [capture.place.folder, folder], frames)
     capture.remarks += [choice.remark] if choice.remark else []
     if choice.path is not None:
         section["dbc"] = str(choice.path.absolute())
@@ -411,21 +402,21 @@ def _add_dbc(section: dict[str, Any], capture: Heard, dbc: Path | None, folder: 
 
 
 class Gaps(NamedTuple):
-    """Why channels have not come: ``reasons`` of all that are decoded, ``missing`` those that the trial lacks."""
+    """Why channels were not received: ``reasons`` of all decoded ones, ``missing`` those that the trial lacks."""
 
     reasons: Mapping[str, str]
     missing: Mapping[str, str]
 
 
 def configuration_text(
-    captures: Sequence[Heard],
+    captures: Sequence[Capture],
     survey: Survey,
     gaps: Gaps,
     readings: Sequence[LatestReading],
     name: str,
     vessel: str = "",
 ) -> str:
-    """The configuration of what was heard, as a person would write it."""
+    """The configuration of what was received, as a user would write it."""
     reasons, missing = gaps
     parts = [
         _comment(
@@ -434,8 +425,8 @@ def configuration_text(
             " the one further up is preferred, and the next takes over when it falls silent: change the order to"
             " your liking."
         ),
-        f"\n[trial]\n{_line('name', name)}",
-        _line("vessel", vessel)
+        f"\n[trial]\n{_toml_line('name', name)}",
+        _toml_line("vessel", vessel)
         if vessel
         else _comment(
             'vessel = "NAME"   # a file of trials/vessels, or your own, which says what actuators there are'
@@ -446,18 +437,22 @@ def configuration_text(
     if missing:
         parts.append("\n" + _comment("Missing:"))
         parts += [_comment(f"{names}: {reason}", "#   ") for names, reason in by_reason(missing).items()]
-    parts += [f"\n{_pack(pack)}" for pack in used_packs(all_packs(captures), survey)]
+    parts += [f"\n{_pack_text(pack)}" for pack in used_packs(candidate_packs(captures), survey)]
     parts += [_source_text(capture, survey, reasons, readings) for capture in captures]
     return "".join(parts)
 
 
 def _source_text(
-    capture: Heard, survey: Survey, reasons: Mapping[str, str], readings: Iterable[LatestReading]
+    capture: Capture, survey: Survey, reasons: Mapping[str, str], readings: Iterable[LatestReading]
 ) -> str:
     source = next(candidate for candidate in survey.config.sources if candidate.name == capture.place.name)
-    provided = [*survey.provided(source.name), *_wanting_a_number(source.name, survey, reasons)]
+    awaiting_number = [name for name, reason in reasons.items() if reason.endswith((VARIATION_FIX, RATED_FIX))]
+    provided = survey.provided(source.name)
+    provided = [*provided, *(name for name in awaiting_number if source.name in sources_of(name, survey))]
     signals = getattr(source, "signals", {})
-    section = {key: value for key, value in _settings(capture).items() if key != "dbc"} | {"channels": provided}
+    section = {key: value for key, value in _section_settings(capture).items() if key != "dbc"} | {
+        "channels": provided
+    }
     if getattr(source, "dbc", None) is not None:
         section["dbc"] = str(source.dbc)  # type: ignore[union-attr]
         section["signals"] = {
@@ -470,27 +465,17 @@ def _source_text(
         comments += _comment("Check signs and values of the DBC file's signals alongside.")
     if not provided:
         comments += _comment("No channel comes of it; what comes is recorded undecoded all the same.")
-    hints = [*_rated(provided, reasons), *_rivals(source.name, survey)]
-    template = _template([reading for reading in readings if reading.source == source.name], section)
-    return f"\n{comments}{_section(section, hints)}{template}"
+    hints = list(_rank_devices(source.name, survey))
+    if rated := [name for name in provided if reasons.get(name, "").endswith(RATED_FIX)]:
+        setting = _toml_line("rated_rpm", {name.removesuffix("_rpm"): 0 for name in rated}).rstrip()
+        hints.insert(0, f"{setting}   # at 100 %")
+    template = _mapping_template([reading for reading in readings if reading.source == source.name], section)
+    return f"\n{comments}{_section_text(section, hints)}{template}"
 
 
-def _wanting_a_number(source: str, survey: Survey, missing: Mapping[str, str]) -> list[str]:
-    """The channels that will come of a source as soon as a person has filled in a number that is asked for."""
-    asked = [name for name, reason in missing.items() if reason.endswith((VARIATION_FIX, RATED_FIX))]
-    return [name for name in asked if source in sources_of(name, survey)]
-
-
-def _rated(listed: Iterable[str], missing: Mapping[str, str]) -> Iterator[str]:
-    """The setting that percent of thrusters wait for."""
-    names = [name for name in listed if missing.get(name, "").endswith(RATED_FIX)]
-    if names:
-        yield _line("rated_rpm", {name.removesuffix("_rpm"): 0 for name in names}).rstrip() + "   # at 100 %"
-
-
-def _template(readings: Sequence[LatestReading], section: Mapping[str, Any]) -> str:
-    """The signals and topics that come, with their values, for a person to say which channel each carries."""
-    unmapped = [entry for entry in readings if not entry.channel]
+def _mapping_template(readings: Sequence[LatestReading], section: Mapping[str, Any]) -> str:
+    """The signals and topics that come, with their values, for the user to map them to channels."""
+    unmapped = [reading for reading in readings if not reading.channel]
     if not unmapped:
         return ""
     kind, table = ("topic", "values") if "topic" in unmapped[0].entry else ("signal", "signals")
@@ -500,13 +485,13 @@ def _template(readings: Sequence[LatestReading], section: Mapping[str, Any]) -> 
     )
     text += "" if section.get(table) else f"[source.{table}]\n"
     for reading in unmapped:
-        line = f"{_line('channel', reading.entry).rstrip()}   # {reading.text}"
-        text += f"# {_visible(line)}\n"
+        line = f"{_toml_line('channel', reading.entry).rstrip()}   # {reading.text}"
+        text += f"# {_printable(line)}\n"
     return text
 
 
-def _rivals(source: str, survey: Survey) -> Iterator[str]:
-    """Where several devices on one bus tell the same: who they are, and how to put them in order."""
+def _rank_devices(source: str, survey: Survey) -> Iterator[str]:
+    """Hints on several devices of a bus that send the same channels, and how to rank them."""
     rivals: dict[tuple[str, ...], list[str]] = {}
     for name in survey.provided(source):
         devices = {label_parts(label)[1] for label in survey.quantities[name] if label_parts(label)[0] == source}
@@ -515,32 +500,29 @@ def _rivals(source: str, survey: Survey) -> Iterator[str]:
             rivals.setdefault(addresses, []).append(name)
     for names in rivals.values():
         yield f"{', '.join(names)}: of several devices the first that comes keeps it; to put them in order:"
-    ranked = sorted({address for addresses in rivals for address in addresses}, key=int)
-    if ranked:
-        listed = [{"name": f"device_{address}", **_identified(source, address, survey)} for address in ranked]
-        yield _line("devices", listed).rstrip()
+    ranking: list[dict[str, Any]] = []
+    for address in sorted({address for addresses in rivals for address in addresses}, key=int):
+        iso_name = survey.devices.get((source, address), {}).get("iso_name")
+        identity = {"address": int(address)} if iso_name is None else {"iso_name": iso_name}
+        ranking.append({"name": f"device_{address}", **identity})
+    if ranking:
+        yield _toml_line("devices", ranking).rstrip()
 
 
-def _identified(source: str, address: str, survey: Survey) -> dict[str, Any]:
-    device = survey.devices.get((source, address), {})
-    return {"iso_name": device["iso_name"]} if "iso_name" in device else {"address": int(address)}
-
-
-def _section(section: Mapping[str, Any], hints: Iterable[str] = ()) -> str:
-    """A [[source]] section, hints as comments in it; its signals are a table of their own and come last."""
-    plain = {key: value for key, value in section.items() if key != "signals"}
-    text = "[[source]]\n" + "".join(_line(key, value) for key, value in plain.items())
+def _section_text(section: Mapping[str, Any], hints: Iterable[str] = ()) -> str:
+    """A [[source]] section with hints as comments; its signals are a separate table and come last."""
+    text = "[[source]]\n" + "".join(_toml_line(key, value) for key, value in section.items() if key != "signals")
     text += "".join(f"# {row}\n" for hint in hints for row in hint.splitlines())
     if signals := section.get("signals"):
-        text += "[source.signals]\n" + "".join(_line(key, value) for key, value in signals.items())
+        text += "[source.signals]\n" + "".join(_toml_line(key, value) for key, value in signals.items())
     return text
 
 
-def _line(key: str, value: Any) -> str:
-    text = f"{key} = {_inline(value)}"
+def _toml_line(key: str, value: Any) -> str:
+    text = f"{key} = {_toml_value(value)}"
     if isinstance(value, list) and len(text) > _WIDTH:
         rows: list[str] = [" "]
-        for item in map(_inline, value):
+        for item in map(_toml_value, value):
             if len(rows[-1]) + len(item) > _WIDTH:
                 rows.append(" ")
             rows[-1] += f" {item},"
@@ -548,20 +530,20 @@ def _line(key: str, value: Any) -> str:
     return f"{text}\n"
 
 
-def _inline(value: Any) -> str:
-    """A value as TOML writes it; its strings and numbers are JSON's."""
+def _toml_value(value: Any) -> str:
+    """A value in TOML; its strings and numbers are as in JSON."""
     if isinstance(value, Mapping):
-        return "{ " + ", ".join(f"{key} = {_inline(item)}" for key, item in value.items()) + " }"
+        return "{ " + ", ".join(f"{key} = {_toml_value(item)}" for key, item in value.items()) + " }"
     if isinstance(value, list | tuple):
-        return "[" + ", ".join(map(_inline, value)) + "]"
+        return "[" + ", ".join(map(_toml_value, value)) + "]"
     return json.dumps(value)
 
 
-def _visible(text: str) -> str:
+def _printable(text: str) -> str:
     return "".join(letter if letter.isprintable() else "?" for letter in text)
 
 
-def _comment(text: str, mark: str = "# ") -> str:
-    """Text behind number signs, on as many lines as it takes; control characters are made visible."""
-    rows = wrap(_visible(text), _WIDTH + 1 - len(mark), break_long_words=False, break_on_hyphens=False)
-    return "".join(f"{mark}{row}\n" for row in rows)
+def _comment(text: str, prefix: str = "# ") -> str:
+    """Text as a comment of as many lines as it takes; control characters are replaced."""
+    rows = wrap(_printable(text), _WIDTH + 1 - len(prefix), break_long_words=False, break_on_hyphens=False)
+    return "".join(f"{prefix}{row}\n" for row in rows)

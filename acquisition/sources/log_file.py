@@ -43,6 +43,7 @@ from seatrial.acquisition.protocols.nmea0183 import (
     Fields,
     SentenceReading,
     has_sentence,
+    motion_readers,
     sentences_in,
     split_sentence,
     split_tag,

@@ -1,18 +1,9 @@
-"""A column map, the TOML file that says what a foreign table's columns are, and the table through it.
+"""Applies a column map, the TOML file that states what a foreign table's columns are, to the table.
 
-Units, signs, constants, the plane's position and the true wind become the contract's channels. A map may list the
-ship's actuators, and it says what becomes of rows that cannot be read.
-
-Channels of a table that follow from others of it: the recorder's equations, row by row of a whole table.
-
-Surge and sway from course and speed over ground and the heading, as :mod:`seatrial.acquisition.logger.processing`
-has them; where there is no course, and for the yaw rate, the rates of position and heading: slopes of straight
-lines over a second and a half before and after each row.
-
-Latitudes and longitudes as text, and hemispheres by word or letter, in a closed vocabulary of many languages.
-
-A hemisphere that is read wrongly mirrors the track: what is not in the vocabulary is refused, and an O, which is
-east in some languages and west in others, is decided by what stands beside it or asked.
+Units, signs, constants, positions, apparent wind and quaternions become the contract's channels. Other channels are
+derived by the recorder's equations (:mod:`seatrial.acquisition.logger.processing`), or by slopes of position and
+heading. A hemisphere that is misread mirrors the track: unknown words are refused, and an O, east in some languages
+and west in others, is decided by its neighbours or asked.
 """
 
 from __future__ import annotations
@@ -63,23 +54,23 @@ from seatrial.acquisition.tables.table_files import (
     RawTable,
     TableFile,
     parse_numbers,
-    readable_rows,
+    select_readable_rows,
 )
 from seatrial.acquisition.tables.time_columns import TimeColumn, TimedRows, resolve_times
 
 
-def _of_any_ship(name: str, info: ValidationInfo) -> str:
+def _checked_channel(name: str, info: ValidationInfo) -> str:
     declared = (info.context or {}).get("declared", ())
     return name if find_channel(name, channels_with_declared(declared)) else check_channel(name, declared=declared)
 
 
-AnyChannel = Annotated[str, AfterValidator(_of_any_ship)]
+AnyChannel = Annotated[str, AfterValidator(_checked_channel)]
 _STRICT = ConfigDict(extra="forbid", str_strip_whitespace=True)
 
 
 @dataclass(frozen=True, config=_STRICT, kw_only=True)
 class Column(Conversion):
-    """One channel's column, or a constant where the table has none; a ``scale`` of -1 turns a sign round.
+    """One channel's column, or a constant where the table has none; a ``scale`` of -1 inverts the sign.
 
     Numbers that are ``missing`` in the table stand for no value.
     """
@@ -92,7 +83,7 @@ class Column(Conversion):
 AS_TEXT = "text"
 
 
-def _known_angle_unit(unit: str) -> str:
+def _checked_angle_unit(unit: str) -> str:
     if unit in (DEGREES_AND_MINUTES, AS_TEXT):
         return unit
     try:
@@ -107,13 +98,13 @@ class Position:
     """Latitude and longitude columns that ``north_m`` and ``east_m`` are made from.
 
     In degrees, in ``ddmm`` (degrees and minutes in one number), or as ``text`` such as 62°28.146'N; the letters N
-    or S and E or W may stand in columns of their own; ``o_is`` says what an O means that nothing beside it decides.
+    or S and E or W may be in separate columns; ``o_is`` states what an O means if no other letter decides.
     Numbers that are ``missing`` stand for no fix.
     """
 
     latitude: str
     longitude: str
-    unit: Annotated[str, AfterValidator(_known_angle_unit)] = "deg"
+    unit: Annotated[str, AfterValidator(_checked_angle_unit)] = "deg"
     north_south: str | None = None
     east_west: str | None = None
     missing: tuple[float, ...] = ()
@@ -133,9 +124,9 @@ class Orientation:
 
 @dataclass(frozen=True, config=_STRICT)
 class ApparentWind:
-    """Wind measured aboard: where it comes from relative to the bow, and its speed past the ship.
+    """Wind measured aboard: the direction it comes from, relative to the bow, and its speed past the ship.
 
-    True wind is made of it with the ship's own heading, surge and sway.
+    True wind follows with the ship's heading, surge and sway.
     """
 
     angle: str
@@ -153,15 +144,15 @@ class Velocity:
     unit: str = "m/s"
 
 
-def _derivable(name: str) -> str:
+def _checked_derivation(name: str) -> str:
     if name not in DERIVED:
         raise ValueError(f"cannot be derived; {', '.join(DERIVED)} can")
     return name
 
 
 @dataclass(frozen=True, config=_STRICT)
-class Long:
-    """The columns of a long table, which has a row for each value: whose it is, the value, perhaps its unit."""
+class LongLayout:
+    """The columns of a long table, which has a row for each value: the variable, its value, perhaps its unit."""
 
     variable: str = "variable"
     value: str = "value"
@@ -170,16 +161,15 @@ class Long:
 
 @dataclass(frozen=True, config=_STRICT)
 class ColumnMap:
-    """A whole map. ``absent`` names channels that the table has not and that stay away, ``derive`` those that are
-    computed of others (:mod:`seatrial.acquisition.tables.column_map`).
+    """A column map. ``absent`` names channels that the table lacks, ``derive`` those computed from others.
 
-    With ``long`` the variables of a long table are its columns.
-    ``actuator`` lists the ship's, as in a vessel file. Rows without a time or with text for a number are an error,
-    or dropped and counted where ``unreadable_rows`` says "drop".
+    With ``long`` the variables of a long table are its columns. ``actuator`` lists the ship's, as in a vessel file.
+    Rows without a time or with text for a number are an error, or dropped and counted if ``unreadable_rows`` is
+    "drop".
     """
 
     time: TimeColumn
-    long: Long | None = None
+    long: LongLayout | None = None
     actuator: tuple[ActuatorSection, ...] = ()
     channel: tuple[ChannelSection, ...] = ()
     pack: tuple[PackSection, ...] = ()
@@ -194,59 +184,59 @@ class ColumnMap:
     instruments: InstrumentsSection = field(default_factory=InstrumentsSection)
     particulars: Particulars = field(default_factory=Particulars)
     absent: tuple[AnyChannel, ...] = ()
-    derive: tuple[Annotated[str, AfterValidator(_derivable)], ...] = ()
+    derive: tuple[Annotated[str, AfterValidator(_checked_derivation)], ...] = ()
 
     @property
     def actuators(self) -> Actuators:
-        """The ship's actuators, none where the map does not list them."""
+        """The ship's actuators, none if the map does not list them."""
         return tuple(Actuator(actuator.name, actuator.kind) for actuator in self.actuator)
 
     @property
-    def columns_of_numbers(self) -> tuple[str, ...]:
-        """The table's columns that have to hold numbers."""
-        named = [entry.column for entry in self.channels.values()]
+    def numeric_columns(self) -> tuple[str, ...]:
+        """The table's columns that must hold numbers."""
+        names = [entry.column for entry in self.channels.values()]
         if self.position and self.position.unit != AS_TEXT:
-            named += [self.position.latitude, self.position.longitude]
+            names += [self.position.latitude, self.position.longitude]
         if self.apparent_wind:
-            named += [self.apparent_wind.angle, self.apparent_wind.speed]
+            names += [self.apparent_wind.angle, self.apparent_wind.speed]
         if self.orientation:
-            named += [getattr(self.orientation, part) for part in "xyzw"]
+            names += [getattr(self.orientation, part) for part in "xyzw"]
         if self.velocity:
-            named += [self.velocity.north, self.velocity.east]
-        return tuple(dict.fromkeys(name for name in named if name is not None))
+            names += [self.velocity.north, self.velocity.east]
+        return tuple(dict.fromkeys(name for name in names if name is not None))
 
     @property
-    def columns_asked_for(self) -> tuple[str, ...]:
-        """The table's columns that become channels, those of text among them."""
-        place = self.position
-        text = (place.latitude, place.longitude, place.north_south, place.east_west) if place else ()
-        return tuple(dict.fromkeys((*self.columns_of_numbers, *(name for name in text if name is not None))))
+    def requested_columns(self) -> tuple[str, ...]:
+        """The table's columns that become channels, including those of text."""
+        entry = self.position
+        names = (entry.latitude, entry.longitude, entry.north_south, entry.east_west) if entry else ()
+        return tuple(dict.fromkeys((*self.numeric_columns, *(name for name in names if name is not None))))
 
 
 def load_column_map(path: Path | str) -> tuple[ColumnMap, Declared]:
-    """Read and check a map; with the channels it declares. Raises :class:`ConfigurationError` naming the line."""
-    return column_map_of(read_text(path), path)
+    """Read and check a map; also the channels it declares. Raises :class:`ConfigurationError` naming the line."""
+    return parse_column_map(read_text(path), path)
 
 
-def column_map_of(text: str, path: Path | str) -> tuple[ColumnMap, Declared]:
-    """As :func:`load_column_map`, of the text of a map that is, or will be, at ``path``."""
+def parse_column_map(text: str, path: Path | str) -> tuple[ColumnMap, Declared]:
+    """As :func:`load_column_map`, for the text of a map that is, or will be, at ``path``."""
     loaded, ship = parse_for_ship(text, path, ColumnMap)
     declared = tuple(
         declaration.channel for declaration in ship.declared if declaration.channel.group == "declared"
     )
     channels = channels_with_declared(declared)
     for name, column in loaded.channels.items():
-        if complaint := _complaint(channels[name], column):
+        if fault := _fault_of_entry(channels[name], column):
             line = line_of(text, ["channels", name, "unit"])
-            raise ConfigurationError(f"{name}: {complaint}", where=f"{path}, line {line}")
+            raise ConfigurationError(f"{name}: {fault}", where=f"{path}, line {line}")
     if loaded.time.in_name and (loaded.time.start or not loaded.time.zone or loaded.time.format == "iso"):
         what = "in_name is for seconds, with a zone and without a start"
         raise ConfigurationError(what, where=f"{path}, line {line_of(text, ['time', 'in_name'])}")
     return loaded, tuple(channel for channel in declared if channel.name in loaded.channels)
 
 
-def _complaint(channel: Channel, column: Column) -> str:
-    """What is wrong with one channel's entry; empty when nothing is."""
+def _fault_of_entry(channel: Channel, column: Column) -> str:
+    """The fault of one channel's entry; empty if there is none."""
     if (column.column is None) == (column.constant is None):
         return "needs either a column or a constant"
     try:
@@ -257,25 +247,25 @@ def _complaint(channel: Channel, column: Column) -> str:
 
 
 def line_in_map(path: Path | str, keys: Sequence[str]) -> str:
-    """The place of a key in a map, for a complaint; of one that is not written yet, its path."""
+    """The place of a key in a map, for an error message; the path of a map that is not written yet."""
     return f"{path}, line {line_of(read_text(path), keys)}" if Path(path).is_file() else str(path)
 
 
-_MOST_TURNS_DEG = 720.0  # an angle beyond this that does not go on from others is a sentinel or a fault, and stays
+_LARGEST_ANGLE_DEG = 720.0  # a larger one that does not continue others is a sentinel or a fault, and stays
 
 
 @dataclasses.dataclass(slots=True)
-class _Asked:
-    """The raw columns as a map asks for them; remembers which, and names the map's line for a missing one."""
+class _RequestedColumns:
+    """The raw columns that a map requests; notes which are used, and names the map's line for a missing one."""
 
     raw: RawTable
     map_path: Path | str
     used: set[str] = field(default_factory=set)
 
     def drop_unreadable(self, timed: TimedRows, columns: ColumnMap) -> tuple[pd.DatetimeIndex, dict[str, int]]:
-        """Drop rows that cannot be read; the times of the others, and how many are dropped, by the reason."""
-        names = [name for name in columns.columns_of_numbers if name in self.raw.columns]
-        valid, dropped = readable_rows(self.raw, timed.index, names)
+        """Drop unreadable rows; the times of the remaining ones, and the number of dropped rows by reason."""
+        names = [name for name in columns.numeric_columns if name in self.raw.columns]
+        valid, dropped = select_readable_rows(self.raw, timed.index, names)
         self.raw = replace(self.raw, columns=self.raw.columns[valid].reset_index(drop=True))
         return timed.index[valid], dropped
 
@@ -286,35 +276,31 @@ class _Asked:
     def require_column(self, name: str, keys: tuple[str, ...], names: Iterable[str] | None = None) -> str:
         present = list(map(str, self.raw.columns.columns if names is None else names))
         if name not in present:
-            near = get_close_matches(name, present, n=1, cutoff=0.4) or present
+            similar = get_close_matches(name, present, n=1, cutoff=0.4) or present
             what = f"asks for column {name!r}, which {self.raw.path} has not"
             where = line_in_map(self.map_path, keys)
-            raise ConfigurationError(what, where=where, fix=f"did you mean {', '.join(map(repr, near))}?")
+            raise ConfigurationError(what, where=where, fix=f"did you mean {', '.join(map(repr, similar))}?")
         self.used.add(name)
         return name
 
 
 def apply_column_map(raw: RawTable, columns: ColumnMap, map_path: Path | str, declared: Declared = ()) -> TableFile:
-    """A table through its map, in the contract's names, units and signs; angles in their channels' turn.
+    """A table by its map, in the contract's names, units and signs; angles within their channels' turn.
 
-    ``declared`` are the channels that the map declares.
-
-    Raises :class:`ConfigurationError` naming the map's line for a column that the table has not, and
-    :class:`InputError` for cells that are no numbers and rows without a time.
+    ``declared`` are the channels that the map declares. Raises :class:`ConfigurationError` naming the map's line
+    for a missing column, and :class:`InputError` for cells that are no numbers and rows without a time.
     """
-    asked, units, duplicates = _Asked(raw, map_path), raw.units, 0
-    asked.require_column(columns.time.column, ("time", "column"))
-    if columns.time.date is not None:
-        asked.require_column(columns.time.date, ("time", "date"))
+    requested, units, duplicates = _RequestedColumns(raw, map_path), raw.units, 0
+    for key, column in (("column", columns.time.column), ("date", columns.time.date)):
+        if column is not None:
+            requested.require_column(column, ("time", key))
     if columns.long is not None:
-        asked.raw, duplicates = _widened(asked, columns.long, columns)
-        units = asked.raw.units
+        requested.raw, duplicates = _widen_requested(requested, columns.long, columns)
+        units = requested.raw.units
     drops = columns.unreadable_rows == "drop"
-    timed = resolve_times(asked.raw, columns.time, strict=not drops)
-    asked.raw, index = timed.raw, timed.index
-    dropped: dict[str, int] = {}
-    if drops:
-        index, dropped = asked.drop_unreadable(timed, columns)
+    timed = resolve_times(requested.raw, columns.time, strict=not drops)
+    requested.raw = timed.raw
+    index, dropped = requested.drop_unreadable(timed, columns) if drops else (timed.index, {})
     dropped |= {"twice of one variable and time": duplicates} if duplicates else {}
     trial = columns.trial.as_trial(columns.conditions, columns.instruments, columns.particulars)
     trial, channels = replace(trial, channels=declared_text(declared)), channels_with_declared(declared)
@@ -324,41 +310,45 @@ def apply_column_map(raw: RawTable, columns: ColumnMap, map_path: Path | str, de
             result.table[name] = float(entry.constant or 0.0)
             result.sources[name] = "assumed"
         else:
-            values = asked.numbers(entry.column, ("channels", name, "column"), entry.missing)
+            values = requested.numbers(entry.column, ("channels", name, "column"), entry.missing)
             step = entry.step_to(channels[name], units.get(entry.column) if columns.long else None)
-            result.table[name] = _turned_back(channels[name], step.scale * values + step.offset)
+            values = step.scale * values + step.offset  # may take angles out of their channel's turn
+            is_angle = (np.abs(values) <= _LARGEST_ANGLE_DEG) | are_angles(values)
+            result.table[name] = np.where(is_angle, in_turn(channels[name], values), values)
             result.sources[name] = f"table: {entry.column}"
     if columns.position:
-        _add_position(result, columns.position, asked)
+        _add_position(result, columns.position, requested)
     if columns.orientation:
-        _add_heading(result, columns.orientation, asked)
+        _add_heading(result, columns.orientation, requested)
     if columns.velocity:
-        _add_velocity(result, columns.velocity, asked)
-    result.sources.update(derive(result.table, columns.derive))
+        _add_velocity(result, columns.velocity, requested)
+    result.sources.update(derive_channels(result.table, columns.derive))
     if columns.apparent_wind:
-        _add_true_wind(result, columns.apparent_wind, asked)
+        _add_true_wind(result, columns.apparent_wind, requested)
     names = raw.columns.columns if columns.long is None else raw.columns[columns.long.variable].unique()
-    result.passed_over = tuple(name for name in map(str, names) if name not in asked.used)
+    result.passed_over = tuple(name for name in map(str, names) if name not in requested.used)
     return result
 
 
-def _widened(asked: _Asked, long: Long, columns: ColumnMap) -> tuple[RawTable, int]:
-    """As :func:`widen`, of the variables that the map asks for."""
-    variables = asked.raw.columns[asked.require_column(long.variable, ("long",))].unique()
+def _widen_requested(requested: _RequestedColumns, long: LongLayout, columns: ColumnMap) -> tuple[RawTable, int]:
+    """As :func:`widen_long_table`, for the variables that the map requests."""
+    variables = requested.raw.columns[requested.require_column(long.variable, ("long",))].unique()
     for name in (long.value, *((long.unit,) if long.unit is not None else ())):
-        asked.require_column(name, ("long",))
+        requested.require_column(name, ("long",))
     for channel, entry in columns.channels.items():
         if entry.column is not None:
-            asked.require_column(entry.column, ("channels", channel, "column"), variables)
+            requested.require_column(entry.column, ("channels", channel, "column"), variables)
     keys = [name for name in (columns.time.column, columns.time.date) if name is not None]
-    return widen(asked.raw, long, keys, columns.columns_asked_for)
+    return widen_long_table(requested.raw, long, keys, columns.requested_columns)
 
 
-def widen(raw: RawTable, long: Long, keys: Sequence[str], names: Collection[str]) -> tuple[RawTable, int]:
+def widen_long_table(
+    raw: RawTable, long: LongLayout, keys: Sequence[str], names: Collection[str]
+) -> tuple[RawTable, int]:
     """A long table with a column for each of the variables ``names`` and a row for each time, in their order.
 
-    ``keys`` are the columns that tell the time; the variables' units are those of the table. Also how many values
-    another of the same variable and time replaces.
+    ``keys`` are the columns of the time; the variables' units are those of the table. Also returns the number of
+    values replaced by a later one of the same variable and time.
     """
     rows = raw.columns[raw.columns[long.variable].isin(names)]
     units: dict[str, str] = {}
@@ -370,44 +360,39 @@ def widen(raw: RawTable, long: Long, keys: Sequence[str], names: Collection[str]
     return replace(raw, columns=wide.reset_index().rename_axis(columns=None), units=units), int(duplicated.sum())
 
 
-def long_map(raw: RawTable, channels: Collection[str]) -> ColumnMap | None:
-    """The map of a long table that needs none: columns have the usual names, variables those of channels."""
+def map_of_long_table(raw: RawTable, channels: Collection[str]) -> ColumnMap | None:
+    """The map of a long table whose columns have the usual names and whose variables those of channels."""
     present = list(map(str, raw.columns.columns))
-    columns = [next((name for name in names if name in present), None) for names in _LONG]
+    columns = [next((name for name in names if name in present), None) for names in _LONG_COLUMN_NAMES]
     time, variable, value, unit = columns
     if time is None or variable is None or value is None or set(present) - set(columns):
         return None
-    named = [name for name in map(str, raw.columns[variable].unique()) if name in channels]
-    seconds = pd.api.types.is_numeric_dtype(raw.columns[time])
+    variables = [name for name in map(str, raw.columns[variable].unique()) if name in channels]
+    is_numeric = pd.api.types.is_numeric_dtype(raw.columns[time])
     return ColumnMap(
-        time=TimeColumn(time, "seconds" if seconds else "iso"),
-        long=Long(variable, value, unit),
-        channels={name: Column(column=name) for name in named},
+        time=TimeColumn(time, "seconds" if is_numeric else "iso"),
+        long=LongLayout(variable, value, unit),
+        channels={name: Column(column=name) for name in variables},
     )
 
 
-_LONG = ("timestamp", "time"), ("variable", "var"), ("value",), ("unit",)
+_LONG_COLUMN_NAMES = ("timestamp", "time"), ("variable", "var"), ("value",), ("unit",)
 """The usual names of a long table's columns."""
 
 
-def _turned_back(channel: Channel, values: Floats) -> Floats:
-    """Angles that a unit, sign or offset took out of their channel's turn, or that run on, come back into it."""
-    return np.where((np.abs(values) <= _MOST_TURNS_DEG) | are_angles(values), in_turn(channel, values), values)
-
-
-def _add_position(result: TableFile, entry: Position, asked: _Asked) -> None:
-    """North and east of the map's origin, or of the first fix, on the WGS 84 tangent plane."""
-    latitude, longitude = _degrees(asked, entry)
+def _add_position(result: TableFile, entry: Position, requested: _RequestedColumns) -> None:
+    """Add north and east of the map's origin, or of the first fix, on the WGS 84 tangent plane."""
+    latitude, longitude = _latitude_and_longitude(requested, entry)
     no_fix = (latitude == 0.0) & (longitude == 0.0)
     if no_fix.any():
         latitude, longitude = (np.where(no_fix, np.nan, angle) for angle in (latitude, longitude))
-        result.remarks = (*result.remarks, without_fix(no_fix))
+        result.remarks = (*result.remarks, remark_on_missing_fixes(no_fix))
     valid = (np.abs(latitude) <= 90.0) & (np.abs(longitude) <= 180.0)
     if not valid.any():
         what = f"columns {entry.latitude!r} and {entry.longitude!r} contain no position"
-        raise InputError(what, where=str(asked.raw.path), fix="check the unit of [position] in the map")
-    first = int(np.flatnonzero(valid)[0])
-    origin = result.trial.origin or (float(latitude[first]), float(longitude[first]))
+        raise InputError(what, where=str(requested.raw.path), fix="check the unit of [position] in the map")
+    first_fix = int(np.flatnonzero(valid)[0])
+    origin = result.trial.origin or (float(latitude[first_fix]), float(longitude[first_fix]))
     result.trial = replace(result.trial, origin_latitude_deg=origin[0], origin_longitude_deg=origin[1])
     north, east = np.full((2, valid.size), np.nan)
     north[valid], east[valid], _ = pymap3d.geodetic2ned(latitude[valid], longitude[valid], 0.0, *origin, 0.0)
@@ -417,72 +402,74 @@ def _add_position(result: TableFile, entry: Position, asked: _Asked) -> None:
         result.sources[name] = f"table: {entry.latitude}, {entry.longitude}"
 
 
-def without_fix(no_fix: Bools) -> str:
-    """A remark on rows [n] of a mask that are at latitude and longitude 0."""
+def remark_on_missing_fixes(no_fix: Bools) -> str:
+    """A remark on the rows [n] at latitude and longitude 0."""
     return f"{int(no_fix.sum()):,} rows at latitude 0, longitude 0, as without a fix, have no position"
 
 
-def _degrees(asked: _Asked, entry: Position) -> list[Floats]:
+def _latitude_and_longitude(requested: _RequestedColumns, entry: Position) -> list[Floats]:
     """Latitude and longitude [deg]; positive to the north and to the east."""
-    names = [asked.require_column(getattr(entry, key), ("position", key)) for key in ("latitude", "longitude")]
-    columns = [asked.raw.columns[name] for name in names]
+    names = [requested.require_column(getattr(entry, key), ("position", key)) for key in ("latitude", "longitude")]
+    columns = [requested.raw.columns[name] for name in names]
     if entry.unit == AS_TEXT:
         values, signs = degrees_of_text(columns[0], columns[1], entry.o_is)
     else:
-        values = [_angle(asked, name, entry) for name in names]
+        values = [_coordinate_in_degrees(requested, name, entry) for name in names]
         signs = [np.full(angle.size, np.nan) for angle in values]
     axes: tuple[tuple[Axis, str | None], ...] = ("north_south", entry.north_south), ("east_west", entry.east_west)
-    for place, (axis, name) in enumerate(axes):
+    for index, (axis, name) in enumerate(axes):
         if name is not None:
-            letters = asked.raw.columns[asked.require_column(name, ("position", axis))]
-            stated = signs_of(letters, axis, entry.o_is)
-            values[place] = np.where(np.isnan(stated) & np.isnan(signs[place]), np.nan, values[place])
-            signs[place] = np.where(np.isnan(signs[place]), stated, signs[place])
-        signed = ~np.isnan(signs[place])
-        values[place][signed] = with_hemisphere(values[place], signs[place], columns[place])[signed]
+            letters = requested.raw.columns[requested.require_column(name, ("position", axis))]
+            stated = hemisphere_signs(letters, axis, entry.o_is)
+            values[index] = np.where(np.isnan(stated) & np.isnan(signs[index]), np.nan, values[index])
+            signs[index] = np.where(np.isnan(signs[index]), stated, signs[index])
+        signed = ~np.isnan(signs[index])
+        values[index][signed] = apply_hemisphere(values[index], signs[index], columns[index])[signed]
     return values
 
 
-def _angle(asked: _Asked, name: str, entry: Position) -> Floats:
+def _coordinate_in_degrees(requested: _RequestedColumns, name: str, entry: Position) -> Floats:
     """The numbers of one coordinate in degrees."""
-    values = asked.numbers(name, ("position", "latitude"), entry.missing)
+    values = requested.numbers(name, ("position", "latitude"), entry.missing)
     if entry.unit != DEGREES_AND_MINUTES:
         return values * scale_to("deg", entry.unit)
-    wrong = np.flatnonzero(np.abs(values) % 100.0 >= 60.0)
-    if wrong.size:
-        what = f"row {wrong[0] + 1} of column {name!r}, {values[wrong[0]]}, has more than 60 minutes"
+    invalid = np.flatnonzero(np.abs(values) % 100.0 >= 60.0)
+    if invalid.size:
+        what = f"row {invalid[0] + 1} of column {name!r}, {values[invalid[0]]}, has more than 60 minutes"
         fix = 'say unit = "deg" under [position] if these are decimal degrees'
-        raise InputError(what, where=str(asked.raw.path), fix=fix)
+        raise InputError(what, where=str(requested.raw.path), fix=fix)
     return from_degrees_and_minutes(values)
 
 
-def _add_heading(result: TableFile, entry: Orientation, asked: _Asked) -> None:
-    """The heading of a quaternion."""
-    x, y, z, w = (asked.numbers(getattr(entry, part), ("orientation", part)) for part in "xyzw")
+def _add_heading(result: TableFile, entry: Orientation, requested: _RequestedColumns) -> None:
+    """Add the heading of a quaternion."""
+    x, y, z, w = (requested.numbers(getattr(entry, part), ("orientation", part)) for part in "xyzw")
     result.table["heading_deg"] = heading_of_quaternion(x, y, z, w, entry.frame)
     result.sources["heading_deg"] = f"table: {entry.z} ... derived from the quaternion"
 
 
-def _add_velocity(result: TableFile, entry: Velocity, asked: _Asked) -> None:
-    """Surge and sway of the velocity to north and to east."""
+def _add_velocity(result: TableFile, entry: Velocity, requested: _RequestedColumns) -> None:
+    """Add surge and sway of the velocity to north and to east."""
     if "heading_deg" not in result.table:
-        where = line_in_map(asked.map_path, ["velocity"])
+        where = line_in_map(requested.map_path, ["velocity"])
         raise ConfigurationError("velocity needs heading_deg", where=where, fix="map it too")
     scale = scale_to("m/s", entry.unit)
-    north, east = (scale * asked.numbers(getattr(entry, way), ("velocity", way)) for way in ("north", "east"))
+    north, east = (scale * requested.numbers(getattr(entry, key), ("velocity", key)) for key in ("north", "east"))
     for name, values in to_ship_axes(result.table, north, east).items():
         result.table[name] = values
         result.sources[name] = f"table: {entry.north}, {entry.east} turned by heading_deg"
 
 
-def _add_true_wind(result: TableFile, entry: ApparentWind, asked: _Asked) -> None:
-    """The wind over ground from the wind past the ship: take away the ship's own motion, turn by the heading."""
+def _add_true_wind(result: TableFile, entry: ApparentWind, requested: _RequestedColumns) -> None:
+    """Add the true wind from the apparent wind: subtract the ship's motion, rotate by the heading."""
     inputs = ("heading_deg", "surge_mps", "sway_mps")
-    if needed := [name for name in inputs if name not in result.table]:
-        where = line_in_map(asked.map_path, ["apparent_wind"])
-        raise ConfigurationError(f"apparent_wind needs {', '.join(needed)}", where=where, fix="map them too")
-    angle = np.deg2rad(asked.numbers(entry.angle, ("apparent_wind", "angle")) * scale_to("deg", entry.angle_unit))
-    speed = asked.numbers(entry.speed, ("apparent_wind", "speed")) * scale_to("m/s", entry.speed_unit)
+    if missing := [name for name in inputs if name not in result.table]:
+        where = line_in_map(requested.map_path, ["apparent_wind"])
+        raise ConfigurationError(f"apparent_wind needs {', '.join(missing)}", where=where, fix="map them too")
+    angle = np.deg2rad(
+        requested.numbers(entry.angle, ("apparent_wind", "angle")) * scale_to("deg", entry.angle_unit)
+    )
+    speed = requested.numbers(entry.speed, ("apparent_wind", "speed")) * scale_to("m/s", entry.speed_unit)
     motion = [result.table[name].to_numpy(dtype=float) for name in inputs]
     result.table["wind_direction_deg"], result.table["wind_speed_mps"] = true_wind(angle, speed, *motion)
     for name in ("wind_direction_deg", "wind_speed_mps"):
@@ -500,26 +487,26 @@ def true_wind(
     return wrap_360(np.rad2deg(np.angle(true)) + heading_deg), np.abs(true)
 
 
-_REACH_S = 1.5  # as long as the recorder believes a heading or a speed
-_LEAST_NEIGHBOURS = 1
-_along = np.vectorize(velocity_components, otypes=[float, float])
+_SLOPE_REACH_S = 1.5  # as long as the recorder holds a heading or a speed valid
+_MIN_NEIGHBOURS = 1
+_north_and_east = np.vectorize(velocity_components, otypes=[float, float])
 
 
-def derive(table: pd.DataFrame, names: Sequence[str]) -> dict[str, str]:
-    """Add the channels ``names`` to a table of channels with a UTC index; what each was derived from, by name.
+def derive_channels(table: pd.DataFrame, names: Sequence[str]) -> dict[str, str]:
+    """Add the channels ``names`` to a table of channels with a UTC index; returns their sources by name.
 
-    Channels whose inputs are not there stay away. A value stands in the rows that have the quantity it follows
-    from; the heading is carried to these along straight lines on the circle.
+    Channels without their inputs are not added. Rows have a value where they have the quantity it follows from; the
+    heading is interpolated to these along straight lines on the circle.
     """
     if not names:
         return {}
     seconds = seconds_of(pd.DatetimeIndex(table.index))
     sources: dict[str, str] = {}
-    for make, channels in _DERIVATIONS.items():
-        wanted = [name for name in channels if name in names and name not in table]
-        if wanted and (derived := make(table, seconds)):
-            table[wanted] = np.column_stack([derived[0][name] for name in wanted])
-            sources |= dict.fromkeys(wanted, f"table derived from {derived[1]}")
+    for derive, channels in _DERIVATIONS.items():
+        requested = [name for name in channels if name in names and name not in table]
+        if requested and (derived := derive(table, seconds)):
+            table[requested] = np.column_stack([derived[0][name] for name in requested])
+            sources |= dict.fromkeys(requested, f"table derived from {derived[1]}")
     return sources
 
 
@@ -529,18 +516,18 @@ def seconds_of(index: pd.DatetimeIndex) -> Floats:
     return np.asarray((ns - ns[0]) / 1e9 if ns.size else ns, dtype=float)
 
 
-Made = tuple[dict[str, Floats], str] | None
+Derivation = tuple[dict[str, Floats], str] | None
 
 
-def _yaw_rate(table: pd.DataFrame, seconds: Floats) -> Made:
+def _derive_yaw_rate(table: pd.DataFrame, seconds: Floats) -> Derivation:
     if "heading_deg" not in table:
         return None
     heading = unwrap(table["heading_deg"].to_numpy(dtype=float))
-    return {"yaw_rate_dps": rate(seconds, heading)}, "heading_deg"
+    return {"yaw_rate_dps": local_slopes(seconds, heading)}, "heading_deg"
 
 
-def _velocity(table: pd.DataFrame, seconds: Floats) -> Made:
-    """Surge and sway; of the positions where the table has no course and speed."""
+def _derive_velocity(table: pd.DataFrame, seconds: Floats) -> Derivation:
+    """Surge and sway by course and speed, else by the positions."""
     if "heading_deg" not in table:
         return None
     velocity = velocity_over_ground(table, seconds)
@@ -553,54 +540,55 @@ def _velocity(table: pd.DataFrame, seconds: Floats) -> Made:
 def to_ship_axes(table: pd.DataFrame, north: Floats, east: Floats) -> dict[str, Floats]:
     """Surge and sway [m/s] of velocities [n] to north and east in the rows of a table with a heading."""
     seconds = seconds_of(pd.DatetimeIndex(table.index))
-    heading = at_all_rows(seconds, unwrap(table["heading_deg"].to_numpy(dtype=float)))
+    heading = interpolate_short_gaps(seconds, unwrap(table["heading_deg"].to_numpy(dtype=float)))
     surge, sway = to_ship(north, east, np.deg2rad(heading))
     return {"surge_mps": surge, "sway_mps": sway}
 
 
-def _course(table: pd.DataFrame, seconds: Floats) -> Made:
+def _derive_course(table: pd.DataFrame, seconds: Floats) -> Derivation:
     if not {"north_m", "east_m"} <= set(table.columns):
         return None
-    north, east = (rate(seconds, table[name].to_numpy(dtype=float)) for name in ("north_m", "east_m"))
+    north, east = (local_slopes(seconds, table[name].to_numpy(dtype=float)) for name in ("north_m", "east_m"))
     speed = np.hypot(north, east)
     course = np.where(speed > 0.0, wrap_360(np.rad2deg(np.arctan2(east, north))), np.nan)
     return {"speed_over_ground_mps": speed, "course_over_ground_deg": course}, "north_m, east_m"
 
 
-_DERIVATIONS: dict[Callable[[pd.DataFrame, Floats], Made], tuple[str, ...]] = {
-    _yaw_rate: ("yaw_rate_dps",),
-    _velocity: ("surge_mps", "sway_mps"),
-    _course: ("speed_over_ground_mps", "course_over_ground_deg"),
+_DERIVATIONS: dict[Callable[[pd.DataFrame, Floats], Derivation], tuple[str, ...]] = {
+    _derive_yaw_rate: ("yaw_rate_dps",),
+    _derive_velocity: ("surge_mps", "sway_mps"),
+    _derive_course: ("speed_over_ground_mps", "course_over_ground_deg"),
 }
 DERIVED: tuple[str, ...] = tuple(name for names in _DERIVATIONS.values() for name in names)
 """The channels that can be derived."""
 
 
 def velocity_over_ground(table: pd.DataFrame, seconds: Floats) -> tuple[Floats, Floats, str] | None:
-    """Velocity to north and east [m/s] of each row and where it is from; None where the table tells of none."""
+    """Velocity to north and east [m/s] of each row with its source; None if the table has none."""
     if {"course_over_ground_deg", "speed_over_ground_mps"} <= set(table.columns):
         names = ("course_over_ground_deg", "speed_over_ground_mps")
-        north, east = _along(*(table[name].to_numpy(dtype=float) for name in names))
+        north, east = _north_and_east(*(table[name].to_numpy(dtype=float) for name in names))
         return north, east, ", ".join(names)
     if {"north_m", "east_m"} <= set(table.columns):
-        north, east = (rate(seconds, table[name].to_numpy(dtype=float)) for name in ("north_m", "east_m"))
+        north, east = (local_slopes(seconds, table[name].to_numpy(dtype=float)) for name in ("north_m", "east_m"))
         return north, east, "north_m, east_m"
     return None
 
 
-def rate(seconds: Floats, values: Floats) -> Floats:
-    """The slope of the line of least squares through each value and its neighbours within 1.5 s [per s]; NaN where
-    there is none, of values and of neighbours. The nearest on either side count however far they are.
+def local_slopes(seconds: Floats, values: Floats) -> Floats:
+    """The slope of the least-squares line through each value and its neighbours within 1.5 s [per s].
+
+    The nearest on either side count however far they are. NaN without a value or neighbours.
     """
     result = np.full(values.size, np.nan)
     valid = np.flatnonzero(np.isfinite(values) & np.isfinite(seconds))
     t, y = seconds[valid], values[valid]
     if valid.size < 2 or np.any(np.diff(t) < 0.0):
         return result
-    places = np.arange(valid.size)
-    low = np.minimum(np.searchsorted(t, t - _REACH_S), np.maximum(places - _LEAST_NEIGHBOURS, 0))
+    rows = np.arange(valid.size)
+    low = np.minimum(np.searchsorted(t, t - _SLOPE_REACH_S), np.maximum(rows - _MIN_NEIGHBOURS, 0))
     high = np.maximum(
-        np.searchsorted(t, t + _REACH_S, "right"), np.minimum(places + _LEAST_NEIGHBOURS + 1, valid.size)
+        np.searchsorted(t, t + _SLOPE_REACH_S, "right"), np.minimum(rows + _MIN_NEIGHBOURS + 1, valid.size)
     )
     count = (high - low).astype(float)
     t0, y0 = t - t[0], y - y.mean()
@@ -612,19 +600,19 @@ def rate(seconds: Floats, values: Floats) -> Floats:
     return result
 
 
-def at_all_rows(seconds: Floats, values: Floats) -> Floats:
-    """Values carried to the rows without one, along straight lines between two no more than 3 s apart; else NaN."""
+def interpolate_short_gaps(seconds: Floats, values: Floats) -> Floats:
+    """Values interpolated to the rows without one between two no more than 3 s apart; else NaN."""
     valid = np.flatnonzero(np.isfinite(values) & np.isfinite(seconds))
     if valid.size == 0:
         return values
     result = np.interp(seconds, seconds[valid], values[valid], left=np.nan, right=np.nan)
-    after = np.clip(np.searchsorted(seconds[valid], seconds), 1, max(valid.size - 1, 1))
-    gap = seconds[valid][np.minimum(after, valid.size - 1)] - seconds[valid][after - 1]
-    return np.where(np.isfinite(values), values, np.where(gap <= 2.0 * _REACH_S, result, np.nan))
+    next_index = np.clip(np.searchsorted(seconds[valid], seconds), 1, max(valid.size - 1, 1))
+    gap = seconds[valid][np.minimum(next_index, valid.size - 1)] - seconds[valid][next_index - 1]
+    return np.where(np.isfinite(values), values, np.where(gap <= 2.0 * _SLOPE_REACH_S, result, np.nan))
 
 
 def heading_of_quaternion(x: Floats, y: Floats, z: Floats, w: Floats, frame: str = "enu") -> Floats:
-    """The heading [deg] of orientations [n]; "enu" counts yaw from east to north, "ned" from north to east.
+    """The heading [deg] of quaternions [n]; "enu" measures yaw from east to north, "ned" from north to east.
 
     Yaw of Fossen (2021, eq. 2.74); ROS' frames are those of REP 103.
     """
@@ -634,7 +622,7 @@ def heading_of_quaternion(x: Floats, y: Floats, z: Floats, w: Floats, frame: str
 
 Axis = Literal["north_south", "east_west"]
 MeaningOfO = Literal["east", "west"]
-_WORDS: dict[Axis, tuple[str, str]] = {
+_HEMISPHERE_WORDS: dict[Axis, tuple[str, str]] = {
     "north_south": (
         "n north northern northward nord norden nordlich nordlig norra norr norte noord noorderbreedte nb nordre"
         " nordbreite septentrional pohjoinen polnoc sever severni kuzey север с северная 北 北纬 北緯 +1 1",
@@ -648,16 +636,16 @@ _WORDS: dict[Axis, tuple[str, str]] = {
         " ovest occidental westlange lansi zachod zapad zapadni bati запад з западная 西 西经 西経 -1",
     ),
 }
-"""The words of the two hemispheres of each axis, the positive one first, in small letters without accents."""
-_SIGNS: dict[Axis, dict[str, float]] = {
+"""The words of the two hemispheres of an axis, the positive one first, in small letters without accents."""
+_SIGN_BY_WORD: dict[Axis, dict[str, float]] = {
     axis: {word: sign for words, sign in zip(sides, (1.0, -1.0), strict=True) for word in words.split()}
-    for axis, sides in _WORDS.items()
+    for axis, sides in _HEMISPHERE_WORDS.items()
 }
 _O_IS_WEST = frozenset({"e", "l", "east", "est", "este", "leste"})
 _O_IS_EAST = frozenset({"w", "v", "z", "west", "vest", "zuid"})
-_EAST_OF_THE_NORTH = ("ø", "ö")  # Øst, Öst: without its accent it would be an O
+_SCANDINAVIAN_EAST = ("ø", "ö")  # Øst, Öst: without its accent it would be an O
 _NUMBER = r"\d+(?:[.,]\d+)?"
-_CELL = re.compile(
+_ANGLE_CELL = re.compile(
     rf"(?P<before>[^\W\d_]*)\.?\s*(?P<sign>[+-]?)\s*(?P<degrees>{_NUMBER})"
     r"\s*(?P<unit>°|º|˚|度|grad|degrees?|deg\.?|d(?=[\s\d]|$))?[\s:,-]*"
     rf"(?:(?P<minutes>{_NUMBER})\s*(?:'|′|’|´|分|minutes?|min\.?|m(?=[\s\d]|$))?[\s:]*"
@@ -665,28 +653,28 @@ _CELL = re.compile(
     r"\s*(?P<behind>[^\W\d_]*)\.?",
     re.IGNORECASE,
 )
-_RUSSIAN = re.compile(r"([сю])\.?\s?ш(?:\.|\b)|([вз])\.?\s?д(?:\.|\b)", re.IGNORECASE)
+_RUSSIAN_ABBREVIATION = re.compile(r"([сю])\.?\s?ш(?:\.|\b)|([вз])\.?\s?д(?:\.|\b)", re.IGNORECASE)
 """North, south, east and west of latitude and longitude in Russian, by two letters, of which the first counts."""
 _DIGITS_OF_DDMM = 4  # before the point: degrees alone have three at most
 
 
-def signs_of(column: pd.Series[Any], axis: Axis, o_is: MeaningOfO | None = None) -> Floats:
+def hemisphere_signs(column: pd.Series[Any], axis: Axis, o_is: MeaningOfO | None = None) -> Floats:
     """1 for north and east, -1 for south and west by the words of a column [n]; NaN for an empty cell.
 
-    Raises :class:`InputError` for a word that is not known, and an O that may be either.
+    Raises :class:`InputError` for an unknown word, and for an ambiguous O.
     """
-    words = [_word(cell) if pd.notna(cell) else "" for cell in column.tolist()]
+    words = [_hemisphere_word(cell) if pd.notna(cell) else "" for cell in column.tolist()]
     o_is = o_is or meaning_of_o(words, str(column.name))
-    signs = {word: _sign(word, axis, o_is, column, words.index(word)) for word in set(words)}
+    signs = {word: _hemisphere_sign(word, axis, o_is, column, words.index(word)) for word in set(words)}
     return np.array([signs[word] for word in words], dtype=float)
 
 
-def _word(cell: Any) -> str:
-    text = _RUSSIAN.sub(r"\1\2", str(cell)).strip(" .").lower()
-    return "ost" if text in _EAST_OF_THE_NORTH else plain_letters(text)
+def _hemisphere_word(cell: Any) -> str:
+    text = _RUSSIAN_ABBREVIATION.sub(r"\1\2", str(cell)).strip(" .").lower()
+    return "ost" if text in _SCANDINAVIAN_EAST else plain_letters(text)
 
 
-def _sign(word: str, axis: Axis, o_is: MeaningOfO | None, column: pd.Series[Any], row: int) -> float:
+def _hemisphere_sign(word: str, axis: Axis, o_is: MeaningOfO | None, column: pd.Series[Any], row: int) -> float:
     word = word.removesuffix(".0")  # of a column of 1 and -1
     if not word:
         return np.nan
@@ -697,21 +685,21 @@ def _sign(word: str, axis: Axis, o_is: MeaningOfO | None, column: pd.Series[Any]
                 fix="write E and W, or --answer o_is=east|west",
             )
         return 1.0 if o_is == "east" else -1.0
-    if word not in _SIGNS[axis]:
+    if word not in _SIGN_BY_WORD[axis]:
         cell = str(column.iloc[row])
         what = f"row {row + 1} of column {column.name!r} names a hemisphere that is not known: {cell!r}"
         raise InputError(what, fix="write N and S" if axis == "north_south" else "write E and W")
-    return _SIGNS[axis][word]
+    return _SIGN_BY_WORD[axis][word]
 
 
-def names_hemispheres(column: pd.Series[Any], axis: Axis) -> bool:
-    """Whether a column of text holds hemispheres of an axis alone, and at least one."""
-    letters = {word for cell in column.dropna().unique() if (word := _word(cell))}
-    return bool(letters) and letters <= {word for word in (*_SIGNS[axis], "o") if word.isalpha()}
+def holds_hemispheres(column: pd.Series[Any], axis: Axis) -> bool:
+    """Whether a column of text holds nothing but hemispheres of an axis, and at least one."""
+    letters = {word for cell in column.dropna().unique() if (word := _hemisphere_word(cell))}
+    return bool(letters) and letters <= {word for word in (*_SIGN_BY_WORD[axis], "o") if word.isalpha()}
 
 
 def meaning_of_o(words: Iterable[str], name: str) -> MeaningOfO | None:
-    """West beside an E or an L (oeste, ouest, ovest), east beside a W, V or Z (Ost, oost); None where nothing is.
+    """West next to an E or an L (oeste, ouest, ovest), east next to a W, V or Z (Ost, oost); None without these.
 
     >>> meaning_of_o(["o"], "E/O"), meaning_of_o(["o", "w"], "lon"), meaning_of_o(["o"], "lon")
     ('west', 'east', None)
@@ -724,60 +712,61 @@ def meaning_of_o(words: Iterable[str], name: str) -> MeaningOfO | None:
 
 
 def has_unclear_o(column: pd.Series[Any]) -> bool:
-    """Whether a column of hemispheres, or of longitudes with them, has an O that nothing beside it decides."""
-    words = [word for cell in column.dropna().astype("str").unique() for word in _words(cell)]
+    """Whether a column of hemispheres, or of longitudes with them, has an O that no other letter decides."""
+    words = list[str]()
+    for cell in column.dropna().astype("str").unique():
+        match = _ANGLE_CELL.fullmatch(cell.strip())
+        parts = [cell] if match is None else [match[part] for part in ("before", "behind") if match[part]]
+        words += map(_hemisphere_word, parts)
     return "o" in words and meaning_of_o(words, str(column.name)) is None
-
-
-def _words(cell: str) -> list[str]:
-    match = _CELL.fullmatch(cell.strip())
-    return [_word(cell)] if match is None else [_word(match[part]) for part in ("before", "behind") if match[part]]
 
 
 def degrees_of_text(
     latitude: pd.Series[Any], longitude: pd.Series[Any], o_is: MeaningOfO | None = None
 ) -> tuple[list[Floats], list[Floats]]:
     """Degrees of text such as 62°28.146'N, 6228.146N, 62 28 08.8 N, N62.469 or -62.469, without their hemisphere's
-    sign, and the signs [n] that the text gives, NaN where it names none. NaN for what is no angle.
+    sign, and the signs [n] of the hemispheres, NaN if the text names none. NaN for text that is no angle.
 
-    Raises :class:`InputError` as :func:`signs_of`, and for a negative angle of a positive hemisphere.
+    Raises :class:`InputError` as :func:`hemisphere_signs`, and for a negative angle of a positive hemisphere.
     """
-    cells = [[_match(cell) for cell in column.tolist()] for column in (latitude, longitude)]
-    singles = [match["degrees"] for matches in cells for match in matches if match and _is_single(match)]
+    cells = [
+        [
+            _ANGLE_CELL.fullmatch(_RUSSIAN_ABBREVIATION.sub(r"\1\2", str(cell).strip())) if pd.notna(cell) else None
+            for cell in column.tolist()
+        ]
+        for column in (latitude, longitude)
+    ]
+    singles = [match["degrees"] for matches in cells for match in matches if match and _is_single_number(match)]
     is_ddmm = any(len(re.split("[.,]", text)[0]) >= _DIGITS_OF_DDMM for text in singles)
     sizes, signs = [], []
-    for column, matches, axis in zip((latitude, longitude), cells, _WORDS, strict=True):
+    for column, matches, axis in zip((latitude, longitude), cells, _HEMISPHERE_WORDS, strict=True):
         words = [(match["behind"] or match["before"]) if match else None for match in matches]
-        signs.append(signs_of(pd.Series(words, name=column.name, dtype=object), axis, o_is))
+        signs.append(hemisphere_signs(pd.Series(words, name=column.name, dtype=object), axis, o_is))
         sizes.append(np.array([_sexagesimal_degrees(match, is_ddmm) for match in matches], dtype=float))
     return sizes, signs
 
 
-def _match(cell: Any) -> re.Match[str] | None:
-    return _CELL.fullmatch(_RUSSIAN.sub(r"\1\2", str(cell).strip())) if pd.notna(cell) else None
-
-
-def _is_single(match: re.Match[str]) -> bool:
+def _is_single_number(match: re.Match[str]) -> bool:
     return match["minutes"] is None and match["unit"] is None
 
 
 def _sexagesimal_degrees(match: re.Match[str] | None, is_ddmm: bool) -> float:
     if match is None:
         return np.nan
-    whole_degrees, minutes, seconds = (
+    degrees, minutes, seconds = (
         float((match[part] or "0").replace(",", ".")) for part in ("degrees", "minutes", "seconds")
     )
-    if is_ddmm and _is_single(match):
-        whole_degrees = float(from_degrees_and_minutes(whole_degrees)) if whole_degrees % 100.0 < 60.0 else np.nan
-    size = whole_degrees + minutes / 60.0 + seconds / 3600.0
+    if is_ddmm and _is_single_number(match):
+        degrees = float(from_degrees_and_minutes(degrees)) if degrees % 100.0 < 60.0 else np.nan
+    size = degrees + minutes / 60.0 + seconds / 3600.0
     return -size if match["sign"] == "-" else size
 
 
-def with_hemisphere(values: Floats, signs: Floats, column: pd.Series[Any]) -> Floats:
-    """Angles [n] with the sign of their hemisphere [n]; :class:`InputError` where theirs says the other one."""
-    wrong = np.flatnonzero((values < 0.0) & (signs > 0.0))
-    if wrong.size:
-        where = f"row {wrong[0] + 1} of column {column.name!r}"
-        what = f"{where}, {column.iloc[wrong[0]]!r}, is negative, but of the north or the east"
+def apply_hemisphere(values: Floats, signs: Floats, column: pd.Series[Any]) -> Floats:
+    """Angles [n] with the sign of their hemisphere [n]; :class:`InputError` for a contradicting sign."""
+    invalid = np.flatnonzero((values < 0.0) & (signs > 0.0))
+    if invalid.size:
+        where = f"row {invalid[0] + 1} of column {column.name!r}"
+        what = f"{where}, {column.iloc[invalid[0]]!r}, is negative, but of the north or the east"
         raise InputError(what, fix="correct the sign, or leave the column of hemispheres out")
     return np.asarray(np.abs(values) * signs)

@@ -1,8 +1,7 @@
-"""What columns and their units are called: the quantities of a trial in the words of several languages, loggers and
-programs, and units as the heads of tables write them, by the names of :mod:`seatrial.acquisition.core.quantities`.
+"""The vocabulary of column headers: the quantities that names mean, in several languages, and the units they state.
 
-Words are compared as a plain run of small letters without accents; the longest phrase that a name holds counts,
-the more of the name it covers the better.
+Names are compared in small letters without accents. The longest phrase that a name contains counts, and the more of
+the name it covers the better. Units are those of :mod:`seatrial.acquisition.core.quantities`.
 """
 
 from __future__ import annotations
@@ -31,12 +30,12 @@ class Quantity:
 _TREE = tomllib.loads(Path(__file__).with_name("column_names.toml").read_text(encoding="utf-8"))
 _WORDS = {name: frozenset(words.split()) for name, words in _TREE.pop("words").items()}
 _FULL_WORDS = {short: full for full, shorts in _TREE.pop("abbreviations").items() for short in shorts.split()}
-_LATIN = 0x2E80  # where the letters of East Asia begin
-_SHORT = 4  # letters: what is shorter is an abbreviation as a word only
+_EAST_ASIA = 0x2E80  # where the letters of East Asia begin
+_SHORT_LETTERS = 4  # an abbreviation of no more letters counts as a whole word only, not at the end of one
 
 
 def plain_letters(text: str) -> str:
-    """Small letters without accents."""
+    """A text in small letters without accents."""
     return _without_accents(text.lower().replace("ß", "ss").replace("ø", "o").replace("æ", "ae").replace("œ", "oe"))
 
 
@@ -44,28 +43,32 @@ def _without_accents(text: str) -> str:
     return "".join(letter for letter in unicodedata.normalize("NFKD", text) if not unicodedata.combining(letter))
 
 
-def _in_full(word: str) -> str:
+def _expand_abbreviation(word: str) -> str:
     """A word that is an abbreviation, or ends in one as ``drehgeschw`` does, in full."""
-    short = next((key for key in _FULL_WORDS if word == key or (len(key) > _SHORT and word.endswith(key))), "")
+    short = next(
+        (key for key in _FULL_WORDS if word == key or (len(key) > _SHORT_LETTERS and word.endswith(key))), ""
+    )
     return word.removesuffix(short) + _FULL_WORDS[short] if short else word
 
 
-def _phrase(text: str) -> str:
-    """A phrase as a name has it."""
-    return " ".join(_in_full(word) for word in plain_letters(text).split())
-
-
 QUANTITIES = tuple(
-    Quantity(name, entry["unit"], tuple(_phrase(phrase) for phrase in entry["phrases"].split(",")))
+    Quantity(
+        name,
+        entry["unit"],
+        tuple(
+            " ".join(_expand_abbreviation(word) for word in plain_letters(phrase).split())
+            for phrase in entry["phrases"].split(",")
+        ),
+    )
     for name, entry in _TREE.items()
 )
-BY_CHANNEL = {quantity.name: quantity for quantity in QUANTITIES if quantity.name in BY_NAME} | {
+QUANTITY_BY_CHANNEL = {quantity.name: quantity for quantity in QUANTITIES if quantity.name in BY_NAME} | {
     f"{quantity.name}_deg": quantity for quantity in QUANTITIES if quantity.name in ("latitude", "longitude")
 }
-"""The quantities whose channels have a name of their own."""
+"""The quantities that are channels, by channel."""
 _PHRASES = frozenset(phrase for quantity in QUANTITIES for phrase in quantity.phrases)
-LETTERS = frozenset(letter for phrase in _PHRASES for letter in phrase if ord(letter) > _LATIN)
-"""The Chinese and Japanese letters of the phrases."""
+EAST_ASIAN_LETTERS = frozenset(letter for phrase in _PHRASES for letter in phrase if ord(letter) > _EAST_ASIA)
+"""The Chinese and Japanese characters in the phrases."""
 PORT, STARBOARD, BOW, STERN = (_WORDS[name] for name in ("port", "starboard", "bow", "stern"))
 TUNNEL, ORDER = _WORDS["tunnel"], _WORDS["order"]
 TIME_WORDS = frozenset(
@@ -76,14 +79,14 @@ TIME_WORDS = frozenset(
     for word in phrase.split()
 )
 """The words of columns that state the time."""
-_SAY_NO_MORE = PORT | STARBOARD | BOW | STERN | TUNNEL | ORDER | _WORDS["centre"] | _WORDS["nothing"]
-_LEAST_COVER = 0.55  # a "vertical velocity" is no speed: half of the name says something else
-_EXTRA_WORD_COUNTS = 0.05  # of words that say nothing: the plainer of two names is meant
+_UNINFORMATIVE_WORDS = PORT | STARBOARD | BOW | STERN | TUNNEL | ORDER | _WORDS["centre"] | _WORDS["nothing"]
+_MIN_COVER = 0.55  # a "vertical velocity" is no speed: half of the name means something else
+_EXTRA_WORD_LETTERS = 0.05  # what an uninformative word counts, so that the plainer of two names is preferred
 
 
 @dataclass(frozen=True, slots=True)
 class Match:
-    """What a name may mean, how much of it says so (0 to 1), and the words that it has besides."""
+    """A quantity that a name may mean, the fraction of the name that says so, and its remaining words."""
 
     quantity: Quantity
     cover: float
@@ -97,53 +100,52 @@ def words_of(name: str) -> tuple[str, ...]:
     (('kurs', 'u', 'grund'), ('wind', 'dir', 'rel', '2'))
     """
     text = re.sub(r"(?<=[a-zäöüåøæéè0-9])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z]{2})", " ", name)
-    return tuple(_in_full(word) for word in re.findall(r"[^\W\d_]+|\d+", plain_letters(text)))
+    return tuple(_expand_abbreviation(word) for word in re.findall(r"[^\W\d_]+|\d+", plain_letters(text)))
 
 
 @lru_cache(maxsize=4096)
-def matches(name: str) -> tuple[Match, ...]:
-    """What a column's name, without its unit, may mean; the likeliest first, nothing for unknown words."""
+def match_quantities(name: str) -> tuple[Match, ...]:
+    """The quantities that a column's name, without its unit, may mean, the likeliest first."""
     words = words_of(name)
     if " ".join(words) not in _PHRASES and any(word in _WORDS["other"] or "force" in word for word in words):
         return ()
-    text, joined = f" {' '.join(words)} ", "".join(words)
-    candidates = [match for quantity in QUANTITIES if (match := _match(quantity, words, text, joined))]
+    text, compact_text = f" {' '.join(words)} ", "".join(words)
+    candidates = [
+        match for quantity in QUANTITIES if (match := _match_quantity(quantity, words, text, compact_text))
+    ]
     return tuple(sorted(candidates, key=lambda candidate: -candidate.cover))
 
 
-def _match(quantity: Quantity, words: tuple[str, ...], text: str, joined: str) -> Match | None:
+def _match_quantity(quantity: Quantity, words: tuple[str, ...], text: str, compact_text: str) -> Match | None:
     """How well the longest of a quantity's phrases covers a name; single letters count as a whole name only.
 
-    Words of sides may stand amid a phrase, and its words in another order.
+    Words of sides may stand inside a phrase, and its words may be in another order, unless one is a single letter.
     """
-    plain = f" {' '.join(word for word in words if word not in PORT | STARBOARD)} "
+    text_without_sides = f" {' '.join(word for word in words if word not in PORT | STARBOARD)} "
     wordings = [
         wording
         for wording in quantity.phrases
-        if len(wording) > 1 and (f" {wording} " in text or f" {wording} " in plain)
+        if len(wording) > 1 and (f" {wording} " in text or f" {wording} " in text_without_sides)
     ]
-    if joined in {wording.replace(" ", "") for wording in quantity.phrases}:
+    if compact_text in {wording.replace(" ", "") for wording in quantity.phrases}:
         return Match(quantity, 1.0, frozenset())
-    wordings += [wording for wording in quantity.phrases if " " in wording and _in_any_order(wording, words)]
+    for wording in quantity.phrases:
+        parts = wording.split()
+        if len(parts) > 1 and min(map(len, parts)) > 1 and not Counter(parts) - Counter(words):
+            wordings.append(wording)
     if not wordings:
         return None
     phrase = max(wordings, key=len)
     remaining = list(words)
     for word in phrase.split():
         remaining.remove(word)
-    unexplained = [word for word in remaining if word not in _SAY_NO_MORE and not word.isdigit()]
+    unexplained = [word for word in remaining if word not in _UNINFORMATIVE_WORDS and not word.isdigit()]
     size = len(phrase.replace(" ", ""))
-    cover = size / (size + sum(map(len, unexplained)) + _EXTRA_WORD_COUNTS * len(remaining))
-    return Match(quantity, cover, frozenset(remaining)) if cover >= _LEAST_COVER else None
+    cover = size / (size + sum(map(len, unexplained)) + _EXTRA_WORD_LETTERS * len(remaining))
+    return Match(quantity, cover, frozenset(remaining)) if cover >= _MIN_COVER else None
 
 
-def _in_any_order(phrase: str, words: tuple[str, ...]) -> bool:
-    """Whether a name has each word of a phrase, none of which is a single letter."""
-    parts = phrase.split()
-    return min(map(len, parts)) > 1 and not Counter(parts) - Counter(words)
-
-
-_NAMES: dict[str, str] = {
+_SPELLINGS_BY_UNIT: dict[str, str] = {
     "deg": "deg degs degree degrees ° º deg. grad degrees_true degrees_north degrees_east degree_north degree_east"
     " degrees_n degrees_e degt deg_t °t deg(t) deg_true deg_rel deg_mag °_true °_rel gradi grados graus"
     " grader degrees_t 度 °true dd decimal_degrees decdeg",
@@ -191,13 +193,13 @@ _NAMES: dict[str, str] = {
     "degC": "°c degc celsius c degrees_c",
     "1": "1 - n/a none",
 }
-_BY_NAME: dict[str, tuple[str, ...]] = {}
-for _unit, _words in _NAMES.items():
-    for _word in _words.split():
-        _BY_NAME[_word] = (*_BY_NAME.get(_word, ()), _unit)
-_CASED = {"Nm": ("Nm",), "NM": ("nmi",), "nm": ("nmi", "Nm"), "mW": (), "N": ("N",), "kN": ("knots",)}
+_UNITS_BY_SPELLING: dict[str, tuple[str, ...]] = {}
+for _unit, _spellings in _SPELLINGS_BY_UNIT.items():
+    for _spelling in _spellings.split():
+        _UNITS_BY_SPELLING[_spelling] = (*_UNITS_BY_SPELLING.get(_spelling, ()), _unit)
+_CASED_UNITS = {"Nm": ("Nm",), "NM": ("nmi",), "nm": ("nmi", "Nm"), "mW": (), "N": ("N",), "kN": ("knots",)}
 """Where capitals matter; ``kN`` heads columns of speeds more often than of forces, and its quantity decides."""
-_NOT_UNITS = re.compile(
+_NO_UNIT = re.compile(
     r"utc|gmt|local|lt|z|[ymdhms./:\-, t]+|[\d.]*f|iso.*|n/s|e/w|ns|ew|text|string|bool|float|int|enum|on/off|true|"
     r"magn?|hh.*|dd.*|yyyy.*|t[rm]m.*|jjjj.*", re.IGNORECASE,
 )  # fmt: skip
@@ -205,56 +207,56 @@ _BRACKETED = re.compile(r"\s*[\[({<]([^\[\](){}<>]*(?:\([^()]*\))?[^\[\](){}<>]*
 _LONGEST_AFFIX = 3
 
 
-class Headed(NamedTuple):
-    """A column's name without its unit, the units it may mean (several where one word is two), the text of it."""
+class HeaderUnit(NamedTuple):
+    """A column's name without its unit, the units that the header may mean, and the text that states them."""
 
     name: str
     units: tuple[str, ...]
     text: str
 
 
-def units_called(text: str) -> tuple[str, ...]:
-    """The units that a text may mean, most usual first; none where it is no unit that is known.
+def parse_units(text: str) -> tuple[str, ...]:
+    """The units that a text may mean, most usual first; empty for an unknown one.
 
-    >>> units_called("°/min"), units_called("m s-1"), units_called("Knoten"), units_called("furlongs")
+    >>> parse_units("°/min"), parse_units("m s-1"), parse_units("Knoten"), parse_units("furlongs")
     (('deg/min',), ('m/s',), ('knots',), ())
     """
     text = text.strip().strip("[](){}").strip()
-    if text in _CASED:
-        return _CASED[text]
-    plain = text.lower().replace("′", "'").replace("⁻¹", "-1").replace("^", "").replace("œ", "oe")
-    plain = re.sub(r"\s*([/*·.])\s*", r"\1", plain)
-    for form in (plain, plain.replace(" ", "_"), plain.replace(" ", ""), _without_accents(plain)):
-        if form in _BY_NAME:
-            return _BY_NAME[form]
+    if text in _CASED_UNITS:
+        return _CASED_UNITS[text]
+    spelling = text.lower().replace("′", "'").replace("⁻¹", "-1").replace("^", "").replace("œ", "oe")
+    spelling = re.sub(r"\s*([/*·.])\s*", r"\1", spelling)
+    for form in (spelling, spelling.replace(" ", "_"), spelling.replace(" ", ""), _without_accents(spelling)):
+        if form in _UNITS_BY_SPELLING:
+            return _UNITS_BY_SPELLING[form]
     return ()
 
 
 def is_unit_cell(text: str) -> bool:
     """Whether a cell of a row below the names may stand in a row of units."""
-    bare = text.strip().strip("[](){}").strip()
-    return bare in ("", "-") or bool(units_called(bare)) or bool(_NOT_UNITS.fullmatch(bare))
+    content = text.strip().strip("[](){}").strip()
+    return content in ("", "-") or bool(parse_units(content)) or bool(_NO_UNIT.fullmatch(content))
 
 
-def headed(name: str) -> Headed:
-    """A name as it stands in the head of a table, its unit taken off: in brackets, after a slash or comma, or last.
+def split_header(name: str) -> HeaderUnit:
+    """Split a column header into name and unit: in brackets, after a slash, comma, colon or "in", or last.
 
-    >>> headed("Speed over ground [kn]").name, headed("sog_kn").units, headed("v / (m/s)").units
+    >>> split_header("Speed over ground [kn]").name, split_header("sog_kn").units, split_header("v / (m/s)").units
     ('Speed over ground', ('knots',), ('m/s',))
     """
     for match in reversed(list(_BRACKETED.finditer(name))):
-        units = units_called(match[1])
-        if units or _NOT_UNITS.fullmatch(match[1].strip()):
-            bare = (name[: match.start()] + " " + name[match.end() :]).strip(" /,;:-")
-            return Headed(bare, units, match[1].strip())
+        units = parse_units(match[1])
+        if units or _NO_UNIT.fullmatch(match[1].strip()):
+            stem = (name[: match.start()] + " " + name[match.end() :]).strip(" /,;:-")
+            return HeaderUnit(stem, units, match[1].strip())
     for pattern in (r"\s+/\s*|\s*/\s+", r"\s*,\s*", r"\s+in\s+", r"\s*:\s*"):
         parts = re.split(pattern, name)
-        if len(parts) > 1 and (units := units_called(parts[-1])):
-            return Headed(" ".join(parts[:-1]), units, parts[-1])
+        if len(parts) > 1 and (units := parse_units(parts[-1])):
+            return HeaderUnit(" ".join(parts[:-1]), units, parts[-1])
     words = re.split(r"[_\s]+", name)
     for count in range(min(_LONGEST_AFFIX, len(words) - 1), 0, -1):
         text = " ".join(words[-count:])
-        if units := units_called(text):
-            return Headed(" ".join(words[:-count]), units, text)
-    stem, _, last = name.rpartition("/")
-    return Headed(stem, units, last) if stem and (units := units_called(last)) else Headed(name, (), "")
+        if units := parse_units(text):
+            return HeaderUnit(" ".join(words[:-count]), units, text)
+    stem, _, suffix = name.rpartition("/")
+    return HeaderUnit(stem, units, suffix) if stem and (units := parse_units(suffix)) else HeaderUnit(name, (), "")

@@ -1,8 +1,8 @@
-"""What other libraries make of spreadsheets, .mat, NetCDF and Parquet files, as a script of its own.
+"""A script that reads spreadsheets, .mat, NetCDF and Parquet files with other libraries, in a limited process.
 
-None of these libraries can be told how much a file may take: a sheet with one cell in its last corner makes
-calamine reserve the whole grid, a few bytes of .mat or HDF5 declare arrays of any size. The script limits itself,
-then reads, and writes the pickled result to stdout. It imports nothing of Seatrial, to begin quickly.
+These libraries have no limits of memory: a sheet with one cell in its last corner makes calamine reserve the whole
+grid, a few bytes of .mat or HDF5 declare arrays of any size. The script limits itself, reads, and writes the
+pickled result to stdout. It imports nothing of Seatrial, to start quickly.
 """
 
 from __future__ import annotations
@@ -14,28 +14,28 @@ import sys
 from collections.abc import Callable, Iterator, Mapping
 from typing import Any, BinaryIO
 
-_REFUSED = 3
-_DEEPEST = 32  # groups in groups: of one that holds itself there is no end
+_EXIT_REFUSED = 3
+_MAX_DEPTH = 32  # of nested groups: one that contains itself has no end
 
 
 class RefusedError(ValueError):
-    """Why a file is not read, in words for its user; what a library says of it is for its author."""
+    """The reason why a file is not read, in words for its user."""
 
 
-class _Cells:
-    """How many cells a file may still give."""
+class _CellBudget:
+    """The number of cells that a file may still have."""
 
     def __init__(self, allowance: int) -> None:
-        self.left = allowance
+        self.remaining = allowance
 
     def take(self, count: int) -> None:
         """Count cells. Raises RefusedError when there are too many."""
-        self.left -= count
-        if self.left < 0:
+        self.remaining -= count
+        if self.remaining < 0:
             raise RefusedError("it holds more cells than its budget; SEATRIAL_BUDGET=10 raises that tenfold")
 
 
-def read_sheets(path: str, cells: _Cells) -> dict[str, list[list[Any]]]:
+def read_sheets(path: str, cells: _CellBudget) -> dict[str, list[list[Any]]]:
     """The rows of all sheets by name."""
     import python_calamine
 
@@ -47,7 +47,7 @@ def read_sheets(path: str, cells: _Cells) -> dict[str, list[list[Any]]]:
     return rows
 
 
-def read_parquet(path: str, cells: _Cells) -> Any:
+def read_parquet(path: str, cells: _CellBudget) -> Any:
     """The table, as Arrow has it."""
     import pyarrow as pa
     import pyarrow.parquet as pq
@@ -56,13 +56,15 @@ def read_parquet(path: str, cells: _Cells) -> Any:
     cells.take(max(metadata.num_rows, 1) * max(metadata.num_columns, 1))
     table = pq.read_table(path)
     for number, field in enumerate(table.schema):
-        if pa.types.is_dictionary(field.type):  # a long text of many rows would take its room later, without limits
-            plain = field.with_type(field.type.value_type)
-            table = table.set_column(number, plain, table.column(number).cast(plain.type))
+        if pa.types.is_dictionary(
+            field.type
+        ):  # a long text of many rows would take its memory later, without limits
+            decoded = field.with_type(field.type.value_type)
+            table = table.set_column(number, decoded, table.column(number).cast(decoded.type))
     return table
 
 
-def read_mat(path: str, cells: _Cells) -> dict[str, Any]:
+def read_mat(path: str, cells: _CellBudget) -> dict[str, Any]:
     """The variables of a MATLAB file of any version."""
     from scipy.io import loadmat
 
@@ -70,29 +72,29 @@ def read_mat(path: str, cells: _Cells) -> dict[str, Any]:
         variables: dict[str, Any] = loadmat(path, simplify_cells=True)
     except NotImplementedError:
         variables = _variables_of_hdf5(path)
-    _count(variables, cells)
+    _count_cells(variables, cells)
     return variables
 
 
-def _count(value: Any, cells: _Cells) -> None:
+def _count_cells(value: Any, cells: _CellBudget) -> None:
     if isinstance(value, dict):
         for item in value.values():
-            _count(item, cells)
+            _count_cells(item, cells)
     else:
         cells.take(int(getattr(value, "size", 1)))
 
 
 def _variables_of_hdf5(path: str) -> dict[str, Any]:
-    """The variables of a MATLAB 7.3 file, as :func:`scipy.io.loadmat` gives those of older ones."""
+    """The variables of a MATLAB 7.3 file, as :func:`scipy.io.loadmat` returns those of older ones."""
     import h5py
     import numpy as np
 
     def value_of(item: Any, file: Any, depth: int = 0) -> Any:
-        if depth > _DEEPEST:
+        if depth > _MAX_DEPTH:
             raise RefusedError("its groups hold each other")
         if isinstance(item, h5py.Group):
             return {name: value_of(member, file, depth + 1) for name, member in _members(item)}
-        values = _values(item)
+        values = _dataset_values(item)
         if item.dtype == h5py.ref_dtype:
             members = [value_of(file[reference], file, depth + 1) for reference in np.ravel(values)]
             return members[0] if len(members) == 1 else np.array(members, dtype=object)
@@ -106,7 +108,7 @@ def _variables_of_hdf5(path: str) -> dict[str, Any]:
 
 
 def _members(group: Any) -> Iterator[tuple[str, Any]]:
-    """What is in a group. Raises RefusedError for a link to another file, which nobody has given us."""
+    """The members of a group. Raises RefusedError for a link to another file."""
     import h5py
 
     for name in group:
@@ -115,7 +117,7 @@ def _members(group: Any) -> Iterator[tuple[str, Any]]:
         yield name, group[name]
 
 
-def _values(dataset: Any) -> Any:
+def _dataset_values(dataset: Any) -> Any:
     if dataset.is_virtual or dataset.external:
         raise RefusedError(f"the values of its {dataset.name!r} are in another file; copy them into this one")
     return dataset[()]
@@ -124,7 +126,7 @@ def _values(dataset: Any) -> Any:
 Variables = dict[str, tuple[tuple[str, ...], Any, dict[str, Any]]]
 
 
-def read_netcdf(path: str, cells: _Cells) -> tuple[Variables, dict[str, Any]]:
+def read_netcdf(path: str, cells: _CellBudget) -> tuple[Variables, dict[str, Any]]:
     """Each variable's dimensions, values and attributes, and the file's attributes."""
     from scipy.io import netcdf_file
 
@@ -133,13 +135,13 @@ def read_netcdf(path: str, cells: _Cells) -> tuple[Variables, dict[str, Any]]:
         for name, item in file.variables.items():
             values = item.data
             cells.take(values.size)
-            plain = values.astype(values.dtype.newbyteorder("="))
-            variables[name] = tuple(item.dimensions), plain, _plain(item._attributes)
-        return variables, _plain(file._attributes)
+            values = values.astype(values.dtype.newbyteorder("="))
+            variables[name] = tuple(item.dimensions), values, _readable_attributes(item._attributes)
+        return variables, _readable_attributes(file._attributes)
 
 
-def read_netcdf_4(path: str, cells: _Cells) -> tuple[Variables, dict[str, Any]]:
-    """The same of a NetCDF-4 file, which is one of HDF5."""
+def read_netcdf_4(path: str, cells: _CellBudget) -> tuple[Variables, dict[str, Any]]:
+    """As :func:`read_netcdf`, of a NetCDF-4 file, which is HDF5."""
     import h5py
 
     with h5py.File(path) as file:
@@ -149,12 +151,12 @@ def read_netcdf_4(path: str, cells: _Cells) -> tuple[Variables, dict[str, Any]]:
                 cells.take(item.size)
                 scales = [list(dimension.values()) for dimension in item.dims]
                 dimensions = tuple(scale[0].name if scale else item.name for scale in scales)
-                variables[name] = dimensions, _values(item), _plain(item.attrs)
-        return variables, _plain(file.attrs)
+                variables[name] = dimensions, _dataset_values(item), _readable_attributes(item.attrs)
+        return variables, _readable_attributes(file.attrs)
 
 
-def _plain(attributes: Mapping[str, Any]) -> dict[str, Any]:
-    """The attributes that say something by themselves, not those that refer to other parts of the file."""
+def _readable_attributes(attributes: Mapping[str, Any]) -> dict[str, Any]:
+    """The attributes without those that refer to other parts of the file."""
     return {
         name: value.decode(errors="replace") if isinstance(value, bytes) else value
         for name, value in attributes.items()
@@ -162,7 +164,7 @@ def _plain(attributes: Mapping[str, Any]) -> dict[str, Any]:
     }
 
 
-READERS: dict[str, Callable[[str, _Cells], Any]] = {
+READERS: dict[str, Callable[[str, _CellBudget], Any]] = {
     "sheets": read_sheets,
     "parquet": read_parquet,
     "mat": read_mat,
@@ -172,30 +174,30 @@ READERS: dict[str, Callable[[str, _Cells], Any]] = {
 
 
 def main() -> int:
-    """Read one file under limits and write what is in it to stdout."""
+    """Read one file under limits and write its content to stdout."""
     reader, path, memory_bytes, cpu_seconds, cells = sys.argv[1:]
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
     for kind, limit in ((resource.RLIMIT_DATA, int(memory_bytes)), (resource.RLIMIT_CPU, int(cpu_seconds))):
-        hard = resource.getrlimit(kind)[1]
-        lowest = limit if hard == resource.RLIM_INFINITY else min(limit, hard)
-        resource.setrlimit(kind, (lowest, hard))
+        hard_limit = resource.getrlimit(kind)[1]
+        soft_limit = limit if hard_limit == resource.RLIM_INFINITY else min(limit, hard_limit)
+        resource.setrlimit(kind, (soft_limit, hard_limit))
     with os.fdopen(os.dup(sys.stdout.fileno()), "wb") as output:
         os.dup2(sys.stderr.fileno(), sys.stdout.fileno())  # what a library prints is no part of the result
-        return _write(READERS[reader], path, _Cells(int(cells)), output)
+        return _write(READERS[reader], path, _CellBudget(int(cells)), output)
 
 
-def _write(read: Callable[[str, _Cells], Any], path: str, cells: _Cells, output: BinaryIO) -> int:
+def _write(reader: Callable[[str, _CellBudget], Any], path: str, cells: _CellBudget, output: BinaryIO) -> int:
     try:
-        pickle.dump(read(path, cells), output, protocol=5)
+        pickle.dump(reader(path, cells), output, protocol=5)
         output.flush()
     except MemoryError:
         return 1
     except RefusedError as error:
         sys.stderr.write(str(error))
-        return _REFUSED
+        return _EXIT_REFUSED
     except Exception:  # a damaged file makes these libraries fail in every possible way
         sys.stderr.write("it is damaged, cut short, or of another kind than its name says")
-        return _REFUSED
+        return _EXIT_REFUSED
     return 0
 
 

@@ -1,6 +1,7 @@
-"""The heading of a table held against its track before anything is derived from it, then what is judged by it.
+"""Checks a table's heading against its track before anything is derived from it: unit, sense, zero and axes.
 
-That is the rate of turn, and the axes and signs of the speeds: a wrong heading would else turn right columns wrong.
+The rate of turn and the axes and signs of the speeds are then judged by the heading; a wrong one would make correct
+columns wrong.
 """
 
 from __future__ import annotations
@@ -9,19 +10,13 @@ from dataclasses import replace
 
 import numpy as np
 
+from seatrial.acquisition.core import conventions
 from seatrial.acquisition.core.conventions import (
     ANGLE_UNITS,
-    ANTICLOCKWISE,
-    AXES,
     CLOCKWISE,
     FROM_EAST,
-    FROM_SOUTH,
-    HEADINGS,
     HeadingConvention,
     HeadingVerdict,
-    conventions_of_course,
-    drift_angle,
-    judge_axes,
     judge_heading,
 )
 from seatrial.acquisition.core.quantities import Complexes, Floats, scale_to
@@ -29,58 +24,45 @@ from seatrial.acquisition.core.ship import unwrap, wrap_360
 from seatrial.acquisition.tables import evidence
 from seatrial.acquisition.tables.column_map import heading_of_quaternion
 from seatrial.acquisition.tables.evidence import (
-    POSITION,
+    NO_FIT,
+    POSITION_CHANNELS,
     SPEED,
-    UNKNOWN,
     ColumnCandidate,
-    Draft,
-    Known,
+    MappingDraft,
     ScaleFit,
-    Told,
-    agreement,
-    asked,
-    best,
-    changes_of,
-    count_otherwise,
-    fit,
-    integrals,
-    mean_angle,
-    moves_of,
-    rate_unit,
-    take,
-    travelled,
-    turn_round,
+    TableContext,
+    UnitGuess,
 )
 
-_FEWEST_BEYOND = 3  # different values beyond a turn: codes for no value are fewer
-_A_TURN_DEG = 360.5
-_CLEARER = 3.0  # times the variance of the drift angle
-_FASTEST_DRIFT_MPS = 2.0  # a ship that lies adrift goes any way to her heading, and slower than this
-_NAMES = tuple(convention.name for convention in HEADINGS)
+_MIN_VALUES_BEYOND_TURN = 3  # distinct values beyond a turn: codes for no value are fewer
+_TURN_DEG = 360.5
+_CLEAR_VARIANCE_RATIO = 3.0  # times the variance of the drift angle
+_FASTEST_DRIFT_MPS = 2.0  # a drifting ship moves in any direction, and slower than this
+_CONVENTION_NAMES = tuple(convention.name for convention in conventions.HEADINGS)
 
 
-def angle_unit(context: Known, candidate: ColumnCandidate, name: str) -> Told | None:
-    """The unit of an angle: as the head says, else by the track, the range or the heading, else asked."""
-    if candidate.headed:
-        return candidate.headed
-    values = evidence.without_codes(context.draft.numbers(candidate.column))
+def angle_unit(context: TableContext, candidate: ColumnCandidate, name: str) -> UnitGuess | None:
+    """The unit of an angle: by the header, else by the track, the range or the heading, else asked."""
+    if candidate.header_unit:
+        return candidate.header_unit
+    values = evidence.mask_codes(context.draft.numbers(candidate.column))
     values = values[np.isfinite(values)]
     if values.size == 0:
         return "deg", "no value"
     if name in ("heading_deg", "course_over_ground_deg") and (unit_guess := _unit_by_track(context, candidate)):
         return unit_guess
     text = f"{candidate.column!r}, taken for {name}, goes up to {np.max(np.abs(values)):.3g}: degrees or radians?"
-    return evidence.angle_by_range(values, name, context.channels.get("heading_deg", {}).get("unit", "")) or asked(
-        context.draft, f"unit.{candidate.column}", text, ("deg", "rad")
-    )
+    return evidence.angle_unit_by_range(
+        values, name, context.channels.get("heading_deg", {}).get("unit", "")
+    ) or evidence.ask_unit(context.draft, f"unit.{candidate.column}", text, ("deg", "rad"))
 
 
-def _unit_by_track(context: Known, candidate: ColumnCandidate) -> Told | None:
+def _unit_by_track(context: TableContext, candidate: ColumnCandidate) -> UnitGuess | None:
     """The unit in which an angle turns as the track does, whichever of its axes is north."""
-    moves = _moves_of_track(context)
+    moves = _track_displacements(context)
     if moves is None:
         return None
-    unit = judge_heading(moves, _readings(context, candidate.column)).unit
+    unit = judge_heading(moves, _mean_angles_by_unit(context, candidate.column)).unit
     if not unit:
         return None
     why = f"in {ANGLE_UNITS[unit]} it turns as the track does"
@@ -89,11 +71,11 @@ def _unit_by_track(context: Known, candidate: ColumnCandidate) -> Told | None:
     return unit, why
 
 
-def _moves_of_track(context: Known) -> Complexes | None:
-    """The moves by two coordinates, whichever is which."""
+def _track_displacements(context: TableContext) -> Complexes | None:
+    """The displacements by two coordinates, whichever of them is north."""
     if "north_m" in context.series or context.grid.size < 3:
-        return moves_of(context)
-    pairs = [[context.draft.of(name) for name in names] for names in (POSITION, ("x", "y"))]
+        return evidence.displacements(context)
+    pairs = [[context.draft.candidates_for(name) for name in names] for names in (POSITION_CHANNELS, ("x", "y"))]
     pair = next((pair for pair in pairs if all(pair)), None)
     if pair is None:
         return None
@@ -104,22 +86,22 @@ def _moves_of_track(context: Known) -> Complexes | None:
     return np.asarray(first_moves + 1j * second_moves)
 
 
-def _readings(context: Known, column: str, taken: str = "deg") -> dict[str, Floats]:
-    """The mean angle [deg] between the moments of the grid by each unit that a column may be in, ``taken`` too.
+def _mean_angles_by_unit(context: TableContext, column: str, assumed: str = "deg") -> dict[str, Floats]:
+    """The mean angle [deg] between the instants of the grid by each unit that a column may have, ``assumed`` first.
 
-    Parts of a degree only where values lie beyond a turn: a heading of few degrees is none of many tenths.
+    Fractions of a degree only where values exceed a turn: a heading of a few degrees is not one of many tenths.
     """
     numbers = context.draft.numbers(column)
-    beyond = np.unique(numbers[np.abs(numbers) > _A_TURN_DEG]).size >= _FEWEST_BEYOND
-    units = [unit for unit in ANGLE_UNITS if beyond or scale_to("deg", unit) >= 1.0]
-    return {unit: mean_angle(context, numbers * scale_to("deg", unit)) for unit in (taken, *units)}
+    exceeds_turn = np.unique(numbers[np.abs(numbers) > _TURN_DEG]).size >= _MIN_VALUES_BEYOND_TURN
+    units = [unit for unit in ANGLE_UNITS if exceeds_turn or scale_to("deg", unit) >= 1.0]
+    return {unit: evidence.mean_angle(context, numbers * scale_to("deg", unit)) for unit in (assumed, *units)}
 
 
-def read_heading(context: Known) -> None:
-    """Take a column, or the quaternion, for the heading."""
+def read_heading(context: TableContext) -> None:
+    """Assign a column, or the quaternion, to the heading."""
     draft = context.draft
-    quaternion = [draft.of(f"quaternion_{part}") for part in "xyzw"]
-    candidate = best(draft, "heading_deg")
+    quaternion = [draft.candidates_for(f"quaternion_{part}") for part in "xyzw"]
+    candidate = evidence.best_candidate(draft, "heading_deg")
     if candidate is None and all(quaternion):
         names = [candidates[0].column for candidates in quaternion]
         draft.tree["orientation"] = dict(zip("xyzw", names, strict=True)) | {"frame": "enu"}
@@ -130,13 +112,13 @@ def read_heading(context: Known) -> None:
         return
     candidate = candidate or _course_as_heading(draft)
     if candidate is not None and (unit_guess := angle_unit(context, candidate, "heading_deg")):
-        take(context, "heading_deg", candidate, *unit_guess)
+        evidence.assign_column(context, "heading_deg", candidate, *unit_guess)
 
 
-def _course_as_heading(draft: Draft) -> ColumnCandidate | None:
-    """A column called course: the heading beside a course over ground, else asked."""
-    candidates = draft.of("course")
-    if not candidates or draft.of("course_over_ground_deg"):
+def _course_as_heading(draft: MappingDraft) -> ColumnCandidate | None:
+    """A column named course: the heading if there is a course over ground as well, else asked."""
+    candidates = draft.candidates_for("course")
+    if not candidates or draft.candidates_for("course_over_ground_deg"):
         return candidates[0] if candidates else None
     text = f"is {candidates[0].column!r} the heading or the course over ground?"
     answer = draft.ask("course", text, ("heading", "course over ground"))
@@ -146,21 +128,20 @@ def _course_as_heading(draft: Draft) -> ColumnCandidate | None:
     return candidates[0] if answer == "heading" else None
 
 
-def judge_heading_column(context: Known) -> None:
-    """Hold the heading against the track: in another unit or convention it is corrected where that is clear and
-    said, else asked."""
-    moves, entry = moves_of(context), context.channels.get("heading_deg")
+def judge_heading_column(context: TableContext) -> None:
+    """Check the heading against the track: a clear other convention is corrected and reported, else asked."""
+    moves, entry = evidence.displacements(context), context.channels.get("heading_deg")
     if entry is None or "heading" in context.draft.answers:
         _judge_quaternion(context, moves)
-        _as_answered(context)
+        _apply_heading_answer(context)
         return
     if moves is None:
         return
-    verdict = judge_heading(moves, _readings(context, entry["column"], entry["unit"]), entry["unit"])
+    verdict = judge_heading(moves, _mean_angles_by_unit(context, entry["column"], entry["unit"]), entry["unit"])
     if verdict.unit and verdict.unit != entry["unit"]:
-        _ask_unit(context.draft, entry["column"], entry["unit"], verdict)
+        _ask_heading_unit(context.draft, entry["column"], entry["unit"], verdict)
     elif verdict.unit and verdict.convention is None:
-        context.draft.warnings.append(_of_another_zero(entry["column"], verdict))
+        context.draft.warnings.append(_describe_constant_offset(entry["column"], verdict))
     elif verdict.convention is None:
         _judge_straight_course(context, moves)
     elif verdict.convention is CLOCKWISE:
@@ -169,36 +150,36 @@ def judge_heading_column(context: Known) -> None:
         _correct_heading(context, moves, verdict.convention, verdict)
 
 
-def _of_another_zero(column: str, verdict: HeadingVerdict) -> str:
-    """That a heading turns as the track does, but points elsewhere all the time."""
-    off_deg = verdict.best.mean_deg
-    side = "starboard" if off_deg > 0.0 else "port"
+def _describe_constant_offset(column: str, verdict: HeadingVerdict) -> str:
+    """A remark on a heading that turns as the track does, but has a constant offset."""
+    mean_deg = verdict.best.mean_deg
+    side = "starboard" if mean_deg > 0.0 else "port"
     return (
-        f"{column!r} turns as the track does, but the track runs {abs(off_deg):.0f} deg to {side} of it throughout:"
-        " does it count from elsewhere than north, or does the ship go so, astern or abeam? It stays as it is;"
-        " a map's `offset` corrects it"
+        f"{column!r} turns as the track does, but the track runs {abs(mean_deg):.0f} deg to {side} of it"
+        " throughout: does it count from elsewhere than north, or does the ship go so, astern or abeam? It stays"
+        " as it is; a map's `offset` corrects it"
     )
 
 
-def _as_answered(context: Known) -> None:
-    """Count the heading as the answer says."""
+def _apply_heading_answer(context: TableContext) -> None:
+    """Convert the heading to the convention that is answered."""
     answer = context.draft.answers.get("heading")
     if answer is None or "heading_deg" not in context.channels:
         return
-    context.draft.ask("heading", "", _NAMES)
-    convention = next((heading for heading in HEADINGS if heading.name == answer), CLOCKWISE)
+    context.draft.ask("heading", "", _CONVENTION_NAMES)
+    convention = next((heading for heading in conventions.HEADINGS if heading.name == answer), CLOCKWISE)
     if convention is not CLOCKWISE:
         why = f"counts {convention.words}, as answered"
-        count_otherwise(context, "heading_deg", convention.scale, convention.offset_deg, why)
+        evidence.rescale_channel(context, "heading_deg", convention.scale, convention.offset_deg, why)
     context.heading_is_sure = True
 
 
-def _judge_quaternion(context: Known, moves: Complexes | None) -> None:
-    """A quaternion in the frames of aircraft and ships where the track says so."""
+def _judge_quaternion(context: TableContext, moves: Complexes | None) -> None:
+    """Read the quaternion in the frames of aircraft and ships if the track shows these."""
     entry = context.draft.tree.get("orientation")
     if entry is None or moves is None:
         return
-    verdict = judge_heading(moves, {"deg": mean_angle(context, context.series["heading_deg"])})
+    verdict = judge_heading(moves, {"deg": evidence.mean_angle(context, context.series["heading_deg"])})
     context.heading_is_sure = verdict.convention is not None
     if verdict.convention is FROM_EAST:
         entry["frame"] = "ned"
@@ -206,8 +187,8 @@ def _judge_quaternion(context: Known, moves: Complexes | None) -> None:
         context.draft.warnings.append(f"the quaternion is in axes to north, east and down: {verdict.evidence}")
 
 
-def _ask_unit(draft: Draft, column: str, unit: str, verdict: HeadingVerdict) -> None:
-    """Ask for the unit of a heading whose head, or answer, names another than the track does."""
+def _ask_heading_unit(draft: MappingDraft, column: str, unit: str, verdict: HeadingVerdict) -> None:
+    """Ask for the unit of a heading whose header or answer contradicts the track."""
     if f"unit.{column}" in draft.answers:
         return
     text = (
@@ -218,43 +199,45 @@ def _ask_unit(draft: Draft, column: str, unit: str, verdict: HeadingVerdict) -> 
 
 
 def _correct_heading(
-    context: Known, moves: Complexes, convention: HeadingConvention, verdict: HeadingVerdict
+    context: TableContext, moves: Complexes, convention: HeadingConvention, verdict: HeadingVerdict
 ) -> None:
-    """Turn a heading that counts otherwise, or ask where the positions may be mirrored instead."""
-    draft, exchanged = context.draft, _exchanged(context, moves) if convention is FROM_EAST else None
-    if exchanged is not None and _CLEARER * exchanged < verdict.best.variance:
+    """Convert a heading of another convention, or ask if the positions may be mirrored instead."""
+    draft, variance = context.draft, verdict.best.variance
+    exchanged = _drift_variance_if_exchanged(context, moves) if convention is FROM_EAST else None
+    if exchanged is not None and _CLEAR_VARIANCE_RATIO * exchanged < variance:
         draft.warnings.append("the track runs along the heading with its axes exchanged: latitude for longitude?")
         return
-    column, reading_text = (
-        context.channels["heading_deg"]["column"],
-        f"counts {convention.words}: {verdict.evidence}",
-    )
+    column = context.channels["heading_deg"]["column"]
+    reading_text = f"counts {convention.words}: {verdict.evidence}"
     is_settled = _has_hemispheres(context, convention) or (
-        exchanged is not None and _CLEARER * verdict.best.variance < exchanged
+        exchanged is not None and _CLEAR_VARIANCE_RATIO * variance < exchanged
     )
     if is_settled or _is_track_confirmed(context, moves):
-        count_otherwise(context, "heading_deg", convention.scale, convention.offset_deg, reading_text)
+        evidence.rescale_channel(context, "heading_deg", convention.scale, convention.offset_deg, reading_text)
         draft.warnings.append(f"{column!r} {reading_text}; it is turned, --answer heading=clockwise leaves it")
         context.heading_is_sure = True
         return
+    course, remark = context.series.get("course_over_ground_deg"), ""
+    if course is not None:
+        course_verdict = judge_heading(moves, {"deg": evidence.mean_angle(context, course)})
+        if course_verdict.convention is convention:
+            remark = ", against which the course over ground turns as well"
     text = (
         f"{column!r} turns against the track. Either it {reading_text}. Or it is right and the positions are not:"
-        f" {convention.mirrored}; then correct these{_course_beside(context, moves, convention)}. Which is it?"
+        f" {convention.mirrored}; then correct these{remark}. Which is it?"
     )
     draft.ask("heading", text, (convention.name, CLOCKWISE.name))
 
 
-def judge_course_column(context: Known) -> None:
-    """Hold the course over ground against the positions: its unit is asked, and another sense reported."""
-    moves, entry = moves_of(context), context.channels.get("course_over_ground_deg")
+def judge_course_column(context: TableContext) -> None:
+    """Check the course over ground against the positions: another unit is asked, another sense reported."""
+    moves, entry = evidence.displacements(context), context.channels.get("course_over_ground_deg")
     if entry is None or moves is None or "north_m" not in context.series:
         return
-    column, verdict = (
-        entry["column"],
-        judge_heading(moves, _readings(context, entry["column"], entry["unit"]), entry["unit"]),
-    )
+    column = entry["column"]
+    verdict = judge_heading(moves, _mean_angles_by_unit(context, column, entry["unit"]), entry["unit"])
     if verdict.unit and verdict.unit != entry["unit"]:
-        _ask_unit(context.draft, column, entry["unit"], verdict)
+        _ask_heading_unit(context.draft, column, entry["unit"], verdict)
     elif verdict.convention not in (None, CLOCKWISE):
         context.draft.warnings.append(
             f"{column!r}, a course, is {verdict.convention.words}, or the positions are wrong:"
@@ -262,156 +245,149 @@ def judge_course_column(context: Known) -> None:
         )
 
 
-def _exchanged(context: Known, moves: Complexes) -> float | None:
-    """The variance of the drift angle if latitude and longitude were exchanged; None where they cannot be.
+def _drift_variance_if_exchanged(context: TableContext, moves: Complexes) -> float | None:
+    """The variance of the drift angle if latitude and longitude were exchanged; None without them.
 
-    A minute of longitude is shorter than one of latitude, so that an exchange bends the track.
+    A minute of longitude is shorter than one of latitude, so an exchange distorts the track.
     """
     if context.origin is None:
         return None
     latitude, longitude = np.deg2rad(context.origin)
     if abs(longitude) > 0.5 * np.pi:
         return 1.0
-    turned = moves.imag / np.cos(latitude) + 1j * moves.real * np.cos(longitude)
-    return drift_angle(turned, mean_angle(context, context.series["heading_deg"])).variance
+    exchanged = moves.imag / np.cos(latitude) + 1j * moves.real * np.cos(longitude)
+    return conventions.drift_angle(exchanged, evidence.mean_angle(context, context.series["heading_deg"])).variance
 
 
-def _has_hemispheres(context: Known, convention: HeadingConvention) -> bool:
-    """Whether positions have the sign or letter whose loss would look like a convention."""
-    position, places = context.draft.tree.get("position", {}), {ANTICLOCKWISE: 1, FROM_SOUTH: 0}
-    if convention not in places or context.origin is None:
+def _has_hemispheres(context: TableContext, convention: HeadingConvention) -> bool:
+    """Whether positions have the sign or letter whose loss would look like this convention."""
+    position = context.draft.tree.get("position", {})
+    axes = {conventions.ANTICLOCKWISE: 1, conventions.FROM_SOUTH: 0}
+    if convention not in axes or context.origin is None:
         return False
-    place = places[convention]
-    letters = ("north_south", "east_west")[place] in position or position.get("unit") == "text"
-    return letters or context.origin[place] < 0.0
+    axis = axes[convention]
+    has_letters = ("north_south", "east_west")[axis] in position or position.get("unit") == "text"
+    return has_letters or context.origin[axis] < 0.0
 
 
-def _is_track_confirmed(context: Known, moves: Complexes) -> bool:
-    """Whether the course, or a rate of turn against the heading, says that the track is not mirrored."""
+def _is_track_confirmed(context: TableContext, moves: Complexes) -> bool:
+    """Whether the course, or a rate of turn against the heading, shows that the track is not mirrored."""
     if "north_m" not in context.series or context.positions_are_sure:
         return True
     if "course_over_ground_deg" in context.series:
-        course = mean_angle(context, context.series["course_over_ground_deg"])
+        course = evidence.mean_angle(context, context.series["course_over_ground_deg"])
         return judge_heading(moves, {"deg": course}).convention is CLOCKWISE
-    candidate = next(iter(context.draft.of("yaw_rate_dps")), None)
-    turning = UNKNOWN if candidate is None else _fit_to_heading(context, candidate.column)
+    candidate = next(iter(context.draft.candidates_for("yaw_rate_dps")), None)
+    turning = NO_FIT if candidate is None else _fit_to_heading(context, candidate.column)
     return turning.is_clear and turning.factor < 0.0
 
 
-def _course_beside(context: Known, moves: Complexes, convention: HeadingConvention) -> str:
-    """That the course over ground sides with the heading against the positions; empty where it does not."""
-    course = context.series.get("course_over_ground_deg")
-    if course is None or judge_heading(moves, {"deg": mean_angle(context, course)}).convention is not convention:
-        return ""
-    return ", against which the course over ground turns as well"
-
-
-def _judge_straight_course(context: Known, moves: Complexes) -> None:
-    """Ask, with the heading as it is until then, where a straight track runs elsewhere than the heading points."""
-    draft, heading = context.draft, mean_angle(context, context.series["heading_deg"])
-    along = agreement(moves.real, moves.imag, heading)
-    fast = float(np.nanmedian(np.abs(moves) / np.diff(context.grid))) > _FASTEST_DRIFT_MPS
+def _judge_straight_course(context: TableContext, moves: Complexes) -> None:
+    """Ask about a straight track that does not run along the heading, which stays as it is without an answer."""
+    draft, heading = context.draft, evidence.mean_angle(context, context.series["heading_deg"])
+    alignment = evidence.direction_agreement(moves.real, moves.imag, heading)
+    is_fast = float(np.nanmedian(np.abs(moves) / np.diff(context.grid))) > _FASTEST_DRIFT_MPS
     column = context.channels["heading_deg"]["column"]
-    if fast and (likely := conventions_of_course(moves, heading)):
-        drift_deg = drift_angle(moves, heading).mean_deg
-        words = " or ".join(convention.words for convention in likely)
+    if is_fast and (candidates := conventions.conventions_of_course(moves, heading)):
+        drift_deg = conventions.drift_angle(moves, heading).mean_deg
+        words = " or ".join(convention.words for convention in candidates)
         side = "starboard" if drift_deg > 0.0 else "port"
         text = (
             f"the track runs {abs(drift_deg):.0f} deg to {side} of {column!r}: does it count {words}?"
             " A straight course does not tell"
         )
-        draft.ask("heading", text, (CLOCKWISE.name, *(convention.name for convention in likely)), CLOCKWISE.name)
-        draft.warnings.append(f"{text}; it stays as it is, --answer heading={likely[0].name} turns it")
-    elif along < -0.5:
+        draft.ask(
+            "heading", text, (CLOCKWISE.name, *(convention.name for convention in candidates)), CLOCKWISE.name
+        )
+        draft.warnings.append(f"{text}; it stays as it is, --answer heading={candidates[0].name} turns it")
+    elif alignment < -0.5:
         draft.warnings.append(
             "the ship moves astern most of the time by position and heading: heading of the stern?"
         )
 
 
-def _fit_to_heading(context: Known, column: str) -> ScaleFit:
-    """A rate of turn as the table has it against the turns of the heading."""
-    if not (turned := changes_of(context, "heading_deg")):
-        return UNKNOWN
-    return fit(turned[0], integrals(context.t, evidence.without_codes(context.draft.numbers(column)), context.grid))
+def _fit_to_heading(context: TableContext, column: str) -> ScaleFit:
+    """The scale of a rate of turn, as the table has it, by the changes of the heading."""
+    if not (turns := evidence.channel_increments(context, "heading_deg")):
+        return NO_FIT
+    rates = evidence.mask_codes(context.draft.numbers(column))
+    return evidence.fit_scale(turns[0], evidence.integrals(context.t, rates, context.grid))
 
 
-def read_yaw_rate(context: Known) -> None:
-    """Take a column for the yaw rate, in the unit and sense of the heading's turns."""
-    candidate = best(context.draft, "yaw_rate_dps")
+def read_yaw_rate(context: TableContext) -> None:
+    """Assign a column to the yaw rate, in the unit and sense of the heading's changes."""
+    candidate = evidence.best_candidate(context.draft, "yaw_rate_dps")
     if candidate is None:
         return
     column, regression = candidate.column, _fit_to_heading(context, candidate.column)
     text = f"{column!r}, taken for yaw_rate_dps: in which unit? The heading does not tell."
-    unit_guess = rate_unit(context, candidate, regression, evidence.TURNING)
-    unit_guess = unit_guess or asked(context.draft, f"unit.{column}", text, evidence.TURNING.units)
+    unit_guess = evidence.rate_unit(context, candidate, regression, evidence.TURNING)
+    unit_guess = unit_guess or evidence.ask_unit(context.draft, f"unit.{column}", text, evidence.TURNING.units)
     if unit_guess is None:
         return
-    take(context, "yaw_rate_dps", candidate, *unit_guess)
+    evidence.assign_column(context, "yaw_rate_dps", candidate, *unit_guess)
     if not (regression.is_clear and regression.factor < 0.0) or context.heading_is_asked:
         return
     if context.heading_is_sure:
-        turn_round(context, "yaw_rate_dps", "positive to starboard by the heading")
+        evidence.invert_sign(context, "yaw_rate_dps", "positive to starboard by the heading")
         return
     text = f"{column!r} turns against the heading, which no track confirms: does it count positive to port?"
     if context.draft.ask("rate_of_turn", text, ("port", "starboard"), "port") == "port":
-        turn_round(context, "yaw_rate_dps", "positive to starboard by the heading, which no track confirms")
+        evidence.invert_sign(
+            context, "yaw_rate_dps", "positive to starboard by the heading, which no track confirms"
+        )
 
 
-def read_earth_velocity(context: Known) -> None:
-    """Take columns called surge and sway for the velocity to north and east, where the track says so."""
-    pair = [context.draft.of(name) for name in ("surge_mps", "sway_mps")]
-    if (
-        not all(pair)
-        or "north_m" not in context.series
-        or "heading_deg" not in context.series
-        or context.grid.size < 3
-    ):
+def read_earth_velocity(context: TableContext) -> None:
+    """Assign columns named surge and sway to the velocity to north and east if the track shows that."""
+    pair = [context.draft.candidates_for(name) for name in ("surge_mps", "sway_mps")]
+    if not all(pair) or not {"north_m", "heading_deg"} <= set(context.series) or context.grid.size < 3:
         return
     columns = [candidates[0] for candidates in pair]
-    speeds = [
-        evidence.without_codes(context.draft.numbers(candidate.column))
-        * scale_to("m/s", (candidate.units or ("m/s",))[0])
-        for candidate in columns
-    ]
-    body, moves = speeds[0] + 1j * speeds[1], moves_of(context)
+    numbers = [evidence.mask_codes(context.draft.numbers(candidate.column)) for candidate in columns]
+    factors = [scale_to("m/s", (candidate.units or ("m/s",))[0]) for candidate in columns]
+    speeds = [values * factor for values, factor in zip(numbers, factors, strict=True)]
+    body, moves = speeds[0] + 1j * speeds[1], evidence.displacements(context)
     heading = np.exp(1j * np.deg2rad(unwrap(context.series["heading_deg"])))
     in_axes = {"ship": body * heading, "north_east": body, "east_north": 1j * body.conj()}
     assert moves is not None
-    axes, fits = judge_axes(moves, {name: travelled(context, velocity) for name, velocity in in_axes.items()})
+    moves_in_axes = {name: evidence.integrate_velocity(context, velocity) for name, velocity in in_axes.items()}
+    axes, fits = conventions.judge_axes(moves, moves_in_axes)
     if axes in ("", "ship"):
         return
-    unit = columns[0].headed or evidence.rate_by_fit(ScaleFit(fits[axes].factor, 1.0, moves.size), SPEED)
-    unit = unit or asked(context.draft, "unit.speed", f"in which unit is {columns[0].column!r}?", SPEED.units[:3])
+    unit = columns[0].header_unit or evidence.rate_unit_by_fit(ScaleFit(fits[axes].factor, 1.0, moves.size), SPEED)
+    text = f"in which unit is {columns[0].column!r}?"
+    unit = unit or evidence.ask_unit(context.draft, "unit.speed", text, SPEED.units[:3])
     if unit is None:
         return
     residual, as_ship = (f"{np.sqrt(fits[name].residual):.1%}" for name in (axes, "ship"))
     why = f"{residual} of the way is left over, {as_ship} as surge and sway"
-    _take_velocity(context, columns if axes == "north_east" else columns[::-1], unit, why)
+    _assign_velocity(context, columns if axes == "north_east" else columns[::-1], unit, why)
     names = " and ".join(repr(candidate.column) for candidate in columns)
     context.draft.warnings.append(
-        f"{names} are speeds {AXES[axes]}: {why}; surge and sway are made of them by the heading"
+        f"{names} are speeds {conventions.AXES[axes]}: {why}; surge and sway are made of them by the heading"
     )
 
 
-def _take_velocity(context: Known, columns: list[ColumnCandidate], unit: Told, why: str) -> None:
-    """Let two columns be the velocity to north and to east, and surge and sway what follows from them."""
+def _assign_velocity(context: TableContext, columns: list[ColumnCandidate], unit: UnitGuess, why: str) -> None:
+    """Assign two columns to the velocity to north and to east, from which surge and sway follow."""
     north, east = columns
     context.draft.tree["velocity"] = {"north": north.column, "east": east.column, "unit": unit[0]}
     context.speed_units.add(unit[0])
-    for component, way in zip(columns, ("north", "east"), strict=True):
-        context.draft.note(component.column, f"velocity to {way}", unit[0], unit[1], why)
+    for component, direction in zip(columns, ("north", "east"), strict=True):
+        context.draft.note(component.column, f"velocity to {direction}", unit[0], unit[1], why)
     numbers = [context.draft.numbers(candidate.column) * scale_to("m/s", unit[0]) for candidate in columns]
     body = (numbers[0] + 1j * numbers[1]) * np.exp(-1j * np.deg2rad(context.series["heading_deg"]))
     context.series |= {"surge_mps": body.real, "sway_mps": body.imag}
 
 
-def check_sway(context: Known) -> None:
-    """Turn a sway round that counts to port by the track."""
-    moved = changes_of(context, *POSITION, "heading_deg", "sway_mps")
-    if not moved or "sway_mps" not in context.channels or context.heading_is_asked:
+def correct_sway_sign(context: TableContext) -> None:
+    """Invert the sign of a sway that is positive to port by the track."""
+    moves = evidence.channel_increments(context, *POSITION_CHANNELS, "heading_deg", "sway_mps")
+    if not moves or "sway_mps" not in context.channels or context.heading_is_asked:
         return
-    heading = np.deg2rad(mean_angle(context, context.series["heading_deg"]))
-    across = moved[1] * np.cos(heading) - moved[0] * np.sin(heading)
-    regression = fit(across, integrals(context.t, context.series["sway_mps"], context.grid))
+    heading = np.deg2rad(evidence.mean_angle(context, context.series["heading_deg"]))
+    across = moves[1] * np.cos(heading) - moves[0] * np.sin(heading)
+    regression = evidence.fit_scale(across, evidence.integrals(context.t, context.series["sway_mps"], context.grid))
     if regression.is_clear and regression.factor < 0.0:
-        turn_round(context, "sway_mps", "positive to starboard by the track")
+        evidence.invert_sign(context, "sway_mps", "positive to starboard by the track")

@@ -1,7 +1,7 @@
-"""Tables to recordings: CSV, Parquet and .mat, with the contract's columns or through a column map.
+"""Imports tables as recordings: CSV, Parquet, .mat and others, with the contract's columns or by a column map.
 
-Nothing is dropped or put in order: rows stay as they are, values that a channel cannot hold are kept and
-flagged bad, and what was found is counted.
+Rows stay as they are and in their order, values that a channel cannot hold are kept and flagged bad, and everything
+noteworthy is counted.
 """
 
 from __future__ import annotations
@@ -18,11 +18,9 @@ from numpy.typing import NDArray
 from seatrial.acquisition.config.declarations import actuators_of_ship, load_actuators, name_of_ship
 from seatrial.acquisition.core.errors import ConfigurationError, InputError
 from seatrial.acquisition.core.files import write_text, written_together
-from seatrial.acquisition.core.quantities import Floats
 from seatrial.acquisition.core.ship import (
     DEFAULT,
     Actuators,
-    Channel,
     Declared,
     actuators_of,
     as_text,
@@ -45,28 +43,28 @@ from seatrial.acquisition.recording.writer import write_table
 from seatrial.acquisition.tables.column_map import (
     ColumnMap,
     apply_column_map,
-    column_map_of,
     line_in_map,
     load_column_map,
-    long_map,
+    map_of_long_table,
+    parse_column_map,
 )
-from seatrial.acquisition.tables.evidence import SKIP, candidates_of
+from seatrial.acquisition.tables.evidence import SKIP, column_candidates
 from seatrial.acquisition.tables.propose import (
     TIME_KEYS,
     Proposal,
-    judge_columns,
-    map_as_answered,
+    apply_map_answers,
+    apply_time_answers,
+    convert_by_track,
     propose,
-    time_as_answered,
 )
 from seatrial.acquisition.tables.table_files import RawTable, TableFile, parse_numbers, read_raw
-from seatrial.acquisition.tables.time_columns import is_usual_time, resolve_times, usual_time
+from seatrial.acquisition.tables.time_columns import has_standard_times, resolve_times, standard_time_column
 
 LABELS = frozenset({"window", "second", "trial", "leg", "start", "surge_mps2", "sway_mps2", "yaw_dps2"})
-"""Columns of our own exports that are no channels; they are passed over."""
+"""Columns of our exports that are no channels; they are ignored."""
 
-BESIDE = ("_flag", "_sigma")
-"""How columns of our own exports end that say something of a channel; they are passed over too."""
+COMPANION_SUFFIXES = ("_flag", "_sigma")
+"""How columns of our exports end that qualify a channel; they are ignored, too."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -120,13 +118,13 @@ def import_table(
     force: bool = False,
     answers: Mapping[str, str] | None = None,
 ) -> ImportSummary:
-    """Write a table file as a recording and say what was found in it; arguments as those of the reader.
+    """Write a table file as a recording; arguments as those of :func:`read_table_file`.
 
-    Without ``force`` a file that is there is not replaced. Raises as :func:`read_table_file`, and
+    Without ``force`` an existing file is not replaced. Raises as :func:`read_table_file`, and
     :class:`StorageError` when the recording cannot be written.
     """
     refuse_overwriting(output, force)
-    return _record(read_table_file(path, map_path, allow_missing, ignore_unknown, vessel, answers), output)
+    return _write_recording(read_table_file(path, map_path, allow_missing, ignore_unknown, vessel, answers), output)
 
 
 def import_proposed(
@@ -137,9 +135,9 @@ def import_proposed(
     vessel: Path | str | None = None,
     force: bool = False,
 ) -> ImportSummary:
-    """Write a table as a recording through a proposed map, and the map to ``map_path`` for next time.
+    """Write a table as a recording by a proposed map, and the map to ``map_path`` for later imports.
 
-    Raises :class:`InputError` where a question without a default is not answered, and as :func:`import_table`.
+    Raises :class:`InputError` if a question without a default is not answered, and as :func:`import_table`.
     """
     if proposal.unanswered:
         raise InputError(f"{proposal.unanswered[0]}", where=str(raw.path))
@@ -147,10 +145,10 @@ def import_proposed(
     map_file = Path(map_path)
     if not (map_file.is_file() and map_file.read_bytes() == proposal.text.encode()):
         refuse_overwriting(map_path, force, "import with it by --columns, name another file by --write-map")
-    columns, declared = column_map_of(proposal.text, map_path)
+    columns, declared = parse_column_map(proposal.text, map_path)
     with written_together(Path(output)):
         write_text(map_path, proposal.text)
-        summary = _record(_through_map(raw, columns, declared, map_path, vessel), output)
+        summary = _write_recording(_through_map(raw, columns, declared, map_path, vessel), output)
     return replace(summary, remarks=())  # the proposal has them among its warnings
 
 
@@ -162,29 +160,31 @@ def propose_for(
 
 
 def is_standard(raw: RawTable) -> bool:
-    """Whether a table's columns are named as the channels: most of them, ``time`` among them.
+    """Whether most of a table's columns, ``time`` among them, are named as the channels.
 
-    It is not where other columns are of quantities that are known, or the times in another form.
+    Not if further columns are of known quantities, or the times in another form.
     """
     names = list(map(str, raw.columns.columns))
     channels = channels_of_trial(raw.trial)
-    if (long := long_map(raw, channels)) is not None:
+    if (long := map_of_long_table(raw, channels)) is not None:
         return bool(long.channels)
-    own_names = [name for name in names if name == "time" or _is_our_column(name, channels) or find_channel(name)]
+    standard_names = [
+        name for name in names if name == "time" or _is_export_column(name, channels) or find_channel(name)
+    ]
     if raw.trial.actuators:
         return True
-    recognised = {candidate.column for candidate in candidates_of(raw)} - set(own_names)
-    return "time" in names and 2 * len(own_names) > len(names) and not recognised and is_usual_time(raw)
+    recognised = {candidate.column for candidate in column_candidates(raw)} - set(standard_names)
+    return "time" in names and 2 * len(standard_names) > len(names) and not recognised and has_standard_times(raw)
 
 
 def refuse_overwriting(path: Path | str, force: bool, fix: str = "name another file") -> None:
-    """Raise :class:`InputError` where a file is there already that ``force`` does not give up."""
+    """Raise :class:`InputError` for an existing file, unless ``force``."""
     if not force and Path(path).exists():
         raise InputError("already exists", where=str(path), fix=f"{fix}, or use --force to replace it")
 
 
-def _record(file: TableFile, output: Path | str) -> ImportSummary:
-    """Write a table as a recording; what was found in it."""
+def _write_recording(file: TableFile, output: Path | str) -> ImportSummary:
+    """Write a table as a recording."""
     flags = quality_flags(file.table, file.trial)
     samples = write_table(file.table, output, file.trial, file.sources, flags)
     step_ns = np.diff(pd.DatetimeIndex(file.table.index).as_unit("ns").asi8)
@@ -218,26 +218,28 @@ def read_table_file(
     """A CSV, Parquet or .mat file in the contract's columns and units.
 
     Without a map the columns are named as the channels and ``time``. The ship is that of the file ``vessel``, whose
-    name the recording then carries; without it her actuators are as the map or the table says, or as the columns
-    are named (:func:`actuators_in_columns`). ``answers`` are those of ``--answer``: they count for more than the
-    map. Raises :class:`InputError` for what cannot be read, for columns that are no channels unless
-    ``ignore_unknown``, and for a table that lacks one of the ship's channels unless
-    ``allow_missing``; :class:`ConfigurationError` for a wrong map or vessel file.
+    name the recording then carries; without it the actuators are those of the map or the table, or of the columns'
+    names (:func:`actuators_in_columns`). ``answers`` are those of ``--answer``: they override the map. Raises
+    :class:`InputError` for what cannot be read, for columns that are no channels unless ``ignore_unknown``, and for
+    a table that lacks one of the ship's channels unless ``allow_missing``; :class:`ConfigurationError` for an
+    invalid map or vessel file.
     """
     raw = read_raw(path)
     if map_path is not None:
         columns, declared = load_column_map(map_path)
-        return _through_map(raw, map_as_answered(columns, answers or {}), declared, map_path, vessel, allow_missing)
+        return _through_map(
+            raw, apply_map_answers(columns, answers or {}), declared, map_path, vessel, allow_missing
+        )
     ship, fix = _actuators_of(vessel), "give it a constant in a map (--columns), or use --allow-missing"
-    long = long_map(raw, channel_names(ship or DEFAULT))
+    long = map_of_long_table(raw, channel_names(ship or DEFAULT))
     if long is None:
-        file, fix = _standard(raw, ignore_unknown, ship, answers or {}, vessel), f"add the column, {fix}"
+        file, fix = _read_standard(raw, ignore_unknown, ship, answers or {}, vessel), f"add the column, {fix}"
     else:
         file = apply_column_map(raw, long, path)
-        file = _for_ship(
+        file = _assign_ship(
             file, ship or actuators_in_columns(map(str, file.table), file.trial), raw, vessel, is_known=bool(ship)
         )
-    return _checked(file, raw, allow_missing, fix)
+    return _require_channels(file, raw, allow_missing, fix)
 
 
 def _actuators_of(vessel: Path | str | None) -> Actuators:
@@ -252,20 +254,20 @@ def _through_map(
     vessel: Path | str | None,
     allow_missing: bool = False,
 ) -> TableFile:
-    """A table through its map, of the ship that is given, or the map names, or its columns tell of."""
+    """A table by its map, of the given ship, else the map's, else that of its columns."""
     ship = _actuators_of(vessel)
     file = apply_column_map(raw, columns, map_path, declared)
     stated_ship = ship or columns.actuators or actuators_of_ship(columns.trial.vessel, Path(map_path).parent)
     ship = stated_ship or actuators_in_columns([*file.table, *columns.absent], file.trial)
     _check_mapped(columns.channels, ship, file.trial, map_path)
-    file = _for_ship(file, ship, raw, vessel, is_known=bool(stated_ship))
+    file = _assign_ship(file, ship, raw, vessel, is_known=bool(stated_ship))
     allow_missing = allow_missing or set(_missing(file)) <= set(columns.absent)
     fix = f"give it a column or a constant in {map_path}, or list it under `absent` there"
-    return _checked(file, raw, allow_missing, fix)
+    return _require_channels(file, raw, allow_missing, fix)
 
 
-def _checked(file: TableFile, raw: RawTable, allow_missing: bool, fix: str) -> TableFile:
-    """The table; an :class:`InputError` where it lacks a channel that it needs."""
+def _require_channels(file: TableFile, raw: RawTable, allow_missing: bool, fix: str) -> TableFile:
+    """The table; raises :class:`InputError` if it lacks a required channel."""
     missing = _missing(file)
     if missing and not allow_missing:
         raise InputError(f"has no {', '.join(missing)}", where=str(raw.path), fix=fix)
@@ -275,7 +277,7 @@ def _checked(file: TableFile, raw: RawTable, allow_missing: bool, fix: str) -> T
 
 
 def _missing(file: TableFile) -> tuple[str, ...]:
-    """The channels that a table lacks; the controls of a ship that nothing names are those that it has."""
+    """The channels that a table lacks; an unknown ship has no further controls than the table."""
     trial, columns = file.trial, file.table.columns
     is_known = is_ship_known(trial.vessel, trial.actuators)
     return tuple(
@@ -286,16 +288,13 @@ def _missing(file: TableFile) -> tuple[str, ...]:
 
 
 def actuators_in_columns(names: Iterable[str], trial: Trial) -> Actuators:
-    """The actuators that columns without a word about their ship are of, but for those that the trial declares.
+    """The actuators of the columns of an unknown ship, without channels that the trial declares.
 
-    R/V Gunnerus' where one of hers is among them, so that a misspelt one is found out; else by their names.
+    The default ship's, R/V Gunnerus', if one of these is among them, so that a misspelt one is detected.
     """
     actuators = actuators_of(names, {"trial": {"channels": trial.channels}})
-    return (
-        DEFAULT
-        if {actuator.name for actuator in actuators} & {actuator.name for actuator in DEFAULT}
-        else actuators
-    )
+    default_names = {actuator.name for actuator in DEFAULT}
+    return DEFAULT if any(actuator.name in default_names for actuator in actuators) else actuators
 
 
 def _check_mapped(names: Iterable[str], ship: Actuators, trial: Trial, map_path: Path | str) -> None:
@@ -303,55 +302,52 @@ def _check_mapped(names: Iterable[str], ship: Actuators, trial: Trial, map_path:
     for name in names:
         if name not in channels:
             actuator_names = ", ".join(actuator.name for actuator in ship)
-            what = f"{_with_hint(name, channels)} is not a channel of a ship with actuators {actuator_names}"
+            what = f"{_name_with_hint(name, channels)} is not a channel of a ship with actuators {actuator_names}"
             where = line_in_map(map_path, ["channels", name])
             raise ConfigurationError(what, where=where, fix="correct the name, or give the ship with --vessel FILE")
 
 
-def _standard(
+def _read_standard(
     raw: RawTable, ignore_unknown: bool, ship: Actuators, answers: Mapping[str, str], vessel: Path | str | None
 ) -> TableFile:
     """A table whose columns are named as the channels."""
     present = list(map(str, raw.columns.columns))
     if "time" not in present:
-        near = get_close_matches("time", present, n=1)
+        similar = get_close_matches("time", present, n=1) or present[:6]
         where, fix = str(raw.path), "rename the column, or name it in a column map (--columns)"
-        raise InputError(
-            "has no column `time`", where=where, why=f"it has {', '.join(near or present[:6])}", fix=fix
-        )
+        raise InputError("has no column `time`", where=where, why=f"it has {', '.join(similar)}", fix=fix)
     stated_ship = ship or (from_text(raw.trial.actuators) if raw.trial.actuators else ())
     ship = stated_ship or actuators_in_columns(present, raw.trial)
     channels = channels_of_trial(replace(raw.trial, actuators=as_text(ship)))
     unknown = tuple(
-        name for name in present if name not in channels and name != "time" and not _is_our_column(name, channels)
+        name
+        for name in present
+        if name not in channels and name != "time" and not _is_export_column(name, channels)
     )
     if unknown and not ignore_unknown:
         ships = "; give the ship with --vessel FILE" if any(map(channel_by_rule, unknown)) else ""
-        what = f"has unknown columns {', '.join(_with_hint(name, channels) for name in unknown)}"
+        what = f"has unknown columns {', '.join(_name_with_hint(name, channels) for name in unknown)}"
         fix = f"rename them, map them with --columns MAP.toml, or use --ignore-unknown{ships}"
         raise InputError(what, where=str(raw.path), fix=fix)
-    of_time = {key: value for key, value in answers.items() if key in TIME_KEYS}
-    of_columns = {key: value for key, value in answers.items() if key not in TIME_KEYS}
-    time = time_as_answered(usual_time(raw), of_time)
+    time_answers = {key: value for key, value in answers.items() if key in TIME_KEYS}
+    column_answers = {key: value for key, value in answers.items() if key not in TIME_KEYS}
+    time = apply_time_answers(standard_time_column(raw), time_answers)
     timed = resolve_times(raw, time, strict=True)
     names = [name for name in channels if name in present and answers.get(f"unit.{name}") != SKIP]
-    columns = {name: _in_its_turn(channels[name], parse_numbers(timed.raw, name)) for name in names}
-    table = pd.DataFrame(columns, index=timed.index)
+    table = pd.DataFrame({name: parse_numbers(timed.raw, name) for name in names}, index=timed.index)
+    for name in names:
+        values = table[name].to_numpy()
+        if is_other_convention(channels[name], values):  # all else stays, to be flagged
+            table[name] = in_turn(channels[name], values)
     file = TableFile(table, raw.trial, dict.fromkeys(names, "table"), unknown, remarks=timed.remarks)
-    judge_columns(file, timed.raw, time, of_columns)
-    return _for_ship(file, ship, raw, vessel, is_known=bool(stated_ship))
+    convert_by_track(file, timed.raw, time, column_answers)
+    return _assign_ship(file, ship, raw, vessel, is_known=bool(stated_ship))
 
 
-def _in_its_turn(channel: Channel, values: Floats) -> Floats:
-    """Angles of the other convention, or counted on, come back into their channel's turn; all else stays to be
-    flagged."""
-    return in_turn(channel, values) if is_other_convention(channel, values) else values
-
-
-def _for_ship(
+def _assign_ship(
     file: TableFile, ship: Actuators, raw: RawTable, vessel: Path | str | None, *, is_known: bool
 ) -> TableFile:
-    """The table in the order of the ship's channels, its trial with names and the ship's actuators."""
+    """The table in the order of the ship's channels; its trial gets the names and the ship's actuators."""
     name = file.trial.vessel if vessel is None else name_of_ship(vessel)
     text = stated_text(ship, name) if is_known else as_text(ship)
     file.trial = replace(file.trial, name=file.trial.name or raw.name, vessel=name, actuators=text)
@@ -359,21 +355,21 @@ def _for_ship(
     return file
 
 
-def _is_our_column(name: str, channels: Collection[str]) -> bool:
-    """Whether a column is one of our own exports that is no channel."""
-    stems = {name, *(name.removesuffix(ending) for ending in BESIDE)}
+def _is_export_column(name: str, channels: Collection[str]) -> bool:
+    """Whether a column of our exports is no channel."""
+    stems = {name, *(name.removesuffix(ending) for ending in COMPANION_SUFFIXES)}
     return not stems.isdisjoint(LABELS) or (name not in channels and not stems.isdisjoint(channels))
 
 
-def _with_hint(name: str, channels: Collection[str]) -> str:
-    near = get_close_matches(name.lower(), channels, n=1, cutoff=0.5)
-    return f"{name} (did you mean {near[0]}?)" if near else name
+def _name_with_hint(name: str, channels: Collection[str]) -> str:
+    similar = get_close_matches(name.lower(), channels, n=1, cutoff=0.5)
+    return f"{name} (did you mean {similar[0]}?)" if similar else name
 
 
 def quality_flags(table: pd.DataFrame, trial: Trial | None = None) -> dict[str, NDArray[np.uint8]]:
     """Flags by channel [rows]: bad for a number that the channel cannot hold, not evaluated for all others.
 
-    ``trial`` tells of channels that are declared.
+    ``trial`` states the declared channels.
     """
     flags, channels = {}, channels_known_to(trial or Trial())
     for name, column in table.items():

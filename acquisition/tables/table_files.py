@@ -1,9 +1,6 @@
-"""Table files as they are: text, spreadsheets, Parquet, GPX and others to a frame of raw columns, cells to
-numbers and times.
+"""Reads table files into raw columns: text, spreadsheets, Parquet, GPX, MATLAB, Simulink and NetCDF.
 
 Rows keep their order and their number. What cannot be read is one :class:`InputError` that says where.
-
-Files of named arrays as raw tables: MATLAB's, of Simulink too, and NetCDF.
 """
 
 from __future__ import annotations
@@ -15,6 +12,7 @@ import re
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -37,7 +35,7 @@ from seatrial.acquisition.core.quantities import Bools, Floats
 from seatrial.acquisition.core.trial import Trial
 
 if TYPE_CHECKING:
-    from seatrial.acquisition.tables.text_tables import ReadRows
+    from seatrial.acquisition.tables.text_tables import ParsedRows
 
 
 _OPENERS: dict[str, Callable[[Path], Any]] = {
@@ -46,7 +44,7 @@ _OPENERS: dict[str, Callable[[Path], Any]] = {
     ".bz2": bz2.open,
     ".xz": lzma.open,
 }
-"""How a text file is opened, by what comes after ``.csv``."""
+"""How a text file is opened, by the suffix after ``.csv``."""
 DAMAGED = "it is damaged, cut short, or of another kind than its name says"
 FOREIGN_READER = Path(__file__).with_name("foreign_reader.py")
 _TEXT = (".csv", ".tsv", ".tab", ".txt", ".asc", ".dat", ".lvm", ".pos")
@@ -58,10 +56,10 @@ UTC_COLUMN, ABOUT_COLUMNS = "time [UTC]", ["what", "name", "value"]
 
 @dataclass(frozen=True, slots=True)
 class RawTable:
-    """The columns of a file under their own names, and the trial if the file tells of one.
+    """The columns of a file under their names there, and the trial if the file describes one.
 
-    ``units`` are those that the file tells beside the names, by column; ``meanings`` what it says of them besides;
-    ``preamble`` the lines before the names. ``remarks`` are on how it was read; a table without a row of names
+    ``units`` are those that the file states besides the names, by column, ``meanings`` its descriptions of columns,
+    ``preamble`` the lines before the names, ``remarks`` on how it was read. A table without a row of names
     ``is_nameless``.
     """
 
@@ -75,23 +73,23 @@ class RawTable:
     is_nameless: bool = False
 
     @classmethod
-    def of_rows(cls, path: Path, read: ReadRows, trial: Trial) -> RawTable:
+    def from_rows(cls, path: Path, rows: ParsedRows, trial: Trial) -> RawTable:
         """The table of rows of cells."""
-        return cls(path, read.frame, trial, read.units, {}, read.preamble, read.remarks, read.is_nameless)
+        return cls(path, rows.frame, trial, rows.units, {}, rows.preamble, rows.remarks, rows.is_nameless)
 
     @property
     def name(self) -> str:
-        """The file's name without what says its kind."""
-        return self.path.name.removesuffix("".join(_kind_of(self.path)))
+        """The file's name without its suffixes."""
+        return self.path.name.removesuffix("".join(_suffixes(self.path)))
 
 
 @dataclass(slots=True)
 class TableFile:
     """A table file in the contract's columns and units.
 
-    ``table`` has a UTC index in the file's order; ``sources`` says for each column where it comes from, and
-    ``assumed`` for a constant of the map; ``passed_over`` are the file's columns that were not used, and
-    ``dropped`` counts the rows that a map let go, by what is wrong with them; ``remarks`` are on its times.
+    ``table`` has a UTC index in the file's order; ``sources`` states the origin of each column, "assumed" for a
+    constant of the map; ``passed_over`` are the file's unused columns, ``dropped`` counts the rows that a map
+    dropped, by the reason; ``remarks`` are on its times.
     """
 
     table: pd.DataFrame
@@ -103,7 +101,7 @@ class TableFile:
 
     @property
     def assumed(self) -> dict[str, float]:
-        """The channels that a map gave a constant, with its value in the channel's unit."""
+        """The channels that are a constant of the map, with its value in the channel's unit."""
         return {
             name: float(self.table[name].iloc[0]) for name, source in self.sources.items() if source == "assumed"
         }
@@ -112,11 +110,11 @@ class TableFile:
 def read_raw(path: Path | str) -> RawTable:
     """The table as it is in the file. Raises :class:`InputError` for anything that is no table with rows."""
     path = Path(path)
-    suffix, packed = _kind_of(path)
-    readers = _readers()
+    suffix, compression = _suffixes(path)
+    is_text = suffix.lower() in _TEXT
     if not path.is_file():
         raise InputError("is no file", where=str(path), fix="check the path")
-    if suffix.lower() not in readers or packed.lower() not in _OPENERS or (packed and suffix.lower() not in _TEXT):
+    if suffix.lower() not in _READERS or compression.lower() not in _OPENERS or (compression and not is_text):
         raise InputError(
             "cannot be imported: unknown file type", where=str(path),
             fix=f"give .csv or .tsv, compressed with {', '.join(filter(None, _OPENERS))}, .xlsx, .parquet,"
@@ -124,13 +122,12 @@ def read_raw(path: Path | str) -> RawTable:
         )  # fmt: skip
     if path.stat().st_size == 0:
         raise InputError("is empty", where=str(path), fix="give a table with data")
-    reader = readers[suffix.lower()]
     try:
-        raw = reader(path)
+        raw = _READERS[suffix.lower()](path)
     except InputError:
         raise
     except Exception as error:  # a damaged file makes scipy and pyarrow fail in every possible way
-        why = str(error) if type(error) is ValueError and suffix.lower() in _TEXT else DAMAGED
+        why = str(error) if type(error) is ValueError and is_text else DAMAGED
         raise InputError(f"is not a readable {suffix} table", where=str(path), why=why) from error
     TABLE_COLUMNS.require(len(raw.columns.columns), path, path.stat().st_size)
     if raw.columns.empty:
@@ -138,93 +135,85 @@ def read_raw(path: Path | str) -> RawTable:
     return raw
 
 
-def _kind_of(path: Path) -> tuple[str, str]:
-    """What a file's name says of its kind: ``.csv`` and how it is packed, for instance ``.gz``, or nothing."""
-    packed = path.suffix if path.suffix.lower() in _OPENERS else ""
-    return Path(path.name.removesuffix(packed)).suffix, packed
-
-
-def _readers() -> dict[str, Callable[[Path], RawTable]]:
-    text, sheets = dict.fromkeys(_TEXT, _read_text), dict.fromkeys((".xlsx", ".xls", ".xlsm", ".ods"), _read_sheet)
-    return {**text, **sheets, ".parquet": _read_parquet, ".mat": read_mat, ".nc": read_netcdf, ".gpx": _read_gpx}
+def _suffixes(path: Path) -> tuple[str, str]:
+    """The suffix of a file's kind, such as ``.csv``, and that of its compression, such as ``.gz``, or nothing."""
+    compression = path.suffix if path.suffix.lower() in _OPENERS else ""
+    return Path(path.name.removesuffix(compression)).suffix, compression
 
 
 def _read_text(path: Path) -> RawTable:
     """Cells between commas, semicolons, tabs, bars or blanks, with a decimal point or comma."""
-    from seatrial.acquisition.tables.text_tables import (
-        decode,
-        is_expedition,
-        is_rtklib,
-        is_table_of_frames,
-        read_expedition,
-        read_rtklib,
-        read_text,
-    )
+    from seatrial.acquisition.tables import text_tables
 
     meter = Meter(path, path.stat().st_size)
-    text = decode(_unpacked(path, meter))
+    text = text_tables.decode(_decompressed(path, meter))
     if "\0" in text:
         raise InputError("is no text", where=str(path), why="it contains zero bytes", fix="save it as CSV in UTF-8")
 
     def check_names(names: list[str]) -> None:
-        refuse_twins(names, path)
+        refuse_duplicate_names(names, path)
         meter.check(TABLE_COLUMNS, len(names))
         meter.check(TABLE_CELLS, len(names) * text.count("\n"))
 
-    if is_expedition(text):
-        frame, units = read_expedition(text)
+    if text_tables.is_expedition(text):
+        frame, units = text_tables.read_expedition(text)
         return RawTable(path, frame, units=units)
-    if is_rtklib(text):
-        frame, remark = read_rtklib(text)
+    if text_tables.is_rtklib(text):
+        frame, remark = text_tables.read_rtklib(text)
         return RawTable(path, frame, remarks=(remark,))
-    read = read_text(text, check_names)
-    if is_table_of_frames(list(map(str, read.frame))):
+    rows = text_tables.parse_text(text, check_names)
+    if text_tables.has_can_frame_columns(list(map(str, rows.frame))):
         fix = 'read it as a log: `seatrial record` with [[source]] type = "file" and its path'
         raise InputError("holds frames of a CAN bus, not columns of values", where=str(path), fix=fix)
-    return RawTable.of_rows(path, read, _trial_beside(path))
+    try:  # the trial that our exports write into a file beside the table
+        trial = parse_trial(read_json(path.with_name(f"{path.name}.json"))["trial"])
+    except (OSError, ValueError, KeyError, TypeError, AttributeError):
+        trial = Trial()
+    return RawTable.from_rows(path, rows, trial)
 
 
-def _unpacked(path: Path, meter: Meter) -> bytes:
-    """The bytes of a text file. Raises :class:`InputError` for more than its budget, or a line longer than any."""
+def _decompressed(path: Path, meter: Meter) -> bytes:
+    """The bytes of a text file. Raises :class:`InputError` for more than its budget, or too long a line."""
     blocks, line_bytes = list[bytes](), 0
-    with _OPENERS[_kind_of(path)[1].lower()](path) as stream:
+    with _OPENERS[_suffixes(path)[1].lower()](path) as stream:
         while block := stream.read(TEXT_BYTES.least):
             meter.add(TABLE_TEXT_BYTES, len(block))
-            first = block.find(b"\n")
-            meter.check(TEXT_BYTES, line_bytes + (len(block) if first < 0 else first))
-            line_bytes = line_bytes + len(block) if first < 0 else len(block) - 1 - block.rfind(b"\n")
+            line_end = block.find(b"\n")
+            meter.check(TEXT_BYTES, line_bytes + (len(block) if line_end < 0 else line_end))
+            line_bytes = line_bytes + len(block) if line_end < 0 else len(block) - 1 - block.rfind(b"\n")
             blocks.append(block)
     return b"".join(blocks)
 
 
 def _read_sheet(path: Path) -> RawTable:
-    """The sheet with most filled rows; in our own exports time and trial are found as they were written."""
-    from seatrial.acquisition.tables.text_tables import frame_of_rows
+    """The sheet with most filled rows; in our exports time and trial are restored as they were written."""
+    from seatrial.acquisition.tables import text_tables
 
     require_package("python_calamine", "excel", path)
     sheets = read_in_child(FOREIGN_READER, "sheets", path)
     about = sheets.get("about", [])
     is_export = "data" in sheets and about[:1] == [ABOUT_COLUMNS]
-    rows: list[Any] = (
-        sheets["data"]
-        if is_export
-        else max(
-            sheets.values(), key=lambda sheet: sum(any(cell != "" for cell in row) for row in sheet), default=[]
-        )
-    )
-    read = frame_of_rows(rows)
-    frame = read.frame
-    if is_export and UTC_COLUMN in frame and "time" not in frame:  # people may have changed it since
+    sizes = {name: sum(any(cell != "" for cell in row) for row in sheet) for name, sheet in sheets.items()}
+    fullest = max(sizes, key=sizes.__getitem__, default="")
+    parsed = text_tables.parse_sheet_rows(sheets.get("data" if is_export else fullest, []))
+    frame = parsed.frame
+    if is_export and UTC_COLUMN in frame and "time" not in frame:  # a user may have changed it since
         times = [f"{cell}Z" if _NAIVE_TIME.fullmatch(str(cell)) else cell for cell in frame[UTC_COLUMN]]
         frame = frame.assign(**{UTC_COLUMN: times}).rename(columns={UTC_COLUMN: "time"})
-    refuse_twins(list(frame.columns), path)
+    refuse_duplicate_names(list(frame.columns), path)
     entries = {name: value for what, name, value in about if what == "trial"} if is_export else {}
-    return RawTable.of_rows(path, replace(read, frame=frame), trial_of(entries))
+    return RawTable.from_rows(path, replace(parsed, frame=frame), parse_trial(entries))
 
 
 def _read_gpx(path: Path) -> RawTable:
-    """The points of all tracks, with their time and what else each tells, speed and course say."""
+    """The points of all tracks, with their time and further elements such as speed and course."""
     from xml.etree import ElementTree as ET
+
+    def value_of(element: Any) -> float | str:
+        try:
+            return float(element.text)
+        except ValueError:
+            return str(element.text).strip()
 
     meter, rows, names = Meter(path, path.stat().st_size), list[dict[str, Any]](), set[str]()
     parents = list[Any]()
@@ -234,94 +223,71 @@ def _read_gpx(path: Path) -> RawTable:
             meter.check(XML_DEPTH, len(parents))
             continue
         parents.pop()
-        if _tag(element) in ("trkpt", "rtept"):
-            rows.append(_point(element))
+        if _local_tag(element) in ("trkpt", "rtept"):
+            items = (item for item in element.iter() if item is not element and (item.text or "").strip())
+            position = {"lat": float(element.get("lat", "nan")), "lon": float(element.get("lon", "nan"))}
+            rows.append(position | {_local_tag(item): value_of(item) for item in items})
             meter.add(TABLE_CELLS, len(rows[-1]))
             names.update(rows[-1])
             meter.check(TABLE_COLUMNS, len(names))
-        if parents and not any(_tag(parent) in ("trkpt", "rtept") for parent in parents):
-            parents[-1].remove(element)  # what was read need not stay in memory
+        if parents and not any(_local_tag(parent) in ("trkpt", "rtept") for parent in parents):
+            parents[-1].remove(element)  # frees its memory
     return RawTable(path, pd.DataFrame(rows), units={"lat": "deg", "lon": "deg", "ele": "m", "speed": "m/s"})
 
 
-def _point(point: Any) -> dict[str, Any]:
-    texts = {
-        _tag(item): _cell(item.text) for item in point.iter() if item is not point and (item.text or "").strip()
-    }
-    return {"lat": float(point.get("lat", "nan")), "lon": float(point.get("lon", "nan")), **texts}
-
-
-def _tag(element: Any) -> str:
+def _local_tag(element: Any) -> str:
     return str(element.tag).rpartition("}")[2]
 
 
-def _cell(text: str | None) -> float | str:
-    try:
-        return float(text or "")
-    except ValueError:
-        return (text or "").strip()
-
-
 def require_package(module: str, extra: str, path: Path) -> None:
-    """Raise :class:`InputError` where a module is missing that only some kinds of files need."""
-    from importlib.util import find_spec
-
+    """Raise :class:`InputError` if a module is missing that only some kinds of files need."""
     if find_spec(module) is None:
         what, where = f"needs the package {module.replace('_', '-')} to be read", str(path)
         raise InputError(what, where=where, fix=f"pip install 'seatrial[{extra}]', or save it as CSV")
 
 
-def _trial_beside(path: Path) -> Trial:
-    """The trial that our own exports write beside a CSV file; an empty one where there is no such file."""
-    sidecar = path.with_name(f"{path.name}.json")
-    try:
-        return trial_of(read_json(sidecar)["trial"])
-    except (OSError, ValueError, KeyError, TypeError, AttributeError):
-        return Trial()
-
-
-def refuse_twins(names: list[str], path: Path) -> None:
-    """Raise :class:`InputError` for columns of one name."""
-    twins = [name for name, count in Counter(names).items() if count > 1]
-    if twins:
-        raise InputError(
-            f"has more than one column {', '.join(map(repr, twins))}", where=str(path), fix="rename one of them"
-        )
+def refuse_duplicate_names(names: list[str], path: Path) -> None:
+    """Raise :class:`InputError` for columns of the same name."""
+    if duplicates := [name for name, count in Counter(names).items() if count > 1]:
+        what = f"has more than one column {', '.join(map(repr, duplicates))}"
+        raise InputError(what, where=str(path), fix="rename one of them")
 
 
 def _read_parquet(path: Path) -> RawTable:
-    """A time index becomes the column ``time``; the trial is in the metadata of our own exports."""
+    """A time index becomes the column ``time``; the trial is in the metadata of our exports."""
     arrow = read_in_child(FOREIGN_READER, "parquet", path)
     frame = arrow.to_pandas()
     if isinstance(frame.index, pd.DatetimeIndex) and "time" not in frame:
         frame = frame.rename_axis("time").reset_index()
     frame.columns = pd.Index([str(name).strip() for name in frame.columns])
-    refuse_twins(list(frame.columns), path)
-    written = (arrow.schema.metadata or {}).get(b"seatrial.trial")
-    return RawTable(path, frame, trial_of(parse_json(written)) if written else Trial())
+    refuse_duplicate_names(list(frame.columns), path)
+    metadata = (arrow.schema.metadata or {}).get(b"seatrial.trial")
+    return RawTable(path, frame, parse_trial(parse_json(metadata)) if metadata else Trial())
 
 
-def trial_of(values: Mapping[str, Any]) -> Trial:
-    """The trial by what a file says of it, as text; what is not known is left out."""
+def parse_trial(values: Mapping[str, Any]) -> Trial:
+    """The trial by a file's entries, as text; without those that are not known."""
     texts = {str(key): str(value) for key, value in values.items() if value is not None and np.size(value)}
     if "name" in texts:
         texts["trial"] = texts.pop("name")
     return Trial.from_metadata(texts)
 
 
-def no_numbers(column: pd.Series[Any]) -> Bools:
-    """Where a column holds something that is no number; an empty cell is none of these."""
+def non_numeric_cells(column: pd.Series[Any]) -> Bools:
+    """Which cells of a column are neither empty nor a number."""
     values = pd.to_numeric(column, errors="coerce")
     return np.asarray(values.isna().to_numpy() & column.notna().to_numpy())
 
 
-def readable_rows(raw: RawTable, times: pd.DatetimeIndex, numbers: Sequence[str]) -> tuple[Bools, dict[str, int]]:
-    """Which rows have a time and no text where a number belongs, and how many have not, by the reason.
+def select_readable_rows(
+    raw: RawTable, times: pd.DatetimeIndex, numbers: Sequence[str]
+) -> tuple[Bools, dict[str, int]]:
+    """Which rows have a time and no text in columns of ``numbers``, and how many have not, by the reason.
 
-    ``times`` are those of the rows, NaT for none. Raises :class:`InputError` where no row is left.
+    ``times`` are those of the rows, NaT for none. Raises :class:`InputError` if no row remains.
     """
     timeless = np.asarray(times.isna())
-    text = np.any([no_numbers(raw.columns[name]) for name in numbers], axis=0) & ~timeless
+    text = np.any([non_numeric_cells(raw.columns[name]) for name in numbers], axis=0) & ~timeless
     dropped = {"without a time": int(timeless.sum()), "with text for a number": int(text.sum())}
     valid = ~(timeless | text)
     if not valid.any():
@@ -334,68 +300,63 @@ def parse_numbers(raw: RawTable, name: str) -> Floats:
     """A column as numbers, empty cells as NaN. Raises :class:`InputError` naming the first cell that is none."""
     column = raw.columns[name]
     values = pd.to_numeric(column, errors="coerce")
-    wrong = np.flatnonzero(no_numbers(column))
-    if wrong.size:
-        what = f"row {wrong[0] + 1} of column {name!r} is not a number: {column.iloc[wrong[0]]!r}"
-        why = f"{wrong.size} cells of the column are not numbers"
+    invalid = np.flatnonzero(non_numeric_cells(column))
+    if invalid.size:
+        what = f"row {invalid[0] + 1} of column {name!r} is not a number: {column.iloc[invalid[0]]!r}"
+        why = f"{invalid.size} cells of the column are not numbers"
         raise InputError(what, where=str(raw.path), why=why, fix="write missing values as empty cells")
     return values.to_numpy(dtype=float)
 
 
 _HDF5, _USER_BLOCK_BYTES = b"\x89HDF", 512
 _SINCE = re.compile(r"(seconds|minutes|hours|days|milliseconds|microseconds|nanoseconds) since (.+)")
-_UNITS = {"seconds": "s", "minutes": "m", "hours": "h", "days": "D", "milliseconds": "ms", "microseconds": "us",
-          "nanoseconds": "ns"}  # fmt: skip
-_UNIT_NS = {name: pd.Timedelta(f"1{unit}").value for name, unit in _UNITS.items()}
+_TIME_UNITS = {"seconds": "s", "minutes": "m", "hours": "h", "days": "D", "milliseconds": "ms",
+               "microseconds": "us", "nanoseconds": "ns"}  # fmt: skip
+_UNIT_NS = {name: pd.Timedelta(f"1{unit}").value for name, unit in _TIME_UNITS.items()}
 _TIME_NAMES = ("time", "Time", "TIME", "obs_time", "datetime", "t")
 
 
 def read_mat(path: Path) -> RawTable:
-    """Vectors of one length, at the top or in the one struct that holds them, or what Simulink saves with time.
+    """Vectors of one length, at the top or in the single struct with vectors, or Simulink's structures with time.
 
-    The structs ``units`` and ``trial`` of our own exports are understood; a vector of another length is an
-    error, for which of the two is wrong nobody can tell.
+    The structs ``units`` and ``trial`` of our exports are read. Vectors of different lengths are an error, as it is
+    unknown which is wrong.
     """
     if _is_hdf5(path):
         require_package("h5py", "hdf5", path)
     loaded: dict[str, Any] = read_in_child(FOREIGN_READER, "mat", path)
     content = {key: value for key, value in loaded.items() if not key.startswith(("__", "#"))}
     trial, units = content.pop("trial", {}), content.pop("units", None)
-    vectors = _vectors(content) or _of_simulink(content) or _of_one_struct(content, path)
-    lengths = Counter(len(vector) for vector in vectors.values())
-    usual = lengths.most_common(1)[0][0]
-    unequal = [f"{name} ({len(vector)})" for name, vector in vectors.items() if len(vector) != usual]
-    if unequal:
-        raise InputError(
-            f"holds vectors that are not {usual} long: {', '.join(unequal)}", where=str(path), fix="leave them out"
-        )
+    vectors = _vectors(content) or _simulink_vectors(content)
+    if not vectors:
+        structs = (_vectors(_flatten_struct(value)) for value in content.values() if isinstance(value, dict))
+        candidates = list(filter(None, structs))
+        if len(candidates) != 1:
+            what = "holds no vectors" if not candidates else f"holds {len(candidates)} structs of vectors"
+            raise InputError(what, where=str(path), fix="save one struct of vectors, or the vectors themselves")
+        vectors = candidates[0]
+    length = Counter(len(vector) for vector in vectors.values()).most_common(1)[0][0]
+    if unequal := [f"{name} ({len(vector)})" for name, vector in vectors.items() if len(vector) != length]:
+        what = f"holds vectors that are not {length} long: {', '.join(unequal)}"
+        raise InputError(what, where=str(path), fix="leave them out")
     stated_units = {str(name): str(unit) for name, unit in units.items()} if isinstance(units, dict) else {}
     return RawTable(
-        path, pd.DataFrame(vectors), trial_of(trial) if isinstance(trial, dict) else Trial(), stated_units
+        path, pd.DataFrame(vectors), parse_trial(trial) if isinstance(trial, dict) else Trial(), stated_units
     )
 
 
-def _of_one_struct(content: Mapping[str, Any], path: Path) -> dict[str, NDArray[Any]]:
-    structs = [value for value in content.values() if isinstance(value, dict)]
-    candidates = [vectors for struct in structs if (vectors := _vectors(_flat(struct)))]
-    if len(candidates) != 1:
-        what = "holds no vectors" if not candidates else f"holds {len(candidates)} structs of vectors"
-        raise InputError(what, where=str(path), fix="save one struct of vectors, or the vectors themselves")
-    return candidates[0]
-
-
-def _flat(struct: Mapping[str, Any], stem: str = "") -> dict[str, Any]:
-    """The fields of a struct and of those in it, their names joined by a point."""
+def _flatten_struct(struct: Mapping[str, Any], stem: str = "") -> dict[str, Any]:
+    """The fields of a struct and of the structs in it, their names joined by a point."""
     result: dict[str, Any] = {}
     for name, value in struct.items():
-        result |= _flat(value, f"{stem}{name}.") if isinstance(value, dict) else {f"{stem}{name}": value}
+        result |= _flatten_struct(value, f"{stem}{name}.") if isinstance(value, dict) else {f"{stem}{name}": value}
     return result
 
 
-def _of_simulink(content: Mapping[str, Any]) -> dict[str, NDArray[Any]]:
-    """What the blocks "To Workspace" and "Scope" save as a structure with time: ``time``, ``signals.values``.
+def _simulink_vectors(content: Mapping[str, Any]) -> dict[str, NDArray[Any]]:
+    """The signals that the blocks "To Workspace" and "Scope" save as structures with ``time``, ``signals.values``.
 
-    A signal is called by its label, else by the variable; the times are those of the first of the structures.
+    A signal is named by its label, else by the variable; the times are those of the first structure.
     """
     series: dict[str, NDArray[Any]] = {}
     for variable, struct in content.items():
@@ -409,8 +370,8 @@ def _of_simulink(content: Mapping[str, Any]) -> dict[str, NDArray[Any]]:
                 label if label and label != "[]" else variable if len(signals) == 1 else f"{variable}.{number + 1}"
             )
             columns = values if values.ndim == 2 else values[:, np.newaxis]
-            for place in range(columns.shape[1]):
-                series[name if columns.shape[1] == 1 else f"{name}.{place + 1}"] = columns[:, place]
+            for index in range(columns.shape[1]):
+                series[name if columns.shape[1] == 1 else f"{name}.{index + 1}"] = columns[:, index]
     return series
 
 
@@ -427,56 +388,61 @@ def _vectors(content: Mapping[str, Any]) -> dict[str, NDArray[Any]]:
 
 
 def read_netcdf(path: Path) -> RawTable:
-    """The variables along the dimension of the time; fill values become NaN, packed numbers are unpacked."""
+    """The variables along the dimension of time; fill values become NaN, packed numbers are unpacked."""
     if is_hdf5 := _is_hdf5(path):
         require_package("h5py", "hdf5", path)
     variables, attributes = read_in_child(FOREIGN_READER, "netcdf_4" if is_hdf5 else "netcdf", path)
-    said_so = (name for name, (_, _, metadata) in variables.items() if metadata.get("standard_name") == "time")
-    time = next((name for name in (*_TIME_NAMES, *said_so) if name in variables), None)
+    standard = (name for name, (_, _, metadata) in variables.items() if metadata.get("standard_name") == "time")
+    time = next((name for name in (*_TIME_NAMES, *standard) if name in variables), None)
     if time is None:
         raise InputError("has no variable time", where=str(path), fix="rename the one that holds the times")
     rows = variables[time][0]
-    along = {name: variable for name, variable in variables.items() if variable[0] == rows}
-    if "provenance" in attributes:  # of our own exports: lat and lon follow from the other columns
-        along = {name: variable for name, variable in along.items() if name not in ("lat", "lon")}
-    frame = pd.DataFrame({name: _unscaled(values, metadata) for name, (_, values, metadata) in along.items()})
-    since = _SINCE.match(str(along[time][2].get("units", "")))
-    if since:
-        frame[time] = _times_since(frame[time], since)
+    series = {name: variable for name, variable in variables.items() if variable[0] == rows}
+    if "provenance" in attributes:  # our exports: lat and lon follow from the other columns
+        series = {name: variable for name, variable in series.items() if name not in ("lat", "lon")}
+    frame = pd.DataFrame({name: _unscaled(values, metadata) for name, (_, values, metadata) in series.items()})
+    if since := _SINCE.match(str(series[time][2].get("units", ""))):
+        start = pd.Timestamp(since[2])
+        start = start.tz_localize("UTC") if start.tz is None else start
+        # pandas truncates to nanoseconds, and a binary count is often just short of one
+        integers = np.floor(frame[time])
+        part_ns = np.rint((frame[time] - integers) * _UNIT_NS[since[1]])
+        elapsed = pd.to_timedelta(integers, unit=_TIME_UNITS[since[1]])  # type: ignore[call-overload]
+        frame[time] = start + elapsed + pd.to_timedelta(part_ns, unit="ns")
     units = {
         name: str(metadata["units"])
-        for name, (_, _, metadata) in along.items()
+        for name, (_, _, metadata) in series.items()
         if "units" in metadata and name != time
     }
     meanings = {
         name: str(meaning)
-        for name, (_, _, metadata) in along.items()
+        for name, (_, _, metadata) in series.items()
         if (meaning := metadata.get("standard_name") or metadata.get("long_name"))
     }
-    return RawTable(path, frame, trial_of(parse_json(str(attributes.get("trial", "{}")))), units, meanings)
+    return RawTable(path, frame, parse_trial(parse_json(str(attributes.get("trial", "{}")))), units, meanings)
 
 
 def _is_hdf5(path: Path) -> bool:
-    """By its first bytes; MATLAB's begin with a header of its own."""
+    """By its first bytes; MATLAB's files begin with another header."""
     with path.open("rb") as stream:
         head = stream.read(_USER_BLOCK_BYTES + len(_HDF5))
     return head.startswith(_HDF5) or head.endswith(_HDF5)
 
 
-def _times_since(counted: pd.Series[Any], since: re.Match[str]) -> pd.Series[Any]:
-    start = pd.Timestamp(since[2])
-    start = start.tz_localize("UTC") if start.tz is None else start
-    whole_units = np.floor(counted)
-    # pandas cuts off what is less than a nanosecond, and a count in binary is often short of it
-    part_ns = np.rint((counted - whole_units) * _UNIT_NS[since[1]])
-    return start + pd.to_timedelta(whole_units, unit=_UNITS[since[1]]) + pd.to_timedelta(part_ns, unit="ns")  # type: ignore[call-overload, no-any-return]
-
-
 def _unscaled(values: NDArray[Any], metadata: Mapping[str, Any]) -> NDArray[Any]:
-    """A variable's values in its unit, NaN where there is none."""
+    """A variable's values in its unit, NaN for missing ones."""
     missing = [np.ravel(metadata[name])[0] for name in ("_FillValue", "missing_value") if name in metadata]
-    scale, offset = (
-        np.ravel(metadata.get(name, usual))[0] for name, usual in (("scale_factor", 1), ("add_offset", 0))
-    )
+    scale, offset = np.ravel(metadata.get("scale_factor", 1))[0], np.ravel(metadata.get("add_offset", 0))[0]
     result = values if (scale, offset) == (1, 0) else values * float(scale) + float(offset)
     return np.where(np.isin(values, missing), np.nan, result) if missing else result
+
+
+_READERS: dict[str, Callable[[Path], RawTable]] = {
+    **dict.fromkeys(_TEXT, _read_text),
+    **dict.fromkeys((".xlsx", ".xls", ".xlsm", ".ods"), _read_sheet),
+    ".parquet": _read_parquet,
+    ".mat": read_mat,
+    ".nc": read_netcdf,
+    ".gpx": _read_gpx,
+}
+"""How a file is read, by its suffix."""

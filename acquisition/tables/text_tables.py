@@ -1,10 +1,8 @@
-"""Tables of text cells as loggers and spreadsheets write them: where the header stands, what is between the cells.
+"""Parses tables of text cells as loggers and spreadsheets write them.
 
-The encoding, the delimiter, the decimal sign, lines before the header, a header of two rows and a row of units
-below it are found by what the lines look like and, of several rows of names, by the names that are known.
-
-Tables of loggers whose lines are no plain columns: pairs of a number and a value, solutions of RTKLIB, segments
-of LabVIEW, frames of a CAN bus.
+The encoding, the delimiter, the decimal sign, lines before the header, a header of two rows and a row of units are
+detected by the form of the lines and, of several rows of names, by the known names. Also read are lines that are no
+plain columns: Expedition's pairs of a number and a value, RTKLIB's solutions, LabVIEW's segments.
 """
 
 from __future__ import annotations
@@ -25,16 +23,21 @@ import numpy as np
 import pandas as pd
 import pymap3d
 
-from seatrial.acquisition.core.quantities import Floats
-from seatrial.acquisition.tables.column_names import LETTERS, headed, is_unit_cell, matches, units_called
+from seatrial.acquisition.tables.column_names import (
+    EAST_ASIAN_LETTERS,
+    is_unit_cell,
+    match_quantities,
+    parse_units,
+    split_header,
+)
 from seatrial.acquisition.tables.time_columns import time_in_head
 
-NOT_AVAILABLE = (
+MISSING_TEXTS = (
     "-", "--", "---", "----", "-----", "*", "**", "***", "****", "?", "??", "???", "n.a.", "N.A.", "n.v.", "k.A.",
     "N/V", "na", "nil", "NIL", "none", "NONE", "invalid", "INVALID", "Invalid", "missing", "no data", "No Data",
     "NODATA", "#NV", "#DIV/0!", "#WERT!", "#VALUE!", "#REF!", "#BEZUG!", "[]", "\\N", "INF/NAN",
 )  # fmt: skip
-"""What loggers and spreadsheets write for no value, beside what pandas knows."""
+"""What loggers and spreadsheets write for no value, besides what pandas recognises."""
 
 _DELIMITERS = (";", "\t", "|", ",")
 _PROBE_LINES = 60
@@ -51,20 +54,20 @@ _TIME_LIKE = re.compile(r"\d{1,4}[-./:]\d{1,2}[-./:]\d{1,4}.*|\d{1,2}:\d{2}.*")
 
 @dataclass(frozen=True, slots=True)
 class Layout:
-    """Where the names stand among the rows, and in which row their units, if in one; ``units`` by name.
+    """The names, the rows of the header and of the first data, and the ``units`` of a row of units by name.
 
-    ``header`` is None where no row has names: columns are then called by their places.
+    ``header`` is None if no row has names: columns are then named by their positions.
     """
 
     names: tuple[str, ...]
     header: int | None
-    first: int
+    first_data: int
     units: dict[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)
-class ReadRows:
-    """A table's frame, the units that a row of it states by column, the lines before its header, and remarks."""
+class ParsedRows:
+    """A table's frame, the units that its cells state by column, the lines before its header, and remarks."""
 
     frame: pd.DataFrame
     units: dict[str, str] = field(default_factory=dict)
@@ -74,174 +77,177 @@ class ReadRows:
 
 
 def decode(content: bytes) -> str:
-    """The text of a file: by its byte order mark, else UTF-8, else the code page by which it holds most letters of
-    known names: that of western Windows, Japan or China."""
+    """The text of a file: by its byte order mark, else UTF-8, else the code page of western Windows, Japan or China
+    by which it holds most letters of known names."""
     if content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
         return content.decode("utf-16").replace(_BOM, "")
     for start, page in ((1, "utf-16-le"), (0, "utf-16-be")):
         if 2 * content[start:_PROBE_LETTERS:2].count(0) > min(len(content), _PROBE_LETTERS) // 2:
             return content.decode(page, errors="replace").replace(_BOM, "")
     try:
-        return content.decode("utf-8").replace(_BOM, "")  # also where files with a mark were joined
+        return content.decode("utf-8").replace(_BOM, "")  # also inside, as in joined files
     except UnicodeDecodeError:
         texts = [content.decode(page, errors="replace") for page in _CODE_PAGES]
-        return max(texts, key=lambda text: sum(letter in LETTERS for letter in text[:_PROBE_LETTERS]))
+        return max(texts, key=lambda text: sum(letter in EAST_ASIAN_LETTERS for letter in text[:_PROBE_LETTERS]))
 
 
 def find_layout(rows: Sequence[Sequence[Any]]) -> Layout:
-    """Names and units of a table by its first rows; its header is the row of names before the first of data by
-    which most columns are known, the last of several alike.
+    """Names and units of a table by its first rows.
 
-    Names of the row before or behind are part of it where they make a known name of it: "Wind" above "Speed".
+    The header is the row of names before the data with most known names, the last of several with as many. Names of
+    the row above or below belong to it where they complete a known name: "Wind" above "Speed".
     """
-    width = Counter(len(_trimmed(row)) for row in rows[-max(1, len(rows) // 2) :]).most_common(1)[0][0]
-    first = next((number for number, row in enumerate(rows) if _is_data(row, width)), len(rows))
-    named = [number for number in range(first) if _could_name(rows[number], width)]
-    if not named and first < len(rows) and width > 1:
-        return Layout(tuple(f"column {place + 1}" for place in range(width)), None, first)
-    named = named or [0]
-    of_units = [number for number in named[1:] if _is_unit_row(rows[number])]
-    header = max(
-        (number for number in named if number not in of_units), key=lambda number: (_known_in(rows[number]), number)
-    )
-    names = _full_names(rows, header, [number for number in named if number not in of_units], width)
+    widths = [max((index for index, cell in enumerate(row, 1) if _is_filled(cell)), default=0) for row in rows]
+    width = Counter(widths[-max(1, len(rows) // 2) :]).most_common(1)[0][0]
+    first_data = next((number for number, row in enumerate(rows) if _is_data(row, width)), len(rows))
+    filled = [[cell for cell in row if _is_filled(cell)] for row in rows[:first_data]]
+    candidates = [
+        number for number, cells in enumerate(filled) if 2 * len(cells) >= width and not any(map(_is_number, cells))
+    ]
+    if not candidates and first_data < len(rows) and width > 1:
+        return Layout(tuple(f"column {index + 1}" for index in range(width)), None, first_data)
+    candidates = candidates or [0]
+    unit_rows = [
+        number
+        for number in candidates[1:]
+        if 3 * sum(is_unit_cell(str(cell)) for cell in filled[number]) >= 2 * len(filled[number])
+    ]
+    name_rows = [number for number in candidates if number not in unit_rows]
+    header = max(name_rows, key=lambda number: (sum(map(_is_known_name, map(_cell_text, rows[number]))), number))
+    names = _full_names(rows, header, name_rows)
     if names and names[0][:1] in _COMMENT:
         names[0] = names[0].lstrip(f"{_COMMENT} ")
-    unit_row = next((rows[number] for number in of_units if number > header), [])
-    units = {place: str(cell).strip() for place, cell in enumerate(unit_row) if _filled(cell)}
-    by_name = {names[place]: text for place, text in units.items() if place < len(names) and text != "-"}
-    return Layout(tuple(names), header, min(max(first, header + 1), len(rows)), by_name)
+    unit_row = next((rows[number] for number in unit_rows if number > header), [])
+    texts = {index: str(cell).strip() for index, cell in enumerate(unit_row) if _is_filled(cell)}
+    units = {names[index]: text for index, text in texts.items() if index < len(names) and text != "-"}
+    return Layout(tuple(names), header, min(max(first_data, header + 1), len(rows)), units)
 
 
-def _known_in(row: Sequence[Any]) -> int:
-    return sum(bool(matches(headed(name).name)) for name in map(_name, row) if name)
+def _is_known_name(name: str) -> bool:
+    return bool(name) and bool(match_quantities(split_header(name).name))
 
 
-def _full_names(rows: Sequence[Sequence[Any]], header: int, named: Sequence[int], width: int) -> list[str]:
-    """The names of a header, with those of the row above or below where that makes another, known name of them."""
-    names = [_name(cell) for cell in rows[header]]
+def _full_names(rows: Sequence[Sequence[Any]], header: int, name_rows: Sequence[int]) -> list[str]:
+    """The names of a header, with those of the row above or below where that completes a known name."""
+    names = [_cell_text(cell) for cell in rows[header]]
     repeated = {name for name, count in Counter(names).items() if count > 1 and name}
-    groups = (
-        rows[header - 1]
-        if header and (repeated or header - 1 in named) and not _has_number(rows[header - 1])
-        else []
-    )
-    below = rows[header + 1] if header + 1 in named else []
-    above = ""
-    for place, name in enumerate(names):
-        above = _name(groups[place]) if place < len(groups) and _filled(groups[place]) else above
-        behind = _name(below[place]) if place < len(below) else ""
-        for full in (f"{above} {name}" if above else "", f"{name} {behind}" if behind else ""):
-            if full and name and (matches(headed(full).name) or name in repeated):
-                names[place] = full
+    groups: Sequence[Any] = rows[header - 1] if header and (repeated or header - 1 in name_rows) else []
+    if any(map(_is_number, filter(_is_filled, groups))):
+        groups = []
+    lower_row = rows[header + 1] if header + 1 in name_rows else []
+    group = ""
+    for index, name in enumerate(names):
+        group = _cell_text(groups[index]) if index < len(groups) and _is_filled(groups[index]) else group
+        suffix = _cell_text(lower_row[index]) if index < len(lower_row) else ""
+        for full in (f"{group} {name}" if group else "", f"{name} {suffix}" if suffix else ""):
+            if full and name and (_is_known_name(full) or name in repeated):
+                names[index] = full
                 break
     return names
 
 
-def _has_number(row: Sequence[Any]) -> bool:
-    return any(map(_is_number, filter(_filled, row)))
+def parse_text(text: str, check_names: Callable[[list[str]], None]) -> ParsedRows:
+    """The table in a text of lines.
 
-
-def read_text(text: str, refuse_twins: Callable[[list[str]], None]) -> ReadRows:
-    """What is in a text of lines.
-
-    ``refuse_twins`` raises for names that come twice. Raises :class:`ValueError` naming the first row that is
-    longer than the header.
+    ``check_names`` raises for duplicate names. Raises :class:`ValueError` naming the first row that is longer than
+    the header.
     """
-    head, text = without_heads_of_labview(text)
-    lines = list(islice((line.rstrip("\r\n") for line in _lines(text) if line.strip()), _PROBE_LINES))
-    delimiter = _delimiter(lines)
-    rows = [_split(line, delimiter) for line in lines]
+    head, text = split_labview_headers(text)
+    lines = list(islice((line.rstrip("\r\n") for line in _iterate_lines(text) if line.strip()), _PROBE_LINES))
+    delimiter = _detect_delimiter(lines)
+    rows = [_split_cells(line, delimiter) for line in lines]
     layout = find_layout(rows)
-    refuse_twins([name for name in layout.names if name])
-    body = [cell.strip() for row in rows[layout.first :] for cell in row]
-    decimal = "," if _decimal_is_comma(body, delimiter) else "."
-    start = _start_of(text, layout.first)
-    content, repeated = _without_repeated(text[start:], lines[: layout.first], layout.header)
-    _refuse_another_table(content, text.count("\n", 0, start), layout.names[0], delimiter)
+    check_names([name for name in layout.names if name])
+    cells = [cell.strip() for row in rows[layout.first_data :] for cell in row]
+    commas = sum(bool(_COMMA_NUMBER.fullmatch(cell) or _GROUPED[","].fullmatch(cell)) for cell in cells)
+    points = sum(bool(_POINT_NUMBER.fullmatch(cell)) for cell in cells)
+    decimal = "," if commas > points and delimiter != "," else "."
+    start = _offset_of_row(text, layout.first_data)
+    content, repeated = _without_repeated_header(text[start:], lines[: layout.first_data], layout.header)
+    _refuse_second_table(content, text.count("\n", 0, start), layout.names[0], delimiter)
     with warnings.catch_warnings():
         warnings.simplefilter("error", pd.errors.ParserWarning)  # rows longer than the header would be cut
         try:
             frame = pd.read_csv(
                 io.BytesIO(content.encode()), sep=r"\s+" if delimiter == " " else delimiter, decimal=decimal,
-                header=None, names=_unique(layout.names), skipinitialspace=True, low_memory=False, index_col=False,
-                na_values=list(NOT_AVAILABLE),
+                header=None, names=_column_labels(layout.names), skipinitialspace=True, low_memory=False,
+                index_col=False, na_values=list(MISSING_TEXTS),
             )  # fmt: skip
         except (pd.errors.ParserError, pd.errors.ParserWarning) as error:
             raise ValueError(_longer_row(text, start, delimiter, len(layout.names))) from error
-    frame = _without_nameless(frame)  # what a delimiter at the end of every line leaves
+    frame = _drop_nameless_columns(frame)  # as of a delimiter at the end of all lines
     remarks = (f"the header is repeated {repeated} times among the rows",) if repeated else ()
-    frame, units = _without_units(frame.apply(lambda column: _ungrouped(column, decimal)), decimal)
-    return ReadRows(
+    frame, units = _split_units(frame.apply(lambda column: _parse_grouped_numbers(column, decimal)), decimal)
+    return ParsedRows(
         frame, layout.units | units, (*head, *lines[: layout.header or 0]), remarks, layout.header is None
     )
 
 
-def _without_repeated(content: str, head: Sequence[str], header: int | None) -> tuple[str, int]:
-    """The rows without those that repeat the header, or the row of units below it, as joined files have them."""
+def _without_repeated_header(content: str, head: Sequence[str], header: int | None) -> tuple[str, int]:
+    """The rows without those that repeat the header, or the row of units below it, as in joined files."""
     if header is None or head[header] not in content:
         return content, 0
     lines = set(head[header:])
-    remaining = [line for line in _lines(content) if line.rstrip("\r\n") not in lines]
-    return "".join(remaining), sum(line.rstrip("\r\n") == head[header] for line in _lines(content))
+    remaining = [line for line in _iterate_lines(content) if line.rstrip("\r\n") not in lines]
+    return "".join(remaining), sum(line.rstrip("\r\n") == head[header] for line in _iterate_lines(content))
 
 
-def _refuse_another_table(content: str, before: int, name: str, delimiter: str) -> None:
-    """Raise :class:`ValueError` for a line that begins with the first column's name: the names of other columns."""
+def _refuse_second_table(content: str, lines_before: int, name: str, delimiter: str) -> None:
+    """Raise :class:`ValueError` for a line that begins with the first column's name: another header."""
     if name and f"\n{name}" not in content:
         return
-    for number, line in enumerate(_lines(content), start=before + 1):
-        if name and line.startswith(name) and _name(_split(line.rstrip("\r\n"), delimiter)[0]) == name:
+    for number, line in enumerate(_iterate_lines(content), start=lines_before + 1):
+        if name and line.startswith(name) and _cell_text(_split_cells(line.rstrip("\r\n"), delimiter)[0]) == name:
             raise ValueError(f"in line {number} another table begins, {line.strip()!r}; save the two apart")
 
 
 def _longer_row(text: str, start: int, delimiter: str, width: int) -> str:
     """Which line is longer than the header, as a reason."""
     number = text.count("\n", 0, start)
-    for line in _lines(text[start:]):
+    for line in _iterate_lines(text[start:]):
         number += 1
-        if line.strip() and (cells := len(_split(line.rstrip("\r\n"), delimiter))) > width:
+        if line.strip() and (cells := len(_split_cells(line.rstrip("\r\n"), delimiter))) > width:
             return f"line {number} has {cells} cells, the header {width}"
     return "its lines cannot be divided into cells; is a quotation mark missing?"
 
 
-def frame_of_rows(rows: Sequence[Sequence[Any]]) -> ReadRows:
-    """What is in a spreadsheet's rows, whose cells have types."""
-    rows = [row for row in rows if any(_filled(cell) for cell in row)]
+def parse_sheet_rows(rows: Sequence[Sequence[Any]]) -> ParsedRows:
+    """The table in a spreadsheet's rows, whose cells have types."""
+    rows = [row for row in rows if any(_is_filled(cell) for cell in row)]
     if not rows:
-        return ReadRows(pd.DataFrame())
+        return ParsedRows(pd.DataFrame())
     layout = find_layout(rows[:_PROBE_LINES])
-    header = [] if layout.header is None else [_name(cell) for cell in rows[layout.header]]
-    body = [row for row in rows[layout.first :] if not header or [_name(cell) for cell in row] != header]
-    repeated = len(rows) - layout.first - len(body)
-    frame = pd.DataFrame(body, columns=_unique(layout.names, max(map(len, body), default=len(header))))
-    frame = _without_nameless(frame.map(_plain).dropna(how="all"))
-    preamble = tuple(" ".join(str(cell) for cell in row if _filled(cell)) for row in rows[: layout.header or 0])
+    header = [] if layout.header is None else [_cell_text(cell) for cell in rows[layout.header]]
+    body = [row for row in rows[layout.first_data :] if not header or [_cell_text(cell) for cell in row] != header]
+    repeated = len(rows) - layout.first_data - len(body)
+    frame = pd.DataFrame(body, columns=_column_labels(layout.names, max(map(len, body), default=len(header))))
+    frame = _drop_nameless_columns(frame.map(_cell_value).dropna(how="all"))
+    preamble = tuple(" ".join(str(cell) for cell in row if _is_filled(cell)) for row in rows[: layout.header or 0])
     remarks = (f"the header is repeated {repeated} times among the rows",) if repeated else ()
-    frame, units = _without_units(frame.infer_objects().reset_index(drop=True), ".")
-    return ReadRows(frame, layout.units | units, preamble, remarks, layout.header is None)
+    frame, units = _split_units(frame.infer_objects().reset_index(drop=True), ".")
+    return ParsedRows(frame, layout.units | units, preamble, remarks, layout.header is None)
 
 
-def _without_nameless(frame: pd.DataFrame) -> pd.DataFrame:
-    """Without the columns that have neither a name nor a value."""
+def _drop_nameless_columns(frame: pd.DataFrame) -> pd.DataFrame:
+    """The frame without columns that have neither a name nor a value."""
     empty = [name for name in map(str, frame) if name.startswith("Unnamed:") and frame[name].isna().all()]
     return frame.drop(columns=empty)
 
 
-def _start_of(text: str, rows: int) -> int:
-    """Where in the text its row of this number begins, empty lines not counted."""
-    place = 0
-    for line in _lines(text):
+def _offset_of_row(text: str, rows: int) -> int:
+    """The offset in the text at which a row begins, counted without empty lines."""
+    offset = 0
+    for line in _iterate_lines(text):
         if line.strip():
             if rows == 0:
-                return place
+                return offset
             rows -= 1
-        place += len(line)
-    return place
+        offset += len(line)
+    return offset
 
 
-def _lines(text: str) -> Iterator[str]:
-    """The lines with their ends, one at a time: a text stream would take four bytes a letter of the whole text."""
+def _iterate_lines(text: str) -> Iterator[str]:
+    """The lines with their ends, one at a time: a text stream would take four bytes for each letter of the text."""
     start = 0
     while start < len(text):
         end = text.find("\n", start) + 1 or len(text)
@@ -249,92 +255,61 @@ def _lines(text: str) -> Iterator[str]:
         start = end
 
 
-def _plain(cell: Any) -> Any:
-    """A spreadsheet's cell: times and dates as text, text for no value as none."""
+def _cell_value(cell: Any) -> Any:
+    """A spreadsheet's cell: times and dates as text, None for no value."""
     if isinstance(cell, str):
         text = cell.strip()
-        return None if not text or text in NOT_AVAILABLE else text
+        return None if not text or text in MISSING_TEXTS else text
     if isinstance(cell, datetime | date | time):
         return cell.isoformat()
     return cell
 
 
-def _unique(names: Sequence[str], width: int = 0) -> list[str]:
-    """A name for each column, as pandas has them where there is none."""
-    filled = [*names, *[""] * (width - len(names))]
-    return [name or f"Unnamed: {place}" for place, name in enumerate(filled)]
+def _column_labels(names: Sequence[str], width: int = 0) -> list[str]:
+    """The names of the columns, as pandas names those without one."""
+    return [name or f"Unnamed: {index}" for index, name in enumerate([*names, *[""] * (width - len(names))])]
 
 
-def _name(cell: Any) -> str:
-    return " ".join(str(cell).split()) if _filled(cell) else ""
+def _cell_text(cell: Any) -> str:
+    return " ".join(str(cell).split()) if _is_filled(cell) else ""
 
 
-def _filled(cell: Any) -> bool:
+def _is_filled(cell: Any) -> bool:
     return cell is not None and bool(str(cell).strip())
 
 
-def _trimmed(row: Sequence[Any]) -> list[Any]:
-    """A row without the empty cells at its end."""
-    cells = list(row)
-    while cells and not _filled(cells[-1]):
-        cells.pop()
-    return cells
-
-
-def _is_value(cell: Any) -> bool:
-    return _is_number(cell) or bool(_TIME_LIKE.fullmatch(cell.strip()))
-
-
 def _is_data(row: Sequence[Any], width: int) -> bool:
-    filled = [cell for cell in row if _filled(cell)]
-    return (
-        len(row) >= min(width, 2) and 3 * sum(map(_is_value, filled)) >= len(filled) > 0 and width <= len(row) + 1
-    )
-
-
-def _could_name(row: Sequence[Any], width: int) -> bool:
-    filled = [cell for cell in row if _filled(cell)]
-    return 2 * len(filled) >= width and not any(map(_is_number, filled))
+    filled = [cell for cell in row if _is_filled(cell)]
+    values = sum(_is_number(cell) or bool(_TIME_LIKE.fullmatch(cell.strip())) for cell in filled)
+    return len(row) >= min(width, 2) and 3 * values >= len(filled) > 0 and width <= len(row) + 1
 
 
 def _is_number(cell: Any) -> bool:
     return not isinstance(cell, str) or bool(_NUMBER.fullmatch(cell.strip()))
 
 
-def _is_unit_row(row: Sequence[Any]) -> bool:
-    filled = [str(cell) for cell in row if _filled(cell)]
-    return 3 * sum(map(is_unit_cell, filled)) >= 2 * len(filled)
+def _split_cells(line: str, delimiter: str) -> list[str]:
+    if delimiter == " ":
+        return line.split()
+    return next(csv.reader([line], delimiter=delimiter, skipinitialspace=True))
 
 
-def _split(line: str, delimiter: str) -> list[str]:
-    return (
-        line.split() if delimiter == " " else next(csv.reader([line], delimiter=delimiter, skipinitialspace=True))
-    )
-
-
-def _delimiter(lines: Sequence[str]) -> str:
-    """What divides most lines into equally many cells; of several, what the first of them has."""
-    best, likeliest = 0.0, ","
+def _detect_delimiter(lines: Sequence[str]) -> str:
+    """What divides most lines into the same number of cells; the first of several equal ones."""
+    largest, likeliest = 0.0, ","
     for delimiter in _DELIMITERS:
-        counts = Counter(len(_split(line, delimiter)) for line in lines)
+        counts = Counter(len(_split_cells(line, delimiter)) for line in lines)
         width, count = max(counts.items(), key=lambda entry: (entry[0] > 1, entry[1]))
-        share = count / len(lines) if width > 1 else 0.0
-        if share > best + 0.05:
-            best, likeliest = share, delimiter
-    if best == 0.0 and len({len(line.split()) for line in lines[-10:]}) == 1 and len(lines[-1].split()) > 1:
+        fraction = count / len(lines) if width > 1 else 0.0
+        if fraction > largest + 0.05:
+            largest, likeliest = fraction, delimiter
+    if largest == 0.0 and len({len(line.split()) for line in lines[-10:]}) == 1 and len(lines[-1].split()) > 1:
         return " "
     return likeliest
 
 
-def _decimal_is_comma(cells: Sequence[str], delimiter: str) -> bool:
-    if delimiter == ",":
-        return False
-    commas = sum(bool(_COMMA_NUMBER.fullmatch(cell) or _GROUPED[","].fullmatch(cell)) for cell in cells)
-    return commas > sum(bool(_POINT_NUMBER.fullmatch(cell)) for cell in cells)
-
-
-def _ungrouped(column: pd.Series[Any], decimal: str) -> pd.Series[Any]:
-    """Numbers written with a sign between the thousands, as numbers."""
+def _parse_grouped_numbers(column: pd.Series[Any], decimal: str) -> pd.Series[Any]:
+    """Numbers written with a separator of thousands, as numbers."""
     if not pd.api.types.is_string_dtype(column.dtype) and column.dtype != object:
         return column
     text = column.dropna().astype(str).str.strip()
@@ -346,22 +321,22 @@ def _ungrouped(column: pd.Series[Any], decimal: str) -> pd.Series[Any]:
         or not text.str.fullmatch(rf"[+-]?[\d{re.escape(separator)}]*({re.escape(decimal)}\d*)?").all()
     ):
         return column
-    plain = text.str.replace(separator, "", regex=False).str.replace(decimal, ".", regex=False)
-    return pd.to_numeric(plain).reindex(column.index)
+    numbers = text.str.replace(separator, "", regex=False).str.replace(decimal, ".", regex=False)
+    return pd.to_numeric(numbers).reindex(column.index)
 
 
-def _without_units(frame: pd.DataFrame, decimal: str) -> tuple[pd.DataFrame, dict[str, str]]:
-    """The frame with numbers where all cells of a column have one unit behind them, and these units by column."""
+def _split_units(frame: pd.DataFrame, decimal: str) -> tuple[pd.DataFrame, dict[str, str]]:
+    """The frame with numbers where all cells of a column end in the same unit, and these units by column."""
     units = dict[str, str]()
     for name in map(str, frame):
         text = frame[name].dropna()
-        first = _WITH_UNIT.fullmatch(str(text.iloc[0]).strip()) if len(text) else None
-        if first is None or first[2] in _HEMISPHERES or not units_called(first[2]):
+        example = _WITH_UNIT.fullmatch(str(text.iloc[0]).strip()) if len(text) else None
+        if example is None or example[2] in _HEMISPHERES or not parse_units(example[2]):
             continue
         parts = text.astype(str).str.strip().str.extract(f"^{_WITH_UNIT.pattern}$")
-        if (parts[1] == first[2]).all():
-            plain = parts[0].str.replace(decimal, ".", regex=False)
-            frame, units[name] = frame.assign(**{name: pd.to_numeric(plain).reindex(frame.index)}), first[2]
+        if (parts[1] == example[2]).all():
+            numbers = pd.to_numeric(parts[0].str.replace(decimal, ".", regex=False))
+            frame, units[name] = frame.assign(**{name: numbers.reindex(frame.index)}), example[2]
     return frame, units
 
 
@@ -371,7 +346,7 @@ _CAN_HEADS = (
     {"id", "len", "d1"}, {"id", "dlc", "d0"}, {"id", "length", "data"}, {"id", "dlc", "data"}, {"can id", "data"},
     {"arbitration id", "data"}, {"arbitration_id", "data"},
 )  # fmt: skip
-"""Columns that tables of CAN frames have: of SavvyCAN, python-can and other programs."""
+"""Columns of tables of CAN frames by SavvyCAN, python-can and other programs."""
 _RTKLIB = re.compile(r"^%\s*(GPST|UTC|JST)[ ,;\t]+(.*\bQ\b.*)$", re.MULTILINE)
 _RTKLIB_CELLS = re.compile(r"[,;\t ]+")
 _RTKLIB_SEXAGESIMAL = "(d'\")"
@@ -380,12 +355,12 @@ _END_OF_HEAD = "***End_of_Header***"
 
 
 def is_expedition(text: str) -> bool:
-    """Whether a text is a log of Expedition: after a boat's number and a time, pairs of a number and a value."""
+    """Whether a text is a log of Expedition: lines of a boat's number, a time, and pairs of number and value."""
     return bool(_EXPEDITION.match(text))
 
 
 def read_expedition(text: str) -> tuple[pd.DataFrame, dict[str, str]]:
-    """The frame of Expedition's own boat, 0, and the units of its speeds, by the two heads that name the numbers.
+    """The frame of Expedition's boat 0, and the units of its speeds, by the two header lines that name the numbers.
 
     Raises :class:`ValueError` naming the first line that is not of pairs.
     """
@@ -393,26 +368,26 @@ def read_expedition(text: str) -> tuple[pd.DataFrame, dict[str, str]]:
     heads = [line.lstrip("!").split(",") for line in lines if line.startswith("!") and not line.startswith("!v")]
     if len(heads) < 2:
         raise ValueError("this log of Expedition has no line !boat,0,1 ... with the numbers of its names")
-    named = [name.strip() for name in heads[0]]
-    by_number = dict(zip(heads[1][1:], named[1:], strict=False))
+    name_by_number = dict(zip(heads[1][1:], [name.strip() for name in heads[0][1:]], strict=False))
     rows = []
-    for place, line in enumerate(lines, start=1):
+    for line_number, line in enumerate(lines, start=1):
         if not line or line.startswith("!"):
             continue
         cells = [cell.strip() for cell in line.split(",")]
         if len(cells) % 2:
-            raise ValueError(f"line {place} of this log of Expedition is not of pairs of a number and a value")
+            raise ValueError(
+                f"line {line_number} of this log of Expedition is not of pairs of a number and a value"
+            )
         if cells[0] == "0":
             pairs = zip(cells[2::2], cells[3::2], strict=True)
-            values = {by_number.get(number, f"number {number}"): value for number, value in pairs}
-            rows.append({by_number.get("0", "Utc"): cells[1]} | values)
-    frame = pd.DataFrame(rows).apply(_numbers)
+            values = {name_by_number.get(number, f"number {number}"): value for number, value in pairs}
+            rows.append({name_by_number.get("0", "Utc"): cells[1]} | values)
+    frame = pd.DataFrame(rows)
+    for name, column in frame.items():
+        numbers = pd.to_numeric(column, errors="coerce")
+        if numbers.notna().sum() == column.notna().sum():
+            frame[name] = numbers
     return frame, {name: "kn" for name in _IN_KNOTS if name in frame}
-
-
-def _numbers(column: pd.Series[Any]) -> pd.Series[Any]:
-    values = pd.to_numeric(column, errors="coerce")
-    return values if values.notna().sum() == column.notna().sum() else column
 
 
 def is_rtklib(text: str) -> bool:
@@ -421,68 +396,64 @@ def is_rtklib(text: str) -> bool:
 
 
 def read_rtklib(text: str) -> tuple[pd.DataFrame, str]:
-    """The frame of RTKLIB's solutions, and how many there are of each quality.
+    """The frame of RTKLIB's solutions, and a remark on their numbers by quality.
 
     The time, of a date and a clock or of a week and seconds, keeps the name of its system. Coordinates in degrees,
-    minutes and seconds or from the earth's centre become degrees; those of a baseline east and north of its base.
-    Raises :class:`ValueError` naming the first line with other cells than the header.
+    minutes and seconds or from the earth's centre become degrees, those of a baseline east and north of its base.
+    Raises :class:`ValueError` naming the first line with more or fewer cells than the header.
     """
     head = _RTKLIB.search(text)
     assert head is not None
     system, names = head[1], _RTKLIB_CELLS.split(head[2].strip())
     widths = [3 if _RTKLIB_SEXAGESIMAL in name else 1 for name in names]
     rows = []
-    for place, line in enumerate(text.splitlines(), start=1):
+    for line_number, line in enumerate(text.splitlines(), start=1):
         if not line.strip() or line.startswith("%"):
             continue
         cells = _RTKLIB_CELLS.split(line.strip())
         if len(cells) != 2 + sum(widths):
-            raise ValueError(f"line {place} has {len(cells)} cells, the header {2 + sum(widths)}")
+            raise ValueError(f"line {line_number} has {len(cells)} cells, the header {2 + sum(widths)}")
         rows.append(cells)
     table = np.array(rows, dtype=object).reshape(-1, 2 + sum(widths))
-    frame = _rtklib_times(table, system)
-    first = 2
-    for name, width in zip(names, widths, strict=True):
-        values = table[:, first : first + width].astype(float)
-        frame[name.replace(_RTKLIB_SEXAGESIMAL, "(deg)")] = _degrees(values) if width > 1 else values[:, 0]
-        first += width
-    numbers, counts = np.unique(frame["Q"].to_numpy(dtype=int), return_counts=True)
-    qualities = ", ".join(f"{count:,} {_quality(number)}" for number, count in zip(numbers, counts, strict=True))
-    return _on_earth(frame), f"solutions of RTKLIB: {qualities}"
-
-
-def _rtklib_times(table: np.ndarray, system: str) -> pd.DataFrame:
     if len(table) and "/" in table[0, 0]:
-        return pd.DataFrame({f"time {system}": [f"{date} {clock}" for date, clock in table[:, :2]]})
-    if system != "GPST":
+        frame = pd.DataFrame({f"time {system}": [f"{date} {clock}" for date, clock in table[:, :2]]})
+    elif system == "GPST":
+        weeks, seconds = table[:, :2].astype(float).T
+        frame = pd.DataFrame({"GPS week": weeks, "time of week (s)": seconds})
+    else:
         raise ValueError(f"its weeks and seconds are in {system}; write them in GPST, or as dates")
-    return pd.DataFrame({"GPS week": table[:, 0].astype(float), "time of week (s)": table[:, 1].astype(float)})
+    place = 2
+    for name, width in zip(names, widths, strict=True):
+        values = table[:, place : place + width].astype(float)
+        if width > 1:  # degrees, which alone have the sign, minutes and seconds
+            degrees = np.copysign(np.abs(values) @ (1.0, 1.0 / 60.0, 1.0 / 3600.0), values[:, 0])
+            frame[name.replace(_RTKLIB_SEXAGESIMAL, "(deg)")] = degrees
+        else:
+            frame[name] = values[:, 0]
+        place += width
+    remarks = []
+    for quality, count in zip(*np.unique(frame["Q"].to_numpy(dtype=int), return_counts=True), strict=True):
+        is_known = quality < len(_RTKLIB_QUALITY)
+        remarks.append(f"{count:,} {_RTKLIB_QUALITY[quality] if is_known else f'of quality {quality}'}")
+    return _with_standard_coordinates(frame), f"solutions of RTKLIB: {', '.join(remarks)}"
 
 
-def _quality(number: int) -> str:
-    return _RTKLIB_QUALITY[number] if number < len(_RTKLIB_QUALITY) else f"of quality {number}"
-
-
-def _degrees(values: Floats) -> Floats:
-    """Degrees of whole degrees, which alone have the sign, minutes and seconds [n, 3]."""
-    return np.asarray(np.copysign(np.abs(values) @ (1.0, 1.0 / 60.0, 1.0 / 3600.0), values[:, 0]))
-
-
-def _on_earth(frame: pd.DataFrame) -> pd.DataFrame:
-    """Coordinates from the earth's centre as latitude, longitude and height; east and north of a base by name."""
-    centre = [f"{axis}-ecef(m)" for axis in "xyz"]
-    if set(centre) <= set(frame):
-        places = pymap3d.ecef2geodetic(*(frame[name].to_numpy() for name in centre))
-        geodetic = dict(zip(("latitude(deg)", "longitude(deg)", "height(m)"), places, strict=True))
-        return frame.drop(columns=centre).assign(**geodetic)
+def _with_standard_coordinates(frame: pd.DataFrame) -> pd.DataFrame:
+    """Coordinates from the earth's centre as latitude, longitude and height; a baseline's with plain names."""
+    names = [f"{axis}-ecef(m)" for axis in "xyz"]
+    if set(names) <= set(frame):
+        coordinates = pymap3d.ecef2geodetic(*(frame[name].to_numpy() for name in names))
+        geodetic = dict(zip(("latitude(deg)", "longitude(deg)", "height(m)"), coordinates, strict=True))
+        return frame.drop(columns=names).assign(**geodetic)
     return frame.rename(columns={"e-baseline(m)": "east(m)", "n-baseline(m)": "north(m)", "u-baseline(m)": "up(m)"})
 
 
-def without_heads_of_labview(text: str) -> tuple[list[str], str]:
-    """The lines of the two heads of a LabVIEW measurement, and what follows; other texts have none of them.
+def split_labview_headers(text: str) -> tuple[list[str], str]:
+    """The lines of the file's and the first segment's header of a LabVIEW measurement, and the rows; other texts as
+    they are.
 
-    The times of several segments, each of which has a head of its own, are counted on from the start of the first.
-    Raises :class:`ValueError` for a segment without a start, or with other columns.
+    Segments have headers and times from their own start; the times are counted from the start of the first. Raises
+    :class:`ValueError` for a segment without a start, or with other columns.
     """
     if not text.startswith("LabVIEW Measurement"):
         return [], text
@@ -491,47 +462,41 @@ def without_heads_of_labview(text: str) -> tuple[list[str], str]:
         return file_head.splitlines(), "".join(part.partition("\n")[2] for part in parts)
     heads, bodies = [parts[0].partition("\n")[2]], list[str]()
     for part in parts[1:-1]:
-        body, head = _divided(part)
-        bodies.append(body)
-        heads.append(head)
+        rows = part.partition("\n")[2]
+        next_head = re.search(r"^Channels\b", rows, re.MULTILINE)  # begins with the number of channels
+        if next_head is None:
+            raise ValueError("a segment of this LabVIEW measurement has no line Channels")
+        bodies.append(rows[: next_head.start()])
+        heads.append(rows[next_head.start() :])
     bodies.append(parts[-1].partition("\n")[2])
-    first = [*file_head.splitlines(), *heads[0].splitlines()]
-    return first, bodies[0] + "".join(
-        _counted_on(bodies[0], body, first, head, place)
-        for place, (body, head) in enumerate(zip(bodies[1:], heads[1:], strict=True), start=2)
+    first_head = [*file_head.splitlines(), *heads[0].splitlines()]
+    return first_head, bodies[0] + "".join(
+        _shift_segment(bodies[0], body, first_head, head, number)
+        for number, (body, head) in enumerate(zip(bodies[1:], heads[1:], strict=True), start=2)
     )
 
 
-def _divided(part: str) -> tuple[str, str]:
-    """The rows of a segment, and the head of the next one, which begins with the number of its channels."""
-    _, _, body = part.partition("\n")
-    begin = re.search(r"^Channels\b", body, re.MULTILINE)
-    if begin is None:
-        raise ValueError("a segment of this LabVIEW measurement has no line Channels")
-    return body[: begin.start()], body[begin.start() :]
-
-
-def _counted_on(first_body: str, body: str, first: Sequence[str], head: str, place: int) -> str:
+def _shift_segment(first_body: str, body: str, first_head: Sequence[str], head: str, number: int) -> str:
     """The rows of a later segment, their first cell counted from the start of the first segment."""
-    starts = [pd.Timestamp(time_in_head(lines) or "NaT") for lines in (first, head.splitlines())]
-    later_s = (starts[1] - starts[0]).total_seconds()
-    if np.isnan(later_s):
-        raise ValueError(f"segment {place} of this LabVIEW measurement, or the first, states no start")
+    starts = [pd.Timestamp(time_in_head(lines) or "NaT") for lines in (first_head, head.splitlines())]
+    delay_s = (starts[1] - starts[0]).total_seconds()
+    if np.isnan(delay_s):
+        raise ValueError(f"segment {number} of this LabVIEW measurement, or the first, states no start")
     names, _, rows = body.lstrip("\n\r\t ").partition("\n")
     if names.strip() != first_body.lstrip("\n\r\t ").partition("\n")[0].strip():
-        raise ValueError(f"segment {place} of this LabVIEW measurement has other columns: {names.strip()!r}")
-    return "".join(_later(line, later_s) for line in rows.splitlines(keepends=True))
+        raise ValueError(f"segment {number} of this LabVIEW measurement has other columns: {names.strip()!r}")
+
+    def shift(line: str) -> str:
+        cell = re.match(r"\s*-?\d+(?:([.,])\d*)?(?:[eE][+-]?\d+)?", line)
+        if cell is None:
+            return line
+        seconds = f"{float(cell[0].replace(',', '.')) + delay_s:.9f}"
+        return seconds.replace(".", cell[1] or ".") + line[cell.end() :]
+
+    return "".join(map(shift, rows.splitlines(keepends=True)))
 
 
-def _later(line: str, seconds: float) -> str:
-    cell = re.match(r"\s*-?\d+(?:([.,])\d*)?(?:[eE][+-]?\d+)?", line)
-    if cell is None:
-        return line
-    counted = f"{float(cell[0].replace(',', '.')) + seconds:.9f}"
-    return counted.replace(".", cell[1] or ".") + line[cell.end() :]
-
-
-def is_table_of_frames(names: Sequence[str]) -> bool:
+def has_can_frame_columns(names: Sequence[str]) -> bool:
     """Whether columns are those of frames of a CAN bus."""
-    plain_names = {name.strip().lower() for name in names}
-    return any(head <= plain_names for head in _CAN_HEADS)
+    lower_names = {name.strip().lower() for name in names}
+    return any(head <= lower_names for head in _CAN_HEADS)

@@ -1,14 +1,9 @@
-"""Times of tables as UTC: text of any form, in one column or two, digits, serial days, counts since a start.
+"""Resolves the times of a table's rows to UTC: text of any form, in one column or two, digits, serial days, counts.
 
-What a map's ``[time]`` states becomes one index of UTC times, in the order in which the rows were written.
-
-Times as text in a table's cells, its name and the lines before its header, for the one reader of dates.
-
-Numbers that lost their leading zeros or the signs between their parts are written out for it.
-
-Local times of a table's rows as UTC: by names of zones, offsets, GPS time, and over ends of summer time.
-
-One row alone does not state which of autumn's two hours it is of: the order of the rows does.
+What a map's ``[time]`` states becomes one index of UTC times, in the order in which the rows were written. Numbers
+that lost leading zeros or separators are written out for :func:`seatrial.acquisition.core.times.find_stamp`. Local
+times become UTC by zones, offsets and GPS time; at the end of summer time the order of the rows decides to which of
+the two hours a row belongs.
 """
 
 from __future__ import annotations
@@ -46,11 +41,11 @@ _STRICT = ConfigDict(extra="forbid", str_strip_whitespace=True)
 SERIAL_DAYS = {"excel": ("1899-12-30", 0.0), "matlab": ("1970-01-01", 719_529.0)}
 """The day that serial days count from, and its number: Excel's 1900 system, MATLAB's ``datenum``."""
 NS_IN = {"ns": 1, "us": 1_000, "ms": 10**6, "s": 10**9, "min": 60 * 10**9, "h": 3600 * 10**9, "d": 86_400 * 10**9}
-"""How many nanoseconds each unit of counted time has."""
+"""The nanoseconds in each unit of counted time."""
 STORABLE = "1970-01-01", "2262-01-01"
-"""The first day that the times of a recording reach, and the first beyond: they are nanoseconds since 1970."""
+"""The first day of a recording's times, and the first beyond: they are nanoseconds since 1970."""
 GPS_WEEK = "gps-week"
-"""The format of times in weeks of GPS, counted since 6 January 1980, and what has passed of each."""
+"""The format of times in weeks of GPS, counted since 6 January 1980, and times of the week."""
 TEXT = "text"
 """The format of times that :func:`seatrial.acquisition.core.times.find_stamp` reads."""
 _FRACTION = r"(:\d{2}|\d{6})[.,](\d+)"
@@ -58,17 +53,17 @@ ZONED = r"\d[T ]\d\d.*(?:[Zz]|[+-]\d\d(?::?\d\d)?)\s*$"
 _ZONE_AT_END = r"\s*(?:[Zz]|[+-]\d\d(?::?\d\d)?)\s*$"
 _NO_TIME = np.iinfo(np.int64).min
 _LAST_NS = pd.Timestamp(STORABLE[1]).value
-_FIRST_NS = pd.Timestamp("1678-01-01")  # that nanoseconds before 1970 reach
+_FIRST_TIME = pd.Timestamp("1678-01-01")  # that nanoseconds before 1970 reach
 _MICRO = 1_000_000
 _WEEK_NS = 7 * DAY_NS
 _GPS_EPOCH_NS = pd.Timestamp("1980-01-06").value
 _MOST_WEEKS = 10_000  # the year 2171
 _DIGITS = {"%H%M%S": 6, "%d%m%y": 6, "%y%m%d": 6, "%m%d%y": 6, "%Y%m%d": 8, "%d%m%Y": 8, "%Y%m%d%H%M%S": 14}
 _NEWEST_FIRST = 0.9  # of the steps go back
-_SET_NS = pd.Timestamp("1990-01-01").value  # receivers and clocks that are not set begin in 1970 or 1980
+_SET_NS = pd.Timestamp("1990-01-01").value  # clocks that are not set start in 1970 or 1980
 
 
-def _instant(text: str) -> str:
+def _checked_instant(text: str) -> str:
     try:
         zoned = datetime.fromisoformat(text).tzinfo is not None
     except ValueError as error:
@@ -78,33 +73,33 @@ def _instant(text: str) -> str:
     return text
 
 
-_IN_NAMES = {
+_NAME_DIRECTIVES = {
     **dict.fromkeys(("%d", "%m", "%H", "%M", "%S", "%y"), r"\d{1,2}"),
     "%Y": r"\d{4}", "%j": r"\d{3}", "%b": "[A-Za-z]{3}", "%B": "[A-Za-z]+",
 }  # fmt: skip
-"""What the directives of :meth:`datetime.strptime` that a file's name may hold look like."""
+"""The forms of the directives of :meth:`datetime.strptime` that a file's name may hold."""
 
 
-def _in_name(text: str) -> str:
-    unknown = set(re.findall("%.?", text)) - set(_IN_NAMES)
+def _checked_name_form(text: str) -> str:
+    unknown = set(re.findall("%.?", text)) - set(_NAME_DIRECTIVES)
     if text != TEXT and (unknown or "%" not in text):
-        raise ValueError(f"is no time such as %Y-%m-%d_%H%M%S, nor {TEXT}; known are {' '.join(_IN_NAMES)}")
+        raise ValueError(f"is no time such as %Y-%m-%d_%H%M%S, nor {TEXT}; known are {' '.join(_NAME_DIRECTIVES)}")
     return text
 
 
-def _known_format(text: str) -> str:
+def _checked_format(text: str) -> str:
     if text not in ("iso", "seconds", TEXT, GPS_WEEK, *SERIAL_DAYS) and "%" not in text:
         raise ValueError("is none of iso, text, seconds, gps-week, excel, matlab nor a form like %d.%m.%Y %H:%M")
     return text
 
 
-def with_zone(instant: str) -> str:
-    """A time with its zone, UTC where it names none. Raises :class:`ValueError` for another text."""
+def add_zone(instant: str) -> str:
+    """A time with its zone, UTC if it names none. Raises :class:`ValueError` for another text."""
     stamp = pd.Timestamp(instant)
     return stamp.isoformat() + ("" if stamp.tz else "+00:00")
 
 
-def known_day(text: str) -> str:
+def checked_day(text: str) -> str:
     """A day as 2026-05-17; :class:`ValueError` for another text."""
     datetime.strptime(text, "%Y-%m-%d")
     return text
@@ -114,30 +109,29 @@ def known_day(text: str) -> str:
 class TimeColumn:
     """The time column: ISO 8601 (``zone`` where the text has none), seconds, or another ``format``.
 
-    Seconds, or what the ``unit`` says, count from ``start``, or from the local time in ``zone`` that the file's
-    name holds in the form ``in_name`` (of :meth:`datetime.strptime`, or "text"), which is that of the first row,
-    or of the last where ``name_tells`` the "end", or from the time in the lines before the header (``in_head``).
-    With none of them they are taken for counted since 1970. For other formats ``start`` is the first row's time,
-    where the clock that wrote them was wrong.
+    Seconds, or counts of another ``unit``, start at ``start``, at the local time in ``zone`` that the file's name
+    holds in the form ``in_name`` (of :meth:`datetime.strptime`, or "text"), which is that of the first row, or of
+    the last if ``name_tells`` is "end", or at the time in the lines before the header (``in_head``); without these
+    in 1970. For other formats ``start`` is the first row's time, if the clock that wrote them was wrong.
 
-    ``format`` may be "text" for any usual date and time, whose numbers stand in ``order`` and are of the ``year``
-    where they name none; "excel" or "matlab" for days by their serial number; or a form of
-    :meth:`datetime.strptime`; fractions of a second are read besides. With "gps-week" the ``date`` is the column of
-    the weeks of GPS and ``column`` what has passed of each, in the ``unit``, in GPS time unless ``zone`` is
-    another. The ``date`` may stand in a column of its own; where only the time of day is given, ``day`` is that
-    of the first row. A ``zone`` that the text names is "ignored" where ``zone_in_text`` says so.
+    ``format`` may be "text" for any usual date and time, with the numbers in ``order``, and of the ``year`` if they
+    state none; "excel" or "matlab" for serial days; or a form of :meth:`datetime.strptime`, to which fractions of a
+    second may be added. With "gps-week" the ``date`` is the column of the weeks of GPS and ``column`` that of the
+    time of the week, in the ``unit``, in GPS time unless ``zone`` is another. The ``date`` may be in a separate
+    column; with a time of day only, ``day`` is that of the first row. With ``zone_in_text`` "ignored" a zone in the
+    text is.
     """
 
     column: str
-    format: Annotated[str, AfterValidator(_known_format)] = "iso"
-    zone: Annotated[str, AfterValidator(known_zone)] | None = None
-    start: Annotated[str, AfterValidator(_instant)] | None = None
-    in_name: Annotated[str, AfterValidator(_in_name)] | None = None
+    format: Annotated[str, AfterValidator(_checked_format)] = "iso"
+    zone: Annotated[str, AfterValidator(checked_zone)] | None = None
+    start: Annotated[str, AfterValidator(_checked_instant)] | None = None
+    in_name: Annotated[str, AfterValidator(_checked_name_form)] | None = None
     in_head: bool = False
     name_tells: Literal["start", "end"] = "start"
     unit: Literal["ns", "us", "ms", "s", "min", "h", "d"] = "s"
     date: str | None = None
-    day: Annotated[str, AfterValidator(known_day)] | None = None
+    day: Annotated[str, AfterValidator(checked_day)] | None = None
     order: Order | None = None
     year: int | None = None
     zone_in_text: Literal["used", "ignored"] = "used"
@@ -145,7 +139,7 @@ class TimeColumn:
 
 @plain_dataclass(frozen=True, slots=True)
 class TimedRows:
-    """A table with the UTC time of each row, NaT where it has none, in the order in which the rows were written."""
+    """A table with the UTC times of its rows, NaT for none, in the order in which the rows were written."""
 
     raw: RawTable
     index: pd.DatetimeIndex
@@ -153,9 +147,9 @@ class TimedRows:
 
 
 def resolve_times(raw: RawTable, time: TimeColumn, *, strict: bool = False) -> TimedRows:
-    """The times of a table's rows. Raises :class:`InputError` for times without a zone where the map gives none.
+    """The times of a table's rows. Raises :class:`InputError` for times without a zone, in the text or the map.
 
-    Cells that cannot be read become NaT; ``strict`` refuses the first of them.
+    Unreadable cells become NaT; with ``strict`` the first of them is an error.
     """
     if time.format == "seconds" and strict:
         parse_numbers(raw, time.column)
@@ -166,19 +160,24 @@ def resolve_times(raw: RawTable, time: TimeColumn, *, strict: bool = False) -> T
         raw = replace(raw, columns=raw.columns.iloc[::-1].reset_index(drop=True))
         local_ns, is_utc = local_ns[::-1], is_utc[::-1]
         remarks.append("the newest row came first: the rows are turned round")
-    if time.day is not None:
-        local_ns = _over_midnights(local_ns)
+    if time.day is not None:  # times of day run on to the next day where they fall by more than half a day
+        local_ns, valid = local_ns.copy(), local_ns != _NO_TIME
+        days = np.cumsum(np.diff(local_ns[valid], prepend=local_ns[valid][:1]) < -DAY_NS // 2)
+        local_ns[valid] += days * DAY_NS
     time_ns = local_ns.copy()
     naive = ~is_utc & (local_ns != _NO_TIME)
     if naive.any():
         zone = time.zone or (GPS if time.format == GPS_WEEK else None)
         if zone is None:
-            raise _without_zone(raw, time, int(np.flatnonzero(naive)[0]))
+            row = int(np.flatnonzero(naive)[0])
+            what = f"row {row + 1} of column {time.column!r} has no zone: {raw.columns[time.column].iloc[row]}"
+            fix = "write times like 2026-05-17T12:00:00Z, use --answer zone=UTC, or give"
+            raise InputError(what, where=str(raw.path), fix=f'{fix} zone = "UTC" under [time] in a map')
         time_ns[naive], remark = to_utc(local_ns[naive], zone)
         remarks += [remark] if remark else []
     if time.format != "seconds" and time.start is not None and (valid := time_ns != _NO_TIME).any():
         time_ns[valid] += pd.Timestamp(time.start).as_unit("ns").value - time_ns[valid][0]
-    time_ns, remark = _storable(time_ns, time.column)
+    time_ns, remark = _keep_storable(time_ns, time.column)
     remarks += [remark] if remark else []
     if not remark and (time.format != "seconds" or time.start is None):
         remarks += _clock_remarks(time_ns, time)
@@ -188,13 +187,13 @@ def resolve_times(raw: RawTable, time: TimeColumn, *, strict: bool = False) -> T
     return TimedRows(raw, index, tuple(remarks))
 
 
-def usual_time(raw: RawTable, name: str = "time") -> TimeColumn:
+def standard_time_column(raw: RawTable, name: str = "time") -> TimeColumn:
     """The time column of a table in the contract's form: seconds since 1970, or ISO 8601."""
     return TimeColumn(name, "seconds" if pd.api.types.is_numeric_dtype(raw.columns[name]) else "iso")
 
 
-def is_usual_time(raw: RawTable) -> bool:
-    """Whether the column ``time`` is of numbers or has some ISO 8601 text."""
+def has_standard_times(raw: RawTable) -> bool:
+    """Whether the column ``time`` holds numbers or some ISO 8601 text."""
     cells = raw.columns["time"].dropna()
     if cells.empty or pd.api.types.is_numeric_dtype(cells) or pd.api.types.is_datetime64_any_dtype(cells):
         return True
@@ -203,37 +202,40 @@ def is_usual_time(raw: RawTable) -> bool:
 
 def parse_times(raw: RawTable, name: str) -> pd.DatetimeIndex:
     """A column of ISO 8601 text with a zone, or of seconds since 1970, as UTC times; every row needs one."""
-    return resolve_times(raw, usual_time(raw, name), strict=True).index
+    return resolve_times(raw, standard_time_column(raw, name), strict=True).index
 
 
 def _local_times(raw: RawTable, time: TimeColumn) -> tuple[Ints, Bools]:
     """The times [ns since 1970], and which are UTC; the others are on their zone's clock."""
     column = raw.columns[time.column]
     if time.format == "seconds":
-        local_ns = _counted(raw, column, time)
+        local_ns = _from_counts(raw, column, time)
         return local_ns, np.ones(local_ns.size, dtype=bool)
     if time.format in SERIAL_DAYS:
-        return _ns(_from_serial_days(column, time.format))
+        since, number = SERIAL_DAYS[time.format]
+        days = pd.to_numeric(column, errors="coerce") - number
+        days = days.where(days.abs() < _LAST_NS / NS_IN["d"])  # a float of days is good to microseconds
+        return _as_nanoseconds(pd.Timestamp(since) + pd.to_timedelta((days * 86_400e6).round(), unit="us"))
     if time.format == GPS_WEEK:
         return _from_gps_weeks(raw, time)
     if time.format == TEXT:
         return _from_stamps(raw, time)
     if time.format == "iso" and time.date is None and time.day is None:
         if isinstance(column.dtype, pd.DatetimeTZDtype):
-            return _ns(column)
+            return _as_nanoseconds(column)
         return _from_iso(column.astype("str"), time.zone_in_text == "used")
     return _from_form(raw, time)
 
 
-def _ns(times: pd.Series[Any]) -> tuple[Ints, Bools]:
-    """Times as ns since 1970, and whether they are UTC. What is beyond nanoseconds has none."""
+def _as_nanoseconds(times: pd.Series[Any]) -> tuple[Ints, Bools]:
+    """Times as ns since 1970, and whether they are UTC. Times that nanoseconds cannot hold are none."""
     is_utc = isinstance(times.dtype, pd.DatetimeTZDtype)
-    plain = times.dt.tz_convert("UTC").dt.tz_localize(None) if is_utc else times
-    present = plain.dropna()
-    if len(present) and (present < _FIRST_NS).mean() > 0.5:  # a program's year 1: from the first day of 1970
-        plain = plain.dt.as_unit("us") - (present.iloc[0].normalize() - pd.Timestamp(0).as_unit("us"))
-    in_range = (plain >= _FIRST_NS) & (plain < pd.Timestamp(STORABLE[1]))
-    values = plain.where(in_range).dt.as_unit("ns").to_numpy()
+    naive = times.dt.tz_convert("UTC").dt.tz_localize(None) if is_utc else times
+    present = naive.dropna()
+    if len(present) and (present < _FIRST_TIME).mean() > 0.5:  # a program's year 1: from the first day of 1970
+        naive = naive.dt.as_unit("us") - (present.iloc[0].normalize() - pd.Timestamp(0).as_unit("us"))
+    in_range = (naive >= _FIRST_TIME) & (naive < pd.Timestamp(STORABLE[1]))
+    values = naive.where(in_range).dt.as_unit("ns").to_numpy()
     return values.astype("datetime64[ns]").view(np.int64), np.full(len(times), is_utc)
 
 
@@ -242,42 +244,42 @@ def _from_iso(text: pd.Series[Any], use_zones: bool) -> tuple[Ints, Bools]:
     zoned = text.str.contains(ZONED, regex=True, na=False)
     if not use_zones:
         text, zoned = text.str.replace(_ZONE_AT_END, "", regex=True), zoned & False
-    utc_ns, _ = _ns(pd.to_datetime(text.where(zoned), format="ISO8601", utc=True, errors="coerce"))
-    local_ns, _ = _ns(pd.to_datetime(text.mask(zoned), format="ISO8601", utc=True, errors="coerce"))
+    utc_ns, _ = _as_nanoseconds(pd.to_datetime(text.where(zoned), format="ISO8601", utc=True, errors="coerce"))
+    local_ns, _ = _as_nanoseconds(pd.to_datetime(text.mask(zoned), format="ISO8601", utc=True, errors="coerce"))
     is_utc = zoned.to_numpy(dtype=bool)
     return np.where(is_utc, utc_ns, local_ns), is_utc
 
 
 def _from_stamps(raw: RawTable, time: TimeColumn) -> tuple[Ints, Bools]:
-    """Times as the one reader of dates finds them in each cell. Raises :class:`InputError` for unclear dates."""
-    stamps = stamps_in(raw, time.column, time.date, time.day)
-    dated = [stamp for stamp in stamps if stamp is not None]
+    """Times by :func:`~seatrial.acquisition.core.times.find_stamp`; :class:`InputError` for ambiguous dates."""
+    stamps = stamps_of_rows(raw, time.column, time.date, time.day)
+    present = [stamp for stamp in stamps if stamp is not None]
     order = time.order
     if order is None:
-        order, why = date_order(distinct_dates(dated))
-        if dated and not why:
+        order, why = date_order(distinct_dates(present))
+        if present and not why:
             fix = 'say order = "day-first" or "month-first" under [time] in the map'
-            what = f"dates like {dated[0].text!r} may have the day or the month first"
+            what = f"dates like {present[0].text!r} may have the day or the month first"
             raise InputError(what, where=str(raw.path), fix=fix)
-    used = time.zone_in_text == "used"
+    uses_zones = time.zone_in_text == "used"
     local_ns, is_utc = np.full(len(stamps), _NO_TIME), np.zeros(len(stamps), dtype=bool)
     for row, stamp in enumerate(stamps):
         if stamp is not None and order in stamp.orders and (stamp.has_year or time.year is not None):
-            is_utc[row] = used and stamp.offset_s is not None
+            is_utc[row] = uses_zones and stamp.offset_s is not None
             year = None if stamp.has_year else time.year
             try:
                 local_ns[row] = stamp.utc_ns(order, year) if is_utc[row] else stamp.local_ns(order, year)
-            except ValueError:  # the 29th of February of a year that has none
+            except ValueError:  # the 29th of February in a common year
                 continue
     return local_ns, is_utc
 
 
 def _from_gps_weeks(raw: RawTable, time: TimeColumn) -> tuple[Ints, Bools]:
-    """GPS times of weeks and what has passed of each, rounded to the microsecond; none is UTC."""
-    weeks, passed = (
+    """GPS times by weeks and times of the week, rounded to the microsecond; none is UTC."""
+    weeks, counts = (
         pd.to_numeric(raw.columns[name], errors="coerce").to_numpy(dtype=float) for name in (time.date, time.column)
     )
-    micros = np.rint(passed * (NS_IN[time.unit] / 1000.0))
+    micros = np.rint(counts * (NS_IN[time.unit] / 1000.0))
     valid = (weeks >= 0.0) & (weeks < _MOST_WEEKS) & (micros >= 0.0) & (micros <= _WEEK_NS / 1000)
     week_ns = np.where(valid, weeks, 0.0).astype(np.int64) * _WEEK_NS
     gps_ns = _GPS_EPOCH_NS + week_ns + np.where(valid, micros, 0.0).astype(np.int64) * 1000
@@ -286,13 +288,13 @@ def _from_gps_weeks(raw: RawTable, time: TimeColumn) -> tuple[Ints, Bools]:
 
 def _from_form(raw: RawTable, time: TimeColumn) -> tuple[Ints, Bools]:
     """Text of a form of strptime, or ISO 8601 in two columns or of a time of day."""
-    form = re.sub("[.,]%f", "", time.format)  # fractions are read besides
+    form = re.sub("[.,]%f", "", time.format)  # fractions are read separately
     if time.date is None:
-        text = _of_form(raw.columns[time.column], form)
+        text = _as_text_of_form(raw.columns[time.column], form)
     else:
         date_form, _, time_form = form.partition(" ") if form != "iso" else ("iso", "", "iso")
-        dates = _of_form(raw.columns[time.date], date_form).str.replace(MIDNIGHT, "", regex=True)
-        text = dates + " " + _of_form(raw.columns[time.column], time_form)
+        dates = _as_text_of_form(raw.columns[time.date], date_form).str.replace(MIDNIGHT, "", regex=True)
+        text = dates + " " + _as_text_of_form(raw.columns[time.column], time_form)
     if time.day is not None:
         text, form = f"{time.day} " + text, form if form == "iso" else f"%Y-%m-%d {form}"
     if form == "iso":
@@ -300,139 +302,110 @@ def _from_form(raw: RawTable, time: TimeColumn) -> tuple[Ints, Bools]:
     text = text.str.strip().str.replace(r"\s*(?:UTC|GMT|Z)$", "", regex=True)
     fraction = text.str.extract(_FRACTION, expand=True)[1]
     base = text.str.replace(_FRACTION, r"\1", regex=True) if fraction.notna().any() else text
-    local_ns, is_utc = _ns(pd.to_datetime(base, format=form, errors="coerce", utc="%z" in form))
+    local_ns, is_utc = _as_nanoseconds(pd.to_datetime(base, format=form, errors="coerce", utc="%z" in form))
     part_ns = pd.to_numeric(fraction.str.ljust(9, "0").str[:9]).fillna(0.0).to_numpy(dtype=np.int64)
     return np.where(local_ns == _NO_TIME, _NO_TIME, local_ns + part_ns), is_utc
 
 
-def _of_form(column: pd.Series[Any], form: str) -> pd.Series[Any]:
+def _as_text_of_form(column: pd.Series[Any], form: str) -> pd.Series[Any]:
     if not pd.api.types.is_numeric_dtype(column.dtype):
         return filled_text(column)
-    is_share_of_day = form not in _DIGITS and column.dropna().between(0.0, 1.0, inclusive="left").all()
-    return as_clock(column) if is_share_of_day else with_digits(column, _DIGITS.get(form, 1))
+    is_fraction_of_day = form not in _DIGITS and column.dropna().between(0.0, 1.0, inclusive="left").all()
+    return as_clock(column) if is_fraction_of_day else zero_padded(column, _DIGITS.get(form, 1))
 
 
-def _counted(raw: RawTable, column: pd.Series[Any], time: TimeColumn) -> Ints:
-    """Counts since a start, or since 1970, as UTC; whole numbers without a detour over floats.
+def _from_counts(raw: RawTable, column: pd.Series[Any], time: TimeColumn) -> Ints:
+    """Counts since a start, or since 1970, as UTC; integers are not converted to floats.
 
     A float of today's seconds since 1970 is good to 0.2 microseconds: it is rounded to one.
     """
     start = _start_in_name(raw, time) if time.in_name is not None else time.start
-    start = _start_in_head(raw, time) if time.in_head else start
-    begin_ns = 0 if start is None else pd.Timestamp(start).as_unit("ns").value
+    if time.in_head:
+        local = time_in_head(raw.preamble)
+        if local is None:
+            fix = "give `start` in the map's [time]"
+            raise InputError("states no start in the lines before its header", where=str(raw.path), fix=fix)
+        start = str(_local_to_utc(pd.Timestamp(local), time.zone))
+    start_ns = 0 if start is None else pd.Timestamp(start).as_unit("ns").value
     numbers, unit_ns = pd.to_numeric(column, errors="coerce"), NS_IN[time.unit]
     values = numbers.to_numpy(dtype=float)
-    valid = (values >= -begin_ns / unit_ns) & (values < (_LAST_NS - begin_ns) / unit_ns)
+    valid = (values >= -start_ns / unit_ns) & (values < (_LAST_NS - start_ns) / unit_ns)
     if numbers.dtype.kind in "iu":
-        counted: Ints = np.where(valid, numbers.to_numpy().astype(np.int64), 0) * unit_ns
+        elapsed_ns: Ints = np.where(valid, numbers.to_numpy().astype(np.int64), 0) * unit_ns
     else:
-        whole_counts = np.floor(np.where(valid, values, 0.0))
-        finest = _MICRO if start is None and time.unit == "s" else unit_ns
-        part = np.rint((np.where(valid, values, 0.0) - whole_counts) * finest).astype(np.int64) * (
-            unit_ns // finest
-        )
-        counted = whole_counts.astype(np.int64) * unit_ns + part
-    return np.where(valid, begin_ns + counted, _NO_TIME)
+        values = np.where(valid, values, 0.0)
+        integers, finest = np.floor(values), _MICRO if start is None and time.unit == "s" else unit_ns
+        part_ns = np.rint((values - integers) * finest).astype(np.int64) * (unit_ns // finest)
+        elapsed_ns = integers.astype(np.int64) * unit_ns + part_ns
+    return np.where(valid, start_ns + elapsed_ns, _NO_TIME)
 
 
 def _start_in_name(raw: RawTable, time: TimeColumn) -> str:
-    """The instant that the seconds count from, by the time that the file's name holds."""
+    """The instant at which counts start, by the time in the file's name."""
     form = time.in_name or ""
-    parts = (_IN_NAMES.get(part) or re.escape(part) for part in re.split("(%.)", form))
+    parts = (_NAME_DIRECTIVES.get(part) or re.escape(part) for part in re.split("(%.)", form))
     match = re.search("".join(parts), raw.path.name)
-    counted = pd.to_numeric(raw.columns[time.column], errors="coerce") * (NS_IN[time.unit] / NANO)
-    passed_s = float(counted.max() if time.name_tells == "end" else counted.min())
+    counts_s = pd.to_numeric(raw.columns[time.column], errors="coerce") * (NS_IN[time.unit] / NANO)
+    count_s = float(counts_s.max() if time.name_tells == "end" else counts_s.min())
     try:
         if form == TEXT:
             local = pd.Timestamp(time_in_name(raw.path.name) or "")
         else:
             local = pd.Timestamp(datetime.strptime(match[0] if match else "", form))
-        utc_ns = to_utc(np.array([local.as_unit("ns").value]), time.zone or "UTC")[0][0]
-        passed = pd.Timedelta(0 if np.isnan(passed_s) else round(1e6 * passed_s), "us")
-        return str(pd.Timestamp(int(utc_ns), tz="UTC") - passed)
+        utc = _local_to_utc(local, time.zone)
+        return str(utc - pd.Timedelta(0 if np.isnan(count_s) else round(1e6 * count_s), "us"))
     except (ValueError, OverflowError) as error:
         where, fix = str(raw.path), "rename the file, or give `start` in the map's [time]"
         raise InputError(f"holds no time like {form} in its name", where=where, why=str(error), fix=fix) from error
 
 
-def _start_in_head(raw: RawTable, time: TimeColumn) -> str:
-    """The instant that the seconds count from, by the lines before the header."""
-    local = time_in_head(raw.preamble)
-    if local is None:
-        fix = "give `start` in the map's [time]"
-        raise InputError("states no start in the lines before its header", where=str(raw.path), fix=fix)
-    utc_ns, _ = to_utc(np.array([pd.Timestamp(local).as_unit("ns").value]), time.zone or "UTC")
-    return str(pd.Timestamp(int(utc_ns[0]), tz="UTC"))
+def _local_to_utc(local: pd.Timestamp, zone: str | None) -> pd.Timestamp:
+    utc_ns, _ = to_utc(np.array([local.as_unit("ns").value]), zone or "UTC")
+    return pd.Timestamp(int(utc_ns[0]), tz="UTC")
 
 
-def _from_serial_days(column: pd.Series[Any], system: str) -> pd.Series[Any]:
-    """Local times of serial days, rounded to the microseconds that a float of them is good for."""
-    since, number = SERIAL_DAYS[system]
-    days = pd.to_numeric(column, errors="coerce") - number
-    days = days.where(days.abs() < _LAST_NS / NS_IN["d"])
-    return pd.Timestamp(since) + pd.to_timedelta((days * 86_400e6).round(), unit="us")
+def _keep_storable(time_ns: Ints, column: str) -> tuple[Ints, str]:
+    """Times that a recording can hold, others as none; if most are before 1970 they are moved to its first day.
 
-
-def _over_midnights(local_ns: Ints) -> Ints:
-    """Times of day, all of one date, that run on to the next day where they fall by more than half a day."""
-    valid = local_ns != _NO_TIME
-    days = np.cumsum(np.diff(local_ns[valid], prepend=local_ns[valid][:1]) < -DAY_NS // 2)
-    result = local_ns.copy()
-    result[valid] += days * DAY_NS
-    return result
-
-
-def _storable(time_ns: Ints, column: str) -> tuple[Ints, str]:
-    """Times that a recording can hold, others as none; where most are before 1970 they are moved to its first day.
-
-    Years such as 0001 and 9999 are what programs write that know no time.
+    Years such as 0001 and 9999 are written by programs without a clock.
     """
     valid, time_ns = time_ns != _NO_TIME, time_ns.copy()
-    early = valid & (time_ns < 0)
     remark = ""
-    if np.count_nonzero(early) > np.count_nonzero(valid) / 2:
-        first = int(np.flatnonzero(valid)[0])
-        was, now = time_ns[first], time_ns[first] % DAY_NS
-        time_ns[valid] += now - was
+    if np.count_nonzero(valid & (time_ns < 0)) > np.count_nonzero(valid) / 2:
+        start_ns = time_ns[valid][0]
+        time_ns[valid] += start_ns % DAY_NS - start_ns
         remark = (
-            f"the times of {column!r} begin on {_iso(was)}: moved to 1970, so that durations are kept;"
+            f"the times of {column!r} begin on {_iso_text(start_ns)}: moved to 1970, so that durations are kept;"
             " --answer start=2026-05-17T12:00:00Z is the first row's time"
         )
-        early = valid & (time_ns < 0)
-    return np.where(valid & ~early & (time_ns < _LAST_NS), time_ns, _NO_TIME), remark
+    return np.where(valid & (time_ns >= 0) & (time_ns < _LAST_NS), time_ns, _NO_TIME), remark
 
 
 def _clock_remarks(time_ns: Ints, time: TimeColumn) -> list[str]:
-    """What to know of a clock that was not set; rows before it was set, once, run on to those behind, in place."""
-    places = np.flatnonzero(time_ns != _NO_TIME)
-    unset = time_ns[places] < _SET_NS
-    if not unset.any() or (time.format == "seconds" and unset.all()):
-        return []  # what counts from an unknown start is another matter
-    if unset.all():
+    """Remarks on a clock that was not set; the rows before it was set, if once, are moved in place."""
+    rows = np.flatnonzero(time_ns != _NO_TIME)
+    is_unset = time_ns[rows] < _SET_NS
+    if not is_unset.any() or (time.format == "seconds" and is_unset.all()):
+        return []  # counts from an unknown start are remarked on elsewhere
+    start = _iso_text(time_ns[rows[0]])
+    if is_unset.all():
         return [
-            f"the clock of {time.column!r} was not set, it begins on {_iso(time_ns[places[0]])}: durations hold;"
+            f"the clock of {time.column!r} was not set, it begins on {start}: durations hold;"
             " --answer start=2026-05-17T12:00:00Z is the first row's time"
         ]
-    first = int(np.count_nonzero(unset))
-    if not unset[:first].all():
-        return [f"the clock of {time.column!r} goes to before 1990 and back, {first} rows are there"]
-    steps = np.diff(time_ns[places])
-    was, step = time_ns[places[0]], int(np.median(steps))
-    time_ns[places[:first]] += time_ns[places[first]] - step - time_ns[places[first - 1]]
+    count = int(np.count_nonzero(is_unset))
+    if not is_unset[:count].all():
+        return [f"the clock of {time.column!r} goes to before 1990 and back, {count} rows are there"]
+    step_ns = int(np.median(np.diff(time_ns[rows])))
+    time_ns[rows[:count]] += time_ns[rows[count]] - step_ns - time_ns[rows[count - 1]]
     return [
-        f"the clock of {time.column!r} was set in row {places[first] + 1}, it began on {_iso(was)}: the rows before"
+        f"the clock of {time.column!r} was set in row {rows[count] + 1}, it began on {start}: the rows before"
         " are moved so that they run on"
     ]
 
 
-def _iso(time_ns: int) -> str:
+def _iso_text(time_ns: int) -> str:
     return pd.Timestamp(int(time_ns)).isoformat()
-
-
-def _without_zone(raw: RawTable, time: TimeColumn, row: int) -> InputError:
-    what = f"row {row + 1} of column {time.column!r} has no zone: {raw.columns[time.column].iloc[row]}"
-    fix = 'write times like 2026-05-17T12:00:00Z, use --answer zone=UTC, or give zone = "UTC" under [time] in a map'
-    return InputError(what, where=str(raw.path), fix=fix)
 
 
 def _refuse_unread(raw: RawTable, time: TimeColumn, missing: Bools) -> None:
@@ -448,7 +421,7 @@ def _refuse_unread(raw: RawTable, time: TimeColumn, missing: Bools) -> None:
     raise InputError(what, where=str(raw.path), why=why, fix=fix)
 
 
-_MOST_DIGITS = 1e15  # more than a number keeps exactly, and than a date has
+_TOO_LARGE = 1e15  # beyond the digits of a date, and those that a float holds exactly
 MIDNIGHT = re.compile(r"[T ]00:00(:00(\.0+)?)?$")
 _NAME_CLOCK = re.compile(r"(\d\d)[-_.:h](\d\d)[-_.:m](\d\d)(?=\D*$)")
 _DATE_OR_TIME = re.compile(r"\W*(date|time)[\s:;,=]+((?:[^\t;,]|(?<=:\d\d),(?=\d+(?:\s|$)))+)", re.IGNORECASE)
@@ -456,24 +429,26 @@ _START = re.compile(r"start|begin|began|recorded|aufzeichnung|debut|inicio|inizi
 
 
 def distinct_dates(stamps: Sequence[Stamp]) -> list[Stamp]:
-    """One stamp of each date, which decide about the order as all of them do."""
+    """One stamp of each date, which decide the order of day and month as all of them do."""
     return list({stamp.numbers: stamp for stamp in reversed(stamps)}.values())[::-1]
 
 
-def stamps_in(raw: RawTable, column: str, date: str | None = None, day: str | None = None) -> list[Stamp | None]:
-    """The date and time of each row; of the time of day alone with the ``day``."""
+def stamps_of_rows(
+    raw: RawTable, column: str, date: str | None = None, day: str | None = None
+) -> list[Stamp | None]:
+    """The date and time of each row, by the columns, or the ``day`` and the time of day."""
     text = as_clock(raw.columns[column]) if date is not None or day is not None else as_text(raw.columns[column])
     if day is not None:
         text = f"{day} " + text
     elif date is not None:
         text = as_date(raw.columns[date]) + " " + text
-    return [whole_stamp(cell) if isinstance(cell, str) else None for cell in text.tolist()]
+    return [stamp_of_cell(cell) if isinstance(cell, str) else None for cell in text.tolist()]
 
 
-def whole_stamp(text: str) -> Stamp | None:
-    """The date and time that a text is; None for one with other numbers beside.
+def stamp_of_cell(text: str) -> Stamp | None:
+    """The date and time that a text states; None for a text with further numbers.
 
-    >>> whole_stamp("Sun 17.05.2026 12.30").text, whole_stamp("2026-05-17 12:00:00 7")
+    >>> stamp_of_cell("Sun 17.05.2026 12.30").text, stamp_of_cell("2026-05-17 12:00:00 7")
     ('17.05.2026 12:30', None)
     """
     text = re.sub(r"(?<=[\dT] )(\d{1,2})\.(\d\d)$", r"\1:\2", text.strip())
@@ -483,50 +458,49 @@ def whole_stamp(text: str) -> Stamp | None:
 
 def as_text(column: pd.Series[Any]) -> pd.Series[Any]:
     """Cells as text; numbers with the 14 digits of a date and time."""
-    return with_digits(column, 14) if pd.api.types.is_numeric_dtype(column.dtype) else filled_text(column)
+    return zero_padded(column, 14) if pd.api.types.is_numeric_dtype(column.dtype) else filled_text(column)
 
 
 def as_date(column: pd.Series[Any]) -> pd.Series[Any]:
-    """Dates as text; of numbers, that lost their leading zeros, the parts of six or eight digits apart."""
+    """Dates as text; numbers, which lost their leading zeros, as the parts of six or eight digits."""
     if not pd.api.types.is_numeric_dtype(column.dtype):
         return filled_text(column).str.replace(MIDNIGHT, "", regex=True)
     if column.max() < _MICRO:
-        return with_digits(column, 6).str.replace(r"^(\d\d)(\d\d)(\d\d)$", r"\1-\2-\3", regex=True)
-    text = with_digits(column, 8)
+        return zero_padded(column, 6).str.replace(r"^(\d\d)(\d\d)(\d\d)$", r"\1-\2-\3", regex=True)
+    text = zero_padded(column, 8)
     year_first = text.str[:2].isin(["19", "20"]) & (text.str[4:6] <= "12")
     parts = r"^(\d{4})(\d\d)(\d\d)$" if year_first[text.notna()].all() else r"^(\d\d)(\d\d)(\d{4})$"
     return text.str.replace(parts, r"\1-\2-\3", regex=True)
 
 
 def as_clock(column: pd.Series[Any]) -> pd.Series[Any]:
-    """Times of day as text; of numbers the parts of hhmmss apart, or the share of a day that spreadsheets have."""
+    """Times of day as text; numbers as the parts of hhmmss, or as the fraction of a day, as in spreadsheets."""
     if not pd.api.types.is_numeric_dtype(column.dtype):
         return filled_text(column).str.replace(r"^(\d{1,2})\.(\d\d)$", r"\1:\2", regex=True)
     if column.dropna().between(0.0, 1.0, inclusive="left").all():
         since = pd.Timestamp(0) + pd.to_timedelta((column * 86_400e6).round(), unit="us")
         return since.dt.strftime("%H:%M:%S.%f").where(column.notna())
-    return with_digits(column, 6).str.replace(r"^(\d\d)(\d\d)(\d\d)", r"\1:\2:\3", regex=True)
+    return zero_padded(column, 6).str.replace(r"^(\d\d)(\d\d)(\d\d)", r"\1:\2:\3", regex=True)
 
 
 def filled_text(column: pd.Series[Any]) -> pd.Series[Any]:
-    """Cells as text, but empty ones."""
+    """Filled cells as text."""
     return column.astype("str").where(column.notna())
 
 
-def with_digits(column: pd.Series[Any], digits: int) -> pd.Series[Any]:
-    """Numbers with at least so many digits, their microseconds besides."""
-    valid = ((column >= 0.0) & (column < _MOST_DIGITS)).to_numpy()
-    numbers = np.where(valid, column.to_numpy(dtype=float), 0.0)
-    whole_seconds = np.floor(numbers)
-    micros = np.rint((numbers - whole_seconds) * _MICRO).astype(np.int64)
-    seconds = whole_seconds.astype(np.int64) + micros // _MICRO
+def zero_padded(column: pd.Series[Any], digits: int) -> pd.Series[Any]:
+    """Numbers as text with at least ``digits`` digits, and six decimals unless these are zero."""
+    valid = ((column >= 0.0) & (column < _TOO_LARGE)).to_numpy()
+    fraction, integer = np.modf(np.where(valid, column.to_numpy(dtype=float), 0.0))
+    micros = np.rint(fraction * _MICRO).astype(np.int64)
+    seconds = integer.astype(np.int64) + micros // _MICRO
     pairs = zip(seconds.tolist(), (micros % _MICRO).tolist(), strict=True)
     text = [f"{second:0{digits}d}" + (f".{micro:06d}" if micro else "") for second, micro in pairs]
     return pd.Series(text, index=column.index, dtype="str").where(valid)
 
 
 def time_in_head(lines: Sequence[str]) -> str | None:
-    """The date and time of the start in the lines before a header, ISO 8601; None where none or several are stated.
+    """The date and time of the start in the lines before a header, ISO 8601; None for none or several.
 
     >>> time_in_head(["Start of log: 17.05.2026 12:00:00", "Exported 2026-06-01 08:00:00"])
     '2026-05-17T12:00:00'
@@ -540,13 +514,13 @@ def time_in_head(lines: Sequence[str]) -> str | None:
         for line in stated
         if (stamp := find_stamp(line)) and len(stamp.orders) == 1 and stamp.has_year
     ]
-    begins = [stamp for line, stamp in stamps if _START.search(line)] or [stamp for _, stamp in stamps]
-    starts = {stamp.local_ns(stamp.orders[0]) for stamp in begins}
-    return pd.Timestamp(starts.pop()).isoformat() if len(starts) == 1 else None
+    starts = [stamp for line, stamp in stamps if _START.search(line)] or [stamp for _, stamp in stamps]
+    starts_ns = {stamp.local_ns(stamp.orders[0]) for stamp in starts}
+    return pd.Timestamp(starts_ns.pop()).isoformat() if len(starts_ns) == 1 else None
 
 
 def time_in_name(name: str) -> str | None:
-    """The date and time in a file's name, ISO 8601; None where there is none, or one that may be two.
+    """The date and time in a file's name, ISO 8601; None for none, or an ambiguous one.
 
     >>> time_in_name("zigzag_31-Jul-2020_13_22_52.csv.gz"), time_in_name("run 20260517_120000.csv")
     ('2020-07-31T13:22:52', '2026-05-17T12:00:00')
@@ -560,13 +534,13 @@ def time_in_name(name: str) -> str | None:
 GPS = "GPS"
 """The zone of GPS time, which is ahead of UTC by the leap seconds since 1980."""
 _CLOSE_NS = 300 * NANO  # rows no further apart have no hour between them
-_FALL_NS = 60 * NANO  # rows out of order go back by less, a clock that is put back by more
+_FALL_NS = 60 * NANO  # rows out of order go back by less, a clock that is set back by more
 
 
-def known_zone(zone: str) -> str:
-    """A zone's name or offset as it is written; :class:`ValueError` for another text.
+def checked_zone(zone: str) -> str:
+    """A zone's name or offset as written; :class:`ValueError` for another text.
 
-    >>> known_zone("UTC+02:00"), known_zone("CEST"), known_zone("Europe/Oslo")
+    >>> checked_zone("UTC+02:00"), checked_zone("CEST"), checked_zone("Europe/Oslo")
     ('UTC+02:00', 'CEST', 'Europe/Oslo')
     """
     if zone == GPS or zone in available_timezones() or zone_offset_s(zone) is not None:
@@ -576,16 +550,15 @@ def known_zone(zone: str) -> str:
 
 
 def to_utc(local_ns: Ints, zone: str) -> tuple[Ints, str]:
-    """Local times [n, ns since 1970 on the zone's clock, in the order of their rows] as UTC, and a remark.
+    """Local times [n, ns since 1970 on the zone's clock, in the order of their rows] as UTC, and a remark, or "".
 
-    The remark is empty where nothing is to be known. Times in the hour that spring leaves out, and in autumn's two
-    hours without a step back, are of a clock that was not put forward or back: all rows then have the offset of the
-    time before. A single row in an hour that does not exist has the offset before it.
+    Times in the hour that spring skips, and in autumn's two hours without a step back, are of a clock that was not
+    changed: all rows then have the offset of the time before. A single row in an hour that does not exist has the
+    offset before it.
     """
     if zone == GPS:
-        return local_ns - NANO * np.array(
-            [gps_ahead_s(instant_ns) for instant_ns in local_ns.tolist()], dtype=np.int64
-        ), ""
+        ahead_s_of_rows = np.array([gps_ahead_s(instant_ns) for instant_ns in local_ns.tolist()], dtype=np.int64)
+        return local_ns - NANO * ahead_s_of_rows, ""
     ahead_s = zone_offset_s(zone)
     if ahead_s is not None and zone not in available_timezones():
         return local_ns - ahead_s * NANO, ""
@@ -594,20 +567,24 @@ def to_utc(local_ns: Ints, zone: str) -> tuple[Ints, str]:
         return summer, ""
     skipped, doubled = winter < summer, winter > summer
     if np.count_nonzero(skipped) > 1:
-        first = int(np.flatnonzero(skipped)[0])
-        return _unchanged(local_ns, summer, first, f"the hour that {zone} leaves out", "forward")
+        row = int(np.flatnonzero(skipped)[0])
+        return _without_clock_change(local_ns, summer, row, f"the hour that {zone} leaves out", "forward")
     result = summer.copy()
     remark = ""
-    for run in _stretches(doubled):
+    rows = np.flatnonzero(doubled)
+    runs = np.split(rows, np.flatnonzero(np.diff(rows) > 1) + 1) if rows.size else []
+    for run in runs:
         start = _first_of_second_hour(local_ns, run)
         if start is None:
-            return _unchanged(local_ns, summer, run[0], f"the hour that comes twice in {zone}, once", "back")
+            return _without_clock_change(
+                local_ns, summer, run[0], f"the hour that comes twice in {zone}, once", "back"
+            )
         if start < 0:
             start = int(run[-1]) + 1
-            winter_offset = _offset(local_ns, winter, run[0])
+            winter_offset = _offset_text(local_ns, winter, run[0])
             remark = (
-                f"{run.size} rows of {_day(local_ns[run[0]])} are in the hour that comes twice in {zone}; nothing"
-                f" states which: summer time is taken, --answer zone={winter_offset} is the other"
+                f"{run.size} rows of {_day_text(local_ns[run[0]])} are in the hour that comes twice in {zone};"
+                f" nothing states which: summer time is taken, --answer zone={winter_offset} is the other"
             )
         result[start : run[-1] + 1] = winter[start : run[-1] + 1]
     return result, remark
@@ -616,7 +593,7 @@ def to_utc(local_ns: Ints, zone: str) -> tuple[Ints, str]:
 def _utc_ns(local_ns: Ints, zone: str, fold: int) -> Ints:
     """UTC by the first (0) or the second meaning of a local time, which differ where clocks are changed."""
     quarter_index, part = np.divmod(local_ns, 900 * NANO)  # clocks are changed at quarters of an hour
-    quarters, places = np.unique(quarter_index, return_inverse=True)
+    quarters, inverse = np.unique(quarter_index, return_inverse=True)
     info = ZoneInfo(zone)
     offsets = [
         (dt.datetime(1970, 1, 1) + dt.timedelta(seconds=900 * quarter)).replace(tzinfo=info, fold=fold).utcoffset()
@@ -625,26 +602,20 @@ def _utc_ns(local_ns: Ints, zone: str, fold: int) -> Ints:
     ahead_ns = np.array(
         [round((offset or dt.timedelta()).total_seconds()) * NANO for offset in offsets], dtype=np.int64
     )
-    return np.asarray(quarter_index * 900 * NANO + part - ahead_ns[places], dtype=np.int64)
-
-
-def _stretches(mask: Bools) -> list[Ints]:
-    """The stretches of rows that a mask holds."""
-    places = np.flatnonzero(mask)
-    return [run for run in np.split(places, np.flatnonzero(np.diff(places) > 1) + 1) if run.size]
+    return np.asarray(quarter_index * 900 * NANO + part - ahead_ns[inverse], dtype=np.int64)
 
 
 def _first_of_second_hour(local_ns: Ints, run: Ints) -> int | None:
-    """The first row of a stretch in the doubled hour that is of the second one; one beyond its end where none is.
+    """The first row of a run in the doubled hour that is of the second hour; one beyond its end if none is.
 
-    None where the rows run on before and behind as if clocks were not changed, -1 where nothing decides.
+    None if the rows continue before and after it as if clocks were not changed, -1 if nothing decides.
     """
     falls = np.flatnonzero(np.diff(local_ns[run]) < -_FALL_NS)
     if falls.size:
         return int(run[falls[0] + 1])
-    usual = int(np.median(np.abs(np.diff(local_ns)))) if local_ns.size > 1 else 0
+    step_ns = int(np.median(np.abs(np.diff(local_ns)))) if local_ns.size > 1 else 0
     first, last = int(run[0]), int(run[-1])
-    near_ns = max(3 * usual, _CLOSE_NS)
+    near_ns = max(3 * step_ns, _CLOSE_NS)
     joins_before = first > 0 and abs(int(local_ns[first] - local_ns[first - 1])) <= near_ns
     joins_after = last + 1 < local_ns.size and abs(int(local_ns[last + 1] - local_ns[last])) <= near_ns
     if joins_before and joins_after:
@@ -652,19 +623,19 @@ def _first_of_second_hour(local_ns: Ints, run: Ints) -> int | None:
     return last + 1 if joins_before else first if joins_after else -1
 
 
-def _unchanged(local_ns: Ints, utc_ns: Ints, row: int, hour: str, way: str) -> tuple[Ints, str]:
-    """All rows with the offset that one of them has before the change; a remark that it was not changed."""
+def _without_clock_change(local_ns: Ints, utc_ns: Ints, row: int, hour: str, direction: str) -> tuple[Ints, str]:
+    """All rows with the offset of one before the change, and a remark that the clock was not changed."""
     remark = (
-        f"on {_day(local_ns[row])} rows run on through {hour}: that clock was not put {way};"
-        f" all times are read as of zone {_offset(local_ns, utc_ns, row)}, --answer zone=... names another"
+        f"on {_day_text(local_ns[row])} rows run on through {hour}: that clock was not put {direction};"
+        f" all times are read as of zone {_offset_text(local_ns, utc_ns, row)}, --answer zone=... names another"
     )
     return local_ns - (local_ns[row] - utc_ns[row]), remark
 
 
-def _offset(local_ns: Ints, utc_ns: Ints, row: int) -> str:
+def _offset_text(local_ns: Ints, utc_ns: Ints, row: int) -> str:
     minutes = int(local_ns[row] - utc_ns[row]) // (60 * NANO)
     return f"{'-' if minutes < 0 else '+'}{abs(minutes) // 60:02d}:{abs(minutes) % 60:02d}"
 
 
-def _day(local_ns: int) -> str:
+def _day_text(local_ns: int) -> str:
     return str(pd.Timestamp(int(local_ns)).date())

@@ -1,7 +1,7 @@
-"""Which columns of a table state the time, in which form, and what they do not state: zone, day, start.
+"""Decides which columns of a table state the time, in which form, and asks for what they lack: zone, day, start.
 
-What a text means as a date and time is for :mod:`seatrial.acquisition.core.times` to say; here is decided which
-columns it reads, and in which order of day and month, by all rows of them.
+:mod:`seatrial.acquisition.core.times` reads a text as date and time; which columns it reads, and in which order of
+day and month, is decided here by all their rows.
 """
 
 from __future__ import annotations
@@ -27,31 +27,31 @@ from seatrial.acquisition.core.times import (
     zone_offset_s,
 )
 from seatrial.acquisition.tables.column_names import TIME_WORDS, words_of
-from seatrial.acquisition.tables.evidence import ColumnCandidate, Draft
+from seatrial.acquisition.tables.evidence import ColumnCandidate, MappingDraft
 from seatrial.acquisition.tables.time_columns import (
     GPS,
     GPS_WEEK,
     NS_IN,
     TEXT,
     ZONED,
+    add_zone,
     distinct_dates,
-    stamps_in,
+    stamp_of_cell,
+    stamps_of_rows,
     time_in_head,
     time_in_name,
-    whole_stamp,
-    with_zone,
 )
 
 _EPOCHS = {"s": (3e8, 4e9), "ms": (3e11, 4e12), "us": (3e14, 4e15), "ns": (3e17, 4e18)}
-"""How large counts since 1970 are, of the years 1979 to 2096."""
+"""The range of counts since 1970, of the years 1979 to 2096."""
 _SERIALS = {"excel": (2e4, 8e4), "matlab": (6.9e5, 7.7e5)}
-_LONGEST_STEP_D = 0.02  # serial days of a log are less than half an hour apart; seconds are further
-_MOST_CELLS = 50  # decide what a column holds
+_LONGEST_STEP_D = 0.02  # serial days of a log are less than half an hour apart; seconds have larger steps
+_MOST_CELLS = 50  # by which a column's content is decided
 _ROLLED_WEEKS = 1024  # ten bits (IS-GPS-200)
 _MOST_NAMED = 3
 _WEEK_S = 604_800.0
-_ENOUGH = 0.8  # of them are of one kind
-_FORWARD = 0.95  # of the steps of a time
+_MAJORITY = 0.8  # of them are of one kind
+_FORWARD_FRACTION = 0.95  # of the steps of a time
 _UTC_WORDS = frozenset({"utc", "gmt", "zulu", "z"})
 _LOCAL_WORDS = frozenset(["local", "lt", "localtime", "lokal", "lokalzeit", "ortszeit", "bordzeit", "locale"])
 _ZONE_HEAD = re.compile(
@@ -64,39 +64,47 @@ _OFFSET = re.compile(
 )
 
 
-def read_time(draft: Draft) -> tuple[str, ...]:
-    """Put what states the time into the map; the columns that do. Raises :class:`InputError` where none does."""
-    columns = [candidate.column for candidate in draft.of("time", "date")]
-    kinds = {column: _kind_of(draft, column) for column in columns}
-    if not any(kinds.values()) and (column := _unnamed_time(draft)):
-        columns, kinds = [column], {column: _kind_of(draft, column)}
+def read_time(draft: MappingDraft) -> tuple[str, ...]:
+    """Put the time into the map; returns its columns. Raises :class:`InputError` if none states the time."""
+    columns = [candidate.column for candidate in draft.candidates_for("time", "date")]
+    kinds = {column: _column_kind(draft, column) for column in columns}
+    if not any(kinds.values()) and (column := _find_time_by_cells(draft)):
+        columns, kinds = [column], {column: _column_kind(draft, column)}
 
-    def of(*wanted: str) -> list[str]:
-        return [column for column in columns if kinds[column] in wanted]
+    def of_kind(*names: str) -> list[str]:
+        return [column for column in columns if kinds[column] in names]
 
-    if stated := of("both"):
-        return _one_column(draft, stated[0])
-    if counted := of("count"):
-        return _count(draft, counted[0])
-    for clock, date in product(of("clock", "number"), of("date", "number")):
+    if complete := of_kind("both"):
+        return _read_one_column(draft, complete[0])
+    if counts := of_kind("count"):
+        return _read_count(draft, counts[0])
+    for clock, date in product(of_kind("clock", "number"), of_kind("date", "number")):
         if date != clock and _are_date_and_clock(draft, date, clock):
-            return _two_columns(draft, clock, date)
-    weeks, passed = next(iter(draft.of("gps_week")), None), _passed_of_week(draft, of("number"))
-    if weeks and passed:
-        return _gps_week(draft, weeks.column, passed)
-    if clocks := of("clock"):
-        return _time_of_day(draft, clocks[0])
-    if numbers := of("number"):
-        return _seconds(draft, numbers[0])
-    if passed:
-        return _seconds(draft, passed.column, _unit_of_week(draft, passed))
-    raise _no_time(draft, columns)
+            time_columns = _note_text_time(draft, {"column": clock, "date": date}, "time of day")
+            draft.note(date, "date", "", f"with the time in {clock!r}")
+            return (date, *time_columns)
+    week = next(iter(draft.candidates_for("gps_week")), None)
+    time_of_week = _time_of_week_column(draft, of_kind("number"))
+    if week and time_of_week:
+        return _read_gps_week(draft, week.column, time_of_week)
+    if clocks := of_kind("clock"):
+        date_in_name = re.search(r"(?:19|20)\d\d-?[01]\d-?[0-3]\d", draft.raw.path.name)
+        default = str(pd.Timestamp(date_in_name[0]).date()) if date_in_name else None
+        text = f"column {clocks[0]!r} has the time of day only; of which day (2026-05-17)?"
+        day = draft.ask("day", text, (), default)
+        why = f"time of day, of {day}" if day else "time of day"
+        return _note_text_time(draft, {"column": clocks[0], "day": day or "1970-01-01"}, why)
+    if numbers := of_kind("number"):
+        return _read_seconds(draft, numbers[0])
+    if time_of_week:
+        return _read_seconds(draft, time_of_week.column, _unit_of_week(draft, time_of_week))
+    raise _no_time_error(draft, columns)
 
 
-def _no_time(draft: Draft, columns: list[str]) -> InputError:
+def _no_time_error(draft: MappingDraft, columns: list[str]) -> InputError:
     where, fix = str(draft.raw.path), "rename it to `time`, or name it in a column map (--columns)"
     for column in columns:
-        for text in _cells(draft, column).head(1):
+        for text in _filled_cells(draft, column).head(1):
             fix = "write it as 2026-05-17T12:00:00.500Z, or give its `format` in a column map (--columns)"
             return InputError(
                 f"column {column!r} holds {str(text)!r}, which is no known time", where=where, fix=fix
@@ -105,147 +113,124 @@ def _no_time(draft: Draft, columns: list[str]) -> InputError:
     return InputError("has no time column", where=where, why=f"it has {names}", fix=fix)
 
 
-def _cells(draft: Draft, column: str) -> pd.Series[Any]:
+def _filled_cells(draft: MappingDraft, column: str) -> pd.Series[Any]:
     return draft.raw.columns[column].dropna()
 
 
-def _kind_of(draft: Draft, column: str) -> str:
-    """What the cells of a column look like: both day and time, a date, a clock, a count since 1970, a number."""
-    cells = _cells(draft, column)
+def _column_kind(draft: MappingDraft, column: str) -> str:
+    """What the cells of a column look like: "both" day and time, "date", "clock", "count" since 1970, "number"."""
+    cells = _filled_cells(draft, column)
     if cells.empty:
         return ""
     if pd.api.types.is_datetime64_any_dtype(cells.dtype):
         return "both"
     if pd.api.types.is_numeric_dtype(cells.dtype):
         return "count" if _count_unit(cells) else "number"
-    text = [str(cell).strip() for cell in cells.head(_MOST_CELLS)]
-    for kind, before, behind in (("both", "", ""), ("date", "", " 00:00:00"), ("clock", "2000-01-01 ", "")):
-        if sum(whole_stamp(before + cell + behind) is not None for cell in text) > _ENOUGH * len(text):
-            return "date" if kind == "both" and _midnights(text) else kind
+    texts = [str(cell).strip() for cell in cells.head(_MOST_CELLS)]
+    for kind, prefix, suffix in (("both", "", ""), ("date", "", " 00:00:00"), ("clock", "2000-01-01 ", "")):
+        if sum(stamp_of_cell(prefix + text + suffix) is not None for text in texts) > _MAJORITY * len(texts):
+            are_midnights = len(texts) > 1 and all(re.fullmatch(r"\S+[T ]00:00(:00)?", text) for text in texts)
+            return "date" if kind == "both" and are_midnights else kind  # a spreadsheet's dates
     times = pd.to_datetime(cells.head(_MOST_CELLS), format="ISO8601", errors="coerce", utc=True)
     return "both" if times.notna().all() else ""
 
 
-def _midnights(text: list[str]) -> bool:
-    """Whether all times are midnight: a spreadsheet's dates."""
-    return len(text) > 1 and all(re.fullmatch(r"\S+[T ]00:00(:00)?", cell) for cell in text)
+def _find_time_by_cells(draft: MappingDraft) -> str | None:
+    """A column of dates and times, or of counts since 1970, under an unknown name; counts come first.
 
-
-def _unnamed_time(draft: Draft) -> str | None:
-    """A column that holds dates and times, or counts since 1970, under a name that says nothing; counts come first.
-
-    A number is one only if its name has a word for time: others are as large.
+    Counts need a word for time in their name, as further numbers are as large, and to increase.
     """
     candidates = {"count": list[str](), "both": list[str]()}
     for column in map(str, draft.raw.columns.columns):
-        kind = _kind_of(draft, column)
-        if kind == "both" or (
-            kind == "count" and TIME_WORDS & set(words_of(column)) and _goes_forward(draft, column)
-        ):
+        kind = _column_kind(draft, column)
+        if kind == "count" and TIME_WORDS & set(words_of(column)):
+            steps = np.diff(_filled_cells(draft, column).to_numpy(dtype=float))
+            if steps.size == 0 or np.mean(steps > 0.0) > _FORWARD_FRACTION:
+                candidates[kind].append(column)
+        elif kind == "both":
             candidates[kind].append(column)
     return next(iter(candidates["count"] + candidates["both"]), None)
 
 
-def _goes_forward(draft: Draft, column: str) -> bool:
-    steps = np.diff(_cells(draft, column).to_numpy(dtype=float))
-    return steps.size == 0 or bool(np.mean(steps > 0.0) > _FORWARD)
-
-
 def _count_unit(cells: pd.Series[Any]) -> str:
-    """What numbers count since 1970, or the system of their serial days; empty for other numbers."""
+    """The unit of counts since 1970, or the system of serial days; empty for other numbers."""
     values = pd.to_numeric(cells, errors="coerce").to_numpy(dtype=float)
-    middle = float(np.median(values))
+    median = float(np.median(values))
     for unit, (low, high) in _EPOCHS.items():
-        if low < middle < high:
+        if low < median < high:
             return unit
     step = float(np.median(np.abs(np.diff(values)))) if values.size > 1 else 1.0
     for system, (low, high) in _SERIALS.items():
-        if low < middle < high and step < _LONGEST_STEP_D and np.any(values % 1.0):
+        if low < median < high and step < _LONGEST_STEP_D and np.any(values % 1.0):
             return system
-    return TEXT if 1.9e13 < middle < 2.1e13 else ""
+    return TEXT if 1.9e13 < median < 2.1e13 else ""
 
 
-def _one_column(draft: Draft, column: str) -> tuple[str, ...]:
-    cells = _cells(draft, column)
+def _read_one_column(draft: MappingDraft, column: str) -> tuple[str, ...]:
+    cells = _filled_cells(draft, column)
     if pd.api.types.is_datetime64_any_dtype(cells.dtype):
         zoned = isinstance(cells.dtype, pd.DatetimeTZDtype)
-        return _put(draft, column, {"column": column, "format": "iso"}, [], "dates and times", zoned=zoned)
-    if pd.to_datetime(cells, format="ISO8601", errors="coerce", utc=True).notna().mean() > _ENOUGH:
+        return _note_time(draft, column, {"column": column, "format": "iso"}, [], "dates and times", zoned=zoned)
+    if pd.to_datetime(cells, format="ISO8601", errors="coerce", utc=True).notna().mean() > _MAJORITY:
         zoned = bool(cells.astype("str").str.contains(ZONED).all())
-        return _put(draft, column, {"column": column, "format": "iso"}, [], "ISO 8601", zoned=zoned)
-    return _put_text(draft, {"column": column}, "")
+        return _note_time(draft, column, {"column": column, "format": "iso"}, [], "ISO 8601", zoned=zoned)
+    return _note_text_time(draft, {"column": column}, "")
 
 
-def _count(draft: Draft, column: str) -> tuple[str, ...]:
-    unit = _count_unit(_cells(draft, column))
+def _read_count(draft: MappingDraft, column: str) -> tuple[str, ...]:
+    unit = _count_unit(_filled_cells(draft, column))
     if unit == TEXT:
-        return _put_text(draft, {"column": column}, "digits of date and time")
+        return _note_text_time(draft, {"column": column}, "digits of date and time")
     if unit in _SERIALS:
         why = f"serial days of {unit.capitalize()}"
-        return _put(draft, column, {"column": column, "format": unit}, [], why)
+        return _note_time(draft, column, {"column": column, "format": unit}, [], why)
     entry = {"column": column, "format": "seconds"} | ({} if unit == "s" else {"unit": unit})
     why = f"{unit} since 1970, by their size"
     if "start" in draft.answers:
-        start = with_zone(draft.ask("start", "") or "")
-        passed = pd.Timedelta(int(_cells(draft, column).iloc[0]) * NS_IN[unit], "ns")
-        entry["start"], why = (
-            (pd.Timestamp(start) - passed).isoformat(),
-            f"{unit}; the first row is of {start}, as answered",
-        )
-    return _put(draft, column, entry, [], why, zoned=True)
+        start = add_zone(draft.ask("start", "") or "")
+        elapsed = pd.Timedelta(int(_filled_cells(draft, column).iloc[0]) * NS_IN[unit], "ns")
+        entry["start"] = (pd.Timestamp(start) - elapsed).isoformat()
+        why = f"{unit}; the first row is of {start}, as answered"
+    return _note_time(draft, column, entry, [], why, zoned=True)
 
 
-def _are_date_and_clock(draft: Draft, date: str, clock: str) -> bool:
-    """Whether two columns make dates and times together."""
+def _are_date_and_clock(draft: MappingDraft, date: str, clock: str) -> bool:
+    """Whether two columns form dates and times together."""
     head = draft.raw.columns[[date, clock]].dropna().head(_MOST_CELLS)
     numbers = [draft.numbers(column) for column in (date, clock) if not _is_text(draft, column)]
     if head.empty or any(np.any(values < 0.0) for values in numbers):
         return False
-    stamps = stamps_in(replace(draft.raw, columns=head), clock, date)
-    return sum(stamp is not None for stamp in stamps) > _ENOUGH * len(stamps)
+    stamps = stamps_of_rows(replace(draft.raw, columns=head), clock, date)
+    return sum(stamp is not None for stamp in stamps) > _MAJORITY * len(stamps)
 
 
-def _is_text(draft: Draft, column: str) -> bool:
+def _is_text(draft: MappingDraft, column: str) -> bool:
     return not pd.api.types.is_numeric_dtype(draft.raw.columns[column].dtype)
 
 
-def _two_columns(draft: Draft, clock: str, date: str) -> tuple[str, ...]:
-    columns = _put_text(draft, {"column": clock, "date": date}, "time of day")
-    draft.note(date, "date", "", f"with the time in {clock!r}")
-    return (date, *columns)
-
-
-def _time_of_day(draft: Draft, column: str) -> tuple[str, ...]:
-    named = re.search(r"(?:19|20)\d\d-?[01]\d-?[0-3]\d", draft.raw.path.name)
-    default = str(pd.Timestamp(named[0]).date()) if named else None
-    day = draft.ask("day", f"column {column!r} has the time of day only; of which day (2026-05-17)?", (), default)
-    why = f"time of day, of {day}" if day else "time of day"
-    return _put_text(draft, {"column": column, "day": day or "1970-01-01"}, why)
-
-
-def _put_text(draft: Draft, entry: dict[str, Any], why: str) -> tuple[str, ...]:
+def _note_text_time(draft: MappingDraft, entry: dict[str, Any], why: str) -> tuple[str, ...]:
     """Note a time column of text, with the order of its dates and their year."""
     column = entry["column"]
-    stamps = [stamp for stamp in stamps_in(draft.raw, column, entry.get("date"), entry.get("day")) if stamp]
+    stamps = [stamp for stamp in stamps_of_rows(draft.raw, column, entry.get("date"), entry.get("day")) if stamp]
     if not stamps:
-        raise _no_time(draft, [column])
+        raise _no_time_error(draft, [column])
     entry["format"] = TEXT
-    entry["order"], reason = _order(draft, distinct_dates(stamps))
+    entry["order"], reason = _resolve_order(draft, distinct_dates(stamps))
     if not all(stamp.has_year for stamp in stamps):
         text = f"dates like {stamps[0].text!r} name no year; which is it (2026)?"
         entry["year"] = int(draft.ask("year", text) or 1970)
-    return _put(draft, column, entry, stamps, "; ".join(part for part in (why, reason) if part))
+    return _note_time(draft, column, entry, stamps, "; ".join(part for part in (why, reason) if part))
 
 
-def _order(draft: Draft, stamps: list[Stamp]) -> tuple[Order, str]:
-    """The order of the numbers in a column's dates, and why: as answered, as the whole column decides, or asked."""
+def _resolve_order(draft: MappingDraft, stamps: list[Stamp]) -> tuple[Order, str]:
+    """The order of the numbers in a column's dates, and why: as answered, as all its dates decide, or asked."""
     order, why = date_order(stamps)
     possible = [option for option in ORDERS if all(option in stamp.orders for stamp in stamps)]
     example = next((stamp for stamp in stamps if len(stamp.orders) > 1), stamps[0])
     answer = draft.answers.get("date_order")
     if answer is not None and possible and answer not in possible:
-        against = next(stamp for stamp in stamps if answer not in stamp.orders)
-        raise ConfigurationError(f"answer date_order={answer} cannot be used", why=f"there is {against.text!r}")
+        contradiction = next(stamp.text for stamp in stamps if answer not in stamp.orders)
+        raise ConfigurationError(f"answer date_order={answer} cannot be used", why=f"there is {contradiction!r}")
     if why == YEAR_LAST and answer is None:
         alternatives = [option for option in possible if option != order]
         readings = [
@@ -264,18 +249,18 @@ def _order(draft: Draft, stamps: list[Stamp]) -> tuple[Order, str]:
     return order, "as answered" if answer else "not clear"
 
 
-def _passed_of_week(draft: Draft, numbers: list[str]) -> ColumnCandidate | None:
-    """The column of what has passed of each week: by its name, or numbers called a time beside weeks of GPS."""
-    named = next(iter(draft.of("time_of_week")), None)
-    weeks = next(iter(draft.of("gps_week")), None)
-    if named or weeks is None or not np.nanmedian(draft.numbers(weeks.column)) >= _ROLLED_WEEKS:
-        return named
-    times = [candidate for candidate in draft.of("time") if candidate.column in numbers]
+def _time_of_week_column(draft: MappingDraft, numbers: list[str]) -> ColumnCandidate | None:
+    """The column of the time of the week: by its name, or numbers named a time if there are weeks of GPS."""
+    time_of_week = next(iter(draft.candidates_for("time_of_week")), None)
+    weeks = next(iter(draft.candidates_for("gps_week")), None)
+    if time_of_week or weeks is None or not np.nanmedian(draft.numbers(weeks.column)) >= _ROLLED_WEEKS:
+        return time_of_week
+    times = [candidate for candidate in draft.candidates_for("time") if candidate.column in numbers]
     return next((candidate for candidate in times if np.nanmax(draft.numbers(candidate.column)) <= _WEEK_S), None)
 
 
-def _gps_week(draft: Draft, week: str, passed: ColumnCandidate) -> tuple[str, ...]:
-    """Weeks of GPS and what has passed of each."""
+def _read_gps_week(draft: MappingDraft, week: str, time_of_week: ColumnCandidate) -> tuple[str, ...]:
+    """Read weeks of GPS and times of the week."""
     weeks = draft.numbers(week)
     if np.nanmedian(weeks) < _ROLLED_WEEKS:
         draft.warnings.append(
@@ -283,61 +268,58 @@ def _gps_week(draft: Draft, week: str, passed: ColumnCandidate) -> tuple[str, ..
             f" {_ROLLED_WEEKS} or {2 * _ROLLED_WEEKS} weeks later; --answer start=2026-05-17T12:00:00Z is the first"
             " row's time"
         )
-    unit = _unit_of_week(draft, passed)
-    entry = {"column": passed.column, "date": week, "format": GPS_WEEK} | ({} if unit == "s" else {"unit": unit})
-    draft.note(week, "date", "", f"weeks of GPS, with the time of week in {passed.column!r}")
-    return (week, *_put(draft, passed.column, entry, [], "time of the week", unit))
+    unit, column = _unit_of_week(draft, time_of_week), time_of_week.column
+    entry = {"column": column, "date": week, "format": GPS_WEEK} | ({} if unit == "s" else {"unit": unit})
+    draft.note(week, "date", "", f"weeks of GPS, with the time of week in {column!r}")
+    return (week, *_note_time(draft, column, entry, [], "time of the week", unit))
 
 
-def _unit_of_week(draft: Draft, passed: ColumnCandidate) -> str:
-    """The unit of what has passed of a week, by its head, its name (u-blox' iTOW, ArduPilot's GMS) or its size."""
-    units = [unit for unit in passed.units if unit in NS_IN]
-    is_ms = {"i", "tow"} <= passed.words or bool(passed.words & {"itow", "gms", "ms", "milliseconds"})
-    largest = float(np.nanmax(draft.numbers(passed.column), initial=0.0))
+def _unit_of_week(draft: MappingDraft, time_of_week: ColumnCandidate) -> str:
+    """The unit of a time of the week by its header, its name (u-blox' iTOW, ArduPilot's GMS) or its size."""
+    units = [unit for unit in time_of_week.units if unit in NS_IN]
+    words = time_of_week.words
+    is_ms = {"i", "tow"} <= words or bool(words & {"itow", "gms", "ms", "milliseconds"})
+    largest = float(np.nanmax(draft.numbers(time_of_week.column), initial=0.0))
     return units[0] if units else "ms" if is_ms or largest > _WEEK_S else "s"
 
 
-def _seconds(draft: Draft, column: str, stated_unit: str = "") -> tuple[str, ...]:
-    """Seconds, or what else is counted, since some start."""
+def _read_seconds(draft: MappingDraft, column: str, stated_unit: str = "") -> tuple[str, ...]:
+    """Read seconds, or counts of another unit, since a start."""
     values = draft.numbers(column)
     steps = np.abs(np.diff(values[np.isfinite(values)]))
-    usual = float(np.median(steps)) if steps.size else 1.0
-    units = (
-        (stated_unit,)
-        if stated_unit
-        else next((candidate.units for candidate in draft.candidates if candidate.column == column), ())
-    )
+    step = float(np.median(steps)) if steps.size else 1.0
+    header_units = next((candidate.units for candidate in draft.candidates if candidate.column == column), ())
+    units = (stated_unit,) if stated_unit else header_units
     unit, why = next((symbol for symbol in units if symbol in NS_IN), "s"), "as its head says"
     if not units:
-        why = f"steps of {usual:g}"
-        if usual >= 20.0 or "time_unit" in draft.answers:
-            text = f"column {column!r} goes in steps of {usual:g}: which unit?"
+        why = f"steps of {step:g}"
+        if step >= 20.0 or "time_unit" in draft.answers:
+            text = f"column {column!r} goes in steps of {step:g}: which unit?"
             unit = draft.ask("time_unit", text, ("ms", "s", "us")) or "ms"
     entry: dict[str, Any] = {"column": column, "format": "seconds"} | ({} if unit == "s" else {"unit": unit})
-    named, head = time_in_name(draft.raw.path.name), time_in_head(draft.raw.preamble)
+    head = time_in_head(draft.raw.preamble)
     if "start" in draft.answers:
         start = draft.ask("start", "") or ""
-        entry["start"] = with_zone(start)
-        return _put(draft, column, entry, [], f"{unit} since {start}", zoned=True)
+        entry["start"] = add_zone(start)
+        return _note_time(draft, column, entry, [], f"{unit} since {start}", zoned=True)
     if head:
         entry["in_head"] = True
-        return _put(
-            draft, column, entry, [], f"{unit} since the start in the lines before the header, {head}", unit
-        )
-    if named:
+        why = f"{unit} since the start in the lines before the header, {head}"
+        return _note_time(draft, column, entry, [], why, unit)
+    if time_in_name(draft.raw.path.name):
         entry["in_name"] = TEXT
         why = f"{unit}; the first row's time is that in the file's name"
-        return _put(draft, column, entry, [], why, unit)
+        return _note_time(draft, column, entry, [], why, unit)
     text = f"column {column!r} counts {unit} from a start that is not stated; when was it?"
     draft.ask("start", text, (), "1970-01-01T00:00:00Z")
     draft.warnings.append(
         f"{column!r} counts from an unknown start, taken for 1970; use --answer start=2026-05-17T12:00:00Z"
     )
-    return _put(draft, column, entry, [], why, zoned=True)
+    return _note_time(draft, column, entry, [], why, zoned=True)
 
 
-def _put(
-    draft: Draft,
+def _note_time(
+    draft: MappingDraft,
     column: str,
     entry: dict[str, Any],
     stamps: list[Stamp],
@@ -346,57 +328,62 @@ def _put(
     *,
     zoned: bool = False,
 ) -> tuple[str, ...]:
-    """Note the time column, and its zone where its text names none, or where an answer says another."""
+    """Note the time column, with its zone if its text names none, or an answer another."""
     zoned = zoned or bool(stamps and all(stamp.offset_s is not None for stamp in stamps))
     if zoned and "zone" in draft.answers and entry["format"] != "seconds":
         entry["zone"], entry["zone_in_text"] = draft.ask("zone", ""), "ignored"
         why = f"{why}; {entry['zone']} as answered, what the text names is ignored"
     elif not zoned:
-        several = next((stamp.zone for stamp in stamps if stamp.zone), "")
-        entry["zone"], reason = _zone(draft, column, entry, several)
+        ambiguous_zone = next((stamp.zone for stamp in stamps if stamp.zone), "")
+        entry["zone"], reason = _resolve_zone(draft, column, entry, ambiguous_zone)
         why = "; ".join(part for part in (why, reason) if part)
     if "start" in draft.answers and entry["format"] != "seconds":
-        entry["start"] = with_zone(draft.ask("start", "") or "")
+        entry["start"] = add_zone(draft.ask("start", "") or "")
         why = f"{why}; the first row is of {entry['start']}, as answered"
     draft.tree["time"] = entry
     draft.note(column, "time", unit or entry.get("unit", ""), why)
     return (column,)
 
 
-def _zone(draft: Draft, column: str, entry: Mapping[str, Any], several: str) -> tuple[str, str]:
-    """The zone that an answer or the columns' names state, else UTC; and why."""
+def _resolve_zone(draft: MappingDraft, column: str, entry: Mapping[str, Any], ambiguous: str) -> tuple[str, str]:
+    """The zone that an answer or the columns' names state, else UTC; and why.
+
+    ``ambiguous`` is an abbreviation of several zones in the cells, if there is one.
+    """
     name = f"{column} {draft.raw.units.get(column, '')} {entry.get('date', '')}"
     words = set(words_of(name))
-    stated = GPS if entry["format"] == GPS_WEEK else _zone_in(name)
-    if "zone" not in draft.answers and not several and not is_ambiguous_zone(stated) and stated:
+    stated = GPS if entry["format"] == GPS_WEEK else _zone_in_name(name)
+    if "zone" not in draft.answers and not ambiguous and not is_ambiguous_zone(stated) and stated:
         if stated == GPS:
             draft.warnings.append(
                 f"{column!r} is taken for GPS time, which is ahead of UTC by the leap seconds, 18 s since 2017;"
                 " if it is UTC: --answer zone=UTC"
             )
         return stated, f"{stated} by its name"
-    zone_column, zones = _zones_beside(draft) if not several and not stated else ("", ())
+    zone_column, zones = _zone_column(draft) if not ambiguous and not stated else ("", ())
     if len(zones) == 1 and _is_zone(zones[0]) and "zone" not in draft.answers:
         draft.note(zone_column, "zone of the time", "", "the same in all rows")
         return zones[0], f"{zones[0]} by column {zone_column!r}"
-    several = several or stated or ", ".join(zones)
+    ambiguous = ambiguous or stated or ", ".join(zones)
     text, default = f"column {column!r} names no zone; which is it (UTC, +02:00, Europe/Oslo ...)?", "UTC"
-    if several:
-        text = f"column {column!r} names the zone {several}, which stands for several; which is it (-06:00 ...)?"
+    if ambiguous:
+        text = f"column {column!r} names the zone {ambiguous}, which stands for several; which is it (-06:00 ...)?"
     if zones:
-        text = f"column {zone_column!r} states the zone as {several}; which is that of the times (UTC, +02:00 ...)?"
-    zone = draft.ask("zone", text, (), None if several or words & _LOCAL_WORDS else default)
+        text = (
+            f"column {zone_column!r} states the zone as {ambiguous}; which is that of the times (UTC, +02:00 ...)?"
+        )
+    zone = draft.ask("zone", text, (), None if ambiguous or words & _LOCAL_WORDS else default)
     if "zone" in draft.answers:
         return zone or default, f"{zone} as answered"
-    if not several:
+    if not ambiguous:
         draft.warnings.append(f"{column!r} names no zone: UTC is assumed; --answer zone=Europe/Oslo names another")
     return default, "UTC is assumed, no zone is stated"
 
 
-def _zones_beside(draft: Draft) -> tuple[str, tuple[str, ...]]:
-    """The column that states the zones of the times, and these; empty where there is none."""
+def _zone_column(draft: MappingDraft) -> tuple[str, tuple[str, ...]]:
+    """The column that states the zones of the times, and these; empty if there is none."""
     for column in map(str, draft.raw.columns.columns):
-        zones = tuple(_cells(draft, column).astype("str").str.strip().unique())
+        zones = tuple(_filled_cells(draft, column).astype("str").str.strip().unique())
         if not _is_text(draft, column):  # of hours, of minutes, or of both
             zones = tuple(f"the number {zone}" for zone in zones)
         elif not all(map(_is_zone, zones)):
@@ -410,16 +397,14 @@ def _is_zone(text: str) -> bool:
     return text in available_timezones() or zone_offset_s(text) is not None
 
 
-def _zone_in(name: str) -> str:
-    """The zone that a column's name has: an offset, a name, an abbreviation, UTC, or GPS time; empty for none."""
+def _zone_in_name(name: str) -> str:
+    """The zone in a column's name: an offset, a name, an abbreviation, UTC, or GPS time; empty for none."""
     words = set(re.findall(r"[a-z]+", name.lower()))
     if match := _OFFSET.search(name):
         return re.sub(r"\s", "", match[0])
-    if place := next(
-        (place_name for place_name in re.findall(r"[A-Z]\w+/[\w/]+", name) if place_name in available_timezones()),
-        "",
-    ):
-        return place
+    for zone in re.findall(r"[A-Z]\w+/[\w/]+", name):
+        if zone in available_timezones():
+            return str(zone)
     if words & _UTC_WORDS:
         return "UTC"
     for word in re.findall(r"(?<![A-Za-z])[A-Z]{3,4}(?![A-Za-z])", name):

@@ -24,7 +24,7 @@ from seatrial.acquisition.core.errors import InputError
 from seatrial.acquisition.core.quantities import Floats, Linear, conversion_to
 from seatrial.acquisition.core.result import Number
 from seatrial.acquisition.core.ship import POSE_AND_VELOCITY, RUDDER, circular_mean, wrap_360
-from seatrial.acquisition.tables.column_names import headed
+from seatrial.acquisition.tables.column_names import split_header
 from seatrial.acquisition.tables.table_files import RawTable, read_raw
 from seatrial.acquisition.tables.time_columns import as_clock, as_date
 from seatrial.analysis.manoeuvres.find import marks_of
@@ -391,7 +391,7 @@ def _columns_of(table: pd.DataFrame, units: Mapping[str, str]) -> tuple[dict[str
     """
     read, passed_over = dict[str, list[_Column]](), list[str]()
     for name in map(str, table.columns):
-        head = headed(name)
+        head = split_header(name)
         words = re.sub(r"[^a-z0-9]+", " ", re.sub(r"\((?:utc|true|mean)\)", "", head.name.lower())).split()
         sides = [word for word in words if word in _SIDES]
         quantity = _CALLED.get(" ".join(word for word in words if word not in _SIDES))

@@ -21,8 +21,14 @@ from seatrial.acquisition.config.trial_file import load_config, parse_config
 from seatrial.acquisition.core.errors import SeatrialError, SourceError
 from seatrial.acquisition.core.ship import MOTION, NAMES
 from seatrial.acquisition.core.trial import Frame
-from seatrial.acquisition.discovery.discover import Discovery, discover, discovery_of
-from seatrial.acquisition.discovery.listen import ListeningPlace, find_baud_rate, form_of, interpret, parse_places
+from seatrial.acquisition.discovery.discover import Discovery, discover, interpret_captures
+from seatrial.acquisition.discovery.listen import (
+    ListeningPlace,
+    find_baud_rate,
+    gateway_form,
+    interpret,
+    parse_places,
+)
 from seatrial.acquisition.emulator import NullModem, emulate
 from seatrial.acquisition.logger.record import record
 from seatrial.acquisition.protocols.nmea0183 import sentence, split_sentence
@@ -186,7 +192,7 @@ def test_an_odd_topic_of_sentences_is_recorded(topic: str, topics: list[str], tm
     """One that ends in a slash, or that a file cannot say."""
     line = sentence("HEHDT,12.5,T").strip()
     frames = [Frame("broker", "mqtt", topic.encode() + b"\0" + line, at, at) for at in range(10**18, 10**18 + 10)]
-    found = discovery_of([interpret(ListeningPlace("broker", "mqtt"), frames)], folder=tmp_path)
+    found = interpret_captures([interpret(ListeningPlace("broker", "mqtt"), frames)], folder=tmp_path)
     assert list(found.channels) == ["heading_deg"]
     (section,) = parse_config(found.configuration, tmp_path / "found.toml").sources
     assert isinstance(section, MqttSource)
@@ -330,9 +336,9 @@ def test_what_a_line_carries_shows_in_its_bytes() -> None:
 
 def test_the_form_of_a_gateway_shows_in_its_lines() -> None:
     late = 500 * sentence("HEHDT,12.3,T") + b"A173321.107 23FF7 1F513 012F3070002F30709F\n"
-    assert form_of(late) == "n2k_ascii"
-    assert form_of(b"A173321.107 23FF7 1F513 012F3070002F30709F\n") == "n2k_ascii"
-    assert form_of(sentence("HEHDT,12.3,T")) == ""
+    assert gateway_form(late) == "n2k_ascii"
+    assert gateway_form(b"A173321.107 23FF7 1F513 012F3070002F30709F\n") == "n2k_ascii"
+    assert gateway_form(sentence("HEHDT,12.3,T")) == ""
 
 
 def test_devices_are_told_by_what_they_claim_and_those_that_compete_are_named(tmp_path: Path) -> None:

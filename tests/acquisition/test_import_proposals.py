@@ -16,7 +16,7 @@ from scipy.io import savemat
 from seatrial.acquisition.core.errors import ConfigurationError, InputError
 from seatrial.acquisition.core.quantities import Floats
 from seatrial.acquisition.core.ship import difference, is_circular
-from seatrial.acquisition.tables.column_names import headed, matches
+from seatrial.acquisition.tables.column_names import match_quantities, split_header
 from seatrial.acquisition.tables.evidence import Question
 from seatrial.acquisition.tables.import_table import import_proposed, propose_for
 from seatrial.acquisition.tables.propose import Proposal
@@ -829,4 +829,4 @@ def test_a_time_that_is_said_to_be_local_is_asked_of_which_zone(tmp_path: Path) 
     ],
 )  # fmt: skip
 def test_the_two_parts_of_a_speed_are_not_taken_for_the_whole(name: str, channel: str) -> None:
-    assert matches(headed(name).name)[0].quantity.name == channel
+    assert match_quantities(split_header(name).name)[0].quantity.name == channel

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 
 from seatrial.acquisition.core.errors import InputError
 from seatrial.acquisition.core.quantities import Floats
-from seatrial.acquisition.tables.column_map import degrees_of_text, meaning_of_o, signs_of
+from seatrial.acquisition.tables.column_map import degrees_of_text, hemisphere_signs, meaning_of_o
 from seatrial.acquisition.tables.import_table import is_standard, propose_for
 from seatrial.acquisition.tables.table_files import read_raw
 from seatrial.analysis.tables.table import read_table
@@ -368,7 +368,7 @@ def test_a_negative_angle_of_the_north_is_refused_and_of_the_south_is_south(tmp_
     path.write_text("time,lat,N/S,lon,E/W\n" + "".join(f"{time},-33.9,N,18.4,E\n" for time in TIMES))
     with pytest.raises(InputError, match="negative"):
         propose_for(read_raw(path))
-    assert signs_of(pd.Series(["S", "S"]), "north_south").tolist() == [-1.0, -1.0]
+    assert hemisphere_signs(pd.Series(["S", "S"]), "north_south").tolist() == [-1.0, -1.0]
 
 
 WORDS = {"N": "North", "S": "South", "E": "East", "W": "West"}
@@ -457,7 +457,7 @@ def test_hemispheres_of_two_letters_in_russian(north: str, west: str) -> None:
     angles, signs = degrees_of_text(latitude, longitude)
     assert np.concatenate(angles) == pytest.approx([63.44, 63.44, 10.4, 10.4])
     assert [each.tolist() for each in signs] == [[1.0, 1.0], [-1.0, -1.0]]
-    assert signs_of(pd.Series([north, "ю.ш."]), "north_south").tolist() == [1.0, -1.0]
+    assert hemisphere_signs(pd.Series([north, "ю.ш."]), "north_south").tolist() == [1.0, -1.0]
 
 
 def test_rows_without_a_fix_have_no_position_nor_speed(tmp_path: Path, command: Command) -> None:

@@ -19,7 +19,7 @@ from seatrial.acquisition.core.times import gps_ahead_s
 from seatrial.acquisition.tables.import_table import import_table, propose_for
 from seatrial.acquisition.tables.propose import Proposal
 from seatrial.acquisition.tables.table_files import read_raw
-from seatrial.acquisition.tables.time_columns import TimeColumn, known_zone, resolve_times, to_utc
+from seatrial.acquisition.tables.time_columns import TimeColumn, checked_zone, resolve_times, to_utc
 from tests.conftest import Command
 
 START = dt.datetime(2026, 5, 17, 12, 0, 0, 500_000, dt.UTC)
@@ -372,7 +372,7 @@ def test_seconds_count_from_the_start_in_the_lines_before_the_header(tmp_path: P
 @pytest.mark.parametrize("zone", ["Oslo", "+25", "UTC+", "CST", "", "GPS time"])
 def test_what_is_no_zone_is_refused(zone: str) -> None:
     with pytest.raises(ValueError, match="zone"):
-        known_zone(zone)
+        checked_zone(zone)
 
 
 @given(

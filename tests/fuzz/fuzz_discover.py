@@ -15,7 +15,7 @@ with atheris.instrument_imports(include=["acquisition"]):
 
     from seatrial.acquisition.config.trial_file import parse_config
     from seatrial.acquisition.core.trial import Frame, FrameFlag
-    from seatrial.acquisition.discovery.discover import discovery_of, nothing_found, tables
+    from seatrial.acquisition.discovery.discover import describe_silence, discovery_tables, interpret_captures
     from seatrial.acquisition.discovery.listen import ListeningPlace, interpret
     from tests.acquisition.bus_logs import FORMS
     from tests.acquisition.can_frames import identifier_of
@@ -54,12 +54,12 @@ def frames_of(place: ListeningPlace, data: bytes) -> list[Frame]:
 
 def one_input(data: bytes) -> None:
     place = PLACES[data[0] % len(PLACES)] if data else PLACES[0]
-    found = discovery_of([interpret(place, frames_of(place, data[1:]))])
+    found = interpret_captures([interpret(place, frames_of(place, data[1:]))])
     if found.survey is None:
-        assert nothing_found(found).isprintable()
+        assert describe_silence(found).isprintable()
         return
     shown = StringIO()
-    for table in tables(found):
+    for table in discovery_tables(found):
         Console(file=shown, width=200).print(table)
     assert "\x1b" not in shown.getvalue()
     config = parse_config(found.configuration, "written.toml")

@@ -43,13 +43,13 @@ from seatrial.acquisition.core.quantities import Complexes, Floats, scale_to, to
 from seatrial.acquisition.core.trial import Quality, label_parts, sensor_of
 from seatrial.acquisition.tables.evidence import (
     ScaleFit,
-    fit,
-    grid_of,
+    comparison_grid,
+    fit_scale,
     increments,
     integrals,
-    is_place,
-    means,
-    over_gaps,
+    interval_means,
+    is_on_earth,
+    spans_gap,
 )
 from seatrial.analysis.quality.findings import CheckResult, Finding, mark, uniform_flags
 from seatrial.analysis.quality.motion.fit import (
@@ -642,14 +642,14 @@ def heading_finding(table: pd.DataFrame) -> Finding | None:
     table = _with_plane(table)
     require(table, ("north_m", "east_m", "heading_deg"))
     position, heading = (group_samples(table, GROUPS[name]) for name in ("north_m", "heading_deg"))
-    grid = grid_of(np.concatenate([position.time_s, heading.time_s]))
+    grid = comparison_grid(np.concatenate([position.time_s, heading.time_s]))
     if grid.size < 3:
         return None
     moves = _moves(position, grid)
-    moves[over_gaps(heading.time_s, grid)] = np.nan
+    moves[spans_gap(heading.time_s, grid)] = np.nan
     recorded = np.rad2deg(heading.levels[:, 0])
     readings = {
-        unit: means(heading.time_s, np.unwrap(recorded * _turned(unit), period=360.0) * _after(unit), grid)
+        unit: interval_means(heading.time_s, np.unwrap(recorded * _turned(unit), period=360.0) * _after(unit), grid)
         for unit in ANGLE_UNITS
     }
     verdict = judge_heading(moves, readings)
@@ -666,7 +666,7 @@ def _with_plane(table: pd.DataFrame) -> pd.DataFrame:
     if "north_m" in table or not {"latitude_deg", "longitude_deg"} <= set(table.columns):
         return table
     latitude, longitude = (table[name].to_numpy(dtype=float) for name in ("latitude_deg", "longitude_deg"))
-    located = np.flatnonzero(is_place(latitude, longitude))
+    located = np.flatnonzero(is_on_earth(latitude, longitude))
     north, east = np.full((2, latitude.size), np.nan)
     if located.size:
         origin = latitude[located[0]], longitude[located[0]], 0.0
@@ -686,7 +686,7 @@ def _after(unit: str) -> float:
 def _moves(position: Group, grid: Floats) -> Complexes:
     """The moves between instants, NaN where the positions have a gap."""
     north, east = (increments(position.time_s, column, grid) for column in position.levels.T)
-    return np.where(over_gaps(position.time_s, grid), np.nan, north + 1j * east)
+    return np.where(spans_gap(position.time_s, grid), np.nan, north + 1j * east)
 
 
 def _turns_with(table: pd.DataFrame, moves: Complexes, grid: Floats, heading_deg: Floats) -> ScaleFit | None:
@@ -695,7 +695,7 @@ def _turns_with(table: pd.DataFrame, moves: Complexes, grid: Floats, heading_deg
         return None
     rate = group_samples(table, GROUPS["yaw_rate_dps"])
     turned = integrals(rate.time_s, np.rad2deg(rate.levels[:, 0]), grid)
-    return fit(np.diff(heading_deg), 0.5 * (turned[1:] + turned[:-1]))
+    return fit_scale(np.diff(heading_deg), 0.5 * (turned[1:] + turned[:-1]))
 
 
 def _in_words(verdict: HeadingVerdict, turning: ScaleFit | None) -> str:
@@ -715,7 +715,7 @@ def axes_finding(table: pd.DataFrame) -> Finding | None:
     position, heading, speed = (
         group_samples(table, GROUPS[name]) for name in ("north_m", "heading_deg", "surge_mps")
     )
-    grid = grid_of(position.time_s)
+    grid = comparison_grid(position.time_s)
     if grid.size < 3:
         return None
     ahead, aside = speed.levels.T

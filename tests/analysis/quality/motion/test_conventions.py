@@ -10,7 +10,7 @@ import pymap3d
 import pytest
 
 from seatrial.acquisition.core.quantities import to_earth
-from seatrial.acquisition.tables.column_map import derive
+from seatrial.acquisition.tables.column_map import derive_channels
 from seatrial.analysis.quality.check import check_table
 from seatrial.analysis.quality.findings import Finding
 from seatrial.analysis.quality.motion.findings import axes_finding, check_motion, heading_finding
@@ -28,7 +28,7 @@ def sound() -> pd.DataFrame:
 def with_derived(table: pd.DataFrame, names: list[str] = NAMES) -> pd.DataFrame:
     """The table with speeds and yaw rate as an import derives them of what else it holds."""
     made = table.drop(columns=names)
-    sources = derive(made, names)
+    sources = derive_channels(made, names)
     made.attrs["sources"] = {name: [sources.get(name, "table")] for name in made}
     return made
 
