@@ -124,7 +124,7 @@ def check(data: Paths | pd.DataFrame, own: Sequence[str] = ()) -> DataQuality:
 
     if isinstance(data, pd.DataFrame):
         return check_table(data, own)
-    return check_recording(read_together(data), own=own)
+    return check_recording(read_together(data), user_checks=own)
 
 
 def prepare(
