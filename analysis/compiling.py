@@ -52,8 +52,8 @@ def threads_for(steps: int) -> Iterator[None]:
     """All threads for a parallel kernel that computes so many steps of a ship, or one thread for few steps.
 
     Waking threads and waiting for the last of them costs more than it brings below some ten milliseconds, and on a
-    busy machine ten times as much: a diagnosis of 75 min beside other work took 234 s with four threads for every
-    batch of 18,000 steps, and 107 s with one.
+    busy machine ten times as much: a diagnosis of 75 min alongside other work took 234 s with four threads for
+    every batch of 18,000 steps, and 107 s with one.
     """
     threads = get_num_threads()
     set_num_threads(threads if steps > _WORTH_THREADS else 1)

@@ -248,7 +248,7 @@ def _weighted_sum(values: Floats, kernel: Floats) -> Floats:
 def find_stuck(samples: Series, channel: Channel, rate: TimedValues | None = None) -> Bools:
     """Where the value is stuck, from the second of the repeated values on.
 
-    ``rate`` is how fast related channels say that this one changes [its unit per s], at times of its own: yaw
+    ``rate`` is how fast this one changes by related channels [its unit per s], at times of its own: yaw
     rate for the heading, speed over ground for a position.
     """
     places, times, values = sort_by_time(samples, channel)
@@ -352,7 +352,7 @@ def expected_rates(table: pd.DataFrame) -> dict[str, TimedValues]:
 
 
 def everyday_resolution(channel: Channel) -> float:
-    """The coarsest step [the channel's unit] that instruments of this kind commonly report; nobody knows it of a
+    """The coarsest step [the channel's unit] that instruments of this kind commonly report; it is unknown for a
     channel that a user declares."""
     if channel.group == "declared":
         return np.inf

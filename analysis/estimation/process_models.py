@@ -1,6 +1,6 @@
 """Process models of unmeasured motion, discretised exactly over any time step.
 
-White jerk models a ship's slow motion, a damped oscillator her motion in waves, an Ornstein-Uhlenbeck process
+White jerk models a ship's slow motion, a damped oscillator its motion in waves, an Ornstein-Uhlenbeck process
 what fluctuates about zero: unpredictable forces, sensor drift. All are linear and driven by white noise.
 Observers that separate waves from the ship's slow motion go back to Balchen, Jenssen and Saelid 1976; Fossen
 2011, chapter 11. The models (:class:`Law`) have the quantity and its derivatives as states, so that the same
@@ -94,7 +94,7 @@ class WaveMotion:
     and ``damping`` its share of critical damping, which sets the spectrum's width. The low-pass (Butterworth,
     of order 2 or 3) has its corner slightly higher, so that no two roots coincide. The position spectrum falls
     with the power 4 + 2 ``order`` of frequency above the peak: that of the sea surface falls with the fifth,
-    and a hull averages short waves over her draught and, for yaw more than for translation, along her length.
+    and a hull averages short waves over its draught and, for yaw more than for translation, along its length.
     The state has derivatives up to ``order`` + 1. With order 0 there is no low-pass and the state is that of
     :func:`oscillator`, which the diagnosis uses, since it needs no acceleration.
     """

@@ -207,7 +207,7 @@ def smooth(
     Rows may be unsorted and hold NaN where a channel has no sample. Rows further inside a gap in which neither
     heading nor yaw rate, or neither position nor speed, has a sample for longer than ``longest_gap_s`` are NaN;
     without it the limit is that of :func:`seatrial.analysis.tables.resample.resample`. With a long limit they hold
-    the prediction with its grown covariance, up to 300 s, beyond which the filter starts anew. ``levels`` gives
+    the prediction with its grown covariance, up to 300 s, beyond which the filter restarts. ``levels`` gives
     noise levels that are known; else they are estimated. Raises :class:`InputError` for a table without position or
     heading.
     """
@@ -318,7 +318,7 @@ def _rejected(
 
 
 def summary_of(smoothed: SmoothedMotion) -> dict[str, Any]:
-    """The figures of a result for a person or a program: rows, levels, refusals, consistency."""
+    """The figures of a result for a reader or a program: rows, levels, refusals, consistency."""
     return {
         "rows": len(smoothed.states),
         "missing": int(smoothed.states["north_m"].isna().sum()),

@@ -84,7 +84,7 @@ _SMALLEST_DEG = 1.0
 _LARGEST_DEG = 45.0
 """An angle whose steps scatter so widely (wind in a calm) that the limit would be larger is not judged."""
 _LONGEST_STEP = 5.0
-"""Steps longer than so many usual ones are holes: what happened there is not known."""
+"""Steps longer than so many usual ones are holes: what happened there is unknown."""
 _FEWEST_AFFECTED = 0.1
 _CHANCE = 1e-4
 _CONTROL_TURNS_DEG = (73.0, 131.0, 229.0, 287.0)
@@ -99,7 +99,7 @@ _MOST_BETWEEN = 0.02
 _EVEN = 0.12
 """The spread of the steps between the levels, as a share of the distance; of waves near half the rate it is 0.3."""
 _RETURNS = 0.5
-"""The share of turns with another right beside them: three in four where two sources come at random, none of a
+"""The share of turns with an adjacent one: three in four where two sources come at random, none of a
 rudder that stays over for three samples."""
 _TO_AND_FRO = 0.85
 """The share of steps against the one before: two thirds of white noise."""
@@ -117,7 +117,7 @@ def find_gaps(samples: Series, start_ns: int | None = None, end_ns: int | None =
     """Where the channel is silent for much longer than its own interval; two missing samples are the least.
 
     Silent is longer than 2.5 intervals, and than 2.5 times what 95 % of the intervals keep, for channels that
-    report when something happens. With ``start_ns`` and ``end_ns``, the recording's, also a late first sample
+    report when something happens. With ``start_ns`` and ``end_ns``, the recording's, also a delayed first sample
     and an early last one, beyond 10 s.
     """
     times = np.sort(samples.measured_ns)
@@ -164,7 +164,7 @@ def find_spikes(samples: Series, channel: Channel) -> Bools:
     samples are so far apart that a wave is a sample, also 2.5 times what 97 % of the whole record does, since a
     turn into beam seas raises it at once),
     more than the ship or the thruster could do in the time, more than 3 of the channel's own steps, and more
-    than twice the steps just beside: the crest of a wave and a thruster that is stirred are lively there too.
+    than twice the steps nearby: around the crest of a wave and a thruster that is moved the steps are large too.
     Returning is that before and after agree, but for the local trend: a step of an order does not return.
     """
     places, times, values = sort_by_time(samples, channel)
@@ -437,7 +437,7 @@ def _possible_samples(table: pd.DataFrame, name: str) -> Samples:
 def _wrong_samples(table: pd.DataFrame, name: str, series: Samples) -> tuple[Bools, int]:
     """The wrong samples [n] and the number of places; none where chance explains them as well.
 
-    A spike that happens to stand where the ship passes north looks the same. It would stand as often where she
+    A spike that happens to stand where the ship passes north looks the same. It would stand as often where it
     passes east, so the circle is turned, and what is found then is what chance brings; and spikes stand in few
     of the passages, and at other places too. Angles without a measured rate must show three places.
     """

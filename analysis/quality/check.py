@@ -93,7 +93,7 @@ _SLACK_S = 3.0
 _ALIKE = 0.7
 """The share of the time with a fault that two channels have in common, of the one with more."""
 _EVENT_SLACK_S = 10.0
-"""An event tells of an outage that long after it: a silent source is noticed late."""
+"""An event reports an outage up to that long after it: a silent source is noticed with a delay."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -396,7 +396,7 @@ def _result(returned: object, table: pd.DataFrame) -> CheckResult:
 @dataclass(frozen=True, slots=True)
 class Cause:
     """Findings of one cause, the most severe first, with their channels, the lines that these come from, and what
-    the recorder itself said of it."""
+    the recorder itself reported of it."""
 
     findings: tuple[Finding, ...]
     channels: tuple[str, ...]
@@ -414,7 +414,7 @@ class Cause:
 
     @property
     def text(self) -> str:
-        """All of it as one paragraph: what the first finding says, the channels, the events, what to do."""
+        """All of it as one paragraph: the first finding's text, the channels, the events, what to do."""
         first = self.findings[0]
         shared_text = ""
         if len(self.findings) > 1:
@@ -519,7 +519,7 @@ def _cause(
 
 
 def _events_of(spans: list[tuple[int, int]], lines: tuple[str, ...], log: list[Event]) -> list[str]:
-    """What the log says of these lines, or of the recorder, in stretches of time: the first two and the last."""
+    """The log's entries on these lines, or of the recorder, in stretches of time: the first two and the last."""
     slack_ns = int(_EVENT_SLACK_S * NANO)
     texts = [
         event.text for event in log

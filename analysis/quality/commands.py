@@ -134,7 +134,7 @@ def straight_ramps(time_s: Floats, value: Floats) -> Ramps:
     """Where ``value`` lies on sloping lines to rounding, over three equal steps or more.
 
     Rounding is that of floating point, or that of the decimals a file was written with where those are fine
-    beside the values' range; on a coarse grid equal steps prove nothing.
+    compared with the values' range; on a coarse grid equal steps prove nothing.
     """
     if value.size <= _FEWEST_STEPS:
         return _NO_RAMPS
@@ -259,7 +259,7 @@ def _factor_to(table: pd.DataFrame, sister: str, series: Samples) -> dict[str, f
     """The constant ratio of a sister shaft to this one with its 95 % interval; empty if there is none.
 
     The two keep one ratio within 5 % all through the recording, too large a ratio for two shafts that differ
-    in trim: nobody runs them so, but for a single setting, from one end of a trial to the other.
+    in trim: no crew runs them so, but for a single setting, from one end of a trial to the other.
     """
     sister_series = samples_of(table, sister)
     if sister_series.rows.size < 3 * _PIECES or np.abs(sister_series.value).max() <= 1.02 * _PER_CENT:
@@ -283,10 +283,10 @@ def check_helm_sign(table: pd.DataFrame) -> CheckResult:
 
     ``estimate``: the ``agreement`` of turns with the helm, the sum of those to its side less those to the other,
     over all, from -1 to 1; below -0.8 of 60 deg and more it is found. A rudder that is held over turns a ship that
-    goes ahead, once she has answered: in the second half of every stretch of one side her heading goes that way.
-    Somebody who keeps a course puts the rudder against the turn, and so the first half, and what turns her little,
-    say nothing. Azimuth thrusters are not judged: they may pull, or look aft. Without heading or surge nothing is
-    said.
+    goes ahead, once it has answered: in the second half of every stretch of one side its heading goes that way. To
+    keep a course the rudder is put against the turn, and so the first half, and what turns the ship little, are no
+    evidence. Azimuth thrusters are not checked: they may pull, or look aft. Without heading or surge there is no
+    finding.
     """
     steering = [actuator for actuator in table_actuators(table) if actuator.steers_by in ("rudder", "nozzle")]
     names = {

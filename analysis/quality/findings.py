@@ -46,9 +46,9 @@ _SURE, _FEWEST, _RARELY = 5.0, 20, 300
 class Finding:
     """One thing that is wrong: where, how large, how sure, and what to do.
 
-    ``start`` and ``end`` bound it in UTC; ``text`` is one sentence a person reads, ``remedy`` one more that
-    says what to do. ``estimate`` holds its size in the names of the contract, with ``low`` and ``high`` of
-    the main figure's 95 % interval beside it. ``certain`` marks what `--repair` may correct by itself.
+    ``start`` and ``end`` bound it in UTC; ``text`` is one sentence for a reader, ``remedy`` one more that
+    states what to do. ``estimate`` holds its size in the names of the contract, with ``low`` and ``high`` of
+    the main figure's 95 % interval. ``certain`` marks what `--repair` may correct by itself.
     ``band_hz`` are the frequencies of the motion in which it shows, where it is a matter of these.
     """
 
@@ -239,7 +239,7 @@ def other_convention_finding(finding: Finding, channel: Channel) -> Finding:
 
 
 def clock_jump_finding(jump: ClockJump, channel: str, what: str) -> Finding:
-    """A jump of a clock; ``what`` says whose clock, and what it was seen against."""
+    """A jump of a clock; ``what`` states whose clock, and against what it was seen."""
     direction = "forward" if jump.seconds > 0 else "back"
     text = (
         f"{what} jumps {direction} by {abs(jump.seconds):.2f} s ({abs(jump.low):.2f} to {abs(jump.high):.2f}) "
@@ -253,7 +253,7 @@ def clock_jump_finding(jump: ClockJump, channel: str, what: str) -> Finding:
 def time_outlier_finding(series: Mapping[str, Series], first_ns: int, last_ns: int) -> Finding:
     """Samples that are stamped outside the recording proper, which lasts from ``first_ns`` to ``last_ns``.
 
-    A few are certain to be wrong; of two halves that lie years apart nobody knows which.
+    A few are certain to be wrong; of two halves that lie years apart either may be.
     """
     times = {name: samples.measured_ns for name, samples in series.items()}
     stray = {name: stamps[(stamps < first_ns) | (stamps > last_ns)] for name, stamps in times.items()}
@@ -275,7 +275,7 @@ def time_outlier_finding(series: Mapping[str, Series], first_ns: int, last_ns: i
 def jitter_s(times_ns: Ints) -> float:
     """Standard deviation [s] of stamps about a regular clock, 0 where the channel has no regular clock.
 
-    A stamp that is late makes one interval longer and the next shorter by the same: intervals of a jittering
+    A delayed stamp makes one interval longer and the next shorter by the same: intervals of a jittering
     clock are correlated by -0.5, those of a channel that reports on events are not.
     """
     steps = np.diff(np.sort(times_ns)).astype(float)
@@ -358,7 +358,7 @@ def _track_of(moving: pd.DataFrame, stamps: Ints) -> _Track:
 
 
 def _jump_at(track: _Track, place: int, odd_steps: Ints, interval: float, stamps: Ints) -> ClockJump | None:
-    """The jump between a row and the next, or nothing if what is left over is no more than a gap explains."""
+    """The jump between a row and the next, or nothing if the residual is no more than a gap explains."""
     step = float(track.time_s[place + 1] - track.time_s[place])
     row = np.array([place])
     elapsed, precision = (float(values[0]) for values in track.elapsed(row, row + 1))

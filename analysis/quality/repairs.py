@@ -199,7 +199,7 @@ def write_repaired(
 ) -> RepairResult:
     """Repair ``table``, which is ``recording`` as read, and write it as a new recording at ``path``.
 
-    The trial's metadata are kept; sources of channels that were changed say so; ``flags`` become the samples'
+    The trial's metadata are kept; sources of channels that were changed state it; ``flags`` become the samples'
     qualities, suspect where a bad value was replaced. The history stands in the metadata ``history`` and comes
     back with the table. Raw input, events and attachments stay in the original, which is never touched: raises
     :class:`InputError` if ``path`` is the original or no .mcap, :class:`StorageError` if it cannot be written.
@@ -268,7 +268,7 @@ _NOTHING = SingleRepair("", {})
 def remove_flagged(table: pd.DataFrame, finding: Finding, flags: FlagsByChannel) -> SingleRepair:
     """Replace values within the finding that are flagged bad by gaps; impossible ones need no flag to be known.
 
-    Angles on a line through their seam are bad too, but they can be mended and are left for that.
+    Angles on a line through their seam are bad too, but they can be repaired and are left for that.
     """
     times = utc_index(table)
     within = np.asarray((times >= finding.start) & (times <= finding.end))
@@ -473,7 +473,7 @@ def smooth_table(table: pd.DataFrame, rate_hz: float, delays: Mapping[str, float
     """All channels at ``rate_hz``, motion from the Kalman smoother with the standard deviation of each.
 
     The motion channels and their rates of change come from :func:`seatrial.analysis.estimation.smoother.smooth`, a
-    column ``<name>_sigma`` beside each; all others are resampled. ``delays`` [s by channel] are removed first.
+    column ``<name>_sigma`` for each; all others are resampled. ``delays`` [s by channel] are removed first.
     """
     from seatrial.analysis.estimation.smoother import smooth
 
@@ -482,7 +482,7 @@ def smooth_table(table: pd.DataFrame, rate_hz: float, delays: Mapping[str, float
 
 
 def with_motion(table: pd.DataFrame, motion: SmoothedMotion) -> pd.DataFrame:
-    """A table with motion and its rates of change from the smoother, the standard deviation of each beside it."""
+    """A table with motion and its rates of change from the smoother, with the standard deviation of each."""
     states, sigmas = (frame.reindex(table.index) for frame in (motion.states, motion.standard_deviations()))
     result = add_step(table, "smooth", rate_hz=float(table.attrs["rate_hz"]))
     for name in states.columns:

@@ -41,11 +41,11 @@ _READINGS = ("relative to the bow", "relative to north")
 def check_wind(table: pd.DataFrame) -> CheckResult:
     """Find apparent wind recorded as true (``wind_apparent``), else a turned vane (``wind_direction_offset``).
 
-    ``estimate`` of the former: ``variance_ratio``, the variance of the wind as recorded over that of the true
-    wind from the better reading, and ``relative_to_bow`` (1 or 0); certain where it is overwhelming. Of the
-    latter: ``angle_deg`` by which the vane reads too much, with ``low`` and ``high``. A bias of the true wind's
-    direction that is the same on all headings cannot be told from a wind from there, and is not looked for.
-    Wind that was assumed, not measured, is passed over.
+    ``estimate`` of the former: ``variance_ratio``, the variance of the wind as recorded over that of the true wind
+    from the better reading, and ``relative_to_bow`` (1 or 0); certain where it is overwhelming. Of the latter:
+    ``angle_deg`` by which the vane reads too much, with ``low`` and ``high``. A bias of the true wind's direction
+    that is the same on all headings cannot be distinguished from a wind from there, and is not looked for. Wind
+    that was assumed, not measured, is passed over.
     """
     names = tuple(name for name in WIND if name in table)
     blocks = _blocks(table)
@@ -71,7 +71,7 @@ def true_wind(table: pd.DataFrame, relative_to_bow: bool) -> tuple[Floats, Float
 
 
 def _vectors(table: pd.DataFrame) -> tuple[Complexes, Complexes, Complexes]:
-    """Recorded wind, velocity of the ship and her bow, as north + i east: each [rows]."""
+    """Recorded wind, velocity of the ship and its bow, as north + i east: each [rows]."""
     bow = np.exp(1j * np.deg2rad(table["heading_deg"].to_numpy(dtype=float)))
     velocity = (table["surge_mps"].to_numpy(dtype=float) + 1j * table["sway_mps"].to_numpy(dtype=float)) * bow
     direction = np.exp(1j * np.deg2rad(table["wind_direction_deg"].to_numpy(dtype=float)))
@@ -105,7 +105,7 @@ def _blocks(table: pd.DataFrame) -> _Blocks | None:
         return None
     means = ((_sums(group, quantity[valid]) / count)[full] for quantity in (recorded, recorded * bow, velocity))
     blocks = _Blocks(number[full] * _BLOCK_S, *means)
-    return blocks if _is_consecutive(blocks).any() else None  # what is new in a block is told by the one before
+    return blocks if _is_consecutive(blocks).any() else None  # what is new in a block is relative to the one before
 
 
 def _sums(group: NDArray[np.intp], vector: Complexes) -> Complexes:
@@ -157,7 +157,7 @@ def _find_apparent_wind(table: pd.DataFrame, blocks: _Blocks) -> Finding | None:
 def _find_vane_offset(table: pd.DataFrame, blocks: _Blocks) -> Finding | None:
     """The angle by which a vane is turned, from true wind that moves with the ship.
 
-    The gain of :func:`_vane_gain` should be exp(ib). A modulus that is not about one says that something else is
+    The gain of :func:`_vane_gain` should be exp(ib). A modulus that is not about one shows that something else is
     wrong with the wind.
     """
     gain, error, degrees_of_freedom = _vane_gain(blocks)

@@ -54,7 +54,7 @@ EVENT_KINDS = (".csv", ".parquet", ".xlsx")
 MOST_ROWS = 1_048_575
 """Rows that a sheet of Excel holds below its header."""
 _EXCEL_OPTIONS = {"strings_to_formulas": False, "strings_to_urls": False, "nan_inf_to_errors": True}
-"""What a recording says is text and nothing else, whatever it begins with."""
+"""The content of a recording is text and nothing else, whatever it begins with."""
 _FIRST_DAY = datetime(1980, 1, 1)
 """A workbook's own date: the time of day has no place in a product."""
 _KML, _GX, _GPX = (
@@ -171,7 +171,7 @@ def _write_parquet(table: pd.DataFrame, path: Path, about: Mapping[str, Any]) ->
 
 
 def _write_csv(table: pd.DataFrame, path: Path, about: Mapping[str, Any]) -> list[Path]:
-    """ISO 8601 times to the nanosecond; what a CSV has no place for goes into a JSON file beside it."""
+    """ISO 8601 times to the nanosecond; what a CSV has no place for goes into a JSON file in the same folder."""
     times = np.datetime_as_string(times_ns(table).astype("datetime64[ns]"), unit="ns")
     index = pd.Index([f"{time}Z" for time in times])
     sidecar = path.with_name(f"{path.name}.json")
@@ -185,7 +185,7 @@ def _write_csv(table: pd.DataFrame, path: Path, about: Mapping[str, Any]) -> lis
 def _write_mat(table: pd.DataFrame, path: Path, about: Mapping[str, Any]) -> list[Path]:
     """One vector a column, ``time`` in seconds since 1970 (to 0.3 microseconds).
 
-    The structs ``units``, ``trial`` and ``provenance`` say the rest; the history and the options are JSON text
+    The structs ``units``, ``trial`` and ``provenance`` hold the rest; the history and the options are JSON text
     there, for ``jsondecode``.
     """
     from scipy.io import savemat
@@ -270,7 +270,7 @@ def write_parquet(
 
     expect_suffix(path, ".parquet")
     plain = table.copy(deep=False)
-    plain.attrs = {}  # the metadata says it; pandas would write it a second time, and only as JSON
+    plain.attrs = {}  # the metadata has it; pandas would write it a second time, and only as JSON
     arrow = pa.Table.from_pandas(plain, preserve_index=table.index.name is not None)
     fields = [
         field.with_metadata({"unit": units[field.name]}) if field.name in units else field for field in arrow.schema

@@ -61,7 +61,7 @@ class Filter:
 
 MOTION_FILTER = Filter(degree=2, reach=3, taper=1.5)
 SETTING_FILTER = Filter(degree=1, reach=2, taper=1.0)
-"""Channels that people and controllers set: they move in steps."""
+"""Channels that crews and controllers set: they move in steps."""
 
 
 def resample(
@@ -269,7 +269,7 @@ def _sorted_without_repeats(time_ns: Ints, values: Floats, circular: bool) -> tu
 def _bracket(times: Ints, grid_ns: Ints, limit_ns: float) -> tuple[NDArray[np.bool_], NDArray[np.int64], Floats]:
     """For each grid point: is it between two samples close enough, which is the one before, how far past it.
 
-    A grid point on a sample is covered whatever is missing beside it.
+    A grid point on a sample is covered whatever is missing next to it.
     """
     before = np.searchsorted(times, grid_ns, side="right") - 1
     after_first = before >= 0

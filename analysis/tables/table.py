@@ -104,30 +104,30 @@ def channels_of(recording: Recording) -> list[str]:
 
 
 def actuators_in_recording(recording: Recording) -> Actuators:
-    """The actuators of the ship that a recording is of, as it says itself; else by rule from its channels."""
+    """The actuators of the ship that a recording is of, as it states them; else by rule from its channels."""
     return actuators_of(recording.series, _trial_attributes(recording))
 
 
 def _trial_attributes(recording: Recording) -> dict[str, Any]:
-    """What a recording says of its ship and of the channels that it declares, as the ``attrs`` of a table."""
+    """What a recording states of its ship and of the channels that it declares, as the ``attrs`` of a table."""
     return {"trial": asdict(recording.trial)}
 
 
 def actuator_attributes(actuators: Actuators) -> dict[str, Any]:
-    """What the ``attrs`` of a table say of its ship's actuators: nothing for the default list."""
+    """The ``attrs`` of a table for its ship's actuators: nothing for the default list."""
     text = as_text(actuators)
     return {"trial": {"actuators": text}} if text else {}
 
 
 def trial_of(table: pd.DataFrame) -> Trial:
-    """The trial that a table is of, as far as its ``attrs`` tell."""
+    """The trial that a table is of, as far as its ``attrs`` state it."""
     attributes = table.attrs.get("trial", {})
     return Trial.from_metadata({**{name: str(value) for name, value in attributes.items() if value is not None},
                                 "trial": str(attributes.get("trial", attributes.get("name", "")))})  # fmt: skip
 
 
 def table_actuators(table: pd.DataFrame) -> Actuators:
-    """The actuators of the ship that a table is of, as it says itself; else by rule from its columns."""
+    """The actuators of the ship that a table is of, as it states them; else by rule from its columns."""
     return actuators_of(table.columns, table.attrs)
 
 
@@ -260,7 +260,7 @@ def require(table: pd.DataFrame, names: tuple[str, ...] | None = None) -> None:
 
 
 def with_calm(table: pd.DataFrame) -> pd.DataFrame:
-    """The table, with a calm (0 m/s) where it has no wind at all, which its history says.
+    """The table, with a calm (0 m/s) where it has no wind at all, which its history records.
 
     Models of a ship take the wind as an input; a trial in a basin, or of a ship without an anemometer, has none.
     """
@@ -393,7 +393,7 @@ def require_plausible_span(first_ns: int, last_ns: int, times: Iterable[Ints], w
 
 
 def time_span_text(time_ns: Ints) -> str:
-    """When samples are stamped, for people: one time, or from the first to the last."""
+    """When samples are stamped, as text: one time, or from the first to the last."""
     first, last = (pd.Timestamp(int(stamp_ns), tz="UTC") for stamp_ns in (time_ns.min(), time_ns.max()))
     text = f"{first:%Y-%m-%d %H:%M:%S}"
     return text if first == last else f"{text} to {last:%Y-%m-%d %H:%M:%S}"
@@ -408,7 +408,7 @@ def provenance_of(
 ) -> dict[str, Any]:
     """How a table came about: software, recording with its SHA-256, options, trial, and the history step by step.
 
-    ``recording`` is the file it was read from, where the table's ``attrs`` do not say. One that is no longer
+    ``recording`` is the file it was read from, where the table's ``attrs`` do not name it. One that is no longer
     there has no hash (None).
     """
     origin = table.attrs.get("recording")
@@ -454,7 +454,7 @@ def history_of(table: pd.DataFrame) -> list[dict[str, Any]]:
 
 
 def refuse_duplicates(paths: Sequence[Path]) -> list[str]:
-    """The SHA-256 of each recording, in their order; empty where one cannot be read, which its reader will say.
+    """The SHA-256 of each recording, in their order; empty where one cannot be read, which its reader will report.
 
     Raises :class:`InputError` where two files hold the same.
     """

@@ -16,7 +16,7 @@ second differences and increases drift. Both are corrected by the filter's corre
 Near zero revolutions the rule concerns thrust, which is quadratic in them: within the idle band, with less than
 1 % of the thrust at 130 rpm, a shaft may flicker and only the drift counts. Angles count whether a shaft turns
 or not: a pod turned with an idle propeller still steers a moving ship, as does a rudder. Bounds of a shaft grow
-with its usual speed, beyond that of a ship's: a 3 m model turns her propeller at 600 rpm, and the variation of
+with its usual speed, beyond that of a ship's: a 3 m model turns its propeller at 600 rpm, and the variation of
 a held setting is a share of that.
 
 A prediction starts from a state that cannot be measured without noise. Here it is the Kalman smoother's, with
@@ -155,7 +155,7 @@ def held_windows(
     it.
 
     ``trial`` names the recording; windows and legs carry it. With ``keep_moving`` windows in which only a
-    thruster moved are kept too, and a column ``held`` tells them apart; legs are then as long as windows follow
+    thruster moved are kept too, and distinguished by a column ``held``; legs are then as long as windows follow
     each other without a break. A table shorter than the horizon has no candidates; one without wind is taken as of
     a calm. Raises :class:`InputError` for a table that lacks channels or is not on whole seconds.
     """

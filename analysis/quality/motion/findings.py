@@ -110,7 +110,7 @@ CAUSES: dict[str, tuple[float, ...]] = {
     "forward": (0.0, 0.0, 0.0, 1.0, 0.0),
     "starboard": (0.0, 0.0, 0.0, 0.0, 1.0),
 }
-"""What one unit of each cause does to the observed figures: seconds late, or metres of lever arm."""
+"""What one unit of each cause does to the observed figures: seconds of delay, or metres of lever arm."""
 
 _ADEQUATE = 25.0  # misfit that is still no reason for one more cause: five standard deviations
 _AS_WELL = 9.0
@@ -118,7 +118,7 @@ _NEGLIGIBLE = np.array([0.1, 0.1, 0.05, 0.25, 0.25])
 """Unmodelled differences (smoothing inside sensors) of this size are left alone, as standard deviations / 2."""
 _MATCHES = 0.005
 FACTORS = (0.3, 3.0)
-"""Beyond these a factor is put right without asking only where it is a unit's."""
+"""Beyond these a factor is corrected without asking only where it is a unit's."""
 _REMEDY = "Correct it where it is recorded or imported; nothing else can be told of the motion until then."
 
 
@@ -225,10 +225,10 @@ def _findings_of(table: pd.DataFrame, fit: Kinematics) -> tuple[Finding, ...]:
 
 
 def delays_of(findings: Iterable[Finding], table: pd.DataFrame | None = None) -> dict[str, float]:
-    """How much too late each channel is stamped [s], by channel, from findings of ``channel_delay``.
+    """The delay of each channel's stamps [s], by channel, from findings of ``channel_delay``.
 
     Without those that show in waves alone.
-    With a ``table``, the channels of it that the same receiver stamps are late with the positions.
+    With a ``table``, the channels of it that the same receiver stamps have the delay of the positions.
     """
     delay_findings = [
         finding for finding in findings if finding.code == "channel_delay" and (finding.band_hz or (0.0,))[0] <= 0.0
@@ -305,7 +305,7 @@ def _delay(explanation: Explanation, cause: str, fit: Kinematics, span: Span, in
 
 
 def _objection(explanation: Explanation, cause: str, fit: Kinematics, independent: bool) -> str:
-    """Why a delay is not to be taken off unasked; empty where nothing speaks against it."""
+    """Why a delay is not to be removed without asking; empty where there is no objection."""
     seconds, _ = explanation.size(cause)
     if not independent:
         return "what it was compared with is derived from the same values or of the same receiver"
@@ -341,7 +341,7 @@ def _in_band(finding: Finding, band_hz: tuple[float, float]) -> Finding:
 
 
 def _band_of_cause(explanation: Explanation, cause: str, fit: Kinematics) -> tuple[float, float]:
-    """The band in which a cause shows: from 0 where the slow motion alone says the same of it."""
+    """The band in which a cause shows: from 0 where the slow motion alone gives the same."""
     if fit.from_slow[_place_of(cause)]:
         return 0.0, fit.slow_hz
     size, error = _explanation(fit.slow, explanation.causes, 0.0).size(cause)
@@ -401,8 +401,8 @@ class Explanation:
 def explain_delays(fit: Kinematics, jitter_s2: float = 0.0) -> Explanation:
     """The simplest adequate explanation of the delays and the lever arm; no cause where all is well.
 
-    ``jitter_s2`` is the variance of the mean of the positions' stamps: by chance they are late on the whole, or on
-    one leg and not on the next, which a heading that is late looks like.
+    ``jitter_s2`` is the variance of the mean of the positions' stamps: by chance they are delayed on the whole, or
+    on one leg and not on the next, which looks like a delayed heading.
     """
     for count in range(4):
         explanations = sorted(
@@ -436,7 +436,7 @@ def explain_delays(fit: Kinematics, jitter_s2: float = 0.0) -> Explanation:
 def _explanation(fit: MotionSolution, causes: tuple[str, ...], jitter_s2: float) -> Explanation:
     places = [NAMES.index(name) for name in OBSERVED]
     observed = fit.parameters[places]
-    # The spread of few blocks is less known than a normal deviate's: widened as Student's t is at 95 %.
+    # The spread of few blocks is less certain than a normal deviate's: widened as Student's t is at 95 %.
     widening = np.array([quantile(0.975, fit.informative[place]) / 1.96 for place in places])
     covariance = fit.covariance[np.ix_(places, places)] * np.outer(widening, widening) + np.diag(
         (0.5 * _NEGLIGIBLE) ** 2 / 9.0
@@ -608,7 +608,7 @@ def unit_of(factor: float, units: tuple[Unit, ...], low: float, high: float) -> 
 
 
 def is_derived_from(table: pd.DataFrame, name: str, channels: tuple[str, ...]) -> bool:
-    """Whether an import derived a channel from one of others, so that it says nothing of them."""
+    """Whether an import derived a channel from one of others, so that it is no evidence on them."""
     return any(
         channel in source.partition(" derived from ")[2]
         for source in table.attrs.get("sources", {}).get(name, ())

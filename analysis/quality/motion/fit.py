@@ -5,7 +5,7 @@ Whatever the ship does, and in waves and current too (speeds are over ground):
     d(position)/dt = R(heading - b) [f u - y r, f v + x r + dy/dt],    d(heading)/dt = c r + d,
 
 with the factor f of the recorded speeds, the heading's offset b, the lever arm (x, y) from the point of the speeds
-to that of the positions, scale c and bias d of the yaw rate. As a ship heels in turns by her centripetal
+to that of the positions, scale c and bias d of the yaw rate. As a ship heels in turns by its centripetal
 acceleration, a little later, an antenna high up goes to the side: y = y0 + h u r + l u dr/dt. And each group may
 be stamped too late. Both equations are integrated over blocks of time and solved by Gauss-Newton steps, from slow
 motion to faster so that a delay is not mistaken by whole waves. What a trial cannot determine (a ship that never
@@ -90,7 +90,7 @@ _FIXED = 1e-6
 _CLEAR = 4.0
 _LONGEST_STEP, _LONGEST_FAST_STEP = 0.2, 0.05
 """Longest steps by the slow motion and by faster, as a share of the prior: of a delay 4 s and 1 s. A small boat
-swings in 10 s, and by steps of 4 s her delays settle a whole swing off."""
+swings in 10 s, and by steps of 4 s its delays settle a whole swing off."""
 _FARTHEST = 0.6
 _BLOCK_S = (40.0, 100.0)
 _BLOCKS = 20
@@ -122,7 +122,7 @@ _CHI2_MEDIAN = 0.455
 _JUMP = 6.0
 _LEAST_JUMP = 0.05
 _MOST_JUMPS = 0.6
-_NORMAL_QUARTER = 0.3186  # a quarter of normal deviations is smaller: a scale that half of the steps cannot spoil
+_NORMAL_QUARTER = 0.3186  # a quarter of normal deviations is smaller: a scale that half of the steps cannot distort
 _MOST_STILL = 0.2  # less than the quarter of the steps that the scale is taken from
 _JUMP_ROUNDS = 12
 _LEAST_FACTOR = 0.05
@@ -133,7 +133,7 @@ _MOST = 20
 _THIN_S = 0.5
 _SIGMAS = 10.0
 _USUAL = 3.0  # times what 95 % of the stretches differ by
-_SMALLEST_M, _SMALLEST_S = 1.0, 1.0  # or what the ship makes in a second at her fastest, if that is less
+_SMALLEST_M, _SMALLEST_S = 1.0, 1.0  # or what the ship makes in a second at its fastest, if that is less
 _AT_ONCE = 0.7  # of a jump happens within the time below: filters and interpolation make a short ramp of it
 _AT_ONCE_S = 2.5
 _RETURNED = 0.3
@@ -196,7 +196,7 @@ class Kinematics:
         return float(self.standard_errors[NAMES.index(name)])
 
     def band_hz(self, name: str, neutral: float = 0.0) -> tuple[float, float]:
-        """The band by which a figure differs from its neutral value: from 0 where the slow motion says so too."""
+        """The band by which a figure differs from its neutral value: from 0 where the slow motion does so too."""
         place = NAMES.index(name)
         if self.from_slow[place]:
             return 0.0, self.slow_hz
@@ -436,7 +436,7 @@ def widen_by_quarters(fit: Kinematics) -> Kinematics:
     parts = []
     for quarter in _quarters(motion):
         with suppress(DataShortageError):
-            part = fit_motion(quarter, fit.path_parameters[_OF_HEEL])  # a quarter is too short to tell of heel
+            part = fit_motion(quarter, fit.path_parameters[_OF_HEEL])  # a quarter is too short to determine heel
             parts.append(replace(part, from_slow=fit.from_slow))
     parts = [part for part in parts if part.converged]
     fit = replace(fit, quarters=tuple(part.selected for part in parts))

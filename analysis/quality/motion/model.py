@@ -52,7 +52,7 @@ _FEWEST_WINDOWS = 12
 _FEWEST_LONG = 6
 _ROUNDS = 15
 _KEPT = 0.8  # of the windows: the rest may hold jumps
-_AGREES = 0.5  # of the moves may be left over where a ratio is believed
+_AGREES = 0.5  # of the moves may be unexplained where a ratio is used
 _FAR = 0.25  # from which a ratio or an angle [rad] is beyond what the fine fit starts from
 _REMOVED = 0.5  # of what is left that a sign or unit must take away to be named
 _LIKELIER = 10.0  # logarithm of the ratio of likelihoods
@@ -236,8 +236,8 @@ def heading_deviation(heading_rad: Floats, turned_rad: Floats, interval_s: float
 
 
 def wild_heading_mask(deviation_rad: Floats, turned_rad: Floats) -> Bools:
-    """Which headings are far off all that the yaw rate says of the time from the sample before to the one after, as
-    those that were interpolated through north.
+    """Which headings are far off all that the yaw rate gives for the time from the sample before to the one after,
+    as those that were interpolated through north.
 
     A turn that begins between two samples is off the integrated yaw rate at its own time.
     """
@@ -378,7 +378,7 @@ def coarse_fit(table: pd.DataFrame) -> Coarse:
     """Compare the motion channels of a table of raw samples.
 
     Raises :class:`InputError` where a motion channel is missing and :class:`DataShortageError` for less than 8
-    samples of one. Too few windows to say anything give a neutral answer.
+    samples of one. Too few windows give a neutral answer.
     """
     require(table, tuple(name for names in GROUPS.values() for name in names))
     position, heading, speed, yaw_rate = (group_samples(table, channels) for channels in GROUPS.values())

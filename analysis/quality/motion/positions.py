@@ -64,7 +64,7 @@ _SLOW = 0.01
 _LEAP_IN_STEPS = 6.0
 _HEADING_TIES_S = (15.0, 30.0, 60.0)
 """Short against what the yaw rate needs to part from the heading by its bias and a scale that changes, long against
-most errors of stamps; how long these last the recording tells."""
+most errors of stamps; how long these last the recording shows."""
 _WORTH = 2.0
 
 
@@ -204,7 +204,7 @@ def _finding(code: str, channel: str, jitter: Jitter, evidence: str, remedy: str
 @dataclass(frozen=True, slots=True)
 class HeadingErrors:
     """Of each heading: when [s], by how much it differs from the integrated yaw rate [rad], how far the ship has
-    turned by then [rad] and how fast she turns [rad/s], all of shape [n]; the step of the values [rad]."""
+    turned by then [rad] and how fast it turns [rad/s], all of shape [n]; the step of the values [rad]."""
 
     time_s: Floats
     error: Floats
@@ -226,8 +226,8 @@ def heading_jitter(table: pd.DataFrame, fit: Kinematics) -> Jitter:
 def jitter_of(errors: HeadingErrors) -> Jitter:
     """The jitter of stamps from the part of heading errors that grows with the yaw rate.
 
-    Short stretches tell best of errors that change from sample to sample, the limit of long ones, from stretches of
-    60 and 120 s, of errors that last, and how large they are: either may say that there is jitter. Its size is
+    Short stretches show best the errors that change from sample to sample, the limit of long ones, from stretches
+    of 60 and 120 s, of errors that last, and how large they are: either may say that there is jitter. Its size is
     worked out once more from how far the ship turns in that time, which in waves is less than in proportion.
     """
     lines = tuple(_fit_lines(errors, seconds) for seconds in (_SHORT_S, 0.5 * _LONG_S, _LONG_S))
@@ -452,7 +452,7 @@ def reconstruct_heading(table: pd.DataFrame) -> Reconstruction | None:
     What lies between the two is passed through a running median, which short errors of stamps do not move, and a
     running mean; where they part for good (a splice, a hole in the yaw rate) each side is tied by itself. The tie
     is made longer until what it lets through no longer scatters with the yaw rate. None where channels are lacking
-    or the yaw rate would bring more noise than it mends: headings leave it in turns hardly more than without.
+    or the yaw rate would add more noise than it removes: headings leave it in turns hardly more than without.
     """
     try:
         fit = fit_kinematics(table)
