@@ -26,7 +26,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 from pymap3d import ned2geodetic
-from scipy.io import netcdf_file
+from scipy.io import netcdf_file, savemat
 
 from seatrial.acquisition.core.errors import ConfigurationError, DataShortageError, InputError
 from seatrial.acquisition.core.files import atomic_file, expect_suffix, write_bytes, write_text, written_together
@@ -188,7 +188,6 @@ def _write_mat(table: pd.DataFrame, path: Path, about: Mapping[str, Any]) -> lis
     The structs ``units``, ``trial`` and ``provenance`` hold the rest; the history and the options are JSON text
     there, for ``jsondecode``.
     """
-    from scipy.io import savemat
 
     vectors = {matlab_name(str(name)): table[name].to_numpy() for name in table.columns}
     provenance = {

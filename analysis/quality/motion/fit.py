@@ -48,6 +48,7 @@ from itertools import pairwise
 import numpy as np
 import pandas as pd
 from numpy.lib.stride_tricks import sliding_window_view
+from scipy.special import chdtri, stdtrit
 
 from seatrial.acquisition.core.errors import DataShortageError
 from seatrial.acquisition.core.quantities import Bools, Floats, Ints
@@ -215,7 +216,6 @@ class Kinematics:
 
 def quantile(probability: float, informative: float) -> float:
     """Quantile of Student's t; three degrees of freedom are added, as the noise of all blocks is known too."""
-    from scipy.special import stdtrit
 
     return float(stdtrit(max(informative, 1.0) + 3.0, probability))
 
@@ -453,7 +453,6 @@ def widen_by_quarters(fit: Kinematics) -> Kinematics:
 
 def _half_width_by_scatter(values: Floats, variance: Floats) -> Floats:
     """Half of the 95 % interval of the mean of values [parts, p], zero where they agree within their variances."""
-    from scipy.special import chdtri, stdtrit
 
     weights, freedom = 1.0 / variance, len(values) - 1
     total = weights.sum(axis=0)
