@@ -1,8 +1,8 @@
-"""How the numerical core is compiled: one decorator's settings and the stamp that keeps its cache honest.
+"""How the numerical core is compiled: the decorator's settings, and the digest that invalidates stale caches.
 
-numba stores a compiled kernel beside the file it stands in and looks only at that file to see whether the
-kernel is still right. Ours call functions of other files, so every cached kernel closes over a digest of them all
-(:func:`source_stamp`): change any equation and the kernels compile anew.
+numba stores a compiled kernel beside its source file and looks only at that file to see whether the kernel is
+current. Ours call functions of other files, so every cached kernel closes over a digest of them all
+(:func:`source_stamp`): after a change of any equation the kernels compile again.
 """
 
 from __future__ import annotations
@@ -18,6 +18,8 @@ from numba import get_num_threads, njit, set_num_threads
 Record: TypeAlias = Any
 """A numpy record, such as a packed plant; inside compiled code its fields are attributes."""
 
+_WORTH_THREADS = 20_000  # steps of a ship
+
 # Sums may be fused, but NaN and infinity keep their meaning: a missing sample is a NaN, no gate an infinite limit.
 FAST = {"contract"}
 
@@ -29,29 +31,29 @@ Left to itself LLVM keeps calls that hand arrays over piece by piece: 1.65 times
 """
 
 
-def by_code(functions: Sequence[Any], code_of: Any, code: int = 0) -> Any:
-    """One compiled function of several: it calls the one whose number ``code_of`` tells from the arguments."""
-    own = functions[code]
+def dispatch_by_code(functions: Sequence[Any], code_of: Any, code: int = 0) -> Any:
+    """One compiled function that calls that of ``functions`` whose number ``code_of`` gives for the arguments."""
+    function = functions[code]
     if code == len(functions) - 1:
-        return own
-    other = by_code(functions, code_of, code + 1)
+        return function
+    dispatch_rest = dispatch_by_code(functions, code_of, code + 1)
 
     @compiled
-    def chosen(*arguments):  # type: ignore[no-untyped-def]
+    def dispatch(*arguments):  # type: ignore[no-untyped-def]
         if code_of(*arguments) == code:
-            return own(*arguments)
-        return other(*arguments)
+            return function(*arguments)
+        return dispatch_rest(*arguments)
 
-    return chosen
+    return dispatch
 
 
 @contextmanager
 def threads_for(steps: int) -> Iterator[None]:
-    """All threads for a parallel kernel that has so many steps of a ship to make, or one where they are few.
+    """All threads for a parallel kernel that computes so many steps of a ship, or one thread for few steps.
 
     Waking threads and waiting for the last of them costs more than it brings below some ten milliseconds, and on a
-    busy machine ten times as much: a diagnosis of 75 min beside other work took 234 s with four threads for every
-    batch of 18,000 steps, and 107 s with one.
+    busy machine ten times as much: a diagnosis of 75 min alongside other work took 234 s with four threads for
+    every batch of 18,000 steps, and 107 s with one.
     """
     threads = get_num_threads()
     set_num_threads(threads if steps > _WORTH_THREADS else 1)
@@ -61,11 +63,8 @@ def threads_for(steps: int) -> Iterator[None]:
         set_num_threads(threads)
 
 
-_WORTH_THREADS = 20_000
-
-
 def source_stamp(*places: Path) -> int:
-    """A digest of Python sources: files, all that are in folders and below, and this file's settings."""
+    """A digest of Python sources: files, all files in folders and below them, and this file's settings."""
     digest = sha256(Path(__file__).read_bytes())
     for place in places:
         for source in sorted(place.rglob("*.py")) if place.is_dir() else [place]:

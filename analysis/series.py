@@ -1,28 +1,17 @@
-"""The samples of channels as the checks see them, and what the checks share: runs, stretches, noise, steps.
+"""The samples of one channel: their runs, noise, steps and resolution, smoothing, and stuck sensors.
 
 Checks of one channel work on its samples in the order of receipt
 (:class:`seatrial.acquisition.core.quantities.Series`), checks across channels on its samples in the rows of the
 joined table (:class:`Samples`).
 
-Two-sided smoothing of the motion by local polynomials, which removes waves and noise.
-
-A prediction over half a minute starts from a speed and a heading. In waves with a period of five seconds the
-measured ones oscillate by decimetres a second and tenths of a degree, which is no basis for a prediction. Each
-motion channel is replaced by a local second-degree polynomial fitted to the samples within 10 s on either side,
-weighted with a raised cosine (Savitzky and Golay 1964, with weights; Cleveland 1979): slow motion and its
-curvature are reproduced exactly, waves of 4 to 8 s are attenuated by a factor of ten and more.
-
-Repeated values: sensors that are stuck, and values on a grid that is coarser than the channel's noise.
-
-A long repeat alone proves nothing: a thruster at rest, a held order, an assumed constant and a still ship on a
-coarse sensor repeat for minutes. Three things prove that a sensor is stuck: the channel's own noise, there right
+A long repeat alone does not prove that a sensor is stuck: a thruster at rest, a held order, an assumed constant and
+a still ship on a coarse sensor repeat for minutes. Three things prove it: the channel's own noise, present right
 before and after, is gone; a speed stays by far the longest of the record and leaves by a jump; or related channels
 show motion that this one would have had to follow.
 
-Every digital sensor has a grid. It harms where its step exceeds both the noise (which else carries the mean
-between two steps) and what buses commonly carry: ``EVERYDAY`` holds the coarsest resolution by quantity that is
-normal in NMEA 2000, NMEA 0183 and MAVLink. Values need not lie on exact multiples: a grid that has been projected
-or drifts by less than a hundredth of its step shows in the differences of consecutive values.
+Every digital sensor has a grid. It does harm where its step exceeds both the noise (which otherwise carries the
+mean between two steps) and what buses commonly carry. Values need not lie on exact multiples: a grid that has been
+projected or drifts by less than a hundredth of its step shows in the differences of consecutive values.
 """
 
 from __future__ import annotations
@@ -40,6 +29,19 @@ from seatrial.analysis.tables.table import NANO, TimedValues, seconds_of, times_
 
 ASSUMED = "assumed"
 """The source of a channel that a column map gave a value to."""
+HALF_WIDTH_S, USUAL_LENGTH_M = 10.0, 25.0
+_LEAST_SAMPLES = 5
+_SHORTEST_REPEAT, _NEIGHBOURS = 8, 100
+_JUMP = 3.0
+_CHANCE = 1e-4
+_REVERSALS = 0.3
+_LEAST_TRAVEL = {"m": 1.0, "deg": 1.0}
+EVERYDAY_RESOLUTIONS = {"m": 0.02, "deg": 0.1, "m/s": 0.01, "deg/s": 0.02, "rpm": 1.0, "%": 1.0}
+"""The coarsest resolution by unit that is normal in NMEA 2000, NMEA 0183 and MAVLink."""
+_COARSER = {("command", "deg"): 1.0, ("environment", "deg"): 1.0, ("environment", "m/s"): 0.1}
+_DEGREES_OF_POSITION = 2e-7
+_FEWEST, _CONCENTRATED, _LARGEST_MULTIPLE = 30, 0.8, 8.5
+_MOST_VALUES, _EXACT, _NOISES = 200_000, 0.95, 0.7
 
 
 @dataclass(frozen=True, slots=True, order=True)
@@ -70,7 +72,7 @@ def rows_of(table_ns: Ints, measured_ns: Ints) -> Ints:
     return np.minimum(rows, table_ns.size - 1)
 
 
-def judged_as(channel: Channel) -> tuple[str, str]:
+def check_group(channel: Channel) -> tuple[str, str]:
     """Group and unit that a channel is judged by, recorded as an auxiliary one or not: a rudder and an order are
     commands, the wind on board is wind."""
     if is_setting(channel):
@@ -165,7 +167,7 @@ def robust_spread(values: Floats) -> float:
 def runs_of_equal(changes: Bools) -> tuple[Ints, Ints]:
     """First samples and lengths of the runs of one value; ``changes`` [n - 1] says where the next sample differs.
 
-    >>> [each.tolist() for each in runs_of_equal(np.array([False, True, False]))]
+    >>> [part.tolist() for part in runs_of_equal(np.array([False, True, False]))]
     [[0, 2], [2, 2]]
     """
     starts = np.concatenate([[0], np.flatnonzero(changes) + 1])
@@ -181,14 +183,10 @@ def jackknife_error(estimates: Floats) -> Floats:
     return np.asarray(np.sqrt((count - 1) / count * ((estimates - estimates.mean(axis=0)) ** 2).sum(axis=0)))
 
 
-def ratios_without_each(numerators: NDArray[Any], denominators: NDArray[Any]) -> NDArray[Any]:
+def leave_one_out_ratios(numerators: NDArray[Any], denominators: NDArray[Any]) -> NDArray[Any]:
     """The ratio of the sums of n parts, each part left out in turn: [n], as a jackknife wants it."""
     remaining = np.maximum(denominators.sum() - denominators, 1e-12)
     return np.asarray((numerators.sum() - numerators) / remaining)
-
-
-HALF_WIDTH_S, USUAL_LENGTH_M = 10.0, 25.0
-_LEAST_SAMPLES = 5
 
 
 def half_width_for(length_m: float) -> float:
@@ -199,6 +197,11 @@ def half_width_for(length_m: float) -> float:
 
 def smooth_motion(table: pd.DataFrame, half_width_s: float = HALF_WIDTH_S) -> pd.DataFrame:
     """Smooth the motion channels of a table with evenly spaced rows; NaN stays NaN.
+
+    Each is replaced by a local second-degree polynomial fitted to the samples within the half-width on either side,
+    weighted with a raised cosine (Savitzky and Golay 1964, with weights; Cleveland 1979): slow motion and its
+    curvature are reproduced exactly, waves of 4 to 8 s, which are no basis for a prediction over half a minute, are
+    attenuated by a factor of ten and more.
 
     Near gaps and ends the fit is one-sided; with fewer than five samples nearby, values are unchanged.
     """
@@ -242,70 +245,41 @@ def _weighted_sum(values: Floats, kernel: Floats) -> Floats:
     return np.asarray(np.convolve(values, kernel[::-1])[reach : reach + values.size])
 
 
-_SHORTEST, _BESIDE = 8, 100
-_JUMP = 3.0
-_LIKELY = 1e-4
-_TURNING = 0.3
-_LEAST_TRAVEL = {"m": 1.0, "deg": 1.0}
-
-
 def find_stuck(samples: Series, channel: Channel, rate: TimedValues | None = None) -> Bools:
-    """Where the value stands still, from the second of the repeated values on.
+    """Where the value is stuck, from the second of the repeated values on.
 
-    ``rate`` is how fast related channels say that this one changes [its unit per s], at times of its own: yaw
+    ``rate`` is how fast this one changes by related channels [its unit per s], at times of its own: yaw
     rate for the heading, speed over ground for a position.
     """
     places, times, values = sort_by_time(samples, channel)
     bad = np.zeros(samples.value.size, dtype=bool)
-    starts, lengths = _repeats(values)
+    starts, lengths = np.zeros((2, 0), np.int64)
+    if values.size >= 2 * _SHORTEST_REPEAT:
+        starts, lengths = runs_of_equal(np.diff(values) != 0.0)
+        starts, lengths = starts[lengths >= _SHORTEST_REPEAT], lengths[lengths >= _SHORTEST_REPEAT]
     # On a grid wider than its noise a channel stands on it for a long time now and then.
-    coarse = lengths.size > 1 and (step := grid_step(values)) > noise_besides_rounding(values, step)
+    coarse = lengths.size > 1 and (step := grid_step(values)) > noise_without_rounding(values, step)
     repeats = np.count_nonzero(np.diff(values) == 0.0) - int(np.sum(lengths - 1))  # but for the long runs
-    always_moves = judged_as(channel)[0] != "command" and bool(repeats < 0.01 * values.size)
-    frozen = _by_far_longest(values) if judged_as(channel)[0] == "velocity" else None
+    always_moves = check_group(channel)[0] != "command" and bool(repeats < 0.01 * values.size)
+    # A stopped thruster, a ship alongside, calm air and an engine that does nothing are silent by themselves.
+    rests_at_zero = channel.unit in ("rpm", "m/s", "deg/s") or channel.group in ("environment", "declared")
+    frozen = _find_frozen_run(values) if check_group(channel)[0] == "velocity" else None
     for start, length in zip(starts, lengths, strict=True):
         inside = slice(start, start + length)
         usual = not coarse or length >= 5 * np.sort(lengths)[-2]
-        moving = usual and not _at_rest(float(values[start]), channel)
-        silent = moving and (start == frozen or _noise_is_gone(values, start, length, always_moves))
+        at_rest = rests_at_zero and values[start] == 0.0
+        before = values[max(start - _NEIGHBOURS, 0) : start]
+        after = values[start + length : start + length + _NEIGHBOURS]
+        sides = [side for side in (before, after) if side.size >= _SHORTEST_REPEAT]
+        moves = always_moves and len(sides) == 2  # a simulated ship may start without moving
+        noisy = bool(sides) and all(_is_noisy(side, length, values.size, moves) for side in sides)
+        silent = usual and not at_rest and (start == frozen or noisy)
         if silent or _should_have_moved(times[inside], values, channel, rate):
             bad[places[start + 1 : start + length]] = True
     return bad
 
 
-def _repeats(values: Floats) -> tuple[Ints, Ints]:
-    """First places and lengths of the runs of one value, from eight samples on."""
-    if values.size < 2 * _SHORTEST:
-        return np.zeros(0, np.int64), np.zeros(0, np.int64)
-    starts, lengths = runs_of_equal(np.diff(values) != 0.0)
-    long = lengths >= _SHORTEST
-    return starts[long], lengths[long]
-
-
-def _at_rest(value: float, channel: Channel) -> bool:
-    """A stopped thruster, a ship alongside, calm air and an engine that does nothing are silent by themselves."""
-    return value == 0.0 and (
-        channel.unit in ("rpm", "m/s", "deg/s") or channel.group in ("environment", "declared")
-    )
-
-
-def _noise_is_gone(values: Floats, start: int, length: int, always_moves: bool) -> bool:
-    """Whether both sides of a run (one at the ends) are noisy, and too lively for the run to be chance.
-
-    Noisy: a third of the changes turn back at once, two thirds being white noise; a motion that never repeats
-    a value need not be noisy, as it cannot hold still either, but an order can. Chance: the share of repeats
-    on a side to the power of the run's length, times the samples of the record; and the run is five times as
-    long as the longest beside it.
-    """
-    before = values[max(start - _BESIDE, 0) : start]
-    after = values[start + length : start + length + _BESIDE]
-    sides = [side for side in (before, after) if side.size >= _SHORTEST]
-    if always_moves and len(sides) < 2:  # a simulated ship may start without moving
-        always_moves = False
-    return bool(sides) and all(_lively(side, length, values.size, always_moves) for side in sides)
-
-
-def _by_far_longest(values: Floats) -> int | None:
+def _find_frozen_run(values: Floats) -> int | None:
     """Where a run begins that is five times as long as any other and ends with a step far beyond those of the
     record; None where there is none.
 
@@ -324,27 +298,36 @@ def _by_far_longest(values: Floats) -> int | None:
     return start if steps[end - 1] > _JUMP * np.quantile(steps[steps > 0.0], 0.95) else None
 
 
-def _lively(side: Floats, length: int, total: int, always_moves: bool) -> bool:
+def _is_noisy(side: Floats, length: int, total: int, always_moves: bool) -> bool:
+    """Whether the samples on one side of a run are noisy, and too lively for the run to be chance.
+
+    Noisy: a third of the changes turn back at once, two thirds being white noise; a motion that never repeats
+    a value need not be noisy, as it cannot be constant either, but an order can. Chance: the share of repeats
+    to the power of the run's length, times the samples of the record; and the run is five times as long as the
+    longest in its neighbourhood.
+    """
     steps = np.diff(side)
     moved = steps[steps != 0.0]
-    if moved.size < _SHORTEST // 2 or (not always_moves and np.mean(moved[1:] * moved[:-1] < 0.0) < _TURNING):
+    if moved.size < _SHORTEST_REPEAT // 2 or (
+        not always_moves and np.mean(moved[1:] * moved[:-1] < 0.0) < _REVERSALS
+    ):
         return False
     repeats = (np.sum(steps == 0.0) + 1.0) / (steps.size + 2.0)
     if repeats > 0.5:  # stairs, as a held order goes up and down, are no noise
         return False
     edges = np.flatnonzero(np.concatenate([[True], steps != 0.0, [True]]))
-    return bool(total * repeats**length < _LIKELY and length >= 5 * np.diff(edges).max())
+    return bool(total * repeats**length < _CHANCE and length >= 5 * np.diff(edges).max())
 
 
 def _should_have_moved(times: Ints, values: Floats, channel: Channel, rate: TimedValues | None) -> bool:
     """Whether the rate adds up to more than five of the channel's usual steps, and 1 m or 1 deg, in the run."""
     if rate is None or channel.unit not in _LEAST_TRAVEL:
         return False
-    at, rates = rate
-    first, last = np.searchsorted(at, times[[0, -1]])
+    rate_ns, rates = rate
+    first, last = np.searchsorted(rate_ns, times[[0, -1]])
     if last - first < 2:
         return False
-    travel = abs(float(np.trapezoid(rates[first:last], at[first:last] / NANO)))
+    travel = abs(float(np.trapezoid(rates[first:last], rate_ns[first:last] / NANO)))
     steps = np.abs(np.diff(values))
     usual = float(np.quantile(steps[steps > 0.0], 0.1)) if np.any(steps > 0.0) else np.inf
     return travel > max(5.0 * usual, _LEAST_TRAVEL[channel.unit])
@@ -358,8 +341,8 @@ def expected_rates(table: pd.DataFrame) -> dict[str, TimedValues]:
     """
     rates: dict[str, TimedValues] = {}
     if "yaw_rate_dps" in table:
-        turning = table[["yaw_rate_dps"]].dropna()
-        rates["heading_deg"] = times_ns(turning), turning["yaw_rate_dps"].to_numpy(dtype=float)
+        yaw_rate = table[["yaw_rate_dps"]].dropna()
+        rates["heading_deg"] = times_ns(yaw_rate), yaw_rate["yaw_rate_dps"].to_numpy(dtype=float)
     if {"surge_mps", "sway_mps", "heading_deg"} <= set(table.columns):
         moving = table[["surge_mps", "sway_mps", "heading_deg"]].ffill().dropna()
         surge, sway, heading = (moving[name].to_numpy() for name in moving)
@@ -368,21 +351,14 @@ def expected_rates(table: pd.DataFrame) -> dict[str, TimedValues]:
     return {name: rate for name, rate in rates.items() if rate[0].size}
 
 
-EVERYDAY = {"m": 0.02, "deg": 0.1, "m/s": 0.01, "deg/s": 0.02, "rpm": 1.0, "%": 1.0}
-_COARSER = {("command", "deg"): 1.0, ("environment", "deg"): 1.0, ("environment", "m/s"): 0.1}
-_DEGREES_OF_POSITION = 2e-7
-_FEWEST, _CONCENTRATED, _LARGEST_MULTIPLE = 30, 0.8, 8.5
-_MOST_VALUES, _EXACT, _NOISES = 200_000, 0.95, 0.7
-
-
 def everyday_resolution(channel: Channel) -> float:
-    """The coarsest step [the channel's unit] that instruments of this kind commonly report; nobody knows it of a
+    """The coarsest step [the channel's unit] that instruments of this kind commonly report; it is unknown for a
     channel that a user declares."""
     if channel.group == "declared":
         return np.inf
     if channel.name in ("latitude_deg", "longitude_deg"):
         return _DEGREES_OF_POSITION
-    return _COARSER.get(judged_as(channel), EVERYDAY[channel.unit])
+    return _COARSER.get(check_group(channel), EVERYDAY_RESOLUTIONS[channel.unit])
 
 
 def grid_step(values: Floats) -> float:
@@ -397,12 +373,24 @@ def grid_step(values: Floats) -> float:
     steps = np.diff(values)
     noise = float(np.sqrt(np.mean(np.diff(steps, 2) ** 2) / 20.0)) if steps.size > 2 else 0.0
     distances = np.diff(np.sort(values))
-    searches = ((_step_of, np.abs(steps)), (_step_of, distances), (_exact_step, np.abs(steps)))
-    candidates = (search(changes, noise) for search, changes in searches)
-    return next((step for step in candidates if step and _on_plateaus(steps, step)), 0.0)
+    searches = ((_find_step, np.abs(steps)), (_find_step, distances), (_exact_step, np.abs(steps)))
+    for search, changes in searches:
+        step = search(changes, noise)
+        if not step:
+            continue
+        multiples = np.rint(steps[np.isfinite(steps)] / step)
+        changed = np.flatnonzero(multiples[:-1])
+        sizes, counts = np.unique(np.abs(multiples[changed]), return_counts=True)
+        several = sizes.size > 0 and counts.max() < 0.9 * changed.size
+        stops = np.mean(multiples[changed + 1] * np.sign(multiples[changed]) <= 0.0)
+        if (
+            several or stops > 0.2
+        ):  # changes stop or turn at once, or differ in size: a ramp without noise does neither
+            return step
+    return 0.0
 
 
-def _step_of(changes: Floats, noise: float) -> float:
+def _find_step(changes: Floats, noise: float) -> float:
     """The step on whose multiples the changes lie. Those below a hundredth of the typical one count as none.
 
     Candidates are the smaller changes and their fractions; the largest wins on whose multiples the changes
@@ -416,7 +404,7 @@ def _step_of(changes: Floats, noise: float) -> float:
     if changes.size < _FEWEST:
         return 0.0
     smaller = np.quantile(changes, [0.0, 0.01, 0.05, 0.1, 0.25, 0.5], method="lower")
-    candidates = np.unique(np.concatenate([smaller / share for share in (1, 2, 3, 4)]))[::-1]
+    candidates = np.unique(np.concatenate([smaller / divisor for divisor in (1, 2, 3, 4)]))[::-1]
     confirmed = (_confirm_step(changes, float(candidate), noise) for candidate in candidates)
     return next((step for step in confirmed if step), 0.0)
 
@@ -456,17 +444,7 @@ def _exact_step(changes: Floats, noise: float) -> float:
     return step if _lie_on_multiples(changes, step, _EXACT, noise) else 0.0
 
 
-def _on_plateaus(steps: Floats, step: float) -> bool:
-    """Whether changes stop or turn at once, or differ in size: a ramp without noise does neither."""
-    multiples = np.rint(steps[np.isfinite(steps)] / step)
-    changed = np.flatnonzero(multiples[:-1])
-    sizes, counts = np.unique(np.abs(multiples[changed]), return_counts=True)
-    several = sizes.size > 0 and counts.max() < 0.9 * changed.size
-    stops = np.mean(multiples[changed + 1] * np.sign(multiples[changed]) <= 0.0)
-    return bool(several or stops > 0.2)
-
-
-def noise_besides_rounding(values: Floats, step: float) -> float:
+def noise_without_rounding(values: Floats, step: float) -> float:
     """Standard deviation of the noise that is there besides the rounding to a grid of this step."""
     return float(np.sqrt(max(white_noise(values) ** 2 - step**2 / 12.0, 0.0)))
 
@@ -483,4 +461,4 @@ def quantisation_step(samples: Series, channel: Channel) -> float:
     if step <= 1.05 * everyday_resolution(channel):
         return 0.0
     repeats = float(np.mean(np.abs(steps) < 0.1 * step))
-    return step if step > _NOISES * noise_besides_rounding(values, step) or repeats > 0.2 else 0.0
+    return step if step > _NOISES * noise_without_rounding(values, step) or repeats > 0.2 else 0.0

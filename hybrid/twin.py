@@ -76,7 +76,7 @@ from seatrial.acquisition.core.trial import Quality, Trial
 from seatrial.acquisition.logger.health import LOG, LogFormat, log_to
 from seatrial.acquisition.logger.requests import Follower, send_prediction
 from seatrial.acquisition.recording.reader import Recording
-from seatrial.analysis.tables.resample import MOTION_FILTER, SETTING_FILTER, own_gap_s, resample_recording
+from seatrial.analysis.tables.resample import MOTION_FILTER, SETTING_FILTER, bridged_gap_s, resample_recording
 from seatrial.analysis.tables.table import NANO, actuators_in_recording, table_actuators, table_controls, times_ns
 from seatrial.analysis.windows.held import (
     SPAN_SIGMAS,
@@ -189,7 +189,7 @@ def _span_ns(series: Series | None) -> tuple[int, int] | None:
 def _longest_hold_ns(series: Series) -> float:
     """The longest gap that resampling bridges in this channel [ns]."""
     apart = np.diff(np.sort(series.measured_ns))
-    return own_gap_s(float(np.median(apart)) if apart.size else 0.0) * NANO
+    return bridged_gap_s(float(np.median(apart)) if apart.size else 0.0) * NANO
 
 
 class RecentSamples:

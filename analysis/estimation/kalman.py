@@ -132,9 +132,9 @@ class Track:
 
 def predict_states(mean: Floats, covariance: Floats, dt_s: Floats, model: ProcessModel) -> tuple[Floats, Floats]:
     """States [k, states] and covariances after each of ``dt_s`` [k] without measurements."""
-    forward, added, which = model.over(dt_s)
-    forward = forward[which]
-    return np.einsum("kij,kj->ki", forward, mean), forward @ covariance @ forward.transpose(0, 2, 1) + added[which]
+    forward, added, index = model.over(dt_s)
+    forward = forward[index]
+    return np.einsum("kij,kj->ki", forward, mean), forward @ covariance @ forward.transpose(0, 2, 1) + added[index]
 
 
 def smooth_steps(steps: Steps, start: Start, model: ProcessModel, gate: Gate, engine: Engine = "auto") -> Track:
@@ -144,14 +144,14 @@ def smooth_steps(steps: Steps, start: Start, model: ProcessModel, gate: Gate, en
     from seatrial.analysis.estimation.kalman_kernel import run_smoother
 
     edges = np.array([0, steps.time_s.size])
-    F, interval, (innovation, variance, *kept) = _filtered(
+    F, interval, (innovation, variance, *filter_states) = _filtered(
         steps, start.mean[None], start.covariance, edges, model, gate, keep=True
     )
     smoothed: tuple[Floats, Floats, Floats] = run_smoother(
-        F, interval, steps.row, gate.limit, innovation, variance, *kept
+        F, interval, steps.row, gate.limit, innovation, variance, *filter_states
     )
     refused = innovation**2 > gate.limit * variance
-    _, mean, covariance = kept
+    _, mean, covariance = filter_states
     filtered = FilteredStates(mean, covariance, innovation, np.sqrt(variance), refused)
     return Track(steps.time_s, *smoothed, filtered, model)
 
@@ -191,7 +191,7 @@ class _Patience:
         self._gate = gate
         self._since, self._times = np.zeros(channels), np.zeros(channels, dtype=int)
 
-    def over(self, channel: int, time_s: float) -> bool:
+    def is_exhausted(self, channel: int, time_s: float) -> bool:
         waited = time_s - self._since[channel] >= self._gate.patience_s
         return bool(waited and self._times[channel] >= self._gate.patience)
 
@@ -258,7 +258,7 @@ def _released(kalman: Any, steps: Steps, k: int, patience: _Patience, gate: Gate
     released: Floats = np.zeros(kalman.P.shape)
     before = kalman.P
     for c in _present(steps, k):
-        if not patience.over(c, float(steps.time_s[k])):
+        if not patience.is_exhausted(c, float(steps.time_s[k])):
             continue
         kalman.P = before + released
         error, variance = _innovation(kalman, steps, k, c)

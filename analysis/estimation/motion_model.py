@@ -7,12 +7,9 @@ the heading. This is linearised about a well known heading and velocity (the hea
 measured speeds), so that one filter holds all nine states with their correlations: an extended Kalman smoother,
 linearised once. The neglected term is of second order, 0.5 U dpsi^2: 1 mm/s for 1 degree at 6 m/s.
 
-Maximum-likelihood noise levels from the data themselves.
-
-With the right levels, the prediction errors of a filter have the size that it predicts, and the likelihood of
-its innovations (:mod:`.likelihood`) is largest. It is computed on stretches spread over the recording. Heading
-and yaw rate come first, by themselves; then position and speeds, given the heading. Waves are included if they
-raise the likelihood by more than their three parameters would by chance (Schwarz 1978).
+The noise levels are those of maximum likelihood (:func:`.process_models.most_likely`), computed on stretches spread
+over the recording. Heading and yaw rate come first, by themselves; then position and speeds, given the heading.
+Waves are included if they raise the likelihood by more than their three parameters would by chance (Schwarz 1978).
 """
 
 from __future__ import annotations
@@ -36,7 +33,7 @@ from seatrial.analysis.estimation.process_models import (
     most_likely,
     robust_cost,
 )
-from seatrial.analysis.tables.resample import own_gap_s
+from seatrial.analysis.tables.resample import bridged_gap_s
 from seatrial.analysis.tables.table import NANO, times_ns
 
 CHANNELS = ("heading_deg", "yaw_rate_dps", "north_m", "east_m", "surge_mps", "sway_mps")
@@ -44,7 +41,25 @@ CHANNELS = ("heading_deg", "yaw_rate_dps", "north_m", "east_m", "surge_mps", "sw
 HEADING, YAW_RATE, NORTH, EAST, SURGE, SWAY = range(6)
 PSI, R, R_DOT, N, VN, AN, E, VE, AE = range(9)
 
+BODY = ("north_m", "east_m", "heading_deg", "surge_mps", "sway_mps", "yaw_rate_dps",
+        "surge_mps2", "sway_mps2", "yaw_dps2")  # fmt: skip
+"""The states of the result: pose, body-fixed velocity, and its rate of change."""
+
 FASTEST_HZ = 5.0
+_QUARTILE_OF_ABSOLUTE_NORMAL = 0.31864  # a quarter of |z| lies below it
+STRETCHES, STEPS_OF_STRETCH = 10, 200
+LEAST = {"position_m": 1e-4, "heading_rad": 1e-5, "speed_mps": 1e-4, "yaw_rate_radps": 1e-6}
+"""The lower bounds of the noise in the search, SI."""
+LEAST_JERK, MOST_JERK = 1e-7, 1e2
+_CALM, _WAVY = 3, 6  # parameters without waves, and with waves but without direction
+_LONGEST_WAVE_S, _DAMPINGS = 20.0, (0.02, 0.6)
+_STARTS = 2
+_JERKS = (1e-4, 1e-3, 1e-2, 1e-1, 1.0)
+_WAVE_PERIODS_S = (3.0, 5.0, 8.0, 12.0)
+_SPEEDS, _YAW_SPEEDS = (0.05, 0.2, 0.8), (0.002, 0.01, 0.04)  # starts of the search for waves, m/s and rad/s
+_YAW_ORDER = 3  # a hull averages turning along its length once more than shifting
+_AT_BOUND = 0.01
+_NO_WAVES, _NOTHING = (0.0, 1.0, 0.3), np.zeros(3)
 _FIRST_VARIANCE = np.array([1.0, 0.01, 1e-4, 1e4, 100.0, 1.0, 1e4, 100.0, 1.0])
 
 
@@ -102,21 +117,21 @@ def combine_samples(table: pd.DataFrame) -> MotionSamples:
     since_s = (time_ns - epoch_ns) / NANO
     number = np.rint(since_s / internal_step_s(time_ns, values)).astype(np.int64)
     step_of = np.full(len(table), -1, dtype=np.int64)
-    kept, step_of[observed] = np.unique(number[observed], return_inverse=True)
-    time_s = _mean(step_of[observed], since_s[observed], kept.size)
-    value, count, offset, offset2 = np.full((4, kept.size, len(CHANNELS)), np.nan)
+    numbers, step_of[observed] = np.unique(number[observed], return_inverse=True)
+    time_s = _mean(step_of[observed], since_s[observed], numbers.size)
+    value, count, offset, offset2 = np.full((4, numbers.size, len(CHANNELS)), np.nan)
     for channel in range(len(CHANNELS)):
         rows = np.flatnonzero(valid[:, channel])
-        step, sample, apart_s = step_of[rows], values[rows, channel], since_s[rows] - time_s[step_of[rows]]
-        first = np.zeros(kept.size)
+        step, sample, offset_s = step_of[rows], values[rows, channel], since_s[rows] - time_s[step_of[rows]]
+        first = np.zeros(numbers.size)
         first[step[::-1]] = sample[::-1]
         deviation = sample - first[step]
         if channel == HEADING:
             deviation = np.deg2rad(difference(np.rad2deg(sample), np.rad2deg(first[step])))
-        count[:, channel] = np.bincount(step, minlength=kept.size)
-        value[:, channel] = first + _mean(step, deviation, kept.size)
-        offset[:, channel] = _mean(step, apart_s, kept.size)
-        offset2[:, channel] = _mean(step, apart_s**2, kept.size)
+        count[:, channel] = np.bincount(step, minlength=numbers.size)
+        value[:, channel] = first + _mean(step, deviation, numbers.size)
+        offset[:, channel] = _mean(step, offset_s, numbers.size)
+        offset2[:, channel] = _mean(step, offset_s**2, numbers.size)
     return MotionSamples(epoch_ns, time_s, value, count, offset, offset2, step_of)
 
 
@@ -151,11 +166,11 @@ def motion_steps(data: MotionSamples, heading_rad: Floats, noise: Floats) -> Ste
     value[:, HEADING] -= 2 * np.pi * turns
     cos, sin = np.cos(heading_rad)[:, None], np.sin(heading_rad)[:, None]
     surge, sway = _nominal(value[:, SURGE]), _nominal(value[:, SWAY])
-    for channel, north, east, lever in ((SURGE, cos, sin, sway), (SWAY, -sin, cos, -surge)):
+    for channel, north, east, gain in ((SURGE, cos, sin, sway), (SWAY, -sin, cos, -surge)):
         slope = _slope(data, channel)
         row[:, channel, N : AN + 1], row[:, channel, E : AE + 1] = north * slope, east * slope
-        row[:, channel, PSI], row[:, channel, R] = lever, lever * np.nan_to_num(data.offset_s[:, channel])
-        value[:, channel] += lever * heading_rad
+        row[:, channel, PSI], row[:, channel, R] = gain, gain * np.nan_to_num(data.offset_s[:, channel])
+        value[:, channel] += gain * heading_rad
     for channel, states in {NORTH: [N], EAST: [E], SURGE: [VN, VE], SWAY: [VN, VE]}.items():
         jumps[channel, states] = True
     return Steps(data.time_s, value, row, _variance(noise, data.count), np.zeros(len(CHANNELS)), jumps)
@@ -201,18 +216,13 @@ def _nominal(speed_mps: Floats) -> Floats:
     return np.asarray(median.interpolate(limit_direction="both").fillna(0.0), dtype=float)
 
 
-BODY = ("north_m", "east_m", "heading_deg", "surge_mps", "sway_mps", "yaw_rate_dps",
-        "surge_mps2", "sway_mps2", "yaw_dps2")  # fmt: skip
-"""The states of the result: pose, body-fixed velocity, and its rate of change."""
-
-
 def body_states(mean: Floats) -> Floats:
     """Pose, body-fixed velocity and its time derivative [k, 9], SI, from the filter's states.
 
     The derivatives are those of the numbers surge, sway and yaw rate: u' = a along the bow + r v, and so on
     (Fossen 2011, section 2.2).
     """
-    (surge, sway), (ahead, abeam), r = _in_body_axes(mean)
+    (surge, sway), (ahead, abeam), r = _body_motion(mean)
     return np.stack(
         [mean[:, N], mean[:, E], mean[:, PSI], surge, sway, r, ahead + r * sway, abeam - r * surge,
          mean[:, R_DOT]], axis=1)  # fmt: skip
@@ -221,7 +231,7 @@ def body_states(mean: Floats) -> Floats:
 def body_covariance(mean: Floats, covariance: Floats) -> Floats:
     """The covariance [k, 9, 9] of :func:`body_states` from that of the filter's states."""
     cos, sin = np.cos(mean[:, PSI]), np.sin(mean[:, PSI])
-    (surge, sway), (ahead, abeam), r = _in_body_axes(mean)
+    (surge, sway), (ahead, abeam), r = _body_motion(mean)
     jacobian = np.zeros((mean.shape[0], 9, 9))
     jacobian[:, [0, 1, 2, 5, 8], [N, E, PSI, R, R_DOT]] = 1.0
     jacobian[:, 3, VN], jacobian[:, 3, VE], jacobian[:, 3, PSI] = cos, sin, sway
@@ -235,13 +245,13 @@ def body_covariance(mean: Floats, covariance: Floats) -> Floats:
     return np.asarray(jacobian @ covariance @ jacobian.transpose(0, 2, 1))
 
 
-def _in_body_axes(mean: Floats) -> tuple[tuple[Floats, Floats], tuple[Floats, Floats], Floats]:
+def _body_motion(mean: Floats) -> tuple[tuple[Floats, Floats], tuple[Floats, Floats], Floats]:
     """Velocity and acceleration forward and to starboard, and the yaw rate: each [k]."""
     velocity = to_ship(mean[:, VN], mean[:, VE], mean[:, PSI])
     return velocity, to_ship(mean[:, AN], mean[:, AE], mean[:, PSI]), mean[:, R]
 
 
-def apart_from(values: Floats, state: Floats, offset_s: Floats) -> Floats:
+def state_residuals(values: Floats, state: Floats, offset_s: Floats) -> Floats:
     """Samples minus the filter's states [rows, 9] at ``offset_s`` later [rows, channels], SI; the heading's in
     -pi to pi."""
     moved = state.copy()
@@ -252,7 +262,7 @@ def apart_from(values: Floats, state: Floats, offset_s: Floats) -> Floats:
     return residual
 
 
-def in_gaps(table: pd.DataFrame, epoch_ns: int, grid_s: Floats, longest_gap_s: float | None) -> Bools:
+def gap_mask(table: pd.DataFrame, epoch_ns: int, grid_s: Floats, longest_gap_s: float | None) -> Bools:
     """Mask of the grid points [rows] in a gap of the heading's channels or of the others, or outside them.
 
     A gap is longer than ``longest_gap_s``; by default than 2.5 intervals, but at least 3 s and at most 10 s.
@@ -267,28 +277,12 @@ def in_gaps(table: pd.DataFrame, epoch_ns: int, grid_s: Floats, longest_gap_s: f
 
 def _outside_samples(samples_s: Floats, grid_s: Floats, longest_gap_s: float | None) -> Bools:
     interval_s = float(np.median(np.diff(samples_s))) if samples_s.size > 1 else 0.0
-    limit_s = own_gap_s(interval_s * NANO) if longest_gap_s is None else longest_gap_s
+    limit_s = bridged_gap_s(interval_s * NANO) if longest_gap_s is None else longest_gap_s
     before = np.searchsorted(samples_s, grid_s + 1e-6, side="right") - 1
     after = np.minimum(before + 1, samples_s.size - 1)
     on_sample = np.abs(grid_s - samples_s[np.maximum(before, 0)]) <= 1e-6
     span = np.where((after > before) & (before >= 0), samples_s[after] - samples_s[np.maximum(before, 0)], np.inf)
     return np.asarray(~on_sample & (span > limit_s))
-
-
-_QUARTILE_OF_ABSOLUTE_NORMAL = 0.31864  # a quarter of |z| lies below it
-STRETCHES, STEPS_OF_STRETCH = 10, 200
-LEAST = {"position_m": 1e-4, "heading_rad": 1e-5, "speed_mps": 1e-4, "yaw_rate_radps": 1e-6}
-"""The lower bounds of the noise in the search, SI."""
-LEAST_JERK, MOST_JERK = 1e-7, 1e2
-_CALM, _WAVY = 3, 6  # parameters without waves, and with waves but without direction
-_LONGEST_WAVE_S, _DAMPINGS = 20.0, (0.02, 0.6)
-_STARTS = 2
-_JERKS = (1e-4, 1e-3, 1e-2, 1e-1, 1.0)
-_WAVE_PERIODS_S = (3.0, 5.0, 8.0, 12.0)
-_SPEEDS, _YAW_SPEEDS = (0.05, 0.2, 0.8), (0.002, 0.01, 0.04)  # starts of the search for waves, m/s and rad/s
-_YAW_ORDER = 3  # a hull averages turning along her length once more than shifting
-_AT_BOUND = 0.01
-_NO_WAVES, _NOTHING = (0.0, 1.0, 0.3), np.zeros(3)
 
 
 @dataclass(frozen=True, slots=True)
@@ -362,29 +356,39 @@ def _laws(jerk: float, speed: float, frequency_radps: float, damping: float, ord
 def estimate_levels(data: MotionSamples, gate: Gate) -> NoiseLevels:
     """The maximum-likelihood levels of combined samples; an absent channel keeps its lower bound.
 
-    Waves are looked for in the horizontal motion. If there are any, the heading oscillates at about the same
-    frequency; if not, oscillations of the heading are the ship's.
+    A short recording is taken as it is, of a long one stretches spread evenly over it. Waves are looked for in the
+    horizontal motion. If there are any, the heading oscillates at about the same frequency; if not, oscillations of
+    the heading are the ship's.
     """
-    parts = _stretches(data)
-    first = _first_levels(data)
+    steps, parts = data.time_s.size, [data]
+    if steps > STRETCHES * STEPS_OF_STRETCH:
+        starts = np.linspace(0, steps - STEPS_OF_STRETCH, STRETCHES).astype(int)
+        parts = [data.part(start, start + STEPS_OF_STRETCH) for start in starts]
+    series = [values[np.isfinite(values)] for values in data.value.T]
+    series[HEADING] = np.unwrap(series[HEADING])
+    first = np.array([noise_of(values) for values in series])
     noise = np.array([first[[NORTH, EAST]].mean(), first[[SURGE, SWAY]].mean()])
     start = Start(np.array([first_state(part).mean for part in parts]), first_state(data).covariance)
     edges = np.cumsum([0, *(part.time_s.size for part in parts)])
-    alone = _joined([heading_steps(part, 1.0, 1.0) for part in parts])
-    turning = Search(alone, edges, start, (0,), np.array([0, 1]), first[[HEADING, YAW_RATE]],
+    heading_only = _concatenated([heading_steps(part, 1.0, 1.0) for part in parts])
+    yaw_search = Search(heading_only, edges, start, (0,), np.array([0, 1]), first[[HEADING, YAW_RATE]],
                       (LEAST["heading_rad"], LEAST["yaw_rate_radps"]), gate, order=_YAW_ORDER)  # fmt: skip
-    yaw_calm = _calm(turning)
+    yaw_calm = _fit_without_waves(yaw_search)
     yaw = yaw_calm[0]
     conditioned, added = zip(
         *(_condition_on_heading(part, _levels(_NOTHING, yaw), gate) for part in parts), strict=True
     )
-    moving = Search(_joined(conditioned), edges, start, (1, 2), np.array([0, 0, 1, 1]), noise,
+    moving = Search(_concatenated(conditioned), edges, start, (1, 2), np.array([0, 0, 1, 1]), noise,
                      (LEAST["position_m"], LEAST["speed_mps"]), gate, np.concatenate(added))  # fmt: skip
-    calm = _calm(moving)
-    horizontal = _with_waves(moving, calm, _SPEEDS, [2 * np.pi / period for period in _WAVE_PERIODS_S])
+    calm = _fit_without_waves(moving)
+    horizontal = _add_waves(moving, calm, _SPEEDS, [2 * np.pi / period for period in _WAVE_PERIODS_S])
     if horizontal.size > _CALM:
-        horizontal = _with_direction(moving, horizontal)
-        yaw = _with_waves(turning, yaw_calm, _YAW_SPEEDS, float(np.exp(horizontal[4])) * np.array([1.0, 1.25]))
+        directions = [np.array([*horizontal, np.log(0.6), angle]) for angle in np.pi / 4 * np.arange(4)]
+        bounds = [*moving.bounds, *moving.wave_bounds, (np.log(0.03), np.log(3.0)), (-10.0, 10.0)]
+        directed, cost = moving.climb(min(directions, key=moving.cost), *np.array(bounds).T)
+        if cost < moving.cost(horizontal) - 2.0 * np.log(max(moving.count, 2)):  # the direction is significant
+            horizontal = directed
+        yaw = _add_waves(yaw_search, yaw_calm, _YAW_SPEEDS, float(np.exp(horizontal[4])) * np.array([1.0, 1.25]))
     return _levels(horizontal, yaw)
 
 
@@ -392,7 +396,7 @@ def _levels(horizontal: Floats, yaw: Floats) -> NoiseLevels:
     """The levels from logarithms: two noises, a jerk and, if they go on, waves."""
     position_m, speed_mps, jerk, *waves = (float(level) for level in np.exp(horizontal[:6]))
     speed, frequency, damping = waves or _NO_WAVES
-    across, direction_rad = across_of(horizontal)
+    across, direction_rad = wave_axes(horizontal)
     heading_rad, yaw_rate_radps, yaw_jerk, *yaw_waves = (float(level) for level in np.exp(yaw))
     yaw_speed, yaw_frequency, yaw_damping = yaw_waves or _NO_WAVES
     return NoiseLevels(
@@ -401,30 +405,12 @@ def _levels(horizontal: Floats, yaw: Floats) -> NoiseLevels:
     )  # fmt: skip
 
 
-def _stretches(data: MotionSamples) -> list[MotionSamples]:
-    """All of a short recording, or stretches spread evenly over a long one."""
-    steps = data.time_s.size
-    if steps <= STRETCHES * STEPS_OF_STRETCH:
-        return [data]
-    first = np.linspace(0, steps - STEPS_OF_STRETCH, STRETCHES).astype(int)
-    return [data.part(start, start + STEPS_OF_STRETCH) for start in first]
-
-
-def _joined(parts: Sequence[Steps]) -> Steps:
+def _concatenated(parts: Sequence[Steps]) -> Steps:
     """The steps of all stretches, one after the other."""
     time_s, value, row, variance = (
         np.concatenate([getattr(part, name) for part in parts]) for name in ("time_s", "value", "row", "variance")
     )
     return Steps(time_s, value, row, variance, parts[0].turn, parts[0].jumps)
-
-
-def _first_levels(data: MotionSamples) -> Floats:
-    """An initial estimate of each channel's noise [channels], from second differences."""
-    levels = []
-    for channel in range(data.value.shape[1]):
-        series = data.value[:, channel][np.isfinite(data.value[:, channel])]
-        levels.append(noise_of(np.unwrap(series) if channel == HEADING else series))
-    return np.array(levels)
 
 
 def noise_of(values: Floats, stride: int = 1) -> float:
@@ -452,12 +438,12 @@ def _condition_on_heading(part: MotionSamples, yaw: NoiseLevels, gate: Gate) -> 
     return horizontal_steps(everything, heading), everything.row[:, NORTH:, 0] ** 2 * covariance[:, :1, 0]
 
 
-def _calm(search: Search) -> tuple[Floats, float]:
+def _fit_without_waves(search: Search) -> tuple[Floats, float]:
     """The logarithms of two levels and the jerk, and their cost: motion without waves."""
-    return descend(search, [np.array([*search.first_logs, np.log(jerk)]) for jerk in _JERKS], search.bounds)
+    return lowest_cost(search, [np.array([*search.first_logs, np.log(jerk)]) for jerk in _JERKS], search.bounds)
 
 
-def _with_waves(
+def _add_waves(
     search: Search, calm: tuple[Floats, float], speeds: Sequence[float], frequencies: Sequence[float] | Floats
 ) -> Floats:
     """As :func:`_calm`, with the waves' speed, frequency and damping appended if they are significant."""
@@ -468,18 +454,9 @@ def _with_waves(
         for noise in (plain[:2], search.first_logs)
         for calmer, speed, frequency in product((0.03, 0.3), speeds, frequencies)
     ]
-    wavy, wavy_cost = descend(search, guesses, [*search.bounds, *((low, high) for low, high in bounds)])
-    a_sea = bool((wavy[4:] > bounds[1:, 0] + _AT_BOUND).all())  # a line without width comes from the ship
-    return wavy if a_sea and wavy_cost < cost - 3.0 * np.log(max(search.count, 2)) else plain
-
-
-def _with_direction(search: Search, wavy: Floats) -> Floats:
-    """The parameters with the waves' ratio across and direction appended if they are significant."""
-    guesses = [np.array([*wavy, np.log(0.6), angle]) for angle in np.pi / 4 * np.arange(4)]
-    low, high = np.array([*search.bounds, *search.wave_bounds, (np.log(0.03), np.log(3.0)), (-10.0, 10.0)]).T
-    start = min(guesses, key=search.cost)
-    optimum, cost = search.climb(start, low, high)
-    return optimum if cost < search.cost(wavy) - 2.0 * np.log(max(search.count, 2)) else wavy
+    wavy, wavy_cost = lowest_cost(search, guesses, [*search.bounds, *((low, high) for low, high in bounds)])
+    has_width = bool((wavy[4:] > bounds[1:, 0] + _AT_BOUND).all())  # a line without width comes from the ship
+    return wavy if has_width and wavy_cost < cost - 3.0 * np.log(max(search.count, 2)) else plain
 
 
 @dataclass(frozen=True)
@@ -512,7 +489,7 @@ class Search:
     def innovations(self, logs: Floats) -> tuple[Floats, Floats]:
         """All innovations and their variances at the logarithms of levels, jerk and, if they go on, wave motion."""
         levels = np.exp(logs)
-        across, direction_rad = across_of(logs)
+        across, direction_rad = wave_axes(logs)
         speed, frequency, damping = levels[_CALM:_WAVY].tolist() or _NO_WAVES
         shares = (1.0, across)[: len(self.quantities)]
         families = (_laws(float(levels[2]), share * speed, frequency, damping, self.order) for share in shares)
@@ -553,18 +530,18 @@ class Search:
         return [*noises, (float(np.log(LEAST_JERK)), float(np.log(MOST_JERK)))]
 
 
-def across_of(logs: Floats) -> tuple[float, float]:
+def wave_axes(logs: Floats) -> tuple[float, float]:
     """The ratio of wave motion across its direction, and the direction [rad]; 1 and 0 if not among the
     parameters."""
     return (float(np.exp(logs[_WAVY])), float(logs[_WAVY + 1])) if logs.size > _WAVY else (1.0, 0.0)
 
 
-def descend(
+def lowest_cost(
     search: Search, guesses: Sequence[Floats], bounds: Sequence[tuple[float, float]]
 ) -> tuple[Floats, float]:
     """The lowest cost found by descent from the best of the guesses, and its parameters."""
     low, high = np.array(bounds).T
-    ends = [
+    optima = [
         search.climb(np.clip(guess, low, high), low, high) for guess in sorted(guesses, key=search.cost)[:_STARTS]
     ]
-    return min(ends, key=lambda end: end[1])
+    return min(optima, key=lambda optimum: optimum[1])

@@ -1,20 +1,16 @@
 """Process models of unmeasured motion, discretised exactly over any time step.
 
-White jerk models a ship's slow motion, a damped oscillator her motion in waves, an Ornstein-Uhlenbeck process
+White jerk models a ship's slow motion, a damped oscillator its motion in waves, an Ornstein-Uhlenbeck process
 what fluctuates about zero: unpredictable forces, sensor drift. All are linear and driven by white noise.
 Observers that separate waves from the ship's slow motion go back to Balchen, Jenssen and Saelid 1976; Fossen
-2011, chapter 11.
+2011, chapter 11. The models (:class:`Law`) have the quantity and its derivatives as states, so that the same
+measurement row serves each part of a quantity, slow motion and waves.
 
-:func:`oscillator` and :func:`decay` are plain arithmetic, on arrays or inside compiled code. The models built
-on them (:class:`Law`) have the quantity and its derivatives as states, so that the same measurement row serves
-each part of a quantity, slow motion and waves.
-
-Maximum-likelihood noise levels from the innovations of a Kalman filter.
-
-The likelihood of the innovations (Schweppe 1965) is maximised by Fisher scoring with Levenberg-Marquardt
-damping: gradient and expected information follow from the derivatives of innovations and variances (Gupta and
-Mehra 1974), taken as finite differences of the filter. The normalised square of each innovation counts up to a
-limit, and beyond it does not fall with growing variance, so outliers are not taken for noise.
+Their noise levels are those of maximum likelihood (:func:`most_likely`): the likelihood of a Kalman filter's
+innovations (Schweppe 1965) is maximised by Fisher scoring with Levenberg-Marquardt damping: gradient and expected
+information follow from the derivatives of innovations and variances (Gupta and Mehra 1974), taken as finite
+differences of the filter. The normalised square of each innovation counts up to a limit, and beyond it does not
+fall with growing variance, so outliers are not taken for noise.
 """
 
 from __future__ import annotations
@@ -31,15 +27,21 @@ from seatrial.acquisition.core.quantities import Bools, Floats, Ints
 QUANTITIES = 3
 _SAME_S = 1e-9
 _CORNER = 1.1  # of the low-pass, relative to the wave frequency
+_DIFFERENCE = 1e-4
+_EASIER = 5.0
+NEARLY_ONE = 0.95
+"""The absolute correlation above which two estimates cannot be separated."""
+UNKNOWN = 0.8
+"""The ratio of standard error to prior above which the data do not determine a parameter."""
 
 
-def decay(dt_s: Floats | float, lasting_s: Floats | float) -> Any:
-    """The share [-] of an Ornstein-Uhlenbeck process with time constant ``lasting_s`` left after ``dt_s``.
+def decay(dt_s: Floats | float, time_constant_s: Floats | float) -> Any:
+    """The fraction [-] of an Ornstein-Uhlenbeck process with ``time_constant_s`` that remains after ``dt_s``.
 
     The added variance is one minus the square of the share, times the stationary variance (Uhlenbeck and
     Ornstein 1930).
     """
-    return np.exp(-dt_s / lasting_s)
+    return np.exp(-dt_s / time_constant_s)
 
 
 def oscillator(dt_s: Floats | float, frequency_radps: Floats | float, damping: float) -> tuple[Any, Any, Any, Any]:
@@ -49,13 +51,13 @@ def oscillator(dt_s: Floats | float, frequency_radps: Floats | float, damping: f
     by white noise in its speed, its stationary variances are s^2 and (frequency s)^2, uncorrelated.
     """
     damped = frequency_radps * np.sqrt(1.0 - damping * damping)
-    fall, cosine, sine = np.exp(-damping * frequency_radps * dt_s), np.cos(damped * dt_s), np.sin(damped * dt_s)
+    envelope, cosine, sine = np.exp(-damping * frequency_radps * dt_s), np.cos(damped * dt_s), np.sin(damped * dt_s)
     lead = damping * frequency_radps / damped * sine
     return (
-        fall * (cosine + lead),
-        fall * sine / damped,
-        -fall * frequency_radps * frequency_radps / damped * sine,
-        fall * (cosine - lead),
+        envelope * (cosine + lead),
+        envelope * sine / damped,
+        -envelope * frequency_radps * frequency_radps / damped * sine,
+        envelope * (cosine - lead),
     )
 
 
@@ -92,7 +94,7 @@ class WaveMotion:
     and ``damping`` its share of critical damping, which sets the spectrum's width. The low-pass (Butterworth,
     of order 2 or 3) has its corner slightly higher, so that no two roots coincide. The position spectrum falls
     with the power 4 + 2 ``order`` of frequency above the peak: that of the sea surface falls with the fifth,
-    and a hull averages short waves over her draught and, for yaw more than for translation, along her length.
+    and a hull averages short waves over its draught and, for yaw more than for translation, along its length.
     The state has derivatives up to ``order`` + 1. With order 0 there is no low-pass and the state is that of
     :func:`oscillator`, which the diagnosis uses, since it needs no acceleration.
     """
@@ -205,30 +207,27 @@ class ProcessModel:
 
         Both are [distinct, states, states], or padded with zeros to ``width`` columns; index [k].
         """
-        rounded, which = np.unique(np.rint(dt_s / _SAME_S) * _SAME_S, return_inverse=True)
+        rounded, index = np.unique(np.rint(dt_s / _SAME_S) * _SAME_S, return_inverse=True)
         states = int(self.sizes.sum())
         forward, added = np.zeros((2, rounded.size, states, max(states, width)))
-        done = {law: law.over(rounded) for law in set(self.laws)}
+        discretised = {law: law.over(rounded) for law in set(self.laws)}
         for law, block in zip(self.laws, self.blocks, strict=True):
-            forward[:, block, block], added[:, block, block] = done[law]
-        return forward, added, which
+            forward[:, block, block], added[:, block, block] = discretised[law]
+        return forward, added, index
 
     def transition(self, dt_s: Floats) -> Floats:
         """The state's transition over each of ``dt_s`` [k]: [k, states, states]."""
-        forward, _, which = self.over(dt_s)
-        return forward[which]
+        forward, _, index = self.over(dt_s)
+        return forward[index]
 
     def process_noise(self, dt_s: Floats) -> Floats:
         """The covariance that is added over each of ``dt_s`` [k]: [k, states, states]."""
-        _, added, which = self.over(dt_s)
-        return added[which]
+        _, added, index = self.over(dt_s)
+        return added[index]
 
 
 Innovations = Callable[[Floats], tuple[Floats, Floats]]
 """Innovations and their variances, both [values], at parameters [p]."""
-
-_DIFFERENCE = 1e-4
-_EASIER = 5.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -263,8 +262,8 @@ class Prior:
 
 def robust_cost(innovation: Floats, variance: Floats, limit: float) -> float:
     """Minus twice the log likelihood of innovations, up to a constant; squares count up to ``limit`` variances."""
-    enough = np.maximum(variance, innovation**2 / limit)
-    return float((np.log(enough) + innovation**2 / enough).sum())
+    bounded = np.maximum(variance, innovation**2 / limit)
+    return float((np.log(bounded) + innovation**2 / bounded).sum())
 
 
 def most_likely(
@@ -272,7 +271,7 @@ def most_likely(
     start: Floats,
     low: Floats,
     high: Floats,
-    how: ScoringSettings,
+    settings: ScoringSettings,
     prior: Prior | None = None,
 ) -> tuple[Floats, float]:
     """Maximise the likelihood over parameters [p] between ``low`` and ``high``, from ``start``; returns them
@@ -283,21 +282,21 @@ def most_likely(
     prior = prior or Prior(start, np.inf)
 
     def cost(at: Floats, outcome: tuple[Floats, Floats]) -> float:
-        return robust_cost(*outcome, how.limit) + prior.cost(at)
+        return robust_cost(*outcome, settings.limit) + prior.cost(at)
 
-    current, damping, evaluation = start, how.damping[0], innovations(start)
+    current, damping, evaluation = start, settings.damping[0], innovations(start)
     value = cost(current, evaluation)
-    for _ in range(how.most_steps):
-        gradient, information = scores(innovations, current, evaluation, how.limit)
+    for _ in range(settings.most_steps):
+        gradient, information = scores(innovations, current, evaluation, settings.limit)
         gradient = gradient + 2.0 * (current - prior.mean) / prior.deviation**2
         information = information + 2.0 * np.eye(current.size) / prior.deviation**2
         free = ~(((current <= low) & (gradient > 0)) | ((current >= high) & (gradient < 0)))
         before = value
-        for _ in range(how.tries):
+        for _ in range(settings.tries):
             damped = information + damping * np.diag(np.diag(information)) + 1e-6 * np.eye(current.size)
             step = np.zeros(current.size)
             step[free] = np.linalg.solve(damped[np.ix_(free, free)], -gradient[free])
-            tried = np.clip(current + np.clip(step, -how.longest_step, how.longest_step), low, high)
+            tried = np.clip(current + np.clip(step, -settings.longest_step, settings.longest_step), low, high)
             tried_evaluation = innovations(tried)
             if cost(tried, tried_evaluation) < value:
                 current, evaluation, value, damping = (
@@ -307,8 +306,8 @@ def most_likely(
                     damping / _EASIER,
                 )
                 break
-            damping *= how.damping[1]
-        if before - value < how.enough:
+            damping *= settings.damping[1]
+        if before - value < settings.enough:
             break
     return current, value
 
@@ -326,18 +325,10 @@ def scores(
     inside = ratio**2 < limit
     moved, grown = np.empty((2, at.size, innovation.size))
     for number, unit in enumerate(np.eye(at.size)):
-        stepped, its_variance = innovations(at + _DIFFERENCE * unit)
-        moved[number] = (stepped - innovation) / deviation / _DIFFERENCE * inside
-        grown[number] = np.log(its_variance / variance) / _DIFFERENCE * inside
+        shifted, shifted_variance = innovations(at + _DIFFERENCE * unit)
+        moved[number] = (shifted - innovation) / deviation / _DIFFERENCE * inside
+        grown[number] = np.log(shifted_variance / variance) / _DIFFERENCE * inside
     return grown @ (1.0 - ratio**2) + 2.0 * moved @ ratio, grown @ grown.T + 2.0 * moved @ moved.T
-
-
-NEARLY_ONE = 0.95
-"""The absolute correlation above which two estimates cannot be separated."""
-
-
-UNKNOWN = 0.8
-"""The ratio of standard error to prior above which the data do not determine a parameter."""
 
 
 def correlated_pairs(names: Sequence[str], correlation: Floats) -> list[tuple[str, str, float]]:

@@ -1,8 +1,8 @@
 """The ship's motion from samples at any rate, with its uncertainty: a Kalman smoother over all six channels.
 
 Every sample is used at its own time; channels may have different and irregular rates and gaps, and any of the
-velocities may be absent. Noise and jerk are estimated from the data (:mod:`.noise_levels`); outliers are
-rejected and flagged (:mod:`.kalman`); the states are described in :mod:`.motion_model`.
+velocities may be absent. Noise and jerk are estimated from the data and the states are described in
+:mod:`.motion_model`; outliers are rejected and flagged (:mod:`.kalman`).
 
 Consistency of the uncertainty: innovations of a correct filter are white with the predicted variance: the mean
 of their normalised squares (NIS) is 1 within chi-square bounds, and 95 % of them lie within 1.96 (Bar-Shalom,
@@ -34,16 +34,16 @@ from seatrial.analysis.estimation.motion_model import (
     CHANNELS,
     MotionSamples,
     NoiseLevels,
-    apart_from,
     body_covariance,
     body_states,
     combine_samples,
     estimate_levels,
     first_state,
+    gap_mask,
     heading_steps,
-    in_gaps,
     motion_steps,
     motion_values,
+    state_residuals,
 )
 from seatrial.analysis.tables.export import write_parquet
 from seatrial.analysis.tables.resample import grid, rate_fraction
@@ -60,6 +60,23 @@ from seatrial.analysis.tables.table import (
 _BLOCKS = 20
 _NORMAL_95 = 1.959964
 _HARMLESS = (0.816, 1.170)  # NIS at which bands of 95 % hold 97 and 93 %: (1.960 / 2.170)^2, (1.960 / 1.812)^2
+_UNITS = {"m": "m", "deg": "deg", "mps": "m/s", "dps": "deg/s", "mps2": "m/s2", "dps2": "deg/s2"}
+_CHANNELS_OF = {
+    "heading_rad": ("heading_deg",),
+    "yaw_rate_radps": ("yaw_rate_dps",),
+    "position_m": ("north_m", "east_m"),
+    "speed_mps": ("surge_mps", "sway_mps"),
+    "yaw_jerk": ("heading_deg", "yaw_rate_dps"),
+    "jerk": ("north_m", "east_m", "surge_mps", "sway_mps"),
+}
+"""The channels of each level of :class:`.motion_model.NoiseLevels`."""
+
+COVARIANCE_NAMES = tuple(f"cov_{first}_{second}" for row, first in enumerate(BODY[:6]) for second in BODY[row:6])
+"""The 21 distinct elements of the covariance of pose and velocity, row by row of its upper triangle."""
+
+_RESTART_S = 300.0  # the covariance grows with the fifth power of time: beyond this there is no information left
+_BLOCK_STEPS, _OVERLAP_STEPS = 6_000, 400
+_IN_DEGREES = np.array([name in ("heading_deg", "yaw_rate_dps", "yaw_dps2") for name in BODY])
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,14 +114,14 @@ class FilterConsistency:
 def consistency_of(time_s: Floats, innovation: Floats, deviation: Floats, refused: Bools) -> FilterConsistency:
     """Compare innovations [steps, channels] with their standard deviations; rejected ones are counted and left
     out."""
-    judged = {}
+    consistencies = {}
     for number, name in enumerate(CHANNELS):
         valid = np.isfinite(innovation[:, number])
-        kept = valid & ~refused[:, number] & (time_s > time_s[0] + 10.0)
-        if kept.sum() >= 2 * _BLOCKS:
-            ratio = innovation[kept, number] / deviation[kept, number]
-            judged[name] = _consistency(ratio, int((valid & refused[:, number]).sum()))
-    return FilterConsistency(judged)
+        used = valid & ~refused[:, number] & (time_s > time_s[0] + 10.0)
+        if used.sum() >= 2 * _BLOCKS:
+            ratio = innovation[used, number] / deviation[used, number]
+            consistencies[name] = _consistency(ratio, int((valid & refused[:, number]).sum()))
+    return FilterConsistency(consistencies)
 
 
 def _consistency(ratio: Floats, refused: int) -> ChannelConsistency:
@@ -116,25 +133,6 @@ def _consistency(ratio: Floats, refused: int) -> ChannelConsistency:
     low, high = (2.0 * float(gammaincinv(0.5 * independent, share)) / independent for share in (0.025, 0.975))
     inside = float((np.abs(ratio) <= _NORMAL_95).mean())
     return ChannelConsistency(float(nis.mean()), low, high, inside, int(nis.size), independent, refused)
-
-
-_CHANNELS_OF = {
-    "heading_rad": ("heading_deg",),
-    "yaw_rate_radps": ("yaw_rate_dps",),
-    "position_m": ("north_m", "east_m"),
-    "speed_mps": ("surge_mps", "sway_mps"),
-    "yaw_jerk": ("heading_deg", "yaw_rate_dps"),
-    "jerk": ("north_m", "east_m", "surge_mps", "sway_mps"),
-}
-"""The channels of each level of :class:`.noise_levels.NoiseLevels`."""
-
-
-COVARIANCE_NAMES = tuple(f"cov_{first}_{second}" for row, first in enumerate(BODY[:6]) for second in BODY[row:6])
-"""The 21 distinct elements of the covariance of pose and velocity, row by row of its upper triangle."""
-
-_RESTART_S = 300.0  # the covariance grows with the fifth power of time: beyond this there is no information left
-_BLOCK_STEPS, _OVERLAP_STEPS = 6_000, 400
-_IN_DEGREES = np.array([name in ("heading_deg", "yaw_rate_dps", "yaw_dps2") for name in BODY])
 
 
 @dataclass(frozen=True, slots=True)
@@ -209,7 +207,7 @@ def smooth(
     Rows may be unsorted and hold NaN where a channel has no sample. Rows further inside a gap in which neither
     heading nor yaw rate, or neither position nor speed, has a sample for longer than ``longest_gap_s`` are NaN;
     without it the limit is that of :func:`seatrial.analysis.tables.resample.resample`. With a long limit they hold
-    the prediction with its grown covariance, up to 300 s, beyond which the filter starts anew. ``levels`` gives
+    the prediction with its grown covariance, up to 300 s, beyond which the filter restarts. ``levels`` gives
     noise levels that are known; else they are estimated. Raises :class:`InputError` for a table without position or
     heading.
     """
@@ -237,9 +235,9 @@ def smooth(
         spread[rows] = body_covariance(mean @ sums.T, sums @ covariance @ sums.T)
         slow[rows] = body_states((mean * track.model.may_jump) @ sums.T)
     innovation, deviation, refused, means = map(np.concatenate, zip(*parts, strict=True))
-    hidden = in_gaps(table, data.epoch_ns, grid_s, longest_gap_s)
+    in_gap = gap_mask(table, data.epoch_ns, grid_s, longest_gap_s)
     for values in (motion, spread, slow):
-        values[hidden] = np.nan
+        values[in_gap] = np.nan
     return SmoothedMotion(
         _as_table(motion, grid_ns, rate_hz, table),
         spread,
@@ -261,8 +259,8 @@ def _as_table(mean: Floats, grid_ns: Ints, rate_hz: float, table: pd.DataFrame) 
 def _smoothed_block(data: MotionSamples, noise: NoiseLevels, gate: Gate, engine: Engine) -> Track:
     """Two passes: the heading by itself, then everything about it."""
     begin, model = first_state(data), noise.heading_model
-    alone = heading_steps(data, noise.heading_rad, noise.yaw_rate_radps).for_model(model)
-    heading = smooth_steps(alone, begin.for_model(model), model, gate, engine)
+    heading_only = heading_steps(data, noise.heading_rad, noise.yaw_rate_radps).for_model(model)
+    heading = smooth_steps(heading_only, begin.for_model(model), model, gate, engine)
     everything = noise.motion_model
     steps = motion_steps(data, heading.mean @ model.sums[0], noise.by_channel).for_model(everything)
     return smooth_steps(steps, begin.for_model(everything), everything, gate, engine)
@@ -306,12 +304,12 @@ def _rejected(
     An outlier is off the smoothed state ``means`` [steps, 9] by more than its channel's ``limit`` [channels].
     """
     flags = np.zeros((len(table), len(CHANNELS)), dtype=bool)
-    concerned: Bools = np.asarray(refused_steps.any(axis=1))
-    rows = np.flatnonzero((data.step_of >= 0) & concerned[data.step_of])
+    has_refusals: Bools = np.asarray(refused_steps.any(axis=1))
+    rows = np.flatnonzero((data.step_of >= 0) & has_refusals[data.step_of])
     values, step = motion_values(table.iloc[rows]), data.step_of[rows]
     refused = refused_steps[step] & np.isfinite(values)
     offset_s = (times_ns(table)[rows] - data.epoch_ns) / NANO - data.time_s[step]
-    is_outlier = np.abs(apart_from(values, means[step], offset_s)) > limit
+    is_outlier = np.abs(state_residuals(values, means[step], offset_s)) > limit
     for channel in range(len(CHANNELS)):
         outliers = refused[:, channel] & is_outlier[:, channel]
         explained = np.bincount(step[outliers], minlength=data.time_s.size) > 0
@@ -320,7 +318,7 @@ def _rejected(
 
 
 def summary_of(smoothed: SmoothedMotion) -> dict[str, Any]:
-    """The figures of a result for a person or a program: rows, levels, refusals, consistency."""
+    """The figures of a result for a reader or a program: rows, levels, refusals, consistency."""
     return {
         "rows": len(smoothed.states),
         "missing": int(smoothed.states["north_m"].isna().sum()),
@@ -345,6 +343,3 @@ def write_smoothed(smoothed: SmoothedMotion, path: Path | str) -> None:
     provenance = provenance_of(smoothed.states, {"rate_hz": smoothed.states.attrs["rate_hz"]})
     figures = {"smoothing": summary_of(smoothed), "history": provenance["history"], "provenance": provenance}
     write_parquet(rows, path, units, {key: json.dumps(figure) for key, figure in figures.items()})
-
-
-_UNITS = {"m": "m", "deg": "deg", "mps": "m/s", "dps": "deg/s", "mps2": "m/s2", "dps2": "deg/s2"}

@@ -41,7 +41,7 @@ from seatrial.acquisition.core.ship import (
     wrap_360,
 )
 from seatrial.analysis.quality.commands import ORDER_INTERPOLATED, check_orders
-from seatrial.analysis.quality.motion.model import off_the_turn, wild_headings
+from seatrial.analysis.quality.motion.model import heading_deviation, wild_heading_mask
 from seatrial.analysis.series import local_quadratic, runs, white_noise
 from seatrial.analysis.tables.resample import resample
 from seatrial.analysis.tables.table import (
@@ -398,8 +398,8 @@ def _cleaned_heading(table: pd.DataFrame) -> Floats:
     yaw_rate = fill_gaps(table["yaw_rate_dps"].to_numpy(dtype=float))[rows]
     turned = integrate(np.deg2rad(yaw_rate), seconds)
     interval_s = float(np.median(np.diff(seconds))) if rows.size > 1 else 1.0
-    _, off = off_the_turn(np.deg2rad(heading[rows]), turned, max(interval_s, 1e-3))
-    heading[rows[wild_headings(off, turned)]] = np.nan
+    _, off = heading_deviation(np.deg2rad(heading[rows]), turned, max(interval_s, 1e-3))
+    heading[rows[wild_heading_mask(off, turned)]] = np.nan
     return heading
 
 

@@ -3,19 +3,16 @@
 Thresholds come from the channel's own noise, rate and habits, so that no ship and no sensor is the standard.
 All checks together give the channel its flags, its counts and its grade.
 
-Angles that were resampled as plain numbers: straight lines between 360 and 0, or between 180 and -180.
+Angles that were resampled as plain numbers lie on straight lines between 360 and 0, or between 180 and -180: a ship
+that passes north turns by a degree or two while its heading as a number falls by almost a whole turn, and
+interpolation of the numbers draws a line across the circle. Such lines are found from the rate of turn: their ends
+agree with it on the circle, and the samples between them do not.
 
-A ship that passes north turns by a degree or two; her heading as a number falls by almost a whole turn. Whoever
-interpolates the numbers draws a line across the circle, and its samples point anywhere. Found from the rate of
-turn: the ends of such a line agree with it on the circle, and what lies between does not.
-
-Values that alternate between two levels: two sources under one name, read in turn, as of two compasses.
-
-Their mean points where neither does, and nothing else shows it: each value is possible, and the rate is twice what
-it was. The steps from sample to sample are then of two kinds, far apart in size: those of the one quantity that
-both measure, and those from one level to the other, which come in turn up and down and hardly differ from each
-other. Noise, waves and manoeuvres fill what is between; a rudder that is thrown over and back stays over for some
-samples; values that flicker between two neighbouring codes are no more than the channel's own step apart.
+Values that alternate between two levels are those of two sources under one name, read in turn, as of two compasses.
+The steps from sample to sample are then of two kinds, far apart in size: those of the one quantity that both
+measure, and those from one level to the other, which alternate in sign and hardly differ from each other. Noise,
+waves and manoeuvres fill the sizes between; a rudder that is put over and back stays over for some samples; values
+that flicker between two neighbouring codes differ by no more than the channel's own step.
 """
 
 from __future__ import annotations
@@ -46,18 +43,18 @@ from seatrial.analysis.quality.findings import (
     Finding,
     Flags,
     jitter_s,
-    mark,
+    set_flags,
     uniform_flags,
     utc_time,
 )
 from seatrial.analysis.series import (
-    EVERYDAY,
+    EVERYDAY_RESOLUTIONS,
     Samples,
     Stretch,
+    check_group,
     everyday_resolution,
     find_stuck,
     interval_ns,
-    judged_as,
     quantisation_step,
     robust_spread,
     runs,
@@ -72,17 +69,55 @@ WIDEST_SPIKE = 3
 _SPIKE_SIZE = 5.0
 _SPARSE_S = 0.4  # waves of 3 s have hardly eight samples then
 _BLOCK = 64
+"""Steps that are judged together: sources that alternate do so within seconds."""
 _POSSIBLE_RATE = {("command", "rpm"): 150.0, ("command", "deg"): 30.0, ("command", "%"): 30.0,
                   ("environment", "m/s"): 2.0, ("environment", "deg"): 10.0, ("velocity", "m/s"): 0.3,
                   ("velocity", "deg/s"): 1.0}  # fmt: skip
 _POSSIBLE_ACCELERATION = {("pose", "m"): 0.5, ("pose", "deg"): 2.0}
+Grade = Literal["good", "suspect", "bad"]
+BAD_SHARE, SUSPECT_SHARE, JITTER_SHARE = 0.2, 0.01, 0.15
+
+WRAP_INTERPOLATED = "heading_wrap_interpolated"
+_ALWAYS_CHECKED = ("heading_deg", "wind_direction_deg")
+_SMALLEST_DEG = 1.0
+"""Samples nearer than this to where they belong are left: they do no harm and noise looks like them."""
+_LARGEST_DEG = 45.0
+"""An angle whose steps scatter so widely (wind in a calm) that the limit would be larger is not judged."""
+_LONGEST_STEP = 5.0
+"""Steps longer than so many usual ones are holes: what happened there is unknown."""
+_FEWEST_AFFECTED = 0.1
+_CHANCE = 1e-4
+_CONTROL_TURNS_DEG = (73.0, 131.0, 229.0, 287.0)
+"""Not halves, thirds or quarters of a turn: samples on the lines crowd there."""
+
+ALTERNATING = "alternating_levels"
+_FEWEST_TURNS = 8
+_FEWEST_STEPS = 16
+_BETWEEN = (0.25, 0.75)
+"""Steps of these shares of the distance belong to neither kind."""
+_MOST_BETWEEN = 0.02
+_EVEN = 0.12
+"""The spread of the steps between the levels, as a share of the distance; of waves near half the rate it is 0.3."""
+_RETURNS = 0.5
+"""The share of turns with an adjacent one: three in four where two sources come at random, none of a
+rudder that stays over for three samples."""
+_TO_AND_FRO = 0.85
+"""The share of steps against the one before: two thirds of white noise."""
+_RATES = ("deg/s", "m/s")
+_SYMMETRIC = 0.1
+"""Levels of a rate or speed that lie about zero, within this share of their distance, are waves at half the rate of
+recording: two sources that measure the same rate differ by a constant from something that changes."""
+_COARSEST = 20.0
+"""Everyday resolutions that the levels are apart at least."""
+_HALF_TURN_DEG = 150.0
+"""Levels as far apart turn either way, by their noise."""
 
 
 def find_gaps(samples: Series, start_ns: int | None = None, end_ns: int | None = None) -> list[Stretch]:
     """Where the channel is silent for much longer than its own interval; two missing samples are the least.
 
     Silent is longer than 2.5 intervals, and than 2.5 times what 95 % of the intervals keep, for channels that
-    report when something happens. With ``start_ns`` and ``end_ns``, the recording's, also a late first sample
+    report when something happens. With ``start_ns`` and ``end_ns``, the recording's, also a delayed first sample
     and an early last one, beyond 10 s.
     """
     times = np.sort(samples.measured_ns)
@@ -129,53 +164,52 @@ def find_spikes(samples: Series, channel: Channel) -> Bools:
     samples are so far apart that a wave is a sample, also 2.5 times what 97 % of the whole record does, since a
     turn into beam seas raises it at once),
     more than the ship or the thruster could do in the time, more than 3 of the channel's own steps, and more
-    than twice the steps just beside: the crest of a wave and a thruster that is stirred are lively there too.
+    than twice the steps nearby: around the crest of a wave and a thruster that is moved the steps are large too.
     Returning is that before and after agree, but for the local trend: a step of an order does not return.
     """
     places, times, values = sort_by_time(samples, channel)
     bad = np.zeros(samples.value.size, dtype=bool)
     seconds = (times - times[0]) / NANO if times.size else times.astype(float)
-    once = np.concatenate([[True], np.diff(seconds) > 0]) if times.size else np.zeros(0, dtype=bool)
-    places, seconds, values = places[once], seconds[once], values[once]
+    distinct = np.concatenate([[True], np.diff(seconds) > 0]) if times.size else np.zeros(0, dtype=bool)
+    places, seconds, values = places[distinct], seconds[distinct], values[distinct]
     if values.size >= 16:
-        is_spike = np.zeros(values.size, dtype=bool)
-        slope, noise, step = _local_slope(seconds, values), np.zeros(values.size), _smallest_step(values)
-        sustained = 2.0 * _sustained_step(values)
-        sparse = float(np.median(np.diff(seconds))) >= _SPARSE_S
-        for width in range(1, WIDEST_SPIKE + 1):
-            deviation, leaving, span = _deviation_and_return(seconds, values, slope, width)
-            noise = np.maximum(noise, _neighbourhood(deviation, 0.8 if width == 1 else 0.9))
-            if sparse:
-                noise = np.maximum(noise, 0.5 * np.quantile(deviation, 0.97))
-            limit = np.maximum(_SPIKE_SIZE * noise, np.minimum(sustained, _possible_change(channel, span)))
-            starts = np.flatnonzero(leaving > np.maximum(limit, 3.0 * step))
-            starts = starts[leaving[starts] > 2.0 * _neighbouring_scatter(seconds, values, slope, starts, width)]
-            for offset in range(width):
-                is_spike[starts + offset] = True
-        bad[places[is_spike]] = True
+        bad[places[_spike_mask(seconds, values, channel)]] = True
     return bad
 
 
-def _smallest_step(values: Floats) -> float:
-    steps = np.abs(np.diff(values))
-    steps = steps[steps > 0]
-    return float(np.quantile(steps, 0.05)) if steps.size else 0.0
-
-
-def _sustained_step(values: Floats) -> float:
-    """The largest change from sample to sample that went on for two, but for the thousandth part: no spike does."""
-    steps = np.diff(values)
-    both = np.minimum(np.abs(steps[1:]), np.abs(steps[:-1]))
-    return float(np.quantile(np.where(steps[1:] * steps[:-1] > 0.0, both, 0.0), 0.999))
-
-
-def _local_slope(seconds: Floats, values: Floats) -> Floats:
-    """The median rate [unit/s] of the nine steps about each sample."""
+def _spike_mask(seconds: Floats, values: Floats, channel: Channel) -> Bools:
+    """The spikes of :func:`find_spikes` among samples at increasing times."""
     from scipy.ndimage import median_filter
 
-    rates = np.diff(values) / np.diff(seconds)
-    smooth: Floats = median_filter(rates, size=9, mode="nearest")
-    return np.concatenate([smooth[:1], smooth])
+    steps, step_s = np.diff(values), np.diff(seconds)
+    sizes = np.abs(steps)
+    smooth: Floats = median_filter(steps / step_s, size=9, mode="nearest")
+    slope = np.concatenate([smooth[:1], smooth])
+    smallest = float(np.quantile(sizes[sizes > 0], 0.05)) if sizes.any() else 0.0
+    # Changes that go on for two steps, but for the thousandth part: no spike does.
+    lasting = np.where(steps[1:] * steps[:-1] > 0.0, np.minimum(sizes[1:], sizes[:-1]), 0.0)
+    sustained = 2.0 * float(np.quantile(lasting, 0.999))
+    rate, acceleration = (
+        limits.get(check_group(channel), 0.0) for limits in (_POSSIBLE_RATE, _POSSIBLE_ACCELERATION)
+    )
+    sparse = float(np.median(step_s)) >= _SPARSE_S
+    is_spike, noise = np.zeros(values.size, dtype=bool), np.zeros(values.size)
+    for width in range(1, WIDEST_SPIKE + 1):
+        deviation, leaving, span = _deviation_and_return(seconds, values, slope, width)
+        noise = np.maximum(noise, _neighbourhood(deviation, 0.8 if width == 1 else 0.9))
+        if sparse:
+            noise = np.maximum(noise, 0.5 * np.quantile(deviation, 0.97))
+        possible = rate * span / 2.0 + acceleration * span**2 / 8.0
+        limit = np.maximum(_SPIKE_SIZE * noise, np.minimum(sustained, possible))
+        starts = np.flatnonzero(leaving > np.maximum(limit, 3.0 * smallest))
+        # The scatter nearby: the third largest of four steps before and four after, without the trend.
+        nearby = starts[:, None] + np.array([-5, -4, -3, -2, width, width + 1, width + 2, width + 3])
+        nearby = np.clip(nearby, 0, values.size - 2)
+        scatter = np.sort(np.abs(steps[nearby] - slope[starts, None] * step_s[nearby]), axis=1)[:, -3]
+        starts = starts[leaving[starts] > 2.0 * scatter]
+        for offset in range(width):
+            is_spike[starts + offset] = True
+    return is_spike
 
 
 def _deviation_and_return(
@@ -192,44 +226,24 @@ def _deviation_and_return(
     deviation = np.empty((width, size))
     for offset in range(width):
         inside = slice(1 + offset, 1 + offset + size)
-        share = (seconds[inside] - seconds[before]) / span
-        deviation[offset] = values[inside] - values[before] - share * (values[after] - values[before])
+        fraction = (seconds[inside] - seconds[before]) / span
+        deviation[offset] = values[inside] - values[before] - fraction * (values[after] - values[before])
     least = np.abs(deviation).min(axis=0)
     one_side = np.abs(np.sign(deviation).sum(axis=0)) == width
     mismatch = np.abs(values[after] - values[before] - slope[1 : 1 + size] * span)
-    together = span <= 2.0 * (width + 1) * np.median(np.diff(seconds))  # across a gap anything may have happened
-    least = np.where(one_side & together, least, 0.0)
+    gapless = span <= 2.0 * (width + 1) * np.median(np.diff(seconds))  # across a gap anything may have happened
+    least = np.where(one_side & gapless, least, 0.0)
     edges = (1, width)
     return np.pad(least, edges), np.pad(np.where(mismatch < 0.5 * least, least, 0.0), edges), np.pad(span, edges)
 
 
-def _neighbouring_scatter(seconds: Floats, values: Floats, slope: Floats, starts: Ints, width: int) -> Floats:
-    """The scatter just beside: the third largest of four steps before and four after, without the trend."""
-    places = starts[:, None] + np.array([-5, -4, -3, -2, width, width + 1, width + 2, width + 3])
-    places = np.clip(places, 0, values.size - 2)
-    steps = np.diff(values)[places] - slope[starts, None] * np.diff(seconds)[places]
-    return np.sort(np.abs(steps), axis=1)[:, -3]
-
-
-def _neighbourhood(leaving: Floats, share: float) -> Floats:
-    """The quantile at ``share`` of the samples about each one: the largest of three blocks of 64."""
+def _neighbourhood(leaving: Floats, probability: float) -> Floats:
+    """The quantile at ``probability`` of the samples about each one: the largest of three blocks of 64."""
     blocks = max(leaving.size // _BLOCK, 1)
     length = min(_BLOCK, leaving.size)
-    scale = np.quantile(leaving[: blocks * length].reshape(blocks, length), share, axis=1)
+    scale = np.quantile(leaving[: blocks * length].reshape(blocks, length), probability, axis=1)
     wide = np.maximum(scale, np.maximum(np.append(scale[1:], scale[-1]), np.insert(scale[:-1], 0, scale[0])))
     return np.pad(np.repeat(wide, length), (0, leaving.size - blocks * length), mode="edge")
-
-
-def _possible_change(channel: Channel, span_s: Floats) -> Floats:
-    """How far a ship or a thruster can leave and return within a time: at a rate, or with an acceleration."""
-    kind = judged_as(channel)
-    acceleration = _POSSIBLE_ACCELERATION.get(kind, 0.0)
-    result: Floats = _POSSIBLE_RATE.get(kind, 0.0) * span_s / 2.0 + acceleration * span_s**2 / 8.0
-    return result
-
-
-Grade = Literal["good", "suspect", "bad"]
-BAD_SHARE, SUSPECT_SHARE, JITTER_SHARE = 0.2, 0.01, 0.15
 
 
 @dataclass(frozen=True, slots=True)
@@ -260,19 +274,19 @@ class ChannelQuality:
 @dataclass(frozen=True, slots=True)
 class ChannelFaults:
     """What the checks of one channel found, by the code of the finding: ``masks`` over its samples, and ``listed``
-    stretches, sized in the unit that the finding speaks of.
+    stretches, sized in the unit of the finding.
 
-    ``other_turn`` says that what is out of range is an angle in the other convention.
+    ``other_convention`` says that what is out of range is an angle in the other convention.
     """
 
     channel: Channel
     samples: Series
     masks: dict[str, Bools]
     listed: dict[str, list[Stretch]]
-    other_turn: bool = False
+    other_convention: bool = False
 
     def flags(self) -> Flags:
-        """The graver flag of all checks, sample by sample; a value that its decoder called bad is bad."""
+        """The most severe flag of all checks, sample by sample; a value that its decoder flagged bad is bad."""
         flags = np.full(self.samples.value.size, Quality.GOOD, dtype=np.uint8)
         flags[self.masks["duplicate"] | self.masks["time_backwards"]] = Quality.SUSPECT
         unknown = np.isnan(valid_values(self.samples))
@@ -280,22 +294,22 @@ class ChannelFaults:
         return flags
 
     def stretches(self, code: str) -> list[Stretch]:
-        """Where the channel has this kind of trouble, sized in the unit that the finding speaks of."""
+        """Where the channel has this kind of fault, sized in the unit of the finding."""
         if code in self.listed:
             return self.listed[code]
         stretches = stretches_of(self.samples.measured_ns, self.masks[code])
         return [self._sized(stretch) for stretch in stretches] if code == "spike" else stretches
 
     def _sized(self, stretch: Stretch) -> Stretch:
-        """A spike sized by how far it leaves what is around it [the channel's unit]."""
+        """A spike sized by its distance from its neighbours [the channel's unit]."""
         at = int(np.flatnonzero(self.samples.measured_ns == stretch.start_ns)[0])
         neighbours = valid_values(self.samples)[max(at - 4, 0) : at + 7]
         turns = np.array([self.channel.wrapped(deviation) for deviation in neighbours - neighbours[min(at, 4)]])
         turns = np.where(turns > 180.0, turns - 360.0, turns) if self.channel.circular else turns
         return Stretch(stretch.start_ns, stretch.end_ns, abs(float(np.nanmedian(turns))))
 
-    def quality(self, named: bool, jumps: list[ClockJump]) -> ChannelQuality:
-        """The channel in figures; ``named`` is whether a finding is about it."""
+    def quality(self, has_finding: bool, jumps: list[ClockJump]) -> ChannelQuality:
+        """The channel in figures; ``has_finding`` is whether a finding is about it."""
         times, gaps = self.samples.measured_ns, self.listed["gap"]
         span_s = float(times.max() - times.min()) / NANO if times.size else 0.0
         interval = interval_ns(times) / NANO
@@ -311,7 +325,7 @@ class ChannelFaults:
             out_of_range=int(self.masks["out_of_range"].sum()),
             duplicates=int(self.masks["duplicate"].sum()),
             time_backwards=len(self.listed["time_backwards"]),
-            grade=grade_of(count_flags(self.flags()), missing, named),
+            grade=grade_of(count_flags(self.flags()), missing, has_finding),
             missing=missing,
         )
 
@@ -361,34 +375,20 @@ def count_flags(flags: Flags) -> dict[int, int]:
     return {int(kind): int(count) for kind, count in zip(kinds, counts, strict=True)}
 
 
-def grade_of(flagged: dict[int, int], missing: int, named: bool) -> Grade:
+def grade_of(flagged: dict[int, int], missing: int, has_finding: bool) -> Grade:
     """Bad if more than 20 % of the samples due are bad or missing; suspect if more than 1 % are not good, or if a
     finding names the channel; else good."""
-    due = sum(flagged.values()) + missing
+    expected = sum(flagged.values()) + missing
     lost = flagged.get(Quality.BAD, 0) + missing
     doubtful = lost + flagged.get(Quality.SUSPECT, 0)
-    if not due or lost > BAD_SHARE * due:
+    if not expected or lost > BAD_SHARE * expected:
         return "bad"
-    return "suspect" if named or doubtful > SUSPECT_SHARE * due else "good"
+    return "suspect" if has_finding or doubtful > SUSPECT_SHARE * expected else "good"
 
 
-WRAP_INTERPOLATED = "heading_wrap_interpolated"
-_ALWAYS_JUDGED = ("heading_deg", "wind_direction_deg")
-_SMALLEST_DEG = 1.0
-"""Samples nearer than this to where they belong are left: they do no harm and noise looks like them."""
-_LARGEST_DEG = 45.0
-"""An angle whose steps scatter so widely (wind in a calm) that the limit would be larger is not judged."""
-_LONGEST_STEP = 5.0
-"""Steps longer than so many usual ones are holes: what happened there is not known."""
-_FEWEST_SPOILT = 0.1
-_LUCK = 1e-4
-_CONTROL_TURNS_DEG = (73.0, 131.0, 229.0, 287.0)
-"""Not halves, thirds or quarters of a turn: samples on the lines crowd there."""
-
-
-def is_judged(table: pd.DataFrame, name: str) -> bool:
+def is_checked_angle(table: pd.DataFrame, name: str) -> bool:
     """Whether a channel is an angle that :func:`check_heading_wrap` judges: heading, wind, an actuator's."""
-    return name in _ALWAYS_JUDGED or (name in table_controls(table) and is_circular(name))
+    return name in _ALWAYS_CHECKED or (name in table_controls(table) and is_circular(name))
 
 
 def check_heading_wrap(table: pd.DataFrame) -> CheckResult:
@@ -397,16 +397,25 @@ def check_heading_wrap(table: pd.DataFrame) -> CheckResult:
     Judges the heading, the wind's direction and the azimuths, one finding a channel; the samples on the
     lines are flagged bad. ``estimate`` says how many ``samples`` on how many ``places``.
     """
-    judged = (name for name in (*_ALWAYS_JUDGED, *table_controls(table)) if is_judged(table, name))
+    judged = (name for name in (*_ALWAYS_CHECKED, *table_controls(table)) if is_checked_angle(table, name))
     names = tuple(name for name in judged if name in table)
     flags, index, findings = uniform_flags(table, names), utc_index(table), []
     for name in names:
         series = _possible_samples(table, name)
         wrong, places = _wrong_samples(table, name, series)
         rows = series.rows[wrong]
-        mark(flags, name, rows, Quality.BAD)
+        set_flags(flags, name, rows, Quality.BAD)
         if places:
-            findings.append(_wrap_finding(name, index[rows[0]], index[rows[-1]], rows.size, places))
+            seam = "360 and 0" if BY_NAME[name].low == 0.0 else "180 and -180"
+            text = (
+                f"{name} was interpolated as a plain number between {seam}: {rows.size} samples in {places} places"
+            )
+            remedy = "They are put back on the circle between their neighbours by --repair"
+            estimate, ends = (
+                {"samples": float(rows.size), "places": float(places)},
+                (index[rows[0]], index[rows[-1]]),
+            )
+            findings.append(Finding(WRAP_INTERPOLATED, name, *ends, text, remedy, estimate, certain=True))
     return CheckResult(flags, tuple(findings))
 
 
@@ -416,14 +425,6 @@ def seam_line_mask(table: pd.DataFrame, name: str) -> Bools:
     series = _possible_samples(table, name)
     wrong[series.rows[_wrong_samples(table, name, series)[0]]] = True
     return wrong
-
-
-def _wrap_finding(name: str, start: pd.Timestamp, end: pd.Timestamp, samples: int, places: int) -> Finding:
-    seam = "360 and 0" if BY_NAME[name].low == 0.0 else "180 and -180"
-    text = f"{name} was interpolated as a plain number between {seam}: {samples} samples in {places} places"
-    remedy = "They are put back on the circle between their neighbours by --repair"
-    return Finding(WRAP_INTERPOLATED, name, start, end, text, remedy,
-                   {"samples": float(samples), "places": float(places)}, certain=True)  # fmt: skip
 
 
 def _possible_samples(table: pd.DataFrame, name: str) -> Samples:
@@ -436,14 +437,17 @@ def _possible_samples(table: pd.DataFrame, name: str) -> Samples:
 def _wrong_samples(table: pd.DataFrame, name: str, series: Samples) -> tuple[Bools, int]:
     """The wrong samples [n] and the number of places; none where chance explains them as well.
 
-    A spike that happens to stand where the ship passes north looks the same. It would stand as often where she
+    A spike that happens to stand where the ship passes north looks the same. It would stand as often where it
     passes east, so the circle is turned, and what is found then is what chance brings; and spikes stand in few
     of the passages, and at other places too. Angles without a measured rate must show three places.
     """
     nothing = np.zeros(series.rows.size, np.bool_), 0
     if series.rows.size < 4:
         return nothing
-    expected_deg = _expected_steps(table, name, series)
+    rate, expected_deg = samples_of(table, "yaw_rate_dps"), np.zeros(series.rows.size - 1)
+    if name == "heading_deg" and rate.rows.size >= 2:
+        rate_dps = np.interp(series.time_s, rate.time_s, rate.value)
+        expected_deg = 0.5 * (rate_dps[1:] + rate_dps[:-1]) * np.diff(series.time_s)
     scatter_deg = robust_spread(difference(np.diff(series.value), expected_deg))
     if 10.0 * scatter_deg > _LARGEST_DEG:
         return nothing
@@ -452,20 +456,11 @@ def _wrong_samples(table: pd.DataFrame, name: str, series: Samples) -> tuple[Boo
     lines = _lines(series.time_s, from_seam, expected_deg, limit_deg)
     if lines.places < (1 if name == "heading_deg" else 3) or lines.could_be_spikes():
         return nothing
-    turned = [
+    control_places = [
         _lines(series.time_s, wrap_360(from_seam + turn), expected_deg, limit_deg).places
         for turn in _CONTROL_TURNS_DEG
     ]
-    return (lines.wrong, lines.places) if lines.places > 3 * max(turned) else nothing
-
-
-def _expected_steps(table: pd.DataFrame, name: str, series: Samples) -> Floats:
-    """How far the angle should turn from each sample to the next [n-1, deg]: by the yaw rate, else not at all."""
-    rate = samples_of(table, "yaw_rate_dps")
-    if name != "heading_deg" or rate.rows.size < 2:
-        return np.zeros(series.rows.size - 1)
-    rate_dps = np.interp(series.time_s, rate.time_s, rate.value)
-    return 0.5 * (rate_dps[1:] + rate_dps[:-1]) * np.diff(series.time_s)
+    return (lines.wrong, lines.places) if lines.places > 3 * max(control_places) else nothing
 
 
 @dataclass(frozen=True, slots=True)
@@ -475,10 +470,12 @@ class _Group:
     first: int
     last: int
     turns: int
-    off_deg: Floats
+    deviation_deg: Floats
     """How far the samples between the ends are from where they belong."""
     closes: bool
     """Whether the ends agree with the rate of turn on the circle."""
+    returns: bool
+    """Whether steps of one sign, two or more, make up a whole turn: there and back again."""
     at_seam: bool
 
 
@@ -488,17 +485,17 @@ class _Lines:
 
     wrong: Bools
     places: int
-    spoilt_passages: int
-    sound_passages: int
+    affected_passages: int
+    clean_passages: int
     elsewhere: int
     """Excursions of the same kind that have nothing to do with the seam."""
 
     def could_be_spikes(self) -> bool:
         """Whether few of the passages are affected, or no more than the excursions elsewhere make likely."""
-        passages = self.spoilt_passages + self.sound_passages
-        share = _LUCK + 3.0 * self.elsewhere / self.wrong.size
-        by_chance = float(special.bdtrc(self.spoilt_passages - 1, passages, min(share, 1.0)))
-        return self.spoilt_passages < _FEWEST_SPOILT * passages or by_chance > 0.01
+        passages = self.affected_passages + self.clean_passages
+        share = _CHANCE + 3.0 * self.elsewhere / self.wrong.size
+        by_chance = float(special.bdtrc(self.affected_passages - 1, passages, min(share, 1.0)))
+        return self.affected_passages < _FEWEST_AFFECTED * passages or by_chance > 0.01
 
 
 def _lines(time_s: Floats, from_seam_deg: Floats, expected_deg: Floats, limit_deg: float) -> _Lines:
@@ -514,19 +511,15 @@ def _lines(time_s: Floats, from_seam_deg: Floats, expected_deg: Floats, limit_de
         for first, stop in zip(*runs(wild), strict=True)
         if stop - first >= 2
     ]
-    usable = [group for group in groups if group.closes and (np.abs(group.off_deg) > 2.0 * limit_deg).any()]
+    usable = [group for group in groups if group.closes and (np.abs(group.deviation_deg) > 2.0 * limit_deg).any()]
     wrong = np.zeros(time_s.size, np.bool_)
     whole_deg = 360.0 - 6.0 * limit_deg
-    certain = [
-        group
-        for group in usable
-        if abs(group.turns) == 1 or _makes_whole_turn(step_deg[group.first : group.last], whole_deg)
-    ]
+    certain = [group for group in usable if abs(group.turns) == 1 or group.returns]
     # Swinging about the seam, samples may go astray twice and come back on the side they left from: no turn
     # is left over. Alone that is a spike near north; beside places that are sure it is one of them.
     swings = [group for group in usable if group.turns == 0 and group.at_seam and len(certain) >= 3]
     for group in (*certain, *swings):
-        wrong[group.first + 1 : group.last] |= np.abs(group.off_deg) > limit_deg
+        wrong[group.first + 1 : group.last] |= np.abs(group.deviation_deg) > limit_deg
     passes = (np.abs(step_deg) > whole_deg) & ~wrong[:-1] & ~wrong[1:]
     elsewhere = sum(group.turns == 0 and not group.at_seam for group in usable)
     return _Lines(wrong, int(runs(wrong)[0].size), len(certain), int(passes.sum()), int(elsewhere))
@@ -536,47 +529,20 @@ def _group(first: int, last: int, from_seam_deg: Floats, path_deg: Floats, limit
     turned = from_seam_deg[last] - from_seam_deg[first]
     expected = path_deg[last] - path_deg[first]
     turns = round((turned - expected) / 360.0)
-    left_deg = turned - expected - 360.0 * turns
+    residual_deg = turned - expected - 360.0 * turns
     inside = np.arange(first + 1, last)
-    share = (inside - first) / (last - first)
-    belongs = from_seam_deg[first] + path_deg[inside] - path_deg[first] + share * left_deg
-    off_deg = difference(from_seam_deg[inside], belongs)
+    fraction = (inside - first) / (last - first)
+    due_deg = from_seam_deg[first] + path_deg[inside] - path_deg[first] + fraction * residual_deg
+    deviation_deg = difference(from_seam_deg[inside], due_deg)
     # A rate of turn that is a few per cent wrong adds its share over a long group.
-    closes = abs(left_deg) < limit_deg * np.sqrt(last - first) + 0.1 * abs(expected)
+    closes = abs(residual_deg) < limit_deg * np.sqrt(last - first) + 0.1 * abs(expected)
     ends = from_seam_deg[[first, last]]
     at_seam = bool((np.minimum(ends, 360.0 - ends) < 3.0 * limit_deg).all())
-    return _Group(first, last, turns, off_deg, bool(closes), at_seam)
-
-
-def _makes_whole_turn(step_deg: Floats, whole_deg: float) -> bool:
-    """Whether a stretch of one sign, of two steps or more, makes up a whole turn: there and back again."""
-    sign = np.sign(step_deg)
-    starts, lengths = runs_of_equal(np.diff(sign) != 0.0)
-    return bool(((np.abs(np.add.reduceat(step_deg, starts)) > whole_deg) & (lengths >= 2)).any())
-
-
-ALTERNATING = "alternating_levels"
-"""Steps that are judged together: sources that take turns do so within seconds."""
-_FEWEST_TURNS = 8
-_FEWEST_STEPS = 16
-_BETWEEN = (0.25, 0.75)
-"""Steps of these shares of the distance belong to neither kind."""
-_MOST_BETWEEN = 0.02
-_EVEN = 0.12
-"""The spread of the steps between the levels, as a share of the distance; of waves near half the rate it is 0.3."""
-_RETURNS = 0.5
-"""The share of turns with another right beside them: three in four where two sources come at random, none of a
-rudder that stays over for three samples."""
-_TO_AND_FRO = 0.85
-"""The share of steps against the one before: two thirds of white noise."""
-_RATES = ("deg/s", "m/s")
-_SYMMETRIC = 0.1
-"""Levels of a rate or speed that lie about zero, within this share of their distance, are waves at half the rate of
-recording: two sources that measure the same rate differ by a constant from something that changes."""
-_COARSEST = 20.0
-"""Everyday resolutions that the levels are apart at least."""
-_HALF_TURN_DEG = 150.0
-"""Levels as far apart turn either way, by their noise."""
+    step_deg = np.diff(from_seam_deg[first : last + 1])
+    starts, lengths = runs_of_equal(np.diff(np.sign(step_deg)) != 0.0)
+    whole_turns = np.abs(np.add.reduceat(step_deg, starts)) > 360.0 - 6.0 * limit_deg
+    returns = bool((whole_turns & (lengths >= 2)).any())
+    return _Group(first, last, turns, deviation_deg, bool(closes), returns, at_seam)
 
 
 @dataclass(frozen=True, slots=True)
@@ -605,16 +571,19 @@ def find_levels(samples: Series, channel: Channel) -> AlternatingLevels | None:
     alternate = _alternate(blocks, separation, channel)
     distance = float(np.median(separation[alternate])) if alternate.any() else 0.0
     alternate &= np.abs(separation - distance) < _EVEN * distance
-    if (
-        not alternate.any()
-        or _is_own_step(values, distance, channel)
-        or _is_oscillation(blocks, separation, alternate)
-    ):
+    if not alternate.any() or _is_grid_step(values, distance, channel):
+        return None
+    # Waves at half the rate of recording, whose size comes and goes, look like two levels while they are largest:
+    # then the steps of other blocks go up and down in turn as well, but by less.
+    largest = float(np.median(separation[alternate]))
+    to_and_fro = np.mean(blocks[:, 1:] * blocks[:, :-1] < 0.0, axis=1) > _TO_AND_FRO
+    smaller = (separation > _BETWEEN[0] * largest) & (separation < (1.0 - _EVEN) * largest)
+    if (to_and_fro & smaller & ~alternate).any():
         return None
     side = np.zeros(samples.value.size, dtype=np.int64)
     for first in firsts[alternate][::-1]:
         inside = slice(first, first + width + 1)
-        side[places[inside]] = sides = _sides(values[inside], distance, channel)
+        side[places[inside]] = sides = _level_sides(values[inside], distance, channel)
     lower, upper = (channel.wrapped(float(np.median(values[inside][sides == level]))) for level in (-1, 1))
     if channel.unit in _RATES and abs(lower + upper) < _SYMMETRIC * distance:
         return None
@@ -635,25 +604,13 @@ def _alternate(blocks: Floats, separation: Floats, channel: Channel) -> Bools:
     in_turn = (np.ptp(np.pad(balance, ((0, 0), (1, 0))), axis=1) <= 1.0) | either_way
     neighbours = np.pad(turns, ((0, 0), (1, 1)))
     returning = (turns & (neighbours[:, :-2] | neighbours[:, 2:])).sum(axis=1) >= _RETURNS * turns.sum(axis=1)
-    is_coarse = separation > _COARSEST * _resolution(channel)
+    declared = channel.group == "declared"
+    resolution = EVERYDAY_RESOLUTIONS.get(channel.unit, 0.0) if declared else everyday_resolution(channel)
+    is_coarse = separation > _COARSEST * resolution
     return np.asarray(enough & between & (spread <= _EVEN) & in_turn & returning & is_coarse)
 
 
-def _is_oscillation(blocks: Floats, separation: Floats, alternate: Bools) -> bool:
-    """Whether the steps of other blocks go up and down in turn as well, but by less: waves at half the rate of
-    recording, whose size comes and goes, look like two levels while it is at its largest."""
-    distance = float(np.median(separation[alternate]))
-    to_and_fro = np.mean(blocks[:, 1:] * blocks[:, :-1] < 0.0, axis=1) > _TO_AND_FRO
-    smaller = (separation > _BETWEEN[0] * distance) & (separation < (1.0 - _EVEN) * distance)
-    return bool((to_and_fro & smaller & ~alternate).any())
-
-
-def _resolution(channel: Channel) -> float:
-    """The everyday resolution of a channel, of a declared one by its unit."""
-    return EVERYDAY.get(channel.unit, 0.0) if channel.group == "declared" else everyday_resolution(channel)
-
-
-def _is_own_step(values: Floats, separation: float, channel: Channel) -> bool:
+def _is_grid_step(values: Floats, separation: float, channel: Channel) -> bool:
     """Whether the levels are neighbours on the grid of the channel's values.
 
     A ship that lies still shows no values but two: they are no neighbours on a grid that counts from zero unless
@@ -666,42 +623,41 @@ def _is_own_step(values: Floats, separation: float, channel: Channel) -> bool:
     return channel.unit == "m" or bool(np.quantile(from_grid, 0.9) < 0.02)
 
 
-def _sides(values: Floats, separation: float, channel: Channel) -> Ints:
+def _level_sides(values: Floats, separation: float, channel: Channel) -> Ints:
     """On which level each of some values lies, by the turns between them: 1 the upper, -1 the lower."""
     turned = np.concatenate([[0], np.cumsum(np.abs(np.diff(values)) > _BETWEEN[1] * separation)]) % 2
     offset = difference(values, values[0]) if channel.circular else values
-    odd, even = (np.median(offset[turned == which]) for which in (1, 0))
+    odd, even = (np.median(offset[turned == parity]) for parity in (1, 0))
     return np.where(turned == (1 if odd > even else 0), 1, -1)
 
 
 def alternation_findings(series: Mapping[str, Series], channels: Mapping[str, Channel]) -> list[Finding]:
     """A finding for each channel that alternates between two levels, which names both and, if they are known, both
     sources."""
-    detected = {
-        name: find_levels(_values_in_range(samples, channels[name]), channels[name])
-        for name, samples in series.items()
-        if not channels[name].state
-    }
-    return [
-        _levels_finding(channels[name], series[name], levels)
-        for name, levels in detected.items()
-        if levels is not None
-    ]
-
-
-def _values_in_range(samples: Series, channel: Channel) -> Series:
-    """The samples without the values that no such channel has, of which arithmetic makes no number."""
-    return replace(samples, value=np.where(is_possible(channel, samples.value), samples.value, np.nan))
+    findings = []
+    for name, samples in series.items():
+        channel = channels[name]
+        if not channel.state:
+            possible = np.where(is_possible(channel, samples.value), samples.value, np.nan)
+            levels = find_levels(replace(samples, value=possible), channel)
+            if levels is not None:
+                findings.append(_levels_finding(channel, samples, levels))
+    return findings
 
 
 def _levels_finding(channel: Channel, samples: Series, levels: AlternatingLevels) -> Finding:
-    lower, upper = (_main_source(samples, levels.side == side) for side in (-1, 1))
+    main_sources = []
+    for side in (-1, 1):
+        index = samples.source_index[levels.side == side]
+        number = int(np.bincount(index).argmax()) if index.size else 0
+        main_sources.append(samples.sources[number] if index.size and samples.sources else "")
+    lower, upper = main_sources
     named = lower != upper and bool(lower and upper)
-    of = (f" ({lower})", f" ({upper})") if named else ("", "")
+    labels = (f" ({lower})", f" ({upper})") if named else ("", "")
     times = samples.measured_ns[levels.side != 0]
     text = (
-        f"{channel.name} alternates between two levels, {levels.lower:.4g}{of[0]} and {levels.upper:.4g} "
-        f"{channel.unit}{of[1]}, {levels.separation:.3g} {channel.unit} apart, {levels.turns:,} times: "
+        f"{channel.name} alternates between two levels, {levels.lower:.4g}{labels[0]} and {levels.upper:.4g} "
+        f"{channel.unit}{labels[1]}, {levels.separation:.3g} {channel.unit} apart, {levels.turns:,} times: "
         f"two sources under one name"
     )
     remedy = "Record or import one of the sources alone; a mean of both is what neither measured"
@@ -713,9 +669,3 @@ def _levels_finding(channel: Channel, samples: Series, levels: AlternatingLevels
     }
     ends = utc_time(int(times.min())), utc_time(int(times.max()))
     return Finding(ALTERNATING, channel.name, *ends, text, remedy, estimate)
-
-
-def _main_source(samples: Series, chosen: Bools) -> str:
-    """The source of most of the chosen samples; empty where it is not known."""
-    index = samples.source_index[chosen]
-    return samples.sources[int(np.bincount(index).argmax())] if index.size and samples.sources else ""

@@ -1,10 +1,9 @@
 """What is wrong with a recording: every channel by itself, its times, then the channels against each other.
 
-Findings by their cause: what one outage or one source did to many channels is one thing to read, and to mend.
-
-Findings of one code belong together where their channels share the places: silences that begin and end together,
-whatever source each channel is from, as what is derived is silent with its inputs; other faults where they come of
-one source in one stretch of time. The recorder's own event beside an outage is quoted.
+Findings are grouped by their cause: what one outage or one source did to many channels is one thing to read, and to
+correct. Findings of one code belong together where their channels share the places: silences that begin and end
+together, whatever source each channel is from, as what is derived is silent with its inputs; other faults where
+they come from one source in one stretch of time. The recorder's own event near an outage is quoted.
 """
 
 from __future__ import annotations
@@ -55,7 +54,7 @@ from seatrial.analysis.quality.motion.model import coarse_fit
 from seatrial.analysis.quality.wind import check_wind
 from seatrial.analysis.series import ASSUMED, Stretch, expected_rates, rows_of, series_of
 from seatrial.analysis.tables.table import (
-    MOST,
+    LARGEST_VALUE,
     NANO,
     index_of,
     main_stretch,
@@ -77,13 +76,24 @@ SEVERITY = ("time_outlier", "clock_jump", "alternating_levels", "time_backwards"
            "speed_scale", "yaw_rate_scale", "channel_delay", "position_time_jitter", "heading_time_jitter",
            "heading_offset", "yaw_rate_bias", "position_offset", "wind_apparent", "wind_direction_offset",
            "order_interpolated", "spike", "gap", "quantised", "time_jitter", "duplicate")  # fmt: skip
-"""Codes of findings, the gravest first; others come behind."""
+"""Codes of findings, the most severe first; others come last."""
 
 _PAIRS = {"north_m": "east_m", "east_m": "north_m", "surge_mps": "sway_mps", "sway_mps": "surge_mps"}
 _WINDS = (("wind_direction_deg", "wind_speed_mps"), ("apparent_wind_angle_deg", "apparent_wind_speed_mps"))
 _SPIKES_BY = frozenset({"heading_wrap_interpolated", "position_time_jitter", "heading_time_jitter"})
 _FINDINGS_BY = {"stuck": frozenset({"feedback_frozen"})}
 """What explains spikes, sample by sample, and findings of one channel altogether."""
+_FEW_OUTSIDE = 0.01
+_NEAR_A_UNIT = 0.1
+_OF_TIME = frozenset({"gap", "duplicate", "time_backwards", "time_jitter", "stuck", "clock_jump"})
+"""Codes of what a source does to all of its channels at once; other faults are the channel's own, unless they are
+of the very same samples."""
+_SLACK_S = 3.0
+"""Channels of one outage fall silent and come back within their intervals and what a source takes to start."""
+_ALIKE = 0.7
+"""The share of the time with a fault that two channels have in common, of the one with more."""
+_EVENT_SLACK_S = 10.0
+"""An event reports an outage up to that long after it: a silent source is noticed with a delay."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,7 +101,7 @@ class DataQuality(Result):
     """The quality of a recording.
 
     ``flags`` has the index of the joined table and a column a channel, uint8: 1 good, 2 not evaluated, 3 suspect,
-    4 bad, 9 missing. ``findings`` come with the gravest first. ``missing`` are the channels of a trial of this ship
+    4 bad, 9 missing. ``findings`` begin with the most severe. ``missing`` are the channels of a trial of this ship
     that the recording lacks altogether, which no check can judge. ``sources`` are those of each channel, ``events``
     the recording's log; ``causes`` are the findings by what they have in common.
     """
@@ -112,7 +122,7 @@ class DataQuality(Result):
 
     @property
     def causes(self) -> tuple[Cause, ...]:
-        """The findings by cause, the gravest first."""
+        """The findings by cause, the most severe first."""
         gaps = {name: channel.gaps for name, channel in self.channels.items()}
         return causes_of(self.findings, gaps, self.sources, self.events)
 
@@ -127,19 +137,21 @@ class DataQuality(Result):
 
 
 def check_recording(
-    recording: Recording, table: pd.DataFrame | None = None, own: Sequence[str] = ()
+    recording: Recording, table: pd.DataFrame | None = None, user_checks: Sequence[str] = ()
 ) -> DataQuality:
-    """Check a recording; ``table`` is its joined table if it is already made, ``own`` are a user's checks.
+    """Check a recording; ``table`` is its joined table if it is already made, ``user_checks`` are a user's checks.
 
     Raises :class:`DataShortageError` for a recording without channels.
     """
     joined = table_of(recording) if table is None else table
     names = channels_of_table(recording.series, joined.attrs)
-    quality = _check({name: recording.series[name] for name in names if name in recording.series}, joined, own)
+    quality = _check(
+        {name: recording.series[name] for name in names if name in recording.series}, joined, user_checks
+    )
     return replace(quality, events=tuple(events_of(recording)))
 
 
-def check_table(table: pd.DataFrame, own: Sequence[str] = ()) -> DataQuality:
+def check_table(table: pd.DataFrame, user_checks: Sequence[str] = ()) -> DataQuality:
     """Check a table of raw samples with a UTC index, its rows in the order of receipt; NaN is no sample.
 
     Columns that are no channels are passed over. ``flags`` have the table's rows. Raises :class:`InputError` for
@@ -155,7 +167,7 @@ def check_table(table: pd.DataFrame, own: Sequence[str] = ()) -> DataQuality:
     order = np.argsort(times_ns(utc), kind="stable")
     joined = utc.iloc[order][[*series]]
     joined.attrs = table.attrs
-    quality = _check(series, joined, own)
+    quality = _check(series, joined, user_checks)
     flags = quality.flags.iloc[np.argsort(order, kind="stable")].set_axis(table.index, axis=0)
     return replace(quality, flags=flags)
 
@@ -192,32 +204,40 @@ def _check_stretch(
         name: channel_faults(channels[name], samples, rates.get(name), bounds, sources.get(name) == [ASSUMED])
         for name, samples in series.items()
     }
-    _drop_turns_of_faint_wind(faults)
+    _drop_spikes_of_faint_wind(faults)
     rows = {name: rows_of(stamps, samples.measured_ns) for name, samples in series.items()}
-    joined = _with_other_unit(joined, faults, rows)
-    possible = _possible(joined, faults, rows)
-    checked = [check(possible) for check in (*CHECKS, *map(own_check, user_checks))]
+    joined = _restore_yaw_rate_in_other_unit(joined, faults, rows)
+    possible = _without_impossible(joined, faults, rows)
+    checked = [check(possible) for check in (*CHECKS, *map(load_check, user_checks))]
     across = tuple(finding for result in checked for finding in result.findings)
-    _drop_explained_spikes(faults, rows, checked)
-    jumps, jump_findings = _clock_jumps(series, joined)
-    in_turn_findings = alternation_findings({name: fault.samples for name, fault in faults.items()}, channels)
-    checked += [
-        CheckResult(uniform_flags(joined, [finding.channel], Quality.SUSPECT)) for finding in in_turn_findings
-    ]
+    for result in checked:
+        explained = {finding.channel for finding in result.findings if finding.code in _SPIKES_BY}
+        for name in explained & set(faults) & set(result.flags.columns):
+            doubtful = np.isin(result.flags[name].to_numpy()[rows[name]], (Quality.SUSPECT, Quality.BAD))
+            faults[name].masks["spike"][doubtful] = False
+    received = reception_jumps(series)  # where reception was recorded; else jumps against the ship's motion
+    jumps = [jump for _, jump in received] or clock_jumps(_in_order_of_receipt(series, joined))
+    clocks = [f"The clock of {source}" for source, _ in received] or ["The clock, but not the ship,"] * len(jumps)
+    alternations = alternation_findings({name: fault.samples for name, fault in faults.items()}, channels)
+    checked += [CheckResult(uniform_flags(joined, [finding.channel], Quality.SUSPECT)) for finding in alternations]
     findings = (
         *earlier_findings,
         *across,
-        *jump_findings,
-        *in_turn_findings,
+        *(clock_jump_finding(jump, ALL, clock) for jump, clock in zip(jumps, clocks, strict=True)),
+        *alternations,
         *_single_findings(faults, across, jumps),
     )
     flags = _merge_all_flags(faults, rows, checked, joined)
     qualities = {name: fault.quality(_is_about(findings, name), jumps) for name, fault in faults.items()}
     missing = tuple(name for name in required_channels(joined) if name not in faults)
-    return DataQuality(qualities, tuple(sorted(findings, key=_severity)), flags, missing, sources)
+    ranks = {code: rank for rank, code in enumerate(SEVERITY)}
+    findings = tuple(
+        sorted(findings, key=lambda finding: (ranks.get(finding.code, len(ranks)), finding.start, finding.channel))
+    )
+    return DataQuality(qualities, findings, flags, missing, sources)
 
 
-def _drop_turns_of_faint_wind(faults: Mapping[str, ChannelFaults]) -> None:
+def _drop_spikes_of_faint_wind(faults: Mapping[str, ChannelFaults]) -> None:
     """Remove spikes of the wind's direction in which the wind itself, as a vector, has none: a faint one turns at
     random."""
     for direction, speed in _WINDS:
@@ -231,21 +251,17 @@ def _drop_turns_of_faint_wind(faults: Mapping[str, ChannelFaults]) -> None:
             faults[direction].masks["spike"][~jumps] = False
 
 
-_FEW_OUTSIDE = 0.01
-_NEAR_A_UNIT = 0.1
-
-
-def _with_other_unit(
+def _restore_yaw_rate_in_other_unit(
     joined: pd.DataFrame, faults: Mapping[str, ChannelFaults], rows: Mapping[str, Ints]
 ) -> pd.DataFrame:
-    """The table with a yaw rate beyond its limits as it was recorded, and the fault taken back, where the heading
-    tells that it is in degrees per minute: then none of its values is impossible."""
+    """The table with a yaw rate beyond its limits as it was recorded, and the fault withdrawn, where the heading
+    shows that it is in degrees per minute: then none of its values is impossible."""
     fault = faults.get("yaw_rate_dps")
     if fault is None or fault.masks["out_of_range"].mean() < _FEW_OUTSIDE:
         return joined
     outside, value = fault.masks["out_of_range"], joined["yaw_rate_dps"].to_numpy(copy=True)
     value[rows["yaw_rate_dps"][outside]] = fault.samples.value[outside]
-    value[np.abs(value) >= MOST] = np.nan
+    value[np.abs(value) >= LARGEST_VALUE] = np.nan
     recorded = joined.assign(yaw_rate_dps=value)
     with suppress(DataShortageError, InputError):
         if abs(60.0 * abs(coarse_fit(recorded).yaw_rate_factor) - 1.0) < _NEAR_A_UNIT:
@@ -254,7 +270,9 @@ def _with_other_unit(
     return joined
 
 
-def _possible(joined: pd.DataFrame, faults: Mapping[str, ChannelFaults], rows: Mapping[str, Ints]) -> pd.DataFrame:
+def _without_impossible(
+    joined: pd.DataFrame, faults: Mapping[str, ChannelFaults], rows: Mapping[str, Ints]
+) -> pd.DataFrame:
     """The table without values out of range, which would dominate every estimate; angles of the other convention
     are brought into the channel's."""
     out_of_range = {name: fault.masks["out_of_range"] for name, fault in faults.items()}
@@ -264,36 +282,15 @@ def _possible(joined: pd.DataFrame, faults: Mapping[str, ChannelFaults], rows: M
     cleaned = joined.copy()
     for name, outside in out_of_range.items():
         column = cleaned[name].to_numpy(copy=True)
-        turned = (
+        corrected = (
             in_turn(faults[name].channel, faults[name].samples.value[outside])
-            if faults[name].other_turn
+            if faults[name].other_convention
             else np.nan
         )
-        column[rows[name][outside]] = turned
+        column[rows[name][outside]] = corrected
         cleaned[name] = column
     cleaned.attrs = joined.attrs
     return cleaned
-
-
-def _drop_explained_spikes(
-    faults: Mapping[str, ChannelFaults], rows: Mapping[str, Ints], checked: list[CheckResult]
-) -> None:
-    """Remove spikes from the faults where a check across channels explains them."""
-    for result in checked:
-        named = {finding.channel for finding in result.findings if finding.code in _SPIKES_BY}
-        for name in named & set(faults) & set(result.flags.columns):
-            flags = result.flags[name].to_numpy()[rows[name]]
-            faults[name].masks["spike"][(flags == Quality.SUSPECT) | (flags == Quality.BAD)] = False
-
-
-def _clock_jumps(series: Mapping[str, Series], joined: pd.DataFrame) -> tuple[list[ClockJump], list[Finding]]:
-    """Jumps against reception where it was recorded, else against the ship's motion."""
-    received = reception_jumps(series)
-    if received:
-        findings = [clock_jump_finding(jump, ALL, f"The clock of {source}") for source, jump in received]
-        return [jump for _, jump in received], findings
-    jumps = clock_jumps(_in_order_of_receipt(series, joined))
-    return jumps, [clock_jump_finding(jump, ALL, "The clock, but not the ship,") for jump in jumps]
 
 
 def _in_order_of_receipt(series: Mapping[str, Series], joined: pd.DataFrame) -> pd.DataFrame:
@@ -318,17 +315,19 @@ def _single_findings(
     channels, findings = {name: fault.channel for name, fault in faults.items()}, list[Finding]()
     for code in WORDING:
         explained = {finding.channel for finding in across if finding.code in _FINDINGS_BY.get(code, ())}
-        troubles = {
+        stretches = {
             name: [stretch for stretch in fault.stretches(code) if (stretch.start_ns, stretch.end_ns) not in jumped]
             for name, fault in faults.items()
             if name not in explained
         }
-        candidates = findings_of(code, troubles, channels)
+        candidates = findings_of(code, stretches, channels)
         contradicted = {finding.channel for finding in across if finding.code == "motion_contradiction"}
-        turned = [name for name, fault in faults.items() if fault.other_turn and name not in contradicted]
+        in_other_convention = [
+            name for name, fault in faults.items() if fault.other_convention and name not in contradicted
+        ]
         findings += [
             other_convention_finding(finding, channels[finding.channel])
-            if code == "out_of_range" and finding.channel in turned
+            if code == "out_of_range" and finding.channel in in_other_convention
             else finding
             for finding in candidates
         ]
@@ -361,12 +360,7 @@ def _is_about(findings: tuple[Finding, ...], name: str) -> bool:
     )
 
 
-def _severity(finding: Finding) -> tuple[int, pd.Timestamp, str]:
-    rank = SEVERITY.index(finding.code) if finding.code in SEVERITY else len(SEVERITY)
-    return rank, finding.start, finding.channel
-
-
-def own_check(name: str) -> Check:
+def load_check(name: str) -> Check:
     """The check of that name: ``FILE.py:FUNCTION``, or an entry point of ``seatrial.checks``.
 
     The function takes the joined table (UTC index, a column a channel, impossible values taken out) and returns
@@ -399,21 +393,10 @@ def _result(returned: object, table: pd.DataFrame) -> CheckResult:
     return CheckResult(uniform_flags(table), findings)
 
 
-_OF_TIME = frozenset({"gap", "duplicate", "time_backwards", "time_jitter", "stuck", "clock_jump"})
-"""Codes of what a source does to all of its channels at once; other faults are the channel's own, unless they are
-of the very same samples."""
-_SLACK_S = 3.0
-"""Channels of one outage fall silent and come back within their intervals and what a source takes to start."""
-_ALIKE = 0.7
-"""The share of the time with a fault that two channels have in common, of the one with more."""
-_EVENT_SLACK_S = 10.0
-"""An event tells of an outage that long after it: a silent source is noticed late."""
-
-
 @dataclass(frozen=True, slots=True)
 class Cause:
     """Findings of one cause, the most severe first, with their channels, the lines that these come from, and what
-    the recorder itself said of it."""
+    the recorder itself reported of it."""
 
     findings: tuple[Finding, ...]
     channels: tuple[str, ...]
@@ -431,13 +414,15 @@ class Cause:
 
     @property
     def text(self) -> str:
-        """All of it as one paragraph: what the first finding says, the channels, the events, what to do."""
+        """All of it as one paragraph: the first finding's text, the channels, the events, what to do."""
         first = self.findings[0]
         shared_text = ""
         if len(self.findings) > 1:
-            of = f" of {', '.join(self.sources)}" if self.sources else ""
+            of_sources = f" of {', '.join(self.sources)}" if self.sources else ""
             remaining = [name for name in self.channels if name != first.channel]
-            shared_text = f". The same holds for {len(remaining)} other channels{of}: {', '.join(remaining)}"
+            shared_text = (
+                f". The same holds for {len(remaining)} other channels{of_sources}: {', '.join(remaining)}"
+            )
         quotation = f'. The recorder said: "{"; ".join(self.events)}"' if self.events else ""
         remedy = f" {first.remedy.rstrip('.')}." if first.remedy else ""
         return f"{first.text.rstrip('.')}{shared_text}{quotation}.{remedy}"
@@ -488,7 +473,14 @@ def _has_same_cause(
     lines = _lines_of(sources, finding.channel)
     if not lines or lines != _lines_of(sources, member.channel):
         return False
-    return _overlap(finding, member) if finding.code in _OF_TIME else _share_samples(finding, member)
+    if finding.code in _OF_TIME:  # what they have in common is most of the time of both
+        common_s = (min(finding.end, member.end) - max(finding.start, member.start)).total_seconds()
+        longest_s = max((part.end - part.start).total_seconds() for part in (finding, member))
+        return common_s >= _ALIKE * longest_s - _SLACK_S
+    # The same samples, as a position's in metres and in degrees are.
+    counts = finding.estimate.get("count"), member.estimate.get("count")
+    same_span = (finding.start, finding.end) == (member.start, member.end)
+    return same_span and None not in counts and counts[0] == counts[1]
 
 
 def _share_silences(first: Sequence[Stretch], second: Sequence[Stretch]) -> bool:
@@ -501,21 +493,6 @@ def _share_silences(first: Sequence[Stretch], second: Sequence[Stretch]) -> bool
     )  # fmt: skip
     longest_s = max(sum(gap.seconds for gap in gaps) for gaps in (first, second))
     return together_s > 0.0 and together_s >= _ALIKE * longest_s
-
-
-def _share_samples(first: Finding, second: Finding) -> bool:
-    """Whether two findings are of the same samples, as a position's in metres and in degrees are."""
-    counted = first.estimate.get("count"), second.estimate.get("count")
-    return (
-        (first.start, first.end) == (second.start, second.end) and None not in counted and counted[0] == counted[1]
-    )
-
-
-def _overlap(first: Finding, second: Finding) -> bool:
-    """Whether what two findings have in common is most of the time of both."""
-    common = (min(first.end, second.end) - max(first.start, second.start)).total_seconds()
-    longest = max((finding.end - finding.start).total_seconds() for finding in (first, second))
-    return common >= _ALIKE * longest - _SLACK_S
 
 
 def _lines_of(sources: Mapping[str, Sequence[str]], channel: str) -> frozenset[str]:
@@ -542,7 +519,7 @@ def _cause(
 
 
 def _events_of(spans: list[tuple[int, int]], lines: tuple[str, ...], log: list[Event]) -> list[str]:
-    """What the log says of these lines, or of the recorder, in stretches of time: the first two and the last."""
+    """The log's entries on these lines, or of the recorder, in stretches of time: the first two and the last."""
     slack_ns = int(_EVENT_SLACK_S * NANO)
     texts = [
         event.text for event in log

@@ -16,12 +16,12 @@ import pandas as pd
 from seatrial.acquisition.core.quantities import Bools, Floats, Ints
 from seatrial.acquisition.core.ship import BY_NAME, KINDS, Actuator, control_of_channel, kind_of_control, unwrap
 from seatrial.acquisition.core.trial import Quality
-from seatrial.analysis.quality.findings import CheckResult, Finding, mark, uniform_flags
+from seatrial.analysis.quality.findings import CheckResult, Finding, set_flags, uniform_flags
 from seatrial.analysis.series import (
     Samples,
     jackknife_error,
+    leave_one_out_ratios,
     mask_of_runs,
-    ratios_without_each,
     runs,
     runs_of_equal,
     samples_of,
@@ -37,6 +37,20 @@ _SLOWEST_OTHER_PER_S = 5.0
 """Drives turn an azimuth by 5-20 deg/s and a shaft by 5 rpm/s and more, steering gear a rudder by over 2 deg/s, and
 pitch goes from nothing to full in 10 to 30 s: slower lines are none of theirs."""
 _ROUNDING = 1e-9
+_REPEATS = 0.3
+"""A feedback that repeats its value more often than this is too coarse, or an order: it may well stand still."""
+_SHORTEST_S = 5.0
+_SHORTEST_SAMPLES = 10
+_IDLE = 0.05
+_CHANCE = 1e-6
+_PER_CENT = 100.0
+_PIECES = 10
+_LEAST_DEG, _HELD_SHARE = 3.0, 0.3
+_LEAST_S, _LEAST_TURN_DEG = 5.0, 10.0
+_UNDER_WAY = 0.3
+_FEWEST_DEG = 60.0
+_CLEARLY = -0.8
+_NEEDED = ("heading_deg", "surge_mps")
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,7 +78,7 @@ def check_orders(table: pd.DataFrame) -> CheckResult:
         series = samples_of(table, name)
         ramps = order_ramps(table, name, series)
         inside = mask_of_runs(ramps.first + 1, ramps.last, series.rows.size)
-        mark(flags, name, series.rows[inside], Quality.SUSPECT)
+        set_flags(flags, name, series.rows[inside], Quality.SUSPECT)
         if ramps.first.size:
             findings.append(_order_finding(name, index, series, ramps))
     return CheckResult(flags, tuple(findings))
@@ -107,33 +121,32 @@ def order_ramps(table: pd.DataFrame, name: str, series: Samples) -> Ramps:
     value = unwrap(series.value) if BY_NAME[name].circular else series.value
     ramps = straight_ramps(series.time_s, value)
     slowest = _SLOWEST_DRIVE_PER_S.get(control_of_channel(name, table_actuators(table)), _SLOWEST_OTHER_PER_S)
-    telling = (np.abs(ramps.slope_per_s) < slowest) & ~_is_drive_limit(ramps.slope_per_s)
-    long_s = ramps.seconds[telling & (ramps.seconds >= _LONG_S)]
+    steepness = np.round(np.log(np.abs(ramps.slope_per_s)), 3)
+    _, group, count = np.unique(steepness, return_inverse=True, return_counts=True)
+    is_drive_limit = count[group] >= max(3, steepness.size / 2)  # which at least half of all share
+    slow = (np.abs(ramps.slope_per_s) < slowest) & ~is_drive_limit
+    long_s = ramps.seconds[slow & (ramps.seconds >= _LONG_S)]
     is_interpolated = long_s.size >= 3 or bool((long_s >= _VERY_LONG_S).any())
     return ramps if is_interpolated else _NO_RAMPS
-
-
-def _is_drive_limit(slope_per_s: Floats) -> Bools:
-    """Whether each slope is one that at least half of all (and three) share: the limit of a drive."""
-    if not slope_per_s.size:
-        return np.zeros(0, np.bool_)
-    steepness = np.round(np.log(np.abs(slope_per_s)), 3)
-    _, which, count = np.unique(steepness, return_inverse=True, return_counts=True)
-    shared: Bools = count[which] >= max(3, slope_per_s.size / 2)
-    return shared
 
 
 def straight_ramps(time_s: Floats, value: Floats) -> Ramps:
     """Where ``value`` lies on sloping lines to rounding, over three equal steps or more.
 
     Rounding is that of floating point, or that of the decimals a file was written with where those are fine
-    beside the values' range; on a coarse grid equal steps prove nothing.
+    compared with the values' range; on a coarse grid equal steps prove nothing.
     """
     if value.size <= _FEWEST_STEPS:
         return _NO_RAMPS
     before_s, after_s = np.diff(time_s)[:-1], np.diff(time_s)[1:]
     line = (value[:-2] * after_s + value[2:] * before_s) / (before_s + after_s)
-    rounding = _rounding(value)
+    scale, span = float(np.abs(value).max()) or 1.0, np.ptp(value)
+    exact = (
+        decimals for decimals in range(3, 7)
+        if 10.0**-decimals < 1e-4 * span and np.all(np.abs(value - np.round(value, decimals)) < 1e-9 * scale)
+    )  # fmt: skip
+    # How far a value on a line may be off it: twice the file's last decimal, if that is fine, else 1e-9.
+    rounding = next((10.0**-decimals for decimals in exact), _ROUNDING * scale)
     slopes = np.abs(value[2:] - value[:-2]) > 8.0 * rounding
     first, stop = runs((np.abs(value[1:-1] - line) <= rounding) & slopes)
     last = stop + 1  # of a run of middles i..j in the inner samples, the line begins at i and ends at j + 2
@@ -141,26 +154,6 @@ def straight_ramps(time_s: Floats, value: Floats) -> Ramps:
     first, last = first[enough], last[enough]
     seconds = time_s[last] - time_s[first]
     return Ramps(first, last, seconds, (value[last] - value[first]) / seconds)
-
-
-def _rounding(value: Floats) -> float:
-    """How far a value on a line may be off it: twice the file's last decimal, if that is fine, else 1e-9."""
-    scale = float(np.abs(value).max()) or 1.0
-    for decimals in range(3, 7):
-        unit = 10.0**-decimals
-        if unit < 1e-4 * np.ptp(value) and bool(np.all(np.abs(value - np.round(value, decimals)) < 1e-9 * scale)):
-            return unit
-    return _ROUNDING * scale
-
-
-_REPEATS = 0.3
-"""A feedback that repeats its value more often than this is too coarse, or an order: it may well stand still."""
-_SHORTEST_S = 5.0
-_SHORTEST_SAMPLES = 10
-_IDLE = 0.05
-_CHANCE = 1e-6
-_PER_CENT = 100.0
-_PIECES = 10
 
 
 def check_thruster_feedback(table: pd.DataFrame) -> CheckResult:
@@ -176,9 +169,9 @@ def check_thruster_feedback(table: pd.DataFrame) -> CheckResult:
         series = samples_of(table, name)
         first, stop = frozen_stretches(table, name, series)
         if name in scaled:
-            mark(flags, name, series.rows, Quality.SUSPECT)
+            set_flags(flags, name, series.rows, Quality.SUSPECT)
         repeats = mask_of_runs(first + 1, stop, series.rows.size)  # the first of a stretch was still measured
-        mark(flags, name, series.rows[repeats], Quality.BAD)
+        set_flags(flags, name, series.rows[repeats], Quality.BAD)
         if first.size:
             findings.append(_frozen_finding(table, name, series, first, stop))
     return CheckResult(flags, (*findings, *scaled.values()))
@@ -231,13 +224,22 @@ def _frozen_finding(table: pd.DataFrame, name: str, series: Samples, first: Ints
 
 def _percent_scaled(table: pd.DataFrame) -> list[Finding]:
     """Shafts whose values are limited to 100 while the sister's are a constant multiple, or that stop at 100."""
-    findings = []
+    findings, actuators = [], table_actuators(table)
     for name in (control for control in table_controls(table) if control.endswith("_rpm")):
         series = samples_of(table, name)
         if series.rows.size < 3 * _PIECES or np.abs(series.value).max() > 1.02 * _PER_CENT:
             continue
-        estimate = next(filter(None, (_factor_to(table, sister, series) for sister in _sisters(table, name))), {})
-        if estimate or _stops_at_100(series.value):
+        kind = kind_of_control(name, actuators)
+        shafts = [actuator.channels[0].name for actuator in actuators if actuator.drives and actuator.kind == kind]
+        estimates = (_factor_to(table, shaft, series) for shaft in shafts if shaft != name)
+        estimate = next(filter(None, estimates), {})
+        # The largest amount is 100 exactly and stands there for 1 % of the time on two occasions. Elsewhere it has
+        # to be noisy, as a reading that is limited is: an order of 100 rpm stands at 100 rpm.
+        at_limit = np.abs(series.value) == _PER_CENT
+        occasions = int(np.sum(np.diff(at_limit.astype(np.int8)) == 1)) + int(at_limit[0])
+        changes = np.diff(series.value[~at_limit])
+        stops = not (np.abs(series.value) > _PER_CENT).any() and occasions >= 2 and at_limit.mean() > 0.01
+        if estimate or (stops and changes.size and np.mean(changes == 0.0) < _REPEATS):
             findings.append(_percent_finding(table, name, series, estimate))
     return findings
 
@@ -253,55 +255,27 @@ def _percent_finding(table: pd.DataFrame, name: str, series: Samples, estimate: 
     return Finding("percent_scaled", name, *ends, text, remedy, estimate)
 
 
-def _sisters(table: pd.DataFrame, name: str) -> list[str]:
-    """The shafts of other drives of the same kind; tunnel thrusters run by themselves."""
-    actuators = table_actuators(table)
-    kind = kind_of_control(name, actuators)
-    shafts = [actuator.channels[0].name for actuator in actuators if actuator.drives and actuator.kind == kind]
-    return [shaft for shaft in shafts if shaft != name]
-
-
 def _factor_to(table: pd.DataFrame, sister: str, series: Samples) -> dict[str, float]:
     """The constant ratio of a sister shaft to this one with its 95 % interval; empty if there is none.
 
     The two keep one ratio within 5 % all through the recording, too large a ratio for two shafts that differ
-    in trim: nobody runs them so, but for a single setting, from one end of a trial to the other.
+    in trim: no crew runs them so, but for a single setting, from one end of a trial to the other.
     """
     sister_series = samples_of(table, sister)
     if sister_series.rows.size < 3 * _PIECES or np.abs(sister_series.value).max() <= 1.02 * _PER_CENT:
         return {}
-    theirs = np.interp(series.time_s, sister_series.time_s, sister_series.value)
+    sister_rpm = np.interp(series.time_s, sister_series.time_s, sister_series.value)
     pieces = [piece for piece in np.array_split(np.arange(series.value.size), _PIECES) if piece.size]
-    cross = np.array([series.value[piece] @ theirs[piece] for piece in pieces])
+    cross = np.array([series.value[piece] @ sister_rpm[piece] for piece in pieces])
     squares = np.array([series.value[piece] @ series.value[piece] for piece in pieces])
     factor = float(cross.sum() / max(squares.sum(), 1e-12))
-    rms_error = float(np.sqrt(np.mean((theirs - factor * series.value) ** 2)))
-    if not 1.25 < factor < 20.0 or rms_error > 0.05 * float(np.sqrt(np.mean(theirs**2))):
+    rms_error = float(np.sqrt(np.mean((sister_rpm - factor * series.value) ** 2)))
+    if not 1.25 < factor < 20.0 or rms_error > 0.05 * float(np.sqrt(np.mean(sister_rpm**2))):
         return {}
     half = 2.26 * float(
-        jackknife_error(ratios_without_each(cross, squares))
+        jackknife_error(leave_one_out_ratios(cross, squares))
     )  # Student's t, nine degrees of freedom
     return {"factor": factor, "low": factor - half, "high": factor + half}
-
-
-def _stops_at_100(value: Floats) -> bool:
-    """Whether the largest amount is 100 exactly and stands there for 1 % of the time on two occasions.
-
-    Elsewhere it has to be noisy, as a reading that is limited is: an order of 100 rpm stands at 100 rpm.
-    """
-    at_limit = np.abs(value) == _PER_CENT
-    occasions = int(np.sum(np.diff(at_limit.astype(np.int8)) == 1)) + int(at_limit[0])
-    beyond = bool((np.abs(value) > _PER_CENT).any())
-    repeats = float(np.mean(np.diff(value[~at_limit]) == 0.0)) if np.count_nonzero(~at_limit) > 1 else 1.0
-    return not beyond and occasions >= 2 and float(at_limit.mean()) > 0.01 and repeats < _REPEATS
-
-
-_LEAST_DEG, _HELD_SHARE = 3.0, 0.3
-_LEAST_S, _LEAST_TURN_DEG = 5.0, 10.0
-_UNDER_WAY = 0.3
-_FEWEST_DEG = 60.0
-_CLEARLY = -0.8
-_NEEDED = ("heading_deg", "surge_mps")
 
 
 def check_helm_sign(table: pd.DataFrame) -> CheckResult:
@@ -309,10 +283,10 @@ def check_helm_sign(table: pd.DataFrame) -> CheckResult:
 
     ``estimate``: the ``agreement`` of turns with the helm, the sum of those to its side less those to the other,
     over all, from -1 to 1; below -0.8 of 60 deg and more it is found. A rudder that is held over turns a ship that
-    goes ahead, once she has answered: in the second half of every stretch of one side her heading goes that way.
-    Somebody who keeps a course puts the rudder against the turn, and so the first half, and what turns her little,
-    say nothing. Azimuth thrusters are not judged: they may pull, or look aft. Without heading or surge nothing is
-    said.
+    goes ahead, once it has answered: in the second half of every stretch of one side its heading goes that way. To
+    keep a course the rudder is put against the turn, and so the first half, and what turns the ship little, are no
+    evidence. Azimuth thrusters are not checked: they may pull, or look aft. Without heading or surge there is no
+    finding.
     """
     steering = [actuator for actuator in table_actuators(table) if actuator.steers_by in ("rudder", "nozzle")]
     names = {
@@ -354,10 +328,10 @@ def turns_with_helm(table: pd.DataFrame, name: str) -> Floats:
     at = angle.time_s
     course = np.interp(at, heading.time_s, unwrap(heading.value))
     ahead = np.interp(at, surge.time_s, surge.value) > _UNDER_WAY * np.quantile(np.abs(surge.value), 0.98)
-    over = max(_LEAST_DEG, _HELD_SHARE * float(np.quantile(np.abs(angle.value), 0.98)))
+    least_deg = max(_LEAST_DEG, _HELD_SHARE * float(np.quantile(np.abs(angle.value), 0.98)))
     turns = []
     for side in (1.0, -1.0):
-        for first, stop in zip(*runs((side * angle.value > over) & ahead), strict=True):
+        for first, stop in zip(*runs((side * angle.value > least_deg) & ahead), strict=True):
             if at[stop - 1] - at[first] >= _LEAST_S:
                 middle = int(np.searchsorted(at, 0.5 * (at[first] + at[stop - 1])))
                 turns.append(side * (course[stop - 1] - course[middle]))

@@ -1,14 +1,12 @@
-"""What a check says: flags beside the data, and findings in words with their size.
+"""The results of a check: flags of the samples, findings in words with their size, and the checks of the stamps.
 
 Flags are those of QARTOD (:class:`seatrial.acquisition.core.trial.Quality`): 1 good, 2 not evaluated, 3 suspect, 4
-bad, 9 missing. A check never drops a row; it returns flags of the same index as the data it was given. What checks
-of single channels found stands in one finding a channel and code, or in one for all channels together.
+bad, 9 missing. A check never drops a row; it returns flags of the same index as the data it was given. The results
+of the checks of single channels are one finding per channel and code, or one for all channels together.
 
-Checks of the stamps themselves: a clock that jitters, and a clock that jumps.
-
-A jump and a gap look alike in the stamps. The ship tells them apart: over a true gap she has sailed on and turned
-on as her speeds say, over a jump of the clock she has not. How far that can be trusted over a given time is taken
-from the same recording, from places without either.
+A jump of a clock and a gap look alike in the stamps. The ship distinguishes them: over a true gap it has sailed on
+and turned on as its speeds say, over a jump of the clock it has not. How far that can be trusted over a given time
+is taken from the same recording, from places without either.
 """
 
 from __future__ import annotations
@@ -28,15 +26,29 @@ from seatrial.analysis.series import Stretch, interval_ns, white_noise
 from seatrial.analysis.tables.table import NANO, time_span_text, times_ns
 
 Flags = NDArray[np.uint8]
+ALL = "all"
+OTHER_TURN = "other_turn"
+"""In the estimate of impossible angles that are possible in the other convention."""
+_FEW = 0.05
+"""The share of samples that may be stamped outside a recording for certain to be the wrong ones."""
+StretchesByChannel = Mapping[str, list[Stretch]]
+"""Where each channel has one kind of fault."""
+CERTAIN = frozenset({"out_of_range", "spike", "stuck", "duplicate"})
+"""Codes whose flagged samples `--repair` may turn into gaps without asking."""
+_PRECEDENCE = (Quality.NOT_EVALUATED, Quality.GOOD, Quality.SUSPECT, Quality.BAD, Quality.MISSING)
+_RANK = np.zeros(max(_PRECEDENCE) + 1, dtype=np.uint8)
+_RANK[[*_PRECEDENCE]] = np.arange(len(_PRECEDENCE))
+_IRREGULAR, _MOST_PLACES = 0.3, 200
+_SURE, _FEWEST, _RARELY = 5.0, 20, 300
 
 
 @dataclass(frozen=True, slots=True)
 class Finding:
     """One thing that is wrong: where, how large, how sure, and what to do.
 
-    ``start`` and ``end`` bound it in UTC; ``text`` is one sentence a person reads, ``remedy`` one more that
-    says what to do. ``estimate`` holds its size in the names of the contract, with ``low`` and ``high`` of
-    the main figure's 95 % interval beside it. ``certain`` marks what `--repair` may put right by itself.
+    ``start`` and ``end`` bound it in UTC; ``text`` is one sentence for a reader, ``remedy`` one more that
+    states what to do. ``estimate`` holds its size in the names of the contract, with ``low`` and ``high`` of
+    the main figure's 95 % interval. ``certain`` marks what `--repair` may correct by itself.
     ``band_hz`` are the frequencies of the motion in which it shows, where it is a matter of these.
     """
 
@@ -85,20 +97,15 @@ def uniform_flags(table: pd.DataFrame, names: Iterable[str] = (), flag: Quality 
     return pd.DataFrame(columns, index=table.index)
 
 
-def mark(flags: pd.DataFrame, name: str, rows: Ints, flag: Quality) -> None:
+def set_flags(flags: pd.DataFrame, name: str, rows: Ints, flag: Quality) -> None:
     """Give some rows of a channel a flag, in place."""
     column = flags[name].to_numpy(copy=True)
     column[rows] = flag
     flags[name] = column
 
 
-_PRECEDENCE = (Quality.NOT_EVALUATED, Quality.GOOD, Quality.SUSPECT, Quality.BAD, Quality.MISSING)
-_RANK = np.zeros(max(_PRECEDENCE) + 1, dtype=np.uint8)
-_RANK[[*_PRECEDENCE]] = np.arange(len(_PRECEDENCE))
-
-
 def merge_flags(first: Flags, second: Flags) -> Flags:
-    """The graver of two flags, value by value; what was judged counts more than what was not.
+    """The more severe of two flags, value by value; an evaluated one counts more than one that was not.
 
     >>> merge_flags(np.array([1, 2, 3, 9], np.uint8), np.array([2, 1, 4, 4], np.uint8)).tolist()
     [1, 1, 4, 9]
@@ -106,22 +113,9 @@ def merge_flags(first: Flags, second: Flags) -> Flags:
     return np.where(_RANK[first] >= _RANK[second], first, second).astype(np.uint8)
 
 
-ALL = "all"
-OTHER_TURN = "other_turn"
-"""In the estimate of impossible angles that are possible in the other convention."""
-_FEW = 0.05
-"""The share of samples that may be stamped outside a recording for certain to be the wrong ones."""
-Troubles = Mapping[str, list[Stretch]]
-"""By channel: where it has one kind of fault."""
-
-
-CERTAIN = frozenset({"out_of_range", "spike", "stuck", "duplicate"})
-"""Codes whose flagged samples `--repair` may turn into gaps without asking."""
-
-
 @dataclass(frozen=True, slots=True)
 class Wording:
-    """The text for one kind of fault: a sentence of what :func:`_facts_of` says of the stretches, and what to do.
+    """The text for one kind of fault: a sentence filled in by :func:`_facts_of`, and what to do.
 
     ``estimate`` says which of these facts the figures of the finding are.
     """
@@ -132,7 +126,7 @@ class Wording:
 
 
 def _facts_of(channel: str, unit: str, stretches: list[Stretch], largest: Stretch) -> dict[str, Any]:
-    """What there is to say of a channel's stretches of one fault and the largest of them."""
+    """The facts that a :class:`Wording` may state of a channel's stretches of one fault, the largest among them."""
     count, samples = len(stretches), sum(stretch.size for stretch in stretches)
     return {
         "who": "every channel" if channel == ALL else channel,
@@ -196,46 +190,48 @@ def utc_time(time_ns: int) -> pd.Timestamp:
     return pd.Timestamp(time_ns, unit="ns", tz="UTC")
 
 
-def findings_of(code: str, troubles: Troubles, channels: Mapping[str, Channel]) -> list[Finding]:
+def findings_of(code: str, by_channel: StretchesByChannel, channels: Mapping[str, Channel]) -> list[Finding]:
     """Findings of one code: what all ``channels`` have in common once, the rest by channel."""
-    together, separate = _split_common(troubles) if len(troubles) == len(channels) > 1 else ([], dict(troubles))
+    together, separate = (
+        _split_common(by_channel) if len(by_channel) == len(channels) > 1 else ([], dict(by_channel))
+    )
     findings = [_finding(code, ALL, "", together)] if together else []
     return findings + [
         _finding(code, name, channels[name].unit, stretches) for name, stretches in separate.items() if stretches
     ]
 
 
-def _split_common(troubles: Troubles) -> tuple[list[Stretch], dict[str, list[Stretch]]]:
+def _split_common(by_channel: StretchesByChannel) -> tuple[list[Stretch], dict[str, list[Stretch]]]:
     """The stretches that every channel has, by their ends, and what is left of each."""
     ends = set.intersection(
-        *({(stretch.start_ns, stretch.end_ns) for stretch in stretches} for stretches in troubles.values())
+        *({(stretch.start_ns, stretch.end_ns) for stretch in stretches} for stretches in by_channel.values())
     )
-    first = next(iter(troubles.values()))
+    first = next(iter(by_channel.values()))
     together = [stretch for stretch in first if (stretch.start_ns, stretch.end_ns) in ends]
     separate = {channel: [stretch for stretch in stretches if (stretch.start_ns, stretch.end_ns) not in ends]
-             for channel, stretches in troubles.items()}  # fmt: skip
+             for channel, stretches in by_channel.items()}  # fmt: skip
     return together, separate
 
 
 def _finding(code: str, channel: str, unit: str, stretches: list[Stretch]) -> Finding:
-    words, largest = WORDING[code], max(stretches, key=lambda stretch: (abs(stretch.size), -stretch.start_ns))
+    wording, largest = WORDING[code], max(stretches, key=lambda stretch: (abs(stretch.size), -stretch.start_ns))
     start, end = (
         utc_time(min(stretch.start_ns for stretch in stretches)),
         utc_time(max(stretch.end_ns for stretch in stretches)),
     )
     facts = _facts_of(channel, unit, stretches, largest)
-    estimate = {key: facts[fact] for key, fact in words.estimate.items()}
+    estimate = {key: facts[fact] for key, fact in wording.estimate.items()}
     return Finding(
-        code, channel, start, end, words.sentence.format_map(facts), words.remedy, estimate, code in CERTAIN
+        code, channel, start, end, wording.sentence.format_map(facts), wording.remedy, estimate, code in CERTAIN
     )
 
 
 def other_convention_finding(finding: Finding, channel: Channel) -> Finding:
     """A finding of impossible angles that are counted in another turn; that makes their repair certain."""
-    ours = "-180..180" if channel.low < 0.0 else "0..360"
+    range_text = "-180..180" if channel.low < 0.0 else "0..360"
     count = finding.estimate["count"]
     text = (
-        f"{finding.channel} counts otherwise than {ours}, which is the convention: {count:,.0f} "
+        f"{finding.channel} counts otherwise than {range_text}, which is the convention: {count:,.0f} "
         f"{'sample lies' if count == 1 else 'samples lie'} beyond, the first at {finding.start:%H:%M:%S}"
     )
     remedy = "`--repair` turns them into it; give the convention to what imports or decodes them"
@@ -243,7 +239,7 @@ def other_convention_finding(finding: Finding, channel: Channel) -> Finding:
 
 
 def clock_jump_finding(jump: ClockJump, channel: str, what: str) -> Finding:
-    """A jump of a clock; ``what`` says whose clock, and what it was seen against."""
+    """A jump of a clock; ``what`` states whose clock, and against what it was seen."""
     direction = "forward" if jump.seconds > 0 else "back"
     text = (
         f"{what} jumps {direction} by {abs(jump.seconds):.2f} s ({abs(jump.low):.2f} to {abs(jump.high):.2f}) "
@@ -257,33 +253,29 @@ def clock_jump_finding(jump: ClockJump, channel: str, what: str) -> Finding:
 def time_outlier_finding(series: Mapping[str, Series], first_ns: int, last_ns: int) -> Finding:
     """Samples that are stamped outside the recording proper, which lasts from ``first_ns`` to ``last_ns``.
 
-    A few are certain to be wrong; of two halves that lie years apart nobody knows which.
+    A few are certain to be wrong; of two halves that lie years apart either may be.
     """
     times = {name: samples.measured_ns for name, samples in series.items()}
     stray = {name: stamps[(stamps < first_ns) | (stamps > last_ns)] for name, stamps in times.items()}
     stray = {name: stamps for name, stamps in stray.items() if stamps.size}
     stray_ns = np.concatenate(list(stray.values()))
-    away_s = max(first_ns - int(stray_ns.min()), int(stray_ns.max()) - last_ns) / NANO
+    distance_s = max(first_ns - int(stray_ns.min()), int(stray_ns.max()) - last_ns) / NANO
     channel = next(iter(stray)) if len(stray) == 1 else ALL
-    count, due = stray_ns.size, sum(map(len, times.values()))
+    count, total = stray_ns.size, sum(map(len, times.values()))
     text = (
-        f"{count:,} of {due:,} samples {'is' if count == 1 else 'are'} stamped {time_span_text(stray_ns)}, up to "
-        f"{away_s / 86400:,.0f} days from the recording proper, {time_span_text(np.array([first_ns, last_ns]))}"
+        f"{count:,} of {total:,} samples {'is' if count == 1 else 'are'} stamped {time_span_text(stray_ns)}, up to "
+        f"{distance_s / 86400:,.0f} days from the recording proper, {time_span_text(np.array([first_ns, last_ns]))}"
     )
     remedy = "Look at the clock when recording began; `--repair` makes gaps of a few such samples"
-    estimate = {"count": float(count), "seconds": away_s}
+    estimate = {"count": float(count), "seconds": distance_s}
     ends = utc_time(int(stray_ns.min())), utc_time(int(stray_ns.max()))
-    return Finding("time_outlier", channel, *ends, text, remedy, estimate, count < _FEW * due)
-
-
-_IRREGULAR, _MOST_PLACES = 0.3, 200
-_SURE, _FEWEST, _RARELY = 5.0, 20, 300
+    return Finding("time_outlier", channel, *ends, text, remedy, estimate, count < _FEW * total)
 
 
 def jitter_s(times_ns: Ints) -> float:
     """Standard deviation [s] of stamps about a regular clock, 0 where the channel has no regular clock.
 
-    A stamp that is late makes one interval longer and the next shorter by the same: intervals of a jittering
+    A delayed stamp makes one interval longer and the next shorter by the same: intervals of a jittering
     clock are correlated by -0.5, those of a channel that reports on events are not.
     """
     steps = np.diff(np.sort(times_ns)).astype(float)
@@ -366,25 +358,25 @@ def _track_of(moving: pd.DataFrame, stamps: Ints) -> _Track:
 
 
 def _jump_at(track: _Track, place: int, odd_steps: Ints, interval: float, stamps: Ints) -> ClockJump | None:
-    """The jump between a row and the next, or nothing if what is left over is no more than a gap explains."""
+    """The jump between a row and the next, or nothing if the residual is no more than a gap explains."""
     step = float(track.time_s[place + 1] - track.time_s[place])
-    here = np.array([place])
-    elapsed, precision = (float(values[0]) for values in track.elapsed(here, here + 1))
-    usual = _errors(track, max(round(abs(elapsed) / interval), 1), odd_steps)
-    gap = _errors(track, max(round(abs(step) / interval), 1), odd_steps)
-    if usual is None or gap is None:
+    row = np.array([place])
+    elapsed, precision = (float(values[0]) for values in track.elapsed(row, row + 1))
+    usual_errors = _elapsed_errors(track, max(round(abs(elapsed) / interval), 1), odd_steps)
+    gap_errors = _elapsed_errors(track, max(round(abs(step) / interval), 1), odd_steps)
+    if usual_errors is None or gap_errors is None:
         return None
-    jump = step - elapsed + float(np.median(usual)) / precision
-    doubt = float(np.quantile(np.abs(usual - np.median(usual)), 0.95)) / precision
-    deviation = np.abs(gap - np.median(gap))
+    jump = step - elapsed + float(np.median(usual_errors)) / precision
+    half_width = float(np.quantile(np.abs(usual_errors - np.median(usual_errors)), 0.95)) / precision
+    deviation = np.abs(gap_errors - np.median(gap_errors))
     by_chance = max(_SURE * float(np.median(deviation)) / 0.6745, 1.5 * float(np.quantile(deviation, 0.99)))
-    no_gap = abs((step - elapsed) * precision + float(np.median(gap))) > by_chance
-    if abs(jump) < max(4.0 * doubt, 0.5 * interval) or not (
+    no_gap = abs((step - elapsed) * precision + float(np.median(gap_errors))) > by_chance
+    if abs(jump) < max(4.0 * half_width, 0.5 * interval) or not (
         no_gap or _continues_course(track, place, step, interval, odd_steps)
     ):
         return None
     first, last = sorted((int(stamps[place]), int(stamps[place + 1])))
-    return ClockJump(first, last, jump, jump - doubt, jump + doubt)
+    return ClockJump(first, last, jump, jump - half_width, jump + half_width)
 
 
 def _continues_course(track: _Track, place: int, step: float, interval: float, odd_steps: Ints) -> bool:
@@ -396,10 +388,10 @@ def _continues_course(track: _Track, place: int, step: float, interval: float, o
     if after_gap.size < _RARELY:
         return False
     limit = 1.5 * float(np.quantile(_off_course(track, next_row, 1, interval), 0.99))
-    here = _off_course(track, np.array([place]), 1, interval)[0]
+    distance = _off_course(track, np.array([place]), 1, interval)[0]
     rows = round(abs(step) / interval)
     return bool(
-        here < limit and np.mean(_off_course(track, after_gap, rows, interval) < 2.0 * limit) < 1.0 / _RARELY
+        distance < limit and np.mean(_off_course(track, after_gap, rows, interval) < 2.0 * limit) < 1.0 / _RARELY
     )
 
 
@@ -414,11 +406,11 @@ def _undisturbed(track: _Track, rows: int, odd_steps: Ints) -> Ints:
     """Up to some 2000 rows from which so many rows on there is no odd step."""
     size = track.time_s.size
     first = np.arange(2, max(size - rows - 3, 2), max((size - rows) // 2000, 1))
-    calm: Ints = first[np.searchsorted(odd_steps, first - 2) == np.searchsorted(odd_steps, first + rows + 2)]
-    return calm
+    undisturbed: Ints = first[np.searchsorted(odd_steps, first - 2) == np.searchsorted(odd_steps, first + rows + 2)]
+    return undisturbed
 
 
-def _errors(track: _Track, rows: int, odd_steps: Ints) -> Floats | None:
+def _elapsed_errors(track: _Track, rows: int, odd_steps: Ints) -> Floats | None:
     """Errors of the time that the motion gives over so many rows, times its precision; None for too few rows."""
     first = _undisturbed(track, rows, odd_steps)
     if first.size < _FEWEST:
@@ -461,8 +453,8 @@ def _offset_steps(measured: Ints, received: Ints) -> list[ClockJump]:
     jumps = []
     while strong.max(initial=0.0) > 0.0:
         place = int(np.argmax(strong))
-        at, size, doubt = place + half, float(step[place]), float(spread[place])
+        at, size, half_width = place + half, float(step[place]), float(spread[place])
         first, last = sorted((int(measured[at - 1]), int(measured[at])))
-        jumps.append(ClockJump(first, last, size, size - doubt, size + doubt))
+        jumps.append(ClockJump(first, last, size, size - half_width, size + half_width))
         strong[max(place - 2 * half, 0) : place + 2 * half] = 0.0
     return jumps

@@ -1,15 +1,13 @@
-"""The repairs that are certain, each with its number in the table's history, and a recording of the repaired table.
+"""From a recording to the table that is asked for: repaired, delays removed, resampled, smoothed, with flags.
 
-They are done in an order that lets none lean on what a later one mends: impossible, stray and repeated values
-become gaps first; then headings on the circle, then the scales of yaw rate and speeds, then the heading, which is
-rebuilt from the yaw rate, then the positions, which are rebuilt from heading and speeds, then the wind, which needs
-both too. Orders stand alone. At last the stamps of what is late are moved, which makes rows anew.
+The recording is checked once, impossible values left out, and everything follows from the findings: repairs, flags
+and delays. The steps come in the order in which each needs the one before; a smoother needs the correct times.
 
-From a recording to the table that is asked for: repaired, delays removed, resampled, smoothed, with flags.
-
-The recording is checked once, impossible values left out, and everything follows from what that found: repairs,
-flags and delays. The steps come in the order in which each needs the one before; a smoother has to have the times
-right.
+The repairs that are certain each have their number in the table's history. None leans on what a later one corrects:
+impossible, stray and repeated values become gaps first; then headings on the circle, then the scales of yaw rate
+and speeds, then the heading, which is rebuilt from the yaw rate, then the positions, which are rebuilt from heading
+and speeds, then the wind, which needs both too. Orders are independent of these. At last the stamps of delayed
+channels are moved, which makes new rows.
 """
 
 from __future__ import annotations
@@ -30,9 +28,9 @@ from seatrial.acquisition.core.ship import BY_NAME, find_channel, in_turn, is_po
 from seatrial.acquisition.core.trial import Quality
 from seatrial.acquisition.recording.reader import Recording
 from seatrial.acquisition.recording.writer import write_table
-from seatrial.analysis.quality.channel_checks import WRAP_INTERPOLATED, is_judged, seam_line_mask
-from seatrial.analysis.quality.commands import ORDER_INTERPOLATED as ORDER_INTERPOLATED
-from seatrial.analysis.quality.commands import hold_orders
+from seatrial.analysis.quality.channel_checks import WRAP_INTERPOLATED, is_checked_angle, seam_line_mask
+from seatrial.analysis.quality.check import check_recording
+from seatrial.analysis.quality.commands import ORDER_INTERPOLATED, hold_orders
 from seatrial.analysis.quality.findings import ALL, OTHER_TURN, Finding, Flags
 from seatrial.analysis.quality.motion.findings import delays_of
 from seatrial.analysis.quality.motion.positions import reconstruct_heading, reconstruct_positions
@@ -56,6 +54,19 @@ from seatrial.analysis.tables.table import (
 
 if TYPE_CHECKING:
     from seatrial.analysis.estimation.smoother import SmoothedMotion
+
+FlagsByChannel = Mapping[str, Flags] | pd.DataFrame
+Columns = dict[str, Floats]
+
+_LONGEST_HOLE_S = 10.0
+_LONGEST_HOLE_WITH_RATE_S = 60.0
+_SCALED = {"yaw_rate_scale": ("yaw rate", ("yaw_rate_dps",)),
+           "speed_scale": ("surge and sway", ("surge_mps", "sway_mps"))}  # fmt: skip
+_HEADING_STAYS = "heading left as it is: the yaw rate is lacking, or scatters too much to mend it"
+_EMPTIED = {"out_of_range": "impossible values became gaps", "spike": "stray values became gaps",
+            "stuck": "values of a sensor that stood still became gaps"}  # fmt: skip
+SMOOTHED_RATE_HZ = 1.0
+"""The rate of a smoothed table for which none is given."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,14 +96,14 @@ def repair(
     *,
     rebuild_positions: bool | None = False,
 ) -> RepairResult:
-    """Put right what is certain of ``findings``; the given table stays as it is.
+    """Correct what is certain of ``findings``; the given table stays as it is.
 
     ``flags`` by channel, in the rows of ``table``, say which values of a spike or a stuck stretch become gaps;
     without them these two are left alone. ``recording`` is what the table was read from: angles of the other
     convention, which the table lacks, are brought back from it. ``rebuild_positions`` takes the path that speeds
     and heading give for the positions (:func:`request_position_repair`), None where their time stamps jitter.
     Codes that have no repair here are passed over, and so is a repair whose channels are lacking. A channel that is
-    certain to be late is moved by its delay, and the rows are joined anew.
+    certain to be delayed is moved by its delay, and the rows are joined again.
     """
     if rebuild_positions is None:
         rebuild_positions = any(finding.code == "position_time_jitter" for finding in findings)
@@ -103,33 +114,35 @@ def repair(
     certain = sorted(
         (finding for finding in sure if finding.code in REPAIRS), key=lambda finding: order.index(finding.code)
     )
+    impossible = {finding.channel for finding in findings if finding.code == "out_of_range"}
     repairs: list[Repair] = []
     scaled = False
     for finding in certain:
         if finding.code == "speed_scale" and scaled:
             continue  # both speeds have one factor, and a finding for each is the same finding
         scaled = scaled or finding.code == "speed_scale"
-        if recording is not None and (OTHER_TURN in finding.estimate or _is_of_other_unit(finding, findings)):
-            table = _with_impossible(table, recording, finding.channel)
-        done = REPAIRS[finding.code](table, finding, flags if flags is not None else {})
+        in_other_unit = finding.code == "yaw_rate_scale" and finding.channel not in impossible
+        if recording is not None and (OTHER_TURN in finding.estimate or in_other_unit):
+            table = _restore_impossible(table, recording, finding.channel)
+        single = REPAIRS[finding.code](table, finding, flags if flags is not None else {})
         changed = sum(
-            int((~_equal_or_nan(table[name].to_numpy(), new)).sum()) for name, new in done.columns.items()
+            int((~_equal_or_nan(table[name].to_numpy(), new)).sum()) for name, new in single.columns.items()
         )
         if finding.code == "out_of_range" and finding.channel in table:
             changed = max(changed, int(finding.estimate.get("count", 0)))  # the reader has made them gaps already
-        if not changed and not done.always_reported:
+        if not changed and not single.always_reported:
             continue
-        repairs.append(Repair(finding.code, finding.channel, done.text, changed))
+        repairs.append(Repair(finding.code, finding.channel, single.text, changed))
         table = add_step(
-            table.assign(**done.columns), "repair", code=finding.code, channel=finding.channel, text=done.text,
+            table.assign(**single.columns), "repair", code=finding.code, channel=finding.channel, text=single.text,
             changed=changed, estimate=dict(finding.estimate),
         )  # fmt: skip
     judged = flags_after(raw, table, flags) if flags is not None else None
-    return _aligned(RepairResult(table, tuple(repairs), judged), sure)
+    return _remove_certain_delays(RepairResult(table, tuple(repairs), judged), sure)
 
 
-def _aligned(repaired: RepairResult, certain: Iterable[Finding]) -> RepairResult:
-    """What was repaired with the delays that are certain taken off the stamps, those of the flags too."""
+def _remove_certain_delays(repaired: RepairResult, certain: Iterable[Finding]) -> RepairResult:
+    """The repaired table with the certain delays subtracted from its stamps, and from those of the flags."""
     table = repaired.table
     delay_findings = [
         finding for finding in certain if finding.code == "channel_delay" and finding.channel in table
@@ -139,8 +152,13 @@ def _aligned(repaired: RepairResult, certain: Iterable[Finding]) -> RepairResult
         return repaired
     moved, flags = remove_delays(table, delays), repaired.flags
     if flags is not None:
-        flags = _moved_flags(table, flags, delays)
-    done = tuple(
+        by_ns = {name: -delay_ns for name, delay_ns in delays_in_ns(delays).items()}
+        columns = {f"{name} flag": flags[name].where(flags[name] != Quality.MISSING) for name in flags}
+        moved_flags = move_stamps(
+            table.assign(**columns), by_ns | {f"{name} flag": delay_ns for name, delay_ns in by_ns.items()}
+        )
+        flags = moved_flags[[*columns]].fillna(Quality.MISSING).astype(np.uint8).set_axis([*flags], axis=1)
+    moves = tuple(
         Repair(
             finding.code,
             finding.channel,
@@ -149,15 +167,7 @@ def _aligned(repaired: RepairResult, certain: Iterable[Finding]) -> RepairResult
         )
         for finding in delay_findings
     )
-    return RepairResult(moved, (*repaired.repairs, *done), flags)
-
-
-def _moved_flags(table: pd.DataFrame, flags: pd.DataFrame, delays: Mapping[str, float]) -> pd.DataFrame:
-    """The flags of the rows that taking off the delays makes."""
-    by_ns = {name: -delay_ns for name, delay_ns in delays_in_ns(delays).items()}
-    flag_columns = {f"{name} flag": flags[name].where(flags[name] != Quality.MISSING) for name in flags}
-    moved = move_stamps(table.assign(**flag_columns), by_ns | {f"{name} flag": by_ns[name] for name in by_ns})
-    return moved[[*flag_columns]].fillna(Quality.MISSING).astype(np.uint8).set_axis([*flags], axis=1)
+    return RepairResult(moved, (*repaired.repairs, *moves), flags)
 
 
 def request_position_repair(findings: Iterable[Finding], table: pd.DataFrame) -> tuple[Finding, ...]:
@@ -189,7 +199,7 @@ def write_repaired(
 ) -> RepairResult:
     """Repair ``table``, which is ``recording`` as read, and write it as a new recording at ``path``.
 
-    The trial's metadata are kept; sources of channels that were changed say so; ``flags`` become the samples'
+    The trial's metadata are kept; sources of channels that were changed state it; ``flags`` become the samples'
     qualities, suspect where a bad value was replaced. The history stands in the metadata ``history`` and comes
     back with the table. Raw input, events and attachments stay in the original, which is never touched: raises
     :class:`InputError` if ``path`` is the original or no .mcap, :class:`StorageError` if it cannot be written.
@@ -202,9 +212,9 @@ def write_repaired(
             fix="name another file for the repaired recording",
         )  # fmt: skip
     repaired = repair(table, findings, flags, recording, rebuild_positions=rebuild_positions)
-    touched = {name: not repaired.table[name].dropna().equals(table[name].dropna()) for name in table.columns}
+    changed = {name: not repaired.table[name].dropna().equals(table[name].dropna()) for name in table.columns}
     sources = {
-        name: ", ".join(recording.series[name].sources) + (" repaired" if touched[name] else "")
+        name: ", ".join(recording.series[name].sources) + (" repaired" if changed[name] else "")
         for name in map(str, table.columns)
     }
     judged = repaired.flags if repaired.flags is not None else pd.DataFrame()
@@ -234,31 +244,13 @@ def _equal_or_nan(first: Floats, second: Floats) -> Bools:
     return same
 
 
-def _is_of_other_unit(finding: Finding, findings: Iterable[Finding]) -> bool:
-    """Whether a scale is of a channel none of whose values was found impossible."""
-    impossible = {other_finding.channel for other_finding in findings if other_finding.code == "out_of_range"}
-    return finding.code == "yaw_rate_scale" and finding.channel not in impossible
-
-
-def _with_impossible(table: pd.DataFrame, recording: Recording, name: str) -> pd.DataFrame:
+def _restore_impossible(table: pd.DataFrame, recording: Recording, name: str) -> pd.DataFrame:
     """The table with the impossible values of a channel that reading a recording leaves out."""
     series, value = recording.series[name], table[name].to_numpy(dtype=float, copy=True)
     rows = rows_of(times_ns(table), series.measured_ns)
     outside = np.isfinite(series.value) & ~is_possible(known_channels(table.attrs)[name], series.value)
     value[rows[outside]] = series.value[outside]
     return table.assign(**{name: value})
-
-
-FlagsByChannel = Mapping[str, Flags] | pd.DataFrame
-Columns = dict[str, Floats]
-
-_LONGEST_HOLE_S = 10.0
-_LONGEST_HOLE_WITH_RATE_S = 60.0
-_SCALED = {"yaw_rate_scale": ("yaw rate", ("yaw_rate_dps",)),
-           "speed_scale": ("surge and sway", ("surge_mps", "sway_mps"))}  # fmt: skip
-_HEADING_STAYS = "heading left as it is: the yaw rate is lacking, or scatters too much to mend it"
-_EMPTIED = {"out_of_range": "impossible values became gaps", "spike": "stray values became gaps",
-            "stuck": "values of a sensor that stood still became gaps"}  # fmt: skip
 
 
 class SingleRepair(NamedTuple):
@@ -276,7 +268,7 @@ _NOTHING = SingleRepair("", {})
 def remove_flagged(table: pd.DataFrame, finding: Finding, flags: FlagsByChannel) -> SingleRepair:
     """Replace values within the finding that are flagged bad by gaps; impossible ones need no flag to be known.
 
-    Angles on a line through their seam are bad too, but they can be mended and are left for that.
+    Angles on a line through their seam are bad too, but they can be repaired and are left for that.
     """
     times = utc_index(table)
     within = np.asarray((times >= finding.start) & (times <= finding.end))
@@ -285,7 +277,7 @@ def remove_flagged(table: pd.DataFrame, finding: Finding, flags: FlagsByChannel)
         value = table[name].to_numpy(dtype=float, copy=True)
         if name in flags:
             bad = within & (np.asarray(flags[name]) == Quality.BAD)
-            value[bad & ~seam_line_mask(table, name) if is_judged(table, name) else bad] = np.nan
+            value[bad & ~seam_line_mask(table, name) if is_checked_angle(table, name) else bad] = np.nan
         channel = find_channel(name, known_channels(table.attrs))
         if finding.code == "out_of_range" and channel is not None:
             value[~is_possible(channel, value)] = np.nan
@@ -334,24 +326,24 @@ def repair_heading_wrap(table: pd.DataFrame, finding: Finding, _: FlagsByChannel
     neighbours is shared out linearly. In holes beyond 10 s (60 s with a yaw rate) they become gaps.
     """
     name = finding.channel
-    wrong = seam_line_mask(table, name) if name in table else np.zeros(len(table), np.bool_)
-    if not wrong.any():
+    invalid = seam_line_mask(table, name) if name in table else np.zeros(len(table), np.bool_)
+    if not invalid.any():
         return _NOTHING
     value = table[name].to_numpy(dtype=float, copy=True)
     rate = samples_of(table, "yaw_rate_dps")
-    rated = name == "heading_deg" and rate.rows.size > 1
+    has_rate = name == "heading_deg" and rate.rows.size > 1
     since_s = seconds_of(table)
     path_deg = (
-        np.interp(since_s, rate.time_s, integrate(rate.value, rate.time_s)) if rated else np.zeros(len(table))
+        np.interp(since_s, rate.time_s, integrate(rate.value, rate.time_s)) if has_rate else np.zeros(len(table))
     )
-    sound = np.flatnonzero(np.isfinite(value) & ~wrong)
-    left_deg = unwrap(value[sound] - path_deg[sound])
-    filled = path_deg + np.interp(since_s, since_s[sound], left_deg)
-    after = np.clip(np.searchsorted(sound, np.flatnonzero(wrong)), 1, sound.size - 1)
-    hole_s = since_s[sound[after]] - since_s[sound[after - 1]]
-    short = hole_s <= (_LONGEST_HOLE_WITH_RATE_S if rated else _LONGEST_HOLE_S)
-    value[wrong] = np.where(short, in_turn(BY_NAME[name], filled[wrong]), np.nan)
-    return SingleRepair(f"{int(wrong.sum())} samples of {name} put back on the circle", {name: value})
+    valid = np.flatnonzero(np.isfinite(value) & ~invalid)
+    residual_deg = unwrap(value[valid] - path_deg[valid])
+    filled = path_deg + np.interp(since_s, since_s[valid], residual_deg)
+    after = np.clip(np.searchsorted(valid, np.flatnonzero(invalid)), 1, valid.size - 1)
+    hole_s = since_s[valid[after]] - since_s[valid[after - 1]]
+    short = hole_s <= (_LONGEST_HOLE_WITH_RATE_S if has_rate else _LONGEST_HOLE_S)
+    value[invalid] = np.where(short, in_turn(BY_NAME[name], filled[invalid]), np.nan)
+    return SingleRepair(f"{int(invalid.sum())} samples of {name} put back on the circle", {name: value})
 
 
 def scale_channels(table: pd.DataFrame, finding: Finding, _: FlagsByChannel) -> SingleRepair:
@@ -421,10 +413,6 @@ REPAIRS: dict[str, Callable[[pd.DataFrame, Finding, FlagsByChannel], SingleRepai
 """The single repairs by the code of their finding, in the order in which they are done."""
 
 
-SMOOTHED_RATE_HZ = 1.0
-"""The rate of a smoothed table for which none is given."""
-
-
 @dataclass(frozen=True, slots=True)
 class Preparation:
     """What is to be done with a recording's samples before they are written as a table.
@@ -439,7 +427,7 @@ class Preparation:
     flags: bool = False
 
 
-def prepare(recording: Recording, how: Preparation, *, rebuild_positions: bool = False) -> pd.DataFrame:
+def prepare(recording: Recording, preparation: Preparation, *, rebuild_positions: bool = False) -> pd.DataFrame:
     """The recording's table, the steps that were done in its history.
 
     ``rebuild_positions``, with the repairs, takes the path that speeds and heading give for the positions
@@ -447,39 +435,37 @@ def prepare(recording: Recording, how: Preparation, *, rebuild_positions: bool =
     Raises :class:`seatrial.acquisition.core.errors.DataShortageError` for a recording without samples,
     :class:`seatrial.acquisition.core.errors.InputError` where smoothing lacks position or heading.
     """
-    if how == Preparation(rate_hz=how.rate_hz) and how.rate_hz is not None:
-        return resample_recording(recording, how.rate_hz)  # needs no joined table
+    if preparation == Preparation(rate_hz=preparation.rate_hz) and preparation.rate_hz is not None:
+        return resample_recording(recording, preparation.rate_hz)  # needs no joined table
     raw = table_of(recording)
-    if not (how.repair or how.flags or how.remove_delays):
-        return _at_rate(raw, how, {})
-    from seatrial.analysis.quality.motion.findings import delays_of
-
-    table, flags, findings = checked_table(recording, raw, repaired=how.repair, rebuild_positions=rebuild_positions)
-    left = [each for each in findings if not (how.repair and each.certain)]
-    delays = delays_of(left, raw) if how.remove_delays else {}
-    result = _at_rate(table, how, delays)
-    return add_flags(result, flags, delays) if how.flags else result
+    if not (preparation.repair or preparation.flags or preparation.remove_delays):
+        return _at_rate(raw, preparation, {})
+    table, flags, findings = checked_table(
+        recording, raw, repaired=preparation.repair, rebuild_positions=rebuild_positions
+    )
+    remaining = [finding for finding in findings if not (preparation.repair and finding.certain)]
+    delays = delays_of(remaining, raw) if preparation.remove_delays else {}
+    result = _at_rate(table, preparation, delays)
+    return add_flags(result, flags, delays) if preparation.flags else result
 
 
 def checked_table(
     recording: Recording, raw: pd.DataFrame, *, repaired: bool = False, rebuild_positions: bool = False
 ) -> tuple[pd.DataFrame, pd.DataFrame, tuple[Finding, ...]]:
     """The recording's table, ``repaired`` or as it is, its flags, and all that a check of it finds."""
-    from seatrial.analysis.quality.check import check_recording
-
     quality = check_recording(recording, raw)
     table, flags = raw, quality.flags
     if repaired:
-        done = repair(raw, quality.findings, flags, recording, rebuild_positions=rebuild_positions)
-        table, flags = done.table, flags if done.flags is None else done.flags
+        repaired_table = repair(raw, quality.findings, flags, recording, rebuild_positions=rebuild_positions)
+        table, flags = repaired_table.table, flags if repaired_table.flags is None else repaired_table.flags
     return table, flags, quality.findings
 
 
-def _at_rate(table: pd.DataFrame, how: Preparation, delays: Mapping[str, float]) -> pd.DataFrame:
-    if how.smooth:
-        return smooth_table(table, how.rate_hz or SMOOTHED_RATE_HZ, delays)
-    if how.rate_hz is not None:
-        return resample(table, how.rate_hz, delays=delays)
+def _at_rate(table: pd.DataFrame, preparation: Preparation, delays: Mapping[str, float]) -> pd.DataFrame:
+    if preparation.smooth:
+        return smooth_table(table, preparation.rate_hz or SMOOTHED_RATE_HZ, delays)
+    if preparation.rate_hz is not None:
+        return resample(table, preparation.rate_hz, delays=delays)
     return remove_delays(table, delays) if delays else table
 
 
@@ -487,7 +473,7 @@ def smooth_table(table: pd.DataFrame, rate_hz: float, delays: Mapping[str, float
     """All channels at ``rate_hz``, motion from the Kalman smoother with the standard deviation of each.
 
     The motion channels and their rates of change come from :func:`seatrial.analysis.estimation.smoother.smooth`, a
-    column ``<name>_sigma`` beside each; all others are resampled. ``delays`` [s by channel] are removed first.
+    column ``<name>_sigma`` for each; all others are resampled. ``delays`` [s by channel] are removed first.
     """
     from seatrial.analysis.estimation.smoother import smooth
 
@@ -496,8 +482,8 @@ def smooth_table(table: pd.DataFrame, rate_hz: float, delays: Mapping[str, float
 
 
 def with_motion(table: pd.DataFrame, motion: SmoothedMotion) -> pd.DataFrame:
-    """A table with motion and its rates of change from the smoother, the standard deviation of each beside it."""
-    states, sigmas = (each.reindex(table.index) for each in (motion.states, motion.standard_deviations()))
+    """A table with motion and its rates of change from the smoother, with the standard deviation of each."""
+    states, sigmas = (frame.reindex(table.index) for frame in (motion.states, motion.standard_deviations()))
     result = add_step(table, "smooth", rate_hz=float(table.attrs["rate_hz"]))
     for name in states.columns:
         result[name], result[f"{name}{SIGMA_SUFFIX}"] = states[name], sigmas[name]

@@ -1,8 +1,8 @@
-"""Wind that is not what it says: apparent wind recorded as true, and a vane that is not aligned with the bow.
+"""Wind that is not what it claims to be: apparent wind recorded as true, and a vane not aligned with the bow.
 
 Winds and velocities are complex numbers here, north + i east, a wind being the vector towards where it comes
-from. Then felt wind = true wind + velocity of the ship, and a turn to starboard by an angle is a factor.
-The true wind knows nothing of the ship; whichever reading of the record makes it the steadiest is the right one.
+from. Then apparent wind = true wind + velocity of the ship, and a turn to starboard by an angle is a factor.
+The true wind does not depend on the ship; the reading of the record that makes it the steadiest is the right one.
 """
 
 from __future__ import annotations
@@ -18,11 +18,11 @@ from seatrial.acquisition.core.quantities import Bools, Complexes, Floats
 from seatrial.acquisition.core.ship import wrap_180, wrap_360
 from seatrial.acquisition.core.trial import Quality
 from seatrial.analysis.quality.findings import CheckResult, Finding, uniform_flags
-from seatrial.analysis.series import ASSUMED, jackknife_error, ratios_without_each
+from seatrial.analysis.series import ASSUMED, jackknife_error, leave_one_out_ratios
 from seatrial.analysis.tables.table import NANO, seconds_of, utc_index
 
-JUDGED = ("wind_direction_deg", "wind_speed_mps")
-_NEEDED = (*JUDGED, "heading_deg", "surge_mps", "sway_mps")
+WIND = ("wind_direction_deg", "wind_speed_mps")
+_NEEDED = (*WIND, "heading_deg", "surge_mps", "sway_mps")
 _BLOCK_S = 10.0
 """Gusts last longer than this and manoeuvres too: means over it lose the sensors' noise and little else."""
 _PIECE_S = 40.0
@@ -32,8 +32,8 @@ _FEWEST_PIECES = 8
 _CHANCE = 1e-3
 _EVIDENCE = 12.0
 """Natural logarithm of a likelihood ratio: 9 is what chance does once in 10 000, if gusts were Gaussian."""
-_CLEARLY = 1.2
-_OVERWHELMING = 2.0
+_CLEAR_RATIO = 1.2
+_OVERWHELMING_RATIO = 2.0
 _SMALLEST_OFFSET_DEG = 2.0
 _READINGS = ("relative to the bow", "relative to north")
 
@@ -41,17 +41,17 @@ _READINGS = ("relative to the bow", "relative to north")
 def check_wind(table: pd.DataFrame) -> CheckResult:
     """Find apparent wind recorded as true (``wind_apparent``), else a turned vane (``wind_direction_offset``).
 
-    ``estimate`` of the former: ``variance_ratio``, the variance of the wind as recorded over that of the true
-    wind from the better reading, and ``relative_to_bow`` (1 or 0); certain where it is overwhelming. Of the
-    latter: ``angle_deg`` by which the vane reads too much, with ``low`` and ``high``. A bias of the true wind's
-    direction that is the same on all headings cannot be told from a wind from there, and is not looked for.
-    Wind that was assumed, not measured, is passed over.
+    ``estimate`` of the former: ``variance_ratio``, the variance of the wind as recorded over that of the true wind
+    from the better reading, and ``relative_to_bow`` (1 or 0); certain where it is overwhelming. Of the latter:
+    ``angle_deg`` by which the vane reads too much, with ``low`` and ``high``. A bias of the true wind's direction
+    that is the same on all headings cannot be distinguished from a wind from there, and is not looked for. Wind
+    that was assumed, not measured, is passed over.
     """
-    names = tuple(name for name in JUDGED if name in table)
+    names = tuple(name for name in WIND if name in table)
     blocks = _blocks(table)
     if blocks is None:
         return CheckResult(uniform_flags(table, names, Quality.NOT_EVALUATED))
-    finding = _apparent(table, blocks) or _offset(table, blocks)
+    finding = _find_apparent_wind(table, blocks) or _find_vane_offset(table, blocks)
     if finding is None:
         return CheckResult(uniform_flags(table, names))
     return CheckResult(uniform_flags(table, names, Quality.SUSPECT), (finding,))
@@ -63,15 +63,15 @@ def true_wind(table: pd.DataFrame, relative_to_bow: bool) -> tuple[Floats, Float
     Vectorised form of :func:`seatrial.acquisition.core.quantities.wind_over_ground`; NaN where a channel has been
     silent for 2 s, and where the wind itself is not recorded.
     """
-    felt, velocity, bow = _vectors(_side_by_side(table))
-    true = felt * bow - velocity if relative_to_bow else felt - velocity
-    recorded = table[list(JUDGED)].notna().to_numpy()
+    apparent, velocity, bow = _vectors(_align_to_wind(table))
+    true = apparent * bow - velocity if relative_to_bow else apparent - velocity
+    recorded = table[list(WIND)].notna().to_numpy()
     direction = np.where(recorded[:, 0], wrap_360(np.rad2deg(np.angle(true))), np.nan)
     return direction, np.where(recorded[:, 1], np.abs(true), np.nan)
 
 
 def _vectors(table: pd.DataFrame) -> tuple[Complexes, Complexes, Complexes]:
-    """Recorded wind, velocity of the ship and her bow, as north + i east: each [rows]."""
+    """Recorded wind, velocity of the ship and its bow, as north + i east: each [rows]."""
     bow = np.exp(1j * np.deg2rad(table["heading_deg"].to_numpy(dtype=float)))
     velocity = (table["surge_mps"].to_numpy(dtype=float) + 1j * table["sway_mps"].to_numpy(dtype=float)) * bow
     direction = np.exp(1j * np.deg2rad(table["wind_direction_deg"].to_numpy(dtype=float)))
@@ -91,30 +91,30 @@ class _Blocks:
 def _blocks(table: pd.DataFrame) -> _Blocks | None:
     """Block means of what is needed, or None where wind or motion is missing, assumed, or there is too little."""
     sources = table.attrs.get("sources", {})
-    if any(name not in table for name in _NEEDED) or any(ASSUMED in sources.get(name, ()) for name in JUDGED):
+    if any(name not in table for name in _NEEDED) or any(ASSUMED in sources.get(name, ()) for name in WIND):
         return None
     since_s = seconds_of(table)
-    recorded, velocity, bow = _vectors(_side_by_side(table))
-    sound = np.isfinite(recorded * velocity)
-    if not sound.any() or not np.ptp(np.abs(recorded[sound])) > 0.0:
+    recorded, velocity, bow = _vectors(_align_to_wind(table))
+    valid = np.isfinite(recorded * velocity)
+    if not valid.any() or not np.ptp(np.abs(recorded[valid])) > 0.0:
         return None
-    number, which = np.unique(np.floor(since_s[sound] / _BLOCK_S), return_inverse=True)
-    count = np.bincount(which)
+    number, group = np.unique(np.floor(since_s[valid] / _BLOCK_S), return_inverse=True)
+    count = np.bincount(group)
     full = count >= 0.5 * np.median(count)
     if full.sum() < _FEWEST_BLOCKS:
         return None
-    means = ((_sums(which, quantity[sound]) / count)[full] for quantity in (recorded, recorded * bow, velocity))
+    means = ((_sums(group, quantity[valid]) / count)[full] for quantity in (recorded, recorded * bow, velocity))
     blocks = _Blocks(number[full] * _BLOCK_S, *means)
-    return blocks if _following(blocks).any() else None  # what is new in a block is told by the one before
+    return blocks if _is_consecutive(blocks).any() else None  # what is new in a block is relative to the one before
 
 
-def _sums(which: NDArray[np.intp], vector: Complexes) -> Complexes:
+def _sums(group: NDArray[np.intp], vector: Complexes) -> Complexes:
     """The sum of ``vector`` by group."""
-    total: Complexes = np.bincount(which, vector.real) + 1j * np.bincount(which, vector.imag)
+    total: Complexes = np.bincount(group, vector.real) + 1j * np.bincount(group, vector.imag)
     return total
 
 
-def _side_by_side(table: pd.DataFrame) -> pd.DataFrame:
+def _align_to_wind(table: pd.DataFrame) -> pd.DataFrame:
     """The needed channels in the rows of the wind; those that came at other times, from the last two seconds."""
     needed = table[list(_NEEDED)]
     if needed.notna().all(axis=1).mean() > 0.5 * needed["wind_direction_deg"].notna().mean():
@@ -127,7 +127,7 @@ def _side_by_side(table: pd.DataFrame) -> pd.DataFrame:
     return pd.DataFrame(np.where(recent, values, np.nan), index=table.index, columns=needed.columns)
 
 
-def _apparent(table: pd.DataFrame, blocks: _Blocks) -> Finding | None:
+def _find_apparent_wind(table: pd.DataFrame, blocks: _Blocks) -> Finding | None:
     """Whether the true wind is clearly likelier when the recorded one is taken for apparent.
 
     Gusts are correlated over a minute and turns of the ship are not, so the winds are compared by what is new in
@@ -142,7 +142,7 @@ def _apparent(table: pd.DataFrame, blocks: _Blocks) -> Finding | None:
     ratio = _mean_square(_detrended(blocks, blocks.recorded)) / max(
         _mean_square(_detrended(blocks, readings[best])), 1e-12
     )
-    if evidence < _EVIDENCE or ratio < _CLEARLY:
+    if evidence < _EVIDENCE or ratio < _CLEAR_RATIO:
         return None
     text = (
         f"wind is recorded as felt on board, {_READINGS[best]}: taken so, the true wind is steadier by a factor of "
@@ -150,24 +150,28 @@ def _apparent(table: pd.DataFrame, blocks: _Blocks) -> Finding | None:
     )
     remedy = "Take off the ship's velocity to get the true wind"
     estimate = {"variance_ratio": ratio, "relative_to_bow": float(best == 0)}
-    certain = evidence > 3.0 * _EVIDENCE and ratio > _OVERWHELMING
+    certain = evidence > 3.0 * _EVIDENCE and ratio > _OVERWHELMING_RATIO
     return _finding("wind_apparent", table, text, remedy, estimate, certain)
 
 
-def _offset(table: pd.DataFrame, blocks: _Blocks) -> Finding | None:
+def _find_vane_offset(table: pd.DataFrame, blocks: _Blocks) -> Finding | None:
     """The angle by which a vane is turned, from true wind that moves with the ship.
 
-    The gain of :func:`_vane_gain` should be exp(ib). A modulus that is not about one says that something else is
+    The gain of :func:`_vane_gain` should be exp(ib). A modulus that is not about one shows that something else is
     wrong with the wind.
     """
-    gain, spread, freedom = _vane_gain(blocks)
-    if freedom < _FEWEST_PIECES - 1:
+    gain, error, degrees_of_freedom = _vane_gain(blocks)
+    if degrees_of_freedom < _FEWEST_PIECES - 1:
         return None
-    angle_deg, error_deg = float(np.rad2deg(np.angle(gain))), float(np.rad2deg(spread.imag))
-    surely = float(special.stdtrit(freedom, 1.0 - _CHANCE / 2.0)) * error_deg
-    if abs(angle_deg) < max(surely, _SMALLEST_OFFSET_DEG) or not 0.7 < abs(gain) < 1.4 or spread.real > 0.15:
+    angle_deg, error_deg = float(np.rad2deg(np.angle(gain))), float(np.rad2deg(error.imag))
+    significant_deg = float(special.stdtrit(degrees_of_freedom, 1.0 - _CHANCE / 2.0)) * error_deg
+    if (
+        abs(angle_deg) < max(significant_deg, _SMALLEST_OFFSET_DEG)
+        or not 0.7 < abs(gain) < 1.4
+        or error.real > 0.15
+    ):
         return None
-    half = float(special.stdtrit(freedom, 0.975)) * error_deg
+    half = float(special.stdtrit(degrees_of_freedom, 0.975)) * error_deg
     text = f"the vane reads {angle_deg:+.1f} deg too much ({angle_deg - half:.1f} to {angle_deg + half:.1f}): "
     text += "the true wind shifts with the ship's heading and speed"
     remedy = "Take the angle off the apparent wind and derive the true wind again"
@@ -184,16 +188,16 @@ def _vane_gain(blocks: _Blocks) -> tuple[complex, complex, int]:
     are taken by what is new in each block, weighted so as generalised least squares does for gusts with a
     memory; that memory is known once b is. The uncertainty is that of a jackknife over pieces of 40 s.
     """
-    felt, velocity, gain = blocks.recorded + blocks.velocity, blocks.velocity, 1.0 + 0.0j
-    next_times = blocks.time_s[1:][_following(blocks)]
+    apparent, velocity, gain = blocks.recorded + blocks.velocity, blocks.velocity, 1.0 + 0.0j
+    next_times = blocks.time_s[1:][_is_consecutive(blocks)]
     number = np.unique(np.floor(next_times / _PIECE_S), return_inverse=True)[1]
     for _ in range(3):
-        memory = _autocorrelation(blocks, felt / gain - velocity)
-        new_felt, new_velocity = _innovations(blocks, felt, memory), _innovations(blocks, velocity, memory)
-        cross = _sums(number, new_felt * new_velocity.conj())
+        memory = _autocorrelation(blocks, apparent / gain - velocity)
+        new_apparent, new_velocity = _innovations(blocks, apparent, memory), _innovations(blocks, velocity, memory)
+        cross = _sums(number, new_apparent * new_velocity.conj())
         squares = np.bincount(number, np.abs(new_velocity) ** 2)
         gain = complex(cross.sum() / max(squares.sum(), 1e-12)) or 1.0 + 0.0j
-    relative = ratios_without_each(cross, squares) / gain
+    relative = leave_one_out_ratios(cross, squares) / gain
     error = complex(jackknife_error(relative.real), jackknife_error(relative.imag))
     return gain, error, cross.size - 1
 
@@ -212,14 +216,14 @@ def _detrended(blocks: _Blocks, vector: Complexes) -> Complexes:
     return np.asarray(vector - since @ np.linalg.lstsq(since, vector, rcond=None)[0])
 
 
-def _following(blocks: _Blocks) -> Bools:
+def _is_consecutive(blocks: _Blocks) -> Bools:
     """Whether each block but the first follows directly on the one before."""
     return np.diff(blocks.time_s) < 1.5 * _BLOCK_S
 
 
 def _autocorrelation(blocks: _Blocks, vector: Complexes) -> float:
     """The autocorrelation of a wind's deviations from one block to the next, 0 to 0.95."""
-    deviations, follows = _detrended(blocks, vector), _following(blocks)
+    deviations, follows = _detrended(blocks, vector), _is_consecutive(blocks)
     before, after = deviations[:-1][follows], deviations[1:][follows]
     return float(np.clip(np.sum(after * before.conj()).real / max(np.sum(np.abs(before) ** 2), 1e-12), 0.0, 0.95))
 
@@ -227,7 +231,7 @@ def _autocorrelation(blocks: _Blocks, vector: Complexes) -> float:
 def _innovations(blocks: _Blocks, vector: Complexes, memory: float) -> Complexes:
     """Innovations of a first-order autoregression: each block less its prediction from the one before."""
     deviations = _detrended(blocks, vector)
-    innovations: Complexes = (deviations[1:] - memory * deviations[:-1])[_following(blocks)]
+    innovations: Complexes = (deviations[1:] - memory * deviations[:-1])[_is_consecutive(blocks)]
     return innovations
 
 

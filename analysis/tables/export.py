@@ -1,22 +1,14 @@
 """A table as Parquet, CSV, Excel, .mat, NetCDF, or its track as KML or GPX, with units and where it comes from.
 
 Parquet carries both in its metadata, .mat in structs, NetCDF in attributes and Excel on a second sheet. CSV has no
-place for them and has to open anywhere without options, so that they stand in a second file beside it, the name
-with ``.json`` after it. KML and GPX say the trial's name only.
+place for them and has to open anywhere without options, so that they are in a second file of the same name followed
+by ``.json``. KML and GPX contain the trial's name only. The event log of a recording is exported as a table too.
 
-Files of results: named by their format; Parquet with units on its columns.
-
-The event log of a recording as a table, for scripts and for files.
-
-The way of a ship over ground in latitude and longitude: for maps as KML, for plotters as GPX.
-
-A table as NetCDF by CF-1.11 and ACDD-1.3: one trajectory, QARTOD flags as ancillary variables.
-
-The file is of the classic format (64-bit offset), which every NetCDF library reads and scipy writes. Each column is
-a variable under its own name. ``lat`` and ``lon`` say where each row was, interpolated between positions that lie
-close together and missing where nobody knows; without an origin or latitudes, north and east stand for them.
-Quantities for which CF has no standard name (settings of actuators above all) are auxiliary coordinates of the
-others: what these were measured at.
+NetCDF is by CF-1.11 and ACDD-1.3: one trajectory, QARTOD flags as ancillary variables, in the classic format
+(64-bit offset), which every NetCDF library reads and scipy writes. Each column is a variable under its own name.
+``lat`` and ``lon`` are the position of each row, interpolated between positions that lie close together and missing
+elsewhere; without an origin or latitudes, north and east replace them. Quantities for which CF has no standard name
+(settings of actuators above all) are auxiliary coordinates of the others: what these were measured at.
 """
 
 from __future__ import annotations
@@ -34,28 +26,75 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 from pymap3d import ned2geodetic
-from scipy.io import netcdf_file
+from scipy.io import netcdf_file, savemat
 
 from seatrial.acquisition.core.errors import ConfigurationError, DataShortageError, InputError
 from seatrial.acquisition.core.files import atomic_file, expect_suffix, write_bytes, write_text, written_together
-from seatrial.acquisition.core.named_code import imported
 from seatrial.acquisition.core.quantities import Floats
 from seatrial.acquisition.core.ship import BY_NAME, ChannelsByName, channel_unit, find_channel, known_channels
 from seatrial.acquisition.core.trial import Quality, Trial, software_version
 from seatrial.acquisition.recording.grouping import events_of
 from seatrial.acquisition.recording.reader import Recording
 from seatrial.acquisition.tables.table_files import ABOUT_COLUMNS, UTC_COLUMN
-from seatrial.analysis.tables.resample import interpolate, own_gap_s
+from seatrial.analysis.tables.resample import bridged_gap_s, interpolate
 from seatrial.analysis.tables.table import NANO, delays_in_ns, index_of, provenance_of, times_ns, utc_index
 
 Writer = Callable[[pd.DataFrame, Path, Mapping[str, Any]], list[Path]]
-"""Writes a table and what is to be said about it; the files that it wrote."""
+"""Writes a table and its metadata; returns the files that it wrote."""
 FLAG_SUFFIX, SIGMA_SUFFIX = "_flag", "_sigma"
 FLAG_MEANING = "QARTOD: 1 good, 2 not evaluated, 3 suspect, 4 bad, 9 missing"
 _RATE_UNITS = {"surge_mps2": "m/s2", "sway_mps2": "m/s2", "yaw_dps2": "deg/s2"}
 _LONGEST_MATLAB_NAME = 63
 _MAT_TITLE, _MAT_TITLE_BYTES = b"MATLAB 5.0 MAT-file, written by Seatrial", 116
-_RISING = (Quality.NOT_EVALUATED, Quality.GOOD, Quality.SUSPECT, Quality.BAD)
+_BY_SEVERITY = (Quality.NOT_EVALUATED, Quality.GOOD, Quality.SUSPECT, Quality.BAD)
+METADATA_PREFIX = "seatrial."
+COLUMNS = ("kind", "level", "source", "text")
+EVENT_KINDS = (".csv", ".parquet", ".xlsx")
+"""The suffixes of what a table of texts can be written as."""
+MOST_ROWS = 1_048_575
+"""Rows that a sheet of Excel holds below its header."""
+_EXCEL_OPTIONS = {"strings_to_formulas": False, "strings_to_urls": False, "nan_inf_to_errors": True}
+"""The content of a recording is text and nothing else, whatever it begins with."""
+_FIRST_DAY = datetime(1980, 1, 1)
+"""A workbook's own date: the time of day has no place in a product."""
+_KML, _GX, _GPX = (
+    "http://www.opengis.net/kml/2.2", "http://www.google.com/kml/ext/2.2", "http://www.topografix.com/GPX/1/1",
+)  # fmt: skip
+_DECIMALS = 8  # of a degree: a millimetre
+STANDARD_NAMES = {
+    "north_m": "projection_y_coordinate",
+    "east_m": "projection_x_coordinate",
+    "heading_deg": "platform_orientation",
+    "surge_mps": "platform_surge_rate_fore",
+    "sway_mps": "platform_sway_rate_starboard",
+    "yaw_rate_dps": "platform_yaw_rate_fore_starboard",
+    "wind_direction_deg": "wind_from_direction",
+    "wind_speed_mps": "wind_speed",
+    "latitude_deg": "latitude",
+    "longitude_deg": "longitude",
+    "speed_through_water_mps": "platform_speed_wrt_sea_water",
+    "speed_over_ground_mps": "platform_speed_wrt_ground",
+    "course_over_ground_deg": "platform_course",
+    "roll_deg": "platform_roll_starboard_down",
+    "pitch_deg": "platform_pitch_fore_up",
+    "heave_m": "platform_heave_down",
+}
+"""Channels by their names in version 93 of the CF standard name table."""
+
+WISHED = ("creator_name", "creator_email", "institution", "project", "license")
+"""What data centres ask for and no sensor knows; a recording's trial or the user states it."""
+
+_UNITS = {"deg": "degree", "deg/s": "degree s-1", "deg/s2": "degree s-2", "m/s": "m s-1", "m/s2": "m s-2",
+          "%": "percent", "degC": "degree_Celsius", "l/h": "L h-1", "Nm": "N m", "kNm": "kN m"}  # fmt: skip
+"""Units as UDUNITS writes them; it takes others, such as rpm, as they are."""
+
+_UNITS_OF_PLACES = {"latitude": "degrees_north", "longitude": "degrees_east"}
+
+_MEANINGS = {Quality.GOOD: "pass", Quality.NOT_EVALUATED: "not_evaluated", Quality.SUSPECT: "suspect",
+             Quality.BAD: "fail", Quality.MISSING: "missing"}  # fmt: skip
+_KEYWORDS = "sea trial, ship motion, ship manoeuvring, platform orientation, wind, actuator settings"
+_ROW = "obs"
+Attributes = dict[str, Any]
 
 
 def export_table(
@@ -72,13 +111,11 @@ def export_table(
     :class:`StorageError` when it cannot be written.
     """
     path = Path(path)
-    kind = expect_suffix(path, *_WRITERS)
+    suffix = expect_suffix(path, *_WRITERS)
     about = _about(table, options or {})
     if attributes:
         about["attributes"] = dict(attributes)
-    writer = _WRITERS[kind]
-    write: Writer = imported(writer) if isinstance(writer, str) else writer
-    return write(table, path, about)
+    return _WRITERS[suffix](table, path, about)
 
 
 def unit_of(column: str, channels: ChannelsByName = BY_NAME) -> str:
@@ -90,11 +127,11 @@ def unit_of(column: str, channels: ChannelsByName = BY_NAME) -> str:
 
 
 def add_flags(table: pd.DataFrame, flags: pd.DataFrame, delays: Mapping[str, float] | None = None) -> pd.DataFrame:
-    """The table with a column ``<name>_flag`` (uint8) beside all others for each of its channels that was judged.
+    """The table with an additional column ``<name>_flag`` (uint8) for each of its channels that was checked.
 
-    ``flags`` belong to the raw samples, of which the delays [s by channel] were not taken off yet. A row of a
-    resampled table gets the gravest flag among the samples that are nearer to it than to any other row; where
-    the table has no value it says missing.
+    ``flags`` belong to the raw samples, from whose times the delays [s by channel] are still to be subtracted. A
+    row of a resampled table gets the most severe flag among the samples that are nearer to it than to any other
+    row; where the table has no value the flag is missing.
     """
     delay_ns = delays_in_ns(delays or {}, known_channels(table.attrs))
     result = table.copy(deep=False)
@@ -102,24 +139,14 @@ def add_flags(table: pd.DataFrame, flags: pd.DataFrame, delays: Mapping[str, flo
     for name in [str(name) for name in table.columns if name in flags.columns]:
         column = flags[name].to_numpy(dtype=np.uint8)
         if not same:
-            rows = _nearest_rows(times_ns(table), times_ns(flags) - delay_ns.get(name, 0))
-            column = _most_severe(rows, column, len(table))
+            row_ns = times_ns(table)
+            middle_ns = row_ns[:-1] + np.diff(row_ns) // 2
+            nearest = np.searchsorted(middle_ns, times_ns(flags) - delay_ns.get(name, 0), side="left")
+            sample_flags, column = column, np.full(len(table), Quality.MISSING, dtype=np.uint8)
+            for flag in _BY_SEVERITY:
+                column[nearest[sample_flags == flag]] = flag
             column[table[name].isna().to_numpy()] = Quality.MISSING
         result[name + FLAG_SUFFIX] = column
-    return result
-
-
-def _nearest_rows(row_ns: NDArray[np.int64], time_ns: NDArray[np.int64]) -> NDArray[np.intp]:
-    """For each time the row that is nearest to it, the first of several; rows are in the order of time."""
-    middle = row_ns[:-1] + np.diff(row_ns) // 2
-    return np.searchsorted(middle, time_ns, side="left")
-
-
-def _most_severe(rows: NDArray[np.intp], flags: NDArray[np.uint8], count: int) -> NDArray[np.uint8]:
-    """The gravest flag that falls on each of ``count`` rows, missing where none does."""
-    result = np.full(count, Quality.MISSING, dtype=np.uint8)
-    for flag in _RISING:
-        result[rows[flags == flag]] = flag
     return result
 
 
@@ -144,7 +171,7 @@ def _write_parquet(table: pd.DataFrame, path: Path, about: Mapping[str, Any]) ->
 
 
 def _write_csv(table: pd.DataFrame, path: Path, about: Mapping[str, Any]) -> list[Path]:
-    """ISO 8601 times to the nanosecond; what a CSV has no place for goes into a JSON file beside it."""
+    """ISO 8601 times to the nanosecond; what a CSV has no place for goes into a JSON file in the same folder."""
     times = np.datetime_as_string(times_ns(table).astype("datetime64[ns]"), unit="ns")
     index = pd.Index([f"{time}Z" for time in times])
     sidecar = path.with_name(f"{path.name}.json")
@@ -158,10 +185,9 @@ def _write_csv(table: pd.DataFrame, path: Path, about: Mapping[str, Any]) -> lis
 def _write_mat(table: pd.DataFrame, path: Path, about: Mapping[str, Any]) -> list[Path]:
     """One vector a column, ``time`` in seconds since 1970 (to 0.3 microseconds).
 
-    The structs ``units``, ``trial`` and ``provenance`` say the rest; the history and the options are JSON text
+    The structs ``units``, ``trial`` and ``provenance`` hold the rest; the history and the options are JSON text
     there, for ``jsondecode``.
     """
-    from scipy.io import savemat
 
     vectors = {matlab_name(str(name)): table[name].to_numpy() for name in table.columns}
     provenance = {
@@ -173,21 +199,13 @@ def _write_mat(table: pd.DataFrame, path: Path, about: Mapping[str, Any]) -> lis
         "trial": {**about["trial"], "software_version": software_version()},
         "provenance": {**provenance, **rate},
     }
-    named = {key: {matlab_name(name): value for name, value in struct.items()} for key, struct in structs.items()}
-    content = {"time": times_ns(table) / NANO, **vectors, **named}
+    renamed = {key: {matlab_name(name): value for name, value in struct.items()} for key, struct in structs.items()}
+    content = {"time": times_ns(table) / NANO, **vectors, **renamed}
     with atomic_file(path) as partial, partial.open("wb") as stream:
         savemat(stream, content, oned_as="column", long_field_names=True)
         stream.seek(0)
         stream.write(_MAT_TITLE.ljust(_MAT_TITLE_BYTES))  # scipy writes the time of day there
     return [path]
-
-
-MOST_ROWS = 1_048_575
-"""Rows that a sheet of Excel holds below its header."""
-_EXCEL_OPTIONS = {"strings_to_formulas": False, "strings_to_urls": False, "nan_inf_to_errors": True}
-"""What a recording says is text and nothing else, whatever it begins with."""
-_FIRST_DAY = datetime(1980, 1, 1)
-"""A workbook's own date: the time of day has no place in a product."""
 
 
 def _write_excel(table: pd.DataFrame, path: Path, about: Mapping[str, Any]) -> list[Path]:
@@ -238,19 +256,6 @@ def matlab_name(name: str) -> str:
     return (plain if plain[:1].isalpha() else f"x{plain}")[:_LONGEST_MATLAB_NAME]
 
 
-_WRITERS: dict[str, Writer | str] = {
-    ".parquet": _write_parquet, ".csv": _write_csv, ".mat": _write_mat, ".xlsx": _write_excel,
-    ".nc": "seatrial.analysis.tables.export:write_netcdf",
-    ".kml": "seatrial.analysis.tables.export:write_kml", ".gpx": "seatrial.analysis.tables.export:write_gpx",
-}  # fmt: skip
-"""By suffix; NetCDF and tracks, which need more, by where they are."""
-KINDS = tuple(_WRITERS)
-"""The suffixes of what a table can be written as."""
-
-
-METADATA_PREFIX = "seatrial."
-
-
 def write_parquet(
     table: pd.DataFrame, path: Path | str, units: Mapping[str, str], metadata: Mapping[str, str]
 ) -> None:
@@ -264,7 +269,7 @@ def write_parquet(
 
     expect_suffix(path, ".parquet")
     plain = table.copy(deep=False)
-    plain.attrs = {}  # the metadata says it; pandas would write it a second time, and only as JSON
+    plain.attrs = {}  # the metadata has it; pandas would write it a second time, and only as JSON
     arrow = pa.Table.from_pandas(plain, preserve_index=table.index.name is not None)
     fields = [
         field.with_metadata({"unit": units[field.name]}) if field.name in units else field for field in arrow.schema
@@ -297,11 +302,6 @@ def read_parquet(path: Path | str) -> tuple[pd.DataFrame, dict[str, str]]:
     return frame, file_metadata
 
 
-COLUMNS = ("kind", "level", "source", "text")
-EVENT_KINDS = (".csv", ".parquet", ".xlsx")
-"""The suffixes of what a table of texts can be written as."""
-
-
 def event_table(recording: Recording) -> pd.DataFrame:
     """The events of a recording in the order of time: :data:`COLUMNS` with a UTC index named ``time``."""
     events = events_of(recording)
@@ -326,12 +326,6 @@ def export_events(events: pd.DataFrame, path: Path) -> list[Path]:
         with atomic_file(path) as partial:
             events.set_axis(texts, axis=0).to_csv(partial, index_label="time")
     return [path]
-
-
-_KML, _GX, _GPX = (
-    "http://www.opengis.net/kml/2.2", "http://www.google.com/kml/ext/2.2", "http://www.topografix.com/GPX/1/1",
-)  # fmt: skip
-_DECIMALS = 8  # of a degree: a millimetre
 
 
 def places_of(table: pd.DataFrame) -> dict[str, Floats]:
@@ -364,9 +358,9 @@ def write_gpx(table: pd.DataFrame, path: Path, about: Mapping[str, Any]) -> list
     track = _child(root, "trk")
     _child(track, "name", _title(about))
     for segment in _segments(table):
-        written = _child(track, "trkseg")
+        element = _child(track, "trkseg")
         for time, lat, lon in segment:
-            _child(_child(written, "trkpt", lat=lat, lon=lon), "time", time)
+            _child(_child(element, "trkpt", lat=lat, lon=lon), "time", time)
     return _write_xml(root, path)
 
 
@@ -384,9 +378,9 @@ def write_kml(table: pd.DataFrame, path: Path, about: Mapping[str, Any]) -> list
         line = _child(placemark, "LineString")
         _child(line, "tessellate", "1")
         _child(line, "coordinates", " ".join(f"{lon},{lat}" for _, lat, lon in segment))
-        played = _child(document, "Placemark")
-        _child(played, "name", about["trial"].get("vessel") or "ship")
-        track = _child(played, "gx:Track")
+        playback = _child(document, "Placemark")
+        _child(playback, "name", about["trial"].get("vessel") or "ship")
+        track = _child(playback, "gx:Track")
         for time, _, _ in segment:
             _child(track, "when", time)
         for _, lat, lon in segment:
@@ -400,17 +394,17 @@ def _title(about: Mapping[str, Any]) -> str:
 
 def _segments(table: pd.DataFrame) -> list[list[tuple[str, str, str]]]:
     """Time (ISO 8601), latitude and longitude [deg] as text of the rows of each stretch whose place is known."""
-    where = places_of(table)
-    located = np.flatnonzero(np.isfinite(where["lat"]) & np.isfinite(where["lon"])) if where else np.empty(0, int)
+    places = places_of(table)
+    located = np.flatnonzero(np.isfinite(places["lat"] + places["lon"])) if places else np.empty(0, int)
     if located.size == 0:
         raise DataShortageError(
             "contains no latitude and longitude", why="it has no positions, or its north and east have no origin",
             fix="give [trial] an origin before recording, or export a table",
         )  # fmt: skip
     times = np.datetime_as_string(times_ns(table).astype("datetime64[ns]"), unit="ms")
-    lat, lon = ([f"{value:.{_DECIMALS}f}" for value in where[name]] for name in ("lat", "lon"))
+    lat, lon = ([f"{value:.{_DECIMALS}f}" for value in places[name]] for name in ("lat", "lon"))
     step_ns = np.diff(times_ns(table)[located])
-    holes = (np.diff(located) > 1) | (step_ns > own_gap_s(np.median(step_ns) if step_ns.size else 0.0) * NANO)
+    holes = (np.diff(located) > 1) | (step_ns > bridged_gap_s(np.median(step_ns) if step_ns.size else 0.0) * NANO)
     stretches = np.split(located, np.flatnonzero(holes) + 1)
     return [[(f"{times[row]}Z", lat[row], lon[row]) for row in rows] for rows in stretches]
 
@@ -428,41 +422,6 @@ def _write_xml(root: ET.Element, path: Path) -> list[Path]:
     return [path]
 
 
-STANDARD_NAMES = {
-    "north_m": "projection_y_coordinate",
-    "east_m": "projection_x_coordinate",
-    "heading_deg": "platform_orientation",
-    "surge_mps": "platform_surge_rate_fore",
-    "sway_mps": "platform_sway_rate_starboard",
-    "yaw_rate_dps": "platform_yaw_rate_fore_starboard",
-    "wind_direction_deg": "wind_from_direction",
-    "wind_speed_mps": "wind_speed",
-    "latitude_deg": "latitude",
-    "longitude_deg": "longitude",
-    "speed_through_water_mps": "platform_speed_wrt_sea_water",
-    "speed_over_ground_mps": "platform_speed_wrt_ground",
-    "course_over_ground_deg": "platform_course",
-    "roll_deg": "platform_roll_starboard_down",
-    "pitch_deg": "platform_pitch_fore_up",
-    "heave_m": "platform_heave_down",
-}
-"""Channels by their names in version 93 of the CF standard name table."""
-
-WISHED = ("creator_name", "creator_email", "institution", "project", "license")
-"""What data centres ask for and only people know; a recording's trial or the user says it."""
-
-_UNITS = {"deg": "degree", "deg/s": "degree s-1", "deg/s2": "degree s-2", "m/s": "m s-1", "m/s2": "m s-2",
-          "%": "percent", "degC": "degree_Celsius", "l/h": "L h-1", "Nm": "N m", "kNm": "kN m"}  # fmt: skip
-"""Units as UDUNITS writes them; it takes others, such as rpm, as they are."""
-
-_MEANINGS = {Quality.GOOD: "pass", Quality.NOT_EVALUATED: "not_evaluated", Quality.SUSPECT: "suspect",
-             Quality.BAD: "fail", Quality.MISSING: "missing"}  # fmt: skip
-_KEYWORDS = "sea trial, ship motion, ship manoeuvring, platform orientation, wind, actuator settings"
-_ROW = "obs"
-
-Attributes = dict[str, Any]
-
-
 def write_netcdf(table: pd.DataFrame, path: Path, about: Mapping[str, Any]) -> list[Path]:
     """Write a table; ``about`` has its units, trial, provenance, and the global ``attributes`` that a user gives.
 
@@ -474,7 +433,11 @@ def write_netcdf(table: pd.DataFrame, path: Path, about: Mapping[str, Any]) -> l
     with atomic_file(path) as partial, netcdf_file(partial, "w", version=2) as file:
         file.createDimension(_ROW, len(table))
         _set_attributes(file, attributes)
-        _write_identifier(file, attributes["id"])
+        letters = np.frombuffer(attributes["id"].encode(), dtype="S1")
+        file.createDimension("name_strlen", letters.size)
+        identifier = file.createVariable("trajectory", "c", ("name_strlen",))
+        identifier[:] = letters
+        _set_attributes(identifier, {"cf_role": "trajectory_id", "long_name": "Name of the trial"})
         _write_variable(file, "time", *_time(table))
         for name, values in places.items():
             _write_variable(file, name, values, _PLACE_ATTRIBUTES[name])
@@ -484,21 +447,22 @@ def write_netcdf(table: pd.DataFrame, path: Path, about: Mapping[str, Any]) -> l
 
 
 def remarks(table: pd.DataFrame, attributes: Mapping[str, str]) -> list[str]:
-    """What a data centre will miss, and what to do: :data:`WISHED` that nobody has said, and places."""
+    """What a data centre will miss, and what to do: the entries of :data:`WISHED` not given, and positions."""
     trial = table.attrs.get("trial", {})
-    unsaid = [name for name in WISHED if not (trial.get(name) or attributes.get(name))]
+    missing = [name for name in WISHED if not (trial.get(name) or attributes.get(name))]
     messages = []
-    if unsaid:
+    if missing:
         messages.append(
-            f"not known: {', '.join(unsaid)}; give them in [trial] before recording or by --attribute NAME=VALUE"
+            f"not known: {', '.join(missing)}; give them in [trial] before recording or by --attribute NAME=VALUE"
         )
     if not places_of(table):
-        instead = "north and east stand for them" if _local(table) else "nor has it positions in the plane"
+        in_plane = _plane_coordinates(table)
+        instead = "north and east stand for them" if in_plane else "nor has it positions in the plane"
         messages.append(f"no latitude and longitude: the recording has none and no origin; {instead}")
     return messages
 
 
-def _local(table: pd.DataFrame) -> list[str]:
+def _plane_coordinates(table: pd.DataFrame) -> list[str]:
     """The coordinates in the tangent plane that a table has."""
     return [name for name in ("north_m", "east_m") if name in table.columns]
 
@@ -537,18 +501,18 @@ def _iso(seconds: float) -> str:
 def _attributes(
     name: str, table: pd.DataFrame, places: Mapping[str, Floats], units: Mapping[str, str]
 ) -> Attributes:
-    """What a column's variable says of itself."""
+    """The attributes of a column's variable."""
     if name.endswith(FLAG_SUFFIX):
         return _flag_attributes(name.removesuffix(FLAG_SUFFIX), _coordinates(table, places))
-    of = name.removesuffix(SIGMA_SUFFIX)
-    channel, standard = find_channel(of, known_channels(table.attrs)), STANDARD_NAMES.get(of)
-    meaning = channel.meaning if channel else of.replace("_", " ").capitalize()
+    quantity, unit = name.removesuffix(SIGMA_SUFFIX), units.get(name, "")
+    channel, standard = find_channel(quantity, known_channels(table.attrs)), STANDARD_NAMES.get(quantity)
+    meaning = channel.meaning if channel else quantity.replace("_", " ").capitalize()
     ancillary = [column for column in (name + FLAG_SUFFIX, name + SIGMA_SUFFIX) if column in table.columns]
     attributes = {
-        "long_name": meaning if of == name else f"Standard deviation: {meaning}",
-        "standard_name": standard if of == name or not standard else f"{standard} standard_error",
-        "units": _units_of(standard, units.get(name, "")),
-        "coverage_content_type": "physicalMeasurement" if of == name else "qualityInformation",
+        "long_name": meaning if quantity == name else f"Standard deviation: {meaning}",
+        "standard_name": standard if quantity == name or not standard else f"{standard} standard_error",
+        "units": _UNITS_OF_PLACES.get(standard or "") or _UNITS.get(unit, unit) or "1",
+        "coverage_content_type": "physicalMeasurement" if quantity == name else "qualityInformation",
         "source": "; ".join(table.attrs.get("sources", {}).get(name, [])),
         "ancillary_variables": " ".join(ancillary),
         "coordinates": _coordinates(table, places) if standard else "",
@@ -557,14 +521,9 @@ def _attributes(
     return {key: value for key, value in attributes.items() if value}
 
 
-def _units_of(standard: str | None, unit: str) -> str:
-    named = {"latitude": "degrees_north", "longitude": "degrees_east"}
-    return named.get(standard or "") or _UNITS.get(unit, unit) or "1"
-
-
-def _flag_attributes(of: str, coordinates: str) -> Attributes:
+def _flag_attributes(channel: str, coordinates: str) -> Attributes:
     return {
-        "long_name": f"QARTOD flag of {of}",
+        "long_name": f"QARTOD flag of {channel}",
         "standard_name": "aggregate_quality_flag",
         "flag_values": np.array([*_MEANINGS], dtype=np.int8),
         "flag_meanings": " ".join(_MEANINGS.values()),
@@ -575,10 +534,10 @@ def _flag_attributes(of: str, coordinates: str) -> Attributes:
 
 def _coordinates(table: pd.DataFrame, places: Mapping[str, Floats]) -> str:
     """The names of when, where, and what CF has no standard name for."""
-    where = [*places] or _local(table)
+    position = [*places] or _plane_coordinates(table)
     names = [name for name in map(str, table.columns) if not name.endswith(FLAG_SUFFIX)]
     nameless = [name for name in names if name.removesuffix(SIGMA_SUFFIX) not in STANDARD_NAMES]
-    return " ".join(["time", *where, *nameless])
+    return " ".join(["time", *position, *nameless])
 
 
 def _global_attributes(table: pd.DataFrame, places: Mapping[str, Floats], about: Mapping[str, Any]) -> Attributes:
@@ -588,13 +547,18 @@ def _global_attributes(table: pd.DataFrame, places: Mapping[str, Floats], about:
     steps = [f"{step['version']}: {step['step']} {json.dumps(step['options'])}"
              for step in about["provenance"]["history"]]  # fmt: skip
     rate = about["rate_hz"]
+    columns = [column for column in map(str, table.columns) if not column.endswith((FLAG_SUFFIX, SIGMA_SUFFIX))]
+    summary = (
+        f"Measurements aboard {ship}{place}, in a sea trial of {_iso(int(times_ns(table)[0]) / NANO)}, each with a"
+        f" flag of its quality: {', '.join(columns)}."
+    )
     attributes = {
         "Conventions": "CF-1.11, ACDD-1.3",
         "featureType": "trajectory",
         "cdm_data_type": "Trajectory",
         "id": "_".join(str(name).split()),
         "title": f"Sea trial {name} of {ship}{place}",
-        "summary": trial.summary or _summary(table, ship, place),
+        "summary": trial.summary or summary,
         "keywords": trial.keywords or _KEYWORDS,
         "platform": trial.vessel,
         "source": f"sensors of the ship, from {about['recording'] or 'a table'}",
@@ -602,7 +566,7 @@ def _global_attributes(table: pd.DataFrame, places: Mapping[str, Floats], about:
         "processing_level": "samples as measured" if rate is None else f"resampled to {rate:g} Hz",
         "standard_name_vocabulary": "CF Standard Name Table v93",
         "date_created": _iso(int(times_ns(table)[-1]) // NANO),  # of the data; a product has no time of day in it
-        "comment": _comment(trial),
+        "comment": _trial_comment(trial),
         **{key: getattr(trial, key) for key in WISHED},
         **_coverage(table, places),
         "trial": json.dumps(about["trial"]),
@@ -611,16 +575,8 @@ def _global_attributes(table: pd.DataFrame, places: Mapping[str, Floats], about:
     return {key: value for key, value in attributes.items() if value != ""}
 
 
-def _summary(table: pd.DataFrame, ship: str, place: str) -> str:
-    names = [str(name) for name in table.columns if not str(name).endswith((FLAG_SUFFIX, SIGMA_SUFFIX))]
-    return (
-        f"Measurements aboard {ship}{place}, in a sea trial of {_iso(int(times_ns(table)[0]) / NANO)}, each with a"
-        f" flag of its quality: {', '.join(names)}."
-    )
-
-
-def _comment(trial: Trial) -> str:
-    """The crew's words, and how she lay in the water."""
+def _trial_comment(trial: Trial) -> str:
+    """The crew's notes, and how the ship lay in the water."""
     notes = (("", trial.crew_notes), ("loading: ", trial.loading), ("sea state: ", trial.sea_state))
     metres = (
         ("draught", trial.draught_m),
@@ -659,14 +615,6 @@ def _coverage(table: pd.DataFrame, places: Mapping[str, Floats]) -> Attributes:
     }  # fmt: skip
 
 
-def _write_identifier(file: netcdf_file, name: str) -> None:
-    letters = np.frombuffer(name.encode(), dtype="S1")
-    file.createDimension("name_strlen", letters.size)
-    variable = file.createVariable("trajectory", "c", ("name_strlen",))
-    variable[:] = letters
-    _set_attributes(variable, {"cf_role": "trajectory_id", "long_name": "Name of the trial"})
-
-
 def _write_variable(file: netcdf_file, name: str, values: NDArray[Any], attributes: Attributes) -> None:
     flags = values.dtype == np.uint8
     variable = file.createVariable(name, "b" if flags else "d", (_ROW,))
@@ -676,8 +624,16 @@ def _write_variable(file: netcdf_file, name: str, values: NDArray[Any], attribut
     )
 
 
-def _set_attributes(of: Any, attributes: Attributes) -> None:
+def _set_attributes(variable: Any, attributes: Attributes) -> None:
     """Attributes of a file or of a variable: text in UTF-8, numbers in double precision."""
     for key, value in attributes.items():
-        plain = value.encode() if isinstance(value, str) else np.asarray(value)
-        setattr(of, key, plain)
+        encoded = value.encode() if isinstance(value, str) else np.asarray(value)
+        setattr(variable, key, encoded)
+
+
+_WRITERS: dict[str, Writer] = {
+    ".parquet": _write_parquet, ".csv": _write_csv, ".mat": _write_mat, ".xlsx": _write_excel,
+    ".nc": write_netcdf, ".kml": write_kml, ".gpx": write_gpx,
+}  # fmt: skip
+KINDS = tuple(_WRITERS)
+"""The suffixes of the files that a table can be written as."""

@@ -13,7 +13,7 @@ that is as fast as the grid or slower is interpolated linearly. Angles go throug
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from typing import Any
@@ -61,7 +61,7 @@ class Filter:
 
 MOTION_FILTER = Filter(degree=2, reach=3, taper=1.5)
 SETTING_FILTER = Filter(degree=1, reach=2, taper=1.0)
-"""Channels that people and controllers set: they move in steps."""
+"""Channels that crews and controllers set: they move in steps."""
 
 
 def resample(
@@ -69,16 +69,16 @@ def resample(
     rate_hz: float = 1.0,
     longest_gap_s: float | None = None,
     delays: Mapping[str, float] | None = None,
-    known_steps: int | None = None,
+    lookahead_steps: int | None = None,
 ) -> pd.DataFrame:
     """The table on whole multiples of 1 / ``rate_hz`` in UTC [Hz], each channel by itself.
 
     Rows may be unsorted, repeat a time, and hold NaN where a channel has no sample. Between samples that lie
     further apart than ``longest_gap_s`` [s] the result is NaN; without it the limit is 3 s, for a channel that is
     slower 2.5 of its median intervals, and never more than 10 s. Beyond a channel's first and last sample it is NaN
-    too. ``delays`` [s by channel] are taken off the times first; positive means stamped that much too late. The
-    history in ``attrs`` gains a step for each. With ``known_steps`` each row is what was known of it so many rows
-    later: no sample further ahead is filtered in, as aboard where there is none yet. Raises
+    too. ``delays`` [s by channel] are subtracted from the times first; positive means stamped that much too late.
+    The history in ``attrs`` gains a step for each. With ``lookahead_steps`` each row is as it was known so many
+    rows later: no sample further ahead is filtered in, as on board, where there is none yet. Raises
     :class:`DataShortageError` for a table without samples, :class:`InputError` for an impossible rate or delay.
     """
     time_ns = times_ns(table)
@@ -87,7 +87,7 @@ def resample(
     def samples(name: str) -> TimedValues:
         return time_ns, table[name].to_numpy(dtype=float)
 
-    return _on_grid(names, samples, table.attrs, rate_hz, longest_gap_s, delays, known_steps)
+    return _on_grid(names, samples, table.attrs, rate_hz, longest_gap_s, delays, lookahead_steps)
 
 
 def resample_recording(
@@ -96,7 +96,7 @@ def resample_recording(
     longest_gap_s: float | None = None,
     delays: Mapping[str, float] | None = None,
     part_percent: tuple[float, float] = (0.0, 100.0),
-    known_steps: int | None = None,
+    lookahead_steps: int | None = None,
 ) -> pd.DataFrame:
     """As :func:`resample` of a part of the recording's joined table, to the last bit, without joining it.
 
@@ -113,7 +113,7 @@ def resample_recording(
             return series.measured_ns, valid_values(series)
         return series.measured_ns[inside], valid_values(series)[inside]
 
-    return _on_grid(names, samples, attributes_of(recording), rate_hz, longest_gap_s, delays, known_steps)
+    return _on_grid(names, samples, attributes_of(recording), rate_hz, longest_gap_s, delays, lookahead_steps)
 
 
 def _on_grid(
@@ -123,7 +123,7 @@ def _on_grid(
     rate_hz: float,
     longest_gap_s: float | None,
     delays: Mapping[str, float] | None,
-    known_steps: int | None,
+    lookahead_steps: int | None,
 ) -> pd.DataFrame:
     """Every channel on the grid that spans all of them; one channel's samples are held at a time."""
     rate = rate_fraction(rate_hz)
@@ -135,13 +135,16 @@ def _on_grid(
         is_finite = np.isfinite(values)
         return time_ns[is_finite] - delay_ns.get(name, 0), values[is_finite]
 
-    first_ns, last_ns = _span(valid(name)[0] for name in names)
+    ends = [(int(times.min()), int(times.max())) for times, _ in map(valid, names) if times.size]
+    if not ends:
+        raise DataShortageError("the table has no samples", fix="give a table with values")
+    first_ns, last_ns = min(first for first, _ in ends), max(last for _, last in ends)
     require_plausible_span(
         first_ns, last_ns, (valid(name)[0] for name in names), str(attributes.get("recording", ""))
     )
     grid_ns = grid(first_ns, last_ns, rate)
     columns = {
-        name: _resampled(find_channel(name, channels), *valid(name), grid_ns, rate, longest_gap_s, known_steps)
+        name: _resampled(find_channel(name, channels), *valid(name), grid_ns, rate, longest_gap_s, lookahead_steps)
         for name in names
     }
     result = pd.DataFrame(columns, index=index_of(grid_ns))
@@ -151,14 +154,6 @@ def _on_grid(
             result, "remove_delays", delays_s={name: float(delay_s) for name, delay_s in delays.items()}
         )
     return add_step(result, "resample", rate_hz=float(rate_hz), longest_gap_s=longest_gap_s)
-
-
-def _span(times: Iterable[Ints]) -> tuple[int, int]:
-    """The first and the last of all times. Raises :class:`DataShortageError` if there is none."""
-    ends = [(int(stamps.min()), int(stamps.max())) for stamps in times if stamps.size]
-    if not ends:
-        raise DataShortageError("the table has no samples", fix="give a table with values")
-    return min(first for first, _ in ends), max(last for _, last in ends)
 
 
 def rate_fraction(rate_hz: float) -> Fraction:
@@ -183,20 +178,20 @@ def _resampled(
     grid_ns: Ints,
     rate: Fraction,
     longest_gap_s: float | None,
-    known_steps: int | None,
+    lookahead_steps: int | None,
 ) -> Floats:
-    """One channel's valid samples on the grid; NaN where it has nothing to say."""
+    """One channel's valid samples on the grid; NaN where there are none nearby."""
     circular = channel is not None and channel.circular
     if channel is not None and channel.state:
-        return _held(time_ns, values, grid_ns, longest_gap_s)
+        return _hold_states(time_ns, values, grid_ns, longest_gap_s)
     times, samples = _sorted_without_repeats(time_ns, values, circular)
     interval_ns = _usual_interval_ns(times)
-    result = _between(times, samples, grid_ns, longest_gap_s, circular)
+    result = _interpolate_linearly(times, samples, grid_ns, longest_gap_s, circular)
     covered = np.isfinite(result)
     if covered.any() and 0 < interval_ns < _FASTER * NANO / rate:
         rule = SETTING_FILTER if channel is not None and is_setting(channel) else MOTION_FILTER
-        if known_steps is not None:
-            rule = replace(rule, ahead=known_steps)
+        if lookahead_steps is not None:
+            rule = replace(rule, ahead=lookahead_steps)
         smooth = _local_fit(times, samples, grid_ns, float(NANO / rate), rule, circular)
         replaced = covered & np.isfinite(smooth)
         result[replaced] = smooth[replaced]
@@ -205,17 +200,17 @@ def _resampled(
     return in_turn(channel, result)
 
 
-def _held(time_ns: Ints, values: Floats, grid_ns: Ints, longest_gap_s: float | None) -> Floats:
-    """A state at each grid point: the last that was told, as long as the channel's gaps allow."""
+def _hold_states(time_ns: Ints, values: Floats, grid_ns: Ints, longest_gap_s: float | None) -> Floats:
+    """A state at each grid point: the last one reported, as long as the channel's gaps allow."""
     result = np.full(grid_ns.size, np.nan)
     if time_ns.size == 0:
         return result
     order = np.argsort(time_ns, kind="stable")
     times = time_ns[order]
     limit_ns = _longest_gap_ns(times, longest_gap_s)
-    last = np.searchsorted(times, grid_ns, side="right") - 1
-    is_held = (last >= 0) & (grid_ns - times[np.maximum(last, 0)] <= limit_ns)
-    result[is_held] = values[order][last[is_held]]
+    newest = np.searchsorted(times, grid_ns, side="right") - 1
+    is_held = (newest >= 0) & (grid_ns - times[np.maximum(newest, 0)] <= limit_ns)
+    result[is_held] = values[order][newest[is_held]]
     return result
 
 
@@ -225,16 +220,23 @@ def interpolate(time_ns: Ints, values: Floats, at_ns: Ints) -> Floats:
     NaN before the first, after the last and in gaps longer than :func:`resample` bridges; NaN is no sample.
     """
     is_finite = np.isfinite(values)
-    return _between(*_sorted_without_repeats(time_ns[is_finite], values[is_finite], False), at_ns, None, False)
+    return _interpolate_linearly(
+        *_sorted_without_repeats(time_ns[is_finite], values[is_finite], False), at_ns, None, False
+    )
 
 
-def _between(times: Ints, samples: Floats, at_ns: Ints, longest_gap_s: float | None, circular: bool) -> Floats:
+def _interpolate_linearly(
+    times: Ints, samples: Floats, at_ns: Ints, longest_gap_s: float | None, circular: bool
+) -> Floats:
     """Samples in the order of time, interpolated; NaN across gaps."""
     result = np.full(at_ns.size, np.nan)
     if times.size == 0 or at_ns.size == 0:
         return result
-    covered, before, share = _bracket(times, at_ns, _longest_gap_ns(times, longest_gap_s))
-    result[covered] = _interpolated(samples, before[covered], share[covered], circular)
+    covered, before, fraction = _bracket(times, at_ns, _longest_gap_ns(times, longest_gap_s))
+    before, fraction = before[covered], fraction[covered]
+    start, end = samples[before], samples[np.minimum(before + 1, samples.size - 1)]
+    step = difference(end, start) if circular else end - start
+    result[covered] = np.where(fraction == 0, start, start + fraction * step)
     return result
 
 
@@ -243,10 +245,10 @@ def _usual_interval_ns(times: Ints) -> float:
 
 
 def _longest_gap_ns(times: Ints, longest_gap_s: float | None) -> float:
-    return (own_gap_s(_usual_interval_ns(times)) if longest_gap_s is None else longest_gap_s) * NANO
+    return (bridged_gap_s(_usual_interval_ns(times)) if longest_gap_s is None else longest_gap_s) * NANO
 
 
-def own_gap_s(interval_ns: float) -> float:
+def bridged_gap_s(interval_ns: float) -> float:
     """The longest gap [s] that is bridged in a channel whose samples usually lie so far apart."""
     return min(max(_GAP_S, _GAP_INTERVALS * interval_ns / NANO), _LONGEST_GAP_S)
 
@@ -267,27 +269,22 @@ def _sorted_without_repeats(time_ns: Ints, values: Floats, circular: bool) -> tu
 def _bracket(times: Ints, grid_ns: Ints, limit_ns: float) -> tuple[NDArray[np.bool_], NDArray[np.int64], Floats]:
     """For each grid point: is it between two samples close enough, which is the one before, how far past it.
 
-    A grid point on a sample is covered whatever is missing beside it.
+    A grid point on a sample is covered whatever is missing next to it.
     """
     before = np.searchsorted(times, grid_ns, side="right") - 1
-    inside = before >= 0
+    after_first = before >= 0
     before = np.maximum(before, 0)
     after = np.minimum(before + 1, times.size - 1)
     passed = (grid_ns - times[before]).astype(float)
     span = (times[after] - times[before]).astype(float)
-    share = np.divide(passed, span, out=np.zeros_like(passed), where=span > 0)
+    fraction = np.divide(passed, span, out=np.zeros_like(passed), where=span > 0)
     on_sample = passed == 0
-    return inside & (on_sample | ((after > before) & (span <= limit_ns))), before, share
-
-
-def _interpolated(samples: Floats, before: NDArray[np.int64], share: Floats, circular: bool) -> Floats:
-    start, end = samples[before], samples[np.minimum(before + 1, samples.size - 1)]
-    step = difference(end, start) if circular else end - start
-    return np.where(share == 0, start, start + share * step)
+    return after_first & (on_sample | ((after > before) & (span <= limit_ns))), before, fraction
 
 
 def _local_fit(times: Ints, samples: Floats, grid_ns: Ints, step_ns: float, rule: Filter, circular: bool) -> Floats:
-    """The filter of the module's text: a weighted fit about each grid point, NaN where too little is near.
+    """The filter of the module's docstring: a weighted fit about each grid point; NaN where there are too few
+    samples nearby, or where they lie too close together.
 
     A sample lies within reach of a fixed number of grid points, so that every sum over the neighbours of all grid
     points is that many weighted counts. As many samples as the polynomial has coefficients must lie on either
@@ -297,8 +294,8 @@ def _local_fit(times: Ints, samples: Floats, grid_ns: Ints, step_ns: float, rule
     centre = _centres(times, samples, grid_ns, step_ns, rule, circular)
     moments, products = np.zeros((2 * rule.degree + 1, count)), np.zeros((size, count))
     on_side = np.zeros((2, count))
-    for point, of, distance, weight in _neighbours(times, grid_ns, step_ns, rule):
-        value = difference(samples[of], centre[point]) if circular else samples[of] - centre[point]
+    for point, sample, distance, weight in _neighbours(times, grid_ns, step_ns, rule):
+        value = difference(samples[sample], centre[point]) if circular else samples[sample] - centre[point]
         on_side[0] += np.bincount(point, distance <= 0, count)
         on_side[1] += np.bincount(point, distance >= 0, count)
         for power in range(2 * rule.degree + 1):
@@ -306,20 +303,14 @@ def _local_fit(times: Ints, samples: Floats, grid_ns: Ints, step_ns: float, rule
             if power < size:
                 products[power] += np.bincount(point, weight * value, count)
             weight = weight * distance
-    usable = np.asarray((on_side >= size).all(axis=0))
+    usable = (on_side >= size).all(axis=0)
     normal = np.stack([moments[row : row + size] for row in range(size)])[:, :, usable] / moments[0, usable]
-    right = products[:, usable] / moments[0, usable]
-    return _solved(normal, right, usable, centre)
-
-
-def _solved(normal: Floats, right: Floats, usable: NDArray[np.bool_], centre: Floats) -> Floats:
-    """The constant terms of all fits, NaN where there is none or its samples lie too close together."""
-    result = np.full(centre.size, np.nan)
-    equations = np.moveaxis(normal, 2, 0)
-    sound = np.linalg.det(equations) > _LEAST_SPREAD
-    where = np.flatnonzero(usable)[sound]
-    result[where] = centre[where] + np.linalg.solve(equations[sound], right.T[sound][..., None])[:, 0, 0]
-    return result
+    right_side = products[:, usable] / moments[0, usable]
+    equations, fitted = np.moveaxis(normal, 2, 0), np.full(count, np.nan)
+    solvable = np.linalg.det(equations) > _LEAST_SPREAD
+    points, right_sides = np.flatnonzero(usable)[solvable], right_side.T[solvable][..., None]
+    fitted[points] = centre[points] + np.linalg.solve(equations[solvable], right_sides)[:, 0, 0]
+    return fitted
 
 
 def _centres(times: Ints, samples: Floats, grid_ns: Ints, step_ns: float, rule: Filter, circular: bool) -> Floats:
@@ -332,9 +323,9 @@ def _centres(times: Ints, samples: Floats, grid_ns: Ints, step_ns: float, rule: 
     angle = np.deg2rad(samples)
     sine, cosine = np.sin(angle), np.cos(angle)
     north, east = np.zeros(grid_ns.size), np.zeros(grid_ns.size)
-    for point, of, _, weight in _neighbours(times, grid_ns, step_ns, rule):
-        north += np.bincount(point, weight * cosine[of], grid_ns.size)
-        east += np.bincount(point, weight * sine[of], grid_ns.size)
+    for point, sample, _, weight in _neighbours(times, grid_ns, step_ns, rule):
+        north += np.bincount(point, weight * cosine[sample], grid_ns.size)
+        east += np.bincount(point, weight * sine[sample], grid_ns.size)
     return np.asarray(np.rad2deg(np.arctan2(east, north)))
 
 
@@ -347,12 +338,12 @@ def _neighbours(
     """
     before = np.searchsorted(grid_ns, times, side="right") - 1  # -1: before the first grid point
     ahead = rule.reach if rule.ahead is None else min(rule.ahead, rule.reach)
-    for further in range(max(-ahead, 1 - rule.reach), rule.reach + 1):
-        first, last = np.searchsorted(before, (-further, grid_ns.size - further))  # points 0 to the last
-        point, of = before[first:last] + further, np.arange(first, last)
-        if further == -ahead:  # of these only what lies right at the end of what is known
-            within_reach = times[of] - grid_ns[point] <= ahead * step_ns
-            point, of = point[within_reach], of[within_reach]
-        distance = (times[of] - grid_ns[point]) / (rule.reach * step_ns)
+    for shift in range(max(-ahead, 1 - rule.reach), rule.reach + 1):
+        first, last = np.searchsorted(before, (-shift, grid_ns.size - shift))  # points 0 to the last
+        point, sample = before[first:last] + shift, np.arange(first, last)
+        if shift == -ahead:  # of these only what lies right at the end of what is known
+            within_reach = times[sample] - grid_ns[point] <= ahead * step_ns
+            point, sample = point[within_reach], sample[within_reach]
+        distance = (times[sample] - grid_ns[point]) / (rule.reach * step_ns)
         np.clip(distance, -1.0, 1.0, out=distance)
-        yield point, of, distance, (0.5 + 0.5 * np.cos(np.pi * distance)) ** rule.taper
+        yield point, sample, distance, (0.5 + 0.5 * np.cos(np.pi * distance)) ** rule.taper

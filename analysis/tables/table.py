@@ -2,7 +2,7 @@
 
 Its times are a UTC index named ``time`` in nanoseconds. pandas counts in microseconds unless asked otherwise; the
 arithmetic here is done on int64 nanoseconds. A clock that starts in 1970 until it receives a satellite, or a stamp
-with a wrong year, would make any regular grid longer than memory holds: such stamps are told from the others by the
+with a wrong year, would make any regular grid longer than memory holds: such stamps are distinguished by the
 silence between them, which no trial contains.
 
 Where a table comes from and what was done to it is carried in its ``attrs`` and written into every product. There
@@ -47,7 +47,23 @@ from seatrial.acquisition.core.trial import Quality, Trial, software_version
 from seatrial.acquisition.recording.grouping import Files, read_together
 from seatrial.acquisition.recording.reader import Recording
 
+LOG = logging.getLogger("seatrial")
+NANO = 1_000_000_000
+DAY_NS = 86_400 * NANO
+LONGEST_DAYS = 31
+"""Of one recording; anyone who claims more had the clock set while recording."""
+LARGEST_VALUE = 1e30
+"""No channel in any unit has values as large, and the fourth powers of smaller ones are still numbers."""
+HISTORY_KEY, LATER_PARTS = "history", "later_parts"
+CALM = "no wind was recorded: calm is taken in its place, and what the wind did counts as error of the model"
+"""What should be known of a table that :func:`with_calm` has filled."""
 _LONGEST_DELAY_S = 3600.0
+_KEY = np.dtype([("time", np.int64), ("repeat", np.int64)])
+
+TimedValues = tuple[Ints, Floats]
+"""Times [ns since 1970] and the values at them, both [n]."""
+Span = tuple[pd.Timestamp, pd.Timestamp]
+"""Beginning and end, in UTC."""
 
 
 def read_table(files: Files) -> pd.DataFrame:
@@ -66,8 +82,8 @@ def table_of(recording: Recording) -> pd.DataFrame:
     series = {name: recording.series[name] for name in channels_of(recording)}
     size_bytes = sum(path.stat().st_size for path in recording.paths if path.is_file())
     rows = sum(samples.measured_ns.size for samples in series.values())  # if no two have a time in common
-    cells = len(series) * rows
-    RECORDING_CELLS.require(cells, recording.path, size_bytes)
+    cell_count = len(series) * rows
+    RECORDING_CELLS.require(cell_count, recording.path, size_bytes)
     table = join_channels({name: (samples.measured_ns, valid_values(samples)) for name, samples in series.items()})
     table.attrs.update(attributes_of(recording))
     return table
@@ -88,30 +104,30 @@ def channels_of(recording: Recording) -> list[str]:
 
 
 def actuators_in_recording(recording: Recording) -> Actuators:
-    """The actuators of the ship that a recording is of, as it says itself; else by rule from its channels."""
+    """The actuators of the ship that a recording is of, as it states them; else by rule from its channels."""
     return actuators_of(recording.series, _trial_attributes(recording))
 
 
 def _trial_attributes(recording: Recording) -> dict[str, Any]:
-    """What a recording says of its ship and of the channels that it declares, as the ``attrs`` of a table."""
+    """What a recording states of its ship and of the channels that it declares, as the ``attrs`` of a table."""
     return {"trial": asdict(recording.trial)}
 
 
 def actuator_attributes(actuators: Actuators) -> dict[str, Any]:
-    """What the ``attrs`` of a table say of its ship's actuators: nothing for the default list."""
+    """The ``attrs`` of a table for its ship's actuators: nothing for the default list."""
     text = as_text(actuators)
     return {"trial": {"actuators": text}} if text else {}
 
 
 def trial_of(table: pd.DataFrame) -> Trial:
-    """The trial that a table is of, as far as its ``attrs`` tell."""
-    stated = table.attrs.get("trial", {})
-    return Trial.from_metadata({**{name: str(value) for name, value in stated.items() if value is not None},
-                                "trial": str(stated.get("trial", stated.get("name", "")))})  # fmt: skip
+    """The trial that a table is of, as far as its ``attrs`` state it."""
+    attributes = table.attrs.get("trial", {})
+    return Trial.from_metadata({**{name: str(value) for name, value in attributes.items() if value is not None},
+                                "trial": str(attributes.get("trial", attributes.get("name", "")))})  # fmt: skip
 
 
 def table_actuators(table: pd.DataFrame) -> Actuators:
-    """The actuators of the ship that a table is of, as it says itself; else by rule from its columns."""
+    """The actuators of the ship that a table is of, as it states them; else by rule from its columns."""
     return actuators_of(table.columns, table.attrs)
 
 
@@ -148,41 +164,30 @@ def attributes_of(recording: Recording) -> dict[str, Any]:
         "recording": str(recording.path),
         "sources": {name: list(recording.series[name].sources) for name in channels_of(recording)},
     }
-    history = _history_in(recording.metadata.get(HISTORY_KEY, {}).get(HISTORY_KEY, ""))
+    text = recording.metadata.get(HISTORY_KEY, {}).get(HISTORY_KEY, "")
+    try:
+        history = parse_json(text) if text else []
+    except ValueError:
+        history = []
+    if not (isinstance(history, list) and all(isinstance(step, dict) for step in history)):
+        history = []
     later = {LATER_PARTS: list(map(str, recording.later_parts))} if recording.later_parts else {}
     return {**attributes, **later, **({HISTORY_KEY: history} if history else {})}
 
 
-def _history_in(text: str) -> list[dict[str, Any]]:
-    """The steps of a history as it was written; none where somebody has written something else."""
-    try:
-        steps = parse_json(text) if text else []
-    except ValueError:
-        return []
-    return steps if isinstance(steps, list) and all(isinstance(step, dict) for step in steps) else []
-
-
-MOST = 1e30
-"""No channel in any unit has values as large, and the fourth powers of smaller ones are still numbers."""
-
-
 def valid_values(series: Series) -> Floats:
-    """The values of a series, NaN where they are flagged bad or larger than :data:`MOST`."""
-    valid = (series.quality < Quality.BAD) & (np.abs(series.value) < MOST)
+    """The values of a series, NaN where they are flagged bad or larger than :data:`LARGEST_VALUE`."""
+    valid = (series.quality < Quality.BAD) & (np.abs(series.value) < LARGEST_VALUE)
     return np.where(valid, series.value, np.nan)
 
 
 def count_bad(recording: Recording) -> int:
-    """How many values a recording flags bad itself, or cannot hold (:data:`MOST`); tables of it lack them."""
+    """How many values a recording flags bad itself, or cannot hold (:data:`LARGEST_VALUE`); tables of it lack
+    them."""
     lacking = (
         np.isfinite(samples.value) & np.isnan(valid_values(samples)) for samples in recording.series.values()
     )
     return sum(int(mask.sum()) for mask in lacking)
-
-
-TimedValues = tuple[Ints, Floats]
-"""Times [ns since 1970] and the values at them, both [n]."""
-_KEY = np.dtype([("time", np.int64), ("repeat", np.int64)])
 
 
 def join_channels(channels: Mapping[str, TimedValues]) -> pd.DataFrame:
@@ -190,28 +195,24 @@ def join_channels(channels: Mapping[str, TimedValues]) -> pd.DataFrame:
 
     The rows are in the order of time; a time that one channel has twice stands in two rows, in its order.
     """
-    keys = {name: _keys(time_ns) for name, (time_ns, _) in channels.items()}
-    rows = np.unique(np.concatenate(list(keys.values())))
+    row_keys = {}
+    for name, (time_ns, _) in channels.items():  # a row is a measured time and how often it came before
+        order = np.argsort(time_ns, kind="stable")
+        times = time_ns[order]
+        keys = row_keys[name] = np.empty(times.size, dtype=_KEY)
+        keys["time"][order] = times
+        keys["repeat"][order] = np.arange(times.size) - np.searchsorted(times, times, side="left")
+    rows = np.unique(np.concatenate(list(row_keys.values())))
     columns = {}
     for name, (_, values) in channels.items():
         column = np.full(rows.size, np.nan)
-        column[np.searchsorted(rows, keys[name])] = values
+        column[np.searchsorted(rows, row_keys[name])] = values
         columns[name] = column
     return pd.DataFrame(columns, index=index_of(np.ascontiguousarray(rows["time"])))
 
 
-def _keys(time_ns: Ints) -> NDArray[np.void]:
-    """Measured time and how often it came before: what makes a row."""
-    order = np.argsort(time_ns, kind="stable")
-    times = time_ns[order]
-    first = np.searchsorted(times, times, side="left")
-    keys = np.empty(times.size, dtype=_KEY)
-    keys["time"][order], keys["repeat"][order] = times, np.arange(times.size) - first
-    return keys
-
-
 def remove_delays(table: pd.DataFrame, delays: Mapping[str, float]) -> pd.DataFrame:
-    """The raw samples joined anew after each channel's delay [s] is taken off its times.
+    """The raw samples joined again after each channel's delay [s] is subtracted from its times.
 
     A positive delay means stamped that much too late. Cells that are NaN are no samples here: a row that would
     hold nothing else is not made. The history gains a step. Raises :class:`InputError` for a name that is no
@@ -224,7 +225,7 @@ def remove_delays(table: pd.DataFrame, delays: Mapping[str, float]) -> pd.DataFr
 
 
 def move_stamps(table: pd.DataFrame, by_ns: Mapping[str, int]) -> pd.DataFrame:
-    """The values of a table joined anew after the stamps of the named columns are moved [ns]."""
+    """The values of a table joined again after the stamps of the named columns are moved [ns]."""
     time_ns, columns = times_ns(table), {}
     for name in map(str, table.columns):
         values = table[name].to_numpy(dtype=float)
@@ -258,13 +259,8 @@ def require(table: pd.DataFrame, names: tuple[str, ...] | None = None) -> None:
         raise InputError(f"has no {', '.join(missing)}", where=str(table.attrs.get("recording", "table")), fix=fix)
 
 
-LOG = logging.getLogger("seatrial")
-CALM = "no wind was recorded: calm is taken in its place, and what the wind did counts as error of the model"
-"""What should be known of a table that :func:`with_calm` has filled."""
-
-
 def with_calm(table: pd.DataFrame) -> pd.DataFrame:
-    """The table, with a calm (0 m/s) where it has no wind at all, which its history says.
+    """The table, with a calm (0 m/s) where it has no wind at all, which its history records.
 
     Models of a ship take the wind as an input; a trial in a basin, or of a ship without an anemometer, has none.
     """
@@ -288,8 +284,8 @@ def select(table: pd.DataFrame, part_percent: tuple[float, float] | str) -> pd.D
     part = percent_of(part_percent) if isinstance(part_percent, str) else part_percent
     times = times_ns(table)
     first_ns, last_ns = bounds_ns([times], part)
-    chosen: pd.DataFrame = table[(times >= first_ns) & (times <= last_ns)]
-    return chosen
+    selected: pd.DataFrame = table[(times >= first_ns) & (times <= last_ns)]
+    return selected
 
 
 def bounds_ns(times: Iterable[Ints], part_percent: tuple[float, float]) -> tuple[int, int]:
@@ -322,9 +318,6 @@ def _checked_part(low: float, high: float) -> tuple[float, float]:
     return low, high
 
 
-NANO = 1_000_000_000
-
-
 def utc_index(table: pd.DataFrame) -> pd.DatetimeIndex:
     """The table's index in UTC and nanoseconds.
 
@@ -343,10 +336,6 @@ def times_ns(table: pd.DataFrame) -> NDArray[np.int64]:
     return utc_index(table).asi8
 
 
-Span = tuple[pd.Timestamp, pd.Timestamp]
-"""Beginning and end, in UTC."""
-
-
 def span_of(table: pd.DataFrame) -> Span:
     """The first and the last time of a table."""
     index = utc_index(table)
@@ -362,12 +351,6 @@ def seconds_of(table: pd.DataFrame) -> Floats:
 def index_of(time_ns: NDArray[np.int64]) -> pd.DatetimeIndex:
     """Times [ns since 1970] as the index of a table."""
     return pd.DatetimeIndex(time_ns.astype("datetime64[ns]"), name="time").tz_localize("UTC")
-
-
-LONGEST_DAYS = 31
-"""Of one recording; whoever claims more had his clock set while he recorded."""
-
-DAY_NS = 86_400 * NANO
 
 
 def main_stretch(time_ns: Ints) -> tuple[int, int]:
@@ -410,7 +393,7 @@ def require_plausible_span(first_ns: int, last_ns: int, times: Iterable[Ints], w
 
 
 def time_span_text(time_ns: Ints) -> str:
-    """When samples are stamped, for people: one time, or from the first to the last."""
+    """When samples are stamped, as text: one time, or from the first to the last."""
     first, last = (pd.Timestamp(int(stamp_ns), tz="UTC") for stamp_ns in (time_ns.min(), time_ns.max()))
     text = f"{first:%Y-%m-%d %H:%M:%S}"
     return text if first == last else f"{text} to {last:%Y-%m-%d %H:%M:%S}"
@@ -425,7 +408,7 @@ def provenance_of(
 ) -> dict[str, Any]:
     """How a table came about: software, recording with its SHA-256, options, trial, and the history step by step.
 
-    ``recording`` is the file it was read from, where the table's ``attrs`` do not say. One that is no longer
+    ``recording`` is the file it was read from, where the table's ``attrs`` do not name it. One that is no longer
     there has no hash (None).
     """
     origin = table.attrs.get("recording")
@@ -454,9 +437,6 @@ def sha256_of(*paths: Path) -> str | None:
     return ", ".join(digests)
 
 
-HISTORY_KEY, LATER_PARTS = "history", "later_parts"
-
-
 def add_step(table: pd.DataFrame, step: str, **options: Any) -> pd.DataFrame:
     """``table`` with one more step in its history: its name, the version of Seatrial and the options.
 
@@ -474,7 +454,7 @@ def history_of(table: pd.DataFrame) -> list[dict[str, Any]]:
 
 
 def refuse_duplicates(paths: Sequence[Path]) -> list[str]:
-    """The SHA-256 of each recording, in their order; empty where one cannot be read, which its reader will say.
+    """The SHA-256 of each recording, in their order; empty where one cannot be read, which its reader will report.
 
     Raises :class:`InputError` where two files hold the same.
     """
@@ -482,10 +462,13 @@ def refuse_duplicates(paths: Sequence[Path]) -> list[str]:
     hashes = []
     for path in paths:
         digest = sha256_of(path) or ""
-        twin = first.setdefault(digest, path)
-        if digest and twin is not path:
+        duplicate = first.setdefault(digest, path)
+        if digest and duplicate is not path:
             raise InputError(
-                "is given twice", where=str(path), why=f"it is the same recording as {twin}", fix="give it once"
+                "is given twice",
+                where=str(path),
+                why=f"it is the same recording as {duplicate}",
+                fix="give it once",
             )
         hashes.append(digest)
     return hashes

@@ -16,10 +16,8 @@ second differences and increases drift. Both are corrected by the filter's corre
 Near zero revolutions the rule concerns thrust, which is quadratic in them: within the idle band, with less than
 1 % of the thrust at 130 rpm, a shaft may flicker and only the drift counts. Angles count whether a shaft turns
 or not: a pod turned with an idle propeller still steers a moving ship, as does a rudder. Bounds of a shaft grow
-with its usual speed, beyond that of a ship's: a 3 m model turns her propeller at 600 rpm, and the variation of
+with its usual speed, beyond that of a ship's: a 3 m model turns its propeller at 600 rpm, and the variation of
 a held setting is a share of that.
-
-Held windows of recordings with their start states, and as files.
 
 A prediction starts from a state that cannot be measured without noise. Here it is the Kalman smoother's, with
 its covariance, from the samples at their own times (:mod:`seatrial.analysis.estimation.smoother`): the motion as
@@ -84,25 +82,34 @@ from seatrial.analysis.tables.table import (
     with_calm,
 )
 
+Sort = Literal["azimuth", "shaft", "tunnel", "rudder", "nozzle", "pitch"]
 _MOVED: dict[Sort, str] = {
     "azimuth": "azimuth_moved", "shaft": "rpm_moved", "tunnel": "tunnel_moved",
     "rudder": "rudder_moved", "nozzle": "nozzle_moved", "pitch": "pitch_moved",
 }  # fmt: skip
-REASONS = ("gap", "missing_data", "position_jump", *_MOVED.values())
+MOVED = tuple(_MOVED.values())
+"""The reasons for which a window is complete but not held."""
+REASONS = ("gap", "missing_data", "position_jump", *MOVED)
 """The reasons for dropping a candidate, in order of checking."""
 
 _JUMP_M, _JUMP_DEVIATIONS = 2.0, 10.0
 """The limits of a one-second step relative to the measured speeds, in metres and in standard deviations of the
 recording's other steps; beyond both, a receiver jumped or two parts were joined."""
+_FILTERED_RATIO = 1.5  # of the noise seen two rows apart to that seen from row to row: 1 if white, 2.1 if filtered
+SPAN_SIGMAS, DRIFT_SIGMAS = 8.0, 4.75
+"""The number of standard deviations for range and drift: a held window of 15 s with Gaussian noise is lost once
+in some 200,000; a ramp of 0.5 deg/s is recognised at noise of up to 1 deg."""
+
+IDLE_RPM, IDLE_DRIFT_RPM = 12.0, 5.0
+"""The idle band of a shaft and the drift allowed in it over a window; they scale with its bounds."""
+SLOW_STATES = tuple(f"slow_{name}" for name in POSE_AND_VELOCITY)
+START_COLUMNS = ("window", "trial", "leg", "start", *POSE_AND_VELOCITY, *COVARIANCE_NAMES, *SLOW_STATES)
+"""The columns of the starts: states in the units of the channels, covariances in SI with angles in radians."""
 
 
 def columns_for(actuators: Actuators) -> tuple[str, ...]:
     """The columns of the long table of windows; where moving ones are kept too, ``held`` (bool) comes last."""
     return ("window", "second", *trial_names(actuators), "trial", "leg", "start")
-
-
-MOVED = tuple(_MOVED.values())
-"""The reasons for which a window is complete but not held."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -148,7 +155,7 @@ def held_windows(
     it.
 
     ``trial`` names the recording; windows and legs carry it. With ``keep_moving`` windows in which only a
-    thruster moved are kept too, and a column ``held`` tells them apart; legs are then as long as windows follow
+    thruster moved are kept too, and distinguished by a column ``held``; legs are then as long as windows follow
     each other without a break. A table shorter than the horizon has no candidates; one without wind is taken as of
     a calm. Raises :class:`InputError` for a table that lacks channels or is not on whole seconds.
     """
@@ -196,17 +203,17 @@ def _every_second(table: pd.DataFrame, names: tuple[str, ...]) -> tuple[Ints, Fl
 def _reasons(values: Floats, actuators: Actuators, present: Bools, rows: int, stride: int) -> Ints:
     """For each candidate the index of the first of :data:`REASONS` that applies, their number if none does."""
 
-    def always(flag: Bools) -> Bools:
+    def in_all_rows(flag: Bools) -> Bools:
         return np.asarray(sliding_window_view(flag, rows)[::stride].all(axis=1))
 
     valid = np.isfinite(values)
-    steady = {sort: np.ones(len(always(present)), dtype=bool) for sort in _MOVED}
+    steady = {sort: np.ones(len(in_all_rows(present)), dtype=bool) for sort in _MOVED}
     for name, series in zip(control_names(actuators), _settings(values).T, strict=True):
         steady[sort_of(name, actuators)] &= steady_mask(name, series, rows, stride, actuators)
     passed = (
-        always(np.asarray(present & valid.any(axis=1))),
-        always(np.asarray(valid.all(axis=1))),
-        always(~near_jumps(values)),
+        in_all_rows(np.asarray(present & valid.any(axis=1))),
+        in_all_rows(np.asarray(valid.all(axis=1))),
+        in_all_rows(~near_jumps(values)),
         *steady.values(),
     )
     failed = ~np.stack([*passed, np.zeros_like(passed[0])], axis=1)
@@ -226,9 +233,9 @@ def near_jumps(values: Floats) -> Bools:
     if not np.isfinite(deviation).all(axis=1).any():
         return np.zeros(len(values), dtype=bool)
     # a speed through the water always differs by the current
-    off_m = np.hypot(*(deviation - np.nanmedian(deviation, axis=0)).T)
-    most_m = _JUMP_M + _JUMP_DEVIATIONS * 1.48 * np.nanmedian(off_m)
-    jumped = np.flatnonzero(np.nan_to_num(off_m) > most_m)
+    residual_m = np.hypot(*(deviation - np.nanmedian(deviation, axis=0)).T)
+    limit_m = _JUMP_M + _JUMP_DEVIATIONS * 1.48 * np.nanmedian(residual_m)
+    jumped = np.flatnonzero(np.nan_to_num(residual_m) > limit_m)
     near_jump = np.zeros(len(values), dtype=bool)
     for row in jumped:
         near_jump[max(0, row - MOTION_FILTER.reach + 1) : row + 1 + MOTION_FILTER.reach] = True
@@ -330,15 +337,11 @@ def require_windows(windows: HeldWindows, where: str) -> HeldWindows:
     raise DataShortageError(what, where=where, why=reasons or "shorter than the horizon", fix=fix)
 
 
-Sort = Literal["azimuth", "shaft", "tunnel", "rudder", "nozzle", "pitch"]
-_FILTERED_RATIO = 1.5  # of the noise seen two rows apart to that seen from row to row: 1 if white, 2.1 if filtered
-
-
 @dataclass(frozen=True, slots=True)
 class Tolerance:
     """The allowed variation of a held setting without noise, in the channel's unit, and the largest noise.
 
-    ``noise`` bounds the standard deviation: more than that is somebody moving the handle. For a setting that is
+    ``noise`` bounds the standard deviation: more than that is a handle being moved. For a setting that is
     usually larger than ``ordinary`` all three grow in proportion.
     """
 
@@ -369,13 +372,6 @@ TOLERANCES: dict[Sort, Tolerance] = {
 """The tolerance of each sort of setting: 3 rpm of 240 are a fortieth of the thrust, and so, nearly, are 2 % of
 pitch."""
 
-SPAN_SIGMAS, DRIFT_SIGMAS = 8.0, 4.75
-"""The number of standard deviations for range and drift: a held window of 15 s with Gaussian noise is lost once
-in some 200,000; a ramp of 0.5 deg/s is recognised at noise of up to 1 deg."""
-
-IDLE_RPM, IDLE_DRIFT_RPM = 12.0, 5.0
-"""The idle band of a shaft and the drift allowed in it over a window; they scale with its bounds."""
-
 
 @dataclass(frozen=True, slots=True)
 class Feedback:
@@ -386,18 +382,18 @@ class Feedback:
 
     def drift_of(self, line: Floats) -> float:
         """The standard deviation that this noise gives the sum of values weighted with ``line`` [rows]."""
-        shared = _noise_correlation(line.size) if self.filtered else np.eye(1, line.size)[0]
+        correlation = _noise_correlation(line.size) if self.filtered else np.eye(1, line.size)[0]
         lag = np.abs(np.subtract.outer(np.arange(line.size), np.arange(line.size)))
-        return self.noise * float(np.sqrt((line @ shared[lag] * line).sum()))
+        return self.noise * float(np.sqrt((line @ correlation[lag] * line).sum()))
 
 
 def feedback_of(values: Floats, most: float = np.inf) -> Feedback:
     """The noise on a series that may have been filtered, at most ``most``; see :func:`noise_of`."""
-    noise, wide = noise_of(values), noise_of(values, 2)
-    if wide <= _FILTERED_RATIO * noise:
+    noise, wide_noise = noise_of(values), noise_of(values, 2)
+    if wide_noise <= _FILTERED_RATIO * noise:
         return Feedback(min(noise, most), False)
     _, _, second, _, fourth = _noise_correlation(5)
-    return Feedback(min(wide / float(np.sqrt(1.0 - 4.0 / 3.0 * second + fourth / 3.0)), most), True)
+    return Feedback(min(wide_noise / float(np.sqrt(1.0 - 4.0 / 3.0 * second + fourth / 3.0)), most), True)
 
 
 def _noise_correlation(rows: int) -> Floats:
@@ -417,18 +413,19 @@ def steady_mask(name: str, values: Floats, rows: int, stride: int, actuators: Ac
     ``name`` is a control channel of a ship with these ``actuators``; a window with a NaN is not held.
     """
     series = unwrap(values) if is_circular(name) else values
-    stated = tolerance_of(name, actuators)
-    tolerance = stated.at(series)
+    base = tolerance_of(name, actuators)
+    tolerance = base.at(series)
     feedback = feedback_of(series, tolerance.noise)
     windows = sliding_window_view(series, rows)[::stride]
-    line = _line_weights(rows)
+    centred = np.arange(rows) - (rows - 1) / 2.0
+    line = np.asarray(centred / (centred @ centred) * (rows - 1))  # gives the rise of the least-squares line
     span = windows.max(axis=1) - windows.min(axis=1)
     drift = (windows - windows[:, :1]) @ line
     span_limit = tolerance.span + SPAN_SIGMAS * feedback.noise
     drift_limit = np.hypot(tolerance.drift, DRIFT_SIGMAS * feedback.drift_of(line))
     steady = (span <= span_limit) & (np.abs(drift) <= drift_limit)
     if name.endswith("_rpm"):
-        factor = stated.factor(series)
+        factor = base.factor(series)
         idle = np.abs(windows).max(axis=1) <= factor * IDLE_RPM
         steady |= idle & (np.abs(drift) <= factor * IDLE_DRIFT_RPM)
     return np.asarray(steady)
@@ -448,12 +445,6 @@ def tolerance_of(name: str, actuators: Actuators = DEFAULT) -> Tolerance:
     return TOLERANCES[sort_of(name, actuators)]
 
 
-def _line_weights(rows: int) -> Floats:
-    """The weights that give the rise of a window's least-squares line from first to last value."""
-    centred = np.arange(rows) - (rows - 1) / 2.0
-    return np.asarray(centred / (centred @ centred) * (rows - 1))
-
-
 @dataclass(frozen=True, slots=True)
 class SecondBySecond:
     """A recording at 1 Hz: ``table`` with two-sided resampling, ``newest`` with its rows as they were known 0,
@@ -465,17 +456,13 @@ class SecondBySecond:
     table: pd.DataFrame
     newest: tuple[pd.DataFrame, ...] = ()
 
-    def known(self, seconds: int) -> pd.DataFrame:
-        """The rows as they were known this many seconds after each."""
-        return self.newest[seconds] if seconds < len(self.newest) else self.table
-
 
 def second_by_second(resampled: Callable[..., pd.DataFrame]) -> SecondBySecond:
     """Samples at 1 Hz by one of the functions of :mod:`seatrial.analysis.tables.resample`, its samples given.
 
     Where no wind was recorded, they are of a calm, which is reported.
     """
-    newest = (with_calm(resampled(known_steps=seconds)) for seconds in range(MOTION_FILTER.reach))
+    newest = (with_calm(resampled(lookahead_steps=seconds)) for seconds in range(MOTION_FILTER.reach))
     table = with_calm(resampled())
     warn_of_calm(table)
     return SecondBySecond(table, tuple(newest))
@@ -483,7 +470,7 @@ def second_by_second(resampled: Callable[..., pd.DataFrame]) -> SecondBySecond:
 
 def tables_of_recordings(
     paths: Sequence[Path],
-    progress: Callable[[float], None] = lambda share: None,
+    progress: Callable[[float], None] = lambda _: None,
     part_percent: tuple[float, float] = (0.0, 100.0),
     *,
     repair: bool = False,
@@ -530,19 +517,14 @@ def windows_of_tables(
 def names_of_trials(paths: Sequence[Path]) -> list[str]:
     """The files' names without suffix, numbered where files in different folders are called the same."""
     stems = [printable_name(Path(path).stem) for path in paths]
-    alone = {stem for stem in stems if stems.count(stem) == 1}
-    names, taken = [], set(alone)
+    unique = {stem for stem in stems if stems.count(stem) == 1}
+    names, taken = [], set(unique)
     for stem in stems:
-        if stem not in alone:
+        if stem not in unique:
             stem = next(name for name in (f"{stem}-{number}" for number in count(1)) if name not in taken)
             taken.add(stem)
         names.append(stem)
     return names
-
-
-SLOW_STATES = tuple(f"slow_{name}" for name in POSE_AND_VELOCITY)
-START_COLUMNS = ("window", "trial", "leg", "start", *POSE_AND_VELOCITY, *COVARIANCE_NAMES, *SLOW_STATES)
-"""The columns of the starts: states in the units of the channels, covariances in SI with angles in radians."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -586,14 +568,14 @@ def _starts(first: pd.DataFrame, motion: SmoothedMotion) -> pd.DataFrame:
 
 
 def windows_of_recordings(
-    paths: Sequence[Path], how: WindowOptions | None = None, progress: Callable[[float], None] = lambda share: None
+    paths: Sequence[Path], options: WindowOptions | None = None, progress: Callable[[float], None] = lambda _: None
 ) -> HeldWindows:
     """The windows of recordings, by the trial's name, which is the file's, with their starts.
 
     Raises :class:`DataShortageError` with the counts by reason when no window is held in any of them, and
     :class:`InputError` when one recording is given twice.
     """
-    options = how or WindowOptions()
+    options = options or WindowOptions()
     refuse_duplicates(paths)
     pieces, motion, provenance, recordings = [], {}, {}, named_recordings(paths)
     simple = not (options.starts or options.repair or options.remove_delays)
@@ -617,7 +599,7 @@ def windows_of_recordings(
 def write_windows(windows: HeldWindows, path: Path | str) -> None:
     """Write the windows as Parquet, the account of the candidates and their provenance in the file's metadata.
 
-    Their starts, if they have them, go into ``<name>.starts.parquet`` beside. Raises
+    Their starts, if they have them, go into ``<name>.starts.parquet`` in the same folder. Raises
     :class:`seatrial.acquisition.core.errors.StorageError` when a file cannot be written.
     """
     account = {key: getattr(windows, key) for key in ("candidates", "kept", "dropped", "horizon_s", "stride_s")}
@@ -627,8 +609,8 @@ def write_windows(windows: HeldWindows, path: Path | str) -> None:
     states = {f"{kind}{name}": unit for name, unit in units.items() for kind in ("", "slow_")}
     with written_together(Path(path)):
         if windows.starts is not None:
-            about = {"covariance": "SI, angles in radians", **provenance}
-            write_parquet(windows.starts, starts_path(path), states, about)
+            metadata = {"covariance": "SI, angles in radians", **provenance}
+            write_parquet(windows.starts, starts_path(path), states, metadata)
         write_parquet(windows.rows, path, units, {"windows": json.dumps(account), **provenance, **attributes})
 
 
@@ -648,17 +630,14 @@ def read_windows(path: Path | str) -> HeldWindows:
     names = [*columns, *(["held"] if "held" in rows else [])]
     try:
         account, provenance = (parse_json(metadata.get(name, "{}")) for name in ("windows", "provenance"))
-        return HeldWindows(rows[names], **account, starts=_stored_starts(rows, path), provenance=provenance)
+        starts = None
+        if starts_path(path).is_file():
+            starts, _ = read_parquet(starts_path(path))
+            first, keys = rows.loc[rows["second"] == 0], ["window", "trial", "start"]
+            same = set(keys) <= set(starts.columns) and len(first) == len(starts)
+            if not (same and all((first[key].to_numpy() == starts[key].to_numpy()).all() for key in keys)):
+                starts = None  # they belong to other windows
+        return HeldWindows(rows[names], **account, starts=starts, provenance=provenance)
     except (ValueError, TypeError) as error:
         raise InputError("was not written by this version", where=str(path), why=str(error),
                          fix="run `seatrial windows` again") from error  # fmt: skip
-
-
-def _stored_starts(rows: pd.DataFrame, path: Path | str) -> pd.DataFrame | None:
-    """The start states stored beside a file of windows, unless they belong to others."""
-    if not starts_path(path).is_file():
-        return None
-    starts, _ = read_parquet(starts_path(path))
-    first, keys = rows.loc[rows["second"] == 0], ["window", "trial", "start"]
-    same = set(keys) <= set(starts.columns) and len(first) == len(starts)
-    return starts if same and all((first[key].to_numpy() == starts[key].to_numpy()).all() for key in keys) else None

@@ -39,7 +39,7 @@ from seatrial.acquisition.core.named_code import (
 from seatrial.acquisition.core.process import CALIBRATOR_BYTES
 from seatrial.acquisition.core.quantities import Floats
 from seatrial.acquisition.core.ship import Actuators, as_text, from_text, trial_names
-from seatrial.analysis.tables.table import MOST
+from seatrial.analysis.tables.table import LARGEST_VALUE
 from seatrial.hybrid.calibrators import (
     METHODS,
     Calibrator,
@@ -589,9 +589,8 @@ def _refuse_not_numbers(tensors: Tensors, path: Path) -> None:
     """Raise :class:`InputError` for weights that are not finite, or so large that products of them are not; the
     deviation of a constant may be infinite."""
     for name, value in tensors.items():
-        if bool(
-            np.isnan(value).any() if name.endswith("deviation") else not (np.abs(value.astype(float)) < MOST).all()
-        ):
+        is_small = np.abs(value.astype(float)) < LARGEST_VALUE
+        if bool(np.isnan(value).any() if name.endswith("deviation") else not is_small.all()):
             raise InputError(f"has a {name} that is not a number", where=str(path),
                              why="the training failed or the file was changed", fix="train again")  # fmt: skip
 

@@ -1,1 +1,1 @@
-"""Position, heading, speeds and yaw rate against each other: whether they tell of one motion."""
+"""Position, heading, speeds and yaw rate against each other: whether they are consistent with one motion."""

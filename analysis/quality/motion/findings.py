@@ -4,7 +4,7 @@ A difference is reported when it is larger than anyone should care about and lar
 level of significance is such that a sound trial gives a false finding less than once in five hundred, all figures
 together.
 
-Which channel is late is the odd one out among the three delays between the four groups of motion channels. The
+The delayed channel is the odd one out among the three delays between the four groups of motion channels. The
 delays of positions and headings after the speeds, and of headings after the yaw rate, and the lever arm forward,
 which at steady speed looks just like a delay, are explained by as few causes as their covariance allows
 (generalised least squares; an added cause must reduce the misfit by more than it costs).
@@ -12,17 +12,16 @@ which at steady speed looks just like a delay, are explained by as few causes as
 What is significant may yet not be certain: a factor must be known to half a percent over the whole recording, and
 be one that no other channel could be to blame for. A gross factor points to a unit. And it must show in the motion
 that is slower than waves: what shows in waves alone may be the way of an antenna high up on a ship that rolls and
-pitches. Each finding says in which band of frequencies it shows.
+pitches. Each finding states in which band of frequencies it shows.
 
-A recording's heading and speeds held against its track, in every convention that an import compares too.
-
-Speeds that were derived from the heading agree with the positions whatever the heading is, so that comparing them
-shows nothing: the drift angle does.
+Heading and speeds are also compared with the track in every convention that an import compares. Speeds that were
+derived from the heading agree with the positions whatever the heading is, so that comparing them shows nothing: the
+drift angle does.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from itertools import combinations
 
@@ -44,14 +43,13 @@ from seatrial.acquisition.core.trial import Quality, label_parts, sensor_of
 from seatrial.acquisition.tables.evidence import (
     ScaleFit,
     comparison_grid,
-    fit_scale,
     increments,
     integrals,
     interval_means,
     is_on_earth,
     spans_gap,
 )
-from seatrial.analysis.quality.findings import CheckResult, Finding, mark, uniform_flags
+from seatrial.analysis.quality.findings import CheckResult, Finding, set_flags, uniform_flags
 from seatrial.analysis.quality.motion.fit import (
     CHANCE,
     NAMES,
@@ -59,12 +57,12 @@ from seatrial.analysis.quality.motion.fit import (
     Kinematics,
     MotionSolution,
     PositionJump,
-    displaced,
+    displaced_rows,
     fit_kinematics,
     jump_finding,
     position_jumps,
     quantile,
-    widen_by_parts,
+    widen_by_quarters,
 )
 from seatrial.analysis.quality.motion.model import (
     GROUPS,
@@ -98,6 +96,29 @@ _WHAT = {
 _GEOGRAPHIC = ("latitude_deg", "longitude_deg")
 _OVER_GROUND = ("speed_over_ground_mps", "course_over_ground_deg")
 _PLURAL = ("north_m", "surge_mps")
+_LEAST_DELAY_SAMPLES = 2.0
+"""Within two samples of a channel its delay may as well be how it was sampled or averaged."""
+_SIDES = {"forward": ("forward", "aft"), "starboard": ("to starboard", "to port")}
+"""Where something is measured whose size is above zero, and below."""
+OBSERVED = ("position_delay_s", "heading_delay_s", "heading_after_yaw_rate_s", "forward_m", "starboard_m")
+CAUSES: dict[str, tuple[float, ...]] = {
+    "north_m": (1.0, 0.0, 0.0, 0.0, 0.0),
+    "heading_deg": (0.0, 1.0, 1.0, 0.0, 0.0),
+    "surge_mps": (-1.0, -1.0, 0.0, 0.0, 0.0),
+    "yaw_rate_dps": (0.0, 0.0, -1.0, 0.0, 0.0),
+    "forward": (0.0, 0.0, 0.0, 1.0, 0.0),
+    "starboard": (0.0, 0.0, 0.0, 0.0, 1.0),
+}
+"""What one unit of each cause does to the observed figures: seconds of delay, or metres of lever arm."""
+
+_ADEQUATE = 25.0  # misfit that is still no reason for one more cause: five standard deviations
+_AS_WELL = 9.0
+_NEGLIGIBLE = np.array([0.1, 0.1, 0.05, 0.25, 0.25])
+"""Unmodelled differences (smoothing inside sensors) of this size are left alone, as standard deviations / 2."""
+_MATCHES = 0.005
+FACTORS = (0.3, 3.0)
+"""Beyond these a factor is corrected without asking only where it is a unit's."""
+_REMEDY = "Correct it where it is recorded or imported; nothing else can be told of the motion until then."
 
 
 def check_motion(table: pd.DataFrame) -> CheckResult:
@@ -127,19 +148,19 @@ def check_motion(table: pd.DataFrame) -> CheckResult:
 
 def _contradiction(table: pd.DataFrame) -> tuple[Finding | None, Coarse | None]:
     """A sign, unit or convention by which the motion channels contradict each other, and the coarse fit to them."""
-    if (axes := _where_possible(axes_finding, table)) is not None:
+    if (axes := _finding_if_possible(axes_finding, table)) is not None:
         return axes, None
     missing = any(name not in table for name in MOTION)
     coarse = None if missing else coarse_fit(table)
     if coarse is not None and coarse.is_explained:
         return contradiction_finding(table, coarse), coarse
-    heading = _where_possible(heading_finding, table)
+    heading = _finding_if_possible(heading_finding, table)
     if heading is None and coarse is not None and coarse.contradiction:
         return contradiction_finding(table, coarse), coarse
     return heading, coarse
 
 
-def _where_possible(check: Callable[[pd.DataFrame], Finding | None], table: pd.DataFrame) -> Finding | None:
+def _finding_if_possible(check: Callable[[pd.DataFrame], Finding | None], table: pd.DataFrame) -> Finding | None:
     """What a comparison finds, nothing where its channels are missing or too short."""
     try:
         return check(table)
@@ -151,27 +172,29 @@ def _flagged(
     table: pd.DataFrame, findings: tuple[Finding, ...], jumps: tuple[PositionJump, ...] = ()
 ) -> CheckResult:
     flags = uniform_flags(table, [name for name in MOTION if name in table])
-    suspect = {name for finding in findings for name in _group_of(finding.channel)}
+    suspect = {
+        name
+        for finding in findings
+        for name in next((names for names in GROUPS.values() if finding.channel in names), (finding.channel,))
+    }
     flags = flags.assign(**uniform_flags(table, suspect, Quality.SUSPECT))
     for name in GROUPS["north_m"] if jumps else ():
-        mark(flags, name, np.flatnonzero(displaced(table, jumps) & table[name].notna().to_numpy()), Quality.BAD)
+        set_flags(
+            flags, name, np.flatnonzero(displaced_rows(table, jumps) & table[name].notna().to_numpy()), Quality.BAD
+        )
     return CheckResult(flags, (*findings, *(jump_finding(table, jump) for jump in jumps)))
-
-
-def _group_of(channel: str) -> tuple[str, ...]:
-    return next((names for names in GROUPS.values() if channel in names), (channel,))
 
 
 def findings_of(table: pd.DataFrame, fit: Kinematics) -> tuple[Finding, ...]:
     """Findings from a fit to a table. The parts of the recording are only compared where there is a finding: that
     can only widen its interval."""
     findings = _findings_of(table, fit)
-    return _findings_of(table, widen_by_parts(fit)) if findings else ()
+    return _findings_of(table, widen_by_quarters(fit)) if findings else ()
 
 
 def _findings_of(table: pd.DataFrame, fit: Kinematics) -> tuple[Finding, ...]:
     span, jitter = span_of(table), stamp_jitter(table, fit)
-    jitters = jitter.beyond(SMALLEST_POSITION_JITTER_S)
+    jitters = jitter.exceeds(SMALLEST_POSITION_JITTER_S)
     explanation = explain_delays(fit, jitter.variance_s2 / max(jitter.stretches, 1.0) if jitters else 0.0)
     independent = independent_groups(table)
     findings = [
@@ -188,23 +211,23 @@ def _findings_of(table: pd.DataFrame, fit: Kinematics) -> tuple[Finding, ...]:
         position_jitter_finding(jitter, span),
         heading_jitter_finding(heading_jitter(table, fit), span),
     ]
-    return tuple(finding for finding in findings if finding is not None and not _is_circular(finding, table))
-
-
-def _is_circular(finding: Finding, table: pd.DataFrame) -> bool:
-    """Whether a finding compares what an import derived with what it was derived from."""
+    # What an import derived is not compared with what it was derived from.
     of_turns = is_derived_from(table, "yaw_rate_dps", ("heading_deg",))
     of_path = is_derived_from(table, "surge_mps", ("north_m",))
-    turns = finding.channel == "yaw_rate_dps" or finding.code == "heading_time_jitter"
-    path = finding.channel in ("north_m", "surge_mps") or finding.code == "heading_offset"
-    return (of_turns and turns) or (of_path and path) or (of_turns and of_path)
+    if of_turns and of_path:
+        return ()
+    circular: tuple[str, ...] = ("yaw_rate_dps", "heading_time_jitter") if of_turns else ()
+    if of_path:
+        circular = ("north_m", "surge_mps", "heading_offset")
+    reported = (finding for finding in findings if finding is not None)
+    return tuple(finding for finding in reported if not {finding.channel, finding.code} & {*circular})
 
 
 def delays_of(findings: Iterable[Finding], table: pd.DataFrame | None = None) -> dict[str, float]:
-    """How much too late each channel is stamped [s], by channel, from findings of ``channel_delay``.
+    """The delay of each channel's stamps [s], by channel, from findings of ``channel_delay``.
 
     Without those that show in waves alone.
-    With a ``table``, the channels of it that the same receiver stamps are late with the positions.
+    With a ``table``, the channels of it that the same receiver stamps have the delay of the positions.
     """
     delay_findings = [
         finding for finding in findings if finding.code == "channel_delay" and (finding.band_hz or (0.0,))[0] <= 0.0
@@ -214,17 +237,14 @@ def delays_of(findings: Iterable[Finding], table: pd.DataFrame | None = None) ->
         name: seconds for channel, seconds in delay_of_group.items() for name in GROUPS.get(channel, (channel,))
     }
     if table is not None and "north_m" in delay_of_group:
-        delays |= dict.fromkeys(_with_positions(table), delay_of_group["north_m"])
+        # Stamped with the positions: latitude and longitude, and speed and course over ground where their source is
+        # that of the positions but not of the speeds.
+        sources = table.attrs.get("sources", {})
+        independent = sources.get("north_m") is not None and sources.get("north_m") != sources.get("surge_mps")
+        same = [name for name in _OVER_GROUND if independent and sources.get(name) == sources["north_m"]]
+        same = [name for name in (*_GEOGRAPHIC, *same) if name in table]
+        delays |= dict.fromkeys(same, delay_of_group["north_m"])
     return delays
-
-
-def _with_positions(table: pd.DataFrame) -> list[str]:
-    """Channels stamped together with the positions: latitude and longitude, and speed and course over ground where
-    their source is that of the positions but not of the speeds."""
-    sources = table.attrs.get("sources", {})
-    independent = sources.get("north_m") is not None and sources.get("north_m") != sources.get("surge_mps")
-    same = [name for name in _OVER_GROUND if independent and sources.get(name) == sources["north_m"]]
-    return [name for name in (*_GEOGRAPHIC, *same) if name in table]
 
 
 def independent_groups(table: pd.DataFrame) -> frozenset[str]:
@@ -238,7 +258,11 @@ def independent_groups(table: pd.DataFrame) -> frozenset[str]:
     group_sources = {
         name: [source for part in names for source in sources.get(part, [])] for name, names in GROUPS.items()
     }
-    derived = {name for name in ("surge_mps", "yaw_rate_dps") if any(map(_is_derived, group_sources[name]))}
+    derived = {
+        name
+        for name in ("surge_mps", "yaw_rate_dps")
+        if any("derived" in source.split(" ") for source in group_sources[name])
+    }
     receivers = {sensor_of(source) for source in group_sources["north_m"] if label_parts(source)[1]}
     same = receivers & {sensor_of(source) for source in group_sources["surge_mps"]}
     of_path = not same and "surge_mps" not in derived
@@ -247,21 +271,21 @@ def independent_groups(table: pd.DataFrame) -> frozenset[str]:
     return frozenset(name for name, independent in shown.items() if independent)
 
 
-def _is_derived(source: str) -> bool:
-    """Whether a source's label says that the product computed the channel of others."""
-    return "derived" in source.split(" ")
-
-
 def _delay(explanation: Explanation, cause: str, fit: Kinematics, span: Span, independent: bool) -> Finding | None:
     seconds, error = explanation.size(cause)
     if abs(seconds) < max(_SMALLEST_DELAY_S, 4.0 * error):
         return None
     half = _half(fit, cause, error)
     low, high = seconds - half, seconds + half
-    way = "late" if seconds > 0.0 else "early"
+    direction = "late" if seconds > 0.0 else "early"
     verb = "are" if cause in _PLURAL else "is"
-    text = f"{_WHAT[cause]} {verb} stamped {abs(seconds):.2f} s too {way} (95 % {low:+.2f} to {high:+.2f} s)"
-    rivals = "; or ".join(_rival(name, size) for name, size in explanation.rivals)
+    text = f"{_WHAT[cause]} {verb} stamped {abs(seconds):.2f} s too {direction} (95 % {low:+.2f} to {high:+.2f} s)"
+    rivals = "; or ".join(
+        f"{_WHAT[name].lower()} {abs(size):.2f} s too {'late' if size > 0.0 else 'early'}"
+        if name in GROUPS
+        else f"{_WHAT[name]} by {size:.1f} m"
+        for name, size in explanation.rivals
+    )
     if seconds < 0.0 and cause == "north_m":
         text += ", or all the others as much too late"
     if rivals:
@@ -279,36 +303,29 @@ def _delay(explanation: Explanation, cause: str, fit: Kinematics, span: Span, in
     return _in_band(finding, _band_of_cause(explanation, cause, fit))
 
 
-_FEWEST_SAMPLES_LATE = 2.0
-"""Within two samples of a channel its delay may as well be how it was sampled or averaged."""
-
-
 def _objection(explanation: Explanation, cause: str, fit: Kinematics, independent: bool) -> str:
-    """Why a delay is not to be taken off unasked; empty where nothing speaks against it."""
+    """Why a delay is not to be removed without asking; empty where there is no objection."""
     seconds, _ = explanation.size(cause)
     if not independent:
         return "what it was compared with is derived from the same values or of the same receiver"
     if explanation.rivals:
         return "this trial does not tell enough"
     interval_s = fit.motion.recorded_s[list(GROUPS).index(cause)]
-    if abs(seconds) <= _FEWEST_SAMPLES_LATE * interval_s:
+    if abs(seconds) <= _LEAST_DELAY_SAMPLES * interval_s:
         return f"it is no more than two of its samples, which come every {interval_s:.3g} s"
-    if not all(_confirms(quarter, explanation, cause) for quarter in fit.quarters) or len(fit.quarters) < PARTS:
-        return "not every quarter of the recording confirms it"
-    return ""
-
-
-def _confirms(quarter: MotionSolution, explanation: Explanation, cause: str) -> bool:
-    """Whether a quarter of the recording by itself has this delay, and not none."""
-    overall, _ = explanation.size(cause)
-    size, error = _explanation(quarter, explanation.causes, 0.0).size(cause)
-    half = quantile(0.975, float(quarter.informative[_place_of(cause)])) * error
-    return abs(size) > half and abs(size - overall) < max(2.0 * half, _SMALLEST_DELAY_S)
+    confirmed = 0
+    for quarter in fit.quarters:
+        size, error = _explanation(quarter, explanation.causes, 0.0).size(cause)
+        half = quantile(0.975, float(quarter.informative[_place_of(cause)])) * error
+        confirmed += abs(size) > half and abs(size - seconds) < max(2.0 * half, _SMALLEST_DELAY_S)
+    return "" if confirmed == len(fit.quarters) >= PARTS else "not every quarter of the recording confirms it"
 
 
 def _place_of(cause: str) -> int:
     """The first of the fitted parameters that a cause shows in."""
-    return next(NAMES.index(name) for name, of in zip(OBSERVED, CAUSES[cause], strict=True) if of)
+    return next(
+        NAMES.index(name) for name, cause_effect in zip(OBSERVED, CAUSES[cause], strict=True) if cause_effect
+    )
 
 
 def _in_band(finding: Finding, band_hz: tuple[float, float]) -> Finding:
@@ -323,8 +340,8 @@ def _in_band(finding: Finding, band_hz: tuple[float, float]) -> Finding:
 
 
 def _band_of_cause(explanation: Explanation, cause: str, fit: Kinematics) -> tuple[float, float]:
-    """The band in which a cause shows: from 0 where the slow motion alone says the same of it."""
-    if fit.slowly[_place_of(cause)]:
+    """The band in which a cause shows: from 0 where the slow motion alone gives the same."""
+    if fit.from_slow[_place_of(cause)]:
         return 0.0, fit.slow_hz
     size, error = _explanation(fit.slow, explanation.causes, 0.0).size(cause)
     return 0.0 if abs(size) > 4.0 * error else fit.slow_hz, fit.fastest_hz
@@ -333,18 +350,8 @@ def _band_of_cause(explanation: Explanation, cause: str, fit: Kinematics) -> tup
 def _half(fit: Kinematics, cause: str, error: float) -> float:
     """Half of the 95 % interval of a cause, from its standard error or the quarters of the recording."""
     row = [abs(effect) for effect in CAUSES[cause]]
-    between = [fit.half_between[NAMES.index(name)] for name in OBSERVED]
+    between = [fit.quarters_half_width[NAMES.index(name)] for name in OBSERVED]
     return float(max(1.96 * error, *(size * effect for size, effect in zip(between, row, strict=True))))
-
-
-def _rival(cause: str, size: float) -> str:
-    if cause in GROUPS:
-        return f"{_WHAT[cause].lower()} {abs(size):.2f} s too {'late' if size > 0.0 else 'early'}"
-    return f"{_WHAT[cause]} by {size:.1f} m"
-
-
-_SIDES = {"forward": ("forward", "aft"), "starboard": ("to starboard", "to port")}
-"""Where something is measured whose size is above zero, and below."""
 
 
 def _arm(explanation: Explanation, fit: Kinematics, span: Span) -> Finding | None:
@@ -363,23 +370,6 @@ def _arm(explanation: Explanation, fit: Kinematics, span: Span) -> Finding | Non
         "Give the lever arm of the antenna when recording.", {**metres, "low": size - half, "high": size + half},
     )  # fmt: skip
     return _in_band(finding, _band_of_cause(explanation, main, fit))
-
-
-OBSERVED = ("position_delay_s", "heading_delay_s", "heading_after_yaw_rate_s", "forward_m", "starboard_m")
-CAUSES: dict[str, tuple[float, ...]] = {
-    "north_m": (1.0, 0.0, 0.0, 0.0, 0.0),
-    "heading_deg": (0.0, 1.0, 1.0, 0.0, 0.0),
-    "surge_mps": (-1.0, -1.0, 0.0, 0.0, 0.0),
-    "yaw_rate_dps": (0.0, 0.0, -1.0, 0.0, 0.0),
-    "forward": (0.0, 0.0, 0.0, 1.0, 0.0),
-    "starboard": (0.0, 0.0, 0.0, 0.0, 1.0),
-}
-"""What one unit of each cause does to the observed figures: seconds late, or metres of lever arm."""
-
-_ADEQUATE = 25.0  # misfit that is still no reason for one more cause: five standard deviations
-_AS_WELL = 9.0
-_NEGLIGIBLE = np.array([0.1, 0.1, 0.05, 0.25, 0.25])
-"""Unmodelled differences (smoothing inside sensors) of this size are left alone, as standard deviations / 2."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -410,17 +400,19 @@ class Explanation:
 def explain_delays(fit: Kinematics, jitter_s2: float = 0.0) -> Explanation:
     """The simplest adequate explanation of the delays and the lever arm; no cause where all is well.
 
-    ``jitter_s2`` is the variance of the mean of the positions' stamps: by chance they are late on the whole, or on
-    one leg and not on the next, which a heading that is late looks like.
+    ``jitter_s2`` is the variance of the mean of the positions' stamps: by chance they are delayed on the whole, or
+    on one leg and not on the next, which looks like a delayed heading.
     """
     for count in range(4):
-        tried = sorted(
-            (_explanation(fit.believed, causes, jitter_s2) for causes in combinations(CAUSES, count)),
+        explanations = sorted(
+            (_explanation(fit.selected, causes, jitter_s2) for causes in combinations(CAUSES, count)),
             key=lambda explanation: explanation.misfit,
         )
-        best = tried[0]
+        best = explanations[0]
         if best.misfit <= _ADEQUATE:
-            equivalent = [explanation for explanation in tried if explanation.misfit <= best.misfit + _AS_WELL]
+            equivalent = [
+                explanation for explanation in explanations if explanation.misfit <= best.misfit + _AS_WELL
+            ]
             likely = [
                 explanation
                 for explanation in equivalent
@@ -443,9 +435,9 @@ def explain_delays(fit: Kinematics, jitter_s2: float = 0.0) -> Explanation:
 def _explanation(fit: MotionSolution, causes: tuple[str, ...], jitter_s2: float) -> Explanation:
     places = [NAMES.index(name) for name in OBSERVED]
     observed = fit.parameters[places]
-    # The spread of few blocks is less known than a normal deviate's: widened as Student's t is at 95 %.
-    wider = np.array([quantile(0.975, fit.informative[place]) / 1.96 for place in places])
-    covariance = fit.covariance[np.ix_(places, places)] * np.outer(wider, wider) + np.diag(
+    # The spread of few blocks is less certain than a normal deviate's: widened as Student's t is at 95 %.
+    widening = np.array([quantile(0.975, fit.informative[place]) / 1.96 for place in places])
+    covariance = fit.covariance[np.ix_(places, places)] * np.outer(widening, widening) + np.diag(
         (0.5 * _NEGLIGIBLE) ** 2 / 9.0
     )
     covariance[[0, 1], [0, 1]] += jitter_s2
@@ -482,7 +474,7 @@ def _reported(fit: Kinematics, name: str) -> tuple[float, float, float] | None:
     enough to matter."""
     value, limits = fit.value(name), LIMITS[name]
     systematic = limits.systematic * (abs(value) if limits.neutral else 1.0)
-    critical = quantile(1.0 - 0.5 * CHANCE, fit.believed.informative[NAMES.index(name)])
+    critical = quantile(1.0 - 0.5 * CHANCE, fit.selected.informative[NAMES.index(name)])
     error = float(np.hypot(fit.standard_error(name), systematic))
     if abs(value - limits.neutral) <= max(limits.least, critical * error):
         return None
@@ -498,7 +490,7 @@ def speed_scale(fit: Kinematics, span: Span) -> Finding | None:
         f"are {_percent_off(factor)} too {'low' if factor > 1.0 else 'high'} for" if factor > 0.0 else "run against"
     )
     finding = Finding("speed_scale", "surge_mps", *span, f"Surge and sway {how} the rate of the positions")
-    return _with_factor(finding, fit, "speed_factor", SPEED_UNITS, "surge and sway")
+    return _add_factor(finding, fit, "speed_factor", SPEED_UNITS, "surge and sway")
 
 
 def yaw_rate_scale(fit: Kinematics, span: Span) -> Finding | None:
@@ -507,16 +499,14 @@ def yaw_rate_scale(fit: Kinematics, span: Span) -> Finding | None:
     how = f"{_percent_off(factor)} {'less' if factor > 1.0 else 'more'} than the heading turns"
     text = f"The yaw rate reads {how if factor > 0.0 else 'against the turns of the heading'}"
     finding = Finding("yaw_rate_scale", "yaw_rate_dps", *span, text)
-    return _with_factor(finding, fit, "yaw_rate_factor", YAW_RATE_UNITS, "the yaw rate")
+    return _add_factor(finding, fit, "yaw_rate_factor", YAW_RATE_UNITS, "the yaw rate")
 
 
 def _percent_off(factor: float) -> str:
     return f"{abs(1.0 / factor - 1.0):.1%}"
 
 
-def _with_factor(
-    finding: Finding, fit: Kinematics, name: str, units: tuple[Unit, ...], what: str
-) -> Finding | None:
+def _add_factor(finding: Finding, fit: Kinematics, name: str, units: tuple[Unit, ...], what: str) -> Finding | None:
     """The finding with its factor in the text and the estimate, and what to do about it; None for none.
 
     A factor whose interval holds that nothing is wrong is not applied.
@@ -529,7 +519,7 @@ def _with_factor(
     text = f"{finding.text} (factor {factor:.4f}, 95 % {low:.4f} to {high:.4f})"
     if unit is not None:
         text += f", {unit.words}"
-    if fit.half_between[NAMES.index(name)] > max(LIMITS[name].least, 2.0 * fit.standard_error(name)):
+    if fit.quarters_half_width[NAMES.index(name)] > max(LIMITS[name].least, 2.0 * fit.standard_error(name)):
         text += "; it is not the same throughout the recording"
     if unit is not None and unit.sure:
         factor = unit.factor  # exact: the estimate would leave its own error in the channel
@@ -578,11 +568,6 @@ def heading_offset(fit: Kinematics, span: Span) -> Finding | None:
     return _in_band(finding, fit.band_hz("heading_offset_rad"))
 
 
-_MATCHES = 0.005
-FACTORS = (0.3, 3.0)
-"""Beyond these a factor is put right without asking only where it is a unit's."""
-
-
 @dataclass(frozen=True, slots=True)
 class Unit:
     """A factor that a unit or sign makes, in words; ``sure`` where no other channel could be to blame."""
@@ -621,11 +606,8 @@ def unit_of(factor: float, units: tuple[Unit, ...], low: float, high: float) -> 
     return None
 
 
-_REMEDY = "Correct it where it is recorded or imported; nothing else can be told of the motion until then."
-
-
 def is_derived_from(table: pd.DataFrame, name: str, channels: tuple[str, ...]) -> bool:
-    """Whether an import derived a channel from one of others, so that it says nothing of them."""
+    """Whether an import derived a channel from one of others, so that it is no evidence on them."""
     return any(
         channel in source.partition(" derived from ")[2]
         for source in table.attrs.get("sources", {}).get(name, ())
@@ -639,7 +621,7 @@ def heading_finding(table: pd.DataFrame) -> Finding | None:
     Raises :class:`InputError` where positions or heading are missing and :class:`DataShortageError` for less than 8
     samples of them.
     """
-    table = _with_plane(table)
+    table = _add_plane_positions(table)
     require(table, ("north_m", "east_m", "heading_deg"))
     position, heading = (group_samples(table, GROUPS[name]) for name in ("north_m", "heading_deg"))
     grid = comparison_grid(np.concatenate([position.time_s, heading.time_s]))
@@ -648,20 +630,28 @@ def heading_finding(table: pd.DataFrame) -> Finding | None:
     moves = _moves(position, grid)
     moves[spans_gap(heading.time_s, grid)] = np.nan
     recorded = np.rad2deg(heading.levels[:, 0])
+    scales = {unit: scale_to("deg", unit) for unit in ANGLE_UNITS}  # parts of a degree may have been wrapped at 360
     readings = {
-        unit: interval_means(heading.time_s, np.unwrap(recorded * _turned(unit), period=360.0) * _after(unit), grid)
-        for unit in ANGLE_UNITS
+        unit: interval_means(
+            heading.time_s, np.unwrap(recorded * max(scale, 1.0), period=360.0) * min(scale, 1.0), grid
+        )
+        for unit, scale in scales.items()
     }
     verdict = judge_heading(moves, readings)
     if not verdict.unit or (verdict.unit == "deg" and verdict.convention in (CLOCKWISE, None)):
         return None
-    words = _in_words(verdict, _turns_with(table, moves, grid, readings["deg"]))
+    turning = None
+    if "yaw_rate_dps" in table and not is_derived_from(table, "yaw_rate_dps", ("heading_deg",)):
+        rate = group_samples(table, GROUPS["yaw_rate_dps"])
+        turned = integrals(rate.time_s, np.rad2deg(rate.levels[:, 0]), grid)
+        turning = fit_scale(np.diff(readings["deg"]), 0.5 * (turned[1:] + turned[:-1]))
+    words = _wording(verdict, turning)
     text = f"The track and the heading agree if {words}: {verdict.evidence}"
     estimate = {"drift_spread_deg": verdict.best.spread_deg, "recorded_spread_deg": verdict.recorded.spread_deg}
     return Finding("motion_contradiction", "heading_deg", *span_of(table), text, _REMEDY, estimate)
 
 
-def _with_plane(table: pd.DataFrame) -> pd.DataFrame:
+def _add_plane_positions(table: pd.DataFrame) -> pd.DataFrame:
     """The table with positions in metres where it has geographic ones alone."""
     if "north_m" in table or not {"latitude_deg", "longitude_deg"} <= set(table.columns):
         return table
@@ -674,31 +664,13 @@ def _with_plane(table: pd.DataFrame) -> pd.DataFrame:
     return table.assign(north_m=north, east_m=east)
 
 
-def _turned(unit: str) -> float:
-    """What a unit multiplies an angle by before it is unwrapped: parts of a degree may have been wrapped at 360."""
-    return max(scale_to("deg", unit), 1.0)
-
-
-def _after(unit: str) -> float:
-    return min(scale_to("deg", unit), 1.0)
-
-
 def _moves(position: Group, grid: Floats) -> Complexes:
     """The moves between instants, NaN where the positions have a gap."""
     north, east = (increments(position.time_s, column, grid) for column in position.levels.T)
     return np.where(spans_gap(position.time_s, grid), np.nan, north + 1j * east)
 
 
-def _turns_with(table: pd.DataFrame, moves: Complexes, grid: Floats, heading_deg: Floats) -> ScaleFit | None:
-    """The turns of the heading by the yaw rate, None where that was derived from it or is lacking."""
-    if "yaw_rate_dps" not in table or is_derived_from(table, "yaw_rate_dps", ("heading_deg",)):
-        return None
-    rate = group_samples(table, GROUPS["yaw_rate_dps"])
-    turned = integrals(rate.time_s, np.rad2deg(rate.levels[:, 0]), grid)
-    return fit_scale(np.diff(heading_deg), 0.5 * (turned[1:] + turned[:-1]))
-
-
-def _in_words(verdict: HeadingVerdict, turning: ScaleFit | None) -> str:
+def _wording(verdict: HeadingVerdict, turning: ScaleFit | None) -> str:
     """What makes track and heading agree; mirrored positions do too, unless the yaw rate turns with the track."""
     convention = verdict.convention or CLOCKWISE
     sense = "" if convention is CLOCKWISE else f" counts {convention.words}"
@@ -718,10 +690,14 @@ def axes_finding(table: pd.DataFrame) -> Finding | None:
     grid = comparison_grid(position.time_s)
     if grid.size < 3:
         return None
-    ahead, aside = speed.levels.T
+    surge, sway = speed.levels.T
     angle = np.interp(speed.time_s, heading.time_s, np.unwrap(heading.levels[:, 0]))
-    velocities = {"ship": to_earth(ahead, aside, angle), "north_east": (ahead, aside), "east_north": (aside, ahead)}
-    axes, fits = judge_axes(_moves(position, grid), _travelled(speed.time_s, velocities, grid))
+    velocities = {"ship": to_earth(surge, sway, angle), "north_east": (surge, sway), "east_north": (sway, surge)}
+    travelled = {
+        axes: np.asarray(integrals(speed.time_s, north, grid) + 1j * integrals(speed.time_s, east, grid))
+        for axes, (north, east) in velocities.items()
+    }
+    axes, fits = judge_axes(_moves(position, grid), travelled)
     if axes in ("", "ship"):
         return None
     unexplained, as_ship = (float(np.sqrt(fits[name].residual)) for name in (axes, "ship"))
@@ -731,13 +707,3 @@ def axes_finding(table: pd.DataFrame) -> Finding | None:
     )
     estimate = {"left": as_ship}
     return Finding("motion_contradiction", "surge_mps", *span_of(table), text, _REMEDY, estimate)
-
-
-def _travelled(
-    time_s: Floats, velocities: Mapping[str, tuple[Floats, Floats]], grid: Floats
-) -> dict[str, Complexes]:
-    """The moves that velocities to north and east make between instants."""
-    return {
-        axes: np.asarray(integrals(time_s, north, grid) + 1j * integrals(time_s, east, grid))
-        for axes, (north, east) in velocities.items()
-    }

@@ -1,21 +1,21 @@
-"""Whether position, heading, speeds and yaw rate tell of one motion, and by what they differ if they do not.
+"""Whether position, heading, speeds and yaw rate are consistent with one motion, and by what they differ if not.
 
 Whatever the ship does, and in waves and current too (speeds are over ground):
 
     d(position)/dt = R(heading - b) [f u - y r, f v + x r + dy/dt],    d(heading)/dt = c r + d,
 
 with the factor f of the recorded speeds, the heading's offset b, the lever arm (x, y) from the point of the speeds
-to that of the positions, scale c and bias d of the yaw rate. As a ship heels in turns by her centripetal
+to that of the positions, scale c and bias d of the yaw rate. As a ship heels in turns by its centripetal
 acceleration, a little later, an antenna high up goes to the side: y = y0 + h u r + l u dr/dt. And each group may
 be stamped too late. Both equations are integrated over blocks of time and solved by Gauss-Newton steps, from slow
-motion to faster so that a delay is not mistaken by whole waves. What a trial cannot tell (a ship that never turns,
-a steady speed) comes out with a wide interval. What is grossly wrong is put right before
+motion to faster so that a delay is not mistaken by whole waves. What a trial cannot determine (a ship that never
+turns, a steady speed) has a wide interval. Gross errors are corrected before
 (:mod:`seatrial.analysis.quality.motion.model`).
 
 In waves the ship rolls and pitches as well, which moves an antenna high up but not the point of the speeds, and
 filters of sensors act: the equations hold for motion that is slower than waves, and for faster motion only where it
 says the same. So they are solved by the slow motion alone first, and by all; where all contradicts the slow motion,
-the slow motion is believed (a specification test: J. A. Hausman, Econometrica 46, 1978).
+the estimate of the slow motion is selected (a specification test: J. A. Hausman, Econometrica 46, 1978).
 
 Whether the values are the same throughout a recording is tested by its quarters, each fitted by itself. Where
 they differ by more than their errors, their spread is an error of its own (random effects: R. DerSimonian and N.
@@ -29,12 +29,11 @@ Blocks that do not belong (jumps) lose weight. The covariance is the larger of w
 out one block after another says (jackknife: B. Efron, The Jackknife, the Bootstrap and Other Resampling Plans,
 1982).
 
-Jumps of positions and headings: taken out of what is fitted, and the positions' found and sized.
-
-A level jumps as stamps jitter and clocks are set: from one sample to the next it steps by far more than the model.
-Of positions a jump also stays: the error about the fitted path steps by far more than the medians of neighbouring
-stretches differ by elsewhere, and at once, or nearly so. Where stamps are missing or crowd, the clock may have been
-set, which is reported elsewhere; samples that repeat are stuck.
+Jumps of positions and headings are removed before the fit, and those of positions are reported. A level jumps as
+stamps jitter and clocks are set: from one sample to the next it steps by far more than the model. A jump of
+positions also lasts: the error about the fitted path steps by far more than the medians of neighbouring stretches
+differ by elsewhere, and at once, or nearly so. Where stamps are missing or crowd, the clock may have been set,
+which is reported elsewhere; samples that repeat are stuck.
 """
 
 from __future__ import annotations
@@ -49,6 +48,7 @@ from itertools import pairwise
 import numpy as np
 import pandas as pd
 from numpy.lib.stride_tricks import sliding_window_view
+from scipy.special import chdtri, stdtrit
 
 from seatrial.acquisition.core.errors import DataShortageError
 from seatrial.acquisition.core.quantities import Bools, Floats, Ints
@@ -91,7 +91,7 @@ _FIXED = 1e-6
 _CLEAR = 4.0
 _LONGEST_STEP, _LONGEST_FAST_STEP = 0.2, 0.05
 """Longest steps by the slow motion and by faster, as a share of the prior: of a delay 4 s and 1 s. A small boat
-swings in 10 s, and by steps of 4 s her delays settle a whole swing off."""
+swings in 10 s, and by steps of 4 s its delays settle a whole swing off."""
 _FARTHEST = 0.6
 _BLOCK_S = (40.0, 100.0)
 _BLOCKS = 20
@@ -108,84 +108,114 @@ _ARRIVED = 0.1
 _SAMPLING = (0.005, 0.015)
 """Standard deviation of delays by sampling and interpolation: seconds, and a share of the slowest interval. In
 `tests/benchmarks/delay_trials.py` the intervals of delays known within 0.02 s hold with these in 97 %."""
+PARTS = 4
+"""Parts of a recording that are fitted by themselves."""
+_FEWEST_PARTS = 3
+_CHANCE_OF_PARTS = 1e-3
+_SAMPLES = 8
+_ALIKE = np.array([2e-4, 2e-4, 0.01, 0.01, 0.05, 0.05, 0.05, 0.05, 5e-4, 1e-5, 0.01])
+"""Differences that sampling and interpolation may make, as standard deviations."""
+_FIT_ROUNDS = 4
+_TOLERATED = 4.0
+_LEAST_RELIABILITY = 0.5
+"""A direction in which less than half of the slopes is motion is left out of a band."""
+_CHI2_MEDIAN = 0.455
+_JUMP = 6.0
+_LEAST_JUMP = 0.05
+_MOST_JUMPS = 0.6
+_NORMAL_QUARTER = 0.3186  # a quarter of normal deviations is smaller: a scale that half of the steps cannot distort
+_MOST_STILL = 0.2  # less than the quarter of the steps that the scale is taken from
+_JUMP_ROUNDS = 12
+_LEAST_FACTOR = 0.05
+_STIFFNESS = np.array([1.0, 1.0, 0.01, 0.01, 1e-4, 1e-4, 1e-4, 1e-4])
+_JUMP_STRETCH_S = 5.0
+_FEWEST_IN_STRETCH = 4
+_MOST = 20
+_THIN_S = 0.5
+_SIGMAS = 10.0
+_USUAL = 3.0  # times what 95 % of the stretches differ by
+_SMALLEST_M, _SMALLEST_S = 1.0, 1.0  # or what the ship makes in a second at its fastest, if that is less
+_AT_ONCE = 0.7  # of a jump happens within the time below: filters and interpolation make a short ramp of it
+_AT_ONCE_S = 2.5
+_RETURNED = 0.3
+_LONGEST_AWAY = 0.1  # of the recording
+_STUCK_S = 3.0
 
 
 @dataclass(frozen=True)
 class Kinematics:
     """Corrections that make the motion channels agree.
 
-    The parameters [11] are in the order of :data:`NAMES`: the factors that the recorded speeds and yaw rate must
-    be multiplied by, heading reported minus true, delays of positions and heading after the speeds and of the
-    heading after the yaw rate (> 0: stamped too late), the lever arm of the positions, what heel in turns adds to
-    it, and what must be added to the scaled yaw rate. ``slow`` are they by the motion below ``slow_hz``,
-    ``broadband`` by all up to ``fastest_hz``; ``slowly`` [11] are those that are taken from the slow motion.
-    ``half_between`` [11] is the least half width of an interval by how the quarters of the recording differ, zero
-    where they agree or were not asked (:func:`seatrial.analysis.quality.motion.fit.widen_by_parts`);
-    ``quarters`` are those that could be fitted. ``converged`` is False where the fit ran against its bounds;
-    ``coarse`` is where it began.
+    The parameters [11] are in the order of :data:`NAMES`: the factors that the recorded speeds and yaw rate must be
+    multiplied by, heading reported minus true, delays of positions and heading after the speeds and of the heading
+    after the yaw rate (> 0: stamped too late), the lever arm of the positions, what heel in turns adds to it, and
+    what must be added to the scaled yaw rate. ``slow`` are they by the motion below ``slow_hz``, ``broadband`` by
+    all up to ``fastest_hz``; ``from_slow`` [11] are those that are taken from the slow motion.
+    ``quarters_half_width`` [11] is the least half width of an interval by how the quarters of the recording differ,
+    zero where they agree or were not asked (:func:`widen_by_quarters`); ``quarters`` are those that could be
+    fitted. ``converged`` is False where the fit ran against its bounds; ``coarse`` is where it began.
     """
 
     slow: MotionSolution
     broadband: MotionSolution
-    slowly: Bools
+    from_slow: Bools
     slow_hz: float
     fastest_hz: float
     blocks: int
     motion: CleanMotion
     converged: bool = True
     coarse: Coarse = field(default_factory=Coarse)
-    half_between: Floats = field(default_factory=lambda: np.zeros(len(NAMES)))
+    quarters_half_width: Floats = field(default_factory=lambda: np.zeros(len(NAMES)))
     quarters: tuple[MotionSolution, ...] = ()
 
     @cached_property
-    def believed(self) -> MotionSolution:
-        """By the slow motion where that is believed, else by all."""
+    def selected(self) -> MotionSolution:
+        """By the slow motion where that is selected, else by all."""
         slow, broadband = self.slow, self.broadband
         return MotionSolution(
-            np.where(self.slowly, slow.parameters, broadband.parameters),
-            np.where(self.slowly[:, np.newaxis], slow.covariance, broadband.covariance),
-            np.where(self.slowly, slow.informative, broadband.informative),
+            np.where(self.from_slow, slow.parameters, broadband.parameters),
+            np.where(self.from_slow[:, np.newaxis], slow.covariance, broadband.covariance),
+            np.where(self.from_slow, slow.informative, broadband.informative),
         )
 
     @property
     def path_parameters(self) -> Floats:
-        return self.believed.parameters[_OF_PATH]
+        return self.selected.parameters[_OF_PATH]
 
     @property
     def turn_parameters(self) -> Floats:
-        return self.believed.parameters[_OF_TURN]
+        return self.selected.parameters[_OF_TURN]
 
     @cached_property
     def standard_errors(self) -> Floats:
-        return np.sqrt(np.diag(self.believed.covariance))
+        return np.sqrt(np.diag(self.selected.covariance))
 
     def value(self, name: str) -> float:
-        return float(self.believed.parameters[NAMES.index(name)])
+        return float(self.selected.parameters[NAMES.index(name)])
 
     def standard_error(self, name: str) -> float:
         return float(self.standard_errors[NAMES.index(name)])
 
     def band_hz(self, name: str, neutral: float = 0.0) -> tuple[float, float]:
-        """The band by which a figure differs from its neutral value: from 0 where the slow motion says so too."""
+        """The band by which a figure differs from its neutral value: from 0 where the slow motion does so too."""
         place = NAMES.index(name)
-        if self.slowly[place]:
+        if self.from_slow[place]:
             return 0.0, self.slow_hz
         deviation = abs(float(self.slow.parameters[place]) - neutral)
-        tells = deviation > quantile(0.975, self.slow.informative[place]) * np.sqrt(
+        is_significant = deviation > quantile(0.975, self.slow.informative[place]) * np.sqrt(
             self.slow.covariance[place, place]
         )
-        return 0.0 if tells else self.slow_hz, self.fastest_hz
+        return 0.0 if is_significant else self.slow_hz, self.fastest_hz
 
     def interval(self, name: str) -> tuple[float, float]:
         """The 95 % interval, by Student's t for its effective number of blocks, or for parts that differ."""
-        half = quantile(0.975, self.believed.informative[NAMES.index(name)]) * self.standard_error(name)
-        half = max(half, float(self.half_between[NAMES.index(name)]))
+        half = quantile(0.975, self.selected.informative[NAMES.index(name)]) * self.standard_error(name)
+        half = max(half, float(self.quarters_half_width[NAMES.index(name)]))
         return self.value(name) - half, self.value(name) + half
 
 
 def quantile(probability: float, informative: float) -> float:
     """Quantile of Student's t; three degrees of freedom are added, as the noise of all blocks is known too."""
-    from scipy.special import stdtrit
 
     return float(stdtrit(max(informative, 1.0) + 3.0, probability))
 
@@ -199,13 +229,11 @@ def fit_kinematics(table: pd.DataFrame, coarse: Coarse | None = None) -> Kinemat
     coarse = coarse_fit(table) if coarse is None else coarse
     if coarse.neutral:
         return replace(fit_motion(motion_of(table)), coarse=coarse)
-    return _fit_of_uncorrected(fit_motion(motion_of(_apply_coarse(table, coarse))), coarse)
-
-
-def _apply_coarse(table: pd.DataFrame, coarse: Coarse) -> pd.DataFrame:
     speeds = {name: table[name] * coarse.speed_factor for name in ("surge_mps", "sway_mps")}
     heading = (table["heading_deg"] - np.rad2deg(coarse.heading_offset_rad)) % 360.0
-    return table.assign(**speeds, heading_deg=heading, yaw_rate_dps=table["yaw_rate_dps"] * coarse.yaw_rate_factor)
+    yaw_rate = table["yaw_rate_dps"] * coarse.yaw_rate_factor
+    corrected = table.assign(**speeds, heading_deg=heading, yaw_rate_dps=yaw_rate)
+    return _fit_of_uncorrected(fit_motion(motion_of(corrected)), coarse)
 
 
 def _fit_of_uncorrected(fit: Kinematics, coarse: Coarse) -> Kinematics:
@@ -252,26 +280,33 @@ def fit_motion(motion: CleanMotion, heel: Floats | None = None) -> Kinematics:
     path_prior, neutral = _PATH_PRIOR.copy(), _NEUTRAL_PATH.copy()
     if heel is not None:
         path_prior[_OF_HEEL], neutral[_OF_HEEL] = _FIXED, heel
-    path = _Fit(motion.position, paths, path_prior, neutral, frame).solved()
-    turn = _Fit(motion.heading, turns, _TURN_PRIOR, _NEUTRAL_TURN, frame).solved()
-    better = _slow_is_better(*path, _ALIKE[_OF_PATH]), _slow_is_better(*turn, _ALIKE[_OF_TURN])
-    slowly = np.repeat(better, [len(PATH_PARAMETERS), len(TURN_PARAMETERS)])
-    slow, broadband = (path[which].concatenated(turn[which]).widened(_sampling(motion)) for which in (0, 1))
+    path = _Fit(motion.position, paths, path_prior, neutral, frame).solve()
+    turn = _Fit(motion.heading, turns, _TURN_PRIOR, _NEUTRAL_TURN, frame).solve()
+    slow_is_better = _slow_is_better(*path, _ALIKE[_OF_PATH]), _slow_is_better(*turn, _ALIKE[_OF_TURN])
+    from_slow = np.repeat(slow_is_better, [len(PATH_PARAMETERS), len(TURN_PARAMETERS)])
+    # What sampling and interpolation may do to the parameters, as standard deviations.
+    fixed_s, fraction = _SAMPLING
+    sampling = np.where([name.endswith("_s") for name in NAMES], fixed_s + fraction * motion.slowest_s, 0.0)
+    slow, broadband = (path[band].concatenated(turn[band]).widened(sampling) for band in (0, 1))
     fit = Kinematics(
-        slow, broadband, slowly, frame.slow_hz, min(_STAGES_HZ[-1], frame.highest_hz), len(starts), motion
+        slow, broadband, from_slow, frame.slow_hz, min(_STAGES_HZ[-1], frame.highest_hz), len(starts), motion
     )  # fmt: skip
-    return replace(fit, converged=_within_bounds(fit))
-
-
-def _sampling(motion: CleanMotion) -> Floats:
-    """What sampling and interpolation may do to the parameters, as standard deviations [11]."""
-    fixed_s, share = _SAMPLING
-    return np.where([name.endswith("_s") for name in NAMES], fixed_s + share * motion.slowest_s, 0.0)
+    # The linearised fit is valid where factors, angle and bias are within a range, or may be.
+    neutral_values = {
+        "speed_factor": 1.0,
+        "heading_offset_rad": 0.0,
+        "yaw_rate_factor": 1.0,
+        "yaw_rate_bias_radps": 0.0,
+    }
+    places = [NAMES.index(name) for name in neutral_values]
+    deviation = np.abs(fit.selected.parameters[places] - list(neutral_values.values()))
+    limits = np.maximum(_FARTHEST, _CLEAR * fit.standard_errors[places])
+    return replace(fit, converged=bool((deviation < limits).all()))
 
 
 def _slow_is_better(slow: MotionSolution, broadband: MotionSolution, tolerance: Floats) -> bool:
-    """Whether the slow motion is to be believed: it tells more, or all motion says something else, beyond errors
-    and what sampling may do.
+    """Whether the estimate of the slow motion is to be selected: it is the more precise, or that of all motion
+    differs beyond errors and what sampling may do.
 
     All would be the more precise if both were right, so that their difference has at most the slow one's variance.
     """
@@ -280,14 +315,6 @@ def _slow_is_better(slow: MotionSolution, broadband: MotionSolution, tolerance: 
     errors = np.hypot(np.sqrt(np.diag(slow.covariance)), tolerance)
     limits = np.array([quantile(1.0 - 0.5 * _CHANCE_OF_PARTS, count) for count in slow.informative])
     return bool((np.abs(broadband.parameters - slow.parameters) > limits * errors).any())
-
-
-def _within_bounds(fit: Kinematics) -> bool:
-    """Whether factors, angle and bias are within the range in which the linearised fit is valid, or may be."""
-    neutral = {"speed_factor": 1.0, "heading_offset_rad": 0.0, "yaw_rate_factor": 1.0, "yaw_rate_bias_radps": 0.0}
-    places = [NAMES.index(name) for name in neutral]
-    deviation = np.abs(fit.believed.parameters[places] - list(neutral.values()))
-    return bool((deviation < np.maximum(_FARTHEST, _CLEAR * fit.standard_errors[places])).all())
 
 
 @dataclass(frozen=True, slots=True)
@@ -310,14 +337,14 @@ class _Frame:
         """Where what is slower than waves ends; in short blocks where their fewest cosines do."""
         return self.coefficients(SLOW_HZ) / (2.0 * self.length * self.step_s)
 
-    def slowly(self, values: Floats) -> Floats:
+    def low_pass(self, values: Floats) -> Floats:
         """Series [points, ...] without what is faster than :attr:`slow_hz`, which would leak into the cosines of
         the blocks; nothing is shifted."""
         from scipy.signal import sosfiltfilt
 
-        filter_ = _low_pass(min(1.25 * self.slow_hz * self.step_s, 0.45))
+        sections = _low_pass(min(1.25 * self.slow_hz * self.step_s, 0.45))
         padded = min(len(values) - 1, int(3.0 / (self.slow_hz * self.step_s)))
-        return np.asarray(sosfiltfilt(filter_, values, axis=0, padlen=padded))
+        return np.asarray(sosfiltfilt(sections, values, axis=0, padlen=padded))
 
 
 @lru_cache(maxsize=64)
@@ -343,18 +370,20 @@ class _Fit:
         """The level at any time."""
         return spline(self.level)
 
-    def solved(self) -> tuple[MotionSolution, MotionSolution]:
+    def solve(self) -> tuple[MotionSolution, MotionSolution]:
         """By the slow motion and by all; of the levels as they are or, where they jump and that gives a smaller
         covariance, without their jumps.
 
         To take a jump out costs the noise of two samples, from there on: too much where it was only noise.
         """
         solutions = self._slow_and_broadband()
-        steady = remove_jumps(self.level, self.models[0], self.frame.grid_s, solutions[1].parameters)
-        if steady is self.level:
+        level_without_jumps = remove_jumps(self.level, self.models[0], self.frame.grid_s, solutions[1].parameters)
+        if level_without_jumps is self.level:
             return solutions
-        steadied = replace(self, level=steady)._slow_and_broadband()
-        return min(solutions, steadied, key=lambda candidate: float(np.linalg.slogdet(candidate[1].covariance)[1]))
+        without_jumps = replace(self, level=level_without_jumps)._slow_and_broadband()
+        return min(
+            solutions, without_jumps, key=lambda candidate: float(np.linalg.slogdet(candidate[1].covariance)[1])
+        )
 
     def _slow_and_broadband(self) -> tuple[MotionSolution, MotionSolution]:
         """Gauss-Newton steps by the slow motion, and on from there by faster and faster until they end."""
@@ -382,13 +411,13 @@ class _Fit:
     def _step(self, values: Floats, limit_hz: float | None) -> MotionSolution:
         """One Gauss-Newton step from ``values`` by the motion below ``limit_hz``, None for the slow motion."""
         level, frame = self.level, self.frame
-        most = frame.coefficients(limit_hz or SLOW_HZ)
+        count = frame.coefficients(limit_hz or SLOW_HZ)
         (expected, slopes), first, second = (model(values) for model in self.models)
         times = np.clip(frame.grid_s + values[2], level.time_s[0], level.time_s[-1])
         expected_noise, slopes_noise = (0.5 * (even - odd) for even, odd in zip(first, second, strict=True))
         parts = (self.measured(times) - expected, slopes, -expected_noise, slopes_noise)
-        band = (frame.slowly(part) for part in parts) if limit_hz is None else parts
-        residuals, basis, *noise = (cosines(part, frame.starts, frame.length, most) for part in band)
+        band = (frame.low_pass(part) for part in parts) if limit_hz is None else parts
+        residuals, basis, *noise = (cosines(part, frame.starts, frame.length, count) for part in band)
         update = solve(residuals, basis, (noise[0], noise[1]), self.prior)
         longest = _LONGEST_STEP if limit_hz is None else _LONGEST_FAST_STEP
         bounds = longest * self.prior[:4]  # lever arms are linear
@@ -396,16 +425,7 @@ class _Fit:
         return replace(update, parameters=values + update.parameters / max(excess, 1.0))
 
 
-PARTS = 4
-"""Parts of a recording that are fitted by themselves."""
-_FEWEST_PARTS = 3
-_CHANCE_OF_PARTS = 1e-3
-_SAMPLES = 8
-_ALIKE = np.array([2e-4, 2e-4, 0.01, 0.01, 0.05, 0.05, 0.05, 0.05, 5e-4, 1e-5, 0.01])
-"""Differences that sampling and interpolation may make, as standard deviations."""
-
-
-def widen_by_parts(fit: Kinematics) -> Kinematics:
+def widen_by_quarters(fit: Kinematics) -> Kinematics:
     """Widen the intervals of a fit by how the quarters of the recording differ.
 
     It takes as long as the fit itself. Recordings of whose quarters fewer than three can be
@@ -416,23 +436,23 @@ def widen_by_parts(fit: Kinematics) -> Kinematics:
     parts = []
     for quarter in _quarters(motion):
         with suppress(DataShortageError):
-            part = fit_motion(quarter, fit.path_parameters[_OF_HEEL])  # a quarter is too short to tell of heel
-            parts.append(replace(part, slowly=fit.slowly))
+            part = fit_motion(quarter, fit.path_parameters[_OF_HEEL])  # a quarter is too short to determine heel
+            parts.append(replace(part, from_slow=fit.from_slow))
     parts = [part for part in parts if part.converged]
-    fit = replace(fit, quarters=tuple(part.believed for part in parts))
+    fit = replace(fit, quarters=tuple(part.selected for part in parts))
     if len(parts) < _FEWEST_PARTS:
         return fit
-    half = _half_between(
-        np.array([part.believed.parameters for part in parts]), np.array([_variance(part) for part in parts])
-    )
+    # Variances are widened for few blocks as Student's t is at 95 %.
+    widening = np.array([[quantile(0.975, count) / 1.96 for count in part.selected.informative] for part in parts])
+    variance = (np.array([part.standard_errors for part in parts]) * widening) ** 2 + _ALIKE**2
+    half = _half_width_by_scatter(np.array([part.selected.parameters for part in parts]), variance)
     half[NAMES.index("speed_factor")] *= abs(coarse.speed_factor)
     half[NAMES.index("yaw_rate_factor")] *= abs(coarse.yaw_rate_factor)
-    return replace(fit, half_between=half)
+    return replace(fit, quarters_half_width=half)
 
 
-def _half_between(values: Floats, variance: Floats) -> Floats:
+def _half_width_by_scatter(values: Floats, variance: Floats) -> Floats:
     """Half of the 95 % interval of the mean of values [parts, p], zero where they agree within their variances."""
-    from scipy.special import chdtri, stdtrit
 
     weights, freedom = 1.0 / variance, len(values) - 1
     total = weights.sum(axis=0)
@@ -444,29 +464,16 @@ def _half_between(values: Floats, variance: Floats) -> Floats:
     return half
 
 
-def _variance(part: Kinematics) -> Floats:
-    """Variances of a part's parameters, widened for few blocks as Student's t is at 95 %."""
-    wider = np.array([quantile(0.975, count) / 1.96 for count in part.believed.informative])
-    return np.asarray((part.standard_errors * wider) ** 2 + _ALIKE**2)
-
-
 def _quarters(motion: CleanMotion) -> list[CleanMotion]:
     """The quarters of a motion in which no group lacks samples."""
     edges = np.linspace(motion.position.time_s[0], motion.position.time_s[-1], PARTS + 1)
     quarters = []
     for begin, end in pairwise(edges):
         position, heading, speed, yaw_rate = (
-            group.without((group.time_s < begin) | (group.time_s > end)) for group in motion.groups
+            group.excluding((group.time_s < begin) | (group.time_s > end)) for group in motion.groups
         )
         quarters.append(CleanMotion(position, heading, speed, yaw_rate, motion.step_s))
     return [quarter for quarter in quarters if min(group.time_s.size for group in quarter.groups) >= _SAMPLES]
-
-
-_FIT_ROUNDS = 4
-_TOLERATED = 4.0
-_LEAST_RELIABILITY = 0.5
-"""A direction in which less than half of the slopes is motion is left out of a band."""
-_CHI2_MEDIAN = 0.455
 
 
 @dataclass(frozen=True, slots=True)
@@ -501,12 +508,12 @@ class MotionSolution:
         return replace(self, parameters=self.parameters * scale + shift, covariance=covariance)
 
 
-def cosines(levels: Floats, starts: Ints, length: int, most: int) -> Floats:
-    """Orthonormal cosine coefficients 1..``most`` of blocks of levels [points, ...]: [blocks, ..., most]."""
+def cosines(levels: Floats, starts: Ints, length: int, count: int) -> Floats:
+    """Orthonormal cosine coefficients 1..``count`` of blocks of levels [points, ...]: [blocks, ..., most]."""
     from scipy.fft import dct
 
     blocks = levels[starts[:, np.newaxis] + np.arange(length)]
-    return np.moveaxis(dct(blocks, axis=1, norm="ortho")[:, 1 : most + 1], 1, -1)
+    return np.moveaxis(dct(blocks, axis=1, norm="ortho")[:, 1 : count + 1], 1, -1)
 
 
 def solve(residuals: Floats, slopes: Floats, noise: tuple[Floats, Floats], prior: Floats) -> MotionSolution:
@@ -517,13 +524,17 @@ def solve(residuals: Floats, slopes: Floats, noise: tuple[Floats, Floats], prior
     [p] are standard deviations far beyond anything sensible: they bound what the data do not determine.
     """
     bands, precision = _bands(residuals.shape[-1]), np.diag(prior**-2.0)
+    sizes = np.diff(np.append(bands, residuals.shape[-1]))
     weights = np.broadcast_to(1.0 / _noise(residuals, bands), residuals.shape)
     for _ in range(_FIT_ROUNDS):
         true, matrices, sides = _equations(residuals, slopes, noise, weights, precision)
         values = np.linalg.solve(matrices.sum(axis=0) + precision, sides.sum(axis=0))
         residual = residuals - np.tensordot(true, values, (1, 0))
         variance = _noise(residual, bands)
-        weights = np.broadcast_to(_trust(residual**2 / variance, bands) / variance, residuals.shape)
+        ratio = residual**2 / variance
+        excess = np.add.reduceat(ratio.sum(axis=1), bands, axis=-1) / (sizes * ratio.shape[1])
+        trust = np.minimum(1.0, _TOLERATED / np.maximum(excess, 1e-300))  # 1 where as noisy as the other blocks
+        weights = np.broadcast_to(np.repeat(trust, sizes, axis=-1)[:, np.newaxis, :] / variance, residuals.shape)
     _, matrices, sides = _equations(residuals, slopes, noise, weights, precision)
     return _solution(matrices, sides, precision)
 
@@ -542,21 +553,18 @@ def _equations(
     bands = _bands(slopes.shape[-1])
     for begin, end in zip(bands, [*bands[1:], slopes.shape[-1]], strict=True):
         part, noise_part, weight = (values[..., begin:end] for values in (slopes, noise[1], weights))
-        matrix = _expectation(_information(part, weight), _information(noise_part, weight), precision)
-        for out, of in ((true, part), (noisy, noise_part)):
-            out[..., begin:end] = (matrix @ of.reshape(*of.shape[:2], -1)).reshape(of.shape)
+        # The matrix that turns slopes into what is expected of the true ones; directions that are mostly noise are
+        # left out: what remains of them is chance.
+        lower = np.linalg.cholesky(_information(part, weight) + precision)
+        root = np.linalg.inv(lower)
+        noise_share = root @ _information(noise_part, weight) @ root.T
+        reliability, directions = np.linalg.eigh(np.eye(len(precision)) - noise_share)
+        reliability = np.where(reliability > _LEAST_RELIABILITY, reliability, 0.0)
+        matrix = lower @ (directions * reliability) @ directions.T @ root
+        for expected, band in ((true, part), (noisy, noise_part)):
+            expected[..., begin:end] = (matrix @ band.reshape(*band.shape[:2], -1)).reshape(band.shape)
     matrices, sides = _normal(residuals, true, weights)
     return true, matrices, sides - _normal(noise[0], noisy, weights)[1]
-
-
-def _expectation(total: Floats, noise: Floats, precision: Floats) -> Floats:
-    """The matrix [p, p] that turns slopes into what is expected of the true ones, by the information [p, p] of both
-    and of their noise. Directions that are mostly noise are left out: what is left of them is chance."""
-    lower = np.linalg.cholesky(total + precision)
-    root = np.linalg.inv(lower)
-    reliability, turned = np.linalg.eigh(np.eye(len(precision)) - root @ noise @ root.T)
-    kept = np.where(reliability > _LEAST_RELIABILITY, reliability, 0.0)
-    return np.asarray(lower @ (turned * kept) @ turned.T @ root)
 
 
 def _information(slopes: Floats, weights: Floats) -> Floats:
@@ -582,10 +590,10 @@ def _solution(matrices: Floats, sides: Floats, precision: Floats) -> MotionSolut
     shares = np.einsum("pi,bij,pj->bp", covariance, matrices, covariance, optimize=True)
     informative = shares.sum(axis=0) ** 2 / np.maximum((shares**2).sum(axis=0), 1e-300)
     remaining = sides.sum(axis=0) - sides
-    without = np.linalg.solve(total - matrices, remaining[..., np.newaxis])[..., 0]
-    spread = jackknife_error(without) ** 2
-    larger = np.sqrt(np.maximum(1.0, spread / np.diag(covariance)))
-    return MotionSolution(values, covariance * np.outer(larger, larger), informative)
+    leave_one_out = np.linalg.solve(total - matrices, remaining[..., np.newaxis])[..., 0]
+    spread = jackknife_error(leave_one_out) ** 2
+    inflation = np.sqrt(np.maximum(1.0, spread / np.diag(covariance)))
+    return MotionSolution(values, covariance * np.outer(inflation, inflation), informative)
 
 
 def _bands(count: int) -> Ints:
@@ -601,24 +609,6 @@ def _noise(residual: Floats, bands: Ints) -> Floats:
     level = np.add.reduceat(power, bands, axis=-1) / sizes
     falling = np.maximum.accumulate(level[:, ::-1], axis=-1)[:, ::-1]
     return np.repeat(np.maximum(falling, 1e-18), sizes, axis=-1)
-
-
-def _trust(ratio: Floats, bands: Ints) -> Floats:
-    """Weights of the blocks' bands: 1 where as noisy as the others, less where noisier; shape of ``ratio``."""
-    sizes = np.diff(np.append(bands, ratio.shape[-1]))
-    excess = np.add.reduceat(ratio.sum(axis=1), bands, axis=-1) / (sizes * ratio.shape[1])
-    trust = np.minimum(1.0, _TOLERATED / np.maximum(excess, 1e-300))
-    return np.repeat(trust, sizes, axis=-1)[:, np.newaxis, :]
-
-
-_JUMP = 6.0
-_LEAST_JUMP = 0.05
-_MOST_JUMPS = 0.6
-_NORMAL_QUARTER = 0.3186  # a quarter of normal deviations is smaller: a scale that half of the steps cannot spoil
-_MOST_STILL = 0.2  # less than the quarter of the steps that the scale is taken from
-_JUMP_ROUNDS = 12
-_LEAST_FACTOR = 0.05
-_STIFFNESS = np.array([1.0, 1.0, 0.01, 0.01, 1e-4, 1e-4, 1e-4, 1e-4])
 
 
 def remove_jumps(level: Group, model: Model, grid_s: Floats, values: Floats) -> Group:
@@ -645,8 +635,10 @@ def remove_jumps(level: Group, model: Model, grid_s: Floats, values: Floats) -> 
     jumps = _jumps(steps)
     if not jumps.any() or jumps.mean() > _MOST_JUMPS:
         return level
-    around = jumps | np.append(jumps[1:], False) | np.append(False, jumps[:-1])
-    removed = np.where(around[:, np.newaxis], _to_sample_frame(steps.angle, steps.error), 0.0)
+    at_jumps = jumps | np.append(jumps[1:], False) | np.append(False, jumps[:-1])
+    error, angle = steps.error, steps.angle
+    in_sample_frame = rotate(angle, error) if error.shape[1] == 2 else error * np.cos(angle)[:, np.newaxis]
+    removed = np.where(at_jumps[:, np.newaxis], in_sample_frame, 0.0)
     shift = np.vstack([np.zeros(removed.shape[1]), np.cumsum(removed, axis=0)])
     return Group(level.time_s, level.levels - shift, level.interval_s)
 
@@ -721,11 +713,6 @@ def _steps(level: Group, model: Model, grid_s: Floats, values: Floats) -> _Steps
     return _Steps(rotate(-angle, measured) - body[:, 0], body[:, 1:], np.hypot(*moves[:, 0].T), angle)
 
 
-def _to_sample_frame(angle: Floats, errors: Floats) -> Floats:
-    """Errors [n, m] back in the frame of the samples."""
-    return rotate(angle, errors) if errors.shape[1] == 2 else errors * np.cos(angle)[:, np.newaxis]
-
-
 @dataclass(frozen=True, slots=True)
 class PositionErrors:
     """Of each raw position: when [s], by how much north and east [n, 2], the velocity of the ship [n, 2] and the
@@ -747,22 +734,8 @@ def position_errors(table: pd.DataFrame, fit: Kinematics) -> PositionErrors:
     within = (times >= grid_s[0]) & (times <= grid_s[-1])
     at = interpolate(times[within], grid_s, np.hstack([path, -slopes[:, 2]]))
     error = raw.levels[within] - at[:, :2]
-    sound = ~outliers(error)
-    return PositionErrors(times[within][sound], error[sound], at[sound, 2:], raw.levels[within][sound])
-
-
-_JUMP_STRETCH_S = 5.0
-_FEWEST_IN_STRETCH = 4
-_MOST = 20
-_THIN_S = 0.5
-_SIGMAS = 10.0
-_USUAL = 3.0  # times what 95 % of the stretches differ by
-_SMALLEST_M, _SMALLEST_S = 1.0, 1.0  # or what the ship makes in a second at her fastest, if that is less
-_AT_ONCE = 0.7  # of a jump happens within the time below: filters and interpolation make a short ramp of it
-_AT_ONCE_S = 2.5
-_RETURNED = 0.3
-_LONGEST_AWAY = 0.1  # of the recording
-_STUCK_S = 3.0
+    valid = ~outliers(error)
+    return PositionErrors(times[within][valid], error[valid], at[valid, 2:], raw.levels[within][valid])
 
 
 @dataclass(frozen=True, slots=True)
@@ -779,9 +752,13 @@ class PositionJump:
 def position_jumps(table: pd.DataFrame, fit: Kinematics) -> tuple[PositionJump, ...]:
     """The jumps of the positions in a table about the motion that was fitted to it."""
     errors = position_errors(table, fit)
-    sound = ~_stuck(errors.raw, fit.motion.position.interval_s)
-    time_s, error = errors.time_s[sound], errors.error[sound]
-    thin = max(1, round(_THIN_S / fit.motion.position.interval_s)) if time_s.size else 1
+    recorded_s = fit.motion.position.interval_s
+    stuck = np.zeros(len(errors.raw), dtype=bool)  # a coordinate has not changed for 3 s: what follows is no jump
+    for column in errors.raw.T:
+        _, lengths = runs_of_equal(np.diff(column) != 0.0)
+        stuck |= np.repeat(lengths * recorded_s > _STUCK_S, lengths)
+    time_s, error = errors.time_s[~stuck], errors.error[~stuck]
+    thin = max(1, round(_THIN_S / recorded_s)) if time_s.size else 1
     time_s, error = time_s[::thin], error[::thin]
     if time_s.size < 4 * _MOST:
         return ()
@@ -789,7 +766,7 @@ def position_jumps(table: pd.DataFrame, fit: Kinematics) -> tuple[PositionJump, 
     width = int(np.clip(_JUMP_STRETCH_S / max(interval_s, 1e-3), _FEWEST_IN_STRETCH, _MOST))
     smallest_m = min(_SMALLEST_M, _SMALLEST_S * float(np.quantile(np.hypot(*errors.velocity.T), 0.98)))
     jumps = [
-        (float(time_s[place] + fit.believed.parameters[2]), size)
+        (float(time_s[place] + fit.selected.parameters[2]), size)
         for place, size in _lasting_steps(error, width, interval_s, smallest_m)
         if _recorded_throughout(time_s, place, width, interval_s, fit)
     ]
@@ -819,16 +796,15 @@ def _recorded_throughout(time_s: Floats, place: int, width: int, interval_s: flo
     first, last = max(place - width, 0), min(place + width, time_s.size - 1)
     if time_s[last] - time_s[first] < 0.8 * (last - first) * interval_s:
         return False
-    return all(_recorded(group, *time_s[place - 1 : place + 1]) for group in (fit.motion.speed, fit.motion.heading))
+    for samples in (fit.motion.speed, fit.motion.heading):
+        first, last = np.searchsorted(samples.time_s, time_s[place - 1 : place + 1], side="left")
+        inside = samples.time_s[max(first - 1, 0) : last + 1]
+        if inside.size < 2 or not np.diff(inside).max() < 1.8 * samples.interval_s:
+            return False
+    return True
 
 
-def _recorded(samples: Group, begin: float, end: float) -> bool:
-    first, last = np.searchsorted(samples.time_s, [begin, end], side="left")
-    inside = samples.time_s[max(first - 1, 0) : last + 1]
-    return bool(inside.size > 1 and np.diff(inside).max() < 1.8 * samples.interval_s)
-
-
-def _pair_returns(jumps: list[tuple[float, Floats]], lasts_s: float) -> tuple[PositionJump, ...]:
+def _pair_returns(jumps: list[tuple[float, Floats]], duration_s: float) -> tuple[PositionJump, ...]:
     """Join a jump and the next one where that takes it back."""
     merged: list[PositionJump] = []
     remaining = deque(jumps)
@@ -836,21 +812,12 @@ def _pair_returns(jumps: list[tuple[float, Floats]], lasts_s: float) -> tuple[Po
         time_s, size = remaining.popleft()
         until_s = np.nan
         if remaining:
-            next_s, back = remaining[0]
-            taken_back = np.hypot(*(size + back)) < _RETURNED * np.hypot(*size)
-            if taken_back and next_s - time_s < _LONGEST_AWAY * lasts_s:
+            next_s, return_step = remaining[0]
+            returns = np.hypot(*(size + return_step)) < _RETURNED * np.hypot(*size)
+            if returns and next_s - time_s < _LONGEST_AWAY * duration_s:
                 until_s, _ = remaining.popleft()
         merged.append(PositionJump(time_s, float(size[0]), float(size[1]), until_s))
     return tuple(merged)
-
-
-def _stuck(raw: Floats, interval_s: float) -> Bools:
-    """Samples of which a coordinate has not changed for 3 s: they are stuck, and what follows is no jump."""
-    stuck = np.zeros(len(raw), dtype=bool)
-    for column in raw.T:
-        _, lengths = runs_of_equal(np.diff(column) != 0.0)
-        stuck |= np.repeat(lengths * interval_s > _STUCK_S, lengths)
-    return stuck
 
 
 def jump_finding(table: pd.DataFrame, jump: PositionJump) -> Finding:
@@ -871,7 +838,7 @@ def jump_finding(table: pd.DataFrame, jump: PositionJump) -> Finding:
     )  # fmt: skip
 
 
-def displaced(table: pd.DataFrame, jumps: tuple[PositionJump, ...]) -> Bools:
+def displaced_rows(table: pd.DataFrame, jumps: tuple[PositionJump, ...]) -> Bools:
     """Which rows lie between a jump and its return."""
     time_s, mask = seconds_of(table), np.zeros(len(table), dtype=bool)
     for jump in jumps:

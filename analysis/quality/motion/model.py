@@ -1,17 +1,14 @@
-"""The motion channels of a table as smooth functions of time, and blocks of time in which all of them are there.
+"""The motion channels of a table as smooth functions of time, and whether they agree with one motion at all.
 
 Positions, heading, speeds and yaw rate are four groups, each with stamps of its own. Groups that are faster than
-:data:`STEP_S` are averaged over that long, time and value alike, which shifts nothing.
-From them follow the path that heading and speeds describe, and the turns that the yaw rate gives, as models of
-what may be wrong.
+:data:`STEP_S` are averaged over that long, time and value alike, which shifts nothing. From them follow the path
+that heading and speeds describe, and the turns that the yaw rate gives, as models of what may be wrong.
 
-Whether the motion channels tell of one motion at all, before anything fine is fitted to them.
-
-Positions and the path by heading and speeds are compared as complex moves (north + i east) over windows of ten
-seconds: their ratio is a scale and an angle, free from minus to plus infinity, and so is the ratio of turns.
-Signs and units that nothing fine could mend (a mirrored chart, sway to port, a heading in radians) are tried in
-turn: the one that takes most of what is left away is named. Lever arms, delays and heel in turns are left room,
-lest they pass for one.
+Before anything fine is fitted, positions and the path by heading and speeds are compared as complex moves (north +
+i east) over windows of ten seconds: their ratio is a scale and an angle, free from minus to plus infinity, and so
+is the ratio of turns. Signs and units that nothing fine could correct (a mirrored chart, sway to port, a heading in
+radians) are tried in turn: the one that removes most of the residual is named. Lever arms, delays and heel in turns
+are allowed for, so that they do not pass for one.
 """
 
 from __future__ import annotations
@@ -47,6 +44,27 @@ _LONGEST_GAP_S = 3.0
 _WILD_RAD = np.deg2rad(2.0)
 _NEIGHBOURHOOD_S = 20.0
 _MOST_WILD = 0.2
+_RATE_WIDTH_S = 1.0
+_MEAN_WIDTH_S = 5.0
+_WINDOW_S = 10.0
+_LONG_S = 60.0
+_FEWEST_WINDOWS = 12
+_FEWEST_LONG = 6
+_ROUNDS = 15
+_KEPT = 0.8  # of the windows: the rest may hold jumps
+_AGREES = 0.5  # of the moves may be unexplained where a ratio is used
+_FAR = 0.25  # from which a ratio or an angle [rad] is beyond what the fine fit starts from
+_REMOVED = 0.5  # of what is left that a sign or unit must take away to be named
+_LIKELIER = 10.0  # logarithm of the ratio of likelihoods
+_LEAST_LEFT = 0.01
+_CONTRADICTED = 0.2
+_LEAST_MOVE_M = 10.0  # in a minute: positions of a ship that lies still wander by less
+_BEYOND_NOISE = 6.0
+_NEAR_ONE = 0.05
+_NEAR_DEG = 30.0  # between two conventions there are 90
+_UNEXPLAINED = "no sign and no unit that was tried explains it"
+_SPEED_UNITS = {"knots": KNOT_MPS, "km/h": 1.0 / 3.6}
+_FULL_TURN_RAD_IN_DEG = np.deg2rad(2.0 * np.pi) * 1.001
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,7 +75,7 @@ class Group:
     levels: Floats
     interval_s: float
 
-    def without(self, invalid: Bools) -> Group:
+    def excluding(self, invalid: Bools) -> Group:
         return Group(self.time_s[~invalid], self.levels[~invalid], self.interval_s)
 
     def gaps(self) -> Floats:
@@ -104,19 +122,20 @@ def motion_of(table: pd.DataFrame) -> CleanMotion:
     raw = {name: group_samples(table, channels) for name, channels in GROUPS.items()}
     step_s = max(STEP_S, min(group.interval_s for group in raw.values()))
     speed, yaw_rate = (
-        _average(group.without(outliers(group.levels)), step_s) for group in (raw["surge_mps"], raw["yaw_rate_dps"])
+        _average(group.excluding(outliers(group.levels)), step_s)
+        for group in (raw["surge_mps"], raw["yaw_rate_dps"])
     )
-    heading = _average(_sound_heading(raw["heading_deg"], yaw_rate), step_s)
+    heading = _average(_clean_heading(raw["heading_deg"], yaw_rate), step_s)
     path = path_at(raw["north_m"].time_s, heading, speed, step_s)
     spikes = outliers(raw["north_m"].levels - path)
-    position = _average(raw["north_m"].without(spikes), step_s)
+    position = _average(raw["north_m"].excluding(spikes), step_s)
     return CleanMotion(
         position, heading, speed, yaw_rate, step_s, tuple(group.interval_s for group in raw.values())
     )
 
 
 def group_samples(table: pd.DataFrame, channels: tuple[str, ...]) -> Group:
-    """The samples of channels that are stamped together, in radians where they are angles."""
+    """The samples of channels that are stamped together, without copies, in radians where they are angles."""
     times = (times_ns(table) - times_ns(table).min()) / NANO
     columns = [table[name].to_numpy(dtype=float) for name in channels]
     if len(columns) > 1 and not (np.isfinite(columns[0]) & np.isfinite(columns[1])).any():
@@ -130,19 +149,14 @@ def group_samples(table: pd.DataFrame, channels: tuple[str, ...]) -> Group:
     scale = np.pi / 180.0 if channels[0].endswith(("_deg", "_dps")) else 1.0
     steps = np.diff(times[order])
     interval_s = float(np.median(steps[steps > 0.0])) if (steps > 0.0).any() else 1.0
-    return _without_repeats(Group(times[order], values[order] * scale, interval_s))
-
-
-def _without_repeats(samples: Group) -> Group:
-    """Without the copies of a slower source that was written again and again: repeats that come regularly.
-
-    Rounded values repeat too, but now and then; their copies are samples like all others.
-    """
+    samples = Group(times[order], values[order] * scale, interval_s)
+    # Copies of a slower source that was written again and again are repeats that come regularly. Rounded values
+    # repeat too, but now and then; their copies are samples like all others.
     new, lengths = runs_of_equal((np.diff(samples.levels, axis=0) != 0.0).any(axis=1))
     usual = float(np.median(lengths))
     if usual < 2.0 or np.mean(np.abs(lengths - usual) <= 0.1 * usual + 0.5) < 0.8:
         return samples
-    return Group(samples.time_s[new], samples.levels[new], usual * samples.interval_s)
+    return Group(samples.time_s[new], samples.levels[new], usual * interval_s)
 
 
 def outliers(values: Floats) -> Bools:
@@ -150,13 +164,13 @@ def outliers(values: Floats) -> Bools:
 
     What rises or falls steadily never sticks out, however steep.
     """
-    before, after = np.pad(values, ((2, 2), (0, 0)), mode="reflect"), values
-    sides = np.stack([before[:-4], before[1:-3], before[3:-1], before[4:]])
-    outside = np.maximum(np.maximum(sides.min(axis=0) - after, after - sides.max(axis=0)), 0.0)
-    spread = np.abs(after - np.median(sides, axis=0))
-    common = spread <= np.quantile(spread, 0.99, axis=0)
+    padded, centre = np.pad(values, ((2, 2), (0, 0)), mode="reflect"), values
+    sides = np.stack([padded[:-4], padded[1:-3], padded[3:-1], padded[4:]])
+    outside = np.maximum(np.maximum(sides.min(axis=0) - centre, centre - sides.max(axis=0)), 0.0)
+    spread = np.abs(centre - np.median(sides, axis=0))
+    usual = spread <= np.quantile(spread, 0.99, axis=0)
     scale = np.maximum(
-        1.4826 * np.median(spread, axis=0), np.sqrt(np.mean(np.where(common, spread, 0.0) ** 2, axis=0))
+        1.4826 * np.median(spread, axis=0), np.sqrt(np.mean(np.where(usual, spread, 0.0) ** 2, axis=0))
     )
     return np.asarray((outside > _SPIKE * scale + 1e-9).any(axis=1))
 
@@ -168,9 +182,9 @@ def spline(samples: Group) -> Callable[..., Floats]:
     steps = np.diff(samples.time_s)
     extra = np.maximum(np.ceil(steps / (1.5 * samples.interval_s)).astype(int) - 1, 0)
     extra = np.where(steps > 1.5 * samples.interval_s, np.minimum(extra, 1000), 0)
-    which = np.repeat(np.arange(steps.size), extra)
-    rank = np.arange(which.size) - np.repeat(np.cumsum(extra) - extra, extra) + 1
-    added = samples.time_s[which] + steps[which] * rank / (extra[which] + 1)
+    gap = np.repeat(np.arange(steps.size), extra)
+    rank = np.arange(gap.size) - np.repeat(np.cumsum(extra) - extra, extra) + 1
+    added = samples.time_s[gap] + steps[gap] * rank / (extra[gap] + 1)
     times = np.sort(np.concatenate([samples.time_s, added]))
     values = np.column_stack([np.interp(times, samples.time_s, column) for column in samples.levels.T])
     curve: Callable[..., Floats] = CubicSpline(times, values)
@@ -181,8 +195,8 @@ def path_at(time_s: Floats, heading: Group, speed: Group, step_s: float) -> Floa
     """The path [n, 2] north and east that heading and speeds describe, at any times."""
     grid = np.arange(time_s[0], time_s[-1] + 2.0 * step_s, step_s)
     angle = np.interp(grid, heading.time_s, heading.levels[:, 0])
-    ahead, aside = (np.interp(grid, speed.time_s, column) for column in speed.levels.T)
-    travelled = (integrate(velocity, step_s) for velocity in to_earth(ahead, aside, angle))
+    ahead, abeam = (np.interp(grid, speed.time_s, column) for column in speed.levels.T)
+    travelled = (integrate(velocity, step_s) for velocity in to_earth(ahead, abeam, angle))
     return np.column_stack([np.interp(time_s, grid, column) for column in travelled])
 
 
@@ -200,18 +214,18 @@ def _average(samples: Group, step_s: float) -> Group:
     return Group(time_s, values, max(samples.interval_s, step_s))
 
 
-def _sound_heading(heading: Group, yaw_rate: Group) -> Group:
+def _clean_heading(heading: Group, yaw_rate: Group) -> Group:
     """Unwrap the heading along the integrated yaw rate, and replace it by that where it contradicts it wildly."""
-    turned_at = integrate(yaw_rate.levels[:, 0], yaw_rate.time_s)
-    turned = np.interp(heading.time_s, yaw_rate.time_s, turned_at)
-    slow, deviation = off_the_turn(heading.levels[:, 0], turned, heading.interval_s)
-    wild = wild_headings(deviation, turned)
+    turned_rad = integrate(yaw_rate.levels[:, 0], yaw_rate.time_s)
+    turned = np.interp(heading.time_s, yaw_rate.time_s, turned_rad)
+    slow, deviation = heading_deviation(heading.levels[:, 0], turned, heading.interval_s)
+    wild = wild_heading_mask(deviation, turned)
     if wild.mean() < _MOST_WILD:
         deviation[wild] = np.interp(heading.time_s[wild], heading.time_s[~wild], deviation[~wild])
     return Group(heading.time_s, (turned + slow + deviation)[:, np.newaxis], heading.interval_s)
 
 
-def off_the_turn(heading_rad: Floats, turned_rad: Floats, interval_s: float) -> tuple[Floats, Floats]:
+def heading_deviation(heading_rad: Floats, turned_rad: Floats, interval_s: float) -> tuple[Floats, Floats]:
     """The slow way between headings and the integrated yaw rate, and how far each heading is off both: [n] rad.
 
     The difference of heading and integrated yaw rate wanders slowly, by bias and scale of the gyro.
@@ -221,17 +235,17 @@ def off_the_turn(heading_rad: Floats, turned_rad: Floats, interval_s: float) -> 
     return slow, np.angle(np.exp(1j * (deviation - slow)))
 
 
-def wild_headings(off_rad: Floats, turned_rad: Floats) -> Bools:
-    """Which headings are far off all that the yaw rate says of the time from the sample before to the one after, as
-    those that were interpolated through north.
+def wild_heading_mask(deviation_rad: Floats, turned_rad: Floats) -> Bools:
+    """Which headings are far off all that the yaw rate gives for the time from the sample before to the one after,
+    as those that were interpolated through north.
 
     A turn that begins between two samples is off the integrated yaw rate at its own time.
     """
     from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
-    above = off_rad + turned_rad - maximum_filter1d(turned_rad, 3)
-    below = minimum_filter1d(turned_rad, 3) - turned_rad - off_rad
-    usual = 1.4826 * float(np.median(np.abs(off_rad)))
+    above = deviation_rad + turned_rad - maximum_filter1d(turned_rad, 3)
+    below = minimum_filter1d(turned_rad, 3) - turned_rad - deviation_rad
+    usual = 1.4826 * float(np.median(np.abs(deviation_rad)))
     return np.asarray(np.maximum(above, below) > max(_SPIKE * usual, _WILD_RAD))
 
 
@@ -264,9 +278,6 @@ Model = Callable[[Floats], tuple[Floats, Floats]]
 The third parameter, the delay of the measured level, moves no model: its slope is what reading it later costs.
 """
 
-_RATE_WIDTH_S = 1.0
-_MEAN_WIDTH_S = 5.0
-
 
 def path_model(motion: CleanMotion, grid_s: Floats) -> Model:
     """The path by heading and speeds as a model of the positions; the speeds' stamps are the time.
@@ -288,13 +299,13 @@ def path_model(motion: CleanMotion, grid_s: Floats) -> Model:
         yaw_acceleration = (after - 2.0 * centre + before) / width**2
         moving = rotate(true, body)
         travelled = integral(grid_s, moving)
-        ahead, aside = np.column_stack([np.cos(true), np.sin(true)]), np.column_stack([-np.sin(true), np.cos(true)])
-        heeled, heeling = (rate * body[:, :1] * aside for rate in (turning, yaw_acceleration))
-        arm = forward * ahead + starboard * aside + heel * heeled + heel_lag * heeling
+        ahead, abeam = np.column_stack([np.cos(true), np.sin(true)]), np.column_stack([-np.sin(true), np.cos(true)])
+        heeled, heeling = (rate * body[:, :1] * abeam for rate in (turning, yaw_acceleration))
+        arm = forward * ahead + starboard * abeam + heel * heeled + heel_lag * heeling
         swung = turning * _quarter_turn(arm)
         bent = integral(grid_s, turning * factor * _quarter_turn(moving))
         by_offset = -factor * _quarter_turn(travelled) - _quarter_turn(arm)
-        slopes = (travelled, by_offset, -factor * moving - swung, bent + swung, ahead, aside, heeled, heeling)
+        slopes = (travelled, by_offset, -factor * moving - swung, bent + swung, ahead, abeam, heeled, heeling)
         return factor * travelled + arm, np.stack(slopes, axis=1)
 
     return model
@@ -325,8 +336,8 @@ def interpolate(time_s: Floats, grid_s: Floats, columns: Floats) -> Floats:
     """Columns [points, m] on the even grid, linearly at other times."""
     place = np.clip((time_s - grid_s[0]) / (grid_s[1] - grid_s[0]), 0.0, grid_s.size - 1.000001)
     before = place.astype(np.int64)
-    share = (place - before)[:, np.newaxis]
-    return np.asarray(columns[before] * (1.0 - share) + columns[before + 1] * share)
+    fraction = (place - before)[:, np.newaxis]
+    return np.asarray(columns[before] * (1.0 - fraction) + columns[before + 1] * fraction)
 
 
 def integral(grid_s: Floats, rates: Floats) -> Floats:
@@ -339,27 +350,6 @@ def integral(grid_s: Floats, rates: Floats) -> Floats:
 def _quarter_turn(vectors: Floats) -> Floats:
     """Vectors [n, 2] north and east turned by +90 deg: the change by a turn of one radian."""
     return np.column_stack([-vectors[:, 1], vectors[:, 0]])
-
-
-_WINDOW_S = 10.0
-_LONG_S = 60.0
-_FEWEST_WINDOWS = 12
-_FEWEST_LONG = 6
-_ROUNDS = 15
-_KEPT = 0.8  # of the windows: the rest may hold jumps
-_AGREES = 0.5  # of the moves may be left over where a ratio is believed
-_FAR = 0.25  # from which a ratio or an angle [rad] is beyond what the fine fit starts from
-_REMOVED = 0.5  # of what is left that a sign or unit must take away to be named
-_LIKELIER = 10.0  # logarithm of the ratio of likelihoods
-_LEAST_LEFT = 0.01
-_CONTRADICTED = 0.2
-_LEAST_MOVE_M = 10.0  # in a minute: positions of a ship that lies still wander by less
-_BEYOND_NOISE = 6.0
-_NEAR_ONE = 0.05
-_NEAR_DEG = 30.0  # between two conventions there are 90
-_UNEXPLAINED = "no sign and no unit that was tried explains it"
-_SPEED_UNITS = {"knots": KNOT_MPS, "km/h": 1.0 / 3.6}
-_FULL_TURN_RAD_IN_DEG = np.deg2rad(2.0 * np.pi) * 1.001
 
 
 @dataclass(frozen=True, slots=True)
@@ -388,23 +378,29 @@ def coarse_fit(table: pd.DataFrame) -> Coarse:
     """Compare the motion channels of a table of raw samples.
 
     Raises :class:`InputError` where a motion channel is missing and :class:`DataShortageError` for less than 8
-    samples of one. Too few windows to say anything give a neutral answer.
+    samples of one. Too few windows give a neutral answer.
     """
     require(table, tuple(name for names in GROUPS.values() for name in names))
     position, heading, speed, yaw_rate = (group_samples(table, channels) for channels in GROUPS.values())
-    speed, yaw_rate = (group.without(outliers(group.levels)) for group in (speed, yaw_rate))
+    speed, yaw_rate = (group.excluding(outliers(group.levels)) for group in (speed, yaw_rate))
     step_s = max(STEP_S, min(group.interval_s for group in (position, heading, speed, yaw_rate)))
     motion = CleanMotion(position, heading, speed, yaw_rate, step_s)
     moves = _Moves.of(motion, _WINDOW_S)
     if moves.count < _FEWEST_WINDOWS:
         return Coarse()
     yaw_rate_factor = moves.yaw_rate_factor()
-    named = _sign_or_unit(moves)
-    if named is not None:
-        return Coarse(1.0, 0.0, yaw_rate_factor, *named)
-    unexplained = _unexplained_fraction(_Moves.of(motion, _LONG_S), motion)
-    if unexplained > _CONTRADICTED:
-        return Coarse(1.0, 0.0, yaw_rate_factor, _UNEXPLAINED, "north_m", unexplained)
+    error = _sign_or_unit(moves)
+    if error is not None:
+        return Coarse(1.0, 0.0, yaw_rate_factor, *error)
+    minutes = _Moves.of(motion, _LONG_S)
+    if minutes.count >= _FEWEST_LONG:
+        path = _trimmed_rms(minutes.moved)
+        residual = minutes.regress_on(minutes.moved, minutes.heading, minutes.body).residual_m
+        rough = np.abs(np.diff(motion.position.levels, n=2, axis=0))
+        noise = float(np.median(rough)) / (0.6745 * np.sqrt(6.0))
+        is_moving = path > _LEAST_MOVE_M and residual > _BEYOND_NOISE * noise
+        if is_moving and residual / path > _CONTRADICTED:
+            return Coarse(1.0, 0.0, yaw_rate_factor, _UNEXPLAINED, "north_m", residual / path)
     return Coarse(*_scale_and_angle(moves), yaw_rate_factor)
 
 
@@ -435,21 +431,21 @@ class _Regression:
     """A regression of moves: their ratio to the model's, the residual [m], and that with arm, delay and heel."""
 
     ratio: complex
-    plainly_m: float
-    left_m: float
+    plain_residual_m: float
+    residual_m: float
 
     def removes(self, rival: _Regression) -> bool:
-        return self.left_m < _REMOVED * rival.left_m
+        return self.residual_m < _REMOVED * rival.residual_m
 
-    def clearer(self, rival: _Regression, windows: int) -> bool:
+    def is_clearer(self, rival: _Regression, windows: int) -> bool:
         """Whether it is far likelier than another by what is left."""
-        return bool(_KEPT * windows * np.log(rival.left_m / max(self.left_m, 1e-9)) > _LIKELIER)
+        return bool(_KEPT * windows * np.log(rival.residual_m / max(self.residual_m, 1e-9)) > _LIKELIER)
 
-    def likelier(self, rival: _Regression, windows: int) -> bool:
+    def is_likelier(self, rival: _Regression, windows: int) -> bool:
         """Whether its residual is much smaller and it stays likelier with lever arm, delay and heel in the model:
         sway with the wrong sign, or in another unit than surge, looks much like a lever arm."""
-        is_smaller = self.plainly_m < _REMOVED * rival.plainly_m
-        return is_smaller and self.clearer(rival, windows)
+        is_smaller = self.plain_residual_m < _REMOVED * rival.plain_residual_m
+        return is_smaller and self.is_clearer(rival, windows)
 
 
 @dataclass(frozen=True, slots=True)
@@ -471,14 +467,14 @@ class _Moves:
         grid_s = np.arange(begin, max(end, begin) + 1e-6, motion.step_s)
         length = max(2, round(window_s / motion.step_s))
         starts = block_starts(motion, grid_s, length + 1) if grid_s.size > length else np.empty(0, np.int64)
-        north, east, ahead, aside, rate = (
+        north, east, ahead, abeam, rate = (
             np.interp(grid_s, group.time_s, column)
             for group in (motion.position, motion.speed, motion.yaw_rate)
             for column in group.levels.T
         )
         heading = np.interp(grid_s, motion.heading.time_s, np.unwrap(motion.heading.levels[:, 0]))
         moved = np.asarray(_changes_over(north + 1j * east, starts, length))
-        return cls(grid_s, starts, length, moved, heading, ahead + 1j * aside, rate)
+        return cls(grid_s, starts, length, moved, heading, ahead + 1j * abeam, rate)
 
     @property
     def count(self) -> int:
@@ -490,7 +486,7 @@ class _Moves:
         step = self.grid_s[1] - self.grid_s[0]
         return _changes_over(integrate(velocity, step), self.starts, self.length)
 
-    def explained(self, moved: Complexes, heading: Floats, body: Complexes) -> _Regression:
+    def regress_on(self, moved: Complexes, heading: Floats, body: Complexes) -> _Regression:
         """Moves by those that heading and speeds make."""
         travelled, ahead = self.travelled(heading, body), np.exp(1j * heading)
         turning = np.gradient(heading, self.grid_s[1] - self.grid_s[0])
@@ -498,16 +494,16 @@ class _Moves:
             _changes_over(term * ahead, self.starts, self.length)
             for term in (np.ones_like(heading), body, 1j * turning * body.real)
         )
-        values, plainly = _regress(moved, travelled[:, np.newaxis])
+        values, plain_residual = _regress(moved, travelled[:, np.newaxis])
         residual = _regress(moved, np.column_stack([travelled, arm, delay, heeled]))[1]
-        return _Regression(complex(values[0]), _trimmed_rms(plainly), _trimmed_rms(residual))
+        return _Regression(complex(values[0]), _trimmed_rms(plain_residual), _trimmed_rms(residual))
 
     def ratio(self) -> complex:
         """The complex ratio of the positions' moves to those by heading and speeds; 1 where none explains them."""
-        regression = self.explained(self.moved, self.heading, self.body)
+        regression = self.regress_on(self.moved, self.heading, self.body)
         return (
             regression.ratio
-            if regression.left_m < _AGREES * _trimmed_rms(self.moved) and abs(regression.ratio) > 0.0
+            if regression.residual_m < _AGREES * _trimmed_rms(self.moved) and abs(regression.ratio) > 0.0
             else 1.0 + 0.0j
         )
 
@@ -517,38 +513,38 @@ class _Moves:
         turned = _changes_over(integrate(self.yaw_rate, step), self.starts, self.length)
         headed = _changes_over(self.heading, self.starts, self.length)
         values, residual = _regress(headed, np.column_stack([turned, np.ones(turned.size)]))
-        factor, about = float(values[0].real), np.abs(headed - np.median(headed))
-        is_clear = _trimmed_rms(residual) < _AGREES * _trimmed_rms(about) and factor != 0.0
+        factor, deviation = float(values[0].real), np.abs(headed - np.median(headed))
+        is_clear = _trimmed_rms(residual) < _AGREES * _trimmed_rms(deviation) and factor != 0.0
         return factor if is_clear and abs(factor - 1.0) > _FAR else 1.0
 
 
 def _sign_or_unit(moves: _Moves) -> tuple[str, str, float] | None:
     """The sign or unit error that removes the contradiction: in words, its channel, the share left without it."""
-    path, plain = _trimmed_rms(moves.moved), moves.explained(moves.moved, moves.heading, moves.body)
-    if not max(plain.left_m, plain.plainly_m) > _LEAST_LEFT * path:
+    path, plain = _trimmed_rms(moves.moved), moves.regress_on(moves.moved, moves.heading, moves.body)
+    if not max(plain.residual_m, plain.plain_residual_m) > _LEAST_LEFT * path:
         return None
     tried = {
-        "chart": moves.explained(moves.moved.conj(), moves.heading, moves.body),
-        "body": moves.explained(moves.moved, moves.heading, moves.body.conj()),
-        "heading": moves.explained(moves.moved, -moves.heading, moves.body),
+        "chart": moves.regress_on(moves.moved.conj(), moves.heading, moves.body),
+        "body": moves.regress_on(moves.moved, moves.heading, moves.body.conj()),
+        "heading": moves.regress_on(moves.moved, -moves.heading, moves.body),
     }
     for axes, velocity in (("north_east", moves.body), ("east_north", 1j * moves.body.conj())):
-        fit = moves.explained(moves.moved, np.zeros_like(moves.heading), velocity)
+        fit = moves.regress_on(moves.moved, np.zeros_like(moves.heading), velocity)
         if abs(fit.ratio - 1.0) < _NEAR_ONE:
             tried[axes] = fit
     if np.ptp(np.angle(np.exp(1j * moves.heading))) < _FULL_TURN_RAD_IN_DEG:
-        tried["radians"] = moves.explained(moves.moved, np.rad2deg(moves.heading), moves.body)
-    ahead, aside = moves.body.real, moves.body.imag
+        tried["radians"] = moves.regress_on(moves.moved, np.rad2deg(moves.heading), moves.body)
+    ahead, abeam = moves.body.real, moves.body.imag
     for unit, factor in _SPEED_UNITS.items():
-        in_turn = {"surge": factor * ahead + 1j * aside, "sway": ahead + 1j * factor * aside}
+        in_turn = {"surge": factor * ahead + 1j * abeam, "sway": ahead + 1j * factor * abeam}
         for name, body in in_turn.items():
-            fit = moves.explained(moves.moved, moves.heading, body)
+            fit = moves.regress_on(moves.moved, moves.heading, body)
             if abs(abs(fit.ratio) - 1.0) < _NEAR_ONE:  # else the other is too small, or both are in other units
                 tried[f"{name} alone is in {unit}"] = fit
-    kind = min(tried, key=lambda candidate: tried[candidate].left_m)
+    kind = min(tried, key=lambda candidate: tried[candidate].residual_m)
     like_an_arm = kind == "body" or kind.startswith("surge alone")
-    removes = tried[kind].removes(plain) or (like_an_arm and tried[kind].likelier(plain, moves.count))
-    if not removes:
+    is_removed = tried[kind].removes(plain) or (like_an_arm and tried[kind].is_likelier(plain, moves.count))
+    if not is_removed:
         return None
     wordings = {
         name: _words(name, float(np.rad2deg(np.angle(regression.ratio)))) for name, regression in tried.items()
@@ -556,10 +552,10 @@ def _sign_or_unit(moves: _Moves) -> tuple[str, str, float] | None:
     rivals = [
         wordings[name][0]
         for name, regression in tried.items()
-        if name != kind and regression.removes(plain) and not tried[kind].clearer(regression, moves.count)
+        if name != kind and regression.removes(plain) and not tried[kind].is_clearer(regression, moves.count)
     ]
     words, channel = wordings[kind]
-    return " or as well if ".join([f"they agree if {words}", *rivals]), channel, plain.plainly_m / path
+    return " or as well if ".join([f"they agree if {words}", *rivals]), channel, plain.plain_residual_m / path
 
 
 def _words(kind: str, angle_deg: float) -> tuple[str, str]:
@@ -590,16 +586,6 @@ def _words(kind: str, angle_deg: float) -> tuple[str, str]:
     fallback = {"chart": ("the chart is mirrored", "north_m"),
              "body": ("one of surge and sway has the wrong sign", "surge_mps")}  # fmt: skip
     return contradictions.get((kind, round(angle_deg / 90.0) % 4), fallback[kind])
-
-
-def _unexplained_fraction(moves: _Moves, motion: CleanMotion) -> float:
-    """The unexplained share of the moves over a minute; 0 within noise or for a ship that hardly moved."""
-    if moves.count < _FEWEST_LONG:
-        return 0.0
-    path, residual = _trimmed_rms(moves.moved), moves.explained(moves.moved, moves.heading, moves.body).left_m
-    rough = np.abs(np.diff(motion.position.levels, n=2, axis=0))
-    noise = float(np.median(rough)) / (0.6745 * np.sqrt(6.0))
-    return residual / path if path > _LEAST_MOVE_M and residual > _BEYOND_NOISE * noise else 0.0
 
 
 def _changes_over(values: NDArray[Any], starts: Ints, length: int) -> NDArray[Any]:

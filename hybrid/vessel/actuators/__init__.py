@@ -24,7 +24,7 @@ from pydantic import StrictFloat as Number
 from seatrial.acquisition.core.quantities import Floats
 from seatrial.acquisition.core.ship import KINDS as RECORDED_KINDS
 from seatrial.acquisition.core.ship import Actuators
-from seatrial.analysis.compiling import by_code, compiled
+from seatrial.analysis.compiling import compiled, dispatch_by_code
 from seatrial.hybrid.vessel.effect import Effect
 
 KIND, CONTROL, FIRST_NUMBER = range(3)
@@ -154,8 +154,8 @@ def _kind_of_number(p, i, work, u, v, r):  # type: ignore[no-untyped-def]
     return p.actuators[i, KIND]
 
 
-hold_actuator = by_code([kind.hold for kind in KINDS.values()], _kind_of_row)
+hold_actuator = dispatch_by_code([kind.hold for kind in KINDS.values()], _kind_of_row)
 """``hold_actuator(p, row, control, first, work)``: the working numbers of one actuator while the control holds."""
 
-actuator_force = by_code([kind.force for kind in KINDS.values()], _kind_of_number)
+actuator_force = dispatch_by_code([kind.force for kind in KINDS.values()], _kind_of_number)
 """``actuator_force(p, i, work, u, v, r)``: the force and moment X [N], Y [N], N [N m]."""

@@ -5,7 +5,7 @@ To add a model: a file like ``mmg.py`` and a line in :data:`HULLS`.
 
 from __future__ import annotations
 
-from seatrial.analysis.compiling import by_code, compiled
+from seatrial.analysis.compiling import compiled, dispatch_by_code
 from seatrial.hybrid.vessel.hulls.cross_flow import CROSS_FLOW
 from seatrial.hybrid.vessel.hulls.kind import HullModel
 from seatrial.hybrid.vessel.hulls.mmg import MMG
@@ -23,5 +23,5 @@ def _model_of(p, u, v, r):  # type: ignore[no-untyped-def]
     return p.hull_model
 
 
-hull_force = by_code([model.force for model in HULLS.values()], _model_of)
+hull_force = dispatch_by_code([model.force for model in HULLS.values()], _model_of)
 """``hull_force(p, u, v, r)``: force and moment X [N], Y [N], N [N m] at velocities through the water."""

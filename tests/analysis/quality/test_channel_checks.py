@@ -256,7 +256,7 @@ def test_values_that_a_decoder_doubted_are_no_samples(tmp_path: object) -> None:
 ])  # fmt: skip
 def test_every_control_and_order_of_every_kind_of_actuator_is_checked(channel: Channel) -> None:
     values = 0.4 * channel.high + 0.3 * noise(600)
-    sound = channel_faults(channel, samples(values)).quality(named=False, jumps=[])
+    sound = channel_faults(channel, samples(values)).quality(has_finding=False, jumps=[])
     assert (sound.grade, sound.spikes, sound.stuck) == ("good", 0, ())
     values[300] -= 0.3 * channel.high
     judged = not is_order(channel.name)  # an order may stand still, be in whole degrees, and be given for a moment
@@ -269,5 +269,5 @@ def test_order_that_is_held_is_not_stuck() -> None:
     """A helmsman orders whole degrees, and then 35 deg for a quarter of an hour."""
     values = np.r_[np.round(3.0 * noise(1200)), np.full(900, 35.0)]
     order = next(iter(order_channels((Actuator("main", "rudder"),))))
-    faults = channel_faults(order, samples(values)).quality(named=False, jumps=[])
+    faults = channel_faults(order, samples(values)).quality(has_finding=False, jumps=[])
     assert (faults.grade, faults.stuck) == ("good", ())

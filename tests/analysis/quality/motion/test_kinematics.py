@@ -159,11 +159,11 @@ def test_turning_the_chart_turns_nothing() -> None:
         heading_deg=(table["heading_deg"] + 137.0) % 360.0,
     )
     first, second = fit_kinematics(table), fit_kinematics(turned)
-    assert np.all(np.abs(first.believed.parameters - second.believed.parameters) < 2.0 * first.standard_errors)
+    assert np.all(np.abs(first.selected.parameters - second.selected.parameters) < 2.0 * first.standard_errors)
 
 
 def test_the_covariance_is_one(sound: Kinematics) -> None:
-    covariance = sound.believed.covariance
+    covariance = sound.selected.covariance
     np.testing.assert_allclose(covariance, covariance.T, rtol=1e-9, atol=1e-15)
     scale = np.sqrt(np.diag(covariance))  # seconds, metres, shares: by their own sizes
     assert (np.linalg.eigvalsh(covariance / np.outer(scale, scale)) > 0.0).all()
@@ -203,8 +203,8 @@ def test_rows_in_any_order_say_the_same() -> None:
     table = sailed(duration_s=400.0)
     shuffled = table.iloc[np.random.default_rng(0).permutation(len(table))]
     assert isinstance(shuffled, pd.DataFrame)
-    assert fit_kinematics(shuffled).believed.parameters == pytest.approx(
-        fit_kinematics(table).believed.parameters, abs=1e-9
+    assert fit_kinematics(shuffled).selected.parameters == pytest.approx(
+        fit_kinematics(table).selected.parameters, abs=1e-9
     )
 
 
