@@ -433,7 +433,7 @@ def test_sources_that_fall_silent_together_are_one_event(config: TrialConfig, tm
         for number, seen in enumerate(health.sources.values()):
             if at_s < 20 or at_s >= 40:
                 seen.count_in(1, now_ns - number % 2 * 400_000_000)
-        watch._listen(now_ns)
+        watch._report_silence(now_ns)
     parts.close()
     silent, again = events
     for text in events:
@@ -453,7 +453,7 @@ def test_a_source_that_failed_is_not_reported_as_silent_as_well(config: TrialCon
     seen.failed_ns = health.started_ns + 1_000_000_000
     for at_s in range(2, 30):
         seen.state = "failed" if at_s < 10 else "open"
-        watch._listen(health.started_ns + at_s * 1_000_000_000)
+        watch._report_silence(health.started_ns + at_s * 1_000_000_000)
     parts.close()
     assert events == []
 
