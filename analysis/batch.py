@@ -193,8 +193,8 @@ def _write(products: Products, row: Row, provenance: Mapping[str, Any], folder: 
     write_json(folder / "manoeuvres.json", {**results, **origin})
     if products.windows is not None:
         whence = provenance_of(products.one_hz, provenance["options"], products.recording.path)
-        named = {provenance["recording"]: to_json({**whence, "recording_sha256": provenance["sha256"]})}
-        write_windows(replace(products.windows, provenance=named), folder / "windows.parquet")
+        provenances = {provenance["recording"]: to_json({**whence, "recording_sha256": provenance["sha256"]})}
+        write_windows(replace(products.windows, provenance=provenances), folder / "windows.parquet")
     recording_page(products, row).write(folder / "page.html")
     write_json(folder / SUMMARY, row)
 
@@ -812,11 +812,11 @@ def failures_of(rows: Sequence[Mapping[str, Any]]) -> Failures:
     for row in rows:
         if row["status"] == "failed":
             groups.setdefault(_NUMBER.sub("N", row["cause"]), []).append(row)
-    named = []
+    failures = []
     for pattern, failed in groups.items():
         causes = {row["cause"] for row in failed}
-        named.append((causes.pop() if len(causes) == 1 else pattern, sorted(row["name"] for row in failed)))
-    return sorted(named, key=lambda failure: (-len(failure[1]), failure[0]))
+        failures.append((causes.pop() if len(causes) == 1 else pattern, sorted(row["name"] for row in failed)))
+    return sorted(failures, key=lambda failure: (-len(failure[1]), failure[0]))
 
 
 def is_row(values: Mapping[str, Any]) -> bool:

@@ -159,8 +159,8 @@ class _Server(ThreadedWSGIServer):
 
     daemon_threads = True
 
-    def __init__(self, *arguments: Any, **named: Any) -> None:
-        super().__init__(*arguments, **named)
+    def __init__(self, *arguments: Any, **keywords: Any) -> None:
+        super().__init__(*arguments, **keywords)
         self._turns = BoundedSemaphore(MOST_CLIENTS)
 
     def process_request(self, request: Any, client_address: Any) -> None:
@@ -211,7 +211,7 @@ class _Pages:
         try:
             page = (self._season.out / name / "page.html").read_text(encoding="utf-8")
         except FileNotFoundError:
-            return self._wait(name, anew=True)
+            return self._wait(name, again=True)
         links = render("links_of_trial.html", row=row, kinds=[kind[1:] for kind in KINDS]).html
         return page.replace(LINKS, links, 1)
 
@@ -277,8 +277,8 @@ class _Pages:
         row = self._season.row(name)
         return row if row is not None else abort(404)
 
-    def _wait(self, name: str, *, anew: bool = False) -> str:
-        self._season.ask(name, anew=anew)
+    def _wait(self, name: str, *, again: bool = False) -> str:
+        self._season.ask(name, again=again)
         return _message(name, ["It is being analysed; this page shows it as soon as it is done."], again_s=2)
 
 
@@ -301,8 +301,8 @@ def _attached(name: str, write: Callable[[Path], object]) -> Response:
         path = Path(folder) / f"made{Path(name).suffix}"
         write(path)
         content = path.read_bytes()
-    named = f"attachment; filename*=UTF-8''{quote(name)}"
-    return Response(content, headers={"Content-Disposition": named}, mimetype="application/octet-stream")
+    disposition = f"attachment; filename*=UTF-8''{quote(name)}"
+    return Response(content, headers={"Content-Disposition": disposition}, mimetype="application/octet-stream")
 
 
 def _message(title: str, lines: list[str], again_s: int | None = None) -> str:
@@ -374,7 +374,7 @@ def with_motions(results: Path, runs: Iterable[Run]) -> list[tuple[Run, Motion]]
 
 def compared(runs: Sequence[Run]) -> tuple[list[str], list[list[str]]]:
     """A table for people: a row a run, a column each of the main indices that any has."""
-    names = list(dict.fromkeys(row[0] for run in runs for row in rows_of(run.manoeuvre, every=False)))
+    names = list(dict.fromkeys(row[0] for run in runs for row in rows_of(run.manoeuvre, all_indices=False)))
     cells = [(run.label, {row[0]: row[1] for row in rows_of(run.manoeuvre)}) for run in runs]
     return ["run", *names], [[label, *(values.get(name, "") for name in names)] for label, values in cells]
 
@@ -479,10 +479,10 @@ class Season:
         """The files of a recording that :meth:`row` knows."""
         return self._files[name]
 
-    def ask(self, name: str, *, anew: bool = False) -> None:
-        """Have a recording analysed next; ``anew`` where its result is not there any more."""
+    def ask(self, name: str, *, again: bool = False) -> None:
+        """Have a recording analysed next; ``again`` where its result is not there any more."""
         with self._lock:
-            if anew:
+            if again:
                 self._kept.pop(name, None)
             self._request(ASKED, name)
 
@@ -576,10 +576,10 @@ class _Worker:
         """The row that ``work`` makes of a job, or of its failure; None where it kills the process or hangs."""
         if self._process is None:
             context = get_context("spawn")
-            self._pipe, theirs = context.Pipe()
-            self._process = context.Process(target=_attend_requests, args=(theirs,), daemon=True)
+            self._pipe, worker_end = context.Pipe()
+            self._process = context.Process(target=_attend_requests, args=(worker_end,), daemon=True)
             self._process.start()
-            theirs.close()
+            worker_end.close()
         try:
             self._pipe.send((work, job))
             if not self._pipe.poll(_LONGEST_S):

@@ -417,11 +417,11 @@ class CriterionResult:
     def as_json(self) -> dict[str, Any]:
         """With the keys of the contract."""
         value = {"value": None, "low": None, "high": None, "unit": None, "limit": None, "counted_from": None}
-        known = self.mean.index.as_json() if self.mean else value
+        numbers = self.mean.index.as_json() if self.mean else value
         runs = self.mean.runs if self.mean else 0
         return {
             "criterion": self.criterion.name, "clause": f"{RESOLUTION}, {self.criterion.clause}", "side": self.side,
-            "index": self.criterion.index, **known, "runs": runs, "result": self.result,
+            "index": self.criterion.index, **numbers, "runs": runs, "result": self.result,
             "missing": list(self.missing),
         }  # fmt: skip
 
@@ -449,7 +449,7 @@ def _range(runs: Sequence[Index]) -> tuple[float, float]:
     """From the least to the greatest of one or two runs, with what each is known within."""
     if len(runs) == 1:
         return runs[0].low, runs[0].high
-    ends = np.array([(each.value, each.low, each.high) for each in runs])
+    ends = np.array([(run.value, run.low, run.high) for run in runs])
     return float(ends.min()), float(ends.max())
 
 
@@ -457,8 +457,8 @@ def _interval(runs: Sequence[Index]) -> tuple[float, float]:
     """The 95 % interval of the mean of runs, from their own or from their scatter, whichever is wider."""
     from scipy.stats import t
 
-    count, values = len(runs), np.array([each.value for each in runs])
-    within = np.array([0.5 * (each.high - each.low) for each in runs])
+    count, values = len(runs), np.array([run.value for run in runs])
+    within = np.array([0.5 * (run.high - run.low) for run in runs])
     scatter = t.ppf(0.975, count - 1) * values.std(ddof=1) / np.sqrt(count)
     half = float(np.max([np.sqrt(np.sum(within**2)) / count, scatter]))
     return float(values.mean()) - half, float(values.mean()) + half
@@ -494,21 +494,21 @@ def _is_change_of_course(run: Manoeuvre, largest_deg: float) -> bool:
 def like_runs(manoeuvres: Iterable[Manoeuvre]) -> list[list[Manoeuvre]]:
     """The manoeuvres in groups of like runs, in the order of each group's first."""
     groups: list[list[Manoeuvre]] = []
-    for each in manoeuvres:
-        like = next((group for group in groups if _alike(group[0], each)), None)
+    for manoeuvre in manoeuvres:
+        like = next((group for group in groups if _alike(group[0], manoeuvre)), None)
         if like is None:
-            groups.append([each])
+            groups.append([manoeuvre])
         else:
-            like.append(each)
+            like.append(manoeuvre)
     return groups
 
 
-def _alike(one: Manoeuvre, other: Manoeuvre) -> bool:
-    if (one.kind, one.name) != (other.kind, other.name) or one.kind in _SINGLE:
+def _alike(first: Manoeuvre, second: Manoeuvre) -> bool:
+    if (first.kind, first.name) != (second.kind, second.name) or first.kind in _SINGLE:
         return False
-    if any(map(ne, _angles_of(one), _angles_of(other))):  # the crew may have given two tests one name
+    if any(map(ne, _angles_of(first), _angles_of(second))):  # the crew may have given two tests one name
         return False
-    speeds = [each.settings.get("approach_mps", 0.0) for each in (one, other)]
+    speeds = [run.settings.get("approach_mps", 0.0) for run in (first, second)]
     return abs(speeds[0] - speeds[1]) <= _SPEED_SHARE * max(map(abs, speeds))
 
 
@@ -521,7 +521,7 @@ def test_name(test: Sequence[Manoeuvre]) -> str:
     """What like runs are: the name of the test and the mean speed of the approach, of a single run the time."""
     if test[0].kind in _SINGLE:
         return f"{test[0].name[:1].upper()}{test[0].name[1:]}, {test[0].start:%H:%M:%S}"
-    speeds = [each.settings["approach_mps"] for each in test if "approach_mps" in each.settings]
+    speeds = [run.settings["approach_mps"] for run in test if "approach_mps" in run.settings]
     at = f" at {np.mean(speeds):.2f} m/s" if speeds else ""
     return f"{test[0].name[:1].upper()}{test[0].name[1:]}{at}"
 
@@ -546,11 +546,11 @@ def _side_of(runs: Sequence[Manoeuvre], name: str) -> Mean:
 
 
 def _main_indices(manoeuvre: Manoeuvre) -> list[str]:
-    found = manoeuvre.indices
-    main: Iterable[str] = _MAIN.get(manoeuvre.kind, tuple(found)[:3])
+    indices = manoeuvre.indices
+    main: Iterable[str] = _MAIN.get(manoeuvre.kind, tuple(indices)[:3])
     if manoeuvre.kind == "speed_run":
-        main = ["speed_through_water_mps" if "speed_through_water_mps" in found else "speed_over_ground_mps"]
-    return [name for name in main if name in found]
+        main = ["speed_through_water_mps" if "speed_through_water_mps" in indices else "speed_over_ground_mps"]
+    return [name for name in main if name in indices]
 
 
 def criteria_of(rows: Sequence[IndexRow]) -> list[CriterionResult]:
@@ -573,8 +573,10 @@ def _criterion_result(criterion: Criterion, side: str, rows: Sequence[IndexRow])
         return CriterionResult(criterion, side, mean, mean.index.result, mean.index.missing)
     if means:
         return CriterionResult(criterion, side, means[0], NOT_SHOWN, means[0].index.missing or (NO_LENGTH,))
-    other = any(row.criterion is criterion for row in rows)
-    return CriterionResult(criterion, side, None, NOT_SHOWN, (f"no run to {side}" if other else "no such test",))
+    is_tested = any(row.criterion is criterion for row in rows)
+    return CriterionResult(
+        criterion, side, None, NOT_SHOWN, (f"no run to {side}" if is_tested else "no such test",)
+    )
 
 
 def headline_of_criteria(results: Sequence[CriterionResult], subject: str = "The trial") -> str:
@@ -608,7 +610,10 @@ def _sided_names(results: Sequence[CriterionResult]) -> str:
     sides: dict[str, list[str]] = {}
     for entry in results:
         sides.setdefault(entry.criterion.name, []).append(entry.side)
-    return ", ".join(f"{name} to {' and '.join(both)}" if any(both) else name for name, both in sides.items())
+    return ", ".join(
+        f"{name} to {' and '.join(criterion_sides)}" if any(criterion_sides) else name
+        for name, criterion_sides in sides.items()
+    )
 
 
 def shortfalls_of(results: Sequence[CriterionResult]) -> list[tuple[str, str]]:

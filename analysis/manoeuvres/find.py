@@ -109,10 +109,12 @@ def marks_of(events: Iterable[tuple[int, str]]) -> tuple[Mark, ...]:
     ['zigzag 20/20']
     """
     ordered = sorted(events)
-    telling = [(time, text.strip()) for time, text in ordered if _START.search(text) or _END.search(text.strip())]
-    ends = [*(time for time, _ in telling), np.iinfo(np.int64).max // 2][1:]
+    boundaries = [
+        (time, text.strip()) for time, text in ordered if _START.search(text) or _END.search(text.strip())
+    ]
+    ends = [*(time for time, _ in boundaries), np.iinfo(np.int64).max // 2][1:]
     return tuple(Mark(" ".join(_START.sub("", text).split()), time, end)
-                 for (time, text), end in zip(telling, ends, strict=True) if _START.search(text))  # fmt: skip
+                 for (time, text), end in zip(boundaries, ends, strict=True) if _START.search(text))  # fmt: skip
 
 
 def find_manoeuvres(
@@ -136,12 +138,12 @@ def manoeuvres_and_left_out(
     table: pd.DataFrame,
     length_m: float | None = None,
     events: Iterable[tuple[int, str]] = (),
-    own: Sequence[str] = (),
+    finders: Sequence[str] = (),
     conditions: Conditions | None = None,
 ) -> tuple[tuple[Manoeuvre, ...], tuple[LeftOut, ...]]:
     """As :func:`find_manoeuvres`, with the rejected candidates and the reasons, in order of time.
 
-    ``own`` are a user's finders, ``FILE.py:FUNCTION`` or entry points of ``seatrial.manoeuvres``: functions
+    ``finders`` are a user's finders, ``FILE.py:FUNCTION`` or entry points of ``seatrial.manoeuvres``: functions
     from :class:`Motion` to :class:`Manoeuvre`s, which may overlap those found here.
     """
     conditions = conditions_of_table(table, length_m, conditions)
@@ -155,20 +157,22 @@ def manoeuvres_and_left_out(
     smooth = smooth_motion(motion, max(WIDEST_S, 3 * motion.step_s))
     steered, taken = _zigzags_and_turns(motion, smooth, marks)
     tests = find_thruster_tests(motion, smooth, ~taken) if motion.drives else []
-    for each in tests:
-        taken |= _rows_of(motion, each) & isinstance(each, Manoeuvre)
+    for test in tests:
+        taken |= _rows_of(motion, test) & isinstance(test, Manoeuvre)
     straight = _runs_by_shaft(motion, smooth, ~taken, events) if motion.drives else []
-    judged = [_unless_unknown(motion, each) for each in sorted([*steered, *tests, *straight], key=in_time)]
-    runs = remove_currents(motion, [each for each in judged if isinstance(each, Manoeuvre)])
-    named = (_apply_mark(each, marks) for each in runs)
-    added = [each for name in own for each in _found_by(name, motion)]
-    every = sorted([*add_limits(named, conditions), *added], key=in_time)
-    left_out = [each for each in judged if isinstance(each, LeftOut)]
+    judged = [
+        _unless_unknown(motion, candidate) for candidate in sorted([*steered, *tests, *straight], key=in_time)
+    ]
+    runs = remove_currents(motion, [run for run in judged if isinstance(run, Manoeuvre)])
+    marked = (_apply_mark(run, marks) for run in runs)
+    added = [run for name in finders for run in _found_by(name, motion)]
+    manoeuvres = sorted([*add_limits(marked, conditions), *added], key=in_time)
+    left_out = [candidate for candidate in judged if isinstance(candidate, LeftOut)]
     if not motion.steering:
         left_out.insert(0, LeftOut("turn or zigzag", *bounds, _NO_HELM))
-    elif not every and not left_out:
+    elif not manoeuvres and not left_out:
         left_out = [LeftOut("manoeuvre", *bounds, _reason_for_none(motion, smooth))]
-    return tuple(every), tuple(left_out)
+    return tuple(manoeuvres), tuple(left_out)
 
 
 def conditions_of_table(
@@ -236,13 +240,13 @@ def _reason_for_none(motion: Motion, smooth: Motion) -> str:
     )
 
 
-def _unless_unknown(motion: Motion, each: Manoeuvre | LeftOut) -> Manoeuvre | LeftOut:
+def _unless_unknown(motion: Motion, candidate: Manoeuvre | LeftOut) -> Manoeuvre | LeftOut:
     """A manoeuvre, unless position, heading or speeds are missing in too much of it."""
-    known = float(motion.known[_rows_of(motion, each)].mean())
-    if isinstance(each, LeftOut) or known >= _KNOWN_SHARE:
-        return each
-    why = f"position, heading or speeds are missing in {1.0 - known:.0%} of it"
-    return LeftOut(each.kind, each.start, each.end, why)
+    measured = float(motion.measured[_rows_of(motion, candidate)].mean())
+    if isinstance(candidate, LeftOut) or measured >= _KNOWN_SHARE:
+        return candidate
+    why = f"position, heading or speeds are missing in {1.0 - measured:.0%} of it"
+    return LeftOut(candidate.kind, candidate.start, candidate.end, why)
 
 
 def _found_by(name: str, motion: Motion) -> list[Manoeuvre]:
@@ -250,10 +254,10 @@ def _found_by(name: str, motion: Motion) -> list[Manoeuvre]:
     function = load(name, "manoeuvres")
     require_call(function, name, "motion")
     with suppress(OwnCodeError), own_code(name, file_of(function)):
-        found = list(function(motion))
-        if not all(isinstance(each, Manoeuvre) for each in found):
+        manoeuvres = list(function(motion))
+        if not all(isinstance(manoeuvre, Manoeuvre) for manoeuvre in manoeuvres):
             raise TypeError("it returned something other than seatrial.analysis.manoeuvres.indices.Manoeuvre")
-        return found
+        return manoeuvres
     return []
 
 
@@ -265,29 +269,32 @@ def _zigzags_and_turns(
     # Reversed thrust turns the direction of thrust by 180 deg at once, which is not a rate of the helm.
     usual = np.where(np.abs(helm) > _WIDEST_HELM_DEG, 0.0, helm)
     motion = replace(motion, helm_deg=helm, helm_rate_dps=helm_rate_dps(usual, motion.step_s))
-    every = held_helms(motion)
-    held = off_the_middle(helm, every)
+    helms = held_helms(motion)
+    held = off_the_middle(helm, helms)
     calm, rows = turning_points(helm, motion.step_s)
     extremes = [Plateau(row, row + 1, float(calm[row]), 0.0) for row in rows]  # the reversals of the helm
     alternating = zigzag_chains(motion, join_held(helm, held, motion.step_s), extremes)
     chains = [chain for chain in alternating if _is_believable(motion, chain, marks)]
     taken = _rows_of_chains(motion, chains)
-    spirals = spiral_steps(motion, _free_of(every, taken))
+    spirals = spiral_steps(motion, _free_of(helms, taken))
     taken |= _rows_of_chains(motion, spirals)
-    found = [*(zigzag(motion, chain) for chain in chains), *(spiral(motion, each) for each in spirals)]
-    rates = reverse_spiral_steps(motion, smooth.yaw_rate_dps, ~_taken_by(motion, found)) if helm.any() else []
-    reverse = [reverse_spiral(motion, each) for each in rates]
-    found, taken = [*found, *reverse], taken | _taken_by(motion, reverse)
+    manoeuvres = [*(zigzag(motion, chain) for chain in chains), *(spiral(motion, steps) for steps in spirals)]
+    rates = reverse_spiral_steps(motion, smooth.yaw_rate_dps, ~_taken_by(motion, manoeuvres)) if helm.any() else []
+    reverse = [reverse_spiral(motion, steps) for steps in rates]
+    manoeuvres, taken = [*manoeuvres, *reverse], taken | _taken_by(motion, reverse)
     free = _free_of(held, taken)
     williamson = find_williamson_turns(motion, free)
     turns = join_held(helm, _free_of(free, _taken_by(motion, williamson)), motion.step_s)
-    judged = [turn for each in turns if (turn := turn_of(motion, each, fastest_mps))]
-    found += [*williamson, *(turn for turn in judged if isinstance(turn, Manoeuvre))]
-    found += find_pull_outs(motion, _free_of(every, taken), smooth.yaw_rate_dps, fastest_mps)
+    judged = [turn for plateau in turns if (turn := turn_of(motion, plateau, fastest_mps))]
+    manoeuvres += [*williamson, *(turn for turn in judged if isinstance(turn, Manoeuvre))]
+    manoeuvres += find_pull_outs(motion, _free_of(helms, taken), smooth.yaw_rate_dps, fastest_mps)
     short = [_short_zigzag(motion, chain) for chain in alternating if len(chain) == FEWEST_SWINGS - 1]
-    left_out = [each for each in (*judged, *short) if isinstance(each, LeftOut)]
-    taken = _taken_by(motion, found)
-    return [*found, *(each for each in left_out if not taken[_rows_of(motion, each)].any())], taken
+    left_out = [candidate for candidate in (*judged, *short) if isinstance(candidate, LeftOut)]
+    taken = _taken_by(motion, manoeuvres)
+    return [
+        *manoeuvres,
+        *(candidate for candidate in left_out if not taken[_rows_of(motion, candidate)].any()),
+    ], taken
 
 
 def _rows_of_chains(motion: Motion, chains: Iterable[Sequence[Plateau]]) -> Bools:
@@ -298,7 +305,7 @@ def _rows_of_chains(motion: Motion, chains: Iterable[Sequence[Plateau]]) -> Bool
 
 
 def _free_of(held: Sequence[Plateau], taken: Bools) -> list[Plateau]:
-    return [each for each in held if not taken[each.first : each.end].any()]
+    return [plateau for plateau in held if not taken[plateau.first : plateau.end].any()]
 
 
 def _short_zigzag(motion: Motion, chain: Sequence[Plateau]) -> LeftOut:
@@ -306,10 +313,10 @@ def _short_zigzag(motion: Motion, chain: Sequence[Plateau]) -> LeftOut:
     return LeftOut("zigzag", start, end, f"the helm alternates {len(chain)} times, less than {FEWEST_SWINGS}")
 
 
-def _taken_by(motion: Motion, found: Iterable[Manoeuvre]) -> Bools:
+def _taken_by(motion: Motion, manoeuvres: Iterable[Manoeuvre]) -> Bools:
     taken = np.zeros(motion.time_s.size, dtype=bool)
-    for each in found:
-        taken |= _rows_of(motion, each)
+    for manoeuvre in manoeuvres:
+        taken |= _rows_of(motion, manoeuvre)
     return taken
 
 
@@ -327,9 +334,9 @@ def held_helms(motion: Motion) -> list[Plateau]:
     helm, rate = motion.helm_deg, motion.helm_rate_dps
     tolerance = tolerance_of(helm, _LEAST_STEP_DEG)
     return [
-        replace(each, first=each.first + offset, end=each.end + offset)
+        replace(plateau, first=plateau.first + offset, end=plateau.end + offset)
         for offset, end in stretches(~motion.broken)
-        for each in merge_corrections(
+        for plateau in merge_corrections(
             plateaus(helm[offset:end], motion.step_s, tolerance, rate=rate), motion.step_s
         )
     ]  # fmt: skip
@@ -339,9 +346,9 @@ def off_the_middle(helm: Floats, held: Sequence[Plateau]) -> list[Plateau]:
     """The plateaus off amidships that are steady enough to be orders."""
     least = max(_LEAST_HELM_DEG, 4.0 * noise_of(helm))
     return [
-        each for each in held
-        if least <= abs(each.level) <= _WIDEST_HELM_DEG
-        and each.spread <= _STEADY_HELM_SHARE * abs(each.level) + _STEADY_HELM_DEG
+        plateau for plateau in held
+        if least <= abs(plateau.level) <= _WIDEST_HELM_DEG
+        and plateau.spread <= _STEADY_HELM_SHARE * abs(plateau.level) + _STEADY_HELM_DEG
     ]  # fmt: skip
 
 
@@ -352,18 +359,18 @@ def _is_believable(motion: Motion, chain: list[Plateau], marks: Sequence[Mark]) 
     return marked or len(chain) >= FEWEST_SWINGS
 
 
-def _rows_of(motion: Motion, each: Manoeuvre | LeftOut) -> Bools:
-    start, end = ((pd.Timestamp(time).value - motion.origin_ns) / 1e9 for time in (each.start, each.end))
+def _rows_of(motion: Motion, candidate: Manoeuvre | LeftOut) -> Bools:
+    start, end = ((pd.Timestamp(time).value - motion.origin_ns) / 1e9 for time in (candidate.start, candidate.end))
     return np.asarray((motion.time_s >= start) & (motion.time_s <= end))
 
 
-def _apply_mark(each: Manoeuvre, marks: Sequence[Mark]) -> Manoeuvre:
+def _apply_mark(run: Manoeuvre, marks: Sequence[Mark]) -> Manoeuvre:
     """A manoeuvre with the name given by the crew; a marked turn counts as a circle however short."""
-    text = next((mark.text for mark in marks if mark.covers(each.start) and mark.text), "")
-    if not text or not _fits_kind(each.kind, text):
-        return each
-    kind = "turning_circle" if each.kind == "course_change" else each.kind
-    return replace(each, kind=kind, name=text)
+    text = next((mark.text for mark in marks if mark.covers(run.start) and mark.text), "")
+    if not text or not _fits_kind(run.kind, text):
+        return run
+    kind = "turning_circle" if run.kind == "course_change" else run.kind
+    return replace(run, kind=kind, name=text)
 
 
 def _fits_kind(kind: str, text: str) -> bool:
@@ -411,12 +418,12 @@ def observations_of(runs: Sequence[Manoeuvre]) -> list[Observation]:
 
 def current_at(time: pd.Timestamp, observations: Sequence[Observation]) -> Current | None:
     """The current at a time, None where no two directions of it were observed within two hours."""
-    apart_s = np.array([abs((each.time - time).total_seconds()) for each in observations])
+    apart_s = np.array([abs((observation.time - time).total_seconds()) for observation in observations])
     near = apart_s <= LONGEST_BETWEEN_S
     if not near.any():
         return None
     direction, along, within = (
-        np.array([getattr(each, name) for each in observations])[near]
+        np.array([getattr(observation, name) for observation in observations])[near]
         for name in ("direction", "along_mps", "within_mps")
     )
     if np.linalg.eigvalsh(direction.T @ direction)[0] < _LEAST_SPREAD or not np.all(np.isfinite(within)):
@@ -459,16 +466,16 @@ def _removed(motion: Motion, run: Manoeuvre, current: Current) -> Manoeuvre:
 
     ground, flow = measure(smooth), (current.north_mps, current.east_mps)
     water = through_water(*flow)
-    more = [
+    perturbed = [
         through_water(flow[0] + current.north_within_mps, flow[1]),
         through_water(flow[0], flow[1] + current.east_within_mps),
     ]
     indices = {
         name + REMOVED: _shifted(
-            name, index, water[name] - ground[name], [each[name] - water[name] for each in more]
+            name, index, water[name] - ground[name], [values[name] - water[name] for values in perturbed]
         )
         for name, index in run.indices.items()
-        if index.unit == "m" and name in ground and all(name in each for each in (water, *more))
+        if index.unit == "m" and name in ground and all(name in values for values in (water, *perturbed))
     }  # fmt: skip
     if not indices:
         return run
@@ -481,7 +488,7 @@ def _measure_of(run: Manoeuvre, start: float, end: float) -> Callable[[Motion], 
         return lambda motion: stopping_indices(motion, np.array([start, _stopped_s(motion, start, end)]))
     if run.kind == "zigzag":
         orders = start + np.array(
-            [0.0, *((each - run.start).total_seconds() for each in run.executes), end - start]
+            [0.0, *((execute - run.start).total_seconds() for execute in run.executes), end - start]
         )
         times = np.stack([orders, orders + run.settings["half_command_s"] * (orders < end)])
         return lambda motion: zigzag_indices(motion, times)

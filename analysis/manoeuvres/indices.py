@@ -44,8 +44,13 @@ class Index:
     def as_json(self) -> dict[str, Any]:
         """The index with the contract's keys; unknown values are null."""
         bounds = {name: _number(getattr(self, name)) for name in _BOUNDS}
-        said = {"unit": self.unit, "lengths": self.lengths, "limit": self.limit, "counted_from": self.counted_from}
-        return {**bounds, **said, "result": self.result, "missing": list(self.missing)}
+        properties = {
+            "unit": self.unit,
+            "lengths": self.lengths,
+            "limit": self.limit,
+            "counted_from": self.counted_from,
+        }
+        return {**bounds, **properties, "result": self.result, "missing": list(self.missing)}
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,19 +99,20 @@ class Manoeuvre:
     shortfalls: tuple[str, ...] = ()
 
     @classmethod
-    def from_json(cls, said: Mapping[str, Any]) -> Manoeuvre:
+    def from_json(cls, content: Mapping[str, Any]) -> Manoeuvre:
         """The inverse of :meth:`as_json`. Raises KeyError, TypeError or ValueError for what is none."""
         indices = {
-            name: Index(**{**each, **_with_nan(each, *_BOUNDS), "missing": tuple(each.get("missing", ()))})
-            for name, each in said["indices"].items()
+            name: Index(**{**values, **_with_nan(values, *_BOUNDS), "missing": tuple(values.get("missing", ()))})
+            for name, values in content["indices"].items()
         }
-        drift = {name: said["current"][name] for name in Current.__slots__} if said["current"] else None
+        drift = {name: content["current"][name] for name in Current.__slots__} if content["current"] else None
         return cls(
-            kind=said["kind"], name=said["name"], start=pd.Timestamp(said["start"]), end=pd.Timestamp(said["end"]),
-            side=said["side"], settings=_with_nan(said["settings"], *said["settings"]), indices=indices,
+            kind=content["kind"], name=content["name"], side=content["side"],
+            start=pd.Timestamp(content["start"]), end=pd.Timestamp(content["end"]),
+            settings=_with_nan(content["settings"], *content["settings"]), indices=indices,
             current=Current(**drift) if drift else None,
-            executes=tuple(map(pd.Timestamp, said["executes"])), notes=tuple(said["notes"]),
-            shortfalls=tuple(said.get("shortfalls", ())),
+            executes=tuple(map(pd.Timestamp, content["executes"])), notes=tuple(content["notes"]),
+            shortfalls=tuple(content.get("shortfalls", ())),
         )  # fmt: skip
 
     @property
@@ -161,7 +167,7 @@ def side_of(positive_to_starboard: float) -> str:
 
 def as_json(manoeuvres: Iterable[Manoeuvre]) -> list[dict[str, Any]]:
     """Manoeuvres as plain values for JSON, in order of time."""
-    return [each.as_json() for each in manoeuvres]
+    return [manoeuvre.as_json() for manoeuvre in manoeuvres]
 
 
 UNITS = {"_deg": "deg", "_dps": "deg/s", "_mps2": "m/s2", "_mps": "m/s", "_rpm": "rpm", "_m": "m", "_s": "s"}
@@ -222,6 +228,6 @@ def _number(value: float) -> float | None:
     return float(value) if np.isfinite(value) else None
 
 
-def _with_nan(said: Mapping[str, Any], *names: str) -> dict[str, float]:
+def _with_nan(content: Mapping[str, Any], *names: str) -> dict[str, float]:
     """Numbers by name, NaN for null: the inverse of :func:`_number`."""
-    return {name: np.nan if said[name] is None else float(said[name]) for name in names}
+    return {name: np.nan if content[name] is None else float(content[name]) for name in names}

@@ -75,11 +75,11 @@ def zigzag_chains(motion: Motion, held: Sequence[Plateau], extremes: Sequence[Pl
     without a plateau: such may be a first swing with a slow helm.
     """
     chains: list[list[Plateau]] = []
-    for each in held:
-        if chains and _continues(motion, chains[-1][-1], each):
-            chains[-1].append(each)
+    for plateau in held:
+        if chains and _continues(motion, chains[-1][-1], plateau):
+            chains[-1].append(plateau)
         else:
-            chains.append([each])
+            chains.append([plateau])
     ordered = (
         _as_ordered(motion, _with_first(motion, _without_course_keeping(motion, chain), extremes))
         for chain in chains
@@ -89,14 +89,16 @@ def zigzag_chains(motion: Motion, held: Sequence[Plateau], extremes: Sequence[Pl
 
 def _with_first(motion: Motion, chain: list[Plateau], extremes: Sequence[Plateau]) -> list[Plateau]:
     """The swings with a preceding one that was cut short, if the helm came from there and the ship responded."""
-    nearest = [each for each in extremes if each.end <= chain[0].first][-1:]
-    more = [*nearest, *chain]
-    if not nearest or len(chain) < FEWEST_SWINGS - 1 or not _continues(motion, *more[:2]):
+    nearest = [plateau for plateau in extremes if plateau.end <= chain[0].first][-1:]
+    extended = [*nearest, *chain]
+    if not nearest or len(chain) < FEWEST_SWINGS - 1 or not _continues(motion, *extended[:2]):
         return chain
-    turned = np.abs(_turns(motion, more))
-    if not is_same_order(more[0].level, -more[1].level):  # reversed on its way: the ship turns on in the next
-        turned[0] = abs(np.ptp(motion.heading_deg[[_first_row(motion, more), more[0].end - 1]]))
-    return more if turned[0] > _FIRST_TURN_SHARE * 0.5 * np.median(turned[1:-1]) else chain
+    turned = np.abs(_turns(motion, extended))
+    if not is_same_order(
+        extended[0].level, -extended[1].level
+    ):  # reversed on its way: the ship turns on in the next
+        turned[0] = abs(np.ptp(motion.heading_deg[[_first_row(motion, extended), extended[0].end - 1]]))
+    return extended if turned[0] > _FIRST_TURN_SHARE * 0.5 * np.median(turned[1:-1]) else chain
 
 
 def _first_row(motion: Motion, chain: list[Plateau]) -> int:
@@ -106,48 +108,50 @@ def _first_row(motion: Motion, chain: list[Plateau]) -> int:
 
 def _as_ordered(motion: Motion, chain: list[Plateau]) -> list[Plateau]:
     """The swings with the ordered helm: that of the others, if one was reversed before or at it."""
-    ordered = float(np.median([abs(each.level) for each in chain]))
+    ordered = float(np.median([abs(plateau.level) for plateau in chain]))
     return [
-        replace(each, level=float(np.copysign(ordered, each.level))) if _is_cut_short(motion, each) else each
-        for each in chain
+        replace(plateau, level=float(np.copysign(ordered, plateau.level)))
+        if _is_cut_short(motion, plateau)
+        else plateau
+        for plateau in chain
     ]
 
 
-def _is_cut_short(motion: Motion, each: Plateau) -> bool:
-    return (each.end - each.first) * motion.step_s <= _CUT_SHORT_S + _CUT_SHORT_DEG / motion.helm_rate_dps
+def _is_cut_short(motion: Motion, plateau: Plateau) -> bool:
+    return (plateau.end - plateau.first) * motion.step_s <= _CUT_SHORT_S + _CUT_SHORT_DEG / motion.helm_rate_dps
 
 
 def _without_course_keeping(motion: Motion, chain: list[Plateau]) -> list[Plateau]:
     """The swings without a last one whose helm differs or was not held, as when the ship returns to her course."""
-    levels = np.abs([each.level for each in chain])
+    levels = np.abs([plateau.level for plateau in chain])
     if levels.size <= FEWEST_SWINGS:
         return chain
-    own = max(_SAME_LEVEL_DEG, _LEVEL_RANGES * float(np.ptp(levels[1:-1])))
-    other = abs(levels[-1] - np.median(levels[1:-1])) > own
-    return chain[:-1] if other or _is_cut_short(motion, chain[-1]) else chain
+    tolerance_deg = max(_SAME_LEVEL_DEG, _LEVEL_RANGES * float(np.ptp(levels[1:-1])))
+    differs = abs(levels[-1] - np.median(levels[1:-1])) > tolerance_deg
+    return chain[:-1] if differs or _is_cut_short(motion, chain[-1]) else chain
 
 
-def _continues(motion: Motion, last: Plateau, each: Plateau) -> bool:
-    """Whether ``each`` is the next swing: other side, the same angle, at once."""
-    between = motion.helm_deg[last.end : each.first]
-    near = [np.abs(between - plateau.level) <= helm_band_deg(plateau.level) for plateau in (last, each)]
+def _continues(motion: Motion, last: Plateau, following: Plateau) -> bool:
+    """Whether ``following`` is the next swing: other side, the same angle, at once."""
+    between = motion.helm_deg[last.end : following.first]
+    near = [np.abs(between - plateau.level) <= helm_band_deg(plateau.level) for plateau in (last, following)]
     pause_s = float(np.sum(~(near[0] | near[1]))) * motion.step_s
-    held_s = sorted((plateau.end - plateau.first) * motion.step_s for plateau in (last, each))
+    held_s = sorted((plateau.end - plateau.first) * motion.step_s for plateau in (last, following))
     longest_s = max(min(_LONGEST_PAUSE_S, 0.5 * held_s[1]), 0.5 * held_s[0])
-    if motion.broken[last.first : each.end].any():
+    if motion.broken[last.first : following.end].any():
         return False
-    cut_short = abs(last.level) < abs(each.level) and _is_cut_short(motion, last)
+    cut_short = abs(last.level) < abs(following.level) and _is_cut_short(motion, last)
     return (
-        last.level * each.level < 0
-        and (cut_short or is_same_order(last.level, -each.level, min(last.spread, each.spread)))
-        and pause_s <= max(longest_s, helm_change_s(motion, last.level - each.level))
+        last.level * following.level < 0
+        and (cut_short or is_same_order(last.level, -following.level, min(last.spread, following.spread)))
+        and pause_s <= max(longest_s, helm_change_s(motion, last.level - following.level))
     )
 
 
 def _ship_answers(motion: Motion, chain: list[Plateau]) -> bool:
     """Whether the ship turns to the other side in each swing but the last, and none of them is a circle."""
     turned = _turns(motion, chain)
-    sides = np.sign([each.level for each in chain])
+    sides = np.sign([plateau.level for plateau in chain])
     alternates = bool(np.all(turned[:-1] * sides[:-1] * (turned[0] * sides[0]) > 0))
     return alternates and bool(np.all(np.abs(turned) < _WIDEST_SWING_DEG))
 
@@ -159,10 +163,10 @@ def _turns(motion: Motion, chain: list[Plateau]) -> Floats:
     return np.diff(motion.heading_deg[[_first_row(motion, chain), *ends]])
 
 
-def _crossed_row(motion: Motion, last: Plateau, each: Plateau) -> int:
+def _crossed_row(motion: Motion, last: Plateau, following: Plateau) -> int:
     """The last row of a swing at which its helm is still on its side: one that wanders is held longer than it is
     steady."""
-    between = motion.helm_deg[last.end : each.first] * np.sign(last.level)
+    between = motion.helm_deg[last.end : following.first] * np.sign(last.level)
     return last.end - 1 + int(np.argmax(np.append(between, -1.0) <= 0.0))
 
 
@@ -181,16 +185,16 @@ def zigzag(motion: Motion, chain: list[Plateau]) -> Manoeuvre:
     orders = times[0]
     part = motion.around(orders[0], end, _ZIGZAG_MARGIN_S)
     swing_s = float(np.median(np.diff(orders[:-1])))
-    found = bootstrap_indices(part, times, half_width_s(part, 0.5 * swing_s), zigzag_indices, within_s)
+    estimates = bootstrap_indices(part, times, half_width_s(part, 0.5 * swing_s), zigzag_indices, within_s)
     settings = _settings(part, chain, times)
     angle, switch = settings[motion.helm_setting], settings["switch_deg"]
-    unsteady = () if "reach_s" in found else ("the approach was not steady",)
-    if not unsteady and "speed_loss" not in found:
+    unsteady = () if "reach_s" in estimates else ("the approach was not steady",)
+    if not unsteady and "speed_loss" not in estimates:
         unsteady = ("the ship was still gathering way at the execute",)
     by_thrust = " by thrust" * (motion.steering == BY_DIFFERENCE)
     name = f"zigzag {nominal_deg(angle):.0f}/{nominal_deg(switch, SWITCH_SHARE):.0f}{by_thrust}"
     return manoeuvre_of(
-        motion, "zigzag", name, orders[[0, -1]], side_of(_first_side(part, orders)), settings, found,
+        motion, "zigzag", name, orders[[0, -1]], side_of(_first_side(part, orders)), settings, estimates,
         executes=tuple(motion.utc(order) for order in orders[1:-1]),
         notes=(*unsteady, *count_notes(motion, executes)), shortfalls=(*unsteady, *contradiction_of(executes)),
     )  # fmt: skip
@@ -199,7 +203,9 @@ def zigzag(motion: Motion, chain: list[Plateau]) -> Manoeuvre:
 def _settings(part: Motion, chain: list[Plateau], times: Floats) -> dict[str, float]:
     heading = np.interp(times[0, :-1], part.time_s, part.heading_deg)
     return {
-        **helm_settings(part, float(np.median([abs(each.level) for each in chain])), times[0, 0], times[0, -1]),
+        **helm_settings(
+            part, float(np.median([abs(plateau.level) for plateau in chain])), times[0, 0], times[0, -1]
+        ),
         "switch_deg": _switch_deg(heading),
         "swings": float(len(chain)),
         "half_command_s": float(np.median(times[1, :-1] - times[0, :-1])),
@@ -233,7 +239,7 @@ def zigzag_indices(motion: Motion, times: Floats) -> dict[str, float]:
     orders = times[0]
     approach = approach_of(motion, orders[0])
     heading, steady = _deviation_deg(motion, orders, approach)
-    values, beside = _overshoots(motion, heading, times)
+    values, check_times = _overshoots(motion, heading, times)
     if orders.size >= 5:
         values["period_s"] = float(np.mean(orders[3:-1] - orders[1:-3]))
     if steady:
@@ -251,7 +257,7 @@ def zigzag_indices(motion: Motion, times: Floats) -> dict[str, float]:
         )
         if loss > -_GATHERED_WAY:
             values["speed_loss"] = loss
-    return values | beside
+    return values | check_times
 
 
 def _deviation_deg(motion: Motion, executes: Floats, approach: Mapping[str, float]) -> tuple[Floats, bool]:
@@ -271,7 +277,7 @@ def _overshoots(motion: Motion, heading: Floats, times: Floats) -> tuple[dict[st
     orders, halves = times
     swings = orders.size - 2
     from_orders, from_halves = dict[str, float](), dict[str, float]()
-    beside: dict[str, float] = {}
+    check_times: dict[str, float] = {}
     for number in range(1, swings + 1):
         towards = heading if number % 2 else -heading
         time_s, top = peak(motion.time_s, towards, halves[number], float(halves[number + 1]))
@@ -280,11 +286,11 @@ def _overshoots(motion: Motion, heading: Floats, times: Floats) -> tuple[dict[st
         at_order, at_half = np.interp((orders[number], halves[number]), motion.time_s, towards)
         from_orders[from_order(number)] = top - float(at_order)
         from_halves[f"overshoot_{number}_deg"] = top - float(at_half)
-        beside[f"time_to_check_yaw_{number}_s"] = time_s - orders[number]
+        check_times[f"time_to_check_yaw_{number}_s"] = time_s - orders[number]
     values = {**from_orders, **from_halves}
     if len(from_orders) > 2:
         values["overshoot_mean_deg"] = float(np.mean(list(from_orders.values())))
-    return values, beside
+    return values, check_times
 
 
 LEAST_CIRCLE_DEG, LEAST_TURN_OF_ONE_SIDE_DEG = 180.0, 90.0
@@ -294,32 +300,32 @@ _STEADIEST_APPROACH = 0.25
 REMOVED = "_current_removed"
 
 
-def turn_of(motion: Motion, each: Plateau, fastest_mps: float) -> Manoeuvre | LeftOut | None:
+def turn_of(motion: Motion, plateau: Plateau, fastest_mps: float) -> Manoeuvre | LeftOut | None:
     """The turn of a held helm, or the reason why it is none; None for one that turns the ship by less than 90 deg.
 
     After a straight approach it is a turning circle from 180 deg of turn on. Without one, only what is steady
     counts, which takes a turn of :data:`LEAST_STEADY_DEG`.
     """
-    heading = motion.heading_deg[each.first : each.end]
+    heading = motion.heading_deg[plateau.first : plateau.end]
     turned = abs(float(heading[-1] - heading[0]))
     if turned < LEAST_TURN_OF_ONE_SIDE_DEG:
         return None
     kind = "turning_circle" if turned >= LEAST_CIRCLE_DEG else "course_change"
-    start, end = (motion.utc(float(motion.time_s[row])) for row in (each.first, each.end - 1))
-    if motion.broken[each.first : each.end].any():
+    start, end = (motion.utc(float(motion.time_s[row])) for row in (plateau.first, plateau.end - 1))
+    if motion.broken[plateau.first : plateau.end].any():
         return LeftOut(kind, start, end, "position or heading jump in it")
-    shortfall = _approach_shortfall(motion, each, turned, fastest_mps)
+    shortfall = _approach_shortfall(motion, plateau, turned, fastest_mps)
     if shortfall and turned < LEAST_STEADY_DEG:
         return LeftOut(kind, start, end, shortfall)
-    return turning_circle(motion, each, shortfall)
+    return turning_circle(motion, plateau, shortfall)
 
 
-def _approach_shortfall(motion: Motion, each: Plateau, turned_deg: float, fastest_mps: float) -> str:
+def _approach_shortfall(motion: Motion, plateau: Plateau, turned_deg: float, fastest_mps: float) -> str:
     """Why there is no straight approach under way before a held helm; empty where there is."""
-    order_s = helm_execute(motion, each).order_s
+    order_s = helm_execute(motion, plateau).order_s
     before = approach_of(motion, order_s - 1.0)
     rate_dps, speed_mps = abs(before["approach_yaw_rate_dps"]), before["approach_mps"]
-    mean_rate_dps = turned_deg / ((each.end - each.first) * motion.step_s)
+    mean_rate_dps = turned_deg / ((plateau.end - plateau.first) * motion.step_s)
     begins = order_s - float(motion.time_s[0])
     if begins < 2.0 * motion.step_s:
         return "no approach: the recording begins with the helm over"
@@ -333,14 +339,14 @@ def _approach_shortfall(motion: Motion, each: Plateau, turned_deg: float, fastes
     return ""
 
 
-def turning_circle(motion: Motion, each: Plateau, shortfall: str = "") -> Manoeuvre:
+def turning_circle(motion: Motion, plateau: Plateau, shortfall: str = "") -> Manoeuvre:
     """The turning circle, or the turn of less than half a circle, of a held helm, with its indices.
 
     After an approach with a ``shortfall`` those are left out that hang on it.
     """
-    execute = helm_execute(motion, each)
+    execute = helm_execute(motion, plateau)
     start = execute.order_s
-    end = float(motion.time_s[each.end - 1])
+    end = float(motion.time_s[plateau.end - 1])
     part = motion.around(start, end, _CIRCLE_MARGIN_S)
     turned = motion.at("heading_deg", end) - motion.at("heading_deg", start)
     quarter_s = (end - start) * min(1.0, 90.0 / abs(turned))
@@ -348,9 +354,9 @@ def turning_circle(motion: Motion, each: Plateau, shortfall: str = "") -> Manoeu
     times, within_s = np.array([start, end]), np.array([execute.order_within_s, 0.5 * motion.step_s])
     current = current_of(smooth_motion(part, width), start, end)
     measure = steady_turn_indices if shortfall else circle_indices
-    found = _with_drift_error(bootstrap_indices(part, times, width, measure, within_s), current)
+    estimates = _with_drift_error(bootstrap_indices(part, times, width, measure, within_s), current)
     settings = {
-        **helm_settings(part, each.level, start, end),
+        **helm_settings(part, plateau.level, start, end),
         "turned_deg": abs(turned),
         "turning_rpm": float(part.between(start, end).main_rpm.mean()),
     }
@@ -362,7 +368,7 @@ def turning_circle(motion: Motion, each: Plateau, shortfall: str = "") -> Manoeu
     notes = (without,) if shortfall else count_notes(motion, [execute])
     shortfalls = (shortfall,) if shortfall else contradiction_of([execute])
     return manoeuvre_of(
-        motion, kind, f"{word} {helm_text(motion, each.level)}", times, side_of(turned), settings, found,
+        motion, kind, f"{word} {helm_text(motion, plateau.level)}", times, side_of(turned), settings, estimates,
         current=current, notes=notes, shortfalls=shortfalls,
     )  # fmt: skip
 
@@ -386,7 +392,7 @@ def circle_indices(motion: Motion, times: Floats) -> dict[str, float]:
         north, east = drift_pairs(motion, order, end)
         if north.size:
             water = remove_current(motion, _settled_mean(north), _settled_mean(east), order)
-            values |= {name + REMOVED: each for name, each in _indices_over_ground(water, order, end).items()
+            values |= {name + REMOVED: value for name, value in _indices_over_ground(water, order, end).items()
                        if not name.endswith(("_s", "_dps"))}  # fmt: skip
     return values
 
@@ -399,14 +405,14 @@ _COUNTED_FOR = {
 
 
 def _with_drift_error(
-    found: Mapping[str, tuple[float, float]], current: Current | None
+    estimates: Mapping[str, tuple[float, float]], current: Current | None
 ) -> dict[str, tuple[float, float]]:
     """The indices with their intervals: a way less the drift is no better known than the drift over its time."""
-    wider = dict(found)
+    wider = dict(estimates)
     for name, seconds in _COUNTED_FOR.items():
-        if current is not None and name + REMOVED in found:
-            value, within = found[name + REMOVED]
-            drift_m = np.hypot(current.north_within_mps, current.east_within_mps) * found[seconds][0]
+        if current is not None and name + REMOVED in estimates:
+            value, within = estimates[name + REMOVED]
+            drift_m = np.hypot(current.north_within_mps, current.east_within_mps) * estimates[seconds][0]
             wider[name + REMOVED] = value, float(np.hypot(within, drift_m))
     return wider
 
@@ -437,10 +443,10 @@ def _steady(motion: Motion, turned: Floats, half_s: float, end: float, approach_
     of a turn that was done, as nobody knows to the second when a helm was taken off.
     """
     total = 90.0 * np.floor(float(np.interp(end, motion.time_s, turned)) / 90.0)
-    whole = 360.0 * np.floor((total - 180.0) / 360.0)
+    whole_turns_deg = 360.0 * np.floor((total - 180.0) / 360.0)
     first_s, last_s = (
         crossing_s(motion.time_s, turned, angle, half_s, end + motion.step_s)
-        for angle in (total - whole if whole > 0 else 180.0, total)
+        for angle in (total - whole_turns_deg if whole_turns_deg > 0 else 180.0, total)
     )
     steady = motion.between(first_s, last_s)
     if steady.time_s.size < 5 or total <= 180.0:
@@ -507,13 +513,13 @@ def remove_current(motion: Motion, north_mps: float, east_mps: float, start: flo
     """The motion through the water: path and speeds minus a steady current, the path fixed at ``start``."""
     passed = motion.time_s - start
     north, east = np.full(passed.size, north_mps), np.full(passed.size, east_mps)
-    ahead, aside = to_ship(north, east, np.deg2rad(motion.heading_deg))
+    ahead, sideways = to_ship(north, east, np.deg2rad(motion.heading_deg))
     return replace(
         motion,
         north_m=motion.north_m - north_mps * passed,
         east_m=motion.east_m - east_mps * passed,
         surge_mps=motion.surge_mps - ahead,
-        sway_mps=motion.sway_mps - aside,
+        sway_mps=motion.sway_mps - sideways,
     )
 
 

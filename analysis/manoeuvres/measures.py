@@ -71,21 +71,23 @@ def turning_rows(values: Floats, least: float) -> list[int]:
     >>> turning_rows(np.array([0.0, 1.0, 5.0, 4.5, 5.2, 0.0]), 3.0)
     [0, 4, 5]
     """
-    found, low, high, rising = list[int](), 0, 0, 0
+    extremes, low, high, rising = list[int](), 0, 0, 0
     for row, value in enumerate(values):
         low, high = row if value < values[low] else low, row if value > values[high] else high
         if rising >= 0 and values[high] - value >= least:
-            found, rising, low = [*found, high], -1, row
+            extremes, rising, low = [*extremes, high], -1, row
         elif rising <= 0 and value - values[low] >= least:
-            found, rising, high = [*found, low], 1, row
-    return [*found, high if rising > 0 else low] if rising else []
+            extremes, rising, high = [*extremes, low], 1, row
+    return [*extremes, high if rising > 0 else low] if rising else []
 
 
 def _steepest(move: Floats, step_s: float) -> float:
     """The rate of the fastest third of a movement between two extremes."""
-    done = np.maximum.accumulate(np.abs(move - move[0]))
-    rows = np.interp(np.linspace(0.1, 0.9, 9) * done[-1], done + 1e-9 * np.arange(done.size), np.arange(done.size))
-    return float(0.3 * done[-1] / (step_s * max(0.3, (rows[3:] - rows[:-3]).min())))
+    travel = np.maximum.accumulate(np.abs(move - move[0]))
+    rows = np.interp(
+        np.linspace(0.1, 0.9, 9) * travel[-1], travel + 1e-9 * np.arange(travel.size), np.arange(travel.size)
+    )
+    return float(0.3 * travel[-1] / (step_s * max(0.3, (rows[3:] - rows[:-3]).min())))
 
 
 def helm_change_s(motion: Motion, change_deg: float) -> float:
@@ -277,12 +279,12 @@ def peak(time_s: Floats, values: Floats, start: float, end: float) -> tuple[floa
     row = int(first + np.argmax(values[first:last]))
     if row == 0 or row + 1 >= values.size:
         return float(time_s[row]), float(values[row])
-    left, top, right = values[row - 1 : row + 2]
-    bend = left - 2.0 * top + right
+    before, top, after = values[row - 1 : row + 2]
+    bend = before - 2.0 * top + after
     if bend >= 0.0:
         return float(time_s[row]), float(top)
-    shift = float(np.clip(0.5 * (left - right) / bend, -1.0, 1.0))
-    return float(time_s[row] + shift * (time_s[1] - time_s[0])), float(top - 0.25 * (left - right) * shift)
+    shift = float(np.clip(0.5 * (before - after) / bend, -1.0, 1.0))
+    return float(time_s[row] + shift * (time_s[1] - time_s[0])), float(top - 0.25 * (before - after) * shift)
 
 
 def distance_m(motion: Motion, start: float, end: float) -> float:
@@ -415,12 +417,14 @@ def _place_within(
 
 def manoeuvre_of(
     motion: Motion, kind: str, name: str, span_s: Floats, side: str, settings: Mapping[str, float],
-    found: Mapping[str, tuple[float, float]], **more: Any,
+    estimates: Mapping[str, tuple[float, float]], **details: Any,
 ) -> Manoeuvre:  # fmt: skip
     """A manoeuvre between two times of ``motion`` [s], with indices of what was ``found``: values and halves of
     intervals."""
-    start, end = (motion.utc(float(each)) for each in span_s)
-    return Manoeuvre(kind, name, start, end, side, settings, indices_of(found, motion.length_m, kind), **more)
+    start, end = (motion.utc(float(time_s)) for time_s in span_s)
+    return Manoeuvre(
+        kind, name, start, end, side, settings, indices_of(estimates, motion.length_m, kind), **details
+    )
 
 
 def _without_bias(value: float, repeats: Floats) -> tuple[float, float]:
@@ -453,11 +457,11 @@ def _spectrum(remainder: Floats, half_rows: float) -> Floats:
     frequency = np.fft.rfftfreq(remainder.size)
     kernel = _weights(half_rows)[1]
     offset = np.arange(kernel.size) - kernel.size // 2
-    left = 1.0 - np.cos(2.0 * np.pi * np.outer(frequency, offset)) @ kernel
-    edge = frequency[np.argmax(left > 0.5)]
-    known = frequency >= edge
-    amplitude[known] /= np.maximum(left[known], 0.5)
-    amplitude[~known] = np.sqrt(np.mean(amplitude[known & (frequency <= 2.0 * edge)] ** 2))
+    residual_share = 1.0 - np.cos(2.0 * np.pi * np.outer(frequency, offset)) @ kernel
+    edge = frequency[np.argmax(residual_share > 0.5)]
+    resolved = frequency >= edge
+    amplitude[resolved] /= np.maximum(residual_share[resolved], 0.5)
+    amplitude[~resolved] = np.sqrt(np.mean(amplitude[resolved & (frequency <= 2.0 * edge)] ** 2))
     amplitude[0] *= np.sqrt(2.0)  # the mean has no imaginary part
     return amplitude
 
@@ -502,24 +506,29 @@ def plateaus(
     change = np.zeros(values.size)
     if values.size > 2 * reach:
         change[reach:-reach] = calm[2 * reach :] - calm[: -2 * reach]
-    found = [
+    pieces = [
         _plateau(calm, first, end, reach, tolerance)
         for first, end in stretches(np.abs(change) <= tolerance, round(least_s / step_s))
     ]
 
-    def joined(last: Plateau, each: Plateau) -> Plateau | None:
-        near = each.first - last.end <= round(_BRIDGE_S / step_s) and abs(each.level - last.level) <= tolerance
-        return _plateau(calm, last.first, each.end, 0, tolerance) if near else None
+    def joined(last: Plateau, following: Plateau) -> Plateau | None:
+        near = (
+            following.first - last.end <= round(_BRIDGE_S / step_s)
+            and abs(following.level - last.level) <= tolerance
+        )
+        return _plateau(calm, last.first, following.end, 0, tolerance) if near else None
 
-    return merge_neighbours(found, joined)
+    return merge_neighbours(pieces, joined)
 
 
 def _plateau(values: Floats, first: int, end: int, reach: int, tolerance: float) -> Plateau:
     """A plateau extended by up to ``reach`` rows as long as the values keep its level, since a change within
     two seconds is detected before it begins."""
     low, middle, high = np.percentile(values[first:end], [10, 50, 90])
-    left = np.abs(values[end : end + reach] - middle) > 0.5 * tolerance + 0.5 * (high - low)
-    return Plateau(first, end + (int(left.argmax()) if left.any() else left.size), float(middle), float(high - low))
+    departed = np.abs(values[end : end + reach] - middle) > 0.5 * tolerance + 0.5 * (high - low)
+    return Plateau(
+        first, end + (int(departed.argmax()) if departed.any() else departed.size), float(middle), float(high - low)
+    )
 
 
 def is_same_order(
@@ -529,16 +538,20 @@ def is_same_order(
     return abs(one_deg - other_deg) <= alike_share * max(abs(one_deg), abs(other_deg)) + _ALIKE_DEG + wander_deg
 
 
-def merge_corrections(found: list[Plateau], step_s: float) -> list[Plateau]:
+def merge_corrections(pieces: list[Plateau], step_s: float) -> list[Plateau]:
     """Plateaus of helm with those of the same order joined: a short one before or after a long one at nearly
     the same angle, where the helm was corrected."""
     bridge = round(_BRIDGE_S / step_s)
 
-    def joined(last: Plateau, each: Plateau) -> Plateau | None:
-        longer = max(last, each, key=lambda plateau: plateau.end - plateau.first)
-        return replace(longer, first=last.first, end=each.end) if _is_correction(last, each, bridge) else None
+    def joined(last: Plateau, following: Plateau) -> Plateau | None:
+        longer = max(last, following, key=lambda plateau: plateau.end - plateau.first)
+        return (
+            replace(longer, first=last.first, end=following.end)
+            if _is_correction(last, following, bridge)
+            else None
+        )
 
-    return merge_neighbours(found, joined)
+    return merge_neighbours(pieces, joined)
 
 
 def helm_band_deg(level_deg: float) -> float:
@@ -552,33 +565,35 @@ def join_held(helm: Floats, held: Sequence[Plateau], step_s: float) -> list[Plat
     """
     calm = running_median(helm, max(3, round(1.5 / step_s)))
 
-    def joined(last: Plateau, each: Plateau) -> Plateau | None:
-        longer = max(last, each, key=lambda plateau: plateau.end - plateau.first)
-        between = np.abs(calm[last.end : each.first] - longer.level)
-        shorter_s = min(last.end - last.first, each.end - each.first) * step_s
+    def joined(last: Plateau, following: Plateau) -> Plateau | None:
+        longer = max(last, following, key=lambda plateau: plateau.end - plateau.first)
+        between = np.abs(calm[last.end : following.first] - longer.level)
+        shorter_s = min(last.end - last.first, following.end - following.first) * step_s
         alike_share = _ALIKE_SHARE if shorter_s <= _BLINKS * _BRIDGE_S else _ALIKE_LONG_SHARE
-        wander_deg = min(last.spread, each.spread)
-        near = last.level * each.level > 0 and is_same_order(last.level, each.level, wander_deg, alike_share)
+        wander_deg = min(last.spread, following.spread)
+        near = last.level * following.level > 0 and is_same_order(
+            last.level, following.level, wander_deg, alike_share
+        )
         if not near or np.any(between > helm_band_deg(longer.level)):
             return None
-        return replace(longer, first=last.first, end=each.end)
+        return replace(longer, first=last.first, end=following.end)
 
     return merge_neighbours(list(held), joined)
 
 
-def merge_neighbours(found: list[Plateau], joined: Callable[[Plateau, Plateau], Plateau | None]) -> list[Plateau]:
+def merge_neighbours(pieces: list[Plateau], joined: Callable[[Plateau, Plateau], Plateau | None]) -> list[Plateau]:
     """Plateaus with each joined to the one before where ``joined`` makes one of the two."""
     result: list[Plateau] = []
-    for each in found:
-        both = joined(result[-1], each) if result else None
-        result[-1:] = [both] if both else [*result[-1:], each]
+    for plateau in pieces:
+        merged = joined(result[-1], plateau) if result else None
+        result[-1:] = [merged] if merged else [*result[-1:], plateau]
     return result
 
 
-def _is_correction(last: Plateau, each: Plateau, bridge: int) -> bool:
-    short, long = sorted((last.end - last.first, each.end - each.first))
-    near = each.first - last.end <= bridge and short <= min(_BLINK_SHARE * long, _BLINKS * bridge)
-    return near and last.level * each.level > 0 and is_same_order(last.level, each.level)
+def _is_correction(last: Plateau, following: Plateau, bridge: int) -> bool:
+    short, long = sorted((last.end - last.first, following.end - following.first))
+    near = following.first - last.end <= bridge and short <= min(_BLINK_SHARE * long, _BLINKS * bridge)
+    return near and last.level * following.level > 0 and is_same_order(last.level, following.level)
 
 
 def execute_s(
@@ -597,8 +612,8 @@ def execute_s(
     inside = plateau.first - earliest + max(1, (plateau.end - plateau.first) // 4)
     half = _last_crossing(share[: inside + 1], 0.5)
     tenth = _last_crossing(share[: int(half) + 2], 0.1)
-    rest = _first_crossing(share[int(half) :], 0.9)
-    if half - tenth > _CREEP * (rest + 0.25) and before != (near := float(values[earliest + int(half)])):
+    rise_rows = _first_crossing(share[int(half) :], 0.9)
+    if half - tenth > _CREEP * (rise_rows + 0.25) and before != (near := float(values[earliest + int(half)])):
         # a hand that held the course crept this way before: the order began where the last of it began
         return execute_s(time_s, values, plateau, near, earliest)
     rows = earliest + np.array([max(0.0, tenth - 0.25 * (half - tenth)), _half_by_fit(share, half)])

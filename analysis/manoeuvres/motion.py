@@ -79,7 +79,7 @@ class Motion:
     none); of one that steers by thrust it means nothing where no drive runs. ``thrust`` is the sum of n|n| along
     the bow of all drives [rpm^2]. ``drives`` are the shafts of what drives the ship and ``tunnels`` those of tunnel
     thrusters [rpm], by channel, ``words`` what each is called; the shaft of a controllable propeller counts as what
-    gives her thrust at full pitch. ``known`` says where pose and speeds were measured; elsewhere they are
+    gives her thrust at full pitch. ``measured`` says where pose and speeds were measured; elsewhere they are
     interpolated. ``broken`` says where position or heading jump as no ship does, as where a piece was cut out of a
     recording, and where they are missing for more than a minute: nothing reaches across. ``path_sd_m`` is the
     standard deviation of a point of the path, by how the positions wander about it. ``orders_are_events`` says that
@@ -101,7 +101,7 @@ class Motion:
     thrust: Floats
     drives: Mapping[str, Floats]
     tunnels: Mapping[str, Floats]
-    known: Bools
+    measured: Bools
     broken: Bools
     path_sd_m: float = 0.0
     orders_are_events: bool = False
@@ -151,7 +151,7 @@ class Motion:
     @property
     def fastest_mps(self) -> float:
         """The speed exceeded in a fiftieth of the measurements."""
-        return float(np.percentile(self.speed_mps[self.known], 98)) if self.known.any() else 0.0
+        return float(np.percentile(self.speed_mps[self.measured], 98)) if self.measured.any() else 0.0
 
     def with_columns(self, columns: Mapping[str, Floats]) -> Motion:
         """This motion with other values of some of its columns."""
@@ -161,7 +161,9 @@ class Motion:
         """The rows from ``first`` up to ``end``."""
         part = slice(max(first, 0), end)
         columns = {
-            each.name: _part(getattr(self, each.name), part) for each in fields(self) if each.name != "words"
+            attribute.name: _part(getattr(self, attribute.name), part)
+            for attribute in fields(self)
+            if attribute.name != "words"
         }
         return replace(self, **columns)
 
@@ -203,8 +205,8 @@ def _part(values: Any, part: slice) -> Any:
 def steering_of(actuators: Actuators) -> Actuators:
     """The actuators that steer a ship: her rudders, else the propulsors with a thrust angle; none if she has
     neither."""
-    able = tuple(each for each in actuators if each.angle is not None)
-    return tuple(each for each in able if not each.drives) or able
+    with_angle = tuple(actuator for actuator in actuators if actuator.angle is not None)
+    return tuple(actuator for actuator in with_angle if not actuator.drives) or with_angle
 
 
 def recorded_actuators(table: pd.DataFrame) -> Actuators:
@@ -213,11 +215,13 @@ def recorded_actuators(table: pd.DataFrame) -> Actuators:
     actuators, trial = table_actuators(table), trial_of(table)
     recorded = {str(name) for name in table if table[name].notna().any()}
     if not (
-        trial.vessel or trial.actuators or any(each.angle and each.angle.name in recorded for each in actuators)
+        trial.vessel
+        or trial.actuators
+        or any(actuator.angle and actuator.angle.name in recorded for actuator in actuators)
     ):
         actuators = actuators_in(name for name in table if name in recorded) or actuators
-    theirs = {channel.name for each in actuators for channel in each.channels}
-    return (Actuator(_RUDDER, _RUDDER),) if RUDDER in table and not theirs & recorded else actuators
+    actuator_channels = {channel.name for actuator in actuators for channel in actuator.channels}
+    return (Actuator(_RUDDER, _RUDDER),) if RUDDER in table and not actuator_channels & recorded else actuators
 
 
 def motion_of(table: pd.DataFrame, length_m: float | None = None) -> Motion:
@@ -228,10 +232,10 @@ def motion_of(table: pd.DataFrame, length_m: float | None = None) -> Motion:
     missing actuators are taken as stopped.
     """
     actuators = recorded_actuators(table)
-    steering, driving = steering_of(actuators), tuple(each for each in actuators if each.drives)
+    steering, driving = steering_of(actuators), tuple(actuator for actuator in actuators if actuator.drives)
     if not (*steering, *driving):
         raise InputError("the ship has no propulsion", fix="name the actuators in the trial")
-    helms = [each.angle.name for each in steering if each.angle is not None]
+    helms = [actuator.angle.name for actuator in steering if actuator.angle is not None]
     require(table, (*POSE, *(helms or [channel.name for channel in driving[0].channels])[:1]))
     rate_hz, heading = _rate_hz(table), _cleaned_heading(table)
     late_ns = _late_ns(table, NANO / rate_hz)
@@ -242,26 +246,26 @@ def motion_of(table: pd.DataFrame, length_m: float | None = None) -> Motion:
     time_s = (time_ns - time_ns[0]) / NANO
     step_s = float(time_s[1] - time_s[0]) if time_s.size > 1 else 1.0
     grid = _with_velocities(grid, step_s)
-    known = grid[[*POSE_AND_VELOCITY]].notna().all(axis=1).to_numpy(dtype=bool)
+    measured = grid[[*POSE_AND_VELOCITY]].notna().all(axis=1).to_numpy(dtype=bool)
     yaw_rate = fill_gaps(grid["yaw_rate_dps"].to_numpy())
     turned = _continuous(grid["heading_deg"].to_numpy(), yaw_rate, step_s)
     surge, sway = (fill_gaps(grid[name].to_numpy()) for name in ("surge_mps", "sway_mps"))
     reckoned, differences = _dead_reckoning(grid, np.deg2rad(turned), surge, sway, step_s)
-    apart = [running_median(each, 5) for each in differences]
+    offsets = [running_median(difference, 5) for difference in differences]
     fastest = float(np.percentile(np.hypot(surge, sway), 98))
     off_course = fill_gaps(unwrap(grid["heading_deg"].to_numpy() - integrate(yaw_rate, step_s)))
-    broken = _breaks(apart, off_course, known, _JUMP_S * fastest, step_s)
-    slow = [_smooth_pieces(rest, broken, step_s) for rest in apart]
-    residuals = [whole - part for whole, part in zip(apart, slow, strict=True)]
+    broken = _breaks(offsets, off_course, measured, _JUMP_S * fastest, step_s)
+    slow = [_smooth_pieces(offset, broken, step_s) for offset in offsets]
+    residuals = [offset - trend for offset, trend in zip(offsets, slow, strict=True)]
     aside_mps = fastest * np.deg2rad(noise_of(turned))  # what the noise of the heading does to the speeds
     speed_noise_mps = float(np.hypot(max(noise_of(surge), noise_of(sway)), aside_mps))
     scatter_m = max(*map(noise_of, differences), _scatter_m(table, step_s))
     spread = _path_spread_m(residuals, scatter_m, speed_noise_mps, step_s)
     north, east = reckoned[0] + slow[0], reckoned[1] + slow[1]
-    sideways = [each for each in actuators if not each.drives and each.angle is None]
-    shafts = {each: (_shaft_name(each), _shaft(grid, each)) for each in (*driving, *sideways)}
-    drives, tunnels = (dict(shafts[each] for each in some) for some in (driving, sideways))
-    words = {name: _called(each) for each, (name, _) in shafts.items()}
+    sideways = [actuator for actuator in actuators if not actuator.drives and actuator.angle is None]
+    shafts = {actuator: (_shaft_name(actuator), _shaft(grid, actuator)) for actuator in (*driving, *sideways)}
+    drives, tunnels = (dict(shafts[actuator] for actuator in group) for group in (driving, sideways))
+    words = {name: _called(actuator) for actuator, (name, _) in shafts.items()}
     helm, thrust = _helm_and_thrust(grid, steering, driving, surge)
     kind, order = steering[0].steers_by if steering else "", _ordered_helm(grid, steering)
     sides = () if steering else drives_by_side(driving)
@@ -269,7 +273,7 @@ def motion_of(table: pd.DataFrame, length_m: float | None = None) -> Motion:
         kind, helm = BY_DIFFERENCE, _helm_by_difference(*(_thrust_of(grid, drives) for drives in sides))
     motion = Motion(
         int(time_ns[0]), time_s, north, east, turned, surge, sway, yaw_rate, helm, thrust, drives, tunnels,
-        known & ~broken, broken, spread, orders_are_events(table), kind, words, length_m,
+        measured & ~broken, broken, spread, orders_are_events(table), kind, words, length_m,
         helm_order_deg=order, thrust_order=_ordered_thrust(grid, driving),
     )  # fmt: skip
     return at_midship(motion, antenna_of(table))
@@ -312,7 +316,7 @@ def _with_velocities(grid: pd.DataFrame, step_s: float) -> pd.DataFrame:
     rows = max(_SLOPE_HALF_WIDTH_S / step_s, _SLOPE_ROWS)
     north, east = (fill_gaps(grid[name].to_numpy()) for name in POSE[:2])
     heading = unwrap(fill_gaps(unwrap(grid[POSE[2]].to_numpy())))
-    slopes = (np.gradient(local_quadratic(each, rows), step_s) for each in (north, east, heading))
+    slopes = (np.gradient(local_quadratic(values, rows), step_s) for values in (north, east, heading))
     over_north, over_east, yaw_rate = map(_without_jumps, slopes)
     surge, sway = to_ship(over_north, over_east, np.deg2rad(heading))
     gaps = grid[[*POSE]].isna().any(axis=1)
@@ -328,7 +332,9 @@ def orders_are_events(table: pd.DataFrame) -> bool:
     """Whether a helm's values between its changes are interpolated, linearly or by a repair."""
     repaired = {entry["options"].get("channel") for entry in history_of(table)
               if entry["options"].get("code") == ORDER_INTERPOLATED}  # fmt: skip
-    angles = [each.angle.name for each in steering_of(recorded_actuators(table)) if each.angle is not None]
+    angles = [
+        actuator.angle.name for actuator in steering_of(recorded_actuators(table)) if actuator.angle is not None
+    ]
     return bool(repaired & set(angles)) or bool(check_orders(table[[*filter(table.__contains__, angles)]]).findings)
 
 
@@ -398,8 +404,8 @@ def _cleaned_heading(table: pd.DataFrame) -> Floats:
     yaw_rate = fill_gaps(table["yaw_rate_dps"].to_numpy(dtype=float))[rows]
     turned = integrate(np.deg2rad(yaw_rate), seconds)
     interval_s = float(np.median(np.diff(seconds))) if rows.size > 1 else 1.0
-    _, off = off_the_turn(np.deg2rad(heading[rows]), turned, max(interval_s, 1e-3))
-    heading[rows[wild_headings(off, turned)]] = np.nan
+    _, deviation = off_the_turn(np.deg2rad(heading[rows]), turned, max(interval_s, 1e-3))
+    heading[rows[wild_headings(deviation, turned)]] = np.nan
     return heading
 
 
@@ -413,18 +419,18 @@ def _dead_reckoning(
     grid: pd.DataFrame, heading: Floats, surge: Floats, sway: Floats, step_s: float
 ) -> tuple[tuple[Floats, Floats], tuple[Floats, Floats]]:
     """The dead-reckoned path from speed and heading, north and east [m], and the positions' difference from it."""
-    north, east = (integrate(each, step_s) for each in to_earth(surge, sway, heading))
-    apart = [
+    north, east = (integrate(velocity, step_s) for velocity in to_earth(surge, sway, heading))
+    offsets = [
         fill_gaps(grid[name].to_numpy() - reckoned) for name, reckoned in zip(POSE, (north, east), strict=False)
     ]
-    return (north, east), (apart[0], apart[1])
+    return (north, east), (offsets[0], offsets[1])
 
 
-def _breaks(apart: Sequence[Floats], off_course: Floats, known: Bools, least_m: float, step_s: float) -> Bools:
+def _breaks(offsets: Sequence[Floats], off_course: Floats, measured: Bools, least_m: float, step_s: float) -> Bools:
     """Mask of where the positions jump off the reckoned path, or the heading off the turn, and of long gaps."""
-    broken = _jumps(apart[0], step_s, least_m) | _jumps(apart[1], step_s, least_m)
+    broken = _jumps(offsets[0], step_s, least_m) | _jumps(offsets[1], step_s, least_m)
     broken |= _jumps(off_course, step_s, _JUMP_DEG)
-    for first, end in stretches(~known, round(_LONGEST_GAP_S / step_s)):
+    for first, end in stretches(~measured, round(_LONGEST_GAP_S / step_s)):
         broken[first:end] = True
     return broken
 
@@ -466,11 +472,11 @@ def _path_spread_m(residuals: Sequence[Floats], scatter_m: float, speed_noise_mp
     return float(np.hypot(wander_m, _path_sd_m(_MEDIAN_OF_FIVE * scatter_m, speed_noise_mps, step_s)))
 
 
-def _wander_m(rest: Floats, step_s: float) -> float:
+def _wander_m(residual: Floats, step_s: float) -> float:
     """The uncertainty of the path: the spread of ten-second means of the fit's residual, two of which cover the
     width of the fit."""
     rows = max(1, round(0.5 * _PATH_HALF_WIDTH_S / step_s))
-    means = rest[: rest.size // rows * rows].reshape(-1, rows).mean(axis=1)
+    means = residual[: residual.size // rows * rows].reshape(-1, rows).mean(axis=1)
     return float(_NORMAL_MAD * np.median(np.abs(means)) / np.sqrt(2.0)) if means.size else 0.0
 
 
@@ -485,13 +491,13 @@ def _path_sd_m(position_m: float, speed_mps: float, step_s: float) -> float:
     return float(np.hypot(position_m * np.linalg.norm(kernel), speed_mps * step_s * np.linalg.norm(wandering)))
 
 
-def stretches(true: Bools, least_rows: int = 1) -> list[tuple[int, int]]:
+def stretches(mask: Bools, least_rows: int = 1) -> list[tuple[int, int]]:
     """First row and end of every run of true values that is long enough.
 
     >>> stretches(np.array([True, True, False, True]))
     [(0, 2), (3, 4)]
     """
-    return [(int(a), int(b)) for a, b in zip(*runs(true), strict=True) if b - a >= least_rows]
+    return [(int(a), int(b)) for a, b in zip(*runs(mask), strict=True) if b - a >= least_rows]
 
 
 def _shaft_name(actuator: Actuator) -> str:
@@ -500,7 +506,7 @@ def _shaft_name(actuator: Actuator) -> str:
 
 
 def _pitch_of(actuator: Actuator) -> str | None:
-    return next((each.name for each in actuator.channels if each.unit == "%"), None)
+    return next((channel.name for channel in actuator.channels if channel.unit == "%"), None)
 
 
 def _called(actuator: Actuator) -> str:
@@ -530,24 +536,26 @@ def _helm_and_thrust(
     grid: pd.DataFrame, steering: Actuators, driving: Actuators, surge: Floats
 ) -> tuple[Floats, Floats]:
     """Helm [deg] and thrust along the bow [rpm^2]."""
-    pushes = {each: _push(grid, each) for each in driving}
+    pushes = {actuator: _push(grid, actuator) for actuator in driving}
     ahead = np.sum([np.zeros(len(grid)), *(push.real for push in pushes.values())], axis=0)
-    shafts_known = any(each.channels[0].name in grid for each in steering)
+    shafts_known = any(actuator.channels[0].name in grid for actuator in steering)
     if not steering or not steering[0].drives or not shafts_known:
-        known = [each for each in steering if each.angle is not None and each.angle.name in grid]
-        return np.mean([_angle(grid, each) for each in known], axis=0) if known else np.zeros(len(grid)), ahead
-    turned = [pushes[each] for each in steering]
+        recorded = [actuator for actuator in steering if actuator.angle is not None and actuator.angle.name in grid]
+        return np.mean([_angle(grid, actuator) for actuator in recorded], axis=0) if recorded else np.zeros(
+            len(grid)
+        ), ahead
+    turned = [pushes[actuator] for actuator in steering]
     under_way = np.abs(surge) >= 0.5 * np.percentile(np.abs(surge), 98)
     sides = [_side_of(push.imag[under_way], turned[0].imag[under_way]) for push in turned]
     along = np.sum([push.real for push in turned], axis=0)
-    aside = np.sum([side * push.imag for side, push in zip(sides, turned, strict=True)], axis=0)
-    return wrap_180(np.rad2deg(np.arctan2(aside, along))), ahead
+    sideways = np.sum([side * push.imag for side, push in zip(sides, turned, strict=True)], axis=0)
+    return wrap_180(np.rad2deg(np.arctan2(sideways, along))), ahead
 
 
 def drives_by_side(driving: Actuators) -> tuple[Actuators, Actuators] | tuple[()]:
     """The propellers to port and to starboard, by their names; of a pair that its names do not tell the port one
     comes first. Empty where they are not to both sides."""
-    port, starboard = (tuple(each for each in driving if side.search(each.name)) for side in _SIDES)
+    port, starboard = (tuple(drive for drive in driving if side.search(drive.name)) for side in _SIDES)
     if len(driving) == 2 and not (port or starboard):
         return driving[:1], driving[1:]
     return (port, starboard) if port and starboard else ()
@@ -555,7 +563,7 @@ def drives_by_side(driving: Actuators) -> tuple[Actuators, Actuators] | tuple[()
 
 def _thrust_of(grid: pd.DataFrame, drives: Actuators) -> Floats:
     """n|n| of some propellers together [rpm^2]."""
-    shafts = [_shaft(grid, each) for each in drives]
+    shafts = [_shaft(grid, drive) for drive in drives]
     return np.asarray(np.sum([rpm * np.abs(rpm) for rpm in shafts], axis=0))
 
 
@@ -566,9 +574,11 @@ def _helm_by_difference(port: Floats, starboard: Floats) -> Floats:
 
 def _ordered_helm(grid: pd.DataFrame, steering: Actuators) -> Floats | None:
     """The mean order to the steering actuators [deg], None if none was recorded."""
-    names = [name_of_order(each.angle.name) for each in steering if each.angle is not None]
-    known = [name for name in names if name in grid and grid[name].notna().any()]
-    return circular_mean([fill_gaps(unwrap(grid[name].to_numpy())) for name in known], axis=0) if known else None
+    names = [name_of_order(actuator.angle.name) for actuator in steering if actuator.angle is not None]
+    recorded = [name for name in names if name in grid and grid[name].notna().any()]
+    return (
+        circular_mean([fill_gaps(unwrap(grid[name].to_numpy())) for name in recorded], axis=0) if recorded else None
+    )
 
 
 def _ordered_thrust(grid: pd.DataFrame, driving: Actuators) -> Floats | None:
@@ -577,10 +587,12 @@ def _ordered_thrust(grid: pd.DataFrame, driving: Actuators) -> Floats | None:
     orders: dict[str, pd.Series] = {}
     ordered = list[Actuator]()
     for drive in driving:
-        names = {each.name: name_of_order(each.name) for each in drive.channels}
-        known = {name: grid[order] for name, order in names.items() if order in grid and grid[order].notna().any()}
-        if any(not name.endswith("_angle_deg") for name in known):
-            orders |= known
+        names = {channel.name: name_of_order(channel.name) for channel in drive.channels}
+        recorded = {
+            name: grid[order] for name, order in names.items() if order in grid and grid[order].notna().any()
+        }
+        if any(not name.endswith("_angle_deg") for name in recorded):
+            orders |= recorded
             ordered.append(drive)
     if not ordered:
         return None
@@ -594,9 +606,13 @@ def _push(grid: pd.DataFrame, actuator: Actuator) -> Complexes:
     return np.asarray(rpm * np.abs(rpm) * np.exp(1j * np.deg2rad(_angle(grid, actuator))))
 
 
-def _side_of(aside: Floats, first: Floats) -> float:
+def _side_of(side_thrust: Floats, first: Floats) -> float:
     """-1 for a propulsor whose side thrust opposes the first one's, as at the other end of the ship: by their
     changes, or by the thrusts themselves where neither changes."""
-    still = all(values.std() < _STILL_SHARE * abs(values.mean()) for values in (aside, first))
-    apart, others = (values if still else values - values.mean() for values in (aside, first))
-    return -1.0 if apart @ others < _AGAINST * np.sqrt((apart @ apart) * (others @ others)) else 1.0
+    still = all(values.std() < _STILL_SHARE * abs(values.mean()) for values in (side_thrust, first))
+    changes, first_changes = (values if still else values - values.mean() for values in (side_thrust, first))
+    return (
+        -1.0
+        if changes @ first_changes < _AGAINST * np.sqrt((changes @ changes) * (first_changes @ first_changes))
+        else 1.0
+    )

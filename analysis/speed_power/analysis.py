@@ -121,18 +121,18 @@ class SpeedPower(Result):
     @property
     def fastest(self) -> SpeedAtPower:
         """The speed at the highest power setting, by the iterative method."""
-        return max((each.iterative for each in self.settings), key=lambda each: each.power_kw)
+        return max((setting.iterative for setting in self.settings), key=lambda speed: speed.power_kw)
 
     def speed_at(self, power_kw: float) -> SpeedAtPower:
         """The speed at a power between those of the runs. Raises :class:`InputError` for another."""
-        powers = np.array([each.power_kw for each in self.band])
+        powers = np.array([point.power_kw for point in self.band])
         if not powers[0] <= power_kw <= powers[-1]:
             raise InputError(
                 f"{power_kw:,.0f} kW is outside the range of the runs",
                 why=f"they span {powers[0]:,.0f} to {powers[-1]:,.0f} kW",
                 fix="ask for a power in this range",
             )  # fmt: skip
-        low, high = (np.interp(power_kw, powers, [getattr(each, name) - each.speed_mps for each in self.band])
+        low, high = (np.interp(power_kw, powers, [getattr(point, name) - point.speed_mps for point in self.band])
                      for name in ("low_mps", "high_mps"))  # fmt: skip
         speed = float(self.curve.speed_mps(power_kw))
         return SpeedAtPower(power_kw, speed, speed + float(low), speed + float(high))
@@ -148,11 +148,11 @@ def speed_power(
     corrected for, and said. Raises :class:`InputError` where no power was recorded, and :class:`DataShortageError`
     without a double run, and where the power does not grow with the speed.
     """
-    marks, every, left_out = list(events), list[PowerRun](), list[LeftOut]()
+    marks, runs, left_out = list(events), list[PowerRun](), list[LeftOut]()
     for table in tables:
-        found, others = power_runs(table, marks)
-        every, left_out = [*every, *found], [*left_out, *others]
-    return speed_power_of_runs(every, conditions, left_out)
+        table_runs, rejected = power_runs(table, marks)
+        runs, left_out = [*runs, *table_runs], [*left_out, *rejected]
+    return speed_power_of_runs(runs, conditions, left_out)
 
 
 def speed_power_of_runs(
@@ -174,20 +174,23 @@ def speed_power_of_runs(
     DataShortageError
         Without a double run, and where the power does not grow with the speed.
     """
-    pairs, alone = double_runs(runs)
-    excluded = sorted([*left_out, *alone], key=lambda each: each.start)
+    pairs, unpaired = double_runs(runs)
+    excluded = sorted([*left_out, *unpaired], key=lambda candidate: candidate.start)
     if not pairs:
-        why = "; ".join(sorted({each.why for each in excluded})) or "no steady straight stretch of half a minute"
+        why = (
+            "; ".join(sorted({candidate.why for candidate in excluded}))
+            or "no steady straight stretch of half a minute"
+        )
         raise DataShortageError(
             "no double run was found", why=why, fix="record runs at one power on reciprocal courses"
         )
     return _analyse(pairs, conditions or Conditions(), tuple(excluded))
 
 
-def _analyse(runs: Sequence[PowerRun], given: Conditions, left_out: tuple[LeftOut, ...]) -> SpeedPower:
+def _analyse(runs: Sequence[PowerRun], conditions: Conditions, left_out: tuple[LeftOut, ...]) -> SpeedPower:
     over_ground, power = (np.array([getattr(run, name) for run in runs]) for name in ("speed_mps", "power_kw"))
-    corrections = corrections_of(given, runs)
-    trial = trial_of(given, runs, corrections)
+    corrections = corrections_of(conditions, runs)
+    trial = trial_of(conditions, runs, corrections)
     best = solve(trial, over_ground, power)
     band_kw = np.linspace(best.power_kw.min(), best.power_kw.max(), _BAND_POINTS)
 
@@ -217,7 +220,7 @@ def _analyse(runs: Sequence[PowerRun], given: Conditions, left_out: tuple[LeftOu
         corrected, settings, best.curve, tuple(band), best.current.terms, runs[0].heading_deg,
         _sizes(trial, over_ground, power, best, corrections),
         _uncertainties(within, _BAND_POINTS + int(np.argmax(best.means[:, 1]))), no_interval,
-        warnings_of(given, runs, trial.groups, len(best.current.terms)), left_out, software_version(),
+        warnings_of(conditions, runs, trial.groups, len(best.current.terms)), left_out, software_version(),
     )  # fmt: skip
 
 
@@ -233,7 +236,7 @@ def _speeds_at(powers: Floats, values: Floats, within: Intervals | None) -> list
 def _uncertainties(within: Intervals | None, place: int) -> tuple[Uncertainty, ...]:
     sources = within.sources if within is not None else ()
     halves = [(source.name, 1.96 * float(source.standard_mps[place])) for source in sources]
-    return tuple(Uncertainty(*each) for each in sorted(halves, key=lambda each: -each[1]))
+    return tuple(Uncertainty(*entry) for entry in sorted(halves, key=lambda entry: -entry[1]))
 
 
 def _sizes(
@@ -366,19 +369,19 @@ def _random_part(
 
 def _current_covariance(time_s: Floats, tide: float, irregular: float, scale_s: float) -> Floats:
     """The covariance of the current [m^2/s^2] between times [runs, runs]."""
-    apart = np.abs(time_s[:, np.newaxis] - time_s)
-    phase = 2.0 * np.pi * apart / TIDE_S
+    lag_s = np.abs(time_s[:, np.newaxis] - time_s)
+    phase = 2.0 * np.pi * lag_s / TIDE_S
     regular = np.cos(phase) + _HALF_PERIOD**2 * np.cos(2.0 * phase) + _DOUBLE_PERIOD**2 * np.cos(0.5 * phase)
-    return np.asarray(_CONSTANT_MPS**2 + 0.5 * tide**2 * regular + 0.5 * irregular**2 * np.exp(-apart / scale_s))
+    return np.asarray(_CONSTANT_MPS**2 + 0.5 * tide**2 * regular + 0.5 * irregular**2 * np.exp(-lag_s / scale_s))
 
 
 def _likelihood(residual: Floats, settings: Floats, covariance: Floats) -> float:
     """The logarithm of the restricted likelihood of residuals whose means by setting are free."""
     inverse = np.linalg.inv(covariance)
     information = settings.T @ inverse @ settings
-    rest = residual - settings @ np.linalg.solve(information, settings.T @ inverse @ residual)
+    centred = residual - settings @ np.linalg.solve(information, settings.T @ inverse @ residual)
     logs = np.linalg.slogdet(covariance)[1] + np.linalg.slogdet(information)[1]
-    return float(-0.5 * (logs + rest @ inverse @ rest))
+    return float(-0.5 * (logs + centred @ inverse @ centred))
 
 
 def _mixture_half(weights: Floats, variances: Floats) -> Floats:
@@ -411,22 +414,22 @@ def _systematic_part(
     changes = list(_changes(trial))
     for name in dict.fromkeys(change.name for change in changes):
         shift, variance = np.zeros_like(values), np.zeros_like(values)
-        for change in (each for each in changes if each.name == name):
+        for change in (candidate for candidate in changes if candidate.name == name):
             moved = outputs(solve(change.trial, speed, power * change.power_factor)) - values
             shift, variance = shift + change.shift * moved, variance + (change.spread * moved) ** 2
         yield UncertaintySource(name, shift, np.sqrt(variance))
 
 
 def _changes(trial: SpeedTrial) -> Iterator[_Change]:
-    given, methods = trial.given, trial.methods
+    conditions, methods = trial.conditions, trial.methods
     # An accuracy is half of a rectangular distribution (JCGM 100, 4.3.7)
-    yield _Change("power measurement", trial, 1.0 + given.power_error_percent / 100.0 / np.sqrt(3.0))
+    yield _Change("power measurement", trial, 1.0 + conditions.power_error_percent / 100.0 / np.sqrt(3.0))
     yield from _wind_changes(trial) if "wind" in methods else _unknown_wind(trial)
     yield from _wave_changes(trial) if "waves" in methods else _unknown_waves(trial)
     if methods.keys() & {"wind", "waves", "water"}:
-        efficiency = given.number("propulsive_efficiency") * (1.0 - _EFFICIENCY)
+        efficiency = conditions.number("propulsive_efficiency") * (1.0 - _EFFICIENCY)
         yield _Change("propulsive efficiency", _with(trial, propulsive_efficiency=efficiency))
-        variation = given.load_variation + _LOAD_VARIATION
+        variation = conditions.load_variation + _LOAD_VARIATION
         yield _Change("propulsive efficiency", _with(trial, load_variation=variation))
     if "shallow water" not in methods:
         yield from _uncorrected_depth(trial)
@@ -437,11 +440,11 @@ def _changes(trial: SpeedTrial) -> Iterator[_Change]:
 
 def _uncorrected_depth(trial: SpeedTrial) -> Iterator[_Change]:
     """What the bottom may have taken: in deep water Raven's viscous part, in shallow Lackenby's of a usual ship."""
-    usual = _usual(trial.given)
+    usual = _usual(trial.conditions)
     beam_m, draught_m = usual.number("beam_m"), usual.number("draught_m")
     depth_m = float(trial.sea.water_depth_m.min())
     if depth_m < 3.0 * np.sqrt(beam_m * draught_m):
-        shallow = replace(trial, given=replace(usual, form_factor=None))
+        shallow = replace(trial, conditions=replace(usual, form_factor=None))
         yield _Change("shallow water", shallow.corrected_by("shallow water"), shift=1.0, spread=_UNKNOWN_DEPTH)
     elif np.isfinite(depth_m):
         share = _VISCOUS_SHARE * 0.57 * (draught_m / depth_m) ** 1.79
@@ -449,16 +452,16 @@ def _uncorrected_depth(trial: SpeedTrial) -> Iterator[_Change]:
 
 
 def _with(trial: SpeedTrial, **conditions: float) -> SpeedTrial:
-    return replace(trial, given=replace(trial.given, **conditions))  # type: ignore[arg-type]
+    return replace(trial, conditions=replace(trial.conditions, **conditions))  # type: ignore[arg-type]
 
 
 def _wind_changes(trial: SpeedTrial) -> Iterator[_Change]:
-    curve = np.array(wind_resistance_of(trial.given))
-    error = _OWN_WIND_CURVE if trial.given.wind_resistance else _TYPICAL_WIND_CURVE
+    curve = np.array(wind_resistance_of(trial.conditions))
+    error = _OWN_WIND_CURVE if trial.conditions.wind_resistance else _TYPICAL_WIND_CURVE
     yield _Change("wind", replace(trial, wind_mps=trial.wind_mps * (1.0 + _WIND_SPEED)))
     yield _Change("wind", replace(trial, wind_from_deg=trial.wind_from_deg + _WIND_DEG))
-    scaled = replace(trial.given, wind_resistance=tuple(map(float, curve * (1.0 + error))))
-    yield _Change("wind", replace(trial, given=scaled))
+    scaled = replace(trial.conditions, wind_resistance=tuple(map(float, curve * (1.0 + error))))
+    yield _Change("wind", replace(trial, conditions=scaled))
 
 
 def _wave_changes(trial: SpeedTrial) -> Iterator[_Change]:
@@ -474,8 +477,8 @@ def _side_waves(trial: SpeedTrial) -> Iterator[_Change]:
 
 
 def _with_side_waves(trial: SpeedTrial) -> SpeedTrial:
-    off = np.abs((trial.sea.wave_from_deg - trial.heading_deg + 180.0) % 360.0 - 180.0)
-    share = np.clip((_NO_WAVES_DEG - off) / (_NO_WAVES_DEG - BOW_DEG), 0.0, 1.0)
+    off_bow_deg = np.abs((trial.sea.wave_from_deg - trial.heading_deg + 180.0) % 360.0 - 180.0)
+    share = np.clip((_NO_WAVES_DEG - off_bow_deg) / (_NO_WAVES_DEG - BOW_DEG), 0.0, 1.0)
     sea = replace(
         trial.sea, wave_height_m=np.sqrt(share) * trial.sea.wave_height_m, wave_from_deg=trial.heading_deg
     )
@@ -484,7 +487,7 @@ def _with_side_waves(trial: SpeedTrial) -> SpeedTrial:
 
 def _unknown_wind(trial: SpeedTrial) -> Iterator[_Change]:
     """What the wind may have taken that was not corrected for."""
-    usual = replace(trial, given=_usual(trial.given))
+    usual = replace(trial, conditions=_usual(trial.conditions))
     yield _Change("wind", usual.corrected_by("wind"), shift=1.0, spread=_UNKNOWN_WIND)
 
 
@@ -495,20 +498,22 @@ def _unknown_waves(trial: SpeedTrial) -> Iterator[_Change]:
     if not np.isfinite(height).all():  # the square of a height that lies anywhere below the highest one
         height, spread = _FULLY_DEVELOPED * trial.wind_mps**2 / GRAVITY_MPS2 / np.sqrt(3.0), np.sqrt(0.8)
     towards = np.where(np.isfinite(towards), towards, trial.wind_from_deg)
-    usual = replace(trial, given=_usual(trial.given), sea=replace(sea, wave_height_m=height, wave_from_deg=towards))
+    usual = replace(
+        trial, conditions=_usual(trial.conditions), sea=replace(sea, wave_height_m=height, wave_from_deg=towards)
+    )
     yield _Change("waves", _with_side_waves(usual.corrected_by("waves", WAVE_METHODS[0])), shift=1.0, spread=spread)
 
 
-def _usual(given: Conditions) -> Conditions:
+def _usual(conditions: Conditions) -> Conditions:
     """The conditions with usual values of what wind, waves and depth act on, where they are not known."""
-    beam = given.beam_m or given.number("length_m") / _USUAL_SLENDERNESS
-    draught = given.draught_m or beam / _USUAL_BEAM
+    beam = conditions.beam_m or conditions.number("length_m") / _USUAL_SLENDERNESS
+    draught = conditions.draught_m or beam / _USUAL_BEAM
     return replace(
-        given, beam_m=beam, draught_m=draught, midship_section_m2=given.midship_section_m2 or 0.98 * beam * draught,
-        bow_length_m=given.bow_length_m or beam,
-        frontal_area_m2=given.frontal_area_m2 or _USUAL_FRONTAL * beam**2,
-        propulsive_efficiency=given.propulsive_efficiency or _USUAL_EFFICIENCY,
-        wind_resistance=wind_resistance_of(given) or TYPICAL_WIND_RESISTANCE["tanker_loaded"],
+        conditions, beam_m=beam, draught_m=draught, bow_length_m=conditions.bow_length_m or beam,
+        midship_section_m2=conditions.midship_section_m2 or 0.98 * beam * draught,
+        frontal_area_m2=conditions.frontal_area_m2 or _USUAL_FRONTAL * beam**2,
+        propulsive_efficiency=conditions.propulsive_efficiency or _USUAL_EFFICIENCY,
+        wind_resistance=wind_resistance_of(conditions) or TYPICAL_WIND_RESISTANCE["tanker_loaded"],
     )  # fmt: skip
 
 
@@ -516,6 +521,6 @@ def why_unbounded(trial: SpeedTrial) -> str:
     """Why there is no interval: what wind or waves took is neither corrected for nor bounded; "" where there is."""
     if not np.isfinite(trial.wind_mps).all():
         return "the wind during the runs is not known"
-    if {"wind", "waves"} <= trial.methods.keys() or trial.given.beam_m or trial.given.length_m:
+    if {"wind", "waves"} <= trial.methods.keys() or trial.conditions.beam_m or trial.conditions.length_m:
         return ""
     return "wind or waves are not corrected for, and without length_m or beam_m nothing bounds what they took"

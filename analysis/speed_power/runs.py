@@ -89,14 +89,14 @@ def power_columns(table: pd.DataFrame) -> dict[str, tuple[str, str]]:
     A column without a shaft's name is the whole ship's and counts alone. Power goes before torque.
     """
     measured = {name for name in map(str, table.columns) if table[name].notna().any()}
-    drives = [each.channels[0].name for each in table_actuators(table) if each.drives]
+    drives = [actuator.channels[0].name for actuator in table_actuators(table) if actuator.drives]
     shafts: dict[str, tuple[str, str]] = {}
-    for name in sorted(measured, key=lambda each: "torque" in each):
+    for name in sorted(measured, key=lambda column: "torque" in column):
         if not (match := _POWER.fullmatch(name)):
             continue
         shaft = match["shaft"] or ""
         speeds = [f"{shaft}_rpm", f"{shaft}_shaft_rpm", "shaft_rpm", *(drives if len(drives) == 1 else ())]
-        speed = next((each for each in speeds if each in measured), "")
+        speed = next((column for column in speeds if column in measured), "")
         if match["what"] == "power" or speed:
             shafts.setdefault(shaft, (name, "" if match["what"] == "power" else speed))
     return {"": shafts[""]} if "" in shafts else shafts
@@ -126,7 +126,7 @@ def power_runs(table: pd.DataFrame, events: Iterable[tuple[int, str]] = ()) -> t
             " shaft's rpm; `engine_room` in trials/packs has both",
         )  # fmt: skip
     motion = motion_of(_without_controls(table))
-    power = np.sum([_power_kw(motion, table, *each) for each in columns.values()], axis=0)
+    power = np.sum([_power_kw(motion, table, *names) for names in columns.values()], axis=0)
     setting = _setting(motion, table, power)
     motion = replace(motion, drives={"setting": setting}, thrust=np.sign(setting) * setting**2)
     smooth = smooth_motion(motion, max(WIDEST_S, 3 * motion.step_s))
@@ -165,10 +165,10 @@ def _power_kw(motion: Motion, table: pd.DataFrame, name: str, speed: str) -> Flo
 
 def _setting(motion: Motion, table: pd.DataFrame, power: Floats) -> Floats:
     """The mean shaft speed of the drives that were recorded [rpm]; without one the cube root of the power."""
-    names = [each.channels[0].name for each in table_actuators(table) if each.drives]
-    known = [name for name in names if name in table and table[name].notna().any()]
-    if known:
-        return np.asarray(np.mean([_on_grid(motion, table, name) for name in known], axis=0))
+    names = [actuator.channels[0].name for actuator in table_actuators(table) if actuator.drives]
+    recorded = [name for name in names if name in table and table[name].notna().any()]
+    if recorded:
+        return np.asarray(np.mean([_on_grid(motion, table, name) for name in recorded], axis=0))
     return np.asarray(np.cbrt(power))
 
 
@@ -180,7 +180,7 @@ def _rows_of_runs(motion: Motion, smooth: Motion, events: Iterable[tuple[int, st
     """
     free = np.ones(motion.time_s.size, dtype=bool)
     stretches = straight_stretches(motion, smooth, free, bridge_s=LEAST_RUN_S)
-    marks = [each for each in marks_of(events) if re.search(r"\brun\b", each.text, re.I)]
+    marks = [mark for mark in marks_of(events) if re.search(r"\brun\b", mark.text, re.I)]
     if not marks:
         rows = round(60.0 * RUN_MINUTES / motion.step_s) + 1
         return [(first, max(first, end - rows), end) for first, end in stretches]
@@ -189,7 +189,7 @@ def _rows_of_runs(motion: Motion, smooth: Motion, events: Iterable[tuple[int, st
     inside = [
         (first, max(first, int(start)), min(end, int(stop))) for first, end in stretches for start, stop in spans
     ]
-    return [each for each in inside if (each[2] - each[1]) * motion.step_s >= LEAST_RUN_S]
+    return [span for span in inside if (span[2] - span[1]) * motion.step_s >= LEAST_RUN_S]
 
 
 def _along(motion: Motion, edges: Floats) -> Floats:
@@ -215,8 +215,8 @@ def _run(motion: Motion, part: pd.DataFrame, power: Floats, begun: int, first: i
 def _error(blocks: Floats) -> float:
     """The standard error of a mean from the means of blocks, an even drift taken out: a current makes one."""
     rows = np.arange(blocks.size)
-    rest = blocks - np.polyval(np.polyfit(rows, blocks, 1), rows)
-    return float(np.sqrt(rest @ rest / ERROR_FREEDOM / blocks.size))
+    residual = blocks - np.polyval(np.polyfit(rows, blocks, 1), rows)
+    return float(np.sqrt(residual @ residual / ERROR_FREEDOM / blocks.size))
 
 
 def _wind(part: pd.DataFrame) -> tuple[float, float]:
@@ -230,19 +230,19 @@ def _wind(part: pd.DataFrame) -> tuple[float, float]:
 
 def double_runs(runs: Iterable[PowerRun]) -> tuple[list[PowerRun], list[LeftOut]]:
     """The runs that make :func:`reciprocal_pairs`, numbered by pairs; of the others the current is not known."""
-    ordered = sorted(runs, key=lambda each: each.start)
-    pairs = reciprocal_pairs([Course(each.start, each.end, each.heading_deg, each.setting) for each in ordered])
+    ordered = sorted(runs, key=lambda run: run.start)
+    pairs = reciprocal_pairs([Course(run.start, run.end, run.heading_deg, run.setting) for run in ordered])
     number = {place: count for count, pair in enumerate(pairs, start=1) for place in pair}
-    alone = "no run on the reciprocal course at this power within two hours"
-    left_out = [LeftOut("speed_run", each.start, each.end, alone)
-                for place, each in enumerate(ordered) if place not in number]  # fmt: skip
+    reason = "no run on the reciprocal course at this power within two hours"
+    left_out = [LeftOut("speed_run", run.start, run.end, reason)
+                for place, run in enumerate(ordered) if place not in number]  # fmt: skip
     return [replace(ordered[place], double_run=number[place]) for place in sorted(number)], left_out
 
 
 def settings_of(runs: Sequence[PowerRun]) -> list[list[int]]:
     """The places of the runs of each power setting, in order of the setting."""
     groups: list[list[int]] = []
-    for place in sorted(range(len(runs)), key=lambda each: runs[each].setting):
+    for place in sorted(range(len(runs)), key=lambda number: runs[number].setting):
         near = groups and is_same_setting(runs[groups[-1][0]].setting, runs[place].setting)
         groups[-1:] = [[*groups[-1], place]] if near else [*groups[-1:], [place]]
     return [sorted(group) for group in groups]
@@ -300,7 +300,7 @@ _TRUE_WIND, _RELATIVE_WIND = ("wind_speed", "wind_direction"), ("relative_wind_s
 _PLAIN_UNITS = {"deg": "deg", "rpm": "rpm", "degC": "degC"}
 """The units that a column without one can only be in."""
 _SUMMED = ("power", "torque", "shaft_speed")
-_CALLED = {name: quantity for quantity, each in _QUANTITIES.items() for name in each.names}
+_CALLED = {name: quantity for quantity, definition in _QUANTITIES.items() for name in definition.names}
 
 
 @dataclass(frozen=True, slots=True)
@@ -357,7 +357,7 @@ def runs_in_table(table: pd.DataFrame, units: Mapping[str, str] | None = None) -
         )  # fmt: skip
     columns, passed_over = _columns_of(table, units or {})
     start, seconds = _times_of(table, columns)
-    read = {name: _mean_or_sum(name, table, found) for name, found in columns.items() if _QUANTITIES[name].unit}
+    read = {name: _mean_or_sum(name, table, matches) for name, matches in columns.items() if _QUANTITIES[name].unit}
     return RunTable(tuple(_runs(start, seconds, read)), _conditions_of(read), passed_over)
 
 
@@ -406,12 +406,12 @@ def _columns_of(table: pd.DataFrame, units: Mapping[str, str]) -> tuple[dict[str
             )
         read.setdefault(quantity, []).append(_Column(name, unit, bool(sides)))
     for quantity, columns in read.items():
-        whole = [column for column in columns if not column.is_of_side]
-        if len(whole) > 1:
-            names = " and ".join(repr(column.name) for column in whole)
+        ship_columns = [column for column in columns if not column.is_of_side]
+        if len(ship_columns) > 1:
+            names = " and ".join(repr(column.name) for column in ship_columns)
             raise InputError(f"columns {names} are the same quantity", fix="keep one of them")
-        passed_over += [column.name for column in columns if whole and column.is_of_side]
-        read[quantity] = whole or columns
+        passed_over += [column.name for column in columns if ship_columns and column.is_of_side]
+        read[quantity] = ship_columns or columns
     return read, tuple(passed_over)
 
 
@@ -469,10 +469,10 @@ def _power_of(read: Mapping[str, Floats]) -> Floats:
 def _wind_of(read: Mapping[str, Floats]) -> tuple[Floats, Floats]:
     """Where the true wind comes from [deg] and its speed [m/s]: as given, else from the relative wind."""
     heading, speed = (_required(read, name) for name in ("heading", "speed"))
-    for one, other in (_TRUE_WIND, _RELATIVE_WIND):
-        if (one in read) != (other in read):
+    for first, second in (_TRUE_WIND, _RELATIVE_WIND):
+        if (first in read) != (second in read):
             raise InputError(
-                f"has no column for the {(other if one in read else one).replace('_', ' ')}",
+                f"has no column for the {(second if first in read else first).replace('_', ' ')}",
                 why="the wind is known by speed and direction",
             )
     if _TRUE_WIND[0] in read:
@@ -481,8 +481,8 @@ def _wind_of(read: Mapping[str, Floats]) -> tuple[Floats, Floats]:
         return np.full_like(heading, np.nan), np.full_like(heading, np.nan)
     ahead = np.exp(1j * np.deg2rad(heading))
     relative = read[_RELATIVE_WIND[0]] * np.exp(1j * np.deg2rad(read[_RELATIVE_WIND[1]]))
-    true = (relative - speed) * ahead
-    return np.asarray(np.rad2deg(np.angle(true)) % 360.0), np.asarray(np.abs(true))
+    true_wind = (relative - speed) * ahead
+    return np.asarray(np.rad2deg(np.angle(true_wind)) % 360.0), np.asarray(np.abs(true_wind))
 
 
 def _times_of(table: pd.DataFrame, columns: Mapping[str, list[_Column]]) -> tuple[pd.DatetimeIndex, Floats]:
@@ -529,9 +529,9 @@ def _stamps(table: pd.DataFrame, columns: Mapping[str, list[_Column]], quantity:
 
 def _conditions_of(read: Mapping[str, Floats]) -> Conditions:
     """What the table tells of the loading and the water: means over the runs."""
-    known = {name: float(np.nanmean(values)) for name, values in read.items() if np.isfinite(values).any()}
-    fore, aft = known.get("draught_fore"), known.get("draught_aft")
-    water = known.get("water_temperature")
+    means = {name: float(np.nanmean(values)) for name, values in read.items() if np.isfinite(values).any()}
+    fore, aft = means.get("draught_fore"), means.get("draught_aft")
+    water = means.get("water_temperature")
     if fore is None or aft is None:
-        return Conditions(draught_m=known.get("draught"), water_temperature_degc=water)
+        return Conditions(draught_m=means.get("draught"), water_temperature_degc=water)
     return Conditions(draught_m=0.5 * (fore + aft), trim_m=aft - fore, water_temperature_degc=water)

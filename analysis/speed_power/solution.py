@@ -42,7 +42,7 @@ class SpeedTrial:
     """What stays as it is while speeds and powers are varied: the runs as arrays [runs], the places of the runs of
     each power setting in ``groups``, and the corrections that apply, by name with their method."""
 
-    given: Conditions
+    conditions: Conditions
     time_s: Floats
     heading_deg: Floats
     along: Floats
@@ -55,7 +55,9 @@ class SpeedTrial:
 
     def without(self, name: str) -> SpeedTrial:
         """This trial without one of the corrections."""
-        return replace(self, methods={each: method for each, method in self.methods.items() if each != name})
+        return replace(
+            self, methods={correction: method for correction, method in self.methods.items() if correction != name}
+        )
 
     def corrected_by(self, name: str, method: str = "") -> SpeedTrial:
         """This trial with one more correction."""
@@ -79,7 +81,7 @@ class SpeedPowerSolution:
     means: Floats
 
 
-def trial_of(given: Conditions, runs: Sequence[PowerRun], corrections: Sequence[Correction]) -> SpeedTrial:
+def trial_of(conditions: Conditions, runs: Sequence[PowerRun], corrections: Sequence[Correction]) -> SpeedTrial:
     """The runs as arrays; the wind is the mean vector of each double run, as the ship disturbs it on both courses
     differently."""
     heading = np.array([run.heading_deg for run in runs])
@@ -88,20 +90,20 @@ def trial_of(given: Conditions, runs: Sequence[PowerRun], corrections: Sequence[
     wind = np.array([run.wind_mps * np.exp(1j * np.deg2rad(run.wind_from_deg)) for run in runs])
     wind = np.array([wind[pairs == pair].mean() for pair in pairs])
     return SpeedTrial(
-        given, middle - middle[0], heading, np.cos(np.deg2rad(heading - heading[0])),
-        np.rad2deg(np.angle(wind)) % 360.0, np.abs(wind), sea_of(given, runs), settings_of(runs), pairs,
-        {each.name: each.method for each in corrections if each.applied},
+        conditions, middle - middle[0], heading, np.cos(np.deg2rad(heading - heading[0])),
+        np.rad2deg(np.angle(wind)) % 360.0, np.abs(wind), sea_of(conditions, runs), settings_of(runs), pairs,
+        {correction.name: correction.method for correction in corrections if correction.applied},
     )  # fmt: skip
 
 
 def solve(trial: SpeedTrial, over_ground: Floats, power: Floats) -> SpeedPowerSolution:
     """The speeds, the current and the curve of measured speeds and powers."""
-    given, settings = trial.given, len(trial.groups)
+    conditions, settings = trial.conditions, len(trial.groups)
     through = np.array([over_ground[trial.pairs == pair].mean() for pair in trial.pairs])
     for _ in range(_PASSES):
         added = _added_n(trial, over_ground, through, power)
         total = np.sum(list(added.values()), axis=0)
-        ideal = ideal_power_kw(given, power, total, through) if trial.methods.keys() & added.keys() else power
+        ideal = ideal_power_kw(conditions, power, total, through) if trial.methods.keys() & added.keys() else power
         current = iterate_current(trial.time_s, trial.along, over_ground, ideal, through, settings)
         through = current.speed_mps
     means = np.array([_means(trial, group, over_ground, ideal) for group in trial.groups])
@@ -116,13 +118,13 @@ def solve(trial: SpeedTrial, over_ground: Floats, power: Floats) -> SpeedPowerSo
 
 def _added_n(trial: SpeedTrial, over_ground: Floats, through: Floats, power: Floats) -> dict[str, Floats]:
     """What wind, waves and water add to the resistance of each run."""
-    given, nothing, methods = trial.given, np.zeros_like(through), trial.methods
+    conditions, nothing, methods = trial.conditions, np.zeros_like(through), trial.methods
     return {
-        "wind": wind_resistance_n(given, trial.heading_deg, over_ground, trial.wind_from_deg, trial.wind_mps)
+        "wind": wind_resistance_n(conditions, trial.heading_deg, over_ground, trial.wind_from_deg, trial.wind_mps)
         if "wind" in methods else nothing,
-        "waves": wave_resistance_n(given, trial.heading_deg, through, trial.sea, methods["waves"])
+        "waves": wave_resistance_n(conditions, trial.heading_deg, through, trial.sea, methods["waves"])
         if "waves" in methods else nothing,
-        "water": water_resistance_n(given, through, power) if "water" in methods else nothing,
+        "water": water_resistance_n(conditions, through, power) if "water" in methods else nothing,
     }  # fmt: skip
 
 
@@ -135,14 +137,14 @@ def _means(trial: SpeedTrial, group: list[int], over_ground: Floats, power: Floa
 
 def _in_deep_water(trial: SpeedTrial, speed: Floats, power: Floats, depth: Floats) -> tuple[Floats, Floats]:
     """Speed and power without the shallow water, at the displacement that is stated."""
-    given = trial.given
+    conditions = trial.conditions
     if "shallow water" in trial.methods:
-        if given.lacks(*RAVEN):
-            speed = speed + lackenby_mps(given, speed, depth)
+        if conditions.lacks(*RAVEN):
+            speed = speed + lackenby_mps(conditions, speed, depth)
         else:
-            power = raven_kw(given, speed, power, depth)
+            power = raven_kw(conditions, speed, power, depth)
     if "displacement" in trial.methods:
-        ratio = given.number("stated_displacement_m3") / given.number("displacement_m3")
+        ratio = conditions.number("stated_displacement_m3") / conditions.number("displacement_m3")
         power = power * ratio ** (2.0 / 3.0)  # the admiralty coefficient, at one speed
     return speed, power
 
@@ -198,8 +200,8 @@ def _with_exponent(speed_mps: Floats, power_kw: Floats, q: float, *, through_zer
     scale = float(speed_mps.mean())
     powered = (speed_mps / scale) ** q
     design = np.column_stack([powered] if through_zero else [powered, np.ones_like(powered)])
-    found = np.linalg.lstsq(design, power_kw, rcond=None)[0]
-    return PowerCurve(0.0 if through_zero else float(found[1]), float(found[0]) / scale**q, q)
+    coefficients = np.linalg.lstsq(design, power_kw, rcond=None)[0]
+    return PowerCurve(0.0 if through_zero else float(coefficients[1]), float(coefficients[0]) / scale**q, q)
 
 
 def mean_of_means(values: Floats, alternating: bool = True) -> float:
