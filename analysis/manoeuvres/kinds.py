@@ -1,19 +1,16 @@
-"""Zigzag tests: helm to one side until the heading has changed by the switching angle, then to the other, and
-so on.
+"""Zigzags and turning circles, with their indices (IMO MSC.137(76), 4.2; ITTC 7.5-04-02-01).
 
-An overshoot is the change of heading in the old direction after an execute (MSC.137(76), 4.2.6 and 4.2.7; ITTC
-7.5-04-02-01): from the order, and beside it from the moment at which the helm was half over. It is measured on a
-fit of the heading, as the largest of noisy samples is too large.
-
-Turning circles: the helm put over and held, the path and the heading that follow (IMO MSC.137(76), 4.2).
+An overshoot is the change of heading in the old direction after an execute: from the order, and also from the
+moment at which the helm was half over. It is measured on a fit of the heading, as the largest of noisy samples is
+too large.
 
 Advance and transfer are measured along and across the heading of the approach, from the position at which the
 rudder order is given to where the heading has changed by 90 deg; the tactical diameter is the way across when it
-has changed by 180 deg (MSC.137(76), 4.2.3 and 4.2.4).
+has changed by 180 deg.
 
-The drift: in steady turning a ship comes back to the same point of the water after each turn, so that the way
-between two points of the track one turn apart, over the time between them, is the velocity of the water, with
-what the wind adds to it (ITTC 7.5-04-02-01, correction for drift). All pairs of the steady part count.
+In steady turning a ship comes back to the same point of the water after each turn, so that the way between two
+points of the track one turn apart, over the time between them, is the velocity of the water, with what the wind
+adds to it (correction for drift). All pairs of the steady part count.
 """
 
 from __future__ import annotations
@@ -80,15 +77,30 @@ def zigzag_chains(motion: Motion, held: Sequence[Plateau], extremes: Sequence[Pl
             chains[-1].append(plateau)
         else:
             chains.append([plateau])
-    ordered = (
-        _as_ordered(motion, _with_first(motion, _without_course_keeping(motion, chain), extremes))
-        for chain in chains
-    )
-    return [chain for chain in ordered if len(chain) > 1 and _ship_answers(motion, chain)]
+    complete = []
+    for chain in chains:
+        swings = _complete_swings(motion, chain, extremes)
+        ordered_deg = float(np.median([abs(swing.level) for swing in swings]))  # also where a swing was cut short
+        swings = [replace(swing, level=float(np.copysign(ordered_deg, swing.level)))
+                  if _is_cut_short(motion, swing) else swing for swing in swings]  # fmt: skip
+        if len(swings) > 1:
+            turned, sides = _turns(motion, swings), np.sign([swing.level for swing in swings])
+            responds = bool(np.all(turned[:-1] * sides[:-1] * (turned[0] * sides[0]) > 0))
+            if responds and np.all(np.abs(turned) < _WIDEST_SWING_DEG):  # none of them is a circle
+                complete.append(swings)
+    return complete
 
 
-def _with_first(motion: Motion, chain: list[Plateau], extremes: Sequence[Plateau]) -> list[Plateau]:
-    """The swings with a preceding one that was cut short, if the helm came from there and the ship responded."""
+def _complete_swings(motion: Motion, chain: list[Plateau], extremes: Sequence[Plateau]) -> list[Plateau]:
+    """The swings with a preceding one that was cut short, if the helm came from there and the ship responded.
+
+    A last one whose helm differs or was not held, as when the ship returns to its course, is left out.
+    """
+    levels = np.abs([swing.level for swing in chain])
+    if levels.size > FEWEST_SWINGS:
+        tolerance_deg = max(_SAME_LEVEL_DEG, _LEVEL_RANGES * float(np.ptp(levels[1:-1])))
+        differs = abs(levels[-1] - np.median(levels[1:-1])) > tolerance_deg
+        chain = chain[:-1] if differs or _is_cut_short(motion, chain[-1]) else chain
     nearest = [plateau for plateau in extremes if plateau.end <= chain[0].first][-1:]
     extended = [*nearest, *chain]
     if not nearest or len(chain) < FEWEST_SWINGS - 1 or not _continues(motion, *extended[:2]):
@@ -106,29 +118,8 @@ def _first_row(motion: Motion, chain: list[Plateau]) -> int:
     return motion.row_before(chain[0].first, helm_change_s(motion, chain[0].level) + motion.step_s)
 
 
-def _as_ordered(motion: Motion, chain: list[Plateau]) -> list[Plateau]:
-    """The swings with the ordered helm: that of the others, if one was reversed before or at it."""
-    ordered = float(np.median([abs(plateau.level) for plateau in chain]))
-    return [
-        replace(plateau, level=float(np.copysign(ordered, plateau.level)))
-        if _is_cut_short(motion, plateau)
-        else plateau
-        for plateau in chain
-    ]
-
-
 def _is_cut_short(motion: Motion, plateau: Plateau) -> bool:
     return (plateau.end - plateau.first) * motion.step_s <= _CUT_SHORT_S + _CUT_SHORT_DEG / motion.helm_rate_dps
-
-
-def _without_course_keeping(motion: Motion, chain: list[Plateau]) -> list[Plateau]:
-    """The swings without a last one whose helm differs or was not held, as when the ship returns to her course."""
-    levels = np.abs([plateau.level for plateau in chain])
-    if levels.size <= FEWEST_SWINGS:
-        return chain
-    tolerance_deg = max(_SAME_LEVEL_DEG, _LEVEL_RANGES * float(np.ptp(levels[1:-1])))
-    differs = abs(levels[-1] - np.median(levels[1:-1])) > tolerance_deg
-    return chain[:-1] if differs or _is_cut_short(motion, chain[-1]) else chain
 
 
 def _continues(motion: Motion, last: Plateau, following: Plateau) -> bool:
@@ -148,26 +139,14 @@ def _continues(motion: Motion, last: Plateau, following: Plateau) -> bool:
     )
 
 
-def _ship_answers(motion: Motion, chain: list[Plateau]) -> bool:
-    """Whether the ship turns to the other side in each swing but the last, and none of them is a circle."""
-    turned = _turns(motion, chain)
-    sides = np.sign([plateau.level for plateau in chain])
-    alternates = bool(np.all(turned[:-1] * sides[:-1] * (turned[0] * sides[0]) > 0))
-    return alternates and bool(np.all(np.abs(turned) < _WIDEST_SWING_DEG))
-
-
 def _turns(motion: Motion, chain: list[Plateau]) -> Floats:
     """How far the ship turns in each swing [deg], to starboard, until the helm passes amidships on its way to the
-    other side."""
-    ends = [*(_crossed_row(motion, *pair) for pair in pairwise(chain)), chain[-1].end - 1]
-    return np.diff(motion.heading_deg[[_first_row(motion, chain), *ends]])
-
-
-def _crossed_row(motion: Motion, last: Plateau, following: Plateau) -> int:
-    """The last row of a swing at which its helm is still on its side: one that wanders is held longer than it is
-    steady."""
-    between = motion.helm_deg[last.end : following.first] * np.sign(last.level)
-    return last.end - 1 + int(np.argmax(np.append(between, -1.0) <= 0.0))
+    other side: a helm that wanders is held longer than it is steady."""
+    rows = [_first_row(motion, chain)]
+    for last, following in pairwise(chain):
+        between = motion.helm_deg[last.end : following.first] * np.sign(last.level)
+        rows.append(last.end - 1 + int(np.argmax(np.append(between, -1.0) <= 0.0)))
+    return np.diff(motion.heading_deg[[*rows, chain[-1].end - 1]])
 
 
 def executes_of(motion: Motion, chain: list[Plateau]) -> list[Execute]:
@@ -202,24 +181,17 @@ def zigzag(motion: Motion, chain: list[Plateau]) -> Manoeuvre:
 
 def _settings(part: Motion, chain: list[Plateau], times: Floats) -> dict[str, float]:
     heading = np.interp(times[0, :-1], part.time_s, part.heading_deg)
+    changes = np.abs(np.diff(heading))
     return {
         **helm_settings(
             part, float(np.median([abs(plateau.level) for plateau in chain])), times[0, 0], times[0, -1]
         ),
-        "switch_deg": _switch_deg(heading),
+        # half of the change between executes; with two executes the change from the approach
+        "switch_deg": float(np.median(changes[1:])) / 2.0 if heading.size > 2 else float(changes[0]),
         "swings": float(len(chain)),
         "half_command_s": float(np.median(times[1, :-1] - times[0, :-1])),
         **approach_settings(part, times[0, 0]),
     }
-
-
-def _switch_deg(heading: Floats) -> float:
-    """Half of the heading change between executes; with two executes the change from the approach."""
-    return (
-        float(np.median(np.abs(np.diff(heading[1:])))) / 2.0
-        if heading.size > 2
-        else float(abs(np.diff(heading)[0]))
-    )
 
 
 def _first_side(motion: Motion, orders: Floats) -> float:
@@ -238,7 +210,14 @@ def zigzag_indices(motion: Motion, times: Floats) -> dict[str, float]:
     """
     orders = times[0]
     approach = approach_of(motion, orders[0])
-    heading, steady = _deviation_deg(motion, orders, approach)
+    largest_dps = float(np.abs(motion.between(orders[0], orders[-1]).yaw_rate_dps).max())
+    steady = abs(approach["approach_yaw_rate_dps"]) < _STEADY_SHARE * largest_dps
+    course = approach["approach_unwrapped_deg"]
+    if not steady:  # the middle of the headings at which the helm was reversed
+        reversals = np.interp(orders[1:-1], motion.time_s, motion.heading_deg)
+        middles = 0.5 * (reversals[1:] + reversals[:-1])
+        course = float(np.mean(middles)) if middles.size else reversals[0]
+    heading = _first_side(motion, orders) * (motion.heading_deg - course)  # positive to the side of the first swing
     values, check_times = _overshoots(motion, heading, times)
     if orders.size >= 5:
         values["period_s"] = float(np.mean(orders[3:-1] - orders[1:-3]))
@@ -250,25 +229,11 @@ def zigzag_indices(motion: Motion, times: Floats) -> dict[str, float]:
             "initial_turning_m": distance_m(motion, orders[0], tenth_s),
             "reach_s": back_s - orders[0],
         }
-        loss = (
-            1.0
-            - mean_between(motion, "speed_mps", orders[1], orders[-2 if orders.size > 3 else -1])
-            / approach["approach_mps"]
-        )
+        last = orders[-2 if orders.size > 3 else -1]
+        loss = 1.0 - mean_between(motion, "speed_mps", orders[1], last) / approach["approach_mps"]
         if loss > -_GATHERED_WAY:
             values["speed_loss"] = loss
     return values | check_times
-
-
-def _deviation_deg(motion: Motion, executes: Floats, approach: Mapping[str, float]) -> tuple[Floats, bool]:
-    """The heading off the course of the approach, positive to the side of the first swing, and whether the
-    approach was steady. If not, the course is the middle of the headings at which the helm was reversed."""
-    largest = float(np.abs(motion.between(executes[0], executes[-1]).yaw_rate_dps).max())
-    steady = abs(approach["approach_yaw_rate_dps"]) < _STEADY_SHARE * largest
-    at_executes = np.interp(executes[1:-1], motion.time_s, motion.heading_deg)
-    middle = float(np.mean(0.5 * (at_executes[1:] + at_executes[:-1]))) if at_executes.size > 1 else at_executes[0]
-    base = approach["approach_unwrapped_deg"] if steady else middle
-    return _first_side(motion, executes) * (motion.heading_deg - base), steady
 
 
 def _overshoots(motion: Motion, heading: Floats, times: Floats) -> tuple[dict[str, float], dict[str, float]]:
@@ -301,7 +266,7 @@ REMOVED = "_current_removed"
 
 
 def turn_of(motion: Motion, plateau: Plateau, fastest_mps: float) -> Manoeuvre | LeftOut | None:
-    """The turn of a held helm, or the reason why it is none; None for one that turns the ship by less than 90 deg.
+    """The turn of a held helm, or the reason for its rejection; None if the ship turns by less than 90 deg.
 
     After a straight approach it is a turning circle from 180 deg of turn on. Without one, only what is steady
     counts, which takes a turn of :data:`LEAST_STEADY_DEG`.
@@ -439,8 +404,8 @@ def _indices_over_ground(motion: Motion, start: float, end: float) -> dict[str, 
 def _steady(motion: Motion, turned: Floats, half_s: float, end: float, approach_mps: float) -> dict[str, float]:
     """Rate, diameter, drift angle and speed of the settled turn, over whole turns where there are any.
 
-    Wind and current come from all sides in a whole turn and leave the means alone. It ends with the last quarter
-    of a turn that was done, as nobody knows to the second when a helm was taken off.
+    Wind and current come from all sides in a whole turn and do not change the means. It ends with the last quarter
+    of a turn that was done, as the second at which a helm was taken off is not known.
     """
     total = 90.0 * np.floor(float(np.interp(end, motion.time_s, turned)) / 90.0)
     whole_turns_deg = 360.0 * np.floor((total - 180.0) / 360.0)
@@ -469,7 +434,7 @@ def _steady(motion: Motion, turned: Floats, half_s: float, end: float, approach_
 
 LEAST_TURN_DEG = 510.0
 LEAST_STEADY_DEG = 270.0
-"""From what turn on something of it is steady: the first half of a circle is not, and of the rest a quarter."""
+"""The turn from which a part of it is steady: the first half of a circle is not, nor a quarter of what follows."""
 _STEADY_AFTER_DEG = 120.0
 _FEWEST_PAIRS = 10
 

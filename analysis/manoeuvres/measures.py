@@ -1,5 +1,4 @@
-"""Measurements on a manoeuvre: held commands and their executes, crossings, peaks, distances, and their
-intervals.
+"""Measurements on a manoeuvre: held commands and executes, crossings, peaks, distances, and their intervals.
 
 Intervals come from a bootstrap with the spectrum of the noise. The measured motion is the sum of a smooth one
 and a residual, noise and waves. Many times a residual of the same spectrum with random phases (Theiler et al.
@@ -53,8 +52,13 @@ def helm_rate_dps(helm: Floats, step_s: float) -> float:
 
     The median over all movements of at least a third of the largest helm; infinite without any.
     """
-    calm, rows = turning_points(helm, step_s)
-    rates = [_steepest(calm[first : last + 1], step_s) for first, last in pairwise(rows)]
+    calm, turns = turning_points(helm, step_s)
+    rates = []
+    for first, last in pairwise(turns):
+        travel = np.maximum.accumulate(np.abs(calm[first : last + 1] - calm[first]))
+        order = np.arange(travel.size)
+        rows = np.interp(np.linspace(0.1, 0.9, 9) * travel[-1], travel + 1e-9 * order, order)
+        rates.append(float(0.3 * travel[-1] / (step_s * max(0.3, (rows[3:] - rows[:-3]).min()))))
     return float(np.median(rates)) if rates else float("inf")
 
 
@@ -132,15 +136,17 @@ def _execute(motion: Motion, plateau: Plateau, before_deg: float, earliest: int,
     begun_s, half_s = execute_s(motion.time_s, motion.helm_deg, plateau, before_deg, earliest)
     begun_s = min(begun_s, half_s)
     within_s = _execute_within_s(motion, plateau.level - before_deg)
-    wander_s = np.sqrt(3.0) * _wander_s(motion, begun_s) if is_first else 0.0
+    first = int(np.searchsorted(motion.time_s, begun_s))
+    approach_deg = motion.helm_deg[motion.row_before(first, APPROACH_S) : first]
+    wander_s = 0.0  # what the helm takes for the movements by which a hand kept the course before
+    if is_first and approach_deg.size:
+        wander_s = np.sqrt(3.0) * (float(np.std(approach_deg)) / motion.helm_rate_dps)
     half_within_s = float(np.hypot(_execute_within_s(motion, plateau.level), 0.5 * wander_s))
     if motion.orders_are_events:
         return Execute(0.5 * (begun_s + half_s), half_s, max(half_s - begun_s, within_s), half_within_s)
     noise_s = np.sqrt(3.0) * noise_of(motion.helm_deg) / motion.helm_rate_dps
     parts_s = [_EXTRAPOLATED * within_s, 0.7 * noise_s, 0.1 * motion.step_s, wander_s, _SOFT_START_S]
-    order_within_s = float(
-        np.linalg.norm(parts_s)
-    )  # calibrated by yard_trials, ships 1000 on, and manoeuvre_trials
+    order_within_s = float(np.linalg.norm(parts_s))  # calibrated by yard_trials, from 1000, and manoeuvre_trials
     contradicts = False
     if motion.helm_order_deg is not None:
         earliest_s = max(float(motion.time_s[earliest]), begun_s - _LONGEST_ORDER_LAG_S)
@@ -161,13 +167,6 @@ def _recorded_order_s(motion: Motion, earliest_s: float, half_s: float) -> float
         return None
     share = (near.helm_order_deg - first) / (last - first)
     return float(np.interp(_last_crossing(share, 0.5), np.arange(near.time_s.size), near.time_s))
-
-
-def _wander_s(motion: Motion, begun_s: float) -> float:
-    """How long the helm takes for what a hand that keeps the course moves it before a manoeuvre [s]."""
-    first = int(np.searchsorted(motion.time_s, begun_s))
-    before = motion.helm_deg[motion.row_before(first, APPROACH_S) : first]
-    return float(np.std(before)) / motion.helm_rate_dps if before.size else 0.0
 
 
 def _execute_within_s(motion: Motion, change_deg: float) -> float:
@@ -384,16 +383,25 @@ def bootstrap_indices(
                for name in POSE_AND_VELOCITY}  # fmt: skip
     repeats = []
     for _ in range(REPLICATES):
-        noisy = {name: getattr(smooth, name) + _draw(spectra[name], smooth.time_s.size, random)
-                 for name in POSE_AND_VELOCITY}  # fmt: skip
-        again = smooth_motion(smooth.with_columns(noisy), half_width)
+        noisy = {}
+        for name, amplitude in spectra.items():
+            real, imaginary = random.standard_normal((2, amplitude.size)) / np.sqrt(2.0)
+            noise = np.fft.irfft(amplitude * (real + 1j * imaginary), smooth.time_s.size)
+            noisy[name] = getattr(smooth, name) + noise
+        replicate = smooth_motion(smooth.with_columns(noisy), half_width)
         moved = executes_s + unsure_s * random.uniform(-1.0, 1.0, executes_s.shape)
-        repeats.append(measure(again, moved))
+        repeats.append(measure(replicate, moved))
     path_within = _TWO_SIDED_95 * np.sqrt(2.0) * motion.path_sd_m  # both ends of a distance are uncertain
     place_within = _place_within(smooth, executes_s, measure, values)
     estimates = {}
     for name, value in values.items():
-        estimate, within = _without_bias(value, np.array([repeat.get(name, np.nan) for repeat in repeats]))
+        estimate, within = value, float("nan")
+        samples = np.array([repeat.get(name, np.nan) for repeat in repeats])
+        samples = samples[np.isfinite(samples)]
+        if np.isfinite(value) and samples.size >= REPLICATES // 2:
+            # the bias is estimated from one noisy motion, and often mere noise: it counts as one standard deviation
+            bias = float(np.median(samples)) - value
+            estimate, within = value - bias, _TWO_SIDED_95 * float(np.hypot(samples.std(ddof=1), bias))
         if unit_of(name) == "m":
             within = float(np.linalg.norm([within, path_within, place_within.get(name, 0.0)]))
         estimates[name] = estimate, within
@@ -419,31 +427,12 @@ def manoeuvre_of(
     motion: Motion, kind: str, name: str, span_s: Floats, side: str, settings: Mapping[str, float],
     estimates: Mapping[str, tuple[float, float]], **details: Any,
 ) -> Manoeuvre:  # fmt: skip
-    """A manoeuvre between two times of ``motion`` [s], with indices of what was ``found``: values and halves of
+    """A manoeuvre between two times of ``motion`` [s], with indices from ``estimates``: values and halves of
     intervals."""
     start, end = (motion.utc(float(time_s)) for time_s in span_s)
     return Manoeuvre(
         kind, name, start, end, side, settings, indices_of(estimates, motion.length_m, kind), **details
     )
-
-
-def _without_bias(value: float, repeats: Floats) -> tuple[float, float]:
-    """The value without the bias of smoothing, and half of its interval.
-
-    The bias is itself estimated from one noisy motion, and often mere noise: all of it counts as one standard
-    deviation.
-    """
-    repeats = repeats[np.isfinite(repeats)]
-    if not np.isfinite(value) or repeats.size < REPLICATES // 2:
-        return value, float("nan")
-    bias = float(np.median(repeats)) - value
-    return value - bias, _TWO_SIDED_95 * float(np.hypot(repeats.std(ddof=1), bias))
-
-
-def _draw(amplitude: Floats, size: int, random: np.random.Generator) -> Floats:
-    """A series of a given spectrum of amplitudes with random phases."""
-    parts = random.standard_normal((2, amplitude.size)) / np.sqrt(2.0)
-    return np.fft.irfft(amplitude * (parts[0] + 1j * parts[1]), size)
 
 
 def _spectrum(remainder: Floats, half_rows: float) -> Floats:
@@ -473,6 +462,8 @@ _BLINK_SHARE, _BLINKS = 0.5, 3  # how long a correction lasts: of the order, and
 _ALIKE_SHARE, _ALIKE_DEG = 0.15, 1.0
 _ALIKE_LONG_SHARE = 0.05  # of helms that are both held for longer than a correction
 _HELD_SHARE = 0.35  # of a helm, by which it may wander while it is held: not half of the way to amidships
+_FEWEST_OF_FIT, _FEWEST_BEFORE = 5, 2
+_CREEP = 4.0  # times as long as the last half of a change, and a row: no drive begins so slowly
 
 
 @dataclass(frozen=True, slots=True)
@@ -511,14 +502,12 @@ def plateaus(
         for first, end in stretches(np.abs(change) <= tolerance, round(least_s / step_s))
     ]
 
-    def joined(last: Plateau, following: Plateau) -> Plateau | None:
-        near = (
-            following.first - last.end <= round(_BRIDGE_S / step_s)
-            and abs(following.level - last.level) <= tolerance
-        )
+    def join(last: Plateau, following: Plateau) -> Plateau | None:
+        pause, step = following.first - last.end, abs(following.level - last.level)
+        near = pause <= round(_BRIDGE_S / step_s) and step <= tolerance
         return _plateau(calm, last.first, following.end, 0, tolerance) if near else None
 
-    return merge_neighbours(pieces, joined)
+    return merge_neighbours(pieces, join)
 
 
 def _plateau(values: Floats, first: int, end: int, reach: int, tolerance: float) -> Plateau:
@@ -543,15 +532,15 @@ def merge_corrections(pieces: list[Plateau], step_s: float) -> list[Plateau]:
     the same angle, where the helm was corrected."""
     bridge = round(_BRIDGE_S / step_s)
 
-    def joined(last: Plateau, following: Plateau) -> Plateau | None:
+    def join(last: Plateau, following: Plateau) -> Plateau | None:
+        short, long = sorted((last.end - last.first, following.end - following.first))
+        near = following.first - last.end <= bridge and short <= min(_BLINK_SHARE * long, _BLINKS * bridge)
+        if not (near and last.level * following.level > 0 and is_same_order(last.level, following.level)):
+            return None
         longer = max(last, following, key=lambda plateau: plateau.end - plateau.first)
-        return (
-            replace(longer, first=last.first, end=following.end)
-            if _is_correction(last, following, bridge)
-            else None
-        )
+        return replace(longer, first=last.first, end=following.end)
 
-    return merge_neighbours(pieces, joined)
+    return merge_neighbours(pieces, join)
 
 
 def helm_band_deg(level_deg: float) -> float:
@@ -565,7 +554,7 @@ def join_held(helm: Floats, held: Sequence[Plateau], step_s: float) -> list[Plat
     """
     calm = running_median(helm, max(3, round(1.5 / step_s)))
 
-    def joined(last: Plateau, following: Plateau) -> Plateau | None:
+    def join(last: Plateau, following: Plateau) -> Plateau | None:
         longer = max(last, following, key=lambda plateau: plateau.end - plateau.first)
         between = np.abs(calm[last.end : following.first] - longer.level)
         shorter_s = min(last.end - last.first, following.end - following.first) * step_s
@@ -578,22 +567,16 @@ def join_held(helm: Floats, held: Sequence[Plateau], step_s: float) -> list[Plat
             return None
         return replace(longer, first=last.first, end=following.end)
 
-    return merge_neighbours(list(held), joined)
+    return merge_neighbours(list(held), join)
 
 
-def merge_neighbours(pieces: list[Plateau], joined: Callable[[Plateau, Plateau], Plateau | None]) -> list[Plateau]:
-    """Plateaus with each joined to the one before where ``joined`` makes one of the two."""
+def merge_neighbours(pieces: list[Plateau], join: Callable[[Plateau, Plateau], Plateau | None]) -> list[Plateau]:
+    """Plateaus with neighbours merged where ``join`` makes one of the two."""
     result: list[Plateau] = []
     for plateau in pieces:
-        merged = joined(result[-1], plateau) if result else None
+        merged = join(result[-1], plateau) if result else None
         result[-1:] = [merged] if merged else [*result[-1:], plateau]
     return result
-
-
-def _is_correction(last: Plateau, following: Plateau, bridge: int) -> bool:
-    short, long = sorted((last.end - last.first, following.end - following.first))
-    near = following.first - last.end <= bridge and short <= min(_BLINK_SHARE * long, _BLINKS * bridge)
-    return near and last.level * following.level > 0 and is_same_order(last.level, following.level)
 
 
 def execute_s(
@@ -616,24 +599,16 @@ def execute_s(
     if half - tenth > _CREEP * (rise_rows + 0.25) and before != (near := float(values[earliest + int(half)])):
         # a hand that held the course crept this way before: the order began where the last of it began
         return execute_s(time_s, values, plateau, near, earliest)
-    rows = earliest + np.array([max(0.0, tenth - 0.25 * (half - tenth)), _half_by_fit(share, half)])
-    start, middle = np.interp(rows, np.arange(time_s.size), time_s)
-    return float(start), float(middle)
-
-
-def _half_by_fit(share: Floats, half: float) -> float:
-    """The row at which ``share`` rises through a half, near ``half``, by a parabola through its middle 50 %: a
-    slow and noisy command crosses it more than once, and a drive with lag has a bend."""
     first = int(np.ceil(_last_crossing(share[: int(half) + 2], 0.25)))
     last = int(half) + int(_first_crossing(share[int(half) :], 0.75))
-    if np.unique(share[first:last].round(3)).size < _FEWEST_OF_FIT:
-        return half
-    rows = np.arange(first, last) - half
-    return float(np.clip(half + np.polyfit(share[first:last] - 0.5, rows, 2)[-1], first, last))
-
-
-_FEWEST_OF_FIT, _FEWEST_BEFORE = 5, 2
-_CREEP = 4.0  # times as long as the last half of a change, and a row: no drive begins so slowly
+    middle = half
+    if np.unique(share[first:last].round(3)).size >= _FEWEST_OF_FIT:
+        # by a parabola: a slow and noisy command crosses its half more than once, and a drive with lag has a bend
+        fit = np.polyfit(share[first:last] - 0.5, np.arange(first, last) - half, 2)
+        middle = float(np.clip(half + fit[-1], first, last))
+    rows = earliest + np.array([max(0.0, tenth - 0.25 * (half - tenth)), middle])
+    start_s, half_s = np.interp(rows, np.arange(time_s.size), time_s)
+    return float(start_s), float(half_s)
 
 
 def _first_crossing(share: Floats, level: float) -> float:
