@@ -1,15 +1,14 @@
-"""Finding manoeuvres in a table: zigzags and circles by the helm, the others by the shafts.
+"""Finding manoeuvres in a table: zigzags and circles by the helm, the others by the shafts; and their current.
 
 No threshold depends on the size of a ship or of a command: a command is held or changed relative to its own
 noise, a ship is fast or slow relative to the highest speed of the recording. Event marks of the crew ("zigzag
 20/20 start") name the manoeuvre that they enclose, and admit short ones that would otherwise be rejected.
 
-The current of a trial, taken off runs that have no circle of their own to show it.
-
-Circles of more than 510 deg give the drift north and east, pairs of reciprocal runs that along their course, with
-what the wind does to the speed. All that were sailed within two hours of a run count, weighted by their intervals.
-What the current may have changed by in between is that of the semidiurnal tide (M2, 12.42 h, Pugh and Woodworth
-2014) of the same speed, at its steepest: it widens each interval with the time between.
+The current is removed from runs that have no circle of their own to show it. Circles of more than 510 deg give the
+drift north and east, pairs of reciprocal runs that along their course, with what the wind does to the speed. All
+that were sailed within two hours of a run count, weighted by their intervals. The current is taken to change at
+most as fast as a semidiurnal tide (M2, 12.42 h, Pugh and Woodworth 2014) of the same speed does at its steepest,
+which widens each interval with the time between.
 """
 
 from __future__ import annotations
@@ -30,7 +29,7 @@ from seatrial.acquisition.core.named_code import OwnCodeError, file_of, load, ow
 from seatrial.acquisition.core.quantities import Bools, Floats
 from seatrial.analysis.conditions import recorded_conditions, with_stronger_wind
 from seatrial.analysis.manoeuvres.criteria import add_limits
-from seatrial.analysis.manoeuvres.indices import Current, Index, LeftOut, Manoeuvre, index_of
+from seatrial.analysis.manoeuvres.indices import Current, LeftOut, Manoeuvre, index_of
 from seatrial.analysis.manoeuvres.kinds import (
     FEWEST_SWINGS,
     LEAST_TURN_OF_ONE_SIDE_DEG,
@@ -78,7 +77,7 @@ from seatrial.analysis.tables.table import trial_of
 _LEAST_HELM_DEG, _LEAST_STEP_DEG = 2.5, 1.0
 _STEADY_HELM_SHARE, _STEADY_HELM_DEG = 0.35, 2.0
 _WIDEST_HELM_DEG = 75.0
-_KNOWN_SHARE = 0.9  # of a manoeuvre in which pose and speeds have to be measured
+_MEASURED_SHARE = 0.9  # of a manoeuvre in which pose and speeds have to be measured
 _RUNNING_SHARE = 0.08
 _SHORTEST_S = 20.0
 _NO_HELM = "no helm was recorded: the angle of a rudder or a thruster, or propellers to both sides"
@@ -159,14 +158,15 @@ def manoeuvres_and_left_out(
     tests = find_thruster_tests(motion, smooth, ~taken) if motion.drives else []
     for test in tests:
         taken |= _rows_of(motion, test) & isinstance(test, Manoeuvre)
-    straight = _runs_by_shaft(motion, smooth, ~taken, events) if motion.drives else []
-    judged = [
-        _unless_unknown(motion, candidate) for candidate in sorted([*steered, *tests, *straight], key=in_time)
-    ]
+    straight = list[Manoeuvre | LeftOut]()
+    if motion.drives:
+        straight += find_stops(motion, smooth, ~taken, engine_orders(motion, events))
+        straight += [*find_accelerations(motion, smooth, ~taken), *find_speed_runs(motion, smooth, ~taken)]
+    candidates = sorted([*steered, *tests, *straight], key=in_time)
+    judged = [_reject_unmeasured(motion, candidate) for candidate in candidates]
     runs = remove_currents(motion, [run for run in judged if isinstance(run, Manoeuvre)])
-    marked = (_apply_mark(run, marks) for run in runs)
-    added = [run for name in finders for run in _found_by(name, motion)]
-    manoeuvres = sorted([*add_limits(marked, conditions), *added], key=in_time)
+    added = [run for name in finders for run in _call_finder(name, motion)]
+    manoeuvres = sorted([*add_limits(_apply_marks(runs, marks), conditions), *added], key=in_time)
     left_out = [candidate for candidate in judged if isinstance(candidate, LeftOut)]
     if not motion.steering:
         left_out.insert(0, LeftOut("turn or zigzag", *bounds, _NO_HELM))
@@ -180,7 +180,7 @@ def conditions_of_table(
 ) -> Conditions:
     """The conditions of a recording: what is stated, completed by what the recording itself shows.
 
-    Raises :class:`InputError` for a length that is none.
+    Raises :class:`InputError` for a length that is not positive.
     """
     recorded = recorded_conditions(trial_of(table), table)
     conditions = with_stronger_wind((stated or Conditions()).with_known(recorded), recorded)
@@ -222,16 +222,8 @@ def _with_trial(
     return add_limits(with_current, replace(conditions, current_mps=speed_mps), trial)
 
 
-def _runs_by_shaft(
-    motion: Motion, smooth: Motion, free: Bools, events: Iterable[tuple[int, str]]
-) -> list[Manoeuvre | LeftOut]:
-    """Stops, accelerations and speed runs where no other manoeuvre is."""
-    stops = find_stops(motion, smooth, free, engine_orders(motion, events))
-    return [*stops, *find_accelerations(motion, smooth, free), *find_speed_runs(motion, smooth, free)]
-
-
 def _reason_for_none(motion: Motion, smooth: Motion) -> str:
-    """Why a recording holds no manoeuvre and nothing that was near to one."""
+    """Why a recording holds no manoeuvre and no candidate."""
     helm = f"the direction of the thrust of {len(motion.drives)} drives" if motion.steers_by_thrust else "the helm"
     return (
         f"{helm} was never held until the ship had turned by {LEAST_TURN_OF_ONE_SIDE_DEG:.0f} deg, and did not "
@@ -240,16 +232,16 @@ def _reason_for_none(motion: Motion, smooth: Motion) -> str:
     )
 
 
-def _unless_unknown(motion: Motion, candidate: Manoeuvre | LeftOut) -> Manoeuvre | LeftOut:
-    """A manoeuvre, unless position, heading or speeds are missing in too much of it."""
+def _reject_unmeasured(motion: Motion, candidate: Manoeuvre | LeftOut) -> Manoeuvre | LeftOut:
+    """A candidate, rejected where position, heading or speeds are missing in too much of it."""
     measured = float(motion.measured[_rows_of(motion, candidate)].mean())
-    if isinstance(candidate, LeftOut) or measured >= _KNOWN_SHARE:
+    if isinstance(candidate, LeftOut) or measured >= _MEASURED_SHARE:
         return candidate
     why = f"position, heading or speeds are missing in {1.0 - measured:.0%} of it"
     return LeftOut(candidate.kind, candidate.start, candidate.end, why)
 
 
-def _found_by(name: str, motion: Motion) -> list[Manoeuvre]:
+def _call_finder(name: str, motion: Motion) -> list[Manoeuvre]:
     """The manoeuvres of a user's finder; a failure is logged, and the others go on."""
     function = load(name, "manoeuvres")
     require_call(function, name, "motion")
@@ -267,14 +259,17 @@ def _zigzags_and_turns(
     """Zigzags and turns, what was rejected, and the rows that they take."""
     helm, fastest_mps = helm_of(motion), smooth.fastest_mps
     # Reversed thrust turns the direction of thrust by 180 deg at once, which is not a rate of the helm.
-    usual = np.where(np.abs(helm) > _WIDEST_HELM_DEG, 0.0, helm)
-    motion = replace(motion, helm_deg=helm, helm_rate_dps=helm_rate_dps(usual, motion.step_s))
+    ahead = np.where(np.abs(helm) > _WIDEST_HELM_DEG, 0.0, helm)
+    motion = replace(motion, helm_deg=helm, helm_rate_dps=helm_rate_dps(ahead, motion.step_s))
     helms = held_helms(motion)
     held = off_the_middle(helm, helms)
     calm, rows = turning_points(helm, motion.step_s)
     extremes = [Plateau(row, row + 1, float(calm[row]), 0.0) for row in rows]  # the reversals of the helm
     alternating = zigzag_chains(motion, join_held(helm, held, motion.step_s), extremes)
-    chains = [chain for chain in alternating if _is_believable(motion, chain, marks)]
+    starts = [motion.utc(float(motion.time_s[chain[0].first])) for chain in alternating]
+    zigzag_marks = [mark for mark in marks if "zig" in mark.text.lower()]
+    chains = [chain for chain, start in zip(alternating, starts, strict=True)
+              if len(chain) >= FEWEST_SWINGS or any(mark.covers(start) for mark in zigzag_marks)]  # fmt: skip
     taken = _rows_of_chains(motion, chains)
     spirals = spiral_steps(motion, _free_of(helms, taken))
     taken |= _rows_of_chains(motion, spirals)
@@ -288,13 +283,15 @@ def _zigzags_and_turns(
     judged = [turn for plateau in turns if (turn := turn_of(motion, plateau, fastest_mps))]
     manoeuvres += [*williamson, *(turn for turn in judged if isinstance(turn, Manoeuvre))]
     manoeuvres += find_pull_outs(motion, _free_of(helms, taken), smooth.yaw_rate_dps, fastest_mps)
-    short = [_short_zigzag(motion, chain) for chain in alternating if len(chain) == FEWEST_SWINGS - 1]
-    left_out = [candidate for candidate in (*judged, *short) if isinstance(candidate, LeftOut)]
+    left_out = [candidate for candidate in judged if isinstance(candidate, LeftOut)]
+    for chain, start in zip(alternating, starts, strict=True):
+        if len(chain) == FEWEST_SWINGS - 1:
+            end = motion.utc(float(motion.time_s[chain[-1].end - 1]))
+            why = f"the helm alternates {len(chain)} times, less than {FEWEST_SWINGS}"
+            left_out.append(LeftOut("zigzag", start, end, why))
     taken = _taken_by(motion, manoeuvres)
-    return [
-        *manoeuvres,
-        *(candidate for candidate in left_out if not taken[_rows_of(motion, candidate)].any()),
-    ], taken
+    left_out = [candidate for candidate in left_out if not taken[_rows_of(motion, candidate)].any()]
+    return [*manoeuvres, *left_out], taken
 
 
 def _rows_of_chains(motion: Motion, chains: Iterable[Sequence[Plateau]]) -> Bools:
@@ -306,11 +303,6 @@ def _rows_of_chains(motion: Motion, chains: Iterable[Sequence[Plateau]]) -> Bool
 
 def _free_of(held: Sequence[Plateau], taken: Bools) -> list[Plateau]:
     return [plateau for plateau in held if not taken[plateau.first : plateau.end].any()]
-
-
-def _short_zigzag(motion: Motion, chain: Sequence[Plateau]) -> LeftOut:
-    start, end = (motion.utc(float(motion.time_s[row])) for row in (chain[0].first, chain[-1].end - 1))
-    return LeftOut("zigzag", start, end, f"the helm alternates {len(chain)} times, less than {FEWEST_SWINGS}")
 
 
 def _taken_by(motion: Motion, manoeuvres: Iterable[Manoeuvre]) -> Bools:
@@ -352,35 +344,30 @@ def off_the_middle(helm: Floats, held: Sequence[Plateau]) -> list[Plateau]:
     ]  # fmt: skip
 
 
-def _is_believable(motion: Motion, chain: list[Plateau], marks: Sequence[Mark]) -> bool:
-    """Whether a chain is a zigzag: three swings, or two with a crew's mark."""
-    start = motion.utc(float(motion.time_s[chain[0].first]))
-    marked = any("zig" in mark.text.lower() and mark.covers(start) for mark in marks)
-    return marked or len(chain) >= FEWEST_SWINGS
-
-
 def _rows_of(motion: Motion, candidate: Manoeuvre | LeftOut) -> Bools:
     start, end = ((pd.Timestamp(time).value - motion.origin_ns) / 1e9 for time in (candidate.start, candidate.end))
     return np.asarray((motion.time_s >= start) & (motion.time_s <= end))
 
 
-def _apply_mark(run: Manoeuvre, marks: Sequence[Mark]) -> Manoeuvre:
-    """A manoeuvre with the name given by the crew; a marked turn counts as a circle however short."""
-    text = next((mark.text for mark in marks if mark.covers(run.start) and mark.text), "")
-    if not text or not _fits_kind(run.kind, text):
-        return run
-    kind = "turning_circle" if run.kind == "course_change" else run.kind
-    return replace(run, kind=kind, name=text)
+_MARK_WORDS = {
+    "zigzag": "zig", "turning_circle": "turn circle", "course_change": "turn circle", "speed_run": "speed run",
+    "acceleration": "accel", "stopping": "stop crash", "crabbing": "crab side", "pull_out": "pull",
+    "spiral": "spiral dieudonne", "reverse_spiral": "spiral bech", "thruster_test": "thrust",
+    "williamson_turn": "williamson man overboard",
+}  # fmt: skip
+"""By kind of manoeuvre the words of which a mark has to contain one to name it."""
 
 
-def _fits_kind(kind: str, text: str) -> bool:
-    words = {
-        "zigzag": "zig", "turning_circle": "turn circle", "course_change": "turn circle", "speed_run": "speed run",
-        "acceleration": "accel", "stopping": "stop crash", "crabbing": "crab side", "pull_out": "pull",
-        "spiral": "spiral dieudonne", "reverse_spiral": "spiral bech", "thruster_test": "thrust",
-        "williamson_turn": "williamson man overboard",
-    }  # fmt: skip
-    return any(word in text.lower() for word in words[kind].split())
+def _apply_marks(runs: Iterable[Manoeuvre], marks: Sequence[Mark]) -> list[Manoeuvre]:
+    """Manoeuvres with the names given by the crew; a marked turn counts as a circle however short."""
+    result = []
+    for run in runs:
+        text = next((mark.text for mark in marks if mark.covers(run.start) and mark.text), "")
+        if text and any(word in text.lower() for word in _MARK_WORDS[run.kind].split()):
+            kind = "turning_circle" if run.kind == "course_change" else run.kind
+            run = replace(run, kind=kind, name=text)
+        result.append(run)
+    return result
 
 
 _TIDE_RADPS = 2.0 * np.pi / (12.42 * 3600.0)
@@ -399,7 +386,7 @@ class Observation(NamedTuple):
 
 
 def observations_of(runs: Sequence[Manoeuvre]) -> list[Observation]:
-    """What circles and pairs of reciprocal runs say of the current."""
+    """The current as circles and pairs of reciprocal runs show it."""
     seen, pairs = list[Observation](), set[float]()
     for run in runs:
         time = run.start + (run.end - run.start) / 2
@@ -453,10 +440,11 @@ def remove_currents(
         place: current for place, run in enumerate(runs)
         if run.kind in _KINDS and run.current is None and (current := current_at(run.start, observations))
     }  # fmt: skip
-    return [_removed(motion, run, currents[place]) if place in currents else run for place, run in enumerate(runs)]
+    return [_remove_current(motion, run, currents[place]) if place in currents else run
+            for place, run in enumerate(runs)]  # fmt: skip
 
 
-def _removed(motion: Motion, run: Manoeuvre, current: Current) -> Manoeuvre:
+def _remove_current(motion: Motion, run: Manoeuvre, current: Current) -> Manoeuvre:
     start, end = ((time.value - motion.origin_ns) / 1e9 for time in (run.start, run.end))
     part = motion.around(start - _MARGIN_S, end + _LONGEST_RUN_ON_S * (run.kind == "stopping"), _MARGIN_S)
     smooth, measure = smooth_motion(part, half_width_s(part, 0.1 * (end - start))), _measure_of(run, start, end)
@@ -470,13 +458,17 @@ def _removed(motion: Motion, run: Manoeuvre, current: Current) -> Manoeuvre:
         through_water(flow[0] + current.north_within_mps, flow[1]),
         through_water(flow[0], flow[1] + current.east_within_mps),
     ]
-    indices = {
-        name + REMOVED: _shifted(
-            name, index, water[name] - ground[name], [values[name] - water[name] for values in perturbed]
-        )
-        for name, index in run.indices.items()
-        if index.unit == "m" and name in ground and all(name in values for values in (water, *perturbed))
-    }  # fmt: skip
+    indices = {}
+    for name, index in run.indices.items():
+        if index.unit == "m" and name in ground and all(name in values for values in (water, *perturbed)):
+            within = float(np.linalg.norm([values[name] - water[name] for values in perturbed]))
+            low, high = np.hypot(index.value - index.low, within), np.hypot(index.high - index.value, within)
+            value = index.value + (water[name] - ground[name])
+            length_m = index.value / index.lengths if index.lengths else None
+            indices[name + REMOVED] = replace(
+                index_of(name, value, 0.0, length_m), low=value - float(low), high=value + float(high),
+                counted_from=index.counted_from,
+            )  # fmt: skip
     if not indices:
         return run
     note = "the current removed is that of other runs of the trial, and what it may have changed by"
@@ -484,8 +476,14 @@ def _removed(motion: Motion, run: Manoeuvre, current: Current) -> Manoeuvre:
 
 
 def _measure_of(run: Manoeuvre, start: float, end: float) -> Callable[[Motion], dict[str, float]]:
+    """The measure of a run's indices, between the times of its execute and its end [s]."""
+
+    def measure_stop(motion: Motion) -> dict[str, float]:
+        astern = motion.time_s[(motion.time_s > start) & (motion.surge_mps <= 0.0)]  # stopped in the water
+        return stopping_indices(motion, np.array([start, float(astern[0]) if astern.size else end]))
+
     if run.kind == "stopping":
-        return lambda motion: stopping_indices(motion, np.array([start, _stopped_s(motion, start, end)]))
+        return measure_stop
     if run.kind == "zigzag":
         orders = start + np.array(
             [0.0, *((execute - run.start).total_seconds() for execute in run.executes), end - start]
@@ -493,18 +491,3 @@ def _measure_of(run: Manoeuvre, start: float, end: float) -> Callable[[Motion], 
         times = np.stack([orders, orders + run.settings["half_command_s"] * (orders < end)])
         return lambda motion: zigzag_indices(motion, times)
     return lambda motion: circle_indices(motion, np.array([start, end]))
-
-
-def _stopped_s(motion: Motion, start: float, end: float) -> float:
-    """When a ship has stopped in the water [s]; the end of the run where she has not."""
-    astern = motion.time_s[(motion.time_s > start) & (motion.surge_mps <= 0.0)]
-    return float(astern[0]) if astern.size else end
-
-
-def _shifted(name: str, index: Index, by: float, errors: Sequence[float]) -> Index:
-    """An index by what the current changes, and wider by what its errors do."""
-    wider = float(np.linalg.norm(errors))
-    low, high = np.hypot(index.value - index.low, wider), np.hypot(index.high - index.value, wider)
-    value, length_m = index.value + by, index.value / index.lengths if index.lengths else None
-    shifted = index_of(name, value, 0.0, length_m)
-    return replace(shifted, low=value - float(low), high=value + float(high), counted_from=index.counted_from)

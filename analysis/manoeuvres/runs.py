@@ -1,4 +1,4 @@
-"""Runs without helm: speed runs and their reciprocal pairs, acceleration, stopping, single drives, crabbing."""
+"""Runs without helm: speed runs and reciprocal pairs, accelerations, stops, tests of single drives, crabbing."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ import numpy as np
 from seatrial.acquisition.core.quantities import Bools, Floats
 from seatrial.acquisition.core.ship import circular_mean, difference, wrap_360
 from seatrial.analysis.manoeuvres.criteria import FULL_ASTERN
-from seatrial.analysis.manoeuvres.indices import Index, LeftOut, Manoeuvre, index_of, side_of
+from seatrial.analysis.manoeuvres.indices import LeftOut, Manoeuvre, index_of, side_of
 from seatrial.analysis.manoeuvres.measures import (
     Plateau,
     along_and_across,
@@ -106,7 +106,12 @@ def find_speed_runs(motion: Motion, smooth: Motion, free: Bools) -> list[Manoeuv
 
     Rejected are those with a slow turn, or a trend of the speed.
     """
-    spans = [_level_part(smooth, *rows) for rows in straight_stretches(motion, smooth, free)]
+    spans = []
+    for first, end in straight_stretches(motion, smooth, free):
+        # without its beginning, where the ship regains speed after a turn; all of it if less than half is level
+        starts = np.linspace(first, 0.5 * (first + end), _TRIED_STARTS).astype(int)
+        long = [start for start in starts if (end - start) * smooth.step_s >= LEAST_RUN_S]
+        spans.append(next(((start, end) for start in long if not no_speed_run(smooth, start, end)), (first, end)))
     reasons = {rows: no_speed_run(smooth, *rows) for rows in spans}
     runs = [_speed_run(motion, *rows) for rows, why in reasons.items() if not why]
     left_out = [
@@ -116,16 +121,8 @@ def find_speed_runs(motion: Motion, smooth: Motion, free: Bools) -> list[Manoeuv
     return [*_pair_reciprocal(runs), *left_out]
 
 
-def _level_part(smooth: Motion, first: int, end: int) -> tuple[int, int]:
-    """A stretch without its beginning, where the ship regains speed after a turn; all of it if less than half
-    is level."""
-    starts = np.linspace(first, 0.5 * (first + end), _TRIED_STARTS).astype(int)
-    long = [start for start in starts if (end - start) * smooth.step_s >= LEAST_RUN_S]
-    return next(((start, end) for start in long if not no_speed_run(smooth, start, end)), (first, end))
-
-
 def no_speed_run(smooth: Motion, first: int, end: int) -> str:
-    """The reason why a stretch is no speed run, "" if it is: the trends of its heading and speed must vanish."""
+    """The reason why a stretch is no speed run, "" if it is: its heading and speed must have no trend."""
     rows = np.linspace(-0.5, 0.5, end - first)
     turned, gained = (float(rows @ values[first:end] / (rows @ rows))
                       for values in (smooth.heading_deg, smooth.surge_mps))  # fmt: skip
@@ -163,17 +160,15 @@ def reciprocal_pairs(runs: Sequence[Course]) -> list[tuple[int, int]]:
     Of several partners the nearest in time is taken; each run has at most one.
     """
     pairs, taken = list[tuple[int, int]](), set[int]()
-    for first, second in combinations(range(len(runs)), 2):
-        if not taken & {first, second} and _are_reciprocal(runs[first], runs[second]):
-            pairs.append((first, second))
-            taken |= {first, second}
+    for pair in combinations(range(len(runs)), 2):
+        first, second = (runs[place] for place in pair)
+        soon = (second.start - first.end).total_seconds() < LONGEST_BETWEEN_S
+        if soon and is_same_setting(first.setting, second.setting) and not taken & {*pair}:
+            turn_deg = abs(float(difference(second.heading_deg, first.heading_deg)))
+            if abs(turn_deg - 180.0) < RECIPROCAL_DEG:
+                pairs.append(pair)
+                taken |= {*pair}
     return pairs
-
-
-def _are_reciprocal(first: Course, second: Course) -> bool:
-    turn_deg = abs(float(difference(second.heading_deg, first.heading_deg)))
-    soon = (second.start - first.end).total_seconds() < LONGEST_BETWEEN_S
-    return soon and abs(turn_deg - 180.0) < RECIPROCAL_DEG and is_same_setting(first.setting, second.setting)
 
 
 def is_same_setting(first: float, second: float) -> bool:
@@ -184,28 +179,22 @@ def is_same_setting(first: float, second: float) -> bool:
 def _pair_reciprocal(runs: Sequence[Manoeuvre]) -> list[Manoeuvre]:
     """Reciprocal runs with the speed through the water from the pair."""
     result = list(runs)
-    for number, pair in enumerate(reciprocal_pairs([_course_of(run) for run in runs]), start=1):
-        mean, along = _through_water(*(runs[place] for place in pair))
+    shafts_rpm = [sum(value for name, value in run.settings.items() if name.endswith("_rpm")) for run in runs]
+    courses = [Course(run.start, run.end, run.settings["heading_deg"], rpm)
+               for run, rpm in zip(runs, shafts_rpm, strict=True)]  # fmt: skip
+    for number, pair in enumerate(reciprocal_pairs(courses), start=1):
+        first, second = (runs[place].indices["surge_mps"] for place in pair)
+        within = float(np.hypot(first.high - first.low, second.high - second.low)) / 4.0
+        mean = index_of("speed_through_water_mps", (first.value + second.value) / 2.0, within)
+        along_mps = (first.value - second.value) / 2.0
         for place, sign in zip(pair, (1.0, -1.0), strict=True):
-            current = index_of("current_along_mps", sign * along[0], along[1])
+            current = index_of("current_along_mps", sign * along_mps, within)
             result[place] = replace(
                 runs[place],
                 settings={**runs[place].settings, "reciprocal_pair": float(number)},
                 indices={**runs[place].indices, "speed_through_water_mps": mean, "current_along_mps": current},
             )
     return result
-
-
-def _course_of(run: Manoeuvre) -> Course:
-    rpm = sum(value for name, value in run.settings.items() if name.endswith("_rpm"))
-    return Course(run.start, run.end, run.settings["heading_deg"], rpm)
-
-
-def _through_water(first: Manoeuvre, second: Manoeuvre) -> tuple[Index, tuple[float, float]]:
-    ahead = [run.indices["surge_mps"] for run in (first, second)]
-    within = float(np.hypot(ahead[0].high - ahead[0].low, ahead[1].high - ahead[1].low)) / 4.0
-    mean = index_of("speed_through_water_mps", (ahead[0].value + ahead[1].value) / 2.0, within)
-    return mean, ((ahead[0].value - ahead[1].value) / 2.0, within)
 
 
 class EngineOrder(NamedTuple):
@@ -359,13 +348,8 @@ def _change_of_speed(motion: Motion, kind: str, step: ShaftStep, end: float) -> 
     shortfalls = (_SHAFT_CONTRADICTS,) if step.contradicts else ()
     notes = tuple(note for note in (*shortfalls, step.source) if note)
     run = manoeuvre_of(motion, kind, names[kind], span, "", settings, estimates, notes=notes, shortfalls=shortfalls)
-    return _with_earlier_order(run, step.lag_s)
-
-
-def _with_earlier_order(run: Manoeuvre, lag_s: float) -> Manoeuvre:
-    """A run whose order may have been given by up to ``lag_s`` before its shaft began to change: what counts from
-    the order may be longer by the time, or by the way in it."""
-    margins = {"_s": lag_s, "_m": lag_s * abs(run.settings["approach_mps"])}
+    # The order may have been given earlier than the shaft began to change: what counts from it may be longer.
+    margins = {"_s": step.lag_s, "_m": step.lag_s * abs(settings["approach_mps"])}
     indices = {
         name: replace(index, high=index.high + margins.get(name[name.rfind("_"):], 0.0))
         for name, index in run.indices.items() if name != "lateral_deviation_m"
@@ -453,19 +437,15 @@ def find_thruster_tests(motion: Motion, smooth: Motion, free: Bools) -> list[Man
     driven, sideways = pushed & ~_all(~runs for runs, _ in state.values()), np.abs(smooth.sway_mps)
     crab = driven & (sideways > _CRAB_SHARE * np.abs(smooth.surge_mps)) & (sideways > _CRAB_LEAST_MPS)
     crab_rows = bridge(crab & free, round(_BRIDGE_S / motion.step_s))
-    candidates = [
-        _unless_turning(test) for test in _tests_of(motion, "crabbing", "crabbing", crab_rows, _CRAB_LEAST_S)
-    ]
+    candidates = list[Manoeuvre | LeftOut]()
+    for test in _tests_of(motion, "crabbing", "crabbing", crab_rows, _CRAB_LEAST_S):
+        turned = abs(test.indices["heading_change_deg"].value)
+        rejected = LeftOut(test.kind, test.start, test.end, f"the ship turned by {turned:.0f} deg")
+        candidates.append(test if turned < _CRAB_TURN_DEG else rejected)
     for name, mask in cases.items():
         rows = bridge(mask & free & ~crab, round(_BRIDGE_S / motion.step_s))
         candidates += _tests_of(motion, "thruster_test", name, rows, _LEAST_S)
     return candidates
-
-
-def _unless_turning(run: Manoeuvre) -> Manoeuvre | LeftOut:
-    turned = abs(run.indices["heading_change_deg"].value)
-    why = f"the ship turned by {turned:.0f} deg"
-    return run if turned < _CRAB_TURN_DEG else LeftOut(run.kind, run.start, run.end, why)
 
 
 def _all(masks: Iterable[Bools]) -> Bools:

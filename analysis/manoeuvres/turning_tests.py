@@ -1,5 +1,4 @@
-"""Helm tests other than zigzags and circles: pull-out, direct and reverse spiral (Dieudonne, Bech), Williamson
-turn.
+"""Helm tests other than zigzags and circles: pull-outs, direct and reverse spirals, Williamson turns.
 
 Definitions after ITTC 7.5-04-02-01 and ISO 13643-2 and -3. They are recognised by the orders and the ship's
 response: rates of turn count once settled, and a Williamson turn ends on the reciprocal course.
@@ -55,11 +54,18 @@ _OUT_DEG, _BACK_DEG = (35.0, 90.0), (150.0, 210.0)  # 60 deg off and the recipro
 
 def find_pull_outs(motion: Motion, held: Sequence[Plateau], rate: Floats, fastest_mps: float) -> list[Manoeuvre]:
     """Helms put amidships from a turn and held until the rate of turn has settled; ``rate`` is smoothed."""
-    manoeuvres = []
+    manoeuvres, noise = [], noise_of(motion.helm_deg)
     for last, following in pairwise(held):
         turned = motion.heading_deg[last.first : last.end]
         way = motion.speed_mps[following.first] > _LEAST_WAY * fastest_mps
-        if not (way and np.ptp(turned) >= _LEAST_TURN_DEG and _put_amidships(motion, last, following)):
+        middle = abs(following.level) <= max(_AMIDSHIPS_DEG, _AMIDSHIPS_SHARE * abs(last.level)) < abs(last.level)
+        if not (way and np.ptp(turned) >= _LEAST_TURN_DEG and middle and _at_once(motion, last, following)):
+            continue
+        # The helm went directly to amidships, not beyond, and stayed there without course-keeping.
+        between = motion.helm_deg[last.end : following.first + 1]
+        beyond = float(np.max(-np.sign(last.level) * (between - following.level), initial=0.0))
+        steady = following.spread <= _STILL_DEG + _SPREAD_OF_NOISE * noise
+        if not (steady and beyond <= _AMIDSHIPS_DEG + 3.0 * noise):
             continue
         execute = next_execute(motion, last, following)
         settled_s = _settled_s(motion, rate, execute.half_s, float(motion.time_s[following.end - 1]))
@@ -84,18 +90,6 @@ def _settled_s(motion: Motion, rate: Floats, half: float, end: float) -> float:
     deviation = np.abs(after - np.median(after[-max(after.size // 4, 1) :]))
     unsettled = np.flatnonzero(deviation > _SETTLED_SHARE * deviation[0])
     return min(end, half + max(3.0 * unsettled.size * motion.step_s, 2.0 * _LEAST_HELD_S))
-
-
-def _put_amidships(motion: Motion, last: Plateau, following: Plateau) -> bool:
-    """Whether the helm went from a turn directly to amidships, not beyond, and stayed there without
-    course-keeping."""
-    helm, noise = motion.helm_deg, noise_of(motion.helm_deg)
-    middle = abs(following.level) <= max(_AMIDSHIPS_DEG, _AMIDSHIPS_SHARE * abs(last.level)) < abs(last.level)
-    against = float(
-        np.max(-np.sign(last.level) * (helm[last.end : following.first + 1] - following.level), initial=0.0)
-    )
-    stands = following.spread <= _STILL_DEG + _SPREAD_OF_NOISE * noise
-    return middle and stands and against <= _AMIDSHIPS_DEG + 3.0 * noise and _at_once(motion, last, following)
 
 
 def pull_out_indices(motion: Motion, times: Floats) -> dict[str, float]:
@@ -124,45 +118,40 @@ def pull_out_indices(motion: Motion, times: Floats) -> dict[str, float]:
 
 def spiral_steps(motion: Motion, held: Sequence[Plateau]) -> list[list[Plateau]]:
     """Five and more helms held one after the other from one side to the other, or there and back, until the rate of
-    turn has settled: three quarters of them at least, as a ship that does not keep her course lingers near none."""
+    turn has settled: three quarters of them at least, as an unstable ship passes quickly through small rates."""
 
-    def next_helm(last: Plateau, following: Plateau) -> bool:
+    def is_next_helm(last: Plateau, following: Plateau) -> bool:
         return _at_once(motion, last, following) and abs(following.level - last.level) > _LEAST_HELM_STEP_DEG
 
     def has_settled(run: list[Plateau]) -> bool:
-        return sum(_has_settled(motion, run, plateau) for plateau in run) >= max(
-            _FEWEST_STEPS, _SETTLED_STEPS * len(run)
-        )
+        settled = sum(_has_settled(motion, run, plateau) for plateau in run)
+        return settled >= max(_FEWEST_STEPS, _SETTLED_STEPS * len(run))
 
-    return _stairs(held, next_helm, has_settled)
+    return _stairs(held, is_next_helm, has_settled)
 
 
 def _stairs(
     held: Sequence[Plateau],
-    goes_on: Callable[[Plateau, Plateau], bool],
-    is_good: Callable[[list[Plateau]], bool],
+    is_next: Callable[[Plateau, Plateau], bool],
+    is_valid: Callable[[list[Plateau]], bool],
 ) -> list[list[Plateau]]:
-    """At least five good steps of similar length from one side to the other, or there and back."""
+    """At least five valid steps of similar length from one side to the other, or there and back."""
     runs: list[list[Plateau]] = []
     for plateau in held:
         last = runs[-1] if runs else []
-        follows = bool(last) and goes_on(last[-1], plateau)
+        follows = bool(last) and is_next(last[-1], plateau)
         if follows and (len(last) < 2 or (plateau.level - last[-1].level) * (last[-1].level - last[-2].level) > 0):
             last.append(plateau)
         else:
             runs.append([last[-1], plateau] if follows else [plateau])
-    complete = [run for run in runs if len(run) >= _FEWEST_STEPS and run[0].level * run[-1].level < 0
-             and _held_alike(run) and is_good(run)]  # fmt: skip
-    joined: list[list[Plateau]] = []
-    for run in complete:
-        back = joined and joined[-1][-1] is run[0]
-        joined[-1:] = [[*joined[-1], *run[1:]]] if back else [*joined[-1:], run]
-    return joined
-
-
-def _held_alike(run: Sequence[Plateau]) -> bool:
-    rows = [plateau.end - plateau.first for plateau in run]
-    return min(rows) >= _LEAST_SHARE_OF_STEP * max(rows)
+    result: list[list[Plateau]] = []
+    for run in runs:
+        rows = [plateau.end - plateau.first for plateau in run]
+        alike = min(rows) >= _LEAST_SHARE_OF_STEP * max(rows)
+        if len(run) >= _FEWEST_STEPS and run[0].level * run[-1].level < 0 and alike and is_valid(run):
+            goes_back = result and result[-1][-1] is run[0]
+            result[-1:] = [[*result[-1], *run[1:]]] if goes_back else [*result[-1:], run]
+    return result
 
 
 def _has_settled(motion: Motion, run: Sequence[Plateau], plateau: Plateau) -> bool:
@@ -247,7 +236,7 @@ def _steps_of(motion: Motion, rate: Floats, free: Bools) -> list[list[Plateau]]:
              for plateau in _held_rates(rate, *span, band)]  # fmt: skip
     held = [plateau for plateau in steps if (plateau.end - plateau.first) * motion.step_s >= _LEAST_HELD_S]
 
-    def next_rate(last: Plateau, following: Plateau) -> bool:
+    def is_next_rate(last: Plateau, following: Plateau) -> bool:
         pause, shorter = following.first - last.end, min(following.end - following.first, last.end - last.first)
         return pause <= shorter and abs(following.level - last.level) > 2.0 * band
 
@@ -260,7 +249,7 @@ def _steps_of(motion: Motion, rate: Floats, free: Bools) -> list[list[Plateau]]:
         held_rows = sum(plateau.end - plateau.first for plateau in run)
         return held_rows > _HELD_SHARE * (run[-1].end - run[0].first) and float(np.median(spreads)) > still
 
-    return _stairs(held, next_rate, is_steered)
+    return _stairs(held, is_next_rate, is_steered)
 
 
 def _held_rates(rate: Floats, first: int, end: int, band: float) -> list[Plateau]:
@@ -272,12 +261,12 @@ def _held_rates(rate: Floats, first: int, end: int, band: float) -> list[Plateau
             pieces.append(Plateau(start, row, float(np.median(rate[start : row + 1])), float(high - low)))
             start, low, high = row, rate[row], rate[row]
 
-    def joined(last: Plateau, following: Plateau) -> Plateau | None:
+    def join(last: Plateau, following: Plateau) -> Plateau | None:
         """One rate interrupted by a gust; the pieces of a ramp are a whole band apart."""
         near = abs(following.level - last.level) < 0.5 * band
         return Plateau(last.first, following.end, 0.5 * (last.level + following.level), band) if near else None
 
-    return merge_neighbours(pieces, joined)
+    return merge_neighbours(pieces, join)
 
 
 def reverse_spiral(motion: Motion, steps: list[Plateau]) -> Manoeuvre:
