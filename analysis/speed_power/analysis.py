@@ -1,16 +1,14 @@
 """Speed and power of a ship from double runs: corrected run by run, current removed, with intervals.
 
-How far the speed at a power may be off: the current, the runs' scatter, the sensors and the corrections.
+What differs from run to run is estimated from the runs themselves. The current along the course is a constant, a
+tide of 12.4 h with its half and its double period, and an irregular part; how likely each strength of tide and
+irregular part is, follows from the speeds of the runs (restricted maximum likelihood over a grid, every power
+setting with a speed of its own). Of each such current the variance of the result follows from how the result
+changes with the speed of each run (JCGM 100, 5.1.3), and the interval holds 95 % of the mixture.
 
-What differs from run to run is judged by the runs themselves. The current along the course is a constant, a tide
-of 12.4 h with its half and its double period, and an irregular part; how strong tide and irregular part are, the
-speeds of the runs make likely or not (restricted maximum likelihood over a grid, every power setting with a speed
-of its own). Of each such current the variance of the result follows from how the result changes with the speed of
-each run (JCGM 100, 5.1.3), and the interval holds 95 % of the mixture.
-
-What is common to all runs, they cannot show: the error of the power measurement, of the anemometer, of
-coefficients and formulas. It is propagated from the standard uncertainties below. Wind and waves that were not
-corrected for move the middle of the interval by what they may have taken, where the ship's size tells it.
+Errors common to all runs do not show in them: of the power measurement, of the anemometer, of coefficients and
+formulas. They are propagated from the standard uncertainties below. Wind and waves that were not corrected for move
+the middle of the interval by what they may have taken, where the ship's size is known.
 """
 
 from __future__ import annotations
@@ -196,22 +194,26 @@ def _analyse(runs: Sequence[PowerRun], conditions: Conditions, left_out: tuple[L
 
     def speeds(solution: SpeedPowerSolution) -> Floats:
         at_settings = solution.curve.speed_mps(best.means[:, 1])
-        means = solution.means[:, 0] + (best.means[:, 1] - solution.means[:, 1]) / best.curve.slope(
-            best.means[:, 0]
-        )
+        slope = best.curve.slope(best.means[:, 0])
+        means = solution.means[:, 0] + (best.means[:, 1] - solution.means[:, 1]) / slope
         return np.concatenate([solution.curve.speed_mps(band_kw), at_settings, means])
 
-    no_interval, within = why_unbounded(trial), None
+    no_interval, intervals = why_unbounded(trial), None
     if not no_interval:
         try:
-            within = intervals_of(trial, runs, best, over_ground, power, speeds)
+            intervals = intervals_of(trial, runs, best, over_ground, power, speeds)
         except DataShortageError:
             no_interval = "runs that differ by less than their errors would have no solution"
     values = speeds(best)
     powers = np.concatenate([band_kw, best.means[:, 1], best.means[:, 1]])
-    at = _speeds_at(powers, values, within)
+    low = high = np.full_like(values, np.nan)
+    if intervals is not None:  # which hold the speed itself wherever their middle lies
+        middle = values + intervals.shift_mps
+        low = np.minimum(values, middle - intervals.half_mps)
+        high = np.maximum(values, middle + intervals.half_mps)
+    points = [SpeedAtPower(*map(float, row)) for row in zip(powers, values, low, high, strict=True)]
     count = len(trial.groups)
-    band, by_curve, by_means = at[:_BAND_POINTS], at[_BAND_POINTS:-count], at[-count:]
+    band, by_curve, by_means = points[:_BAND_POINTS], points[_BAND_POINTS:-count], points[-count:]
     settings = tuple(PowerSetting(len(group), *pair) for group, *pair in zip(
         trial.groups, by_means, by_curve, strict=True))  # fmt: skip
     rows = zip(runs, *best.added_n.values(), best.current.current_mps, best.speed_mps, best.power_kw, strict=True)
@@ -219,22 +221,14 @@ def _analyse(runs: Sequence[PowerRun], conditions: Conditions, left_out: tuple[L
     return SpeedPower(
         corrected, settings, best.curve, tuple(band), best.current.terms, runs[0].heading_deg,
         _sizes(trial, over_ground, power, best, corrections),
-        _uncertainties(within, _BAND_POINTS + int(np.argmax(best.means[:, 1]))), no_interval,
+        _uncertainties(intervals, _BAND_POINTS + int(np.argmax(best.means[:, 1]))), no_interval,
         warnings_of(conditions, runs, trial.groups, len(best.current.terms)), left_out, software_version(),
     )  # fmt: skip
 
 
-def _speeds_at(powers: Floats, values: Floats, within: Intervals | None) -> list[SpeedAtPower]:
-    """Speeds at powers with their intervals, which hold the speed itself wherever their middle lies."""
-    low = high = np.full_like(values, np.nan)
-    if within is not None:
-        middle = values + within.shift_mps
-        low, high = np.minimum(values, middle - within.half_mps), np.maximum(values, middle + within.half_mps)
-    return [SpeedAtPower(*map(float, row)) for row in zip(powers, values, low, high, strict=True)]
-
-
-def _uncertainties(within: Intervals | None, place: int) -> tuple[Uncertainty, ...]:
-    sources = within.sources if within is not None else ()
+def _uncertainties(intervals: Intervals | None, place: int) -> tuple[Uncertainty, ...]:
+    """The sources of uncertainty of one of the speeds, the largest first."""
+    sources = intervals.sources if intervals is not None else ()
     halves = [(source.name, 1.96 * float(source.standard_mps[place])) for source in sources]
     return tuple(Uncertainty(*entry) for entry in sorted(halves, key=lambda entry: -entry[1]))
 
@@ -354,9 +348,13 @@ def _random_part(
     settings = np.zeros((speed.size, len(trial.groups)))
     for column, group in enumerate(trial.groups):
         settings[group, column] = 1.0
+    lag_s = np.abs(trial.time_s[:, np.newaxis] - trial.time_s)
+    phase = 2.0 * np.pi * lag_s / TIDE_S
+    regular = np.cos(phase) + _HALF_PERIOD**2 * np.cos(2.0 * phase) + _DOUBLE_PERIOD**2 * np.cos(0.5 * phase)
     logs, variances = [], []
     for tide, irregular, scale in product(_TIDES_MPS, _IRREGULAR_MPS, _CORRELATED_S):
-        covariance = np.outer(trial.along, trial.along) * _current_covariance(trial.time_s, tide, irregular, scale)
+        slow = 0.5 * irregular**2 * np.exp(-lag_s / scale)
+        covariance = np.outer(trial.along, trial.along) * (_CONSTANT_MPS**2 + 0.5 * tide**2 * regular + slow)
         noise = np.diag(0.5 * irregular**2 + speed_se**2 + (power_se / slope) ** 2)
         prior = -0.5 * np.log(irregular / _USUAL_IRREGULAR_MPS) ** 2
         logs.append(prior + _likelihood(residual, settings, covariance + noise))
@@ -365,14 +363,6 @@ def _random_part(
         variances.append(drift + white + (by_power**2) @ power_se**2)
     weights = np.exp(np.array(logs) - np.max(logs))
     return weights / weights.sum(), np.array(variances)
-
-
-def _current_covariance(time_s: Floats, tide: float, irregular: float, scale_s: float) -> Floats:
-    """The covariance of the current [m^2/s^2] between times [runs, runs]."""
-    lag_s = np.abs(time_s[:, np.newaxis] - time_s)
-    phase = 2.0 * np.pi * lag_s / TIDE_S
-    regular = np.cos(phase) + _HALF_PERIOD**2 * np.cos(2.0 * phase) + _DOUBLE_PERIOD**2 * np.cos(0.5 * phase)
-    return np.asarray(_CONSTANT_MPS**2 + 0.5 * tide**2 * regular + 0.5 * irregular**2 * np.exp(-lag_s / scale_s))
 
 
 def _likelihood(residual: Floats, settings: Floats, covariance: Floats) -> float:
@@ -398,8 +388,8 @@ def _mixture_half(weights: Floats, variances: Floats) -> Floats:
 
 @dataclass(frozen=True, slots=True)
 class _Change:
-    """A trial in which something common to all runs is otherwise: how much of the change of the result is to be
-    expected (``shift``), and how much of it is one standard uncertainty (``spread``)."""
+    """A trial in which a value common to all runs is changed: how much of the change of the result is expected
+    (``shift``), and how much of it is one standard uncertainty (``spread``)."""
 
     name: str
     trial: SpeedTrial
@@ -424,8 +414,8 @@ def _changes(trial: SpeedTrial) -> Iterator[_Change]:
     conditions, methods = trial.conditions, trial.methods
     # An accuracy is half of a rectangular distribution (JCGM 100, 4.3.7)
     yield _Change("power measurement", trial, 1.0 + conditions.power_error_percent / 100.0 / np.sqrt(3.0))
-    yield from _wind_changes(trial) if "wind" in methods else _unknown_wind(trial)
-    yield from _wave_changes(trial) if "waves" in methods else _unknown_waves(trial)
+    yield from _wind_changes(trial)
+    yield from _wave_changes(trial)
     if methods.keys() & {"wind", "waves", "water"}:
         efficiency = conditions.number("propulsive_efficiency") * (1.0 - _EFFICIENCY)
         yield _Change("propulsive efficiency", _with(trial, propulsive_efficiency=efficiency))
@@ -440,7 +430,7 @@ def _changes(trial: SpeedTrial) -> Iterator[_Change]:
 
 def _uncorrected_depth(trial: SpeedTrial) -> Iterator[_Change]:
     """What the bottom may have taken: in deep water Raven's viscous part, in shallow Lackenby's of a usual ship."""
-    usual = _usual(trial.conditions)
+    usual = _with_usual_values(trial.conditions)
     beam_m, draught_m = usual.number("beam_m"), usual.number("draught_m")
     depth_m = float(trial.sea.water_depth_m.min())
     if depth_m < 3.0 * np.sqrt(beam_m * draught_m):
@@ -456,6 +446,11 @@ def _with(trial: SpeedTrial, **conditions: float) -> SpeedTrial:
 
 
 def _wind_changes(trial: SpeedTrial) -> Iterator[_Change]:
+    """Errors of the wind and its resistance; where it was not corrected for, what it may have taken."""
+    if "wind" not in trial.methods:
+        usual = replace(trial, conditions=_with_usual_values(trial.conditions))
+        yield _Change("wind", usual.corrected_by("wind"), shift=1.0, spread=_UNKNOWN_WIND)
+        return
     curve = np.array(wind_resistance_of(trial.conditions))
     error = _OWN_WIND_CURVE if trial.conditions.wind_resistance else _TYPICAL_WIND_CURVE
     yield _Change("wind", replace(trial, wind_mps=trial.wind_mps * (1.0 + _WIND_SPEED)))
@@ -465,15 +460,22 @@ def _wind_changes(trial: SpeedTrial) -> Iterator[_Change]:
 
 
 def _wave_changes(trial: SpeedTrial) -> Iterator[_Change]:
-    height = trial.sea.wave_height_m * np.sqrt(1.0 + _WAVES)
-    yield _Change("waves", replace(trial, sea=replace(trial.sea, wave_height_m=height)))
-    yield from _side_waves(trial)
-
-
-def _side_waves(trial: SpeedTrial) -> Iterator[_Change]:
-    """What waves from the side may take, which the formulas leave out."""
-    if not from_ahead(trial.heading_deg, trial.sea.wave_from_deg).all():
-        yield _Change("waves", _with_side_waves(trial), shift=1.0, spread=0.6)
+    """Errors of the waves and what waves from the side may take, which the formulas leave out; where they were not
+    corrected for, what waves of their height, or any that the wind may raise, may have taken."""
+    sea = trial.sea
+    if "waves" in trial.methods:
+        height = sea.wave_height_m * np.sqrt(1.0 + _WAVES)
+        yield _Change("waves", replace(trial, sea=replace(sea, wave_height_m=height)))
+        if not from_ahead(trial.heading_deg, sea.wave_from_deg).all():
+            yield _Change("waves", _with_side_waves(trial), shift=1.0, spread=0.6)
+        return
+    height, spread = sea.wave_height_m, _UNKNOWN_WIND
+    if not np.isfinite(height).all():  # the square of a height that lies anywhere below the highest one
+        height, spread = _FULLY_DEVELOPED * trial.wind_mps**2 / GRAVITY_MPS2 / np.sqrt(3.0), np.sqrt(0.8)
+    wave_from_deg = np.where(np.isfinite(sea.wave_from_deg), sea.wave_from_deg, trial.wind_from_deg)
+    sea = replace(sea, wave_height_m=height, wave_from_deg=wave_from_deg)
+    usual = replace(trial, conditions=_with_usual_values(trial.conditions), sea=sea)
+    yield _Change("waves", _with_side_waves(usual.corrected_by("waves", WAVE_METHODS[0])), shift=1.0, spread=spread)
 
 
 def _with_side_waves(trial: SpeedTrial) -> SpeedTrial:
@@ -485,26 +487,7 @@ def _with_side_waves(trial: SpeedTrial) -> SpeedTrial:
     return replace(trial, sea=sea)
 
 
-def _unknown_wind(trial: SpeedTrial) -> Iterator[_Change]:
-    """What the wind may have taken that was not corrected for."""
-    usual = replace(trial, conditions=_usual(trial.conditions))
-    yield _Change("wind", usual.corrected_by("wind"), shift=1.0, spread=_UNKNOWN_WIND)
-
-
-def _unknown_waves(trial: SpeedTrial) -> Iterator[_Change]:
-    """What waves may have taken that were not corrected for: of their height, or of any that the wind may raise."""
-    sea, spread = trial.sea, _UNKNOWN_WIND
-    height, towards = sea.wave_height_m, sea.wave_from_deg
-    if not np.isfinite(height).all():  # the square of a height that lies anywhere below the highest one
-        height, spread = _FULLY_DEVELOPED * trial.wind_mps**2 / GRAVITY_MPS2 / np.sqrt(3.0), np.sqrt(0.8)
-    towards = np.where(np.isfinite(towards), towards, trial.wind_from_deg)
-    usual = replace(
-        trial, conditions=_usual(trial.conditions), sea=replace(sea, wave_height_m=height, wave_from_deg=towards)
-    )
-    yield _Change("waves", _with_side_waves(usual.corrected_by("waves", WAVE_METHODS[0])), shift=1.0, spread=spread)
-
-
-def _usual(conditions: Conditions) -> Conditions:
+def _with_usual_values(conditions: Conditions) -> Conditions:
     """The conditions with usual values of what wind, waves and depth act on, where they are not known."""
     beam = conditions.beam_m or conditions.number("length_m") / _USUAL_SLENDERNESS
     draught = conditions.draught_m or beam / _USUAL_BEAM

@@ -1,20 +1,18 @@
-"""What wind, waves, water and a shallow sea add to the power of a run: the corrections of ISO 15016:2015.
+"""The corrections of ISO 15016:2015: what wind, waves, water and a shallow sea add to the power of a run.
 
-Its ITTC twin is 7.5-04-01-01.1 (2017, 2021). Resistances are in newtons, powers in kilowatts, speeds in metres a
-second; arrays have one element a run. Directions that wind and waves come from are clockwise from true north. The
-end says which formulas can be used with what is known, and where the standard does not apply.
+The same is in ITTC 7.5-04-01-01.1 (2017, 2021). Resistances are in newtons, powers in kilowatts, speeds in metres a
+second; arrays have one element a run. Directions that wind and waves come from are clockwise from true north.
+:func:`corrections_of` chooses the formulas that the known conditions allow, :func:`warnings_of` tells where the
+standard does not apply.
 
-What waves add to the resistance: STAWAVE-1 and STAWAVE-2 of ISO 15016:2015, annex D (ITTC 7.5-04-01-01.1).
+The waves' part is STAWAVE-1 and STAWAVE-2 (annex D). Both are for waves from up to 45 deg off the bow; waves from
+other directions are taken to add nothing. STAWAVE-1 is for a ship that hardly heaves and pitches, as its waves are
+short; STAWAVE-2 adds what heave and pitch take.
 
-Both are for waves from up to 45 deg off the bow; waves from elsewhere are taken to add nothing. STAWAVE-1 is for a
-ship that hardly heaves and pitches, as its waves are short; STAWAVE-2 adds what heave and pitch take.
-
-Typical coefficients of wind resistance by kind of ship, where those of the ship herself are not known.
-
-From the data sets of ITTC 7.5-04-01-01.1 (2021), section F.3, which ISO 15016:2015, annex C, has too: wind tunnel
-results of the STA joint industry project. The standard itself was not at hand. The numbers are those in which two
-independent transcriptions agree; of the tanker in ballast there was one. The other kinds of the standard, such as
-car carriers and ferries, are left out: of them there was one, read off charts.
+Where the wind resistance of the ship is not known, it is typical of its kind: coefficients of the STA joint
+industry project (ITTC 7.5-04-01-01.1 (2021), section F.3; ISO 15016:2015, annex C). The standard itself was not at
+hand. The numbers are those in which two independent transcriptions agree; of the tanker in ballast there was one.
+Kinds of which there was only one, read off charts, such as car carriers and ferries, are left out.
 """
 
 from __future__ import annotations
@@ -182,7 +180,7 @@ def is_shallow(conditions: Conditions, depth_m: float, speed_mps: float) -> bool
     return bool(depth_m < max(wide, 2.75 * speed_mps**2 / GRAVITY_MPS2))
 
 
-_FOUR = 4  # runs: with fewer the mean of means leaves a part of a changing current
+_TWO_DOUBLE_RUNS = 4  # runs: with fewer the mean of means leaves a part of a changing current
 _LEAST_LENGTH_M, _LEAST_SETTINGS, _LEAST_DOUBLE_RUNS = 100.0, 3, 4
 _MOST_DISPLACEMENT_SHARE = 0.02
 _WINDS_MPS = {True: 10.7, False: 13.8}  # the upper ends of Beaufort 5, for up to 100 m, and 6
@@ -198,18 +196,18 @@ _NEEDED = {
     "displacement": ("displacement_m3", "stated_displacement_m3"),
 }
 WAVE_METHODS = ("STAWAVE-1", "STAWAVE-2")
-_TERMS = {1: "does not change", 2: "changes evenly", 3: "changes evenly and with a part of the tide"}
+_TERM_WORDS = {1: "does not change", 2: "changes evenly", 3: "changes evenly and with a part of the tide"}
 Groups = Sequence[Sequence[int]]
 
 
 def corrections_of(conditions: Conditions, runs: Sequence[PowerRun]) -> tuple[Correction, ...]:
-    """What is corrected for, and of what is not why."""
+    """All corrections: those that apply with their method, the others with the reason."""
     sea = sea_of(conditions, runs)
     speeds = np.array([run.speed_mps for run in runs])
     chosen = {
-        "wind": _wind(conditions, runs), "waves": _waves(conditions, runs, sea),
+        "wind": _wind_method(conditions, runs), "waves": _wave_method(conditions, runs, sea),
         "water": (True, "ITTC 1957 friction line, to 15 deg C and 1026 kg/m3"),
-        "shallow water": _shallow_water(conditions, float(sea.water_depth_m.min()), float(speeds.max())),
+        "shallow water": _shallow_water_method(conditions, float(sea.water_depth_m.min()), float(speeds.max())),
         "displacement": (True, "admiralty coefficient"),
     }  # fmt: skip
     return tuple(
@@ -220,21 +218,17 @@ def corrections_of(conditions: Conditions, runs: Sequence[PowerRun]) -> tuple[Co
     )
 
 
-def _wind(conditions: Conditions, runs: Sequence[PowerRun]) -> tuple[bool, str]:
+def _wind_method(conditions: Conditions, runs: Sequence[PowerRun]) -> tuple[bool, str]:
     if not all(np.isfinite(run.wind_mps) for run in runs):
         return False, "not known: the wind during the runs"
     if not wind_resistance_of(conditions):
         return False, "not known: wind_resistance, or wind_resistance_type"
-    has_own_curve = bool(conditions.wind_resistance)
-    kind = (
-        "those of the ship"
-        if has_own_curve
-        else f"typical of a {(conditions.wind_resistance_type or '').replace('_', ' ')}"
-    )
+    kind = f"typical of a {(conditions.wind_resistance_type or '').replace('_', ' ')}"
+    kind = "those of the ship" if conditions.wind_resistance else kind
     return True, f"mean true wind of each double run, at the height of the coefficients; coefficients: {kind}"
 
 
-def _waves(conditions: Conditions, runs: Sequence[PowerRun], sea: RunSeas) -> tuple[bool, str]:
+def _wave_method(conditions: Conditions, runs: Sequence[PowerRun], sea: RunSeas) -> tuple[bool, str]:
     """STAWAVE-2 where what it asks for is known and within its range, else STAWAVE-1, else why neither."""
     if (sea.wave_height_m == 0.0).all():
         return False, "not needed: no waves"
@@ -263,7 +257,7 @@ def _waves(conditions: Conditions, runs: Sequence[PowerRun], sea: RunSeas) -> tu
     )
 
 
-def _shallow_water(conditions: Conditions, depth_m: float, fastest_mps: float) -> tuple[bool, str]:
+def _shallow_water_method(conditions: Conditions, depth_m: float, fastest_mps: float) -> tuple[bool, str]:
     if not np.isfinite(depth_m):
         return False, "not known: water_depth_m"
     if not is_shallow(conditions, depth_m, fastest_mps):
@@ -321,9 +315,9 @@ def _programme_warnings(runs: Sequence[PowerRun], groups: Groups, terms: int) ->
             f"{number_text(pairs, 'double run')} at {number_text(len(groups), 'power setting')}: the standard asks "
             f"for {_LEAST_DOUBLE_RUNS} at {_LEAST_SETTINGS}"
         )
-    if course := _TERMS.get(terms):
+    if course := _TERM_WORDS.get(terms):
         yield f"{len(runs)} runs are too few for a tide: the iterative method takes it that the current {course}"
-    if single := sum(len(group) < _FOUR for group in groups):
+    if single := sum(len(group) < _TWO_DOUBLE_RUNS for group in groups):
         yield (
             f"{number_text(single, 'power setting')} without two double runs: there the mean of means removes a "
             "steady current only"

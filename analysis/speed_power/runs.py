@@ -1,10 +1,9 @@
-"""Speed runs with power: found in recordings, measured, and put together in double runs and power settings.
+"""Speed runs with power, from recordings or from tables of run averages, as double runs and power settings.
 
-Tables of run averages, one row a run, as yards keep them: read into runs and conditions.
-
-Columns are found by what they are called, whatever their order; units stand in the names, as ``Speed over ground
-[kn]`` or ``speed_over_ground_kn``, or in the row below them. A table must have the start and the duration (or the
-end) of each run, heading, speed over ground, and power or torque with the shaft speed.
+A table of run averages has one row a run, as yards keep them. Its columns are identified by their names, in any
+order; units are part of the names, as ``Speed over ground [kn]`` or ``speed_over_ground_kn``, or in the row below
+them. It must have the start and the duration (or the end) of each run, heading, speed over ground, and power or
+torque with the shaft speed.
 """
 
 from __future__ import annotations
@@ -25,7 +24,7 @@ from seatrial.acquisition.core.quantities import Floats, Linear, to_house
 from seatrial.acquisition.core.result import Number
 from seatrial.acquisition.core.ship import POSE_AND_VELOCITY, RUDDER, circular_mean, wrap_360
 from seatrial.acquisition.tables.column_names import headed
-from seatrial.acquisition.tables.table_files import RawTable, read_raw
+from seatrial.acquisition.tables.table_files import read_raw
 from seatrial.acquisition.tables.time_columns import as_clock, as_date
 from seatrial.analysis.manoeuvres.find import marks_of
 from seatrial.analysis.manoeuvres.indices import LeftOut
@@ -125,9 +124,10 @@ def power_runs(table: pd.DataFrame, events: Iterable[tuple[int, str]] = ()) -> t
             fix="record or import shaft_power_kw, or shaft_torque_knm with the"
             " shaft's rpm; `engine_room` in trials/packs has both",
         )  # fmt: skip
-    motion = motion_of(_without_controls(table))
-    power = np.sum([_power_kw(motion, table, *names) for names in columns.values()], axis=0)
-    setting = _setting(motion, table, power)
+    poses = table[[name for name in POSE_AND_VELOCITY if name in table]]
+    poses.attrs = {name: value for name, value in table.attrs.items() if name != "actuators"}
+    motion = motion_of(poses.assign(**{RUDDER: 0.0}))  # any helm: runs are straight by the heading
+    power, setting = _power_and_setting(motion, table, columns)
     motion = replace(motion, drives={"setting": setting}, thrust=np.sign(setting) * setting**2)
     smooth = smooth_motion(motion, max(WIDEST_S, 3 * motion.step_s))
     runs, left_out = list[PowerRun](), list[LeftOut]()
@@ -140,15 +140,8 @@ def power_runs(table: pd.DataFrame, events: Iterable[tuple[int, str]] = ()) -> t
         if why:
             left_out.append(LeftOut("speed_run", start, stop, why))
         else:
-            runs.append(_run(motion, part, power, begun, first, end))
+            runs.append(_measure_run(motion, part, power, begun, first, end))
     return runs, left_out
-
-
-def _without_controls(table: pd.DataFrame) -> pd.DataFrame:
-    """Pose and velocity alone, with a helm that says nothing: runs are straight by the heading."""
-    motion = table[[name for name in POSE_AND_VELOCITY if name in table]]
-    motion.attrs = {name: value for name, value in table.attrs.items() if name != "actuators"}
-    return motion.assign(**{RUDDER: 0.0})
 
 
 def _on_grid(motion: Motion, table: pd.DataFrame, name: str) -> Floats:
@@ -157,19 +150,21 @@ def _on_grid(motion: Motion, table: pd.DataFrame, name: str) -> Floats:
     return np.asarray(np.interp(motion.time_s, seconds, samples.to_numpy(dtype=float)))
 
 
-def _power_kw(motion: Motion, table: pd.DataFrame, name: str, speed: str) -> Floats:
-    """A column of power, or of torque with that of the speed of its shaft [rpm]."""
-    turning = _on_grid(motion, table, speed) * np.pi / 30.0 if speed else 1.0
-    return _on_grid(motion, table, name) * _TO_KILO[name.rpartition("_")[2]] * turning
-
-
-def _setting(motion: Motion, table: pd.DataFrame, power: Floats) -> Floats:
-    """The mean shaft speed of the drives that were recorded [rpm]; without one the cube root of the power."""
+def _power_and_setting(
+    motion: Motion, table: pd.DataFrame, columns: Mapping[str, tuple[str, str]]
+) -> tuple[Floats, Floats]:
+    """The power at all shafts [kW], and the mean shaft speed of the drives that were recorded [rpm]; without one
+    the cube root of the power."""
+    powers = []
+    for name, speed in columns.values():  # of power, or of torque with that of the speed of its shaft [rpm]
+        turning = _on_grid(motion, table, speed) * np.pi / 30.0 if speed else 1.0
+        powers.append(_on_grid(motion, table, name) * _TO_KILO[name.rpartition("_")[2]] * turning)
+    power = np.sum(powers, axis=0)
     names = [actuator.channels[0].name for actuator in table_actuators(table) if actuator.drives]
     recorded = [name for name in names if name in table and table[name].notna().any()]
-    if recorded:
-        return np.asarray(np.mean([_on_grid(motion, table, name) for name in recorded], axis=0))
-    return np.asarray(np.cbrt(power))
+    if not recorded:
+        return power, np.asarray(np.cbrt(power))
+    return power, np.asarray(np.mean([_on_grid(motion, table, name) for name in recorded], axis=0))
 
 
 def _rows_of_runs(motion: Motion, smooth: Motion, events: Iterable[tuple[int, str]]) -> list[tuple[int, int, int]]:
@@ -192,40 +187,36 @@ def _rows_of_runs(motion: Motion, smooth: Motion, events: Iterable[tuple[int, st
     return [span for span in inside if (span[2] - span[1]) * motion.step_s >= LEAST_RUN_S]
 
 
-def _along(motion: Motion, edges: Floats) -> Floats:
+def _speed_along(motion: Motion, edges: Floats) -> Floats:
     """The speed made good along the mean heading between rows [m/s]."""
     heading = np.deg2rad(float(circular_mean(motion.heading_deg[edges[0] : edges[-1] + 1])))
     north, east, time_s = (np.diff(column[edges]) for column in (motion.north_m, motion.east_m, motion.time_s))
     return np.asarray((north * np.cos(heading) + east * np.sin(heading)) / time_s)
 
 
-def _run(motion: Motion, part: pd.DataFrame, power: Floats, begun: int, first: int, end: int) -> PowerRun:
+def _measure_run(motion: Motion, part: pd.DataFrame, power: Floats, begun: int, first: int, end: int) -> PowerRun:
+    """The run of rows ``first`` to ``end``, of a stretch that began at ``begun``, with its samples ``part``."""
     edges = np.linspace(first, end - 1, _BLOCKS + 1).astype(int)
-    speeds = _along(motion, edges)
+    speeds = _speed_along(motion, edges)
     powers = np.array([power[a:b].mean() for a, b in pairwise(edges)])
+    wind, air = complex("nan+nanj"), part.reindex(columns=["wind_direction_deg", "wind_speed_mps"])
+    if (samples := air.ffill().dropna().to_numpy(dtype=float)).size:
+        wind = np.mean(samples[:, 1] * np.exp(1j * np.deg2rad(samples[:, 0])))  # as a vector, where it comes from
     return PowerRun(
         motion.utc(motion.time_s[first]), motion.utc(motion.time_s[end - 1]),
         float(wrap_360(circular_mean(motion.heading_deg[first:end]))),
-        float(_along(motion, edges[[0, -1]])[0]), _error(speeds), float(powers.mean()), _error(powers),
-        float(motion.main_rpm[first:end].mean()), *_wind(part),
+        float(_speed_along(motion, edges[[0, -1]])[0]), _standard_error(speeds),
+        float(powers.mean()), _standard_error(powers), float(motion.main_rpm[first:end].mean()),
+        float(np.rad2deg(np.angle(wind)) % 360.0), float(abs(wind)),
         float(motion.time_s[first] - motion.time_s[begun]) / 60.0,
     )  # fmt: skip
 
 
-def _error(blocks: Floats) -> float:
+def _standard_error(blocks: Floats) -> float:
     """The standard error of a mean from the means of blocks, an even drift taken out: a current makes one."""
     rows = np.arange(blocks.size)
     residual = blocks - np.polyval(np.polyfit(rows, blocks, 1), rows)
     return float(np.sqrt(residual @ residual / ERROR_FREEDOM / blocks.size))
-
-
-def _wind(part: pd.DataFrame) -> tuple[float, float]:
-    """Where the mean true wind comes from [deg] and its speed [m/s], as a vector; NaN where there is none."""
-    both = part.reindex(columns=["wind_direction_deg", "wind_speed_mps"]).ffill().dropna().to_numpy(dtype=float)
-    if not both.size:
-        return float("nan"), float("nan")
-    vector = np.mean(both[:, 1] * np.exp(1j * np.deg2rad(both[:, 0])))
-    return float(np.rad2deg(np.angle(vector)) % 360.0), float(abs(vector))
 
 
 def double_runs(runs: Iterable[PowerRun]) -> tuple[list[PowerRun], list[LeftOut]]:
@@ -324,13 +315,9 @@ def read_run_table(path: Path | str) -> RunTable:
     """
     raw = read_raw(path)
     try:
-        return runs_in_table(raw.columns, _units_of(raw))
+        return runs_in_table(raw.columns, {str(name): unit for name, unit in raw.units.items() if unit})
     except InputError as error:
         raise error.at(str(path)) from error
-
-
-def _units_of(raw: RawTable) -> dict[str, str]:
-    return {str(name): unit for name, unit in raw.units.items() if unit}
 
 
 def runs_in_table(table: pd.DataFrame, units: Mapping[str, str] | None = None) -> RunTable:
@@ -358,13 +345,24 @@ def runs_in_table(table: pd.DataFrame, units: Mapping[str, str] | None = None) -
     columns, passed_over = _columns_of(table, units or {})
     start, seconds = _times_of(table, columns)
     read = {name: _mean_or_sum(name, table, matches) for name, matches in columns.items() if _QUANTITIES[name].unit}
-    return RunTable(tuple(_runs(start, seconds, read)), _conditions_of(read), passed_over)
+    runs = tuple(_read_runs(start, seconds, read))
+    means = {name: float(np.nanmean(values)) for name, values in read.items() if np.isfinite(values).any()}
+    draught, trim = means.get("draught"), None
+    if (fore := means.get("draught_fore")) is not None and (aft := means.get("draught_aft")) is not None:
+        draught, trim = 0.5 * (fore + aft), aft - fore
+    temperature = means.get("water_temperature")
+    conditions = Conditions(draught_m=draught, trim_m=trim, water_temperature_degc=temperature)
+    return RunTable(runs, conditions, passed_over)
 
 
-def _runs(start: pd.DatetimeIndex, seconds: Floats, read: Mapping[str, Floats]) -> Iterator[PowerRun]:
+def _read_runs(start: pd.DatetimeIndex, seconds: Floats, read: Mapping[str, Floats]) -> Iterator[PowerRun]:
     """The runs of rows: averages have no standard error of their own, and what came before is not known."""
     nothing = np.full(len(start), np.nan)
-    heading, speed, power = _required(read, "heading"), _required(read, "speed"), _power_of(read)
+    heading, speed = _required(read, "heading"), _required(read, "speed")
+    if "power" in read or "torque" not in read:
+        power = _required(read, "power")
+    else:
+        power = 1e-3 * _required(read, "torque") * _required(read, "shaft_speed") * np.pi / 30.0
     setting = read.get("shaft_speed", np.cbrt(power))
     sea = [read.get(name, nothing) for name in ("wave_height", "wave_direction", "wave_period", "water_depth")]
     end = start + pd.to_timedelta(seconds, unit="s")
@@ -460,12 +458,6 @@ def _required(read: Mapping[str, Floats], name: str) -> Floats:
     return values
 
 
-def _power_of(read: Mapping[str, Floats]) -> Floats:
-    if "power" in read or "torque" not in read:
-        return _required(read, "power")
-    return 1e-3 * _required(read, "torque") * _required(read, "shaft_speed") * np.pi / 30.0
-
-
 def _wind_of(read: Mapping[str, Floats]) -> tuple[Floats, Floats]:
     """Where the true wind comes from [deg] and its speed [m/s]: as given, else from the relative wind."""
     heading, speed = (_required(read, name) for name in ("heading", "speed"))
@@ -525,13 +517,3 @@ def _stamps(table: pd.DataFrame, columns: Mapping[str, list[_Column]], quantity:
         past_midnight = np.concatenate([[0], np.cumsum(np.diff(stamps.asi8) < 0)])
         stamps = stamps + pd.to_timedelta(past_midnight, unit="D")
     return stamps
-
-
-def _conditions_of(read: Mapping[str, Floats]) -> Conditions:
-    """What the table tells of the loading and the water: means over the runs."""
-    means = {name: float(np.nanmean(values)) for name, values in read.items() if np.isfinite(values).any()}
-    fore, aft = means.get("draught_fore"), means.get("draught_aft")
-    water = means.get("water_temperature")
-    if fore is None or aft is None:
-        return Conditions(draught_m=means.get("draught"), water_temperature_degc=water)
-    return Conditions(draught_m=0.5 * (fore + aft), trim_m=aft - fore, water_temperature_degc=water)

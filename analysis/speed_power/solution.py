@@ -1,12 +1,10 @@
-"""The speeds through the water, the current and the curve of a trial, from speeds over ground and powers.
+"""The speeds through the water, the current and the power curve of a trial, from speeds over ground and powers.
 
-Speed through the water from runs in a current, by the mean of means and by the iterative method.
-
-ISO 15016:2015 and ITTC 7.5-04-01-01.1 have both. The mean of means takes runs at one power, to and fro, evenly
-spaced in time: weights 1, 3, 3, 1 of four runs remove a current that changes as a parabola, 1 and 1 of two only one
-that does not change. The iterative method takes all powers together: the current is
-V_C(t) = V_CC cos(2 pi t / T_C) + V_CS sin(2 pi t / T_C) + V_CT t + V_C0 along the course, the power
-P(V) = a + b V^q.
+By the mean of means and by the iterative method, as ISO 15016:2015 and ITTC 7.5-04-01-01.1 have both. The mean of
+means takes runs at one power, to and fro, evenly spaced in time: weights 1, 3, 3, 1 of four runs remove a current
+that changes as a parabola, 1 and 1 of two only one that does not change. The iterative method takes all powers
+together: the current is V_C(t) = V_CC cos(2 pi t / T_C) + V_CS sin(2 pi t / T_C) + V_CT t + V_C0 along the course,
+the power P(V) = a + b V^q.
 """
 
 from __future__ import annotations
@@ -66,11 +64,11 @@ class SpeedTrial:
 
 @dataclass(frozen=True, slots=True)
 class SpeedPowerSolution:
-    """What a trial was found to be.
+    """The solution of a trial.
 
-    ``added_n`` is what was added to the resistance of each run [N], ``current`` what was found in the water as it
-    was, ``speed_mps`` and ``power_kw`` those of each run without what was added, ``curve`` that through them, and
-    ``means`` of each setting the speed by the mean of means and the mean power [settings, 2].
+    ``added_n`` is what was added to the resistance of each run [N], ``current`` the result of the iterative method
+    in the water as it was, ``speed_mps`` and ``power_kw`` those of each run without what was added, ``curve`` that
+    through them, and ``means`` of each setting the speed by the mean of means and the mean power [settings, 2].
     """
 
     added_n: dict[str, Floats]
@@ -106,7 +104,12 @@ def solve(trial: SpeedTrial, over_ground: Floats, power: Floats) -> SpeedPowerSo
         ideal = ideal_power_kw(conditions, power, total, through) if trial.methods.keys() & added.keys() else power
         current = iterate_current(trial.time_s, trial.along, over_ground, ideal, through, settings)
         through = current.speed_mps
-    means = np.array([_means(trial, group, over_ground, ideal) for group in trial.groups])
+    pairs = []  # of each setting speed and power by the mean of means, both with the same weights
+    for group in trial.groups:
+        along = trial.along[group]
+        alternating = bool(np.all(along[1:] * along[:-1] < 0.0))
+        pairs.append([mean_of_means(values[group], alternating) for values in (over_ground, ideal)])
+    means = np.array(pairs)
     depth = np.array([trial.sea.water_depth_m[group].mean() for group in trial.groups])
     speed, final = _in_deep_water(trial, through, ideal, trial.sea.water_depth_m)
     means = np.column_stack(_in_deep_water(trial, means[:, 0], means[:, 1], depth))
@@ -126,13 +129,6 @@ def _added_n(trial: SpeedTrial, over_ground: Floats, through: Floats, power: Flo
         if "waves" in methods else nothing,
         "water": water_resistance_n(conditions, through, power) if "water" in methods else nothing,
     }  # fmt: skip
-
-
-def _means(trial: SpeedTrial, group: list[int], over_ground: Floats, power: Floats) -> tuple[float, float]:
-    """Speed and power of a setting by the mean of means, both with the same weights."""
-    along = trial.along[group]
-    alternating = bool(np.all(along[1:] * along[:-1] < 0.0))
-    return mean_of_means(over_ground[group], alternating), mean_of_means(power[group], alternating)
 
 
 def _in_deep_water(trial: SpeedTrial, speed: Floats, power: Floats, depth: Floats) -> tuple[Floats, Floats]:
@@ -218,7 +214,7 @@ def mean_of_means(values: Floats, alternating: bool = True) -> float:
 
 @dataclass(frozen=True, slots=True)
 class IterativeCurrent:
-    """What the iterative method found: the curve, the speed through the water of each run, and the current.
+    """The result of the iterative method: the curve, the speed through the water of each run, and the current.
 
     ``terms`` are V_C0, V_CT, V_CS and V_CC [m/s, m/s a day, m/s, m/s], as many as the runs allow, positive along
     the course of the first run; ``current_mps`` is what each run went with. ``misfit_mps`` are the runs' distances
@@ -247,7 +243,7 @@ def current_design(time_s: Floats, terms: int) -> Floats:
 def iterate_current(
     time_s: Floats, along: Floats, over_ground_mps: Floats, power_kw: Floats, start_mps: Floats, settings: int
 ) -> IterativeCurrent:
-    """The curve and the current that agree with all runs, found in turn until the speeds stand still.
+    """The curve and the current that agree with all runs, estimated in turn until the speeds converge.
 
     ``time_s`` are the middles of the runs, ``along`` 1 or -1 for runs with or against the course that the current
     is counted along, ``start_mps`` first speeds through the water: the mean of each double run. Raises
