@@ -69,7 +69,7 @@ from seatrial.analysis.conditions import recorded_conditions
 from seatrial.analysis.manoeuvres.criteria import criteria_of, index_rows
 from seatrial.analysis.manoeuvres.indices import Manoeuvre, as_json, from_order
 from seatrial.analysis.products import Options, Products, analyse, cause_of
-from seatrial.analysis.report.pages import index_page
+from seatrial.analysis.report.pages import index_page, recording_page
 from seatrial.analysis.report.tables import criteria_by_vessel
 from seatrial.analysis.speed_power import power_columns, speed_power
 from seatrial.analysis.tables.export import FLAG_MEANING, read_parquet, unit_of, write_parquet
@@ -173,8 +173,6 @@ def reusable_row(
 
 def _write_result(products: Products, row: Row, provenance: Mapping[str, Any], folder: Path) -> None:
     """All files of a result, each with its origin and history in it."""
-    from seatrial.analysis.report.pages import recording_page
-
     origin = {"provenance": to_json(provenance), "history": to_json(history_of(products.one_hz))}
     metadata = {key: json.dumps(value) for key, value in origin.items()}
     trial = {"trial": json.dumps(to_json(products.recording.trial.as_metadata())), "rate_hz": "1.0"}
@@ -815,21 +813,21 @@ def index_table(rows: Sequence[Mapping[str, Any]]) -> pd.DataFrame:
 
     Counts by code, by reason and by kind stand in columns of their own, like ``findings_by_code.spikes``.
     """
-    columns: dict[str, Any] = {name: _array([row.get(name) or "" for row in rows], "str") for name in TEXTS}
-    columns["closed"] = _array([row.get("closed") for row in rows], "boolean")
+    columns: dict[str, Any] = {name: _series([row.get(name) or "" for row in rows], "str") for name in TEXTS}
+    columns["closed"] = _series([row.get("closed") for row in rows], "boolean")
     missing = [None if row.get("missing") is None else " ".join(row["missing"]) for row in rows]
-    columns["missing"] = _array(missing, "str")
-    starts = _array([row.get("start") for row in rows], "object")
+    columns["missing"] = _series(missing, "str")
+    starts = _series([row.get("start") for row in rows], "object")
     columns["start"] = pd.to_datetime(starts, utc=True, format="ISO8601").dt.as_unit("ns")
     for name, dtype in (dict.fromkeys(MEASURES, "Float64") | dict.fromkeys(COUNTS, "Int64")).items():
-        columns[name] = _array([row.get(name) for row in rows], dtype)
+        columns[name] = _series([row.get(name) for row in rows], dtype)
     for name in NESTED_COUNTS:
         columns |= _nested_columns(rows, name, "Int64", 0)
     columns |= _nested_columns(rows, "indices", "Float64", None)
     for name in ("bytes", "sha256", "options", "software"):
         values = [row.get("provenance", {}).get(name) for row in rows]
         texts = [json.dumps(value) if isinstance(value, dict) else value for value in values]
-        columns[name] = _array(texts, "Int64" if name == "bytes" else "str")
+        columns[name] = _series(texts, "Int64" if name == "bytes" else "str")
     return pd.DataFrame(columns)
 
 
@@ -837,14 +835,14 @@ def _nested_columns(rows: Sequence[Mapping[str, Any]], name: str, dtype: str, ab
     """A column for each key of the mappings called ``name``; ``absent`` where a recording was judged without it."""
     keys = sorted({key for row in rows for key in row.get(name) or {}})
     return {
-        f"{name}.{key}": _array(
+        f"{name}.{key}": _series(
             [None if row.get(name) is None else row[name].get(key, absent) for row in rows], dtype
         )
         for key in keys
     }
 
 
-def _array(values: Sequence[Any], dtype: str) -> Any:
+def _series(values: Sequence[Any], dtype: str) -> Any:
     return pd.Series(list(values), dtype=dtype)
 
 

@@ -213,13 +213,13 @@ class _Pages:
     def trial(self, name: str) -> str:
         row = self._row_of(name)
         if row["status"] == WAITING:
-            return self._wait(name)
+            return self._waiting_page(name)
         if "provenance" not in row:
             return _message(name, [row["cause"]])
         try:
             page = (self._season.out / name / "page.html").read_text(encoding="utf-8")
         except FileNotFoundError:
-            return self._wait(name, again=True)
+            return self._waiting_page(name, again=True)
         links = render("links_of_trial.html", row=row, kinds=[kind[1:] for kind in KINDS]).html
         return page.replace(LINKS, links, 1)
 
@@ -286,7 +286,7 @@ class _Pages:
         row = self._season.row(name)
         return row if row is not None else abort(404)
 
-    def _wait(self, name: str, *, again: bool = False) -> str:
+    def _waiting_page(self, name: str, *, again: bool = False) -> str:
         self._season.ask(name, again=again)
         return _message(name, ["It is being analysed; this page shows it as soon as it is done."], again_s=2)
 

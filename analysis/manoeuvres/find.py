@@ -205,10 +205,10 @@ def runs_of_trial(recordings: Sequence[RecordedRuns]) -> list[tuple[Manoeuvre, .
     """
     observations = [seen for recording in recordings for seen in observations_of(recording.runs)]
     trial = [run for recording in recordings for run in recording.runs]
-    return [_with_trial(recording, observations, trial) for recording in recordings]
+    return [_apply_trial_current(recording, observations, trial) for recording in recordings]
 
 
-def _with_trial(
+def _apply_trial_current(
     recording: RecordedRuns, observations: Sequence[Observation], trial: Sequence[Manoeuvre]
 ) -> tuple[Manoeuvre, ...]:
     runs, conditions = tuple(recording.runs), conditions_of_table(recording.table, stated=recording.stated)
@@ -261,8 +261,8 @@ def _zigzags_and_turns(
     # Reversed thrust turns the direction of thrust by 180 deg at once, which is not a rate of the helm.
     ahead = np.where(np.abs(helm) > _WIDEST_HELM_DEG, 0.0, helm)
     motion = replace(motion, helm_deg=helm, helm_rate_dps=helm_rate_dps(ahead, motion.step_s))
-    helms = held_helms(motion)
-    held = off_the_middle(helm, helms)
+    helms = helm_plateaus(motion)
+    held = plateaus_off_amidships(helm, helms)
     calm, rows = turning_points(helm, motion.step_s)
     extremes = [Plateau(row, row + 1, float(calm[row]), 0.0) for row in rows]  # the reversals of the helm
     alternating = zigzag_chains(motion, join_held(helm, held, motion.step_s), extremes)
@@ -271,25 +271,27 @@ def _zigzags_and_turns(
     chains = [chain for chain, start in zip(alternating, starts, strict=True)
               if len(chain) >= FEWEST_SWINGS or any(mark.covers(start) for mark in zigzag_marks)]  # fmt: skip
     taken = _rows_of_chains(motion, chains)
-    spirals = spiral_steps(motion, _free_of(helms, taken))
+    spirals = spiral_steps(motion, _drop_taken(helms, taken))
     taken |= _rows_of_chains(motion, spirals)
     manoeuvres = [*(zigzag(motion, chain) for chain in chains), *(spiral(motion, steps) for steps in spirals)]
-    rates = reverse_spiral_steps(motion, smooth.yaw_rate_dps, ~_taken_by(motion, manoeuvres)) if helm.any() else []
+    rates = (
+        reverse_spiral_steps(motion, smooth.yaw_rate_dps, ~_rows_taken(motion, manoeuvres)) if helm.any() else []
+    )
     reverse = [reverse_spiral(motion, steps) for steps in rates]
-    manoeuvres, taken = [*manoeuvres, *reverse], taken | _taken_by(motion, reverse)
-    free = _free_of(held, taken)
+    manoeuvres, taken = [*manoeuvres, *reverse], taken | _rows_taken(motion, reverse)
+    free = _drop_taken(held, taken)
     williamson = find_williamson_turns(motion, free)
-    turns = join_held(helm, _free_of(free, _taken_by(motion, williamson)), motion.step_s)
+    turns = join_held(helm, _drop_taken(free, _rows_taken(motion, williamson)), motion.step_s)
     judged = [turn for plateau in turns if (turn := turn_of(motion, plateau, fastest_mps))]
     manoeuvres += [*williamson, *(turn for turn in judged if isinstance(turn, Manoeuvre))]
-    manoeuvres += find_pull_outs(motion, _free_of(helms, taken), smooth.yaw_rate_dps, fastest_mps)
+    manoeuvres += find_pull_outs(motion, _drop_taken(helms, taken), smooth.yaw_rate_dps, fastest_mps)
     left_out = [candidate for candidate in judged if isinstance(candidate, LeftOut)]
     for chain, start in zip(alternating, starts, strict=True):
         if len(chain) == FEWEST_SWINGS - 1:
             end = motion.utc(float(motion.time_s[chain[-1].end - 1]))
             why = f"the helm alternates {len(chain)} times, less than {FEWEST_SWINGS}"
             left_out.append(LeftOut("zigzag", start, end, why))
-    taken = _taken_by(motion, manoeuvres)
+    taken = _rows_taken(motion, manoeuvres)
     left_out = [candidate for candidate in left_out if not taken[_rows_of(motion, candidate)].any()]
     return [*manoeuvres, *left_out], taken
 
@@ -301,11 +303,11 @@ def _rows_of_chains(motion: Motion, chains: Iterable[Sequence[Plateau]]) -> Bool
     return rows
 
 
-def _free_of(held: Sequence[Plateau], taken: Bools) -> list[Plateau]:
+def _drop_taken(held: Sequence[Plateau], taken: Bools) -> list[Plateau]:
     return [plateau for plateau in held if not taken[plateau.first : plateau.end].any()]
 
 
-def _taken_by(motion: Motion, manoeuvres: Iterable[Manoeuvre]) -> Bools:
+def _rows_taken(motion: Motion, manoeuvres: Iterable[Manoeuvre]) -> Bools:
     taken = np.zeros(motion.time_s.size, dtype=bool)
     for manoeuvre in manoeuvres:
         taken |= _rows_of(motion, manoeuvre)
@@ -321,7 +323,7 @@ def helm_of(motion: Motion) -> Floats:
     return np.where(running, motion.helm_deg, 0.0)
 
 
-def held_helms(motion: Motion) -> list[Plateau]:
+def helm_plateaus(motion: Motion) -> list[Plateau]:
     """The plateaus of the helm."""
     helm, rate = motion.helm_deg, motion.helm_rate_dps
     tolerance = tolerance_of(helm, _LEAST_STEP_DEG)
@@ -334,7 +336,7 @@ def held_helms(motion: Motion) -> list[Plateau]:
     ]  # fmt: skip
 
 
-def off_the_middle(helm: Floats, held: Sequence[Plateau]) -> list[Plateau]:
+def plateaus_off_amidships(helm: Floats, held: Sequence[Plateau]) -> list[Plateau]:
     """The plateaus off amidships that are steady enough to be orders."""
     least = max(_LEAST_HELM_DEG, 4.0 * noise_of(helm))
     return [
@@ -415,13 +417,13 @@ def current_at(time: pd.Timestamp, observations: Sequence[Observation]) -> Curre
     )
     if np.linalg.eigvalsh(direction.T @ direction)[0] < _LEAST_SPREAD or not np.all(np.isfinite(within)):
         return None
-    speed_mps = float(np.linalg.norm(_weighted(direction, along, np.maximum(within, 1e-3))[0]))
+    speed_mps = float(np.linalg.norm(_weighted_current(direction, along, np.maximum(within, 1e-3))[0]))
     changed = speed_mps * np.minimum(_TIDE_RADPS * apart_s[near], 2.0)
-    (north, east), halves = _weighted(direction, along, np.hypot(np.maximum(within, 1e-3), changed))
+    (north, east), halves = _weighted_current(direction, along, np.hypot(np.maximum(within, 1e-3), changed))
     return Current(float(north), float(east), float(halves[0]), float(halves[1]))
 
 
-def _weighted(direction: Floats, along: Floats, within: Floats) -> tuple[Floats, Floats]:
+def _weighted_current(direction: Floats, along: Floats, within: Floats) -> tuple[Floats, Floats]:
     """The current north and east by weighted least squares, and the halves of their intervals [m/s]."""
     weights = 1.0 / within**2
     inverse = np.linalg.inv(direction.T @ (weights[:, None] * direction))
@@ -447,7 +449,7 @@ def remove_currents(
 def _remove_current(motion: Motion, run: Manoeuvre, current: Current) -> Manoeuvre:
     start, end = ((time.value - motion.origin_ns) / 1e9 for time in (run.start, run.end))
     part = motion.around(start - _MARGIN_S, end + _LONGEST_RUN_ON_S * (run.kind == "stopping"), _MARGIN_S)
-    smooth, measure = smooth_motion(part, half_width_s(part, 0.1 * (end - start))), _measure_of(run, start, end)
+    smooth, measure = smooth_motion(part, half_width_s(part, 0.1 * (end - start))), _choose_measure(run, start, end)
 
     def through_water(north_mps: float, east_mps: float) -> dict[str, float]:
         return measure(remove_current(smooth, north_mps, east_mps, start))
@@ -475,7 +477,7 @@ def _remove_current(motion: Motion, run: Manoeuvre, current: Current) -> Manoeuv
     return replace(run, indices={**run.indices, **indices}, current=current, notes=(*run.notes, note))
 
 
-def _measure_of(run: Manoeuvre, start: float, end: float) -> Callable[[Motion], dict[str, float]]:
+def _choose_measure(run: Manoeuvre, start: float, end: float) -> Callable[[Motion], dict[str, float]]:
     """The measure of a run's indices, between the times of its execute and its end [s]."""
 
     def measure_stop(motion: Motion) -> dict[str, float]:

@@ -43,7 +43,7 @@ class Index:
 
     def as_json(self) -> dict[str, Any]:
         """The index with the contract's keys; unknown values are null."""
-        bounds = {name: _number(getattr(self, name)) for name in _BOUNDS}
+        bounds = {name: _null_for_nan(getattr(self, name)) for name in _BOUNDS}
         properties = {
             "unit": self.unit,
             "lengths": self.lengths,
@@ -102,14 +102,16 @@ class Manoeuvre:
     def from_json(cls, content: Mapping[str, Any]) -> Manoeuvre:
         """The inverse of :meth:`as_json`. Raises KeyError, TypeError or ValueError for what is none."""
         indices = {
-            name: Index(**{**values, **_with_nan(values, *_BOUNDS), "missing": tuple(values.get("missing", ()))})
+            name: Index(
+                **{**values, **_nan_for_null(values, *_BOUNDS), "missing": tuple(values.get("missing", ()))}
+            )
             for name, values in content["indices"].items()
         }
         drift = {name: content["current"][name] for name in Current.__slots__} if content["current"] else None
         return cls(
             kind=content["kind"], name=content["name"], side=content["side"],
             start=pd.Timestamp(content["start"]), end=pd.Timestamp(content["end"]),
-            settings=_with_nan(content["settings"], *content["settings"]), indices=indices,
+            settings=_nan_for_null(content["settings"], *content["settings"]), indices=indices,
             current=Current(**drift) if drift else None,
             executes=tuple(map(pd.Timestamp, content["executes"])), notes=tuple(content["notes"]),
             shortfalls=tuple(content.get("shortfalls", ())),
@@ -137,7 +139,7 @@ class Manoeuvre:
             "start": self.start.isoformat(),
             "end": self.end.isoformat(),
             "side": self.side,
-            "settings": {name: _number(value) for name, value in self.settings.items()},
+            "settings": {name: _null_for_nan(value) for name, value in self.settings.items()},
             "indices": {name: index.as_json() for name, index in self.indices.items()},
             "current": self.current.as_json() if self.current else {},
             "executes": [time.isoformat() for time in self.executes],
@@ -224,10 +226,10 @@ def from_order(number: int) -> str:
     return f"overshoot_{number}_from_order_deg"
 
 
-def _number(value: float) -> float | None:
+def _null_for_nan(value: float) -> float | None:
     return float(value) if np.isfinite(value) else None
 
 
-def _with_nan(content: Mapping[str, Any], *names: str) -> dict[str, float]:
-    """Numbers by name, NaN for null: the inverse of :func:`_number`."""
+def _nan_for_null(content: Mapping[str, Any], *names: str) -> dict[str, float]:
+    """Numbers by name, NaN for null: the inverse of :func:`_null_for_nan`."""
     return {name: np.nan if content[name] is None else float(content[name]) for name in names}

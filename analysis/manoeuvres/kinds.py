@@ -73,7 +73,7 @@ def zigzag_chains(motion: Motion, held: Sequence[Plateau], extremes: Sequence[Pl
     """
     chains: list[list[Plateau]] = []
     for plateau in held:
-        if chains and _continues(motion, chains[-1][-1], plateau):
+        if chains and _is_next_swing(motion, chains[-1][-1], plateau):
             chains[-1].append(plateau)
         else:
             chains.append([plateau])
@@ -84,7 +84,7 @@ def zigzag_chains(motion: Motion, held: Sequence[Plateau], extremes: Sequence[Pl
         swings = [replace(swing, level=float(np.copysign(ordered_deg, swing.level)))
                   if _is_cut_short(motion, swing) else swing for swing in swings]  # fmt: skip
         if len(swings) > 1:
-            turned, sides = _turns(motion, swings), np.sign([swing.level for swing in swings])
+            turned, sides = _turned_deg(motion, swings), np.sign([swing.level for swing in swings])
             responds = bool(np.all(turned[:-1] * sides[:-1] * (turned[0] * sides[0]) > 0))
             if responds and np.all(np.abs(turned) < _WIDEST_SWING_DEG):  # none of them is a circle
                 complete.append(swings)
@@ -103,9 +103,9 @@ def _complete_swings(motion: Motion, chain: list[Plateau], extremes: Sequence[Pl
         chain = chain[:-1] if differs or _is_cut_short(motion, chain[-1]) else chain
     nearest = [plateau for plateau in extremes if plateau.end <= chain[0].first][-1:]
     extended = [*nearest, *chain]
-    if not nearest or len(chain) < FEWEST_SWINGS - 1 or not _continues(motion, *extended[:2]):
+    if not nearest or len(chain) < FEWEST_SWINGS - 1 or not _is_next_swing(motion, *extended[:2]):
         return chain
-    turned = np.abs(_turns(motion, extended))
+    turned = np.abs(_turned_deg(motion, extended))
     if not is_same_order(
         extended[0].level, -extended[1].level
     ):  # reversed on its way: the ship turns on in the next
@@ -122,7 +122,7 @@ def _is_cut_short(motion: Motion, plateau: Plateau) -> bool:
     return (plateau.end - plateau.first) * motion.step_s <= _CUT_SHORT_S + _CUT_SHORT_DEG / motion.helm_rate_dps
 
 
-def _continues(motion: Motion, last: Plateau, following: Plateau) -> bool:
+def _is_next_swing(motion: Motion, last: Plateau, following: Plateau) -> bool:
     """Whether ``following`` is the next swing: other side, the same angle, at once."""
     between = motion.helm_deg[last.end : following.first]
     near = [np.abs(between - plateau.level) <= helm_band_deg(plateau.level) for plateau in (last, following)]
@@ -139,7 +139,7 @@ def _continues(motion: Motion, last: Plateau, following: Plateau) -> bool:
     )
 
 
-def _turns(motion: Motion, chain: list[Plateau]) -> Floats:
+def _turned_deg(motion: Motion, chain: list[Plateau]) -> Floats:
     """How far the ship turns in each swing [deg], to starboard, until the helm passes amidships on its way to the
     other side: a helm that wanders is held longer than it is steady."""
     rows = [_first_row(motion, chain)]
@@ -165,7 +165,7 @@ def zigzag(motion: Motion, chain: list[Plateau]) -> Manoeuvre:
     part = motion.around(orders[0], end, _ZIGZAG_MARGIN_S)
     swing_s = float(np.median(np.diff(orders[:-1])))
     estimates = bootstrap_indices(part, times, half_width_s(part, 0.5 * swing_s), zigzag_indices, within_s)
-    settings = _settings(part, chain, times)
+    settings = _zigzag_settings(part, chain, times)
     angle, switch = settings[motion.helm_setting], settings["switch_deg"]
     unsteady = () if "reach_s" in estimates else ("the approach was not steady",)
     if not unsteady and "speed_loss" not in estimates:
@@ -179,7 +179,7 @@ def zigzag(motion: Motion, chain: list[Plateau]) -> Manoeuvre:
     )  # fmt: skip
 
 
-def _settings(part: Motion, chain: list[Plateau], times: Floats) -> dict[str, float]:
+def _zigzag_settings(part: Motion, chain: list[Plateau], times: Floats) -> dict[str, float]:
     heading = np.interp(times[0, :-1], part.time_s, part.heading_deg)
     changes = np.abs(np.diff(heading))
     return {
@@ -319,7 +319,7 @@ def turning_circle(motion: Motion, plateau: Plateau, shortfall: str = "") -> Man
     times, within_s = np.array([start, end]), np.array([execute.order_within_s, 0.5 * motion.step_s])
     current = current_of(smooth_motion(part, width), start, end)
     measure = steady_turn_indices if shortfall else circle_indices
-    estimates = _with_drift_error(bootstrap_indices(part, times, width, measure, within_s), current)
+    estimates = _add_drift_error(bootstrap_indices(part, times, width, measure, within_s), current)
     settings = {
         **helm_settings(part, plateau.level, start, end),
         "turned_deg": abs(turned),
@@ -369,7 +369,7 @@ _COUNTED_FOR = {
 """Ways, and how long the drift has gone into them."""
 
 
-def _with_drift_error(
+def _add_drift_error(
     estimates: Mapping[str, tuple[float, float]], current: Current | None
 ) -> dict[str, tuple[float, float]]:
     """The indices with their intervals: a way less the drift is no better known than the drift over its time."""
@@ -397,11 +397,13 @@ def _indices_over_ground(motion: Motion, start: float, end: float) -> dict[str, 
         values["tactical_diameter_m"] = side * along_and_across(motion, start, times[180.0], ahead)[1]
     values |= {f"time_to_{angle:.0f}_deg_s": time - start for angle, time in times.items() if angle >= 90.0}
     if np.isfinite(times[180.0]):
-        values |= _steady(motion, turned, times[180.0], end, approach["approach_mps"])
+        values |= _steady_indices(motion, turned, times[180.0], end, approach["approach_mps"])
     return values
 
 
-def _steady(motion: Motion, turned: Floats, half_s: float, end: float, approach_mps: float) -> dict[str, float]:
+def _steady_indices(
+    motion: Motion, turned: Floats, half_s: float, end: float, approach_mps: float
+) -> dict[str, float]:
     """Rate, diameter, drift angle and speed of the settled turn, over whole turns where there are any.
 
     Wind and current come from all sides in a whole turn and do not change the means. It ends with the last quarter

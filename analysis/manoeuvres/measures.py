@@ -85,15 +85,6 @@ def turning_rows(values: Floats, least: float) -> list[int]:
     return [*extremes, high if rising > 0 else low] if rising else []
 
 
-def _steepest(move: Floats, step_s: float) -> float:
-    """The rate of the fastest third of a movement between two extremes."""
-    travel = np.maximum.accumulate(np.abs(move - move[0]))
-    rows = np.interp(
-        np.linspace(0.1, 0.9, 9) * travel[-1], travel + 1e-9 * np.arange(travel.size), np.arange(travel.size)
-    )
-    return float(0.3 * travel[-1] / (step_s * max(0.3, (rows[3:] - rows[:-3]).min())))
-
-
 def helm_change_s(motion: Motion, change_deg: float) -> float:
     """The longest time for a change of the helm [s], at its usual rate."""
     return _SLOWER * abs(change_deg) / motion.helm_rate_dps
@@ -122,15 +113,15 @@ def helm_execute(motion: Motion, plateau: Plateau) -> Execute:
     longest_s = max(_LONGEST_CHANGE_S, helm_change_s(motion, plateau.level) + 5.0)
     before = level_before(motion, motion.helm_deg, plateau, longest_s + 1.0)
     earliest = motion.row_before(plateau.first, longest_s)
-    return _execute(motion, plateau, before, earliest, is_first=True)
+    return _find_execute(motion, plateau, before, earliest, is_first=True)
 
 
 def next_execute(motion: Motion, last: Plateau, plateau: Plateau) -> Execute:
     """As :func:`helm_execute`, of a helm that goes from one plateau to the next."""
-    return _execute(motion, plateau, last.level, (last.first + last.end) // 2, is_first=False)
+    return _find_execute(motion, plateau, last.level, (last.first + last.end) // 2, is_first=False)
 
 
-def _execute(motion: Motion, plateau: Plateau, before_deg: float, earliest: int, *, is_first: bool) -> Execute:
+def _find_execute(motion: Motion, plateau: Plateau, before_deg: float, earliest: int, *, is_first: bool) -> Execute:
     """The execute from a level of the helm to a plateau. The order is the one recorded; else the helm moves from
     the order on. Where orders were recorded as events it lies before half of the change."""
     begun_s, half_s = execute_s(motion.time_s, motion.helm_deg, plateau, before_deg, earliest)
@@ -331,10 +322,10 @@ def half_width_s(motion: Motion, time_scale_s: float) -> float:
 def smooth_motion(motion: Motion, half_width: float) -> Motion:
     """Pose and speeds replaced by local second-degree fits over ``half_width`` [s] to either side."""
     rows = half_width / motion.step_s
-    return motion.with_columns({name: _quadratic(getattr(motion, name), rows) for name in POSE_AND_VELOCITY})
+    return motion.with_columns({name: _smooth_quadratic(getattr(motion, name), rows) for name in POSE_AND_VELOCITY})
 
 
-def _quadratic(values: Floats, half_width: float) -> Floats:
+def _smooth_quadratic(values: Floats, half_width: float) -> Floats:
     """:func:`local_quadratic` for values without gaps: a convolution, with one-sided fits at the ends.
 
     Faster, since a manoeuvre is smoothed some fifty times.
@@ -392,7 +383,7 @@ def bootstrap_indices(
         moved = executes_s + unsure_s * random.uniform(-1.0, 1.0, executes_s.shape)
         repeats.append(measure(replicate, moved))
     path_within = _TWO_SIDED_95 * np.sqrt(2.0) * motion.path_sd_m  # both ends of a distance are uncertain
-    place_within = _place_within(smooth, executes_s, measure, values)
+    place_within = _antenna_uncertainty(smooth, executes_s, measure, values)
     estimates = {}
     for name, value in values.items():
         estimate, within = value, float("nan")
@@ -408,7 +399,7 @@ def bootstrap_indices(
     return estimates
 
 
-def _place_within(
+def _antenna_uncertainty(
     smooth: Motion, executes_s: Floats, measure: Measure, values: Mapping[str, float]
 ) -> dict[str, float]:
     """What it adds to half of an interval that the path is that of an antenna anywhere on the ship."""

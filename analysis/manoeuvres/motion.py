@@ -235,7 +235,7 @@ def motion_of(table: pd.DataFrame, length_m: float | None = None) -> Motion:
     grid, time_ns = _even_grid(table)
     time_s = (time_ns - time_ns[0]) / NANO
     step_s = float(time_s[1] - time_s[0]) if time_s.size > 1 else 1.0
-    grid = _with_velocities(grid, step_s)
+    grid = _add_velocities(grid, step_s)
     measured = grid[[*POSE_AND_VELOCITY]].notna().all(axis=1).to_numpy(dtype=bool)
     yaw_rate = fill_gaps(grid["yaw_rate_dps"].to_numpy())
     integral = integrate(yaw_rate, step_s)  # which the heading follows over gaps
@@ -246,13 +246,7 @@ def motion_of(table: pd.DataFrame, length_m: float | None = None) -> Motion:
     for first, end in stretches(~measured, round(_LONGEST_GAP_S / step_s)):
         broken[first:end] = True
     (north, east), broken, spread = _path_of(table, grid, turned, surge, sway, broken, step_s)
-    drives, tunnels, words = dict[str, Floats](), dict[str, Floats](), dict[str, str]()
-    for actuator in actuators:
-        if actuator.drives or actuator.angle is None:
-            shaft, text = actuator.channels[0].name, actuator.name.replace("_", " ")
-            name = shaft if _pitch_of(actuator) is None else f"{actuator.name}_at_full_pitch_rpm"
-            (drives if actuator.drives else tunnels)[name] = _shaft(grid, actuator)
-            words[name] = text if actuator.noun in text else f"{text} {actuator.noun}"
+    drives, tunnels, words = _shafts_of(grid, actuators)
     helm, thrust = _helm_and_thrust(grid, steering, driving, surge)
     kind = steering[0].steers_by if steering else ""
     if not steering and (sides := drives_by_side(driving)):
@@ -298,7 +292,7 @@ def at_midship(motion: Motion, place_m: Place | None) -> Motion:
     )  # fmt: skip
 
 
-def _with_velocities(grid: pd.DataFrame, step_s: float) -> pd.DataFrame:
+def _add_velocities(grid: pd.DataFrame, step_s: float) -> pd.DataFrame:
     """The grid with missing speeds and rate of turn derived from local fits of position and heading, without
     implausible jumps."""
     lacking = [name for name in VELOCITY if name not in grid or not grid[name].notna().any()]
@@ -366,11 +360,11 @@ def _even_grid(table: pd.DataFrame) -> tuple[pd.DataFrame, Ints]:
     delay_ns = round(float(np.angle(mean)) / (2.0 * np.pi) * step_ns) if abs(mean) > _IN_STEP else 0
     on_grid = table.assign(heading_deg=_cleaned_heading(table))
     on_grid.index = pd.DatetimeIndex(table.index) - pd.to_timedelta(delay_ns, unit="ns")
-    grid = _with_sharp_settings(resample(on_grid, rate_hz), on_grid)
+    grid = _sample_fast_settings(resample(on_grid, rate_hz), on_grid)
     return grid, times_ns(grid) + delay_ns
 
 
-def _with_sharp_settings(grid: pd.DataFrame, table: pd.DataFrame) -> pd.DataFrame:
+def _sample_fast_settings(grid: pd.DataFrame, table: pd.DataFrame) -> pd.DataFrame:
     """The grid with the settings of a faster table sampled at its rows.
 
     The anti-aliasing filter turns a step into a ramp that begins early, and an execute matters to a tenth of a
@@ -471,6 +465,20 @@ def stretches(mask: Bools, least_rows: int = 1) -> list[tuple[int, int]]:
     return [(int(a), int(b)) for a, b in zip(*runs(mask), strict=True) if b - a >= least_rows]
 
 
+def _shafts_of(
+    grid: pd.DataFrame, actuators: Actuators
+) -> tuple[dict[str, Floats], dict[str, Floats], dict[str, str]]:
+    """The shaft speeds of propulsors and of tunnel thrusters [rpm], and the names of both in text, by channel."""
+    drives, tunnels, words = dict[str, Floats](), dict[str, Floats](), dict[str, str]()
+    for actuator in actuators:
+        if actuator.drives or actuator.angle is None:
+            shaft, text = actuator.channels[0].name, actuator.name.replace("_", " ")
+            name = shaft if _pitch_of(actuator) is None else f"{actuator.name}_at_full_pitch_rpm"
+            (drives if actuator.drives else tunnels)[name] = _shaft(grid, actuator)
+            words[name] = text if actuator.noun in text else f"{text} {actuator.noun}"
+    return drives, tunnels, words
+
+
 def _pitch_of(actuator: Actuator) -> str | None:
     return next((channel.name for channel in actuator.channels if channel.unit == "%"), None)
 
@@ -496,7 +504,7 @@ def _helm_and_thrust(
     grid: pd.DataFrame, steering: Actuators, driving: Actuators, surge: Floats
 ) -> tuple[Floats, Floats]:
     """Helm [deg] and thrust along the bow [rpm^2]."""
-    pushes = {actuator: _push(grid, actuator) for actuator in driving}
+    pushes = {actuator: _thrust_vector(grid, actuator) for actuator in driving}
     ahead = np.sum([np.zeros(len(grid)), *(push.real for push in pushes.values())], axis=0)
     shafts_known = any(actuator.channels[0].name in grid for actuator in steering)
     if not steering or not steering[0].drives or not shafts_known:
@@ -544,10 +552,10 @@ def _ordered_thrust(grid: pd.DataFrame, driving: Actuators) -> Floats | None:
     if not ordered:
         return None
     as_ordered = grid.assign(**orders)
-    return np.asarray(np.sum([_push(as_ordered, drive).real for drive in ordered], axis=0))
+    return np.asarray(np.sum([_thrust_vector(as_ordered, drive).real for drive in ordered], axis=0))
 
 
-def _push(grid: pd.DataFrame, actuator: Actuator) -> Complexes:
+def _thrust_vector(grid: pd.DataFrame, actuator: Actuator) -> Complexes:
     """n|n| of a propulsor in the direction of its thrust [rpm^2]."""
     rpm = _shaft(grid, actuator)
     return np.asarray(rpm * np.abs(rpm) * np.exp(1j * np.deg2rad(_angle(grid, actuator))))

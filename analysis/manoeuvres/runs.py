@@ -63,7 +63,7 @@ def shaft_plateaus(motion: Motion) -> list[Plateau]:
     return plateaus(along, motion.step_s, max(0.03 * largest, 6.0 * motion.drive_noise_rpm, 1.0), _LEAST_HELD_S)
 
 
-def _changes(values: Floats, step_s: float) -> Floats:
+def _changes_within_look(values: Floats, step_s: float) -> Floats:
     """How much ``values`` change over twice the looking distance, one-sided at the ends."""
     rows = max(1, round(_LOOK_S / step_s))
     return np.asarray(
@@ -74,12 +74,12 @@ def _changes(values: Floats, step_s: float) -> Floats:
 
 def straight_rows(smooth: Motion) -> Bools:
     """Mask of rows in which the smoothed heading changes by less than 3 deg in 20 s."""
-    return np.abs(_changes(smooth.heading_deg, smooth.step_s)) < _STRAIGHT_DEG
+    return np.abs(_changes_within_look(smooth.heading_deg, smooth.step_s)) < _STRAIGHT_DEG
 
 
 def steady_rows(smooth: Motion) -> Bools:
     """Mask of rows in which the smoothed surge speed changes by less than 4 % in 20 s."""
-    change = np.abs(_changes(smooth.surge_mps, smooth.step_s))
+    change = np.abs(_changes_within_look(smooth.surge_mps, smooth.step_s))
     return change < _STEADY_SHARE * np.maximum(np.abs(smooth.surge_mps), 0.25 * smooth.fastest_mps)
 
 
@@ -96,7 +96,7 @@ def straight_stretches(motion: Motion, smooth: Motion, free: Bools, bridge_s: fl
             continue
         inside = np.zeros(good.size, dtype=bool)
         inside[held.first : held.end] = good[held.first : held.end]
-        inside = bridge(inside, round(bridge_s / motion.step_s))
+        inside = close_gaps(inside, round(bridge_s / motion.step_s))
         spans += stretches(inside, round(LEAST_RUN_S / motion.step_s))
     return sorted(spans)
 
@@ -239,7 +239,7 @@ def engine_orders(motion: Motion, events: Iterable[tuple[int, str]]) -> list[Eng
     ]  # fmt: skip
 
 
-def _with_order(motion: Motion, step: ShaftStep, marks: Sequence[EngineOrder]) -> ShaftStep:
+def _apply_recorded_order(motion: Motion, step: ShaftStep, marks: Sequence[EngineOrder]) -> ShaftStep:
     """A step with the recorded order that it follows, else with the mark of one, else as it is."""
     latest_s = step.order_s + max(motion.step_s, step.within_s)
     earliest_s = max(step.order_s - _LONGEST_ENGINE_LAG_S, float(motion.time_s[step.last.first]))
@@ -274,7 +274,7 @@ def shaft_steps(motion: Motion, free: Bools, marks: Sequence[EngineOrder] = ()) 
             start, half = execute_s(motion.time_s, along, following, before, last.first)
             within_s = float(np.hypot(motion.step_s, _UNSURE_SHARE * (half - start)))
             by_shaft = ShaftStep(last, following, start, within_s, _BY_SHAFT, max(half - start, motion.step_s))
-            steps.append(_with_order(motion, by_shaft, marks))
+            steps.append(_apply_recorded_order(motion, by_shaft, marks))
     return steps
 
 
@@ -403,14 +403,14 @@ _CRAB_TURN_DEG = 15.0
 _UNSURE_ROWS = 1.5  # the start of a drive is found by a threshold, not by a fit
 
 
-def _running(values: Floats, largest: float) -> tuple[Bools, Bools]:
+def _running_and_idle(values: Floats, largest: float) -> tuple[Bools, Bools]:
     """Masks of where a drive runs and where it stands still, relative to the largest of its kind."""
     floor = max(_NOISE_SIGMAS * noise_of(values), _LEAST_RUNNING)
     return np.abs(values) > max(_RUNNING_SHARE * largest, floor), np.abs(values) < max(_IDLE_SHARE * largest, floor)
 
 
-def bridge(mask: Bools, rows: int) -> Bools:
-    """``mask`` with breaks of at most ``rows`` closed."""
+def close_gaps(mask: Bools, rows: int) -> Bools:
+    """``mask`` with gaps of at most ``rows`` closed."""
     result = mask.copy()
     for first, end in stretches(~mask):
         if first > 0 and end < mask.size and end - first <= rows:
@@ -422,42 +422,42 @@ def find_thruster_tests(motion: Motion, smooth: Motion, free: Bools) -> list[Man
     """Tests of single drives: one of several main shafts alone for at least a quarter of a minute, and every
     run of a tunnel thruster."""
     largest = max(float(np.percentile(np.abs(shaft_rpm), 99)) for shaft_rpm in motion.drives.values())
-    state = {name: _running(rpm, largest) for name, rpm in motion.drives.items()}
-    alike = _all(runs for runs, _ in state.values()) | _all(idle for _, idle in state.values())
+    state = {name: _running_and_idle(rpm, largest) for name, rpm in motion.drives.items()}
+    alike = _all_true(runs for runs, _ in state.values()) | _all_true(idle for _, idle in state.values())
     for name, rpm in motion.tunnels.items():
-        state[name] = _running(rpm, float(np.percentile(np.abs(rpm), 99.5)))
+        state[name] = _running_and_idle(rpm, float(np.percentile(np.abs(rpm), 99.5)))
     cases = {}
     for name in motion.drives if len(motion.drives) > 1 else ():
-        others_idle = _all(idle for drive, (_, idle) in state.items() if drive != name)
+        others_idle = _all_true(idle for drive, (_, idle) in state.items() if drive != name)
         cases[f"{motion.words[name]} alone"] = state[name][0] & others_idle
     for name, rpm in motion.tunnels.items():
         for sign in (1.0, -1.0):
             cases[f"{motion.words[name]} to {side_of(sign)}"] = state[name][0] & (sign * rpm > 0) & alike
     pushed = bool(motion.tunnels) or motion.steers_by_thrust  # others are moved sideways by wind and momentum only
-    driven, sideways = pushed & ~_all(~runs for runs, _ in state.values()), np.abs(smooth.sway_mps)
+    driven, sideways = pushed & ~_all_true(~runs for runs, _ in state.values()), np.abs(smooth.sway_mps)
     crab = driven & (sideways > _CRAB_SHARE * np.abs(smooth.surge_mps)) & (sideways > _CRAB_LEAST_MPS)
-    crab_rows = bridge(crab & free, round(_BRIDGE_S / motion.step_s))
+    crab_rows = close_gaps(crab & free, round(_BRIDGE_S / motion.step_s))
     candidates = list[Manoeuvre | LeftOut]()
-    for test in _tests_of(motion, "crabbing", "crabbing", crab_rows, _CRAB_LEAST_S):
+    for test in _drive_tests(motion, "crabbing", "crabbing", crab_rows, _CRAB_LEAST_S):
         turned = abs(test.indices["heading_change_deg"].value)
         rejected = LeftOut(test.kind, test.start, test.end, f"the ship turned by {turned:.0f} deg")
         candidates.append(test if turned < _CRAB_TURN_DEG else rejected)
     for name, mask in cases.items():
-        rows = bridge(mask & free & ~crab, round(_BRIDGE_S / motion.step_s))
-        candidates += _tests_of(motion, "thruster_test", name, rows, _LEAST_S)
+        rows = close_gaps(mask & free & ~crab, round(_BRIDGE_S / motion.step_s))
+        candidates += _drive_tests(motion, "thruster_test", name, rows, _LEAST_S)
     return candidates
 
 
-def _all(masks: Iterable[Bools]) -> Bools:
+def _all_true(masks: Iterable[Bools]) -> Bools:
     return np.asarray(np.logical_and.reduce(list(masks)))
 
 
-def _tests_of(motion: Motion, kind: str, name: str, rows: Bools, least_s: float) -> list[Manoeuvre]:
-    return [_test(motion, kind, name, first, end)
+def _drive_tests(motion: Motion, kind: str, name: str, rows: Bools, least_s: float) -> list[Manoeuvre]:
+    return [_measure_drive_test(motion, kind, name, first, end)
             for first, end in stretches(rows, max(2, round(least_s / motion.step_s)))]  # fmt: skip
 
 
-def _test(motion: Motion, kind: str, name: str, first: int, end: int) -> Manoeuvre:
+def _measure_drive_test(motion: Motion, kind: str, name: str, first: int, end: int) -> Manoeuvre:
     span = np.array([motion.time_s[first], motion.time_s[end - 1]])
     part = motion.around(span[0], span[1], 10.0)
     inside = motion.rows(first, end)

@@ -59,7 +59,9 @@ def find_pull_outs(motion: Motion, held: Sequence[Plateau], rate: Floats, fastes
         turned = motion.heading_deg[last.first : last.end]
         way = motion.speed_mps[following.first] > _LEAST_WAY * fastest_mps
         middle = abs(following.level) <= max(_AMIDSHIPS_DEG, _AMIDSHIPS_SHARE * abs(last.level)) < abs(last.level)
-        if not (way and np.ptp(turned) >= _LEAST_TURN_DEG and middle and _at_once(motion, last, following)):
+        if not (
+            way and np.ptp(turned) >= _LEAST_TURN_DEG and middle and _follows_directly(motion, last, following)
+        ):
             continue
         # The helm went directly to amidships, not beyond, and stayed there without course-keeping.
         between = motion.helm_deg[last.end : following.first + 1]
@@ -75,7 +77,9 @@ def find_pull_outs(motion: Motion, held: Sequence[Plateau], rate: Floats, fastes
             name, side = f"pull-out from {nominal_deg(last.level):.0f} deg", float(turned[-1] - turned[0])
             scale_s = 4.0 * max(values["time_to_half_rate_s"], motion.step_s)
             manoeuvres.append(
-                _test(motion, "pull_out", name, side, last.level, times, [execute], pull_out_indices, scale_s)
+                _measure_test(
+                    motion, "pull_out", name, side, last.level, times, [execute], pull_out_indices, scale_s
+                )
             )
     return manoeuvres
 
@@ -121,16 +125,18 @@ def spiral_steps(motion: Motion, held: Sequence[Plateau]) -> list[list[Plateau]]
     turn has settled: three quarters of them at least, as an unstable ship passes quickly through small rates."""
 
     def is_next_helm(last: Plateau, following: Plateau) -> bool:
-        return _at_once(motion, last, following) and abs(following.level - last.level) > _LEAST_HELM_STEP_DEG
+        return (
+            _follows_directly(motion, last, following) and abs(following.level - last.level) > _LEAST_HELM_STEP_DEG
+        )
 
     def has_settled(run: list[Plateau]) -> bool:
         settled = sum(_has_settled(motion, run, plateau) for plateau in run)
         return settled >= max(_FEWEST_STEPS, _SETTLED_STEPS * len(run))
 
-    return _stairs(held, is_next_helm, has_settled)
+    return _chain_steps(held, is_next_helm, has_settled)
 
 
-def _stairs(
+def _chain_steps(
     held: Sequence[Plateau],
     is_next: Callable[[Plateau, Plateau], bool],
     is_valid: Callable[[list[Plateau]], bool],
@@ -176,14 +182,14 @@ def spiral(motion: Motion, steps: list[Plateau]) -> Manoeuvre:
 
     largest = max(steps, key=lambda step: abs(step.level)).level
     name = f"direct spiral {nominal_deg(largest):.0f} deg"
-    manoeuvre = _test(motion, "spiral", name, float(levels[0]), largest, times, [], measure)
+    manoeuvre = _measure_test(motion, "spiral", name, float(levels[0]), largest, times, [], measure)
     helm_error = noise_of(motion.helm_deg) / np.sqrt(0.5 * min(step.end - step.first for step in steps))
     left_out = [f"step {number} at {levels[number - 1]:.1f} deg" for number in np.flatnonzero(~settled) + 1]
     notes = (f"the rate of turn had not settled, left out: {', '.join(left_out)}",) if left_out else ()
-    return replace(manoeuvre, indices=_with_helm_error(manoeuvre.indices, 1.96 * float(helm_error)), notes=notes)
+    return replace(manoeuvre, indices=_add_helm_error(manoeuvre.indices, 1.96 * float(helm_error)), notes=notes)
 
 
-def _with_helm_error(indices: Mapping[str, Index], within_deg: float) -> dict[str, Index]:
+def _add_helm_error(indices: Mapping[str, Index], within_deg: float) -> dict[str, Index]:
     """The indices of a spiral with the uncertainty of the mean helm of a step added where it matters."""
     slope = abs(indices["yaw_rate_per_helm_dps"].value) if "yaw_rate_per_helm_dps" in indices else 0.0
     margins = {"neutral_helm_deg": within_deg, "yaw_rate_at_no_helm_dps": slope * within_deg}
@@ -207,8 +213,8 @@ def spiral_indices(motion: Motion, levels: Floats, spans: Floats, settled: Bools
     values = {f"yaw_rate_step_{number}_dps": float(rate) for number, rate in zip(numbers, rates, strict=True)}
     turn = 1 + int(np.argmax(np.append(np.diff(np.sign(np.diff(levels))) != 0, True)))  # where it goes back
     legs = [slice(0, turn + 1), *([slice(turn, None)] if turn + 1 < levels.size else [])]
-    values["neutral_helm_deg"] = float(np.mean([_at_zero(rates[leg], levels[leg]) for leg in legs]))
-    near, heights = np.argsort(np.abs(levels))[:3], [_at_zero(levels[leg], rates[leg]) for leg in legs]
+    values["neutral_helm_deg"] = float(np.mean([_interpolate_at_zero(rates[leg], levels[leg]) for leg in legs]))
+    near, heights = np.argsort(np.abs(levels))[:3], [_interpolate_at_zero(levels[leg], rates[leg]) for leg in legs]
     values["yaw_rate_at_no_helm_dps"] = float(np.mean(heights))
     if np.ptp(levels[near]) > 0.0:
         values["yaw_rate_per_helm_dps"] = float(np.polyfit(levels[near], rates[near], 1)[0])
@@ -225,10 +231,10 @@ def reverse_spiral_steps(motion: Motion, rate: Floats, free: Bools) -> list[list
     rate is held unevenly: of the rate and its running means the one with most steps is used.
     """
     tried = [rate, *(local_quadratic(rate, width / motion.step_s) for width in _WIDER_S)]
-    return max((_steps_of(motion, candidate, free) for candidate in tried), key=lambda runs: sum(map(len, runs)))
+    return max((_rate_steps(motion, candidate, free) for candidate in tried), key=lambda runs: sum(map(len, runs)))
 
 
-def _steps_of(motion: Motion, rate: Floats, free: Bools) -> list[list[Plateau]]:
+def _rate_steps(motion: Motion, rate: Floats, free: Bools) -> list[list[Plateau]]:
     usable = free & ~motion.broken
     largest = float(np.percentile(np.abs(rate[usable]), 99)) if usable.any() else 0.0
     band = max(_BAND_SHARE * largest, _BAND_OF_NOISE * noise_of(rate))
@@ -249,7 +255,7 @@ def _steps_of(motion: Motion, rate: Floats, free: Bools) -> list[list[Plateau]]:
         held_rows = sum(plateau.end - plateau.first for plateau in run)
         return held_rows > _HELD_SHARE * (run[-1].end - run[0].first) and float(np.median(spreads)) > still
 
-    return _stairs(held, is_next_rate, is_steered)
+    return _chain_steps(held, is_next_rate, is_steered)
 
 
 def _held_rates(rate: Floats, first: int, end: int, band: float) -> list[Plateau]:
@@ -308,7 +314,7 @@ def reverse_spiral_indices(helms: Floats, rates: Floats) -> dict[str, float]:
     }
 
 
-def _at_zero(values: Floats, ordinates: Floats) -> float:
+def _interpolate_at_zero(values: Floats, ordinates: Floats) -> float:
     """``ordinates`` at zero ``values``, by linear interpolation between the steps."""
     order = np.argsort(values)
     return float(np.interp(0.0, values[order], ordinates[order]))
@@ -319,7 +325,7 @@ def find_williamson_turns(motion: Motion, held: Sequence[Plateau]) -> list[Manoe
     reciprocal course."""
     manoeuvres = []
     for last, following in pairwise(held):
-        if not (_at_once(motion, last, following) and is_same_order(last.level, -following.level)):
+        if not (_follows_directly(motion, last, following) and is_same_order(last.level, -following.level)):
             continue
         executes = [helm_execute(motion, last), next_execute(motion, last, following)]
         first, second = (execute.order_s for execute in executes)
@@ -331,7 +337,9 @@ def find_williamson_turns(motion: Motion, held: Sequence[Plateau]) -> list[Manoe
             times = np.array([first, second, end])
             name = f"Williamson turn {nominal_deg(last.level):.0f} deg"
             manoeuvres.append(
-                _test(motion, "williamson_turn", name, side, last.level, times, executes, williamson_indices)
+                _measure_test(
+                    motion, "williamson_turn", name, side, last.level, times, executes, williamson_indices
+                )
             )
     return manoeuvres
 
@@ -354,7 +362,7 @@ def williamson_indices(motion: Motion, times: Floats) -> dict[str, float]:
     }  # fmt: skip
 
 
-def _at_once(motion: Motion, last: Plateau, following: Plateau) -> bool:
+def _follows_directly(motion: Motion, last: Plateau, following: Plateau) -> bool:
     """Whether the helm goes from one level to the next without stopping in between."""
     pause_s = (following.first - last.end) * motion.step_s
     return (
@@ -363,7 +371,7 @@ def _at_once(motion: Motion, last: Plateau, following: Plateau) -> bool:
     )
 
 
-def _test(
+def _measure_test(
     motion: Motion,
     kind: str,
     name: str,

@@ -21,6 +21,16 @@ from seatrial.acquisition.core.errors import ConfigurationError, DataShortageErr
 from seatrial.acquisition.core.quantities import Floats, Ints
 from seatrial.acquisition.core.ship import POSE_AND_VELOCITY, Channel, in_turn, known_channels, unwrap, wraps_of
 from seatrial.analysis.report.pages import duration_text
+from seatrial.analysis.report.plots import (
+    FAINT,
+    HELD,
+    INK,
+    PALETTE,
+    control_groups,
+    declared_groups,
+    held_words,
+    label,
+)
 from seatrial.analysis.report.rendering import TEMPLATES, Page, render
 from seatrial.analysis.tables.table import NANO, declared_channels, table_actuators, times_ns, trial_channels
 from seatrial.analysis.windows.held import held_spans_ns
@@ -70,8 +80,6 @@ def interactive_page(
     Raises :class:`ConfigurationError` without plotly, :class:`DataShortageError` for a table without rows or
     without any channel and :class:`InputError` for one whose index is not UTC in increasing order.
     """
-    from seatrial.analysis.report.plots import held_words
-
     library = _plotly()
     data = page_data(table, windows, predicted, manoeuvres)
     data["style"] = _style(data, table)
@@ -108,8 +116,6 @@ def _plotly() -> str:
 
 def _style(data: Mapping[str, Any], table: pd.DataFrame) -> dict[str, Any]:
     """Colours, panels, labels and decimals: what the page looks like, in the house's palette."""
-    from seatrial.analysis.report.plots import FAINT, HELD, INK, PALETTE, control_groups, declared_groups, label
-
     present, actuators, channels = list(data["channels"]), table_actuators(table), known_channels(table.attrs)
     spare = [number for number in range(len(PALETTE)) if number not in _KNOWN_METHODS.values()]
     methods = {
@@ -212,7 +218,7 @@ def page_data(
     holes = holes_of(time_ns)
     rows = select_rows({name: table[name].to_numpy(dtype=float) for name in names}, holes, time_ns.size)
     start_ms = int(time_ns[0] // _MILLI)
-    drawn = continued(table, names)
+    drawn = unwrapped_angles(table, names)
     held_ns = np.empty((0, 2)) if windows is None else held_spans_ns(windows)
     spans = []
     for manoeuvre in manoeuvres:
@@ -233,7 +239,7 @@ def page_data(
     }  # fmt: skip
 
 
-def continued(table: pd.DataFrame, names: Iterable[str]) -> pd.DataFrame:
+def unwrapped_angles(table: pd.DataFrame, names: Iterable[str]) -> pd.DataFrame:
     """The angles of a table that can be followed from row to row, running on beyond the whole turn."""
     channels = known_channels(table.attrs)
     angles = {name: unwrap(table[name].to_numpy(dtype=float)) for name in names if channels[name].circular}
@@ -327,7 +333,7 @@ def _prediction(predicted: pd.DataFrame, start_ms: int, drawn: pd.DataFrame) -> 
     """One method's predictions, angles near those that are ``drawn``; ``every`` says that every n-th window was
     kept, ``holes`` where a window begins."""
     stride = max(-(-len(predicted) // MOST_PREDICTED), 1)
-    number = _window_numbers(predicted)
+    number = _number_windows(predicted)
     chosen = np.flatnonzero(number % stride == 0)
     kept = predicted.iloc[chosen]
     nearest = drawn.index.get_indexer(kept.index, method="nearest")
@@ -344,7 +350,7 @@ def _prediction(predicted: pd.DataFrame, start_ms: int, drawn: pd.DataFrame) -> 
     }
 
 
-def _window_numbers(predicted: pd.DataFrame) -> Ints:
+def _number_windows(predicted: pd.DataFrame) -> Ints:
     """0, 1, 2, ... by window in the order of the rows; without a column ``window``, where time does not go on."""
     if "window" in predicted:
         return np.asarray(pd.factorize(predicted["window"])[0], dtype=np.int64)

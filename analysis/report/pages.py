@@ -18,7 +18,13 @@ from urllib.parse import quote
 import numpy as np
 import pandas as pd
 from markupsafe import Markup, escape
+from matplotlib.axes import Axes
+from matplotlib.dates import ConciseDateFormatter, date2num
+from matplotlib.figure import Figure
+from matplotlib.patches import Patch
 from numpy.typing import NDArray
+from rich.console import Group, RenderableType
+from rich.text import Text
 
 from seatrial.acquisition.core.files import write_text, written_together
 from seatrial.acquisition.core.quantities import KNOT_MPS, Floats, Ints
@@ -26,6 +32,7 @@ from seatrial.acquisition.core.ship import channel_unit, find_channel
 from seatrial.acquisition.core.trial import Quality
 from seatrial.acquisition.recording.grouping import counts_text
 from seatrial.analysis.quality.findings import ALL
+from seatrial.analysis.report.plots import draw_marks
 from seatrial.analysis.report.rendering import Page, render
 from seatrial.analysis.report.tables import run_sheet
 from seatrial.analysis.series import runs
@@ -33,9 +40,6 @@ from seatrial.analysis.tables.export import SIGMA_SUFFIX, write_parquet
 from seatrial.analysis.tables.table import main_stretch, times_ns
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-    from rich.console import RenderableType
     from rich.table import Table
 
     from seatrial.acquisition.recording.reader import Recording
@@ -316,11 +320,6 @@ def finding_cells(finding: Finding) -> list[str]:
 
 def draw_flags(figure: Figure, quality: DataQuality) -> None:
     """Flags by channel over time, and the findings as lines."""
-    from matplotlib.dates import ConciseDateFormatter, date2num
-    from matplotlib.patches import Patch
-
-    from seatrial.analysis.report.plots import draw_marks
-
     axes = figure.subplots()
     stamps = times_ns(quality.flags)
     first, last = main_stretch(stamps)
@@ -368,8 +367,6 @@ def binned_flags(stamps: Ints, flags: NDArray[np.uint8], edges: Floats) -> Ints:
 
 def _draw_findings(axes: Axes, findings: tuple[Finding, ...], names: list[str], colours: dict[str, str]) -> None:
     """A line below the channel's, or across all of them, by finding; its ends are widened so that it shows."""
-    from matplotlib.dates import date2num
-
     low, high = axes.get_xlim()
     for finding in findings:
         start, end = date2num([finding.start, finding.end])  # type: ignore[no-untyped-call]
@@ -391,9 +388,6 @@ _CHANNEL_COLUMNS = ("channel", "grade", "count", "rate Hz", "gaps", "stuck", "sp
 
 def quality_view(quality: DataQuality) -> RenderableType:
     """The table of channels and each finding with its remedy, for a terminal."""
-    from rich.console import Group
-    from rich.text import Text
-
     missing = missing_text(quality)
     parts: list[RenderableType] = [
         channel_table(quality),
@@ -406,7 +400,7 @@ def quality_view(quality: DataQuality) -> RenderableType:
     for cause in causes[:MOST_CAUSES]:
         start, end = cause.span
         parts += [
-            Text(f"{cause.code}  {_where(cause)}", style="bold"),
+            Text(f"{cause.code}  {_channels_text(cause)}", style="bold"),
             Text(f"  {start:%Y-%m-%d %H:%M:%S} to {end:%H:%M:%S}", style="dim"),
             Text(f"  {cause_text(cause)}"),
         ]
@@ -420,7 +414,7 @@ def quality_view(quality: DataQuality) -> RenderableType:
     return Group(*parts)
 
 
-def _where(cause: Cause) -> str:
+def _channels_text(cause: Cause) -> str:
     """The channels of a cause as a heading has them: the first three."""
     names = ["all channels" if name == ALL else name for name in cause.channels]
     return ", ".join(names[:3]) + (f" and {len(names) - 3} more" if len(names) > 3 else "")
@@ -436,7 +430,7 @@ def cause_cells(cause: Cause) -> list[str]:
     what, about, _ = finding_cells(cause.findings[0])
     if len(cause.channels) > 1:
         start, end = cause.span
-        about = f"{_where(cause)} \u00b7 {start:%H:%M:%S} to {end:%H:%M:%S} UTC"
+        about = f"{_channels_text(cause)} \u00b7 {start:%H:%M:%S} to {end:%H:%M:%S} UTC"
     return [what, about, cause_text(cause)]
 
 
@@ -453,7 +447,6 @@ def finding_text(finding: Finding) -> str:
 def channel_table(quality: DataQuality) -> Table:
     """A line a channel: its grade and the counts of its own faults; nothing stands for none."""
     from rich.table import Table
-    from rich.text import Text
 
     table = Table(box=None, header_style="dim", padding=(0, 1, 0, 0))
     for number, title in enumerate(_CHANNEL_COLUMNS):

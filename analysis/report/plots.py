@@ -338,11 +338,9 @@ MOST_MARKS = 12
 
 def draw_marks(axes: Axes, marks: Sequence[Event]) -> None:
     """The crew's marks as lines across an axis of dates, with their texts above where there is room."""
-    from matplotlib.dates import date2num
-
     low, high = axes.get_xlim()
     for mark in marks:
-        at = date2num(np.datetime64(mark.time_ns, "ns"))  # type: ignore[no-untyped-call]
+        at = dates.date2num(np.datetime64(mark.time_ns, "ns"))  # type: ignore[no-untyped-call]
         if low <= at <= high:
             axes.axvline(at, color=INK, linewidth=0.8, linestyle=":", zorder=0.5)
             if len(marks) <= MOST_MARKS:

@@ -220,31 +220,31 @@ def _artist_numbers(artist: Artist, axes: Axes) -> Iterator[dict[str, Any]]:
         return
     label = str(artist.get_label())
     labelled = {} if re.match(r"_child\d|_nolegend_|$", label) else {"label": label.lstrip("_")}
-    for values in _values(artist, axes):
+    for values in _shape_numbers(artist, axes):
         yield {**values, **labelled}
 
 
-def _values(artist: Artist, axes: Axes) -> Iterator[dict[str, Any]]:
+def _shape_numbers(artist: Artist, axes: Axes) -> Iterator[dict[str, Any]]:
     if isinstance(artist, Line2D):
         x, y = artist.get_data()
-        yield {"kind": "line", "x": _plain(x, axes), "y": _plain(y)}
+        yield {"kind": "line", "x": _json_values(x, axes), "y": _json_values(y)}
     elif isinstance(artist, QuadMesh):
         edges = np.asarray(artist.get_coordinates())
-        yield {"kind": "mesh", "x_edges": _plain(edges[0, :, 0]), "y_edges": _plain(edges[:, 0, 1]),
-               "values": _rows(artist.get_array())}  # fmt: skip
+        yield {"kind": "mesh", "x_edges": _json_values(edges[0, :, 0]), "y_edges": _json_values(edges[:, 0, 1]),
+               "values": _json_rows(artist.get_array())}  # fmt: skip
     elif isinstance(artist, PathCollection):
         x, y = np.ma.filled(artist.get_offsets(), np.nan).T
-        yield {"kind": "points", "x": _plain(x, axes), "y": _plain(y)}
+        yield {"kind": "points", "x": _json_values(x, axes), "y": _json_values(y)}
     elif isinstance(artist, LineCollection):
         yield {"kind": "lines", "lines": [_corners(segment, axes) for segment in artist.get_segments()]}
     elif isinstance(artist, Collection):
         yield {"kind": "areas", "areas": [_corners(path.vertices, axes) for path in artist.get_paths()]}
     elif isinstance(artist, AxesImage):
-        yield {"kind": "image", "values": _rows(artist.get_array())}
+        yield {"kind": "image", "values": _json_rows(artist.get_array())}
     elif isinstance(artist, Rectangle):
         x, width = artist.get_x(), artist.get_width()
-        yield {"kind": "bar", "x": _plain([x, x + width], axes),
-               "y": _plain([artist.get_y(), artist.get_y() + artist.get_height()])}  # fmt: skip
+        yield {"kind": "bar", "x": _json_values([x, x + width], axes),
+               "y": _json_values([artist.get_y(), artist.get_y() + artist.get_height()])}  # fmt: skip
     elif isinstance(artist, Patch):
         corners = artist.get_patch_transform().transform_path(artist.get_path()).vertices
         yield {"kind": "area", **_corners(corners, axes)}
@@ -254,20 +254,25 @@ def _values(artist: Artist, axes: Axes) -> Iterator[dict[str, Any]]:
         axes.get_title("left"),
     ):
         x, y = artist.get_position()
-        yield {"kind": "text", "text": artist.get_text(), "x": _plain([x], axes)[0], "y": _plain([y])[0]}
+        yield {
+            "kind": "text",
+            "text": artist.get_text(),
+            "x": _json_values([x], axes)[0],
+            "y": _json_values([y])[0],
+        }
 
 
 def _corners(points: ArrayLike, axes: Axes) -> dict[str, Any]:
     x, y = np.asarray(points, dtype=float).reshape(-1, 2).T
-    return {"x": _plain(x, axes), "y": _plain(y)}
+    return {"x": _json_values(x, axes), "y": _json_values(y)}
 
 
-def _rows(values: Any) -> list[Any]:
+def _json_rows(values: Any) -> list[Any]:
     array: Floats = np.ma.filled(np.ma.masked_invalid(np.ma.asarray(values, dtype=float)), np.nan)
-    return [_plain(row) for row in np.atleast_2d(array)]
+    return [_json_values(row) for row in np.atleast_2d(array)]
 
 
-def _plain(values: Any, axes: Axes | None = None) -> list[Any]:
+def _json_values(values: Any, axes: Axes | None = None) -> list[Any]:
     """Values for JSON: seven digits of numbers, null for what is none, ISO 8601 for times along ``axes``."""
     array: NDArray[Any] = np.asarray(values)
     if array.dtype.kind == "O" and array.size and isinstance(array.flat[0], pd.Timestamp):

@@ -17,6 +17,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
+from rich.console import Group
+from rich.text import Text
 
 from seatrial.acquisition.config.declarations import length_of_ship
 from seatrial.acquisition.config.run_sheet import (
@@ -31,6 +33,7 @@ from seatrial.acquisition.core.files import write_text, written_together
 from seatrial.acquisition.core.quantities import KNOT_MPS, ending_of, mean_wind
 from seatrial.acquisition.core.ship import find_channel, from_text
 from seatrial.acquisition.core.trial import Trial, software_version
+from seatrial.acquisition.recording.grouping import Files, read_together
 from seatrial.analysis.conditions import beaufort, recorded_conditions
 from seatrial.analysis.manoeuvres.criteria import (
     NOT_FOR_SHIP,
@@ -44,12 +47,9 @@ from seatrial.analysis.manoeuvres.find import RecordedRuns, manoeuvres_and_left_
 from seatrial.analysis.manoeuvres.indices import UNITS, Index, LeftOut, Manoeuvre, as_json, index_of, unit_of
 from seatrial.analysis.manoeuvres.kinds import REMOVED, shows_current
 from seatrial.analysis.series import ASSUMED
-from seatrial.analysis.tables.table import provenance_of, sha256_of, trial_of
+from seatrial.analysis.tables.table import provenance_of, sha256_of, table_of, trial_of
 
 if TYPE_CHECKING:
-    from rich.console import Group
-
-    from seatrial.acquisition.recording.grouping import Files
     from seatrial.acquisition.recording.reader import Recording
 
 
@@ -73,8 +73,6 @@ def manoeuvres_of(
     that of the statement, of the recording, or of the vessel file of the ship that it names. Raises
     :class:`InputError`, and :class:`DataShortageError` for a recording without channels.
     """
-    from seatrial.acquisition.recording.grouping import read_together
-    from seatrial.analysis.tables.table import table_of
 
     recording = read_together(files)
     if statement is not None:
@@ -230,9 +228,7 @@ def without_empty(header: Sequence[str], rows: list[list[str]]) -> tuple[list[st
 
 def terminal_tables(result: RecordingManoeuvres, *, all_indices: bool = False) -> Group:
     """A table a manoeuvre for the terminal, of the main indices or with ``all_indices`` of all."""
-    from rich.console import Group
     from rich.table import Table
-    from rich.text import Text
 
     blocks: list[Any] = [Text(f"{result.recording}: {count_text(result.manoeuvres)}", style="bold")]
     for manoeuvre in result.manoeuvres:
@@ -416,22 +412,22 @@ def ship_rows(
         ("ship", (ship.title if ship else "") or trial.vessel or UNKNOWN),
         ("ship type", particulars.ship_type or UNKNOWN),
         ("IMO number", particulars.imo_number or UNKNOWN),
-        ("hull number, builder", _joined(particulars.hull_number, particulars.builder)),
+        ("hull number, builder", _join_parts(particulars.hull_number, particulars.builder)),
         ("owner", particulars.owner or UNKNOWN),
         ("classification", particulars.classification or UNKNOWN),
-        *_dimensions(ship, stated, one_hz, manoeuvres),
+        *_dimension_rows(ship, stated, one_hz, manoeuvres),
         ("loading", trial.loading or UNKNOWN),
-        ("draughts fore, aft", _draughts(stated)),
-        ("full load draught", _metres(stated.full_load_draught_m)),
-        ("trim by the stern", _metres(stated.trim_m)),
+        ("draughts fore, aft", _draughts_text(stated)),
+        ("full load draught", _metres_text(stated.full_load_draught_m)),
+        ("trim by the stern", _metres_text(stated.trim_m)),
         ("displacement", displacement),
         ("block coefficient", _block_coefficient(particulars, stated, ship)),
-        ("metacentric height GM", _metres(stated.gm_m)),
-        ("rudders", _rudders(particulars, stated, ship)),
-        ("propellers", _joined(
-            _counted(particulars.propellers, particulars.propeller_type),
+        ("metacentric height GM", _metres_text(stated.gm_m)),
+        ("rudders", _rudder_text(particulars, stated, ship)),
+        ("propellers", _join_parts(
+            _count_and_type(particulars.propellers, particulars.propeller_type),
             f"diameter {particulars.propeller_diameter_m:g} m" if particulars.propeller_diameter_m else "")),
-        ("engines", _joined(_counted(particulars.engines, particulars.engine_type), rating)),
+        ("engines", _join_parts(_count_and_type(particulars.engines, particulars.engine_type), rating)),
         ("speed at 85 % of the maximum output", mcr_speed),
         *([("actuators", actuators)] if actuators else []),
     ]  # fmt: skip
@@ -460,31 +456,31 @@ def condition_rows(
     antenna = UNKNOWN if ahead_m is None else f"{ahead_m:g} m forward, {starboard_m:g} m to starboard"
     return [
         ("trial", trial.name or UNKNOWN),
-        *_when(one_hz),
+        *_date_rows(one_hz),
         ("place", trial.place or UNKNOWN),
         ("origin of north and east", _origin_text(trial.origin)),
-        ("water depth", f"{_metres(depth_m)}{draughts}"),
-        ("water temperature, density", _joined(
+        ("water depth", f"{_metres_text(depth_m)}{draughts}"),
+        ("water temperature, density", _join_parts(
             "" if stated.water_temperature_degc is None else f"{stated.water_temperature_degc:g} \u00b0C",
             f"{density:g} kg/m\u00b3" if density != REFERENCE_DENSITY_KGPM3 else "")),
         ("wind", wind),
         ("sea state", trial.sea_state or state_of_sea),
         ("significant wave height", wave_height),
-        ("current", _current(manoeuvres, stated.current_mps)),
+        ("current", _current_text(manoeuvres, stated.current_mps)),
         ("antenna from midship", antenna),
         ("crew notes", trial.crew_notes or UNKNOWN),
     ]  # fmt: skip
 
 
-def _joined(*parts: str) -> str:
+def _join_parts(*parts: str) -> str:
     return ", ".join(filter(None, parts)) or UNKNOWN
 
 
-def _counted(number: int | None, what: str) -> str:
+def _count_and_type(number: int | None, what: str) -> str:
     return " ".join(filter(None, (str(number or ""), what)))
 
 
-def _draughts(stated: Conditions) -> str:
+def _draughts_text(stated: Conditions) -> str:
     if stated.draught_m is None:
         return UNKNOWN
     if stated.trim_m is None:
@@ -504,13 +500,13 @@ def _block_coefficient(particulars: Particulars, stated: Conditions, ship: ShipD
     return f"{stated.displacement_m3 / np.prod(np.array(sizes, dtype=float)):.3f}, from the displacement"
 
 
-def _rudders(particulars: Particulars, stated: Conditions, ship: ShipDimensions | None) -> str:
+def _rudder_text(particulars: Particulars, stated: Conditions, ship: ShipDimensions | None) -> str:
     area, draught_m = particulars.rudder_area_m2, stated.full_load_draught_m or (ship.draught_m if ship else None)
     ratio = (
         f" (1/{ship.between_perpendiculars_m * draught_m / area:.0f} of LT)" if area and ship and draught_m else ""
     )
-    return _joined(
-        _counted(particulars.rudders, particulars.rudder_type),
+    return _join_parts(
+        _count_and_type(particulars.rudders, particulars.rudder_type),
         f"area {area:g} m\u00b2{ratio}" if area else "",
         f"{particulars.rudder_rate_dps:g} deg/s" if particulars.rudder_rate_dps else "",
     )
@@ -529,7 +525,7 @@ def file_rows(recording: Recording) -> Rows:
     ]
 
 
-def _when(one_hz: pd.DataFrame) -> Rows:
+def _date_rows(one_hz: pd.DataFrame) -> Rows:
     first, last = one_hz.index[0], one_hz.index[-1]
     minutes = (last - first).total_seconds() / 60.0
     if not has_date(first):
@@ -553,7 +549,7 @@ def _origin_text(origin: tuple[float, float] | None) -> str:
     )
 
 
-def _metres(value: float | None) -> str:
+def _metres_text(value: float | None) -> str:
     return UNKNOWN if value is None else f"{value:g} m"
 
 
@@ -567,7 +563,7 @@ def wind_words(table: pd.DataFrame) -> str:
     return f"{speed_mps:.1f} m/s from {from_deg:.0f}\u00b0, gusts {gust:.1f} m/s, Beaufort {beaufort(speed_mps)}"
 
 
-def _current(manoeuvres: Iterable[Manoeuvre], stated_mps: float | None) -> str:
+def _current_text(manoeuvres: Iterable[Manoeuvre], stated_mps: float | None) -> str:
     """The mean of what turns of more than one and a half circles show, with its 95 % interval along itself,
     of two turns half of their range.
     """
@@ -592,7 +588,7 @@ def _current(manoeuvres: Iterable[Manoeuvre], stated_mps: float | None) -> str:
     )
 
 
-def _dimensions(
+def _dimension_rows(
     ship: ShipDimensions | None, stated: Conditions, one_hz: pd.DataFrame, manoeuvres: Iterable[Manoeuvre]
 ) -> Rows:
     """Dimensions and the ratios that the IMO's form asks for; the speed is that of the fastest approach, or without
@@ -615,4 +611,4 @@ def _dimensions(
     size = f"{overall}{length_m:g} m between perpendiculars (L)"
     size += f", beam {beam_m:g} m" if beam_m else ""
     size += f", draught {ship.draught_m:g} m" if ship.draught_m else ""
-    return [("dimensions", size), ("ratios", _joined(*ratios))]
+    return [("dimensions", size), ("ratios", _join_parts(*ratios))]

@@ -20,6 +20,7 @@ from typing import ClassVar
 
 import numpy as np
 import pandas as pd
+from scipy.special import ndtr
 
 from seatrial.acquisition.config.run_sheet import Conditions
 from seatrial.acquisition.core.errors import DataShortageError, InputError
@@ -211,6 +212,9 @@ def _analyse(runs: Sequence[PowerRun], conditions: Conditions, left_out: tuple[L
         middle = values + intervals.shift_mps
         low = np.minimum(values, middle - intervals.half_mps)
         high = np.maximum(values, middle + intervals.half_mps)
+    place = _BAND_POINTS + int(np.argmax(best.means[:, 1]))
+    sources = intervals.sources if intervals is not None else ()
+    halves = [(source.name, 1.96 * float(source.standard_mps[place])) for source in sources]
     points = [SpeedAtPower(*map(float, row)) for row in zip(powers, values, low, high, strict=True)]
     count = len(trial.groups)
     band, by_curve, by_means = points[:_BAND_POINTS], points[_BAND_POINTS:-count], points[-count:]
@@ -220,20 +224,13 @@ def _analyse(runs: Sequence[PowerRun], conditions: Conditions, left_out: tuple[L
     corrected = tuple(CorrectedRun(run, *map(float, numbers)) for run, *numbers in rows)
     return SpeedPower(
         corrected, settings, best.curve, tuple(band), best.current.terms, runs[0].heading_deg,
-        _sizes(trial, over_ground, power, best, corrections),
-        _uncertainties(intervals, _BAND_POINTS + int(np.argmax(best.means[:, 1]))), no_interval,
+        _add_sizes(trial, over_ground, power, best, corrections),
+        tuple(Uncertainty(*source) for source in sorted(halves, key=lambda source: -source[1])), no_interval,
         warnings_of(conditions, runs, trial.groups, len(best.current.terms)), left_out, software_version(),
     )  # fmt: skip
 
 
-def _uncertainties(intervals: Intervals | None, place: int) -> tuple[Uncertainty, ...]:
-    """The sources of uncertainty of one of the speeds, the largest first."""
-    sources = intervals.sources if intervals is not None else ()
-    halves = [(source.name, 1.96 * float(source.standard_mps[place])) for source in sources]
-    return tuple(Uncertainty(*entry) for entry in sorted(halves, key=lambda entry: -entry[1]))
-
-
-def _sizes(
+def _add_sizes(
     trial: SpeedTrial, speed: Floats, power: Floats, best: SpeedPowerSolution, corrections: Iterable[Correction]
 ) -> tuple[Correction, ...]:
     """The corrections with their sizes: the result with all of them less that without each."""
@@ -242,7 +239,7 @@ def _sizes(
     sized = []
     for correction in corrections:
         if correction.applied:
-            curve = solve(trial.without(correction.name), speed, power).curve
+            curve = solve(trial.without_correction(correction.name), speed, power).curve
             correction = replace(
                 correction, power_kw=float(highest_kw - curve.power_kw(fastest)),
                 speed_mps=float(fastest - curve.speed_mps(highest_kw)),
@@ -307,10 +304,10 @@ def intervals_of(
     """The 95 % intervals of the ``outputs`` of a solution, of measured speeds over ground [m/s] and powers [kW]."""
     values = outputs(best)
     by_speed, by_power = _sensitivities(trial, speed, power, outputs, values)
-    weights, variances = _random_part(trial, runs, best, speed, by_speed, by_power)
+    weights, variances = _random_uncertainty(trial, runs, best, speed, by_speed, by_power)
     sources = [
         UncertaintySource("current and scatter of the runs", np.zeros_like(values), np.sqrt(weights @ variances)),
-        *_systematic_part(trial, speed, power, outputs, values),
+        *_systematic_uncertainty(trial, speed, power, outputs, values),
     ]
     systematic = sum((source.standard_mps**2 for source in sources[1:]), start=np.zeros_like(values))
     shift = sum((source.shift_mps for source in sources), start=np.zeros_like(values))
@@ -331,7 +328,7 @@ def _sensitivities(
     return np.array(by_speed).T, np.array(by_power).T
 
 
-def _random_part(
+def _random_uncertainty(
     trial: SpeedTrial,
     runs: Sequence[PowerRun],
     best: SpeedPowerSolution,
@@ -376,8 +373,6 @@ def _likelihood(residual: Floats, settings: Floats, covariance: Floats) -> float
 
 def _mixture_half(weights: Floats, variances: Floats) -> Floats:
     """Half of the interval that holds 95 % of a mixture of normal distributions about zero, of each output."""
-    from scipy.special import ndtr
-
     low, high = np.zeros(variances.shape[1]), 8.0 * np.sqrt(variances.max(axis=0))
     for _ in range(_HALVINGS):
         middle = 0.5 * (low + high)
@@ -398,7 +393,7 @@ class _Change:
     spread: float = 1.0
 
 
-def _systematic_part(
+def _systematic_uncertainty(
     trial: SpeedTrial, speed: Floats, power: Floats, outputs: Outputs, values: Floats
 ) -> Iterator[UncertaintySource]:
     changes = list(_changes(trial))
@@ -418,14 +413,14 @@ def _changes(trial: SpeedTrial) -> Iterator[_Change]:
     yield from _wave_changes(trial)
     if methods.keys() & {"wind", "waves", "water"}:
         efficiency = conditions.number("propulsive_efficiency") * (1.0 - _EFFICIENCY)
-        yield _Change("propulsive efficiency", _with(trial, propulsive_efficiency=efficiency))
+        yield _Change("propulsive efficiency", _with_conditions(trial, propulsive_efficiency=efficiency))
         variation = conditions.load_variation + _LOAD_VARIATION
-        yield _Change("propulsive efficiency", _with(trial, load_variation=variation))
+        yield _Change("propulsive efficiency", _with_conditions(trial, load_variation=variation))
     if "shallow water" not in methods:
         yield from _uncorrected_depth(trial)
     for name, share in (("shallow water", _SHALLOW), ("displacement", _DISPLACEMENT), ("water", _WATER)):
         if name in methods:
-            yield _Change(name, trial.without(name), spread=share)
+            yield _Change(name, trial.without_correction(name), spread=share)
 
 
 def _uncorrected_depth(trial: SpeedTrial) -> Iterator[_Change]:
@@ -435,13 +430,13 @@ def _uncorrected_depth(trial: SpeedTrial) -> Iterator[_Change]:
     depth_m = float(trial.sea.water_depth_m.min())
     if depth_m < 3.0 * np.sqrt(beam_m * draught_m):
         shallow = replace(trial, conditions=replace(usual, form_factor=None))
-        yield _Change("shallow water", shallow.corrected_by("shallow water"), shift=1.0, spread=_UNKNOWN_DEPTH)
+        yield _Change("shallow water", shallow.with_correction("shallow water"), shift=1.0, spread=_UNKNOWN_DEPTH)
     elif np.isfinite(depth_m):
         share = _VISCOUS_SHARE * 0.57 * (draught_m / depth_m) ** 1.79
         yield _Change("shallow water", trial, 1.0 - share, shift=1.0, spread=0.5)
 
 
-def _with(trial: SpeedTrial, **conditions: float) -> SpeedTrial:
+def _with_conditions(trial: SpeedTrial, **conditions: float) -> SpeedTrial:
     return replace(trial, conditions=replace(trial.conditions, **conditions))  # type: ignore[arg-type]
 
 
@@ -449,7 +444,7 @@ def _wind_changes(trial: SpeedTrial) -> Iterator[_Change]:
     """Errors of the wind and its resistance; where it was not corrected for, what it may have taken."""
     if "wind" not in trial.methods:
         usual = replace(trial, conditions=_with_usual_values(trial.conditions))
-        yield _Change("wind", usual.corrected_by("wind"), shift=1.0, spread=_UNKNOWN_WIND)
+        yield _Change("wind", usual.with_correction("wind"), shift=1.0, spread=_UNKNOWN_WIND)
         return
     curve = np.array(wind_resistance_of(trial.conditions))
     error = _OWN_WIND_CURVE if trial.conditions.wind_resistance else _TYPICAL_WIND_CURVE
@@ -475,7 +470,9 @@ def _wave_changes(trial: SpeedTrial) -> Iterator[_Change]:
     wave_from_deg = np.where(np.isfinite(sea.wave_from_deg), sea.wave_from_deg, trial.wind_from_deg)
     sea = replace(sea, wave_height_m=height, wave_from_deg=wave_from_deg)
     usual = replace(trial, conditions=_with_usual_values(trial.conditions), sea=sea)
-    yield _Change("waves", _with_side_waves(usual.corrected_by("waves", WAVE_METHODS[0])), shift=1.0, spread=spread)
+    yield _Change(
+        "waves", _with_side_waves(usual.with_correction("waves", WAVE_METHODS[0])), shift=1.0, spread=spread
+    )
 
 
 def _with_side_waves(trial: SpeedTrial) -> SpeedTrial:

@@ -22,6 +22,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from scipy.special import i1e, k1e
 
 from seatrial.acquisition.config.run_sheet import (
     REFERENCE_DENSITY_KGPM3,
@@ -381,8 +382,6 @@ def stawave2_n(conditions: Conditions, height_m: Floats, period_s: Floats, speed
 
 def regular_waves_n(conditions: Conditions, omega: Floats, speed_mps: Floats) -> Floats:
     """R_AW / zeta_A^2 [N/m^2] of STAWAVE-2 in regular head waves of a frequency [rad/s]: motion and reflection."""
-    from scipy.special import i1e, k1e
-
     L, B, T = (conditions.number(name) for name in STAWAVE_2[:3])
     C_B = conditions.number("displacement_m3") / (L * B * T)
     k_yy = (conditions.pitch_gyradius_m or _GYRADIUS_SHARE * L) / L

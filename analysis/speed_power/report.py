@@ -8,6 +8,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
+from rich.console import Group
+from rich.text import Text
 
 from seatrial.acquisition.core.files import write_text, written_together
 from seatrial.acquisition.core.quantities import KNOT_MPS
@@ -17,7 +19,7 @@ from seatrial.analysis.speed_power.analysis import SpeedAtPower, SpeedPower
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-    from rich.console import Group
+    from rich.table import Table
 
 RUN_TITLES = ("pair", "start", "min", "heading", "ground", "power", "wind", "current", "water", "ideal")
 """What the columns of :func:`run_rows` are called."""
@@ -123,9 +125,7 @@ def uncertainty_rows(result: SpeedPower) -> list[list[str]]:
 
 def view(result: SpeedPower) -> Group:
     """Power settings, runs, corrections, sources of uncertainty, warnings and what was left out."""
-    from rich.console import Group
     from rich.table import Table
-    from rich.text import Text
 
     def table(header: tuple[str, ...], rows: list[list[str]], justify: Literal["left", "right"] = "right") -> Table:
         grid = Table(box=None, header_style="dim", padding=(0, 2, 0, 0))

@@ -358,11 +358,11 @@ def runs_in_table(table: pd.DataFrame, units: Mapping[str, str] | None = None) -
 def _read_runs(start: pd.DatetimeIndex, seconds: Floats, read: Mapping[str, Floats]) -> Iterator[PowerRun]:
     """The runs of rows: averages have no standard error of their own, and what came before is not known."""
     nothing = np.full(len(start), np.nan)
-    heading, speed = _required(read, "heading"), _required(read, "speed")
+    heading, speed = _required_column(read, "heading"), _required_column(read, "speed")
     if "power" in read or "torque" not in read:
-        power = _required(read, "power")
+        power = _required_column(read, "power")
     else:
-        power = 1e-3 * _required(read, "torque") * _required(read, "shaft_speed") * np.pi / 30.0
+        power = 1e-3 * _required_column(read, "torque") * _required_column(read, "shaft_speed") * np.pi / 30.0
     setting = read.get("shaft_speed", np.cbrt(power))
     sea = [read.get(name, nothing) for name in ("wave_height", "wave_direction", "wave_period", "water_depth")]
     end = start + pd.to_timedelta(seconds, unit="s")
@@ -444,7 +444,7 @@ def _numbers(table: pd.DataFrame, column: _Column, quantity: str) -> Floats:
     return np.asarray(converted)
 
 
-def _required(read: Mapping[str, Floats], name: str) -> Floats:
+def _required_column(read: Mapping[str, Floats], name: str) -> Floats:
     if name not in read:
         kind = _QUANTITIES[name]
         raise InputError(
@@ -460,7 +460,7 @@ def _required(read: Mapping[str, Floats], name: str) -> Floats:
 
 def _wind_of(read: Mapping[str, Floats]) -> tuple[Floats, Floats]:
     """Where the true wind comes from [deg] and its speed [m/s]: as given, else from the relative wind."""
-    heading, speed = (_required(read, name) for name in ("heading", "speed"))
+    heading, speed = (_required_column(read, name) for name in ("heading", "speed"))
     for first, second in (_TRUE_WIND, _RELATIVE_WIND):
         if (first in read) != (second in read):
             raise InputError(

@@ -51,13 +51,13 @@ class SpeedTrial:
     pairs: Floats
     methods: Mapping[str, str]
 
-    def without(self, name: str) -> SpeedTrial:
+    def without_correction(self, name: str) -> SpeedTrial:
         """This trial without one of the corrections."""
         return replace(
             self, methods={correction: method for correction, method in self.methods.items() if correction != name}
         )
 
-    def corrected_by(self, name: str, method: str = "") -> SpeedTrial:
+    def with_correction(self, name: str, method: str = "") -> SpeedTrial:
         """This trial with one more correction."""
         return replace(self, methods={**self.methods, name: method})
 
@@ -99,7 +99,7 @@ def solve(trial: SpeedTrial, over_ground: Floats, power: Floats) -> SpeedPowerSo
     conditions, settings = trial.conditions, len(trial.groups)
     through = np.array([over_ground[trial.pairs == pair].mean() for pair in trial.pairs])
     for _ in range(_PASSES):
-        added = _added_n(trial, over_ground, through, power)
+        added = _added_resistance_n(trial, over_ground, through, power)
         total = np.sum(list(added.values()), axis=0)
         ideal = ideal_power_kw(conditions, power, total, through) if trial.methods.keys() & added.keys() else power
         current = iterate_current(trial.time_s, trial.along, over_ground, ideal, through, settings)
@@ -111,15 +111,17 @@ def solve(trial: SpeedTrial, over_ground: Floats, power: Floats) -> SpeedPowerSo
         pairs.append([mean_of_means(values[group], alternating) for values in (over_ground, ideal)])
     means = np.array(pairs)
     depth = np.array([trial.sea.water_depth_m[group].mean() for group in trial.groups])
-    speed, final = _in_deep_water(trial, through, ideal, trial.sea.water_depth_m)
-    means = np.column_stack(_in_deep_water(trial, means[:, 0], means[:, 1], depth))
+    speed, final = _correct_depth_and_displacement(trial, through, ideal, trial.sea.water_depth_m)
+    means = np.column_stack(_correct_depth_and_displacement(trial, means[:, 0], means[:, 1], depth))
     curve = current.curve
     if trial.methods.keys() & {"shallow water", "displacement"}:
         curve = fit_curve(speed, final, settings)
     return SpeedPowerSolution(added, current, speed, final, curve, means)
 
 
-def _added_n(trial: SpeedTrial, over_ground: Floats, through: Floats, power: Floats) -> dict[str, Floats]:
+def _added_resistance_n(
+    trial: SpeedTrial, over_ground: Floats, through: Floats, power: Floats
+) -> dict[str, Floats]:
     """What wind, waves and water add to the resistance of each run."""
     conditions, nothing, methods = trial.conditions, np.zeros_like(through), trial.methods
     return {
@@ -131,7 +133,9 @@ def _added_n(trial: SpeedTrial, over_ground: Floats, through: Floats, power: Flo
     }  # fmt: skip
 
 
-def _in_deep_water(trial: SpeedTrial, speed: Floats, power: Floats, depth: Floats) -> tuple[Floats, Floats]:
+def _correct_depth_and_displacement(
+    trial: SpeedTrial, speed: Floats, power: Floats, depth: Floats
+) -> tuple[Floats, Floats]:
     """Speed and power without the shallow water, at the displacement that is stated."""
     conditions = trial.conditions
     if "shallow water" in trial.methods:
@@ -182,17 +186,17 @@ def fit_curve(speed_mps: Floats, power_kw: Floats, settings: int) -> PowerCurve:
     from scipy.optimize import minimize_scalar
 
     if settings < 2:
-        return _with_exponent(speed_mps, power_kw, 3.0, through_zero=True)
+        return _fit_with_exponent(speed_mps, power_kw, 3.0, through_zero=True)
 
     def misfit(q: float) -> float:
-        curve = _with_exponent(speed_mps, power_kw, q, through_zero=settings < 3)
+        curve = _fit_with_exponent(speed_mps, power_kw, q, through_zero=settings < 3)
         return float(np.sum((curve.power_kw(speed_mps) - power_kw) ** 2))
 
     best = minimize_scalar(misfit, bounds=(_SLOWEST_Q, _FASTEST_Q), method="bounded", options={"xatol": 1e-7})
-    return _with_exponent(speed_mps, power_kw, float(best.x), through_zero=settings < 3)
+    return _fit_with_exponent(speed_mps, power_kw, float(best.x), through_zero=settings < 3)
 
 
-def _with_exponent(speed_mps: Floats, power_kw: Floats, q: float, *, through_zero: bool) -> PowerCurve:
+def _fit_with_exponent(speed_mps: Floats, power_kw: Floats, q: float, *, through_zero: bool) -> PowerCurve:
     scale = float(speed_mps.mean())
     powered = (speed_mps / scale) ** q
     design = np.column_stack([powered] if through_zero else [powered, np.ones_like(powered)])
