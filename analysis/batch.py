@@ -9,7 +9,7 @@ the file system. Each job gives a row, whatever happens to the others. A job tha
 identified by the marks that every attempt leaves in the output folder: no scheduler can tell which of a dead
 worker's tasks was to blame.
 
-The index has one row a recording, as Parquet for programs and as a page for people. Results whose recording is no
+The index has one row a recording, as Parquet for programs and as a page. Results whose recording is no
 longer there have rows too, with the status ``gone``: nothing is removed.
 """
 
@@ -195,7 +195,7 @@ def _write_result(products: Products, row: Row, provenance: Mapping[str, Any], f
 
 
 def write_json(path: Path, content: Mapping[str, Any]) -> None:
-    """Write values as JSON for people and programs."""
+    """Write values as indented JSON."""
     write_text(path, json.dumps(to_json(content), indent=1, ensure_ascii=False) + "\n")
 
 
@@ -600,7 +600,7 @@ def block_interrupts() -> Iterator[None]:
 Failures = list[tuple[str, list[str]]]
 """Causes and the names of the recordings that failed of each, the most frequent first."""
 REPORT = "report.html"
-"""A notebook report beside a result, which the page leads to where there is one."""
+"""A notebook report in the folder of a result, to which the page links where there is one."""
 GONE = "gone"
 """The status of a result whose recording is not in the folder any more."""
 TEXTS = ("name", "path", "status", "cause", "vessel", "trial", "place", "grade")
@@ -668,7 +668,7 @@ def run_batch(
 
     ``workers`` is the number of processes, that of the cores without it; ``scheduler`` an address like
     ``tcp://host:8786`` instead. Results of equal provenance are used as they are unless ``again``. A
-    recording that takes longer than ``timeout_s`` [s] fails. ``task`` stands in for the work of one recording.
+    recording that takes longer than ``timeout_s`` [s] fails. ``task`` replaces the work on one recording.
     Raises :class:`InputError` for a folder or an address that is none, :class:`DataShortageError` for one without
     recordings, :class:`SourceError` for a scheduler that cannot be reached, :class:`StorageError` when
     ``out`` cannot be written or another batch is writing there.
@@ -699,7 +699,7 @@ def run_batch(
 
 
 def criteria_of_ships(rows: Sequence[Row], out: Path) -> list[dict[str, Any]]:
-    """The criteria of each ship from the manoeuvres of all her recordings, with the keys of ``manoeuvres``."""
+    """The criteria of each ship from the manoeuvres of all its recordings, with the keys of ``manoeuvres``."""
     runs: dict[str, list[Manoeuvre]] = {}
     for row in rows:
         if row["status"] == "done" and row.get("manoeuvres"):
@@ -725,7 +725,7 @@ def result_of(job: BatchJob) -> Row:
 def recordings_below(folder: Path, out: Path) -> list[tuple[Path, ...]]:
     """The recordings ``*.mcap`` below a folder, in the order of their names, without the output folder.
 
-    The files of a recording in parts are together. A folder that cannot be read stands for what is in it.
+    The files of a recording in parts are together. A folder that cannot be read is listed itself.
     """
     if not folder.is_dir():
         raise InputError("is no folder" if folder.exists() else "does not exist", where=str(folder),
@@ -811,7 +811,7 @@ def is_row(values: Mapping[str, Any]) -> bool:
 def index_table(rows: Sequence[Mapping[str, Any]]) -> pd.DataFrame:
     """The rows as a table with the same kinds of columns whatever failed: counts are whole or missing.
 
-    Counts by code, by reason and by kind stand in columns of their own, like ``findings_by_code.spikes``.
+    Counts by code, by reason and by kind are in columns of their own, like ``findings_by_code.spikes``.
     """
     columns: dict[str, Any] = {name: _series([row.get(name) or "" for row in rows], "str") for name in TEXTS}
     columns["closed"] = _series([row.get("closed") for row in rows], "boolean")

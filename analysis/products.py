@@ -48,7 +48,7 @@ class Products:
     """The results of the analysis of one recording.
 
     ``table`` has the raw samples, after repairs if there were any; ``one_hz`` is it once a second, motion from
-    the smoother with a column ``<name>_sigma`` beside each where that was made. ``left_out`` only began like
+    the smoother with a column ``<name>_sigma`` for each where that was made. ``left_out`` only began like
     manoeuvres. ``shortfalls`` says in one line each what could not be made, and why; ``remarks`` which of the
     smoother's bands are in doubt.
     """

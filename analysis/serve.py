@@ -88,7 +88,7 @@ NAMES = (ADDRESS, "localhost")
 MOST_CLIENTS = 64
 """Requests that are answered at once; browsers have six under way."""
 MOST_RUNS = 40
-"""Runs that are drawn over each other; more cannot be told apart."""
+"""Runs that are drawn in one figure; more cannot be distinguished."""
 LINKS = "<!--links-->"
 """Where a recording's page has room for the way back, its exports and its diagnosis."""
 _MEGA = 1_000_000
@@ -129,7 +129,7 @@ def make_app(season: Season, upload_mb: float | None = None) -> Flask:
     app.register_error_handler(HTTPException, http_page)
     app.register_error_handler(Exception, failure_page)
     pages = _Pages(season, upload_mb, token)
-    environment()  # what pages are drawn with, before anybody waits
+    environment()  # what pages are drawn with, before the first request
     for path, page in pages.addresses().items():
         app.add_url_rule(path, path, page)
     if upload_mb is not None:
@@ -625,7 +625,7 @@ def call_limited(function: _Work, *arguments: object, longest_s: float | None = 
         sender.close()  # or the end of the process would pass unnoticed
         if not receiver.poll(longest_s):
             raise InputError(f"took longer than {longest_s:g} s to read", fix="read it on the command line")
-        answer = json.loads(receiver.recv_bytes())  # no pickle: whoever sends it has read a stranger's file
+        answer = json.loads(receiver.recv_bytes())  # no pickle: its sender has read an untrusted file
     except (EOFError, OSError) as error:
         process.join()
         raise InputError(
@@ -692,7 +692,7 @@ def receive(stream: IO[bytes], filename: str, folder: Path) -> tuple[Path, list[
             shutil.copyfileobj(stream, copy)
         try:
             lines = call_limited(make_recording, str(source))
-        except SeatrialError as error:  # whoever sent it knows nothing of our folders
+        except SeatrialError as error:  # the temporary folder means nothing to the sender
             raise InputError(str(error).replace(f"{place}/", ""), where=name) from error
         return _store_recording(_recording_path(source), folder), lines
 

@@ -316,7 +316,7 @@ _MAIN = {
     "crabbing": ("sway_mps",),
     "thruster_test": ("last_yaw_rate_dps",),
 }
-"""The indices of a kind that stand on the page of indices; of kinds that are not here the first three."""
+"""The main indices of a kind, for the page of indices; of other kinds the first three."""
 _SINGLE = ("speed_run", "acceleration", "crabbing", "thruster_test")
 """Kinds whose runs differ in their settings: no means over them."""
 _SPEED_SHARE = 0.2

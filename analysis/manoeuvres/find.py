@@ -28,32 +28,10 @@ from seatrial.acquisition.core.errors import InputError
 from seatrial.acquisition.core.named_code import OwnCodeError, file_of, load, own_code, require_call
 from seatrial.acquisition.core.quantities import Bools, Floats
 from seatrial.analysis.conditions import recorded_conditions, with_stronger_wind
+from seatrial.analysis.manoeuvres import kinds, measures
 from seatrial.analysis.manoeuvres.criteria import add_limits
 from seatrial.analysis.manoeuvres.indices import Current, LeftOut, Manoeuvre, index_of
-from seatrial.analysis.manoeuvres.kinds import (
-    FEWEST_SWINGS,
-    LEAST_TURN_OF_ONE_SIDE_DEG,
-    REMOVED,
-    circle_indices,
-    remove_current,
-    shows_current,
-    turn_of,
-    zigzag,
-    zigzag_chains,
-    zigzag_indices,
-)
-from seatrial.analysis.manoeuvres.measures import (
-    WIDEST_S,
-    Plateau,
-    half_width_s,
-    helm_rate_dps,
-    join_held,
-    merge_corrections,
-    plateaus,
-    smooth_motion,
-    tolerance_of,
-    turning_points,
-)
+from seatrial.analysis.manoeuvres.measures import Plateau
 from seatrial.analysis.manoeuvres.motion import Motion, motion_of, noise_of, stretches
 from seatrial.analysis.manoeuvres.runs import (
     LONGEST_BETWEEN_S,
@@ -126,7 +104,7 @@ def find_manoeuvres(
 
     ``table`` is indexed by UTC, at 1 Hz or faster, raw or resampled. ``length_m`` is the ship's length between
     perpendiculars, for indices in lengths and the IMO limits; without it both are left out. ``events`` are
-    (time [ns since 1970], text) as in a recording. ``conditions`` complete what the table itself tells of its
+    (time [ns since 1970], text) as in a recording. ``conditions`` complete what the table itself has of its
     trial, for the results against the limits. Raises :class:`InputError` where channels are missing.
     Methods: ITTC 7.5-04-02-01, IMO MSC.137(76) and MSC/Circ.1053.
     """
@@ -153,7 +131,7 @@ def manoeuvres_and_left_out(
         return (), (LeftOut("manoeuvre", *bounds, why),)
     events = list(events)
     marks = marks_of(events)
-    smooth = smooth_motion(motion, max(WIDEST_S, 3 * motion.step_s))
+    smooth = measures.smooth_motion(motion, max(measures.WIDEST_S, 3 * motion.step_s))
     steered, taken = _zigzags_and_turns(motion, smooth, marks)
     tests = find_thruster_tests(motion, smooth, ~taken) if motion.drives else []
     for test in tests:
@@ -225,9 +203,10 @@ def _apply_trial_current(
 def _reason_for_none(motion: Motion, smooth: Motion) -> str:
     """Why a recording holds no manoeuvre and no candidate."""
     helm = f"the direction of the thrust of {len(motion.drives)} drives" if motion.steers_by_thrust else "the helm"
+    least_deg = kinds.LEAST_TURN_OF_ONE_SIDE_DEG
     return (
-        f"{helm} was never held until the ship had turned by {LEAST_TURN_OF_ONE_SIDE_DEG:.0f} deg, and did not "
-        "alternate from side to side; no thrust was held on a straight course, or changed; the ship made "
+        f"{helm} was never held until the ship had turned by {least_deg:.0f} deg, and did not alternate from side "
+        "to side; no thrust was held on a straight course, or changed; the ship made "
         f"{smooth.fastest_mps:.2g} m/s at most"
     )
 
@@ -260,20 +239,20 @@ def _zigzags_and_turns(
     helm, fastest_mps = helm_of(motion), smooth.fastest_mps
     # Reversed thrust turns the direction of thrust by 180 deg at once, which is not a rate of the helm.
     ahead = np.where(np.abs(helm) > _WIDEST_HELM_DEG, 0.0, helm)
-    motion = replace(motion, helm_deg=helm, helm_rate_dps=helm_rate_dps(ahead, motion.step_s))
+    motion = replace(motion, helm_deg=helm, helm_rate_dps=measures.helm_rate_dps(ahead, motion.step_s))
     helms = helm_plateaus(motion)
     held = plateaus_off_amidships(helm, helms)
-    calm, rows = turning_points(helm, motion.step_s)
+    calm, rows = measures.turning_points(helm, motion.step_s)
     extremes = [Plateau(row, row + 1, float(calm[row]), 0.0) for row in rows]  # the reversals of the helm
-    alternating = zigzag_chains(motion, join_held(helm, held, motion.step_s), extremes)
+    alternating = kinds.zigzag_chains(motion, measures.join_held(helm, held, motion.step_s), extremes)
     starts = [motion.utc(float(motion.time_s[chain[0].first])) for chain in alternating]
     zigzag_marks = [mark for mark in marks if "zig" in mark.text.lower()]
     chains = [chain for chain, start in zip(alternating, starts, strict=True)
-              if len(chain) >= FEWEST_SWINGS or any(mark.covers(start) for mark in zigzag_marks)]  # fmt: skip
+              if len(chain) >= kinds.FEWEST_SWINGS or any(mark.covers(start) for mark in zigzag_marks)]  # fmt: skip
     taken = _rows_of_chains(motion, chains)
     spirals = spiral_steps(motion, _drop_taken(helms, taken))
     taken |= _rows_of_chains(motion, spirals)
-    manoeuvres = [*(zigzag(motion, chain) for chain in chains), *(spiral(motion, steps) for steps in spirals)]
+    manoeuvres = [*(kinds.zigzag(motion, chain) for chain in chains), *(spiral(motion, steps) for steps in spirals)]
     rates = (
         reverse_spiral_steps(motion, smooth.yaw_rate_dps, ~_rows_taken(motion, manoeuvres)) if helm.any() else []
     )
@@ -281,15 +260,15 @@ def _zigzags_and_turns(
     manoeuvres, taken = [*manoeuvres, *reverse], taken | _rows_taken(motion, reverse)
     free = _drop_taken(held, taken)
     williamson = find_williamson_turns(motion, free)
-    turns = join_held(helm, _drop_taken(free, _rows_taken(motion, williamson)), motion.step_s)
-    judged = [turn for plateau in turns if (turn := turn_of(motion, plateau, fastest_mps))]
+    turns = measures.join_held(helm, _drop_taken(free, _rows_taken(motion, williamson)), motion.step_s)
+    judged = [turn for plateau in turns if (turn := kinds.turn_of(motion, plateau, fastest_mps))]
     manoeuvres += [*williamson, *(turn for turn in judged if isinstance(turn, Manoeuvre))]
     manoeuvres += find_pull_outs(motion, _drop_taken(helms, taken), smooth.yaw_rate_dps, fastest_mps)
     left_out = [candidate for candidate in judged if isinstance(candidate, LeftOut)]
     for chain, start in zip(alternating, starts, strict=True):
-        if len(chain) == FEWEST_SWINGS - 1:
+        if len(chain) == kinds.FEWEST_SWINGS - 1:
             end = motion.utc(float(motion.time_s[chain[-1].end - 1]))
-            why = f"the helm alternates {len(chain)} times, less than {FEWEST_SWINGS}"
+            why = f"the helm alternates {len(chain)} times, less than {kinds.FEWEST_SWINGS}"
             left_out.append(LeftOut("zigzag", start, end, why))
     taken = _rows_taken(motion, manoeuvres)
     left_out = [candidate for candidate in left_out if not taken[_rows_of(motion, candidate)].any()]
@@ -326,12 +305,12 @@ def helm_of(motion: Motion) -> Floats:
 def helm_plateaus(motion: Motion) -> list[Plateau]:
     """The plateaus of the helm."""
     helm, rate = motion.helm_deg, motion.helm_rate_dps
-    tolerance = tolerance_of(helm, _LEAST_STEP_DEG)
+    tolerance = measures.tolerance_of(helm, _LEAST_STEP_DEG)
     return [
         replace(plateau, first=plateau.first + offset, end=plateau.end + offset)
         for offset, end in stretches(~motion.broken)
-        for plateau in merge_corrections(
-            plateaus(helm[offset:end], motion.step_s, tolerance, rate=rate), motion.step_s
+        for plateau in measures.merge_corrections(
+            measures.plateaus(helm[offset:end], motion.step_s, tolerance, rate=rate), motion.step_s
         )
     ]  # fmt: skip
 
@@ -392,7 +371,7 @@ def observations_of(runs: Sequence[Manoeuvre]) -> list[Observation]:
     seen, pairs = list[Observation](), set[float]()
     for run in runs:
         time = run.start + (run.end - run.start) / 2
-        if run.current is not None and shows_current(run):
+        if run.current is not None and kinds.shows_current(run):
             current = run.current
             seen.append(Observation(time, (1.0, 0.0), current.north_mps, current.north_within_mps))
             seen.append(Observation(time, (0.0, 1.0), current.east_mps, current.east_within_mps))
@@ -449,10 +428,13 @@ def remove_currents(
 def _remove_current(motion: Motion, run: Manoeuvre, current: Current) -> Manoeuvre:
     start, end = ((time.value - motion.origin_ns) / 1e9 for time in (run.start, run.end))
     part = motion.around(start - _MARGIN_S, end + _LONGEST_RUN_ON_S * (run.kind == "stopping"), _MARGIN_S)
-    smooth, measure = smooth_motion(part, half_width_s(part, 0.1 * (end - start))), _choose_measure(run, start, end)
+    smooth, measure = (
+        measures.smooth_motion(part, measures.half_width_s(part, 0.1 * (end - start))),
+        _choose_measure(run, start, end),
+    )
 
     def through_water(north_mps: float, east_mps: float) -> dict[str, float]:
-        return measure(remove_current(smooth, north_mps, east_mps, start))
+        return measure(kinds.remove_current(smooth, north_mps, east_mps, start))
 
     ground, flow = measure(smooth), (current.north_mps, current.east_mps)
     water = through_water(*flow)
@@ -467,7 +449,7 @@ def _remove_current(motion: Motion, run: Manoeuvre, current: Current) -> Manoeuv
             low, high = np.hypot(index.value - index.low, within), np.hypot(index.high - index.value, within)
             value = index.value + (water[name] - ground[name])
             length_m = index.value / index.lengths if index.lengths else None
-            indices[name + REMOVED] = replace(
+            indices[name + kinds.REMOVED] = replace(
                 index_of(name, value, 0.0, length_m), low=value - float(low), high=value + float(high),
                 counted_from=index.counted_from,
             )  # fmt: skip
@@ -491,5 +473,5 @@ def _choose_measure(run: Manoeuvre, start: float, end: float) -> Callable[[Motio
             [0.0, *((execute - run.start).total_seconds() for execute in run.executes), end - start]
         )
         times = np.stack([orders, orders + run.settings["half_command_s"] * (orders < end)])
-        return lambda motion: zigzag_indices(motion, times)
-    return lambda motion: circle_indices(motion, np.array([start, end]))
+        return lambda motion: kinds.zigzag_indices(motion, times)
+    return lambda motion: kinds.circle_indices(motion, np.array([start, end]))

@@ -22,32 +22,9 @@ from itertools import pairwise
 import numpy as np
 
 from seatrial.acquisition.core.quantities import Floats, to_ship
+from seatrial.analysis.manoeuvres import measures
 from seatrial.analysis.manoeuvres.indices import Current, LeftOut, Manoeuvre, from_order, nominal_deg, side_of
-from seatrial.analysis.manoeuvres.measures import (
-    APPROACH_S,
-    Execute,
-    Plateau,
-    along_and_across,
-    approach_of,
-    approach_settings,
-    bootstrap_indices,
-    contradiction_of,
-    count_notes,
-    crossing_s,
-    distance_m,
-    half_width_s,
-    helm_band_deg,
-    helm_change_s,
-    helm_execute,
-    helm_settings,
-    helm_text,
-    is_same_order,
-    manoeuvre_of,
-    mean_between,
-    next_execute,
-    peak,
-    smooth_motion,
-)
+from seatrial.analysis.manoeuvres.measures import Execute, Plateau
 from seatrial.analysis.manoeuvres.motion import BY_DIFFERENCE, Motion
 
 FEWEST_SWINGS = 3
@@ -106,7 +83,7 @@ def _complete_swings(motion: Motion, chain: list[Plateau], extremes: Sequence[Pl
     if not nearest or len(chain) < FEWEST_SWINGS - 1 or not _is_next_swing(motion, *extended[:2]):
         return chain
     turned = np.abs(_turned_deg(motion, extended))
-    if not is_same_order(
+    if not measures.is_same_order(
         extended[0].level, -extended[1].level
     ):  # reversed on its way: the ship turns on in the next
         turned[0] = abs(np.ptp(motion.heading_deg[[_first_row(motion, extended), extended[0].end - 1]]))
@@ -115,7 +92,7 @@ def _complete_swings(motion: Motion, chain: list[Plateau], extremes: Sequence[Pl
 
 def _first_row(motion: Motion, chain: list[Plateau]) -> int:
     """The row before the first swing, and before the ship turned if the helm moved slowly."""
-    return motion.row_before(chain[0].first, helm_change_s(motion, chain[0].level) + motion.step_s)
+    return motion.row_before(chain[0].first, measures.helm_change_s(motion, chain[0].level) + motion.step_s)
 
 
 def _is_cut_short(motion: Motion, plateau: Plateau) -> bool:
@@ -125,7 +102,9 @@ def _is_cut_short(motion: Motion, plateau: Plateau) -> bool:
 def _is_next_swing(motion: Motion, last: Plateau, following: Plateau) -> bool:
     """Whether ``following`` is the next swing: other side, the same angle, at once."""
     between = motion.helm_deg[last.end : following.first]
-    near = [np.abs(between - plateau.level) <= helm_band_deg(plateau.level) for plateau in (last, following)]
+    near = [
+        np.abs(between - plateau.level) <= measures.helm_band_deg(plateau.level) for plateau in (last, following)
+    ]
     pause_s = float(np.sum(~(near[0] | near[1]))) * motion.step_s
     held_s = sorted((plateau.end - plateau.first) * motion.step_s for plateau in (last, following))
     longest_s = max(min(_LONGEST_PAUSE_S, 0.5 * held_s[1]), 0.5 * held_s[0])
@@ -134,8 +113,8 @@ def _is_next_swing(motion: Motion, last: Plateau, following: Plateau) -> bool:
     cut_short = abs(last.level) < abs(following.level) and _is_cut_short(motion, last)
     return (
         last.level * following.level < 0
-        and (cut_short or is_same_order(last.level, -following.level, min(last.spread, following.spread)))
-        and pause_s <= max(longest_s, helm_change_s(motion, last.level - following.level))
+        and (cut_short or measures.is_same_order(last.level, -following.level, min(last.spread, following.spread)))
+        and pause_s <= max(longest_s, measures.helm_change_s(motion, last.level - following.level))
     )
 
 
@@ -151,7 +130,10 @@ def _turned_deg(motion: Motion, chain: list[Plateau]) -> Floats:
 
 def executes_of(motion: Motion, chain: list[Plateau]) -> list[Execute]:
     """The execute of each swing."""
-    return [helm_execute(motion, chain[0]), *(next_execute(motion, *pair) for pair in pairwise(chain))]
+    return [
+        measures.helm_execute(motion, chain[0]),
+        *(measures.next_execute(motion, *pair) for pair in pairwise(chain)),
+    ]
 
 
 def zigzag(motion: Motion, chain: list[Plateau]) -> Manoeuvre:
@@ -164,7 +146,9 @@ def zigzag(motion: Motion, chain: list[Plateau]) -> Manoeuvre:
     orders = times[0]
     part = motion.around(orders[0], end, _ZIGZAG_MARGIN_S)
     swing_s = float(np.median(np.diff(orders[:-1])))
-    estimates = bootstrap_indices(part, times, half_width_s(part, 0.5 * swing_s), zigzag_indices, within_s)
+    estimates = measures.bootstrap_indices(
+        part, times, measures.half_width_s(part, 0.5 * swing_s), zigzag_indices, within_s
+    )
     settings = _zigzag_settings(part, chain, times)
     angle, switch = settings[motion.helm_setting], settings["switch_deg"]
     unsteady = () if "reach_s" in estimates else ("the approach was not steady",)
@@ -172,10 +156,11 @@ def zigzag(motion: Motion, chain: list[Plateau]) -> Manoeuvre:
         unsteady = ("the ship was still gathering way at the execute",)
     by_thrust = " by thrust" * (motion.steering == BY_DIFFERENCE)
     name = f"zigzag {nominal_deg(angle):.0f}/{nominal_deg(switch, SWITCH_SHARE):.0f}{by_thrust}"
-    return manoeuvre_of(
+    return measures.manoeuvre_of(
         motion, "zigzag", name, orders[[0, -1]], side_of(_first_side(part, orders)), settings, estimates,
         executes=tuple(motion.utc(order) for order in orders[1:-1]),
-        notes=(*unsteady, *count_notes(motion, executes)), shortfalls=(*unsteady, *contradiction_of(executes)),
+        notes=(*unsteady, *measures.count_notes(motion, executes)),
+        shortfalls=(*unsteady, *measures.contradiction_of(executes)),
     )  # fmt: skip
 
 
@@ -183,14 +168,14 @@ def _zigzag_settings(part: Motion, chain: list[Plateau], times: Floats) -> dict[
     heading = np.interp(times[0, :-1], part.time_s, part.heading_deg)
     changes = np.abs(np.diff(heading))
     return {
-        **helm_settings(
+        **measures.helm_settings(
             part, float(np.median([abs(plateau.level) for plateau in chain])), times[0, 0], times[0, -1]
         ),
         # half of the change between executes; with two executes the change from the approach
         "switch_deg": float(np.median(changes[1:])) / 2.0 if heading.size > 2 else float(changes[0]),
         "swings": float(len(chain)),
         "half_command_s": float(np.median(times[1, :-1] - times[0, :-1])),
-        **approach_settings(part, times[0, 0]),
+        **measures.approach_settings(part, times[0, 0]),
     }
 
 
@@ -205,11 +190,11 @@ def zigzag_indices(motion: Motion, times: Floats) -> dict[str, float]:
     helm was half over, and in the last column the end [s].
 
     All counts from the orders, but ``overshoot_N_deg``, from half of the command. What was not reached is missing;
-    after an approach that was not steady, all that hangs on the approach; of one in which the ship still gathered
+    after an approach that was not steady, all that depends on the approach; of one in which the ship still gathered
     way, the loss of speed.
     """
     orders = times[0]
-    approach = approach_of(motion, orders[0])
+    approach = measures.approach_of(motion, orders[0])
     largest_dps = float(np.abs(motion.between(orders[0], orders[-1]).yaw_rate_dps).max())
     steady = abs(approach["approach_yaw_rate_dps"]) < _STEADY_SHARE * largest_dps
     course = approach["approach_unwrapped_deg"]
@@ -222,15 +207,15 @@ def zigzag_indices(motion: Motion, times: Floats) -> dict[str, float]:
     if orders.size >= 5:
         values["period_s"] = float(np.mean(orders[3:-1] - orders[1:-3]))
     if steady:
-        tenth_s = crossing_s(motion.time_s, heading, _INITIAL_TURN_DEG, orders[0], orders[2])
-        back_s = crossing_s(motion.time_s, -heading, 0.0, orders[1], orders[-1])
+        tenth_s = measures.crossing_s(motion.time_s, heading, _INITIAL_TURN_DEG, orders[0], orders[2])
+        back_s = measures.crossing_s(motion.time_s, -heading, 0.0, orders[1], orders[-1])
         values |= {
             "initial_turning_time_s": orders[1] - orders[0],
-            "initial_turning_m": distance_m(motion, orders[0], tenth_s),
+            "initial_turning_m": measures.distance_m(motion, orders[0], tenth_s),
             "reach_s": back_s - orders[0],
         }
         last = orders[-2 if orders.size > 3 else -1]
-        loss = 1.0 - mean_between(motion, "speed_mps", orders[1], last) / approach["approach_mps"]
+        loss = 1.0 - measures.mean_between(motion, "speed_mps", orders[1], last) / approach["approach_mps"]
         if loss > -_GATHERED_WAY:
             values["speed_loss"] = loss
     return values | check_times
@@ -245,7 +230,7 @@ def _overshoots(motion: Motion, heading: Floats, times: Floats) -> tuple[dict[st
     check_times: dict[str, float] = {}
     for number in range(1, swings + 1):
         towards = heading if number % 2 else -heading
-        time_s, top = peak(motion.time_s, towards, halves[number], float(halves[number + 1]))
+        time_s, top = measures.peak(motion.time_s, towards, halves[number], float(halves[number + 1]))
         if number == swings and time_s >= orders[-1] - 2.0 * motion.step_s:
             continue  # the helm was taken off before the ship had answered
         at_order, at_half = np.interp((orders[number], halves[number]), motion.time_s, towards)
@@ -287,8 +272,8 @@ def turn_of(motion: Motion, plateau: Plateau, fastest_mps: float) -> Manoeuvre |
 
 def _approach_shortfall(motion: Motion, plateau: Plateau, turned_deg: float, fastest_mps: float) -> str:
     """Why there is no straight approach under way before a held helm; empty where there is."""
-    order_s = helm_execute(motion, plateau).order_s
-    before = approach_of(motion, order_s - 1.0)
+    order_s = measures.helm_execute(motion, plateau).order_s
+    before = measures.approach_of(motion, order_s - 1.0)
     rate_dps, speed_mps = abs(before["approach_yaw_rate_dps"]), before["approach_mps"]
     mean_rate_dps = turned_deg / ((plateau.end - plateau.first) * motion.step_s)
     begins = order_s - float(motion.time_s[0])
@@ -296,7 +281,9 @@ def _approach_shortfall(motion: Motion, plateau: Plateau, turned_deg: float, fas
         return "no approach: the recording begins with the helm over"
     if rate_dps >= _STEADIEST_APPROACH * mean_rate_dps:
         begun = (
-            "the recording begins in the turn" if begins < APPROACH_S else "the ship was turning before the order"
+            "the recording begins in the turn"
+            if begins < measures.APPROACH_S
+            else "the ship was turning before the order"
         )
         return f"no straight approach: {begun}, by {rate_dps:.2g} deg/s"
     if speed_mps <= _SLOWEST_APPROACH * fastest_mps:
@@ -307,34 +294,35 @@ def _approach_shortfall(motion: Motion, plateau: Plateau, turned_deg: float, fas
 def turning_circle(motion: Motion, plateau: Plateau, shortfall: str = "") -> Manoeuvre:
     """The turning circle, or the turn of less than half a circle, of a held helm, with its indices.
 
-    After an approach with a ``shortfall`` those are left out that hang on it.
+    After an approach with a ``shortfall`` those are left out that depend on it.
     """
-    execute = helm_execute(motion, plateau)
+    execute = measures.helm_execute(motion, plateau)
     start = execute.order_s
     end = float(motion.time_s[plateau.end - 1])
     part = motion.around(start, end, _CIRCLE_MARGIN_S)
     turned = motion.at("heading_deg", end) - motion.at("heading_deg", start)
     quarter_s = (end - start) * min(1.0, 90.0 / abs(turned))
-    width = half_width_s(part, quarter_s)
+    width = measures.half_width_s(part, quarter_s)
     times, within_s = np.array([start, end]), np.array([execute.order_within_s, 0.5 * motion.step_s])
-    current = current_of(smooth_motion(part, width), start, end)
+    current = current_of(measures.smooth_motion(part, width), start, end)
     measure = steady_turn_indices if shortfall else circle_indices
-    estimates = _add_drift_error(bootstrap_indices(part, times, width, measure, within_s), current)
+    estimates = _add_drift_error(measures.bootstrap_indices(part, times, width, measure, within_s), current)
     settings = {
-        **helm_settings(part, plateau.level, start, end),
+        **measures.helm_settings(part, plateau.level, start, end),
         "turned_deg": abs(turned),
         "turning_rpm": float(part.between(start, end).main_rpm.mean()),
     }
     if not shortfall:
-        settings |= {"half_command_s": execute.half_command_s, **approach_settings(part, start)}
+        settings |= {"half_command_s": execute.half_command_s, **measures.approach_settings(part, start)}
     is_circle = abs(turned) >= LEAST_CIRCLE_DEG
     kind, word = ("turning_circle", "turning circle") if is_circle else ("course_change", "turn")
     without = f"{shortfall}; advance, transfer, tactical diameter and times count from the order after one"
-    notes = (without,) if shortfall else count_notes(motion, [execute])
-    shortfalls = (shortfall,) if shortfall else contradiction_of([execute])
-    return manoeuvre_of(
-        motion, kind, f"{word} {helm_text(motion, plateau.level)}", times, side_of(turned), settings, estimates,
-        current=current, notes=notes, shortfalls=shortfalls,
+    notes = (without,) if shortfall else measures.count_notes(motion, [execute])
+    shortfalls = (shortfall,) if shortfall else measures.contradiction_of([execute])
+    name = f"{word} {measures.helm_text(motion, plateau.level)}"
+    return measures.manoeuvre_of(
+        motion, kind, name, times, side_of(turned), settings, estimates, current=current, notes=notes,
+        shortfalls=shortfalls,
     )  # fmt: skip
 
 
@@ -384,17 +372,19 @@ def _add_drift_error(
 
 def _indices_over_ground(motion: Motion, start: float, end: float) -> dict[str, float]:
     """Indices from the order at ``start`` [s]."""
-    approach = approach_of(motion, start)
+    approach = measures.approach_of(motion, start)
     side = 1.0 if motion.at("heading_deg", end) > motion.at("heading_deg", start) else -1.0
     turned = side * (motion.heading_deg - approach["approach_unwrapped_deg"])
     ahead = approach["approach_unwrapped_deg"]
-    times = {angle: crossing_s(motion.time_s, turned, angle, start, end) for angle in (10.0, 90.0, 180.0, 360.0)}
-    values: dict[str, float] = {"initial_turning_m": distance_m(motion, start, times[10.0])}
+    times = {
+        angle: measures.crossing_s(motion.time_s, turned, angle, start, end) for angle in (10.0, 90.0, 180.0, 360.0)
+    }
+    values: dict[str, float] = {"initial_turning_m": measures.distance_m(motion, start, times[10.0])}
     if np.isfinite(times[90.0]):
-        advance, transfer = along_and_across(motion, start, times[90.0], ahead)
+        advance, transfer = measures.along_and_across(motion, start, times[90.0], ahead)
         values |= {"advance_m": advance, "transfer_m": side * transfer}
     if np.isfinite(times[180.0]):
-        values["tactical_diameter_m"] = side * along_and_across(motion, start, times[180.0], ahead)[1]
+        values["tactical_diameter_m"] = side * measures.along_and_across(motion, start, times[180.0], ahead)[1]
     values |= {f"time_to_{angle:.0f}_deg_s": time - start for angle, time in times.items() if angle >= 90.0}
     if np.isfinite(times[180.0]):
         values |= _steady_indices(motion, turned, times[180.0], end, approach["approach_mps"])
@@ -412,7 +402,7 @@ def _steady_indices(
     total = 90.0 * np.floor(float(np.interp(end, motion.time_s, turned)) / 90.0)
     whole_turns_deg = 360.0 * np.floor((total - 180.0) / 360.0)
     first_s, last_s = (
-        crossing_s(motion.time_s, turned, angle, half_s, end + motion.step_s)
+        measures.crossing_s(motion.time_s, turned, angle, half_s, end + motion.step_s)
         for angle in (total - whole_turns_deg if whole_turns_deg > 0 else 180.0, total)
     )
     steady = motion.between(first_s, last_s)
@@ -421,7 +411,7 @@ def _steady_indices(
     span = steady.time_s - steady.time_s.mean()
     rate_dps = float(abs(span @ steady.heading_deg) / (span @ span))
     speed, surge, sway = (
-        mean_between(motion, name, first_s, last_s) for name in ("speed_mps", "surge_mps", "sway_mps")
+        measures.mean_between(motion, name, first_s, last_s) for name in ("speed_mps", "surge_mps", "sway_mps")
     )
     drift = np.rad2deg(np.arctan2(-sway, surge))
     side = np.sign(steady.heading_deg[-1] - steady.heading_deg[0])

@@ -238,7 +238,7 @@ def helm_settings(motion: Motion, level_deg: float, start: float, end: float) ->
 
 
 def helm_text(motion: Motion, level_deg: float) -> str:
-    """The nominal helm as it stands in the name of a test."""
+    """The nominal helm as in the name of a test."""
     return f"{nominal_deg(level_deg):.0f} deg{' by thrust' * (motion.steering == BY_DIFFERENCE)}"
 
 
@@ -307,7 +307,7 @@ _FOLLOWED = 1.1  # what a fit follows of the noise is missing from what it leave
 WIDEST_S = 8.0
 _FEWEST_ROWS = 3
 _TWO_SIDED_95, _OF_UNIFORM_95 = 1.96, 0.95  # of a standard deviation, and of half of an even distribution
-_HALF_BEAM_LENGTHS = 1.0 / 13.0  # of the usual ship, six and a half times as long as she is wide
+_HALF_BEAM_LENGTHS = 1.0 / 13.0  # of the usual ship, six and a half times as long as it is wide
 _SEED = 137
 
 Measure = Callable[[Motion, Floats], dict[str, float]]

@@ -75,19 +75,18 @@ _IN_STEP = 0.98  # the mean of unit vectors at the phases of samples, above whic
 class Motion:
     """Rows of one even grid, all [rows]: ``time_s`` since ``origin_ns`` (UTC).
 
-    ``heading_deg`` runs on without jumps of a turn. ``helm_deg`` is -180 < x <= 180, as the actuators of the kind
-    that ``steering`` names count it ("azimuth", "rudder", "nozzle", "thrust" for propellers to both sides; "" for
-    none); of one that steers by thrust it means nothing where no drive runs. ``thrust`` is the sum of n|n| along
-    the bow of all drives [rpm^2]. ``drives`` are the shafts of what drives the ship and ``tunnels`` those of tunnel
-    thrusters [rpm], by channel, ``words`` what each is called; the shaft of a controllable propeller counts as what
-    gives her thrust at full pitch. ``measured`` says where pose and speeds were measured; elsewhere they are
-    interpolated. ``broken`` says where position or heading jump as no ship does, as where a piece was cut out of a
-    recording, and where they are missing for more than a minute: nothing reaches across. ``path_sd_m`` is the
-    standard deviation of a point of the path, by how the positions wander about it. ``orders_are_events`` says that
-    the helm was recorded when it changed and filled in between, so that nobody knows when it began to. ``length_m``
-    is the ship's length between perpendiculars, if it is known, ``helm_rate_dps`` how fast the helm usually goes
-    over. ``helm_order_deg`` and ``thrust_order`` are what helm and thrust were ordered to, None where orders were
-    not recorded beside them.
+    ``heading_deg`` is unwrapped. ``helm_deg`` is -180 < x <= 180, as the actuators of the kind that ``steering``
+    names count it ("azimuth", "rudder", "nozzle", "thrust" for propellers to both sides; "" for none); of one that
+    steers by thrust it means nothing where no drive runs. ``thrust`` is the sum of n|n| along the bow of all drives
+    [rpm^2]. ``drives`` are the shafts of the propulsors, ``tunnels`` those of tunnel thrusters [rpm], by channel,
+    and ``words`` their names in text; the shaft of a controllable propeller counts as what gives its thrust at full
+    pitch. ``measured`` is where pose and speeds were measured; elsewhere they are interpolated. ``broken`` is where
+    position or heading jump as no ship does, such as where a piece was cut out of a recording, and where they are
+    missing for more than a minute: nothing reaches across. ``path_sd_m`` is the standard deviation of a point of
+    the path, by how the positions wander about it. ``orders_are_events``: the helm was recorded when it changed and
+    filled in between, so that the beginning of a change is not known. ``length_m`` is the ship's length between
+    perpendiculars, if known, ``helm_rate_dps`` the usual rate of the helm. ``helm_order_deg`` and ``thrust_order``
+    are the ordered helm and thrust, None where orders were not recorded.
     """
 
     origin_ns: int
@@ -198,7 +197,7 @@ class Motion:
 
 
 def steering_of(actuators: Actuators) -> Actuators:
-    """The actuators that steer a ship: her rudders, else the propulsors with a thrust angle; none if she has
+    """The actuators that steer a ship: its rudders, else the propulsors with a thrust angle; none if it has
     neither."""
     with_angle = tuple(actuator for actuator in actuators if actuator.angle is not None)
     return tuple(actuator for actuator in with_angle if not actuator.drives) or with_angle
@@ -206,7 +205,7 @@ def steering_of(actuators: Actuators) -> Actuators:
 
 def recorded_actuators(table: pd.DataFrame) -> Actuators:
     """The actuators of a table's ship; of one that names none, and has no angle of theirs, those that its columns
-    tell; a rudder alone if it has that angle and no actuator of hers."""
+    tell; a rudder alone if it has that angle and no actuator of the ship."""
     actuators, trial = table_actuators(table), trial_of(table)
     recorded = {str(name) for name in table if table[name].notna().any()}
     if not (

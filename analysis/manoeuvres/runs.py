@@ -13,25 +13,10 @@ import numpy as np
 
 from seatrial.acquisition.core.quantities import Bools, Floats
 from seatrial.acquisition.core.ship import circular_mean, difference, wrap_360
+from seatrial.analysis.manoeuvres import measures
 from seatrial.analysis.manoeuvres.criteria import FULL_ASTERN
 from seatrial.analysis.manoeuvres.indices import LeftOut, Manoeuvre, index_of, side_of
-from seatrial.analysis.manoeuvres.measures import (
-    Plateau,
-    along_and_across,
-    approach_settings,
-    bootstrap_indices,
-    crossing_s,
-    distance_m,
-    execute_s,
-    half_width_s,
-    level_before,
-    manoeuvre_of,
-    mean_between,
-    mean_of_blocks,
-    means_of,
-    plateaus,
-    tolerance_of,
-)
+from seatrial.analysis.manoeuvres.measures import Plateau
 from seatrial.analysis.manoeuvres.motion import Motion, noise_of, stretches
 from seatrial.analysis.tables.table import NANO
 
@@ -60,7 +45,9 @@ def shaft_plateaus(motion: Motion) -> list[Plateau]:
     along = shaft_along(motion)
     largest = float(np.percentile(np.abs(along), 99))
     # The square root magnifies an idle shaft's noise: it is limited to a running one's.
-    return plateaus(along, motion.step_s, max(0.03 * largest, 6.0 * motion.drive_noise_rpm, 1.0), _LEAST_HELD_S)
+    return measures.plateaus(
+        along, motion.step_s, max(0.03 * largest, 6.0 * motion.drive_noise_rpm, 1.0), _LEAST_HELD_S
+    )
 
 
 def _changes_within_look(values: Floats, step_s: float) -> Floats:
@@ -137,12 +124,12 @@ def _speed_run(motion: Motion, first: int, end: int) -> Manoeuvre:
     part = motion.rows(first, end)
     span = np.array([part.time_s[0], part.time_s[-1]])
     heading = float(wrap_360(circular_mean(part.heading_deg)))
-    estimates = {name: mean_of_blocks(getattr(part, column)) for name, column in (
+    estimates = {name: measures.mean_of_blocks(getattr(part, column)) for name, column in (
         ("speed_over_ground_mps", "speed_mps"), ("surge_mps", "surge_mps"), ("sway_mps", "sway_mps"))}  # fmt: skip
-    estimates["distance_m"] = (distance_m(part, *span), float("nan"))
+    estimates["distance_m"] = (measures.distance_m(part, *span), float("nan"))
     name = f"speed run {part.main_rpm.mean():.0f} rpm on {round(heading) % 360} deg"
-    settings = {**means_of(part.drives), "heading_deg": heading, "duration_s": float(span[1] - span[0])}
-    return manoeuvre_of(motion, "speed_run", name, span, "", settings, estimates)
+    settings = {**measures.means_of(part.drives), "heading_deg": heading, "duration_s": float(span[1] - span[0])}
+    return measures.manoeuvre_of(motion, "speed_run", name, span, "", settings, estimates)
 
 
 class Course(NamedTuple):
@@ -249,7 +236,7 @@ def _apply_recorded_order(motion: Motion, step: ShaftStep, marks: Sequence[Engin
         wanted = np.sign(step.held.level - step.last.level)
         change = wanted * (ordered - ordered[0])
         if change[-1] > _STEP_SHARE * float(np.percentile(np.abs(motion.thrust_order), 99)):
-            ordered_s = crossing_s(
+            ordered_s = measures.crossing_s(
                 near.time_s, change, 0.5 * change[-1], earliest_s, latest_s + 2.0 * motion.step_s
             )
             return step._replace(order_s=ordered_s, within_s=0.5 * motion.step_s, source="", lag_s=0.0)
@@ -266,12 +253,14 @@ def shaft_steps(motion: Motion, free: Bools, marks: Sequence[EngineOrder] = ()) 
     along, held = shaft_along(motion), shaft_plateaus(motion)
     steps = []
     for last, following in pairwise(held):
-        if free[max(following.first - 1, 0)] and abs(following.level - last.level) > tolerance_of(along, 1.0):
+        if free[max(following.first - 1, 0)] and abs(following.level - last.level) > measures.tolerance_of(
+            along, 1.0
+        ):
             change_s = (
                 following.first - last.end
             ) * motion.step_s  # a large shaft takes a minute and more to reverse
-            before = level_before(motion, along, following, _LONGEST_STEP_S + change_s)
-            start, half = execute_s(motion.time_s, along, following, before, last.first)
+            before = measures.level_before(motion, along, following, _LONGEST_STEP_S + change_s)
+            start, half = measures.execute_s(motion.time_s, along, following, before, last.first)
             within_s = float(np.hypot(motion.step_s, _UNSURE_SHARE * (half - start)))
             by_shaft = ShaftStep(last, following, start, within_s, _BY_SHAFT, max(half - start, motion.step_s))
             steps.append(_apply_recorded_order(motion, by_shaft, marks))
@@ -310,8 +299,8 @@ def find_stops(
 ) -> list[Manoeuvre | LeftOut]:
     """Thrust stopped or reversed under way, until the ship has stopped; ``marks`` are the crew's orders.
 
-    Rejected if she still has more than a tenth of her speed at the end; one that loses less than two fifths is
-    no candidate.
+    Rejected if the ship still has more than a tenth of its speed at the end; a loss of less than two fifths is no
+    candidate.
     """
     largest = float(np.percentile(np.abs(shaft_along(motion)), 99))
     candidates = list[Manoeuvre | LeftOut]()
@@ -337,17 +326,23 @@ def _change_of_speed(motion: Motion, kind: str, step: ShaftStep, end: float) -> 
     last, held, start, within_s = step[:4]
     part = motion.around(start, end, 20.0)
     measure = acceleration_indices if kind == "acceleration" else stopping_indices
-    span, width = np.array([start, end]), half_width_s(part, (end - start) / 2.0)
-    estimates = bootstrap_indices(part, span, width, measure, within_s)
+    span, width = np.array([start, end]), measures.half_width_s(part, (end - start) / 2.0)
+    estimates = measures.bootstrap_indices(part, span, width, measure, within_s)
     reverse = held.level < -_IDLE_SHARE * abs(last.level)
     names = {"acceleration": f"acceleration to {held.level:.0f} rpm",
              "stopping": FULL_ASTERN if reverse else "stopping without thrust"}  # fmt: skip
-    settings = {"thrust_before_rpm": last.level, "thrust_rpm": held.level, **approach_settings(part, start)}
+    settings = {
+        "thrust_before_rpm": last.level,
+        "thrust_rpm": held.level,
+        **measures.approach_settings(part, start),
+    }
     if step.lag_s:
         settings["order_lag_s"] = step.lag_s
     shortfalls = (_SHAFT_CONTRADICTS,) if step.contradicts else ()
     notes = tuple(note for note in (*shortfalls, step.source) if note)
-    run = manoeuvre_of(motion, kind, names[kind], span, "", settings, estimates, notes=notes, shortfalls=shortfalls)
+    run = measures.manoeuvre_of(
+        motion, kind, names[kind], span, "", settings, estimates, notes=notes, shortfalls=shortfalls
+    )
     # The order may have been given earlier than the shaft began to change: what counts from it may be longer.
     margins = {"_s": step.lag_s, "_m": step.lag_s * abs(settings["approach_mps"])}
     indices = {
@@ -369,12 +364,12 @@ def acceleration_indices(motion: Motion, executes: Floats) -> dict[str, float]:
     # Noise makes the first crossing early and the last one late; a monotonic curve has only one.
     rising = motion.between(start, end)
     speed = np.asarray(isotonic_regression(rising.surge_mps).x, dtype=float)
-    reached = crossing_s(rising.time_s, speed, goal, start, end)
+    reached = measures.crossing_s(rising.time_s, speed, goal, start, end)
     return {
         "initial_speed_mps": first,
         "final_speed_mps": final,
         "time_to_90_percent_s": reached - start,
-        "distance_to_90_percent_m": distance_m(motion, start, reached),
+        "distance_to_90_percent_m": measures.distance_m(motion, start, reached),
     }
 
 
@@ -382,13 +377,13 @@ def stopping_indices(motion: Motion, executes: Floats) -> dict[str, float]:
     """Head reach, track reach, deviation and time from the order to the end; ``executes`` holds both [s]."""
     start, end = float(executes[0]), float(executes[1])
     heading = float(motion.between(start - _LOOK_S, start).heading_deg.mean())
-    ahead, sideways = along_and_across(motion, start, end, heading)
+    ahead, sideways = measures.along_and_across(motion, start, end, heading)
     return {
         "head_reach_m": ahead,
-        "track_reach_m": distance_m(motion, start, end),
+        "track_reach_m": measures.distance_m(motion, start, end),
         "lateral_deviation_m": sideways,
         "stopping_time_s": end - start,
-        "initial_speed_mps": mean_between(motion, "surge_mps", start - _LOOK_S, start),
+        "initial_speed_mps": measures.mean_between(motion, "surge_mps", start - _LOOK_S, start),
         "final_speed_mps": motion.at("surge_mps", end),
         "heading_change_deg": motion.at("heading_deg", end) - heading,
     }
@@ -404,7 +399,7 @@ _UNSURE_ROWS = 1.5  # the start of a drive is found by a threshold, not by a fit
 
 
 def _running_and_idle(values: Floats, largest: float) -> tuple[Bools, Bools]:
-    """Masks of where a drive runs and where it stands still, relative to the largest of its kind."""
+    """Masks of where a drive runs and where it is stopped, relative to the largest of its kind."""
     floor = max(_NOISE_SIGMAS * noise_of(values), _LEAST_RUNNING)
     return np.abs(values) > max(_RUNNING_SHARE * largest, floor), np.abs(values) < max(_IDLE_SHARE * largest, floor)
 
@@ -461,20 +456,24 @@ def _measure_drive_test(motion: Motion, kind: str, name: str, first: int, end: i
     span = np.array([motion.time_s[first], motion.time_s[end - 1]])
     part = motion.around(span[0], span[1], 10.0)
     inside = motion.rows(first, end)
-    width = half_width_s(part, (span[1] - span[0]) / 2.0)
-    estimates = bootstrap_indices(part, span, width, drift_indices, _UNSURE_ROWS * motion.step_s)
+    width = measures.half_width_s(part, (span[1] - span[0]) / 2.0)
+    estimates = measures.bootstrap_indices(part, span, width, drift_indices, _UNSURE_ROWS * motion.step_s)
     turned, sway_mps = estimates["heading_change_deg"][0], estimates["sway_mps"][0]
     sideways = sway_mps if kind == "crabbing" else turned
     name = f"{name} to {side_of(sway_mps)}" if kind == "crabbing" else name
-    settings = means_of(inside.drives) | means_of(inside.tunnels) | {"duration_s": float(span[1] - span[0])}
-    return manoeuvre_of(motion, kind, name, span, side_of(sideways), settings, estimates)
+    settings = (
+        measures.means_of(inside.drives)
+        | measures.means_of(inside.tunnels)
+        | {"duration_s": float(span[1] - span[0])}
+    )
+    return measures.manoeuvre_of(motion, kind, name, span, side_of(sideways), settings, estimates)
 
 
 def drift_indices(motion: Motion, executes: Floats) -> dict[str, float]:
     """Mean motion between two times [s], the rate of turn in the last third, and the distance made good."""
     start, end = float(executes[0]), float(executes[1])
     inside = motion.between(start, end)
-    ahead, sideways = along_and_across(motion, start, end, motion.at("heading_deg", start))
+    ahead, sideways = measures.along_and_across(motion, start, end, motion.at("heading_deg", start))
     rates = inside.yaw_rate_dps
     return {
         "surge_mps": float(inside.surge_mps.mean()),

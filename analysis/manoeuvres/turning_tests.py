@@ -13,27 +13,9 @@ from itertools import pairwise
 import numpy as np
 
 from seatrial.acquisition.core.quantities import Bools, Floats
+from seatrial.analysis.manoeuvres import measures
 from seatrial.analysis.manoeuvres.indices import Index, Manoeuvre, nominal_deg, side_of
-from seatrial.analysis.manoeuvres.measures import (
-    APPROACH_S,
-    Execute,
-    Measure,
-    Plateau,
-    along_and_across,
-    approach_of,
-    approach_settings,
-    bootstrap_indices,
-    crossing_s,
-    half_width_s,
-    helm_change_s,
-    helm_execute,
-    is_same_order,
-    manoeuvre_of,
-    mean_between,
-    mean_of_blocks,
-    merge_neighbours,
-    next_execute,
-)
+from seatrial.analysis.manoeuvres.measures import Execute, Measure, Plateau
 from seatrial.analysis.manoeuvres.motion import Motion, noise_of, stretches
 from seatrial.analysis.series import local_quadratic
 
@@ -69,7 +51,7 @@ def find_pull_outs(motion: Motion, held: Sequence[Plateau], rate: Floats, fastes
         steady = following.spread <= _STILL_DEG + _SPREAD_OF_NOISE * noise
         if not (steady and beyond <= _AMIDSHIPS_DEG + 3.0 * noise):
             continue
-        execute = next_execute(motion, last, following)
+        execute = measures.next_execute(motion, last, following)
         settled_s = _settled_s(motion, rate, execute.half_s, float(motion.time_s[following.end - 1]))
         times = np.array([execute.order_s, settled_s])
         values = pull_out_indices(motion, times)
@@ -105,15 +87,15 @@ def pull_out_indices(motion: Motion, times: Floats) -> dict[str, float]:
 
     order, end = map(float, times)
     quarter_s = 0.25 * (end - order)
-    before, third, last = (mean_between(motion, "yaw_rate_dps", *span) for span in (
-        (order - APPROACH_S, order), (end - 2.0 * quarter_s, end - quarter_s), (end - quarter_s, end)))  # fmt: skip
+    spans = ((order - measures.APPROACH_S, order), (end - 2.0 * quarter_s, end - quarter_s), (end - quarter_s, end))
+    before, third, last = (measures.mean_between(motion, "yaw_rate_dps", *span) for span in spans)
     if not abs(last - third) < _SETTLED_SHARE * abs(before):
         return {}
     side, decay = np.sign(before), abs(before - last)
     # Noise makes the first crossing of a level early; a curve that only rises has one.
     falling = motion.between(order, end)
     fallen = np.asarray(isotonic_regression(np.abs(falling.yaw_rate_dps - before)).x, dtype=float)
-    fallen_s = crossing_s(falling.time_s, fallen, 0.5 * decay, order, end)
+    fallen_s = measures.crossing_s(falling.time_s, fallen, 0.5 * decay, order, end)
     return {
         "turning_yaw_rate_dps": abs(before), "residual_yaw_rate_dps": float(side * last),
         "time_to_half_rate_s": fallen_s - order,
@@ -201,7 +183,7 @@ def _add_helm_error(indices: Mapping[str, Index], within_deg: float) -> dict[str
 
 
 def spiral_indices(motion: Motion, levels: Floats, spans: Floats, settled: Bools) -> dict[str, float]:
-    """The settled rate of turn of each step, the helm at which she would go straight, and how steep the curve is
+    """The settled rate of turn of each step, the helm at which the ship would go straight, how steep the curve is
     there; of a spiral there and back the height of its loop at no helm.
 
     ``levels`` [steps] are the helms [deg], positive to starboard, ``spans`` [steps, 2] begin and end of each [s];
@@ -272,14 +254,14 @@ def _held_rates(rate: Floats, first: int, end: int, band: float) -> list[Plateau
         near = abs(following.level - last.level) < 0.5 * band
         return Plateau(last.first, following.end, 0.5 * (last.level + following.level), band) if near else None
 
-    return merge_neighbours(pieces, join)
+    return measures.merge_neighbours(pieces, join)
 
 
 def reverse_spiral(motion: Motion, steps: list[Plateau]) -> Manoeuvre:
     """The reverse spiral (Bech) of its steps: the mean helm for each rate, over its second half."""
     sign, random = motion.turns_to_starboard, np.random.default_rng(_SEED)
     parts = [slice((step.first + step.end) // 2, step.end) for step in steps]
-    helms, rates = (np.array([mean_of_blocks(values[part]) for part in parts])
+    helms, rates = (np.array([measures.mean_of_blocks(values[part]) for part in parts])
                     for values in (sign * motion.helm_deg, motion.yaw_rate_dps))  # fmt: skip
     values = reverse_spiral_indices(helms[:, 0], rates[:, 0])
     drawn = [
@@ -291,16 +273,16 @@ def reverse_spiral(motion: Motion, steps: list[Plateau]) -> Manoeuvre:
              for name, value in values.items() if np.isfinite(value)}  # fmt: skip
     start, end = float(motion.time_s[steps[0].first]), float(motion.time_s[steps[-1].end - 1])
     largest = float(np.max(np.abs(rates[:, 0])))
-    settings = {"steps": float(len(steps)), **approach_settings(motion, start)}
+    settings = {"steps": float(len(steps)), **measures.approach_settings(motion, start)}
     name, side = f"reverse spiral {largest:.2g} deg/s", side_of(float(rates[0, 0]))
-    return manoeuvre_of(motion, "reverse_spiral", name, np.array([start, end]), side, settings, estimates)
+    return measures.manoeuvre_of(motion, "reverse_spiral", name, np.array([start, end]), side, settings, estimates)
 
 
 def reverse_spiral_indices(helms: Floats, rates: Floats) -> dict[str, float]:
-    """The mean helm of each rate, the helm at which she goes straight, and how much helm a rate takes there.
+    """The mean helm of each rate, the helm at which the ship goes straight, and how much helm a rate takes there.
 
     ``helms`` [steps, deg] are positive to starboard. Where the curve goes back in the middle, so that more rate
-    takes less helm, the ship does not keep her course: ``unstable_helm_width_deg`` is how far back it goes.
+    takes less helm, the ship does not keep its course: ``unstable_helm_width_deg`` is how far back it goes.
     """
     order = np.argsort(rates)
     helms, rates = helms[order], rates[order]
@@ -325,11 +307,13 @@ def find_williamson_turns(motion: Motion, held: Sequence[Plateau]) -> list[Manoe
     reciprocal course."""
     manoeuvres = []
     for last, following in pairwise(held):
-        if not (_follows_directly(motion, last, following) and is_same_order(last.level, -following.level)):
+        if not (
+            _follows_directly(motion, last, following) and measures.is_same_order(last.level, -following.level)
+        ):
             continue
-        executes = [helm_execute(motion, last), next_execute(motion, last, following)]
+        executes = [measures.helm_execute(motion, last), measures.next_execute(motion, last, following)]
         first, second = (execute.order_s for execute in executes)
-        course = approach_of(motion, first)["approach_unwrapped_deg"]
+        course = measures.approach_of(motion, first)["approach_unwrapped_deg"]
         end = float(motion.time_s[min(2 * following.end - following.first, motion.time_s.size) - 1])
         side = float(np.sign(motion.at("heading_deg", second) - course))
         out, back = (side * (motion.at("heading_deg", at) - course) for at in (second, end))
@@ -347,15 +331,17 @@ def find_williamson_turns(motion: Motion, held: Sequence[Plateau]) -> list[Manoe
 def williamson_indices(motion: Motion, times: Floats) -> dict[str, float]:
     """Where and when the ship is on the reciprocal course, within 5 deg.
 
-    How far ahead of the first execute, how far to starboard of her first track, after how long; and how far off her
-    course she was at the second execute. ``times`` are both orders and the end [s].
+    How far ahead of the first execute, how far to starboard of the first track, after how long; and how far off the
+    course at the second execute. ``times`` are both orders and the end [s].
     """
     first, second, end = map(float, times)
-    course = approach_of(motion, first)["approach_unwrapped_deg"]
+    course = measures.approach_of(motion, first)["approach_unwrapped_deg"]
     side = np.sign(motion.at("heading_deg", second) - course)
     back = -side * (motion.heading_deg - course)
-    reached = crossing_s(motion.time_s, back, 175.0, second, end)
-    ahead, across = along_and_across(motion, first, reached, course) if np.isfinite(reached) else (np.nan, np.nan)
+    reached = measures.crossing_s(motion.time_s, back, 175.0, second, end)
+    ahead, across = (
+        measures.along_and_across(motion, first, reached, course) if np.isfinite(reached) else (np.nan, np.nan)
+    )
     return {
         "heading_at_second_execute_deg": abs(motion.at("heading_deg", second) - course),
         "time_to_reciprocal_s": reached - first, "way_ahead_m": ahead, "track_offset_m": across,
@@ -366,7 +352,7 @@ def _follows_directly(motion: Motion, last: Plateau, following: Plateau) -> bool
     """Whether the helm goes from one level to the next without stopping in between."""
     pause_s = (following.first - last.end) * motion.step_s
     return (
-        pause_s <= 4.0 + helm_change_s(motion, following.level - last.level)
+        pause_s <= 4.0 + measures.helm_change_s(motion, following.level - last.level)
         and not motion.broken[last.first : following.end].any()
     )
 
@@ -385,11 +371,11 @@ def _measure_test(
     """A test with its indices; ``times`` are those of its ``executes``, others and the end [s]; what it does takes
     ``scale_s`` or less."""
     part = motion.around(float(times[0]), float(times[-1]), _MARGIN_S)
-    width = half_width_s(part, min(scale_s, float(times[-1] - times[0]) / times.size))
+    width = measures.half_width_s(part, min(scale_s, float(times[-1] - times[0]) / times.size))
     within_s = np.full(times.size, 0.5 * motion.step_s)
     within_s[: len(executes)] = [execute.order_within_s for execute in executes]
-    estimates = bootstrap_indices(part, times, width, measure, within_s)
-    settings = {motion.helm_setting: helm_deg, **approach_settings(part, float(times[0]))}
+    estimates = measures.bootstrap_indices(part, times, width, measure, within_s)
+    settings = {motion.helm_setting: helm_deg, **measures.approach_settings(part, float(times[0]))}
     if executes:
         settings["half_command_s"] = executes[0].half_command_s
-    return manoeuvre_of(motion, kind, name, times[[0, -1]], side_of(side), settings, estimates)
+    return measures.manoeuvre_of(motion, kind, name, times[[0, -1]], side_of(side), settings, estimates)

@@ -1,4 +1,4 @@
-"""Pictures of manoeuvres: a zigzag against time, a circle to scale beside it, the rest against time."""
+"""Pictures of manoeuvres: a zigzag against time, a circle to scale, other kinds against time."""
 
 from __future__ import annotations
 
@@ -96,7 +96,7 @@ def _helm(axes: Axes, motion: Motion, time_s: Floats) -> None:
 
 
 def _mark_overshoots(axes: Axes, motion: Motion, manoeuvre: Manoeuvre, heading: Floats) -> None:
-    """From the heading at each execute, or at its order, to its extreme: a bar with the overshoot beside it."""
+    """From the heading at each execute, or at its order, to its extreme: a bar with the overshoot."""
     start, end = seconds_of(motion, manoeuvre)
     executes = np.array([(time.value - motion.origin_ns) / 1e9 for time in manoeuvre.executes])
     few = len(executes) <= 10
@@ -161,14 +161,14 @@ def _shafts(axes: Axes, motion: Motion, time_s: Floats) -> None:
 
 
 def _time_axis(panels: Sequence[Axes]) -> None:
-    """The time below the last of panels above each other."""
+    """The time below the last of a column of panels."""
     for axes in panels[:-1]:
         axes.tick_params(labelbottom=False)
     panels[-1].set_xlabel("time since the order [s]")
 
 
 def _panels_over_track(figure: Figure, heights: Sequence[float]) -> list[Axes]:
-    """Panels above each other over one time axis, with room for the track below them."""
+    """A column of panels over one time axis, with room for the track below them."""
     grid = figure.add_gridspec(len(heights), 1, height_ratios=heights, **{**_MARGINS, "bottom": 0.36, "top": 0.93})
     first = figure.add_subplot(grid[0])
     return [first, *(figure.add_subplot(grid[row], sharex=first) for row in range(1, len(heights)))]
@@ -213,7 +213,7 @@ def draw_circle(figure: Figure, motion: Motion, manoeuvre: Manoeuvre) -> None:
     _outlines(track_axes, main, start, ahead_deg)
     _dimensions(track_axes, main, manoeuvre, start, end, ahead_deg, "_current_removed" if current else "")
     track_axes.plot(0.0, 0.0, "o", color=RED, markersize=5, label="order")
-    track_axes.margins(0.12)  # room for what is written beside the track
+    track_axes.margins(0.12)  # room for the labels of the track
     track_axes.set_aspect("equal", adjustable="datalim")
     track_axes.set_xlabel("to starboard of the approach [m]")
     track_axes.set_ylabel("ahead of the order [m]")
@@ -240,7 +240,7 @@ def _across_ahead(motion: Motion, start: float, ahead_deg: float) -> tuple[Float
 
 
 def _outlines(axes: Axes, motion: Motion, start: float, ahead_deg: float) -> None:
-    """The ship to scale from the execute on; a twentieth of the picture where her length is not known."""
+    """The ship to scale from the execute on; a twentieth of the picture where its length is not known."""
     across, ahead = _across_ahead(motion, start, ahead_deg)
     length = motion.length_m or max(float(np.ptp(across)), float(np.ptp(ahead))) / 20.0
     rows = slice(int(np.searchsorted(motion.time_s, start)), None)

@@ -123,7 +123,7 @@ def _uncertainty(one_hz: pd.DataFrame) -> list[list[str]] | None:
 
 
 def _origin(provenance: dict[str, Any]) -> list[tuple[str, str]]:
-    """Where it all comes from, and the files beside the page."""
+    """The origin of the results, and the files in the folder of the page."""
     software = (
         value if value.startswith(key) else f"{key} {value}" for key, value in provenance["software"].items()
     )
@@ -139,7 +139,7 @@ def _origin(provenance: dict[str, Any]) -> list[tuple[str, str]]:
 def events_of(recording: Recording) -> list[list[str]]:
     """Marks, warnings and changes of configuration in order of time: when each was received, UTC, and its text.
 
-    Events that differ in their numbers only stand once, with how often they came.
+    Events that differ only in their numbers are listed once, with their count.
     """
     rows: list[list[str]] = []
     alike: dict[str, int] = {}
@@ -241,7 +241,7 @@ def _status(row: Row) -> str:
 
 
 def duration_text(seconds: float | None) -> str:
-    """A duration for people.
+    """A duration as text.
 
     >>> duration_text(65.0), duration_text(3720.0)
     ('1 min 05 s', '1 h 02 min')
@@ -445,7 +445,7 @@ def finding_text(finding: Finding) -> str:
 
 
 def channel_table(quality: DataQuality) -> Table:
-    """A line a channel: its grade and the counts of its own faults; nothing stands for none."""
+    """A line a channel: its grade and the counts of its faults, empty for none."""
     from rich.table import Table
 
     table = Table(box=None, header_style="dim", padding=(0, 1, 0, 0))

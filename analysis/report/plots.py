@@ -149,7 +149,7 @@ def outlines(
 
 
 def outline_rows(across: Floats, up: Floats, length_m: float) -> list[int]:
-    """Rows of a path [rows] at which outlines of ``length_m`` stand clear of each other, the first among them."""
+    """Rows of a path [rows] at which outlines of ``length_m`` do not overlap, the first among them."""
     way = np.append(0.0, np.cumsum(np.hypot(np.diff(across), np.diff(up))))
     step = max(_STEP * length_m, way[-1] / (_MOST_OUTLINES - 1), 1e-9)
     chosen: list[int] = []
@@ -167,7 +167,7 @@ def outline_rows(across: Floats, up: Floats, length_m: float) -> list[int]:
 def ship(
     axes: Axes, across: float, up: float, heading_rad: float, length_m: float, words: str | None = None
 ) -> Artist:
-    """A ship's outline with her middle at a point of the axes and her bow ``heading_rad`` clockwise from
+    """A ship's outline with its middle at a point of the axes and its bow ``heading_rad`` clockwise from
     upwards."""
     forward, sideways = length_m * HULL_OUTLINE[:, 0], length_m * HULL_OUTLINE[:, 1]
     x = across + forward * np.sin(heading_rad) + sideways * np.cos(heading_rad)
@@ -177,7 +177,7 @@ def ship(
 
 
 def _ships(axes: Axes, placed: pd.DataFrame, length_m: float) -> list[Artist]:
-    """Outlines along the track; two to fifty times as large as the ship where she would not be seen."""
+    """Outlines along the track; two to fifty times as large as the ship where it would not be seen."""
     if placed.empty:
         return []
     extent = max(float(np.ptp(placed[name])) for name in ("north_m", "east_m"))
@@ -219,7 +219,7 @@ def series(
     title: str = "",
     predicted: Predicted = MappingProxyType({}),
 ) -> list[Artist]:
-    """Channels of one unit against UTC, held windows shaded behind them, orders dashed beside what followed.
+    """Channels of one unit against UTC, held windows shaded behind them, orders dashed.
 
     The first line is broad, so that it shows behind a line that covers it. Angles that go all around are drawn
     without the line that would join one end of the turn with the other. Where something is ``predicted``, what was
@@ -297,7 +297,7 @@ Drawing = tuple[Callable[[Figure], None], tuple[float, float], str]
 _TICKS_S = (60.0, 120.0, 300.0, 600.0, 900.0, 1800.0, 3600.0, 7200.0, 21600.0)
 _LEAST_INCH, _MOST_INCH = (5.5, 3.2), (9.0, 5.0)  # width and height of a track's picture
 _AXES_INCH = (0.8, 1.2)  # of that for the axes and the legend
-_MOST_TICKS = 10  # times of day along a track; more would lie on each other
+_MOST_TICKS = 10  # times of day along a track; more would overlap
 _PANEL_INCH, _EDGES_INCH = 0.85, 1.0
 _MOST_TURN_DEG = 330.0  # angles within it can be drawn as one line
 _WIND = ("wind_speed_mps", "wind_direction_deg")
@@ -446,7 +446,7 @@ def label_points(
     axes: Axes, points: Sequence[tuple[float, float]], texts: Sequence[str], clear_of: Floats, **look: object
 ) -> list[Annotation]:
     """Annotate ``points`` [N] of the axes' data with ``texts`` [N] where there is room, with a faint line to the
-    point where that is not beside it.
+    point where it is farther away.
 
     ``clear_of`` [M, 2] are points that a label should not hide, NaN between lines. Places are chosen when the
     picture is drawn, since only then the axes have their scale; ``look`` is that of the texts.

@@ -122,7 +122,7 @@ def picture(png: bytes, caption: str) -> Markup:
 
 
 def write_pdf(page: Path) -> Path:
-    """Write a page of HTML beside itself as PDF, A4 and numbered, without what only a screen has; returns its path.
+    """Write a page of HTML as PDF into its folder, A4 and numbered, without its controls; returns the path.
 
     Raises :class:`ConfigurationError` where WeasyPrint finds no Pango, which sets its lines; :class:`StorageError`.
     """

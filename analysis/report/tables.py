@@ -131,7 +131,7 @@ def criteria_by_vessel(runs: Mapping[str, Sequence[Manoeuvre]]) -> list[dict[str
 
 
 def plain_name(name: str) -> str:
-    """The name of an index or setting for people.
+    """The name of an index or setting as text.
 
     >>> plain_name("tactical_diameter_m_current_removed")
     'tactical diameter, current removed'
@@ -202,7 +202,7 @@ _LATER = ("time_to_check", "initial_turning")  # left to the manoeuvre's own tab
 
 
 def manoeuvre_line(manoeuvre: Manoeuvre) -> list[str]:
-    """A manoeuvre's row in the table of all: overshoots from the order, which have the limits, stand first, and the
+    """A manoeuvre's row in the table of all: overshoots from the order, which have the limits, come first, and the
     current is removed where it is known, as in the figure."""
     indices = manoeuvre.indices
     main = [name for name in indices if not any(part in name for part in _LATER) and not name.endswith(REMOVED)]
@@ -366,7 +366,7 @@ _SLOWEST_MPS = 0.1  # a ship that lies still has no L/V
 class ShipDimensions:
     """Main dimensions [m], from a vessel file or a person; a person may know the length only.
 
-    ``title`` is what people call her, empty where only the file's ``name`` is known.
+    ``title`` is the ship's usual name, empty where only the file's ``name`` is known.
     """
 
     name: str
@@ -398,7 +398,7 @@ def run_sheet(
 def ship_rows(
     trial: Trial, one_hz: pd.DataFrame, manoeuvres: Iterable[Manoeuvre], ship: ShipDimensions | None
 ) -> Rows:
-    """The ship's particulars and her loading."""
+    """The ship's particulars and its loading."""
     stated, particulars = recorded_conditions(trial, pd.DataFrame()), particulars_of(trial)
     volume_m3, mcr_speed_mps = stated.displacement_m3, stated.speed_at_85_percent_mcr_mps
     displacement = UNKNOWN if volume_m3 is None else f"{volume_m3:{',.5g' if volume_m3 < 1e4 else ',.0f'}} m\u00b3"

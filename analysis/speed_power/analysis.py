@@ -166,7 +166,7 @@ def speed_power_of_runs(
     conditions
         The ship, the sea and the air, for the corrections.
     left_out
-        What was no run, to stand in the result.
+        The rejected candidates, for the result.
 
     Raises
     ------

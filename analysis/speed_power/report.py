@@ -1,4 +1,4 @@
-"""Speed and power for people: tables for the terminal, a picture, and files."""
+"""Speed and power as text: tables for the terminal, a picture, and files."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ UNCERTAINTY_TITLES = ("source of uncertainty", "95 % alone")
 
 
 def as_dict(result: SpeedPower, asked: Sequence[SpeedAtPower] = ()) -> dict[str, Any]:
-    """The result as JSON has it; ``asked`` are speeds at powers that somebody wants to know."""
+    """The result as JSON has it; ``asked`` are speeds at powers that a user asked for."""
     return {**to_json(result), "asked": to_json(list(asked))}
 
 
@@ -78,7 +78,7 @@ def run_rows(result: SpeedPower) -> list[list[str]]:
 
 
 def power_text(power_kw: float, signed: bool = False) -> str:
-    """A power in digits that people read: 10,320 kW, 85.3 kW of a boat, 0.0374 kW of a model.
+    """A power with a sensible number of digits: 10,320 kW, 85.3 kW of a boat, 0.0374 kW of a model.
 
     >>> power_text(10323.4), power_text(85.26), power_text(-120.4, signed=True), power_text(0.03741)
     ('10,323 kW', '85.3 kW', '-120 kW', '0.0374 kW')
@@ -95,7 +95,7 @@ def _speed_text(speed_mps: float) -> str:
 
 
 def setting_rows(result: SpeedPower) -> list[list[str]]:
-    """One row a power setting, with :data:`SETTING_TITLES`: both methods beside each other."""
+    """One row a power setting, with :data:`SETTING_TITLES`: by both methods."""
     return [
         [power_text(setting.iterative.power_kw), f"{setting.runs}", *speed_text(setting.iterative),
          *speed_text(setting.mean_of_means)]

@@ -296,7 +296,7 @@ _CALLED = {name: quantity for quantity, definition in _QUANTITIES.items() for na
 
 @dataclass(frozen=True, slots=True)
 class RunTable:
-    """The runs in a table, what it tells of the conditions, and the columns that were not used."""
+    """The runs in a table, the conditions in it, and the columns that were not used."""
 
     runs: tuple[PowerRun, ...]
     conditions: Conditions

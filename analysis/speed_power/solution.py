@@ -32,7 +32,7 @@ from seatrial.analysis.speed_power.corrections import (
 )
 from seatrial.analysis.speed_power.runs import PowerRun, settings_of
 
-_PASSES = 3  # the corrections hang on the speed through the water, by a few percent of a few percent
+_PASSES = 3  # the corrections depend on the speed through the water, by a few percent of a few percent
 
 
 @dataclass(frozen=True, slots=True)
@@ -234,7 +234,7 @@ class IterativeCurrent:
 
 
 def terms_of_current(runs: int, settings: int) -> int:
-    """How many terms of the current can be found beside the curve, one run being left over: 4 at most."""
+    """How many terms of the current can be estimated with the curve, with one run in excess: 4 at most."""
     return max(1, min(_TERMS, runs - min(settings, 3) - 1))
 
 
