@@ -315,7 +315,7 @@ def write_report(
         provenance = provenance_of(result.table, {"length_m": length_m}, Path(result.recording))
         entry |= {"recording": provenance["recording"], "provenance": provenance}
     page = render(
-        "manoeuvres.html", title="Manoeuvres", found=results, length_m=length_m,
+        "manoeuvres.html", title="Manoeuvres", results=results, length_m=length_m,
         criteria=trial_criteria_lines(results),
         subtitle="Indices after ITTC 7.5-04-02-01; criteria of IMO MSC.137(76)",
     )  # fmt: skip
