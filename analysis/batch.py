@@ -91,6 +91,31 @@ NOT_CLOSED = "was not closed and is read as far as it goes; see what is missing 
 """The remark on a recording that was cut off: done, and explained."""
 _COURSE_STEP_S = 5  # distances are summed over means of so long, or the noise of a position adds to them
 _THUMBNAIL_POINTS = 60
+MOST_ATTEMPTS = 3
+"""How often a recording may kill its worker before it is given up."""
+MARKS = ".attempts"
+"""The folder of the marks, in the output folder."""
+Client: TypeAlias = Any  # of distributed, whose functions have no types
+Future: TypeAlias = Any
+_CONNECT_S, _WORKERS_S, _PATIENCE_S = 8, 30, 60.0
+_ADDRESS = re.compile(r"((tcp|tls|ws|wss)://)?([\w.-]+|\[[0-9a-fA-F:]+\]):\d{1,5}")
+_MOST_SUBMITTED = 2 * MOST_ATTEMPTS
+"""How often a row is asked for; the marks identify what kills a worker long before."""
+Failures = list[tuple[str, list[str]]]
+"""Causes and the names of the recordings that failed of each, the most frequent first."""
+REPORT = "report.html"
+"""A notebook report in the folder of a result, to which the page links where there is one."""
+GONE = "gone"
+"""The status of a result whose recording is not in the folder any more."""
+TEXTS = ("name", "path", "status", "cause", "vessel", "trial", "place", "grade")
+MEASURES = {"duration_s": "s", "distance_m": "m"}
+COUNTS = ("samples", "channels", "findings", "repairs", "windows_kept", "windows_candidates", "legs")
+NESTED_COUNTS = ("findings_by_code", "windows_dropped", "manoeuvres", "left_out", "criteria")
+_LONGEST_NAME_BYTES, _DIGEST_LETTERS = 245, 12  # file systems take 255; ten are for underscores
+_NUMBER = re.compile(r"\d[\d,.]*\d|\d")
+CRITERIA = "criteria.json"
+"""What the recordings of each ship together show of the standards' criteria."""
+_RESERVED = {"index.html", "index.parquet", CRITERIA, MARKS, LOCK}
 
 
 def process_recording(
@@ -314,18 +339,6 @@ def thumbnail(one_hz: pd.DataFrame) -> str:
     chosen = track[np.unique(np.linspace(0, len(track) - 1, _THUMBNAIL_POINTS).astype(int))]
     middle, size = (chosen.max(axis=0) + chosen.min(axis=0)) / 2.0, max(np.ptp(chosen, axis=0).max(), 1.0)
     return " ".join(f"{x:.0f},{y:.0f}" for x, y in 50.0 + 92.0 * (chosen - middle) / size)
-
-
-MOST_ATTEMPTS = 3
-"""How often a recording may kill its worker before it is given up."""
-MARKS = ".attempts"
-"""The folder of the marks, in the output folder."""
-Client: TypeAlias = Any  # of distributed, whose functions have no types
-Future: TypeAlias = Any
-_CONNECT_S, _WORKERS_S, _PATIENCE_S = 8, 30, 60.0
-_ADDRESS = re.compile(r"((tcp|tls|ws|wss)://)?([\w.-]+|\[[0-9a-fA-F:]+\]):\d{1,5}")
-_MOST_SUBMITTED = 2 * MOST_ATTEMPTS
-"""How often a row is asked for; the marks identify what kills a worker long before."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -595,23 +608,6 @@ def block_interrupts() -> Iterator[None]:
         yield
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
-
-
-Failures = list[tuple[str, list[str]]]
-"""Causes and the names of the recordings that failed of each, the most frequent first."""
-REPORT = "report.html"
-"""A notebook report in the folder of a result, to which the page links where there is one."""
-GONE = "gone"
-"""The status of a result whose recording is not in the folder any more."""
-TEXTS = ("name", "path", "status", "cause", "vessel", "trial", "place", "grade")
-MEASURES = {"duration_s": "s", "distance_m": "m"}
-COUNTS = ("samples", "channels", "findings", "repairs", "windows_kept", "windows_candidates", "legs")
-NESTED_COUNTS = ("findings_by_code", "windows_dropped", "manoeuvres", "left_out", "criteria")
-_LONGEST_NAME_BYTES, _DIGEST_LETTERS = 245, 12  # file systems take 255; ten are for underscores
-_NUMBER = re.compile(r"\d[\d,.]*\d|\d")
-CRITERIA = "criteria.json"
-"""What the recordings of each ship together show of the standards' criteria."""
-_RESERVED = {"index.html", "index.parquet", CRITERIA, MARKS, LOCK}
 
 
 @dataclass(frozen=True, slots=True)

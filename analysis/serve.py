@@ -101,6 +101,30 @@ _HEADERS = {
     "Cross-Origin-Resource-Policy": "same-origin",
 }  # fmt: skip
 _drawing = Lock()  # matplotlib keeps its style for the whole process
+_RUN_COLUMNS = [
+    "recording", "started [UTC]", "kind", "manoeuvre", "index", "value", "low", "high", "unit", "lengths", "limit",
+    "counted_from", "result", "missing",
+]  # fmt: skip
+REQUESTED, FIRST_LOOK, BACKGROUND = range(3)
+"""The order of work: what a user waits for, a first look at each recording, the analysis of the others."""
+SETTLED_S = 20.0
+"""A file that has changed since is still being written, and is analysed only on request."""
+DIAGNOSIS = "diagnosis.json"
+_STORE = ".season.sqlite"
+_NICENESS = 10
+_CREATE = "CREATE TABLE IF NOT EXISTS season (name TEXT PRIMARY KEY, stamp TEXT, row TEXT)"
+_REPLACE = "INSERT OR REPLACE INTO season VALUES (?, ?, ?)"
+_LONGEST_S = 3600.0  # an analysis: the recording of a day takes some minutes
+_DIED = "its worker died over it, or took an hour; too little memory, or a fault in native code"
+_MOST_DIAGNOSIS_BYTES = 64_000_000  # one of a season of forty recordings has a few MB
+LONGEST_S = 600.0
+"""An export of a day takes a minute, the import of 500 MB of text some minutes."""
+LEAST_MEMORY_BYTES = 3 * 1024**3  # of addresses; the libraries alone take 1.5 GB of them
+MOST_WRITTEN_BYTES = 8 * 1024**3
+MOST_AT_ONCE = 2
+_turns = BoundedSemaphore(MOST_AT_ONCE)
+_Work = Callable[..., Sequence[str]]
+_LONGEST_NAME_BYTES = 200  # of 255, for what is added while it is written
 
 
 def make_app(season: Season, upload_mb: float | None = None) -> Flask:
@@ -318,12 +342,6 @@ def _message(title: str, lines: list[str], again_s: int | None = None) -> str:
     return render("message.html", title=title, lines=lines, again_s=again_s).html
 
 
-_RUN_COLUMNS = [
-    "recording", "started [UTC]", "kind", "manoeuvre", "index", "value", "low", "high", "unit", "lengths", "limit",
-    "counted_from", "result", "missing",
-]  # fmt: skip
-
-
 @dataclass(frozen=True, slots=True)
 class Run:
     """One manoeuvre in a recording's result."""
@@ -377,20 +395,6 @@ def index_table(runs: Iterable[Run]) -> pd.DataFrame:
         for run in runs for name, index in run.manoeuvre.indices.items()
     ]  # fmt: skip
     return pd.DataFrame(rows, columns=_RUN_COLUMNS)
-
-
-REQUESTED, FIRST_LOOK, BACKGROUND = range(3)
-"""The order of work: what a user waits for, a first look at each recording, the analysis of the others."""
-SETTLED_S = 20.0
-"""A file that has changed since is still being written, and is analysed only on request."""
-DIAGNOSIS = "diagnosis.json"
-_STORE = ".season.sqlite"
-_NICENESS = 10
-_CREATE = "CREATE TABLE IF NOT EXISTS season (name TEXT PRIMARY KEY, stamp TEXT, row TEXT)"
-_REPLACE = "INSERT OR REPLACE INTO season VALUES (?, ?, ?)"
-_LONGEST_S = 3600.0  # an analysis: the recording of a day takes some minutes
-_DIED = "its worker died over it, or took an hour; too little memory, or a fault in native code"
-_MOST_DIAGNOSIS_BYTES = 64_000_000  # one of a season of forty recordings has a few MB
 
 
 def results_folder(folder: Path) -> Path:
@@ -600,15 +604,6 @@ def _attend_requests(pipe: Connection) -> None:
             pipe.send(row)
 
 
-LONGEST_S = 600.0
-"""An export of a day takes a minute, the import of 500 MB of text some minutes."""
-LEAST_MEMORY_BYTES = 3 * 1024**3  # of addresses; the libraries alone take 1.5 GB of them
-MOST_WRITTEN_BYTES = 8 * 1024**3
-MOST_AT_ONCE = 2
-_turns = BoundedSemaphore(MOST_AT_ONCE)
-_Work = Callable[..., Sequence[str]]
-
-
 def call_limited(function: _Work, *arguments: object, longest_s: float | None = None) -> list[str]:
     """The lines that a function returns, called in a process of its own: importable, with plain arguments.
 
@@ -671,9 +666,6 @@ def _limit_process() -> None:
         Path("/proc/self/oom_score_adj").write_text("1000")
     with Path(os.devnull).open("w") as nothing:
         os.dup2(nothing.fileno(), 2)
-
-
-_LONGEST_NAME_BYTES = 200  # of 255, for what is added while it is written
 
 
 def receive(stream: IO[bytes], filename: str, folder: Path) -> tuple[Path, list[str]]:

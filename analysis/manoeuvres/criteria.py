@@ -44,6 +44,26 @@ _DRAUGHT_SHARE = 0.05  # of the full load draught, by which a trial's may differ
 _TEST_SPEED_SHARE = 0.9
 _STEADY_TURN_DEG = 2.0  # of heading in the time of one ship length: as much as noise shows of a steady approach
 _STEADY_SHARE = 0.05  # of the speed in that time
+FULL_ASTERN = "stopping with thrust astern"
+"""The name of a full astern stop."""
+_MAIN = {
+    "turning_circle": ("advance_m", "transfer_m", "tactical_diameter_m", "steady_diameter_m"),
+    "course_change": ("initial_turning_m", "advance_m", "transfer_m", "tactical_diameter_m"),
+    "zigzag": (from_order(1), from_order(2), "initial_turning_m"),
+    "stopping": ("track_reach_m", "head_reach_m", "lateral_deviation_m", "stopping_time_s"),
+    "pull_out": ("residual_yaw_rate_dps",),
+    "acceleration": ("time_to_90_percent_s", "distance_to_90_percent_m"),
+    "crabbing": ("sway_mps",),
+    "thruster_test": ("last_yaw_rate_dps",),
+}
+"""The main indices of a kind, for the page of indices; of other kinds the first three."""
+_SINGLE = ("speed_run", "acceleration", "crabbing", "thruster_test")
+"""Kinds whose runs differ in their settings: no means over them."""
+_SPEED_SHARE = 0.2
+_FEW_RUNS = 2  # of which no interval is made
+_TESTS_AFTER_APPROACH = ("zigzag", "turning_circle", "stopping", "spiral")
+_LEADS_INTO_S, _LEAST_TEST_DEG = 30.0, 270.0  # the end of a straight run is known to some 20 s
+_ORDER_OF_RESULTS = (NOT_MET, CANNOT_BE_SAID, MET, NOT_SHOWN)
 
 
 def first_overshoot_10_10_deg(length_per_speed_s: float) -> float:
@@ -111,9 +131,6 @@ def _in_lengths(lengths: float) -> Callable[[float | None, float], float | None]
 def _by_length_per_speed(limit_deg: Callable[[float], float]) -> Callable[[float | None, float], float | None]:
     return lambda length_m, speed_mps: limit_deg(length_m / speed_mps) if length_m and speed_mps > 0.0 else None
 
-
-FULL_ASTERN = "stopping with thrust astern"
-"""The name of a full astern stop."""
 
 CRITERIA = (
     Criterion("advance", "5.3.1", "advance_m", _in_lengths(4.5), _is_turning_circle),
@@ -306,25 +323,6 @@ def _helm_notes(run: Manoeuvre, conditions: Conditions, largest_deg: float) -> l
     ]
 
 
-_MAIN = {
-    "turning_circle": ("advance_m", "transfer_m", "tactical_diameter_m", "steady_diameter_m"),
-    "course_change": ("initial_turning_m", "advance_m", "transfer_m", "tactical_diameter_m"),
-    "zigzag": (from_order(1), from_order(2), "initial_turning_m"),
-    "stopping": ("track_reach_m", "head_reach_m", "lateral_deviation_m", "stopping_time_s"),
-    "pull_out": ("residual_yaw_rate_dps",),
-    "acceleration": ("time_to_90_percent_s", "distance_to_90_percent_m"),
-    "crabbing": ("sway_mps",),
-    "thruster_test": ("last_yaw_rate_dps",),
-}
-"""The main indices of a kind, for the page of indices; of other kinds the first three."""
-_SINGLE = ("speed_run", "acceleration", "crabbing", "thruster_test")
-"""Kinds whose runs differ in their settings: no means over them."""
-_SPEED_SHARE = 0.2
-_FEW_RUNS = 2  # of which no interval is made
-_TESTS_AFTER_APPROACH = ("zigzag", "turning_circle", "stopping", "spiral")
-_LEADS_INTO_S, _LEAST_TEST_DEG = 30.0, 270.0  # the end of a straight run is known to some 20 s
-
-
 @dataclass(frozen=True, slots=True)
 class Mean:
     """The mean of an index over ``runs`` runs and its 95 % interval, of two runs the range of both; NaN where the
@@ -462,23 +460,23 @@ def index_rows(runs: Iterable[Manoeuvre]) -> list[IndexRow]:
 
 def like_runs(manoeuvres: Iterable[Manoeuvre]) -> list[list[Manoeuvre]]:
     """The manoeuvres in groups of like runs, in the order of each group's first."""
+
+    def are_alike(first: Manoeuvre, second: Manoeuvre) -> bool:
+        if (first.kind, first.name) != (second.kind, second.name) or first.kind in _SINGLE:
+            return False
+        if any(map(ne, _angles_of(first), _angles_of(second))):  # the crew may have given two tests one name
+            return False
+        speeds = [run.settings.get("approach_mps", 0.0) for run in (first, second)]
+        return abs(speeds[0] - speeds[1]) <= _SPEED_SHARE * max(map(abs, speeds))
+
     groups: list[list[Manoeuvre]] = []
     for manoeuvre in manoeuvres:
-        group = next((group for group in groups if _are_alike(group[0], manoeuvre)), None)
+        group = next((group for group in groups if are_alike(group[0], manoeuvre)), None)
         if group is None:
             groups.append([manoeuvre])
         else:
             group.append(manoeuvre)
     return groups
-
-
-def _are_alike(first: Manoeuvre, second: Manoeuvre) -> bool:
-    if (first.kind, first.name) != (second.kind, second.name) or first.kind in _SINGLE:
-        return False
-    if any(map(ne, _angles_of(first), _angles_of(second))):  # the crew may have given two tests one name
-        return False
-    speeds = [run.settings.get("approach_mps", 0.0) for run in (first, second)]
-    return abs(speeds[0] - speeds[1]) <= _SPEED_SHARE * max(map(abs, speeds))
 
 
 def _angles_of(run: Manoeuvre) -> tuple[float, float]:
@@ -522,9 +520,6 @@ def criteria_of(rows: Sequence[IndexRow]) -> list[CriterionResult]:
     the worst.
     """
     return [_criterion_result(criterion, side, rows) for criterion in CRITERIA for side in criterion.sides]
-
-
-_ORDER_OF_RESULTS = (NOT_MET, CANNOT_BE_SAID, MET, NOT_SHOWN)
 
 
 def _criterion_result(criterion: Criterion, side: str, rows: Sequence[IndexRow]) -> CriterionResult:

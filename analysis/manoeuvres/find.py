@@ -59,6 +59,19 @@ _MEASURED_SHARE = 0.9  # of a manoeuvre in which pose and speeds have to be meas
 _RUNNING_SHARE = 0.08
 _SHORTEST_S = 20.0
 _NO_HELM = "no helm was recorded: the angle of a rudder or a thruster, or propellers to both sides"
+_START = re.compile(r"\b(start|begin|execute)\w*", re.I)
+_END = re.compile(r"\b(end|stop|finish|complete)\w*$", re.I)
+_MARK_WORDS = {
+    "zigzag": "zig", "turning_circle": "turn circle", "course_change": "turn circle", "speed_run": "speed run",
+    "acceleration": "accel", "stopping": "stop crash", "crabbing": "crab side", "pull_out": "pull",
+    "spiral": "spiral dieudonne", "reverse_spiral": "spiral bech", "thruster_test": "thrust",
+    "williamson_turn": "williamson man overboard",
+}  # fmt: skip
+"""By kind of manoeuvre the words of which a mark has to contain one to name it."""
+_TIDE_RADPS = 2.0 * np.pi / (12.42 * 3600.0)
+_LEAST_SPREAD = 0.13  # of directions, the smaller eigenvalue: two courses 30 deg apart
+_MARGIN_S, _LONGEST_RUN_ON_S = 20.0, 300.0
+_KINDS = ("turning_circle", "course_change", "zigzag", "stopping")
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,10 +86,6 @@ class Mark:
         """Whether a time lies inside, or within ten seconds of it, since marks are early or late."""
         slack_ns = 10_000_000_000
         return self.start_ns - slack_ns <= time.value <= self.end_ns + slack_ns
-
-
-_START = re.compile(r"\b(start|begin|execute)\w*", re.I)
-_END = re.compile(r"\b(end|stop|finish|complete)\w*$", re.I)
 
 
 def marks_of(events: Iterable[tuple[int, str]]) -> tuple[Mark, ...]:
@@ -330,15 +339,6 @@ def _rows_of(motion: Motion, candidate: Manoeuvre | LeftOut) -> Bools:
     return np.asarray((motion.time_s >= start) & (motion.time_s <= end))
 
 
-_MARK_WORDS = {
-    "zigzag": "zig", "turning_circle": "turn circle", "course_change": "turn circle", "speed_run": "speed run",
-    "acceleration": "accel", "stopping": "stop crash", "crabbing": "crab side", "pull_out": "pull",
-    "spiral": "spiral dieudonne", "reverse_spiral": "spiral bech", "thruster_test": "thrust",
-    "williamson_turn": "williamson man overboard",
-}  # fmt: skip
-"""By kind of manoeuvre the words of which a mark has to contain one to name it."""
-
-
 def _apply_marks(runs: Iterable[Manoeuvre], marks: Sequence[Mark]) -> list[Manoeuvre]:
     """Manoeuvres with the names given by the crew; a marked turn counts as a circle however short."""
     result = []
@@ -349,12 +349,6 @@ def _apply_marks(runs: Iterable[Manoeuvre], marks: Sequence[Mark]) -> list[Manoe
             run = replace(run, kind=kind, name=text)
         result.append(run)
     return result
-
-
-_TIDE_RADPS = 2.0 * np.pi / (12.42 * 3600.0)
-_LEAST_SPREAD = 0.13  # of directions, the smaller eigenvalue: two courses 30 deg apart
-_MARGIN_S, _LONGEST_RUN_ON_S = 20.0, 300.0
-_KINDS = ("turning_circle", "course_change", "zigzag", "stopping")
 
 
 class Observation(NamedTuple):

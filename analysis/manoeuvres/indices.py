@@ -15,6 +15,9 @@ _BOUNDS = ("value", "low", "high")
 ORDER, HALF_HELM = "order", "half_helm"
 """The moments from which an index counts: that of the order, and that at which the helm was half over."""
 _UNCOUNTED = ("speed_run", "crabbing", "thruster_test", "spiral", "reverse_spiral")
+HELMS = ("azimuth_deg", "rudder_deg", "nozzle_deg")
+"""The settings of a helm, by what steers the ship."""
+UNITS = {"_deg": "deg", "_dps": "deg/s", "_mps2": "m/s2", "_mps": "m/s", "_rpm": "rpm", "_m": "m", "_s": "s"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,10 +72,6 @@ class Current:
             "speed_mps": float(np.hypot(self.north_mps, self.east_mps)),
             "direction_deg": float(np.rad2deg(np.arctan2(self.east_mps, self.north_mps)) % 360.0),
         }
-
-
-HELMS = ("azimuth_deg", "rudder_deg", "nozzle_deg")
-"""The settings of a helm, by what steers the ship."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -170,9 +169,6 @@ def side_of(positive_to_starboard: float) -> str:
 def as_json(manoeuvres: Iterable[Manoeuvre]) -> list[dict[str, Any]]:
     """Manoeuvres as plain values for JSON, in order of time."""
     return [manoeuvre.as_json() for manoeuvre in manoeuvres]
-
-
-UNITS = {"_deg": "deg", "_dps": "deg/s", "_mps2": "m/s2", "_mps": "m/s", "_rpm": "rpm", "_m": "m", "_s": "s"}
 
 
 def unit_of(name: str) -> str:

@@ -39,6 +39,22 @@ _SAME_LEVEL_DEG, _LEVEL_RANGES = 1.0, 3.0  # deviation of a helm from the others
 SWITCH_SHARE = 0.16  # helms are switched early or late
 _INITIAL_TURN_DEG = 10.0
 _GATHERED_WAY = 0.2  # of the approach speed: no ship gains speed in a zigzag
+LEAST_CIRCLE_DEG, LEAST_TURN_OF_ONE_SIDE_DEG = 180.0, 90.0
+_CIRCLE_MARGIN_S = 20.0
+_SLOWEST_APPROACH = 0.3
+_STEADIEST_APPROACH = 0.25
+REMOVED = "_current_removed"
+_STEADY = ("steady_yaw_rate_dps", "steady_diameter_m", "steady_speed_mps", "drift_angle_deg")
+_COUNTED_FOR = {
+    "advance_m": "time_to_90_deg_s", "transfer_m": "time_to_90_deg_s",
+    "tactical_diameter_m": "time_to_180_deg_s",
+}  # fmt: skip
+"""Ways, and how long the drift has gone into them."""
+LEAST_TURN_DEG = 510.0
+LEAST_STEADY_DEG = 270.0
+"""The turn from which a part of it is steady: the first half of a circle is not, nor a quarter of what follows."""
+_STEADY_AFTER_DEG = 120.0
+_FEWEST_PAIRS = 10
 
 
 def zigzag_chains(motion: Motion, held: Sequence[Plateau], extremes: Sequence[Plateau]) -> list[list[Plateau]]:
@@ -243,13 +259,6 @@ def _overshoots(motion: Motion, heading: Floats, times: Floats) -> tuple[dict[st
     return values, check_times
 
 
-LEAST_CIRCLE_DEG, LEAST_TURN_OF_ONE_SIDE_DEG = 180.0, 90.0
-_CIRCLE_MARGIN_S = 20.0
-_SLOWEST_APPROACH = 0.3
-_STEADIEST_APPROACH = 0.25
-REMOVED = "_current_removed"
-
-
 def turn_of(motion: Motion, plateau: Plateau, fastest_mps: float) -> Manoeuvre | LeftOut | None:
     """The turn of a held helm, or the reason for its rejection; None if the ship turns by less than 90 deg.
 
@@ -332,9 +341,6 @@ def steady_turn_indices(motion: Motion, times: Floats) -> dict[str, float]:
     return {name: value for name, value in values.items() if name.removesuffix(REMOVED) in _STEADY}
 
 
-_STEADY = ("steady_yaw_rate_dps", "steady_diameter_m", "steady_speed_mps", "drift_angle_deg")
-
-
 def circle_indices(motion: Motion, times: Floats) -> dict[str, float]:
     """The indices of a smooth motion from the order to the end, ``times`` [s]; also with the current removed where
     it is known."""
@@ -348,13 +354,6 @@ def circle_indices(motion: Motion, times: Floats) -> dict[str, float]:
             values |= {name + REMOVED: value for name, value in _indices_over_ground(water, order, end).items()
                        if not name.endswith(("_s", "_dps"))}  # fmt: skip
     return values
-
-
-_COUNTED_FOR = {
-    "advance_m": "time_to_90_deg_s", "transfer_m": "time_to_90_deg_s",
-    "tactical_diameter_m": "time_to_180_deg_s",
-}  # fmt: skip
-"""Ways, and how long the drift has gone into them."""
 
 
 def _add_drift_error(
@@ -422,13 +421,6 @@ def _steady_indices(
         "drift_angle_deg": float(side * drift),
         "speed_loss": 1.0 - speed / approach_mps,
     }
-
-
-LEAST_TURN_DEG = 510.0
-LEAST_STEADY_DEG = 270.0
-"""The turn from which a part of it is steady: the first half of a circle is not, nor a quarter of what follows."""
-_STEADY_AFTER_DEG = 120.0
-_FEWEST_PAIRS = 10
 
 
 def drift_pairs(motion: Motion, start: float, end: float) -> tuple[Floats, Floats]:

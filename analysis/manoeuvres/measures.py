@@ -44,6 +44,26 @@ _LONGEST_ORDER_LAG_S = 20.0  # from an order to the first movement of the steeri
 _EXTRAPOLATED = 2.0  # the start of a change is known so much worse than its middle, by the line through both
 _SOFT_START_S = 0.15  # how much later than an order a steering gear's beginning is seen: none is there at once
 _SURELY = 3.0  # times what the beginning of a change is known within, by which it is not before an order
+_BLOCKS, _TWO_SIDED_95_OF_BLOCKS = 6, 2.57  # Student's t of five degrees of freedom
+REPLICATES = 48
+_FOLLOWED = 1.1  # what a fit follows of the noise is missing from what it leaves; by yard_trials.py, ships 1000 on
+WIDEST_S = 8.0
+_FEWEST_ROWS = 3
+_TWO_SIDED_95, _OF_UNIFORM_95 = 1.96, 0.95  # of a standard deviation, and of half of an even distribution
+_HALF_BEAM_LENGTHS = 1.0 / 13.0  # of the usual ship, six and a half times as long as it is wide
+_SEED = 137
+Measure = Callable[[Motion, Floats], dict[str, float]]
+"""A function for the indices of a smooth motion and the times of its commands [s]."""
+_STEP_S = 1.0
+_STEP_SIGMAS = 6.0
+_BRIDGE_S = 4.0
+_BLINK_SHARE, _BLINKS = 0.5, 3  # how long a correction lasts: of the order, and of the longest bridge
+_ALIKE_SHARE, _ALIKE_DEG = 0.15, 1.0
+_ALIKE_LONG_SHARE = 0.05  # of helms that are both held for longer than a correction
+_HELD_SHARE = 0.35  # of a helm, by which it may wander while it is held: not half of the way to amidships
+_FEWEST_OF_FIT, _FEWEST_BEFORE = 5, 2
+_CREEP = 4.0  # times as long as the last half of a change, and a row: no drive begins so slowly
+CONTRADICTION = "the recorded orders do not precede the helm"
 
 
 def helm_rate_dps(helm: Floats, step_s: float) -> float:
@@ -218,9 +238,6 @@ def means_of(columns: Mapping[str, Floats]) -> dict[str, float]:
     return {name: float(column.mean()) for name, column in columns.items()}
 
 
-_BLOCKS, _TWO_SIDED_95_OF_BLOCKS = 6, 2.57  # Student's t of five degrees of freedom
-
-
 def mean_of_blocks(values: Floats) -> tuple[float, float]:
     """A mean and half of its 95 % interval from the means of blocks, whose noise is nearly independent."""
     means = [float(block.mean()) for block in np.array_split(values, _BLOCKS)]
@@ -300,18 +317,6 @@ def along_and_across(motion: Motion, start: float, time_s: float, heading_deg: f
     east = motion.at("east_m", time_s) - motion.at("east_m", start)
     ahead, starboard = to_ship(north, east, np.deg2rad(heading_deg))
     return float(ahead), float(starboard)
-
-
-REPLICATES = 48
-_FOLLOWED = 1.1  # what a fit follows of the noise is missing from what it leaves; by yard_trials.py, ships 1000 on
-WIDEST_S = 8.0
-_FEWEST_ROWS = 3
-_TWO_SIDED_95, _OF_UNIFORM_95 = 1.96, 0.95  # of a standard deviation, and of half of an even distribution
-_HALF_BEAM_LENGTHS = 1.0 / 13.0  # of the usual ship, six and a half times as long as it is wide
-_SEED = 137
-
-Measure = Callable[[Motion, Floats], dict[str, float]]
-"""A function for the indices of a smooth motion and the times of its commands [s]."""
 
 
 def half_width_s(motion: Motion, time_scale_s: float) -> float:
@@ -444,17 +449,6 @@ def _spectrum(remainder: Floats, half_rows: float) -> Floats:
     amplitude[~resolved] = np.sqrt(np.mean(amplitude[resolved & (frequency <= 2.0 * edge)] ** 2))
     amplitude[0] *= np.sqrt(2.0)  # the mean has no imaginary part
     return amplitude
-
-
-_STEP_S = 1.0
-_STEP_SIGMAS = 6.0
-_BRIDGE_S = 4.0
-_BLINK_SHARE, _BLINKS = 0.5, 3  # how long a correction lasts: of the order, and of the longest bridge
-_ALIKE_SHARE, _ALIKE_DEG = 0.15, 1.0
-_ALIKE_LONG_SHARE = 0.05  # of helms that are both held for longer than a correction
-_HELD_SHARE = 0.35  # of a helm, by which it may wander while it is held: not half of the way to amidships
-_FEWEST_OF_FIT, _FEWEST_BEFORE = 5, 2
-_CREEP = 4.0  # times as long as the last half of a change, and a row: no drive begins so slowly
 
 
 @dataclass(frozen=True, slots=True)
@@ -617,9 +611,6 @@ def _last_crossing(share: Floats, level: float) -> float:
     if row + 1 >= share.size:
         return float(row)
     return row + float((level - share[row]) / (share[row + 1] - share[row]))
-
-
-CONTRADICTION = "the recorded orders do not precede the helm"
 
 
 def contradiction_of(executes: Sequence[Execute]) -> tuple[str, ...]:

@@ -69,6 +69,8 @@ _SIDES = (re.compile(r"(^|_)(port|left|bb|ps)(_|$)"), re.compile(r"(^|_)(starboa
 _STILL_SHARE = 0.2  # of the mean side thrust, that it changes by in a turn that lasts for the whole recording
 _OPPOSED = -0.9  # correlation of side thrusts under way, below which a drive is at the other end of the ship
 _IN_STEP = 0.98  # the mean of unit vectors at the phases of samples, above which they are in step
+Place = tuple[float, float]
+"""A point of the ship: how far forward and to starboard of midship [m]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -263,10 +265,6 @@ def motion_of(table: pd.DataFrame, length_m: float | None = None) -> Motion:
         thrust_order=_ordered_thrust(grid, driving),
     )  # fmt: skip
     return at_midship(motion, antenna_of(table))
-
-
-Place = tuple[float, float]
-"""A point of the ship: how far forward and to starboard of midship [m]."""
 
 
 def antenna_of(table: pd.DataFrame) -> Place | None:

@@ -33,6 +33,21 @@ REACHED_SHARE = 0.9
 _LONGEST_STEP_S = 16.0  # what a shaft may creep before and after a change from one held speed to the next
 _TRIED_STARTS = 9
 _UNSURE_SHARE = 0.2  # of the time that half of a change of thrust takes: engines do not begin like a straight line
+_BY_SHAFT = "the order was not recorded: it is taken from the beginning of the shaft's change"
+_SHAFT_CONTRADICTS = "the recorded orders do not precede the shaft"
+_LONGEST_ENGINE_LAG_S = 60.0  # from an order to the first change of the shaft
+_HAND_S = 2.0  # by which a mark set by hand is early or late
+_ENGINE_ORDER = re.compile(
+    r"\bfull astern\b|\b(crash|emergency|inertia) stop\b(?!\W*(end|finish|complete))|\bstop(ped)? engines?\b"
+    r"|\bengines? stop(ped)?\b|^\W*stop\W*$", re.I,
+)  # fmt: skip
+_RUNNING_SHARE = 0.2
+_NOISE_SIGMAS = 10.0
+_LEAST_RUNNING = 5.0
+_LEAST_S, _BRIDGE_S = 15.0, 5.0
+_CRAB_SHARE, _CRAB_LEAST_MPS, _CRAB_LEAST_S = 1.5, 0.15, 20.0
+_CRAB_TURN_DEG = 15.0
+_UNSURE_ROWS = 1.5  # the start of a drive is found by a threshold, not by a fit
 
 
 def shaft_along(motion: Motion) -> Floats:
@@ -208,16 +223,6 @@ class ShaftStep(NamedTuple):
     contradicts: bool = False
 
 
-_BY_SHAFT = "the order was not recorded: it is taken from the beginning of the shaft's change"
-_SHAFT_CONTRADICTS = "the recorded orders do not precede the shaft"
-_LONGEST_ENGINE_LAG_S = 60.0  # from an order to the first change of the shaft
-_HAND_S = 2.0  # by which a mark set by hand is early or late
-_ENGINE_ORDER = re.compile(
-    r"\bfull astern\b|\b(crash|emergency|inertia) stop\b(?!\W*(end|finish|complete))|\bstop(ped)? engines?\b"
-    r"|\bengines? stop(ped)?\b|^\W*stop\W*$", re.I,
-)  # fmt: skip
-
-
 def engine_orders(motion: Motion, events: Iterable[tuple[int, str]]) -> list[EngineOrder]:
     """The orders to stop or reverse the engines among the marks of the crew (time [ns since 1970], text)."""
     return [
@@ -387,15 +392,6 @@ def stopping_indices(motion: Motion, executes: Floats) -> dict[str, float]:
         "final_speed_mps": motion.at("surge_mps", end),
         "heading_change_deg": motion.at("heading_deg", end) - heading,
     }
-
-
-_RUNNING_SHARE = 0.2
-_NOISE_SIGMAS = 10.0
-_LEAST_RUNNING = 5.0
-_LEAST_S, _BRIDGE_S = 15.0, 5.0
-_CRAB_SHARE, _CRAB_LEAST_MPS, _CRAB_LEAST_S = 1.5, 0.15, 20.0
-_CRAB_TURN_DEG = 15.0
-_UNSURE_ROWS = 1.5  # the start of a drive is found by a threshold, not by a fit
 
 
 def _running_and_idle(values: Floats, largest: float) -> tuple[Bools, Bools]:

@@ -29,6 +29,11 @@ _MARGIN_S = 15.0
 _DASHES = ("-", "--", ":", "-.")
 _MOST_IN_LEGEND = 14
 _MARGINS = {"left": 0.095, "right": 0.985, "bottom": 0.135, "top": 0.86, "hspace": 0.25, "wspace": 0.2}
+Point = tuple[float, float]
+PICTURED = frozenset({"zigzag", "turning_circle", "stopping", "acceleration", "crabbing"})
+"""Kinds whose picture says more than their indices do; of a ship that goes straight the series say it all."""
+SIZES_INCH: dict[str, tuple[float, float]] = {"turning_circle": (9.0, 4.4), "course_change": (9.0, 4.4)}
+_OTHER_INCH = (9.0, 5.1)
 
 
 def seconds_of(motion: Motion, manoeuvre: Manoeuvre) -> tuple[float, float]:
@@ -273,9 +278,6 @@ def _dimensions(
     label_points(axes, middles, texts, np.concatenate([path, *lines]), color=RED, fontsize=8, zorder=4)
 
 
-Point = tuple[float, float]
-
-
 def draw_run(figure: Figure, motion: Motion, manoeuvre: Manoeuvre) -> None:
     """Speed, shafts, helm and heading against time, of what goes straight or is a test of a drive."""
     above, middle, helm, below = _panels_over_track(figure, (1, 1, 1, 1))
@@ -297,12 +299,6 @@ def draw_run(figure: Figure, motion: Motion, manoeuvre: Manoeuvre) -> None:
     _time_axis([above, middle, helm, below])
     _track_ahead(figure, motion, manoeuvre)
     figure.align_ylabels()
-
-
-PICTURED = frozenset({"zigzag", "turning_circle", "stopping", "acceleration", "crabbing"})
-"""Kinds whose picture says more than their indices do; of a ship that goes straight the series say it all."""
-SIZES_INCH: dict[str, tuple[float, float]] = {"turning_circle": (9.0, 4.4), "course_change": (9.0, 4.4)}
-_OTHER_INCH = (9.0, 5.1)
 
 
 def draw_together(figure: Figure, runs: Sequence[tuple[str, Motion, Manoeuvre]]) -> None:

@@ -52,6 +52,36 @@ if TYPE_CHECKING:
 _FILES = ("table.parquet", "flags.parquet", "quality.json", "windows.parquet", "manoeuvres.json", "summary.json")
 _SHORT_WAY_M = 200.0  # of which two decimals of a nautical mile say little
 _NUMBERS = re.compile(r"[+-]?\d[\d.,]*")
+Row = Mapping[str, Any]
+_COLUMNS = {
+    "name": "recording", "status": "status", "start": "start, UTC", "duration_s": "duration",
+    "distance_m": "sailed [nmi]", "samples": "samples", "grade": "data", "findings": "findings",
+    "repairs": "repairs", "windows_kept": "held windows", "manoeuvres": "manoeuvres",
+    "verdict": "diagnosis",
+}  # fmt: skip
+_OPTIONAL = ("track", "trial", "vessel", "place", "cause", "report", "missing")
+_COUNTS = ("findings_by_code", "manoeuvres", "left_out", "indices")
+_BREAKS = re.compile(r"([/_])(?=\w)")  # where a long name may go on in the next line
+_GRADES = {"bad": 0, "suspect": 1, "good": 2}  # the worst first
+_STATUSES = {
+    "failed": (0, "failed"),
+    "cut off": (1, "done, cut off"),
+    "gone": (2, "recording gone"),
+    "waiting": (3, "not analysed yet"),
+    "done": (4, "done"),
+}
+_NUMERIC = {"duration_s", "distance_m", "samples", "repairs", "windows_kept"}
+PALETTE = ("#0072B2", "#CC79A7", "#56B4E9", "#000000", "#8C564B", "#7F7F7F", "#9467BD")
+COLOURS = {Quality.GOOD: "#9CC9B5", Quality.NOT_EVALUATED: "#D9DEE2", Quality.SUSPECT: "#E69F00",
+           Quality.BAD: "#D55E00"}  # fmt: skip
+"""Flags, the more severe the later."""
+_BINS = 1200
+HEADER = ["channel", "grade", "samples", "rate [Hz]", "gaps", "stuck", "spikes", "out of range", "times twice",
+          "steps back"]  # fmt: skip
+MOST_CAUSES = 10
+"""What a terminal shows: more would push the most severe out of sight."""
+_STYLES = {"good": "green", "suspect": "yellow", "bad": "bold red"}
+_CHANNEL_COLUMNS = ("channel", "grade", "count", "rate Hz", "gaps", "stuck", "spikes", "range", "twice", "back")
 
 
 def recording_page(products: Products, row: dict[str, Any]) -> Page:
@@ -153,28 +183,6 @@ def events_of(recording: Recording) -> list[list[str]]:
             for (time, text), count in zip(rows, counts, strict=True)]  # fmt: skip
 
 
-Row = Mapping[str, Any]
-
-_COLUMNS = {
-    "name": "recording", "status": "status", "start": "start, UTC", "duration_s": "duration",
-    "distance_m": "sailed [nmi]", "samples": "samples", "grade": "data", "findings": "findings",
-    "repairs": "repairs", "windows_kept": "held windows", "manoeuvres": "manoeuvres",
-    "verdict": "diagnosis",
-}  # fmt: skip
-_OPTIONAL = ("track", "trial", "vessel", "place", "cause", "report", "missing")
-_COUNTS = ("findings_by_code", "manoeuvres", "left_out", "indices")
-_BREAKS = re.compile(r"([/_])(?=\w)")  # where a long name may go on in the next line
-_GRADES = {"bad": 0, "suspect": 1, "good": 2}  # the worst first
-_STATUSES = {
-    "failed": (0, "failed"),
-    "cut off": (1, "done, cut off"),
-    "gone": (2, "recording gone"),
-    "waiting": (3, "not analysed yet"),
-    "done": (4, "done"),
-}
-_NUMERIC = {"duration_s", "distance_m", "samples", "repairs", "windows_kept"}
-
-
 def index_page(
     rows: Sequence[Row],
     failures: Sequence[tuple[str, list[str]]],
@@ -258,13 +266,6 @@ def _grade_order(row: Row) -> float | str:
     return _GRADES.get(grade, "") if not missing else _GRADES.get(grade, 0) - len(missing) / 100
 
 
-PALETTE = ("#0072B2", "#CC79A7", "#56B4E9", "#000000", "#8C564B", "#7F7F7F", "#9467BD")
-COLOURS = {Quality.GOOD: "#9CC9B5", Quality.NOT_EVALUATED: "#D9DEE2", Quality.SUSPECT: "#E69F00",
-           Quality.BAD: "#D55E00"}  # fmt: skip
-"""Flags, the more severe the later."""
-_BINS = 1200
-
-
 def write_quality(
     quality: DataQuality, folder: Path, trial: Mapping[str, str], provenance: Mapping[str, Any]
 ) -> list[Path]:
@@ -294,10 +295,6 @@ def quality_page(quality: DataQuality, trial: Mapping[str, str], recording: str)
         trial=[(key.replace("_", " "), value) for key, value in trial.items()
                if value and key != "channels"],
     )  # fmt: skip
-
-
-HEADER = ["channel", "grade", "samples", "rate [Hz]", "gaps", "stuck", "spikes", "out of range", "times twice",
-          "steps back"]  # fmt: skip
 
 
 def channel_rows(quality: DataQuality, *, shares: bool = False) -> list[list[str]]:
@@ -378,12 +375,6 @@ def _draw_findings(axes: Axes, findings: tuple[Finding, ...], names: list[str], 
             if finding.channel == ALL or name in finding.channel:
                 bar = (line + 0.22 + 0.08 * depth, 0.08)
                 axes.broken_barh([(start, end - start)], bar, facecolors=colour, linewidth=0)
-
-
-MOST_CAUSES = 10
-"""What a terminal shows: more would push the most severe out of sight."""
-_STYLES = {"good": "green", "suspect": "yellow", "bad": "bold red"}
-_CHANNEL_COLUMNS = ("channel", "grade", "count", "rate Hz", "gaps", "stuck", "spikes", "range", "twice", "back")
 
 
 def quality_view(quality: DataQuality) -> RenderableType:

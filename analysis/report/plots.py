@@ -66,6 +66,28 @@ STYLE: dict[str, object] = {
     "ytick.color": INK,
 }
 """The house's style, for ``matplotlib.rc_context(STYLE)``."""
+HULL_OUTLINE = np.array([[-0.5, -0.13], [0.25, -0.13], [0.5, 0.0], [0.25, 0.13], [-0.5, 0.13], [-0.5, -0.13]])
+"""A ship's outline, ahead and to starboard, in lengths."""
+_CALM_MPS = 0.1  # no arrow for a calm, nor for a wind that was not recorded
+_MARK_POINTS = 30  # of the track, which a mark is worth to a label that may hide it
+_LEAST_SHARE = 0.02  # of the track's extent: a ship shorter than that is not seen on the page
+_CLEARANCE, _STEP, _MOST_OUTLINES = 1.3, 2.5, 12  # lengths between outlines, and along the way; how many
+Predicted = Mapping[str, tuple[pd.DataFrame, str]]
+"""By method, the motion that it predicts, with the number of the ``window`` in each row, and its colour."""
+Drawing = tuple[Callable[[Figure], None], tuple[float, float], str]
+"""What fills a figure, its size [in], and its caption."""
+_TICKS_S = (60.0, 120.0, 300.0, 600.0, 900.0, 1800.0, 3600.0, 7200.0, 21600.0)
+_LEAST_INCH, _MOST_INCH = (5.5, 3.2), (9.0, 5.0)  # width and height of a track's picture
+_AXES_INCH = (0.8, 1.2)  # of that for the axes and the legend
+_MOST_TICKS = 10  # times of day along a track; more would overlap
+_PANEL_INCH, _EDGES_INCH = 0.85, 1.0
+_MOST_TURN_DEG = 330.0  # angles within it can be drawn as one line
+_WIND = ("wind_speed_mps", "wind_direction_deg")
+MOST_MARKS = 12
+"""Marks that have their text on an axis of time; more could not be read."""
+_FAR_PT = (4.0, 12.0, 22.0, 34.0, 48.0)  # from a point to the nearest edge of its label
+_SIDES = np.array([[1, 1], [1, -1], [-1, 1], [-1, -1], [1, 0], [-1, 0], [0, 1], [0, -1]], dtype=float)
+_PAD_PT = 1.5
 
 
 def label(name: str, channels: Mapping[str, Channel] = BY_NAME) -> str:
@@ -125,14 +147,6 @@ def track(
     axes.set_xlabel(label("east_m"))
     axes.set_ylabel(label("north_m"))
     return artists
-
-
-HULL_OUTLINE = np.array([[-0.5, -0.13], [0.25, -0.13], [0.5, 0.0], [0.25, 0.13], [-0.5, 0.13], [-0.5, -0.13]])
-"""A ship's outline, ahead and to starboard, in lengths."""
-_CALM_MPS = 0.1  # no arrow for a calm, nor for a wind that was not recorded
-_MARK_POINTS = 30  # of the track, which a mark is worth to a label that may hide it
-_LEAST_SHARE = 0.02  # of the track's extent: a ship shorter than that is not seen on the page
-_CLEARANCE, _STEP, _MOST_OUTLINES = 1.3, 2.5, 12  # lengths between outlines, and along the way; how many
 
 
 def outlines(
@@ -205,10 +219,6 @@ def wind_arrow(axes: Axes, table: pd.DataFrame) -> list[Artist]:
     words = f"mean wind {speed_mps:.1f} m/s from {from_deg:.0f}°"
     text = axes.text(32.0, 16.0, words, fontsize=8, va="center", color=INK, transform=corner)
     return [arrow, text]
-
-
-Predicted = Mapping[str, tuple[pd.DataFrame, str]]
-"""By method, the motion that it predicts, with the number of the ``window`` in each row, and its colour."""
 
 
 def series(
@@ -292,17 +302,6 @@ def held_shade(axes: Axes, windows: pd.DataFrame) -> PolyCollection:
     return shade
 
 
-Drawing = tuple[Callable[[Figure], None], tuple[float, float], str]
-"""What fills a figure, its size [in], and its caption."""
-_TICKS_S = (60.0, 120.0, 300.0, 600.0, 900.0, 1800.0, 3600.0, 7200.0, 21600.0)
-_LEAST_INCH, _MOST_INCH = (5.5, 3.2), (9.0, 5.0)  # width and height of a track's picture
-_AXES_INCH = (0.8, 1.2)  # of that for the axes and the legend
-_MOST_TICKS = 10  # times of day along a track; more would overlap
-_PANEL_INCH, _EDGES_INCH = 0.85, 1.0
-_MOST_TURN_DEG = 330.0  # angles within it can be drawn as one line
-_WIND = ("wind_speed_mps", "wind_direction_deg")
-
-
 def tick_every_s(table: pd.DataFrame) -> float:
     """A round time between marks along the track that leaves at most ten of them."""
     duration_s = float((table.index[-1] - table.index[0]).total_seconds()) if len(table) else 0.0
@@ -330,10 +329,6 @@ def track_figure(
     held = "" if windows is None else f"; broad where the {held_words(table)} were held"
     begins = "; numbers: where manoeuvres begin, in their order" if len(executes) else ""
     return draw, (width, height), f"The track, north up and to scale, times in UTC{held}{begins}."
-
-
-MOST_MARKS = 12
-"""Marks that have their text on an axis of time; more could not be read."""
 
 
 def draw_marks(axes: Axes, marks: Sequence[Event]) -> None:
@@ -435,11 +430,6 @@ def draw_windows(figure: Figure, windows: HeldWindows) -> None:
     times = windows.rows["start"] + pd.to_timedelta(windows.rows["second"], unit="s")
     table = windows.rows.set_index(pd.DatetimeIndex(times)).sort_index()
     track(figure.subplots(), table[~table.index.duplicated()], windows.rows)
-
-
-_FAR_PT = (4.0, 12.0, 22.0, 34.0, 48.0)  # from a point to the nearest edge of its label
-_SIDES = np.array([[1, 1], [1, -1], [-1, 1], [-1, -1], [1, 0], [-1, 0], [0, 1], [0, -1]], dtype=float)
-_PAD_PT = 1.5
 
 
 def label_points(

@@ -45,6 +45,12 @@ from seatrial.acquisition.core.trial import software_version
 from seatrial.analysis.report.plots import STYLE
 
 TEMPLATES = Path(__file__).parent / "templates"
+Draw = Callable[[Figure], object]
+ENDINGS = ("svg", "pdf", "json")
+_PRINT: dict[str, object] = {**STYLE, "svg.hashsalt": "seatrial", "pdf.fonttype": 42}
+_DPI = 110  # sharp enough at a page's width; time and size grow with it
+_PRINT_DPI = 150
+_NO_DATE: dict[str, dict[str, Any]] = {"svg": {"Date": None}, "pdf": {"CreationDate": None, "ModDate": None}}
 
 
 @dataclass(frozen=True, slots=True)
@@ -143,14 +149,6 @@ def write_pdf(page: Path) -> Path:
         text = page.read_text(encoding="utf-8")  # by the name alone it does not find one that is no UTF-8
         HTML(string=text, base_url=page.absolute().as_uri()).write_pdf(partial)
     return path
-
-
-Draw = Callable[[Figure], object]
-ENDINGS = ("svg", "pdf", "json")
-_PRINT: dict[str, object] = {**STYLE, "svg.hashsalt": "seatrial", "pdf.fonttype": 42}
-_DPI = 110  # sharp enough at a page's width; time and size grow with it
-_PRINT_DPI = 150
-_NO_DATE: dict[str, dict[str, Any]] = {"svg": {"Date": None}, "pdf": {"CreationDate": None, "ModDate": None}}
 
 
 def fill_figure(draw: Draw, size_inch: tuple[float, float]) -> Figure:

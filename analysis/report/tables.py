@@ -52,6 +52,18 @@ from seatrial.analysis.tables.table import provenance_of, sha256_of, table_of, t
 if TYPE_CHECKING:
     from seatrial.acquisition.recording.reader import Recording
 
+_MOST_FIGURES = 4  # of a value, whatever its interval: no antenna knows a ship's place to millimetres
+HEADER = ("index", "value", "95 % interval", "lengths", "IMO limit", "result")
+_SECONDARY = re.compile(r"time_to_check_yaw_|overshoot_([3-9]|\d\d)|(steady|drift|speed_loss).*_removed")
+_FIRST_INDICES = 3
+_LATER = ("time_to_check", "initial_turning")  # left to the manoeuvre's own table
+_UNIT = re.compile(r"_(m[23]?|mps|deg|degc|kgpm3)$")
+_NAME = re.compile(r"\b[a-z][a-z0-9]*(?:_[a-z0-9]+)+\b")
+_POSITION = {"north_m": "north position", "east_m": "east position"}
+UNKNOWN = "not recorded"
+_SLOWEST_MPS = 0.1  # a ship that lies still has no L/V
+Rows = list[tuple[str, str]]
+
 
 @dataclass(frozen=True, slots=True)
 class RecordingManoeuvres:
@@ -141,9 +153,6 @@ def plain_name(name: str) -> str:
     return plain.removesuffix(unit).replace("_", " ") + (", current removed" if removed else "")
 
 
-_MOST_FIGURES = 4  # of a value, whatever its interval: no antenna knows a ship's place to millimetres
-
-
 def index_cells(index: Index) -> tuple[str, str, str, str]:
     """Value, interval, lengths and limit of an index as text, with digits that the interval bears."""
     width = 0.5 * (index.high - index.low)
@@ -160,10 +169,6 @@ def index_cells(index: Index) -> tuple[str, str, str, str]:
 def _digits(value: float, significant: int) -> int:
     """The decimals that show so many digits of a value, 4 at most."""
     return int(np.clip(significant - 1 - np.floor(np.log10(abs(value))), 0, 4)) if value else 0
-
-
-HEADER = ("index", "value", "95 % interval", "lengths", "IMO limit", "result")
-_SECONDARY = re.compile(r"time_to_check_yaw_|overshoot_([3-9]|\d\d)|(steady|drift|speed_loss).*_removed")
 
 
 def rows_of(manoeuvre: Manoeuvre, *, all_indices: bool = True) -> list[list[str]]:
@@ -195,10 +200,6 @@ def subline(manoeuvre: Manoeuvre) -> str:
         current = manoeuvre.current.as_json()
         parts.append(f"drift {current['speed_mps']:.2f} m/s to {current['direction_deg']:.0f} deg")
     return "; ".join([", ".join(parts), *manoeuvre.notes])
-
-
-_FIRST_INDICES = 3
-_LATER = ("time_to_check", "initial_turning")  # left to the manoeuvre's own table
 
 
 def manoeuvre_line(manoeuvre: Manoeuvre) -> list[str]:
@@ -325,11 +326,6 @@ def write_report(
         return plain, page.write(folder / "manoeuvres.html")
 
 
-_UNIT = re.compile(r"_(m[23]?|mps|deg|degc|kgpm3)$")
-_NAME = re.compile(r"\b[a-z][a-z0-9]*(?:_[a-z0-9]+)+\b")
-_POSITION = {"north_m": "north position", "east_m": "east position"}
-
-
 def in_words(text: str) -> str:
     """A text with every channel's name in it, and every other name with underscores, as a person says it.
 
@@ -358,10 +354,6 @@ def reason_of(text: str) -> str:
     return in_words(text.partition("; ")[0])
 
 
-UNKNOWN = "not recorded"
-_SLOWEST_MPS = 0.1  # a ship that lies still has no L/V
-
-
 @dataclass(frozen=True, slots=True)
 class ShipDimensions:
     """Main dimensions [m], from a vessel file or a person; a person may know the length only.
@@ -375,9 +367,6 @@ class ShipDimensions:
     beam_m: float | None = None
     draught_m: float | None = None
     title: str = ""
-
-
-Rows = list[tuple[str, str]]
 
 
 def run_sheet(

@@ -50,6 +50,29 @@ from seatrial.analysis.speed_power.solution import (
 )
 
 _BAND_POINTS = 25
+Outputs = Callable[[SpeedPowerSolution], Floats]
+"""The speeds [m/s] that are wanted of a solution."""
+# What a current and a sea are like in general, set before and checked with the programmes 0 to 399 of
+# tests/benchmarks/speed_trials.py: of the errors, 95 % are to be within the intervals.
+_TIDES_MPS = (0.02, 0.05, 0.12, 0.25, 0.5, 1.0)
+_IRREGULAR_MPS = (0.005, 0.01, 0.02, 0.04, 0.08, 0.16)
+_CORRELATED_S = (1800.0, 7200.0)
+_USUAL_IRREGULAR_MPS = 0.02  # its logarithm is taken to be normal with a deviation of one
+_CONSTANT_MPS = 0.2
+_HALF_PERIOD, _DOUBLE_PERIOD = 0.1, 0.2  # of the tide's amplitude: overtides in shallow water, daily tides
+_STEP_MPS, _STEP_POWER = 0.005, 0.002
+_HALVINGS = 40
+_WIND_SPEED, _WIND_DEG = 0.08, 5.0  # of the true wind: the ship disturbs the flow at the anemometer
+_OWN_WIND_CURVE, _TYPICAL_WIND_CURVE = 0.10, 0.20
+_EFFICIENCY, _LOAD_VARIATION = 0.03, -0.1
+_WAVES = 0.4  # of the resistance: 15 % of a height that was observed, 30 % of the formula
+_NO_WAVES_DEG = 100.0  # off the bow, from where waves add nothing; between the bow's sector and there they fade
+_SHALLOW, _DISPLACEMENT, _WATER = 0.3, 0.1, 0.1  # of the correction
+_VISCOUS_SHARE = 0.8  # of the resistance
+_USUAL_EFFICIENCY, _USUAL_FRONTAL, _USUAL_SLENDERNESS, _USUAL_BEAM = 0.65, 0.7, 6.5, 2.6
+_UNKNOWN_DEPTH = 0.5  # of the correction
+_UNKNOWN_WIND = 0.6  # of its effect, with the usual values of what is not known
+_FULLY_DEVELOPED = 0.21  # H g / U^2 of waves that the wind has raised for long (Pierson and Moskowitz 1964)
 
 
 @dataclass(frozen=True, slots=True)
@@ -246,33 +269,6 @@ def _add_sizes(
             )  # fmt: skip
         sized.append(correction)
     return tuple(sized)
-
-
-Outputs = Callable[[SpeedPowerSolution], Floats]
-"""The speeds [m/s] that are wanted of a solution."""
-
-# What a current and a sea are like in general, set before and checked with the programmes 0 to 399 of
-# tests/benchmarks/speed_trials.py: of the errors, 95 % are to be within the intervals.
-_TIDES_MPS = (0.02, 0.05, 0.12, 0.25, 0.5, 1.0)
-_IRREGULAR_MPS = (0.005, 0.01, 0.02, 0.04, 0.08, 0.16)
-_CORRELATED_S = (1800.0, 7200.0)
-_USUAL_IRREGULAR_MPS = 0.02  # its logarithm is taken to be normal with a deviation of one
-_CONSTANT_MPS = 0.2
-_HALF_PERIOD, _DOUBLE_PERIOD = 0.1, 0.2  # of the tide's amplitude: overtides in shallow water, daily tides
-_STEP_MPS, _STEP_POWER = 0.005, 0.002
-_HALVINGS = 40
-
-_WIND_SPEED, _WIND_DEG = 0.08, 5.0  # of the true wind: the ship disturbs the flow at the anemometer
-_OWN_WIND_CURVE, _TYPICAL_WIND_CURVE = 0.10, 0.20
-_EFFICIENCY, _LOAD_VARIATION = 0.03, -0.1
-_WAVES = 0.4  # of the resistance: 15 % of a height that was observed, 30 % of the formula
-_NO_WAVES_DEG = 100.0  # off the bow, from where waves add nothing; between the bow's sector and there they fade
-_SHALLOW, _DISPLACEMENT, _WATER = 0.3, 0.1, 0.1  # of the correction
-_VISCOUS_SHARE = 0.8  # of the resistance
-_USUAL_EFFICIENCY, _USUAL_FRONTAL, _USUAL_SLENDERNESS, _USUAL_BEAM = 0.65, 0.7, 6.5, 2.6
-_UNKNOWN_DEPTH = 0.5  # of the correction
-_UNKNOWN_WIND = 0.6  # of its effect, with the usual values of what is not known
-_FULLY_DEVELOPED = 0.21  # H g / U^2 of waves that the wind has raised for long (Pierson and Moskowitz 1964)
 
 
 @dataclass(frozen=True, slots=True)

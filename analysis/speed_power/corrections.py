@@ -40,6 +40,58 @@ from seatrial.analysis.speed_power.runs import RUN_MINUTES, PowerRun
 
 _LEAST_BLOCKAGE = 0.05  # of midship section by the square of the depth: Lackenby's formula begins there
 _MOST_SINKAGE = 0.05  # of the displacement, Raven
+_TWO_DOUBLE_RUNS = 4  # runs: with fewer the mean of means leaves a part of a changing current
+_LEAST_LENGTH_M, _LEAST_SETTINGS, _LEAST_DOUBLE_RUNS = 100.0, 3, 4
+_MOST_DISPLACEMENT_SHARE = 0.02
+_WINDS_MPS = {True: 10.7, False: 13.8}  # the upper ends of Beaufort 5, for up to 100 m, and 6
+RAVEN = (
+    "form_factor", "wetted_area_m2", "waterplane_area_m2", "displacement_m3", "draught_m", "length_m",
+    "propulsive_efficiency",
+)  # fmt: skip
+_NEEDED = {
+    "wind": ("frontal_area_m2", "propulsive_efficiency"),
+    "waves": ("propulsive_efficiency",),
+    "water": ("water_temperature_degc", "wetted_area_m2", "length_m", "propulsive_efficiency"),
+    "shallow water": ("beam_m", "draught_m"),
+    "displacement": ("displacement_m3", "stated_displacement_m3"),
+}
+WAVE_METHODS = ("STAWAVE-1", "STAWAVE-2")
+_TERM_WORDS = {1: "does not change", 2: "changes evenly", 3: "changes evenly and with a part of the tide"}
+Groups = Sequence[Sequence[int]]
+GRAVITY_MPS2 = 9.80665
+BOW_DEG = 45.0
+_GYRADIUS_SHARE = 0.25  # of the length: the pitch of a ship whose radius of gyration is not known
+_FREQUENCIES = 200
+_LOWEST_SHARE, _HIGHEST_SHARE = 0.65, 5.9  # of the peak's frequency: between them lies 99.8 % of the energy
+STAWAVE_1 = ("beam_m", "bow_length_m")
+STAWAVE_2 = ("length_m", "beam_m", "draught_m", "displacement_m3")
+_RANGES = {
+    "L_PP": (75.0, 350.0), "L_PP / B": (4.0, 9.0), "B / T": (2.2, 5.5), "Fr": (0.10, 0.30), "C_B": (0.50, 0.90),
+}  # fmt: skip
+"""Where STAWAVE-2 may be used: ITTC 7.5-04-01-01.2 (2014)."""
+TYPICAL_WIND_RESISTANCE: dict[WindType, tuple[float, ...]] = {
+    "tanker_loaded": (
+        0.96, 0.93, 0.85, 0.73, 0.62, 0.47, 0.34, 0.17, 0.06, -0.05,
+        -0.14, -0.22, -0.29, -0.40, -0.53, -0.66, -0.75, -0.79, -0.77,
+    ),
+    "tanker_ballast": (
+        0.86, 0.76, 0.62, 0.45, 0.32, 0.21, 0.13, 0.06, 0.04, -0.02,
+        -0.08, -0.19, -0.29, -0.38, -0.47, -0.56, -0.61, -0.66, -0.63,
+    ),
+    "gas_carrier_prismatic": (
+        1.02, 0.99, 0.93, 0.83, 0.67, 0.48, 0.30, 0.14, 0.03, -0.05,
+        -0.11, -0.24, -0.41, -0.56, -0.68, -0.79, -0.88, -0.92, -0.91,
+    ),
+    "container_loaded": (
+        1.01, 1.11, 1.11, 0.95, 0.74, 0.46, 0.13, -0.28, -0.77, -1.09, -1.18, -1.19, -0.94,
+    ),
+    "general_cargo": (
+        0.60, 0.87, 1.00, 1.00, 0.88, 0.85, 0.65, 0.42, 0.27, 0.09,
+        -0.09, -0.49, -0.84, -1.15, -1.39, -1.47, -1.34, -0.92, -0.82,
+    ),
+}  # fmt: skip
+"""C_AA at equal steps from 0 to 180 deg off the bow: a tanker of 280,000 dwt with a conventional bow, a gas carrier
+with integrated prismatic tanks, a container ship of 6800 TEU with containers, a general cargo ship."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -181,26 +233,6 @@ def is_shallow(conditions: Conditions, depth_m: float, speed_mps: float) -> bool
     return bool(depth_m < max(wide, 2.75 * speed_mps**2 / GRAVITY_MPS2))
 
 
-_TWO_DOUBLE_RUNS = 4  # runs: with fewer the mean of means leaves a part of a changing current
-_LEAST_LENGTH_M, _LEAST_SETTINGS, _LEAST_DOUBLE_RUNS = 100.0, 3, 4
-_MOST_DISPLACEMENT_SHARE = 0.02
-_WINDS_MPS = {True: 10.7, False: 13.8}  # the upper ends of Beaufort 5, for up to 100 m, and 6
-RAVEN = (
-    "form_factor", "wetted_area_m2", "waterplane_area_m2", "displacement_m3", "draught_m", "length_m",
-    "propulsive_efficiency",
-)  # fmt: skip
-_NEEDED = {
-    "wind": ("frontal_area_m2", "propulsive_efficiency"),
-    "waves": ("propulsive_efficiency",),
-    "water": ("water_temperature_degc", "wetted_area_m2", "length_m", "propulsive_efficiency"),
-    "shallow water": ("beam_m", "draught_m"),
-    "displacement": ("displacement_m3", "stated_displacement_m3"),
-}
-WAVE_METHODS = ("STAWAVE-1", "STAWAVE-2")
-_TERM_WORDS = {1: "does not change", 2: "changes evenly", 3: "changes evenly and with a part of the tide"}
-Groups = Sequence[Sequence[int]]
-
-
 def corrections_of(conditions: Conditions, runs: Sequence[PowerRun]) -> tuple[Correction, ...]:
     """All corrections: those that apply with their method, the others with the reason."""
     sea = sea_of(conditions, runs)
@@ -339,19 +371,6 @@ def _sea_warnings(conditions: Conditions, runs: Sequence[PowerRun]) -> Iterator[
         yield f"{depth:g} m of water are less than the {least:.0f} m that the standard allows"
 
 
-GRAVITY_MPS2 = 9.80665
-BOW_DEG = 45.0
-_GYRADIUS_SHARE = 0.25  # of the length: the pitch of a ship whose radius of gyration is not known
-_FREQUENCIES = 200
-_LOWEST_SHARE, _HIGHEST_SHARE = 0.65, 5.9  # of the peak's frequency: between them lies 99.8 % of the energy
-STAWAVE_1 = ("beam_m", "bow_length_m")
-STAWAVE_2 = ("length_m", "beam_m", "draught_m", "displacement_m3")
-_RANGES = {
-    "L_PP": (75.0, 350.0), "L_PP / B": (4.0, 9.0), "B / T": (2.2, 5.5), "Fr": (0.10, 0.30), "C_B": (0.50, 0.90),
-}  # fmt: skip
-"""Where STAWAVE-2 may be used: ITTC 7.5-04-01-01.2 (2014)."""
-
-
 def from_ahead(heading_deg: Floats, wave_from_deg: Floats) -> Bools:
     """The runs with waves from up to 45 deg off the bow."""
     off_bow_deg = (wave_from_deg - heading_deg + 180.0) % 360.0 - 180.0
@@ -417,31 +436,6 @@ def outside_stawave2(conditions: Conditions, slowest_mps: float, fastest_mps: fl
             if not low <= value <= high:
                 yield f"{name} of {value:.3g} is not {low:g} to {high:g}"
                 break
-
-
-TYPICAL_WIND_RESISTANCE: dict[WindType, tuple[float, ...]] = {
-    "tanker_loaded": (
-        0.96, 0.93, 0.85, 0.73, 0.62, 0.47, 0.34, 0.17, 0.06, -0.05,
-        -0.14, -0.22, -0.29, -0.40, -0.53, -0.66, -0.75, -0.79, -0.77,
-    ),
-    "tanker_ballast": (
-        0.86, 0.76, 0.62, 0.45, 0.32, 0.21, 0.13, 0.06, 0.04, -0.02,
-        -0.08, -0.19, -0.29, -0.38, -0.47, -0.56, -0.61, -0.66, -0.63,
-    ),
-    "gas_carrier_prismatic": (
-        1.02, 0.99, 0.93, 0.83, 0.67, 0.48, 0.30, 0.14, 0.03, -0.05,
-        -0.11, -0.24, -0.41, -0.56, -0.68, -0.79, -0.88, -0.92, -0.91,
-    ),
-    "container_loaded": (
-        1.01, 1.11, 1.11, 0.95, 0.74, 0.46, 0.13, -0.28, -0.77, -1.09, -1.18, -1.19, -0.94,
-    ),
-    "general_cargo": (
-        0.60, 0.87, 1.00, 1.00, 0.88, 0.85, 0.65, 0.42, 0.27, 0.09,
-        -0.09, -0.49, -0.84, -1.15, -1.39, -1.47, -1.34, -0.92, -0.82,
-    ),
-}  # fmt: skip
-"""C_AA at equal steps from 0 to 180 deg off the bow: a tanker of 280,000 dwt with a conventional bow, a gas carrier
-with integrated prismatic tanks, a container ship of 6800 TEU with containers, a general cargo ship."""
 
 
 def wind_resistance_of(conditions: Conditions) -> tuple[float, ...]:

@@ -26,6 +26,7 @@ RUN_TITLES = ("pair", "start", "min", "heading", "ground", "power", "wind", "cur
 SETTING_TITLES = ("power", "runs", "iterative", "95 % interval", "mean of means", "95 % interval")
 CORRECTION_TITLES = ("correction", "power", "speed", "method, or why not")
 UNCERTAINTY_TITLES = ("source of uncertainty", "95 % alone")
+_WHOLE_KW = 100.0
 
 
 def as_dict(result: SpeedPower, asked: Sequence[SpeedAtPower] = ()) -> dict[str, Any]:
@@ -85,9 +86,6 @@ def power_text(power_kw: float, signed: bool = False) -> str:
     """
     digits = ",.0f" if abs(power_kw) >= _WHOLE_KW else ".3g"
     return f"{power_kw:{'+' if signed else ''}{digits}} kW"
-
-
-_WHOLE_KW = 100.0
 
 
 def _speed_text(speed_mps: float) -> str:

@@ -48,6 +48,14 @@ ERROR_FREEDOM = _BLOCKS - 2
 RUN_MINUTES = 10.0
 """The least that ISO 15016:2015 asks of a run."""
 _FEWEST_SAMPLES = 3  # of the power, in each block
+TABLE_SUFFIXES = (".csv", ".tsv", ".xlsx", ".xls", ".xlsm", ".ods")
+_MOST_RUNS = 200
+_NO_DATE = "2000-01-01"  # of runs whose table has times of day alone: only the time between them counts
+_SIDES = ("port", "starboard", "centre", "center")
+_TRUE_WIND, _RELATIVE_WIND = ("wind_speed", "wind_direction"), ("relative_wind_speed", "relative_wind_direction")
+_PLAIN_UNITS = {"deg": "deg", "rpm": "rpm", "degC": "degC"}
+"""The units that a column without one can only be in."""
+_SUMMED = ("power", "torque", "shaft_speed")
 
 
 @dataclass(frozen=True, slots=True)
@@ -239,12 +247,6 @@ def settings_of(runs: Sequence[PowerRun]) -> list[list[int]]:
     return [sorted(group) for group in groups]
 
 
-TABLE_SUFFIXES = (".csv", ".tsv", ".xlsx", ".xls", ".xlsm", ".ods")
-_MOST_RUNS = 200
-_NO_DATE = "2000-01-01"  # of runs whose table has times of day alone: only the time between them counts
-_SIDES = ("port", "starboard", "centre", "center")
-
-
 @dataclass(frozen=True, slots=True)
 class _Quantity:
     """A quantity of a run: what its column may be called, the unit it is read in, and what can be."""
@@ -287,10 +289,6 @@ _QUANTITIES = {
     "draught_aft": _Quantity(("draught aft", "draft aft"), "m", 0.1, 40.0),
     "draught": _Quantity(("draught", "draft", "mean draught", "mean draft"), "m", 0.1, 40.0),
 }  # fmt: skip
-_TRUE_WIND, _RELATIVE_WIND = ("wind_speed", "wind_direction"), ("relative_wind_speed", "relative_wind_direction")
-_PLAIN_UNITS = {"deg": "deg", "rpm": "rpm", "degC": "degC"}
-"""The units that a column without one can only be in."""
-_SUMMED = ("power", "torque", "shaft_speed")
 _CALLED = {name: quantity for quantity, definition in _QUANTITIES.items() for name in definition.names}
 
 

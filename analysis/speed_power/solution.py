@@ -33,6 +33,11 @@ from seatrial.analysis.speed_power.corrections import (
 from seatrial.analysis.speed_power.runs import PowerRun, settings_of
 
 _PASSES = 3  # the corrections depend on the speed through the water, by a few percent of a few percent
+TIDE_S = 0.51753 * 86_400.0
+"""T_C: 12 h 25 min 14.6 s, the standard's 0.51753 day of half a lunar day."""
+_TERMS = 4  # of the current
+_SLOWEST_Q, _FASTEST_Q = 1.0, 9.0
+_ITERATIONS, _CLOSE_MPS = 400, 1e-7
 
 
 @dataclass(frozen=True, slots=True)
@@ -147,13 +152,6 @@ def _correct_depth_and_displacement(
         ratio = conditions.number("stated_displacement_m3") / conditions.number("displacement_m3")
         power = power * ratio ** (2.0 / 3.0)  # the admiralty coefficient, at one speed
     return speed, power
-
-
-TIDE_S = 0.51753 * 86_400.0
-"""T_C: 12 h 25 min 14.6 s, the standard's 0.51753 day of half a lunar day."""
-_TERMS = 4  # of the current
-_SLOWEST_Q, _FASTEST_Q = 1.0, 9.0
-_ITERATIONS, _CLOSE_MPS = 400, 1e-7
 
 
 @dataclass(frozen=True, slots=True)
