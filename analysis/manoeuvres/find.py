@@ -335,7 +335,7 @@ def plateaus_off_amidships(helm: Floats, held: Sequence[Plateau]) -> list[Platea
 
 
 def _rows_of(motion: Motion, candidate: Manoeuvre | LeftOut) -> Bools:
-    start, end = ((pd.Timestamp(time).value - motion.origin_ns) / 1e9 for time in (candidate.start, candidate.end))
+    start, end = motion.seconds_of(candidate.start), motion.seconds_of(candidate.end)
     return np.asarray((motion.time_s >= start) & (motion.time_s <= end))
 
 
@@ -420,7 +420,7 @@ def remove_currents(
 
 
 def _remove_current(motion: Motion, run: Manoeuvre, current: Current) -> Manoeuvre:
-    start, end = ((time.value - motion.origin_ns) / 1e9 for time in (run.start, run.end))
+    start, end = motion.seconds_of(run.start), motion.seconds_of(run.end)
     part = motion.around(start - _MARGIN_S, end + _LONGEST_RUN_ON_S * (run.kind == "stopping"), _MARGIN_S)
     smooth, measure = (
         measures.smooth_motion(part, measures.half_width_s(part, 0.1 * (end - start))),

@@ -18,6 +18,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
+from datetime import datetime
 from typing import Any
 
 import numpy as np
@@ -196,6 +197,10 @@ class Motion:
     def utc(self, time_s: float) -> pd.Timestamp:
         """A time of the grid in UTC."""
         return pd.Timestamp(self.origin_ns + round(time_s * NANO), unit="ns", tz="UTC")
+
+    def seconds_of(self, time: datetime) -> float:
+        """A time in UTC on the grid's clock [s]."""
+        return (pd.Timestamp(time).value - self.origin_ns) / NANO
 
 
 def steering_of(actuators: Actuators) -> Actuators:

@@ -38,8 +38,7 @@ _OTHER_INCH = (9.0, 5.1)
 
 def seconds_of(motion: Motion, manoeuvre: Manoeuvre) -> tuple[float, float]:
     """Execute and end of a manoeuvre on the motion's clock [s]."""
-    start, end = ((time.value - motion.origin_ns) / 1e9 for time in (manoeuvre.start, manoeuvre.end))
-    return start, end
+    return motion.seconds_of(manoeuvre.start), motion.seconds_of(manoeuvre.end)
 
 
 def _course_deg(motion: Motion, manoeuvre: Manoeuvre) -> float:
@@ -103,7 +102,7 @@ def _helm(axes: Axes, motion: Motion, time_s: Floats) -> None:
 def _mark_overshoots(axes: Axes, motion: Motion, manoeuvre: Manoeuvre, heading: Floats) -> None:
     """From the heading at each execute, or at its order, to its extreme: a bar with the overshoot."""
     start, end = seconds_of(motion, manoeuvre)
-    executes = np.array([(time.value - motion.origin_ns) / 1e9 for time in manoeuvre.executes])
+    executes = np.array([motion.seconds_of(time) for time in manoeuvre.executes])
     few = len(executes) <= 10
     axes.axvline(0.0, color=FAINT, linewidth=0.8)
     for number, (execute, following) in enumerate(zip(executes, [*executes[1:], end], strict=True), start=1):
