@@ -284,7 +284,7 @@ def manoeuvres(
         echo(json.dumps(summary(found, length)))
     elif output is None:
         for each in found:
-            Terminal().print(terminal_tables(each, all_indices=every))
+            Terminal().print(terminal_tables(each, every=every))
         for line in trial_criteria_lines(found):
             echo(line)
     if output is not None:

@@ -61,7 +61,6 @@ _UNIT = re.compile(r"_(m[23]?|mps|deg|degc|kgpm3)$")
 _NAME = re.compile(r"\b[a-z][a-z0-9]*(?:_[a-z0-9]+)+\b")
 _POSITION = {"north_m": "north position", "east_m": "east position"}
 UNKNOWN = "not recorded"
-_SLOWEST_MPS = 0.1  # a ship that lies still has no L/V
 Rows = list[tuple[str, str]]
 
 
@@ -227,14 +226,14 @@ def without_empty(header: Sequence[str], rows: list[list[str]]) -> tuple[list[st
     return [header[place] for place in kept], [[row[place] for place in kept] for row in rows]
 
 
-def terminal_tables(result: RecordingManoeuvres, *, all_indices: bool = False) -> Group:
-    """A table a manoeuvre for the terminal, of the main indices or with ``all_indices`` of all."""
+def terminal_tables(result: RecordingManoeuvres, *, every: bool = False) -> Group:
+    """A table a manoeuvre for the terminal, of the main indices or of ``every`` index."""
     from rich.table import Table
 
     blocks: list[Any] = [Text(f"{result.recording}: {count_text(result.manoeuvres)}", style="bold")]
     for manoeuvre in result.manoeuvres:
         table = Table(box=None, header_style="dim", padding=(0, 2, 0, 0))
-        header, rows = without_empty(HEADER, rows_of(manoeuvre, all_indices=all_indices))
+        header, rows = without_empty(HEADER, rows_of(manoeuvre, all_indices=every))
         for title in header:
             table.add_column(title, justify="left" if title == "index" else "right", no_wrap=True)
         for row in rows:
@@ -601,3 +600,6 @@ def _dimension_rows(
     size += f", beam {beam_m:g} m" if beam_m else ""
     size += f", draught {ship.draught_m:g} m" if ship.draught_m else ""
     return [("dimensions", size), ("ratios", _join_parts(*ratios))]
+
+
+_SLOWEST_MPS = 0.1  # a ship that lies still has no L/V
