@@ -99,9 +99,8 @@ def _complete_swings(motion: Motion, chain: list[Plateau], extremes: Sequence[Pl
     if not nearest or len(chain) < FEWEST_SWINGS - 1 or not _is_next_swing(motion, *extended[:2]):
         return chain
     turned = np.abs(_turned_deg(motion, extended))
-    if not measures.is_same_order(
-        extended[0].level, -extended[1].level
-    ):  # reversed on its way: the ship turns on in the next
+    if not measures.is_same_order(extended[0].level, -extended[1].level):
+        # reversed on its way: the ship turns on in the next
         turned[0] = abs(np.ptp(motion.heading_deg[[_first_row(motion, extended), extended[0].end - 1]]))
     return extended if turned[0] > _FIRST_TURN_SHARE * 0.5 * np.median(turned[1:-1]) else chain
 

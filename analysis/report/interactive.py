@@ -339,9 +339,7 @@ def _prediction(predicted: pd.DataFrame, start_ms: int, drawn: pd.DataFrame) -> 
     nearest = drawn.index.get_indexer(kept.index, method="nearest")
     angles = kept[[name for name in kept if name in drawn]]
     measured = drawn[list(angles)].ffill().bfill().to_numpy()[nearest]
-    angles = angles + 360.0 * np.round(
-        (measured - angles) / 360.0
-    )  # in the turn in which the measured one is drawn
+    angles = angles + 360.0 * np.round((measured - angles) / 360.0)  # in the turn in which it is drawn
     return {
         "every": stride,
         "time_s": seconds_since(times_ns(kept), start_ms),

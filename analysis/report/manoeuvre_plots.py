@@ -151,16 +151,10 @@ def _shafts(axes: Axes, motion: Motion, time_s: Floats) -> None:
     if any(rpm.min() < 0.0 < rpm.max() for rpm in running.values()):
         axes.axhline(0.0, color=FAINT, linewidth=0.8)
     elif running:
-        axes.set_ylim(
-            *sorted(
-                (
-                    0.0,
-                    1.15 * max((float(rpm.min()), float(rpm.max())), key=abs)
-                    if len(running) == 1
-                    else 1.15 * max(float(rpm.max()) for rpm in running.values()),
-                )
-            )
-        )
+        ends = [float(rpm.max()) for rpm in running.values()]
+        if len(running) == 1:
+            ends = [max(float(next(iter(running.values())).min()), *ends, key=abs)]
+        axes.set_ylim(*sorted((0.0, 1.15 * max(ends))))
     axes.set_ylabel("shaft\n[rpm]")
 
 
