@@ -1,18 +1,15 @@
-"""Everything that is made of one recording: read once, and what the index needs written into one folder.
+"""A batch of recordings: each processed on a worker process into a folder of results, and one index over all.
 
-A result is written under another name and renamed when it is complete, so an interruption leaves no half of
-one. Its bytes depend on the recording, the options and the versions alone: there is no time of day and no
-working folder in it.
+A result is written under another name and renamed when it is complete, so that an interruption leaves no incomplete
+one. Its bytes depend only on the recording, the options and the versions: there is no time of day and no working
+folder in it.
 
-Jobs on worker processes: a row for each job, whatever happens to the others.
+Workers are those of dask.distributed, in a local cluster or behind a scheduler that is already running and shares
+the file system. Each job gives a row, whatever happens to the others. A job that kills its worker, or hangs, is
+identified by the marks that every attempt leaves in the output folder: no scheduler can tell which of a dead
+worker's tasks was to blame.
 
-Workers are those of dask.distributed, in a cluster of our own on this machine or behind a scheduler that is already
-running; those share the file system with us. A job that kills its worker, or hangs, is known by the marks that
-every attempt leaves in the output folder: no scheduler can tell which of a dead worker's tasks was to blame.
-
-A batch of recordings: each processed on a worker process, and one index over all of them.
-
-The index has one row a recording, as Parquet for programs and as a page for people. Results whose recording is no
+The index has one row a recording, as Parquet for programs and as a page. Results whose recording is no
 longer there have rows too, with the status ``gone``: nothing is removed.
 """
 
@@ -53,7 +50,6 @@ from seatrial.acquisition.core.errors import (
     storage_error,
 )
 from seatrial.acquisition.core.files import (
-    LOCK_NAME,
     locked_folder,
     make_folder,
     read_json,
@@ -72,7 +68,7 @@ from seatrial.analysis.conditions import recorded_conditions
 from seatrial.analysis.manoeuvres.criteria import criteria_of, index_rows
 from seatrial.analysis.manoeuvres.indices import Manoeuvre, as_json, from_order
 from seatrial.analysis.products import Options, Products, analyse, cause_of
-from seatrial.analysis.report.pages import index_page
+from seatrial.analysis.report.pages import index_page, recording_page
 from seatrial.analysis.report.tables import criteria_by_vessel
 from seatrial.analysis.speed_power import power_columns, speed_power
 from seatrial.analysis.tables.export import FLAG_MEANING, read_parquet, unit_of, write_parquet
@@ -94,22 +90,47 @@ NOT_CLOSED = "was not closed and is read as far as it goes; see what is missing 
 """The remark on a recording that was cut off: done, and explained."""
 _COURSE_STEP_S = 5  # distances are summed over means of so long, or the noise of a position adds to them
 _THUMBNAIL_POINTS = 60
+MOST_ATTEMPTS = 3
+"""How often a recording may kill its worker before it is given up."""
+MARKS = ".attempts"
+"""The folder of the marks, in the output folder."""
+Client: TypeAlias = Any  # of distributed, whose functions have no types
+Future: TypeAlias = Any
+_CONNECT_S, _WORKERS_S, _PATIENCE_S = 8, 30, 60.0
+_ADDRESS = re.compile(r"((tcp|tls|ws|wss)://)?([\w.-]+|\[[0-9a-fA-F:]+\]):\d{1,5}")
+_MOST_SUBMITTED = 2 * MOST_ATTEMPTS
+"""How often a row is asked for; the marks identify what kills a worker long before."""
+Failures = list[tuple[str, list[str]]]
+"""Causes and the names of the recordings that failed of each, the most frequent first."""
+REPORT = "report.html"
+"""A notebook report in the folder of a result, to which the page links where there is one."""
+GONE = "gone"
+"""The status of a result whose recording is not in the folder any more."""
+TEXTS = ("name", "path", "status", "cause", "vessel", "trial", "place", "grade")
+MEASURES = {"duration_s": "s", "distance_m": "m"}
+COUNTS = ("samples", "channels", "findings", "repairs", "windows_kept", "windows_candidates", "legs")
+NESTED_COUNTS = ("findings_by_code", "windows_dropped", "manoeuvres", "left_out", "criteria")
+_LONGEST_NAME_BYTES, _DIGEST_LETTERS = 245, 12  # file systems take 255; ten are for underscores
+_NUMBER = re.compile(r"\d[\d,.]*\d|\d")
+CRITERIA = "criteria.json"
+"""What the recordings of each ship together show of the standards' criteria."""
+_RESERVED = {"index.html", "index.parquet", CRITERIA, MARKS, LOCK_NAME}
 
 
 def process_recording(
     path: Path | str, folder: Path | str, options: Options | None = None, name: str = "", later: Sequence[Path] = ()
 ) -> Row:
-    """Read a recording and write all that is made of it into ``folder``, which it replaces as a whole.
+    """Read a recording and write all its results into ``folder``, which is replaced as a whole.
 
     ``later`` are the parts after the one at ``path``, of a recording in parts.
 
     ``name`` is what windows and legs are called by, the file's name without it; recordings whose windows are to
     be joined need different ones. Written are ``quality.json`` and ``flags.parquet``, ``table.parquet`` (1 Hz),
     ``windows.parquet``, ``manoeuvres.json``, ``page.html`` and ``summary.json``, which is the row that is
-    returned: what the recording is, counts, ``status`` and ``cause``. What can be made of an incomplete recording
-    is made; its status is ``failed`` and its cause says what is missing. Raises :class:`InputError` for what is
-    no recording, :class:`DataShortageError` for one without samples, :class:`StorageError` when a result cannot
-    be written.
+    returned: what the recording is, counts, ``status`` and ``cause``. An incomplete recording has the results that
+    its channels allow; its status is ``failed`` and its cause states what is missing. Raises :class:`InputError`
+    for what is no recording, :class:`DataShortageError` for one without samples, :class:`StorageError` when a
+    result cannot be written.
     """
     paths, folder, options = (Path(path), *later), Path(folder), options or Options()
     provenance = origin_of(paths, options, name)
@@ -120,15 +141,15 @@ def process_recording(
         with temporary_folder(folder) as place:
             partial = place / folder.name
             partial.mkdir()
-            _write(products, row, provenance, partial)
-            _put(partial, folder)
+            _write_result(products, row, provenance, partial)
+            _replace_folder(partial, folder)
     except OSError as error:
         raise error if isinstance(error, SeatrialError) else storage_error(folder, error) from error
     return row
 
 
 def origin_of(paths: Sequence[Path], options: Options, name: str = "") -> dict[str, Any]:
-    """What a result rests on, before it is made: the recording's ``name``, size [bytes] and SHA-256, the options,
+    """What a result depends on, before it is made: the recording's ``name``, size [bytes] and SHA-256, the options,
     the versions.
 
     Two results of equal origin are equal. Raises :class:`InputError` for what cannot be read.
@@ -148,8 +169,8 @@ def origin_of(paths: Sequence[Path], options: Options, name: str = "") -> dict[s
     }
 
 
-def _put(partial: Path, folder: Path) -> None:
-    """Give a complete result its name; the older one goes, and one that came in between is as good as ours."""
+def _replace_folder(partial: Path, folder: Path) -> None:
+    """Give a complete result its name; an older one is replaced, one written in the meantime is as good."""
     if folder.exists() and not (folder / SUMMARY).is_file():
         raise StorageError("exists and is not a result of an earlier batch", where=str(folder),
                            fix="name another output folder")  # fmt: skip
@@ -174,17 +195,15 @@ def reusable_row(
     return row if row.get("provenance") == origin else None
 
 
-def _write(products: Products, row: Row, provenance: Mapping[str, Any], folder: Path) -> None:
+def _write_result(products: Products, row: Row, provenance: Mapping[str, Any], folder: Path) -> None:
     """All files of a result, each with its origin and history in it."""
-    from seatrial.analysis.report.pages import recording_page
-
     origin = {"provenance": to_json(provenance), "history": to_json(history_of(products.one_hz))}
-    about = {key: json.dumps(value) for key, value in origin.items()}
+    metadata = {key: json.dumps(value) for key, value in origin.items()}
     trial = {"trial": json.dumps(to_json(products.recording.trial.as_metadata())), "rate_hz": "1.0"}
     channels = known_channels(products.one_hz.attrs)
     units = {str(name): unit for name in products.one_hz.columns if (unit := unit_of(str(name), channels))}
-    write_parquet(products.one_hz, folder / "table.parquet", units, {**about, **trial})
-    write_parquet(products.quality.flags, folder / "flags.parquet", {}, {**about, "meaning": FLAG_MEANING})
+    write_parquet(products.one_hz, folder / "table.parquet", units, {**metadata, **trial})
+    write_parquet(products.quality.flags, folder / "flags.parquet", {}, {**metadata, "meaning": FLAG_MEANING})
     repairs = [asdict(repair) for repair in products.repairs]
     write_json(folder / "quality.json", {**products.quality.as_json(), "repairs": repairs, **origin})
     left_out = [manoeuvre.as_json() for manoeuvre in products.left_out]
@@ -192,22 +211,23 @@ def _write(products: Products, row: Row, provenance: Mapping[str, Any], folder: 
     results = {"manoeuvres": as_json(products.manoeuvres), "left_out": left_out, "criteria": criteria}
     write_json(folder / "manoeuvres.json", {**results, **origin})
     if products.windows is not None:
-        whence = provenance_of(products.one_hz, provenance["options"], products.recording.path)
-        named = {provenance["recording"]: to_json({**whence, "recording_sha256": provenance["sha256"]})}
-        write_windows(replace(products.windows, provenance=named), folder / "windows.parquet")
+        source = provenance_of(products.one_hz, provenance["options"], products.recording.path)
+        provenances = {provenance["recording"]: to_json({**source, "recording_sha256": provenance["sha256"]})}
+        write_windows(replace(products.windows, provenance=provenances), folder / "windows.parquet")
     recording_page(products, row).write(folder / "page.html")
     write_json(folder / SUMMARY, row)
 
 
 def write_json(path: Path, content: Mapping[str, Any]) -> None:
-    """Write values as JSON for people and programs."""
+    """Write values as indented JSON."""
     write_text(path, json.dumps(to_json(content), indent=1, ensure_ascii=False) + "\n")
 
 
 def row_of(products: Products, provenance: Mapping[str, Any]) -> Row:
     """The row of a recording: plain values only, NaN as ``None``."""
     recording, one_hz, windows = products.recording, products.one_hz, products.windows
-    missing = missing_channels(products.table)
+    missing, tests = missing_channels(products.table), index_rows(products.manoeuvres)
+    has_criteria = any(test.criterion for test in tests)
     row: Row = {
         "status": "failed" if products.shortfalls else "done",
         "cause": "; ".join(products.shortfalls) or "; ".join(remarks_on(recording)),
@@ -226,7 +246,7 @@ def row_of(products: Products, provenance: Mapping[str, Any]) -> Row:
         "manoeuvres": dict(Counter(manoeuvre.kind for manoeuvre in products.manoeuvres)),
         "left_out": dict(Counter(manoeuvre.kind for manoeuvre in products.left_out)),
         "indices": key_indices(products.manoeuvres) | speed_at_power(products),
-        "criteria": _criteria_counts(products.manoeuvres),
+        "criteria": dict(Counter(result.result for result in criteria_of(tests))) if has_criteria else {},
         "windows_kept": windows.kept if windows else None,
         "windows_candidates": windows.candidates if windows else None,
         "windows_dropped": windows.dropped if windows else {},
@@ -237,20 +257,13 @@ def row_of(products: Products, provenance: Mapping[str, Any]) -> Row:
     return dict(to_json(row))
 
 
-def _criteria_counts(runs: Sequence[Manoeuvre]) -> dict[str, int]:
-    """How many criteria of the standards have which result; none of a recording without a test of one."""
-    rows = index_rows(runs)
-    has_test = any(row.criterion for row in rows)
-    return dict(Counter(result.result for result in criteria_of(rows))) if has_test else {}
-
-
 def remarks_on(recording: Recording) -> list[str]:
-    """What a reader of the results has to know of a recording of which all could be made."""
+    """Remarks on a recording that has all results, for the reader of them."""
     return [remark for remark in ("" if recording.closed else NOT_CLOSED, recording.clock) if remark]
 
 
 def first_look(paths: Sequence[Path]) -> Row:
-    """What a recording, a file or its parts, tells before it is analysed: whose it is, when, how much, its track.
+    """The row of a recording, a file or its parts, before it is analysed: its ship, time, size and track.
 
     Raises as :func:`process_recording` does, but for writing.
     """
@@ -264,7 +277,7 @@ def first_look(paths: Sequence[Path]) -> Row:
 
 
 def _recording_row(recording: Recording) -> Row:
-    """What a row says of a recording itself."""
+    """The part of a row that describes the recording itself."""
     return {
         "vessel": recording.trial.vessel,
         "trial": recording.trial.name,
@@ -327,23 +340,10 @@ def thumbnail(one_hz: pd.DataFrame) -> str:
     return " ".join(f"{x:.0f},{y:.0f}" for x, y in 50.0 + 92.0 * (chosen - middle) / size)
 
 
-MOST_ATTEMPTS = 3
-"""So often a recording may take its worker down before it is left alone."""
-MARKS = ".attempts"
-"""The folder of the marks, in the output folder."""
-Client: TypeAlias = Any  # of distributed, whose functions have no types
-Future: TypeAlias = Any
-_CONNECT_S, _WORKERS_S, _PATIENCE_S = 8, 30, 60.0
-_ADDRESS = re.compile(r"((tcp|tls|ws|wss)://)?([\w.-]+|\[[0-9a-fA-F:]+\]):\d{1,5}")
-_MOST_SUBMITTED = 2 * MOST_ATTEMPTS
-"""So often a row is asked for; who takes a worker down is told by the marks long before."""
-
-
 @dataclass(frozen=True, slots=True)
 class BatchJob:
-    """One recording to be processed; everything a worker must know, in plain values. ``later`` are the parts after
-    the one at ``path``.
-    """
+    """One recording to be processed, in plain values for a worker. ``later`` are the parts after the one at
+    ``path``."""
 
     name: str
     path: str
@@ -355,7 +355,7 @@ class BatchJob:
 
     @property
     def folder(self) -> Path:
-        """Where its result stands."""
+        """The folder of its result."""
         return Path(self.out) / self.name
 
     @property
@@ -384,11 +384,11 @@ def run_jobs(
 ) -> list[Row]:
     """The rows that ``task`` makes of the jobs on worker processes, in the order of the jobs.
 
-    Arguments and errors as those of :func:`run_batch`; the jobs' output folder has to be ours, see
+    Arguments and errors as those of :func:`run_batch`; the jobs' output folder has to be locked, see
     :func:`batch_folder`.
     """
     with _client(workers or os.cpu_count() or 1, scheduler) as client:
-        return _gathered(client, jobs, task, progress)
+        return _gather_rows(client, jobs, task, progress)
 
 
 def map_calls(
@@ -399,8 +399,8 @@ def map_calls(
 ) -> list[Any]:
     """The results of calls, each a function and its arguments, on worker processes; in the order of the calls.
 
-    ``finished`` is told the number of each call and its result as soon as that is there. The first error ends all
-    and is raised. With one of ``workers`` the calls are made in this process.
+    ``finished`` is called with the number of each call and its result as soon as that is there. The first error
+    ends all and is raised. With one worker the calls are made in this process.
     """
     workers, results = workers or os.cpu_count() or 1, dict[int, Any]()
 
@@ -446,22 +446,21 @@ def batch_folder(out: Path) -> Iterator[None]:
 
 def attempt(job: BatchJob, work: Callable[[BatchJob], Row]) -> Row:
     """The row that ``work`` makes of a job with the job's name on it, or that of its failure; with marks."""
-    ended = _attempts_ended(job)
-    if ended:
-        return failed_row(job, ended)
+    if cause := _cause_to_give_up(job):
+        return failed_row(job, cause)
     try:
         with job.mark.open("ab") as mark:
             mark.write(b".")
-        with _watched(job.timeout_s):
-            return {**work(job), "name": job.name}  # an earlier result may say another name
-    except Exception as error:  # whatever it is, it is this job's and no other's
+        with _time_limit(job.timeout_s):
+            return {**work(job), "name": job.name}  # an earlier result may have another name
+    except Exception as error:  # any error is the failure of this job only
         return failed_row(job, cause_of(error))
     finally:
         job.mark.unlink(missing_ok=True)
 
 
-def _attempts_ended(job: BatchJob) -> str:
-    """Why a recording is not attempted once more; empty if it is."""
+def _cause_to_give_up(job: BatchJob) -> str:
+    """Why a recording is not attempted again; empty if it is."""
     try:
         state = job.mark.stat()
     except FileNotFoundError:
@@ -474,7 +473,7 @@ def _attempts_ended(job: BatchJob) -> str:
 
 
 @contextmanager
-def _watched(timeout_s: float | None) -> Iterator[None]:
+def _time_limit(timeout_s: float | None) -> Iterator[None]:
     """Ends this process after a time: a thread that hangs can be stopped in no other way."""
     if timeout_s is None:
         yield
@@ -489,7 +488,7 @@ def _watched(timeout_s: float | None) -> Iterator[None]:
 
 
 def failed_row(job: BatchJob, cause: str) -> Row:
-    """The row of a recording of which nothing could be made; what was made of it earlier is no longer true."""
+    """The row of a recording without results; earlier results are removed, as they are no longer true."""
     with suppress(OSError):  # a folder that is closed to us
         if (job.folder / SUMMARY).is_file():
             shutil.rmtree(job.folder, ignore_errors=True)
@@ -498,17 +497,17 @@ def failed_row(job: BatchJob, cause: str) -> Row:
 
 @contextmanager
 def _client(workers: int, scheduler: str | None) -> Iterator[Client]:
-    """A client of a scheduler that is there, or of a cluster of worker processes that ends with it."""
+    """A client of a running scheduler, or of a cluster of worker processes that ends with it."""
     dask, distributed = import_module("dask"), import_module("distributed")
-    quiet = {
-        "distributed.scheduler.allowed-failures": 10 * MOST_ATTEMPTS,  # our own marks know who is to blame
+    settings = {
+        "distributed.scheduler.allowed-failures": 10 * MOST_ATTEMPTS,  # the marks identify the failing job
         "distributed.scheduler.worker-saturation": 1.0,
         "distributed.comm.timeouts.connect": f"{_CONNECT_S}s",
         "distributed.deploy.lost-worker-timeout": f"{_PATIENCE_S:.0f}s",  # a busy machine starts one in 20 s
     }
-    with dask.config.set(quiet):
+    with dask.config.set(settings):
         if scheduler is not None:
-            with _connected(scheduler) as client:
+            with _connect(scheduler) as client:
                 yield client
             return
         with block_interrupts():
@@ -521,7 +520,7 @@ def _client(workers: int, scheduler: str | None) -> Iterator[Client]:
 
 
 @contextmanager
-def _connected(scheduler: str) -> Iterator[Client]:
+def _connect(scheduler: str) -> Iterator[Client]:
     try:
         client = import_module("distributed").Client(scheduler, timeout=_CONNECT_S, set_as_default=False)
     except (OSError, ValueError) as error:
@@ -536,7 +535,7 @@ def _connected(scheduler: str) -> Iterator[Client]:
         yield client
 
 
-def _gathered(client: Client, jobs: Sequence[BatchJob], task: Task, progress: Progress) -> list[Row]:
+def _gather_rows(client: Client, jobs: Sequence[BatchJob], task: Task, progress: Progress) -> list[Row]:
     """The rows of all jobs in their order, as they come."""
     ended: Queue[Future] = Queue()
     pending: dict[str, tuple[int, Future]] = {}
@@ -553,9 +552,9 @@ def _gathered(client: Client, jobs: Sequence[BatchJob], task: Task, progress: Pr
         for number in range(len(jobs)):
             submit(number)
         while pending:
-            future = _next(client, ended)
+            future = _next_ended(client, ended)
             number, _ = pending.pop(future.key)
-            row = _row_of(future, jobs[number])
+            row = _row_of_task(future, jobs[number])
             if row is None and submitted[number] < _MOST_SUBMITTED:
                 submit(number)
                 continue
@@ -568,8 +567,8 @@ def _gathered(client: Client, jobs: Sequence[BatchJob], task: Task, progress: Pr
     return [rows[number] for number in range(len(jobs))]
 
 
-def _next(client: Client, ended: Queue[Future]) -> Future:
-    """The next task that has ended. Raises :class:`SourceError` when nobody is left who could end one."""
+def _next_ended(client: Client, ended: Queue[Future]) -> Future:
+    """The next task that has ended. Raises :class:`SourceError` when no worker is left that could end one."""
     since = time.monotonic()
     while True:
         try:
@@ -582,9 +581,9 @@ def _next(client: Client, ended: Queue[Future]) -> Future:
             raise SourceError("scheduler or workers are gone", fix="restart them and the batch, which resumes")
 
 
-def _row_of(future: Future, job: BatchJob) -> Row | None:
-    """A task's row; ``None`` where it is to be asked for once more: its worker died, perhaps over another
-    recording, or it died with the row before anybody had fetched it (the result itself is on the disk then)."""
+def _row_of_task(future: Future, job: BatchJob) -> Row | None:
+    """A task's row; ``None`` where it is to be asked for again: its worker died, perhaps over another recording, or
+    before the row was fetched (the result itself is on the disk then)."""
     if future.status == "error":
         error = future.exception()
         return None if type(error).__name__ == "KilledWorker" else failed_row(job, cause_of(error))
@@ -597,10 +596,10 @@ def _row_of(future: Future, job: BatchJob) -> Row | None:
 
 @contextmanager
 def block_interrupts() -> Iterator[None]:
-    """Threads and processes that begin here, and those that they begin, never hear Ctrl-C; it waits for us.
+    """Threads and processes that begin here, and those that they begin, never receive SIGINT.
 
-    A terminal interrupts the whole group of processes, and each worker would print where it was. The tracker of
-    multiprocessing begins before: the thread that starts it hears Ctrl-C again afterwards.
+    A terminal interrupts the whole group of processes, and each worker would print a traceback. The tracker of
+    multiprocessing begins before: the thread that starts it has SIGINT unblocked afterwards.
     """
     resource_tracker.ensure_running()
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
@@ -610,26 +609,9 @@ def block_interrupts() -> Iterator[None]:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
-Failures = list[tuple[str, list[str]]]
-"""Causes and the names of the recordings that failed of each, the most frequent first."""
-REPORT = "report.html"
-"""A notebook report beside a result, which the page leads to where there is one."""
-GONE = "gone"
-"""The status of a result whose recording is not in the folder any more."""
-TEXTS = ("name", "path", "status", "cause", "vessel", "trial", "place", "grade")
-MEASURES = {"duration_s": "s", "distance_m": "m"}
-COUNTS = ("samples", "channels", "findings", "repairs", "windows_kept", "windows_candidates", "legs")
-NESTED_COUNTS = ("findings_by_code", "windows_dropped", "manoeuvres", "left_out", "criteria")
-_LONGEST_NAME_BYTES, _DIGEST_LETTERS = 245, 12  # file systems take 255; ten are for underscores
-_NUMBER = re.compile(r"\d[\d,.]*\d|\d")
-CRITERIA = "criteria.json"
-"""What the recordings of each ship together show of the standards' criteria."""
-_RESERVED = {"index.html", "index.parquet", CRITERIA, MARKS, LOCK_NAME}
-
-
 @dataclass(frozen=True, slots=True)
 class BatchSummary:
-    """What a batch came to. ``done`` counts those with a complete result, ``reused`` those of them not new.
+    """The outcome of a batch. ``done`` counts the complete results, ``reused`` those of them not new.
 
     ``gone_rows`` are of results whose recording is not in the folder any more; they are in the index only.
     ``files`` are those of each recording, by the name of its row.
@@ -681,7 +663,7 @@ def run_batch(
 
     ``workers`` is the number of processes, that of the cores without it; ``scheduler`` an address like
     ``tcp://host:8786`` instead. Results of equal provenance are used as they are unless ``again``. A
-    recording that takes longer than ``timeout_s`` [s] fails. ``task`` stands in for the work of one recording.
+    recording that takes longer than ``timeout_s`` [s] fails. ``task`` replaces the work on one recording.
     Raises :class:`InputError` for a folder or an address that is none, :class:`DataShortageError` for one without
     recordings, :class:`SourceError` for a scheduler that cannot be reached, :class:`StorageError` when
     ``out`` cannot be written or another batch is writing there.
@@ -694,17 +676,10 @@ def run_batch(
     if not recordings:
         raise DataShortageError("contains no recording", where=str(folder), fix="name a folder with .mcap files")
     names, chosen = names_of(folder, recordings), options or Options()
+    files = [[str(path.absolute()) for path in paths] for paths in recordings]
     jobs = [
-        BatchJob(
-            name,
-            str(paths[0].absolute()),
-            str(out),
-            chosen,
-            again,
-            timeout_s,
-            tuple(str(path.absolute()) for path in paths[1:]),
-        )
-        for name, paths in zip(names, recordings, strict=True)
+        BatchJob(name, paths[0], str(out), chosen, again, timeout_s, tuple(paths[1:]))
+        for name, paths in zip(names, files, strict=True)
     ]
     with batch_folder(out):
         rows = run_jobs(jobs, task or process_job, workers, scheduler, progress)
@@ -719,7 +694,7 @@ def run_batch(
 
 
 def criteria_of_ships(rows: Sequence[Row], out: Path) -> list[dict[str, Any]]:
-    """The criteria of each ship from the manoeuvres of all her recordings, with the keys of ``manoeuvres``."""
+    """The criteria of each ship from the manoeuvres of all its recordings, with the keys of ``manoeuvres``."""
     runs: dict[str, list[Manoeuvre]] = {}
     for row in rows:
         if row["status"] == "done" and row.get("manoeuvres"):
@@ -729,7 +704,7 @@ def criteria_of_ships(rows: Sequence[Row], out: Path) -> list[dict[str, Any]]:
 
 
 def process_job(job: BatchJob) -> Row:
-    """What a worker does for one recording: a row comes back whatever happens, short of the worker's death."""
+    """The task of a worker for one recording: it returns a row whatever happens, unless the worker dies."""
     return attempt(job, result_of)
 
 
@@ -743,9 +718,9 @@ def result_of(job: BatchJob) -> Row:
 
 
 def recordings_below(folder: Path, out: Path) -> list[tuple[Path, ...]]:
-    """What is called ``*.mcap`` below a folder, in the order of its names, the output folder left out.
+    """The recordings ``*.mcap`` below a folder, in the order of their names, without the output folder.
 
-    The files of a recording in parts stand together. A folder that cannot be looked into stands for what is in it.
+    The files of a recording in parts are together. A folder that cannot be read is listed itself.
     """
     if not folder.is_dir():
         raise InputError("is no folder" if folder.exists() else "does not exist", where=str(folder),
@@ -798,7 +773,7 @@ def _folder_name(text: str) -> str:
 
 
 def _comparable(name: str) -> str:
-    """What is equal for names that some file systems take for one."""
+    """A name folded so that two which a file system may take for one are equal."""
     return unicodedata.normalize("NFC", unicodedata.normalize("NFC", name).casefold())
 
 
@@ -812,15 +787,15 @@ def failures_of(rows: Sequence[Mapping[str, Any]]) -> Failures:
     for row in rows:
         if row["status"] == "failed":
             groups.setdefault(_NUMBER.sub("N", row["cause"]), []).append(row)
-    named = []
+    failures = []
     for pattern, failed in groups.items():
         causes = {row["cause"] for row in failed}
-        named.append((causes.pop() if len(causes) == 1 else pattern, sorted(row["name"] for row in failed)))
-    return sorted(named, key=lambda failure: (-len(failure[1]), failure[0]))
+        failures.append((causes.pop() if len(causes) == 1 else pattern, sorted(row["name"] for row in failed)))
+    return sorted(failures, key=lambda failure: (-len(failure[1]), failure[0]))
 
 
 def is_row(values: Mapping[str, Any]) -> bool:
-    """Whether values from a file are a row of the index, and not what another program, or a person, wrote there."""
+    """Whether values from a file are a row of the index, and not from another program or a person."""
     try:
         index_table([values])
     except Exception:  # whatever pandas makes of them
@@ -831,38 +806,38 @@ def is_row(values: Mapping[str, Any]) -> bool:
 def index_table(rows: Sequence[Mapping[str, Any]]) -> pd.DataFrame:
     """The rows as a table with the same kinds of columns whatever failed: counts are whole or missing.
 
-    Counts by code, by reason and by kind stand in columns of their own, like ``findings_by_code.spikes``.
+    Counts by code, by reason and by kind are in columns of their own, like ``findings_by_code.spikes``.
     """
-    columns: dict[str, Any] = {name: _array([row.get(name) or "" for row in rows], "str") for name in TEXTS}
-    columns["closed"] = _array([row.get("closed") for row in rows], "boolean")
+    columns: dict[str, Any] = {name: _series([row.get(name) or "" for row in rows], "str") for name in TEXTS}
+    columns["closed"] = _series([row.get("closed") for row in rows], "boolean")
     missing = [None if row.get("missing") is None else " ".join(row["missing"]) for row in rows]
-    columns["missing"] = _array(missing, "str")
-    starts = _array([row.get("start") for row in rows], "object")
+    columns["missing"] = _series(missing, "str")
+    starts = _series([row.get("start") for row in rows], "object")
     columns["start"] = pd.to_datetime(starts, utc=True, format="ISO8601").dt.as_unit("ns")
     for name, dtype in (dict.fromkeys(MEASURES, "Float64") | dict.fromkeys(COUNTS, "Int64")).items():
-        columns[name] = _array([row.get(name) for row in rows], dtype)
+        columns[name] = _series([row.get(name) for row in rows], dtype)
     for name in NESTED_COUNTS:
-        columns |= _nested(rows, name, "Int64", 0)
-    columns |= _nested(rows, "indices", "Float64", None)
+        columns |= _nested_columns(rows, name, "Int64", 0)
+    columns |= _nested_columns(rows, "indices", "Float64", None)
     for name in ("bytes", "sha256", "options", "software"):
         values = [row.get("provenance", {}).get(name) for row in rows]
         texts = [json.dumps(value) if isinstance(value, dict) else value for value in values]
-        columns[name] = _array(texts, "Int64" if name == "bytes" else "str")
+        columns[name] = _series(texts, "Int64" if name == "bytes" else "str")
     return pd.DataFrame(columns)
 
 
-def _nested(rows: Sequence[Mapping[str, Any]], name: str, dtype: str, absent: int | None) -> dict[str, Any]:
+def _nested_columns(rows: Sequence[Mapping[str, Any]], name: str, dtype: str, absent: int | None) -> dict[str, Any]:
     """A column for each key of the mappings called ``name``; ``absent`` where a recording was judged without it."""
     keys = sorted({key for row in rows for key in row.get(name) or {}})
     return {
-        f"{name}.{key}": _array(
+        f"{name}.{key}": _series(
             [None if row.get(name) is None else row[name].get(key, absent) for row in rows], dtype
         )
         for key in keys
     }
 
 
-def _array(values: Sequence[Any], dtype: str) -> Any:
+def _series(values: Sequence[Any], dtype: str) -> Any:
     return pd.Series(list(values), dtype=dtype)
 
 
@@ -873,10 +848,10 @@ def gone_rows(names: Collection[str], out: Path) -> list[dict[str, Any]]:
         name = path.parent.relative_to(out).as_posix()
         try:
             row = read_json(path)
-            ours = name not in names and row["provenance"]["recording"] == name and is_row(row)
+            is_result = name not in names and row["provenance"]["recording"] == name and is_row(row)
         except (OSError, ValueError, LookupError, TypeError):
-            continue  # somebody else's file of that name
-        if ours:
+            continue  # another program's file of that name
+        if is_result:
             rows.append({**row, "name": name, "status": GONE, "cause": "its recording is not there any more"})
     return rows
 

@@ -1,4 +1,4 @@
-"""What a recording itself tells of the conditions of its trial."""
+"""The conditions of a trial as its recording has them: stated, or measured by the ship's sensors."""
 
 from __future__ import annotations
 
@@ -40,21 +40,23 @@ def sea_state_of(words: str) -> int | None:
     >>> sea_state_of("sea state 3"), sea_state_of("very rough"), sea_state_of("2 to 3"), sea_state_of("swell 2 m")
     (3, 6, None, None)
     """
-    named = re.fullmatch(r"(?:sea\s*state\s*|ss\s*|douglas\s*)?(\d)", words.strip(), re.I)
-    if named:
-        return int(named[1])
+    number = re.fullmatch(r"(?:sea\s*state\s*|ss\s*|douglas\s*)?(\d)", words.strip(), re.I)
+    if number:
+        return int(number[1])
     plain = re.sub(r"\bseas?\b", "", words.lower()).strip()
     return _SEA_WORDS.get(plain)
 
 
 def recorded_conditions(trial: Trial, table: pd.DataFrame) -> Conditions:
-    """What a recording itself tells: its ``[conditions]`` and run sheet, the mean wind, the water's temperature."""
-    warm = float(table["water_temperature_degc"].mean()) if "water_temperature_degc" in table else float("nan")
+    """The conditions in a recording: its ``[conditions]`` and run sheet, the mean wind, the water's temperature."""
+    temperature_degc = (
+        float(table["water_temperature_degc"].mean()) if "water_temperature_degc" in table else float("nan")
+    )
     air = table.reindex(columns=_WIND).dropna().iloc[: 0 if is_assumed(table, _WIND[0]) else None]
     measured = Conditions(
         water_depth_m=trial.water_depth_m, draught_m=trial.draught_m, trim_m=trial.trim_m,
         sea_state=sea_state_of(trial.sea_state), beaufort=beaufort(mean_wind(air)[0]) if len(air) else None,
-        water_temperature_degc=warm if isfinite(warm) else None,
+        water_temperature_degc=temperature_degc if isfinite(temperature_degc) else None,
     )  # fmt: skip
     return with_stronger_wind(conditions_of(trial).with_known(measured), measured)
 

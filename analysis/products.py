@@ -1,4 +1,4 @@
-"""The analysis of one recording, step by step: checked, repaired, at 1 Hz, smoothed, windows and manoeuvres."""
+"""The analysis of one recording, step by step: check, repair, 1 Hz table, windows, manoeuvres, smoothing."""
 
 from __future__ import annotations
 
@@ -45,10 +45,10 @@ class Options:
 
 @dataclass(slots=True)
 class Products:
-    """All that came of one recording.
+    """The results of the analysis of one recording.
 
     ``table`` has the raw samples, after repairs if there were any; ``one_hz`` is it once a second, motion from
-    the smoother with a column ``<name>_sigma`` beside each where that was made. ``left_out`` only began like
+    the smoother with a column ``<name>_sigma`` for each where that was made. ``left_out`` only began like
     manoeuvres. ``shortfalls`` says in one line each what could not be made, and why; ``remarks`` which of the
     smoother's bands are in doubt.
     """
@@ -71,7 +71,7 @@ class Products:
 
     @contextmanager
     def step(self) -> Iterator[None]:
-        """A step that may turn out to be impossible: that is a shortfall, said once, and not the end."""
+        """A step that may be impossible: its error becomes a shortfall, stated once, and the analysis goes on."""
         try:
             yield
         except SeatrialError as error:
@@ -80,7 +80,7 @@ class Products:
 
 
 def analyse(paths: Sequence[Path], options: Options, name: str = "") -> Products:
-    """The analysis of one recording, the file or its parts; what its channels do not allow is left out and said."""
+    """The analysis of one recording, the file or its parts; what its channels do not allow is a shortfall."""
     recording, name = read_parts(paths), name or printable_name(paths[0].stem)
     recording = replace(recording, trial=statement_from_text(options.statement).added_to(recording.trial))
     raw = table_of(recording)
@@ -110,9 +110,9 @@ def analyse(paths: Sequence[Path], options: Options, name: str = "") -> Products
 
 
 def cause_of(error: BaseException) -> str:
-    """What failed in one line that is the same for all recordings of one fault: without the file's path.
+    """An error in one line that is the same for all recordings of one fault: without the file's path.
 
-    Of an error that nobody foresaw it says where in Seatrial it arose.
+    For an unexpected error it includes where in Seatrial it was raised.
     """
     fault = unexpected_error(error)
     return str(fault.at("" if isinstance(error, SeatrialError | OSError) else fault.where))

@@ -1,21 +1,15 @@
-"""The pages of a season: who may ask for them, what lies at which address, and what is said when nothing does.
+"""A season served as pages: the recordings below a folder, each analysed on request, and uploads of more.
 
-Nothing is served but to this computer under its own name, and no page may fetch from elsewhere or run a script
-that is not ours. A name in an address is looked up among the recordings and never becomes a path by itself.
+Pages are served only to this computer under its own name, and no page may fetch from elsewhere or run a script that
+is not ours. A name in an address is looked up among the recordings and never becomes a path by itself.
 
-A season: the recordings below a folder as rows, at once, and what is made of each as it is wanted.
+The results of a season are those of a batch, in a folder that a batch may have written or may take over. The row of
+each recording is stored there too, by the names, sizes and times of its files, so that thousands are listed without
+opening one. One separate process analyses, so that neither a long recording nor one that kills its worker blocks
+the pages.
 
-The results are those of a batch, in a folder that a batch may have written or may take over. What is known of each
-recording is kept there too, by the names, sizes and times of its files, so that thousands are listed without
-opening one. One process beside the page does the work, so that neither a long recording nor one that kills its
-worker holds up anybody.
-
-Strangers' files are read in a process of their own, under limits of memory, time and what it writes.
-
-A file may hold more than memory does, never come to an end, or end the program that reads it in native code. None
-of that may be the end of the server: what happened is one line.
-
-Files that are sent to a season: a recording, or a table that becomes one, put among the others.
+Uploaded files are read in a process of their own, under limits of memory, time and what it writes: a file may hold
+more than memory does, never end, or crash the program that reads it in native code. The answer is then one line.
 """
 
 from __future__ import annotations
@@ -94,7 +88,7 @@ NAMES = (ADDRESS, "localhost")
 MOST_CLIENTS = 64
 """Requests that are answered at once; browsers have six under way."""
 MOST_RUNS = 40
-"""Runs that are drawn over each other; more cannot be told apart."""
+"""Runs that are drawn in one figure; more cannot be distinguished."""
 LINKS = "<!--links-->"
 """Where a recording's page has room for the way back, its exports and its diagnosis."""
 _MEGA = 1_000_000
@@ -107,6 +101,30 @@ _HEADERS = {
     "Cross-Origin-Resource-Policy": "same-origin",
 }  # fmt: skip
 _drawing = Lock()  # matplotlib keeps its style for the whole process
+_RUN_COLUMNS = [
+    "recording", "started [UTC]", "kind", "manoeuvre", "index", "value", "low", "high", "unit", "lengths", "limit",
+    "counted_from", "result", "missing",
+]  # fmt: skip
+REQUESTED, FIRST_LOOK, BACKGROUND = range(3)
+"""The order of work: what a user waits for, a first look at each recording, the analysis of the others."""
+SETTLED_S = 20.0
+"""A file that has changed since is still being written, and is analysed only on request."""
+DIAGNOSIS = "diagnosis.json"
+_STORE = ".season.sqlite"
+_NICENESS = 10
+_CREATE = "CREATE TABLE IF NOT EXISTS season (name TEXT PRIMARY KEY, stamp TEXT, row TEXT)"
+_REPLACE = "INSERT OR REPLACE INTO season VALUES (?, ?, ?)"
+_LONGEST_S = 3600.0  # an analysis: the recording of a day takes some minutes
+_DIED = "its worker died over it, or took an hour; too little memory, or a fault in native code"
+_MOST_DIAGNOSIS_BYTES = 64_000_000  # one of a season of forty recordings has a few MB
+LONGEST_S = 600.0
+"""An export of a day takes a minute, the import of 500 MB of text some minutes."""
+LEAST_MEMORY_BYTES = 3 * 1024**3  # of addresses; the libraries alone take 1.5 GB of them
+MOST_WRITTEN_BYTES = 8 * 1024**3
+MOST_AT_ONCE = 2
+_turns = BoundedSemaphore(MOST_AT_ONCE)
+_Work = Callable[..., Sequence[str]]
+_LONGEST_NAME_BYTES = 200  # of 255, for what is added while it is written
 
 
 def make_app(season: Season, upload_mb: float | None = None) -> Flask:
@@ -115,13 +133,27 @@ def make_app(season: Season, upload_mb: float | None = None) -> Flask:
     app.config.update(
         TRUSTED_HOSTS=list(NAMES), MAX_CONTENT_LENGTH=int(_MEGA * (upload_mb or 0.1)), MAX_FORM_PARTS=4
     )
-    app.before_request(_new_nonce)
-    app.after_request(_secured)
+
+    def add_headers(response: Response) -> Response:
+        policy = _POLICY.format(g.get("nonce", "none"))
+        response.headers.extend({**_HEADERS, "Content-Security-Policy": policy})
+        return response
+
+    def http_page(error: HTTPException) -> tuple[str, int]:
+        return _message(error.name, [error.description or ""]), error.code or 500
+
+    def failure_page(error: Exception) -> tuple[str, int]:
+        fault = unexpected_error(error)
+        LOG.error("%s: %s", printable_name(request.path), fault)
+        return _message("This page failed", [str(fault), "The other pages are not affected."]), 500
+
+    app.before_request(lambda: setattr(g, "nonce", secrets.token_urlsafe()))
+    app.after_request(add_headers)
     app.register_error_handler(SeatrialError, lambda error: (_message("This cannot be done", [str(error)]), 422))
-    app.register_error_handler(HTTPException, _explained)
-    app.register_error_handler(Exception, _unexpected_error)
+    app.register_error_handler(HTTPException, http_page)
+    app.register_error_handler(Exception, failure_page)
     pages = _Pages(season, upload_mb, token)
-    environment()  # what pages are drawn with, before anybody waits
+    environment()  # what pages are drawn with, before the first request
     for path, page in pages.addresses().items():
         app.add_url_rule(path, path, page)
     if upload_mb is not None:
@@ -130,7 +162,7 @@ def make_app(season: Season, upload_mb: float | None = None) -> Flask:
 
 
 def serve(app: Flask, port: int, ready: Callable[[str], object]) -> None:
-    """Answer requests of this computer until interrupted; ``ready`` hears the address.
+    """Answer requests of this computer until interrupted; ``ready`` is called with the address.
 
     Raises :class:`SourceError` where the port cannot be had.
     """
@@ -149,18 +181,18 @@ def serve(app: Flask, port: int, ready: Callable[[str], object]) -> None:
 
 
 class _Handler(WSGIRequestHandler):
-    """Waits for a client that says nothing, or takes nothing, no longer than this [s]."""
+    """Waits no longer than this for a client that sends or takes nothing [s]."""
 
     timeout = 10.0
 
 
 class _Server(ThreadedWSGIServer):
-    """Answers each request in a thread of its own, up to a number of them; of more it hangs up."""
+    """Answers each request in a thread of its own, up to a number of them; further connections are closed."""
 
     daemon_threads = True
 
-    def __init__(self, *arguments: Any, **named: Any) -> None:
-        super().__init__(*arguments, **named)
+    def __init__(self, *arguments: Any, **keywords: Any) -> None:
+        super().__init__(*arguments, **keywords)
         self._turns = BoundedSemaphore(MOST_CLIENTS)
 
     def process_request(self, request: Any, client_address: Any) -> None:
@@ -177,7 +209,7 @@ class _Server(ThreadedWSGIServer):
 
 
 class _Pages:
-    """What lies at each address."""
+    """The page at each address."""
 
     def __init__(self, season: Season, upload_mb: float | None, token: str) -> None:
         self._season, self._upload_mb, self._token = season, upload_mb, token
@@ -205,13 +237,13 @@ class _Pages:
     def trial(self, name: str) -> str:
         row = self._row_of(name)
         if row["status"] == WAITING:
-            return self._wait(name)
+            return self._waiting_page(name)
         if "provenance" not in row:
             return _message(name, [row["cause"]])
         try:
             page = (self._season.out / name / "page.html").read_text(encoding="utf-8")
         except FileNotFoundError:
-            return self._wait(name, anew=True)
+            return self._waiting_page(name, again=True)
         links = render("links_of_trial.html", row=row, kinds=[kind[1:] for kind in KINDS]).html
         return page.replace(LINKS, links, 1)
 
@@ -228,7 +260,8 @@ class _Pages:
             abort(404)
         self._row_of(name)
         files = [str(path) for path in self._season.files(name)]
-        return _attached(f"{Path(name).name}.{kind}", lambda path: call_limited(export_recording, files, str(path)))
+        return _attachment(f"{Path(name).name}.{kind}",
+                           lambda path: call_limited(export_recording, files, str(path)))  # fmt: skip
 
     def runs(self) -> str:
         runs = runs_in(self._season.out, self._requested_names(), kind := request.args.get("kind", ""))
@@ -237,7 +270,7 @@ class _Pages:
         drawn = [
             (run.label, motion, run.manoeuvre) for run, motion in with_motions(self._season.out, runs[:MOST_RUNS])
         ]
-        header, rows = compared(runs)
+        header, rows = comparison_table(runs)
         with _drawing:
             return render(
                 "runs.html", title=f"Runs: {kind.replace('_', ' ') or 'all manoeuvres'}", runs=drawn,
@@ -247,7 +280,7 @@ class _Pages:
 
     def runs_as_workbook(self) -> Response:
         runs = runs_in(self._season.out, self._requested_names(), request.args.get("kind", ""))
-        return _attached("runs.xlsx", lambda path: write_sheets({"indices": index_table(runs)}, path))
+        return _attachment("runs.xlsx", lambda path: write_sheets({"indices": index_table(runs)}, path))
 
     def upload(self) -> str:
         origin = request.headers.get("Origin")
@@ -277,8 +310,8 @@ class _Pages:
         row = self._season.row(name)
         return row if row is not None else abort(404)
 
-    def _wait(self, name: str, *, anew: bool = False) -> str:
-        self._season.ask(name, anew=anew)
+    def _waiting_page(self, name: str, *, again: bool = False) -> str:
+        self._season.ask(name, again=again)
         return _message(name, ["It is being analysed; this page shows it as soon as it is done."], again_s=2)
 
 
@@ -295,44 +328,18 @@ def export_recording(files: Sequence[str], path: str) -> list[str]:
     return []
 
 
-def _attached(name: str, write: Callable[[Path], object]) -> Response:
-    """A file to be kept, as ``write`` makes it."""
+def _attachment(name: str, write: Callable[[Path], object]) -> Response:
+    """A download of the file that ``write`` writes."""
     with TemporaryDirectory(prefix="seatrial-") as folder:
         path = Path(folder) / f"made{Path(name).suffix}"
         write(path)
         content = path.read_bytes()
-    named = f"attachment; filename*=UTF-8''{quote(name)}"
-    return Response(content, headers={"Content-Disposition": named}, mimetype="application/octet-stream")
+    disposition = f"attachment; filename*=UTF-8''{quote(name)}"
+    return Response(content, headers={"Content-Disposition": disposition}, mimetype="application/octet-stream")
 
 
 def _message(title: str, lines: list[str], again_s: int | None = None) -> str:
     return render("message.html", title=title, lines=lines, again_s=again_s).html
-
-
-def _explained(error: HTTPException) -> tuple[str, int]:
-    return _message(error.name, [error.description or ""]), error.code or 500
-
-
-def _unexpected_error(error: Exception) -> tuple[str, int]:
-    """What nobody foresaw, as a page with one line, which the terminal has too."""
-    fault = unexpected_error(error)
-    LOG.error("%s: %s", printable_name(request.path), fault)
-    return _message("This page failed", [str(fault), "The other pages are not affected."]), 500
-
-
-def _new_nonce() -> None:
-    g.nonce = secrets.token_urlsafe()
-
-
-def _secured(response: Response) -> Response:
-    response.headers.extend({**_HEADERS, "Content-Security-Policy": _POLICY.format(g.get("nonce", "none"))})
-    return response
-
-
-_RUN_COLUMNS = [
-    "recording", "started [UTC]", "kind", "manoeuvre", "index", "value", "low", "high", "unit", "lengths", "limit",
-    "counted_from", "result", "missing",
-]  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)
@@ -372,9 +379,9 @@ def with_motions(results: Path, runs: Iterable[Run]) -> list[tuple[Run, Motion]]
     return [(run, motions[run.recording]) for run in runs]
 
 
-def compared(runs: Sequence[Run]) -> tuple[list[str], list[list[str]]]:
-    """A table for people: a row a run, a column each of the main indices that any has."""
-    names = list(dict.fromkeys(row[0] for run in runs for row in rows_of(run.manoeuvre, every=False)))
+def comparison_table(runs: Sequence[Run]) -> tuple[list[str], list[list[str]]]:
+    """Header and rows of a table: a row for each run, a column for each main index that a run has."""
+    names = list(dict.fromkeys(row[0] for run in runs for row in rows_of(run.manoeuvre, all_indices=False)))
     cells = [(run.label, {row[0]: row[1] for row in rows_of(run.manoeuvre)}) for run in runs]
     return ["run", *names], [[label, *(values.get(name, "") for name in names)] for label, values in cells]
 
@@ -390,22 +397,8 @@ def index_table(runs: Iterable[Run]) -> pd.DataFrame:
     return pd.DataFrame(rows, columns=_RUN_COLUMNS)
 
 
-ASKED, LOOK, REST = range(3)
-"""What is worked on first: what somebody waits for, a first look at each recording, the analysis of the others."""
-SETTLED_S = 20.0
-"""A file that has changed since is still being written, and is not analysed unless somebody asks."""
-DIAGNOSIS = "diagnosis.json"
-_KEPT = ".season.sqlite"
-_NICENESS = 10
-_CREATE = "CREATE TABLE IF NOT EXISTS season (name TEXT PRIMARY KEY, stamp TEXT, row TEXT)"
-_REPLACE = "INSERT OR REPLACE INTO season VALUES (?, ?, ?)"
-_LONGEST_S = 3600.0  # an analysis: the recording of a day takes some minutes
-_DIED = "its worker died over it, or took an hour; too little memory, or a fault in native code"
-_MOST_DIAGNOSIS_BYTES = 64_000_000  # one of a season of forty recordings has a few MB
-
-
 def results_folder(folder: Path) -> Path:
-    """Where the results of a season are kept unless a folder is named: the user's cache, apart for each season."""
+    """The default folder of a season's results: one for each season in the user's cache."""
     cache = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
     return cache / "seatrial" / hashlib.sha256(str(folder.resolve()).encode()).hexdigest()[:16]
 
@@ -437,14 +430,14 @@ class Season:
         make_folder(self.out)
         try:
             with ExitStack() as closing:
-                self._store = sqlite3.connect(self.out / _KEPT, check_same_thread=False)
+                self._store = sqlite3.connect(self.out / _STORE, check_same_thread=False)
                 closing.callback(self._store.close)
                 self._store.execute(_CREATE)
-                kept = self._store.execute("SELECT name, stamp, row FROM season")
-                self._kept = {name: (stamp, json.loads(row)) for name, stamp, row in kept}
+                rows = self._store.execute("SELECT name, stamp, row FROM season")
+                self._stored = {name: (stamp, json.loads(row)) for name, stamp, row in rows}
                 closing.pop_all()
         except sqlite3.Error as error:
-            raise StorageError("cannot be used", where=str(self.out / _KEPT), why=str(error),
+            raise StorageError("cannot be used", where=str(self.out / _STORE), why=str(error),
                                fix="remove it, or name another folder with -o") from error  # fmt: skip
         self.rows()
         threading.Thread(target=self._work, name="season", daemon=True).start()
@@ -458,7 +451,7 @@ class Season:
         self._worker.stop()
 
     def rows(self) -> list[Row]:
-        """A row each recording as in the index of a batch; of one not analysed what a first look tells, if that."""
+        """A row for each recording as in the index of a batch; of one not analysed that of a first look, if any."""
         with self._lock:
             recordings = recordings_below(self.folder, self.out)
             self._files = dict(zip(names_of(self.folder, recordings), recordings, strict=True))
@@ -479,31 +472,32 @@ class Season:
         """The files of a recording that :meth:`row` knows."""
         return self._files[name]
 
-    def ask(self, name: str, *, anew: bool = False) -> None:
-        """Have a recording analysed next; ``anew`` where its result is not there any more."""
+    def ask(self, name: str, *, again: bool = False) -> None:
+        """Have a recording analysed next; ``again`` where its result is not there any more."""
         with self._lock:
-            if anew:
-                self._kept.pop(name, None)
-            self._request(ASKED, name)
+            if again:
+                self._stored.pop(name, None)
+            self._request(REQUESTED, name)
 
     def diagnosis_of(self, row: Row) -> tuple[str, Path | None]:
         """Verdict and folder of the newest diagnosis that a recording took part in."""
         digests = set(row.get("provenance", {}).get("sha256", "").split(", ")) - {""}
-        diagnoses = [(changed, verdict, folder) for changed, verdict, of, folder in self._diagnoses if of & digests]
+        diagnoses = [(changed, verdict, folder) for changed, verdict, recordings, folder in self._diagnoses
+                     if recordings & digests]  # fmt: skip
         return max(diagnoses, default=(0, "", None))[1:]
 
     def _row(self, name: str) -> Row:
-        stamp, row = self._kept.get(name, ("", None))
+        stamp, row = self._stored.get(name, ("", None))
         if row is None or stamp != self._stamp(name):
-            self._request(LOOK, name)
+            self._request(FIRST_LOOK, name)
             row = {"status": WAITING, "cause": ""}
         elif row["status"] == WAITING and self._eager and self._is_settled(name):
-            self._request(REST, name)
+            self._request(BACKGROUND, name)
         path = self._files[name][0].relative_to(self.folder).as_posix()
         return {**row, "name": name, "path": path, "verdict": self.diagnosis_of(row)[0]}
 
     def _stamp(self, name: str) -> str:
-        """What a row hangs on: the files' names, sizes and times, the options and the version."""
+        """What a row depends on: the files' names, sizes and times, the options and the version."""
         states = [(path.name, *_state_of(path)) for path in self._files[name]]
         return repr((states, self._options, software_version()))
 
@@ -527,16 +521,16 @@ class Season:
                 if name not in self._files:
                     continue
                 stamp, files = self._stamp(name), self._files[name]
-                kept_stamp, row = self._kept.get(name, ("", {}))
-            if kept_stamp == stamp and (urgency == LOOK or row["status"] != WAITING):
+                stored_stamp, row = self._stored.get(name, ("", {}))
+            if stored_stamp == stamp and (urgency == FIRST_LOOK or row["status"] != WAITING):
                 continue
             first, *later = map(str, files)
             job = BatchJob(name, first, str(self.out), self._options, later=tuple(later))
-            row = self._worker.row_of(_first_look if urgency == LOOK else result_of, job)
+            row = self._worker.row_of(_first_look if urgency == FIRST_LOOK else result_of, job)
             with self._lock:
                 if self._ended:
                     return
-                self._kept[name] = stamp, failed_row(job, _DIED) if row is None else row
+                self._stored[name] = stamp, failed_row(job, _DIED) if row is None else row
                 if row is not None:  # one that killed its worker is tried again after the next start
                     self._store.execute(_REPLACE, (name, stamp, json.dumps(row)))
                     self._store.commit()
@@ -544,7 +538,7 @@ class Season:
 
 @lru_cache(maxsize=10_000)
 def _read_diagnosis(path: Path, state: tuple[int, int]) -> tuple[str, frozenset[str]]:
-    """Verdict and hashes of the recordings of a diagnosis in a ``state``; nothing of what is none."""
+    """Verdict and hashes of the recordings of a diagnosis in a ``state``; empty for another file."""
     if state[0] > _MOST_DIAGNOSIS_BYTES or not path.is_file():
         return "", frozenset()
     try:
@@ -555,7 +549,7 @@ def _read_diagnosis(path: Path, state: tuple[int, int]) -> tuple[str, frozenset[
 
 
 def _state_of(path: Path) -> tuple[int, int]:
-    """Size [bytes] and time of change [ns]; of one that has gone none."""
+    """Size [bytes] and time of change [ns]; zeros for a file that has gone."""
     with suppress(OSError):
         state = path.stat()
         return state.st_size, state.st_mtime_ns
@@ -576,10 +570,10 @@ class _Worker:
         """The row that ``work`` makes of a job, or of its failure; None where it kills the process or hangs."""
         if self._process is None:
             context = get_context("spawn")
-            self._pipe, theirs = context.Pipe()
-            self._process = context.Process(target=_attend_requests, args=(theirs,), daemon=True)
+            self._pipe, worker_end = context.Pipe()
+            self._process = context.Process(target=_attend_requests, args=(worker_end,), daemon=True)
             self._process.start()
-            theirs.close()
+            worker_end.close()
         try:
             self._pipe.send((work, job))
             if not self._pipe.poll(_LONGEST_S):
@@ -597,7 +591,7 @@ class _Worker:
 
 
 def _attend_requests(pipe: Connection) -> None:
-    """What the worker does: jobs in, rows out, until nobody asks any more."""
+    """The worker's loop: jobs in, rows out, until the pipe is closed."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the terminal's Ctrl-C is for the page
     os.nice(_NICENESS)
     with suppress(EOFError):
@@ -610,17 +604,8 @@ def _attend_requests(pipe: Connection) -> None:
             pipe.send(row)
 
 
-LONGEST_S = 600.0
-"""An export of a day takes a minute, the import of 500 MB of text some minutes."""
-LEAST_MEMORY_BYTES = 3 * 1024**3  # of addresses; the libraries alone take 1.5 GB of them
-MOST_WRITTEN_BYTES = 8 * 1024**3
-MOST_AT_ONCE = 2
-_turns = BoundedSemaphore(MOST_AT_ONCE)
-_Work = Callable[..., Sequence[str]]
-
-
 def call_limited(function: _Work, *arguments: object, longest_s: float | None = None) -> list[str]:
-    """The lines that a function says, called in a process of its own; it is to be importable, its arguments plain.
+    """The lines that a function returns, called in a process of its own: importable, with plain arguments.
 
     Raises :class:`SeatrialError`: what the function raised, or that it took too long or its process ended.
     """
@@ -635,7 +620,7 @@ def call_limited(function: _Work, *arguments: object, longest_s: float | None = 
         sender.close()  # or the end of the process would pass unnoticed
         if not receiver.poll(longest_s):
             raise InputError(f"took longer than {longest_s:g} s to read", fix="read it on the command line")
-        answer = json.loads(receiver.recv_bytes())  # no pickle: whoever sends it has read a stranger's file
+        answer = json.loads(receiver.recv_bytes())  # no pickle: its sender has read an untrusted file
     except (EOFError, OSError) as error:
         process.join()
         raise InputError(
@@ -659,9 +644,9 @@ def _exit_reason(code: int | None) -> str:
 
 
 def _run_and_send(pipe: Connection, function: _Work, arguments: tuple[object, ...]) -> None:
-    """What the process does: one call, and the answer to it as JSON."""
+    """The process of a limited call: one call, and the answer to it as JSON."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the terminal's Ctrl-C is for the server
-    _limit()
+    _limit_process()
     try:
         answer: dict[str, object] = {"lines": list(function(*arguments))}
     except Exception as error:  # whatever it is, it is this file's and no other's
@@ -669,8 +654,8 @@ def _run_and_send(pipe: Connection, function: _Work, arguments: tuple[object, ..
     pipe.send_bytes(json.dumps(answer).encode())
 
 
-def _limit() -> None:
-    """Bound what this process may take, and have it end first where memory is short, without a word on stderr."""
+def _limit_process() -> None:
+    """Bound what this process may take, have it killed first where memory is short, and silence its stderr."""
     memory_bytes = max(LEAST_MEMORY_BYTES, os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") // 2)
     for limit, value in (
         (resource.RLIMIT_AS, memory_bytes), (resource.RLIMIT_FSIZE, MOST_WRITTEN_BYTES), (resource.RLIMIT_CORE, 0),
@@ -683,11 +668,8 @@ def _limit() -> None:
         os.dup2(nothing.fileno(), 2)
 
 
-_LONGEST_NAME_BYTES = 200  # of 255, for what is added while it is written
-
-
 def receive(stream: IO[bytes], filename: str, folder: Path) -> tuple[Path, list[str]]:
-    """Put a recording, or a table as a recording, into a folder; its path, and what was found in it.
+    """Put a recording, or a table as a recording, into a folder; its path, and lines on its content.
 
     Raises :class:`InputError` for what cannot be read, also where it ends the process that reads it, for a table
     that leaves a question open, and where a recording of that name is there; :class:`StorageError` for what the
@@ -702,13 +684,13 @@ def receive(stream: IO[bytes], filename: str, folder: Path) -> tuple[Path, list[
             shutil.copyfileobj(stream, copy)
         try:
             lines = call_limited(make_recording, str(source))
-        except SeatrialError as error:  # whoever sent it knows nothing of our folders
+        except SeatrialError as error:  # the temporary folder means nothing to the sender
             raise InputError(str(error).replace(f"{place}/", ""), where=name) from error
-        return _put(_recording_path(source), folder), lines
+        return _store_recording(_recording_path(source), folder), lines
 
 
 def make_recording(source: str) -> list[str]:
-    """Make a recording of a file, beside it, unless it is one, and say what is in it."""
+    """Make a recording of a file, in its folder, unless it is one; returns lines on its content."""
     path = Path(source)
     recording = _recording_path(path)
     if recording == path:
@@ -730,7 +712,7 @@ def _recording_path(source: Path) -> Path:
     return source if source.suffix.lower() == ".mcap" else source.with_suffix(".mcap")
 
 
-def _put(recording: Path, folder: Path) -> Path:
+def _store_recording(recording: Path, folder: Path) -> Path:
     """Copy a file into a folder, complete or not at all; one of that name stays as it is."""
     target = folder / f"{recording.stem}.mcap"
     with locked_briefly(target):

@@ -1,10 +1,4 @@
-"""Indices of like runs, port beside starboard, and what they show of the criteria of IMO MSC.137(76).
-
-Runs are alike that have one name (test and helm) and one approach speed within a fifth. The mean of three and more
-has the 95 % interval of their own intervals or of the scatter between them (Student's t), whichever is wider. Two
-say next to nothing of the scatter (Student's factor is 12.7): their mean stands with the range of both.
-
-The criteria of IMO's Standards for ship manoeuvrability, resolution MSC.137(76), by their letter.
+"""The criteria of IMO's Standards for ship manoeuvrability, MSC.137(76), and the means of like runs that show them.
 
 Every value counts from the position and the moment at which the order is given, is that of the midship point, and
 belongs to one test (4.2): advance and tactical diameter to the turning circle with 35 deg or the largest helm, the
@@ -13,6 +7,10 @@ full astern stop. The standards are for ships of 100 m and more and for chemical
 loaded and on even keel, in deep water and calm, after a steady approach at the test speed (5.2; MSC/Circ.1053,
 2.2.1.2). A criterion is *met* or *not met* only where all of that is known; it *cannot be said* where the interval
 of the value contains the limit, and is *not shown* where something is missing.
+
+Runs are alike that have one name (test and helm) and one approach speed within a fifth. The mean of three and more
+has the 95 % interval of their own intervals or of the scatter between them (Student's t), whichever is wider. Two
+runs hardly show the scatter (Student's factor is 12.7): their mean has the range of both.
 """
 
 from __future__ import annotations
@@ -46,6 +44,26 @@ _DRAUGHT_SHARE = 0.05  # of the full load draught, by which a trial's may differ
 _TEST_SPEED_SHARE = 0.9
 _STEADY_TURN_DEG = 2.0  # of heading in the time of one ship length: as much as noise shows of a steady approach
 _STEADY_SHARE = 0.05  # of the speed in that time
+FULL_ASTERN = "stopping with thrust astern"
+"""The name of a full astern stop."""
+_MAIN = {
+    "turning_circle": ("advance_m", "transfer_m", "tactical_diameter_m", "steady_diameter_m"),
+    "course_change": ("initial_turning_m", "advance_m", "transfer_m", "tactical_diameter_m"),
+    "zigzag": (from_order(1), from_order(2), "initial_turning_m"),
+    "stopping": ("track_reach_m", "head_reach_m", "lateral_deviation_m", "stopping_time_s"),
+    "pull_out": ("residual_yaw_rate_dps",),
+    "acceleration": ("time_to_90_percent_s", "distance_to_90_percent_m"),
+    "crabbing": ("sway_mps",),
+    "thruster_test": ("last_yaw_rate_dps",),
+}
+"""The main indices of a kind, for the page of indices; of other kinds the first three."""
+_SINGLE = ("speed_run", "acceleration", "crabbing", "thruster_test")
+"""Kinds whose runs differ in their settings: no means over them."""
+_SPEED_SHARE = 0.2
+_FEW_RUNS = 2  # of which no interval is made
+_TESTS_AFTER_APPROACH = ("zigzag", "turning_circle", "stopping", "spiral")
+_LEADS_INTO_S, _LEAST_TEST_DEG = 30.0, 270.0  # the end of a straight run is known to some 20 s
+_ORDER_OF_RESULTS = (NOT_MET, CANNOT_BE_SAID, MET, NOT_SHOWN)
 
 
 def first_overshoot_10_10_deg(length_per_speed_s: float) -> float:
@@ -106,32 +124,26 @@ def _is_zigzag(nominal_deg: float) -> Callable[[Manoeuvre, float], bool]:
     return matches
 
 
-def _is_full_astern(run: Manoeuvre, largest_deg: float) -> bool:
-    return run.kind == "stopping" and run.settings.get("thrust_rpm", 0.0) < 0.0
-
-
 def _in_lengths(lengths: float) -> Callable[[float | None, float], float | None]:
     return lambda length_m, speed_mps: lengths * length_m if length_m else None
 
 
-def _by_pace(limit_deg: Callable[[float], float]) -> Callable[[float | None, float], float | None]:
+def _by_length_per_speed(limit_deg: Callable[[float], float]) -> Callable[[float | None, float], float | None]:
     return lambda length_m, speed_mps: limit_deg(length_m / speed_mps) if length_m and speed_mps > 0.0 else None
 
-
-FULL_ASTERN = "stopping with thrust astern"
-"""The name of a full astern stop."""
 
 CRITERIA = (
     Criterion("advance", "5.3.1", "advance_m", _in_lengths(4.5), _is_turning_circle),
     Criterion("tactical diameter", "5.3.1", "tactical_diameter_m", _in_lengths(5.0), _is_turning_circle),
     Criterion("initial turning", "5.3.2", "initial_turning_m", _in_lengths(2.5), _is_initial_turn, 10.0),
-    Criterion("first overshoot of 10/10", "5.3.3.1", from_order(1), _by_pace(first_overshoot_10_10_deg),
+    Criterion("first overshoot of 10/10", "5.3.3.1", from_order(1), _by_length_per_speed(first_overshoot_10_10_deg),
               _is_zigzag(10.0), 10.0),
-    Criterion("second overshoot of 10/10", "5.3.3.2", from_order(2), _by_pace(second_overshoot_10_10_deg),
-              _is_zigzag(10.0), 10.0),
+    Criterion("second overshoot of 10/10", "5.3.3.2", from_order(2),
+              _by_length_per_speed(second_overshoot_10_10_deg), _is_zigzag(10.0), 10.0),
     Criterion("first overshoot of 20/20", "5.3.3.3", from_order(1), lambda length_m, speed_mps: 25.0,
               _is_zigzag(20.0), 20.0),
-    Criterion("track reach", "5.3.4", "track_reach_m", _in_lengths(15.0), _is_full_astern, sides=("",)),
+    Criterion("track reach", "5.3.4", "track_reach_m", _in_lengths(15.0),
+              lambda run, _: run.kind == "stopping" and run.settings.get("thrust_rpm", 0.0) < 0.0, sides=("",)),
 )  # fmt: skip
 """The criteria, in the order of the resolution."""
 
@@ -146,14 +158,14 @@ def criterion_of(run: Manoeuvre, index: str, largest_deg: float) -> Criterion | 
 def missing_of(run: Manoeuvre, conditions: Conditions) -> tuple[str, ...]:
     """What is missing for a run to show a criterion, in the order of the standard; empty where it shows it.
 
-    For a ship that the standards are not for, it is that alone.
+    For a ship that the standards are not for, it is only that.
     """
-    length_shortfall = _length_shortfall(conditions)
-    if length_shortfall.startswith(NOT_FOR_SHIP):
-        return (length_shortfall,)
+    length_m = conditions.length_m
+    if length_m is not None and length_m < _LEAST_LENGTH_M and not conditions.chemical_or_gas_tanker:
+        return (f"{NOT_FOR_SHIP}, not {length_m:g} m",)
     shortfalls = (
-        length_shortfall, *condition_shortfalls(conditions).values(), _approach_shortfall(run, conditions),
-        _speed_shortfall(run, conditions),
+        NO_LENGTH if length_m is None else "", *condition_shortfalls(conditions).values(),
+        _approach_shortfall(run, conditions), _speed_shortfall(run, conditions),
     )  # fmt: skip
     return tuple(shortfall for shortfall in shortfalls if shortfall)
 
@@ -161,11 +173,26 @@ def missing_of(run: Manoeuvre, conditions: Conditions) -> tuple[str, ...]:
 def condition_shortfalls(conditions: Conditions) -> dict[str, str]:
     """By each condition that the standards ask of a trial (5.2; MSC/Circ.1053) why it is not shown, empty where it
     is fulfilled."""
+    draught_m, full_m, trim_m = conditions.draught_m, conditions.full_load_draught_m, conditions.trim_m
+    loading = trim = depth = ""
+    lacking = [name for name in ("draught_m", "full_load_draught_m") if not _is_known(conditions, name)]
+    if lacking or draught_m is None or full_m is None:
+        loading = f"the loading is not known: {' and '.join(lacking)}"
+    elif abs(draught_m / full_m - 1.0) > _DRAUGHT_SHARE:
+        loading = f"not fully loaded: {draught_m:g} m of {full_m:g} m of draught"
+    if trim_m is None or not _is_known(conditions, "trim_m"):
+        trim = "the trim is not known"
+    elif draught_m and abs(trim_m) > _DRAUGHT_SHARE * draught_m:
+        trim = f"not on even keel: {trim_m:g} m of trim"
+    if conditions.water_depth_m is None or draught_m is None:
+        depth = "the depth of the water in draughts is not known"
+    elif not (draughts := conditions.water_depth_m / draught_m) >= _DEEP_DRAUGHTS:
+        depth = f"the water was {draughts:.1f} draughts deep, less than {_DEEP_DRAUGHTS:.0f}"
     share = f"{_DRAUGHT_SHARE * 100.0:.0f} %"
     return {
-        f"draught within {share} of the full load draught": _loading_shortfall(conditions),
-        "even keel": _trim_shortfall(conditions),
-        f"at least {_DEEP_DRAUGHTS:.0f} draughts of water": _depth_shortfall(conditions),
+        f"draught within {share} of the full load draught": loading,
+        "even keel": trim,
+        f"at least {_DEEP_DRAUGHTS:.0f} draughts of water": depth,
         f"wind of force {_LARGEST_BEAUFORT} at most":
             _weather_shortfall("the wind", "force", conditions.beaufort, _LARGEST_BEAUFORT),
         f"sea state {_LARGEST_SEA_STATE} at most":
@@ -194,40 +221,6 @@ def _test_shortfalls(run: Manoeuvre, criterion: Criterion) -> tuple[str, ...]:
 
 def _is_known(conditions: Conditions, name: str) -> bool:
     return bool(np.isfinite(conditions.number(name)))
-
-
-def _length_shortfall(conditions: Conditions) -> str:
-    if conditions.length_m is None:
-        return NO_LENGTH
-    if conditions.length_m < _LEAST_LENGTH_M and not conditions.chemical_or_gas_tanker:
-        return f"{NOT_FOR_SHIP}, not {conditions.length_m:g} m"
-    return ""
-
-
-def _loading_shortfall(conditions: Conditions) -> str:
-    lacking = [name for name in ("draught_m", "full_load_draught_m") if not _is_known(conditions, name)]
-    if lacking or conditions.draught_m is None or conditions.full_load_draught_m is None:
-        return f"the loading is not known: {' and '.join(lacking)}"
-    if abs(conditions.draught_m / conditions.full_load_draught_m - 1.0) > _DRAUGHT_SHARE:
-        return f"not fully loaded: {conditions.draught_m:g} m of {conditions.full_load_draught_m:g} m of draught"
-    return ""
-
-
-def _trim_shortfall(conditions: Conditions) -> str:
-    if conditions.trim_m is None or not _is_known(conditions, "trim_m"):
-        return "the trim is not known"
-    if conditions.draught_m and abs(conditions.trim_m) > _DRAUGHT_SHARE * conditions.draught_m:
-        return f"not on even keel: {conditions.trim_m:g} m of trim"
-    return ""
-
-
-def _depth_shortfall(conditions: Conditions) -> str:
-    if conditions.water_depth_m is None or conditions.draught_m is None:
-        return "the depth of the water in draughts is not known"
-    draughts = conditions.water_depth_m / conditions.draught_m
-    if not draughts >= _DEEP_DRAUGHTS:
-        return f"the water was {draughts:.1f} draughts deep, less than {_DEEP_DRAUGHTS:.0f}"
-    return ""
 
 
 def _weather_shortfall(what: str, scale: str, value: int | None, largest: int) -> str:
@@ -303,8 +296,8 @@ def _add_limits(run: Manoeuvre, conditions: Conditions, largest_deg: float) -> M
         if criterion is None:
             continue
         limit = criterion.limit(conditions.length_m, speed_mps)
-        other_ship = any(reason.startswith(NOT_FOR_SHIP) for reason in missing)
-        shortfalls = missing if other_ship else (*missing, *_test_shortfalls(run, criterion))
+        not_for_ship = any(reason.startswith(NOT_FOR_SHIP) for reason in missing)
+        shortfalls = missing if not_for_ship else (*missing, *_test_shortfalls(run, criterion))
         drifts = run.kind == "stopping" and not name.endswith("_current_removed")
         carried_m = current_mps * (run.end - run.start).total_seconds() if drifts else 0.0
         judged = replace(index, low=index.low - carried_m, high=index.high + carried_m)
@@ -328,25 +321,6 @@ def _helm_notes(run: Manoeuvre, conditions: Conditions, largest_deg: float) -> l
         f"{shown} for {TURNING_HELM_DEG:.0f} deg or the largest helm, and this was {helm_deg:.0f} deg, the largest "
         f"of this recording {largest_deg:.0f} deg"
     ]
-
-
-_MAIN = {
-    "turning_circle": ("advance_m", "transfer_m", "tactical_diameter_m", "steady_diameter_m"),
-    "course_change": ("initial_turning_m", "advance_m", "transfer_m", "tactical_diameter_m"),
-    "zigzag": (from_order(1), from_order(2), "initial_turning_m"),
-    "stopping": ("track_reach_m", "head_reach_m", "lateral_deviation_m", "stopping_time_s"),
-    "pull_out": ("residual_yaw_rate_dps",),
-    "acceleration": ("time_to_90_percent_s", "distance_to_90_percent_m"),
-    "crabbing": ("sway_mps",),
-    "thruster_test": ("last_yaw_rate_dps",),
-}
-"""The indices of a kind that stand on the page of indices; of kinds that are not here the first three."""
-_SINGLE = ("speed_run", "acceleration", "crabbing", "thruster_test")
-"""Kinds whose runs differ in their settings: no means over them."""
-_SPEED_SHARE = 0.2
-_FEW_RUNS = 2  # of which no interval is made
-_TESTS_AFTER_APPROACH = ("zigzag", "turning_circle", "stopping", "spiral")
-_LEADS_INTO_S, _LEAST_TEST_DEG = 30.0, 270.0  # the end of a straight run is known to some 20 s
 
 
 @dataclass(frozen=True, slots=True)
@@ -417,11 +391,11 @@ class CriterionResult:
     def as_json(self) -> dict[str, Any]:
         """With the keys of the contract."""
         value = {"value": None, "low": None, "high": None, "unit": None, "limit": None, "counted_from": None}
-        known = self.mean.index.as_json() if self.mean else value
+        numbers = self.mean.index.as_json() if self.mean else value
         runs = self.mean.runs if self.mean else 0
         return {
             "criterion": self.criterion.name, "clause": f"{RESOLUTION}, {self.criterion.clause}", "side": self.side,
-            "index": self.criterion.index, **known, "runs": runs, "result": self.result,
+            "index": self.criterion.index, **numbers, "runs": runs, "result": self.result,
             "missing": list(self.missing),
         }  # fmt: skip
 
@@ -431,7 +405,11 @@ def mean_of(runs: Sequence[Index]) -> Mean:
     two runs the range that their own intervals cover. Its limit is the strictest, and it shows what all of them
     show."""
     count = len(runs)
-    low, high = _range(runs) if count <= _FEW_RUNS else _interval(runs)
+    if count <= _FEW_RUNS:
+        bounds = [(run.low, run.high, *([run.value] if count > 1 else ())) for run in runs]
+        low, high = float(np.min(bounds)), float(np.max(bounds))
+    else:
+        low, high = _interval(runs)
     value = float(np.mean([run.value for run in runs]))
     lengths = [run.lengths for run in runs if run.lengths is not None]
     limits = [run.limit for run in runs if run.limit is not None]
@@ -445,71 +423,60 @@ def mean_of(runs: Sequence[Index]) -> Mean:
     return Mean(replace(index, result=result, missing=missing), count)
 
 
-def _range(runs: Sequence[Index]) -> tuple[float, float]:
-    """From the least to the greatest of one or two runs, with what each is known within."""
-    if len(runs) == 1:
-        return runs[0].low, runs[0].high
-    ends = np.array([(each.value, each.low, each.high) for each in runs])
-    return float(ends.min()), float(ends.max())
-
-
 def _interval(runs: Sequence[Index]) -> tuple[float, float]:
     """The 95 % interval of the mean of runs, from their own or from their scatter, whichever is wider."""
     from scipy.stats import t
 
-    count, values = len(runs), np.array([each.value for each in runs])
-    within = np.array([0.5 * (each.high - each.low) for each in runs])
+    count, values = len(runs), np.array([run.value for run in runs])
+    within = np.array([0.5 * (run.high - run.low) for run in runs])
     scatter = t.ppf(0.975, count - 1) * values.std(ddof=1) / np.sqrt(count)
     half = float(np.max([np.sqrt(np.sum(within**2)) / count, scatter]))
     return float(values.mean()) - half, float(values.mean()) + half
 
 
 def index_rows(runs: Iterable[Manoeuvre]) -> list[IndexRow]:
-    """The main indices of all tests: means over like ones, tests that have limits first. Approaches and turns to
-    another course are none.
+    """The main indices of all tests: means over like runs, tests that have limits first.
+
+    Left out are turns to a new course that show no criterion, and straight runs that lead into a test; a circle of
+    less than three quarters is no such test, as it may lead to the reciprocal course and the next run.
     """
     trial = tuple(runs)
     largest_deg = largest_helm_deg(trial)
-    tested = (run for run in trial if not (_is_approach(run, trial) or _is_change_of_course(run, largest_deg)))
+    tested = []
+    for run in trial:
+        is_approach = run.kind == "speed_run" and any(
+            0.0 <= (test.start - run.end).total_seconds() <= _LEADS_INTO_S
+            and test.kind in _TESTS_AFTER_APPROACH
+            and test.settings.get("turned_deg", 360.0) >= _LEAST_TEST_DEG
+            for test in trial
+        )
+        criteria = (criterion_of(run, name, largest_deg) for name in run.indices)
+        if not (is_approach or (run.kind == "course_change" and not any(criteria))):
+            tested.append(run)
     tests = [_rows_of_test(test, largest_deg) for test in like_runs(tested)]
     ordered = sorted(tests, key=lambda rows: not any(row.result for row in rows))
     return [replace(row, place=place) for place, rows in enumerate(ordered) for row in rows]
 
 
-def _is_approach(run: Manoeuvre, trial: Iterable[Manoeuvre]) -> bool:
-    """Whether a straight run leads into a test. A circle of less than three quarters may lead to the reciprocal
-    course, and the next run."""
-    return run.kind == "speed_run" and any(
-        0.0 <= (test.start - run.end).total_seconds() <= _LEADS_INTO_S
-        and test.kind in _TESTS_AFTER_APPROACH
-        and test.settings.get("turned_deg", 360.0) >= _LEAST_TEST_DEG
-        for test in trial
-    )
-
-
-def _is_change_of_course(run: Manoeuvre, largest_deg: float) -> bool:
-    return run.kind == "course_change" and not any(criterion_of(run, name, largest_deg) for name in run.indices)
-
-
 def like_runs(manoeuvres: Iterable[Manoeuvre]) -> list[list[Manoeuvre]]:
     """The manoeuvres in groups of like runs, in the order of each group's first."""
+
+    def are_alike(first: Manoeuvre, second: Manoeuvre) -> bool:
+        if (first.kind, first.name) != (second.kind, second.name) or first.kind in _SINGLE:
+            return False
+        if any(map(ne, _angles_of(first), _angles_of(second))):  # the crew may have given two tests one name
+            return False
+        speeds = [run.settings.get("approach_mps", 0.0) for run in (first, second)]
+        return abs(speeds[0] - speeds[1]) <= _SPEED_SHARE * max(map(abs, speeds))
+
     groups: list[list[Manoeuvre]] = []
-    for each in manoeuvres:
-        like = next((group for group in groups if _alike(group[0], each)), None)
-        if like is None:
-            groups.append([each])
+    for manoeuvre in manoeuvres:
+        group = next((group for group in groups if are_alike(group[0], manoeuvre)), None)
+        if group is None:
+            groups.append([manoeuvre])
         else:
-            like.append(each)
+            group.append(manoeuvre)
     return groups
-
-
-def _alike(one: Manoeuvre, other: Manoeuvre) -> bool:
-    if (one.kind, one.name) != (other.kind, other.name) or one.kind in _SINGLE:
-        return False
-    if any(map(ne, _angles_of(one), _angles_of(other))):  # the crew may have given two tests one name
-        return False
-    speeds = [each.settings.get("approach_mps", 0.0) for each in (one, other)]
-    return abs(speeds[0] - speeds[1]) <= _SPEED_SHARE * max(map(abs, speeds))
 
 
 def _angles_of(run: Manoeuvre) -> tuple[float, float]:
@@ -521,36 +488,29 @@ def test_name(test: Sequence[Manoeuvre]) -> str:
     """What like runs are: the name of the test and the mean speed of the approach, of a single run the time."""
     if test[0].kind in _SINGLE:
         return f"{test[0].name[:1].upper()}{test[0].name[1:]}, {test[0].start:%H:%M:%S}"
-    speeds = [each.settings["approach_mps"] for each in test if "approach_mps" in each.settings]
+    speeds = [run.settings["approach_mps"] for run in test if "approach_mps" in run.settings]
     at = f" at {np.mean(speeds):.2f} m/s" if speeds else ""
     return f"{test[0].name[:1].upper()}{test[0].name[1:]}{at}"
 
 
 def _rows_of_test(test: Sequence[Manoeuvre], largest_deg: float) -> list[IndexRow]:
-    names = dict.fromkeys(name for run in test for name in _main_indices(run))
-    rows = []
+    """The main indices of like runs, by side with the current removed where all runs to it have that."""
+    names, rows = dict[str, None](), []
+    for run in test:
+        main = _MAIN.get(run.kind, tuple(run.indices)[:3])
+        if run.kind == "speed_run":
+            speeds = ("speed_through_water_mps", "speed_over_ground_mps")
+            main = speeds[:1] if speeds[0] in run.indices else speeds[1:]
+        names |= dict.fromkeys(name for name in main if name in run.indices)
     for name in names:
-        sides = {
-            side: _side_of(runs, name)
-            for side in ("port", "starboard", "")
-            if (runs := [run for run in test if run.side == side and name in run.indices])
-        }
+        sides = {}
+        for side in ("port", "starboard", ""):
+            if runs := [run for run in test if run.side == side and name in run.indices]:
+                removed = all(name + REMOVED in run.indices for run in runs)
+                mean = mean_of([run.indices[name + REMOVED * removed] for run in runs])
+                sides[side] = replace(mean, removed=removed)
         rows.append(IndexRow(test_name(test), name, sides, criterion_of(test[0], name, largest_deg)))
     return rows
-
-
-def _side_of(runs: Sequence[Manoeuvre], name: str) -> Mean:
-    """The mean of an index over the runs to one side, with the current removed where all of them have that."""
-    removed = all(name + REMOVED in run.indices for run in runs)
-    return replace(mean_of([run.indices[name + REMOVED * removed] for run in runs]), removed=removed)
-
-
-def _main_indices(manoeuvre: Manoeuvre) -> list[str]:
-    found = manoeuvre.indices
-    main: Iterable[str] = _MAIN.get(manoeuvre.kind, tuple(found)[:3])
-    if manoeuvre.kind == "speed_run":
-        main = ["speed_through_water_mps" if "speed_through_water_mps" in found else "speed_over_ground_mps"]
-    return [name for name in main if name in found]
 
 
 def criteria_of(rows: Sequence[IndexRow]) -> list[CriterionResult]:
@@ -562,9 +522,6 @@ def criteria_of(rows: Sequence[IndexRow]) -> list[CriterionResult]:
     return [_criterion_result(criterion, side, rows) for criterion in CRITERIA for side in criterion.sides]
 
 
-_ORDER_OF_RESULTS = (NOT_MET, CANNOT_BE_SAID, MET, NOT_SHOWN)
-
-
 def _criterion_result(criterion: Criterion, side: str, rows: Sequence[IndexRow]) -> CriterionResult:
     means = [row.sides[side] for row in rows if row.criterion is criterion and side in row.sides]
     shown = [mean for mean in means if mean.index.limit is not None]
@@ -573,8 +530,10 @@ def _criterion_result(criterion: Criterion, side: str, rows: Sequence[IndexRow])
         return CriterionResult(criterion, side, mean, mean.index.result, mean.index.missing)
     if means:
         return CriterionResult(criterion, side, means[0], NOT_SHOWN, means[0].index.missing or (NO_LENGTH,))
-    other = any(row.criterion is criterion for row in rows)
-    return CriterionResult(criterion, side, None, NOT_SHOWN, (f"no run to {side}" if other else "no such test",))
+    is_tested = any(row.criterion is criterion for row in rows)
+    return CriterionResult(
+        criterion, side, None, NOT_SHOWN, (f"no run to {side}" if is_tested else "no such test",)
+    )
 
 
 def headline_of_criteria(results: Sequence[CriterionResult], subject: str = "The trial") -> str:
@@ -583,24 +542,23 @@ def headline_of_criteria(results: Sequence[CriterionResult], subject: str = "The
     total = len(results)
     if len(by_result[MET]) == total:
         return f"{subject} meets IMO {RESOLUTION}: all {total} criteria are shown and met."
-    not_for_her = next((why for entry in results for why in entry.missing if why.startswith(NOT_FOR_SHIP)), "")
+    not_for_ship = next((why for entry in results for why in entry.missing if why.startswith(NOT_FOR_SHIP)), "")
     parts = [f"{len(by_result[MET])} of {total} criteria of IMO {RESOLUTION} are shown and met"]
-    parts = [f"IMO {RESOLUTION}: {not_for_her}; its limits are for information only"] if not_for_her else parts
+    parts = [f"IMO {RESOLUTION}: {not_for_ship}; its limits are for information only"] if not_for_ship else parts
     for name, words in (
         (NOT_MET, "not met"),
         (CANNOT_BE_SAID, "cannot be said, as the interval contains the limit"),
     ):
         if by_result[name]:
             parts.append(f"{words}: {_sided_names(by_result[name])}")
-    parts += [] if not_for_her else [f"{len(by_result[NOT_SHOWN])} are not shown"]
-    above = [entry for entry in by_result[NOT_SHOWN] if entry.mean and _lies_above(entry.mean.index)]
+    parts += [] if not_for_ship else [f"{len(by_result[NOT_SHOWN])} are not shown"]
+    above = [
+        entry for entry in by_result[NOT_SHOWN]
+        if entry.mean and entry.mean.index.limit is not None and entry.mean.index.value > entry.mean.index.limit
+    ]  # fmt: skip
     if above:
         parts.append(f"above the limit lie: {_sided_names(above)}")
     return "; ".join(parts) + "."
-
-
-def _lies_above(index: Index) -> bool:
-    return index.limit is not None and index.value > index.limit
 
 
 def _sided_names(results: Sequence[CriterionResult]) -> str:
@@ -608,7 +566,10 @@ def _sided_names(results: Sequence[CriterionResult]) -> str:
     sides: dict[str, list[str]] = {}
     for entry in results:
         sides.setdefault(entry.criterion.name, []).append(entry.side)
-    return ", ".join(f"{name} to {' and '.join(both)}" if any(both) else name for name, both in sides.items())
+    return ", ".join(
+        f"{name} to {' and '.join(criterion_sides)}" if any(criterion_sides) else name
+        for name, criterion_sides in sides.items()
+    )
 
 
 def shortfalls_of(results: Sequence[CriterionResult]) -> list[tuple[str, str]]:

@@ -1,15 +1,14 @@
-"""Finding manoeuvres in a table: zigzags and circles by the helm, the others by the shafts.
+"""Finding manoeuvres in a table: zigzags and circles by the helm, the others by the shafts; and their current.
 
 No threshold depends on the size of a ship or of a command: a command is held or changed relative to its own
 noise, a ship is fast or slow relative to the highest speed of the recording. Event marks of the crew ("zigzag
 20/20 start") name the manoeuvre that they enclose, and admit short ones that would otherwise be rejected.
 
-The current of a trial, taken off runs that have no circle of their own to show it.
-
-Circles of more than 510 deg give the drift north and east, pairs of reciprocal runs that along their course, with
-what the wind does to the speed. All that were sailed within two hours of a run count, weighted by their intervals.
-What the current may have changed by in between is that of the semidiurnal tide (M2, 12.42 h, Pugh and Woodworth
-2014) of the same speed, at its steepest: it widens each interval with the time between.
+The current is removed from runs that have no circle of their own to show it. Circles of more than 510 deg give the
+drift north and east, pairs of reciprocal runs that along their course, with what the wind does to the speed. All
+that were sailed within two hours of a run count, weighted by their intervals. The current is taken to change at
+most as fast as a semidiurnal tide (M2, 12.42 h, Pugh and Woodworth 2014) of the same speed does at its steepest,
+which widens each interval with the time between.
 """
 
 from __future__ import annotations
@@ -29,32 +28,10 @@ from seatrial.acquisition.core.errors import InputError
 from seatrial.acquisition.core.named_code import OwnCodeError, file_of, load, own_code, require_call
 from seatrial.acquisition.core.quantities import Bools, Floats
 from seatrial.analysis.conditions import recorded_conditions, with_stronger_wind
+from seatrial.analysis.manoeuvres import kinds, measures
 from seatrial.analysis.manoeuvres.criteria import add_limits
-from seatrial.analysis.manoeuvres.indices import Current, Index, LeftOut, Manoeuvre, index_of
-from seatrial.analysis.manoeuvres.kinds import (
-    FEWEST_SWINGS,
-    LEAST_TURN_OF_ONE_SIDE_DEG,
-    REMOVED,
-    circle_indices,
-    remove_current,
-    shows_current,
-    turn_of,
-    zigzag,
-    zigzag_chains,
-    zigzag_indices,
-)
-from seatrial.analysis.manoeuvres.measures import (
-    WIDEST_S,
-    Plateau,
-    half_width_s,
-    helm_rate_dps,
-    join_held,
-    merge_corrections,
-    plateaus,
-    smooth_motion,
-    tolerance_of,
-    turning_points,
-)
+from seatrial.analysis.manoeuvres.indices import Current, LeftOut, Manoeuvre, index_of
+from seatrial.analysis.manoeuvres.measures import Plateau
 from seatrial.analysis.manoeuvres.motion import Motion, motion_of, noise_of, stretches
 from seatrial.analysis.manoeuvres.runs import (
     LONGEST_BETWEEN_S,
@@ -78,10 +55,23 @@ from seatrial.analysis.tables.table import trial_of
 _LEAST_HELM_DEG, _LEAST_STEP_DEG = 2.5, 1.0
 _STEADY_HELM_SHARE, _STEADY_HELM_DEG = 0.35, 2.0
 _WIDEST_HELM_DEG = 75.0
-_KNOWN_SHARE = 0.9  # of a manoeuvre in which pose and speeds have to be measured
+_MEASURED_SHARE = 0.9  # of a manoeuvre in which pose and speeds have to be measured
 _RUNNING_SHARE = 0.08
 _SHORTEST_S = 20.0
 _NO_HELM = "no helm was recorded: the angle of a rudder or a thruster, or propellers to both sides"
+_START = re.compile(r"\b(start|begin|execute)\w*", re.I)
+_END = re.compile(r"\b(end|stop|finish|complete)\w*$", re.I)
+_MARK_WORDS = {
+    "zigzag": "zig", "turning_circle": "turn circle", "course_change": "turn circle", "speed_run": "speed run",
+    "acceleration": "accel", "stopping": "stop crash", "crabbing": "crab side", "pull_out": "pull",
+    "spiral": "spiral dieudonne", "reverse_spiral": "spiral bech", "thruster_test": "thrust",
+    "williamson_turn": "williamson man overboard",
+}  # fmt: skip
+"""By kind of manoeuvre the words of which a mark has to contain one to name it."""
+_TIDE_RADPS = 2.0 * np.pi / (12.42 * 3600.0)
+_LEAST_SPREAD = 0.13  # of directions, the smaller eigenvalue: two courses 30 deg apart
+_MARGIN_S, _LONGEST_RUN_ON_S = 20.0, 300.0
+_KINDS = ("turning_circle", "course_change", "zigzag", "stopping")
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,10 +88,6 @@ class Mark:
         return self.start_ns - slack_ns <= time.value <= self.end_ns + slack_ns
 
 
-_START = re.compile(r"\b(start|begin|execute)\w*", re.I)
-_END = re.compile(r"\b(end|stop|finish|complete)\w*$", re.I)
-
-
 def marks_of(events: Iterable[tuple[int, str]]) -> tuple[Mark, ...]:
     """The manoeuvres enclosed by event marks: a text with "start", up to the next with "start" or "end".
 
@@ -109,10 +95,12 @@ def marks_of(events: Iterable[tuple[int, str]]) -> tuple[Mark, ...]:
     ['zigzag 20/20']
     """
     ordered = sorted(events)
-    telling = [(time, text.strip()) for time, text in ordered if _START.search(text) or _END.search(text.strip())]
-    ends = [*(time for time, _ in telling), np.iinfo(np.int64).max // 2][1:]
+    boundaries = [
+        (time, text.strip()) for time, text in ordered if _START.search(text) or _END.search(text.strip())
+    ]
+    ends = [*(time for time, _ in boundaries), np.iinfo(np.int64).max // 2][1:]
     return tuple(Mark(" ".join(_START.sub("", text).split()), time, end)
-                 for (time, text), end in zip(telling, ends, strict=True) if _START.search(text))  # fmt: skip
+                 for (time, text), end in zip(boundaries, ends, strict=True) if _START.search(text))  # fmt: skip
 
 
 def find_manoeuvres(
@@ -125,7 +113,7 @@ def find_manoeuvres(
 
     ``table`` is indexed by UTC, at 1 Hz or faster, raw or resampled. ``length_m`` is the ship's length between
     perpendiculars, for indices in lengths and the IMO limits; without it both are left out. ``events`` are
-    (time [ns since 1970], text) as in a recording. ``conditions`` complete what the table itself tells of its
+    (time [ns since 1970], text) as in a recording. ``conditions`` complete what the table itself has of its
     trial, for the results against the limits. Raises :class:`InputError` where channels are missing.
     Methods: ITTC 7.5-04-02-01, IMO MSC.137(76) and MSC/Circ.1053.
     """
@@ -136,12 +124,12 @@ def manoeuvres_and_left_out(
     table: pd.DataFrame,
     length_m: float | None = None,
     events: Iterable[tuple[int, str]] = (),
-    own: Sequence[str] = (),
+    finders: Sequence[str] = (),
     conditions: Conditions | None = None,
 ) -> tuple[tuple[Manoeuvre, ...], tuple[LeftOut, ...]]:
     """As :func:`find_manoeuvres`, with the rejected candidates and the reasons, in order of time.
 
-    ``own`` are a user's finders, ``FILE.py:FUNCTION`` or entry points of ``seatrial.manoeuvres``: functions
+    ``finders`` are a user's finders, ``FILE.py:FUNCTION`` or entry points of ``seatrial.manoeuvres``: functions
     from :class:`Motion` to :class:`Manoeuvre`s, which may overlap those found here.
     """
     conditions = conditions_of_table(table, length_m, conditions)
@@ -152,23 +140,26 @@ def manoeuvres_and_left_out(
         return (), (LeftOut("manoeuvre", *bounds, why),)
     events = list(events)
     marks = marks_of(events)
-    smooth = smooth_motion(motion, max(WIDEST_S, 3 * motion.step_s))
+    smooth = measures.smooth_motion(motion, max(measures.WIDEST_S, 3 * motion.step_s))
     steered, taken = _zigzags_and_turns(motion, smooth, marks)
     tests = find_thruster_tests(motion, smooth, ~taken) if motion.drives else []
-    for each in tests:
-        taken |= _rows_of(motion, each) & isinstance(each, Manoeuvre)
-    straight = _runs_by_shaft(motion, smooth, ~taken, events) if motion.drives else []
-    judged = [_unless_unknown(motion, each) for each in sorted([*steered, *tests, *straight], key=in_time)]
-    runs = remove_currents(motion, [each for each in judged if isinstance(each, Manoeuvre)])
-    named = (_apply_mark(each, marks) for each in runs)
-    added = [each for name in own for each in _found_by(name, motion)]
-    every = sorted([*add_limits(named, conditions), *added], key=in_time)
-    left_out = [each for each in judged if isinstance(each, LeftOut)]
+    for test in tests:
+        taken |= _rows_of(motion, test) & isinstance(test, Manoeuvre)
+    straight = list[Manoeuvre | LeftOut]()
+    if motion.drives:
+        straight += find_stops(motion, smooth, ~taken, engine_orders(motion, events))
+        straight += [*find_accelerations(motion, smooth, ~taken), *find_speed_runs(motion, smooth, ~taken)]
+    candidates = sorted([*steered, *tests, *straight], key=in_time)
+    judged = [_reject_unmeasured(motion, candidate) for candidate in candidates]
+    runs = remove_currents(motion, [run for run in judged if isinstance(run, Manoeuvre)])
+    added = [run for name in finders for run in _call_finder(name, motion)]
+    manoeuvres = sorted([*add_limits(_apply_marks(runs, marks), conditions), *added], key=in_time)
+    left_out = [candidate for candidate in judged if isinstance(candidate, LeftOut)]
     if not motion.steering:
         left_out.insert(0, LeftOut("turn or zigzag", *bounds, _NO_HELM))
-    elif not every and not left_out:
+    elif not manoeuvres and not left_out:
         left_out = [LeftOut("manoeuvre", *bounds, _reason_for_none(motion, smooth))]
-    return tuple(every), tuple(left_out)
+    return tuple(manoeuvres), tuple(left_out)
 
 
 def conditions_of_table(
@@ -176,7 +167,7 @@ def conditions_of_table(
 ) -> Conditions:
     """The conditions of a recording: what is stated, completed by what the recording itself shows.
 
-    Raises :class:`InputError` for a length that is none.
+    Raises :class:`InputError` for a length that is not positive.
     """
     recorded = recorded_conditions(trial_of(table), table)
     conditions = with_stronger_wind((stated or Conditions()).with_known(recorded), recorded)
@@ -201,10 +192,10 @@ def runs_of_trial(recordings: Sequence[RecordedRuns]) -> list[tuple[Manoeuvre, .
     """
     observations = [seen for recording in recordings for seen in observations_of(recording.runs)]
     trial = [run for recording in recordings for run in recording.runs]
-    return [_with_trial(recording, observations, trial) for recording in recordings]
+    return [_apply_trial_current(recording, observations, trial) for recording in recordings]
 
 
-def _with_trial(
+def _apply_trial_current(
     recording: RecordedRuns, observations: Sequence[Observation], trial: Sequence[Manoeuvre]
 ) -> tuple[Manoeuvre, ...]:
     runs, conditions = tuple(recording.runs), conditions_of_table(recording.table, stated=recording.stated)
@@ -218,42 +209,35 @@ def _with_trial(
     return add_limits(with_current, replace(conditions, current_mps=speed_mps), trial)
 
 
-def _runs_by_shaft(
-    motion: Motion, smooth: Motion, free: Bools, events: Iterable[tuple[int, str]]
-) -> list[Manoeuvre | LeftOut]:
-    """Stops, accelerations and speed runs where no other manoeuvre is."""
-    stops = find_stops(motion, smooth, free, engine_orders(motion, events))
-    return [*stops, *find_accelerations(motion, smooth, free), *find_speed_runs(motion, smooth, free)]
-
-
 def _reason_for_none(motion: Motion, smooth: Motion) -> str:
-    """Why a recording holds no manoeuvre and nothing that was near to one."""
+    """Why a recording holds no manoeuvre and no candidate."""
     helm = f"the direction of the thrust of {len(motion.drives)} drives" if motion.steers_by_thrust else "the helm"
+    least_deg = kinds.LEAST_TURN_OF_ONE_SIDE_DEG
     return (
-        f"{helm} was never held until the ship had turned by {LEAST_TURN_OF_ONE_SIDE_DEG:.0f} deg, and did not "
-        "alternate from side to side; no thrust was held on a straight course, or changed; the ship made "
+        f"{helm} was never held until the ship had turned by {least_deg:.0f} deg, and did not alternate from side "
+        "to side; no thrust was held on a straight course, or changed; the ship made "
         f"{smooth.fastest_mps:.2g} m/s at most"
     )
 
 
-def _unless_unknown(motion: Motion, each: Manoeuvre | LeftOut) -> Manoeuvre | LeftOut:
-    """A manoeuvre, unless position, heading or speeds are missing in too much of it."""
-    known = float(motion.known[_rows_of(motion, each)].mean())
-    if isinstance(each, LeftOut) or known >= _KNOWN_SHARE:
-        return each
-    why = f"position, heading or speeds are missing in {1.0 - known:.0%} of it"
-    return LeftOut(each.kind, each.start, each.end, why)
+def _reject_unmeasured(motion: Motion, candidate: Manoeuvre | LeftOut) -> Manoeuvre | LeftOut:
+    """A candidate, rejected where position, heading or speeds are missing in too much of it."""
+    measured = float(motion.measured[_rows_of(motion, candidate)].mean())
+    if isinstance(candidate, LeftOut) or measured >= _MEASURED_SHARE:
+        return candidate
+    why = f"position, heading or speeds are missing in {1.0 - measured:.0%} of it"
+    return LeftOut(candidate.kind, candidate.start, candidate.end, why)
 
 
-def _found_by(name: str, motion: Motion) -> list[Manoeuvre]:
+def _call_finder(name: str, motion: Motion) -> list[Manoeuvre]:
     """The manoeuvres of a user's finder; a failure is logged, and the others go on."""
     function = load(name, "manoeuvres")
     require_call(function, name, "motion")
     with suppress(OwnCodeError), own_code(name, file_of(function)):
-        found = list(function(motion))
-        if not all(isinstance(each, Manoeuvre) for each in found):
+        manoeuvres = list(function(motion))
+        if not all(isinstance(manoeuvre, Manoeuvre) for manoeuvre in manoeuvres):
             raise TypeError("it returned something other than seatrial.analysis.manoeuvres.indices.Manoeuvre")
-        return found
+        return manoeuvres
     return []
 
 
@@ -263,31 +247,41 @@ def _zigzags_and_turns(
     """Zigzags and turns, what was rejected, and the rows that they take."""
     helm, fastest_mps = helm_of(motion), smooth.fastest_mps
     # Reversed thrust turns the direction of thrust by 180 deg at once, which is not a rate of the helm.
-    usual = np.where(np.abs(helm) > _WIDEST_HELM_DEG, 0.0, helm)
-    motion = replace(motion, helm_deg=helm, helm_rate_dps=helm_rate_dps(usual, motion.step_s))
-    every = held_helms(motion)
-    held = off_the_middle(helm, every)
-    calm, rows = turning_points(helm, motion.step_s)
+    ahead = np.where(np.abs(helm) > _WIDEST_HELM_DEG, 0.0, helm)
+    motion = replace(motion, helm_deg=helm, helm_rate_dps=measures.helm_rate_dps(ahead, motion.step_s))
+    helms = helm_plateaus(motion)
+    held = plateaus_off_amidships(helm, helms)
+    calm, rows = measures.turning_points(helm, motion.step_s)
     extremes = [Plateau(row, row + 1, float(calm[row]), 0.0) for row in rows]  # the reversals of the helm
-    alternating = zigzag_chains(motion, join_held(helm, held, motion.step_s), extremes)
-    chains = [chain for chain in alternating if _is_believable(motion, chain, marks)]
+    alternating = kinds.zigzag_chains(motion, measures.join_held(helm, held, motion.step_s), extremes)
+    starts = [motion.utc(float(motion.time_s[chain[0].first])) for chain in alternating]
+    zigzag_marks = [mark for mark in marks if "zig" in mark.text.lower()]
+    chains = [chain for chain, start in zip(alternating, starts, strict=True)
+              if len(chain) >= kinds.FEWEST_SWINGS or any(mark.covers(start) for mark in zigzag_marks)]  # fmt: skip
     taken = _rows_of_chains(motion, chains)
-    spirals = spiral_steps(motion, _free_of(every, taken))
+    spirals = spiral_steps(motion, _drop_taken(helms, taken))
     taken |= _rows_of_chains(motion, spirals)
-    found = [*(zigzag(motion, chain) for chain in chains), *(spiral(motion, each) for each in spirals)]
-    rates = reverse_spiral_steps(motion, smooth.yaw_rate_dps, ~_taken_by(motion, found)) if helm.any() else []
-    reverse = [reverse_spiral(motion, each) for each in rates]
-    found, taken = [*found, *reverse], taken | _taken_by(motion, reverse)
-    free = _free_of(held, taken)
+    manoeuvres = [*(kinds.zigzag(motion, chain) for chain in chains), *(spiral(motion, steps) for steps in spirals)]
+    rates = (
+        reverse_spiral_steps(motion, smooth.yaw_rate_dps, ~_rows_taken(motion, manoeuvres)) if helm.any() else []
+    )
+    reverse = [reverse_spiral(motion, steps) for steps in rates]
+    manoeuvres, taken = [*manoeuvres, *reverse], taken | _rows_taken(motion, reverse)
+    free = _drop_taken(held, taken)
     williamson = find_williamson_turns(motion, free)
-    turns = join_held(helm, _free_of(free, _taken_by(motion, williamson)), motion.step_s)
-    judged = [turn for each in turns if (turn := turn_of(motion, each, fastest_mps))]
-    found += [*williamson, *(turn for turn in judged if isinstance(turn, Manoeuvre))]
-    found += find_pull_outs(motion, _free_of(every, taken), smooth.yaw_rate_dps, fastest_mps)
-    short = [_short_zigzag(motion, chain) for chain in alternating if len(chain) == FEWEST_SWINGS - 1]
-    left_out = [each for each in (*judged, *short) if isinstance(each, LeftOut)]
-    taken = _taken_by(motion, found)
-    return [*found, *(each for each in left_out if not taken[_rows_of(motion, each)].any())], taken
+    turns = measures.join_held(helm, _drop_taken(free, _rows_taken(motion, williamson)), motion.step_s)
+    judged = [turn for plateau in turns if (turn := kinds.turn_of(motion, plateau, fastest_mps))]
+    manoeuvres += [*williamson, *(turn for turn in judged if isinstance(turn, Manoeuvre))]
+    manoeuvres += find_pull_outs(motion, _drop_taken(helms, taken), smooth.yaw_rate_dps, fastest_mps)
+    left_out = [candidate for candidate in judged if isinstance(candidate, LeftOut)]
+    for chain, start in zip(alternating, starts, strict=True):
+        if len(chain) == kinds.FEWEST_SWINGS - 1:
+            end = motion.utc(float(motion.time_s[chain[-1].end - 1]))
+            why = f"the helm alternates {len(chain)} times, less than {kinds.FEWEST_SWINGS}"
+            left_out.append(LeftOut("zigzag", start, end, why))
+    taken = _rows_taken(motion, manoeuvres)
+    left_out = [candidate for candidate in left_out if not taken[_rows_of(motion, candidate)].any()]
+    return [*manoeuvres, *left_out], taken
 
 
 def _rows_of_chains(motion: Motion, chains: Iterable[Sequence[Plateau]]) -> Bools:
@@ -297,19 +291,14 @@ def _rows_of_chains(motion: Motion, chains: Iterable[Sequence[Plateau]]) -> Bool
     return rows
 
 
-def _free_of(held: Sequence[Plateau], taken: Bools) -> list[Plateau]:
-    return [each for each in held if not taken[each.first : each.end].any()]
+def _drop_taken(held: Sequence[Plateau], taken: Bools) -> list[Plateau]:
+    return [plateau for plateau in held if not taken[plateau.first : plateau.end].any()]
 
 
-def _short_zigzag(motion: Motion, chain: Sequence[Plateau]) -> LeftOut:
-    start, end = (motion.utc(float(motion.time_s[row])) for row in (chain[0].first, chain[-1].end - 1))
-    return LeftOut("zigzag", start, end, f"the helm alternates {len(chain)} times, less than {FEWEST_SWINGS}")
-
-
-def _taken_by(motion: Motion, found: Iterable[Manoeuvre]) -> Bools:
+def _rows_taken(motion: Motion, manoeuvres: Iterable[Manoeuvre]) -> Bools:
     taken = np.zeros(motion.time_s.size, dtype=bool)
-    for each in found:
-        taken |= _rows_of(motion, each)
+    for manoeuvre in manoeuvres:
+        taken |= _rows_of(motion, manoeuvre)
     return taken
 
 
@@ -322,64 +311,44 @@ def helm_of(motion: Motion) -> Floats:
     return np.where(running, motion.helm_deg, 0.0)
 
 
-def held_helms(motion: Motion) -> list[Plateau]:
+def helm_plateaus(motion: Motion) -> list[Plateau]:
     """The plateaus of the helm."""
     helm, rate = motion.helm_deg, motion.helm_rate_dps
-    tolerance = tolerance_of(helm, _LEAST_STEP_DEG)
+    tolerance = measures.tolerance_of(helm, _LEAST_STEP_DEG)
     return [
-        replace(each, first=each.first + offset, end=each.end + offset)
+        replace(plateau, first=plateau.first + offset, end=plateau.end + offset)
         for offset, end in stretches(~motion.broken)
-        for each in merge_corrections(
-            plateaus(helm[offset:end], motion.step_s, tolerance, rate=rate), motion.step_s
+        for plateau in measures.merge_corrections(
+            measures.plateaus(helm[offset:end], motion.step_s, tolerance, rate=rate), motion.step_s
         )
     ]  # fmt: skip
 
 
-def off_the_middle(helm: Floats, held: Sequence[Plateau]) -> list[Plateau]:
+def plateaus_off_amidships(helm: Floats, held: Sequence[Plateau]) -> list[Plateau]:
     """The plateaus off amidships that are steady enough to be orders."""
     least = max(_LEAST_HELM_DEG, 4.0 * noise_of(helm))
     return [
-        each for each in held
-        if least <= abs(each.level) <= _WIDEST_HELM_DEG
-        and each.spread <= _STEADY_HELM_SHARE * abs(each.level) + _STEADY_HELM_DEG
+        plateau for plateau in held
+        if least <= abs(plateau.level) <= _WIDEST_HELM_DEG
+        and plateau.spread <= _STEADY_HELM_SHARE * abs(plateau.level) + _STEADY_HELM_DEG
     ]  # fmt: skip
 
 
-def _is_believable(motion: Motion, chain: list[Plateau], marks: Sequence[Mark]) -> bool:
-    """Whether a chain is a zigzag: three swings, or two with a crew's mark."""
-    start = motion.utc(float(motion.time_s[chain[0].first]))
-    marked = any("zig" in mark.text.lower() and mark.covers(start) for mark in marks)
-    return marked or len(chain) >= FEWEST_SWINGS
-
-
-def _rows_of(motion: Motion, each: Manoeuvre | LeftOut) -> Bools:
-    start, end = ((pd.Timestamp(time).value - motion.origin_ns) / 1e9 for time in (each.start, each.end))
+def _rows_of(motion: Motion, candidate: Manoeuvre | LeftOut) -> Bools:
+    start, end = motion.seconds_of(candidate.start), motion.seconds_of(candidate.end)
     return np.asarray((motion.time_s >= start) & (motion.time_s <= end))
 
 
-def _apply_mark(each: Manoeuvre, marks: Sequence[Mark]) -> Manoeuvre:
-    """A manoeuvre with the name given by the crew; a marked turn counts as a circle however short."""
-    text = next((mark.text for mark in marks if mark.covers(each.start) and mark.text), "")
-    if not text or not _fits_kind(each.kind, text):
-        return each
-    kind = "turning_circle" if each.kind == "course_change" else each.kind
-    return replace(each, kind=kind, name=text)
-
-
-def _fits_kind(kind: str, text: str) -> bool:
-    words = {
-        "zigzag": "zig", "turning_circle": "turn circle", "course_change": "turn circle", "speed_run": "speed run",
-        "acceleration": "accel", "stopping": "stop crash", "crabbing": "crab side", "pull_out": "pull",
-        "spiral": "spiral dieudonne", "reverse_spiral": "spiral bech", "thruster_test": "thrust",
-        "williamson_turn": "williamson man overboard",
-    }  # fmt: skip
-    return any(word in text.lower() for word in words[kind].split())
-
-
-_TIDE_RADPS = 2.0 * np.pi / (12.42 * 3600.0)
-_LEAST_SPREAD = 0.13  # of directions, the smaller eigenvalue: two courses 30 deg apart
-_MARGIN_S, _LONGEST_RUN_ON_S = 20.0, 300.0
-_KINDS = ("turning_circle", "course_change", "zigzag", "stopping")
+def _apply_marks(runs: Iterable[Manoeuvre], marks: Sequence[Mark]) -> list[Manoeuvre]:
+    """Manoeuvres with the names given by the crew; a marked turn counts as a circle however short."""
+    result = []
+    for run in runs:
+        text = next((mark.text for mark in marks if mark.covers(run.start) and mark.text), "")
+        if text and any(word in text.lower() for word in _MARK_WORDS[run.kind].split()):
+            kind = "turning_circle" if run.kind == "course_change" else run.kind
+            run = replace(run, kind=kind, name=text)
+        result.append(run)
+    return result
 
 
 class Observation(NamedTuple):
@@ -392,11 +361,11 @@ class Observation(NamedTuple):
 
 
 def observations_of(runs: Sequence[Manoeuvre]) -> list[Observation]:
-    """What circles and pairs of reciprocal runs say of the current."""
+    """The current as circles and pairs of reciprocal runs show it."""
     seen, pairs = list[Observation](), set[float]()
     for run in runs:
         time = run.start + (run.end - run.start) / 2
-        if run.current is not None and shows_current(run):
+        if run.current is not None and kinds.shows_current(run):
             current = run.current
             seen.append(Observation(time, (1.0, 0.0), current.north_mps, current.north_within_mps))
             seen.append(Observation(time, (0.0, 1.0), current.east_mps, current.east_within_mps))
@@ -411,23 +380,23 @@ def observations_of(runs: Sequence[Manoeuvre]) -> list[Observation]:
 
 def current_at(time: pd.Timestamp, observations: Sequence[Observation]) -> Current | None:
     """The current at a time, None where no two directions of it were observed within two hours."""
-    apart_s = np.array([abs((each.time - time).total_seconds()) for each in observations])
+    apart_s = np.array([abs((observation.time - time).total_seconds()) for observation in observations])
     near = apart_s <= LONGEST_BETWEEN_S
     if not near.any():
         return None
     direction, along, within = (
-        np.array([getattr(each, name) for each in observations])[near]
+        np.array([getattr(observation, name) for observation in observations])[near]
         for name in ("direction", "along_mps", "within_mps")
     )
     if np.linalg.eigvalsh(direction.T @ direction)[0] < _LEAST_SPREAD or not np.all(np.isfinite(within)):
         return None
-    speed_mps = float(np.linalg.norm(_weighted(direction, along, np.maximum(within, 1e-3))[0]))
+    speed_mps = float(np.linalg.norm(_weighted_current(direction, along, np.maximum(within, 1e-3))[0]))
     changed = speed_mps * np.minimum(_TIDE_RADPS * apart_s[near], 2.0)
-    (north, east), halves = _weighted(direction, along, np.hypot(np.maximum(within, 1e-3), changed))
+    (north, east), halves = _weighted_current(direction, along, np.hypot(np.maximum(within, 1e-3), changed))
     return Current(float(north), float(east), float(halves[0]), float(halves[1]))
 
 
-def _weighted(direction: Floats, along: Floats, within: Floats) -> tuple[Floats, Floats]:
+def _weighted_current(direction: Floats, along: Floats, within: Floats) -> tuple[Floats, Floats]:
     """The current north and east by weighted least squares, and the halves of their intervals [m/s]."""
     weights = 1.0 / within**2
     inverse = np.linalg.inv(direction.T @ (weights[:, None] * direction))
@@ -446,58 +415,57 @@ def remove_currents(
         place: current for place, run in enumerate(runs)
         if run.kind in _KINDS and run.current is None and (current := current_at(run.start, observations))
     }  # fmt: skip
-    return [_removed(motion, run, currents[place]) if place in currents else run for place, run in enumerate(runs)]
+    return [_remove_current(motion, run, currents[place]) if place in currents else run
+            for place, run in enumerate(runs)]  # fmt: skip
 
 
-def _removed(motion: Motion, run: Manoeuvre, current: Current) -> Manoeuvre:
-    start, end = ((time.value - motion.origin_ns) / 1e9 for time in (run.start, run.end))
+def _remove_current(motion: Motion, run: Manoeuvre, current: Current) -> Manoeuvre:
+    start, end = motion.seconds_of(run.start), motion.seconds_of(run.end)
     part = motion.around(start - _MARGIN_S, end + _LONGEST_RUN_ON_S * (run.kind == "stopping"), _MARGIN_S)
-    smooth, measure = smooth_motion(part, half_width_s(part, 0.1 * (end - start))), _measure_of(run, start, end)
+    smooth, measure = (
+        measures.smooth_motion(part, measures.half_width_s(part, 0.1 * (end - start))),
+        _choose_measure(run, start, end),
+    )
 
     def through_water(north_mps: float, east_mps: float) -> dict[str, float]:
-        return measure(remove_current(smooth, north_mps, east_mps, start))
+        return measure(kinds.remove_current(smooth, north_mps, east_mps, start))
 
     ground, flow = measure(smooth), (current.north_mps, current.east_mps)
     water = through_water(*flow)
-    more = [
+    perturbed = [
         through_water(flow[0] + current.north_within_mps, flow[1]),
         through_water(flow[0], flow[1] + current.east_within_mps),
     ]
-    indices = {
-        name + REMOVED: _shifted(
-            name, index, water[name] - ground[name], [each[name] - water[name] for each in more]
-        )
-        for name, index in run.indices.items()
-        if index.unit == "m" and name in ground and all(name in each for each in (water, *more))
-    }  # fmt: skip
+    indices = {}
+    for name, index in run.indices.items():
+        if index.unit == "m" and name in ground and all(name in values for values in (water, *perturbed)):
+            within = float(np.linalg.norm([values[name] - water[name] for values in perturbed]))
+            low, high = np.hypot(index.value - index.low, within), np.hypot(index.high - index.value, within)
+            value = index.value + (water[name] - ground[name])
+            length_m = index.value / index.lengths if index.lengths else None
+            indices[name + kinds.REMOVED] = replace(
+                index_of(name, value, 0.0, length_m), low=value - float(low), high=value + float(high),
+                counted_from=index.counted_from,
+            )  # fmt: skip
     if not indices:
         return run
     note = "the current removed is that of other runs of the trial, and what it may have changed by"
     return replace(run, indices={**run.indices, **indices}, current=current, notes=(*run.notes, note))
 
 
-def _measure_of(run: Manoeuvre, start: float, end: float) -> Callable[[Motion], dict[str, float]]:
+def _choose_measure(run: Manoeuvre, start: float, end: float) -> Callable[[Motion], dict[str, float]]:
+    """The measure of a run's indices, between the times of its execute and its end [s]."""
+
+    def measure_stop(motion: Motion) -> dict[str, float]:
+        astern = motion.time_s[(motion.time_s > start) & (motion.surge_mps <= 0.0)]  # stopped in the water
+        return stopping_indices(motion, np.array([start, float(astern[0]) if astern.size else end]))
+
     if run.kind == "stopping":
-        return lambda motion: stopping_indices(motion, np.array([start, _stopped_s(motion, start, end)]))
+        return measure_stop
     if run.kind == "zigzag":
         orders = start + np.array(
-            [0.0, *((each - run.start).total_seconds() for each in run.executes), end - start]
+            [0.0, *((execute - run.start).total_seconds() for execute in run.executes), end - start]
         )
         times = np.stack([orders, orders + run.settings["half_command_s"] * (orders < end)])
-        return lambda motion: zigzag_indices(motion, times)
-    return lambda motion: circle_indices(motion, np.array([start, end]))
-
-
-def _stopped_s(motion: Motion, start: float, end: float) -> float:
-    """When a ship has stopped in the water [s]; the end of the run where she has not."""
-    astern = motion.time_s[(motion.time_s > start) & (motion.surge_mps <= 0.0)]
-    return float(astern[0]) if astern.size else end
-
-
-def _shifted(name: str, index: Index, by: float, errors: Sequence[float]) -> Index:
-    """An index by what the current changes, and wider by what its errors do."""
-    wider = float(np.linalg.norm(errors))
-    low, high = np.hypot(index.value - index.low, wider), np.hypot(index.high - index.value, wider)
-    value, length_m = index.value + by, index.value / index.lengths if index.lengths else None
-    shifted = index_of(name, value, 0.0, length_m)
-    return replace(shifted, low=value - float(low), high=value + float(high), counted_from=index.counted_from)
+        return lambda motion: kinds.zigzag_indices(motion, times)
+    return lambda motion: kinds.circle_indices(motion, np.array([start, end]))

@@ -15,6 +15,9 @@ _BOUNDS = ("value", "low", "high")
 ORDER, HALF_HELM = "order", "half_helm"
 """The moments from which an index counts: that of the order, and that at which the helm was half over."""
 _UNCOUNTED = ("speed_run", "crabbing", "thruster_test", "spiral", "reverse_spiral")
+HELMS = ("azimuth_deg", "rudder_deg", "nozzle_deg")
+"""The settings of a helm, by what steers the ship."""
+UNITS = {"_deg": "deg", "_dps": "deg/s", "_mps2": "m/s2", "_mps": "m/s", "_rpm": "rpm", "_m": "m", "_s": "s"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,9 +46,14 @@ class Index:
 
     def as_json(self) -> dict[str, Any]:
         """The index with the contract's keys; unknown values are null."""
-        bounds = {name: _number(getattr(self, name)) for name in _BOUNDS}
-        said = {"unit": self.unit, "lengths": self.lengths, "limit": self.limit, "counted_from": self.counted_from}
-        return {**bounds, **said, "result": self.result, "missing": list(self.missing)}
+        bounds = {name: _null_for_nan(getattr(self, name)) for name in _BOUNDS}
+        properties = {
+            "unit": self.unit,
+            "lengths": self.lengths,
+            "limit": self.limit,
+            "counted_from": self.counted_from,
+        }
+        return {**bounds, **properties, "result": self.result, "missing": list(self.missing)}
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,10 +72,6 @@ class Current:
             "speed_mps": float(np.hypot(self.north_mps, self.east_mps)),
             "direction_deg": float(np.rad2deg(np.arctan2(self.east_mps, self.north_mps)) % 360.0),
         }
-
-
-HELMS = ("azimuth_deg", "rudder_deg", "nozzle_deg")
-"""The settings of a helm, by what steers the ship."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,19 +98,22 @@ class Manoeuvre:
     shortfalls: tuple[str, ...] = ()
 
     @classmethod
-    def from_json(cls, said: Mapping[str, Any]) -> Manoeuvre:
+    def from_json(cls, content: Mapping[str, Any]) -> Manoeuvre:
         """The inverse of :meth:`as_json`. Raises KeyError, TypeError or ValueError for what is none."""
         indices = {
-            name: Index(**{**each, **_with_nan(each, *_BOUNDS), "missing": tuple(each.get("missing", ()))})
-            for name, each in said["indices"].items()
+            name: Index(
+                **{**values, **_nan_for_null(values, *_BOUNDS), "missing": tuple(values.get("missing", ()))}
+            )
+            for name, values in content["indices"].items()
         }
-        drift = {name: said["current"][name] for name in Current.__slots__} if said["current"] else None
+        drift = {name: content["current"][name] for name in Current.__slots__} if content["current"] else None
         return cls(
-            kind=said["kind"], name=said["name"], start=pd.Timestamp(said["start"]), end=pd.Timestamp(said["end"]),
-            side=said["side"], settings=_with_nan(said["settings"], *said["settings"]), indices=indices,
+            kind=content["kind"], name=content["name"], side=content["side"],
+            start=pd.Timestamp(content["start"]), end=pd.Timestamp(content["end"]),
+            settings=_nan_for_null(content["settings"], *content["settings"]), indices=indices,
             current=Current(**drift) if drift else None,
-            executes=tuple(map(pd.Timestamp, said["executes"])), notes=tuple(said["notes"]),
-            shortfalls=tuple(said.get("shortfalls", ())),
+            executes=tuple(map(pd.Timestamp, content["executes"])), notes=tuple(content["notes"]),
+            shortfalls=tuple(content.get("shortfalls", ())),
         )  # fmt: skip
 
     @property
@@ -131,7 +138,7 @@ class Manoeuvre:
             "start": self.start.isoformat(),
             "end": self.end.isoformat(),
             "side": self.side,
-            "settings": {name: _number(value) for name, value in self.settings.items()},
+            "settings": {name: _null_for_nan(value) for name, value in self.settings.items()},
             "indices": {name: index.as_json() for name, index in self.indices.items()},
             "current": self.current.as_json() if self.current else {},
             "executes": [time.isoformat() for time in self.executes],
@@ -161,10 +168,7 @@ def side_of(positive_to_starboard: float) -> str:
 
 def as_json(manoeuvres: Iterable[Manoeuvre]) -> list[dict[str, Any]]:
     """Manoeuvres as plain values for JSON, in order of time."""
-    return [each.as_json() for each in manoeuvres]
-
-
-UNITS = {"_deg": "deg", "_dps": "deg/s", "_mps2": "m/s2", "_mps": "m/s", "_rpm": "rpm", "_m": "m", "_s": "s"}
+    return [manoeuvre.as_json() for manoeuvre in manoeuvres]
 
 
 def unit_of(name: str) -> str:
@@ -218,10 +222,10 @@ def from_order(number: int) -> str:
     return f"overshoot_{number}_from_order_deg"
 
 
-def _number(value: float) -> float | None:
+def _null_for_nan(value: float) -> float | None:
     return float(value) if np.isfinite(value) else None
 
 
-def _with_nan(said: Mapping[str, Any], *names: str) -> dict[str, float]:
-    """Numbers by name, NaN for null: the inverse of :func:`_number`."""
-    return {name: np.nan if said[name] is None else float(said[name]) for name in names}
+def _nan_for_null(content: Mapping[str, Any], *names: str) -> dict[str, float]:
+    """Numbers by name, NaN for null: the inverse of :func:`_null_for_nan`."""
+    return {name: np.nan if content[name] is None else float(content[name]) for name in names}

@@ -1,19 +1,16 @@
-"""Zigzag tests: helm to one side until the heading has changed by the switching angle, then to the other, and
-so on.
+"""Zigzags and turning circles, with their indices (IMO MSC.137(76), 4.2; ITTC 7.5-04-02-01).
 
-An overshoot is the change of heading in the old direction after an execute (MSC.137(76), 4.2.6 and 4.2.7; ITTC
-7.5-04-02-01): from the order, and beside it from the moment at which the helm was half over. It is measured on a
-fit of the heading, as the largest of noisy samples is too large.
-
-Turning circles: the helm put over and held, the path and the heading that follow (IMO MSC.137(76), 4.2).
+An overshoot is the change of heading in the old direction after an execute: from the order, and also from the
+moment at which the helm was half over. It is measured on a fit of the heading, as the largest of noisy samples is
+too large.
 
 Advance and transfer are measured along and across the heading of the approach, from the position at which the
 rudder order is given to where the heading has changed by 90 deg; the tactical diameter is the way across when it
-has changed by 180 deg (MSC.137(76), 4.2.3 and 4.2.4).
+has changed by 180 deg.
 
-The drift: in steady turning a ship comes back to the same point of the water after each turn, so that the way
-between two points of the track one turn apart, over the time between them, is the velocity of the water, with
-what the wind adds to it (ITTC 7.5-04-02-01, correction for drift). All pairs of the steady part count.
+In steady turning a ship comes back to the same point of the water after each turn, so that the way between two
+points of the track one turn apart, over the time between them, is the velocity of the water, with what the wind
+adds to it (correction for drift). All pairs of the steady part count.
 """
 
 from __future__ import annotations
@@ -25,32 +22,9 @@ from itertools import pairwise
 import numpy as np
 
 from seatrial.acquisition.core.quantities import Floats, to_ship
+from seatrial.analysis.manoeuvres import measures
 from seatrial.analysis.manoeuvres.indices import Current, LeftOut, Manoeuvre, from_order, nominal_deg, side_of
-from seatrial.analysis.manoeuvres.measures import (
-    APPROACH_S,
-    Execute,
-    Plateau,
-    along_and_across,
-    approach_of,
-    approach_settings,
-    bootstrap_indices,
-    contradiction_of,
-    count_notes,
-    crossing_s,
-    distance_m,
-    half_width_s,
-    helm_band_deg,
-    helm_change_s,
-    helm_execute,
-    helm_settings,
-    helm_text,
-    is_same_order,
-    manoeuvre_of,
-    mean_between,
-    next_execute,
-    peak,
-    smooth_motion,
-)
+from seatrial.analysis.manoeuvres.measures import Execute, Plateau
 from seatrial.analysis.manoeuvres.motion import BY_DIFFERENCE, Motion
 
 FEWEST_SWINGS = 3
@@ -65,6 +39,22 @@ _SAME_LEVEL_DEG, _LEVEL_RANGES = 1.0, 3.0  # deviation of a helm from the others
 SWITCH_SHARE = 0.16  # helms are switched early or late
 _INITIAL_TURN_DEG = 10.0
 _GATHERED_WAY = 0.2  # of the approach speed: no ship gains speed in a zigzag
+LEAST_CIRCLE_DEG, LEAST_TURN_OF_ONE_SIDE_DEG = 180.0, 90.0
+_CIRCLE_MARGIN_S = 20.0
+_SLOWEST_APPROACH = 0.3
+_STEADIEST_APPROACH = 0.25
+REMOVED = "_current_removed"
+_STEADY = ("steady_yaw_rate_dps", "steady_diameter_m", "steady_speed_mps", "drift_angle_deg")
+_COUNTED_FOR = {
+    "advance_m": "time_to_90_deg_s", "transfer_m": "time_to_90_deg_s",
+    "tactical_diameter_m": "time_to_180_deg_s",
+}  # fmt: skip
+"""Ways, and how long the drift has gone into them."""
+LEAST_TURN_DEG = 510.0
+LEAST_STEADY_DEG = 270.0
+"""The turn from which a part of it is steady: the first half of a circle is not, nor a quarter of what follows."""
+_STEADY_AFTER_DEG = 120.0
+_FEWEST_PAIRS = 10
 
 
 def zigzag_chains(motion: Motion, held: Sequence[Plateau], extremes: Sequence[Plateau]) -> list[list[Plateau]]:
@@ -75,100 +65,90 @@ def zigzag_chains(motion: Motion, held: Sequence[Plateau], extremes: Sequence[Pl
     without a plateau: such may be a first swing with a slow helm.
     """
     chains: list[list[Plateau]] = []
-    for each in held:
-        if chains and _continues(motion, chains[-1][-1], each):
-            chains[-1].append(each)
+    for plateau in held:
+        if chains and _is_next_swing(motion, chains[-1][-1], plateau):
+            chains[-1].append(plateau)
         else:
-            chains.append([each])
-    ordered = (
-        _as_ordered(motion, _with_first(motion, _without_course_keeping(motion, chain), extremes))
-        for chain in chains
-    )
-    return [chain for chain in ordered if len(chain) > 1 and _ship_answers(motion, chain)]
+            chains.append([plateau])
+    complete = []
+    for chain in chains:
+        swings = _complete_swings(motion, chain, extremes)
+        ordered_deg = float(np.median([abs(swing.level) for swing in swings]))  # also where a swing was cut short
+        swings = [replace(swing, level=float(np.copysign(ordered_deg, swing.level)))
+                  if _is_cut_short(motion, swing) else swing for swing in swings]  # fmt: skip
+        if len(swings) > 1:
+            turned, sides = _turned_deg(motion, swings), np.sign([swing.level for swing in swings])
+            responds = bool(np.all(turned[:-1] * sides[:-1] * (turned[0] * sides[0]) > 0))
+            if responds and np.all(np.abs(turned) < _WIDEST_SWING_DEG):  # none of them is a circle
+                complete.append(swings)
+    return complete
 
 
-def _with_first(motion: Motion, chain: list[Plateau], extremes: Sequence[Plateau]) -> list[Plateau]:
-    """The swings with a preceding one that was cut short, if the helm came from there and the ship responded."""
-    nearest = [each for each in extremes if each.end <= chain[0].first][-1:]
-    more = [*nearest, *chain]
-    if not nearest or len(chain) < FEWEST_SWINGS - 1 or not _continues(motion, *more[:2]):
+def _complete_swings(motion: Motion, chain: list[Plateau], extremes: Sequence[Plateau]) -> list[Plateau]:
+    """The swings with a preceding one that was cut short, if the helm came from there and the ship responded.
+
+    A last one whose helm differs or was not held, as when the ship returns to its course, is left out.
+    """
+    levels = np.abs([swing.level for swing in chain])
+    if levels.size > FEWEST_SWINGS:
+        tolerance_deg = max(_SAME_LEVEL_DEG, _LEVEL_RANGES * float(np.ptp(levels[1:-1])))
+        differs = abs(levels[-1] - np.median(levels[1:-1])) > tolerance_deg
+        chain = chain[:-1] if differs or _is_cut_short(motion, chain[-1]) else chain
+    nearest = [plateau for plateau in extremes if plateau.end <= chain[0].first][-1:]
+    extended = [*nearest, *chain]
+    if not nearest or len(chain) < FEWEST_SWINGS - 1 or not _is_next_swing(motion, *extended[:2]):
         return chain
-    turned = np.abs(_turns(motion, more))
-    if not is_same_order(more[0].level, -more[1].level):  # reversed on its way: the ship turns on in the next
-        turned[0] = abs(np.ptp(motion.heading_deg[[_first_row(motion, more), more[0].end - 1]]))
-    return more if turned[0] > _FIRST_TURN_SHARE * 0.5 * np.median(turned[1:-1]) else chain
+    turned = np.abs(_turned_deg(motion, extended))
+    if not measures.is_same_order(extended[0].level, -extended[1].level):
+        # reversed on its way: the ship turns on in the next
+        turned[0] = abs(np.ptp(motion.heading_deg[[_first_row(motion, extended), extended[0].end - 1]]))
+    return extended if turned[0] > _FIRST_TURN_SHARE * 0.5 * np.median(turned[1:-1]) else chain
 
 
 def _first_row(motion: Motion, chain: list[Plateau]) -> int:
     """The row before the first swing, and before the ship turned if the helm moved slowly."""
-    return motion.row_before(chain[0].first, helm_change_s(motion, chain[0].level) + motion.step_s)
+    return motion.row_before(chain[0].first, measures.helm_change_s(motion, chain[0].level) + motion.step_s)
 
 
-def _as_ordered(motion: Motion, chain: list[Plateau]) -> list[Plateau]:
-    """The swings with the ordered helm: that of the others, if one was reversed before or at it."""
-    ordered = float(np.median([abs(each.level) for each in chain]))
-    return [
-        replace(each, level=float(np.copysign(ordered, each.level))) if _is_cut_short(motion, each) else each
-        for each in chain
+def _is_cut_short(motion: Motion, plateau: Plateau) -> bool:
+    return (plateau.end - plateau.first) * motion.step_s <= _CUT_SHORT_S + _CUT_SHORT_DEG / motion.helm_rate_dps
+
+
+def _is_next_swing(motion: Motion, last: Plateau, following: Plateau) -> bool:
+    """Whether ``following`` is the next swing: other side, the same angle, at once."""
+    between = motion.helm_deg[last.end : following.first]
+    near = [
+        np.abs(between - plateau.level) <= measures.helm_band_deg(plateau.level) for plateau in (last, following)
     ]
-
-
-def _is_cut_short(motion: Motion, each: Plateau) -> bool:
-    return (each.end - each.first) * motion.step_s <= _CUT_SHORT_S + _CUT_SHORT_DEG / motion.helm_rate_dps
-
-
-def _without_course_keeping(motion: Motion, chain: list[Plateau]) -> list[Plateau]:
-    """The swings without a last one whose helm differs or was not held, as when the ship returns to her course."""
-    levels = np.abs([each.level for each in chain])
-    if levels.size <= FEWEST_SWINGS:
-        return chain
-    own = max(_SAME_LEVEL_DEG, _LEVEL_RANGES * float(np.ptp(levels[1:-1])))
-    other = abs(levels[-1] - np.median(levels[1:-1])) > own
-    return chain[:-1] if other or _is_cut_short(motion, chain[-1]) else chain
-
-
-def _continues(motion: Motion, last: Plateau, each: Plateau) -> bool:
-    """Whether ``each`` is the next swing: other side, the same angle, at once."""
-    between = motion.helm_deg[last.end : each.first]
-    near = [np.abs(between - plateau.level) <= helm_band_deg(plateau.level) for plateau in (last, each)]
     pause_s = float(np.sum(~(near[0] | near[1]))) * motion.step_s
-    held_s = sorted((plateau.end - plateau.first) * motion.step_s for plateau in (last, each))
+    held_s = sorted((plateau.end - plateau.first) * motion.step_s for plateau in (last, following))
     longest_s = max(min(_LONGEST_PAUSE_S, 0.5 * held_s[1]), 0.5 * held_s[0])
-    if motion.broken[last.first : each.end].any():
+    if motion.broken[last.first : following.end].any():
         return False
-    cut_short = abs(last.level) < abs(each.level) and _is_cut_short(motion, last)
+    cut_short = abs(last.level) < abs(following.level) and _is_cut_short(motion, last)
     return (
-        last.level * each.level < 0
-        and (cut_short or is_same_order(last.level, -each.level, min(last.spread, each.spread)))
-        and pause_s <= max(longest_s, helm_change_s(motion, last.level - each.level))
+        last.level * following.level < 0
+        and (cut_short or measures.is_same_order(last.level, -following.level, min(last.spread, following.spread)))
+        and pause_s <= max(longest_s, measures.helm_change_s(motion, last.level - following.level))
     )
 
 
-def _ship_answers(motion: Motion, chain: list[Plateau]) -> bool:
-    """Whether the ship turns to the other side in each swing but the last, and none of them is a circle."""
-    turned = _turns(motion, chain)
-    sides = np.sign([each.level for each in chain])
-    alternates = bool(np.all(turned[:-1] * sides[:-1] * (turned[0] * sides[0]) > 0))
-    return alternates and bool(np.all(np.abs(turned) < _WIDEST_SWING_DEG))
-
-
-def _turns(motion: Motion, chain: list[Plateau]) -> Floats:
+def _turned_deg(motion: Motion, chain: list[Plateau]) -> Floats:
     """How far the ship turns in each swing [deg], to starboard, until the helm passes amidships on its way to the
-    other side."""
-    ends = [*(_crossed_row(motion, *pair) for pair in pairwise(chain)), chain[-1].end - 1]
-    return np.diff(motion.heading_deg[[_first_row(motion, chain), *ends]])
-
-
-def _crossed_row(motion: Motion, last: Plateau, each: Plateau) -> int:
-    """The last row of a swing at which its helm is still on its side: one that wanders is held longer than it is
-    steady."""
-    between = motion.helm_deg[last.end : each.first] * np.sign(last.level)
-    return last.end - 1 + int(np.argmax(np.append(between, -1.0) <= 0.0))
+    other side: a helm that wanders is held longer than it is steady."""
+    rows = [_first_row(motion, chain)]
+    for last, following in pairwise(chain):
+        between = motion.helm_deg[last.end : following.first] * np.sign(last.level)
+        rows.append(last.end - 1 + int(np.argmax(np.append(between, -1.0) <= 0.0)))
+    return np.diff(motion.heading_deg[[*rows, chain[-1].end - 1]])
 
 
 def executes_of(motion: Motion, chain: list[Plateau]) -> list[Execute]:
     """The execute of each swing."""
-    return [helm_execute(motion, chain[0]), *(next_execute(motion, *pair) for pair in pairwise(chain))]
+    return [
+        measures.helm_execute(motion, chain[0]),
+        *(measures.next_execute(motion, *pair) for pair in pairwise(chain)),
+    ]
 
 
 def zigzag(motion: Motion, chain: list[Plateau]) -> Manoeuvre:
@@ -181,39 +161,37 @@ def zigzag(motion: Motion, chain: list[Plateau]) -> Manoeuvre:
     orders = times[0]
     part = motion.around(orders[0], end, _ZIGZAG_MARGIN_S)
     swing_s = float(np.median(np.diff(orders[:-1])))
-    found = bootstrap_indices(part, times, half_width_s(part, 0.5 * swing_s), zigzag_indices, within_s)
-    settings = _settings(part, chain, times)
+    estimates = measures.bootstrap_indices(
+        part, times, measures.half_width_s(part, 0.5 * swing_s), zigzag_indices, within_s
+    )
+    settings = _zigzag_settings(part, chain, times)
     angle, switch = settings[motion.helm_setting], settings["switch_deg"]
-    unsteady = () if "reach_s" in found else ("the approach was not steady",)
-    if not unsteady and "speed_loss" not in found:
+    unsteady = () if "reach_s" in estimates else ("the approach was not steady",)
+    if not unsteady and "speed_loss" not in estimates:
         unsteady = ("the ship was still gathering way at the execute",)
     by_thrust = " by thrust" * (motion.steering == BY_DIFFERENCE)
     name = f"zigzag {nominal_deg(angle):.0f}/{nominal_deg(switch, SWITCH_SHARE):.0f}{by_thrust}"
-    return manoeuvre_of(
-        motion, "zigzag", name, orders[[0, -1]], side_of(_first_side(part, orders)), settings, found,
+    return measures.manoeuvre_of(
+        motion, "zigzag", name, orders[[0, -1]], side_of(_first_side(part, orders)), settings, estimates,
         executes=tuple(motion.utc(order) for order in orders[1:-1]),
-        notes=(*unsteady, *count_notes(motion, executes)), shortfalls=(*unsteady, *contradiction_of(executes)),
+        notes=(*unsteady, *measures.count_notes(motion, executes)),
+        shortfalls=(*unsteady, *measures.contradiction_of(executes)),
     )  # fmt: skip
 
 
-def _settings(part: Motion, chain: list[Plateau], times: Floats) -> dict[str, float]:
+def _zigzag_settings(part: Motion, chain: list[Plateau], times: Floats) -> dict[str, float]:
     heading = np.interp(times[0, :-1], part.time_s, part.heading_deg)
+    changes = np.abs(np.diff(heading))
     return {
-        **helm_settings(part, float(np.median([abs(each.level) for each in chain])), times[0, 0], times[0, -1]),
-        "switch_deg": _switch_deg(heading),
+        **measures.helm_settings(
+            part, float(np.median([abs(plateau.level) for plateau in chain])), times[0, 0], times[0, -1]
+        ),
+        # half of the change between executes; with two executes the change from the approach
+        "switch_deg": float(np.median(changes[1:])) / 2.0 if heading.size > 2 else float(changes[0]),
         "swings": float(len(chain)),
         "half_command_s": float(np.median(times[1, :-1] - times[0, :-1])),
-        **approach_settings(part, times[0, 0]),
+        **measures.approach_settings(part, times[0, 0]),
     }
-
-
-def _switch_deg(heading: Floats) -> float:
-    """Half of the heading change between executes; with two executes the change from the approach."""
-    return (
-        float(np.median(np.abs(np.diff(heading[1:])))) / 2.0
-        if heading.size > 2
-        else float(abs(np.diff(heading)[0]))
-    )
 
 
 def _first_side(motion: Motion, orders: Floats) -> float:
@@ -227,42 +205,35 @@ def zigzag_indices(motion: Motion, times: Floats) -> dict[str, float]:
     helm was half over, and in the last column the end [s].
 
     All counts from the orders, but ``overshoot_N_deg``, from half of the command. What was not reached is missing;
-    after an approach that was not steady, all that hangs on the approach; of one in which the ship still gathered
+    after an approach that was not steady, all that depends on the approach; of one in which the ship still gathered
     way, the loss of speed.
     """
     orders = times[0]
-    approach = approach_of(motion, orders[0])
-    heading, steady = _deviation_deg(motion, orders, approach)
-    values, beside = _overshoots(motion, heading, times)
+    approach = measures.approach_of(motion, orders[0])
+    largest_dps = float(np.abs(motion.between(orders[0], orders[-1]).yaw_rate_dps).max())
+    steady = abs(approach["approach_yaw_rate_dps"]) < _STEADY_SHARE * largest_dps
+    course = approach["approach_unwrapped_deg"]
+    if not steady:  # the middle of the headings at which the helm was reversed
+        reversals = np.interp(orders[1:-1], motion.time_s, motion.heading_deg)
+        middles = 0.5 * (reversals[1:] + reversals[:-1])
+        course = float(np.mean(middles)) if middles.size else reversals[0]
+    heading = _first_side(motion, orders) * (motion.heading_deg - course)  # positive to the side of the first swing
+    values, check_times = _overshoots(motion, heading, times)
     if orders.size >= 5:
         values["period_s"] = float(np.mean(orders[3:-1] - orders[1:-3]))
     if steady:
-        tenth_s = crossing_s(motion.time_s, heading, _INITIAL_TURN_DEG, orders[0], orders[2])
-        back_s = crossing_s(motion.time_s, -heading, 0.0, orders[1], orders[-1])
+        tenth_s = measures.crossing_s(motion.time_s, heading, _INITIAL_TURN_DEG, orders[0], orders[2])
+        back_s = measures.crossing_s(motion.time_s, -heading, 0.0, orders[1], orders[-1])
         values |= {
             "initial_turning_time_s": orders[1] - orders[0],
-            "initial_turning_m": distance_m(motion, orders[0], tenth_s),
+            "initial_turning_m": measures.distance_m(motion, orders[0], tenth_s),
             "reach_s": back_s - orders[0],
         }
-        loss = (
-            1.0
-            - mean_between(motion, "speed_mps", orders[1], orders[-2 if orders.size > 3 else -1])
-            / approach["approach_mps"]
-        )
+        last = orders[-2 if orders.size > 3 else -1]
+        loss = 1.0 - measures.mean_between(motion, "speed_mps", orders[1], last) / approach["approach_mps"]
         if loss > -_GATHERED_WAY:
             values["speed_loss"] = loss
-    return values | beside
-
-
-def _deviation_deg(motion: Motion, executes: Floats, approach: Mapping[str, float]) -> tuple[Floats, bool]:
-    """The heading off the course of the approach, positive to the side of the first swing, and whether the
-    approach was steady. If not, the course is the middle of the headings at which the helm was reversed."""
-    largest = float(np.abs(motion.between(executes[0], executes[-1]).yaw_rate_dps).max())
-    steady = abs(approach["approach_yaw_rate_dps"]) < _STEADY_SHARE * largest
-    at_executes = np.interp(executes[1:-1], motion.time_s, motion.heading_deg)
-    middle = float(np.mean(0.5 * (at_executes[1:] + at_executes[:-1]))) if at_executes.size > 1 else at_executes[0]
-    base = approach["approach_unwrapped_deg"] if steady else middle
-    return _first_side(motion, executes) * (motion.heading_deg - base), steady
+    return values | check_times
 
 
 def _overshoots(motion: Motion, heading: Floats, times: Floats) -> tuple[dict[str, float], dict[str, float]]:
@@ -271,61 +242,56 @@ def _overshoots(motion: Motion, heading: Floats, times: Floats) -> tuple[dict[st
     orders, halves = times
     swings = orders.size - 2
     from_orders, from_halves = dict[str, float](), dict[str, float]()
-    beside: dict[str, float] = {}
+    check_times: dict[str, float] = {}
     for number in range(1, swings + 1):
         towards = heading if number % 2 else -heading
-        time_s, top = peak(motion.time_s, towards, halves[number], float(halves[number + 1]))
+        time_s, top = measures.peak(motion.time_s, towards, halves[number], float(halves[number + 1]))
         if number == swings and time_s >= orders[-1] - 2.0 * motion.step_s:
             continue  # the helm was taken off before the ship had answered
         at_order, at_half = np.interp((orders[number], halves[number]), motion.time_s, towards)
         from_orders[from_order(number)] = top - float(at_order)
         from_halves[f"overshoot_{number}_deg"] = top - float(at_half)
-        beside[f"time_to_check_yaw_{number}_s"] = time_s - orders[number]
+        check_times[f"time_to_check_yaw_{number}_s"] = time_s - orders[number]
     values = {**from_orders, **from_halves}
     if len(from_orders) > 2:
         values["overshoot_mean_deg"] = float(np.mean(list(from_orders.values())))
-    return values, beside
+    return values, check_times
 
 
-LEAST_CIRCLE_DEG, LEAST_TURN_OF_ONE_SIDE_DEG = 180.0, 90.0
-_CIRCLE_MARGIN_S = 20.0
-_SLOWEST_APPROACH = 0.3
-_STEADIEST_APPROACH = 0.25
-REMOVED = "_current_removed"
-
-
-def turn_of(motion: Motion, each: Plateau, fastest_mps: float) -> Manoeuvre | LeftOut | None:
-    """The turn of a held helm, or the reason why it is none; None for one that turns the ship by less than 90 deg.
+def turn_of(motion: Motion, plateau: Plateau, fastest_mps: float) -> Manoeuvre | LeftOut | None:
+    """The turn of a held helm, or the reason for its rejection; None if the ship turns by less than 90 deg.
 
     After a straight approach it is a turning circle from 180 deg of turn on. Without one, only what is steady
     counts, which takes a turn of :data:`LEAST_STEADY_DEG`.
     """
-    heading = motion.heading_deg[each.first : each.end]
+    heading = motion.heading_deg[plateau.first : plateau.end]
     turned = abs(float(heading[-1] - heading[0]))
     if turned < LEAST_TURN_OF_ONE_SIDE_DEG:
         return None
     kind = "turning_circle" if turned >= LEAST_CIRCLE_DEG else "course_change"
-    start, end = (motion.utc(float(motion.time_s[row])) for row in (each.first, each.end - 1))
-    if motion.broken[each.first : each.end].any():
+    start, end = (motion.utc(float(motion.time_s[row])) for row in (plateau.first, plateau.end - 1))
+    if motion.broken[plateau.first : plateau.end].any():
         return LeftOut(kind, start, end, "position or heading jump in it")
-    shortfall = _approach_shortfall(motion, each, turned, fastest_mps)
+    shortfall = _approach_shortfall(motion, plateau, turned, fastest_mps)
     if shortfall and turned < LEAST_STEADY_DEG:
         return LeftOut(kind, start, end, shortfall)
-    return turning_circle(motion, each, shortfall)
+    return turning_circle(motion, plateau, shortfall)
 
 
-def _approach_shortfall(motion: Motion, each: Plateau, turned_deg: float, fastest_mps: float) -> str:
+def _approach_shortfall(motion: Motion, plateau: Plateau, turned_deg: float, fastest_mps: float) -> str:
     """Why there is no straight approach under way before a held helm; empty where there is."""
-    order_s = helm_execute(motion, each).order_s
-    before = approach_of(motion, order_s - 1.0)
+    order_s = measures.helm_execute(motion, plateau).order_s
+    before = measures.approach_of(motion, order_s - 1.0)
     rate_dps, speed_mps = abs(before["approach_yaw_rate_dps"]), before["approach_mps"]
-    mean_rate_dps = turned_deg / ((each.end - each.first) * motion.step_s)
+    mean_rate_dps = turned_deg / ((plateau.end - plateau.first) * motion.step_s)
     begins = order_s - float(motion.time_s[0])
     if begins < 2.0 * motion.step_s:
         return "no approach: the recording begins with the helm over"
     if rate_dps >= _STEADIEST_APPROACH * mean_rate_dps:
         begun = (
-            "the recording begins in the turn" if begins < APPROACH_S else "the ship was turning before the order"
+            "the recording begins in the turn"
+            if begins < measures.APPROACH_S
+            else "the ship was turning before the order"
         )
         return f"no straight approach: {begun}, by {rate_dps:.2g} deg/s"
     if speed_mps <= _SLOWEST_APPROACH * fastest_mps:
@@ -333,37 +299,38 @@ def _approach_shortfall(motion: Motion, each: Plateau, turned_deg: float, fastes
     return ""
 
 
-def turning_circle(motion: Motion, each: Plateau, shortfall: str = "") -> Manoeuvre:
+def turning_circle(motion: Motion, plateau: Plateau, shortfall: str = "") -> Manoeuvre:
     """The turning circle, or the turn of less than half a circle, of a held helm, with its indices.
 
-    After an approach with a ``shortfall`` those are left out that hang on it.
+    After an approach with a ``shortfall`` those are left out that depend on it.
     """
-    execute = helm_execute(motion, each)
+    execute = measures.helm_execute(motion, plateau)
     start = execute.order_s
-    end = float(motion.time_s[each.end - 1])
+    end = float(motion.time_s[plateau.end - 1])
     part = motion.around(start, end, _CIRCLE_MARGIN_S)
     turned = motion.at("heading_deg", end) - motion.at("heading_deg", start)
     quarter_s = (end - start) * min(1.0, 90.0 / abs(turned))
-    width = half_width_s(part, quarter_s)
+    width = measures.half_width_s(part, quarter_s)
     times, within_s = np.array([start, end]), np.array([execute.order_within_s, 0.5 * motion.step_s])
-    current = current_of(smooth_motion(part, width), start, end)
+    current = current_of(measures.smooth_motion(part, width), start, end)
     measure = steady_turn_indices if shortfall else circle_indices
-    found = _with_drift_error(bootstrap_indices(part, times, width, measure, within_s), current)
+    estimates = _add_drift_error(measures.bootstrap_indices(part, times, width, measure, within_s), current)
     settings = {
-        **helm_settings(part, each.level, start, end),
+        **measures.helm_settings(part, plateau.level, start, end),
         "turned_deg": abs(turned),
         "turning_rpm": float(part.between(start, end).main_rpm.mean()),
     }
     if not shortfall:
-        settings |= {"half_command_s": execute.half_command_s, **approach_settings(part, start)}
+        settings |= {"half_command_s": execute.half_command_s, **measures.approach_settings(part, start)}
     is_circle = abs(turned) >= LEAST_CIRCLE_DEG
     kind, word = ("turning_circle", "turning circle") if is_circle else ("course_change", "turn")
     without = f"{shortfall}; advance, transfer, tactical diameter and times count from the order after one"
-    notes = (without,) if shortfall else count_notes(motion, [execute])
-    shortfalls = (shortfall,) if shortfall else contradiction_of([execute])
-    return manoeuvre_of(
-        motion, kind, f"{word} {helm_text(motion, each.level)}", times, side_of(turned), settings, found,
-        current=current, notes=notes, shortfalls=shortfalls,
+    notes = (without,) if shortfall else measures.count_notes(motion, [execute])
+    shortfalls = (shortfall,) if shortfall else measures.contradiction_of([execute])
+    name = f"{word} {measures.helm_text(motion, plateau.level)}"
+    return measures.manoeuvre_of(
+        motion, kind, name, times, side_of(turned), settings, estimates, current=current, notes=notes,
+        shortfalls=shortfalls,
     )  # fmt: skip
 
 
@@ -371,9 +338,6 @@ def steady_turn_indices(motion: Motion, times: Floats) -> dict[str, float]:
     """Those of :func:`circle_indices` that need no approach: what is steady, also with the current removed."""
     values = circle_indices(motion, times)
     return {name: value for name, value in values.items() if name.removesuffix(REMOVED) in _STEADY}
-
-
-_STEADY = ("steady_yaw_rate_dps", "steady_diameter_m", "steady_speed_mps", "drift_angle_deg")
 
 
 def circle_indices(motion: Motion, times: Floats) -> dict[str, float]:
@@ -386,61 +350,58 @@ def circle_indices(motion: Motion, times: Floats) -> dict[str, float]:
         north, east = drift_pairs(motion, order, end)
         if north.size:
             water = remove_current(motion, _settled_mean(north), _settled_mean(east), order)
-            values |= {name + REMOVED: each for name, each in _indices_over_ground(water, order, end).items()
+            values |= {name + REMOVED: value for name, value in _indices_over_ground(water, order, end).items()
                        if not name.endswith(("_s", "_dps"))}  # fmt: skip
     return values
 
 
-_COUNTED_FOR = {
-    "advance_m": "time_to_90_deg_s", "transfer_m": "time_to_90_deg_s",
-    "tactical_diameter_m": "time_to_180_deg_s",
-}  # fmt: skip
-"""Ways, and how long the drift has gone into them."""
-
-
-def _with_drift_error(
-    found: Mapping[str, tuple[float, float]], current: Current | None
+def _add_drift_error(
+    estimates: Mapping[str, tuple[float, float]], current: Current | None
 ) -> dict[str, tuple[float, float]]:
     """The indices with their intervals: a way less the drift is no better known than the drift over its time."""
-    wider = dict(found)
+    wider = dict(estimates)
     for name, seconds in _COUNTED_FOR.items():
-        if current is not None and name + REMOVED in found:
-            value, within = found[name + REMOVED]
-            drift_m = np.hypot(current.north_within_mps, current.east_within_mps) * found[seconds][0]
+        if current is not None and name + REMOVED in estimates:
+            value, within = estimates[name + REMOVED]
+            drift_m = np.hypot(current.north_within_mps, current.east_within_mps) * estimates[seconds][0]
             wider[name + REMOVED] = value, float(np.hypot(within, drift_m))
     return wider
 
 
 def _indices_over_ground(motion: Motion, start: float, end: float) -> dict[str, float]:
     """Indices from the order at ``start`` [s]."""
-    approach = approach_of(motion, start)
+    approach = measures.approach_of(motion, start)
     side = 1.0 if motion.at("heading_deg", end) > motion.at("heading_deg", start) else -1.0
     turned = side * (motion.heading_deg - approach["approach_unwrapped_deg"])
     ahead = approach["approach_unwrapped_deg"]
-    times = {angle: crossing_s(motion.time_s, turned, angle, start, end) for angle in (10.0, 90.0, 180.0, 360.0)}
-    values: dict[str, float] = {"initial_turning_m": distance_m(motion, start, times[10.0])}
+    times = {
+        angle: measures.crossing_s(motion.time_s, turned, angle, start, end) for angle in (10.0, 90.0, 180.0, 360.0)
+    }
+    values: dict[str, float] = {"initial_turning_m": measures.distance_m(motion, start, times[10.0])}
     if np.isfinite(times[90.0]):
-        advance, transfer = along_and_across(motion, start, times[90.0], ahead)
+        advance, transfer = measures.along_and_across(motion, start, times[90.0], ahead)
         values |= {"advance_m": advance, "transfer_m": side * transfer}
     if np.isfinite(times[180.0]):
-        values["tactical_diameter_m"] = side * along_and_across(motion, start, times[180.0], ahead)[1]
+        values["tactical_diameter_m"] = side * measures.along_and_across(motion, start, times[180.0], ahead)[1]
     values |= {f"time_to_{angle:.0f}_deg_s": time - start for angle, time in times.items() if angle >= 90.0}
     if np.isfinite(times[180.0]):
-        values |= _steady(motion, turned, times[180.0], end, approach["approach_mps"])
+        values |= _steady_indices(motion, turned, times[180.0], end, approach["approach_mps"])
     return values
 
 
-def _steady(motion: Motion, turned: Floats, half_s: float, end: float, approach_mps: float) -> dict[str, float]:
+def _steady_indices(
+    motion: Motion, turned: Floats, half_s: float, end: float, approach_mps: float
+) -> dict[str, float]:
     """Rate, diameter, drift angle and speed of the settled turn, over whole turns where there are any.
 
-    Wind and current come from all sides in a whole turn and leave the means alone. It ends with the last quarter
-    of a turn that was done, as nobody knows to the second when a helm was taken off.
+    Wind and current come from all sides in a whole turn and do not change the means. It ends with the last quarter
+    of a turn that was done, as the second at which a helm was taken off is not known.
     """
     total = 90.0 * np.floor(float(np.interp(end, motion.time_s, turned)) / 90.0)
-    whole = 360.0 * np.floor((total - 180.0) / 360.0)
+    whole_turns_deg = 360.0 * np.floor((total - 180.0) / 360.0)
     first_s, last_s = (
-        crossing_s(motion.time_s, turned, angle, half_s, end + motion.step_s)
-        for angle in (total - whole if whole > 0 else 180.0, total)
+        measures.crossing_s(motion.time_s, turned, angle, half_s, end + motion.step_s)
+        for angle in (total - whole_turns_deg if whole_turns_deg > 0 else 180.0, total)
     )
     steady = motion.between(first_s, last_s)
     if steady.time_s.size < 5 or total <= 180.0:
@@ -448,7 +409,7 @@ def _steady(motion: Motion, turned: Floats, half_s: float, end: float, approach_
     span = steady.time_s - steady.time_s.mean()
     rate_dps = float(abs(span @ steady.heading_deg) / (span @ span))
     speed, surge, sway = (
-        mean_between(motion, name, first_s, last_s) for name in ("speed_mps", "surge_mps", "sway_mps")
+        measures.mean_between(motion, name, first_s, last_s) for name in ("speed_mps", "surge_mps", "sway_mps")
     )
     drift = np.rad2deg(np.arctan2(-sway, surge))
     side = np.sign(steady.heading_deg[-1] - steady.heading_deg[0])
@@ -459,13 +420,6 @@ def _steady(motion: Motion, turned: Floats, half_s: float, end: float, approach_
         "drift_angle_deg": float(side * drift),
         "speed_loss": 1.0 - speed / approach_mps,
     }
-
-
-LEAST_TURN_DEG = 510.0
-LEAST_STEADY_DEG = 270.0
-"""From what turn on something of it is steady: the first half of a circle is not, and of the rest a quarter."""
-_STEADY_AFTER_DEG = 120.0
-_FEWEST_PAIRS = 10
 
 
 def drift_pairs(motion: Motion, start: float, end: float) -> tuple[Floats, Floats]:
@@ -507,13 +461,13 @@ def remove_current(motion: Motion, north_mps: float, east_mps: float, start: flo
     """The motion through the water: path and speeds minus a steady current, the path fixed at ``start``."""
     passed = motion.time_s - start
     north, east = np.full(passed.size, north_mps), np.full(passed.size, east_mps)
-    ahead, aside = to_ship(north, east, np.deg2rad(motion.heading_deg))
+    ahead, sideways = to_ship(north, east, np.deg2rad(motion.heading_deg))
     return replace(
         motion,
         north_m=motion.north_m - north_mps * passed,
         east_m=motion.east_m - east_mps * passed,
         surge_mps=motion.surge_mps - ahead,
-        sway_mps=motion.sway_mps - aside,
+        sway_mps=motion.sway_mps - sideways,
     )
 
 

@@ -1,5 +1,4 @@
-"""Measurements on a manoeuvre: held commands and their executes, crossings, peaks, distances, and their
-intervals.
+"""Measurements on a manoeuvre: held commands and executes, crossings, peaks, distances, and their intervals.
 
 Intervals come from a bootstrap with the spectrum of the noise. The measured motion is the sum of a smooth one
 and a residual, noise and waves. Many times a residual of the same spectrum with random phases (Theiler et al.
@@ -45,6 +44,26 @@ _LONGEST_ORDER_LAG_S = 20.0  # from an order to the first movement of the steeri
 _EXTRAPOLATED = 2.0  # the start of a change is known so much worse than its middle, by the line through both
 _SOFT_START_S = 0.15  # how much later than an order a steering gear's beginning is seen: none is there at once
 _SURELY = 3.0  # times what the beginning of a change is known within, by which it is not before an order
+_BLOCKS, _TWO_SIDED_95_OF_BLOCKS = 6, 2.57  # Student's t of five degrees of freedom
+REPLICATES = 48
+_FOLLOWED = 1.1  # what a fit follows of the noise is missing from what it leaves; by yard_trials.py, ships 1000 on
+WIDEST_S = 8.0
+_FEWEST_ROWS = 3
+_TWO_SIDED_95, _OF_UNIFORM_95 = 1.96, 0.95  # of a standard deviation, and of half of an even distribution
+_HALF_BEAM_LENGTHS = 1.0 / 13.0  # of the usual ship, six and a half times as long as it is wide
+_SEED = 137
+Measure = Callable[[Motion, Floats], dict[str, float]]
+"""A function for the indices of a smooth motion and the times of its commands [s]."""
+_STEP_S = 1.0
+_STEP_SIGMAS = 6.0
+_BRIDGE_S = 4.0
+_BLINK_SHARE, _BLINKS = 0.5, 3  # how long a correction lasts: of the order, and of the longest bridge
+_ALIKE_SHARE, _ALIKE_DEG = 0.15, 1.0
+_ALIKE_LONG_SHARE = 0.05  # of helms that are both held for longer than a correction
+_HELD_SHARE = 0.35  # of a helm, by which it may wander while it is held: not half of the way to amidships
+_FEWEST_OF_FIT, _FEWEST_BEFORE = 5, 2
+_CREEP = 4.0  # times as long as the last half of a change, and a row: no drive begins so slowly
+CONTRADICTION = "the recorded orders do not precede the helm"
 
 
 def helm_rate_dps(helm: Floats, step_s: float) -> float:
@@ -53,8 +72,13 @@ def helm_rate_dps(helm: Floats, step_s: float) -> float:
 
     The median over all movements of at least a third of the largest helm; infinite without any.
     """
-    calm, rows = turning_points(helm, step_s)
-    rates = [_steepest(calm[first : last + 1], step_s) for first, last in pairwise(rows)]
+    calm, turns = turning_points(helm, step_s)
+    rates = []
+    for first, last in pairwise(turns):
+        travel = np.maximum.accumulate(np.abs(calm[first : last + 1] - calm[first]))
+        order = np.arange(travel.size)
+        rows = np.interp(np.linspace(0.1, 0.9, 9) * travel[-1], travel + 1e-9 * order, order)
+        rates.append(float(0.3 * travel[-1] / (step_s * max(0.3, (rows[3:] - rows[:-3]).min()))))
     return float(np.median(rates)) if rates else float("inf")
 
 
@@ -71,21 +95,14 @@ def turning_rows(values: Floats, least: float) -> list[int]:
     >>> turning_rows(np.array([0.0, 1.0, 5.0, 4.5, 5.2, 0.0]), 3.0)
     [0, 4, 5]
     """
-    found, low, high, rising = list[int](), 0, 0, 0
+    extremes, low, high, rising = list[int](), 0, 0, 0
     for row, value in enumerate(values):
         low, high = row if value < values[low] else low, row if value > values[high] else high
         if rising >= 0 and values[high] - value >= least:
-            found, rising, low = [*found, high], -1, row
+            extremes, rising, low = [*extremes, high], -1, row
         elif rising <= 0 and value - values[low] >= least:
-            found, rising, high = [*found, low], 1, row
-    return [*found, high if rising > 0 else low] if rising else []
-
-
-def _steepest(move: Floats, step_s: float) -> float:
-    """The rate of the fastest third of a movement between two extremes."""
-    done = np.maximum.accumulate(np.abs(move - move[0]))
-    rows = np.interp(np.linspace(0.1, 0.9, 9) * done[-1], done + 1e-9 * np.arange(done.size), np.arange(done.size))
-    return float(0.3 * done[-1] / (step_s * max(0.3, (rows[3:] - rows[:-3]).min())))
+            extremes, rising, high = [*extremes, low], 1, row
+    return [*extremes, high if rising > 0 else low] if rising else []
 
 
 def helm_change_s(motion: Motion, change_deg: float) -> float:
@@ -116,29 +133,31 @@ def helm_execute(motion: Motion, plateau: Plateau) -> Execute:
     longest_s = max(_LONGEST_CHANGE_S, helm_change_s(motion, plateau.level) + 5.0)
     before = level_before(motion, motion.helm_deg, plateau, longest_s + 1.0)
     earliest = motion.row_before(plateau.first, longest_s)
-    return _execute(motion, plateau, before, earliest, is_first=True)
+    return _find_execute(motion, plateau, before, earliest, is_first=True)
 
 
 def next_execute(motion: Motion, last: Plateau, plateau: Plateau) -> Execute:
     """As :func:`helm_execute`, of a helm that goes from one plateau to the next."""
-    return _execute(motion, plateau, last.level, (last.first + last.end) // 2, is_first=False)
+    return _find_execute(motion, plateau, last.level, (last.first + last.end) // 2, is_first=False)
 
 
-def _execute(motion: Motion, plateau: Plateau, before_deg: float, earliest: int, *, is_first: bool) -> Execute:
+def _find_execute(motion: Motion, plateau: Plateau, before_deg: float, earliest: int, *, is_first: bool) -> Execute:
     """The execute from a level of the helm to a plateau. The order is the one recorded; else the helm moves from
     the order on. Where orders were recorded as events it lies before half of the change."""
     begun_s, half_s = execute_s(motion.time_s, motion.helm_deg, plateau, before_deg, earliest)
     begun_s = min(begun_s, half_s)
     within_s = _execute_within_s(motion, plateau.level - before_deg)
-    wander_s = np.sqrt(3.0) * _wander_s(motion, begun_s) if is_first else 0.0
+    first = int(np.searchsorted(motion.time_s, begun_s))
+    approach_deg = motion.helm_deg[motion.row_before(first, APPROACH_S) : first]
+    wander_s = 0.0  # what the helm takes for the movements by which a hand kept the course before
+    if is_first and approach_deg.size:
+        wander_s = np.sqrt(3.0) * (float(np.std(approach_deg)) / motion.helm_rate_dps)
     half_within_s = float(np.hypot(_execute_within_s(motion, plateau.level), 0.5 * wander_s))
     if motion.orders_are_events:
         return Execute(0.5 * (begun_s + half_s), half_s, max(half_s - begun_s, within_s), half_within_s)
     noise_s = np.sqrt(3.0) * noise_of(motion.helm_deg) / motion.helm_rate_dps
     parts_s = [_EXTRAPOLATED * within_s, 0.7 * noise_s, 0.1 * motion.step_s, wander_s, _SOFT_START_S]
-    order_within_s = float(
-        np.linalg.norm(parts_s)
-    )  # calibrated by yard_trials, ships 1000 on, and manoeuvre_trials
+    order_within_s = float(np.linalg.norm(parts_s))  # calibrated by yard_trials, from 1000, and manoeuvre_trials
     contradicts = False
     if motion.helm_order_deg is not None:
         earliest_s = max(float(motion.time_s[earliest]), begun_s - _LONGEST_ORDER_LAG_S)
@@ -159,13 +178,6 @@ def _recorded_order_s(motion: Motion, earliest_s: float, half_s: float) -> float
         return None
     share = (near.helm_order_deg - first) / (last - first)
     return float(np.interp(_last_crossing(share, 0.5), np.arange(near.time_s.size), near.time_s))
-
-
-def _wander_s(motion: Motion, begun_s: float) -> float:
-    """How long the helm takes for what a hand that keeps the course moves it before a manoeuvre [s]."""
-    first = int(np.searchsorted(motion.time_s, begun_s))
-    before = motion.helm_deg[motion.row_before(first, APPROACH_S) : first]
-    return float(np.std(before)) / motion.helm_rate_dps if before.size else 0.0
 
 
 def _execute_within_s(motion: Motion, change_deg: float) -> float:
@@ -226,9 +238,6 @@ def means_of(columns: Mapping[str, Floats]) -> dict[str, float]:
     return {name: float(column.mean()) for name, column in columns.items()}
 
 
-_BLOCKS, _TWO_SIDED_95_OF_BLOCKS = 6, 2.57  # Student's t of five degrees of freedom
-
-
 def mean_of_blocks(values: Floats) -> tuple[float, float]:
     """A mean and half of its 95 % interval from the means of blocks, whose noise is nearly independent."""
     means = [float(block.mean()) for block in np.array_split(values, _BLOCKS)]
@@ -246,7 +255,7 @@ def helm_settings(motion: Motion, level_deg: float, start: float, end: float) ->
 
 
 def helm_text(motion: Motion, level_deg: float) -> str:
-    """The nominal helm as it stands in the name of a test."""
+    """The nominal helm as in the name of a test."""
     return f"{nominal_deg(level_deg):.0f} deg{' by thrust' * (motion.steering == BY_DIFFERENCE)}"
 
 
@@ -277,12 +286,12 @@ def peak(time_s: Floats, values: Floats, start: float, end: float) -> tuple[floa
     row = int(first + np.argmax(values[first:last]))
     if row == 0 or row + 1 >= values.size:
         return float(time_s[row]), float(values[row])
-    left, top, right = values[row - 1 : row + 2]
-    bend = left - 2.0 * top + right
+    before, top, after = values[row - 1 : row + 2]
+    bend = before - 2.0 * top + after
     if bend >= 0.0:
         return float(time_s[row]), float(top)
-    shift = float(np.clip(0.5 * (left - right) / bend, -1.0, 1.0))
-    return float(time_s[row] + shift * (time_s[1] - time_s[0])), float(top - 0.25 * (left - right) * shift)
+    shift = float(np.clip(0.5 * (before - after) / bend, -1.0, 1.0))
+    return float(time_s[row] + shift * (time_s[1] - time_s[0])), float(top - 0.25 * (before - after) * shift)
 
 
 def distance_m(motion: Motion, start: float, end: float) -> float:
@@ -310,18 +319,6 @@ def along_and_across(motion: Motion, start: float, time_s: float, heading_deg: f
     return float(ahead), float(starboard)
 
 
-REPLICATES = 48
-_FOLLOWED = 1.1  # what a fit follows of the noise is missing from what it leaves; by yard_trials.py, ships 1000 on
-WIDEST_S = 8.0
-_FEWEST_ROWS = 3
-_TWO_SIDED_95, _OF_UNIFORM_95 = 1.96, 0.95  # of a standard deviation, and of half of an even distribution
-_HALF_BEAM_LENGTHS = 1.0 / 13.0  # of the usual ship, six and a half times as long as she is wide
-_SEED = 137
-
-Measure = Callable[[Motion, Floats], dict[str, float]]
-"""A function for the indices of a smooth motion and the times of its commands [s]."""
-
-
 def half_width_s(motion: Motion, time_scale_s: float) -> float:
     """A quarter of the manoeuvre's time scale, at most 8 s, which removes waves."""
     return float(np.clip(time_scale_s / 4.0, _FEWEST_ROWS * motion.step_s, max(WIDEST_S, 3 * motion.step_s)))
@@ -330,10 +327,10 @@ def half_width_s(motion: Motion, time_scale_s: float) -> float:
 def smooth_motion(motion: Motion, half_width: float) -> Motion:
     """Pose and speeds replaced by local second-degree fits over ``half_width`` [s] to either side."""
     rows = half_width / motion.step_s
-    return motion.with_columns({name: _quadratic(getattr(motion, name), rows) for name in POSE_AND_VELOCITY})
+    return motion.with_columns({name: _smooth_quadratic(getattr(motion, name), rows) for name in POSE_AND_VELOCITY})
 
 
-def _quadratic(values: Floats, half_width: float) -> Floats:
+def _smooth_quadratic(values: Floats, half_width: float) -> Floats:
     """:func:`local_quadratic` for values without gaps: a convolution, with one-sided fits at the ends.
 
     Faster, since a manoeuvre is smoothed some fifty times.
@@ -382,23 +379,32 @@ def bootstrap_indices(
                for name in POSE_AND_VELOCITY}  # fmt: skip
     repeats = []
     for _ in range(REPLICATES):
-        noisy = {name: getattr(smooth, name) + _draw(spectra[name], smooth.time_s.size, random)
-                 for name in POSE_AND_VELOCITY}  # fmt: skip
-        again = smooth_motion(smooth.with_columns(noisy), half_width)
+        noisy = {}
+        for name, amplitude in spectra.items():
+            real, imaginary = random.standard_normal((2, amplitude.size)) / np.sqrt(2.0)
+            noise = np.fft.irfft(amplitude * (real + 1j * imaginary), smooth.time_s.size)
+            noisy[name] = getattr(smooth, name) + noise
+        replicate = smooth_motion(smooth.with_columns(noisy), half_width)
         moved = executes_s + unsure_s * random.uniform(-1.0, 1.0, executes_s.shape)
-        repeats.append(measure(again, moved))
+        repeats.append(measure(replicate, moved))
     path_within = _TWO_SIDED_95 * np.sqrt(2.0) * motion.path_sd_m  # both ends of a distance are uncertain
-    place_within = _place_within(smooth, executes_s, measure, values)
+    place_within = _antenna_uncertainty(smooth, executes_s, measure, values)
     estimates = {}
     for name, value in values.items():
-        estimate, within = _without_bias(value, np.array([repeat.get(name, np.nan) for repeat in repeats]))
+        estimate, within = value, float("nan")
+        samples = np.array([repeat.get(name, np.nan) for repeat in repeats])
+        samples = samples[np.isfinite(samples)]
+        if np.isfinite(value) and samples.size >= REPLICATES // 2:
+            # the bias is estimated from one noisy motion, and often mere noise: it counts as one standard deviation
+            bias = float(np.median(samples)) - value
+            estimate, within = value - bias, _TWO_SIDED_95 * float(np.hypot(samples.std(ddof=1), bias))
         if unit_of(name) == "m":
             within = float(np.linalg.norm([within, path_within, place_within.get(name, 0.0)]))
         estimates[name] = estimate, within
     return estimates
 
 
-def _place_within(
+def _antenna_uncertainty(
     smooth: Motion, executes_s: Floats, measure: Measure, values: Mapping[str, float]
 ) -> dict[str, float]:
     """What it adds to half of an interval that the path is that of an antenna anywhere on the ship."""
@@ -415,31 +421,14 @@ def _place_within(
 
 def manoeuvre_of(
     motion: Motion, kind: str, name: str, span_s: Floats, side: str, settings: Mapping[str, float],
-    found: Mapping[str, tuple[float, float]], **more: Any,
+    estimates: Mapping[str, tuple[float, float]], **details: Any,
 ) -> Manoeuvre:  # fmt: skip
-    """A manoeuvre between two times of ``motion`` [s], with indices of what was ``found``: values and halves of
+    """A manoeuvre between two times of ``motion`` [s], with indices from ``estimates``: values and halves of
     intervals."""
-    start, end = (motion.utc(float(each)) for each in span_s)
-    return Manoeuvre(kind, name, start, end, side, settings, indices_of(found, motion.length_m, kind), **more)
-
-
-def _without_bias(value: float, repeats: Floats) -> tuple[float, float]:
-    """The value without the bias of smoothing, and half of its interval.
-
-    The bias is itself estimated from one noisy motion, and often mere noise: all of it counts as one standard
-    deviation.
-    """
-    repeats = repeats[np.isfinite(repeats)]
-    if not np.isfinite(value) or repeats.size < REPLICATES // 2:
-        return value, float("nan")
-    bias = float(np.median(repeats)) - value
-    return value - bias, _TWO_SIDED_95 * float(np.hypot(repeats.std(ddof=1), bias))
-
-
-def _draw(amplitude: Floats, size: int, random: np.random.Generator) -> Floats:
-    """A series of a given spectrum of amplitudes with random phases."""
-    parts = random.standard_normal((2, amplitude.size)) / np.sqrt(2.0)
-    return np.fft.irfft(amplitude * (parts[0] + 1j * parts[1]), size)
+    start, end = (motion.utc(float(time_s)) for time_s in span_s)
+    return Manoeuvre(
+        kind, name, start, end, side, settings, indices_of(estimates, motion.length_m, kind), **details
+    )
 
 
 def _spectrum(remainder: Floats, half_rows: float) -> Floats:
@@ -453,22 +442,13 @@ def _spectrum(remainder: Floats, half_rows: float) -> Floats:
     frequency = np.fft.rfftfreq(remainder.size)
     kernel = _weights(half_rows)[1]
     offset = np.arange(kernel.size) - kernel.size // 2
-    left = 1.0 - np.cos(2.0 * np.pi * np.outer(frequency, offset)) @ kernel
-    edge = frequency[np.argmax(left > 0.5)]
-    known = frequency >= edge
-    amplitude[known] /= np.maximum(left[known], 0.5)
-    amplitude[~known] = np.sqrt(np.mean(amplitude[known & (frequency <= 2.0 * edge)] ** 2))
+    residual_share = 1.0 - np.cos(2.0 * np.pi * np.outer(frequency, offset)) @ kernel
+    edge = frequency[np.argmax(residual_share > 0.5)]
+    resolved = frequency >= edge
+    amplitude[resolved] /= np.maximum(residual_share[resolved], 0.5)
+    amplitude[~resolved] = np.sqrt(np.mean(amplitude[resolved & (frequency <= 2.0 * edge)] ** 2))
     amplitude[0] *= np.sqrt(2.0)  # the mean has no imaginary part
     return amplitude
-
-
-_STEP_S = 1.0
-_STEP_SIGMAS = 6.0
-_BRIDGE_S = 4.0
-_BLINK_SHARE, _BLINKS = 0.5, 3  # how long a correction lasts: of the order, and of the longest bridge
-_ALIKE_SHARE, _ALIKE_DEG = 0.15, 1.0
-_ALIKE_LONG_SHARE = 0.05  # of helms that are both held for longer than a correction
-_HELD_SHARE = 0.35  # of a helm, by which it may wander while it is held: not half of the way to amidships
 
 
 @dataclass(frozen=True, slots=True)
@@ -502,24 +482,27 @@ def plateaus(
     change = np.zeros(values.size)
     if values.size > 2 * reach:
         change[reach:-reach] = calm[2 * reach :] - calm[: -2 * reach]
-    found = [
+    pieces = [
         _plateau(calm, first, end, reach, tolerance)
         for first, end in stretches(np.abs(change) <= tolerance, round(least_s / step_s))
     ]
 
-    def joined(last: Plateau, each: Plateau) -> Plateau | None:
-        near = each.first - last.end <= round(_BRIDGE_S / step_s) and abs(each.level - last.level) <= tolerance
-        return _plateau(calm, last.first, each.end, 0, tolerance) if near else None
+    def join(last: Plateau, following: Plateau) -> Plateau | None:
+        pause, step = following.first - last.end, abs(following.level - last.level)
+        near = pause <= round(_BRIDGE_S / step_s) and step <= tolerance
+        return _plateau(calm, last.first, following.end, 0, tolerance) if near else None
 
-    return merge_neighbours(found, joined)
+    return merge_neighbours(pieces, join)
 
 
 def _plateau(values: Floats, first: int, end: int, reach: int, tolerance: float) -> Plateau:
     """A plateau extended by up to ``reach`` rows as long as the values keep its level, since a change within
     two seconds is detected before it begins."""
     low, middle, high = np.percentile(values[first:end], [10, 50, 90])
-    left = np.abs(values[end : end + reach] - middle) > 0.5 * tolerance + 0.5 * (high - low)
-    return Plateau(first, end + (int(left.argmax()) if left.any() else left.size), float(middle), float(high - low))
+    departed = np.abs(values[end : end + reach] - middle) > 0.5 * tolerance + 0.5 * (high - low)
+    return Plateau(
+        first, end + (int(departed.argmax()) if departed.any() else departed.size), float(middle), float(high - low)
+    )
 
 
 def is_same_order(
@@ -529,16 +512,20 @@ def is_same_order(
     return abs(one_deg - other_deg) <= alike_share * max(abs(one_deg), abs(other_deg)) + _ALIKE_DEG + wander_deg
 
 
-def merge_corrections(found: list[Plateau], step_s: float) -> list[Plateau]:
+def merge_corrections(pieces: list[Plateau], step_s: float) -> list[Plateau]:
     """Plateaus of helm with those of the same order joined: a short one before or after a long one at nearly
     the same angle, where the helm was corrected."""
     bridge = round(_BRIDGE_S / step_s)
 
-    def joined(last: Plateau, each: Plateau) -> Plateau | None:
-        longer = max(last, each, key=lambda plateau: plateau.end - plateau.first)
-        return replace(longer, first=last.first, end=each.end) if _is_correction(last, each, bridge) else None
+    def join(last: Plateau, following: Plateau) -> Plateau | None:
+        short, long = sorted((last.end - last.first, following.end - following.first))
+        near = following.first - last.end <= bridge and short <= min(_BLINK_SHARE * long, _BLINKS * bridge)
+        if not (near and last.level * following.level > 0 and is_same_order(last.level, following.level)):
+            return None
+        longer = max(last, following, key=lambda plateau: plateau.end - plateau.first)
+        return replace(longer, first=last.first, end=following.end)
 
-    return merge_neighbours(found, joined)
+    return merge_neighbours(pieces, join)
 
 
 def helm_band_deg(level_deg: float) -> float:
@@ -552,33 +539,29 @@ def join_held(helm: Floats, held: Sequence[Plateau], step_s: float) -> list[Plat
     """
     calm = running_median(helm, max(3, round(1.5 / step_s)))
 
-    def joined(last: Plateau, each: Plateau) -> Plateau | None:
-        longer = max(last, each, key=lambda plateau: plateau.end - plateau.first)
-        between = np.abs(calm[last.end : each.first] - longer.level)
-        shorter_s = min(last.end - last.first, each.end - each.first) * step_s
+    def join(last: Plateau, following: Plateau) -> Plateau | None:
+        longer = max(last, following, key=lambda plateau: plateau.end - plateau.first)
+        between = np.abs(calm[last.end : following.first] - longer.level)
+        shorter_s = min(last.end - last.first, following.end - following.first) * step_s
         alike_share = _ALIKE_SHARE if shorter_s <= _BLINKS * _BRIDGE_S else _ALIKE_LONG_SHARE
-        wander_deg = min(last.spread, each.spread)
-        near = last.level * each.level > 0 and is_same_order(last.level, each.level, wander_deg, alike_share)
+        wander_deg = min(last.spread, following.spread)
+        near = last.level * following.level > 0 and is_same_order(
+            last.level, following.level, wander_deg, alike_share
+        )
         if not near or np.any(between > helm_band_deg(longer.level)):
             return None
-        return replace(longer, first=last.first, end=each.end)
+        return replace(longer, first=last.first, end=following.end)
 
-    return merge_neighbours(list(held), joined)
+    return merge_neighbours(list(held), join)
 
 
-def merge_neighbours(found: list[Plateau], joined: Callable[[Plateau, Plateau], Plateau | None]) -> list[Plateau]:
-    """Plateaus with each joined to the one before where ``joined`` makes one of the two."""
+def merge_neighbours(pieces: list[Plateau], join: Callable[[Plateau, Plateau], Plateau | None]) -> list[Plateau]:
+    """Plateaus with neighbours merged where ``join`` makes one of the two."""
     result: list[Plateau] = []
-    for each in found:
-        both = joined(result[-1], each) if result else None
-        result[-1:] = [both] if both else [*result[-1:], each]
+    for plateau in pieces:
+        merged = join(result[-1], plateau) if result else None
+        result[-1:] = [merged] if merged else [*result[-1:], plateau]
     return result
-
-
-def _is_correction(last: Plateau, each: Plateau, bridge: int) -> bool:
-    short, long = sorted((last.end - last.first, each.end - each.first))
-    near = each.first - last.end <= bridge and short <= min(_BLINK_SHARE * long, _BLINKS * bridge)
-    return near and last.level * each.level > 0 and is_same_order(last.level, each.level)
 
 
 def execute_s(
@@ -597,28 +580,20 @@ def execute_s(
     inside = plateau.first - earliest + max(1, (plateau.end - plateau.first) // 4)
     half = _last_crossing(share[: inside + 1], 0.5)
     tenth = _last_crossing(share[: int(half) + 2], 0.1)
-    rest = _first_crossing(share[int(half) :], 0.9)
-    if half - tenth > _CREEP * (rest + 0.25) and before != (near := float(values[earliest + int(half)])):
+    rise_rows = _first_crossing(share[int(half) :], 0.9)
+    if half - tenth > _CREEP * (rise_rows + 0.25) and before != (near := float(values[earliest + int(half)])):
         # a hand that held the course crept this way before: the order began where the last of it began
         return execute_s(time_s, values, plateau, near, earliest)
-    rows = earliest + np.array([max(0.0, tenth - 0.25 * (half - tenth)), _half_by_fit(share, half)])
-    start, middle = np.interp(rows, np.arange(time_s.size), time_s)
-    return float(start), float(middle)
-
-
-def _half_by_fit(share: Floats, half: float) -> float:
-    """The row at which ``share`` rises through a half, near ``half``, by a parabola through its middle 50 %: a
-    slow and noisy command crosses it more than once, and a drive with lag has a bend."""
     first = int(np.ceil(_last_crossing(share[: int(half) + 2], 0.25)))
     last = int(half) + int(_first_crossing(share[int(half) :], 0.75))
-    if np.unique(share[first:last].round(3)).size < _FEWEST_OF_FIT:
-        return half
-    rows = np.arange(first, last) - half
-    return float(np.clip(half + np.polyfit(share[first:last] - 0.5, rows, 2)[-1], first, last))
-
-
-_FEWEST_OF_FIT, _FEWEST_BEFORE = 5, 2
-_CREEP = 4.0  # times as long as the last half of a change, and a row: no drive begins so slowly
+    middle = half
+    if np.unique(share[first:last].round(3)).size >= _FEWEST_OF_FIT:
+        # by a parabola: a slow and noisy command crosses its half more than once, and a drive with lag has a bend
+        fit = np.polyfit(share[first:last] - 0.5, np.arange(first, last) - half, 2)
+        middle = float(np.clip(half + fit[-1], first, last))
+    rows = earliest + np.array([max(0.0, tenth - 0.25 * (half - tenth)), middle])
+    start_s, half_s = np.interp(rows, np.arange(time_s.size), time_s)
+    return float(start_s), float(half_s)
 
 
 def _first_crossing(share: Floats, level: float) -> float:
@@ -636,9 +611,6 @@ def _last_crossing(share: Floats, level: float) -> float:
     if row + 1 >= share.size:
         return float(row)
     return row + float((level - share[row]) / (share[row + 1] - share[row]))
-
-
-CONTRADICTION = "the recorded orders do not precede the helm"
 
 
 def contradiction_of(executes: Sequence[Execute]) -> tuple[str, ...]:

@@ -1,4 +1,4 @@
-"""The input of finders and indices: path, motion and helm on one uniform grid.
+"""Path, motion and helm of a ship on one uniform grid: the input of all finders and indices.
 
 The path combines position and speed. The speeds, rotated by the heading and integrated, reproduce every bend
 but drift; the positions do not drift but may be quantised, jump or be delayed. Their difference is slow, so a
@@ -6,11 +6,11 @@ fit over half a minute removes its noise without rounding off the path.
 
 The helm of a ship with rudders is their mean angle. Of a ship steered by thrust, with azimuth thrusters or
 waterjets, it is the direction of their total thrust, taken as proportional to the square of the shaft speed:
-the common angle of similar drives, the angle of the one that runs when the others stand still, and zero for a
-drive that pulls while facing aft. Drives at the other end of the ship, which turn her by the opposite angle,
-are recognised by that and counted with their sign. Of a ship with neither, but with propellers to port and to
+the common angle of similar drives, the angle of the one that runs when the others are stopped, and zero for a
+drive that pulls while facing aft. Drives at the other end of the ship, which turn it by the opposite angle, are
+recognised by that and counted with their sign. Of a ship with neither, but with propellers to port and to
 starboard, it is the angle whose tangent is the difference of both thrusts over their sum, positive where port
-pushes more and turns her to starboard: 0 for like propellers, 45 deg for one alone. Any other ship has no helm.
+pushes more and turns the ship to starboard: 0 for like propellers, 45 deg for one alone. Other ships have no helm.
 """
 
 from __future__ import annotations
@@ -18,13 +18,14 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
+from datetime import datetime
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
 from seatrial.acquisition.core.errors import DataShortageError, InputError
-from seatrial.acquisition.core.quantities import Bools, Complexes, Floats, integrate, to_earth, to_ship
+from seatrial.acquisition.core.quantities import Bools, Complexes, Floats, Ints, integrate, to_earth, to_ship
 from seatrial.acquisition.core.ship import (
     POSE,
     POSE_AND_VELOCITY,
@@ -67,26 +68,28 @@ _RUDDER = "rudder"  # steering that works without thrust
 BY_DIFFERENCE = "thrust"  # steering by propellers to both sides
 _SIDES = (re.compile(r"(^|_)(port|left|bb|ps)(_|$)"), re.compile(r"(^|_)(starboard|stbd|right|sb)(_|$)"))
 _STILL_SHARE = 0.2  # of the mean side thrust, that it changes by in a turn that lasts for the whole recording
-_AGAINST = -0.9  # correlation of side thrusts under way, below which a drive is at the other end of the ship
+_OPPOSED = -0.9  # correlation of side thrusts under way, below which a drive is at the other end of the ship
+_IN_STEP = 0.98  # the mean of unit vectors at the phases of samples, above which they are in step
+Place = tuple[float, float]
+"""A point of the ship: how far forward and to starboard of midship [m]."""
 
 
 @dataclass(frozen=True, slots=True)
 class Motion:
     """Rows of one even grid, all [rows]: ``time_s`` since ``origin_ns`` (UTC).
 
-    ``heading_deg`` runs on without jumps of a turn. ``helm_deg`` is -180 < x <= 180, as the actuators of the kind
-    that ``steering`` names count it ("azimuth", "rudder", "nozzle", "thrust" for propellers to both sides; "" for
-    none); of one that steers by thrust it means nothing where no drive runs. ``thrust`` is the sum of n|n| along
-    the bow of all drives [rpm^2]. ``drives`` are the shafts of what drives the ship and ``tunnels`` those of tunnel
-    thrusters [rpm], by channel, ``words`` what each is called; the shaft of a controllable propeller counts as what
-    gives her thrust at full pitch. ``known`` says where pose and speeds were measured; elsewhere they are
-    interpolated. ``broken`` says where position or heading jump as no ship does, as where a piece was cut out of a
-    recording, and where they are missing for more than a minute: nothing reaches across. ``path_sd_m`` is the
-    standard deviation of a point of the path, by how the positions wander about it. ``orders_are_events`` says that
-    the helm was recorded when it changed and filled in between, so that nobody knows when it began to. ``length_m``
-    is the ship's length between perpendiculars, if it is known, ``helm_rate_dps`` how fast the helm usually goes
-    over. ``helm_order_deg`` and ``thrust_order`` are what helm and thrust were ordered to, None where orders were
-    not recorded beside them.
+    ``heading_deg`` is unwrapped. ``helm_deg`` is -180 < x <= 180, as the actuators of the kind that ``steering``
+    names count it ("azimuth", "rudder", "nozzle", "thrust" for propellers to both sides; "" for none); of one that
+    steers by thrust it means nothing where no drive runs. ``thrust`` is the sum of n|n| along the bow of all drives
+    [rpm^2]. ``drives`` are the shafts of the propulsors, ``tunnels`` those of tunnel thrusters [rpm], by channel,
+    and ``words`` their names in text; the shaft of a controllable propeller counts as what gives its thrust at full
+    pitch. ``measured`` is where pose and speeds were measured; elsewhere they are interpolated. ``broken`` is where
+    position or heading jump as no ship does, such as where a piece was cut out of a recording, and where they are
+    missing for more than a minute: nothing reaches across. ``path_sd_m`` is the standard deviation of a point of
+    the path, by how the positions wander about it. ``orders_are_events``: the helm was recorded when it changed and
+    filled in between, so that the beginning of a change is not known. ``length_m`` is the ship's length between
+    perpendiculars, if known, ``helm_rate_dps`` the usual rate of the helm. ``helm_order_deg`` and ``thrust_order``
+    are the ordered helm and thrust, None where orders were not recorded.
     """
 
     origin_ns: int
@@ -101,7 +104,7 @@ class Motion:
     thrust: Floats
     drives: Mapping[str, Floats]
     tunnels: Mapping[str, Floats]
-    known: Bools
+    measured: Bools
     broken: Bools
     path_sd_m: float = 0.0
     orders_are_events: bool = False
@@ -151,7 +154,7 @@ class Motion:
     @property
     def fastest_mps(self) -> float:
         """The speed exceeded in a fiftieth of the measurements."""
-        return float(np.percentile(self.speed_mps[self.known], 98)) if self.known.any() else 0.0
+        return float(np.percentile(self.speed_mps[self.measured], 98)) if self.measured.any() else 0.0
 
     def with_columns(self, columns: Mapping[str, Floats]) -> Motion:
         """This motion with other values of some of its columns."""
@@ -159,10 +162,13 @@ class Motion:
 
     def rows(self, first: int, end: int) -> Motion:
         """The rows from ``first`` up to ``end``."""
-        part = slice(max(first, 0), end)
-        columns = {
-            each.name: _part(getattr(self, each.name), part) for each in fields(self) if each.name != "words"
-        }
+        part, columns = slice(max(first, 0), end), dict[str, Any]()
+        for name in (attribute.name for attribute in fields(self)):
+            values = getattr(self, name)
+            if isinstance(values, np.ndarray):
+                columns[name] = values[part]
+            elif isinstance(values, Mapping) and name != "words":
+                columns[name] = {channel: column[part] for channel, column in values.items()}
         return replace(self, **columns)
 
     def between(self, start_s: float, end_s: float) -> Motion:
@@ -192,32 +198,31 @@ class Motion:
         """A time of the grid in UTC."""
         return pd.Timestamp(self.origin_ns + round(time_s * NANO), unit="ns", tz="UTC")
 
-
-def _part(values: Any, part: slice) -> Any:
-    """Some rows of a column or of columns by name; what has no rows as it is."""
-    if isinstance(values, Mapping):
-        return {name: column[part] for name, column in values.items()}
-    return values[part] if isinstance(values, np.ndarray) else values
+    def seconds_of(self, time: datetime) -> float:
+        """A time in UTC on the grid's clock [s]."""
+        return (pd.Timestamp(time).value - self.origin_ns) / NANO
 
 
 def steering_of(actuators: Actuators) -> Actuators:
-    """The actuators that steer a ship: her rudders, else the propulsors with a thrust angle; none if she has
+    """The actuators that steer a ship: its rudders, else the propulsors with a thrust angle; none if it has
     neither."""
-    able = tuple(each for each in actuators if each.angle is not None)
-    return tuple(each for each in able if not each.drives) or able
+    with_angle = tuple(actuator for actuator in actuators if actuator.angle is not None)
+    return tuple(actuator for actuator in with_angle if not actuator.drives) or with_angle
 
 
 def recorded_actuators(table: pd.DataFrame) -> Actuators:
     """The actuators of a table's ship; of one that names none, and has no angle of theirs, those that its columns
-    tell; a rudder alone if it has that angle and no actuator of hers."""
+    tell; a rudder alone if it has that angle and no actuator of the ship."""
     actuators, trial = table_actuators(table), trial_of(table)
     recorded = {str(name) for name in table if table[name].notna().any()}
     if not (
-        trial.vessel or trial.actuators or any(each.angle and each.angle.name in recorded for each in actuators)
+        trial.vessel
+        or trial.actuators
+        or any(actuator.angle and actuator.angle.name in recorded for actuator in actuators)
     ):
         actuators = actuators_in(name for name in table if name in recorded) or actuators
-    theirs = {channel.name for each in actuators for channel in each.channels}
-    return (Actuator(_RUDDER, _RUDDER),) if RUDDER in table and not theirs & recorded else actuators
+    actuator_channels = {channel.name for actuator in actuators for channel in actuator.channels}
+    return (Actuator(_RUDDER, _RUDDER),) if RUDDER in table and not actuator_channels & recorded else actuators
 
 
 def motion_of(table: pd.DataFrame, length_m: float | None = None) -> Motion:
@@ -228,55 +233,43 @@ def motion_of(table: pd.DataFrame, length_m: float | None = None) -> Motion:
     missing actuators are taken as stopped.
     """
     actuators = recorded_actuators(table)
-    steering, driving = steering_of(actuators), tuple(each for each in actuators if each.drives)
+    steering, driving = steering_of(actuators), tuple(actuator for actuator in actuators if actuator.drives)
     if not (*steering, *driving):
         raise InputError("the ship has no propulsion", fix="name the actuators in the trial")
-    helms = [each.angle.name for each in steering if each.angle is not None]
+    helms = [actuator.angle.name for actuator in steering if actuator.angle is not None]
     require(table, (*POSE, *(helms or [channel.name for channel in driving[0].channels])[:1]))
-    rate_hz, heading = _rate_hz(table), _cleaned_heading(table)
-    late_ns = _late_ns(table, NANO / rate_hz)
-    on_grid = table.assign(heading_deg=heading)
-    on_grid.index = pd.DatetimeIndex(table.index) - pd.to_timedelta(late_ns, unit="ns")
-    grid = _with_sharp_settings(resample(on_grid, rate_hz), on_grid)
-    time_ns = times_ns(grid) + late_ns
+    grid, time_ns = _even_grid(table)
     time_s = (time_ns - time_ns[0]) / NANO
     step_s = float(time_s[1] - time_s[0]) if time_s.size > 1 else 1.0
-    grid = _with_velocities(grid, step_s)
-    known = grid[[*POSE_AND_VELOCITY]].notna().all(axis=1).to_numpy(dtype=bool)
+    grid = _add_velocities(grid, step_s)
+    measured = grid[[*POSE_AND_VELOCITY]].notna().all(axis=1).to_numpy(dtype=bool)
     yaw_rate = fill_gaps(grid["yaw_rate_dps"].to_numpy())
-    turned = _continuous(grid["heading_deg"].to_numpy(), yaw_rate, step_s)
+    integral = integrate(yaw_rate, step_s)  # which the heading follows over gaps
+    turned = np.asarray(integral + fill_gaps(unwrap(wrap_360(grid["heading_deg"].to_numpy() - integral))))
     surge, sway = (fill_gaps(grid[name].to_numpy()) for name in ("surge_mps", "sway_mps"))
-    reckoned, differences = _dead_reckoning(grid, np.deg2rad(turned), surge, sway, step_s)
-    apart = [running_median(each, 5) for each in differences]
-    fastest = float(np.percentile(np.hypot(surge, sway), 98))
-    off_course = fill_gaps(unwrap(grid["heading_deg"].to_numpy() - integrate(yaw_rate, step_s)))
-    broken = _breaks(apart, off_course, known, _JUMP_S * fastest, step_s)
-    slow = [_smooth_pieces(rest, broken, step_s) for rest in apart]
-    residuals = [whole - part for whole, part in zip(apart, slow, strict=True)]
-    aside_mps = fastest * np.deg2rad(noise_of(turned))  # what the noise of the heading does to the speeds
-    speed_noise_mps = float(np.hypot(max(noise_of(surge), noise_of(sway)), aside_mps))
-    scatter_m = max(*map(noise_of, differences), _scatter_m(table, step_s))
-    spread = _path_spread_m(residuals, scatter_m, speed_noise_mps, step_s)
-    north, east = reckoned[0] + slow[0], reckoned[1] + slow[1]
-    sideways = [each for each in actuators if not each.drives and each.angle is None]
-    shafts = {each: (_shaft_name(each), _shaft(grid, each)) for each in (*driving, *sideways)}
-    drives, tunnels = (dict(shafts[each] for each in some) for some in (driving, sideways))
-    words = {name: _called(each) for each, (name, _) in shafts.items()}
+    off_course = fill_gaps(unwrap(grid["heading_deg"].to_numpy() - integral))
+    broken = _jumps(off_course, step_s, _JUMP_DEG)
+    for first, end in stretches(~measured, round(_LONGEST_GAP_S / step_s)):
+        broken[first:end] = True
+    (north, east), broken, spread = _path_of(table, grid, turned, surge, sway, broken, step_s)
+    drives, tunnels, words = _shafts_of(grid, actuators)
     helm, thrust = _helm_and_thrust(grid, steering, driving, surge)
-    kind, order = steering[0].steers_by if steering else "", _ordered_helm(grid, steering)
-    sides = () if steering else drives_by_side(driving)
-    if sides:
-        kind, helm = BY_DIFFERENCE, _helm_by_difference(*(_thrust_of(grid, drives) for drives in sides))
+    kind = steering[0].steers_by if steering else ""
+    if not steering and (sides := drives_by_side(driving)):
+        shafts = ([_shaft(grid, drive) for drive in side] for side in sides)
+        port, starboard = (np.sum([rpm * np.abs(rpm) for rpm in group], axis=0) for group in shafts)
+        kind, helm = BY_DIFFERENCE, np.rad2deg(np.arctan2(port - starboard, port + starboard))
+    names = [name_of_order(name) for name in helms]
+    orders = [
+        fill_gaps(unwrap(grid[name].to_numpy())) for name in names if name in grid and grid[name].notna().any()
+    ]
     motion = Motion(
         int(time_ns[0]), time_s, north, east, turned, surge, sway, yaw_rate, helm, thrust, drives, tunnels,
-        known & ~broken, broken, spread, orders_are_events(table), kind, words, length_m,
-        helm_order_deg=order, thrust_order=_ordered_thrust(grid, driving),
+        measured & ~broken, broken, spread, orders_are_events(table), kind, words, length_m,
+        helm_order_deg=circular_mean(orders, axis=0) if orders else None,
+        thrust_order=_ordered_thrust(grid, driving),
     )  # fmt: skip
     return at_midship(motion, antenna_of(table))
-
-
-Place = tuple[float, float]
-"""A point of the ship: how far forward and to starboard of midship [m]."""
 
 
 def antenna_of(table: pd.DataFrame) -> Place | None:
@@ -301,7 +294,7 @@ def at_midship(motion: Motion, place_m: Place | None) -> Motion:
     )  # fmt: skip
 
 
-def _with_velocities(grid: pd.DataFrame, step_s: float) -> pd.DataFrame:
+def _add_velocities(grid: pd.DataFrame, step_s: float) -> pd.DataFrame:
     """The grid with missing speeds and rate of turn derived from local fits of position and heading, without
     implausible jumps."""
     lacking = [name for name in VELOCITY if name not in grid or not grid[name].notna().any()]
@@ -312,23 +305,24 @@ def _with_velocities(grid: pd.DataFrame, step_s: float) -> pd.DataFrame:
     rows = max(_SLOPE_HALF_WIDTH_S / step_s, _SLOPE_ROWS)
     north, east = (fill_gaps(grid[name].to_numpy()) for name in POSE[:2])
     heading = unwrap(fill_gaps(unwrap(grid[POSE[2]].to_numpy())))
-    slopes = (np.gradient(local_quadratic(each, rows), step_s) for each in (north, east, heading))
-    over_north, over_east, yaw_rate = map(_without_jumps, slopes)
+    slopes = (np.gradient(local_quadratic(values, rows), step_s) for values in (north, east, heading))
+    over_north, over_east, yaw_rate = (
+        fill_gaps(np.where(np.abs(slope) > _WILD * np.percentile(np.abs(slope), 98), np.nan, slope))
+        for slope in slopes
+    )
     surge, sway = to_ship(over_north, over_east, np.deg2rad(heading))
     gaps = grid[[*POSE]].isna().any(axis=1)
     derived = dict(zip(VELOCITY, (surge, sway, yaw_rate), strict=True))
     return grid.assign(**{name: np.where(gaps, np.nan, derived[name]) for name in lacking})
 
 
-def _without_jumps(slopes: Floats) -> Floats:
-    return fill_gaps(np.where(np.abs(slopes) > _WILD * np.percentile(np.abs(slopes), 98), np.nan, slopes))
-
-
 def orders_are_events(table: pd.DataFrame) -> bool:
     """Whether a helm's values between its changes are interpolated, linearly or by a repair."""
     repaired = {entry["options"].get("channel") for entry in history_of(table)
               if entry["options"].get("code") == ORDER_INTERPOLATED}  # fmt: skip
-    angles = [each.angle.name for each in steering_of(recorded_actuators(table)) if each.angle is not None]
+    angles = [
+        actuator.angle.name for actuator in steering_of(recorded_actuators(table)) if actuator.angle is not None
+    ]
     return bool(repaired & set(angles)) or bool(check_orders(table[[*filter(table.__contains__, angles)]]).findings)
 
 
@@ -351,26 +345,28 @@ def noise_of(values: Floats) -> float:
     return white_noise(values[np.isfinite(values)])
 
 
-def _rate_hz(table: pd.DataFrame) -> float:
-    times = np.unique(times_ns(table)[table["heading_deg"].notna().to_numpy()])
-    interval_s = float(np.median(np.diff(times))) / NANO if times.size > 1 else 1.0
-    rate = min(1.0 / interval_s, FASTEST_HZ)
-    return float(np.round(rate)) if rate >= 1.0 else rate
+def _even_grid(table: pd.DataFrame) -> tuple[pd.DataFrame, Ints]:
+    """A table at its own rate, up to 5 Hz, and the times of its rows [ns].
 
-
-_IN_STEP = 0.98  # the mean of unit vectors at the phases of samples, above which they are in step
-
-
-def _late_ns(table: pd.DataFrame, step_ns: float) -> int:
-    """How far behind whole steps the headings were sampled [ns], 0 where they were not in step. A grid at the
-    samples needs no interpolation, which takes off noise that the intervals are to tell."""
+    The grid lies at the samples of the heading where they are in step: then nothing is interpolated, which would
+    take off noise that the intervals are to show.
+    """
     times = times_ns(table)[table["heading_deg"].notna().to_numpy()]
+    distinct = np.unique(times)
+    interval_s = float(np.median(np.diff(distinct))) / NANO if distinct.size > 1 else 1.0
+    rate_hz = min(1.0 / interval_s, FASTEST_HZ)
+    rate_hz = float(np.round(rate_hz)) if rate_hz >= 1.0 else rate_hz
+    step_ns = NANO / rate_hz
     phases = np.exp(2j * np.pi * (times % step_ns) / step_ns) if times.size else np.ones(1, dtype=complex)
     mean = complex(phases.mean())
-    return round(float(np.angle(mean)) / (2.0 * np.pi) * step_ns) if abs(mean) > _IN_STEP else 0
+    delay_ns = round(float(np.angle(mean)) / (2.0 * np.pi) * step_ns) if abs(mean) > _IN_STEP else 0
+    on_grid = table.assign(heading_deg=_cleaned_heading(table))
+    on_grid.index = pd.DatetimeIndex(table.index) - pd.to_timedelta(delay_ns, unit="ns")
+    grid = _sample_fast_settings(resample(on_grid, rate_hz), on_grid)
+    return grid, times_ns(grid) + delay_ns
 
 
-def _with_sharp_settings(grid: pd.DataFrame, table: pd.DataFrame) -> pd.DataFrame:
+def _sample_fast_settings(grid: pd.DataFrame, table: pd.DataFrame) -> pd.DataFrame:
     """The grid with the settings of a faster table sampled at its rows.
 
     The anti-aliasing filter turns a step into a ramp that begins early, and an execute matters to a tenth of a
@@ -398,35 +394,39 @@ def _cleaned_heading(table: pd.DataFrame) -> Floats:
     yaw_rate = fill_gaps(table["yaw_rate_dps"].to_numpy(dtype=float))[rows]
     turned = integrate(np.deg2rad(yaw_rate), seconds)
     interval_s = float(np.median(np.diff(seconds))) if rows.size > 1 else 1.0
-    _, off = heading_deviation(np.deg2rad(heading[rows]), turned, max(interval_s, 1e-3))
-    heading[rows[wild_heading_mask(off, turned)]] = np.nan
+    _, deviation = heading_deviation(np.deg2rad(heading[rows]), turned, max(interval_s, 1e-3))
+    heading[rows[wild_heading_mask(deviation, turned)]] = np.nan
     return heading
 
 
-def _continuous(heading_deg: Floats, yaw_rate_dps: Floats, step_s: float) -> Floats:
-    """The unwrapped heading; over gaps it follows the yaw rate."""
-    integral = integrate(yaw_rate_dps, step_s)
-    return np.asarray(integral + fill_gaps(unwrap(wrap_360(heading_deg - integral))))
+def _path_of(
+    table: pd.DataFrame, grid: pd.DataFrame, heading_deg: Floats, surge: Floats, sway: Floats, broken: Bools,
+    step_s: float,
+) -> tuple[list[Floats], Bools, float]:  # fmt: skip
+    """The path north and east [m], by dead reckoning and the smooth difference of the positions from it.
 
-
-def _dead_reckoning(
-    grid: pd.DataFrame, heading: Floats, surge: Floats, sway: Floats, step_s: float
-) -> tuple[tuple[Floats, Floats], tuple[Floats, Floats]]:
-    """The dead-reckoned path from speed and heading, north and east [m], and the positions' difference from it."""
-    north, east = (integrate(each, step_s) for each in to_earth(surge, sway, heading))
-    apart = [
-        fill_gaps(grid[name].to_numpy() - reckoned) for name, reckoned in zip(POSE, (north, east), strict=False)
-    ]
-    return (north, east), (apart[0], apart[1])
-
-
-def _breaks(apart: Sequence[Floats], off_course: Floats, known: Bools, least_m: float, step_s: float) -> Bools:
-    """Mask of where the positions jump off the reckoned path, or the heading off the turn, and of long gaps."""
-    broken = _jumps(apart[0], step_s, least_m) | _jumps(apart[1], step_s, least_m)
-    broken |= _jumps(off_course, step_s, _JUMP_DEG)
-    for first, end in stretches(~known, round(_LONGEST_GAP_S / step_s)):
-        broken[first:end] = True
-    return broken
+    With it the rows that are ``broken`` or at which the positions jump, and the standard deviation of a point [m].
+    """
+    reckoned = [integrate(velocity, step_s) for velocity in to_earth(surge, sway, np.deg2rad(heading_deg))]
+    differences = [fill_gaps(grid[name].to_numpy() - path) for name, path in zip(POSE, reckoned, strict=False)]
+    offsets = [running_median(difference, 5) for difference in differences]
+    fastest_mps = float(np.percentile(np.hypot(surge, sway), 98))
+    for offset in offsets:
+        broken = broken | _jumps(offset, step_s, _JUMP_S * fastest_mps)
+    trends = [offset.copy() for offset in offsets]
+    for trend in trends:  # piece by piece
+        for first, end in stretches(~broken):
+            trend[first:end] = local_quadratic(trend[first:end], _PATH_HALF_WIDTH_S / step_s)
+    sideways_mps = fastest_mps * np.deg2rad(noise_of(heading_deg))  # what the heading's noise does to the speeds
+    speed_noise_mps = float(np.hypot(max(noise_of(surge), noise_of(sway)), sideways_mps))
+    scatters_m = list(map(noise_of, differences))
+    for name in POSE[:2]:  # as for one sample a step: what is on the grid was interpolated or filtered
+        samples = table[name].dropna().sort_index()
+        interval_s = float(np.median(np.diff(times_ns(samples.to_frame())))) / NANO if len(samples) > 1 else step_s
+        scatters_m.append(noise_of(samples.to_numpy(dtype=float)) * np.sqrt(min(interval_s / step_s, 1.0)))
+    residuals = [offset - trend for offset, trend in zip(offsets, trends, strict=True)]
+    spread_m = _path_spread_m(residuals, float(max(scatters_m)), speed_noise_mps, step_s)
+    return [path + trend for path, trend in zip(reckoned, trends, strict=True)], broken, spread_m
 
 
 def _jumps(values: Floats, step_s: float, least: float) -> Bools:
@@ -438,75 +438,51 @@ def _jumps(values: Floats, step_s: float, least: float) -> Bools:
     return change > max(least, _JUMP_SHARE * float(np.percentile(change, 90)))
 
 
-def _smooth_pieces(values: Floats, broken: Bools, step_s: float) -> Floats:
-    """``values`` smoothed, each piece between breaks by itself."""
-    result = values.copy()
-    for first, end in stretches(~broken):
-        result[first:end] = local_quadratic(values[first:end], _PATH_HALF_WIDTH_S / step_s)
-    return result
-
-
-def _scatter_m(table: pd.DataFrame, step_s: float) -> float:
-    """The standard deviation of positions about the path [m], as for one a step: what is on the grid was
-    interpolated or filtered."""
-    scatters = [0.0]
-    for name in POSE[:2]:
-        samples = table[name].dropna().sort_index()
-        interval_s = float(np.median(np.diff(times_ns(samples.to_frame())))) / NANO if len(samples) > 1 else step_s
-        scatters.append(noise_of(samples.to_numpy(dtype=float)) * np.sqrt(min(interval_s / step_s, 1.0)))
-    return float(max(scatters))
-
-
 def _path_spread_m(residuals: Sequence[Floats], scatter_m: float, speed_noise_mps: float, step_s: float) -> float:
     """The standard deviation of a point of the path [m], from how the positions wander about it and from noise.
 
-    ``scatter_m`` is that of single positions; the median over five of them has a little more than their mean.
+    They wander by the spread of ten-second means of the fit's residuals, two of which cover the width of the fit.
+    The fit passes a part of the white noise of the positions, and that of the speeds drifts until the fit corrects
+    it. ``scatter_m`` is that of single positions; the median over five of them has a little more than their mean.
     """
-    wander_m = float(np.linalg.norm([_wander_m(residual, step_s) for residual in residuals]))
-    return float(np.hypot(wander_m, _path_sd_m(_MEDIAN_OF_FIVE * scatter_m, speed_noise_mps, step_s)))
-
-
-def _wander_m(rest: Floats, step_s: float) -> float:
-    """The uncertainty of the path: the spread of ten-second means of the fit's residual, two of which cover the
-    width of the fit."""
-    rows = max(1, round(0.5 * _PATH_HALF_WIDTH_S / step_s))
-    means = rest[: rest.size // rows * rows].reshape(-1, rows).mean(axis=1)
-    return float(_NORMAL_MAD * np.median(np.abs(means)) / np.sqrt(2.0)) if means.size else 0.0
-
-
-def _path_sd_m(position_m: float, speed_mps: float, step_s: float) -> float:
-    """The standard deviation of a point of the path [m] from white noise of the positions, partly passed by the
-    fit, and of the speeds, whose integral drifts until the fit corrects it."""
-    rows = _PATH_HALF_WIDTH_S / step_s
-    impulse = np.zeros(4 * int(np.ceil(rows)) + 1)
+    wanders_m, rows = list[float](), max(1, round(0.5 * _PATH_HALF_WIDTH_S / step_s))
+    for residual in residuals:
+        means = residual[: residual.size // rows * rows].reshape(-1, rows).mean(axis=1)
+        wanders_m.append(float(_NORMAL_MAD * np.median(np.abs(means)) / np.sqrt(2.0)) if means.size else 0.0)
+    half_width = _PATH_HALF_WIDTH_S / step_s
+    impulse = np.zeros(4 * int(np.ceil(half_width)) + 1)
     impulse[impulse.size // 2] = 1.0
-    kernel = local_quadratic(impulse, rows)
-    wandering = np.cumsum(impulse) - np.cumsum(kernel)
-    return float(np.hypot(position_m * np.linalg.norm(kernel), speed_mps * step_s * np.linalg.norm(wandering)))
+    kernel = local_quadratic(impulse, half_width)
+    drift_m = speed_noise_mps * step_s * np.linalg.norm(np.cumsum(impulse) - np.cumsum(kernel))
+    noise_m = float(np.hypot(_MEDIAN_OF_FIVE * scatter_m * np.linalg.norm(kernel), drift_m))
+    return float(np.hypot(float(np.linalg.norm(wanders_m)), noise_m))
 
 
-def stretches(true: Bools, least_rows: int = 1) -> list[tuple[int, int]]:
+def stretches(mask: Bools, least_rows: int = 1) -> list[tuple[int, int]]:
     """First row and end of every run of true values that is long enough.
 
     >>> stretches(np.array([True, True, False, True]))
     [(0, 2), (3, 4)]
     """
-    return [(int(a), int(b)) for a, b in zip(*runs(true), strict=True) if b - a >= least_rows]
+    return [(int(a), int(b)) for a, b in zip(*runs(mask), strict=True) if b - a >= least_rows]
 
 
-def _shaft_name(actuator: Actuator) -> str:
-    """The channel of a shaft, or what the shaft of a controllable propeller would turn at full pitch."""
-    return actuator.channels[0].name if _pitch_of(actuator) is None else f"{actuator.name}_at_full_pitch_rpm"
+def _shafts_of(
+    grid: pd.DataFrame, actuators: Actuators
+) -> tuple[dict[str, Floats], dict[str, Floats], dict[str, str]]:
+    """The shaft speeds of propulsors and of tunnel thrusters [rpm], and the names of both in text, by channel."""
+    drives, tunnels, words = dict[str, Floats](), dict[str, Floats](), dict[str, str]()
+    for actuator in actuators:
+        if actuator.drives or actuator.angle is None:
+            shaft, text = actuator.channels[0].name, actuator.name.replace("_", " ")
+            name = shaft if _pitch_of(actuator) is None else f"{actuator.name}_at_full_pitch_rpm"
+            (drives if actuator.drives else tunnels)[name] = _shaft(grid, actuator)
+            words[name] = text if actuator.noun in text else f"{text} {actuator.noun}"
+    return drives, tunnels, words
 
 
 def _pitch_of(actuator: Actuator) -> str | None:
-    return next((each.name for each in actuator.channels if each.unit == "%"), None)
-
-
-def _called(actuator: Actuator) -> str:
-    """The name of a propulsor or tunnel thruster in text: the port thruster, the propeller."""
-    name = actuator.name.replace("_", " ")
-    return name if actuator.noun in name else f"{name} {actuator.noun}"
+    return next((channel.name for channel in actuator.channels if channel.unit == "%"), None)
 
 
 def _shaft(grid: pd.DataFrame, actuator: Actuator) -> Floats:
@@ -530,45 +506,36 @@ def _helm_and_thrust(
     grid: pd.DataFrame, steering: Actuators, driving: Actuators, surge: Floats
 ) -> tuple[Floats, Floats]:
     """Helm [deg] and thrust along the bow [rpm^2]."""
-    pushes = {each: _push(grid, each) for each in driving}
+    pushes = {actuator: _thrust_vector(grid, actuator) for actuator in driving}
     ahead = np.sum([np.zeros(len(grid)), *(push.real for push in pushes.values())], axis=0)
-    shafts_known = any(each.channels[0].name in grid for each in steering)
+    shafts_known = any(actuator.channels[0].name in grid for actuator in steering)
     if not steering or not steering[0].drives or not shafts_known:
-        known = [each for each in steering if each.angle is not None and each.angle.name in grid]
-        return np.mean([_angle(grid, each) for each in known], axis=0) if known else np.zeros(len(grid)), ahead
-    turned = [pushes[each] for each in steering]
+        recorded = [actuator for actuator in steering if actuator.angle is not None and actuator.angle.name in grid]
+        return np.mean([_angle(grid, actuator) for actuator in recorded], axis=0) if recorded else np.zeros(
+            len(grid)
+        ), ahead
+    turned = [pushes[actuator] for actuator in steering]
     under_way = np.abs(surge) >= 0.5 * np.percentile(np.abs(surge), 98)
-    sides = [_side_of(push.imag[under_way], turned[0].imag[under_way]) for push in turned]
+    sides = []
+    for (
+        push
+    ) in turned:  # one at the other end of the ship pushes against the first, in its changes if there are any
+        pair = push.imag[under_way], turned[0].imag[under_way]
+        constant = all(values.std() < _STILL_SHARE * abs(values.mean()) for values in pair)
+        a, b = (values if constant else values - values.mean() for values in pair)
+        sides.append(-1.0 if a @ b < _OPPOSED * np.sqrt((a @ a) * (b @ b)) else 1.0)
     along = np.sum([push.real for push in turned], axis=0)
-    aside = np.sum([side * push.imag for side, push in zip(sides, turned, strict=True)], axis=0)
-    return wrap_180(np.rad2deg(np.arctan2(aside, along))), ahead
+    sideways = np.sum([side * push.imag for side, push in zip(sides, turned, strict=True)], axis=0)
+    return wrap_180(np.rad2deg(np.arctan2(sideways, along))), ahead
 
 
 def drives_by_side(driving: Actuators) -> tuple[Actuators, Actuators] | tuple[()]:
     """The propellers to port and to starboard, by their names; of a pair that its names do not tell the port one
     comes first. Empty where they are not to both sides."""
-    port, starboard = (tuple(each for each in driving if side.search(each.name)) for side in _SIDES)
+    port, starboard = (tuple(drive for drive in driving if side.search(drive.name)) for side in _SIDES)
     if len(driving) == 2 and not (port or starboard):
         return driving[:1], driving[1:]
     return (port, starboard) if port and starboard else ()
-
-
-def _thrust_of(grid: pd.DataFrame, drives: Actuators) -> Floats:
-    """n|n| of some propellers together [rpm^2]."""
-    shafts = [_shaft(grid, each) for each in drives]
-    return np.asarray(np.sum([rpm * np.abs(rpm) for rpm in shafts], axis=0))
-
-
-def _helm_by_difference(port: Floats, starboard: Floats) -> Floats:
-    """The helm of propellers to both sides [deg], from their n|n|."""
-    return np.rad2deg(np.arctan2(port - starboard, port + starboard))
-
-
-def _ordered_helm(grid: pd.DataFrame, steering: Actuators) -> Floats | None:
-    """The mean order to the steering actuators [deg], None if none was recorded."""
-    names = [name_of_order(each.angle.name) for each in steering if each.angle is not None]
-    known = [name for name in names if name in grid and grid[name].notna().any()]
-    return circular_mean([fill_gaps(unwrap(grid[name].to_numpy())) for name in known], axis=0) if known else None
 
 
 def _ordered_thrust(grid: pd.DataFrame, driving: Actuators) -> Floats | None:
@@ -577,26 +544,20 @@ def _ordered_thrust(grid: pd.DataFrame, driving: Actuators) -> Floats | None:
     orders: dict[str, pd.Series] = {}
     ordered = list[Actuator]()
     for drive in driving:
-        names = {each.name: name_of_order(each.name) for each in drive.channels}
-        known = {name: grid[order] for name, order in names.items() if order in grid and grid[order].notna().any()}
-        if any(not name.endswith("_angle_deg") for name in known):
-            orders |= known
+        names = {channel.name: name_of_order(channel.name) for channel in drive.channels}
+        recorded = {
+            name: grid[order] for name, order in names.items() if order in grid and grid[order].notna().any()
+        }
+        if any(not name.endswith("_angle_deg") for name in recorded):
+            orders |= recorded
             ordered.append(drive)
     if not ordered:
         return None
     as_ordered = grid.assign(**orders)
-    return np.asarray(np.sum([_push(as_ordered, drive).real for drive in ordered], axis=0))
+    return np.asarray(np.sum([_thrust_vector(as_ordered, drive).real for drive in ordered], axis=0))
 
 
-def _push(grid: pd.DataFrame, actuator: Actuator) -> Complexes:
+def _thrust_vector(grid: pd.DataFrame, actuator: Actuator) -> Complexes:
     """n|n| of a propulsor in the direction of its thrust [rpm^2]."""
     rpm = _shaft(grid, actuator)
     return np.asarray(rpm * np.abs(rpm) * np.exp(1j * np.deg2rad(_angle(grid, actuator))))
-
-
-def _side_of(aside: Floats, first: Floats) -> float:
-    """-1 for a propulsor whose side thrust opposes the first one's, as at the other end of the ship: by their
-    changes, or by the thrusts themselves where neither changes."""
-    still = all(values.std() < _STILL_SHARE * abs(values.mean()) for values in (aside, first))
-    apart, others = (values if still else values - values.mean() for values in (aside, first))
-    return -1.0 if apart @ others < _AGAINST * np.sqrt((apart @ apart) * (others @ others)) else 1.0

@@ -1,4 +1,4 @@
-"""Runs without helm: speed runs and their reciprocal pairs, acceleration, stopping, single drives, crabbing."""
+"""Runs without helm: speed runs and reciprocal pairs, accelerations, stops, tests of single drives, crabbing."""
 
 from __future__ import annotations
 
@@ -13,25 +13,10 @@ import numpy as np
 
 from seatrial.acquisition.core.quantities import Bools, Floats
 from seatrial.acquisition.core.ship import circular_mean, difference, wrap_360
+from seatrial.analysis.manoeuvres import measures
 from seatrial.analysis.manoeuvres.criteria import FULL_ASTERN
-from seatrial.analysis.manoeuvres.indices import Index, LeftOut, Manoeuvre, index_of, side_of
-from seatrial.analysis.manoeuvres.measures import (
-    Plateau,
-    along_and_across,
-    approach_settings,
-    bootstrap_indices,
-    crossing_s,
-    distance_m,
-    execute_s,
-    half_width_s,
-    level_before,
-    manoeuvre_of,
-    mean_between,
-    mean_of_blocks,
-    means_of,
-    plateaus,
-    tolerance_of,
-)
+from seatrial.analysis.manoeuvres.indices import LeftOut, Manoeuvre, index_of, side_of
+from seatrial.analysis.manoeuvres.measures import Plateau
 from seatrial.analysis.manoeuvres.motion import Motion, noise_of, stretches
 from seatrial.analysis.tables.table import NANO
 
@@ -48,6 +33,21 @@ REACHED_SHARE = 0.9
 _LONGEST_STEP_S = 16.0  # what a shaft may creep before and after a change from one held speed to the next
 _TRIED_STARTS = 9
 _UNSURE_SHARE = 0.2  # of the time that half of a change of thrust takes: engines do not begin like a straight line
+_BY_SHAFT = "the order was not recorded: it is taken from the beginning of the shaft's change"
+_SHAFT_CONTRADICTS = "the recorded orders do not precede the shaft"
+_LONGEST_ENGINE_LAG_S = 60.0  # from an order to the first change of the shaft
+_HAND_S = 2.0  # by which a mark set by hand is early or late
+_ENGINE_ORDER = re.compile(
+    r"\bfull astern\b|\b(crash|emergency|inertia) stop\b(?!\W*(end|finish|complete))|\bstop(ped)? engines?\b"
+    r"|\bengines? stop(ped)?\b|^\W*stop\W*$", re.I,
+)  # fmt: skip
+_RUNNING_SHARE = 0.2
+_NOISE_SIGMAS = 10.0
+_LEAST_RUNNING = 5.0
+_LEAST_S, _BRIDGE_S = 15.0, 5.0
+_CRAB_SHARE, _CRAB_LEAST_MPS, _CRAB_LEAST_S = 1.5, 0.15, 20.0
+_CRAB_TURN_DEG = 15.0
+_UNSURE_ROWS = 1.5  # the start of a drive is found by a threshold, not by a fit
 
 
 def shaft_along(motion: Motion) -> Floats:
@@ -60,10 +60,12 @@ def shaft_plateaus(motion: Motion) -> list[Plateau]:
     along = shaft_along(motion)
     largest = float(np.percentile(np.abs(along), 99))
     # The square root magnifies an idle shaft's noise: it is limited to a running one's.
-    return plateaus(along, motion.step_s, max(0.03 * largest, 6.0 * motion.drive_noise_rpm, 1.0), _LEAST_HELD_S)
+    return measures.plateaus(
+        along, motion.step_s, max(0.03 * largest, 6.0 * motion.drive_noise_rpm, 1.0), _LEAST_HELD_S
+    )
 
 
-def _changes(values: Floats, step_s: float) -> Floats:
+def _changes_within_look(values: Floats, step_s: float) -> Floats:
     """How much ``values`` change over twice the looking distance, one-sided at the ends."""
     rows = max(1, round(_LOOK_S / step_s))
     return np.asarray(
@@ -74,12 +76,12 @@ def _changes(values: Floats, step_s: float) -> Floats:
 
 def straight_rows(smooth: Motion) -> Bools:
     """Mask of rows in which the smoothed heading changes by less than 3 deg in 20 s."""
-    return np.abs(_changes(smooth.heading_deg, smooth.step_s)) < _STRAIGHT_DEG
+    return np.abs(_changes_within_look(smooth.heading_deg, smooth.step_s)) < _STRAIGHT_DEG
 
 
 def steady_rows(smooth: Motion) -> Bools:
     """Mask of rows in which the smoothed surge speed changes by less than 4 % in 20 s."""
-    change = np.abs(_changes(smooth.surge_mps, smooth.step_s))
+    change = np.abs(_changes_within_look(smooth.surge_mps, smooth.step_s))
     return change < _STEADY_SHARE * np.maximum(np.abs(smooth.surge_mps), 0.25 * smooth.fastest_mps)
 
 
@@ -88,17 +90,17 @@ def straight_stretches(motion: Motion, smooth: Motion, free: Bools, bridge_s: fl
 
     Breaks shorter than ``bridge_s``, such as gusts, are bridged.
     """
-    good = free & straight_rows(smooth) & steady_rows(smooth) & motion.known
+    good = free & straight_rows(smooth) & steady_rows(smooth) & motion.measured
     good &= smooth.surge_mps > _UNDER_WAY_SHARE * smooth.fastest_mps
-    found = list[tuple[int, int]]()
+    spans = list[tuple[int, int]]()
     for held in shaft_plateaus(motion):
         if held.level <= 0.0:
             continue
         inside = np.zeros(good.size, dtype=bool)
         inside[held.first : held.end] = good[held.first : held.end]
-        inside = bridge(inside, round(bridge_s / motion.step_s))
-        found += stretches(inside, round(LEAST_RUN_S / motion.step_s))
-    return sorted(found)
+        inside = close_gaps(inside, round(bridge_s / motion.step_s))
+        spans += stretches(inside, round(LEAST_RUN_S / motion.step_s))
+    return sorted(spans)
 
 
 def find_speed_runs(motion: Motion, smooth: Motion, free: Bools) -> list[Manoeuvre | LeftOut]:
@@ -106,8 +108,13 @@ def find_speed_runs(motion: Motion, smooth: Motion, free: Bools) -> list[Manoeuv
 
     Rejected are those with a slow turn, or a trend of the speed.
     """
-    found = [_level_part(smooth, *rows) for rows in straight_stretches(motion, smooth, free)]
-    reasons = {rows: no_speed_run(smooth, *rows) for rows in found}
+    spans = []
+    for first, end in straight_stretches(motion, smooth, free):
+        # without its beginning, where the ship regains speed after a turn; all of it if less than half is level
+        starts = np.linspace(first, 0.5 * (first + end), _TRIED_STARTS).astype(int)
+        long = [start for start in starts if (end - start) * smooth.step_s >= LEAST_RUN_S]
+        spans.append(next(((start, end) for start in long if not no_speed_run(smooth, start, end)), (first, end)))
+    reasons = {rows: no_speed_run(smooth, *rows) for rows in spans}
     runs = [_speed_run(motion, *rows) for rows, why in reasons.items() if not why]
     left_out = [
         LeftOut("speed_run", motion.utc(motion.time_s[first]), motion.utc(motion.time_s[end - 1]), why)
@@ -116,16 +123,8 @@ def find_speed_runs(motion: Motion, smooth: Motion, free: Bools) -> list[Manoeuv
     return [*_pair_reciprocal(runs), *left_out]
 
 
-def _level_part(smooth: Motion, first: int, end: int) -> tuple[int, int]:
-    """A stretch without its beginning, where the ship regains speed after a turn; all of it if less than half
-    is level."""
-    starts = np.linspace(first, 0.5 * (first + end), _TRIED_STARTS).astype(int)
-    long = [start for start in starts if (end - start) * smooth.step_s >= LEAST_RUN_S]
-    return next(((start, end) for start in long if not no_speed_run(smooth, start, end)), (first, end))
-
-
 def no_speed_run(smooth: Motion, first: int, end: int) -> str:
-    """The reason why a stretch is no speed run, "" if it is: the trends of its heading and speed must vanish."""
+    """The reason why a stretch is no speed run, "" if it is: its heading and speed must have no trend."""
     rows = np.linspace(-0.5, 0.5, end - first)
     turned, gained = (float(rows @ values[first:end] / (rows @ rows))
                       for values in (smooth.heading_deg, smooth.surge_mps))  # fmt: skip
@@ -140,12 +139,12 @@ def _speed_run(motion: Motion, first: int, end: int) -> Manoeuvre:
     part = motion.rows(first, end)
     span = np.array([part.time_s[0], part.time_s[-1]])
     heading = float(wrap_360(circular_mean(part.heading_deg)))
-    found = {name: mean_of_blocks(getattr(part, column)) for name, column in (
+    estimates = {name: measures.mean_of_blocks(getattr(part, column)) for name, column in (
         ("speed_over_ground_mps", "speed_mps"), ("surge_mps", "surge_mps"), ("sway_mps", "sway_mps"))}  # fmt: skip
-    found["distance_m"] = (distance_m(part, *span), float("nan"))
+    estimates["distance_m"] = (measures.distance_m(part, *span), float("nan"))
     name = f"speed run {part.main_rpm.mean():.0f} rpm on {round(heading) % 360} deg"
-    settings = {**means_of(part.drives), "heading_deg": heading, "duration_s": float(span[1] - span[0])}
-    return manoeuvre_of(motion, "speed_run", name, span, "", settings, found)
+    settings = {**measures.means_of(part.drives), "heading_deg": heading, "duration_s": float(span[1] - span[0])}
+    return measures.manoeuvre_of(motion, "speed_run", name, span, "", settings, estimates)
 
 
 class Course(NamedTuple):
@@ -163,49 +162,41 @@ def reciprocal_pairs(runs: Sequence[Course]) -> list[tuple[int, int]]:
     Of several partners the nearest in time is taken; each run has at most one.
     """
     pairs, taken = list[tuple[int, int]](), set[int]()
-    for first, second in combinations(range(len(runs)), 2):
-        if not taken & {first, second} and _are_reciprocal(runs[first], runs[second]):
-            pairs.append((first, second))
-            taken |= {first, second}
+    for pair in combinations(range(len(runs)), 2):
+        first, second = (runs[place] for place in pair)
+        soon = (second.start - first.end).total_seconds() < LONGEST_BETWEEN_S
+        if soon and is_same_setting(first.setting, second.setting) and not taken & {*pair}:
+            turn_deg = abs(float(difference(second.heading_deg, first.heading_deg)))
+            if abs(turn_deg - 180.0) < RECIPROCAL_DEG:
+                pairs.append(pair)
+                taken |= {*pair}
     return pairs
 
 
-def _are_reciprocal(one: Course, other: Course) -> bool:
-    apart = abs(float(difference(other.heading_deg, one.heading_deg)))
-    soon = (other.start - one.end).total_seconds() < LONGEST_BETWEEN_S
-    return soon and abs(apart - 180.0) < RECIPROCAL_DEG and is_same_setting(one.setting, other.setting)
-
-
-def is_same_setting(one: float, other: float) -> bool:
+def is_same_setting(first: float, second: float) -> bool:
     """Whether two runs at these shaft speeds have the same power setting."""
-    return abs(other - one) < _SAME_SHARE * abs(one)
+    return abs(second - first) < _SAME_SHARE * abs(first)
 
 
 def _pair_reciprocal(runs: Sequence[Manoeuvre]) -> list[Manoeuvre]:
     """Reciprocal runs with the speed through the water from the pair."""
     result = list(runs)
-    for number, pair in enumerate(reciprocal_pairs([_course_of(each) for each in runs]), start=1):
-        mean, along = _through_water(*(runs[place] for place in pair))
+    shafts_rpm = [sum(value for name, value in run.settings.items() if name.endswith("_rpm")) for run in runs]
+    courses = [Course(run.start, run.end, run.settings["heading_deg"], rpm)
+               for run, rpm in zip(runs, shafts_rpm, strict=True)]  # fmt: skip
+    for number, pair in enumerate(reciprocal_pairs(courses), start=1):
+        first, second = (runs[place].indices["surge_mps"] for place in pair)
+        within = float(np.hypot(first.high - first.low, second.high - second.low)) / 4.0
+        mean = index_of("speed_through_water_mps", (first.value + second.value) / 2.0, within)
+        along_mps = (first.value - second.value) / 2.0
         for place, sign in zip(pair, (1.0, -1.0), strict=True):
-            own = index_of("current_along_mps", sign * along[0], along[1])
+            current = index_of("current_along_mps", sign * along_mps, within)
             result[place] = replace(
                 runs[place],
                 settings={**runs[place].settings, "reciprocal_pair": float(number)},
-                indices={**runs[place].indices, "speed_through_water_mps": mean, "current_along_mps": own},
+                indices={**runs[place].indices, "speed_through_water_mps": mean, "current_along_mps": current},
             )
     return result
-
-
-def _course_of(run: Manoeuvre) -> Course:
-    rpm = sum(value for name, value in run.settings.items() if name.endswith("_rpm"))
-    return Course(run.start, run.end, run.settings["heading_deg"], rpm)
-
-
-def _through_water(one: Manoeuvre, other: Manoeuvre) -> tuple[Index, tuple[float, float]]:
-    ahead = [each.indices["surge_mps"] for each in (one, other)]
-    within = float(np.hypot(ahead[0].high - ahead[0].low, ahead[1].high - ahead[1].low)) / 4.0
-    mean = index_of("speed_through_water_mps", (ahead[0].value + ahead[1].value) / 2.0, within)
-    return mean, ((ahead[0].value - ahead[1].value) / 2.0, within)
 
 
 class EngineOrder(NamedTuple):
@@ -232,16 +223,6 @@ class ShaftStep(NamedTuple):
     contradicts: bool = False
 
 
-_BY_SHAFT = "the order was not recorded: it is taken from the beginning of the shaft's change"
-_SHAFT_CONTRADICTS = "the recorded orders do not precede the shaft"
-_LONGEST_ENGINE_LAG_S = 60.0  # from an order to the first change of the shaft
-_HAND_S = 2.0  # by which a mark set by hand is early or late
-_ENGINE_ORDER = re.compile(
-    r"\bfull astern\b|\b(crash|emergency|inertia) stop\b(?!\W*(end|finish|complete))|\bstop(ped)? engines?\b"
-    r"|\bengines? stop(ped)?\b|^\W*stop\W*$", re.I,
-)  # fmt: skip
-
-
 def engine_orders(motion: Motion, events: Iterable[tuple[int, str]]) -> list[EngineOrder]:
     """The orders to stop or reverse the engines among the marks of the crew (time [ns since 1970], text)."""
     return [
@@ -250,7 +231,7 @@ def engine_orders(motion: Motion, events: Iterable[tuple[int, str]]) -> list[Eng
     ]  # fmt: skip
 
 
-def _with_order(motion: Motion, step: ShaftStep, marks: Sequence[EngineOrder]) -> ShaftStep:
+def _apply_recorded_order(motion: Motion, step: ShaftStep, marks: Sequence[EngineOrder]) -> ShaftStep:
     """A step with the recorded order that it follows, else with the mark of one, else as it is."""
     latest_s = step.order_s + max(motion.step_s, step.within_s)
     earliest_s = max(step.order_s - _LONGEST_ENGINE_LAG_S, float(motion.time_s[step.last.first]))
@@ -260,7 +241,7 @@ def _with_order(motion: Motion, step: ShaftStep, marks: Sequence[EngineOrder]) -
         wanted = np.sign(step.held.level - step.last.level)
         change = wanted * (ordered - ordered[0])
         if change[-1] > _STEP_SHARE * float(np.percentile(np.abs(motion.thrust_order), 99)):
-            ordered_s = crossing_s(
+            ordered_s = measures.crossing_s(
                 near.time_s, change, 0.5 * change[-1], earliest_s, latest_s + 2.0 * motion.step_s
             )
             return step._replace(order_s=ordered_s, within_s=0.5 * motion.step_s, source="", lag_s=0.0)
@@ -276,14 +257,18 @@ def shaft_steps(motion: Motion, free: Bools, marks: Sequence[EngineOrder] = ()) 
     """Every change from one held thrust to the next, where no other manoeuvre is."""
     along, held = shaft_along(motion), shaft_plateaus(motion)
     steps = []
-    for last, each in pairwise(held):
-        if free[max(each.first - 1, 0)] and abs(each.level - last.level) > tolerance_of(along, 1.0):
-            change_s = (each.first - last.end) * motion.step_s  # a large shaft takes a minute and more to reverse
-            before = level_before(motion, along, each, _LONGEST_STEP_S + change_s)
-            start, half = execute_s(motion.time_s, along, each, before, last.first)
+    for last, following in pairwise(held):
+        if free[max(following.first - 1, 0)] and abs(following.level - last.level) > measures.tolerance_of(
+            along, 1.0
+        ):
+            change_s = (
+                following.first - last.end
+            ) * motion.step_s  # a large shaft takes a minute and more to reverse
+            before = measures.level_before(motion, along, following, _LONGEST_STEP_S + change_s)
+            start, half = measures.execute_s(motion.time_s, along, following, before, last.first)
             within_s = float(np.hypot(motion.step_s, _UNSURE_SHARE * (half - start)))
-            by_shaft = ShaftStep(last, each, start, within_s, _BY_SHAFT, max(half - start, motion.step_s))
-            steps.append(_with_order(motion, by_shaft, marks))
+            by_shaft = ShaftStep(last, following, start, within_s, _BY_SHAFT, max(half - start, motion.step_s))
+            steps.append(_apply_recorded_order(motion, by_shaft, marks))
     return steps
 
 
@@ -291,27 +276,27 @@ def find_accelerations(motion: Motion, smooth: Motion, free: Bools) -> list[Mano
     """Increases of thrust on a straight course, until the speed is steady; rejected if the ship turns."""
     largest = float(np.percentile(np.abs(shaft_along(motion)), 99))
     straight, steady = straight_rows(smooth), steady_rows(smooth)
-    found = list[Manoeuvre | LeftOut]()
+    candidates = list[Manoeuvre | LeftOut]()
     for step in shaft_steps(motion, free):
-        last, each, start = step[:3]
-        rows = slice(each.first, each.end)
-        long = (each.end - each.first) * motion.step_s >= LEAST_RUN_S
-        if not long or each.level < _IDLE_SHARE * largest or each.level - last.level < _STEP_SHARE * largest:
+        last, held, start = step[:3]
+        rows = slice(held.first, held.end)
+        long = (held.end - held.first) * motion.step_s >= LEAST_RUN_S
+        if not long or held.level < _IDLE_SHARE * largest or held.level - last.level < _STEP_SHARE * largest:
             continue
         settled = np.flatnonzero(steady[rows])
         if not settled.size:
             continue
-        end = float(motion.time_s[each.end - 1])
-        gain = smooth.surge_mps[each.end - 1] - smooth.at("surge_mps", start)
-        if gain <= _GAIN_SHARE * smooth.surge_mps[each.end - 1] or free[rows].mean() <= 0.9:
+        end = float(motion.time_s[held.end - 1])
+        gain = smooth.surge_mps[held.end - 1] - smooth.at("surge_mps", start)
+        if gain <= _GAIN_SHARE * smooth.surge_mps[held.end - 1] or free[rows].mean() <= 0.9:
             continue
         if straight[rows].mean() >= 0.9:
-            found.append(_change_of_speed(motion, "acceleration", step, end))
+            candidates.append(_change_of_speed(motion, "acceleration", step, end))
         else:
             turned = float(np.ptp(smooth.heading_deg[rows]))
             why = f"the ship turned by {turned:.0f} deg"
-            found.append(LeftOut("acceleration", motion.utc(start), motion.utc(end), why))
-    return found
+            candidates.append(LeftOut("acceleration", motion.utc(start), motion.utc(end), why))
+    return candidates
 
 
 def find_stops(
@@ -319,53 +304,54 @@ def find_stops(
 ) -> list[Manoeuvre | LeftOut]:
     """Thrust stopped or reversed under way, until the ship has stopped; ``marks`` are the crew's orders.
 
-    Rejected if she still has more than a tenth of her speed at the end; one that loses less than two fifths is
-    no candidate.
+    Rejected if the ship still has more than a tenth of its speed at the end; a loss of less than two fifths is no
+    candidate.
     """
     largest = float(np.percentile(np.abs(shaft_along(motion)), 99))
-    found = list[Manoeuvre | LeftOut]()
+    candidates = list[Manoeuvre | LeftOut]()
     for step in shaft_steps(motion, free, marks):
-        last, each, start = step[:3]
+        last, held, start = step[:3]
         before = smooth.at("surge_mps", start)
-        off = each.level < _IDLE_SHARE * largest < _UNDER_WAY_SHARE * largest < last.level
-        after = smooth.surge_mps[each.first : each.end]
-        if not off or before < _UNDER_WAY_SHARE * smooth.fastest_mps or after.min() > _STOPPED_SHARE * before:
+        is_stop = held.level < _IDLE_SHARE * largest < _UNDER_WAY_SHARE * largest < last.level
+        after = smooth.surge_mps[held.first : held.end]
+        if not is_stop or before < _UNDER_WAY_SHARE * smooth.fastest_mps or after.min() > _STOPPED_SHARE * before:
             continue
         stopped = np.flatnonzero(after <= 0.0)
-        row = each.first + int(stopped[0]) if stopped.size else each.end - 1
-        end, left = float(motion.time_s[row]), float(smooth.surge_mps[row])
-        if left > _AT_REST_SHARE * before:
-            why = f"the ship still made {left:.2f} m/s when the thrust changed again"
-            found.append(LeftOut("stopping", motion.utc(start), motion.utc(end), why))
+        row = held.first + int(stopped[0]) if stopped.size else held.end - 1
+        end, residual_mps = float(motion.time_s[row]), float(smooth.surge_mps[row])
+        if residual_mps > _AT_REST_SHARE * before:
+            why = f"the ship still made {residual_mps:.2f} m/s when the thrust changed again"
+            candidates.append(LeftOut("stopping", motion.utc(start), motion.utc(end), why))
         else:
-            found.append(_change_of_speed(motion, "stopping", step, end))
-    return found
+            candidates.append(_change_of_speed(motion, "stopping", step, end))
+    return candidates
 
 
 def _change_of_speed(motion: Motion, kind: str, step: ShaftStep, end: float) -> Manoeuvre:
-    last, each, start, within_s = step[:4]
+    last, held, start, within_s = step[:4]
     part = motion.around(start, end, 20.0)
     measure = acceleration_indices if kind == "acceleration" else stopping_indices
-    span, width = np.array([start, end]), half_width_s(part, (end - start) / 2.0)
-    found = bootstrap_indices(part, span, width, measure, within_s)
-    reverse = each.level < -_IDLE_SHARE * abs(last.level)
-    names = {"acceleration": f"acceleration to {each.level:.0f} rpm",
+    span, width = np.array([start, end]), measures.half_width_s(part, (end - start) / 2.0)
+    estimates = measures.bootstrap_indices(part, span, width, measure, within_s)
+    reverse = held.level < -_IDLE_SHARE * abs(last.level)
+    names = {"acceleration": f"acceleration to {held.level:.0f} rpm",
              "stopping": FULL_ASTERN if reverse else "stopping without thrust"}  # fmt: skip
-    settings = {"thrust_before_rpm": last.level, "thrust_rpm": each.level, **approach_settings(part, start)}
+    settings = {
+        "thrust_before_rpm": last.level,
+        "thrust_rpm": held.level,
+        **measures.approach_settings(part, start),
+    }
     if step.lag_s:
         settings["order_lag_s"] = step.lag_s
     shortfalls = (_SHAFT_CONTRADICTS,) if step.contradicts else ()
     notes = tuple(note for note in (*shortfalls, step.source) if note)
-    run = manoeuvre_of(motion, kind, names[kind], span, "", settings, found, notes=notes, shortfalls=shortfalls)
-    return _with_earlier_order(run, step.lag_s)
-
-
-def _with_earlier_order(run: Manoeuvre, lag_s: float) -> Manoeuvre:
-    """A run whose order may have been given by up to ``lag_s`` before its shaft began to change: what counts from
-    the order may be longer by the time, or by the way in it."""
-    more = {"_s": lag_s, "_m": lag_s * abs(run.settings["approach_mps"])}
+    run = measures.manoeuvre_of(
+        motion, kind, names[kind], span, "", settings, estimates, notes=notes, shortfalls=shortfalls
+    )
+    # The order may have been given earlier than the shaft began to change: what counts from it may be longer.
+    margins = {"_s": step.lag_s, "_m": step.lag_s * abs(settings["approach_mps"])}
     indices = {
-        name: replace(index, high=index.high + more.get(name[name.rfind("_"):], 0.0))
+        name: replace(index, high=index.high + margins.get(name[name.rfind("_"):], 0.0))
         for name, index in run.indices.items() if name != "lateral_deviation_m"
     }  # fmt: skip
     return replace(run, indices={**run.indices, **indices})
@@ -383,12 +369,12 @@ def acceleration_indices(motion: Motion, executes: Floats) -> dict[str, float]:
     # Noise makes the first crossing early and the last one late; a monotonic curve has only one.
     rising = motion.between(start, end)
     speed = np.asarray(isotonic_regression(rising.surge_mps).x, dtype=float)
-    reached = crossing_s(rising.time_s, speed, goal, start, end)
+    reached = measures.crossing_s(rising.time_s, speed, goal, start, end)
     return {
         "initial_speed_mps": first,
         "final_speed_mps": final,
         "time_to_90_percent_s": reached - start,
-        "distance_to_90_percent_m": distance_m(motion, start, reached),
+        "distance_to_90_percent_m": measures.distance_m(motion, start, reached),
     }
 
 
@@ -396,38 +382,29 @@ def stopping_indices(motion: Motion, executes: Floats) -> dict[str, float]:
     """Head reach, track reach, deviation and time from the order to the end; ``executes`` holds both [s]."""
     start, end = float(executes[0]), float(executes[1])
     heading = float(motion.between(start - _LOOK_S, start).heading_deg.mean())
-    ahead, aside = along_and_across(motion, start, end, heading)
+    ahead, sideways = measures.along_and_across(motion, start, end, heading)
     return {
         "head_reach_m": ahead,
-        "track_reach_m": distance_m(motion, start, end),
-        "lateral_deviation_m": aside,
+        "track_reach_m": measures.distance_m(motion, start, end),
+        "lateral_deviation_m": sideways,
         "stopping_time_s": end - start,
-        "initial_speed_mps": mean_between(motion, "surge_mps", start - _LOOK_S, start),
+        "initial_speed_mps": measures.mean_between(motion, "surge_mps", start - _LOOK_S, start),
         "final_speed_mps": motion.at("surge_mps", end),
         "heading_change_deg": motion.at("heading_deg", end) - heading,
     }
 
 
-_RUNNING_SHARE = 0.2
-_NOISE_SIGMAS = 10.0
-_LEAST_RUNNING = 5.0
-_LEAST_S, _BRIDGE_S = 15.0, 5.0
-_CRAB_SHARE, _CRAB_LEAST_MPS, _CRAB_LEAST_S = 1.5, 0.15, 20.0
-_CRAB_TURN_DEG = 15.0
-_UNSURE_ROWS = 1.5  # the start of a drive is found by a threshold, not by a fit
-
-
-def _running(values: Floats, largest: float) -> tuple[Bools, Bools]:
-    """Masks of where a drive runs and where it stands still, relative to the largest of its kind."""
+def _running_and_idle(values: Floats, largest: float) -> tuple[Bools, Bools]:
+    """Masks of where a drive runs and where it is stopped, relative to the largest of its kind."""
     floor = max(_NOISE_SIGMAS * noise_of(values), _LEAST_RUNNING)
     return np.abs(values) > max(_RUNNING_SHARE * largest, floor), np.abs(values) < max(_IDLE_SHARE * largest, floor)
 
 
-def bridge(true: Bools, rows: int) -> Bools:
-    """``true`` with breaks of at most ``rows`` closed."""
-    result = true.copy()
-    for first, end in stretches(~true):
-        if first > 0 and end < true.size and end - first <= rows:
+def close_gaps(mask: Bools, rows: int) -> Bools:
+    """``mask`` with gaps of at most ``rows`` closed."""
+    result = mask.copy()
+    for first, end in stretches(~mask):
+        if first > 0 and end < mask.size and end - first <= rows:
             result[first:end] = True
     return result
 
@@ -435,62 +412,64 @@ def bridge(true: Bools, rows: int) -> Bools:
 def find_thruster_tests(motion: Motion, smooth: Motion, free: Bools) -> list[Manoeuvre | LeftOut]:
     """Tests of single drives: one of several main shafts alone for at least a quarter of a minute, and every
     run of a tunnel thruster."""
-    largest = max(float(np.percentile(np.abs(each), 99)) for each in motion.drives.values())
-    state = {name: _running(rpm, largest) for name, rpm in motion.drives.items()}
-    alike = _all(runs for runs, _ in state.values()) | _all(idle for _, idle in state.values())
+    largest = max(float(np.percentile(np.abs(shaft_rpm), 99)) for shaft_rpm in motion.drives.values())
+    state = {name: _running_and_idle(rpm, largest) for name, rpm in motion.drives.items()}
+    alike = _all_true(runs for runs, _ in state.values()) | _all_true(idle for _, idle in state.values())
     for name, rpm in motion.tunnels.items():
-        state[name] = _running(rpm, float(np.percentile(np.abs(rpm), 99.5)))
+        state[name] = _running_and_idle(rpm, float(np.percentile(np.abs(rpm), 99.5)))
     cases = {}
     for name in motion.drives if len(motion.drives) > 1 else ():
-        others = _all(idle for other, (_, idle) in state.items() if other != name)
-        cases[f"{motion.words[name]} alone"] = state[name][0] & others
+        others_idle = _all_true(idle for drive, (_, idle) in state.items() if drive != name)
+        cases[f"{motion.words[name]} alone"] = state[name][0] & others_idle
     for name, rpm in motion.tunnels.items():
         for sign in (1.0, -1.0):
             cases[f"{motion.words[name]} to {side_of(sign)}"] = state[name][0] & (sign * rpm > 0) & alike
     pushed = bool(motion.tunnels) or motion.steers_by_thrust  # others are moved sideways by wind and momentum only
-    driven, sideways = pushed & ~_all(~runs for runs, _ in state.values()), np.abs(smooth.sway_mps)
+    driven, sideways = pushed & ~_all_true(~runs for runs, _ in state.values()), np.abs(smooth.sway_mps)
     crab = driven & (sideways > _CRAB_SHARE * np.abs(smooth.surge_mps)) & (sideways > _CRAB_LEAST_MPS)
-    aside = bridge(crab & free, round(_BRIDGE_S / motion.step_s))
-    found = [_unless_turning(each) for each in _tests_of(motion, "crabbing", "crabbing", aside, _CRAB_LEAST_S)]
-    for name, true in cases.items():
-        rows = bridge(true & free & ~crab, round(_BRIDGE_S / motion.step_s))
-        found += _tests_of(motion, "thruster_test", name, rows, _LEAST_S)
-    return found
+    crab_rows = close_gaps(crab & free, round(_BRIDGE_S / motion.step_s))
+    candidates = list[Manoeuvre | LeftOut]()
+    for test in _drive_tests(motion, "crabbing", "crabbing", crab_rows, _CRAB_LEAST_S):
+        turned = abs(test.indices["heading_change_deg"].value)
+        rejected = LeftOut(test.kind, test.start, test.end, f"the ship turned by {turned:.0f} deg")
+        candidates.append(test if turned < _CRAB_TURN_DEG else rejected)
+    for name, mask in cases.items():
+        rows = close_gaps(mask & free & ~crab, round(_BRIDGE_S / motion.step_s))
+        candidates += _drive_tests(motion, "thruster_test", name, rows, _LEAST_S)
+    return candidates
 
 
-def _unless_turning(each: Manoeuvre) -> Manoeuvre | LeftOut:
-    turned = abs(each.indices["heading_change_deg"].value)
-    why = f"the ship turned by {turned:.0f} deg"
-    return each if turned < _CRAB_TURN_DEG else LeftOut(each.kind, each.start, each.end, why)
-
-
-def _all(masks: Iterable[Bools]) -> Bools:
+def _all_true(masks: Iterable[Bools]) -> Bools:
     return np.asarray(np.logical_and.reduce(list(masks)))
 
 
-def _tests_of(motion: Motion, kind: str, name: str, rows: Bools, least_s: float) -> list[Manoeuvre]:
-    return [_test(motion, kind, name, first, end)
+def _drive_tests(motion: Motion, kind: str, name: str, rows: Bools, least_s: float) -> list[Manoeuvre]:
+    return [_measure_drive_test(motion, kind, name, first, end)
             for first, end in stretches(rows, max(2, round(least_s / motion.step_s)))]  # fmt: skip
 
 
-def _test(motion: Motion, kind: str, name: str, first: int, end: int) -> Manoeuvre:
+def _measure_drive_test(motion: Motion, kind: str, name: str, first: int, end: int) -> Manoeuvre:
     span = np.array([motion.time_s[first], motion.time_s[end - 1]])
     part = motion.around(span[0], span[1], 10.0)
     inside = motion.rows(first, end)
-    width = half_width_s(part, (span[1] - span[0]) / 2.0)
-    found = bootstrap_indices(part, span, width, drift_indices, _UNSURE_ROWS * motion.step_s)
-    turned, aside = found["heading_change_deg"][0], found["sway_mps"][0]
-    sideways = aside if kind == "crabbing" else turned
-    name = f"{name} to {side_of(aside)}" if kind == "crabbing" else name
-    settings = means_of(inside.drives) | means_of(inside.tunnels) | {"duration_s": float(span[1] - span[0])}
-    return manoeuvre_of(motion, kind, name, span, side_of(sideways), settings, found)
+    width = measures.half_width_s(part, (span[1] - span[0]) / 2.0)
+    estimates = measures.bootstrap_indices(part, span, width, drift_indices, _UNSURE_ROWS * motion.step_s)
+    turned, sway_mps = estimates["heading_change_deg"][0], estimates["sway_mps"][0]
+    sideways = sway_mps if kind == "crabbing" else turned
+    name = f"{name} to {side_of(sway_mps)}" if kind == "crabbing" else name
+    settings = (
+        measures.means_of(inside.drives)
+        | measures.means_of(inside.tunnels)
+        | {"duration_s": float(span[1] - span[0])}
+    )
+    return measures.manoeuvre_of(motion, kind, name, span, side_of(sideways), settings, estimates)
 
 
 def drift_indices(motion: Motion, executes: Floats) -> dict[str, float]:
     """Mean motion between two times [s], the rate of turn in the last third, and the distance made good."""
     start, end = float(executes[0]), float(executes[1])
     inside = motion.between(start, end)
-    ahead, aside = along_and_across(motion, start, end, motion.at("heading_deg", start))
+    ahead, sideways = measures.along_and_across(motion, start, end, motion.at("heading_deg", start))
     rates = inside.yaw_rate_dps
     return {
         "surge_mps": float(inside.surge_mps.mean()),
@@ -498,5 +477,5 @@ def drift_indices(motion: Motion, executes: Floats) -> dict[str, float]:
         "heading_change_deg": float(inside.heading_deg[-1] - inside.heading_deg[0]),
         "last_yaw_rate_dps": float(rates[-max(1, rates.size // 3) :].mean()),
         "way_ahead_m": ahead,
-        "way_to_starboard_m": aside,
+        "way_to_starboard_m": sideways,
     }

@@ -21,6 +21,16 @@ from seatrial.acquisition.core.errors import ConfigurationError, DataShortageErr
 from seatrial.acquisition.core.quantities import Floats, Ints
 from seatrial.acquisition.core.ship import POSE_AND_VELOCITY, Channel, in_turn, known_channels, unwrap, wraps_of
 from seatrial.analysis.report.pages import duration_text
+from seatrial.analysis.report.plots import (
+    FAINT,
+    HELD,
+    INK,
+    PALETTE,
+    control_groups,
+    declared_groups,
+    held_words,
+    label,
+)
 from seatrial.analysis.report.rendering import TEMPLATES, Page, render
 from seatrial.analysis.tables.table import NANO, declared_channels, table_actuators, times_ns, trial_channels
 from seatrial.analysis.windows.held import held_spans_ns
@@ -45,7 +55,7 @@ _NOTHING_LOADED = (
     "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data: blob:; "
     "worker-src blob:"
 )
-"""What the browser is told: nothing may be fetched from anywhere, not even by the embedded library."""
+"""The page's content security policy: nothing may be fetched, not even by the embedded library."""
 _KNOWN_METHODS = {"constant_velocity": 3, "reference": 4, "data_driven": 2, "hybrid": 0}
 _ACTUATOR_COLOURS = (4, 2, 0, 1, 3, 5, 6)
 """Places in the palette of a ship's actuators, in their order."""
@@ -70,13 +80,17 @@ def interactive_page(
     Raises :class:`ConfigurationError` without plotly, :class:`DataShortageError` for a table without rows or
     without any channel and :class:`InputError` for one whose index is not UTC in increasing order.
     """
-    from seatrial.analysis.report.plots import held_words
-
     library = _plotly()
     data = page_data(table, windows, predicted, manoeuvres)
     data["style"] = _style(data, table)
-    known = known_channels(table.attrs)
-    data["angles"] = {name: min(known[name].low, 0) for name in data["channels"] if known[name].circular}
+    channels = known_channels(table.attrs)
+    data["angles"] = {name: min(channels[name].low, 0) for name in data["channels"] if channels[name].circular}
+    track_px = 0
+    if {"north_m", "east_m"} <= set(data["channels"]):
+        north, east = (
+            np.ptp([x for x in data["channels"][name] if x is not None]) for name in ("north_m", "east_m")
+        )
+        track_px = round(float(np.clip(80 + 1.1 * _TRACK_WIDTH_PX * north / max(east, 1e-3), *_TRACK_PX)))
     css, script = (Markup((TEMPLATES / f"interactive.{kind}").read_text("utf-8")) for kind in ("css", "js"))
     # JSON that no text in it can end: what looks like markup is escaped.
     text = json.dumps(data, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c")
@@ -84,7 +98,7 @@ def interactive_page(
         "interactive.html", title=title or "Trial", subtitle=subtitle, data=data, json=Markup(text),
         figures=_figures(data, trial_channels(table)), notes=_notes(data, trial_channels(table)),
         policy=Markup(_NOTHING_LOADED), css=css, library=Markup(library), script=script,
-        held=held_words(table), track_px=_track_px(data),
+        held=held_words(table), track_px=track_px,
         series_px=_FRAME_PX + _PANEL_PX * len(data["style"]["panels"]),
     )  # fmt: skip
 
@@ -102,42 +116,41 @@ def _plotly() -> str:
 
 def _style(data: Mapping[str, Any], table: pd.DataFrame) -> dict[str, Any]:
     """Colours, panels, labels and decimals: what the page looks like, in the house's palette."""
-    from seatrial.analysis.report.plots import FAINT, HELD, INK, PALETTE, control_groups, declared_groups, label
-
-    there, actuators, known = list(data["channels"]), table_actuators(table), known_channels(table.attrs)
+    present, actuators, channels = list(data["channels"]), table_actuators(table), known_channels(table.attrs)
     spare = [number for number in range(len(PALETTE)) if number not in _KNOWN_METHODS.values()]
     methods = {
         name: PALETTE[_KNOWN_METHODS.get(name, spare[number % len(spare)])]
         for number, name in enumerate(data["predicted"])
     }
-    groups = sorted(control_groups(actuators).items(), key=lambda each: "[rpm]" not in each[0])
+    groups = sorted(control_groups(actuators).items(), key=lambda group: "[rpm]" not in group[0])
     panels = [
         *((label(name), (name,)) for name in POSE_AND_VELOCITY[2:]),
         *groups,
         (label("wind_speed_mps"), ("wind_speed_mps",)), ("wind from [deg]", ("wind_direction_deg",)),
         *declared_groups(table).items(),
     ]  # fmt: skip
-    orders = {order.name: channel.name for each in actuators
-              for channel, order in zip(each.channels, each.orders, strict=True)}  # fmt: skip
-    panels = [(title, (*names, *(order for order, of in orders.items() if of in names))) for title, names in panels]
-    shown = [{"title": title, "names": [name for name in names if name in there]} for title, names in panels]
+    orders = {order.name: channel.name for actuator in actuators
+              for channel, order in zip(actuator.channels, actuator.orders, strict=True)}  # fmt: skip
+    panels = [(title, (*names, *(order for order, control in orders.items() if control in names)))
+              for title, names in panels]  # fmt: skip
+    shown = [{"title": title, "names": [name for name in names if name in present]} for title, names in panels]
     controls = {
         channel.name: {
-            "actuator": each.name.replace("_", " "),
+            "actuator": actuator.name.replace("_", " "),
             "colour": PALETTE[_ACTUATOR_COLOURS[number % len(PALETTE)]],
             "width": 1.2 if number else 2.6,  # a rim where others lie on it
         }
-        for number, each in enumerate(actuators)
-        for channel in each.channels
+        for number, actuator in enumerate(actuators)
+        for channel in actuator.channels
     }
-    ordered = {order: {**controls[of], "width": 1.2, "dash": "dash"} for order, of in orders.items()}
+    ordered = {order: {**controls[control], "width": 1.2, "dash": "dash"} for order, control in orders.items()}
     return {
         "colours": {"ink": INK, "faint": FAINT, "held": HELD, "grid": "#E6E6E6", "manoeuvre": PALETTE[1]},
         "controls": {**controls, **ordered},
         "methods": methods,
-        "panels": [each for each in shown if each["names"]] or shown[:1],  # the cursor needs an axis of time
-        "labels": {name: label(name, known) for name in ("north_m", "east_m", *there)},
-        "decimals": {name: decimals_of(known[name]) for name in there},
+        "panels": [panel for panel in shown if panel["names"]] or shown[:1],  # the cursor needs an axis of time
+        "labels": {name: label(name, channels) for name in ("north_m", "east_m", *present)},
+        "decimals": {name: decimals_of(channels[name]) for name in present},
     }  # fmt: skip
 
 
@@ -167,19 +180,11 @@ def _notes(data: Mapping[str, Any], channels: tuple[str, ...]) -> list[str]:
     missing = [name for name in channels if name not in data["channels"]]
     if missing:
         notes.append(f"Without {', '.join(missing)}.")
-    every = {method: each["every"] for method, each in data["predicted"].items()}
-    for number in sorted(set(every.values()) - {1}):
-        which = ", ".join(method.replace("_", " ") for method in every if every[method] == number)
+    strides = {method: prediction["every"] for method, prediction in data["predicted"].items()}
+    for number in sorted(set(strides.values()) - {1}):
+        which = ", ".join(method.replace("_", " ") for method in strides if strides[method] == number)
         notes.append(f"Of the predictions ({which}) one window in {number} is shown.")
     return notes
-
-
-def _track_px(data: Mapping[str, Any]) -> int:
-    """The height that a track to scale needs; 0 without positions."""
-    if not {"north_m", "east_m"} <= set(data["channels"]):
-        return 0
-    north, east = (np.ptp([x for x in data["channels"][name] if x is not None]) for name in ("north_m", "east_m"))
-    return round(float(np.clip(80 + 1.1 * _TRACK_WIDTH_PX * north / max(east, 1e-3), *_TRACK_PX)))
 
 
 def page_data(
@@ -204,7 +209,7 @@ def page_data(
         )
     channels = trial_channels(table)
     declared = [channel.name for channel in declared_channels(table)]
-    orders = [each.name for actuator in table_actuators(table) for each in actuator.orders]
+    orders = [order.name for actuator in table_actuators(table) for order in actuator.orders]
     names = [name for name in (*channels, *declared, *orders) if name in table and table[name].notna().any()]
     if not names:
         raise DataShortageError(
@@ -213,8 +218,14 @@ def page_data(
     holes = holes_of(time_ns)
     rows = select_rows({name: table[name].to_numpy(dtype=float) for name in names}, holes, time_ns.size)
     start_ms = int(time_ns[0] // _MILLI)
-    drawn = continued(table, names)
+    drawn = unwrapped_angles(table, names)
     held_ns = np.empty((0, 2)) if windows is None else held_spans_ns(windows)
+    spans = []
+    for manoeuvre in manoeuvres:
+        times = (manoeuvre.start, manoeuvre.end, *manoeuvre.executes)
+        begin, end, *changes = (float(np.round(time.timestamp() - start_ms / 1000.0, 3)) for time in times)
+        spans.append({"name": manoeuvre.name, "side": manoeuvre.side, "start_s": begin, "end_s": end,
+                      "executes_s": changes})  # fmt: skip
     return {
         "start_ms": start_ms,
         "rows": int(time_ns.size),
@@ -223,34 +234,26 @@ def page_data(
         "holes": np.searchsorted(rows, holes).tolist(),
         "legs": 0 if windows is None else int(windows["leg"].nunique()),
         "held": np.round((held_ns / _MILLI - start_ms) / 1000.0, 3).tolist(),
-        "predicted": {name: _prediction(each, start_ms, drawn) for name, each in (predicted or {}).items()},
-        "manoeuvres": [_manoeuvre(each, start_ms) for each in manoeuvres],
+        "predicted": {name: _prediction(motion, start_ms, drawn) for name, motion in (predicted or {}).items()},
+        "manoeuvres": spans,
     }  # fmt: skip
 
 
-def continued(table: pd.DataFrame, names: Iterable[str]) -> pd.DataFrame:
+def unwrapped_angles(table: pd.DataFrame, names: Iterable[str]) -> pd.DataFrame:
     """The angles of a table that can be followed from row to row, running on beyond the whole turn."""
-    known = known_channels(table.attrs)
-    angles = {name: unwrap(table[name].to_numpy(dtype=float)) for name in names if known[name].circular}
+    channels = known_channels(table.attrs)
+    angles = {name: unwrap(table[name].to_numpy(dtype=float)) for name in names if channels[name].circular}
     steps = {name: np.diff(values[np.isfinite(values)]) for name, values in angles.items()}
     steady = {name: angles[name] for name in angles if (np.abs(steps[name]) <= _MOST_STEP_DEG).all()}
     return pd.DataFrame(steady, index=table.index)
 
 
-def _beside(drawn: pd.DataFrame, predicted: pd.DataFrame) -> pd.DataFrame:
-    """The angles of a prediction in the turns in which what was measured is drawn at that time."""
-    nearest = drawn.index.get_indexer(predicted.index, method="nearest")
-    shared = predicted[[name for name in predicted if name in drawn]]
-    measured = drawn[list(shared)].ffill().bfill().to_numpy()[nearest]
-    return shared + 360.0 * np.round((measured - shared) / 360.0)
-
-
 def _columns(table: pd.DataFrame, names: Iterable[str], drawn: pd.DataFrame) -> dict[str, Any]:
     """The channels of a table, how angles are ``drawn``, and of others the rows at which a line would cross the
     turn."""
-    known = known_channels(table.attrs)
-    shown = {name: round_values(known[name], table[name].to_numpy(dtype=float)) for name in names}
-    cut = [name for name in shown if known[name].circular and name not in drawn]
+    channels = known_channels(table.attrs)
+    shown = {name: round_values(channels[name], table[name].to_numpy(dtype=float)) for name in names}
+    cut = [name for name in shown if channels[name].circular and name not in drawn]
     return {
         "channels": {name: nullable(values) for name, values in shown.items()},
         "drawn": {str(name): nullable(drawn[name].round(DECIMALS["deg"]).to_numpy()) for name in drawn},
@@ -260,15 +263,15 @@ def _columns(table: pd.DataFrame, names: Iterable[str], drawn: pd.DataFrame) -> 
 
 def decimals_of(channel: Channel) -> int:
     """How many decimals of a channel are shown: those of its unit, else a ten-thousandth of its range."""
-    usual = int(np.clip(np.ceil(4.0 - np.log10(channel.high - channel.low)), 0, 6))
-    return usual if channel.group == "declared" else DECIMALS[channel.unit]
+    decimals = int(np.clip(np.ceil(4.0 - np.log10(channel.high - channel.low)), 0, 6))
+    return decimals if channel.group == "declared" else DECIMALS[channel.unit]
 
 
 def round_values(channel: Channel, values: Floats) -> Floats:
     """Values of a channel with the decimals of its unit; angles stay inside their turn."""
     decimals = decimals_of(channel)
-    short = np.round(values, decimals)
-    return np.round(in_turn(channel, short), decimals) + 0.0  # -0.0 is no news to anybody
+    rounded = np.round(values, decimals)
+    return np.round(in_turn(channel, rounded), decimals) + 0.0  # no -0.0
 
 
 def nullable(values: Floats) -> list[float | int | None]:
@@ -277,7 +280,9 @@ def nullable(values: Floats) -> list[float | int | None]:
     >>> nullable(np.array([1.0, 2.5, np.nan]))
     [1, 2.5, None]
     """
-    return [None if not np.isfinite(each) else int(each) if each.is_integer() else each for each in values.tolist()]
+    return [
+        None if not np.isfinite(value) else int(value) if value.is_integer() else value for value in values.tolist()
+    ]
 
 
 def seconds_since(time_ns: Ints, start_ms: int) -> list[float | int | None]:
@@ -305,41 +310,45 @@ def select_rows(columns: Mapping[str, Floats], holes: Ints, rows: int, most: int
         kept[::length] = True
         kept[[0, rows - 1, *holes, *(holes - 1)]] = True
         for values in columns.values():
-            kept[_telling(values, length)] = True
+            kept[_extreme_rows(values, length)] = True
         if kept.sum() <= most or length > rows:
             return np.flatnonzero(kept)
         length = max(length + 1, int(1.3 * length))
 
 
-def _telling(values: Floats, length: int) -> Ints:
+def _extreme_rows(values: Floats, length: int) -> Ints:
     """The rows of the least, the greatest and the first missing value of every stretch of ``length`` rows."""
     padded = np.full(-(-values.size // length) * length, np.inf)
     padded[: values.size] = values
     first = np.arange(0, padded.size, length)
     stretches = padded.reshape(-1, length)
-    known = np.isfinite(stretches)
-    least = np.where(known, stretches, np.inf).argmin(axis=1)
-    greatest = np.where(known, stretches, -np.inf).argmax(axis=1)
+    finite = np.isfinite(stretches)
+    least = np.where(finite, stretches, np.inf).argmin(axis=1)
+    greatest = np.where(finite, stretches, -np.inf).argmax(axis=1)
     rows = np.concatenate([first + least, first + greatest, first + np.isnan(stretches).argmax(axis=1)])
     return rows[rows < values.size]
 
 
 def _prediction(predicted: pd.DataFrame, start_ms: int, drawn: pd.DataFrame) -> dict[str, Any]:
-    """One method's predictions, angles beside those that are ``drawn``; ``every`` says that every n-th window was
-    kept, ``holes`` where one begins."""
-    every = max(-(-len(predicted) // MOST_PREDICTED), 1)
-    number = _window_numbers(predicted)
-    chosen = np.flatnonzero(number % every == 0)
+    """One method's predictions, angles near those that are ``drawn``; ``every`` says that every n-th window was
+    kept, ``holes`` where a window begins."""
+    stride = max(-(-len(predicted) // MOST_PREDICTED), 1)
+    number = _number_windows(predicted)
+    chosen = np.flatnonzero(number % stride == 0)
     kept = predicted.iloc[chosen]
+    nearest = drawn.index.get_indexer(kept.index, method="nearest")
+    angles = kept[[name for name in kept if name in drawn]]
+    measured = drawn[list(angles)].ffill().bfill().to_numpy()[nearest]
+    angles = angles + 360.0 * np.round((measured - angles) / 360.0)  # in the turn in which it is drawn
     return {
-        "every": every,
+        "every": stride,
         "time_s": seconds_since(times_ns(kept), start_ms),
-        **_columns(kept, [name for name in POSE_AND_VELOCITY if name in kept], _beside(drawn, kept)),
+        **_columns(kept, [name for name in POSE_AND_VELOCITY if name in kept], angles),
         "holes": (np.flatnonzero(np.diff(number[chosen])) + 1).tolist(),
     }
 
 
-def _window_numbers(predicted: pd.DataFrame) -> Ints:
+def _number_windows(predicted: pd.DataFrame) -> Ints:
     """0, 1, 2, ... by window in the order of the rows; without a column ``window``, where time does not go on."""
     if "window" in predicted:
         return np.asarray(pd.factorize(predicted["window"])[0], dtype=np.int64)
@@ -347,10 +356,3 @@ def _window_numbers(predicted: pd.DataFrame) -> Ints:
     new = np.diff(time_ns) <= 0
     new[holes_of(time_ns) - 1] = True
     return np.cumsum(np.append(0, new)) if time_ns.size else np.empty(0, dtype=np.int64)
-
-
-def _manoeuvre(manoeuvre: Manoeuvre, start_ms: int) -> dict[str, Any]:
-    """Name, side, begin, end and changes of command [s] of a manoeuvre."""
-    times = (manoeuvre.start, manoeuvre.end, *manoeuvre.executes)
-    begin, end, *changes = (float(np.round(each.timestamp() - start_ms / 1000.0, 3)) for each in times)
-    return {"name": manoeuvre.name, "side": manoeuvre.side, "start_s": begin, "end_s": end, "executes_s": changes}

@@ -1,4 +1,4 @@
-"""Pictures of manoeuvres: a zigzag against time, a circle to scale beside it, the rest against time."""
+"""Pictures of manoeuvres: a zigzag against time, a circle to scale, other kinds against time."""
 
 from __future__ import annotations
 
@@ -29,12 +29,16 @@ _MARGIN_S = 15.0
 _DASHES = ("-", "--", ":", "-.")
 _MOST_IN_LEGEND = 14
 _MARGINS = {"left": 0.095, "right": 0.985, "bottom": 0.135, "top": 0.86, "hspace": 0.25, "wspace": 0.2}
+Point = tuple[float, float]
+PICTURED = frozenset({"zigzag", "turning_circle", "stopping", "acceleration", "crabbing"})
+"""Kinds whose picture says more than their indices do; of a ship that goes straight the series say it all."""
+SIZES_INCH: dict[str, tuple[float, float]] = {"turning_circle": (9.0, 4.4), "course_change": (9.0, 4.4)}
+_OTHER_INCH = (9.0, 5.1)
 
 
 def seconds_of(motion: Motion, manoeuvre: Manoeuvre) -> tuple[float, float]:
     """Execute and end of a manoeuvre on the motion's clock [s]."""
-    start, end = ((time.value - motion.origin_ns) / 1e9 for time in (manoeuvre.start, manoeuvre.end))
-    return start, end
+    return motion.seconds_of(manoeuvre.start), motion.seconds_of(manoeuvre.end)
 
 
 def _course_deg(motion: Motion, manoeuvre: Manoeuvre) -> float:
@@ -96,9 +100,9 @@ def _helm(axes: Axes, motion: Motion, time_s: Floats) -> None:
 
 
 def _mark_overshoots(axes: Axes, motion: Motion, manoeuvre: Manoeuvre, heading: Floats) -> None:
-    """From the heading at each execute, or at its order, to its extreme: a bar with the overshoot beside it."""
+    """From the heading at each execute, or at its order, to its extreme: a bar with the overshoot."""
     start, end = seconds_of(motion, manoeuvre)
-    executes = np.array([(each.value - motion.origin_ns) / 1e9 for each in manoeuvre.executes])
+    executes = np.array([motion.seconds_of(time) for time in manoeuvre.executes])
     few = len(executes) <= 10
     axes.axvline(0.0, color=FAINT, linewidth=0.8)
     for number, (execute, following) in enumerate(zip(executes, [*executes[1:], end], strict=True), start=1):
@@ -147,28 +151,22 @@ def _shafts(axes: Axes, motion: Motion, time_s: Floats) -> None:
     if any(rpm.min() < 0.0 < rpm.max() for rpm in running.values()):
         axes.axhline(0.0, color=FAINT, linewidth=0.8)
     elif running:
-        axes.set_ylim(
-            *sorted(
-                (
-                    0.0,
-                    1.15 * max((float(rpm.min()), float(rpm.max())), key=abs)
-                    if len(running) == 1
-                    else 1.15 * max(float(rpm.max()) for rpm in running.values()),
-                )
-            )
-        )
+        ends = [float(rpm.max()) for rpm in running.values()]
+        if len(running) == 1:
+            ends = [max(float(next(iter(running.values())).min()), *ends, key=abs)]
+        axes.set_ylim(*sorted((0.0, 1.15 * max(ends))))
     axes.set_ylabel("shaft\n[rpm]")
 
 
 def _time_axis(panels: Sequence[Axes]) -> None:
-    """The time below the last of panels above each other."""
+    """The time below the last of a column of panels."""
     for axes in panels[:-1]:
         axes.tick_params(labelbottom=False)
     panels[-1].set_xlabel("time since the order [s]")
 
 
 def _panels_over_track(figure: Figure, heights: Sequence[float]) -> list[Axes]:
-    """Panels above each other over one time axis, with room for the track below them."""
+    """A column of panels over one time axis, with room for the track below them."""
     grid = figure.add_gridspec(len(heights), 1, height_ratios=heights, **{**_MARGINS, "bottom": 0.36, "top": 0.93})
     first = figure.add_subplot(grid[0])
     return [first, *(figure.add_subplot(grid[row], sharex=first) for row in range(1, len(heights)))]
@@ -196,7 +194,10 @@ def draw_circle(figure: Figure, motion: Motion, manoeuvre: Manoeuvre) -> None:
     """The track in the frame of the approach with advance, transfer and diameter, and motion against time."""
     panels = 4 + bool(_running_shafts(motion))
     grid = figure.add_gridspec(panels, 2, width_ratios=(1.7, 1), **_MARGINS)
-    left, beside = figure.add_subplot(grid[:, 0]), [figure.add_subplot(grid[row, 1]) for row in range(panels)]
+    track_axes, side_axes = (
+        figure.add_subplot(grid[:, 0]),
+        [figure.add_subplot(grid[row, 1]) for row in range(panels)],
+    )
     start, end = seconds_of(motion, manoeuvre)
     ahead_deg = _course_deg(motion, manoeuvre)
     shown = motion.between(motion.time_s[0], end)
@@ -204,30 +205,30 @@ def draw_circle(figure: Figure, motion: Motion, manoeuvre: Manoeuvre) -> None:
     main = shown
     if current:
         main = remove_current(shown, current.north_mps, current.east_mps, start)
-        left.plot(*_across_ahead(shown, start, ahead_deg), color=FAINT, label="as measured")
-    left.plot(*_across_ahead(main, start, ahead_deg), color=BLUE, linewidth=1.8,
+        track_axes.plot(*_across_ahead(shown, start, ahead_deg), color=FAINT, label="as measured")
+    track_axes.plot(*_across_ahead(main, start, ahead_deg), color=BLUE, linewidth=1.8,
               label="current removed" if current else "track")  # fmt: skip
-    _outlines(left, main, start, ahead_deg)
-    _dimensions(left, main, manoeuvre, start, end, ahead_deg, "_current_removed" if current else "")
-    left.plot(0.0, 0.0, "o", color=RED, markersize=5, label="order")
-    left.margins(0.12)  # room for what is written beside the track
-    left.set_aspect("equal", adjustable="datalim")
-    left.set_xlabel("to starboard of the approach [m]")
-    left.set_ylabel("ahead of the order [m]")
-    left.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=3, borderpad=0.0)
+    _outlines(track_axes, main, start, ahead_deg)
+    _dimensions(track_axes, main, manoeuvre, start, end, ahead_deg, "_current_removed" if current else "")
+    track_axes.plot(0.0, 0.0, "o", color=RED, markersize=5, label="order")
+    track_axes.margins(0.12)  # room for the labels of the track
+    track_axes.set_aspect("equal", adjustable="datalim")
+    track_axes.set_xlabel("to starboard of the approach [m]")
+    track_axes.set_ylabel("ahead of the order [m]")
+    track_axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=3, borderpad=0.0)
     time_s = motion.time_s - start
-    beside[0].plot(time_s, motion.heading_deg - ahead_deg, color=BLUE)
-    beside[0].set_ylabel("heading\n[deg]")
-    _helm(beside[1], motion, time_s)
-    beside[1].set_ylabel(f"{motion.steering}\n[deg]")
-    _rate_and_speed(beside[2:4], motion, time_s)
+    side_axes[0].plot(time_s, motion.heading_deg - ahead_deg, color=BLUE)
+    side_axes[0].set_ylabel("heading\n[deg]")
+    _helm(side_axes[1], motion, time_s)
+    side_axes[1].set_ylabel(f"{motion.steering}\n[deg]")
+    _rate_and_speed(side_axes[2:4], motion, time_s)
     if panels > 4:
-        _shafts(beside[4], motion, time_s)
-    for axes in beside:
+        _shafts(side_axes[4], motion, time_s)
+    for axes in side_axes:
         axes.axvline(0.0, color=FAINT, linewidth=0.8)
         axes.set_xlim(time_s[0], time_s[-1])
-    _time_axis(beside)
-    figure.align_ylabels(beside)
+    _time_axis(side_axes)
+    figure.align_ylabels(side_axes)
 
 
 def _across_ahead(motion: Motion, start: float, ahead_deg: float) -> tuple[Floats, Floats]:
@@ -237,7 +238,7 @@ def _across_ahead(motion: Motion, start: float, ahead_deg: float) -> tuple[Float
 
 
 def _outlines(axes: Axes, motion: Motion, start: float, ahead_deg: float) -> None:
-    """The ship to scale from the execute on; a twentieth of the picture where her length is not known."""
+    """The ship to scale from the execute on; a twentieth of the picture where its length is not known."""
     across, ahead = _across_ahead(motion, start, ahead_deg)
     length = motion.length_m or max(float(np.ptp(across)), float(np.ptp(ahead))) / 20.0
     rows = slice(int(np.searchsorted(motion.time_s, start)), None)
@@ -253,9 +254,9 @@ def _dimensions(
     arrows: dict[str, tuple[Point, Point]] = {}
     if np.isfinite(quarter_s) and f"advance_m{suffix}" in manoeuvre.indices:
         ahead, across = along_and_across(motion, start, quarter_s, ahead_deg)
-        away, above = -manoeuvre.sign * 0.12 * max(abs(ahead), abs(across)), ahead - 0.12 * ahead
-        arrows = {"advance": ((away, 0.0), (away, ahead)), "transfer": ((0.0, above), (across, above))}
-        axes.plot([away, across], [ahead, ahead], color=FAINT, linewidth=0.8, linestyle="--")
+        offset, above = -manoeuvre.sign * 0.12 * max(abs(ahead), abs(across)), ahead - 0.12 * ahead
+        arrows = {"advance": ((offset, 0.0), (offset, ahead)), "transfer": ((0.0, above), (across, above))}
+        axes.plot([offset, across], [ahead, ahead], color=FAINT, linewidth=0.8, linestyle="--")
     if np.isfinite(half_s) and f"tactical_diameter_m{suffix}" in manoeuvre.indices:
         ahead, across = along_and_across(motion, start, half_s, ahead_deg)
         arrows["tactical_diameter"] = (0.0, ahead), (across, ahead)
@@ -268,9 +269,6 @@ def _dimensions(
     path = np.stack(_across_ahead(motion, start, ahead_deg), axis=1)
     middles = [tuple(line.mean(axis=0)) for line in lines]
     label_points(axes, middles, texts, np.concatenate([path, *lines]), color=RED, fontsize=8, zorder=4)
-
-
-Point = tuple[float, float]
 
 
 def draw_run(figure: Figure, motion: Motion, manoeuvre: Manoeuvre) -> None:
@@ -296,33 +294,27 @@ def draw_run(figure: Figure, motion: Motion, manoeuvre: Manoeuvre) -> None:
     figure.align_ylabels()
 
 
-PICTURED = frozenset({"zigzag", "turning_circle", "stopping", "acceleration", "crabbing"})
-"""Kinds whose picture says more than their indices do; of a ship that goes straight the series say it all."""
-SIZES_INCH: dict[str, tuple[float, float]] = {"turning_circle": (9.0, 4.4), "course_change": (9.0, 4.4)}
-_OTHER_INCH = (9.0, 5.1)
-
-
 def draw_together(figure: Figure, runs: Sequence[tuple[str, Motion, Manoeuvre]]) -> None:
     """Runs, each with its name, over each other: tracks in the frame of each approach, heading and speed."""
     grid = figure.add_gridspec(2, 2, width_ratios=(1.2, 1))
-    left, above, below = (figure.add_subplot(grid[place]) for place in ((slice(None), 0), (0, 1), (1, 1)))
+    track_axes, above, below = (figure.add_subplot(grid[place]) for place in ((slice(None), 0), (0, 1), (1, 1)))
     for number, (name, motion, manoeuvre) in enumerate(runs):
         start, end = seconds_of(motion, manoeuvre)
         course_deg, part = _course_deg(motion, manoeuvre), motion.between(start - _MARGIN_S, end)
         part = smooth_motion(part, half_width_s(part, 0.1 * (end - start)))
         dashes = _DASHES[number // len(PALETTE) % len(_DASHES)]
         style: dict[str, Any] = {"color": PALETTE[number % len(PALETTE)], "linestyle": dashes}
-        left.plot(*_across_ahead(part, start, course_deg), label=name, **style)
+        track_axes.plot(*_across_ahead(part, start, course_deg), label=name, **style)
         above.plot(part.time_s - start, part.heading_deg - course_deg, **style)
         below.plot(part.time_s - start, part.speed_mps, **style)
-    left.set_aspect("equal", adjustable="datalim")
-    left.set_xlabel("to starboard of the approach [m]")
-    left.set_ylabel("ahead of the order [m]")
+    track_axes.set_aspect("equal", adjustable="datalim")
+    track_axes.set_xlabel("to starboard of the approach [m]")
+    track_axes.set_ylabel("ahead of the order [m]")
     above.set_ylabel("heading off the approach [deg]")
     below.set_ylabel("speed over ground [m/s]")
     below.set_xlabel("time since the order [s]")
     if len(runs) <= _MOST_IN_LEGEND:
-        figure.legend(*left.get_legend_handles_labels(), loc="outside lower left", ncols=2, fontsize=8)
+        figure.legend(*track_axes.get_legend_handles_labels(), loc="outside lower left", ncols=2, fontsize=8)
 
 
 def size_inch_of(manoeuvre: Manoeuvre) -> tuple[float, float]:

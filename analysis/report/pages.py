@@ -1,9 +1,8 @@
-"""Pages of a batch: one recording, with the run sheet of its trial, and the index of all.
+"""The pages of recordings: one page for each, the index of a batch, and the quality report.
 
-A recording's page says what it is, what it is worth, where the ship went, what she did, where it comes from. The
-index has a row a recording, to sort, to filter and to click through, in one file without network.
-
-The quality of a recording for people, at a terminal and on a page, and for programs as JSON and Parquet.
+A recording's page has its run sheet, quality, track, manoeuvres and provenance. The index has a row for each
+recording, to sort, filter and open, in one file that needs no network. The quality of a recording is shown at a
+terminal and on a page, and written for programs as JSON and Parquet.
 """
 
 from __future__ import annotations
@@ -19,7 +18,13 @@ from urllib.parse import quote
 import numpy as np
 import pandas as pd
 from markupsafe import Markup, escape
+from matplotlib.axes import Axes
+from matplotlib.dates import ConciseDateFormatter, date2num
+from matplotlib.figure import Figure
+from matplotlib.patches import Patch
 from numpy.typing import NDArray
+from rich.console import Group, RenderableType
+from rich.text import Text
 
 from seatrial.acquisition.core.files import write_text, written_together
 from seatrial.acquisition.core.quantities import KNOT_MPS, Floats, Ints
@@ -27,6 +32,7 @@ from seatrial.acquisition.core.ship import channel_unit, find_channel
 from seatrial.acquisition.core.trial import Quality
 from seatrial.acquisition.recording.grouping import counts_text
 from seatrial.analysis.quality.findings import ALL
+from seatrial.analysis.report.plots import draw_marks
 from seatrial.analysis.report.rendering import Page, render
 from seatrial.analysis.report.tables import run_sheet
 from seatrial.analysis.series import runs
@@ -34,9 +40,6 @@ from seatrial.analysis.tables.export import SIGMA_SUFFIX, write_parquet
 from seatrial.analysis.tables.table import main_stretch, times_ns
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-    from rich.console import RenderableType
     from rich.table import Table
 
     from seatrial.acquisition.recording.reader import Recording
@@ -47,29 +50,61 @@ if TYPE_CHECKING:
 
 
 _FILES = ("table.parquet", "flags.parquet", "quality.json", "windows.parquet", "manoeuvres.json", "summary.json")
+_SHORT_WAY_M = 200.0  # of which two decimals of a nautical mile say little
+_NUMBERS = re.compile(r"[+-]?\d[\d.,]*")
+Row = Mapping[str, Any]
+_COLUMNS = {
+    "name": "recording", "status": "status", "start": "start, UTC", "duration_s": "duration",
+    "distance_m": "sailed [nmi]", "samples": "samples", "grade": "data", "findings": "findings",
+    "repairs": "repairs", "windows_kept": "held windows", "manoeuvres": "manoeuvres",
+    "verdict": "diagnosis",
+}  # fmt: skip
+_OPTIONAL = ("track", "trial", "vessel", "place", "cause", "report", "missing")
+_COUNTS = ("findings_by_code", "manoeuvres", "left_out", "indices")
+_BREAKS = re.compile(r"([/_])(?=\w)")  # where a long name may go on in the next line
+_GRADES = {"bad": 0, "suspect": 1, "good": 2}  # the worst first
+_STATUSES = {
+    "failed": (0, "failed"),
+    "cut off": (1, "done, cut off"),
+    "gone": (2, "recording gone"),
+    "waiting": (3, "not analysed yet"),
+    "done": (4, "done"),
+}
+_NUMERIC = {"duration_s", "distance_m", "samples", "repairs", "windows_kept"}
+PALETTE = ("#0072B2", "#CC79A7", "#56B4E9", "#000000", "#8C564B", "#7F7F7F", "#9467BD")
+COLOURS = {Quality.GOOD: "#9CC9B5", Quality.NOT_EVALUATED: "#D9DEE2", Quality.SUSPECT: "#E69F00",
+           Quality.BAD: "#D55E00"}  # fmt: skip
+"""Flags, the more severe the later."""
+_BINS = 1200
+HEADER = ["channel", "grade", "samples", "rate [Hz]", "gaps", "stuck", "spikes", "out of range", "times twice",
+          "steps back"]  # fmt: skip
+MOST_CAUSES = 10
+"""What a terminal shows: more would push the most severe out of sight."""
+_STYLES = {"good": "green", "suspect": "yellow", "bad": "bold red"}
+_CHANNEL_COLUMNS = ("channel", "grade", "count", "rate Hz", "gaps", "stuck", "spikes", "range", "twice", "back")
 
 
 def recording_page(products: Products, row: dict[str, Any]) -> Page:
     """The page of what was made of a recording; ``row`` is its summary."""
     provenance = row["provenance"]
-    findings, others = _findings(products)
-    dropped = sorted(row["windows_dropped"].items(), key=lambda each: -each[1])
+    findings, other_repairs = _findings(products)
+    dropped = sorted(row["windows_dropped"].items(), key=lambda entry: -entry[1])
     return render(
         "recording.html",
         title=products.recording.trial.name or provenance["recording"],
         subtitle=f"{provenance['recording']}, {row['start'][:10]} {row['start'][11:19]} UTC",
         headline=headline_of(row), row=row, products=products,
         run_sheet=run_sheet(products.recording, products.one_hz, products.manoeuvres),
-        findings=findings, other_repairs=others,
+        findings=findings, other_repairs=other_repairs,
         channel_header=HEADER, channels=channel_rows(products.quality),
-        executes=[each.start for each in products.manoeuvres],
+        executes=[manoeuvre.start for manoeuvre in products.manoeuvres],
         dropped=", ".join(f"{count:,} {reason.replace('_', ' ')}" for reason, count in dropped),
         uncertainty=_uncertainty(products.one_hz), origin=_origin(provenance),
     )  # fmt: skip
 
 
 def headline_of(row: dict[str, Any]) -> dict[str, str]:
-    """The numbers that matter, for people."""
+    """The numbers at the top of a recording's page."""
     figures = {"duration": f"{row['duration_s'] / 60:.1f} min", "samples": f"{row['samples']:,}"}
     if row["distance_m"] is not None:
         metres = row["distance_m"]
@@ -93,15 +128,16 @@ def speed_in_knots(row: Mapping[str, Any]) -> str:
 
 def _findings(products: Products) -> tuple[list[list[str]], list[str]]:
     """The cells of each finding with what was repaired of it, and the repairs that belong to none."""
-    repaired = {
-        (each.code, each.channel): f"Repaired: {each.text}, {each.changed:,} values." for each in products.repairs
+    repairs = {
+        (repair.code, repair.channel): f"Repaired: {repair.text}, {repair.changed:,} values."
+        for repair in products.repairs
     }
     cells = []
     for finding in products.quality.findings:
         what, about, text = finding_cells(finding)
         text = text if find_channel(text.split(" ", 1)[0]) else text[:1].upper() + text[1:]
-        cells.append([what, about, text, repaired.pop((finding.code, finding.channel), "")])
-    return cells, list(repaired.values())
+        cells.append([what, about, text, repairs.pop((finding.code, finding.channel), "")])
+    return cells, list(repairs.values())
 
 
 def _uncertainty(one_hz: pd.DataFrame) -> list[list[str]] | None:
@@ -117,7 +153,7 @@ def _uncertainty(one_hz: pd.DataFrame) -> list[list[str]] | None:
 
 
 def _origin(provenance: dict[str, Any]) -> list[tuple[str, str]]:
-    """Where it all comes from, and the files beside the page."""
+    """The origin of the results, and the files in the folder of the page."""
     software = (
         value if value.startswith(key) else f"{key} {value}" for key, value in provenance["software"].items()
     )
@@ -130,14 +166,10 @@ def _origin(provenance: dict[str, Any]) -> list[tuple[str, str]]:
     ]
 
 
-_SHORT_WAY_M = 200.0  # of which two decimals of a nautical mile say little
-_NUMBERS = re.compile(r"[+-]?\d[\d.,]*")
-
-
 def events_of(recording: Recording) -> list[list[str]]:
-    """Marks, warnings and changes of configuration in the order of time: when they were heard, UTC, and the text.
+    """Marks, warnings and changes of configuration in order of time: when each was received, UTC, and its text.
 
-    Events that differ in their numbers only stand once, with how often they came.
+    Events that differ only in their numbers are listed once, with their count.
     """
     rows: list[list[str]] = []
     alike: dict[str, int] = {}
@@ -149,28 +181,6 @@ def events_of(recording: Recording) -> list[list[str]]:
     counts = [alike[_NUMBERS.sub("N", text)] for _, text in rows]
     return [[time, f"{text} ({count} similar events)" if count > 1 else text]
             for (time, text), count in zip(rows, counts, strict=True)]  # fmt: skip
-
-
-Row = Mapping[str, Any]
-
-_COLUMNS = {
-    "name": "recording", "status": "status", "start": "start, UTC", "duration_s": "duration",
-    "distance_m": "sailed [nmi]", "samples": "samples", "grade": "data", "findings": "findings",
-    "repairs": "repairs", "windows_kept": "held windows", "manoeuvres": "manoeuvres",
-    "verdict": "diagnosis",
-}  # fmt: skip
-_OTHERS = ("track", "trial", "vessel", "place", "cause", "report", "missing")
-_COUNTS = ("findings_by_code", "manoeuvres", "left_out", "indices")
-_BREAKS = re.compile(r"([/_])(?=\w)")  # where a long name may go on in the next line
-_GRADES = {"bad": 0, "suspect": 1, "good": 2}  # the worst first
-_STATUSES = {
-    "failed": (0, "failed"),
-    "cut off": (1, "done, cut off"),
-    "gone": (2, "recording gone"),
-    "waiting": (3, "not analysed yet"),
-    "done": (4, "done"),
-}
-_NUMERIC = {"duration_s", "distance_m", "samples", "repairs", "windows_kept"}
 
 
 def index_page(
@@ -186,7 +196,7 @@ def index_page(
     """
     verdicts = any(row.get("verdict") for row in rows)
     filled = [
-        {**dict.fromkeys([*_COLUMNS, *_OTHERS]), **row, **{name: row.get(name) or {} for name in _COUNTS}}
+        {**dict.fromkeys([*_COLUMNS, *_OPTIONAL]), **row, **{name: row.get(name) or {} for name in _COUNTS}}
         for row in rows
     ]
     return render(
@@ -194,13 +204,14 @@ def index_page(
         columns={key: head for key, head in _COLUMNS.items() if key != "verdict" or verdicts},
         choices=_choices(filled),
         numeric=_NUMERIC, ordered=_NUMERIC | {"status", "grade", "findings"}, quote=quote,
-        broken=_broken, speed_in_knots=speed_in_knots, status_of=lambda row: _STATUSES[_status(row)],
+        broken=lambda name: Markup(_BREAKS.sub(r"\1<wbr>", str(escape(name)))),
+        speed_in_knots=speed_in_knots, status_of=lambda row: _STATUSES[_status(row)],
         status_class=lambda row: _status(row).replace(" ", "-"), duration=duration_text, grade_order=_grade_order,
     )  # fmt: skip
 
 
 def _figures(rows: Sequence[Row]) -> dict[str, str]:
-    """What stands large above the table: sums over what is still there."""
+    """The large numbers above the index: sums over the recordings that are still there."""
     rows = [row for row in rows if row["status"] != "gone"]
     return {
         "recordings": f"{len(rows):,}",
@@ -215,54 +226,44 @@ def _figures(rows: Sequence[Row]) -> dict[str, str]:
 
 
 def _choices(rows: Sequence[Row]) -> dict[str, tuple[str, list[str]]]:
-    """What rows can be chosen by: a heading and the values, of what differs between them."""
+    """The filters of the index: by name its heading and the values that occur."""
     kinds = {kind for row in rows for kind in row["manoeuvres"]}
-    found = {
+    choices = {
         name: (head, sorted({row[key] for row in rows if row[key]}))
         for name, (key, head) in {
             "ship": ("vessel", "any ship"), "grade": ("grade", "any data"), "verdict": ("verdict", "any diagnosis"),
         }.items()
     }  # fmt: skip
-    return {name: each for name, each in {**found, "kind": ("any manoeuvre", sorted(kinds))}.items() if each[1]}
+    return {
+        name: choice for name, choice in {**choices, "kind": ("any manoeuvre", sorted(kinds))}.items() if choice[1]
+    }
 
 
 def _total(rows: Iterable[Row], name: str) -> float:
     return float(sum(row.get(name) or 0 for row in rows))
 
 
-def _broken(name: str) -> Markup:
-    """A name that may go on in the next line."""
-    return Markup(_BREAKS.sub(r"\1<wbr>", str(escape(name))))
-
-
 def _status(row: Row) -> str:
-    """What became of it: a recording that was cut off is done as far as it goes, and that is said here."""
+    """The status of a row, where a recording that was cut off is not simply done."""
     return "cut off" if row["status"] == "done" and row.get("closed") is False else str(row["status"])
 
 
 def duration_text(seconds: float | None) -> str:
-    """A duration for people.
+    """A duration as text.
 
     >>> duration_text(65.0), duration_text(3720.0)
     ('1 min 05 s', '1 h 02 min')
     """
     if seconds is None:
         return ""
-    hours, rest = divmod(round(seconds), 3600)
-    return f"{hours} h {rest // 60:02d} min" if hours else f"{rest // 60} min {rest % 60:02d} s"
+    hours, remainder = divmod(round(seconds), 3600)
+    return f"{hours} h {remainder // 60:02d} min" if hours else f"{remainder // 60} min {remainder % 60:02d} s"
 
 
 def _grade_order(row: Row) -> float | str:
-    """The worst first, and of one grade the one that lacks most channels."""
+    """A sort key: the worst grade first, and within a grade the row that lacks most channels."""
     missing, grade = row.get("missing") or [], row.get("grade") or ""
     return _GRADES.get(grade, "") if not missing else _GRADES.get(grade, 0) - len(missing) / 100
-
-
-PALETTE = ("#0072B2", "#CC79A7", "#56B4E9", "#000000", "#8C564B", "#7F7F7F", "#9467BD")
-COLOURS = {Quality.GOOD: "#9CC9B5", Quality.NOT_EVALUATED: "#D9DEE2", Quality.SUSPECT: "#E69F00",
-           Quality.BAD: "#D55E00"}  # fmt: skip
-"""Flags, the graver the later."""
-_BINS = 1200
 
 
 def write_quality(
@@ -274,21 +275,19 @@ def write_quality(
 
     Raises :class:`StorageError` when they cannot be written.
     """
-    found = quality.as_json()
-    report = folder / "quality.json"
-    flags = folder / "flags.parquet"
-    recording = str(provenance["recording"])
-    origin = {"recording": recording, "findings": found["findings"], "provenance": provenance}
-    about = {key: json.dumps(value) for key, value in origin.items()}
+    document, recording = quality.as_json(), str(provenance["recording"])
+    report, flags = folder / "quality.json", folder / "flags.parquet"
+    origin = {"recording": recording, "findings": document["findings"], "provenance": provenance}
+    metadata = {key: json.dumps(value) for key, value in origin.items()}
     with written_together(report):
-        write_text(report, json.dumps({**found, "provenance": provenance}, indent=1) + "\n")
-        write_parquet(quality.flags, flags, dict.fromkeys(map(str, quality.flags.columns), "QARTOD flag"), about)
+        write_text(report, json.dumps({**document, "provenance": provenance}, indent=1) + "\n")
+        write_parquet(quality.flags, flags, dict.fromkeys(map(str, quality.flags.columns), "QARTOD flag"), metadata)
         return [report, flags, quality_page(quality, trial, recording).write(folder / "quality.html")]
 
 
 def quality_page(quality: DataQuality, trial: Mapping[str, str], recording: str) -> Page:
     """One page: how much is good, what was found, the flags over time, the counts by channel."""
-    grades = [each.grade for each in quality.channels.values()]
+    grades = [channel.grade for channel in quality.channels.values()]
     counts = {f"channels {grade}": grades.count(grade) for grade in ("good", "suspect", "bad")}
     return render(
         "quality.html", title="Data quality", subtitle=recording, quality=quality,
@@ -298,39 +297,26 @@ def quality_page(quality: DataQuality, trial: Mapping[str, str], recording: str)
     )  # fmt: skip
 
 
-HEADER = ["channel", "grade", "samples", "rate [Hz]", "gaps", "stuck", "spikes", "out of range", "times twice",
-          "steps back"]  # fmt: skip
-
-
 def channel_rows(quality: DataQuality, *, shares: bool = False) -> list[list[str]]:
-    """A row a channel, as :data:`HEADER` says; with the share that is flagged good if asked for."""
-    return [
-        [name, each.grade, *counts_of(each), *([_good_share(quality, name)] if shares else [])]
-        for name, each in quality.channels.items()
-    ]
+    """A row a channel, as :data:`HEADER` says; with ``shares`` also the share of its expected samples that is
+    flagged good."""
+    rows = [[name, channel.grade, *counts_of(channel)] for name, channel in quality.channels.items()]
+    for row in rows if shares else ():
+        flags = quality.flags[row[0]].to_numpy()
+        expected = int((flags != Quality.MISSING).sum()) + quality.channels[row[0]].missing
+        row.append(f"{(flags == Quality.GOOD).sum() / expected:.1%}" if expected else "")
+    return rows
 
 
 def finding_cells(finding: Finding) -> list[str]:
-    """What was found, in which channel and when, and a sentence on it."""
+    """The code of a finding, its channel and times, and a sentence on it."""
     where = "all channels" if finding.channel == ALL else finding.channel
     about = f"{where} \u00b7 {finding.start:%H:%M:%S} to {finding.end:%H:%M:%S} UTC"
     return [finding.code.replace("_", " "), about, finding_text(finding)]
 
 
-def _good_share(quality: DataQuality, name: str) -> str:
-    """The share of the samples that were due whose flag is good, as the strip shows them."""
-    flags = quality.flags[name].to_numpy()
-    due = int((flags != Quality.MISSING).sum()) + quality.channels[name].missing
-    return f"{(flags == Quality.GOOD).sum() / due:.1%}" if due else ""
-
-
 def draw_flags(figure: Figure, quality: DataQuality) -> None:
     """Flags by channel over time, and the findings as lines."""
-    from matplotlib.dates import ConciseDateFormatter, date2num
-    from matplotlib.patches import Patch
-
-    from seatrial.analysis.report.plots import draw_marks
-
     axes = figure.subplots()
     stamps = times_ns(quality.flags)
     first, last = main_stretch(stamps)
@@ -342,7 +328,7 @@ def draw_flags(figure: Figure, quality: DataQuality) -> None:
         for flag, colour in COLOURS.items():
             bars = [(days[a], days[b] - days[a]) for a, b in zip(*runs(flags == flag), strict=True)]
             axes.broken_barh(bars, (line - 0.32, 0.5), facecolors=colour, linewidth=0)
-    codes = list(dict.fromkeys(each.code for each in quality.findings))
+    codes = list(dict.fromkeys(finding.code for finding in quality.findings))
     colours = {code: PALETTE[number % len(PALETTE)] for number, code in enumerate(codes)}
     _draw_findings(axes, quality.findings, names, colours)
     axes.set_yticks(range(len(names)), names, fontsize=8)
@@ -355,31 +341,29 @@ def draw_flags(figure: Figure, quality: DataQuality) -> None:
     axes.grid(False)
     for side in ("top", "right", "left"):
         axes.spines[side].set_visible(False)
-    told = (Quality.GOOD, Quality.SUSPECT, Quality.BAD)
-    legend = [Patch(color=COLOURS[flag], label=flag.name.lower()) for flag in told]
+    legend = [Patch(color=COLOURS[flag], label=flag.name.lower())
+              for flag in (Quality.GOOD, Quality.SUSPECT, Quality.BAD)]  # fmt: skip
     legend += [Patch(color=colour, label=code.replace("_", " ")) for code, colour in colours.items()]
     axes.legend(handles=legend, loc="lower left", bbox_to_anchor=(0, 1.0), ncols=5, fontsize=7, frameon=False)
 
 
 def binned_flags(stamps: Ints, flags: NDArray[np.uint8], edges: Floats) -> Ints:
-    """The gravest flag in each bin of time, 0 where the channel has no sample: [bins].
+    """The most severe flag in each bin of time, 0 where the channel has no sample: [bins].
 
     A bin without a sample between two that follow each other at the channel's own rate takes the one before.
     """
     present = flags != Quality.MISSING
     bins = np.clip(np.searchsorted(edges, stamps[present], side="right") - 1, 0, edges.size - 2)
-    gravest = np.zeros(edges.size - 1, dtype=np.int64)
+    worst = np.zeros(edges.size - 1, dtype=np.int64)
     for flag in COLOURS:
-        gravest[bins[flags[present] == flag]] = flag
-    usual = 2.5 * float(np.median(np.diff(bins))) if bins.size > 1 else 0.0
-    known = pd.Series(np.where(gravest, gravest, np.nan))
-    return np.asarray(known.ffill(limit=max(int(usual), 1)).fillna(0), dtype=np.int64)
+        worst[bins[flags[present] == flag]] = flag
+    longest = 2.5 * float(np.median(np.diff(bins))) if bins.size > 1 else 0.0
+    sampled = pd.Series(np.where(worst, worst, np.nan))
+    return np.asarray(sampled.ffill(limit=max(int(longest), 1)).fillna(0), dtype=np.int64)
 
 
 def _draw_findings(axes: Axes, findings: tuple[Finding, ...], names: list[str], colours: dict[str, str]) -> None:
     """A line below the channel's, or across all of them, by finding; its ends are widened so that it shows."""
-    from matplotlib.dates import date2num
-
     low, high = axes.get_xlim()
     for finding in findings:
         start, end = date2num([finding.start, finding.end])  # type: ignore[no-untyped-call]
@@ -393,15 +377,8 @@ def _draw_findings(axes: Axes, findings: tuple[Finding, ...], names: list[str], 
                 axes.broken_barh([(start, end - start)], bar, facecolors=colour, linewidth=0)
 
 
-_STYLES = {"good": "green", "suspect": "yellow", "bad": "bold red"}
-_CHANNEL_COLUMNS = ("channel", "grade", "count", "rate Hz", "gaps", "stuck", "spikes", "range", "twice", "back")
-
-
 def quality_view(quality: DataQuality) -> RenderableType:
     """The table of channels and each finding with its remedy, for a terminal."""
-    from rich.console import Group
-    from rich.text import Text
-
     missing = missing_text(quality)
     parts: list[RenderableType] = [
         channel_table(quality),
@@ -414,34 +391,24 @@ def quality_view(quality: DataQuality) -> RenderableType:
     for cause in causes[:MOST_CAUSES]:
         start, end = cause.span
         parts += [
-            Text(f"{cause.code}  {_where(cause)}", style="bold"),
+            Text(f"{cause.code}  {_channels_text(cause)}", style="bold"),
             Text(f"  {start:%Y-%m-%d %H:%M:%S} to {end:%H:%M:%S}", style="dim"),
             Text(f"  {cause_text(cause)}"),
         ]
-    if len(causes) > MOST_CAUSES:
-        parts += ["", Text(_more(causes[MOST_CAUSES:]), style="yellow")]
+    if hidden := causes[MOST_CAUSES:]:
+        counts = Counter(cause.code for cause in hidden)
+        kinds = ", ".join(f"{code} {count}" if count > 1 else code for code, count in counts.items())
+        full_list = "`seatrial check FILE -o FOLDER` writes a page with all of them"
+        parts += ["", Text(f"{len(hidden)} more, less severe ({kinds}): {full_list}", style="yellow")]
     if events := counts_text(list(quality.events)):
         parts.append(Text(f"in the log: {events}; `seatrial info` lists marks and alarms", style="dim"))
     return Group(*parts)
 
 
-MOST_CAUSES = 10
-"""What a terminal shows: more would push the gravest out of sight."""
-
-
-def _where(cause: Cause) -> str:
+def _channels_text(cause: Cause) -> str:
     """The channels of a cause as a heading has them: the first three."""
     names = ["all channels" if name == ALL else name for name in cause.channels]
     return ", ".join(names[:3]) + (f" and {len(names) - 3} more" if len(names) > 3 else "")
-
-
-def _more(causes: tuple[Cause, ...]) -> str:
-    """How many findings a terminal leaves out, of what kinds, and where they all are."""
-    kinds = Counter(cause.code for cause in causes)
-    said = ", ".join(f"{code} {count}" if count > 1 else code for code, count in kinds.items())
-    return (
-        f"{len(causes)} more, less severe ({said}): `seatrial check FILE -o FOLDER` writes a page with all of them"
-    )
 
 
 def cause_text(cause: Cause) -> str:
@@ -450,11 +417,11 @@ def cause_text(cause: Cause) -> str:
 
 
 def cause_cells(cause: Cause) -> list[str]:
-    """What was found, in which channels and when, and all that is to be said of it."""
+    """The code of a cause, its channels and times, and its text."""
     what, about, _ = finding_cells(cause.findings[0])
     if len(cause.channels) > 1:
         start, end = cause.span
-        about = f"{_where(cause)} \u00b7 {start:%H:%M:%S} to {end:%H:%M:%S} UTC"
+        about = f"{_channels_text(cause)} \u00b7 {start:%H:%M:%S} to {end:%H:%M:%S} UTC"
     return [what, about, cause_text(cause)]
 
 
@@ -469,9 +436,8 @@ def finding_text(finding: Finding) -> str:
 
 
 def channel_table(quality: DataQuality) -> Table:
-    """A line a channel: its grade and the counts of its own faults; nothing stands for none."""
+    """A line a channel: its grade and the counts of its faults, empty for none."""
     from rich.table import Table
-    from rich.text import Text
 
     table = Table(box=None, header_style="dim", padding=(0, 1, 0, 0))
     for number, title in enumerate(_CHANNEL_COLUMNS):
@@ -485,4 +451,4 @@ def counts_of(channel: ChannelQuality) -> list[str]:
     """The counts of a channel as text, empty where nothing was found."""
     faults = (len(channel.gaps), len(channel.stuck), channel.spikes, channel.out_of_range, channel.duplicates,
               channel.time_backwards)  # fmt: skip
-    return [f"{channel.count:,}", f"{channel.rate_hz:.2f}", *(f"{each:,}" if each else "" for each in faults)]
+    return [f"{channel.count:,}", f"{channel.rate_hz:.2f}", *(f"{number:,}" if number else "" for number in faults)]

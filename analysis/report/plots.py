@@ -1,7 +1,7 @@
-"""Figures of tables and windows in one style: functions take axes and data and return the artists they drew.
-A trial is two figures of a page: its track, and its channels against time.
+"""Figures of trials in the house style: the track, the channels against time, and labels that keep clear of lines.
 
-Labels of points in a picture that keep clear of each other, of the lines drawn and of the picture's edge.
+Functions take axes and data and return the artists that they drew; :func:`track_figure` and :func:`channels_figure`
+return what a page needs to embed a figure.
 """
 
 from __future__ import annotations
@@ -42,11 +42,11 @@ from seatrial.acquisition.core.ship import (
     wraps_of,
 )
 from seatrial.acquisition.recording.grouping import Event
-from seatrial.analysis.tables.table import declared_channels, table_actuators, utc_index
+from seatrial.analysis.tables.table import NANO, declared_channels, table_actuators, utc_index
 from seatrial.analysis.windows.held import HeldWindows, held_spans_ns
 
 PALETTE = ("#0072B2", "#E69F00", "#009E73", "#CC79A7", "#D55E00", "#56B4E9", "#F0E442")
-"""The colours of Okabe and Ito, which the colour-blind tell apart, the darkest first."""
+"""The colours of Okabe and Ito, which the colour-blind can distinguish, the darkest first."""
 INK, FAINT, HELD = "#333333", "#B8B8B8", "#56B4E9"
 
 STYLE: dict[str, object] = {
@@ -66,15 +66,37 @@ STYLE: dict[str, object] = {
     "ytick.color": INK,
 }
 """The house's style, for ``matplotlib.rc_context(STYLE)``."""
+HULL_OUTLINE = np.array([[-0.5, -0.13], [0.25, -0.13], [0.5, 0.0], [0.25, 0.13], [-0.5, 0.13], [-0.5, -0.13]])
+"""A ship's outline, ahead and to starboard, in lengths."""
+_CALM_MPS = 0.1  # no arrow for a calm, nor for a wind that was not recorded
+_MARK_POINTS = 30  # of the track, which a mark is worth to a label that may hide it
+_LEAST_SHARE = 0.02  # of the track's extent: a ship shorter than that is not seen on the page
+_CLEARANCE, _STEP, _MOST_OUTLINES = 1.3, 2.5, 12  # lengths between outlines, and along the way; how many
+Predicted = Mapping[str, tuple[pd.DataFrame, str]]
+"""By method, the motion that it predicts, with the number of the ``window`` in each row, and its colour."""
+Drawing = tuple[Callable[[Figure], None], tuple[float, float], str]
+"""What fills a figure, its size [in], and its caption."""
+_TICKS_S = (60.0, 120.0, 300.0, 600.0, 900.0, 1800.0, 3600.0, 7200.0, 21600.0)
+_LEAST_INCH, _MOST_INCH = (5.5, 3.2), (9.0, 5.0)  # width and height of a track's picture
+_AXES_INCH = (0.8, 1.2)  # of that for the axes and the legend
+_MOST_TICKS = 10  # times of day along a track; more would overlap
+_PANEL_INCH, _EDGES_INCH = 0.85, 1.0
+_MOST_TURN_DEG = 330.0  # angles within it can be drawn as one line
+_WIND = ("wind_speed_mps", "wind_direction_deg")
+MOST_MARKS = 12
+"""Marks that have their text on an axis of time; more could not be read."""
+_FAR_PT = (4.0, 12.0, 22.0, 34.0, 48.0)  # from a point to the nearest edge of its label
+_SIDES = np.array([[1, 1], [1, -1], [-1, 1], [-1, -1], [1, 0], [-1, 0], [0, 1], [0, -1]], dtype=float)
+_PAD_PT = 1.5
 
 
-def label(name: str, known: Mapping[str, Channel] = BY_NAME) -> str:
-    """A channel's name for an axis, with its unit; ``known`` are the channels.
+def label(name: str, channels: Mapping[str, Channel] = BY_NAME) -> str:
+    """A channel's name for an axis, with its unit; ``channels`` are the channels.
 
     >>> label("port_angle_deg")
     'port angle [deg]'
     """
-    unit = known[name].unit
+    unit = channels[name].unit
     words = name.removesuffix(ending_of(unit)).replace("_", " ")
     return words if unit == DIMENSIONLESS else f"{words} [{unit}]"
 
@@ -95,12 +117,20 @@ def track(
     shows where it blows to.
     """
     artists: list[Artist] = []
-    if windows is not None and len(windows):
-        artists.append(_held_stretches(axes, windows, f"{held_words(table)} held"))
+    if windows is not None and len(windows):  # one broad line, lifted between windows: a line each takes far longer
+        begins = np.flatnonzero(np.diff(windows["window"].to_numpy()) != 0) + 1
+        held = (np.insert(windows[name].to_numpy(dtype=float), begins, np.nan) for name in ("east_m", "north_m"))
+        artists += axes.plot(*held, color=HELD, alpha=0.55, linewidth=5.0, solid_capstyle="butt", zorder=1.6,
+                             label=f"{held_words(table)} held")  # fmt: skip
     if length_m is not None and "heading_deg" in table:
         artists += _ships(axes, table.dropna(subset=["north_m", "east_m", "heading_deg"]), length_m)
     artists += axes.plot(table["east_m"], table["north_m"], color=INK, linewidth=1.1, label="track")
-    ticks, begun = _ticks(table, tick_every_s), _executes(table, executes)
+    placed = table.dropna(subset=["north_m", "east_m"])
+    ticks, begun = placed, placed.iloc[:0]
+    if len(placed):  # the first row after every whole multiple of the step
+        ticks = placed[np.append(True, np.diff(utc_index(placed).asi8 // NANO // tick_every_s) > 0)]
+    if len(placed) and len(executes):
+        begun = placed.iloc[placed.index.get_indexer(pd.DatetimeIndex(list(executes)), method="nearest")]
     artists += axes.plot(ticks["east_m"], ticks["north_m"], "o", color=INK, markersize=3, linestyle="none")
     artists += axes.plot(begun["east_m"], begun["north_m"], "o", color=PALETTE[4], markeredgecolor="white",
                          markersize=6, linestyle="none", zorder=5,
@@ -110,21 +140,13 @@ def track(
     words = [*map(str, range(1, len(begun) + 1)), *(f"{time:%H:%M}" for time in ticks.index)]
     hidden = np.concatenate([path, np.repeat(labelled, _MARK_POINTS, axis=0)])
     labels = label_points(axes, list(map(tuple, labelled)), words, hidden, fontsize=7.5, color=INK, zorder=6)
-    for each in labels[: len(begun)]:
-        each.set(color=PALETTE[4], fontweight="bold")
+    for annotation in labels[: len(begun)]:
+        annotation.set(color=PALETTE[4], fontweight="bold")
     artists += [*labels, *wind_arrow(axes, table)]
     axes.set_aspect("equal", adjustable="datalim")
     axes.set_xlabel(label("east_m"))
     axes.set_ylabel(label("north_m"))
     return artists
-
-
-HULL_OUTLINE = np.array([[-0.5, -0.13], [0.25, -0.13], [0.5, 0.0], [0.25, 0.13], [-0.5, 0.13], [-0.5, -0.13]])
-"""A ship's outline, ahead and to starboard, in lengths."""
-_CALM_MPS = 0.1  # no arrow for a calm, nor for a wind that was not recorded
-_MARK_POINTS = 30  # of the track, which a mark is worth to a label that may hide it
-_LEAST_SHARE = 0.02  # of the track's extent: a ship shorter than that is not seen on the page
-_APART, _APART_ALONG, _MOST_OUTLINES = 1.3, 2.5, 12  # lengths between outlines, and along the way; how many
 
 
 def outlines(
@@ -141,13 +163,16 @@ def outlines(
 
 
 def outline_rows(across: Floats, up: Floats, length_m: float) -> list[int]:
-    """Rows of a path [rows] at which outlines of ``length_m`` stand clear of each other, the first among them."""
+    """Rows of a path [rows] at which outlines of ``length_m`` do not overlap, the first among them."""
     way = np.append(0.0, np.cumsum(np.hypot(np.diff(across), np.diff(up))))
-    step = max(_APART_ALONG * length_m, way[-1] / (_MOST_OUTLINES - 1), 1e-9)
+    step = max(_STEP * length_m, way[-1] / (_MOST_OUTLINES - 1), 1e-9)
     chosen: list[int] = []
     for row in np.searchsorted(way, np.arange(0.0, way[-1] + step / 4.0, step / 4.0)[: 8 * _MOST_OUTLINES]):
         at = min(int(row), way.size - 1)
-        near = [np.hypot(across[at] - across[each], up[at] - up[each]) < _APART * length_m for each in chosen]
+        near = [
+            np.hypot(across[at] - across[chosen_row], up[at] - up[chosen_row]) < _CLEARANCE * length_m
+            for chosen_row in chosen
+        ]
         if not any(near) and (not chosen or way[at] - way[chosen[-1]] >= 0.99 * step):
             chosen.append(at)
     return chosen
@@ -156,36 +181,28 @@ def outline_rows(across: Floats, up: Floats, length_m: float) -> list[int]:
 def ship(
     axes: Axes, across: float, up: float, heading_rad: float, length_m: float, words: str | None = None
 ) -> Artist:
-    """A ship's outline with her middle at a point of the axes and her bow ``heading_rad`` clockwise from
+    """A ship's outline with its middle at a point of the axes and its bow ``heading_rad`` clockwise from
     upwards."""
-    forward, aside = length_m * HULL_OUTLINE[:, 0], length_m * HULL_OUTLINE[:, 1]
-    x = across + forward * np.sin(heading_rad) + aside * np.cos(heading_rad)
-    y = up + forward * np.cos(heading_rad) - aside * np.sin(heading_rad)
+    forward, sideways = length_m * HULL_OUTLINE[:, 0], length_m * HULL_OUTLINE[:, 1]
+    x = across + forward * np.sin(heading_rad) + sideways * np.cos(heading_rad)
+    y = up + forward * np.cos(heading_rad) - sideways * np.sin(heading_rad)
     (outline,) = axes.fill(x, y, facecolor="#E3EBF1", edgecolor="#8FA3B3", linewidth=0.7, zorder=1.5, label=words)
     return outline
 
 
 def _ships(axes: Axes, placed: pd.DataFrame, length_m: float) -> list[Artist]:
-    """Outlines along the track; two to fifty times as large as the ship where she would not be seen."""
+    """Outlines along the track; two to fifty times as large as the ship where it would not be seen."""
     if placed.empty:
         return []
     extent = max(float(np.ptp(placed[name])) for name in ("north_m", "east_m"))
-    times = next((each for each in (1, 2, 5, 10, 20, 50) if each * length_m >= _LEAST_SHARE * extent), 100)
+    times = next((factor for factor in (1, 2, 5, 10, 20, 50) if factor * length_m >= _LEAST_SHARE * extent), 100)
     words = f"ship of {length_m:g} m" + (f", {times} times her size" if times > 1 else ", to scale")
     east, north, heading = (placed[name].to_numpy(dtype=float) for name in ("east_m", "north_m", "heading_deg"))
     return outlines(axes, east, north, np.deg2rad(heading), times * length_m, words)
 
 
-def _executes(table: pd.DataFrame, executes: Sequence[pd.Timestamp]) -> pd.DataFrame:
-    """The rows at which manoeuvres began."""
-    placed = table.dropna(subset=["north_m", "east_m"])
-    if not len(executes) or placed.empty:
-        return placed.iloc[:0]
-    return placed.iloc[placed.index.get_indexer(pd.DatetimeIndex(list(executes)), method="nearest")]
-
-
 def wind_arrow(axes: Axes, table: pd.DataFrame) -> list[Artist]:
-    """Where the mean wind blows to, above the upper left corner, with its speed and where it comes from."""
+    """An arrow above the upper left corner to where the mean wind blows, with its speed and direction."""
     air = table.reindex(columns=list(_WIND)).dropna()
     if air.empty:
         return []
@@ -204,27 +221,6 @@ def wind_arrow(axes: Axes, table: pd.DataFrame) -> list[Artist]:
     return [arrow, text]
 
 
-def _held_stretches(axes: Axes, windows: pd.DataFrame, words: str) -> Line2D:
-    """All windows as one broad line, lifted between them: a line each takes most of a figure's time."""
-    begins = np.flatnonzero(np.diff(windows["window"].to_numpy()) != 0) + 1
-    east, north = (np.insert(windows[name].to_numpy(dtype=float), begins, np.nan) for name in ("east_m", "north_m"))
-    (line,) = axes.plot(
-        east, north, color=HELD, alpha=0.55, linewidth=5.0, solid_capstyle="butt", zorder=1.6, label=words
-    )
-    return line
-
-
-def _ticks(table: pd.DataFrame, every_s: float) -> pd.DataFrame:
-    """The first row with a position after every whole multiple of ``every_s``."""
-    placed = table.dropna(subset=["north_m", "east_m"])
-    seconds = utc_index(placed).asi8 // 1_000_000_000
-    return placed[np.append(True, np.diff(seconds // every_s) > 0)] if len(placed) else placed
-
-
-Predicted = Mapping[str, tuple[pd.DataFrame, str]]
-"""By method, the motion that it predicts, with the number of the ``window`` in each row, and its colour."""
-
-
 def series(
     axes: Axes,
     table: pd.DataFrame,
@@ -233,36 +229,35 @@ def series(
     title: str = "",
     predicted: Predicted = MappingProxyType({}),
 ) -> list[Artist]:
-    """Channels of one unit against UTC, held windows shaded behind them, orders dashed beside what followed.
+    """Channels of one unit against UTC, held windows shaded behind them, orders dashed.
 
-    The first line is broad, so that another that lies on it hides nothing. Angles that go all around are drawn
-    without the line that would join one end of the turn with the other. Where something is ``predicted``, what
-    was measured is dark.
-    ``title`` is that of the axis, with its unit.
+    The first line is broad, so that it shows behind a line that covers it. Angles that go all around are drawn
+    without the line that would join one end of the turn with the other. Where something is ``predicted``, what was
+    measured is dark. ``title`` is that of the axis, with its unit.
     """
-    known = known_channels(table.attrs)
+    channels = known_channels(table.attrs)
     artists: list[Artist] = [] if windows is None else [held_shade(axes, windows)]
-    centre_deg = _centre_deg(table, [known[name] for name in names])
+    centre_deg = _centre_deg(table, [channels[name] for name in names])
     colours = [INK] if any(names[0] in motion for motion, _ in predicted.values()) else PALETTE
     for number, (name, colour) in enumerate(zip(names, cycle(colours), strict=False)):
         width = 2.4 if number == 0 and len(names) > 1 else 1.1
-        steps = "steps-post" if known[name].state else "default"
+        steps = "steps-post" if channels[name].state else "default"
         order = name_of_order(name) if channel_by_rule(name) else ""
-        for each, style in ((name, "-"), (order, "--")):
-            if each in table and table[each].notna().any():
-                times, values = _line(table[each], known[name], centre_deg)
+        for column, style in ((name, "-"), (order, "--")):
+            if column in table and table[column].notna().any():
+                times, values = _line(table[column], channels[name], centre_deg)
                 artists += axes.plot(times, values, style, color=colour, linewidth=width if style == "-" else 1.1,
-                                     drawstyle=steps, label=label(each, known))  # fmt: skip
+                                     drawstyle=steps, label=label(column, channels))  # fmt: skip
     for method, (motion, colour) in predicted.items():
         for name in motion.columns.intersection(list(names)):
-            times, values = _line(motion[name], known[name], centre_deg)
+            times, values = _line(motion[name], channels[name], centre_deg)
             values[np.append(True, np.diff(motion["window"]) != 0)] = np.nan
             artists += axes.plot(times, values, color=colour, linewidth=1.2, label=method)
-    units = sorted({known[name].unit for name in names})
-    words = label(names[0], known) if len(names) == 1 else title or f"[{', '.join(units)}]"
+    units = sorted({channels[name].unit for name in names})
+    words = label(names[0], channels) if len(names) == 1 else title or f"[{', '.join(units)}]"
     axes.set_ylabel(words.replace(" [", "\n["))
     utc_axis(axes, table)
-    lines = [each for each in artists if isinstance(each, Line2D) and each.get_label() not in predicted]
+    lines = [artist for artist in artists if isinstance(artist, Line2D) and artist.get_label() not in predicted]
     if len(lines) > 1:
         axes.legend(handles=lines, loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=len(lines), borderpad=0.0)
     return artists
@@ -289,10 +284,10 @@ def _line(column: pd.Series, channel: Channel, centre_deg: float | None) -> tupl
 
 def _centre_deg(table: pd.DataFrame, channels: Sequence[Channel]) -> float | None:
     """The middle of angles that cross the end of the turn and do not go all around; None where there is no need."""
-    every = [table[each.name].dropna().to_numpy(dtype=float) for each in channels if each.circular]
-    if not any(wraps_of(values).any() for values in every):
+    angles = [table[channel.name].dropna().to_numpy(dtype=float) for channel in channels if channel.circular]
+    if not any(wraps_of(values).any() for values in angles):
         return None
-    turned = unwrap(np.concatenate(every))
+    turned = unwrap(np.concatenate(angles))
     return float(wrap_180(0.5 * (turned.max() + turned.min()))) if np.ptp(turned) < _MOST_TURN_DEG else None
 
 
@@ -305,25 +300,6 @@ def held_shade(axes: Axes, windows: pd.DataFrame) -> PolyCollection:
     )
     axes.add_collection(shade, autolim=False)
     return shade
-
-
-Drawing = tuple[Callable[[Figure], None], tuple[float, float], str]
-"""What fills a figure, its size [in], and its caption."""
-_TICKS_S = (60.0, 120.0, 300.0, 600.0, 900.0, 1800.0, 3600.0, 7200.0, 21600.0)
-_LEAST_INCH, _MOST_INCH = (5.5, 3.2), (9.0, 5.0)  # width and height of a track's picture
-_AXES_INCH = (0.8, 1.2)  # of that for the axes and the legend
-_MOST_TICKS = 10  # times of day along a track; more would lie on each other
-_PANEL_INCH, _EDGES_INCH = 0.85, 1.0
-_MOST_TURN_DEG = 330.0  # angles within it can be drawn as one line
-_WIND = ("wind_speed_mps", "wind_direction_deg")
-
-
-def _track_size_inch(table: pd.DataFrame) -> tuple[float, float]:
-    """Width and height that fit a track to scale, on a page with other things."""
-    east, north = (max(float(table[name].max() - table[name].min()), 1e-3) for name in ("east_m", "north_m"))
-    (width, height), (beside, below) = _MOST_INCH, _AXES_INCH
-    scale = min((width - beside) / east, (height - below) / north)
-    return max(scale * east + beside, _LEAST_INCH[0]), max(scale * north + below, _LEAST_INCH[1])
 
 
 def tick_every_s(table: pd.DataFrame) -> float:
@@ -347,23 +323,19 @@ def track_figure(
         track(axes, table, windows, tick_every_s(table), length_m, executes)
         figure.legend(*axes.get_legend_handles_labels(), loc="outside lower center", ncols=4 if width >= 7.0 else 2)
 
-    size_inch = width, _ = _track_size_inch(table)
+    extent = np.array([max(float(table[name].max() - table[name].min()), 1e-3) for name in ("east_m", "north_m")])
+    scale = np.min(np.subtract(_MOST_INCH, _AXES_INCH) / extent)
+    width, height = np.maximum(scale * extent + _AXES_INCH, _LEAST_INCH).tolist()
     held = "" if windows is None else f"; broad where the {held_words(table)} were held"
     begins = "; numbers: where manoeuvres begin, in their order" if len(executes) else ""
-    return draw, size_inch, f"The track, north up and to scale, times in UTC{held}{begins}."
-
-
-MOST_MARKS = 12
-"""Marks that have their text on an axis of time; more could not be read."""
+    return draw, (width, height), f"The track, north up and to scale, times in UTC{held}{begins}."
 
 
 def draw_marks(axes: Axes, marks: Sequence[Event]) -> None:
     """The crew's marks as lines across an axis of dates, with their texts above where there is room."""
-    from matplotlib.dates import date2num
-
     low, high = axes.get_xlim()
     for mark in marks:
-        at = date2num(np.datetime64(mark.time_ns, "ns"))  # type: ignore[no-untyped-call]
+        at = dates.date2num(np.datetime64(mark.time_ns, "ns"))  # type: ignore[no-untyped-call]
         if low <= at <= high:
             axes.axvline(at, color=INK, linewidth=0.8, linestyle=":", zorder=0.5)
             if len(marks) <= MOST_MARKS:
@@ -394,7 +366,9 @@ def channels_figure(
             axes.label_outer()
             draw_marks(axes, marks if axes is grid[0] else [replace(mark, text="") for mark in marks])
         if windows is not None or predicted:
-            figure.legend(*_distinct(grid[0]), loc="outside upper left", ncols=5)
+            handles, names = grid[0].get_legend_handles_labels()
+            names = ["measured" if "[" in name else name for name in names]
+            figure.legend(handles, names, loc="outside upper left", ncols=5)
         figure.align_ylabels()
 
     shade = "" if windows is None else f" Shaded: {held_words(table)} held."
@@ -404,7 +378,7 @@ def channels_figure(
 
 def _panels(table: pd.DataFrame) -> tuple[dict[str, list[str]], list[str]]:
     """The channels of each panel by its title, and in words the controls, wind and the like that never change."""
-    known, shown, still = known_channels(table.attrs), {}, []
+    channels, shown, still = known_channels(table.attrs), {}, []
     motion, wind = ({name: [name] for name in group} for group in (POSE_AND_VELOCITY[2:], _WIND))
     groups = motion | control_groups(table_actuators(table)) | wind | declared_groups(table)
     for title, names in groups.items():
@@ -412,19 +386,13 @@ def _panels(table: pd.DataFrame) -> tuple[dict[str, list[str]], list[str]]:
         if any(name in motion or np.ptp(table[name].dropna()) > 0.0 for name in present):
             shown[title] = present
         else:
-            still += [f"{label(name, known)} {table[name].dropna().iloc[0]:g}" for name in present]
+            still += [f"{label(name, channels)} {table[name].dropna().iloc[0]:g}" for name in present]
     return shown, still
-
-
-def _distinct(axes: Axes) -> tuple[list[Artist], list[str]]:
-    """Handles and words of a legend of measured and predicted motion."""
-    handles, words = axes.get_legend_handles_labels()
-    return handles, ["measured" if "[" in each else each for each in words]
 
 
 def control_groups(actuators: Actuators) -> dict[str, list[str]]:
     """The control channels of a ship by what they are together: angles first, then shafts, then pitch."""
-    thrusters = all(each.noun == "thruster" for each in actuators)
+    thrusters = all(actuator.noun == "thruster" for actuator in actuators)
     shafts = "thrusters [rpm]" if thrusters else "shafts [rpm]"
     titles = {"azimuth": "azimuths [deg]", "rudder": "rudders [deg]", "nozzle": "nozzles [deg]", "shaft": shafts,
               "tunnel thruster": shafts, "pitch": "pitch [%]"}  # fmt: skip
@@ -435,10 +403,8 @@ def control_groups(actuators: Actuators) -> dict[str, list[str]]:
 
 
 def declared_groups(table: pd.DataFrame) -> dict[str, list[str]]:
-    """The channels that a trial declares, those of the same thing and unit together, by what their axis is called.
-
-    The same thing is what the first word of their names, port and starboard say, does not tell apart.
-    """
+    """The channels that a trial declares by the title of their axis: those that differ only in the first word of
+    their names, such as port and starboard, together."""
     groups: dict[str, list[str]] = {}
     for channel in declared_channels(table):
         words = label(channel.name, {channel.name: channel})
@@ -449,33 +415,28 @@ def declared_groups(table: pd.DataFrame) -> dict[str, list[str]]:
 
 def held_words(table: pd.DataFrame) -> str:
     """What is held in a held window: the thrusters, or whatever controls the ship has."""
-    return "thrusters" if all(each.noun == "thruster" for each in table_actuators(table)) else "controls"
+    return "thrusters" if all(actuator.noun == "thruster" for actuator in table_actuators(table)) else "controls"
 
 
-def windows_view(found: HeldWindows) -> Text:
+def windows_view(windows: HeldWindows) -> Text:
     """How many windows are held, in how many legs, and why others were dropped."""
-    reasons = ", ".join(f"{count} {reason}" for reason, count in found.dropped.items()) or "none"
-    counts = f"{found.kept} of {found.candidates} windows of {found.horizon_s} s held, in {found.legs} legs"
+    reasons = ", ".join(f"{count} {reason}" for reason, count in windows.dropped.items()) or "none"
+    counts = f"{windows.kept} of {windows.candidates} windows of {windows.horizon_s} s held, in {windows.legs} legs"
     return Text(f"{counts}; dropped: {reasons}")
 
 
-def draw_windows(figure: Figure, found: HeldWindows) -> None:
+def draw_windows(figure: Figure, windows: HeldWindows) -> None:
     """Where the windows lie, north up and to scale."""
-    times = found.rows["start"] + pd.to_timedelta(found.rows["second"], unit="s")
-    table = found.rows.set_index(pd.DatetimeIndex(times)).sort_index()
-    track(figure.subplots(), table[~table.index.duplicated()], found.rows)
-
-
-_FAR_PT = (4.0, 12.0, 22.0, 34.0, 48.0)  # from a point to the nearest edge of its label
-_SIDES = np.array([[1, 1], [1, -1], [-1, 1], [-1, -1], [1, 0], [-1, 0], [0, 1], [0, -1]], dtype=float)
-_PAD_PT = 1.5
+    times = windows.rows["start"] + pd.to_timedelta(windows.rows["second"], unit="s")
+    table = windows.rows.set_index(pd.DatetimeIndex(times)).sort_index()
+    track(figure.subplots(), table[~table.index.duplicated()], windows.rows)
 
 
 def label_points(
     axes: Axes, points: Sequence[tuple[float, float]], texts: Sequence[str], clear_of: Floats, **look: object
 ) -> list[Annotation]:
     """Annotate ``points`` [N] of the axes' data with ``texts`` [N] where there is room, with a faint line to the
-    point where that is not beside it.
+    point where it is farther away.
 
     ``clear_of`` [M, 2] are points that a label should not hide, NaN between lines. Places are chosen when the
     picture is drawn, since only then the axes have their scale; ``look`` is that of the texts.
@@ -486,14 +447,14 @@ def label_points(
                       arrowprops=line, **look)  # type: ignore[arg-type]
         for point, text in zip(points, texts, strict=True)
     ]  # fmt: skip
-    for each in labels:
-        each.set_in_layout(False)
+    for annotation in labels:
+        annotation.set_in_layout(False)
     axes.add_artist(_KeepClear(axes, labels, clear_of))
     return labels
 
 
 class _KeepClear(Artist):
-    """Draws nothing: it is drawn before the labels of its axes and puts them where they are clear."""
+    """An invisible artist, drawn before the labels of its axes, that moves them to where they are clear."""
 
     def __init__(self, frame: Axes, labels: Sequence[Annotation], clear_of: Floats) -> None:
         super().__init__()

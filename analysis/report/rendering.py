@@ -1,12 +1,9 @@
-"""Pages from templates: results in, HTML out that needs no network, its figures embedded and kept for export.
+"""Pages from templates, and figures for pages, print and programs.
 
-Templates lie in ``templates`` beside this module; ``base.html`` has the look, ``macros.html`` tables, large numbers
-and what else pages share, as ``ui`` in every template. A block may be rendered alone, as a section of a notebook.
-
-Figures beyond the screen: one way to fill one, to embed it, to export it, and to say the numbers behind it.
-
-A figure is drawn by a function that fills it. What it shows can be had as SVG and PDF for print and, read back from
-what was really drawn, as JSON: lines, points, bars, areas, images and texts of every axes, with the axes' labels.
+Templates lie in ``templates`` beside this module: ``base.html`` has the look, ``macros.html`` what pages share, as
+``ui`` in every template. A page needs no network: its figures are embedded. A block may be rendered alone, as a
+section of a notebook. A figure is filled by a function and can be written as SVG and PDF and, read back from what
+was really drawn, as JSON: lines, points, bars, areas, images and texts of every axes, with the axes' labels.
 """
 
 from __future__ import annotations
@@ -48,6 +45,12 @@ from seatrial.acquisition.core.trial import software_version
 from seatrial.analysis.report.plots import STYLE
 
 TEMPLATES = Path(__file__).parent / "templates"
+Draw = Callable[[Figure], object]
+ENDINGS = ("svg", "pdf", "json")
+_PRINT: dict[str, object] = {**STYLE, "svg.hashsalt": "seatrial", "pdf.fonttype": 42}
+_DPI = 110  # sharp enough at a page's width; time and size grow with it
+_PRINT_DPI = 150
+_NO_DATE: dict[str, dict[str, Any]] = {"svg": {"Date": None}, "pdf": {"CreationDate": None, "ModDate": None}}
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,29 +69,26 @@ class Page:
         return write_text(path, self.html)
 
 
-def _escaped(value: Any) -> Any:
-    """What a template writes, control characters in texts escaped; markup is made of texts that were."""
-    return printable(value) if isinstance(value, str) and not isinstance(value, Markup) else value
-
-
 @cache
 def environment(*folders: Path) -> Environment:
     """Where templates are looked for: in ``folders``, then in this package's."""
     from seatrial.analysis.manoeuvres.motion import motion_of
     from seatrial.analysis.report import manoeuvre_plots, pages, plots, tables
 
-    made = Environment(
+    templates = Environment(
         loader=FileSystemLoader([*folders, TEMPLATES]), autoescape=True, undefined=StrictUndefined,
-        trim_blocks=True, lstrip_blocks=True, finalize=_escaped,
+        trim_blocks=True, lstrip_blocks=True,
+        # control characters in texts are escaped; markup is made of texts that were
+        finalize=lambda text: printable(text) if isinstance(text, str) and not isinstance(text, Markup) else text,
     )  # fmt: skip
-    made.filters |= {"plain": lambda name: name.replace("_", " "), "manoeuvre_line": tables.manoeuvre_line}
-    made.globals |= {
+    templates.filters |= {"plain": lambda name: name.replace("_", " "), "manoeuvre_line": tables.manoeuvre_line}
+    templates.globals |= {
         "version": software_version(), "level": 2, "subtitle": "", "body": "", "picture": picture,
         "plots": plots, "quality_page": pages,
         "motion_of": motion_of, "manoeuvre_figures": manoeuvre_plots, "manoeuvre_report": tables,
     }  # fmt: skip
-    made.globals["ui"] = made.get_template("macros.html").module
-    return made
+    templates.globals["ui"] = templates.get_template("macros.html").module
+    return templates
 
 
 def render(template: str, block: str = "", templates: Environment | None = None, **context: Any) -> Page:
@@ -101,16 +101,16 @@ def render(template: str, block: str = "", templates: Environment | None = None,
     figures: dict[str, Figure] = {}
 
     def figure(
-        draw: Callable[..., object], size_inch: tuple[float, float], caption: str, name: str = "", *what: Any
+        draw: Callable[..., object], size_inch: tuple[float, float], caption: str, name: str = "", *arguments: Any
     ) -> Markup:
-        made = fill_figure(lambda empty: draw(empty, *what), size_inch)
-        figures[name or file_name(caption)] = made
-        return picture(png_of(made), caption)
+        filled = fill_figure(lambda empty: draw(empty, *arguments), size_inch)
+        figures[name or file_name(caption)] = filled
+        return picture(png_of(filled), caption)
 
     def chart(
-        draw: Callable[..., object], size_inch: tuple[float, float], caption: str, name: str, *what: Any
+        draw: Callable[..., object], size_inch: tuple[float, float], caption: str, name: str, *arguments: Any
     ) -> Markup:
-        return figure(lambda empty: draw(empty.subplots(), *what), size_inch, caption, name)
+        return figure(lambda empty: draw(empty.subplots(), *arguments), size_inch, caption, name)
 
     source = (templates or environment()).get_template(template)
     values = {**context, "figure": figure, "chart": chart}
@@ -128,7 +128,7 @@ def picture(png: bytes, caption: str) -> Markup:
 
 
 def write_pdf(page: Path) -> Path:
-    """Write a page of HTML beside itself as PDF, A4 and numbered, without what only a screen has; returns its path.
+    """Write a page of HTML as PDF into its folder, A4 and numbered, without its controls; returns the path.
 
     Raises :class:`ConfigurationError` where WeasyPrint finds no Pango, which sets its lines; :class:`StorageError`.
     """
@@ -149,14 +149,6 @@ def write_pdf(page: Path) -> Path:
         text = page.read_text(encoding="utf-8")  # by the name alone it does not find one that is no UTF-8
         HTML(string=text, base_url=page.absolute().as_uri()).write_pdf(partial)
     return path
-
-
-Draw = Callable[[Figure], object]
-ENDINGS = ("svg", "pdf", "json")
-_PRINT: dict[str, object] = {**STYLE, "svg.hashsalt": "seatrial", "pdf.fonttype": 42}
-_DPI = 110  # sharp enough at a page's width; time and size grow with it
-_PRINT_DPI = 150
-_NO_DATE: dict[str, dict[str, Any]] = {"svg": {"Date": None}, "pdf": {"CreationDate": None, "ModDate": None}}
 
 
 def fill_figure(draw: Draw, size_inch: tuple[float, float]) -> Figure:
@@ -183,14 +175,11 @@ def write_figure(figure: Figure, folder: Path, name: str, endings: Sequence[str]
     paths = [folder / f"{name}.{ending}" for ending in endings]
     for path, ending in zip(paths, endings, strict=True):
         with atomic_file(path) as partial:
-            partial.write_bytes(_content(figure, ending))
+            if ending == "json":
+                partial.write_bytes(json.dumps(numbers_of(figure)).encode() + b"\n")
+            else:
+                partial.write_bytes(_saved(figure, ending, dpi=_PRINT_DPI))
     return paths
-
-
-def _content(figure: Figure, ending: str) -> bytes:
-    if ending == "json":
-        return json.dumps(numbers_of(figure)).encode() + b"\n"
-    return _saved(figure, ending, dpi=_PRINT_DPI)
 
 
 def file_name(text: str) -> str:
@@ -213,14 +202,14 @@ def numbers_of(figure: Figure) -> dict[str, Any]:
     """What is drawn, as plain values for JSON: ``axes``, each with ``title``, ``x`` and ``y`` (labels with units)
     and ``drawn``: objects with a ``kind`` and the numbers of it. Times are ISO 8601, what is no number is null.
     """
-    return {"axes": [_axes_numbers(each) for each in figure.axes]}
-
-
-def _axes_numbers(axes: Axes) -> dict[str, Any]:
-    drawn = [values for artist in axes.get_children() for values in _artist_numbers(artist, axes)]
-    title = axes.get_title() or axes.get_title(loc="left")
-    x, y = (text.replace("\n", " ") for text in (axes.get_xlabel(), axes.get_ylabel()))
-    return {"title": title, "x": x, "y": y, "drawn": drawn}
+    return {"axes": [
+        {
+            "title": axes.get_title() or axes.get_title(loc="left"),
+            "x": axes.get_xlabel().replace("\n", " "), "y": axes.get_ylabel().replace("\n", " "),
+            "drawn": [values for artist in axes.get_children() for values in _artist_numbers(artist, axes)],
+        }
+        for axes in figure.axes
+    ]}  # fmt: skip
 
 
 def _artist_numbers(artist: Artist, axes: Axes) -> Iterator[dict[str, Any]]:
@@ -228,32 +217,32 @@ def _artist_numbers(artist: Artist, axes: Axes) -> Iterator[dict[str, Any]]:
     if artist in (axes.patch, *axes.spines.values()) or not artist.get_visible():
         return
     label = str(artist.get_label())
-    named = {} if re.match(r"_child\d|_nolegend_|$", label) else {"label": label.lstrip("_")}
-    for values in _values(artist, axes):
-        yield {**values, **named}
+    labelled = {} if re.match(r"_child\d|_nolegend_|$", label) else {"label": label.lstrip("_")}
+    for values in _shape_numbers(artist, axes):
+        yield {**values, **labelled}
 
 
-def _values(artist: Artist, axes: Axes) -> Iterator[dict[str, Any]]:
+def _shape_numbers(artist: Artist, axes: Axes) -> Iterator[dict[str, Any]]:
     if isinstance(artist, Line2D):
         x, y = artist.get_data()
-        yield {"kind": "line", "x": _plain(x, axes), "y": _plain(y)}
+        yield {"kind": "line", "x": _json_values(x, axes), "y": _json_values(y)}
     elif isinstance(artist, QuadMesh):
         edges = np.asarray(artist.get_coordinates())
-        yield {"kind": "mesh", "x_edges": _plain(edges[0, :, 0]), "y_edges": _plain(edges[:, 0, 1]),
-               "values": _rows(artist.get_array())}  # fmt: skip
+        yield {"kind": "mesh", "x_edges": _json_values(edges[0, :, 0]), "y_edges": _json_values(edges[:, 0, 1]),
+               "values": _json_rows(artist.get_array())}  # fmt: skip
     elif isinstance(artist, PathCollection):
         x, y = np.ma.filled(artist.get_offsets(), np.nan).T
-        yield {"kind": "points", "x": _plain(x, axes), "y": _plain(y)}
+        yield {"kind": "points", "x": _json_values(x, axes), "y": _json_values(y)}
     elif isinstance(artist, LineCollection):
-        yield {"kind": "lines", "lines": [_corners(each, axes) for each in artist.get_segments()]}
+        yield {"kind": "lines", "lines": [_corners(segment, axes) for segment in artist.get_segments()]}
     elif isinstance(artist, Collection):
-        yield {"kind": "areas", "areas": [_corners(each.vertices, axes) for each in artist.get_paths()]}
+        yield {"kind": "areas", "areas": [_corners(path.vertices, axes) for path in artist.get_paths()]}
     elif isinstance(artist, AxesImage):
-        yield {"kind": "image", "values": _rows(artist.get_array())}
+        yield {"kind": "image", "values": _json_rows(artist.get_array())}
     elif isinstance(artist, Rectangle):
         x, width = artist.get_x(), artist.get_width()
-        yield {"kind": "bar", "x": _plain([x, x + width], axes),
-               "y": _plain([artist.get_y(), artist.get_y() + artist.get_height()])}  # fmt: skip
+        yield {"kind": "bar", "x": _json_values([x, x + width], axes),
+               "y": _json_values([artist.get_y(), artist.get_y() + artist.get_height()])}  # fmt: skip
     elif isinstance(artist, Patch):
         corners = artist.get_patch_transform().transform_path(artist.get_path()).vertices
         yield {"kind": "area", **_corners(corners, axes)}
@@ -263,29 +252,34 @@ def _values(artist: Artist, axes: Axes) -> Iterator[dict[str, Any]]:
         axes.get_title("left"),
     ):
         x, y = artist.get_position()
-        yield {"kind": "text", "text": artist.get_text(), "x": _plain([x], axes)[0], "y": _plain([y])[0]}
+        yield {
+            "kind": "text",
+            "text": artist.get_text(),
+            "x": _json_values([x], axes)[0],
+            "y": _json_values([y])[0],
+        }
 
 
 def _corners(points: ArrayLike, axes: Axes) -> dict[str, Any]:
     x, y = np.asarray(points, dtype=float).reshape(-1, 2).T
-    return {"x": _plain(x, axes), "y": _plain(y)}
+    return {"x": _json_values(x, axes), "y": _json_values(y)}
 
 
-def _rows(values: Any) -> list[Any]:
+def _json_rows(values: Any) -> list[Any]:
     array: Floats = np.ma.filled(np.ma.masked_invalid(np.ma.asarray(values, dtype=float)), np.nan)
-    return [_plain(row) for row in np.atleast_2d(array)]
+    return [_json_values(row) for row in np.atleast_2d(array)]
 
 
-def _plain(values: Any, axes: Axes | None = None) -> list[Any]:
+def _json_values(values: Any, axes: Axes | None = None) -> list[Any]:
     """Values for JSON: seven digits of numbers, null for what is none, ISO 8601 for times along ``axes``."""
     array: NDArray[Any] = np.asarray(values)
     if array.dtype.kind == "O" and array.size and isinstance(array.flat[0], pd.Timestamp):
         array = pd.DatetimeIndex(array).tz_convert(None).to_numpy()
     if array.dtype.kind == "M":
-        return [None if np.isnat(each) else f"{np.datetime_as_string(each, 'ms')}Z" for each in array.ravel()]
+        return [None if np.isnat(time) else f"{np.datetime_as_string(time, 'ms')}Z" for time in array.ravel()]
     if array.dtype.kind in "US":
-        return [str(each) for each in array.ravel()]
+        return [str(text) for text in array.ravel()]
     numbers: Floats = np.ma.filled(np.ma.asarray(array, dtype=float), np.nan).ravel()
     if axes is not None and "Date" in type(axes.xaxis.get_converter()).__name__:  # matplotlib's own is private
-        return [num2date(each).isoformat() if np.isfinite(each) else None for each in numbers]  # type: ignore[no-untyped-call]
-    return [float(f"{each:.7g}") if np.isfinite(each) else None for each in numbers]
+        return [num2date(number).isoformat() if np.isfinite(number) else None for number in numbers]  # type: ignore[no-untyped-call]
+    return [float(f"{number:.7g}") if np.isfinite(number) else None for number in numbers]

@@ -1,11 +1,8 @@
-"""Manoeuvres for people and programs: a table on the screen, JSON, and a page with a picture of each.
+"""Manoeuvres and run sheets as tables: for the terminal, for pages and as JSON.
 
-What a report says in place of the names that programs use.
-
-The run sheet of a trial: the ship with her loading, the conditions, the file; and what nobody recorded.
-
-Fields as in the form of MSC/Circ.1053, appendix 6. What people state comes from the recording's metadata, wind and
-times from its channels.
+The first half has the manoeuvres of recordings with their indices, the second the run sheet of a trial: the ship
+with its loading, the conditions and the file, and what was not recorded. Its fields are those of the form of
+MSC/Circ.1053, appendix 6; what people state comes from the recording's metadata, wind and times from its channels.
 """
 
 from __future__ import annotations
@@ -20,6 +17,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
+from rich.console import Group
+from rich.text import Text
 
 from seatrial.acquisition.config.declarations import length_of_ship
 from seatrial.acquisition.config.run_sheet import (
@@ -34,6 +33,7 @@ from seatrial.acquisition.core.files import write_text, written_together
 from seatrial.acquisition.core.quantities import KNOT_MPS, ending_of, mean_wind
 from seatrial.acquisition.core.ship import find_channel, from_text
 from seatrial.acquisition.core.trial import Trial, software_version
+from seatrial.acquisition.recording.grouping import Files, read_together
 from seatrial.analysis.conditions import beaufort, recorded_conditions
 from seatrial.analysis.manoeuvres.criteria import (
     NOT_FOR_SHIP,
@@ -47,13 +47,21 @@ from seatrial.analysis.manoeuvres.find import RecordedRuns, manoeuvres_and_left_
 from seatrial.analysis.manoeuvres.indices import UNITS, Index, LeftOut, Manoeuvre, as_json, index_of, unit_of
 from seatrial.analysis.manoeuvres.kinds import REMOVED, shows_current
 from seatrial.analysis.series import ASSUMED
-from seatrial.analysis.tables.table import provenance_of, sha256_of, trial_of
+from seatrial.analysis.tables.table import provenance_of, sha256_of, table_of, trial_of
 
 if TYPE_CHECKING:
-    from rich.console import Group
-
-    from seatrial.acquisition.recording.grouping import Files
     from seatrial.acquisition.recording.reader import Recording
+
+_MOST_FIGURES = 4  # of a value, whatever its interval: no antenna knows a ship's place to millimetres
+HEADER = ("index", "value", "95 % interval", "lengths", "IMO limit", "result")
+_SECONDARY = re.compile(r"time_to_check_yaw_|overshoot_([3-9]|\d\d)|(steady|drift|speed_loss).*_removed")
+_FIRST_INDICES = 3
+_LATER = ("time_to_check", "initial_turning")  # left to the manoeuvre's own table
+_UNIT = re.compile(r"_(m[23]?|mps|deg|degc|kgpm3)$")
+_NAME = re.compile(r"\b[a-z][a-z0-9]*(?:_[a-z0-9]+)+\b")
+_POSITION = {"north_m": "north position", "east_m": "east position"}
+UNKNOWN = "not recorded"
+Rows = list[tuple[str, str]]
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,16 +76,14 @@ class RecordingManoeuvres:
 
 
 def manoeuvres_of(
-    files: Files, length_m: float | None = None, own: Sequence[str] = (), statement: Statement | None = None
+    files: Files, length_m: float | None = None, finders: Sequence[str] = (), statement: Statement | None = None
 ) -> RecordingManoeuvres:
-    """The manoeuvres of a recording or its parts, named by its event marks, and those of a user's ``own`` kinds.
+    """The manoeuvres of a recording or its parts, named by its event marks, and those of a user's ``finders``.
 
     ``statement`` is what a person states of the trial besides the recording. Without ``length_m`` the length is
     that of the statement, of the recording, or of the vessel file of the ship that it names. Raises
     :class:`InputError`, and :class:`DataShortageError` for a recording without channels.
     """
-    from seatrial.acquisition.recording.grouping import read_together
-    from seatrial.analysis.tables.table import table_of
 
     recording = read_together(files)
     if statement is not None:
@@ -86,42 +92,42 @@ def manoeuvres_of(
     carried_m = length_m or conditions_of(recording.trial).length_m
     known_m = carried_m or length_of_ship(recording.trial.vessel, recording.path.parent)
     stated = Conditions(length_m=known_m)
-    runs, left_out = manoeuvres_and_left_out(table, None, recording.events, own, stated)
+    runs, left_out = manoeuvres_and_left_out(table, None, recording.events, finders, stated)
     return RecordingManoeuvres(str(recording.path), table, runs, left_out, stated)
 
 
-def with_trial_currents(found: Sequence[RecordingManoeuvres]) -> list[RecordingManoeuvres]:
+def with_trial_currents(results: Sequence[RecordingManoeuvres]) -> list[RecordingManoeuvres]:
     """The recordings with their manoeuvres as those of one trial of each ship (:func:`.runs_of_trial`)."""
     by_vessel: dict[str, list[RecordingManoeuvres]] = {}
-    for recording in found:
+    for recording in results:
         by_vessel.setdefault(trial_of(recording.table).vessel, []).append(recording)
     runs: dict[str, tuple[Manoeuvre, ...]] = {}
     for recordings in by_vessel.values():
         judged = runs_of_trial([RecordedRuns(entry.table, entry.manoeuvres, entry.stated) for entry in recordings])
         runs |= {recording.recording: trial for recording, trial in zip(recordings, judged, strict=True)}
-    return [replace(recording, manoeuvres=runs[recording.recording]) for recording in found]
+    return [replace(recording, manoeuvres=runs[recording.recording]) for recording in results]
 
 
-def summary(found: Sequence[RecordingManoeuvres], length_m: float | None = None) -> dict[str, Any]:
+def summary(results: Sequence[RecordingManoeuvres], length_m: float | None = None) -> dict[str, Any]:
     """All recordings with the keys of the contract."""
     return {
-        "criteria": criteria_by_vessel(_runs_by_vessel(found)),
+        "criteria": criteria_by_vessel(_runs_by_vessel(results)),
         "recordings": [
             {
-                "recording": each.recording,
-                "manoeuvres": as_json(each.manoeuvres),
-                "left_out": [left.as_json() for left in each.left_out],
+                "recording": result.recording,
+                "manoeuvres": as_json(result.manoeuvres),
+                "left_out": [candidate.as_json() for candidate in result.left_out],
             }
-            for each in found
+            for result in results
         ],
         "length_m": length_m,
         "software_version": software_version(),
     }
 
 
-def _runs_by_vessel(found: Sequence[RecordingManoeuvres]) -> dict[str, list[Manoeuvre]]:
+def _runs_by_vessel(results: Sequence[RecordingManoeuvres]) -> dict[str, list[Manoeuvre]]:
     runs: dict[str, list[Manoeuvre]] = {}
-    for recording in found:
+    for recording in results:
         runs.setdefault(trial_of(recording.table).vessel, []).extend(recording.manoeuvres)
     return runs
 
@@ -136,7 +142,7 @@ def criteria_by_vessel(runs: Mapping[str, Sequence[Manoeuvre]]) -> list[dict[str
 
 
 def plain_name(name: str) -> str:
-    """The name of an index or setting for people.
+    """The name of an index or setting as text.
 
     >>> plain_name("tactical_diameter_m_current_removed")
     'tactical diameter, current removed'
@@ -144,9 +150,6 @@ def plain_name(name: str) -> str:
     plain, removed = name.removesuffix("_current_removed"), name.endswith("_current_removed")
     unit = next((suffix for suffix in UNITS if plain.endswith(suffix)), "")
     return plain.removesuffix(unit).replace("_", " ") + (", current removed" if removed else "")
-
-
-_MOST_FIGURES = 4  # of a value, whatever its interval: no antenna knows a ship's place to millimetres
 
 
 def index_cells(index: Index) -> tuple[str, str, str, str]:
@@ -167,14 +170,10 @@ def _digits(value: float, significant: int) -> int:
     return int(np.clip(significant - 1 - np.floor(np.log10(abs(value))), 0, 4)) if value else 0
 
 
-HEADER = ("index", "value", "95 % interval", "lengths", "IMO limit", "result")
-_SECONDARY = re.compile(r"time_to_check_yaw_|overshoot_([3-9]|\d\d)|(steady|drift|speed_loss).*_removed")
-
-
-def rows_of(manoeuvre: Manoeuvre, *, every: bool = True) -> list[list[str]]:
-    """One row an index; without ``every`` the first two overshoots stand for all, and the main indices."""
+def rows_of(manoeuvre: Manoeuvre, *, all_indices: bool = True) -> list[list[str]]:
+    """One row an index; without ``all_indices`` the first two overshoots stand for all, and the main indices."""
     return [[plain_name(name), *index_cells(index), index.result.replace("_", " ")]
-            for name, index in manoeuvre.indices.items() if every or not _SECONDARY.search(name)]  # fmt: skip
+            for name, index in manoeuvre.indices.items() if all_indices or not _SECONDARY.search(name)]  # fmt: skip
 
 
 def headline(manoeuvre: Manoeuvre) -> str:
@@ -197,28 +196,24 @@ def subline(manoeuvre: Manoeuvre) -> str:
     """Settings, current and notes."""
     parts = [setting_text(name, value) for name, value in manoeuvre.settings.items()]
     if manoeuvre.current:
-        each = manoeuvre.current.as_json()
-        parts.append(f"drift {each['speed_mps']:.2f} m/s to {each['direction_deg']:.0f} deg")
+        current = manoeuvre.current.as_json()
+        parts.append(f"drift {current['speed_mps']:.2f} m/s to {current['direction_deg']:.0f} deg")
     return "; ".join([", ".join(parts), *manoeuvre.notes])
 
 
-_FIRST_INDICES = 3
-_LATER = ("time_to_check", "initial_turning")  # left to the manoeuvre's own table
-
-
 def manoeuvre_line(manoeuvre: Manoeuvre) -> list[str]:
-    """A manoeuvre's row in the table of all: overshoots from the order, which have the limits, stand first, and the
+    """A manoeuvre's row in the table of all: overshoots from the order, which have the limits, come first, and the
     current is removed where it is known, as in the figure."""
-    found = manoeuvre.indices
-    main = [each for each in found if not any(part in each for part in _LATER) and not each.endswith(REMOVED)]
-    main.sort(key=lambda each: "from_order" not in each)
-    indices = ", ".join(
-        f"{plain_name(name)} {index_cells(found.get(name + REMOVED, found[name]))[0]}"
-        + " (current removed)" * (name + REMOVED in found)
+    indices = manoeuvre.indices
+    main = [name for name in indices if not any(part in name for part in _LATER) and not name.endswith(REMOVED)]
+    main.sort(key=lambda name: "from_order" not in name)
+    texts = ", ".join(
+        f"{plain_name(name)} {index_cells(indices.get(name + REMOVED, indices[name]))[0]}"
+        + " (current removed)" * (name + REMOVED in indices)
         for name in main[:_FIRST_INDICES]
     )
     seconds = (manoeuvre.end - manoeuvre.start).total_seconds()
-    return [f"{manoeuvre.start:%H:%M:%S}", manoeuvre.sided_name, f"{seconds:.0f} s", indices]
+    return [f"{manoeuvre.start:%H:%M:%S}", manoeuvre.sided_name, f"{seconds:.0f} s", texts]
 
 
 def without_empty(header: Sequence[str], rows: list[list[str]]) -> tuple[list[str], list[list[str]]]:
@@ -231,31 +226,36 @@ def without_empty(header: Sequence[str], rows: list[list[str]]) -> tuple[list[st
     return [header[place] for place in kept], [[row[place] for place in kept] for row in rows]
 
 
-def terminal_tables(found: RecordingManoeuvres, *, every: bool = False) -> Group:
-    """A table a manoeuvre for the terminal, of the main indices or of ``every`` one."""
-    from rich.console import Group
+def terminal_tables(result: RecordingManoeuvres, *, every: bool = False) -> Group:
+    """A table a manoeuvre for the terminal, of the main indices or of ``every`` index."""
     from rich.table import Table
-    from rich.text import Text
 
-    blocks: list[Any] = [Text(f"{found.recording}: {count_text(found.manoeuvres)}", style="bold")]
-    for each in found.manoeuvres:
+    blocks: list[Any] = [Text(f"{result.recording}: {count_text(result.manoeuvres)}", style="bold")]
+    for manoeuvre in result.manoeuvres:
         table = Table(box=None, header_style="dim", padding=(0, 2, 0, 0))
-        header, rows = without_empty(HEADER, rows_of(each, every=every))
+        header, rows = without_empty(HEADER, rows_of(manoeuvre, all_indices=every))
         for title in header:
             table.add_column(title, justify="left" if title == "index" else "right", no_wrap=True)
         for row in rows:
             table.add_row(*map(Text, row))
-        blocks += [Text(""), Text(headline(each), style="bold cyan"), Text(subline(each), style="dim"), table]
-    blocks += [Text(""), *(Text(left_out_line(each), style="dim") for each in found.left_out)]
+        blocks += [
+            Text(""),
+            Text(headline(manoeuvre), style="bold cyan"),
+            Text(subline(manoeuvre), style="dim"),
+            table,
+        ]
+    blocks += [Text(""), *(Text(left_out_line(candidate), style="dim") for candidate in result.left_out)]
     return Group(*blocks)
 
 
-def trial_criteria_lines(found: Sequence[RecordingManoeuvres]) -> list[str]:
+def trial_criteria_lines(results: Sequence[RecordingManoeuvres]) -> list[str]:
     """What the recordings of each ship show together of IMO's criteria, and what is missing."""
-    by_vessel = _runs_by_vessel(found)
+    by_vessel = _runs_by_vessel(results)
     lines = {vessel: criteria_lines(runs) for vessel, runs in by_vessel.items()}
     several = sum(map(bool, lines.values())) > 1
-    return [f"{vessel}: {line}" if several else line for vessel, every in lines.items() for line in every]
+    return [
+        f"{vessel}: {line}" if several else line for vessel, vessel_lines in lines.items() for line in vessel_lines
+    ]
 
 
 def criteria_lines(runs: Iterable[Manoeuvre]) -> list[str]:
@@ -270,10 +270,11 @@ def criteria_lines(runs: Iterable[Manoeuvre]) -> list[str]:
     return [headline_of_criteria(results), *missing]
 
 
-def left_out_line(each: LeftOut) -> str:
+def left_out_line(candidate: LeftOut) -> str:
     """What was left out and why, in one line."""
-    seconds = (each.end - each.start).total_seconds()
-    return f"{each.start:%H:%M:%S} left out, no {number_text(1, each.kind)[2:]}: {each.why} ({seconds:.0f} s)"
+    seconds = (candidate.end - candidate.start).total_seconds()
+    kind = number_text(1, candidate.kind)[2:]
+    return f"{candidate.start:%H:%M:%S} left out, no {kind}: {candidate.why} ({seconds:.0f} s)"
 
 
 def count_text(manoeuvres: Sequence[Manoeuvre]) -> str:
@@ -282,7 +283,7 @@ def count_text(manoeuvres: Sequence[Manoeuvre]) -> str:
     >>> count_text(())
     'no manoeuvre found'
     """
-    counts = Counter(each.kind for each in manoeuvres)
+    counts = Counter(manoeuvre.kind for manoeuvre in manoeuvres)
     return ", ".join(number_text(number, kind) for kind, number in counts.items()) or "no manoeuvre found"
 
 
@@ -301,7 +302,7 @@ def number_text(number: int, kind: str) -> str:
 
 
 def write_report(
-    found: Sequence[RecordingManoeuvres], folder: Path, length_m: float | None = None
+    results: Sequence[RecordingManoeuvres], folder: Path, length_m: float | None = None
 ) -> tuple[Path, Path]:
     """Write ``manoeuvres.json`` and ``manoeuvres.html``, a picture of each manoeuvre in it.
 
@@ -309,13 +310,13 @@ def write_report(
     """
     from seatrial.analysis.report.rendering import render
 
-    content = summary(found, length_m)
-    for each, entry in zip(found, content["recordings"], strict=True):
-        provenance = provenance_of(each.table, {"length_m": length_m}, Path(each.recording))
+    content = summary(results, length_m)
+    for result, entry in zip(results, content["recordings"], strict=True):
+        provenance = provenance_of(result.table, {"length_m": length_m}, Path(result.recording))
         entry |= {"recording": provenance["recording"], "provenance": provenance}
     page = render(
-        "manoeuvres.html", title="Manoeuvres", found=found, length_m=length_m,
-        criteria=trial_criteria_lines(found),
+        "manoeuvres.html", title="Manoeuvres", results=results, length_m=length_m,
+        criteria=trial_criteria_lines(results),
         subtitle="Indices after ITTC 7.5-04-02-01; criteria of IMO MSC.137(76)",
     )  # fmt: skip
     plain = folder / "manoeuvres.json"
@@ -324,27 +325,23 @@ def write_report(
         return plain, page.write(folder / "manoeuvres.html")
 
 
-_UNIT = re.compile(r"_(m[23]?|mps|deg|degc|kgpm3)$")
-_NAME = re.compile(r"\b[a-z][a-z0-9]*(?:_[a-z0-9]+)+\b")
-_POSITION = {"north_m": "north position", "east_m": "east position"}
-
-
 def in_words(text: str) -> str:
     """A text with every channel's name in it, and every other name with underscores, as a person says it.
 
     >>> in_words("port_rpm was interpolated, surge_mps and north_m were not")
     'port shaft speed was interpolated, surge and north position were not'
     """
-    return _NAME.sub(lambda name: _words_of(name[0]), text)
 
+    def words_of(match: re.Match[str]) -> str:
+        name = match[0]
+        channel = find_channel(name)
+        if channel is None:
+            return _UNIT.sub("", name).replace("_", " ")
+        if name.endswith("_rpm"):
+            return f"{name.removesuffix('_rpm').replace('_', ' ')} shaft speed"
+        return _POSITION.get(name) or name.removesuffix(ending_of(channel.unit)).replace("_", " ")
 
-def _words_of(name: str) -> str:
-    channel = find_channel(name)
-    if channel is None:
-        return _UNIT.sub("", name).replace("_", " ")
-    if name.endswith("_rpm"):
-        return f"{name.removesuffix('_rpm').replace('_', ' ')} shaft speed"
-    return _POSITION.get(name) or name.removesuffix(ending_of(channel.unit)).replace("_", " ")
+    return _NAME.sub(words_of, text)
 
 
 def reason_of(text: str) -> str:
@@ -356,14 +353,11 @@ def reason_of(text: str) -> str:
     return in_words(text.partition("; ")[0])
 
 
-UNKNOWN = "not recorded"
-
-
 @dataclass(frozen=True, slots=True)
 class ShipDimensions:
     """Main dimensions [m], from a vessel file or a person; a person may know the length only.
 
-    ``title`` is what people call her, empty where only the file's ``name`` is known.
+    ``title`` is the ship's usual name, empty where only the file's ``name`` is known.
     """
 
     name: str
@@ -372,9 +366,6 @@ class ShipDimensions:
     beam_m: float | None = None
     draught_m: float | None = None
     title: str = ""
-
-
-Rows = list[tuple[str, str]]
 
 
 def run_sheet(
@@ -395,30 +386,38 @@ def run_sheet(
 def ship_rows(
     trial: Trial, one_hz: pd.DataFrame, manoeuvres: Iterable[Manoeuvre], ship: ShipDimensions | None
 ) -> Rows:
-    """The ship's particulars and her loading."""
+    """The ship's particulars and its loading."""
     stated, particulars = recorded_conditions(trial, pd.DataFrame()), particulars_of(trial)
+    volume_m3, mcr_speed_mps = stated.displacement_m3, stated.speed_at_85_percent_mcr_mps
+    displacement = UNKNOWN if volume_m3 is None else f"{volume_m3:{',.5g' if volume_m3 < 1e4 else ',.0f'}} m\u00b3"
+    mcr_speed = UNKNOWN if mcr_speed_mps is None else f"{mcr_speed_mps:.2f} m/s ({mcr_speed_mps / KNOT_MPS:.1f} kn)"
+    mcr_rpm = f" at {particulars.mcr_rpm:g} rpm" if particulars.mcr_rpm else ""
+    rating = f"MCR {particulars.mcr_kw:,.0f} kW{mcr_rpm}" if particulars.mcr_kw else ""
+    names = [(actuator.name.replace("_", " "), actuator.kind.replace("_", " "))
+             for actuator in (from_text(trial.actuators) if trial.actuators else ())]  # fmt: skip
+    actuators = ", ".join(name if kind in name else f"{name} ({kind})" for name, kind in names)
     return [
         ("ship", (ship.title if ship else "") or trial.vessel or UNKNOWN),
         ("ship type", particulars.ship_type or UNKNOWN),
         ("IMO number", particulars.imo_number or UNKNOWN),
-        ("hull number, builder", _joined(particulars.hull_number, particulars.builder)),
+        ("hull number, builder", _join_parts(particulars.hull_number, particulars.builder)),
         ("owner", particulars.owner or UNKNOWN),
         ("classification", particulars.classification or UNKNOWN),
-        *_dimensions(ship, stated, one_hz, manoeuvres),
+        *_dimension_rows(ship, stated, one_hz, manoeuvres),
         ("loading", trial.loading or UNKNOWN),
-        ("draughts fore, aft", _draughts(stated)),
-        ("full load draught", _metres(stated.full_load_draught_m)),
-        ("trim by the stern", _metres(stated.trim_m)),
-        ("displacement", _quantity(stated.displacement_m3, "m\u00b3")),
+        ("draughts fore, aft", _draughts_text(stated)),
+        ("full load draught", _metres_text(stated.full_load_draught_m)),
+        ("trim by the stern", _metres_text(stated.trim_m)),
+        ("displacement", displacement),
         ("block coefficient", _block_coefficient(particulars, stated, ship)),
-        ("metacentric height GM", _metres(stated.gm_m)),
-        ("rudders", _rudders(particulars, stated, ship)),
-        ("propellers", _joined(
-            _counted(particulars.propellers, particulars.propeller_type),
+        ("metacentric height GM", _metres_text(stated.gm_m)),
+        ("rudders", _rudder_text(particulars, stated, ship)),
+        ("propellers", _join_parts(
+            _count_and_type(particulars.propellers, particulars.propeller_type),
             f"diameter {particulars.propeller_diameter_m:g} m" if particulars.propeller_diameter_m else "")),
-        ("engines", _joined(_counted(particulars.engines, particulars.engine_type), _rating(particulars))),
-        ("speed at 85 % of the maximum output", _speed_text(stated.speed_at_85_percent_mcr_mps)),
-        *_actuators(trial.actuators),
+        ("engines", _join_parts(_count_and_type(particulars.engines, particulars.engine_type), rating)),
+        ("speed at 85 % of the maximum output", mcr_speed),
+        *([("actuators", actuators)] if actuators else []),
     ]  # fmt: skip
 
 
@@ -429,39 +428,47 @@ def condition_rows(
     trial = recording.trial
     stated = recorded_conditions(trial, pd.DataFrame())
     state_of_sea = UNKNOWN if stated.sea_state is None else f"state {stated.sea_state}"
-    draught_m = stated.draught_m or (ship.draught_m if ship else None)
+    draught_m, depth_m = stated.draught_m or (ship.draught_m if ship else None), stated.water_depth_m
+    draughts = f", {depth_m / draught_m:.1f} draughts" if depth_m is not None and draught_m else ""
     density = stated.water_density_kgpm3
+    wave_direction = "" if stated.wave_from_deg is None else f" from {stated.wave_from_deg:.0f}\u00b0"
+    wave_height = UNKNOWN if stated.wave_height_m is None else f"{stated.wave_height_m:g} m{wave_direction}"
+    series = recording.series.get("wind_speed_mps")
+    if series is None and stated.beaufort is not None:
+        wind = f"Beaufort {stated.beaufort}, as stated"
+    elif series and series.sources == (ASSUMED,):
+        wind = f"{UNKNOWN}, calm assumed"
+    else:
+        wind = wind_words(one_hz)
+    ahead_m, starboard_m = trial.antenna_forward_m, trial.antenna_starboard_m or 0.0
+    antenna = UNKNOWN if ahead_m is None else f"{ahead_m:g} m forward, {starboard_m:g} m to starboard"
     return [
         ("trial", trial.name or UNKNOWN),
-        *_when(one_hz),
+        *_date_rows(one_hz),
         ("place", trial.place or UNKNOWN),
         ("origin of north and east", _origin_text(trial.origin)),
-        ("water depth", _depth(stated.water_depth_m, draught_m)),
-        ("water temperature, density", _joined(
+        ("water depth", f"{_metres_text(depth_m)}{draughts}"),
+        ("water temperature, density", _join_parts(
             "" if stated.water_temperature_degc is None else f"{stated.water_temperature_degc:g} \u00b0C",
             f"{density:g} kg/m\u00b3" if density != REFERENCE_DENSITY_KGPM3 else "")),
-        ("wind", _wind(recording, one_hz, stated.beaufort)),
+        ("wind", wind),
         ("sea state", trial.sea_state or state_of_sea),
-        ("significant wave height", _waves(stated)),
-        ("current", _current(manoeuvres, stated.current_mps)),
-        ("antenna from midship", _place_text(trial)),
+        ("significant wave height", wave_height),
+        ("current", _current_text(manoeuvres, stated.current_mps)),
+        ("antenna from midship", antenna),
         ("crew notes", trial.crew_notes or UNKNOWN),
     ]  # fmt: skip
 
 
-def _joined(*parts: str) -> str:
+def _join_parts(*parts: str) -> str:
     return ", ".join(filter(None, parts)) or UNKNOWN
 
 
-def _counted(number: int | None, what: str) -> str:
+def _count_and_type(number: int | None, what: str) -> str:
     return " ".join(filter(None, (str(number or ""), what)))
 
 
-def _quantity(value: float | None, unit: str) -> str:
-    return UNKNOWN if value is None else f"{value:,.5g} {unit}" if value < 1e4 else f"{value:,.0f} {unit}"
-
-
-def _draughts(stated: Conditions) -> str:
+def _draughts_text(stated: Conditions) -> str:
     if stated.draught_m is None:
         return UNKNOWN
     if stated.trim_m is None:
@@ -481,56 +488,32 @@ def _block_coefficient(particulars: Particulars, stated: Conditions, ship: ShipD
     return f"{stated.displacement_m3 / np.prod(np.array(sizes, dtype=float)):.3f}, from the displacement"
 
 
-def _rudders(particulars: Particulars, stated: Conditions, ship: ShipDimensions | None) -> str:
+def _rudder_text(particulars: Particulars, stated: Conditions, ship: ShipDimensions | None) -> str:
     area, draught_m = particulars.rudder_area_m2, stated.full_load_draught_m or (ship.draught_m if ship else None)
     ratio = (
         f" (1/{ship.between_perpendiculars_m * draught_m / area:.0f} of LT)" if area and ship and draught_m else ""
     )
-    return _joined(
-        _counted(particulars.rudders, particulars.rudder_type),
+    return _join_parts(
+        _count_and_type(particulars.rudders, particulars.rudder_type),
         f"area {area:g} m\u00b2{ratio}" if area else "",
         f"{particulars.rudder_rate_dps:g} deg/s" if particulars.rudder_rate_dps else "",
     )
 
 
-def _rating(particulars: Particulars) -> str:
-    at = f" at {particulars.mcr_rpm:g} rpm" if particulars.mcr_rpm else ""
-    return f"MCR {particulars.mcr_kw:,.0f} kW{at}" if particulars.mcr_kw else ""
-
-
-def _waves(stated: Conditions) -> str:
-    if stated.wave_height_m is None:
-        return UNKNOWN
-    direction = "" if stated.wave_from_deg is None else f" from {stated.wave_from_deg:.0f}\u00b0"
-    return f"{stated.wave_height_m:g} m{direction}"
-
-
-def file_rows(recording: Recording) -> list[tuple[str, str]]:
+def file_rows(recording: Recording) -> Rows:
     """The file behind a run sheet, and the software."""
+    paths = recording.paths
+    parts = f" and {len(paths) - 1} later part{'s' * (len(paths) > 2)}" if len(paths) > 1 else ""
     return [
-        ("recording", _files_text(recording.paths)),
-        ("SHA-256", sha256_of(*recording.paths) or UNKNOWN),
+        ("recording", f"{paths[0].name}{parts}, {sum(path.stat().st_size for path in paths):,} bytes"),
+        ("SHA-256", sha256_of(*paths) or UNKNOWN),
         ("closed properly", "yes" if recording.closed else "no: read as far as it goes"),
         *([("clock", recording.clock)] if recording.clock else []),
         ("this page by", software_version()),
     ]
 
 
-def _files_text(paths: Sequence[Path]) -> str:
-    more = f" and {len(paths) - 1} later part{'s' * (len(paths) > 2)}" if len(paths) > 1 else ""
-    return f"{paths[0].name}{more}, {sum(path.stat().st_size for path in paths):,} bytes"
-
-
-def _actuators(said: str) -> list[tuple[str, str]]:
-    """What drives and steers a ship, each with its kind where the name does not say it; nothing for the list that
-    recordings do not say."""
-    if not said:
-        return []
-    named = ((each.name.replace("_", " "), each.kind.replace("_", " ")) for each in from_text(said))
-    return [("actuators", ", ".join(name if kind in name else f"{name} ({kind})" for name, kind in named))]
-
-
-def _when(one_hz: pd.DataFrame) -> list[tuple[str, str]]:
+def _date_rows(one_hz: pd.DataFrame) -> Rows:
     first, last = one_hz.index[0], one_hz.index[-1]
     minutes = (last - first).total_seconds() / 60.0
     if not has_date(first):
@@ -541,10 +524,7 @@ def _when(one_hz: pd.DataFrame) -> list[tuple[str, str]]:
 
 def has_date(time: pd.Timestamp) -> bool:
     """Whether a time has a date: those of an unknown start count from 1970."""
-    return time.year > _UNKNOWN_YEAR
-
-
-_UNKNOWN_YEAR = 1970
+    return time.year > 1970
 
 
 def _origin_text(origin: tuple[float, float] | None) -> str:
@@ -557,32 +537,8 @@ def _origin_text(origin: tuple[float, float] | None) -> str:
     )
 
 
-def _metres(value: float | None) -> str:
+def _metres_text(value: float | None) -> str:
     return UNKNOWN if value is None else f"{value:g} m"
-
-
-def _depth(depth_m: float | None, draught_m: float | None) -> str:
-    if depth_m is None or not draught_m:
-        return _metres(depth_m)
-    return f"{depth_m:g} m, {depth_m / draught_m:.1f} draughts"
-
-
-def _speed_text(speed_mps: float | None) -> str:
-    return UNKNOWN if speed_mps is None else f"{speed_mps:.2f} m/s ({speed_mps / KNOT_MPS:.1f} kn)"
-
-
-def _place_text(trial: Trial) -> str:
-    if trial.antenna_forward_m is None:
-        return UNKNOWN
-    return f"{trial.antenna_forward_m:g} m forward, {trial.antenna_starboard_m or 0.0:g} m to starboard"
-
-
-def _wind(recording: Recording, one_hz: pd.DataFrame, stated_beaufort: int | None) -> str:
-    """The wind as it was measured; one that an import assumed is none. Else its force as it was stated."""
-    series = recording.series.get("wind_speed_mps")
-    if stated_beaufort is not None and series is None:
-        return f"Beaufort {stated_beaufort}, as stated"
-    return f"{UNKNOWN}, calm assumed" if series and series.sources == (ASSUMED,) else wind_words(one_hz)
 
 
 def wind_words(table: pd.DataFrame) -> str:
@@ -595,40 +551,43 @@ def wind_words(table: pd.DataFrame) -> str:
     return f"{speed_mps:.1f} m/s from {from_deg:.0f}\u00b0, gusts {gust:.1f} m/s, Beaufort {beaufort(speed_mps)}"
 
 
-def _current(manoeuvres: Iterable[Manoeuvre], stated_mps: float | None) -> str:
+def _current_text(manoeuvres: Iterable[Manoeuvre], stated_mps: float | None) -> str:
     """The mean of what turns of more than one and a half circles show, with its 95 % interval along itself,
     of two turns half of their range.
     """
-    found = [run.current for run in manoeuvres if run.current is not None and shows_current(run)]
-    if not found:
+    drifts = [run.current for run in manoeuvres if run.current is not None and shows_current(run)]
+    if not drifts:
         return (
             "unknown: no turn of one and a half circles" if stated_mps is None else f"{stated_mps:g} m/s, as stated"
         )
     north, east = (
-        mean_of([index_of("", getattr(each, f"{name}_mps"), getattr(each, f"{name}_within_mps")) for each in found])
+        mean_of([index_of("", getattr(drift, f"{name}_mps"), getattr(drift, f"{name}_within_mps"))
+                 for drift in drifts])
         for name in ("north", "east")
     )  # fmt: skip
     speed = float(np.hypot(north.index.value, east.index.value))
     towards = np.arctan2(east.index.value, north.index.value)
     within = np.hypot(np.cos(towards) * north.half, np.sin(towards) * east.half)
-    turns = f"{len(found)} turn{'' if len(found) == 1 else 's'}"
-    interval = "the range of both" if len(found) == 2 else "95 % interval"
+    turns = f"{len(drifts)} turn{'' if len(drifts) == 1 else 's'}"
+    interval = "the range of both" if len(drifts) == 2 else "95 % interval"
     return (
         f"{speed:.2f} \u00b1 {within:.2f} m/s towards {np.rad2deg(towards) % 360.0:.0f}\u00b0 ({interval}), "
         f"from {turns}, wind drift included"
     )
 
 
-def _dimensions(
+def _dimension_rows(
     ship: ShipDimensions | None, stated: Conditions, one_hz: pd.DataFrame, manoeuvres: Iterable[Manoeuvre]
 ) -> Rows:
     """Dimensions and the ratios that the IMO's form asks for; the speed is that of the fastest approach, or without
     manoeuvres the median of what the ship made good."""
     if ship is None:
         return [("dimensions", "unknown: no vessel file for the ship that the recording names")]
-    both = one_hz.reindex(columns=["surge_mps", "sway_mps"]).dropna()
-    speed = float(np.median(np.hypot(both["surge_mps"], both["sway_mps"]))) if len(both) else 0.0
-    approaches = [each.settings["approach_mps"] for each in manoeuvres if "approach_mps" in each.settings]
+    velocities = one_hz.reindex(columns=["surge_mps", "sway_mps"]).dropna()
+    speed = float(np.median(np.hypot(velocities["surge_mps"], velocities["sway_mps"]))) if len(velocities) else 0.0
+    approaches = [
+        manoeuvre.settings["approach_mps"] for manoeuvre in manoeuvres if "approach_mps" in manoeuvre.settings
+    ]
     speed, whose = (max(approaches), "fastest approach") if approaches else (speed, "median speed")
     length_m, beam_m, draught_m = ship.between_perpendiculars_m, ship.beam_m, stated.draught_m or ship.draught_m
     ratios = [
@@ -640,7 +599,7 @@ def _dimensions(
     size = f"{overall}{length_m:g} m between perpendiculars (L)"
     size += f", beam {beam_m:g} m" if beam_m else ""
     size += f", draught {ship.draught_m:g} m" if ship.draught_m else ""
-    return [("dimensions", size), ("ratios", _joined(*ratios))]
+    return [("dimensions", size), ("ratios", _join_parts(*ratios))]
 
 
 _SLOWEST_MPS = 0.1  # a ship that lies still has no L/V

@@ -1,16 +1,14 @@
 """Speed and power of a ship from double runs: corrected run by run, current removed, with intervals.
 
-How far the speed at a power may be off: the current, the runs' scatter, the sensors and the corrections.
+What differs from run to run is estimated from the runs themselves. The current along the course is a constant, a
+tide of 12.4 h with its half and its double period, and an irregular part; how likely each strength of tide and
+irregular part is, follows from the speeds of the runs (restricted maximum likelihood over a grid, every power
+setting with a speed of its own). Of each such current the variance of the result follows from how the result
+changes with the speed of each run (JCGM 100, 5.1.3), and the interval holds 95 % of the mixture.
 
-What differs from run to run is judged by the runs themselves. The current along the course is a constant, a tide
-of 12.4 h with its half and its double period, and an irregular part; how strong tide and irregular part are, the
-speeds of the runs make likely or not (restricted maximum likelihood over a grid, every power setting with a speed
-of its own). Of each such current the variance of the result follows from how the result changes with the speed of
-each run (JCGM 100, 5.1.3), and the interval holds 95 % of the mixture.
-
-What is common to all runs, they cannot show: the error of the power measurement, of the anemometer, of
-coefficients and formulas. It is propagated from the standard uncertainties below. Wind and waves that were not
-corrected for move the middle of the interval by what they may have taken, where the ship's size tells it.
+Errors common to all runs do not show in them: of the power measurement, of the anemometer, of coefficients and
+formulas. They are propagated from the standard uncertainties below. Wind and waves that were not corrected for move
+the middle of the interval by what they may have taken, where the ship's size is known.
 """
 
 from __future__ import annotations
@@ -22,6 +20,7 @@ from typing import ClassVar
 
 import numpy as np
 import pandas as pd
+from scipy.special import ndtr
 
 from seatrial.acquisition.config.run_sheet import Conditions
 from seatrial.acquisition.core.errors import DataShortageError, InputError
@@ -51,6 +50,29 @@ from seatrial.analysis.speed_power.solution import (
 )
 
 _BAND_POINTS = 25
+Outputs = Callable[[SpeedPowerSolution], Floats]
+"""The speeds [m/s] that are wanted of a solution."""
+# What a current and a sea are like in general, set before and checked with the programmes 0 to 399 of
+# tests/benchmarks/speed_trials.py: of the errors, 95 % are to be within the intervals.
+_TIDES_MPS = (0.02, 0.05, 0.12, 0.25, 0.5, 1.0)
+_IRREGULAR_MPS = (0.005, 0.01, 0.02, 0.04, 0.08, 0.16)
+_CORRELATED_S = (1800.0, 7200.0)
+_USUAL_IRREGULAR_MPS = 0.02  # its logarithm is taken to be normal with a deviation of one
+_CONSTANT_MPS = 0.2
+_HALF_PERIOD, _DOUBLE_PERIOD = 0.1, 0.2  # of the tide's amplitude: overtides in shallow water, daily tides
+_STEP_MPS, _STEP_POWER = 0.005, 0.002
+_HALVINGS = 40
+_WIND_SPEED, _WIND_DEG = 0.08, 5.0  # of the true wind: the ship disturbs the flow at the anemometer
+_OWN_WIND_CURVE, _TYPICAL_WIND_CURVE = 0.10, 0.20
+_EFFICIENCY, _LOAD_VARIATION = 0.03, -0.1
+_WAVES = 0.4  # of the resistance: 15 % of a height that was observed, 30 % of the formula
+_NO_WAVES_DEG = 100.0  # off the bow, from where waves add nothing; between the bow's sector and there they fade
+_SHALLOW, _DISPLACEMENT, _WATER = 0.3, 0.1, 0.1  # of the correction
+_VISCOUS_SHARE = 0.8  # of the resistance
+_USUAL_EFFICIENCY, _USUAL_FRONTAL, _USUAL_SLENDERNESS, _USUAL_BEAM = 0.65, 0.7, 6.5, 2.6
+_UNKNOWN_DEPTH = 0.5  # of the correction
+_UNKNOWN_WIND = 0.6  # of its effect, with the usual values of what is not known
+_FULLY_DEVELOPED = 0.21  # H g / U^2 of waves that the wind has raised for long (Pierson and Moskowitz 1964)
 
 
 @dataclass(frozen=True, slots=True)
@@ -121,18 +143,18 @@ class SpeedPower(Result):
     @property
     def fastest(self) -> SpeedAtPower:
         """The speed at the highest power setting, by the iterative method."""
-        return max((each.iterative for each in self.settings), key=lambda each: each.power_kw)
+        return max((setting.iterative for setting in self.settings), key=lambda speed: speed.power_kw)
 
     def speed_at(self, power_kw: float) -> SpeedAtPower:
         """The speed at a power between those of the runs. Raises :class:`InputError` for another."""
-        powers = np.array([each.power_kw for each in self.band])
+        powers = np.array([point.power_kw for point in self.band])
         if not powers[0] <= power_kw <= powers[-1]:
             raise InputError(
                 f"{power_kw:,.0f} kW is outside the range of the runs",
                 why=f"they span {powers[0]:,.0f} to {powers[-1]:,.0f} kW",
                 fix="ask for a power in this range",
             )  # fmt: skip
-        low, high = (np.interp(power_kw, powers, [getattr(each, name) - each.speed_mps for each in self.band])
+        low, high = (np.interp(power_kw, powers, [getattr(point, name) - point.speed_mps for point in self.band])
                      for name in ("low_mps", "high_mps"))  # fmt: skip
         speed = float(self.curve.speed_mps(power_kw))
         return SpeedAtPower(power_kw, speed, speed + float(low), speed + float(high))
@@ -148,11 +170,11 @@ def speed_power(
     corrected for, and said. Raises :class:`InputError` where no power was recorded, and :class:`DataShortageError`
     without a double run, and where the power does not grow with the speed.
     """
-    marks, every, left_out = list(events), list[PowerRun](), list[LeftOut]()
+    marks, runs, left_out = list(events), list[PowerRun](), list[LeftOut]()
     for table in tables:
-        found, others = power_runs(table, marks)
-        every, left_out = [*every, *found], [*left_out, *others]
-    return speed_power_of_runs(every, conditions, left_out)
+        table_runs, rejected = power_runs(table, marks)
+        runs, left_out = [*runs, *table_runs], [*left_out, *rejected]
+    return speed_power_of_runs(runs, conditions, left_out)
 
 
 def speed_power_of_runs(
@@ -167,76 +189,71 @@ def speed_power_of_runs(
     conditions
         The ship, the sea and the air, for the corrections.
     left_out
-        What was no run, to stand in the result.
+        The rejected candidates, for the result.
 
     Raises
     ------
     DataShortageError
         Without a double run, and where the power does not grow with the speed.
     """
-    pairs, alone = double_runs(runs)
-    excluded = sorted([*left_out, *alone], key=lambda each: each.start)
+    pairs, unpaired = double_runs(runs)
+    excluded = sorted([*left_out, *unpaired], key=lambda candidate: candidate.start)
     if not pairs:
-        why = "; ".join(sorted({each.why for each in excluded})) or "no steady straight stretch of half a minute"
+        why = (
+            "; ".join(sorted({candidate.why for candidate in excluded}))
+            or "no steady straight stretch of half a minute"
+        )
         raise DataShortageError(
             "no double run was found", why=why, fix="record runs at one power on reciprocal courses"
         )
     return _analyse(pairs, conditions or Conditions(), tuple(excluded))
 
 
-def _analyse(runs: Sequence[PowerRun], given: Conditions, left_out: tuple[LeftOut, ...]) -> SpeedPower:
+def _analyse(runs: Sequence[PowerRun], conditions: Conditions, left_out: tuple[LeftOut, ...]) -> SpeedPower:
     over_ground, power = (np.array([getattr(run, name) for run in runs]) for name in ("speed_mps", "power_kw"))
-    corrections = corrections_of(given, runs)
-    trial = trial_of(given, runs, corrections)
+    corrections = corrections_of(conditions, runs)
+    trial = trial_of(conditions, runs, corrections)
     best = solve(trial, over_ground, power)
     band_kw = np.linspace(best.power_kw.min(), best.power_kw.max(), _BAND_POINTS)
 
     def speeds(solution: SpeedPowerSolution) -> Floats:
         at_settings = solution.curve.speed_mps(best.means[:, 1])
-        means = solution.means[:, 0] + (best.means[:, 1] - solution.means[:, 1]) / best.curve.slope(
-            best.means[:, 0]
-        )
+        slope = best.curve.slope(best.means[:, 0])
+        means = solution.means[:, 0] + (best.means[:, 1] - solution.means[:, 1]) / slope
         return np.concatenate([solution.curve.speed_mps(band_kw), at_settings, means])
 
-    no_interval, within = why_unbounded(trial), None
+    no_interval, intervals = why_unbounded(trial), None
     if not no_interval:
         try:
-            within = intervals_of(trial, runs, best, over_ground, power, speeds)
+            intervals = intervals_of(trial, runs, best, over_ground, power, speeds)
         except DataShortageError:
             no_interval = "runs that differ by less than their errors would have no solution"
     values = speeds(best)
     powers = np.concatenate([band_kw, best.means[:, 1], best.means[:, 1]])
-    at = _speeds_at(powers, values, within)
+    low = high = np.full_like(values, np.nan)
+    if intervals is not None:  # which hold the speed itself wherever their middle lies
+        middle = values + intervals.shift_mps
+        low = np.minimum(values, middle - intervals.half_mps)
+        high = np.maximum(values, middle + intervals.half_mps)
+    place = _BAND_POINTS + int(np.argmax(best.means[:, 1]))
+    sources = intervals.sources if intervals is not None else ()
+    halves = [(source.name, 1.96 * float(source.standard_mps[place])) for source in sources]
+    points = [SpeedAtPower(*map(float, row)) for row in zip(powers, values, low, high, strict=True)]
     count = len(trial.groups)
-    band, by_curve, by_means = at[:_BAND_POINTS], at[_BAND_POINTS:-count], at[-count:]
+    band, by_curve, by_means = points[:_BAND_POINTS], points[_BAND_POINTS:-count], points[-count:]
     settings = tuple(PowerSetting(len(group), *pair) for group, *pair in zip(
         trial.groups, by_means, by_curve, strict=True))  # fmt: skip
     rows = zip(runs, *best.added_n.values(), best.current.current_mps, best.speed_mps, best.power_kw, strict=True)
     corrected = tuple(CorrectedRun(run, *map(float, numbers)) for run, *numbers in rows)
     return SpeedPower(
         corrected, settings, best.curve, tuple(band), best.current.terms, runs[0].heading_deg,
-        _sizes(trial, over_ground, power, best, corrections),
-        _uncertainties(within, _BAND_POINTS + int(np.argmax(best.means[:, 1]))), no_interval,
-        warnings_of(given, runs, trial.groups, len(best.current.terms)), left_out, software_version(),
+        _add_sizes(trial, over_ground, power, best, corrections),
+        tuple(Uncertainty(*source) for source in sorted(halves, key=lambda source: -source[1])), no_interval,
+        warnings_of(conditions, runs, trial.groups, len(best.current.terms)), left_out, software_version(),
     )  # fmt: skip
 
 
-def _speeds_at(powers: Floats, values: Floats, within: Intervals | None) -> list[SpeedAtPower]:
-    """Speeds at powers with their intervals, which hold the speed itself wherever their middle lies."""
-    low = high = np.full_like(values, np.nan)
-    if within is not None:
-        middle = values + within.shift_mps
-        low, high = np.minimum(values, middle - within.half_mps), np.maximum(values, middle + within.half_mps)
-    return [SpeedAtPower(*map(float, row)) for row in zip(powers, values, low, high, strict=True)]
-
-
-def _uncertainties(within: Intervals | None, place: int) -> tuple[Uncertainty, ...]:
-    sources = within.sources if within is not None else ()
-    halves = [(source.name, 1.96 * float(source.standard_mps[place])) for source in sources]
-    return tuple(Uncertainty(*each) for each in sorted(halves, key=lambda each: -each[1]))
-
-
-def _sizes(
+def _add_sizes(
     trial: SpeedTrial, speed: Floats, power: Floats, best: SpeedPowerSolution, corrections: Iterable[Correction]
 ) -> tuple[Correction, ...]:
     """The corrections with their sizes: the result with all of them less that without each."""
@@ -245,40 +262,13 @@ def _sizes(
     sized = []
     for correction in corrections:
         if correction.applied:
-            curve = solve(trial.without(correction.name), speed, power).curve
+            curve = solve(trial.without_correction(correction.name), speed, power).curve
             correction = replace(
                 correction, power_kw=float(highest_kw - curve.power_kw(fastest)),
                 speed_mps=float(fastest - curve.speed_mps(highest_kw)),
             )  # fmt: skip
         sized.append(correction)
     return tuple(sized)
-
-
-Outputs = Callable[[SpeedPowerSolution], Floats]
-"""The speeds [m/s] that are wanted of a solution."""
-
-# What a current and a sea are like in general, set before and checked with the programmes 0 to 399 of
-# tests/benchmarks/speed_trials.py: of the errors, 95 % are to be within the intervals.
-_TIDES_MPS = (0.02, 0.05, 0.12, 0.25, 0.5, 1.0)
-_IRREGULAR_MPS = (0.005, 0.01, 0.02, 0.04, 0.08, 0.16)
-_CORRELATED_S = (1800.0, 7200.0)
-_USUAL_IRREGULAR_MPS = 0.02  # its logarithm is taken to be normal with a deviation of one
-_CONSTANT_MPS = 0.2
-_HALF_PERIOD, _DOUBLE_PERIOD = 0.1, 0.2  # of the tide's amplitude: overtides in shallow water, daily tides
-_STEP_MPS, _STEP_POWER = 0.005, 0.002
-_HALVINGS = 40
-
-_WIND_SPEED, _WIND_DEG = 0.08, 5.0  # of the true wind: the ship disturbs the flow at the anemometer
-_OWN_WIND_CURVE, _TYPICAL_WIND_CURVE = 0.10, 0.20
-_EFFICIENCY, _LOAD_VARIATION = 0.03, -0.1
-_WAVES = 0.4  # of the resistance: 15 % of a height that was observed, 30 % of the formula
-_NO_WAVES_DEG = 100.0  # off the bow, from where waves add nothing; between the bow's sector and there they fade
-_SHALLOW, _DISPLACEMENT, _WATER = 0.3, 0.1, 0.1  # of the correction
-_VISCOUS_SHARE = 0.8  # of the resistance
-_USUAL_EFFICIENCY, _USUAL_FRONTAL, _USUAL_SLENDERNESS, _USUAL_BEAM = 0.65, 0.7, 6.5, 2.6
-_UNKNOWN_DEPTH = 0.5  # of the correction
-_UNKNOWN_WIND = 0.6  # of its effect, with the usual values of what is not known
-_FULLY_DEVELOPED = 0.21  # H g / U^2 of waves that the wind has raised for long (Pierson and Moskowitz 1964)
 
 
 @dataclass(frozen=True, slots=True)
@@ -310,10 +300,10 @@ def intervals_of(
     """The 95 % intervals of the ``outputs`` of a solution, of measured speeds over ground [m/s] and powers [kW]."""
     values = outputs(best)
     by_speed, by_power = _sensitivities(trial, speed, power, outputs, values)
-    weights, variances = _random_part(trial, runs, best, speed, by_speed, by_power)
+    weights, variances = _random_uncertainty(trial, runs, best, speed, by_speed, by_power)
     sources = [
         UncertaintySource("current and scatter of the runs", np.zeros_like(values), np.sqrt(weights @ variances)),
-        *_systematic_part(trial, speed, power, outputs, values),
+        *_systematic_uncertainty(trial, speed, power, outputs, values),
     ]
     systematic = sum((source.standard_mps**2 for source in sources[1:]), start=np.zeros_like(values))
     shift = sum((source.shift_mps for source in sources), start=np.zeros_like(values))
@@ -334,7 +324,7 @@ def _sensitivities(
     return np.array(by_speed).T, np.array(by_power).T
 
 
-def _random_part(
+def _random_uncertainty(
     trial: SpeedTrial,
     runs: Sequence[PowerRun],
     best: SpeedPowerSolution,
@@ -351,9 +341,13 @@ def _random_part(
     settings = np.zeros((speed.size, len(trial.groups)))
     for column, group in enumerate(trial.groups):
         settings[group, column] = 1.0
+    lag_s = np.abs(trial.time_s[:, np.newaxis] - trial.time_s)
+    phase = 2.0 * np.pi * lag_s / TIDE_S
+    regular = np.cos(phase) + _HALF_PERIOD**2 * np.cos(2.0 * phase) + _DOUBLE_PERIOD**2 * np.cos(0.5 * phase)
     logs, variances = [], []
     for tide, irregular, scale in product(_TIDES_MPS, _IRREGULAR_MPS, _CORRELATED_S):
-        covariance = np.outer(trial.along, trial.along) * _current_covariance(trial.time_s, tide, irregular, scale)
+        slow = 0.5 * irregular**2 * np.exp(-lag_s / scale)
+        covariance = np.outer(trial.along, trial.along) * (_CONSTANT_MPS**2 + 0.5 * tide**2 * regular + slow)
         noise = np.diag(0.5 * irregular**2 + speed_se**2 + (power_se / slope) ** 2)
         prior = -0.5 * np.log(irregular / _USUAL_IRREGULAR_MPS) ** 2
         logs.append(prior + _likelihood(residual, settings, covariance + noise))
@@ -364,27 +358,17 @@ def _random_part(
     return weights / weights.sum(), np.array(variances)
 
 
-def _current_covariance(time_s: Floats, tide: float, irregular: float, scale_s: float) -> Floats:
-    """The covariance of the current [m^2/s^2] between times [runs, runs]."""
-    apart = np.abs(time_s[:, np.newaxis] - time_s)
-    phase = 2.0 * np.pi * apart / TIDE_S
-    regular = np.cos(phase) + _HALF_PERIOD**2 * np.cos(2.0 * phase) + _DOUBLE_PERIOD**2 * np.cos(0.5 * phase)
-    return np.asarray(_CONSTANT_MPS**2 + 0.5 * tide**2 * regular + 0.5 * irregular**2 * np.exp(-apart / scale_s))
-
-
 def _likelihood(residual: Floats, settings: Floats, covariance: Floats) -> float:
     """The logarithm of the restricted likelihood of residuals whose means by setting are free."""
     inverse = np.linalg.inv(covariance)
     information = settings.T @ inverse @ settings
-    rest = residual - settings @ np.linalg.solve(information, settings.T @ inverse @ residual)
+    centred = residual - settings @ np.linalg.solve(information, settings.T @ inverse @ residual)
     logs = np.linalg.slogdet(covariance)[1] + np.linalg.slogdet(information)[1]
-    return float(-0.5 * (logs + rest @ inverse @ rest))
+    return float(-0.5 * (logs + centred @ inverse @ centred))
 
 
 def _mixture_half(weights: Floats, variances: Floats) -> Floats:
     """Half of the interval that holds 95 % of a mixture of normal distributions about zero, of each output."""
-    from scipy.special import ndtr
-
     low, high = np.zeros(variances.shape[1]), 8.0 * np.sqrt(variances.max(axis=0))
     for _ in range(_HALVINGS):
         middle = 0.5 * (low + high)
@@ -395,8 +379,8 @@ def _mixture_half(weights: Floats, variances: Floats) -> Floats:
 
 @dataclass(frozen=True, slots=True)
 class _Change:
-    """A trial in which something common to all runs is otherwise: how much of the change of the result is to be
-    expected (``shift``), and how much of it is one standard uncertainty (``spread``)."""
+    """A trial in which a value common to all runs is changed: how much of the change of the result is expected
+    (``shift``), and how much of it is one standard uncertainty (``spread``)."""
 
     name: str
     trial: SpeedTrial
@@ -405,110 +389,107 @@ class _Change:
     spread: float = 1.0
 
 
-def _systematic_part(
+def _systematic_uncertainty(
     trial: SpeedTrial, speed: Floats, power: Floats, outputs: Outputs, values: Floats
 ) -> Iterator[UncertaintySource]:
     changes = list(_changes(trial))
     for name in dict.fromkeys(change.name for change in changes):
         shift, variance = np.zeros_like(values), np.zeros_like(values)
-        for change in (each for each in changes if each.name == name):
+        for change in (candidate for candidate in changes if candidate.name == name):
             moved = outputs(solve(change.trial, speed, power * change.power_factor)) - values
             shift, variance = shift + change.shift * moved, variance + (change.spread * moved) ** 2
         yield UncertaintySource(name, shift, np.sqrt(variance))
 
 
 def _changes(trial: SpeedTrial) -> Iterator[_Change]:
-    given, methods = trial.given, trial.methods
+    conditions, methods = trial.conditions, trial.methods
     # An accuracy is half of a rectangular distribution (JCGM 100, 4.3.7)
-    yield _Change("power measurement", trial, 1.0 + given.power_error_percent / 100.0 / np.sqrt(3.0))
-    yield from _wind_changes(trial) if "wind" in methods else _unknown_wind(trial)
-    yield from _wave_changes(trial) if "waves" in methods else _unknown_waves(trial)
+    yield _Change("power measurement", trial, 1.0 + conditions.power_error_percent / 100.0 / np.sqrt(3.0))
+    yield from _wind_changes(trial)
+    yield from _wave_changes(trial)
     if methods.keys() & {"wind", "waves", "water"}:
-        efficiency = given.number("propulsive_efficiency") * (1.0 - _EFFICIENCY)
-        yield _Change("propulsive efficiency", _with(trial, propulsive_efficiency=efficiency))
-        variation = given.load_variation + _LOAD_VARIATION
-        yield _Change("propulsive efficiency", _with(trial, load_variation=variation))
+        efficiency = conditions.number("propulsive_efficiency") * (1.0 - _EFFICIENCY)
+        yield _Change("propulsive efficiency", _with_conditions(trial, propulsive_efficiency=efficiency))
+        variation = conditions.load_variation + _LOAD_VARIATION
+        yield _Change("propulsive efficiency", _with_conditions(trial, load_variation=variation))
     if "shallow water" not in methods:
         yield from _uncorrected_depth(trial)
     for name, share in (("shallow water", _SHALLOW), ("displacement", _DISPLACEMENT), ("water", _WATER)):
         if name in methods:
-            yield _Change(name, trial.without(name), spread=share)
+            yield _Change(name, trial.without_correction(name), spread=share)
 
 
 def _uncorrected_depth(trial: SpeedTrial) -> Iterator[_Change]:
     """What the bottom may have taken: in deep water Raven's viscous part, in shallow Lackenby's of a usual ship."""
-    usual = _usual(trial.given)
+    usual = _with_usual_values(trial.conditions)
     beam_m, draught_m = usual.number("beam_m"), usual.number("draught_m")
     depth_m = float(trial.sea.water_depth_m.min())
     if depth_m < 3.0 * np.sqrt(beam_m * draught_m):
-        shallow = replace(trial, given=replace(usual, form_factor=None))
-        yield _Change("shallow water", shallow.corrected_by("shallow water"), shift=1.0, spread=_UNKNOWN_DEPTH)
+        shallow = replace(trial, conditions=replace(usual, form_factor=None))
+        yield _Change("shallow water", shallow.with_correction("shallow water"), shift=1.0, spread=_UNKNOWN_DEPTH)
     elif np.isfinite(depth_m):
         share = _VISCOUS_SHARE * 0.57 * (draught_m / depth_m) ** 1.79
         yield _Change("shallow water", trial, 1.0 - share, shift=1.0, spread=0.5)
 
 
-def _with(trial: SpeedTrial, **conditions: float) -> SpeedTrial:
-    return replace(trial, given=replace(trial.given, **conditions))  # type: ignore[arg-type]
+def _with_conditions(trial: SpeedTrial, **conditions: float) -> SpeedTrial:
+    return replace(trial, conditions=replace(trial.conditions, **conditions))  # type: ignore[arg-type]
 
 
 def _wind_changes(trial: SpeedTrial) -> Iterator[_Change]:
-    curve = np.array(wind_resistance_of(trial.given))
-    error = _OWN_WIND_CURVE if trial.given.wind_resistance else _TYPICAL_WIND_CURVE
+    """Errors of the wind and its resistance; where it was not corrected for, what it may have taken."""
+    if "wind" not in trial.methods:
+        usual = replace(trial, conditions=_with_usual_values(trial.conditions))
+        yield _Change("wind", usual.with_correction("wind"), shift=1.0, spread=_UNKNOWN_WIND)
+        return
+    curve = np.array(wind_resistance_of(trial.conditions))
+    error = _OWN_WIND_CURVE if trial.conditions.wind_resistance else _TYPICAL_WIND_CURVE
     yield _Change("wind", replace(trial, wind_mps=trial.wind_mps * (1.0 + _WIND_SPEED)))
     yield _Change("wind", replace(trial, wind_from_deg=trial.wind_from_deg + _WIND_DEG))
-    scaled = replace(trial.given, wind_resistance=tuple(map(float, curve * (1.0 + error))))
-    yield _Change("wind", replace(trial, given=scaled))
+    scaled = replace(trial.conditions, wind_resistance=tuple(map(float, curve * (1.0 + error))))
+    yield _Change("wind", replace(trial, conditions=scaled))
 
 
 def _wave_changes(trial: SpeedTrial) -> Iterator[_Change]:
-    height = trial.sea.wave_height_m * np.sqrt(1.0 + _WAVES)
-    yield _Change("waves", replace(trial, sea=replace(trial.sea, wave_height_m=height)))
-    yield from _side_waves(trial)
-
-
-def _side_waves(trial: SpeedTrial) -> Iterator[_Change]:
-    """What waves from the side may take, which the formulas leave out."""
-    if not from_ahead(trial.heading_deg, trial.sea.wave_from_deg).all():
-        yield _Change("waves", _with_side_waves(trial), shift=1.0, spread=0.6)
+    """Errors of the waves and what waves from the side may take, which the formulas leave out; where they were not
+    corrected for, what waves of their height, or any that the wind may raise, may have taken."""
+    sea = trial.sea
+    if "waves" in trial.methods:
+        height = sea.wave_height_m * np.sqrt(1.0 + _WAVES)
+        yield _Change("waves", replace(trial, sea=replace(sea, wave_height_m=height)))
+        if not from_ahead(trial.heading_deg, sea.wave_from_deg).all():
+            yield _Change("waves", _with_side_waves(trial), shift=1.0, spread=0.6)
+        return
+    height, spread = sea.wave_height_m, _UNKNOWN_WIND
+    if not np.isfinite(height).all():  # the square of a height that lies anywhere below the highest one
+        height, spread = _FULLY_DEVELOPED * trial.wind_mps**2 / GRAVITY_MPS2 / np.sqrt(3.0), np.sqrt(0.8)
+    wave_from_deg = np.where(np.isfinite(sea.wave_from_deg), sea.wave_from_deg, trial.wind_from_deg)
+    sea = replace(sea, wave_height_m=height, wave_from_deg=wave_from_deg)
+    usual = replace(trial, conditions=_with_usual_values(trial.conditions), sea=sea)
+    yield _Change(
+        "waves", _with_side_waves(usual.with_correction("waves", WAVE_METHODS[0])), shift=1.0, spread=spread
+    )
 
 
 def _with_side_waves(trial: SpeedTrial) -> SpeedTrial:
-    off = np.abs((trial.sea.wave_from_deg - trial.heading_deg + 180.0) % 360.0 - 180.0)
-    share = np.clip((_NO_WAVES_DEG - off) / (_NO_WAVES_DEG - BOW_DEG), 0.0, 1.0)
+    off_bow_deg = np.abs((trial.sea.wave_from_deg - trial.heading_deg + 180.0) % 360.0 - 180.0)
+    share = np.clip((_NO_WAVES_DEG - off_bow_deg) / (_NO_WAVES_DEG - BOW_DEG), 0.0, 1.0)
     sea = replace(
         trial.sea, wave_height_m=np.sqrt(share) * trial.sea.wave_height_m, wave_from_deg=trial.heading_deg
     )
     return replace(trial, sea=sea)
 
 
-def _unknown_wind(trial: SpeedTrial) -> Iterator[_Change]:
-    """What the wind may have taken that was not corrected for."""
-    usual = replace(trial, given=_usual(trial.given))
-    yield _Change("wind", usual.corrected_by("wind"), shift=1.0, spread=_UNKNOWN_WIND)
-
-
-def _unknown_waves(trial: SpeedTrial) -> Iterator[_Change]:
-    """What waves may have taken that were not corrected for: of their height, or of any that the wind may raise."""
-    sea, spread = trial.sea, _UNKNOWN_WIND
-    height, towards = sea.wave_height_m, sea.wave_from_deg
-    if not np.isfinite(height).all():  # the square of a height that lies anywhere below the highest one
-        height, spread = _FULLY_DEVELOPED * trial.wind_mps**2 / GRAVITY_MPS2 / np.sqrt(3.0), np.sqrt(0.8)
-    towards = np.where(np.isfinite(towards), towards, trial.wind_from_deg)
-    usual = replace(trial, given=_usual(trial.given), sea=replace(sea, wave_height_m=height, wave_from_deg=towards))
-    yield _Change("waves", _with_side_waves(usual.corrected_by("waves", WAVE_METHODS[0])), shift=1.0, spread=spread)
-
-
-def _usual(given: Conditions) -> Conditions:
+def _with_usual_values(conditions: Conditions) -> Conditions:
     """The conditions with usual values of what wind, waves and depth act on, where they are not known."""
-    beam = given.beam_m or given.number("length_m") / _USUAL_SLENDERNESS
-    draught = given.draught_m or beam / _USUAL_BEAM
+    beam = conditions.beam_m or conditions.number("length_m") / _USUAL_SLENDERNESS
+    draught = conditions.draught_m or beam / _USUAL_BEAM
     return replace(
-        given, beam_m=beam, draught_m=draught, midship_section_m2=given.midship_section_m2 or 0.98 * beam * draught,
-        bow_length_m=given.bow_length_m or beam,
-        frontal_area_m2=given.frontal_area_m2 or _USUAL_FRONTAL * beam**2,
-        propulsive_efficiency=given.propulsive_efficiency or _USUAL_EFFICIENCY,
-        wind_resistance=wind_resistance_of(given) or TYPICAL_WIND_RESISTANCE["tanker_loaded"],
+        conditions, beam_m=beam, draught_m=draught, bow_length_m=conditions.bow_length_m or beam,
+        midship_section_m2=conditions.midship_section_m2 or 0.98 * beam * draught,
+        frontal_area_m2=conditions.frontal_area_m2 or _USUAL_FRONTAL * beam**2,
+        propulsive_efficiency=conditions.propulsive_efficiency or _USUAL_EFFICIENCY,
+        wind_resistance=wind_resistance_of(conditions) or TYPICAL_WIND_RESISTANCE["tanker_loaded"],
     )  # fmt: skip
 
 
@@ -516,6 +497,6 @@ def why_unbounded(trial: SpeedTrial) -> str:
     """Why there is no interval: what wind or waves took is neither corrected for nor bounded; "" where there is."""
     if not np.isfinite(trial.wind_mps).all():
         return "the wind during the runs is not known"
-    if {"wind", "waves"} <= trial.methods.keys() or trial.given.beam_m or trial.given.length_m:
+    if {"wind", "waves"} <= trial.methods.keys() or trial.conditions.beam_m or trial.conditions.length_m:
         return ""
     return "wind or waves are not corrected for, and without length_m or beam_m nothing bounds what they took"

@@ -1,20 +1,18 @@
-"""What wind, waves, water and a shallow sea add to the power of a run: the corrections of ISO 15016:2015.
+"""The corrections of ISO 15016:2015: what wind, waves, water and a shallow sea add to the power of a run.
 
-Its ITTC twin is 7.5-04-01-01.1 (2017, 2021). Resistances are in newtons, powers in kilowatts, speeds in metres a
-second; arrays have one element a run. Directions that wind and waves come from are clockwise from true north. The
-end says which formulas can be used with what is known, and where the standard does not apply.
+The same is in ITTC 7.5-04-01-01.1 (2017, 2021). Resistances are in newtons, powers in kilowatts, speeds in metres a
+second; arrays have one element a run. Directions that wind and waves come from are clockwise from true north.
+:func:`corrections_of` chooses the formulas that the known conditions allow, :func:`warnings_of` tells where the
+standard does not apply.
 
-What waves add to the resistance: STAWAVE-1 and STAWAVE-2 of ISO 15016:2015, annex D (ITTC 7.5-04-01-01.1).
+The waves' part is STAWAVE-1 and STAWAVE-2 (annex D). Both are for waves from up to 45 deg off the bow; waves from
+other directions are taken to add nothing. STAWAVE-1 is for a ship that hardly heaves and pitches, as its waves are
+short; STAWAVE-2 adds what heave and pitch take.
 
-Both are for waves from up to 45 deg off the bow; waves from elsewhere are taken to add nothing. STAWAVE-1 is for a
-ship that hardly heaves and pitches, as its waves are short; STAWAVE-2 adds what heave and pitch take.
-
-Typical coefficients of wind resistance by kind of ship, where those of the ship herself are not known.
-
-From the data sets of ITTC 7.5-04-01-01.1 (2021), section F.3, which ISO 15016:2015, annex C, has too: wind tunnel
-results of the STA joint industry project. The standard itself was not at hand. The numbers are those in which two
-independent transcriptions agree; of the tanker in ballast there was one. The other kinds of the standard, such as
-car carriers and ferries, are left out: of them there was one, read off charts.
+Where the wind resistance of the ship is not known, it is typical of its kind: coefficients of the STA joint
+industry project (ITTC 7.5-04-01-01.1 (2021), section F.3; ISO 15016:2015, annex C). The standard itself was not at
+hand. The numbers are those in which two independent transcriptions agree; of the tanker in ballast there was one.
+Kinds of which there was only one, read off charts, such as car carriers and ferries, are left out.
 """
 
 from __future__ import annotations
@@ -24,6 +22,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from scipy.special import i1e, k1e
 
 from seatrial.acquisition.config.run_sheet import (
     REFERENCE_DENSITY_KGPM3,
@@ -41,6 +40,58 @@ from seatrial.analysis.speed_power.runs import RUN_MINUTES, PowerRun
 
 _LEAST_BLOCKAGE = 0.05  # of midship section by the square of the depth: Lackenby's formula begins there
 _MOST_SINKAGE = 0.05  # of the displacement, Raven
+_TWO_DOUBLE_RUNS = 4  # runs: with fewer the mean of means leaves a part of a changing current
+_LEAST_LENGTH_M, _LEAST_SETTINGS, _LEAST_DOUBLE_RUNS = 100.0, 3, 4
+_MOST_DISPLACEMENT_SHARE = 0.02
+_WINDS_MPS = {True: 10.7, False: 13.8}  # the upper ends of Beaufort 5, for up to 100 m, and 6
+RAVEN = (
+    "form_factor", "wetted_area_m2", "waterplane_area_m2", "displacement_m3", "draught_m", "length_m",
+    "propulsive_efficiency",
+)  # fmt: skip
+_NEEDED = {
+    "wind": ("frontal_area_m2", "propulsive_efficiency"),
+    "waves": ("propulsive_efficiency",),
+    "water": ("water_temperature_degc", "wetted_area_m2", "length_m", "propulsive_efficiency"),
+    "shallow water": ("beam_m", "draught_m"),
+    "displacement": ("displacement_m3", "stated_displacement_m3"),
+}
+WAVE_METHODS = ("STAWAVE-1", "STAWAVE-2")
+_TERM_WORDS = {1: "does not change", 2: "changes evenly", 3: "changes evenly and with a part of the tide"}
+Groups = Sequence[Sequence[int]]
+GRAVITY_MPS2 = 9.80665
+BOW_DEG = 45.0
+_GYRADIUS_SHARE = 0.25  # of the length: the pitch of a ship whose radius of gyration is not known
+_FREQUENCIES = 200
+_LOWEST_SHARE, _HIGHEST_SHARE = 0.65, 5.9  # of the peak's frequency: between them lies 99.8 % of the energy
+STAWAVE_1 = ("beam_m", "bow_length_m")
+STAWAVE_2 = ("length_m", "beam_m", "draught_m", "displacement_m3")
+_RANGES = {
+    "L_PP": (75.0, 350.0), "L_PP / B": (4.0, 9.0), "B / T": (2.2, 5.5), "Fr": (0.10, 0.30), "C_B": (0.50, 0.90),
+}  # fmt: skip
+"""Where STAWAVE-2 may be used: ITTC 7.5-04-01-01.2 (2014)."""
+TYPICAL_WIND_RESISTANCE: dict[WindType, tuple[float, ...]] = {
+    "tanker_loaded": (
+        0.96, 0.93, 0.85, 0.73, 0.62, 0.47, 0.34, 0.17, 0.06, -0.05,
+        -0.14, -0.22, -0.29, -0.40, -0.53, -0.66, -0.75, -0.79, -0.77,
+    ),
+    "tanker_ballast": (
+        0.86, 0.76, 0.62, 0.45, 0.32, 0.21, 0.13, 0.06, 0.04, -0.02,
+        -0.08, -0.19, -0.29, -0.38, -0.47, -0.56, -0.61, -0.66, -0.63,
+    ),
+    "gas_carrier_prismatic": (
+        1.02, 0.99, 0.93, 0.83, 0.67, 0.48, 0.30, 0.14, 0.03, -0.05,
+        -0.11, -0.24, -0.41, -0.56, -0.68, -0.79, -0.88, -0.92, -0.91,
+    ),
+    "container_loaded": (
+        1.01, 1.11, 1.11, 0.95, 0.74, 0.46, 0.13, -0.28, -0.77, -1.09, -1.18, -1.19, -0.94,
+    ),
+    "general_cargo": (
+        0.60, 0.87, 1.00, 1.00, 0.88, 0.85, 0.65, 0.42, 0.27, 0.09,
+        -0.09, -0.49, -0.84, -1.15, -1.39, -1.47, -1.34, -0.92, -0.82,
+    ),
+}  # fmt: skip
+"""C_AA at equal steps from 0 to 180 deg off the bow: a tanker of 280,000 dwt with a conventional bow, a gas carrier
+with integrated prismatic tanks, a container ship of 6800 TEU with containers, a general cargo ship."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,44 +122,44 @@ class RunSeas:
     water_depth_m: Floats
 
 
-def sea_of(given: Conditions, runs: Sequence[PowerRun]) -> RunSeas:
+def sea_of(conditions: Conditions, runs: Sequence[PowerRun]) -> RunSeas:
     """The sea of each run."""
 
     def column(name: str) -> Floats:
         values = np.array([getattr(run, name) for run in runs], dtype=float)
-        return np.where(np.isfinite(values), values, given.number(name))
+        return np.where(np.isfinite(values), values, conditions.number(name))
 
     return RunSeas(*map(column, ("wave_height_m", "wave_period_s", "wave_from_deg", "water_depth_m")))
 
 
 def wind_resistance_n(
-    given: Conditions, heading_deg: Floats, speed_mps: Floats, wind_from_deg: Floats, wind_mps: Floats
+    conditions: Conditions, heading_deg: Floats, speed_mps: Floats, wind_from_deg: Floats, wind_mps: Floats
 ) -> Floats:
     """R_AA: the air's resistance beyond that of still air at the same speed over ground.
 
     The true wind at the anemometer is brought to the reference height by the seventh root of their ratio.
     ISO 15016:2015 (ITTC since 2017: the ninth).
     """
-    height_m = given.anemometer_height_m or given.wind_reference_height_m
-    true = wind_mps * (given.wind_reference_height_m / height_m) ** (1.0 / 7.0)
-    off = np.deg2rad(wind_from_deg - heading_deg)
-    ahead, aside = speed_mps + true * np.cos(off), true * np.sin(off)
-    angle = np.abs(np.arctan2(aside, ahead))
-    curve = np.asarray(wind_resistance_of(given))
+    height_m = conditions.anemometer_height_m or conditions.wind_reference_height_m
+    wind_at_height_mps = wind_mps * (conditions.wind_reference_height_m / height_m) ** (1.0 / 7.0)
+    off_bow = np.deg2rad(wind_from_deg - heading_deg)
+    ahead, across = speed_mps + wind_at_height_mps * np.cos(off_bow), wind_at_height_mps * np.sin(off_bow)
+    angle = np.abs(np.arctan2(across, ahead))
+    curve = np.asarray(wind_resistance_of(conditions))
     coefficient = np.interp(angle, np.linspace(0.0, np.pi, curve.size), curve)
-    pressure = 0.5 * given.air_density_kgpm3 * given.number("frontal_area_m2")
-    return np.asarray(pressure * (coefficient * (ahead**2 + aside**2) - curve[0] * speed_mps**2))
+    pressure = 0.5 * conditions.air_density_kgpm3 * conditions.number("frontal_area_m2")
+    return np.asarray(pressure * (coefficient * (ahead**2 + across**2) - curve[0] * speed_mps**2))
 
 
 def wave_resistance_n(
-    given: Conditions, heading_deg: Floats, speed_mps: Floats, sea: RunSeas, method: str
+    conditions: Conditions, heading_deg: Floats, speed_mps: Floats, sea: RunSeas, method: str
 ) -> Floats:
     """R_AWL by STAWAVE-1 or STAWAVE-2; nothing where waves are not from ahead."""
     ahead = from_ahead(heading_deg, sea.wave_from_deg)
     added = (
-        stawave1_n(given, sea.wave_height_m)
+        stawave1_n(conditions, sea.wave_height_m)
         if method.startswith(WAVE_METHODS[0])
-        else stawave2_n(given, sea.wave_height_m, sea.wave_period_s, speed_mps)
+        else stawave2_n(conditions, sea.wave_height_m, sea.wave_period_s, speed_mps)
     )
     return np.where(ahead & (sea.wave_height_m > 0.0), added, 0.0)
 
@@ -125,49 +176,49 @@ def friction_coefficient(speed_mps: Floats, length_m: float, viscosity: float) -
     return np.asarray(0.075 / (np.log10(speed_mps * length_m / viscosity) - 2.0) ** 2)
 
 
-def water_resistance_n(given: Conditions, speed_mps: Floats, power_kw: Floats) -> Floats:
+def water_resistance_n(conditions: Conditions, speed_mps: Floats, power_kw: Floats) -> Floats:
     """R_AS: what water of another density and temperature than the reference adds.
 
     The total resistance that ISO takes from model tests is taken from the measured power itself.
     """
-    length, density = given.number("length_m"), given.water_density_kgpm3
-    temperature = given.number("water_temperature_degc")
-    here = friction_coefficient(speed_mps, length, viscosity_m2ps(temperature, density))
-    there = friction_coefficient(
+    length, density = conditions.number("length_m"), conditions.water_density_kgpm3
+    temperature = conditions.number("water_temperature_degc")
+    actual = friction_coefficient(speed_mps, length, viscosity_m2ps(temperature, density))
+    reference = friction_coefficient(
         speed_mps, length, viscosity_m2ps(REFERENCE_TEMPERATURE_DEGC, REFERENCE_DENSITY_KGPM3)
     )
-    total = 1e3 * power_kw * given.number("propulsive_efficiency") / speed_mps
-    friction = 0.5 * density * given.number("wetted_area_m2") * speed_mps**2 * here
-    return total * (1.0 - REFERENCE_DENSITY_KGPM3 / density) - friction * (there / here - 1.0)
+    total = 1e3 * power_kw * conditions.number("propulsive_efficiency") / speed_mps
+    friction = 0.5 * density * conditions.number("wetted_area_m2") * speed_mps**2 * actual
+    return total * (1.0 - REFERENCE_DENSITY_KGPM3 / density) - friction * (reference / actual - 1.0)
 
 
-def ideal_power_kw(given: Conditions, power_kw: Floats, added_n: Floats, speed_mps: Floats) -> Floats:
+def ideal_power_kw(conditions: Conditions, power_kw: Floats, added_n: Floats, speed_mps: Floats) -> Floats:
     """P_Did of the direct power method: the power without the added resistance, ISO 15016:2015."""
-    added = 1e-3 * added_n * speed_mps / given.number("propulsive_efficiency")
-    rest = power_kw - added
-    under = np.maximum(rest**2 + 4.0 * power_kw * added * given.load_variation, 0.0)
-    return np.asarray(0.5 * (rest + np.sqrt(under)))
+    added = 1e-3 * added_n * speed_mps / conditions.number("propulsive_efficiency")
+    reduced = power_kw - added
+    under = np.maximum(reduced**2 + 4.0 * power_kw * added * conditions.load_variation, 0.0)
+    return np.asarray(0.5 * (reduced + np.sqrt(under)))
 
 
-def lackenby_mps(given: Conditions, speed_mps: Floats, depth: Floats) -> Floats:
+def lackenby_mps(conditions: Conditions, speed_mps: Floats, depth: Floats) -> Floats:
     """The speed that shallow water has taken, to be added (Lackenby 1963; ISO 15016:2015)."""
-    blockage = given.number("midship_section_m2") / depth**2
+    blockage = conditions.number("midship_section_m2") / depth**2
     loss = 0.1242 * (blockage - _LEAST_BLOCKAGE) + 1.0 - np.sqrt(np.tanh(GRAVITY_MPS2 * depth / speed_mps**2))
     return np.where(blockage >= _LEAST_BLOCKAGE, speed_mps * loss, 0.0)
 
 
-def raven_kw(given: Conditions, speed_mps: Floats, power_kw: Floats, depth: Floats) -> Floats:
+def raven_kw(conditions: Conditions, speed_mps: Floats, power_kw: Floats, depth: Floats) -> Floats:
     """The power in deep water of one in shallow (Raven 2019, Ship Technology Research 66; ITTC 2021)."""
-    length = given.number("length_m")
-    efficiency, volume = given.number("propulsive_efficiency"), given.number("displacement_m3")
-    density = given.water_density_kgpm3
-    temperature = given.water_temperature_degc or REFERENCE_TEMPERATURE_DEGC
+    length = conditions.number("length_m")
+    efficiency, volume = conditions.number("propulsive_efficiency"), conditions.number("displacement_m3")
+    density = conditions.water_density_kgpm3
+    temperature = conditions.water_temperature_degc or REFERENCE_TEMPERATURE_DEGC
     friction = friction_coefficient(speed_mps, length, viscosity_m2ps(temperature, density))
-    area, form = given.number("wetted_area_m2"), given.number("form_factor")
+    area, form = conditions.number("wetted_area_m2"), conditions.number("form_factor")
     viscous_n = 0.5 * density * area * speed_mps**2 * form * friction
-    added_n = 0.57 * viscous_n * (given.number("draught_m") / depth) ** 1.79
+    added_n = 0.57 * viscous_n * (conditions.number("draught_m") / depth) ** 1.79
     sinkage_m = 1.46 * volume / length**2 * (_depth_term(speed_mps, depth) - _depth_term(speed_mps, 0.3 * length))
-    fuller = np.clip(sinkage_m * given.number("waterplane_area_m2") / volume, 0.0, _MOST_SINKAGE)
+    fuller = np.clip(sinkage_m * conditions.number("waterplane_area_m2") / volume, 0.0, _MOST_SINKAGE)
     return np.asarray(power_kw / (1.0 + fuller) ** (2.0 / 3.0) - 1e-3 * added_n * speed_mps / efficiency)
 
 
@@ -176,61 +227,41 @@ def _depth_term(speed_mps: Floats, depth_m: Floats | float) -> Floats:
     return np.asarray(square / np.sqrt(1.0 - square))
 
 
-def is_shallow(given: Conditions, depth_m: float, speed_mps: float) -> bool:
+def is_shallow(conditions: Conditions, depth_m: float, speed_mps: float) -> bool:
     """Whether depth is below 3 sqrt(B T) or 2.75 V^2 / g, where it is to be corrected for."""
-    wide = 3.0 * np.sqrt(given.number("beam_m") * given.number("draught_m"))
+    wide = 3.0 * np.sqrt(conditions.number("beam_m") * conditions.number("draught_m"))
     return bool(depth_m < max(wide, 2.75 * speed_mps**2 / GRAVITY_MPS2))
 
 
-_FOUR = 4  # runs: with fewer the mean of means leaves a part of a changing current
-_LEAST_LENGTH_M, _LEAST_SETTINGS, _LEAST_DOUBLE_RUNS = 100.0, 3, 4
-_MOST_DISPLACEMENT_SHARE = 0.02
-_WINDS_MPS = {True: 10.7, False: 13.8}  # the upper ends of Beaufort 5, for up to 100 m, and 6
-RAVEN = (
-    "form_factor", "wetted_area_m2", "waterplane_area_m2", "displacement_m3", "draught_m", "length_m",
-    "propulsive_efficiency",
-)  # fmt: skip
-_NEEDED = {
-    "wind": ("frontal_area_m2", "propulsive_efficiency"),
-    "waves": ("propulsive_efficiency",),
-    "water": ("water_temperature_degc", "wetted_area_m2", "length_m", "propulsive_efficiency"),
-    "shallow water": ("beam_m", "draught_m"),
-    "displacement": ("displacement_m3", "stated_displacement_m3"),
-}
-WAVE_METHODS = ("STAWAVE-1", "STAWAVE-2")
-_TERMS = {1: "does not change", 2: "changes evenly", 3: "changes evenly and with a part of the tide"}
-Groups = Sequence[Sequence[int]]
-
-
-def corrections_of(given: Conditions, runs: Sequence[PowerRun]) -> tuple[Correction, ...]:
-    """What is corrected for, and of what is not why."""
-    sea = sea_of(given, runs)
+def corrections_of(conditions: Conditions, runs: Sequence[PowerRun]) -> tuple[Correction, ...]:
+    """All corrections: those that apply with their method, the others with the reason."""
+    sea = sea_of(conditions, runs)
     speeds = np.array([run.speed_mps for run in runs])
     chosen = {
-        "wind": _wind(given, runs), "waves": _waves(given, runs, sea),
+        "wind": _wind_method(conditions, runs), "waves": _wave_method(conditions, runs, sea),
         "water": (True, "ITTC 1957 friction line, to 15 deg C and 1026 kg/m3"),
-        "shallow water": _shallow_water(given, float(sea.water_depth_m.min()), float(speeds.max())),
+        "shallow water": _shallow_water_method(conditions, float(sea.water_depth_m.min()), float(speeds.max())),
         "displacement": (True, "admiralty coefficient"),
     }  # fmt: skip
     return tuple(
         Correction(name, False, f"not known: {', '.join(lacking)}")
-        if (lacking := given.lacks(*_NEEDED[name]))
+        if (lacking := conditions.lacks(*_NEEDED[name]))
         else Correction(name, *method)
         for name, method in chosen.items()
     )
 
 
-def _wind(given: Conditions, runs: Sequence[PowerRun]) -> tuple[bool, str]:
+def _wind_method(conditions: Conditions, runs: Sequence[PowerRun]) -> tuple[bool, str]:
     if not all(np.isfinite(run.wind_mps) for run in runs):
         return False, "not known: the wind during the runs"
-    if not wind_resistance_of(given):
+    if not wind_resistance_of(conditions):
         return False, "not known: wind_resistance, or wind_resistance_type"
-    own = bool(given.wind_resistance)
-    kind = "those of the ship" if own else f"typical of a {(given.wind_resistance_type or '').replace('_', ' ')}"
+    kind = f"typical of a {(conditions.wind_resistance_type or '').replace('_', ' ')}"
+    kind = "those of the ship" if conditions.wind_resistance else kind
     return True, f"mean true wind of each double run, at the height of the coefficients; coefficients: {kind}"
 
 
-def _waves(given: Conditions, runs: Sequence[PowerRun], sea: RunSeas) -> tuple[bool, str]:
+def _wave_method(conditions: Conditions, runs: Sequence[PowerRun], sea: RunSeas) -> tuple[bool, str]:
     """STAWAVE-2 where what it asks for is known and within its range, else STAWAVE-1, else why neither."""
     if (sea.wave_height_m == 0.0).all():
         return False, "not needed: no waves"
@@ -240,17 +271,17 @@ def _waves(given: Conditions, runs: Sequence[PowerRun], sea: RunSeas) -> tuple[b
     heading = np.array([run.heading_deg for run in runs])
     if not from_ahead(heading, sea.wave_from_deg).any():
         return False, "refused: no run had waves within 45 deg of the bow, where STAWAVE-1 and -2 hold"
-    lacking = given.lacks(*STAWAVE_2)
+    lacking = conditions.lacks(*STAWAVE_2)
     if not np.isfinite(sea.wave_period_s).all():
         lacking.append("wave_period_s")
     speeds = [run.speed_mps for run in runs]
-    outside = list(outside_stawave2(given, min(speeds), max(speeds))) if not lacking else []
+    outside = list(outside_stawave2(conditions, min(speeds), max(speeds))) if not lacking else []
     if not lacking and not outside:
         return True, f"{WAVE_METHODS[1]}, for the runs with waves within 45 deg of the bow"
     second = f"not known: {', '.join(lacking)}" if lacking else "; ".join(outside)
-    if unknown := given.lacks(*STAWAVE_1, "length_m"):
+    if unknown := conditions.lacks(*STAWAVE_1, "length_m"):
         return False, f"not known: {', '.join(unknown)} for STAWAVE-1; STAWAVE-2: {second}"
-    limit = stawave1_limit_m(given.number("length_m"))
+    limit = stawave1_limit_m(conditions.number("length_m"))
     if (height := float(sea.wave_height_m.max())) > limit:
         return False, f"refused: waves of {height:g} m, STAWAVE-1 is for {limit:.1f} m at most; STAWAVE-2: {second}"
     return True, (
@@ -259,112 +290,102 @@ def _waves(given: Conditions, runs: Sequence[PowerRun], sea: RunSeas) -> tuple[b
     )
 
 
-def _shallow_water(given: Conditions, depth_m: float, fastest_mps: float) -> tuple[bool, str]:
+def _shallow_water_method(conditions: Conditions, depth_m: float, fastest_mps: float) -> tuple[bool, str]:
     if not np.isfinite(depth_m):
         return False, "not known: water_depth_m"
-    if not is_shallow(given, depth_m, fastest_mps):
+    if not is_shallow(conditions, depth_m, fastest_mps):
         return False, "not needed: deeper than 3 sqrt(B T) and 2.75 V^2 / g"
-    if not given.lacks(*RAVEN):
+    if not conditions.lacks(*RAVEN):
         return True, "Raven"
-    if given.midship_section_m2 is not None:
+    if conditions.midship_section_m2 is not None:
         return True, "Lackenby"
     return False, "not known: midship_section_m2, or what Raven's method asks for"
 
 
-def warnings_of(given: Conditions, runs: Sequence[PowerRun], groups: Groups, terms: int) -> tuple[str, ...]:
+def warnings_of(conditions: Conditions, runs: Sequence[PowerRun], groups: Groups, terms: int) -> tuple[str, ...]:
     """Where the standard does not apply or asks for more.
 
     ``groups`` are the places of the runs of each power setting, and so many ``terms`` of the current were found.
     """
     return (
-        *_of_ship(given, runs), *_of_runs(runs), *_of_programme(runs, groups, terms), *_of_sea(given, runs),
+        *_ship_warnings(conditions, runs), *_run_warnings(runs), *_programme_warnings(runs, groups, terms),
+        *_sea_warnings(conditions, runs),
     )  # fmt: skip
 
 
-def _of_ship(given: Conditions, runs: Sequence[PowerRun]) -> Iterator[str]:
-    if not given.number("length_m") >= _LEAST_LENGTH_M:
-        long = "of unknown length" if given.length_m is None else f"{given.length_m:g} m long"
+def _ship_warnings(conditions: Conditions, runs: Sequence[PowerRun]) -> Iterator[str]:
+    if not conditions.number("length_m") >= _LEAST_LENGTH_M:
+        long = "of unknown length" if conditions.length_m is None else f"{conditions.length_m:g} m long"
         yield f"the ship is {long}: the standard's methods rest on ships of {_LEAST_LENGTH_M:.0f} m and more"
-    if missing := given.lacks("draught_m", "displacement_m3"):
+    if missing := conditions.lacks("draught_m", "displacement_m3"):
         yield f"the loading is not known ({', '.join(missing)}): the result is for the loading of the trial"
-    if given.water_depth_m is None and not all(np.isfinite(run.water_depth_m) for run in runs):
+    if conditions.water_depth_m is None and not all(np.isfinite(run.water_depth_m) for run in runs):
         yield "the depth of the water is not known: it is taken to be deep"
-    off = abs(given.number("displacement_m3") / given.number("stated_displacement_m3") - 1.0)
-    if off > _MOST_DISPLACEMENT_SHARE:
-        yield f"the displacement differs by {off:.1%}: the admiralty coefficient is for 2 % at most"
+    deviation = abs(conditions.number("displacement_m3") / conditions.number("stated_displacement_m3") - 1.0)
+    if deviation > _MOST_DISPLACEMENT_SHARE:
+        yield f"the displacement differs by {deviation:.1%}: the admiralty coefficient is for 2 % at most"
 
 
-def _of_runs(runs: Sequence[PowerRun]) -> Iterator[str]:
-    if short := sum(each.minutes < 0.99 * RUN_MINUTES for each in runs):
-        least = min(each.minutes for each in runs)
+def _run_warnings(runs: Sequence[PowerRun]) -> Iterator[str]:
+    if short := sum(run.minutes < 0.99 * RUN_MINUTES for run in runs):
+        least = min(run.minutes for run in runs)
         yield f"{short} of {len(runs)} runs are shorter than {RUN_MINUTES:.0f} min, the shortest {least:.1f} min"
-    if hasty := sum(each.approach_minutes < RUN_MINUTES for each in runs):
-        least = min(each.approach_minutes for each in runs)
+    if hasty := sum(run.approach_minutes < RUN_MINUTES for run in runs):
+        least = min(run.approach_minutes for run in runs)
         yield (
             f"before {hasty} of {len(runs)} runs the ship was steady for less than {RUN_MINUTES:.0f} min, once for "
             f"{least:.1f} min: whether it had reached its speed is not known"
         )
-    off = np.deg2rad([each.heading_deg - runs[0].heading_deg for each in runs])
-    if (across := float(np.rad2deg(np.arcsin(np.abs(np.sin(off)).max())))) > RECIPROCAL_DEG:
+    course_changes = np.deg2rad([run.heading_deg - runs[0].heading_deg for run in runs])
+    if (across := float(np.rad2deg(np.arcsin(np.abs(np.sin(course_changes)).max())))) > RECIPROCAL_DEG:
         yield f"courses differ by up to {across:.0f} deg: only the current along the first is removed"
 
 
-def _of_programme(runs: Sequence[PowerRun], groups: Groups, terms: int) -> Iterator[str]:
-    pairs = max(each.double_run for each in runs)
+def _programme_warnings(runs: Sequence[PowerRun], groups: Groups, terms: int) -> Iterator[str]:
+    pairs = max(run.double_run for run in runs)
     if len(groups) < _LEAST_SETTINGS or pairs < _LEAST_DOUBLE_RUNS:
         yield (
             f"{number_text(pairs, 'double run')} at {number_text(len(groups), 'power setting')}: the standard asks "
             f"for {_LEAST_DOUBLE_RUNS} at {_LEAST_SETTINGS}"
         )
-    if course := _TERMS.get(terms):
+    if course := _TERM_WORDS.get(terms):
         yield f"{len(runs)} runs are too few for a tide: the iterative method takes it that the current {course}"
-    if single := sum(len(group) < _FOUR for group in groups):
+    if single := sum(len(group) < _TWO_DOUBLE_RUNS for group in groups):
         yield (
             f"{number_text(single, 'power setting')} without two double runs: there the mean of means removes a "
             "steady current only"
         )
 
 
-def _of_sea(given: Conditions, runs: Sequence[PowerRun]) -> Iterator[str]:
-    length, fastest = given.length_m or _LEAST_LENGTH_M, max(each.speed_mps for each in runs)
-    wind, most = max(each.wind_mps for each in runs), _WINDS_MPS[length <= _LEAST_LENGTH_M]
+def _sea_warnings(conditions: Conditions, runs: Sequence[PowerRun]) -> Iterator[str]:
+    length, fastest = conditions.length_m or _LEAST_LENGTH_M, max(run.speed_mps for run in runs)
+    wind, most = max(run.wind_mps for run in runs), _WINDS_MPS[length <= _LEAST_LENGTH_M]
     if wind > most:
         yield f"the wind was up to {wind:.1f} m/s, more than the {most:g} m/s of the standard"
-    sea = sea_of(given, runs)
+    sea = sea_of(conditions, runs)
     if (highest := float(np.fmax.reduce(sea.wave_height_m))) > stawave1_limit_m(length):
         yield f"waves of {highest:g} m are higher than 2.25 sqrt(L / 100 m), the limit of the standard"
-    wide = 2.0 * np.sqrt(given.number("beam_m") * given.number("draught_m"))
+    wide = 2.0 * np.sqrt(conditions.number("beam_m") * conditions.number("draught_m"))
     least = float(np.fmax(wide, 2.0 * fastest**2 / GRAVITY_MPS2))
     if (depth := float(np.fmin.reduce(sea.water_depth_m))) < least:
         yield f"{depth:g} m of water are less than the {least:.0f} m that the standard allows"
 
 
-GRAVITY_MPS2 = 9.80665
-BOW_DEG = 45.0
-_GYRADIUS_SHARE = 0.25  # of the length: the pitch of a ship whose radius of gyration is not known
-_FREQUENCIES = 200
-_LOWEST_SHARE, _HIGHEST_SHARE = 0.65, 5.9  # of the peak's frequency: between them lies 99.8 % of the energy
-STAWAVE_1 = ("beam_m", "bow_length_m")
-STAWAVE_2 = ("length_m", "beam_m", "draught_m", "displacement_m3")
-_RANGES = {
-    "L_PP": (75.0, 350.0), "L_PP / B": (4.0, 9.0), "B / T": (2.2, 5.5), "Fr": (0.10, 0.30), "C_B": (0.50, 0.90),
-}  # fmt: skip
-"""Where STAWAVE-2 may be used: ITTC 7.5-04-01-01.2 (2014)."""
-
-
 def from_ahead(heading_deg: Floats, wave_from_deg: Floats) -> Bools:
     """The runs with waves from up to 45 deg off the bow."""
-    off = (wave_from_deg - heading_deg + 180.0) % 360.0 - 180.0
-    return np.asarray(np.abs(off) <= BOW_DEG)
+    off_bow_deg = (wave_from_deg - heading_deg + 180.0) % 360.0 - 180.0
+    return np.asarray(np.abs(off_bow_deg) <= BOW_DEG)
 
 
-def stawave1_n(given: Conditions, height_m: Floats) -> Floats:
+def stawave1_n(conditions: Conditions, height_m: Floats) -> Floats:
     """R_AWL = rho g H^2 B sqrt(B / L_BWL) / 16 [N] of head waves of a significant height [m]."""
-    beam, bow = given.number("beam_m"), given.number("bow_length_m")
-    return np.asarray(given.water_density_kgpm3 * GRAVITY_MPS2 * height_m**2 * beam * np.sqrt(beam / bow) / 16.0)
+    beam, bow = conditions.number("beam_m"), conditions.number("bow_length_m")
+    return np.asarray(
+        conditions.water_density_kgpm3 * GRAVITY_MPS2 * height_m**2 * beam * np.sqrt(beam / bow) / 16.0
+    )
 
 
-def stawave2_n(given: Conditions, height_m: Floats, period_s: Floats, speed_mps: Floats) -> Floats:
+def stawave2_n(conditions: Conditions, height_m: Floats, period_s: Floats, speed_mps: Floats) -> Floats:
     """R_AWL [N] of head waves of a significant height [m] and mean period T01 [s], at speeds through the water.
 
     The response in regular waves, times twice the spectrum of ITTC 1978, 173 H^2 / (T^4 w^5) exp(-691 / (T^4 w^4)).
@@ -374,18 +395,16 @@ def stawave2_n(given: Conditions, height_m: Floats, period_s: Floats, speed_mps:
     omega = peak[:, np.newaxis] * share
     fourth = (period_s**4)[:, np.newaxis]
     spectrum = 173.0 * (height_m**2)[:, np.newaxis] / fourth / omega**5 * np.exp(-691.0 / fourth / omega**4)
-    response = regular_waves_n(given, omega, speed_mps[:, np.newaxis])
+    response = regular_waves_n(conditions, omega, speed_mps[:, np.newaxis])
     return np.asarray(2.0 * np.trapezoid(response * spectrum, omega, axis=1))
 
 
-def regular_waves_n(given: Conditions, omega: Floats, speed_mps: Floats) -> Floats:
+def regular_waves_n(conditions: Conditions, omega: Floats, speed_mps: Floats) -> Floats:
     """R_AW / zeta_A^2 [N/m^2] of STAWAVE-2 in regular head waves of a frequency [rad/s]: motion and reflection."""
-    from scipy.special import i1e, k1e
-
-    L, B, T = (given.number(name) for name in STAWAVE_2[:3])
-    C_B = given.number("displacement_m3") / (L * B * T)
-    k_yy = (given.pitch_gyradius_m or _GYRADIUS_SHARE * L) / L
-    rho_g = given.water_density_kgpm3 * GRAVITY_MPS2
+    L, B, T = (conditions.number(name) for name in STAWAVE_2[:3])
+    C_B = conditions.number("displacement_m3") / (L * B * T)
+    k_yy = (conditions.pitch_gyradius_m or _GYRADIUS_SHARE * L) / L
+    rho_g = conditions.water_density_kgpm3 * GRAVITY_MPS2
     Fr = speed_mps / np.sqrt(GRAVITY_MPS2 * L)
     ratio = np.sqrt(L / GRAVITY_MPS2) * np.cbrt(k_yy) / (1.17 * Fr**-0.143) * omega
     a = 60.3 * C_B**1.34
@@ -404,13 +423,13 @@ def stawave1_limit_m(length_m: float) -> float:
     return float(2.25 * np.sqrt(length_m / 100.0))
 
 
-def outside_stawave2(given: Conditions, slowest_mps: float, fastest_mps: float) -> Iterator[str]:
+def outside_stawave2(conditions: Conditions, slowest_mps: float, fastest_mps: float) -> Iterator[str]:
     """Where a ship at speeds through the water lies outside the range of STAWAVE-2."""
-    L, B, T = (given.number(name) for name in STAWAVE_2[:3])
+    L, B, T = (conditions.number(name) for name in STAWAVE_2[:3])
     froude = [speed / np.sqrt(GRAVITY_MPS2 * L) for speed in (slowest_mps, fastest_mps)]
     values = {
         "L_PP": [L], "L_PP / B": [L / B], "B / T": [B / T], "Fr": froude,
-        "C_B": [given.number("displacement_m3") / (L * B * T)],
+        "C_B": [conditions.number("displacement_m3") / (L * B * T)],
     }  # fmt: skip
     for name, (low, high) in _RANGES.items():
         for value in values[name]:
@@ -419,36 +438,11 @@ def outside_stawave2(given: Conditions, slowest_mps: float, fastest_mps: float) 
                 break
 
 
-TYPICAL_WIND_RESISTANCE: dict[WindType, tuple[float, ...]] = {
-    "tanker_loaded": (
-        0.96, 0.93, 0.85, 0.73, 0.62, 0.47, 0.34, 0.17, 0.06, -0.05,
-        -0.14, -0.22, -0.29, -0.40, -0.53, -0.66, -0.75, -0.79, -0.77,
-    ),
-    "tanker_ballast": (
-        0.86, 0.76, 0.62, 0.45, 0.32, 0.21, 0.13, 0.06, 0.04, -0.02,
-        -0.08, -0.19, -0.29, -0.38, -0.47, -0.56, -0.61, -0.66, -0.63,
-    ),
-    "gas_carrier_prismatic": (
-        1.02, 0.99, 0.93, 0.83, 0.67, 0.48, 0.30, 0.14, 0.03, -0.05,
-        -0.11, -0.24, -0.41, -0.56, -0.68, -0.79, -0.88, -0.92, -0.91,
-    ),
-    "container_loaded": (
-        1.01, 1.11, 1.11, 0.95, 0.74, 0.46, 0.13, -0.28, -0.77, -1.09, -1.18, -1.19, -0.94,
-    ),
-    "general_cargo": (
-        0.60, 0.87, 1.00, 1.00, 0.88, 0.85, 0.65, 0.42, 0.27, 0.09,
-        -0.09, -0.49, -0.84, -1.15, -1.39, -1.47, -1.34, -0.92, -0.82,
-    ),
-}  # fmt: skip
-"""C_AA at equal steps from 0 to 180 deg off the bow: a tanker of 280,000 dwt with a conventional bow, a gas carrier
-with integrated prismatic tanks, a container ship of 6800 TEU with containers, a general cargo ship."""
-
-
-def wind_resistance_of(given: Conditions) -> tuple[float, ...]:
+def wind_resistance_of(conditions: Conditions) -> tuple[float, ...]:
     """C_AA of a ship at equal steps from 0 to 180 deg off the bow: its own, else those typical of its kind."""
-    if given.wind_resistance or given.wind_resistance_type is None:
-        return given.wind_resistance
-    return TYPICAL_WIND_RESISTANCE[given.wind_resistance_type]
+    if conditions.wind_resistance or conditions.wind_resistance_type is None:
+        return conditions.wind_resistance
+    return TYPICAL_WIND_RESISTANCE[conditions.wind_resistance_type]
 
 
 def read_wind_resistance(path: Path | str) -> tuple[float, ...]:

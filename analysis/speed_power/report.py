@@ -1,4 +1,4 @@
-"""Speed and power for people: tables for the terminal, a picture, and files."""
+"""Speed and power as text: tables for the terminal, a picture, and files."""
 
 from __future__ import annotations
 
@@ -8,27 +8,29 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
+from rich.console import Group
+from rich.text import Text
 
 from seatrial.acquisition.core.files import write_text, written_together
 from seatrial.acquisition.core.quantities import KNOT_MPS
 from seatrial.acquisition.core.result import to_json
 from seatrial.analysis.report.tables import left_out_line
 from seatrial.analysis.speed_power.analysis import SpeedAtPower, SpeedPower
-from seatrial.analysis.speed_power.runs import PowerRun
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-    from rich.console import Group
+    from rich.table import Table
 
 RUN_TITLES = ("pair", "start", "min", "heading", "ground", "power", "wind", "current", "water", "ideal")
 """What the columns of :func:`run_rows` are called."""
 SETTING_TITLES = ("power", "runs", "iterative", "95 % interval", "mean of means", "95 % interval")
 CORRECTION_TITLES = ("correction", "power", "speed", "method, or why not")
 UNCERTAINTY_TITLES = ("source of uncertainty", "95 % alone")
+_WHOLE_KW = 100.0
 
 
 def as_dict(result: SpeedPower, asked: Sequence[SpeedAtPower] = ()) -> dict[str, Any]:
-    """The result as JSON has it; ``asked`` are speeds at powers that somebody wants to know."""
+    """The result as JSON has it; ``asked`` are speeds at powers that a user asked for."""
     return {**to_json(result), "asked": to_json(list(asked))}
 
 
@@ -50,8 +52,12 @@ def sentence(result: SpeedPower) -> str:
 
 def corrected_words(result: SpeedPower) -> str:
     """What the speeds are corrected for, and what not as too little is known."""
-    done = ", ".join(["current", *(each.name for each in result.corrections if each.applied)])
-    lacking = [each.name for each in result.corrections if each.method.startswith(("not known", "refused"))]
+    done = ", ".join(["current", *(correction.name for correction in result.corrections if correction.applied)])
+    lacking = [
+        correction.name
+        for correction in result.corrections
+        if correction.method.startswith(("not known", "refused"))
+    ]
     return f"Corrected for {done}" + (f"; not for {', '.join(lacking)}." if lacking else ".")
 
 
@@ -62,21 +68,18 @@ def run_rows(result: SpeedPower) -> list[list[str]]:
     """
     return [
         [
-            f"{each.run.double_run}", f"{each.run.start:%H:%M:%S}", f"{each.run.minutes:.1f}",
-            f"{each.run.heading_deg:.0f} deg", _speed_text(each.run.speed_mps), power_text(each.run.power_kw),
-            _wind_text(each.run), f"{each.current_mps / KNOT_MPS:+.2f} kn",
-            _speed_text(each.speed_mps), power_text(each.power_kw),
+            f"{run.double_run}", f"{run.start:%H:%M:%S}", f"{run.minutes:.1f}",
+            f"{run.heading_deg:.0f} deg", _speed_text(run.speed_mps), power_text(run.power_kw),
+            f"{run.wind_mps:.1f} m/s, {run.wind_from_deg:.0f} deg" if np.isfinite(run.wind_mps) else "",
+            f"{corrected.current_mps / KNOT_MPS:+.2f} kn",
+            _speed_text(corrected.speed_mps), power_text(corrected.power_kw),
         ]
-        for each in result.runs
+        for corrected in result.runs for run in (corrected.run,)
     ]  # fmt: skip
 
 
-def _wind_text(run: PowerRun) -> str:
-    return f"{run.wind_mps:.1f} m/s, {run.wind_from_deg:.0f} deg" if np.isfinite(run.wind_mps) else ""
-
-
 def power_text(power_kw: float, signed: bool = False) -> str:
-    """A power in digits that people read: 10,320 kW, 85.3 kW of a boat, 0.0374 kW of a model.
+    """A power with a sensible number of digits: 10,320 kW, 85.3 kW of a boat, 0.0374 kW of a model.
 
     >>> power_text(10323.4), power_text(85.26), power_text(-120.4, signed=True), power_text(0.03741)
     ('10,323 kW', '85.3 kW', '-120 kW', '0.0374 kW')
@@ -85,19 +88,16 @@ def power_text(power_kw: float, signed: bool = False) -> str:
     return f"{power_kw:{'+' if signed else ''}{digits}} kW"
 
 
-_WHOLE_KW = 100.0
-
-
 def _speed_text(speed_mps: float) -> str:
     return f"{speed_mps / KNOT_MPS:.2f} kn"
 
 
 def setting_rows(result: SpeedPower) -> list[list[str]]:
-    """One row a power setting, with :data:`SETTING_TITLES`: both methods beside each other."""
+    """One row a power setting, with :data:`SETTING_TITLES`: by both methods."""
     return [
-        [power_text(each.iterative.power_kw), f"{each.runs}", *speed_text(each.iterative),
-         *speed_text(each.mean_of_means)]
-        for each in result.settings
+        [power_text(setting.iterative.power_kw), f"{setting.runs}", *speed_text(setting.iterative),
+         *speed_text(setting.mean_of_means)]
+        for setting in result.settings
     ]  # fmt: skip
 
 
@@ -105,33 +105,33 @@ def correction_rows(result: SpeedPower) -> list[list[str]]:
     """One row a correction, with :data:`CORRECTION_TITLES`: its size at the highest setting, method or why not."""
     return [
         [
-            each.name,
-            power_text(each.power_kw, signed=True) if each.applied else "none",
-            f"{each.speed_mps / KNOT_MPS:+.2f} kn" if each.applied else "none",
-            each.method,
+            correction.name,
+            power_text(correction.power_kw, signed=True) if correction.applied else "none",
+            f"{correction.speed_mps / KNOT_MPS:+.2f} kn" if correction.applied else "none",
+            correction.method,
         ]
-        for each in result.corrections
+        for correction in result.corrections
     ]
 
 
 def uncertainty_rows(result: SpeedPower) -> list[list[str]]:
     """One row a source of uncertainty at the highest setting, the largest first: :data:`UNCERTAINTY_TITLES`."""
-    return [[each.name, f"\N{PLUS-MINUS SIGN}{each.half_mps / KNOT_MPS:.3f} kn"] for each in result.uncertainties]
+    return [
+        [source.name, f"\N{PLUS-MINUS SIGN}{source.half_mps / KNOT_MPS:.3f} kn"] for source in result.uncertainties
+    ]
 
 
 def view(result: SpeedPower) -> Group:
     """Power settings, runs, corrections, sources of uncertainty, warnings and what was left out."""
-    from rich.console import Group
     from rich.table import Table
-    from rich.text import Text
 
     def table(header: tuple[str, ...], rows: list[list[str]], justify: Literal["left", "right"] = "right") -> Table:
-        made = Table(box=None, header_style="dim", padding=(0, 2, 0, 0))
+        grid = Table(box=None, header_style="dim", padding=(0, 2, 0, 0))
         for title in header:
-            made.add_column(title, justify=justify)
+            grid.add_column(title, justify=justify)
         for row in rows:
-            made.add_row(*map(Text, row))
-        return made
+            grid.add_row(*map(Text, row))
+        return grid
 
     curve = result.curve
     return Group(
@@ -146,8 +146,8 @@ def view(result: SpeedPower) -> Group:
         Text(""),
         *(table(UNCERTAINTY_TITLES, rows, "left") for rows in (uncertainty_rows(result),) if rows),
         Text(""),
-        *(Text(f"note: {each}", style="yellow") for each in result.warnings),
-        *(Text(left_out_line(each), style="dim") for each in result.left_out),
+        *(Text(f"note: {warning}", style="yellow") for warning in result.warnings),
+        *(Text(left_out_line(candidate), style="dim") for candidate in result.left_out),
     )  # fmt: skip
 
 
@@ -156,14 +156,14 @@ def draw(figure: Figure, result: SpeedPower) -> None:
     from seatrial.analysis.report.plots import FAINT, PALETTE
 
     axes = figure.subplots()
-    powers = [each.power_kw for each in result.band]
-    speeds, low, high = (np.array([getattr(each, name) for each in result.band]) / KNOT_MPS
+    powers = [point.power_kw for point in result.band]
+    speeds, low, high = (np.array([getattr(point, name) for point in result.band]) / KNOT_MPS
                          for name in ("speed_mps", "low_mps", "high_mps"))  # fmt: skip
     if not result.no_interval:
         axes.fill_betweenx(powers, low, high, color=PALETTE[0], alpha=0.25, linewidth=0.0, label="95 % interval")
     axes.plot(speeds, powers, color=PALETTE[0], label="iterative method")
-    points = np.array([[(each.run.speed_mps, each.speed_mps), (each.run.power_kw, each.power_kw)]
-                       for each in result.runs])  # fmt: skip
+    points = np.array([[(pair.run.speed_mps, pair.speed_mps), (pair.run.power_kw, pair.power_kw)]
+                       for pair in result.runs])  # fmt: skip
     knots, kilowatts = points[:, 0].T / KNOT_MPS, points[:, 1].T
     axes.plot(knots, kilowatts, color=FAINT, linewidth=0.8)
     axes.plot(knots[0], kilowatts[0], "o", color=FAINT, markersize=5, label="runs, speed over ground")

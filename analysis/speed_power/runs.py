@@ -1,10 +1,9 @@
-"""Speed runs with power: found in recordings, measured, and put together in double runs and power settings.
+"""Speed runs with power, from recordings or from tables of run averages, as double runs and power settings.
 
-Tables of run averages, one row a run, as yards keep them: read into runs and conditions.
-
-Columns are found by what they are called, whatever their order; units stand in the names, as ``Speed over ground
-[kn]`` or ``speed_over_ground_kn``, or in the row below them. A table must have the start and the duration (or the
-end) of each run, heading, speed over ground, and power or torque with the shaft speed.
+A table of run averages has one row a run, as yards keep them. Its columns are identified by their names, in any
+order; units are part of the names, as ``Speed over ground [kn]`` or ``speed_over_ground_kn``, or in the row below
+them. It must have the start and the duration (or the end) of each run, heading, speed over ground, and power or
+torque with the shaft speed.
 """
 
 from __future__ import annotations
@@ -25,7 +24,7 @@ from seatrial.acquisition.core.quantities import Floats, Linear, conversion_to
 from seatrial.acquisition.core.result import Number
 from seatrial.acquisition.core.ship import POSE_AND_VELOCITY, RUDDER, circular_mean, wrap_360
 from seatrial.acquisition.tables.column_names import split_header
-from seatrial.acquisition.tables.table_files import RawTable, read_raw
+from seatrial.acquisition.tables.table_files import read_raw
 from seatrial.acquisition.tables.time_columns import as_clock, as_date
 from seatrial.analysis.manoeuvres.find import marks_of
 from seatrial.analysis.manoeuvres.indices import LeftOut
@@ -49,6 +48,14 @@ ERROR_FREEDOM = _BLOCKS - 2
 RUN_MINUTES = 10.0
 """The least that ISO 15016:2015 asks of a run."""
 _FEWEST_SAMPLES = 3  # of the power, in each block
+TABLE_SUFFIXES = (".csv", ".tsv", ".xlsx", ".xls", ".xlsm", ".ods")
+_MOST_RUNS = 200
+_NO_DATE = "2000-01-01"  # of runs whose table has times of day alone: only the time between them counts
+_SIDES = ("port", "starboard", "centre", "center")
+_TRUE_WIND, _RELATIVE_WIND = ("wind_speed", "wind_direction"), ("relative_wind_speed", "relative_wind_direction")
+_PLAIN_UNITS = {"deg": "deg", "rpm": "rpm", "degC": "degC"}
+"""The units that a column without one can only be in."""
+_SUMMED = ("power", "torque", "shaft_speed")
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,14 +96,14 @@ def power_columns(table: pd.DataFrame) -> dict[str, tuple[str, str]]:
     A column without a shaft's name is the whole ship's and counts alone. Power goes before torque.
     """
     measured = {name for name in map(str, table.columns) if table[name].notna().any()}
-    drives = [each.channels[0].name for each in table_actuators(table) if each.drives]
+    drives = [actuator.channels[0].name for actuator in table_actuators(table) if actuator.drives]
     shafts: dict[str, tuple[str, str]] = {}
-    for name in sorted(measured, key=lambda each: "torque" in each):
+    for name in sorted(measured, key=lambda column: "torque" in column):
         if not (match := _POWER.fullmatch(name)):
             continue
         shaft = match["shaft"] or ""
         speeds = [f"{shaft}_rpm", f"{shaft}_shaft_rpm", "shaft_rpm", *(drives if len(drives) == 1 else ())]
-        speed = next((each for each in speeds if each in measured), "")
+        speed = next((column for column in speeds if column in measured), "")
         if match["what"] == "power" or speed:
             shafts.setdefault(shaft, (name, "" if match["what"] == "power" else speed))
     return {"": shafts[""]} if "" in shafts else shafts
@@ -125,9 +132,10 @@ def power_runs(table: pd.DataFrame, events: Iterable[tuple[int, str]] = ()) -> t
             fix="record or import shaft_power_kw, or shaft_torque_knm with the"
             " shaft's rpm; `engine_room` in trials/packs has both",
         )  # fmt: skip
-    motion = motion_of(_without_controls(table))
-    power = np.sum([_power_kw(motion, table, *each) for each in columns.values()], axis=0)
-    setting = _setting(motion, table, power)
+    poses = table[[name for name in POSE_AND_VELOCITY if name in table]]
+    poses.attrs = {name: value for name, value in table.attrs.items() if name != "actuators"}
+    motion = motion_of(poses.assign(**{RUDDER: 0.0}))  # any helm: runs are straight by the heading
+    power, setting = _power_and_setting(motion, table, columns)
     motion = replace(motion, drives={"setting": setting}, thrust=np.sign(setting) * setting**2)
     smooth = smooth_motion(motion, max(WIDEST_S, 3 * motion.step_s))
     runs, left_out = list[PowerRun](), list[LeftOut]()
@@ -140,15 +148,8 @@ def power_runs(table: pd.DataFrame, events: Iterable[tuple[int, str]] = ()) -> t
         if why:
             left_out.append(LeftOut("speed_run", start, stop, why))
         else:
-            runs.append(_run(motion, part, power, begun, first, end))
+            runs.append(_measure_run(motion, part, power, begun, first, end))
     return runs, left_out
-
-
-def _without_controls(table: pd.DataFrame) -> pd.DataFrame:
-    """Pose and velocity alone, with a helm that says nothing: runs are straight by the heading."""
-    motion = table[[name for name in POSE_AND_VELOCITY if name in table]]
-    motion.attrs = {name: value for name, value in table.attrs.items() if name != "actuators"}
-    return motion.assign(**{RUDDER: 0.0})
 
 
 def _on_grid(motion: Motion, table: pd.DataFrame, name: str) -> Floats:
@@ -157,19 +158,21 @@ def _on_grid(motion: Motion, table: pd.DataFrame, name: str) -> Floats:
     return np.asarray(np.interp(motion.time_s, seconds, samples.to_numpy(dtype=float)))
 
 
-def _power_kw(motion: Motion, table: pd.DataFrame, name: str, speed: str) -> Floats:
-    """A column of power, or of torque with that of the speed of its shaft [rpm]."""
-    turning = _on_grid(motion, table, speed) * np.pi / 30.0 if speed else 1.0
-    return _on_grid(motion, table, name) * _TO_KILO[name.rpartition("_")[2]] * turning
-
-
-def _setting(motion: Motion, table: pd.DataFrame, power: Floats) -> Floats:
-    """The mean shaft speed of the drives that were recorded [rpm]; without one the cube root of the power."""
-    names = [each.channels[0].name for each in table_actuators(table) if each.drives]
-    known = [name for name in names if name in table and table[name].notna().any()]
-    if known:
-        return np.asarray(np.mean([_on_grid(motion, table, name) for name in known], axis=0))
-    return np.asarray(np.cbrt(power))
+def _power_and_setting(
+    motion: Motion, table: pd.DataFrame, columns: Mapping[str, tuple[str, str]]
+) -> tuple[Floats, Floats]:
+    """The power at all shafts [kW], and the mean shaft speed of the drives that were recorded [rpm]; without one
+    the cube root of the power."""
+    powers = []
+    for name, speed in columns.values():  # of power, or of torque with that of the speed of its shaft [rpm]
+        turning = _on_grid(motion, table, speed) * np.pi / 30.0 if speed else 1.0
+        powers.append(_on_grid(motion, table, name) * _TO_KILO[name.rpartition("_")[2]] * turning)
+    power = np.sum(powers, axis=0)
+    names = [actuator.channels[0].name for actuator in table_actuators(table) if actuator.drives]
+    recorded = [name for name in names if name in table and table[name].notna().any()]
+    if not recorded:
+        return power, np.asarray(np.cbrt(power))
+    return power, np.asarray(np.mean([_on_grid(motion, table, name) for name in recorded], axis=0))
 
 
 def _rows_of_runs(motion: Motion, smooth: Motion, events: Iterable[tuple[int, str]]) -> list[tuple[int, int, int]]:
@@ -180,7 +183,7 @@ def _rows_of_runs(motion: Motion, smooth: Motion, events: Iterable[tuple[int, st
     """
     free = np.ones(motion.time_s.size, dtype=bool)
     stretches = straight_stretches(motion, smooth, free, bridge_s=LEAST_RUN_S)
-    marks = [each for each in marks_of(events) if re.search(r"\brun\b", each.text, re.I)]
+    marks = [mark for mark in marks_of(events) if re.search(r"\brun\b", mark.text, re.I)]
     if not marks:
         rows = round(60.0 * RUN_MINUTES / motion.step_s) + 1
         return [(first, max(first, end - rows), end) for first, end in stretches]
@@ -189,69 +192,59 @@ def _rows_of_runs(motion: Motion, smooth: Motion, events: Iterable[tuple[int, st
     inside = [
         (first, max(first, int(start)), min(end, int(stop))) for first, end in stretches for start, stop in spans
     ]
-    return [each for each in inside if (each[2] - each[1]) * motion.step_s >= LEAST_RUN_S]
+    return [span for span in inside if (span[2] - span[1]) * motion.step_s >= LEAST_RUN_S]
 
 
-def _along(motion: Motion, edges: Floats) -> Floats:
+def _speed_along(motion: Motion, edges: Floats) -> Floats:
     """The speed made good along the mean heading between rows [m/s]."""
     heading = np.deg2rad(float(circular_mean(motion.heading_deg[edges[0] : edges[-1] + 1])))
     north, east, time_s = (np.diff(column[edges]) for column in (motion.north_m, motion.east_m, motion.time_s))
     return np.asarray((north * np.cos(heading) + east * np.sin(heading)) / time_s)
 
 
-def _run(motion: Motion, part: pd.DataFrame, power: Floats, begun: int, first: int, end: int) -> PowerRun:
+def _measure_run(motion: Motion, part: pd.DataFrame, power: Floats, begun: int, first: int, end: int) -> PowerRun:
+    """The run of rows ``first`` to ``end``, of a stretch that began at ``begun``, with its samples ``part``."""
     edges = np.linspace(first, end - 1, _BLOCKS + 1).astype(int)
-    speeds = _along(motion, edges)
+    speeds = _speed_along(motion, edges)
     powers = np.array([power[a:b].mean() for a, b in pairwise(edges)])
+    wind, air = complex("nan+nanj"), part.reindex(columns=["wind_direction_deg", "wind_speed_mps"])
+    if (samples := air.ffill().dropna().to_numpy(dtype=float)).size:
+        wind = np.mean(samples[:, 1] * np.exp(1j * np.deg2rad(samples[:, 0])))  # as a vector, where it comes from
     return PowerRun(
         motion.utc(motion.time_s[first]), motion.utc(motion.time_s[end - 1]),
         float(wrap_360(circular_mean(motion.heading_deg[first:end]))),
-        float(_along(motion, edges[[0, -1]])[0]), _error(speeds), float(powers.mean()), _error(powers),
-        float(motion.main_rpm[first:end].mean()), *_wind(part),
+        float(_speed_along(motion, edges[[0, -1]])[0]), _standard_error(speeds),
+        float(powers.mean()), _standard_error(powers), float(motion.main_rpm[first:end].mean()),
+        float(np.rad2deg(np.angle(wind)) % 360.0), float(abs(wind)),
         float(motion.time_s[first] - motion.time_s[begun]) / 60.0,
     )  # fmt: skip
 
 
-def _error(blocks: Floats) -> float:
+def _standard_error(blocks: Floats) -> float:
     """The standard error of a mean from the means of blocks, an even drift taken out: a current makes one."""
     rows = np.arange(blocks.size)
-    rest = blocks - np.polyval(np.polyfit(rows, blocks, 1), rows)
-    return float(np.sqrt(rest @ rest / ERROR_FREEDOM / blocks.size))
-
-
-def _wind(part: pd.DataFrame) -> tuple[float, float]:
-    """Where the mean true wind comes from [deg] and its speed [m/s], as a vector; NaN where there is none."""
-    both = part.reindex(columns=["wind_direction_deg", "wind_speed_mps"]).ffill().dropna().to_numpy(dtype=float)
-    if not both.size:
-        return float("nan"), float("nan")
-    vector = np.mean(both[:, 1] * np.exp(1j * np.deg2rad(both[:, 0])))
-    return float(np.rad2deg(np.angle(vector)) % 360.0), float(abs(vector))
+    residual = blocks - np.polyval(np.polyfit(rows, blocks, 1), rows)
+    return float(np.sqrt(residual @ residual / ERROR_FREEDOM / blocks.size))
 
 
 def double_runs(runs: Iterable[PowerRun]) -> tuple[list[PowerRun], list[LeftOut]]:
     """The runs that make :func:`reciprocal_pairs`, numbered by pairs; of the others the current is not known."""
-    ordered = sorted(runs, key=lambda each: each.start)
-    pairs = reciprocal_pairs([Course(each.start, each.end, each.heading_deg, each.setting) for each in ordered])
+    ordered = sorted(runs, key=lambda run: run.start)
+    pairs = reciprocal_pairs([Course(run.start, run.end, run.heading_deg, run.setting) for run in ordered])
     number = {place: count for count, pair in enumerate(pairs, start=1) for place in pair}
-    alone = "no run on the reciprocal course at this power within two hours"
-    left_out = [LeftOut("speed_run", each.start, each.end, alone)
-                for place, each in enumerate(ordered) if place not in number]  # fmt: skip
+    reason = "no run on the reciprocal course at this power within two hours"
+    left_out = [LeftOut("speed_run", run.start, run.end, reason)
+                for place, run in enumerate(ordered) if place not in number]  # fmt: skip
     return [replace(ordered[place], double_run=number[place]) for place in sorted(number)], left_out
 
 
 def settings_of(runs: Sequence[PowerRun]) -> list[list[int]]:
     """The places of the runs of each power setting, in order of the setting."""
     groups: list[list[int]] = []
-    for place in sorted(range(len(runs)), key=lambda each: runs[each].setting):
+    for place in sorted(range(len(runs)), key=lambda number: runs[number].setting):
         near = groups and is_same_setting(runs[groups[-1][0]].setting, runs[place].setting)
         groups[-1:] = [[*groups[-1], place]] if near else [*groups[-1:], [place]]
     return [sorted(group) for group in groups]
-
-
-TABLE_SUFFIXES = (".csv", ".tsv", ".xlsx", ".xls", ".xlsm", ".ods")
-_MOST_RUNS = 200
-_NO_DATE = "2000-01-01"  # of runs whose table has times of day alone: only the time between them counts
-_SIDES = ("port", "starboard", "centre", "center")
 
 
 @dataclass(frozen=True, slots=True)
@@ -296,16 +289,12 @@ _QUANTITIES = {
     "draught_aft": _Quantity(("draught aft", "draft aft"), "m", 0.1, 40.0),
     "draught": _Quantity(("draught", "draft", "mean draught", "mean draft"), "m", 0.1, 40.0),
 }  # fmt: skip
-_TRUE_WIND, _RELATIVE_WIND = ("wind_speed", "wind_direction"), ("relative_wind_speed", "relative_wind_direction")
-_PLAIN_UNITS = {"deg": "deg", "rpm": "rpm", "degC": "degC"}
-"""The units that a column without one can only be in."""
-_SUMMED = ("power", "torque", "shaft_speed")
-_CALLED = {name: quantity for quantity, each in _QUANTITIES.items() for name in each.names}
+_CALLED = {name: quantity for quantity, definition in _QUANTITIES.items() for name in definition.names}
 
 
 @dataclass(frozen=True, slots=True)
 class RunTable:
-    """The runs in a table, what it tells of the conditions, and the columns that were not used."""
+    """The runs in a table, the conditions in it, and the columns that were not used."""
 
     runs: tuple[PowerRun, ...]
     conditions: Conditions
@@ -324,13 +313,9 @@ def read_run_table(path: Path | str) -> RunTable:
     """
     raw = read_raw(path)
     try:
-        return runs_in_table(raw.columns, _units_of(raw))
+        return runs_in_table(raw.columns, {str(name): unit for name, unit in raw.units.items() if unit})
     except InputError as error:
         raise error.at(str(path)) from error
-
-
-def _units_of(raw: RawTable) -> dict[str, str]:
-    return {str(name): unit for name, unit in raw.units.items() if unit}
 
 
 def runs_in_table(table: pd.DataFrame, units: Mapping[str, str] | None = None) -> RunTable:
@@ -357,14 +342,25 @@ def runs_in_table(table: pd.DataFrame, units: Mapping[str, str] | None = None) -
         )  # fmt: skip
     columns, passed_over = _columns_of(table, units or {})
     start, seconds = _times_of(table, columns)
-    read = {name: _mean_or_sum(name, table, found) for name, found in columns.items() if _QUANTITIES[name].unit}
-    return RunTable(tuple(_runs(start, seconds, read)), _conditions_of(read), passed_over)
+    read = {name: _mean_or_sum(name, table, matches) for name, matches in columns.items() if _QUANTITIES[name].unit}
+    runs = tuple(_read_runs(start, seconds, read))
+    means = {name: float(np.nanmean(values)) for name, values in read.items() if np.isfinite(values).any()}
+    draught, trim = means.get("draught"), None
+    if (fore := means.get("draught_fore")) is not None and (aft := means.get("draught_aft")) is not None:
+        draught, trim = 0.5 * (fore + aft), aft - fore
+    temperature = means.get("water_temperature")
+    conditions = Conditions(draught_m=draught, trim_m=trim, water_temperature_degc=temperature)
+    return RunTable(runs, conditions, passed_over)
 
 
-def _runs(start: pd.DatetimeIndex, seconds: Floats, read: Mapping[str, Floats]) -> Iterator[PowerRun]:
+def _read_runs(start: pd.DatetimeIndex, seconds: Floats, read: Mapping[str, Floats]) -> Iterator[PowerRun]:
     """The runs of rows: averages have no standard error of their own, and what came before is not known."""
     nothing = np.full(len(start), np.nan)
-    heading, speed, power = _required(read, "heading"), _required(read, "speed"), _power_of(read)
+    heading, speed = _required_column(read, "heading"), _required_column(read, "speed")
+    if "power" in read or "torque" not in read:
+        power = _required_column(read, "power")
+    else:
+        power = 1e-3 * _required_column(read, "torque") * _required_column(read, "shaft_speed") * np.pi / 30.0
     setting = read.get("shaft_speed", np.cbrt(power))
     sea = [read.get(name, nothing) for name in ("wave_height", "wave_direction", "wave_period", "water_depth")]
     end = start + pd.to_timedelta(seconds, unit="s")
@@ -406,12 +402,12 @@ def _columns_of(table: pd.DataFrame, units: Mapping[str, str]) -> tuple[dict[str
             )
         read.setdefault(quantity, []).append(_Column(name, unit, bool(sides)))
     for quantity, columns in read.items():
-        whole = [column for column in columns if not column.is_of_side]
-        if len(whole) > 1:
-            names = " and ".join(repr(column.name) for column in whole)
+        ship_columns = [column for column in columns if not column.is_of_side]
+        if len(ship_columns) > 1:
+            names = " and ".join(repr(column.name) for column in ship_columns)
             raise InputError(f"columns {names} are the same quantity", fix="keep one of them")
-        passed_over += [column.name for column in columns if whole and column.is_of_side]
-        read[quantity] = whole or columns
+        passed_over += [column.name for column in columns if ship_columns and column.is_of_side]
+        read[quantity] = ship_columns or columns
     return read, tuple(passed_over)
 
 
@@ -446,7 +442,7 @@ def _numbers(table: pd.DataFrame, column: _Column, quantity: str) -> Floats:
     return np.asarray(converted)
 
 
-def _required(read: Mapping[str, Floats], name: str) -> Floats:
+def _required_column(read: Mapping[str, Floats], name: str) -> Floats:
     if name not in read:
         kind = _QUANTITIES[name]
         raise InputError(
@@ -460,19 +456,13 @@ def _required(read: Mapping[str, Floats], name: str) -> Floats:
     return values
 
 
-def _power_of(read: Mapping[str, Floats]) -> Floats:
-    if "power" in read or "torque" not in read:
-        return _required(read, "power")
-    return 1e-3 * _required(read, "torque") * _required(read, "shaft_speed") * np.pi / 30.0
-
-
 def _wind_of(read: Mapping[str, Floats]) -> tuple[Floats, Floats]:
     """Where the true wind comes from [deg] and its speed [m/s]: as given, else from the relative wind."""
-    heading, speed = (_required(read, name) for name in ("heading", "speed"))
-    for one, other in (_TRUE_WIND, _RELATIVE_WIND):
-        if (one in read) != (other in read):
+    heading, speed = (_required_column(read, name) for name in ("heading", "speed"))
+    for first, second in (_TRUE_WIND, _RELATIVE_WIND):
+        if (first in read) != (second in read):
             raise InputError(
-                f"has no column for the {(other if one in read else one).replace('_', ' ')}",
+                f"has no column for the {(second if first in read else first).replace('_', ' ')}",
                 why="the wind is known by speed and direction",
             )
     if _TRUE_WIND[0] in read:
@@ -481,8 +471,8 @@ def _wind_of(read: Mapping[str, Floats]) -> tuple[Floats, Floats]:
         return np.full_like(heading, np.nan), np.full_like(heading, np.nan)
     ahead = np.exp(1j * np.deg2rad(heading))
     relative = read[_RELATIVE_WIND[0]] * np.exp(1j * np.deg2rad(read[_RELATIVE_WIND[1]]))
-    true = (relative - speed) * ahead
-    return np.asarray(np.rad2deg(np.angle(true)) % 360.0), np.asarray(np.abs(true))
+    true_wind = (relative - speed) * ahead
+    return np.asarray(np.rad2deg(np.angle(true_wind)) % 360.0), np.asarray(np.abs(true_wind))
 
 
 def _times_of(table: pd.DataFrame, columns: Mapping[str, list[_Column]]) -> tuple[pd.DatetimeIndex, Floats]:
@@ -525,13 +515,3 @@ def _stamps(table: pd.DataFrame, columns: Mapping[str, list[_Column]], quantity:
         past_midnight = np.concatenate([[0], np.cumsum(np.diff(stamps.asi8) < 0)])
         stamps = stamps + pd.to_timedelta(past_midnight, unit="D")
     return stamps
-
-
-def _conditions_of(read: Mapping[str, Floats]) -> Conditions:
-    """What the table tells of the loading and the water: means over the runs."""
-    known = {name: float(np.nanmean(values)) for name, values in read.items() if np.isfinite(values).any()}
-    fore, aft = known.get("draught_fore"), known.get("draught_aft")
-    water = known.get("water_temperature")
-    if fore is None or aft is None:
-        return Conditions(draught_m=known.get("draught"), water_temperature_degc=water)
-    return Conditions(draught_m=0.5 * (fore + aft), trim_m=aft - fore, water_temperature_degc=water)

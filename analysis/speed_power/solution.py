@@ -1,12 +1,10 @@
-"""The speeds through the water, the current and the curve of a trial, from speeds over ground and powers.
+"""The speeds through the water, the current and the power curve of a trial, from speeds over ground and powers.
 
-Speed through the water from runs in a current, by the mean of means and by the iterative method.
-
-ISO 15016:2015 and ITTC 7.5-04-01-01.1 have both. The mean of means takes runs at one power, to and fro, evenly
-spaced in time: weights 1, 3, 3, 1 of four runs remove a current that changes as a parabola, 1 and 1 of two only one
-that does not change. The iterative method takes all powers together: the current is
-V_C(t) = V_CC cos(2 pi t / T_C) + V_CS sin(2 pi t / T_C) + V_CT t + V_C0 along the course, the power
-P(V) = a + b V^q.
+By the mean of means and by the iterative method, as ISO 15016:2015 and ITTC 7.5-04-01-01.1 have both. The mean of
+means takes runs at one power, to and fro, evenly spaced in time: weights 1, 3, 3, 1 of four runs remove a current
+that changes as a parabola, 1 and 1 of two only one that does not change. The iterative method takes all powers
+together: the current is V_C(t) = V_CC cos(2 pi t / T_C) + V_CS sin(2 pi t / T_C) + V_CT t + V_C0 along the course,
+the power P(V) = a + b V^q.
 """
 
 from __future__ import annotations
@@ -34,7 +32,12 @@ from seatrial.analysis.speed_power.corrections import (
 )
 from seatrial.analysis.speed_power.runs import PowerRun, settings_of
 
-_PASSES = 3  # the corrections hang on the speed through the water, by a few percent of a few percent
+_PASSES = 3  # the corrections depend on the speed through the water, by a few percent of a few percent
+TIDE_S = 0.51753 * 86_400.0
+"""T_C: 12 h 25 min 14.6 s, the standard's 0.51753 day of half a lunar day."""
+_TERMS = 4  # of the current
+_SLOWEST_Q, _FASTEST_Q = 1.0, 9.0
+_ITERATIONS, _CLOSE_MPS = 400, 1e-7
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,7 +45,7 @@ class SpeedTrial:
     """What stays as it is while speeds and powers are varied: the runs as arrays [runs], the places of the runs of
     each power setting in ``groups``, and the corrections that apply, by name with their method."""
 
-    given: Conditions
+    conditions: Conditions
     time_s: Floats
     heading_deg: Floats
     along: Floats
@@ -53,22 +56,24 @@ class SpeedTrial:
     pairs: Floats
     methods: Mapping[str, str]
 
-    def without(self, name: str) -> SpeedTrial:
+    def without_correction(self, name: str) -> SpeedTrial:
         """This trial without one of the corrections."""
-        return replace(self, methods={each: method for each, method in self.methods.items() if each != name})
+        return replace(
+            self, methods={correction: method for correction, method in self.methods.items() if correction != name}
+        )
 
-    def corrected_by(self, name: str, method: str = "") -> SpeedTrial:
+    def with_correction(self, name: str, method: str = "") -> SpeedTrial:
         """This trial with one more correction."""
         return replace(self, methods={**self.methods, name: method})
 
 
 @dataclass(frozen=True, slots=True)
 class SpeedPowerSolution:
-    """What a trial was found to be.
+    """The solution of a trial.
 
-    ``added_n`` is what was added to the resistance of each run [N], ``current`` what was found in the water as it
-    was, ``speed_mps`` and ``power_kw`` those of each run without what was added, ``curve`` that through them, and
-    ``means`` of each setting the speed by the mean of means and the mean power [settings, 2].
+    ``added_n`` is what was added to the resistance of each run [N], ``current`` the result of the iterative method
+    in the water as it was, ``speed_mps`` and ``power_kw`` those of each run without what was added, ``curve`` that
+    through them, and ``means`` of each setting the speed by the mean of means and the mean power [settings, 2].
     """
 
     added_n: dict[str, Floats]
@@ -79,7 +84,7 @@ class SpeedPowerSolution:
     means: Floats
 
 
-def trial_of(given: Conditions, runs: Sequence[PowerRun], corrections: Sequence[Correction]) -> SpeedTrial:
+def trial_of(conditions: Conditions, runs: Sequence[PowerRun], corrections: Sequence[Correction]) -> SpeedTrial:
     """The runs as arrays; the wind is the mean vector of each double run, as the ship disturbs it on both courses
     differently."""
     heading = np.array([run.heading_deg for run in runs])
@@ -88,70 +93,65 @@ def trial_of(given: Conditions, runs: Sequence[PowerRun], corrections: Sequence[
     wind = np.array([run.wind_mps * np.exp(1j * np.deg2rad(run.wind_from_deg)) for run in runs])
     wind = np.array([wind[pairs == pair].mean() for pair in pairs])
     return SpeedTrial(
-        given, middle - middle[0], heading, np.cos(np.deg2rad(heading - heading[0])),
-        np.rad2deg(np.angle(wind)) % 360.0, np.abs(wind), sea_of(given, runs), settings_of(runs), pairs,
-        {each.name: each.method for each in corrections if each.applied},
+        conditions, middle - middle[0], heading, np.cos(np.deg2rad(heading - heading[0])),
+        np.rad2deg(np.angle(wind)) % 360.0, np.abs(wind), sea_of(conditions, runs), settings_of(runs), pairs,
+        {correction.name: correction.method for correction in corrections if correction.applied},
     )  # fmt: skip
 
 
 def solve(trial: SpeedTrial, over_ground: Floats, power: Floats) -> SpeedPowerSolution:
     """The speeds, the current and the curve of measured speeds and powers."""
-    given, settings = trial.given, len(trial.groups)
+    conditions, settings = trial.conditions, len(trial.groups)
     through = np.array([over_ground[trial.pairs == pair].mean() for pair in trial.pairs])
     for _ in range(_PASSES):
-        added = _added_n(trial, over_ground, through, power)
+        added = _added_resistance_n(trial, over_ground, through, power)
         total = np.sum(list(added.values()), axis=0)
-        ideal = ideal_power_kw(given, power, total, through) if trial.methods.keys() & added.keys() else power
+        ideal = ideal_power_kw(conditions, power, total, through) if trial.methods.keys() & added.keys() else power
         current = iterate_current(trial.time_s, trial.along, over_ground, ideal, through, settings)
         through = current.speed_mps
-    means = np.array([_means(trial, group, over_ground, ideal) for group in trial.groups])
+    pairs = []  # of each setting speed and power by the mean of means, both with the same weights
+    for group in trial.groups:
+        along = trial.along[group]
+        alternating = bool(np.all(along[1:] * along[:-1] < 0.0))
+        pairs.append([mean_of_means(values[group], alternating) for values in (over_ground, ideal)])
+    means = np.array(pairs)
     depth = np.array([trial.sea.water_depth_m[group].mean() for group in trial.groups])
-    speed, final = _in_deep_water(trial, through, ideal, trial.sea.water_depth_m)
-    means = np.column_stack(_in_deep_water(trial, means[:, 0], means[:, 1], depth))
+    speed, final = _correct_depth_and_displacement(trial, through, ideal, trial.sea.water_depth_m)
+    means = np.column_stack(_correct_depth_and_displacement(trial, means[:, 0], means[:, 1], depth))
     curve = current.curve
     if trial.methods.keys() & {"shallow water", "displacement"}:
         curve = fit_curve(speed, final, settings)
     return SpeedPowerSolution(added, current, speed, final, curve, means)
 
 
-def _added_n(trial: SpeedTrial, over_ground: Floats, through: Floats, power: Floats) -> dict[str, Floats]:
+def _added_resistance_n(
+    trial: SpeedTrial, over_ground: Floats, through: Floats, power: Floats
+) -> dict[str, Floats]:
     """What wind, waves and water add to the resistance of each run."""
-    given, nothing, methods = trial.given, np.zeros_like(through), trial.methods
+    conditions, nothing, methods = trial.conditions, np.zeros_like(through), trial.methods
     return {
-        "wind": wind_resistance_n(given, trial.heading_deg, over_ground, trial.wind_from_deg, trial.wind_mps)
+        "wind": wind_resistance_n(conditions, trial.heading_deg, over_ground, trial.wind_from_deg, trial.wind_mps)
         if "wind" in methods else nothing,
-        "waves": wave_resistance_n(given, trial.heading_deg, through, trial.sea, methods["waves"])
+        "waves": wave_resistance_n(conditions, trial.heading_deg, through, trial.sea, methods["waves"])
         if "waves" in methods else nothing,
-        "water": water_resistance_n(given, through, power) if "water" in methods else nothing,
+        "water": water_resistance_n(conditions, through, power) if "water" in methods else nothing,
     }  # fmt: skip
 
 
-def _means(trial: SpeedTrial, group: list[int], over_ground: Floats, power: Floats) -> tuple[float, float]:
-    """Speed and power of a setting by the mean of means, both with the same weights."""
-    along = trial.along[group]
-    alternating = bool(np.all(along[1:] * along[:-1] < 0.0))
-    return mean_of_means(over_ground[group], alternating), mean_of_means(power[group], alternating)
-
-
-def _in_deep_water(trial: SpeedTrial, speed: Floats, power: Floats, depth: Floats) -> tuple[Floats, Floats]:
+def _correct_depth_and_displacement(
+    trial: SpeedTrial, speed: Floats, power: Floats, depth: Floats
+) -> tuple[Floats, Floats]:
     """Speed and power without the shallow water, at the displacement that is stated."""
-    given = trial.given
+    conditions = trial.conditions
     if "shallow water" in trial.methods:
-        if given.lacks(*RAVEN):
-            speed = speed + lackenby_mps(given, speed, depth)
+        if conditions.lacks(*RAVEN):
+            speed = speed + lackenby_mps(conditions, speed, depth)
         else:
-            power = raven_kw(given, speed, power, depth)
+            power = raven_kw(conditions, speed, power, depth)
     if "displacement" in trial.methods:
-        ratio = given.number("stated_displacement_m3") / given.number("displacement_m3")
+        ratio = conditions.number("stated_displacement_m3") / conditions.number("displacement_m3")
         power = power * ratio ** (2.0 / 3.0)  # the admiralty coefficient, at one speed
     return speed, power
-
-
-TIDE_S = 0.51753 * 86_400.0
-"""T_C: 12 h 25 min 14.6 s, the standard's 0.51753 day of half a lunar day."""
-_TERMS = 4  # of the current
-_SLOWEST_Q, _FASTEST_Q = 1.0, 9.0
-_ITERATIONS, _CLOSE_MPS = 400, 1e-7
 
 
 @dataclass(frozen=True, slots=True)
@@ -184,22 +184,22 @@ def fit_curve(speed_mps: Floats, power_kw: Floats, settings: int) -> PowerCurve:
     from scipy.optimize import minimize_scalar
 
     if settings < 2:
-        return _with_exponent(speed_mps, power_kw, 3.0, through_zero=True)
+        return _fit_with_exponent(speed_mps, power_kw, 3.0, through_zero=True)
 
     def misfit(q: float) -> float:
-        curve = _with_exponent(speed_mps, power_kw, q, through_zero=settings < 3)
+        curve = _fit_with_exponent(speed_mps, power_kw, q, through_zero=settings < 3)
         return float(np.sum((curve.power_kw(speed_mps) - power_kw) ** 2))
 
     best = minimize_scalar(misfit, bounds=(_SLOWEST_Q, _FASTEST_Q), method="bounded", options={"xatol": 1e-7})
-    return _with_exponent(speed_mps, power_kw, float(best.x), through_zero=settings < 3)
+    return _fit_with_exponent(speed_mps, power_kw, float(best.x), through_zero=settings < 3)
 
 
-def _with_exponent(speed_mps: Floats, power_kw: Floats, q: float, *, through_zero: bool) -> PowerCurve:
+def _fit_with_exponent(speed_mps: Floats, power_kw: Floats, q: float, *, through_zero: bool) -> PowerCurve:
     scale = float(speed_mps.mean())
     powered = (speed_mps / scale) ** q
     design = np.column_stack([powered] if through_zero else [powered, np.ones_like(powered)])
-    found = np.linalg.lstsq(design, power_kw, rcond=None)[0]
-    return PowerCurve(0.0 if through_zero else float(found[1]), float(found[0]) / scale**q, q)
+    coefficients = np.linalg.lstsq(design, power_kw, rcond=None)[0]
+    return PowerCurve(0.0 if through_zero else float(coefficients[1]), float(coefficients[0]) / scale**q, q)
 
 
 def mean_of_means(values: Floats, alternating: bool = True) -> float:
@@ -216,7 +216,7 @@ def mean_of_means(values: Floats, alternating: bool = True) -> float:
 
 @dataclass(frozen=True, slots=True)
 class IterativeCurrent:
-    """What the iterative method found: the curve, the speed through the water of each run, and the current.
+    """The result of the iterative method: the curve, the speed through the water of each run, and the current.
 
     ``terms`` are V_C0, V_CT, V_CS and V_CC [m/s, m/s a day, m/s, m/s], as many as the runs allow, positive along
     the course of the first run; ``current_mps`` is what each run went with. ``misfit_mps`` are the runs' distances
@@ -232,7 +232,7 @@ class IterativeCurrent:
 
 
 def terms_of_current(runs: int, settings: int) -> int:
-    """How many terms of the current can be found beside the curve, one run being left over: 4 at most."""
+    """How many terms of the current can be estimated with the curve, with one run in excess: 4 at most."""
     return max(1, min(_TERMS, runs - min(settings, 3) - 1))
 
 
@@ -245,7 +245,7 @@ def current_design(time_s: Floats, terms: int) -> Floats:
 def iterate_current(
     time_s: Floats, along: Floats, over_ground_mps: Floats, power_kw: Floats, start_mps: Floats, settings: int
 ) -> IterativeCurrent:
-    """The curve and the current that agree with all runs, found in turn until the speeds stand still.
+    """The curve and the current that agree with all runs, estimated in turn until the speeds converge.
 
     ``time_s`` are the middles of the runs, ``along`` 1 or -1 for runs with or against the course that the current
     is counted along, ``start_mps`` first speeds through the water: the mean of each double run. Raises

@@ -186,8 +186,8 @@ def _joined(before: Motion, after: Floats) -> Motion:
     rows = before.time_s.size + len(after)
     nothing, everywhere = np.zeros(rows), np.ones(rows, dtype=bool)
     return replace(
-        before, time_s=before.time_s[0] + before.step_s * np.arange(rows), helm_deg=nothing,
-        thrust=nothing, drives={}, tunnels={}, known=everywhere, broken=~everywhere, helm_order_deg=None, **columns,
+        before, time_s=before.time_s[0] + before.step_s * np.arange(rows), helm_deg=nothing, thrust=nothing,
+        drives={}, tunnels={}, measured=everywhere, broken=~everywhere, helm_order_deg=None, **columns,
     )  # fmt: skip
 
 

@@ -379,7 +379,7 @@ def _motion(vessel: Vessel, states: Floats, controls: Floats, dt_s: float) -> Mo
         heading_deg=np.rad2deg(states[:, 2]), surge_mps=states[:, 3], sway_mps=states[:, 4],
         yaw_rate_dps=np.rad2deg(states[:, 5]), helm_deg=helm_deg, thrust=np.zeros(rows),
         drives={names[i]: controls[:, i] for i in np.flatnonzero(handling.main)}, tunnels={},
-        known=np.ones(rows, dtype=bool), broken=np.zeros(rows, dtype=bool),
+        measured=np.ones(rows, dtype=bool), broken=np.zeros(rows, dtype=bool),
     )  # fmt: skip
 
 

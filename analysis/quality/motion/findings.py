@@ -43,6 +43,7 @@ from seatrial.acquisition.core.trial import Quality, label_parts, sensor_of
 from seatrial.acquisition.tables.evidence import (
     ScaleFit,
     comparison_grid,
+    fit_scale,
     increments,
     integrals,
     interval_means,
