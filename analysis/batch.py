@@ -50,6 +50,7 @@ from seatrial.acquisition.core.errors import (
     storage_error,
 )
 from seatrial.acquisition.core.files import (
+    LOCK_NAME,
     locked_folder,
     make_folder,
     read_json,

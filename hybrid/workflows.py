@@ -85,7 +85,7 @@ from seatrial.hybrid.effects.catalogue import catalogue_of, vessel_plant
 from seatrial.hybrid.effects.environment import STEADY_WIND
 from seatrial.hybrid.effects.regime import as_file
 from seatrial.hybrid.identification.identify import Identification, identify_tables
-from seatrial.hybrid.prediction.baselines import distances, present_motion_held
+from seatrial.hybrid.prediction.baselines import constant_motion_tracks, distances
 from seatrial.hybrid.report.diagnosis import correction_sentence, describe, model_line, write_report
 from seatrial.hybrid.report.text import plain
 from seatrial.hybrid.simulation.autopilot import Drives, follow, shares
@@ -169,7 +169,7 @@ def _correction(
     windows: UnseenWindows, after: Floats, found: Identification, forces: Mapping[str, float]
 ) -> IdentifiedCorrection:
     gains = windows.by_leg_m(windows.before) - windows.by_leg_m(after)
-    held = present_motion_held(windows.log.nominal[windows.starts], HORIZON_S)
+    held = constant_motion_tracks(windows.log.nominal[windows.starts], HORIZON_S)
     off_m = np.array([distances(each, windows.measured) for each in (held, windows.before, after)])
     known = np.isfinite(off_m).all(axis=0)
     held_m, before_m, after_m = off_m[:, known].mean(axis=1).tolist()

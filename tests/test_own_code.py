@@ -160,14 +160,14 @@ def test_what_a_calibrator_keeps_is_saved_or_refused(own: Path) -> None:
 
 def test_what_a_calibrator_may_know_ends_at_its_start(own: Path, unseen: Path) -> None:
     """Nothing that it is shown depends on what was measured after second 0."""
-    from seatrial.hybrid.calibrators.own import known_windows
+    from seatrial.hybrid.calibrators.own import window_inputs
     from seatrial.hybrid.prediction.dataset import load_dataset
 
     windows = load_dataset([unseen], 15, 5).windows
     reference = np.zeros_like(windows.track)
-    shown = known_windows(windows, reference)
+    shown = window_inputs(windows, reference)
     windows.track[:, 1:] += 1e6
-    told = known_windows(windows, reference)
+    told = window_inputs(windows, reference)
     for name in ("start", "reference", "past", "commands"):
         np.testing.assert_array_equal(np.asarray(getattr(shown, name)), np.asarray(getattr(told, name)))
         assert np.nanmax(np.abs(np.asarray(getattr(told, name)))) < 1e5

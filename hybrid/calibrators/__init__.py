@@ -1,9 +1,8 @@
-"""Calibrators behind one interface: the methods by name, each imported on first use.
+"""Calibrators behind one interface: fit to windows, predict tracks with uncertainty, save; and their training.
 
-The interface of all calibrators (fit to windows, predict tracks with uncertainty, save), and their
-predictions with the fallback outside the domain of applicability.
-
-``seatrial train``: a calibrator on a reference model, its accuracy on held-out legs, and its use.
+The methods by name are imported on first use. :func:`predict_with_fallback` makes the predictions, with the
+fallback outside the domain of applicability, and :func:`train` is ``seatrial train``: a calibrator on a reference
+model with its accuracy on held-out legs.
 """
 
 from __future__ import annotations
@@ -27,9 +26,15 @@ from seatrial.acquisition.core.result import ModelResult
 from seatrial.acquisition.core.ship import DEFAULT, Actuators
 from seatrial.acquisition.core.trial import software_version
 from seatrial.hybrid.effects.catalogue import vessel_plant
-from seatrial.hybrid.prediction.baselines import BASELINES, CandidatePrediction, Fallback, conformal_region, score
+from seatrial.hybrid.prediction.baselines import (
+    FALLBACK_BASELINES,
+    CandidatePrediction,
+    Fallback,
+    conformal_region,
+    score,
+)
 from seatrial.hybrid.prediction.dataset import Dataset, WindowSource, within_model_range
-from seatrial.hybrid.prediction.windows import PredictionWindows, clear_of, draw_windows, unlike_groups
+from seatrial.hybrid.prediction.windows import PredictionWindows, draw_windows, independent_groups, without_overlap
 from seatrial.hybrid.vessel.files import load_vessel
 from seatrial.hybrid.vessel.plant import Plant, plant_hash
 
@@ -45,6 +50,9 @@ INSTALL = "pip install 'seatrial[networks]'"
 METHODS: tuple[str, ...] = tuple(_METHODS)
 COMPARED = tuple(method for method in METHODS if method != "paper_adam")
 """The methods compared by default: ``paper_adam`` is ``paper`` again, trained for longer."""
+METHOD = "adaptive"
+"""The default method."""
+HELD_OUT_SHARE = 0.2
 
 
 def can_train(method: str) -> bool:
@@ -75,9 +83,9 @@ def make_calibrator(method: str, seed: int = 0, plant: Plant | None = None) -> C
     if method in _METHODS:
         calibrator: Calibrator = factory(seed, plant)
         return calibrator
-    from seatrial.hybrid.calibrators.own import own_calibrator
+    from seatrial.hybrid.calibrators.own import user_calibrator
 
-    return own_calibrator(factory, method, seed, plant)
+    return user_calibrator(factory, method, seed, plant)
 
 
 Examples = tuple[PredictionWindows, Floats]
@@ -89,8 +97,8 @@ def require_shapes(tensors: Mapping[str, Floats], shapes: Mapping[str, tuple[int
     for name, shape in shapes.items():
         tensor = tensors.get(name)
         if tensor is None or tensor.shape != shape or tensor.dtype != np.float64:
-            what = "missing" if tensor is None else f"{tensor.dtype} {tensor.shape}"
-            raise ValueError(f"{name} is {what}, and this version has float64 {shape}")
+            actual = "missing" if tensor is None else f"{tensor.dtype} {tensor.shape}"
+            raise ValueError(f"{name} is {actual}, and this version has float64 {shape}")
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,14 +118,14 @@ class DomainOfApplicability:
     @property
     def outside_range(self) -> Bools:
         """Which windows leave the training range by at least a thousandth of it, by quantity [N, C]."""
-        return self._beyond(1e-3 * (self.high - self.low) + 1e-9)
+        return self._exceeds(1e-3 * (self.high - self.low) + 1e-9)
 
     @property
     def outside(self) -> Bools:
         """Which windows leave the domain, by quantity [N, C]."""
-        return self._beyond(self.margin)
+        return self._exceeds(self.margin)
 
-    def _beyond(self, margin: Floats) -> Bools:
+    def _exceeds(self, margin: Floats) -> Bools:
         outside = (self.values < self.low - margin) | (self.values > self.high + margin)
         return np.asarray(outside.any(axis=1))
 
@@ -132,7 +140,7 @@ class Calibrator(ABC):
 
     method: str
     extrapolates: ClassVar[bool] = False
-    """Whether it is believed outside its domain of applicability too, as one may whose regions grow there."""
+    """Whether it is used outside its domain of applicability too, as one may be whose regions grow there."""
     outputs: ClassVar[tuple[str, ...]] = ("north_m", "east_m")
 
     def __init__(self, seed: int = 0, plant: Plant | None = None) -> None:
@@ -170,8 +178,8 @@ class Calibrator(ABC):
         constant."""
         return self.predict(windows, reference), np.ones((len(windows), windows.horizon_s))
 
-    def beside_baselines(self, windows: PredictionWindows, tracks: Floats) -> CandidatePrediction | None:
-        """Its predicted ``tracks`` [N, H+1, 3] as a candidate for the average of :class:`Fallback`.
+    def fallback_candidate(self, windows: PredictionWindows, tracks: Floats) -> CandidatePrediction | None:
+        """Its predicted ``tracks`` [N, H+1, 3] as a candidate for the average of :class:`.Fallback`.
 
         If None, they are used alone inside the domain of applicability.
         """
@@ -203,7 +211,7 @@ class PredictedTracks:
     """Predictions of N windows with their 95 % regions.
 
     ``tracks`` [N, H+1, 3], semi-axes ``region_m`` [N, H, 2]; ``outside_domain`` [N] marks the windows outside
-    the calibrator's domain of applicability; ``source`` [N] is ``hybrid``, or one of :data:`BASELINES`.
+    the calibrator's domain of applicability; ``source`` [N] is ``hybrid``, or one of :data:`FALLBACK_BASELINES`.
     """
 
     tracks: Floats
@@ -223,7 +231,7 @@ def predict_with_fallback(
     """The calibrator's tracks and regions, replaced by the fallback's where it gives no finite number, or
     outside its domain unless it extrapolates.
 
-    A calibrator with hindcasts (:meth:`~Calibrator.beside_baselines`) is averaged with the baselines inside its
+    A calibrator with hindcasts (:meth:`~Calibrator.fallback_candidate`) is averaged with the baselines inside its
     domain as well; its region is then the mean of both.
 
     ``region_m`` is the calibrator's :meth:`~Calibrator.conformal_region`, for at least as many seconds as the
@@ -233,23 +241,20 @@ def predict_with_fallback(
     regions_m = uncertainty[..., None] * region_m[: windows.horizon_s]
     no_number = np.asarray(~np.isfinite(tracks).all(axis=(1, 2)))
     outside = calibrator.outside_domain(windows, reference) | no_number
-    silent = no_number if calibrator.extrapolates else outside
-    tracks[silent] = np.nan
+    rejected = no_number if calibrator.extrapolates else outside
+    tracks[rejected] = np.nan
     source = np.full(len(windows), "hybrid", dtype="<U20")
-    candidate = calibrator.beside_baselines(windows, tracks)
-    asked = silent if candidate is None else np.ones_like(silent)
-    if asked.any():
-        replacement = fallback.predict(windows.subset(asked), reference[asked], plant, candidate)
-        weight = replacement.weight[len(BASELINES) :].sum(axis=0)[:, None, None]
-        others_m = replacement.expected_error_m[:, None, None] * fallback.region[: windows.horizon_s]
-        tracks[asked], source[silent] = replacement.tracks, replacement.source[silent[asked]]
-        regions_m[asked] = np.where(weight > 0.0, weight * regions_m[asked], 0.0) + (1.0 - weight) * others_m
+    candidate = calibrator.fallback_candidate(windows, tracks)
+    replaced = rejected if candidate is None else np.ones_like(rejected)
+    if replaced.any():
+        replacement = fallback.predict(windows.subset(replaced), reference[replaced], plant, candidate)
+        weight = replacement.weight[len(FALLBACK_BASELINES) :].sum(axis=0)[:, None, None]
+        fallback_m = replacement.expected_error_m[:, None, None] * fallback.region[: windows.horizon_s]
+        tracks[replaced], source[rejected] = replacement.tracks, replacement.source[rejected[replaced]]
+        regions_m[replaced] = (
+            np.where(weight > 0.0, weight * regions_m[replaced], 0.0) + (1.0 - weight) * fallback_m
+        )
     return PredictedTracks(tracks, regions_m, outside, source)
-
-
-HELD_OUT_SHARE = 0.2
-METHOD = "adaptive"
-"""The default method."""
 
 
 def versions() -> dict[str, str]:
@@ -339,8 +344,8 @@ def train(
     the model, or with only one leg.
     """
     windows, tracks = within_model_range(dataset.windows, plant)
-    held_out = draw_windows(windows, unlike_groups(windows), HELD_OUT_SHARE, seed)
-    fitting = clear_of(windows, ~held_out, held_out)
+    held_out = draw_windows(windows, independent_groups(windows), HELD_OUT_SHARE, seed)
+    fitting = without_overlap(windows, ~held_out, held_out)
     training = (windows.subset(fitting), tracks[fitting])
     stopping = (windows.subset(held_out), tracks[held_out])
     calibrator = make_calibrator(method, seed, plant).fit(training, stopping, part_of(progress, 0, 2))
@@ -363,13 +368,13 @@ def train(
 def _metrics(
     windows: PredictionWindows, training: Examples, stopping: Examples, predicted: Floats
 ) -> dict[str, Any]:
-    judged = stopping[0].whole
+    judged = stopping[0].complete
     measured = stopping[0].track[judged]
     return {
-        "windows": int(windows.whole.sum()),
-        "shorter_windows": int((~windows.whole).sum()),
+        "windows": int(windows.complete.sum()),
+        "shorter_windows": int((~windows.complete).sum()),
         "legs": int(np.unique(windows.leg).size),
-        "training_windows": int(training[0].whole.sum()),
+        "training_windows": int(training[0].complete.sum()),
         "held_out_windows": int(judged.sum()),
         "held_out_reference_m": score(stopping[1][judged], measured).mean_distance_m,
         "held_out_hybrid_m": score(predicted[judged], measured).mean_distance_m,

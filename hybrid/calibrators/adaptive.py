@@ -1,38 +1,23 @@
-"""The calibrator that adapts the reference model itself.
+"""The calibrator that adapts the reference model itself: an ensemble of adapted models, weighted by hindcasts.
 
-It combines three ideas: an observer runs over the seconds before the start and estimates the ship's motion and
-the force that the model lacks (observer.py, gains.py); the model's parameters are adapted until predictions fit
-the measured tracks, no further than the data justify (adaptation.py, fit.py); and the accuracy of each
-predictor over the last seconds determines its weight (calibrator.py).
+A Kalman filter runs over the seconds before the start and estimates the ship's motion and the force that the model
+lacks; the model's parameters are adapted until predictions fit the measured tracks, no further than the data
+justify; and the accuracy of each predictor over the last seconds determines its weight. What it learned applies to
+the day, loading and sea of its training. Hindcasts over the last minutes show whether it still applies: the model's
+errors now, compared with those in training. If they exceed nearly all of those, or outside the training range,
+models that follow the measurements more closely and the baselines are averaged in, weighted by their own hindcasts;
+and the regions grow accordingly.
 
-The adaptive calibrator: an ensemble of adapted models, cross-validated by legs and weighted by hindcasts.
-
-What it learned applies to the day, loading and sea of its training. Hindcasts over the last minutes show
-whether it still applies: the model's errors now, compared with those in training. If they exceed nearly all of
-those, or outside the training range, models that follow the measurements more closely and the baselines are
-averaged in, weighted by their own hindcasts; and the regions grow accordingly.
-
-The parameter vector of the adaptive calibrator, and the plant and observer gains that follow from it.
-
-The vector has the model's coefficients, steady forces, current, drift, wind and the observer's noise levels,
-each as a deviation from the reference in units of its prior standard deviation: zero is the reference, and the
-prior is a standard normal distribution.
-
-Adapting the vector: robust least squares on predicted tracks, with the prior.
-
-Levenberg-Marquardt steps on the whitened differences between predicted and measured tracks, plus the prior.
-Each second is scaled by its own median error, so that late seconds do not dominate; windows with events that no
-model could know get less weight (Huber). Overlapping windows count only for the seconds that no other has.
-
-Our own steps are needed since scales and weights are updated after each, and one costs sixty predictions of all
-windows. ``scipy.optimize.least_squares`` with the same Jacobians (trf) reaches the same error, 0.081 m on
-unseen windows, in 1.14 times the time; its lm 0.087 m, in the same time (tests/benchmarks/least_squares.py,
-mean of 3 seeds).
-
-The parameters learned by the adaptive calibrator, in physical units, and how well the data determine them.
-
-A parameter's standard error is that of the quadratic approximation of the cost with a prior of unit width
-(:func:`.fit.covariance_at`); if it is nearly as wide as the prior, the data do not determine the parameter.
+The parameter vector has the model's coefficients, steady forces, current, drift, wind and the observer's noise
+levels, each as a deviation from the reference in units of its prior standard deviation: zero is the reference, and
+the prior is a standard normal distribution. It is adapted by Levenberg-Marquardt steps on the whitened differences
+between predicted and measured tracks, plus the prior. Each second is scaled by its own median error, so that the
+last seconds do not dominate; windows with events that no model could know get less weight (Huber). Overlapping
+windows count only for the seconds that no other has. Our own steps are needed since scales and weights are updated
+after each, and one costs sixty predictions of all windows. ``scipy.optimize.least_squares`` with the same Jacobians
+(trf) reaches the same error, 0.081 m on unseen windows, in 1.14 times the time; its lm 0.087 m, in the same time
+(tests/benchmarks/least_squares.py, mean of 3 seeds). If a parameter's standard error is nearly as wide as the
+prior, the data do not determine the parameter.
 """
 
 from __future__ import annotations
@@ -54,9 +39,9 @@ from seatrial.hybrid.prediction.baselines import (
     HINDCAST_S,
     average_tracks,
     conformal_region,
+    constant_motion_tracks,
     distances,
     mean_distances,
-    present_motion_held,
     simulate_tracks,
 )
 from seatrial.hybrid.prediction.kalman_filter import (
@@ -73,14 +58,15 @@ from seatrial.hybrid.prediction.windows import (
     PAST_S,
     WIND,
     PredictionWindows,
-    clear_of,
     concatenate_windows,
     difference_rad,
-    first_seconds,
     hindcast_windows,
-    unlike_groups,
+    independent_groups,
+    truncate_windows,
+    without_overlap,
 )
 from seatrial.hybrid.vessel.actuators import KINDS, angle_columns, control_labels
+from seatrial.hybrid.vessel.effect import USUAL_LENGTH_M
 from seatrial.hybrid.vessel.hulls import HULLS
 from seatrial.hybrid.vessel.plant import Form, Plant, flat, pack, places_of
 from seatrial.hybrid.vessel.sensors import SURGE, YAW_RATE
@@ -115,7 +101,7 @@ _LEAST_RATIO = 0.1  # lower bound on hindcast errors, as a share of the median
 _UNKNOWN_RATIO = 2.0  # hindcast error of a window with an unknown past, in medians
 _RECENT_S = 5
 _CANDIDATES = 3  # the adapted model, constant velocity, the reference
-_EVERY_S, _LONGEST_S = 15, 60
+_INTERVAL_S, _LONGEST_S = 15, 60
 """The interval between the hindcasts that test the model on this day, and their maximum length [s]. They are as
 long as the prediction: over 120 s, on a simulated ship a tenth heavier than in training, hindcasts of 15 s left
 coverage at 88 % and the error at 0.16 of the best baseline's, those of a minute at 98 % and 0.13."""
@@ -125,7 +111,7 @@ _MINUTES_POWER = 4.0
 """Their weights are this inverse power of the error over the last minutes."""
 _UNUSUAL = 0.95
 """A model whose errors exceed this share of those in training is not used alone."""
-_DAYS_APART = np.log(2.0)
+_DAY_DEVIATION = np.log(2.0)
 """The prior standard deviation of the logarithm of the ratio of errors between days: a factor of two."""
 _LEAST_LOG_M = 1e-6
 _AT_ONCE = 500  # windows hindcast together, to limit memory
@@ -150,38 +136,38 @@ class _Candidates:
 
 
 @dataclass(frozen=True, slots=True)
-class _Usual:
+class _TrainingStatistics:
     """The usual values in training, on held-out legs: the median hindcast error ``hindcast_m``, the median
     spread of the members ``spread_m`` [H], and of the log errors over the last minutes the ``mean``, standard
-    ``deviation`` and upper limit ``most``."""
+    ``deviation`` and upper ``limit``."""
 
     hindcast_m: float
     spread_m: Floats
     mean: float
     deviation: float
-    most: float
+    limit: float
 
     @classmethod
-    def of(cls, candidates: _Candidates) -> _Usual:
+    def of(cls, candidates: _Candidates) -> _TrainingStatistics:
         """The usual values of the candidates of all windows; a metre where nothing was recorded."""
-        own_m, minutes = candidates.hindcast_m[0], candidates.minutes[0]
+        model_hindcast_m, minutes = candidates.hindcast_m[0], candidates.minutes[0]
         minutes = minutes[np.isfinite(minutes)] if np.isfinite(minutes).any() else np.zeros(1)
         return cls(
-            hindcast_m=float(np.nanmedian(own_m)) if np.isfinite(own_m).any() else 1.0,
+            hindcast_m=float(np.nanmedian(model_hindcast_m)) if np.isfinite(model_hindcast_m).any() else 1.0,
             spread_m=np.nanmedian(candidates.spread_m, axis=0),
             mean=float(minutes.mean()),
             deviation=float(minutes.std()),
-            most=float(np.quantile(minutes, _UNUSUAL)),
+            limit=float(np.quantile(minutes, _UNUSUAL)),
         )
 
     def day(self, minutes: Floats) -> Floats:
         """The factor [N], at least 1, on the training errors to expect after such last minutes.
 
         A few minutes are uncertain by ``deviation``, so the logarithm is shrunk (normal prior of standard
-        deviation :data:`_DAYS_APART`, normal likelihood); unknown minutes count as usual.
+        deviation :data:`_DAY_DEVIATION`, normal likelihood); unknown minutes count as usual.
         """
         worse = np.maximum(np.nan_to_num(minutes, nan=self.mean) - self.mean, 0.0)
-        return np.asarray(np.exp(worse * _DAYS_APART**2 / (_DAYS_APART**2 + self.deviation**2)))
+        return np.asarray(np.exp(worse * _DAY_DEVIATION**2 / (_DAY_DEVIATION**2 + self.deviation**2)))
 
 
 class AdaptiveCalibrator(Calibrator):
@@ -194,7 +180,7 @@ class AdaptiveCalibrator(Calibrator):
     method = "adaptive"
     extrapolates: ClassVar[bool] = True
     gust_s_: float | None
-    usual_: _Usual
+    usual_: _TrainingStatistics
 
     def labels(self, actuators: Actuators) -> tuple[str, ...]:
         return trial_names(actuators)
@@ -205,13 +191,13 @@ class AdaptiveCalibrator(Calibrator):
         self.any_commands = windows.commands is not None
         self.gust_s_ = gust_decay_s(windows) if self.any_commands else None
         self.hindcast_s_ = _hindcast_s(windows.horizon_s)
-        fold = _folds(unlike_groups(windows), self.seed)
+        fold = _folds(independent_groups(windows), self.seed)
         members = int(fold.max()) + 1
         if members < 2:
             raise DataShortageError("only one leg, which cannot be split", fix="give more or longer recordings")
         vectors = []
         for member in range(members):
-            drawn = self._drawn(windows, clear_of(windows, fold != member, fold == member), member)
+            drawn = self._drawn(windows, without_overlap(windows, fold != member, fold == member), member)
             vectors.append(adapt(self._model, *drawn, part_of(progress, member, members)))
         self.vectors_ = np.stack(vectors)
         all_drawn = self._drawn(windows, np.ones(len(windows), dtype=bool), members)
@@ -234,13 +220,20 @@ class AdaptiveCalibrator(Calibrator):
 
     def _drawn(self, windows: PredictionWindows, chosen: Bools, number: int) -> tuple[Observations, Floats, float]:
         """Observations, tracks and overlap, as :func:`adapt` takes them, of the first seconds of the chosen
-        windows, of no more than :data:`MOST_WINDOWS`; the draw's ``number`` is part of its seed."""
+        windows, of no more than :data:`MOST_WINDOWS`; the draw's ``number`` is part of its seed. The overlap is the
+        median time between starts of a leg over the horizon."""
         rows = np.flatnonzero(chosen)
         if len(rows) > MOST_WINDOWS:
             random = np.random.default_rng([self.seed, number])
             rows = np.sort(random.choice(rows, MOST_WINDOWS, replace=False))
-        drawn = first_seconds(windows.subset(rows), FITTED_S)
-        return self._observed(drawn), drawn.track, _own_share(drawn)
+        drawn = truncate_windows(windows.subset(rows), FITTED_S)
+        starts_s = drawn.start_ns / 1e9
+        order = np.lexsort((starts_s, drawn.leg))
+        same_leg = drawn.leg[order][1:] == drawn.leg[order][:-1]
+        intervals_s = np.diff(starts_s[order])[same_leg]
+        intervals_s = intervals_s[intervals_s > 0.0]  # seconds of one window may come in two parts
+        overlap = float(min(1.0, np.median(intervals_s) / drawn.horizon_s)) if len(intervals_s) else 1.0
+        return self._observed(drawn), drawn.track, overlap
 
     @property
     def _model(self) -> Plant:
@@ -257,28 +250,30 @@ class AdaptiveCalibrator(Calibrator):
             np.empty((_CANDIDATES, len(windows))),
         )
         for member, vector in enumerate(self.vectors_):
-            mine = fold == member
-            part = self._candidates(windows.subset(mine), vector[None])
-            candidates.tracks[:, mine], candidates.hindcast_m[:, mine] = part.tracks, part.hindcast_m
-            candidates.minutes[:, mine] = part.minutes
-        self.usual_ = _Usual.of(candidates)
+            in_fold = fold == member
+            part = self._candidates(windows.subset(in_fold), vector[None])
+            candidates.tracks[:, in_fold], candidates.hindcast_m[:, in_fold] = part.tracks, part.hindcast_m
+            candidates.minutes[:, in_fold] = part.minutes
+        self.usual_ = _TrainingStatistics.of(candidates)
         errors = [
             np.nanmean(distances(self._average(candidates, power)[0], windows.track)) for power in WEIGHT_POWERS
         ]
         self.weight_power_ = WEIGHT_POWERS[int(np.argmin(errors))]
         tracks, uncertainty = np.empty(windows.track.shape), np.empty(candidates.spread_m.shape)
         for member, vector in enumerate(self.vectors_):
-            mine = fold == member
-            tracks[mine], uncertainty[mine] = self._predicted(windows.subset(mine), candidates.subset(mine), vector)
+            in_fold = fold == member
+            tracks[in_fold], uncertainty[in_fold] = self._predicted(
+                windows.subset(in_fold), candidates.subset(in_fold), vector
+            )
         self.region_ = conformal_region(tracks, windows, uncertainty)
         return tracks
 
     def _candidates(self, windows: PredictionWindows, vectors: Floats) -> _Candidates:
         """The candidates' tracks over the windows, and their errors over the seconds and minutes before."""
-        before = hindcast_windows(windows, HINDCAST_S)
+        hindcast_inputs = hindcast_windows(windows, HINDCAST_S)
         tracks, spread_m = self._candidate_tracks(vectors, self._observed(windows))
-        hindcasts, _ = self._candidate_tracks(vectors, self._observed(before))
-        hindcast_m = np.stack([mean_distances(hindcast, before.track) for hindcast in hindcasts])
+        hindcasts, _ = self._candidate_tracks(vectors, self._observed(hindcast_inputs))
+        hindcast_m = np.stack([mean_distances(hindcast, hindcast_inputs.track) for hindcast in hindcasts])
         mean = vectors.mean(axis=0)[None]
         minutes = self._last_minutes(windows, lambda observed: self._candidate_tracks(mean, observed)[0])
         return _Candidates(tracks, hindcast_m, spread_m, minutes)
@@ -291,9 +286,14 @@ class AdaptiveCalibrator(Calibrator):
         if len(windows) > _AT_ONCE:
             halves = np.array_split(np.arange(len(windows)), 2)
             return np.concatenate([self._last_minutes(windows.subset(half), predict) for half in halves], axis=1)
-        begins = range(self.hindcast_s_, PAST_S - _EVERY_S, _EVERY_S)
-        before = hindcast_windows(windows, *begins, horizon_s=self.hindcast_s_)
-        error_m = np.stack([mean_distances(hindcast, before.track) for hindcast in predict(self._observed(before))])
+        begins = range(self.hindcast_s_, PAST_S - _INTERVAL_S, _INTERVAL_S)
+        hindcast_inputs = hindcast_windows(windows, *begins, horizon_s=self.hindcast_s_)
+        error_m = np.stack(
+            [
+                mean_distances(hindcast, hindcast_inputs.track)
+                for hindcast in predict(self._observed(hindcast_inputs))
+            ]
+        )
         error_m = error_m.reshape(-1, len(begins), len(windows))
         finite = np.isfinite(error_m)
         total = np.log(np.where(finite, error_m, 1.0) + _LEAST_LOG_M).sum(axis=1)
@@ -308,7 +308,7 @@ class AdaptiveCalibrator(Calibrator):
         minutes = candidates.minutes[0].copy()
         begins = self.domain(windows, tracks)
         outside = replace(begins, values=begins.values[:, :1]).outside.any(axis=1)
-        unusual = (minutes > self.usual_.most) | outside
+        unusual = (minutes > self.usual_.limit) | outside
         if unusual.any():
             tracks[unusual], minutes[unusual] = self._averaged_by_minutes(
                 windows.subset(unusual), tracks[unusual], candidates.subset(unusual), vector
@@ -322,7 +322,7 @@ class AdaptiveCalibrator(Calibrator):
         """The mean of ``tracks`` [N, H+1, 3] with those of models that follow the measurements more closely, of
         constant velocity and of the reference, weighted by their hindcasts over the last minutes; and their
         mean log errors over these [N]. A predictor without hindcasts gets no weight beside one with them."""
-        closer = [follow_closer(vector, more) for more in _CLOSER]
+        closer = [follow_closer(vector, increase) for increase in _CLOSER]
 
         def follow(observed: Observations) -> list[Floats]:
             runs = (run_observer(variant, self._model, observed) for variant in closer)
@@ -350,7 +350,7 @@ class AdaptiveCalibrator(Calibrator):
         """The candidates' tracks [3, N, H+1, 3] from the members' mean observed state, with the same wave
         motion, and the members' spread [N, H]."""
         states, waves, spread_m = self._member_states(vectors, observations)
-        held = present_motion_held(states[:, 0], observations.control.shape[1])
+        held = constant_motion_tracks(states[:, 0], observations.control.shape[1])
         model = simulate_tracks(self._model, states[:, 0], observations.control, observations.wind)
         return np.asarray(np.stack([states[..., :3], held, model]) + waves), spread_m
 
@@ -396,7 +396,7 @@ class AdaptiveCalibrator(Calibrator):
         usual = self.usual_
         fitted = {
             "vectors": self.vectors_, "covariance": self.covariance_, "range": self.range_, "region": self.region_,
-            "trust": np.array([power, usual.hindcast_m, usual.mean, usual.deviation, usual.most]),
+            "trust": np.array([power, usual.hindcast_m, usual.mean, usual.deviation, usual.limit]),
             "spread": usual.spread_m,
         }  # fmt: skip
         if self.gust_s_ is not None:
@@ -415,7 +415,7 @@ class AdaptiveCalibrator(Calibrator):
         self.region_ = fitted["region"]
         self.hindcast_s_ = _hindcast_s(len(self.region_))
         power, hindcast_m, *minutes = map(float, fitted["trust"])
-        self.usual_ = _Usual(hindcast_m, fitted["spread"], *minutes)
+        self.usual_ = _TrainingStatistics(hindcast_m, fitted["spread"], *minutes)
         self.weight_power_ = power or np.inf
         self.gust_s_ = float(fitted["gust"][0]) if "gust" in fitted else None
         return self
@@ -423,7 +423,7 @@ class AdaptiveCalibrator(Calibrator):
 
 def _hindcast_s(horizon_s: int) -> int:
     """The length of the hindcasts over the last minutes, for predictions trained over this horizon."""
-    return min(max(horizon_s, _EVERY_S), _LONGEST_S)
+    return min(max(horizon_s, _INTERVAL_S), _LONGEST_S)
 
 
 def starts_of(windows: PredictionWindows) -> Floats:
@@ -455,7 +455,12 @@ def start_domain(windows: PredictionWindows, trained: Floats, share: float) -> D
     """The windows' starts compared with the :func:`start_range` in training, which they may exceed by a ``share``
     of it, or by the smallest margin."""
     kinds = [KINDS[actuator.kind] for actuator in windows.actuators]
-    shafts = [most for kind in kinds for most, angle in zip(kind.alike, kind.angles, strict=True) if not angle]
+    shafts = [
+        least_margin
+        for kind in kinds
+        for least_margin, angle in zip(kind.alike, kind.angles, strict=True)
+        if not angle
+    ]
     angles = [_LEAST_ANGLE_MARGIN] * (2 * len(angle_columns(windows.actuators)))
     low, high = trained
     margin = np.maximum(share * (high - low), np.array([*_LEAST_MARGIN, *shafts, *angles]))
@@ -464,29 +469,19 @@ def start_domain(windows: PredictionWindows, trained: Floats, share: float) -> D
 
 def _folds(leg: NDArray[np.str_], seed: int) -> NDArray[np.int64]:
     """The fold [N] of each window: whole groups, the longest first, each to the fold of the fewest windows."""
-    names, where, counts = np.unique(leg, return_inverse=True, return_counts=True)
+    names, group_number, counts = np.unique(leg, return_inverse=True, return_counts=True)
     members = min(MEMBERS, len(names))
     order = np.random.default_rng(seed).permutation(len(names))
     size, fold = np.zeros(members), np.empty(len(names), dtype=np.int64)
     for name in order[np.argsort(-counts[order], kind="stable")]:
         fold[name] = np.argmin(size)
         size[fold[name]] += counts[name]
-    return fold[where]
-
-
-def _own_share(windows: PredictionWindows) -> float:
-    """The share of a window that no other overlaps: the median time between starts of a leg over the horizon."""
-    starts_s = windows.start_ns / 1e9
-    order = np.lexsort((starts_s, windows.leg))
-    same_leg = windows.leg[order][1:] == windows.leg[order][:-1]
-    apart_s = np.diff(starts_s[order])[same_leg]
-    apart_s = apart_s[apart_s > 0.0]  # seconds of one window may come in two parts
-    return float(min(1.0, np.median(apart_s) / windows.horizon_s)) if len(apart_s) else 1.0
+    return fold[group_number]
 
 
 _POSITIVE = ("mass_kg", "yaw_inertia_kgm2", "Xud", "Yvd", "Nrd")
 _WIND_AREAS = ("frontal_area_m2", "lateral_area_m2")
-"""Wind force coefficients in surge and sway. R/V Gunnerus, whose hull model is the polynomial, has hers from a
+"""Wind force coefficients in surge and sway. R/V Gunnerus, whose hull model is the polynomial, has its own from a
 wind tunnel."""
 
 
@@ -506,7 +501,7 @@ def signed_names(form: Form) -> tuple[str, ...]:
 
 
 def parameter_names(form: Form) -> tuple[str, ...]:
-    """The names of the vector's parameters: of the model of a ship of this form, and of her environment."""
+    """The names of the vector's parameters: of the model of a ship of this form, and of its environment."""
     return (*positive_names(form), *signed_names(form), *SURROUNDED)
 
 
@@ -525,7 +520,7 @@ _PLACES = {name: number - len(SURROUNDED) for number, name in enumerate(SURROUND
 
 _AVERAGED_S = 5
 _MEAN_WIND_S = 60
-_GUSTING_S, _GUSTS_APART_S, _GUST_BOUNDS_S = 3, 10, (2.0, 300.0)
+_GUSTING_S, _GUST_LAG_S, _GUST_BOUNDS_S = 3, 10, (2.0, 300.0)
 LARGEST_FACTOR = 2.0
 
 
@@ -535,55 +530,51 @@ def observations_of(windows: PredictionWindows, gust_s: float | None = None) -> 
     Without commands the mean control over the last steady seconds is held. Without ``gust_s`` the mean wind of
     the last seconds is held; with it gusts decay with that time constant (:func:`expected_wind`).
     """
-    measured, known_s = measured_past(windows, _MEAN_WIND_S)
+    measured, complete_s = measured_past(windows, _MEAN_WIND_S)
     past = measured[:, : OBSERVED_S + 1]
     control = windows.commands
     if control is None:
-        control = np.repeat(_mean_control(past, windows.actuators)[:, None], windows.horizon_s, axis=1)
+        recent, angles = past[:, :_AVERAGED_S, CONTROLS], angle_columns(windows.actuators)
+        thresholds = [threshold for actuator in windows.actuators for threshold in KINDS[actuator.kind].still]
+        deviation = recent - recent[:, :1]
+        deviation[..., angles] = difference_rad(recent[..., angles], recent[:, :1, angles])
+        steady = np.cumprod((np.abs(deviation) < np.array(thresholds)).all(axis=2), axis=1)[..., None]
+        mean_control = recent[:, 0] + (np.nan_to_num(deviation) * steady).sum(axis=1) / steady.sum(axis=1)
+        control = np.repeat(mean_control[:, None], windows.horizon_s, axis=1)
     if gust_s is None:
         mean = _mean_vector(_wind_vectors(past)[:, :_AVERAGED_S])
         wind = np.repeat(np.column_stack([np.angle(mean), np.abs(mean)])[:, None], windows.horizon_s, axis=1)
     else:
         wind = expected_wind(measured, gust_s, windows.horizon_s)
     past, control = np.ascontiguousarray(past), np.ascontiguousarray(control)
-    return Observations(past, known_s.clip(max=OBSERVED_S), control, wind)
-
-
-def _mean_control(past: Floats, actuators: Actuators) -> Floats:
-    """The controls at second 0 [N, controls], averaged over the preceding seconds in which they were steady."""
-    recent, angles = past[:, :_AVERAGED_S, CONTROLS], angle_columns(actuators)
-    most = np.array([most for actuator in actuators for most in KINDS[actuator.kind].still])
-    deviation = recent - recent[:, :1]
-    deviation[..., angles] = difference_rad(recent[..., angles], recent[:, :1, angles])
-    still = np.cumprod((np.abs(deviation) < most).all(axis=2), axis=1)[..., None]
-    return np.asarray(recent[:, 0] + (np.nan_to_num(deviation) * still).sum(axis=1) / still.sum(axis=1))
+    return Observations(past, complete_s.clip(max=OBSERVED_S), control, wind)
 
 
 def expected_wind(past: Floats, gust_s: float, horizon_s: int) -> Floats:
     """The expected wind [N, H, 2]: the mean of the ``past``, plus the deviation of the last seconds decaying as
     exp(-t / ``gust_s``), the optimal forecast of gusts as a first-order process."""
     vectors = _wind_vectors(past)
-    mean, now = _mean_vector(vectors), _mean_vector(vectors[:, :_GUSTING_S])
+    mean, latest = _mean_vector(vectors), _mean_vector(vectors[:, :_GUSTING_S])
     decay = np.exp(-(np.arange(horizon_s) + 0.5) / gust_s)
-    expected = mean[:, None] + (now - mean)[:, None] * decay
+    expected = mean[:, None] + (latest - mean)[:, None] * decay
     return np.ascontiguousarray(np.stack([np.angle(expected), np.abs(expected)], axis=-1))
 
 
 def gust_decay_s(windows: PredictionWindows) -> float:
-    """The decay time of gusts [s], from the correlation of winds :data:`_GUSTS_APART_S` apart.
+    """The decay time of gusts [s], from the correlation of winds :data:`_GUST_LAG_S` apart.
 
     Winds are relative to the mean of their recording; the longest such time if there was no wind.
     """
     vectors = _wind_vectors(windows.past)
     for trial in np.unique(windows.trial):
-        mine = windows.trial == trial
-        vectors[mine] -= np.nan_to_num(np.nanmean(vectors[mine, 0]))
-    now, then = vectors[:, 0], vectors[:, _GUSTS_APART_S]
-    both = np.isfinite(now) & np.isfinite(then)
-    power = 0.5 * (np.abs(now[both]) ** 2 + np.abs(then[both]) ** 2).sum()
-    alike = float((now[both] * then[both].conj()).real.sum() / power) if power > 0.0 else 1.0
-    bounds = np.exp(-_GUSTS_APART_S / np.array(_GUST_BOUNDS_S))
-    return float(-_GUSTS_APART_S / np.log(np.clip(alike, *bounds)))
+        in_trial = windows.trial == trial
+        vectors[in_trial] -= np.nan_to_num(np.nanmean(vectors[in_trial, 0]))
+    latest, earlier = vectors[:, 0], vectors[:, _GUST_LAG_S]
+    measured = np.isfinite(latest) & np.isfinite(earlier)
+    power = 0.5 * (np.abs(latest[measured]) ** 2 + np.abs(earlier[measured]) ** 2).sum()
+    correlation = float((latest[measured] * earlier[measured].conj()).real.sum() / power) if power > 0.0 else 1.0
+    bounds = np.exp(-_GUST_LAG_S / np.array(_GUST_BOUNDS_S))
+    return float(-_GUST_LAG_S / np.log(np.clip(correlation, *bounds)))
 
 
 def _wind_vectors(past: Floats) -> Complexes:
@@ -686,8 +677,7 @@ def run_observer(vector: Floats, plant: Plant, observations: Observations) -> tu
 STEPS = 8
 _OUTLYING = 1.5
 _NUMBERS_A_WINDOW = 6.0  # independent numbers in a track: two in each of three coordinates
-_LEAST = np.array([0.01, 0.01, 0.0005])  # lower bound on prediction errors [m, m, rad]
-_USUAL_LENGTH_M = 30.0  # for a ship of this length; proportional to length
+_LEAST = np.array([0.01, 0.01, 0.0005])  # lower bound on prediction errors [m, m, rad] at the usual length
 _DIFFERENCE = 1e-3
 _ENOUGH = 2e-3
 _GIVE_UP = 1e6
@@ -709,16 +699,16 @@ def adapt(
     """
     differences_at, complete = _differences(plant, windows, track)
     vector, damping = np.zeros(len(parameter_names(plant.form))), 1e-3
-    now = differences_at(vector)
+    residual = differences_at(vector)
     for step in range(steps):
         progress(step / steps)
-        weight = _whitening(now, complete, overlap, plant)
-        slope = _slope(differences_at, vector, now, weight)
-        better = _step(differences_at, vector, now, slope, weight, damping)
-        if better is None:
+        weight = _whitening(residual, complete, overlap, plant)
+        slope = _slope(differences_at, vector, residual, weight)
+        improved = _step(differences_at, vector, residual, slope, weight, damping)
+        if improved is None:
             break
-        before, after, vector, now, damping = better
-        if before - after < _ENOUGH * before:
+        initial_cost, cost, vector, residual, damping = improved
+        if initial_cost - cost < _ENOUGH * initial_cost:
             break
     return vector
 
@@ -727,8 +717,8 @@ def covariance_at(vector: Floats, plant: Plant, windows: Observations, track: Fl
     """The covariance of the vector [parameters, parameters] at the minimum, by a quadratic approximation of the
     cost; in directions without data it is the prior's, one. Arguments as those of :func:`adapt`."""
     differences_at, complete = _differences(plant, windows, track)
-    now = differences_at(vector)
-    slope = _slope(differences_at, vector, now, _whitening(now, complete, overlap, plant))
+    residual = differences_at(vector)
+    slope = _slope(differences_at, vector, residual, _whitening(residual, complete, overlap, plant))
     slope = slope[(np.abs(slope) < _STEEPEST).all(axis=1)]  # those at the edge of the model's range say nothing
     return np.asarray(np.linalg.inv(slope.T @ slope + np.eye(len(vector))))
 
@@ -738,76 +728,70 @@ def _differences(plant: Plant, windows: Observations, track: Floats) -> tuple[Ca
     and heading, and the known seconds [N, H]."""
     unknown = np.asarray(np.isnan(track[:, 1:]).any(axis=2))
 
-    def off(vector: Floats) -> Floats:
+    def differences_at(vector: Floats) -> Floats:
         states, waves = run_observer(vector, plant, windows)
         gap = np.where(unknown[..., None], 0.0, (states[..., :3] + waves - track)[:, 1:])
         return np.stack([*to_ship(gap[..., 0], gap[..., 1], track[:, :1, 2]), gap[..., 2]], axis=-1)
 
-    return off, ~unknown
+    return differences_at, ~unknown
 
 
-def _whitening(now: Floats, complete: Bools, overlap: float, plant: Plant) -> Floats:
-    """The factor of each difference [N, H, 3]: its second's scale, its window's weight."""
-    scale = 1.48 * np.sqrt(_median_where(complete, now**2)) + _LEAST * min(
-        1.0, plant.length_overall_m / _USUAL_LENGTH_M
-    )
-    return np.asarray(_weights(now / scale, overlap) / scale)
+def _whitening(residual: Floats, complete: Bools, overlap: float, plant: Plant) -> Floats:
+    """The factor of each difference [N, H, 3]: its second's scale, its window's weight.
 
-
-def _median_where(complete: Bools, squares: Floats) -> Floats:
-    """The median over the windows in which a second is known and the model in its range: [H, 3]."""
+    The scale is from the median over the windows in which a second is measured and the model in its range; windows
+    outside the model's range have the weight zero.
+    """
+    squares = residual**2
     usable = complete[..., None] & np.isfinite(squares)
     ordered = np.sort(np.where(usable, squares, np.inf), axis=0)
     middle = (usable.sum(axis=0) // 2).clip(max=len(squares) - 1)
     median = np.take_along_axis(ordered, middle[None], axis=0)[0]
-    return np.asarray(np.where(np.isfinite(median), median, 1.0))
-
-
-def _weights(whitened: Floats, overlap: float) -> Floats:
-    """The square root of each window's weight [N, 1, 1]; zero for windows outside the model's range."""
-    size = np.sqrt(np.mean(whitened**2, axis=(1, 2)))
+    least = _LEAST * min(1.0, plant.length_overall_m / USUAL_LENGTH_M)
+    scale = 1.48 * np.sqrt(np.where(np.isfinite(median), median, 1.0)) + least
+    size = np.sqrt(np.mean((residual / scale) ** 2, axis=(1, 2)))
     finite = np.isfinite(size)
     robust = np.where(finite, np.minimum(1.0, _OUTLYING / np.maximum(np.where(finite, size, 1.0), 1e-9)), 0.0)
-    share = overlap * _NUMBERS_A_WINDOW / (whitened.shape[1] * whitened.shape[2])
-    return np.asarray(np.sqrt(share * robust))[:, None, None]
+    share = overlap * _NUMBERS_A_WINDOW / (residual.shape[1] * residual.shape[2])
+    return np.asarray(np.sqrt(share * robust)[:, None, None] / scale)
 
 
-def _slope(differences_at: Callable[[Floats], Floats], vector: Floats, now: Floats, weight: Floats) -> Floats:
+def _slope(differences_at: Callable[[Floats], Floats], vector: Floats, residual: Floats, weight: Floats) -> Floats:
     """The derivative of the weighted differences with respect to each parameter [N H 3, parameters]."""
-    columns = np.empty((now.size, len(vector)))
+    columns = np.empty((residual.size, len(vector)))
     for number in range(len(vector)):
         moved = vector.copy()
         moved[number] += _DIFFERENCE
-        columns[:, number] = np.nan_to_num((differences_at(moved) - now) / _DIFFERENCE * weight).ravel()
+        columns[:, number] = np.nan_to_num((differences_at(moved) - residual) / _DIFFERENCE * weight).ravel()
     return columns
 
 
 def _step(
     differences_at: Callable[[Floats], Floats],
     vector: Floats,
-    now: Floats,
+    residual: Floats,
     slope: Floats,
     weight: Floats,
     damping: float,
 ) -> tuple[float, float, Floats, Floats, float] | None:
     """Costs before and after, vector, differences and damping after the first step that lowers the cost; None
     if none does."""
-    counted = weight[:, 0, 0] > 0.0
+    in_range = weight[:, 0, 0] > 0.0
 
     def cost(vector: Floats, differences: Floats) -> float:
-        inside = (differences * weight)[counted]
+        inside = (differences * weight)[in_range]
         return float(np.sum(inside**2) + vector @ vector) if np.isfinite(inside).all() else np.inf
 
     normal = slope.T @ slope
-    pull = slope.T @ np.nan_to_num(now * weight).ravel() + vector
-    before = cost(vector, now)
+    pull = slope.T @ np.nan_to_num(residual * weight).ravel() + vector
+    initial_cost = cost(vector, residual)
     while damping < _GIVE_UP:
         damped = normal + np.eye(len(vector)) + damping * np.diag(1.0 + np.diag(normal))
         tried = vector - np.linalg.solve(damped, pull)
-        then = differences_at(tried)
-        after = cost(tried, then)
-        if after < before:
-            return before, after, tried, then, max(damping / 5.0, 1e-6)
+        tried_residual = differences_at(tried)
+        tried_cost = cost(tried, tried_residual)
+        if tried_cost < initial_cost:
+            return initial_cost, tried_cost, tried, tried_residual, max(damping / 5.0, 1e-6)
         damping *= 6.0
     return None
 
@@ -839,13 +823,13 @@ class AdaptedParameter:
 class Parameters:
     """All parameters of the model, the best determined first, and their correlations [P, P]."""
 
-    every: tuple[AdaptedParameter, ...]
+    parameters: tuple[AdaptedParameter, ...]
     correlation: Floats
 
     @property
     def identified(self) -> tuple[AdaptedParameter, ...]:
         """Those that the data determine."""
-        return tuple(parameter for parameter in self.every if parameter.identified)
+        return tuple(parameter for parameter in self.parameters if parameter.identified)
 
     def entangled(self) -> list[tuple[str, str, float]]:
         """Pairs of identified parameters that the data cannot separate, with their correlation."""
@@ -853,7 +837,7 @@ class Parameters:
 
 
 def parameters_of(calibrator: AdaptiveCalibrator) -> Parameters:
-    """The parameters of the ship and of her environment, without the observer's noise levels."""
+    """The parameters of the ship and of its environment, without the observer's noise levels."""
     if calibrator.plant is None:
         raise ValueError("the adaptive calibrator needs the reference model")
     units = units_of(calibrator.plant)

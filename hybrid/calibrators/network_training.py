@@ -68,8 +68,8 @@ class Perceptron:
         """The outputs [rows, K], and the inputs of each layer."""
         *hidden, (matrix, offset) = self.layers(weights)
         entering = [inputs]
-        for below, shift in hidden:
-            entering.append(torch.relu(torch.addmm(shift, entering[-1], below.T)))
+        for matrix_below, shift in hidden:
+            entering.append(torch.relu(torch.addmm(shift, entering[-1], matrix_below.T)))
         return torch.addmm(offset, entering[-1], matrix.T), entering
 
     def jacobian(self, weights: Tensor, entering: list[Tensor]) -> Tensor:
@@ -90,7 +90,7 @@ def fit_network(
     network: nn.Sequential,
     training: Rows,
     stopping: Rows,
-    until: StoppingRule,
+    stopping_rule: StoppingRule,
     windows: int | None,
     seed: int = 0,
     progress: Progress = lambda share: None,
@@ -98,23 +98,23 @@ def fit_network(
     """Fit the weights of linear layers with ReLU between them; the best on the ``stopping`` rows are kept.
 
     By least squares with so many independent ``windows`` in the training rows, as errors within a window are
-    correlated; or by Adam (None), each step one pass over all rows, ``until.rows`` at a time. Rows are drawn on
-    the CPU, so that a seed gives the same rows on every device.
+    correlated; or by Adam (None), each step one pass over all rows, ``stopping_rule.rows`` at a time. Rows are
+    drawn on the CPU, so that a seed gives the same rows on every device.
     """
     torch.set_num_threads(1)  # layers of ten neurons are faster on one thread
     generator = torch.Generator().manual_seed(seed)
     if windows is None:
-        steps = _adam_passes(network, training, until.rows, generator)
+        steps = _adam_passes(network, training, stopping_rule.rows, generator)
     else:
-        steps = _least_squares_steps(network, training, until.rows, windows, generator)
-    perceptron, best, best_error, since = Perceptron(network), _weights_of(network), float("inf"), 0
-    for step, weights in enumerate(islice(steps, until.steps), 1):
-        error, since = _mean_square(perceptron, weights, stopping), since + 1
+        steps = _least_squares_steps(network, training, stopping_rule.rows, windows, generator)
+    perceptron, best, best_error, stagnant_steps = Perceptron(network), _weights_of(network), float("inf"), 0
+    for step, weights in enumerate(islice(steps, stopping_rule.steps), 1):
+        error, stagnant_steps = _mean_square(perceptron, weights, stopping), stagnant_steps + 1
         if error < best_error:
-            best, best_error, since = weights, error, 0
+            best, best_error, stagnant_steps = weights, error, 0
         nn.utils.vector_to_parameters(weights.clone(), network.parameters())
-        progress(step / until.steps)
-        if since > until.patience:
+        progress(step / stopping_rule.steps)
+        if stagnant_steps > stopping_rule.patience:
             break
     nn.utils.vector_to_parameters(best, network.parameters())
 
@@ -127,7 +127,10 @@ def _least_squares_steps(
     perceptron, weights, damping = Perceptron(network), _weights_of(network), FIRST_DAMPING
     share, rows = DECAY_IN_WINDOWS / windows, float(min(most_rows, FIRST_ROWS))
     while True:
-        drawn = _drawn(training, int(rows), generator)
+        drawn, count = training, int(rows)
+        if count < len(training[0]):
+            chosen = torch.randperm(len(training[0]), generator=generator)[:count].to(training[0].device)
+            drawn = training[0][chosen], training[1][chosen]
         weights, damping = _stepped(perceptron, weights, damping, share, drawn)
         rows = min(most_rows, MORE_ROWS * rows)
         yield weights
@@ -146,8 +149,8 @@ def _adam_passes(
         order = torch.randperm(len(training[0]), generator=generator).to(training[0].device)
         for rows in torch.split(order, batch):
             adam.zero_grad()
-            missed = nn.functional.mse_loss(network(training[0][rows]), training[1][rows])
-            missed.backward()  # type: ignore[no-untyped-call]
+            loss = nn.functional.mse_loss(network(training[0][rows]), training[1][rows])
+            loss.backward()  # type: ignore[no-untyped-call]
             adam.step()
         yield _weights_of(network)
 
@@ -157,33 +160,24 @@ def _weights_of(network: nn.Sequential) -> Tensor:
     return nn.utils.parameters_to_vector(network.parameters()).detach()
 
 
-def _drawn(data: Rows, rows: int, generator: torch.Generator) -> Rows:
-    """A sample of rows without replacement; all if there are no more."""
-    inputs, wanted = data
-    if len(inputs) <= rows:
-        return data
-    chosen = torch.randperm(len(inputs), generator=generator)[:rows].to(inputs.device)
-    return inputs[chosen], wanted[chosen]
-
-
 def _stepped(
     perceptron: Perceptron, weights: Tensor, damping: float, share: float, data: Rows
 ) -> tuple[Tensor, float]:
     """The weights after the first step that lowers error plus decay, and the next damping."""
-    inputs, wanted = data
+    inputs, targets = data
     outputs, entering = perceptron.outputs(weights, inputs)
-    slopes, missed = perceptron.jacobian(weights, entering), (outputs - wanted).reshape(-1)
-    error = missed.square().mean().item()
+    slopes, residual = perceptron.jacobian(weights, entering), (outputs - targets).reshape(-1)
+    error = residual.square().mean().item()
     decay = min(MOST_DECAY, share * error)
-    curvature = slopes.T @ slopes / len(missed)
-    gradient = slopes.T @ missed / len(missed) + decay * weights
-    before = error + decay * weights.square().sum().item()
+    curvature = slopes.T @ slopes / len(residual)
+    gradient = slopes.T @ residual / len(residual) + decay * weights
+    initial_cost = error + decay * weights.square().sum().item()
     for _ in range(MOST_TRIALS):
         damped = curvature.clone()
         damped.diagonal().add_(damping + decay)
         moved = weights - torch.cholesky_solve(gradient[:, None], torch.linalg.cholesky(damped))[:, 0]
-        after = _mean_square(perceptron, moved, data) + decay * moved.square().sum().item()
-        if after < before:
+        moved_cost = _mean_square(perceptron, moved, data) + decay * moved.square().sum().item()
+        if moved_cost < initial_cost:
             return moved, max(EASIER * damping, LEAST_DAMPING)
         damping *= HARDER
     return weights, damping
@@ -197,15 +191,15 @@ def make_network(inputs: int, outputs: int, hidden: tuple[int, ...] = HIDDEN) ->
     """A perceptron with ReLU between its layers, in double precision."""
     widths = (inputs, *hidden)
     layers: list[nn.Module] = []
-    for below, above in pairwise(widths):
-        layers += [nn.Linear(below, above), nn.ReLU()]
+    for width, next_width in pairwise(widths):
+        layers += [nn.Linear(width, next_width), nn.ReLU()]
     return nn.Sequential(*layers, nn.Linear(widths[-1], outputs)).double()
 
 
 def train_network(
     training: tuple[Floats, Floats],
     stopping: tuple[Floats, Floats],
-    until: StoppingRule,
+    stopping_rule: StoppingRule,
     windows: int | None,
     seed: int = 0,
     progress: Progress = lambda share: None,
@@ -216,9 +210,9 @@ def train_network(
     network, device = make_network(training[0].shape[1], training[1].shape[1]), training_device()
     network.to(device)
     rows = [(torch.from_numpy(a).to(device), torch.from_numpy(b).to(device)) for a, b in (training, stopping)]
-    fit_network(network, rows[0], rows[1], until, windows, seed, progress)
-    kept = [parameter.detach().cpu().numpy().copy() for parameter in network.parameters()]
-    return tuple(zip(kept[::2], kept[1::2], strict=True))
+    fit_network(network, rows[0], rows[1], stopping_rule, windows, seed, progress)
+    parameters = [parameter.detach().cpu().numpy().copy() for parameter in network.parameters()]
+    return tuple(zip(parameters[::2], parameters[1::2], strict=True))
 
 
 def training_device() -> torch.device:

@@ -37,7 +37,7 @@ from seatrial.hybrid.prediction.baselines import (
     CandidatePrediction,
     constant_velocity,
     mean_distances,
-    mean_known,
+    mean_finite_error,
 )
 from seatrial.hybrid.prediction.baselines import reference as model_tracks
 from seatrial.hybrid.prediction.kalman_filter import filtered_starts
@@ -153,8 +153,8 @@ class Standardisation:
 def outputs_of(layers: Layers, inputs: Floats) -> Floats:
     """The outputs [*, K] of a perceptron with ReLU between its layers, for inputs [*, C]."""
     *hidden, (matrix, offset) = layers
-    for below, shift in hidden:
-        inputs = np.maximum(inputs @ below.T + shift, 0.0)
+    for weights, shift in hidden:
+        inputs = np.maximum(inputs @ weights.T + shift, 0.0)
     return np.asarray(inputs @ matrix.T + offset)
 
 
@@ -197,12 +197,12 @@ class NetworkCalibrator(Calibrator):
         rows = inputs, targets = self._rows(*training)
         self.input_scaling_, self.output_scaling_ = Standardisation.of(inputs), Standardisation.of(targets)
         self.input_range_ = np.stack([inputs.min(axis=0), inputs.max(axis=0)])
-        until = StoppingRule(self.epochs, self.batch, self.patience)
+        stopping_rule = StoppingRule(self.epochs, self.batch, self.patience)
         windows = None if self.by_adam else len(training[0])
         scaled, held_out = self._scaled(rows), self._scaled(self._rows(*stopping))
-        self.layers_ = train_network(scaled, held_out, until, windows, self.seed, progress)
+        self.layers_ = train_network(scaled, held_out, stopping_rule, windows, self.seed, progress)
         errors_m = mean_distances(self.predict(*stopping), stopping[0].track), self._hindcast_m(stopping[0])
-        self.usual_error_m_ = np.array([mean_known(error_m) for error_m in errors_m])
+        self.usual_error_m_ = np.array([mean_finite_error(error_m) for error_m in errors_m])
         return self
 
     def _hindcast_m(self, windows: PredictionWindows) -> Floats:
@@ -210,10 +210,12 @@ class NetworkCalibrator(Calibrator):
         if self.plant is None:
             return np.full(len(windows), np.nan)
         trained_s = int(self.input_range_[1, self.inputs.index("second")])
-        before = filtered_starts(hindcast_windows(windows, min(HINDCAST_S, trained_s)), self.plant)
-        return mean_distances(self.predict(before, model_tracks(before, self.plant)), before.track)
+        hindcast_inputs = filtered_starts(hindcast_windows(windows, min(HINDCAST_S, trained_s)), self.plant)
+        return mean_distances(
+            self.predict(hindcast_inputs, model_tracks(hindcast_inputs, self.plant)), hindcast_inputs.track
+        )
 
-    def beside_baselines(self, windows: PredictionWindows, tracks: Floats) -> CandidatePrediction | None:
+    def fallback_candidate(self, windows: PredictionWindows, tracks: Floats) -> CandidatePrediction | None:
         return CandidatePrediction(tracks, self._hindcast_m(windows), self.usual_error_m_) if self.plant else None
 
     def predict(self, windows: PredictionWindows, reference: Floats) -> Floats:
@@ -265,7 +267,11 @@ class NetworkCalibrator(Calibrator):
         self.output_scaling_ = Standardisation(tensors["output.mean"], tensors["output.deviation"])
         self.input_range_ = tensors["input.range"]
         self.usual_error_m_ = tensors["usual_error_m"]
-        self.layers_ = _layers_of(tensors, (len(self.inputs), *HIDDEN, len(self.outputs)))
+        widths = (inputs, *HIDDEN, outputs)
+        names = [f"network.{_PLACE * number}." for number in range(len(widths) - 1)]
+        for name, (width, next_width) in zip(names, pairwise(widths), strict=True):
+            require_shapes(tensors, {f"{name}weight": (next_width, width), f"{name}bias": (next_width,)})
+        self.layers_ = tuple((tensors[f"{name}weight"], tensors[f"{name}bias"]) for name in names)
         return self
 
     def _rows(self, windows: PredictionWindows, reference: Floats) -> Rows:
@@ -278,14 +284,6 @@ class NetworkCalibrator(Calibrator):
     def _scaled(self, rows: Rows) -> Rows:
         inputs, targets = rows
         return self.input_scaling_.scaled(inputs), self.output_scaling_.scaled(targets)
-
-
-def _layers_of(tensors: dict[str, Floats], widths: tuple[int, ...]) -> Layers:
-    """The layers of a network of these ``widths``, inputs to outputs. Raises :class:`ValueError` for others."""
-    names = [f"network.{_PLACE * number}." for number in range(len(widths) - 1)]
-    for name, (below, above) in zip(names, pairwise(widths), strict=True):
-        require_shapes(tensors, {f"{name}weight": (above, below), f"{name}bias": (above,)})
-    return tuple((tensors[f"{name}weight"], tensors[f"{name}bias"]) for name in names)
 
 
 class PaperCalibrator(NetworkCalibrator):

@@ -1,12 +1,11 @@
-"""User-defined calibrators: a class with ``fit`` and ``predict``, behind the interface of all calibrators.
+"""Calibrators of users, and trained calibrators on disk.
 
-The class gets :class:`KnownWindows`, what is known of windows at their start, and never later data. Its regions
-are made by split conformal prediction on held-out legs, like those of all calibrators.
-
-A trained calibrator on disk: weights as safetensors, everything else in a readable JSON file, the sidecar.
-
-The sidecar has inputs, scaling, reference model, regions, data and metrics. Pydantic checks types in strict
-mode; further conditions on values, and their agreement with the weights, are checked here.
+A user's class with ``fit`` and ``predict`` is wrapped in the interface of all calibrators. It gets
+:class:`WindowInputs`, what is known of windows at their start, and never later data. Its regions are made by split
+conformal prediction on held-out legs, like those of all calibrators. On disk a calibrator is weights as safetensors
+and everything else in a readable JSON file, the sidecar: inputs, scaling, reference model, regions, data and
+metrics. Pydantic checks types in strict mode; further conditions on values, and their agreement with the weights,
+are checked here.
 """
 
 from __future__ import annotations
@@ -17,6 +16,7 @@ import json
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from datetime import datetime
+from math import inf
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Protocol, Self
 
@@ -63,10 +63,20 @@ if TYPE_CHECKING:
 
 STATE = ("north_m", "east_m", "heading_rad", "surge_mps", "sway_mps", "yaw_rate_radps")
 WIND = ("wind_direction_rad", "wind_speed_mps")
+SIDECAR = "calibrator.json"
+FORMAT = 8
+PARTS = ("calibrator", "data_driven")
+"""The tensor files of an artefact; the second only if there is such a network."""
+UNITS = {
+    "m": "m", "mps": "m/s", "mps2": "m/s2", "rad": "rad", "radps": "rad/s", "radps2": "rad/s2",
+    "rps": "rev/s", "rpm": "rev/min", "n": "N", "nm": "N m", "s": "s", "second": "s",
+}  # fmt: skip
+"""Units by the last word of a name; others are dimensionless."""
+Tensors = dict[str, Floats]
 
 
 @dataclass(frozen=True, slots=True)
-class KnownWindows:
+class WindowInputs:
     """What is known of N windows of H seconds at their start, in SI units and radians.
 
     ``start`` [N, C]: one row a window, columns by name: ``north_m``, ``east_m``, ``heading_rad``, ``surge_mps``,
@@ -95,14 +105,14 @@ class OwnMethod(Protocol):
     ``__getstate__``, which returns a dict of such, and ``__setstate__``, which restores it.
     """
 
-    def fit(self, windows: KnownWindows, track: Floats) -> object:
+    def fit(self, windows: WindowInputs, track: Floats) -> object:
         """Learn from windows and the tracks that were measured in them [N, H+1, 3], as ``reference`` is."""
 
-    def predict(self, windows: KnownWindows) -> Floats:
+    def predict(self, windows: WindowInputs) -> Floats:
         """The tracks [N, H+1, 3], or north and east alone [N, H+1, 2] with the reference's heading."""
 
 
-def own_calibrator(factory: Any, name: str, seed: int, plant: Plant | None) -> Calibrator:
+def user_calibrator(factory: Any, name: str, seed: int, plant: Plant | None) -> Calibrator:
     """A user's class as a calibrator. Raises :class:`ConfigurationError` for one that cannot be one."""
     if not isinstance(factory, type):
         raise ConfigurationError("is not a class", where=name, fix="write a class with fit and predict")
@@ -114,12 +124,12 @@ def own_calibrator(factory: Any, name: str, seed: int, plant: Plant | None) -> C
     return calibrator
 
 
-def known_windows(windows: PredictionWindows, reference: Floats) -> KnownWindows:
+def window_inputs(windows: PredictionWindows, reference: Floats) -> WindowInputs:
     """The windows in the form that a user's class gets; the arrays are copies."""
     labels, angles = control_labels(windows.actuators), angle_columns(windows.actuators)
     controls = [f"{name}_rad" if column in angles else name for column, name in enumerate(labels)]
     start = np.column_stack([windows.start, windows.wind, windows.control])
-    return KnownWindows(
+    return WindowInputs(
         pd.DataFrame(start, columns=[*STATE, *WIND, *controls]),
         reference.copy(), windows.past.copy(), windows.acting.copy(), windows.leg.copy(),
     )  # fmt: skip
@@ -146,8 +156,8 @@ class OwnCalibrator(Calibrator):
         windows, reference = training
         self.actuators, self.any_commands = windows.actuators, windows.commands is not None
         self.range_ = start_range(windows)
-        complete = windows.whole
-        complete_windows = known_windows(windows.subset(complete), reference[complete])
+        complete = windows.complete
+        complete_windows = window_inputs(windows.subset(complete), reference[complete])
         with own_code(f"{self._name}.fit", self._file):
             self.own.fit(complete_windows, windows.track[complete].copy())
         progress(1.0)
@@ -155,7 +165,7 @@ class OwnCalibrator(Calibrator):
 
     def predict(self, windows: PredictionWindows, reference: Floats) -> Floats:
         with own_code(f"{self._name}.predict", self._file):
-            tracks = np.asarray(self.own.predict(known_windows(windows, reference)), dtype=np.float64)
+            tracks = np.asarray(self.own.predict(window_inputs(windows, reference)), dtype=np.float64)
         count, seconds, _ = reference.shape
         if tracks.shape not in ((count, seconds, 2), (count, seconds, 3)):
             raise OwnCodeError(
@@ -171,7 +181,10 @@ class OwnCalibrator(Calibrator):
         user_method = self.own
         with own_code(f"{self._name}.__getstate__", self._file):
             state: Any = user_method.__getstate__() if hasattr(user_method, "__setstate__") else vars(user_method)
-        arrays = {name: value for name, value in state.items() if _is_numeric(value)}
+        arrays = {
+            name: value for name, value in state.items()
+            if isinstance(value, np.ndarray | np.generic) and value.dtype.kind in "fiub"
+        }  # fmt: skip
         plain = {name: value for name, value in state.items() if name not in arrays}
         for name, value in plain.items():
             self._refuse_unsaved(name, value)
@@ -200,18 +213,6 @@ class OwnCalibrator(Calibrator):
                 vars(self.own).update(state)
         return self
 
-
-def _is_numeric(value: Any) -> bool:
-    return isinstance(value, np.ndarray | np.generic) and value.dtype.kind in "fiub"
-
-
-SIDECAR = "calibrator.json"
-FORMAT = 8
-UNITS = {
-    "m": "m", "mps": "m/s", "mps2": "m/s2", "rad": "rad", "radps": "rad/s", "radps2": "rad/s2",
-    "rps": "rev/s", "rpm": "rev/min", "n": "N", "nm": "N m", "s": "s", "second": "s",
-}  # fmt: skip
-"""Units by the last word of a name; others are dimensionless."""
 
 Digest = Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")]
 _FARTHEST_M = 4e7  # around the Earth
@@ -312,16 +313,15 @@ def _quantities(side: str, names: tuple[str, ...], tensors: Mapping[str, Floats]
     rows = {key: tensors.get(f"{side}.{key}") for key in ("mean", "deviation")}
     low_high = tensors.get(f"{side}.range")
     rows |= dict(zip(("low", "high"), (None, None) if low_high is None else low_high, strict=True))
-    columns = {key: row.tolist() for key, row in rows.items() if row is not None and row.shape == (len(names),)}
+    columns = {  # None for an infinite deviation, by which a constant column is scaled to zero
+        key: [None if abs(value) == inf else value for value in row.tolist()]
+        for key, row in rows.items()
+        if row is not None and row.shape == (len(names),)
+    }
     return tuple(
-        ScaledQuantity(name, unit_of(name), **{key: _finite(column[i]) for key, column in columns.items()})
+        ScaledQuantity(name, unit_of(name), **{key: column[i] for key, column in columns.items()})
         for i, name in enumerate(names)
     )
-
-
-def _finite(value: float) -> float | None:
-    """The number, or None for an infinite deviation, by which a constant column is scaled to zero."""
-    return None if abs(value) == float("inf") else value
 
 
 def unit_of(name: str) -> str:
@@ -348,14 +348,16 @@ def read_sidecar(folder: Path, method: str | None = None) -> tuple[Sidecar, Plan
                              where=str(path), fix="train again")  # fmt: skip
         sidecar = _SIDECAR.validate_json(raw, strict=True)
     except ValidationError as error:
-        raise damage_error(path, _explain(error)) from error
+        first = error.errors(include_url=False, include_context=False, include_input=False)[0]
+        why = ": ".join(filter(None, (".".join(map(str, first["loc"])), first["msg"])))
+        raise damage_error(path, _short(why)) from error
     sidecar = replace(sidecar, calibrator=_with_code(sidecar.calibrator, method, path))
     _check(sidecar, path)
     return sidecar, _plant(sidecar, path)
 
 
 def _with_code(model: CalibratorDescription, method: str | None, path: Path) -> CalibratorDescription:
-    """A model with the code that a user named for it. Raises :class:`InputError` for a file that nobody named.
+    """A model with the code that a user named for it. Raises :class:`InputError` for a file that no user named.
 
     A calibrator from elsewhere could otherwise run what it brings along.
     """
@@ -441,20 +443,9 @@ def _plant(sidecar: Sidecar, path: Path) -> Plant:
     return plant
 
 
-def _explain(error: ValidationError) -> str:
-    """The first validation error: the key and what is wrong with it."""
-    first = error.errors(include_url=False, include_context=False, include_input=False)[0]
-    return _short(": ".join(filter(None, (".".join(map(str, first["loc"])), first["msg"]))))
-
-
 def _short(value: object) -> str:
     text = value if isinstance(value, str) else json.dumps(value)
     return text if len(text) <= 120 else f"{text[:120]}..."
-
-
-Tensors = dict[str, Floats]
-PARTS = ("calibrator", "data_driven")
-"""The tensor files of an artefact; the second only if there is such a network."""
 
 
 def save(trained: TrainedCalibrator, folder: Path) -> Path:
@@ -470,8 +461,8 @@ def save(trained: TrainedCalibrator, folder: Path) -> Path:
         _refuse_not_numbers(arrays, folder / _file(name))
     contents = {_file(name): safetensors.numpy.save(arrays) for name, arrays in tensors.items()}
     sidecar = _sidecar(trained, tensors, {name: _digest(data) for name, data in contents.items()})
-    left_out = {name for name in ("data_driven", "any_commands", "actuators") if not getattr(sidecar, name)}
-    text = _SIDECAR.dump_json(sidecar, indent=2, exclude=left_out) + b"\n"
+    omitted = {name for name in ("data_driven", "any_commands", "actuators") if not getattr(sidecar, name)}
+    text = _SIDECAR.dump_json(sidecar, indent=2, exclude=omitted) + b"\n"
     make_folder(folder)
     with written_together(folder / SIDECAR):
         for name, content in (contents | {SIDECAR: text}).items():
@@ -480,6 +471,10 @@ def save(trained: TrainedCalibrator, folder: Path) -> Path:
 
 
 def _sidecar(trained: TrainedCalibrator, tensors: dict[str, Tensors], digests: dict[str, str]) -> Sidecar:
+    fallback = trained.fallback
+    reference_m, constant_velocity_m = zip(
+        fallback.training_error_m.tolist(), fallback.hindcast_error_m.tolist(), strict=True
+    )
     return Sidecar(
         format=FORMAT,
         trained_at=trained.trained_at,
@@ -492,7 +487,7 @@ def _sidecar(trained: TrainedCalibrator, tensors: dict[str, Tensors], digests: d
         data_driven=model_of(trained.data_driven, tensors["data_driven"]) if trained.data_driven else None,
         files=digests,
         region_m=_semi_axes(trained.region_m),
-        reserve=_stored_fallback(trained.fallback),
+        reserve=StoredFallback(reference_m, constant_velocity_m, _semi_axes(fallback.region)),
         data=tuple(replace(source, path=Path(printable_name(source.path))) for source in trained.sources),
         metrics=trained.metrics,
         any_commands=trained.calibrator.any_commands,
@@ -506,7 +501,8 @@ def load(folder: Path, method: str | None = None) -> TrainedCalibrator:
     Raises :class:`InputError` naming what is missing or wrong, and for code of a user's own without ``method``.
     """
     sidecar, plant = read_sidecar(folder, method)
-    data_driven = sidecar.data_driven
+    data_driven, stored = sidecar.data_driven, sidecar.reserve
+    training_m, hindcast_m = np.array([stored.reference_m, stored.constant_velocity_m]).T
     return TrainedCalibrator(
         calibrator=_restored(sidecar, sidecar.calibrator, "calibrator", plant, folder),
         data_driven=_restored(sidecar, data_driven, "data_driven", plant, folder) if data_driven else None,
@@ -514,7 +510,7 @@ def load(folder: Path, method: str | None = None) -> TrainedCalibrator:
         vessel=sidecar.vessel.name,
         plant=plant,
         region_m=np.array(sidecar.region_m),
-        fallback=_fallback_from(sidecar.reserve),
+        fallback=Fallback(training_m, hindcast_m, np.array(stored.region)),
         sources=sidecar.data,
         metrics=sidecar.metrics,
         trained_at=sidecar.trained_at,
@@ -522,20 +518,8 @@ def load(folder: Path, method: str | None = None) -> TrainedCalibrator:
     )
 
 
-def _stored_fallback(fallback: Fallback) -> StoredFallback:
-    (reference, constant_velocity) = zip(
-        fallback.training_error_m.tolist(), fallback.hindcast_error_m.tolist(), strict=True
-    )
-    return StoredFallback(reference, constant_velocity, _semi_axes(fallback.region))
-
-
 def _semi_axes(region_m: Floats) -> tuple[SemiAxes, ...]:
     return tuple((float(along), float(across)) for along, across in region_m)
-
-
-def _fallback_from(stored: StoredFallback) -> Fallback:
-    training_m, hindcast_m = np.array([stored.reference_m, stored.constant_velocity_m]).T
-    return Fallback(training_m, hindcast_m, np.array(stored.region))
 
 
 def _restored(sidecar: Sidecar, model: CalibratorDescription, part: str, plant: Plant, folder: Path) -> Calibrator:
@@ -554,7 +538,7 @@ def _restored(sidecar: Sidecar, model: CalibratorDescription, part: str, plant: 
             require_shapes(tensors, {"region": (sidecar.horizon_s, 2)})
         calibrator.load_state_dict(tensors)
         described = model_of(calibrator, tensors)
-    except Exception as error:  # weights that others made may fail in every possible way
+    except Exception as error:  # foreign weights may fail in every possible way
         raise damage_error(folder, f"the weights are not those of {model.method}: {_reason(error)}") from error
     if described != model:
         raise damage_error(

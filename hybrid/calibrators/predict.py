@@ -1,7 +1,6 @@
-"""``seatrial predict``: the predictor of recordings, which is a reference model or a calibrator on one, and one
-prediction from one instant of a recording, with its region.
+"""``seatrial predict``: one prediction from one instant of a recording, by a reference model or a calibrator.
 
-The commands that are planned for the seconds to come, from a table: when each order would be given.
+Planned commands for the seconds to come are a table of when each order would be given:
 
     second,port_rpm,starboard_rpm,rudder_angle_deg      time,rudder_angle_deg
     0,120,120,0                                         2026-06-01T10:00:00Z,0
@@ -37,17 +36,18 @@ from seatrial.analysis.windows.held import SecondBySecond
 from seatrial.hybrid.calibrators import TrainedCalibrator, plant_for
 from seatrial.hybrid.calibrators.own import load
 from seatrial.hybrid.effects.catalogue import vessel_plant
-from seatrial.hybrid.prediction.baselines import bands, circle_about, reference
+from seatrial.hybrid.prediction.baselines import bands, enclosing_radius, reference
 from seatrial.hybrid.prediction.kalman_filter import filtered_starts
 from seatrial.hybrid.prediction.windows import PredictionWindows, difference_rad, rows_after, windows_of_channels
 from seatrial.hybrid.vessel.actuators import angle_columns, control_units
-from seatrial.hybrid.vessel.files import Trials, chosen, reference_model
+from seatrial.hybrid.vessel.files import Trials, chosen_model, reference_model
 from seatrial.hybrid.vessel.parameters import Vessel
 from seatrial.hybrid.vessel.plant import Plant
 from seatrial.hybrid.vessel.sensors import HEADING
 
 HORIZON_S = 15
 """The default horizon [s]."""
+_PARTS = 20  # of a second: orders may come between full seconds
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,7 +107,7 @@ def _model_of(trained: TrainedCalibrator, trials: Trials) -> tuple[ChosenModel, 
             return model.said, model.vessel if vessel_plant(model.vessel) == trained.plant else None
     except ConfigurationError:
         pass
-    return chosen(name, {name}, trials), None
+    return chosen_model(name, {name}, trials), None
 
 
 @dataclass(frozen=True, slots=True)
@@ -135,7 +135,7 @@ class Prediction(ModelResult):
     @property
     def band_m(self) -> Floats | None:
         """The radius [H+1] of the circle that holds the region."""
-        return None if self.region_m is None else circle_about(self.region_m)
+        return None if self.region_m is None else enclosing_radius(self.region_m)
 
     def as_dict(self) -> dict[str, Any]:
         """One object for each second, for JSON."""
@@ -195,7 +195,7 @@ def window_at(recorded: SecondBySecond, at: pd.Timestamp, horizon_s: int) -> tup
     start_ns = times_ns[[np.argmin(np.abs(times_ns - at.as_unit("ns").value))]]
     channels = rows_after(table, start_ns, np.arange(horizon_s + 1), actuators)
     finite = np.isfinite(channels[0])
-    missing = [name for name, there in zip(trial_names(actuators), finite[0], strict=True) if not there]
+    missing = [name for name, present in zip(trial_names(actuators), finite[0], strict=True) if not present]
     if missing:
         start = pd.Timestamp(start_ns[0], tz="UTC").isoformat()
         raise InputError(f"{', '.join(missing)} has no value at {start}", fix="choose another time")
@@ -263,9 +263,6 @@ def _under_plan(
     return replace(windows, commands=controls[None]), {name: values for name, values in channels if name in orders}
 
 
-_PARTS = 20  # of a second: orders may come between full seconds
-
-
 def read_commands(path: Path, actuators: Actuators) -> pd.DataFrame:
     """The table of a CSV or Parquet file: by ``second`` [s] after the start or by ``time`` (UTC), columns as the
     channels of ``actuators``.
@@ -281,29 +278,29 @@ def read_commands(path: Path, actuators: Actuators) -> pd.DataFrame:
         raise
     except (OSError, ValueError) as error:
         raise InputError("cannot be read as a table of commands", where=str(path), why=str(error)) from error
-    names, known = [str(name).strip() for name in table.columns], control_names(actuators)
+    names, channels = [str(name).strip() for name in table.columns], control_names(actuators)
     table.columns = pd.Index(names)
-    when = next((name for name in names if name in ("second", "time")), None)
-    if when is None:
+    time_column = next((name for name in names if name in ("second", "time")), None)
+    if time_column is None:
         raise InputError(
             "has no column second or time", where=str(path), fix="give the seconds after the start, or the times"
         )
-    unknown = sorted(set(names) - {when, *known})
+    unknown = sorted(set(names) - {time_column, *channels})
     if unknown or len(set(names)) < len(names) or len(names) < 2:
         raise InputError(
             f"has the columns {', '.join(names)}", where=str(path),
-            fix=f"give second or time, and each at most once of {', '.join(known)}",
+            fix=f"give second or time, and each at most once of {', '.join(channels)}",
         )  # fmt: skip
-    if when == "time" and len(table):
+    if time_column == "time" and len(table):
         table["time"] = parse_times(RawTable(path, table), "time")
     else:
-        table[when] = pd.to_numeric(table[when], errors="coerce").replace(np.inf, np.nan)
-    orders = pd.DataFrame(table.set_index(when).apply(pd.to_numeric, errors="coerce"))
+        table[time_column] = pd.to_numeric(table[time_column], errors="coerce").replace(np.inf, np.nan)
+    orders = pd.DataFrame(table.set_index(time_column).apply(pd.to_numeric, errors="coerce"))
     if orders.empty or orders.index.hasnans or not np.isfinite(orders.to_numpy(dtype=float)).all():
         raise InputError("contains cells that are not numbers, or no row", where=str(path))
     if not (orders.index.is_monotonic_increasing and orders.index.is_unique):
         raise InputError(
-            f"its {when}s do not increase from row to row", where=str(path), fix="sort them, each once"
+            f"its {time_column}s do not increase from row to row", where=str(path), fix="sort them, each once"
         )
     return orders
 
@@ -320,17 +317,17 @@ def commands_from(table: pd.DataFrame, at: pd.Timestamp, horizon_s: int) -> pd.D
     return table.set_axis(seconds) if seconds[0] < horizon_s and seconds[-1] > -horizon_s else None
 
 
-def planned_commands(table: pd.DataFrame, now: Floats, actuators: Actuators, horizon_s: int) -> Floats:
-    """The mean controls over each second of the horizon [H, controls] in SI, starting from ``now`` [controls].
+def planned_commands(table: pd.DataFrame, initial: Floats, actuators: Actuators, horizon_s: int) -> Floats:
+    """The mean controls over each second of the horizon [H, controls] in SI, starting from ``initial`` [controls].
 
     ``table`` comes from :func:`commands_from`. Angles are averaged the shorter way round.
     """
     times = (np.arange(horizon_s * _PARTS) + 0.5) / _PARTS
     row = np.searchsorted(table.index.to_numpy(dtype=float), times, side="right")  # 0: before the first
-    ordered = np.tile(now, (len(table) + 1, 1))
+    settings = np.tile(initial, (len(table) + 1, 1))
     for column, (name, unit) in enumerate(zip(control_names(actuators), control_units(actuators), strict=True)):
         if name in table:
-            ordered[1:, column] = table[name].to_numpy(dtype=float) * unit
-    orders, angles = ordered[row], angle_columns(actuators)
-    orders[:, angles] = now[angles] + difference_rad(orders[:, angles], now[angles])
+            settings[1:, column] = table[name].to_numpy(dtype=float) * unit
+    orders, angles = settings[row], angle_columns(actuators)
+    orders[:, angles] = initial[angles] + difference_rad(orders[:, angles], initial[angles])
     return np.asarray(orders.reshape(horizon_s, _PARTS, -1).mean(axis=1))

@@ -72,7 +72,7 @@ def _windows(tables: Sequence[pd.DataFrame], length_m: float) -> PredictionWindo
 
 def seconds_in_folds(windows: PredictionWindows, log: Log, trials: Sequence[str]) -> Ints:
     """The seconds of each window in the legs of each fold [N, FOLDS]; ``trials`` names the recordings."""
-    first, last = windows.known_seconds()
+    first, last = windows.measured_seconds()
     fold, counts = fold_of(log), np.zeros((len(windows), FOLDS), dtype=np.int64)
     for number, trial in enumerate(trials):
         mine = np.flatnonzero(windows.trial == trial)
@@ -90,8 +90,8 @@ def draws_of_folds(windows: PredictionWindows, seconds: Ints, seed: int) -> dict
 
     Raises :class:`DataShortageError` if there are too few legs to test on or train on.
     """
-    first, last = windows.known_seconds()
-    inside = (seconds == (last - first + 1)[:, None]) & windows.whole[:, None]
+    first, last = windows.measured_seconds()
+    inside = (seconds == (last - first + 1)[:, None]) & windows.complete[:, None]
     legs = np.unique(windows.leg[inside.any(axis=1)]).size
     if legs < _LEAST_LEGS:
         raise DataShortageError(

@@ -44,7 +44,7 @@ from seatrial.hybrid.diagnosis.linearise import (
 from seatrial.hybrid.diagnosis.log import STEPS_PER_SECOND, Log
 from seatrial.hybrid.diagnosis.result import Gap, Tracks
 from seatrial.hybrid.diagnosis.select_effects import Coordinates, fitted_coordinates, search_effects
-from seatrial.hybrid.prediction.baselines import distances, present_motion_held
+from seatrial.hybrid.prediction.baselines import constant_motion_tracks, distances
 from seatrial.hybrid.vessel.actuators import control_units
 from seatrial.hybrid.vessel.dynamics import simulate_batch
 from seatrial.hybrid.vessel.plant import Plant
@@ -180,7 +180,7 @@ def gap_on_unseen_legs(
         for name in names
     ]
     log, starts = windows.log, windows.starts
-    present = present_motion_held(log.nominal[starts], HORIZON_S)
+    present = constant_motion_tracks(log.nominal[starts], HORIZON_S)
     predictions = (windows.before, after, best, present, *lacking)
     off_m = np.array([distances(track, windows.measured) for track in predictions])
     complete = np.isfinite(off_m[:3]).all(axis=0)

@@ -47,10 +47,10 @@ from seatrial.hybrid.vessel.sensors import (
     acting_controls,
     behind_play,
     check_ship,
+    differ_only_in_sensors,
+    has_sensor_delay,
     measure,
-    move_alike,
-    report_alike,
-    report_late,
+    sensors_are_equal,
 )
 
 DT_S = 1.0 / STEPS_PER_SECOND
@@ -356,12 +356,12 @@ def _sensitivity(
         plant, step = small
         return (next_states(log, plant, origin) - ways[:, -1]) / step, np.zeros_like(origin)
     (ahead, plus), (behind, minus) = _sides(model, name, coordinate)
-    if move_alike(ahead, behind):
+    if differ_only_in_sensors(ahead, behind):
         further = before = ways
     else:
         further, before = one_second_paths(log, ahead, origin), one_second_paths(log, behind, origin)
     D = (further[:, -1] - before[:, -1]) / (plus - minus)
-    if report_alike(ahead, behind):
+    if sensors_are_equal(ahead, behind):
         return D, np.zeros_like(origin)
     return D, (_seen(log, ahead, further) - _seen(log, behind, before)) / (plus - minus)
 
@@ -376,7 +376,7 @@ def small_step(model: ModelWithEffects, name: str, coordinate: int) -> tuple[Pla
         return None
     step = _SMALL_PART * effect.free_scale[coordinate]
     ahead, behind = (model.plant_with_step(name, coordinate, by) for by in (step, -step))
-    if ahead is None or behind is None or not report_alike(ahead, behind):
+    if ahead is None or behind is None or not sensors_are_equal(ahead, behind):
         return None
     return (ahead, step) if _delays_of(ahead) == _delays_of(behind) else None
 
@@ -502,7 +502,7 @@ def _lagged(series: Floats, lags_s: Floats) -> Floats:
 
 def sensor_readings(log: Log, plant: Plant, states: Floats) -> Floats:
     """States [T, 6] as the plant's sensors report them, with delays applied within each unbroken stretch."""
-    if not report_late(plant):  # without delays, readings equal states
+    if not has_sensor_delay(plant):  # without delays, readings equal states
         return measure(states[:, None], plant, 1.0)[:, 0]
     return _seen(log, plant, one_second_paths(log, plant, states))
 

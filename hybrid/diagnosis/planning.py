@@ -48,13 +48,13 @@ from seatrial.hybrid.simulation.manoeuvres import (
     HARD_OVER_DEG,
     Leg,
     Manoeuvre,
-    both_ways,
-    in_time,
-    one_by_one,
+    on_reciprocal_courses,
     pace_of,
     reciprocal,
+    scale_times,
     settle,
     shaft_limit_rpm,
+    single_drive_legs,
     steer,
     turning_circle,
     zigzag,
@@ -494,7 +494,7 @@ class Shafts:
 
     def candidate(self, name: str, what: str, legs: Sequence[Leg]) -> CandidateManoeuvre:
         """A candidate whose legs are given in R/V Gunnerus' time."""
-        return CandidateManoeuvre(name, what, in_time(tuple(legs), self.time), self.minutes)
+        return CandidateManoeuvre(name, what, scale_times(tuple(legs), self.time), self.minutes)
 
     def span(self, seconds: float) -> str:
         """A time given for R/V Gunnerus, scaled to this ship, in words."""
@@ -549,7 +549,7 @@ def repertoire(shafts: Shafts) -> tuple[CandidateManoeuvre, ...]:
 
 def _reciprocal(at: Shafts) -> CandidateManoeuvre:
     what = f"Run straight at {at.usual:g} rpm, {at.span(240.0)} on a heading and as long on the reciprocal"
-    legs = both_ways(lambda course: (settle(course, at.usual), steer(course, 220.0, at.usual)))
+    legs = on_reciprocal_courses(lambda course: (settle(course, at.usual), steer(course, 220.0, at.usual)))
     return at.candidate("reciprocal_headings", what, legs)
 
 
@@ -562,7 +562,9 @@ def _speed_runs(at: Shafts) -> CandidateManoeuvre:
     speeds = (at.half, at.slow, at.usual, at.fast)
     steps = ", ".join(f"{rpm:g}" for rpm in speeds)
     what = f"Run straight at {steps} rpm, {at.span(60.0)} each, on a heading and on the reciprocal"
-    legs = both_ways(lambda course: (settle(course, speeds[0]), *(steer(course, 65.0, rpm) for rpm in speeds)))
+    legs = on_reciprocal_courses(
+        lambda course: (settle(course, speeds[0]), *(steer(course, 65.0, rpm) for rpm in speeds))
+    )
     return at.candidate("speed_runs", what, legs)
 
 
@@ -580,7 +582,7 @@ def _zigzag(at: Shafts, helm_deg: float, switch_deg: float, slow: bool = False) 
     by = "" if at.steering else f" with {at.helm(helm_deg, rpm)}"
     what = f"Zigzags {helm_deg:g}/{switch_deg:g} at {rpm:g} rpm{by}, about a heading and about the reciprocal"
     name = f"zigzags_{helm_deg:g}_{switch_deg:g}{'_slow' * slow}"
-    return at.candidate(name, what, both_ways(lambda course: (settle(course, rpm), *swings)))
+    return at.candidate(name, what, on_reciprocal_courses(lambda course: (settle(course, rpm), *swings)))
 
 
 def _speed_changes(at: Shafts) -> CandidateManoeuvre:
@@ -589,7 +591,9 @@ def _speed_changes(at: Shafts) -> CandidateManoeuvre:
         "a heading and as long on the reciprocal"
     )
     changes = (at.half, at.fast) * 4
-    legs = both_ways(lambda course: (settle(course, at.fast), *(steer(course, 30.0, rpm) for rpm in changes)))
+    legs = on_reciprocal_courses(
+        lambda course: (settle(course, at.fast), *(steer(course, 30.0, rpm) for rpm in changes))
+    )
     return at.candidate("speed_changes", what, legs)
 
 
@@ -599,7 +603,7 @@ def _coasting(at: Shafts) -> CandidateManoeuvre:
         f"Speed up to {at.usual:g} rpm and coast without thrust for {at.span(180.0)}, on a heading and on the "
         "reciprocal"
     )
-    legs = both_ways(lambda course: (settle(course, at.usual), steer(course, 60.0, at.usual), idle))
+    legs = on_reciprocal_courses(lambda course: (settle(course, at.usual), steer(course, 60.0, at.usual), idle))
     return at.candidate("coasting", what, legs)
 
 
@@ -609,7 +613,7 @@ def _crash_stop(at: Shafts) -> CandidateManoeuvre:
         f"Speed up to {at.usual:g} rpm and stop at {at.usual:g} rpm astern until she stands, on a heading and on "
         "the reciprocal"
     )
-    legs = both_ways(lambda course: (settle(course, at.usual), steer(course, 90.0, at.usual), astern))
+    legs = on_reciprocal_courses(lambda course: (settle(course, at.usual), steer(course, 90.0, at.usual), astern))
     return at.candidate("crash_stops", what, legs)
 
 
@@ -620,7 +624,7 @@ def _one_drive(at: Shafts) -> CandidateManoeuvre:
     if at.steering:
         held = f"{at.span(60.0)} each held straight, at 15 degrees and at -15 degrees"
         seconds, spans = 300.0, f"{at.span(120.0)} on a course, then {held}"
-    legs = one_by_one(at.drives, at.usual, seconds, by_angle=bool(at.steering))
+    legs = single_drive_legs(at.drives, at.usual, seconds, by_angle=bool(at.steering))
     what = f"Run on the {first} alone at {at.usual:g} rpm{then}: {spans}"
     return at.candidate("one_thruster_at_a_time", what, [leg for each in legs for leg in each])
 

@@ -1,7 +1,7 @@
 """The catalogue: every effect by its name, users' own beside the built-in ones.
 
 The effects of the actuators follow from a ship's list of them (:func:`catalogue_for`); :data:`CATALOGUE` is that
-of the default list. To add an effect to Seatrial, write one :class:`Effect` into the list in the file of its
+of the default list. To add an effect to Seatrial, write one :class:`.Effect` into the list in the file of its
 subject. To add one of your own, write a Python file with ``EFFECTS = [Effect(...), ...]`` and give it to the
 command line.
 """
@@ -30,13 +30,6 @@ VERSION = "6"
 """Stated with every verdict; to be raised when an effect is added, removed or changes its form."""
 
 
-def _actuator_effects(actuators: Actuators) -> list[Effect]:
-    """The effects of a ship's actuators, those on their forces first and those on their directions then."""
-    names = {kind: tuple(actuator.name for actuator in actuators if actuator.kind == kind) for kind in KINDS}
-    effects = [effect for kind, of_kind in names.items() if of_kind for effect in KINDS[kind].effects(of_kind)]
-    return sorted(effects, key=lambda effect: FAMILIES.index(effect.family))
-
-
 def _sized(effect: Effect, scale: float) -> Effect:
     """An effect whose sizes, bounds and tolerances are those of a ship so many times as long as the usual one."""
 
@@ -50,13 +43,16 @@ def _sized(effect: Effect, scale: float) -> Effect:
 
 @lru_cache(maxsize=32)
 def _catalogue_for(actuators: Actuators, scale: float) -> dict[str, Effect]:
-    actuator_effects = _actuator_effects(actuators)
+    names = {kind: tuple(actuator.name for actuator in actuators if actuator.kind == kind) for kind in KINDS}
+    effects = [effect for kind, of_kind in names.items() if of_kind for effect in KINDS[kind].effects(of_kind)]
+    actuator_effects = sorted(effects, key=lambda effect: FAMILIES.index(effect.family))
     unsized = (*hull.EFFECTS, *actuator_effects, *hull.ASYMMETRY, *environment.EFFECTS, *sensors.EFFECTS)
     sized = [_sized(effect, scale) for effect in unsized]
     catalogue = {effect.name: effect for effect in sized}
-    if twice := sorted({effect.name for effect in sized if catalogue[effect.name] is not effect}):
+    if duplicates := sorted({effect.name for effect in sized if catalogue[effect.name] is not effect}):
         raise ConfigurationError(
-            f"two effects of this ship are called {', '.join(twice)}", fix="rename an actuator in the vessel file"
+            f"two effects of this ship are called {', '.join(duplicates)}",
+            fix="rename an actuator in the vessel file",
         )
     # With more wake a propeller's race is slower, and the rudder behind it weaker: in trials of turns and zigzags
     # either explains 60 to 90 % of what the other does.
@@ -84,7 +80,7 @@ def _confuse_both_ways(catalogue: dict[str, Effect], effect: Effect, in_order: b
 def catalogue_for(actuators: Actuators, length_m: float = USUAL_LENGTH_M) -> dict[str, Effect]:
     """The catalogue of a ship with these actuators: what any ship may lack, and the effects of each actuator.
 
-    Typical sizes scale with her length.
+    Typical sizes scale with the ship's length.
     """
     return dict(_catalogue_for(actuators, scale_of(length_m)))
 
@@ -127,7 +123,7 @@ def catalogue_with(
 ) -> dict[str, Effect]:
     """The catalogue of a ship, by default R/V Gunnerus, with users' files added and some effects left out.
 
-    What a user's effect is confused with is told of that other, too.
+    What a user's effect is confused with is stated of the other effect, too.
     """
     catalogue = dict(CATALOGUE) if vessel is None else catalogue_of(vessel)
     for file in files:

@@ -11,11 +11,6 @@ from seatrial.hybrid.vessel.plant import Plant
 from seatrial.hybrid.vessel.wind import wind_force
 
 
-def _current(plant: Plant, values: Values) -> Plant:
-    speed, to_rad = values["speed_mps"], radians(values["direction_deg"])
-    return plant.shifted(current_north_mps=speed * cos(to_rad), current_east_mps=speed * sin(to_rad))
-
-
 def _drift(plant: Plant, values: Values) -> Plant:
     force, to_rad = values["force_n"], radians(values["direction_deg"])
     north = plant.drift_force_n * plant.drift_north + force * cos(to_rad)
@@ -27,19 +22,14 @@ def _drift(plant: Plant, values: Values) -> Plant:
 
 
 @njit(error_model="numpy")
-def _blown(time_s, state, control, environment, parameters):  # type: ignore[no-untyped-def]
-    """What a steady wind does beside still air, which the model has where none was recorded."""
+def _wind_minus_still_air(time_s, state, control, environment, parameters):  # type: ignore[no-untyped-def]
+    """What a steady wind does beyond still air, which the model has where none was recorded."""
     cosine, sine, u, v = cos(state[2]), sin(state[2]), state[3], state[4]
     north, east = parameters
     u_air, v_air = north * cosine + east * sine, east * cosine - north * sine
     X, Y, N = wind_force(environment.plant, u - u_air, v - v_air)
     still_X, still_Y, still_N = wind_force(environment.plant, u, v)
     return X - still_X, Y - still_Y, N - still_N
-
-
-def _blow(plant: Plant, values: Values) -> Plant:
-    speed, to_rad = values["speed_mps"], radians(values["direction_deg"])
-    return plant.with_force(_blown, speed * cos(to_rad), speed * sin(to_rad)) if speed > 0.0 else plant
 
 
 def _wind(name: str, coefficient: str, what: str, confused_with: tuple[str, ...] = ()) -> Effect:
@@ -60,7 +50,10 @@ EFFECTS = (
         what="Steady uniform current: hull and pods feel the velocity relative to the moving water",
         source="Fossen, Handbook of Marine Craft Hydrodynamics and Motion Control, 2nd ed. (2021), ch. 10",
         parameters=(Parameter("speed_mps", "m/s", 0.0, 0.0, 3.0, 0.2, 0.03), DIRECTION),
-        change=_current,
+        change=lambda plant, values: plant.shifted(
+            current_north_mps=values["speed_mps"] * cos(radians(values["direction_deg"])),
+            current_east_mps=values["speed_mps"] * sin(radians(values["direction_deg"])),
+        ),
         chart="polar",
         confused_with=("speed_scale",),
         scope="day",
@@ -94,7 +87,11 @@ STEADY_WIND = Effect(
     what="A steady wind, in a trial of which none was recorded: hull and house feel the air that moves",
     source="Fossen, Handbook of Marine Craft Hydrodynamics and Motion Control, 2nd ed. (2021), ch. 10",
     parameters=(Parameter("speed_mps", "m/s", 0.0, 0.0, 40.0, 5.0, 0.5), DIRECTION),
-    change=_blow,
+    change=lambda plant, values: plant.with_force(
+        _wind_minus_still_air,
+        values["speed_mps"] * cos(radians(values["direction_deg"])),
+        values["speed_mps"] * sin(radians(values["direction_deg"])),
+    ) if values["speed_mps"] > 0.0 else plant,
     chart="polar",
     confused_with=("ocean_current", "wave_drift"),
     scope="day",

@@ -15,6 +15,7 @@ _DERIVATIVES = (
 )
 SKEG_LIFT_SLOPE = pi / 2.0
 """Of a slender fin of aspect ratio one, its mirror image in the hull counted: pi/2 times the aspect ratio."""
+LATERAL_AREA_M2_PER_M = 4.0
 
 
 def in_plant(plant: Plant, name: str, si: float) -> float:
@@ -24,15 +25,6 @@ def in_plant(plant: Plant, name: str, si: float) -> float:
     length_m = plant.length_between_perpendiculars_m
     levers = name.startswith("N") + name.partition("_")[2].count("r")
     return si / (0.5 * plant.water_density_kgpm3 * length_m * plant.draught_m * length_m**levers)
-
-
-def _trimmed(plant: Plant, values: Values) -> Plant:
-    """Each coefficient of the side force gives the moment's of like name its lever arm."""
-    arms = {
-        moment: values["shift_m"] * plant.number(force) / in_plant(plant, force, in_plant(plant, moment, 1.0) ** -1)
-        for moment, force in plant.hull_model.moments_of()
-    }
-    return plant.shifted(**arms)
 
 
 def stern_m(plant: Plant) -> float:
@@ -47,9 +39,6 @@ def _with_skeg(plant: Plant, values: Values) -> Plant:
     lift = -0.5 * plant.water_density_kgpm3 * SKEG_LIFT_SLOPE * values["area_m2"]
     amounts = zip(plant.hull_model.linear, (lift, x_m * lift, x_m * lift, x_m**2 * lift), strict=True)
     return plant.shifted(**{name: in_plant(plant, name, amount) for name, amount in amounts})
-
-
-LATERAL_AREA_M2_PER_M = 4.0
 
 
 def _lengthened(plant: Plant, values: Values) -> Plant:
@@ -100,15 +89,15 @@ def _shallow(plant: Plant, values: Values) -> Plant:
     ratio = plant.draught_m / values["depth_m"]
     slenderness = 2.0 * plant.draught_m / plant.length_between_perpendiculars_m
     force, moment, turning = (aspect_growth(ratio, slenderness, exponent) for exponent in (2.3, 1.7, 0.7))
-    before = plant
+    deep = plant
     hull = plant.hull_model
     plant = plant.scaled(force, "Yvd", *hull.sideways("Y")).scaled(moment, "Nrd", *hull.sideways("N"))
     plant = plant.scaled(turning, *hull.turning)
     _, Y_r, N_v, N_r = hull.linear
-    shifts = {Y_r: (turning - 1.0) * before.Xud}
+    shifts = {Y_r: (turning - 1.0) * deep.Xud}
     if hull.munk:
         shifts |= {
-            N_v: (moment - force) * before.Yvd - (moment - 1.0) * before.Xud, N_r: (turning - 1.0) * before.Yrd
+            N_v: (moment - force) * deep.Yvd - (moment - 1.0) * deep.Xud, N_r: (turning - 1.0) * deep.Yrd
         }  # fmt: skip
     return plant.shifted(**{name: in_plant(plant, name, amount) for name, amount in shifts.items()})
 
@@ -201,7 +190,11 @@ EFFECTS = (
         what="Trim by the head: the hull's side force acts further forward by the shift, N + shift Y",
         source=_DERIVATIVES,
         parameters=(Parameter("shift_m", "m", 0.0, -5.0, 5.0, 0.5, 0.1),),
-        change=_trimmed,
+        change=lambda plant, values: plant.shifted(**{
+            moment: values["shift_m"] * plant.number(force)
+            / in_plant(plant, force, in_plant(plant, moment, 1.0) ** -1)
+            for moment, force in plant.hull_model.moments_of()
+        }),
         confused_with=(
             "drift_moment", "hull_lengthening", "skeg", "surge_added_mass", "sway_added_mass", "turning_force",
         ),
@@ -239,7 +232,7 @@ EFFECTS = (
         chart="inverse_square",
     ),
 )  # fmt: skip
-"""Inertia, coefficients, what is fixed to the hull, her length, the bottom."""
+"""Inertia, coefficients, what is fixed to the hull, its length, the bottom."""
 
 ASYMMETRY = (
     Effect(

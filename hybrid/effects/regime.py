@@ -2,15 +2,14 @@
 
 A regime is a span of one or two quantities, shafts that turn astern, or a tunnel thruster at work under way; the
 force acts along one body axis, steadily or with the square of a quantity. It stands for physics that no effect of
-the catalogue expresses, has no theory behind it, and is no better outside the recordings that it was found in than
-its regime says.
+the catalogue expresses, has no theory behind it, and holds outside the recordings that it was found in only as far
+as its regime does.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from itertools import starmap
 from math import atan2, cos, degrees, hypot, inf, nan, sin
 
 import numpy as np
@@ -28,7 +27,7 @@ from seatrial.hybrid.vessel.plant import Plant
 AXES = ("surge", "sway", "yaw")
 MOTION = ("speed_mps", "surge_mps", "sway_mps", "yaw_rate_dps", "drift_angle_deg", "wind_mps", "relative_wind_deg")
 """Quantities of the ship's motion and of the wind, which comes from so many degrees off the bow, positive to
-starboard; the others are of her actuators (:func:`weights_of`)."""
+starboard; the others are of its actuators (:func:`weights_of`)."""
 
 MOST = 4
 """Regimes in one model."""
@@ -91,11 +90,11 @@ def _value(code, weights, state, control, environment):  # type: ignore[no-untyp
             total += weights[i] * control[i]
         return total
     if code == _ANGLE:
-        ahead, aside = 0.0, 0.0
+        ahead, starboard = 0.0, 0.0
         for i in range(len(control)):
             ahead += weights[i] * cos(control[i])
-            aside += weights[i] * sin(control[i])
-        return degrees(atan2(aside, ahead))
+            starboard += weights[i] * sin(control[i])
+        return degrees(atan2(starboard, ahead))
     _, _, heading, u, v, r = state
     speed = hypot(u, v)
     if code == 0.0:
@@ -176,14 +175,14 @@ def _row(regime: Regime, force: float, actuators: Actuators) -> tuple[float, ...
 def _with_regime(plant: Plant, regime: Regime, force: float) -> Plant:
     """The plant with one more regime; all are one force to the compiler, which takes seconds over each new one."""
     row = _row(regime, force, plant.layout)
-    before = next((term.parameters for term in plant.forces if term.function is regime_forces), ())
-    used = [before[at : at + len(row)] for at in range(0, len(before), len(row))]
+    stored = next((term.parameters for term in plant.forces if term.function is regime_forces), ())
+    used = [stored[start : start + len(row)] for start in range(0, len(stored), len(row))]
     rows = [*(used_row for used_row in used if used_row[0] != 0.0), row]
     if len(rows) > MOST:
         raise ConfigurationError(f"a model with {len(rows)} regimes", fix=f"give at most {MOST}")
     rows += [(0.0,) * len(row)] * (MOST - len(rows))
-    other_forces = tuple(term for term in plant.forces if term.function is not regime_forces)
-    return replace(plant, forces=other_forces).with_force(
+    regular_forces = tuple(term for term in plant.forces if term.function is not regime_forces)
+    return replace(plant, forces=regular_forces).with_force(
         regime_forces, *(number for regime_row in rows for number in regime_row)
     )
 
@@ -194,8 +193,8 @@ def quantities_along(actuators: Actuators, states: Floats, controls: Floats, win
     ``states`` [T, 6] and ``controls`` [T, controls] in SI, ``wind`` [T, 2] where from [rad] and how fast [m/s].
     """
     weights = weights_of(actuators)
-    none = np.zeros(controls.shape[1])
-    coded = {name: (float(code), none) for code, name in enumerate(MOTION)}
+    no_weights = np.zeros(controls.shape[1])
+    coded = {name: (float(code), no_weights) for code, name in enumerate(MOTION)}
     coded |= weights
     air = -wind[:, 1:] * np.column_stack([np.cos(wind[:, 0]), np.sin(wind[:, 0])])
     return {name: _along(code, weight, states, controls, air) for name, (code, weight) in coded.items()}
@@ -241,11 +240,10 @@ def as_file(regimes: Mapping[str, tuple[Regime, float]]) -> str:
     """A file of effects that has these regimes and their sizes by name; for ``--effects``."""
     head = '"""Effects that a diagnosis found: forces that the model lacks in some regimes of operation."""'
     imports = "from math import inf\n\nfrom seatrial.hybrid.effects.regime import Regime, regime_effect"
-    return "\n".join([head, "", imports, "", "EFFECTS = [", *starmap(_entry, regimes.items()), "]", ""])
-
-
-def _entry(name: str, sized_regime: tuple[Regime, float]) -> str:
-    regime, typical = sized_regime
-    within = ", ".join(f'"{quantity}": ({low!r}, {high!r})' for quantity, (low, high) in regime.within.items())
-    growth = f', "{regime.grows_with}", {regime.at!r}' if regime.grows_with else ""
-    return f'    regime_effect("{name}", Regime("{regime.axis}", {{{within}}}{growth}), {abs(typical)!r}),'
+    entries = []
+    for name, (regime, typical) in regimes.items():
+        within = ", ".join(f'"{quantity}": ({low!r}, {high!r})' for quantity, (low, high) in regime.within.items())
+        growth = f', "{regime.grows_with}", {regime.at!r}' if regime.grows_with else ""
+        call = f'Regime("{regime.axis}", {{{within}}}{growth})'
+        entries.append(f'    regime_effect("{name}", {call}, {abs(typical)!r}),')
+    return "\n".join([head, "", imports, "", "EFFECTS = [", *entries, "]", ""])

@@ -1,18 +1,9 @@
 """The manoeuvres of a recording as a model makes them: measured beside simulated indices, with their difference.
 
-A model is judged in two forms. *Predicted*: the same test in still air, at the approach speed, helm, helm
-rate, side and switching angle of the recorded one (:mod:`seatrial.hybrid.evaluation.manoeuvre_indices`): what a
-yard asks of a model. *Replayed*: the recorded controls and wind from the state at the order
-(:mod:`seatrial.hybrid.evaluation.manoeuvre_indices`). Both are measured by the functions that measure the
-recording.
-
-A recorded manoeuvre replayed by a model: from the state at the order, under the recorded controls and wind.
-
-What lies before the order stays as it was measured, so that the same functions find the same indices, approach and
-all, in the measured run and in the replayed one.
-
-A recorded test sailed anew by a model, as before a trial: the same approach speed, helm, helm rate, side and
-switching angle, in still air.
+A model is judged in two forms. *Predicted*: the same test, as before a trial, in still air at the approach speed,
+helm, helm rate, side and switching angle of the recorded one: what a yard asks of a model. *Replayed*: the recorded
+controls and wind from the state at the order. What lies before the order stays as it was measured, so that the same
+functions find the same indices, approach and all, in the measured run and in the simulated one.
 """
 
 from __future__ import annotations
@@ -51,30 +42,44 @@ from seatrial.analysis.tables.table import NANO, require, select, table_actuator
 from seatrial.analysis.windows.held import named_recordings
 from seatrial.hybrid.calibrators.predict import Predictor
 from seatrial.hybrid.prediction.windows import mean_controls
+from seatrial.hybrid.simulation import vessel_check
 from seatrial.hybrid.simulation.autopilot import drives_of
 from seatrial.hybrid.simulation.manoeuvres import handling_of, steer
-from seatrial.hybrid.simulation.vessel_check import (
-    SHOWN,
-    StandardTest,
-    TrialShip,
-    approach_at,
-    as_fast_as_ordered,
-    largest_helm_deg,
-    pull_out,
-    sailed,
-    stop,
-    turning_circle,
-    with_helm_rate,
-    zigzag_test,
-)
 from seatrial.hybrid.vessel.actuators import control_units
 from seatrial.hybrid.vessel.dynamics import range_error, simulate_batch
 from seatrial.hybrid.vessel.parameters import Vessel
 from seatrial.hybrid.vessel.plant import Plant
 from seatrial.hybrid.vessel.sensors import STATE_UNITS, WIND_UNITS, check_ship
 
+LOG = logging.getLogger("seatrial")
+PREDICTED, REPLAYED = "predicted", "replayed"
+APPROACH_RPM = "approach_rpm"
+"""The mean shaft speed in the approach, as an index."""
+PREDICTED_KINDS = ("turning_circle", "zigzag", "stopping", "pull_out", "speed_run")
+"""The kinds of manoeuvre that can be predicted."""
+JUDGED = {
+    **vessel_check.SHOWN,
+    "acceleration": ("final_speed_mps", "time_to_90_percent_s", "distance_to_90_percent_m"),
+    "thruster_test": ("surge_mps", "sway_mps", "heading_change_deg", "last_yaw_rate_dps"),
+    "crabbing": ("sway_mps", "way_to_starboard_m", "heading_change_deg"),
+    "speed_run": ("speed_through_water_mps",),
+}
+"""The indices that a model is judged by, by the kind of manoeuvre."""
+_ABOUT_ZERO = {
+    "lateral_deviation_m",
+    "heading_change_deg",
+    "residual_yaw_rate_dps",
+    "sway_mps",
+    "way_to_starboard_m",
+}
+_FIXED = {"period_s", "turning_yaw_rate_dps"}  # of a replay, by the recorded orders and by the state at the order
+_NO_SHAFTS = ("thrust_rpm", "thrust_before_rpm", "turning_rpm")
+_COLUMNS = ("north_m", "east_m", "heading_deg", "surge_mps", "sway_mps", "yaw_rate_dps")
 _BEFORE_S = 30.0
 _HELD_FROM = 0.8  # of a run's time: what the controls are then, they are at its end
+_IDLE_SHARE = 0.08  # of the shaft speed before a stop: below it the shafts stand, as in finding one
+_LEAST_TURN_DEG, _SETTLING_LENGTHS, _SAME_HELM = 185.0, 20.0, 1.05
+_DRAUGHT_SHARE, _DEEP_DRAUGHTS = 0.05, 4.0  # as MSC/Circ.1053 and MSC.137(76) bound full load and deep water
 
 Indices = Mapping[str, float]
 Water = tuple[float, float]
@@ -103,7 +108,9 @@ def recorded_motion(table: pd.DataFrame, plant: Plant) -> RecordedMotion:
     """
     actuators = table_actuators(table)
     check_ship(actuators, plant)
-    require(table, tuple(channel.name for each in actuators if each.drives for channel in each.channels))
+    require(
+        table, tuple(channel.name for actuator in actuators if actuator.drives for channel in actuator.channels)
+    )
     motion = motion_of(table, plant.length_between_perpendiculars_m)
     at_ns = motion.origin_ns + np.round(motion.time_s * NANO)
     controls = np.column_stack([_column(table, name, at_ns) for name in control_names(actuators)])
@@ -122,30 +129,33 @@ def _column(table: pd.DataFrame, name: str, at_ns: Floats) -> Floats:
 
 
 def replay(
-    recorded: RecordedMotion, run: Manoeuvre, plant: Plant, until: Callable[[Motion], Bools] | None = None
+    recorded: RecordedMotion, run: Manoeuvre, plant: Plant, has_ended: Callable[[Motion], Bools] | None = None
 ) -> Motion:
     """The motion of ``plant`` through a recorded run, after the measured motion before its order.
 
-    With ``until`` it ends at the first row after the order of which that is true, and the controls at the end of
-    the run are held for as long again, for a model that takes more time; where none is true, it ends after that.
+    With ``has_ended`` it ends at the first row after the order of which that is true, and the controls at the end
+    of the run are held for as long again, for a model that takes more time; where none is true, it ends after that.
     Raises :class:`ModelRangeError` where the model leaves its range before, :class:`DataShortageError` where
     nothing was recorded before the order.
     """
     measured, step_s = recorded.motion, recorded.motion.step_s
     start, end = recorded.seconds(run.start), recorded.seconds(run.end)
     first, last = (int(np.searchsorted(measured.time_s, time - 1e-6)) for time in (start, end))
-    before = _before(measured, first, (end - start) / (2.0 * (len(run.executes) + 1)))
+    approach = _approach_before(measured, first, (end - start) / (2.0 * (len(run.executes) + 1)))
     settings, wind = recorded.controls[first : last + 1], recorded.wind[first : last + 1]
     controls, wind = mean_controls(settings[np.newaxis], recorded.actuators)[0], wind[:-1]
-    if until is not None:
+    if has_ended is not None:
         controls, wind = _held_on(controls, int(_HELD_FROM * len(controls))), _held_on(wind, len(wind) - 1)
-    state = _state_at_end(before) * STATE_UNITS
+    # Speeds and heading by lines through the approach: a parabola's end has more than twice a line's variance.
+    part = approach.between(float(approach.time_s[-1]) - APPROACH_S, float(approach.time_s[-1]))
+    ends = [np.polyfit(part.time_s - part.time_s[-1], getattr(part, name), 1)[-1] for name in _COLUMNS[2:]]
+    state = np.array([approach.north_m[-1], approach.east_m[-1], *ends]) * STATE_UNITS
     runs = simulate_batch(plant, state, controls, wind, step_s)
-    left = int(runs.left_at[0])
-    made = runs.states[0, 1 : None if left < 0 else left + 1]
-    motion = _joined(before, made / STATE_UNITS)
-    reached = np.flatnonzero(until(motion) & (motion.time_s > start)) if until is not None else np.array([])
-    if not reached.size and left >= 0:
+    range_exit = int(runs.left_at[0])
+    simulated = runs.states[0, 1 : None if range_exit < 0 else range_exit + 1]
+    motion = _joined(approach, simulated / STATE_UNITS)
+    reached = np.flatnonzero(has_ended(motion) & (motion.time_s > start)) if has_ended is not None else np.array([])
+    if not reached.size and range_exit >= 0:
         raise range_error(runs, plant, step_s)
     return motion.rows(0, int(reached[0]) + 1) if reached.size else motion
 
@@ -155,11 +165,8 @@ def _held_on(values: Floats, row: int) -> Floats:
     return np.concatenate([values[:row], np.tile(values[row], (2 * len(values) - row, 1))])
 
 
-_COLUMNS = ("north_m", "east_m", "heading_deg", "surge_mps", "sway_mps", "yaw_rate_dps")
-
-
-def _before(measured: Motion, first: int, scale_s: float) -> Motion:
-    """The motion up to a row, smoothed by what came before it alone: what came after answers the order."""
+def _approach_before(measured: Motion, first: int, scale_s: float) -> Motion:
+    """The motion up to a row, smoothed by the rows before it alone: those after it answer the order."""
     order_s = float(measured.time_s[first])
     part = measured.around(order_s, order_s, _BEFORE_S)
     part = part.rows(0, int(np.searchsorted(part.time_s, order_s - 1e-6)) + 1)
@@ -168,26 +175,16 @@ def _before(measured: Motion, first: int, scale_s: float) -> Motion:
     return smooth_motion(part, half_width_s(part, scale_s))
 
 
-def _state_at_end(before: Motion) -> Floats:
-    """The state [6] at the last row, in channels' units: speeds and heading by lines through the approach.
-
-    A parabola's end has more than twice the variance of a line's.
-    """
-    part = before.between(float(before.time_s[-1]) - APPROACH_S, float(before.time_s[-1]))
-    ends = [np.polyfit(part.time_s - part.time_s[-1], getattr(part, name), 1)[-1] for name in _COLUMNS[2:]]
-    return np.array([before.north_m[-1], before.east_m[-1], *ends])
-
-
-def _joined(before: Motion, after: Floats) -> Motion:
+def _joined(approach: Motion, simulated: Floats) -> Motion:
     """A motion with rows [rows, 6] in the units of the channels appended, without what the indices do not need."""
     columns: dict[str, Any] = {
-        name: np.append(getattr(before, name), after[:, i]) for i, name in enumerate(_COLUMNS)
+        name: np.append(getattr(approach, name), simulated[:, i]) for i, name in enumerate(_COLUMNS)
     }
-    rows = before.time_s.size + len(after)
-    nothing, everywhere = np.zeros(rows), np.ones(rows, dtype=bool)
+    rows = approach.time_s.size + len(simulated)
+    zeros, all_rows = np.zeros(rows), np.ones(rows, dtype=bool)
     return replace(
-        before, time_s=before.time_s[0] + before.step_s * np.arange(rows), helm_deg=nothing, thrust=nothing,
-        drives={}, tunnels={}, measured=everywhere, broken=~everywhere, helm_order_deg=None, **columns,
+        approach, time_s=approach.time_s[0] + approach.step_s * np.arange(rows), helm_deg=zeros,
+        thrust=zeros, drives={}, tunnels={}, measured=all_rows, broken=~all_rows, helm_order_deg=None, **columns,
     )  # fmt: skip
 
 
@@ -202,20 +199,20 @@ def replayed_indices(recorded: RecordedMotion, run: Manoeuvre, plant: Plant) -> 
 
 def _circle_indices(recorded: RecordedMotion, run: Manoeuvre, plant: Plant) -> Indices:
     """Until the model has turned as far as the ship did, if it does."""
-    start, motion = recorded.seconds(run.start), _whole_circle(recorded, run, plant)
-    found = circle_indices(motion, np.array([start, motion.time_s[-1]]))
-    if any(name.endswith(REMOVED) for name in run.indices) and not any(name.endswith(REMOVED) for name in found):
+    start, motion = recorded.seconds(run.start), _replayed_circle(recorded, run, plant)
+    indices = circle_indices(motion, np.array([start, motion.time_s[-1]]))
+    if any(name.endswith(REMOVED) for name in run.indices) and not any(name.endswith(REMOVED) for name in indices):
         turned_deg = abs(motion.heading_deg[-1] - motion.at("heading_deg", start))
         raise DataShortageError(
             f"in twice the time the model turns by {turned_deg:.0f} deg, too little to remove the current"
         )
-    return found
+    return indices
 
 
-def _whole_circle(recorded: RecordedMotion, run: Manoeuvre, plant: Plant) -> Motion:
+def _replayed_circle(recorded: RecordedMotion, run: Manoeuvre, plant: Plant) -> Motion:
     def turned(motion: Motion) -> Bools:
-        off_deg = motion.heading_deg - motion.at("heading_deg", recorded.seconds(run.start))
-        return np.asarray(run.sign * off_deg >= run.settings["turned_deg"])
+        turned_deg = motion.heading_deg - motion.at("heading_deg", recorded.seconds(run.start))
+        return np.asarray(run.sign * turned_deg >= run.settings["turned_deg"])
 
     return replay(recorded, run, plant, turned)
 
@@ -245,10 +242,10 @@ def _by(measure: Callable[[Motion, Floats], Indices]) -> Callable[..., Indices]:
 
     def indices(recorded: RecordedMotion, run: Manoeuvre, plant: Plant) -> Indices:
         times = np.array([recorded.seconds(run.start), recorded.seconds(run.end)])
-        found = measure(replay(recorded, run, plant), times)
-        if not found:
+        values = measure(replay(recorded, run, plant), times)
+        if not values:
             raise DataShortageError("the rate of turn of the model does not settle in the time of the run")
-        return found
+        return values
 
     return indices
 
@@ -262,12 +259,12 @@ REPLAYED_KINDS = tuple(_MEASURES)
 """The kinds of manoeuvre that can be replayed."""
 
 
-def with_water(plant: Plant, water: Water) -> Plant:
+def with_current(plant: Plant, water: Water) -> Plant:
     """The plant in water that moves so."""
     return plant.replaced(current_north_mps=water[0], current_east_mps=water[1])
 
 
-def water_in(recorded: RecordedMotion, circle: Manoeuvre, plant: Plant) -> Water | None:
+def current_in_circle(recorded: RecordedMotion, circle: Manoeuvre, plant: Plant) -> Water | None:
     """The current in a turning circle by its drift, less what the wind adds to that by the model itself.
 
     None where the drift is not known, or the model cannot replay the circle.
@@ -275,23 +272,18 @@ def water_in(recorded: RecordedMotion, circle: Manoeuvre, plant: Plant) -> Water
     if circle.current is None:
         return None
     drift = circle.current.north_mps, circle.current.east_mps
-    motion = _whole_circle(recorded, circle, with_water(plant, (0.0, 0.0)))
+    motion = _replayed_circle(recorded, circle, with_current(plant, (0.0, 0.0)))
     leeway = current_of(motion, recorded.seconds(circle.start), float(motion.time_s[-1]))
     return drift if leeway is None else (drift[0] - leeway.north_mps, drift[1] - leeway.east_mps)
 
 
-def at_order(run: Manoeuvre, water: Water | None) -> float:
+def speed_through_water(run: Manoeuvre, water: Water | None) -> float:
     """The speed through the water in the approach of a run [m/s]: over ground where the current is not known."""
     over_ground = run.settings["approach_mps"]
     if water is None:
         return over_ground
     heading = np.deg2rad(run.settings["approach_heading_deg"])
     return float(over_ground - water[0] * np.cos(heading) - water[1] * np.sin(heading))
-
-
-APPROACH_RPM = "approach_rpm"
-"""The mean shaft speed in the approach, as an index."""
-_IDLE_SHARE = 0.08  # of the shaft speed before a stop: below it the shafts stand, as in finding one
 
 
 @dataclass(frozen=True, slots=True)
@@ -319,55 +311,48 @@ def predicted_indices(
     if model.plant is None or model.vessel is None:
         raise DataShortageError(model.why)
     if run.kind == "speed_run":
-        return _speed_run(_ship_in(model.vessel, model.plant, (0.0, 0.0)), run)
+        ship = _at_recorded_rpm(_ship_in(model.vessel, model.plant, (0.0, 0.0)), run)
+        motion, _ = vessel_check.sail_legs(ship, (steer(0.0, inf, ship.rpm),), _SETTLING_LENGTHS)
+        return {"speed_through_water_mps": approach_of(motion, float(motion.time_s[-1]))["approach_mps"]}
     if recorded.motion.at("surge_mps", recorded.seconds(run.start)) <= 0.0:
         raise DataShortageError("the approach was not ahead")
     if any(name.endswith(REMOVED) for name in run.indices):
-        speed_mps, current = at_order(run, water), (0.0, 0.0)
+        speed_mps, current = speed_through_water(run, water), (0.0, 0.0)
     else:
-        own = model.plant.current_north_mps, model.plant.current_east_mps
-        speed_mps, current = run.settings["approach_mps"], _off_the_approach(run, own if water is None else water)
-    ship, rate_dps = _ship_in(model.vessel, model.plant, current), _helm_rate_dps(recorded, run)
-    ship = with_helm_rate(ship, rate_dps) if isfinite(rate_dps) else ship
+        plant_water = model.plant.current_north_mps, model.plant.current_east_mps
+        heading = np.deg2rad(run.settings["approach_heading_deg"])  # to the north in a simulated test
+        ahead, starboard = to_ship(*(plant_water if water is None else water), heading)
+        speed_mps, current = run.settings["approach_mps"], (float(ahead), float(starboard))
+    ship, motion = _ship_in(model.vessel, model.plant, current), recorded.motion
+    if run.helm_deg is not None and not motion.orders_are_events:
+        part = motion.around(recorded.seconds(run.start), recorded.seconds(run.end), 2.0 * motion.step_s)
+        rate_dps = helm_rate_dps(part.helm_deg, part.step_s)
+        ship = vessel_check.with_helm_rate(ship, rate_dps) if isfinite(rate_dps) else ship
     if run.kind == "pull_out":  # its speed is that in the turn before, which is no approach
-        return _values(_pull_out(_at_recorded_rpm(ship, run), run))
-    ship, handling = approach_at(ship, speed_mps), handling_of(model.vessel)
-    takes = {APPROACH_RPM: ship.rpm * float(handling.ahead[handling.main].mean())}
-    return takes | _values(_TESTS[run.kind](ship, run))
+        return _values(_sail_test(_at_recorded_rpm(ship, run), run))
+    ship, handling = vessel_check.approach_at(ship, speed_mps), handling_of(model.vessel)
+    rpm_index = {APPROACH_RPM: ship.rpm * float(handling.ahead[handling.main].mean())}
+    return rpm_index | _values(_sail_test(ship, run))
 
 
-def _values(test: StandardTest) -> dict[str, float]:
+def _values(test: vessel_check.StandardTest) -> dict[str, float]:
     return {name: index.value for name, index in test.indices.items()}
 
 
-def _ship_in(vessel: Vessel, plant: Plant, water: Water) -> TrialShip:
+def _ship_in(vessel: Vessel, plant: Plant, water: Water) -> vessel_check.TrialShip:
     """A ship in water that moves so, without waves."""
-    return TrialShip(vessel, with_water(plant, water).replaced(drift_force_n=0.0), drives_of(vessel), 0.0)
+    return vessel_check.TrialShip(
+        vessel, with_current(plant, water).replaced(drift_force_n=0.0), drives_of(vessel), 0.0
+    )
 
 
-def _off_the_approach(run: Manoeuvre, water: Water) -> Water:
-    """The water's velocity ahead and to starboard of the approach, which is to the north in a simulated test."""
-    ahead, aside = to_ship(*water, np.deg2rad(run.settings["approach_heading_deg"]))
-    return float(ahead), float(aside)
-
-
-def _helm_rate_dps(recorded: RecordedMotion, run: Manoeuvre) -> float:
-    """How fast the helm went over in a run [deg/s]; infinite where only orders were recorded."""
-    motion = recorded.motion
-    if motion.orders_are_events or run.helm_deg is None:
-        return inf
-    span = recorded.seconds(run.start), recorded.seconds(run.end)
-    part = motion.around(*span, 2.0 * motion.step_s)
-    return helm_rate_dps(part.helm_deg, part.step_s)
-
-
-def _helm_of(ship: TrialShip, run: Manoeuvre) -> float:
+def _helm_of(ship: vessel_check.TrialShip, run: Manoeuvre) -> float:
     """The helm of a run [deg]. Raises :class:`DataShortageError` for one that was not recorded or is too large."""
     if not handling_of(ship.vessel).steering_angles.any():
         raise DataShortageError("the model is steered by the difference of its shafts, which has no angle of helm")
     if run.helm_deg is None:
         raise DataShortageError("the recording tells no angle of the helm")
-    helm_deg, limit_deg = abs(run.helm_deg), largest_helm_deg(ship)
+    helm_deg, limit_deg = abs(run.helm_deg), vessel_check.largest_helm_deg(ship)
     if helm_deg > _SAME_HELM * limit_deg:
         raise DataShortageError(
             f"the helm of {helm_deg:.0f} deg is beyond the model's limit of {limit_deg:.0f} deg"
@@ -375,75 +360,36 @@ def _helm_of(ship: TrialShip, run: Manoeuvre) -> float:
     return helm_deg
 
 
-def _circle_test(ship: TrialShip, run: Manoeuvre) -> StandardTest:
-    return turning_circle(ship, run.sign, _helm_of(ship, run), max(run.settings["turned_deg"], _LEAST_TURN_DEG))
+def _sail_test(ship: vessel_check.TrialShip, run: Manoeuvre) -> vessel_check.StandardTest:
+    """The same test as a run; in a stop the shafts are ordered to the same fraction of their speed before."""
+    if run.kind == "stopping":
+        share = run.settings["thrust_rpm"] / run.settings["thrust_before_rpm"]
+        return vessel_check.stop(
+            ship, ship.rpm * share * (abs(share) > _IDLE_SHARE), final_speed_mps(run), run.name
+        )
+    helm_deg = _helm_of(ship, run)
+    if run.kind == "pull_out":
+        return vessel_check.pull_out(ship, run.sign, helm_deg)
+    if run.kind == "turning_circle":
+        return vessel_check.turning_circle(
+            ship, run.sign, helm_deg, max(run.settings["turned_deg"], _LEAST_TURN_DEG)
+        )
+    return vessel_check.zigzag_test(
+        ship, run.sign, helm_deg, run.settings["switch_deg"], int(run.settings["swings"])
+    )
 
 
-def _zigzag_test(ship: TrialShip, run: Manoeuvre) -> StandardTest:
-    return zigzag_test(ship, run.sign, _helm_of(ship, run), run.settings["switch_deg"], int(run.settings["swings"]))
-
-
-def _pull_out(ship: TrialShip, run: Manoeuvre) -> StandardTest:
-    return pull_out(ship, run.sign, _helm_of(ship, run))
-
-
-def _stop_test(ship: TrialShip, run: Manoeuvre) -> StandardTest:
-    """The shafts ordered to the share of their speed before that they had in the run, or to none."""
-    share = run.settings["thrust_rpm"] / run.settings["thrust_before_rpm"]
-    return stop(ship, ship.rpm * share * (abs(share) > _IDLE_SHARE), final_speed_mps(run), run.name)
-
-
-def _speed_run(ship: TrialShip, run: Manoeuvre) -> Mapping[str, float]:
-    """The steady speed at the shaft speeds of a run."""
-    ship = _at_recorded_rpm(ship, run)
-    motion, _ = sailed(ship, (steer(0.0, inf, ship.rpm),), _SETTLING_LENGTHS)
-    return {"speed_through_water_mps": approach_of(motion, float(motion.time_s[-1]))["approach_mps"]}
-
-
-def _at_recorded_rpm(ship: TrialShip, run: Manoeuvre) -> TrialShip:
+def _at_recorded_rpm(ship: vessel_check.TrialShip, run: Manoeuvre) -> vessel_check.TrialShip:
     """The ship at the mean shaft speed of a run."""
     names, handling = control_names(ship.vessel.actuators), handling_of(ship.vessel)
-    rpm = [_shaft_rpm(run, names[i]) / handling.ahead[i] for i in np.flatnonzero(handling.main)]
-    return as_fast_as_ordered(replace(ship, rpm=float(np.mean(rpm))))
-
-
-def _shaft_rpm(run: Manoeuvre, name: str) -> float:
-    """The speed of a shaft in a run, of a controllable propeller what it would turn at full pitch [rpm]."""
-    for key in (name, f"{name.removesuffix('_rpm')}_at_full_pitch_rpm"):
-        if key in run.settings:
-            return run.settings[key]
-    raise DataShortageError(f"{name} was not recorded")
-
-
-_LEAST_TURN_DEG, _SETTLING_LENGTHS, _SAME_HELM = 185.0, 20.0, 1.05
-_TESTS: dict[str, Callable[[TrialShip, Manoeuvre], StandardTest]] = {
-    "turning_circle": _circle_test, "zigzag": _zigzag_test, "stopping": _stop_test,
-}  # fmt: skip
-PREDICTED_KINDS = (*_TESTS, "pull_out", "speed_run")
-"""The kinds of manoeuvre that can be sailed anew."""
-
-
-LOG = logging.getLogger("seatrial")
-JUDGED = {
-    **SHOWN,
-    "acceleration": ("final_speed_mps", "time_to_90_percent_s", "distance_to_90_percent_m"),
-    "thruster_test": ("surge_mps", "sway_mps", "heading_change_deg", "last_yaw_rate_dps"),
-    "crabbing": ("sway_mps", "way_to_starboard_m", "heading_change_deg"),
-    "speed_run": ("speed_through_water_mps",),
-}
-"""The indices that a model is judged by, by the kind of manoeuvre."""
-_ABOUT_ZERO = {
-    "lateral_deviation_m",
-    "heading_change_deg",
-    "residual_yaw_rate_dps",
-    "sway_mps",
-    "way_to_starboard_m",
-}
-PREDICTED, REPLAYED = "predicted", "replayed"
-_KINDS = {PREDICTED: PREDICTED_KINDS, REPLAYED: REPLAYED_KINDS}
-_GIVEN = {"period_s", "turning_yaw_rate_dps"}  # of a replay, by the recorded orders and by the state at the order
-_NO_SHAFTS = ("thrust_rpm", "thrust_before_rpm", "turning_rpm")
-_DRAUGHT_SHARE, _DEEP_DRAUGHTS = 0.05, 4.0  # as MSC/Circ.1053 and MSC.137(76) bound full load and deep water
+    rpm = []
+    for i in np.flatnonzero(handling.main):  # of a controllable propeller what it would turn at full pitch
+        keys = (names[i], f"{names[i].removesuffix('_rpm')}_at_full_pitch_rpm")
+        recorded = [run.settings[key] for key in keys if key in run.settings]
+        if not recorded:
+            raise DataShortageError(f"{names[i]} was not recorded")
+        rpm.append(recorded[0] / handling.ahead[i])
+    return vessel_check.without_shaft_limit(replace(ship, rpm=float(np.mean(rpm))))
 
 
 @dataclass(frozen=True, slots=True)
@@ -461,7 +407,7 @@ class SimulatedIndex:
 
     @property
     def percent(self) -> float | None:
-        """The difference in percent of the measured value; None of one that cannot be told from zero."""
+        """The difference in percent of the measured value; None of one that cannot be distinguished from zero."""
         value, within = self.measured.value, 0.5 * (self.measured.high - self.measured.low)
         return None if self.about_zero or abs(value) <= within else 100.0 * self.difference / abs(value)
 
@@ -536,7 +482,7 @@ class IndexComparisons:
         """``indices``, a row each, ``indices_left_out`` and ``indices_remarks``."""
         return {
             "indices": [row.as_json() for row in self.rows],
-            "indices_left_out": [each.as_json() for each in self.left_out],
+            "indices_left_out": [entry.as_json() for entry in self.left_out],
             "indices_remarks": list(self.remarks),
         }
 
@@ -571,15 +517,17 @@ def index_comparison(
         A row an index and model in the order of time; which manoeuvres were not simulated, and why; and remarks.
     """
     rows, left_out, remarks = list[IndexComparison](), list[NotSimulated](), list[str]()
-    for table, found in recordings:
-        runs = [_over_ground(run) for run in found if _measured(run)]
+    for table, manoeuvres in recordings:
+        runs = [_over_ground(run) for run in manoeuvres if _measured(run)]
         if not runs:
             continue
         remarks += _remarks(table, predictor)
         trial = _Trial.of(table, runs, predictor.plant)
         for run, (method, model) in product(runs, models_of(predictor).items()):
             values = dict[str, Mapping[str, float]]()
-            for form in (each for each, kinds in _KINDS.items() if run.kind in kinds):
+            for form, kinds in ((PREDICTED, PREDICTED_KINDS), (REPLAYED, REPLAYED_KINDS)):
+                if run.kind not in kinds:
+                    continue
                 try:
                     values[form] = trial.simulated(run, model, form)
                 except SeatrialError as error:
@@ -605,8 +553,8 @@ def runs_of_recordings(
     for name, parts in named_recordings(paths).items():
         try:
             recording = read_parts(parts)
-            whole = prepare(recording, Preparation(None, repair), rebuild_positions=rebuild_positions)
-            table = select(whole, part_percent)
+            repaired = prepare(recording, Preparation(None, repair), rebuild_positions=rebuild_positions)
+            table = select(repaired, part_percent)
             runs = find_manoeuvres(table, length_m, recording.events)
         except SeatrialError as error:
             LOG.warning("%s: its manoeuvres are not compared: %s", name, error)
@@ -627,8 +575,8 @@ def _measured(run: Manoeuvre) -> dict[str, Index]:
     speed of the approach, which is what the speed takes."""
     names = [name for name in JUDGED.get(run.kind, ()) if name in run.indices]
     shafts = [value for name, value in run.settings.items() if name.endswith("_rpm") and name not in _NO_SHAFTS]
-    takes = {APPROACH_RPM: Index(float(np.mean(shafts)), nan, nan, "rpm")} if names and shafts else {}
-    return takes | {name: run.indices.get(name + REMOVED, run.indices[name]) for name in names}
+    rpm_index = {APPROACH_RPM: Index(float(np.mean(shafts)), nan, nan, "rpm")} if names and shafts else {}
+    return rpm_index | {name: run.indices.get(name + REMOVED, run.indices[name]) for name in names}
 
 
 def _rows(run: Manoeuvre, method: str, values: Mapping[str, Mapping[str, float]]) -> list[IndexComparison]:
@@ -637,10 +585,10 @@ def _rows(run: Manoeuvre, method: str, values: Mapping[str, Mapping[str, float]]
     for name, measured in _measured(run).items():
         removed = name + REMOVED in run.indices
         simulated = {
-            form: SimulatedIndex(float(found[place]), measured, name in _ABOUT_ZERO)
-            for form, found in values.items()
-            if not (form == REPLAYED and name in _GIVEN)
-            and isfinite(found.get(place := name + REMOVED * (removed and form == REPLAYED), nan))
+            form: SimulatedIndex(float(form_values[key]), measured, name in _ABOUT_ZERO)
+            for form, form_values in values.items()
+            if not (form == REPLAYED and name in _FIXED)
+            and isfinite(form_values.get(key := name + REMOVED * (removed and form == REPLAYED), nan))
         }
         if simulated:
             rows.append(
@@ -668,8 +616,8 @@ class _Trial:
         water = list[tuple[pd.Timestamp, Water]]()
         for run in runs:
             with suppress(SeatrialError):
-                if (found := water_in(recorded, run, plant)) is not None:
-                    water.append((run.start, found))
+                if (current := current_in_circle(recorded, run, plant)) is not None:
+                    water.append((run.start, current))
         return cls(table, recorded, tuple(water))
 
     def simulated(self, run: Manoeuvre, model: JudgedModel, form: str) -> Mapping[str, float]:
@@ -678,9 +626,11 @@ class _Trial:
             raise self.recorded
         if model.plant is None:
             raise DataShortageError(model.why)
-        water = min(self.water, key=lambda each: abs(each[0] - run.start), default=(run.start, None))[1]
+        water = min(self.water, key=lambda dated_water: abs(dated_water[0] - run.start), default=(run.start, None))[
+            1
+        ]
         if form == REPLAYED:
-            plant = model.plant if water is None else with_water(model.plant, water)
+            plant = model.plant if water is None else with_current(model.plant, water)
             return replayed_indices(self.recorded, run, plant)
         return predicted_indices(self.recorded, run, model, water)
 

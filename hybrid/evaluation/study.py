@@ -1,15 +1,11 @@
 """Every method fitted on one part of the windows and tested on the other, with intervals.
 
-Splits of windows into training and test sets, and their classification.
-
 ``leg`` holds out whole legs, drawn at random; ``time`` the end of every recording; ``recording`` one recording
 after the other. In these no second of a test window was used for fitting: with any commands, where legs follow
 each other without end, windows that share a second with the other side are left out. ``random`` draws single
 windows, as is often published: windows overlap, so most test seconds were also fitted. It is included to show
-by how much that flatters.
-
-Classes are by what the ship did, by wind and by recording, to show where a method is good and where it is not.
-Their limits scale with the ship: lengths in ship lengths, speeds as Froude numbers.
+by how much that flatters. Classes by what the ship did, by wind and by recording show where a method is good and
+where it is not; their limits scale with the ship: lengths in ship lengths, speeds as Froude numbers.
 """
 
 from __future__ import annotations
@@ -26,7 +22,7 @@ from seatrial.acquisition.core.named_code import OwnCodeError
 from seatrial.acquisition.core.quantities import Bools, Floats, to_ship
 from seatrial.acquisition.core.result import ModelResult, to_json
 from seatrial.hybrid.calibrators import HELD_OUT_SHARE, Examples, make_calibrator, predict_with_fallback
-from seatrial.hybrid.evaluation.validate import Truths, judged_by_truths, truth_distances
+from seatrial.hybrid.evaluation.validate import Truths, errors_by_truth, truth_distances
 from seatrial.hybrid.prediction.baselines import (
     TWO_SIDED,
     Fallback,
@@ -36,7 +32,7 @@ from seatrial.hybrid.prediction.baselines import (
     distances,
     equal_area_radius,
     relative_distances,
-    start_of,
+    start_state,
     untrained_tracks,
 )
 from seatrial.hybrid.prediction.baselines import reference as model_tracks
@@ -44,16 +40,34 @@ from seatrial.hybrid.prediction.dataset import within_model_range
 from seatrial.hybrid.prediction.windows import (
     WIND,
     PredictionWindows,
-    clear_of,
     difference_rad,
     draw_windows,
-    starting_two_sided,
-    unlike_groups,
+    independent_groups,
+    with_two_sided_starts,
+    without_overlap,
 )
 from seatrial.hybrid.vessel.plant import Plant
 
 BASELINES = ("straight_line", "constant_velocity", "reference")
 """The methods without training (:func:`.untrained_tracks`), which every other has to beat."""
+
+TEST_SHARE = 0.3
+"""The share of the windows, or of a recording's time, that is held out for testing."""
+
+GRAVITY_MPS2 = 9.81
+SLOW_FROUDE = 0.06
+"""Froude number below which a ship is docking, drifting or keeping its position."""
+SIDEWAYS_DEG = 30.0
+"""Drift angle beyond which the ship moves sideways or astern."""
+TURNING_DEG_PER_LENGTH = 4.0
+"""Change of heading over a ship length above which it is turning: a circle of less than 29 lengths."""
+ACCELERATING_PER_LENGTH = 0.02
+"""Relative change of speed over a ship length above which it accelerates."""
+
+MANOEUVRES = ("straight", "turning", "accelerating", "slow", "other")
+BEAUFORT_MPS = (3.4, 8.0, 13.9)
+WINDS = ("0-2 Bft", "3-4 Bft", "5-6 Bft", "7 Bft and more")
+_MINUTE = 61
 
 
 @dataclass(frozen=True, slots=True)
@@ -137,13 +151,15 @@ def study(
             share = part_of(progress, done, total)
             parts.append(evaluate_draw(draw, (inside, tracks), methods, plant, seed + number, share, failed))
             done += len(methods)
-        results.append(pool_draws(kind, inside, kind_draws, [_without(each, failed) for each in parts]))
-    results = [replace(each, errors=_without(each.errors, failed)) for each in results]
+        results.append(pool_draws(kind, inside, kind_draws, [_without(result, failed) for result in parts]))
+    results = [replace(result, errors=_without(result.errors, failed)) for result in results]
     return Study(inside, len(windows) - len(inside), tuple(results), failed)
 
 
 def _without(errors: Mapping[str, MethodErrors], failed: Mapping[str, str]) -> dict[str, MethodErrors]:
-    return {name: each for name, each in errors.items() if name.removesuffix(TWO_SIDED) not in failed}
+    return {
+        name: method_errors for name, method_errors in errors.items() if name.removesuffix(TWO_SIDED) not in failed
+    }
 
 
 def evaluate_draw(
@@ -163,9 +179,9 @@ def evaluate_draw(
     fitting, stopping, held_out = (
         (examples[0].subset(mask), examples[1][mask]) for mask in (draw.fitting, draw.stopping, draw.held_out)
     )
-    afterwards = starting_two_sided(held_out[0])
-    judged = {"": held_out, TWO_SIDED: (afterwards, model_tracks(afterwards, plant))}
-    regions = {name: conformal_region(each, stopping[0]) for name, each in untrained_tracks(*stopping).items()}
+    two_sided = with_two_sided_starts(held_out[0])
+    judged = {"": held_out, TWO_SIDED: (two_sided, model_tracks(two_sided, plant))}
+    regions = {name: conformal_region(track, stopping[0]) for name, track in untrained_tracks(*stopping).items()}
     errors = {
         f"{name}{ending}": errors_of(track, windows, regions[name], np.zeros(len(windows), dtype=bool))
         for ending, (windows, reference) in judged.items()
@@ -180,8 +196,10 @@ def evaluate_draw(
             calibrator = make_calibrator(method, seed, plant).fit(fitting, stopping, part_of(progress, number, 1))
             region_m = calibrator.conformal_region(stopping)
             for ending, (windows, reference) in judged.items():
-                found = predict_with_fallback(calibrator, plant, region_m, fallback, windows, reference)
-                errors[f"{method}{ending}"] = errors_of(found.tracks, windows, found.region_m, found.outside_domain)
+                predicted = predict_with_fallback(calibrator, plant, region_m, fallback, windows, reference)
+                errors[f"{method}{ending}"] = errors_of(
+                    predicted.tracks, windows, predicted.region_m, predicted.outside_domain
+                )
         except OwnCodeError as error:
             failed[method] = str(error)
             if len(failed) == len(methods):
@@ -218,13 +236,13 @@ def pool_draws(
 
     def mean(values: Sequence[Floats]) -> Floats:
         total = np.zeros((len(times), *values[0].shape[1:]))
-        for draw, each in zip(draws, values, strict=True):
-            total[draw.held_out] += each
+        for draw, draw_values in zip(draws, values, strict=True):
+            total[draw.held_out] += draw_values
         return np.asarray(total[held_out] / times[held_out].reshape(-1, *[1] * (total.ndim - 1)))
 
     errors = {
         method: MethodErrors(
-            *(mean([getattr(part[method], each.name) for part in parts]) for each in fields(MethodErrors))
+            *(mean([getattr(part[method], field.name) for part in parts]) for field in fields(MethodErrors))
         )
         for method in parts[0]
     }
@@ -334,11 +352,13 @@ class Evaluation(ModelResult):
     @property
     def measurements(self) -> str:
         """A remark if positions and speeds disagree in the windows of any split."""
-        return next((each.truths.remark for each in self.splits.values() if each.truths and each.truths.remark), "")
+        return next(
+            (split.truths.remark for split in self.splits.values() if split.truths and split.truths.remark), ""
+        )
 
     @property
     def first_lines(self) -> list[str]:
-        return [*super(Evaluation, self).first_lines, *(f"left out: {each}" for each in self.failed.values())]
+        return [*super(Evaluation, self).first_lines, *(f"left out: {reason}" for reason in self.failed.values())]
 
     def as_dict(self) -> dict[str, Any]:
         """The JSON object."""
@@ -349,7 +369,7 @@ class Evaluation(ModelResult):
             "windows": self.windows,
             "legs": self.legs,
             "outside_model_range": self.outside,
-            "splits": {kind: _split_dict(each) for kind, each in self.splits.items()},
+            "splits": {kind: _split_dict(split) for kind, split in self.splits.items()},
             "leak": to_json(self.leak),
         }
 
@@ -358,12 +378,12 @@ def evaluation_of(study: Study, length_m: float, seed: int) -> Evaluation:
     """The figures of a study on a ship of ``length_m``; ``seed`` draws the legs for the intervals."""
     return Evaluation(
         horizon_s=study.windows.horizon_s,
-        windows=int(study.windows.whole.sum()),
-        legs=len(set(study.windows.leg[study.windows.whole])),
+        windows=int(study.windows.complete.sum()),
+        legs=len(set(study.windows.leg[study.windows.complete])),
         outside=study.outside,
         splits={
-            each.kind: _split_summary(each, study.windows.subset(each.held_out), length_m, seed)
-            for each in study.results
+            result.kind: _split_summary(result, study.windows.subset(result.held_out), length_m, seed)
+            for result in study.results
         },
         leak=leak_of(study, seed),
         failed=study.failed,
@@ -375,20 +395,20 @@ def leak_of(study: Study, seed: int) -> dict[str, Interval]:
 
     Both on the same windows, those held out in both; empty unless both splits were made.
     """
-    by_kind = {each.kind: each for each in study.results}
+    by_kind = {result.kind: result for result in study.results}
     if not {"leg", "random"} <= set(by_kind):
         return {}
-    honest, leaky = by_kind["leg"], by_kind["random"]
-    both = honest.held_out & leaky.held_out
-    if not both.any():
+    by_leg, at_random = by_kind["leg"], by_kind["random"]
+    shared = by_leg.held_out & at_random.held_out
+    if not shared.any():
         return {}
-    legs = LegBootstrap.of(study.windows.leg[both], seed)
+    legs = LegBootstrap.of(study.windows.leg[shared], seed)
     return {
         name: legs.ratio(
-            honest.errors[name].distance_m[both[honest.held_out]].mean(axis=1),
-            leaky.errors[name].distance_m[both[leaky.held_out]].mean(axis=1),
+            by_leg.errors[name].distance_m[shared[by_leg.held_out]].mean(axis=1),
+            at_random.errors[name].distance_m[shared[at_random.held_out]].mean(axis=1),
         )
-        for name in _by_start(honest.errors)[0]
+        for name in _by_start(by_leg.errors)[0]
     }
 
 
@@ -397,7 +417,7 @@ def summarise(errors: Mapping[str, MethodErrors], windows: PredictionWindows, se
     legs = LegBootstrap.of(windows.leg, seed)
     best = min(BASELINES, key=lambda name: float(errors[name].distance_m.mean()))
     baseline = errors[best].distance_m.mean(axis=1)
-    methods = {name: _figures(each, baseline, legs) for name, each in errors.items()}
+    methods = {name: _figures(method_errors, baseline, legs) for name, method_errors in errors.items()}
     return MethodSummary(len(windows), legs.legs, best, methods)
 
 
@@ -406,8 +426,8 @@ def _figures(errors: MethodErrors, baseline_m: Floats, legs: LegBootstrap) -> Me
     mean_m = errors.distance_m.mean(axis=1)
     inside = errors.inside.mean(axis=1)
     single = np.column_stack([mean_m, errors.north_m, errors.east_m, errors.heading_deg, inside])
-    by_second = legs.mean_of_each(errors.distance_m)
-    distance, north, east, heading, coverage = legs.mean_of_each(single)
+    by_second = legs.column_means(errors.distance_m)
+    distance, north, east, heading, coverage = legs.column_means(single)
     return MethodFigures(
         mean_distance_m=distance,
         end_distance_m=by_second[-1],
@@ -417,7 +437,7 @@ def _figures(errors: MethodErrors, baseline_m: Floats, legs: LegBootstrap) -> Me
         ratio=legs.ratio(mean_m, baseline_m),
         coverage_95=coverage,
         by_second=by_second,
-        coverage_by_second=legs.mean_of_each(errors.inside),
+        coverage_by_second=legs.column_means(errors.inside),
         region_by_second_m=errors.region_m.mean(axis=0),
         outside_domain=float(errors.outside_domain.mean()),
     )
@@ -429,18 +449,18 @@ def _split_summary(result: SplitResult, windows: PredictionWindows, length_m: fl
     for kind, classes in classes_of(windows, length_m).items():
         breakdown[kind] = {}
         for name, mask in classes.items():
-            errors = {method: each.subset(mask) for method, each in causal.items()}
+            errors = {method: method_errors.subset(mask) for method, method_errors in causal.items()}
             breakdown[kind][name] = summarise(errors, windows.subset(mask), seed)
     return SplitSummary(
         result.kind, result.fitted, result.leaked, summarise(causal, windows, seed),
         summarise(two_sided, windows, seed), breakdown,
-        judged_by_truths(windows, {name: each.truth_m for name, each in causal.items()}, seed),
+        errors_by_truth(windows, {name: method_errors.truth_m for name, method_errors in causal.items()}, seed),
     )  # fmt: skip
 
 
 def _by_start(errors: Mapping[str, MethodErrors]) -> tuple[dict[str, MethodErrors], dict[str, MethodErrors]]:
     """The errors from causal and from two-sided starts, each by the method's plain name."""
-    causal = {name: each for name, each in errors.items() if start_of(name) == "causal"}
+    causal = {name: method_errors for name, method_errors in errors.items() if start_state(name) == "causal"}
     return causal, {name: errors[f"{name}{TWO_SIDED}"] for name in causal}
 
 
@@ -451,12 +471,12 @@ def _split_dict(split: SplitSummary) -> dict[str, Any]:
         "shared_seconds": split.leaked,
         **_counts(split.whole),
         "methods": {
-            name: {"start": start_of(name), **each.as_dict()}
+            f"{method}{ending}": {"start": start_state(f"{method}{ending}"), **figures.as_dict()}
             for summary, ending in ((split.whole, ""), (split.two_sided, TWO_SIDED))
-            for name, each in ((f"{method}{ending}", figures) for method, figures in summary.methods.items())
+            for method, figures in summary.methods.items()
         },
         "breakdown": {
-            kind: {name: {**_counts(each), "methods": _short(each)} for name, each in classes.items()}
+            kind: {name: {**_counts(summary), "methods": _short(summary)} for name, summary in classes.items()}
             for kind, classes in split.breakdown.items()
         },
         "truths": to_json(split.truths),
@@ -468,18 +488,14 @@ def _counts(summary: MethodSummary) -> dict[str, Any]:
 
 
 def _short(summary: MethodSummary) -> dict[str, Any]:
-    short: dict[str, Any] = to_json({
+    plain: dict[str, Any] = to_json({
         name: {
-            "start": start_of(name), "mean_distance_m": each.mean_distance_m,
-            "ratio_to_best_baseline": each.ratio, "coverage_95": each.coverage_95,
+            "start": start_state(name), "mean_distance_m": figures.mean_distance_m,
+            "ratio_to_best_baseline": figures.ratio, "coverage_95": figures.coverage_95,
         }
-        for name, each in summary.methods.items()
+        for name, figures in summary.methods.items()
     })  # fmt: skip
-    return short
-
-
-TEST_SHARE = 0.3
-"""The share of the windows, or of a recording's time, that is held out for testing."""
+    return plain
 
 
 @dataclass(frozen=True, slots=True)
@@ -503,34 +519,34 @@ def refuse_unknown(kinds: Sequence[str]) -> None:
 
 
 def by_leg(windows: PredictionWindows, draws: int, seed: int) -> list[Draw]:
-    """Whole legs with about 30 % of the windows held out, drawn anew each time."""
+    """Whole legs with about 30 % of the windows held out, drawn again each time."""
     parts = [draw_windows(windows, windows.leg, TEST_SHARE, seed + draw) for draw in range(draws)]
     return [
-        with_stopping(windows, clear_of(windows, ~unseen, unseen), unseen, seed + draw)
+        with_stopping(windows, without_overlap(windows, ~unseen, unseen), unseen, seed + draw)
         for draw, unseen in enumerate(parts)
     ]
 
 
 def by_time(windows: PredictionWindows, draws: int, seed: int) -> list[Draw]:
     """The last 30 % of each recording's time held out; windows across the border are dropped."""
-    first, last = windows.known_seconds()
-    known, unseen = np.zeros(len(windows), dtype=bool), np.zeros(len(windows), dtype=bool)
+    first, last = windows.measured_seconds()
+    fitted, unseen = np.zeros(len(windows), dtype=bool), np.zeros(len(windows), dtype=bool)
     for trial in np.unique(windows.trial):
-        mine = windows.trial == trial
-        border = first[mine].min() + (1.0 - TEST_SHARE) * (last[mine].max() - first[mine].min())
-        known |= mine & (last < border)
-        unseen |= mine & (first > border)
-    if not known.any() or not unseen.any():
+        in_trial = windows.trial == trial
+        border = first[in_trial].min() + (1.0 - TEST_SHARE) * (last[in_trial].max() - first[in_trial].min())
+        fitted |= in_trial & (last < border)
+        unseen |= in_trial & (first > border)
+    if not fitted.any() or not unseen.any():
         raise DataShortageError("no window on one side of 70 % of the time", fix="give longer recordings")
-    return [with_stopping(windows, known, unseen, seed)]
+    return [with_stopping(windows, fitted, unseen, seed)]
 
 
 def by_recording(windows: PredictionWindows, draws: int, seed: int) -> list[Draw]:
     """Each recording in turn held out from all others, if it has whole windows."""
-    trials = np.unique(windows.trial[windows.whole])
+    trials = np.unique(windows.trial[windows.complete])
     if len(trials) < 2:
         raise DataShortageError("a split by recording needs two recordings or more", fix="give two or more")
-    return [with_stopping(windows, windows.trial != each, windows.trial == each, seed) for each in trials]
+    return [with_stopping(windows, windows.trial != trial, windows.trial == trial, seed) for trial in trials]
 
 
 def at_random(windows: PredictionWindows, draws: int, seed: int) -> list[Draw]:
@@ -540,7 +556,7 @@ def at_random(windows: PredictionWindows, draws: int, seed: int) -> list[Draw]:
         rank = np.random.default_rng(seed + draw).permutation(len(windows)) / len(windows)
         stopping = (rank >= TEST_SHARE) & (rank < TEST_SHARE + HELD_OUT_SHARE * (1.0 - TEST_SHARE))
         held_out = rank < TEST_SHARE
-        result.append(Draw(~held_out & ~stopping, stopping, held_out & windows.whole))
+        result.append(Draw(~held_out & ~stopping, stopping, held_out & windows.complete))
     return result
 
 
@@ -554,14 +570,17 @@ SPLITS: dict[str, Callable[[PredictionWindows, int, int], list[Draw]]] = {
 a seed. They raise :class:`DataShortageError` if windows cannot be split in that way."""
 
 
-def shared_seconds(windows: PredictionWindows, known: Bools, unseen: Bools) -> int:
-    """The number of seconds of the windows ``unseen`` that are also in windows ``known``, trial by trial."""
-    first, _ = windows.known_seconds()
+def shared_seconds(windows: PredictionWindows, fitted: Bools, unseen: Bools) -> int:
+    """The number of seconds of the windows ``unseen`` that are also in windows ``fitted``, trial by trial."""
+    first, _ = windows.measured_seconds()
     seconds = first[:, None] + np.arange(windows.horizon_s + 1)
-    there = np.isfinite(windows.track[..., 0])
-    mine = [windows.trial == trial for trial in np.unique(windows.trial)]
-    sides = [[seconds[some & each][there[some & each]] for some in (known, unseen)] for each in mine]
-    return sum(np.intersect1d(*both).size for both in sides)
+    measured = np.isfinite(windows.track[..., 0])
+    trial_masks = [windows.trial == trial for trial in np.unique(windows.trial)]
+    sides = [
+        [seconds[side & in_trial][measured[side & in_trial]] for side in (fitted, unseen)]
+        for in_trial in trial_masks
+    ]
+    return sum(np.intersect1d(*pair).size for pair in sides)
 
 
 def leaked_share(windows: PredictionWindows, draw: Draw) -> float:
@@ -570,27 +589,12 @@ def leaked_share(windows: PredictionWindows, draw: Draw) -> float:
     return shared_seconds(windows, draw.fitting | draw.stopping, draw.held_out) / judged
 
 
-def with_stopping(windows: PredictionWindows, known: Bools, unseen: Bools, seed: int) -> Draw:
+def with_stopping(windows: PredictionWindows, fitted: Bools, unseen: Bools, seed: int) -> Draw:
     """The draw in which whole legs, or recordings, of the known windows are kept for early stopping."""
     stopping = np.zeros(len(windows), dtype=bool)
-    some = windows.subset(known)
-    stopping[known] = draw_windows(some, unlike_groups(some), HELD_OUT_SHARE, seed)
-    return Draw(clear_of(windows, known & ~stopping, stopping), stopping, unseen & windows.whole)
-
-
-GRAVITY_MPS2 = 9.81
-SLOW_FROUDE = 0.06
-"""Froude number below which a ship is docking, drifting or keeping her position."""
-SIDEWAYS_DEG = 30.0
-"""Drift angle beyond which the ship moves sideways or astern."""
-TURNING_DEG_PER_LENGTH = 4.0
-"""Change of heading over a ship length above which she is turning: a circle of less than 29 lengths."""
-ACCELERATING_PER_LENGTH = 0.02
-"""Relative change of speed over a ship length above which she accelerates."""
-
-MANOEUVRES = ("straight", "turning", "accelerating", "slow", "other")
-BEAUFORT_MPS = (3.4, 8.0, 13.9)
-WINDS = ("0-2 Bft", "3-4 Bft", "5-6 Bft", "7 Bft and more")
+    fitted_windows = windows.subset(fitted)
+    stopping[fitted] = draw_windows(fitted_windows, independent_groups(fitted_windows), HELD_OUT_SHARE, seed)
+    return Draw(without_overlap(windows, fitted & ~stopping, stopping), stopping, unseen & windows.complete)
 
 
 def classes_of(windows: PredictionWindows, length_m: float) -> dict[str, dict[str, Bools]]:
@@ -601,8 +605,8 @@ def classes_of(windows: PredictionWindows, length_m: float) -> dict[str, dict[st
         "recording": (windows.trial, tuple(np.unique(windows.trial))),
     }
     return {
-        kind: {str(name): mask for name in names if (mask := np.asarray(given == name)).any()}
-        for kind, (given, names) in named.items()
+        kind: {str(name): mask for name in names if (mask := np.asarray(classes == name)).any()}
+        for kind, (classes, names) in named.items()
     }
 
 
@@ -616,34 +620,23 @@ def manoeuvres(windows: PredictionWindows, length_m: float) -> NDArray[np.str_]:
     way_m = np.hypot(steps[..., 0], steps[..., 1]).sum(axis=1)
     lengths = np.maximum(way_m / length_m, 1e-9)
     turned_deg = np.rad2deg(np.abs(windows.track[:, -1, 2] - windows.track[:, 0, 2]))
+    heading = 0.5 * (windows.track[:, 1:, 2] + windows.track[:, :-1, 2])
+    ahead, starboard = to_ship(steps[..., 0], steps[..., 1], heading)
+    drift_deg = np.rad2deg(np.abs(np.arctan2(starboard.sum(axis=1), ahead.sum(axis=1))))
+    third = max(1, seconds // 3)
+    first_mps, last_mps = (np.hypot(*part.mean(axis=1).T) for part in (steps[:, :third], steps[:, -third:]))
+    speed_change = np.abs(last_mps - first_mps) / np.maximum(0.5 * (first_mps + last_mps), 1e-9)
     slow = way_m / seconds < SLOW_FROUDE * np.sqrt(GRAVITY_MPS2 * length_m)
     rules = {
         "slow": slow,
-        "other": _drift_deg(windows, steps) > SIDEWAYS_DEG,
+        "other": drift_deg > SIDEWAYS_DEG,
         "turning": turned_deg / lengths > TURNING_DEG_PER_LENGTH,
-        "accelerating": _speed_change(steps) / lengths > ACCELERATING_PER_LENGTH,
+        "accelerating": speed_change / lengths > ACCELERATING_PER_LENGTH,
     }
     return np.asarray(np.select(list(rules.values()), list(rules), "straight"))
-
-
-_MINUTE = 61
 
 
 def winds(windows: PredictionWindows) -> NDArray[np.str_]:
     """The wind of the minute before each window by its Beaufort number [N], of :data:`WINDS`."""
     speed_mps = np.nanmean(np.column_stack([windows.wind[:, -1], windows.past[:, :_MINUTE, WIND][..., -1]]), axis=1)
     return np.asarray(np.array(WINDS)[np.searchsorted(BEAUFORT_MPS, speed_mps, side="right")])
-
-
-def _drift_deg(windows: PredictionWindows, steps: Floats) -> Floats:
-    """The mean angle between course and heading over each window [N]."""
-    heading = 0.5 * (windows.track[:, 1:, 2] + windows.track[:, :-1, 2])
-    ahead, aside = to_ship(steps[..., 0], steps[..., 1], heading)
-    return np.asarray(np.rad2deg(np.abs(np.arctan2(aside.sum(axis=1), ahead.sum(axis=1)))))
-
-
-def _speed_change(steps: Floats) -> Floats:
-    """The relative change of speed from the first to the last third of each window [N]."""
-    third = max(1, steps.shape[1] // 3)
-    speeds = [np.hypot(*part.mean(axis=1).T) for part in (steps[:, :third], steps[:, -third:])]
-    return np.asarray(np.abs(speeds[1] - speeds[0]) / np.maximum(0.5 * (speeds[0] + speeds[1]), 1e-9))

@@ -1,22 +1,17 @@
-"""``seatrial validate``: every method on unseen windows, in one table.
-
-The true track by each sensor alone: what predictions are compared with, and how reliable it is.
+"""``seatrial validate``: every method on unseen windows, in one table, and how reliable the measured track is.
 
 Besides the track used for prediction there are three: the measured positions, never rebuilt by a repair; dead
 reckoning, the speed over ground along the heading integrated from second 0; and all sensors combined by the
-Kalman smoother. Each starts at the smoother's position at second 0.
+Kalman smoother. Each starts at the smoother's position at second 0. The noise floor of each is the error that a
+perfect prediction would show. It comes from a parametric bootstrap (Efron and Tibshirani 1993, section 6.5): the
+smoothed motion, measured again with white noise at the recording's levels, goes through the same steps, and the
+resulting tracks are compared with that motion. A further difference between the first two may be due to either
+(wandering positions, a wrong speed scale), so it is included in every floor.
 
-The noise floor of each is the error that a perfect prediction would show. It comes from a parametric bootstrap
-(Efron and Tibshirani 1993, section 6.5): the smoothed motion, measured again with white noise at the
-recording's levels, goes through the same steps, and the resulting tracks are compared with that motion. A
-further difference between the first two may be due to either (wandering positions, a wrong speed scale), so it
-is included in every floor.
-
-Errors of predictions after 1, 2 and 5 times L/V, the time in which a ship sails her own length.
-
-The time in which a ship answers her helm goes with L/V (Nomoto et al. 1957), so that an error after so many seconds
-says something else of a tanker than of a boat; after so many L/V it says the same of both. The windows have any
-commands, under which the model predicts as they were recorded, as none are held for five lengths in a zigzag.
+Errors are also stated after 1, 2 and 5 times L/V, the time in which a ship sails its own length. The time in which
+a ship answers its helm goes with L/V (Nomoto et al. 1957), so that an error after so many seconds says something
+else of a tanker than of a boat; after so many L/V it says the same of both. The windows have any commands, under
+which the model predicts as they were recorded, as none are held for five lengths in a zigzag.
 """
 
 from __future__ import annotations
@@ -32,7 +27,7 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from seatrial.acquisition.core.errors import DataShortageError, InputError, Progress, SeatrialError
-from seatrial.acquisition.core.quantities import Floats, Ints, integrate, to_earth
+from seatrial.acquisition.core.quantities import Floats, integrate, to_earth
 from seatrial.acquisition.core.result import ModelResult, to_json
 from seatrial.acquisition.core.ship import POSE_AND_VELOCITY
 from seatrial.analysis.estimation.motion_model import NoiseLevels
@@ -57,9 +52,15 @@ from seatrial.hybrid.prediction.baselines import (
 )
 from seatrial.hybrid.prediction.dataset import Dataset, WindowSource, dataset_of, within_model_range
 from seatrial.hybrid.prediction.kalman_filter import LEAP_M
-from seatrial.hybrid.prediction.windows import PredictionWindows, difference_rad, row_numbers, starting_two_sided
+from seatrial.hybrid.prediction.windows import PredictionWindows, difference_rad, row_numbers, with_two_sided_starts
 from seatrial.hybrid.vessel.plant import Plant
 from seatrial.hybrid.vessel.sensors import HEADING, STATE_UNITS, SURGE, SWAY
+
+TRUTHS = ("position", "dead_reckoning", "joined")
+UNSEEN_SHARE = float(np.hypot(LIMITS["speed_factor"].least, LIMITS["heading_offset_rad"].least))
+"""Errors of speed and heading, as a share of the distance sailed, that ``seatrial check`` would not find."""
+LENGTHS = (1, 2, 5)
+_MOST_WINDOWS = 2000  # of all recordings: more take memory, and change no mean
 
 
 @dataclass(frozen=True, slots=True)
@@ -125,7 +126,7 @@ class Validation(ModelResult):
             "methods": scores_json(self.scores | self.two_sided),
             "reduction": self.reduction,
             "coverage_95": self.coverage_95,
-            **{name: None if each is None else each.tolist() for name, each in bands(middle_m).items()},
+            **{name: None if axis_m is None else axis_m.tolist() for name, axis_m in bands(middle_m).items()},
             "fallback": self.fallback,
             "truths": to_json(self.truths),
             "by_length": None if self.by_length is None else self.by_length.as_json(self.windows.horizon_s),
@@ -135,11 +136,11 @@ class Validation(ModelResult):
 
 def refuse_training_data(sources: tuple[WindowSource, ...], trained: TrainedCalibrator) -> None:
     """Raise :class:`InputError` if a recording was used for training."""
-    known = [each for each in sources if any(each.overlaps(other) for other in trained.sources)]
-    if known:
+    trained_on = [source for source in sources if any(map(source.overlaps, trained.sources))]
+    if trained_on:
         raise InputError(
             "took part in the training of this calibrator",
-            where=", ".join(str(each.path) for each in known),
+            where=", ".join(str(source.path) for source in trained_on),
             fix="validate on other recordings or another --part, or use --allow-seen",
         )
 
@@ -156,19 +157,22 @@ def validate(dataset: Dataset, plant: Plant, trained: TrainedCalibrator | None =
             trained.refuse_commands()
     windows, reference_tracks = within_model_range(dataset.windows, plant)
     tracks, hybrid = _tracks(windows, reference_tracks, trained)
-    afterwards = starting_two_sided(windows)
+    two_sided = with_two_sided_starts(windows)
+    coverage = None
+    if hybrid is not None:
+        coverage = float((relative_distances(hybrid.tracks, windows.track, hybrid.region_m) <= 1.0).mean())
     return Validation(
         windows=windows,
         tracks=tracks,
         scores=_scores(tracks, windows),
-        two_sided=_scores(_tracks(afterwards, reference(afterwards, plant), trained)[0], windows, TWO_SIDED),
+        two_sided=_scores(_tracks(two_sided, reference(two_sided, plant), trained)[0], windows, TWO_SIDED),
         outside=len(dataset.windows) - len(windows),
-        coverage_95=None if hybrid is None else _coverage(hybrid, windows),
+        coverage_95=coverage,
         outside_domain=None if hybrid is None else hybrid.outside_domain,
         region_m=None if hybrid is None else hybrid.region_m,
         source=None if hybrid is None else hybrid.source,
         jumps=dataset.dropped.get("position_jump", 0),
-        truths=judged_by_truths(windows, {name: truth_distances(each, windows) for name, each in tracks.items()}),
+        truths=errors_by_truth(windows, {name: truth_distances(track, windows) for name, track in tracks.items()}),
     )
 
 
@@ -187,17 +191,6 @@ def _tracks(
     if trained.data_driven is not None:
         tracks["data_driven"] = trained.data_driven.predict(windows, reference_tracks)
     return {**tracks, "hybrid": hybrid.tracks}, hybrid
-
-
-def _coverage(predicted: PredictedTracks, windows: PredictionWindows) -> float:
-    """The share of measured positions inside their regions, over windows and seconds."""
-    return float((relative_distances(predicted.tracks, windows.track, predicted.region_m) <= 1.0).mean())
-
-
-TRUTHS = ("position", "dead_reckoning", "joined")
-
-UNSEEN_SHARE = float(np.hypot(LIMITS["speed_factor"].least, LIMITS["heading_offset_rad"].least))
-"""Errors of speed and heading, as a share of the distance sailed, that ``seatrial check`` would not find."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -228,7 +221,7 @@ class Truths:
         """A remark if positions and speeds disagree, else empty."""
         if not _clearly(self.apart_m, self.explained_m):
             return ""
-        floor_m = min(each.floor_m.value for each in self.by.values())
+        floor_m = min(reference.floor_m.value for reference in self.by.values())
         return (
             f"positions and speeds disagree by {self.apart_m.value:.2f} m over {self.horizon_s} s, and their noise "
             f"leaves {self.explained_m:.2f} m: an error below {floor_m:.2f} m may be the sensors'"
@@ -256,37 +249,42 @@ def with_truths(
     shape = (len(windows), len(TRUTHS), windows.horizon_s + 1, 2)
     truths, errors = np.full((2, *shape), np.nan)
     start_ns, random = windows.start_ns, np.random.default_rng(0)
+    channels, gap = list(POSE_AND_VELOCITY), np.full(6, np.nan)  # a row of NaN, for the row number -1
     for number, (trial, table) in enumerate(tables.items()):
         progress(number / len(tables))
-        mine = np.flatnonzero(windows.trial == trial)
+        in_trial = np.flatnonzero(windows.trial == trial)
         try:
             motion = smooth(table, 1.0)
-            really = sailed(motion.states)
-            again = measured_anew(really, motion.noise, random)
-            joined = smooth(again, 1.0, levels=motion.noise).states
+            true_motion = integrate_positions(motion.states)
+            remeasured = remeasure(true_motion, motion.noise, random)
+            joined = smooth(remeasured, 1.0, levels=motion.noise).states
         except SeatrialError:  # too short to estimate its noise
             continue
-        rows = row_numbers(table, start_ns[mine], np.arange(windows.horizon_s + 1))
-        measured, smoothed, true, anew, rejoined = (
-            _si(each.reindex(table.index), rows) for each in (table, motion.states, really, again, joined)
+        rows = row_numbers(table, start_ns[in_trial], np.arange(windows.horizon_s + 1))
+        measured, smoothed, true, remeasured_si, rejoined = (
+            np.vstack([series.reindex(table.index)[channels].to_numpy(dtype=float) * STATE_UNITS, gap])[rows]
+            for series in (table, motion.states, true_motion, remeasured, joined)
         )
-        found, simulated = truth_tracks(measured, smoothed[..., :2]), truth_tracks(anew, rejoined[..., :2])
+        tracks, simulated = (
+            truth_tracks(measured, smoothed[..., :2]),
+            truth_tracks(remeasured_si, rejoined[..., :2]),
+        )
         if rebuilt:
-            found += windows.track[mine][:, None, :1, :2] - smoothed[:, None, :1, :2]
+            tracks += windows.track[in_trial][:, None, :1, :2] - smoothed[:, None, :1, :2]
             simulated += true[:, None, :1, :2] - rejoined[:, None, :1, :2]
-        truths[mine], errors[mine] = found, simulated - true[:, None, :, :2]
+        truths[in_trial], errors[in_trial] = tracks, simulated - true[:, None, :, :2]
     return replace(windows, truths=truths, truth_errors=errors)
 
 
-def sailed(motion: pd.DataFrame) -> pd.DataFrame:
+def integrate_positions(motion: pd.DataFrame) -> pd.DataFrame:
     """A smoothed motion with positions integrated from its speeds and headings, and so without receiver jumps."""
     surge, sway = motion["surge_mps"].to_numpy(), motion["sway_mps"].to_numpy()
     velocity = to_earth(surge, sway, np.deg2rad(motion["heading_deg"].to_numpy()))
-    north, east = (integrate(np.nan_to_num(each), 1.0) for each in velocity)
+    north, east = (integrate(np.nan_to_num(component), 1.0) for component in velocity)
     return motion[list(POSE_AND_VELOCITY)].assign(north_m=north, east_m=east)
 
 
-def measured_anew(motion: pd.DataFrame, levels: NoiseLevels, random: np.random.Generator) -> pd.DataFrame:
+def remeasure(motion: pd.DataFrame, levels: NoiseLevels, random: np.random.Generator) -> pd.DataFrame:
     """A motion as recorded by sensors with white noise at these levels."""
     position, speed, turn = levels.position_m, levels.speed_mps, np.rad2deg(levels.yaw_rate_radps)
     sigma = np.array([position, position, np.rad2deg(levels.heading_rad), speed, speed, turn])
@@ -298,8 +296,8 @@ def truth_tracks(measured: Floats, joined: Floats) -> Floats:
     positions of all sensors [N, H+1, 2]. NaN where positions jump further than the ship can move."""
     velocity = np.stack(to_earth(measured[..., 3], measured[..., 4], measured[..., 2]), axis=-1)
     steps = 0.5 * (velocity[:, 1:] + velocity[:, :-1])
-    way = np.concatenate([np.zeros_like(steps[:, :1]), np.cumsum(steps, axis=1)], axis=1)
-    tracks = np.stack([measured[..., :2], joined[:, :1] + way, joined], axis=1)
+    displacement = np.concatenate([np.zeros_like(steps[:, :1]), np.cumsum(steps, axis=1)], axis=1)
+    tracks = np.stack([measured[..., :2], joined[:, :1] + displacement, joined], axis=1)
     leap_m = np.linalg.norm(np.diff(tracks, axis=2) - steps[:, None], axis=-1).max(axis=2)
     return np.where((leap_m < LEAP_M)[..., None, None], tracks, np.nan)
 
@@ -307,46 +305,38 @@ def truth_tracks(measured: Floats, joined: Floats) -> Floats:
 def truth_distances(predicted: Floats, windows: PredictionWindows) -> Floats:
     """The mean distance [N, K] of tracks [N, H+1, 2 or 3] to each truth; K is 0 if there are none."""
     truths = np.empty((len(windows), 0, *predicted.shape[1:2], 2)) if windows.truths is None else windows.truths
-    apart = predicted[:, None, 1:, :2] - truths[:, :, 1:]
-    return np.asarray(np.hypot(apart[..., 0], apart[..., 1]).mean(axis=2))
+    gap = predicted[:, None, 1:, :2] - truths[:, :, 1:]
+    return np.asarray(np.hypot(gap[..., 0], gap[..., 1]).mean(axis=2))
 
 
-def judged_by_truths(windows: PredictionWindows, distance_m: Mapping[str, Floats], seed: int = 0) -> Truths | None:
+def errors_by_truth(windows: PredictionWindows, distance_m: Mapping[str, Floats], seed: int = 0) -> Truths | None:
     """The errors of methods by each truth, from mean distances [N, K] of :func:`truth_distances`, with
     intervals over legs. None if windows have no truths."""
     if windows.truths is None or windows.truth_errors is None:
         return None
-    known = np.asarray(np.isfinite(windows.truths + windows.truth_errors).all(axis=(2, 3)))
-    both = np.asarray(known[:, :2].all(axis=1))
-    if not both.any():
+    valid = np.asarray(np.isfinite(windows.truths + windows.truth_errors).all(axis=(2, 3)))
+    both_valid = np.asarray(valid[:, :2].all(axis=1))
+    if not both_valid.any():
         return None
-    position, reckoned = np.moveaxis(windows.truths[both][:, :2], 1, 0)
+    position, reckoned = np.moveaxis(windows.truths[both_valid][:, :2], 1, 0)
     errors_m = np.linalg.norm(windows.truth_errors[:, :, 1:], axis=-1).mean(axis=2)
-    apart_m = LegBootstrap.of(windows.leg[both], seed).mean(distances(position, reckoned).mean(axis=1))
-    noise_m = float(distances(*np.moveaxis(windows.truth_errors[both][:, :2], 1, 0)).mean())
+    apart_m = LegBootstrap.of(windows.leg[both_valid], seed).mean(distances(position, reckoned).mean(axis=1))
+    noise_m = float(distances(*np.moveaxis(windows.truth_errors[both_valid][:, :2], 1, 0)).mean())
     way_m = float(np.linalg.norm(reckoned[:, 1:] - reckoned[:, :1], axis=-1).mean())
     explained_m = float(np.hypot(noise_m, UNSEEN_SHARE * way_m))
-    beyond_m = np.sqrt(max(apart_m.value**2 - noise_m**2, 0.0)) if _clearly(apart_m, explained_m) else 0.0
+    sensor_error_m = np.sqrt(max(apart_m.value**2 - noise_m**2, 0.0)) if _clearly(apart_m, explained_m) else 0.0
     by = {}
     for column, name in enumerate(TRUTHS):
-        some = known[:, column]
-        if some.any():
-            legs = LegBootstrap.of(windows.leg[some], seed)
-            methods = {method: legs.mean(each[some, column]) for method, each in distance_m.items()}
-            noise = legs.mean(errors_m[some, column])
-            floor_m = Interval(*(float(np.hypot(each, beyond_m)) for each in (noise.value, noise.low, noise.high)))
-            by[name] = ByTruth(int(some.sum()), floor_m, methods)
+        column_valid = valid[:, column]
+        if column_valid.any():
+            legs = LegBootstrap.of(windows.leg[column_valid], seed)
+            methods = {method: legs.mean(means_m[column_valid, column]) for method, means_m in distance_m.items()}
+            noise = legs.mean(errors_m[column_valid, column])
+            floor_m = Interval(
+                *(float(np.hypot(bound, sensor_error_m)) for bound in (noise.value, noise.low, noise.high))
+            )
+            by[name] = ByTruth(int(column_valid.sum()), floor_m, methods)
     return Truths(windows.horizon_s, apart_m, explained_m, by)
-
-
-def _si(table: pd.DataFrame, rows: Ints) -> Floats:
-    """Pose and velocity in SI at these rows [N, H+1, 6]; NaN at -1. The heading may be unwrapped."""
-    values = table[list(POSE_AND_VELOCITY)].to_numpy(dtype=float) * STATE_UNITS
-    return np.asarray(np.vstack([values, np.full(6, np.nan)])[rows])
-
-
-LENGTHS = (1, 2, 5)
-_MOST_WINDOWS = 2000  # of all recordings: more take memory, and change no mean
 
 
 @dataclass(frozen=True, slots=True)
@@ -417,10 +407,10 @@ def errors_by_length(
     """
     length_m = plant.length_between_perpendiculars_m
     speed_mps = float(np.median(np.hypot(judged.start[:, SURGE], judged.start[:, SWAY])))
-    rarest_s = ceil(sum(len(each.table) for each in tables.values()) / _MOST_WINDOWS)
-    for most in range(len(LENGTHS), 0, -1) if speed_mps > 0.0 else ():
-        lengths = LENGTHS[:most]
-        seconds = tuple(max(1, round(each * length_m / speed_mps)) for each in lengths)
+    rarest_s = ceil(sum(len(recorded.table) for recorded in tables.values()) / _MOST_WINDOWS)
+    for count in range(len(LENGTHS), 0, -1) if speed_mps > 0.0 else ():
+        lengths = LENGTHS[:count]
+        seconds = tuple(max(1, round(multiple * length_m / speed_mps)) for multiple in lengths)
         try:
             dataset = dataset_of(
                 tables, seconds[-1], max(seconds[0], rarest_s), any_commands=True, length_m=plant.length_overall_m
@@ -428,19 +418,12 @@ def errors_by_length(
             windows, reference = within_model_range(dataset.windows, plant)
         except DataShortageError:
             continue
-        tracks = _tracks_of_model_and_calibrator(windows, reference, trained)
+        tracks = {"constant_velocity": constant_velocity(windows), "reference": reference}
+        if trained is not None and trained.calibrator.any_commands and windows.horizon_s <= trained.horizon_s:
+            tracks["hybrid"] = trained.predict_tracks(windows, reference).tracks
         methods = {name: _errors(track, windows, seconds, length_m) for name, track in tracks.items()}
         return LengthErrors(length_m, speed_mps, lengths, seconds, len(windows), methods)
     return None
-
-
-def _tracks_of_model_and_calibrator(
-    windows: PredictionWindows, reference: Floats, trained: TrainedCalibrator | None
-) -> dict[str, Floats]:
-    tracks = {"constant_velocity": constant_velocity(windows), "reference": reference}
-    if trained is None or not trained.calibrator.any_commands or windows.horizon_s > trained.horizon_s:
-        return tracks
-    return {**tracks, "hybrid": trained.predict_tracks(windows, reference).tracks}
 
 
 def _errors(
@@ -452,7 +435,7 @@ def _errors(
     heading_deg = np.rad2deg(np.abs(turned)).mean(axis=0)
     return tuple(
         LengthError(
-            float(distance_m[each - 1]), float(distance_m[each - 1]) / length_m, float(heading_deg[each - 1])
+            float(distance_m[second - 1]), float(distance_m[second - 1]) / length_m, float(heading_deg[second - 1])
         )
-        for each in seconds
+        for second in seconds
     )

@@ -1,27 +1,22 @@
-"""Predictions without learning, and the fallback made of them.
+"""Predictions without learning, the fallback made of them, and the size and errors of predictions of any method.
 
-Every method maps the start of N windows to a track [N, H+1, 3]: north, east [m], heading [rad]. The baselines
-are constant velocity (surge, sway and yaw rate kept: in a turn a circle), the straight line (the same without
-the turn), and the reference model.
-
-Outside its domain of applicability a calibrator is replaced by a weighted mean of the two baselines, each
-weighted by the inverse fourth power of its expected error, which follows from its errors in training and from a
-hindcast of the last seconds. Inside the domain a calibrator may be averaged with them
+Every method maps the start of N windows to a track [N, H+1, 3]: north, east [m], heading [rad]. The baselines are
+constant velocity (surge, sway and yaw rate kept: in a turn a circle), the straight line (the same without the
+turn), and the reference model. Outside its domain of applicability a calibrator is replaced by a weighted mean of
+two baselines, each weighted by the inverse fourth power of its expected error, which follows from its errors in
+training and from a hindcast of the last seconds. Inside the domain a calibrator may be averaged with them
 (:class:`CandidatePrediction`).
 
-95 % regions about predicted positions: ellipses along and across the predicted course.
+95 % regions are ellipses along and across the predicted course, given by their semi-axes in metres as the last axis
+of an array. Their size follows from errors on legs not used for training (split conformal prediction, Lei et al.
+2018), normalised by the relative uncertainty that a method assigns to each window. Errors of windows of one leg or
+recording are correlated, so those of a new one exceed a quantile over all windows: regions are widened until each
+group is covered when sized on the others.
 
-Their size follows from errors on legs not used for training (split conformal prediction, Lei et al. 2018),
-normalised by the relative uncertainty that a method assigns to each window. Errors of windows of one leg or
-recording are correlated, so those of a new one exceed a quantile over all windows: regions are widened until
-each group is covered when sized on the others. A region is given by its semi-axes, along and across, in metres,
-as the last axis of an array.
-
-Errors of predicted tracks, and confidence intervals of their means.
-
-Intervals come from the cluster bootstrap (Davison and Hinkley 1997, section 3.8): as many legs as there are,
-drawn with replacement, each with all of its windows, since errors of one leg's windows are strongly correlated.
-Ratios are paired: both means come from the same legs. The sequences of a campaign are legs of their own.
+Confidence intervals of mean errors come from the cluster bootstrap (Davison and Hinkley 1997, section 3.8): as many
+legs as there are, drawn with replacement, each with all of its windows, since errors of one leg's windows are
+strongly correlated. Ratios are paired: both means come from the same legs. The sequences of a campaign are legs of
+their own.
 """
 
 from __future__ import annotations
@@ -36,15 +31,41 @@ from numpy.typing import NDArray
 from seatrial.acquisition.core.quantities import Floats, to_ship
 from seatrial.acquisition.core.result import Number, to_json
 from seatrial.hybrid.prediction.kalman_filter import filtered_starts
-from seatrial.hybrid.prediction.windows import PredictionWindows, difference_rad, hindcast_windows, unlike_groups
+from seatrial.hybrid.prediction.windows import (
+    PredictionWindows,
+    difference_rad,
+    hindcast_windows,
+    independent_groups,
+)
 from seatrial.hybrid.vessel.dynamics import simulate_batch
 from seatrial.hybrid.vessel.plant import Plant
 from seatrial.hybrid.vessel.sensors import YAW_RATE, arc, check_ship
 
+HINDCAST_S = 15
+FALLBACK_BASELINES = ("reference", "constant_velocity")
+_LEAST_UNCERTAINTY_M = 0.5  # added to every expected error
+_UNKNOWN_ERROR_M = 2.0  # error assumed where there is no hindcast
+_HINDCAST_POWER = 0.5  # a hindcast error of four times that in training doubles the expected error
+_LEAST_ERROR_M = 0.001  # lower bound on a mean training error
+_LEAST_RATIO = 0.01  # lower bound on the ratio of hindcast to training error
+_WEIGHT_POWER = 4.0  # close to the better baseline alone, unless both expect similar errors
+
+COVERAGE = 0.95
+_CLIPPING_QUANTILE = 0.9
+"""Errors beyond this quantile are clipped when the shape of regions is estimated: a few bad windows determine
+the size, not the shape."""
+_MOST_PARTS = 20  # with more groups, several are held out at once
+_CORNERS = np.linspace(0.0, 2.0 * np.pi, 24, endpoint=False)
+
+DRAWS = 2000
+FEW_LEGS = 10
+"""With fewer legs than this, bootstrap intervals are too narrow."""
+COVERAGE_PERCENT = (2.5, 97.5)
+
 
 def constant_velocity(windows: PredictionWindows) -> Floats:
     """Constant velocity: surge, sway and yaw rate of the windows' starts kept."""
-    return present_motion_held(windows.start, windows.horizon_s)
+    return constant_motion_tracks(windows.start, windows.horizon_s)
 
 
 def untrained_tracks(windows: PredictionWindows, reference: Floats) -> dict[str, Floats]:
@@ -52,13 +73,13 @@ def untrained_tracks(windows: PredictionWindows, reference: Floats) -> dict[str,
     straight = windows.start.copy()
     straight[:, YAW_RATE] = 0.0
     return {
-        "straight_line": present_motion_held(straight, windows.horizon_s),
+        "straight_line": constant_motion_tracks(straight, windows.horizon_s),
         "constant_velocity": constant_velocity(windows),
         "reference": reference,
     }
 
 
-def present_motion_held(states: Floats, horizon_s: int) -> Floats:
+def constant_motion_tracks(states: Floats, horizon_s: int) -> Floats:
     """Tracks [N, H+1, 3] of constant surge, sway and yaw rate from states [N, 6]: lines or circles
     (:func:`.arc`)."""
     return np.asarray(states[:, None, :3] + arc(states[:, None], np.arange(horizon_s + 1.0)))
@@ -82,16 +103,6 @@ def simulate_tracks(plant: Plant, states: Floats, control: Floats, wind: Floats)
     return simulate_batch(plant, states, control, blowing, dt_s=1.0).states[:, :, :3]
 
 
-HINDCAST_S = 15
-BASELINES = ("reference", "constant_velocity")
-_LEAST_UNCERTAINTY_M = 0.5  # added to every expected error
-_UNKNOWN_ERROR_M = 2.0  # error assumed where there is no hindcast
-_HINDCAST_POWER = 0.5  # a hindcast error of four times that in training doubles the expected error
-_LEAST_ERROR_M = 0.001  # lower bound on a mean training error
-_LEAST_RATIO = 0.01  # lower bound on the ratio of hindcast to training error
-_WEIGHT_POWER = 4.0  # close to the better baseline alone, unless both expect similar errors
-
-
 @dataclass(frozen=True, slots=True)
 class CandidatePrediction:
     """A prediction to be averaged with the baselines: its ``tracks`` [N, H+1, 3], NaN where it has none, and
@@ -107,7 +118,7 @@ class CandidatePrediction:
 class FallbackPrediction:
     """The weighted mean for N windows.
 
-    ``tracks`` [N, H+1, 3]; ``weight`` [K, N] of the :data:`BASELINES` and of what is averaged with them;
+    ``tracks`` [N, H+1, 3]; ``weight`` [K, N] of the :data:`FALLBACK_BASELINES` and of what is averaged with them;
     regions are proportional to ``expected_error_m`` [N].
     """
 
@@ -117,13 +128,13 @@ class FallbackPrediction:
 
     @property
     def source(self) -> NDArray[np.str_]:
-        """The source [N] with the largest weight: one of :data:`BASELINES`, or ``hybrid``."""
-        return np.asarray(np.array([*BASELINES, "hybrid"])[self.weight.argmax(axis=0)])
+        """The source [N] with the largest weight: one of :data:`FALLBACK_BASELINES`, or ``hybrid``."""
+        return np.asarray(np.array([*FALLBACK_BASELINES, "hybrid"])[self.weight.argmax(axis=0)])
 
 
 @dataclass(frozen=True, slots=True)
 class Fallback:
-    """A weighted mean of the :data:`BASELINES`, fitted to training windows.
+    """A weighted mean of the :data:`FALLBACK_BASELINES`, fitted to training windows.
 
     ``training_error_m`` [2] and ``hindcast_error_m`` [2] are each baseline's mean error over the horizon and
     over the :data:`HINDCAST_S` seconds before the start; ``region`` [H, 2] are the semi-axes of the 95 % region
@@ -138,26 +149,32 @@ class Fallback:
     def fit(cls, windows: PredictionWindows, reference: Floats, plant: Plant) -> Fallback:
         """Fit to windows and the ``reference`` model's tracks [N, H+1, 3] on them."""
         tracks, hindcast_m = _baselines(windows, reference, plant)
-        training_m = [mean_known(mean_distances(track, windows.track)) for track in tracks]
+        training_m = [mean_finite_error(mean_distances(track, windows.track)) for track in tracks]
         unscaled = cls(
             np.array(training_m),
-            np.array([mean_known(each) for each in hindcast_m]),
+            np.array([mean_finite_error(errors_m) for errors_m in hindcast_m]),
             np.ones((windows.horizon_s, 2)),
         )
-        found = unscaled._average(tracks, hindcast_m)
-        return replace(unscaled, region=conformal_region(found.tracks, windows, found.expected_error_m[:, None]))
+        prediction = unscaled._average(tracks, hindcast_m)
+        region = conformal_region(prediction.tracks, windows, prediction.expected_error_m[:, None])
+        return replace(unscaled, region=region)
 
     def predict(
-        self, windows: PredictionWindows, reference: Floats, plant: Plant, beside: CandidatePrediction | None = None
+        self,
+        windows: PredictionWindows,
+        reference: Floats,
+        plant: Plant,
+        candidate: CandidatePrediction | None = None,
     ) -> FallbackPrediction:
-        """The weighted mean of the baselines, and of a candidate ``beside`` them, for windows on which
+        """The weighted mean of the baselines, and of a ``candidate`` if there is one, for windows on which
         ``reference`` [N, H+1, 3] are the model's tracks."""
         tracks, hindcast_m = _baselines(windows, reference, plant)
-        if beside is None:
+        if candidate is None:
             return self._average(tracks, hindcast_m)
-        usual_m = np.column_stack([[self.training_error_m, self.hindcast_error_m], beside.usual_error_m])
+        usual_m = np.column_stack([[self.training_error_m, self.hindcast_error_m], candidate.usual_error_m])
         return replace(self, training_error_m=usual_m[0], hindcast_error_m=usual_m[1])._average(
-            np.concatenate([tracks, beside.tracks[None]]), np.concatenate([hindcast_m, beside.hindcast_m[None]])
+            np.concatenate([tracks, candidate.tracks[None]]),
+            np.concatenate([hindcast_m, candidate.hindcast_m[None]]),
         )
 
     def _average(self, tracks: Floats, hindcast_m: Floats) -> FallbackPrediction:
@@ -166,14 +183,16 @@ class Fallback:
         A baseline without a hindcast gets no weight beside one with a hindcast, nor does one that left its
         range.
         """
-        known = np.isfinite(hindcast_m)
+        has_hindcast = np.isfinite(hindcast_m)
         with np.errstate(invalid="ignore"):
             ratio = (hindcast_m / self.hindcast_error_m[:, None] + _LEAST_RATIO) ** _HINDCAST_POWER
-        ratio = np.where(known, ratio, np.where(known.any(axis=0), np.inf, 1.0))
+        ratio = np.where(has_hindcast, ratio, np.where(has_hindcast.any(axis=0), np.inf, 1.0))
         expected_m = self.training_error_m[:, None] * ratio
         expected_m[~np.isfinite(tracks).all(axis=(2, 3))] = np.inf
         weight = expected_m**-_WEIGHT_POWER / (expected_m**-_WEIGHT_POWER).sum(axis=0)
-        hindcast_m = np.maximum(np.where(known, hindcast_m, _UNKNOWN_ERROR_M), self.hindcast_error_m[:, None])
+        hindcast_m = np.maximum(
+            np.where(has_hindcast, hindcast_m, _UNKNOWN_ERROR_M), self.hindcast_error_m[:, None]
+        )
         return FallbackPrediction(
             tracks=average_tracks(weight, tracks),
             weight=weight,
@@ -183,30 +202,25 @@ class Fallback:
 
 def average_tracks(weight: Floats, tracks: Floats) -> Floats:
     """The mean [N, H+1, 3] of tracks [K, N, H+1, 3] with weights [K, N]; those of weight 0 may be NaN."""
-    counted = np.where(weight[..., None, None] > 0.0, tracks, 0.0)
-    return np.asarray(np.einsum("wn,wnhc->nhc", weight, counted))
+    weighted = np.where(weight[..., None, None] > 0.0, tracks, 0.0)
+    return np.asarray(np.einsum("wn,wnhc->nhc", weight, weighted))
 
 
 def _baselines(windows: PredictionWindows, reference: Floats, plant: Plant) -> tuple[Floats, Floats]:
-    """The tracks [2, N, H+1, 3] of the :data:`BASELINES`, and the errors [2, N] of their hindcasts in metres."""
-    before = filtered_starts(hindcast_windows(windows, HINDCAST_S), plant)
-    hindcasts = simulate_tracks(plant, before.start, before.acting, before.wind), constant_velocity(before)
-    hindcast_m = np.stack([mean_distances(each, before.track) for each in hindcasts])
+    """The tracks [2, N, H+1, 3] of the :data:`FALLBACK_BASELINES`, and the errors [2, N] of their hindcasts [m]."""
+    hindcast_inputs = filtered_starts(hindcast_windows(windows, HINDCAST_S), plant)
+    hindcasts = (
+        simulate_tracks(plant, hindcast_inputs.start, hindcast_inputs.acting, hindcast_inputs.wind),
+        constant_velocity(hindcast_inputs),
+    )
+    hindcast_m = np.stack([mean_distances(hindcast, hindcast_inputs.track) for hindcast in hindcasts])
     return np.stack([reference, constant_velocity(windows)]), hindcast_m
 
 
-def mean_known(errors_m: Floats) -> float:
+def mean_finite_error(errors_m: Floats) -> float:
     """The mean of the finite errors; :data:`_UNKNOWN_ERROR_M` if there are none."""
-    known = errors_m[np.isfinite(errors_m)]
-    return max(float(known.mean()), _LEAST_ERROR_M) if known.size else _UNKNOWN_ERROR_M
-
-
-COVERAGE = 0.95
-_COUNTED = 0.9
-"""Errors beyond this quantile are clipped when the shape of regions is estimated: a few bad windows determine
-the size, not the shape."""
-_MOST_PARTS = 20  # with more groups, several are held out at once
-_CORNERS = np.linspace(0.0, 2.0 * np.pi, 24, endpoint=False)
+    finite = errors_m[np.isfinite(errors_m)]
+    return max(float(finite.mean()), _LEAST_ERROR_M) if finite.size else _UNKNOWN_ERROR_M
 
 
 def conformal_region(predicted: Floats, windows: PredictionWindows, uncertainty: Floats | None = None) -> Floats:
@@ -220,9 +234,15 @@ def conformal_region(predicted: Floats, windows: PredictionWindows, uncertainty:
     along, across = errors_by_course(predicted, windows.track)
     if uncertainty is not None:
         along, across = along / uncertainty, across / uncertainty
-    shape = _shape(along, across, len(np.unique(windows.trial)))
+    # A few recordings may not be representative, since other sensors have other errors: the logarithm of the ratio
+    # of the axes is shrunk towards a circle as by one more recording, so that one recording counts half.
+    recordings = len(np.unique(windows.trial))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        log_ratio = np.log(_typical(along) / _typical(across))
+    stretch = np.exp(0.5 * np.where(np.isfinite(log_ratio), log_ratio, 0.0) * recordings / (recordings + 1.0))
+    shape = np.column_stack([stretch, 1.0 / stretch])
     relative = np.hypot(along / shape[:, 0], across / shape[:, 1])
-    size = _widening(relative, unlike_groups(windows)) * _quantile(relative, COVERAGE)
+    size = _widening(relative, independent_groups(windows)) * _quantile(relative, COVERAGE)
     return np.maximum.accumulate(size[:, None] * shape, axis=0)
 
 
@@ -250,7 +270,7 @@ def courses(tracks: Floats) -> Floats:
     return np.asarray(np.arctan2(step[..., 1], step[..., 0]))
 
 
-def circle_about(region_m: Floats) -> Floats:
+def enclosing_radius(region_m: Floats) -> Floats:
     """The radius of the circles that enclose regions [.., 2], in metres."""
     return np.asarray(region_m.max(axis=-1))
 
@@ -259,7 +279,11 @@ def bands(region_m: Floats | None) -> dict[str, Floats | None]:
     """A region [.., 2] by its names in files: the enclosing circle, along and across."""
     if region_m is None:
         return dict.fromkeys(("band_m", "band_along_m", "band_across_m"))
-    return {"band_m": circle_about(region_m), "band_along_m": region_m[..., 0], "band_across_m": region_m[..., 1]}
+    return {
+        "band_m": enclosing_radius(region_m),
+        "band_along_m": region_m[..., 0],
+        "band_across_m": region_m[..., 1],
+    }
 
 
 def equal_area_radius(region_m: Floats) -> Floats:
@@ -276,22 +300,10 @@ def outlines(track: Floats, region_m: Floats) -> Floats:
     return np.asarray(track[1:, None, :2] + np.stack([north, east], axis=-1))
 
 
-def _shape(along: Floats, across: Floats, recordings: int) -> Floats:
-    """The semi-axes [H, 2] of regions of area pi, in the ratio of the errors [N, H] along and across.
-
-    A few recordings may not be representative, since other sensors have other errors: the logarithm of the
-    ratio is shrunk towards a circle as by one more recording, so that one recording counts half.
-    """
-    with np.errstate(divide="ignore", invalid="ignore"):
-        log_ratio = np.log(_typical(along) / _typical(across))
-    stretch = np.exp(0.5 * np.where(np.isfinite(log_ratio), log_ratio, 0.0) * recordings / (recordings + 1.0))
-    return np.column_stack([stretch, 1.0 / stretch])
-
-
 def _typical(errors: Floats) -> Floats:
     """The typical size of errors [N, H] by second, without the worst tenth [H]."""
     size = np.abs(errors)
-    squares = np.minimum(size, _quantile(size, _COUNTED)) ** 2
+    squares = np.minimum(size, _quantile(size, _CLIPPING_QUANTILE)) ** 2
     return np.asarray(np.sqrt(np.nansum(squares, axis=0) / np.isfinite(size).sum(axis=0)))
 
 
@@ -301,13 +313,13 @@ def _widening(relative: Floats, group: NDArray[np.str_]) -> float:
     names = np.unique(group)
     if len(names) < 2:
         return 1.0
-    beyond = []
-    for left_out in np.array_split(names, min(len(names), _MOST_PARTS)):
-        mine = np.isin(group, left_out)
+    excess = []
+    for held_out_names in np.array_split(names, min(len(names), _MOST_PARTS)):
+        held_out = np.isin(group, held_out_names)
         with np.errstate(divide="ignore", invalid="ignore"):
-            beyond.append((relative[mine] / _quantile(relative[~mine], COVERAGE)).ravel())
-    needed = float(_quantile(np.concatenate(beyond)[:, None], COVERAGE)[0])
-    return max(1.0, needed) if np.isfinite(needed) else 1.0
+            excess.append((relative[held_out] / _quantile(relative[~held_out], COVERAGE)).ravel())
+    factor = float(_quantile(np.concatenate(excess)[:, None], COVERAGE)[0])
+    return max(1.0, factor) if np.isfinite(factor) else 1.0
 
 
 def _quantile(values: Floats, share: float) -> Floats:
@@ -315,13 +327,6 @@ def _quantile(values: Floats, share: float) -> Floats:
     count = np.isfinite(values).sum(axis=0)
     rank = np.minimum(np.ceil((count + 1) * share), count).astype(np.int64) - 1
     return np.asarray(np.take_along_axis(np.sort(values, axis=0), rank[None], axis=0)[0])
-
-
-DRAWS = 2000
-FEW_LEGS = 10
-"""With fewer legs than this, bootstrap intervals are too narrow."""
-
-COVERAGE_PERCENT = (2.5, 97.5)
 
 
 @dataclass(frozen=True, slots=True)
@@ -358,7 +363,7 @@ def score(predicted: Floats, measured: Floats) -> Score:
         mae_north_m=float(np.abs(gap[..., 0]).mean()),
         mae_east_m=float(np.abs(gap[..., 1]).mean()),
         heading_error_deg=float(np.rad2deg(np.abs(turn)).mean()),
-        by_second=tuple(float(each) for each in distance.mean(axis=0)),
+        by_second=tuple(float(distance_m) for distance_m in distance.mean(axis=0)),
     )
 
 
@@ -366,14 +371,14 @@ TWO_SIDED = "_two_sided"
 """The ending of the name of a method that starts from the two-sided state."""
 
 
-def start_of(method: str) -> str:
+def start_state(method: str) -> str:
     """The start state of a method's predictions: causal, or two-sided."""
     return "two_sided" if method.endswith(TWO_SIDED) else "causal"
 
 
 def scores_json(scores: Mapping[str, Score]) -> dict[str, Any]:
     """Scores by method for JSON, each with its start state."""
-    return {name: {"start": start_of(name), **to_json(each)} for name, each in scores.items()}
+    return {name: {"start": start_state(name), **to_json(method_score)} for name, method_score in scores.items()}
 
 
 @dataclass(frozen=True, slots=True)
@@ -418,15 +423,17 @@ class LegBootstrap:
 
     def mean(self, values: Floats) -> Interval:
         """The mean of ``values`` [N] over windows."""
-        return self.mean_of_each(values[:, None])[0]
+        return self.column_means(values[:, None])[0]
 
-    def mean_of_each(self, values: Floats) -> tuple[Interval, ...]:
+    def column_means(self, values: Floats) -> tuple[Interval, ...]:
         """The means of the columns of ``values`` [N, K] over windows."""
         return self._intervals(values.mean(axis=0), self.means(values))
 
-    def ratio(self, values: Floats, others: Floats) -> Interval:
-        """The mean of ``values`` [N] over that of ``others`` [N], paired; 1 where both are zero."""
-        means = np.vstack([self.means(np.column_stack([values, others])), [values.mean(), others.mean()]])
+    def ratio(self, values: Floats, denominators: Floats) -> Interval:
+        """The mean of ``values`` [N] over that of ``denominators`` [N], paired; 1 where both are zero."""
+        means = np.vstack(
+            [self.means(np.column_stack([values, denominators])), [values.mean(), denominators.mean()]]
+        )
         with np.errstate(divide="ignore", invalid="ignore"):
             quotients = means[:, 0] / means[:, 1]
         quotients[np.isnan(quotients)] = 1.0
@@ -435,7 +442,7 @@ class LegBootstrap:
     def _intervals(self, values: Floats, drawn: Floats) -> tuple[Interval, ...]:
         """Intervals about ``values`` [K] from draws [draws, K]."""
         if self.legs < 2:
-            return tuple(Interval(float(each), np.nan, np.nan) for each in values)
+            return tuple(Interval(float(value), np.nan, np.nan) for value in values)
         return tuple(interval_about(float(value), draws) for value, draws in zip(values, drawn.T, strict=True))
 
 

@@ -21,8 +21,8 @@ from seatrial.hybrid.prediction.kalman_filter import filtered_starts
 from seatrial.hybrid.prediction.windows import (
     PredictionWindows,
     concatenate_windows,
-    starting_two_sided,
     windows_from_rows,
+    with_two_sided_starts,
 )
 from seatrial.hybrid.vessel.plant import Plant
 
@@ -48,9 +48,9 @@ class WindowSource:
     legs: int = 0
     span: tuple[datetime, datetime] | None = None
 
-    def overlaps(self, other: WindowSource) -> bool:
+    def overlaps(self, source: WindowSource) -> bool:
         """Whether both contain the same stretch of the same recording."""
-        return self.sha256 == other.sha256 and self.part[0] < other.part[1] and other.part[0] < self.part[1]
+        return self.sha256 == source.sha256 and self.part[0] < source.part[1] and source.part[0] < self.part[1]
 
 
 @dataclass(frozen=True, slots=True)
@@ -117,9 +117,17 @@ def dataset_of(
     if any_commands:
         windows = replace(windows, leg=_shorter_legs(windows))
     elif shorter and horizon_s // 2 >= SHORTEST_S:
-        short = windows_of_tables(tables, horizon_s // 2, stride_s)
-        windows = _with_shorter(windows, _as_arrays(short, tables, length_m))
-    counted = (_counted(source, windows, trial) for source, trial in zip(sources, tables, strict=False))
+        shorter_windows = windows_of_tables(tables, horizon_s // 2, stride_s)
+        windows = _with_shorter(windows, _as_arrays(shorter_windows, tables, length_m))
+    counted = []
+    for source, trial in zip(sources, tables, strict=False):
+        provided = windows.subset((windows.trial == trial) & windows.complete)
+        if len(provided):
+            span = provided.start_time.min().floor("us"), provided.start_time.max().floor("us")
+            first, last = (time.to_pydatetime() for time in span)
+            legs = int(np.unique(provided.leg).size)
+            source = replace(source, windows=len(provided), legs=legs, span=(first, last))
+        counted.append(source)
     return Dataset(windows, tuple(counted), held.candidates, held.dropped, tables)
 
 
@@ -128,59 +136,52 @@ def _as_arrays(
 ) -> PredictionWindows:
     """The windows of 1 Hz tables by trial, with their start states and what came before."""
     rows = held.rows
-    motion = [start_motion(rows[rows["trial"] == trial], each.table, length_m) for trial, each in tables.items()]
+    motion = [
+        start_motion(rows[rows["trial"] == trial], recorded.table, length_m) for trial, recorded in tables.items()
+    ]
     return windows_from_rows(rows, pd.concat(motion), tables, any_commands=any_commands)
 
 
 def _shorter_legs(windows: PredictionWindows) -> NDArray[np.str_]:
     """The legs [N] divided into parts of :data:`LEG_HORIZONS` horizons, by the start of each window."""
-    first, _ = windows.known_seconds()
+    first, _ = windows.measured_seconds()
     legs = windows.leg.astype("<U200")
     for leg in np.unique(windows.leg):
-        mine = windows.leg == leg
-        part = (first[mine] - first[mine].min()) // (LEG_HORIZONS * windows.horizon_s)
-        legs[mine] = [f"{leg}.{each + 1:03d}" for each in part]
+        in_leg = windows.leg == leg
+        part = (first[in_leg] - first[in_leg].min()) // (LEG_HORIZONS * windows.horizon_s)
+        legs[in_leg] = [f"{leg}.{number + 1:03d}" for number in part]
     return legs
 
 
-def _with_shorter(whole: PredictionWindows, short: PredictionWindows) -> PredictionWindows:
-    """``whole``, followed by those of ``short`` that are not the beginning of one of them, padded with NaN.
+def _with_shorter(windows: PredictionWindows, shorter: PredictionWindows) -> PredictionWindows:
+    """``windows``, followed by those of ``shorter`` that are not the beginning of one of them, padded with NaN.
 
     Legs of windows that share a second are joined, so that a split by leg never separates them.
     """
-    known = set(zip(whole.trial, whole.start_ns, strict=True))
-    more = [each not in known for each in zip(short.trial, short.start_ns, strict=True)]
-    added = short.subset(np.array(more, dtype=bool))
-    unknown = np.full((len(added), whole.horizon_s - short.horizon_s, 3), np.nan)
+    starts = set(zip(windows.trial, windows.start_ns, strict=True))
+    is_new = [start not in starts for start in zip(shorter.trial, shorter.start_ns, strict=True)]
+    added = shorter.subset(np.array(is_new, dtype=bool))
+    unknown = np.full((len(added), windows.horizon_s - shorter.horizon_s, 3), np.nan)
     longer = replace(added, track=np.concatenate([added.track, unknown], axis=1))
-    both = concatenate_windows([whole, longer])
-    return replace(both, leg=_legs_of_both(both))
+    combined = concatenate_windows([windows, longer])
+    return replace(combined, leg=_legs_of_both(combined))
 
 
 def _legs_of_both(windows: PredictionWindows) -> NDArray[np.str_]:
     """The leg of each window [N], whole and shorter ones: a new one where a window shares no second with those
     before and is of another leg than the previous one of its kind."""
-    first, last = windows.known_seconds()
+    first, last = windows.measured_seconds()
     legs = np.empty(len(windows), dtype="<U200")
     for trial in np.unique(windows.trial):
-        mine = np.flatnonzero(windows.trial == trial)
-        mine = mine[np.argsort(first[mine], kind="stable")]
-        known_until = np.maximum.accumulate(last[mine])
-        apart = first[mine][1:] > known_until[:-1]
-        other = windows.leg[mine][1:] != windows.leg[mine][:-1]
-        other |= windows.whole[mine][1:] != windows.whole[mine][:-1]
-        number = np.concatenate([[0], np.cumsum(apart & other)])
-        legs[mine] = [f"{trial}/{each + 1:03d}" for each in number]
+        rows = np.flatnonzero(windows.trial == trial)
+        rows = rows[np.argsort(first[rows], kind="stable")]
+        covered_until = np.maximum.accumulate(last[rows])
+        is_separate = first[rows][1:] > covered_until[:-1]
+        changes_leg = windows.leg[rows][1:] != windows.leg[rows][:-1]
+        changes_leg |= windows.complete[rows][1:] != windows.complete[rows][:-1]
+        number = np.concatenate([[0], np.cumsum(is_separate & changes_leg)])
+        legs[rows] = [f"{trial}/{leg_number + 1:03d}" for leg_number in number]
     return legs
-
-
-def _counted(source: WindowSource, windows: PredictionWindows, trial: str) -> WindowSource:
-    """A source with the number of whole windows and legs from its trial, and their time span."""
-    own = windows.subset((windows.trial == trial) & windows.whole)
-    if not len(own):
-        return source
-    first, last = (each.floor("us").to_pydatetime() for each in (own.start_time.min(), own.start_time.max()))
-    return replace(source, windows=len(own), legs=int(np.unique(own.leg).size), span=(first, last))
 
 
 def start_motion(rows: pd.DataFrame, table: pd.DataFrame, length_m: float = USUAL_LENGTH_M) -> pd.DataFrame:
@@ -198,8 +199,8 @@ def within_model_range(windows: PredictionWindows, plant: Plant) -> tuple[Predic
     """
     windows = filtered_starts(windows, plant)
     tracks = reference(windows, plant)
-    both = np.stack([tracks, reference(starting_two_sided(windows), plant)])
-    inside = np.asarray(np.isfinite(both).all(axis=(0, 2, 3)))
+    both_tracks = np.stack([tracks, reference(with_two_sided_starts(windows), plant)])
+    inside = np.asarray(np.isfinite(both_tracks).all(axis=(0, 2, 3)))
     if not inside.any():
         raise DataShortageError(
             "the reference model leaves its valid range in every window",

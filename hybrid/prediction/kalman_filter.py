@@ -56,6 +56,27 @@ STEP_LENGTHS, MOST_STEPS = 1.0 / 3.0, 8
 ships and models at usual speeds one step is as good as four, to 0.1 % of the errors."""
 WIND_DIRECTION, WIND_SPEED, FIRST_CONTROL = 6, 7, 8
 """Their columns in a row of channels, after the state."""
+OBSERVED_S = 30
+"""The seconds before the start over which the filter runs [s]."""
+AXES = ("surge", "sway", "yaw")
+NOISE_LEVELS = tuple(f"{what}_{axis}" for axis in AXES for what in ("speed_walk", "force_walk", "position_noise"))
+FORCE_DECAY = tuple(f"force_decay_{axis}" for axis in AXES)
+JITTER, JITTER_S = "stamp_jitter", 0.1
+"""Timing jitter of headings [s]: noise that grows with the yaw rate."""
+WAVES = ("wave_period", *(f"wave_walk_{axis}" for axis in AXES))
+FILTER_NUMBERS = (JITTER, *NOISE_LEVELS, *FORCE_DECAY, *WAVES)
+"""The parameters of the gains, as deviations from the usual in units of their prior standard deviation."""
+NEUTRAL = (0.0,) * len(FILTER_NUMBERS)
+"""The filter before anything is learned."""
+WAVE_DAMPING = 0.1
+_DIFFUSE = 10.0
+_WALKS = np.array([[-1.0, -2.5, 0.0], [-1.0, -2.5, 0.0], [-1.0, -2.5, 1.5]])  # powers of ten
+_USUAL_POWER = 1.5
+_FORCE_DECAY_S = 120.0
+_WAVE_S, _USUAL_PERIOD = 6.0, 0.3
+_WAVE_WALK = -1.0  # a power of ten
+_RATE_NOISE_RADPS = 1e-3  # of a usual gyro, the unit of the yaw noise levels
+
 Force = Floats
 """In surge, sway and yaw [3]."""
 Swing = Floats
@@ -69,23 +90,23 @@ def fill_mean_control(p: Record, result: Control, before: Control, after: Contro
         kind, first = int(p.actuators[i, KIND]), int(p.actuators[i, CONTROL])
         for column in range(first, first + CONTROLS_OF[kind]):
             if IS_ANGLE[kind, column - first]:
-                back = before[column] - after[column]
-                back -= 2.0 * pi * round(back / (2.0 * pi))
-                result[column] = after[column] + 0.5 * back
+                difference = before[column] - after[column]
+                difference -= 2.0 * pi * round(difference / (2.0 * pi))
+                result[column] = after[column] + 0.5 * difference
             else:
                 result[column] = 0.5 * (before[column] + after[column])
 
 
 @compiled
-def add_bias_force(p: Record, own: Force, bias: Force) -> None:
+def add_bias_force(p: Record, plant_force: Force, bias: Force) -> None:
     """Set the plant's constant force to its own plus the bias force, per mass including added mass."""
-    p.constant_X_n = own[0] + (p.mass_kg - p.Xud) * bias[0]
-    p.constant_Y_n = own[1] + (p.mass_kg - p.Yvd) * bias[1] - p.Yrd * bias[2]
-    p.constant_N_nm = own[2] - p.Yrd * bias[1] + (p.yaw_inertia_kgm2 - p.Nrd) * bias[2]
+    p.constant_X_n = plant_force[0] + (p.mass_kg - p.Xud) * bias[0]
+    p.constant_Y_n = plant_force[1] + (p.mass_kg - p.Yvd) * bias[1] - p.Yrd * bias[2]
+    p.constant_N_nm = plant_force[2] - p.Yrd * bias[1] + (p.yaw_inertia_kgm2 - p.Nrd) * bias[2]
 
 
 @compiled
-def weighed(gain: Floats, position: float, speed: float) -> float:
+def correction(gain: Floats, position: float, speed: float) -> float:
     """The correction of one quantity from the innovations of position and speed, with its gain [2]."""
     return float(gain[0] * position + gain[1] * speed)
 
@@ -101,10 +122,10 @@ def measurement_update(
     """
     north, east, psi, u, v, r = state
     cosine, sine = cos(psi), sin(psi)
-    off_north, off_east = measured[0] - north, measured[1] - east
+    north_error, east_error = measured[0] - north, measured[1] - east
     position = (
-        off_north * cosine + off_east * sine - swing[0, 0],
-        off_east * cosine - off_north * sine - swing[0, 1],
+        north_error * cosine + east_error * sine - swing[0, 0],
+        east_error * cosine - north_error * sine - swing[0, 1],
         measured[2] - psi - swing[0, 2],
     )
     speed = (measured[3] - u - swing[1, 0], measured[4] - v - swing[1, 1], measured[5] - r - swing[1, 2])
@@ -115,32 +136,32 @@ def measurement_update(
         and abs(speed[2]) < LEAP_RADPS
     )
     for axis in range(3):
-        bias[axis] += weighed(gain[axis, 2], position[axis], speed[axis])
-        swing[0, axis] += weighed(gain[axis, 3], position[axis], speed[axis])
-        swing[1, axis] += weighed(gain[axis, 4], position[axis], speed[axis])
-    x, y = weighed(gain[0, 0], position[0], speed[0]), weighed(gain[1, 0], position[1], speed[1])
+        bias[axis] += correction(gain[axis, 2], position[axis], speed[axis])
+        swing[0, axis] += correction(gain[axis, 3], position[axis], speed[axis])
+        swing[1, axis] += correction(gain[axis, 4], position[axis], speed[axis])
+    x, y = correction(gain[0, 0], position[0], speed[0]), correction(gain[1, 0], position[1], speed[1])
     return possible, (
         north + x * cosine - y * sine,
         east + x * sine + y * cosine,
-        psi + weighed(gain[2, 0], position[2], speed[2]),
-        u + weighed(gain[0, 1], position[0], speed[0]),
-        v + weighed(gain[1, 1], position[1], speed[1]),
-        r + weighed(gain[2, 1], position[2], speed[2]),
+        psi + correction(gain[2, 0], position[2], speed[2]),
+        u + correction(gain[0, 1], position[0], speed[0]),
+        v + correction(gain[1, 1], position[1], speed[1]),
+        r + correction(gain[2, 1], position[2], speed[2]),
     )
 
 
 @compiled
-def pass_second(bias: Force, kept: Floats, swing: Swing, step: Floats) -> None:
+def advance_disturbances(bias: Force, retained: Floats, swing: Swing, step: Floats) -> None:
     """Advance bias force and wave motion by a second: the former decays, the latter oscillates."""
     for axis in range(3):
-        bias[axis] *= kept[axis]
+        bias[axis] *= retained[axis]
         displaced, rate = swing[0, axis], swing[1, axis]
         swing[0, axis] = step[0, 0] * displaced + step[0, 1] * rate
         swing[1, axis] = step[1, 0] * displaced + step[1, 1] * rate
 
 
 @compiled
-def pass_model(
+def advance_model(
     p: Record, mass: InverseMass, order: Control, acting: Control, scratch: Scratch, air: tuple[float, float],
     state: State, extra: ForceFunction | None, parameters: Floats,
 ) -> State:  # fmt: skip
@@ -153,7 +174,7 @@ def pass_model(
 
 
 @compiled
-def store(state: State, swing: Swing, states: Floats, waves: Floats) -> None:
+def store_state(state: State, swing: Swing, states: Floats, waves: Floats) -> None:
     """Store a state [6], and the wave motion as north, east and heading [3]."""
     cosine, sine = cos(state[2]), sin(state[2])
     for j in range(6):
@@ -166,58 +187,54 @@ def store(state: State, swing: Swing, states: Floats, waves: Floats) -> None:
 def _make_observer(stamp: int) -> Callable[..., None]:
     @njit(cache=True, parallel=True, fastmath=FAST, error_model="numpy")
     def observe_and_predict(
-        plants: NDArray[np.void], past: Floats, known_s: NDArray[np.int64], gains: Floats, kept: Floats,
+        plants: NDArray[np.void], past: Floats, complete_s: NDArray[np.int64], gains: Floats, decay: Floats,
         wave: Floats, control: Floats, wind: Floats, extra: ForceFunction | None, parameters: Floats,
         states: Floats, waves: Floats,
     ) -> None:  # fmt: skip
         """Fill ``states`` [N, H+1, 6] and the wave motion ``waves`` [N, H+1, 3].
 
-        From ``past`` [N, P+1, channels], newest first, of which ``known_s`` [N] seconds have no gap;
+        From ``past`` [N, P+1, channels], newest first, of which ``complete_s`` [N] seconds have no gap;
         ``control`` [N, H, controls] and ``wind`` [N, H, 2] act from second 0. ``plants`` [N] are changed.
         """
         for i in prange(states.shape[0]):
             p = plants[i]
             mass = inverse_mass(p)
-            own = np.array([p.constant_X_n, p.constant_Y_n, p.constant_N_nm])
+            plant_force = np.array([p.constant_X_n, p.constant_Y_n, p.constant_N_nm])
             bias, swing = np.zeros(3), np.zeros((2, 3))
-            second, since = known_s[i], 0
-            row = past[i, second]
+            seconds_before, updates = complete_s[i], 0
+            row = past[i, seconds_before]
             state = (row[0], row[1], row[2], row[3], row[4], row[5])
             acting = row[FIRST_CONTROL:].copy()
             order, scratch = acting.copy(), scratch_for(p, acting)
-            while second > 0 and stamp != 0:
-                now = past[i, second - 1]
-                fill_mean_control(p, order, past[i, second, FIRST_CONTROL:], now[FIRST_CONTROL:])
-                add_bias_force(p, own, bias)
-                air = (now[WIND_DIRECTION], now[WIND_SPEED])
-                state = pass_model(p, mass, order, acting, scratch, air, state, extra, parameters[0])
-                pass_second(bias, kept, swing, wave)
-                turn = min(int(abs(now[5]) / TURN_RADPS + 0.5), TURNS - 1)
-                gain = gains[turn, min(since, gains.shape[1] - 1)]
-                possible, state = measurement_update(state, bias, swing, now, gain)
-                since += 1
+            while seconds_before > 0 and stamp != 0:
+                measured = past[i, seconds_before - 1]
+                fill_mean_control(p, order, past[i, seconds_before, FIRST_CONTROL:], measured[FIRST_CONTROL:])
+                add_bias_force(p, plant_force, bias)
+                air = (measured[WIND_DIRECTION], measured[WIND_SPEED])
+                state = advance_model(p, mass, order, acting, scratch, air, state, extra, parameters[0])
+                advance_disturbances(bias, decay, swing, wave)
+                turn = min(int(abs(measured[5]) / TURN_RADPS + 0.5), TURNS - 1)
+                gain = gains[turn, min(updates, gains.shape[1] - 1)]
+                possible, state = measurement_update(state, bias, swing, measured, gain)
+                updates += 1
                 if not possible:
-                    state = (now[0], now[1], now[2], now[3], now[4], now[5])
+                    state = (measured[0], measured[1], measured[2], measured[3], measured[4], measured[5])
                     bias[:] = 0.0
                     swing[:] = 0.0
-                    since = 0
-                second -= 1
-            store(state, swing, states[i, 0], waves[i, 0])
+                    updates = 0
+                seconds_before -= 1
+            store_state(state, swing, states[i, 0], waves[i, 0])
             for k in range(control.shape[1]):
-                add_bias_force(p, own, bias)
+                add_bias_force(p, plant_force, bias)
                 air = (wind[i, k, 0], wind[i, k, 1])
-                state = pass_model(p, mass, control[i, k], acting, scratch, air, state, extra, parameters[0])
-                pass_second(bias, kept, swing, wave)
-                store(state, swing, states[i, k + 1], waves[i, k + 1])
+                state = advance_model(p, mass, control[i, k], acting, scratch, air, state, extra, parameters[0])
+                advance_disturbances(bias, decay, swing, wave)
+                store_state(state, swing, states[i, k + 1], waves[i, k + 1])
 
     return observe_and_predict  # type: ignore[no-any-return]
 
 
 observe_and_predict = _make_observer(PHYSICS_STAMP)
-
-
-_DIFFUSE = 10.0
-WAVE_DAMPING = 0.1
 
 
 def wave_step(wave_radps: float) -> Floats:
@@ -250,33 +267,13 @@ def kalman_gains(
     F[3:, 3:5] = wave_step(wave_radps)
     H = np.array([[1.0, 0.0, 0.0, 1.0, 0.0], [0.0, 1.0, 0.0, 0.0, 1.0]])
     swing = wave_walk / (4.0 * WAVE_DAMPING * wave_radps)
-    each = np.arange(5)
-    Q[each, each] = [0.0, speed_walk, force_walk, 0.0, wave_walk]
-    P[each, each] = [position_noise, 1.0, _DIFFUSE * force_walk, swing / wave_radps**2, swing]
+    diagonal = np.arange(5)
+    Q[diagonal, diagonal] = [0.0, speed_walk, force_walk, 0.0, wave_walk]
+    P[diagonal, diagonal] = [position_noise, 1.0, _DIFFUSE * force_walk, swing / wave_radps**2, swing]
     return np.asarray(gain_sequence(F, Q, H, np.array([position_noise, 1.0]), P, steps))
 
 
-AXES = ("surge", "sway", "yaw")
-NOISE_LEVELS = tuple(f"{what}_{axis}" for axis in AXES for what in ("speed_walk", "force_walk", "position_noise"))
-FORCE_DECAY = tuple(f"force_decay_{axis}" for axis in AXES)
-JITTER, JITTER_S = "stamp_jitter", 0.1
-"""Timing jitter of headings [s]: noise that grows with the yaw rate."""
-WAVES = ("wave_period", *(f"wave_walk_{axis}" for axis in AXES))
-FILTER_NUMBERS = (JITTER, *NOISE_LEVELS, *FORCE_DECAY, *WAVES)
-"""The parameters of the gains, as deviations from the usual in units of their prior standard deviation."""
-
-_WALKS = np.array([[-1.0, -2.5, 0.0], [-1.0, -2.5, 0.0], [-1.0, -2.5, 1.5]])  # powers of ten
-_USUAL_POWER = 1.5
-_FORCE_DECAY_S = 120.0
-_WAVE_S, _USUAL_PERIOD = 6.0, 0.3
-_WAVE_WALK = -1.0  # a power of ten
-OBSERVED_S = 30
-"""The seconds before the start over which the filter runs [s]."""
-_RATE_NOISE_RADPS = 1e-3  # of a usual gyro, the unit of the yaw noise levels
-
-
-NEUTRAL = (0.0,) * len(FILTER_NUMBERS)
-"""The filter before anything is learned."""
+_cached_gains = lru_cache(maxsize=256)(kalman_gains)  # most optimiser steps change none of an axis' numbers
 
 
 @lru_cache(maxsize=64)
@@ -287,28 +284,24 @@ def filter_gains(jitter: float, *numbers: float) -> tuple[Floats, Floats, Floats
     ``jitter`` and ``numbers`` are those of :data:`FILTER_NUMBERS`; cached, since most optimiser steps do not
     change them.
     """
-    powers, lasting, (period, *walks) = np.split(
+    powers, decay_deviations, (period, *walks) = np.split(
         np.array(numbers), [len(NOISE_LEVELS), len(NOISE_LEVELS) + len(FORCE_DECAY)]
     )
     levels = 10.0 ** np.clip(_WALKS + _USUAL_POWER * powers.reshape(3, 3), -6.0, 4.0)
     wave_walks = 10.0 ** np.clip(_WAVE_WALK + _USUAL_POWER * np.array(walks), -6.0, 4.0)
     wave_radps = 2.0 * np.pi / (_WAVE_S * np.exp(np.clip(_USUAL_PERIOD * period, -0.9, 0.9)))
-    kept = decay(1.0, _FORCE_DECAY_S * np.exp(lasting))
-    stamped = (
+    retained_force = decay(1.0, _FORCE_DECAY_S * np.exp(decay_deviations))
+    jitter_variance = (
         JITTER_S * np.exp(np.clip(jitter, -4.0, 4.0)) * TURN_RADPS * np.arange(TURNS) / _RATE_NOISE_RADPS
     ) ** 2
-    noises = levels[:, 2:] + np.array([[0.0], [0.0], [1.0]]) * stamped
+    noises = levels[:, 2:] + np.array([[0.0], [0.0], [1.0]]) * jitter_variance
     gains = [
-        [_axis_gains(speed, force, noise, left, wave, wave_radps) for noise in axis_noises]
-        for (speed, force, _), axis_noises, left, wave in zip(levels, noises, kept, wave_walks, strict=True)
+        [_cached_gains(speed, force, noise, retained, OBSERVED_S, wave, wave_radps) for noise in axis_noises]
+        for (speed, force, _), axis_noises, retained, wave in zip(
+            levels, noises, retained_force, wave_walks, strict=True
+        )
     ]
-    return np.ascontiguousarray(np.moveaxis(np.array(gains), 0, 2)), kept, wave_step(wave_radps)
-
-
-@lru_cache(maxsize=256)
-def _axis_gains(speed: float, force: float, noise: float, left: float, wave: float, wave_radps: float) -> Floats:
-    """The gains of one axis; cached, since most steps change none of its numbers."""
-    return kalman_gains(speed, force, noise, left, OBSERVED_S, wave, wave_radps)
+    return np.ascontiguousarray(np.moveaxis(np.array(gains), 0, 2)), retained_force, wave_step(wave_radps)
 
 
 @dataclass(frozen=True, slots=True)
@@ -317,11 +310,11 @@ class Observations:
 
     ``past`` [N, P+1, channels] in the order of
     :class:`~seatrial.hybrid.prediction.windows.PredictionWindows`, newest first, without gaps for
-    ``known_s`` [N] seconds; ``control`` [N, H, controls] and ``wind`` [N, H, 2] act from second 0.
+    ``complete_s`` [N] seconds; ``control`` [N, H, controls] and ``wind`` [N, H, 2] act from second 0.
     """
 
     past: Floats
-    known_s: NDArray[np.int64]
+    complete_s: NDArray[np.int64]
     control: Floats
     wind: Floats
 
@@ -332,11 +325,11 @@ class Observations:
 def measured_past(windows: PredictionWindows, seconds: int) -> tuple[Floats, NDArray[np.int64]]:
     """The last ``seconds`` of windows [N, seconds + 1, channels], newest first, with the start states at second
     0, and the number of them without a gap [N]."""
-    now = np.concatenate([windows.start, windows.wind, windows.control], axis=1)
+    initial = np.concatenate([windows.start, windows.wind, windows.control], axis=1)
     past = windows.past[:, : seconds + 1].copy()
-    past[:, 0] = np.where(np.isfinite(past[:, 0]), past[:, 0], now)
-    whole = np.isfinite(past).all(axis=2)
-    return past, (np.cumprod(whole, axis=1).sum(axis=1) - 1).clip(min=0).astype(np.int64)
+    past[:, 0] = np.where(np.isfinite(past[:, 0]), past[:, 0], initial)
+    complete = np.isfinite(past).all(axis=2)
+    return past, (np.cumprod(complete, axis=1).sum(axis=1) - 1).clip(min=0).astype(np.int64)
 
 
 def run_filter(
@@ -350,12 +343,12 @@ def run_filter(
     """
     plants = np.repeat(packed, len(observations))
     extra, parameters = combine_forces(plant)
-    past, known, control = observations.past, observations.known_s, observations.control
+    past, complete_s, control = observations.past, observations.complete_s, observations.control
     shape = len(observations), control.shape[1] + 1
     states, waves = np.empty((*shape, 6)), np.empty((*shape, 3))
     with threads_for(len(observations) * (past.shape[1] + control.shape[1])):
         observe_and_predict(
-            plants, past, known, *gains, control, observations.wind, extra, parameters, states, waves
+            plants, past, complete_s, *gains, control, observations.wind, extra, parameters, states, waves
         )
     return states, waves
 
@@ -367,7 +360,7 @@ def filtered_starts(windows: PredictionWindows, plant: Plant) -> PredictionWindo
     :class:`InputError` for windows of a ship with other actuators.
     """
     check_ship(windows.actuators, plant)
-    past, known_s = measured_past(windows, OBSERVED_S)
-    alone = Observations(past, known_s, past[:, :0, CONTROLS], past[:, :0, WIND])
+    past, complete_s = measured_past(windows, OBSERVED_S)
+    alone = Observations(past, complete_s, past[:, :0, CONTROLS], past[:, :0, WIND])
     states, _ = run_filter(pack(plant), plant, filter_gains(*NEUTRAL), alone)
     return replace(windows, start=states[:, 0])

@@ -29,6 +29,7 @@ WIND, CONTROLS = slice(6, 8), slice(8, None)
 PAST_S = 180
 """The seconds before its start that a window includes: enough to see whether a model from another day fits this
 one."""
+ENOUGH_RECORDINGS = 3
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,11 +47,11 @@ class PredictionWindows:
     as it was known at second 0: the six columns of ``start``, the two of ``wind``, those of ``control``; NaN where
     nothing was recorded. The heading has no jumps and meets that of ``track`` at second 0.
 
-    ``truths`` [N, K, H+1, 2] are tracks by each of K sensors alone or joined, and ``truth_errors`` of the same
-    shape the errors that such sensors make, both of :mod:`seatrial.hybrid.evaluation.validate`; None where nobody
-    asked.
+    ``truths`` [N, K, H+1, 2] are tracks by each of K sensors alone or combined, and ``truth_errors`` of the same
+    shape the errors that such sensors make, both of :mod:`seatrial.hybrid.evaluation.validate`; None if not
+    requested.
 
-    A ``track`` may end in NaN: what is known of the first seconds is learned from, but not judged.
+    A ``track`` may end in NaN: such windows are learned from, but not used for testing.
 
     ``commands`` [N, H, controls] are the controls over each second of the horizon, where they may be any; None
     where those of second 0 are held.
@@ -91,11 +92,11 @@ class PredictionWindows:
         return self.commands
 
     @property
-    def whole(self) -> NDArray[np.bool_]:
+    def complete(self) -> NDArray[np.bool_]:
         """Mask [N] of the windows whose track is known to the end."""
         return np.asarray(np.isfinite(self.track[:, -1]).all(axis=1))
 
-    def known_seconds(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    def measured_seconds(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         """The first and the last known second of each window [N], in seconds since 1970."""
         first = self.start_ns // NANO
         return first, first + np.isfinite(self.track[:, 1:, 0]).sum(axis=1)
@@ -108,15 +109,15 @@ class PredictionWindows:
 
 def _arrays_of(windows: PredictionWindows) -> dict[str, Any]:
     """The arrays with a row for each window, by name."""
-    values = {each.name: getattr(windows, each.name) for each in fields(windows) if each.name != "actuators"}
+    values = {field.name: getattr(windows, field.name) for field in fields(windows) if field.name != "actuators"}
     return {name: value for name, value in values.items() if value is not None}
 
 
 def concatenate_windows(parts: Sequence[PredictionWindows]) -> PredictionWindows:
     """The windows of all parts, of one ship, concatenated."""
-    columns = [_arrays_of(each) for each in parts]
-    arrays: dict[str, Any] = {name: np.concatenate([each[name] for each in columns]) for name in columns[0]}
-    return replace(parts[0], **arrays)
+    arrays = [_arrays_of(part) for part in parts]
+    columns: dict[str, Any] = {name: np.concatenate([part[name] for part in arrays]) for name in arrays[0]}
+    return replace(parts[0], **columns)
 
 
 def windows_from_rows(
@@ -167,14 +168,19 @@ def windows_of_channels(
     and in their own units, and the names of N windows."""
     heading = np.deg2rad(np.apply_along_axis(unwrap, 1, channels[..., HEADING]))
     track = np.concatenate([channels[..., :HEADING], heading[..., None]], axis=-1)
-    now = _si(channels[:, 0], actuators)
-    past = _past(now, trial, start_ns, tables, actuators)
+    initial = _si(channels[:, 0], actuators)
+    past = _past(initial, trial, start_ns, tables, actuators)
     past[..., HEADING] += np.round((track[:, :1, HEADING] - past[:, :1, HEADING]) / (2.0 * np.pi)) * 2.0 * np.pi
+    two_sided = None
+    if motion is not None:
+        two_sided = motion[list(POSE_AND_VELOCITY)].to_numpy(dtype=float) * STATE_UNITS
+        heading = track[:, 0, HEADING]
+        two_sided[:, HEADING] = heading + difference_rad(two_sided[:, HEADING], heading)
     return PredictionWindows(
         start=past[:, 0, : WIND.start].copy(), track=track, wind=past[:, 0, WIND], control=past[:, 0, CONTROLS],
         trial=trial, leg=leg, start_ns=start_ns, past=past, actuators=actuators,
         commands=mean_controls(_si(channels, actuators)[..., CONTROLS], actuators) if any_commands else None,
-        two_sided=None if motion is None else _known_afterwards(motion, track[:, 0, HEADING]),
+        two_sided=two_sided,
     )  # fmt: skip
 
 
@@ -194,20 +200,24 @@ def _si(channels: Floats, actuators: Actuators) -> Floats:
 
 
 def _past(
-    now: Floats, trial: NDArray[np.str_], start_ns: Ints, tables: Mapping[str, SecondBySecond], actuators: Actuators
+    initial: Floats,
+    trial: NDArray[np.str_],
+    start_ns: Ints,
+    tables: Mapping[str, SecondBySecond],
+    actuators: Actuators,
 ) -> Floats:
     """The measurements at second 0 and :data:`PAST_S` seconds before [N, PAST_S + 1, channels], newest first."""
-    past = np.full((len(now), PAST_S + 1, now.shape[1]), np.nan)
-    past[:, 0] = now
+    past = np.full((len(initial), PAST_S + 1, initial.shape[1]), np.nan)
+    past[:, 0] = initial
     for name, recorded in tables.items():
-        mine = np.flatnonzero(trial == name)
+        in_trial = np.flatnonzero(trial == name)
         settled = np.arange(len(recorded.newest), PAST_S + 1)
-        past[np.ix_(mine, settled)] = _si(
-            rows_after(recorded.table, start_ns[mine], -settled, actuators), actuators
+        past[np.ix_(in_trial, settled)] = _si(
+            rows_after(recorded.table, start_ns[in_trial], -settled, actuators), actuators
         )
         for second, table in enumerate(recorded.newest):
-            row = rows_after(table, start_ns[mine], np.array([-second]), actuators)[:, 0]
-            past[mine, second] = _si(row, actuators)
+            row = rows_after(table, start_ns[in_trial], np.array([-second]), actuators)[:, 0]
+            past[in_trial, second] = _si(row, actuators)
     turn = difference_rad(past[:, :-1, HEADING], past[:, 1:, HEADING])
     past[:, 1:, HEADING] = past[:, :1, HEADING] - np.cumsum(turn, axis=1)
     return past
@@ -226,9 +236,9 @@ def rows_after(table: pd.DataFrame, start_ns: Ints, seconds: Ints, actuators: Ac
 def row_numbers(table: pd.DataFrame, start_ns: Ints, seconds: Ints) -> Ints:
     """The row number of a table the given ``seconds`` after each start [N, seconds]; -1 where there is none."""
     times_ns = pd.DatetimeIndex(table.index).as_unit("ns").asi8
-    wanted = start_ns[:, None] + seconds * NANO
-    row = np.searchsorted(times_ns, wanted).clip(max=len(times_ns) - 1)
-    return np.where(times_ns[row] == wanted, row, -1)
+    requested_ns = start_ns[:, None] + seconds * NANO
+    row = np.searchsorted(times_ns, requested_ns).clip(max=len(times_ns) - 1)
+    return np.where(times_ns[row] == requested_ns, row, -1)
 
 
 def hindcast_windows(windows: PredictionWindows, *seconds: int, horizon_s: int | None = None) -> PredictionWindows:
@@ -237,12 +247,12 @@ def hindcast_windows(windows: PredictionWindows, *seconds: int, horizon_s: int |
 
     NaN where the past was not recorded.
     """
-    count, known = len(windows), windows.past.shape[1]
-    shown = slice(None, None if horizon_s is None else horizon_s + 1)
-    recorded = np.concatenate([windows.past[:, each::-1][:, shown] for each in seconds])
+    count, past_length = len(windows), windows.past.shape[1]
+    columns = slice(None, None if horizon_s is None else horizon_s + 1)
+    recorded = np.concatenate([windows.past[:, lead_s::-1][:, columns] for lead_s in seconds])
     past = np.full((len(recorded), *windows.past.shape[1:]), np.nan)
-    for number, each in enumerate(seconds):
-        past[number * count : (number + 1) * count, : known - each] = windows.past[:, each:]
+    for number, lead_s in enumerate(seconds):
+        past[number * count : (number + 1) * count, : past_length - lead_s] = windows.past[:, lead_s:]
     bare = replace(windows, past=windows.past[:, :0], truths=None, truth_errors=None)
     return replace(
         bare if len(seconds) == 1 else bare.subset(np.tile(np.arange(count), len(seconds))),
@@ -255,25 +265,20 @@ def hindcast_windows(windows: PredictionWindows, *seconds: int, horizon_s: int |
     )
 
 
-def first_seconds(windows: PredictionWindows, most: int) -> PredictionWindows:
-    """The windows cut to at most their first ``most`` seconds."""
-    commands = None if windows.commands is None else windows.commands[:, :most]
-    return replace(windows, track=windows.track[:, : most + 1], commands=commands, truths=None, truth_errors=None)
+def truncate_windows(windows: PredictionWindows, seconds: int) -> PredictionWindows:
+    """The windows cut to at most their first ``seconds`` seconds."""
+    commands = None if windows.commands is None else windows.commands[:, :seconds]
+    return replace(
+        windows, track=windows.track[:, : seconds + 1], commands=commands, truths=None, truth_errors=None
+    )
 
 
-def difference_rad(angle: Floats, other: Floats) -> Floats:
+def difference_rad(angle: Floats, subtracted: Floats) -> Floats:
     """``angle - other`` the short way round, in radians."""
-    return np.asarray(np.angle(np.exp(1j * (angle - other))))
+    return np.asarray(np.angle(np.exp(1j * (angle - subtracted))))
 
 
-def _known_afterwards(motion: pd.DataFrame, heading: Floats) -> Floats:
-    """The two-sided ``motion`` in SI units [N, 6], its heading in the same turn as ``heading`` [N]."""
-    states = motion[list(POSE_AND_VELOCITY)].to_numpy(dtype=float) * STATE_UNITS
-    states[:, HEADING] = heading + difference_rad(states[:, HEADING], heading)
-    return np.asarray(states)
-
-
-def starting_two_sided(windows: PredictionWindows) -> PredictionWindows:
+def with_two_sided_starts(windows: PredictionWindows) -> PredictionWindows:
     """The windows with their two-sided start states."""
     return replace(windows, start=windows.start if windows.two_sided is None else windows.two_sided)
 
@@ -291,12 +296,12 @@ def draw_groups(groups: NDArray[np.str_], share: float, seed: int) -> NDArray[np
             f"only one leg ({names[0] if len(names) else 'none'}), which cannot be split",
             fix="give more recordings, or longer ones with more periods of steady controls",
         )
-    wanted = share * len(groups)
+    target = share * len(groups)
     held_out: list[int] = []
     taken = 0
     for group in np.random.default_rng(seed).permutation(len(names)):
-        fits = taken + counts[group] <= 1.25 * wanted  # so that one long leg does not take half of the windows
-        if fits and taken < wanted and len(held_out) < len(names) - 1:
+        fits = taken + counts[group] <= 1.25 * target  # so that one long leg does not take half of the windows
+        if fits and taken < target and len(held_out) < len(names) - 1:
             held_out.append(int(group))
             taken += int(counts[group])
     return np.isin(groups, names[held_out or [int(np.argmin(counts))]])
@@ -306,14 +311,11 @@ def draw_windows(
     windows: PredictionWindows, groups: NDArray[np.str_], share: float, seed: int
 ) -> NDArray[np.bool_]:
     """The windows [N] of ``groups`` [N] drawn by :func:`draw_groups` to hold that share of the whole ones."""
-    whole = windows.whole
-    return np.isin(groups, groups[whole][draw_groups(groups[whole], share, seed)])
+    complete = windows.complete
+    return np.isin(groups, groups[complete][draw_groups(groups[complete], share, seed)])
 
 
-ENOUGH_RECORDINGS = 3
-
-
-def unlike_groups(windows: PredictionWindows) -> NDArray[np.str_]:
+def independent_groups(windows: PredictionWindows) -> NDArray[np.str_]:
     """The names [N] of the groups that are held out whole when a method is tested.
 
     These are legs if thrusters were held. With any commands one leg passes into the next, on the same day in
@@ -323,14 +325,16 @@ def unlike_groups(windows: PredictionWindows) -> NDArray[np.str_]:
     return windows.trial if by_recording else windows.leg
 
 
-def clear_of(windows: PredictionWindows, chosen: NDArray[np.bool_], others: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """The ``chosen`` windows [N] that share no second with any of the ``others`` [N] of their recording."""
-    first, last = windows.known_seconds()
+def without_overlap(
+    windows: PredictionWindows, chosen: NDArray[np.bool_], excluded: NDArray[np.bool_]
+) -> NDArray[np.bool_]:
+    """The ``chosen`` windows [N] that share no second with any of the ``excluded`` [N] of their recording."""
+    first, last = windows.measured_seconds()
     clear = chosen.copy()
-    for trial in np.unique(windows.trial[others]):
-        mine, theirs = chosen & (windows.trial == trial), others & (windows.trial == trial)
-        order = np.argsort(first[theirs], kind="stable")
-        ends = np.append(np.iinfo(np.int64).min, np.maximum.accumulate(last[theirs][order]))
-        begun = np.searchsorted(first[theirs][order], last[mine], side="right")
-        clear[mine] = ends[begun] < first[mine]
+    for trial in np.unique(windows.trial[excluded]):
+        candidates, conflicting = chosen & (windows.trial == trial), excluded & (windows.trial == trial)
+        order = np.argsort(first[conflicting], kind="stable")
+        ends = np.append(np.iinfo(np.int64).min, np.maximum.accumulate(last[conflicting][order]))
+        begun = np.searchsorted(first[conflicting][order], last[candidates], side="right")
+        clear[candidates] = ends[begun] < first[candidates]
     return clear

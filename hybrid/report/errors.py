@@ -142,7 +142,7 @@ def calibration_of(predicted: Floats, region_m: Floats, horizons: PredictionWind
     inside = (relative <= 1.0).astype(float)
     way = np.hypot(*(horizons.track[:, 1:, :2] - horizons.track[:, :1, :2]).transpose(2, 0, 1)).mean(axis=0)
     legs = LegBootstrap.of(horizons.leg, seed=0)
-    shares = legs.mean_of_each(inside)
+    shares = legs.column_means(inside)
     with np.errstate(divide="ignore", invalid="ignore"):
         pit = 1.0 - np.exp(-_LOG_OUTSIDE * relative**2)
         pinaw = np.where(way > _LEAST_WAY_M, 2.0 * equal_area_radius(region_m).mean(axis=0) / way, np.nan)

@@ -17,7 +17,7 @@ from rich.table import Table
 from rich.text import Text
 
 from seatrial.hybrid.effects.catalogue import VERSION, Catalogue
-from seatrial.hybrid.prediction.baselines import FEW_LEGS, TWO_SIDED, Interval, start_of
+from seatrial.hybrid.prediction.baselines import FEW_LEGS, TWO_SIDED, Interval, start_state
 from seatrial.hybrid.vessel.effect import FAMILIES, Effect, Parameter
 
 if TYPE_CHECKING:
@@ -174,7 +174,7 @@ def score_rows(validation: Validation) -> tuple[list[list[str]], int]:
     """
     scores = list(validation.scores.values())
     rows = [
-        [name.removesuffix(TWO_SIDED), start_of(name).replace("_", "-"), f"{each.mean_distance_m:.3f}",
+        [name.removesuffix(TWO_SIDED), start_state(name).replace("_", "-"), f"{each.mean_distance_m:.3f}",
          f"{each.end_distance_m:.3f}", f"{each.mae_north_m:.3f}", f"{each.mae_east_m:.3f}",
          f"{each.heading_error_deg:.2f}"]
         for name, each in (validation.scores | validation.two_sided).items()

@@ -610,7 +610,7 @@ def outside_words(judged: Validation, training: DomainOfApplicability) -> str:
 def parameter_warnings(learned: Parameters) -> list[str]:
     """Which parameters lie at a bound, and which cannot be told apart."""
     warnings = []
-    at_bound = [each.name for each in learned.every if each.at_bound]
+    at_bound = [each.name for each in learned.parameters if each.at_bound]
     if at_bound:
         warnings.append(f"At a bound: {', '.join(at_bound)}.")
     pairs = learned.entangled()

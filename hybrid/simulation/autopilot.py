@@ -48,11 +48,11 @@ def drives_of(vessel: Vessel) -> Drives:
     """The drives of a vessel file, and how the autopilot uses them: its times go with the ship's own."""
     pace = pace_of(vessel)
     helm = handling_of(vessel).helm * (control_units(vessel.actuators) / radians(1.0))
-    each = [drive for entry in vessel.actuator for drive in KINDS[entry.kind].drives(entry)]
+    drives = [drive for entry in vessel.actuator for drive in KINDS[entry.kind].drives(entry)]
     return Drives(
-        np.array([drive.lag_s for drive in each]),
-        np.array([drive.limit for drive in each]),
-        np.array([drive.rate for drive in each]),
+        np.array([drive.lag_s for drive in drives]),
+        np.array([drive.limit for drive in drives]),
+        np.array([drive.rate for drive in drives]),
         helm,
         STEER_DAMPING_S * pace.time,
         SETTLED_RADPS / pace.time,
@@ -68,19 +68,19 @@ def clip(value: float, limit: float) -> float:
 @compiled
 def shares(drives: Drives, dt_s: float) -> Control:
     """How much of the way to its order each control goes in a step, but for the limit of its rate."""
-    result = np.ones(len(drives.lag_s))
-    for i in range(len(result)):
+    fractions = np.ones(len(drives.lag_s))
+    for i in range(len(fractions)):
         if drives.lag_s[i] > 0.0:
-            result[i] = 1.0 - exp(-dt_s / drives.lag_s[i])
-    return result
+            fractions[i] = 1.0 - exp(-dt_s / drives.lag_s[i])
+    return fractions
 
 
 @compiled
-def follow(drives: Drives, share: Control, now: Control, order: Control, dt_s: float) -> None:
+def follow(drives: Drives, share: Control, feedback: Control, order: Control, dt_s: float) -> None:
     """Move the drives a step on: first-order lags, none faster than it can, orders within limits."""
-    for i in range(len(now)):
-        way = share[i] * (clip(order[i], drives.limit[i]) - now[i])
-        now[i] += clip(way, drives.rate[i] * dt_s)
+    for i in range(len(feedback)):
+        step = share[i] * (clip(order[i], drives.limit[i]) - feedback[i])
+        feedback[i] += clip(step, drives.rate[i] * dt_s)
 
 
 @compiled
@@ -93,9 +93,9 @@ def give_order(
         return
     error = wrapped(base_rad + ends[COURSE] - heading_rad)
     # A positive helm turns the ship to port, so that it is opposite to the error.
-    steered = clip(drives.damping_s * radps - STEER_GAIN * error, STEER_LIMIT_RAD)
+    helm_rad = clip(drives.damping_s * radps - STEER_GAIN * error, STEER_LIMIT_RAD)
     for i in range(len(order)):
-        order[i] += drives.helm[i] * steered
+        order[i] += drives.helm[i] * helm_rad
 
 
 @compiled
@@ -105,21 +105,21 @@ def leg_has_ended(
     state: State,
     base_rad: float,
     reference_rad: float,
-    began: State,
-    since_s: float,
+    initial: State,
+    elapsed_s: float,
 ) -> bool:
     """Whether a leg is over; see :class:`~seatrial.hybrid.simulation.manoeuvres.Leg`."""
     _, _, heading, u, _, r = state
-    course, settled, deviation, turn, slower, at_least, at_most = ends[:7]
-    if since_s >= at_most:
+    course, settled, deviation, turn, slower, at_least_s, at_most_s = ends[:7]
+    if elapsed_s >= at_most_s:
         return True
-    if since_s < at_least:
+    if elapsed_s < at_least_s:
         return False
-    off = heading - reference_rad
-    over = (deviation > 0.0 and off >= deviation) or (deviation < 0.0 and off <= deviation)
+    deviation_rad = heading - reference_rad
+    ended = (deviation > 0.0 and deviation_rad >= deviation) or (deviation < 0.0 and deviation_rad <= deviation)
     if settled > 0.0 and abs(wrapped(base_rad + course - heading)) < SETTLED_RAD and abs(r) < settled_radps:
-        over = True
-    return bool(over or abs(heading - began[2]) >= turn or u <= slower)  # comparisons with NaN are false
+        ended = True
+    return bool(ended or abs(heading - initial[2]) >= turn or u <= slower)  # comparisons with NaN are false
 
 
 def _make_sail(stamp: int) -> Callable[..., int]:
@@ -139,15 +139,15 @@ def _make_sail(stamp: int) -> Callable[..., int]:
         mass, lag = inverse_mass(p), lag_over(p, dt_s / substeps)
         state = (start[0], start[1], start[2], start[3], start[4], start[5])
         base = reference = start[HEADING]
-        number, began, since_s = 0, state, 0.0
+        number, initial, elapsed_s = 0, state, 0.0
         drive, share = np.empty(legs.shape[1]), shares(drives, dt_s)
         give_order(drives, legs[0], ends[0], base, start[HEADING], start[YAW_RATE], drive)
         acting, order, scratch = drive.copy(), drive.copy(), scratch_for(p, drive)
         states[0] = start
         for k in range(wind.shape[0]):
-            if leg_has_ended(drives.settled_radps, ends[number], state, base, reference, began, since_s):
+            if leg_has_ended(drives.settled_radps, ends[number], state, base, reference, initial, elapsed_s):
                 number = (number + 1) % legs.shape[0]
-                began, since_s = state, 0.0
+                initial, elapsed_s = state, 0.0
             if not isnan(ends[number, COURSE]):
                 reference = state[HEADING] + wrapped(base + ends[number, COURSE] - state[HEADING])
             controls[k] = drive
@@ -158,7 +158,7 @@ def _make_sail(stamp: int) -> Callable[..., int]:
             )
             give_order(drives, legs[number], ends[number], base, state[HEADING], state[YAW_RATE], order)
             follow(drives, share, drive, order, dt_s)
-            since_s += dt_s
+            elapsed_s += dt_s
             for i in range(6):
                 states[k + 1, i] = state[i]
             if not in_range(p, state):

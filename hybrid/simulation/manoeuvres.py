@@ -1,22 +1,14 @@
-"""Manoeuvres as lists of legs: orders that are held, or a course that is steered, until something happens.
+"""Manoeuvres as lists of legs: orders that are held, or a course that is steered, until an event ends the leg.
 
-A list is gone through again and again until the time is up. Headings are relative to the reference course:
-the ship's heading at the start, or the course that the last steering leg held.
+A list is repeated until the time is up. Headings are relative to the reference course: the ship's heading at the
+start, or the course that the last steering leg held. Which controls drive the ship and which steer it follows from
+the kinds of its actuators; a ship without any angle to steer by, with shafts to either side, is steered by their
+difference.
 
-They are stated in R/V Gunnerus' shaft speeds, of 203 rpm, and times, for 28.9 m and 5.04 m/s; :func:`for_ship`
-makes them another ship's.
-
-How a ship is handled: which controls drive her ahead, which steer her, and how her pace compares with the
-usual one.
-
-Who drives and who steers follows from the kinds of her actuators. A ship without any angle to steer by, with
-shafts to either side, is steered by their difference.
-
-The manoeuvres of :mod:`seatrial.hybrid.simulation.manoeuvres` are stated for R/V Gunnerus. Another ship makes them
-at the same share of her shafts' limit, and in the same number of ship lengths: times go with L / U, the time in
-which she goes her own length at the usual shaft speed, as all of manoeuvring theory has it (Nomoto et al. 1957;
-Abkowitz 1964). So a ship and her model at the same Froude number make the same manoeuvre in times that are as the
-roots of their lengths.
+Manoeuvres are stated for R/V Gunnerus: shaft speeds up to 203 rpm, and times for 28.9 m and 5.04 m/s.
+:func:`for_ship` scales them: the shaft speed is the same fraction of its limit, and times go with L / U, the time
+in which a ship sails its own length at the usual shaft speed (Nomoto et al. 1957; Abkowitz 1964). So a ship and its
+model at the same Froude number make the same manoeuvre in times that are as the roots of their lengths.
 """
 
 from __future__ import annotations
@@ -41,12 +33,13 @@ from seatrial.hybrid.vessel.plant import Plant, bare_plant
 from seatrial.hybrid.vessel.sensors import in_words
 
 CRUISE_RPM = 171.0
-"""The shaft speed of R/V Gunnerus' manoeuvres where nothing else is said."""
+"""The default shaft speed of R/V Gunnerus' manoeuvres."""
 
+SETTLE_S = 60.0
 HARD_OVER_DEG = 35.0
 FULL_PITCH_PERCENT = 100.0
 _LIMIT_RPM, _TUNNEL_LIMIT_RPM, _LENGTH_M, _SPEED_MPS = 203.0, 400.0, 28.9, 5.0437
-"""R/V Gunnerus' limits of the shafts, her length, and her speed at :data:`CRUISE_RPM`."""
+"""R/V Gunnerus' limits of the shafts, its length, and its speed at :data:`CRUISE_RPM`."""
 
 _APPROACH_STEPS, _MOST_APPROACHES, _START_MPS = 300, 8, 3.0
 _STEADY_SHARE = 1e-5  # of the speed: a smaller change in a step is none
@@ -55,9 +48,9 @@ _SIGNIFICANT = 4  # digits of the times of other ships: no manoeuvre is stated f
 
 @dataclass(frozen=True, slots=True)
 class Handling:
-    """What each control of a ship does when she manoeuvres [controls], in the units of its channel.
+    """What each control of a ship does when it manoeuvres [controls], in the units of its channel.
 
-    ``ahead``: how fast it turns where the shafts are ordered one rpm, 0 for what does not drive her; shafts with
+    ``ahead``: how fast it turns where the shafts are ordered one rpm, 0 for what does not drive it; shafts with
     other limits turn in proportion to these. ``reversing`` says which of the shafts turn backwards for an order
     astern; ``pitch`` which controls are the pitches that do so for the others. ``helm``: how it answers a degree
     of helm that turns the ship to port: degrees of an angle, or rpm of the shafts of a ship that has no angle.
@@ -96,7 +89,7 @@ class Pace:
 
     @property
     def length_s(self) -> float:
-        """The time in which the ship goes her own length at the usual shaft speed [s]."""
+        """The time in which the ship goes its own length at the usual shaft speed [s]."""
         return self.time * _LENGTH_M / _SPEED_MPS
 
 
@@ -105,7 +98,7 @@ def _controls(vessel: Vessel) -> list[tuple[Any, Channel]]:
 
     Raises :class:`ConfigurationError` for a ship that nothing drives.
     """
-    if not any(each.drives for each in vessel.actuators):
+    if not any(actuator.drives for actuator in vessel.actuators):
         raise ConfigurationError(
             f"{vessel.name} has no propulsion",
             why=f"she has {in_words(vessel.actuators)}",
@@ -119,39 +112,30 @@ def _controls(vessel: Vessel) -> list[tuple[Any, Channel]]:
 
 
 def handling_of(vessel: Vessel) -> Handling:
-    """How a ship is handled. Raises :class:`ConfigurationError` if nothing drives her."""
+    """How a ship is handled. Raises :class:`ConfigurationError` if nothing drives it."""
     controls = _controls(vessel)
     limit = shaft_limit_rpm(vessel)
     main = np.array([KINDS[entry.kind].drives and channel.unit == "rpm" for entry, channel in controls])
-    ahead = [entry.limit_rpm / limit if drives else 0.0
-             for (entry, _), drives in zip(controls, main, strict=True)]  # fmt: skip
+    ahead = np.array([entry.limit_rpm / limit if drives else 0.0
+                      for (entry, _), drives in zip(controls, main, strict=True)])  # fmt: skip
     pitch = np.array([channel.unit == "%" for _, channel in controls])
     with_pitch = {entry.name for entry, channel in controls if channel.unit == "%"}
     reversing = np.array([entry.name not in with_pitch for entry, _ in controls])
-    helm = np.array([_port_angle(entry) if channel.unit == "deg" else 0.0 for entry, channel in controls])
-    if not helm.any():
-        helm = main * _difference([entry for entry, _ in controls], np.array(ahead)) * usual_rpm(vessel)
-    return Handling(np.array(ahead), reversing, pitch, helm)
-
-
-def _port_angle(entry: Any) -> float:
-    """The sign of the angle of an actuator that turns the ship to port: ahead of midship the other one."""
-    return -KINDS[entry.kind].turns * (-1.0 if entry.x_m > 0.0 else 1.0)
-
-
-def _difference(entries: list[Any], ahead: Floats) -> Floats:
-    """The share of the usual speed that a degree of helm to port adds to shafts to starboard and takes to port.
-
-    With the helm hard over it is all of it: the inner shafts stand.
-    """
-    side = np.array([np.sign(getattr(entry, "y_m", 0.0)) for entry in entries]) * (ahead > 0.0)
-    both = side.min(initial=0.0) < 0.0 < side.max(initial=0.0)
-    return side * ahead / HARD_OVER_DEG if both else np.zeros(len(side))
+    helm = np.array([  # ahead of midship the opposite angle turns the ship to port
+        -KINDS[entry.kind].turns * (-1.0 if entry.x_m > 0.0 else 1.0) if channel.unit == "deg" else 0.0
+        for entry, channel in controls
+    ])  # fmt: skip
+    if not helm.any():  # with the helm hard over, the inner shafts stand
+        side = np.array([np.sign(getattr(entry, "y_m", 0.0)) for entry, _ in controls]) * (ahead > 0.0)
+        on_both_sides = side.min(initial=0.0) < 0.0 < side.max(initial=0.0)
+        per_degree = side * ahead / HARD_OVER_DEG if on_both_sides else np.zeros(len(side))
+        helm = main * per_degree * usual_rpm(vessel)
+    return Handling(ahead, reversing, pitch, helm)
 
 
 def shaft_limit_rpm(vessel: Vessel) -> float:
     """The lowest limit of the shafts that drive a ship."""
-    return float(min(each.limit_rpm for each, _ in _controls(vessel) if KINDS[each.kind].drives))
+    return float(min(entry.limit_rpm for entry, _ in _controls(vessel) if KINDS[entry.kind].drives))
 
 
 def usual_rpm(vessel: Vessel) -> float:
@@ -170,15 +154,15 @@ def steady_speed_mps(plant: Plant, order: Floats) -> float:
     state = np.array([0.0, 0.0, 0.0, min(_START_MPS * root, 0.8 * plant.surge_high_mps), 0.0, 0.0])
     orders, wind = np.tile(order, (_APPROACH_STEPS, 1)), np.zeros((_APPROACH_STEPS, 2))
     for _ in range(_MOST_APPROACHES if order.any() else 1):
-        before, state = simulate(plant, state, orders, wind, root)[-2:]
-        if abs(state[3] - before[3]) < _STEADY_SHARE * abs(state[3]):
+        previous, state = simulate(plant, state, orders, wind, root)[-2:]
+        if abs(state[3] - previous[3]) < _STEADY_SHARE * abs(state[3]):
             break
     return float(state[3])
 
 
 def pace_of(vessel: Vessel) -> Pace:
-    """A ship's pace. Raises :class:`ConfigurationError` where her shafts do not drive her ahead, or drive her out
-    of the range of her model."""
+    """A ship's pace. Raises :class:`ConfigurationError` where its shafts do not drive it ahead, or drive it out
+    of the range of its model."""
     rpm = usual_rpm(vessel)
     order = handling_of(vessel).orders(rpm, 0.0) * control_units(vessel.actuators)
     try:
@@ -192,7 +176,7 @@ def pace_of(vessel: Vessel) -> Pace:
         raise ConfigurationError(
             f"{vessel.name} does not move ahead at {rpm:.0f} rpm", fix="check the propellers in the vessel file"
         )
-    tunnels = [each.limit_rpm for each in vessel.of_kind("tunnel")]
+    tunnels = [tunnel.limit_rpm for tunnel in vessel.of_kind("tunnel")]
     length_m = vessel.dimensions.length_between_perpendiculars_m
     return Pace(
         shaft_limit_rpm(vessel) / _LIMIT_RPM,
@@ -206,7 +190,6 @@ def _rounded(factor: float) -> float:
     return float(f"{factor:.{_SIGNIFICANT}g}")
 
 
-SETTLE_S = 60.0
 Manoeuvre = tuple["Leg", ...]
 
 
@@ -216,11 +199,11 @@ class Leg:
 
     ``rpm`` goes to all shafts that drive the ship; a propeller of controllable pitch has it full, ahead or astern
     as the sign of ``rpm`` is. ``helm_deg`` is the angle of an azimuth thruster astern, positive turning the ship to
-    port, and of all that steers her the angle that turns her alike: a rudder's is the opposite. Of a ship without
-    any such angle it is the difference of her shafts. ``orders`` are those of single control channels, in their
-    units, where they differ; other actuators are at rest. ``course_deg`` (relative to the first heading) is steered
-    with all of that if given, and then ``settled`` ends the leg once it is reached; otherwise the helm is held.
-    ``deviation_deg`` ends the leg when the heading is that far off the reference course (negative: to port);
+    port, and of all that steers the ship the angle that turns it alike: a rudder's is the opposite. Of a ship
+    without any such angle it is the difference of its shafts. ``orders`` are those of single control channels, in
+    their units, where they differ; other actuators are at rest. ``course_deg`` (relative to the first heading) is
+    steered with all of that if given, and then ``settled`` ends the leg once it is reached; otherwise the helm is
+    held. ``deviation_deg`` ends the leg when the heading is that far off the reference course (negative: to port);
     ``turn_deg`` when the ship has turned that much since the leg began; ``slower_mps`` when surge falls below.
     """
 
@@ -253,16 +236,18 @@ def as_arrays(manoeuvre: Manoeuvre, vessel: Vessel) -> tuple[Floats, Floats]:
         )
     handling = handling_of(vessel)
     _refuse_unsteered(manoeuvre, vessel, handling)
-    orders = [_orders(leg, names, handling) for leg in manoeuvre]
-    return np.array(orders) * units, np.array([_ends(leg) for leg in manoeuvre])
-
-
-def _orders(leg: Leg, names: tuple[str, ...], handling: Handling) -> Floats:
-    """The orders of a leg [controls]; of one that is steered without the helm, which the autopilot adds."""
-    steered = not isnan(leg.course_deg)
-    usual = handling.orders(leg.rpm, 0.0 if steered else leg.helm_deg)
-    ordered = np.array([leg.orders.get(name, value) for name, value in zip(names, usual, strict=True)])
-    return np.where(handling.steering_angles & steered, 0.0, ordered)
+    orders = []
+    for leg in manoeuvre:
+        steered = not isnan(leg.course_deg)  # then the autopilot adds the helm
+        usual = handling.orders(leg.rpm, 0.0 if steered else leg.helm_deg)
+        ordered = np.array([leg.orders.get(name, value) for name, value in zip(names, usual, strict=True)])
+        orders.append(np.where(handling.steering_angles & steered, 0.0, ordered))
+    ends = [
+        (radians(leg.course_deg), float(leg.settled), radians(leg.deviation_deg), radians(leg.turn_deg),
+         leg.slower_mps, leg.at_least_s, leg.at_most_s)
+        for leg in manoeuvre
+    ]  # fmt: skip
+    return np.array(orders) * units, np.array(ends)
 
 
 def shafts_rpm(leg: Leg, vessel: Vessel) -> float:
@@ -284,7 +269,7 @@ def _refuse_unsteered(manoeuvre: Manoeuvre, vessel: Vessel, handling: Handling) 
 
 
 def for_ship(manoeuvre: Manoeuvre, vessel: Vessel) -> Manoeuvre:
-    """A manoeuvre that is stated for R/V Gunnerus, at another ship's shaft speeds and in her time."""
+    """A manoeuvre that is stated for R/V Gunnerus, at another ship's shaft speeds and in its time."""
     pace = pace_of(vessel)
     if pace == Pace():
         return manoeuvre
@@ -298,11 +283,11 @@ def for_ship(manoeuvre: Manoeuvre, vessel: Vessel) -> Manoeuvre:
             orders={name: value * by_channel.get(name, 1.0) for name, value in leg.orders.items()},
             slower_mps=leg.slower_mps * pace.speed,
         )
-        for leg in in_time(manoeuvre, pace.time)
+        for leg in scale_times(manoeuvre, pace.time)
     )
 
 
-def in_time(manoeuvre: Manoeuvre, factor: float) -> Manoeuvre:
+def scale_times(manoeuvre: Manoeuvre, factor: float) -> Manoeuvre:
     """A manoeuvre whose times are multiplied by a factor."""
     if factor == 1.0:
         return manoeuvre
@@ -311,20 +296,14 @@ def in_time(manoeuvre: Manoeuvre, factor: float) -> Manoeuvre:
     )
 
 
-def _ends(leg: Leg) -> tuple[float, ...]:
-    steering = radians(leg.course_deg), float(leg.settled)
-    ends = radians(leg.deviation_deg), radians(leg.turn_deg), leg.slower_mps, leg.at_least_s, leg.at_most_s
-    return *steering, *ends
-
-
 def helm(angle_deg: float, rpm: float = CRUISE_RPM, at_most_s: float = inf) -> Leg:
     """One helm and one speed held."""
     return Leg(rpm=rpm, helm_deg=angle_deg, at_most_s=at_most_s)
 
 
-def alone(name: str, rpm: float, others: Iterable[str]) -> Leg:
-    """One thruster runs, the shafts of the ``others`` stand still."""
-    return Leg(rpm=rpm, orders={f"{other}_rpm": 0.0 for other in others if other != name})
+def single_thruster(name: str, rpm: float, names: Iterable[str]) -> Leg:
+    """One thruster runs, the other shafts of ``names`` stand still."""
+    return Leg(rpm=rpm, orders={f"{thruster}_rpm": 0.0 for thruster in names if thruster != name})
 
 
 def steer(course_deg: float, seconds: float, rpm: float = CRUISE_RPM) -> Leg:
@@ -352,7 +331,7 @@ def zigzag(
     return tuple(legs)
 
 
-def both_ways(legs_on: Callable[[float], Iterable[Leg]]) -> Manoeuvre:
+def on_reciprocal_courses(legs_on: Callable[[float], Iterable[Leg]]) -> Manoeuvre:
     """Legs about the first heading, and once more about the reciprocal."""
     return tuple(leg for course in (0.0, 180.0) for leg in legs_on(course))
 
@@ -366,44 +345,46 @@ def turning_circle(helm_deg: float = 20.0, rpm: float = CRUISE_RPM, turn_deg: fl
 def speed_runs() -> Manoeuvre:
     """Straight runs at five shaft speeds, on a course and on its reciprocal."""
     speeds = (90.0, 120.0, 150.0, 175.0, 198.0)
-    return both_ways(lambda course: (settle(course, 120.0), *(steer(course, 75.0, rpm) for rpm in speeds)))
+    return on_reciprocal_courses(
+        lambda course: (settle(course, 120.0), *(steer(course, 75.0, rpm) for rpm in speeds))
+    )
 
 
 def stopping_runs() -> Manoeuvre:
     """Speed up, slow down, coast without thrust, and once more on the reciprocal course."""
     idle = Leg(rpm=0.0, slower_mps=1.0, at_most_s=120.0)
-    return both_ways(
+    return on_reciprocal_courses(
         lambda course: (settle(course, 190.0), steer(course, 70.0, 190.0), steer(course, 60.0, 90.0), idle)
     )
 
 
-def one_by_one(drives: Sequence[str], rpm: float, seconds: float, *, by_angle: bool) -> list[list[Leg]]:
+def single_drive_legs(drives: Sequence[str], rpm: float, seconds: float, *, by_angle: bool) -> list[list[Leg]]:
     """Each of a ship's drives alone for so long: on a course, held straight, and held at an angle.
 
-    Of a ship that is steered by the difference of her shafts, as she goes.
+    Of a ship that is steered by the difference of its shafts, as it goes.
     """
     turns = []
     for name in drives:
-        single = alone(name, rpm, drives)
+        single = single_thruster(name, rpm, drives)
         turns.append([replace(single, at_most_s=seconds)])
         if by_angle:
-            held = (replace(single, helm_deg=angle, at_most_s=0.2 * seconds) for angle in (0.0, 15.0, -15.0))
-            turns[-1] = [replace(single, course_deg=0.0, at_most_s=0.4 * seconds), *held]
+            held_angles = (replace(single, helm_deg=angle, at_most_s=0.2 * seconds) for angle in (0.0, 15.0, -15.0))
+            turns[-1] = [replace(single, course_deg=0.0, at_most_s=0.4 * seconds), *held_angles]
     return turns
 
 
 def one_thruster(actuators: Actuators = DEFAULT) -> Manoeuvre:
     """Each main thruster alone, one after the other, and back on the course."""
-    by_angle = any(each.angle for each in actuators)
-    turns = one_by_one(drives_in(actuators), 150.0, 100.0, by_angle=by_angle)
+    by_angle = any(actuator.angle for actuator in actuators)
+    turns = single_drive_legs(drives_in(actuators), 150.0, 100.0, by_angle=by_angle)
     return tuple(leg for legs in turns for leg in (*legs, settle(0.0, 150.0)))
 
 
 def tunnel_test(actuators: Actuators = DEFAULT) -> Manoeuvre:
     """Each tunnel thruster both ways at slow speed, the helm held."""
     slow = Leg(rpm=50.0, at_most_s=40.0)
-    pushes = (replace(slow, orders={f"{name}_rpm": aside})
-              for name in names_of(actuators, "tunnel") for aside in (300.0, -300.0))  # fmt: skip
+    pushes = (replace(slow, orders={f"{name}_rpm": rpm})
+              for name in names_of(actuators, "tunnel") for rpm in (300.0, -300.0))  # fmt: skip
     return (steer(0.0, 60.0, 50.0), *(leg for push in pushes for leg in (push, slow)))
 
 

@@ -1,33 +1,28 @@
-"""A simulated trial: a ship with hidden effects in a sea state, as her sensors record it, with white noise.
+"""Simulated trials: a ship with hidden effects in a sea state, as its sensors record it, singly and as a campaign.
 
-Everything random hangs on one seed and on streams of its own: waves, gusts, drift and sensors, so that a
-change to one leaves the others as they were.
-
-Sea states of simulated trials: wind, waves and current, read from ``trials/sea_states.toml``, and as time
-series.
-
-Wind and the waves' slow force are exact discrete Ornstein-Uhlenbeck processes. Such a process has the Dryden
-spectrum of a longitudinal gust, 2 s^2 T / pi / (1 + (T w)^2), with T the length scale over the mean wind. Two of
-them in quadrature have an exponentially distributed squared envelope, as waves in groups do, and the drift force
-follows the squared envelope.
+One seed has separate random streams for waves, gusts, drift and sensors, so that a change to one leaves the others
+as they were. Sea states are read from ``trials/sea_states.toml``. Wind and the waves' slow force are exact discrete
+Ornstein-Uhlenbeck processes. Such a process has the Dryden spectrum of a longitudinal gust,
+2 s^2 T / pi / (1 + (T w)^2), with T the length scale over the mean wind. Two of them in quadrature have an
+exponentially distributed squared envelope, as waves in groups do, and the drift force follows the squared envelope.
 
 The first-order wave motion of the ship is added to what the sensors measure: a long-crested sea with a JONSWAP
 spectrum. The responses are simple on purpose and have no resonance: in surge, sway and yaw the ship follows the
-water's orbital motion, averaged along her length and draught. With the wave's phase a = k x - w t + e at amidships,
+water's orbital motion, averaged along its length and draught. With the wave's phase a = k x - w t + e at amidships,
 wave number k, b the angle from the bow to where the waves go and q = k L cos(b) / 2:
 
 - displacement in the waves' direction: -A sin(a) sin(q)/q (1 - exp(-k T)) / (k T)
 - yaw: -A cos(a) sin(b) (6/L) (sin(q)/q^2 - cos(q)/q) (1 - exp(-k T)) / (k T)
 
-Many simulated trials in one call: every vessel in every sea state, manoeuvre and seed, on worker processes.
-
-The workers, and what happens when one of them dies, are those of :mod:`seatrial.analysis.batch`.
+A campaign simulates every vessel in every sea state, manoeuvre and seed on the worker processes of
+:mod:`seatrial.analysis.batch`.
 """
 
 from __future__ import annotations
 
 import json
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import asdict, dataclass, field, replace
 from hashlib import sha256
 from itertools import product
@@ -52,7 +47,6 @@ from seatrial.analysis.tables.table import sha256_of
 from seatrial.hybrid.effects import Catalogue, apply_effects, vessel_plant
 from seatrial.hybrid.simulation.autopilot import Drives, drives_of, sail
 from seatrial.hybrid.simulation.manoeuvres import (
-    Leg,
     Manoeuvre,
     as_arrays,
     for_ship,
@@ -69,6 +63,21 @@ from seatrial.hybrid.vessel.parameters import Dimensions, Vessel
 from seatrial.hybrid.vessel.plant import Plant, bare_plant, pack
 from seatrial.hybrid.vessel.sensors import acting_controls, as_table, measure, pose_rate
 
+START = pd.Timestamp("2026-06-01T08:00:00Z")
+ORIGIN_DEG = (63.44, 10.40)
+"""Latitude and longitude that simulated trials start from."""
+SLOWEST_LOOP_HZ = 10.0
+Hidden = Mapping[str, Mapping[str, float]]
+_LONGEST_S = 7 * 86400.0
+SEA_STATES = Path(__file__).parents[2] / "trials" / "sea_states.toml"
+LENGTH_M = 28.9
+"""The length of the ship that drift forces are stated for [m]; its model's sea is at the scale of the two."""
+GRAVITY_MPS2 = 9.81
+PEAKEDNESS = 3.3
+COMPONENTS = 50
+_HALF_STEP_S = 0.002
+_ROWS = 4096  # worked through at a time, to keep memory small
+INDEX = "campaign.csv"
 _ANTENNA = {"antenna_forward_m": 0.0, "antenna_starboard_m": 0.0}  # positions are those of the body axes' origin
 
 
@@ -126,14 +135,6 @@ def add_noise(
     return moving, acting, blowing
 
 
-START = pd.Timestamp("2026-06-01T08:00:00Z")
-ORIGIN_DEG = (63.44, 10.40)
-"""Latitude and longitude that simulated trials start from."""
-SLOWEST_LOOP_HZ = 10.0
-Hidden = Mapping[str, Mapping[str, float]]
-_LONGEST_S = 7 * 86400.0
-
-
 @dataclass(frozen=True, slots=True)
 class Voyage:
     """A simulated motion without sensors, a row for every step of the simulation.
@@ -167,13 +168,13 @@ def simulate_trial(
     ``duration_s`` at ``rate_hz``. The truth says what was hidden and by which weather, and holds the
     noise-free ``states`` [rows, 6], ``controls`` [rows, controls], ``wind`` [rows, 2] and the ``plant``. Raises
     :class:`ConfigurationError` for names that do not exist, :class:`ModelRangeError` if the ship leaves the
-    range of her model. A sea state by name is at the scale of a ship's model, one that is given is as it is.
+    range of its model. A sea state by name is at the scale of a ship's model, one that is given is as it is.
     """
     ship = load_vessel(vessel)
     sea = sea_for(sea_state, ship.dimensions) if isinstance(sea_state, str) else sea_state
     legs = for_ship(manoeuvre_named(manoeuvre, ship.actuators), ship) if isinstance(manoeuvre, str) else manoeuvre
     steps_per_row, rows = _timing(duration_s, rate_hz)
-    streams = [np.random.default_rng(each) for each in np.random.SeedSequence(seed).spawn(4)]
+    streams = [np.random.default_rng(sequence) for sequence in np.random.SeedSequence(seed).spawn(4)]
     environment = sea.effects(ship.dimensions.length_between_perpendiculars_m)
     plant = _in_sea(vessel_plant(ship, catalogue), sea, environment, catalogue)
     plant = apply_effects(plant, hidden or {}, catalogue)
@@ -182,10 +183,10 @@ def simulate_trial(
         ship, plant, sea, legs, (rows - 1) * steps_per_row, dt_s, heading_deg, streams[0], streams[1]
     )
     moving = with_waves(voyage.states, wave_motion(streams[2], sea, plant, voyage.states, dt_s))
-    every = slice(None, None, steps_per_row)
-    reported = measure(moving, plant, dt_s)[every]
-    sensors = noise or usual_noise(ship.dimensions.length_between_perpendiculars_m)
-    recorded = add_noise(streams[3], sensors, reported, voyage.controls[every], voyage.wind[every], ship.actuators)
+    stride = slice(None, None, steps_per_row)
+    reported = measure(moving, plant, dt_s)[stride]
+    noise = noise or usual_noise(ship.dimensions.length_between_perpendiculars_m)
+    recorded = add_noise(streams[3], noise, reported, voyage.controls[stride], voyage.wind[stride], ship.actuators)
     index = start_time + pd.to_timedelta(np.round(np.arange(rows) / rate_hz * 1e9).astype("int64"), unit="ns")
     table = as_table(*recorded, index=pd.DatetimeIndex(index, name="time"), actuators=ship.actuators)
     actuators = as_text(ship.actuators)
@@ -201,17 +202,17 @@ def simulate_trial(
         "hidden": {name: dict(values) for name, values in (hidden or {}).items()},
         "vessel_effects": {name: dict(values) for name, values in ship.effects.items()},
         "environment": environment,
-        "noise": asdict(sensors),
-        "states": voyage.states[every],
-        "controls": voyage.controls[every],
-        "wind": voyage.wind[every],
+        "noise": asdict(noise),
+        "states": voyage.states[stride],
+        "controls": voyage.controls[stride],
+        "wind": voyage.wind[stride],
         "plant": plant,
     }
     return table, truth
 
 
 def _in_sea(plant: Plant, sea: SeaState, environment: Hidden, catalogue: Catalogue | None) -> Plant:
-    """The plant in current and drift. Raises :class:`ConfigurationError` for a sea that is too rough for her."""
+    """The plant in current and drift. Raises :class:`ConfigurationError` for a sea that is too rough for it."""
     try:
         return apply_effects(plant, environment, catalogue)
     except ConfigurationError as error:
@@ -241,23 +242,26 @@ def sail_through(
     slow_n = plant.drift_force_n * drift_series(drift, sea, steps + 1, dt_s)
     (leg_array, ends), packed = as_arrays(legs, vessel), pack(plant)
     extra, parameters = combine_forces((plant,))
-    start = _start(vessel, plant, legs[0], heading_deg)
+    order = handling_of(vessel).orders(shafts_rpm(legs[0], vessel), 0.0) * control_units(vessel.actuators)
+    steady_mps, heading = steady_speed_mps(bare_plant(vessel), order), np.deg2rad(heading_deg)
+    ahead, starboard = to_ship(plant.current_north_mps, plant.current_east_mps, heading)
+    start = np.array([0.0, 0.0, heading, steady_mps + ahead, starboard, 0.0])  # at the steady speed in still water
     states, controls = np.full((steps + 1, 6), np.nan), np.full((steps + 1, leg_array.shape[1]), np.nan)
-    left = sail(
+    failed_step = sail(
         packed[0], start, leg_array, ends, drives or drives_of(vessel), wind[:-1], slow_n, dt_s, 1, extra,
         parameters[0], states, controls,
     )  # fmt: skip
-    if left >= 0:
-        raise range_error(Runs(states[np.newaxis], np.array([left])), plant, dt_s)
+    if failed_step >= 0:
+        raise range_error(Runs(states[np.newaxis], np.array([failed_step])), plant, dt_s)
     return Voyage(
         states, acting_controls(controls, -plant.command_delay_s, dt_s, angle_columns(vessel.actuators)), wind
     )
 
 
 def record_trial(
-    table: pd.DataFrame, truth: Mapping[str, Any], path: Path, place: str = "simulated", **known: Any
+    table: pd.DataFrame, truth: Mapping[str, Any], path: Path, place: str = "simulated", **details: Any
 ) -> None:
-    """Write a simulated trial as a recording, and beside it what was hidden, with what else is ``known`` of it.
+    """Write a simulated trial as a recording, and beside it what was hidden, with further ``details``.
 
     The truth comes last and marks the recording as complete. Raises :class:`StorageError`.
     """
@@ -277,7 +281,7 @@ def record_trial(
     truth_path = path.with_suffix(".truth.json")
     with written_together(truth_path):
         write_table(table, path, sheet, source="simulated")
-        write_truth({**truth, **known}, truth_path)
+        write_truth({**truth, **details}, truth_path)
 
 
 def write_truth(truth: Mapping[str, Any], path: str | Path) -> None:
@@ -297,22 +301,6 @@ def _timing(duration_s: float, rate_hz: float) -> tuple[int, int]:
     if rows < 2:
         raise ConfigurationError(f"duration {duration_s:g} s gives no samples", fix="give a longer duration")
     return max(1, ceil(SLOWEST_LOOP_HZ / rate_hz - 1e-9)), rows
-
-
-def _start(vessel: Vessel, plant: Plant, leg: Leg, heading_deg: float) -> Floats:
-    """At the origin, on the first heading, at the speed that the first leg's shafts hold in still water."""
-    order = handling_of(vessel).orders(shafts_rpm(leg, vessel), 0.0) * control_units(vessel.actuators)
-    steady_mps = steady_speed_mps(bare_plant(vessel), order)
-    heading = np.deg2rad(heading_deg)
-    ahead, aside = to_ship(plant.current_north_mps, plant.current_east_mps, heading)
-    return np.array([0.0, 0.0, heading, steady_mps + ahead, aside, 0.0])
-
-
-SEA_STATES = Path(__file__).parents[2] / "trials" / "sea_states.toml"
-
-
-LENGTH_M = 28.9
-"""The length of the ship that drift forces are stated for [m]; her model's sea is at the scale of the two."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -381,14 +369,14 @@ def sea_states(path: str | Path = SEA_STATES) -> dict[str, SeaState]:
 
 def sea_state_named(name: str) -> SeaState:
     """One of the sea states that come with Seatrial."""
-    known = sea_states()
-    if name not in known:
-        raise ConfigurationError(f"no sea state {name!r}", fix=f"use one of {', '.join(known)}")
-    return known[name]
+    states = sea_states()
+    if name not in states:
+        raise ConfigurationError(f"no sea state {name!r}", fix=f"use one of {', '.join(states)}")
+    return states[name]
 
 
 def sea_for(name: str, ship: Dimensions) -> SeaState:
-    """A sea state as a ship meets it: for her model at the model's scale, for a ship what it is."""
+    """A sea state as a ship meets it: for its model at the model's scale, for a ship what it is."""
     sea = sea_state_named(name)
     if not ship.is_model or sea.wind_mps == sea.wave_height_m == sea.current_mps == 0.0:
         return sea
@@ -408,12 +396,12 @@ def wind_series(generator: np.random.Generator, sea: SeaState, steps: int, dt_s:
     if sea.wind_mps == 0.0:
         return np.tile([np.deg2rad(sea.direction_from_deg), 0.0], (steps, 1))
     correlation_s = sea.gust_length_m / sea.wind_mps
-    along, across = (
+    along_mps, across_mps = (
         sea.gust_intensity * sea.wind_mps * ornstein_uhlenbeck(generator, steps, dt_s, correlation_s)
         for _ in range(2)
     )
-    direction = np.deg2rad(sea.direction_from_deg) + np.arctan2(across, sea.wind_mps + along)
-    return np.column_stack([direction, np.hypot(sea.wind_mps + along, across)])
+    direction = np.deg2rad(sea.direction_from_deg) + np.arctan2(across_mps, sea.wind_mps + along_mps)
+    return np.column_stack([direction, np.hypot(sea.wind_mps + along_mps, across_mps)])
 
 
 def drift_series(generator: np.random.Generator, sea: SeaState, steps: int, dt_s: float) -> Floats:
@@ -422,13 +410,6 @@ def drift_series(generator: np.random.Generator, sea: SeaState, steps: int, dt_s
         return np.ones(steps)
     cosine, sine = (ornstein_uhlenbeck(generator, steps, dt_s, sea.group_s) for _ in range(2))
     return np.asarray(0.5 * (cosine**2 + sine**2))
-
-
-GRAVITY_MPS2 = 9.81
-PEAKEDNESS = 3.3
-COMPONENTS = 50
-_HALF_STEP_S = 0.002
-_ROWS = 4096  # worked through at a time, to keep memory small
 
 
 def jonswap(frequency_radps: Floats, wave_height_m: float, peak_period_s: float) -> Floats:
@@ -447,7 +428,7 @@ def jonswap(frequency_radps: Floats, wave_height_m: float, peak_period_s: float)
 def wave_motion(generator: np.random.Generator, sea: SeaState, plant: Plant, states: Floats, dt_s: float) -> Floats:
     """Displacement north and east [m] and yaw [rad] by waves at each of ``states``, and their rates: [rows, 6].
 
-    ``states`` [rows, 6] are without waves. The rates are differences over 4 ms, the ship going on as she goes:
+    ``states`` [rows, 6] are without waves. The rates are differences over 4 ms, the ship going on as it goes:
     over the steps of a simulation they would come out too small by some percent.
     """
     phases = generator.uniform(0.0, 2.0 * np.pi, COMPONENTS)
@@ -493,18 +474,11 @@ def _motion(
     q = 0.5 * length * np.outer(np.cos(b), number)
     depth = (1.0 - np.exp(-number * plant.draught_m)) / (number * plant.draught_m)
     shift = -(np.sin(phase) * np.sinc(q / np.pi)) @ (amplitude * depth)
-    turn = -(np.cos(phase) * _turning(q)) @ (amplitude * depth) * np.sin(b) * 6.0 / length
-    return np.column_stack([shift * np.cos(to_rad), shift * np.sin(to_rad), turn])
-
-
-def _turning(q: Floats) -> Floats:
-    """sin(q)/q^2 - cos(q)/q, which is q/3 near zero."""
     small = np.abs(q) < 1e-3
     safe = np.where(small, 1.0, q)
-    return np.where(small, q / 3.0, np.sin(safe) / safe**2 - np.cos(safe) / safe)
-
-
-INDEX = "campaign.csv"
+    turning = np.where(small, q / 3.0, np.sin(safe) / safe**2 - np.cos(safe) / safe)  # q/3 near zero
+    turn = -(np.cos(phase) * turning) @ (amplitude * depth) * np.sin(b) * 6.0 / length
+    return np.column_stack([shift * np.cos(to_rad), shift * np.sin(to_rad), turn])
 
 
 @dataclass(frozen=True, slots=True)
@@ -581,12 +555,23 @@ def trials_of(campaign: Campaign) -> tuple[PlannedTrial, ...]:
     for vessel in campaign.vessels:
         apply_effects(vessel_plant(load_vessel(vessel)), campaign.hidden)
     common = {name: getattr(campaign, name) for name in ("duration_s", "rate_hz", "heading_deg", "hidden", "noise")}
-    every = product(campaign.vessels, campaign.sea_states, campaign.manoeuvres, campaign.seeds)
-    trials = tuple(PlannedTrial(_name(*each), locate_vessel(each[0]), *each[1:], **common) for each in every)
-    twice = {trial.name for trial in trials if sum(trial.name == other.name for other in trials) > 1}
-    if twice or not trials:
+    trials = tuple(
+        PlannedTrial(
+            f"{Path(vessel).stem}-{sea}-{manoeuvre}-{seed:03d}",
+            locate_vessel(vessel),
+            sea,
+            manoeuvre,
+            seed,
+            **common,
+        )
+        for vessel, sea, manoeuvre, seed in product(
+            campaign.vessels, campaign.sea_states, campaign.manoeuvres, campaign.seeds
+        )
+    )
+    duplicates = {trial.name for trial in trials if sum(trial.name == candidate.name for candidate in trials) > 1}
+    if duplicates or not trials:
         raise ConfigurationError(
-            f"would make {sorted(twice)[0]} twice" if twice else "has no trial",
+            f"would make {sorted(duplicates)[0]} twice" if duplicates else "has no trial",
             where="campaign",
             fix="name every vessel, sea state, manoeuvre and seed once, and one of each at least",
         )
@@ -614,20 +599,24 @@ def run_campaign(
     ]
     with batch_folder(out):
         if workers == 1 and scheduler is None:
-            rows = map_calls([(make, job) for job in jobs], 1, progress)
+            rows = map_calls([(simulate_job, job) for job in jobs], 1, progress)
         else:
-            rows = run_jobs(jobs, make, workers, scheduler, progress)
+            rows = run_jobs(jobs, simulate_job, workers, scheduler, progress)
         index = out / INDEX
         reused = sum(row.pop("reused", False) for row in rows)
-        planned = [{"name": job.name, **_public(job)} for job in jobs]
+        columns = ("name", "vessel", "sea_state", "manoeuvre", "seed", "duration_s", "rate_hz")  # nothing hidden
+        planned = [
+            {name: getattr(job.trial, name) for name in columns} | {"recording": Path(job.path).name}
+            for job in jobs
+        ]
         with atomic_file(index) as partial:
             pd.DataFrame(planned).merge(pd.DataFrame(rows), on="name", how="left").to_csv(partial, index=False)
     return CampaignResult(rows, reused, index)
 
 
-def make(job: BatchJob) -> Row:
+def simulate_job(job: BatchJob) -> Row:
     """What a worker does for one trial; a row comes back whatever happens."""
-    return attempt(job, _made)
+    return attempt(job, _simulate_and_write)
 
 
 def fingerprint(trial: PlannedTrial) -> str:
@@ -637,12 +626,16 @@ def fingerprint(trial: PlannedTrial) -> str:
     return sha256(json.dumps(plan, sort_keys=True, default=str).encode()).hexdigest()
 
 
-def _made(job: BatchJob) -> Row:
+def _simulate_and_write(job: BatchJob) -> Row:
     """Simulate and write one trial; the truth comes last and marks it as complete."""
     assert isinstance(job, TrialJob)
     trial, recording = job.trial, Path(job.path)
     truth_path, plan = recording.with_suffix(".truth.json"), fingerprint(trial)
-    if recording.is_file() and _plan_of(truth_path) == plan:
+    stored_plan = None
+    if recording.is_file():
+        with suppress(OSError, ValueError, LookupError, TypeError):
+            stored_plan = str(read_json(truth_path)["plan"])
+    if stored_plan == plan:
         return {"status": "done", "cause": "", "sha256": sha256_of(recording), "reused": True}
     table, truth = simulate_trial(
         trial.vessel, trial.sea_state, trial.manoeuvre, trial.duration_s, trial.rate_hz, trial.seed, trial.hidden,
@@ -650,22 +643,3 @@ def _made(job: BatchJob) -> Row:
     )  # fmt: skip
     record_trial(table, truth, recording, plan=plan)
     return {"status": "done", "cause": "", "sha256": sha256_of(recording)}
-
-
-def _name(vessel: str, sea_state: str, manoeuvre: str, seed: int) -> str:
-    return f"{Path(vessel).stem}-{sea_state}-{manoeuvre}-{seed:03d}"
-
-
-def _public(job: TrialJob) -> dict[str, Any]:
-    """What the table says of a trial; what is hidden stays in the truth."""
-    named = ("vessel", "sea_state", "manoeuvre", "seed", "duration_s", "rate_hz")
-    return {name: getattr(job.trial, name) for name in named} | {"recording": Path(job.path).name}
-
-
-def _plan_of(truth: Path) -> str | None:
-    """The plan that a trial was made by, if it is complete."""
-    try:
-        plan = read_json(truth)["plan"]
-    except (OSError, ValueError, LookupError, TypeError):
-        return None
-    return str(plan)

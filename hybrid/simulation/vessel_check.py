@@ -1,16 +1,11 @@
 """The standard manoeuvres of a vessel file on the simulator, in still water and air, beside IMO's limits.
 
-Turning circles to both sides, zigzags 10/10 and 20/20, pull-outs, a crash stop
-(:mod:`seatrial.hybrid.simulation.vessel_check`), and the steady speed over the shaft speed. The criteria are
-judged by the functions that judge those of recordings.
-
-The test speed is the one at 85 % of the propellers' highest power, taken as the cube of the shaft speed.
-
-The standard tests on the simulator: turning circle, zigzag, pull-out and stop, each after a steady approach.
-
-IMO MSC.137(76) and MSC/Circ.1053; ITTC 7.5-04-02-01. The measures are those of the manoeuvres found in recordings
-(:mod:`seatrial.analysis.manoeuvres`), on the simulated track instead of a measured one, in still air. An autopilot
-holds the approach, also against a moment that turns the ship by itself: what counts is the heading that it holds.
+Turning circles to both sides, zigzags 10/10 and 20/20, pull-outs and a crash stop, each after a steady approach,
+and the steady speed over the shaft speed (IMO MSC.137(76) and MSC/Circ.1053; ITTC 7.5-04-02-01). Measures and
+criteria are those of the manoeuvres found in recordings (:mod:`seatrial.analysis.manoeuvres`), on the simulated
+track. An autopilot holds the approach, also against a moment that turns the ship by itself: what counts is the
+heading that it holds. The test speed is the one at 85 % of the propellers' highest power, taken as the cube of the
+shaft speed.
 """
 
 from __future__ import annotations
@@ -64,8 +59,28 @@ TEST_SHARE = 0.85 ** (1.0 / 3.0)
 """The shaft speed of the tests, of its limit."""
 
 COURSE_STABLE_SHARE = 0.02
-"""A rate of turn that is left with the helm amidships, of that of the turn before: less is none."""
+"""A residual rate of turn with the helm amidships, of that of the turn before: less is none."""
 
+STILL = SeaState(0.0, 0.0, 5.0, 0.0)
+"""No wind, no waves, no current."""
+SWINGS = 4
+SHOWN = {
+    "turning_circle": ("advance_m", "transfer_m", "tactical_diameter_m", "steady_diameter_m", "steady_yaw_rate_dps",
+                       "drift_angle_deg", "speed_loss"),
+    "zigzag": ("initial_turning_m", from_order(1), from_order(2), "period_s"),
+    "pull_out": ("turning_yaw_rate_dps", "residual_yaw_rate_dps"),
+    "stopping": ("track_reach_m", "head_reach_m", "lateral_deviation_m", "heading_change_deg", "stopping_time_s"),
+}  # fmt: skip
+"""The indices that are shown of each kind of test."""
+
+_STEP_S = 0.05  # at R/V Gunnerus' pace
+_APPROACH_LENGTHS, _LEAST_APPROACH_S = 20.0, 15.0
+_CIRCLE_LENGTHS, _SWING_LENGTHS, _TURN_LENGTHS, _PULL_LENGTHS, _STOP_LENGTHS = 80.0, 30.0, 15.0, 180.0, 120.0
+_CIRCLE_DEG = 720.0
+_STEADY_SHARE = 0.02  # of the rate of turn of a circle as wide as the ship is long, which a steady approach keeps
+_WIDEST_SWING_DEG = 150.0
+_SAME_SPEED, _MOST_APPROACHES = 0.002, 10
+_MOST_RPM = 2.0  # of the shafts' limit: what a model may turn that needs more for a speed than its ship
 _INITIAL_HELM_DEG = 10.0
 _PULL_OUT_DEG, _HELM_STEP_DEG, _LEAST_HELM_DEG = 20.0, 5.0, 5.0
 _SPEEDS = 10
@@ -74,7 +89,7 @@ _DEEP_DRAUGHTS = 100.0
 
 @dataclass(frozen=True, slots=True, eq=False)
 class VesselCheck(Result):
-    """How a ship behaves by her vessel file.
+    """How a ship behaves by its vessel file.
 
     ``rpm`` and ``speed_mps`` are those of the tests, ``speeds`` [S, 2] steady speeds [m/s] over shaft speeds [rpm].
     ``left_out`` says of tests that could not be made why.
@@ -93,7 +108,7 @@ class VesselCheck(Result):
 
     def of_kind(self, kind: str) -> tuple[StandardTest, ...]:
         """The tests of a kind: ``turning_circle``, ``zigzag``, ``pull_out``, ``stopping``."""
-        return tuple(each for each in self.tests if each.kind == kind)
+        return tuple(test for test in self.tests if test.kind == kind)
 
     @property
     def criteria(self) -> list[CriterionResult]:
@@ -102,16 +117,16 @@ class VesselCheck(Result):
 
     @property
     def course_stable(self) -> bool | None:
-        """Whether she comes out of a turn to either side when the helm is amidships; None where it is not known."""
-        rates = [[abs(index.value) for index in each.indices.values()] for each in self.of_kind("pull_out")]
-        return all(left < COURSE_STABLE_SHARE * turning for turning, left in rates) if rates else None
+        """Whether it comes out of a turn to either side when the helm is amidships; None where it is not known."""
+        rates = [[abs(index.value) for index in test.indices.values()] for test in self.of_kind("pull_out")]
+        return all(residual < COURSE_STABLE_SHARE * turning for turning, residual in rates) if rates else None
 
     def as_dict(self) -> dict[str, Any]:
         """For JSON."""
         return {
             "vessel": self.vessel, "length_m": self.length_m, "rpm": self.rpm, "speed_mps": self.speed_mps,
             "speeds": [{"rpm": rpm, "speed_mps": speed} for rpm, speed in self.speeds.tolist()],
-            "tests": [each.as_dict() for each in self.tests], "course_stable": self.course_stable,
+            "tests": [test.as_dict() for test in self.tests], "course_stable": self.course_stable,
             "criteria": [result.as_json() for result in self.criteria], "left_out": dict(self.left_out),
         }  # fmt: skip
 
@@ -119,29 +134,39 @@ class VesselCheck(Result):
 def check_vessel(vessel: Vessel, rpm: float | None = None) -> VesselCheck:
     """The standard manoeuvres of a ship at a shaft speed, by default at :data:`TEST_SHARE` of its limit.
 
-    Raises :class:`ConfigurationError` for a ship that nothing drives or steers, :class:`ModelRangeError` where she
-    leaves the range of her model straight ahead.
+    Raises :class:`ConfigurationError` for a ship that nothing drives or steers, :class:`ModelRangeError` where it
+    leaves the range of its model straight ahead.
     """
     limit = shaft_limit_rpm(vessel)
     test_rpm = limit * TEST_SHARE if rpm is None else rpm
     sides = (("starboard", 1.0), ("port", -1.0))
     ship = ship_at(vessel, test_rpm)
     trials: dict[str, Callable[[], StandardTest]] = {
-        **{f"turning circle to {name}": partial(_turning_circle, ship, side) for name, side in sides},
+        **{
+            f"turning circle to {name}": partial(
+                _within_range, min(TURNING_HELM_DEG, largest_helm_deg(ship)), partial(turning_circle, ship, side)
+            )
+            for name, side in sides
+        },
         **{
             f"zigzag {angle:.0f}/{angle:.0f} to {name}": partial(_zigzag, ship, angle, side)
             for angle in (_INITIAL_HELM_DEG, 20.0)
             for name, side in sides
         },
-        **{f"pull-out from {name}": partial(_pull_out, ship, side) for name, side in sides},
+        **{
+            f"pull-out from {name}": partial(
+                _within_range, min(_PULL_OUT_DEG, largest_helm_deg(ship)), partial(pull_out, ship, side)
+            )
+            for name, side in sides
+        },
         "crash stop": partial(stop, ship, -test_rpm),
     }
     speed_mps = _test_speed_mps(vessel, test_rpm)
-    made, left_out = _made(trials)
-    judged = add_limits(
-        (test.run for test in made), conditions_of(ship, _test_speed_mps(vessel, limit * TEST_SHARE))
+    tests, left_out = _run_tests(trials)
+    runs = add_limits(
+        (test.run for test in tests), conditions_of(ship, _test_speed_mps(vessel, limit * TEST_SHARE))
     )
-    tests = tuple(replace(test, run=run) for test, run in zip(made, judged, strict=True))
+    tests = tuple(replace(test, run=run) for test, run in zip(tests, runs, strict=True))
     return VesselCheck(vessel.name, ship.length_m, test_rpm, speed_mps, _speeds(vessel, limit), tests, left_out)
 
 
@@ -158,15 +183,15 @@ def conditions_of(ship: TrialShip, full_speed_mps: float) -> Conditions:
     )  # fmt: skip
 
 
-def _made(trials: Mapping[str, Callable[[], StandardTest]]) -> tuple[tuple[StandardTest, ...], dict[str, str]]:
+def _run_tests(trials: Mapping[str, Callable[[], StandardTest]]) -> tuple[tuple[StandardTest, ...], dict[str, str]]:
     """The tests that can be made, and why the others cannot."""
-    made, left_out = [], {}
+    tests, left_out = [], {}
     for name, make in trials.items():
         try:
-            made.append(make())
+            tests.append(make())
         except (ModelRangeError, DataShortageError) as error:
             left_out[name] = f"{error.what}{': ' * bool(error.why)}{error.why}"
-    return tuple(made), left_out
+    return tuple(tests), left_out
 
 
 def _steady_mps(vessel: Vessel, rpm: float) -> float:
@@ -187,28 +212,24 @@ def _test_speed_mps(vessel: Vessel, rpm: float) -> float:
 
 def _speeds(vessel: Vessel, highest_rpm: float) -> Floats:
     """Steady speeds [m/s] over shaft speeds [rpm], [S, 2], as far as the range of the model goes."""
-    found = []
+    speeds = []
     for rpm in highest_rpm * np.arange(1, _SPEEDS + 1) / _SPEEDS:
         try:
-            found.append((float(rpm), _steady_mps(vessel, rpm)))
+            speeds.append((float(rpm), _steady_mps(vessel, rpm)))
         except ModelRangeError:
             break
-    return np.array(found).reshape(-1, 2)
+    return np.array(speeds).reshape(-1, 2)
 
 
-def _within_range(helm_deg: float, sailed: Callable[[float], StandardTest]) -> StandardTest:
-    """A test with the largest helm up to ``helm_deg`` at which the ship stays in the range of her model."""
+def _within_range(helm_deg: float, sail_test: Callable[[float], StandardTest]) -> StandardTest:
+    """A test with the largest helm up to ``helm_deg`` at which the ship stays in the range of its model."""
     while True:
         try:
-            return sailed(helm_deg)
+            return sail_test(helm_deg)
         except ModelRangeError:
             if helm_deg - _HELM_STEP_DEG < _LEAST_HELM_DEG:
                 raise
             helm_deg -= _HELM_STEP_DEG
-
-
-def _turning_circle(ship: TrialShip, side: float) -> StandardTest:
-    return _within_range(min(TURNING_HELM_DEG, largest_helm_deg(ship)), partial(turning_circle, ship, side))
 
 
 def _zigzag(ship: TrialShip, angle_deg: float, side: float) -> StandardTest:
@@ -220,35 +241,9 @@ def _zigzag(ship: TrialShip, angle_deg: float, side: float) -> StandardTest:
     return replace(test, run=replace(test.run, indices=shown))
 
 
-def _pull_out(ship: TrialShip, side: float) -> StandardTest:
-    return _within_range(min(_PULL_OUT_DEG, largest_helm_deg(ship)), partial(pull_out, ship, side))
-
-
-STILL = SeaState(0.0, 0.0, 5.0, 0.0)
-"""No wind, no waves, no current."""
-SWINGS = 4
-SHOWN = {
-    "turning_circle": ("advance_m", "transfer_m", "tactical_diameter_m", "steady_diameter_m", "steady_yaw_rate_dps",
-                       "drift_angle_deg", "speed_loss"),
-    "zigzag": ("initial_turning_m", from_order(1), from_order(2), "period_s"),
-    "pull_out": ("turning_yaw_rate_dps", "residual_yaw_rate_dps"),
-    "stopping": ("track_reach_m", "head_reach_m", "lateral_deviation_m", "heading_change_deg", "stopping_time_s"),
-}  # fmt: skip
-"""What is shown of each kind of test."""
-
-_STEP_S = 0.05  # at R/V Gunnerus' pace
-_APPROACH_LENGTHS, _LEAST_APPROACH_S = 20.0, 15.0
-_CIRCLE_LENGTHS, _SWING_LENGTHS, _TURN_LENGTHS, _PULL_LENGTHS, _STOP_LENGTHS = 80.0, 30.0, 15.0, 180.0, 120.0
-_CIRCLE_DEG = 720.0
-_STEADY_SHARE = 0.02  # of the rate of turn of a circle as wide as the ship is long, which a steady approach keeps
-_WIDEST_SWING_DEG = 150.0
-_SAME_SPEED, _MOST_APPROACHES = 0.002, 10
-_MOST_RPM = 2.0  # of the shafts' limit: what a model may turn that needs more for a speed than its ship
-
-
 @dataclass(frozen=True, slots=True)
 class TrialShip:
-    """A ship as she sails tests: ``plant`` is what moves, ``vessel`` has her autopilot, ``drives`` are what her
+    """A ship as it sails tests: ``plant`` is what moves, ``vessel`` has the autopilot, ``drives`` are what the
     controls can do; the approach is at ``rpm``."""
 
     vessel: Vessel
@@ -304,25 +299,27 @@ class StandardTest:
 
 
 def approach_at(ship: TrialShip, speed_mps: float) -> TrialShip:
-    """The ship with the shaft speed at which her approach has this speed through the water.
+    """The ship with the shaft speed at which its approach has this speed through the water.
 
     Raises :class:`DataShortageError` where no shaft speed up to twice the shafts' limit gives it within 0.2 %, and
-    :class:`ModelRangeError` where it is out of the range of her model.
+    :class:`ModelRangeError` where it is out of the range of its model.
     """
     if not speed_mps > 0.0:
         raise DataShortageError(f"no approach can be made at {speed_mps:.2f} m/s")
-    highest = _MOST_RPM * float(np.max(ship.drives.limit[_mains(ship)])) / _rps_per_rpm(ship)
+    mains = _mains(ship)
+    rps_per_rpm = float(control_units(ship.vessel.actuators)[mains][0])
+    highest = _MOST_RPM * float(np.max(ship.drives.limit[mains])) / rps_per_rpm
     rpm = min(usual_rpm(ship.vessel), highest)
     for _ in range(_MOST_APPROACHES):
-        trial = as_fast_as_ordered(replace(ship, rpm=rpm))
-        motion, start = sailed(trial, (steer(0.0, inf, rpm),), 0.0)
-        made_mps = approach_of(motion, start)["approach_mps"]
-        if abs(made_mps - speed_mps) <= _SAME_SPEED * speed_mps:
+        trial = without_shaft_limit(replace(ship, rpm=rpm))
+        motion, start = sail_legs(trial, (steer(0.0, inf, rpm),), 0.0)
+        reached_mps = approach_of(motion, start)["approach_mps"]
+        if abs(reached_mps - speed_mps) <= _SAME_SPEED * speed_mps:
             return trial
-        rpm = min(rpm * speed_mps / max(made_mps, 1e-3 * speed_mps), highest)
+        rpm = min(rpm * speed_mps / max(reached_mps, 1e-3 * speed_mps), highest)
     raise DataShortageError(
         f"the model makes no {speed_mps:.2f} m/s straight ahead",
-        why=f"it makes {made_mps:.2f} m/s at {trial.rpm:.4g} rpm",
+        why=f"it makes {reached_mps:.2f} m/s at {trial.rpm:.4g} rpm",
     )
 
 
@@ -330,11 +327,7 @@ def _mains(ship: TrialShip) -> Bools:
     return handling_of(ship.vessel).main
 
 
-def _rps_per_rpm(ship: TrialShip) -> float:
-    return float(control_units(ship.vessel.actuators)[_mains(ship)][0])
-
-
-def as_fast_as_ordered(ship: TrialShip) -> TrialShip:
+def without_shaft_limit(ship: TrialShip) -> TrialShip:
     """The ship with drives that turn as fast as is ordered."""
     ordered = np.abs(handling_of(ship.vessel).orders(ship.rpm, 0.0)) * control_units(ship.vessel.actuators)
     limit = np.where(_mains(ship), np.maximum(ship.drives.limit, ordered), ship.drives.limit)
@@ -348,12 +341,12 @@ def largest_helm_deg(ship: TrialShip) -> float:
 
 
 def with_helm_rate(ship: TrialShip, rate_dps: float) -> TrialShip:
-    """The ship with all angles that steer her going over at this rate."""
+    """The ship with all angles that steer it moving at this rate."""
     rate = np.where(handling_of(ship.vessel).steering_angles, np.deg2rad(rate_dps), ship.drives.rate)
     return replace(ship, drives=ship.drives._replace(rate=rate))
 
 
-def sailed(ship: TrialShip, legs: Sequence[Leg], lengths: float) -> tuple[Motion, float]:
+def sail_legs(ship: TrialShip, legs: Sequence[Leg], lengths: float) -> tuple[Motion, float]:
     """The motion of legs after an approach on a straight course, for so many ship lengths at the usual speed, and
     the time of the execute [s]."""
     pace = pace_of(ship.vessel)
@@ -383,7 +376,7 @@ def _motion(vessel: Vessel, states: Floats, controls: Floats, dt_s: float) -> Mo
     )  # fmt: skip
 
 
-def _test(
+def _standard_test(
     kind: str, name: str, side: float, motion: Motion, executes_s: Sequence[float], values: Mapping[str, float],
     length_m: float, helm_deg: float = 0.0, **settings: float,
 ) -> StandardTest:  # fmt: skip
@@ -409,29 +402,29 @@ def _test(
 
 def turning_circle(ship: TrialShip, side: float, helm_deg: float, turn_deg: float = _CIRCLE_DEG) -> StandardTest:
     """A turning circle to a side, 1 for starboard and -1 for port, until the ship has turned by so much."""
-    motion, start = sailed(ship, (helm(-side * helm_deg, ship.rpm),), _CIRCLE_LENGTHS)
-    turned = np.flatnonzero(side * (motion.heading_deg - motion.at("heading_deg", start)) >= turn_deg)
-    motion = motion.rows(0, int(turned[0]) + 1 if turned.size else motion.time_s.size)
+    motion, start = sail_legs(ship, (helm(-side * helm_deg, ship.rpm),), _CIRCLE_LENGTHS)
+    turned_rows = np.flatnonzero(side * (motion.heading_deg - motion.at("heading_deg", start)) >= turn_deg)
+    motion = motion.rows(0, int(turned_rows[0]) + 1 if turned_rows.size else motion.time_s.size)
     end = float(motion.time_s[-1])
     values = circle_indices(motion, np.array([start, end]))
     if "tactical_diameter_m" not in values or values["tactical_diameter_m"] <= 0.0:
         raise DataShortageError(f"the ship does not turn to {side_of(side)} by half a circle")
     name = f"turning circle {helm_deg:.0f} deg"
-    return _test("turning_circle", name, side, motion, (start, end), values, ship.length_m, helm_deg)
+    return _standard_test("turning_circle", name, side, motion, (start, end), values, ship.length_m, helm_deg)
 
 
 def zigzag_test(
     ship: TrialShip, side: float, helm_deg: float, switch_deg: float, swings: int = SWINGS
 ) -> StandardTest:
     """A zigzag about the heading that the autopilot holds in the approach, which need not be the one ordered."""
-    swung = zigzag(-side * helm_deg, -side * switch_deg, ship.rpm, swings=swings)
-    ordered = [replace(leg, at_most_s=inf) for leg in swung]
-    approach, start = sailed(ship, ordered[:1], 0.0)
+    standard_legs = zigzag(-side * helm_deg, -side * switch_deg, ship.rpm, swings=swings)
+    open_legs = [replace(leg, at_most_s=inf) for leg in standard_legs]
+    approach, start = sail_legs(ship, open_legs[:1], 0.0)
     course_deg = approach.at("heading_deg", start)
     if abs(course_deg) >= switch_deg:
         raise DataShortageError(f"the autopilot holds the course only within {abs(course_deg):.0f} deg")
-    legs = [replace(leg, deviation_deg=leg.deviation_deg + course_deg) for leg in ordered]
-    motion, start = sailed(ship, legs, _SWING_LENGTHS * swings)
+    legs = [replace(leg, deviation_deg=leg.deviation_deg + course_deg) for leg in open_legs]
+    motion, start = sail_legs(ship, legs, _SWING_LENGTHS * swings)
     executes = _executes_s(motion, start, switch_deg, side, swings)
     motion = motion.between(0.0, executes[-1])
     widest_deg = np.abs(motion.heading_deg[motion.time_s >= start] - course_deg).max()
@@ -439,18 +432,20 @@ def zigzag_test(
         raise DataShortageError(f"the heading swings by {widest_deg:.0f} deg, which is no zigzag")
     values = zigzag_indices(motion, np.array([executes, executes]))
     name = f"zigzag {helm_deg:.0f}/{switch_deg:.0f}"
-    return _test("zigzag", name, side, motion, executes, values, ship.length_m, helm_deg, switch_deg=switch_deg)
+    return _standard_test(
+        "zigzag", name, side, motion, executes, values, ship.length_m, helm_deg, switch_deg=switch_deg
+    )
 
 
 def _executes_s(motion: Motion, start: float, switch_deg: float, first_side: float, swings: int) -> list[float]:
     """The times at which the helm of a zigzag was ordered, and of its end [s]."""
     executes, side = [start], first_side
-    off = motion.heading_deg - motion.at("heading_deg", start)
+    deviation_deg = motion.heading_deg - motion.at("heading_deg", start)
     for _ in range(swings):
-        over = np.flatnonzero((side * off >= switch_deg) & (motion.time_s > executes[-1]))
-        if not over.size:
+        crossings = np.flatnonzero((side * deviation_deg >= switch_deg) & (motion.time_s > executes[-1]))
+        if not crossings.size:
             raise DataShortageError(f"the heading is not off by {switch_deg:g} deg after swing {len(executes)}")
-        executes.append(float(motion.time_s[over[0]]))
+        executes.append(float(motion.time_s[crossings[0]]))
         side = -side
     return executes
 
@@ -460,24 +455,24 @@ def pull_out(ship: TrialShip, side: float, helm_deg: float) -> StandardTest:
     turn does not settle."""
     turn_s = _TURN_LENGTHS * pace_of(ship.vessel).length_s
     legs = (helm(-side * helm_deg, ship.rpm, turn_s), helm(0.0, ship.rpm))
-    motion, start = sailed(ship, legs, _TURN_LENGTHS + _PULL_LENGTHS)
+    motion, start = sail_legs(ship, legs, _TURN_LENGTHS + _PULL_LENGTHS)
     released, end = start + turn_s, float(motion.time_s[-1])
     values = pull_out_indices(motion, np.array([released, end]))
     if not values:
         raise DataShortageError("the rate of turn has not settled with the helm amidships")
     name = f"pull-out from {helm_deg:.0f} deg"
-    return _test("pull_out", name, side, motion, (start, released, end), values, ship.length_m, helm_deg)
+    return _standard_test("pull_out", name, side, motion, (start, released, end), values, ship.length_m, helm_deg)
 
 
 def stop(ship: TrialShip, rpm: float, slower_mps: float = 0.0, name: str = FULL_ASTERN) -> StandardTest:
     """The shafts ordered to another speed [rpm], astern or none, until the ship is as slow as that."""
     legs = (Leg(rpm=rpm, slower_mps=slower_mps), Leg(rpm=0.0))
-    motion, start = sailed(ship, legs, _STOP_LENGTHS)
-    stopped = np.flatnonzero((motion.surge_mps <= slower_mps) & (motion.time_s > start))
-    if not stopped.size:
+    motion, start = sail_legs(ship, legs, _STOP_LENGTHS)
+    stopped_rows = np.flatnonzero((motion.surge_mps <= slower_mps) & (motion.time_s > start))
+    if not stopped_rows.size:
         raise DataShortageError(f"the ship does not stop within {_STOP_LENGTHS:g} lengths' time")
-    end = float(motion.time_s[stopped[0]])
+    end = float(motion.time_s[stopped_rows[0]])
     values = stopping_indices(motion, np.array([start, end]))
-    return _test(
+    return _standard_test(
         "stopping", name, 0.0, motion.between(0.0, end), (start, end), values, ship.length_m, thrust_rpm=rpm
     )

@@ -1,4 +1,4 @@
-"""The equation of motion and its integration step (paper, eq. 2), compiled.
+"""The equation of motion (paper, eq. 2), its integration, and simulated runs of one vessel or a batch, compiled.
 
 eta' = R(psi) nu and M nu_r' = tau(nu_r), with nu over ground in the state and nu_r through the water inside.
 A steady current in the earth frame turns in the body frame as the ship turns, hence u' = u_r' + v_c r and
@@ -6,14 +6,12 @@ v' = v_r' - u_c r. Runge-Kutta of fourth order; whatever is constant in a step i
 :class:`StepConstants`. The ship's actuators are rows of a table, gone through one by one, whatever their number and
 kind.
 
-Simulated runs: the compiled loop over steps, one vessel or a batch over all cores.
-
-An extra force, for what no slot of a plant expresses, is a function of five arguments that numba compiles
-and the loop calls: ``force(time_s, state, control, environment, parameters) -> (X [N], Y [N], N [N m])`` with
-``state`` = (north [m], east [m], heading [rad], u, v [m/s], r [rad/s]) over ground, ``control`` an array of the
-controls in SI, actuator by actuator in the order of the vessel file (R/V Gunnerus: port [rev/s], port angle [rad],
-starboard [rev/s], starboard angle [rad], tunnel [rpm]), ``environment`` an
-:class:`~seatrial.hybrid.vessel.dynamics.Environment` and ``parameters`` a float array.
+An extra force, for what no slot of a plant expresses, is a function of five arguments that numba compiles and the
+loop calls: ``force(time_s, state, control, environment, parameters) -> (X [N], Y [N], N [N m])`` with ``state`` =
+(north [m], east [m], heading [rad], u, v [m/s], r [rad/s]) over ground, ``control`` an array of the controls in SI,
+actuator by actuator in the order of the vessel file (R/V Gunnerus: port [rev/s], port angle [rad], starboard
+[rev/s], starboard angle [rad], tunnel [rpm]), ``environment`` an :class:`Environment` and ``parameters`` a float
+array.
 """
 
 from __future__ import annotations
@@ -57,6 +55,13 @@ from seatrial.hybrid.vessel.plant import (
 )
 from seatrial.hybrid.vessel.sensors import acting_controls
 from seatrial.hybrid.vessel.wind import wind_force, wind_vector
+
+FADING_S2PM2 = 5.0
+"""Of low_speed_damping by the squared speed, as in Fossen's MSS toolbox (forceSurgeDamping.m, alpha = 5)."""
+LONGEST_STEP_S = 0.25
+"""With this step a run of 30 s is within a tenth of a millimetre of the exact solution."""
+_NAMES = ("start", "controls", "wind", "acting_start")
+_NO_PARAMETERS = np.zeros((1, 1))
 
 State = tuple[float, float, float, float, float, float]
 """north [m], east [m], heading [rad, unwrapped], u, v over ground [m/s], r [rad/s]."""
@@ -150,8 +155,8 @@ def actuators_force(p: Record, work: Floats, u_r: float, v_r: float, r: float) -
     """Force and moment X [N], Y [N], N [N m] of all actuators as they are held, at speeds through the water."""
     X, Y, N = 0.0, 0.0, 0.0
     for i in range(len(p.actuators)):
-        one_X, one_Y, one_N = actuator_force(p, i, work, u_r, v_r, r)
-        X, Y, N = X + one_X, Y + one_Y, N + one_N
+        actuator_X, actuator_Y, actuator_N = actuator_force(p, i, work, u_r, v_r, r)
+        X, Y, N = X + actuator_X, Y + actuator_Y, N + actuator_N
     return X, Y, N
 
 
@@ -245,7 +250,7 @@ def in_range(p: Record, state: State) -> bool:
 
 
 @compiled
-def approach(p: Record, result: Control, acting: Control, order: Control, shares: Floats) -> None:
+def move_towards_orders(p: Record, result: Control, acting: Control, order: Control, shares: Floats) -> None:
     """Fill ``result``: ``acting`` moved towards ``order`` by each actuator's share of the way; angles the shorter
     one.
     """
@@ -266,7 +271,7 @@ def play_of(p: Record, i: int) -> float:
 
 
 @compiled
-def take_up(p: Record, behind: Control, order: Control) -> None:
+def take_up_play(p: Record, behind: Control, order: Control) -> None:
     """Move ``behind`` with ``order``: an angle with play no further than half of it away, all else to the order."""
     for i in range(len(p.actuators)):
         kind, first, half = int(p.actuators[i, KIND]), int(p.actuators[i, CONTROL]), 0.5 * play_of(p, i)
@@ -307,16 +312,16 @@ def advance(
     substep, and ``acting`` moves on; without a lag the order acts.
     """
     if scratch.loose:
-        take_up(p, scratch.behind, order)
+        take_up_play(p, scratch.behind, order)
         order = scratch.behind
     direction_rad, speed_mps = air
     h = dt_s / substeps
     held = hold(p, order, scratch.work, direction_rad, speed_mps)
     for j in range(substeps):
         if lag.present:
-            approach(p, scratch.control, acting, order, lag.mean)
+            move_towards_orders(p, scratch.control, acting, order, lag.mean)
             held = hold(p, scratch.control, scratch.work, direction_rad, speed_mps)
-            approach(p, acting, acting, order, lag.end)
+            move_towards_orders(p, acting, acting, order, lag.end)
         state = runge_kutta(p, mass, held, time_s + j * h, h, state, extra, parameters)
     return state
 
@@ -340,10 +345,6 @@ def wave_drift_at(F: float, length: float, cos_b: float, sin_b: float) -> tuple[
     return 0.35 * F * cos_b, F * sin_b, 0.12 * length * F * sin_b * cos_b
 
 
-FADING_S2PM2 = 5.0
-"""Of low_speed_damping by the squared speed, as in Fossen's MSS toolbox (forceSurgeDamping.m, alpha = 5)."""
-
-
 @compiled
 def low_speed_damping(p: Record, u: float, v: float, r: float) -> tuple[float, float, float]:
     """Linear damping near rest X [N], Y [N], N [N m] at ``u, v`` [m/s] through the water and ``r`` [rad/s].
@@ -362,10 +363,6 @@ def low_speed_damping(p: Record, u: float, v: float, r: float) -> tuple[float, f
         -fading * p.sway_damping_ps * (p.mass_kg - p.Yvd) * v,
         -fading * p.yaw_damping_ps * yaw_inertia * r,
     )
-
-
-LONGEST_STEP_S = 0.25
-"""With this step a run of 30 s is within a tenth of a millimetre of the exact solution."""
 
 
 def _make_run(stamp: int) -> Callable[..., int]:
@@ -457,16 +454,26 @@ def simulate_batch(
     """
     packed = pack(plants)
     extra, parameters = combine_forces(plants)
-    arrays = _inputs(controls_in(packed), start, _prompt(packed, controls, dt_s), wind, acting_start)
+    reported, delay_s = _shaped(controls, 3, controls_in(packed), "controls"), packed["command_delay_s"]
+    if (delay_s == delay_s[0]).all():  # one series for all runs
+        delay_s = delay_s[0]
+    else:
+        _check_sizes(max(len(packed), len(reported)), {"plants": len(packed), "controls": len(reported)})
+    prompt = acting_controls(reported, delay_s, dt_s, angles_in(packed))
+    arrays = _inputs(controls_in(packed), start, prompt, wind, acting_start)
     number = max(len(packed), *(len(array) for array in arrays))
     _check_sizes(number, {"plants": len(packed)} | dict(zip(_NAMES, map(len, arrays), strict=True)))
     begin, control, air, acting = arrays
     states = np.empty((number, control.shape[1] + 1, 6))
     left_at = np.empty(number, dtype=np.int64)
     steps = substeps or steps_for(dt_s)
-    kernel = run_all if number > 1 else _run_one
     with threads_for(number * control.shape[1] * steps):
-        kernel(packed, begin, control, air, dt_s, steps, acting, extra, parameters, states, left_at)
+        if number > 1:
+            run_all(packed, begin, control, air, dt_s, steps, acting, extra, parameters, states, left_at)
+        else:  # without the cost of starting threads
+            left_at[0] = run(
+                packed[0], begin[0], control[0], air[0], dt_s, steps, acting[0], extra, parameters[0], states[0]
+            )
     return Runs(states, left_at)
 
 
@@ -500,37 +507,16 @@ def range_error(runs: Runs, plants: Plants, dt_s: float) -> ModelRangeError:
     run_number = int(np.flatnonzero(~runs.inside)[0])
     step = int(runs.left_at[run_number])
     packed = pack(plants)
-    p = packed[run_number % len(packed)]
+    plant = packed[run_number % len(packed)]
     u, v, r = runs.states[run_number, step, 3:]
     return ModelRangeError(
         f"left the range of the model between {step * dt_s:g} and {(step + 1) * dt_s:g} s",
         where=f"run {run_number} of {len(runs.states)}",
         why=f"last inside at surge {u:.2f} m/s, sway {v:.2f} m/s, yaw rate {r:.3f} rad/s, and the "
-        f"coefficients hold for surge {p['surge_low_mps']:g} to {p['surge_high_mps']:g} m/s, "
-        f"sway within {p['sway_limit_mps']:g} m/s and yaw rate within {p['yaw_rate_limit_radps']:g} rad/s",
+        f"coefficients hold for surge {plant['surge_low_mps']:g} to {plant['surge_high_mps']:g} m/s, "
+        f"sway within {plant['sway_limit_mps']:g} m/s and yaw rate within {plant['yaw_rate_limit_radps']:g} rad/s",
         fix="check the start and the controls, or widen [validity] in the vessel file if its data allow",
     )
-
-
-_NAMES = ("start", "controls", "wind", "acting_start")
-
-
-def _run_one(plants: Any, *arguments: Any) -> None:
-    """One run without the cost of starting threads; arguments as those of the parallel kernel."""
-    start, controls, wind, dt_s, substeps, acting, extra, parameters, states, left_at = arguments
-    left_at[0] = run(
-        plants[0], start[0], controls[0], wind[0], dt_s, substeps, acting[0], extra, parameters[0], states[0]
-    )
-
-
-def _prompt(plants: NDArray[np.void], controls: ArrayLike, dt_s: float) -> Floats:
-    """Controls as they act, one series for all runs or, where plants differ in their delay, one a run."""
-    control = _shaped(controls, 3, controls_in(plants), "controls")
-    delay_s = plants["command_delay_s"]
-    if (delay_s == delay_s[0]).all():
-        return acting_controls(control, delay_s[0], dt_s, angles_in(plants))
-    _check_sizes(max(len(plants), len(control)), {"plants": len(plants), "controls": len(control)})
-    return acting_controls(control, delay_s, dt_s, angles_in(plants))
 
 
 def _inputs(
@@ -562,9 +548,6 @@ def _check_sizes(number: int, sizes: dict[str, int]) -> None:
         raise InputError(f"{', '.join(wrong)} for {number} runs", fix="give one for all runs, or one for each")
 
 
-_NONE = np.zeros((1, 1))
-
-
 def combine_forces(plants: Plants) -> tuple[ForceFunction | None, Floats]:
     """One compiled force for all of ``plants`` and its parameters [P, Q], or ``None`` where none has any.
 
@@ -575,24 +558,21 @@ def combine_forces(plants: Plants) -> tuple[ForceFunction | None, Floats]:
     then. After some fifty of them that cache fails altogether (numba issue 9348).
     """
     if isinstance(plants, np.ndarray):
-        return None, _NONE
+        return None, _NO_PARAMETERS
     batch: Sequence[Plant] = (plants,) if isinstance(plants, Plant) else plants
     sizes: dict[ForceFunction, int] = {}
     for plant in batch:
         for force in plant.forces:
             sizes.setdefault(force.function, len(force.parameters))
     if not sizes:
-        return None, _NONE
-    parameters = np.array([_row(plant, sizes) for plant in batch])
-    return _chain(tuple(sizes.items()), len(batch[0].layout)), parameters
-
-
-def _row(plant: Plant, sizes: dict[ForceFunction, int]) -> list[float]:
-    by_function = {force.function: force.parameters for force in plant.forces}
-    row: list[float] = []
-    for function, size in sizes.items():
-        row += [1.0, *by_function[function]] if function in by_function else [0.0] * (1 + size)
-    return row
+        return None, _NO_PARAMETERS
+    rows: list[list[float]] = []
+    for plant in batch:
+        by_function = {force.function: force.parameters for force in plant.forces}
+        rows.append([])
+        for function, size in sizes.items():
+            rows[-1] += [1.0, *by_function[function]] if function in by_function else [0.0] * (1 + size)
+    return _chain(tuple(sizes.items()), len(batch[0].layout)), np.array(rows)
 
 
 @lru_cache(maxsize=64)
@@ -615,19 +595,19 @@ def _jitted(function: ForceFunction) -> Any:
     return njit(fastmath=FAST, error_model="numpy")(function)
 
 
-def _added(before: Any, force: Any, switch: int, end: int) -> Any:
-    def one(time_s, state, control, environment, parameters):  # type: ignore[no-untyped-def]
+def _added(preceding: Any, force: Any, switch: int, end: int) -> Any:
+    def switched(time_s, state, control, environment, parameters):  # type: ignore[no-untyped-def]
         if parameters[switch] == 0.0:
             return 0.0, 0.0, 0.0
         return force(time_s, state, control, environment, parameters[switch + 1 : end])
 
-    if before is None:
-        return one
-    first, second = _jitted(before), _jitted(one)
+    if preceding is None:
+        return switched
+    first, second = _jitted(preceding), _jitted(switched)
 
-    def both(time_s, state, control, environment, parameters):  # type: ignore[no-untyped-def]
+    def summed(time_s, state, control, environment, parameters):  # type: ignore[no-untyped-def]
         X, Y, N = first(time_s, state, control, environment, parameters)
-        more_X, more_Y, more_N = second(time_s, state, control, environment, parameters)
-        return X + more_X, Y + more_Y, N + more_N
+        second_X, second_Y, second_N = second(time_s, state, control, environment, parameters)
+        return X + second_X, Y + second_Y, N + second_N
 
-    return both
+    return summed

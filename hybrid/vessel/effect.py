@@ -57,7 +57,7 @@ class Effect:
     become free coordinates: ``linear`` (value - neutral), ``polar`` (size and direction in degrees become
     two components) or ``inverse_square`` (1 / value^2, for what is absent at infinity and tends to it so).
     ``confused_with`` names the effects that look much the same in many trials; of two such effects one names the
-    other in the files, and each in a catalogue. ``scope`` says whose it is: the ship's, the same in all her
+    other in the files, and each in a catalogue. ``scope`` says whose it is: the ship's, the same in all its
     recordings; the day's, as wind and sea are; or that of a recording, as clocks and sensors are.
     """
 
@@ -235,7 +235,7 @@ def scaling(
 
 
 USUAL_LENGTH_M = 30.0
-"""The length of a ship for which ordinary sizes of effects are written down; they go with hers by their unit."""
+"""The length of a ship for which ordinary sizes of effects are stated; they scale with length by their unit."""
 
 _POWERS = {"N": 3.0, "N m": 4.0, "m": 1.0, "m2": 2.0, "m/s": 0.5, "1/s": -0.5}
 

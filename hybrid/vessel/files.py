@@ -167,8 +167,8 @@ def _check_references(vessel: Vessel, text: str, path: Path) -> None:
     for number, entry in enumerate(vessel.actuator):
         behind = getattr(entry, "behind", "")
         if behind and behind not in propellers:
-            there = ", ".join(propellers) or "none; leave it out"
-            _complain(path, text, ["actuator", number, "behind"], f"is {behind!r}", f"name a propeller: {there}")
+            names = ", ".join(propellers) or "none; leave it out"
+            _complain(path, text, ["actuator", number, "behind"], f"is {behind!r}", f"name a propeller: {names}")
     tables = {
         str(numbered["name"] if keys[0] == "actuator" else keys[0]): numbered for keys, numbered in _tables(vessel)
     }
@@ -236,7 +236,7 @@ Trials = Mapping[Path, Trial]
 
 @dataclass(frozen=True, slots=True)
 class ReferenceModel:
-    """A vessel as the model of recordings, where it comes from, and what is to be said of that.
+    """A vessel as the model of recordings, where it comes from, and a remark on that.
 
     ``file`` is the name of one of Seatrial's own or a path, and means the same from any folder.
     """
@@ -255,31 +255,31 @@ def reference_model(trials: Trials, vessel: str | Path | Vessel | None = None) -
     """The model of recordings: ``vessel``, else the vessel file of the ship that they name.
 
     That is one of Seatrial's own, or a file beside the recording or in the working directory. Recordings that name
-    no ship and have R/V Gunnerus' actuators, as all had before ships were told apart, are hers. Raises
-    :class:`InputError` where no ship is named, no file is of her, or recordings are of several ships.
+    no ship and have R/V Gunnerus' actuators, as all had before ships were distinguished, are of that ship. Raises
+    :class:`InputError` where no ship is named, no file is of it, or recordings are of several ships.
     """
     if isinstance(vessel, Vessel):
-        return ReferenceModel(vessel, vessel.name, chosen(vessel.name, ships_of(vessel), trials))
+        return ReferenceModel(vessel, vessel.name, chosen_model(vessel.name, ships_of(vessel), trials))
     file = locate_vessel(str(vessel or _named_by(trials)))
     ship = load_vessel(file)
     name = ship.name if Path(file).stem == ship.name else f"{ship.name} ({Path(file).name})"
-    return ReferenceModel(ship, file, chosen(name, ships_of(ship) | {Path(file).stem}, trials))
+    return ReferenceModel(ship, file, chosen_model(name, ships_of(ship) | {Path(file).stem}, trials))
 
 
 def ships_of(vessel: Vessel) -> set[str]:
     """The names of the ships that a vessel is a model of: with its own that of the model it was made from."""
-    made_from = {str(vessel.provenance.get(key, "")) for key in ("diagnosis_vessel", "identified_start")}
+    source_models = {str(vessel.provenance.get(key, "")) for key in ("diagnosis_vessel", "identified_start")}
     base = set() if vessel.name in vessel_names() else {Path(vessel.base).stem}
-    return {vessel.name, *base, *made_from}
+    return {vessel.name, *base, *source_models}
 
 
-def chosen(name: str, ships: set[str], trials: Trials) -> ChosenModel:
+def chosen_model(name: str, ships: set[str], trials: Trials) -> ChosenModel:
     """A model that is called ``name`` and is one of ``ships``, and whether the recordings name another."""
     named = [trial.vessel for trial in trials.values()]
     subject = "the recording names" if len(named) == 1 else "the recordings name"
-    other_ships = sorted({Path(ship).stem if ship.endswith(".toml") else ship for ship in named if ship} - ships)
-    if other_ships:
-        return ChosenModel(name, f", not the ship that {subject} ({', '.join(other_ships)})")
+    mismatched = sorted({Path(ship).stem if ship.endswith(".toml") else ship for ship in named if ship} - ships)
+    if mismatched:
+        return ChosenModel(name, f", not the ship that {subject} ({', '.join(mismatched)})")
     return ChosenModel(
         name, "" if all(named) else f"; {subject} no ship" if not any(named) else "; some name no ship"
     )

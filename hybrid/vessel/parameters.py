@@ -22,15 +22,13 @@ from seatrial.hybrid.vessel.wind import FujiwaraWind, NoWind, Wind
 if TYPE_CHECKING:
     AnyActuator = ActuatorEntry
     AnyHull = HullEntry
-else:  # the kinds' and models' entries, told apart by a word in them
+else:  # the kinds' and models' entries, distinguished by a word in them
     AnyActuator = Annotated[Union[tuple(kind.entry for kind in KINDS.values())], Discriminator("kind")]  # noqa: UP007
     AnyHull = Annotated[Union[tuple(model.entry for model in HULLS.values())], Discriminator("model")]  # noqa: UP007
 
 _STRICT = {"extra": "forbid"}
 Values = Mapping[str, Number]
 Provenance = Mapping[str, str | float | int | bool]
-
-
 LONGEST_MODEL_M = 20.0
 """What is shorter is of a model's size."""
 
@@ -116,12 +114,9 @@ class PrimedInertia:
 AnyWind = Annotated[Wind | FujiwaraWind | NoWind, Discriminator("model")]
 
 
-def _inertia_model(value: Any) -> str:
-    return str(value.get("model", "si") if isinstance(value, Mapping) else value.model)
-
-
 AnyInertia = Annotated[
-    Annotated[Inertia, Tag("si")] | Annotated[PrimedInertia, Tag("primed")], Discriminator(_inertia_model)
+    Annotated[Inertia, Tag("si")] | Annotated[PrimedInertia, Tag("primed")],
+    Discriminator(lambda value: str(value.get("model", "si") if isinstance(value, Mapping) else value.model)),
 ]
 
 

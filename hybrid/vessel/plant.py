@@ -7,7 +7,7 @@ has slots for everything the effects of the catalogue touch; their defaults are 
 
 An actuator's numbers have its name before theirs: ``port_x_m``. Those that describe a kind (``thrust_nn``) mean
 all actuators of that kind where the name is not there. As plain numbers a plant can be written down, read back, and
-told from another by a hash.
+distinguished by a hash.
 """
 
 from __future__ import annotations
@@ -165,7 +165,7 @@ class Plant:
     forces: tuple[ExtraForce, ...] = ()
 
     def __getattr__(self, name: str) -> float:
-        """A number of the ship or her hull by its name."""
+        """A number of the ship or its hull by its name."""
         if name in _SCALAR_PLACES or (name != "form" and name in HULLS[self.form.hull].numbers):
             return self.number(name)  # type: ignore[no-any-return]
         raise AttributeError(f"a plant has no {name}")
@@ -186,8 +186,8 @@ class Plant:
         for actuator, row in zip(self.layout, table, strict=True):
             kind = KINDS[actuator.kind]
             for place, name in enumerate(kind.numbers, FIRST_NUMBER):
-                alike = name in kind.shared and (table[kinds == actuator.kind, place] == row[place]).all()
-                result[name if alike else f"{actuator.name}_{name}"] = float(row[place])
+                is_shared = name in kind.shared and (table[kinds == actuator.kind, place] == row[place]).all()
+                result[name if is_shared else f"{actuator.name}_{name}"] = float(row[place])
         return result
 
     def replaced(self, **values: Any) -> Plant:
@@ -262,21 +262,13 @@ def bare_plant(vessel: Vessel) -> Plant:
     packed["hull"][0, : len(stated)] = stated
     names = [actuator.name for actuator in vessel.actuators]
     for row, entry in zip(packed["actuators"][0], vessel.actuator, strict=True):
-        row[FIRST_NUMBER:][: len(KINDS[entry.kind].numbers)] = _numbers_of(entry, names)
+        kind = KINDS[entry.kind]
+        numbers = {**kind.slots, **kind.numbers_of(entry)}
+        stated_values = [numbers[name] if name in numbers else getattr(entry, name) for name in kind.numbers]
+        row[FIRST_NUMBER:][: len(kind.numbers)] = [  # another actuator's name as its place in the list; -1 for none
+            (names.index(value) if value else -1.0) if isinstance(value, str) else value for value in stated_values
+        ]
     return _plant(form, packed)
-
-
-def _numbers_of(entry: Any, names: list[str]) -> list[float]:
-    kind = KINDS[entry.kind]
-    numbers = {**kind.slots, **kind.numbers_of(entry)}
-    return [_as_number(numbers[name] if name in numbers else getattr(entry, name), names) for name in kind.numbers]
-
-
-def _as_number(value: float | str, names: list[str]) -> float:
-    """A number as it is, another actuator's name as its place in the list; -1 for none."""
-    if isinstance(value, str):
-        return float(names.index(value)) if value else -1.0
-    return float(value)
 
 
 def controls_in(packed: NDArray[np.void]) -> int:

@@ -1,10 +1,9 @@
-"""What the sensors report of a motion, from true states, and what acts where the drives' feedback is as recorded.
+"""What the sensors report of a motion, from true states, and the channels of a table as the simulator's SI arrays.
 
 Delays look back along the simulated track, and before its first state along the circle that the first speeds
-describe. Neutral numbers in the plant leave every value as it is, bit for bit. The effects of the catalogue
-that concern the *inputs* of a simulation (drives, wind sensor) act in the simulator, not here.
-
-Between the channels of a table, in their contractual units, and the simulator's SI arrays.
+describe. Neutral numbers in the plant leave every value as it is, bit for bit. The effects of the catalogue that
+concern the *inputs* of a simulation (drives, wind sensor) act in the simulator, not here, but for a delay of the
+drives' feedback (:func:`acting_controls`).
 """
 
 from __future__ import annotations
@@ -33,20 +32,22 @@ from seatrial.hybrid.vessel.actuators import angle_columns, control_units
 from seatrial.hybrid.vessel.plant import Plant, places_of
 
 NORTH, EAST, HEADING, SURGE, SWAY, YAW_RATE = range(6)
+STATE_UNITS = np.array([1.0, 1.0, np.pi / 180.0, 1.0, 1.0, np.pi / 180.0])
+WIND_UNITS = np.array([np.pi / 180.0, 1.0])
 SETTINGS = (
     "heading_bias_rad", "heading_delay_s", "position_delay_s", "antenna_forward_m", "antenna_starboard_m",
     "speed_delay_s", "speed_scale", "speed_sensor_forward_m", "speed_sensor_starboard_m", "speed_sensor_angle_rad",
     "sway_bias_mps", "yaw_rate_scale", "yaw_rate_bias_radps",
 )  # fmt: skip
-"""What of a plant :func:`measure` looks at."""
+"""The numbers of a plant that :func:`measure` uses."""
 
 
-def report_alike(first: Plant, second: Plant) -> bool:
+def sensors_are_equal(first: Plant, second: Plant) -> bool:
     """Whether the sensors of two plants report the same motion in the same way."""
     return all(getattr(first, name) == getattr(second, name) for name in SETTINGS)
 
 
-def move_alike(first: Plant, second: Plant) -> bool:
+def differ_only_in_sensors(first: Plant, second: Plant) -> bool:
     """Whether two plants of one ship differ in nothing but what their sensors report."""
     if first.forces != second.forces:
         return False
@@ -55,7 +56,7 @@ def move_alike(first: Plant, second: Plant) -> bool:
     return all(a == b or place in places for place, (a, b) in pairs)
 
 
-def report_late(plant: Plant) -> bool:
+def has_sensor_delay(plant: Plant) -> bool:
     """Whether a sensor of the plant reports what was before; if not, each sample says what is."""
     return any((plant.heading_delay_s, plant.position_delay_s, plant.speed_delay_s))
 
@@ -67,22 +68,16 @@ def measure(states: ArrayLike, plant: Plant, dt_s: float) -> Floats:
     """
     true = np.asarray(states, dtype=np.float64)
     reported = true.copy()
-    reported[..., :2] = _position(true, plant, dt_s)
+    located = _before(true, plant.position_delay_s, dt_s) if plant.position_delay_s else true
+    reported[..., :2] = located[..., :2]
+    forward, starboard = plant.antenna_forward_m, plant.antenna_starboard_m
+    if forward or starboard:
+        reported[..., :2] += np.stack(to_earth(forward, starboard, located[..., HEADING]), axis=-1)
     if plant.heading_delay_s:
         reported[..., HEADING] = _before(true, plant.heading_delay_s, dt_s)[..., HEADING]
     reported[..., HEADING] += plant.heading_bias_rad
     reported[..., SURGE:] = _speeds(true, plant, dt_s)
     return reported
-
-
-def _position(true: Floats, plant: Plant, dt_s: float) -> Floats:
-    """North and east [..., K+1, 2] of the antenna, where the ship was ``position_delay_s`` before."""
-    located = _before(true, plant.position_delay_s, dt_s) if plant.position_delay_s else true
-    position = located[..., :2].copy()
-    forward, starboard = plant.antenna_forward_m, plant.antenna_starboard_m
-    if forward or starboard:
-        position += np.stack(to_earth(forward, starboard, located[..., HEADING]), axis=-1)
-    return position
 
 
 def _speeds(true: Floats, plant: Plant, dt_s: float) -> Floats:
@@ -107,27 +102,23 @@ def _speeds(true: Floats, plant: Plant, dt_s: float) -> Floats:
 def _before(states: Floats, delay_s: float, dt_s: float) -> Floats:
     """The pose [..., K+1, 3] ``delay_s`` before each sample (after it, if negative).
 
-    What the speeds cover meanwhile is taken off: they, not differences of poses that were measured, say how she
-    moved, and a pose that is off does not move the one of another sample.
+    What the speeds cover meanwhile is subtracted: they, not differences of measured poses, state the motion, so
+    that an error of one pose does not move that of another sample. The integral of the speeds is Hermite's, of
+    fourth order.
     """
     last = states.shape[-2] - 1
     times = np.arange(last + 1) - delay_s / dt_s
-    rate = pose_rate(states)
-    covered = _covered(rate * dt_s)
-    at_times = _interpolated(covered, rate * dt_s, np.clip(times, 0.0, last))
-    early, late = times < 0.0, times > last
-    at_times[..., early, :] += arc(states[..., :1, :], times[early] * dt_s)
-    at_times[..., late, :] += arc(states[..., -1:, :], (times[late] - last) * dt_s)
+    rate = pose_rate(states) * dt_s
+    covered = np.zeros_like(rate)
+    if last > 0:
+        bend = np.gradient(rate, axis=-2)
+        steps = 0.5 * (rate[..., 1:, :] + rate[..., :-1, :]) - np.diff(bend, axis=-2) / 12.0
+        covered[..., 1:, :] = np.cumsum(steps, axis=-2)
+    at_times = _interpolated(covered, rate, np.clip(times, 0.0, last))
+    before_start, after_end = times < 0.0, times > last
+    at_times[..., before_start, :] += arc(states[..., :1, :], times[before_start] * dt_s)
+    at_times[..., after_end, :] += arc(states[..., -1:, :], (times[after_end] - last) * dt_s)
     return np.asarray(states[..., :3] + at_times - covered)
-
-
-def _covered(rate: Floats) -> Floats:
-    """The integral [..., K+1, n] of a rate per sample from the first sample on: Hermite's, of fourth order."""
-    if rate.shape[-2] == 1:
-        return np.zeros_like(rate)
-    bend = np.gradient(rate, axis=-2)
-    steps = 0.5 * (rate[..., 1:, :] + rate[..., :-1, :]) - np.diff(bend, axis=-2) / 12.0
-    return np.concatenate([np.zeros_like(rate[..., :1, :]), np.cumsum(steps, axis=-2)], axis=-2)
 
 
 def _columns_before(values: Floats, delay_s: float, dt_s: float) -> Floats:
@@ -140,9 +131,9 @@ def _columns_before(values: Floats, delay_s: float, dt_s: float) -> Floats:
         return values
     slope = np.gradient(values, axis=-2)
     times = np.arange(last + 1) - delay_s / dt_s
-    beyond = (times - np.clip(times, 0.0, last)).clip(-1.0, 1.0)[:, np.newaxis]
-    ends = np.where(beyond < 0.0, slope[..., :1, :], slope[..., -1:, :])
-    return np.asarray(_interpolated(values, slope, np.clip(times, 0.0, last)) + beyond * ends)
+    overshoot = (times - np.clip(times, 0.0, last)).clip(-1.0, 1.0)[:, np.newaxis]
+    ends = np.where(overshoot < 0.0, slope[..., :1, :], slope[..., -1:, :])
+    return np.asarray(_interpolated(values, slope, np.clip(times, 0.0, last)) + overshoot * ends)
 
 
 def _interpolated(values: Floats, slope: Floats, times: Floats) -> Floats:
@@ -167,8 +158,8 @@ def pose_rate(states: Floats) -> Floats:
 def arc(states: Floats, ahead_s: Floats) -> Floats:
     """How the pose changes in ``ahead_s`` [n] at the constant speeds of ``states`` [..., 1, 6]: [..., n, 3].
 
-    With yaw rate r the ship goes along the chord of a circle, t sin(r t / 2) / (r t / 2) times her speed, in the
-    axes of her heading half way; sinc stays exact for a yaw rate of zero.
+    With yaw rate r the ship goes along the chord of a circle, t sin(r t / 2) / (r t / 2) times its speed, in the
+    axes of its heading half way; sinc stays exact for a yaw rate of zero.
     """
     turned = states[..., YAW_RATE] * ahead_s
     middle = states[..., HEADING] + 0.5 * turned
@@ -212,10 +203,6 @@ def behind_play(motor: Floats, width: float) -> Floats:
     for k in range(1, len(motor)):
         end[k] = min(max(end[k - 1], motor[k] - 0.5 * width), motor[k] + 0.5 * width)
     return end
-
-
-STATE_UNITS = np.array([1.0, 1.0, np.pi / 180.0, 1.0, 1.0, np.pi / 180.0])
-WIND_UNITS = np.array([np.pi / 180.0, 1.0])
 
 
 def check_ship(recorded: Actuators, plant: Plant) -> None:

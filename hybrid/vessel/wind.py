@@ -139,19 +139,19 @@ class NoWind:
 def fujiwara(ship: FujiwaraWind, length_m: float, beam_m: float) -> tuple[Table, Table, Table]:
     """The amplitudes of CX, CY and CN: of cos 0, 1, 3, 5; of sin 1, 3, 5; of sin 1, 2, 3 of the angle of attack."""
     L, B = length_m, beam_m
-    frontal, lateral, above = ship.frontal_area_m2, ship.lateral_area_m2, ship.superstructure_area_m2
+    frontal, lateral, superstructure = ship.frontal_area_m2, ship.lateral_area_m2, ship.superstructure_area_m2
     C, H_C, C_BR, H_BR = (
         ship.lateral_centre_m, ship.lateral_centre_height_m, ship.bridge_centre_m, ship.bridge_height_m,
     )  # fmt: skip
     side, front = lateral / (L * B), frontal / (B * H_BR)
     centre, bridge, height = C / L, C_BR / L, L * H_C / lateral
-    deck, arm = above / lateral, C / H_C
+    deck, arm = superstructure / lateral, C / H_C
     X = (
-        -0.330 + 0.293 / front + 0.0193 * arm + 0.682 * above / L**2,
+        -0.330 + 0.293 / front + 0.0193 * arm + 0.682 * superstructure / L**2,
         -1.353 + 1.700 * side + 2.870 * height - 0.463 * L * H_BR / lateral - 0.570 * deck
         - 6.640 * frontal / (L * B) - 0.0123 * L**2 / frontal + 0.0202 * L / H_C,
         0.830 - 0.413 * lateral / (L * H_BR) - 0.0827 * lateral / frontal - 0.563 * height + 0.804 * deck
-        - 5.670 * above / L**2 + 0.0401 * arm - 0.132 * bridge,
+        - 5.670 * superstructure / L**2 + 0.0401 * arm - 0.132 * bridge,
         0.0372 - 0.0075 / deck - 0.103 * bridge + 0.0921 * side,
     )  # fmt: skip
     Y = (

@@ -17,9 +17,9 @@ _MULTIPLES = (0.0, 1.0, 3.0, 5.0)  # of the angle, in the harmonics of CX
 
 
 def conditions_of(vessel: Vessel) -> Conditions:
-    """The part of the conditions of a speed trial that is the ship's; C_AA is her CX with the other sign.
+    """The part of the conditions of a speed trial that is the ship's; C_AA is its CX with the other sign.
 
-    How she was loaded and what water she was in is not taken from her file: they are the day's.
+    How it was loaded and what water it was in is not taken from its file: they are the day's.
     """
     size = vessel.dimensions
     wind = vessel.wind.numbers(size.length_between_perpendiculars_m, size.beam_m)

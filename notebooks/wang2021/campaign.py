@@ -30,8 +30,8 @@ from seatrial.hybrid.prediction.dataset import start_motion
 from seatrial.hybrid.prediction.windows import (
     PredictionWindows,
     draw_groups,
-    starting_two_sided,
     windows_from_rows,
+    with_two_sided_starts,
 )
 from seatrial.hybrid.simulation.manoeuvres import Manoeuvre, manoeuvre_named
 from seatrial.hybrid.simulation.trial import simulate_trial
@@ -99,7 +99,7 @@ def paper_campaign(
         if len(numbers) == sequences:
             chosen = rows[rows["window"].isin(numbers)]
             before = {f"{sea_state}-{seed}": SecondBySecond(one_hz)}
-            windows = starting_two_sided(windows_from_rows(chosen, start_motion(chosen, one_hz), before))
+            windows = with_two_sided_starts(windows_from_rows(chosen, start_motion(chosen, one_hz), before))
             windows.past[:, BEFORE_S + 1 :] = np.nan
             ship = _ship_states(windows, table.index[0], truth["states"])
             return CampaignWindows(windows, azimuth_deg, ship[:, 0], ship[..., :3], truth["plant"])

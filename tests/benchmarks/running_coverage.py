@@ -49,7 +49,7 @@ def main(recording: str, calibrator: str, horizon: str = "30", part: str = "0..1
         [Path(recording)], int(horizon), 1, percent_of(part), any_commands=trained.calibrator.any_commands,
         length_m=trained.plant.length_overall_m,
     )  # fmt: skip
-    windows = dataset.windows.subset(dataset.windows.whole)
+    windows = dataset.windows.subset(dataset.windows.complete)
     tracks = reference(windows, trained.plant)
     inside_range = np.isfinite(tracks).all(axis=(1, 2))
     windows, tracks = windows.subset(inside_range), tracks[inside_range]

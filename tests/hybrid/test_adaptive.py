@@ -20,7 +20,7 @@ from seatrial.hybrid.calibrators import TrainedCalibrator, make_calibrator, pred
 from seatrial.hybrid.calibrators.adaptive import (
     AdaptiveCalibrator,
     _folds,
-    _Usual,
+    _TrainingStatistics,
     adapt,
     adapt_plant,
     observations_of,
@@ -177,9 +177,9 @@ def test_longer_seen_is_better_known(truth: Plant, plant: Plant) -> None:
     """The less of the past is known the more of the lacking force stays hidden, down to the reference itself."""
     windows = voyages(truth, 30, 15)
     errors = []
-    for known_s in (PAST_S, 10, 5, 0):
+    for complete_s in (PAST_S, 10, 5, 0):
         past = windows.past.copy()
-        past[:, known_s + 1 :] = np.nan
+        past[:, complete_s + 1 :] = np.nan
         errors.append(off_m(tracks(UNADAPTED, plant, replace(windows, past=past)), windows))
     assert errors == sorted(errors)
     assert errors[-1] == pytest.approx(off_m(reference(windows, plant), windows), rel=1e-3)
@@ -469,7 +469,7 @@ def test_the_last_minutes_are_hindcasts_one_by_one(
 
 def test_a_day_is_never_better_than_the_training() -> None:
     """And a worse one counts the more the surer it is: with a wide scatter of minutes it may be chance."""
-    sure, unsure = (_Usual(1.0, np.ones(3), 0.0, deviation, 1.0) for deviation in (0.1, 2.0))
+    sure, unsure = (_TrainingStatistics(1.0, np.ones(3), 0.0, deviation, 1.0) for deviation in (0.1, 2.0))
     minutes = np.array([-3.0, 0.0, 0.5, 2.0, np.nan])
     assert sure.day(minutes)[[0, 1, 4]] == pytest.approx(1.0)
     assert (np.diff(sure.day(minutes)[1:4]) > 0.0).all()

@@ -69,14 +69,14 @@ def test_the_current_is_known_best_and_found_within_its_interval_and_drift(learn
 
 
 def test_what_is_right_in_the_model_stays_near_it(learned: Parameters) -> None:
-    factors = [each for each in learned.every if each.neutral == 1.0]
+    factors = [each for each in learned.parameters if each.neutral == 1.0]
     far = [each.name for each in factors if not each.low - each.error <= 1.0 <= each.high + each.error]
     assert len(far) <= 0.1 * len(factors), far
     assert not [each.name for each in factors if each.at_bound]
 
 
 def test_the_best_known_come_first_and_the_unknown_say_so(learned: Parameters) -> None:
-    known = [each.identified for each in learned.every]
+    known = [each.identified for each in learned.parameters]
     assert known == sorted(known, reverse=True)
     assert 0 < sum(known) < len(known)
     matrix = learned.correlation
@@ -113,12 +113,12 @@ def test_values_are_the_models_own_and_what_was_learned(calibrator: AdaptiveCali
         np.zeros((2, len(parameter_names(FORM)))),
         np.eye(len(parameter_names(FORM))),
     )
-    every = {each.name: each for each in parameters_of(told).every}
+    every = {each.name: each for each in parameters_of(told).parameters}
     assert every["current north"].value == pytest.approx(0.3)
     assert every["thruster lag"].value == pytest.approx(0.5)
     assert not any(each.at_bound for each in every.values())
     told.vectors_[:, parameter_names(FORM).index("thruster_lag")] = -0.6
     told.vectors_[:, parameter_names(FORM).index("thrust_nn")] = 3.95
-    every = {each.name: each for each in parameters_of(told).every}
+    every = {each.name: each for each in parameters_of(told).parameters}
     assert every["thruster lag"].value == 0.0
     assert {name for name, each in every.items() if each.at_bound} == {"thruster lag", "thrust_nn"}

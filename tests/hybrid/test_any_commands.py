@@ -26,7 +26,7 @@ from seatrial.hybrid.evaluation.study import SPLITS, shared_seconds
 from seatrial.hybrid.evaluation.validate import validate
 from seatrial.hybrid.prediction.baselines import Fallback, reference
 from seatrial.hybrid.prediction.dataset import Dataset, load_dataset
-from seatrial.hybrid.prediction.windows import PAST_S, PredictionWindows, clear_of, unlike_groups
+from seatrial.hybrid.prediction.windows import PAST_S, PredictionWindows, independent_groups, without_overlap
 from seatrial.hybrid.vessel.dynamics import simulate_batch
 from seatrial.hybrid.vessel.plant import Plant
 from tests.conftest import Simulated
@@ -166,7 +166,7 @@ def test_the_file_of_one_of_held_controls_does_not_know_the_word(small_folder: P
 def test_windows_clear_of_others_share_no_second_with_them(seed: int, horizon_s: int, share: float) -> None:
     windows = _one_after_the_other(60, horizon_s, seed)
     others = np.random.default_rng(seed).random(len(windows)) < share
-    clear = clear_of(windows, ~others, others)
+    clear = without_overlap(windows, ~others, others)
     assert not (clear & others).any()
     assert shared_seconds(windows, clear, others) == 0
     for each in np.flatnonzero(~others & ~clear):
@@ -184,10 +184,10 @@ def test_no_second_that_is_judged_was_fitted(kind: str) -> None:
 
 def test_recordings_are_kept_whole_where_there_are_enough() -> None:
     windows = _one_after_the_other(80, 15, 0)
-    assert np.array_equal(unlike_groups(windows), windows.trial)
-    assert np.array_equal(unlike_groups(replace(windows, commands=None)), windows.leg)
+    assert np.array_equal(independent_groups(windows), windows.trial)
+    assert np.array_equal(independent_groups(replace(windows, commands=None)), windows.leg)
     alone = windows.subset(windows.trial == "a")
-    assert np.array_equal(unlike_groups(alone), alone.leg)
+    assert np.array_equal(independent_groups(alone), alone.leg)
 
 
 def _one_after_the_other(count: int, horizon_s: int, seed: int) -> PredictionWindows:

@@ -19,8 +19,8 @@ from seatrial.hybrid.simulation.manoeuvres import (
     for_ship,
     handling_of,
     helm,
-    in_time,
     pace_of,
+    scale_times,
     steer,
     usual_rpm,
 )
@@ -106,7 +106,15 @@ def sailed(vessel: Vessel, *legs: Leg, seconds: float) -> Voyage:
     """A manoeuvre in R/V Gunnerus' time, in still water and air; a row a tenth of a second of that."""
     time, still = pace_of(vessel).time, np.random.default_rng(0)
     return sail_through(
-        vessel, vessel_plant(vessel), CALM, in_time(legs, time), round(10 * seconds), 0.1 * time, 0.0, still, still
+        vessel,
+        vessel_plant(vessel),
+        CALM,
+        scale_times(legs, time),
+        round(10 * seconds),
+        0.1 * time,
+        0.0,
+        still,
+        still,
     )
 
 

@@ -15,7 +15,7 @@ from seatrial.acquisition.core.quantities import Floats
 from seatrial.hybrid.effects import CATALOGUE, FAMILIES, Effect
 from seatrial.hybrid.vessel.dynamics import simulate
 from seatrial.hybrid.vessel.plant import Plant, flat, pack
-from seatrial.hybrid.vessel.sensors import measure, move_alike
+from seatrial.hybrid.vessel.sensors import differ_only_in_sensors, measure
 
 EFFECTS = list(CATALOGUE.values())
 BY_NAME = pytest.mark.parametrize("effect", EFFECTS, ids=lambda each: each.name)
@@ -73,7 +73,7 @@ def test_plants_move_alike_where_only_what_is_reported_differs(effect: Effect, p
     """Nothing that moves the ship is taken for an error of a sensor, and no such error for more than it is."""
     changed = effect.apply(plant, effect.typical)
     same = bool((moving(changed, effect) == moving(plant, effect)).all())
-    assert move_alike(changed, plant) == move_alike(plant, changed) == same
+    assert differ_only_in_sensors(changed, plant) == differ_only_in_sensors(plant, changed) == same
 
 
 @pytest.mark.parametrize(("effect", "which"), [

@@ -22,7 +22,7 @@ from seatrial.hybrid.calibrators import (
 )
 from seatrial.hybrid.calibrators.networks import PaperCalibrator
 from seatrial.hybrid.prediction.baselines import (
-    BASELINES,
+    FALLBACK_BASELINES,
     HINDCAST_S,
     CandidatePrediction,
     Fallback,
@@ -203,7 +203,7 @@ def test_without_a_past_the_training_decides(
     trained = replace(fallback, training_error_m=usual_m)
     for lost in (number < 7, number >= 0):
         found = trained.predict(without_past(turning, lost), alone, plant)
-        assert (found.source[lost] == BASELINES[better]).all()
+        assert (found.source[lost] == FALLBACK_BASELINES[better]).all()
         assert found.tracks[lost] == pytest.approx((alone, constant_velocity(turning))[better][lost], abs=1e-4)
         assert np.isfinite(found.expected_error_m).all()
         assert (
@@ -270,7 +270,7 @@ class Hindcasting(Boastful):
     def outside_domain(self, windows: PredictionWindows, reference: Floats) -> Bools:
         return np.zeros(len(windows), dtype=bool)
 
-    def beside_baselines(self, windows: PredictionWindows, tracks: Floats) -> CandidatePrediction | None:
+    def fallback_candidate(self, windows: PredictionWindows, tracks: Floats) -> CandidatePrediction | None:
         return CandidatePrediction(tracks, np.full(len(windows), self.off_m), np.array([0.02, 0.02]))
 
 

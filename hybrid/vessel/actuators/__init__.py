@@ -1,13 +1,9 @@
 """The kinds of actuators, one file each, and the compiled loop's way from a row's kind to its equations.
 
-To add a kind: its controls in :data:`seatrial.acquisition.core.ship.KINDS`, and a file of its name here, like
-``azimuth.py``, whose ``DEFINITION`` is a :class:`~seatrial.hybrid.vessel.actuators.ActuatorModel`.
-
-What a kind of actuator is to the rest: its entry in a vessel file, its numbers, its controls, its equations.
-
-The compiled core sees an actuator as one row of numbers: the code of its kind, the place of its first control,
-and the kind's numbers in their order. What stays constant while the controls are held is worked out once a step
-into a row of working numbers.
+The compiled core sees an actuator as one row of numbers: the code of its kind, the place of its first control, and
+the kind's numbers in their order. What stays constant while the controls are held is worked out once a step into a
+row of working numbers. To add a kind: its controls in :data:`seatrial.acquisition.core.ship.KINDS`, and a file of
+its name here, like ``azimuth.py``, whose ``DEFINITION`` is an :class:`ActuatorModel`.
 """
 
 from __future__ import annotations
@@ -29,7 +25,6 @@ from seatrial.hybrid.vessel.effect import Effect
 
 KIND, CONTROL, FIRST_NUMBER = range(3)
 """Where the kind's code, the first control's place and the first number stand in an actuator's row."""
-
 
 RPM_PER_RPS = 60.0
 PLAY = "play_rad"
@@ -105,7 +100,6 @@ def columns(numbers: tuple[str, ...]) -> range:
 
 KINDS: dict[str, ActuatorModel] = {name: import_module(f"{__name__}.{name}").DEFINITION for name in RECORDED_KINDS}
 """The kinds by name, each from the file of its name."""
-
 
 CODES: dict[str, float] = {name: float(code) for code, name in enumerate(KINDS)}
 ROW_SIZE = FIRST_NUMBER + max(len(kind.numbers) for kind in KINDS.values())

@@ -27,11 +27,11 @@ from seatrial.hybrid.vessel.actuators import (
 from seatrial.hybrid.vessel.actuators.effects import (
     FRACTION,
     WAKE,
+    add_loss,
     angle_offset,
     astern_thrust,
     backlash,
-    for_each_and_all,
-    loss,
+    single_and_joint_effects,
 )  # fmt: skip
 from seatrial.hybrid.vessel.effect import Effect, Parameter, multiplied, scaling
 
@@ -116,14 +116,14 @@ def effects(names: tuple[str, ...]) -> tuple[Effect, ...]:
     number = {1: "The azimuth turns more than it reports", 2: "Both azimuths turn more than they report"}
     subject = number.get(len(names), "All azimuths turn more than they report")
     return (
-        *for_each_and_all(
-            "thrust_loss", names, loss, "thrust_loss",
+        *single_and_joint_effects(
+            "thrust_loss", names, add_loss, "thrust_loss",
             what="Lost thrust: both force components of the {names} pod times (1 - fraction)",
             source="Wear, roughness and ventilation as one share; cf. Carlton, Marine Propellers and Propulsion",
             parameter=FRACTION,
-            like=("hull_lengthening", "pod_side_force"),
-            one_is_like=("yaw_asymmetry",),
-            all_are_like=("hull_fouling", "towed_load", "wake_fraction"),
+            confused_with=("hull_lengthening", "pod_side_force"),
+            single_confused_with=("yaw_asymmetry",),
+            joint_confused_with=("hull_fouling", "towed_load", "wake_fraction"),
         ),
         *astern_thrust(names, "pod"),
         Effect(

@@ -18,38 +18,38 @@ WAKE = Parameter("fraction", "1", 0.0, -0.5, 0.8, 0.1, 0.03)
 """The share by which the hull's wake slows the inflow more than the model has it."""
 
 
-def loss(plant: Plant, number: str, fraction: float) -> Plant:
+def add_loss(plant: Plant, number: str, fraction: float) -> Plant:
     """A share of the force lost; a loss on top of another takes its share of what is left."""
     return plant.replaced(**{number: 1.0 - (1.0 - plant.number(number)) * (1.0 - fraction)})
 
 
-def named(stem: str, names: tuple[str, ...]) -> tuple[str, ...]:
+def effect_names(stem: str, names: tuple[str, ...]) -> tuple[str, ...]:
     """The names of the effects of a stem on each actuator."""
     return tuple(f"{stem}_{name}" for name in names)
 
 
 def lag(names: tuple[str, ...], together: str, part: str, number: str = "lag_s") -> tuple[Effect, ...]:
     """``lag_NAME`` for each actuator and ``lag_both_TOGETHER`` for a pair: what acts follows what is reported."""
-    return for_each_and_all(
+    return single_and_joint_effects(
         "lag", names, shift, number,
         family="clock",
         what=f"The {{names}}'s {part} that acts follows the reported one with a first-order lag",
         source="First-order actuator model; feedback has none, orders have about a second",
         parameter=Parameter("time_constant_s", "s", 0.0, 0.0, 60.0, 1.0, 0.3, 0.03),
-        like=("command_delay", "thruster_lag"),
+        confused_with=("command_delay", "thruster_lag"),
         kind_of_all=f"_{together}",
     )  # fmt: skip
 
 
 def angle_offset(part: str, names: tuple[str, ...], points: str, typical_deg: float) -> tuple[Effect, ...]:
     """``PART_offset_NAME`` of each actuator and that of all: the slot ``angle_offset_rad``."""
-    return for_each_and_all(
+    return single_and_joint_effects(
         f"{part}_offset", names, shift, "angle_offset_rad",
         family="alignment",
         what=f"The {{names}} {points} elsewhere: true angle = reported + offset",
         source=f"Zero of the {part} feedback",
         parameter=Parameter("angle_deg", "deg", 0.0, -30.0, 30.0, typical_deg, 0.5, tolerance=0.1),
-        like=("sway_asymmetry", "yaw_asymmetry"),
+        confused_with=("sway_asymmetry", "yaw_asymmetry"),
     )  # fmt: skip
 
 
@@ -58,7 +58,7 @@ def backlash(names: tuple[str, ...], part: str, kind_of_all: str = "") -> tuple[
 
     The play operator: the end that turns stays where it is until the motor's side has gone through the play.
     """
-    return for_each_and_all(
+    return single_and_joint_effects(
         "backlash", names, shift, PLAY,
         family="alignment",
         what=f"Play in the {{names}}'s gear: the {part} stays until the reported one has moved by the play's width",
@@ -70,7 +70,7 @@ def backlash(names: tuple[str, ...], part: str, kind_of_all: str = "") -> tuple[
 
 def astern_thrust(names: tuple[str, ...], what: str) -> tuple[Effect, ...]:
     """``astern_thrust_NAME`` and that of all: thrust while the shaft turns astern, the slot ``astern_factor``."""
-    return for_each_and_all(
+    return single_and_joint_effects(
         "astern_thrust", names, lambda plant, number, factor: plant.scaled(factor, number), "astern_factor",
         what=f"Thrust of the {{names}} {what} while its shaft turns astern: times a factor",
         source="Scatter of four-quadrant propeller data; cf. van Lammeren et al., Trans. SNAME 77 (1969)",
@@ -78,7 +78,7 @@ def astern_thrust(names: tuple[str, ...], what: str) -> tuple[Effect, ...]:
     )  # fmt: skip
 
 
-def for_each_and_all(
+def single_and_joint_effects(
     stem: str,
     names: tuple[str, ...],
     change: Callable[[Plant, str, float], Plant],
@@ -88,21 +88,21 @@ def for_each_and_all(
     source: str,
     parameter: Parameter,
     family: str = "propulsion",
-    like: tuple[str, ...] = (),
-    one_is_like: tuple[str, ...] = (),
-    all_are_like: tuple[str, ...] = (),
+    confused_with: tuple[str, ...] = (),
+    single_confused_with: tuple[str, ...] = (),
+    joint_confused_with: tuple[str, ...] = (),
     kind_of_all: str = "",
 ) -> tuple[Effect, ...]:
     """``stem_NAME`` for each actuator, and ``stem_both`` for a pair, ``stem_all`` for more of one kind.
 
-    ``change(plant, name, value)`` changes the ``number`` of the actuators concerned. They are confused with
-    each other and with the effects ``like`` them; one alone with ``one_is_like`` besides, all together with
-    ``all_are_like``.
-    ``kind_of_all`` ends the name of the effect on all, where another kind has an effect of the same stem.
+    ``change(plant, name, value)`` changes the ``number`` of the actuators concerned. They are confused with each
+    other and with the effects in ``confused_with``; one alone with ``single_confused_with`` besides, all together
+    with ``joint_confused_with``. ``kind_of_all`` ends the name of the effect on all, where another kind has an
+    effect of the same stem.
     """
-    together = {1: "", 2: f"{stem}_both{kind_of_all}"}.get(len(names), f"{stem}_all{kind_of_all}")
+    joint_name = {1: "", 2: f"{stem}_both{kind_of_all}"}.get(len(names), f"{stem}_all{kind_of_all}")
     groups: list[tuple[str, tuple[str, ...]]] = [(f"{stem}_{name}", (name,)) for name in names]
-    groups += [(together, names)] if together else []
+    groups += [(joint_name, names)] if joint_name else []
 
     def effect(name: str, group: tuple[str, ...]) -> Effect:
         def changed(plant: Plant, values: Values) -> Plant:
@@ -110,7 +110,9 @@ def for_each_and_all(
                 plant = change(plant, f"{actuator}_{number}", values[parameter.name])
             return plant
 
-        besides = (one_is_like if len(group) == 1 else ()) + (all_are_like if group == names else ())
+        specific = (single_confused_with if len(group) == 1 else ()) + (
+            joint_confused_with if group == names else ()
+        )
         return Effect(
             name,
             family=family,
@@ -119,7 +121,9 @@ def for_each_and_all(
             source=source,
             parameters=(parameter,),
             change=changed,
-            confused_with=tuple(sorted({*(effect_name for effect_name, _ in groups), *like, *besides} - {name})),
+            confused_with=tuple(
+                sorted({*(effect_name for effect_name, _ in groups), *confused_with, *specific} - {name})
+            ),
         )
 
     return tuple(effect(name, group) for name, group in groups)

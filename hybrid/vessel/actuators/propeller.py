@@ -2,7 +2,7 @@
 
 Ahead, with the inflow ``u_a``: ``T = rho D^2 (k_0 P n^2 D^2 + k_1 n D u_a + k_2 u_a^2)``, which is rho n^2 D^4
 K_T(J) with the polynomial of J = u_a / (n D), P the share of the full pitch; (1 - t) of it drives the ship.
-Astern ``rho n^2 D^4 C``, C of J_s = u / (n D), and a force aside. Wake and K_T after Yasukawa and Yoshimura, J Mar
+Astern ``rho n^2 D^4 C``, C of J_s = u / (n D), and a side force. Wake and K_T after Yasukawa and Yoshimura, J Mar
 Sci Technol 20 (2015), 37-52; four quadrants after Miyauchi et al. (2022), doi 10.1007/s00773-022-00889-3.
 """
 
@@ -20,11 +20,11 @@ from seatrial.hybrid.vessel.actuators import RPM_PER_RPS, ActuatorEntry, Actuato
 from seatrial.hybrid.vessel.actuators.effects import (
     FRACTION,
     WAKE,
+    add_loss,
     astern_thrust,
-    for_each_and_all,
+    effect_names,
     lag,
-    loss,
-    named,
+    single_and_joint_effects,
 )
 from seatrial.hybrid.vessel.effect import Effect, Parameter, shift
 
@@ -36,7 +36,7 @@ class Blades(ActuatorEntry):
     The wake is ``(wake_0 + wake_1 |b| + wake_2 b^2) exp(-wake_decay b^2)`` with ``b`` the drift at ``wake_x_m``:
     drift angle (``drift_as_angle``) or its sine, less ``wake_x_m r / U``. Astern C is ``astern_0``, and
     ``astern_1 + astern_2 J_s`` from J_s = ``astern_3`` on. ``side`` and ``turn`` are the published A and B of the
-    force aside and its moment while the shaft or the ship goes astern.
+    side force and its moment while the shaft or the ship goes astern.
     """
 
     diameter_m: Number
@@ -87,15 +87,14 @@ SHAFT_RPS, PITCH = range(2)
 """The working numbers: the shaft's speed, the share of the full pitch."""
 
 _LOW, _HIGH = -0.35, -0.06
-"""The J_s between which the force aside of a shaft turning astern changes over (Miyauchi et al. 2022)."""
-
+"""The J_s between which the side force of a shaft turning astern changes over (Miyauchi et al. 2022)."""
 
 _STANDS_RPS = 1e-6
 """A shaft that turns slower stands: it comes to rest along an exponential, and u / (n D) must stay a number."""
 
 
 @compiled
-def turning(n: float) -> float:
+def shaft_speed(n: float) -> float:
     """A shaft's speed [rev/s], zero where it stands."""
     return float(n if abs(n) > _STANDS_RPS else 0.0)
 
@@ -103,7 +102,7 @@ def turning(n: float) -> float:
 @compiled
 def hold(p: Record, row: Floats, control: Floats, first: int, work: Floats) -> None:
     """How a fixed propeller's shaft turns while ``control`` holds."""
-    work[SHAFT_RPS], work[PITCH] = turning(control[first]), 1.0
+    work[SHAFT_RPS], work[PITCH] = shaft_speed(control[first]), 1.0
 
 
 @compiled
@@ -145,7 +144,7 @@ def thrust(p: Record, row: Floats, work: Floats, u: float, v: float, r: float) -
 
 @compiled
 def side_terms(row: Floats, first: int, n: float, u: float) -> float:
-    """The force aside, or its moment, without dimension: times the squared speed n P ahead and n D astern."""
+    """The side force, or its moment, without dimension: times the squared speed n P ahead and n D astern."""
     D, P = row[DIAMETER_M], row[PITCH_M]
     J_s = u / (n * D)
     if n > 0.0:
@@ -178,8 +177,8 @@ def force(p: Record, i: int, work: Floats, u: float, v: float, r: float) -> tupl
 
 def numbers_of(entry: Blades) -> dict[str, float]:
     """The entry's numbers that stand in tables."""
-    both = {"side": entry.side, "turn": entry.turn}
-    return {f"{name}_{term}": value for name, values in both.items() for term, value in enumerate(values)}
+    tables = {"side": entry.side, "turn": entry.turn}
+    return {f"{name}_{term}": value for name, values in tables.items() for term, value in enumerate(values)}
 
 
 def drives(entry: Blades) -> tuple[Drive]:
@@ -190,27 +189,27 @@ def drives(entry: Blades) -> tuple[Drive]:
 def effects(names: tuple[str, ...]) -> tuple[Effect, ...]:
     """Lost thrust, another wake, another thrust astern, and a lag of each propeller and of all alike."""
     return (
-        *for_each_and_all(
-            "thrust_loss", names, loss, "thrust_loss",
+        *single_and_joint_effects(
+            "thrust_loss", names, add_loss, "thrust_loss",
             what="Lost thrust of the {names} propeller, and with it of its race: times (1 - fraction)",
             source="Wear, roughness and ventilation as one share; cf. Carlton, Marine Propellers and Propulsion",
             parameter=FRACTION,
-            one_is_like=("yaw_asymmetry",) if len(names) > 1 else (),
-            all_are_like=("hull_fouling", "towed_load"),
+            single_confused_with=("yaw_asymmetry",) if len(names) > 1 else (),
+            joint_confused_with=("hull_fouling", "towed_load"),
         ),
-        *for_each_and_all(
+        *single_and_joint_effects(
             "wake", names, lambda plant, number, share: plant.scaled(1.0 - share, number), "inflow_factor",
             what="More wake at the {names} propeller than the model has: inflow times (1 - fraction)",
             source="Carlton, Marine Propellers and Propulsion, ch. 5",
             parameter=WAKE,
-            all_are_like=("hull_fouling", "towed_load", *named("thrust_loss", names)),
+            joint_confused_with=("hull_fouling", "towed_load", *effect_names("thrust_loss", names)),
         ),
-        *for_each_and_all(
+        *single_and_joint_effects(
             "thrust_deduction", names, shift, "thrust_deduction",
             what="Thrust of the {names} propeller ahead that the hull takes back: t plus an amount, the race stays",
             source="Carlton, Marine Propellers and Propulsion, ch. 5",
             parameter=Parameter("amount", "1", 0.0, -0.5, 0.5, 0.1, 0.03),
-            all_are_like=("hull_fouling", "towed_load", *named("thrust_loss", names)),
+            joint_confused_with=("hull_fouling", "towed_load", *effect_names("thrust_loss", names)),
         ),
         *astern_thrust(names, "propeller"),
         *lag(names, "propellers", "shaft"),

@@ -19,12 +19,12 @@ from seatrial.analysis.compiling import Record, compiled
 from seatrial.hybrid.vessel.actuators import PLAY, ActuatorEntry, ActuatorModel, Drive, columns
 from seatrial.hybrid.vessel.actuators.effects import (
     FRACTION,
+    add_loss,
     angle_offset,
     backlash,
-    for_each_and_all,
+    effect_names,
     lag,
-    loss,
-    named,
+    single_and_joint_effects,
 )
 from seatrial.hybrid.vessel.actuators.propeller import DIAMETER_M, SHAFT_RPS, drift_at, inflow, thrust
 from seatrial.hybrid.vessel.effect import Effect, Parameter, shift
@@ -35,7 +35,7 @@ class RudderEntry(ActuatorEntry):
     """A rudder in a vessel file; ``behind`` names the propeller in whose race it is, if in one.
 
     ``flow_straightening_plus`` holds where the stern at ``switch_x_m`` moves to starboard, ``_minus`` where it
-    moves to port; ``l_R_m`` is the effective place of the inflow aside, ``l_R' L`` of the MMG method.
+    moves to port; ``l_R_m`` is the effective place of the cross flow, ``l_R' L`` of the MMG method.
     ``lift_slope`` is that of the normal force over sin(alpha); without it Fujii's 6.13 A / (A + 2.25) of the
     aspect ratio A.
     ``inflow_factor`` is 1 - w of a rudder that is behind no propeller.
@@ -120,11 +120,11 @@ def force(p: Record, i: int, work: Floats, u: float, v: float, r: float) -> tupl
     row = p.actuators[i]
     u_here = u - row[Y_M] * r
     u_R = race(p, row, work, u, v, r) if row[BEHIND] >= 0.0 else row[INFLOW_FACTOR] * u_here
-    aside = hypot(u, v) * drift_at(row[DRIFT_AS_ANGLE], row[L_R_M], u, v, r)
+    cross_flow_mps = hypot(u, v) * drift_at(row[DRIFT_AS_ANGLE], row[L_R_M], u, v, r)
     if u == 0.0 == v:
-        aside = -row[L_R_M] * r
+        cross_flow_mps = -row[L_R_M] * r
     straightening = row[STRAIGHTENING_PLUS] if v + row[SWITCH_X_M] * r >= 0.0 else row[STRAIGHTENING_MINUS]
-    v_R = straightening * aside
+    v_R = straightening * cross_flow_mps
     alpha = work[i, ANGLE_RAD] - atan2(v_R, u_R)
     pressure = 0.5 * p.water_density_kgpm3 * row[AREA_M2] * (u_R * u_R + v_R * v_R)
     F_N = pressure * row[LIFT_SLOPE] * sin(alpha) * (1.0 - row[FORCE_LOSS])
@@ -139,7 +139,7 @@ def normal_force_slope(aspect_ratio: float) -> float:
 
 
 def numbers_of(entry: RudderEntry) -> dict[str, float]:
-    """What follows where the entry does not say it: Fujii's slope; the switch where the inflow aside is."""
+    """Defaults of what the entry does not state: Fujii's slope; the switch where the cross flow is."""
     return {
         "lift_slope": entry.lift_slope or normal_force_slope(entry.span_m**2 / entry.area_m2),
         "switch_x_m": entry.l_R_m if entry.switch_x_m is None else entry.switch_x_m,
@@ -157,27 +157,27 @@ _STRAIGHT = "Yasukawa and Yoshimura, J Mar Sci Technol 20 (2015): 0.3 +- 0.1 and
 def effects(names: tuple[str, ...]) -> tuple[Effect, ...]:
     """Offset, lost force, what the hull does to flow and force, lag and play of each rudder and of all alike."""
     return (
-        *for_each_and_all(
-            "rudder_loss", names, loss, "force_loss",
+        *single_and_joint_effects(
+            "rudder_loss", names, add_loss, "force_loss",
             what="Lost force of the {names}: normal force times (1 - fraction)",
             source="Fujii's slope scatters by a tenth; growth and damage come to it",
             parameter=FRACTION,
-            like=("hull_lengthening", "yaw_damping", *named("rudder_interaction", names)),
+            confused_with=("hull_lengthening", "yaw_damping", *effect_names("rudder_interaction", names)),
         ),
-        *for_each_and_all(
+        *single_and_joint_effects(
             "rudder_interaction", names, shift, "a_H",
             what="The hull's share of the side force of the {names}: a_H plus an amount",
             source=_STRAIGHT,
             parameter=Parameter("amount", "1", 0.0, -0.5, 1.0, 0.2, 0.05),
         ),
-        *for_each_and_all(
+        *single_and_joint_effects(
             "flow_straightening", names,
             lambda plant, number, factor: plant.scaled(factor, f"{number}_plus", f"{number}_minus"),
             "flow_straightening",
             what="How much of the drift at the stern reaches the {names}: gamma_R times a factor, to both sides",
             source=_STRAIGHT,
             parameter=Parameter("factor", "1", 1.0, 0.0, 4.0, 1.4, 0.1),
-            like=("drift_moment", "yaw_damping"),
+            confused_with=("drift_moment", "yaw_damping"),
         ),
         *angle_offset("rudder", names, "stands", 2.0),
         *backlash(names, "angle", "_rudders"),

@@ -16,7 +16,14 @@ from pydantic import StrictFloat as Number
 from seatrial.acquisition.core.quantities import Floats
 from seatrial.analysis.compiling import Record, compiled
 from seatrial.hybrid.vessel.actuators import PLAY, RPM_PER_RPS, ActuatorEntry, ActuatorModel, Drive, columns
-from seatrial.hybrid.vessel.actuators.effects import FRACTION, angle_offset, backlash, for_each_and_all, lag, loss
+from seatrial.hybrid.vessel.actuators.effects import (
+    FRACTION,
+    add_loss,
+    angle_offset,
+    backlash,
+    lag,
+    single_and_joint_effects,
+)
 from seatrial.hybrid.vessel.effect import Effect
 
 
@@ -70,12 +77,12 @@ def drives(entry: Waterjet) -> tuple[Drive, Drive]:
 def effects(names: tuple[str, ...]) -> tuple[Effect, ...]:
     """Lost thrust, offset angle, play and a lag of each jet and of all alike."""
     return (
-        *for_each_and_all(
-            "thrust_loss", names, loss, "thrust_loss",
+        *single_and_joint_effects(
+            "thrust_loss", names, add_loss, "thrust_loss",
             what="Lost thrust of the {names} jet: times (1 - fraction)",
             source="Wear and air drawn in as one share",
             parameter=FRACTION,
-            all_are_like=("hull_fouling", "towed_load"),
+            joint_confused_with=("hull_fouling", "towed_load"),
         ),
         *angle_offset("nozzle", names, "nozzle points", 2.5),
         *backlash(names, "nozzle", "_jets"),

@@ -25,6 +25,21 @@ from seatrial.hybrid.vessel.estimate.hull import (
     with_scatter,
 )
 
+RESERVE = 1.15
+"""The limit of a shaft by its speed at service speed."""
+USUAL_PITCH_RATIO = 0.8
+TYPICAL = 2.5
+"""How much wider the errors of a propeller of unknown pitch are."""
+FITTED = 1.5
+"""The same where the pitch follows from the shaft speed that drives the ship."""
+HIRANO = "usual, Hirano 1980"
+MATSUMOTO = "Matsumoto and Suemitsu 1980"
+ODD_SHARE = 0.1
+"""A given shaft speed that differs by more from the estimated one is mentioned."""
+USUAL_ASPECT_RATIO = 1.6
+_WAKES = (0.2, 0.5)
+"""The wake fractions of single-screw ships that eps was fitted to."""
+
 Size = Annotated[float, Field(gt=0.0, lt=1e9)]
 
 
@@ -93,7 +108,17 @@ def device(kind: type[Device], source: str | Device) -> Device:
     try:
         return TypeAdapter(kind).validate_python(_pairs(kind, text))
     except ValidationError as error:
-        raise _cannot(kind, text, _why(error)) from error
+        first = error.errors()[0]
+        key, value, (expected, _, problem) = first["loc"][0], first["input"], first["type"].partition("_")
+        if expected == "missing":
+            why = f"its {key} is missing"
+        else:
+            why = (
+                f"{key} is {value!r}, which is no {expected}"
+                if problem == "parsing"
+                else f"{key} is {float(value):g}"
+            )
+        raise _device_error(kind, text, why) from error
 
 
 def _pairs(kind: type[Any], text: str) -> dict[str, str]:
@@ -104,41 +129,20 @@ def _pairs(kind: type[Any], text: str) -> dict[str, str]:
         if not equals:
             key, value = "name", key
         if key not in names or key in pairs:
-            raise _cannot(kind, text, f"{key!r} is {'said twice' if key in pairs else 'not known'}")
+            raise _device_error(kind, text, f"{key!r} is {'said twice' if key in pairs else 'not known'}")
         pairs[key] = value
     return pairs
 
 
-def _why(error: ValidationError) -> str:
-    """What is wrong with the first of the pairs that is wrong."""
-    first = error.errors()[0]
-    key, value, (kind, _, problem) = first["loc"][0], first["input"], first["type"].partition("_")
-    if kind == "missing":
-        return f"its {key} is missing"
-    return f"{key} is {value!r}, which is no {kind}" if problem == "parsing" else f"{key} is {float(value):g}"
-
-
-def _cannot(kind: type[Any], text: str, why: str) -> InputError:
+def _device_error(kind: type[Any], text: str, why: str) -> InputError:
     keys = ", ".join(field.name for field in fields(kind) if field.name != "name")
     return InputError(
         f"no {kind.__name__.lower()} {text!r}", why=why, fix=f"write NAME,KEY=NUMBER,... with keys of {keys}"
     )
 
 
-RESERVE = 1.15
-"""The limit of a shaft by its speed at service speed."""
-USUAL_PITCH_RATIO = 0.8
-TYPICAL = 2.5
-"""How much wider the errors of a propeller of unknown pitch are."""
-FITTED = 1.5
-"""The same where the pitch follows from the shaft speed that drives the ship."""
-HIRANO = "usual, Hirano 1980"
-ODD_SHARE = 0.1
-"""A shaft speed said that differs by more from the one estimated is mentioned."""
-
-
 @dataclass(frozen=True, slots=True)
-class Driven:
+class Propulsor:
     """A propulsor of the file: its table, the screw as given, its place, and its shaft at service speed."""
 
     table: Table
@@ -159,7 +163,7 @@ class Driven:
         )
 
 
-def listed(kind: type[Device], sources: Sequence[str | Device]) -> list[Device]:
+def named_devices(kind: type[Device], sources: Sequence[str | Device]) -> list[Device]:
     """The devices of a kind; those without a name get that of their kind, with the side of a pair, or a number."""
     word, devices = kind.__name__.lower(), [device(kind, source) for source in sources]
     usual = [f"{word}_{number + 1}" for number in range(len(devices))]
@@ -170,18 +174,27 @@ def listed(kind: type[Device], sources: Sequence[str | Device]) -> list[Device]:
     return [replace(entry, name=entry.name or name) for entry, name in zip(devices, usual, strict=False)]
 
 
-def driven(ship: MainParticulars, propellers: Sequence[Propeller], azimuths: Sequence[Azimuth]) -> list[Driven]:
-    """The propulsors; each has its share of the resistance, by the area of its disc."""
-    both: list[Propeller | Azimuth] = [*propellers, *azimuths]
+def propulsors(
+    ship: MainParticulars, propellers: Sequence[Propeller], azimuths: Sequence[Azimuth]
+) -> list[Propulsor]:
+    """The propulsors; each has its share of the resistance, by the area of its disc. Pods are at the stern, of four
+    or more the first half at the bow."""
+    screws: list[Propeller | Azimuth] = [*propellers, *azimuths]
     shafts = _abeam(ship, len(propellers), -0.48 * ship.length_m)
-    places = [*shafts, *_pod_places(ship, len(azimuths))]
-    share = hull.resistance_n(ship) / sum(screw.diameter**2 for screw in both)
+    forward = len(azimuths) // 2 if len(azimuths) >= 4 else 0  # at the bow
+    pods_x_m = 0.42 * ship.length_m
+    pods = [*_abeam(ship, forward, pods_x_m), *_abeam(ship, len(azimuths) - forward, -pods_x_m)]
+    places = [*shafts, *pods]
+    share = hull.resistance_n(ship) / sum(screw.diameter**2 for screw in screws)
     return [
-        _driven(ship, screw, place, share * screw.diameter**2) for screw, place in zip(both, places, strict=True)
+        _propulsor(ship, screw, place, share * screw.diameter**2)
+        for screw, place in zip(screws, places, strict=True)
     ]
 
 
-def _driven(ship: MainParticulars, screw: Propeller | Azimuth, place: tuple[float, float], drag_n: float) -> Driven:
+def _propulsor(
+    ship: MainParticulars, screw: Propeller | Azimuth, place: tuple[float, float], drag_n: float
+) -> Propulsor:
     x_m, y_m = screw.x if screw.x is not None else place[0], screw.y if screw.y is not None else place[1]
     wake = hull.wake_fraction(ship, screw.diameter)
     deduction = hull.thrust_deduction(ship, screw.diameter)
@@ -189,22 +202,18 @@ def _driven(ship: MainParticulars, screw: Propeller | Azimuth, place: tuple[floa
     pitch_ratio, error_factor = _pitch_ratio(ship, screw, inflow, thrust_n)
     k = screws.quadratic(pitch_ratio, screw.area_ratio, screw.blades)
     rpm = 60.0 * screws.service_rps(thrust_n, inflow, screw.diameter, k, ship.water_density_kgpm3)
+    shaft_kind = "azimuth" if isinstance(screw, Azimuth) else "propeller"
+    kind = "controllable_propeller" if isinstance(screw, Propeller) and screw.controllable else shaft_kind
     rows: dict[str, Cell] = {
         "name": screw.name,
-        "kind": _kind(screw),
+        "kind": kind,
         "x_m": x_m,
         "y_m": y_m,
         **_blades(ship, screw, pitch_ratio, error_factor, wake, deduction),
         "limit_rpm": SourcedValue(RESERVE * rpm, source=f"{rpm:.4g} rpm at service speed, and a reserve"),
         "shaft_lag_s": _lag(ship, 1.0),
     }
-    return Driven(Table("[[actuator]]", screw.name, rows), screw, x_m, y_m, wake.value, rpm)
-
-
-def _kind(screw: Propeller | Azimuth) -> str:
-    if isinstance(screw, Azimuth):
-        return "azimuth"
-    return "controllable_propeller" if screw.controllable else "propeller"
+    return Propulsor(Table("[[actuator]]", screw.name, rows), screw, x_m, y_m, wake.value, rpm)
 
 
 def _pitch_ratio(
@@ -216,8 +225,8 @@ def _pitch_ratio(
     if screw.rpm is None:
         return USUAL_PITCH_RATIO, TYPICAL
     n, D = screw.rpm / 60.0, screw.diameter
-    wanted = thrust_n / (ship.water_density_kgpm3 * n**2 * D**4)
-    return screws.fitting_pitch_ratio(wanted, inflow / (n * D), screw.area_ratio, screw.blades), FITTED
+    thrust_coefficient = thrust_n / (ship.water_density_kgpm3 * n**2 * D**4)
+    return screws.fitting_pitch_ratio(thrust_coefficient, inflow / (n * D), screw.area_ratio, screw.blades), FITTED
 
 
 def _blades(
@@ -262,25 +271,18 @@ def _abeam(ship: MainParticulars, count: int, x_m: float) -> list[tuple[float, f
     return [(x_m, ship.beam_m * (0.44 * number / (count - 1) - 0.22)) for number in range(count)]
 
 
-def _pod_places(ship: MainParticulars, count: int) -> list[tuple[float, float]]:
-    """Pods at the stern; of four or more the first half at the bow."""
-    forward = count // 2 if count >= 4 else 0
-    x = 0.42 * ship.length_m
-    return [*_abeam(ship, forward, x), *_abeam(ship, count - forward, -x)]
-
-
-def rudders(ship: MainParticulars, devices: Sequence[Rudder], propellers: Sequence[Driven]) -> list[Table]:
+def rudders(ship: MainParticulars, devices: Sequence[Rudder], propellers: Sequence[Propulsor]) -> list[Table]:
     """The rudders, each behind the propeller it names or the one it is nearest to."""
     shafts = [unit for unit in propellers if isinstance(unit.screw, Propeller)]
     return [_rudder(ship, rudder, shafts, number, len(devices)) for number, rudder in enumerate(devices)]
 
 
-def _rudder(ship: MainParticulars, rudder: Rudder, shafts: Sequence[Driven], number: int, count: int) -> Table:
-    before = _before(rudder, shafts, number, count)
-    usual_y_m = before.y_m if before else _abeam(ship, count, 0.0)[number][1]
+def _rudder(ship: MainParticulars, rudder: Rudder, shafts: Sequence[Propulsor], number: int, count: int) -> Table:
+    propeller = _propeller_before(rudder, shafts, number, count)
+    usual_y_m = propeller.y_m if propeller else _abeam(ship, count, 0.0)[number][1]
     area_m2 = SourcedValue(rudder.area) if rudder.area else usual_area(ship).times(1.0 / count)
     span = rudder.span or min(sqrt(USUAL_ASPECT_RATIO * area_m2.value), 0.9 * ship.draught_m)
-    numbers = interaction(ship, before.wake if before else 0.0)
+    numbers = interaction(ship, propeller.wake if propeller else 0.0)
     straight = numbers["flow_straightening"]
     L = ship.length_m
     rows: dict[str, Cell] = {
@@ -288,7 +290,7 @@ def _rudder(ship: MainParticulars, rudder: Rudder, shafts: Sequence[Driven], num
         "kind": "rudder",
         "x_m": rudder.x if rudder.x is not None else -0.5 * L,
         "y_m": rudder.y if rudder.y is not None else usual_y_m,
-        **({"behind": before.screw.name} if before else {}),
+        **({"behind": propeller.screw.name} if propeller else {}),
         "area_m2": area_m2,
         "span_m": rudder.span or SourcedValue(span, source="aspect ratio 1.6, within the draught"),
         "t_R": numbers["t_R"],
@@ -300,7 +302,7 @@ def _rudder(ship: MainParticulars, rudder: Rudder, shafts: Sequence[Driven], num
         "lift_slope": SourcedValue(normal_force_slope(span**2 / area_m2.value), 0.1, "Fujii and Tsuda 1961"),
         **(
             {name: numbers[name] for name in ("eps", "kappa")}
-            if before
+            if propeller
             else {"inflow_factor": SourcedValue(0.8, source="assumed")}
         ),
         "limit_deg": rudder.limit or SourcedValue(35.0, source="usual"),
@@ -311,7 +313,7 @@ def _rudder(ship: MainParticulars, rudder: Rudder, shafts: Sequence[Driven], num
     return Table("[[actuator]]", rudder.name, rows)
 
 
-def _before(rudder: Rudder, shafts: Sequence[Driven], number: int, count: int) -> Driven | None:
+def _propeller_before(rudder: Rudder, shafts: Sequence[Propulsor], number: int, count: int) -> Propulsor | None:
     """The propeller in whose race a rudder is; None for one that is in no race."""
     if rudder.behind is None:
         if len(shafts) == count:
@@ -355,12 +357,6 @@ def _tunnel_force(thruster: Tunnel) -> SourcedValue:
             fix=f"write {thruster.name},force=N or {thruster.name},diameter=M,power=KW",
         )
     return screws.tunnel_force(thruster.diameter, thruster.power)
-
-
-MATSUMOTO = "Matsumoto and Suemitsu 1980"
-USUAL_ASPECT_RATIO = 1.6
-_WAKES = (0.2, 0.5)
-"""The wake fractions of single-screw ships that eps was fitted to."""
 
 
 def usual_area(ship: MainParticulars) -> SourcedValue:

@@ -1,15 +1,14 @@
-"""Added masses and manoeuvring derivatives of a bare hull, primed as in the standard model of the MMG.
+"""The numbers of a bare hull from its main particulars: masses, derivatives, resistance, wake and thrust deduction.
 
-Forces by (1/2) rho L d U^2, moments by (1/2) rho L^2 d U^2, masses by (1/2) rho L^2 d, inertia by (1/2) rho L^4 d,
-about midship. The usual errors are those against the captive tests of KVLCC2 (Yasukawa and Yoshimura 2015) and the
-published model of Esso Osaka (Miyauchi et al. 2022), rounded up.
+Added masses and manoeuvring derivatives are primed as in the standard model of the MMG: forces by (1/2) rho L d
+U^2, moments by (1/2) rho L^2 d U^2, masses by (1/2) rho L^2 d, inertia by (1/2) rho L^4 d, about midship. The usual
+errors are those against the captive tests of KVLCC2 (Yasukawa and Yoshimura 2015) and the published model of Esso
+Osaka (Miyauchi et al. 2022), rounded up.
 
-Resistance, wake and thrust deduction by Holtrop's regression of model tests and trials: Holtrop and Mennen 1982, An
-approximate power prediction method, Int. Shipbuilding Progress 29, 166-170; Holtrop 1984, A statistical re-analysis
-of resistance and propulsion data, ibid. 31, 272-276. Without bulb, immersed transom and appendages. Fitted to 334
-models, prismatic coefficient 0.55 to 0.85, L/B 3.9 to 15, B/T 2.1 to 4.
-
-What is known of a ship from the start, and what an estimated number is.
+Resistance, wake and thrust deduction are by Holtrop's regression of model tests and trials: Holtrop and Mennen
+1982, An approximate power prediction method, Int. Shipbuilding Progress 29, 166-170; Holtrop 1984, A statistical
+re-analysis of resistance and propulsion data, ibid. 31, 272-276. Without bulb, immersed transom and appendages.
+Fitted to 334 models, prismatic coefficient 0.55 to 0.85, L/B 3.9 to 15, B/T 2.1 to 4.
 """
 
 from __future__ import annotations
@@ -39,11 +38,13 @@ def inertia(ship: MainParticulars) -> Estimates:
 
     Surge added mass as a share of the mass; sway and yaw by Zhou's fits to Motora's charts.
     """
+    C_b, L_B = ship.block, ship.length_m / ship.beam_m
+    yaw_radius = 0.01 * (33.0 - 76.85 * C_b * (1.0 - 0.784 * C_b) + 3.43 * L_B * (1.0 - 0.63 * C_b))  # by length
     return {
         "m": SourcedValue(ship.mass, 0.02, "displacement of the main particulars"),
         "m_x": SourcedValue(SURGE_SHARE * ship.mass, 0.8, f"5 % of the mass, {CLARKE}"),
         "m_y": SourcedValue(ship.mass * _sway_share(ship), 0.15, ZHOU),
-        "J_z": SourcedValue(ship.mass * _yaw_added_radius(ship) ** 2, 0.3, ZHOU),
+        "J_z": SourcedValue(ship.mass * yaw_radius**2, 0.3, ZHOU),
         "I_zG": SourcedValue(ship.mass * RADIUS_OF_INERTIA**2, 0.12, "radius of inertia 0.25 L, usual"),
         "x_G": centre_of_gravity(ship),
     }
@@ -58,12 +59,6 @@ def _sway_share(ship: MainParticulars) -> float:
         + 0.826 * d_B * L_B * (1.0 - 0.678 * d_B)
         - 0.638 * C_b * d_B * L_B * (1.0 - 0.669 * d_B)
     )
-
-
-def _yaw_added_radius(ship: MainParticulars) -> float:
-    """By length."""
-    C_b, L_B = ship.block, ship.length_m / ship.beam_m
-    return 0.01 * (33.0 - 76.85 * C_b * (1.0 - 0.784 * C_b) + 3.43 * L_B * (1.0 - 0.63 * C_b))
 
 
 def centre_of_gravity(ship: MainParticulars) -> SourcedValue:
@@ -235,35 +230,25 @@ def entrance_deg(ship: MainParticulars) -> float:
     )
 
 
-def _c7(B_L: float) -> float:
-    if B_L < 0.11:
-        return 0.229577 * float(B_L**0.33333)
-    return B_L if B_L < 0.25 else 0.5 - 0.0625 / B_L
-
-
-def _c15(ship: MainParticulars) -> float:
-    slender = ship.length_m**3 / ship.volume_m3
-    if slender < 512.0:
-        return -1.69385
-    return 0.0 if slender > 1726.91 else -1.69385 + (slender ** (1.0 / 3.0) - 8.0) / 2.36
-
-
-def _c16(C_P: float) -> float:
-    return 8.07981 * C_P - 13.8673 * C_P**2 + 6.984388 * C_P**3 if C_P < 0.8 else 1.73014 - 0.7067 * C_P
-
-
 def _waves(ship: MainParticulars, factor: float, m: float, F_n: float) -> float:
     """Wave resistance by weight, for one of the two ranges of Froude number."""
     C_P, L_B = prismatic(ship), ship.length_m / ship.beam_m
     period = 1.446 * C_P - (0.03 * L_B if L_B < 12.0 else 0.36)
-    m_4 = 0.4 * _c15(ship) * exp(-0.034 * F_n**-3.29)
+    slender = ship.length_m**3 / ship.volume_m3
+    c_15 = 0.0 if slender > 1726.91 else -1.69385
+    if 512.0 <= slender <= 1726.91:
+        c_15 += (slender ** (1.0 / 3.0) - 8.0) / 2.36
+    m_4 = 0.4 * c_15 * exp(-0.034 * F_n**-3.29)
     return factor * exp(m * F_n**-0.9 + m_4 * cos(period * F_n**-2))
 
 
 def _slow(ship: MainParticulars, F_n: float) -> float:
     L, B, T = ship.length_m, ship.beam_m, ship.draught_m
-    c_1 = 2223105.0 * _c7(B / L) ** 3.78613 * (T / B) ** 1.07961 * (90.0 - entrance_deg(ship)) ** -1.37565
-    m_1 = 0.0140407 * L / T - 1.75254 * ship.volume_m3 ** (1.0 / 3.0) / L - 4.79323 * B / L - _c16(prismatic(ship))
+    B_L, C_P = B / L, prismatic(ship)
+    c_7 = 0.229577 * B_L**0.33333 if B_L < 0.11 else B_L if B_L < 0.25 else 0.5 - 0.0625 / B_L
+    c_16 = 8.07981 * C_P - 13.8673 * C_P**2 + 6.984388 * C_P**3 if C_P < 0.8 else 1.73014 - 0.7067 * C_P
+    c_1 = 2223105.0 * c_7**3.78613 * (T / B) ** 1.07961 * (90.0 - entrance_deg(ship)) ** -1.37565
+    m_1 = 0.0140407 * L / T - 1.75254 * ship.volume_m3 ** (1.0 / 3.0) / L - 4.79323 * B / L - c_16
     return _waves(ship, c_1, m_1, F_n)
 
 
@@ -367,13 +352,22 @@ class MainParticulars:
     screws: int = 1
 
     def __post_init__(self) -> None:
-        for name, unit, low, value, high in _possible(self):
+        for name, unit, low, value, high in self._possible():
             if not low < value < high:
                 raise InputError(
                     f"{name} is {value:g}{unit}",
                     why=f"a displacement ship has between {low:g} and {high:g}{unit}",
                     fix="check the main particulars and their units",
                 )
+
+    def _possible(self) -> Iterator[tuple[str, str, float, float, float]]:
+        """What makes a number impossible rather than unusual: name, unit, low, value, high."""
+        yield "the length", " m", 0.5, self.length_m, 600.0
+        yield "the block coefficient", "", 0.3, self.block, 0.95
+        yield "length by beam", "", 1.8, self.length_m / self.beam_m, 15.0
+        yield "beam by draught", "", 1.2, self.beam_m / self.draught_m, 12.0
+        yield "the Froude number at service speed", "", 0.01, self.froude, 0.8
+        yield "the centre of gravity by length", "", -0.15, (self.centre_of_gravity_m or 0.0) / self.length_m, 0.15
 
     @property
     def volume_m3(self) -> float:
@@ -402,18 +396,8 @@ class MainParticulars:
 
     @property
     def is_model(self) -> bool:
-        """Whether she is of a model's size: tested smooth, without the allowance for a ship's rough plates."""
+        """Whether it is of a model's size: tested smooth, without the allowance for a ship's rough plates."""
         return self.length_m < LONGEST_MODEL_M
-
-
-def _possible(ship: MainParticulars) -> Iterator[tuple[str, str, float, float, float]]:
-    """What makes a number impossible rather than unusual: name, unit, low, value, high."""
-    yield "the length", " m", 0.5, ship.length_m, 600.0
-    yield "the block coefficient", "", 0.3, ship.block, 0.95
-    yield "length by beam", "", 1.8, ship.length_m / ship.beam_m, 15.0
-    yield "beam by draught", "", 1.2, ship.beam_m / ship.draught_m, 12.0
-    yield "the Froude number at service speed", "", 0.01, ship.froude, 0.8
-    yield "the centre of gravity by length", "", -0.15, (ship.centre_of_gravity_m or 0.0) / ship.length_m, 0.15
 
 
 _SAMPLES = {
@@ -459,10 +443,16 @@ class Table:
 
 def text_of(table: Table) -> str:
     """A table as TOML, a comment at each number that was not given."""
-    return "\n".join([table.head, *(_row(key, cell) for key, cell in table.rows.items())]) + "\n"
+    lines = [table.head]
+    for key, cell in table.rows.items():
+        number = cell if isinstance(cell, SourcedValue) else SourcedValue(0.0 if isinstance(cell, str) else cell)
+        text = f"{key} = {json.dumps(cell) if isinstance(cell, str) else _number(number.value)}"
+        error = f"+-{100.0 * number.error:.0f} %: " if number.error > 0.0 else ""
+        lines.append(f"{text:<34}  # {error}{number.source}" if number.source else text)
+    return "\n".join(lines) + "\n"
 
 
-def estimated(tables: Iterable[Table]) -> str:
+def estimated_table(tables: Iterable[Table]) -> str:
     """The table of relative errors of all numbers that a regression gave."""
     rows = [
         f'"{table.label}.{key}" = {_number(round(cell.error, 3))}'
@@ -471,15 +461,6 @@ def estimated(tables: Iterable[Table]) -> str:
         if isinstance(cell, SourcedValue) and cell.error > 0.0
     ]
     return "\n".join(["[estimated]", *rows]) + "\n"
-
-
-def _row(key: str, cell: Cell) -> str:
-    if isinstance(cell, str):
-        return f"{key} = {json.dumps(cell)}"
-    number = cell if isinstance(cell, SourcedValue) else SourcedValue(cell)
-    text = f"{key} = {_number(number.value)}"
-    error = f"+-{100.0 * number.error:.0f} %: " if number.error > 0.0 else ""
-    return f"{text:<34}  # {error}{number.source}" if number.source else text
 
 
 def _number(value: float) -> str:

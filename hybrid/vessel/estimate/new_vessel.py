@@ -16,26 +16,30 @@ from seatrial.acquisition.core.files import write_text
 from seatrial.acquisition.core.ship import Actuator, check_actuators
 from seatrial.hybrid.vessel.estimate import devices
 from seatrial.hybrid.vessel.estimate import hull as hulls
-from seatrial.hybrid.vessel.estimate.devices import Azimuth, Propeller, Rudder, Tunnel, listed
+from seatrial.hybrid.vessel.estimate.devices import Azimuth, Propeller, Rudder, Tunnel, named_devices
 from seatrial.hybrid.vessel.estimate.hull import (
     SEA_WATER_KGPM3,
+    Cell,
     Estimates,
     MainParticulars,
     SourcedValue,
     Table,
-    estimated,
+    estimated_table,
     outside_samples,
     text_of,
 )
 
 HullName = Literal["mmg", "cross_flow"]
+OUTLINES = "mean of Esso Osaka and R/V Gunnerus"
+ESSO_OSAKA = "as of Esso Osaka"
+AREA_ERROR = 0.4
 
 
 @dataclass(frozen=True, slots=True)
 class NewVessel:
     """A vessel file that is estimated: its ``text``, what to know of it, and what follows from the numbers.
 
-    ``warnings`` are sentences; ``service_rpm`` is each shaft's speed that drives her at service speed;
+    ``warnings`` are sentences; ``service_rpm`` is each shaft's speed that drives it at service speed;
     ``course_stable`` whether the bare hull holds its course, by the linear derivatives.
     """
 
@@ -69,14 +73,14 @@ def new_vessel(
     lateral_area_m2: float | None = None,
     water_density_kgpm3: float = SEA_WATER_KGPM3,
 ) -> NewVessel:
-    """Estimate a ship's model from what her owner knows, and write it to ``output`` if that is named.
+    """Estimate a ship's model from what its owner knows, and write it to ``output`` if that is named.
 
     Lengths in metres, the length between perpendiculars; places of propulsors from midship, forward and to
     starboard. Propulsors are objects of :mod:`.devices` or texts ``"NAME,KEY=NUMBER,..."``. The regressions and
     their sources are in docs/theory/estimates.md. Raises :class:`InputError` for dimensions that no displacement
     ship has and for propulsors that cannot be, :class:`StorageError`.
     """
-    shafts, pods = listed(Propeller, propellers), listed(Azimuth, azimuths)
+    shafts, pods = named_devices(Propeller, propellers), named_devices(Azimuth, azimuths)
     if not shafts and not pods:
         raise InputError(
             "the ship has no propulsor", fix="name a propeller or an azimuth thruster with its diameter"
@@ -86,23 +90,17 @@ def new_vessel(
         centre_of_gravity_m=centre_of_gravity_m, water_density_kgpm3=water_density_kgpm3,
         screws=len(shafts) + len(pods),
     )  # fmt: skip
-    driven = devices.driven(ship, shafts, pods)
+    units = devices.propulsors(ship, shafts, pods)
     actuators = [
-        *(unit.table for unit in driven),
-        *devices.rudders(ship, listed(Rudder, rudders), driven),
-        *(devices.tunnel(ship, thruster) for thruster in listed(Tunnel, tunnels)),
+        *(unit.table for unit in units),
+        *devices.rudders(ship, named_devices(Rudder, rudders), units),
+        *(devices.tunnel(ship, thruster) for thruster in named_devices(Tunnel, tunnels)),
     ]
     check_actuators(Actuator(table.label, str(table.rows["kind"])) for table in actuators)
-    tables = [
-        _dimensions(ship, length_overall_m or length_m),
-        _validity(ship),
-        Table("[inertia]", "inertia", {"model": "primed", **hulls.inertia(ship)}),
-        _hull(ship, hull),
-        _wind(ship, frontal_area_m2, lateral_area_m2),
-        *actuators,
-    ]
-    warnings = (*outside_samples(ship), *(warning for unit in driven for warning in unit.warnings))
-    rpm = {unit.screw.name: unit.rpm for unit in driven}
+    outline_numbers = outline(ship, frontal_area_m2, lateral_area_m2)
+    tables = [*_ship_tables(ship, length_overall_m or length_m, hull, outline_numbers), *actuators]
+    warnings = (*outside_samples(ship), *(warning for unit in units for warning in unit.warnings))
+    rpm = {unit.screw.name: unit.rpm for unit in units}
     vessel = NewVessel(_text(name, ship, tables, warnings, rpm), warnings, rpm, course_stable(ship))
     if output is not None:
         vessel.save(output)
@@ -116,34 +114,31 @@ def course_stable(ship: MainParticulars) -> bool:
     return d["Y_v"].value * (d["N_r"].value - m * x_G) > d["N_v"].value * (d["Y_r"].value - m - m_x)
 
 
-def _dimensions(ship: MainParticulars, overall_m: float) -> Table:
-    return Table("[dimensions]", "dimensions", {
-        "length_overall_m": overall_m,
+def _ship_tables(
+    ship: MainParticulars, length_overall_m: float, hull: HullName, outline_numbers: Estimates
+) -> list[Table]:
+    """All tables of the file but those of the actuators."""
+    U, by_speed, R_0 = ship.service_speed_mps, "by the service speed", hulls.resistance(ship)
+    hull_numbers = hulls.mmg(ship, R_0) if hull == "mmg" else hulls.cross_flow(ship, R_0)
+    dimensions: dict[str, Cell] = {
+        "length_overall_m": length_overall_m,
         "length_between_perpendiculars_m": ship.length_m,
         "beam_m": ship.beam_m,
         "draught_m": ship.draught_m,
-    })  # fmt: skip
-
-
-def _validity(ship: MainParticulars) -> Table:
-    U, by_speed = ship.service_speed_mps, "by the service speed"
-    return Table("[validity]", "validity", {
+    }
+    validity: dict[str, Cell] = {
         "surge_low_mps": SourcedValue(-0.6 * U, source=by_speed),
         "surge_high_mps": SourcedValue(1.3 * U, source=by_speed),
         "sway_mps": SourcedValue(0.8 * U, source=by_speed),
         "yaw_rate_radps": SourcedValue(2.0 * U / ship.length_m, source="r' = 2 at service speed"),
-    })  # fmt: skip
-
-
-def _hull(ship: MainParticulars, hull: HullName) -> Table:
-    R_0 = hulls.resistance(ship)
-    numbers = hulls.mmg(ship, R_0) if hull == "mmg" else hulls.cross_flow(ship, R_0)
-    return Table("[hull]", "hull", {"model": hull, **numbers})
-
-
-def _wind(ship: MainParticulars, frontal_m2: float | None, lateral_m2: float | None) -> Table:
-    numbers = outline(ship, frontal_m2, lateral_m2)
-    return Table("[wind]", "wind", {"model": "fujiwara", "air_density_kgpm3": 1.225, **numbers})
+    }
+    return [
+        Table("[dimensions]", "dimensions", dimensions),
+        Table("[validity]", "validity", validity),
+        Table("[inertia]", "inertia", {"model": "primed", **hulls.inertia(ship)}),
+        Table("[hull]", "hull", {"model": hull, **hull_numbers}),
+        Table("[wind]", "wind", {"model": "fujiwara", "air_density_kgpm3": 1.225, **outline_numbers}),
+    ]
 
 
 def _text(
@@ -165,19 +160,14 @@ def _text(
         "service_speed_mps": ship.service_speed_mps,
         **{f"service_rpm_{shaft}": value for shaft, value in rpm.items()},
     })  # fmt: skip
-    return "\n".join(["\n".join(head), *map(text_of, [plain, provenance, *tables]), estimated(tables)])
-
-
-OUTLINES = "mean of Esso Osaka and R/V Gunnerus"
-ESSO_OSAKA = "as of Esso Osaka"
-AREA_ERROR = 0.4
+    return "\n".join(["\n".join(head), *map(text_of, [plain, provenance, *tables]), estimated_table(tables)])
 
 
 def outline(ship: MainParticulars, frontal_m2: float | None, lateral_m2: float | None) -> Estimates:
     """Areas, centres and heights above water for Fujiwara's regression; with the areas that are known.
 
     The ratios are the geometric means of two published outlines, Esso Osaka's and R/V Gunnerus'; where only Esso
-    Osaka's is published, hers. Ships differ by half as much again: measured areas are worth having.
+    Osaka's is published, that one. Ships differ by half as much again: measured areas are worth having.
     """
     L, B = ship.length_m, ship.beam_m
     frontal = SourcedValue(0.70 * B * B, AREA_ERROR, f"0.70 B^2, {OUTLINES}")

@@ -1,5 +1,5 @@
 """Thrust of a propeller by the Wageningen B-series, the shaft speed that drives the ship at service speed, and
-thrusters that push aside or anywhere: a pod from the propeller on it, a tunnel thruster from its power.
+thrusters with side force: a pod from the propeller on it, a tunnel thruster from its power.
 
 Oosterveld and van Oossanen 1975, Further computer-analyzed data of the Wageningen B-screw series, Int. Shipbuilding
 Progress 22, 251-262: 2 to 7 blades, area ratio 0.3 to 1.05, pitch ratio 0.5 to 1.4.
@@ -83,11 +83,11 @@ def service_rps(
     return -half + sqrt(half * half - (k_2 * V * V - thrust_n / (density_kgpm3 * diameter_m**4)) / k_0)
 
 
-def fitting_pitch_ratio(thrust_coefficient_wanted: float, J: float, area_ratio: float, blades: int) -> float:
+def fitting_pitch_ratio(target: float, J: float, area_ratio: float, blades: int) -> float:
     """The pitch ratio of a B-series propeller that has a K_T at ``J``; the end of the series if none has."""
     pitch = np.linspace(0.5, 1.4, 181)
     thrust = [float(thrust_coefficient(np.array(J), ratio, area_ratio, blades)) for ratio in pitch]
-    return float(pitch[int(np.argmin(np.abs(np.array(thrust) - thrust_coefficient_wanted)))])
+    return float(pitch[int(np.argmin(np.abs(np.array(thrust) - target)))])
 
 
 def astern(k_0: float) -> Estimates:
@@ -138,8 +138,8 @@ def pod(
         "thrust_uu": ("k_2", delivered * inflow**2),
     }
     along = {
-        name: SourcedValue(k[of].value * factor, (k[of].error ** 2 + 0.07**2) ** 0.5, k[of].source)
-        for name, (of, factor) in factors.items()
+        name: SourcedValue(k[key].value * factor, (k[key].error ** 2 + 0.07**2) ** 0.5, k[key].source)
+        for name, (key, factor) in factors.items()
     }
     side = {"side_nv": -0.9901, "side_uv": -0.7595, "side_vv": 0.3170}
     return {**along, **{name: SourcedValue(value, 0.5, POD_SIDE) for name, value in side.items()}}

@@ -12,8 +12,6 @@ from seatrial.hybrid.vessel.hulls.mmg import MMG
 from seatrial.hybrid.vessel.hulls.polynomial import POLYNOMIAL
 
 HULLS: dict[str, HullModel] = {"polynomial": POLYNOMIAL, "mmg": MMG, "cross_flow": CROSS_FLOW}
-
-
 HULL_CODES: dict[str, float] = {name: float(code) for code, name in enumerate(HULLS)}
 HULL_SIZE = max(len(model.numbers) for model in HULLS.values())
 

@@ -18,7 +18,6 @@ from seatrial.hybrid.vessel.hulls.kind import HullEntry, HullModel, coefficients
 EVEN_FLOW = 1e-3
 """Where the flow across differs by less than this share along the ship, the integral is its series."""
 
-
 NO_FLOW = 1e-100
 """A speed [m/s] whose square is still a number."""
 

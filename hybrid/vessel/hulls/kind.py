@@ -34,8 +34,8 @@ class HullModel:
     ``entry`` is the class of its ``[hull]`` table, ``numbers`` are the coefficients in the order of their row.
     ``force(p, u, v, r) -> X, Y, N`` is compiled: the water's force at velocities through it, the Coriolis terms of
     the added mass with it. ``linear`` names the coefficients that give Y and N in proportion to v and to r, in the
-    order Y v, Y r, N v, N r. Effects speak of a hull by the other tuples: what brakes her straight ahead, what
-    resists when she is dragged sideways, and her force and moment in drift and turn. ``keeps_sign`` are
+    order Y v, Y r, N v, N r. Effects speak of a hull by the other tuples: what brakes it straight ahead, what
+    resists when it is dragged sideways, and its force and moment in drift and turn. ``keeps_sign`` are
     coefficients that damp. ``in_si(entry, rho, L, d)`` are the coefficients of an entry that may state them
     otherwise than the model computes with them. A ``primed`` model's coefficients are without dimension, so that
     they grow with the ship's length; ``munk`` tells that the moment of u v that the added masses give stands

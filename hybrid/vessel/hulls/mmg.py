@@ -19,7 +19,7 @@ ASTERN_SHARE = 0.3
 """The published resistance goes with the speed squared; below this share of it ahead, it fades and turns around."""
 
 LARGEST_YAW_RATE = 2.0
-"""The largest r' = r L / U at which the third-order terms divide by the speed; beyond, she spins on the spot."""
+"""The largest r' = r L / U at which the third-order terms divide by the speed; beyond, it spins on the spot."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -59,14 +59,20 @@ def force(p: Record, u: float, v: float, r: float) -> tuple[float, float, float]
     L = p.length_between_perpendiculars_m
     q = 0.5 * p.water_density_kgpm3 * L * p.draught_m
     U, w = hypot(u, v), r * L
-    over = 1.0 / max(U, abs(w) / LARGEST_YAW_RATE, 1e-9)
+    inverse_speed = 1.0 / max(U, abs(w) / LARGEST_YAW_RATE, 1e-9)
     vv, vw, ww = v * v, v * w, w * w
     resisted = U * min(max(u / ASTERN_SHARE, -U), U)
-    X = -h[R_0] * resisted + h[X_VV] * vv + h[X_VR] * vw + h[X_RR] * ww + h[X_VVVV] * vv * vv * over * over
-    Y = (h[Y_V] * v + h[Y_R] * w) * U + over * (
+    X = (
+        -h[R_0] * resisted
+        + h[X_VV] * vv
+        + h[X_VR] * vw
+        + h[X_RR] * ww
+        + h[X_VVVV] * vv * vv * inverse_speed * inverse_speed
+    )
+    Y = (h[Y_V] * v + h[Y_R] * w) * U + inverse_speed * (
         h[Y_VVV] * vv * v + h[Y_VVR] * vv * w + h[Y_VRR] * v * ww + h[Y_RRR] * ww * w
     )
-    N = (h[N_V] * v + h[N_R] * w) * U + over * (
+    N = (h[N_V] * v + h[N_R] * w) * U + inverse_speed * (
         h[N_VVV] * vv * v + h[N_VVR] * vv * w + h[N_VRR] * v * ww + h[N_RRR] * ww * w
     )
     return q * X - p.Yvd * v * r - p.Yrd * r * r, q * Y + p.Xud * u * r, q * L * N

@@ -49,7 +49,7 @@ KNOWN: dict[str, type[Calibrator]] = {**FAKES, "standing": Standing}
 
 def log_about(horizons: PredictionWindows, leg_s: int, trials: tuple[str, ...] = ("first",)) -> Log:
     """A log that holds all seconds of the windows, in legs of so many seconds; nothing else in it is used."""
-    first, last = horizons.known_seconds()
+    first, last = horizons.measured_seconds()
     length = int(last.max() - first.min()) + 1
     legs_each = -(-length // leg_s)
     seconds = np.concatenate([first.min() + np.arange(length)] * len(trials))
@@ -67,7 +67,7 @@ def test_what_is_judged_shares_no_second_with_what_was_learned_from(leg_s: int, 
     """Two recordings of one time of day; windows over a border are judged in no fold, and none is judged twice."""
     windows = windows_of_legs(SIZES, ("b", "a"))
     log = log_about(windows, leg_s, ("b", "a"))
-    first, last = windows.known_seconds()
+    first, last = windows.measured_seconds()
     draws = draws_of_folds(windows, seconds_in_folds(windows, log, ("b", "a")), seed)
     assert np.sum([draw.held_out for draw in draws.values()], axis=0).max() == 1
     for fold, draw in draws.items():

@@ -14,7 +14,7 @@ from seatrial.analysis.windows.held import SecondBySecond
 from seatrial.hybrid.evaluation.validate import (
     TRUTHS,
     Validation,
-    judged_by_truths,
+    errors_by_truth,
     truth_distances,
     truth_tracks,
     validate,
@@ -64,7 +64,7 @@ def test_the_floor_is_the_error_of_a_perfect_prediction(noise: SimulationNoise) 
     trial = trial_with(noise)
     windows = judged(trial[0])
     errors_m = truth_distances(perfect(windows, trial), windows)
-    found = judged_by_truths(windows, {"perfect": errors_m})
+    found = errors_by_truth(windows, {"perfect": errors_m})
     assert found is not None
     assert found.remark == ""
     for name in TRUTHS:
