@@ -94,8 +94,8 @@ def kind_of(folder: Path) -> Kind:
 def recordings_in(folder: Path) -> list[Path]:
     """The recordings of a trial: those in ``recordings`` where there is such a folder, else those in it."""
     for place in (folder / "recordings", folder):
-        if found := sorted(path for path in place.glob("*.mcap") if not path.name.startswith(".")):
-            return found
+        if recordings := sorted(path for path in place.glob("*.mcap") if not path.name.startswith(".")):
+            return recordings
     return []
 
 
@@ -158,19 +158,14 @@ def folder_report(
     paths = list(recordings or recordings_in(folder))
     beside, within = folder / "calibrator", folder / "diagnosis"
     found = beside if (beside / "calibrator.json").is_file() else None
-    own = replace(choices, calibrator=choices.calibrator or found)
+    completed = replace(choices, calibrator=choices.calibrator or found)
     if not (within / "shown.json").is_file():
-        return [trial_report(paths, folder, own, progress)]
-    if not _is_of(within, paths):
+        return [trial_report(paths, folder, completed, progress)]
+    hashes = str(read_json(within / "diagnosis.json").get("provenance", {}).get("recordings_sha256", ""))
+    if not set(hashes.split(", ")) <= {sha256_of(path) for path in paths}:
         remark = "The diagnosis in this folder is for other recordings and is left out."
-        return [trial_report(paths, folder, own, progress, remark=remark)]
-    return [trial_report(paths, folder, own, progress, within), within / PAGE_FILE]
-
-
-def _is_of(diagnosis: Path, recordings: Sequence[Path]) -> bool:
-    """Whether a diagnosis is of these recordings, or of some of them, by their hashes."""
-    hashes = str(read_json(diagnosis / "diagnosis.json").get("provenance", {}).get("recordings_sha256", ""))
-    return set(hashes.split(", ")) <= {sha256_of(path) for path in recordings}
+        return [trial_report(paths, folder, completed, progress, remark=remark)]
+    return [trial_report(paths, folder, completed, progress, within), within / PAGE_FILE]
 
 
 def trial_report(
@@ -191,7 +186,7 @@ def trial_report(
         part=choices.part, repair=choices.repair, allow_seen=choices.allow_seen, length_m=choices.length_m,
         method=choices.method, statement=statement_text(choices.conditions, recordings[0], folder),
     )  # fmt: skip
-    made = case.products  # what is wrong is said before anything is written
+    products = case.products  # what is wrong is said before anything is written
     make_folder(folder)
     with written_together(folder / PAGE_FILE):
         pages = write_interactive_pages(case, folder) if choices.interactive else {}
@@ -203,7 +198,7 @@ def trial_report(
         criteria = [{"vessel": vessel, **result.as_json()}
                     for vessel, results in case.criteria.items() for result in results]  # fmt: skip
         write_text(folder / "criteria.json", json.dumps(criteria, indent=1) + "\n")
-        indices = {name: as_json(each.manoeuvres) for name, each in made.items()}
+        indices = {name: as_json(recording.manoeuvres) for name, recording in products.items()}
         write_text(folder / "indices.json", json.dumps(indices, indent=1) + "\n")
         page = render(
             "base.html", title=f"Sea trial report: {ship_name(case)}", subtitle=subtitle(case),
@@ -228,19 +223,21 @@ def batch_reports(
     options = batch_options(out)
     summary = run_batch(recordings, out, options=options)
     stated = statement_file(choices.conditions, recordings)
-    own = replace(choices, repair=choices.repair and options.repair, conditions=stated)
+    completed = replace(choices, repair=choices.repair and options.repair, conditions=stated)
     pages, failed = list[Path](), dict[str, str]()
-    done = [row for row in summary.rows if row["status"] == "done"]
-    for number, row in enumerate(done):
-        share = part_of(progress, number, len(done))
+    reported = [row for row in summary.rows if row["status"] == "done"]
+    for number, row in enumerate(reported):
+        share = part_of(progress, number, len(reported))
         try:
-            pages.append(trial_report(summary.files[row["name"]], out / row["name"], own, share))
+            pages.append(trial_report(summary.files[row["name"]], out / row["name"], completed, share))
         except SeatrialError as error:
             failed[row["name"]] = str(error)
     index = write_index([*summary.rows, *summary.gone_rows], out, recordings.resolve().name)
     if failed:
-        raise SeatrialError(f"{len(failed)} of {len(done)} reports failed: {', '.join(failed)}", where=str(index),
-                            why=next(iter(failed.values())))  # fmt: skip
+        raise SeatrialError(
+            f"{len(failed)} of {len(reported)} reports failed: {', '.join(failed)}",
+            where=str(index), why=next(iter(failed.values())),
+        )  # fmt: skip
     return [index, *pages]
 
 
