@@ -29,7 +29,7 @@ from seatrial.hybrid.diagnosis.evidence import normal_equations
 from seatrial.hybrid.diagnosis.linearise import ModelWithEffects, linearise
 from seatrial.hybrid.diagnosis.log import log_of
 from seatrial.hybrid.diagnosis.planning import (
-    TOLD_APART,
+    DISTINGUISHED,
     CandidateManoeuvre,
     Design,
     Information,
@@ -98,7 +98,7 @@ def cost(design: Design, legs: Sequence[int], aims: Aims) -> float:
     """The shortfall of these legs from all aims; 0 would be perfect."""
     information = design.information(legs)
     detection = sum(log1p(_SEEN / max(ordinary_evidence(information, name), _LEAST)) for name in aims.effects)
-    separation = sum(log1p(TOLD_APART / max(pair_evidence(information, *pair), _LEAST)) for pair in aims.pairs)
+    separation = sum(log1p(DISTINGUISHED / max(pair_evidence(information, *pair), _LEAST)) for pair in aims.pairs)
     return detection / max(len(aims.effects), 1) + separation / max(len(aims.pairs), 1)
 
 
@@ -117,7 +117,7 @@ def pair_evidence(information: Information, name: str, rival: str) -> float:
     Infinite if neither would be detected: then they cannot be confused.
     """
     ways = ((name, rival), (rival, name))
-    detectable = [pair for pair in ways if ordinary_evidence(information, pair[0]) >= TOLD_APART]
+    detectable = [pair for pair in ways if ordinary_evidence(information, pair[0]) >= DISTINGUISHED]
     return min((least_separation(information, *pair) for pair in detectable), default=inf)
 
 
@@ -151,7 +151,7 @@ class Programme:
     def indistinguishable_pairs(self) -> list[tuple[str, str]]:
         """Pairs of effects that it could not separate."""
         names = list(self.limits)
-        rows, columns = np.nonzero(np.tril(self.evidence < TOLD_APART, -1))
+        rows, columns = np.nonzero(np.tril(self.evidence < DISTINGUISHED, -1))
         return [(names[j], names[i]) for i, j in zip(rows, columns, strict=True)]
 
     def as_dict(self) -> dict[str, Any]:

@@ -1,11 +1,11 @@
 """``seatrial watch``: the twin follows a trial's recorder, predicts once a second and evaluates its predictions.
 
-A prediction starts from the newest whole second of the last minute's samples. Only a fraction of a second of data
-follows it, so the filter that brings the channels to 1 Hz is one-sided there, and the start state is that of a
-Kalman filter (:mod:`seatrial.hybrid.prediction.kalman_filter`), less certain than a two-sided state computed from a
-recording. Its error is computed as soon as its horizon has been measured. A prediction assumes constant wind, and
-thrusters held or as planned: where a thruster moved otherwise, the error says little about the model, and is
-counted, marked and excluded from the means.
+A prediction starts from the newest whole second of the last minute's samples. Only a fraction of a second of
+data follows it, so the filter that brings the channels to 1 Hz is one-sided there, and the start state is that
+of a Kalman filter (:mod:`seatrial.hybrid.prediction.kalman_filter`), less certain than a two-sided state
+computed from a recording. Its error is computed as soon as its horizon has been measured. A prediction assumes
+constant wind, and thrusters held or as planned: where a thruster moved otherwise, the error says little about
+the model, and is counted, marked and excluded from the means.
 
 The regions adapt to these errors: wider after the ship has left them too often, narrower after too seldom. The
 factor on their size tracks the quantile that it stands for (adaptive conformal inference: Gibbs and Candes
@@ -624,7 +624,7 @@ def plan_text(orders: pd.DataFrame) -> str:
     return f"plan of {', '.join(map(str, orders.columns))}: {number}, {period}"
 
 
-def keep_s(horizon_s: int) -> float:
+def needed_data_s(horizon_s: int) -> float:
     """The seconds of data needed for prediction and evaluation."""
     return max(PAST_S, horizon_s) + _MARGIN_S
 
@@ -658,8 +658,8 @@ class Twin:
         self.region = RegionFactor()
         self.last: Forecast | None = None
         self.last_error: TrackError | None = None
-        self.follower = Follower(name, configuration, keep_s(predictor.horizon_s), notify, folder)
-        self._recent, self._plan = RecentSamples(keep_s(predictor.horizon_s)), plan
+        self.follower = Follower(name, configuration, needed_data_s(predictor.horizon_s), notify, folder)
+        self._recent, self._plan = RecentSamples(needed_data_s(predictor.horizon_s)), plan
         self._notify, self._last_notice = notify, ""
         self._start_ns, self._made_s, self._new_s = 0, 0.0, time.monotonic()
 
@@ -739,7 +739,7 @@ class Twin:
         """Name the channels without which no prediction can be made."""
         if time.monotonic() - self._new_s < _STALLED_S:
             return
-        newest = [int(each.measured_ns.max()) for name, each in recording.series.items()
+        newest = [int(series.measured_ns.max()) for name, series in recording.series.items()
                   if name in trial_names(actuators_in_recording(recording))]  # fmt: skip
         missing = missing_channels(recording, max(newest) // NANO * NANO if newest else None)
         if missing:
@@ -755,7 +755,7 @@ class Twin:
 def warm_up(predictor: Predictor) -> None:
     """Make one prediction for a ship at rest, so that compilation happens before it matters."""
     with suppress(SeatrialError):
-        at_rest = recording_at_rest(keep_s(predictor.horizon_s), predictor.plant.layout)
+        at_rest = recording_at_rest(needed_data_s(predictor.horizon_s), predictor.plant.layout)
         predict_now(at_rest, predictor.horizon_s, predictor.plant, predictor.trained)
 
 

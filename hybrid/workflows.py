@@ -1,12 +1,12 @@
 """From recordings to a diagnosis and its files, and the folder in which the trials of a ship begin.
 
-Before a diagnosis a recording is checked: it is parted where its positions jump, which to a filter would be a force
-beyond any ship, and what is frozen is left out. Each part has its own start, so that a jump between them costs
-nothing. Dead feedback is replaced by the order where it was recorded.
+Before a diagnosis a recording is checked: it is parted where its positions jump, which to a filter would be a
+force beyond any ship, and what is frozen is left out. Each part has its own start, so that a jump between them
+costs nothing. Dead feedback is replaced by the order where it was recorded.
 
 A model that is structurally wrong is re-identified first, on request or where a diagnosis of it shows that. The
-coefficients are identified from all legs but those of a fold, and predictions are judged on that fold's legs. Where
-these do not come closer, the model stays as it was.
+coefficients are identified from all legs but those of a fold, and predictions are judged on that fold's legs.
+Where these do not come closer, the model stays as it was.
 """
 
 from __future__ import annotations
@@ -142,11 +142,7 @@ def refit_model(tables: Sequence[pd.DataFrame], vessel: Vessel, progress: Progre
     named = {str(number): table for number, table in enumerate(tables)}
     refit_tracks = windows.before.copy()
     for number, fold in enumerate(folds):
-        left_out = log.time_s[fold_of(log) == fold]  # segments that would cross these seconds have no data
-        remaining = {
-            name: table[~np.isin(np.rint(times_ns(table) / NANO), left_out)] for name, table in named.items()
-        }
-        other_folds = {name: table for name, table in remaining.items() if len(table)}
+        other_folds = _without_fold(named, log, fold)
         part = part_of(progress, number, len(folds) + 1)
         refitted = identify_tables(other_folds, vessel, segment_s=SEGMENT_S, progress=part)[0].vessel
         plant, in_fold = vessel_plant(refitted), windows.fold == fold
@@ -157,6 +153,13 @@ def refit_model(tables: Sequence[pd.DataFrame], vessel: Vessel, progress: Progre
         windows, refit_tracks, identification, forces_moved(log, vessel, identification.vessel)
     )
     return Refit(identification.vessel if correction.applied else vessel, correction)
+
+
+def _without_fold(tables: Mapping[str, pd.DataFrame], log: Log, fold: int) -> dict[str, pd.DataFrame]:
+    """The tables without the seconds of a fold's legs: segments that these would cross have no data."""
+    left_out = log.time_s[fold_of(log) == fold]
+    remaining = {name: table[~np.isin(np.rint(times_ns(table) / NANO), left_out)] for name, table in tables.items()}
+    return {name: table for name, table in remaining.items() if len(table)}
 
 
 def forces_moved(log: Log, before: Vessel, after: Vessel) -> dict[str, float]:
@@ -182,7 +185,7 @@ def _correction(
     complete = np.isfinite(off_m).all(axis=0)
     held_m, before_m, after_m = off_m[:, complete].mean(axis=1).tolist()
     estimates = {
-        name: estimate for estimate in identification.coefficients for name in (estimate.name, *estimate.twins)
+        name: estimate for estimate in identification.coefficients for name in (estimate.name, *estimate.tied)
     }
     return IdentifiedCorrection(
         applied=bool(gains.mean() > 0.0 and chance_of_gains(gains) < HELD_OUT_LEVEL),
@@ -303,14 +306,14 @@ def with_refit(
 ) -> tuple[DiagnosisRun, Refit | None]:
     """What is ``diagnosed`` in a record that is ``checked``, with or without repair of its sensors.
 
-    Before it, if ``identify`` or with None where the model proves :func:`off_in_many_things`, the coefficients are
+    Before it, if ``identify`` or with None where the model :func:`is_structurally_wrong`, the coefficients are
     identified. The sensors are repaired then, too, because coefficients would absorb the scale of one. Where new
     coefficients are no better, the model as it is has been or is diagnosed.
     """
     record = checked(repair or bool(identify))
     progress(0.1)
     first = None if identify else diagnosed(record, vessel, lambda share: progress(0.1 + 0.3 * share))
-    if first is not None and (identify is False or not off_in_many_things(first.diagnosis)):
+    if first is not None and (identify is False or not is_structurally_wrong(first.diagnosis)):
         progress(1.0)
         return first, None
     record = record if record.repaired else checked(True)
@@ -324,7 +327,7 @@ def with_refit(
     return replace(run, diagnosis=replace(run.diagnosis, remarks=(*why, *run.diagnosis.remarks))), refit
 
 
-def off_in_many_things(diagnosis: Diagnosis) -> bool:
+def is_structurally_wrong(diagnosis: Diagnosis) -> bool:
     """Whether a model predicts worse than constant velocity does, needs many effects, and forces remain beside."""
     gap = diagnosis.gap
     worse = gap.before_m > gap.constant_velocity_m
@@ -422,7 +425,7 @@ def _of_one(table: pd.DataFrame, vessel: Vessel) -> tuple[pd.DataFrame, list[str
         kind = KINDS[actuator.kind]
         parts = zip(actuator.channels, kind.drives(entry), kind.units, kind.still, strict=True)
         for channel, drive, unit, idle_limit in parts:
-            order, how = name_of_order(channel.name), how_it_is_dead(table, channel.name)
+            order, how = name_of_order(channel.name), dead_channel_words(table, channel.name)
             moves = _is_there(table, order) and _reach(table[order]) * unit > idle_limit
             if how and (moves or (_is_there(table, order) and not _is_there(table, channel.name))):
                 channel_drive = Drive(drive.lag_s, drive.limit / unit, drive.rate / unit)
@@ -431,7 +434,7 @@ def _of_one(table: pd.DataFrame, vessel: Vessel) -> tuple[pd.DataFrame, list[str
     return (table.assign(**filled) if filled else table), remarks
 
 
-def how_it_is_dead(table: pd.DataFrame, name: str) -> str:
+def dead_channel_words(table: pd.DataFrame, name: str) -> str:
     """In words what is wrong with a channel that has no values, or one throughout; empty for any other."""
     if not _is_there(table, name):
         return "has no values"
@@ -448,7 +451,7 @@ def idle_angles(table: pd.DataFrame, actuators: Actuators) -> tuple[str, ...]:
         for actuator in actuators
         if actuator.angle and actuator.angle.name in table
     }
-    idle = {name for name in angles if _is_there(table, name) and how_it_is_dead(table, name)}
+    idle = {name for name in angles if _is_there(table, name) and dead_channel_words(table, name)}
     unknown = {name for name in idle if not _is_there(table, name_of_order(name))}
     moving = {kind for name, kind in angles.items() if name not in idle}
     turned_deg, remarks = _turned_deg(table), []
@@ -459,7 +462,7 @@ def idle_angles(table: pd.DataFrame, actuators: Actuators) -> tuple[str, ...]:
                 "others like it move" if angles[name] in moving else f"the ship turns by {turned_deg:.0f} deg"
             )
             remarks.append(
-                f"{name} {how_it_is_dead(table, name)} although {contrast}: taken as recorded; if it was used, "
+                f"{name} {dead_channel_words(table, name)} although {contrast}: taken as recorded; if it was used, "
                 "what is named may stand for that"
             )
     return tuple(remarks)
@@ -582,7 +585,7 @@ def usable_tables(
 
 def dead_sensors(table: pd.DataFrame) -> tuple[str, ...]:
     """Speeds and yaw rate that have one value throughout although the heading turns: nobody measured them."""
-    dead = tuple(name for name in VELOCITY if _is_there(table, name) and how_it_is_dead(table, name))
+    dead = tuple(name for name in VELOCITY if _is_there(table, name) and dead_channel_words(table, name))
     return dead if _turned_deg(table) > _TURNS_DEG else ()
 
 

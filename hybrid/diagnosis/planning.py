@@ -6,12 +6,12 @@ of size a changes twice the log likelihood by a' F a, and by less if another eff
 
 The next manoeuvre is the one that best separates effects that the data cannot distinguish. Every candidate is
 simulated with the ship as identified, in the wind and noise of the recording, and evaluated together with the
-recording, so that the model error is common to both. The best candidate is likely to separate most pairs, whichever
-effect is true (Box and Hill 1967); for a pair it counts the evidence of one against the other at any size
-(T-optimality: Atkinson and Fedorov 1975). Candidates last some ten minutes, scaled to the ship's shaft speeds
-and pace, in the words in which an officer of the watch may be asked for them. A simulated one is a log without
-noise or gaps: the information depends on where it takes the ship, not on the noise of the readings, so its true
-motion serves as the measured one.
+recording, so that the model error is common to both. The best candidate is likely to separate most pairs,
+whichever effect is true (Box and Hill 1967); for a pair it counts the evidence of one against the other at any
+size (T-optimality: Atkinson and Fedorov 1975). Candidates last some ten minutes, scaled to the ship's shaft
+speeds and pace, in the words in which an officer of the watch may be asked for them. A simulated one is a log
+without noise or gaps: the information depends on where it takes the ship, not on the noise of the readings, so
+its true motion serves as the measured one.
 """
 
 from __future__ import annotations
@@ -64,7 +64,7 @@ from seatrial.hybrid.vessel.sensors import measure
 POWER = 0.9
 """The power: an effect at its limit is found in this share of such trials."""
 
-TOLD_APART = 9.0
+DISTINGUISHED = 9.0
 """Twice the log likelihood by which the wrong one of two effects has to be worse to be excluded (p = 0.13 %)."""
 
 _NEGLIGIBLE = 1e-2  # of the prior's information: less is negligible

@@ -1,8 +1,8 @@
 """A diagnosis in words: named effects, contradictions between sensors, the remainder, regimes, remarks.
 
-``templates/diagnosis.html`` makes the page of these sentences and rows; a terminal shows :func:`summary`. Effects
-of the ship and its sensors have texts of their own; those of actuators have one for each kind of effect, with the
-actuator's name and noun in it: one actuator, a pair, or all of a kind.
+``templates/diagnosis.html`` makes the page of these sentences and rows; a terminal shows :func:`summary`.
+Effects of the ship and its sensors have texts of their own; those of actuators have one for each kind of
+effect, with the actuator's name and noun in it: one actuator, a pair, or all of a kind.
 """
 
 from __future__ import annotations
@@ -31,6 +31,7 @@ from seatrial.hybrid.diagnosis.log import Log
 from seatrial.hybrid.diagnosis.map import FoundRegime, notable_places
 from seatrial.hybrid.diagnosis.result import (
     FORCES,
+    CalibratorComparison,
     Correlation,
     Diagnosis,
     EffectDrift,
@@ -38,7 +39,6 @@ from seatrial.hybrid.diagnosis.result import (
     Extras,
     GapCell,
     IdentifiedCorrection,
-    Ladder,
     NamedEffect,
     Ratio,
     RegimeEffect,
@@ -52,7 +52,7 @@ from seatrial.hybrid.diagnosis.result import (
 )
 from seatrial.hybrid.diagnosis.select_effects import CLOSE, rivals_of
 from seatrial.hybrid.diagnosis.verdict import Conclusion, estimates
-from seatrial.hybrid.effects import Effect
+from seatrial.hybrid.effects import Catalogue, Effect
 from seatrial.hybrid.effects.catalogue import VERSION
 from seatrial.hybrid.effects.environment import STEADY_WIND
 from seatrial.hybrid.effects.regime import parameter_of
@@ -309,17 +309,19 @@ def _contradiction(evidence: Evidence, names: tuple[str, ...], test: AcceptanceT
     return SensorContradiction(effect.base, free, errors, test.p_value, alike, sentence + ".")
 
 
+def _no_wind(catalogue: Catalogue) -> str:
+    """The remark on a trial in which the wind is nil: it was not recorded, or a calm was."""
+    if STEADY_WIND.name in catalogue:
+        return "no wind was recorded: only a steady wind was considered"
+    return "the wind is nil throughout: its effects were tested in a calm, and a steady wind was not considered"
+
+
 def _remarks(conclusion: Conclusion, effects: Sequence[NamedEffect]) -> tuple[str, ...]:
     equations = conclusion.first.evidence.equations
     log, vessel, gap = equations.log, equations.model.vessel, conclusion.gap
     remarks = []
     if not log.wind[:, 1].any():
-        if STEADY_WIND.name in equations.model.catalogue:
-            remark = "no wind was recorded: only a steady wind was considered"
-        else:
-            remark = "the wind is nil throughout: its effects were tested in a calm, and a steady wind was not "
-            remark += "considered"
-        remarks.append(remark)
+        remarks.append(_no_wind(equations.model.catalogue))
     remarks += _about_settings(log)
     if log.refused:
         remarks.append(f"{log.refused} outliers were rejected")
@@ -399,7 +401,12 @@ def regime_sentence(found_regime: FoundRegime) -> str:
     regime, (size_n, unit) = found_regime.regime, force_unit(abs(found_regime.value))
     unit, kind = (f"{unit} m", "moment") if regime.axis == "yaw" else (unit, "force")
     way = _WAYS[regime.axis][found_regime.value < 0.0]
-    spans = [f"{_quantity(name)} is {_between(name, *span)}" for name, span in regime.within.items()]
+    spans = []
+    for name, (low, high) in regime.within.items():
+        extent = f"below {number(high)}" if not isfinite(low) else f"above {number(low)}"
+        if isfinite(low) and isfinite(high):
+            extent = f"{number(low)} to {number(high)}"
+        spans.append(f"{_quantity(name)} is {extent} {_unit(name)}")
     where = f" while {join_words(spans)}" if spans else ""
     growth = ""
     if regime.grows_with is not None:
@@ -411,13 +418,6 @@ def regime_sentence(found_regime: FoundRegime) -> str:
         f"{percent(found_regime.share)} of the missing {regime.axis} {kind}; "
         f"with it the error on held-out legs is {found_regime.after_m:.2f} m."
     )
-
-
-def _between(name: str, low: float, high: float) -> str:
-    unit = _unit(name)
-    if not isfinite(low):
-        return f"below {number(high)} {unit}"
-    return f"above {number(low)} {unit}" if not isfinite(high) else f"{number(low)} to {number(high)} {unit}"
 
 
 def _quantity(name: str) -> str:
@@ -520,12 +520,12 @@ def correction_sentence(correction: IdentifiedCorrection) -> str:
 
 def structure_rows(correction: IdentifiedCorrection) -> list[list[str]]:
     """What the model's structure can close, beside the constant velocity, on legs that took no part."""
-    rungs = {
+    distances_m = {
         "constant velocity": correction.constant_velocity_m,
         "model before the refit": correction.before_m,
         "model with coefficients of the other legs (the best of this structure)": correction.after_m,
     }
-    return [[name, f"{number(distance_m)} m"] for name, distance_m in rungs.items()]
+    return [[name, f"{number(distance_m)} m"] for name, distance_m in distances_m.items()]
 
 
 def coefficient_rows(correction: IdentifiedCorrection) -> list[list[str]]:
@@ -708,7 +708,7 @@ def title_of(effect: NamedEffect) -> str:
     return f"{plain(effect.name)}, {when[:1].lower()}{when[1:]}"
 
 
-def left_with_recordings(diagnosis: Diagnosis) -> str:
+def vessel_file_remark(diagnosis: Diagnosis) -> str:
     """What of it the vessel file does not have, or has as it is at the end; empty where nothing changes."""
     in_file = {effect.name for effect in diagnosis.effects if effect.in_vessel}
     partly = [effect for effect in diagnosis.effects if effect.when is not None or effect.drift is not None]
@@ -760,37 +760,37 @@ def dependence(where: Sequence[str]) -> str:
     return join_words([DEPENDS.get(quantity, plain(quantity)) for quantity in where])
 
 
-def titled_rungs(ladder: Ladder) -> dict[str, Interval]:
+def distances_by_title(comparison: CalibratorComparison) -> dict[str, Interval]:
     """The mean distances of a comparison of calibrators, by title."""
-    return {_rung_title(name): interval for name, interval in ladder.mean_distance_m.items()}
+    return {_model_title(name): interval for name, interval in comparison.mean_distance_m.items()}
 
 
-def _rung_title(name: str) -> str:
+def _model_title(name: str) -> str:
     return plain(name.replace("_calibrated", ", calibrated"))
 
 
-def ladder_rows(ladder: Ladder) -> tuple[list[list[str]], int]:
-    """A row a rung, and which is the best."""
+def comparison_rows(comparison: CalibratorComparison) -> tuple[list[list[str]], int]:
+    """A row a model, and which is the best."""
     rows = []
-    for name, interval in ladder.mean_distance_m.items():
+    for name, interval in comparison.mean_distance_m.items():
         base = name.removesuffix("_calibrated")
-        gain = change_of(ladder.ratio(name, base)) if name != base else ""
+        gain = change_of(comparison.ratio(name, base)) if name != base else ""
         span = _span(interval) if isfinite(interval.low) else ""
-        rows.append([_rung_title(name), number(interval.value), span, gain])
-    return rows, min(range(len(rows)), key=lambda row: list(ladder.mean_distance_m.values())[row].value)
+        rows.append([_model_title(name), number(interval.value), span, gain])
+    return rows, min(range(len(rows)), key=lambda row: list(comparison.mean_distance_m.values())[row].value)
 
 
-def ladder_sentence(ladder: Ladder) -> str:
+def comparison_sentence(comparison: CalibratorComparison) -> str:
     """What a calibrator adds, and whether the named effects help it, in one sentence; or why this is not known."""
-    rungs = ladder.mean_distance_m
-    if not rungs:
-        return f"No calibrator was trained: {ladder.why_not}."
-    errors = {name: f"{number(interval.value)} m" for name, interval in rungs.items()}
+    distances_m = comparison.mean_distance_m
+    if not distances_m:
+        return f"No calibrator was trained: {comparison.why_not}."
+    errors = {name: f"{number(interval.value)} m" for name, interval in distances_m.items()}
     reference = f"On held-out legs the error of the reference is {errors['reference']}"
-    if "named" not in rungs:
-        change = change_of(ladder.ratio("reference_calibrated", "reference"))
+    if "named" not in distances_m:
+        change = change_of(comparison.ratio("reference_calibrated", "reference"))
         return f"{reference}, with a calibrator {errors['reference_calibrated']}: {change}."
-    ratio = ladder.ratio("named_calibrated", "reference_calibrated")
+    ratio = comparison.ratio("named_calibrated", "reference_calibrated")
     helps = "the named effects help the calibrator"
     if ratio.low > 1.0:
         helps = "the named effects do not help the calibrator"
@@ -945,7 +945,7 @@ def page_of(diagnosis: Diagnosis, extras: Extras) -> Page:
     )  # fmt: skip
 
 
-def summary(diagnosis: Diagnosis, ladder: Ladder | None = None) -> Group:
+def summary(diagnosis: Diagnosis, comparison: CalibratorComparison | None = None) -> Group:
     """The diagnosis in some lines, and what a calibrator adds where one was trained."""
     lines = [] if diagnosis.identified is None else [Text(correction_sentence(diagnosis.identified))]
     lines.append(Text(_VERDICTS[diagnosis.verdict], style="bold"))
@@ -963,8 +963,8 @@ def summary(diagnosis: Diagnosis, ladder: Ladder | None = None) -> Group:
     if gap.held_out_windows:
         where = f"Mean distance over {gap.horizon_s} s on {gap.held_out_windows} held-out windows"
         lines.append(Text(f"{where}: {gap.distances(bool(diagnosis.effects))}."))
-    if ladder is not None:
-        lines.append(Text(ladder_sentence(ladder)))
+    if comparison is not None:
+        lines.append(Text(comparison_sentence(comparison)))
     if diagnosis.next_manoeuvre is not None:
         lines.append(Text(f"Next: {diagnosis.next_manoeuvre.what}"))
     lines += [Text(f"note: {remark}", style="dim") for remark in other_remarks(diagnosis)]

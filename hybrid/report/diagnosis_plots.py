@@ -167,12 +167,12 @@ def gap(axes: Axes, diagnosis: Diagnosis) -> None:
     axes.grid(visible=False, axis="y")
 
 
-def ladder(axes: Axes, rungs: Mapping[str, Interval]) -> None:
-    """The mean distance of each rung by its title, with its 95 % interval."""
-    for row, interval in enumerate(rungs.values()):
+def calibrator_comparison(axes: Axes, distances_m: Mapping[str, Interval]) -> None:
+    """The mean distance of each model by its title, with its 95 % interval."""
+    for row, interval in enumerate(distances_m.values()):
         interval_bar(axes, interval, row, PALETTE[0])
-    named_rows(axes, list(rungs))
-    logarithmic(axes, "x", list(rungs.values()))
+    named_rows(axes, list(distances_m))
+    logarithmic(axes, "x", list(distances_m.values()))
     axes.set_xlabel("mean distance [m]")
 
 

@@ -1,8 +1,8 @@
 """Errors of predictions second by second, the calibration of their 95 % regions, and residual accelerations.
 
-Errors are predicted less measured: along and across the heading, in heading, in speed; windows are [N], seconds 1
-to H. The ship's acceleration comes from the Kalman smoother, without wave motion; the model's from its forces at
-the motion, settings and wind of that second. Their difference is averaged in cells of two quantities.
+Errors are predicted less measured: along and across the heading, in heading, in speed; windows are [N], seconds
+1 to H. The ship's acceleration comes from the Kalman smoother, without wave motion; the model's from its forces
+at the motion, settings and wind of that second. Their difference is averaged in cells of two quantities.
 """
 
 from __future__ import annotations

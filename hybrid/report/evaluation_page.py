@@ -15,7 +15,6 @@ from seatrial.acquisition.core.files import write_text, written_together
 from seatrial.analysis.report.plots import FAINT, INK, PALETTE
 from seatrial.analysis.report.rendering import Page, render
 from seatrial.hybrid.evaluation.study import BASELINES, Evaluation, MethodSummary, SplitSummary
-from seatrial.hybrid.prediction.baselines import Interval
 from seatrial.hybrid.report.plots import COLOUR, interval_bar, logarithmic, named_rows, reach
 from seatrial.hybrid.report.sections import templates
 from seatrial.hybrid.report.text import MEANING, counts_of, no_wrap, plain, spread
@@ -173,24 +172,24 @@ def ratio_count(evaluation: Evaluation) -> int:
 
 def method_rows(split: SplitSummary) -> tuple[list[list[str]], int]:
     """A row a method, and which is the best."""
-    rows = [
-        [no_wrap(plain(name)), start, no_wrap(spread(errors.mean_distance_m)), f"{errors.end_distance_m.value:.2f}",
-         no_wrap(f"{errors.mae_north_m.value:.2f}, {errors.mae_east_m.value:.2f}"),
-         f"{errors.heading_error_deg.value:.1f}", no_wrap(spread(errors.ratio)), _percent(errors.coverage_95)]
-        for start, summary in split.by_start.items()
-        for name, errors in summary.methods.items()
-    ]  # fmt: skip
+    rows = []
+    for start, summary in split.by_start.items():
+        for name, errors in summary.methods.items():
+            inside = errors.coverage_95
+            bounds = "" if inside.low != inside.low else f" ({inside.low:.0%}-{inside.high:.0%})"
+            rows.append([
+                no_wrap(plain(name)), start, no_wrap(spread(errors.mean_distance_m)),
+                f"{errors.end_distance_m.value:.2f}",
+                no_wrap(f"{errors.mae_north_m.value:.2f}, {errors.mae_east_m.value:.2f}"),
+                f"{errors.heading_error_deg.value:.1f}", no_wrap(spread(errors.ratio)),
+                no_wrap(f"{inside.value:.1%}{bounds}"),
+            ])  # fmt: skip
     return rows, list(split.whole.methods).index(split.whole.best)
 
 
 def leak_rows(evaluation: Evaluation) -> list[list[str]]:
     """How much larger the error on legs never seen is than what a random split shows."""
     return [[no_wrap(plain(name)), no_wrap(spread(factor))] for name, factor in evaluation.leak.items()]
-
-
-def _percent(interval: Interval) -> str:
-    bounds = "" if interval.low != interval.low else f" ({interval.low:.0%}-{interval.high:.0%})"
-    return no_wrap(f"{interval.value:.1%}{bounds}")
 
 
 def draw_evaluation(figure: Figure, evaluation: Evaluation) -> None:

@@ -1,7 +1,7 @@
 """From a folder to its report: what is in it says which one.
 
-A diagnosis and a reproduction get their own page anew, recordings the report of their trial, and the results of a
-batch a report for each recording, to which the index then leads.
+A diagnosis and a reproduction get their own page anew, recordings the report of their trial, and the results of
+a batch a report for each recording, to which the index then leads.
 """
 
 from __future__ import annotations
@@ -156,9 +156,9 @@ def folder_report(
 ) -> list[Path]:
     """The report of all or some recordings of a trial's folder, and the page of their diagnosis in it."""
     paths = list(recordings or recordings_in(folder))
-    beside, within = folder / "calibrator", folder / "diagnosis"
-    found = beside if (beside / "calibrator.json").is_file() else None
-    completed = replace(choices, calibrator=choices.calibrator or found)
+    calibrator, within = folder / "calibrator", folder / "diagnosis"
+    default = calibrator if (calibrator / "calibrator.json").is_file() else None
+    completed = replace(choices, calibrator=choices.calibrator or default)
     if not (within / "shown.json").is_file():
         return [trial_report(paths, folder, completed, progress)]
     hashes = str(read_json(within / "diagnosis.json").get("provenance", {}).get("recordings_sha256", ""))

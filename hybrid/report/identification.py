@@ -53,7 +53,7 @@ def _coefficients(identification: Identification) -> Table:
             f"{number:.3g}" for number in (coefficient.value, coefficient.low, coefficient.high, coefficient.start)
         ]
         remark, style = ("", "") if coefficient.known else ("unknown", "dim")
-        table.add_row("\n".join((coefficient.name, *coefficient.twins)), *cells, remark, style=style)
+        table.add_row("\n".join((coefficient.name, *coefficient.tied)), *cells, remark, style=style)
     return table
 
 

@@ -16,7 +16,7 @@ from seatrial.acquisition.core.files import write_text, written_together
 from seatrial.acquisition.core.quantities import Floats
 from seatrial.analysis.report.plots import PALETTE
 from seatrial.analysis.report.rendering import Page, render
-from seatrial.hybrid.diagnosis.planning import TOLD_APART
+from seatrial.hybrid.diagnosis.planning import DISTINGUISHED
 from seatrial.hybrid.planning import Plan
 from seatrial.hybrid.report.sections import templates
 from seatrial.hybrid.report.text import plain
@@ -91,7 +91,7 @@ def draw_evidence(figure: Figure, plan: Plan) -> None:
     bar = figure.colorbar(
         better_axes.images[0], ax=[own_axes, better_axes], shrink=0.6, label="twice the log likelihood ratio [1]"
     )
-    bar.ax.axhline(TOLD_APART, color="black", linewidth=1.0)
+    bar.ax.axhline(DISTINGUISHED, color="black", linewidth=1.0)
 
 
 def hardest_effects(plan: Plan) -> list[int]:

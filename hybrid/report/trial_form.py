@@ -1,8 +1,8 @@
-"""What a surveyor reads of a trial: the programme, the criteria, each test as a table of what was recorded, and the
-measured indices beside simulated ones.
+"""What a surveyor reads of a trial: the programme, the criteria, each test as a table of what was recorded, and
+the measured indices beside simulated ones.
 
-The criteria stand as in the form of MSC/Circ.1053, appendix 6; a test is tabulated at intervals of 20 s and less,
-as the circular asks for the recording of position, heading, speed, helm, shafts and wind.
+The criteria stand as in the form of MSC/Circ.1053, appendix 6; a test is tabulated at intervals of 20 s and
+less, as the circular asks for the recording of position, heading, speed, helm, shafts and wind.
 """
 
 from __future__ import annotations

@@ -14,10 +14,10 @@ from matplotlib.figure import Figure
 
 from seatrial.hybrid.diagnosis.calibrator_comparison import doubted_by_calibrator
 from seatrial.hybrid.diagnosis.result import (
+    CalibratorComparison,
     Diagnosis,
     Extras,
     Gap,
-    Ladder,
     Ratio,
     SensorContradiction,
     Suspect,
@@ -159,7 +159,7 @@ def test_unknown_alone() -> None:
 def test_no_ladder_where_nobody_asked_and_one_line_where_it_cannot_be() -> None:
     """The section has no figure then."""
     assert "calibrator" not in page_of(of_verdict("nothing_missing"), Extras()).html
-    lacking = Extras(ladder=Ladder(15, "adaptive", why_not="3 legs have held windows"))
+    lacking = Extras(ladder=CalibratorComparison(15, "adaptive", why_not="3 legs have held windows"))
     page, without = (page_of(of_verdict("nothing_missing"), each) for each in (lacking, Extras()))
     _, text = page.html.split("With a calibrator on top")
     assert "No calibrator was trained: 3 legs have held windows." in text.split("<h2>")[0]
@@ -185,7 +185,7 @@ def test_the_ladder_is_drawn_as_it_stands() -> None:
     """A point a rung at its mean distance, the first on top."""
     axes = Figure().subplots()
     rungs = a_ladder().mean_distance_m
-    plots.ladder(axes, rungs)
+    plots.calibrator_comparison(axes, rungs)
     drawn = [each.lines[0].get_xydata()[0] for each in axes.containers]
     assert np.array(drawn) == pytest.approx(
         np.array([(each.value, row) for row, each in enumerate(rungs.values())])
