@@ -201,7 +201,7 @@ def programme_of(texts: Sequence[str], vessel: Vessel, minutes: float) -> tuple[
     Names are those of `seatrial simulate` and of the repertoire. Raises :class:`ConfigurationError`.
     """
     candidates = {candidate.name: candidate for candidate in candidates_of(vessel)}
-    parts = [_named(text, candidates, vessel) for text in texts or (DEFAULT,)]
+    parts = [_programme_part(text, candidates, vessel) for text in texts or (DEFAULT,)]
     open_ = sum(part.minutes == 0.0 for part in parts)
     remaining = minutes - sum(part.minutes for part in parts)
     if open_ and remaining < open_:
@@ -211,7 +211,7 @@ def programme_of(texts: Sequence[str], vessel: Vessel, minutes: float) -> tuple[
     return tuple(replace(part, minutes=remaining / open_) if part.minutes == 0.0 else part for part in parts)
 
 
-def _named(text: str, candidates: Mapping[str, CandidateManoeuvre], vessel: Vessel) -> CandidateManoeuvre:
+def _programme_part(text: str, candidates: Mapping[str, CandidateManoeuvre], vessel: Vessel) -> CandidateManoeuvre:
     match = _PART.fullmatch(text)
     if match is None:
         raise ConfigurationError(f"{text!r} is not a manoeuvre", fix="write MANOEUVRE or MANOEUVRE=MINUTES")
@@ -259,7 +259,7 @@ def plan(
     """Evaluate a programme, and find a better one of about the same length.
 
     ``tolerance`` is the model error allowed, as a share of the force range. Raises :class:`ModelRangeError` if
-    the programme takes the ship out of the range of her model.
+    the programme takes the ship out of the range of its model.
     """
     ship = vessel_plant(vessel, {**catalogue_of(vessel), **catalogue})
     asked = [rehearse(part.legs, vessel, ship, sea, round(60.0 * part.minutes)) for part in programme]

@@ -349,7 +349,7 @@ def _feature(kind: str, coordinates: list[Any], name: str, style: dict[str, Any]
 class TrackError:
     """The error of one prediction, whose start is in ns UTC. Distances are means over its seconds, or at the end.
 
-    ``along_m`` and ``across_m`` are how far it was ahead and to starboard of the ship at the end, by her measured
+    ``along_m`` and ``across_m`` are how far it was ahead and to starboard of the ship at the end, by its measured
     heading; ``inside_band`` is the share of its seconds inside the 95 % band, None without a band.
     """
 
@@ -429,14 +429,14 @@ def any_thruster_moved(
     """
     actuators, plan = table_actuators(table), planned or {}
     return not all(
-        as_planned(name, values, row, plan[name], actuators)
+        follows_plan(name, values, row, plan[name], actuators)
         if name in plan
         else steady_mask(name, values, horizon_s + 1, 1, actuators)[row]
         for name, values in ((name, table[name].to_numpy(dtype=float)) for name in control_names(actuators))
     )
 
 
-def as_planned(name: str, values: Floats, row: int, planned: Floats, actuators: Actuators) -> bool:
+def follows_plan(name: str, values: Floats, row: int, planned: Floats, actuators: Actuators) -> bool:
     """Whether a control channel followed ``planned`` [H] from ``row`` on, in the channel's unit.
 
     Its mean over each second has to lie between the orders of the last :data:`_DRIVEN_S` seconds and those
@@ -520,7 +520,7 @@ class RunningError:
         return track_error(prediction, track, moved)
 
 
-def step(learned: float) -> float:
+def step_size(learned: float) -> float:
     """The step after a number of independent predictions: large at first, as t^-0.6 (Angelopoulos, Barber and
     Bates 2024, "Online conformal prediction with decaying step sizes"), then :data:`STEP`, since ships and days
     change."""
@@ -543,7 +543,7 @@ class RegionFactor:
         apart_s = 0.0 if self.start_ns is None else (error.start_ns - self.start_ns) / NANO
         independent = min(max(apart_s, 0.0) / horizon_s, 1.0)
         learned, bound = self.learned + independent, log(LARGEST_FACTOR)
-        raised = log(self.factor) + step(learned) * independent * (COVERAGE - error.inside_band)
+        raised = log(self.factor) + step_size(learned) * independent * (COVERAGE - error.inside_band)
         return RegionFactor(exp(min(max(raised, -bound), bound)), learned, error.start_ns)
 
     def widened(self, prediction: Prediction) -> Prediction:
@@ -883,7 +883,7 @@ def as_json(summary: WatchSummary, predictor: Predictor) -> dict[str, object]:
 
 @dataclass(frozen=True, slots=True)
 class Display:
-    """A twin's state for a terminal, drawn anew each time."""
+    """A twin's state for a terminal, for every redrawing."""
 
     twin: Twin
     messages: deque[tuple[str, str]]

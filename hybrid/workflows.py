@@ -65,7 +65,7 @@ from seatrial.hybrid.diagnosis.acceptance import HELD_OUT_LEVEL, chance_of_gains
 from seatrial.hybrid.diagnosis.evidence import force_range
 from seatrial.hybrid.diagnosis.gap import HORIZON_S, UnseenWindows, fold_of, predicted_tracks, unseen_windows
 from seatrial.hybrid.diagnosis.linearise import linear_model, model_of, next_states, true_states
-from seatrial.hybrid.diagnosis.log import BLOCK_S, Log, joined, log_of
+from seatrial.hybrid.diagnosis.log import BLOCK_S, Log, join_tables, log_of
 from seatrial.hybrid.diagnosis.result import (
     DIAGNOSIS,
     Diagnosis,
@@ -323,7 +323,7 @@ def with_refit(
         run = diagnosed(record, refit.vessel, lambda share: progress(0.7 + 0.3 * share))
     else:
         run = first
-    why = () if first is None else (_many_things(first.diagnosis, refit.correction.applied),)
+    why = () if first is None else (_refit_remark(first.diagnosis, refit.correction.applied),)
     return replace(run, diagnosis=replace(run.diagnosis, remarks=(*why, *run.diagnosis.remarks))), refit
 
 
@@ -334,7 +334,7 @@ def is_structurally_wrong(diagnosis: Diagnosis) -> bool:
     return worse and len({effect.name for effect in diagnosis.effects}) >= MANY and diagnosis.remainder is not None
 
 
-def _many_things(diagnosis: Diagnosis, applied: bool) -> str:
+def _refit_remark(diagnosis: Diagnosis, applied: bool) -> str:
     gap, names = diagnosis.gap, dict.fromkeys(plain(effect.name) for effect in diagnosis.effects)
     outcome = "its coefficients were re-identified" if applied else "new coefficients were not better"
     return (
@@ -413,23 +413,23 @@ def driven_by_orders(
 
     Feedback is dead where it has no values, or one value throughout although the order moves.
     """
-    driven = [_of_one(table, vessel) for table in tables]
+    driven = [_driven_table(table, vessel) for table in tables]
     return tuple(table for table, _ in driven), tuple(
         dict.fromkeys(text for _, remarks in driven for text in remarks)
     )
 
 
-def _of_one(table: pd.DataFrame, vessel: Vessel) -> tuple[pd.DataFrame, list[str]]:
+def _driven_table(table: pd.DataFrame, vessel: Vessel) -> tuple[pd.DataFrame, list[str]]:
     filled, remarks = dict[str, Floats](), list[str]()
     for actuator, entry in zip(vessel.actuators, vessel.actuator, strict=True):
         kind = KINDS[actuator.kind]
         parts = zip(actuator.channels, kind.drives(entry), kind.units, kind.still, strict=True)
         for channel, drive, unit, idle_limit in parts:
             order, how = name_of_order(channel.name), dead_channel_words(table, channel.name)
-            moves = _is_there(table, order) and _reach(table[order]) * unit > idle_limit
+            moves = _is_there(table, order) and _range_of(table[order]) * unit > idle_limit
             if how and (moves or (_is_there(table, order) and not _is_there(table, channel.name))):
                 channel_drive = Drive(drive.lag_s, drive.limit / unit, drive.rate / unit)
-                filled[channel.name] = followed(table, order, channel_drive, circular=channel.circular)
+                filled[channel.name] = follow_orders(table, order, channel_drive, circular=channel.circular)
                 remarks.append(f"{channel.name} {how}: its order drives the model, with a lag of {drive.lag_s:g} s")
     return (table.assign(**filled) if filled else table), remarks
 
@@ -473,16 +473,16 @@ def _is_there(table: pd.DataFrame, name: str) -> bool:
 
 
 def _turned_deg(table: pd.DataFrame) -> float:
-    return _reach(table["heading_deg"], circular=True) if "heading_deg" in table else 0.0
+    return _range_of(table["heading_deg"], circular=True) if "heading_deg" in table else 0.0
 
 
-def _reach(values: pd.Series, *, circular: bool = False) -> float:
+def _range_of(values: pd.Series, *, circular: bool = False) -> float:
     """From the least of the values to the most, 0 of none."""
     finite = values.dropna().to_numpy(dtype=float)
     return float(np.ptp(unwrap(finite) if circular else finite)) if finite.size else 0.0
 
 
-def followed(table: pd.DataFrame, order: str, drive: Drive, *, circular: bool) -> Floats:
+def follow_orders(table: pd.DataFrame, order: str, drive: Drive, *, circular: bool) -> Floats:
     """What a drive makes of its orders, each held until the next, at the times of a table; NaN before the first.
 
     ``drive`` has its limits in the channel's unit.
@@ -492,11 +492,11 @@ def followed(table: pd.DataFrame, order: str, drive: Drive, *, circular: bool) -
     values = unwrap(values) if circular else values
     grid = np.arange(times[0], table_s[-1] + _STEP_S, _STEP_S)
     held = values[np.searchsorted(times, grid, side="right") - 1]
-    acting = np.interp(table_s, grid, _driven(held, drive))
+    acting = np.interp(table_s, grid, _drive_response(held, drive))
     return np.where(table_s >= times[0], wrap_180(acting) if circular else acting, np.nan)
 
 
-def _driven(orders: Floats, drive: Drive) -> Floats:
+def _drive_response(orders: Floats, drive: Drive) -> Floats:
     """What a drive makes of orders, one a step, that begins at the first (:func:`.follow`)."""
     lag_s, limit, rate, helm = (np.array([value]) for value in (drive.lag_s, drive.limit, drive.rate, 0.0))
     drives = Drives(lag_s, limit, rate, helm, damping_s=0.0, settled_radps=0.0)
@@ -539,9 +539,9 @@ def checked_tables(
     faults = [finding for finding in findings if repaired or finding.code not in _FOR_A_NAME]
     record = repair(raw, faults, quality.flags, recording, rebuild_positions=rebuild_positions)
     flags = quality.flags if record.flags is None else record.flags
-    table, remarks = without_frozen(select(record.table, part_percent), select(flags, part_percent), findings)
+    table, remarks = drop_frozen(select(record.table, part_percent), select(flags, part_percent), findings)
     dead = dead_sensors(table)
-    parts, part_remarks = between_jumps(table.assign(**dict.fromkeys(dead, np.nan)), findings)
+    parts, part_remarks = split_at_jumps(table.assign(**dict.fromkeys(dead, np.nan)), findings)
     dead_remarks = (f"{name} has one value throughout although the ship turns: it is left out" for name in dead)
     remarks = (*remarks, *dead_remarks, *idle_angles(table, table_actuators(table)), *part_remarks)
     repairs = (f"{entry.channel}: " * (entry.channel not in entry.text) + entry.text for entry in record.repairs)
@@ -578,7 +578,7 @@ def usable_tables(
         checked = checked_tables(
             read_together(files), part_percent, repaired=repaired, rebuild_positions=rebuild_positions
         )
-        tables[name] = joined(checked.tables)
+        tables[name] = join_tables(checked.tables)
         remarks += [f"{name}: {remark}" for remark in checked.remarks]
     return tables, tuple(remarks)
 
@@ -589,7 +589,7 @@ def dead_sensors(table: pd.DataFrame) -> tuple[str, ...]:
     return dead if _turned_deg(table) > _TURNS_DEG else ()
 
 
-def without_frozen(
+def drop_frozen(
     table: pd.DataFrame, flags: pd.DataFrame, findings: Iterable[Finding]
 ) -> tuple[pd.DataFrame, tuple[str, ...]]:
     """The table with gaps where a channel stood still or positions were displaced, and what was made so.
@@ -608,7 +608,7 @@ def without_frozen(
     return cleaned, tuple(remarks)
 
 
-def between_jumps(
+def split_at_jumps(
     table: pd.DataFrame, findings: Iterable[Finding]
 ) -> tuple[tuple[pd.DataFrame, ...], tuple[str, ...]]:
     """The parts of a table between jumps of the positions that do not return, those of a minute and more; and what
@@ -664,12 +664,12 @@ def start_folder(
     name = safe_name(name or folder.resolve().name)
     ship, text = _ship_of(vessel, folder)
     texts = {} if text is None else {"vessel.toml": text}
-    texts["trial.toml"] = _filled("trial.toml", name, ship, _sentence_controls(ship))
+    texts["trial.toml"] = _filled_template("trial.toml", name, ship, _sentence_controls(ship))
     columns = "".join(
         f'{channel.name:<18} = {{ column = "{_title(channel)}", unit = "{channel.unit}" }}\n'
         for channel in control_channels(ship.actuators)
     )
-    texts["columns.toml"] = _filled("columns.toml", name, ship, columns)
+    texts["columns.toml"] = _filled_template("columns.toml", name, ship, columns)
     for file in (*texts, "example.csv"):
         refuse_overwriting(folder / file, force)
     texts["example.csv"] = _example_table(ship)
@@ -697,7 +697,7 @@ def _ship_of(vessel: NewVessel | str | Path, folder: Path) -> tuple[Vessel, str 
         return ship, None if exists else copy.read_text(encoding="utf-8")
 
 
-def _filled(file: str, name: str, ship: Vessel, controls: str) -> str:
+def _filled_template(file: str, name: str, ship: Vessel, controls: str) -> str:
     """A template with the names and the controls in their places."""
     words = {"NAME": name, "SHIP": json.dumps(ship.name)[1:-1], _CONTROLS: controls}
     template = (TEMPLATES / file).read_text(encoding="utf-8")

@@ -44,12 +44,12 @@ from seatrial.hybrid.diagnosis.evidence import (
 from seatrial.hybrid.diagnosis.select_effects import (
     MAX_LINEARISATIONS,
     Selection,
+    continue_search,
     fitted_coordinates,
+    linearised_swaps,
     log_density,
     rival_deficits,
     search_effects,
-    search_on,
-    swaps_about_themselves,
 )
 from seatrial.hybrid.effects import Effect
 
@@ -269,7 +269,7 @@ def lack_of_fit(evidence: Evidence, names: Sequence[str]) -> list[LackOfFit]:
     place = {int(column): number + i for i, column in enumerate(columns)}
     interactions = sum(group.depends in INTERACTIONS for group in tested)
     tests = len(tested) - interactions + 1
-    result = [_of_tolerance(equations, evidence, names, tests)]
+    result = [_test_tolerance(equations, evidence, names, tests)]
     for candidate in tested:
         chances = interactions if candidate.depends in INTERACTIONS else tests
         places = [place[int(column)] for column in candidate.columns]
@@ -302,7 +302,7 @@ def _tested_family(
     return LackOfFit(family.depends, family.what, p_value, gain, size, matters)
 
 
-def _of_tolerance(equations: NormalEquations, evidence: Evidence, names: Sequence[str], tests: int) -> LackOfFit:
+def _test_tolerance(equations: NormalEquations, evidence: Evidence, names: Sequence[str], tests: int) -> LackOfFit:
     """Whether the error of the forces of speeds and thrusters exceeds the tolerance, and its most likely size."""
     nuisance, scale = equations.nuisance, equations.nuisance_scale
     wider = np.isin(nuisance, np.concatenate([equations.layout.axis(axis) for axis in range(3)]))
@@ -378,9 +378,9 @@ def _tried_together(evidence: Evidence, first: str, second: str) -> bool:
     """Whether the catalogue has an effect of their family that the two combine to, each contributing."""
     catalogue = evidence.equations.model.catalogue
     return any(
-        _explained(evidence, name, (first, second))
+        _explained_share(evidence, name, (first, second))
         > _SPANNED
-        > max(_explained(evidence, name, (single,)) for single in (first, second))
+        > max(_explained_share(evidence, name, (single,)) for single in (first, second))
         for name, effect in catalogue.items()
         if effect.family == catalogue[first].family and name not in (first, second)
     )
@@ -393,10 +393,10 @@ def pairs_spanning(evidence: Evidence, names: Sequence[str], name: str) -> list[
     """
     relatives = evidence.equations.model.catalogue[name].confused_with
     candidates = [relative for relative in relatives if relative in evidence.names and relative not in names]
-    return [pair for pair in combinations(candidates, 2) if _explained(evidence, name, pair) > _SPANNED]
+    return [pair for pair in combinations(candidates, 2) if _explained_share(evidence, name, pair) > _SPANNED]
 
 
-def _explained(evidence: Evidence, name: str, names: Sequence[str]) -> float:
+def _explained_share(evidence: Evidence, name: str, names: Sequence[str]) -> float:
     """The share of an effect's whitened signature that others explain, in the direction they explain least."""
     columns, explaining = np.array(evidence.columns([name])), np.array(evidence.columns(names))
     size = np.sqrt(np.maximum(np.diag(evidence.inner)[columns], 1e-300))
@@ -443,7 +443,7 @@ def _compare_rivals(accepted: Acceptance) -> Acceptance:
     It has to pass all tests as well. No search is made from it: starting from a wrong set, a search adds more
     imitations.
     """
-    swaps = swaps_about_themselves(accepted.evidence, accepted.names)
+    swaps = linearised_swaps(accepted.evidence, accepted.names)
     best = max(swaps, key=lambda swap: log_density(swap.evidence, swap.names), default=None)
     if best is None:
         return accepted
@@ -451,7 +451,7 @@ def _compare_rivals(accepted: Acceptance) -> Acceptance:
         tests = {name: acceptance_tests(best.evidence, best.names, name) for name in best.names}
         if all(test.accepted for test in tests.values()):
             accepted = Acceptance(best.names, tests, best.evidence)
-            swaps = swaps_about_themselves(best.evidence, best.names)
+            swaps = linearised_swaps(best.evidence, best.names)
     evidence, names, deficits = accepted.evidence, accepted.names, dict[tuple[str, str], float]()
     for swap in swaps:  # at its own fitted size, reduced where legs disagree
         deficit = log_density(evidence, names) - log_density(swap.evidence, swap.names)
@@ -492,7 +492,7 @@ def accept_names(selection: Selection) -> Acceptance:
         if set(names) == set(selection.at) or selection.linearisations >= MAX_LINEARISATIONS:
             return Acceptance(names, tests, evidence, rival_deficits(evidence, names, selection.tried))
         at = fitted_coordinates(evidence, names)
-        selection = search_on(replace(selection, at=at, excluded=excluded))
+        selection = continue_search(replace(selection, at=at, excluded=excluded))
 
 
 def _drop_failures(

@@ -78,13 +78,13 @@ def likeliest_change(accepted: Acceptance) -> TimeVaryingEffect | None:
     if not odds:
         return None
     best = max(odds, key=odds.__getitem__)
-    if odds[best] < _asked_of_a_change(parts.evidence, is_coarse(accepted)):
+    if odds[best] < _required_log_odds(parts.evidence, is_coarse(accepted)):
         return None
     alike = [change for change in odds if change.base == best.base and odds[change] > odds[best] - CLOSE]
     return min(alike, key=lambda change: (change.profile.pieces, -odds[change]))
 
 
-def _asked_of_a_change(evidence: Evidence, coarse: bool) -> float:
+def _required_log_odds(evidence: Evidence, coarse: bool) -> float:
     """The log odds that the best set with a change has to reach: more than any set without one.
 
     For a coarse model much more than any set that is constant over recordings, since separate sizes may imitate

@@ -39,7 +39,7 @@ from seatrial.hybrid.diagnosis.evidence import FEW, INTERACTIONS, OPERATION, Evi
 from seatrial.hybrid.diagnosis.gap import (
     LinearTracks,
     UnseenWindows,
-    closest_alone,
+    closest_single_effect,
     evidence_within,
     evidence_without,
     linear_tracks,
@@ -49,11 +49,11 @@ from seatrial.hybrid.diagnosis.select_effects import (
     MAX_LINEARISATIONS,
     Coordinates,
     Selection,
+    continue_search,
     fitted_coordinates,
     linear_about,
     possible_rivals,
     relinearise_at_fit,
-    search_on,
     select_effects,
 )
 
@@ -121,7 +121,7 @@ def select_unless_coarse(
 
 def preliminary_selection(evidence: Evidence) -> Selection:
     """The fourth stage's search, stopped after two linearisations."""
-    return search_on(Selection((), evidence, linearisations=MAX_LINEARISATIONS - 2))
+    return continue_search(Selection((), evidence, linearisations=MAX_LINEARISATIONS - 2))
 
 
 def coarse_acceptance(selection: Selection) -> Acceptance | None:
@@ -131,7 +131,7 @@ def coarse_acceptance(selection: Selection) -> Acceptance | None:
     return untested if is_coarse(untested) else None
 
 
-def name_of_coarse_model(
+def name_effects_of_coarse_model(
     first: Acceptance, windows: UnseenWindows, progress: Progress = lambda share: None
 ) -> Acceptance | None:
     """The effects named beside a remainder, and that remainder; None if none improve predictions."""
@@ -189,10 +189,10 @@ def _candidate_sets(
     equations, share = evidence.equations, min(1.0, MAX_EFFECTS / len(evidence.names))
     layout = replace(equations.layout, prior=np.sqrt(share) * equations.layout.prior)
     evidence = replace(evidence, equations=replace(equations, layout=layout))
-    yield _alone(evidence, windows)
+    yield _best_single_effect(evidence, windows)
     names = compatible_effects(evidence)
     for _ in range(_ROUNDS):
-        evidence = about_likeliest(evidence, names)
+        evidence = relinearise_at_mode(evidence, names)
         choice = _Choice.of(evidence, windows)
         before, names = names, choice.best_set(names)
         yield evidence, names, choice.tracks
@@ -212,14 +212,16 @@ def single_effect_suffices(before_m: Floats, alone_m: Floats, best_m: Floats, tr
     return bool(chance < HELD_OUT_LEVEL and not improves_prediction(alone_m, best_m))
 
 
-def _alone(evidence: Evidence, windows: UnseenWindows) -> tuple[Evidence, tuple[str, ...], LinearTracks]:
+def _best_single_effect(
+    evidence: Evidence, windows: UnseenWindows
+) -> tuple[Evidence, tuple[str, ...], LinearTracks]:
     """The single effect that predicts held-out legs best, linearised about itself; none if it does not replicate.
 
     It is the best by the slopes at zero, or the best of some sizes by simulation: where residuals are large, the
     slope at zero says little about an effect that is far from it (Nocedal and Wright 2006, chapter 10.3), such as
     a wind vane that is off by a right angle.
     """
-    tracks, far = linear_tracks(windows, evidence), closest_alone(windows, evidence)
+    tracks, far = linear_tracks(windows, evidence), closest_single_effect(windows, evidence)
     near = min(evidence.names, key=lambda name: float(tracks.by_leg_m((name,)).mean()))
     starts: dict[str, Coordinates] = {near: {}, **dict.fromkeys(far, far)}
     views = dict[tuple[str, ...], Evidence]()
@@ -376,7 +378,7 @@ def compatible_effects(evidence: Evidence) -> tuple[str, ...]:
     return compatible
 
 
-def about_likeliest(evidence: Evidence, names: Sequence[str]) -> Evidence:
+def relinearise_at_mode(evidence: Evidence, names: Sequence[str]) -> Evidence:
     """The evidence linearised about the posterior mode of ``names`` together."""
     cost = _cost(evidence)
     for _ in range(_MAX_STEPS):
@@ -393,23 +395,18 @@ def about_likeliest(evidence: Evidence, names: Sequence[str]) -> Evidence:
 def _step(evidence: Evidence, target: Coordinates, cost: float) -> tuple[float, Coordinates] | None:
     """The longest step towards ``target`` that lowers the cost, and the cost there; None if none does."""
     equations, share = evidence.equations, 1.0
+    start = equations.model.at
     while share >= _SHORTEST:
-        at = equations.model.bounded(_interpolated(equations.model.at, target, share))
+        between = dict[str, tuple[float, ...]]()
+        for name in dict.fromkeys([*target, *start]):  # missing coordinates are zero
+            begin, end = (np.array(coordinates.get(name, 0.0)) for coordinates in (start, target))
+            between[name] = tuple(np.atleast_1d((1.0 - share) * begin + share * end))
+        at = equations.model.bounded(between)
         new_cost = _cost(linear_about(evidence, at, equations.effects))
         if new_cost < cost:
             return new_cost, at
         share *= 0.5
     return None
-
-
-def _interpolated(start: Coordinates, end: Coordinates, share: float) -> dict[str, tuple[float, ...]]:
-    """The point at ``share`` of the way between two sets of coordinates; missing ones are zero."""
-
-    def of(coordinates: Coordinates, name: str) -> np.ndarray:
-        return np.array(coordinates.get(name, 0.0))
-
-    names = dict.fromkeys([*end, *start])
-    return {name: tuple(np.atleast_1d((1.0 - share) * of(start, name) + share * of(end, name))) for name in names}
 
 
 def _cost(evidence: Evidence) -> float:

@@ -159,7 +159,7 @@ def wave_drift_state(noise: Floats) -> int:
 def measurement_rows(H: Floats, origin: Floats, noise: Floats, rows: Floats) -> None:
     """Fill ``rows`` [6, n], the measurement matrix, with ``H`` [6, 6] and ``origin`` [6] of this second.
 
-    Waves move the ship over ground, and their yaw rotates the axes along which her speed is measured.
+    Waves move the ship over ground, and their yaw rotates the axes along which speed is measured.
     """
     for channel in range(6):
         rows[channel, :] = 0.0
@@ -191,7 +191,7 @@ def initial_covariance(noise: Floats, origin: Floats, free: Floats, P: Floats) -
             P[first + channel, first + channel] = noise[20 + channel] ** 2
     if not has_waves(noise):
         return
-    w = _met_frequency(noise, origin)
+    w = _encounter_frequency(noise, origin)
     for d in range(3):
         for e in range(3):
             common = _swing_covariance(noise, origin, d, e)
@@ -231,7 +231,7 @@ def transition(A: Floats, B: Floats, noise: Floats, origin: Floats, F: Floats, Q
 @compiled
 def _swing(noise: Floats, origin: Floats, F: Floats, Q: Floats) -> None:
     """A stationary damped oscillator, discretised exactly over a second."""
-    w = _met_frequency(noise, origin)
+    w = _encounter_frequency(noise, origin)
     a00, a01, a10, a11 = _oscillator(1.0, w, noise[18])
     q00 = 1.0 - a00 * a00 - a01 * a01 * w * w
     q11 = w * w - a10 * a10 - a11 * a11 * w * w
@@ -247,7 +247,7 @@ def _swing(noise: Floats, origin: Floats, F: Floats, Q: Floats) -> None:
 
 
 @compiled
-def _met_frequency(noise: Floats, origin: Floats) -> float:
+def _encounter_frequency(noise: Floats, origin: Floats) -> float:
     """The frequency of encounter [rad/s] in deep water."""
     w, along = noise[17], noise[19] - origin[2]
     ahead = origin[3] * cos(along) + origin[4] * sin(along)
@@ -362,12 +362,12 @@ def on_all_cores(work: Callable[[NDArray[np.int64]], None], edges: NDArray[np.in
 
 @cache
 def _threads(number: int) -> ThreadPoolExecutor:
-    """Threads that stay: started anew some 400 times a diagnosis, they cost a tenth of it on a busy machine."""
+    """Threads that are kept: started some 400 times a diagnosis, they cost a tenth of it on a busy machine."""
     return ThreadPoolExecutor(number)
 
 
 @compiled
-def _room(noise, edges):  # type: ignore[no-untyped-def]
+def _work_arrays(noise, edges):  # type: ignore[no-untyped-def]
     """Work arrays for the longest block: system, sample variances, and the transition before each sample."""
     n, longest = states_of(noise), 0
     for block in range(edges.size - 1):
@@ -388,7 +388,7 @@ def _make_whiten(stamp: int) -> Callable[..., None]:
     @njit(cache=True, nogil=True, fastmath=FAST, error_model="numpy")
     def whiten(system, drive, readings, features, edges, z, variance):  # type: ignore[no-untyped-def]
         A, B, H, origin, noise = system
-        F, Q, rows, R, P, interval = _room(noise, edges)
+        F, Q, rows, R, P, interval = _work_arrays(noise, edges)
         plain, empty = drive.shape[2], np.zeros((0, 0, 0))
         stored, gain = (empty, np.zeros((0, 0)), empty), np.zeros((rows.shape[0], 6, 3))
         for block in range(edges.size - 1 if stamp != 0 else 0):
@@ -419,7 +419,7 @@ def _make_smooth(stamp: int) -> Callable[..., None]:
     @njit(cache=True, nogil=True, fastmath=FAST, error_model="numpy")
     def smooth(system, drive, readings, edges, mean, mean_variance):  # type: ignore[no-untyped-def]
         A, B, H, origin, noise = system
-        F, Q, rows, R, P, interval = _room(noise, edges)
+        F, Q, rows, R, P, interval = _work_arrays(noise, edges)
         n, empty = P.shape[0], np.zeros((0, 0, 0))
         for block in range(edges.size - 1 if stamp != 0 else 0):
             a, b = edges[block], edges[block + 1]

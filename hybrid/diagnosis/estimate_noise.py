@@ -93,7 +93,7 @@ def estimate_noise(linearisation: Linearisation, progress: Progress = lambda sha
         design = design_matrix(linearisation, FEW)
         noise = _likeliest_noise(design, noise)
         progress(0.3 + 0.5 * round_)
-        residual, sensors = _without_effects(design, noise, seed=None)
+        residual, sensors = _remove_effects(design, noise, seed=None)
         moved = design.linear.origin + smooth_state(design.linear, residual, noise, log.edges)[0][:, :6]
         log = replace(log, nominal=by_stage(log, model, sensor_readings, moved) + sensors)
         # the trajectory changes so little that the signatures still hold well enough for a draw
@@ -111,7 +111,7 @@ def _likeliest_noise(design: DesignMatrix, start: DisturbanceNoise | None = None
     selected = replace(design, log=part, linear=linear, columns=subset_of(design.columns, chosen))
     noise = start or _first_guess(part, design.model)
     for round_ in range(1 if start else _ROUNDS):
-        residual, _ = _without_effects(selected, noise, seed=round_)
+        residual, _ = _remove_effects(selected, noise, seed=round_)
         starts, scale = [noise], design.model.scale
         if round_ == 0 and start is None:  # waves either way along their axis, or none and small ones
             if noise.has_waves:
@@ -173,7 +173,7 @@ def _first_guess(log: Log, model: ModelWithEffects) -> DisturbanceNoise:
     )
 
 
-def _without_effects(design: DesignMatrix, noise: DisturbanceNoise, seed: int | None) -> tuple[Columns, Floats]:
+def _remove_effects(design: DesignMatrix, noise: DisturbanceNoise, seed: int | None) -> tuple[Columns, Floats]:
     """The data after removing all effects and force features, one column, and their part in the sensors [T, 6].
 
     With a ``seed`` a posterior draw of them is removed, without one their posterior mode.
@@ -218,15 +218,15 @@ def fit_noise(
     level[0] = max(level[:2])
     limits = np.log(_ROOM * np.maximum(level[[0, 2, 3, 4, 5]], np.exp(_LEAST)))
     low, high = _bounds(start, limits)
-    values = [_SEARCHED_AS.get(name, _LEVEL)[0](getattr(start, name)) for name in _searched(start)]
+    values = [_SEARCHED_AS.get(name, _LEVEL)[0](getattr(start, name)) for name in _searched_parameters(start)]
     begin = np.clip(np.hstack(values), low, high)
 
     def innovations(at: Floats) -> tuple[Floats, Floats]:
-        return _innovations(linear, data, edges, _noise(start, at))
+        return _innovations(linear, data, edges, _noise_of(start, at))
 
     how = replace(_SCORING, most_steps=steps)
     optimum, cost = most_likely(innovations, begin, low, high, how, Prior(begin, _DEVIATION))
-    return _noise(start, optimum), 0.5 * cost
+    return _noise_of(start, optimum), 0.5 * cost
 
 
 def _innovations(linear: LinearModel, data: Columns, edges: Ints, noise: DisturbanceNoise) -> tuple[Floats, Floats]:
@@ -236,15 +236,15 @@ def _innovations(linear: LinearModel, data: Columns, edges: Ints, noise: Disturb
     return (z[:, :, 0] * np.sqrt(variance))[measured], variance[measured]
 
 
-def _searched(noise: DisturbanceNoise) -> tuple[str, ...]:
+def _searched_parameters(noise: DisturbanceNoise) -> tuple[str, ...]:
     """The parameters that are searched: all that are not zero throughout."""
     optional = ((_WAVES, noise.has_waves), (_DRIFT, noise.has_drift), (_WAVE_DRIFT, noise.wave_drift_n > 0.0))
     return (*_SENSORS, *_FORCES, *(name for names, is_present in optional if is_present for name in names))
 
 
-def _noise(start: DisturbanceNoise, parameters: Floats) -> DisturbanceNoise:
+def _noise_of(start: DisturbanceNoise, parameters: Floats) -> DisturbanceNoise:
     """The noise of search parameters: logarithms of levels, the inverse tanh of a correlation, a direction."""
-    levels, names = dict[str, Any](), _searched(start)
+    levels, names = dict[str, Any](), _searched_parameters(start)
     ends = np.cumsum([np.size(getattr(start, name)) for name in names])
     for name, part in zip(names, np.split(parameters, ends[:-1]), strict=True):
         values = _SEARCHED_AS.get(name, _LEVEL)[1](part).tolist()
@@ -254,7 +254,7 @@ def _noise(start: DisturbanceNoise, parameters: Floats) -> DisturbanceNoise:
 
 def _bounds(kind: DisturbanceNoise, sensor_limits: Floats) -> tuple[Floats, Floats]:
     """Lower and upper bounds of the search parameters; ``sensor_limits`` [5] are upper bounds for the sensors."""
-    searched, bounds = _searched(kind), dict(_BOUNDS)
+    searched, bounds = _searched_parameters(kind), dict(_BOUNDS)
     if kind.wave_drift_n > 0.0:
         bounds["wave_drift_n"] = 1e-3, max(_largest_wave_drift_n(kind), 2e-3)
     ends = [np.log(bounds[name]) if name in bounds else np.array([-np.inf, np.inf]) for name in searched]

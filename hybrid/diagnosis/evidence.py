@@ -129,10 +129,10 @@ def nuisance_basis(
     elapsed = (log.time_s - log.time_s[0]) / max(float(log.time_s[-1] - log.time_s[0]), 1.0)
     half_waves = np.sqrt(2.0) * np.cos(np.pi * elapsed[:, None] * np.arange(1, _TIMES + 1))
     bases = {
-        "heading": _even(_harmonics(origin[:, 2], _HARMONICS)),
-        "place": _even(_places(origin[:, :2])),
-        "time": _even(half_waves),
-        "azimuth": _even(_hinges(log)),
+        "heading": _orthogonal_basis(_harmonics(origin[:, 2], _HARMONICS)),
+        "place": _orthogonal_basis(_places(origin[:, :2])),
+        "time": _orthogonal_basis(half_waves),
+        "azimuth": _orthogonal_basis(_hinges(log)),
     }
     forces = np.hstack(list(bases.values()))
     depends = tuple(name for name, basis in bases.items() for _ in range(basis.shape[1]))
@@ -140,7 +140,7 @@ def nuisance_basis(
     now, earlier = (
         ({}, {}) if not interactions else (_interactions(log, states) for states in (origin, origin[before]))
     )
-    shapes = {**bases, "heading": _even(_harmonics(origin[:, 2], 2))}
+    shapes = {**bases, "heading": _orthogonal_basis(_harmonics(origin[:, 2], 2))}
 
     def shapes_of(effect: str) -> dict[str, Floats]:
         forms = earlier if effect.split(",")[0] in _DRIFTS else now
@@ -157,7 +157,7 @@ def nuisance_basis(
     return NuisanceBasis(forces, depends, tuple(varying))
 
 
-def _even(shapes: Floats) -> Floats:
+def _orthogonal_basis(shapes: Floats) -> Floats:
     """An orthogonal basis of the same span, of unit mean square over the log [T, at most M].
 
     So the sum of squared coefficients is the mean square of their combination.
@@ -193,12 +193,12 @@ def _places(position_m: Floats) -> Floats:
 def _interactions(log: Log, origin: Floats) -> dict[str, Floats]:
     """Each of :data:`INTERACTIONS` [T, 1], centred, of unit mean square; those that hardly vary are left out."""
     surge, sway, yaw_rate, *pushes = operating_point(log, origin).T
-    ahead, aside = np.zeros(len(log)), np.zeros(len(log))
+    ahead, starboard = np.zeros(len(log)), np.zeros(len(log))
     for turns in thrusts(log).values():
         parts = [pushes.pop(0) for _ in turns]
         if len(parts) == 2:  # turnable actuators push in surge and sway; the others are left out
-            ahead, aside = ahead + parts[0], aside + parts[1]
-    quantities = (surge, np.abs(sway), np.abs(yaw_rate), ahead, np.abs(aside))
+            ahead, starboard = ahead + parts[0], starboard + parts[1]
+    quantities = (surge, np.abs(sway), np.abs(yaw_rate), ahead, np.abs(starboard))
     return {
         name: ((values - values.mean()) / values.std())[:, None]
         for name, values in zip(INTERACTIONS, quantities, strict=True)
@@ -269,7 +269,7 @@ def operating_point(log: Log, origin: Floats) -> Floats:
     return np.asarray(columns / scale)
 
 
-def _make(stamp: int) -> Callable[[Record, Floats, Floats], Floats]:
+def _make_actuator_forces(stamp: int) -> Callable[[Record, Floats, Floats], Floats]:
     @njit(cache=True, fastmath=FAST, error_model="numpy")
     def actuator_forces(p: Record, states: Floats, controls: Floats) -> Floats:
         """X [N], Y [N], N [N m] of all actuators in still water at each state and control: [T, 3]."""
@@ -284,7 +284,7 @@ def _make(stamp: int) -> Callable[[Record, Floats, Floats], Floats]:
     return actuator_forces  # type: ignore[no-any-return]
 
 
-_actuator_forces = _make(PHYSICS_STAMP)
+_actuator_forces = _make_actuator_forces(PHYSICS_STAMP)
 
 
 def tolerances(log: Log, catalogue: Catalogue, signatures: Sequence[Signature]) -> Floats:

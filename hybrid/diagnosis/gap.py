@@ -36,10 +36,10 @@ from seatrial.hybrid.diagnosis.linearise import (
     acting_settings,
     by_stage,
     one_second_paths,
-    prompt,
     sampling_offset,
     small_step,
     true_states,
+    without_delays,
 )
 from seatrial.hybrid.diagnosis.log import STEPS_PER_SECOND, Log
 from seatrial.hybrid.diagnosis.result import Gap, Tracks
@@ -106,7 +106,7 @@ def predicted_tracks(log: Log, plant: Plant, origin: Floats, starts: Ints) -> Fl
     rows = starts[:, None] + np.arange(HORIZON_S)
     settings = controls[rows].reshape(len(starts), HORIZON_S * STEPS_PER_SECOND, -1)
     wind = np.repeat(log.wind[rows], STEPS_PER_SECOND, axis=1)
-    runs = simulate_batch(prompt(plant), origin[starts], settings, wind, DT_S, 1, acting[starts])
+    runs = simulate_batch(without_delays(plant), origin[starts], settings, wind, DT_S, 1, acting[starts])
     return measure(runs.states[:, ::STEPS_PER_SECOND], plant, 1.0)[..., :3]
 
 
@@ -259,22 +259,24 @@ def noise_floor_m(equations: NormalEquations, starts: Ints, horizon_s: int) -> f
     linear, noise = equations.linear, equations.noise
     variance = smooth_state(linear, columns_of(linear, []), noise, equations.log.edges)[1]
     P = np.zeros((len(starts), 10, 10))
-    P[:, range(6), range(6)], P[:, range(6, 10), range(6, 10)] = variance[starts, :6], _slow(noise)
+    P[:, range(6), range(6)], P[:, range(6, 10), range(6, 10)] = variance[starts, :6], _slow_variances(noise)
     compared = noise.position_m**2 + noise.drift[0] ** 2 + np.square(noise.waves[:2])
     distances = []
     for rows in (starts + second for second in range(horizon_s)):
-        P = _later(linear.A[rows], linear.B[rows] * FORCE_UNITS, wave_push(noise, linear.origin[rows]), noise, P)
+        P = _propagated(
+            linear.A[rows], linear.B[rows] * FORCE_UNITS, wave_push(noise, linear.origin[rows]), noise, P
+        )
         # the mean length of a Gaussian vector in the plane, its two variances taken as equal
         distances.append(np.sqrt(0.25 * np.pi * (P[:, 0, 0] + P[:, 1, 1] + compared.sum())))
     return float(np.mean(distances))
 
 
-def _slow(noise: DisturbanceNoise) -> Floats:
+def _slow_variances(noise: DisturbanceNoise) -> Floats:
     """The variances [4] of the slow forces and the wave drift, in the filter's units."""
     return np.asarray((np.append(noise.slow, noise.wave_drift_n) / FORCE_UNITS[[0, 1, 2, 0]]) ** 2)
 
 
-def _later(A: Floats, B: Floats, push: Floats, noise: DisturbanceNoise, P: Floats) -> Floats:
+def _propagated(A: Floats, B: Floats, push: Floats, noise: DisturbanceNoise, P: Floats) -> Floats:
     """The covariances [N, 10, 10] of state, slow forces and wave drift, a second later.
 
     ``push`` [N, 3] is that of :func:`.wave_push`.
@@ -285,7 +287,7 @@ def _later(A: Floats, B: Floats, push: Floats, noise: DisturbanceNoise, P: Float
     F[:, slow, slow] = remaining
     gust = (np.array(noise.gust) / FORCE_UNITS) ** 2
     Q[:, :6, :6] = (B * gust) @ B.transpose(0, 2, 1)
-    Q[:, slow, slow] = (1.0 - remaining**2) * _slow(noise)
+    Q[:, slow, slow] = (1.0 - remaining**2) * _slow_variances(noise)
     return np.asarray(F @ P @ F.transpose(0, 2, 1) + Q)
 
 
@@ -323,7 +325,7 @@ class LinearTracks:
         low, high = self.low[columns - 1], self.high[columns - 1]
         off_m, legs = [], np.concatenate([fold.leg for fold in self.folds])
         for fold in self.folds:
-            sizes = within_bounds(fold.inner, columns, precision, low, high)
+            sizes = fit_within_bounds(fold.inner, columns, precision, low, high)
             off_m.append(_off_m(fold.error, fold.slope, columns - 1, sizes))
         return np.bincount(legs, np.concatenate(off_m)) / np.bincount(legs)
 
@@ -351,7 +353,7 @@ class LinearTracks:
 
 
 @njit(cache=True, error_model="numpy")
-def within_bounds(inner: Floats, columns: Ints, precision: Floats, low: Floats, high: Floats) -> Floats:
+def fit_within_bounds(inner: Floats, columns: Ints, precision: Floats, low: Floats, high: Floats) -> Floats:
     """The most likely sizes within bounds; with some at their bounds, the others are refitted.
 
     Compiled, as :func:`_off_m` is: a search asks for a hundred thousand of each, which took a tenth of a
@@ -437,7 +439,7 @@ def _moved(evidence: Evidence, name: str, number: int, step: float) -> Coordinat
     return model.bounded({**model.at, name: tuple(free)})
 
 
-def closest_alone(windows: UnseenWindows, evidence: Evidence) -> Coordinates:
+def closest_single_effect(windows: UnseenWindows, evidence: Evidence) -> Coordinates:
     """The single effect, at one of some sizes, with which simulated tracks are closest to the measured ones."""
     catalogue = evidence.equations.model.catalogue
     tried = [

@@ -227,11 +227,11 @@ def linearise(
     )
     sensitivities = effects or signatures(log, model, linear.origin, list(model.catalogue))
     return Linearisation(
-        log, model, tolerance, _between_levels(log, model, linear, sensitivities), tuple(sensitivities)
+        log, model, tolerance, _correct_for_levels(log, model, linear, sensitivities), tuple(sensitivities)
     )
 
 
-def _between_levels(
+def _correct_for_levels(
     log: Log, model: ModelWithEffects, linear: LinearModel, sensitivities: Sequence[Signature]
 ) -> LinearModel:
     """The linear model, to first order with the part of changing effects that :meth:`stages` leaves out."""
@@ -287,7 +287,7 @@ def linear_model(log: Log, plant: Plant) -> LinearModel:
         B[:, :, column] = (ahead - behind) / (2.0 * size)
     defect = np.zeros_like(origin)
     defect[:-1] = ways[:-1, -1] - origin[1:]
-    around = _around(log, plant, ways)
+    around = _readings_around(log, plant, ways)
     now = around[:, STEPS_PER_SECOND // 2]
     readings = now + np.einsum("tcq,tqc->tc", log.weight, around - now[:, None])
     return LinearModel(A, B, H, defect, log.measured - readings, origin)
@@ -361,7 +361,7 @@ def _sensitivity(
     if small := small_step(model, name, coordinate):
         plant, step = small
         return (next_states(log, plant, origin) - ways[:, -1]) / step, np.zeros_like(origin)
-    (ahead, plus), (behind, minus) = _sides(model, name, coordinate)
+    (ahead, plus), (behind, minus) = _stepped_plants(model, name, coordinate)
     if move_alike(ahead, behind):
         further = before = ways
     else:
@@ -369,7 +369,7 @@ def _sensitivity(
     D = (further[:, -1] - before[:, -1]) / (plus - minus)
     if report_alike(ahead, behind):
         return D, np.zeros_like(origin)
-    return D, (_seen(log, ahead, further) - _seen(log, behind, before)) / (plus - minus)
+    return D, (_readings_at_start(log, ahead, further) - _readings_at_start(log, behind, before)) / (plus - minus)
 
 
 def small_step(model: ModelWithEffects, name: str, coordinate: int) -> tuple[Plant, float] | None:
@@ -387,7 +387,7 @@ def small_step(model: ModelWithEffects, name: str, coordinate: int) -> tuple[Pla
     return (ahead, step) if _delays_of(ahead) == _delays_of(behind) else None
 
 
-def _sides(model: ModelWithEffects, name: str, coordinate: int) -> list[tuple[Plant, float]]:
+def _stepped_plants(model: ModelWithEffects, name: str, coordinate: int) -> list[tuple[Plant, float]]:
     """The plant at two steps of a coordinate, to either side or, where that is out of bounds, to one side."""
     size = model.catalogue[name].free_scale[coordinate]
     for steps in ((_PART, -_PART), (_ONE_SIDED_PART, 0.0), (0.0, -_ONE_SIDED_PART)):
@@ -407,7 +407,7 @@ def one_second_paths(log: Log, plant: Plant, origin: Floats) -> Floats:
     """The simulated states every quarter of a second from each of ``origin`` [T, 6]: [T, 5, 6]."""
     controls, acting = acting_settings(log, plant)
     wind = np.repeat(log.wind[:, None, :], STEPS_PER_SECOND, axis=1)
-    runs = simulate_batch(prompt(plant), origin, controls, wind, DT_S, 1, acting)
+    runs = simulate_batch(without_delays(plant), origin, controls, wind, DT_S, 1, acting)
     if not runs.inside.all():  # outside the model's range a second carries no information: assume steady motion
         runs.states[~runs.inside] = origin[~runs.inside, None]
     return runs.states
@@ -417,7 +417,7 @@ def acting_settings(log: Log, plant: Plant) -> tuple[Floats, Floats]:
     """The controls that act in each quarter of a second [T, 4, controls] and at its start [T, controls].
 
     As reported, corrected for the feedback's delay and for play; at the start also for the lag, which the
-    simulator continues (:func:`prompt`).
+    simulator continues (:func:`without_delays`).
     """
     return _acting(log, *_delays_of(plant))
 
@@ -454,7 +454,7 @@ def _delays_of(plant: Plant) -> tuple[float, tuple[float, ...], tuple[float, ...
     return plant.command_delay_s, lags_of(plant), plays_of(plant)
 
 
-def prompt(plant: Plant) -> Plant:
+def without_delays(plant: Plant) -> Plant:
     """The plant for the controls of :func:`acting_settings`: without delay and play."""
     tight = {f"{actuator.name}_{PLAY}": 0.0 for actuator in plant.layout if PLAY in KINDS[actuator.kind].numbers}
     undelayed = plant.replaced(command_delay_s=0.0)
@@ -502,15 +502,17 @@ def sensor_readings(log: Log, plant: Plant, states: Floats) -> Floats:
     """States [T, 6] as the plant's sensors report them, with delays applied within each unbroken stretch."""
     if not report_late(plant):  # without delays, readings equal states
         return measure(states[:, None], plant, 1.0)[:, 0]
-    return _seen(log, plant, one_second_paths(log, plant, states))
+    return _readings_at_start(log, plant, one_second_paths(log, plant, states))
 
 
-def _seen(log: Log, plant: Plant, ways: Floats) -> Floats:
+def _readings_at_start(log: Log, plant: Plant, ways: Floats) -> Floats:
     """The sensor readings [T, 6] at the start of each path [T, 5, 6] of :func:`one_second_paths`."""
-    return _around(log, plant, ways, [STEPS_PER_SECOND // 2])[:, 0]
+    return _readings_around(log, plant, ways, [STEPS_PER_SECOND // 2])[:, 0]
 
 
-def _around(log: Log, plant: Plant, ways: Floats, quarters: Sequence[int] = range(STEPS_PER_SECOND + 1)) -> Floats:
+def _readings_around(
+    log: Log, plant: Plant, ways: Floats, quarters: Sequence[int] = range(STEPS_PER_SECOND + 1)
+) -> Floats:
     """The sensor readings in each quarter from half a second before each path's start to half a second after.
 
     [T, 5, 6], or only some of the quarters. They are simulated from the start state: an error in it carries

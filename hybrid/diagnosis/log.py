@@ -139,7 +139,7 @@ def log_of(tables: Sequence[pd.DataFrame]) -> Log:
     :class:`InputError` for a table without position, heading or thrusters, :class:`DataShortageError` if no
     stretch is long enough.
     """
-    parts = [_one(table) for table in tables]
+    parts = [_log_of_table(table) for table in tables]
     first_block, first_leg, logs = 0, 0, list[Log]()
     whose = _recordings(tables)
     recordings = list(dict.fromkeys(whose))
@@ -173,10 +173,10 @@ def tables_by_recording(tables: Sequence[pd.DataFrame]) -> dict[str, pd.DataFram
     parts = dict[str, list[pd.DataFrame]]()
     for name, table in zip(_recordings(tables), tables, strict=True):
         parts.setdefault(name, []).append(table)
-    return {name: joined(pieces) for name, pieces in parts.items()}
+    return {name: join_tables(pieces) for name, pieces in parts.items()}
 
 
-def joined(parts: Sequence[pd.DataFrame]) -> pd.DataFrame:
+def join_tables(parts: Sequence[pd.DataFrame]) -> pd.DataFrame:
     """The table of a recording from its parts, with a gap between them."""
     table = pd.concat(parts)
     table.attrs = parts[0].attrs
@@ -188,7 +188,7 @@ def _recordings(tables: Sequence[pd.DataFrame]) -> list[str]:
     return [str(table.attrs.get("recording", number)) for number, table in enumerate(tables)]
 
 
-def _one(table: pd.DataFrame) -> Log:
+def _log_of_table(table: pd.DataFrame) -> Log:
     actuators = table_actuators(table)
     require(table, (*POSE, *control_names(actuators)))
     lacking = [name for name in VELOCITY if name not in table]
@@ -287,14 +287,14 @@ def averaged_motion(
         deviation = values[rows] - expected
         if is_circular(name):
             deviation = (deviation + np.pi) % (2.0 * np.pi) - np.pi
-        distance = np.abs(deviation - _near(deviation, times))
+        distance = np.abs(deviation - _neighbour_median(deviation, times))
         good = distance <= _OUTLIER * robust_spread(distance) + 1e-9
         refused += int((~good).sum())
         measured[:, column], weight[:, column] = _binned(times[good], (expected + deviation)[good], len(nodes))
     return measured, weight, refused
 
 
-def _near(values: Floats, times_s: Floats) -> Floats:
+def _neighbour_median(values: Floats, times_s: Floats) -> Floats:
     """The median of each sample's neighbours within a third of a second, without itself; of four at least."""
     if values.size < 5:
         return np.full(values.size, np.median(values) if values.size else 0.0)

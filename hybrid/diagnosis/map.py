@@ -159,7 +159,7 @@ def _spans(name: str, values: Floats) -> Iterable[tuple[float, float]]:
     low, high = (float(quantile) for quantile in np.quantile(finite, (0.01, 0.99)))
     finest = _FINEST_SHAFT_RPM if name == "rpm" or "_less_" in name else _FINEST_TUNNEL_RPM
     inner = round_edges(low, high, _FINEST.get(name, finest)).tolist()
-    return itertools.pairwise([float(finite.min()), *inner, _above(finite.max())])
+    return itertools.pairwise([float(finite.min()), *inner, _next_float(finite.max())])
 
 
 def round_edges(low: float, high: float, finest: float) -> Floats:
@@ -175,7 +175,7 @@ def round_edges(low: float, high: float, finest: float) -> Floats:
     return np.asarray(edges[(edges > low + 0.5 * step) & (edges < high - 0.5 * step)])
 
 
-def _above(value: float) -> float:
+def _next_float(value: float) -> float:
     """The next floating-point number: the end of a span that includes ``value``."""
     return float(np.nextafter(value, np.inf))
 
@@ -191,7 +191,7 @@ def _places(origin: Floats) -> list[MapCell]:
     """A grid over the trial's area."""
     cells = []
     edges = [
-        np.linspace(coordinate.min(), _above(coordinate.max()), _GRID + 1).tolist()
+        np.linspace(coordinate.min(), _next_float(coordinate.max()), _GRID + 1).tolist()
         for coordinate in origin[:, :2].T
     ]
     for north, east in itertools.product(*map(itertools.pairwise, edges)):
@@ -265,7 +265,7 @@ def _forces(
         for place, number in enumerate(mine):
             for axis, channel in enumerate(FORCES):
                 z = force[axis, place] / error[axis, place]
-                result.append(_place(channel, cells[number], force[axis, place], z))
+                result.append(_gap_cell(channel, cells[number], force[axis, place], z))
     return result
 
 
@@ -286,7 +286,7 @@ def _errors(
         mean, deviation = _clustered(error[rows], cluster[rows])
         deviation = np.hypot(deviation, np.sqrt((allowance[rows].mean(axis=0) ** 2).sum(axis=1)))
         result += [
-            _place(name, cell, mean[number] * _DEGREES[number], mean[number] / deviation[number])
+            _gap_cell(name, cell, mean[number] * _DEGREES[number], mean[number] / deviation[number])
             for number, name in enumerate(POSE_AND_VELOCITY)
         ]
     return result
@@ -321,7 +321,7 @@ def _clustered(values: Floats, cluster: Ints) -> tuple[Floats, Floats]:
     return mean, np.asarray(error * t.isf(0.025, count - 1) / norm.isf(0.025))
 
 
-def _place(channel: str, cell: MapCell, error: float, z: float) -> GapCell:
+def _gap_cell(channel: str, cell: MapCell, error: float, z: float) -> GapCell:
     return GapCell(channel, cell.span, int(cell.rows.sum()), float(error), float(z))
 
 
@@ -448,7 +448,7 @@ def _best(
         return []
     shapes = np.column_stack([shape_of(regime, quantities) for regime, _ in tried])
     price = np.array([cost for _, cost in tried])
-    size, share, alike = explained(shapes, force, fold)
+    size, share, alike = explained_shares(shapes, force, fold)
     enough = alike & (np.count_nonzero(shapes, axis=0) >= _LEAST_S)[:, None] & (share > _LEAST_SHARE)
     worth = np.where(enough, share - price[:, None], -inf)
     result = []
@@ -459,7 +459,7 @@ def _best(
     return result
 
 
-def explained(shapes: Floats, force: Floats, fold: Ints) -> tuple[Floats, Floats, Floats]:
+def explained_shares(shapes: Floats, force: Floats, fold: Ints) -> tuple[Floats, Floats, Floats]:
     """The size, share of ``force`` [T, 3] and consistency over parts of each of ``shapes`` [T, M]: [M, 3] each.
 
     The share is that of the squares in each part with the size fitted to all others; consistent
@@ -489,7 +489,7 @@ def largest_regimes(bare: Evidence, windows: UnseenWindows) -> tuple[FoundRegime
         log, origin = equations.log, equations.linear.origin
         quantities = quantities_along(log.actuators, origin, log.controls.mean(axis=1), log.wind)
         lacking = find_regimes(quantities, map_of(equations, with_effects=True).force, fold_of(log))
-        better = next(filter(None, (_added(now, windows, candidate) for candidate in lacking)), None)
+        better = next(filter(None, (_try_regime(now, windows, candidate) for candidate in lacking)), None)
         if better is None:
             break
         regimes.append(better[0])
@@ -522,7 +522,7 @@ class _Fitted:
         return _Fitted(names, evidence, _off_m(windows, evidence, names))
 
 
-def _added(now: _Fitted, windows: UnseenWindows, tried: TriedRegime) -> tuple[FoundRegime, _Fitted] | None:
+def _try_regime(now: _Fitted, windows: UnseenWindows, tried: TriedRegime) -> tuple[FoundRegime, _Fitted] | None:
     """A regime fitted beside the existing effects; None if it gains too little or is not consistent."""
     regime = tried.regime
     effect = regime_effect(_name_of(regime), regime, tried.size)
@@ -555,11 +555,11 @@ def _name_of(regime: Regime) -> str:
     for quantity, (low, high) in regime.within.items():
         begin, end = (f"{edge:g}".replace("-", "minus_").replace(".", "p") for edge in (low, high))
         span = f"below_{end}" if low == -inf else f"above_{begin}" if high == inf else f"{begin}_to_{end}"
-        parts.append(f"{_bare(quantity)}_{span}")
+        parts.append(f"{_without_unit(quantity)}_{span}")
     if regime.grows_with is not None and not regime.within:
-        parts.append(f"with_{_bare(regime.grows_with)}")
+        parts.append(f"with_{_without_unit(regime.grows_with)}")
     return "_".join(parts)
 
 
-def _bare(quantity: str) -> str:
+def _without_unit(quantity: str) -> str:
     return quantity.removesuffix("_mps").removesuffix("_deg").removesuffix("_dps")

@@ -107,10 +107,10 @@ def information_of(equations: NormalEquations) -> Information:
     """The information in all legs of a trial."""
     effects = 1 + np.arange(len(equations.layout.effect))
     matrix, _ = marginalise(equations.gram.sum(axis=0), effects, equations.nuisance, equations.nuisance_scale)
-    return Information(matrix, _columns(equations), equations.model.catalogue)
+    return Information(matrix, _effect_columns(equations), equations.model.catalogue)
 
 
-def _columns(equations: NormalEquations) -> dict[str, Ints]:
+def _effect_columns(equations: NormalEquations) -> dict[str, Ints]:
     names = equations.model.catalogue
     return {name: np.array(equations.layout.of(name), dtype=np.int64) - 1 for name in names}
 
@@ -151,7 +151,7 @@ def design_of(equations: NormalEquations) -> Design:
     # What is tolerated of an effect has the effect's own column, so that this adds up and does not overwrite.
     change[nuisance, len(effects) :] += informative * scale[:, None]
     legs = np.array([change.T @ leg @ change for leg in equations.gram])
-    return Design(legs, _columns(equations), equations.model.catalogue)
+    return Design(legs, _effect_columns(equations), equations.model.catalogue)
 
 
 def separation(
@@ -446,10 +446,10 @@ class Shafts:
     """Shaft speeds [rpm] for manoeuvres: usual, half, slower, faster; the tunnel thruster's.
 
     ``drives`` and ``tunnels`` are the names of propulsors and tunnel thrusters, ``steering`` those of the
-    actuators that steer by an angle, none for a ship steered by differential thrust. ``drive`` and ``steers``
-    are words for one of them. ``time`` is the length of her manoeuvres relative to R/V Gunnerus'. ``most`` is
-    the lowest limit of her shafts, ``hard_over`` the rpm that a hard-over helm adds to one shaft and subtracts
-    from the other.
+    actuators that steer by an angle, none for a ship steered by differential thrust. ``drive`` and
+    ``steers`` are words for one of them. ``time`` is the length of the ship's manoeuvres relative to R/V
+    Gunnerus'. ``most`` is the lowest limit of its shafts, ``hard_over`` the rpm that a hard-over helm adds
+    to one shaft and subtracts from the other.
     """
 
     usual: float
@@ -507,13 +507,13 @@ def shafts_of(vessel: Vessel, usual_rpm: float) -> Shafts:
         usual, half, slow, fast, round(_TUNNEL * tunnel_limit / _ROUND_RPM) * _ROUND_RPM,
         drives_in(vessel.actuators), tuple(actuator.name for actuator in steering),
         names_of(vessel.actuators, "tunnel"),
-        _common((actuator.noun for actuator in vessel.actuators if actuator.drives), "thruster"),
-        _common((actuator.steers_by for actuator in steering), _MIXED), pace_of(vessel).time, limit,
+        _common_word((actuator.noun for actuator in vessel.actuators if actuator.drives), "thruster"),
+        _common_word((actuator.steers_by for actuator in steering), _MIXED), pace_of(vessel).time, limit,
         own_usual_rpm(vessel),
     )  # fmt: skip
 
 
-def _common(words: Iterable[str], otherwise: str) -> str:
+def _common_word(words: Iterable[str], otherwise: str) -> str:
     """The word that all of ``words`` are."""
     distinct = set(words)
     return distinct.pop() if len(distinct) == 1 else otherwise
@@ -679,7 +679,7 @@ def rehearse(
     """Simulate ``seconds`` of a manoeuvre with ``plant`` and the autopilot and drives of ``vessel``.
 
     Gusts are those of the ``sea``, always the same; waves and current are not, as they belong to the noise and
-    to the plant. Raises :class:`ModelRangeError` if the ship leaves the range of her model.
+    to the plant. Raises :class:`ModelRangeError` if the ship leaves the range of its model.
     """
     per_second = STEPS_PER_SECOND * _STEPS
     streams = [np.random.default_rng(seed) for seed in np.random.SeedSequence(_SEED).spawn(2)]
@@ -690,10 +690,10 @@ def rehearse(
     measured = measure(voyage.states, plant, dt_s)[:-1:per_second][: seconds + 1]
     end = len(voyage.controls) // _STEPS * _STEPS
     controls = voyage.controls[:end].reshape(-1, _STEPS, voyage.controls.shape[1]).mean(axis=1)
-    return _log(measured, controls, voyage.wind[::per_second], seconds + 1, vessel.actuators)
+    return _log_of_voyage(measured, controls, voyage.wind[::per_second], seconds + 1, vessel.actuators)
 
 
-def _log(measured: Floats, controls: Floats, wind: Floats, rows: int, actuators: Actuators) -> Log:
+def _log_of_voyage(measured: Floats, controls: Floats, wind: Floats, rows: int, actuators: Actuators) -> Log:
     block = np.arange(rows, dtype=np.int64) * max(1, round(rows / BLOCK_S)) // rows
     weight = np.zeros((rows, 6, STEPS_PER_SECOND + 1))
     weight[:, :, STEPS_PER_SECOND // 2] = 1.0

@@ -145,10 +145,10 @@ class Selection:
 def select_effects(evidence: Evidence, progress: Progress = lambda share: None) -> Selection:
     """The fourth stage: stepwise selection by evidence, linearised about the result until it stays."""
     at, tried = _starting_point(evidence)
-    return search_on(Selection((), evidence, at, tried=tried), progress)
+    return continue_search(Selection((), evidence, at, tried=tried), progress)
 
 
-def search_on(selection: Selection, progress: Progress = lambda share: None) -> Selection:
+def continue_search(selection: Selection, progress: Progress = lambda share: None) -> Selection:
     """Search among the effects not excluded, starting from the linearisation of ``selection``, until converged."""
     evidence, at = selection.evidence, selection.at
     for number in range(selection.linearisations + 1, MAX_LINEARISATIONS + 1):
@@ -186,10 +186,13 @@ def _starting_point(evidence: Evidence) -> tuple[Coordinates, dict[tuple[str, ..
     It is the result of a search linearised about no effect, or one that is almost as good there: the
     sensitivity to a large effect at zero is not its sensitivity at its size.
     """
-    names = search_effects(evidence)
-    starts = list(dict.fromkeys([
-        names, *_single_delays(evidence, names), *_swaps(evidence, names), *_elsewhere(evidence, names)
-    ]))  # fmt: skip
+    names, delays = search_effects(evidence), list[tuple[str, ...]]()
+    clocks = {name for name, effect in evidence.equations.model.catalogue.items() if effect.family == "clock"}
+    if len(names) >= 2 and clocks & set(names):  # about zero, a long delay resembles others as much as itself
+        strongest = sorted(clocks, key=lambda name: -evidence.log_odds([name]))[:_CLOSER]
+        delays = [(name,) for name in strongest if evidence.possible([name])]
+    starts = [names, *delays, *_swaps(evidence, names), *_moved_to_other_drives(evidence, names)]
+    starts = list(dict.fromkeys(starts))
     if len(starts) == 1:
         return fitted_coordinates(evidence, names), {}
     densities, places = dict[tuple[str, ...], float](), []
@@ -209,15 +212,6 @@ def _linear_about_itself(evidence: Evidence, names: tuple[str, ...]) -> tuple[Co
         return at, relinearised
     at = fitted_coordinates(relinearised, names)
     return at, linear_about(evidence, at)
-
-
-def _single_delays(evidence: Evidence, names: tuple[str, ...]) -> list[tuple[str, ...]]:
-    """Strong delays, each by itself: linearised about zero, a long one resembles others as much as itself."""
-    clocks = {name for name, effect in evidence.equations.model.catalogue.items() if effect.family == "clock"}
-    if len(names) < 2 or not clocks & set(names):
-        return []
-    singles = sorted(clocks, key=lambda name: -evidence.log_odds([name]))[:_CLOSER]
-    return [(name,) for name in singles if evidence.possible([name])]
 
 
 def _swaps(evidence: Evidence, names: tuple[str, ...]) -> list[tuple[str, ...]]:
@@ -242,7 +236,7 @@ class Swap:
     evidence: Evidence
 
 
-def swaps_about_themselves(evidence: Evidence, names: tuple[str, ...]) -> list[Swap]:
+def linearised_swaps(evidence: Evidence, names: tuple[str, ...]) -> list[Swap]:
     """Candidates to replace one of ``names``, each linearised about its own best fit.
 
     These are the same lag or play on other drives, and the closest of the rivals that seem to lack little:
@@ -279,7 +273,7 @@ def _on_other_drives(evidence: Evidence, name: str, remaining: Sequence[str]) ->
     return [relative for relative in relatives if catalogue[relative].parameters == effect.parameters]
 
 
-def _elsewhere(evidence: Evidence, names: tuple[str, ...]) -> list[tuple[str, ...]]:
+def _moved_to_other_drives(evidence: Evidence, names: tuple[str, ...]) -> list[tuple[str, ...]]:
     """The same effects with a lag or a play found on one drive moved to others.
 
     They are one-sided, and large ones act differently from small ones, so one drive is easily mistaken for

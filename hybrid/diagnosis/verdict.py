@@ -41,7 +41,7 @@ from seatrial.hybrid.diagnosis.coarse_model import (
     improves_prediction,
     is_coarse,
     is_far_off,
-    name_of_coarse_model,
+    name_effects_of_coarse_model,
     preliminary_selection,
     replications,
     select_unless_coarse,
@@ -139,7 +139,7 @@ class Conclusion:
     faults that explain contradictions between the sensors, None if they agree. ``gap`` is measured on held-out
     legs [m]; ``rivals`` could replace a named effect, with the log odds that they lack; ``composites`` are
     groups that may be one effect outside the catalogue, ``tied`` all groups that these data cannot distinguish;
-    ``replicated`` tells in how many parts of the trial each named effect is found independently; ``regimes``
+    ``replicated`` says in how many parts of the trial each named effect is found independently; ``regimes``
     are where the model as it is lacks most; ``withdrawn`` are effects that explain the record but make
     predictions worse. ``suspects`` rank every effect by itself; ``maps`` show the model before and after.
     """
@@ -172,32 +172,35 @@ def reach_verdict(first: Acceptance, progress: Progress = lambda share: None) ->
     windows = unseen_windows(equations.log, equations.model)
     accepted, regimes = first, tuple[FoundRegime, ...]()
     if lacks:  # it may resemble any force, so forces are doubtful; sensor faults show without a ship model
-        named = name_of_coarse_model(first, windows, part_of(progress, 0, 2)) if is_coarse(first) else None
+        named = name_effects_of_coarse_model(first, windows, part_of(progress, 0, 2)) if is_coarse(first) else None
         accepted = named or drop_non_predictive(sensors, windows) or replace(first, names=(), tests={})
         regimes = largest_regimes(first.evidence, windows)
     progress(0.5)
-    accepted, gap, withdrawn = _judged(accepted, windows, lacks)
+    accepted, gap, withdrawn = _withdraw_harmful(accepted, windows, lacks)
     if lacks:
         gap = with_noise_floor(gap, equations)
     rivals = close_rivals(accepted)
     parts = evidence_within(windows, accepted.evidence).values() if accepted.names else []
     replicated = replications(accepted.evidence, accepted.names, parts)
-    unknown = bool(withdrawn) or _is_unknown(accepted, lacks, replicated)
+    partly = any(replication.found < replication.parts for replication in replicated.values())
+    # something is missing that the named effects may only imitate
+    imitated = not accepted.beside_remainder if lacks else len(accepted.names) > CREDIBLE and partly
+    unknown = bool(withdrawn) or imitated
     composites = [] if unknown else _composites(accepted, first)
-    tied = [] if unknown else [*groups(accepted.names, rivals), *composites, *accepted.substitute_pairs]
+    groups = [*indistinguishable_groups(accepted.names, rivals), *composites, *accepted.substitute_pairs]
     final = equations  # with all named effects in the model
     if accepted is not first:
         final = linear_about(first.evidence, fitted_coordinates(accepted.evidence, accepted.names)).equations
     progress(0.6)
     return Conclusion(
-        verdict=verdict_of(accepted.names, tied, unknown),
+        verdict=verdict_of(accepted.names, groups, unknown),
         first=first,
         accepted=accepted,
         sensors=sensors,
         gap=gap,
         rivals=tuple(rivals),
         composites=tuple(composites),
-        tied=tuple(tied),
+        tied=() if unknown else tuple(groups),
         replicated=replicated,
         regimes=regimes,
         withdrawn=withdrawn,
@@ -226,7 +229,7 @@ def drop_non_predictive(sensors: Acceptance | None, windows: UnseenWindows) -> A
     return None
 
 
-def _judged(
+def _withdraw_harmful(
     accepted: Acceptance, windows: UnseenWindows, lacks: Sequence[LackOfFit]
 ) -> tuple[Acceptance, HeldOutGap, tuple[str, ...]]:
     """The effects that stay named, the gap, and those withdrawn as they make held-out predictions worse."""
@@ -240,15 +243,6 @@ def _judged(
 def makes_worse(windows: UnseenWindows, without: Mapping[int, Coordinates]) -> bool:
     """Whether the effects named ``without`` them predict held-out legs worse, by enough and consistently."""
     return improves_prediction(windows.by_leg_m(windows.by_other_folds(without)), windows.by_leg_m(windows.before))
-
-
-def _is_unknown(accepted: Acceptance, lacks: Sequence[LackOfFit], replicated: Mapping[str, Replication]) -> bool:
-    """Whether something is missing that the named effects may only imitate."""
-    if lacks:
-        return not accepted.beside_remainder
-    return len(accepted.names) > CREDIBLE and any(
-        replication.found < replication.parts for replication in replicated.values()
-    )
 
 
 def _composites(accepted: Acceptance, first: Acceptance) -> list[tuple[str, ...]]:
@@ -294,9 +288,9 @@ def _polar(effect: Effect, free: Floats, covariance: Floats) -> dict[str, Estima
     along, across = free
     size = max(hypot(along, across), 1e-12)
     ahead = np.array([along, across]) / size
-    aside = np.array([-ahead[1], ahead[0]])
+    normal = np.array([-ahead[1], ahead[0]])
     length = float(np.sqrt(ahead @ covariance @ ahead)) * _WIDTH
-    turn = degrees(float(np.sqrt(aside @ covariance @ aside)) / size) * _WIDTH
+    turn = degrees(float(np.sqrt(normal @ covariance @ normal)) / size) * _WIDTH
     towards = degrees(atan2(across, along)) % 360.0
     first, second = effect.parameters
     return {
@@ -318,7 +312,7 @@ def close_rivals(accepted: Acceptance) -> list[Rival]:
     return sorted((rival for rival in rivals if rival.evidence < SEEN * CLOSE), key=lambda rival: rival.evidence)
 
 
-def groups(names: Sequence[str], rivals: Sequence[Rival]) -> list[tuple[str, ...]]:
+def indistinguishable_groups(names: Sequence[str], rivals: Sequence[Rival]) -> list[tuple[str, ...]]:
     """Groups that these data cannot distinguish: each named effect with its close rivals."""
     close = [rival for rival in rivals if rival.evidence < CLOSE]
     tied = {name: [rival.name for rival in close if rival.instead_of == name] for name in names}
@@ -398,12 +392,12 @@ def find_contradictions(log: Log, model: ModelWithEffects, noise: DisturbanceNoi
     evidence, names = _select_sensor_effects(
         log, ModelWithEffects(model.base, sensors, file_effects=file_free), noise
     )
-    names = _commoner(evidence, names)
+    names = _prefer_common_effects(evidence, names)
     tests = {name: acceptance_tests(evidence, names, name) for name in names}
     return Acceptance(names, tests, evidence) if names else None
 
 
-def _commoner(evidence: Evidence, names: tuple[str, ...]) -> tuple[str, ...]:
+def _prefer_common_effects(evidence: Evidence, names: tuple[str, ...]) -> tuple[str, ...]:
     """Of two indistinguishable effects the first in the catalogue, the more common one; the other is its rival."""
     order = list(evidence.names)
     for name in names:
@@ -572,11 +566,11 @@ def diagnose(
         effects = catalogue_of(vessel) if catalogue is None else catalogue
         log = log_of(tables)
         model = model_of(vessel, with_recordings(effects, log))
-        acceptance = accepted_of(linearise(log, model, tolerance), part(0.1, 0.6))
+        acceptance = accept_effects(linearise(log, model, tolerance), part(0.1, 0.6))
         return reach_verdict(add_time_varying_effects(acceptance), part(0.6, 1.0))
 
 
-def accepted_of(linearisation: Linearisation, progress: Progress = lambda share: None) -> Acceptance:
+def accept_effects(linearisation: Linearisation, progress: Progress = lambda share: None) -> Acceptance:
     """Stages two to five: the effects that pass all tests, and what they leave unexplained."""
     estimate = estimate_noise(linearisation, part_of(progress, 0, 3))
     estimate = choose_input_hold(estimate, part_of(progress, 1, 3))
@@ -585,7 +579,7 @@ def accepted_of(linearisation: Linearisation, progress: Progress = lambda share:
 
 
 def choose_input_hold(estimate: NoiseEstimate, progress: Progress = lambda share: None) -> NoiseEstimate:
-    """The estimate with the input hold that fits the motion best; for steps the noise is estimated anew."""
+    """The estimate with the input hold that fits the motion best; for steps the noise is estimated again."""
     linearisation, best, highest = estimate.linearisation, INPUT_HOLDS[0], -np.inf
     for hold in INPUT_HOLDS:  # of equals the first: linear
         density = _log_evidence(estimate, hold, highest)
@@ -631,7 +625,7 @@ def add_time_varying_effects(acceptance: Acceptance) -> Acceptance:
             break
         equations = acceptance.evidence.equations
         model = replace(equations.model, at={}, catalogue={**equations.model.catalogue, change.name: change})
-        repeated = accepted_of(linearise(equations.log, model, equations.tolerance))
+        repeated = accept_effects(linearise(equations.log, model, equations.tolerance))
         if change.name not in repeated.names:
             break
         acceptance = repeated

@@ -84,7 +84,7 @@ SIMULATED = 5
 """The number of surroundings that act in the simulation; the others act on its sensor readings."""
 
 LENGTHS = 1.0
-"""A segment's duration, in ship lengths at her usual speed."""
+"""A segment's duration, in ship lengths at the usual speed."""
 
 SHORTEST_S, LONGEST_S = 15.0, 240.0
 
@@ -255,7 +255,7 @@ def fit(
         short = replace(model, segments=model.segments.split(PARTS))
         z = _search(short, np.zeros(model.size), levels, rounds, part_of(progress, 0, 2), near=model.size).z
     place = _search(model, z, levels, rounds, part_of(progress, 1, 2))
-    information, scores, _ = _normal(model, place)
+    information, scores, _ = _normal_equations(model, place)
     return CoefficientFit(place.z, covariance_of(information, scores), place.starts, place.levels)
 
 
@@ -263,11 +263,11 @@ def _search(
     model: ResponseModel, z: Floats, levels: Variances, rounds: int, progress: Progress, near: float = _ENOUGH
 ) -> _Place:
     """The optimum, or a point whose next step is expected to gain less than ``near``."""
-    now, damping, promise = _settled(model, _place(model, z, model.segments.start, levels)), 1e-3, np.inf
+    now, damping, promise = _with_fitted_starts(model, _place(model, z, model.segments.start, levels)), 1e-3, np.inf
     for number in range(rounds):
         progress(number / rounds)
         before = now.cost
-        now, damping, promise = _better(model, now, damping)
+        now, damping, promise = _improved(model, now, damping)
         if min(promise, before - now.cost) < near:
             break
         now = _with_levels(now)
@@ -287,10 +287,10 @@ def covariance_of(information: Floats, scores: Floats) -> Floats:
     return np.asarray(departures.T @ departures + inverse @ inverse)
 
 
-def _better(model: ResponseModel, now: _Place, damping: float) -> tuple[_Place, float, float]:
+def _improved(model: ResponseModel, now: _Place, damping: float) -> tuple[_Place, float, float]:
     """The point after the first step that improves, or the same point; the next damping; and the improvement
     expected if the problem were linear."""
-    information, scores, columns = _normal(model, now)
+    information, scores, columns = _normal_equations(model, now)
     total, pull = information.sum(axis=0) + np.eye(model.size), scores.sum(axis=0) - now.z
     promise = float(pull @ np.linalg.solve(total, pull))
     for _ in range(_TRIES):
@@ -322,7 +322,7 @@ def _with_levels(place: _Place) -> _Place:
     return replace(place, levels=levels, costs=place.moments.explained(levels)[2])
 
 
-def _settled(model: ResponseModel, place: _Place) -> _Place:
+def _with_fitted_starts(model: ResponseModel, place: _Place) -> _Place:
     """The point with its levels and fitted starts."""
     if not np.isfinite(place.cost):
         raise ModelRangeError(
@@ -352,7 +352,7 @@ def _moved(model: ResponseModel, place: _Place, step: Floats, expected: Floats) 
     return _place(model, z, starts, place.levels)
 
 
-def _normal(model: ResponseModel, place: _Place) -> tuple[Floats, Floats, Floats]:
+def _normal_equations(model: ResponseModel, place: _Place) -> tuple[Floats, Floats, Floats]:
     """Each segment's information on the unknowns [S, P, P], its score [S, P], and the derivatives [S, 6 T, p]
     with respect to the p of them that it depends on, :attr:`ResponseModel.own_unknowns`."""
     columns = model.slopes(place.z, place.starts)
@@ -377,7 +377,7 @@ def information_at(model: ResponseModel, z: Floats, starts: Floats, levels: Vari
     place = _place(model, z, starts, levels)
     if not np.isfinite(place.cost):
         return np.full((model.size, model.size), np.nan)
-    return np.asarray(_normal(model, place)[0].sum(axis=0))
+    return np.asarray(_normal_equations(model, place)[0].sum(axis=0))
 
 
 @dataclass(frozen=True, slots=True)
@@ -390,7 +390,7 @@ class Surrounding:
 
 
 def surroundings_of(plant: Plant, speed_mps: float) -> tuple[Surrounding, ...]:
-    """The unknowns of every recording of a ship at her usual speed; those of the sensors come last."""
+    """The unknowns of every recording of a ship at its usual speed; those of the sensors come last."""
     length_m = plant.length_between_perpendiculars_m
     widths = {
         "current_north_mps": CURRENT_SHARE * speed_mps, "current_east_mps": CURRENT_SHARE * speed_mps,
@@ -618,7 +618,7 @@ def segments_of(tables: Mapping[str, pd.DataFrame], plant: Plant, duration_s: fl
     length_m = plant.length_between_perpendiculars_m
     lasting = duration_s or float(np.clip(LENGTHS * length_m / max(speed, 1e-3), SHORTEST_S, LONGEST_S))
     dt_s, steps = _steps(lasting, tables)
-    parts = [_cut(resample(table, 1.0 / dt_s), plant, steps) for table in tables.values()]
+    parts = [_cut_segments(resample(table, 1.0 / dt_s), plant, steps) for table in tables.values()]
     number = [len(part[0]) for part in parts]
     measured, motion, controls, wind = (np.concatenate([part[column] for part in parts]) for column in range(4))
     segments = Segments(
@@ -646,7 +646,7 @@ def _steps(lasting_s: float, tables: Mapping[str, pd.DataFrame]) -> tuple[float,
     return float(1 / rate_fraction(1.0 / dt_s)), min(max(steps, LEAST_EVERY), MOST_EVERY)
 
 
-def _cut(table: pd.DataFrame, plant: Plant, interval: int) -> tuple[Floats, Floats, Floats, Floats, int]:
+def _cut_segments(table: pd.DataFrame, plant: Plant, interval: int) -> tuple[Floats, Floats, Floats, Floats, int]:
     """Measured, motion, controls and wind of the whole segments of one table, and how many lack data."""
     check_ship(table_actuators(table), plant)
     measured, controls = states_of(table), controls_of(table, plant.layout)

@@ -63,7 +63,7 @@ from seatrial.hybrid.vessel.actuators import KINDS
 
 _ALMOST = 1.1
 _UNIT = {"surge": "N", "sway": "N", "yaw": "N m"}
-_WHAT = {
+_QUANTITY_WORDS = {
     "speed_mps": "the speed",
     "surge_mps": "surge",
     "sway_mps": "sway",
@@ -113,7 +113,7 @@ Parameters = Mapping[str, Estimate]
 
 
 def describe(conclusion: Conclusion, provenance: Mapping[str, Any] | None = None) -> tuple[Diagnosis, Extras]:
-    """A conclusion as the contract's diagnosis, in words where it has words, and what a report shows beside it."""
+    """A conclusion as the contract's diagnosis, with its sentences, and what else a report shows."""
     first, accepted, gap = conclusion.first, conclusion.accepted, conclusion.gap
     equations = first.evidence.equations
     effects = tuple(effect for name in accepted.names for effect in _named_effects(conclusion, name))
@@ -156,11 +156,11 @@ def _named_effects(conclusion: Conclusion, name: str) -> list[NamedEffect]:
         log_odds, effect.scope, in_vessel=effect.base != STEADY_WIND.name,
     )  # fmt: skip
     if isinstance(effect, TimeVaryingEffect):
-        return in_parts(overall, effect, sizes, equations.log)
+        return effects_by_part(overall, effect, sizes, equations.log)
     return [replace(overall, sentence=sentence(effect, sizes[0], share, equations.log.actuators))]
 
 
-def in_parts(
+def effects_by_part(
     overall: NamedEffect, effect: TimeVaryingEffect, sizes: Sequence[Parameters], log: Log
 ) -> list[NamedEffect]:
     """An effect that is not the same in all of a trial, by its parts."""
@@ -222,7 +222,9 @@ def unknown_cause(
         first = {lack.what: lack for lack in reversed(lacks) if lack.depends in INTERACTIONS}
         lacks = [lack for lack in lacks if lack.depends not in INTERACTIONS or lack is first[lack.what]]
         where = tuple(dict.fromkeys(lack.depends for lack in lacks))
-        return UnknownCause(share_of_gap, where, "; ".join(dict.fromkeys(looks_like(lack) for lack in lacks[:3])))
+        return UnknownCause(
+            share_of_gap, where, "; ".join(dict.fromkeys(lack_of_fit_words(lack) for lack in lacks[:3]))
+        )
     if len(effects) <= CREDIBLE:
         return None
     families = " and ".join(dict.fromkeys(effect.family for effect in effects))
@@ -248,7 +250,7 @@ def remainder_of(conclusion: Conclusion) -> Remainder | None:
     return Remainder(float(shares[axis]), conclusion.left_open, where, words)
 
 
-def looks_like(remainder: LackOfFit) -> str:
+def lack_of_fit_words(remainder: LackOfFit) -> str:
     """One family in words: its axis or effect, on what it depends, and its size."""
     if remainder.what == "force":
         return (
@@ -264,7 +266,7 @@ def looks_like(remainder: LackOfFit) -> str:
 
 
 def correlation_of(accepted: Acceptance) -> Correlation:
-    """How the estimates of what was named are correlated, in its free coordinates."""
+    """The correlation of the estimates of the named effects, in their free coordinates."""
     fit = accepted.evidence.fit(accepted.names)
     deviation = np.sqrt(np.diag(fit.covariance))
     titles, order = list[str](), list[int]()
@@ -374,7 +376,7 @@ def _provenance(first: Acceptance) -> dict[str, Any]:
 
 
 def regime_in_words(found_regime: FoundRegime) -> RegimeEffect:
-    """A regime that was found as the contract has it."""
+    """A regime as the contract has it."""
     regime = found_regime.regime
     name, unit = parameter_of(regime)
     reach = 1.96 * abs(found_regime.error)
@@ -382,7 +384,10 @@ def regime_in_words(found_regime: FoundRegime) -> RegimeEffect:
         found_regime.name,
         regime_sentence(found_regime),
         regime.axis,
-        {quantity: (_end(low), _end(high)) for quantity, (low, high) in regime.within.items()},
+        {
+            quantity: (_finite_or_none(low), _finite_or_none(high))
+            for quantity, (low, high) in regime.within.items()
+        },
         regime.grows_with,
         regime.at,
         {name: Estimate(found_regime.value, found_regime.value - reach, found_regime.value + reach, unit)},
@@ -392,20 +397,21 @@ def regime_in_words(found_regime: FoundRegime) -> RegimeEffect:
     )
 
 
-def _end(value: float) -> float | None:
+def _finite_or_none(value: float) -> float | None:
     return value if isfinite(value) else None
 
 
 def regime_sentence(found_regime: FoundRegime) -> str:
-    """Force, regime, and what it brings, in one sentence."""
+    """Force, regime, and its effect on predictions, in one sentence."""
     regime, (size_n, unit) = found_regime.regime, force_unit(abs(found_regime.value))
     unit, kind = (f"{unit} m", "moment") if regime.axis == "yaw" else (unit, "force")
     way = _WAYS[regime.axis][found_regime.value < 0.0]
     spans = []
     for name, (low, high) in regime.within.items():
-        extent = f"below {number(high)}" if not isfinite(low) else f"above {number(low)}"
-        if isfinite(low) and isfinite(high):
-            extent = f"{number(low)} to {number(high)}"
+        if not isfinite(low):
+            extent = f"below {number(high)}"
+        else:
+            extent = f"{number(low)} to {number(high)}" if isfinite(high) else f"above {number(low)}"
         spans.append(f"{_quantity(name)} is {extent} {_unit(name)}")
     where = f" while {join_words(spans)}" if spans else ""
     growth = ""
@@ -421,7 +427,7 @@ def regime_sentence(found_regime: FoundRegime) -> str:
 
 
 def _quantity(name: str) -> str:
-    return _WHAT.get(name) or f"the shaft speed of the {plain(name.removesuffix('_rpm'))} thruster"
+    return _QUANTITY_WORDS.get(name) or f"the shaft speed of the {plain(name.removesuffix('_rpm'))} thruster"
 
 
 def _unit(name: str) -> str:
@@ -429,7 +435,7 @@ def _unit(name: str) -> str:
 
 
 def alternatives(group: Sequence[str], named: Sequence[str], last: str = "or") -> str:
-    """Effects of which the data do not tell which it is; or, where all are named, that may be one unknown.
+    """Effects that the data cannot distinguish; or, where all are named, that may be one unknown effect.
 
     >>> alternatives(["trim", "skeg"], ["trim"])
     'trim or skeg'
@@ -441,7 +447,7 @@ def alternatives(group: Sequence[str], named: Sequence[str], last: str = "or") -
 
 
 def number(value: float) -> str:
-    """Three figures, without exponents where people read none.
+    """A number with three figures, without an exponent unless it is very small.
 
     >>> number(-0.01234), number(12345.6), number(inf)
     ('−0.0123', '12,346', 'no end')
@@ -463,7 +469,7 @@ def percent(share: float) -> str:
 
 
 def chance(p_value: float) -> str:
-    """The chance of something where there is nothing.
+    """A p-value in words.
 
     >>> chance(0.012), chance(1e-9)
     ('p = 0.012', 'p < 0.001')
@@ -482,17 +488,17 @@ def parameter_title(name: str, unit: str) -> str:
 
 def model_line(diagnosis: Diagnosis) -> str:
     """Which model was diagnosed, and whether it is not that of the ship which the recordings name."""
-    return doubt_of_model(diagnosis) or f"{_MODEL}{diagnosis.provenance.get('vessel', 'as given')}"
+    return model_remark(diagnosis) or f"{_MODEL}{diagnosis.provenance.get('vessel', 'as given')}"
 
 
-def doubt_of_model(diagnosis: Diagnosis) -> str:
-    """What is to be said first of the model; empty where it is that of the recordings."""
+def model_remark(diagnosis: Diagnosis) -> str:
+    """Remark on the provenance of the model, empty if the recordings name the same vessel."""
     return next((remark for remark in diagnosis.remarks if remark.startswith(_MODEL)), "")
 
 
-def other_remarks(diagnosis: Diagnosis) -> list[str]:
-    """What else was said on the way."""
-    return [remark for remark in diagnosis.remarks if remark != doubt_of_model(diagnosis)]
+def remarks_without_model(diagnosis: Diagnosis) -> list[str]:
+    """The remarks of a diagnosis without that on the model."""
+    return [remark for remark in diagnosis.remarks if remark != model_remark(diagnosis)]
 
 
 def correction_sentence(correction: IdentifiedCorrection) -> str:
@@ -662,7 +668,7 @@ def next_steps(diagnosis: Diagnosis, contradictions: Sequence[SensorContradictio
 
 
 def _use_of_vessel(diagnosis: Diagnosis) -> list[str]:
-    """What to do with the vessel file, where it has an effect of more than the sensors."""
+    """What to do with the vessel file, if it has an effect other than those of sensors."""
     written = [effect for effect in diagnosis.effects if effect.in_vessel]
     if all(effect.kind == "sensor" for effect in written):
         return []
@@ -709,7 +715,7 @@ def title_of(effect: NamedEffect) -> str:
 
 
 def vessel_file_remark(diagnosis: Diagnosis) -> str:
-    """What of it the vessel file does not have, or has as it is at the end; empty where nothing changes."""
+    """Which effects that vary the vessel file lacks, or has as at the end of the trial; empty if none varies."""
     in_file = {effect.name for effect in diagnosis.effects if effect.in_vessel}
     partly = [effect for effect in diagnosis.effects if effect.when is not None or effect.drift is not None]
     omitted, final = (
@@ -741,21 +747,21 @@ def correlation_rows(correlation: Correlation) -> list[list[str]]:
     ]
 
 
-def found_in(replicated: Replication) -> str:
+def replication_words(replicated: Replication) -> str:
     """In how many parts of the trial something is found."""
     return f"found separately in {replicated.found} of {replicated.parts} parts of the trial"
 
 
-def certainty(effect: NamedEffect) -> str:
+def certainty_words(effect: NamedEffect) -> str:
     """Family, share of the gap and how sure an effect is."""
     family = effect.family if effect.family == effect.kind else f"{effect.family}, {effect.kind}"
     return (
         f"{family}; {percent(effect.share_of_gap)} of the gap; by chance {chance(effect.p_value)}; "
-        f"log evidence {number(effect.evidence)}; {found_in(effect.replicated)}"
+        f"log evidence {number(effect.evidence)}; {replication_words(effect.replicated)}"
     )
 
 
-def dependence(where: Sequence[str]) -> str:
+def dependence_words(where: Sequence[str]) -> str:
     """What something unknown depends on."""
     return join_words([DEPENDS.get(quantity, plain(quantity)) for quantity in where])
 
@@ -774,21 +780,21 @@ def comparison_rows(comparison: CalibratorComparison) -> tuple[list[list[str]], 
     rows = []
     for name, interval in comparison.mean_distance_m.items():
         base = name.removesuffix("_calibrated")
-        gain = change_of(comparison.ratio(name, base)) if name != base else ""
+        gain = ratio_words(comparison.ratio(name, base)) if name != base else ""
         span = _span(interval) if isfinite(interval.low) else ""
         rows.append([_model_title(name), number(interval.value), span, gain])
     return rows, min(range(len(rows)), key=lambda row: list(comparison.mean_distance_m.values())[row].value)
 
 
 def comparison_sentence(comparison: CalibratorComparison) -> str:
-    """What a calibrator adds, and whether the named effects help it, in one sentence; or why this is not known."""
+    """What a calibrator gains, and whether the named effects help it, in one sentence; or why this is not known."""
     distances_m = comparison.mean_distance_m
     if not distances_m:
         return f"No calibrator was trained: {comparison.why_not}."
     errors = {name: f"{number(interval.value)} m" for name, interval in distances_m.items()}
     reference = f"On held-out legs the error of the reference is {errors['reference']}"
     if "named" not in distances_m:
-        change = change_of(comparison.ratio("reference_calibrated", "reference"))
+        change = ratio_words(comparison.ratio("reference_calibrated", "reference"))
         return f"{reference}, with a calibrator {errors['reference_calibrated']}: {change}."
     ratio = comparison.ratio("named_calibrated", "reference_calibrated")
     helps = "the named effects help the calibrator"
@@ -798,14 +804,14 @@ def comparison_sentence(comparison: CalibratorComparison) -> str:
         helps = "these legs do not show that the named effects help the calibrator"
     return (
         f"{reference}, with the named effects {errors['named']}, with a calibrator "
-        f"{errors['reference_calibrated']}, with both {errors['named_calibrated']}: {helps}, {change_of(ratio)}."
+        f"{errors['reference_calibrated']}, with both {errors['named_calibrated']}: {helps}, {ratio_words(ratio)}."
     )
 
 
-def change_of(ratio: Interval | Ratio) -> str:
+def ratio_words(ratio: Interval | Ratio) -> str:
     """A ratio of errors in words, with its 95 % interval.
 
-    >>> change_of(Interval(0.8, 0.7, 0.9)), change_of(Interval(0.98, 0.95, 1.02))
+    >>> ratio_words(Interval(0.8, 0.7, 0.9)), ratio_words(Interval(0.98, 0.95, 1.02))
     ('20 % less error (10 to 30 %)', '2 % less error (5 % less to 2 % more)')
     """
     value, low, high = (bound - 1.0 for bound in (ratio.value, ratio.low, ratio.high))
@@ -840,8 +846,8 @@ def suspect_rows(suspects: Sequence[Suspect]) -> list[list[str]]:
     return rows
 
 
-def granted_rows(diagnosis: Diagnosis) -> list[list[str]]:
-    """What the verdict rests on: tolerance and provenance; what was not asked for is left out."""
+def basis_rows(diagnosis: Diagnosis) -> list[list[str]]:
+    """The basis of the verdict, tolerance and provenance, without settings that are off."""
     extent = diagnosis.provenance.get("force_range")
     rows = [["tolerance", f"{percent(diagnosis.tolerance)} of the range of the forces in the trial"]]
     if extent:
@@ -853,7 +859,7 @@ def granted_rows(diagnosis: Diagnosis) -> list[list[str]]:
     for key, value in diagnosis.provenance.items():
         if key in ("force_range", "noise") or value in (False, "0..100"):
             continue
-        words = _words(value)
+        words = _value_words(value)
         if key in ("repaired", "left_out"):  # file by file: only the names of channels are put into words
             parts = (entry.partition(": ") for entry in value.split("; "))
             words = "; ".join(f"{file}{colon}{in_words(action)}" for file, colon, action in parts)
@@ -862,7 +868,7 @@ def granted_rows(diagnosis: Diagnosis) -> list[list[str]]:
 
 
 def noise_rows(diagnosis: Diagnosis) -> list[list[str]]:
-    """Levels of noise, as the data have them: standard deviations in the units of the channels."""
+    """Levels of noise: standard deviations in the units of the channels."""
     noise, turn = diagnosis.provenance["noise"], 180.0 / pi
     size_n, unit = force_unit(max(*noise["gust"][:2], *noise["slow"][:2]))
     forces = (("ahead", 1.0 / size_n, unit), ("across", 1.0 / size_n, unit), ("in yaw", 1.0 / size_n, f"{unit} m"))
@@ -894,16 +900,16 @@ def noise_rows(diagnosis: Diagnosis) -> list[list[str]]:
 
 
 def _levels(values: Sequence[float], units: Sequence[tuple[str, float, str]]) -> str:
-    """Levels in their units, each with what it is of; those that are none are left out."""
+    """Levels with their names and units; zeros are left out."""
     levels = zip(values, units, strict=True)
     return ", ".join(f"{name} {number(value * factor)} {unit}" for value, (name, factor, unit) in levels if value)
 
 
-def _words(value: Any) -> str:
+def _value_words(value: Any) -> str:
     if isinstance(value, Mapping):
-        return ", ".join(f"{plain(str(key))} {_words(item)}" for key, item in value.items())
+        return ", ".join(f"{plain(str(key))} {_value_words(item)}" for key, item in value.items())
     if isinstance(value, list | tuple):
-        return ", ".join(_words(item) for item in value)
+        return ", ".join(_value_words(item) for item in value)
     if isinstance(value, bool):
         return "yes" if value else "no"
     return number(value) if isinstance(value, float) else str(value)
@@ -967,7 +973,7 @@ def summary(diagnosis: Diagnosis, comparison: CalibratorComparison | None = None
         lines.append(Text(comparison_sentence(comparison)))
     if diagnosis.next_manoeuvre is not None:
         lines.append(Text(f"Next: {diagnosis.next_manoeuvre.what}"))
-    lines += [Text(f"note: {remark}", style="dim") for remark in other_remarks(diagnosis)]
+    lines += [Text(f"note: {remark}", style="dim") for remark in remarks_without_model(diagnosis)]
     return Group(*lines)
 
 
@@ -983,18 +989,18 @@ def sentence(effect: Effect, parameters: Parameters, share_of_gap: float, actuat
 def words_and_interval(effect: Effect, parameters: Parameters, actuators: Actuators) -> tuple[str, str]:
     """An effect with its size, and the ends of its 95 % intervals."""
     if effect.base in _SEVERAL:
-        return _of_several(_SEVERAL[effect.base], parameters)
+        return _several_parameters_words(_SEVERAL[effect.base], parameters)
     if text := _ONE.get(effect.base) or _actuator_text(effect.base, actuators):
-        return _of_one(effect, text, next(iter(parameters.values())))
+        return _single_parameter_words(effect, text, next(iter(parameters.values())))
     sizes = ", ".join(
         f"{plain(name.rsplit('_', 1)[0])} {number(estimate.value)} {estimate.unit}".removesuffix(" 1")
         for name, estimate in parameters.items()
     )
-    ends = "; ".join(span(estimate.low, estimate.high) for estimate in parameters.values())
+    ends = "; ".join(interval_text(estimate.low, estimate.high) for estimate in parameters.values())
     return f"The model lacks {plain(effect.base)}: {sizes}", ends
 
 
-def _of_one(effect: Effect, text: str, estimate: Estimate) -> tuple[str, str]:
+def _single_parameter_words(effect: Effect, text: str, estimate: Estimate) -> tuple[str, str]:
     """A size in words, in percent of change where the text has percent."""
     neutral = effect.parameters[0].neutral
     is_less = "[" in text and bool(estimate.value < neutral)
@@ -1005,31 +1011,31 @@ def _of_one(effect: Effect, text: str, estimate: Estimate) -> tuple[str, str]:
         return -change if is_less else change
 
     low, high = sorted((size(estimate.low), size(estimate.high)))
-    return text.format(number(size(estimate.value))), span(low, high)
+    return text.format(number(size(estimate.value))), interval_text(low, high)
 
 
-def _of_several(text: str, parameters: Parameters) -> tuple[str, str]:
-    """A place is said by its side of the reference point, and its interval on that side; shares in percent."""
+def _several_parameters_words(text: str, parameters: Parameters) -> tuple[str, str]:
+    """A place by its side of the reference point, and its interval on that side; fractions in percent."""
     if "%" in text:
-        parameters = {name: _times(estimate, 100.0) for name, estimate in parameters.items()}
+        parameters = {name: _scaled(estimate, 100.0) for name, estimate in parameters.items()}
     for way, opposite, name in zip(("ahead", "to starboard"), ("astern", "to port"), parameters, strict=False):
         if f"{{}} m {way}" in text and parameters[name].value < 0.0:
             text = text.replace(f"m {way}", f"m {opposite}")
-            parameters = {**parameters, name: _times(parameters[name], -1.0)}
+            parameters = {**parameters, name: _scaled(parameters[name], -1.0)}
     values = [number(size.value) if size.unit != "deg" else f"{size.value:.0f}" for size in parameters.values()]
-    ends = "; ".join(span(size.low, size.high, size.unit) for size in parameters.values())
+    ends = "; ".join(interval_text(size.low, size.high, size.unit) for size in parameters.values())
     return text.format(*values), ends
 
 
-def _times(estimate: Estimate, factor: float) -> Estimate:
+def _scaled(estimate: Estimate, factor: float) -> Estimate:
     low, high = sorted((factor * estimate.low, factor * estimate.high))
     return replace(estimate, value=factor * estimate.value, low=low, high=high)
 
 
-def span(low: float, high: float, unit: str = "") -> str:
+def interval_text(low: float, high: float, unit: str = "") -> str:
     """The ends of an interval; angles in whole degrees.
 
-    >>> span(0.341, 0.36), span(-1.2, 0.5), span(202.7, 206.9, "deg")
+    >>> interval_text(0.341, 0.36), interval_text(-1.2, 0.5), interval_text(202.7, 206.9, "deg")
     ('0.341-0.36', '−1.2 to 0.5', '203-207')
     """
     ends = [f"{end:.0f}".replace("-", "\u2212") if unit == "deg" else number(end) for end in (low, high)]
@@ -1129,15 +1135,15 @@ def _actuator_text(effect: str, actuators: Actuators) -> str:
     target = effect.removeprefix(f"{stem}_")
     actuator = next((actuator for actuator in actuators if actuator.name == target), None)
     if actuator is not None:
-        return _text_of(stem, f"The {target.replace('_', ' ')}", actuator.noun, actuator.kind)
+        return _actuators_text(stem, f"The {target.replace('_', ' ')}", actuator.noun, actuator.kind)
     first, _, group = target.partition("_")
     for member in actuators if first in ("both", "all") else ():
         if any(effect == shared.name for shared in KINDS[member.kind].effects(names_of(actuators, member.kind))):
-            return _text_of(stem, first.capitalize(), group or f"{member.noun}s", member.kind, several=True)
+            return _actuators_text(stem, first.capitalize(), group or f"{member.noun}s", member.kind, several=True)
     return ""
 
 
-def _text_of(stem: str, label: str, noun: str, kind: str, several: bool = False) -> str:
+def _actuators_text(stem: str, label: str, noun: str, kind: str, several: bool = False) -> str:
     """The text of an effect of the actuators ``label``; a name that says its kind does not say it twice."""
 
     def named(noun: str) -> str:

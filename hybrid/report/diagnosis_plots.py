@@ -125,7 +125,7 @@ def _interval(axes: Axes, estimate: Estimate, absent: float, colour: str) -> Non
 
 
 def confusion(axes: Axes, rivals: Sequence[Rival]) -> None:
-    """By how much log evidence each rival falls short of what was named; nearer than the line nobody can tell."""
+    """The log evidence that each rival lacks; left of the line it and the named effect are indistinguishable."""
     shown = sorted(rivals, key=lambda rival: (rival.instead_of, rival.evidence))[:_SHOWN]
     colours = [PALETTE[1] if rival.evidence < CLOSE else PALETTE[0] for rival in shown]
     axes.barh(range(len(shown)), [max(rival.evidence, 0.02) for rival in shown], color=colours, height=0.6)
@@ -140,7 +140,7 @@ def confusion(axes: Axes, rivals: Sequence[Rival]) -> None:
 
 
 def gap(axes: Axes, diagnosis: Diagnosis) -> None:
-    """The mean distance before, what each effect takes off it, after, with regimes, at best, without a model.
+    """The mean distance before, its reduction by each effect, after, with regimes, the floor, constant velocity.
 
     Where nothing is named, that of the model stands in the place of before and after.
     """
@@ -195,7 +195,7 @@ def error_by_second(axes: Axes, tracks: Tracks, named: bool = True, is_known: bo
 
 def window_tracks(figure: Figure, tracks: Tracks, named: bool = True) -> None:
     """Some held-out windows in which all is known, bow up and to scale, and what the actuators did in them."""
-    chosen, units = chosen_windows(tracks, named), control_units(tracks)
+    chosen, units = representative_windows(tracks, named), control_units(tracks)
     rows = figure.subplots(1 + len(units), len(chosen), squeeze=False, height_ratios=[3.0, *[1.0] * len(units)])
     for axes, (title, number) in zip(rows[0], chosen.items(), strict=True):
         _window(axes, tracks, number, named)
@@ -238,7 +238,7 @@ def _window(axes: Axes, tracks: Tracks, number: int, named: bool) -> None:
     axes.set_xlabel("starboard [m]")
 
 
-def chosen_windows(tracks: Tracks, named: bool = True) -> dict[str, int]:
+def representative_windows(tracks: Tracks, named: bool = True) -> dict[str, int]:
     """The window in which the model was the worst, an ordinary one, the one that gained most, the worst now.
 
     One that is several of these stands once, under all its titles; where nothing was named there are the first two.
@@ -258,8 +258,8 @@ def chosen_windows(tracks: Tracks, named: bool = True) -> dict[str, int]:
     return {", ".join(names): number for number, names in titles.items()}
 
 
-def whole_windows(tracks: Tracks) -> Tracks:
-    """The windows in which all is known, measured and predicted, to the end."""
+def complete_windows(tracks: Tracks) -> Tracks:
+    """The windows in which all tracks are complete."""
     arrays = {
         attribute.name: getattr(tracks, attribute.name)
         for attribute in fields(Tracks)
@@ -319,7 +319,7 @@ def force_map(figure: Figure, places: Sequence[GapCell]) -> None:
 
 
 def map_sentences(places: Sequence[GapCell]) -> list[str]:
-    """What a map says: of each force the cell in which it is surest, where one stands out."""
+    """A sentence on each force with a significant cell: the most significant one."""
     sentences = []
     size_n, unit = _unit_of(places)
     for channel, title in zip(FORCES, force_titles(unit), strict=True):
@@ -358,8 +358,8 @@ def residual_force(axes: Axes, force_map: Map, channel: str, quantity: str) -> N
     legend_above(axes, 2)
 
 
-def depends_most(force_map: Map) -> tuple[str, str] | None:
-    """The force and the quantity whose cells differ most for what is known of them; None without cells."""
+def most_variable_force(force_map: Map) -> tuple[str, str] | None:
+    """The force and the quantity whose cells differ most, relative to their errors; None without cells."""
     scores = dict[tuple[str, str], float]()
     for pair in product(FORCES, force_map.quantities):
         cells = [place for place in force_map.places if (place.channel, *place.cell) == pair]
@@ -375,13 +375,13 @@ def cell_name(place: GapCell) -> str:
     """A cell's span for people, without its unit: degrees and times to whole numbers."""
     if "north_m" in place.cell:
         north, east = (np.mean(place.cell[name]) for name in ("north_m", "east_m"))
-        return f"{_plain(float(north), 0)}, {_plain(float(east), 0)}"
+        return f"{_number_text(float(north), 0)}, {_number_text(float(east), 0)}"
     ((quantity, (low, high)),) = place.cell.items()
     if quantity in ("heading_deg", "relative_wind_deg"):
         return f"{0.5 * (low + high):.0f} ± {0.5 * (high - low):.0f}"
     scale = _MINUTE_S if quantity == "time_s" else 1.0
     digits = 1 if max(abs(low), abs(high)) / scale >= 5.0 else 2
-    return f"{_plain(low / scale, digits)} to {_plain(high / scale, digits)}"
+    return f"{_number_text(low / scale, digits)} to {_number_text(high / scale, digits)}"
 
 
 def quantity_of(place: GapCell) -> str:
@@ -389,7 +389,7 @@ def quantity_of(place: GapCell) -> str:
     return "place" if "north_m" in place.cell else next(iter(place.cell))
 
 
-def _plain(value: float, digits: int) -> str:
+def _number_text(value: float, digits: int) -> str:
     text = f"{value:.{digits}f}"
     text = text.rstrip("0").rstrip(".") if "." in text else text
     return text.replace("-", "\u2212") if text != "-0" else "0"
@@ -444,4 +444,4 @@ def _matrix(axes: Axes, rows: Rows, size_n: float, unit: str) -> None:
 
 def _force_text(value: float) -> str:
     size = abs(value)
-    return _plain(value, 0 if size >= 20.0 else 1 if size >= 0.95 else 2)
+    return _number_text(value, 0 if size >= 20.0 else 1 if size >= 0.95 else 2)

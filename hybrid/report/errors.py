@@ -133,10 +133,10 @@ def errors_of(predicted: Floats, horizons: PredictionWindows) -> ErrorComponents
 class Calibration:
     """Whether 95 % regions hold what they say, by second [H].
 
-    ``picp`` is the share of positions inside (prediction interval coverage probability), ``pinaw`` the mean width
-    of circles as large as the regions over the mean way covered by then (prediction interval normalised average
-    width), NaN while the ship lies still. ``low`` and ``high`` are the 95 % interval of ``picp`` from drawing legs,
-    and not windows, anew; NaN with one leg.
+    ``picp`` is the share of positions inside (prediction interval coverage probability), ``pinaw`` the mean
+    width of circles as large as the regions over the mean way covered by then (prediction interval
+    normalised average width), NaN while the ship lies still. ``low`` and ``high`` are the 95 % interval of
+    ``picp`` by a bootstrap over legs, not windows; NaN with one leg.
     ``pit`` [N H] is the probability integral transform of the distances, as seen from the regions: even from 0 to 1
     where errors are normal and of the size that the regions say.
     """
@@ -173,7 +173,7 @@ class Residuals:
     quantities: dict[str, Floats]
 
 
-def pooled(residuals: Sequence[Residuals]) -> Residuals:
+def pool_residuals(residuals: Sequence[Residuals]) -> Residuals:
     """The seconds of several recordings as one, with the quantities that all of them have."""
     names = [
         name for name in residuals[0].quantities if all(name in recording.quantities for recording in residuals)

@@ -17,7 +17,7 @@ from seatrial.analysis.report.rendering import Page, render
 from seatrial.hybrid.evaluation.study import BASELINES, Evaluation, MethodSummary, SplitSummary
 from seatrial.hybrid.report.plots import COLOUR, interval_bar, logarithmic, named_rows, reach
 from seatrial.hybrid.report.sections import templates
-from seatrial.hybrid.report.text import MEANING, counts_of, no_wrap, plain, spread
+from seatrial.hybrid.report.text import MEANING, counts_of, estimate_text, no_wrap, plain
 
 _LABELS, _SHORTEST = 84, 10  # characters that fit below an axis side by side, and of one label at the least
 JSON_FILE, PAGE_FILE = "evaluation.json", "evaluation.html"
@@ -178,10 +178,10 @@ def method_rows(split: SplitSummary) -> tuple[list[list[str]], int]:
             inside = errors.coverage_95
             bounds = "" if inside.low != inside.low else f" ({inside.low:.0%}-{inside.high:.0%})"
             rows.append([
-                no_wrap(plain(name)), start, no_wrap(spread(errors.mean_distance_m)),
+                no_wrap(plain(name)), start, no_wrap(estimate_text(errors.mean_distance_m)),
                 f"{errors.end_distance_m.value:.2f}",
                 no_wrap(f"{errors.mae_north_m.value:.2f}, {errors.mae_east_m.value:.2f}"),
-                f"{errors.heading_error_deg.value:.1f}", no_wrap(spread(errors.ratio)),
+                f"{errors.heading_error_deg.value:.1f}", no_wrap(estimate_text(errors.ratio)),
                 no_wrap(f"{inside.value:.1%}{bounds}"),
             ])  # fmt: skip
     return rows, list(split.whole.methods).index(split.whole.best)
@@ -189,7 +189,7 @@ def method_rows(split: SplitSummary) -> tuple[list[list[str]], int]:
 
 def leak_rows(evaluation: Evaluation) -> list[list[str]]:
     """How much larger the error on legs never seen is than what a random split shows."""
-    return [[no_wrap(plain(name)), no_wrap(spread(factor))] for name, factor in evaluation.leak.items()]
+    return [[no_wrap(plain(name)), no_wrap(estimate_text(factor))] for name, factor in evaluation.leak.items()]
 
 
 def draw_evaluation(figure: Figure, evaluation: Evaluation) -> None:

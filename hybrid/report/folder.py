@@ -1,7 +1,7 @@
-"""From a folder to its report: what is in it says which one.
+"""The report of a folder, whose content decides which one.
 
-A diagnosis and a reproduction get their own page anew, recordings the report of their trial, and the results of
-a batch a report for each recording, to which the index then leads.
+The page of a diagnosis or a reproduction is written again, recordings get the report of their trial, and the
+results of a batch a report for each recording, to which the index then leads.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ import json
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
 from markupsafe import Markup
 
@@ -25,7 +25,9 @@ from seatrial.acquisition.core.errors import (
 )
 from seatrial.acquisition.core.files import make_folder, write_text, written_together
 from seatrial.acquisition.core.named_code import imported
+from seatrial.analysis.batch import SUMMARY, read_index, run_batch, write_index
 from seatrial.analysis.manoeuvres.indices import as_json
+from seatrial.analysis.products import Options
 from seatrial.analysis.report.rendering import render
 from seatrial.analysis.tables.table import sha256_of
 from seatrial.hybrid.diagnosis.result import read_diagnosis, read_json
@@ -104,7 +106,7 @@ def report(
 ) -> list[Path]:
     """Write the report of a folder, or of one recording beside it, and return the paths of its pages.
 
-    ``recordings`` is the folder that a batch went through. Raises :class:`InputError` for what cannot be told.
+    ``recordings`` is the folder of a batch. Raises :class:`InputError` where there is nothing to report on.
     """
     folder = report_folder(where)
     if where.is_file():
@@ -214,12 +216,14 @@ def batch_reports(
 
     Raises :class:`InputError` without the folder of the recordings, whose place no result knows.
     """
-    from seatrial.analysis.batch import run_batch, write_index
-
     if recordings is None:
         raise InputError("contains the results of a batch without the path of the recordings", where=str(out),
                          fix="give it with --recordings FOLDER")  # fmt: skip
-    _refuse_elsewhere(out, recordings)
+    paths = [str(path) for path in read_index(out / "index.parquet")["path"] if path]
+    if paths and not any((recordings / path).is_file() for path in paths):
+        raise InputError("contains none of the batch's recordings", where=str(recordings),
+                         why=f"these were {', '.join(paths[:3])}{' and more' if len(paths) > 3 else ''}",
+                         fix="name the folder that `seatrial batch` was given")  # fmt: skip
     options = batch_options(out)
     summary = run_batch(recordings, out, options=options)
     stated = statement_file(choices.conditions, recordings)
@@ -241,22 +245,8 @@ def batch_reports(
     return [index, *pages]
 
 
-def _refuse_elsewhere(out: Path, recordings: Path) -> None:
-    """Raise :class:`InputError` where none of a batch's recordings lies in the folder that is given for them."""
-    from seatrial.analysis.batch import read_index
-
-    paths = [str(path) for path in read_index(out / "index.parquet")["path"] if path]
-    if paths and not any((recordings / path).is_file() for path in paths):
-        raise InputError("contains none of the batch's recordings", where=str(recordings),
-                         why=f"these were {', '.join(paths[:3])}{' and more' if len(paths) > 3 else ''}",
-                         fix="name the folder that `seatrial batch` was given")  # fmt: skip
-
-
-def batch_options(out: Path) -> Any:
+def batch_options(out: Path) -> Options:
     """The options of a batch, from the first result that says them."""
-    from seatrial.analysis.batch import SUMMARY
-    from seatrial.analysis.products import Options
-
     for path in sorted(out.rglob(SUMMARY)):
         try:
             return Options(**read_json(path)["provenance"]["options"])

@@ -1,4 +1,4 @@
-"""A plan on a page: the two programmes on a time line, what they show from what size, and what they leave alike."""
+"""A plan on a page: two programmes on a time line, the sizes that they detect, and what they cannot distinguish."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def page_of(plan: Plan) -> Page:
 
 
 def headline_of(plan: Plan) -> dict[str, str]:
-    """How many effects of ordinary size are seen, and how many pairs are not told apart, by either."""
+    """How many effects of ordinary size are seen, and how many pairs are not distinguished, by either."""
     figures = {}
     for title, programme in (("yours", plan.asked), ("better", plan.better)):
         number = 0
@@ -60,7 +60,7 @@ def headline_of(plan: Plan) -> dict[str, str]:
 
 
 def plain_rows(rows: Sequence[Sequence[str]]) -> list[list[str]]:
-    """Rows with their names as people say them."""
+    """Rows with their names in plain words."""
     return [[plain(cell) for cell in row] for row in rows]
 
 
@@ -81,7 +81,7 @@ def draw_programmes(axes: Axes, plan: Plan) -> None:
 
 
 def draw_evidence(figure: Figure, plan: Plan) -> None:
-    """What tells those pairs of effects apart that are hardest to tell apart, by either programme."""
+    """The evidence that distinguishes the hardest pairs of effects, by either programme."""
     shown = hardest_effects(plan)
     names = [plain(list(plan.asked.limits)[number]) for number in shown]
     own_axes, better_axes = figure.subplots(1, 2)
@@ -95,7 +95,7 @@ def draw_evidence(figure: Figure, plan: Plan) -> None:
 
 
 def hardest_effects(plan: Plan) -> list[int]:
-    """The numbers of the effects that are told worst from some other by either programme, in the catalogue's order;
+    """The numbers of the effects that are hardest to distinguish from another one, in the catalogue's order;
     at most as many as can be read in a picture.
     """
     evidence = np.minimum(plan.asked.evidence, plan.better.evidence)

@@ -241,7 +241,7 @@ def error_histogram(axes: Axes, errors: Mapping[str, ErrorComponents], quantity:
 
 
 def coverage_by_second(axes: Axes, calibration: Calibration) -> None:
-    """The share of positions inside the 95 % regions by second, with its interval from drawing legs anew."""
+    """The share of positions inside the 95 % regions by second, with its bootstrap interval over legs."""
     seconds = np.arange(1, len(calibration.picp) + 1)
     axes.axhline(95.0, color=INK, linewidth=0.8, linestyle=":")
     low, high, colour = 100 * calibration.low, 100 * calibration.high, COLOUR["hybrid"]

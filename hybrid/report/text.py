@@ -252,7 +252,7 @@ def evaluation_view(evaluation: Evaluation) -> Group:
         if split.shown:
             tables.append(breakdown_table(split))
     if evaluation.leak:
-        rows = [[name, spread(factor)] for name, factor in evaluation.leak.items()]
+        rows = [[name, estimate_text(factor)] for name, factor in evaluation.leak.items()]
         tables.append(text_table("error on unseen legs over random's", ("", "times"), rows))
     return Group(*tables)
 
@@ -263,7 +263,7 @@ def methods_table(horizon_s: int, split: SplitSummary) -> Table:
     The first and the ratio with their 95 % intervals; all others have theirs in the JSON and on the page.
     """
     rows = [
-        [_short(name), start, spread(errors.mean_distance_m), spread(errors.ratio),
+        [_short(name), start, estimate_text(errors.mean_distance_m), estimate_text(errors.ratio),
          f"{errors.coverage_95.value:.1%}"]
         for start, summary in split.by_start.items()
         for name, errors in summary.methods.items()
@@ -276,7 +276,7 @@ def methods_table(horizon_s: int, split: SplitSummary) -> Table:
 def breakdown_table(split: SplitSummary) -> Table:
     """One row a class, the mean distance of every method, the best in bold."""
     rows = list[list[str | Text]]()
-    for name, summary in (class_summary for classes in split.shown.values() for class_summary in classes.items()):
+    for name, summary in (entry for classes in split.shown.values() for entry in classes.items()):
         figures = [
             Text(f"{errors.mean_distance_m.value:.2f}", "bold" if method == summary.best else "")
             for method, errors in summary.methods.items()
@@ -312,10 +312,10 @@ def counts_of(summary: MethodSummary) -> str:
     return " of ".join(f"{count} {name}{'' if count == 1 else 's'}" for name, count in counts.items())
 
 
-def spread(interval: Interval) -> str:
+def estimate_text(interval: Interval) -> str:
     """A figure with its interval.
 
-    >>> spread(Interval(1.0, 0.5, 2.0))
+    >>> estimate_text(Interval(1.0, 0.5, 2.0))
     '1.00 (0.50-2.00)'
     """
     bounds = "" if interval.low != interval.low else f" ({interval.low:.2f}-{interval.high:.2f})"
@@ -323,14 +323,14 @@ def spread(interval: Interval) -> str:
 
 
 def plan_view(plan: Plan) -> RenderableType:
-    """Both programmes, the size from which each effect is seen, and what could not be told apart."""
+    """Both programmes, the size from which each effect is seen, and the pairs that cannot be distinguished."""
     return Group(
-        _parts("Your programme", plan.asked),
-        _parts("A better one", plan.better),
+        _programme_view("Your programme", plan.asked),
+        _programme_view("A better one", plan.better),
         Text(f"\n{heading_of(plan)}\n"),
         text_table("", ("effect", "yours", "better", "ordinary", ""), limit_rows(plan), pad_edge=False),
-        _alike("Your programme", plan.asked),
-        _alike("The better one", plan.better),
+        _indistinguishable_text("Your programme", plan.asked),
+        _indistinguishable_text("The better one", plan.better),
     )
 
 
@@ -362,7 +362,7 @@ def part_rows(programme: Programme) -> list[list[str]]:
     return [[f"{part.minutes:.3g}", part.what] for part in programme.parts]
 
 
-def _parts(title: str, programme: Programme) -> RenderableType:
+def _programme_view(title: str, programme: Programme) -> RenderableType:
     table = Table(box=None, show_header=False)
     table.add_column(justify="right", no_wrap=True)
     table.add_column()
@@ -380,7 +380,7 @@ def limit_rows(plan: Plan) -> list[list[str]]:
     ]  # fmt: skip
 
 
-def _alike(title: str, programme: Programme) -> Text:
+def _indistinguishable_text(title: str, programme: Programme) -> Text:
     pairs = programme.indistinguishable_pairs()
     if not pairs:
         return Text(f"\n{title} distinguishes all effects of ordinary size.")

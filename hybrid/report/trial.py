@@ -81,7 +81,7 @@ from seatrial.hybrid.report.errors import (
     consecutive_windows,
     errors_of,
     largest_residuals,
-    pooled,
+    pool_residuals,
     predicted_motion,
     residuals_of,
 )
@@ -134,11 +134,9 @@ def unknown_ship(case: Case) -> str:
     if all(case.ship(name) is not None for name in case.products):
         return ""
     costs = "Without its length no index is given in ship lengths, and no limit in lengths is judged."
-    named = {
-        recording.recording.trial.vessel: None
-        for recording in case.products.values()
-        if recording.recording.trial.vessel
-    }
+    named = dict.fromkeys(
+        vessel for products in case.products.values() if (vessel := products.recording.trial.vessel)
+    )
     if not named:
         to_do = "Please have it imported again with the ship's name."
         return f"The recording does not say which ship this is. {costs} {to_do}"
@@ -229,7 +227,7 @@ def recordings_to_draw(case: Case) -> dict[str, Products]:
     return recordings
 
 
-def pictured(
+def runs_with_pictures(
     runs: Sequence[NumberedRun], rows: Sequence[IndexRow], limit: int = MOST_PICTURES
 ) -> list[NumberedRun]:
     """The runs that have a page: the first of each name and side, those with criteria before others."""
@@ -243,7 +241,7 @@ def pictured(
 
 def sheets_of(case: Case) -> list[NumberedRun]:
     """The runs of a trial that have a sheet of their own."""
-    return pictured(case.runs, [row for rows in case.index_rows.values() for row in rows])
+    return runs_with_pictures(case.runs, [row for rows in case.index_rows.values() for row in rows])
 
 
 def common_notes(shown: Sequence[Manoeuvre]) -> list[str]:
@@ -267,7 +265,7 @@ def picture_caption(run: Manoeuvre, common: Sequence[str] = ()) -> str:
 
 
 def ship_facts(case: Case, vessel: str) -> list[tuple[str, str]]:
-    """The particulars of a ship and her loading, as far as they are known."""
+    """The particulars of a ship and its loading, as far as they are known."""
     return _without_unknown(_ship_rows(case, vessel))
 
 
@@ -276,8 +274,8 @@ def condition_facts(case: Case, vessel: str) -> list[tuple[str, str]]:
     return _without_unknown(_condition_rows(case, vessel))
 
 
-def unstated(case: Case, vessel: str) -> list[str]:
-    """What nobody stated of a ship and the conditions of her trial."""
+def unstated_items(case: Case, vessel: str) -> list[str]:
+    """What is not stated of a ship and the conditions of its trial."""
     rows = [*_ship_rows(case, vessel), *_condition_rows(case, vessel)]
     return [label for label, value in rows if value == UNKNOWN]
 
@@ -288,17 +286,17 @@ def _without_unknown(rows: list[tuple[str, str]]) -> list[tuple[str, str]]:
 
 def _ship_rows(case: Case, vessel: str) -> list[tuple[str, str]]:
     runs = _runs_of_vessel(case, vessel)
-    return _pooled(
+    return _pooled_rows(
         ship_rows(products.recording.trial, products.one_hz, runs, case.ship(name))
-        for name, products in _of_vessel(case, vessel).items()
+        for name, products in _products_of_vessel(case, vessel).items()
     )
 
 
 def _condition_rows(case: Case, vessel: str) -> list[tuple[str, str]]:
     runs = _runs_of_vessel(case, vessel)
-    return _pooled(
+    return _pooled_rows(
         condition_rows(products.recording, products.one_hz, runs, case.ship(name))
-        for name, products in _of_vessel(case, vessel).items()
+        for name, products in _products_of_vessel(case, vessel).items()
     )
 
 
@@ -324,7 +322,7 @@ def standard_conditions(case: Case, vessel: str) -> list[list[str]]:
     """The conditions that the standards ask of a trial, each with whether it was fulfilled in all recordings with a
     test, or the first reason why not; none of a ship that the standards are not for."""
     shortfalls: dict[str, list[str]] = {}
-    for name, products in _of_vessel(case, vessel).items():
+    for name, products in _products_of_vessel(case, vessel).items():
         judged = [index for run in products.manoeuvres for index in run.indices.values() if index.result]
         if all(any(reason.startswith(NOT_FOR_SHIP) for reason in index.missing) for index in judged):
             continue
@@ -338,11 +336,11 @@ def standard_conditions(case: Case, vessel: str) -> list[list[str]]:
 
 def length_of_vessel(case: Case, vessel: str) -> float | None:
     """The length between perpendiculars of a ship that recordings name [m], None where it is not known."""
-    return next((case.length_of(name) for name in _of_vessel(case, vessel)), None)
+    return next((case.length_of(name) for name in _products_of_vessel(case, vessel)), None)
 
 
 def _runs_of_vessel(case: Case, vessel: str) -> list[Manoeuvre]:
-    return [run for products in _of_vessel(case, vessel).values() for run in products.manoeuvres]
+    return [run for products in _products_of_vessel(case, vessel).values() for run in products.manoeuvres]
 
 
 def vessels_of(case: Case) -> list[str]:
@@ -350,11 +348,11 @@ def vessels_of(case: Case) -> list[str]:
     return list(dict.fromkeys(products.recording.trial.vessel for products in case.products.values()))
 
 
-def _of_vessel(case: Case, vessel: str) -> dict[str, Products]:
+def _products_of_vessel(case: Case, vessel: str) -> dict[str, Products]:
     return {name: products for name, products in case.products.items() if products.recording.trial.vessel == vessel}
 
 
-def _pooled(sheets: Iterable[list[tuple[str, str]]]) -> list[tuple[str, str]]:
+def _pooled_rows(sheets: Iterable[list[tuple[str, str]]]) -> list[tuple[str, str]]:
     """The rows of several run sheets in one; what is not known of one is left to the others."""
     values: dict[str, list[str]] = {}
     for label, value in (row for sheet in sheets for row in sheet):
@@ -369,10 +367,10 @@ def _pooled(sheets: Iterable[list[tuple[str, str]]]) -> list[tuple[str, str]]:
     return rows
 
 
-def paired(rows: Sequence[tuple[str, str]]) -> list[list[str]]:
+def in_two_columns(rows: Sequence[tuple[str, str]]) -> list[list[str]]:
     """Rows of two cells as rows of four, the second half beside the first; a last one of its own where it is odd.
 
-    >>> paired([("a", "1"), ("b", "2"), ("c", "3")])
+    >>> in_two_columns([("a", "1"), ("b", "2"), ("c", "3")])
     [['a', '1', 'c', '3'], ['b', '2', '', '']]
     """
     half = (len(rows) + 1) // 2
@@ -403,7 +401,7 @@ def headline(case: Case) -> dict[str, str]:
 
 
 def model_sentence(case: Case) -> str:
-    """What the simulation model is worth on this trial, beside a ship that goes on as she does."""
+    """What the simulation model is worth on this trial, compared with constant speed and rate of turn."""
     judged, scores = case.validation, case.validation.scores
     model_m, constant_m = (scores[name].mean_distance_m for name in (case.best, "constant_velocity"))
     named = any(products.recording.trial.vessel for products in case.products.values())
@@ -450,7 +448,7 @@ def model_words(case: Case) -> str:
     )
 
 
-def doubt_of(case: Case) -> str:
+def quality_sentence(case: Case) -> str:
     """What of the data is in doubt, in a sentence; empty where nothing is."""
     doubtful = [products for products in case.products.values() if _doubtful_channels(products)]
     if not doubtful:
@@ -482,7 +480,7 @@ def finding_rows(products: Products) -> list[list[str]]:
     ]  # fmt: skip
 
 
-def alike_in_quality(case: Case) -> list[tuple[list[str], Products]]:
+def group_by_quality(case: Case) -> list[tuple[list[str], Products]]:
     """The recordings by what is to be said of their data: those in order together, the others one by one."""
     groups: list[tuple[list[str], Products]] = []
     sound: list[str] | None = None
@@ -600,7 +598,7 @@ def outside_words(judged: Validation, training: DomainOfApplicability) -> str:
 
 
 def parameter_warnings(learned: Parameters) -> list[str]:
-    """Which parameters lie at a bound, and which cannot be told apart."""
+    """Which parameters lie at a bound, and which cannot be distinguished."""
     warnings = []
     at_bound = [parameter.name for parameter in learned.every if parameter.at_bound]
     if at_bound:
@@ -729,7 +727,7 @@ class Case:
         return replace(products, one_hz=products.one_hz.assign(**dict.fromkeys(lacking, np.nan)))
 
     def _ship_of(self, trial: Trial, recording: Path) -> ShipDimensions | None:
-        """The ship of a trial: what was given or is stated of her dimensions stands above those of a file."""
+        """The ship of a trial: given or stated dimensions take precedence over those of a file."""
         stated = recorded_conditions(trial, pd.DataFrame())
         of_file = ship_of(self._vessel_of(trial.vessel, recording))
         length_m = self.length_m or stated.length_m
@@ -883,7 +881,7 @@ class Case:
     def why_not(self) -> str:
         """Why nothing is predicted on these recordings; empty where it is.
 
-        Of a ship without a model of her own none is judged unless one was asked for.
+        For a ship without its own model none is tested unless one was asked for.
         """
         try:
             if self.trained is None and self.vessel is None and not self._names_a_model:
@@ -937,7 +935,7 @@ class Case:
             residuals_of(products.one_hz, smooth(products.table, 1.0), self.plant)
             for products in self.products.values() if products.windows is not None
         ]  # fmt: skip
-        return pooled(residuals) if residuals else None
+        return pool_residuals(residuals) if residuals else None
 
     @cached_property
     def domain(self) -> DomainOfApplicability | None:
@@ -955,7 +953,7 @@ class Case:
 
 
 def ship_of(vessel: Vessel | None) -> ShipDimensions | None:
-    """The main dimensions of a ship, with what lengthens her; None without a vessel file."""
+    """The main dimensions of a ship, with a hull lengthening; None without a vessel file."""
     if vessel is None:
         return None
     size, added_m = vessel.dimensions, vessel.effects.get("hull_lengthening", {}).get("length_m", 0.0)

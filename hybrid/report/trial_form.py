@@ -125,9 +125,11 @@ def _approach_cells(test: NumberedRun) -> list[str]:
         approach = test.table.loc[run.start : run.end]
     speed, heading = (run.settings.get(name) for name in ("approach_mps", "approach_heading_deg"))
     shafts = [name for name in map(str, approach) if name.endswith("_rpm") and not is_order(name)]
-    shaft_rpm = [f"{approach[name].mean():.0f}" for name in measured(approach, shafts)]
+    shaft_rpm = [f"{approach[name].mean():.0f}" for name in measured_channels(approach, shafts)]
     power = mean_power_kw(approach)
-    wind = approach.reindex(columns=measured(test.table, ["wind_speed_mps", "wind_direction_deg"])).dropna()
+    wind = approach.reindex(
+        columns=measured_channels(test.table, ["wind_speed_mps", "wind_direction_deg"])
+    ).dropna()
     air = mean_wind(wind) if wind.shape[1] == 2 and len(wind) else None
     drift = "" if run.current is None else f"{run.current.as_json()['speed_mps'] / KNOT_MPS:.2f}"
     return [
@@ -139,7 +141,7 @@ def _approach_cells(test: NumberedRun) -> list[str]:
     ]  # fmt: skip
 
 
-def measured(table: pd.DataFrame, names: Sequence[str]) -> list[str]:
+def measured_channels(table: pd.DataFrame, names: Sequence[str]) -> list[str]:
     """Those of some channels that a table has values of, other than assumed ones."""
     return [name for name in names if name in table and table[name].notna().any() and not is_assumed(table, name)]
 
@@ -203,7 +205,7 @@ def history(motion: Motion, test: NumberedRun) -> tuple[list[str], list[list[str
         "ahead [m]": (ahead, digits),
         "across [m]": (starboard, digits),
     }
-    if measured(test.table, ["wind_speed_mps"]):
+    if measured_channels(test.table, ["wind_speed_mps"]):
         wind = test.table["wind_speed_mps"].dropna()
         times_s = (times_ns(wind.to_frame()) - run.start.value) / NANO
         columns["wind [m/s]"] = np.interp(time_s - start, times_s, wind.to_numpy(dtype=float)), 1
@@ -252,11 +254,11 @@ def instrument_rows(products: Mapping[str, Products]) -> list[list[str]]:
         defaultdict[tuple[str, str], list[float]](list),
     )
     accuracy: dict[str, float] = {}
-    for recording in products.values():
-        accuracy |= accuracy_of(recording.recording.trial)
-        for name, series in recording.recording.series.items():
+    for recorded in products.values():
+        accuracy |= accuracy_of(recorded.recording.trial)
+        for name, series in recorded.recording.series.items():
             key = name, ", ".join(series.sources)
-            if name in recording.table and series.measured_ns.size > 1 and series.sources != (ASSUMED,):
+            if name in recorded.table and series.measured_ns.size > 1 and series.sources != (ASSUMED,):
                 intervals[key].append(float(np.median(np.diff(np.sort(series.measured_ns)))) / NANO)
                 scatters[key].append(white_noise(series.value[np.isfinite(series.value)]))
     return [
@@ -345,8 +347,8 @@ def length_lines(errors: LengthErrors) -> list[list[str]]:
     """A line a method: the distance, in ship lengths, and the heading error at each time."""
     return [
         [name.replace("_", " "), *(f"{error.distance_m:.3g} m, {error.distance_lengths:.2f} L, "
-                                   f"{error.heading_error_deg:.1f} deg" for error in errors_of_method)]
-        for name, errors_of_method in errors.methods.items()
+                                   f"{error.heading_error_deg:.1f} deg" for error in method_errors)]
+        for name, method_errors in errors.methods.items()
     ]  # fmt: skip
 
 

@@ -116,7 +116,7 @@ def parameter_bars(axes: Axes, shown: Parameters) -> None:
 
 
 def correlations(axes: Axes, names: Sequence[str], matrix: Floats) -> None:
-    """How estimates hang together: one and minus one cannot be told apart, zero know nothing of each other."""
+    """The correlation of estimates: 1 and -1 cannot be distinguished, 0 are independent."""
     image = axes.imshow(matrix, cmap=plots.LESS_MORE, vmin=-1.0, vmax=1.0)
     axes.set_xticks(range(len(names)), names, rotation=90, fontsize=7)
     axes.set_yticks(range(len(names)), names, fontsize=7)

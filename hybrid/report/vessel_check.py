@@ -138,7 +138,7 @@ def draw_vessel_check(figure: Figure, check: VesselCheck) -> None:
     figure.suptitle(f"{check.vessel}: {headline(check)}", x=0.01, ha="left", fontsize=11)
 
 
-def _write(axes: Axes, test: StandardTest, names: tuple[str, ...]) -> None:
+def _write_indices(axes: Axes, test: StandardTest, names: tuple[str, ...]) -> None:
     """The indices with their limits as a block of text at the lower left of the axes."""
     lines = []
     for name in names:
@@ -168,7 +168,7 @@ def _draw_circles(axes: Axes, check: VesselCheck) -> None:
     tests = check.of_kind("turning_circle")
     if tests:
         names = ("advance_m", "transfer_m", "tactical_diameter_m", "steady_diameter_m")
-        _write(axes, tests[0], names)
+        _write_indices(axes, tests[0], names)
         axes.legend(loc="upper right", fontsize=8)
     axes.set_aspect("equal", adjustable="datalim")
     axes.set(xlabel="to starboard of the approach [L]", ylabel="ahead of the order [L]")
@@ -208,7 +208,7 @@ def _draw_zigzag(axes: Axes, tests: list[StandardTest]) -> None:
             time_s, top = peak(motion.time_s, deviation, float(execute), float(following))
             axes.vlines(time_s - start, side * abs(test.helm_deg), side * top, color=RED, linewidth=2.4)
             side = -side
-        _write(axes, test, (from_order(1), from_order(2), "initial_turning_m"))
+        _write_indices(axes, test, (from_order(1), from_order(2), "initial_turning_m"))
         axes.margins(y=0.3)
         axes.legend(loc="upper right", ncols=2, fontsize=8)
     axes.set(xlabel="time since the order [s]", ylabel="[deg], starboard positive")
@@ -251,5 +251,5 @@ def _draw_stop(axes: Axes, check: VesselCheck) -> None:
         way = np.append(0.0, np.cumsum(np.hypot(np.diff(shown.north_m), np.diff(shown.east_m)))) / check.length_m
         axes.plot(way, shown.surge_mps, color=BLUE)
         names = ("track_reach_m", "head_reach_m", "lateral_deviation_m", "stopping_time_s")
-        _write(axes, test, names)
+        _write_indices(axes, test, names)
     axes.set(xlabel="way along the track [L]", ylabel="surge [m/s]")

@@ -68,8 +68,8 @@ class CampaignWindows:
     """The sequences of one sea state as N windows, and the plant that made them.
 
     ``azimuth_deg`` [N] is the order of each sequence, positive turning the ship to port. ``truth`` is the
-    ship in the mean current and drift of the sea state, ``ship_start`` [N, 6] how she was at second 0 and
-    ``ship_track`` [N, H+1, 3] where she went, without the first-order motion in waves and without sensors.
+    ship in the mean current and drift of the sea state, ``ship_start`` [N, 6] its state at second 0 and
+    ``ship_track`` [N, H+1, 3] its track, without the first-order motion in waves and without sensors.
     """
 
     windows: PredictionWindows
@@ -141,7 +141,11 @@ def _drawn(rows: pd.DataFrame, sequences: int, horizon_s: int, seed: int) -> tup
     ``rows`` is the long table of held windows, a candidate every second.
     """
     first = rows[rows["second"] == 0].reset_index(drop=True)
-    order_deg = _ordered_deg(rows)
+    pods = [f"{name}_angle_deg" for name in names_of(table_actuators(rows), "azimuth")]
+    angles = rows.groupby("window", sort=True)[pods].median().to_numpy()
+    swings = np.array(_SWINGS)
+    deviation = np.abs(angles[:, None, :] - swings[:, None]).max(axis=2)  # of all pods from each order
+    order_deg = np.where(deviation.min(axis=1) < _NEAR_DEG, swings[deviation.argmin(axis=1)], np.nan)
     begins_s = pd.DatetimeIndex(first["start"]).as_unit("s").asi8
     room = {swing: sequences // len(_SWINGS) for swing in _SWINGS}
     for swing in _SWINGS[: sequences % len(_SWINGS)]:
@@ -154,16 +158,6 @@ def _drawn(rows: pd.DataFrame, sequences: int, horizon_s: int, seed: int) -> tup
             chosen_rows.append(int(candidate))
     drawn = np.array(sorted(chosen_rows), dtype=np.int64)
     return first["window"].to_numpy(dtype=np.int64)[drawn], order_deg[drawn]
-
-
-def _ordered_deg(rows: pd.DataFrame) -> Floats:
-    """The order of each window [deg]: the swing that all pods' angles are near, or NaN."""
-    pods = [f"{name}_angle_deg" for name in names_of(table_actuators(rows), "azimuth")]
-    angles = rows.groupby("window", sort=True)[pods].median().to_numpy()
-    swings = np.array(_SWINGS)
-    deviation = np.abs(angles[:, None, :] - swings[:, None]).max(axis=2)
-    nearest = deviation.argmin(axis=1)
-    return np.where(deviation.min(axis=1) < _NEAR_DEG, swings[nearest], np.nan)
 
 
 @dataclass(frozen=True, slots=True)
@@ -307,7 +301,7 @@ def seas_of(
 ) -> tuple[SeaResults, ...]:
     """:func:`sea_of` each job, in their order; what comes out does not depend on the number of ``workers``.
 
-    ``finished`` is told each one as soon as it is there.
+    ``finished`` is called with each one as soon as it is there.
     """
     refuse_untrainable("paper")  # before the simulations
     calls = [(sea_of, job) for job in jobs]

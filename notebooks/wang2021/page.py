@@ -26,7 +26,7 @@ from seatrial.analysis.report.rendering import Page, render
 from seatrial.hybrid.prediction.baselines import Interval
 from seatrial.hybrid.report.plots import COLOUR, interval_bar, logarithmic
 from seatrial.hybrid.report.sections import sections, templates
-from seatrial.hybrid.report.text import no_wrap, plain, spread, text_table
+from seatrial.hybrid.report.text import estimate_text, no_wrap, plain, text_table
 from seatrial.notebooks.wang2021.campaign import SEA_STATES, SeaResults
 from seatrial.notebooks.wang2021.figures import FIGURES, FigureSpec
 from seatrial.notebooks.wang2021.table3 import PUBLISHED, Reduction, Row, Table3, read_table3, table3
@@ -148,7 +148,7 @@ def method_rows(rows: list[Row]) -> tuple[list[list[str]], int | None]:
         leaky = mixed.get(row.method)
         leak = ["", ""] if leaky is None else [f"{leaky.mean_distance_m.value:.2f}", f"{leaky.reduction.value:.1%}"]
         lines.append([
-            row.method, f"{row.mae_x_m.value:.2f}", f"{row.mae_y_m.value:.2f}", spread(row.mean_distance_m),
+            row.method, f"{row.mae_x_m.value:.2f}", f"{row.mae_y_m.value:.2f}", estimate_text(row.mean_distance_m),
             f"{row.reduction.value:.1%}", f"{row.removable_gap_closed.value:.0%}", share(row.coverage_95), *leak,
         ])  # fmt: skip
     for published in PUBLISHED:
@@ -211,7 +211,7 @@ def results_sections(folder: Path | str) -> Callable[..., Page]:
 class RunningTable:
     """The campaigns finished so far, of ``total``; after each their table goes to ``folder``, if there is one.
 
-    ``say`` takes a line for the user, ``clock`` tells the time [s].
+    ``say`` takes a line for the user, ``clock`` returns the time [s].
     """
 
     total: int

@@ -20,9 +20,9 @@ from seatrial.hybrid.diagnosis.log import log_of
 from seatrial.hybrid.diagnosis.result import Diagnosis, Estimate, Extras, IdentifiedCorrection, Remainder
 from seatrial.hybrid.identification.fit import coefficients_of, with_values
 from seatrial.hybrid.report.diagnosis import (
+    basis_rows,
     coefficient_rows,
     correction_sentence,
-    granted_rows,
     page_of,
     structure_rows,
 )
@@ -121,7 +121,7 @@ def test_the_page_says_it_first_and_it_comes_back_from_json() -> None:
 
 def test_what_was_done_to_a_file_is_in_words_beside_its_name() -> None:
     done = "a_b.mcap: surge_mps: surge and sway multiplied by 1.02; a_b.mcap: parted at 12:00:00"
-    rows = dict(granted_rows(replace(named(), provenance={"repair": True, "repaired": done})))
+    rows = dict(basis_rows(replace(named(), provenance={"repair": True, "repaired": done})))
     assert rows["repaired"] == done.replace("surge_mps", "surge")
     assert rows["repair"] == "yes"
 
