@@ -29,7 +29,7 @@ from seatrial.hybrid.diagnosis.evidence import normal_equations
 from seatrial.hybrid.diagnosis.linearise import ModelWithEffects, linearise
 from seatrial.hybrid.diagnosis.log import log_of
 from seatrial.hybrid.diagnosis.planning import (
-    TOLD_APART,
+    DISTINGUISHED,
     CandidateManoeuvre,
     Design,
     Information,
@@ -54,6 +54,9 @@ from seatrial.hybrid.vessel.parameters import Vessel
 _SEEN = noncentrality(16.0, 1)
 _LEAST = 1e-3  # evidence below this is none
 _EXCHANGES = 2
+DEFAULT = "programme"
+_NOISE_S = 600.0
+_PART = re.compile(r"([a-z_0-9]+?)(?:=([0-9.]+))?")
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,19 +77,19 @@ def compose_programme(
         progress((number + 1) / (slots + _EXCHANGES))
     for number in range(_EXCHANGES):
         before = list(chosen)
-        chosen = _exchanged(design, chosen, legs, aims)
+        chosen = _exchange_parts(design, chosen, legs, aims)
         progress((slots + number + 1) / (slots + _EXCHANGES))
         if chosen == before:
             break
     return sorted(chosen)
 
 
-def _exchanged(design: Design, chosen: list[int], legs: Sequence[int], aims: Aims) -> list[int]:
+def _exchange_parts(design: Design, chosen: list[int], legs: Sequence[int], aims: Aims) -> list[int]:
     """Replace each of the chosen in turn by the best in its place."""
     for place in range(len(chosen)):
-        others = [leg for number, leg in enumerate(chosen) if number != place]
-        best = min(legs, key=lambda leg: cost(design, [*others, leg], aims))
-        if cost(design, [*others, best], aims) < cost(design, chosen, aims) - 1e-9:
+        remaining = [leg for number, leg in enumerate(chosen) if number != place]
+        best = min(legs, key=lambda leg: cost(design, [*remaining, leg], aims))
+        if cost(design, [*remaining, best], aims) < cost(design, chosen, aims) - 1e-9:
             chosen = [*chosen[:place], best, *chosen[place + 1 :]]
     return chosen
 
@@ -94,9 +97,9 @@ def _exchanged(design: Design, chosen: list[int], legs: Sequence[int], aims: Aim
 def cost(design: Design, legs: Sequence[int], aims: Aims) -> float:
     """The shortfall of these legs from all aims; 0 would be perfect."""
     information = design.information(legs)
-    seen = sum(log1p(_SEEN / max(ordinary_evidence(information, name), _LEAST)) for name in aims.effects)
-    apart = sum(log1p(TOLD_APART / max(pair_evidence(information, *pair), _LEAST)) for pair in aims.pairs)
-    return seen / max(len(aims.effects), 1) + apart / max(len(aims.pairs), 1)
+    detection = sum(log1p(_SEEN / max(ordinary_evidence(information, name), _LEAST)) for name in aims.effects)
+    separation = sum(log1p(DISTINGUISHED / max(pair_evidence(information, *pair), _LEAST)) for pair in aims.pairs)
+    return detection / max(len(aims.effects), 1) + separation / max(len(aims.pairs), 1)
 
 
 def ordinary_evidence(information: Information, name: str) -> float:
@@ -114,8 +117,8 @@ def pair_evidence(information: Information, name: str, rival: str) -> float:
     Infinite if neither would be detected: then they cannot be confused.
     """
     ways = ((name, rival), (rival, name))
-    seen = [pair for pair in ways if ordinary_evidence(information, pair[0]) >= TOLD_APART]
-    return min((least_separation(information, *pair) for pair in seen), default=inf)
+    detectable = [pair for pair in ways if ordinary_evidence(information, pair[0]) >= DISTINGUISHED]
+    return min((least_separation(information, *pair) for pair in detectable), default=inf)
 
 
 def evidence_matrix(information: Information, names: Sequence[str]) -> Floats:
@@ -125,11 +128,6 @@ def evidence_matrix(information: Information, names: Sequence[str]) -> Floats:
         for j in range(i):
             result[i, j] = result[j, i] = pair_evidence(information, name, names[j])
     return result
-
-
-DEFAULT = "programme"
-_NOISE_S = 600.0
-_PART = re.compile(r"([a-z_0-9]+?)(?:=([0-9.]+))?")
 
 
 @dataclass(frozen=True, slots=True)
@@ -153,14 +151,14 @@ class Programme:
     def indistinguishable_pairs(self) -> list[tuple[str, str]]:
         """Pairs of effects that it could not separate."""
         names = list(self.limits)
-        rows, columns = np.nonzero(np.tril(self.evidence < TOLD_APART, -1))
+        rows, columns = np.nonzero(np.tril(self.evidence < DISTINGUISHED, -1))
         return [(names[j], names[i]) for i, j in zip(rows, columns, strict=True)]
 
     def as_dict(self) -> dict[str, Any]:
         """For JSON: a limit that no possible size would reach is ``None``."""
         limits = {name: value if isfinite(value) and value > 0.0 else None for name, value in self.limits.items()}
         pairs = [list(pair) for pair in self.indistinguishable_pairs()]
-        parts = [{"name": each.name, "what": each.what, "minutes": each.minutes} for each in self.parts]
+        parts = [{"name": part.name, "what": part.what, "minutes": part.minutes} for part in self.parts]
         return {"minutes": self.minutes, "parts": parts, "limits": limits, "indistinguishable": pairs}
 
 
@@ -182,7 +180,7 @@ class Plan(Result):
         """For JSON."""
         asked, better = self.asked.as_dict(), self.better.as_dict()
 
-        def said(effect: Effect) -> dict[str, Any]:
+        def effect_limits(effect: Effect) -> dict[str, Any]:
             first = effect.parameters[0]
             return {
                 "name": effect.name, "family": effect.family, "parameter": first.name, "unit": first.unit,
@@ -192,7 +190,8 @@ class Plan(Result):
 
         return {
             "vessel": self.vessel, "sea_state": self.sea.name, "tolerance": self.tolerance,
-            "effects": [said(each) for each in self.catalogue.values()], "asked": asked, "better": better,
+            "effects": [effect_limits(effect) for effect in self.catalogue.values()], "asked": asked,
+            "better": better,
         }  # fmt: skip
 
 
@@ -201,32 +200,32 @@ def programme_of(texts: Sequence[str], vessel: Vessel, minutes: float) -> tuple[
 
     Names are those of `seatrial simulate` and of the repertoire. Raises :class:`ConfigurationError`.
     """
-    known = {each.name: each for each in candidates_of(vessel)}
-    given = [_named(text, known, vessel) for text in texts or (DEFAULT,)]
-    open_ = sum(part.minutes == 0.0 for part in given)
-    left = minutes - sum(part.minutes for part in given)
-    if open_ and left < open_:
+    candidates = {candidate.name: candidate for candidate in candidates_of(vessel)}
+    parts = [_programme_part(text, candidates, vessel) for text in texts or (DEFAULT,)]
+    open_ = sum(part.minutes == 0.0 for part in parts)
+    remaining = minutes - sum(part.minutes for part in parts)
+    if open_ and remaining < open_:
         raise ConfigurationError(
-            f"{minutes:g} minutes are too few for {len(given)} manoeuvres", fix="give more with --duration"
+            f"{minutes:g} minutes are too few for {len(parts)} manoeuvres", fix="give more with --duration"
         )
-    return tuple(replace(part, minutes=left / open_) if part.minutes == 0.0 else part for part in given)
+    return tuple(replace(part, minutes=remaining / open_) if part.minutes == 0.0 else part for part in parts)
 
 
-def _named(text: str, known: Mapping[str, CandidateManoeuvre], vessel: Vessel) -> CandidateManoeuvre:
+def _programme_part(text: str, candidates: Mapping[str, CandidateManoeuvre], vessel: Vessel) -> CandidateManoeuvre:
     match = _PART.fullmatch(text)
     if match is None:
         raise ConfigurationError(f"{text!r} is not a manoeuvre", fix="write MANOEUVRE or MANOEUVRE=MINUTES")
     name, minutes = match[1], float(match[2] or 0.0)
     if match[2] and minutes < 1.0:
         raise ConfigurationError(f"{text!r} is too short", fix="give at least one minute")
-    if name in known:
-        return replace(known[name], minutes=minutes)
+    if name in candidates:
+        return replace(candidates[name], minutes=minutes)
     try:
         legs = for_ship(manoeuvre_named(name, vessel.actuators), vessel)
         return CandidateManoeuvre(name, name.replace("_", " "), legs, minutes)
     except ConfigurationError as error:
         raise ConfigurationError(
-            f"no manoeuvre {name!r}", fix=f"use one of {', '.join(known)}, or one of `seatrial simulate`"
+            f"no manoeuvre {name!r}", fix=f"use one of {', '.join(candidates)}, or one of `seatrial simulate`"
         ) from error
 
 
@@ -239,9 +238,12 @@ def noise_in(
     vessel: Vessel, sea: SeaState, tolerance: float, catalogue: Catalogue, progress: Progress = lambda share: None
 ) -> DisturbanceNoise:
     """The noise that a diagnosis would estimate in such a sea, from ten simulated minutes with sensors."""
-    every = {**catalogue_of(vessel), **catalogue}  # an effect excluded from the search may be present in the vessel
-    table, _ = simulate_trial(vessel, sea, "zigzag", _NOISE_S, 1.0, catalogue=every)
-    model = ModelWithEffects(vessel_plant(vessel, every), catalogue)
+    effects = {
+        **catalogue_of(vessel),
+        **catalogue,
+    }  # an effect excluded from the search may be present in the vessel
+    table, _ = simulate_trial(vessel, sea, "zigzag", _NOISE_S, 1.0, catalogue=effects)
+    model = ModelWithEffects(vessel_plant(vessel, effects), catalogue)
     return estimate_noise(linearise(log_of([table]), model, tolerance), progress).noise
 
 
@@ -257,20 +259,22 @@ def plan(
     """Evaluate a programme, and find a better one of about the same length.
 
     ``tolerance`` is the model error allowed, as a share of the force range. Raises :class:`ModelRangeError` if
-    the programme takes the ship out of the range of her model.
+    the programme takes the ship out of the range of its model.
     """
     ship = vessel_plant(vessel, {**catalogue_of(vessel), **catalogue})
     asked = [rehearse(part.legs, vessel, ship, sea, round(60.0 * part.minutes)) for part in programme]
-    made = rehearsals(candidates_of(vessel), vessel, ship, sea)
-    known, *others = (as_one_leg(log) for log in (*asked, *made.values()))
-    evidence = linearise(append_rehearsals(known, others), ModelWithEffects(ship, catalogue), tolerance)
+    logs = rehearsals(candidates_of(vessel), vessel, ship, sea)
+    programme_log, *candidate_logs = (as_one_leg(log) for log in (*asked, *logs.values()))
+    evidence = linearise(
+        append_rehearsals(programme_log, candidate_logs), ModelWithEffects(ship, catalogue), tolerance
+    )
     design = design_of(normal_equations(evidence, noise, progress=part_of(progress, 0, 2)))
     first = len(asked)
     shown = _programme(programme, design.information(range(first)))
     aims = Aims(tuple(catalogue), _pairs(shown, catalogue))
-    slots = max(1, round(shown.minutes / next(iter(made)).minutes))
-    legs = compose_programme(design, range(first, first + len(made)), slots, aims, part_of(progress, 1, 2))
-    parts = [list(made)[leg - first] for leg in legs]
+    slots = max(1, round(shown.minutes / next(iter(logs)).minutes))
+    legs = compose_programme(design, range(first, first + len(logs)), slots, aims, part_of(progress, 1, 2))
+    parts = [list(logs)[leg - first] for leg in legs]
     return Plan(vessel.name, sea, tolerance, catalogue, shown, _programme(parts, design.information(legs)))
 
 
@@ -283,10 +287,10 @@ def _programme(parts: Sequence[CandidateManoeuvre], information: Information) ->
 
 def _pairs(shown: Programme, catalogue: Catalogue) -> tuple[tuple[str, str], ...]:
     """Effects known to resemble each other, and those that the programme does not separate."""
-    known = {
+    similar = {
         (name, rival) if name < rival else (rival, name)
-        for name, each in catalogue.items()
-        for rival in each.confused_with
+        for name, effect in catalogue.items()
+        for rival in effect.confused_with
         if rival in catalogue
     }
-    return tuple(sorted(known | {(min(pair), max(pair)) for pair in shown.indistinguishable_pairs()}))
+    return tuple(sorted(similar | {(min(pair), max(pair)) for pair in shown.indistinguishable_pairs()}))

@@ -1,15 +1,11 @@
-"""The samples of the last minute, a prediction from their newest whole second, as by ``seatrial predict``, and
-that prediction as the body of a ``/prediction`` message and as GeoJSON for a map.
+"""``seatrial watch``: the twin follows a trial's recorder, predicts once a second and evaluates its predictions.
 
-Only a fraction of a second of data follows that second. So the filter that brings the channels to 1 Hz is
-one-sided there, and the start state of all methods is that of a Kalman filter
-(:mod:`seatrial.hybrid.prediction.kalman_filter`), less certain than a two-sided state computed from a recording.
-
-The errors of the predictions of the last minutes, computed as soon as their horizons have been measured.
-
-A prediction assumes constant wind, and thrusters held or as planned. If a thruster moved otherwise during the
-horizon, which the prediction could not know, its error says little about the model: such errors are counted,
-marked and excluded from the means.
+A prediction starts from the newest whole second of the last minute's samples. Only a fraction of a second of
+data follows it, so the filter that brings the channels to 1 Hz is one-sided there, and the start state is that
+of a Kalman filter (:mod:`seatrial.hybrid.prediction.kalman_filter`), less certain than a two-sided state
+computed from a recording. Its error is computed as soon as its horizon has been measured. A prediction assumes
+constant wind, and thrusters held or as planned: where a thruster moved otherwise, the error says little about
+the model, and is counted, marked and excluded from the means.
 
 The regions adapt to these errors: wider after the ship has left them too often, narrower after too seldom. The
 factor on their size tracks the quantile that it stands for (adaptive conformal inference: Gibbs and Candes
@@ -22,12 +18,6 @@ for each independent prediction, with larger steps at first. Predictions that st
 the same error, so each counts as the seconds since the previous one over the horizon. Whatever the errors, the
 mean share outside tends to 5 % as 1 / (number of independent predictions) while the factor is inside its
 bounds.
-
-The twin: follows the recorder of a trial, predicts once a second and evaluates its earlier predictions.
-
-A person may write, change and delete a file of planned orders while it runs.
-
-``seatrial watch``: running the twin, its display in a terminal and its summary.
 """
 
 from __future__ import annotations
@@ -97,6 +87,45 @@ if TYPE_CHECKING:
 
 _SOURCE = ("",)
 
+Origin = tuple[float, float] | None
+"""Latitude and longitude of the plane's origin [deg], if it is known."""
+
+_TRACK_STYLE = {"color": "#ff7f0e", "weight": 4}
+_BAND_STYLE = {"color": "#ff7f0e", "weight": 1, "fillOpacity": 0.15}
+
+FILTER_REACH_S = MOTION_FILTER.reach
+"""The delay after which the value of a second at 1 Hz is final [s]: the reach of the filter."""
+
+AVERAGED_S = 300.0
+
+_DRIVEN_S = 5
+"""The time that a drive may need to follow an order [s]: with a lag of 1 s, the longest of the vessel files, it
+is within a hundredth after 4.6 s."""
+
+_MEANS = ("mean_distance_m", "end_distance_m", "along_m", "across_m", "heading_deg", "inside_band")
+
+STEP = 0.3
+"""The step after the first predictions. For errors that follow a Gaussian process, regions of half the right
+width cover 94 % over the first hour of 30 s predictions, of twice the width 97 %, and right ones grow by 9 % in
+area by chance; half the step takes twice as long, twice the step costs twice the area."""
+
+LARGEST_FACTOR = 4.0
+"""The largest factor; the smallest is its inverse. From there, as after a failed sensor, it recovers in an hour
+of 30 s predictions."""
+
+Notify = Callable[[str, str], None]
+_MARGIN_S = 15.0  # longer than the filters' reach and the evaluation's delay
+_LEAST_APART_S = 0.55  # the recorder accepts two a second
+_STALLED_S = 3.0
+_BACK_NS = 5_000_000_000  # a wrong time stamp in the future must not silence the twin for good
+_POLL_S = 0.1
+_LOG_EVERY_S = 30.0
+_REDRAW_PER_S = 2.0
+_MESSAGES = 5  # that are shown
+_LEVELS = {"info": logging.INFO, "warning": logging.WARNING, "error": logging.ERROR}
+_ROWS = 6
+_LEVEL_STYLES = {"info": "dim", "warning": "yellow", "error": "bold red"}
+
 
 @dataclass(frozen=True, slots=True)
 class Forecast:
@@ -113,11 +142,11 @@ def newest_second_ns(recording: Recording) -> int | None:
     Wind and thrusters are held anyway, and may be older.
     """
     spans = [_span_ns(recording.series.get(name)) for name in POSE_AND_VELOCITY]
-    known = [each for each in spans if each is not None]
-    if len(known) < len(POSE_AND_VELOCITY):
+    covered = [span for span in spans if span is not None]
+    if len(covered) < len(POSE_AND_VELOCITY):
         return None
-    second_ns = min(newest for _, newest in known) // NANO * NANO
-    return second_ns if second_ns >= max(oldest for oldest, _ in known) else None
+    second_ns = min(newest for _, newest in covered) // NANO * NANO
+    return second_ns if second_ns >= max(oldest for oldest, _ in covered) else None
 
 
 def missing_channels(recording: Recording, at_ns: int | None) -> list[str]:
@@ -125,12 +154,17 @@ def missing_channels(recording: Recording, at_ns: int | None) -> list[str]:
 
     Without a second (None) those that were never received.
     """
-    return [
-        name
-        for name in trial_names(actuators_in_recording(recording))
-        if (span := _span_ns(recording.series.get(name))) is None
-        or (at_ns is not None and at_ns - span[1] > _longest_hold_ns(recording.series[name]))
-    ]
+    missing = []
+    for name in trial_names(actuators_in_recording(recording)):
+        span = _span_ns(recording.series.get(name))
+        if span is None:
+            missing.append(name)
+        elif at_ns is not None:
+            intervals = np.diff(np.sort(recording.series[name].measured_ns))
+            longest_hold_s = bridged_gap_s(float(np.median(intervals)) if intervals.size else 0.0)
+            if at_ns - span[1] > longest_hold_s * NANO:
+                missing.append(name)
+    return missing
 
 
 def predict_now(
@@ -165,31 +199,20 @@ def hold_until(recording: Recording, until_ns: int) -> tuple[Recording, tuple[st
     for name in trial_names(actuators_in_recording(recording)):
         span = _span_ns(series[name])
         if name not in POSE_AND_VELOCITY and span is not None and span[1] < until_ns:
-            series[name] = _longer(series[name], until_ns)
+            valid = np.flatnonzero(series[name].quality < Quality.BAD)
+            newest = valid[np.argmax(series[name].measured_ns[valid])]
+            repeated = replace(series[name].subset(np.array([newest])), measured_ns=np.array([until_ns]))
+            series[name] = Series.joined([series[name], repeated])
             held.append(name)
     return (replace(recording, series=series) if held else recording), tuple(held)
-
-
-def _longer(series: Series, until_ns: int) -> Series:
-    """A series with its newest valid value repeated, as if measured at ``until_ns``."""
-    believed = np.flatnonzero(series.quality < Quality.BAD)
-    last = believed[np.argmax(series.measured_ns[believed])]
-    repeated = replace(series.subset(np.array([last])), measured_ns=np.array([until_ns]))
-    return Series.joined([series, repeated])
 
 
 def _span_ns(series: Series | None) -> tuple[int, int] | None:
     """The times of a channel's first and last valid samples [ns]; None without one."""
     if series is None:
         return None
-    believed = series.measured_ns[series.quality < Quality.BAD]
-    return (int(believed.min()), int(believed.max())) if believed.size else None
-
-
-def _longest_hold_ns(series: Series) -> float:
-    """The longest gap that resampling bridges in this channel [ns]."""
-    apart = np.diff(np.sort(series.measured_ns))
-    return bridged_gap_s(float(np.median(apart)) if apart.size else 0.0) * NANO
+    valid = series.measured_ns[series.quality < Quality.BAD]
+    return (int(valid.min()), int(valid.max())) if valid.size else None
 
 
 class RecentSamples:
@@ -205,33 +228,28 @@ class RecentSamples:
         self._samples.clear()
         self.newest_received_ns = 0
 
-    def add(self, samples: Mapping[str, Series], *, again: bool = False) -> None:
-        """Append samples by channel; with ``again``, known ones are skipped."""
-        for name, each in samples.items():
-            added, known = each, self._samples.get(name)
-            if again and known is not None and known.received_ns.size:
-                added = added.subset(added.received_ns > known.received_ns.max())
+    def add(self, samples: Mapping[str, Series], *, skip_known: bool = False) -> None:
+        """Append samples by channel; with ``skip_known``, those received before are skipped."""
+        for name, received in samples.items():
+            added, earlier = received, self._samples.get(name)
+            if skip_known and earlier is not None and earlier.received_ns.size:
+                added = added.subset(added.received_ns > earlier.received_ns.max())
             if added.received_ns.size:
                 self.newest_received_ns = max(self.newest_received_ns, int(added.received_ns.max()))
-            self._samples[name] = added if known is None else Series.joined([known, added])
+            self._samples[name] = added if earlier is None else Series.joined([earlier, added])
         oldest_ns = self.newest_received_ns - self._keep_ns
-        self._samples = {name: each.subset(each.received_ns >= oldest_ns) for name, each in self._samples.items()}
+        self._samples = {
+            name: series.subset(series.received_ns >= oldest_ns) for name, series in self._samples.items()
+        }
 
     def recording(self, trial: Trial, path: Path) -> Recording:
         """The samples as a recording, without their sources."""
         series = {
-            name: replace(each, sources=_SOURCE, source_index=np.zeros(each.value.size, np.int32))
-            for name, each in self._samples.items()
-            if each.value.size
+            name: replace(series, sources=_SOURCE, source_index=np.zeros(series.value.size, np.int32))
+            for name, series in self._samples.items()
+            if series.value.size
         }
         return Recording(path, trial, series, {}, [], 0, False, 0, self.newest_received_ns)
-
-
-Origin = tuple[float, float] | None
-"""Latitude and longitude of the plane's origin [deg], if it is known."""
-
-_TRACK_STYLE = {"color": "#ff7f0e", "weight": 4}
-_BAND_STYLE = {"color": "#ff7f0e", "weight": 1, "fillOpacity": 0.15}
 
 
 def message_body(
@@ -283,7 +301,7 @@ def track_arrays(prediction: Prediction, origin: Origin) -> dict[str, list[float
         "north_m": north_m.round(3).tolist(),
         "east_m": east_m.round(3).tolist(),
         "heading_deg": wrap_360(np.rad2deg(heading)).round(3).tolist(),
-        **{name: [] if each is None else each.round(3).tolist() for name, each in regions.items()},
+        **{name: [] if bounds is None else bounds.round(3).tolist() for name, bounds in regions.items()},
         "latitude_deg": latitude_deg.round(8).tolist(),
         "longitude_deg": longitude_deg.round(8).tolist(),
     }
@@ -327,19 +345,11 @@ def _feature(kind: str, coordinates: list[Any], name: str, style: dict[str, Any]
     }
 
 
-FILTER_REACH_S = MOTION_FILTER.reach
-"""The delay after which the value of a second at 1 Hz is final [s]: the reach of the filter."""
-AVERAGED_S = 300.0
-_DRIVEN_S = 5
-"""The time that a drive may need to follow an order [s]: with a lag of 1 s, the longest of the vessel files, it
-is within a hundredth after 4.6 s."""
-
-
 @dataclass(frozen=True, slots=True)
 class TrackError:
     """The error of one prediction, whose start is in ns UTC. Distances are means over its seconds, or at the end.
 
-    ``along_m`` and ``across_m`` are how far it was ahead and to starboard of the ship at the end, by her measured
+    ``along_m`` and ``across_m`` are how far it was ahead and to starboard of the ship at the end, by its measured
     heading; ``inside_band`` is the share of its seconds inside the 95 % band, None without a band.
     """
 
@@ -357,9 +367,6 @@ class TrackError:
         """For JSON, as the schema of ``/prediction`` has it."""
         values = asdict(self)
         return {"start": values.pop("start_ns") / NANO, **values}
-
-
-_MEANS = ("mean_distance_m", "end_distance_m", "along_m", "across_m", "heading_deg", "inside_band")
 
 
 @dataclass(frozen=True, slots=True)
@@ -395,6 +402,10 @@ def track_error(prediction: Prediction, measured: Floats, thrusters_moved: bool)
     distance = np.hypot(gap[:, 0], gap[:, 1])
     along_m, across_m = to_ship(gap[-1, 0], gap[-1, 1], measured[-1, 2])
     turn = difference_rad(prediction.track[1:, 2], measured[1:, 2])
+    inside_band = None
+    if prediction.region_m is not None:
+        relative = relative_distances(prediction.track[None], measured[None], prediction.region_m[1:])
+        inside_band = float(np.mean(relative <= 1.0))
     return TrackError(
         start_ns=prediction.at.as_unit("ns").value,
         method=prediction.method,
@@ -404,16 +415,8 @@ def track_error(prediction: Prediction, measured: Floats, thrusters_moved: bool)
         along_m=float(along_m),
         across_m=float(across_m),
         heading_deg=float(np.rad2deg(np.abs(turn)).mean()),
-        inside_band=_inside_band(prediction, measured),
+        inside_band=inside_band,
     )
-
-
-def _inside_band(prediction: Prediction, measured: Floats) -> float | None:
-    """The share of seconds at which the region holds the measured track [H+1, 3]; None without a region."""
-    if prediction.region_m is None:
-        return None
-    relative = relative_distances(prediction.track[None], measured[None], prediction.region_m[1:])
-    return float(np.mean(relative <= 1.0))
 
 
 def any_thruster_moved(
@@ -426,14 +429,14 @@ def any_thruster_moved(
     """
     actuators, plan = table_actuators(table), planned or {}
     return not all(
-        as_planned(name, values, row, plan[name], actuators)
+        follows_plan(name, values, row, plan[name], actuators)
         if name in plan
         else steady_mask(name, values, horizon_s + 1, 1, actuators)[row]
         for name, values in ((name, table[name].to_numpy(dtype=float)) for name in control_names(actuators))
     )
 
 
-def as_planned(name: str, values: Floats, row: int, planned: Floats, actuators: Actuators) -> bool:
+def follows_plan(name: str, values: Floats, row: int, planned: Floats, actuators: Actuators) -> bool:
     """Whether a control channel followed ``planned`` [H] from ``row`` on, in the channel's unit.
 
     Its mean over each second has to lie between the orders of the last :data:`_DRIVEN_S` seconds and those
@@ -443,14 +446,14 @@ def as_planned(name: str, values: Floats, row: int, planned: Floats, actuators: 
     reach, circular = SETTING_FILTER.reach, is_circular(name)
     seconds = max(len(planned) - reach, 1)
     series = unwrap(values) if circular else values
-    done = sliding_window_view(series[row : row + seconds + 1], 2).mean(axis=1)
+    reached = sliding_window_view(series[row : row + seconds + 1], 2).mean(axis=1)
     orders = np.concatenate([np.full(_DRIVEN_S, values[row]), planned, np.full(reach, planned[-1])])
     near = sliding_window_view(unwrap(orders) if circular else orders, _DRIVEN_S + 1 + reach)[:seconds]
     low, high = near.min(axis=1), near.max(axis=1)
-    off = done - 0.5 * (low + high)
+    deviation = reached - 0.5 * (low + high)
     tolerance = tolerance_of(name, actuators).at(series)
     span = tolerance.span + SPAN_SIGMAS * feedback_of(series, tolerance.noise).noise
-    return bool((np.abs(wrap_180(off) if circular else off) <= 0.5 * (high - low) + span).all())
+    return bool((np.abs(wrap_180(deviation) if circular else deviation) <= 0.5 * (high - low) + span).all())
 
 
 class RunningError:
@@ -477,7 +480,7 @@ class RunningError:
 
     def evaluate(self, table: pd.DataFrame, until_ns: int) -> list[TrackError]:
         """Evaluate predictions with a 1 Hz table known up to a time [ns]; the errors, earliest first."""
-        found = []
+        errors = []
         while self._pending:
             prediction = self._pending[0]
             start_ns, horizon_s = prediction.at.as_unit("ns").value, len(prediction.track) - 1
@@ -488,11 +491,11 @@ class RunningError:
             if error is None:
                 self.unmeasured += 1
             else:
-                found.append(error)
-        self._last.extend(found)
+                errors.append(error)
+        self._last.extend(errors)
         while self._last and self._last[0].start_ns < self._last[-1].start_ns - self.over_s * NANO:
             self._last.popleft()
-        return found
+        return errors
 
     def mean(self) -> MeanErrors:
         """The means over the evaluated predictions of the last ``over_s`` seconds."""
@@ -517,16 +520,7 @@ class RunningError:
         return track_error(prediction, track, moved)
 
 
-STEP = 0.3
-"""The step after the first predictions. For errors that follow a Gaussian process, regions of half the right
-width cover 94 % over the first hour of 30 s predictions, of twice the width 97 %, and right ones grow by 9 % in
-area by chance; half the step takes twice as long, twice the step costs twice the area."""
-LARGEST_FACTOR = 4.0
-"""The largest factor; the smallest is its inverse. From there, as after a failed sensor, it recovers in an hour
-of 30 s predictions."""
-
-
-def step(learned: float) -> float:
+def step_size(learned: float) -> float:
     """The step after a number of independent predictions: large at first, as t^-0.6 (Angelopoulos, Barber and
     Bates 2024, "Online conformal prediction with decaying step sizes"), then :data:`STEP`, since ships and days
     change."""
@@ -549,7 +543,7 @@ class RegionFactor:
         apart_s = 0.0 if self.start_ns is None else (error.start_ns - self.start_ns) / NANO
         independent = min(max(apart_s, 0.0) / horizon_s, 1.0)
         learned, bound = self.learned + independent, log(LARGEST_FACTOR)
-        raised = log(self.factor) + step(learned) * independent * (COVERAGE - error.inside_band)
+        raised = log(self.factor) + step_size(learned) * independent * (COVERAGE - error.inside_band)
         return RegionFactor(exp(min(max(raised, -bound), bound)), learned, error.start_ns)
 
     def widened(self, prediction: Prediction) -> Prediction:
@@ -576,9 +570,6 @@ class RegionFactor:
         return f"band {self.factor:.2g} times as wide as the calibrator's, which {held}{beyond}"
 
 
-Notify = Callable[[str, str], None]
-
-
 class PlanFile:
     """The orders of a plan file, reread whenever it changes; ``notify`` gets level and text each time.
 
@@ -590,37 +581,31 @@ class PlanFile:
         self.path = path
         self._actuators, self._notify = actuators, notify
         self._orders: pd.DataFrame | None = None
-        self._seen: tuple[int, ...] | None = ()  # as no file is
+        self._version: tuple[int, ...] | None = ()  # as no file is
 
     def orders(self) -> pd.DataFrame | None:
         """The orders as :func:`.read_commands` gives them; None without a plan."""
-        seen = _version_of(self.path)
-        if seen != self._seen:
-            self._seen = seen
+        version: tuple[int, ...] | None = None
+        with suppress(OSError):
+            status = self.path.stat()
+            version = status.st_ino, status.st_size, status.st_mtime_ns
+        if version != self._version:
+            self._version = version
             self._read()
         return self._orders
 
     def _read(self) -> None:
-        if self._seen is None:
+        if self._version is None:
             self._orders = None
             self._notify("warning", f"no plan at {self.path}: what is ordered now goes on")
             return
         try:
             self._orders = read_commands(self.path, self._actuators)
         except InputError as error:
-            before = "what is ordered now goes on" if self._orders is None else "the plan before goes on"
-            self._notify("warning", f"no new plan, {before}: {error}")
+            fallback = "what is ordered now goes on" if self._orders is None else "the plan before goes on"
+            self._notify("warning", f"no new plan, {fallback}: {error}")
             return
         self._notify("info", plan_text(self._orders))
-
-
-def _version_of(path: Path) -> tuple[int, ...] | None:
-    """A file's version, which changes when it does; None without a file."""
-    try:
-        found = path.stat()
-    except OSError:
-        return None
-    return found.st_ino, found.st_size, found.st_mtime_ns
 
 
 def plan_text(orders: pd.DataFrame) -> str:
@@ -630,22 +615,16 @@ def plan_text(orders: pd.DataFrame) -> str:
     'plan of rudder_angle_deg: 2 orders, 0 to 5 s after the start of each prediction'
     """
     first, last = orders.index[[0, -1]]
-    when = (
+    period = (
         f"{first:%Y-%m-%d %H:%M:%S} to {last:%Y-%m-%d %H:%M:%S} UTC"
         if isinstance(first, pd.Timestamp)
         else f"{first:g} to {last:g} s after the start of each prediction"
     )
     number = "1 order" if len(orders) == 1 else f"{len(orders)} orders"
-    return f"plan of {', '.join(map(str, orders.columns))}: {number}, {when}"
+    return f"plan of {', '.join(map(str, orders.columns))}: {number}, {period}"
 
 
-_MARGIN_S = 15.0  # longer than the filters' reach and the evaluation's delay
-_LEAST_APART_S = 0.55  # the recorder accepts two a second
-_STALLED_S = 3.0
-_BACK_NS = 5_000_000_000  # a wrong time stamp in the future must not silence the twin for good
-
-
-def keep_s(horizon_s: int) -> float:
+def needed_data_s(horizon_s: int) -> float:
     """The seconds of data needed for prediction and evaluation."""
     return max(PAST_S, horizon_s) + _MARGIN_S
 
@@ -679,8 +658,8 @@ class Twin:
         self.region = RegionFactor()
         self.last: Forecast | None = None
         self.last_error: TrackError | None = None
-        self.follower = Follower(name, configuration, keep_s(predictor.horizon_s), notify, folder)
-        self._recent, self._plan = RecentSamples(keep_s(predictor.horizon_s)), plan
+        self.follower = Follower(name, configuration, needed_data_s(predictor.horizon_s), notify, folder)
+        self._recent, self._plan = RecentSamples(needed_data_s(predictor.horizon_s)), plan
         self._notify, self._last_notice = notify, ""
         self._start_ns, self._made_s, self._new_s = 0, 0.0, time.monotonic()
 
@@ -696,7 +675,7 @@ class Twin:
             self.errors.clear()
             self._start_ns, self._new_s = 0, time.monotonic()
         for samples in news.samples:
-            self._recent.add(samples, again=news.again)
+            self._recent.add(samples, skip_known=news.again)
         path = self.follower.path
         if not news.samples or path is None or time.monotonic() - self._made_s < _LEAST_APART_S:
             return False
@@ -715,9 +694,11 @@ class Twin:
 
     def _predict(self, recording: Recording, start_ns: int) -> bool:
         self._made_s = time.monotonic()
-        by, orders = self.predictor, None if self._plan is None else self._plan.orders()
+        predictor, orders = self.predictor, None if self._plan is None else self._plan.orders()
         try:
-            forecast = predict_now(recording, by.horizon_s, by.plant, by.trained, start_ns, orders)
+            forecast = predict_now(
+                recording, predictor.horizon_s, predictor.plant, predictor.trained, start_ns, orders
+            )
         except SeatrialError as error:
             self._notify_once("warning", f"no prediction: {error}")
             return False
@@ -758,7 +739,7 @@ class Twin:
         """Name the channels without which no prediction can be made."""
         if time.monotonic() - self._new_s < _STALLED_S:
             return
-        newest = [int(each.measured_ns.max()) for name, each in recording.series.items()
+        newest = [int(series.measured_ns.max()) for name, series in recording.series.items()
                   if name in trial_names(actuators_in_recording(recording))]  # fmt: skip
         missing = missing_channels(recording, max(newest) // NANO * NANO if newest else None)
         if missing:
@@ -774,8 +755,8 @@ class Twin:
 def warm_up(predictor: Predictor) -> None:
     """Make one prediction for a ship at rest, so that compilation happens before it matters."""
     with suppress(SeatrialError):
-        still = recording_at_rest(keep_s(predictor.horizon_s), predictor.plant.layout)
-        predict_now(still, predictor.horizon_s, predictor.plant, predictor.trained)
+        at_rest = recording_at_rest(needed_data_s(predictor.horizon_s), predictor.plant.layout)
+        predict_now(at_rest, predictor.horizon_s, predictor.plant, predictor.trained)
 
 
 def recording_at_rest(seconds: float, actuators: Actuators = DEFAULT) -> Recording:
@@ -788,15 +769,6 @@ def recording_at_rest(seconds: float, actuators: Actuators = DEFAULT) -> Recordi
         Path(), Trial(actuators=as_text(actuators)), dict.fromkeys(trial_names(actuators), series), {}, [], 0,
         True, 0, int(times_ns[-1]),
     )  # fmt: skip
-
-
-_POLL_S = 0.1
-_LOG_EVERY_S = 30.0
-_REDRAW_PER_S = 2.0
-_MESSAGES = 5  # that are shown
-_LEVELS = {"info": logging.INFO, "warning": logging.WARNING, "error": logging.ERROR}
-_ROWS = 6
-_LEVEL_STYLES = {"info": "dim", "warning": "yellow", "error": "bold red"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -911,7 +883,7 @@ def as_json(summary: WatchSummary, predictor: Predictor) -> dict[str, object]:
 
 @dataclass(frozen=True, slots=True)
 class Display:
-    """A twin's state for a terminal, drawn anew each time."""
+    """A twin's state for a terminal, for every redrawing."""
 
     twin: Twin
     messages: deque[tuple[str, str]]
@@ -956,10 +928,10 @@ def track_table(prediction: Prediction) -> Table:
     north, east, heading = prediction.track[0]
     for second in np.unique(np.linspace(0, horizon_s, _ROWS + 1).round().astype(int))[1:]:
         away_north, away_east = prediction.track[second, :2] - (north, east)
-        ahead, aside = to_ship(away_north, away_east, heading)
+        ahead, starboard = to_ship(away_north, away_east, heading)
         band = "–" if prediction.band_m is None else f"{prediction.band_m[second]:.1f}"
         there_deg = float(wrap_360(np.rad2deg(prediction.track[second, 2])))
-        table.add_row(str(second), f"{ahead:.1f}", f"{aside:.1f}", f"{there_deg:.1f}", band)
+        table.add_row(str(second), f"{ahead:.1f}", f"{starboard:.1f}", f"{there_deg:.1f}", band)
     return table
 
 
@@ -982,9 +954,9 @@ def mean_error_text(mean: MeanErrors, over_s: float) -> str:
     if mean.mean_distance_m is None or mean.along_m is None or mean.across_m is None:
         return f"last {over_s / 60:g} min: none judged, {mean.left_out} left out as a thruster moved"
     inside = "" if mean.inside_band is None else f", {mean.inside_band:.0%} inside the band"
-    over = f"last {over_s / 60:g} min"
+    period = f"last {over_s / 60:g} min"
     return (
-        f"{over}: {mean.mean_distance_m:.2f} m on the way, {mean.end_distance_m:.2f} m at the end "
+        f"{period}: {mean.mean_distance_m:.2f} m on the way, {mean.end_distance_m:.2f} m at the end "
         f"({mean.along_m:+.2f} ahead, {mean.across_m:+.2f} to starboard), {mean.heading_deg:.2f} deg{inside}; "
         f"{mean.predictions} judged, {mean.left_out} left out as a thruster moved"
     )

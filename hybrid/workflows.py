@@ -1,17 +1,12 @@
-"""From recordings to a diagnosis, and from a diagnosis to its files.
+"""From recordings to a diagnosis and its files, and the folder in which the trials of a ship begin.
 
-A model that is off in many things at once is re-identified before, on request or where the diagnosis of it shows
-that. What the structure of a model can close is what remains when its coefficients are as good as the trial can
-make them. They are identified from all legs but those of a fold, and predictions are judged on that fold's, so that
-the figure is of legs that took no part. Where these do not come closer, the model stays as it was.
+Before a diagnosis a recording is checked: it is parted where its positions jump, which to a filter would be a
+force beyond any ship, and what is frozen is left out. Each part has its own start, so that a jump between them
+costs nothing. Dead feedback is replaced by the order where it was recorded.
 
-What a check of a recording does for a diagnosis: parts between jumps of the positions, without what is frozen.
-
-A position that jumps is a force beyond any ship to a filter, and a value that stands still while the sensor is gone
-is one as well. Each part has a start of its own that nobody knows, so that a jump between them costs nothing.
-In the place of feedback that is dead comes the order where it was recorded; else it is said.
-
-``seatrial init``: a folder for the trials of a ship, in which recording and importing work at once.
+A model that is structurally wrong is re-identified first, on request or where a diagnosis of it shows that. The
+coefficients are identified from all legs but those of a fold, and predictions are judged on that fold's legs.
+Where these do not come closer, the model stays as it was.
 """
 
 from __future__ import annotations
@@ -35,7 +30,7 @@ from seatrial.acquisition.config.sources import UdpSource
 from seatrial.acquisition.config.trial_file import possible_channels
 from seatrial.acquisition.core.errors import ConfigurationError, Progress, part_of, printable_name
 from seatrial.acquisition.core.files import remove_file, write_text, written_together
-from seatrial.acquisition.core.quantities import Floats
+from seatrial.acquisition.core.quantities import KNOT_MPS, Floats
 from seatrial.acquisition.core.ship import (
     ENVIRONMENT,
     VELOCITY,
@@ -55,7 +50,7 @@ from seatrial.acquisition.tables.import_table import refuse_overwriting
 from seatrial.analysis.quality.check import check_recording
 from seatrial.analysis.quality.findings import Finding
 from seatrial.analysis.quality.motion.model import GROUPS
-from seatrial.analysis.quality.repairs import Repair, repair
+from seatrial.analysis.quality.repairs import repair
 from seatrial.analysis.tables.table import (
     NANO,
     refuse_duplicates,
@@ -70,7 +65,7 @@ from seatrial.hybrid.diagnosis.acceptance import HELD_OUT_LEVEL, chance_of_gains
 from seatrial.hybrid.diagnosis.evidence import force_range
 from seatrial.hybrid.diagnosis.gap import HORIZON_S, UnseenWindows, fold_of, predicted_tracks, unseen_windows
 from seatrial.hybrid.diagnosis.linearise import linear_model, model_of, next_states, true_states
-from seatrial.hybrid.diagnosis.log import BLOCK_S, Log, joined, log_of
+from seatrial.hybrid.diagnosis.log import BLOCK_S, Log, join_tables, log_of
 from seatrial.hybrid.diagnosis.result import (
     DIAGNOSIS,
     Diagnosis,
@@ -100,9 +95,32 @@ if TYPE_CHECKING:
 
 
 SEGMENT_S = 2.0 * HORIZON_S
-"""A stretch that the fit simulates from a start of its own: what is to be foretold, and where that has led to."""
+"""The length of a segment that the fit simulates from a start of its own: twice the horizon of a prediction."""
 
 _FORCES = ("surge", "sway", "yaw")
+
+MANY = 5
+"""Effects named at once from which a model that needs them is better re-identified: more than the three causes
+that simulated trials had at most, and fewer than the eight to eleven named for halves of R/V Gunnerus' trials of
+2022."""
+
+_OF_SCOPE = {"day": " (of the day of that trial)", "recording": " (of its sensors)"}
+_STEP_S = 0.1
+_TURNS_DEG = 30.0  # by drift and wind alone, or at an even surge, sway or yaw rate, a ship hardly turns so far
+_AHEAD_DEG = 1.0  # an angle held further from ahead turns the ship by right
+
+_AROUND = pd.Timedelta(seconds=2.5)
+"""Filters and interpolation make a ramp of a jump, and its stamps may be late: so much on either side goes."""
+
+_FROZEN = ("stuck", "feedback_frozen", "position_jump")
+_MOST_FROZEN = 0.5
+
+_FOR_A_NAME = ("speed_scale", "yaw_rate_scale", "channel_delay")
+"""Errors of sensors that the catalogue has: a diagnosis names them."""
+
+TEMPLATES = VESSELS.parent / "start"
+_CONTROLS = "# CONTROLS\n"
+_EXAMPLE_S, _PLACE_DEG = 420.0, (63.44, 10.4)
 
 
 @dataclass(frozen=True, slots=True)
@@ -122,33 +140,26 @@ def refit_model(tables: Sequence[pd.DataFrame], vessel: Vessel, progress: Progre
     windows = unseen_windows(log, model_of(vessel, {}))
     folds = np.unique(windows.fold).tolist()
     named = {str(number): table for number, table in enumerate(tables)}
-    after = windows.before.copy()
+    refit_tracks = windows.before.copy()
     for number, fold in enumerate(folds):
-        others = _without_fold(named, log, fold)
+        other_folds = _without_fold(named, log, fold)
         part = part_of(progress, number, len(folds) + 1)
-        refitted = identify_tables(others, vessel, segment_s=SEGMENT_S, progress=part)[0].vessel
-        mine = windows.fold == fold
-        after[mine] = _predicted(windows, refitted, mine)
-    whole = part_of(progress, len(folds), len(folds) + 1)
-    found = identify_tables(named, vessel, segment_s=SEGMENT_S, progress=whole)[0]
-    correction = _correction(windows, after, found, forces_moved(log, vessel, found.vessel))
-    return Refit(found.vessel if correction.applied else vessel, correction)
+        refitted = identify_tables(other_folds, vessel, segment_s=SEGMENT_S, progress=part)[0].vessel
+        plant, in_fold = vessel_plant(refitted), windows.fold == fold
+        refit_tracks[in_fold] = predicted_tracks(log, plant, true_states(log, plant), windows.starts[in_fold])
+    last_part = part_of(progress, len(folds), len(folds) + 1)
+    identification = identify_tables(named, vessel, segment_s=SEGMENT_S, progress=last_part)[0]
+    correction = _correction(
+        windows, refit_tracks, identification, forces_moved(log, vessel, identification.vessel)
+    )
+    return Refit(identification.vessel if correction.applied else vessel, correction)
 
 
 def _without_fold(tables: Mapping[str, pd.DataFrame], log: Log, fold: int) -> dict[str, pd.DataFrame]:
     """The tables without the seconds of a fold's legs: segments that these would cross have no data."""
     left_out = log.time_s[fold_of(log) == fold]
-    rest = {name: table[~np.isin(_seconds(table), left_out)] for name, table in tables.items()}
-    return {name: table for name, table in rest.items() if len(table)}
-
-
-def _seconds(table: pd.DataFrame) -> Floats:
-    return np.asarray(np.rint(times_ns(table) / NANO))
-
-
-def _predicted(windows: UnseenWindows, vessel: Vessel, mine: np.ndarray) -> Floats:
-    plant = vessel_plant(vessel)
-    return predicted_tracks(windows.log, plant, true_states(windows.log, plant), windows.starts[mine])
+    remaining = {name: table[~np.isin(np.rint(times_ns(table) / NANO), left_out)] for name, table in tables.items()}
+    return {name: table for name, table in remaining.items() if len(table)}
 
 
 def forces_moved(log: Log, before: Vessel, after: Vessel) -> dict[str, float]:
@@ -166,24 +177,28 @@ def forces_moved(log: Log, before: Vessel, after: Vessel) -> dict[str, float]:
 
 
 def _correction(
-    windows: UnseenWindows, after: Floats, found: Identification, forces: Mapping[str, float]
+    windows: UnseenWindows, refit_tracks: Floats, identification: Identification, forces: Mapping[str, float]
 ) -> IdentifiedCorrection:
-    gains = windows.by_leg_m(windows.before) - windows.by_leg_m(after)
+    gains = windows.by_leg_m(windows.before) - windows.by_leg_m(refit_tracks)
     held = constant_motion_tracks(windows.log.nominal[windows.starts], HORIZON_S)
-    off_m = np.array([distances(each, windows.measured) for each in (held, windows.before, after)])
-    known = np.isfinite(off_m).all(axis=0)
-    held_m, before_m, after_m = off_m[:, known].mean(axis=1).tolist()
-    each_of = {name: each for each in found.coefficients for name in (each.name, *each.twins)}
+    off_m = np.array([distances(track, windows.measured) for track in (held, windows.before, refit_tracks)])
+    complete = np.isfinite(off_m).all(axis=0)
+    held_m, before_m, after_m = off_m[:, complete].mean(axis=1).tolist()
+    estimates = {
+        name: estimate for estimate in identification.coefficients for name in (estimate.name, *estimate.tied)
+    }
     return IdentifiedCorrection(
         applied=bool(gains.mean() > 0.0 and chance_of_gains(gains) < HELD_OUT_LEVEL),
         constant_velocity_m=held_m,
         before_m=before_m,
         after_m=after_m,
-        held_out_windows=int(known.any(axis=1).sum()),
+        held_out_windows=int(complete.any(axis=1).sum()),
         forces=forces,
-        coefficients={name: Estimate(each.value, each.low, each.high, "") for name, each in each_of.items()},
-        start={name: each.start for name, each in each_of.items()},
-        known=tuple(name for name, each in each_of.items() if each.known),
+        coefficients={
+            name: Estimate(estimate.value, estimate.low, estimate.high, "") for name, estimate in estimates.items()
+        },
+        start={name: estimate.start for name, estimate in estimates.items()},
+        known=tuple(name for name, estimate in estimates.items() if estimate.known),
     )
 
 
@@ -225,11 +240,11 @@ def diagnose_tables(
     the first remark.
     """
     tables, driven = driven_by_orders(tables, vessel)
-    every = catalogue_of(vessel) if catalogue is None else catalogue
-    known = without_wind(every, tables)
-    said = {} if known == every else {"wind": "not recorded: only a steady one was looked for"}
-    conclusion = diagnose(tables, vessel, tolerance, known, progress)
-    diagnosis, extras = describe(conclusion, {**(provenance or {}), **said})
+    effects = catalogue_of(vessel) if catalogue is None else catalogue
+    considered = without_wind(effects, tables)
+    wind_remark = {} if considered == effects else {"wind": "not recorded: only a steady one was looked for"}
+    conclusion = diagnose(tables, vessel, tolerance, considered, progress)
+    diagnosis, extras = describe(conclusion, {**(provenance or {}), **wind_remark})
     return DiagnosisRun(replace(diagnosis, remarks=(*driven, *diagnosis.remarks)), conclusion, extras, tables)
 
 
@@ -254,7 +269,7 @@ def diagnose_files(
     ``None`` where the diagnosis shows that it is off in many things.
     """
     hashes = refuse_duplicates(files)
-    said = reference_model(trials_of(files), vessel).said
+    model_choice = reference_model(trials_of(files), vessel).said
     provenance = {
         "software_version": software_version(),
         "recordings": ", ".join(printable_name(Path(file).name) for file in files),
@@ -268,12 +283,12 @@ def diagnose_files(
         return checked_files(files, part_percent, repaired=repaired, rebuild_positions=rebuild_positions)
 
     def diagnosed(record: Checked, start: Vessel, part: Progress) -> DiagnosisRun:
-        done = {"repaired": "; ".join(record.repairs), "left_out": "; ".join(record.remarks)}
-        about = provenance | {"repair": record.repaired} | {name: text for name, text in done.items() if text}
-        return diagnose_tables(record.tables, start, tolerance, catalogue, about, part)
+        repairs = {"repaired": "; ".join(record.repairs), "left_out": "; ".join(record.remarks)}
+        details = provenance | {"repair": record.repaired} | {name: text for name, text in repairs.items() if text}
+        return diagnose_tables(record.tables, start, tolerance, catalogue, details, part)
 
     run, refit = with_refit(checked, diagnosed, vessel, identify=identify, repair=repair, progress=progress)
-    first = replace(run.diagnosis, remarks=(*said.remarks.get("remarks", ()), *run.diagnosis.remarks))
+    first = replace(run.diagnosis, remarks=(*model_choice.remarks.get("remarks", ()), *run.diagnosis.remarks))
     if refit is None:
         return replace(run, diagnosis=first)
     start = refit.vessel if refit.correction.applied else None
@@ -291,14 +306,14 @@ def with_refit(
 ) -> tuple[DiagnosisRun, Refit | None]:
     """What is ``diagnosed`` in a record that is ``checked``, with or without repair of its sensors.
 
-    Before it, if ``identify`` or with None where the model proves :func:`off_in_many_things`, the coefficients are
+    Before it, if ``identify`` or with None where the model :func:`is_structurally_wrong`, the coefficients are
     identified. The sensors are repaired then, too, because coefficients would absorb the scale of one. Where new
     coefficients are no better, the model as it is has been or is diagnosed.
     """
     record = checked(repair or bool(identify))
     progress(0.1)
     first = None if identify else diagnosed(record, vessel, lambda share: progress(0.1 + 0.3 * share))
-    if first is not None and (identify is False or not off_in_many_things(first.diagnosis)):
+    if first is not None and (identify is False or not is_structurally_wrong(first.diagnosis)):
         progress(1.0)
         return first, None
     record = record if record.repaired else checked(True)
@@ -308,25 +323,19 @@ def with_refit(
         run = diagnosed(record, refit.vessel, lambda share: progress(0.7 + 0.3 * share))
     else:
         run = first
-    why = () if first is None else (_many_things(first.diagnosis, refit.correction.applied),)
+    why = () if first is None else (_refit_remark(first.diagnosis, refit.correction.applied),)
     return replace(run, diagnosis=replace(run.diagnosis, remarks=(*why, *run.diagnosis.remarks))), refit
 
 
-MANY = 5
-"""Effects named at once from which a model that needs them is better re-identified: more than the three causes
-that simulated trials had at most, and fewer than the eight to eleven named for halves of R/V Gunnerus' trials of
-2022."""
-
-
-def off_in_many_things(diagnosis: Diagnosis) -> bool:
+def is_structurally_wrong(diagnosis: Diagnosis) -> bool:
     """Whether a model predicts worse than constant velocity does, needs many effects, and forces remain beside."""
     gap = diagnosis.gap
     worse = gap.before_m > gap.constant_velocity_m
-    return worse and len({each.name for each in diagnosis.effects}) >= MANY and diagnosis.remainder is not None
+    return worse and len({effect.name for effect in diagnosis.effects}) >= MANY and diagnosis.remainder is not None
 
 
-def _many_things(diagnosis: Diagnosis, applied: bool) -> str:
-    gap, names = diagnosis.gap, dict.fromkeys(plain(each.name) for each in diagnosis.effects)
+def _refit_remark(diagnosis: Diagnosis, applied: bool) -> str:
+    gap, names = diagnosis.gap, dict.fromkeys(plain(effect.name) for effect in diagnosis.effects)
     outcome = "its coefficients were re-identified" if applied else "new coefficients were not better"
     return (
         f"The model as it is predicts worse than constant velocity ({gap.before_m:.2f} m against "
@@ -346,7 +355,11 @@ def write_diagnosis(run: DiagnosisRun, vessel: Vessel, folder: Path) -> Path:
     """
     with written_together(folder / DIAGNOSIS):
         write_figure_data(run.diagnosis, run.extras, folder)
-        _write_regimes(run.conclusion, folder / "regimes.py")
+        regimes = {regime.name: (regime.regime, regime.value) for regime in run.conclusion.regimes}
+        if regimes:
+            write_text(folder / "regimes.py", as_file(regimes))
+        else:
+            remove_file(folder / "regimes.py")
         if run.refit is None:
             remove_file(folder / "identified.toml")
         else:
@@ -355,60 +368,42 @@ def write_diagnosis(run: DiagnosisRun, vessel: Vessel, folder: Path) -> Path:
         return write_report(run.diagnosis, run.extras, folder)
 
 
-def _write_regimes(conclusion: Conclusion, path: Path) -> None:
-    found = {each.name: (each.regime, each.value) for each in conclusion.regimes}
-    if found:
-        write_text(path, as_file(found))
-    else:
-        remove_file(path)
-
-
 def vessel_with_effects(vessel: Vessel, diagnosis: Diagnosis) -> Vessel:
     """``vessel`` with what was named, and where that comes from.
 
     A named effect that the vessel has already takes that one's place: its value is what both come to. What is not
     the same in all of the trial stands as it is at the end; the sea and the sensors of each recording stay with it.
     """
-    kept = [each for each in diagnosis.effects if each.in_vessel]
-    effects = {each.name: {name: estimate.value for name, estimate in each.parameters.items()} for each in kept}
+    added = [effect for effect in diagnosis.effects if effect.in_vessel]
+    effects = {
+        effect.name: {name: estimate.value for name, estimate in effect.parameters.items()} for effect in added
+    }
     notes = {
-        f"diagnosis_{each.name}": "; ".join(
+        f"diagnosis_{effect.name}": "; ".join(
             f"{name} {estimate.value:.6g} ({estimate.low:.6g} to {estimate.high:.6g}) {estimate.unit}"
-            for name, estimate in each.parameters.items()
+            for name, estimate in effect.parameters.items()
         )
-        for each in kept
+        for effect in added
     }
     if diagnosis.identified is not None:
         notes[f"diagnosis_{diagnosis.identified.name}"] = correction_sentence(diagnosis.identified)
-    result = with_effects(vessel, effects, **_plain(diagnosis.provenance), **notes, verdict=diagnosis.verdict)
+    provenance = {  # a TOML table holds texts and numbers
+        f"diagnosis_{key}": value if isinstance(value, int | float) else str(value)
+        for key, value in diagnosis.provenance.items()
+    }
+    result = with_effects(vessel, effects, **provenance, **notes, verdict=diagnosis.verdict)
     return replace(result, name=f"{vessel.name}_diagnosed", description=_description(vessel, diagnosis))
-
-
-_OF_SCOPE = {"day": " (of the day of that trial)", "recording": " (of its sensors)"}
 
 
 def _description(vessel: Vessel, diagnosis: Diagnosis) -> str:
     added = dict[str, list[str]]()
-    for each in diagnosis.effects:
-        if each.in_vessel:
-            added.setdefault(each.scope, []).append(each.name)
+    for effect in diagnosis.effects:
+        if effect.in_vessel:
+            added.setdefault(effect.scope, []).append(effect.name)
     parts = [", ".join(names) + _OF_SCOPE.get(scope, "") for scope, names in added.items()]
     if diagnosis.identified is not None and diagnosis.identified.applied:
         parts.insert(0, "identified coefficients")
     return f"{vessel.description or vessel.name}; a diagnosis added {'; '.join(parts) or 'nothing'}"
-
-
-def _plain(provenance: Mapping[str, Any]) -> dict[str, Any]:
-    """What a TOML table may hold: texts and numbers."""
-    return {
-        f"diagnosis_{key}": value if isinstance(value, int | float) else str(value)
-        for key, value in provenance.items()
-    }
-
-
-_STEP_S = 0.1
-_TURNS_DEG = 30.0  # by drift and wind alone, or at an even surge, sway or yaw rate, a ship hardly turns so far
-_AHEAD_DEG = 1.0  # an angle held further from ahead turns the ship by right
 
 
 def driven_by_orders(
@@ -418,26 +413,28 @@ def driven_by_orders(
 
     Feedback is dead where it has no values, or one value throughout although the order moves.
     """
-    done = [_of_one(table, vessel) for table in tables]
-    return tuple(table for table, _ in done), tuple(dict.fromkeys(text for _, said in done for text in said))
+    driven = [_driven_table(table, vessel) for table in tables]
+    return tuple(table for table, _ in driven), tuple(
+        dict.fromkeys(text for _, remarks in driven for text in remarks)
+    )
 
 
-def _of_one(table: pd.DataFrame, vessel: Vessel) -> tuple[pd.DataFrame, list[str]]:
-    filled, said = dict[str, Floats](), list[str]()
-    for each, entry in zip(vessel.actuators, vessel.actuator, strict=True):
-        kind = KINDS[each.kind]
-        parts = zip(each.channels, kind.drives(entry), kind.units, kind.still, strict=True)
-        for channel, drive, unit, still in parts:
-            order, how = name_of_order(channel.name), how_it_is_dead(table, channel.name)
-            moves = _is_there(table, order) and _reach(table[order]) * unit > still
+def _driven_table(table: pd.DataFrame, vessel: Vessel) -> tuple[pd.DataFrame, list[str]]:
+    filled, remarks = dict[str, Floats](), list[str]()
+    for actuator, entry in zip(vessel.actuators, vessel.actuator, strict=True):
+        kind = KINDS[actuator.kind]
+        parts = zip(actuator.channels, kind.drives(entry), kind.units, kind.still, strict=True)
+        for channel, drive, unit, idle_limit in parts:
+            order, how = name_of_order(channel.name), dead_channel_words(table, channel.name)
+            moves = _is_there(table, order) and _range_of(table[order]) * unit > idle_limit
             if how and (moves or (_is_there(table, order) and not _is_there(table, channel.name))):
-                own = Drive(drive.lag_s, drive.limit / unit, drive.rate / unit)
-                filled[channel.name] = followed(table, order, own, circular=channel.circular)
-                said.append(f"{channel.name} {how}: its order drives the model, with a lag of {drive.lag_s:g} s")
-    return (table.assign(**filled) if filled else table), said
+                channel_drive = Drive(drive.lag_s, drive.limit / unit, drive.rate / unit)
+                filled[channel.name] = follow_orders(table, order, channel_drive, circular=channel.circular)
+                remarks.append(f"{channel.name} {how}: its order drives the model, with a lag of {drive.lag_s:g} s")
+    return (table.assign(**filled) if filled else table), remarks
 
 
-def how_it_is_dead(table: pd.DataFrame, name: str) -> str:
+def dead_channel_words(table: pd.DataFrame, name: str) -> str:
     """In words what is wrong with a channel that has no values, or one throughout; empty for any other."""
     if not _is_there(table, name):
         return "has no values"
@@ -449,20 +446,26 @@ def idle_angles(table: pd.DataFrame, actuators: Actuators) -> tuple[str, ...]:
 
     Where their orders were recorded these say it, and :func:`driven_by_orders` takes them.
     """
-    angles = {each.angle.name: each.kind for each in actuators if each.angle and each.angle.name in table}
-    still = {name for name in angles if _is_there(table, name) and how_it_is_dead(table, name)}
-    unknown = {name for name in still if not _is_there(table, name_of_order(name))}
-    moving = {kind for name, kind in angles.items() if name not in still}
-    turned_deg, found = _turned_deg(table), []
+    angles = {
+        actuator.angle.name: actuator.kind
+        for actuator in actuators
+        if actuator.angle and actuator.angle.name in table
+    }
+    idle = {name for name in angles if _is_there(table, name) and dead_channel_words(table, name)}
+    unknown = {name for name in idle if not _is_there(table, name_of_order(name))}
+    moving = {kind for name, kind in angles.items() if name not in idle}
+    turned_deg, remarks = _turned_deg(table), []
     for name in sorted(unknown):
         ahead = abs(float(table[name].median())) < _AHEAD_DEG
         if angles[name] in moving or (ahead and turned_deg > _TURNS_DEG):
-            other = "others like it move" if angles[name] in moving else f"the ship turns by {turned_deg:.0f} deg"
-            found.append(
-                f"{name} {how_it_is_dead(table, name)} although {other}: taken as recorded; if it was used, what "
-                "is named may stand for that"
+            contrast = (
+                "others like it move" if angles[name] in moving else f"the ship turns by {turned_deg:.0f} deg"
             )
-    return tuple(found)
+            remarks.append(
+                f"{name} {dead_channel_words(table, name)} although {contrast}: taken as recorded; if it was used, "
+                "what is named may stand for that"
+            )
+    return tuple(remarks)
 
 
 def _is_there(table: pd.DataFrame, name: str) -> bool:
@@ -470,32 +473,32 @@ def _is_there(table: pd.DataFrame, name: str) -> bool:
 
 
 def _turned_deg(table: pd.DataFrame) -> float:
-    return _reach(table["heading_deg"], circular=True) if "heading_deg" in table else 0.0
+    return _range_of(table["heading_deg"], circular=True) if "heading_deg" in table else 0.0
 
 
-def _reach(values: pd.Series, *, circular: bool = False) -> float:
+def _range_of(values: pd.Series, *, circular: bool = False) -> float:
     """From the least of the values to the most, 0 of none."""
-    known = values.dropna().to_numpy(dtype=float)
-    return float(np.ptp(unwrap(known) if circular else known)) if known.size else 0.0
+    finite = values.dropna().to_numpy(dtype=float)
+    return float(np.ptp(unwrap(finite) if circular else finite)) if finite.size else 0.0
 
 
-def followed(table: pd.DataFrame, order: str, drive: Drive, *, circular: bool) -> Floats:
+def follow_orders(table: pd.DataFrame, order: str, drive: Drive, *, circular: bool) -> Floats:
     """What a drive makes of its orders, each held until the next, at the times of a table; NaN before the first.
 
     ``drive`` has its limits in the channel's unit.
     """
-    known, every = table[order].notna().to_numpy(), times_ns(table) / NANO
-    times, values = every[known], table[order].to_numpy(dtype=float)[known]
+    recorded, table_s = table[order].notna().to_numpy(), times_ns(table) / NANO
+    times, values = table_s[recorded], table[order].to_numpy(dtype=float)[recorded]
     values = unwrap(values) if circular else values
-    grid = np.arange(times[0], every[-1] + _STEP_S, _STEP_S)
+    grid = np.arange(times[0], table_s[-1] + _STEP_S, _STEP_S)
     held = values[np.searchsorted(times, grid, side="right") - 1]
-    acting = np.interp(every, grid, _driven(held, drive))
-    return np.where(every >= times[0], wrap_180(acting) if circular else acting, np.nan)
+    acting = np.interp(table_s, grid, _drive_response(held, drive))
+    return np.where(table_s >= times[0], wrap_180(acting) if circular else acting, np.nan)
 
 
-def _driven(orders: Floats, drive: Drive) -> Floats:
+def _drive_response(orders: Floats, drive: Drive) -> Floats:
     """What a drive makes of orders, one a step, that begins at the first (:func:`.follow`)."""
-    lag_s, limit, rate, helm = (np.array([each]) for each in (drive.lag_s, drive.limit, drive.rate, 0.0))
+    lag_s, limit, rate, helm = (np.array([value]) for value in (drive.lag_s, drive.limit, drive.rate, 0.0))
     drives = Drives(lag_s, limit, rate, helm, damping_s=0.0, settled_radps=0.0)
     share, result = shares(drives, _STEP_S), np.empty_like(orders)
     now = np.clip(orders[:1], -drive.limit, drive.limit)
@@ -503,14 +506,6 @@ def _driven(orders: Floats, drive: Drive) -> Floats:
         result[k] = now[0]
         follow(drives, share, now, orders[k : k + 1], _STEP_S)
     return result
-
-
-_AROUND = pd.Timedelta(seconds=2.5)
-"""Filters and interpolation make a ramp of a jump, and its stamps may be late: so much on either side goes."""
-_FROZEN = ("stuck", "feedback_frozen", "position_jump")
-_MOST_FROZEN = 0.5
-_FOR_A_NAME = ("speed_scale", "yaw_rate_scale", "channel_delay")
-"""Errors of sensors that the catalogue has: a diagnosis names them."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -541,15 +536,16 @@ def checked_tables(
     raw = table_of(recording)
     quality = check_recording(recording, raw)
     findings = quality.findings
-    faults = [each for each in findings if repaired or each.code not in _FOR_A_NAME]
-    done = repair(raw, faults, quality.flags, recording, rebuild_positions=rebuild_positions)
-    flags = quality.flags if done.flags is None else done.flags
-    table, remarks = without_frozen(select(done.table, part_percent), select(flags, part_percent), findings)
+    faults = [finding for finding in findings if repaired or finding.code not in _FOR_A_NAME]
+    record = repair(raw, faults, quality.flags, recording, rebuild_positions=rebuild_positions)
+    flags = quality.flags if record.flags is None else record.flags
+    table, remarks = drop_frozen(select(record.table, part_percent), select(flags, part_percent), findings)
     dead = dead_sensors(table)
-    parts, more = between_jumps(table.assign(**dict.fromkeys(dead, np.nan)), findings)
-    gone = (f"{name} has one value throughout although the ship turns: it is left out" for name in dead)
-    remarks = (*remarks, *gone, *idle_angles(table, table_actuators(table)), *more)
-    return Checked(parts, remarks, tuple(dict.fromkeys(map(_in_words, done.repairs))), repaired)
+    parts, part_remarks = split_at_jumps(table.assign(**dict.fromkeys(dead, np.nan)), findings)
+    dead_remarks = (f"{name} has one value throughout although the ship turns: it is left out" for name in dead)
+    remarks = (*remarks, *dead_remarks, *idle_angles(table, table_actuators(table)), *part_remarks)
+    repairs = (f"{entry.channel}: " * (entry.channel not in entry.text) + entry.text for entry in record.repairs)
+    return Checked(parts, remarks, tuple(dict.fromkeys(repairs)), repaired)
 
 
 def checked_files(
@@ -562,15 +558,11 @@ def checked_files(
     """The tables of all recordings by :func:`checked_tables`; each sentence begins with the name of its file."""
     tables, remarks, repairs = list[pd.DataFrame](), list[str](), list[str]()
     for recording in read_recordings(map(Path, files)):
-        found = checked_tables(recording, part_percent, repaired=repaired, rebuild_positions=rebuild_positions)
-        tables, name = [*tables, *found.tables], printable_name(recording.path.name)
-        remarks += [f"{name}: {remark}" for remark in found.remarks]
-        repairs += [f"{name}: {repair}" for repair in found.repairs]
+        checked = checked_tables(recording, part_percent, repaired=repaired, rebuild_positions=rebuild_positions)
+        tables, name = [*tables, *checked.tables], printable_name(recording.path.name)
+        remarks += [f"{name}: {remark}" for remark in checked.remarks]
+        repairs += [f"{name}: {repair}" for repair in checked.repairs]
     return Checked(tuple(tables), tuple(remarks), tuple(repairs), repaired)
-
-
-def _in_words(done: Repair) -> str:
-    return done.text if done.channel in done.text else f"{done.channel}: {done.text}"
 
 
 def usable_tables(
@@ -586,62 +578,56 @@ def usable_tables(
         checked = checked_tables(
             read_together(files), part_percent, repaired=repaired, rebuild_positions=rebuild_positions
         )
-        tables[name] = joined(checked.tables)
+        tables[name] = join_tables(checked.tables)
         remarks += [f"{name}: {remark}" for remark in checked.remarks]
     return tables, tuple(remarks)
 
 
 def dead_sensors(table: pd.DataFrame) -> tuple[str, ...]:
     """Speeds and yaw rate that have one value throughout although the heading turns: nobody measured them."""
-    dead = tuple(each for each in VELOCITY if _is_there(table, each) and how_it_is_dead(table, each))
+    dead = tuple(name for name in VELOCITY if _is_there(table, name) and dead_channel_words(table, name))
     return dead if _turned_deg(table) > _TURNS_DEG else ()
 
 
-def without_frozen(
+def drop_frozen(
     table: pd.DataFrame, flags: pd.DataFrame, findings: Iterable[Finding]
 ) -> tuple[pd.DataFrame, tuple[str, ...]]:
     """The table with gaps where a channel stood still or positions were displaced, and what was made so.
 
     A control that is frozen for most of the time stays: without it nothing is known of what drives the ship.
     """
-    kept, remarks = table.copy(), list[str]()
-    for finding in (each for each in findings if each.code in _FROZEN):
+    cleaned, remarks = table.copy(), list[str]()
+    for finding in (finding for finding in findings if finding.code in _FROZEN):
         for name in filter(flags.__contains__, GROUPS.get(finding.channel, (finding.channel,))):
-            bad = (flags[name] == Quality.BAD).to_numpy() & kept[name].notna().to_numpy()
+            bad = (flags[name] == Quality.BAD).to_numpy() & cleaned[name].notna().to_numpy()
             if name in table_controls(table) and bad.sum() > _MOST_FROZEN * table[name].count():
                 remarks.append(f"{name} stands still for most of the time and was taken as recorded")
             elif bad.any():
-                kept[name] = kept[name].mask(bad)
+                cleaned[name] = cleaned[name].mask(bad)
                 remarks.append(f"{int(bad.sum()):,} values of {name} left out: {finding.text}")
-    return kept, tuple(remarks)
+    return cleaned, tuple(remarks)
 
 
-def between_jumps(
+def split_at_jumps(
     table: pd.DataFrame, findings: Iterable[Finding]
 ) -> tuple[tuple[pd.DataFrame, ...], tuple[str, ...]]:
     """The parts of a table between jumps of the positions that do not return, those of a minute and more; and what
     was parted where."""
-    jumps = [each for each in findings if each.code == "position_jump" and each.start == each.end]
+    jumps = [finding for finding in findings if finding.code == "position_jump" and finding.start == finding.end]
     times = utc_index(table)
-    inside = [each for each in jumps if times.min() < each.start < times.max()]
-    edges = [times.min() - _AROUND, *sorted(each.start for each in inside), times.max() + _AROUND]
+    inside = [jump for jump in jumps if times.min() < jump.start < times.max()]
+    edges = [times.min() - _AROUND, *sorted(jump.start for jump in inside), times.max() + _AROUND]
     parts = [table[(times >= first + _AROUND) & (times <= last - _AROUND)] for first, last in pairwise(edges)]
     long = tuple(part for part in parts if len(part) and np.ptp(utc_index(part).asi8) >= BLOCK_S * 1e9)
-    return long or (table,), tuple(f"parted: {each.text}" for each in inside)
+    return long or (table,), tuple(f"parted: {jump.text}" for jump in inside)
 
 
 def without_wind(catalogue: Catalogue, tables: Sequence[pd.DataFrame]) -> Catalogue:
     """The catalogue; where a table has no wind, a steady one in the place of the effects of a recorded one."""
-    if all(set(ENVIRONMENT) <= set(each) and each[list(ENVIRONMENT)].notna().any().all() for each in tables):
+    if all(set(ENVIRONMENT) <= set(table) and table[list(ENVIRONMENT)].notna().any().all() for table in tables):
         return catalogue
-    kept = {name: effect for name, effect in catalogue.items() if not name.startswith("wind_")}
-    return {**kept, STEADY_WIND.name: STEADY_WIND}
-
-
-TEMPLATES = VESSELS.parent / "start"
-_CONTROLS = "# CONTROLS\n"
-_KNOT_MPS = 1852.0 / 3600.0
-_EXAMPLE_S, _PLACE_DEG = 420.0, (63.44, 10.4)
+    windless = {name: effect for name, effect in catalogue.items() if not name.startswith("wind_")}
+    return {**windless, STEADY_WIND.name: STEADY_WIND}
 
 
 def start_folder(
@@ -678,8 +664,12 @@ def start_folder(
     name = safe_name(name or folder.resolve().name)
     ship, text = _ship_of(vessel, folder)
     texts = {} if text is None else {"vessel.toml": text}
-    texts["trial.toml"] = _filled("trial.toml", name, ship, _listed(ship))
-    texts["columns.toml"] = _filled("columns.toml", name, ship, _mapped(ship.actuators))
+    texts["trial.toml"] = _filled_template("trial.toml", name, ship, _sentence_controls(ship))
+    columns = "".join(
+        f'{channel.name:<18} = {{ column = "{_title(channel)}", unit = "{channel.unit}" }}\n'
+        for channel in control_channels(ship.actuators)
+    )
+    texts["columns.toml"] = _filled_template("columns.toml", name, ship, columns)
     for file in (*texts, "example.csv"):
         refuse_overwriting(folder / file, force)
     texts["example.csv"] = _example_table(ship)
@@ -707,28 +697,20 @@ def _ship_of(vessel: NewVessel | str | Path, folder: Path) -> tuple[Vessel, str 
         return ship, None if exists else copy.read_text(encoding="utf-8")
 
 
-def _filled(file: str, name: str, ship: Vessel, controls: str) -> str:
+def _filled_template(file: str, name: str, ship: Vessel, controls: str) -> str:
     """A template with the names and the controls in their places."""
     words = {"NAME": name, "SHIP": json.dumps(ship.name)[1:-1], _CONTROLS: controls}
     template = (TEMPLATES / file).read_text(encoding="utf-8")
     return re.sub("|".join(words), lambda match: words[match[0]], template)
 
 
-def _listed(ship: Vessel) -> str:
+def _sentence_controls(ship: Vessel) -> str:
     """The controls as the list of a source of sentences has them; those that no sentence carries as a comment."""
     settings = {"name": "bridge", "type": "udp", "port": 10110, "channels": ()}
     possible = possible_channels(TypeAdapter(UdpSource).validate_python(settings), ship.actuators)
     names = [channel.name for channel in control_channels(ship.actuators)]
     rows = [f'"{name}",' if name in possible else f'# "{name}": no sentence carries it' for name in names]
     return "".join(f"{row}\n  " for row in rows)[:-2]
-
-
-def _mapped(actuators: Actuators) -> str:
-    """The controls as a column map has them."""
-    return "".join(
-        f'{channel.name:<18} = {{ column = "{_title(channel)}", unit = "{channel.unit}" }}\n'
-        for channel in control_channels(actuators)
-    )
 
 
 def _title(channel: Channel) -> str:
@@ -741,12 +723,12 @@ def _example_table(vessel: Vessel) -> str:
     """A 10/10 zigzag of the ship in a calm sea, by sensors so good that its columns agree by eye."""
     table, _ = simulate_trial(vessel, "calm", "zigzag_10_10", _EXAMPLE_S, 1.0, noise=SimulationNoise().scaled(0.1))
     lat, lon, _ = ned2geodetic(table["north_m"], table["east_m"], 0.0, *_PLACE_DEG, 0.0)
-    knots = table[["surge_mps", "sway_mps", "wind_speed_mps"]] / _KNOT_MPS
+    knots = table[["surge_mps", "sway_mps", "wind_speed_mps"]] / KNOT_MPS
     return pd.DataFrame({
         "Time UTC": pd.DatetimeIndex(table.index).strftime("%Y-%m-%dT%H:%M:%SZ"),
         "Lat": lat.round(7), "Lon": lon.round(7),
         "Heading": table["heading_deg"].round(2), "ROT deg/min": (60.0 * table["yaw_rate_dps"]).round(2),
         "Speed ahead kn": knots["surge_mps"].round(2), "Speed to starboard kn": knots["sway_mps"].round(2),
         "Wind from": table["wind_direction_deg"].round(1), "Wind kn": knots["wind_speed_mps"].round(1),
-        **{_title(each): table[each.name].round(1) for each in control_channels(vessel.actuators)},
+        **{_title(channel): table[channel.name].round(1) for channel in control_channels(vessel.actuators)},
     }).to_csv(index=False)  # fmt: skip

@@ -33,7 +33,6 @@ import json
 import os
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
-from functools import partial
 from itertools import groupby, product
 from operator import itemgetter
 from pathlib import Path
@@ -113,10 +112,10 @@ def single_degradations(
     other_weather = {name: getattr(truth, name) for name in ENVIRONMENT}
     return (
         *(
-            Degradation(COEFFICIENTS, f"hull x {each:g}", truth.scaled(each, *truth.hull_model.numbers))
-            for each in factors
+            Degradation(COEFFICIENTS, f"hull x {factor:g}", truth.scaled(factor, *truth.hull_model.numbers))
+            for factor in factors
         ),
-        *(Degradation(THRUST, f"thrust x {each:g}", truth.scaled(each, *THRUST_NUMBERS)) for each in factors),
+        *(Degradation(THRUST, f"thrust x {factor:g}", truth.scaled(factor, *THRUST_NUMBERS)) for factor in factors),
         Degradation(MISSING, "without current and wave drift", truth.replaced(**weather)),
         Degradation(MISSING, "without what changed the ship", reference.replaced(**other_weather)),
     )
@@ -125,9 +124,9 @@ def single_degradations(
 def blended(truth: Plant, reference: Plant, share: float) -> Plant:
     """Every number of the truth moved by ``share`` of the way to the reference's; the truth's extra forces stay."""
     numbers: dict[str, Any] = {}
-    others = reference.numbers()
-    for name, own in truth.numbers().items():
-        ours, theirs = np.asarray(own), np.asarray(others[name])
+    reference_numbers = reference.numbers()
+    for name, truth_number in truth.numbers().items():
+        ours, theirs = np.asarray(truth_number), np.asarray(reference_numbers[name])
         value = (1.0 - share) * ours + share * theirs
         numbers[name] = tuple(value.tolist()) if value.ndim else float(value)
     return truth.replaced(**numbers)
@@ -199,17 +198,17 @@ class FidelityMap:
         """For JSON, with the thresholds; none where there is no limit."""
         plain = {name: value.tolist() if isinstance(value, np.ndarray) else value
                  for name, value in asdict(self).items()}  # fmt: skip
-        limits = [None if np.isinf(each) else float(each) for each in useful_up_to_m(self)]
+        limits = [None if np.isinf(limit_m) else float(limit_m) for limit_m in useful_up_to_m(self)]
         return {**plain, "useful_up_to_m": limits}
 
 
-def useful_up_to_m(found: FidelityMap) -> Floats:
+def useful_up_to_m(fidelity: FidelityMap) -> Floats:
     """The reference's own error up to which the hybrid is better than the data alone, per amount of data [W].
 
     Better is by more than :data:`SAME`. Zero where not even the best reference helps, infinite where the worst
     still does; between two references it is interpolated on the logarithm of their errors.
     """
-    main = found.overall()
+    main = fidelity.overall()
     gain = np.asarray(1.0 - main.hybrid_m / main.data_driven_m - SAME)
     log_errors = np.log(np.maximum(main.reference_m, LEAST_M))
     return np.array([_falls_below_zero(log_errors, column) for column in gain.T])
@@ -219,32 +218,32 @@ def _falls_below_zero(log_errors: Floats, gain: Floats) -> float:
     useless = np.flatnonzero(gain <= 0.0)
     if not useless.size:
         return float("inf")
-    after = int(useless[0])
-    if after == 0:
+    first = int(useless[0])
+    if first == 0:
         return 0.0
-    share = gain[after - 1] / (gain[after - 1] - gain[after])
-    return float(np.exp(log_errors[after - 1] + share * (log_errors[after] - log_errors[after - 1])))
+    share = gain[first - 1] / (gain[first - 1] - gain[first])
+    return float(np.exp(log_errors[first - 1] + share * (log_errors[first] - log_errors[first - 1])))
 
 
-def enough_alone_m(found: FidelityMap) -> Floats:
+def enough_alone_m(fidelity: FidelityMap) -> Floats:
     """Up to which of the references tried no other method beats the reference by more than :data:`SAME` [W].
 
     Zero where the best of them is beaten.
     """
-    main = found.overall()
-    others = main.errors_m()[1:].min(axis=0)
-    enough = np.logical_and.accumulate(main.reference_m[:, None] * (1.0 - SAME) <= others, axis=0)
+    main = fidelity.overall()
+    others_m = main.errors_m()[1:].min(axis=0)
+    enough = np.logical_and.accumulate(main.reference_m[:, None] * (1.0 - SAME) <= others_m, axis=0)
     return np.asarray(np.where(enough, main.reference_m[:, None], 0.0).max(axis=0))
 
 
-def hybrid_wins(found: FidelityMap) -> Bools:
+def hybrid_wins(fidelity: FidelityMap) -> Bools:
     """Where on the main axis the hybrid beats all others, constant velocity included [D, W]."""
-    return edge(found.overall()) < 1.0 - SAME
+    return edge(fidelity.overall()) < 1.0 - SAME
 
 
-def edge(found: FidelityMap) -> Floats:
+def edge(fidelity: FidelityMap) -> Floats:
     """The hybrid's error over that of the best of all other methods [D, W]."""
-    return np.asarray(found.hybrid_m / np.maximum(found.errors_m()[:-1].min(axis=0), LEAST_M))
+    return np.asarray(fidelity.hybrid_m / np.maximum(fidelity.errors_m()[:-1].min(axis=0), LEAST_M))
 
 
 # %%
@@ -272,13 +271,13 @@ def papers_map(
     """The map of the paper's ship and reference in one sea state, every axis of degradation."""
     at_work = workers or os.cpu_count() or 1
     sequences, truth = campaign_sequences(
-        sea_state, seed, workers=at_work, progress=lambda done: progress(0.1 * done)
+        sea_state, seed, workers=at_work, progress=lambda share: progress(0.1 * share)
     )
     model = vessel_plant(load_vessel(MODEL))
     steps = (*degradations(truth, model), *single_degradations(truth, model))
     drawn = range(seed, seed + seeds)
     return fidelity_map(
-        sequences, steps, method, seeds=drawn, workers=at_work, progress=lambda done: progress(0.1 + 0.9 * done)
+        sequences, steps, method, seeds=drawn, workers=at_work, progress=lambda share: progress(0.1 + 0.9 * share)
     )
 
 
@@ -296,7 +295,7 @@ def campaign_sequences(
         sizes.append(pool % LARGEST_CAMPAIGN)
     asked = [(paper_campaign, sea_state, 1000 * seed + number, TRUTH, size) for number, size in enumerate(sizes)]
     judged, *learned = map_calls(asked, workers, progress)
-    return Sequences(concatenate_windows([each.windows for each in learned]), judged.windows), judged.truth
+    return Sequences(concatenate_windows([campaign.windows for campaign in learned]), judged.windows), judged.truth
 
 
 def fidelity_map(
@@ -313,7 +312,7 @@ def fidelity_map(
     Every seed draws its own windows to learn from. Windows in which a reference leaves the range of its model are
     left out for all. Raises :class:`DataShortageError` when that leaves fewer than the largest of ``amounts``.
     """
-    usable = within_range(sequences, [each.plant for each in steps])
+    usable = within_range(sequences, [step.plant for step in steps])
     if len(usable.pool) < max(amounts) or not len(usable.unseen):
         raise DataShortageError(
             f"{len(usable.pool)} windows to learn from and {len(usable.unseen)} to be judged by are too few",
@@ -328,10 +327,10 @@ def fidelity_map(
     unseen = usable.unseen
     return FidelityMap(
         method=method,
-        axis=tuple(each.axis for each in steps),
-        label=tuple(each.label for each in steps),
+        axis=tuple(step.axis for step in steps),
+        label=tuple(step.label for step in steps),
         windows=tuple(amounts),
-        reference_m=np.array([_mean_m(reference(unseen, each.plant), unseen) for each in steps]),
+        reference_m=np.array([_mean_m(reference(unseen, step.plant), unseen) for step in steps]),
         hybrid_m=by_step[1:],
         data_driven_m=by_step[0],
         constant_velocity_m=_mean_m(constant_velocity(unseen), unseen),
@@ -362,8 +361,8 @@ def learned_errors_m(
     plant = None if step is None else step.plant
     name = "data_driven" if step is None else method
     tracks = [
-        constant_velocity(each) if plant is None else reference(each, plant)
-        for each in (sequences.pool, sequences.unseen)
+        constant_velocity(windows) if plant is None else reference(windows, plant)
+        for windows in (sequences.pool, sequences.unseen)
     ]
     errors = []
     for amount in amounts:
@@ -389,25 +388,25 @@ def _mean_m(predicted: Floats, windows: PredictionWindows) -> float:
 _NAMED = {"reference": "the reference", "constant_velocity": "constant velocity", "data_driven": "the data alone"}
 
 
-def with_reading(found: FidelityMap) -> dict[str, Any]:
+def with_reading(fidelity: FidelityMap) -> dict[str, Any]:
     """The map for JSON, with its reading."""
-    return {**found.as_dict(), "reading": list(reading(found))}
+    return {**fidelity.as_dict(), "reading": list(reading(fidelity))}
 
 
-def reading(found: FidelityMap) -> tuple[str, str, str]:
+def reading(fidelity: FidelityMap) -> tuple[str, str, str]:
     """How bad a reference may be; where the hybrid is the best choice and where it is not needed; what it gains."""
-    main = found.overall()
+    main = fidelity.overall()
     return _how_bad(main), _best_choice(main), _gain(main)
 
 
 def _how_bad(main: FidelityMap) -> str:
     """Up to which error of the reference the hybrid beats the data, for each amount of data."""
-    said = {
+    verdicts = {
         0.0: f"even the best reference, {main.reference_m[0]:.2f} m off, is not good enough",
         np.inf: f"even the worst tried, {main.reference_m[-1]:.2f} m off, is good enough",
     }
     parts = [
-        f"with {amounts} windows {said.get(limit_m, f'one less than {limit_m:.2f} m off is good enough')}"
+        f"with {amounts} windows {verdicts.get(limit_m, f'one less than {limit_m:.2f} m off is good enough')}"
         for limit_m, amounts in _by_amount(main, useful_up_to_m(main))
     ]
     return (
@@ -462,13 +461,13 @@ PALEST, FULL_MARGIN = 0.25, 0.5
 NAME = "fidelity_map"
 
 
-def fidelity_cells(axes: Axes, found: FidelityMap) -> list[Artist]:
+def fidelity_cells(axes: Axes, fidelity: FidelityMap) -> list[Artist]:
     """A cell for each reference and amount of data: coloured by who wins, stronger the further ahead; its error.
 
     Rows are the references of the main axis, the best at the bottom, labelled by their own error [m] and that over
     constant velocity's. Above the lines the hybrid is not better than the data alone.
     """
-    main = found.overall()
+    main = fidelity.overall()
     errors_m = main.errors_m()
     ranked = np.sort(errors_m, axis=0)
     winner, lead = errors_m.argmin(axis=0), 1.0 - ranked[0] / ranked[1]
@@ -476,6 +475,9 @@ def fidelity_cells(axes: Axes, found: FidelityMap) -> list[Artist]:
     for row, column in np.ndindex(winner.shape):
         strength = PALEST + (1.0 - PALEST) * min(1.0, float(lead[row, column]) / FULL_MARGIN)
         colour = _paler(_colour(main, int(winner[row, column])), strength)
+        background = _luminance(colour) + 0.05  # the ink stands out from it by the contrast ratio of WCAG 2.1
+        inks = {text: abs(np.log((_luminance(to_rgb(text)) + 0.05) / background)) for text in (INK, "white")}
+        ink = max(inks, key=inks.__getitem__)
         artists.append(axes.add_patch(Rectangle((column - 0.5, row - 0.5), 1.0, 1.0, color=colour, linewidth=0)))
         axes.text(
             column,
@@ -484,18 +486,22 @@ def fidelity_cells(axes: Axes, found: FidelityMap) -> list[Artist]:
             ha="center",
             va="center",
             fontsize=8,
-            color=_legible(colour),
+            color=ink,
         )
-    columns = np.arange(len(main.windows))
-    limits = axes.hlines(_limit_rows(main), columns - 0.5, columns + 0.5, color=INK, linewidth=3.0, clip_on=False)
+    columns, limits_m = np.arange(len(main.windows)), useful_up_to_m(main)
+    limit, error = (np.log(np.maximum(values, LEAST_M)) for values in (limits_m, main.reference_m))
+    heights = np.interp(limit, error, np.arange(len(main.reference_m)))
+    heights = np.where(limits_m == 0.0, -0.5, heights)
+    heights[np.isinf(limits_m)] = np.nan  # the hybrid is better on all of them
+    limits = axes.hlines(heights, columns - 0.5, columns + 0.5, color=INK, linewidth=3.0, clip_on=False)
     artists.append(limits)
     _label_cells(axes, main)
     return artists
 
 
 def _label_cells(axes: Axes, main: FidelityMap) -> None:
-    references = [f"{each:.2f} m ({each / main.constant_velocity_m:.1f})" for each in main.reference_m]
-    axes.set_xticks(range(len(main.windows)), [str(each) for each in main.windows])
+    references = [f"{error_m:.2f} m ({error_m / main.constant_velocity_m:.1f})" for error_m in main.reference_m]
+    axes.set_xticks(range(len(main.windows)), [str(amount) for amount in main.windows])
     axes.set_yticks(range(len(references)), references)
     axes.set_xlim(-0.5, len(main.windows) - 0.5)
     axes.set_ylim(-0.5, len(references) - 0.5)
@@ -504,24 +510,18 @@ def _label_cells(axes: Axes, main: FidelityMap) -> None:
     axes.set_ylabel("the reference's own error [m] (times constant velocity's)")
 
 
-def legend_handles(found: FidelityMap) -> list[Patch | Line2D]:
+def legend_handles(fidelity: FidelityMap) -> list[Patch | Line2D]:
     """What the colours and the line say; the numbers in the cells are the winner's error."""
-    names = ["reference alone", "constant velocity", "data alone", f"hybrid ({found.method})"]
-    patches = [Patch(facecolor=_colour(found, number), label=name) for number, name in enumerate(names)]
-    if np.isinf(useful_up_to_m(found)).all():
+    names = ["reference alone", "constant velocity", "data alone", f"hybrid ({fidelity.method})"]
+    patches = [Patch(facecolor=_colour(fidelity, number), label=name) for number, name in enumerate(names)]
+    if np.isinf(useful_up_to_m(fidelity)).all():
         return list(patches)
     return [*patches, Line2D([], [], color=INK, linewidth=2.0, label="above it no better than data alone")]
 
 
-def _colour(found: FidelityMap, number: int) -> str:
+def _colour(fidelity: FidelityMap, number: int) -> str:
     """The colour of a rival; the calibrator has the hybrid's, whichever it is."""
-    return COLOUR["hybrid"] if number == len(found.rivals) - 1 else COLOUR[found.rivals[number]]
-
-
-def _legible(colour: tuple[float, float, float]) -> str:
-    """Ink or white, whichever stands out more from ``colour`` by the contrast ratio of WCAG 2.1."""
-    behind = _luminance(colour) + 0.05
-    return max((INK, "white"), key=lambda text: abs(np.log((_luminance(to_rgb(text)) + 0.05) / behind)))
+    return COLOUR["hybrid"] if number == len(fidelity.rivals) - 1 else COLOUR[fidelity.rivals[number]]
 
 
 def _luminance(colour: tuple[float, float, float]) -> float:
@@ -534,83 +534,88 @@ def _paler(colour: str, strength: float) -> tuple[float, float, float]:
     return red, green, blue
 
 
-def _limit_rows(main: FidelityMap) -> Floats:
-    """The thresholds as heights on the axis of rows [W]; none where the hybrid is better on all of them."""
-    limits = useful_up_to_m(main)
-    limit, error = (np.log(np.maximum(each, LEAST_M)) for each in (limits, main.reference_m))
-    rows = np.interp(limit, error, np.arange(len(main.reference_m)))
-    return np.where(np.isinf(limits), np.nan, np.where(limits == 0.0, -0.5, rows))
-
-
-def draw_map(figure: Figure, found: FidelityMap) -> None:
+def draw_map(figure: Figure, fidelity: FidelityMap) -> None:
     """The map with its legend."""
     axes = figure.subplots()
-    fidelity_cells(axes, found)
+    fidelity_cells(axes, fidelity)
     axes.set_title("Who predicts best, and the mean error that the best leaves [m]", loc="left")
-    figure.legend(handles=legend_handles(found), loc="outside lower center", ncols=3)
+    figure.legend(handles=legend_handles(fidelity), loc="outside lower center", ncols=3)
 
 
-def draw_axes(figure: Figure, found: FidelityMap) -> None:
+def draw_axes(figure: Figure, fidelity: FidelityMap) -> None:
     """The hybrid's error against the reference's own, whatever was degraded, for few and many windows."""
     axes = figure.subplots()
     axes.set_xscale("log")
     axes.set_yscale("log")
-    ends = [found.reference_m.min(), found.reference_m.max()]
+    ends = [fidelity.reference_m.min(), fidelity.reference_m.max()]
     axes.plot(ends, ends, ":", color=INK, linewidth=1.0)
-    for column, shade in _shades(found).items():
-        axes.axhline(found.data_driven_m[column], color=_paler(COLOUR["data_driven"], shade), linewidth=1.0)
-        for kind, marker in _markers(found).items():
-            rows = [number for number, axis in enumerate(found.axis) if axis == kind]
+    for column, shade in _shades(fidelity).items():
+        axes.axhline(fidelity.data_driven_m[column], color=_paler(COLOUR["data_driven"], shade), linewidth=1.0)
+        for kind, marker in _markers(fidelity).items():
+            rows = [number for number, axis in enumerate(fidelity.axis) if axis == kind]
             colour = _paler(COLOUR["hybrid"], shade)
-            axes.plot(found.reference_m[rows], found.hybrid_m[rows, column], marker, color=colour, markersize=5)
+            axes.plot(
+                fidelity.reference_m[rows], fidelity.hybrid_m[rows, column], marker, color=colour, markersize=5
+            )
     for axis in (axes.xaxis, axes.yaxis):
         plain_numbers(axis)
     axes.set_title("What the hybrid leaves, whatever is wrong with its reference", loc="left")
     axes.set_xlabel("the reference's own error [m]")
     axes.set_ylabel("the hybrid's error [m]")
-    figure.legend(handles=_axes_handles(found), loc="outside lower center", ncols=3)
+    figure.legend(handles=_axes_handles(fidelity), loc="outside lower center", ncols=3)
 
 
-def _axes_handles(found: FidelityMap) -> list[Line2D]:
+def _axes_handles(fidelity: FidelityMap) -> list[Line2D]:
     called = {OVERALL: "all, step by step"}
     return [
         *(
             Line2D([], [], color=INK, marker=marker, linestyle="none", label=called.get(kind, kind))
-            for kind, marker in _markers(found).items()
+            for kind, marker in _markers(fidelity).items()
         ),
         *(
             Line2D(
-                [], [], color=_paler(COLOUR["hybrid"], shade), linewidth=4, label=f"{found.windows[column]} windows"
+                [],
+                [],
+                color=_paler(COLOUR["hybrid"], shade),
+                linewidth=4,
+                label=f"{fidelity.windows[column]} windows",
             )
-            for column, shade in _shades(found).items()
+            for column, shade in _shades(fidelity).items()
         ),
         Line2D([], [], color=COLOUR["data_driven"], linewidth=1.0, label="data alone, as many windows"),
         Line2D([], [], color=INK, linewidth=1.0, linestyle=":", label="the reference alone"),
     ]
 
 
-def _markers(found: FidelityMap) -> dict[str, str]:
-    return dict(zip(dict.fromkeys(found.axis), "osD^", strict=False))
+def _markers(fidelity: FidelityMap) -> dict[str, str]:
+    return dict(zip(dict.fromkeys(fidelity.axis), "osD^", strict=False))
 
 
-def _shades(found: FidelityMap) -> dict[int, float]:
+def _shades(fidelity: FidelityMap) -> dict[int, float]:
     """The columns shown, few windows, some and many, and how much of its colour each has."""
-    columns = sorted({0, len(found.windows) // 2, len(found.windows) - 1})
+    columns = sorted({0, len(fidelity.windows) // 2, len(fidelity.windows) - 1})
     return dict(zip(columns, (0.35, 0.65, 1.0), strict=False))
 
 
-def write_map(found: FidelityMap, folder: Path) -> list[Path]:
+def write_map(fidelity: FidelityMap, folder: Path) -> list[Path]:
     """The map as PNG, SVG and PDF, its numbers and its reading as JSON. Raises :class:`StorageError`."""
     path = folder / f"{NAME}.json"
-    write_text(path, json.dumps(with_reading(found), indent=2) + "\n")
+    write_text(path, json.dumps(with_reading(fidelity), indent=2) + "\n")
     paths = [path]
     for name, (draw, size_inch, _) in zip((NAME, f"{NAME}_axes"), DRAWN, strict=True):
-        figure = fill_figure(partial(draw, found=found), size_inch)
+        figure = _filled(draw, fidelity, size_inch)
         paths += write_figure(figure, folder, name, ("png", "svg", "pdf"))
     return paths
 
 
-DRAWN: tuple[tuple[Callable[[Figure, FidelityMap], None], tuple[float, float], str], ...] = (
+Draw = Callable[[Figure, FidelityMap], None]
+
+
+def _filled(draw: Draw, fidelity: FidelityMap, size_inch: tuple[float, float]) -> Figure:
+    return fill_figure(lambda figure: draw(figure, fidelity), size_inch)
+
+
+DRAWN: tuple[tuple[Draw, tuple[float, float], str], ...] = (
     (
         draw_map,
         (8.5, 5.6),
@@ -626,19 +631,18 @@ DRAWN: tuple[tuple[Callable[[Figure, FidelityMap], None], tuple[float, float], s
 
 
 # %%
-def page_of(found: FidelityMap, subtitle: str = "") -> Page:
+def page_of(fidelity: FidelityMap, subtitle: str = "") -> Page:
     """What the map says and its pictures, as a page."""
-    drawn = [(fill_figure(partial(draw, found=found), size_inch), words) for draw, size_inch, words in DRAWN]
-    pictures = [picture(png_of(figure), words) for figure, words in drawn]
-    said = [Markup("<p>{}</p>").format(sentence) for sentence in reading(found)]
+    pictures = [picture(png_of(_filled(draw, fidelity, size_inch)), words) for draw, size_inch, words in DRAWN]
+    sentences = [Markup("<p>{}</p>").format(sentence) for sentence in reading(fidelity)]
     title = "How bad may the reference be, and how much data does it save?"
-    return render("base.html", title=title, subtitle=subtitle, body=Markup("").join([*said, *pictures]))
+    return render("base.html", title=title, subtitle=subtitle, body=Markup("").join([*sentences, *pictures]))
 
 
 # %%
 if __name__ == "__main__":  # in a notebook; `seatrial reproduce fidelity` calls the functions
     from IPython.display import display
 
-    found = papers_map(sea_state, method, seed, seeds, workers)
-    write_map(found, Path(folder))
-    display(page_of(found))
+    fidelity = papers_map(sea_state, method, seed, seeds, workers)
+    write_map(fidelity, Path(folder))
+    display(page_of(fidelity))

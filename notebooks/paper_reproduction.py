@@ -46,7 +46,9 @@ from seatrial.notebooks.wang2021.campaign import MODEL, TRUTH, paper_campaign
 circles = {name: st.vessel_check(name).of_kind("turning_circle")[0].indices for name in (MODEL, TRUTH)}
 names = ("advance_m", "tactical_diameter_m")
 display(
-    pd.DataFrame({ship: {name: found[name].value for name in names} for ship, found in circles.items()}).round(1)
+    pd.DataFrame({ship: {name: indices[name].value for name in names} for ship, indices in circles.items()}).round(
+        1
+    )
 )
 
 # %% [markdown]
@@ -106,7 +108,7 @@ calibrator = make_calibrator("adaptive", 0, plant).fit(
 judged = windows.subset(unseen)
 predicted = {"reference": tracks[unseen], "hybrid": calibrator.predict(judged, tracks[unseen])}
 errors = {name: score(track, judged.track) for name, track in predicted.items()}
-rows = {name: [each.mean_distance_m, each.end_distance_m] for name, each in errors.items()}
+rows = {name: [error.mean_distance_m, error.end_distance_m] for name, error in errors.items()}
 display(pd.DataFrame(rows, index=["on average [m]", "at the end [m]"]).round(2))
 
 # %% [markdown]

@@ -44,13 +44,12 @@ from seatrial.hybrid.diagnosis.evidence import (
 from seatrial.hybrid.diagnosis.select_effects import (
     MAX_LINEARISATIONS,
     Selection,
-    Swap,
+    continue_search,
     fitted_coordinates,
+    linearised_swaps,
     log_density,
     rival_deficits,
     search_effects,
-    search_on,
-    swaps_about_themselves,
 )
 from seatrial.hybrid.effects import Effect
 
@@ -65,6 +64,22 @@ _OWN_FORM = 0.03  # of its own size: beyond this the effect has another form tha
 _NEGLIGIBLE = 0.01  # of what the named effects explain: no effect's form is exact
 _INFORMATIVE_SHARE = 0.95  # of the information is in the legs that test an effect
 _FEW_LEGS = 3  # with fewer there is no scatter to test by: the sum has to be positive
+
+CHANCE = 0.0001
+"""The probability that a trial with nothing beyond its named effects and the tolerance shows any family."""
+
+INTERACTION_CHANCE = 0.01
+"""The probability that correctly named effects seem to have another form."""
+
+_RANK = 1e-5
+_CLOSE_TO_LIKELIEST = 0.03  # of the tolerance's size, whose own error is about a tenth
+_NOTHING = 1e-6  # of a column's squares
+
+CREDIBLE = 3
+"""The most effects of an ordinary model; more are usually imitations of one outside the catalogue, unless they
+replicate."""
+
+_SPANNED = 0.9  # of an effect's squares: two that explain so much of it combine to it
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,14 +112,20 @@ class AcceptanceTests:
 def acceptance_tests(evidence: Evidence, names: tuple[str, ...], name: str) -> AcceptanceTests:
     """Test one of the effects ``names``, given the others."""
     remaining = tuple(candidate for candidate in names if candidate != name)
-    together, without = evidence.fit(names), evidence.fit(remaining)
-    gain = together.gain - without.gain
+    complete, reduced = evidence.fit(names), evidence.fit(remaining)
+    gain = complete.gain - reduced.gain
     spread = score_spread(evidence, names, name)
     p_value = evidence.chance(gain / spread, len(evidence.columns([name])))
-    noncentrality = _noncentrality(evidence, together, name)
-    gains, informative = unseen_gains(evidence, remaining, names), _informative_legs(noncentrality)
+    noncentrality = _noncentrality(evidence, complete, name)
+    gains = unseen_gains(evidence, remaining, names)
+    order = np.argsort(-noncentrality)  # legs without information cannot confirm an effect
+    needed = np.searchsorted(np.cumsum(noncentrality[order]), _INFORMATIVE_SHARE * noncentrality.sum())
+    informative = order[: int(needed) + 1]
     p_held_out = chance_of_gains(gains[informative] / np.sqrt(np.maximum(noncentrality[informative], 1e-300)))
-    return AcceptanceTests(name, gain, p_value, spread, p_held_out, _large_enough(evidence, together, name))
+    places = evidence.places(complete, name)
+    reach = np.abs(complete.values[places]) + 1.96 * np.sqrt(np.diag(complete.covariance)[places])
+    large_enough = bool((reach >= np.array(evidence.equations.model.catalogue[name].smallest_free)).any())
+    return AcceptanceTests(name, gain, p_value, spread, p_held_out, large_enough)
 
 
 def _noncentrality(evidence: Evidence, fit: JointFit, name: str) -> Floats:
@@ -112,13 +133,6 @@ def _noncentrality(evidence: Evidence, fit: JointFit, name: str) -> Floats:
     columns = np.array(evidence.columns([name]))
     values = fit.values[evidence.places(fit, name)]
     return np.array([values @ leg[np.ix_(columns, columns)] @ values for leg in evidence.alone])
-
-
-def _informative_legs(noncentrality: Floats) -> Ints:
-    """The legs that hold 95 % of the information; the others cannot confirm an effect."""
-    order = np.argsort(-noncentrality)
-    needed = int(np.searchsorted(np.cumsum(noncentrality[order]), _INFORMATIVE_SHARE * noncentrality.sum())) + 1
-    return np.asarray(order[:needed])
 
 
 def chance_of_gains(gains: Floats) -> float:
@@ -129,14 +143,6 @@ def chance_of_gains(gains: Floats) -> float:
     """
     deviation = gains.std(ddof=1) / np.sqrt(len(gains)) if len(gains) >= _FEW_LEGS else 0.0
     return float(t.sf(gains.mean() / max(float(deviation), 1e-12), max(len(gains) - 1, 1)))
-
-
-def _large_enough(evidence: Evidence, fit: JointFit, name: str) -> bool:
-    """Whether the effect may be as large as the smallest size of interest."""
-    effect = evidence.equations.model.catalogue[name]
-    places = evidence.places(fit, name)
-    reach = np.abs(fit.values[places]) + 1.96 * np.sqrt(np.diag(fit.covariance)[places])
-    return bool((reach >= np.array(effect.smallest_free)).any())
 
 
 def score_spread(evidence: Evidence, names: tuple[str, ...], name: str) -> float:
@@ -170,15 +176,15 @@ def overdispersion(equations: NormalEquations, columns: Ints, remaining: Ints, f
     return np.asarray((centred**2).sum(axis=0) / total_information * count / (count - 1))
 
 
-def _residual_columns(total: Floats, what: Floats, fixed: Ints, nuisance: Ints, scale: Floats) -> Floats:
-    """``what`` [C, d] less what fixed columns (freely) and nuisances (at their scale) explain of it."""
+def _residual_columns(total: Floats, vectors: Floats, fixed: Ints, nuisance: Ints, scale: Floats) -> Floats:
+    """``vectors`` [C, d] less what fixed columns (freely) and nuisances (at their scale) explain of it."""
     columns = np.concatenate([fixed, nuisance])
     penalty = np.concatenate([np.zeros(len(fixed)), scale**-2.0])
     normal = total[np.ix_(columns, columns)] + np.diag(penalty)
     if not columns.size:
-        return what
-    weight = np.linalg.solve(normal + 1e-12 * np.diag(np.diag(normal)), total[columns] @ what)
-    result = what.copy()
+        return vectors
+    weight = np.linalg.solve(normal + 1e-12 * np.diag(np.diag(normal)), total[columns] @ vectors)
+    result = vectors.copy()
     np.subtract.at(result, columns, weight)  # an effect may be fixed and a nuisance: its column comes twice
     return result
 
@@ -196,17 +202,6 @@ def unseen_gains(evidence: Evidence, without: tuple[str, ...], names: tuple[str,
         return float(values @ inner[columns, 0] - 0.5 * values @ inner[np.ix_(columns, columns)] @ values)
 
     return np.array([density(leg, names) - density(leg, without) for leg in range(len(evidence.alone))])
-
-
-CHANCE = 0.0001
-"""The probability that a trial with nothing beyond its named effects and the tolerance shows any family."""
-
-INTERACTION_CHANCE = 0.01
-"""The probability that correctly named effects seem to have another form."""
-
-_RANK = 1e-5
-_CLOSE_TO_LIKELIEST = 0.03  # of the tolerance's size, whose own error is about a tenth
-_NOTHING = 1e-6  # of a column's squares
 
 
 @dataclass(frozen=True, slots=True)
@@ -233,8 +228,8 @@ class LackOfFit:
     matters: bool
 
     @property
-    def found(self) -> bool:
-        """Whether it is significant and large enough to matter."""
+    def significant(self) -> bool:
+        """Whether it is unlikely by chance and large enough to matter."""
         return self.p_value < (INTERACTION_CHANCE if self.depends in INTERACTIONS else CHANCE) and self.matters
 
 
@@ -248,8 +243,8 @@ def families(equations: NormalEquations) -> list[Family]:
     ]
     for label in dict.fromkeys(layout.varying):
         indices = np.flatnonzero([varying_label == label for varying_label in layout.varying])
-        what, depends = label.split("*")
-        result.append(Family(depends, what, indices + layout.first_varying))
+        target, depends = label.split("*")
+        result.append(Family(depends, target, indices + layout.first_varying))
     return result
 
 
@@ -259,40 +254,31 @@ def lack_of_fit(evidence: Evidence, names: Sequence[str]) -> list[LackOfFit]:
     tested = families(equations)
     columns = np.concatenate([group.columns for group in tested])
     free = np.array(evidence.columns(names), dtype=int)
-    inner = _inner(equations, np.concatenate([[0], free, columns]))
+    total, back = equations.gram.sum(axis=0), restored_data(equations)
+    data = total @ back  # with the model's own effects added back
+    total[:, 0] = total[0] = data
+    total[0, 0] = back @ data
+    tried = np.concatenate([[0], free, columns])
+    inner = marginalise(total, tried, equations.nuisance, equations.nuisance_scale)[0]
     number = 1 + len(free)
     if len(free):
-        inner = _project_out_effects(inner, number)
+        residual = inner - inner[:, 1:number] @ np.linalg.solve(inner[1:number, 1:number], inner[1:number])
+        negligible = np.diag(residual) < _NOTHING * np.diag(inner)
+        residual[negligible] = residual[:, negligible] = 0.0
+        inner = residual
     place = {int(column): number + i for i, column in enumerate(columns)}
     interactions = sum(group.depends in INTERACTIONS for group in tested)
     tests = len(tested) - interactions + 1
-    result = [_of_tolerance(equations, evidence, names, tests)]
+    result = [_test_tolerance(equations, evidence, names, tests)]
     for candidate in tested:
         chances = interactions if candidate.depends in INTERACTIONS else tests
         places = [place[int(column)] for column in candidate.columns]
         judged = _tested_family(equations, inner, places, candidate, chances, 1.0)
-        if judged.found:  # overdispersed from leg to leg: counts for less
+        if judged.significant:  # overdispersed from leg to leg: counts for less
             spread = float(np.median(overdispersion(equations, candidate.columns, free, free)))
             judged = _tested_family(equations, inner, places, candidate, chances, max(spread, 1.0))
         result.append(judged)
     return sorted(result, key=lambda lack: lack.p_value)
-
-
-def _inner(equations: NormalEquations, kept: Ints) -> Floats:
-    """Reduced inner products of columns, with the model's own effects added back into the data."""
-    total, back = equations.gram.sum(axis=0), restored_data(equations)
-    data = total @ back
-    total[:, 0] = total[0] = data
-    total[0, 0] = back @ data
-    return marginalise(total, kept, equations.nuisance, equations.nuisance_scale)[0]
-
-
-def _project_out_effects(inner: Floats, number: int) -> Floats:
-    """Inner products of what columns 1 to ``number`` leave of the others, zero where that is negligible."""
-    residual = inner - inner[:, 1:number] @ np.linalg.solve(inner[1:number, 1:number], inner[1:number])
-    gone = np.diag(residual) < _NOTHING * np.diag(inner)
-    residual[gone] = residual[:, gone] = 0.0
-    return np.asarray(residual)
 
 
 def _tested_family(
@@ -301,12 +287,12 @@ def _tested_family(
     information, right = inner[np.ix_(places, places)], inner[places, 0]
     scale = np.sqrt(np.maximum(np.diag(information), 1e-30))
     values, vectors = np.linalg.eigh(information / np.outer(scale, scale))
-    kept = values > _RANK * max(float(values[-1]), _RANK)
-    along = vectors[:, kept].T @ (right / scale)
-    gain = float((along**2 / values[kept]).sum()) / spread
-    p_value = min(1.0, tests * float(chi2.sf(gain, int(kept.sum())))) if kept.any() else 1.0
-    back = vectors[:, kept] / scale[:, None]
-    estimate, chance = back @ (along / values[kept]), float((back**2 / values[kept]).sum())
+    significant = values > _RANK * max(float(values[-1]), _RANK)
+    along = vectors[:, significant].T @ (right / scale)
+    gain = float((along**2 / values[significant]).sum()) / spread
+    p_value = min(1.0, tests * float(chi2.sf(gain, int(significant.sum())))) if significant.any() else 1.0
+    back = vectors[:, significant] / scale[:, None]
+    estimate, chance = back @ (along / values[significant]), float((back**2 / values[significant]).sum())
     size = float(np.sqrt(max(float((estimate**2).sum()) - chance, 0.0)))  # less the expected size from noise alone
     matters = True
     if family.what in AXES:
@@ -316,7 +302,7 @@ def _tested_family(
     return LackOfFit(family.depends, family.what, p_value, gain, size, matters)
 
 
-def _of_tolerance(equations: NormalEquations, evidence: Evidence, names: Sequence[str], tests: int) -> LackOfFit:
+def _test_tolerance(equations: NormalEquations, evidence: Evidence, names: Sequence[str], tests: int) -> LackOfFit:
     """Whether the error of the forces of speeds and thrusters exceeds the tolerance, and its most likely size."""
     nuisance, scale = equations.nuisance, equations.nuisance_scale
     wider = np.isin(nuisance, np.concatenate([equations.layout.axis(axis) for axis in range(3)]))
@@ -324,8 +310,8 @@ def _of_tolerance(equations: NormalEquations, evidence: Evidence, names: Sequenc
     def cost(log_factor: float) -> float:
         return -_log_density(evidence, names, scale * np.where(wider, np.exp(log_factor), 1.0))
 
-    most = np.log(1.0 / equations.tolerance)  # the whole range
-    optimum = minimize_scalar(cost, bounds=(0.0, most), method="bounded", options={"xatol": _CLOSE_TO_LIKELIEST})
+    limit = np.log(1.0 / equations.tolerance)  # the whole range
+    optimum = minimize_scalar(cost, bounds=(0.0, limit), method="bounded", options={"xatol": _CLOSE_TO_LIKELIEST})
     gain = 2.0 * max(cost(0.0) - float(optimum.fun), 0.0)
     factor = float(np.exp(optimum.x)) if gain > 0.0 else 1.0
     return LackOfFit(
@@ -344,13 +330,6 @@ def _log_density(evidence: Evidence, names: Sequence[str], scale: Floats) -> flo
         misfit -= inner[0, columns] @ np.linalg.solve(information, inner[columns, 0])
         determinant += float(np.linalg.slogdet(information)[1])
     return float(-0.5 * (misfit + determinant))
-
-
-CREDIBLE = 3
-"""The most effects of an ordinary model; more are usually imitations of one outside the catalogue, unless they
-replicate."""
-
-_SPANNED = 0.9  # of an effect's squares: two that explain so much of it combine to it
 
 
 def composite_effects(evidence: Evidence, names: Sequence[str]) -> list[tuple[str, ...]]:
@@ -399,9 +378,9 @@ def _tried_together(evidence: Evidence, first: str, second: str) -> bool:
     """Whether the catalogue has an effect of their family that the two combine to, each contributing."""
     catalogue = evidence.equations.model.catalogue
     return any(
-        _explained(evidence, name, (first, second))
+        _explained_share(evidence, name, (first, second))
         > _SPANNED
-        > max(_explained(evidence, name, (single,)) for single in (first, second))
+        > max(_explained_share(evidence, name, (single,)) for single in (first, second))
         for name, effect in catalogue.items()
         if effect.family == catalogue[first].family and name not in (first, second)
     )
@@ -414,12 +393,12 @@ def pairs_spanning(evidence: Evidence, names: Sequence[str], name: str) -> list[
     """
     relatives = evidence.equations.model.catalogue[name].confused_with
     candidates = [relative for relative in relatives if relative in evidence.names and relative not in names]
-    return [pair for pair in combinations(candidates, 2) if _explained(evidence, name, pair) > _SPANNED]
+    return [pair for pair in combinations(candidates, 2) if _explained_share(evidence, name, pair) > _SPANNED]
 
 
-def _explained(evidence: Evidence, name: str, by: Sequence[str]) -> float:
+def _explained_share(evidence: Evidence, name: str, names: Sequence[str]) -> float:
     """The share of an effect's whitened signature that others explain, in the direction they explain least."""
-    columns, explaining = np.array(evidence.columns([name])), np.array(evidence.columns(by))
+    columns, explaining = np.array(evidence.columns([name])), np.array(evidence.columns(names))
     size = np.sqrt(np.maximum(np.diag(evidence.inner)[columns], 1e-300))
     return float(np.linalg.eigvalsh(explained_by(evidence.inner, columns, explaining) / np.outer(size, size))[0])
 
@@ -453,8 +432,8 @@ def accept(selection: Selection) -> Acceptance:
     accepted = _compare_rivals(accept_names(selection))
     if accepted.names:
         equations = accepted.evidence.equations
-        again = normal_equations(equations, equations.noise, interactions=accepted.names)
-        accepted = replace(accepted, evidence=evidence_of(again))
+        repeated = normal_equations(equations, equations.noise, interactions=accepted.names)
+        accepted = replace(accepted, evidence=evidence_of(repeated))
     return replace(accepted, lack_of_fit=lack_of_fit_that_matters(accepted))
 
 
@@ -464,7 +443,7 @@ def _compare_rivals(accepted: Acceptance) -> Acceptance:
     It has to pass all tests as well. No search is made from it: starting from a wrong set, a search adds more
     imitations.
     """
-    swaps = swaps_about_themselves(accepted.evidence, accepted.names)
+    swaps = linearised_swaps(accepted.evidence, accepted.names)
     best = max(swaps, key=lambda swap: log_density(swap.evidence, swap.names), default=None)
     if best is None:
         return accepted
@@ -472,17 +451,14 @@ def _compare_rivals(accepted: Acceptance) -> Acceptance:
         tests = {name: acceptance_tests(best.evidence, best.names, name) for name in best.names}
         if all(test.accepted for test in tests.values()):
             accepted = Acceptance(best.names, tests, best.evidence)
-            swaps = swaps_about_themselves(best.evidence, best.names)
-    less = {(swap.name, swap.rival): _lacks(accepted, swap) for swap in swaps}
-    return replace(accepted, rival_deficits={**accepted.rival_deficits, **less})
-
-
-def _lacks(accepted: Acceptance, swap: Swap) -> float:
-    """The log evidence that a rival lacks at its own fitted size, reduced where legs disagree."""
-    less = log_density(accepted.evidence, accepted.names) - log_density(swap.evidence, swap.names)
-    gains = log_density_by_leg(accepted.evidence, accepted.names) - log_density_by_leg(swap.evidence, swap.names)
-    fit = accepted.evidence.fit(accepted.names)
-    return penalise_by_leg_scatter(less, gains, _noncentrality(accepted.evidence, fit, swap.name))
+            swaps = linearised_swaps(best.evidence, best.names)
+    evidence, names, deficits = accepted.evidence, accepted.names, dict[tuple[str, str], float]()
+    for swap in swaps:  # at its own fitted size, reduced where legs disagree
+        deficit = log_density(evidence, names) - log_density(swap.evidence, swap.names)
+        gains = log_density_by_leg(evidence, names) - log_density_by_leg(swap.evidence, swap.names)
+        noncentrality = _noncentrality(evidence, evidence.fit(names), swap.name)
+        deficits[swap.name, swap.rival] = penalise_by_leg_scatter(deficit, gains, noncentrality)
+    return replace(accepted, rival_deficits={**accepted.rival_deficits, **deficits})
 
 
 def log_density_by_leg(evidence: Evidence, names: tuple[str, ...]) -> Floats:
@@ -493,19 +469,19 @@ def log_density_by_leg(evidence: Evidence, names: tuple[str, ...]) -> Floats:
     return np.array([-0.5 * float(weights @ leg @ weights) for leg in evidence.alone])
 
 
-def penalise_by_leg_scatter(less: float, gains: Floats, noncentrality: Floats) -> float:
-    """The log odds ``less`` of one set of effects against another, reduced where legs scatter beyond the noise.
+def penalise_by_leg_scatter(log_odds: float, gains: Floats, noncentrality: Floats) -> float:
+    """``log_odds`` of one set of effects against another, reduced where legs scatter beyond the noise.
 
     ``gains`` [L] are the legs' log odds, ``noncentrality`` [L] the information in each. For two sets that differ by
     d standard errors the log odds are d^2 / 2 in the mean, with standard deviation d: their variance is twice
-    their mean. Where the variance is a larger s^2, the log odds of such a sum against its opposite are 2 less^2
+    their mean. Where the variance is a larger s^2, the log odds of such a sum against its opposite are 2 log_odds^2
     / s^2 (cf. Vuong 1989, Econometrica 57, 307).
     """
-    if len(gains) <= _FEW_LEGS or less <= 0.0:
-        return less
+    if len(gains) <= _FEW_LEGS or log_odds <= 0.0:
+        return log_odds
     centred = gains - noncentrality / max(float(noncentrality.sum()), 1e-300) * gains.sum()
     variance = float((centred**2).sum()) * len(gains) / (len(gains) - 1)
-    return less / max(1.0, variance / (2.0 * less))
+    return log_odds / max(1.0, variance / (2.0 * log_odds))
 
 
 def accept_names(selection: Selection) -> Acceptance:
@@ -516,7 +492,7 @@ def accept_names(selection: Selection) -> Acceptance:
         if set(names) == set(selection.at) or selection.linearisations >= MAX_LINEARISATIONS:
             return Acceptance(names, tests, evidence, rival_deficits(evidence, names, selection.tried))
         at = fitted_coordinates(evidence, names)
-        selection = search_on(replace(selection, at=at, excluded=excluded))
+        selection = continue_search(replace(selection, at=at, excluded=excluded))
 
 
 def _drop_failures(
@@ -546,4 +522,4 @@ def lack_of_fit_that_matters(accepted: Acceptance) -> tuple[LackOfFit, ...]:
             return lack.size > least * float(np.linalg.norm(coordinates))
         return lack.gain > _NEGLIGIBLE * fit.gain
 
-    return tuple(lack for lack in lack_of_fit(evidence, accepted.names) if lack.found and matters(lack))
+    return tuple(lack for lack in lack_of_fit(evidence, accepted.names) if lack.significant and matters(lack))

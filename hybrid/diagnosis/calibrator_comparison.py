@@ -1,4 +1,4 @@
-"""The ladder: reference model, named model, and a calibrator on top of either, on held-out windows.
+"""The comparison of reference model, named model, and a calibrator on top of either, on held-out windows.
 
 Windows are divided by the folds of the gap. A fold's windows are predicted by the model with the effects named
 on the other folds, and by calibrators trained on windows without a second in that fold. Calibrators are trained
@@ -23,7 +23,7 @@ from seatrial.hybrid.diagnosis.evidence import OPERATION
 from seatrial.hybrid.diagnosis.gap import FOLDS, HORIZON_S, fold_of
 from seatrial.hybrid.diagnosis.linearise import ModelWithEffects, time_varying_among
 from seatrial.hybrid.diagnosis.log import Log, tables_by_recording
-from seatrial.hybrid.diagnosis.result import Diagnosis, Ladder, Ratio, UnknownCause
+from seatrial.hybrid.diagnosis.result import CalibratorComparison, Diagnosis, Ratio, UnknownCause
 from seatrial.hybrid.diagnosis.select_effects import Coordinates
 from seatrial.hybrid.diagnosis.verdict import Conclusion
 from seatrial.hybrid.evaluation.study import Draw, MethodErrors, evaluate_draw, pool_draws, with_stopping
@@ -44,30 +44,26 @@ def compare_calibrators(
     *,
     seed: int = 0,
     progress: Progress = lambda share: None,
-) -> Ladder:
-    """The ladder of a diagnosis, on the ``tables`` that it was made from.
+) -> CalibratorComparison:
+    """The comparison for a diagnosis, on the ``tables`` that it was made from.
 
-    With too few held windows, or named effects that vary over the trial, the ladder has no rungs and gives the
+    With too few held windows, or named effects that vary over the trial, the comparison is empty and gives the
     reason.
     """
     equations = conclusion.accepted.evidence.equations
     if any(time_varying_among(at, equations.model.catalogue) for at in conclusion.gap.without.values()):
-        return Ladder(HORIZON_S, METHOD, why_not="what was named is not the same in all of the trial")
+        return CalibratorComparison(HORIZON_S, METHOD, why_not="what was named is not the same in all of the trial")
     try:
-        windows = _windows(tables, equations.model.base.length_overall_m)
+        by_recording = {  # some tables may be parts of one recording
+            name: second_by_second(partial(resample, table)) for name, table in tables_by_recording(tables).items()
+        }
+        length_m = equations.model.base.length_overall_m
+        windows = dataset_of(by_recording, HORIZON_S, STRIDE_S, shorter=True, length_m=length_m).windows
         seconds = seconds_in_folds(windows, equations.log, equations.log.names)
         named = conclusion.gap.without if conclusion.accepted.names else None
-        return ladder(windows, seconds, equations.model, named, seed=seed, progress=progress)
+        return compare_on_windows(windows, seconds, equations.model, named, seed=seed, progress=progress)
     except DataShortageError as error:
-        return Ladder(HORIZON_S, METHOD, why_not=error.what)
-
-
-def _windows(tables: Sequence[pd.DataFrame], length_m: float) -> PredictionWindows:
-    """The held windows of tables, whose recordings they are named after; some may be parts of one recording."""
-    seconds = {
-        name: second_by_second(partial(resample, table)) for name, table in tables_by_recording(tables).items()
-    }
-    return dataset_of(seconds, HORIZON_S, STRIDE_S, shorter=True, length_m=length_m).windows
+        return CalibratorComparison(HORIZON_S, METHOD, why_not=error.what)
 
 
 def seconds_in_folds(windows: PredictionWindows, log: Log, trials: Sequence[str]) -> Ints:
@@ -102,7 +98,7 @@ def draws_of_folds(windows: PredictionWindows, seconds: Ints, seed: int) -> dict
     return {fold: with_stopping(windows, seconds[:, fold] == 0, inside[:, fold], seed + fold) for fold in folds}
 
 
-def ladder(
+def compare_on_windows(
     windows: PredictionWindows,
     seconds: Ints,
     model: ModelWithEffects,
@@ -111,8 +107,8 @@ def ladder(
     method: str = METHOD,
     seed: int = 0,
     progress: Progress = lambda share: None,
-) -> Ladder:
-    """The rungs on windows with ``seconds`` [N, FOLDS] in each fold.
+) -> CalibratorComparison:
+    """The comparison on windows with ``seconds`` [N, FOLDS] in each fold.
 
     ``named`` are the effects named without the legs of each fold, None if nothing was named. Raises
     :class:`DataShortageError` if there are too few legs or windows.
@@ -126,18 +122,18 @@ def ladder(
     finite = np.all([np.isfinite(reference(windows, plant)).all(axis=(1, 2)) for plant in plants], axis=0)
     windows, seconds = windows.subset(finite), seconds[finite]
     draws = {fold: draw for fold, draw in draws_of_folds(windows, seconds, seed).items() if fold in bases}
-    rungs = [
-        _rungs(draw, windows, bases[fold], method, seed + fold, part_of(progress, number, len(draws)))
+    errors_of_folds = [
+        _model_errors(draw, windows, bases[fold], method, seed + fold, part_of(progress, number, len(draws)))
         for number, (fold, draw) in enumerate(draws.items())
     ]
-    return _together(windows, list(draws.values()), rungs, method, seed)
+    return _pooled(windows, list(draws.values()), errors_of_folds, method, seed)
 
 
-def doubted_by_calibrator(diagnosis: Diagnosis, ladder: Ladder) -> Diagnosis:
+def doubted_by_calibrator(diagnosis: Diagnosis, comparison: CalibratorComparison) -> Diagnosis:
     """The diagnosis, not saying that nothing is missing if a calibrator improves predictions all the same."""
-    if diagnosis.verdict != "nothing_missing" or not ladder.mean_distance_m:
+    if diagnosis.verdict != "nothing_missing" or not comparison.mean_distance_m:
         return diagnosis
-    ratio = ladder.ratio("reference_calibrated", "reference")
+    ratio = comparison.ratio("reference_calibrated", "reference")
     if ratio.value > _TELLING or not ratio.high < 1.0:
         return diagnosis
     words = f"what a calibrator learns of these data, which takes {100.0 * (1.0 - ratio.value):.0f} % off the error"
@@ -145,7 +141,7 @@ def doubted_by_calibrator(diagnosis: Diagnosis, ladder: Ladder) -> Diagnosis:
     return replace(diagnosis, verdict="unknown", unknown=unknown)
 
 
-def _rungs(
+def _model_errors(
     draw: Draw, windows: PredictionWindows, bases: Mapping[str, Plant], method: str, seed: int, progress: Progress
 ) -> dict[str, MethodErrors]:
     """The errors of each model, and of a calibrator on top of it, on the windows that ``draw`` holds out."""
@@ -158,21 +154,21 @@ def _rungs(
     return models | calibrated
 
 
-def _together(
+def _pooled(
     windows: PredictionWindows,
     draws: Sequence[Draw],
-    rungs: Sequence[Mapping[str, MethodErrors]],
+    errors_of_folds: Sequence[Mapping[str, MethodErrors]],
     method: str,
     seed: int,
-) -> Ladder:
-    """The means over all test windows, and the ladder's ratios, with intervals over legs."""
-    result = pool_draws("leg", windows, draws, rungs)
+) -> CalibratorComparison:
+    """The means over all test windows, and their ratios, with intervals over legs."""
+    result = pool_draws("leg", windows, draws, errors_of_folds)
     legs = LegBootstrap.of(windows.leg[result.held_out], seed)
     mean_m = {name: errors.distance_m.mean(axis=1) for name, errors in result.errors.items()}
     pairs = [("named", "reference"), ("reference_calibrated", "reference"), ("named_calibrated", "named"),
              ("named_calibrated", "reference_calibrated")]  # fmt: skip
     pairs = [pair for pair in pairs if pair[0] in mean_m]
-    return Ladder(
+    return CalibratorComparison(
         windows.horizon_s,
         method,
         int(result.held_out.sum()),

@@ -36,7 +36,6 @@ from seatrial.hybrid.diagnosis.linearise import (
 )
 from seatrial.hybrid.diagnosis.log import Log
 from seatrial.hybrid.diagnosis.select_effects import CLOSE, search_effects
-from seatrial.hybrid.vessel.effect import Effect
 
 _STEP_S = 10  # between candidate times of a change
 _MOST_PARTS = 120  # of a trial; more would only take memory
@@ -65,21 +64,27 @@ def likeliest_change(accepted: Acceptance) -> TimeVaryingEffect | None:
     Of about equally likely profiles the simplest is taken.
     """
     parts = _parts_of(accepted.evidence.equations)
-    tried = [_best_profiles(parts, name, accepted.names) for name in _steady(parts)]
+    catalogue = parts.evidence.equations.model.catalogue
+    steady = [name for name, effect in catalogue.items() if not isinstance(effect, TimeVaryingEffect)]
+    tried = [_best_profiles(parts, name, accepted.names) for name in steady]
     likely = sorted(tried, key=lambda changes: -max(changes))[:_LIKELIEST]
     existing = parts.evidence.names  # an effect that already varies in this way is not tried again
-    new = [change for changes in likely for change in changes.values() if change.name not in existing]
-    odds = {change: _odds_with(parts, change) for change in new}
+    odds = dict[TimeVaryingEffect, float]()
+    for change in (change for changes in likely for change in changes.values() if change.name not in existing):
+        evidence = parts.with_change(change)
+        names = search_effects(evidence)
+        times = len(parts.profiles) if change.profile.interval_s else 1  # that were tried
+        odds[change] = evidence.log_odds(names) - log(times) if change.name in names else -np.inf
     if not odds:
         return None
     best = max(odds, key=odds.__getitem__)
-    if odds[best] < _asked_of_a_change(parts.evidence, is_coarse(accepted)):
+    if odds[best] < _required_log_odds(parts.evidence, is_coarse(accepted)):
         return None
     alike = [change for change in odds if change.base == best.base and odds[change] > odds[best] - CLOSE]
     return min(alike, key=lambda change: (change.profile.pieces, -odds[change]))
 
 
-def _asked_of_a_change(evidence: Evidence, coarse: bool) -> float:
+def _required_log_odds(evidence: Evidence, coarse: bool) -> float:
     """The log odds that the best set with a change has to reach: more than any set without one.
 
     For a coarse model much more than any set that is constant over recordings, since separate sizes may imitate
@@ -92,14 +97,6 @@ def _asked_of_a_change(evidence: Evidence, coarse: bool) -> float:
         effect.name for effect in time_varying_among(evidence.names, evidence.equations.model.catalogue)
     )
     return max(asked, (1.0 + _MUCH) * evidence.log_odds(search_effects(evidence, changing)))
-
-
-def _odds_with(parts: _Parts, change: TimeVaryingEffect) -> float:
-    """The log odds of the best set of effects with a changed one, less the cost of the times tried."""
-    evidence = parts.with_change(change)
-    names = search_effects(evidence)
-    tried = len(parts.profiles) if change.profile.interval_s else 1
-    return evidence.log_odds(names) - log(tried) if change.name in names else -np.inf
 
 
 @dataclass(frozen=True, slots=True)
@@ -125,13 +122,15 @@ class _Parts:
         """
         chosen = list(columns)
         chosen_inner, half = np.ascontiguousarray(self.part_inner[:, :, chosen]), self.half[:, :, chosen]
-        taken = np.einsum("lp,lnc->npc", shares, half).reshape(len(self.half_total), -1)
+        explained = np.einsum("lp,lnc->npc", shares, half).reshape(len(self.half_total), -1)
         cross = (
             np.einsum("lp,lkc->kpc", shares, chosen_inner).reshape(chosen_inner.shape[1], -1)
-            - self.half_total.T @ taken
+            - self.half_total.T @ explained
         )
-        among = np.einsum("lp,lq,lcd->pcqd", shares, shares, chosen_inner[:, chosen]).reshape(taken.shape[1], -1)
-        return np.block([[self.evidence.inner, cross], [cross.T, among - taken.T @ taken]])
+        inner = np.einsum("lp,lq,lcd->pcqd", shares, shares, chosen_inner[:, chosen]).reshape(
+            explained.shape[1], -1
+        )
+        return np.block([[self.evidence.inner, cross], [cross.T, inner - explained.T @ explained]])
 
     def with_change(self, change: TimeVaryingEffect) -> Evidence:
         """The evidence with a changed effect beside all others."""
@@ -153,8 +152,8 @@ def _parts_of(equations: NormalEquations) -> _Parts:
     log, blocks = equations.log, int(equations.log.block.max()) + 1
     part = np.asarray(log.block * min(blocks, _MOST_PARTS) // blocks)
     fine = normal_equations(replace(equations, log=replace(log, leg=part)), equations.noise, number=FEW)
-    kept, nuisance, scale = 1 + len(fine.layout.effect), fine.nuisance, fine.nuisance_scale
-    back = np.eye(fine.gram.shape[1])[:, :kept]
+    count, nuisance, scale = 1 + len(fine.layout.effect), fine.nuisance, fine.nuisance_scale
+    back = np.eye(fine.gram.shape[1])[:, :count]
     back[:, 0] = restored_data(fine)
     granted = fine.gram.sum(axis=0)[np.ix_(nuisance, nuisance)] * np.outer(scale, scale)
     granted[np.diag_indices_from(granted)] += 1.0
@@ -162,7 +161,7 @@ def _parts_of(equations: NormalEquations) -> _Parts:
     right = fine.gram @ back
     part_inner = back.T @ right
     cross = np.moveaxis(right[:, nuisance] * scale[:, None], 0, 1).reshape(len(nuisance), -1)
-    half = solve_triangular(lower, cross, lower=True, check_finite=False).reshape(len(nuisance), -1, kept)
+    half = solve_triangular(lower, cross, lower=True, check_finite=False).reshape(len(nuisance), -1, count)
     half_total = half.sum(axis=1)
     evidence = Evidence(part_inner.sum(axis=0) - half_total.T @ half_total, replace(fine, log=log))
     profiles = tuple((profile, _shares(profile, log, part)) for profile in _profiles(log))
@@ -174,11 +173,6 @@ def _shares(profile: TimeProfile, log: Log, part: Ints) -> Floats:
     """The weight of each piece of a profile in each part of a trial [L, pieces]."""
     count = np.bincount(part)
     return np.column_stack([np.bincount(part, weights=share) / count for share in profile.shares(log).T])
-
-
-def _steady(parts: _Parts) -> list[str]:
-    catalogue = parts.evidence.equations.model.catalogue
-    return [name for name, effect in catalogue.items() if not isinstance(effect, TimeVaryingEffect)]
 
 
 def _best_profiles(parts: _Parts, name: str, names: Sequence[str]) -> dict[float, TimeVaryingEffect]:
@@ -195,16 +189,14 @@ def _best_profiles(parts: _Parts, name: str, names: Sequence[str]) -> dict[float
             sizes = np.append(prior, effect.free_scale * (len(columns) // width))
             odds = log_evidence(inner, (*fixed, *columns), sizes)
             by_shape.setdefault(shape, []).append((odds, replace(profile, shape=shape)))
-    return dict(_likeliest(effect, candidates) for candidates in by_shape.values())
-
-
-def _likeliest(effect: Effect, candidates: Sequence[tuple[float, TimeProfile]]) -> tuple[float, TimeVaryingEffect]:
-    """The most likely profile of one shape, with the interval of its time if it has one."""
-    best, profile = max(candidates, key=lambda candidate: candidate[0])
-    if profile.shape in ("until", "since", "step"):
-        times = [rival.times_s[0] for odds, rival in candidates if odds > best - _INTERVAL]
-        profile = replace(profile, interval_s=(min(times) - _STEP_S, max(times) + _STEP_S))
-    return best, time_varying(effect, profile)
+    changes = dict[float, TimeVaryingEffect]()
+    for candidates in by_shape.values():
+        best, profile = max(candidates, key=lambda candidate: candidate[0])
+        if profile.shape in ("until", "since", "step"):
+            times = [rival.times_s[0] for odds, rival in candidates if odds > best - _INTERVAL]
+            profile = replace(profile, interval_s=(min(times) - _STEP_S, max(times) + _STEP_S))
+        changes[best] = time_varying(effect, profile)
+    return changes
 
 
 _SHAPES: dict[Shape, tuple[tuple[slice, Shape], ...]] = {

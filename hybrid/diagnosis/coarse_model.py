@@ -35,11 +35,11 @@ from seatrial.hybrid.diagnosis.acceptance import (
     lack_of_fit_that_matters,
     pairs_spanning,
 )
-from seatrial.hybrid.diagnosis.evidence import FEW, INTERACTIONS, OPERATION, Evidence, JointFit, marginalise
+from seatrial.hybrid.diagnosis.evidence import FEW, INTERACTIONS, OPERATION, Evidence, marginalise
 from seatrial.hybrid.diagnosis.gap import (
     LinearTracks,
     UnseenWindows,
-    closest_alone,
+    closest_single_effect,
     evidence_within,
     evidence_without,
     linear_tracks,
@@ -49,11 +49,11 @@ from seatrial.hybrid.diagnosis.select_effects import (
     MAX_LINEARISATIONS,
     Coordinates,
     Selection,
+    continue_search,
     fitted_coordinates,
     linear_about,
     possible_rivals,
     relinearise_at_fit,
-    search_on,
     select_effects,
 )
 
@@ -80,6 +80,10 @@ _FEWEST_PARTS = 2  # informative parts required
 MOST_PARTS = 0.75
 """The share of the parts of a trial in which an effect has to be found independently."""
 
+_MAX_STEPS = 8
+_SHORTEST = 1.0 / 32.0
+_ENOUGH = 1.0  # gain in log posterior density below which the search has converged
+
 
 def is_coarse(accepted: Acceptance) -> bool:
     """Whether many things are missing at once, or the model's own forces err by far more than the tolerance."""
@@ -100,7 +104,7 @@ def _surest(accepted: Acceptance) -> LackOfFit | None:
     return max(accepted.lack_of_fit, key=lambda lack: lack.gain, default=None)
 
 
-def selected(
+def select_unless_coarse(
     evidence: Evidence, progress: Progress = lambda share: None, preliminary: Selection | None = None
 ) -> Selection:
     """The fourth stage, stopped after two linearisations if these leave a misfit that none would remove.
@@ -110,31 +114,33 @@ def selected(
     preliminary = preliminary or preliminary_selection(evidence)
     surest = max(lack_of_fit(preliminary.evidence, preliminary.names), key=lambda lack: lack.gain)
     far_off = _FOR_CERTAIN * COARSE * evidence.equations.tolerance
-    if surest.found and surest.depends == OPERATION and surest.size > far_off:
+    if surest.significant and surest.depends == OPERATION and surest.size > far_off:
         return preliminary
     return select_effects(evidence, progress)
 
 
 def preliminary_selection(evidence: Evidence) -> Selection:
     """The fourth stage's search, stopped after two linearisations."""
-    return search_on(Selection((), evidence, linearisations=MAX_LINEARISATIONS - 2))
+    return continue_search(Selection((), evidence, linearisations=MAX_LINEARISATIONS - 2))
 
 
-def untested_if_coarse(selection: Selection) -> Acceptance | None:
+def coarse_acceptance(selection: Selection) -> Acceptance | None:
     """An empty acceptance for a model so poor that tests against its noise would be meaningless, else None."""
-    significant = tuple(lack for lack in lack_of_fit(selection.evidence, selection.names) if lack.found)
-    nothing = Acceptance((), {}, selection.evidence, lack_of_fit=significant)
-    return nothing if is_coarse(nothing) else None
+    significant = tuple(lack for lack in lack_of_fit(selection.evidence, selection.names) if lack.significant)
+    untested = Acceptance((), {}, selection.evidence, lack_of_fit=significant)
+    return untested if is_coarse(untested) else None
 
 
-def name_of_coarse_model(
+def name_effects_of_coarse_model(
     first: Acceptance, windows: UnseenWindows, progress: Progress = lambda share: None
 ) -> Acceptance | None:
     """The effects named beside a remainder, and that remainder; None if none improve predictions."""
     candidates = list[tuple[Callable[[Sequence[str]], Floats], Evidence, tuple[str, ...], LinearTracks]]()
     bare = linear_about(first.evidence, {}, number=FEW)
-    for number, candidate in enumerate(_candidate_sets(_expecting_few(bare), windows), 1):
-        candidates.append((partial(unseen_m, windows, evidence_without(windows, candidate[0])), *candidate))
+    for number, candidate in enumerate(_candidate_sets(bare, windows), 1):
+        candidates.append(
+            (partial(unseen_distance_m, windows, evidence_without(windows, candidate[0])), *candidate)
+        )
         progress(number / (2.0 * _ROUNDS + 2.0))
     before_m, off_m = windows.by_leg_m(windows.before), [of_set(names) for of_set, _, names, _ in candidates]
     best = min(range(len(candidates)), key=lambda number: float(off_m[number].mean()))
@@ -177,12 +183,16 @@ def _candidate_sets(
     repeatedly until it stays the same, the best set about the last one.
 
     Each comes with the tracks that it was chosen by. Not all sets converge, and later ones are not always
-    better.
+    better. Priors are for all effects at once, of which only a few are present: one present with probability p,
+    with a size of standard deviation s, has standard deviation s times the square root of p.
     """
-    yield _alone(evidence, windows)
+    equations, share = evidence.equations, min(1.0, MAX_EFFECTS / len(evidence.names))
+    layout = replace(equations.layout, prior=np.sqrt(share) * equations.layout.prior)
+    evidence = replace(evidence, equations=replace(equations, layout=layout))
+    yield _best_single_effect(evidence, windows)
     names = compatible_effects(evidence)
     for _ in range(_ROUNDS):
-        evidence = about_likeliest(evidence, names)
+        evidence = relinearise_at_mode(evidence, names)
         choice = _Choice.of(evidence, windows)
         before, names = names, choice.best_set(names)
         yield evidence, names, choice.tracks
@@ -202,50 +212,35 @@ def single_effect_suffices(before_m: Floats, alone_m: Floats, best_m: Floats, tr
     return bool(chance < HELD_OUT_LEVEL and not improves_prediction(alone_m, best_m))
 
 
-def _alone(evidence: Evidence, windows: UnseenWindows) -> tuple[Evidence, tuple[str, ...], LinearTracks]:
+def _best_single_effect(
+    evidence: Evidence, windows: UnseenWindows
+) -> tuple[Evidence, tuple[str, ...], LinearTracks]:
     """The single effect that predicts held-out legs best, linearised about itself; none if it does not replicate.
 
     It is the best by the slopes at zero, or the best of some sizes by simulation: where residuals are large, the
     slope at zero says little about an effect that is far from it (Nocedal and Wright 2006, chapter 10.3), such as
     a wind vane that is off by a right angle.
     """
-    tracks, far = linear_tracks(windows, evidence), closest_alone(windows, evidence)
+    tracks, far = linear_tracks(windows, evidence), closest_single_effect(windows, evidence)
     near = min(evidence.names, key=lambda name: float(tracks.by_leg_m((name,)).mean()))
     starts: dict[str, Coordinates] = {near: {}, **dict.fromkeys(far, far)}
-    views: dict[tuple[str, ...], Evidence] = {
-        (name,): _about_itself(evidence, name, at) for name, at in starts.items()
-    }
+    views = dict[tuple[str, ...], Evidence]()
+    for name, at in starts.items():
+        view = linear_about(evidence, at) if at else evidence
+        for _ in range(_ABOUT_ITSELF):
+            view = relinearise_at_fit(view, (name,))
+        views[(name,)] = view
 
     def off_m(names: tuple[str, ...]) -> float:
-        return float(unseen_m(windows, evidence_without(windows, views[names]), names).mean())
+        return float(unseen_distance_m(windows, evidence_without(windows, views[names]), names).mean())
 
     names = min(views, key=off_m)
     agreement = replications(views[names], names, evidence_within(windows, views[names]).values())
-    kept = tuple(name for name in names if agreement[name].found >= MOST_PARTS * agreement[name].parts)
-    return views[names], kept, linear_tracks(windows, views[names])
+    replicating = tuple(name for name in names if agreement[name].found >= MOST_PARTS * agreement[name].parts)
+    return views[names], replicating, linear_tracks(windows, views[names])
 
 
-def _about_itself(evidence: Evidence, name: str, at: Coordinates) -> Evidence:
-    """The evidence linearised about one effect, starting from a given size."""
-    evidence = linear_about(evidence, at) if at else evidence
-    for _ in range(_ABOUT_ITSELF):
-        evidence = relinearise_at_fit(evidence, (name,))
-    return evidence
-
-
-def _expecting_few(evidence: Evidence) -> Evidence:
-    """The evidence with priors for all effects at once, of which only a few are present.
-
-    An effect present with probability p, with a size of standard deviation s, has standard deviation s times
-    the square root of p.
-    """
-    equations = evidence.equations
-    share = min(1.0, MAX_EFFECTS / len(evidence.names))
-    layout = replace(equations.layout, prior=np.sqrt(share) * equations.layout.prior)
-    return replace(evidence, equations=replace(equations, layout=layout))
-
-
-def sizes_without(rests: Mapping[int, Evidence], names: Sequence[str]) -> dict[int, Coordinates]:
+def sizes_by_fold(rests: Mapping[int, Evidence], names: Sequence[str]) -> dict[int, Coordinates]:
     """The sizes of ``names`` fitted to all legs but those of each fold."""
     return {fold: fitted_coordinates(evidence, names) for fold, evidence in rests.items()}
 
@@ -297,12 +292,12 @@ class _Choice:
         return [*unconfirmed, *(name for name, p_value in chance.items() if p_value >= _AS_LIKELY_AS_NOT)]
 
 
-def unseen_m(windows: UnseenWindows, rests: Mapping[int, Evidence], names: Sequence[str]) -> Floats:
+def unseen_distance_m(windows: UnseenWindows, rests: Mapping[int, Evidence], names: Sequence[str]) -> Floats:
     """The mean distance by leg of simulated predictions with ``names`` [legs with windows].
 
     Their sizes are those fitted to the other legs, whose evidence is in ``rests``.
     """
-    return windows.by_leg_m(windows.by_other_folds(sizes_without(rests, names)))
+    return windows.by_leg_m(windows.by_other_folds(sizes_by_fold(rests, names)))
 
 
 def substitutes_of(
@@ -358,28 +353,21 @@ def replications(evidence: Evidence, names: Sequence[str], parts: Collection[Evi
 
     def judged(name: str) -> Replication:
         size = max(float(np.linalg.norm(fitted[name])), 1e-300)
-        seen = [_size_along(part, fit, name, np.array(fitted[name]) / size) for part, fit in fits]
+        direction, sizes = np.array(fitted[name]) / size, list[tuple[float, float]]()
+        for part, fit in fits:  # along the direction that it has in the whole
+            places = part.places(fit, name)
+            variance = direction @ fit.covariance[np.ix_(places, places)] @ direction
+            sizes.append((float(direction @ fit.values[places]), float(np.sqrt(variance))))
         informative = [
             projected
-            for projected, error in seen
+            for projected, error in sizes
             if size > _DETECTABLE * error or abs(projected) > _ONE_SIDED_95 * error
         ]
         if len(informative) < _FEWEST_PARTS:
-            informative = [projected for projected, _ in seen]
-        return Replication(len(informative), sum(projected > _ONE_SIDED_95 * error for projected, error in seen))
+            informative = [projected for projected, _ in sizes]
+        return Replication(len(informative), sum(projected > _ONE_SIDED_95 * error for projected, error in sizes))
 
     return {name: judged(name) for name in names}
-
-
-def _size_along(part: Evidence, fit: JointFit, name: str, along: Floats) -> tuple[float, float]:
-    """The size of an effect in a part of a trial, along the direction that it has in the whole, and its error."""
-    places = part.places(fit, name)
-    return float(along @ fit.values[places]), float(np.sqrt(along @ fit.covariance[np.ix_(places, places)] @ along))
-
-
-_MAX_STEPS = 8
-_SHORTEST = 1.0 / 32.0
-_ENOUGH = 1.0  # gain in log posterior density below which the search has converged
 
 
 def compatible_effects(evidence: Evidence) -> tuple[str, ...]:
@@ -390,7 +378,7 @@ def compatible_effects(evidence: Evidence) -> tuple[str, ...]:
     return compatible
 
 
-def about_likeliest(evidence: Evidence, names: Sequence[str]) -> Evidence:
+def relinearise_at_mode(evidence: Evidence, names: Sequence[str]) -> Evidence:
     """The evidence linearised about the posterior mode of ``names`` together."""
     cost = _cost(evidence)
     for _ in range(_MAX_STEPS):
@@ -407,23 +395,18 @@ def about_likeliest(evidence: Evidence, names: Sequence[str]) -> Evidence:
 def _step(evidence: Evidence, target: Coordinates, cost: float) -> tuple[float, Coordinates] | None:
     """The longest step towards ``target`` that lowers the cost, and the cost there; None if none does."""
     equations, share = evidence.equations, 1.0
+    start = equations.model.at
     while share >= _SHORTEST:
-        at = equations.model.bounded(_between(equations.model.at, target, share))
-        less = _cost(linear_about(evidence, at, equations.effects))
-        if less < cost:
-            return less, at
+        between = dict[str, tuple[float, ...]]()
+        for name in dict.fromkeys([*target, *start]):  # missing coordinates are zero
+            begin, end = (np.array(coordinates.get(name, 0.0)) for coordinates in (start, target))
+            between[name] = tuple(np.atleast_1d((1.0 - share) * begin + share * end))
+        at = equations.model.bounded(between)
+        new_cost = _cost(linear_about(evidence, at, equations.effects))
+        if new_cost < cost:
+            return new_cost, at
         share *= 0.5
     return None
-
-
-def _between(start: Coordinates, end: Coordinates, share: float) -> dict[str, tuple[float, ...]]:
-    """The point at ``share`` of the way between two sets of coordinates; missing ones are zero."""
-
-    def of(coordinates: Coordinates, name: str) -> np.ndarray:
-        return np.array(coordinates.get(name, 0.0))
-
-    names = dict.fromkeys([*end, *start])
-    return {name: tuple(np.atleast_1d((1.0 - share) * of(start, name) + share * of(end, name))) for name in names}
 
 
 def _cost(evidence: Evidence) -> float:

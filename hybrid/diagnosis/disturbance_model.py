@@ -1,12 +1,13 @@
 """Ship and disturbances as one linear system, with its Kalman filter and smoother.
 
-States: the ship's six deviations from the linearisation; a slow force in each body axis (Ornstein-Uhlenbeck); the
-wave motion, three damped oscillators (north, east, yaw) with their rates, at the frequency of encounter, the yaw
-one scaled by how far the waves come from the side; the slow drift of the waves, one force (Ornstein-Uhlenbeck)
-along the direction in which they travel, with the shares of the mean drift in surge, sway and yaw (Newman 1974,
-Int. Symp. Dynamics of Marine Vehicles); and the drift of each sensor (Ornstein-Uhlenbeck). Wave motion, wave drift
-and sensor drift are left out where there are none. :class:`DisturbanceNoise` holds all levels; the system is
-compiled for :mod:`seatrial.analysis.estimation.kalman_kernel`.
+States: the ship's six deviations from the linearisation; a slow force in each body axis (Ornstein-Uhlenbeck);
+the wave motion, three damped oscillators (north, east, yaw) with their rates, at the frequency of encounter,
+the yaw one scaled by how far the waves come from the side; the slow drift of the waves, one force
+(Ornstein-Uhlenbeck) along the direction in which they travel, with the shares of the mean drift in surge, sway
+and yaw (Newman 1974, Int. Symp. Dynamics of Marine Vehicles); and the drift of each sensor
+(Ornstein-Uhlenbeck). Wave motion, wave drift and sensor drift are left out where there are none.
+:class:`DisturbanceNoise` holds all levels; the system is compiled for
+:mod:`seatrial.analysis.estimation.kalman_kernel`.
 
 The filter starts each block from an unknown state, so every block has a free start. Innovations divided by
 their standard deviations are the whitened errors. The filter is linear, so the change of these errors with an
@@ -158,7 +159,7 @@ def wave_drift_state(noise: Floats) -> int:
 def measurement_rows(H: Floats, origin: Floats, noise: Floats, rows: Floats) -> None:
     """Fill ``rows`` [6, n], the measurement matrix, with ``H`` [6, 6] and ``origin`` [6] of this second.
 
-    Waves move the ship over ground, and their yaw rotates the axes along which her speed is measured.
+    Waves move the ship over ground, and their yaw rotates the axes along which speed is measured.
     """
     for channel in range(6):
         rows[channel, :] = 0.0
@@ -190,7 +191,7 @@ def initial_covariance(noise: Floats, origin: Floats, free: Floats, P: Floats) -
             P[first + channel, first + channel] = noise[20 + channel] ** 2
     if not has_waves(noise):
         return
-    w = _met_frequency(noise, origin)
+    w = _encounter_frequency(noise, origin)
     for d in range(3):
         for e in range(3):
             common = _swing_covariance(noise, origin, d, e)
@@ -230,7 +231,7 @@ def transition(A: Floats, B: Floats, noise: Floats, origin: Floats, F: Floats, Q
 @compiled
 def _swing(noise: Floats, origin: Floats, F: Floats, Q: Floats) -> None:
     """A stationary damped oscillator, discretised exactly over a second."""
-    w = _met_frequency(noise, origin)
+    w = _encounter_frequency(noise, origin)
     a00, a01, a10, a11 = _oscillator(1.0, w, noise[18])
     q00 = 1.0 - a00 * a00 - a01 * a01 * w * w
     q11 = w * w - a10 * a10 - a11 * a11 * w * w
@@ -246,7 +247,7 @@ def _swing(noise: Floats, origin: Floats, F: Floats, Q: Floats) -> None:
 
 
 @compiled
-def _met_frequency(noise: Floats, origin: Floats) -> float:
+def _encounter_frequency(noise: Floats, origin: Floats) -> float:
     """The frequency of encounter [rad/s] in deep water."""
     w, along = noise[17], noise[19] - origin[2]
     ahead = origin[3] * cos(along) + origin[4] * sin(along)
@@ -303,9 +304,9 @@ class Columns:
 def columns_of(linear: LinearModel, effects: Sequence[Signature], features: Floats | None = None) -> Columns:
     """The data, then the signatures of effects and force features, signed so that they remove an effect."""
     drive = np.stack([linear.defect, *(-signature.D for signature in effects)], axis=2)
-    seen = np.stack([linear.observed, *(signature.E for signature in effects)], axis=2)
-    none = np.zeros((len(linear.defect), 0))
-    return Columns(drive, seen, none if features is None else features)
+    readings = np.stack([linear.observed, *(signature.E for signature in effects)], axis=2)
+    no_features = np.zeros((len(linear.defect), 0))
+    return Columns(drive, readings, no_features if features is None else features)
 
 
 def whiten(
@@ -355,18 +356,18 @@ def on_all_cores(work: Callable[[NDArray[np.int64]], None], edges: NDArray[np.in
     if len(parts) == 1:
         work(parts[0])
         return
-    for done in _threads(len(parts)).map(work, parts):
-        assert done is None
+    for result in _threads(len(parts)).map(work, parts):
+        assert result is None
 
 
 @cache
 def _threads(number: int) -> ThreadPoolExecutor:
-    """Threads that stay: started anew some 400 times a diagnosis, they cost a tenth of it on a busy machine."""
+    """Threads that are kept: started some 400 times a diagnosis, they cost a tenth of it on a busy machine."""
     return ThreadPoolExecutor(number)
 
 
 @compiled
-def _room(noise, edges):  # type: ignore[no-untyped-def]
+def _work_arrays(noise, edges):  # type: ignore[no-untyped-def]
     """Work arrays for the longest block: system, sample variances, and the transition before each sample."""
     n, longest = states_of(noise), 0
     for block in range(edges.size - 1):
@@ -385,11 +386,11 @@ def _no_gate():  # type: ignore[no-untyped-def]
 
 def _make_whiten(stamp: int) -> Callable[..., None]:
     @njit(cache=True, nogil=True, fastmath=FAST, error_model="numpy")
-    def whiten(system, drive, seen, features, edges, z, variance):  # type: ignore[no-untyped-def]
+    def whiten(system, drive, readings, features, edges, z, variance):  # type: ignore[no-untyped-def]
         A, B, H, origin, noise = system
-        F, Q, rows, R, P, interval = _room(noise, edges)
-        plain, none = drive.shape[2], np.zeros((0, 0, 0))
-        kept, gain = (none, np.zeros((0, 0)), none), np.zeros((rows.shape[0], 6, 3))
+        F, Q, rows, R, P, interval = _work_arrays(noise, edges)
+        plain, empty = drive.shape[2], np.zeros((0, 0, 0))
+        stored, gain = (empty, np.zeros((0, 0)), empty), np.zeros((rows.shape[0], 6, 3))
         for block in range(edges.size - 1 if stamp != 0 else 0):
             a, b = edges[block], edges[block + 1]
             T = b - a
@@ -399,14 +400,14 @@ def _make_whiten(stamp: int) -> Callable[..., None]:
                     for d in range(3):
                         gain[k, i, d] = -B[a + k, i, d]
                     for j in range(plain):
-                        z[a + k, i, j] = seen[a + k, i, j]
+                        z[a + k, i, j] = readings[a + k, i, j]
             inputs, m = (drive[a:b], gain, features[a:b]), np.zeros((rows.shape[2], z.shape[2]))
             filter_pass(
-                F, Q, interval, rows[:T], R, np.zeros(6), _no_gate(), inputs, m, P, z[a:b], variance[a:b], kept
+                F, Q, interval, rows[:T], R, np.zeros(6), _no_gate(), inputs, m, P, z[a:b], variance[a:b], stored
             )
             for k in range(a, b):
                 for channel in range(6):
-                    missing = np.isnan(seen[k, channel, 0])
+                    missing = np.isnan(readings[k, channel, 0])
                     factor = 1.0 / sqrt(variance[k, channel])
                     for j in range(z.shape[2]):
                         z[k, channel, j] = 0.0 if missing else factor * z[k, channel, j]
@@ -416,20 +417,30 @@ def _make_whiten(stamp: int) -> Callable[..., None]:
 
 def _make_smooth(stamp: int) -> Callable[..., None]:
     @njit(cache=True, nogil=True, fastmath=FAST, error_model="numpy")
-    def smooth(system, drive, seen, edges, mean, mean_variance):  # type: ignore[no-untyped-def]
+    def smooth(system, drive, readings, edges, mean, mean_variance):  # type: ignore[no-untyped-def]
         A, B, H, origin, noise = system
-        F, Q, rows, R, P, interval = _room(noise, edges)
-        n, none = P.shape[0], np.zeros((0, 0, 0))
+        F, Q, rows, R, P, interval = _work_arrays(noise, edges)
+        n, empty = P.shape[0], np.zeros((0, 0, 0))
         for block in range(edges.size - 1 if stamp != 0 else 0):
             a, b = edges[block], edges[block + 1]
             T = b - a
             fill_block(A[a:b], B[a:b], H[a:b], origin[a:b], noise, F, Q, rows, P)
             inputs, m = (drive[a:b], np.zeros((T, 6, 0)), np.zeros((T, 0))), np.zeros((n, 1))
-            z, variance = seen[a:b].copy(), np.ones((T, 6))
-            kept = np.zeros((T, 6, n)), np.zeros((T, n)), np.zeros((T, n, n))
-            filter_pass(F, Q, interval, rows[:T], R, np.zeros(6), _no_gate(), inputs, m, P, z, variance, kept)
+            z, variance = readings[a:b].copy(), np.ones((T, 6))
+            stored = np.zeros((T, 6, n)), np.zeros((T, n)), np.zeros((T, n, n))
+            filter_pass(F, Q, interval, rows[:T], R, np.zeros(6), _no_gate(), inputs, m, P, z, variance, stored)
             smoother_pass(
-                F, interval, rows[:T], inf, z, variance, kept, mean[a:b], mean_variance[a:b], np.zeros((0, 0)), none
+                F,
+                interval,
+                rows[:T],
+                inf,
+                z,
+                variance,
+                stored,
+                mean[a:b],
+                mean_variance[a:b],
+                np.zeros((0, 0)),
+                empty,
             )
 
     return smooth  # type: ignore[no-any-return]

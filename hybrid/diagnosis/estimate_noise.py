@@ -1,8 +1,9 @@
 """Noise levels of a log, and a better trajectory to linearise along.
 
-The noise levels maximise the likelihood of the measurements (:mod:`seatrial.analysis.estimation.process_models`),
-computed from the innovations of the Kalman filter of ship and disturbances. A draw of all effects is removed from
-the data first; otherwise a missing effect would be estimated as noise and so be hidden.
+The noise levels maximise the likelihood of the measurements
+(:mod:`seatrial.analysis.estimation.process_models`), computed from the innovations of the Kalman filter of ship
+and disturbances. A draw of all effects is removed from the data first; otherwise a missing effect would be
+estimated as noise and so be hidden.
 """
 
 from __future__ import annotations
@@ -92,7 +93,7 @@ def estimate_noise(linearisation: Linearisation, progress: Progress = lambda sha
         design = design_matrix(linearisation, FEW)
         noise = _likeliest_noise(design, noise)
         progress(0.3 + 0.5 * round_)
-        residual, sensors = _without_effects(design, noise, seed=None)
+        residual, sensors = _remove_effects(design, noise, seed=None)
         moved = design.linear.origin + smooth_state(design.linear, residual, noise, log.edges)[0][:, :6]
         log = replace(log, nominal=by_stage(log, model, sensor_readings, moved) + sensors)
         # the trajectory changes so little that the signatures still hold well enough for a draw
@@ -110,8 +111,15 @@ def _likeliest_noise(design: DesignMatrix, start: DisturbanceNoise | None = None
     selected = replace(design, log=part, linear=linear, columns=subset_of(design.columns, chosen))
     noise = start or _first_guess(part, design.model)
     for round_ in range(1 if start else _ROUNDS):
-        residual, _ = _without_effects(selected, noise, seed=round_)
-        starts = _both_ways(noise, design.model.scale) if round_ == 0 and start is None else [noise]
+        residual, _ = _remove_effects(selected, noise, seed=round_)
+        starts, scale = [noise], design.model.scale
+        if round_ == 0 and start is None:  # waves either way along their axis, or none and small ones
+            if noise.has_waves:
+                starts.append(replace(noise, wave_towards_rad=noise.wave_towards_rad + np.pi))
+            else:
+                north, east, yaw = _SMALL_WAVES
+                waves = north * growth("m", scale), east * growth("m", scale), yaw
+                starts.append(replace(noise, waves=waves))
         tried = [fit_noise(linear, residual, part.edges, guess, _STEPS[min(round_, 1)]) for guess in starts]
         noise, cost = min(tried, key=lambda fit: fit[1] + _PRICE_OF_WAVES * fit[0].has_waves)
     if start is not None:
@@ -165,15 +173,7 @@ def _first_guess(log: Log, model: ModelWithEffects) -> DisturbanceNoise:
     )
 
 
-def _both_ways(noise: DisturbanceNoise, scale: float) -> list[DisturbanceNoise]:
-    """Starts with waves either way along their axis; where the smoother found none, with and without small ones."""
-    if not noise.has_waves:
-        north, east, yaw = _SMALL_WAVES
-        return [noise, replace(noise, waves=(north * growth("m", scale), east * growth("m", scale), yaw))]
-    return [noise, replace(noise, wave_towards_rad=noise.wave_towards_rad + np.pi)]
-
-
-def _without_effects(design: DesignMatrix, noise: DisturbanceNoise, seed: int | None) -> tuple[Columns, Floats]:
+def _remove_effects(design: DesignMatrix, noise: DisturbanceNoise, seed: int | None) -> tuple[Columns, Floats]:
     """The data after removing all effects and force features, one column, and their part in the sensors [T, 6].
 
     With a ``seed`` a posterior draw of them is removed, without one their posterior mode.
@@ -194,13 +194,13 @@ def _without_effects(design: DesignMatrix, noise: DisturbanceNoise, seed: int | 
         if seed is None
         else draw_columns(gram, indices, prior[1:], seed)
     )
-    few = layout.first_feature - 1
-    plain, forces = fit[:few], fit[few:].reshape(3, features)
+    plain_count = layout.first_feature - 1
+    plain, forces = fit[:plain_count], fit[plain_count:].reshape(3, features)
     drive = columns.drive[:, :, 0] - columns.drive[:, :, 1:] @ plain
     drive += np.einsum("tid,dm,tm->ti", design.linear.B * FORCE_UNITS, forces, columns.features)
     sensors = columns.readings[:, :, 1:] @ plain
-    seen = columns.readings[:, :, 0] - sensors
-    return Columns(drive[:, :, None].copy(), seen[:, :, None].copy(), np.zeros((len(drive), 0))), sensors
+    readings = columns.readings[:, :, 0] - sensors
+    return Columns(drive[:, :, None].copy(), readings[:, :, None].copy(), np.zeros((len(drive), 0))), sensors
 
 
 def fit_noise(
@@ -210,53 +210,41 @@ def fit_noise(
 
     Takes at most ``steps`` steps.
     """
-    low, high = _bounds(start, _largest_levels(linear, data))
-    begin = np.clip(_parameters(start), low, high)
+    # no sensor is noisier than twice the level that the median third difference of consecutive readings implies,
+    # whatever the ship does; otherwise jumps and jitter would be taken for noise
+    columns = (column[np.isfinite(column)] for column in (data.readings[:, :, 0] + linear.origin).T)
+    third = (np.abs(np.diff(column, 3)) / np.sqrt(20.0) for column in columns)
+    level = np.array([1.4826 * np.median(differences) if differences.size else 0.0 for differences in third])
+    level[0] = max(level[:2])
+    limits = np.log(_ROOM * np.maximum(level[[0, 2, 3, 4, 5]], np.exp(_LEAST)))
+    low, high = _bounds(start, limits)
+    values = [_SEARCHED_AS.get(name, _LEVEL)[0](getattr(start, name)) for name in _searched_parameters(start)]
+    begin = np.clip(np.hstack(values), low, high)
 
     def innovations(at: Floats) -> tuple[Floats, Floats]:
-        return _innovations(linear, data, edges, _noise(start, at))
+        return _innovations(linear, data, edges, _noise_of(start, at))
 
     how = replace(_SCORING, most_steps=steps)
     optimum, cost = most_likely(innovations, begin, low, high, how, Prior(begin, _DEVIATION))
-    return _noise(start, optimum), 0.5 * cost
+    return _noise_of(start, optimum), 0.5 * cost
 
 
 def _innovations(linear: LinearModel, data: Columns, edges: Ints, noise: DisturbanceNoise) -> tuple[Floats, Floats]:
     """All innovations and their variances."""
     z, variance = whiten(linear, data, noise, edges)
-    there = np.isfinite(data.readings[:, :, 0])
-    return (z[:, :, 0] * np.sqrt(variance))[there], variance[there]
+    measured = np.isfinite(data.readings[:, :, 0])
+    return (z[:, :, 0] * np.sqrt(variance))[measured], variance[measured]
 
 
-def _largest_levels(linear: LinearModel, data: Columns) -> Floats:
-    """The logarithm of the highest noise level possible for each sensor, from third differences of readings.
-
-    It is twice the level that the median third difference implies, whatever the ship does, so that jumps and
-    jitter are not taken for noise. Differences are taken between consecutive readings, at 0.5 Hz every other
-    second.
-    """
-    value = data.readings[:, :, 0] + linear.origin
-    read = (column[np.isfinite(column)] for column in value.T)
-    third = (np.abs(np.diff(column, 3)) / np.sqrt(20.0) for column in read)
-    level = np.array([1.4826 * np.median(differences) if differences.size else 0.0 for differences in third])
-    level[0] = max(level[:2])
-    return np.asarray(np.log(_ROOM * np.maximum(level[[0, 2, 3, 4, 5]], np.exp(_LEAST))))
-
-
-def _searched(noise: DisturbanceNoise) -> tuple[str, ...]:
+def _searched_parameters(noise: DisturbanceNoise) -> tuple[str, ...]:
     """The parameters that are searched: all that are not zero throughout."""
-    more = ((_WAVES, noise.has_waves), (_DRIFT, noise.has_drift), (_WAVE_DRIFT, noise.wave_drift_n > 0.0))
-    return (*_SENSORS, *_FORCES, *(name for names, there in more if there for name in names))
+    optional = ((_WAVES, noise.has_waves), (_DRIFT, noise.has_drift), (_WAVE_DRIFT, noise.wave_drift_n > 0.0))
+    return (*_SENSORS, *_FORCES, *(name for names, is_present in optional if is_present for name in names))
 
 
-def _parameters(noise: DisturbanceNoise) -> Floats:
-    """The search parameters: logarithms of levels, the inverse tanh of a correlation, a direction."""
-    return np.hstack([_SEARCHED_AS.get(name, _LEVEL)[0](getattr(noise, name)) for name in _searched(noise)])
-
-
-def _noise(start: DisturbanceNoise, parameters: Floats) -> DisturbanceNoise:
-    """The noise of search parameters; the inverse of :func:`_parameters`."""
-    levels, names = dict[str, Any](), _searched(start)
+def _noise_of(start: DisturbanceNoise, parameters: Floats) -> DisturbanceNoise:
+    """The noise of search parameters: logarithms of levels, the inverse tanh of a correlation, a direction."""
+    levels, names = dict[str, Any](), _searched_parameters(start)
     ends = np.cumsum([np.size(getattr(start, name)) for name in names])
     for name, part in zip(names, np.split(parameters, ends[:-1]), strict=True):
         values = _SEARCHED_AS.get(name, _LEVEL)[1](part).tolist()
@@ -264,14 +252,14 @@ def _noise(start: DisturbanceNoise, parameters: Floats) -> DisturbanceNoise:
     return replace(start, **levels)
 
 
-def _bounds(kind: DisturbanceNoise, most: Floats) -> tuple[Floats, Floats]:
-    """Lower and upper bounds of the search parameters; ``most`` [5] are upper bounds for the sensors."""
-    searched, bounds = _searched(kind), dict(_BOUNDS)
+def _bounds(kind: DisturbanceNoise, sensor_limits: Floats) -> tuple[Floats, Floats]:
+    """Lower and upper bounds of the search parameters; ``sensor_limits`` [5] are upper bounds for the sensors."""
+    searched, bounds = _searched_parameters(kind), dict(_BOUNDS)
     if kind.wave_drift_n > 0.0:
         bounds["wave_drift_n"] = 1e-3, max(_largest_wave_drift_n(kind), 2e-3)
     ends = [np.log(bounds[name]) if name in bounds else np.array([-np.inf, np.inf]) for name in searched]
     low, high = np.repeat(ends, [np.size(getattr(kind, name)) for name in searched], axis=0).T.copy()
-    low[: len(_LEAST)], high[: len(_LEAST)] = _LEAST, most
+    low[: len(_LEAST)], high[: len(_LEAST)] = _LEAST, sensor_limits
     return low, high
 
 

@@ -7,9 +7,7 @@ Data z, signatures S and nuisances N (the tolerances of the model and of each se
 All later steps need only inner products under the inverse of V (Woodbury), and these follow from the Gram
 matrix of all columns, summed over legs. To leave legs out, theirs are subtracted.
 
-The nuisance basis: errors of model, sensors and environment that are no effect of the catalogue.
-
-Three kinds of columns accompany the effects in the design matrix, each with a standard deviation:
+Three kinds of nuisances accompany the effects in the design matrix, each with a standard deviation:
 
 - The model's tolerance. No reference model is exact: against the sensors' noise alone, every trial would show a
   missing effect. So the model is allowed an error of a given share of the force range and of unknown shape: a
@@ -55,7 +53,7 @@ from seatrial.hybrid.diagnosis.linearise import (
     next_states,
 )
 from seatrial.hybrid.diagnosis.log import Log
-from seatrial.hybrid.effects import Catalogue, Effect
+from seatrial.hybrid.effects import Catalogue
 from seatrial.hybrid.vessel.actuators import KINDS, angle_columns
 from seatrial.hybrid.vessel.dynamics import actuators_force, hold, scratch_for
 from seatrial.hybrid.vessel.effect import growth
@@ -75,6 +73,7 @@ INTERACTIONS = ("speed", "drift", "turning", "thrust", "side thrust")
 """The quantities that a named effect may vary with if the truth is a related effect."""
 
 _HARMONICS, _TIMES = 4, 6
+
 _PLACES = {1.5: 8, 5.0: 16}
 """Number of waves over the position, and by how many radians they turn over the size of the area: banks are
 narrow."""
@@ -84,6 +83,7 @@ _FAINT = 0.1  # of the largest singular value: fainter shapes are differences of
 _STAYS = 0.01  # of its usual range: with less variation nothing can be learned
 _SEED = 20260902
 _BEFORE_S = 3
+
 _DRIFTS = ("ocean_current", "wave_drift")
 """Effects that come and go and so move the ship: they may vary with the motion of some seconds ago, as a smoothed
 one knows the forces of the next seconds. Of seven trials with slow drift of the waves, the mean drift seemed to
@@ -91,6 +91,22 @@ vary with the speed sideways in four, and with that of 3 s ago in none."""
 
 _VARYING = {"ocean_current": ("place", "time"), "heading_bias": ("heading", "time"), "yaw_rate_bias": ("time",)}
 """Effects that, when they vary, are no longer in the catalogue: a sheared current, a thrust that fades."""
+
+FEATURES = 200
+"""Features for each force: with 40 the tolerance is too poor a family, and every second trial shows a false
+effect."""
+
+FEW = 50
+"""Enough for estimating the noise, and for models whose error is far beyond the tolerance."""
+
+_FEATURES_SEED = 20260901
+_LEAST_SHARE = 0.3
+_WIND_MPS = 0.3
+Arrays = TypeVar("Arrays", LinearModel, Columns)
+_LEGS_AT_ONCE = 4
+_UNEVEN = 0.2  # of the smallest size of interest: no current or gyro is perfectly steady
+# Clocks that may be wrong at once: where all records are late by the same none is, and three are as the fourth.
+_CLOCKS = 2
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,11 +126,13 @@ def nuisance_basis(
     Effects in ``interactions`` may also vary with each of :data:`INTERACTIONS`, as a related effect outside the
     catalogue would: a resistance, say, for one that is proportional to the thrust.
     """
+    elapsed = (log.time_s - log.time_s[0]) / max(float(log.time_s[-1] - log.time_s[0]), 1.0)
+    half_waves = np.sqrt(2.0) * np.cos(np.pi * elapsed[:, None] * np.arange(1, _TIMES + 1))
     bases = {
-        "heading": _even(_harmonics(origin[:, 2], _HARMONICS)),
-        "place": _even(_places(origin[:, :2])),
-        "time": _even(_times(log.time_s)),
-        "azimuth": _even(_hinges(log)),
+        "heading": _orthogonal_basis(_harmonics(origin[:, 2], _HARMONICS)),
+        "place": _orthogonal_basis(_places(origin[:, :2])),
+        "time": _orthogonal_basis(half_waves),
+        "azimuth": _orthogonal_basis(_hinges(log)),
     }
     forces = np.hstack(list(bases.values()))
     depends = tuple(name for name, basis in bases.items() for _ in range(basis.shape[1]))
@@ -122,11 +140,13 @@ def nuisance_basis(
     now, earlier = (
         ({}, {}) if not interactions else (_interactions(log, states) for states in (origin, origin[before]))
     )
-    shapes = {**bases, "heading": _even(_harmonics(origin[:, 2], 2))}
+    shapes = {**bases, "heading": _orthogonal_basis(_harmonics(origin[:, 2], 2))}
 
     def shapes_of(effect: str) -> dict[str, Floats]:
         forms = earlier if effect.split(",")[0] in _DRIFTS else now
-        return {name: shapes[name] for name in _variations(effect)} | (forms if effect in interactions else {})
+        of_one = effect.startswith("thrust_loss_") and not effect.endswith(("_both", "_all"))
+        varies_with = ("time",) if of_one else _VARYING.get(effect, ())  # thrusts may fade one by one
+        return {name: shapes[name] for name in varies_with} | (forms if effect in interactions else {})
 
     varying = [
         Signature(f"{signature.effect}*{name}", number, signature.D * shape[:, None], signature.E * shape[:, None])
@@ -137,13 +157,7 @@ def nuisance_basis(
     return NuisanceBasis(forces, depends, tuple(varying))
 
 
-def _variations(effect: str) -> tuple[str, ...]:
-    """The quantities that an effect may vary with (:data:`_VARYING`); thrusts may fade one by one."""
-    of_one = effect.startswith("thrust_loss_") and not effect.endswith(("_both", "_all"))
-    return ("time",) if of_one else _VARYING.get(effect, ())
-
-
-def _even(shapes: Floats) -> Floats:
+def _orthogonal_basis(shapes: Floats) -> Floats:
     """An orthogonal basis of the same span, of unit mean square over the log [T, at most M].
 
     So the sum of squared coefficients is the mean square of their combination.
@@ -151,8 +165,8 @@ def _even(shapes: Floats) -> Floats:
     if not shapes.shape[1]:
         return shapes
     vectors, size, _ = np.linalg.svd(shapes, full_matrices=False)
-    kept = size > _FAINT * max(float(size[0]), 1e-9)
-    return np.asarray(vectors[:, kept] * np.sqrt(len(shapes)))
+    distinct = size > _FAINT * max(float(size[0]), 1e-9)
+    return np.asarray(vectors[:, distinct] * np.sqrt(len(shapes)))
 
 
 def _harmonics(angle_rad: Floats, number: int) -> Floats:
@@ -160,12 +174,6 @@ def _harmonics(angle_rad: Floats, number: int) -> Floats:
     order = np.arange(1, number + 1)
     phase = angle_rad[:, None] * order
     return np.asarray(np.sqrt(2.0) * np.hstack([np.cos(phase), np.sin(phase)]))
-
-
-def _times(time_s: Ints) -> Floats:
-    """Half waves over the whole time span [T, 6]."""
-    share = (time_s - time_s[0]) / max(float(time_s[-1] - time_s[0]), 1.0)
-    return np.asarray(np.sqrt(2.0) * np.cos(np.pi * share[:, None] * np.arange(1, _TIMES + 1)))
 
 
 def _places(position_m: Floats) -> Floats:
@@ -185,12 +193,12 @@ def _places(position_m: Floats) -> Floats:
 def _interactions(log: Log, origin: Floats) -> dict[str, Floats]:
     """Each of :data:`INTERACTIONS` [T, 1], centred, of unit mean square; those that hardly vary are left out."""
     surge, sway, yaw_rate, *pushes = operating_point(log, origin).T
-    ahead, aside = np.zeros(len(log)), np.zeros(len(log))
+    ahead, starboard = np.zeros(len(log)), np.zeros(len(log))
     for turns in thrusts(log).values():
         parts = [pushes.pop(0) for _ in turns]
         if len(parts) == 2:  # turnable actuators push in surge and sway; the others are left out
-            ahead, aside = ahead + parts[0], aside + parts[1]
-    quantities = (surge, np.abs(sway), np.abs(yaw_rate), ahead, np.abs(aside))
+            ahead, starboard = ahead + parts[0], starboard + parts[1]
+    quantities = (surge, np.abs(sway), np.abs(yaw_rate), ahead, np.abs(starboard))
     return {
         name: ((values - values.mean()) / values.std())[:, None]
         for name, values in zip(INTERACTIONS, quantities, strict=True)
@@ -214,17 +222,6 @@ def _hinges(log: Log) -> Floats:
     largest = float(np.quantile(np.abs(angle), 0.99))
     corners = [(side, share * largest) for side in (1.0, -1.0) for share in _EDGES]
     return np.column_stack([np.maximum(side * angle - corner, 0.0) for side, corner in corners])
-
-
-FEATURES = 200
-"""Features for each force: with 40 the tolerance is too poor a family, and every second trial shows a false
-effect."""
-
-FEW = 50
-"""Enough for estimating the noise, and for models whose error is far beyond the tolerance."""
-
-_FEATURES_SEED = 20260901
-_LEAST_SHARE = 0.3
 
 
 def force_range(log: Log, plant: Plant, origin: Floats) -> Floats:
@@ -272,7 +269,7 @@ def operating_point(log: Log, origin: Floats) -> Floats:
     return np.asarray(columns / scale)
 
 
-def _make(stamp: int) -> Callable[[Record, Floats, Floats], Floats]:
+def _make_actuator_forces(stamp: int) -> Callable[[Record, Floats, Floats], Floats]:
     @njit(cache=True, fastmath=FAST, error_model="numpy")
     def actuator_forces(p: Record, states: Floats, controls: Floats) -> Floats:
         """X [N], Y [N], N [N m] of all actuators in still water at each state and control: [T, 3]."""
@@ -287,10 +284,7 @@ def _make(stamp: int) -> Callable[[Record, Floats, Floats], Floats]:
     return actuator_forces  # type: ignore[no-any-return]
 
 
-_actuator_forces = _make(PHYSICS_STAMP)
-
-
-_WIND_MPS = 0.3
+_actuator_forces = _make_actuator_forces(PHYSICS_STAMP)
 
 
 def tolerances(log: Log, catalogue: Catalogue, signatures: Sequence[Signature]) -> Floats:
@@ -313,7 +307,7 @@ def wind_error_mps(model: ModelWithEffects) -> float:
 
 def wind_errors(log: Log, model: ModelWithEffects, origin: Floats) -> list[Signature]:
     """Signatures of 1 m/s more wind from the north, the east, ahead and starboard, by recording."""
-    none, step_mps = np.zeros_like(origin), wind_error_mps(model)
+    zeros, step_mps = np.zeros_like(origin), wind_error_mps(model)
     north, east = log.wind[:, 1] * np.cos(log.wind[:, 0]), log.wind[:, 1] * np.sin(log.wind[:, 0])
     cosine, sine = np.cos(origin[:, 2]), np.sin(origin[:, 2])
     unit, nil = np.ones(len(log)), np.zeros(len(log))
@@ -325,7 +319,7 @@ def wind_errors(log: Log, model: ModelWithEffects, origin: Floats) -> list[Signa
             n, e = north + side * to_north, east + side * to_east
             air = np.column_stack([np.arctan2(e, n), np.hypot(n, e)])
             ends.append(by_stage(replace(log, wind=air), model, next_states, origin))
-        result.append(Signature("wind_error", number, (ends[0] - ends[1]) / (2.0 * step_mps), none))
+        result.append(Signature("wind_error", number, (ends[0] - ends[1]) / (2.0 * step_mps), zeros))
     recordings = np.unique(log.recording).tolist()
     if len(recordings) == 1:
         return result
@@ -356,8 +350,8 @@ def explained_by(inner: Floats, columns: Ints, explaining: Ints) -> Floats:
     """The part of the inner products of ``columns`` [d, d] that the ``explaining`` ones explain at best."""
     scale = np.sqrt(np.maximum(np.diag(inner)[explaining], 1e-300))
     cross = inner[np.ix_(explaining, columns)] / scale[:, None]
-    among = inner[np.ix_(explaining, explaining)] / np.outer(scale, scale)
-    return np.asarray(cross.T @ np.linalg.solve(among + 1e-9 * np.eye(len(explaining)), cross))
+    information = inner[np.ix_(explaining, explaining)] / np.outer(scale, scale)
+    return np.asarray(cross.T @ np.linalg.solve(information + 1e-9 * np.eye(len(explaining)), cross))
 
 
 @dataclass(frozen=True, slots=True)
@@ -432,12 +426,6 @@ def _log_evidence(inner, index, prior):  # type: ignore[no-untyped-def]
         half[row] = remainder / factor[row, row]
         odds += 0.5 * half[row] ** 2 - np.log(factor[row, row])
     return odds
-
-
-Arrays = TypeVar("Arrays", LinearModel, Columns)
-
-_LEGS_AT_ONCE = 4
-_UNEVEN = 0.2  # of the smallest size of interest: no current or gyro is perfectly steady
 
 
 @lru_cache(maxsize=64)
@@ -566,7 +554,11 @@ def design_matrix(
     force_features = features(log, linear.origin, number)
     basis = nuisance_basis(log, linear.origin, effects, interactions)
     varying = tuple(signature.effect for signature in basis.varying)
-    of = [model.catalogue[label.split("*")[0]] for label in varying]
+    bases = [model.catalogue[label.split("*")[0]] for label in varying]
+    tolerated = [  # of its form nothing
+        0.0 if label.split("*")[1] in INTERACTIONS else _UNEVEN * effect.smallest_free[0]
+        for label, effect in zip(varying, bases, strict=True)
+    ]
     layout = ColumnLayout(
         effect=tuple(signature.effect for signature in effects),
         prior=np.array(
@@ -576,17 +568,12 @@ def design_matrix(
         wind=len(wind),
         features=force_features.shape[1],
         varying=varying,
-        varying_prior=np.array([effect.free_scale[0] for effect in of]),
-        varying_tolerated=np.array([_tolerated_size(*pair) for pair in zip(varying, of, strict=True)]),
+        varying_prior=np.array([effect.free_scale[0] for effect in bases]),
+        varying_tolerated=np.array(tolerated),
         depends=basis.depends,
     )
     columns = columns_of(linear, [*effects, *wind, *basis.varying], np.hstack([force_features, basis.features]))
     return DesignMatrix(log, model, linearisation.tolerance, linear, effects, columns, layout, extent)
-
-
-def _tolerated_size(label: str, effect: Effect) -> float:
-    """The allowed variation of an effect in the way that its label states; none for its form."""
-    return 0.0 if label.split("*")[1] in INTERACTIONS else _UNEVEN * effect.smallest_free[0]
 
 
 def tolerated_forces(design: DesignMatrix) -> Floats:
@@ -637,10 +624,6 @@ def gram_matrices(
 def subset_of(arrays: Arrays, rows: NDArray[np.bool_]) -> Arrays:
     """Some seconds of a linear model, or of columns."""
     return type(arrays)(*(getattr(arrays, attribute.name)[rows] for attribute in fields(arrays)))
-
-
-# Clocks that may be wrong at once: where all records are late by the same none is, and three are as the fourth.
-_CLOCKS = 2
 
 
 @dataclass(frozen=True)
@@ -709,10 +692,10 @@ class Evidence:
         No effect can be both constant over the trial and different in a part of it.
         """
         effects = [self.equations.model.catalogue[name] for name in names]
-        late = sum(effect.family == "clock" for effect in effects)
-        return late <= _CLOCKS and len({effect.base for effect in effects}) == len(effects)
+        clocks = sum(effect.family == "clock" for effect in effects)
+        return clocks <= _CLOCKS and len({effect.base for effect in effects}) == len(effects)
 
-    def beside(self, at: Mapping[str, tuple[float, ...]]) -> Evidence:
+    def conditioned_on(self, at: Mapping[str, tuple[float, ...]]) -> Evidence:
         """The evidence of the other effects, given the free coordinates of those in ``at``."""
         if not at:
             return self

@@ -36,10 +36,10 @@ from seatrial.hybrid.diagnosis.linearise import (
     acting_settings,
     by_stage,
     one_second_paths,
-    prompt,
     sampling_offset,
     small_step,
     true_states,
+    without_delays,
 )
 from seatrial.hybrid.diagnosis.log import STEPS_PER_SECOND, Log
 from seatrial.hybrid.diagnosis.result import Gap, Tracks
@@ -52,6 +52,13 @@ from seatrial.hybrid.vessel.sensors import measure
 
 HORIZON_S = 15
 FOLDS = 4
+
+FOLD_COUNTS = (2, 3, 4)
+"""Numbers of folds, used in turn: a single division into folds has a best set of its own."""
+
+_STEP = 0.2  # of an effect's typical size
+_MULTIPLES = (1.0, 2.0, 4.0)  # of a typical size: with a normal prior one effect in 16,000 is larger than the last
+_FAR = 1e9  # outside any bounds, in any unit
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,7 +106,7 @@ def predicted_tracks(log: Log, plant: Plant, origin: Floats, starts: Ints) -> Fl
     rows = starts[:, None] + np.arange(HORIZON_S)
     settings = controls[rows].reshape(len(starts), HORIZON_S * STEPS_PER_SECOND, -1)
     wind = np.repeat(log.wind[rows], STEPS_PER_SECOND, axis=1)
-    runs = simulate_batch(prompt(plant), origin[starts], settings, wind, DT_S, 1, acting[starts])
+    runs = simulate_batch(without_delays(plant), origin[starts], settings, wind, DT_S, 1, acting[starts])
     return measure(runs.states[:, ::STEPS_PER_SECOND], plant, 1.0)[..., :3]
 
 
@@ -187,17 +194,15 @@ def gap_on_unseen_legs(
     mean_m = np.nanmean(off_m[:, complete], axis=1).tolist() if complete.any() else [0.0] * len(off_m)
     floor = best if mean_m[2] < mean_m[1] else after
     gap = Gap(mean_m[0], mean_m[1], min(mean_m[1:3]), mean_m[3], int(complete.any(axis=1).sum()), HORIZON_S)
-    shares = _shares(gap, dict(zip(names, mean_m[4:], strict=True)))
-    when = log.leg[starts], log.time_s[starts], _controls(log, starts)
-    tracks = Tracks(windows.measured, windows.before, after, floor, present, *when)
+    losses_m = {name: max(lacking_m - gap.after_m, 0.0) for name, lacking_m in zip(names, mean_m[4:], strict=True)}
+    total, closed = sum(losses_m.values()), max(gap.closed, 0.0)
+    shares = {name: closed * loss_m / total if total > 0.0 else 0.0 for name, loss_m in losses_m.items()}
+    recorded = log.controls[starts[:, None] + np.arange(HORIZON_S + 1), 0] / control_units(log.actuators)
+    controls = {name: recorded[..., number] for number, name in enumerate(control_names(log.actuators))}
+    tracks = Tracks(
+        windows.measured, windows.before, after, floor, present, log.leg[starts], log.time_s[starts], controls
+    )
     return HeldOutGap(gap, shares, tracks, without)
-
-
-def _controls(log: Log, starts: Ints) -> dict[str, Floats]:
-    """Each actuator channel second by second over each window [N, H+1], as recorded."""
-    rows = starts[:, None] + np.arange(HORIZON_S + 1)
-    recorded = log.controls[rows, 0] / control_units(log.actuators)
-    return {name: recorded[..., number] for number, name in enumerate(control_names(log.actuators))}
 
 
 def named_without(
@@ -226,16 +231,9 @@ def _evidence_of_legs(equations: NormalEquations, legs: NDArray[np.bool_]) -> Ev
     return evidence_of(replace(equations, gram=equations.gram[legs]))
 
 
-def _shares(gap: Gap, lacking_m: Mapping[str, float]) -> dict[str, float]:
-    """Each effect's share of the reduction of the gap, from the errors of predictions without it [m]."""
-    shares = {name: max(off_m - gap.after_m, 0.0) for name, off_m in lacking_m.items()}
-    total, closed = sum(shares.values()), max(gap.closed, 0.0)
-    return {name: closed * share / total if total > 0.0 else 0.0 for name, share in shares.items()}
-
-
 def with_noise_floor(held: HeldOutGap, equations: NormalEquations) -> HeldOutGap:
     """The gap with the error due to noise alone as the floor, for a trial that no model explains fully."""
-    floor_m = left_by_noise_m(equations, window_starts(equations.log), HORIZON_S)
+    floor_m = noise_floor_m(equations, window_starts(equations.log), HORIZON_S)
     gap = replace(held.gap, floor_m=min(floor_m, held.gap.after_m))
     ratio = gap.closed / held.gap.closed if held.gap.closed > 0.0 else 1.0
     return replace(held, gap=gap, shares={name: ratio * share for name, share in held.shares.items()})
@@ -256,47 +254,41 @@ def _significant_effects(evidence: Evidence, excluded: frozenset[str]) -> Coordi
     return fitted_coordinates(evidence, names)
 
 
-def left_by_noise_m(equations: NormalEquations, starts: Ints, horizon_s: int) -> float:
+def noise_floor_m(equations: NormalEquations, starts: Ints, horizon_s: int) -> float:
     """The mean distance [m] due to noise over seconds 1 to H of windows with first rows ``starts``."""
     linear, noise = equations.linear, equations.noise
     variance = smooth_state(linear, columns_of(linear, []), noise, equations.log.edges)[1]
     P = np.zeros((len(starts), 10, 10))
-    P[:, range(6), range(6)], P[:, range(6, 10), range(6, 10)] = variance[starts, :6], _slow(noise)
+    P[:, range(6), range(6)], P[:, range(6, 10), range(6, 10)] = variance[starts, :6], _slow_variances(noise)
     compared = noise.position_m**2 + noise.drift[0] ** 2 + np.square(noise.waves[:2])
     distances = []
     for rows in (starts + second for second in range(horizon_s)):
-        P = _later(linear.A[rows], linear.B[rows] * FORCE_UNITS, wave_push(noise, linear.origin[rows]), noise, P)
+        P = _propagated(
+            linear.A[rows], linear.B[rows] * FORCE_UNITS, wave_push(noise, linear.origin[rows]), noise, P
+        )
         # the mean length of a Gaussian vector in the plane, its two variances taken as equal
         distances.append(np.sqrt(0.25 * np.pi * (P[:, 0, 0] + P[:, 1, 1] + compared.sum())))
     return float(np.mean(distances))
 
 
-def _slow(noise: DisturbanceNoise) -> Floats:
+def _slow_variances(noise: DisturbanceNoise) -> Floats:
     """The variances [4] of the slow forces and the wave drift, in the filter's units."""
     return np.asarray((np.append(noise.slow, noise.wave_drift_n) / FORCE_UNITS[[0, 1, 2, 0]]) ** 2)
 
 
-def _later(A: Floats, B: Floats, push: Floats, noise: DisturbanceNoise, P: Floats) -> Floats:
+def _propagated(A: Floats, B: Floats, push: Floats, noise: DisturbanceNoise, P: Floats) -> Floats:
     """The covariances [N, 10, 10] of state, slow forces and wave drift, a second later.
 
     ``push`` [N, 3] is that of :func:`.wave_push`.
     """
-    kept = np.array([decay(1.0, noise.slow_s)] * 3 + [decay(1.0, noise.wave_drift_s)])
+    remaining = np.array([decay(1.0, noise.slow_s)] * 3 + [decay(1.0, noise.wave_drift_s)])
     F, Q, slow = np.zeros_like(P), np.zeros_like(P), range(6, 10)
     F[:, :6, :6], F[:, :6, 6:9], F[:, :6, 9] = A, B, np.einsum("nij,nj->ni", B, push)
-    F[:, slow, slow] = kept
+    F[:, slow, slow] = remaining
     gust = (np.array(noise.gust) / FORCE_UNITS) ** 2
     Q[:, :6, :6] = (B * gust) @ B.transpose(0, 2, 1)
-    Q[:, slow, slow] = (1.0 - kept**2) * _slow(noise)
+    Q[:, slow, slow] = (1.0 - remaining**2) * _slow_variances(noise)
     return np.asarray(F @ P @ F.transpose(0, 2, 1) + Q)
-
-
-FOLD_COUNTS = (2, 3, 4)
-"""Numbers of folds, used in turn: a single division into folds has a best set of its own."""
-
-_STEP = 0.2  # of an effect's typical size
-_MULTIPLES = (1.0, 2.0, 4.0)  # of a typical size: with a normal prior one effect in 16,000 is larger than the last
-_FAR = 1e9  # outside any bounds, in any unit
 
 
 @dataclass(frozen=True, slots=True)
@@ -333,7 +325,7 @@ class LinearTracks:
         low, high = self.low[columns - 1], self.high[columns - 1]
         off_m, legs = [], np.concatenate([fold.leg for fold in self.folds])
         for fold in self.folds:
-            sizes = within_bounds(fold.inner, columns, precision, low, high)
+            sizes = fit_within_bounds(fold.inner, columns, precision, low, high)
             off_m.append(_off_m(fold.error, fold.slope, columns - 1, sizes))
         return np.bincount(legs, np.concatenate(off_m)) / np.bincount(legs)
 
@@ -352,8 +344,8 @@ class LinearTracks:
         while True:
             steps = [tuple(remaining for remaining in names if remaining != name) for name in names]
             if len(names) < most:
-                more = [(*names, name) for name in self.evidence.names if name not in (*names, *excluded)]
-                steps += filter(self.evidence.compatible, more)
+                extended = [(*names, name) for name in self.evidence.names if name not in (*names, *excluded)]
+                steps += filter(self.evidence.compatible, extended)
             closest = min(((price(step), step) for step in steps), default=(np.inf, names))
             if closest[0] >= best and len(names) <= most:
                 return names
@@ -361,7 +353,7 @@ class LinearTracks:
 
 
 @njit(cache=True, error_model="numpy")
-def within_bounds(inner: Floats, columns: Ints, precision: Floats, low: Floats, high: Floats) -> Floats:
+def fit_within_bounds(inner: Floats, columns: Ints, precision: Floats, low: Floats, high: Floats) -> Floats:
     """The most likely sizes within bounds; with some at their bounds, the others are refitted.
 
     Compiled, as :func:`_off_m` is: a search asks for a hundred thousand of each, which took a tenth of a
@@ -439,15 +431,15 @@ def _coordinates(evidence: Evidence) -> list[tuple[str, int]]:
     return [(signature.effect, signature.coordinate) for signature in evidence.equations.effects]
 
 
-def _moved(evidence: Evidence, name: str, number: int, by: float) -> Coordinates:
+def _moved(evidence: Evidence, name: str, number: int, step: float) -> Coordinates:
     """The sizes of the linearisation, with one coordinate moved as far as its bounds allow."""
     model = evidence.equations.model
     free = list(model.at.get(name, (0.0,) * len(evidence.columns([name]))))
-    free[number] += by
+    free[number] += step
     return model.bounded({**model.at, name: tuple(free)})
 
 
-def closest_alone(windows: UnseenWindows, evidence: Evidence) -> Coordinates:
+def closest_single_effect(windows: UnseenWindows, evidence: Evidence) -> Coordinates:
     """The single effect, at one of some sizes, with which simulated tracks are closest to the measured ones."""
     catalogue = evidence.equations.model.catalogue
     tried = [

@@ -1,4 +1,4 @@
-"""The model linearised along the measured motion, second by second.
+"""The model linearised along the measured motion, second by second, and effects whose size varies over a trial.
 
 With x the true state, x0 the state of the linearisation, f the simulator over one second and h the sensors:
 
@@ -9,12 +9,10 @@ All matrices are finite differences of the simulator itself, so whatever can be 
 effect is its change of f and h, and needs no formula of its own here. The linearisation follows the measured
 motion, so a poor model does no harm: its error over one second is the defect f(x0[k]) - x0[k+1].
 
-The profile of an effect whose size varies over a trial.
-
-Currents differ from day to day, a tow may be dropped, a tide turns. Such an effect has a size in each of
-several pieces of a trial, and its signatures are those of the constant effect times the weight of each piece in
-each second. It joins the catalogue beside the constant effect, and the evidence decides between the two: every
-further size has to pay for itself.
+An effect may vary: currents differ from day to day, a tow may be dropped, a tide turns. It then has a size in
+each of several pieces of a trial, and its signatures are those of the constant effect times the weight of each
+piece in each second. It joins the catalogue beside the constant effect, and the evidence decides between the
+two: every further size has to pay for itself.
 """
 
 from __future__ import annotations
@@ -61,6 +59,11 @@ _SMALL_PART = 0.01  # for smooth forces: one side of it is within 0.4 % of both 
 _ROUNDS, _SAME = 4, 1e-9
 _RANGE = 1.69  # mean range of three normal readings, in standard deviations; a wider one misses slow reversals
 _MOST_STAGES = 8  # enough for changes in steps; drifts have more, and signatures take most of the time
+Shape = Literal["recordings", "until", "since", "step", "drift"]
+_MOST = 0.5  # of the time has to be in recordings with more than one leg
+
+_LEVELS = 24
+"""Steps into which a drift is divided for linearisation; between them it is followed to first order."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,14 +96,14 @@ class Signature:
 class ModelWithEffects:
     """A reference plant and the effects added to it, by their free coordinates.
 
-    ``base`` has no effects; ``given`` are the effects in the vessel file; ``at`` are coordinates added to those
+    ``base`` has no effects; ``file_effects`` are those of the vessel file; ``at`` are coordinates added to those
     or to zero. ``vessel`` is the content of the vessel file, if there is one.
     """
 
     base: Plant
     catalogue: Catalogue
     at: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
-    given: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
+    file_effects: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
     vessel: Vessel | None = None
 
     @property
@@ -108,18 +111,18 @@ class ModelWithEffects:
         """The ship's length over the reference length, as a power of two (:mod:`seatrial.hybrid.vessel.effect`)."""
         return scale_of(self.base.length_between_perpendiculars_m)
 
-    def stages(self, log: Log, most: float = inf) -> list[Stage]:
+    def stages(self, log: Log, limit: float = inf) -> list[Stage]:
         """Masks [T] of the stages in which the added effects are constant, with the model of each stage.
 
-        A single stage, with the mean of the added effects, if there would be more than ``most``.
+        A single stage, with the mean of the added effects, if there would be more than ``limit``.
         """
         changing = time_varying_among(self.at, self.catalogue)
         if not changing:
             return [(np.ones(len(log), dtype=np.bool_), self)]
         shares = [change.profile.levels(log) for change in changing]
-        kinds, which = np.unique(np.hstack(shares), axis=0, return_inverse=True)
-        if len(kinds) > most:
-            kinds, which = np.hstack(shares).mean(axis=0)[None], np.zeros(len(log), dtype=np.int64)
+        kinds, stage_of = np.unique(np.hstack(shares), axis=0, return_inverse=True)
+        if len(kinds) > limit:
+            kinds, stage_of = np.hstack(shares).mean(axis=0)[None], np.zeros(len(log), dtype=np.int64)
         stages = []
         for number, kind in enumerate(kinds):
             at, first = {name: free for name, free in self.at.items() if name not in {c.name for c in changing}}, 0
@@ -127,12 +130,12 @@ class ModelWithEffects:
                 part = kind[first : first + effect.profile.pieces]
                 at[effect.base] = tuple((part @ np.array(effect.pieces(self.at[effect.name]))).tolist())
                 first += effect.profile.pieces
-            stages.append((which.reshape(-1) == number, replace(self, at=at)))
+            stages.append((stage_of.reshape(-1) == number, replace(self, at=at)))
         return stages
 
     def plant(self) -> Plant:
         """The plant with the effects; if some of them change with time, use it on the models of :meth:`stages`."""
-        names = [*self.given, *(name for name in self.at if name not in self.given)]
+        names = [*self.file_effects, *(name for name in self.at if name not in self.file_effects)]
         values = {name: self.values(name, self.at.get(name)) for name in names}
         return apply_effects(self.base, values, self.catalogue)
 
@@ -147,7 +150,7 @@ class ModelWithEffects:
         """The same for each part of the trial in which the effect has its own size."""
         effect = self.catalogue[name]
         pieces = effect.pieces(added or (0.0,) * len(effect.free_scale))
-        file_free = self.given.get(effect.base, (0.0,) * len(pieces[0]))
+        file_free = self.file_effects.get(effect.base, (0.0,) * len(pieces[0]))
         sizes = []
         for piece in pieces:
             free = [a + b for a, b in zip(file_free, piece, strict=True)]
@@ -161,7 +164,7 @@ class ModelWithEffects:
         result = {}
         for name, added in at.items():
             pieces = self.catalogue[name].pieces(added)
-            file_free = self.given.get(self.catalogue[name].base, (0.0,) * len(pieces[0])) * len(pieces)
+            file_free = self.file_effects.get(self.catalogue[name].base, (0.0,) * len(pieces[0])) * len(pieces)
             bounded = self.catalogue[name].bounded([a + b for a, b in zip(file_free, added, strict=True)])
             result[name] = tuple(a - b for a, b in zip(bounded, file_free, strict=True))
         return result
@@ -186,7 +189,9 @@ def model_of(vessel: Vessel, catalogue: Catalogue) -> ModelWithEffects:
         name: tuple(catalogue[name].free(values)) for name, values in vessel.effects.items() if name in catalogue
     }
     fixed = {name: values for name, values in vessel.effects.items() if name not in catalogue}
-    return ModelWithEffects(apply_effects(bare_plant(vessel), fixed), catalogue, given=file_free, vessel=vessel)
+    return ModelWithEffects(
+        apply_effects(bare_plant(vessel), fixed), catalogue, file_effects=file_free, vessel=vessel
+    )
 
 
 @dataclass(frozen=True, slots=True)
@@ -222,11 +227,11 @@ def linearise(
     )
     sensitivities = effects or signatures(log, model, linear.origin, list(model.catalogue))
     return Linearisation(
-        log, model, tolerance, _between_levels(log, model, linear, sensitivities), tuple(sensitivities)
+        log, model, tolerance, _correct_for_levels(log, model, linear, sensitivities), tuple(sensitivities)
     )
 
 
-def _between_levels(
+def _correct_for_levels(
     log: Log, model: ModelWithEffects, linear: LinearModel, sensitivities: Sequence[Signature]
 ) -> LinearModel:
     """The linear model, to first order with the part of changing effects that :meth:`stages` leaves out."""
@@ -240,25 +245,26 @@ def _between_levels(
     return replace(linear, defect=defect, observed=observed)
 
 
-def by_stage(log: Log, model: ModelWithEffects, of: Callable[..., Floats], *arrays: Floats) -> Floats:
-    """``of(log, plant, *arrays)`` evaluated in each stage of a model; arrays and result [T, ...]."""
+def by_stage(log: Log, model: ModelWithEffects, compute: Callable[..., Floats], *arrays: Floats) -> Floats:
+    """``compute(log, plant, *arrays)`` evaluated in each stage of a model; arrays and result [T, ...]."""
     return _in_stages(
         log,
         model.stages(log),
-        lambda log, stage_model, *stage_arrays: (of(log, stage_model.plant(), *stage_arrays),),
+        lambda log, stage_model, *stage_arrays: (compute(log, stage_model.plant(), *stage_arrays),),
         *arrays,
     )[0]
 
 
 def _in_stages(
-    log: Log, stages: Sequence[Stage], of: Callable[..., tuple[Floats, ...]], *arrays: Floats
+    log: Log, stages: Sequence[Stage], compute: Callable[..., tuple[Floats, ...]], *arrays: Floats
 ) -> tuple[Floats, ...]:
-    """The arrays that ``of(log, model, *arrays)`` computes in each stage, put together [T, ...]."""
+    """The arrays that ``compute(log, model, *arrays)`` computes in each stage, put together [T, ...]."""
     if len(stages) == 1:
-        return of(log, stages[0][1], *arrays)
+        return compute(log, stages[0][1], *arrays)
     with threads_for(0):  # the batches of a stage are too short for threads to pay
         parts = [
-            of(log.subset(rows), stage_model, *(array[rows] for array in arrays)) for rows, stage_model in stages
+            compute(log.subset(rows), stage_model, *(array[rows] for array in arrays))
+            for rows, stage_model in stages
         ]
     results = tuple(np.empty((len(log), *first.shape[1:])) for first in parts[0])
     for (rows, _), part in zip(stages, parts, strict=True):
@@ -281,18 +287,18 @@ def linear_model(log: Log, plant: Plant) -> LinearModel:
         B[:, :, column] = (ahead - behind) / (2.0 * size)
     defect = np.zeros_like(origin)
     defect[:-1] = ways[:-1, -1] - origin[1:]
-    around = _around(log, plant, ways)
+    around = _readings_around(log, plant, ways)
     now = around[:, STEPS_PER_SECOND // 2]
-    seen = now + np.einsum("tcq,tqc->tc", log.weight, around - now[:, None])
-    return LinearModel(A, B, H, defect, log.measured - seen, origin)
+    readings = now + np.einsum("tcq,tqc->tc", log.weight, around - now[:, None])
+    return LinearModel(A, B, H, defect, log.measured - readings, origin)
 
 
-def _slopes(of: Callable[[Floats], Floats], origin: Floats, columns: Iterable[int]) -> Floats:
-    """The derivative of ``of(states)`` with respect to some states [T, 6, 6], the identity in the other columns."""
+def _slopes(compute: Callable[[Floats], Floats], origin: Floats, columns: Iterable[int]) -> Floats:
+    """The derivative of ``compute(states)`` by some states [T, 6, 6], the identity in the other columns."""
     result = np.tile(np.eye(6), (len(origin), 1, 1))
     for column in columns:
         step = np.where(np.arange(6) == column, _STATE_STEPS, 0.0)
-        ahead, behind = (of(origin + side * step) for side in (1.0, -1.0))
+        ahead, behind = (compute(origin + side * step) for side in (1.0, -1.0))
         result[:, :, column] = (ahead - behind) / (2.0 * _STATE_STEPS[column])
     return result
 
@@ -355,7 +361,7 @@ def _sensitivity(
     if small := small_step(model, name, coordinate):
         plant, step = small
         return (next_states(log, plant, origin) - ways[:, -1]) / step, np.zeros_like(origin)
-    (ahead, plus), (behind, minus) = _sides(model, name, coordinate)
+    (ahead, plus), (behind, minus) = _stepped_plants(model, name, coordinate)
     if differ_only_in_sensors(ahead, behind):
         further = before = ways
     else:
@@ -363,7 +369,7 @@ def _sensitivity(
     D = (further[:, -1] - before[:, -1]) / (plus - minus)
     if sensors_are_equal(ahead, behind):
         return D, np.zeros_like(origin)
-    return D, (_seen(log, ahead, further) - _seen(log, behind, before)) / (plus - minus)
+    return D, (_readings_at_start(log, ahead, further) - _readings_at_start(log, behind, before)) / (plus - minus)
 
 
 def small_step(model: ModelWithEffects, name: str, coordinate: int) -> tuple[Plant, float] | None:
@@ -381,7 +387,7 @@ def small_step(model: ModelWithEffects, name: str, coordinate: int) -> tuple[Pla
     return (ahead, step) if _delays_of(ahead) == _delays_of(behind) else None
 
 
-def _sides(model: ModelWithEffects, name: str, coordinate: int) -> list[tuple[Plant, float]]:
+def _stepped_plants(model: ModelWithEffects, name: str, coordinate: int) -> list[tuple[Plant, float]]:
     """The plant at two steps of a coordinate, to either side or, where that is out of bounds, to one side."""
     size = model.catalogue[name].free_scale[coordinate]
     for steps in ((_PART, -_PART), (_ONE_SIDED_PART, 0.0), (0.0, -_ONE_SIDED_PART)):
@@ -401,7 +407,7 @@ def one_second_paths(log: Log, plant: Plant, origin: Floats) -> Floats:
     """The simulated states every quarter of a second from each of ``origin`` [T, 6]: [T, 5, 6]."""
     controls, acting = acting_settings(log, plant)
     wind = np.repeat(log.wind[:, None, :], STEPS_PER_SECOND, axis=1)
-    runs = simulate_batch(prompt(plant), origin, controls, wind, DT_S, 1, acting)
+    runs = simulate_batch(without_delays(plant), origin, controls, wind, DT_S, 1, acting)
     if not runs.inside.all():  # outside the model's range a second carries no information: assume steady motion
         runs.states[~runs.inside] = origin[~runs.inside, None]
     return runs.states
@@ -411,7 +417,7 @@ def acting_settings(log: Log, plant: Plant) -> tuple[Floats, Floats]:
     """The controls that act in each quarter of a second [T, 4, controls] and at its start [T, controls].
 
     As reported, corrected for the feedback's delay and for play; at the start also for the lag, which the
-    simulator continues (:func:`prompt`).
+    simulator continues (:func:`without_delays`).
     """
     return _acting(log, *_delays_of(plant))
 
@@ -432,8 +438,12 @@ def _acting(
         series = log.controls[first:last].reshape(-1, log.controls.shape[-1])
         series = np.column_stack([np.unwrap(c) if i in angles else c for i, c in enumerate(series.T)])
         series = acting_controls(series, delay_s, DT_S, angles)
-        for column in np.flatnonzero(plays_rad):
-            series[:, column] += _lost_motion(series[:, column], plays_rad[column], log.setting_step_s)
+        interval = max(1, round(log.setting_step_s * STEPS_PER_SECOND))
+        for column in np.flatnonzero(plays_rad):  # the offset of a gear's output from its motor's side
+            # feedback noise would drag the output to its extremes: movements within its usual range are ignored
+            noise_rad = robust_spread(np.diff(series[::interval, column], 2)) / sqrt(6.0)
+            motor = behind_play(series[:, column], _RANGE * noise_rad)
+            series[:, column] += behind_play(motor, plays_rad[column]) - motor
         controls[first:last] = series.reshape(controls[first:last].shape)
         acting[first:last] = _lagged(series, np.array(lags_s))[::STEPS_PER_SECOND]
     return controls, acting
@@ -444,23 +454,11 @@ def _delays_of(plant: Plant) -> tuple[float, tuple[float, ...], tuple[float, ...
     return plant.command_delay_s, lags_of(plant), plays_of(plant)
 
 
-def prompt(plant: Plant) -> Plant:
+def without_delays(plant: Plant) -> Plant:
     """The plant for the controls of :func:`acting_settings`: without delay and play."""
     tight = {f"{actuator.name}_{PLAY}": 0.0 for actuator in plant.layout if PLAY in KINDS[actuator.kind].numbers}
-    still = plant.replaced(command_delay_s=0.0)
-    return still.replaced(**tight) if any(plays_of(plant)) else still
-
-
-def _lost_motion(motor: Floats, play_rad: float, step_s: float) -> Floats:
-    """The offset of a gear's output from its motor's side due to play [K], recorded every ``step_s`` [s].
-
-    Feedback noise would drag the output to its extremes, so movements within the usual range of the noise are
-    ignored.
-    """
-    interval = max(1, round(step_s * STEPS_PER_SECOND))
-    noise_rad = robust_spread(np.diff(motor[::interval], 2)) / sqrt(6.0)
-    moved = behind_play(motor, _RANGE * noise_rad)
-    return np.asarray(behind_play(moved, play_rad) - moved)
+    undelayed = plant.replaced(command_delay_s=0.0)
+    return undelayed.replaced(**tight) if any(plays_of(plant)) else undelayed
 
 
 def _stretches(log: Log) -> Iterator[tuple[int, int]]:
@@ -494,9 +492,9 @@ def _lagged(series: Floats, lags_s: Floats) -> Floats:
     result = series.copy()
     for column in np.flatnonzero(lags_s > 0.0):
         values = series[:, column]
-        kept = np.exp(-DT_S / lags_s[column])
+        decay = np.exp(-DT_S / lags_s[column])
         before = np.append(values[:1], values[:-1])
-        result[:, column] = lfilter([1.0 - kept], [1.0, -kept], before, zi=kept * values[:1])[0]
+        result[:, column] = lfilter([1.0 - decay], [1.0, -decay], before, zi=decay * values[:1])[0]
     return result
 
 
@@ -504,15 +502,17 @@ def sensor_readings(log: Log, plant: Plant, states: Floats) -> Floats:
     """States [T, 6] as the plant's sensors report them, with delays applied within each unbroken stretch."""
     if not has_sensor_delay(plant):  # without delays, readings equal states
         return measure(states[:, None], plant, 1.0)[:, 0]
-    return _seen(log, plant, one_second_paths(log, plant, states))
+    return _readings_at_start(log, plant, one_second_paths(log, plant, states))
 
 
-def _seen(log: Log, plant: Plant, ways: Floats) -> Floats:
+def _readings_at_start(log: Log, plant: Plant, ways: Floats) -> Floats:
     """The sensor readings [T, 6] at the start of each path [T, 5, 6] of :func:`one_second_paths`."""
-    return _around(log, plant, ways, [STEPS_PER_SECOND // 2])[:, 0]
+    return _readings_around(log, plant, ways, [STEPS_PER_SECOND // 2])[:, 0]
 
 
-def _around(log: Log, plant: Plant, ways: Floats, quarters: Sequence[int] = range(STEPS_PER_SECOND + 1)) -> Floats:
+def _readings_around(
+    log: Log, plant: Plant, ways: Floats, quarters: Sequence[int] = range(STEPS_PER_SECOND + 1)
+) -> Floats:
     """The sensor readings in each quarter from half a second before each path's start to half a second after.
 
     [T, 5, 6], or only some of the quarters. They are simulated from the start state: an error in it carries
@@ -522,23 +522,19 @@ def _around(log: Log, plant: Plant, ways: Floats, quarters: Sequence[int] = rang
     delays_s = [0.0] * 3 + [plant.speed_delay_s] * 3
     for first, last in _stretches(log):
         stretch, seconds = ways[first:last], np.arange(last - first, dtype=np.float64)
-        seen = measure(_track(stretch), plant, DT_S)
-        seen = np.concatenate([2.0 * seen[:1] - seen[half:0:-1], seen])
+        share = np.arange(STEPS_PER_SECOND)[:, None] / STEPS_PER_SECOND  # jumps are spread evenly over each second
+        steps = np.concatenate([stretch[1:, :1] - stretch[:-1, -1:], np.zeros_like(stretch[:1, :1])])
+        track = np.concatenate([(stretch[:, :-1] + share * steps).reshape(-1, 6), stretch[-1:, -1]])
+        readings = measure(track, plant, DT_S)
+        readings = np.concatenate([2.0 * readings[:1] - readings[half:0:-1], readings])
         jumps = np.concatenate([np.zeros((1, 6)), stretch[1:, 0] - stretch[:-1, -1]]).cumsum(axis=0)
         for place, quarter in enumerate(quarters):
-            result[first:last, place] = seen[quarter::STEPS_PER_SECOND][: len(stretch)]
+            result[first:last, place] = readings[quarter::STEPS_PER_SECOND][: len(stretch)]
             for column, delay_s in enumerate(delays_s):
                 times = seconds + (quarter - half) * DT_S - delay_s
                 missed = jumps[:, column] - np.interp(times, seconds, jumps[:, column])
                 result[first:last, place, column] += missed
     return result
-
-
-def _track(ways: Floats) -> Floats:
-    """Paths [T, 5, 6] joined to one track [4 T + 1, 6]; jumps between them are spread evenly over each second."""
-    share = np.arange(STEPS_PER_SECOND)[:, None] / STEPS_PER_SECOND
-    jumps = np.concatenate([ways[1:, :1] - ways[:-1, -1:], np.zeros_like(ways[:1, :1])])
-    return np.concatenate([(ways[:, :-1] + share * jumps).reshape(-1, 6), ways[-1:, -1]])
 
 
 def true_states(log: Log, plant: Plant) -> Floats:
@@ -550,13 +546,6 @@ def true_states(log: Log, plant: Plant) -> Floats:
         if np.abs(error[:, HEADING:]).max(initial=0.0) < _SAME:  # no reading but its own depends on a position
             break
     return states
-
-
-Shape = Literal["recordings", "until", "since", "step", "drift"]
-
-_MOST = 0.5  # of the time has to be in recordings with more than one leg
-_LEVELS = 24
-"""Steps into which a drift is divided for linearisation; between them it is followed to first order."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -583,11 +572,11 @@ class TimeProfile:
             return np.asarray(log.recording[:, None] == np.array(self.times_s), dtype=np.float64)
         if self.shape == "drift":
             first, last = self.times_s
-            late = np.clip((log.time_s - first) / max(last - first, 1.0), 0.0, 1.0)
+            weight = np.clip((log.time_s - first) / max(last - first, 1.0), 0.0, 1.0)
         else:
-            late = np.asarray(log.time_s >= self.times_s[0], dtype=np.float64)
-        ends = {"until": (1.0 - late,), "since": (late,)}
-        return np.column_stack(ends.get(self.shape, (1.0 - late, late)))
+            weight = np.asarray(log.time_s >= self.times_s[0], dtype=np.float64)
+        ends = {"until": (1.0 - weight,), "since": (weight,)}
+        return np.column_stack(ends.get(self.shape, (1.0 - weight, weight)))
 
     def levels(self, log: Log) -> Floats:
         """The weights rounded to a few levels, each constant within a block."""

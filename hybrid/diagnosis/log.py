@@ -48,6 +48,19 @@ LEG_S = 180
 
 _SHORTEST_BLOCK_S = 12
 _LONGEST_BREAK_S = 60
+_ARRAYS = ("measured", "weight", "nominal", "controls", "wind", "time_s", "block", "leg", "recording")
+
+STEPS_PER_SECOND = 4
+"""Thruster settings are averaged over quarters of a second, the longest step of the simulator."""
+
+InputHold = Literal["line", "until the next record", "since the last record"]
+"""Interpolation of settings between records: linear, previous value held, or next value already acting."""
+
+INPUT_HOLDS: tuple[InputHold, ...] = get_args(InputHold)
+_LONGEST_GAP_S = 1.2  # of a setting, unless it is recorded less often: what moved meanwhile is unknown
+_GAP_STEPS = 2.5
+SELDOM_S = 0.3  # between samples of a setting: beyond this the interpolation matters
+_OUTLIER = 6.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -119,9 +132,6 @@ class Log:
         return replace(self, controls=self.held[hold], input_hold=hold, cut_from=cut_from)
 
 
-_ARRAYS = ("measured", "weight", "nominal", "controls", "wind", "time_s", "block", "leg", "recording")
-
-
 def log_of(tables: Sequence[pd.DataFrame]) -> Log:
     """The log of tables of samples of one ship's channels, at any rate, with NaN where a channel has no sample.
 
@@ -129,7 +139,7 @@ def log_of(tables: Sequence[pd.DataFrame]) -> Log:
     :class:`InputError` for a table without position, heading or thrusters, :class:`DataShortageError` if no
     stretch is long enough.
     """
-    parts = [_one(table) for table in tables]
+    parts = [_log_of_table(table) for table in tables]
     first_block, first_leg, logs = 0, 0, list[Log]()
     whose = _recordings(tables)
     recordings = list(dict.fromkeys(whose))
@@ -163,10 +173,10 @@ def tables_by_recording(tables: Sequence[pd.DataFrame]) -> dict[str, pd.DataFram
     parts = dict[str, list[pd.DataFrame]]()
     for name, table in zip(_recordings(tables), tables, strict=True):
         parts.setdefault(name, []).append(table)
-    return {name: joined(pieces) for name, pieces in parts.items()}
+    return {name: join_tables(pieces) for name, pieces in parts.items()}
 
 
-def joined(parts: Sequence[pd.DataFrame]) -> pd.DataFrame:
+def join_tables(parts: Sequence[pd.DataFrame]) -> pd.DataFrame:
     """The table of a recording from its parts, with a gap between them."""
     table = pd.concat(parts)
     table.attrs = parts[0].attrs
@@ -178,7 +188,7 @@ def _recordings(tables: Sequence[pd.DataFrame]) -> list[str]:
     return [str(table.attrs.get("recording", number)) for number, table in enumerate(tables)]
 
 
-def _one(table: pd.DataFrame) -> Log:
+def _log_of_table(table: pd.DataFrame) -> Log:
     actuators = table_actuators(table)
     require(table, (*POSE, *control_names(actuators)))
     lacking = [name for name in VELOCITY if name not in table]
@@ -225,20 +235,6 @@ def _legs(block: Ints, seconds: Ints) -> Ints:
         leg[rows] = number
         length, before = length + len(rows), int(seconds[rows[-1]])
     return leg
-
-
-STEPS_PER_SECOND = 4
-"""Thruster settings are averaged over quarters of a second, the longest step of the simulator."""
-
-InputHold = Literal["line", "until the next record", "since the last record"]
-"""Interpolation of settings between records: linear, previous value held, or next value already acting."""
-
-INPUT_HOLDS: tuple[InputHold, ...] = get_args(InputHold)
-
-_LONGEST_GAP_S = 1.2  # of a setting, unless it is recorded less often: what moved meanwhile is unknown
-_GAP_STEPS = 2.5
-SELDOM_S = 0.3  # between samples of a setting: beyond this the interpolation matters
-_OUTLIER = 6.0
 
 
 def smoothed_motion(table: pd.DataFrame) -> tuple[Ints, Floats, Floats, NoiseLevels]:
@@ -291,14 +287,14 @@ def averaged_motion(
         deviation = values[rows] - expected
         if is_circular(name):
             deviation = (deviation + np.pi) % (2.0 * np.pi) - np.pi
-        distance = np.abs(deviation - _near(deviation, times))
+        distance = np.abs(deviation - _neighbour_median(deviation, times))
         good = distance <= _OUTLIER * robust_spread(distance) + 1e-9
         refused += int((~good).sum())
         measured[:, column], weight[:, column] = _binned(times[good], (expected + deviation)[good], len(nodes))
     return measured, weight, refused
 
 
-def _near(values: Floats, times_s: Floats) -> Floats:
+def _neighbour_median(values: Floats, times_s: Floats) -> Floats:
     """The median of each sample's neighbours within a third of a second, without itself; of four at least."""
     if values.size < 5:
         return np.full(values.size, np.median(values) if values.size else 0.0)
@@ -353,16 +349,12 @@ def mean_wind(table: pd.DataFrame, seconds: Ints) -> Floats:
     direction, speed = (table[name].to_numpy(dtype=float) for name in ENVIRONMENT)
     # Components, not speeds, are averaged, so that the vane's noise adds no wind.
     towards = speed * np.cos(np.deg2rad(direction)), speed * np.sin(np.deg2rad(direction))
-    north, east = (_filled(_means(times_ns(table) / NANO, component, edges)) for component in towards)
+    means = [_means(times_ns(table) / NANO, component, edges) for component in towards]
+    for mean in means:  # missing seconds are interpolated
+        finite = np.flatnonzero(np.isfinite(mean))
+        mean[:] = np.interp(np.arange(len(mean)), finite, mean[finite]) if finite.size else 0.0
+    north, east = means
     return np.column_stack([np.arctan2(east, north), np.hypot(north, east)])
-
-
-def _filled(values: Floats) -> Floats:
-    """Missing values interpolated; unchanged where all are missing."""
-    finite = np.flatnonzero(np.isfinite(values))
-    if not finite.size:
-        return np.zeros(len(values))
-    return np.interp(np.arange(len(values)), finite, values[finite])
 
 
 def _means(
@@ -375,20 +367,19 @@ def _means(
         return np.full(len(edges_s) - 1, np.nan)
     if circular:
         values = unwrap(values)
-    upto = _integral(*_path(times, _without_blips(times, values), input_hold), edges_s)
+    vertices = times, _without_blips(times, values)
+    if input_hold == "line":
+        vertices = _with_corners(*vertices)
+    else:  # two vertices at each step
+        stepped = np.repeat(vertices[0], 2), np.repeat(vertices[1], 2)
+        until_next = input_hold == "until the next record"
+        vertices = (stepped[0][1:], stepped[1][:-1]) if until_next else (stepped[0][:-1], stepped[1][1:])
+    integral = _integral(*vertices, edges_s)
     steps = np.diff(times)
     gap = steps > max(_LONGEST_GAP_S, _GAP_STEPS * float(np.median(steps)))
     crosses = np.diff(np.interp(edges_s, times, np.append(0.0, np.cumsum(gap)))) > 0.0
     outside = (edges_s[:-1] < times[0] - 1.0) | (edges_s[1:] > times[-1] + 1.0)
-    return np.where(crosses | outside, np.nan, np.diff(upto) / np.diff(edges_s))
-
-
-def _path(times_s: Floats, values: Floats, input_hold: InputHold) -> tuple[Floats, Floats]:
-    """Vertices of the piecewise linear signal: with corners between samples, or two at each step."""
-    if input_hold == "line":
-        return _with_corners(times_s, values)
-    times, twice = np.repeat(times_s, 2), np.repeat(values, 2)
-    return (times[1:], twice[:-1]) if input_hold == "until the next record" else (times[:-1], twice[1:])
+    return np.where(crosses | outside, np.nan, np.diff(integral) / np.diff(edges_s))
 
 
 def _integral(times_s: Floats, values: Floats, until_s: Floats) -> Floats:
@@ -396,9 +387,9 @@ def _integral(times_s: Floats, values: Floats, until_s: Floats) -> Floats:
     steps = np.diff(times_s)
     area = integrate(values, times_s)
     index = np.clip(np.searchsorted(times_s, until_s, side="right") - 1, 0, times_s.size - 2)
-    into = until_s - times_s[index]
+    elapsed = until_s - times_s[index]
     slope = (values[index + 1] - values[index]) / np.where(steps[index] > 0.0, steps[index], 1.0)
-    return np.asarray(area[index] + values[index] * into + 0.5 * slope * into**2)
+    return np.asarray(area[index] + values[index] * elapsed + 0.5 * slope * elapsed**2)
 
 
 def _with_corners(times_s: Floats, values: Floats) -> tuple[Floats, Floats]:

@@ -1,18 +1,16 @@
-"""Where model and trial disagree: the missing force and the one-second prediction errors, cell by cell.
+"""Where model and trial disagree: the missing force cell by cell, and the regimes that explain most of it.
 
 A cell holds the seconds of a log that are similar in speed, turning, drift, heading, wind, thrusters, time or
-position; its edges are round numbers that a person can quote. In force space each cell has a steady force on
-each body axis, estimated through the filter with all disturbances and sensor tolerances; in state space the
-errors of one second are averaged, with standard errors from their scatter between legs. The map is for people:
-the selection of effects does not use it.
+position; its edges are round numbers that a person can quote. Each cell has a steady force on each body axis,
+estimated through the filter with all disturbances and sensor tolerances, and the mean errors of one-second
+predictions, with standard errors from their scatter between legs. The map is for people: the selection of
+effects does not use it.
 
-New effects from residuals: the operating regime that explains most of them, fitted and tested.
-
-If something systematic remains beside the named effects, or nothing can be named, the force that the model
-lacks second by second is searched for the regime in which it acts: astern or ahead, slow or fast, sideways,
-with a tunnel thruster while under way, with the wind from one side. The regime that explains most of one axis'
-force in held-out parts of the trial becomes an effect like any other (:mod:`seatrial.hybrid.effects.regime`): it is
-fitted, and kept if it is found in most parts of the trial and brings predictions of held-out legs closer.
+If something systematic remains beside the named effects, or nothing can be named, the missing force is searched
+for the regime in which it acts: astern or ahead, slow or fast, sideways, with a tunnel thruster while under
+way, with the wind from one side. The regime that explains most of one axis' force in held-out parts of the
+trial becomes an effect like any other (:mod:`seatrial.hybrid.effects.regime`): it is fitted, and kept if it is
+found in most parts of the trial and brings predictions of held-out legs closer.
 """
 
 from __future__ import annotations
@@ -31,7 +29,7 @@ from seatrial.acquisition.core.quantities import Floats, Ints
 from seatrial.acquisition.core.ship import POSE_AND_VELOCITY, control_names, names_of
 from seatrial.acquisition.core.ship import shafts as drives_in
 from seatrial.hybrid.diagnosis.acceptance import score_spread
-from seatrial.hybrid.diagnosis.coarse_model import MOST_PARTS, improves_prediction, replications, unseen_m
+from seatrial.hybrid.diagnosis.coarse_model import MOST_PARTS, improves_prediction, replications, unseen_distance_m
 from seatrial.hybrid.diagnosis.disturbance_model import FORCE_UNITS, Columns, columns_of, smooth_state
 from seatrial.hybrid.diagnosis.evidence import (
     AXES,
@@ -66,8 +64,29 @@ _FINEST = {
     "speed_mps": 0.25, "yaw_rate_dps": 0.25, "drift_angle_deg": 1.0, "azimuth_deg": 2.0, "rudder_deg": 1.0,
     "nozzle_deg": 1.0, "pitch_percent": 5.0,
 }  # fmt: skip
+
 _FINEST_SHAFT_RPM, _FINEST_TUNNEL_RPM = 5.0, 10.0
 """The finest cell width of each quantity; finer cells would separate what no sensor or drive resolves."""
+
+SIGNIFICANT = 0.05
+"""The probability that the map of an exact model shows anything."""
+
+_MOST, _LEAST = 40, 10
+_ENOUGH_LEGS = 10
+_SLOW_S = 60.0
+_DEGREES = np.array([1.0, 1.0, np.degrees(1.0), 1.0, 1.0, np.degrees(1.0)])
+_WIDE = 10.0  # prior standard deviation of a cell's force, in force ranges
+_LEAST_S = 30  # of a regime: about a time constant of the ship
+_LEAST_SHARE, _FEW = 0.2, 3  # of an axis' missing force; number of regimes
+_PLAIN = 0.02  # extra share required for a higher power or another edge
+_SECOND = 0.05  # extra share required for a second span
+_GROWING = ("speed_mps", "sway_mps", "yaw_rate_dps", "rpm", "wind_mps")
+_FINEST_STEP = {
+    "speed_mps": 0.25, "surge_mps": 0.25, "sway_mps": 0.25, "yaw_rate_dps": 0.25, "wind_mps": 1.0,
+    "drift_angle_deg": 5.0, "azimuth_deg": 5.0, "rudder_deg": 2.0, "nozzle_deg": 2.0,
+}  # fmt: skip
+_FINEST_STEP_RPM = 10.0
+_ONLY_RUNNING = ("azimuth_deg", "nozzle_deg")  # meaningful only while it pushes
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,8 +112,8 @@ def quantities(log: Log, origin: Floats) -> dict[str, Floats]:
 
 def recorded_s(log: Log) -> Floats:
     """The time since the start of the log [T] in s, without the breaks between recordings."""
-    between = np.where(np.diff(log.recording) != 0, np.diff(log.time_s) - 1, 0)
-    return np.asarray(log.time_s - log.time_s[0] - np.append(0, np.cumsum(between)), dtype=np.float64)
+    breaks = np.where(np.diff(log.recording) != 0, np.diff(log.time_s) - 1, 0)
+    return np.asarray(log.time_s - log.time_s[0] - np.append(0, np.cumsum(breaks)), dtype=np.float64)
 
 
 def _settings(log: Log, along: Mapping[str, Floats]) -> dict[str, Floats]:
@@ -138,14 +157,9 @@ def _spans(name: str, values: Floats) -> Iterable[tuple[float, float]]:
     if name == "time_s":
         return itertools.pairwise(np.linspace(0.0, finite.max() + 1.0, _QUARTERS + 1).tolist())
     low, high = (float(quantile) for quantile in np.quantile(finite, (0.01, 0.99)))
-    inner = round_edges(low, high, _finest(name)).tolist()
-    return itertools.pairwise([float(finite.min()), *inner, _above(finite.max())])
-
-
-def _finest(name: str) -> float:
-    if name in _FINEST:
-        return _FINEST[name]
-    return _FINEST_SHAFT_RPM if name == "rpm" or "_less_" in name else _FINEST_TUNNEL_RPM
+    finest = _FINEST_SHAFT_RPM if name == "rpm" or "_less_" in name else _FINEST_TUNNEL_RPM
+    inner = round_edges(low, high, _FINEST.get(name, finest)).tolist()
+    return itertools.pairwise([float(finite.min()), *inner, _next_float(finite.max())])
 
 
 def round_edges(low: float, high: float, finest: float) -> Floats:
@@ -161,7 +175,7 @@ def round_edges(low: float, high: float, finest: float) -> Floats:
     return np.asarray(edges[(edges > low + 0.5 * step) & (edges < high - 0.5 * step)])
 
 
-def _above(value: float) -> float:
+def _next_float(value: float) -> float:
     """The next floating-point number: the end of a span that includes ``value``."""
     return float(np.nextafter(value, np.inf))
 
@@ -177,23 +191,13 @@ def _places(origin: Floats) -> list[MapCell]:
     """A grid over the trial's area."""
     cells = []
     edges = [
-        np.linspace(coordinate.min(), _above(coordinate.max()), _GRID + 1).tolist()
+        np.linspace(coordinate.min(), _next_float(coordinate.max()), _GRID + 1).tolist()
         for coordinate in origin[:, :2].T
     ]
     for north, east in itertools.product(*map(itertools.pairwise, edges)):
         rows = _inside(origin[:, 0], north) & _inside(origin[:, 1], east)
         cells.append(MapCell("place", {"north_m": north, "east_m": east}, rows))
     return cells
-
-
-SIGNIFICANT = 0.05
-"""The probability that the map of an exact model shows anything."""
-
-_MOST, _LEAST = 40, 10
-_ENOUGH_LEGS = 10
-_SLOW_S = 60.0
-_DEGREES = np.array([1.0, 1.0, np.degrees(1.0), 1.0, 1.0, np.degrees(1.0)])
-_WIDE = 10.0  # prior standard deviation of a cell's force, in force ranges
 
 
 def notable_places(places: Sequence[GapCell]) -> tuple[GapCell, ...]:
@@ -209,7 +213,11 @@ def map_of(equations: NormalEquations, with_effects: bool = False) -> Map:
     linear, log = equations.linear, equations.log
     data = columns_of(linear, []) if with_effects else _without_effects(equations)
     cells = cells_of(log, linear.origin)
-    tolerated, scale = _tolerated(equations)
+    layout = equations.layout
+    indices = [int(number) for number in np.flatnonzero(layout.tolerated > 0.0)]
+    winds = wind_errors(log, equations.model, linear.origin)
+    tolerated = [*(equations.effects[number] for number in indices), *winds]
+    scale = np.append(layout.tolerated[indices], np.full(len(winds), wind_error_mps(equations.model)))
     places = _forces(equations, data, cells, tolerated, scale) + _errors(equations, data, cells, tolerated, scale)
     surge, sway, yaw = equations.force_range.tolist()  # a prior wide enough not to shrink the slow force
     any_force = replace(equations.noise, slow=(surge, sway, yaw), slow_s=_SLOW_S)
@@ -228,17 +236,8 @@ def _without_effects(equations: NormalEquations) -> Columns:
         )
     ]
     drive = data.drive - sum(value * signature.D[:, :, None] for value, signature in added)
-    seen = data.readings + sum(value * signature.E[:, :, None] for value, signature in added)
-    return Columns(np.ascontiguousarray(drive), np.ascontiguousarray(seen), data.features)
-
-
-def _tolerated(equations: NormalEquations) -> tuple[list[Signature], Floats]:
-    """The tolerated errors of sensors, drives and wind, with their standard deviations."""
-    layout = equations.layout
-    indices = [int(number) for number in np.flatnonzero(layout.tolerated > 0.0)]
-    winds = wind_errors(equations.log, equations.model, equations.linear.origin)
-    scale = np.append(layout.tolerated[indices], np.full(len(winds), wind_error_mps(equations.model)))
-    return [*(equations.effects[number] for number in indices), *winds], scale
+    readings = data.readings + sum(value * signature.E[:, :, None] for value, signature in added)
+    return Columns(np.ascontiguousarray(drive), np.ascontiguousarray(readings), data.features)
 
 
 def _forces(
@@ -256,24 +255,18 @@ def _forces(
     result: list[GapCell] = []
     for quantity in dict.fromkeys(cell.quantity for cell in cells):
         mine = [number for number, cell in enumerate(cells) if cell.quantity == quantity]
-        kept = np.concatenate([first + axis * len(cells) + np.array(mine) for axis in range(3)])
-        inner, _ = marginalise(gram, np.append(0, kept), nuisance, scale)
-        force, error = _fitted_forces(inner, equations, len(mine))
+        indices = np.concatenate([first + axis * len(cells) + np.array(mine) for axis in range(3)])
+        inner, _ = marginalise(gram, np.append(0, indices), nuisance, scale)
+        count, extent, unit = len(mine), equations.force_range, FORCE_UNITS[:, None]
+        fit = fit_columns(inner, range(1, 1 + 3 * count), np.repeat(_WIDE * extent / FORCE_UNITS, count))
+        force = fit.values.reshape(3, count) * unit
+        error = np.sqrt(np.diag(fit.covariance)).reshape(3, count) * unit
+        error = np.hypot(error, equations.tolerance * extent[:, None])  # with the tolerances
         for place, number in enumerate(mine):
             for axis, channel in enumerate(FORCES):
                 z = force[axis, place] / error[axis, place]
-                result.append(_place(channel, cells[number], force[axis, place], z))
+                result.append(_gap_cell(channel, cells[number], force[axis, place], z))
     return result
-
-
-def _fitted_forces(inner: Floats, equations: NormalEquations, number: int) -> tuple[Floats, Floats]:
-    """Missing forces [3, cells] and their standard errors, which include the tolerances."""
-    extent = equations.force_range
-    fit = fit_columns(inner, range(1, 1 + 3 * number), np.repeat(_WIDE * extent / FORCE_UNITS, number))
-    unit = FORCE_UNITS[:, None]
-    force = fit.values.reshape(3, number) * unit
-    error = np.sqrt(np.diag(fit.covariance)).reshape(3, number) * unit
-    return force, np.hypot(error, equations.tolerance * extent[:, None])
 
 
 def _errors(
@@ -293,7 +286,7 @@ def _errors(
         mean, deviation = _clustered(error[rows], cluster[rows])
         deviation = np.hypot(deviation, np.sqrt((allowance[rows].mean(axis=0) ** 2).sum(axis=1)))
         result += [
-            _place(name, cell, mean[number] * _DEGREES[number], mean[number] / deviation[number])
+            _gap_cell(name, cell, mean[number] * _DEGREES[number], mean[number] / deviation[number])
             for number, name in enumerate(POSE_AND_VELOCITY)
         ]
     return result
@@ -328,21 +321,8 @@ def _clustered(values: Floats, cluster: Ints) -> tuple[Floats, Floats]:
     return mean, np.asarray(error * t.isf(0.025, count - 1) / norm.isf(0.025))
 
 
-def _place(channel: str, cell: MapCell, error: float, z: float) -> GapCell:
+def _gap_cell(channel: str, cell: MapCell, error: float, z: float) -> GapCell:
     return GapCell(channel, cell.span, int(cell.rows.sum()), float(error), float(z))
-
-
-_LEAST_S = 30  # of a regime: about a time constant of the ship
-_LEAST_SHARE, _FEW = 0.2, 3  # of an axis' missing force; number of regimes
-_PLAIN = 0.02  # extra share required for a higher power or another edge
-_SECOND = 0.05  # extra share required for a second span
-_GROWING = ("speed_mps", "sway_mps", "yaw_rate_dps", "rpm", "wind_mps")
-_FINEST_STEP = {
-    "speed_mps": 0.25, "surge_mps": 0.25, "sway_mps": 0.25, "yaw_rate_dps": 0.25, "wind_mps": 1.0,
-    "drift_angle_deg": 5.0, "azimuth_deg": 5.0, "rudder_deg": 2.0, "nozzle_deg": 2.0,
-}  # fmt: skip
-_FINEST_STEP_RPM = 10.0
-_ONLY_RUNNING = ("azimuth_deg", "nozzle_deg")  # meaningful only while it pushes
 
 
 @dataclass(frozen=True, slots=True)
@@ -397,23 +377,26 @@ def _narrowed(
     widest: TriedRegime, tried: Sequence[_Priced], quantities: Mapping[str, Floats], force: Floats, fold: Ints
 ) -> TriedRegime:
     """A regime restricted by a second span, where that explains enough more."""
-    more = [
+    narrower = [
         (replace(widest.regime, within={**widest.regime.within, **second.within}), widest.price + _SECOND)
         for second, _ in tried
         if second.grows_with is None and widest.regime.within and not {*second.within} & {*widest.regime.within}
     ]
-    same = [
+    same_axis = [
         candidate
-        for candidate in _best(more, quantities, force, fold)
+        for candidate in _best(narrower, quantities, force, fold)
         if candidate.regime.axis == widest.regime.axis
     ]
-    return max([widest, *same], key=lambda candidate: candidate.worth)
+    return max([widest, *same_axis], key=lambda candidate: candidate.worth)
 
 
 def _candidates(quantities: Mapping[str, Floats]) -> Iterator[_Priced]:
     """Regimes of one span, or of none, and the extra share required of each for its complexity."""
     names = [name for name in quantities if name in _GROWING or name.endswith("_rpm")]
-    growing = {name: _round(quantities[name]) for name in names}
+    growing = dict[str, float]()
+    for name in names:  # a round number near the largest magnitude
+        size = float(np.nanquantile(np.abs(quantities[name]), 0.95))
+        growing[name] = float(f"{size:.1g}") if size > 0.0 else 1.0
     for growth, at in growing.items():
         yield Regime("", {}, growth, at), _PLAIN
     for name, values in quantities.items():
@@ -445,12 +428,6 @@ def _priced_spans(name: str, values: Floats) -> Iterator[tuple[tuple[float, floa
         yield pair, 2.0 * _PLAIN
 
 
-def _round(values: Floats) -> float:
-    """A round number near the largest magnitude of a quantity."""
-    size = float(np.nanquantile(np.abs(values), 0.95))
-    return float(f"{size:.1g}") if size > 0.0 else 1.0
-
-
 def shape_of(regime: Regime, quantities: Mapping[str, Floats]) -> Floats:
     """The share of a regime's force that acts in each second [T]."""
     shape = np.ones(len(next(iter(quantities.values()))))
@@ -471,7 +448,7 @@ def _best(
         return []
     shapes = np.column_stack([shape_of(regime, quantities) for regime, _ in tried])
     price = np.array([cost for _, cost in tried])
-    size, share, alike = explained(shapes, force, fold)
+    size, share, alike = explained_shares(shapes, force, fold)
     enough = alike & (np.count_nonzero(shapes, axis=0) >= _LEAST_S)[:, None] & (share > _LEAST_SHARE)
     worth = np.where(enough, share - price[:, None], -inf)
     result = []
@@ -482,7 +459,7 @@ def _best(
     return result
 
 
-def explained(shapes: Floats, force: Floats, fold: Ints) -> tuple[Floats, Floats, Floats]:
+def explained_shares(shapes: Floats, force: Floats, fold: Ints) -> tuple[Floats, Floats, Floats]:
     """The size, share of ``force`` [T, 3] and consistency over parts of each of ``shapes`` [T, M]: [M, 3] each.
 
     The share is that of the squares in each part with the size fitted to all others; consistent
@@ -493,8 +470,8 @@ def explained(shapes: Floats, force: Floats, fold: Ints) -> tuple[Floats, Floats
     squares = np.array([(shapes[part] ** 2).sum(axis=0) for part in parts])[:, :, None]
     total, norm = products.sum(axis=0), np.maximum(squares.sum(axis=0), 1e-12)
     other_sizes = (total - products) / np.maximum(norm - squares, 1e-12)
-    taken = (2.0 * other_sizes * products - other_sizes**2 * squares).sum(axis=0)
-    share = taken / np.maximum((force**2).sum(axis=0), 1e-12)
+    explained_squares = (2.0 * other_sizes * products - other_sizes**2 * squares).sum(axis=0)
+    share = explained_squares / np.maximum((force**2).sum(axis=0), 1e-12)
     agree = (np.sign(products) == np.sign(total)).mean(axis=0) >= MOST_PARTS
     return total / norm, share, agree
 
@@ -508,7 +485,11 @@ def largest_regimes(bare: Evidence, windows: UnseenWindows) -> tuple[FoundRegime
     """
     regimes, now = list[FoundRegime](), _Fitted.of(bare, (), windows)
     while len(regimes) < _FEW:
-        better = next(filter(None, (_added(now, windows, candidate) for candidate in _lacking(now.evidence))), None)
+        equations = now.evidence.equations
+        log, origin = equations.log, equations.linear.origin
+        quantities = quantities_along(log.actuators, origin, log.controls.mean(axis=1), log.wind)
+        lacking = find_regimes(quantities, map_of(equations, with_effects=True).force, fold_of(log))
+        better = next(filter(None, (_try_regime(now, windows, candidate) for candidate in lacking)), None)
         if better is None:
             break
         regimes.append(better[0])
@@ -541,7 +522,7 @@ class _Fitted:
         return _Fitted(names, evidence, _off_m(windows, evidence, names))
 
 
-def _added(now: _Fitted, windows: UnseenWindows, tried: TriedRegime) -> tuple[FoundRegime, _Fitted] | None:
+def _try_regime(now: _Fitted, windows: UnseenWindows, tried: TriedRegime) -> tuple[FoundRegime, _Fitted] | None:
     """A regime fitted beside the existing effects; None if it gains too little or is not consistent."""
     regime = tried.regime
     effect = regime_effect(_name_of(regime), regime, tried.size)
@@ -552,49 +533,33 @@ def _added(now: _Fitted, windows: UnseenWindows, tried: TriedRegime) -> tuple[Fo
     replicated = replications(fitted.evidence, fitted.names, parts)[effect.name]
     if not improves_prediction(now.off_m, fitted.off_m) or replicated.found < MOST_PARTS * replicated.parts:
         return None
-    value, error = _size(fitted, effect.name)
+    fit = fitted.evidence.fit(fitted.names, prior=True)
+    (place,) = fitted.evidence.places(fit, effect.name)
+    spread = score_spread(fitted.evidence, fitted.names, effect.name)  # from the scatter between legs
+    value, error = float(fit.values[place]), float(np.sqrt(spread * fit.covariance[place, place]))
     after_m = float(fitted.off_m.mean())
     result = FoundRegime(effect.name, regime, value, error, tried.share, replicated, after_m)
     return result, fitted
-
-
-def _size(fitted: _Fitted, name: str) -> tuple[float, float]:
-    """The size of a one-parameter effect and its standard error, from the scatter between legs."""
-    evidence, names = fitted.evidence, fitted.names
-    fit = evidence.fit(names, prior=True)
-    (place,) = evidence.places(fit, name)
-    spread = score_spread(evidence, names, name)
-    return float(fit.values[place]), float(np.sqrt(spread * fit.covariance[place, place]))
-
-
-def _lacking(evidence: Evidence) -> list[TriedRegime]:
-    """The regimes in which the model with its effects lacks most."""
-    log, linear = evidence.equations.log, evidence.equations.linear
-    seen = quantities_along(log.actuators, linear.origin, log.controls.mean(axis=1), log.wind)
-    return find_regimes(seen, map_of(evidence.equations, with_effects=True).force, fold_of(log))
 
 
 def _off_m(windows: UnseenWindows, evidence: Evidence, names: Sequence[str]) -> Floats:
     """The mean distance by leg with ``names`` at the sizes fitted to the other folds [legs with windows]."""
     catalogue = evidence.equations.model.catalogue
     extended = replace(windows, model=replace(windows.model, catalogue=catalogue))
-    return unseen_m(extended, evidence_without(extended, evidence), names)
+    return unseen_distance_m(extended, evidence_without(extended, evidence), names)
 
 
 def _name_of(regime: Regime) -> str:
     """A name from the axis and the regime: ``surge_force_rpm_below_0``."""
-    spans = [_span_name(quantity, *span) for quantity, span in regime.within.items()]
-    growth = [] if regime.grows_with is None or spans else [f"with_{_bare(regime.grows_with)}"]
-    return "_".join([regime.axis, "moment" if regime.axis == "yaw" else "force", *(spans or growth)])
+    parts = [regime.axis, "moment" if regime.axis == "yaw" else "force"]
+    for quantity, (low, high) in regime.within.items():
+        begin, end = (f"{edge:g}".replace("-", "minus_").replace(".", "p") for edge in (low, high))
+        span = f"below_{end}" if low == -inf else f"above_{begin}" if high == inf else f"{begin}_to_{end}"
+        parts.append(f"{_without_unit(quantity)}_{span}")
+    if regime.grows_with is not None and not regime.within:
+        parts.append(f"with_{_without_unit(regime.grows_with)}")
+    return "_".join(parts)
 
 
-def _span_name(quantity: str, low: float, high: float) -> str:
-    name = _bare(quantity)
-    begin, end = (f"{edge:g}".replace("-", "minus_").replace(".", "p") for edge in (low, high))
-    if low == -inf:
-        return f"{name}_below_{end}"
-    return f"{name}_above_{begin}" if high == inf else f"{name}_{begin}_to_{end}"
-
-
-def _bare(quantity: str) -> str:
+def _without_unit(quantity: str) -> str:
     return quantity.removesuffix("_mps").removesuffix("_deg").removesuffix("_dps")

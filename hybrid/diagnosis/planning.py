@@ -1,30 +1,24 @@
-"""The information of a trial on each effect, with or without data: what could be detected, what distinguished.
+"""The information of a trial on each effect, with or without data, and the manoeuvre to sail next.
 
 The information matrix of all effects follows from the same inner products as the evidence, without the data, so
 it also exists for a trial that has not been made. With F the inner products of the effects' columns, an effect
 of size a changes twice the log likelihood by a' F a, and by less if another effect can imitate it.
 
-The next manoeuvre: the one that best separates effects that the data cannot distinguish.
-
-Every candidate is simulated with the ship as identified, in the wind and noise of the recording, and evaluated
-together with the recording, so that the model error is common to both. The best candidate is likely to separate
-most pairs, whichever effect is true (Box and Hill 1967); for a pair it counts the evidence of one against the
-other at any size (T-optimality: Atkinson and Fedorov 1975).
-
-Manoeuvres of some ten minutes that a ship can be asked for, scaled to her shaft speeds and pace, and their
-simulation.
-
-They are made of the parts of :mod:`seatrial.hybrid.simulation.manoeuvres`, with the words in which an officer of
-the watch may be asked for them. A simulated candidate is a log without noise or gaps: the information of a trial
-depends on where it takes the ship, not on the noise of the readings, so its true motion serves as the measured one
-and needs no smoothing.
+The next manoeuvre is the one that best separates effects that the data cannot distinguish. Every candidate is
+simulated with the ship as identified, in the wind and noise of the recording, and evaluated together with the
+recording, so that the model error is common to both. The best candidate is likely to separate most pairs,
+whichever effect is true (Box and Hill 1967); for a pair it counts the evidence of one against the other at any
+size (T-optimality: Atkinson and Fedorov 1975). Candidates last some ten minutes, scaled to the ship's shaft
+speeds and pace, in the words in which an officer of the watch may be asked for them. A simulated one is a log
+without noise or gaps: the information depends on where it takes the ship, not on the noise of the readings, so
+its true motion serves as the measured one.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache, partial
+from functools import lru_cache
 from math import expm1, inf, log, log1p, sqrt
 from typing import Any
 
@@ -35,7 +29,7 @@ from scipy.stats import chi2, ncx2, norm, t
 
 from seatrial.acquisition.core.errors import ModelRangeError, Progress
 from seatrial.acquisition.core.quantities import Floats, Ints
-from seatrial.acquisition.core.ship import Actuators, control_names, names_of, shafts
+from seatrial.acquisition.core.ship import Actuators, control_names, names_of
 from seatrial.acquisition.core.ship import shafts as drives_in
 from seatrial.hybrid.diagnosis.acceptance import FALSE_ALARM, HELD_OUT_LEVEL
 from seatrial.hybrid.diagnosis.evidence import NormalEquations, explained_by, marginalise, normal_equations
@@ -70,11 +64,26 @@ from seatrial.hybrid.vessel.sensors import measure
 POWER = 0.9
 """The power: an effect at its limit is found in this share of such trials."""
 
-TOLD_APART = 9.0
+DISTINGUISHED = 9.0
 """Twice the log likelihood by which the wrong one of two effects has to be worse to be excluded (p = 0.13 %)."""
 
-_UNHEARD = 1e-2  # of the prior's information: less is negligible
+_NEGLIGIBLE = 1e-2  # of the prior's information: less is negligible
 _NONE = 1e-7  # of the prior's information: less is rounding
+_IDLE_SHARE = 0.2  # of the fastest: slower shafts count as stopped
+_WORTH_A_MINUTE = 0.1  # log odds per minute: less is not worthwhile
+_LONGEST_S = 7200  # of a recording: more changes nothing
+
+MINUTES = 10.0
+"""The length of a manoeuvre for R/V Gunnerus [min]; other ships' lengths are scaled."""
+
+_FEWEST_MINUTES = 2
+_IN_SECONDS_S = 100.0  # shorter times are given in seconds
+_SLOW, _FAST = 0.7, 1.15  # of the usual shaft speed
+_TUNNEL = 0.75  # of the tunnel thruster's limit
+_ROUND_RPM = 5.0
+_MIXED = "helm"  # what steers a ship by more than one sort of angle
+_STEPS = 4  # simulator steps in a quarter of a second, so that the autopilot's loop is as fast as a real one
+_SEED = 20260903
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,21 +94,23 @@ class Information:
     columns: Mapping[str, Ints]
     catalogue: Catalogue
 
-    def of(self, name: str, given: Sequence[str] = ()) -> Floats:
-        """The information on an effect's coordinates [d, d] when those of ``given`` are free."""
-        none, own = np.zeros(0, dtype=np.int64), self.columns[name]
-        others = np.concatenate([none, *(self.columns[each] for each in given)])
-        return np.asarray(self.matrix[np.ix_(own, own)] - explained_by(self.matrix, own, others))
+    def of(self, name: str, fitted: Sequence[str] = ()) -> Floats:
+        """The information on an effect's coordinates [d, d] when those of ``fitted`` are free."""
+        empty, columns = np.zeros(0, dtype=np.int64), self.columns[name]
+        fitted_columns = np.concatenate([empty, *(self.columns[effect] for effect in fitted)])
+        return np.asarray(
+            self.matrix[np.ix_(columns, columns)] - explained_by(self.matrix, columns, fitted_columns)
+        )
 
 
 def information_of(equations: NormalEquations) -> Information:
     """The information in all legs of a trial."""
-    kept = 1 + np.arange(len(equations.layout.effect))
-    matrix, _ = marginalise(equations.gram.sum(axis=0), kept, equations.nuisance, equations.nuisance_scale)
-    return Information(matrix, _columns(equations), equations.model.catalogue)
+    effects = 1 + np.arange(len(equations.layout.effect))
+    matrix, _ = marginalise(equations.gram.sum(axis=0), effects, equations.nuisance, equations.nuisance_scale)
+    return Information(matrix, _effect_columns(equations), equations.model.catalogue)
 
 
-def _columns(equations: NormalEquations) -> dict[str, Ints]:
+def _effect_columns(equations: NormalEquations) -> dict[str, Ints]:
     names = equations.model.catalogue
     return {name: np.array(equations.layout.of(name), dtype=np.int64) - 1 for name in names}
 
@@ -119,55 +130,48 @@ class Design:
     def information(self, legs: Sequence[int]) -> Information:
         """The information in some legs; one listed twice is sailed twice."""
         total = self.legs[np.array(legs, dtype=int)].sum(axis=0)
-        effects = sum(len(each) for each in self.columns.values())
-        rest = np.arange(effects, len(total))
-        matrix, _ = marginalise(total, np.arange(effects), rest, np.ones(len(rest)))
+        effects = sum(len(columns) for columns in self.columns.values())
+        nuisances = np.arange(effects, len(total))
+        matrix, _ = marginalise(total, np.arange(effects), nuisances, np.ones(len(nuisances)))
         return Information(matrix, self.columns, self.catalogue)
 
 
 def design_of(equations: NormalEquations) -> Design:
     """A trial's legs, prepared for repeated assembly."""
     scale, nuisance = equations.nuisance_scale, equations.nuisance
-    heard = _heard(equations.gram.sum(axis=0)[np.ix_(nuisance, nuisance)] * np.outer(scale, scale))
-    effects = 1 + np.arange(len(equations.layout.effect))
-    change = np.zeros((equations.gram.shape[1], len(effects) + heard.shape[1]))
-    change[effects, np.arange(len(effects))] = 1.0
-    # What is tolerated of an effect has the effect's own column, so that this adds up and does not overwrite.
-    change[nuisance, len(effects) :] += heard * scale[:, None]
-    legs = np.array([change.T @ leg @ change for leg in equations.gram])
-    return Design(legs, _columns(equations), equations.model.catalogue)
-
-
-def _heard(granted: Floats) -> Floats:
-    """Orthonormal combinations [n, K] of coordinates of unit variance on which ``granted`` [n, n] has
-    information.
-
-    By pivoted Cholesky decomposition, stopped where pivots become negligible (Higham 1990).
-    """
-    factor, order, rank, _ = lapack.dpstrf(granted, tol=_UNHEARD, lower=1)
+    granted = equations.gram.sum(axis=0)[np.ix_(nuisance, nuisance)] * np.outer(scale, scale)
+    # pivoted Cholesky decomposition, stopped where pivots become negligible (Higham 1990)
+    factor, order, rank, _ = lapack.dpstrf(granted, tol=_NEGLIGIBLE, lower=1)
     spanned = np.zeros((len(granted), rank))
     spanned[order - 1] = np.tril(factor)[:, :rank]
-    return np.asarray(np.linalg.qr(spanned)[0])
+    informative = np.linalg.qr(spanned)[0]
+    effects = 1 + np.arange(len(equations.layout.effect))
+    change = np.zeros((equations.gram.shape[1], len(effects) + informative.shape[1]))
+    change[effects, np.arange(len(effects))] = 1.0
+    # What is tolerated of an effect has the effect's own column, so that this adds up and does not overwrite.
+    change[nuisance, len(effects) :] += informative * scale[:, None]
+    legs = np.array([change.T @ leg @ change for leg in equations.gram])
+    return Design(legs, _effect_columns(equations), equations.model.catalogue)
 
 
 def separation(
-    information: Information, name: str, rival: str, free: Sequence[float], given: Sequence[str] = ()
+    information: Information, name: str, rival: str, free: Sequence[float], fitted: Sequence[str] = ()
 ) -> float:
     """Twice the log likelihood by which an effect at ``free`` coordinates is better than its best imitation.
 
-    The ``rival`` imitates it at any size; effects in ``given`` are fitted beside either. The expected value
+    The ``rival`` imitates it at any size; effects in ``fitted`` are fitted beside either. The expected value
     without noise: a' (F_ii - F_ij F_jj^-1 F_ji) a.
     """
     size = np.asarray(free, dtype=float)
-    return max(0.0, float(size @ information.of(name, (rival, *given)) @ size))
+    return max(0.0, float(size @ information.of(name, (rival, *fitted)) @ size))
 
 
 def least_separation(information: Information, name: str, rival: str) -> float:
     """The smallest :func:`separation` over all directions, of an effect of typical size."""
     spread = np.array(information.catalogue[name].free_scale)
-    own, other = information.columns[name], information.columns[rival]
-    if len(own) == len(other) == 1:  # most are, and a programme is weighed by thousands of them
-        (i,), (j,), matrix = own, other, information.matrix
+    columns, rival_columns = information.columns[name], information.columns[rival]
+    if len(columns) == len(rival_columns) == 1:  # most are, and a programme is weighed by thousands of them
+        (i,), (j,), matrix = columns, rival_columns, information.matrix
         shared = matrix[i, j] ** 2 / matrix[j, j] if matrix[j, j] > 0.0 else 0.0
         return max(0.0, float((matrix[i, i] - shared) * spread[0] ** 2))
     least = np.linalg.eigvalsh(information.of(name, (rival,)) * np.outer(spread, spread))[0]
@@ -183,20 +187,20 @@ def limits(equations: NormalEquations) -> dict[str, float]:
     size would do.
     """
     information, legs = information_of(equations), legs_of(equations)
-    seen = free_limits(information)
+    detected = free_limits(information)
     result = {}
     for name, effect in equations.model.catalogue.items():
-        own = information.columns[name]
-        again = predicted_limit(information, name, legs[:, own[:, None], own])
-        result[name] = as_parameter(effect, max(seen[name], again))
+        columns = information.columns[name]
+        predicted = predicted_limit(information, name, legs[:, columns[:, None], columns])
+        result[name] = as_parameter(effect, max(detected[name], predicted))
     return result
 
 
 def legs_of(equations: NormalEquations) -> Floats:
     """The information on all effects' coordinates in each leg by itself [L, P, P]."""
-    kept = 1 + np.arange(len(equations.layout.effect))
+    effects = 1 + np.arange(len(equations.layout.effect))
     nuisance, scale = equations.nuisance, equations.nuisance_scale
-    return np.array([marginalise(leg, kept, nuisance, scale)[0] for leg in equations.gram])
+    return np.array([marginalise(leg, effects, nuisance, scale)[0] for leg in equations.gram])
 
 
 def as_parameter(effect: Effect, size: float) -> float:
@@ -230,7 +234,7 @@ def _limit(information: Information, name: str) -> float:
 
 def _shape(effect: Effect) -> Floats:
     """The size of each coordinate relative to the first."""
-    if len({each.unit for each in effect.parameters}) == 1 or effect.chart != "linear":
+    if len({parameter.unit for parameter in effect.parameters}) == 1 or effect.chart != "linear":
         return np.ones(len(effect.free_scale))
     return np.asarray(np.array(effect.free_scale) / effect.free_scale[0])
 
@@ -245,12 +249,12 @@ def predicted_limit(information: Information, name: str, legs: Floats) -> float:
     """
     shape = _shape(information.catalogue[name])
     direction = shape * np.linalg.eigh(information.of(name) * np.outer(shape, shape))[1][:, 0]
-    each = np.einsum("i,lij,j->l", direction, legs, direction)
-    count, total = len(each), float(each.sum())
+    noncentralities = np.einsum("i,lij,j->l", direction, legs, direction)
+    count, total = len(noncentralities), float(noncentralities.sum())
     if count < 2 or total <= 0.0:
         return inf
     level, margin = float(t.isf(HELD_OUT_LEVEL, count - 1)), float(norm.ppf(POWER))
-    share = np.sqrt(np.maximum(each, 0.0) / total)
+    share = np.sqrt(np.maximum(noncentralities, 0.0) / total)
     even, uneven = 0.5 * float(share.mean()) * sqrt(count), 0.25 * float(share.var(ddof=1))
     # (even x - margin)^2 = level^2 (1 + uneven x^2), with x^2 the noncentrality of all legs
     leading = even**2 - level**2 * uneven
@@ -276,13 +280,8 @@ def needed_gain(relative: Floats, effects: int) -> float:
 @lru_cache(maxsize=4096)
 def noncentrality(threshold: float, degrees: int, power: float = POWER) -> float:
     """The noncentrality at which a chi-square variate exceeds ``threshold`` with probability ``power``."""
-    most = 4.0 * threshold + 100.0
-    return float(brentq(lambda value: float(ncx2.sf(threshold, degrees, value)) - power, 1e-9, most, xtol=1e-6))
-
-
-_IDLE_SHARE = 0.2  # of the fastest: slower shafts count as stopped
-_WORTH_A_MINUTE = 0.1  # log odds per minute: less is not worthwhile
-_LONGEST_S = 7200  # of a recording: more changes nothing
+    limit = 4.0 * threshold + 100.0
+    return float(brentq(lambda value: float(ncx2.sf(threshold, degrees, value)) - power, 1e-9, limit, xtol=1e-6))
 
 
 @dataclass(frozen=True, slots=True)
@@ -295,7 +294,7 @@ class Pair:
     name: str
     rival: str
     values: Values
-    given: tuple[str, ...] = ()
+    fitted: tuple[str, ...] = ()
     weight: float = 1.0
 
 
@@ -352,8 +351,8 @@ def best_request(ranking: Sequence[RankedCandidate], pairs: Sequence[Pair]) -> N
     worst = min(
         (place for place, gain in enumerate(best.gains) if gain >= _WORTH_A_MINUTE), key=best.with_it.__getitem__
     )
-    what, pair = f"{best.candidate.what}, {best.candidate.minutes:g} minutes in all", pairs[worst]
-    return NextTrial(what, (pair.name, pair.rival), best.with_it[worst], best.candidate.minutes)
+    request, pair = f"{best.candidate.what}, {best.candidate.minutes:g} minutes in all", pairs[worst]
+    return NextTrial(request, (pair.name, pair.rival), best.with_it[worst], best.candidate.minutes)
 
 
 def rehearsal_of(
@@ -363,13 +362,15 @@ def rehearsal_of(
     progress: Progress = lambda share: None,
 ) -> Rehearsal:
     """Simulate every candidate with the effects ``values``, following the recording."""
-    model, log = equations.model, _shortened(equations.log)
+    model, log = equations.model, equations.log
+    number = max(1, round(log.legs * min(1.0, _LONGEST_S / len(log))))  # spread over the log
+    log = log.subset(np.isin(log.leg, np.unique(np.linspace(0, log.legs - 1, number).round().astype(int))))
     ship = apply_effects(model.base, values, model.catalogue)
     candidates = repertoire(shafts_of(vessel, usual_rpm(log)))
-    made = rehearsals(candidates, vessel, ship, wind_in(log), float(np.rad2deg(log.nominal[-1, 2])))
-    joined = append_rehearsals(log, [as_one_leg(each) for each in made.values()])
-    whole = normal_equations(linearise(joined, model, equations.tolerance), equations.noise, progress=progress)
-    return Rehearsal(design_of(whole), range(log.legs), tuple(made))
+    logs = rehearsals(candidates, vessel, ship, wind_in(log), float(np.rad2deg(log.nominal[-1, 2])))
+    joined = append_rehearsals(log, [as_one_leg(leg_log) for leg_log in logs.values()])
+    extended = normal_equations(linearise(joined, model, equations.tolerance), equations.noise, progress=progress)
+    return Rehearsal(design_of(extended), range(log.legs), tuple(logs))
 
 
 def rank_candidates(rehearsal: Rehearsal, pairs: Sequence[Pair]) -> list[RankedCandidate]:
@@ -378,36 +379,32 @@ def rank_candidates(rehearsal: Rehearsal, pairs: Sequence[Pair]) -> list[RankedC
     now = _evidence(design.information(recorded), pairs)
     result = []
     for leg, candidate in enumerate(rehearsal.candidates, start=len(recorded)):
-        both = _evidence(design.information([*recorded, leg]), pairs)
-        result.append(RankedCandidate(candidate, both, now, _share_separated(both, pairs)))
-    return sorted(result, key=lambda each: (-each.share_separated, -min(each.gains)))
-
-
-def _share_separated(evidence: Sequence[float], pairs: Sequence[Pair]) -> float:
-    """The share of the pairs likely to be separated: log odds have a variance of twice their mean."""
-    expected = np.maximum(np.array(evidence), 1e-9)
-    chances = norm.cdf((expected - CLOSE) / np.sqrt(2.0 * expected))
-    return float(np.average(chances, weights=[each.weight for each in pairs]))
+        with_candidate = _evidence(design.information([*recorded, leg]), pairs)
+        expected = np.maximum(np.array(with_candidate), 1e-9)
+        chances = norm.cdf((expected - CLOSE) / np.sqrt(2.0 * expected))  # the variance is twice the mean
+        share_separated = float(np.average(chances, weights=[pair.weight for pair in pairs]))
+        result.append(RankedCandidate(candidate, with_candidate, now, share_separated))
+    return sorted(result, key=lambda ranked: (-ranked.share_separated, -min(ranked.gains)))
 
 
 def rehearsals(
     candidates: Sequence[CandidateManoeuvre], vessel: Vessel, ship: Plant, sea: SeaState, heading_deg: float = 0.0
 ) -> dict[CandidateManoeuvre, Log]:
     """The simulated log of every candidate that stays in the range of the model."""
-    made = {}
+    logs = {}
     for candidate in candidates:
         try:
-            made[candidate] = rehearse(
+            logs[candidate] = rehearse(
                 candidate.legs, vessel, ship, sea, round(60.0 * candidate.minutes), heading_deg
             )
         except ModelRangeError:  # cannot be evaluated, so it is not proposed
             continue
-    return made
+    return logs
 
 
 def usual_rpm(log: Log) -> float:
     """The usual shaft speed [rpm] under way: the median of the fastest propulsor."""
-    main = {f"{name}_rpm" for name in shafts(log.actuators)}
+    main = {f"{name}_rpm" for name in drives_in(log.actuators)}
     fastest = (
         np.abs(log.controls[:, :, [name in main for name in control_names(log.actuators)]])
         .mean(axis=1)
@@ -425,31 +422,13 @@ def wind_in(log: Log) -> SeaState:
     return SeaState(float(np.hypot(north, east)), 0.0, 5.0, 0.0, direction_from_deg=from_deg)
 
 
-def _shortened(log: Log) -> Log:
-    """Legs spread over a log, up to the length that is worth evaluating."""
-    kept = max(1, round(log.legs * min(1.0, _LONGEST_S / len(log))))
-    chosen = np.unique(np.linspace(0, log.legs - 1, kept).round().astype(int))
-    return log.subset(np.isin(log.leg, chosen))
-
-
 def _evidence(information: Information, pairs: Sequence[Pair]) -> tuple[float, ...]:
     """The log odds of each pair's first effect, at its value, against its second at any."""
     result = []
-    for each in pairs:
-        free = information.catalogue[each.name].free(each.values)
-        result.append(0.5 * separation(information, each.name, each.rival, free, each.given))
+    for pair in pairs:
+        free = information.catalogue[pair.name].free(pair.values)
+        result.append(0.5 * separation(information, pair.name, pair.rival, free, pair.fitted))
     return tuple(result)
-
-
-MINUTES = 10.0
-"""The length of a manoeuvre for R/V Gunnerus [min]; other ships' lengths are scaled."""
-
-_FEWEST_MINUTES = 2
-_IN_SECONDS_S = 100.0  # shorter times are given in seconds
-_SLOW, _FAST = 0.7, 1.15  # of the usual shaft speed
-_TUNNEL = 0.75  # of the tunnel thruster's limit
-_ROUND_RPM = 5.0
-_MIXED = "helm"  # what steers a ship by more than one sort of angle
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -467,10 +446,10 @@ class Shafts:
     """Shaft speeds [rpm] for manoeuvres: usual, half, slower, faster; the tunnel thruster's.
 
     ``drives`` and ``tunnels`` are the names of propulsors and tunnel thrusters, ``steering`` those of the
-    actuators that steer by an angle, none for a ship steered by differential thrust. ``drive`` and ``steers``
-    are words for one of them. ``time`` is the length of her manoeuvres relative to R/V Gunnerus'. ``most`` is
-    the lowest limit of her shafts, ``hard_over`` the rpm that a hard-over helm adds to one shaft and subtracts
-    from the other.
+    actuators that steer by an angle, none for a ship steered by differential thrust. ``drive`` and
+    ``steers`` are words for one of them. ``time`` is the length of the ship's manoeuvres relative to R/V
+    Gunnerus'. ``most`` is the lowest limit of its shafts, ``hard_over`` the rpm that a hard-over helm adds
+    to one shaft and subtracts from the other.
     """
 
     usual: float
@@ -498,206 +477,208 @@ class Shafts:
 
     def span(self, seconds: float) -> str:
         """A time given for R/V Gunnerus, scaled to this ship, in words."""
-        own_s = seconds * self.time
-        if own_s < _IN_SECONDS_S:
-            return "a minute" if round(own_s) == 60 else f"{max(5.0, 5.0 * round(own_s / 5.0)):g} seconds"
-        return f"{round(own_s / 30.0) / 2.0:g} minutes"
+        scaled_s = seconds * self.time
+        if scaled_s < _IN_SECONDS_S:
+            return "a minute" if round(scaled_s) == 60 else f"{max(5.0, 5.0 * round(scaled_s / 5.0)):g} seconds"
+        return f"{round(scaled_s / 30.0) / 2.0:g} minutes"
 
     def helm(self, angle_deg: float, rpm: float) -> str:
         """The helm at an angle and a shaft speed, in words."""
         if not self.steering:
-            apart = angle_deg / HARD_OVER_DEG * self.hard_over
-            return f"one shaft at {min(rpm + apart, self.most):.0f} and the other at {rpm - apart:.0f} rpm"
+            difference = angle_deg / HARD_OVER_DEG * self.hard_over
+            return (
+                f"one shaft at {min(rpm + difference, self.most):.0f} and the other at {rpm - difference:.0f} rpm"
+            )
         number = {1: f"the {self.steers}", 2: f"both {self.steers}s"}
         return f"{number.get(len(self.steering), f'all {self.steers}s')} at {angle_deg:g} degrees"
 
 
 def shafts_of(vessel: Vessel, usual_rpm: float) -> Shafts:
     """Round figures around a usual shaft speed, within the limits of the drives."""
-    most = shaft_limit_rpm(vessel)
-    usual_rpm = min(usual_rpm, most)
+    limit = shaft_limit_rpm(vessel)
+    usual_rpm = min(usual_rpm, limit)
     usual, half, slow, fast = (
-        min(max(_ROUND_RPM, round(usual_rpm * share / _ROUND_RPM) * _ROUND_RPM), most)
+        min(max(_ROUND_RPM, round(usual_rpm * share / _ROUND_RPM) * _ROUND_RPM), limit)
         for share in (1.0, 0.5, _SLOW, _FAST)
     )
-    aside = min((each.limit_rpm for each in vessel.of_kind("tunnel")), default=0.0)
-    steering = [each for each in vessel.actuators if each.angle]
+    tunnel_limit = min((tunnel.limit_rpm for tunnel in vessel.of_kind("tunnel")), default=0.0)
+    steering = [actuator for actuator in vessel.actuators if actuator.angle]
     return Shafts(
-        usual, half, slow, fast, round(_TUNNEL * aside / _ROUND_RPM) * _ROUND_RPM,
-        drives_in(vessel.actuators), tuple(each.name for each in steering), names_of(vessel.actuators, "tunnel"),
-        _common((each.noun for each in vessel.actuators if each.drives), "thruster"),
-        _common((each.steers_by for each in steering), _MIXED), pace_of(vessel).time, most, own_usual_rpm(vessel),
+        usual, half, slow, fast, round(_TUNNEL * tunnel_limit / _ROUND_RPM) * _ROUND_RPM,
+        drives_in(vessel.actuators), tuple(actuator.name for actuator in steering),
+        names_of(vessel.actuators, "tunnel"),
+        _common_word((actuator.noun for actuator in vessel.actuators if actuator.drives), "thruster"),
+        _common_word((actuator.steers_by for actuator in steering), _MIXED), pace_of(vessel).time, limit,
+        own_usual_rpm(vessel),
     )  # fmt: skip
 
 
-def _common(words: Iterable[str], otherwise: str) -> str:
+def _common_word(words: Iterable[str], otherwise: str) -> str:
     """The word that all of ``words`` are."""
-    found = set(words)
-    return found.pop() if len(found) == 1 else otherwise
+    distinct = set(words)
+    return distinct.pop() if len(distinct) == 1 else otherwise
 
 
 def repertoire(shafts: Shafts) -> tuple[CandidateManoeuvre, ...]:
     """All candidates that a ship with these thrusters can make."""
-    by_angle, alike = len(shafts.steering) > 0, shafts.steers != _MIXED
-    needed: dict[Callable[[Shafts], CandidateManoeuvre], bool] = {
-        _uneven: len(shafts.drives) == 2 and by_angle, _opposed: len(shafts.steering) == 2 and alike,
-        _crash_stop: shafts.drive == "propeller", _one_drive: len(shafts.drives) > 1,
-        _tunnel: len(shafts.tunnels) > 0,
-    }  # fmt: skip
-    return tuple(make(shafts) for make in _MAKERS if needed.get(make, True))
+    zigzags = ((10.0, 10.0, False), (20.0, 20.0, False), (20.0, 20.0, True), (30.0, 5.0, False))
+    candidates = [*_straight_runs(shafts), *_turns(shafts), *(_zigzag(shafts, *settings) for settings in zigzags)]
+    candidates += [_speed_changes(shafts), _coasting(shafts)]
+    if shafts.drive == "propeller":
+        candidates.append(_crash_stop(shafts))
+    if len(shafts.drives) > 1:
+        candidates.append(_one_drive(shafts))
+    if len(shafts.drives) == 2 and shafts.steering:
+        candidates.append(_uneven(shafts))
+    if len(shafts.steering) == 2 and shafts.steers != _MIXED:
+        candidates.append(_opposed(shafts))
+    if shafts.tunnels:
+        candidates.append(_tunnel(shafts))
+    drift = (Leg(rpm=0.0, at_most_s=60.0 * MINUTES),)
+    return *candidates, shafts.candidate("drifting", "Lie stopped without any thrust and drift", drift)
 
 
-def _reciprocal(at: Shafts) -> CandidateManoeuvre:
-    what = f"Run straight at {at.usual:g} rpm, {at.span(240.0)} on a heading and as long on the reciprocal"
-    legs = on_reciprocal_courses(lambda course: (settle(course, at.usual), steer(course, 220.0, at.usual)))
-    return at.candidate("reciprocal_headings", what, legs)
-
-
-def _four_headings(at: Shafts) -> CandidateManoeuvre:
-    what = f"Run straight at {at.usual:g} rpm on four headings 90 degrees apart, {at.span(120.0)} each"
-    return at.candidate("four_headings", what, reciprocal(110.0, at.usual))
-
-
-def _speed_runs(at: Shafts) -> CandidateManoeuvre:
-    speeds = (at.half, at.slow, at.usual, at.fast)
+def _straight_runs(shafts: Shafts) -> list[CandidateManoeuvre]:
+    usual, speeds = shafts.usual, (shafts.half, shafts.slow, shafts.usual, shafts.fast)
     steps = ", ".join(f"{rpm:g}" for rpm in speeds)
-    what = f"Run straight at {steps} rpm, {at.span(60.0)} each, on a heading and on the reciprocal"
-    legs = on_reciprocal_courses(
-        lambda course: (settle(course, speeds[0]), *(steer(course, 65.0, rpm) for rpm in speeds))
-    )
-    return at.candidate("speed_runs", what, legs)
+    return [
+        shafts.candidate(
+            "reciprocal_headings",
+            f"Run straight at {usual:g} rpm, {shafts.span(240.0)} on a heading and as long on the reciprocal",
+            on_reciprocal_courses(lambda course: (settle(course, usual), steer(course, 220.0, usual))),
+        ),
+        shafts.candidate(
+            "four_headings",
+            f"Run straight at {usual:g} rpm on four headings 90 degrees apart, {shafts.span(120.0)} each",
+            reciprocal(110.0, usual),
+        ),
+        shafts.candidate(
+            "speed_runs",
+            f"Run straight at {steps} rpm, {shafts.span(60.0)} each, on a heading and on the reciprocal",
+            on_reciprocal_courses(
+                lambda course: (settle(course, speeds[0]), *(steer(course, 65.0, rpm) for rpm in speeds))
+            ),
+        ),
+    ]
 
 
-def _turns(at: Shafts, helm_deg: float, turn_deg: float) -> CandidateManoeuvre:
-    what = (
-        f"Turn through {turn_deg:g} degrees at {at.usual:g} rpm with {at.helm(helm_deg, at.usual)}, "
-        "to one side and then to the other"
-    )
-    return at.candidate(f"turns_{helm_deg:g}", what, turning_circle(helm_deg, at.usual, turn_deg))
+def _turns(shafts: Shafts) -> list[CandidateManoeuvre]:
+    return [
+        shafts.candidate(
+            f"turns_{helm_deg:g}",
+            f"Turn through {turn_deg:g} degrees at {shafts.usual:g} rpm with "
+            f"{shafts.helm(helm_deg, shafts.usual)}, to one side and then to the other",
+            turning_circle(helm_deg, shafts.usual, turn_deg),
+        )
+        for helm_deg, turn_deg in ((15.0, 360.0), (30.0, 720.0))
+    ]
 
 
-def _zigzag(at: Shafts, helm_deg: float, switch_deg: float, slow: bool = False) -> CandidateManoeuvre:
-    rpm = at.slow if slow else at.usual
+def _zigzag(shafts: Shafts, helm_deg: float, switch_deg: float, slow: bool) -> CandidateManoeuvre:
+    rpm = shafts.slow if slow else shafts.usual
     swings = zigzag(helm_deg, switch_deg, rpm, swings=10)
-    by = "" if at.steering else f" with {at.helm(helm_deg, rpm)}"
-    what = f"Zigzags {helm_deg:g}/{switch_deg:g} at {rpm:g} rpm{by}, about a heading and about the reciprocal"
+    helm = "" if shafts.steering else f" with {shafts.helm(helm_deg, rpm)}"
+    request = f"Zigzags {helm_deg:g}/{switch_deg:g} at {rpm:g} rpm{helm}, about a heading and about the reciprocal"
     name = f"zigzags_{helm_deg:g}_{switch_deg:g}{'_slow' * slow}"
-    return at.candidate(name, what, on_reciprocal_courses(lambda course: (settle(course, rpm), *swings)))
+    return shafts.candidate(name, request, on_reciprocal_courses(lambda course: (settle(course, rpm), *swings)))
 
 
-def _speed_changes(at: Shafts) -> CandidateManoeuvre:
-    what = (
-        f"Speed up to {at.fast:g} rpm and slow down to {at.half:g} rpm every {at.span(30.0)}, {at.span(300.0)} on "
-        "a heading and as long on the reciprocal"
+def _speed_changes(shafts: Shafts) -> CandidateManoeuvre:
+    request = (
+        f"Speed up to {shafts.fast:g} rpm and slow down to {shafts.half:g} rpm every {shafts.span(30.0)}, "
+        f"{shafts.span(300.0)} on a heading and as long on the reciprocal"
     )
-    changes = (at.half, at.fast) * 4
+    changes = (shafts.half, shafts.fast) * 4
     legs = on_reciprocal_courses(
-        lambda course: (settle(course, at.fast), *(steer(course, 30.0, rpm) for rpm in changes))
+        lambda course: (settle(course, shafts.fast), *(steer(course, 30.0, rpm) for rpm in changes))
     )
-    return at.candidate("speed_changes", what, legs)
+    return shafts.candidate("speed_changes", request, legs)
 
 
-def _coasting(at: Shafts) -> CandidateManoeuvre:
+def _coasting(shafts: Shafts) -> CandidateManoeuvre:
     idle = Leg(rpm=0.0, at_most_s=180.0)
-    what = (
-        f"Speed up to {at.usual:g} rpm and coast without thrust for {at.span(180.0)}, on a heading and on the "
-        "reciprocal"
-    )
-    legs = on_reciprocal_courses(lambda course: (settle(course, at.usual), steer(course, 60.0, at.usual), idle))
-    return at.candidate("coasting", what, legs)
-
-
-def _crash_stop(at: Shafts) -> CandidateManoeuvre:
-    astern = Leg(rpm=-at.usual, slower_mps=0.0, at_most_s=120.0)
-    what = (
-        f"Speed up to {at.usual:g} rpm and stop at {at.usual:g} rpm astern until she stands, on a heading and on "
+    request = (
+        f"Speed up to {shafts.usual:g} rpm and coast without thrust for {shafts.span(180.0)}, on a heading and on "
         "the reciprocal"
     )
-    legs = on_reciprocal_courses(lambda course: (settle(course, at.usual), steer(course, 90.0, at.usual), astern))
-    return at.candidate("crash_stops", what, legs)
-
-
-def _one_drive(at: Shafts) -> CandidateManoeuvre:
-    first, *others = (_named(name, at.drive) for name in at.drives)
-    then = "".join(f", then on the {name} alone" for name in others)
-    seconds, spans = 120.0, f"{at.span(120.0)} each"
-    if at.steering:
-        held = f"{at.span(60.0)} each held straight, at 15 degrees and at -15 degrees"
-        seconds, spans = 300.0, f"{at.span(120.0)} on a course, then {held}"
-    legs = single_drive_legs(at.drives, at.usual, seconds, by_angle=bool(at.steering))
-    what = f"Run on the {first} alone at {at.usual:g} rpm{then}: {spans}"
-    return at.candidate("one_thruster_at_a_time", what, [leg for each in legs for leg in each])
-
-
-def _named(name: str, drive: str) -> str:
-    """A drive's name, with its kind where the name does not contain it."""
-    words = name.replace("_", " ")
-    return words if drive in words else f"{words} {drive}"
-
-
-def _opposed(at: Shafts) -> CandidateManoeuvre:
-    one, other = (f"{name}_angle_deg" for name in at.steering)
-    legs = [Leg(rpm=at.usual, orders={one: a, other: -a}, at_most_s=75.0) for a in (20.0, -20.0, 35.0, -35.0)]
-    drives = {1: f"the {at.drive}", 2: f"both {at.drive}s"}.get(len(at.drives), f"all {at.drive}s")
-    what = (
-        f"Hold {drives} at {at.usual:g} rpm with {at.steers}s opposed, 20 and 35 degrees inwards and outwards, "
-        f"{at.span(75.0)} each, twice"
+    legs = on_reciprocal_courses(
+        lambda course: (settle(course, shafts.usual), steer(course, 60.0, shafts.usual), idle)
     )
-    return at.candidate(f"{at.steers}s_opposed", what, legs)
+    return shafts.candidate("coasting", request, legs)
 
 
-def _uneven(at: Shafts) -> CandidateManoeuvre:
-    one, other = at.drives
+def _crash_stop(shafts: Shafts) -> CandidateManoeuvre:
+    astern = Leg(rpm=-shafts.usual, slower_mps=0.0, at_most_s=120.0)
+    request = (
+        f"Speed up to {shafts.usual:g} rpm and stop at {shafts.usual:g} rpm astern until she stands, on a heading "
+        "and on the reciprocal"
+    )
+    legs = on_reciprocal_courses(
+        lambda course: (settle(course, shafts.usual), steer(course, 90.0, shafts.usual), astern)
+    )
+    return shafts.candidate("crash_stops", request, legs)
+
+
+def _one_drive(shafts: Shafts) -> CandidateManoeuvre:
+    names = (name.replace("_", " ") for name in shafts.drives)
+    first, *remaining = (name if shafts.drive in name else f"{name} {shafts.drive}" for name in names)
+    continued = "".join(f", then on the {name} alone" for name in remaining)
+    seconds, spans = 120.0, f"{shafts.span(120.0)} each"
+    if shafts.steering:
+        held = f"{shafts.span(60.0)} each held straight, at 15 degrees and at -15 degrees"
+        seconds, spans = 300.0, f"{shafts.span(120.0)} on a course, then {held}"
+    legs = single_drive_legs(shafts.drives, shafts.usual, seconds, by_angle=bool(shafts.steering))
+    request = f"Run on the {first} alone at {shafts.usual:g} rpm{continued}: {spans}"
+    return shafts.candidate("one_thruster_at_a_time", request, [leg for drive_legs in legs for leg in drive_legs])
+
+
+def _opposed(shafts: Shafts) -> CandidateManoeuvre:
+    first, second = (f"{name}_angle_deg" for name in shafts.steering)
+    legs = [
+        Leg(rpm=shafts.usual, orders={first: a, second: -a}, at_most_s=75.0) for a in (20.0, -20.0, 35.0, -35.0)
+    ]
+    drives = {1: f"the {shafts.drive}", 2: f"both {shafts.drive}s"}.get(len(shafts.drives), f"all {shafts.drive}s")
+    request = (
+        f"Hold {drives} at {shafts.usual:g} rpm with {shafts.steers}s opposed, 20 and 35 degrees inwards and "
+        f"outwards, {shafts.span(75.0)} each, twice"
+    )
+    return shafts.candidate(f"{shafts.steers}s_opposed", request, legs)
+
+
+def _uneven(shafts: Shafts) -> CandidateManoeuvre:
+    first, second = shafts.drives
     legs = [
         leg
         for orders in (
-            {f"{one}_rpm": at.usual, f"{other}_rpm": at.slow},
-            {f"{one}_rpm": at.slow, f"{other}_rpm": at.usual},
+            {f"{first}_rpm": shafts.usual, f"{second}_rpm": shafts.slow},
+            {f"{first}_rpm": shafts.slow, f"{second}_rpm": shafts.usual},
         )
         for leg in (
             Leg(orders=orders, course_deg=0.0, at_most_s=90.0),
             *(Leg(orders=orders, helm_deg=angle, at_most_s=45.0) for angle in (10.0, -10.0)),
         )
     ]
-    names = [name.replace("_", " ") for name in (one, other)]
-    what = (
-        f"Run with {names[0]} at {at.usual:g} and {names[1]} at {at.slow:g} rpm, then the other way round: "
-        f"{at.span(90.0)} on a course, {at.span(45.0)} each at 10 degrees and at -10 degrees"
+    names = [name.replace("_", " ") for name in (first, second)]
+    request = (
+        f"Run with {names[0]} at {shafts.usual:g} and {names[1]} at {shafts.slow:g} rpm, then the other way round: "
+        f"{shafts.span(90.0)} on a course, {shafts.span(45.0)} each at 10 degrees and at -10 degrees"
     )
-    return at.candidate("uneven_thrusters", what, legs)
+    return shafts.candidate("uneven_thrusters", request, legs)
 
 
-def _tunnel(at: Shafts) -> CandidateManoeuvre:
-    def push(main: float, name: str, aside: float) -> Leg:
-        return Leg(rpm=main, orders={f"{name}_rpm": aside}, at_most_s=60.0)
+def _tunnel(shafts: Shafts) -> CandidateManoeuvre:
+    def push(main: float, name: str, tunnel_rpm: float) -> Leg:
+        return Leg(rpm=main, orders={f"{name}_rpm": tunnel_rpm}, at_most_s=60.0)
 
-    ahead = 0.3 * at.usual
-    subject = "the tunnel thruster" if len(at.tunnels) == 1 else "each tunnel thruster"
-    sides = (at.tunnel, 0.0, -at.tunnel, 0.0)
-    legs = [push(main, name, side) for name in at.tunnels for main in (0.0, ahead) for side in sides]
-    what = (
-        f"Run {subject} at {at.tunnel:g} rpm to either side, {at.span(60.0)} each and {at.span(60.0)} of rest "
-        f"between, stopped and at {ahead:.0f} rpm ahead"
+    ahead = 0.3 * shafts.usual
+    subject = "the tunnel thruster" if len(shafts.tunnels) == 1 else "each tunnel thruster"
+    sides = (shafts.tunnel, 0.0, -shafts.tunnel, 0.0)
+    legs = [push(main, name, side) for name in shafts.tunnels for main in (0.0, ahead) for side in sides]
+    request = (
+        f"Run {subject} at {shafts.tunnel:g} rpm to either side, {shafts.span(60.0)} each and {shafts.span(60.0)} "
+        f"of rest between, stopped and at {ahead:.0f} rpm ahead"
     )
-    return at.candidate("tunnel_thruster", what, legs)
-
-
-def _drifting(at: Shafts) -> CandidateManoeuvre:
-    legs = (Leg(rpm=0.0, at_most_s=60.0 * MINUTES),)
-    return at.candidate("drifting", "Lie stopped without any thrust and drift", legs)
-
-
-_MAKERS: tuple[Callable[[Shafts], CandidateManoeuvre], ...] = (
-    _reciprocal, _four_headings, _speed_runs,
-    *(partial(_turns, helm_deg=helm, turn_deg=turn) for helm, turn in ((15.0, 360.0), (30.0, 720.0))),
-    *(partial(_zigzag, helm_deg=helm, switch_deg=switch, slow=slow)
-      for helm, switch, slow in ((10.0, 10.0, False), (20.0, 20.0, False), (20.0, 20.0, True), (30.0, 5.0, False))),
-    _speed_changes, _coasting, _crash_stop, _one_drive, _uneven, _opposed, _tunnel, _drifting,
-)  # fmt: skip
-
-
-_STEPS = 4  # simulator steps in a quarter of a second, so that the autopilot's loop is as fast as a real one
-_SEED = 20260903
+    return shafts.candidate("tunnel_thruster", request, legs)
 
 
 def rehearse(
@@ -706,33 +687,29 @@ def rehearse(
     """Simulate ``seconds`` of a manoeuvre with ``plant`` and the autopilot and drives of ``vessel``.
 
     Gusts are those of the ``sea``, always the same; waves and current are not, as they belong to the noise and
-    to the plant. Raises :class:`ModelRangeError` if the ship leaves the range of her model.
+    to the plant. Raises :class:`ModelRangeError` if the ship leaves the range of its model.
     """
     per_second = STEPS_PER_SECOND * _STEPS
-    streams = [np.random.default_rng(each) for each in np.random.SeedSequence(_SEED).spawn(2)]
+    streams = [np.random.default_rng(seed) for seed in np.random.SeedSequence(_SEED).spawn(2)]
     dt_s = 1.0 / per_second
     voyage = sail_through(
         vessel, plant, sea, legs, (seconds + 1) * per_second, dt_s, heading_deg, streams[0], streams[1]
     )
-    seen = measure(voyage.states, plant, dt_s)[:-1:per_second][: seconds + 1]
-    return _log(seen, _mean(voyage.controls, _STEPS), voyage.wind[::per_second], seconds + 1, vessel.actuators)
+    measured = measure(voyage.states, plant, dt_s)[:-1:per_second][: seconds + 1]
+    end = len(voyage.controls) // _STEPS * _STEPS
+    controls = voyage.controls[:end].reshape(-1, _STEPS, voyage.controls.shape[1]).mean(axis=1)
+    return _log_of_voyage(measured, controls, voyage.wind[::per_second], seconds + 1, vessel.actuators)
 
 
-def _log(seen: Floats, controls: Floats, wind: Floats, rows: int, actuators: Actuators) -> Log:
+def _log_of_voyage(measured: Floats, controls: Floats, wind: Floats, rows: int, actuators: Actuators) -> Log:
     block = np.arange(rows, dtype=np.int64) * max(1, round(rows / BLOCK_S)) // rows
     weight = np.zeros((rows, 6, STEPS_PER_SECOND + 1))
     weight[:, :, STEPS_PER_SECOND // 2] = 1.0
     return Log(
-        seen, weight, seen.copy(), controls[: rows * STEPS_PER_SECOND].reshape(rows, STEPS_PER_SECOND, -1),
+        measured, weight, measured.copy(), controls[: rows * STEPS_PER_SECOND].reshape(rows, STEPS_PER_SECOND, -1),
         wind[:rows].copy(), np.arange(rows, dtype=np.int64), block, block // round(LEG_S / BLOCK_S),
         np.zeros(rows, dtype=np.int64), actuators,
     )  # fmt: skip
-
-
-def _mean(series: Floats, number: int) -> Floats:
-    """Means of ``number`` rows at a time."""
-    whole = len(series) // number * number
-    return np.asarray(series[:whole].reshape(-1, number, series.shape[1]).mean(axis=1))
 
 
 def as_one_leg(log: Log) -> Log:
@@ -740,25 +717,25 @@ def as_one_leg(log: Log) -> Log:
     return replace(log, leg=np.zeros(len(log), dtype=np.int64))
 
 
-def append_rehearsals(first: Log, others: Sequence[Log]) -> Log:
+def append_rehearsals(first: Log, following: Sequence[Log]) -> Log:
     """Several logs as one: each continues at the place of the one before and, after a break, at its time.
 
     Channels not measured in ``first`` are not measured in the others either.
     """
     parts = [first]
     missing = ~np.isfinite(first.measured).any(axis=0)
-    for other in others:
+    for rehearsal in following:
         last = parts[-1]
         shift = np.zeros(6)
-        shift[:2] = last.nominal[-1, :2] - other.nominal[0, :2]
-        seen = other.measured + shift
-        seen[:, missing] = np.nan
+        shift[:2] = last.nominal[-1, :2] - rehearsal.nominal[0, :2]
+        measured = rehearsal.measured + shift
+        measured[:, missing] = np.nan
         parts.append(
             replace(
-                other, measured=seen, nominal=other.nominal + shift,
-                time_s=other.time_s - other.time_s[0] + last.time_s[-1] + BLOCK_S,
-                block=other.block + last.block[-1] + 1, leg=other.leg + last.leg[-1] + 1,
-                recording=np.full_like(other.recording, last.recording[-1]),
+                rehearsal, measured=measured, nominal=rehearsal.nominal + shift,
+                time_s=rehearsal.time_s - rehearsal.time_s[0] + last.time_s[-1] + BLOCK_S,
+                block=rehearsal.block + last.block[-1] + 1, leg=rehearsal.leg + last.leg[-1] + 1,
+                recording=np.full_like(rehearsal.recording, last.recording[-1]),
             )
         )  # fmt: skip
     arrays = [name for name in Log.__slots__ if isinstance(getattr(first, name), np.ndarray)]

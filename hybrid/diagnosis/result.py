@@ -1,13 +1,8 @@
-"""Results of a diagnosis, which print and are written to and read from JSON
-(:mod:`seatrial.acquisition.core.result`).
+"""Results of a diagnosis: how they print, and how they are written and read.
 
-The serialised fields, in their order, are ``diagnosis.json`` and ``ladder.json``.
-
-Reading and writing a diagnosis: the numbers behind every figure of its page and notebook.
-
-``diagnosis.json`` and ``ladder.json`` have a fixed form (a contract); ``shown.json`` has what else the page
-shows, ``map.parquet`` the missing force second by second and ``tracks.parquet`` the held-out windows, measured
-and predicted.
+The serialised fields, in their order, are ``diagnosis.json`` and ``ladder.json``, whose form is a contract
+(:mod:`seatrial.acquisition.core.result`). ``shown.json`` has what else the page shows, ``map.parquet`` the
+missing force second by second and ``tracks.parquet`` the held-out windows, measured and predicted.
 """
 
 from __future__ import annotations
@@ -32,6 +27,27 @@ from seatrial.analysis.tables.export import read_parquet, write_parquet
 from seatrial.hybrid.prediction.baselines import Interval
 
 Verdict = Literal["named", "nothing_missing", "unknown", "indistinguishable"]
+
+FORCES = ("surge_force_n", "sway_force_n", "yaw_moment_nm")
+"""The forces of a map: surge, sway and yaw."""
+
+DIAGNOSIS, SHOWN, LADDER = "diagnosis.json", "shown.json", "ladder.json"
+MAP, TRACKS = "map.parquet", "tracks.parquet"
+_WAYS = ("measured", "before", "after", "floor", "constant_velocity")
+_CONTROL = "control_"
+_TRACK = ("north_m", "east_m", "heading_rad")
+
+_UNITS = {
+    "_m": "m",
+    "_rad": "rad",
+    "_s": "s",
+    "_mps": "m/s",
+    "_dps": "deg/s",
+    "_deg": "deg",
+    "rpm": "rpm",
+    "_percent": "%",
+}
+"""Units by the endings of names, in their printed form."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -206,8 +222,8 @@ class Gap:
     @property
     def closed(self) -> float:
         """The share closed of the gap that could be closed."""
-        could = self.before_m - self.floor_m
-        return (self.before_m - self.after_m) / could if could > 0.0 else 1.0
+        closable = self.before_m - self.floor_m
+        return (self.before_m - self.after_m) / closable if closable > 0.0 else 1.0
 
     def distances(self, named: bool) -> str:
         """The distances in words, for a terminal; before and after only where effects were named."""
@@ -237,7 +253,7 @@ class Tracks:
 
 @dataclass(frozen=True, slots=True)
 class Ratio:
-    """The mean distance ``of`` one rung over that of another, ``to``, paired, with its 95 % interval."""
+    """The mean distance ``of`` one model over that of another, ``to``, paired, with its 95 % interval."""
 
     of: str
     to: str
@@ -247,12 +263,12 @@ class Ratio:
 
 
 @dataclass(frozen=True, slots=True)
-class Ladder:
-    """The gain of a calibrator: mean distances [m] by rung, with 95 % intervals over legs, on held windows of
+class CalibratorComparison:
+    """The gain of a calibrator: mean distances [m] by model, with 95 % intervals over legs, on held windows of
     held-out legs.
 
-    The rungs are constant_velocity, reference, named, reference_calibrated and named_calibrated, those of the
-    named model only if something was named. Without rungs ``why_not`` gives the reason.
+    The models are constant_velocity, reference, named, reference_calibrated and named_calibrated, those of the
+    named model only if something was named. Without models ``why_not`` gives the reason.
     """
 
     horizon_s: int
@@ -264,7 +280,7 @@ class Ladder:
     why_not: str | None = None
 
     def ratio(self, of: str, to: str) -> Ratio:
-        """The ratio of two rungs. Raises :class:`StopIteration` if it is none of :attr:`ratios`."""
+        """The ratio of two models. Raises :class:`StopIteration` if it is none of :attr:`ratios`."""
         return next(ratio for ratio in self.ratios if (ratio.of, ratio.to) == (of, to))
 
 
@@ -365,10 +381,6 @@ class Diagnosis:
         return "\n".join(lines)
 
 
-FORCES = ("surge_force_n", "sway_force_n", "yaw_moment_nm")
-"""The forces of a map: surge, sway and yaw."""
-
-
 @dataclass(frozen=True, slots=True)
 class Map:
     """Where model and trial disagree: all cells, and the missing force second by second.
@@ -407,31 +419,13 @@ class Extras:
     map: Map | None = None
     map_after: Map | None = None
     consistency: tuple[SensorContradiction, ...] | None = None
-    ladder: Ladder | None = None
+    ladder: CalibratorComparison | None = None
     correlation: Correlation | None = None
 
     @property
     def maps(self) -> dict[str, Map | None]:
         """Both maps, before and after."""
         return {"before": self.map, "after": self.map_after}
-
-
-DIAGNOSIS, SHOWN, LADDER = "diagnosis.json", "shown.json", "ladder.json"
-MAP, TRACKS = "map.parquet", "tracks.parquet"
-_WAYS = ("measured", "before", "after", "floor", "constant_velocity")
-_CONTROL = "control_"
-_TRACK = ("north_m", "east_m", "heading_rad")
-_UNITS = {
-    "_m": "m",
-    "_rad": "rad",
-    "_s": "s",
-    "_mps": "m/s",
-    "_dps": "deg/s",
-    "_deg": "deg",
-    "rpm": "rpm",
-    "_percent": "%",
-}
-"""Units by the endings of names, in their printed form."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -454,11 +448,11 @@ class FigureData:
 
 def write_figure_data(diagnosis: Diagnosis, extras: Extras, folder: Path) -> None:
     """Write all but page and vessel, removing files of an earlier diagnosis. Raises :class:`StorageError`."""
-    after = diagnosis.next_manoeuvre
+    request = diagnosis.next_manoeuvre
     shown = FigureData(
         horizon_s=diagnosis.gap.horizon_s,
         evidence={effect.name: effect.evidence for effect in diagnosis.effects},
-        minutes=None if after is None else after.minutes,
+        minutes=None if request is None else request.minutes,
         suspects=diagnosis.suspects,
         cells={name: None if force_map is None else force_map.places for name, force_map in extras.maps.items()},
         consistency=extras.consistency,
@@ -466,7 +460,12 @@ def write_figure_data(diagnosis: Diagnosis, extras: Extras, folder: Path) -> Non
         remainder_looks_like="" if diagnosis.remainder is None else diagnosis.remainder.looks_like,
     )
     results = ((DIAGNOSIS, diagnosis, 2), (SHOWN, shown, None), (LADDER, extras.ladder, 2))
-    tables = ((MAP, _map_table(extras)), (TRACKS, _tracks_table(diagnosis.tracks)))
+    maps = [
+        pd.DataFrame({"map": name, **dict(zip(FORCES, force_map.force.T, strict=True)), **force_map.quantities})
+        for name, force_map in extras.maps.items() if force_map is not None
+    ]  # fmt: skip
+    map_table = pd.concat(maps, ignore_index=True) if maps else None
+    tables = ((MAP, map_table), (TRACKS, _tracks_table(diagnosis.tracks)))
     with written_together(folder / DIAGNOSIS):
         for name, result, indent in results:
             if result is None:
@@ -477,7 +476,12 @@ def write_figure_data(diagnosis: Diagnosis, extras: Extras, folder: Path) -> Non
             if table is None:
                 remove_file(folder / name)
             else:
-                write_parquet(table, folder / name, _units(table), {})
+                units = {str(column): unit for column in table for ending, unit in _UNITS.items()
+                         if str(column).endswith(ending)}  # fmt: skip
+                units |= {
+                    force: unit for force, unit in zip(FORCES, ("N", "N", "N m"), strict=True) if force in table
+                }
+                write_parquet(table, folder / name, units, {})
 
 
 def read_diagnosis(folder: Path | str) -> tuple[Diagnosis, Extras]:
@@ -498,21 +502,14 @@ def read_diagnosis(folder: Path | str) -> tuple[Diagnosis, Extras]:
             stored["remainder"]["looks_like"] = data.remainder_looks_like
         tracks = _tracks_of(read_parquet(folder / TRACKS)[0]) if (folder / TRACKS).is_file() else None
         diagnosis = replace(from_json(Diagnosis, stored), suspects=data.suspects, tracks=tracks)
-        ladder = from_json(Ladder, read_json(folder / LADDER)) if (folder / LADDER).is_file() else None
+        ladder = (
+            from_json(CalibratorComparison, read_json(folder / LADDER)) if (folder / LADDER).is_file() else None
+        )
         before, after = _maps_of(folder, data.cells)
         return diagnosis, Extras(before, after, data.consistency, ladder, data.correlation)
     except Exception as error:  # what others wrote into it may fail in every possible way
         raise InputError("was not written by this version", where=str(folder), why=str(error),
                          fix="run `seatrial diagnose` again") from error  # fmt: skip
-
-
-def _map_table(extras: Extras) -> pd.DataFrame | None:
-    """One row for each second and map: the missing force, and the quantities of the cells."""
-    parts = [
-        pd.DataFrame({"map": name, **dict(zip(FORCES, force_map.force.T, strict=True)), **force_map.quantities})
-        for name, force_map in extras.maps.items() if force_map is not None
-    ]  # fmt: skip
-    return pd.concat(parts, ignore_index=True) if parts else None
 
 
 def _maps_of(folder: Path, cells: Mapping[str, tuple[GapCell, ...] | None]) -> list[Map | None]:
@@ -557,13 +554,8 @@ def _tracks_of(table: pd.DataFrame) -> Tracks:
         str(name).removeprefix(_CONTROL): table[name].to_numpy(dtype=float).reshape(windows, -1)
         for name in table if str(name).startswith(_CONTROL)
     }  # fmt: skip
-    when = {name: first[name].to_numpy(dtype=np.int64) for name in ("leg", "start_s")}
-    return Tracks(**ways, **when, controls=controls)
-
-
-def _units(table: pd.DataFrame) -> dict[str, str]:
-    named = {str(name): unit for name in table for ending, unit in _UNITS.items() if str(name).endswith(ending)}
-    return named | {name: unit for name, unit in zip(FORCES, ("N", "N", "N m"), strict=True) if name in table}
+    window_columns = {name: first[name].to_numpy(dtype=np.int64) for name in ("leg", "start_s")}
+    return Tracks(**ways, **window_columns, controls=controls)
 
 
 def read_json(path: Path) -> dict[str, Any]:

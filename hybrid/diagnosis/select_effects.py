@@ -56,7 +56,10 @@ def _stepwise(evidence: Evidence, names: tuple[str, ...], allowed: Sequence[str]
     """Add, drop or swap one effect at a time, the best step first, until no step gains."""
     best = evidence.log_odds(names) if evidence.possible(names) else -np.inf
     while True:
-        steps = _steps(names, allowed)
+        outside = [name for name in allowed if name not in names]
+        added = [(*names, name) for name in outside] if len(names) < MAX_EFFECTS else []
+        dropped = [tuple(candidate for candidate in names if candidate != name) for name in names]
+        steps = [*added, *dropped, *((*remaining, name) for remaining in dropped for name in outside)]
         judged = sorted(((evidence.log_odds(step), step) for step in steps), reverse=True)
         better = next(
             (candidate for candidate in judged if candidate[0] > best + 1e-9 and evidence.possible(candidate[1])),
@@ -65,14 +68,6 @@ def _stepwise(evidence: Evidence, names: tuple[str, ...], allowed: Sequence[str]
         if better is None:
             return names
         best, names = better
-
-
-def _steps(names: tuple[str, ...], allowed: Sequence[str]) -> list[tuple[str, ...]]:
-    outside = [name for name in allowed if name not in names]
-    added = [(*names, name) for name in outside] if len(names) < MAX_EFFECTS else []
-    dropped = [tuple(candidate for candidate in names if candidate != name) for name in names]
-    swapped = [(*remaining, name) for remaining in dropped for name in outside]
-    return added + dropped + swapped
 
 
 def possible_rivals(evidence: Evidence, names: tuple[str, ...], name: str) -> list[str]:
@@ -105,7 +100,7 @@ def fitted_coordinates(evidence: Evidence, names: Sequence[str]) -> Coordinates:
     """The free coordinates for the next linearisation; with some at their bounds, the others are refitted."""
     model, held = evidence.equations.model, dict[str, tuple[float, ...]]()
     while True:
-        conditional, free = evidence.beside(held), [name for name in names if name not in held]
+        conditional, free = evidence.conditioned_on(held), [name for name in names if name not in held]
         fit = conditional.fit(free, prior=True)
         values = {name: tuple(fit.values[conditional.places(fit, name)].tolist()) for name in free}
         within = model.bounded(values)
@@ -150,10 +145,10 @@ class Selection:
 def select_effects(evidence: Evidence, progress: Progress = lambda share: None) -> Selection:
     """The fourth stage: stepwise selection by evidence, linearised about the result until it stays."""
     at, tried = _starting_point(evidence)
-    return search_on(Selection((), evidence, at, tried=tried), progress)
+    return continue_search(Selection((), evidence, at, tried=tried), progress)
 
 
-def search_on(selection: Selection, progress: Progress = lambda share: None) -> Selection:
+def continue_search(selection: Selection, progress: Progress = lambda share: None) -> Selection:
     """Search among the effects not excluded, starting from the linearisation of ``selection``, until converged."""
     evidence, at = selection.evidence, selection.at
     for number in range(selection.linearisations + 1, MAX_LINEARISATIONS + 1):
@@ -191,38 +186,32 @@ def _starting_point(evidence: Evidence) -> tuple[Coordinates, dict[tuple[str, ..
     It is the result of a search linearised about no effect, or one that is almost as good there: the
     sensitivity to a large effect at zero is not its sensitivity at its size.
     """
-    names = search_effects(evidence)
-    starts = list(dict.fromkeys([
-        names, *_single_delays(evidence, names), *_swaps(evidence, names), *_elsewhere(evidence, names)
-    ]))  # fmt: skip
+    names, delays = search_effects(evidence), list[tuple[str, ...]]()
+    clocks = {name for name, effect in evidence.equations.model.catalogue.items() if effect.family == "clock"}
+    if len(names) >= 2 and clocks & set(names):  # about zero, a long delay resembles others as much as itself
+        strongest = sorted(clocks, key=lambda name: -evidence.log_odds([name]))[:_CLOSER]
+        delays = [(name,) for name in strongest if evidence.possible([name])]
+    starts = [names, *delays, *_swaps(evidence, names), *_moved_to_other_drives(evidence, names)]
+    starts = list(dict.fromkeys(starts))
     if len(starts) == 1:
         return fitted_coordinates(evidence, names), {}
     densities, places = dict[tuple[str, ...], float](), []
     for start in starts:
-        at, seen = _linear_about_itself(evidence, start)
-        if seen.possible(start):
-            densities[start] = log_density(seen, start)
-        places.append((log_density(seen, search_effects(seen)), at))
+        at, relinearised = _linear_about_itself(evidence, start)
+        if relinearised.possible(start):
+            densities[start] = log_density(relinearised, start)
+        places.append((log_density(relinearised, search_effects(relinearised)), at))
     return max(places, key=lambda place: place[0])[1], densities
 
 
 def _linear_about_itself(evidence: Evidence, names: tuple[str, ...]) -> tuple[Coordinates, Evidence]:
     """A set of effects at the values that explain most, as far as two steps reach, and the evidence about them."""
     at = fitted_coordinates(evidence, names)
-    seen = linear_about(evidence, at)
-    if not seen.possible(names) or has_converged(seen, names, at, _SETTLED, _SETTLED_SHARE):
-        return at, seen
-    at = fitted_coordinates(seen, names)
+    relinearised = linear_about(evidence, at)
+    if not relinearised.possible(names) or has_converged(relinearised, names, at, _SETTLED, _SETTLED_SHARE):
+        return at, relinearised
+    at = fitted_coordinates(relinearised, names)
     return at, linear_about(evidence, at)
-
-
-def _single_delays(evidence: Evidence, names: tuple[str, ...]) -> list[tuple[str, ...]]:
-    """Strong delays, each by itself: linearised about zero, a long one resembles others as much as itself."""
-    late = {name for name, effect in evidence.equations.model.catalogue.items() if effect.family == "clock"}
-    if len(names) < 2 or not late & set(names):
-        return []
-    singles = sorted(late, key=lambda name: -evidence.log_odds([name]))[:_CLOSER]
-    return [(name,) for name in singles if evidence.possible([name])]
 
 
 def _swaps(evidence: Evidence, names: tuple[str, ...]) -> list[tuple[str, ...]]:
@@ -231,9 +220,9 @@ def _swaps(evidence: Evidence, names: tuple[str, ...]) -> list[tuple[str, ...]]:
     for name in names:
         remaining = tuple(candidate for candidate in names if candidate != name)
         gain = evidence.log_odds(names) - evidence.log_odds(remaining)
-        for rival, less in rivals_of(evidence, names, name).items():
-            if CLOSE < less < _DOUBT * gain:
-                swaps.append((less, (*remaining, rival)))
+        for rival, deficit in rivals_of(evidence, names, name).items():
+            if CLOSE < deficit < _DOUBT * gain:
+                swaps.append((deficit, (*remaining, rival)))
     return [swapped for _, swapped in sorted(swaps)[:_SWAPS]]
 
 
@@ -247,7 +236,7 @@ class Swap:
     evidence: Evidence
 
 
-def swaps_about_themselves(evidence: Evidence, names: tuple[str, ...]) -> list[Swap]:
+def linearised_swaps(evidence: Evidence, names: tuple[str, ...]) -> list[Swap]:
     """Candidates to replace one of ``names``, each linearised about its own best fit.
 
     These are the same lag or play on other drives, and the closest of the rivals that seem to lack little:
@@ -256,18 +245,19 @@ def swaps_about_themselves(evidence: Evidence, names: tuple[str, ...]) -> list[S
     at, swaps = fitted_coordinates(evidence, names), list[Swap]()
     for name in names:
         remaining = tuple(candidate for candidate in names if candidate != name)
-        less = rivals_of(evidence, names, name)
+        deficits = rivals_of(evidence, names, name)
         close = sorted(
-            (candidate for candidate in less if CLOSE < less[candidate] < SEEN * CLOSE), key=less.__getitem__
+            (candidate for candidate in deficits if CLOSE < deficits[candidate] < SEEN * CLOSE),
+            key=deficits.__getitem__,
         )
         for rival in dict.fromkeys([*_on_other_drives(evidence, name, remaining), *close[:_SWAPS]]):
             swapped = (*remaining, rival)
             alike = len(evidence.columns([rival])) == len(at[name]) and rival not in close
             start = {**at, rival: at[name]} if alike else fitted_coordinates(evidence, swapped)
-            seen = linear_about(evidence, {member: start[member] for member in swapped})
-            seen = relinearise_at_fit(seen, swapped)
-            if seen.possible(swapped):
-                swaps.append(Swap(name, rival, swapped, seen))
+            relinearised = linear_about(evidence, {member: start[member] for member in swapped})
+            relinearised = relinearise_at_fit(relinearised, swapped)
+            if relinearised.possible(swapped):
+                swaps.append(Swap(name, rival, swapped, relinearised))
     return swaps
 
 
@@ -283,7 +273,7 @@ def _on_other_drives(evidence: Evidence, name: str, remaining: Sequence[str]) ->
     return [relative for relative in relatives if catalogue[relative].parameters == effect.parameters]
 
 
-def _elsewhere(evidence: Evidence, names: tuple[str, ...]) -> list[tuple[str, ...]]:
+def _moved_to_other_drives(evidence: Evidence, names: tuple[str, ...]) -> list[tuple[str, ...]]:
     """The same effects with a lag or a play found on one drive moved to others.
 
     They are one-sided, and large ones act differently from small ones, so one drive is easily mistaken for
@@ -304,7 +294,7 @@ def rival_deficits(
     """The log evidence that rivals of ``names`` lack, where they were tried."""
     mine, result = log_density(evidence, names), {}
     for candidate, density in tried.items():
-        out, put = set(names) - set(candidate), set(candidate) - set(names)
-        if len(out) == len(put) == 1:
-            result[out.pop(), put.pop()] = mine - density
+        dropped, added = set(names) - set(candidate), set(candidate) - set(names)
+        if len(dropped) == len(added) == 1:
+            result[dropped.pop(), added.pop()] = mine - density
     return result

@@ -1,18 +1,15 @@
-"""The verdict: the effects that stay named, their sizes and rivals, the gap on held-out legs, the next trial.
+"""The diagnosis in six stages, linearise, noise, evidence, selection, acceptance, verdict, and the last of these.
 
-Sensor faults found from contradictions between sensors, without a ship model.
+The verdict has the effects that stay named, their sizes and rivals, the gap on held-out legs and the next
+trial, and the contradictions between sensors, which need no ship model: speeds over ground rotated by the
+heading must integrate to the track, and yaw rates to the heading, whatever moves the ship. For these the filter
+is run with process noise so large that the dynamics carry no information, and only sensor effects are searched;
+errors that all sensors share, such as a common delay, cannot show.
 
-Speeds over ground rotated by the heading must integrate to the track, and yaw rates to the heading, whatever
-moves the ship. So the filter is run with process noise so large that the dynamics carry no information, and
-only sensor effects are searched. Water, hull and thrusters cannot show here; nor can errors that all sensors
-share, such as a common delay.
-
-The diagnosis in six stages: linearise, noise, evidence, selection, acceptance, verdict.
-
-The noise is estimated for linear interpolation of the thruster settings between records, then again if the drives
-moved in steps: a drive moves gradually from record to record, and a line is close to the truth; but a recorder or
-simulator that holds each setting until the next record makes steps, which lead or lag the line by half a record: at
-one record a second, enough to be mistaken for a missing effect. The motion shows clearly which of the two it is.
+The noise is estimated for linear interpolation of the thruster settings between records, then again if the
+drives moved in steps. A drive moves gradually from record to record, and a line is close to the truth; a
+recorder or simulator that holds each setting until the next record makes steps, which lead or lag the line by
+half a record: at one record a second, enough to be mistaken for a missing effect.
 """
 
 from __future__ import annotations
@@ -40,16 +37,16 @@ from seatrial.hybrid.diagnosis.acceptance import (
 )
 from seatrial.hybrid.diagnosis.change import likeliest_change, may_change
 from seatrial.hybrid.diagnosis.coarse_model import (
+    coarse_acceptance,
     improves_prediction,
     is_coarse,
     is_far_off,
-    name_of_coarse_model,
+    name_effects_of_coarse_model,
     preliminary_selection,
     replications,
-    selected,
-    sizes_without,
-    unseen_m,
-    untested_if_coarse,
+    select_unless_coarse,
+    sizes_by_fold,
+    unseen_distance_m,
 )
 from seatrial.hybrid.diagnosis.disturbance_model import DisturbanceNoise, NoiseEstimate, columns_of
 from seatrial.hybrid.diagnosis.estimate_noise import estimate_noise
@@ -118,6 +115,20 @@ WEAK = 9.0
 """A name whose rivals all lack more than ``CLOSE`` is certain; below this limit another trial is worthwhile."""
 
 _WIDTH = 1.96
+_UNKNOWN = np.array([3.0, 3.0, 0.3])  # m/s, m/s, rad/s: uninformative change of speed in a second
+_SHARED = (10.0, 10.0, 10.0, 10.0)  # s, m, m, deg: undetectable error shared by all sensors
+_DELAYS = {"position_delay": (0, 1), "heading_delay": (2,), "speed_delay": (3, 4, 5)}
+_MAX_LINEARISATIONS = 6
+_SETTLED = 0.5  # of a standard error
+
+CHANGES = 3
+"""The largest number of effects that may vary over a trial."""
+
+TOLERANCE = 0.01
+"""The default model error allowed, as a share of the force range."""
+
+_ENOUGH_S = 600.0  # seconds of the log: every turn shows the input hold
+_PLAIN = 20.0  # margin in log likelihood by which steps must beat linear interpolation
 
 
 @dataclass(frozen=True, slots=True)
@@ -128,7 +139,7 @@ class Conclusion:
     faults that explain contradictions between the sensors, None if they agree. ``gap`` is measured on held-out
     legs [m]; ``rivals`` could replace a named effect, with the log odds that they lack; ``composites`` are
     groups that may be one effect outside the catalogue, ``tied`` all groups that these data cannot distinguish;
-    ``replicated`` tells in how many parts of the trial each named effect is found independently; ``regimes``
+    ``replicated`` says in how many parts of the trial each named effect is found independently; ``regimes``
     are where the model as it is lacks most; ``withdrawn`` are effects that explain the record but make
     predictions worse. ``suspects`` rank every effect by itself; ``maps`` show the model before and after.
     """
@@ -161,35 +172,41 @@ def reach_verdict(first: Acceptance, progress: Progress = lambda share: None) ->
     windows = unseen_windows(equations.log, equations.model)
     accepted, regimes = first, tuple[FoundRegime, ...]()
     if lacks:  # it may resemble any force, so forces are doubtful; sensor faults show without a ship model
-        named = name_of_coarse_model(first, windows, part_of(progress, 0, 2)) if is_coarse(first) else None
+        named = name_effects_of_coarse_model(first, windows, part_of(progress, 0, 2)) if is_coarse(first) else None
         accepted = named or drop_non_predictive(sensors, windows) or replace(first, names=(), tests={})
         regimes = largest_regimes(first.evidence, windows)
     progress(0.5)
-    accepted, gap, withdrawn = _judged(accepted, windows, lacks)
+    accepted, gap, withdrawn = _withdraw_harmful(accepted, windows, lacks)
     if lacks:
         gap = with_noise_floor(gap, equations)
     rivals = close_rivals(accepted)
     parts = evidence_within(windows, accepted.evidence).values() if accepted.names else []
     replicated = replications(accepted.evidence, accepted.names, parts)
-    unknown = bool(withdrawn) or _is_unknown(accepted, lacks, replicated)
+    partly = any(replication.found < replication.parts for replication in replicated.values())
+    # something is missing that the named effects may only imitate
+    imitated = not accepted.beside_remainder if lacks else len(accepted.names) > CREDIBLE and partly
+    unknown = bool(withdrawn) or imitated
     composites = [] if unknown else _composites(accepted, first)
-    tied = [] if unknown else [*groups(accepted.names, rivals), *composites, *accepted.substitute_pairs]
+    groups = [*indistinguishable_groups(accepted.names, rivals), *composites, *accepted.substitute_pairs]
+    final = equations  # with all named effects in the model
+    if accepted is not first:
+        final = linear_about(first.evidence, fitted_coordinates(accepted.evidence, accepted.names)).equations
     progress(0.6)
     return Conclusion(
-        verdict=verdict_of(accepted.names, tied, unknown),
+        verdict=verdict_of(accepted.names, groups, unknown),
         first=first,
         accepted=accepted,
         sensors=sensors,
         gap=gap,
         rivals=tuple(rivals),
         composites=tuple(composites),
-        tied=tuple(tied),
+        tied=() if unknown else tuple(groups),
         replicated=replicated,
         regimes=regimes,
         withdrawn=withdrawn,
         next_manoeuvre=None if lacks else _next_manoeuvre(accepted, rivals, part_of(progress, 1, 2)),
         suspects=suspects(first.evidence),
-        maps=(map_of(equations), map_of(_final_equations(accepted, first), with_effects=True)),
+        maps=(map_of(equations), map_of(final, with_effects=True)),
     )
 
 
@@ -200,7 +217,7 @@ def drop_non_predictive(sensors: Acceptance | None, windows: UnseenWindows) -> A
     """
     if sensors is None:
         return None
-    names, off_m = sensors.names, partial(unseen_m, windows, evidence_without(windows, sensors.evidence))
+    names, off_m = sensors.names, partial(unseen_distance_m, windows, evidence_without(windows, sensors.evidence))
     while names:
         whole_m = off_m(names)
         lacking = {name: off_m([candidate for candidate in names if candidate != name]) for name in names}
@@ -212,7 +229,7 @@ def drop_non_predictive(sensors: Acceptance | None, windows: UnseenWindows) -> A
     return None
 
 
-def _judged(
+def _withdraw_harmful(
     accepted: Acceptance, windows: UnseenWindows, lacks: Sequence[LackOfFit]
 ) -> tuple[Acceptance, HeldOutGap, tuple[str, ...]]:
     """The effects that stay named, the gap, and those withdrawn as they make held-out predictions worse."""
@@ -226,15 +243,6 @@ def _judged(
 def makes_worse(windows: UnseenWindows, without: Mapping[int, Coordinates]) -> bool:
     """Whether the effects named ``without`` them predict held-out legs worse, by enough and consistently."""
     return improves_prediction(windows.by_leg_m(windows.by_other_folds(without)), windows.by_leg_m(windows.before))
-
-
-def _is_unknown(accepted: Acceptance, lacks: Sequence[LackOfFit], replicated: Mapping[str, Replication]) -> bool:
-    """Whether something is missing that the named effects may only imitate."""
-    if lacks:
-        return not accepted.beside_remainder
-    return len(accepted.names) > CREDIBLE and any(
-        replication.found < replication.parts for replication in replicated.values()
-    )
 
 
 def _composites(accepted: Acceptance, first: Acceptance) -> list[tuple[str, ...]]:
@@ -256,7 +264,7 @@ def estimates(accepted: Acceptance, name: str) -> list[dict[str, Estimate]]:
     for piece in effect.pieces(evidence.places(fit, name)):
         places = [int(place) for place in piece]
         covariance = fit.covariance[np.ix_(places, places)] * accepted.tests[name].spread
-        file_free = model.given.get(effect.base, (0.0,) * len(places))
+        file_free = model.file_effects.get(effect.base, (0.0,) * len(places))
         bounded = Effect.bounded(effect, fit.values[places] + np.array(file_free))  # noqa: PD011 - no column
         sizes.append(intervals(effect, np.array(bounded), covariance))
     return sizes
@@ -280,9 +288,9 @@ def _polar(effect: Effect, free: Floats, covariance: Floats) -> dict[str, Estima
     along, across = free
     size = max(hypot(along, across), 1e-12)
     ahead = np.array([along, across]) / size
-    aside = np.array([-ahead[1], ahead[0]])
+    normal = np.array([-ahead[1], ahead[0]])
     length = float(np.sqrt(ahead @ covariance @ ahead)) * _WIDTH
-    turn = degrees(float(np.sqrt(aside @ covariance @ aside)) / size) * _WIDTH
+    turn = degrees(float(np.sqrt(normal @ covariance @ normal)) / size) * _WIDTH
     towards = degrees(atan2(across, along)) % 360.0
     first, second = effect.parameters
     return {
@@ -293,25 +301,18 @@ def _polar(effect: Effect, free: Floats, covariance: Floats) -> dict[str, Estima
 
 def close_rivals(accepted: Acceptance) -> list[Rival]:
     """Effects that explain almost as much in the place of a named one, the closest first."""
-    deficits = {name: _deficits(accepted, name) for name in accepted.names}
-    rivals = [
-        Rival(name, rival, float(less)) for name, lacking in deficits.items() for rival, less in lacking.items()
-    ]
+    rivals = []
+    for name in accepted.names:
+        # beside a remainder only rivals that predict as well: the search left out effects that explain something
+        deficits = {} if accepted.beside_remainder else rivals_of(accepted.evidence, accepted.names, name)
+        for (named, rival), deficit in accepted.rival_deficits.items():
+            if named == name:  # a rival out of bounds at one linearisation may be possible at its own
+                deficits[rival] = min(deficit, deficits.get(rival, deficit))
+        rivals += [Rival(name, rival, float(deficit)) for rival, deficit in deficits.items()]
     return sorted((rival for rival in rivals if rival.evidence < SEEN * CLOSE), key=lambda rival: rival.evidence)
 
 
-def _deficits(accepted: Acceptance, name: str) -> dict[str, float]:
-    """The log evidence that each rival lacks in the place of ``name``, the least of two linearisations.
-
-    A rival out of bounds at one linearisation may be possible at its own. Beside a remainder only rivals that
-    predict as well count: the search has left out effects that explain something but are no rivals.
-    """
-    deficits = {} if accepted.beside_remainder else rivals_of(accepted.evidence, accepted.names, name)
-    closer = {rival: less for (named, rival), less in accepted.rival_deficits.items() if named == name}
-    return deficits | {rival: min(less, deficits.get(rival, less)) for rival, less in closer.items()}
-
-
-def groups(names: Sequence[str], rivals: Sequence[Rival]) -> list[tuple[str, ...]]:
+def indistinguishable_groups(names: Sequence[str], rivals: Sequence[Rival]) -> list[tuple[str, ...]]:
     """Groups that these data cannot distinguish: each named effect with its close rivals."""
     close = [rival for rival in rivals if rival.evidence < CLOSE]
     tied = {name: [rival.name for rival in close if rival.instead_of == name] for name in names}
@@ -327,14 +328,6 @@ def verdict_of(names: Sequence[str], tied: Sequence[tuple[str, ...]], unknown: b
     return "indistinguishable" if tied else "named"
 
 
-def _final_equations(accepted: Acceptance, first: Acceptance) -> NormalEquations:
-    """The regression with all named effects in the model."""
-    last = first.evidence.equations
-    if accepted is first:
-        return last
-    return linear_about(first.evidence, fitted_coordinates(accepted.evidence, accepted.names)).equations
-
-
 def _gap(accepted: Acceptance, windows: UnseenWindows, lacks: Sequence[LackOfFit]) -> HeldOutGap:
     """The gap on held-out legs.
 
@@ -343,7 +336,7 @@ def _gap(accepted: Acceptance, windows: UnseenWindows, lacks: Sequence[LackOfFit
     """
     evidence, names = accepted.evidence, accepted.names
     if accepted.beside_remainder:
-        without = sizes_without(evidence_without(windows, evidence), names)
+        without = sizes_by_fold(evidence_without(windows, evidence), names)
     else:
         excluded = frozenset(evidence.names) - set(names)
         without = named_without(windows, evidence, excluded if lacks or not names else frozenset())
@@ -387,13 +380,6 @@ def suspects(evidence: Evidence) -> tuple[Suspect, ...]:
     return tuple(sorted(result, key=lambda suspect: -suspect.evidence))
 
 
-_UNKNOWN = np.array([3.0, 3.0, 0.3])  # m/s, m/s, rad/s: uninformative change of speed in a second
-_SHARED = (10.0, 10.0, 10.0, 10.0)  # s, m, m, deg: undetectable error shared by all sensors
-_DELAYS = {"position_delay": (0, 1), "heading_delay": (2,), "speed_delay": (3, 4, 5)}
-_MAX_LINEARISATIONS = 6
-_SETTLED = 0.5  # of a standard error
-
-
 def find_contradictions(log: Log, model: ModelWithEffects, noise: DisturbanceNoise) -> Acceptance | None:
     """The sensor effects that explain the contradictions in ``log``, selected like others; None without any.
 
@@ -402,21 +388,23 @@ def find_contradictions(log: Log, model: ModelWithEffects, noise: DisturbanceNoi
     sensors = motion_sensors(log, model)
     if not sensors:
         return None
-    file_free = {name: free for name, free in model.given.items() if name in sensors}
-    evidence, names = _select_sensor_effects(log, ModelWithEffects(model.base, sensors, given=file_free), noise)
-    names = _commoner(evidence, names)
+    file_free = {name: free for name, free in model.file_effects.items() if name in sensors}
+    evidence, names = _select_sensor_effects(
+        log, ModelWithEffects(model.base, sensors, file_effects=file_free), noise
+    )
+    names = _prefer_common_effects(evidence, names)
     tests = {name: acceptance_tests(evidence, names, name) for name in names}
     return Acceptance(names, tests, evidence) if names else None
 
 
-def _commoner(evidence: Evidence, names: tuple[str, ...]) -> tuple[str, ...]:
+def _prefer_common_effects(evidence: Evidence, names: tuple[str, ...]) -> tuple[str, ...]:
     """Of two indistinguishable effects the first in the catalogue, the more common one; the other is its rival."""
     order = list(evidence.names)
     for name in names:
-        less = rivals_of(evidence, names, name)
+        deficits = rivals_of(evidence, names, name)
         for rival in order[: order.index(name)]:
             swapped = tuple(rival if effect == name else effect for effect in names)
-            if less.get(rival, np.inf) < CLOSE and acceptance_tests(evidence, swapped, rival).accepted:
+            if deficits.get(rival, np.inf) < CLOSE and acceptance_tests(evidence, swapped, rival).accepted:
                 names = swapped
                 break
     return names
@@ -426,12 +414,12 @@ def motion_sensors(log: Log, model: ModelWithEffects) -> Catalogue:
     """The sensor effects on the reported motion, not those of the wind sensor."""
     sensors = [name for name, effect in model.catalogue.items() if effect.kind == "sensor"]
     plain = replace(model, at={})
-    seen = {
+    affecting = {
         signature.effect
         for signature in signatures(log, plain, log.nominal, sensors)
         if np.abs(signature.E).max() > 0.0
     }
-    return {name: model.catalogue[name] for name in sensors if name in seen}
+    return {name: model.catalogue[name] for name in sensors if name in affecting}
 
 
 def without_dynamics(noise: DisturbanceNoise, linear: LinearModel) -> DisturbanceNoise:
@@ -477,8 +465,8 @@ def _normal_equations(log: Log, model: ModelWithEffects, noise: DisturbanceNoise
     """
     plain = replace(model, at={}).plant()
     linear = linear_model(log, plain)
-    seen = by_stage(log, model, sensor_readings, linear.origin) + _between(log, linear.origin)
-    linear = replace(linear, observed=log.measured - seen)
+    reported = by_stage(log, model, sensor_readings, linear.origin) + _between(log, linear.origin)
+    linear = replace(linear, observed=log.measured - reported)
     effects, shared = _signatures(log, model, linear.origin)
     tolerated = tolerances(log, model.catalogue, effects)
     scales = np.array([model.catalogue[signature.effect].free_scale[signature.coordinate] for signature in effects])
@@ -495,12 +483,12 @@ def _normal_equations(log: Log, model: ModelWithEffects, noise: DisturbanceNoise
 
 def _signatures(log: Log, model: ModelWithEffects, origin: Floats) -> tuple[list[Signature], list[Signature]]:
     """The signatures of sensor effects and of errors shared by all sensors, by kinematics where these suffice."""
-    none, kinematic = np.zeros_like(origin), _by_kinematics(log, origin)
+    zeros, kinematic = np.zeros_like(origin), _by_kinematics(log, origin)
     effects = []
     steady = [name for name, effect in model.catalogue.items() if not isinstance(effect, TimeVaryingEffect)]
     for signature in signatures(log, model, origin, steady):
         readings = kinematic.get((signature.effect, signature.coordinate))
-        effects.append(signature if readings is None else replace(signature, D=none, E=readings))
+        effects.append(signature if readings is None else replace(signature, D=zeros, E=readings))
     effects += time_varying_signatures(log, time_varying_among(model.catalogue, model.catalogue), effects)
     shared = [
         ("all_late", np.sum([kinematic[name, 0] for name in _DELAYS], axis=0)),
@@ -508,15 +496,17 @@ def _signatures(log: Log, model: ModelWithEffects, origin: Floats) -> tuple[list
         ("all_to_starboard", kinematic["position_antenna_offset", 1] + kinematic["speed_sensor_offset", 1]),
         ("all_turned", kinematic["speed_sensor_rotation", 0] + np.deg2rad(1.0) * (np.arange(6) == HEADING)),
     ]
-    return effects, [Signature(name, 0, none, shift) for name, shift in shared]
+    return effects, [Signature(name, 0, zeros, shift) for name, shift in shared]
 
 
 def _by_kinematics(log: Log, origin: Floats) -> dict[tuple[str, int], Floats]:
     """The change of the readings [T, 6] with a second of delay, a metre of lever arm and a degree of rotation."""
-    late = (_between(log, origin, DT_S) - _between(log, origin, -DT_S)) / (2.0 * DT_S)
+    delayed = (_between(log, origin, DT_S) - _between(log, origin, -DT_S)) / (2.0 * DT_S)
     psi, u, v, r = (origin + _between(log, origin)).T[HEADING:]
     nil, cosine, sine, degree = np.zeros_like(r), np.cos(psi), np.sin(psi), np.deg2rad(1.0)
-    result = {(name, 0): np.where(np.isin(np.arange(6), indices), late, 0.0) for name, indices in _DELAYS.items()}
+    result = {
+        (name, 0): np.where(np.isin(np.arange(6), indices), delayed, 0.0) for name, indices in _DELAYS.items()
+    }
     for name, coordinate, columns in (
         ("position_antenna_offset", 0, (cosine, sine, nil, nil, nil, nil)),
         ("position_antenna_offset", 1, (-sine, cosine, nil, nil, nil, nil)),
@@ -551,16 +541,6 @@ def _between(log: Log, origin: Floats, late_s: float = 0.0) -> Floats:
     return np.asarray(np.einsum("tcq,tqc->tc", log.weight, around))
 
 
-CHANGES = 3
-"""The largest number of effects that may vary over a trial."""
-
-TOLERANCE = 0.01
-"""The default model error allowed, as a share of the force range."""
-
-_ENOUGH_S = 600.0  # seconds of the log: every turn shows the input hold
-_PLAIN = 20.0  # margin in log likelihood by which steps must beat linear interpolation
-
-
 def diagnose(
     tables: Sequence[pd.DataFrame],
     vessel: Vessel,
@@ -586,25 +566,25 @@ def diagnose(
         effects = catalogue_of(vessel) if catalogue is None else catalogue
         log = log_of(tables)
         model = model_of(vessel, with_recordings(effects, log))
-        acceptance = accepted_of(linearise(log, model, tolerance), part(0.1, 0.6))
+        acceptance = accept_effects(linearise(log, model, tolerance), part(0.1, 0.6))
         return reach_verdict(add_time_varying_effects(acceptance), part(0.6, 1.0))
 
 
-def accepted_of(linearisation: Linearisation, progress: Progress = lambda share: None) -> Acceptance:
+def accept_effects(linearisation: Linearisation, progress: Progress = lambda share: None) -> Acceptance:
     """Stages two to five: the effects that pass all tests, and what they leave unexplained."""
     estimate = estimate_noise(linearisation, part_of(progress, 0, 3))
     estimate = choose_input_hold(estimate, part_of(progress, 1, 3))
-    selection = selected(weigh_evidence(estimate), part_of(progress, 2, 3))
-    return untested_if_coarse(selection) or accept(selection)
+    selection = select_unless_coarse(weigh_evidence(estimate), part_of(progress, 2, 3))
+    return coarse_acceptance(selection) or accept(selection)
 
 
 def choose_input_hold(estimate: NoiseEstimate, progress: Progress = lambda share: None) -> NoiseEstimate:
-    """The estimate with the input hold that fits the motion best; for steps the noise is estimated anew."""
-    linearisation, best, most = estimate.linearisation, INPUT_HOLDS[0], -np.inf
+    """The estimate with the input hold that fits the motion best; for steps the noise is estimated again."""
+    linearisation, best, highest = estimate.linearisation, INPUT_HOLDS[0], -np.inf
     for hold in INPUT_HOLDS:  # of equals the first: linear
-        density = _log_evidence(estimate, hold, most)
-        if density > most:
-            best, most = hold, density
+        density = _log_evidence(estimate, hold, highest)
+        if density > highest:
+            best, highest = hold, density
     if best == linearisation.log.input_hold:
         return estimate
     return estimate_noise(
@@ -629,9 +609,9 @@ def _log_evidence(estimate: NoiseEstimate, hold: InputHold, least: float) -> flo
     if log.setting_step_s > SELDOM_S:
         preliminary = preliminary_selection(evidence)
         density = log_density(preliminary.evidence, preliminary.names) - margin
-        if density + margin < least and not untested_if_coarse(preliminary):
+        if density + margin < least and not coarse_acceptance(preliminary):
             return density
-        if not untested_if_coarse(selection := selected(evidence, preliminary=preliminary)):
+        if not coarse_acceptance(selection := select_unless_coarse(evidence, preliminary=preliminary)):
             accepted = accept_names(selection)
             return log_density(accepted.evidence, accepted.names) - margin
     return log_density(evidence, search_effects(evidence)) - margin
@@ -645,8 +625,8 @@ def add_time_varying_effects(acceptance: Acceptance) -> Acceptance:
             break
         equations = acceptance.evidence.equations
         model = replace(equations.model, at={}, catalogue={**equations.model.catalogue, change.name: change})
-        again = accepted_of(linearise(equations.log, model, equations.tolerance))
-        if change.name not in again.names:
+        repeated = accept_effects(linearise(equations.log, model, equations.tolerance))
+        if change.name not in repeated.names:
             break
-        acceptance = again
+        acceptance = repeated
     return acceptance

@@ -1,27 +1,17 @@
-"""Maximum a posteriori coefficients from all segments.
+"""Maximum a posteriori coefficients of a vessel file, from recordings cut into segments.
 
-What belongs to a single segment, its start and the forces that the model lacks, is marginalised in closed form;
-the rest is fitted by Levenberg-Marquardt steps, after each of which the levels of noise and missing forces are
-estimated anew. Our own steps are needed, as in the adaptive calibrator, because starts and unknowns must move
-together: with the starts fixed, ``scipy.optimize.least_squares`` oscillates between the two.
-
-The residual of a segment is r = Z b + e: b are the deviation of its start and the forces that the model lacks,
-e the sensors' white noise, so r has covariance V = Z D Z' + R (mixed models, Laird and Ware 1982). Only the Q
-by Q matrix of Woodbury's identity is inverted, never one of V's size.
-
-The model's response on every segment, and its derivatives with respect to each unknown.
-
-Unknown for all segments are the coefficients; for a recording its current and the errors of its wind and motion
-sensors; for a segment its start and the forces that the model lacks, one over the whole segment and one in each
-part.
-
-Recordings cut into segments, each simulated from its own start.
-
-A segment lasts about the time to sail a ship length, in which she responds to her helm: long enough to show the
+A segment is simulated from its own start for about the time to sail a ship length: long enough to show the
 effect of coefficients, short enough that model errors do not carry the ship away, and that there are many
-segments for estimating errors by leaving out each in turn.
+segments for estimating errors by leaving out each in turn. Unknown for all segments are the coefficients; for a
+recording its current and the errors of its wind and motion sensors; for a segment its start and the forces that
+the model lacks, one over the whole segment and one in each part.
 
-The coefficients of a vessel file that trials can determine, with their priors.
+The residual of a segment is r = Z b + e: b are the deviation of its start and the missing forces, e the
+sensors' white noise, so r has covariance V = Z D Z' + R (mixed models, Laird and Ware 1982), and b is
+marginalised in closed form. Only the Q by Q matrix of Woodbury's identity is inverted, never one of V's size.
+The rest is fitted by Levenberg-Marquardt steps, after each of which the levels of noise and missing forces are
+estimated again. Own steps are needed, as in the adaptive calibrator, because starts and unknowns must move
+together: with the starts fixed, ``scipy.optimize.least_squares`` oscillates between the two.
 
 A coefficient is named as in ``[estimated]``: ``hull.Y_v``, ``rudder.a_H``. The prior of its deviation is
 normal, with the relative width given in ``[estimated]`` or else the usual one. Coefficients that keep their
@@ -64,6 +54,69 @@ _LEAST, _MOST_NOISE, _MOST_FORCE = 1e-10, 1e6, 10.0
 
 _ROUNDING = 1e-12
 """A share of the diagonal that exceeds rounding errors and keeps matrices positive definite."""
+
+ROUNDS = 30
+
+_ENOUGH = 0.1
+"""The search ends when a step improves minus twice the log likelihood by less than this, or is expected to: the
+optimum is then at most a third of the standard errors away."""
+
+_TRIES = 8
+
+PARTS = 5
+"""The number of parts of a segment, each with its own missing force."""
+
+FORCES = ("constant_X_n", "constant_Y_n", "constant_N_nm")
+CURRENT_SHARE, WIND_SHARE, WIND_RAD = 0.05, 0.15, 0.15
+
+HEADING_RAD, SPEED_SHARE, SWAY_SHARE, ANTENNA_LENGTHS, DELAY_S = 0.01, 0.01, 0.01, 0.02, 0.5
+"""Prior widths: the current as a share of the ship's speed, the wind sensor's factor and direction, the heading
+bias, the speed factor, the sway bias as a share of the speed, the antenna position in ship lengths, and the
+delays of controls and positions, which do not scale with the ship. As in the catalogue of effects."""
+
+Variant = tuple[Plant, Floats, Floats]
+"""A plant, the surroundings of each recording, the starts."""
+
+_DIFFERENCE = 1e-3
+_WIDER = 2.0
+
+SIMULATED = 5
+"""The number of surroundings that act in the simulation; the others act on its sensor readings."""
+
+LENGTHS = 1.0
+"""A segment's duration, in ship lengths at the usual speed."""
+
+SHORTEST_S, LONGEST_S = 15.0, 240.0
+
+COMPARED = 30
+"""The number of comparisons with measurements in a segment."""
+
+LEAST_EVERY, MOST_EVERY = 3, 8
+"""The least number of control steps between comparisons. As far as possible a step equals the interval of the
+records or a whole fraction of it, since between records a moving rudder is not on the interpolated line."""
+
+MOST = 400
+"""The number of segments beyond which only every second, third ... one of a longer recording is used."""
+
+_MOVING_SHARE = 0.2
+_FEWEST_SEGMENTS = 4
+_ROWS = ("measured", "motion", "controls", "wind", "recording")
+
+USUAL_WIDTHS = {"hull": 0.3, "inertia": 0.15, "actuator": 0.2}
+"""The relative prior widths of coefficients without a stated error: about those of ``vessel new``."""
+
+WIND_LOAD_WIDTH, ASTERN_WIDTH = 0.2, 0.3
+"""The relative prior width of the wind coefficients as a whole, whose regressions have errors of a fifth
+(Fujiwara, Ueno and Nimura 1998), and of a shaft's astern thrust if the file does not give it."""
+
+_FAR = 100.0
+"""A bound on logarithms; the model leaves its range where a search reaches it."""
+
+_ADDED_MASSES = ("Xud", "Yvd", "Yrd", "Nrd", "m_x", "m_y", "J_z", "I_zG", "yaw_inertia_kgm2")
+_POSITIVE = ("mass_kg", "yaw_inertia_kgm2", "Xud", "Yvd", "Nrd", "m", "m_x", "m_y", "I_zG", "J_z", "draught_m",
+             "superstructure_area_m2", "frontal_area_m2", "lateral_area_m2", "lateral_centre_height_m",
+             "bridge_height_m")  # fmt: skip
+_OWN = {"name": "", "y_m": 0.0, "behind": ""}
 
 
 @dataclass(frozen=True, slots=True)
@@ -125,8 +178,8 @@ def estimate_levels(moments: Moments, first: Variances) -> Variances:
     By L-BFGS on the logarithms of the variances; expectation maximisation has the same gradient but is slow
     where a level tends to zero.
     """
-    most = [_MOST_NOISE] * first.noise.size + [_MOST_FORCE] * first.forces.size
-    bounds = [(log(_LEAST), log(limit)) for limit in most]
+    limits = [_MOST_NOISE] * first.noise.size + [_MOST_FORCE] * first.forces.size
+    bounds = [(log(_LEAST), log(limit)) for limit in limits]
     begin = np.log(np.append(first.noise, first.forces))
     optimum = minimize(_cost, begin, moments, jac=True, method="L-BFGS-B", bounds=bounds)
     return _levels(optimum.x)
@@ -145,14 +198,6 @@ def _cost(logs: Floats, moments: Moments) -> tuple[float, Floats]:
     by_noise = moments.count - squares / levels.noise
     parts = share[:, 9:].reshape(len(share), 3, PARTS).sum(axis=2)
     return float(cost.sum()), np.concatenate([by_noise, share[:, 6:9], parts], axis=1).sum(axis=0)
-
-
-ROUNDS = 30
-_ENOUGH = 0.1
-"""The search ends when a step improves minus twice the log likelihood by less than this, or is expected to: the
-optimum is then at most a third of the standard errors away."""
-
-_TRIES = 8
 
 
 @dataclass(frozen=True, slots=True)
@@ -210,7 +255,7 @@ def fit(
         short = replace(model, segments=model.segments.split(PARTS))
         z = _search(short, np.zeros(model.size), levels, rounds, part_of(progress, 0, 2), near=model.size).z
     place = _search(model, z, levels, rounds, part_of(progress, 1, 2))
-    information, scores, _ = _normal(model, place)
+    information, scores, _ = _normal_equations(model, place)
     return CoefficientFit(place.z, covariance_of(information, scores), place.starts, place.levels)
 
 
@@ -218,11 +263,11 @@ def _search(
     model: ResponseModel, z: Floats, levels: Variances, rounds: int, progress: Progress, near: float = _ENOUGH
 ) -> _Place:
     """The optimum, or a point whose next step is expected to gain less than ``near``."""
-    now, damping, promise = _settled(model, _place(model, z, model.segments.start, levels)), 1e-3, np.inf
+    now, damping, promise = _with_fitted_starts(model, _place(model, z, model.segments.start, levels)), 1e-3, np.inf
     for number in range(rounds):
         progress(number / rounds)
         before = now.cost
-        now, damping, promise = _better(model, now, damping)
+        now, damping, promise = _improved(model, now, damping)
         if min(promise, before - now.cost) < near:
             break
         now = _with_levels(now)
@@ -242,27 +287,30 @@ def covariance_of(information: Floats, scores: Floats) -> Floats:
     return np.asarray(departures.T @ departures + inverse @ inverse)
 
 
-def _better(model: ResponseModel, now: _Place, damping: float) -> tuple[_Place, float, float]:
+def _improved(model: ResponseModel, now: _Place, damping: float) -> tuple[_Place, float, float]:
     """The point after the first step that improves, or the same point; the next damping; and the improvement
     expected if the problem were linear."""
-    information, scores, columns = _normal(model, now)
+    information, scores, columns = _normal_equations(model, now)
     total, pull = information.sum(axis=0) + np.eye(model.size), scores.sum(axis=0) - now.z
     promise = float(pull @ np.linalg.solve(total, pull))
     for _ in range(_TRIES):
         damped = total + damping * np.diag(np.diag(total))
         step = np.linalg.solve(damped, pull)
         expected = columns @ step[model.own_unknowns][..., None]
-        then = _moved(model, now, step, expected.reshape(now.residual.shape))
-        if then.cost < now.cost:
-            return then, max(damping / 5.0, 1e-6), promise
+        moved = _moved(model, now, step, expected.reshape(now.residual.shape))
+        if moved.cost < now.cost:
+            return moved, max(damping / 5.0, 1e-6), promise
         damping *= 8.0
     return now, damping, promise
 
 
 def _place(model: ResponseModel, z: Floats, starts: Floats, levels: Variances) -> _Place:
-    seen, slopes = model.own_slopes(z, starts)
+    reported, slopes = model.own_slopes(z, starts)
     inside = np.asarray(np.isfinite(slopes).all(axis=(1, 2, 3)))
-    residual, slopes = np.where(inside[:, None, None], model.segments.measured - seen, 0.0), np.nan_to_num(slopes)
+    residual, slopes = (
+        np.where(inside[:, None, None], model.segments.measured - reported, 0.0),
+        np.nan_to_num(slopes),
+    )
     moments = moments_of(residual, slopes)
     costs = np.where(inside, moments.explained(levels)[2], np.inf)
     return _Place(z, starts, levels, residual, slopes, moments, costs)
@@ -274,7 +322,7 @@ def _with_levels(place: _Place) -> _Place:
     return replace(place, levels=levels, costs=place.moments.explained(levels)[2])
 
 
-def _settled(model: ResponseModel, place: _Place) -> _Place:
+def _with_fitted_starts(model: ResponseModel, place: _Place) -> _Place:
     """The point with its levels and fitted starts."""
     if not np.isfinite(place.cost):
         raise ModelRangeError(
@@ -296,35 +344,32 @@ def _moved(model: ResponseModel, place: _Place, step: Floats, expected: Floats) 
     """
     unknowns, _, _ = moments_of(place.residual - expected, place.slopes).explained(place.levels)
     z = place.z + step
-    then = _place(model, z, place.starts + unknowns[:, :6] * model.start_scale, place.levels)
-    if then.cost < place.cost:
-        return then
+    moved = _place(model, z, place.starts + unknowns[:, :6] * model.start_scale, place.levels)
+    if moved.cost < place.cost:
+        return moved
     stay = _place(model, z, place.starts, place.levels)
-    starts = np.where((stay.costs < then.costs)[:, None], stay.starts, then.starts)
+    starts = np.where((stay.costs < moved.costs)[:, None], stay.starts, moved.starts)
     return _place(model, z, starts, place.levels)
 
 
-def _normal(model: ResponseModel, place: _Place) -> tuple[Floats, Floats, Floats]:
+def _normal_equations(model: ResponseModel, place: _Place) -> tuple[Floats, Floats, Floats]:
     """Each segment's information on the unknowns [S, P, P], its score [S, P], and the derivatives [S, 6 T, p]
     with respect to the p of them that it depends on, :attr:`ResponseModel.own_unknowns`."""
     columns = model.slopes(place.z, place.starts)
     weight = np.isfinite(place.residual) / np.sqrt(place.levels.noise)
-    C, Z, r = (_weighted(array, weight) for array in (columns, place.slopes, np.nan_to_num(place.residual)))
+    C, Z, r = (  # one matrix for each segment [S, 6 T, n]
+        np.asarray(array.reshape(len(array), weight[0].size, -1) * weight.reshape(len(array), -1, 1))
+        for array in (columns, place.slopes, np.nan_to_num(place.residual))
+    )
     turned, segments, unknown = C.transpose(0, 2, 1), len(C), model.own_unknowns
     shared = turned @ Z
-    taken = shared @ place.moments.explained(place.levels)[1]
+    explained = shared @ place.moments.explained(place.levels)[1]
     row, size = np.arange(segments)[:, None], model.size
     information, scores = np.zeros((segments, size, size)), np.zeros((segments, size))
-    information_left = turned @ C - taken @ shared.transpose(0, 2, 1)
+    information_left = turned @ C - explained @ shared.transpose(0, 2, 1)
     information[row[..., None], unknown[:, :, None], unknown[:, None, :]] = information_left
-    scores[row, unknown] = (turned @ r - taken @ (Z.transpose(0, 2, 1) @ r))[..., 0]
+    scores[row, unknown] = (turned @ r - explained @ (Z.transpose(0, 2, 1) @ r))[..., 0]
     return information, scores, columns.reshape(C.shape)
-
-
-def _weighted(values: Floats, weight: Floats) -> Floats:
-    """Values [S, T, 6] or [S, T, 6, n] times weights [S, T, 6], as one matrix for each segment [S, 6 T, n]."""
-    segments = len(values)
-    return np.asarray(values.reshape(segments, weight[0].size, -1) * weight.reshape(segments, -1, 1))
 
 
 def information_at(model: ResponseModel, z: Floats, starts: Floats, levels: Variances) -> Floats:
@@ -332,24 +377,7 @@ def information_at(model: ResponseModel, z: Floats, starts: Floats, levels: Vari
     place = _place(model, z, starts, levels)
     if not np.isfinite(place.cost):
         return np.full((model.size, model.size), np.nan)
-    return np.asarray(_normal(model, place)[0].sum(axis=0))
-
-
-PARTS = 5
-"""The number of parts of a segment, each with its own missing force."""
-
-FORCES = ("constant_X_n", "constant_Y_n", "constant_N_nm")
-CURRENT_SHARE, WIND_SHARE, WIND_RAD = 0.05, 0.15, 0.15
-HEADING_RAD, SPEED_SHARE, SWAY_SHARE, ANTENNA_LENGTHS, DELAY_S = 0.01, 0.01, 0.01, 0.02, 0.5
-"""Prior widths: the current as a share of the ship's speed, the wind sensor's factor and direction, the heading
-bias, the speed factor, the sway bias as a share of the speed, the antenna position in ship lengths, and the
-delays of controls and positions, which do not scale with the ship. As in the catalogue of effects."""
-
-Variant = tuple[Plant, Floats, Floats]
-"""A plant, the surroundings of each recording, the starts."""
-
-_DIFFERENCE = 1e-3
-_WIDER = 2.0
+    return np.asarray(_normal_equations(model, place)[0].sum(axis=0))
 
 
 @dataclass(frozen=True, slots=True)
@@ -362,7 +390,7 @@ class Surrounding:
 
 
 def surroundings_of(plant: Plant, speed_mps: float) -> tuple[Surrounding, ...]:
-    """The unknowns of every recording of a ship at her usual speed; those of the sensors come last."""
+    """The unknowns of every recording of a ship at its usual speed; those of the sensors come last."""
     length_m = plant.length_between_perpendiculars_m
     widths = {
         "current_north_mps": CURRENT_SHARE * speed_mps, "current_east_mps": CURRENT_SHARE * speed_mps,
@@ -372,10 +400,6 @@ def surroundings_of(plant: Plant, speed_mps: float) -> tuple[Surrounding, ...]:
         "antenna_forward_m": ANTENNA_LENGTHS * length_m, "antenna_starboard_m": ANTENNA_LENGTHS * length_m,
     }  # fmt: skip
     return tuple(Surrounding(name, float(getattr(plant, name)), width) for name, width in widths.items())
-
-
-SIMULATED = 5
-"""The number of surroundings that act in the simulation; the others act on its sensor readings."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -399,9 +423,9 @@ class ResponseModel:
     @property
     def own_unknowns(self) -> Ints:
         """The unknowns that each segment depends on [S, coefficients + surroundings]."""
-        kept, count = len(self.coefficients), len(self.surroundings)
-        around = kept + self.segments.recording[:, None] * count + np.arange(count)
-        return np.concatenate([np.tile(np.arange(kept), (len(around), 1)), around], axis=1)
+        coefficients, count = len(self.coefficients), len(self.surroundings)
+        around = coefficients + self.segments.recording[:, None] * count + np.arange(count)
+        return np.concatenate([np.tile(np.arange(coefficients), (len(around), 1)), around], axis=1)
 
     def vessel_at(self, z: Floats) -> Vessel:
         """The vessel with the coefficients of ``z``."""
@@ -409,8 +433,8 @@ class ResponseModel:
 
     def on_segments(self, segments: Segments, z: Floats) -> tuple[ResponseModel, Floats]:
         """The same coefficients on other segments, and ``z`` there, with unknown surroundings."""
-        model, kept = model_of(self.vessel, self.coefficients, segments), len(self.coefficients)
-        return model, np.concatenate([z[:kept], np.zeros(model.size - kept)])
+        model, count = model_of(self.vessel, self.coefficients, segments), len(self.coefficients)
+        return model, np.concatenate([z[:count], np.zeros(model.size - count)])
 
     def plant(self, z: Floats) -> Plant:
         """The plant at the coefficients of ``z``, with a wider range, as a search needs."""
@@ -441,14 +465,14 @@ class ResponseModel:
             around + _DIFFERENCE * row for row in np.diag([surrounding.width for surrounding in self.surroundings])
         ]
         variants = [(plant, around, start), *((self.plant(row), around, start) for row in moved)]
-        still, *states = self._run(
+        unmoved, *states = self._run(
             [*variants, *((plant, surroundings, start) for surroundings in shifted[:SIMULATED])]
         )
-        states += [still] * (len(shifted) - SIMULATED)
-        seen = self._seen(still, around)
+        states += [unmoved] * (len(shifted) - SIMULATED)
+        reported = self._seen(unmoved, around)
         settings = [around] * len(moved) + shifted
         columns = [
-            (self._seen(state, surroundings) - seen) / _DIFFERENCE
+            (self._seen(state, surroundings) - reported) / _DIFFERENCE
             for state, surroundings in zip(states, settings, strict=True)
         ]
         return np.stack(columns, axis=-1)
@@ -462,25 +486,25 @@ class ResponseModel:
         """
         plant, around = self.plant(z), self.around(z)
         starts = [start + _DIFFERENCE * row for row in np.diag(self.start_scale)]
-        still, *moved = self._run([(plant, around, begin) for begin in (start, *starts)])
-        seen = self._seen(still, around)
-        by_start = [(self._seen(state, around) - seen) / _DIFFERENCE for state in moved]
-        pulses = self._pulses(plant, around, still)
+        unmoved, *moved = self._run([(plant, around, begin) for begin in (start, *starts)])
+        reported = self._seen(unmoved, around)
+        by_start = [(self._seen(state, around) - reported) / _DIFFERENCE for state in moved]
+        pulses = self._pulses(plant, around, unmoved)
         parts = pulses.reshape(*pulses.shape[:3], -1)
-        return seen, np.concatenate([np.stack(by_start, axis=-1), pulses.sum(axis=-1), parts], axis=-1)
+        return reported, np.concatenate([np.stack(by_start, axis=-1), pulses.sum(axis=-1), parts], axis=-1)
 
-    def _pulses(self, plant: Plant, around: Floats, still: Floats) -> Floats:
+    def _pulses(self, plant: Plant, around: Floats, states: Floats) -> Floats:
         """The derivative of states with respect to a force that acts in one part: [S, T, 6, 3 axes, parts]."""
         length_m, steps = plant.length_between_perpendiculars_m, self.segments.controls.shape[1]
         sizes = np.array([1.0, 1.0, length_m]) * plant.mass_kg * self.segments.speed_mps**2 / length_m
         pushed = [
             plant.shifted(**{name: _DIFFERENCE * size}) for name, size in zip(FORCES, sizes.tolist(), strict=True)
         ]
-        onset = np.zeros((*still.shape, 3, PARTS + 1))
+        onset = np.zeros((*states.shape, 3, PARTS + 1))
         for part in range(PARTS):
             first = part * steps // PARTS
-            moved = self._run([(variant, around, still[:, first]) for variant in pushed], first)
-            onset[:, first:, :, :, part] = (np.moveaxis(moved, 0, -1) - still[:, first:, :, None]) / _DIFFERENCE
+            moved = self._run([(variant, around, states[:, first]) for variant in pushed], first)
+            onset[:, first:, :, :, part] = (np.moveaxis(moved, 0, -1) - states[:, first:, :, None]) / _DIFFERENCE
         return np.asarray((onset[..., :-1] - onset[..., 1:])[:, : -1 : self.segments.every])
 
     @property
@@ -498,13 +522,13 @@ class ResponseModel:
         for number, surrounding in enumerate(self.surroundings[:SIMULATED]):
             plants[surrounding.name] = surroundings[:, number]
         start = np.concatenate([begin for _, _, begin in variants])
-        again = (len(variants), 1, 1)
+        repeats = (len(variants), 1, 1)
         # what acts is drawn up from whole segments: a delay reaches back over the step that a run begins at
         controls = acting_controls(
-            np.tile(segments.controls, again), plants["command_delay_s"], segments.dt_s, angles_in(plants)
+            np.tile(segments.controls, repeats), plants["command_delay_s"], segments.dt_s, angles_in(plants)
         )[:, first:]
         plants["command_delay_s"] = 0.0
-        wind = np.tile(segments.wind[:, first:], again)
+        wind = np.tile(segments.wind[:, first:], repeats)
         # steps are a small share of a ship length: one step of the integration each
         states = simulate_batch(plants, start, controls, wind, segments.dt_s, substeps=1).states
         return states.reshape(len(variants), len(segments), *states.shape[1:])
@@ -512,37 +536,19 @@ class ResponseModel:
     def _seen(self, states: Floats, around: Floats) -> Floats:
         """The readings of states [S, K+1, 6] at the times of comparison [S, T, 6]."""
         sparse = states[:, : -1 : self.segments.every]
-        seen = np.empty_like(sparse)
+        readings = np.empty_like(sparse)
         names = [surrounding.name for surrounding in self.surroundings[SIMULATED:]]
         for number, values in enumerate(around):
             mine = self.segments.recording == number
             sensors = self.sensors.replaced(**dict(zip(names, values[SIMULATED:].tolist(), strict=True)))
-            seen[mine] = measure(sparse[mine], sensors, self.segments.every * self.segments.dt_s)
-        return seen
+            readings[mine] = measure(sparse[mine], sensors, self.segments.every * self.segments.dt_s)
+        return readings
 
 
 def model_of(vessel: Vessel, coefficients: Sequence[Coefficient], segments: Segments) -> ResponseModel:
     """The model of a vessel on segments, its surroundings at their usual widths."""
     plant = vessel_plant(vessel)
     return ResponseModel(vessel, tuple(coefficients), segments, surroundings_of(plant, segments.speed_mps), plant)
-
-
-LENGTHS = 1.0
-"""A segment's duration, in ship lengths at her usual speed."""
-
-SHORTEST_S, LONGEST_S = 15.0, 240.0
-COMPARED = 30
-"""The number of comparisons with measurements in a segment."""
-
-LEAST_EVERY, MOST_EVERY = 3, 8
-"""The least number of control steps between comparisons. As far as possible a step equals the interval of the
-records or a whole fraction of it, since between records a moving rudder is not on the interpolated line."""
-
-MOST = 400
-"""The number of segments beyond which only every second, third ... one of a longer recording is used."""
-
-_MOVING_SHARE = 0.2
-_FEWEST_SEGMENTS = 4
 
 
 @dataclass(frozen=True, slots=True)
@@ -589,19 +595,14 @@ class Segments:
 
     def split(self, parts: int) -> Segments:
         """Segments divided into this number of parts."""
-        measured, motion, controls, wind = (_in_parts(getattr(self, name), parts) for name in _ROWS[:-1])
+        measured, motion, controls, wind = (
+            rows.reshape(len(rows) * parts, rows.shape[1] // parts, *rows.shape[2:])
+            for rows in (self.measured, self.motion, self.controls, self.wind)
+        )
         return replace(
             self, measured=measured, motion=motion, controls=controls, wind=wind,
             recording=np.repeat(self.recording, parts),
         )  # fmt: skip
-
-
-_ROWS = ("measured", "motion", "controls", "wind", "recording")
-
-
-def _in_parts(rows: Floats, parts: int) -> Floats:
-    """Rows [S, n, ...] as [S parts, n / parts, ...]."""
-    return rows.reshape(len(rows) * parts, rows.shape[1] // parts, *rows.shape[2:])
 
 
 def segments_of(tables: Mapping[str, pd.DataFrame], plant: Plant, duration_s: float | None = None) -> Segments:
@@ -610,11 +611,14 @@ def segments_of(tables: Mapping[str, pd.DataFrame], plant: Plant, duration_s: fl
     Raises :class:`DataShortageError` if there are fewer than a handful, :class:`InputError` for recordings of
     another ship.
     """
-    speed = _usual_speed(tables)
+    speeds = np.abs(np.concatenate([table["surge_mps"].dropna().to_numpy() for table in tables.values()]))
+    if not speeds.size or not speeds.max() > 0.0:
+        raise DataShortageError("the ship does not move", where=", ".join(tables), fix="give recordings under way")
+    speed = float(np.median(speeds[speeds >= _MOVING_SHARE * np.percentile(speeds, 99.0)]))
     length_m = plant.length_between_perpendiculars_m
     lasting = duration_s or float(np.clip(LENGTHS * length_m / max(speed, 1e-3), SHORTEST_S, LONGEST_S))
     dt_s, steps = _steps(lasting, tables)
-    parts = [_cut(resample(table, 1.0 / dt_s), plant, steps) for table in tables.values()]
+    parts = [_cut_segments(resample(table, 1.0 / dt_s), plant, steps) for table in tables.values()]
     number = [len(part[0]) for part in parts]
     measured, motion, controls, wind = (np.concatenate([part[column] for part in parts]) for column in range(4))
     segments = Segments(
@@ -631,14 +635,6 @@ def segments_of(tables: Mapping[str, pd.DataFrame], plant: Plant, duration_s: fl
     return segments if stride == 1 else segments.subset(np.arange(0, len(segments), stride))
 
 
-def _usual_speed(tables: Mapping[str, pd.DataFrame]) -> float:
-    """The median speed ahead [m/s] while the ship moves."""
-    speed = np.abs(np.concatenate([table["surge_mps"].dropna().to_numpy() for table in tables.values()]))
-    if not speed.size or not speed.max() > 0.0:
-        raise DataShortageError("the ship does not move", where=", ".join(tables), fix="give recordings under way")
-    return float(np.median(speed[speed >= _MOVING_SHARE * np.percentile(speed, 99.0)]))
-
-
 def _steps(lasting_s: float, tables: Mapping[str, pd.DataFrame]) -> tuple[float, int]:
     """The length of a step [s], and the number of steps between comparisons."""
     records = [np.diff(seconds_of(table[["surge_mps"]].dropna())) for table in tables.values()]
@@ -650,7 +646,7 @@ def _steps(lasting_s: float, tables: Mapping[str, pd.DataFrame]) -> tuple[float,
     return float(1 / rate_fraction(1.0 / dt_s)), min(max(steps, LEAST_EVERY), MOST_EVERY)
 
 
-def _cut(table: pd.DataFrame, plant: Plant, interval: int) -> tuple[Floats, Floats, Floats, Floats, int]:
+def _cut_segments(table: pd.DataFrame, plant: Plant, interval: int) -> tuple[Floats, Floats, Floats, Floats, int]:
     """Measured, motion, controls and wind of the whole segments of one table, and how many lack data."""
     check_ship(table_actuators(table), plant)
     measured, controls = states_of(table), controls_of(table, plant.layout)
@@ -668,34 +664,18 @@ def _cut(table: pd.DataFrame, plant: Plant, interval: int) -> tuple[Floats, Floa
     return measured[compared], motion[compared], acting, wind[rows], int((~complete).sum())
 
 
-USUAL_WIDTHS = {"hull": 0.3, "inertia": 0.15, "actuator": 0.2}
-"""The relative prior widths of coefficients without a stated error: about those of ``vessel new``."""
-
-WIND_LOAD_WIDTH, ASTERN_WIDTH = 0.2, 0.3
-"""The relative prior width of the wind coefficients as a whole, whose regressions have errors of a fifth
-(Fujiwara, Ueno and Nimura 1998), and of a shaft's astern thrust if the file does not give it."""
-
-_FAR = 100.0
-"""A bound on logarithms; the model leaves its range where a search reaches it."""
-
-_ADDED_MASSES = ("Xud", "Yvd", "Yrd", "Nrd", "m_x", "m_y", "J_z", "I_zG", "yaw_inertia_kgm2")
-_POSITIVE = ("mass_kg", "yaw_inertia_kgm2", "Xud", "Yvd", "Nrd", "m", "m_x", "m_y", "I_zG", "J_z", "draught_m",
-             "superstructure_area_m2", "frontal_area_m2", "lateral_area_m2", "lateral_centre_height_m",
-             "bridge_height_m")  # fmt: skip
-
-
 @dataclass(frozen=True, slots=True)
 class Coefficient:
     """A coefficient: its name, its initial value, the relative width of its prior, and its parametrisation.
 
-    ``twins`` are the names of the same coefficient of identical actuators; ``most`` is its upper bound.
+    ``tied`` are the names of the same coefficient of identical actuators; ``most`` is its upper bound.
     """
 
     name: str
     start: float
     width: float
     keeps_sign: bool
-    twins: tuple[str, ...] = ()
+    tied: tuple[str, ...] = ()
     most: float = inf
 
     def value(self, z: float) -> float:
@@ -716,39 +696,22 @@ def _coefficients(vessel: Vessel) -> Iterable[Coefficient]:
     yield from _of_table(vessel, "wind", vessel.wind, (), _POSITIVE)
     if vessel.wind.model != "none":
         yield _factor(vessel, "wind_load", WIND_LOAD_WIDTH)
-    for first, *duplicates in _alike(vessel):
-        for coefficient in _of_actuator(vessel, first):
-            yield replace(
-                coefficient,
-                twins=tuple(_renamed(coefficient.name, first.name, duplicate.name) for duplicate in duplicates),
-            )
-
-
-_OWN = {"name": "", "y_m": 0.0, "behind": ""}
-
-
-def _alike(vessel: Vessel) -> list[list[Any]]:
-    """The actuators, grouped if identical but for name and side."""
-    groups: dict[Any, list[Any]] = {}
+    groups: dict[Any, list[Any]] = {}  # of actuators that are identical but for name and side
     listed: tuple[Any, ...] = vessel.actuator
     for actuator in listed:
-        same = replace(actuator, **{name: value for name, value in _OWN.items() if hasattr(actuator, name)})
-        groups.setdefault(same, []).append(actuator)
-    return list(groups.values())
-
-
-def _renamed(name: str, old: str, new: str) -> str:
-    """The name of a coefficient of the ``old`` actuator for the ``new`` one."""
-    table, _, number = name.rpartition(".")
-    return f"{table.removesuffix(old)}{new}.{number}"
-
-
-def _of_actuator(vessel: Vessel, entry: Any) -> Iterable[Coefficient]:
-    kind, astern = KINDS[entry.kind], f"astern_thrust_{entry.name}"
-    usual = (*kind.keeps_sign, *kind.adapted)
-    yield from _of_table(vessel, entry.name, entry, usual, [field.name for field in fields(entry)])
-    if astern in catalogue_of(vessel) and not hasattr(entry, "astern_0"):
-        yield _factor(vessel, astern, ASTERN_WIDTH)
+        normalised = replace(actuator, **{name: value for name, value in _OWN.items() if hasattr(actuator, name)})
+        groups.setdefault(normalised, []).append(actuator)
+    for first, *duplicates in groups.values():
+        kind, astern = KINDS[first.kind], f"astern_thrust_{first.name}"
+        usual = (*kind.keeps_sign, *kind.adapted)
+        group = [*_of_table(vessel, first.name, first, usual, [field.name for field in fields(first)])]
+        if astern in catalogue_of(vessel) and not hasattr(first, "astern_0"):
+            group.append(_factor(vessel, astern, ASTERN_WIDTH))
+        for coefficient in group:
+            table, _, number = coefficient.name.rpartition(".")
+            stem = table.removesuffix(first.name)
+            tied = tuple(f"{stem}{duplicate.name}.{number}" for duplicate in duplicates)
+            yield replace(coefficient, tied=tied)
 
 
 def _factor(vessel: Vessel, effect: str, width: float) -> Coefficient:
@@ -772,9 +735,9 @@ def _of_table(
 def values_at(coefficients: Sequence[Coefficient], z: Floats) -> dict[str, float]:
     """The values by name at deviations ``z`` [coefficients]."""
     return {
-        name: coefficient.value(float(at))
-        for coefficient, at in zip(coefficients, z, strict=True)
-        for name in (coefficient.name, *coefficient.twins)
+        name: coefficient.value(float(deviation))
+        for coefficient, deviation in zip(coefficients, z, strict=True)
+        for name in (coefficient.name, *coefficient.tied)
     }
 
 

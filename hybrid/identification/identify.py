@@ -29,7 +29,6 @@ from seatrial.analysis.tables.table import select
 from seatrial.analysis.windows.held import second_by_second
 from seatrial.hybrid.effects.catalogue import vessel_plant
 from seatrial.hybrid.identification.fit import (
-    Coefficient,
     CoefficientFit,
     ResponseModel,
     coefficients_of,
@@ -43,12 +42,22 @@ from seatrial.hybrid.prediction.dataset import dataset_of
 from seatrial.hybrid.prediction.kalman_filter import filtered_starts
 from seatrial.hybrid.simulation.trial import SimulationNoise, sea_state_named, simulate_trial
 from seatrial.hybrid.vessel.parameters import Vessel
-from seatrial.hybrid.vessel.plant import Plant
 
 REPERTOIRE = ("zigzag_10_10", "zigzag_20_20", "turning_circle_15", "turning_circle_35", "speed_runs", "stopping",
               "reciprocal", "one_thruster", "tunnel_test")  # fmt: skip
+
 SEGMENTS = 20
 """The length of each simulated candidate, in segments."""
+
+_NORMAL_95 = 1.959964
+BY_RECORDING, MOST_FOLDS = 3, 4
+LAST_THIRD = (200.0 / 3.0, 100.0)
+_ROUNDS = 6
+_STRIDE_S = 5
+Tables = Mapping[str, pd.DataFrame]
+
+Fold = tuple[Tables, Tables]
+"""The tables to fit and those to test on."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,34 +104,34 @@ def _information(model: ResponseModel, fitted: CoefficientFit, name: str) -> Flo
     )
     rehearsed = segments_of({name: table}, vessel_plant(ship), lasting)
     model_there, z = model.on_segments(rehearsed, fitted.z)
-    kept = len(model.coefficients)
+    count = len(model.coefficients)
     information = information_at(model_there, z, rehearsed.start, fitted.levels)
     if not np.isfinite(information).all():
         raise ModelRangeError("the simulated manoeuvre leaves the model's range")
-    around = information[kept:, kept:] + np.eye(model_there.size - kept)
+    around = information[count:, count:] + np.eye(model_there.size - count)
     return np.asarray(
-        information[:kept, :kept] - information[:kept, kept:] @ np.linalg.solve(around, information[kept:, :kept])
+        information[:count, :count]
+        - information[:count, count:] @ np.linalg.solve(around, information[count:, :count])
     )
 
 
 def _candidate(
     model: ResponseModel, fitted: CoefficientFit, name: str, information: Floats
 ) -> ManoeuvreInformation:
-    kept = len(model.coefficients)
-    before = fitted.covariance[:kept, :kept]
-    after = np.linalg.inv(np.linalg.inv(before) + information)
-    was, then = np.sqrt(np.diag(before)), np.sqrt(np.diag(after))
-    gain = 0.5 * float(np.linalg.slogdet(before)[1] - np.linalg.slogdet(after)[1])
+    count = len(model.coefficients)
+    prior = fitted.covariance[:count, :count]
+    posterior = np.linalg.inv(np.linalg.inv(prior) + information)
+    prior_error, posterior_error = np.sqrt(np.diag(prior)), np.sqrt(np.diag(posterior))
+    gain = 0.5 * float(np.linalg.slogdet(prior)[1] - np.linalg.slogdet(posterior)[1])
     newly = [
         coefficient.name
-        for coefficient, a, b in zip(model.coefficients, was, then, strict=True)
+        for coefficient, a, b in zip(model.coefficients, prior_error, posterior_error, strict=True)
         if a >= UNKNOWN > b
     ]
     minutes = SEGMENTS * model.segments.duration_s / 60.0
-    return ManoeuvreInformation(name, minutes, gain, float(np.mean((then / was) ** 2)), tuple(newly))
-
-
-_NORMAL_95 = 1.959964
+    return ManoeuvreInformation(
+        name, minutes, gain, float(np.mean((posterior_error / prior_error) ** 2)), tuple(newly)
+    )
 
 
 @dataclass(frozen=True, slots=True)
@@ -130,7 +139,7 @@ class CoefficientEstimate:
     """A coefficient: its value with the 95 % interval, its initial value with the prior interval, and whether
     the data determine it.
 
-    ``share`` is the standard error in units of the prior's; ``twins`` are names of the same coefficient
+    ``share`` is the standard error in units of the prior's; ``tied`` are names of the same coefficient
     elsewhere.
     """
 
@@ -142,7 +151,7 @@ class CoefficientEstimate:
     start_low: float
     start_high: float
     share: float
-    twins: tuple[str, ...] = ()
+    tied: tuple[str, ...] = ()
 
     @property
     def known(self) -> bool:
@@ -209,9 +218,9 @@ class Identification(ModelResult):
             "segments": self.segments,
             "segment_s": self.duration_s,
             "coefficients": {
-                name_or_twin: {name: getattr(estimate, name) for name in names}
+                name_or_tied: {name: getattr(estimate, name) for name in names}
                 for estimate in self.coefficients
-                for name_or_twin in (estimate.name, *estimate.twins)
+                for name_or_tied in (estimate.name, *estimate.tied)
             },
             "correlated": [list(pair) for pair in self.entangled],
             "surroundings": {name: dict(values) for name, values in self.surroundings.items()},
@@ -240,7 +249,7 @@ def identify_tables(
         coefficients = [
             coefficient
             for coefficient in coefficients_of(vessel)
-            if not only or wanted & {coefficient.name, *coefficient.twins}
+            if not only or wanted & {coefficient.name, *coefficient.tied}
         ]
         model = model_of(vessel, coefficients, segments_of(tables, vessel_plant(vessel), segment_s))
         fitted = fit(model, progress=progress)
@@ -250,18 +259,22 @@ def identify_tables(
 def _identification(
     model: ResponseModel, fitted: CoefficientFit, candidates: Sequence[ManoeuvreInformation]
 ) -> Identification:
-    kept = len(model.coefficients)
-    deviation = np.sqrt(np.diag(fitted.covariance))[:kept]
+    count = len(model.coefficients)
+    deviation = np.sqrt(np.diag(fitted.covariance))[:count]
     share = np.minimum(deviation, 1.0)
-    estimates = [
-        _estimate(coefficient, at, error)
-        for coefficient, at, error in zip(model.coefficients, fitted.z[:kept], share, strict=True)
-    ]
+    estimates = []
+    for coefficient, z, error in zip(model.coefficients, fitted.z[:count], share, strict=True):
+        low, high = sorted(coefficient.value(z + side * _NORMAL_95 * error) for side in (-1.0, 1.0))
+        start_low, start_high = sorted(coefficient.value(side * _NORMAL_95) for side in (-1.0, 1.0))
+        estimates.append(CoefficientEstimate(
+            coefficient.name, coefficient.value(z), low, high, coefficient.start, start_low, start_high,
+            float(error), coefficient.tied,
+        ))  # fmt: skip
     around, segments = model.around(fitted.z), model.segments
     return Identification(
         vessel=identified_vessel(model, fitted.z, estimates),
         coefficients=tuple(estimates),
-        correlation=fitted.covariance[:kept, :kept] / np.outer(deviation, deviation),
+        correlation=fitted.covariance[:count, :count] / np.outer(deviation, deviation),
         surroundings={
             name: {
                 surrounding.name: float(value)
@@ -277,15 +290,6 @@ def _identification(
     )
 
 
-def _estimate(coefficient: Coefficient, at: float, share: float) -> CoefficientEstimate:
-    low, high = sorted(coefficient.value(at + side * _NORMAL_95 * share) for side in (-1.0, 1.0))
-    start_low, start_high = sorted(coefficient.value(side * _NORMAL_95) for side in (-1.0, 1.0))
-    return CoefficientEstimate(
-        coefficient.name, coefficient.value(at), low, high, coefficient.start, start_low, start_high, float(share),
-        coefficient.twins,
-    )  # fmt: skip
-
-
 def identified_vessel(model: ResponseModel, z: Floats, estimates: Sequence[CoefficientEstimate]) -> Vessel:
     """The vessel with the coefficients at ``z`` and their errors in ``estimated``."""
     vessel, errors = model.vessel_at(z), dict(model.vessel.estimated)
@@ -293,7 +297,7 @@ def identified_vessel(model: ResponseModel, z: Floats, estimates: Sequence[Coeff
         if not coefficient.name.startswith("effects.") and estimate.value != 0.0:
             ratio = abs(coefficient.start / estimate.value) if not coefficient.keeps_sign else 1.0
             error = float(coefficient.width * estimate.share * ratio)
-            errors |= dict.fromkeys((coefficient.name, *coefficient.twins), error)
+            errors |= dict.fromkeys((coefficient.name, *coefficient.tied), error)
     origin = {
         "identified_from": ", ".join(model.segments.names),
         "identified_at": datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ"),
@@ -301,15 +305,6 @@ def identified_vessel(model: ResponseModel, z: Floats, estimates: Sequence[Coeff
         "identified_start": model.vessel.name,
     }
     return replace(vessel, estimated=errors, provenance={**model.vessel.provenance, **origin})
-
-
-BY_RECORDING, MOST_FOLDS = 3, 4
-LAST_THIRD = (200.0 / 3.0, 100.0)
-_ROUNDS = 6
-_STRIDE_S = 5
-Tables = Mapping[str, pd.DataFrame]
-Fold = tuple[Tables, Tables]
-"""The tables to fit and those to test on."""
 
 
 def folds_of(tables: Tables) -> tuple[list[Fold], str]:
@@ -324,11 +319,12 @@ def folds_of(tables: Tables) -> tuple[list[Fold], str]:
     folds = min(len(names), MOST_FOLDS)
     result: list[Fold] = []
     for fold in range(folds):
-        out = set(names[fold::folds])
-        kept, test = (
-            {name: tables[name] for name in names if (name in out) == held_out} for held_out in (False, True)
+        held_out_names = set(names[fold::folds])
+        training, test = (
+            {name: tables[name] for name in names if (name in held_out_names) == held_out}
+            for held_out in (False, True)
         )
-        result.append((kept, test))
+        result.append((training, test))
     return result, "each recording in turn" if folds == len(names) else f"recordings in {folds} groups"
 
 
@@ -345,9 +341,9 @@ def judge(
     """
     folds, held_out = folds_of(tables)
     tracks: dict[str, list[np.ndarray]] = {}
-    for number, (kept, test) in enumerate(folds):
+    for number, (training, test) in enumerate(folds):
         with threadpool_limits(1, user_api="blas"):
-            for name, track in _fold(kept, test, model, fitted, horizon_s).items():
+            for name, track in _fold(training, test, model, fitted, horizon_s).items():
                 tracks.setdefault(name, []).append(track)
         part_of(progress, number, len(folds))(1.0)
     if not tracks:
@@ -359,7 +355,7 @@ def judge(
 
 
 def _fold(
-    kept: Tables, test: Tables, model: ResponseModel, fitted: CoefficientFit, horizon_s: int
+    training: Tables, test: Tables, model: ResponseModel, fitted: CoefficientFit, horizon_s: int
 ) -> dict[str, np.ndarray]:
     """Tracks by method and as measured, in the windows in which both models stay in their range."""
     length_m = model.vessel.dimensions.length_overall_m
@@ -368,7 +364,11 @@ def _fold(
         windows = dataset_of(even, horizon_s, _STRIDE_S, any_commands=True, length_m=length_m).windows
     except DataShortageError:
         return {}
-    original, identified = vessel_plant(model.vessel), _fitted_plant(kept, model, fitted)
+    original = vessel_plant(model.vessel)
+    segments = segments_of(training, original, model.segments.duration_s)
+    refitted, z = model.on_segments(segments, fitted.z)  # the fit starts from that to all tables
+    z = fit(refitted, z, levels=fitted.levels, rounds=_ROUNDS).z
+    identified = vessel_plant(refitted.vessel_at(z))
     tracks = {
         "constant_velocity": constant_velocity(filtered_starts(windows, original)),
         "reference": reference(filtered_starts(windows, original), original),
@@ -377,10 +377,3 @@ def _fold(
     }
     inside = np.isfinite(np.stack(list(tracks.values()))).all(axis=(0, 2, 3))
     return {name: track[inside] for name, track in tracks.items()} if inside.any() else {}
-
-
-def _fitted_plant(tables: Mapping[str, pd.DataFrame], model: ResponseModel, fitted: CoefficientFit) -> Plant:
-    """The plant fitted to these tables alone, starting from the fit to all."""
-    segments = segments_of(tables, vessel_plant(model.vessel), model.segments.duration_s)
-    refitted, z = model.on_segments(segments, fitted.z)
-    return vessel_plant(refitted.vessel_at(fit(refitted, z, levels=fitted.levels, rounds=_ROUNDS).z))

@@ -1,2 +1,1 @@
-"""What a reader gets to see: errors, residuals and coverage of a trial, their pictures, and the notebooks of
-them."""
+"""What a reader sees: errors, residuals and coverage of a trial, their figures, pages and notebooks."""

@@ -1,11 +1,8 @@
 """A diagnosis in words: named effects, contradictions between sensors, the remainder, regimes, remarks.
 
-What a diagnosis's page and terminal say: words, numbers, rows. ``templates/diagnosis.html`` makes the page.
-
-A named effect in one plain sentence: what it is, its size, and how certain it is.
-
-Effects of the ship and her sensors have texts of their own; those of actuators have one for each kind of effect,
-with the actuator's name and noun in it: one actuator, a pair, or all of a kind.
+``templates/diagnosis.html`` makes the page of these sentences and rows; a terminal shows :func:`summary`.
+Effects of the ship and its sensors have texts of their own; those of actuators have one for each kind of
+effect, with the actuator's name and noun in it: one actuator, a pair, or all of a kind.
 """
 
 from __future__ import annotations
@@ -34,6 +31,7 @@ from seatrial.hybrid.diagnosis.log import Log
 from seatrial.hybrid.diagnosis.map import FoundRegime, notable_places
 from seatrial.hybrid.diagnosis.result import (
     FORCES,
+    CalibratorComparison,
     Correlation,
     Diagnosis,
     EffectDrift,
@@ -41,7 +39,6 @@ from seatrial.hybrid.diagnosis.result import (
     Extras,
     GapCell,
     IdentifiedCorrection,
-    Ladder,
     NamedEffect,
     Ratio,
     RegimeEffect,
@@ -58,26 +55,78 @@ from seatrial.hybrid.diagnosis.verdict import Conclusion, estimates
 from seatrial.hybrid.effects import Catalogue, Effect
 from seatrial.hybrid.effects.catalogue import VERSION
 from seatrial.hybrid.effects.environment import STEADY_WIND
-from seatrial.hybrid.effects.regime import Regime, parameter_of
+from seatrial.hybrid.effects.regime import parameter_of
 from seatrial.hybrid.prediction.baselines import Interval
 from seatrial.hybrid.report.sections import templates
 from seatrial.hybrid.report.text import UNITS, force_unit, join_words, plain, quantity_title
 from seatrial.hybrid.vessel.actuators import KINDS
 
 _ALMOST = 1.1
+_UNIT = {"surge": "N", "sway": "N", "yaw": "N m"}
+_QUANTITY_WORDS = {
+    "speed_mps": "the speed",
+    "surge_mps": "surge",
+    "sway_mps": "sway",
+    "yaw_rate_dps": "the yaw rate",
+    "drift_angle_deg": "the drift angle",
+    "wind_mps": "the wind",
+    "relative_wind_deg": "the direction of the wind off the bow",
+    "rpm": "the mean shaft speed",
+    "azimuth_deg": "the mean azimuth",
+    "rudder_deg": "the mean rudder angle",
+    "nozzle_deg": "the mean nozzle angle",
+}
+_WAYS = {"surge": ("ahead", "astern"), "sway": ("to starboard", "to port"), "yaw": ("to starboard", "to port")}
+_SMALL = 0.001
+_NOTABLE = 0.1  # of itself: as many percent as a regression leaves in doubt of the best known numbers
+
+DEPENDS = {
+    "heading": "the heading",
+    "place": "the place",
+    "time": "time",
+    "azimuth": "large angles of helm",
+    "operating point": "the operating point (speed and thruster settings)",
+    "speed": "the speed",
+    "drift": "the speed sideways",
+    "turning": "the yaw rate",
+    "thrust": "the thrust ahead",
+    "side thrust": "the thrust sideways",
+}
+"""What something unknown may depend on."""
+
+ONE_OF_THEM = "one effect of their family that is not in the catalogue"
+"""What the effects of a group that are named together may really be."""
+
+_MODEL = "model: "
+REGIMES_NOTE = (
+    "A force in a regime is an observation, not an explanation. regimes.py has each regime as an effect: with "
+    "--effects regimes.py the next diagnosis weighs it against all other effects."
+)
+PAGE_FILE = "report.html"
+_VERDICTS = {
+    "named": "The model lacks these effects:",
+    "nothing_missing": "Nothing is missing beyond the tolerance.",
+    "unknown": "Something is missing that no effect of the catalogue explains.",
+    "indistinguishable": "Something is missing, but these data cannot distinguish several possible causes.",
+}
+Parameters = Mapping[str, Estimate]
 
 
 def describe(conclusion: Conclusion, provenance: Mapping[str, Any] | None = None) -> tuple[Diagnosis, Extras]:
-    """A conclusion as the contract's diagnosis, in words where it has words, and what a report shows beside it."""
+    """A conclusion as the contract's diagnosis, with its sentences, and what else a report shows."""
     first, accepted, gap = conclusion.first, conclusion.accepted, conclusion.gap
     equations = first.evidence.equations
-    effects = tuple(each for name in accepted.names for each in _named_effects(conclusion, name))
+    effects = tuple(effect for name in accepted.names for effect in _named_effects(conclusion, name))
     catalogue = equations.model.catalogue
+    closest = dict[tuple[str, str], Rival]()  # the closest form of each, as the catalogue names it
+    for rival in conclusion.rivals:
+        pair = catalogue[rival.instead_of].base, catalogue[rival.name].base
+        closest.setdefault(pair, Rival(*pair, rival.evidence))
     diagnosis = Diagnosis(
         verdict=conclusion.verdict,
         tolerance=equations.tolerance,
         effects=effects,
-        rivals=_rivals(conclusion.rivals, catalogue),
+        rivals=tuple(closest.values()),
         indistinguishable=tuple(dict.fromkeys(base_names(group, catalogue) for group in conclusion.tied)),
         unknown=_unknown(conclusion),
         where=notable_places(conclusion.maps[0].places),
@@ -94,55 +143,50 @@ def describe(conclusion: Conclusion, provenance: Mapping[str, Any] | None = None
     return diagnosis, Extras(*conclusion.maps, sensors, correlation=correlation_of(accepted))
 
 
-def _rivals(rivals: Sequence[Rival], catalogue: Catalogue) -> tuple[Rival, ...]:
-    """Rivals as the catalogue names them, the closest form of each."""
-    found = dict[tuple[str, str], Rival]()
-    for each in rivals:
-        pair = catalogue[each.instead_of].base, catalogue[each.name].base
-        found.setdefault(pair, Rival(*pair, each.evidence))
-    return tuple(found.values())
-
-
 def _named_effects(conclusion: Conclusion, name: str) -> list[NamedEffect]:
     """A named effect, once for each part of the trial in which it has a size of its own."""
     accepted, gap = conclusion.accepted, conclusion.gap
     equations = accepted.evidence.equations
     effect, test = equations.model.catalogue[name], accepted.tests[name]
     sizes, share = estimates(accepted, name), float(gap.shares.get(name, 0.0))
-    others = [each for each in accepted.names if each != name]
-    log_odds = accepted.evidence.log_odds(accepted.names) - accepted.evidence.log_odds(others)
-    whole = NamedEffect(
+    remaining = [candidate for candidate in accepted.names if candidate != name]
+    log_odds = accepted.evidence.log_odds(accepted.names) - accepted.evidence.log_odds(remaining)
+    overall = NamedEffect(
         effect.base, effect.family, effect.kind, share, test.p_value, "", sizes[-1], conclusion.replicated[name],
         log_odds, effect.scope, in_vessel=effect.base != STEADY_WIND.name,
     )  # fmt: skip
     if isinstance(effect, TimeVaryingEffect):
-        return in_parts(whole, effect, sizes, equations.log)
-    return [replace(whole, sentence=sentence(effect, sizes[0], share, equations.log.actuators))]
+        return effects_by_part(overall, effect, sizes, equations.log)
+    return [replace(overall, sentence=sentence(effect, sizes[0], share, equations.log.actuators))]
 
 
-def in_parts(
-    whole: NamedEffect, effect: TimeVaryingEffect, sizes: Sequence[Parameters], log: Log
+def effects_by_part(
+    overall: NamedEffect, effect: TimeVaryingEffect, sizes: Sequence[Parameters], log: Log
 ) -> list[NamedEffect]:
     """An effect that is not the same in all of a trial, by its parts."""
 
-    def said(parameters: Parameters, when: str) -> str:
-        what, ends = words_and_interval(effect, parameters, log.actuators)
-        return f"{when}: {what[:1].lower()}{what[1:]} ({ends})"
+    def size_words(parameters: Parameters, when: str) -> str:
+        text, ends = words_and_interval(effect, parameters, log.actuators)
+        return f"{when}: {text[:1].lower()}{text[1:]} ({ends})"
 
-    part = f"it explains {100.0 * whole.share_of_gap:.0f} % of the gap on legs not used to find it."
+    part = f"it explains {100.0 * overall.share_of_gap:.0f} % of the gap on legs not used to find it."
     if effect.profile.shape == "drift":
         since, until = map(_utc, effect.profile.times_s)
         drift = EffectDrift(since, until, sizes[0])
-        words = f"{said(sizes[0], f'At {clock(drift.since)} UTC')}, changing linearly; "
-        words += f"{said(sizes[1], f'at {clock(drift.until)} UTC')}; {part}"
-        return [replace(whole, drift=drift, sentence=words)]
-    found = []
+        words = f"{size_words(sizes[0], f'At {clock(drift.since)} UTC')}, changing linearly; "
+        words += f"{size_words(sizes[1], f'at {clock(drift.until)} UTC')}; {part}"
+        return [replace(overall, drift=drift, sentence=words)]
+    named_parts = []
     for size, when in zip(sizes, _parts_of(effect.profile, log), strict=True):
         last = part if len(sizes) == 1 else f"with its other sizes {part}"
-        words = f"{said(size, when_words(when))}; {last}"
-        kept = _kept(effect, when, log)
-        found.append(replace(whole, parameters=size, when=when, in_vessel=kept, sentence=words))
-    return found
+        words = f"{size_words(size, when_words(when))}; {last}"
+        if when.recording is None:
+            in_vessel = when.until is None
+        else:  # the ship's own in the latest recording
+            latest = Path(log.names[int(log.recording[np.argmax(log.time_s)])]).name
+            in_vessel = effect.scope == "ship" and when.recording == latest
+        named_parts.append(replace(overall, parameters=size, when=when, in_vessel=in_vessel, sentence=words))
+    return named_parts
 
 
 def _parts_of(profile: TimeProfile, log: Log) -> list[When]:
@@ -154,14 +198,6 @@ def _parts_of(profile: TimeProfile, log: Log) -> list[When]:
     return [ends[profile.shape]] if profile.shape in ends else list(ends.values())
 
 
-def _kept(effect: TimeVaryingEffect, when: When, log: Log) -> bool:
-    """Whether it is there at the end of the trial, and the ship's own where it differs between recordings."""
-    if when.recording is None:
-        return when.until is None
-    latest = Path(log.names[int(log.recording[np.argmax(log.time_s)])]).name
-    return effect.scope == "ship" and when.recording == latest
-
-
 def _utc(time_s: float) -> str:
     return datetime.fromtimestamp(round(time_s), UTC).isoformat().replace("+00:00", "Z")
 
@@ -171,7 +207,7 @@ def _unknown(conclusion: Conclusion) -> UnknownCause | None:
         return None
     accepted = conclusion.accepted
     if conclusion.withdrawn:
-        names = join_words([plain(each) for each in conclusion.withdrawn])
+        names = join_words([plain(name) for name in conclusion.withdrawn])
         words = f"{names}, but predictions on held-out legs are worse with it, so it is only suspected"
         return UnknownCause(conclusion.left_open, (OPERATION,), words)
     effects = [accepted.evidence.equations.model.catalogue[name] for name in accepted.names]
@@ -179,16 +215,19 @@ def _unknown(conclusion: Conclusion) -> UnknownCause | None:
 
 
 def unknown_cause(
-    found: Sequence[LackOfFit], effects: Sequence[Effect], share_of_gap: float
+    lacks: Sequence[LackOfFit], effects: Sequence[Effect], share_of_gap: float
 ) -> UnknownCause | None:
     """What remains, in words; or what so many named ``effects`` at once are likely to stand for."""
-    if found:
-        found = _told(found)
-        where = tuple(dict.fromkeys(each.depends for each in found))
-        return UnknownCause(share_of_gap, where, "; ".join(dict.fromkeys(looks_like(each) for each in found[:3])))
+    if lacks:  # without weaker signs that an effect has another form than it is named for
+        first = {lack.what: lack for lack in reversed(lacks) if lack.depends in INTERACTIONS}
+        lacks = [lack for lack in lacks if lack.depends not in INTERACTIONS or lack is first[lack.what]]
+        where = tuple(dict.fromkeys(lack.depends for lack in lacks))
+        return UnknownCause(
+            share_of_gap, where, "; ".join(dict.fromkeys(lack_of_fit_words(lack) for lack in lacks[:3]))
+        )
     if len(effects) <= CREDIBLE:
         return None
-    families = " and ".join(dict.fromkeys(each.family for each in effects))
+    families = " and ".join(dict.fromkeys(effect.family for effect in effects))
     several = f"{len(effects)} effects at once ({families})"
     words = f"{several}: more likely one similar effect that is not in the catalogue"
     return UnknownCause(share_of_gap, (OPERATION,), words)
@@ -196,31 +235,22 @@ def unknown_cause(
 
 def remainder_of(conclusion: Conclusion) -> Remainder | None:
     """What the named effects leave unexplained: its size, and where it is most significant; None if nothing."""
-    accepted, left = conclusion.accepted, conclusion.maps[1]
+    accepted, remaining = conclusion.accepted, conclusion.maps[1]
     if not (accepted.beside_remainder and accepted.lack_of_fit):
         return None
-    shares = np.sqrt((left.force**2).mean(axis=0)) / accepted.evidence.equations.force_range
+    shares = np.sqrt((remaining.force**2).mean(axis=0)) / accepted.evidence.equations.force_range
     axis = int(np.argmax(shares))
     kind = "moment" if AXES[axis] == "yaw" else "force"
     words = f"a {AXES[axis]} {kind} of {percent(float(shares[axis]))} of its range (root mean square)"
-    surest = next((each for each in notable_places(left.places) if each.channel == FORCES[axis]), None)
+    surest = next((place for place in notable_places(remaining.places) if place.channel == FORCES[axis]), None)
     if surest is not None:
         _, cell, _, size, _ = cell_row(surest)
         words += f", most significant at {cell}: {size} {_UNIT[AXES[axis]]}"
-    where = tuple(dict.fromkeys(each.depends for each in accepted.lack_of_fit))
+    where = tuple(dict.fromkeys(lack.depends for lack in accepted.lack_of_fit))
     return Remainder(float(shares[axis]), conclusion.left_open, where, words)
 
 
-def _told(found: Sequence[LackOfFit]) -> list[LackOfFit]:
-    """Without weaker signs that an effect has another form than it is named for."""
-    first = {each.what: each for each in reversed(found) if each.depends in INTERACTIONS}
-    return [each for each in found if each.depends not in INTERACTIONS or each is first[each.what]]
-
-
-_UNIT = {"surge": "N", "sway": "N", "yaw": "N m"}
-
-
-def looks_like(remainder: LackOfFit) -> str:
+def lack_of_fit_words(remainder: LackOfFit) -> str:
     """One family in words: its axis or effect, on what it depends, and its size."""
     if remainder.what == "force":
         return (
@@ -231,12 +261,12 @@ def looks_like(remainder: LackOfFit) -> str:
         size = f"{remainder.size:.2g} {_UNIT[remainder.what]}"
         return f"a {remainder.what} {kind} of some {size} that varies with {DEPENDS[remainder.depends]}"
     varies = f"{plain(remainder.what.split(',')[0])} that varies with {DEPENDS[remainder.depends]}"
-    other = ": more likely a similar effect that is not in the catalogue"
-    return varies + other if remainder.depends in INTERACTIONS else varies
+    explanation = ": more likely a similar effect that is not in the catalogue"
+    return varies + explanation if remainder.depends in INTERACTIONS else varies
 
 
 def correlation_of(accepted: Acceptance) -> Correlation:
-    """How the estimates of what was named are correlated, in its free coordinates."""
+    """The correlation of the estimates of the named effects, in their free coordinates."""
     fit = accepted.evidence.fit(accepted.names)
     deviation = np.sqrt(np.diag(fit.covariance))
     titles, order = list[str](), list[int]()
@@ -253,7 +283,7 @@ def correlation_of(accepted: Acceptance) -> Correlation:
 def contradictions(sensors: Acceptance) -> tuple[SensorContradiction, ...]:
     """Each contradiction in words, the most significant first."""
     results = [_contradiction(sensors.evidence, sensors.names, test) for test in sensors.tests.values()]
-    return tuple(sorted(results, key=lambda each: each.p_value))
+    return tuple(sorted(results, key=lambda contradiction: contradiction.p_value))
 
 
 def _contradiction(evidence: Evidence, names: tuple[str, ...], test: AcceptanceTests) -> SensorContradiction:
@@ -263,20 +293,21 @@ def _contradiction(evidence: Evidence, names: tuple[str, ...], test: AcceptanceT
     places = evidence.places(fit, test.name)
     free = tuple(float(fit.values[place]) for place in places)
     errors = tuple(float(np.sqrt(fit.covariance[place, place])) for place in places)
-    rivals = sorted((less, rival) for rival, less in rivals_of(evidence, names, test.name).items() if less < CLOSE)
+    deficits = rivals_of(evidence, names, test.name)
+    rivals = sorted((deficit, rival) for rival, deficit in deficits.items() if deficit < CLOSE)
     alike = base_names((rival for _, rival in rivals), model.catalogue)
     words = "; then ".join(
         ", ".join(
-            f"{parameter_title(each.name, each.unit)} {number(values[each.name])} ± {number(1.96 * error)} "
-            f"{'' if each.unit == '1' else each.unit}".rstrip()
-            for each, error in zip(effect.parameters, some, strict=True)
+            f"{parameter_title(size.name, size.unit)} {number(values[size.name])} ± {number(1.96 * error)} "
+            f"{'' if size.unit == '1' else size.unit}".rstrip()
+            for size, error in zip(effect.parameters, piece_errors, strict=True)
         )
-        for values, some in zip(model.piecewise(test.name, free), effect.pieces(errors), strict=True)
+        for values, piece_errors in zip(model.piecewise(test.name, free), effect.pieces(errors), strict=True)
     )
     sentence = f"The sensors contradict each other; a possible cause is {plain(effect.base)}: {words}"
     if alike:
-        others = join_words([plain(each) for each in alike], "or")
-        sentence += f"; without a ship model {others} cannot be ruled out"
+        alike_names = join_words([plain(name) for name in alike], "or")
+        sentence += f"; without a ship model {alike_names} cannot be ruled out"
     return SensorContradiction(effect.base, free, errors, test.p_value, alike, sentence + ".")
 
 
@@ -297,36 +328,30 @@ def _remarks(conclusion: Conclusion, effects: Sequence[NamedEffect]) -> tuple[st
     if log.refused:
         remarks.append(f"{log.refused} outliers were rejected")
     for group in {base_names(group, equations.model.catalogue): None for group in conclusion.composites}:
-        family = next(each.family for each in effects if each.name in group)
+        family = next(effect.family for effect in effects if effect.name in group)
         remarks.append(
             f"{join_words([plain(name) for name in group])} are of one family ({family}) and may together be one "
             "effect that is not in the catalogue"
         )
-    remarks += [_made_by(name, pair) for name, *pair in conclusion.accepted.substitute_pairs]
+    remarks += [
+        f"{join_words([plain(member) for member in pair])} together would do what {plain(name)} does, and predict "
+        "as well in its place"
+        for name, *pair in conclusion.accepted.substitute_pairs
+    ]
     if effects and gap.gap.closed < 0.0:
         remarks.append(
             "predictions are no better with the named effects: other errors of the model are larger and mask them"
         )
-    alone = min((each.after_m for each in conclusion.regimes[:1]), default=np.inf)
-    if len(effects) > 1 and alone < _ALMOST * gap.gap.after_m:
+    regime_alone_m = min((regime.after_m for regime in conclusion.regimes[:1]), default=np.inf)
+    if len(effects) > 1 and regime_alone_m < _ALMOST * gap.gap.after_m:
         remarks.append(
             "a force in one regime alone improves predictions almost as much as all named effects: together these "
             "may only imitate one effect that is not in the catalogue"
         )
-    for each in effects:
-        if vessel is not None and each.name in vessel.effects and each.in_vessel:
-            remarks.append(f"{each.name} is already in the vessel file: the value here replaces the one there")
+    for effect in effects:
+        if vessel is not None and effect.name in vessel.effects and effect.in_vessel:
+            remarks.append(f"{effect.name} is already in the vessel file: the value here replaces the one there")
     return tuple(remarks)
-
-
-def _made_by(name: str, pair: Sequence[str]) -> str:
-    """That two effects may stand for one that is named.
-
-    >>> _made_by("skeg", ("drift_moment", "yaw_damping"))
-    'drift moment and yaw damping together would do what skeg does, and predict as well in its place'
-    """
-    both = join_words([plain(each) for each in pair])
-    return f"{both} together would do what {plain(name)} does, and predict as well in its place"
 
 
 def _about_settings(log: Log) -> list[str]:
@@ -335,8 +360,8 @@ def _about_settings(log: Log) -> list[str]:
         seldom = f"thruster settings were recorded every {log.setting_step_s:g} s: shorter lags cannot be found"
         return [seldom] if log.setting_step_s > 0.5 else []
     held = f"thruster settings are taken as held {log.input_hold}: this fits the motion better than interpolation"
-    late = "; or they are held until the next record, and act later by one interval"
-    return [held + late if log.input_hold == "since the last record" else held]
+    alternative = "; or they are held until the next record, and act later by one interval"
+    return [held + alternative if log.input_hold == "since the last record" else held]
 
 
 def _provenance(first: Acceptance) -> dict[str, Any]:
@@ -350,105 +375,67 @@ def _provenance(first: Acceptance) -> dict[str, Any]:
     }
 
 
-_WHAT = {
-    "speed_mps": "the speed",
-    "surge_mps": "surge",
-    "sway_mps": "sway",
-    "yaw_rate_dps": "the yaw rate",
-    "drift_angle_deg": "the drift angle",
-    "wind_mps": "the wind",
-    "relative_wind_deg": "the direction of the wind off the bow",
-    "rpm": "the mean shaft speed",
-    "azimuth_deg": "the mean azimuth",
-    "rudder_deg": "the mean rudder angle",
-    "nozzle_deg": "the mean nozzle angle",
-}
-_WAYS = {"surge": ("ahead", "astern"), "sway": ("to starboard", "to port"), "yaw": ("to starboard", "to port")}
-
-
-def regime_in_words(found: FoundRegime) -> RegimeEffect:
-    """A regime that was found as the contract has it."""
-    regime = found.regime
+def regime_in_words(found_regime: FoundRegime) -> RegimeEffect:
+    """A regime as the contract has it."""
+    regime = found_regime.regime
     name, unit = parameter_of(regime)
-    reach = 1.96 * abs(found.error)
+    reach = 1.96 * abs(found_regime.error)
     return RegimeEffect(
-        found.name,
-        regime_sentence(found),
+        found_regime.name,
+        regime_sentence(found_regime),
         regime.axis,
-        {each: (_end(low), _end(high)) for each, (low, high) in regime.within.items()},
+        {
+            quantity: (_finite_or_none(low), _finite_or_none(high))
+            for quantity, (low, high) in regime.within.items()
+        },
         regime.grows_with,
         regime.at,
-        {name: Estimate(found.value, found.value - reach, found.value + reach, unit)},
-        found.share,
-        found.replicated,
-        found.after_m,
+        {name: Estimate(found_regime.value, found_regime.value - reach, found_regime.value + reach, unit)},
+        found_regime.share,
+        found_regime.replicated,
+        found_regime.after_m,
     )
 
 
-def _end(value: float) -> float | None:
+def _finite_or_none(value: float) -> float | None:
     return value if isfinite(value) else None
 
 
-def regime_sentence(found: FoundRegime) -> str:
-    """Force, regime, and what it brings, in one sentence."""
-    regime, (size_n, unit) = found.regime, force_unit(abs(found.value))
-    unit, what = (f"{unit} m", "moment") if regime.axis == "yaw" else (unit, "force")
-    way = _WAYS[regime.axis][found.value < 0.0]
-    spans = [f"{_quantity(name)} is {_between(name, *span)}" for name, span in regime.within.items()]
+def regime_sentence(found_regime: FoundRegime) -> str:
+    """Force, regime, and its effect on predictions, in one sentence."""
+    regime, (size_n, unit) = found_regime.regime, force_unit(abs(found_regime.value))
+    unit, kind = (f"{unit} m", "moment") if regime.axis == "yaw" else (unit, "force")
+    way = _WAYS[regime.axis][found_regime.value < 0.0]
+    spans = []
+    for name, (low, high) in regime.within.items():
+        if not isfinite(low):
+            extent = f"below {number(high)}"
+        else:
+            extent = f"{number(low)} to {number(high)}" if isfinite(high) else f"above {number(low)}"
+        spans.append(f"{_quantity(name)} is {extent} {_unit(name)}")
     where = f" while {join_words(spans)}" if spans else ""
+    growth = ""
+    if regime.grows_with is not None:
+        quantity, quantity_unit = _quantity(regime.grows_with), _unit(regime.grows_with)
+        figure = f"the figure is for {number(regime.at)} {quantity_unit}"
+        growth = f", proportional to the square of {quantity} ({figure})"
     return (
-        f"The model lacks {number(abs(found.value) / size_n)} {unit} {way}{where}{_growth(regime)}: "
-        f"{percent(found.share)} of the missing {regime.axis} {what}; "
-        f"with it the error on held-out legs is {found.after_m:.2f} m."
+        f"The model lacks {number(abs(found_regime.value) / size_n)} {unit} {way}{where}{growth}: "
+        f"{percent(found_regime.share)} of the missing {regime.axis} {kind}; "
+        f"with it the error on held-out legs is {found_regime.after_m:.2f} m."
     )
 
 
-def _growth(regime: Regime) -> str:
-    if regime.grows_with is None:
-        return ""
-    of, unit = _quantity(regime.grows_with), _unit(regime.grows_with)
-    return f", proportional to the square of {of} (the figure is for {number(regime.at)} {unit})"
-
-
-def _between(name: str, low: float, high: float) -> str:
-    unit = _unit(name)
-    if not isfinite(low):
-        return f"below {number(high)} {unit}"
-    return f"above {number(low)} {unit}" if not isfinite(high) else f"{number(low)} to {number(high)} {unit}"
-
-
 def _quantity(name: str) -> str:
-    return _WHAT.get(name) or f"the shaft speed of the {plain(name.removesuffix('_rpm'))} thruster"
+    return _QUANTITY_WORDS.get(name) or f"the shaft speed of the {plain(name.removesuffix('_rpm'))} thruster"
 
 
 def _unit(name: str) -> str:
     return UNITS[name.rsplit("_", 1)[-1]]
 
 
-_SMALL = 0.001
-_NOTABLE = 0.1  # of itself: as many percent as a regression leaves in doubt of the best known numbers
-
-DEPENDS = {
-    "heading": "the heading",
-    "place": "the place",
-    "time": "time",
-    "azimuth": "large angles of helm",
-    "operating point": "the operating point (speed and thruster settings)",
-    "speed": "the speed",
-    "drift": "the speed sideways",
-    "turning": "the yaw rate",
-    "thrust": "the thrust ahead",
-    "side thrust": "the thrust sideways",
-}
-"""What something unknown may depend on."""
-
-
-ONE_OF_THEM = "one effect of their family that is not in the catalogue"
-"""What the effects of a group that are named together may really be."""
-
-
 def alternatives(group: Sequence[str], named: Sequence[str], last: str = "or") -> str:
-    """Effects of which the data do not tell which it is; or, where all are named, that may be one unknown.
+    """Effects that the data cannot distinguish; or, where all are named, that may be one unknown effect.
 
     >>> alternatives(["trim", "skeg"], ["trim"])
     'trim or skeg'
@@ -460,7 +447,7 @@ def alternatives(group: Sequence[str], named: Sequence[str], last: str = "or") -
 
 
 def number(value: float) -> str:
-    """Three figures, without exponents where people read none.
+    """A number with three figures, without an exponent unless it is very small.
 
     >>> number(-0.01234), number(12345.6), number(inf)
     ('−0.0123', '12,346', 'no end')
@@ -482,7 +469,7 @@ def percent(share: float) -> str:
 
 
 def chance(p_value: float) -> str:
-    """The chance of something where there is nothing.
+    """A p-value in words.
 
     >>> chance(0.012), chance(1e-9)
     ('p = 0.012', 'p < 0.001')
@@ -499,30 +486,27 @@ def parameter_title(name: str, unit: str) -> str:
     return plain(name if unit == "1" or "_" not in name else name.rsplit("_", 1)[0])
 
 
-_MODEL = "model: "
-
-
 def model_line(diagnosis: Diagnosis) -> str:
     """Which model was diagnosed, and whether it is not that of the ship which the recordings name."""
-    return doubt_of_model(diagnosis) or f"{_MODEL}{diagnosis.provenance.get('vessel', 'as given')}"
+    return model_remark(diagnosis) or f"{_MODEL}{diagnosis.provenance.get('vessel', 'as given')}"
 
 
-def doubt_of_model(diagnosis: Diagnosis) -> str:
-    """What is to be said first of the model; empty where it is that of the recordings."""
-    return next((each for each in diagnosis.remarks if each.startswith(_MODEL)), "")
+def model_remark(diagnosis: Diagnosis) -> str:
+    """Remark on the provenance of the model, empty if the recordings name the same vessel."""
+    return next((remark for remark in diagnosis.remarks if remark.startswith(_MODEL)), "")
 
 
-def other_remarks(diagnosis: Diagnosis) -> list[str]:
-    """What else was said on the way."""
-    return [each for each in diagnosis.remarks if each != doubt_of_model(diagnosis)]
+def remarks_without_model(diagnosis: Diagnosis) -> list[str]:
+    """The remarks of a diagnosis without that on the model."""
+    return [remark for remark in diagnosis.remarks if remark != model_remark(diagnosis)]
 
 
 def correction_sentence(correction: IdentifiedCorrection) -> str:
     """What a refit of the model before the diagnosis did, and what the model's structure can close, for people."""
-    ahead, across, yaw = (percent(each) for each in correction.forces.values())
+    ahead, across, yaw = (percent(share) for share in correction.forces.values())
     moved = sum(
-        abs(each.value - correction.start[name]) > _NOTABLE * abs(correction.start[name])
-        for name, each in correction.coefficients.items()
+        abs(coefficient.value - correction.start[name]) > _NOTABLE * abs(correction.start[name])
+        for name, coefficient in correction.coefficients.items()
     )
     closes = (
         f"on {correction.held_out_windows} held-out windows the error falls from "
@@ -542,12 +526,12 @@ def correction_sentence(correction: IdentifiedCorrection) -> str:
 
 def structure_rows(correction: IdentifiedCorrection) -> list[list[str]]:
     """What the model's structure can close, beside the constant velocity, on legs that took no part."""
-    rungs = {
+    distances_m = {
         "constant velocity": correction.constant_velocity_m,
         "model before the refit": correction.before_m,
         "model with coefficients of the other legs (the best of this structure)": correction.after_m,
     }
-    return [[name, f"{number(each)} m"] for name, each in rungs.items()]
+    return [[name, f"{number(distance_m)} m"] for name, distance_m in distances_m.items()]
 
 
 def coefficient_rows(correction: IdentifiedCorrection) -> list[list[str]]:
@@ -557,38 +541,37 @@ def coefficient_rows(correction: IdentifiedCorrection) -> list[list[str]]:
         return correction.coefficients[name].value / correction.start[name] - 1.0
 
     names = sorted(correction.coefficients, key=lambda name: -abs(change(name)))
-    told = {name: "yes" if name in correction.known else "only with others" for name in names}
+    determined = {name: "yes" if name in correction.known else "only with others" for name in names}
     return [
         [name.removeprefix("effects.").replace(".", " "), number(correction.start[name]),
          number(correction.coefficients[name].value), _span(correction.coefficients[name]),
-         f"{100.0 * change(name):+.0f} %".replace("-", "\u2212"), told[name]]
+         f"{100.0 * change(name):+.0f} %".replace("-", "\u2212"), determined[name]]
         for name in names
     ]  # fmt: skip
 
 
 def verdict_sentence(diagnosis: Diagnosis) -> str:
     """The verdict in one plain sentence."""
-    named = _lacking(diagnosis.effects)
+    lacks, shown = (
+        plain_names(effect for effect in diagnosis.effects if (effect.kind == "sensor") is is_sensor)
+        for is_sensor in (False, True)
+    )
+    parts = [f"the model lacks {join_words(lacks)}"] if lacks else []
+    parts += [f"the sensors show {join_words(shown)}"] if shown else []
+    named = ", and ".join(parts)
+    named = named[:1].upper() + named[1:]
     if diagnosis.verdict == "nothing_missing":
         return "Nothing is missing that this trial could reveal"
     if diagnosis.verdict == "unknown":
         return f"{named + ', and s' if named else 'S'}omething is missing that no effect of the catalogue explains"
     if diagnosis.verdict == "indistinguishable" and diagnosis.remainder is None:
-        names = [each.name for each in diagnosis.effects]
+        names = [effect.name for effect in diagnosis.effects]
         groups = [alternatives(group, names) for group in diagnosis.indistinguishable]
         return f"This trial cannot determine which is missing: {'; '.join(groups)}"
-    left = diagnosis.remainder
-    rest = f"; forces of {percent(left.share_of_range)} of the range remain unexplained" if left is not None else ""
-    return named + rest
-
-
-def _lacking(effects: Sequence[NamedEffect]) -> str:
-    """What the model lacks and what the sensors show, as a sentence; nothing without effects."""
-    lacks, shown = (plain_names(each for each in effects if (each.kind == "sensor") is it) for it in (False, True))
-    parts = [f"the model lacks {join_words(lacks)}"] if lacks else []
-    parts += [f"the sensors show {join_words(shown)}"] if shown else []
-    sentence = ", and ".join(parts)
-    return sentence[:1].upper() + sentence[1:]
+    remainder = diagnosis.remainder
+    if remainder is None:
+        return named
+    return f"{named}; forces of {percent(remainder.share_of_range)} of the range remain unexplained"
 
 
 def headline(diagnosis: Diagnosis) -> dict[str, str]:
@@ -621,7 +604,7 @@ def verdict_meaning(diagnosis: Diagnosis) -> str:
         f"Errors are mean distances between predicted and measured tracks over {gap.held_out_windows} windows of "
         f"{gap.horizon_s} s that were {part}."
     )
-    says = {
+    meanings = {
         "named": "Each named effect is significant, given the number of effects tried, and improves predictions of "
         "held-out legs.",
         "nothing_missing": "This is within the tolerances of the model and the sensors; the ranking below gives "
@@ -631,23 +614,23 @@ def verdict_meaning(diagnosis: Diagnosis) -> str:
         "indistinguishable": "The effects listed together explain the trial equally well.",
     }
     if diagnosis.remainder is not None:
-        says |= dict.fromkeys(
+        meanings |= dict.fromkeys(
             ("named", "indistinguishable"),
             "The model is coarse: it lacks more than is named here. The named effects are found in most parts of "
             "the trial separately and improve predictions of held-out legs; the remainder is described below.",
         )
-    after = " The manoeuvre that would best distinguish them is given below." if diagnosis.next_manoeuvre else ""
-    return f"{says[diagnosis.verdict]}{after} {judged}"
+    manoeuvre = " The manoeuvre that would best distinguish them is given below." * bool(diagnosis.next_manoeuvre)
+    return f"{meanings[diagnosis.verdict]}{manoeuvre} {judged}"
 
 
 def next_steps(diagnosis: Diagnosis, contradictions: Sequence[SensorContradiction] = ()) -> list[str]:
     """What the reader can do next, the most useful first; ``contradictions`` are those between the sensors."""
-    sensors = plain_names(each for each in diagnosis.effects if each.kind == "sensor")
+    sensors = plain_names(effect for effect in diagnosis.effects if effect.kind == "sensor")
     steps = []
     if contradictions and not sensors:
         steps.append(
             "Correct the sensors first: without any ship model they contradict each other, as by "
-            f"{join_words(list(dict.fromkeys(plain(each.effect) for each in contradictions)))} (see the end of "
+            f"{join_words(list(dict.fromkeys(plain(lack.effect) for lack in contradictions)))} (see the end of "
             "this page). Then repeat the diagnosis, since forces may otherwise stand for them."
         )
     if sensors:
@@ -685,12 +668,12 @@ def next_steps(diagnosis: Diagnosis, contradictions: Sequence[SensorContradictio
 
 
 def _use_of_vessel(diagnosis: Diagnosis) -> list[str]:
-    """What to do with the vessel file, where it has an effect of more than the sensors."""
-    written = [each for each in diagnosis.effects if each.in_vessel]
-    if all(each.kind == "sensor" for each in written):
+    """What to do with the vessel file, if it has an effect other than those of sensors."""
+    written = [effect for effect in diagnosis.effects if effect.in_vessel]
+    if all(effect.kind == "sensor" for effect in written):
         return []
     use = "Use the vessel file beside this page, vessel.toml: the model with the named effects."
-    passing = dict.fromkeys(f"[effects.{each.name}]" for each in written if each.scope != "ship")
+    passing = dict.fromkeys(f"[effects.{effect.name}]" for effect in written if effect.scope != "ship")
     if passing:
         use += f" It predicts this trial; for another, delete what is not the ship's own: {join_words([*passing])}."
     return [use]
@@ -702,8 +685,8 @@ def clock(time: str) -> str:
     >>> clock("2026-09-01T12:40:29Z")
     '12:40 on 1 Sep'
     """
-    at = datetime.fromisoformat(time)
-    return f"{at:%H:%M} on {at.day} {at:%b}"
+    utc = datetime.fromisoformat(time)
+    return f"{utc:%H:%M} on {utc.day} {utc:%b}"
 
 
 def when_words(when: When) -> str:
@@ -714,8 +697,8 @@ def when_words(when: When) -> str:
     """
     if when.recording is not None:
         return f"In {when.recording}"
-    at = when.until or when.since or ""
-    span = f"{clock(at)} UTC"
+    change = when.until or when.since or ""
+    span = f"{clock(change)} UTC"
     if when.low is not None and when.high is not None:
         span += f" ({clock(when.low)[:5]} to {clock(when.high)[:5]})"
     return f"Until {span}" if when.until is not None else f"From {span} on"
@@ -731,88 +714,89 @@ def title_of(effect: NamedEffect) -> str:
     return f"{plain(effect.name)}, {when[:1].lower()}{when[1:]}"
 
 
-def left_with_recordings(diagnosis: Diagnosis) -> str:
-    """What of it the vessel file does not have, or has as it is at the end; empty where nothing changes."""
-    kept = {each.name for each in diagnosis.effects if each.in_vessel}
-    partly = [each for each in diagnosis.effects if each.when is not None or each.drift is not None]
-    gone, last = (plain_names(each for each in partly if (each.name in kept) is there) for there in (False, True))
+def vessel_file_remark(diagnosis: Diagnosis) -> str:
+    """Which effects that vary the vessel file lacks, or has as at the end of the trial; empty if none varies."""
+    in_file = {effect.name for effect in diagnosis.effects if effect.in_vessel}
+    partly = [effect for effect in diagnosis.effects if effect.when is not None or effect.drift is not None]
+    omitted, final = (
+        plain_names(effect for effect in partly if (effect.name in in_file) is is_written)
+        for is_written in (False, True)
+    )
     if not partly:
         return ""
-    said = [f"no {join_words(gone, 'or')}"] if gone else []
-    said += [f"the {join_words(last)} at the end of the trial"] if last else []
-    return f"The vessel file has the ship's own effects at the end of the trial: {', and '.join(said)}."
+    parts = [f"no {join_words(omitted, 'or')}"] if omitted else []
+    parts += [f"the {join_words(final)} at the end of the trial"] if final else []
+    return f"The vessel file has the ship's own effects at the end of the trial: {', and '.join(parts)}."
 
 
 def parameter_rows(diagnosis: Diagnosis) -> list[list[str]]:
     """Each parameter of the named effects with its interval."""
     return [
-        [title_of(each), parameter_title(name, estimate.unit), number(estimate.value), _span(estimate),
+        [title_of(effect), parameter_title(name, estimate.unit), number(estimate.value), _span(estimate),
          "" if estimate.unit == "1" else estimate.unit]
-        for each in diagnosis.effects
-        for name, estimate in each.parameters.items()
+        for effect in diagnosis.effects
+        for name, estimate in effect.parameters.items()
     ]  # fmt: skip
 
 
 def correlation_rows(correlation: Correlation) -> list[list[str]]:
     """How the estimates are correlated."""
     return [
-        [name, *(f"{each:+.2f}".replace("-", "\u2212") for each in row)]
+        [name, *(f"{coefficient:+.2f}".replace("-", "\u2212") for coefficient in row)]
         for name, row in zip(correlation.names, correlation.matrix.tolist(), strict=True)
     ]
 
 
-REGIMES_NOTE = (
-    "A force in a regime is an observation, not an explanation. regimes.py has each regime as an effect: with "
-    "--effects regimes.py the next diagnosis weighs it against all other effects."
-)
-
-
-def found_in(replicated: Replication) -> str:
+def replication_words(replicated: Replication) -> str:
     """In how many parts of the trial something is found."""
     return f"found separately in {replicated.found} of {replicated.parts} parts of the trial"
 
 
-def certainty(effect: NamedEffect) -> str:
+def certainty_words(effect: NamedEffect) -> str:
     """Family, share of the gap and how sure an effect is."""
     family = effect.family if effect.family == effect.kind else f"{effect.family}, {effect.kind}"
     return (
         f"{family}; {percent(effect.share_of_gap)} of the gap; by chance {chance(effect.p_value)}; "
-        f"log evidence {number(effect.evidence)}; {found_in(effect.replicated)}"
+        f"log evidence {number(effect.evidence)}; {replication_words(effect.replicated)}"
     )
 
 
-def dependence(where: Sequence[str]) -> str:
+def dependence_words(where: Sequence[str]) -> str:
     """What something unknown depends on."""
-    return join_words([DEPENDS.get(each, plain(each)) for each in where])
+    return join_words([DEPENDS.get(quantity, plain(quantity)) for quantity in where])
 
 
-def titled_rungs(ladder: Ladder) -> dict[str, Interval]:
+def distances_by_title(comparison: CalibratorComparison) -> dict[str, Interval]:
     """The mean distances of a comparison of calibrators, by title."""
-    return {_rung_title(name): each for name, each in ladder.mean_distance_m.items()}
+    return {_model_title(name): interval for name, interval in comparison.mean_distance_m.items()}
 
 
-def _rung_title(name: str) -> str:
+def _model_title(name: str) -> str:
     return plain(name.replace("_calibrated", ", calibrated"))
 
 
-def ladder_rows(ladder: Ladder) -> tuple[list[list[str]], int]:
-    """A row a rung, and which is the best."""
-    rows = [[_rung_title(name), number(each.value), _span(each) if isfinite(each.low) else "", _gain(ladder, name)]
-            for name, each in ladder.mean_distance_m.items()]  # fmt: skip
-    return rows, min(range(len(rows)), key=lambda row: list(ladder.mean_distance_m.values())[row].value)
+def comparison_rows(comparison: CalibratorComparison) -> tuple[list[list[str]], int]:
+    """A row a model, and which is the best."""
+    rows = []
+    for name, interval in comparison.mean_distance_m.items():
+        base = name.removesuffix("_calibrated")
+        gain = ratio_words(comparison.ratio(name, base)) if name != base else ""
+        span = _span(interval) if isfinite(interval.low) else ""
+        rows.append([_model_title(name), number(interval.value), span, gain])
+    return rows, min(range(len(rows)), key=lambda row: list(comparison.mean_distance_m.values())[row].value)
 
 
-def ladder_sentence(ladder: Ladder) -> str:
-    """What a calibrator adds, and whether the named effects help it, in one sentence; or why this is not known."""
-    rungs = ladder.mean_distance_m
-    if not rungs:
-        return f"No calibrator was trained: {ladder.why_not}."
-    errors = {name: f"{number(each.value)} m" for name, each in rungs.items()}
+def comparison_sentence(comparison: CalibratorComparison) -> str:
+    """What a calibrator gains, and whether the named effects help it, in one sentence; or why this is not known."""
+    distances_m = comparison.mean_distance_m
+    if not distances_m:
+        return f"No calibrator was trained: {comparison.why_not}."
+    errors = {name: f"{number(interval.value)} m" for name, interval in distances_m.items()}
     reference = f"On held-out legs the error of the reference is {errors['reference']}"
-    if "named" not in rungs:
-        change = change_of(ladder.ratio("reference_calibrated", "reference"))
+    if "named" not in distances_m:
+        change = ratio_words(comparison.ratio("reference_calibrated", "reference"))
         return f"{reference}, with a calibrator {errors['reference_calibrated']}: {change}."
-    ratio = ladder.ratio("named_calibrated", "reference_calibrated")
+    ratio = comparison.ratio("named_calibrated", "reference_calibrated")
     helps = "the named effects help the calibrator"
     if ratio.low > 1.0:
         helps = "the named effects do not help the calibrator"
@@ -820,17 +804,17 @@ def ladder_sentence(ladder: Ladder) -> str:
         helps = "these legs do not show that the named effects help the calibrator"
     return (
         f"{reference}, with the named effects {errors['named']}, with a calibrator "
-        f"{errors['reference_calibrated']}, with both {errors['named_calibrated']}: {helps}, {change_of(ratio)}."
+        f"{errors['reference_calibrated']}, with both {errors['named_calibrated']}: {helps}, {ratio_words(ratio)}."
     )
 
 
-def change_of(ratio: Interval | Ratio) -> str:
+def ratio_words(ratio: Interval | Ratio) -> str:
     """A ratio of errors in words, with its 95 % interval.
 
-    >>> change_of(Interval(0.8, 0.7, 0.9)), change_of(Interval(0.98, 0.95, 1.02))
+    >>> ratio_words(Interval(0.8, 0.7, 0.9)), ratio_words(Interval(0.98, 0.95, 1.02))
     ('20 % less error (10 to 30 %)', '2 % less error (5 % less to 2 % more)')
     """
-    value, low, high = (each - 1.0 for each in (ratio.value, ratio.low, ratio.high))
+    value, low, high = (bound - 1.0 for bound in (ratio.value, ratio.low, ratio.high))
     words = f"{percent(abs(value))} {'more' if value > 0.0 else 'less'} error"
     if not (isfinite(low) and isfinite(high)):
         return words
@@ -838,11 +822,6 @@ def change_of(ratio: Interval | Ratio) -> str:
         near, far = sorted((abs(low), abs(high)))
         return f"{words} ({percent(near).removesuffix(' %')} to {percent(far)})"
     return f"{words} ({percent(-low)} less to {percent(high)} more)"
-
-
-def _gain(ladder: Ladder, name: str) -> str:
-    base = name.removesuffix("_calibrated")
-    return change_of(ladder.ratio(name, base)) if name != base else ""
 
 
 def cell_row(place: GapCell) -> list[str]:
@@ -856,41 +835,40 @@ def cell_row(place: GapCell) -> list[str]:
 
 def suspect_rows(suspects: Sequence[Suspect]) -> list[list[str]]:
     """The catalogue ranked, each effect alone in the model."""
-    return [
-        [plain(each.name), each.family, number(each.evidence), chance(each.p_value), _smallest_found(each)]
-        for each in suspects
-    ]
+    rows = []
+    for suspect in suspects:
+        if 0.0 < suspect.limit < inf:
+            limit = f"{number(suspect.limit)} {'' if suspect.unit == '1' else suspect.unit}".strip()
+        else:  # as the effects of the wind where there is none
+            limit = "" if suspect.limit != suspect.limit else "not by this trial"
+        evidence, p_value = number(suspect.evidence), chance(suspect.p_value)
+        rows.append([plain(suspect.name), suspect.family, evidence, p_value, limit])
+    return rows
 
 
-def _smallest_found(suspect: Suspect) -> str:
-    """How large an effect must be to be found; where there is no wind, for one, its effects are not at any size."""
-    if not 0.0 < suspect.limit < inf:
-        return "" if suspect.limit != suspect.limit else "not by this trial"
-    return f"{number(suspect.limit)} {'' if suspect.unit == '1' else suspect.unit}".strip()
-
-
-def granted_rows(diagnosis: Diagnosis) -> list[list[str]]:
-    """What the verdict rests on: tolerance and provenance; what was not asked for is left out."""
+def basis_rows(diagnosis: Diagnosis) -> list[list[str]]:
+    """The basis of the verdict, tolerance and provenance, without settings that are off."""
     extent = diagnosis.provenance.get("force_range")
     rows = [["tolerance", f"{percent(diagnosis.tolerance)} of the range of the forces in the trial"]]
     if extent:
         size_n, unit = force_unit(diagnosis.tolerance * max(extent.values()))
-        own = [number(diagnosis.tolerance * extent[name] / size_n) for name in ("surge_n", "sway_n", "yaw_nm")]
-        rows.append(["which is", f"{own[0]} {unit} ahead, {own[1]} {unit} across, {own[2]} {unit} m in yaw"])
+        ahead, across, yaw = (
+            number(diagnosis.tolerance * extent[name] / size_n) for name in ("surge_n", "sway_n", "yaw_nm")
+        )
+        rows.append(["which is", f"{ahead} {unit} ahead, {across} {unit} across, {yaw} {unit} m in yaw"])
     for key, value in diagnosis.provenance.items():
-        if key not in ("force_range", "noise") and value not in (False, "0..100"):
-            rows.append([plain(str(key)), _done(value) if key in ("repaired", "left_out") else _words(value)])
+        if key in ("force_range", "noise") or value in (False, "0..100"):
+            continue
+        words = _value_words(value)
+        if key in ("repaired", "left_out"):  # file by file: only the names of channels are put into words
+            parts = (entry.partition(": ") for entry in value.split("; "))
+            words = "; ".join(f"{file}{colon}{in_words(action)}" for file, colon, action in parts)
+        rows.append([plain(str(key)), words])
     return rows
 
 
-def _done(text: str) -> str:
-    """What was done to each file, with the names of files as they are and those of channels in words."""
-    parts = (each.partition(": ") for each in text.split("; "))
-    return "; ".join(f"{file}{colon}{in_words(said)}" for file, colon, said in parts)
-
-
 def noise_rows(diagnosis: Diagnosis) -> list[list[str]]:
-    """Levels of noise, as the data have them: standard deviations in the units of the channels."""
+    """Levels of noise: standard deviations in the units of the channels."""
     noise, turn = diagnosis.provenance["noise"], 180.0 / pi
     size_n, unit = force_unit(max(*noise["gust"][:2], *noise["slow"][:2]))
     forces = (("ahead", 1.0 / size_n, unit), ("across", 1.0 / size_n, unit), ("in yaw", 1.0 / size_n, f"{unit} m"))
@@ -922,24 +900,24 @@ def noise_rows(diagnosis: Diagnosis) -> list[list[str]]:
 
 
 def _levels(values: Sequence[float], units: Sequence[tuple[str, float, str]]) -> str:
-    """Levels in their units, each with what it is of; those that are none are left out."""
-    told = zip(values, units, strict=True)
-    return ", ".join(f"{name} {number(value * factor)} {unit}" for value, (name, factor, unit) in told if value)
+    """Levels with their names and units; zeros are left out."""
+    levels = zip(values, units, strict=True)
+    return ", ".join(f"{name} {number(value * factor)} {unit}" for value, (name, factor, unit) in levels if value)
 
 
-def _words(value: Any) -> str:
+def _value_words(value: Any) -> str:
     if isinstance(value, Mapping):
-        return ", ".join(f"{plain(str(key))} {_words(each)}" for key, each in value.items())
+        return ", ".join(f"{plain(str(key))} {_value_words(item)}" for key, item in value.items())
     if isinstance(value, list | tuple):
-        return ", ".join(_words(each) for each in value)
+        return ", ".join(_value_words(item) for item in value)
     if isinstance(value, bool):
         return "yes" if value else "no"
     return number(value) if isinstance(value, float) else str(value)
 
 
 def plain_names(effects: Iterable[NamedEffect]) -> list[str]:
-    """The effects' names for people, each once."""
-    return list(dict.fromkeys(plain(each.name) for each in effects))
+    """The effects' names in plain words, without repetition."""
+    return list(dict.fromkeys(plain(effect.name) for effect in effects))
 
 
 def effect_names(effects: Sequence[NamedEffect]) -> str:
@@ -949,15 +927,12 @@ def effect_names(effects: Sequence[NamedEffect]) -> str:
 
 def file_rows(effects: Sequence[NamedEffect]) -> list[list[str]]:
     """The lines that a vessel file has for them."""
-    return [[f"[effects.{each.name}]", f"{name} = {number(estimate.value)}", estimate.unit]
-            for each in effects for name, estimate in each.parameters.items()]  # fmt: skip
+    return [[f"[effects.{effect.name}]", f"{name} = {number(estimate.value)}", estimate.unit]
+            for effect in effects for name, estimate in effect.parameters.items()]  # fmt: skip
 
 
 def _span(interval: Estimate | Interval) -> str:
     return f"{number(interval.low)} to {number(interval.high)}"
-
-
-PAGE_FILE = "report.html"
 
 
 def write_report(diagnosis: Diagnosis, extras: Extras, folder: Path) -> Path:
@@ -967,50 +942,39 @@ def write_report(diagnosis: Diagnosis, extras: Extras, folder: Path) -> Path:
 
 def page_of(diagnosis: Diagnosis, extras: Extras) -> Page:
     """The page, not yet written."""
-    known = diagnosis.provenance
-    vessel = f"vessel {known['vessel']}" if "vessel" in known else ""
-    parts = ["Diagnosis", str(known.get("recordings", "")), vessel]
+    provenance = diagnosis.provenance
+    vessel = f"vessel {provenance['vessel']}" if "vessel" in provenance else ""
+    parts = ["Diagnosis", str(provenance.get("recordings", "")), vessel]
     return render(
         "diagnosis.html", templates=templates(), title=verdict_sentence(diagnosis),
-        subtitle="; ".join(each for each in parts if each), diagnosis=diagnosis, extras=extras,
+        subtitle="; ".join(part for part in parts if part), diagnosis=diagnosis, extras=extras,
     )  # fmt: skip
 
 
-_VERDICTS = {
-    "named": "The model lacks these effects:",
-    "nothing_missing": "Nothing is missing beyond the tolerance.",
-    "unknown": "Something is missing that no effect of the catalogue explains.",
-    "indistinguishable": "Something is missing, but these data cannot distinguish several possible causes.",
-}
-
-
-def summary(diagnosis: Diagnosis, ladder: Ladder | None = None) -> Group:
+def summary(diagnosis: Diagnosis, comparison: CalibratorComparison | None = None) -> Group:
     """The diagnosis in some lines, and what a calibrator adds where one was trained."""
     lines = [] if diagnosis.identified is None else [Text(correction_sentence(diagnosis.identified))]
     lines.append(Text(_VERDICTS[diagnosis.verdict], style="bold"))
-    lines += [Text(f"- {each.sentence}") for each in diagnosis.effects]
-    names = [each.name for each in diagnosis.effects]
+    lines += [Text(f"- {effect.sentence}") for effect in diagnosis.effects]
+    names = [effect.name for effect in diagnosis.effects]
     for group in diagnosis.indistinguishable:
         lines.append(Text(f"These data cannot distinguish {alternatives(group, names, 'from')}."))
-    left = diagnosis.unknown or diagnosis.remainder
-    if left is not None:
-        lines.append(Text(f"What remains looks like {left.looks_like}."))
-    lines += [Text(f"- {each.sentence}") for each in diagnosis.regimes]
+    remainder = diagnosis.unknown or diagnosis.remainder
+    if remainder is not None:
+        lines.append(Text(f"What remains looks like {remainder.looks_like}."))
+    lines += [Text(f"- {regime.sentence}") for regime in diagnosis.regimes]
     if diagnosis.regimes:
         lines.append(Text(REGIMES_NOTE))
     gap = diagnosis.gap
     if gap.held_out_windows:
         where = f"Mean distance over {gap.horizon_s} s on {gap.held_out_windows} held-out windows"
         lines.append(Text(f"{where}: {gap.distances(bool(diagnosis.effects))}."))
-    if ladder is not None:
-        lines.append(Text(ladder_sentence(ladder)))
+    if comparison is not None:
+        lines.append(Text(comparison_sentence(comparison)))
     if diagnosis.next_manoeuvre is not None:
         lines.append(Text(f"Next: {diagnosis.next_manoeuvre.what}"))
-    lines += [Text(f"note: {each}", style="dim") for each in other_remarks(diagnosis)]
+    lines += [Text(f"note: {remark}", style="dim") for remark in remarks_without_model(diagnosis)]
     return Group(*lines)
-
-
-Parameters = Mapping[str, Estimate]
 
 
 def sentence(effect: Effect, parameters: Parameters, share_of_gap: float, actuators: Actuators = DEFAULT) -> str:
@@ -1018,65 +982,60 @@ def sentence(effect: Effect, parameters: Parameters, share_of_gap: float, actuat
 
     ``actuators`` are the ship's, by default R/V Gunnerus'.
     """
-    what, ends = words_and_interval(effect, parameters, actuators)
-    return f"{what} ({ends}); it explains {100.0 * share_of_gap:.0f} % of the gap on legs not used to find it."
+    words, ends = words_and_interval(effect, parameters, actuators)
+    return f"{words} ({ends}); it explains {100.0 * share_of_gap:.0f} % of the gap on legs not used to find it."
 
 
 def words_and_interval(effect: Effect, parameters: Parameters, actuators: Actuators) -> tuple[str, str]:
     """An effect with its size, and the ends of its 95 % intervals."""
     if effect.base in _SEVERAL:
-        return _of_several(_SEVERAL[effect.base], parameters)
+        return _several_parameters_words(_SEVERAL[effect.base], parameters)
     if text := _ONE.get(effect.base) or _actuator_text(effect.base, actuators):
-        return _of_one(effect, text, next(iter(parameters.values())))
-    return _of_any(effect, parameters)
+        return _single_parameter_words(effect, text, next(iter(parameters.values())))
+    sizes = ", ".join(
+        f"{plain(name.rsplit('_', 1)[0])} {number(estimate.value)} {estimate.unit}".removesuffix(" 1")
+        for name, estimate in parameters.items()
+    )
+    ends = "; ".join(interval_text(estimate.low, estimate.high) for estimate in parameters.values())
+    return f"The model lacks {plain(effect.base)}: {sizes}", ends
 
 
-def _of_one(effect: Effect, text: str, estimate: Estimate) -> tuple[str, str]:
+def _single_parameter_words(effect: Effect, text: str, estimate: Estimate) -> tuple[str, str]:
     """A size in words, in percent of change where the text has percent."""
     neutral = effect.parameters[0].neutral
-    less = "[" in text and bool(estimate.value < neutral)
-    text = re.sub(r"\[(.*?)\|(.*?)\]", rf"\{1 + less}", text)
+    is_less = "[" in text and bool(estimate.value < neutral)
+    text = re.sub(r"\[(.*?)\|(.*?)\]", rf"\{1 + is_less}", text)
 
     def size(value: float) -> float:
         change = 100.0 * (value - neutral) if "%" in text and isfinite(neutral) else value
-        return -change if less else change
+        return -change if is_less else change
 
     low, high = sorted((size(estimate.low), size(estimate.high)))
-    return text.format(number(size(estimate.value))), span(low, high)
+    return text.format(number(size(estimate.value))), interval_text(low, high)
 
 
-def _of_several(text: str, parameters: Parameters) -> tuple[str, str]:
-    """A place is said by its side of the reference point, and its interval on that side; shares in percent."""
+def _several_parameters_words(text: str, parameters: Parameters) -> tuple[str, str]:
+    """A place by its side of the reference point, and its interval on that side; fractions in percent."""
     if "%" in text:
-        parameters = {name: _times(each, 100.0) for name, each in parameters.items()}
-    for way, other, each in zip(("ahead", "to starboard"), ("astern", "to port"), parameters, strict=False):
-        if f"{{}} m {way}" in text and parameters[each].value < 0.0:
-            text = text.replace(f"m {way}", f"m {other}")
-            parameters = {**parameters, each: _times(parameters[each], -1.0)}
-    values = [number(each.value) if each.unit != "deg" else f"{each.value:.0f}" for each in parameters.values()]
-    ends = "; ".join(span(each.low, each.high, each.unit) for each in parameters.values())
+        parameters = {name: _scaled(estimate, 100.0) for name, estimate in parameters.items()}
+    for way, opposite, name in zip(("ahead", "to starboard"), ("astern", "to port"), parameters, strict=False):
+        if f"{{}} m {way}" in text and parameters[name].value < 0.0:
+            text = text.replace(f"m {way}", f"m {opposite}")
+            parameters = {**parameters, name: _scaled(parameters[name], -1.0)}
+    values = [number(size.value) if size.unit != "deg" else f"{size.value:.0f}" for size in parameters.values()]
+    ends = "; ".join(interval_text(size.low, size.high, size.unit) for size in parameters.values())
     return text.format(*values), ends
 
 
-def _times(estimate: Estimate, factor: float) -> Estimate:
+def _scaled(estimate: Estimate, factor: float) -> Estimate:
     low, high = sorted((factor * estimate.low, factor * estimate.high))
     return replace(estimate, value=factor * estimate.value, low=low, high=high)
 
 
-def _of_any(effect: Effect, parameters: Parameters) -> tuple[str, str]:
-    """What is in no list of ours: its name and its parameters."""
-    sizes = ", ".join(
-        f"{plain(name.rsplit('_', 1)[0])} {number(each.value)} {each.unit}".removesuffix(" 1")
-        for name, each in parameters.items()
-    )
-    ends = "; ".join(span(each.low, each.high) for each in parameters.values())
-    return f"The model lacks {plain(effect.base)}: {sizes}", ends
-
-
-def span(low: float, high: float, unit: str = "") -> str:
+def interval_text(low: float, high: float, unit: str = "") -> str:
     """The ends of an interval; angles in whole degrees.
 
-    >>> span(0.341, 0.36), span(-1.2, 0.5), span(202.7, 206.9, "deg")
+    >>> interval_text(0.341, 0.36), interval_text(-1.2, 0.5), interval_text(202.7, 206.9, "deg")
     ('0.341-0.36', '−1.2 to 0.5', '203-207')
     """
     ends = [f"{end:.0f}".replace("-", "\u2212") if unit == "deg" else number(end) for end in (low, high)]
@@ -1170,25 +1129,25 @@ reported where it is positive, which astern turns the ship to port.
 def _actuator_text(effect: str, actuators: Actuators) -> str:
     """The text for an effect of one actuator, of a pair, or of all of a kind; empty for another effect."""
     effect = "thrust_loss_tunnel" if effect == "tunnel_thrust_loss" else effect
-    stem = next((each for each in _ACTUATORS if effect.startswith(f"{each}_")), None)
+    stem = next((candidate for candidate in _ACTUATORS if effect.startswith(f"{candidate}_")), None)
     if stem is None:
         return ""
-    which = effect.removeprefix(f"{stem}_")
-    one = next((each for each in actuators if each.name == which), None)
-    if one is not None:
-        return _text_of(stem, f"The {which.replace('_', ' ')}", one.noun, one.kind)
-    first, _, group = which.partition("_")
-    member = next((each for each in actuators if effect in _effects_of(each.kind, actuators)), None)
-    if first not in ("both", "all") or member is None:
-        return ""
-    return _text_of(stem, first.capitalize(), group or f"{member.noun}s", member.kind, several=True)
+    target = effect.removeprefix(f"{stem}_")
+    actuator = next((actuator for actuator in actuators if actuator.name == target), None)
+    if actuator is not None:
+        return _actuators_text(stem, f"The {target.replace('_', ' ')}", actuator.noun, actuator.kind)
+    first, _, group = target.partition("_")
+    for member in actuators if first in ("both", "all") else ():
+        if any(effect == shared.name for shared in KINDS[member.kind].effects(names_of(actuators, member.kind))):
+            return _actuators_text(stem, first.capitalize(), group or f"{member.noun}s", member.kind, several=True)
+    return ""
 
 
-def _text_of(stem: str, which: str, noun: str, kind: str, several: bool = False) -> str:
-    """The text of an effect of ``which`` actuators; a name that says its kind does not say it twice."""
+def _actuators_text(stem: str, label: str, noun: str, kind: str, several: bool = False) -> str:
+    """The text of an effect of the actuators ``label``; a name that says its kind does not say it twice."""
 
     def named(noun: str) -> str:
-        return which if noun in which else f"{which} {noun}"
+        return label if noun in label else f"{label} {noun}"
 
     def inside(words: str) -> str:
         return words[0].lower() + words[1:]
@@ -1199,8 +1158,3 @@ def _text_of(stem: str, which: str, noun: str, kind: str, several: bool = False)
         "force": {"tunnel": "side force", "rudder": "force"}.get(kind, "thrust"),
     }  # fmt: skip
     return Template(re.sub(r"<(.*?)\|(.*?)>", rf"\{1 + several}", _ACTUATORS[stem])).substitute(words)
-
-
-def _effects_of(kind: str, actuators: Actuators) -> set[str]:
-    """The names of the effects of a ship's actuators of one kind."""
-    return {each.name for each in KINDS[kind].effects(names_of(actuators, kind))}

@@ -1,11 +1,8 @@
-"""Figures of a diagnosis, in the house's style: functions draw its values into axes.
-
-Figures of the map of a diagnosis, in the house's style: functions draw a map into axes.
-"""
+"""Figures of a diagnosis and of its map, in the house's style: functions draw their values into axes."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import fields
 from itertools import cycle, product
 
@@ -47,15 +44,36 @@ FAMILY_COLOUR = dict(zip(FAMILIES, PALETTE, strict=True))
 """One colour a family of effects, in every figure."""
 
 BEFORE, AFTER, HELD = PALETTE[4], PALETTE[0], PALETTE[3]
-
 _LINEAR = 10.0  # log evidence up to which the axis is linear: differences matter there, sizes beyond
 _SHOWN = 15
 _CONTROL_AXES = {"rpm": "shafts\n[rpm]", "deg": "angles\n[deg]", "percent": "pitch\n[%]"}
 
+QUANTITIES = {
+    "speed_mps": "speed [m/s]",
+    "yaw_rate_dps": "yaw rate [deg/s]",
+    "drift_angle_deg": "drift angle [deg]",
+    "heading_deg": "heading [deg]",
+    "relative_wind_deg": "relative wind direction [deg]",
+    "rpm": "mean shaft speed [rpm]",
+    "pitch_percent": "mean pitch [%]",
+    "azimuth_deg": "mean azimuth angle [deg]",
+    "rudder_deg": "mean rudder angle [deg]",
+    "nozzle_deg": "mean nozzle angle [deg]",
+    "time_s": "time [min]",
+    "place": "position north, east [m]",
+}
+"""What the cells are of, for people."""
+
+_MINUTE_S = 60.0
+_FULL = 12.0  # standard errors at full colour
+_SURE = 3.3  # standard errors beyond which a force is printed dark
+_ROW_INCH, _EDGE_INCH = 0.19, 0.7
+Rows = list[tuple[str, list[GapCell]]]
+
 
 def overview_figure(diagnosis: Diagnosis) -> Figure:
     """The parameters that were named, where there are any, and below them the gap, before and after."""
-    rows = sum(len(each.parameters) for each in diagnosis.effects)
+    rows = sum(len(effect.parameters) for effect in diagnosis.effects)
     heights = [0.35 + 0.75 * rows, 1.0 + 0.34 * (3 + len(diagnosis.effects))][0 if rows else 1 :]
     figure = Figure(figsize=(8.0, sum(heights)), layout="constrained")
     places = figure.subfigures(len(heights), 1, height_ratios=heights, squeeze=False)[:, 0]
@@ -68,15 +86,17 @@ def overview_figure(diagnosis: Diagnosis) -> Figure:
 def evidence_ranking(axes: Axes, suspects: Sequence[Suspect], named: Sequence[str]) -> None:
     """The likeliest effects by the log evidence of each alone, a colour a family; what was named has an edge."""
     shown = list(suspects)[:_SHOWN]
-    colours = [FAMILY_COLOUR.get(each.family, FAINT) for each in shown]
-    edges = [INK if each.name in named else "none" for each in shown]
-    axes.barh(range(len(shown)), [each.evidence for each in shown], color=colours, edgecolor=edges, linewidth=1.6)
+    colours = [FAMILY_COLOUR.get(suspect.family, FAINT) for suspect in shown]
+    edges = [INK if suspect.name in named else "none" for suspect in shown]
+    axes.barh(
+        range(len(shown)), [suspect.evidence for suspect in shown], color=colours, edgecolor=edges, linewidth=1.6
+    )
     axes.axvline(0.0, color=INK, linewidth=1.0)
-    named_rows(axes, [plain(each.name) for each in shown])
+    named_rows(axes, [plain(suspect.name) for suspect in shown])
     axes.set_xscale("symlog", linthresh=_LINEAR, linscale=0.6)
     axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}".replace("-", "\u2212")))
     axes.set_xlabel("log odds for the model with this effect alone [nat]; above 0 it is better")
-    families = [family for family in FAMILIES if any(each.family == family for each in shown)]
+    families = [family for family in FAMILIES if any(suspect.family == family for suspect in shown)]
     handles = [Patch(color=FAMILY_COLOUR[family], label=family) for family in families]
     legend_above(axes, len(handles), handles=handles)
     axes.grid(visible=False, axis="y")
@@ -84,9 +104,9 @@ def evidence_ranking(axes: Axes, suspects: Sequence[Suspect], named: Sequence[st
 
 def parameters(figure: FigureBase, effects: Sequence[NamedEffect]) -> None:
     """Every parameter of the named effects with its 95 % interval, each on an axis of its own from zero or one."""
-    every = [(each, name, estimate) for each in effects for name, estimate in each.parameters.items()]
-    rows = figure.subplots(len(every), 1, squeeze=False)[:, 0]
-    for axes, (effect, name, estimate) in zip(rows, every, strict=True):
+    entries = [(effect, name, estimate) for effect in effects for name, estimate in effect.parameters.items()]
+    rows = figure.subplots(len(entries), 1, squeeze=False)[:, 0]
+    for axes, (effect, name, estimate) in zip(rows, entries, strict=True):
         absent = 1.0 if name.endswith("factor") else 0.0
         _interval(axes, estimate, absent, FAMILY_COLOUR.get(effect.family, INK))
         title = parameter_title(name, estimate.unit) + ("" if estimate.unit == "1" else f" [{estimate.unit}]")
@@ -105,36 +125,36 @@ def _interval(axes: Axes, estimate: Estimate, absent: float, colour: str) -> Non
 
 
 def confusion(axes: Axes, rivals: Sequence[Rival]) -> None:
-    """By how much log evidence each rival falls short of what was named; nearer than the line nobody can tell."""
-    shown = sorted(rivals, key=lambda each: (each.instead_of, each.evidence))[:_SHOWN]
-    colours = [PALETTE[1] if each.evidence < CLOSE else PALETTE[0] for each in shown]
-    axes.barh(range(len(shown)), [max(each.evidence, 0.02) for each in shown], color=colours, height=0.6)
+    """The log evidence that each rival lacks; left of the line it and the named effect are indistinguishable."""
+    shown = sorted(rivals, key=lambda rival: (rival.instead_of, rival.evidence))[:_SHOWN]
+    colours = [PALETTE[1] if rival.evidence < CLOSE else PALETTE[0] for rival in shown]
+    axes.barh(range(len(shown)), [max(rival.evidence, 0.02) for rival in shown], color=colours, height=0.6)
     axes.axvline(CLOSE, color=INK, linewidth=1.0)
-    labels = [f"{plain(each.name)}\nfor {plain(each.instead_of)}" for each in shown]
+    labels = [f"{plain(rival.name)}\nfor {plain(rival.instead_of)}" for rival in shown]
     named_rows(axes, labels, fontsize=8)
-    axes.set_xlim(0.0, max(1.05 * max(each.evidence for each in shown), 1.4 * CLOSE))
+    axes.set_xlim(0.0, max(1.05 * max(rival.evidence for rival in shown), 1.4 * CLOSE))
     axes.set_xlabel("log evidence below that of the named effect [nat]")
     words = {"cannot be distinguished": PALETTE[1], "less likely": PALETTE[0]}
-    legend_above(axes, 2, handles=[Patch(color=colour, label=each) for each, colour in words.items()])
+    legend_above(axes, 2, handles=[Patch(color=colour, label=label) for label, colour in words.items()])
     axes.grid(visible=False, axis="y")
 
 
 def gap(axes: Axes, diagnosis: Diagnosis) -> None:
-    """The mean distance before, what each effect takes off it, after, with regimes, at best, without a model.
+    """The mean distance before, its reduction by each effect, after, with regimes, the floor, constant velocity.
 
     Where nothing is named, that of the model stands in the place of before and after.
     """
-    whole, named = diagnosis.gap, bool(diagnosis.effects)
-    rows, level = [("before" if named else "model", 0.0, whole.before_m, INK)], whole.before_m
-    for each in {part.name: part for part in diagnosis.effects}.values():
-        fall = each.share_of_gap * (whole.before_m - whole.floor_m)
+    gap, named = diagnosis.gap, bool(diagnosis.effects)
+    rows, level = [("before" if named else "model", 0.0, gap.before_m, INK)], gap.before_m
+    for effect in {part.name: part for part in diagnosis.effects}.values():
+        fall = effect.share_of_gap * (gap.before_m - gap.floor_m)
         level -= fall
-        rows.append((plain(each.name), level, fall, FAMILY_COLOUR.get(each.family, FAINT)))
+        rows.append((plain(effect.name), level, fall, FAMILY_COLOUR.get(effect.family, FAINT)))
     rows += [
-        *([("after", 0.0, whole.after_m, INK)] if named else []),
-        *((plain(each.name), 0.0, each.after_m, FAINT) for each in diagnosis.regimes),
-        *([("floor", 0.0, whole.floor_m, FAINT)] if whole.floor_m < whole.before_m else []),
-        ("constant velocity", 0.0, whole.constant_velocity_m, FAINT),
+        *([("after", 0.0, gap.after_m, INK)] if named else []),
+        *((plain(regime.name), 0.0, regime.after_m, FAINT) for regime in diagnosis.regimes),
+        *([("floor", 0.0, gap.floor_m, FAINT)] if gap.floor_m < gap.before_m else []),
+        ("constant velocity", 0.0, gap.constant_velocity_m, FAINT),
     ]
     names, starts, widths, colours = zip(*rows, strict=True)
     axes.barh(range(len(names)), widths, left=starts, color=colours, height=0.65)
@@ -143,26 +163,26 @@ def gap(axes: Axes, diagnosis: Diagnosis) -> None:
         axes.text(start + max(width, 0.0), row, f"  {sign}{abs(width):.2f} m", va="center", fontsize=8, color=INK)
     named_rows(axes, names)
     axes.set_xlim(0.0, 1.18 * max(*widths, 1e-6))
-    axes.set_xlabel(f"mean distance over {whole.horizon_s} s, held-out windows [m]")
+    axes.set_xlabel(f"mean distance over {gap.horizon_s} s, held-out windows [m]")
     axes.grid(visible=False, axis="y")
 
 
-def ladder(axes: Axes, rungs: Mapping[str, Interval]) -> None:
-    """The mean distance of each rung by its title, with its 95 % interval."""
-    for row, each in enumerate(rungs.values()):
-        interval_bar(axes, each, row, PALETTE[0])
-    named_rows(axes, list(rungs))
-    logarithmic(axes, "x", list(rungs.values()))
+def calibrator_comparison(axes: Axes, distances_m: Mapping[str, Interval]) -> None:
+    """The mean distance of each model by its title, with its 95 % interval."""
+    for row, interval in enumerate(distances_m.values()):
+        interval_bar(axes, interval, row, PALETTE[0])
+    named_rows(axes, list(distances_m))
+    logarithmic(axes, "x", list(distances_m.values()))
     axes.set_xlabel("mean distance [m]")
 
 
-def error_by_second(axes: Axes, tracks: Tracks, named: bool = True, known: bool = True) -> None:
+def error_by_second(axes: Axes, tracks: Tracks, named: bool = True, is_known: bool = True) -> None:
     """The mean distance from what was measured against the second of the prediction, all of it known.
 
     What could be closed lies between before and the floor, what is closed between before and after. Where something
-    unknown remains, no model is ``known`` whose tracks would be the floor; where nothing was named the model is it.
+    unknown remains, no model ``is_known`` whose tracks would be the floor; where nothing was named the model is it.
     """
-    shown = [*_predictions(tracks, named), *([("floor", tracks.floor, INK)] if known and named else [])]
+    shown = [*_predictions(tracks, named), *([("floor", tracks.floor, INK)] if is_known and named else [])]
     for label, track, colour in shown:
         mean = distances(track, tracks.measured).mean(axis=0)
         style = ":" if label == "floor" else "-"  # dotted: it lies on after where all is closed
@@ -175,7 +195,7 @@ def error_by_second(axes: Axes, tracks: Tracks, named: bool = True, known: bool 
 
 def window_tracks(figure: Figure, tracks: Tracks, named: bool = True) -> None:
     """Some held-out windows in which all is known, bow up and to scale, and what the actuators did in them."""
-    chosen, units = chosen_windows(tracks, named), control_units(tracks)
+    chosen, units = representative_windows(tracks, named), control_units(tracks)
     rows = figure.subplots(1 + len(units), len(chosen), squeeze=False, height_ratios=[3.0, *[1.0] * len(units)])
     for axes, (title, number) in zip(rows[0], chosen.items(), strict=True):
         _window(axes, tracks, number, named)
@@ -189,7 +209,10 @@ def window_tracks(figure: Figure, tracks: Tracks, named: bool = True) -> None:
     figure.legend(*rows[0, 0].get_legend_handles_labels(), loc="outside upper center", ncols=5)
     for (unit, names), row in zip(units.items(), rows[1:], strict=True):
         for axes, number in zip(row, chosen.values(), strict=True):
-            _controls(axes, {name: tracks.controls[name][number] for name in names})
+            for name, style in zip(names, cycle(("-", "--", ":"))):
+                label = plain(name.rpartition("_")[0])
+                axes.plot(tracks.controls[name][number], style, color=INK, label=label, linewidth=1.2)
+            axes.locator_params(nbins=4)
             axes.sharey(row[0])
         row[0].set_ylabel(_CONTROL_AXES.get(unit, f"[{unit}]"))
         row[-1].legend(loc="center left", bbox_to_anchor=(1.0, 0.5), fontsize=7)
@@ -207,42 +230,46 @@ def control_units(tracks: Tracks) -> dict[str, list[str]]:
 
 def _window(axes: Axes, tracks: Tracks, number: int, named: bool) -> None:
     for label, track, colour in [("measured", tracks.measured, INK), *_predictions(tracks, named)]:
-        seen = start_frame(track[number], tracks.before[number, 0])
+        path = start_frame(track[number], tracks.before[number, 0])
         style = "-" if label == "measured" else "--"
-        axes.plot(seen[:, 0], seen[:, 1], style, color=colour, label=label)
+        axes.plot(path[:, 0], path[:, 1], style, color=colour, label=label)
     axes.set_aspect("equal", adjustable="datalim")
     axes.locator_params(nbins=4)
     axes.set_xlabel("starboard [m]")
 
 
-def _controls(axes: Axes, controls: Mapping[str, Floats]) -> None:
-    for (name, values), style in zip(controls.items(), cycle(("-", "--", ":"))):
-        label = plain(name.rpartition("_")[0])
-        axes.plot(values, style, color=INK, label=label, linewidth=1.2)
-    axes.locator_params(nbins=4)
-
-
-def chosen_windows(tracks: Tracks, named: bool = True) -> dict[str, int]:
+def representative_windows(tracks: Tracks, named: bool = True) -> dict[str, int]:
     """The window in which the model was the worst, an ordinary one, the one that gained most, the worst now.
 
     One that is several of these stands once, under all its titles; where nothing was named there are the first two.
     """
-    before, after = (distances(track, tracks.measured).mean(axis=1) for track in (tracks.before, tracks.after))
-    worst, median = int(np.argmax(before)), int(np.argsort(before, kind="stable")[len(before) // 2])
+    before_m, after_m = (distances(track, tracks.measured).mean(axis=1) for track in (tracks.before, tracks.after))
+    worst, median = int(np.argmax(before_m)), int(np.argsort(before_m, kind="stable")[len(before_m) // 2])
     chosen = {"worst": worst, "median": median}
     if named:
-        gained, now = int(np.argmax(before - after)), int(np.argmax(after))
-        chosen = {"worst before": worst, "median before": median, "improved most": gained, "worst after": now}
-    titles = {number: [title for title, other in chosen.items() if other == number] for number in chosen.values()}
-    return {", ".join(each): number for number, each in titles.items()}
+        gained, still_worst = int(np.argmax(before_m - after_m)), int(np.argmax(after_m))
+        chosen = {
+            "worst before": worst,
+            "median before": median,
+            "improved most": gained,
+            "worst after": still_worst,
+        }
+    titles = {number: [title for title, window in chosen.items() if window == number] for number in chosen.values()}
+    return {", ".join(names): number for number, names in titles.items()}
 
 
-def whole_windows(tracks: Tracks) -> Tracks:
-    """The windows in which all is known, measured and predicted, to the end."""
-    arrays = {each.name: getattr(tracks, each.name) for each in fields(Tracks) if each.name != "controls"}
-    known = np.all([np.isfinite(each).all(axis=tuple(range(1, each.ndim))) for each in arrays.values()], axis=0)
-    controls = {name: values[known] for name, values in tracks.controls.items()}
-    return Tracks(**{name: each[known] for name, each in arrays.items()}, controls=controls)
+def complete_windows(tracks: Tracks) -> Tracks:
+    """The windows in which all tracks are complete."""
+    arrays = {
+        attribute.name: getattr(tracks, attribute.name)
+        for attribute in fields(Tracks)
+        if attribute.name != "controls"
+    }
+    complete = np.all(
+        [np.isfinite(array).all(axis=tuple(range(1, array.ndim))) for array in arrays.values()], axis=0
+    )
+    controls = {name: values[complete] for name, values in tracks.controls.items()}
+    return Tracks(**{name: array[complete] for name, array in arrays.items()}, controls=controls)
 
 
 def _predictions(tracks: Tracks, named: bool) -> list[tuple[str, Floats, str]]:
@@ -252,23 +279,6 @@ def _predictions(tracks: Tracks, named: bool) -> list[tuple[str, Floats, str]]:
     return [("before", tracks.before, BEFORE), ("after", tracks.after, AFTER), held]
 
 
-QUANTITIES = {
-    "speed_mps": "speed [m/s]",
-    "yaw_rate_dps": "yaw rate [deg/s]",
-    "drift_angle_deg": "drift angle [deg]",
-    "heading_deg": "heading [deg]",
-    "relative_wind_deg": "relative wind direction [deg]",
-    "rpm": "mean shaft speed [rpm]",
-    "pitch_percent": "mean pitch [%]",
-    "azimuth_deg": "mean azimuth angle [deg]",
-    "rudder_deg": "mean rudder angle [deg]",
-    "nozzle_deg": "mean nozzle angle [deg]",
-    "time_s": "time [min]",
-    "place": "position north, east [m]",
-}
-"""What the cells are of, for people."""
-
-
 def axis_title(name: str) -> str:
     """What a cell is of, for people; the shafts of a ship's actuators by their names."""
     if name in QUANTITIES:
@@ -276,14 +286,6 @@ def axis_title(name: str) -> str:
     if name.endswith("_rpm") and "_less_" not in name:
         return f"{name.removesuffix('_rpm').replace('_', ' ')} thruster [rpm]"
     return quantity_title(name)
-
-
-_MINUTE_S = 60.0
-_FULL = 12.0  # standard errors at full colour
-_SURE = 3.3  # standard errors beyond which a force is printed dark
-_ROW_INCH, _EDGE_INCH = 0.19, 0.7
-
-Rows = list[tuple[str, list[GapCell]]]
 
 
 def force_titles(unit: str) -> tuple[str, str, str]:
@@ -296,7 +298,7 @@ def force_titles(unit: str) -> tuple[str, str, str]:
 
 
 def _unit_of(places: Sequence[GapCell]) -> tuple[float, str]:
-    return force_unit(max((abs(each.error) for each in places if each.channel in FORCES), default=0.0))
+    return force_unit(max((abs(place.error) for place in places if place.channel in FORCES), default=0.0))
 
 
 def map_height_inch(places: Sequence[GapCell]) -> float:
@@ -308,64 +310,64 @@ def force_map(figure: Figure, places: Sequence[GapCell]) -> None:
     """The steady force that the model lacks in each cell, by axis: colour says how sure, the number how much."""
     axes = figure.subplots(1, 2, squeeze=False)[0]
     halves = _halves(_rows(places))
-    for one, rows in zip(axes, halves, strict=True):
+    for half_axes, rows in zip(axes, halves, strict=True):
         if rows:
-            _matrix(one, rows, *_unit_of(places))
-            one.set_ylim(max(map(len, halves)) - 0.5, -0.5)  # rows of one height on both sides
+            _matrix(half_axes, rows, *_unit_of(places))
+            half_axes.set_ylim(max(map(len, halves)) - 0.5, -0.5)  # rows of one height on both sides
         else:
-            one.set_axis_off()
+            half_axes.set_axis_off()
 
 
 def map_sentences(places: Sequence[GapCell]) -> list[str]:
-    """What a map says: of each force the cell in which it is surest, where one stands out."""
+    """A sentence on each force with a significant cell: the most significant one."""
     sentences = []
     size_n, unit = _unit_of(places)
     for channel, title in zip(FORCES, force_titles(unit), strict=True):
-        mine = [each for each in places if each.channel == channel and abs(each.z) > _SURE]
-        if not mine:
+        notable = [place for place in places if place.channel == channel and abs(place.z) > _SURE]
+        if not notable:
             continue
-        most = max(mine, key=lambda each: abs(each.z))
+        surest = max(notable, key=lambda place: abs(place.z))
         words, unit = title.rstrip("]").split(" [")
-        what = f"missing {words} {'moment' if words == 'yaw' else 'force'}"
-        quantity, _, of = axis_title(quantity_of(most)).rstrip("]").partition(" [")
-        half = 1.96 * abs(most.error / most.z)
-        ends = (most.error - half, most.error, most.error + half)
-        low, value, high = (_force_text(each / size_n) for each in ends)
-        sentences.append(f"By {quantity}, the {what} at {cell_name(most)} {of} is {value} {unit} "
+        force = f"missing {words} {'moment' if words == 'yaw' else 'force'}"
+        quantity, _, cell_unit = axis_title(quantity_of(surest)).rstrip("]").partition(" [")
+        half = 1.96 * abs(surest.error / surest.z)
+        ends = (surest.error - half, surest.error, surest.error + half)
+        low, value, high = (_force_text(end / size_n) for end in ends)
+        sentences.append(f"By {quantity}, the {force} at {cell_name(surest)} {cell_unit} is {value} {unit} "
                          f"(95 % interval {low} to {high}).")  # fmt: skip
     return sentences
 
 
-def residual_force(axes: Axes, made: Map, channel: str, quantity: str) -> None:
+def residual_force(axes: Axes, force_map: Map, channel: str, quantity: str) -> None:
     """The slow force that the model lacks against a quantity: seconds in grey, cells with 95 % intervals."""
     axis = FORCES.index(channel)
     scale = _MINUTE_S if quantity == "time_s" else 1.0
-    size_n, unit = _unit_of(made.places)
-    seconds, force = made.quantities[quantity] / scale, made.force[:, axis] / size_n
+    size_n, unit = _unit_of(force_map.places)
+    seconds, force = force_map.quantities[quantity] / scale, force_map.force[:, axis] / size_n
     axes.plot(seconds, force, ".", color=FAINT, markersize=2, label="reconstructed, each second")
-    cells = [each for each in made.places if each.channel == channel and quantity in each.cell]
-    cells = sorted(cells, key=lambda each: each.cell[quantity])
-    middle = np.array([np.mean(each.cell[quantity]) for each in cells]) / scale
+    cells = [place for place in force_map.places if place.channel == channel and quantity in place.cell]
+    cells = sorted(cells, key=lambda cell: cell.cell[quantity])
+    middle = np.array([np.mean(cell.cell[quantity]) for cell in cells]) / scale
     if quantity in ("heading_deg", "relative_wind_deg"):
         middle = middle % 360.0
-    error = np.array([each.error for each in cells]) / size_n
-    reach = 1.96 * np.abs(error / np.array([each.z or 1.0 for each in cells]))
+    error = np.array([cell.error for cell in cells]) / size_n
+    reach = 1.96 * np.abs(error / np.array([cell.z or 1.0 for cell in cells]))
     axes.errorbar(middle, error, yerr=reach, fmt="o", color=PALETTE[0], capsize=3, label="mean of a cell")
     axes.axhline(0.0, color=INK, linewidth=0.8)
     axes.set(xlabel=axis_title(quantity), ylabel="missing force: " + force_titles(unit)[axis])
     legend_above(axes, 2)
 
 
-def depends_most(made: Map) -> tuple[str, str] | None:
-    """The force and the quantity whose cells differ most for what is known of them; None without cells."""
+def most_variable_force(force_map: Map) -> tuple[str, str] | None:
+    """The force and the quantity whose cells differ most, relative to their errors; None without cells."""
     scores = dict[tuple[str, str], float]()
-    for pair in product(FORCES, made.quantities):
-        cells = [each for each in made.places if (each.channel, *each.cell) == pair]
-        z, error = np.array([each.z for each in cells]), np.array([each.error for each in cells])
+    for pair in product(FORCES, force_map.quantities):
+        cells = [place for place in force_map.places if (place.channel, *place.cell) == pair]
+        z, error = np.array([cell.z for cell in cells]), np.array([cell.error for cell in cells])
         if len(cells) > 1:
             weight = (z / np.where(error == 0.0, 1.0, error)) ** 2
-            away = error - np.average(error, weights=weight + 1e-30)
-            scores[pair] = float((weight * away**2).sum() / (len(z) - 1))
+            deviation = error - np.average(error, weights=weight + 1e-30)
+            scores[pair] = float((weight * deviation**2).sum() / (len(z) - 1))
     return max(scores, key=lambda pair: (scores[pair], pair), default=None)
 
 
@@ -373,13 +375,13 @@ def cell_name(place: GapCell) -> str:
     """A cell's span for people, without its unit: degrees and times to whole numbers."""
     if "north_m" in place.cell:
         north, east = (np.mean(place.cell[name]) for name in ("north_m", "east_m"))
-        return f"{_plain(float(north), 0)}, {_plain(float(east), 0)}"
+        return f"{_number_text(float(north), 0)}, {_number_text(float(east), 0)}"
     ((quantity, (low, high)),) = place.cell.items()
     if quantity in ("heading_deg", "relative_wind_deg"):
         return f"{0.5 * (low + high):.0f} ± {0.5 * (high - low):.0f}"
     scale = _MINUTE_S if quantity == "time_s" else 1.0
     digits = 1 if max(abs(low), abs(high)) / scale >= 5.0 else 2
-    return f"{_plain(low / scale, digits)} to {_plain(high / scale, digits)}"
+    return f"{_number_text(low / scale, digits)} to {_number_text(high / scale, digits)}"
 
 
 def quantity_of(place: GapCell) -> str:
@@ -387,32 +389,28 @@ def quantity_of(place: GapCell) -> str:
     return "place" if "north_m" in place.cell else next(iter(place.cell))
 
 
-def _plain(value: float, digits: int) -> str:
+def _number_text(value: float, digits: int) -> str:
     text = f"{value:.{digits}f}"
     text = text.rstrip("0").rstrip(".") if "." in text else text
     return text.replace("-", "\u2212") if text != "-0" else "0"
 
 
-def _in_order(found: Iterable[str]) -> list[str]:
-    """Quantities in the order of the titles; what one shaft runs faster than another after their mean, tunnel
-    thrusters after the angles.
-    """
-    own = [name for name in found if name not in QUANTITIES]
-    after = {"rpm": [name for name in own if "_less_" in name]}
-    after["nozzle_deg"] = [name for name in own if name not in after["rpm"]]
-    return [name for title in QUANTITIES for name in (title, *after.get(title, ()))]
-
-
 def _rows(places: Sequence[GapCell]) -> Rows:
-    """A row a cell, by quantity in the order of the titles: its name, its three forces."""
+    """A row a cell, by quantity in the order of the titles: its name, its three forces.
+
+    Differences of shaft speeds come after their mean, tunnel thrusters after the angles.
+    """
     result: Rows = []
-    for quantity in _in_order({quantity_of(each): None for each in places}):
-        mine = [each for each in places if each.channel in FORCES and quantity_of(each) == quantity]
-        spans = sorted({tuple(each.cell.values()) for each in mine})
+    extra = [name for name in dict.fromkeys(map(quantity_of, places)) if name not in QUANTITIES]
+    following = {"rpm": [name for name in extra if "_less_" in name]}
+    following["nozzle_deg"] = [name for name in extra if name not in following["rpm"]]
+    for quantity in (name for title in QUANTITIES for name in (title, *following.get(title, ()))):
+        cells = [place for place in places if place.channel in FORCES and quantity_of(place) == quantity]
+        spans = sorted({tuple(cell.cell.values()) for cell in cells})
         if spans:
             result.append((axis_title(quantity), []))
         for span in spans:
-            row = {each.channel: each for each in mine if tuple(each.cell.values()) == span}
+            row = {cell.channel: cell for cell in cells if tuple(cell.cell.values()) == span}
             result.append((cell_name(next(iter(row.values()))), [row[channel] for channel in FORCES]))
     return result
 
@@ -420,19 +418,19 @@ def _rows(places: Sequence[GapCell]) -> Rows:
 def _halves(rows: Rows) -> tuple[Rows, Rows]:
     """The rows in two columns of about one height, parted between two quantities."""
     begins = [number for number, (_, forces) in enumerate(rows) if not forces] or [0]
-    cut = min([*begins[1:], len(rows)], key=lambda each: abs(each - len(rows) / 2))
+    cut = min([*begins[1:], len(rows)], key=lambda begin: abs(begin - len(rows) / 2))
     return rows[:cut], rows[cut:]
 
 
 def _matrix(axes: Axes, rows: Rows, size_n: float, unit: str) -> None:
-    z = np.array([[each.z for each in forces] or [np.nan] * 3 for _, forces in rows])
+    z = np.array([[cell.z for cell in forces] or [np.nan] * 3 for _, forces in rows])
     axes.imshow(z, cmap=LESS_MORE, vmin=-_FULL, vmax=_FULL, aspect="auto")
     for row, (name, forces) in enumerate(rows):
-        for column, each in enumerate(forces):
-            dark = abs(each.z) > _SURE
-            bright = abs(each.z) > 0.75 * _FULL and dark
+        for column, cell in enumerate(forces):
+            dark = abs(cell.z) > _SURE
+            bright = abs(cell.z) > 0.75 * _FULL and dark
             colour = "white" if bright else INK if dark else "#9A9A9A"
-            text = _force_text(each.error / size_n)
+            text = _force_text(cell.error / size_n)
             axes.text(column, row, text, ha="center", va="center", fontsize=7.5, color=colour)
         if not forces:
             axes.text(-0.62, row, name, ha="right", va="center", fontsize=8, weight="bold", color=INK)
@@ -446,4 +444,4 @@ def _matrix(axes: Axes, rows: Rows, size_n: float, unit: str) -> None:
 
 def _force_text(value: float) -> str:
     size = abs(value)
-    return _plain(value, 0 if size >= 20.0 else 1 if size >= 0.95 else 2)
+    return _number_text(value, 0 if size >= 20.0 else 1 if size >= 0.95 else 2)

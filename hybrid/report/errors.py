@@ -1,11 +1,8 @@
-"""How predictions are off, second by second, and what the model's acceleration lacks.
+"""Errors of predictions second by second, the calibration of their 95 % regions, and residual accelerations.
 
-Errors are predicted less measured: along and across the heading, in heading, in speed; windows are [N], seconds 1
-to H. With them, whether the regions of the predictions hold what they say, and predicted tracks as motion to lay
-beside the channels.
-
-The ship's acceleration comes from the Kalman smoother, without her swing in waves; the model's from its forces at
-the motion, settings and wind of that second. Their difference is averaged in cells of two quantities.
+Errors are predicted less measured: along and across the heading, in heading, in speed; windows are [N], seconds
+1 to H. The ship's acceleration comes from the Kalman smoother, without wave motion; the model's from its forces
+at the motion, settings and wind of that second. Their difference is averaged in cells of two quantities.
 """
 
 from __future__ import annotations
@@ -31,6 +28,35 @@ from seatrial.hybrid.vessel.plant import Plant
 from seatrial.hybrid.vessel.sensors import controls_of, states_of, wind_of
 
 COLUMNS = ("north_m", "east_m", "heading_deg", "surge_mps", "sway_mps", "yaw_rate_dps", "speed_mps")
+
+QUANTITIES = {
+    "distance": "distance [m]",
+    "along": "along the heading [m]",
+    "across": "across the heading [m]",
+    "heading": "heading [deg]",
+    "speed": "speed over ground [m/s]",
+}
+"""What a prediction may be off in, for people; the names are the attributes of :class:`ErrorComponents`."""
+
+_LEAST_WAY_M = 0.1
+_LOG_OUTSIDE = -np.log(0.05)  # a Rayleigh law leaves this outside of its 95 % region
+ACCELERATIONS = ("surge_mps2", "sway_mps2", "yaw_dps2")
+
+PLANES = (("surge_mps", "yaw_rate_dps"), ("rpm", "sway_mps"), ("azimuth_deg", "relative_wind_deg"))
+"""What the cells are of."""
+
+LEAST_S = 5
+"""A cell of fewer seconds says nothing."""
+
+ENOUGH_S = 60
+"""A map of fewer seconds shows nothing."""
+
+_STEP_S = 0.01
+_EDGES = {"relative_wind_deg": np.linspace(-180.0, 180.0, 9)}
+_CELLS = 9
+_CALM_MPS = 0.1
+_BLOCK_S = 15  # a few of a ship's own time constants at ordinary speeds
+_CHANCE = 0.05
 
 
 def speeds_of(track: Floats) -> Floats:
@@ -62,28 +88,15 @@ def predicted_motion(horizons: PredictionWindows, tracks: Floats, chosen: NDArra
 
     Columns :data:`COLUMNS` in the units of the channels and ``window``; the index is UTC.
     """
-    some = tracks[chosen]
-    speeds = speeds_of(some)
-    seconds = np.arange(some.shape[1]) * NANO
+    shown = tracks[chosen]
+    speeds = speeds_of(shown)
+    seconds = np.arange(shown.shape[1]) * NANO
     times = horizons.start_ns[chosen][:, None] + seconds
-    values = np.concatenate([some, speeds], axis=-1).reshape(-1, 7)
+    values = np.concatenate([shown, speeds], axis=-1).reshape(-1, 7)
     values[:, 2] = wrap_360(np.rad2deg(values[:, 2]))
     values[:, 5] = np.rad2deg(values[:, 5])
     table = pd.DataFrame(values, index=index_of(times.ravel()), columns=list(COLUMNS))
-    return table.assign(window=np.repeat(chosen, some.shape[1]))
-
-
-QUANTITIES = {
-    "distance": "distance [m]",
-    "along": "along the heading [m]",
-    "across": "across the heading [m]",
-    "heading": "heading [deg]",
-    "speed": "speed over ground [m/s]",
-}
-"""What a prediction may be off in, for people; the names are the attributes of :class:`ErrorComponents`."""
-
-_LEAST_WAY_M = 0.1
-_LOG_OUTSIDE = -np.log(0.05)  # a Rayleigh law leaves this outside of its 95 % region
+    return table.assign(window=np.repeat(chosen, shown.shape[1]))
 
 
 @dataclass(frozen=True, slots=True)
@@ -120,10 +133,10 @@ def errors_of(predicted: Floats, horizons: PredictionWindows) -> ErrorComponents
 class Calibration:
     """Whether 95 % regions hold what they say, by second [H].
 
-    ``picp`` is the share of positions inside (prediction interval coverage probability), ``pinaw`` the mean width
-    of circles as large as the regions over the mean way covered by then (prediction interval normalised average
-    width), NaN while the ship lies still. ``low`` and ``high`` are the 95 % interval of ``picp`` from drawing legs,
-    and not windows, anew; NaN with one leg.
+    ``picp`` is the share of positions inside (prediction interval coverage probability), ``pinaw`` the mean
+    width of circles as large as the regions over the mean way covered by then (prediction interval
+    normalised average width), NaN while the ship lies still. ``low`` and ``high`` are the 95 % interval of
+    ``picp`` by a bootstrap over legs, not windows; NaN with one leg.
     ``pit`` [N H] is the probability integral transform of the distances, as seen from the regions: even from 0 to 1
     where errors are normal and of the size that the regions say.
     """
@@ -146,23 +159,8 @@ def calibration_of(predicted: Floats, region_m: Floats, horizons: PredictionWind
     with np.errstate(divide="ignore", invalid="ignore"):
         pit = 1.0 - np.exp(-_LOG_OUTSIDE * relative**2)
         pinaw = np.where(way > _LEAST_WAY_M, 2.0 * equal_area_radius(region_m).mean(axis=0) / way, np.nan)
-    low, high = (np.array([getattr(each, name) for each in shares]) for name in ("low", "high"))
+    low, high = (np.array([getattr(share, name) for share in shares]) for name in ("low", "high"))
     return Calibration(inside.mean(axis=0), pinaw, low, high, pit.ravel(), legs.legs)
-
-
-ACCELERATIONS = ("surge_mps2", "sway_mps2", "yaw_dps2")
-PLANES = (("surge_mps", "yaw_rate_dps"), ("rpm", "sway_mps"), ("azimuth_deg", "relative_wind_deg"))
-"""What the cells are of."""
-
-LEAST_S = 5
-"""A cell of fewer seconds says nothing."""
-
-ENOUGH_S = 60
-"""A map of fewer seconds shows nothing."""
-
-_STEP_S = 0.01
-_EDGES = {"relative_wind_deg": np.linspace(-180.0, 180.0, 9)}
-_CELLS = 9
 
 
 @dataclass(frozen=True, slots=True)
@@ -175,12 +173,14 @@ class Residuals:
     quantities: dict[str, Floats]
 
 
-def pooled(every: Sequence[Residuals]) -> Residuals:
+def pool_residuals(residuals: Sequence[Residuals]) -> Residuals:
     """The seconds of several recordings as one, with the quantities that all of them have."""
-    names = [name for name in every[0].quantities if all(name in each.quantities for each in every)]
+    names = [
+        name for name in residuals[0].quantities if all(name in recording.quantities for recording in residuals)
+    ]
     return Residuals(
-        np.concatenate([each.missing for each in every]),
-        {name: np.concatenate([each.quantities[name] for each in every]) for name in names},
+        np.concatenate([recording.missing for recording in residuals]),
+        {name: np.concatenate([recording.quantities[name] for recording in residuals]) for name in names},
     )
 
 
@@ -206,22 +206,22 @@ def residuals_of(one_hz: pd.DataFrame, motion: SmoothedMotion, plant: Plant) -> 
     """The accelerations that ``plant`` lacks where a 1 Hz table and the smoothed motion are whole."""
     slow = motion.slow.reindex(one_hz.index)
     table = one_hz.assign(**{str(name): slow[name] for name in slow})
-    whole = table.dropna(subset=[*trial_channels(table), *ACCELERATIONS])
-    states, controls, wind = states_of(whole), controls_of(whole, plant.layout), wind_of(whole)
+    complete = table.dropna(subset=[*trial_channels(table), *ACCELERATIONS])
+    states, controls, wind = states_of(complete), controls_of(complete, plant.layout), wind_of(complete)
     model = modelled_acceleration(plant, states, controls, wind) * np.array([1.0, 1.0, np.rad2deg(1.0)])
-    measured = whole[list(ACCELERATIONS)].to_numpy(dtype=float)
-    relative = wrap_180(whole["wind_direction_deg"].to_numpy() - whole["heading_deg"].to_numpy())
+    measured = complete[list(ACCELERATIONS)].to_numpy(dtype=float)
+    relative = wrap_180(complete["wind_direction_deg"].to_numpy() - complete["heading_deg"].to_numpy())
     along = quantities_along(plant.layout, states, controls, wind)
     shown = ("surge_mps", "sway_mps", "yaw_rate_dps", "rpm", *steering_angles(plant.layout))
     quantities = {name: along[name] for name in shown if name in along}
-    if whole["wind_speed_mps"].max() > _CALM_MPS:  # a calm, or a wind that was not recorded, has no direction
+    if complete["wind_speed_mps"].max() > _CALM_MPS:  # a calm, or a wind that was not recorded, has no direction
         quantities["relative_wind_deg"] = np.asarray(relative)
     return Residuals(measured - model, quantities)
 
 
 def planes_of(residuals: Residuals) -> tuple[tuple[str, str], ...]:
     """:data:`PLANES` with the angle that the ship is steered by; without those of which a quantity is not known."""
-    angle = next((f"{each}_deg" for each in ANGLES if f"{each}_deg" in residuals.quantities), "")
+    angle = next((f"{kind}_deg" for kind in ANGLES if f"{kind}_deg" in residuals.quantities), "")
     wind = PLANES[-1][1]
     planes = (*PLANES[:-1], (angle, wind if wind in residuals.quantities else "yaw_rate_dps"))
     return tuple(plane for plane in planes if set(plane) <= set(residuals.quantities))
@@ -250,21 +250,19 @@ def largest_residuals(residuals: Residuals) -> list[LargestResidual]:
     Residuals of seconds that follow each other are alike: a mean's interval is that of means over blocks. What
     stands out does so at 5 % though as many classes are tried (Bonferroni).
     """
-    every = [
+    candidates = [
         LargestResidual(name, quantity, low, high, *_mean_of(values[inside]))
         for name, values in zip(ACCELERATIONS, residuals.missing.T, strict=True)
         for quantity, x in residuals.quantities.items()
         for low, high in pairwise(_EDGES.get(quantity, edges_of(x)).tolist())
         if (inside := (x >= low) & (x < high)).sum() >= ENOUGH_S
     ]
-    sure = [each for each in every if each.p_value * len(every) < _CHANCE]
-    best = {each.acceleration: each for each in sorted(sure, key=lambda one: one.seconds * one.mean**2)}
+    sure = [candidate for candidate in candidates if candidate.p_value * len(candidates) < _CHANCE]
+    best = {
+        candidate.acceleration: candidate
+        for candidate in sorted(sure, key=lambda candidate: candidate.seconds * candidate.mean**2)
+    }
     return [best[name] for name in ACCELERATIONS if name in best]
-
-
-_CALM_MPS = 0.1
-_BLOCK_S = 15  # a few of a ship's own time constants at ordinary speeds
-_CHANCE = 0.05
 
 
 def _mean_of(values: Floats) -> tuple[float, float, int, float]:
@@ -280,7 +278,9 @@ def cells_of(residuals: Residuals, x: str, y: str) -> Cells:
     across, up = residuals.quantities[x], residuals.quantities[y]
     x_edges, y_edges = (_EDGES.get(name, edges_of(residuals.quantities[name])) for name in (x, y))
     seconds, *_ = np.histogram2d(up, across, bins=(y_edges, x_edges))
-    sums = [np.histogram2d(up, across, bins=(y_edges, x_edges), weights=each)[0] for each in residuals.missing.T]
+    sums = [
+        np.histogram2d(up, across, bins=(y_edges, x_edges), weights=missing)[0] for missing in residuals.missing.T
+    ]
     with np.errstate(invalid="ignore", divide="ignore"):
         mean = np.where(seconds >= LEAST_S, np.array(sums) / seconds, np.nan)
     return Cells(x_edges, y_edges, mean, seconds)
@@ -295,6 +295,6 @@ def edges_of(values: Floats) -> Floats:
     low, high = (float(values.min()), float(values.max())) if values.size else (0.0, 1.0)
     wanted = max((high - low) / _CELLS, 1e-3)
     ten = 10.0 ** np.floor(np.log10(wanted))
-    step = next(each * ten for each in (1.0, 2.0, 5.0, 10.0) if each * ten >= wanted * (1.0 - 1e-9))
+    step = next(factor * ten for factor in (1.0, 2.0, 5.0, 10.0) if factor * ten >= wanted * (1.0 - 1e-9))
     first, last = np.floor(low / step), max(np.ceil(high / step), np.floor(low / step) + 1)
     return np.asarray(np.arange(first, last + 1) * step)

@@ -15,20 +15,22 @@ from seatrial.acquisition.core.files import write_text, written_together
 from seatrial.analysis.report.plots import FAINT, INK, PALETTE
 from seatrial.analysis.report.rendering import Page, render
 from seatrial.hybrid.evaluation.study import BASELINES, Evaluation, MethodSummary, SplitSummary
-from seatrial.hybrid.prediction.baselines import Interval
 from seatrial.hybrid.report.plots import COLOUR, interval_bar, logarithmic, named_rows, reach
 from seatrial.hybrid.report.sections import templates
-from seatrial.hybrid.report.text import MEANING, counts_of, no_wrap, plain, spread
+from seatrial.hybrid.report.text import MEANING, counts_of, estimate_text, no_wrap, plain
 
 _LABELS, _SHORTEST = 84, 10  # characters that fit below an axis side by side, and of one label at the least
+JSON_FILE, PAGE_FILE = "evaluation.json", "evaluation.html"
+HEADER = ["method", "start", "mean distance [m]", "end [m]", "north, east [m]", "heading [deg]", "ratio to best",
+          "in the 95 % region"]  # fmt: skip
 
 
 def colours_of(methods: Sequence[str]) -> dict[str, str]:
     """One colour a method, the same in every figure; methods that are not known take what is left."""
-    known = {method: COLOUR[method] for method in (*BASELINES, *methods) if method in COLOUR}
-    left = [colour for colour in (*PALETTE, INK) if colour not in known.values()]
-    others = [method for method in methods if method not in known]
-    return known | {method: left[number % len(left)] for number, method in enumerate(others)}
+    colours = {method: COLOUR[method] for method in (*BASELINES, *methods) if method in COLOUR}
+    unused = [colour for colour in (*PALETTE, INK) if colour not in colours.values()]
+    uncoloured = [method for method in methods if method not in colours]
+    return colours | {method: unused[number % len(unused)] for number, method in enumerate(uncoloured)}
 
 
 def error_by_second(axes: Axes, summary: MethodSummary) -> None:
@@ -37,12 +39,14 @@ def error_by_second(axes: Axes, summary: MethodSummary) -> None:
     Errors grow from centimetres to metres, and methods are tens of times apart: the axis is logarithmic.
     """
     colours = colours_of(list(summary.methods))
-    for method, each in summary.methods.items():
-        seconds = np.arange(1, len(each.by_second) + 1)
-        value, low, high = np.array([(one.value, one.low, one.high) for one in each.by_second]).T
+    for method, errors in summary.methods.items():
+        seconds = np.arange(1, len(errors.by_second) + 1)
+        value, low, high = np.array(
+            [(interval.value, interval.low, interval.high) for interval in errors.by_second]
+        ).T
         axes.plot(seconds, value, color=colours[method], label=plain(method))
         axes.fill_between(seconds, low, high, color=colours[method], alpha=0.12, linewidth=0)
-    intervals = [one for each in summary.methods.values() for one in each.by_second]
+    intervals = [interval for errors in summary.methods.values() for interval in errors.by_second]
     logarithmic(axes, "y", intervals)
     axes.set(xlim=(0, seconds[-1]), xlabel="prediction time [s]", ylabel="mean distance [m]")
 
@@ -51,19 +55,19 @@ def coverage_by_second(axes: Axes, summary: MethodSummary) -> None:
     """The share of positions inside each method's 95 % region by second; 93 to 97 % shaded."""
     colours = colours_of(list(summary.methods))
     axes.axhspan(93.0, 97.0, color=FAINT, alpha=0.4, linewidth=0)
-    for method, each in summary.methods.items():
-        shares = [100.0 * one.value for one in each.coverage_by_second]
+    for method, errors in summary.methods.items():
+        shares = [100.0 * interval.value for interval in errors.coverage_by_second]
         axes.plot(np.arange(1, len(shares) + 1), shares, color=colours[method], label=plain(method))
-    axes.set(xlim=(0, len(each.by_second)), ylim=(min(axes.get_ylim()[0], 90.0), 100.5))
+    axes.set(xlim=(0, len(errors.by_second)), ylim=(min(axes.get_ylim()[0], 90.0), 100.5))
     axes.set(xlabel="prediction time [s]", ylabel="positions in the 95 % region [%]")
 
 
 def forest(axes: Axes, splits: Mapping[str, SplitSummary]) -> None:
     """The ratio of every method's mean distance to the best baseline's, with its interval, a group a split."""
     rows = [
-        (kind, method, each.ratio)
+        (kind, method, errors.ratio)
         for kind, split in splits.items()
-        for method, each in split.whole.methods.items()
+        for method, errors in split.whole.methods.items()
         if method != split.whole.best_baseline
     ]
     colours = colours_of(list(next(iter(splits.values())).whole.methods))
@@ -83,12 +87,12 @@ def leak(axes: Axes, splits: Mapping[str, SplitSummary]) -> None:
     """What the random split shows of each method beside what is found on legs never seen."""
     honest, leaky = splits["leg"].whole.methods, splits["random"].whole.methods
     for row, method in enumerate(honest):
-        shown, found = leaky[method].mean_distance_m, honest[method].mean_distance_m
-        axes.plot([shown.value, found.value], [row, row], color=FAINT, linewidth=2.0, zorder=1)
+        shown, unseen = leaky[method].mean_distance_m, honest[method].mean_distance_m
+        axes.plot([shown.value, unseen.value], [row, row], color=FAINT, linewidth=2.0, zorder=1)
         interval_bar(axes, shown, row - 0.12, PALETTE[1], "random windows" if row == 0 else "")
-        interval_bar(axes, found, row + 0.12, PALETTE[0], "unseen legs" if row == 0 else "")
+        interval_bar(axes, unseen, row + 0.12, PALETTE[0], "unseen legs" if row == 0 else "")
     named_rows(axes, [plain(method) for method in honest])
-    logarithmic(axes, "x", [each.mean_distance_m for part in (honest, leaky) for each in part.values()])
+    logarithmic(axes, "x", [errors.mean_distance_m for part in (honest, leaky) for errors in part.values()])
     axes.set_xlabel("mean distance [m]")
     axes.legend(loc="best")
 
@@ -98,27 +102,27 @@ def breakdown(axes: Axes, classes: Mapping[str, MethodSummary]) -> None:
     methods = list(next(iter(classes.values())).methods)
     colours = colours_of(methods)
     for number, method in enumerate(methods):
-        at = np.arange(len(classes)) + (number - (len(methods) - 1) / 2) * 0.6 / len(methods)
-        intervals = [each.methods[method].mean_distance_m for each in classes.values()]
-        axes.errorbar(
-            at, [each.value for each in intervals], np.column_stack([reach(each) for each in intervals]), fmt="o",
-            color=colours[method], capsize=2.5, label=plain(method),
-        )  # fmt: skip
+        places = np.arange(len(classes)) + (number - (len(methods) - 1) / 2) * 0.6 / len(methods)
+        intervals = [summary.methods[method].mean_distance_m for summary in classes.values()]
+        values, ends = [interval.value for interval in intervals], np.column_stack([*map(reach, intervals)])
+        axes.errorbar(places, values, ends, fmt="o", color=colours[method], capsize=2.5, label=plain(method))
     wide = max(_LABELS // len(classes), _SHORTEST)
-    labels = [f"{fill(name, wide)}\n{fill(counts_of(each), wide)}" for name, each in classes.items()]
+    labels = [f"{fill(name, wide)}\n{fill(counts_of(summary), wide)}" for name, summary in classes.items()]
     axes.set_xticks(range(len(classes)), labels)
     axes.set_xlim(-0.5, len(classes) - 0.5)
-    logarithmic(axes, "y", [one.mean_distance_m for each in classes.values() for one in each.methods.values()])
+    logarithmic(
+        axes, "y", [errors.mean_distance_m for summary in classes.values() for errors in summary.methods.values()]
+    )
     axes.set_ylabel("mean distance [m]")
     axes.grid(visible=False, axis="x")
 
 
 def seconds(figure: Figure, summary: MethodSummary) -> None:
     """Error and coverage by second, side by side."""
-    left, right = figure.subplots(1, 2)
-    error_by_second(left, summary)
-    coverage_by_second(right, summary)
-    figure.legend(*left.get_legend_handles_labels(), loc="outside upper center", ncols=6)
+    errors, coverage = figure.subplots(1, 2)
+    error_by_second(errors, summary)
+    coverage_by_second(coverage, summary)
+    figure.legend(*errors.get_legend_handles_labels(), loc="outside upper center", ncols=6)
 
 
 def classes(figure: Figure, summaries: Mapping[str, MethodSummary]) -> None:
@@ -128,25 +132,24 @@ def classes(figure: Figure, summaries: Mapping[str, MethodSummary]) -> None:
     figure.legend(*axes.get_legend_handles_labels(), loc="outside upper center", ncols=6)
 
 
-JSON_FILE, PAGE_FILE = "evaluation.json", "evaluation.html"
-HEADER = ["method", "start", "mean distance [m]", "end [m]", "north, east [m]", "heading [deg]", "ratio to best",
-          "in the 95 % region"]  # fmt: skip
-
-
-def write_evaluation(evaluation: Evaluation, text: str, about: Mapping[str, Any], folder: Path) -> list[Path]:
+def write_evaluation(evaluation: Evaluation, text: str, provenance: Mapping[str, Any], folder: Path) -> list[Path]:
     """Write the JSON ``text`` and the page into a folder and return their paths. Raises :class:`StorageError`."""
     with written_together(folder / JSON_FILE):
-        return [write_text(folder / JSON_FILE, text + "\n"), page_of(evaluation, about).write(folder / PAGE_FILE)]
+        return [
+            write_text(folder / JSON_FILE, text + "\n"),
+            page_of(evaluation, provenance).write(folder / PAGE_FILE),
+        ]
 
 
-def page_of(evaluation: Evaluation, about: Mapping[str, Any]) -> Page:
-    """The page; ``about`` says what was evaluated: files, vessel, stride, seed."""
-    names = ", ".join(Path(each).name for each in about["files"])
-    windows = "windows with recorded commands" if about.get("any_commands") else "held windows"
+def page_of(evaluation: Evaluation, provenance: Mapping[str, Any]) -> Page:
+    """The page; ``provenance`` says what was evaluated: files, vessel, stride, seed."""
+    names = ", ".join(Path(file).name for file in provenance["files"])
+    windows = "windows with recorded commands" if provenance.get("any_commands") else "held windows"
+    counts = f"{evaluation.windows} {windows} of {evaluation.legs} legs"
     return render(
-        "evaluation.html", templates=templates(), found=evaluation,
+        "evaluation.html", templates=templates(), study=evaluation,
         title=f"Prediction methods compared over {evaluation.horizon_s} s",
-        subtitle=f"{names}; vessel {about['vessel']}; {evaluation.windows} {windows} of {evaluation.legs} legs",
+        subtitle=f"{names}; vessel {provenance['vessel']}; {counts}",
     )  # fmt: skip
 
 
@@ -154,7 +157,7 @@ def headline_of(evaluation: Evaluation) -> dict[str, str]:
     """How the best learned method stands to the best baseline, on each honest split."""
     figures = {}
     for kind, split in evaluation.splits.items():
-        learned = {name: each for name, each in split.whole.methods.items() if name not in BASELINES}
+        learned = {name: errors for name, errors in split.whole.methods.items() if name not in BASELINES}
         if kind != "random" and learned:
             best = min(learned, key=lambda name: learned[name].ratio.value)
             words = f"{plain(best)} over {plain(split.whole.best_baseline)}, {MEANING[kind]}"
@@ -164,29 +167,29 @@ def headline_of(evaluation: Evaluation) -> dict[str, str]:
 
 def ratio_count(evaluation: Evaluation) -> int:
     """How many ratios to the best baseline there are."""
-    return sum(len(each.whole.methods) - 1 for each in evaluation.splits.values())
+    return sum(len(split.whole.methods) - 1 for split in evaluation.splits.values())
 
 
 def method_rows(split: SplitSummary) -> tuple[list[list[str]], int]:
     """A row a method, and which is the best."""
-    rows = [
-        [no_wrap(plain(name)), start, no_wrap(spread(each.mean_distance_m)), f"{each.end_distance_m.value:.2f}",
-         no_wrap(f"{each.mae_north_m.value:.2f}, {each.mae_east_m.value:.2f}"),
-         f"{each.heading_error_deg.value:.1f}", no_wrap(spread(each.ratio)), _percent(each.coverage_95)]
-        for start, summary in split.by_start.items()
-        for name, each in summary.methods.items()
-    ]  # fmt: skip
+    rows = []
+    for start, summary in split.by_start.items():
+        for name, errors in summary.methods.items():
+            inside = errors.coverage_95
+            bounds = "" if inside.low != inside.low else f" ({inside.low:.0%}-{inside.high:.0%})"
+            rows.append([
+                no_wrap(plain(name)), start, no_wrap(estimate_text(errors.mean_distance_m)),
+                f"{errors.end_distance_m.value:.2f}",
+                no_wrap(f"{errors.mae_north_m.value:.2f}, {errors.mae_east_m.value:.2f}"),
+                f"{errors.heading_error_deg.value:.1f}", no_wrap(estimate_text(errors.ratio)),
+                no_wrap(f"{inside.value:.1%}{bounds}"),
+            ])  # fmt: skip
     return rows, list(split.whole.methods).index(split.whole.best)
 
 
 def leak_rows(evaluation: Evaluation) -> list[list[str]]:
     """How much larger the error on legs never seen is than what a random split shows."""
-    return [[no_wrap(plain(name)), no_wrap(spread(factor))] for name, factor in evaluation.leak.items()]
-
-
-def _percent(interval: Interval) -> str:
-    bounds = "" if interval.low != interval.low else f" ({interval.low:.0%}-{interval.high:.0%})"
-    return no_wrap(f"{interval.value:.1%}{bounds}")
+    return [[no_wrap(plain(name)), no_wrap(estimate_text(factor))] for name, factor in evaluation.leak.items()]
 
 
 def draw_evaluation(figure: Figure, evaluation: Evaluation) -> None:

@@ -1,7 +1,7 @@
-"""From a folder to its report: what is in it says which one.
+"""The report of a folder, whose content decides which one.
 
-A diagnosis and a reproduction get their own page anew, recordings the report of their trial, and the results of a
-batch a report for each recording, to which the index then leads.
+The page of a diagnosis or a reproduction is written again, recordings get the report of their trial, and the
+results of a batch a report for each recording, to which the index then leads.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ import json
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
 from markupsafe import Markup
 
@@ -25,7 +25,9 @@ from seatrial.acquisition.core.errors import (
 )
 from seatrial.acquisition.core.files import make_folder, write_text, written_together
 from seatrial.acquisition.core.named_code import imported
+from seatrial.analysis.batch import SUMMARY, read_index, run_batch, write_index
 from seatrial.analysis.manoeuvres.indices import as_json
+from seatrial.analysis.products import Options
 from seatrial.analysis.report.rendering import render
 from seatrial.analysis.tables.table import sha256_of
 from seatrial.hybrid.diagnosis.result import read_diagnosis, read_json
@@ -94,8 +96,8 @@ def kind_of(folder: Path) -> Kind:
 def recordings_in(folder: Path) -> list[Path]:
     """The recordings of a trial: those in ``recordings`` where there is such a folder, else those in it."""
     for place in (folder / "recordings", folder):
-        if found := sorted(path for path in place.glob("*.mcap") if not path.name.startswith(".")):
-            return found
+        if recordings := sorted(path for path in place.glob("*.mcap") if not path.name.startswith(".")):
+            return recordings
     return []
 
 
@@ -104,7 +106,7 @@ def report(
 ) -> list[Path]:
     """Write the report of a folder, or of one recording beside it, and return the paths of its pages.
 
-    ``recordings`` is the folder that a batch went through. Raises :class:`InputError` for what cannot be told.
+    ``recordings`` is the folder of a batch. Raises :class:`InputError` where there is nothing to report on.
     """
     folder = report_folder(where)
     if where.is_file():
@@ -156,21 +158,16 @@ def folder_report(
 ) -> list[Path]:
     """The report of all or some recordings of a trial's folder, and the page of their diagnosis in it."""
     paths = list(recordings or recordings_in(folder))
-    beside, within = folder / "calibrator", folder / "diagnosis"
-    found = beside if (beside / "calibrator.json").is_file() else None
-    own = replace(choices, calibrator=choices.calibrator or found)
+    calibrator, within = folder / "calibrator", folder / "diagnosis"
+    default = calibrator if (calibrator / "calibrator.json").is_file() else None
+    completed = replace(choices, calibrator=choices.calibrator or default)
     if not (within / "shown.json").is_file():
-        return [trial_report(paths, folder, own, progress)]
-    if not _is_of(within, paths):
+        return [trial_report(paths, folder, completed, progress)]
+    hashes = str(read_json(within / "diagnosis.json").get("provenance", {}).get("recordings_sha256", ""))
+    if not set(hashes.split(", ")) <= {sha256_of(path) for path in paths}:
         remark = "The diagnosis in this folder is for other recordings and is left out."
-        return [trial_report(paths, folder, own, progress, remark=remark)]
-    return [trial_report(paths, folder, own, progress, within), within / PAGE_FILE]
-
-
-def _is_of(diagnosis: Path, recordings: Sequence[Path]) -> bool:
-    """Whether a diagnosis is of these recordings, or of some of them, by their hashes."""
-    hashes = str(read_json(diagnosis / "diagnosis.json").get("provenance", {}).get("recordings_sha256", ""))
-    return set(hashes.split(", ")) <= {sha256_of(path) for path in recordings}
+        return [trial_report(paths, folder, completed, progress, remark=remark)]
+    return [trial_report(paths, folder, completed, progress, within), within / PAGE_FILE]
 
 
 def trial_report(
@@ -191,7 +188,7 @@ def trial_report(
         part=choices.part, repair=choices.repair, allow_seen=choices.allow_seen, length_m=choices.length_m,
         method=choices.method, statement=statement_text(choices.conditions, recordings[0], folder),
     )  # fmt: skip
-    made = case.products  # what is wrong is said before anything is written
+    products = case.products  # what is wrong is said before anything is written
     make_folder(folder)
     with written_together(folder / PAGE_FILE):
         pages = write_interactive_pages(case, folder) if choices.interactive else {}
@@ -203,7 +200,7 @@ def trial_report(
         criteria = [{"vessel": vessel, **result.as_json()}
                     for vessel, results in case.criteria.items() for result in results]  # fmt: skip
         write_text(folder / "criteria.json", json.dumps(criteria, indent=1) + "\n")
-        indices = {name: as_json(each.manoeuvres) for name, each in made.items()}
+        indices = {name: as_json(recording.manoeuvres) for name, recording in products.items()}
         write_text(folder / "indices.json", json.dumps(indices, indent=1) + "\n")
         page = render(
             "base.html", title=f"Sea trial report: {ship_name(case)}", subtitle=subtitle(case),
@@ -219,47 +216,37 @@ def batch_reports(
 
     Raises :class:`InputError` without the folder of the recordings, whose place no result knows.
     """
-    from seatrial.analysis.batch import run_batch, write_index
-
     if recordings is None:
         raise InputError("contains the results of a batch without the path of the recordings", where=str(out),
                          fix="give it with --recordings FOLDER")  # fmt: skip
-    _refuse_elsewhere(out, recordings)
-    options = batch_options(out)
-    summary = run_batch(recordings, out, options=options)
-    stated = statement_file(choices.conditions, recordings)
-    own = replace(choices, repair=choices.repair and options.repair, conditions=stated)
-    pages, failed = list[Path](), dict[str, str]()
-    done = [row for row in summary.rows if row["status"] == "done"]
-    for number, row in enumerate(done):
-        share = part_of(progress, number, len(done))
-        try:
-            pages.append(trial_report(summary.files[row["name"]], out / row["name"], own, share))
-        except SeatrialError as error:
-            failed[row["name"]] = str(error)
-    index = write_index([*summary.rows, *summary.gone_rows], out, recordings.resolve().name)
-    if failed:
-        raise SeatrialError(f"{len(failed)} of {len(done)} reports failed: {', '.join(failed)}", where=str(index),
-                            why=next(iter(failed.values())))  # fmt: skip
-    return [index, *pages]
-
-
-def _refuse_elsewhere(out: Path, recordings: Path) -> None:
-    """Raise :class:`InputError` where none of a batch's recordings lies in the folder that is given for them."""
-    from seatrial.analysis.batch import read_index
-
     paths = [str(path) for path in read_index(out / "index.parquet")["path"] if path]
     if paths and not any((recordings / path).is_file() for path in paths):
         raise InputError("contains none of the batch's recordings", where=str(recordings),
                          why=f"these were {', '.join(paths[:3])}{' and more' if len(paths) > 3 else ''}",
                          fix="name the folder that `seatrial batch` was given")  # fmt: skip
+    options = batch_options(out)
+    summary = run_batch(recordings, out, options=options)
+    stated = statement_file(choices.conditions, recordings)
+    completed = replace(choices, repair=choices.repair and options.repair, conditions=stated)
+    pages, failed = list[Path](), dict[str, str]()
+    reported = [row for row in summary.rows if row["status"] == "done"]
+    for number, row in enumerate(reported):
+        share = part_of(progress, number, len(reported))
+        try:
+            pages.append(trial_report(summary.files[row["name"]], out / row["name"], completed, share))
+        except SeatrialError as error:
+            failed[row["name"]] = str(error)
+    index = write_index([*summary.rows, *summary.gone_rows], out, recordings.resolve().name)
+    if failed:
+        raise SeatrialError(
+            f"{len(failed)} of {len(reported)} reports failed: {', '.join(failed)}",
+            where=str(index), why=next(iter(failed.values())),
+        )  # fmt: skip
+    return [index, *pages]
 
 
-def batch_options(out: Path) -> Any:
+def batch_options(out: Path) -> Options:
     """The options of a batch, from the first result that says them."""
-    from seatrial.analysis.batch import SUMMARY
-    from seatrial.analysis.products import Options
-
     for path in sorted(out.rglob(SUMMARY)):
         try:
             return Options(**read_json(path)["provenance"]["options"])

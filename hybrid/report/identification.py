@@ -25,38 +25,43 @@ _TRIALS = 5
 _MOST = 20  # coefficients in one picture
 
 
-def identification_view(found: Identification) -> Group:
+def identification_view(identification: Identification) -> Group:
     """The coefficients, what hangs together, the validation, and what to do next."""
-    parts: list[RenderableType] = [*(Text(f"left out: {each}") for each in found.set_aside), _coefficients(found)]
-    for one, other, correlation in found.entangled:
-        parts.append(Text(f"{one} and {other} cannot be distinguished here (correlation {correlation:+.2f})."))
-    if found.validation is not None:
-        parts.append(_validation(found.validation))
-    if found.candidates:
-        parts.append(_next(found.candidates))
+    parts: list[RenderableType] = [
+        *(Text(f"left out: {part}") for part in identification.set_aside),
+        _coefficients(identification),
+    ]
+    for first, second, correlation in identification.entangled:
+        parts.append(Text(f"{first} and {second} cannot be distinguished here (correlation {correlation:+.2f})."))
+    if identification.validation is not None:
+        parts.append(_validation(identification.validation))
+    if identification.candidates:
+        parts.append(_next(identification.candidates))
     return Group(*parts)
 
 
-def _coefficients(found: Identification) -> Table:
-    known = sum(each.known for each in found.coefficients)
+def _coefficients(identification: Identification) -> Table:
+    determined = sum(coefficient.known for coefficient in identification.coefficients)
     title = (
-        f"{found.vessel.name}: {known} of {len(found.coefficients)} coefficients determined by {found.segments} "
-        f"segments of {found.duration_s:.0f} s"
+        f"{identification.vessel.name}: {determined} of {len(identification.coefficients)} coefficients determined "
+        f"by {identification.segments} segments of {identification.duration_s:.0f} s"
     )
     columns = ("coefficient", "value", "95 % from", "to", "start", "")
     table = text_table(title, columns, (), wrap=True, pad_edge=False)
-    for each in found.coefficients:
-        cells = [f"{number:.3g}" for number in (each.value, each.low, each.high, each.start)]
-        said, style = ("", "") if each.known else ("unknown", "dim")
-        table.add_row("\n".join((each.name, *each.twins)), *cells, said, style=style)
+    for coefficient in identification.coefficients:
+        cells = [
+            f"{number:.3g}" for number in (coefficient.value, coefficient.low, coefficient.high, coefficient.start)
+        ]
+        remark, style = ("", "") if coefficient.known else ("unknown", "dim")
+        table.add_row("\n".join((coefficient.name, *coefficient.tied)), *cells, remark, style=style)
     return table
 
 
 def _validation(judged: Judgement) -> Table:
     title = f"left out: {judged.held_out}; {judged.windows} windows of {judged.horizon_s} s"
     rows = [
-        [name, f"{each.mean_distance_m:.3f}", f"{each.end_distance_m:.3f}", f"{each.heading_error_deg:.2f}"]
-        for name, each in judged.scores.items()
+        [name, f"{errors.mean_distance_m:.3f}", f"{errors.end_distance_m:.3f}", f"{errors.heading_error_deg:.2f}"]
+        for name, errors in judged.scores.items()
     ]
     columns = ("method", "mean distance m", "at the end m", "heading deg")
     return text_table(title, columns, rows, wrap=True, pad_edge=False)
@@ -65,34 +70,53 @@ def _validation(judged: Judgement) -> Table:
 def _next(candidates: Sequence[ManoeuvreInformation]) -> Table:
     title = f"What another {candidates[0].minutes:.0f} minutes would tell"
     rows = [
-        [each.manoeuvre, f"{each.gain:.1f}", f"{each.left:.0%}", str(len(each.newly_known))]
-        for each in candidates[:_TRIALS]
+        [candidate.manoeuvre, f"{candidate.gain:.1f}", f"{candidate.left:.0%}", str(len(candidate.newly_known))]
+        for candidate in candidates[:_TRIALS]
     ]
     columns = ("manoeuvre", "nats", "remaining variance", "newly determined")
     return text_table(title, columns, rows, wrap=True, pad_edge=False)
 
 
-def draw_identification(figure: Figure, found: Identification) -> None:
+def draw_identification(figure: Figure, identification: Identification) -> None:
     """Left the segments as measured and as simulated, right the coefficients that the data tell best, each with its
     interval and the prior's."""
-    left, right = figure.subplots(1, 2)
-    measured, simulated = found.tracks
-    for number, (one, other) in enumerate(zip(measured, simulated, strict=True)):
-        left.plot(one[:, 1], one[:, 0], color=INK, linewidth=2.0, label="measured" if number == 0 else None)
-        left.plot(other[:, 1], other[:, 0], color=_ORANGE, linewidth=1.0, label="model" if number == 0 else None)
-    left.set_aspect("equal", adjustable="datalim")
-    left.set(xlabel="east [m]", ylabel="north [m]")
-    legend_above(left, 2)
-    shown = sorted(found.coefficients, key=lambda each: (each.high - each.low) / _half_width(each))[:_MOST]
-    for place, each in enumerate(shown):
-        right.plot([-1.0, 1.0], [place, place], color=FAINT, linewidth=5.0, solid_capstyle="butt")
-        ends = (np.array([each.low, each.value, each.high]) - each.start) / _half_width(each)
-        right.plot(ends[[0, 2]], [place, place], color=_BLUE if each.known else INK, linewidth=1.5)
-        right.plot(ends[1], place, "o", color=_BLUE if each.known else INK, markersize=4)
-    named_rows(right, [each.name for each in shown], fontsize=8)
-    right.set_title(f"{len(shown)} of {len(found.coefficients)} coefficients, best known first", loc="left")
-    right.set_xlabel("departure from the start, in half widths of the prior's 95 % interval [1]")
+    tracks_axes, interval_axes = figure.subplots(1, 2)
+    measured, simulated = identification.tracks
+    for number, (measured_track, simulated_track) in enumerate(zip(measured, simulated, strict=True)):
+        tracks_axes.plot(
+            measured_track[:, 1],
+            measured_track[:, 0],
+            color=INK,
+            linewidth=2.0,
+            label="measured" if number == 0 else None,
+        )
+        tracks_axes.plot(
+            simulated_track[:, 1],
+            simulated_track[:, 0],
+            color=_ORANGE,
+            linewidth=1.0,
+            label="model" if number == 0 else None,
+        )
+    tracks_axes.set_aspect("equal", adjustable="datalim")
+    tracks_axes.set(xlabel="east [m]", ylabel="north [m]")
+    legend_above(tracks_axes, 2)
+    shown = sorted(
+        identification.coefficients,
+        key=lambda coefficient: (coefficient.high - coefficient.low) / _half_width(coefficient),
+    )[:_MOST]
+    for place, coefficient in enumerate(shown):
+        interval_axes.plot([-1.0, 1.0], [place, place], color=FAINT, linewidth=5.0, solid_capstyle="butt")
+        ends = (np.array([coefficient.low, coefficient.value, coefficient.high]) - coefficient.start) / _half_width(
+            coefficient
+        )
+        interval_axes.plot(ends[[0, 2]], [place, place], color=_BLUE if coefficient.known else INK, linewidth=1.5)
+        interval_axes.plot(ends[1], place, "o", color=_BLUE if coefficient.known else INK, markersize=4)
+    named_rows(interval_axes, [coefficient.name for coefficient in shown], fontsize=8)
+    interval_axes.set_title(
+        f"{len(shown)} of {len(identification.coefficients)} coefficients, best known first", loc="left"
+    )
+    interval_axes.set_xlabel("departure from the start, in half widths of the prior's 95 % interval [1]")
 
 
-def _half_width(each: CoefficientEstimate) -> float:
-    return max(0.5 * (each.start_high - each.start_low), 1e-12)
+def _half_width(coefficient: CoefficientEstimate) -> float:
+    return max(0.5 * (coefficient.start_high - coefficient.start_low), 1e-12)

@@ -1,4 +1,4 @@
-"""A plan on a page: the two programmes on a time line, what they show from what size, and what they leave alike."""
+"""A plan on a page: two programmes on a time line, the sizes that they detect, and what they cannot distinguish."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ from seatrial.acquisition.core.files import write_text, written_together
 from seatrial.acquisition.core.quantities import Floats
 from seatrial.analysis.report.plots import PALETTE
 from seatrial.analysis.report.rendering import Page, render
-from seatrial.hybrid.diagnosis.planning import TOLD_APART
-from seatrial.hybrid.planning import Plan, Programme
+from seatrial.hybrid.diagnosis.planning import DISTINGUISHED
+from seatrial.hybrid.planning import Plan
 from seatrial.hybrid.report.sections import templates
 from seatrial.hybrid.report.text import plain
 
@@ -44,31 +44,29 @@ def page_of(plan: Plan) -> Page:
 
 
 def headline_of(plan: Plan) -> dict[str, str]:
-    """How many effects of ordinary size are seen, and how many pairs are not told apart, by either."""
+    """How many effects of ordinary size are seen, and how many pairs are not distinguished, by either."""
     figures = {}
     for title, programme in (("yours", plan.asked), ("better", plan.better)):
-        number = sum(_seen(plan, programme, name) for name in plan.catalogue)
+        number = 0
+        for name, effect in plan.catalogue.items():
+            parameter, limit = effect.parameters[0], programme.limits[name]
+            if effect.chart == "inverse_square":
+                number += limit >= parameter.typical
+            else:
+                number += limit <= abs(parameter.typical - parameter.neutral)
         figures[f"effects of ordinary size found, {title}"] = f"{number} of {len(plan.catalogue)}"
         figures[f"pairs not distinguished, {title}"] = str(len(programme.indistinguishable_pairs()))
     return figures
 
 
-def _seen(plan: Plan, programme: Programme, name: str) -> bool:
-    effect, limit = plan.catalogue[name], programme.limits[name]
-    first = effect.parameters[0]
-    if effect.chart == "inverse_square":
-        return limit >= first.typical
-    return limit <= abs(first.typical - first.neutral)
-
-
 def plain_rows(rows: Sequence[Sequence[str]]) -> list[list[str]]:
-    """Rows with their names as people say them."""
-    return [[plain(each) for each in row] for row in rows]
+    """Rows with their names in plain words."""
+    return [[plain(cell) for cell in row] for row in rows]
 
 
 def draw_programmes(axes: Axes, plan: Plan) -> None:
     """Both programmes on a time line."""
-    names = list(dict.fromkeys(part.name for each in (plan.asked, plan.better) for part in each.parts))
+    names = list(dict.fromkeys(part.name for programme in (plan.asked, plan.better) for part in programme.parts))
     for row, programme in enumerate((plan.asked, plan.better)):
         begin = 0.0
         for part in programme.parts:
@@ -83,23 +81,25 @@ def draw_programmes(axes: Axes, plan: Plan) -> None:
 
 
 def draw_evidence(figure: Figure, plan: Plan) -> None:
-    """What tells those pairs of effects apart that are hardest to tell apart, by either programme."""
+    """The evidence that distinguishes the hardest pairs of effects, by either programme."""
     shown = hardest_effects(plan)
-    names = [plain(list(plan.asked.limits)[each]) for each in shown]
-    left, right = figure.subplots(1, 2)
-    _draw_matrix(left, plan.asked.evidence[np.ix_(shown, shown)], names, "yours")
-    _draw_matrix(right, plan.better.evidence[np.ix_(shown, shown)], names, "better")
-    right.set_yticklabels([])
-    bar = figure.colorbar(right.images[0], ax=[left, right], shrink=0.6, label="twice the log likelihood ratio [1]")
-    bar.ax.axhline(TOLD_APART, color="black", linewidth=1.0)
+    names = [plain(list(plan.asked.limits)[number]) for number in shown]
+    own_axes, better_axes = figure.subplots(1, 2)
+    _draw_matrix(own_axes, plan.asked.evidence[np.ix_(shown, shown)], names, "yours")
+    _draw_matrix(better_axes, plan.better.evidence[np.ix_(shown, shown)], names, "better")
+    better_axes.set_yticklabels([])
+    bar = figure.colorbar(
+        better_axes.images[0], ax=[own_axes, better_axes], shrink=0.6, label="twice the log likelihood ratio [1]"
+    )
+    bar.ax.axhline(DISTINGUISHED, color="black", linewidth=1.0)
 
 
 def hardest_effects(plan: Plan) -> list[int]:
-    """The numbers of the effects that are told worst from some other by either programme, in the catalogue's order;
+    """The numbers of the effects that are hardest to distinguish from another one, in the catalogue's order;
     at most as many as can be read in a picture.
     """
-    both = np.minimum(plan.asked.evidence, plan.better.evidence)
-    least = np.min(np.where(np.isfinite(both), both, np.inf), axis=1)
+    evidence = np.minimum(plan.asked.evidence, plan.better.evidence)
+    least = np.min(np.where(np.isfinite(evidence), evidence, np.inf), axis=1)
     return sorted(np.argsort(least, kind="stable")[:_MOST_SHOWN].tolist())
 
 

@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from seatrial.hybrid.calibrators.predict import Prediction
     from seatrial.hybrid.evaluation.validate import Validation
 
+
 _ELLIPSES = 6  # of a track's regions; more would lie on each other
 _LEAST = 1e-3  # a logarithmic axis begins here at the lowest: a millimetre, a thousandth
 _TICKS = ((8.0, (1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 7.0)), (300.0, (1.0, 2.0, 5.0)), (np.inf, (1.0,)))
@@ -48,13 +49,18 @@ COLOUR = {
 }
 """One colour a method, in every figure."""
 
+HALF_OF_95 = float(np.sqrt(np.log(0.5) / np.log(0.05)))
+"""The size that holds half of the positions over the one that holds 95 %, where errors are normal (Rayleigh)."""
+
+_LETTERS_ABREAST = 90  # of names below an axis of nine inches
+
 
 def start_frame(track: Floats, start: Floats) -> Floats:
     """Starboard and ahead [..., H+1, 2] of tracks [..., H+1, 2 or 3] seen from their starts [..., 6], in metres."""
     north = track[..., 0] - start[..., 0, None]
     east = track[..., 1] - start[..., 1, None]
-    ahead, aside = to_ship(north, east, start[..., 2, None])
-    return np.stack([aside, ahead], axis=-1)
+    ahead, starboard = to_ship(north, east, start[..., 2, None])
+    return np.stack([starboard, ahead], axis=-1)
 
 
 def interval_bar(axes: Axes, interval: Interval, row: float, colour: str, label: str = "") -> None:
@@ -70,9 +76,9 @@ def named_rows(axes: Axes, names: Sequence[str], **look: Any) -> None:
     axes.set_ylim(len(names) - 0.4, -0.6)
 
 
-def legend_above(axes: Axes, columns: int, **what: Any) -> None:
+def legend_above(axes: Axes, columns: int, **look: Any) -> None:
     """A legend in one line above the axes, to the right."""
-    axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=columns, borderpad=0.0, **what)
+    axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=columns, borderpad=0.0, **look)
 
 
 def reach(interval: Interval) -> Floats:
@@ -83,7 +89,7 @@ def reach(interval: Interval) -> Floats:
 
 def logarithmic(axes: Axes, name: Literal["x", "y"], intervals: Sequence[Interval]) -> None:
     """Half and double stand equally far from one; the ticks are numbers that people read."""
-    ends = np.array([(each.low, each.value, each.high) for each in intervals])
+    ends = np.array([(interval.low, interval.value, interval.high) for interval in intervals])
     ends = ends[np.isfinite(ends) & (ends > _LEAST)]
     low, high = (0.85 * ends.min(), 1.18 * ends.max()) if ends.size else (_LEAST, 1.0)
     tens = range(int(np.floor(np.log10(low))), int(np.ceil(np.log10(high))) + 1)
@@ -102,10 +108,6 @@ def plain_numbers(axis: Axis) -> None:
     axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
     axis.set_minor_locator(NullLocator())
     axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-
-
-HALF_OF_95 = float(np.sqrt(np.log(0.5) / np.log(0.05)))
-"""The size that holds half of the positions over the one that holds 95 %, where errors are normal (Rayleigh)."""
 
 
 def tracks_on_track(axes: Axes, table: pd.DataFrame, tracks: Floats, method: str) -> None:
@@ -157,9 +159,9 @@ def prediction_end(
         axes.plot(track[-1, 1], track[-1, 0], "o", color=colour, markersize=5)
     _north_up(axes)
     axes.set_aspect("equal", adjustable="box")
-    every = np.concatenate(points)
-    middle = 0.5 * (every.max(axis=0) + every.min(axis=0))
-    reach_m = max(0.75 * float(np.ptp(every, axis=0).max()), _LEAST)
+    shown_points = np.concatenate(points)
+    middle = 0.5 * (shown_points.max(axis=0) + shown_points.min(axis=0))
+    reach_m = max(0.75 * float(np.ptp(shown_points, axis=0).max()), _LEAST)
     axes.set(xlim=(middle[1] - reach_m, middle[1] + reach_m), ylim=(middle[0] - reach_m, middle[0] + reach_m))
     axes.locator_params(nbins=4)
 
@@ -178,9 +180,9 @@ def fan_of_errors(axes: Axes, values: Floats, component: str, method: str) -> No
 
 def errors_by_second(axes: Axes, errors: Mapping[str, ErrorComponents], quantity: str) -> None:
     """The size of the error that half, and dashed nine in ten, of the windows stay below, by second and method."""
-    for method, each in errors.items():
+    for method, components in errors.items():
         for share, style in ((0.5, "-"), (0.9, "--")):
-            line = each.by_second(quantity, share)
+            line = components.by_second(quantity, share)
             # the dashed ones are in the numbers, not in the legend
             words = plain(method) if share == 0.5 else f"_{plain(method)}, 90 %"
             axes.plot(np.arange(1, len(line) + 1), line, style, color=COLOUR[method], label=words)
@@ -196,17 +198,14 @@ def legend_of_shares(axes: Axes, shown: Axes) -> None:
     axes.legend([*handles, *shares], [*words, "median over the windows", "90 % of them"], loc="center left")
 
 
-def box(axes: Axes, values: Floats, at: float, width: float, colour: str, alpha: float = 0.75) -> None:
-    """A box that holds the middle half of ``values``, standing at ``at``; its whiskers reach to 5 and 95 %."""
+def box(axes: Axes, values: Floats, place: float, width: float, colour: str, alpha: float = 0.75) -> None:
+    """A box that holds the middle half of ``values``, standing at ``place``; its whiskers reach to 5 and 95 %."""
     line = {"color": colour}
     axes.boxplot(
-        [values], positions=[at], widths=width, whis=(5.0, 95.0), showfliers=False, patch_artist=True,
+        [values], positions=[place], widths=width, whis=(5.0, 95.0), showfliers=False, patch_artist=True,
         boxprops={"facecolor": colour, "alpha": alpha, "edgecolor": colour}, whiskerprops=line, capprops=line,
         medianprops={"color": INK, "linewidth": 1.5},
     )  # fmt: skip
-
-
-_LETTERS_ABREAST = 90  # of names below an axis of nine inches
 
 
 def error_spread(axes: Axes, by_trial: Mapping[str, Mapping[str, Floats]]) -> None:
@@ -214,8 +213,8 @@ def error_spread(axes: Axes, by_trial: Mapping[str, Mapping[str, Floats]]) -> No
     methods = list(next(iter(by_trial.values())))
     for group, errors in enumerate(by_trial.values()):
         for number, method in enumerate(methods):
-            at = group + (number - 0.5 * (len(methods) - 1)) * 0.8 / len(methods)
-            box(axes, np.maximum(errors[method], 1e-3), at, 0.7 / len(methods), COLOUR[method])
+            place = group + (number - 0.5 * (len(methods) - 1)) * 0.8 / len(methods)
+            box(axes, np.maximum(errors[method], 1e-3), place, 0.7 / len(methods), COLOUR[method])
     axes.set_yscale("log")
     names = [f"{name}\n{len(next(iter(errors.values())))} windows" for name, errors in by_trial.items()]
     crowded = sum(map(len, by_trial)) > _LETTERS_ABREAST
@@ -231,18 +230,18 @@ def error_spread(axes: Axes, by_trial: Mapping[str, Mapping[str, Floats]]) -> No
 
 def error_histogram(axes: Axes, errors: Mapping[str, ErrorComponents], quantity: str) -> None:
     """How errors of all windows and seconds are distributed, by method; the outermost 2 % lie beyond the axes."""
-    every = np.concatenate([getattr(each, quantity).ravel() for each in errors.values()])
-    low, high = np.quantile(every, [0.01, 0.99])
+    pooled = np.concatenate([getattr(components, quantity).ravel() for components in errors.values()])
+    low, high = np.quantile(pooled, [0.01, 0.99])
     edges = np.linspace(low, high, 61)
-    for method, each in errors.items():
-        values = getattr(each, quantity)
+    for method, components in errors.items():
+        values = getattr(components, quantity)
         share = 100.0 * np.histogram(values, bins=edges)[0] / values.size
         axes.stairs(share, edges, color=COLOUR[method], linewidth=1.3, label=plain(method))
     axes.set(xlabel=QUANTITIES[quantity], ylabel="share in a class [%]", ylim=(0.0, None))
 
 
 def coverage_by_second(axes: Axes, calibration: Calibration) -> None:
-    """The share of positions inside the 95 % regions by second, with its interval from drawing legs anew."""
+    """The share of positions inside the 95 % regions by second, with its bootstrap interval over legs."""
     seconds = np.arange(1, len(calibration.picp) + 1)
     axes.axhline(95.0, color=INK, linewidth=0.8, linestyle=":")
     low, high, colour = 100 * calibration.low, 100 * calibration.high, COLOUR["hybrid"]
@@ -255,8 +254,8 @@ def coverage_by_second(axes: Axes, calibration: Calibration) -> None:
 
 def transform_histogram(axes: Axes, calibration: Calibration) -> None:
     """The probability integral transform of the distances, in ten classes; the line is what it should be."""
-    known = calibration.pit[np.isfinite(calibration.pit)]
-    counts, edges = np.histogram(known, bins=np.linspace(0.0, 1.0, 11))
+    finite = calibration.pit[np.isfinite(calibration.pit)]
+    counts, edges = np.histogram(finite, bins=np.linspace(0.0, 1.0, 11))
     share = 100.0 * counts / max(counts.sum(), 1)
     axes.bar(edges[:-1], share, width=0.1, align="edge", color=COLOUR["hybrid"], alpha=0.6, edgecolor="white")
     axes.axhline(10.0, color=INK, linewidth=0.8, linestyle=":")
@@ -273,23 +272,23 @@ def draw_validation(figure: Figure, validation: Validation) -> None:
 
 def draw_prediction(figure: Figure, prediction: Prediction) -> None:
     """The predicted track with some of its 95 % regions, and its end large; the measured one where it is known."""
-    whole, end = figure.subplots(1, 2, width_ratios=(1.3, 1.0))
+    track_axes, end_axes = figure.subplots(1, 2, width_ratios=(1.3, 1.0))
     track, measured = prediction.track, prediction.measured
     region_m = None if prediction.region_m is None else prediction.region_m[1:]
     colour = COLOUR.get(prediction.method, COLOUR["reference"])
     if measured is not None:
-        whole.plot(measured[:, 1], measured[:, 0], color=INK)
+        track_axes.plot(measured[:, 1], measured[:, 0], color=INK)
     if region_m is not None:
-        every = max(1, len(region_m) // _ELLIPSES)
-        for border in outlines(track, region_m)[::-1][::every]:
-            whole.fill(border[:, 1], border[:, 0], facecolor=colour, alpha=0.2)
-    whole.plot(track[:, 1], track[:, 0], color=colour)
-    whole.plot(track[0, 1], track[0, 0], "o", color=INK, markersize=4)
-    _north_up(whole)
-    whole.set_title(f"{len(track) - 1} s from {prediction.at:%H:%M:%S} UTC", loc="left")
-    prediction_end(end, measured, {prediction.method: track}, region_m)
-    end.set_title("the end, large", loc="left")
-    figure.legend(*end.get_legend_handles_labels(), loc="outside lower center", ncols=4)
+        stride = max(1, len(region_m) // _ELLIPSES)
+        for border in outlines(track, region_m)[::-1][::stride]:
+            track_axes.fill(border[:, 1], border[:, 0], facecolor=colour, alpha=0.2)
+    track_axes.plot(track[:, 1], track[:, 0], color=colour)
+    track_axes.plot(track[0, 1], track[0, 0], "o", color=INK, markersize=4)
+    _north_up(track_axes)
+    track_axes.set_title(f"{len(track) - 1} s from {prediction.at:%H:%M:%S} UTC", loc="left")
+    prediction_end(end_axes, measured, {prediction.method: track}, region_m)
+    end_axes.set_title("the end, large", loc="left")
+    figure.legend(*end_axes.get_legend_handles_labels(), loc="outside lower center", ncols=4)
 
 
 def draw_regions(figure: Figure, trained: TrainedCalibrator) -> None:

@@ -25,8 +25,8 @@ def sections(template: str, folder: Path | str | None = None, /, **context: Any)
     not allow says why in its place; the others stand.
     """
 
-    def show(*blocks: str, **more: Any) -> Page:
-        values = {"level": _LEVEL, **context, **more}
+    def show(*blocks: str, **block_context: Any) -> Page:
+        values = {"level": _LEVEL, **context, **block_context}
         try:
             shown = [render(template, block, templates(), **values) for block in blocks]
         except SeatrialError as error:
@@ -67,12 +67,12 @@ def templates() -> Environment:
     from seatrial.hybrid.report.diagnosis import chance, percent
     from seatrial.hybrid.report.errors import ENOUGH_S
 
-    made = environment(Path(__file__).parent / "templates")
-    made.filters |= {"percent": percent, "chance": chance, "cell_row": diagnosis.cell_row,
+    library = environment(Path(__file__).parent / "templates")
+    library.filters |= {"percent": percent, "chance": chance, "cell_row": diagnosis.cell_row,
                      "in_words": in_words, "reason_of": reason_of,
                      "rows_in_words": lambda rows: [[in_words(cell) for cell in row] for row in rows],
                      "sentence": lambda text: f"{text[:1].upper()}{text[1:]}."}  # fmt: skip
-    made.globals |= {
+    library.globals |= {
         "trial": trial, "form": trial_form, "index_tables": trial_form,
         "trial_plots": trial_plots, "diagnosis_words": diagnosis,
         "diagnosis_plots": diagnosis_plots, "map_plots": diagnosis_plots, "evaluation": evaluation_page,
@@ -80,4 +80,4 @@ def templates() -> Environment:
         "checks": vessel_check, "shortfalls_of": shortfalls_of, "FEW_LEGS": FEW_LEGS,
         "ENOUGH_S": ENOUGH_S,
     }  # fmt: skip
-    return made
+    return library

@@ -1,7 +1,5 @@
-"""Names and numbers as people say them.
-
-Results as tables for a terminal of 80 columns: a validation, a prediction, an evaluation, a plan;
-and the catalogue of effects, which is wider.
+"""Names, numbers and results in plain text: tables for a terminal of 80 columns of a validation, a prediction, an
+evaluation and a plan, and of the catalogue of effects, which is wider.
 """
 
 from __future__ import annotations
@@ -18,7 +16,7 @@ from rich.text import Text
 
 from seatrial.hybrid.effects.catalogue import VERSION, Catalogue
 from seatrial.hybrid.prediction.baselines import FEW_LEGS, TWO_SIDED, Interval, start_state
-from seatrial.hybrid.vessel.effect import FAMILIES, Effect, Parameter
+from seatrial.hybrid.vessel.effect import FAMILIES, Effect
 
 if TYPE_CHECKING:
     from seatrial.hybrid.calibrators import TrainedCalibrator
@@ -30,9 +28,25 @@ if TYPE_CHECKING:
 
 UNITS = {"mps": "m/s", "radps": "rad/s", "dps": "deg/s", "rps": "rev/s", "rpm": "rpm", "deg": "deg", "m": "m",
           "n": "N", "nm": "N m", "cos": "cosine", "sin": "sine"}  # fmt: skip
-
-
 _SMALL_N = 100.0  # as "0" and "0.1" kN such forces would say nothing
+_UNTRAINED = "the start is outside the calibrator's training range: a baseline predicts in its place"
+_METHOD_COLUMNS = ("start", "mean m", "at end m", "north m", "east m", "heading deg")
+_SPLIT_COLUMNS = ("start", "mean m", "ratio", "in 95 %")
+_PREDICTION_COLUMNS = {
+    "north m": "north_m", "east m": "east_m", "heading deg": "heading_deg", "95 % band m": "band_m",
+    "measured\nnorth m": "measured_north_m", "measured\neast m": "measured_east_m",
+}  # fmt: skip
+MEANING = {
+    "leg": "unseen legs",
+    "time": "the last 30 % of the time",
+    "recording": "unseen recordings",
+    "random": "random windows of legs trained on: too optimistic",
+}
+_FEW = 0.005  # a share that is shown as 0 %
+_MOST_PAIRS = 12
+
+CATALOGUE_WIDTH = 112
+"""The fewest columns in which the tables of effects can be read."""
 
 
 def force_unit(largest_n: float) -> tuple[float, str]:
@@ -75,17 +89,12 @@ def quantity_title(name: str) -> str:
     >>> quantity_title("yaw_rate_radps"), quantity_title("bow_angle_cos"), quantity_title("second")
     ('yaw rate [rad/s]', 'bow angle [cosine]', 'second')
     """
-    what, _, suffix = name.rpartition("_")
-    return f"{what.replace('_', ' ')} [{UNITS[suffix]}]" if suffix in UNITS and what else name.replace("_", " ")
-
-
-_UNTRAINED = "the start is outside the calibrator's training range: a baseline predicts in its place"
-_METHOD_COLUMNS = ("start", "mean m", "at end m", "north m", "east m", "heading deg")
-_SPLIT_COLUMNS = ("start", "mean m", "ratio", "in 95 %")
-_PREDICTION_COLUMNS = {
-    "north m": "north_m", "east m": "east_m", "heading deg": "heading_deg", "95 % band m": "band_m",
-    "measured\nnorth m": "measured_north_m", "measured\neast m": "measured_east_m",
-}  # fmt: skip
+    quantity, _, suffix = name.rpartition("_")
+    return (
+        f"{quantity.replace('_', ' ')} [{UNITS[suffix]}]"
+        if suffix in UNITS and quantity
+        else name.replace("_", " ")
+    )
 
 
 def text_table(
@@ -153,8 +162,11 @@ def truths_table(truths: Truths) -> Table:
 def truth_rows(truths: Truths) -> list[list[str]]:
     """A row a sensor: its name, the floor, and the mean distance of each method [m]."""
     return [
-        [name.replace("_", " "), *(f"{one.value:.3f}" for one in (each.floor_m, *each.methods.values()))]
-        for name, each in truths.by.items()
+        [
+            name.replace("_", " "),
+            *(f"{interval.value:.3f}" for interval in (sensor.floor_m, *sensor.methods.values())),
+        ]
+        for name, sensor in truths.by.items()
     ]
 
 
@@ -174,10 +186,10 @@ def score_rows(validation: Validation) -> tuple[list[list[str]], int]:
     """
     scores = list(validation.scores.values())
     rows = [
-        [name.removesuffix(TWO_SIDED), start_state(name).replace("_", "-"), f"{each.mean_distance_m:.3f}",
-         f"{each.end_distance_m:.3f}", f"{each.mae_north_m:.3f}", f"{each.mae_east_m:.3f}",
-         f"{each.heading_error_deg:.2f}"]
-        for name, each in (validation.scores | validation.two_sided).items()
+        [name.removesuffix(TWO_SIDED), start_state(name).replace("_", "-"), f"{errors.mean_distance_m:.3f}",
+         f"{errors.end_distance_m:.3f}", f"{errors.mae_north_m:.3f}", f"{errors.mae_east_m:.3f}",
+         f"{errors.heading_error_deg:.2f}"]
+        for name, errors in (validation.scores | validation.two_sided).items()
     ]  # fmt: skip
     return rows, min(range(len(scores)), key=lambda row: scores[row].mean_distance_m)
 
@@ -185,9 +197,9 @@ def score_rows(validation: Validation) -> tuple[list[list[str]], int]:
 def _caption(validation: Validation) -> str:
     parts = []
     if validation.reduction is not None and validation.coverage_95 is not None:
-        less = f"{validation.reduction:.1%} less than the reference's"
-        more = f"{1 - validation.reduction:.1f} times the reference's"
-        parts.append(f"hybrid's mean distance is {less if validation.reduction >= 0 else more}")
+        reduced = f"{validation.reduction:.1%} less than the reference's"
+        increased = f"{1 - validation.reduction:.1f} times the reference's"
+        parts.append(f"hybrid's mean distance is {reduced if validation.reduction >= 0 else increased}")
         parts.append(f"the 95 % band holds {validation.coverage_95:.1%} of the positions")
     if validation.outside_domain is not None and validation.outside_domain.any():
         parts.append(
@@ -204,10 +216,11 @@ def _caption(validation: Validation) -> str:
 def training_view(trained: TrainedCalibrator) -> Text:
     """What a calibrator was trained on, and what it is worth on the legs kept out."""
     metrics = trained.metrics
-    more = f" and {metrics['shorter_windows']} shorter ones" if metrics["shorter_windows"] else ""
+    shorter = f" and {metrics['shorter_windows']} shorter ones" if metrics["shorter_windows"] else ""
     return Text(
-        f"trained on {metrics['training_windows']} windows{more}; on {metrics['held_out_windows']} windows of legs "
-        f"kept out: reference {metrics['held_out_reference_m']:.2f} m, hybrid {metrics['held_out_hybrid_m']:.2f} m"
+        f"trained on {metrics['training_windows']} windows{shorter}; on {metrics['held_out_windows']} windows of "
+        f"legs kept out: reference {metrics['held_out_reference_m']:.2f} m, hybrid "
+        f"{metrics['held_out_hybrid_m']:.2f} m"
     )
 
 
@@ -216,7 +229,10 @@ def prediction_table(prediction: Prediction) -> Table:
     track = prediction.as_dict()["track"]
     step = max(1, (len(track) - 1) // 10)
     rows = [
-        [str(row["second"]), *(_known(row.get(key)) for key in _PREDICTION_COLUMNS.values())]
+        [
+            str(row["second"]),
+            *("–" if row.get(key) is None else f"{row[key]:.2f}" for key in _PREDICTION_COLUMNS.values()),
+        ]
         for row in track
         if row["second"] % step == 0 or row is track[-1]
     ]
@@ -224,20 +240,6 @@ def prediction_table(prediction: Prediction) -> Table:
         f"{prediction.method} from {prediction.at.isoformat()}", ("second", *_PREDICTION_COLUMNS), rows, words=0,
         wrap=True, caption=_UNTRAINED if prediction.outside_domain else None,
     )  # fmt: skip
-
-
-def _known(value: float | None) -> str:
-    return "–" if value is None else f"{value:.2f}"
-
-
-MEANING = {
-    "leg": "unseen legs",
-    "time": "the last 30 % of the time",
-    "recording": "unseen recordings",
-    "random": "random windows of legs trained on: too optimistic",
-}
-
-_FEW = 0.005  # a share that is shown as 0 %
 
 
 def evaluation_view(evaluation: Evaluation) -> Group:
@@ -250,7 +252,7 @@ def evaluation_view(evaluation: Evaluation) -> Group:
         if split.shown:
             tables.append(breakdown_table(split))
     if evaluation.leak:
-        rows = [[name, spread(factor)] for name, factor in evaluation.leak.items()]
+        rows = [[name, estimate_text(factor)] for name, factor in evaluation.leak.items()]
         tables.append(text_table("error on unseen legs over random's", ("", "times"), rows))
     return Group(*tables)
 
@@ -261,9 +263,10 @@ def methods_table(horizon_s: int, split: SplitSummary) -> Table:
     The first and the ratio with their 95 % intervals; all others have theirs in the JSON and on the page.
     """
     rows = [
-        [_short(name), start, spread(each.mean_distance_m), spread(each.ratio), f"{each.coverage_95.value:.1%}"]
+        [_short(name), start, estimate_text(errors.mean_distance_m), estimate_text(errors.ratio),
+         f"{errors.coverage_95.value:.1%}"]
         for start, summary in split.by_start.items()
-        for name, each in summary.methods.items()
+        for name, errors in summary.methods.items()
     ]  # fmt: skip
     title = f"{split.kind}: {MEANING[split.kind]}; {counts_of(split.whole)} of {horizon_s} s"
     best = list(split.whole.methods).index(split.whole.best)
@@ -273,10 +276,10 @@ def methods_table(horizon_s: int, split: SplitSummary) -> Table:
 def breakdown_table(split: SplitSummary) -> Table:
     """One row a class, the mean distance of every method, the best in bold."""
     rows = list[list[str | Text]]()
-    for name, summary in (each for classes in split.shown.values() for each in classes.items()):
+    for name, summary in (entry for classes in split.shown.values() for entry in classes.items()):
         figures = [
-            Text(f"{each.mean_distance_m.value:.2f}", "bold" if method == summary.best else "")
-            for method, each in summary.methods.items()
+            Text(f"{errors.mean_distance_m.value:.2f}", "bold" if method == summary.best else "")
+            for method, errors in summary.methods.items()
         ]
         rows.append([name, f"{summary.windows}/{summary.legs}", *figures])
     methods = map(_head, split.whole.methods)
@@ -292,9 +295,9 @@ def caption_of(split: SplitSummary) -> str:
     if split.leaked:
         parts.append(f"{split.leaked:.0%} of the tested seconds were in the training data")
     beyond = [
-        f"{name} {each.outside_domain:.0%}"
-        for name, each in split.whole.methods.items()
-        if each.outside_domain >= _FEW
+        f"{name} {errors.outside_domain:.0%}"
+        for name, errors in split.whole.methods.items()
+        if errors.outside_domain >= _FEW
     ]
     if beyond:
         parts.append(f"windows that start outside the training range: {', '.join(beyond)}")
@@ -309,28 +312,25 @@ def counts_of(summary: MethodSummary) -> str:
     return " of ".join(f"{count} {name}{'' if count == 1 else 's'}" for name, count in counts.items())
 
 
-def spread(interval: Interval) -> str:
+def estimate_text(interval: Interval) -> str:
     """A figure with its interval.
 
-    >>> spread(Interval(1.0, 0.5, 2.0))
+    >>> estimate_text(Interval(1.0, 0.5, 2.0))
     '1.00 (0.50-2.00)'
     """
     bounds = "" if interval.low != interval.low else f" ({interval.low:.2f}-{interval.high:.2f})"
     return f"{interval.value:.2f}{bounds}"
 
 
-_MOST_PAIRS = 12
-
-
 def plan_view(plan: Plan) -> RenderableType:
-    """Both programmes, the size from which each effect is seen, and what could not be told apart."""
+    """Both programmes, the size from which each effect is seen, and the pairs that cannot be distinguished."""
     return Group(
-        _parts("Your programme", plan.asked),
-        _parts("A better one", plan.better),
+        _programme_view("Your programme", plan.asked),
+        _programme_view("A better one", plan.better),
         Text(f"\n{heading_of(plan)}\n"),
         text_table("", ("effect", "yours", "better", "ordinary", ""), limit_rows(plan), pad_edge=False),
-        _alike("Your programme", plan.asked),
-        _alike("The better one", plan.better),
+        _indistinguishable_text("Your programme", plan.asked),
+        _indistinguishable_text("The better one", plan.better),
     )
 
 
@@ -362,41 +362,37 @@ def part_rows(programme: Programme) -> list[list[str]]:
     return [[f"{part.minutes:.3g}", part.what] for part in programme.parts]
 
 
-def _parts(title: str, programme: Programme) -> RenderableType:
+def _programme_view(title: str, programme: Programme) -> RenderableType:
     table = Table(box=None, show_header=False)
     table.add_column(justify="right", no_wrap=True)
     table.add_column()
-    for minutes, what in part_rows(programme):
-        table.add_row(f"{minutes} min", what)
+    for minutes, words in part_rows(programme):
+        table.add_row(f"{minutes} min", words)
     return Group(Text(f"{title}, {programme.minutes:.3g} minutes", style="bold"), table)
 
 
 def limit_rows(plan: Plan) -> list[list[str]]:
     """The size from which each effect is seen, by either programme, its ordinary size, and their unit."""
     return [
-        [name, *(limit_text(effect, each.limits[name]) for each in (plan.asked, plan.better)),
+        [name, *(limit_text(effect, programme.limits[name]) for programme in (plan.asked, plan.better)),
          ordinary_text(effect), effect.parameters[0].unit.replace("1", "") or "factor"]
         for name, effect in plan.catalogue.items()
     ]  # fmt: skip
 
 
-def _alike(title: str, programme: Programme) -> Text:
+def _indistinguishable_text(title: str, programme: Programme) -> Text:
     pairs = programme.indistinguishable_pairs()
     if not pairs:
         return Text(f"\n{title} distinguishes all effects of ordinary size.")
     listed = [f"  {name} and {rival}" for name, rival in pairs[:_MOST_PAIRS]]
-    more = [f"  and {len(pairs) - _MOST_PAIRS} pairs more"] if len(pairs) > _MOST_PAIRS else []
-    return Text("\n".join([f"\n{title} cannot distinguish, at ordinary size:", *listed, *more]))
-
-
-CATALOGUE_WIDTH = 112
-"""The fewest columns in which the tables of effects can be read."""
+    remainder = [f"  and {len(pairs) - _MOST_PAIRS} pairs more"] if len(pairs) > _MOST_PAIRS else []
+    return Text("\n".join([f"\n{title} cannot distinguish, at ordinary size:", *listed, *remainder]))
 
 
 def catalogue_tables(catalogue: Catalogue) -> RenderableType:
     """Every effect by family: kind, what it does, its parameters and their sizes, rivals, source."""
-    own = dict.fromkeys(effect.family for effect in catalogue.values() if effect.family not in FAMILIES)
-    tables = [_family_table(name, catalogue) for name in (*FAMILIES, *own)]
+    extra_families = dict.fromkeys(effect.family for effect in catalogue.values() if effect.family not in FAMILIES)
+    tables = [_family_table(name, catalogue) for name in (*FAMILIES, *extra_families)]
     heading = Text(
         f"{len(catalogue)} effects, catalogue version {VERSION}. Ordinary: the usual size if present; "
         "smallest: of interest;\nin brackets: the usual error of every such sensor or drive."
@@ -411,26 +407,18 @@ def _family_table(name: str, catalogue: Catalogue) -> Table:
     for title in ("parameter", "neutral, bounds", "ordinary", "smallest"):
         table.add_column(title, no_wrap=True)
     for effect in catalogue.values():
-        if effect.family == name:
-            columns = zip(*(_sizes(each) for each in effect.parameters), strict=True)
-            table.add_row(_effect_name(effect), _effect_text(effect), *("\n".join(column) for column in columns))
+        if effect.family != name:
+            continue
+        rows = []
+        for parameter in effect.parameters:
+            unit = "" if parameter.unit == "1" else f" [{parameter.unit}]"
+            bounds = f"{parameter.neutral:g}, {parameter.low:g} to {parameter.high:g}"
+            smallest = f"{parameter.smallest:g}" + (f" ({parameter.tolerance:g})" if parameter.tolerance else "")
+            rows.append((parameter.name + unit, bounds, f"{parameter.typical:g}", smallest))
+        label = Text.assemble(effect.name, "\n", (f"{effect.kind}, {effect.scope}", "dim"))
+        description = Text(effect.what)
+        if effect.confused_with:
+            description.append(f"\nlike: {', '.join(effect.confused_with)}", style="dim")
+        description.append(f"\nsource: {effect.source}", style="dim")
+        table.add_row(label, description, *("\n".join(column) for column in zip(*rows, strict=True)))
     return table
-
-
-def _effect_name(effect: Effect) -> Text:
-    return Text.assemble(effect.name, "\n", (f"{effect.kind}, {effect.scope}", "dim"))
-
-
-def _effect_text(effect: Effect) -> Text:
-    text = Text(effect.what)
-    if effect.confused_with:
-        text.append(f"\nlike: {', '.join(effect.confused_with)}", style="dim")
-    return text.append(f"\nsource: {effect.source}", style="dim")
-
-
-def _sizes(each: Parameter) -> tuple[str, str, str, str]:
-    """Name and unit; neutral and bounds; ordinary size; smallest size of interest, tolerance beside it."""
-    unit = "" if each.unit == "1" else f" [{each.unit}]"
-    smallest = f"{each.smallest:g}" + (f" ({each.tolerance:g})" if each.tolerance else "")
-    bounds = f"{each.neutral:g}, {each.low:g} to {each.high:g}"
-    return each.name + unit, bounds, f"{each.typical:g}", smallest

@@ -1,8 +1,8 @@
-"""What a trial's report says of a case in words and rows; ``templates/trial.html`` puts it onto the page.
+"""The case behind a trial's report, and what the report says of it in words and rows.
 
-A trial with all that its report is made from: recordings analysed, predictions judged, residuals, parameters.
-
-Read once, each part made when it is first asked for, so that a notebook that shows less does less.
+A :class:`Case` has the recordings, the model and perhaps a calibrator; analysis, predictions, residuals and
+parameters are computed when they are first needed, so that a notebook that shows less does less.
+``templates/trial.html`` puts words and rows onto the page.
 """
 
 from __future__ import annotations
@@ -30,7 +30,6 @@ from seatrial.analysis.manoeuvres.criteria import (
     RESOLUTION,
     CriterionResult,
     IndexRow,
-    Mean,
     condition_shortfalls,
     criteria_of,
     headline_of_criteria,
@@ -82,7 +81,7 @@ from seatrial.hybrid.report.errors import (
     consecutive_windows,
     errors_of,
     largest_residuals,
-    pooled,
+    pool_residuals,
     predicted_motion,
     residuals_of,
 )
@@ -99,10 +98,13 @@ if TYPE_CHECKING:
 
 
 INTERACTIVE = "interactive"
+
 MOST_PICTURES = 6
 """Manoeuvres that have a picture in the report: three on a sheet; the page to zoom into has all."""
+
 MOST_ROWS = 40
 """Rows of the page of indices: more do not stand on one sheet."""
+
 MOST_FINDINGS = 14
 _OVERLAP = {
     "nothing": "No method was trained on these recordings.",
@@ -110,6 +112,15 @@ _OVERLAP = {
     "some": "The calibrator was trained on some of these data.",
 }
 _SECONDS = (1, 5, 10, 15, 20, 30, 45, 60)
+_TESTED_SHARE = 0.25  # the rest is approach, between tests
+MOST_LEFT_OUT = 12
+_MOST_VALUES = 3  # of several recordings in one row
+CHANNEL_HEADER = ["channel", "samples", "rate [Hz]", "gaps", "stuck", "spikes", "out of range",
+                  "interval [s]", "longest [s]", "grade"]  # fmt: skip
+_UNITS = {"surge_mps2": "m/s\u00b2", "sway_mps2": "m/s\u00b2", "yaw_dps2": "deg/s\u00b2"}
+
+SHOWN = ("reference", "hybrid")
+"""The methods that are drawn beside what was measured; tables have all."""
 
 
 def ship_name(case: Case) -> str:
@@ -123,7 +134,9 @@ def unknown_ship(case: Case) -> str:
     if all(case.ship(name) is not None for name in case.products):
         return ""
     costs = "Without its length no index is given in ship lengths, and no limit in lengths is judged."
-    named = {each.recording.trial.vessel: None for each in case.products.values() if each.recording.trial.vessel}
+    named = dict.fromkeys(
+        vessel for products in case.products.values() if (vessel := products.recording.trial.vessel)
+    )
     if not named:
         to_do = "Please have it imported again with the ship's name."
         return f"The recording does not say which ship this is. {costs} {to_do}"
@@ -170,10 +183,10 @@ def vessel_title(case: Case, vessel: str) -> str:
 
 def verdict_of(case: Case) -> str:
     """The result in one sentence, and one more of the speed at power where that was tried."""
-    found = case.speed_power
-    if found is None:
+    result = case.speed_power
+    if result is None:
         return criteria_headline(case)
-    return " ".join([*([criteria_headline(case)] if case.runs else []), sentence(found)])
+    return " ".join([*([criteria_headline(case)] if case.runs else []), sentence(result)])
 
 
 def index_line(row: IndexRow) -> dict[str, Any]:
@@ -183,84 +196,76 @@ def index_line(row: IndexRow) -> dict[str, Any]:
     """
     unit = next(iter(row.sides.values())).index.unit
     name = f"{plain_name(row.name)} [{unit}]" if unit else plain_name(row.name)
-    return {
-        "name": name,
-        "judged": row.judged_side,
-        "sides": {side: _mean_cells(each) for side, each in row.sides.items()},
-    }
-
-
-def _mean_cells(each: Mean) -> tuple[str, str]:
-    value, interval, lengths, _ = index_cells(each.index)
-    value = value.removesuffix(f" {each.index.unit}") + "\u2020" * each.removed
-    value += f" ({lengths} L)" if lengths else ""
-    dashed = interval if "-" in interval else interval.replace(" to ", "\u2013")
-    return value + (f", {each.runs} runs" if each.runs > 1 else ""), dashed
+    sides = {}
+    for side, mean in row.sides.items():
+        value, interval, lengths, _ = index_cells(mean.index)
+        value = value.removesuffix(f" {mean.index.unit}") + "\u2020" * mean.removed
+        value += f" ({lengths} L)" if lengths else ""
+        value += f", {mean.runs} runs" if mean.runs > 1 else ""
+        sides[side] = value, interval if "-" in interval else interval.replace(" to ", "\u2013")
+    return {"name": name, "judged": row.judged_side, "sides": sides}
 
 
 def has_removed(rows: Sequence[IndexRow]) -> bool:
     """Whether the current is removed from any of the values."""
-    return any(each.removed for row in rows for each in row.sides.values())
+    return any(mean.removed for row in rows for mean in row.sides.values())
 
 
 def has_two_runs(rows: Sequence[IndexRow]) -> bool:
     """Whether a value is the mean of two runs."""
-    return any(each.runs == 2 for row in rows for each in row.sides.values())
-
-
-_TESTED_SHARE = 0.25  # the rest is approach, between tests
+    return any(mean.runs == 2 for row in rows for mean in row.sides.values())
 
 
 def recordings_to_draw(case: Case) -> dict[str, Products]:
     """The recordings whose track and channels are drawn: a single one, and those that are not mostly tests."""
-    return {name: made for name, made in case.products.items()
-            if len(case.products) == 1 or _tested_share(made) < _TESTED_SHARE}  # fmt: skip
+    recordings = {}
+    for name, products in case.products.items():
+        runs = [run for run in products.manoeuvres if run.kind in PICTURED]  # these have pictures of their own
+        tested_s = sum((run.end - run.start).total_seconds() for run in runs)
+        if len(case.products) == 1 or tested_s / max(len(products.one_hz), 1) < _TESTED_SHARE:
+            recordings[name] = products
+    return recordings
 
 
-def _tested_share(products: Products) -> float:
-    """The fraction of a recording's time in which a manoeuvre is made that has a picture of its own."""
-    drawn = (run for run in products.manoeuvres if run.kind in PICTURED)
-    tested_s = sum((run.end - run.start).total_seconds() for run in drawn)
-    return tested_s / max(len(products.one_hz), 1)
-
-
-def pictured(runs: Sequence[NumberedRun], rows: Sequence[IndexRow], most: int = MOST_PICTURES) -> list[NumberedRun]:
+def runs_with_pictures(
+    runs: Sequence[NumberedRun], rows: Sequence[IndexRow], limit: int = MOST_PICTURES
+) -> list[NumberedRun]:
     """The runs that have a page: the first of each name and side, those with criteria before others."""
     judged = {row.test.partition(" at ")[0].lower() for row in rows if row.result}
     first = {
         (run.manoeuvre.name, run.manoeuvre.side): run for run in reversed(runs) if run.manoeuvre.kind in PICTURED
     }
     ordered = sorted(first.values(), key=lambda run: (run.manoeuvre.name.lower() not in judged, run.number))
-    return sorted(ordered[:most], key=lambda run: run.number)
+    return sorted(ordered[:limit], key=lambda run: run.number)
 
 
 def sheets_of(case: Case) -> list[NumberedRun]:
     """The runs of a trial that have a sheet of their own."""
-    return pictured(case.runs, [row for rows in case.index_rows.values() for row in rows])
+    return runs_with_pictures(case.runs, [row for rows in case.index_rows.values() for row in rows])
 
 
 def common_notes(shown: Sequence[Manoeuvre]) -> list[str]:
     """What is to be known of all of several manoeuvres, which their captions then leave out."""
     if len(shown) < 2:
         return []
-    return [note for note in dict.fromkeys(shown[0].notes) if all(note in each.notes for each in shown)]
+    return [note for note in dict.fromkeys(shown[0].notes) if all(note in run.notes for run in shown)]
 
 
-def picture_caption(each: Manoeuvre, common: Sequence[str] = ()) -> str:
+def picture_caption(run: Manoeuvre, common: Sequence[str] = ()) -> str:
     """The approach of a manoeuvre, the drift that was removed and what is to be known that is not ``common``."""
-    said = []
-    if "approach_mps" in each.settings:
-        heading_deg = round(each.settings["approach_heading_deg"]) % 360
-        said.append(f"Approach at {each.settings['approach_mps']:.2f} m/s on {heading_deg:03d}°")
-    if each.current is not None:
-        drift = each.current.as_json()
-        said.append(f"drift {drift['speed_mps']:.2f} m/s towards {drift['direction_deg']:.0f}°")
-    words = "; ".join([*said, *(note for note in each.notes if note not in common)])
+    remarks = []
+    if "approach_mps" in run.settings:
+        heading_deg = round(run.settings["approach_heading_deg"]) % 360
+        remarks.append(f"Approach at {run.settings['approach_mps']:.2f} m/s on {heading_deg:03d}°")
+    if run.current is not None:
+        drift = run.current.as_json()
+        remarks.append(f"drift {drift['speed_mps']:.2f} m/s towards {drift['direction_deg']:.0f}°")
+    words = "; ".join([*remarks, *(note for note in run.notes if note not in common)])
     return f"{words}." if words else ""
 
 
 def ship_facts(case: Case, vessel: str) -> list[tuple[str, str]]:
-    """The particulars of a ship and her loading, as far as they are known."""
+    """The particulars of a ship and its loading, as far as they are known."""
     return _without_unknown(_ship_rows(case, vessel))
 
 
@@ -269,8 +274,8 @@ def condition_facts(case: Case, vessel: str) -> list[tuple[str, str]]:
     return _without_unknown(_condition_rows(case, vessel))
 
 
-def unstated(case: Case, vessel: str) -> list[str]:
-    """What nobody stated of a ship and the conditions of her trial."""
+def unstated_items(case: Case, vessel: str) -> list[str]:
+    """What is not stated of a ship and the conditions of its trial."""
     rows = [*_ship_rows(case, vessel), *_condition_rows(case, vessel)]
     return [label for label, value in rows if value == UNKNOWN]
 
@@ -281,17 +286,17 @@ def _without_unknown(rows: list[tuple[str, str]]) -> list[tuple[str, str]]:
 
 def _ship_rows(case: Case, vessel: str) -> list[tuple[str, str]]:
     runs = _runs_of_vessel(case, vessel)
-    return _pooled(
-        ship_rows(made.recording.trial, made.one_hz, runs, case.ship(name))
-        for name, made in _of_vessel(case, vessel).items()
+    return _pooled_rows(
+        ship_rows(products.recording.trial, products.one_hz, runs, case.ship(name))
+        for name, products in _products_of_vessel(case, vessel).items()
     )
 
 
 def _condition_rows(case: Case, vessel: str) -> list[tuple[str, str]]:
     runs = _runs_of_vessel(case, vessel)
-    return _pooled(
-        condition_rows(made.recording, made.one_hz, runs, case.ship(name))
-        for name, made in _of_vessel(case, vessel).items()
+    return _pooled_rows(
+        condition_rows(products.recording, products.one_hz, runs, case.ship(name))
+        for name, products in _products_of_vessel(case, vessel).items()
     )
 
 
@@ -301,63 +306,53 @@ def indices_of_sheets(case: Case) -> IndexComparisons:
     return replace(case.indices, rows=tuple(row for row in case.indices.rows if row.start in starts))
 
 
-MOST_LEFT_OUT = 12
-
-
 def left_out_lines(case: Case) -> list[str]:
     """Why nothing could be looked for, and what only began like a test; of many the first, and how many more."""
     several = len(case.products) > 1
     lines = [
         (f"{name}: " if several else "") + in_words(line)
-        for name, made in case.products.items()
-        for line in (*made.shortfalls, *map(left_out_line, made.left_out))
+        for name, products in case.products.items()
+        for line in (*products.shortfalls, *map(left_out_line, products.left_out))
     ]
-    more = len(lines) - MOST_LEFT_OUT
-    return [*lines[:MOST_LEFT_OUT], *([f"{more} more in the output of manoeuvres"] if more > 0 else [])]
+    remainder = len(lines) - MOST_LEFT_OUT
+    return [*lines[:MOST_LEFT_OUT], *([f"{remainder} more in the output of manoeuvres"] if remainder > 0 else [])]
 
 
 def standard_conditions(case: Case, vessel: str) -> list[list[str]]:
     """The conditions that the standards ask of a trial, each with whether it was fulfilled in all recordings with a
     test, or the first reason why not; none of a ship that the standards are not for."""
     shortfalls: dict[str, list[str]] = {}
-    for name, made in _of_vessel(case, vessel).items():
-        if not any(_is_judged(run) for run in made.manoeuvres):
+    for name, products in _products_of_vessel(case, vessel).items():
+        judged = [index for run in products.manoeuvres for index in run.indices.values() if index.result]
+        if all(any(reason.startswith(NOT_FOR_SHIP) for reason in index.missing) for index in judged):
             continue
-        drifts = [run.current.as_json()["speed_mps"] for run in made.manoeuvres if run.current is not None]
-        seen = Conditions(current_mps=max(drifts, default=None), length_m=case.length_of(name))
-        conditions = recorded_conditions(made.recording.trial, made.table).with_known(seen)
+        drifts = [run.current.as_json()["speed_mps"] for run in products.manoeuvres if run.current is not None]
+        derived = Conditions(current_mps=max(drifts, default=None), length_m=case.length_of(name))
+        conditions = recorded_conditions(products.recording.trial, products.table).with_known(derived)
         for asked, shortfall in condition_shortfalls(conditions).items():
             shortfalls.setdefault(asked, []).append(shortfall)
     return [[asked, next(filter(None, reasons), "fulfilled")] for asked, reasons in shortfalls.items()]
 
 
-def _is_judged(run: Manoeuvre) -> bool:
-    judged = [index for index in run.indices.values() if index.result]
-    return any(not any(reason.startswith(NOT_FOR_SHIP) for reason in index.missing) for index in judged)
-
-
 def length_of_vessel(case: Case, vessel: str) -> float | None:
     """The length between perpendiculars of a ship that recordings name [m], None where it is not known."""
-    return next((case.length_of(name) for name in _of_vessel(case, vessel)), None)
+    return next((case.length_of(name) for name in _products_of_vessel(case, vessel)), None)
 
 
 def _runs_of_vessel(case: Case, vessel: str) -> list[Manoeuvre]:
-    return [run for made in _of_vessel(case, vessel).values() for run in made.manoeuvres]
+    return [run for products in _products_of_vessel(case, vessel).values() for run in products.manoeuvres]
 
 
 def vessels_of(case: Case) -> list[str]:
     """The ships that the recordings name."""
-    return list(dict.fromkeys(made.recording.trial.vessel for made in case.products.values()))
+    return list(dict.fromkeys(products.recording.trial.vessel for products in case.products.values()))
 
 
-def _of_vessel(case: Case, vessel: str) -> dict[str, Products]:
-    return {name: made for name, made in case.products.items() if made.recording.trial.vessel == vessel}
+def _products_of_vessel(case: Case, vessel: str) -> dict[str, Products]:
+    return {name: products for name, products in case.products.items() if products.recording.trial.vessel == vessel}
 
 
-_MOST_VALUES = 3  # of several recordings in one row
-
-
-def _pooled(sheets: Iterable[list[tuple[str, str]]]) -> list[tuple[str, str]]:
+def _pooled_rows(sheets: Iterable[list[tuple[str, str]]]) -> list[tuple[str, str]]:
     """The rows of several run sheets in one; what is not known of one is left to the others."""
     values: dict[str, list[str]] = {}
     for label, value in (row for sheet in sheets for row in sheet):
@@ -372,10 +367,10 @@ def _pooled(sheets: Iterable[list[tuple[str, str]]]) -> list[tuple[str, str]]:
     return rows
 
 
-def paired(rows: Sequence[tuple[str, str]]) -> list[list[str]]:
+def in_two_columns(rows: Sequence[tuple[str, str]]) -> list[list[str]]:
     """Rows of two cells as rows of four, the second half beside the first; a last one of its own where it is odd.
 
-    >>> paired([("a", "1"), ("b", "2"), ("c", "3")])
+    >>> in_two_columns([("a", "1"), ("b", "2"), ("c", "3")])
     [['a', '1', 'c', '3'], ['b', '2', '', '']]
     """
     half = (len(rows) + 1) // 2
@@ -406,32 +401,36 @@ def headline(case: Case) -> dict[str, str]:
 
 
 def model_sentence(case: Case) -> str:
-    """What the simulation model is worth on this trial, beside a ship that goes on as she does."""
+    """What the simulation model is worth on this trial, compared with constant speed and rate of turn."""
     judged, scores = case.validation, case.validation.scores
-    mine, kept = (scores[name].mean_distance_m for name in (case.best, "constant_velocity"))
-    named = any(each.recording.trial.vessel for each in case.products.values())
+    model_m, constant_m = (scores[name].mean_distance_m for name in (case.best, "constant_velocity"))
+    named = any(products.recording.trial.vessel for products in case.products.values())
     doubted = f"the model {case.model.name}{', which is not of this ship,' if named else ''}"
     whose = doubted if case.model.doubt else "the ship's simulation model"
     with_it = " with what the calibrator learned" if case.best == "hybrid" else ""
-    gain = f"is {1.0 - mine / kept:.0%} better" if mine < kept else f"has {mine / kept:.3g} times that error"
+    gain = (
+        f"is {1.0 - model_m / constant_m:.0%} better"
+        if model_m < constant_m
+        else f"has {model_m / constant_m:.3g} times that error"
+    )
     overlap = "" if case.trained is None else f" {_OVERLAP[case.training_overlap]}"
     horizon_s = judged.windows.horizon_s
     return (
         f"In {len(judged.windows):,} predictions with steady controls, {whose}{with_it} has a mean error of "
-        f"{metres_text(mine)} over {horizon_s} s. With constant speed and rate of turn the error would be "
-        f"{metres_text(kept)}: the model {gain}.{overlap}"
+        f"{metres_text(model_m)} over {horizon_s} s. With constant speed and rate of turn the error would be "
+        f"{metres_text(constant_m)}: the model {gain}.{overlap}"
     )
 
 
 def fans_caption(case: Case) -> str:
     """What the picture of predictions shows."""
     judged = case.validation
-    of = f" of {case.most_judged}" if len(case.products) > 1 else ""
+    trial_words = f" of {case.most_judged}" if len(case.products) > 1 else ""
     ends = "at their ends, with the 95 % region and, for normal errors, the 50 % region"
     three = "whole" if judged.region_m is None else ends
     return (
-        f"Predictions of {judged.windows.horizon_s} s over the measured track{of}; beside it the errors of all "
-        f"predictions, positive ahead and to starboard; below three of them {three}."
+        f"Predictions of {judged.windows.horizon_s} s over the measured track{trial_words}; beside it the errors "
+        f"of all predictions, positive ahead and to starboard; below three of them {three}."
     )
 
 
@@ -449,16 +448,16 @@ def model_words(case: Case) -> str:
     )
 
 
-def doubt_of(case: Case) -> str:
+def quality_sentence(case: Case) -> str:
     """What of the data is in doubt, in a sentence; empty where nothing is."""
     doubtful = [products for products in case.products.values() if _doubtful_channels(products)]
     if not doubtful:
         return ""
     codes = dict.fromkeys(plain(finding.code) for products in doubtful for finding in products.quality.findings)
-    who = f"{len(doubtful)} of {len(case.products)} recordings have"
+    doubted = f"{len(doubtful)} of {len(case.products)} recordings have"
     if len(case.products) == 1:
-        who = f"{len(_doubtful_channels(doubtful[0]))} of {len(doubtful[0].quality.channels)} channels have"
-    return f"{who} quality findings ({join_words(list(codes))}); see the appendix for findings and repairs."
+        doubted = f"{len(_doubtful_channels(doubtful[0]))} of {len(doubtful[0].quality.channels)} channels have"
+    return f"{doubted} quality findings ({join_words(list(codes))}); see the appendix for findings and repairs."
 
 
 def _doubtful_channels(products: Products) -> list[str]:
@@ -471,17 +470,17 @@ def finding_rows(products: Products) -> list[list[str]]:
     repaired: dict[str, list[str]] = {}
     for repair in products.repairs:
         repaired.setdefault(repair.code, []).append(f"{in_words(repair.text)} ({repair.changed:,} values)")
-    found: dict[str, list[Finding]] = {}
-    for each in products.quality.findings:
-        found.setdefault(each.code, []).append(each)
+    findings: dict[str, list[Finding]] = {}
+    for finding in products.quality.findings:
+        findings.setdefault(finding.code, []).append(finding)
     return [
-        [plain(code), ", ".join(dict.fromkeys(in_words(each.channel) for each in alike)), in_words(alike[0].text),
-         "; ".join(repaired.get(code, [])[:2]) or "\u2013"]
-        for code, alike in list(found.items())[:MOST_FINDINGS]
+        [plain(code), ", ".join(dict.fromkeys(in_words(finding.channel) for finding in alike)),
+         in_words(alike[0].text), "; ".join(repaired.get(code, [])[:2]) or "\u2013"]
+        for code, alike in list(findings.items())[:MOST_FINDINGS]
     ]  # fmt: skip
 
 
-def alike_in_quality(case: Case) -> list[tuple[list[str], Products]]:
+def group_by_quality(case: Case) -> list[tuple[list[str], Products]]:
     """The recordings by what is to be said of their data: those in order together, the others one by one."""
     groups: list[tuple[list[str], Products]] = []
     sound: list[str] | None = None
@@ -503,31 +502,27 @@ def recording_rows(case: Case) -> list[list[str]]:
     return [[row["recording"], row["SHA-256"], row["closed properly"]] for row in rows]
 
 
-CHANNEL_HEADER = ["channel", "samples", "rate [Hz]", "gaps", "stuck", "spikes", "out of range",
-                  "interval [s]", "longest [s]", "grade"]  # fmt: skip
-
-
-def channel_rows(products: Products, *, every: bool = True) -> list[list[str]]:
+def channel_rows(products: Products, *, all_channels: bool = True) -> list[list[str]]:
     """A row a channel, every one or those in doubt: how many samples, how even their times, what was found."""
     rows = []
     doubtful = _doubtful_channels(products)
-    for name, each in products.quality.channels.items():
-        if is_assumed(products.table, name) or not (every or name in doubtful):
+    for name, quality in products.quality.channels.items():
+        if is_assumed(products.table, name) or not (all_channels or name in doubtful):
             continue
         series = products.recording.series.get(name)
         steps = np.diff(np.sort(series.measured_ns)) / 1e9 if series is not None else np.array([])
         spread = [f"{np.median(steps):.3f}", f"{steps.max():.2f}"] if steps.size else ["", ""]
-        rows.append([in_words(name), *counts_of(each)[:6], *spread, each.grade])
+        rows.append([in_words(name), *counts_of(quality)[:6], *spread, quality.grade])
     return rows
 
 
 def source_rows(products: Products) -> list[list[str]]:
     """Frames by source, and what was refused or dropped on the way, as the recorder counted."""
     return [
-        [name, str(each.get("state", "")), f"{each.get('frames', 0):,}", f"{each.get('rejected', 0):,}",
-         ", ".join(f"{count:,} {reason}" for reason, count in (each.get("reasons") or {}).items()),
-         f"{each.get('dropped', 0):,}"]
-        for name, each in products.recording.health.items()
+        [name, str(health.get("state", "")), f"{health.get('frames', 0):,}", f"{health.get('rejected', 0):,}",
+         ", ".join(f"{count:,} {reason}" for reason, count in (health.get("reasons") or {}).items()),
+         f"{health.get('dropped', 0):,}"]
+        for name, health in products.recording.health.items()
     ]  # fmt: skip
 
 
@@ -541,22 +536,24 @@ def baseline_rows(case: Case) -> tuple[list[list[str]], int]:
     judged = case.validation
     rows, best = score_rows(judged)
     against = [
-        f"{each.mean_distance_m / scores[reference].mean_distance_m - 1.0:+.1%}".replace("-", "\u2212")
+        f"{errors.mean_distance_m / scores[reference].mean_distance_m - 1.0:+.1%}".replace("-", "\u2212")
         for scores, reference in ((judged.scores, "reference"), (judged.two_sided, f"reference{TWO_SIDED}"))
-        for each in scores.values()
+        for errors in scores.values()
     ]
-    return [[plain(name), *row, less] for (name, *row), less in zip(rows, against, strict=True)], best
+    return [[plain(name), *row, relative] for (name, *row), relative in zip(rows, against, strict=True)], best
 
 
 def baseline_words(case: Case) -> str:
     """On what the table of methods rests."""
     judged = case.validation
-    legs = len(np.unique(judged.windows.leg))
+    legs, dataset = len(np.unique(judged.windows.leg)), case.dataset
+    reasons = ", ".join(f"{count:,} {plain(reason)}" for reason, count in dataset.dropped.items() if count)
+    left_out = f"Of {dataset.candidates:,} windows these were left out: {reasons}." if reasons else ""
     words = (
         f"Mean errors over {len(judged.windows)} held windows of {judged.windows.horizon_s} s in {legs} "
         f"leg{'s' * (legs != 1)}, one every {case.stride_s} s. A causal start state is estimated from earlier "
         "measurements only, a two-sided one also from later ones, for comparison. Constant velocity keeps "
-        f"surge, sway and yaw rate constant. {_dropped(case)}"
+        f"surge, sway and yaw rate constant. {left_out}"
     )
     if case.trained is None:
         return words
@@ -566,19 +563,12 @@ def baseline_words(case: Case) -> str:
     )
 
 
-def _dropped(case: Case) -> str:
-    """How many windows were tried, and why the others are not judged."""
-    dataset = case.dataset
-    reasons = ", ".join(f"{count:,} {plain(reason)}" for reason, count in dataset.dropped.items() if count)
-    return f"Of {dataset.candidates:,} windows these were left out: {reasons}." if reasons else ""
-
-
 def calibration_table(calibration: Calibration) -> tuple[list[str], list[list[str]]]:
     """Coverage and width of the 95 % regions by second of the prediction: header and rows."""
-    seconds = [each for each in _SECONDS if each <= len(calibration.picp)]
-    widths = (calibration.pinaw[each - 1] for each in seconds)
-    return ["", *(f"{each} s" for each in seconds)], [
-        ["inside, PICP [%]", *(f"{100 * calibration.picp[each - 1]:.1f}" for each in seconds)],
+    seconds = [second for second in _SECONDS if second <= len(calibration.picp)]
+    widths = (calibration.pinaw[second - 1] for second in seconds)
+    return ["", *(f"{second} s" for second in seconds)], [
+        ["inside, PICP [%]", *(f"{100 * calibration.picp[second - 1]:.1f}" for second in seconds)],
         ["width relative to the mean distance sailed, PINAW [1]",
          *(f"{width:.3f}" if np.isfinite(width) else "\u2013" for width in widths)],
     ]  # fmt: skip
@@ -588,11 +578,11 @@ def fallback_words(judged: Validation, training: DomainOfApplicability) -> str:
     """How many windows start beyond the training, in what, and which baseline speaks there."""
     names = [name for name, column in zip(training.names, training.outside.T, strict=True) if column.any()]
     spoke = ", ".join(f"{plain(name)} in {count}" for name, count in (judged.fallback or {}).items())
-    where = f", in {join_words([quantity_title(name) for name in names])}" if names else ""
+    quantities = f", in {join_words([quantity_title(name) for name in names])}" if names else ""
     beyond = 0 if judged.outside_domain is None else int(judged.outside_domain.sum())
     return (
         f"{beyond} of {len(judged.windows)} windows start too far outside the calibrator's training "
-        f"range{where}; there a baseline predicts: {spoke}."
+        f"range{quantities}; there a baseline predicts: {spoke}."
     )
 
 
@@ -608,14 +598,14 @@ def outside_words(judged: Validation, training: DomainOfApplicability) -> str:
 
 
 def parameter_warnings(learned: Parameters) -> list[str]:
-    """Which parameters lie at a bound, and which cannot be told apart."""
+    """Which parameters lie at a bound, and which cannot be distinguished."""
     warnings = []
-    at_bound = [each.name for each in learned.parameters if each.at_bound]
+    at_bound = [parameter.name for parameter in learned.parameters if parameter.at_bound]
     if at_bound:
         warnings.append(f"At a bound: {', '.join(at_bound)}.")
     pairs = learned.entangled()
     if pairs:
-        words = ", ".join(f"{one} with {other} ({value:+.2f})" for one, other, value in pairs[:6])
+        words = ", ".join(f"{first} with {second} ({value:+.2f})" for first, second, value in pairs[:6])
         warnings.append(f"Cannot be distinguished: {words}{', and more' if len(pairs) > 6 else ''}.")
     return warnings
 
@@ -623,9 +613,10 @@ def parameter_warnings(learned: Parameters) -> list[str]:
 def parameter_rows(parameters: Sequence[AdaptedParameter]) -> list[list[str]]:
     """Value, standard error, interval and a remark of each."""
     return [
-        [each.name, f"{each.value:.4g}", f"\u00b1 {each.error:.2g}", f"{each.low:.4g} to {each.high:.4g}",
-         each.unit, "at its bound" if each.at_bound else "" if each.identified else "not determined"]
-        for each in parameters
+        [parameter.name, f"{parameter.value:.4g}", f"\u00b1 {parameter.error:.2g}",
+         f"{parameter.low:.4g} to {parameter.high:.4g}", parameter.unit,
+         "at its bound" if parameter.at_bound else "" if parameter.identified else "not determined"]
+        for parameter in parameters
     ]  # fmt: skip
 
 
@@ -644,33 +635,28 @@ def write_interactive_pages(case: Case, folder: Path | str) -> dict[str, str]:
             ).write(page)
         except (ConfigurationError, DataShortageError):
             continue  # without plotly, or without a row: the report stands without it
-        what = "interactive track and channels" + (f", {trial}" if len(case.paths) > 1 else "")
-        pages[what] = page.name
+        title = "interactive track and channels" + (f", {trial}" if len(case.paths) > 1 else "")
+        pages[title] = page.name
     return pages
-
-
-_UNITS = {"surge_mps2": "m/s\u00b2", "sway_mps2": "m/s\u00b2", "yaw_dps2": "deg/s\u00b2"}
 
 
 def residual_sentences(residuals: Residuals) -> list[str]:
     """What the maps of a trial say, a sentence an acceleration in which something stands out."""
     sentences = []
-    for each in largest_residuals(residuals):
-        words, unit = each.acceleration.partition("_")[0], _UNITS[each.acceleration]
-        quantity, _, of = axis_title(each.quantity).rstrip("]").partition(" [")
+    for residual in largest_residuals(residuals):
+        words, unit = residual.acceleration.partition("_")[0], _UNITS[residual.acceleration]
+        quantity, _, span_unit = axis_title(residual.quantity).rstrip("]").partition(" [")
         mean, low, high = (
             np.format_float_positional(value, 2, fractional=False, trim="-", sign=True)
-            for value in (each.mean, each.mean - each.half_width, each.mean + each.half_width)
+            for value in (residual.mean, residual.mean - residual.half_width, residual.mean + residual.half_width)
         )
         sentences.append(
-            f"By {quantity}, the missing {words} acceleration from {each.low:g} to {each.high:g} {of} is "
-            f"{mean} {unit} (95 % interval {low} to {high}; {each.seconds} s).".replace("-", "\u2212")
+            f"By {quantity}, the missing {words} acceleration from {residual.low:g} to {residual.high:g} "
+            f"{span_unit} is {mean} {unit} (95 % interval {low} to {high}; {residual.seconds} s).".replace(
+                "-", "\u2212"
+            )
         )
     return sentences or ["The missing acceleration is not significant in any class of any quantity."]
-
-
-SHOWN = ("reference", "hybrid")
-"""The methods that are drawn beside what was measured; tables have all."""
 
 
 @dataclass(frozen=True)
@@ -701,26 +687,26 @@ class Case:
     @cached_property
     def _analysed(self) -> tuple[dict[str, Products], dict[str, str]]:
         """What the analysis makes of each recording, and why it can make nothing of some."""
-        made, left_out = dict[str, Products](), dict[str, str]()
+        analysed, left_out = dict[str, Products](), dict[str, str]()
         for name, parts in self.named_parts.items():
             try:
-                made[name] = self._products_of(parts, name)
+                analysed[name] = self._products_of(parts, name)
             except SeatrialError as error:
                 left_out[name] = str(error.at(""))
-        if not made:
+        if not analysed:
             raise DataShortageError(
                 "no recording can be read", why="; ".join(f"{name}: {why}" for name, why in left_out.items())
             )
-        return self._with_trial_currents(made), left_out
+        return self._with_trial_currents(analysed), left_out
 
-    def _with_trial_currents(self, made: dict[str, Products]) -> dict[str, Products]:
+    def _with_trial_currents(self, analysed: dict[str, Products]) -> dict[str, Products]:
         """The recordings with their manoeuvres as those of one trial of each ship."""
-        judged = dict(made)
-        for vessel in dict.fromkeys(products.recording.trial.vessel for products in made.values()):
-            names = [name for name, products in made.items() if products.recording.trial.vessel == vessel]
-            recorded = [self._recorded_runs(made[name], self.named_paths[name]) for name in names]
+        judged = dict(analysed)
+        for vessel in dict.fromkeys(products.recording.trial.vessel for products in analysed.values()):
+            names = [name for name, products in analysed.items() if products.recording.trial.vessel == vessel]
+            recorded = [self._recorded_runs(analysed[name], self.named_paths[name]) for name in names]
             for name, runs in zip(names, runs_of_trial(recorded), strict=True):
-                judged[name] = replace(made[name], manoeuvres=runs)
+                judged[name] = replace(analysed[name], manoeuvres=runs)
         return judged
 
     def _recorded_runs(self, products: Products, path: Path) -> RecordedRuns:
@@ -737,11 +723,11 @@ class Case:
                           rebuild_positions=None if self.repair else False,
                           statement=self.statement)  # fmt: skip
         products = analyse(parts, options, name)
-        lacking = [each for each in MOTION if each not in products.one_hz]
+        lacking = [channel for channel in MOTION if channel not in products.one_hz]
         return replace(products, one_hz=products.one_hz.assign(**dict.fromkeys(lacking, np.nan)))
 
     def _ship_of(self, trial: Trial, recording: Path) -> ShipDimensions | None:
-        """The ship of a trial: what was given or is stated of her dimensions stands above those of a file."""
+        """The ship of a trial: given or stated dimensions take precedence over those of a file."""
         stated = recorded_conditions(trial, pd.DataFrame())
         of_file = ship_of(self._vessel_of(trial.vessel, recording))
         length_m = self.length_m or stated.length_m
@@ -809,21 +795,21 @@ class Case:
     @cached_property
     def speed_power(self) -> SpeedPower | None:
         """Speed at power in still water; None without power at a shaft or without reciprocal runs."""
-        made = {name: each for name, each in self.products.items() if power_columns(each.table)}
-        if not made:
+        powered = {name: products for name, products in self.products.items() if power_columns(products.table)}
+        if not powered:
             return None
-        recorded = [(each.recording.trial, each.table) for each in made.values()]
-        ship = self._vessel_of(recorded[0][0].vessel, self.named_paths[next(iter(made))])
-        events = [event for each in made.values() for event in each.recording.events]
+        recorded = [(products.recording.trial, products.table) for products in powered.values()]
+        ship = self._vessel_of(recorded[0][0].vessel, self.named_paths[next(iter(powered))])
+        events = [event for products in powered.values() for event in products.recording.events]
         try:
-            given = Conditions(length_m=self.length_m)
-            return speed_power([table for _, table in recorded], known_conditions(recorded, ship, given), events)
+            stated = Conditions(length_m=self.length_m)
+            return speed_power([table for _, table in recorded], known_conditions(recorded, ship, stated), events)
         except (DataShortageError, InputError):
             return None
 
     @cached_property
     def _predictor(self) -> Predictor:
-        trials = {self.named_paths[name]: each.recording.trial for name, each in self.products.items()}
+        trials = {self.named_paths[name]: products.recording.trial for name, products in self.products.items()}
         return predictor_of(trials, self.trained, self.vessel)
 
     @property
@@ -839,13 +825,17 @@ class Case:
     @cached_property
     def dataset(self) -> Dataset:
         """The held windows of all recordings. Raises :class:`DataShortageError` where there is none."""
-        every = self.products
-        held = {name: each for name, each in every.items() if each.windows is not None and each.windows.kept}
-        used = held or every
+        all_products = self.products
+        held = {
+            name: products
+            for name, products in all_products.items()
+            if products.windows is not None and products.windows.kept
+        }
+        used = held or all_products
         paths = [path for name in used for path in self.named_parts[name]]
         return dataset_of(
-            {name: second_by_second(partial(resample, select(each.table, self.part_percent)))
-             for name, each in used.items()},
+            {name: second_by_second(partial(resample, select(products.table, self.part_percent)))
+             for name, products in used.items()},
             self.horizon_s, self.stride_s,
             [WindowSource(path, digest, self.part_percent)
              for path, digest in zip(paths, refuse_duplicates(paths), strict=True)],
@@ -856,11 +846,11 @@ class Case:
     def training_overlap(self) -> str:
         """What the calibrator was trained on of what it is judged on: ``some`` of it, ``another part`` of its
         recordings, or ``nothing``."""
-        others = () if self.trained is None else self.trained.sources
-        pairs = [(each, other) for each in self.dataset.sources for other in others]
-        if any(each.overlaps(other) for each, other in pairs):
+        training = () if self.trained is None else self.trained.sources
+        pairs = [(source, seen) for source in self.dataset.sources for seen in training]
+        if any(source.overlaps(seen) for source, seen in pairs):
             return "some"
-        return "another part" if any(each.sha256 == other.sha256 for each, other in pairs) else "nothing"
+        return "another part" if any(source.sha256 == seen.sha256 for source, seen in pairs) else "nothing"
 
     @cached_property
     def validation(self) -> Validation:
@@ -872,7 +862,7 @@ class Case:
     @cached_property
     def indices(self) -> IndexComparisons:
         """The measured indices beside those of the model, of all recordings."""
-        runs = [(each.table, each.manoeuvres) for each in self.products.values()]
+        runs = [(products.table, products.manoeuvres) for products in self.products.values()]
         return index_comparison(runs, self._predictor)
 
     @cached_property
@@ -891,7 +881,7 @@ class Case:
     def why_not(self) -> str:
         """Why nothing is predicted on these recordings; empty where it is.
 
-        Of a ship without a model of her own none is judged unless one was asked for.
+        For a ship without its own model none is tested unless one was asked for.
         """
         try:
             if self.trained is None and self.vessel is None and not self._names_a_model:
@@ -925,9 +915,9 @@ class Case:
             return None
         return calibration_of(judged.tracks["hybrid"], judged.region_m, judged.windows)
 
-    def figure_name(self, what: str, trial: str) -> str:
+    def figure_name(self, name: str, trial: str) -> str:
         """What a recording's figure is called: by its trial where there are several."""
-        return what if len(self.paths) == 1 else f"{what}_{trial}"
+        return name if len(self.paths) == 1 else f"{name}_{trial}"
 
     def predicted(self, name: str) -> dict[str, pd.DataFrame]:
         """What :data:`SHOWN` methods predict in windows of a trial that follow each other."""
@@ -936,16 +926,16 @@ class Case:
         chosen = chosen[windows.trial[chosen] == name]
         if not len(chosen):
             return {}
-        return {each: predicted_motion(windows, tracks[each], chosen) for each in SHOWN if each in tracks}
+        return {method: predicted_motion(windows, tracks[method], chosen) for method in SHOWN if method in tracks}
 
     @cached_property
     def residuals(self) -> Residuals | None:
         """The accelerations that the model lacks, over all recordings that can be smoothed; None without one."""
-        found = [
-            residuals_of(each.one_hz, smooth(each.table, 1.0), self.plant)
-            for each in self.products.values() if each.windows is not None
+        residuals = [
+            residuals_of(products.one_hz, smooth(products.table, 1.0), self.plant)
+            for products in self.products.values() if products.windows is not None
         ]  # fmt: skip
-        return pooled(found) if found else None
+        return pool_residuals(residuals) if residuals else None
 
     @cached_property
     def domain(self) -> DomainOfApplicability | None:
@@ -963,7 +953,7 @@ class Case:
 
 
 def ship_of(vessel: Vessel | None) -> ShipDimensions | None:
-    """The main dimensions of a ship, with what lengthens her; None without a vessel file."""
+    """The main dimensions of a ship, with a hull lengthening; None without a vessel file."""
     if vessel is None:
         return None
     size, added_m = vessel.dimensions, vessel.effects.get("hull_lengthening", {}).get("length_m", 0.0)

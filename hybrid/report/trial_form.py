@@ -1,9 +1,8 @@
-"""What a surveyor reads of a trial: the programme, the criteria, and each test as a table of what was recorded.
+"""What a surveyor reads of a trial: the programme, the criteria, each test as a table of what was recorded, and
+the measured indices beside simulated ones.
 
-The criteria stand as in the form of MSC/Circ.1053, appendix 6; a test is tabulated at intervals of 20 s and less,
-as the circular asks for the recording of position, heading, speed, helm, shafts and wind.
-
-Measured beside simulated indices, and errors over times in L/V, as lines of cells for a page and a terminal.
+The criteria stand as in the form of MSC/Circ.1053, appendix 6; a test is tabulated at intervals of 20 s and
+less, as the circular asks for the recording of position, heading, speed, helm, shafts and wind.
 """
 
 from __future__ import annotations
@@ -40,13 +39,13 @@ if TYPE_CHECKING:
         IndexComparison,
         IndexComparisons,
         NotSimulated,
-        SimulatedIndex,
     )
     from seatrial.hybrid.evaluation.validate import LengthErrors
 
 
 LONGEST_STEP_S = 20.0
 """The longest interval between the rows of a test, by MSC/Circ.1053."""
+
 _STEPS_S = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, LONGEST_STEP_S)
 _FEWEST_ROWS, _ROWS_ON_SHEET = 24, 44  # of a test's table: as many stand on a sheet under its picture
 _MOST_SHAFTS_TWICE = 1  # that two tables beside each other have room for
@@ -54,6 +53,25 @@ _LEAST_NOISE = 1e-6  # in any unit: less is left by arithmetic
 _APPROACH_S = 30.0  # of which the output before the order is the mean
 _GAP = "\u2003"  # between two tables beside each other
 _NOT_MEASURED = "\u2013"
+PROGRAMME = (
+    "", "test", "recording", "order, UTC", "speed [kn]", "heading", "shaft [rpm]", "power [kW]", "wind [m/s]",
+    "from", "Beaufort", "drift [kn]",
+)  # fmt: skip
+_ASKED = ("shaft [rpm]", "power [kW]", "wind [m/s]")  # of a trial, by MSC/Circ.1053
+Columns = dict[str, tuple[Floats, int]]
+
+SIGNATURES = [
+    [party, "", "", ""] for party in ("the yard", "the owner", "the classification society", "the administration")
+]
+"""Who signs a trial's report."""
+
+INSTRUMENTS = ("channel", "source", "samples a second", "noise, from sample to sample", "accuracy, as stated")
+INDEX_HEADER = ("index", "measured", "95 % interval", "predicted", "difference", "replayed", "difference")
+OUTSIDE, REMOVED = "*", "\u2020"
+LEGEND = (
+    "predicted: the same test by the model in still air; replayed: the recorded controls and wind from "
+    f"the state at the order; {OUTSIDE} outside the measured 95 % interval"
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,16 +92,9 @@ class NumberedRun:
 
 def numbered_runs(products: Mapping[str, Products]) -> list[NumberedRun]:
     """The manoeuvres of all recordings, numbered in the order of time."""
-    runs = [(run, name, made.table) for name, made in products.items() for run in made.manoeuvres]
+    runs = [(run, name, recording.table) for name, recording in products.items() for run in recording.manoeuvres]
     runs.sort(key=lambda entry: entry[0].start)
     return [NumberedRun(number, name, run, table) for number, (run, name, table) in enumerate(runs, start=1)]
-
-
-PROGRAMME = (
-    "", "test", "recording", "order, UTC", "speed [kn]", "heading", "shaft [rpm]", "power [kW]", "wind [m/s]",
-    "from", "Beaufort", "drift [kn]",
-)  # fmt: skip
-_ASKED = ("shaft [rpm]", "power [kW]", "wind [m/s]")  # of a trial, by MSC/Circ.1053
 
 
 def programme_rows(tests: Sequence[NumberedRun]) -> list[list[str]]:
@@ -107,37 +118,32 @@ def unrecorded(rows: Sequence[Sequence[str]]) -> list[str]:
 
 
 def _approach_cells(test: NumberedRun) -> list[str]:
-    run, before = test.manoeuvre, _before(test)
+    run = test.manoeuvre
+    if "approach_mps" in run.settings:
+        approach = test.table.loc[run.start - pd.Timedelta(seconds=_APPROACH_S) : run.start]
+    else:  # it is steady itself
+        approach = test.table.loc[run.start : run.end]
     speed, heading = (run.settings.get(name) for name in ("approach_mps", "approach_heading_deg"))
-    shafts = [f"{before[name].mean():.0f}" for name in _shafts(before)]
-    power = mean_power_kw(before)
-    wind = before.reindex(columns=measured(test.table, ["wind_speed_mps", "wind_direction_deg"])).dropna()
+    shafts = [name for name in map(str, approach) if name.endswith("_rpm") and not is_order(name)]
+    shaft_rpm = [f"{approach[name].mean():.0f}" for name in measured_channels(approach, shafts)]
+    power = mean_power_kw(approach)
+    wind = approach.reindex(
+        columns=measured_channels(test.table, ["wind_speed_mps", "wind_direction_deg"])
+    ).dropna()
     air = mean_wind(wind) if wind.shape[1] == 2 and len(wind) else None
     drift = "" if run.current is None else f"{run.current.as_json()['speed_mps'] / KNOT_MPS:.2f}"
     return [
         "" if speed is None else f"{speed / KNOT_MPS:.2f}",
         "" if heading is None else f"{round(heading) % 360:03d}\u00b0",
-        " / ".join(shafts), "" if power is None else power_text(power).removesuffix(" kW"),
+        " / ".join(shaft_rpm), "" if power is None else power_text(power).removesuffix(" kW"),
         *(("", "", "") if air is None else (f"{air[0]:.1f}", f"{air[1]:.0f}\u00b0", f"{beaufort(air[0])}")),
         drift,
     ]  # fmt: skip
 
 
-def _before(test: NumberedRun) -> pd.DataFrame:
-    """The rows of the approach; of a run that is steady itself its own."""
-    run = test.manoeuvre
-    if "approach_mps" not in run.settings:
-        return test.table.loc[run.start : run.end]
-    return test.table.loc[run.start - pd.Timedelta(seconds=_APPROACH_S) : run.start]
-
-
-def measured(table: pd.DataFrame, names: Sequence[str]) -> list[str]:
+def measured_channels(table: pd.DataFrame, names: Sequence[str]) -> list[str]:
     """Those of some channels that a table has values of, other than assumed ones."""
     return [name for name in names if name in table and table[name].notna().any() and not is_assumed(table, name)]
-
-
-def _shafts(table: pd.DataFrame) -> list[str]:
-    return measured(table, [name for name in map(str, table) if name.endswith("_rpm") and not is_order(name)])
 
 
 def criteria_rows(
@@ -160,20 +166,17 @@ def _criterion_row(
     if limits:
         limit = index_cells(min(limits, key=lambda index: index.limit or 0.0))[3].replace(f" {unit}", "")
     else:
-        value = criterion.limit(length_m, 0.0)
-        lengths = f" ({value / length_m:.1f} L)" if value and length_m and unit == "m" else ""
-        limit = f"{value:.1f}{lengths}" if value else ""
-    cells = [_result_cells(result) for result in results]
+        bound = criterion.limit(length_m, 0.0)
+        lengths = f" ({bound / length_m:.1f} L)" if bound and length_m and unit == "m" else ""
+        limit = f"{bound:.1f}{lengths}" if bound else ""
+    cells = []
+    for result in results:
+        value, interval = _NOT_MEASURED, ""
+        if result.mean is not None:
+            value, interval, lengths, _ = index_cells(result.mean.index)
+            value = value.removesuffix(f" {result.mean.index.unit}") + (f" ({lengths} L)" if lengths else "")
+        cells.append((value, interval, result.result.replace("_", " ")))
     return f"{criterion.name} [{unit}] ({criterion.clause})", f"\u2264 {limit}" if limit else "", cells
-
-
-def _result_cells(result: CriterionResult) -> tuple[str, str, str]:
-    words = result.result.replace("_", " ")
-    if result.mean is None:
-        return _NOT_MEASURED, "", words
-    value, interval, lengths, _ = index_cells(result.mean.index)
-    value = value.removesuffix(f" {result.mean.index.unit}")
-    return f"{value} ({lengths} L)" if lengths else value, interval, words
 
 
 def history(motion: Motion, test: NumberedRun) -> tuple[list[str], list[list[str]], float]:
@@ -184,34 +187,34 @@ def history(motion: Motion, test: NumberedRun) -> tuple[list[str], list[list[str
     """
     run = test.manoeuvre
     start, end = ((time.value - motion.origin_ns) / NANO for time in (run.start, run.end))
-    step_s = _step_s(end - start, 2 if len(motion.drives) <= _MOST_SHAFTS_TWICE else 1)
+    duration_s, sheet_columns = end - start, 2 if len(motion.drives) <= _MOST_SHAFTS_TWICE else 1
+    # the longest interval that still shows the course of the test; of a long test the one by which it fills a sheet
+    step_s = max((step for step in _STEPS_S if duration_s / step >= _FEWEST_ROWS), default=_STEPS_S[0])
+    step_s = step_s * max(1, int(np.ceil(duration_s / step_s / (sheet_columns * (_ROWS_ON_SHEET - 1)))))
     time_s = np.arange(start, end + 1e-6, step_s)
+    north, east = (_sampled(motion, name, time_s) - motion.at(name, start) for name in ("north_m", "east_m"))
+    course = np.deg2rad(run.settings.get("approach_heading_deg", motion.at("heading_deg", start)))
+    ahead, starboard = to_ship(north, east, course)
+    digits = 1 if float(np.ptp(np.hypot(north, east))) < 300.0 else 0
     columns = {
         "time [s]": (time_s - start, 1 if step_s < 1.0 else 0),
         "heading [deg]": (_sampled(motion, "heading_deg", time_s) % 360.0, 1),
         "speed [kn]": (_sampled(motion, "speed_mps", time_s) / KNOT_MPS, 2),
         "rate [deg/s]": (_sampled(motion, "yaw_rate_dps", time_s), 2),
         **_command_columns(motion, time_s),
-        **_positions(motion, run, start, time_s),
-        **_wind_column(test.table, run, time_s - start),
+        "ahead [m]": (ahead, digits),
+        "across [m]": (starboard, digits),
     }
-    cells = [[f"{value:.{digits}f}" for value in values.round(digits) + 0.0] for values, digits in columns.values()]
+    if measured_channels(test.table, ["wind_speed_mps"]):
+        wind = test.table["wind_speed_mps"].dropna()
+        times_s = (times_ns(wind.to_frame()) - run.start.value) / NANO
+        columns["wind [m/s]"] = np.interp(time_s - start, times_s, wind.to_numpy(dtype=float)), 1
+    cells = [[f"{value:.{places}f}" for value in values.round(places) + 0.0] for values, places in columns.values()]
     return list(columns), [list(row) for row in zip(*cells, strict=True)], step_s
-
-
-Columns = dict[str, tuple[Floats, int]]
 
 
 def _sampled(motion: Motion, name: str, time_s: Floats) -> Floats:
     return np.asarray(np.interp(time_s, motion.time_s, getattr(motion, name)))
-
-
-def _step_s(duration_s: float, columns: int) -> float:
-    """The longest interval that the standard allows and that still shows the course of the test; of a long test the
-    one by which it fills so many columns of a sheet."""
-    fine = [step for step in _STEPS_S if duration_s / step >= _FEWEST_ROWS]
-    step_s = max(fine, default=_STEPS_S[0])
-    return step_s * max(1, int(np.ceil(duration_s / step_s / (columns * (_ROWS_ON_SHEET - 1)))))
 
 
 def _command_columns(motion: Motion, time_s: Floats) -> Columns:
@@ -229,22 +232,6 @@ def _command_columns(motion: Motion, time_s: Floats) -> Columns:
     return columns
 
 
-def _positions(motion: Motion, run: Manoeuvre, start: float, time_s: Floats) -> Columns:
-    north, east = (_sampled(motion, name, time_s) - motion.at(name, start) for name in ("north_m", "east_m"))
-    course = np.deg2rad(run.settings.get("approach_heading_deg", motion.at("heading_deg", start)))
-    ahead, aside = to_ship(north, east, course)
-    digits = 1 if float(np.ptp(np.hypot(north, east))) < 300.0 else 0
-    return {"ahead [m]": (ahead, digits), "across [m]": (aside, digits)}
-
-
-def _wind_column(table: pd.DataFrame, run: Manoeuvre, elapsed_s: Floats) -> Columns:
-    if not measured(table, ["wind_speed_mps"]):
-        return {}
-    wind = table["wind_speed_mps"].dropna()
-    times = (times_ns(wind.to_frame()) - run.start.value) / NANO
-    return {"wind [m/s]": (np.interp(elapsed_s, times, wind.to_numpy(dtype=float)), 1)}
-
-
 def on_one_sheet(header: Sequence[str], rows: Sequence[list[str]]) -> tuple[list[str], list[list[str]]]:
     r"""A table of many rows with its second half beside the first.
 
@@ -255,16 +242,8 @@ def on_one_sheet(header: Sequence[str], rows: Sequence[list[str]]) -> tuple[list
     if len(rows) <= _ROWS_ON_SHEET:
         return list(header), list(rows)
     middle = (len(rows) + 1) // 2
-    beside = zip(rows[:middle], [*rows[middle:], [""] * len(header)], strict=False)
-    return [*header, _GAP, *header], [[*row, _GAP, *other] for row, other in beside]
-
-
-SIGNATURES = [
-    [party, "", "", ""] for party in ("the yard", "the owner", "the classification society", "the administration")
-]
-"""Who signs a trial's report."""
-
-INSTRUMENTS = ("channel", "source", "samples a second", "noise, from sample to sample", "accuracy, as stated")
+    pairs = zip(rows[:middle], [*rows[middle:], [""] * len(header)], strict=False)
+    return [*header, _GAP, *header], [[*row, _GAP, *partner] for row, partner in pairs]
 
 
 def instrument_rows(products: Mapping[str, Products]) -> list[list[str]]:
@@ -275,11 +254,11 @@ def instrument_rows(products: Mapping[str, Products]) -> list[list[str]]:
         defaultdict[tuple[str, str], list[float]](list),
     )
     accuracy: dict[str, float] = {}
-    for made in products.values():
-        accuracy |= accuracy_of(made.recording.trial)
-        for name, series in made.recording.series.items():
+    for recorded in products.values():
+        accuracy |= accuracy_of(recorded.recording.trial)
+        for name, series in recorded.recording.series.items():
             key = name, ", ".join(series.sources)
-            if name in made.table and series.measured_ns.size > 1 and series.sources != (ASSUMED,):
+            if name in recorded.table and series.measured_ns.size > 1 and series.sources != (ASSUMED,):
                 intervals[key].append(float(np.median(np.diff(np.sort(series.measured_ns)))) / NANO)
                 scatters[key].append(white_noise(series.value[np.isfinite(series.value)]))
     return [
@@ -291,14 +270,6 @@ def instrument_rows(products: Mapping[str, Products]) -> list[list[str]]:
 
 def _with_unit(value: float, name: str) -> str:
     return f"{value:.2g} {channel_unit(name) or ''}".strip() if np.isfinite(value) and value > _LEAST_NOISE else ""
-
-
-INDEX_HEADER = ("index", "measured", "95 % interval", "predicted", "difference", "replayed", "difference")
-OUTSIDE, REMOVED = "*", "\u2020"
-LEGEND = (
-    "predicted: the same test by the model in still air; replayed: the recorded controls and wind from "
-    f"the state at the order; {OUTSIDE} outside the measured 95 % interval"
-)
 
 
 def index_tables(comparisons: IndexComparisons) -> list[tuple[str, list[list[str]]]]:
@@ -326,17 +297,16 @@ def index_line(row: IndexComparison) -> list[str]:
     value, interval, *_ = index_cells(row.measured)
     decimals = len(value.split()[0].partition(".")[2])
     name = plain_name(row.name) + REMOVED * row.current_removed
-    simulated = (cell for form in (row.predicted, row.replayed) for cell in _simulated_cells(form, decimals))
-    return [name, value, interval, *simulated]
-
-
-def _simulated_cells(simulated: SimulatedIndex | None, decimals: int) -> tuple[str, str]:
-    if simulated is None:
-        return "", ""
-    percent = "" if simulated.percent is None else f" ({simulated.percent:+.1f} %)"
-    outside = OUTSIDE if simulated.within is False else ""
-    difference = f"{simulated.difference:+.{decimals}f}{percent}{outside}"
-    return f"{simulated.value:.{decimals}f}", difference.replace("-", "\u2212")
+    cells = [name, value, interval]
+    for simulated in (row.predicted, row.replayed):
+        if simulated is None:
+            cells += ["", ""]
+            continue
+        percent = "" if simulated.percent is None else f" ({simulated.percent:+.1f} %)"
+        outside = OUTSIDE if simulated.within is False else ""
+        difference = f"{simulated.difference:+.{decimals}f}{percent}{outside}"
+        cells += [f"{simulated.value:.{decimals}f}", difference.replace("-", "\u2212")]
+    return cells
 
 
 def notes_of_indices(comparisons: IndexComparisons) -> list[str]:
@@ -350,9 +320,9 @@ def notes_of_indices(comparisons: IndexComparisons) -> list[str]:
 def left_out_lines(left_out: Sequence[NotSimulated]) -> list[str]:
     """Which tests were not simulated, those of one reason in a sentence."""
     tests: dict[tuple[str, str, str], list[str]] = {}
-    for each in left_out:
-        named = test_title(each.test, each.side, "", "").strip()
-        tests.setdefault((each.method, each.form, each.why), []).append(named)
+    for test in left_out:
+        named = test_title(test.test, test.side, "", "").strip()
+        tests.setdefault((test.method, test.form, test.why), []).append(named)
     return [
         f"Not {form} by the {method} model: {', '.join(dict.fromkeys(names))}: {why}."
         for (method, form, why), names in tests.items()
@@ -376,9 +346,9 @@ def length_header(errors: LengthErrors) -> list[str]:
 def length_lines(errors: LengthErrors) -> list[list[str]]:
     """A line a method: the distance, in ship lengths, and the heading error at each time."""
     return [
-        [name.replace("_", " "), *(f"{each.distance_m:.3g} m, {each.distance_lengths:.2f} L, "
-                                   f"{each.heading_error_deg:.1f} deg" for each in found)]
-        for name, found in errors.methods.items()
+        [name.replace("_", " "), *(f"{error.distance_m:.3g} m, {error.distance_lengths:.2f} L, "
+                                   f"{error.heading_error_deg:.1f} deg" for error in method_errors)]
+        for name, method_errors in errors.methods.items()
     ]  # fmt: skip
 
 

@@ -33,6 +33,9 @@ from seatrial.hybrid.report.trial import Case
 MISSING = ("missing in surge\n[m/s\u00b2]", "missing in sway\n[m/s\u00b2]", "missing in yaw\n[deg/s\u00b2]")
 _NOTHING = "#DFE4E8"  # of a cell of too few seconds
 _FEW_MANY = LinearSegmentedColormap.from_list("few_many", ["#F3F6F8", PALETTE[5], PALETTE[0]])
+_MOST = 20  # parameters in one picture
+_FANS = 40  # on one track; more would lie on each other
+_CLOSE = {"typical": 0.5, "difficult": 0.9, "the worst": 1.0}  # by the share of windows that end better
 
 
 def residual_maps(figure: Figure, residuals: Residuals) -> None:
@@ -44,16 +47,16 @@ def residual_maps(figure: Figure, residuals: Residuals) -> None:
     cells = [cells_of(residuals, *plane) for plane in planes]
     grid = figure.subplots(len(ACCELERATIONS) + 1, len(planes), squeeze=False, sharex="col", sharey="col")
     for row, words in enumerate(MISSING):
-        values = np.concatenate([each.mean[row].ravel() for each in cells])
+        values = np.concatenate([plane_cells.mean[row].ravel() for plane_cells in cells])
         values = np.abs(values[np.isfinite(values)])
         extent = float(np.quantile(values, 0.98)) if values.size else 1.0
-        for axes, each in zip(grid[row], cells, strict=True):
-            mesh = _mesh(axes, each, each.mean[row], cmap=plots.LESS_MORE, vmin=-extent, vmax=extent)
+        for axes, plane_cells in zip(grid[row], cells, strict=True):
+            mesh = _mesh(axes, plane_cells, plane_cells.mean[row], cmap=plots.LESS_MORE, vmin=-extent, vmax=extent)
         figure.colorbar(mesh, ax=list(grid[row]), pad=0.01, label=words)
-    most = max(float(each.seconds.max(initial=1.0)) for each in cells)
-    for axes, each, (x, _) in zip(grid[-1], cells, planes, strict=True):
-        counted = np.where(each.seconds > 0, each.seconds, np.nan)
-        mesh = _mesh(axes, each, counted, cmap=_FEW_MANY, norm=LogNorm(1.0, max(most, 2.0)))
+    longest_s = max(float(plane_cells.seconds.max(initial=1.0)) for plane_cells in cells)
+    for axes, plane_cells, (x, _) in zip(grid[-1], cells, planes, strict=True):
+        counted = np.where(plane_cells.seconds > 0, plane_cells.seconds, np.nan)
+        mesh = _mesh(axes, plane_cells, counted, cmap=_FEW_MANY, norm=LogNorm(1.0, max(longest_s, 2.0)))
         axes.set_xlabel(axis_title(x))
     figure.colorbar(mesh, ax=list(grid[-1]), pad=0.01, label="time in a cell\n[s]")
     for row in grid:
@@ -82,7 +85,7 @@ def training_range(axes: Axes, ground: DomainOfApplicability) -> None:
     rows = np.arange(len(ground.names))
     margin = ground.margin / width
     beyond = [bool(column.any()) for column in ground.outside.T]
-    colours = [PALETTE[4] if each else PALETTE[0] for each in beyond]
+    colours = [PALETTE[4] if is_beyond else PALETTE[0] for is_beyond in beyond]
     axes.barh(rows, 1.0, color="#E3E8EC", height=0.7, label="range of the training")
     axes.vlines(-margin, rows - 0.35, rows + 0.35, color=FAINT, linestyle="--")
     axes.vlines(1.0 + margin, rows - 0.35, rows + 0.35, color=FAINT, linestyle="--")
@@ -99,19 +102,21 @@ def training_range(axes: Axes, ground: DomainOfApplicability) -> None:
 
 def parameter_bars(axes: Axes, shown: Parameters) -> None:
     """The best known parameters as factors of the model's numbers, with 95 % intervals; 1 is no change."""
-    factors = [each for each in shown.identified if each.neutral == 1.0][:_MOST]
+    factors = [parameter for parameter in shown.identified if parameter.neutral == 1.0][:_MOST]
     rows = np.arange(len(factors))
-    value, low, high = (np.array([getattr(each, name) for each in factors]) for name in ("value", "low", "high"))
-    colours = [PALETTE[4] if each.at_bound else PALETTE[0] for each in factors]
+    value, low, high = (
+        np.array([getattr(parameter, name) for parameter in factors]) for name in ("value", "low", "high")
+    )
+    colours = [PALETTE[4] if parameter.at_bound else PALETTE[0] for parameter in factors]
     axes.axvline(1.0, color=INK, linewidth=0.8)
     axes.hlines(rows, low, high, color=colours, linewidth=1.6)
     axes.scatter(value, rows, color=colours, s=18, zorder=3)
-    plots.named_rows(axes, [each.name for each in factors])
+    plots.named_rows(axes, [parameter.name for parameter in factors])
     axes.set_xlabel("times the model's number [1]")
 
 
 def correlations(axes: Axes, names: Sequence[str], matrix: Floats) -> None:
-    """How estimates hang together: one and minus one cannot be told apart, zero know nothing of each other."""
+    """The correlation of estimates: 1 and -1 cannot be distinguished, 0 are independent."""
     image = axes.imshow(matrix, cmap=plots.LESS_MORE, vmin=-1.0, vmax=1.0)
     axes.set_xticks(range(len(names)), names, rotation=90, fontsize=7)
     axes.set_yticks(range(len(names)), names, fontsize=7)
@@ -120,13 +125,8 @@ def correlations(axes: Axes, names: Sequence[str], matrix: Floats) -> None:
         axes.figure.colorbar(image, ax=axes, label="correlation [1]", shrink=0.8)
     if len(names) <= 8:
         for row, values in enumerate(matrix):
-            for column, each in enumerate(values):
-                axes.text(column, row, f"{each:.2f}".replace("-", "\u2212"), ha="center", va="center", fontsize=8)
-
-
-_MOST = 20  # parameters in one picture
-_FANS = 40  # on one track; more would lie on each other
-_CLOSE = {"typical": 0.5, "difficult": 0.9, "the worst": 1.0}  # by the share of windows that end better
+            for column, value in enumerate(values):
+                axes.text(column, row, f"{value:.2f}".replace("-", "\u2212"), ha="center", va="center", fontsize=8)
 
 
 def time_series(case: Case, name: str) -> Drawing | None:
@@ -139,11 +139,11 @@ def time_series(case: Case, name: str) -> Drawing | None:
 
 def all_errors_by_second(figure: Figure, case: Case) -> None:
     """Distance, along, across, heading and speed: median and 90 %."""
-    *grid, rest = figure.subplots(2, 3).ravel()
+    *grid, legend_axes = figure.subplots(2, 3).ravel()
     for axes, quantity in zip(grid, QUANTITIES, strict=True):
         plots.errors_by_second(axes, case.errors, quantity)
-    rest.set_axis_off()
-    plots.legend_of_shares(rest, grid[0])
+    legend_axes.set_axis_off()
+    plots.legend_of_shares(legend_axes, grid[0])
 
 
 def prediction_fans(figure: Figure, case: Case) -> None:
@@ -157,8 +157,8 @@ def prediction_fans(figure: Figure, case: Case) -> None:
     track, fans = panels["T"], {"along": panels["A"], "across": panels["C"]}
     chosen = consecutive_windows(judged.windows)
     chosen = chosen[(judged.windows.trial == name)[chosen]]
-    some = chosen[np.unique(np.linspace(0, len(chosen) - 1, min(_FANS, len(chosen))).astype(int))]
-    plots.tracks_on_track(track, case.products[name].one_hz, judged.tracks[best][some], best)
+    shown = chosen[np.unique(np.linspace(0, len(chosen) - 1, min(_FANS, len(chosen))).astype(int))]
+    plots.tracks_on_track(track, case.products[name].one_hz, judged.tracks[best][shown], best)
     for component, axes in fans.items():
         plots.fan_of_errors(axes, getattr(case.errors[best], component), component, best)
     plots.legend_above(fans["along"], 3)
@@ -186,8 +186,8 @@ def prediction_fans(figure: Figure, case: Case) -> None:
     path = case.products[name].one_hz[["east_m", "north_m"]].to_numpy(dtype=float)
     numbers = [str(place + 1) for place in range(len(picked))]
     label_points(track, [(x, y) for x, y in ends], numbers, path, color=PALETTE[4], weight="bold")
-    handles = {text: each for axes in (track, panels["0"])
-               for each, text in zip(*axes.get_legend_handles_labels(), strict=True)}  # fmt: skip
+    handles = {text: handle for axes in (track, panels["0"])
+               for handle, text in zip(*axes.get_legend_handles_labels(), strict=True)}  # fmt: skip
     figure.legend(handles.values(), handles.keys(), loc="outside lower center", ncols=6)
 
 
@@ -198,9 +198,9 @@ def error_distributions(figure: Figure, case: Case) -> None:
         plots.error_histogram(axes, case.errors, quantity)
     above.legend(*above.axes[0].get_legend_handles_labels(), loc="outside upper center", ncols=4)
     trial = case.validation.windows.trial
-    mean_m = {method: each.distance.mean(axis=1) for method, each in case.errors.items()}
+    mean_m = {method: components.distance.mean(axis=1) for method, components in case.errors.items()}
     by_trial = {
-        name: {method: each[trial == name] for method, each in mean_m.items()}
+        name: {method: errors_m[trial == name] for method, errors_m in mean_m.items()}
         for name in dict.fromkeys(trial.tolist())
     }
     plots.error_spread(below.subplots(), by_trial)
@@ -208,14 +208,18 @@ def error_distributions(figure: Figure, case: Case) -> None:
 
 def region_calibration(figure: Figure, calibration: Calibration) -> None:
     """Coverage by second, and the probability integral transform."""
-    left, right = figure.subplots(1, 2)
-    plots.coverage_by_second(left, calibration)
-    plots.transform_histogram(right, calibration)
+    coverage_axes, transform_axes = figure.subplots(1, 2)
+    plots.coverage_by_second(coverage_axes, calibration)
+    plots.transform_histogram(transform_axes, calibration)
 
 
 def parameters(figure: Figure, learned: Parameters) -> None:
     """The best known parameters, and how their estimates are correlated."""
-    left, right = figure.subplots(1, 2, width_ratios=(1.0, 1.25))
-    parameter_bars(left, learned)
-    known = learned.identified[:_MOST]
-    correlations(right, [each.name for each in known], learned.correlation[: len(known), : len(known)])
+    bar_axes, correlation_axes = figure.subplots(1, 2, width_ratios=(1.0, 1.25))
+    parameter_bars(bar_axes, learned)
+    determined = learned.identified[:_MOST]
+    correlations(
+        correlation_axes,
+        [parameter.name for parameter in determined],
+        learned.correlation[: len(determined), : len(determined)],
+    )

@@ -114,10 +114,10 @@ def notes_of(check: VesselCheck) -> list[str]:
     by_reason: dict[str, list[str]] = {}
     for name, why in check.left_out.items():
         by_reason.setdefault(why, []).append(name)
-    made = {test.kind for test in check.tests} & {"turning_circle", "zigzag", "stopping"}
+    tested = {test.kind for test in check.tests} & {"turning_circle", "zigzag", "stopping"}
     assumed = "with the draught of the vessel file as that of full load, on even keel"
     headline_words = headline_of_criteria(check.criteria, "The model").rstrip(".")
-    standards = [f"{headline_words} ({assumed})"] if made else []
+    standards = [f"{headline_words} ({assumed})"] if tested else []
     shortfalls = [f"{reason}: {names}" for reason, names in shortfalls_of(check.criteria)]
     not_made = [f"{join_words(names)} not made: {why}" for why, names in by_reason.items()]
     return [stability_text(check), *standards, *shortfalls, *not_made]
@@ -138,7 +138,7 @@ def draw_vessel_check(figure: Figure, check: VesselCheck) -> None:
     figure.suptitle(f"{check.vessel}: {headline(check)}", x=0.01, ha="left", fontsize=11)
 
 
-def _write(axes: Axes, test: StandardTest, names: tuple[str, ...]) -> None:
+def _write_indices(axes: Axes, test: StandardTest, names: tuple[str, ...]) -> None:
     """The indices with their limits as a block of text at the lower left of the axes."""
     lines = []
     for name in names:
@@ -159,16 +159,16 @@ def _draw_circles(axes: Axes, check: VesselCheck) -> None:
     for test, colour in zip(check.of_kind("turning_circle"), (BLUE, ORANGE), strict=False):
         motion, start_s = test.motion, float(test.executes_s[0])
         shown = motion.between(test.executes_s[0] - 2.0 * length_m / check.speed_mps, test.executes_s[-1])
-        across = (shown.east_m - motion.at("east_m", start_s)) / length_m
+        starboard = (shown.east_m - motion.at("east_m", start_s)) / length_m
         ahead = (shown.north_m - motion.at("north_m", start_s)) / length_m
-        axes.plot(across, ahead, color=colour, label=f"{abs(test.helm_deg):.0f} deg to {_side(test)}")
-        after = slice(int(np.searchsorted(shown.time_s, test.executes_s[0])), None)
-        outlines(axes, across[after], ahead[after], np.deg2rad(shown.heading_deg[after]), 1.0)
+        axes.plot(starboard, ahead, color=colour, label=f"{abs(test.helm_deg):.0f} deg to {_side(test)}")
+        turning = slice(int(np.searchsorted(shown.time_s, test.executes_s[0])), None)
+        outlines(axes, starboard[turning], ahead[turning], np.deg2rad(shown.heading_deg[turning]), 1.0)
         _limit_lines(axes, test)
     tests = check.of_kind("turning_circle")
     if tests:
         names = ("advance_m", "transfer_m", "tactical_diameter_m", "steady_diameter_m")
-        _write(axes, tests[0], names)
+        _write_indices(axes, tests[0], names)
         axes.legend(loc="upper right", fontsize=8)
     axes.set_aspect("equal", adjustable="datalim")
     axes.set(xlabel="to starboard of the approach [L]", ylabel="ahead of the order [L]")
@@ -204,11 +204,11 @@ def _draw_zigzag(axes: Axes, tests: list[StandardTest]) -> None:
         axes.plot(shown.time_s - start, -shown.helm_deg, color=ORANGE, label="helm, to starboard", linewidth=1.0)
         side = test.run.sign
         for execute, following in pairwise(test.executes_s[1:]):
-            off = side * (motion.heading_deg - course_deg)
-            time_s, top = peak(motion.time_s, off, float(execute), float(following))
+            deviation = side * (motion.heading_deg - course_deg)
+            time_s, top = peak(motion.time_s, deviation, float(execute), float(following))
             axes.vlines(time_s - start, side * abs(test.helm_deg), side * top, color=RED, linewidth=2.4)
             side = -side
-        _write(axes, test, (from_order(1), from_order(2), "initial_turning_m"))
+        _write_indices(axes, test, (from_order(1), from_order(2), "initial_turning_m"))
         axes.margins(y=0.3)
         axes.legend(loc="upper right", ncols=2, fontsize=8)
     axes.set(xlabel="time since the order [s]", ylabel="[deg], starboard positive")
@@ -236,8 +236,8 @@ def _draw_pull_outs(axes: Axes, check: VesselCheck) -> None:
         axes.plot(shown.time_s - released, shown.yaw_rate_dps, color=colour, label=f"from {_side(test)}")
     tests = check.of_kind("pull_out")
     if tests:
-        left = [f"{value_text(each.indices['residual_yaw_rate_dps'])} left from {_side(each)}" for each in tests]
-        axes.text(0.98, 0.02, "\n".join(left), transform=axes.transAxes, fontsize=8, ha="right", va="bottom")
+        texts = [f"{value_text(test.indices['residual_yaw_rate_dps'])} left from {_side(test)}" for test in tests]
+        axes.text(0.98, 0.02, "\n".join(texts), transform=axes.transAxes, fontsize=8, ha="right", va="bottom")
         axes.legend(loc="upper right", fontsize=8)
     words = {None: "", True: "course stable", False: "not course stable"}[check.course_stable]
     axes.set(xlabel=f"time since the order [s]{', ' * bool(words)}{words}", ylabel="yaw rate [deg/s]")
@@ -251,5 +251,5 @@ def _draw_stop(axes: Axes, check: VesselCheck) -> None:
         way = np.append(0.0, np.cumsum(np.hypot(np.diff(shown.north_m), np.diff(shown.east_m)))) / check.length_m
         axes.plot(way, shown.surge_mps, color=BLUE)
         names = ("track_reach_m", "head_reach_m", "lateral_deviation_m", "stopping_time_s")
-        _write(axes, test, names)
+        _write_indices(axes, test, names)
     axes.set(xlabel="way along the track [L]", ylabel="surge [m/s]")

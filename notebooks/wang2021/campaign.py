@@ -44,11 +44,23 @@ SEQUENCES, HORIZON_S, RATE_HZ = 70, 30, 20.0
 TRUTH, MODEL = "gunnerus_long", "gunnerus_short"
 _SWINGS = tuple(side * angle for side, angle in product((-1.0, 1.0), AZIMUTHS_DEG))
 _NEAR_DEG = 2.0
+
 BEFORE_S = 60
 """How much of the past of a sequence no other takes part in, and is known of it [s]."""
+
 _SETTLING_S = 8  # of thrusters after an order, and of the filters about it: part of a swing that is not held
+
 _STRETCHES, _SPARE, _TRIES = 2.3, 8, 4
 """The trial is so many times as long as that many sequences, and a few more, laid end to end."""
+
+TEST_SHARE, STOPPING_SHARE = 0.2, 0.2
+OURS = "adaptive"
+_EXAMPLE_S = 400.0
+
+LEARNED = {"paper": "paper", "data_driven": "data_driven", "additive": "additive", "hybrid": OURS}
+"""The methods of the table that learn, and the calibrator that each is."""
+
+SPLITS = ("sequence", "random")
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,8 +68,8 @@ class CampaignWindows:
     """The sequences of one sea state as N windows, and the plant that made them.
 
     ``azimuth_deg`` [N] is the order of each sequence, positive turning the ship to port. ``truth`` is the
-    ship in the mean current and drift of the sea state, ``ship_start`` [N, 6] how she was at second 0 and
-    ``ship_track`` [N, H+1, 3] where she went, without the first-order motion in waves and without sensors.
+    ship in the mean current and drift of the sea state, ``ship_start`` [N, 6] its state at second 0 and
+    ``ship_track`` [N, H+1, 3] its track, without the first-order motion in waves and without sensors.
     """
 
     windows: PredictionWindows
@@ -90,7 +102,7 @@ def paper_campaign(
     """
     manoeuvre = _held_for(manoeuvre_named("paper"), horizon_s)
     duration_s = _STRETCHES * (sequences + _SPARE) * (horizon_s + BEFORE_S)
-    found = 0
+    drawn = 0
     for _ in range(_TRIES):
         table, truth = simulate_trial(vessel, sea_state, manoeuvre, duration_s, RATE_HZ, seed)
         one_hz = resample(table)
@@ -98,14 +110,16 @@ def paper_campaign(
         numbers, azimuth_deg = _drawn(rows, sequences, horizon_s, seed)
         if len(numbers) == sequences:
             chosen = rows[rows["window"].isin(numbers)]
-            before = {f"{sea_state}-{seed}": SecondBySecond(one_hz)}
-            windows = with_two_sided_starts(windows_from_rows(chosen, start_motion(chosen, one_hz), before))
+            past = {f"{sea_state}-{seed}": SecondBySecond(one_hz)}
+            windows = with_two_sided_starts(windows_from_rows(chosen, start_motion(chosen, one_hz), past))
             windows.past[:, BEFORE_S + 1 :] = np.nan
-            ship = _ship_states(windows, table.index[0], truth["states"])
+            begins_s = (windows.start_time - table.index[0]).total_seconds().to_numpy()
+            offsets = np.round(np.arange(windows.horizon_s + 1) * RATE_HZ).astype(np.int64)
+            ship = truth["states"][np.round(begins_s * RATE_HZ).astype(np.int64)[:, None] + offsets]
             return CampaignWindows(windows, azimuth_deg, ship[:, 0], ship[..., :3], truth["plant"])
-        duration_s, found = 1.5 * duration_s, len(numbers)
+        duration_s, drawn = 1.5 * duration_s, len(numbers)
     raise DataShortageError(
-        f"{found} of {sequences} sequences found in {duration_s / 1.5:.0f} s of zigzags in a {sea_state} sea",
+        f"{drawn} of {sequences} sequences found in {duration_s / 1.5:.0f} s of zigzags in a {sea_state} sea",
         fix="ask for fewer sequences or a shorter horizon",
     )
 
@@ -121,50 +135,29 @@ def _held_for(manoeuvre: Manoeuvre, horizon_s: int) -> Manoeuvre:
     )
 
 
-def _ship_states(windows: PredictionWindows, began: pd.Timestamp, states: Floats) -> Floats:
-    """The ship's state at the seconds of each window [N, H+1, 6], from her ``states`` [rows, 6] at RATE_HZ."""
-    first = np.round((windows.start_time - began).total_seconds().to_numpy() * RATE_HZ).astype(np.int64)
-    rows = first[:, None] + np.round(np.arange(windows.horizon_s + 1) * RATE_HZ).astype(np.int64)
-    return np.asarray(states[rows])
-
-
 def _drawn(rows: pd.DataFrame, sequences: int, horizon_s: int, seed: int) -> tuple[Ints, Floats]:
     """The numbers of the windows drawn, in time order, and the azimuth of each [deg]; fewer if there are no more.
 
     ``rows`` is the long table of held windows, a candidate every second.
     """
     first = rows[rows["second"] == 0].reset_index(drop=True)
-    order_deg = _ordered_deg(rows)
+    pods = [f"{name}_angle_deg" for name in names_of(table_actuators(rows), "azimuth")]
+    angles = rows.groupby("window", sort=True)[pods].median().to_numpy()
+    swings = np.array(_SWINGS)
+    deviation = np.abs(angles[:, None, :] - swings[:, None]).max(axis=2)  # of all pods from each order
+    order_deg = np.where(deviation.min(axis=1) < _NEAR_DEG, swings[deviation.argmin(axis=1)], np.nan)
     begins_s = pd.DatetimeIndex(first["start"]).as_unit("s").asi8
     room = {swing: sequences // len(_SWINGS) for swing in _SWINGS}
     for swing in _SWINGS[: sequences % len(_SWINGS)]:
         room[swing] += 1
-    apart_s, taken = horizon_s + BEFORE_S, list[int]()
-    for each in np.random.default_rng(seed).permutation(len(first)):
-        free = room.get(float(order_deg[each]), 0) > 0
-        if free and all(abs(begins_s[each] - begins_s[other]) > apart_s for other in taken):
-            room[order_deg[each]] -= 1
-            taken.append(int(each))
-    drawn = np.array(sorted(taken), dtype=np.int64)
+    apart_s, chosen_rows = horizon_s + BEFORE_S, list[int]()
+    for candidate in np.random.default_rng(seed).permutation(len(first)):
+        free = room.get(float(order_deg[candidate]), 0) > 0
+        if free and all(abs(begins_s[candidate] - begins_s[accepted]) > apart_s for accepted in chosen_rows):
+            room[order_deg[candidate]] -= 1
+            chosen_rows.append(int(candidate))
+    drawn = np.array(sorted(chosen_rows), dtype=np.int64)
     return first["window"].to_numpy(dtype=np.int64)[drawn], order_deg[drawn]
-
-
-def _ordered_deg(rows: pd.DataFrame) -> Floats:
-    """The order of each window [deg]: the swing that all pods' angles are near, or NaN."""
-    pods = [f"{name}_angle_deg" for name in names_of(table_actuators(rows), "azimuth")]
-    angles = rows.groupby("window", sort=True)[pods].median().to_numpy()
-    swings = np.array(_SWINGS)
-    off = np.abs(angles[:, None, :] - swings[:, None]).max(axis=2)
-    nearest = off.argmin(axis=1)
-    return np.where(off.min(axis=1) < _NEAR_DEG, swings[nearest], np.nan)
-
-
-TEST_SHARE, STOPPING_SHARE = 0.2, 0.2
-OURS = "adaptive"
-_EXAMPLE_S = 400.0
-LEARNED = {"paper": "paper", "data_driven": "data_driven", "additive": "additive", "hybrid": OURS}
-"""The methods of the table that learn, and the calibrator that each is."""
-SPLITS = ("sequence", "random")
 
 
 @dataclass(frozen=True, slots=True)
@@ -212,7 +205,7 @@ def parts_of(windows: PredictionWindows, split: str, seed: int) -> Parts:
     test = draw_groups(windows.leg, TEST_SHARE, seed)
     stopping = np.zeros(len(windows), dtype=bool)
     stopping[~test] = draw_groups(windows.leg[~test], STOPPING_SHARE, seed)
-    rows = (np.broadcast_to(each[:, None], shape) for each in (~test & ~stopping, stopping, test))
+    rows = (np.broadcast_to(mask[:, None], shape) for mask in (~test & ~stopping, stopping, test))
     return Parts(*rows)
 
 
@@ -238,26 +231,25 @@ def _compare(
         predicted[method], uncertainty = learned.predict_with_uncertainty(judged, tracks[tested])
         region_m[method] = uncertainty[..., None] * learned.conformal_region(stopping)
     measured = _masked(judged.track, parts.test[tested])
-    return {method: _errors(track, measured, region_m[method]) for method, track in predicted.items()}
-
-
-def _errors(predicted: Floats, measured: Floats, region_m: Floats) -> SequenceErrors:
-    relative = relative_distances(predicted, measured, region_m)
-    inside = np.where(np.isfinite(relative), relative <= 1.0, np.nan)
-    return SequenceErrors((predicted[..., :2] - measured[..., :2])[:, 1:], inside, region_m)
+    errors = {}
+    for method, track in predicted.items():
+        relative = relative_distances(track, measured, region_m[method])
+        inside = np.where(np.isfinite(relative), relative <= 1.0, np.nan)
+        errors[method] = SequenceErrors((track[..., :2] - measured[..., :2])[:, 1:], inside, region_m[method])
+    return errors
 
 
 def _examples(windows: PredictionWindows, tracks: Floats, rows: Bools) -> Examples:
     """The windows with any of ``rows`` [N, H], with a measured track at these seconds only."""
-    some = np.asarray(rows.any(axis=1))
-    chosen = windows.subset(some)
-    return replace(chosen, track=_masked(chosen.track, rows[some])), tracks[some]
+    chosen_sequences = np.asarray(rows.any(axis=1))
+    chosen = windows.subset(chosen_sequences)
+    return replace(chosen, track=_masked(chosen.track, rows[chosen_sequences])), tracks[chosen_sequences]
 
 
 def _masked(track: Floats, rows: Bools) -> Floats:
     """A track [N, H+1, 3] with NaN at the seconds 1 to H that are not in ``rows``."""
-    kept = np.concatenate([np.ones((len(rows), 1), dtype=bool), rows], axis=1)
-    return np.where(kept[..., None], track, np.nan)
+    measured = np.concatenate([np.ones((len(rows), 1), dtype=bool), rows], axis=1)
+    return np.where(measured[..., None], track, np.nan)
 
 
 @dataclass(frozen=True, slots=True)
@@ -291,11 +283,11 @@ def sea_of(job: CampaignJob) -> SeaResults:
 
     Windows in which the reference leaves its range are left out.
     """
-    whole = paper_campaign(job.sea_state, job.seed, job.vessel, job.sequences, job.horizon_s)
+    complete = paper_campaign(job.sea_state, job.seed, job.vessel, job.sequences, job.horizon_s)
     plant = vessel_plant(load_vessel(job.model))
-    tracks = reference(whole.windows, plant)
+    tracks = reference(complete.windows, plant)
     inside = np.asarray(np.isfinite(tracks).all(axis=(1, 2)))
-    campaign, tracks = whole.subset(inside), tracks[inside]
+    campaign, tracks = complete.subset(inside), tracks[inside]
     return SeaResults(
         job, campaign, tracks, {split: _compare(job, campaign, tracks, plant, split) for split in SPLITS}
     )
@@ -309,7 +301,7 @@ def seas_of(
 ) -> tuple[SeaResults, ...]:
     """:func:`sea_of` each job, in their order; what comes out does not depend on the number of ``workers``.
 
-    ``finished`` is told each one as soon as it is there.
+    ``finished`` is called with each one as soon as it is there.
     """
     refuse_untrainable("paper")  # before the simulations
     calls = [(sea_of, job) for job in jobs]

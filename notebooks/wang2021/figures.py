@@ -16,7 +16,6 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
-from numpy.typing import NDArray
 
 from seatrial.acquisition.core.quantities import Floats
 from seatrial.analysis.report.plots import FAINT, INK, PALETTE, channels_figure
@@ -28,6 +27,13 @@ from seatrial.hybrid.report.text import plain
 from seatrial.notebooks.wang2021.campaign import AZIMUTHS_DEG, BEFORE_S, SeaResults, example_sequence
 
 AZIMUTH_COLOUR = {10.0: PALETTE[0], 20.0: PALETTE[2], 30.0: PALETTE[4]}
+SPLIT_LOOK = {"sequence": (-0.19, 0.85, "sequences never seen"), "random": (0.19, 0.25, "the random split")}
+SPREAD = ("reference", "data_driven", "paper", "additive", "hybrid")
+FAN, TRACKS = 12, 20
+WRITTEN = ("png", *ENDINGS)
+
+Seas = Sequence[SeaResults]
+"""The sea states shown, in their order, one campaign each."""
 
 
 def campaign_tracks(axes: Axes, windows: PredictionWindows, azimuth_deg: Floats) -> None:
@@ -44,7 +50,7 @@ def campaign_tracks(axes: Axes, windows: PredictionWindows, azimuth_deg: Floats)
 
 def fans(axes: Axes, windows: PredictionWindows, predicted: Floats, method: str) -> None:
     """Measured and predicted tracks [N, H+1, 3] of several sequences from one start, bow up and to scale."""
-    measured, tracks = (start_frame(each, windows.start) for each in (windows.track, predicted))
+    measured, tracks = (start_frame(frames, windows.start) for frames in (windows.track, predicted))
     for number, (ours, theirs) in enumerate(zip(measured, tracks, strict=True)):
         first = number == 0
         axes.plot(ours[:, 0], ours[:, 1], color=INK, label="measured" if first else None)
@@ -79,30 +85,23 @@ def track_with_end(
             panel.plot(*track.T, "--", color=COLOUR[method], linewidth=wide, label=plain(method))
     ends.plot(*measured[-1], "o", color=INK, markersize=4)
     ends.fill(*border.T, color=COLOUR[list(predicted)[-1]], alpha=0.25, linewidth=0)
-    for other, each in predicted.items():
-        ends.plot(*each[-1], "o", color=COLOUR[other], markersize=4)
-    _frame_end(ends, measured[-1], around_m)
-    aside_m = 1.1 * max(float(np.abs(each[:, 0]).max()) for each in (measured, *predicted.values()))
+    for method, track in predicted.items():
+        ends.plot(*track[-1], "o", color=COLOUR[method], markersize=4)
+    low, high = measured[-1, :2] - around_m, measured[-1, :2] + around_m
+    ends.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), xticks=[], yticks=[])
+    ends.grid(visible=False)
+    ends.spines[["top", "right"]].set_visible(True)
+    ends.set_title(f"end, {2 * around_m:g} m wide", fontsize=7, pad=2)
+    aside_m = 1.1 * max(float(np.abs(track[:, 0]).max()) for track in (measured, *predicted.values()))
     # the start in the middle, so that one half is free for the end
     axes.update_datalim([(-aside_m, 0.0), (aside_m, 0.0)])
     axes.autoscale_view()
     _bow_up(axes, "datalim")
 
 
-def _frame_end(ends: Axes, middle: Floats, around_m: float) -> None:
-    low, high = middle[:2] - around_m, middle[:2] + around_m
-    ends.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), xticks=[], yticks=[])
-    ends.grid(visible=False)
-    ends.spines[["top", "right"]].set_visible(True)
-    ends.set_title(f"end, {2 * around_m:g} m wide", fontsize=7, pad=2)
-
-
 def _bow_up(axes: Axes, adjustable: Literal["box", "datalim"]) -> None:
     axes.set_aspect("equal", adjustable=adjustable)
     axes.set(xlabel="to starboard [m]", ylabel="ahead [m]")
-
-
-SPLIT_LOOK = {"sequence": (-0.19, 0.85, "sequences never seen"), "random": (0.19, 0.25, "the random split")}
 
 
 def error_spread(axes: Axes, errors_m: Mapping[tuple[str, str], Floats], methods: Sequence[str]) -> None:
@@ -111,22 +110,13 @@ def error_spread(axes: Axes, errors_m: Mapping[tuple[str, str], Floats], methods
     ``errors_m`` has the errors [n] by method and split. Whiskers reach to the 5th and 95th of 100.
     """
     for place, method in enumerate(methods):
-        for split, (beside, alpha, _) in SPLIT_LOOK.items():
+        for split, (shift, alpha, _) in SPLIT_LOOK.items():
             values = errors_m[method, split]
-            box(axes, values[np.isfinite(values)], place + beside, 0.32, COLOUR[method], alpha)
+            box(axes, values[np.isfinite(values)], place + shift, 0.32, COLOUR[method], alpha)
     axes.set_yscale("log")
     plain_numbers(axes.yaxis)
-    axes.set_xticks(range(len(methods)), [plain(each).replace(" ", "\n") for each in methods], fontsize=7.5)
+    axes.set_xticks(range(len(methods)), [plain(method).replace(" ", "\n") for method in methods], fontsize=7.5)
     axes.grid(visible=False, axis="x")
-
-
-SPREAD = ("reference", "data_driven", "paper", "additive", "hybrid")
-FAN, TRACKS = 12, 20
-WRITTEN = ("png", *ENDINGS)
-
-
-Seas = Sequence[SeaResults]
-"""The sea states shown, in their order, one campaign each."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -149,7 +139,9 @@ def write_figures(seas: Seas, folder: Path) -> list[Path]:
     Raises :class:`StorageError`.
     """
     return [
-        path for name, each in FIGURES.items() for path in write_figure(each.filled(seas), folder, name, WRITTEN)
+        path
+        for name, figure in FIGURES.items()
+        for path in write_figure(figure.filled(seas), folder, name, WRITTEN)
     ]
 
 
@@ -161,8 +153,8 @@ def draw_tracks(figure: Figure, seas: Seas) -> None:
         campaign_tracks(axes, sea.campaign.windows.subset(first), sea.campaign.azimuth_deg[first])
         text = f"{sea.job.sea_state}: {len(first)} of {len(sea.campaign)} sequences"
         axes.set_title(text, loc="left")
-    before = Line2D([], [], color=FAINT, label=f"{BEFORE_S} s before")
-    handles = [*panels[0].get_legend_handles_labels()[0], before]
+    past = Line2D([], [], color=FAINT, label=f"{BEFORE_S} s before")
+    handles = [*panels[0].get_legend_handles_labels()[0], past]
     figure.legend(handles=handles, loc="outside lower center", ncols=4, title="azimuth of the zigzag")
 
 
@@ -178,19 +170,15 @@ def draw_fans(figure: Figure, seas: Seas) -> None:
     """Figure 6."""
     panels = figure.subplots(1, len(seas), squeeze=False, sharex=True, sharey=True)[0]
     for axes, sea in zip(panels, seas, strict=True):
-        chosen = _of_every_azimuth(sea.campaign.azimuth_deg, FAN)
+        azimuth_deg = sea.campaign.azimuth_deg
+        orders = np.unique(azimuth_deg)  # the first few windows of each, some FAN in all
+        number = max(1, FAN // len(orders))
+        chosen = np.concatenate([np.flatnonzero(azimuth_deg == order)[:number] for order in orders])
         fans(axes, sea.campaign.windows.subset(chosen), sea.reference[chosen], "reference")
         error_m = float(np.hypot(*(sea.errors["sequence"]["reference"].gap_m.transpose(2, 0, 1))).mean())
         axes.set_title(f"{sea.job.sea_state}: {error_m:.2f} m on average", loc="left")
         axes.label_outer()
     figure.legend(handles=panels[0].get_legend_handles_labels()[0], loc="outside lower center", ncols=2)
-
-
-def _of_every_azimuth(azimuth_deg: Floats, count: int) -> NDArray[np.int64]:
-    """The first few windows of every order, some ``count`` in all."""
-    orders = np.unique(azimuth_deg)
-    each = max(1, count // len(orders))
-    return np.concatenate([np.flatnonzero(azimuth_deg == order)[:each] for order in orders])
 
 
 def draw_errors(figure: Figure, seas: Seas) -> None:
@@ -249,7 +237,7 @@ def draw_spread(figure: Figure, seas: Seas) -> None:
         error_spread(axes, errors, SPREAD)
         axes.set_title(sea.job.sea_state, loc="left")
     panels[0].set_ylabel("mean distance of a sequence [m]")
-    splits = [Patch(facecolor=INK, alpha=alpha, label=what) for _, alpha, what in SPLIT_LOOK.values()]
+    splits = [Patch(facecolor=INK, alpha=alpha, label=label) for _, alpha, label in SPLIT_LOOK.values()]
     figure.legend(handles=splits, loc="outside lower center", ncols=2)
 
 

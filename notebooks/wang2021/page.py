@@ -1,6 +1,5 @@
-"""Table III in a terminal, as CSV and JSON, and as ``table3.html``, with its figures and with what falls short.
-
-The reproduction while it runs: how long it will take, what is finished, and the table of that.
+"""Table III in a terminal, as CSV and JSON, and as ``table3.html``, with its figures and with what falls short; and
+how the reproduction gets on while it runs.
 """
 
 from __future__ import annotations
@@ -27,7 +26,7 @@ from seatrial.analysis.report.rendering import Page, render
 from seatrial.hybrid.prediction.baselines import Interval
 from seatrial.hybrid.report.plots import COLOUR, interval_bar, logarithmic
 from seatrial.hybrid.report.sections import sections, templates
-from seatrial.hybrid.report.text import no_wrap, plain, spread, text_table
+from seatrial.hybrid.report.text import estimate_text, no_wrap, plain, text_table
 from seatrial.notebooks.wang2021.campaign import SEA_STATES, SeaResults
 from seatrial.notebooks.wang2021.figures import FIGURES, FigureSpec
 from seatrial.notebooks.wang2021.table3 import PUBLISHED, Reduction, Row, Table3, read_table3, table3
@@ -35,13 +34,18 @@ from seatrial.notebooks.wang2021.table3 import PUBLISHED, Reduction, Row, Table3
 HEADER = ["method", "north [m]", "east [m]", "distance [m]", "less than reference", "removable gap closed",
           "in the 95 % region", "random split [m]", "less than reference"]  # fmt: skip
 CELLS_HEADER = ["", "published", "hybrid", "95 % interval", "floor", "perfect start", "waves only", "above"]
+
 _NARROW = ["", "north\nm", "east\nm", "distance m", "less\nerror", "gap\nclosed", "in\n95 %", "random\nm",
            "less\nerror"]  # fmt: skip
 """The columns of :data:`HEADER` where a line has 80 characters."""
+
 _TIGHT: dict[str, Any] = {"padding": (0, 1, 0, 0)}
 TABLE = "table3.json"
 QUANTITY = {"reduction_x": "north", "reduction_y": "east", "reduction": "distance"}
 GAP_WANTED = 0.95
+
+CAMPAIGN_S = 60.0
+"""What a campaign takes on one core [s], four methods trained under either split; measured on a server of 2026."""
 
 
 def table3_view(table: Table3) -> Group:
@@ -52,7 +56,7 @@ def table3_view(table: Table3) -> Group:
         shown.append(text_table(f"{rows[0].sea_state}: {counts_of(rows[0])}", _NARROW, lines, best, **_TIGHT))
     above = sum(cell.above for cell in table.cells)
     title = f"reductions on sequences never seen: {above} of {len(table.cells)} above the published"
-    narrow = [each.replace("perfect ", "perfect\n").replace("waves ", "waves\n") for each in CELLS_HEADER]
+    narrow = [title.replace("perfect ", "perfect\n").replace("waves ", "waves\n") for title in CELLS_HEADER]
     return Group(*shown, text_table(title, narrow, cell_rows(table), **_TIGHT))
 
 
@@ -139,21 +143,20 @@ def method_rows(rows: list[Row]) -> tuple[list[list[str]], int | None]:
     place."""
     unseen = [row for row in rows if row.split == "sequence"]
     mixed = {row.method: row for row in rows if row.split == "random"}
-    lines = [_line(row, mixed.get(row.method)) for row in unseen]
-    for each in PUBLISHED:
-        if each.sea_state == unseen[0].sea_state:
-            errors = [f"{value:.2f}" for value in (each.mae_x_m, each.mae_y_m, each.mean_distance_m)]
-            less = f"{each.reduction:.1%}" if each.reduction else ""
-            lines.append([f"published {each.method}", *errors, "", "", "", errors[-1], less])
+    lines = []
+    for row in unseen:
+        leaky = mixed.get(row.method)
+        leak = ["", ""] if leaky is None else [f"{leaky.mean_distance_m.value:.2f}", f"{leaky.reduction.value:.1%}"]
+        lines.append([
+            row.method, f"{row.mae_x_m.value:.2f}", f"{row.mae_y_m.value:.2f}", estimate_text(row.mean_distance_m),
+            f"{row.reduction.value:.1%}", f"{row.removable_gap_closed.value:.0%}", share(row.coverage_95), *leak,
+        ])  # fmt: skip
+    for published in PUBLISHED:
+        if published.sea_state == unseen[0].sea_state:
+            errors = [f"{value:.2f}" for value in (published.mae_x_m, published.mae_y_m, published.mean_distance_m)]
+            reduction = f"{published.reduction:.1%}" if published.reduction else ""
+            lines.append([f"published {published.method}", *errors, "", "", "", errors[-1], reduction])
     return lines, next((place for place, row in enumerate(unseen) if row.method == "hybrid"), None)
-
-
-def _line(row: Row, mixed: Row | None) -> list[str]:
-    leak = ["", ""] if mixed is None else [f"{mixed.mean_distance_m.value:.2f}", f"{mixed.reduction.value:.1%}"]
-    return [
-        row.method, f"{row.mae_x_m.value:.2f}", f"{row.mae_y_m.value:.2f}", spread(row.mean_distance_m),
-        f"{row.reduction.value:.1%}", f"{row.removable_gap_closed.value:.0%}", share(row.coverage_95), *leak,
-    ]  # fmt: skip
 
 
 def for_page(lines: list[list[str]]) -> list[list[str]]:
@@ -176,10 +179,10 @@ def is_reproduced(folder: Path) -> bool:
     return (folder / TABLE).is_file() or bool(drawn_in(folder))
 
 
-def drawn_in(folder: Path, only: Sequence[str] = ()) -> dict[Path, FigureSpec]:
+def drawn_in(folder: Path, names: Sequence[str] = ()) -> dict[Path, FigureSpec]:
     """The pictures of the reproduction that a folder holds, all or those named, and what is said of each."""
-    paths = {folder / f"{name}.png": each for name, each in FIGURES.items() if not only or name in only}
-    return {path: each for path, each in paths.items() if path.is_file()}
+    paths = {folder / f"{name}.png": figure for name, figure in FIGURES.items() if not names or name in names}
+    return {path: figure for path, figure in paths.items() if path.is_file()}
 
 
 def results_of(folder: Path) -> dict[str, Any]:
@@ -204,15 +207,11 @@ def results_sections(folder: Path | str) -> Callable[..., Page]:
     return sections("table3.html", **results_of(Path(folder)))
 
 
-CAMPAIGN_S = 60.0
-"""What a campaign takes on one core [s], four methods trained under either split; measured on a server of 2026."""
-
-
 @dataclass(slots=True)
 class RunningTable:
     """The campaigns finished so far, of ``total``; after each their table goes to ``folder``, if there is one.
 
-    ``say`` takes a line for the user, ``clock`` tells the time [s].
+    ``say`` takes a line for the user, ``clock`` returns the time [s].
     """
 
     total: int
@@ -228,25 +227,29 @@ class RunningTable:
         self.began_s = self.clock()
         workers = min(self.workers or os.cpu_count() or 1, self.total)
         about_s = CAMPAIGN_S * ceil(self.total / workers)
-        kept = f"; what is finished is in {self.folder} after each" if self.folder else ""
+        note = f"; what is finished is in {self.folder} after each" if self.folder else ""
         self.say(
             f"{counted(self.total)} of some {duration_text(CAMPAIGN_S)} each on one core, {workers} at a time: "
-            f"about {duration_text(about_s)}{kept}"
+            f"about {duration_text(about_s)}{note}"
         )
 
     def add(self, sea: SeaResults) -> None:
         """Keep a campaign that is finished, write the table of all that are, and say how long the rest may take."""
         self.seas.append(sea)
-        done, passed_s = len(self.seas), self.clock() - self.began_s
-        if self.folder is not None and done < self.total:
+        finished, passed_s = len(self.seas), self.clock() - self.began_s
+        if self.folder is not None and finished < self.total:
             write_table3(
-                table3(sorted(self.seas, key=lambda each: (SEA_STATES.index(each.job.sea_state), each.job.seed))),
+                table3(
+                    sorted(self.seas, key=lambda result: (SEA_STATES.index(result.job.sea_state), result.job.seed))
+                ),
                 self.folder,
             )
-        left = f"about {duration_text(passed_s / done * (self.total - done))} left" if done < self.total else "done"
+        remaining = "done"
+        if finished < self.total:
+            remaining = f"about {duration_text(passed_s / finished * (self.total - finished))} left"
         self.say(
-            f"{done} of {counted(self.total)} after {duration_text(passed_s)}: {sea.job.sea_state} sea, seed "
-            f"{sea.job.seed}; {left}"
+            f"{finished} of {counted(self.total)} after {duration_text(passed_s)}: {sea.job.sea_state} sea, seed "
+            f"{sea.job.seed}; {remaining}"
         )
 
 

@@ -124,10 +124,10 @@ class Table3(Result):
 def _flat(row: Mapping[str, Any]) -> dict[str, Any]:
     """The contract's row: ``low`` and ``high`` are of the mean distance, others carry a name before."""
     flat: dict[str, Any] = {}
-    for name, each in row.items():
-        flat[name] = each["value"] if isinstance(each, dict) else each
-        if isinstance(each, dict):
-            flat |= {f"{_bound(name)}low": each["low"], f"{_bound(name)}high": each["high"]}
+    for name, value in row.items():
+        flat[name] = value["value"] if isinstance(value, dict) else value
+        if isinstance(value, dict):
+            flat |= {f"{_bound(name)}low": value["low"], f"{_bound(name)}high": value["high"]}
     return flat
 
 
@@ -189,45 +189,43 @@ def bootstrap_means(figures: Sequence[Floats], draws: int = DRAWS) -> Floats:
     Row 0 is the mean over seeds as measured; each row after it of a draw of whole sequences, with replacement
     and within each seed: :class:`~seatrial.hybrid.prediction.baselines.LegBootstrap`, stratified.
     """
-    by_seed = [_means(each, draws, seed) for seed, each in enumerate(figures)]
+    by_seed = []
+    for seed, seed_figures in enumerate(figures):
+        sequence, second = np.nonzero(np.isfinite(seed_figures[..., 0]))
+        judged = seed_figures[sequence, second]
+        means = LegBootstrap.of(sequence, seed, draws).means(judged)
+        by_seed.append(np.vstack([judged.mean(axis=0), means]))
     return np.asarray(np.mean(by_seed, axis=0))
-
-
-def _means(figures: Floats, draws: int, seed: int) -> Floats:
-    """Row 0 the means of one seed's figures, then those of each draw [1 + draws, K]."""
-    sequence, second = np.nonzero(np.isfinite(figures[..., 0]))
-    judged = figures[sequence, second]
-    return np.vstack([judged.mean(axis=0), LegBootstrap.of(sequence, seed, draws).means(judged)])
 
 
 def _figures(method: str, drawn: Mapping[str, Floats]) -> dict[str, Interval]:
     """The intervals of a method's row."""
     means, reference, floor = drawn[method], drawn["reference"], drawn["floor"]
-    less = 1.0 - means[:, :3] / reference[:, :3]
+    reduction = 1.0 - means[:, :3] / reference[:, :3]
     values = {
         "mae_x_m": means[:, 0],
         "mae_y_m": means[:, 1],
         "mean_distance_m": means[:, 2],
-        "reduction": less[:, 2],
-        "reduction_x": less[:, 0],
-        "reduction_y": less[:, 1],
+        "reduction": reduction[:, 2],
+        "reduction_x": reduction[:, 0],
+        "reduction_y": reduction[:, 1],
         "removable_gap_closed": (reference - means)[:, 2] / (reference - floor)[:, 2],
         "coverage_95": means[:, 3],
     }
-    return {name: interval_about(float(each[0]), each[1:]) for name, each in values.items()}
+    return {name: interval_about(float(series[0]), series[1:]) for name, series in values.items()}
 
 
 def cells_of(rows: Iterable[Row]) -> list[Reduction]:
     """The published reductions of the sea states in ``rows``, beside ours on sequences never seen."""
     unseen = {(row.sea_state, row.method): row for row in rows if row.split == "sequence"}
-    published = {each.sea_state: each for each in PUBLISHED if each.method == "hybrid"}
+    published = {row.sea_state: row for row in PUBLISHED if row.method == "hybrid"}
     cells = []
     for sea_state in dict.fromkeys(sea_state for sea_state, _ in unseen if sea_state in published):
         for quantity in QUANTITIES:
             ours, *bounds = (
-                getattr(unseen[sea_state, each], quantity)
-                for each in ("hybrid", "floor", "perfect_start", "waves_only")
+                getattr(unseen[sea_state, method], quantity)
+                for method in ("hybrid", "floor", "perfect_start", "waves_only")
             )
             stated = getattr(published[sea_state], quantity)
-            cells.append(Reduction(sea_state, quantity, stated, ours, *(each.value for each in bounds)))
+            cells.append(Reduction(sea_state, quantity, stated, ours, *(bound.value for bound in bounds)))
     return cells

@@ -14,7 +14,7 @@ from seatrial.acquisition.recording.writer import write_table
 from seatrial.hybrid.simulation.trial import SimulationNoise, simulate_trial
 from seatrial.hybrid.vessel.actuators import Drive
 from seatrial.hybrid.vessel.files import load_vessel
-from seatrial.hybrid.workflows import checked_tables, driven_by_orders, followed, idle_angles
+from seatrial.hybrid.workflows import checked_tables, driven_by_orders, follow_orders, idle_angles
 
 VESSEL = load_vessel("gunnerus_short")
 
@@ -29,17 +29,19 @@ def steps(values: list[float], seconds: float = 60.0, rate_hz: float = 5.0) -> p
 def test_a_drive_follows_its_order_with_its_lag_rate_and_limit() -> None:
     """A lag is its time constant behind at the end of a step; a rate takes its time; a limit is never passed."""
     table = steps([0.0, 10.0])
-    lagging = followed(table, "port_order_angle_deg", Drive(2.0), circular=True)
+    lagging = follow_orders(table, "port_order_angle_deg", Drive(2.0), circular=True)
     assert lagging[150 + 10] == pytest.approx(10.0 * (1.0 - np.exp(-1.0)), abs=0.5)
-    slow = followed(table, "port_order_angle_deg", Drive(0.0, rate=2.0), circular=True)
+    slow = follow_orders(table, "port_order_angle_deg", Drive(0.0, rate=2.0), circular=True)
     assert slow[150 + 15] == pytest.approx(6.0, abs=0.3)
     assert slow[-1] == pytest.approx(10.0)
-    assert followed(table, "port_order_angle_deg", Drive(0.5, limit=4.0), circular=True).max() == pytest.approx(4.0)
+    assert follow_orders(
+        table, "port_order_angle_deg", Drive(0.5, limit=4.0), circular=True
+    ).max() == pytest.approx(4.0)
 
 
 def test_an_angle_is_driven_the_shorter_way_round() -> None:
     """From 170 to -170 deg through astern, not through ahead."""
-    driven = followed(steps([170.0, -170.0]), "port_order_angle_deg", Drive(1.0), circular=True)
+    driven = follow_orders(steps([170.0, -170.0]), "port_order_angle_deg", Drive(1.0), circular=True)
     assert np.abs(driven).min() > 169.0
 
 

@@ -20,9 +20,9 @@ from seatrial.hybrid.diagnosis.log import log_of
 from seatrial.hybrid.diagnosis.result import Diagnosis, Estimate, Extras, IdentifiedCorrection, Remainder
 from seatrial.hybrid.identification.fit import coefficients_of, with_values
 from seatrial.hybrid.report.diagnosis import (
+    basis_rows,
     coefficient_rows,
     correction_sentence,
-    granted_rows,
     page_of,
     structure_rows,
 )
@@ -48,7 +48,7 @@ def off_by(share: float, ship: Vessel, seed: int) -> Vessel:
     for each in coefficients_of(ship):
         if each.name.startswith(("hull", "port")):
             value = each.start * (1.0 + share * generator.choice([-1.0, 1.0]))
-            wrong |= dict.fromkeys((each.name, *each.twins), value)
+            wrong |= dict.fromkeys((each.name, *each.tied), value)
     return with_values(ship, wrong)
 
 
@@ -77,8 +77,8 @@ def test_what_is_determined_of_one_thruster_is_so_of_its_twin(table: pd.DataFram
     windows = unseen_windows(log_of([table]), model_of(SHIP, {}))
     levels = {"value": 0.9, "low": 0.8, "high": 1.0, "start": 1.0}
     found = SimpleNamespace(coefficients=(
-        SimpleNamespace(name="port.thrust_nn", twins=("starboard.thrust_nn",), known=True, **levels),
-        SimpleNamespace(name="hull.Yuv", twins=(), known=False, **levels),
+        SimpleNamespace(name="port.thrust_nn", tied=("starboard.thrust_nn",), known=True, **levels),
+        SimpleNamespace(name="hull.Yuv", tied=(), known=False, **levels),
     ))  # fmt: skip
     correction = workflows._correction(windows, windows.before, found, {})
     assert set(correction.known) == {"port.thrust_nn", "starboard.thrust_nn"}
@@ -121,7 +121,7 @@ def test_the_page_says_it_first_and_it_comes_back_from_json() -> None:
 
 def test_what_was_done_to_a_file_is_in_words_beside_its_name() -> None:
     done = "a_b.mcap: surge_mps: surge and sway multiplied by 1.02; a_b.mcap: parted at 12:00:00"
-    rows = dict(granted_rows(replace(named(), provenance={"repair": True, "repaired": done})))
+    rows = dict(basis_rows(replace(named(), provenance={"repair": True, "repaired": done})))
     assert rows["repaired"] == done.replace("surge_mps", "surge")
     assert rows["repair"] == "yes"
 
@@ -141,14 +141,14 @@ def off_in(effects: int, before_m: float) -> Diagnosis:
 def test_a_model_is_off_in_many_things_where_it_is_worse_than_constant_velocity_and_many_effects_do_not_do() -> (
     None
 ):
-    assert workflows.off_in_many_things(off_in(8, 1.7))
-    assert not workflows.off_in_many_things(
+    assert workflows.is_structurally_wrong(off_in(8, 1.7))
+    assert not workflows.is_structurally_wrong(
         off_in(8, 0.8)
     )  # better than constant velocity: its effects are its own
-    assert not workflows.off_in_many_things(off_in(3, 1.7))  # few causes, however large
-    assert not workflows.off_in_many_things(replace(off_in(8, 1.7), remainder=None))  # they explain all
+    assert not workflows.is_structurally_wrong(off_in(3, 1.7))  # few causes, however large
+    assert not workflows.is_structurally_wrong(replace(off_in(8, 1.7), remainder=None))  # they explain all
     in_parts = replace(off_in(1, 1.7), effects=off_in(1, 1.7).effects * 8)
-    assert not workflows.off_in_many_things(in_parts)  # one effect that varies over the trial
+    assert not workflows.is_structurally_wrong(in_parts)  # one effect that varies over the trial
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,7 @@ from zlib import crc32
 
 import numpy as np
 
-from seatrial.hybrid.diagnosis.planning import TOLD_APART
+from seatrial.hybrid.diagnosis.planning import DISTINGUISHED
 from tests.benchmarks.diagnosis.cases import Case
 from tests.benchmarks.diagnosis.design import Design
 from tests.benchmarks.diagnosis.outside_size import MOST
@@ -79,7 +79,7 @@ def _plan_hidden(case: Case, sound: Sound | None, plan: Plan) -> None:
     if hidden is None:
         plan.none[case.key] = "such a trial cannot identify it"
         return
-    alike = sound.rivals(hidden, ALIKE if case.group == "cannot_tell" else TOLD_APART)
+    alike = sound.rivals(hidden, ALIKE if case.group == "cannot_tell" else DISTINGUISHED)
     if case.group == "cannot_tell" and not alike:
         plan.none[case.key] = "such a trial can tell it from all others"
     else:

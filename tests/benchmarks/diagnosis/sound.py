@@ -13,7 +13,7 @@ from seatrial.hybrid.diagnosis.estimate_noise import estimate_noise
 from seatrial.hybrid.diagnosis.evidence import NormalEquations, normal_equations
 from seatrial.hybrid.diagnosis.linearise import linearise, model_of
 from seatrial.hybrid.diagnosis.log import log_of
-from seatrial.hybrid.diagnosis.planning import TOLD_APART, Information, free_limits, information_of, separation
+from seatrial.hybrid.diagnosis.planning import DISTINGUISHED, Information, free_limits, information_of, separation
 from seatrial.hybrid.diagnosis.verdict import TOLERANCE
 from seatrial.hybrid.effects import CATALOGUE, Effect
 from seatrial.hybrid.vessel.files import load_vessel
@@ -62,7 +62,7 @@ class Sound:
         """Whether the trial can identify an effect at a size that anyone would hide."""
         return self.limits[name] <= ORDINARY * max(CATALOGUE[name].free_scale)
 
-    def rivals(self, hidden: Hidden, below: float = TOLD_APART) -> list[str]:
+    def rivals(self, hidden: Hidden, below: float = DISTINGUISHED) -> list[str]:
         """Effects that could stand for one of the hidden, possible in size, as good as that one in such a trial."""
         return [
             other

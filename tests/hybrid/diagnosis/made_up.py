@@ -10,11 +10,11 @@ from seatrial.acquisition.core.result import to_json
 from seatrial.hybrid.diagnosis.disturbance_model import DisturbanceNoise
 from seatrial.hybrid.diagnosis.result import (
     FORCES,
+    CalibratorComparison,
     Diagnosis,
     Estimate,
     Gap,
     GapCell,
-    Ladder,
     Map,
     NamedEffect,
     NextTrial,
@@ -113,11 +113,11 @@ def of_verdict(verdict: str) -> Diagnosis:
     )
 
 
-def a_ladder(both: tuple[float, float, float] = (0.7, 0.6, 0.8)) -> Ladder:
+def a_ladder(both: tuple[float, float, float] = (0.7, 0.6, 0.8)) -> CalibratorComparison:
     """All five rungs; ``both`` is the ratio of the calibrator on the named model to that on the reference."""
     sizes = {"constant_velocity": 0.9, "reference": 1.2, "named": 0.3, "reference_calibrated": 0.4}
     sizes["named_calibrated"] = 0.4 * both[0]
-    return Ladder(
+    return CalibratorComparison(
         15, "adaptive", 93, 32,
         {name: Interval(size, 0.8 * size, 1.3 * size) for name, size in sizes.items()},
         (

@@ -15,22 +15,22 @@ from seatrial.acquisition.core.errors import DataShortageError
 from seatrial.acquisition.core.quantities import Floats
 from seatrial.acquisition.core.ship import DEFAULT
 from seatrial.hybrid.calibrators import Calibrator
-from seatrial.hybrid.diagnosis.calibrator_comparison import draws_of_folds, ladder, seconds_in_folds
+from seatrial.hybrid.diagnosis.calibrator_comparison import compare_on_windows, draws_of_folds, seconds_in_folds
 from seatrial.hybrid.diagnosis.gap import FOLDS, fold_of
 from seatrial.hybrid.diagnosis.linearise import ModelWithEffects
 from seatrial.hybrid.diagnosis.log import Log
-from seatrial.hybrid.diagnosis.result import Ladder
+from seatrial.hybrid.diagnosis.result import CalibratorComparison
 from seatrial.hybrid.diagnosis.select_effects import Coordinates
 from seatrial.hybrid.effects import CATALOGUE
 from seatrial.hybrid.evaluation.study import shared_seconds
 from seatrial.hybrid.prediction.baselines import distances, reference, score
 from seatrial.hybrid.prediction.windows import PredictionWindows
-from seatrial.hybrid.report.diagnosis import ladder_sentence
+from seatrial.hybrid.report.diagnosis import comparison_sentence
 from seatrial.hybrid.vessel.plant import Plant
 from tests.hybrid.diagnosis.made_up import a_ladder
 from tests.hybrid.evaluation.windows_in_legs import FAKES, Oracle, windows_of_legs
 
-Climbed = Callable[[str, Mapping[int, Coordinates] | None], tuple[Ladder, PredictionWindows]]
+Climbed = Callable[[str, Mapping[int, Coordinates] | None], tuple[CalibratorComparison, PredictionWindows]]
 CURRENT = {"ocean_current": (0.2, -0.1)}
 SIZES = [3, 9, 5, 8, 4, 6, 7, 3, 9, 5]
 
@@ -108,11 +108,11 @@ def climbed(plant: Plant, monkeypatch: pytest.MonkeyPatch) -> Climbed:
 
     monkeypatch.setattr("seatrial.hybrid.evaluation.study.make_calibrator", make)
 
-    def run(method: str, named: Mapping[int, Coordinates] | None) -> tuple[Ladder, PredictionWindows]:
+    def run(method: str, named: Mapping[int, Coordinates] | None) -> tuple[CalibratorComparison, PredictionWindows]:
         windows = windows_of_legs([7] * 12, gap_s=20)
         windows = replace(windows, track=reference(windows, replace(model, at=CURRENT).plant()))
         seconds = seconds_in_folds(windows, log_about(windows, 60), ("first",))
-        return ladder(windows, seconds, model, named, method=method, seed=1), windows
+        return compare_on_windows(windows, seconds, model, named, method=method, seed=1), windows
 
     return run
 
@@ -161,7 +161,7 @@ def test_without_a_name_there_are_three_rungs(climbed: Climbed) -> None:
 )
 def test_the_sentence_says_whether_the_name_helps(both: tuple[float, float, float], words: str) -> None:
     """Helped, harmed, or not to be seen."""
-    said = ladder_sentence(a_ladder(both))
+    said = comparison_sentence(a_ladder(both))
     assert words in said
     assert "the error of the reference is 1.2 m, with the named effects 0.3 m, with a calibrator 0.4 m" in said
 
@@ -171,5 +171,8 @@ def test_the_sentence_without_rungs_or_names() -> None:
     whole = a_ladder()
     kept = [name for name in whole.mean_distance_m if "named" not in name]
     bare = replace(whole, mean_distance_m={name: whole.mean_distance_m[name] for name in kept})
-    assert ladder_sentence(bare).endswith("with a calibrator 0.4 m: 67 % less error (60 to 70 %).")
-    assert ladder_sentence(Ladder(15, "adaptive", why_not="no leg")) == "No calibrator was trained: no leg."
+    assert comparison_sentence(bare).endswith("with a calibrator 0.4 m: 67 % less error (60 to 70 %).")
+    assert (
+        comparison_sentence(CalibratorComparison(15, "adaptive", why_not="no leg"))
+        == "No calibrator was trained: no leg."
+    )

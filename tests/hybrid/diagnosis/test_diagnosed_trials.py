@@ -50,7 +50,7 @@ def test_nothing_is_named_where_nothing_is_hidden(diagnosed: Diagnosed) -> None:
     assert naming.names == ()
     evidence = naming.evidence
     assert evidence.inner[0, 0] == pytest.approx(np.isfinite(evidence.equations.log.measured).sum(), rel=0.15)
-    assert not any(each.found for each in lack_of_fit(evidence, ()))
+    assert not any(each.significant for each in lack_of_fit(evidence, ()))
 
 
 @pytest.mark.slow
@@ -103,7 +103,7 @@ def test_two_effects_at_once_are_both_named(diagnosed: Diagnosed) -> None:
 def test_a_moment_that_hangs_on_heading_is_no_effect_of_the_catalogue(diagnosed: Diagnosed) -> None:
     """A yaw moment of sin 4 psi: found beyond the catalogue, in yaw, on heading."""
     naming = diagnosed(seed=7, hidden={}, outside={"yaw_moment_4psi": 6e4}, sea="calm", duration_s=3600.0)
-    found = [each for each in lack_of_fit(naming.evidence, naming.names) if each.found]
+    found = [each for each in lack_of_fit(naming.evidence, naming.names) if each.significant]
     assert (found[0].depends, found[0].what) == ("heading", "yaw")
 
 

@@ -12,7 +12,7 @@ from seatrial.acquisition.core.quantities import Floats
 from seatrial.hybrid.diagnosis import gap
 from seatrial.hybrid.diagnosis.disturbance_model import DisturbanceNoise, smooth_state
 from seatrial.hybrid.diagnosis.evidence import NormalEquations
-from seatrial.hybrid.diagnosis.gap import HeldOutGap, left_by_noise_m, with_noise_floor
+from seatrial.hybrid.diagnosis.gap import HeldOutGap, noise_floor_m, with_noise_floor
 from seatrial.hybrid.diagnosis.linearise import LinearModel
 from seatrial.hybrid.diagnosis.result import Gap
 from tests.hybrid.diagnosis.linear_by_hand import DISTURBANCES, a_ship, one_column
@@ -32,7 +32,7 @@ def test_it_is_the_mean_distance_of_drawn_windows(noise: DisturbanceNoise) -> No
     variance = smooth_state(linear, one_column(linear.observed), noise, EDGES)[1]
     random = np.random.default_rng(62)
     away = np.concatenate([_drawn_distances(linear, variance, noise, at, random) for at in STARTS])
-    assert left_by_noise_m(examination, STARTS, HORIZON_S) == pytest.approx(away.mean(), rel=0.06)
+    assert noise_floor_m(examination, STARTS, HORIZON_S) == pytest.approx(away.mean(), rel=0.06)
 
 
 def _drawn_distances(
@@ -58,7 +58,7 @@ def _drawn_distances(
 def test_more_noise_leaves_more() -> None:
     linear, log = a_ship(int(EDGES[-1]), 63), SimpleNamespace(edges=EDGES)
     left = [
-        left_by_noise_m(
+        noise_floor_m(
             cast("NormalEquations", SimpleNamespace(linear=linear, noise=each, log=log)), STARTS, HORIZON_S
         )
         for each in (
@@ -73,7 +73,7 @@ def test_more_noise_leaves_more() -> None:
 
 def test_shares_add_up_to_what_is_closed_with_noise_as_the_floor(monkeypatch: pytest.MonkeyPatch) -> None:
     """Of a floor that lies lower, the same effects close less."""
-    monkeypatch.setattr(gap, "left_by_noise_m", lambda *_: 0.1)
+    monkeypatch.setattr(gap, "noise_floor_m", lambda *_: 0.1)
     monkeypatch.setattr(gap, "window_starts", lambda log: np.zeros(1))
     held = HeldOutGap(Gap(1.0, 0.4, 0.4, 1.2, 10, 15), {"trim": 0.75, "skeg": 0.25}, tracks(), {})
     lower = with_noise_floor(held, cast("NormalEquations", SimpleNamespace(log=None)))

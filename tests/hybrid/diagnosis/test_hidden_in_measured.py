@@ -30,10 +30,10 @@ TERMS = [name for name, kind in KINDS.items() if kind.names and not kind.in_reco
 def test_what_is_taken_out_is_something_and_its_effect_puts_it_back(name: str) -> None:
     kind, good = KINDS[name], vessel_plant(GOOD).numbers()
     model = model_of(kind.model(GOOD), CATALOGUE)
-    given = model.given.get(kind.effect, (0.0,))
+    given = model.file_effects.get(kind.effect, (0.0,))
     at = {kind.effect: tuple(np.subtract(CATALOGUE[kind.effect].free(kind.values), given).tolist())}
     assert vessel_plant(kind.model(GOOD)).numbers() != good
-    returned = type(model)(model.base, model.catalogue, at, model.given).plant().numbers()
+    returned = type(model)(model.base, model.catalogue, at, model.file_effects).plant().numbers()
     for number, value in good.items():
         assert returned[number] == pytest.approx(value), number
 

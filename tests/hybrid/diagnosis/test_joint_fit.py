@@ -7,15 +7,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from seatrial.hybrid.diagnosis.coarse_model import about_likeliest, compatible_effects
+from seatrial.hybrid.diagnosis.coarse_model import compatible_effects, relinearise_at_mode
 from seatrial.hybrid.diagnosis.evidence import FEW, Evidence, evidence_of, normal_equations
 from seatrial.hybrid.diagnosis.gap import (
     LinearTracks,
     UnseenWindows,
-    closest_alone,
+    closest_single_effect,
+    fit_within_bounds,
     linear_tracks,
     unseen_windows,
-    within_bounds,
 )
 from seatrial.hybrid.diagnosis.linearise import ModelWithEffects, linearise
 from seatrial.hybrid.diagnosis.select_effects import fitted_coordinates
@@ -43,7 +43,7 @@ def far_off(plant: Plant) -> Evidence:
 @pytest.fixture(scope="module")
 def found(far_off: Evidence) -> Evidence:
     """The same about the likeliest sizes of all."""
-    return about_likeliest(far_off, compatible_effects(far_off))
+    return relinearise_at_mode(far_off, compatible_effects(far_off))
 
 
 @pytest.fixture(scope="module")
@@ -105,7 +105,7 @@ def test_a_vane_that_is_off_by_a_right_angle_is_found_by_simulated_tracks(plant:
     names = ("wind_direction_bias", "wind_load", "wave_drift", "hull_fouling", "sway_asymmetry")
     model = ModelWithEffects(base, {name: CATALOGUE[name] for name in names})
     evidence = evidence_of(normal_equations(linearise(log, model, 0.01), QUIET, number=FEW))
-    assert closest_alone(unseen_windows(log, model), evidence) == {"wind_direction_bias": (80.0,)}
+    assert closest_single_effect(unseen_windows(log, model), evidence) == {"wind_direction_bias": (80.0,)}
 
 
 @pytest.mark.parametrize("seed", range(5))
@@ -115,9 +115,9 @@ def test_sizes_at_their_bounds_stay_there_and_the_others_are_the_best_beside_the
     inner, columns, precision = data.T @ data, np.array([5, 2, 7, 3]), np.full(4, 0.5)
     information = inner[np.ix_(columns, columns)] + np.diag(precision)
     free = np.linalg.solve(information, inner[columns, 0])
-    assert within_bounds(inner, columns, precision, np.full(4, -9.0), np.full(4, 9.0)) == pytest.approx(free)
+    assert fit_within_bounds(inner, columns, precision, np.full(4, -9.0), np.full(4, 9.0)) == pytest.approx(free)
     high = 0.5 * np.abs(free) * [1.0, 9.0, 9.0, 9.0]
-    sizes = within_bounds(inner, columns, precision, -high, high)
+    sizes = fit_within_bounds(inner, columns, precision, -high, high)
     assert (np.abs(sizes) <= high).all()
     assert abs(sizes[0]) == high[0]
     inside = np.abs(sizes) < high

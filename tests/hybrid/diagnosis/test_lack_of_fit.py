@@ -54,7 +54,7 @@ def test_a_family_that_is_there_is_the_first_and_has_its_size(design: Design) ->
     size = 40.0
     first = judged(design, data + size * design.columns[:, :, column])[0]
     assert (first.depends, first.what) == ("heading", "yaw")
-    assert first.found
+    assert first.significant
     assert first.size == pytest.approx(size * 1e4, rel=0.2)  # in N m; the filter reckons in 10 kN m
     column = design.layout.nuisance_forces(0)[4]
     first = judged(design, design.data(random) - size * design.columns[:, :, column])[0]
@@ -66,7 +66,7 @@ def test_a_bias_that_drifts_is_found_as_such(design: Design) -> None:
     first = judged(design, data + 1.0 * design.columns[:, :, design.layout.first_varying])[0]
     assert (first.depends, first.what) == ("time", "heading_bias")
     assert first.size == pytest.approx(1.0, rel=0.3)
-    assert first.found
+    assert first.significant
 
 
 def test_a_bias_that_drifts_by_nothing_that_matters_is_not_found(plant: Plant) -> None:
@@ -74,7 +74,7 @@ def test_a_bias_that_drifts_by_nothing_that_matters_is_not_found(plant: Plant) -
     data = long.data(np.random.default_rng(57)) + 0.1 * long.columns[:, :, long.layout.first_varying]
     drifts = next(each for each in judged(long, data) if each.what == "heading_bias")
     assert drifts.p_value < 1e-3
-    assert not drifts.found
+    assert not drifts.significant
 
 
 def test_named_effects_take_their_part_away(design: Design) -> None:
@@ -93,7 +93,7 @@ def test_a_model_that_is_off_by_more_than_granted_is_told_so(design: Design) -> 
     features = np.concatenate([design.layout.axis(axis) for axis in range(3)])
     data = design.data(random) + design.columns[:, :, features] @ (30.0 * random.standard_normal(len(features)))
     off = next(each for each in judged(design, data) if each.depends == "operating point")
-    assert off.found
+    assert off.significant
     assert off.size == pytest.approx(0.15, rel=0.5)  # of twelve features: known to some 20 %
 
 
@@ -121,7 +121,7 @@ def test_an_effect_that_is_named_rightly_seldom_seems_to_have_another_form(doubt
     for _ in range(draws):
         found = forms(doubted, doubted.data(random, {"sway_bias": (0.5,)}))
         assert len(found) == 2
-        wrong += any(each.found for each in found)
+        wrong += any(each.significant for each in found)
     assert wrong <= binom.ppf(0.9999, draws, INTERACTION_CHANCE)
 
 
@@ -137,4 +137,4 @@ def test_another_form_is_found_however_small_it_is(doubted: Design) -> None:
     first = forms(known, data)[0]
     assert (first.what, first.depends) == ("sway_bias", INTERACTIONS[1])
     assert first.size == pytest.approx(size, rel=0.5)
-    assert first.found
+    assert first.significant

@@ -14,10 +14,10 @@ from matplotlib.figure import Figure
 
 from seatrial.hybrid.diagnosis.calibrator_comparison import doubted_by_calibrator
 from seatrial.hybrid.diagnosis.result import (
+    CalibratorComparison,
     Diagnosis,
     Extras,
     Gap,
-    Ladder,
     Ratio,
     SensorContradiction,
     Suspect,
@@ -82,7 +82,7 @@ def test_where_nothing_is_named_there_is_no_before_and_after(tmp_path: Path) -> 
     assert "The error on held-out legs" in page
     for words in ("before and after", "with the named effects in the model", "floor"):
         assert words not in page
-    assert plots.chosen_windows(unchanged, named=False) == {"worst": 5, "median": 3}
+    assert plots.representative_windows(unchanged, named=False) == {"worst": 5, "median": 3}
     axes = Figure().subplots()
     plots.gap(axes, nothing)
     assert [label.get_text() for label in axes.get_yticklabels()] == ["model", "constant velocity"]
@@ -159,7 +159,7 @@ def test_unknown_alone() -> None:
 def test_no_ladder_where_nobody_asked_and_one_line_where_it_cannot_be() -> None:
     """The section has no figure then."""
     assert "calibrator" not in page_of(of_verdict("nothing_missing"), Extras()).html
-    lacking = Extras(ladder=Ladder(15, "adaptive", why_not="3 legs have held windows"))
+    lacking = Extras(ladder=CalibratorComparison(15, "adaptive", why_not="3 legs have held windows"))
     page, without = (page_of(of_verdict("nothing_missing"), each) for each in (lacking, Extras()))
     _, text = page.html.split("With a calibrator on top")
     assert "No calibrator was trained: 3 legs have held windows." in text.split("<h2>")[0]
@@ -185,7 +185,7 @@ def test_the_ladder_is_drawn_as_it_stands() -> None:
     """A point a rung at its mean distance, the first on top."""
     axes = Figure().subplots()
     rungs = a_ladder().mean_distance_m
-    plots.ladder(axes, rungs)
+    plots.calibrator_comparison(axes, rungs)
     drawn = [each.lines[0].get_xydata()[0] for each in axes.containers]
     assert np.array(drawn) == pytest.approx(
         np.array([(each.value, row) for row, each in enumerate(rungs.values())])
@@ -305,7 +305,7 @@ def test_error_by_second_is_the_mean_distance() -> None:
 
 def test_chosen_windows_are_what_they_are_called() -> None:
     """In the made-up tracks the last window is the worst, before and after, and is drawn once."""
-    chosen = plots.chosen_windows(tracks())
+    chosen = plots.representative_windows(tracks())
     assert chosen == {"worst before, improved most, worst after": 5, "median before": 3}
 
 
@@ -315,7 +315,7 @@ def test_windows_stand_over_what_the_actuators_did() -> None:
     plots.window_tracks(figure, made)
     below = figure.axes[2:]
     assert [axes.get_ylabel() for axes in below] == ["shafts\n[rpm]", "", "angles\n[deg]", ""]
-    worst = list(plots.chosen_windows(made).values()).index(5)
+    worst = list(plots.representative_windows(made).values()).index(5)
     (line,) = below[2 + worst].get_lines()
     assert np.asarray(line.get_ydata()) == pytest.approx(-np.degrees(0.06))
     assert line.get_label() == "rudder angle"
@@ -326,13 +326,13 @@ def test_windows_with_gaps_are_left_out_of_the_figures() -> None:
     made = tracks()
     made.measured[1, 4, 0] = np.nan
     made.before[3, 15, 1] = np.nan
-    assert plots.whole_windows(made).leg.tolist() == [0, 1, 2, 2]
+    assert plots.complete_windows(made).leg.tolist() == [0, 1, 2, 2]
 
 
 def test_the_map_finds_what_the_force_goes_with() -> None:
     """Of the made-up map, sway with heading; every cell is printed."""
     made = a_map()
-    assert map_plots.depends_most(made) == ("sway_force_n", "heading_deg")
+    assert map_plots.most_variable_force(made) == ("sway_force_n", "heading_deg")
     figure = Figure(figsize=(9.5, map_plots.map_height_inch(made.places)))
     map_plots.force_map(figure, made.places)
     printed = [each.get_text() for axes in figure.axes for each in axes.texts]

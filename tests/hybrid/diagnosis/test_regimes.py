@@ -11,7 +11,7 @@ import pytest
 
 from seatrial.acquisition.core.errors import ConfigurationError
 from seatrial.acquisition.core.ship import DEFAULT
-from seatrial.hybrid.diagnosis.map import FoundRegime, explained, find_regimes, shape_of
+from seatrial.hybrid.diagnosis.map import FoundRegime, explained_shares, find_regimes, shape_of
 from seatrial.hybrid.diagnosis.result import Replication
 from seatrial.hybrid.diagnosis.verdict import diagnose
 from seatrial.hybrid.effects import apply_effects, load_effects
@@ -77,7 +77,7 @@ def test_a_share_is_of_parts_that_had_no_part_in_the_size() -> None:
     shape, force = np.ones((200, 1)), np.zeros((200, 3))
     force[fold == 0] = 1.0
     force[fold == 1] = -1.0
-    _, share, agree = explained(shape, force, fold)
+    _, share, agree = explained_shares(shape, force, fold)
     assert (share <= 0.0).all()
     assert not agree.any()
 

@@ -15,8 +15,8 @@ from seatrial.hybrid.diagnosis.select_effects import (
     Selection,
     fitted_coordinates,
     linear_about,
+    linearised_swaps,
     rivals_of,
-    swaps_about_themselves,
 )
 from seatrial.hybrid.diagnosis.verdict import close_rivals
 from seatrial.hybrid.effects import CATALOGUE
@@ -47,7 +47,7 @@ def mistaken(plant: Plant) -> Evidence:
 
 def test_a_rival_is_seen_at_its_own_size(mistaken: Evidence) -> None:
     """Linear about nothing, which is where it is about another, a play of some degrees is not what it is."""
-    (swap,) = [each for each in swaps_about_themselves(mistaken, PLAYS[:1]) if each.rival == "backlash_starboard"]
+    (swap,) = [each for each in linearised_swaps(mistaken, PLAYS[:1]) if each.rival == "backlash_starboard"]
     (width,) = fitted_coordinates(swap.evidence, swap.names)["backlash_starboard"]
     assert width == pytest.approx(WIDTH_DEG, abs=0.5)
 

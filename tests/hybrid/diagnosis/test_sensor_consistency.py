@@ -101,9 +101,9 @@ def test_what_the_vessels_file_says_already_is_no_contradiction(plant: Plant) ->
     """An error that the model holds is not found again; more of it is, and its sentence gives the whole."""
     given = {"speed_scale": (0.03,)}
     log = noisy_log(CATALOGUE["speed_scale"].apply(plant, {"factor": 1.03}), 4)
-    assert consistency(log, ModelWithEffects(plant, CATALOGUE, given=given), QUIET) == ()
+    assert consistency(log, ModelWithEffects(plant, CATALOGUE, file_effects=given), QUIET) == ()
     log = noisy_log(CATALOGUE["speed_scale"].apply(plant, {"factor": 1.06}), 4)
-    (found,) = consistency(log, ModelWithEffects(plant, CATALOGUE, given=given), QUIET)
+    (found,) = consistency(log, ModelWithEffects(plant, CATALOGUE, file_effects=given), QUIET)
     assert found.free[0] == pytest.approx(0.03, abs=3.0 * found.standard_errors[0])
     assert "1.06" in found.sentence
 

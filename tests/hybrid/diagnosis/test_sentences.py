@@ -15,7 +15,7 @@ from seatrial.hybrid.diagnosis.result import EffectDrift, Estimate, NamedEffect,
 from seatrial.hybrid.effects import CATALOGUE, vessel_plant
 from seatrial.hybrid.effects.catalogue import catalogue_for
 from seatrial.hybrid.effects.environment import STEADY_WIND
-from seatrial.hybrid.report.diagnosis import _no_wind, in_parts, sentence
+from seatrial.hybrid.report.diagnosis import _no_wind, effects_by_part, sentence
 from seatrial.hybrid.vessel.files import load_vessel
 from tests.hybrid.diagnosis.log_by_hand import a_log
 
@@ -178,7 +178,7 @@ def parts_of(name: str, profile: TimeProfile, *sizes: dict[str, Estimate]) -> li
     whole = NamedEffect(
         name, changed.family, changed.kind, 0.5, 1e-9, "", sizes[-1], Replication(4, 4), 90.0, changed.scope
     )
-    return in_parts(whole, changed, sizes, log)
+    return effects_by_part(whole, changed, sizes, log)
 
 
 NOON_S = 1_788_264_000  # 1 September 2026

@@ -141,7 +141,7 @@ def test_what_was_read_twice_is_kept_once(voyage: Recording) -> None:
     samples = until(voyage, begin + 30 * NANO).series
     once.add(samples)
     recent.add(until(voyage, begin + 20 * NANO).series)
-    recent.add(samples, again=True)
+    recent.add(samples, skip_known=True)
     for name, each in once.recording(voyage.trial, Path()).series.items():
         np.testing.assert_array_equal(
             each.measured_ns, recent.recording(voyage.trial, Path()).series[name].measured_ns

@@ -10,7 +10,7 @@ import pytest
 
 from seatrial.acquisition.core.quantities import Floats
 from seatrial.hybrid.calibrators.predict import Prediction
-from seatrial.hybrid.twin import LARGEST_FACTOR, STEP, RegionFactor, TrackError, step
+from seatrial.hybrid.twin import LARGEST_FACTOR, STEP, RegionFactor, TrackError, step_size
 
 HORIZON_S = 30
 NANO = 1_000_000_000
@@ -81,9 +81,9 @@ def test_the_mean_share_outside_is_what_the_step_lets_it_be(share: float) -> Non
 
 def test_the_first_predictions_count_for_more() -> None:
     """As t^-0.6 of those that are independent; once the steps are small, by a constant one."""
-    assert step(0.2) == step(1.0) == 1.0
-    assert step(4.0) == pytest.approx(4.0**-0.6)
-    assert step(8.0) == step(1e6) == STEP
+    assert step_size(0.2) == step_size(1.0) == 1.0
+    assert step_size(4.0) == pytest.approx(4.0**-0.6)
+    assert step_size(8.0) == step_size(1e6) == STEP
     first = RegionFactor(start_ns=0).after(error(HORIZON_S, 0.0), HORIZON_S)
     assert (np.log(first.factor), first.learned) == pytest.approx((0.95, 1.0))
 

@@ -16,7 +16,7 @@ from seatrial.hybrid.twin import (
     RegionFactor,
     RunningError,
     Statistics,
-    as_planned,
+    follows_plan,
     summary_of,
     track_error,
 )
@@ -138,7 +138,7 @@ def test_what_was_done_is_what_was_planned(name: str, before: float, after: floa
 
     def judge(values: Floats) -> bool:
         wrapped = wrap_180(values) if name.endswith("_deg") else values
-        return as_planned(name, np.asarray(wrapped + noise), 20, planned, DEFAULT)
+        return follows_plan(name, np.asarray(wrapped + noise), 20, planned, DEFAULT)
 
     assert judge(after_a_lag(step, 1.0))
     assert judge(np.interp(seconds, [29, 32], [before, step[-1]]))
@@ -155,8 +155,8 @@ def test_a_plan_that_is_what_was_done_is_carried_out_however_restless(name: str)
     values = wrap_180(values) if name.endswith("_deg") else values
     step = np.diff(values)
     means = values[:-1] + 0.5 * (wrap_180(step) if name.endswith("_deg") else step)
-    assert as_planned(name, values, 30, means[30:60], DEFAULT)
-    assert not as_planned(name, values, 45, means[30:60], DEFAULT)
+    assert follows_plan(name, values, 30, means[30:60], DEFAULT)
+    assert not follows_plan(name, values, 45, means[30:60], DEFAULT)
 
 
 def test_a_prediction_with_a_plan_is_judged_where_it_was_done(table: pd.DataFrame) -> None:
