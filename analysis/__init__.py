@@ -1,4 +1,1 @@
-"""Recording to table, table to one trustworthy row a second, rows to held windows.
-
-Uses ``acquisition``; knows nothing of ``hybrid``.
-"""
+"""Recording to table, table to one trustworthy row a second, rows to held windows."""

@@ -1,4 +1,1 @@
-"""The simulation model, the trained calibrator on top of it, and what both are worth.
-
-Uses ``analysis`` and ``acquisition``.
-"""
+"""The simulation model, the trained calibrator on top of it, and what both are worth."""
