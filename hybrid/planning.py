@@ -162,7 +162,7 @@ class Programme:
         return {"minutes": self.minutes, "parts": parts, "limits": limits, "indistinguishable": pairs}
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, repr=False)
 class Plan(Result):
     """A given programme, and a better one."""
 

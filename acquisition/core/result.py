@@ -23,6 +23,7 @@ from seatrial.acquisition.core.errors import InputError, Terminal
 from seatrial.acquisition.core.named_code import imported
 
 if TYPE_CHECKING:
+    import pandas as pd
     from matplotlib.figure import Figure
     from rich.console import RenderableType
 
@@ -34,12 +35,14 @@ class Result:
     """A result with a rich rendering for the terminal, the same text as its ``str``, and a figure.
 
     ``view`` makes a rich renderable of the result; ``drawing`` draws it into a matplotlib figure of
-    ``size_inch``, called as ``drawing(figure, result)``.
+    ``size_inch``, called as ``drawing(figure, result)``; ``frame`` is the entry of
+    :meth:`as_dict` that becomes a table.
     """
 
     __slots__ = ()
     view: ClassVar[str]
     drawing: ClassVar[str]
+    frame: ClassVar[str]
     size_inch: ClassVar[tuple[float, float]] = (9.0, 5.0)
 
     def __rich__(self) -> RenderableType:
@@ -51,9 +54,34 @@ class Result:
         Terminal(file=text, width=_WIDTH).print(self)
         return "\n".join(line.rstrip() for line in text.getvalue().rstrip().split("\n"))
 
-    def _repr_pretty_(self, printer: Any, cycle: bool) -> None:
-        """The text that a notebook shows."""
-        printer.text(str(self))
+    def __repr__(self) -> str:
+        """The class and the first line that the terminal shows."""
+        return f"<{type(self).__name__}: {str(self).strip().partition(chr(10))[0].strip()}>"
+
+    def _repr_html_(self) -> str:
+        """What a notebook shows: the table of the terminal, and the figure below it."""
+        from base64 import b64encode
+
+        from seatrial.acquisition.core.errors import Terminal
+
+        console = Terminal(file=StringIO(), width=_WIDTH, record=True)
+        console.print(self)
+        table = console.export_html(inline_styles=True, code_format='<pre style="line-height:1.25">{code}</pre>')
+        picture = b64encode(imported("seatrial.analysis.report.rendering:png_of")(self.plot())).decode()
+        return f'{table}<img src="data:image/png;base64,{picture}" style="max-width:100%">'
+
+    def to_frame(self) -> pd.DataFrame:
+        """The main numbers of the result as a table: the entry :attr:`frame` of its JSON object, a row each."""
+        import pandas as pd
+
+        entries = self.as_dict()[self.frame]
+        return (
+            pd.DataFrame.from_dict(entries, orient="index") if isinstance(entries, dict) else pd.DataFrame(entries)
+        )
+
+    def as_dict(self) -> dict[str, Any]:
+        """The result as plain values for JSON."""
+        raise NotImplementedError
 
     def plot(self) -> Figure:
         """The result as a matplotlib figure."""
@@ -79,7 +107,7 @@ class ChosenModel:
         return {"remarks": [str(self)]} if self.doubt else {}
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, repr=False)
 class ModelResult(Result):
     """A result computed with a model; it prints first which model it was and any limits of its measurements."""
 

@@ -96,7 +96,7 @@ _EVENT_SLACK_S = 10.0
 """An event reports an outage up to that long after it: a silent source is noticed with a delay."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, repr=False)
 class DataQuality(Result):
     """The quality of a recording.
 
@@ -125,6 +125,10 @@ class DataQuality(Result):
         """The findings by cause, the most severe first."""
         gaps = {name: channel.gaps for name, channel in self.channels.items()}
         return causes_of(self.findings, gaps, self.sources, self.events)
+
+    def to_frame(self) -> pd.DataFrame:
+        """One row a channel: counts, gaps, grades."""
+        return pd.DataFrame.from_dict(self.as_json()["channels"], orient="index")
 
     def as_json(self) -> dict[str, Any]:
         """The contract's object: channels by name, findings, the causes of these, the recording's events."""

@@ -116,7 +116,7 @@ class Uncertainty:
     half_mps: float
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, repr=False)
 class SpeedPower(Result):
     """Speed and power of a ship in still water: ``settings`` by both methods, ``curve`` and ``band`` by the
     iterative one, ``current_terms`` as in :class:`IterativeCurrent` along ``current_towards_deg``, the
@@ -144,6 +144,10 @@ class SpeedPower(Result):
     def fastest(self) -> SpeedAtPower:
         """The speed at the highest power setting, by the iterative method."""
         return max((setting.iterative for setting in self.settings), key=lambda speed: speed.power_kw)
+
+    def to_frame(self) -> pd.DataFrame:
+        """The curve: a power [kW], its speed and the ends of the 95 % interval [m/s] in a row."""
+        return pd.DataFrame(self.band)
 
     def speed_at(self, power_kw: float) -> SpeedAtPower:
         """The speed at a power between those of the runs. Raises :class:`InputError` for another."""

@@ -276,6 +276,8 @@ def write_parquet(
     ]
     file_metadata = {METADATA_PREFIX + key: text for key, text in metadata.items()}
     file_metadata[METADATA_PREFIX + "software_version"] = software_version()
+    attributes = {"units": dict(units), "trial": table.attrs.get("trial", {})}
+    file_metadata["PANDAS_ATTRS"] = json.dumps(attributes)  # what pandas puts into ``attrs`` when it reads the file
     schema = pa.schema(fields, metadata={**(arrow.schema.metadata or {}), **file_metadata})
     with atomic_file(path) as partial, partial.open("wb") as stream:  # Arrow opens no name that is not UTF-8
         pq.write_table(arrow.cast(schema), stream)

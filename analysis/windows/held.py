@@ -112,7 +112,7 @@ def columns_for(actuators: Actuators) -> tuple[str, ...]:
     return ("window", "second", *trial_names(actuators), "trial", "leg", "start")
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, repr=False)
 class HeldWindows(Result):
     """The kept windows and the count of all candidates.
 
@@ -134,6 +134,10 @@ class HeldWindows(Result):
     view = "seatrial.analysis.report.plots:windows_view"
     drawing = "seatrial.analysis.report.plots:draw_windows"
     size_inch = (7.0, 7.0)
+
+    def to_frame(self) -> pd.DataFrame:
+        """One row a second of each window."""
+        return self.rows
 
     @property
     def legs(self) -> int:

@@ -14,6 +14,7 @@ from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from importlib.metadata import version
 from importlib.util import find_spec
+from inspect import signature
 from typing import Any, ClassVar, Self
 
 import numpy as np
@@ -148,6 +149,21 @@ class Calibrator(ABC):
         self.actuators: Actuators = plant.layout if plant else DEFAULT
         self.any_commands = False
 
+    def get_params(self, deep: bool = True) -> dict[str, Any]:
+        """The settings that it is made with, by name, as scikit-learn has them; ``deep`` makes no difference."""
+        return {name: getattr(self, name) for name in signature(type(self)).parameters}
+
+    def set_params(self, **settings: Any) -> Self:
+        """Change settings. Raises :class:`ConfigurationError` for a name that is none."""
+        if unknown := sorted(settings.keys() - self.get_params().keys()):
+            raise ConfigurationError(
+                f"{self.method} has no setting {', '.join(unknown)}",
+                fix=f"choose of {', '.join(self.get_params())}",
+            )
+        for name, value in settings.items():
+            setattr(self, name, value)
+        return self
+
     @property
     def inputs(self) -> tuple[str, ...]:
         """The names of the inputs, for the ship at hand."""
@@ -266,7 +282,7 @@ def versions() -> dict[str, str]:
     } | libraries
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, repr=False)
 class TrainedCalibrator(ModelResult):
     """A trained calibrator, as saved and used for predictions.
 

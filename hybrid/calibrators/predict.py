@@ -110,7 +110,7 @@ def _model_of(trained: TrainedCalibrator, trials: Trials) -> tuple[ChosenModel, 
     return chosen_model(name, {name}, trials), None
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, repr=False)
 class Prediction(ModelResult):
     """One predicted track.
 
@@ -129,6 +129,7 @@ class Prediction(ModelResult):
     outside_domain: bool = False
     planned: Mapping[str, Floats] = field(default_factory=dict)
     view = "seatrial.hybrid.report.text:prediction_table"
+    frame = "track"
     drawing = "seatrial.hybrid.report.plots:draw_prediction"
     size_inch = (9.0, 5.0)
 

@@ -15,6 +15,7 @@ from dataclasses import dataclass, field, fields, replace
 from typing import Any
 
 import numpy as np
+import pandas as pd
 from numpy.typing import NDArray
 
 from seatrial.acquisition.core.errors import ConfigurationError, DataShortageError, Progress, part_of
@@ -332,7 +333,7 @@ class SplitSummary:
         return {kind: classes for kind, classes in self.breakdown.items() if len(classes) > 1}
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, repr=False)
 class Evaluation(ModelResult):
     """The figures of a study by split, and the leak of the random split (:func:`leak_of`).
 
@@ -359,6 +360,13 @@ class Evaluation(ModelResult):
     @property
     def first_lines(self) -> list[str]:
         return [*super(Evaluation, self).first_lines, *(f"left out: {reason}" for reason in self.failed.values())]
+
+    def to_frame(self) -> pd.DataFrame:
+        """One row a split and method."""
+        splits = self.as_dict()["splits"]
+        tables = {kind: pd.DataFrame.from_dict(split["methods"], orient="index") for kind, split in splits.items()}
+        table: pd.DataFrame = pd.concat(tables, names=["split", "method"])
+        return table
 
     def as_dict(self) -> dict[str, Any]:
         """The JSON object."""

@@ -63,7 +63,7 @@ LENGTHS = (1, 2, 5)
 _MOST_WINDOWS = 2000  # of all recordings: more take memory, and change no mean
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, repr=False)
 class Validation(ModelResult):
     """Scores and tracks by method, on the same windows for all, from starts as they were known at second 0.
 
@@ -91,6 +91,7 @@ class Validation(ModelResult):
     by_length: LengthErrors | None = None
     indices: IndexComparisons | None = None
     view = "seatrial.hybrid.report.text:validation_view"
+    frame = "methods"
     drawing = "seatrial.hybrid.report.plots:draw_validation"
 
     @property

@@ -174,7 +174,7 @@ class Judgement:
         return {**result, "methods": scores_json(self.scores)}
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, repr=False)
 class Identification(ModelResult):
     """A vessel with coefficients from trials.
 
@@ -197,6 +197,7 @@ class Identification(ModelResult):
     set_aside: tuple[str, ...] = ()
     tracks: tuple[Floats, Floats] = field(default=(np.zeros((0, 0, 2)), np.zeros((0, 0, 2))), repr=False)
     view = "seatrial.hybrid.report.identification:identification_view"
+    frame = "coefficients"
     drawing = "seatrial.hybrid.report.identification:draw_identification"
     size_inch = (11.0, 8.0)
 

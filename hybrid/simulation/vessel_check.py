@@ -87,7 +87,7 @@ _SPEEDS = 10
 _DEEP_DRAUGHTS = 100.0
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
 class VesselCheck(Result):
     """How a ship behaves by its vessel file.
 
@@ -103,6 +103,7 @@ class VesselCheck(Result):
     tests: tuple[StandardTest, ...]
     left_out: Mapping[str, str] = field(default_factory=dict)
     view: ClassVar[str] = "seatrial.hybrid.report.vessel_check:vessel_check_view"
+    frame: ClassVar[str] = "criteria"
     drawing: ClassVar[str] = "seatrial.hybrid.report.vessel_check:draw_vessel_check"
     size_inch: ClassVar[tuple[float, float]] = (13.0, 8.6)
 

@@ -102,7 +102,7 @@ class Reduction:
         return self.hybrid.value > self.published
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, repr=False)
 class Table3(Result):
     """All rows, and the published reductions compared."""
 
