@@ -116,7 +116,7 @@ _PLACES = {
     "resample": "seatrial.analysis.tables.resample:resample",
     "save_calibrator": "seatrial.hybrid.calibrators.own:save",
     "save_vessel": "seatrial.hybrid.vessel.files:save_vessel",
-    "sections": "seatrial.hybrid.report.sections:sections",
+    "sections": "seatrial.hybrid.report.text:sections",
     "vessels": "seatrial.acquisition.config.declarations:vessel_names",
     "version": "seatrial.acquisition.core.trial:software_version",
 } | {

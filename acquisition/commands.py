@@ -39,8 +39,7 @@ if TYPE_CHECKING:
     from seatrial.acquisition.logger.survey import RedecodeSummary
     from seatrial.acquisition.recording.reader import Recording as RecordingFile
     from seatrial.acquisition.recording.recover import Migration, RecoverySummary
-    from seatrial.acquisition.tables.import_table import ImportSummary
-    from seatrial.acquisition.tables.propose import Proposal
+    from seatrial.acquisition.tables.import_table import ImportSummary, Proposal
     from seatrial.acquisition.tables.table_files import RawTable
 
 Function = TypeVar("Function", bound=Callable[..., Any])
@@ -663,8 +662,7 @@ def _agree(
     raw: RawTable, answers: dict[str, str], vessel: str | Path | None, yes: bool, preview: Path | None
 ) -> Proposal:
     """Show what is proposed; at a terminal ask what the table does not tell, and whether it is right."""
-    from seatrial.acquisition.tables.import_table import propose_for
-    from seatrial.acquisition.tables.propose import draw_preview, proposal_table
+    from seatrial.acquisition.tables.import_table import draw_preview, proposal_table, propose_for
 
     proposal = propose_for(raw, answers, vessel)
     at_terminal = sys.stdin.isatty() and sys.stderr.isatty() and not yes

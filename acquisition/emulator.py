@@ -273,7 +273,7 @@ class _MqttTransmitter(Transmitter):
     """A publisher, no faster than the broker answers: some drop unanswered messages when a client leaves."""
 
     def __init__(self, config: MqttSource) -> None:
-        from seatrial.acquisition.sources.mqtt import connect, pump
+        from seatrial.acquisition.sources.lines import connect, pump
 
         super().__init__(config, connect(config, keep_alive_s=0))  # a recording may be quiet for long
         self._pump = partial(pump, config, self._link, _POLL_S)

@@ -65,13 +65,14 @@ from seatrial.acquisition.core.ship import known_channels
 from seatrial.acquisition.core.trial import software_version
 from seatrial.acquisition.recording.grouping import read_parts, whole_recordings
 from seatrial.acquisition.recording.reader import Recording, recording_size
-from seatrial.analysis.conditions import recorded_conditions
 from seatrial.analysis.manoeuvres.criteria import criteria_of, index_rows
 from seatrial.analysis.manoeuvres.indices import Manoeuvre, as_json, from_order
 from seatrial.analysis.products import Options, Products, analyse, cause_of
+from seatrial.analysis.quality.wind import recorded_conditions
 from seatrial.analysis.report.pages import index_page, recording_page
 from seatrial.analysis.report.tables import criteria_by_vessel
-from seatrial.analysis.speed_power import power_columns, speed_power
+from seatrial.analysis.speed_power.analysis import speed_power
+from seatrial.analysis.speed_power.runs import power_columns
 from seatrial.analysis.tables.export import FLAG_MEANING, read_parquet, unit_of, write_parquet
 from seatrial.analysis.tables.table import history_of, provenance_of, required_channels, sha256_of, table_of
 from seatrial.analysis.windows.held import write_windows

@@ -14,7 +14,8 @@ from seatrial.acquisition.core.errors import SeatrialError, printable_name, unex
 from seatrial.acquisition.recording.grouping import read_parts
 from seatrial.acquisition.recording.reader import Recording
 from seatrial.analysis.estimation.smoother import smooth
-from seatrial.analysis.manoeuvres import LeftOut, Manoeuvre, manoeuvres_and_left_out
+from seatrial.analysis.manoeuvres.find import manoeuvres_and_left_out
+from seatrial.analysis.manoeuvres.indices import LeftOut, Manoeuvre
 from seatrial.analysis.quality.check import DataQuality, check_recording
 from seatrial.analysis.quality.repairs import Repair, RepairResult, repair, with_motion
 from seatrial.analysis.tables.resample import resample

@@ -49,10 +49,9 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from seatrial.acquisition.config.run_sheet import Conditions
-    from seatrial.analysis.speed_power import SpeedPower
+    from seatrial.analysis.speed_power.analysis import SpeedPower
     from seatrial.hybrid.calibrators import TrainedCalibrator
     from seatrial.hybrid.calibrators.predict import Prediction
-    from seatrial.hybrid.demo import Demonstration
     from seatrial.hybrid.effects.catalogue import Catalogue
     from seatrial.hybrid.evaluation.study import Evaluation
     from seatrial.hybrid.evaluation.validate import Validation
@@ -66,7 +65,7 @@ if TYPE_CHECKING:
     from seatrial.hybrid.vessel.files import ReferenceModel
     from seatrial.hybrid.vessel.parameters import Vessel
     from seatrial.hybrid.vessel.plant import Plant
-    from seatrial.hybrid.workflows import DiagnosisRun
+    from seatrial.hybrid.workflows import Demonstration, DiagnosisRun
 
 WATCH_HORIZON_S = 30
 _NICENESS = 5  # the recorder goes first
@@ -196,7 +195,7 @@ def demo(
     Demonstration
         The ``report``, what was played and lost, the windows, the validation and the diagnosis.
     """
-    from seatrial.hybrid.demo import demonstrate
+    from seatrial.hybrid.workflows import demonstrate
 
     return demonstrate(Path(output), seed, say=announce)
 
@@ -1563,10 +1562,9 @@ def speed_power(
 
 
 def _power_of_tables(files: list[Path], conditions: Conditions, vessel: Vessel | str | Path | None) -> SpeedPower:
-    from seatrial.analysis.speed_power import speed_power_of_runs
+    from seatrial.analysis.speed_power.analysis import speed_power_of_runs
     from seatrial.analysis.speed_power.runs import read_run_table
-    from seatrial.hybrid.vessel.files import load_vessel
-    from seatrial.hybrid.vessel.windage import conditions_of
+    from seatrial.hybrid.vessel.files import conditions_of, load_vessel
 
     tables = [read_run_table(path) for path in files]
     for table in tables:
@@ -1584,10 +1582,9 @@ def _power_of_recordings(
 ) -> SpeedPower:
     from seatrial.acquisition.config.declarations import vessel_of_ship
     from seatrial.acquisition.recording.grouping import read_recordings
-    from seatrial.analysis.speed_power import speed_power as analyse
+    from seatrial.analysis.speed_power.analysis import speed_power as analyse
     from seatrial.analysis.tables.table import table_of
-    from seatrial.hybrid.vessel.files import load_vessel
-    from seatrial.hybrid.vessel.windage import known_conditions
+    from seatrial.hybrid.vessel.files import known_conditions, load_vessel
 
     recordings = list(read_recordings(files))
     tables = [table_of(recording) for recording in recordings]
@@ -1703,7 +1700,7 @@ def report(
     from seatrial.acquisition.core.errors import ConfigurationError
     from seatrial.analysis.report.rendering import write_pdf
     from seatrial.hybrid.report import folder as folders
-    from seatrial.hybrid.report.sections import FAILED
+    from seatrial.hybrid.report.text import FAILED
 
     place = Path(folder)
     choices = folders.Choices(

@@ -20,7 +20,7 @@ def test_the_recorder_is_ended_when_it_has_all_that_was_played_or_nothing_more_c
     held: list[int], longest_s: float, clock: SimulatedClock, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A recorder on a busy machine is behind: a fixed pause cut off the end of the voyage."""
-    from seatrial.hybrid import demo
+    from seatrial.hybrid import workflows
 
     left, asked = iter(held), list[int]()
 
@@ -28,10 +28,10 @@ def test_the_recorder_is_ended_when_it_has_all_that_was_played_or_nothing_more_c
         asked.append(next(left, held[-1]))
         return asked[-1]
 
-    monkeypatch.setattr(demo, "time", clock)
-    monkeypatch.setattr(demo, "_held", count)
+    monkeypatch.setattr(workflows, "time", clock)
+    monkeypatch.setattr(workflows, "_held", count)
     began_s = clock.now_s
-    demo._wait_for_all(Path(), {"heading_deg": 5, "north_m": 4})
+    workflows._wait_for_all(Path(), {"heading_deg": 5, "north_m": 4})
     assert asked[: len(held)] == held
     assert clock.now_s - began_s == pytest.approx(0.5 * held.index(max(held)) + longest_s)
 
@@ -39,7 +39,7 @@ def test_the_recorder_is_ended_when_it_has_all_that_was_played_or_nothing_more_c
 @pytest.mark.slow
 def test_the_demo_loses_nothing_and_beats_the_reference(tmp_path: Path) -> None:
     """Every played value is recorded, and the calibrator is better than its reference on the unseen voyage."""
-    from seatrial.hybrid.demo import demonstrate
+    from seatrial.hybrid.workflows import demonstrate
 
     said: list[str] = []
     done = demonstrate(tmp_path, seed=7, say=said.append)

@@ -46,8 +46,7 @@ from seatrial.acquisition.protocols.clock import SENTENCE_WITH_PREFIX
 from seatrial.acquisition.protocols.mavlink import Fault, PacketCutter, has_known_message, header_of, is_read
 from seatrial.acquisition.protocols.mqtt import read_message, split_time, topic_and_message
 from seatrial.acquisition.protocols.nmea0183 import has_sentence
-from seatrial.acquisition.protocols.nmea2000 import parameter_group
-from seatrial.acquisition.protocols.parameter_groups import NOT_AVAILABLE
+from seatrial.acquisition.protocols.nmea2000 import NOT_AVAILABLE, parameter_group
 from seatrial.acquisition.sources import make_source
 from seatrial.acquisition.sources.lines import LineAssembler
 from seatrial.acquisition.sources.log_formats import LINE_FORMS, Cutter, LineReader, LogEntry, is_message

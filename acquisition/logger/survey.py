@@ -38,8 +38,13 @@ from seatrial.acquisition.protocols.clock import SENTENCE_WITH_PREFIX
 from seatrial.acquisition.protocols.mavlink import Fault, PacketCutter, header_of, message_name
 from seatrial.acquisition.protocols.mqtt import topic_and_message
 from seatrial.acquisition.protocols.nmea0183 import NO_CHECKSUM, sentences_in, split_sentence, split_tag
-from seatrial.acquisition.protocols.nmea2000 import FastPackets, parameter_group
-from seatrial.acquisition.protocols.parameter_groups import ADDRESS_CLAIM, decode_by_library, group_variants
+from seatrial.acquisition.protocols.nmea2000 import (
+    ADDRESS_CLAIM,
+    FastPackets,
+    decode_by_library,
+    group_variants,
+    parameter_group,
+)
 from seatrial.acquisition.recording.messages import (
     EVENT_TOPIC,
     PREDICTED_TRACK_TOPIC,

@@ -30,8 +30,13 @@ from seatrial.acquisition.core.ship import BY_NAME, Actuators, Channel, name_of_
 from seatrial.acquisition.core.times import DAY_NS
 from seatrial.acquisition.core.trial import NANO, Frame, FrameFlag, Group
 from seatrial.acquisition.protocols import Decoder, Moment, Packet
-from seatrial.acquisition.protocols.nmea2000 import Nmea2000Decoder, parameter_group
-from seatrial.acquisition.protocols.parameter_groups import ERROR_VALUE, LIBRARY, NOT_AVAILABLE
+from seatrial.acquisition.protocols.nmea2000 import (
+    ERROR_VALUE,
+    LIBRARY,
+    NOT_AVAILABLE,
+    Nmea2000Decoder,
+    parameter_group,
+)
 
 _NO_VALUE = re.compile(
     r"(?i)\b(sna|n/?a|not available|unavailable|invalid|error|fault|unknown|undefined|reserved)\b"

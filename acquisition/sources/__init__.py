@@ -49,8 +49,8 @@ _CLASSES = {
     "mavlink": "seatrial.acquisition.sources.lines:UdpPort",
     "mavlink_tcp": "seatrial.acquisition.sources.lines:TcpConnection",
     "mavlink_serial": "seatrial.acquisition.sources.lines:SerialPort",
-    "mqtt": "seatrial.acquisition.sources.mqtt:MqttConnection",
-    "mqtt_file": "seatrial.acquisition.sources.mqtt:MqttLog",
+    "mqtt": "seatrial.acquisition.sources.lines:MqttConnection",
+    "mqtt_file": "seatrial.acquisition.sources.lines:MqttLog",
     "own": "seatrial.acquisition.sources:OwnCode",
     "mavlink_file": "seatrial.acquisition.sources.log_file:TelemetryLog",
 }

@@ -48,14 +48,14 @@ from seatrial.acquisition.protocols.nmea0183 import (
     split_sentence,
     split_tag,
 )
-from seatrial.acquisition.protocols.nmea2000 import parameter_group
-from seatrial.acquisition.protocols.parameter_groups import (
+from seatrial.acquisition.protocols.nmea2000 import (
     FIELDS,
     GNSS_POSITION,
     SYSTEM_TIME,
     TIME_AND_DATE,
     Message,
     group_time,
+    parameter_group,
 )
 from seatrial.acquisition.sources import SQLITE, BoundedLog, Lines, LogReader, looks_like
 from seatrial.acquisition.sources.lines import flags_of

@@ -2,14 +2,22 @@
 
 Rows stay as they are and in their order, values that a channel cannot hold are kept and flagged bad, and everything
 noteworthy is counted.
+
+Proposes a column map for a table without a description: what each column is taken for, in which unit, and why.
+
+Names and headers state quantities and units (:mod:`seatrial.acquisition.tables.evidence`), the numbers decide what
+they leave open (:mod:`seatrial.acquisition.tables.channel_columns`), and what is not clear is asked; answers,
+``--answer KEY=VALUE``, override a map as well. Columns under standard names are checked against their track, too.
 """
 
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping
+from copy import copy
 from dataclasses import dataclass, field, replace
 from difflib import get_close_matches
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
@@ -17,8 +25,10 @@ from numpy.typing import NDArray
 
 from seatrial.acquisition.config.declarations import actuators_of_ship, load_actuators, name_of_ship
 from seatrial.acquisition.core.errors import ConfigurationError, InputError
-from seatrial.acquisition.core.files import write_text, written_together
+from seatrial.acquisition.core.files import atomic_file, write_text, written_together
+from seatrial.acquisition.core.quantities import Floats
 from seatrial.acquisition.core.ship import (
+    BY_NAME,
     DEFAULT,
     Actuators,
     Declared,
@@ -26,39 +36,69 @@ from seatrial.acquisition.core.ship import (
     as_text,
     channel_by_rule,
     channel_names,
+    channel_unit,
     channels_known_to,
     channels_of_trial,
     declared_from_text,
     find_channel,
     from_text,
     in_turn,
+    is_circular,
     is_other_convention,
     is_possible,
     is_ship_known,
+    known_channels,
     required_names,
     stated_text,
+    unwrap,
+    wraps_of,
 )
+from seatrial.acquisition.core.ship import DEFAULT as DEFAULT_SHIP
 from seatrial.acquisition.core.trial import Quality, Trial
 from seatrial.acquisition.recording.writer import write_table
+from seatrial.acquisition.tables.channel_columns import FASTEST_MPS, read_channels, read_motion
 from seatrial.acquisition.tables.column_map import (
+    Column,
     ColumnMap,
+    LongLayout,
+    Velocity,
     apply_column_map,
     line_in_map,
     load_column_map,
     map_of_long_table,
     parse_column_map,
+    seconds_of,
+    widen_long_table,
 )
-from seatrial.acquisition.tables.evidence import SKIP, column_candidates
-from seatrial.acquisition.tables.propose import (
-    TIME_KEYS,
-    Proposal,
-    apply_map_answers,
-    apply_time_answers,
-    convert_by_track,
-    propose,
+from seatrial.acquisition.tables.column_names import parse_units
+from seatrial.acquisition.tables.evidence import (
+    SKIP,
+    ColumnReading,
+    MappingDraft,
+    Question,
+    TableContext,
+    best_candidate,
+    candidates_as_answered,
+    check_answer,
+    check_keys,
+    column_candidates,
+    comparison_grid,
+    map_as_toml,
 )
-from seatrial.acquisition.tables.table_files import RawTable, TableFile, parse_numbers, read_raw
-from seatrial.acquisition.tables.time_columns import has_standard_times, resolve_times, standard_time_column
+from seatrial.acquisition.tables.table_files import RawTable, TableFile, non_numeric_cells, parse_numbers, read_raw
+from seatrial.acquisition.tables.time_columns import (
+    TEXT,
+    TimeColumn,
+    add_zone,
+    has_standard_times,
+    resolve_times,
+    standard_time_column,
+)
+from seatrial.acquisition.tables.time_reading import read_time
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
 
 LABELS = frozenset({"window", "second", "trial", "leg", "start", "surge_mps2", "sway_mps2", "yaw_dps2"})
 """Columns of our exports that are no channels; they are ignored."""
@@ -377,3 +417,384 @@ def quality_flags(table: pd.DataFrame, trial: Trial | None = None) -> dict[str, 
         outside = np.isfinite(values) & ~is_possible(channels[str(name)], values)
         flags[str(name)] = np.where(outside, Quality.BAD, Quality.NOT_EVALUATED).astype(np.uint8)
     return flags
+
+
+_MOST_VARIABLES = 500
+_MOST_WORDS = 0.2  # of the cells of a column of numbers
+_LONGEST_S, _SHORTEST_STEP_S = 400 * 86_400.0, 1e-3
+_KEYS = ("absent", "derive", "unreadable_rows", "trial", "actuator", "long", "time", "position", "orientation",
+         "velocity", "channels")  # fmt: skip
+"""A map's first keys in their order: plain values, the ship, the time, the channels."""
+_DECLARED = {"power": ("shaft_power_kw", "kW"), "torque": ("shaft_torque_knm", "kNm")}
+"""Quantities that are no channels of a trial unless a map declares them."""
+
+
+@dataclass(frozen=True, slots=True)
+class Proposal:
+    """A map as TOML, what the columns were taken for, the questions, and warnings."""
+
+    text: str
+    readings: tuple[ColumnReading, ...]
+    questions: tuple[Question, ...]
+    warnings: tuple[str, ...]
+    passed_over: tuple[str, ...]
+
+    @property
+    def unanswered(self) -> tuple[Question, ...]:
+        """The questions that have to be answered before an import."""
+        return tuple(question for question in self.questions if question.default is None)
+
+
+def propose(
+    raw: RawTable, answers: Mapping[str, str] | None = None, ship: Actuators = (), vessel: str = ""
+) -> Proposal:
+    """A map for a table as it is in its file, by the ``answers`` to the questions of an earlier proposal.
+
+    ``ship`` are the actuators of the vessel, if it is known, ``vessel`` its name. Raises :class:`InputError` for a
+    table without times, or without any known column.
+    """
+    if raw.is_nameless:
+        names = list(map(str, raw.columns.columns))
+        fix = f"name its columns, {names[0]!r} to {names[-1]!r}, in a column map (--columns)"
+        raise InputError("has no row of names", where=str(raw.path), why="it begins with data", fix=fix)
+    draft = MappingDraft(raw, answers or {})
+    _detect_long_table(draft)
+    check_keys(draft.answers, list(map(str, draft.raw.columns.columns)))
+    draft.candidates = candidates_as_answered(draft)
+    if vessel:
+        draft.tree["trial"] = {"vessel": vessel}
+    used = set(read_time(draft))
+    draft.candidates = [candidate for candidate in draft.candidates if candidate.column not in used]
+    seconds = _row_seconds(draft)
+    context = TableContext(draft, seconds, comparison_grid(seconds))
+    _add_derived_channels(context, read_channels(context, ship) or DEFAULT_SHIP, ship_is_known=bool(ship))
+    _check_times(context)
+    _drop_rows_with_text(context)
+    is_open = any(question.default is None for question in draft.questions)
+    if not is_open and not draft.tree.get("channels") and "position" not in draft.tree:
+        raise InputError("has no column that is a channel", where=str(raw.path), fix="give a map with --columns")
+    for key in [key for key in draft.answers if key not in draft.used_answers]:
+        draft.warnings.append(
+            f"the answer {key}={draft.answers[key]} is not used: the table leaves no such question"
+        )
+    used |= {reading.column for reading in draft.readings}
+    comments = {reading.taken_for: "; ".join(reading.reasons) for reading in draft.readings}
+    unused = tuple(name for name in map(str, draft.raw.columns.columns) if name not in used)
+    text = map_as_toml({key: draft.tree[key] for key in (*_KEYS, *draft.tree) if key in draft.tree}, comments)
+    return Proposal(text, tuple(draft.readings), tuple(draft.questions), tuple(draft.warnings), unused)
+
+
+def _detect_long_table(draft: MappingDraft) -> None:
+    """Widen a table that has a row for each value."""
+    candidates = column_candidates(draft.raw)
+
+    def columns_of(*names: str) -> list[str]:
+        return [candidate.column for candidate in candidates if candidate.quantity.name in names]
+
+    keys, values = columns_of("time", "date"), columns_of("value")
+    for variable in columns_of("variable"):
+        column = draft.raw.columns[variable]
+        names = column.dropna().unique()
+        is_text = not pd.api.types.is_numeric_dtype(column.dtype)
+        if is_text and keys and values and 1 < len(names) <= min(_MOST_VARIABLES, column.size // 2):
+            long = LongLayout(variable, values[0], next(iter(columns_of("unit")), None))
+            draft.tree["long"] = {key: value for key, value in vars(long).items() if value is not None}
+            draft.raw, duplicates = widen_long_table(draft.raw, long, keys, names)
+            if duplicates:
+                draft.warnings.append(f"{duplicates:,} values come twice of one variable and time; the last counts")
+            return
+
+
+def _row_seconds(draft: MappingDraft) -> Floats:
+    """Seconds of the rows since the first, NaN without a time; rows are put in the order of their writing."""
+    time = TimeColumn(**draft.tree["time"])
+    timed = resolve_times(draft.raw, replace(time, zone=time.zone or "UTC"))
+    draft.raw = timed.raw
+    draft.warnings.extend(timed.remarks)
+    ns = timed.index.asi8
+    has_time = ~np.asarray(timed.index.isna())
+    cells = draft.raw.columns[time.column]
+    if not has_time.any():
+        example = next(iter(cells.dropna()), "")
+        what = f"no time of column {time.column!r} can be read, like {str(example)!r}"
+        raise InputError(what, where=str(draft.raw.path))
+    if not has_time.all():
+        draft.tree["unreadable_rows"] = "drop"
+        row = int(np.flatnonzero(~has_time)[0])
+        draft.warnings.append(
+            f"{int((~has_time).sum()):,} rows have no time that can be read, like {str(cells.iloc[row])!r} in row"
+            f" {row + 1}; they are dropped"
+        )
+    return np.where(has_time, (ns - ns[has_time][0]) / 1e9, np.nan)
+
+
+def _add_derived_channels(context: TableContext, ship: Actuators, *, ship_is_known: bool) -> None:
+    """Put the assigned channels into the map, those that follow from them, and those that are absent."""
+    draft, present = context.draft, set(context.channels) | set(context.series)
+    derivable: tuple[str, ...] = ("speed_over_ground_mps", "course_over_ground_deg") if "north_m" in present else ()
+    if "heading_deg" in present:
+        has_velocity = bool(derivable) or {"course_over_ground_deg", "speed_over_ground_mps"} <= present
+        derivable = ("yaw_rate_dps", *(("surge_mps", "sway_mps") if has_velocity else ()))
+    elif derivable:
+        draft.warnings.append("no column tells the heading: surge, sway and yaw rate are left out")
+    if derived := [name for name in derivable if name not in present]:
+        draft.tree["derive"] = derived
+    present |= set(derived)
+    if "apparent_wind" in draft.tree:
+        if {"surge_mps", "sway_mps"} <= present:
+            present |= {"wind_direction_deg", "wind_speed_mps"}
+        else:
+            del draft.tree["apparent_wind"]
+    draft.tree["channels"] = context.channels
+    states_ship = ship_is_known or "actuator" in draft.tree
+    required = required_names(ship, present, ship_is_known=states_ship)
+    draft.tree["absent"] = [name for name in required if name not in present]
+    _declare_channels(context)
+
+
+def _drop_rows_with_text(context: TableContext) -> None:
+    """Drop rows in which a column of numbers holds a word, if they are few, and report them."""
+    draft = context.draft
+    for column in dict.fromkeys(str(entry["column"]) for entry in context.channels.values()):
+        cells = draft.raw.columns[column]
+        words = non_numeric_cells(cells)
+        if 0 < np.count_nonzero(words) <= _MOST_WORDS * cells.notna().sum():
+            row = int(np.flatnonzero(words)[0])
+            draft.tree["unreadable_rows"] = "drop"
+            cell = f"{str(cells.iloc[row])!r} in row {row + 1}"
+            draft.warnings.append(
+                f"{np.count_nonzero(words):,} rows have no number in {column!r}, like {cell}; they are dropped"
+            )
+
+
+def _declare_channels(context: TableContext) -> None:
+    """Declare shaft power and torque as channels in the map."""
+    draft = context.draft
+    for name, (channel, unit) in _DECLARED.items():
+        candidate = best_candidate(draft, name)
+        if candidate is None:
+            continue
+        if not candidate.units:
+            draft.warnings.append(f"{candidate.column!r} is left out: its head names no unit")
+            draft.note(candidate.column, "-", "", "left out: no unit")
+            continue
+        draft.tree.setdefault("channel", []).append({"name": channel, "unit": unit, "range": [-1e5, 1e5]})
+        context.channels[channel] = {"column": candidate.column, "unit": candidate.units[0]}
+        draft.note(candidate.column, channel, candidate.units[0], "declared in the map")
+
+
+def _check_times(context: TableContext) -> None:
+    """Warn if span, step or track cannot be those of a trial."""
+    has_time = np.isfinite(context.t)
+    steps, warnings = np.diff(context.t[has_time]), context.draft.warnings
+    if steps.size == 0:
+        return
+    span, row_step = float(np.ptp(context.t[has_time])), float(np.median(np.abs(steps)))
+    if span > _LONGEST_S:
+        days = span / 86_400
+        warnings.append(f"the table lasts {days:.0f} days: day and month in the wrong order, or ms for s?")
+    elif 0.0 < row_step < _SHORTEST_STEP_S:
+        warnings.append(f"rows are {row_step:.2g} s apart: the times may be in a larger unit")
+    forward = steps > 0.0
+    if "north_m" not in context.series or not forward.any():
+        return
+    distance = np.hypot(*(np.diff(context.series[name][has_time]) for name in ("north_m", "east_m")))
+    speed = float(np.nanmedian(distance[forward] / steps[forward]))
+    if speed > FASTEST_MPS:
+        warnings.append(
+            f"by its positions the ship makes {speed:.3g} m/s half of the time: times in ms, or positions in"
+            " another unit?"
+        )
+
+
+_TIME_FIELDS = {
+    "zone": "zone",
+    "start": "start",
+    "day": "day",
+    "date_order": "order",
+    "time_unit": "unit",
+    "year": "year",
+}
+"""The parts of ``[time]`` by the key of the answer."""
+TIME_KEYS = frozenset(_TIME_FIELDS)
+"""The keys of answers about times."""
+
+
+def apply_map_answers(columns: ColumnMap, answers: Mapping[str, str]) -> ColumnMap:
+    """A map with the times, units and full scales as answered.
+
+    Raises :class:`ConfigurationError` for an invalid answer, or one to no question of the map.
+    """
+    time_answers = {key: value for key, value in answers.items() if key in _TIME_FIELDS}
+    channels = dict(columns.channels)
+    for key, value in answers.items():
+        kind, _, name = key.partition(".")
+        if key in _TIME_FIELDS:
+            continue
+        check_answer(key, value)
+        for channel in _answered_channels(channels, kind, name, key):
+            entry = channels[channel]
+            unit = next(iter(parse_units(value)), value)
+            is_scale = kind == "full_scale"
+            channels[channel] = replace(entry, full_scale=float(value)) if is_scale else replace(entry, unit=unit)
+    answered = copy(columns)  # `replace` would check channels that the map declares without their declarations
+    object.__setattr__(answered, "time", apply_time_answers(columns.time, time_answers))
+    object.__setattr__(answered, "channels", channels)
+    return answered
+
+
+def _answered_channels(channels: Mapping[str, Column], kind: str, name: str, key: str) -> list[str]:
+    """The channels of a map that an answer is about."""
+    names = []
+    if kind == "unit" and name:
+        names = [channel for channel, entry in channels.items() if entry.column == name]
+    elif kind == "full_scale":
+        scaled = [channel for channel, entry in channels.items() if entry.unit == "percent"]
+        names = [channel for channel in scaled if not name or channel in (f"{name}_rpm", f"{name}_angle_deg")]
+    if not names:
+        raise ConfigurationError(f"the answer {key} is to no question of this table", fix="change the map")
+    return names
+
+
+def apply_time_answers(time: TimeColumn, answers: Mapping[str, str]) -> TimeColumn:
+    """A time column with its zone, start, day, order and unit as answered; a zone in the text is then ignored."""
+    for key, value in answers.items():
+        if key not in _TIME_FIELDS:
+            raise ConfigurationError(f"the answer {key} is to no question of this table", fix="name a column map")
+        check_answer(key, value)
+        is_counted = time.format == "seconds"
+        is_useless = {
+            "zone": is_counted and time.in_name is None and not time.in_head,
+            "date_order": time.format != TEXT,
+            "year": time.format != TEXT,
+            "time_unit": not is_counted,
+            "day": time.day is None,
+        }
+        if is_useless.get(key, False):
+            raise ConfigurationError(
+                f"the answer {key}={value} has no use: column {time.column!r} is read as {time.format!r}",
+                fix="leave it out, or change `format` under [time] in the map",
+            )
+        change: dict[str, Any] = {_TIME_FIELDS[key]: int(value) if key == "year" else value}
+        if key == "start":
+            change = {"start": add_zone(value), "in_name": None, "in_head": False}
+        time = replace(time, **change)
+    return replace(time, zone_in_text="ignored") if "zone" in answers else time
+
+
+_MOST_POINTS = 4000  # more cannot be distinguished on a page
+_TRACK_CHANNELS = ("north_m", "east_m", "latitude_deg", "longitude_deg")
+
+
+def proposal_table(proposal: Proposal) -> Table:
+    """The columns, what they were taken for, their units and the reasons."""
+    from rich.table import Table
+
+    table = Table(box=None, header_style="dim", padding=(0, 1, 0, 0))
+    for title in ("column", "taken for", "unit", "because"):
+        table.add_column(title, overflow="fold")
+    for reading in proposal.readings:
+        cells = (reading.column, reading.taken_for, reading.unit, "; ".join(reading.reasons))
+        table.add_row(*cells, style="dim" if reading.taken_for == "-" else "")
+    for name in proposal.passed_over:
+        table.add_row(name, "-", "", "not known, ignored", style="dim")
+    return table
+
+
+def draw_preview(raw: RawTable, proposal: Proposal, path: Path) -> None:
+    """Draw the track and all channels over time, as an import would have them, into a PNG file.
+
+    Raises :class:`StorageError` if the file cannot be written.
+    """
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    columns, declared = parse_column_map(proposal.text, path)
+    file = apply_column_map(raw, columns, path, declared)
+    table = file.table.iloc[:: max(1, len(file.table) // _MOST_POINTS)]
+    names = [name for name in map(str, table.columns) if name not in _TRACK_CHANNELS]
+    readings = {reading.taken_for: reading for reading in proposal.readings}
+    rows = max(4, -(-len(names) // 2))
+    figure = Figure(figsize=(14.0, 1.5 * rows + 1.0), layout="constrained")
+    grid = figure.add_gridspec(rows, 3, width_ratios=(1.3, 1.0, 1.0))
+    track = figure.add_subplot(grid[: -(-rows // 2), 0])
+    if {"north_m", "east_m"} <= set(table.columns):
+        track.plot(table["east_m"], table["north_m"], color="#1f4e79", linewidth=1.0)
+        track.set(xlabel="east [m]", ylabel="north [m]", title=raw.path.name, aspect="equal", adjustable="datalim")
+    else:
+        track.set_axis_off()
+    channels = known_channels({"trial": {"channels": file.trial.channels}})
+    for number, name in enumerate(names):
+        axes = figure.add_subplot(grid[number % rows, 1 + number // rows])
+        axes.plot(
+            *_line_with_breaks(table[name], is_circular(name), table.index[0]), color="#1f4e79", linewidth=0.8
+        )
+        reading = readings.get(name)
+        source = "derived"
+        if reading:
+            source = reading.column + (f" ({reading.unit})" if reading.unit not in reading.column else "")
+        axes.set_title(f"{name}  ←  {source}", fontsize=8, loc="left")
+        axes.set_ylabel(channel_unit(name, channels), fontsize=8)
+        axes.tick_params(labelsize=7)
+    figure.supxlabel(f"minutes since {table.index[0]:%Y-%m-%d %H:%M:%S} UTC", fontsize=8)
+    FigureCanvasAgg(figure)
+    with atomic_file(path) as partial:
+        figure.savefig(partial, format="png")
+
+
+def _line_with_breaks(column: pd.Series[float], circular: bool, start: pd.Timestamp) -> tuple[Floats, Floats]:
+    """Minutes since the start and values of a line; that of an angle is broken where it wraps."""
+    present = column.dropna()
+    times = np.asarray((pd.DatetimeIndex(present.index) - start) / pd.Timedelta(minutes=1), dtype=np.float64)
+    values: Floats = present.to_numpy().astype(np.float64)
+    if not circular or values.size == 0 or np.ptp(unwrap(values)) == 0.0:
+        return times, values
+    breaks = wraps_of(values)
+    return np.insert(times, breaks, times[breaks]), np.insert(values, breaks, np.nan)
+
+
+def convert_by_track(file: TableFile, raw: RawTable, time: TimeColumn, answers: Mapping[str, str]) -> None:
+    """Convert the columns of motion whose track shows another unit, sense or axes than their names state.
+
+    ``raw`` are the rows of ``file`` before any conversion, ``time`` their time column, ``answers`` those that are
+    not about times. Raises :class:`InputError` with a question that the track leaves open, and
+    :class:`ConfigurationError` for an answer to no question.
+    """
+    names = [name for name in map(str, file.table) if name in BY_NAME and raw.columns[name].notna().any()]
+    draft = MappingDraft(replace(raw, columns=raw.columns[names]), answers)
+    check_keys(answers, names)
+    draft.candidates = candidates_as_answered(draft)
+    seconds = seconds_of(pd.DatetimeIndex(file.table.index))
+    context = TableContext(draft, seconds, comparison_grid(seconds))
+    read_motion(context)
+    if unused := [key for key in answers if key not in draft.used_answers]:
+        raise ConfigurationError(
+            f"the answer {', '.join(unused)} is to no question of this table", fix="name a column map"
+        )
+    if (question := next((entry for entry in draft.questions if entry.default is None), None)) is not None:
+        raise InputError(str(question), where=str(raw.path))
+    file.remarks = (*file.remarks, *draft.warnings)
+    _convert_channels(file, raw, time, context)
+
+
+def _convert_channels(file: TableFile, raw: RawTable, time: TimeColumn, context: TableContext) -> None:
+    """Convert the channels that are not as their names state, as a map would."""
+    velocity = context.draft.tree.get("velocity")
+    channels = {
+        name: entry
+        for name, entry in context.channels.items()
+        if entry["unit"] != BY_NAME[name].unit or {"scale", "offset"} & set(entry)
+    }
+    if not channels and not velocity:
+        return
+    if velocity:
+        channels |= {"heading_deg": context.channels["heading_deg"]}
+    columns = ColumnMap(
+        time=time,
+        channels={name: Column(**entry) for name, entry in channels.items()},
+        velocity=None if velocity is None else Velocity(**velocity),
+    )
+    converted = apply_column_map(raw, columns, raw.path)
+    for name in map(str, converted.table):
+        file.table[name] = np.asarray(converted.table[name])
+        file.sources[name] = converted.sources[name]

@@ -27,10 +27,17 @@ from seatrial.acquisition.config.run_sheet import Conditions
 from seatrial.acquisition.core.errors import InputError
 from seatrial.acquisition.core.named_code import OwnCodeError, file_of, load, own_code, require_call
 from seatrial.acquisition.core.quantities import Bools, Floats
-from seatrial.analysis.conditions import recorded_conditions, with_stronger_wind
 from seatrial.analysis.manoeuvres import kinds, measures
 from seatrial.analysis.manoeuvres.criteria import add_limits
 from seatrial.analysis.manoeuvres.indices import Current, LeftOut, Manoeuvre, index_of
+from seatrial.analysis.manoeuvres.kinds import (
+    find_pull_outs,
+    find_williamson_turns,
+    reverse_spiral,
+    reverse_spiral_steps,
+    spiral,
+    spiral_steps,
+)
 from seatrial.analysis.manoeuvres.measures import Plateau
 from seatrial.analysis.manoeuvres.motion import Motion, motion_of, noise_of, stretches
 from seatrial.analysis.manoeuvres.runs import (
@@ -42,14 +49,7 @@ from seatrial.analysis.manoeuvres.runs import (
     find_thruster_tests,
     stopping_indices,
 )
-from seatrial.analysis.manoeuvres.turning_tests import (
-    find_pull_outs,
-    find_williamson_turns,
-    reverse_spiral,
-    reverse_spiral_steps,
-    spiral,
-    spiral_steps,
-)
+from seatrial.analysis.quality.wind import recorded_conditions, with_stronger_wind
 from seatrial.analysis.tables.table import trial_of
 
 _LEAST_HELM_DEG, _LEAST_STEP_DEG = 2.5, 1.0

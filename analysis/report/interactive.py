@@ -36,7 +36,7 @@ from seatrial.analysis.tables.table import NANO, declared_channels, table_actuat
 from seatrial.analysis.windows.held import held_spans_ns
 
 if TYPE_CHECKING:
-    from seatrial.analysis.manoeuvres import Manoeuvre
+    from seatrial.analysis.manoeuvres.indices import Manoeuvre
 
 MOST_ROWS = 20_000
 """Rows that a browser draws at once without a pause; of more, those with extremes are kept."""

@@ -34,7 +34,6 @@ from seatrial.acquisition.core.quantities import KNOT_MPS, ending_of, mean_wind
 from seatrial.acquisition.core.ship import find_channel, from_text
 from seatrial.acquisition.core.trial import Trial, software_version
 from seatrial.acquisition.recording.grouping import Files, read_together
-from seatrial.analysis.conditions import beaufort, recorded_conditions
 from seatrial.analysis.manoeuvres.criteria import (
     NOT_FOR_SHIP,
     criteria_of,
@@ -46,6 +45,7 @@ from seatrial.analysis.manoeuvres.criteria import (
 from seatrial.analysis.manoeuvres.find import RecordedRuns, manoeuvres_and_left_out, runs_of_trial
 from seatrial.analysis.manoeuvres.indices import UNITS, Index, LeftOut, Manoeuvre, as_json, index_of, unit_of
 from seatrial.analysis.manoeuvres.kinds import REMOVED, shows_current
+from seatrial.analysis.quality.wind import beaufort, recorded_conditions
 from seatrial.analysis.series import ASSUMED
 from seatrial.analysis.tables.table import provenance_of, sha256_of, table_of, trial_of
 

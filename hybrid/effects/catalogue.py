@@ -18,7 +18,7 @@ from typing import Any
 from seatrial.acquisition.core.errors import ConfigurationError
 from seatrial.acquisition.core.named_code import load
 from seatrial.acquisition.core.ship import DEFAULT, Actuators
-from seatrial.hybrid.effects import environment, hull, sensors
+from seatrial.hybrid.effects import environment, hull
 from seatrial.hybrid.vessel.actuators import KINDS
 from seatrial.hybrid.vessel.effect import FAMILIES, USUAL_LENGTH_M, Effect, Parameter, Values, growth, scale_of
 from seatrial.hybrid.vessel.parameters import Vessel
@@ -46,7 +46,7 @@ def _catalogue_for(actuators: Actuators, scale: float) -> dict[str, Effect]:
     names = {kind: tuple(actuator.name for actuator in actuators if actuator.kind == kind) for kind in KINDS}
     effects = [effect for kind, of_kind in names.items() if of_kind for effect in KINDS[kind].effects(of_kind)]
     actuator_effects = sorted(effects, key=lambda effect: FAMILIES.index(effect.family))
-    unsized = (*hull.EFFECTS, *actuator_effects, *hull.ASYMMETRY, *environment.EFFECTS, *sensors.EFFECTS)
+    unsized = (*hull.EFFECTS, *actuator_effects, *hull.ASYMMETRY, *environment.EFFECTS, *environment.SENSOR_EFFECTS)
     sized = [_sized(effect, scale) for effect in unsized]
     catalogue = {effect.name: effect for effect in sized}
     if duplicates := sorted({effect.name for effect in sized if catalogue[effect.name] is not effect}):

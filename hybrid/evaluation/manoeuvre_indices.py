@@ -26,7 +26,14 @@ from seatrial.acquisition.core.ship import ENVIRONMENT, Actuators, control_names
 from seatrial.acquisition.recording.grouping import read_parts
 from seatrial.analysis.manoeuvres.find import find_manoeuvres
 from seatrial.analysis.manoeuvres.indices import Index, Manoeuvre
-from seatrial.analysis.manoeuvres.kinds import REMOVED, circle_indices, current_of, shows_current, zigzag_indices
+from seatrial.analysis.manoeuvres.kinds import (
+    REMOVED,
+    circle_indices,
+    current_of,
+    pull_out_indices,
+    shows_current,
+    zigzag_indices,
+)
 from seatrial.analysis.manoeuvres.measures import (
     APPROACH_S,
     approach_of,
@@ -36,15 +43,13 @@ from seatrial.analysis.manoeuvres.measures import (
 )
 from seatrial.analysis.manoeuvres.motion import Motion, motion_of
 from seatrial.analysis.manoeuvres.runs import acceleration_indices, drift_indices, stopping_indices
-from seatrial.analysis.manoeuvres.turning_tests import pull_out_indices
 from seatrial.analysis.quality.repairs import Preparation, prepare
 from seatrial.analysis.tables.table import NANO, require, select, table_actuators, times_ns, trial_of
 from seatrial.analysis.windows.held import named_recordings
 from seatrial.hybrid.calibrators.predict import Predictor
 from seatrial.hybrid.prediction.windows import mean_controls
 from seatrial.hybrid.simulation import vessel_check
-from seatrial.hybrid.simulation.autopilot import drives_of
-from seatrial.hybrid.simulation.manoeuvres import handling_of, steer
+from seatrial.hybrid.simulation.manoeuvres import drives_of, handling_of, steer
 from seatrial.hybrid.vessel.actuators import control_units
 from seatrial.hybrid.vessel.dynamics import range_error, simulate_batch
 from seatrial.hybrid.vessel.parameters import Vessel

@@ -196,9 +196,9 @@ class Identification(ModelResult):
     file: str = ""
     set_aside: tuple[str, ...] = ()
     tracks: tuple[Floats, Floats] = field(default=(np.zeros((0, 0, 2)), np.zeros((0, 0, 2))), repr=False)
-    view = "seatrial.hybrid.report.identification:identification_view"
+    view = "seatrial.hybrid.report.plots:identification_view"
     frame = "coefficients"
-    drawing = "seatrial.hybrid.report.identification:draw_identification"
+    drawing = "seatrial.hybrid.report.plots:draw_identification"
     size_inch = (11.0, 8.0)
 
     @property

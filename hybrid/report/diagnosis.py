@@ -57,8 +57,7 @@ from seatrial.hybrid.effects.catalogue import VERSION
 from seatrial.hybrid.effects.environment import STEADY_WIND
 from seatrial.hybrid.effects.regime import parameter_of
 from seatrial.hybrid.prediction.baselines import Interval
-from seatrial.hybrid.report.sections import templates
-from seatrial.hybrid.report.text import UNITS, force_unit, join_words, plain, quantity_title
+from seatrial.hybrid.report.text import UNITS, force_unit, join_words, plain, quantity_title, templates
 from seatrial.hybrid.vessel.actuators import KINDS
 
 _ALMOST = 1.1

@@ -16,8 +16,7 @@ from seatrial.analysis.report.plots import FAINT, INK, PALETTE
 from seatrial.analysis.report.rendering import Page, render
 from seatrial.hybrid.evaluation.study import BASELINES, Evaluation, MethodSummary, SplitSummary
 from seatrial.hybrid.report.plots import COLOUR, interval_bar, logarithmic, named_rows, reach
-from seatrial.hybrid.report.sections import templates
-from seatrial.hybrid.report.text import MEANING, counts_of, estimate_text, no_wrap, plain
+from seatrial.hybrid.report.text import MEANING, counts_of, estimate_text, no_wrap, plain, templates
 
 _LABELS, _SHORTEST = 84, 10  # characters that fit below an axis side by side, and of one label at the least
 JSON_FILE, PAGE_FILE = "evaluation.json", "evaluation.html"

@@ -32,7 +32,7 @@ from seatrial.analysis.report.rendering import render
 from seatrial.analysis.tables.table import sha256_of
 from seatrial.hybrid.diagnosis.result import read_diagnosis, read_json
 from seatrial.hybrid.report.diagnosis import PAGE_FILE, write_report
-from seatrial.hybrid.report.sections import sections
+from seatrial.hybrid.report.text import sections
 from seatrial.hybrid.report.trial import load_case, ship_name, subtitle, write_interactive_pages
 
 _REPRODUCTION = "seatrial.notebooks.wang2021.page"

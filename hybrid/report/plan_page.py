@@ -18,8 +18,7 @@ from seatrial.analysis.report.plots import PALETTE
 from seatrial.analysis.report.rendering import Page, render
 from seatrial.hybrid.diagnosis.planning import DISTINGUISHED
 from seatrial.hybrid.planning import Plan
-from seatrial.hybrid.report.sections import templates
-from seatrial.hybrid.report.text import plain
+from seatrial.hybrid.report.text import plain, templates
 
 JSON_FILE, PAGE_FILE = "plan.json", "plan.html"
 _MOST = 100.0  # twice the log likelihood: more than this is plenty in any picture

@@ -23,7 +23,6 @@ from seatrial.acquisition.core.result import ChosenModel
 from seatrial.acquisition.core.ship import MOTION
 from seatrial.acquisition.core.trial import Trial
 from seatrial.acquisition.recording.reader import read_trial
-from seatrial.analysis.conditions import recorded_conditions
 from seatrial.analysis.estimation.smoother import smooth
 from seatrial.analysis.manoeuvres.criteria import (
     NOT_FOR_SHIP,
@@ -38,6 +37,7 @@ from seatrial.analysis.manoeuvres.criteria import (
 from seatrial.analysis.manoeuvres.find import RecordedRuns, runs_of_trial
 from seatrial.analysis.manoeuvres.indices import Manoeuvre
 from seatrial.analysis.products import Options, Products, analyse
+from seatrial.analysis.quality.wind import recorded_conditions
 from seatrial.analysis.report.manoeuvre_plots import PICTURED
 from seatrial.analysis.report.pages import counts_of, events_of
 from seatrial.analysis.report.tables import (
@@ -53,8 +53,9 @@ from seatrial.analysis.report.tables import (
     ship_rows,
 )
 from seatrial.analysis.series import is_assumed
-from seatrial.analysis.speed_power import SpeedPower, power_columns, speed_power
+from seatrial.analysis.speed_power.analysis import SpeedPower, speed_power
 from seatrial.analysis.speed_power.report import sentence
+from seatrial.analysis.speed_power.runs import power_columns
 from seatrial.analysis.tables.resample import resample
 from seatrial.analysis.tables.table import percent_of, refuse_duplicates, select
 from seatrial.analysis.windows.held import named_recordings, second_by_second
@@ -87,10 +88,9 @@ from seatrial.hybrid.report.errors import (
 )
 from seatrial.hybrid.report.text import join_words, plain, quantity_title, score_rows
 from seatrial.hybrid.report.trial_form import NumberedRun, numbered_runs
-from seatrial.hybrid.vessel.files import load_vessel, locate_vessel
+from seatrial.hybrid.vessel.files import known_conditions, load_vessel, locate_vessel
 from seatrial.hybrid.vessel.parameters import Vessel
 from seatrial.hybrid.vessel.plant import Plant
-from seatrial.hybrid.vessel.windage import known_conditions
 
 if TYPE_CHECKING:
     from seatrial.analysis.quality.findings import Finding

@@ -22,11 +22,11 @@ from rich.text import Text
 from seatrial.acquisition.config.run_sheet import accuracy_of
 from seatrial.acquisition.core.quantities import KNOT_MPS, Floats, mean_wind, to_ship
 from seatrial.acquisition.core.ship import channel_unit, is_order
-from seatrial.analysis.conditions import beaufort
 from seatrial.analysis.manoeuvres.criteria import CriterionResult
 from seatrial.analysis.manoeuvres.indices import Manoeuvre, unit_of
 from seatrial.analysis.manoeuvres.motion import Motion
 from seatrial.analysis.products import Products
+from seatrial.analysis.quality.wind import beaufort
 from seatrial.analysis.report.tables import has_date, in_words, index_cells, plain_name
 from seatrial.analysis.series import ASSUMED, is_assumed, white_noise
 from seatrial.analysis.speed_power.report import power_text

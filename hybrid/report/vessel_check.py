@@ -19,8 +19,7 @@ from seatrial.analysis.manoeuvres.measures import peak
 from seatrial.analysis.report.plots import FAINT, INK, PALETTE, outlines
 from seatrial.analysis.report.rendering import Page, render, write_figure
 from seatrial.analysis.report.tables import plain_name
-from seatrial.hybrid.report.sections import templates
-from seatrial.hybrid.report.text import join_words
+from seatrial.hybrid.report.text import join_words, templates
 from seatrial.hybrid.simulation.vessel_check import StandardTest, VesselCheck
 
 BLUE, ORANGE, GREEN, _, RED = PALETTE[:5]

@@ -45,13 +45,15 @@ from seatrial.analysis.batch import BatchJob, Row, attempt, batch_folder, check_
 from seatrial.analysis.products import Options
 from seatrial.analysis.tables.table import sha256_of
 from seatrial.hybrid.effects import Catalogue, apply_effects, vessel_plant
-from seatrial.hybrid.simulation.autopilot import Drives, drives_of, sail
 from seatrial.hybrid.simulation.manoeuvres import (
+    Drives,
     Manoeuvre,
     as_arrays,
+    drives_of,
     for_ship,
     handling_of,
     manoeuvre_named,
+    sail,
     shafts_rpm,
     steady_speed_mps,
 )

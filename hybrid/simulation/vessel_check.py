@@ -32,15 +32,15 @@ from seatrial.analysis.manoeuvres.criteria import (
     index_rows,
 )
 from seatrial.analysis.manoeuvres.indices import Index, Manoeuvre, from_order, index_of, side_of
-from seatrial.analysis.manoeuvres.kinds import circle_indices, zigzag_indices
+from seatrial.analysis.manoeuvres.kinds import circle_indices, pull_out_indices, zigzag_indices
 from seatrial.analysis.manoeuvres.measures import approach_of
 from seatrial.analysis.manoeuvres.motion import Motion
 from seatrial.analysis.manoeuvres.runs import stopping_indices
-from seatrial.analysis.manoeuvres.turning_tests import pull_out_indices
 from seatrial.hybrid.effects import vessel_plant
-from seatrial.hybrid.simulation.autopilot import Drives, drives_of
 from seatrial.hybrid.simulation.manoeuvres import (
+    Drives,
     Leg,
+    drives_of,
     handling_of,
     helm,
     pace_of,

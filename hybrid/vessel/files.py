@@ -4,6 +4,8 @@ A file states a whole vessel: dimensions, a hull model, a wind model, an ``[[act
 says ``base = "NAME or FILE"`` and what differs: single numbers, those of an actuator in an ``[[actuator]]`` of its
 name, more actuators, and effects added to the model as ``[effects.NAME]`` tables. Names are those of the files in
 ``trials/vessels``. The reference model of recordings is of the ship that they name, unless another is asked for.
+
+What a vessel file tells the analysis of speed and power: dimensions and the wind's resistance.
 """
 
 from __future__ import annotations
@@ -15,7 +17,11 @@ from math import isfinite
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+import pandas as pd
+
 from seatrial.acquisition.config.declarations import Tree, find_vessel, vessel_names, vessel_of_ship, vessel_tree
+from seatrial.acquisition.config.run_sheet import Conditions
 from seatrial.acquisition.config.toml_file import line_of, read_text, validate
 from seatrial.acquisition.core.errors import ConfigurationError, InputError
 from seatrial.acquisition.core.files import write_text
@@ -23,9 +29,10 @@ from seatrial.acquisition.core.result import ChosenModel
 from seatrial.acquisition.core.ship import DEFAULT_VESSEL, VESSELS, check_actuators
 from seatrial.acquisition.core.trial import Trial
 from seatrial.acquisition.recording.reader import read_trial
+from seatrial.analysis.quality.wind import recorded_conditions
 from seatrial.hybrid.vessel.actuators import KINDS
 from seatrial.hybrid.vessel.parameters import Vessel
-from seatrial.hybrid.vessel.wind import TABLE_SIZE
+from seatrial.hybrid.vessel.wind import HARMONICS, TABLE_SIZE
 
 DEFAULT = DEFAULT_VESSEL
 _ADDED = ("effects", "provenance", "estimated")
@@ -306,3 +313,34 @@ def _named_by(trials: Trials) -> str:
         fix=f"choose one of {', '.join(vessel_names())} or a file with --vessel, or put the "
             "ship's file beside the recording; `seatrial vessel new` makes one",
     )  # fmt: skip
+
+
+_MULTIPLES = (0.0, 1.0, 3.0, 5.0)  # of the angle, in the harmonics of CX
+
+
+def conditions_of(vessel: Vessel) -> Conditions:
+    """The part of the conditions of a speed trial that is the ship's; C_AA is its CX with the other sign.
+
+    How it was loaded and what water it was in is not taken from its file: they are the day's.
+    """
+    size = vessel.dimensions
+    wind = vessel.wind.numbers(size.length_between_perpendiculars_m, size.beam_m)
+    ahead = np.asarray(wind["CX"])
+    if wind.get("wind_model") == HARMONICS:
+        angles = np.linspace(0.0, np.pi, TABLE_SIZE)[:, np.newaxis]
+        ahead = np.cos(angles * _MULTIPLES) @ ahead[: len(_MULTIPLES)]
+    frontal = float(np.max(wind["frontal_area_m2"]))
+    return Conditions(
+        length_m=size.length_between_perpendiculars_m, beam_m=size.beam_m,
+        frontal_area_m2=frontal or None, wind_resistance=tuple(map(float, -ahead)) if frontal else (),
+    )  # fmt: skip
+
+
+def known_conditions(
+    recorded: Iterable[tuple[Trial, pd.DataFrame]], ship: Vessel | None, stated: Conditions | None = None
+) -> Conditions:
+    """What is known for the corrections: what is ``stated``, then what recordings say, then the vessel file."""
+    conditions = stated or Conditions()
+    for trial, table in recorded:
+        conditions = conditions.with_known(recorded_conditions(trial, table))
+    return conditions if ship is None else conditions.with_known(conditions_of(ship))

@@ -25,8 +25,7 @@ from seatrial.analysis.report.plots import FAINT
 from seatrial.analysis.report.rendering import Page, render
 from seatrial.hybrid.prediction.baselines import Interval
 from seatrial.hybrid.report.plots import COLOUR, interval_bar, logarithmic
-from seatrial.hybrid.report.sections import sections, templates
-from seatrial.hybrid.report.text import estimate_text, no_wrap, plain, text_table
+from seatrial.hybrid.report.text import estimate_text, no_wrap, plain, sections, templates, text_table
 from seatrial.notebooks.wang2021.campaign import SEA_STATES, SeaResults
 from seatrial.notebooks.wang2021.figures import FIGURES, FigureSpec
 from seatrial.notebooks.wang2021.table3 import PUBLISHED, Reduction, Row, Table3, read_table3, table3

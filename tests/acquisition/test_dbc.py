@@ -16,8 +16,7 @@ from seatrial.acquisition.config.sources import CanSource, Device, Signal
 from seatrial.acquisition.core.trial import FrameFlag
 from seatrial.acquisition.protocols import Decoder, make_decoders
 from seatrial.acquisition.protocols.can_frames import DbcDecoder, missing_by_rule
-from seatrial.acquisition.protocols.nmea2000 import Nmea2000Decoder
-from seatrial.acquisition.protocols.parameter_groups import ERROR_VALUE, NOT_AVAILABLE
+from seatrial.acquisition.protocols.nmea2000 import ERROR_VALUE, NOT_AVAILABLE, Nmea2000Decoder
 from tests.acquisition.can_frames import can_frame, values
 from tests.acquisition.conftest import DBC
 

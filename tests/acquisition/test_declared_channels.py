@@ -38,7 +38,7 @@ from seatrial.acquisition.logger.record import record
 from seatrial.acquisition.logger.survey import redecode
 from seatrial.acquisition.protocols import Moment, decoders_by_protocol, make_decoders, make_encoder
 from seatrial.acquisition.protocols.nmea0183 import sentence
-from seatrial.acquisition.protocols.parameter_groups import FIELDS, canboat_fields
+from seatrial.acquisition.protocols.nmea2000 import FIELDS, canboat_fields
 from seatrial.acquisition.recording.reader import read_recording
 from seatrial.acquisition.sources.log_file import LogFile
 from seatrial.acquisition.tables.import_table import import_table

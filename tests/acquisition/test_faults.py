@@ -31,8 +31,7 @@ from seatrial.acquisition.logger import health
 from seatrial.acquisition.logger import maintenance as housekeeping
 from seatrial.acquisition.logger.pipeline import Inbox, Recorder
 from seatrial.acquisition.protocols.nmea0183 import sentence
-from seatrial.acquisition.protocols.nmea2000 import parameter_group
-from seatrial.acquisition.protocols.parameter_groups import READERS
+from seatrial.acquisition.protocols.nmea2000 import READERS, parameter_group
 from seatrial.acquisition.recording.messages import EVENT_TOPIC, HEALTH_TOPIC, RAW_PREFIX
 from seatrial.acquisition.recording.parts import RecordingParts
 from seatrial.acquisition.recording.reader import MessageStream, Recording, read_recording

@@ -13,8 +13,7 @@ import pytest
 from seatrial.acquisition.core.errors import ConfigurationError
 from seatrial.acquisition.core.quantities import Floats
 from seatrial.acquisition.core.ship import difference
-from seatrial.acquisition.tables.import_table import import_table, propose_for
-from seatrial.acquisition.tables.propose import Proposal
+from seatrial.acquisition.tables.import_table import Proposal, import_table, propose_for
 from seatrial.acquisition.tables.table_files import read_raw
 from seatrial.analysis.tables.table import read_table
 from seatrial.hybrid.simulation.trial import simulate_trial

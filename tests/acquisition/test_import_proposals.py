@@ -18,8 +18,7 @@ from seatrial.acquisition.core.quantities import Floats
 from seatrial.acquisition.core.ship import difference, is_circular
 from seatrial.acquisition.tables.column_names import match_quantities, split_header
 from seatrial.acquisition.tables.evidence import Question
-from seatrial.acquisition.tables.import_table import import_proposed, propose_for
-from seatrial.acquisition.tables.propose import Proposal
+from seatrial.acquisition.tables.import_table import Proposal, import_proposed, propose_for
 from seatrial.acquisition.tables.table_files import read_raw
 from seatrial.analysis.tables.table import read_table
 from tests.conftest import Command

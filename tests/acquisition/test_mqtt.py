@@ -33,7 +33,7 @@ from seatrial.acquisition.recording.messages import RAW_PREFIX
 from seatrial.acquisition.recording.parts import RecordingParts
 from seatrial.acquisition.recording.reader import MessageStream, Recording, read_recording
 from seatrial.acquisition.recording.writer import RecordingWriter
-from seatrial.acquisition.sources import make_source, mqtt
+from seatrial.acquisition.sources import lines, make_source
 from tests.acquisition.conftest import Broker, config_text, wait_for, write_voyage
 from tests.acquisition.test_round_trip import NMEA0183_STEP, load, play_and_record
 
@@ -308,7 +308,7 @@ def test_a_password_comes_from_a_file_or_the_environment(tmp_path: Path, monkeyp
     def asked(more: str) -> str | None:
         (source,) = configured(tmp_path, section(more=f'user = "me"\n{more}')).sources
         assert isinstance(source, MqttSource)
-        return mqtt._password(source)
+        return lines._password(source)
 
     (tmp_path / "secret").write_text("pass word\nnotes\n")
     monkeypatch.setenv("SHIP_PASSWORD", "other")
@@ -431,14 +431,14 @@ def test_what_came_just_before_the_connection_was_lost_is_kept(
         for number in range(5):
             publish("ship/mru/Heading", f"{number}")
     came: list[Frame] = []
-    taken, pumped = mqtt.pump, iter(range(4))
+    taken, pumped = lines.pump, iter(range(4))
 
     def pump(section: MqttSource, client: Client, timeout_s: float) -> None:
         if next(pumped, None) is None:
             raise SourceError("is lost")
         taken(section, client, 30.0)
 
-    monkeypatch.setattr(mqtt, "pump", pump)
+    monkeypatch.setattr(lines, "pump", pump)
     while len(came) < 4:
         came += source.read(0.1) or []
     with pytest.raises(SourceError, match="is lost"):

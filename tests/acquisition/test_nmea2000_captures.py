@@ -18,8 +18,7 @@ from hypothesis import strategies as st
 from nmea2000 import pgns
 
 from seatrial.acquisition.config.sources import FileSource
-from seatrial.acquisition.protocols.nmea2000 import Nmea2000Decoder
-from seatrial.acquisition.protocols.parameter_groups import FIELDS, SHORTEST_BYTES, Field, Message
+from seatrial.acquisition.protocols.nmea2000 import FIELDS, SHORTEST_BYTES, Field, Message, Nmea2000Decoder
 from seatrial.acquisition.sources.log_file import LogFile
 from tests.acquisition.can_frames import can_frame, fast_parts, identifier_of, values
 

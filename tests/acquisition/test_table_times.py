@@ -16,8 +16,7 @@ from hypothesis import strategies as st
 
 from seatrial.acquisition.core.errors import ConfigurationError, InputError
 from seatrial.acquisition.core.times import gps_ahead_s
-from seatrial.acquisition.tables.import_table import import_table, propose_for
-from seatrial.acquisition.tables.propose import Proposal
+from seatrial.acquisition.tables.import_table import Proposal, import_table, propose_for
 from seatrial.acquisition.tables.table_files import read_raw
 from seatrial.acquisition.tables.time_columns import TimeColumn, checked_zone, resolve_times, to_utc
 from tests.conftest import Command

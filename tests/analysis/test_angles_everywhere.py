@@ -18,7 +18,7 @@ from seatrial.acquisition.recording.reader import read_recording
 from seatrial.acquisition.recording.writer import write_table
 from seatrial.acquisition.tables.import_table import import_table
 from seatrial.analysis.estimation.smoother import smooth
-from seatrial.analysis.manoeuvres import find_manoeuvres
+from seatrial.analysis.manoeuvres.find import find_manoeuvres
 from seatrial.analysis.quality.check import check_table
 from seatrial.analysis.series import smooth_motion
 from seatrial.analysis.tables.export import export_table

@@ -15,7 +15,7 @@ import pytest
 
 from seatrial.acquisition.core.errors import ConfigurationError, DataShortageError, InputError
 from seatrial.acquisition.core.ship import BY_NAME, CIRCULAR, NAMES, wrap_180
-from seatrial.analysis.manoeuvres import Manoeuvre
+from seatrial.analysis.manoeuvres.indices import Manoeuvre
 from seatrial.analysis.report.interactive import (
     MOST_PREDICTED,
     MOST_ROWS,

@@ -13,7 +13,8 @@ import pytest
 from seatrial.acquisition.core.trial import Trial
 from seatrial.acquisition.recording.writer import write_table
 from seatrial.analysis.batch import process_recording
-from seatrial.analysis.manoeuvres import Manoeuvre, find_manoeuvres
+from seatrial.analysis.manoeuvres.find import find_manoeuvres
+from seatrial.analysis.manoeuvres.indices import Manoeuvre
 from seatrial.analysis.manoeuvres.motion import motion_of
 from seatrial.analysis.report.interactive import interactive_page, page_data
 from seatrial.analysis.report.manoeuvre_plots import draw

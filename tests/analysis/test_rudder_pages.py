@@ -16,7 +16,7 @@ from seatrial.acquisition.recording.reader import read_recording
 from seatrial.acquisition.recording.writer import write_table
 from seatrial.acquisition.tables.import_table import read_table_file
 from seatrial.analysis.batch import process_recording
-from seatrial.analysis.manoeuvres import find_manoeuvres
+from seatrial.analysis.manoeuvres.find import find_manoeuvres
 from seatrial.analysis.manoeuvres.motion import motion_of
 from seatrial.analysis.report.interactive import interactive_page, page_data
 from seatrial.analysis.report.manoeuvre_plots import draw

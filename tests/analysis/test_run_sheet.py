@@ -11,8 +11,8 @@ import pytest
 from seatrial.acquisition.core.trial import Trial
 from seatrial.acquisition.recording.reader import read_recording
 from seatrial.acquisition.recording.writer import write_table
-from seatrial.analysis.conditions import BEAUFORT_MPS, beaufort
 from seatrial.analysis.manoeuvres.indices import Current, Manoeuvre
+from seatrial.analysis.quality.wind import BEAUFORT_MPS, beaufort
 from seatrial.analysis.report.pages import events_of
 from seatrial.analysis.report.tables import UNKNOWN, ShipDimensions, run_sheet, wind_words
 from seatrial.analysis.tables.resample import resample

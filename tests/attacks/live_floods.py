@@ -20,7 +20,7 @@ from seatrial.acquisition.config.trial_file import load_config
 from seatrial.acquisition.core.trial import Frame, FrameFlag
 from seatrial.acquisition.logger.survey import Survey
 from seatrial.acquisition.protocols.nmea0183 import checksum, sentence
-from seatrial.acquisition.protocols.parameter_groups import READERS, SHORTEST_BYTES
+from seatrial.acquisition.protocols.nmea2000 import READERS, SHORTEST_BYTES
 from tests.acquisition.can_frames import identifier_of
 
 START_NS = 1_798_718_400_000_000_000

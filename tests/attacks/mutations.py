@@ -19,8 +19,7 @@ from seatrial.acquisition.core.ship import channels_known_to
 from seatrial.acquisition.core.trial import Frame, Protocol, Sample
 from seatrial.acquisition.logger.survey import Survey
 from seatrial.acquisition.protocols import Decoder, decoders_by_protocol
-from seatrial.acquisition.protocols.nmea2000 import LONGEST_BYTES, parameter_group
-from seatrial.acquisition.protocols.parameter_groups import ADDRESS_CLAIM, SHORTEST_BYTES
+from seatrial.acquisition.protocols.nmea2000 import ADDRESS_CLAIM, LONGEST_BYTES, SHORTEST_BYTES, parameter_group
 from seatrial.acquisition.sources.lines import LineAssembler
 from seatrial.acquisition.sources.log_file import LogFile, TelemetryLog
 

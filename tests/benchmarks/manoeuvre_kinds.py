@@ -17,11 +17,12 @@ import numpy as np
 import pandas as pd
 
 from seatrial.acquisition.core.quantities import Floats
-from seatrial.analysis.manoeuvres import LeftOut, Manoeuvre, manoeuvres_and_left_out
+from seatrial.analysis.manoeuvres.find import manoeuvres_and_left_out
+from seatrial.analysis.manoeuvres.indices import LeftOut, Manoeuvre
+from seatrial.analysis.manoeuvres.kinds import pull_out_indices, spiral_indices
 from seatrial.analysis.manoeuvres.measures import crossing_s
 from seatrial.analysis.manoeuvres.motion import Motion, motion_of
 from seatrial.analysis.manoeuvres.runs import acceleration_indices, drift_indices, stopping_indices
-from seatrial.analysis.manoeuvres.turning_tests import pull_out_indices, spiral_indices
 from seatrial.hybrid.simulation.manoeuvres import Leg, pace_of, single_thruster, steer, usual_rpm
 from seatrial.hybrid.simulation.trial import simulate_trial, usual_noise
 from seatrial.hybrid.vessel.sensors import as_table

@@ -22,7 +22,7 @@ import numpy as np
 import pandas as pd
 
 from seatrial.acquisition.core.quantities import Floats
-from seatrial.analysis.manoeuvres import find_manoeuvres
+from seatrial.analysis.manoeuvres.find import find_manoeuvres
 from seatrial.analysis.manoeuvres.kinds import circle_indices, zigzag_indices
 from seatrial.analysis.manoeuvres.motion import motion_of
 from seatrial.hybrid.simulation.manoeuvres import helm, pace_of, steer, usual_rpm, zigzag

@@ -27,7 +27,7 @@ from scipy.optimize import brentq
 
 from seatrial.acquisition.config.run_sheet import Conditions
 from seatrial.acquisition.core.quantities import Floats
-from seatrial.analysis.speed_power import SpeedPower, speed_power_of_runs
+from seatrial.analysis.speed_power.analysis import SpeedPower, speed_power_of_runs
 from seatrial.analysis.speed_power.runs import runs_in_table
 
 _RHO, _RHO_AIR, _G, _NU, _KNOT = 1026.0, 1.225, 9.81, 1.19e-6, 1852.0 / 3600.0

@@ -24,7 +24,8 @@ import pandas as pd
 from seatrial.acquisition.config.run_sheet import Conditions
 from seatrial.acquisition.core.quantities import Floats
 from seatrial.acquisition.core.ship import Actuator, as_text
-from seatrial.analysis.manoeuvres import Manoeuvre, find_manoeuvres
+from seatrial.analysis.manoeuvres.find import find_manoeuvres
+from seatrial.analysis.manoeuvres.indices import Manoeuvre
 from tests.benchmarks.yard_ship import Order, Sailed, YardShip, drawn_hull, held_course
 
 TESTS = ("turning_circle", "zigzag_20_20", "zigzag_10_10", "stopping")

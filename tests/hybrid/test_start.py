@@ -16,7 +16,7 @@ from seatrial.acquisition.config.trial_file import load_config
 from seatrial.acquisition.core.quantities import integrate
 from seatrial.acquisition.core.ship import control_names, trial_names
 from seatrial.acquisition.recording.reader import read_recording
-from seatrial.analysis.manoeuvres import find_manoeuvres
+from seatrial.analysis.manoeuvres.find import find_manoeuvres
 from seatrial.analysis.tables.table import read_table
 from seatrial.hybrid.vessel.files import load_vessel
 from seatrial.hybrid.vessel.plant import bare_plant

@@ -13,7 +13,7 @@ from scipy.optimize import brentq
 from typer.testing import CliRunner
 
 import seatrial as st
-from seatrial.analysis.manoeuvres import find_manoeuvres
+from seatrial.analysis.manoeuvres.find import find_manoeuvres
 from seatrial.hybrid import cli
 from seatrial.hybrid.simulation.manoeuvres import steer, turning_circle, zigzag
 from seatrial.hybrid.simulation.trial import SimulationNoise, simulate_trial

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from seatrial.analysis.manoeuvres import find_manoeuvres
+from seatrial.analysis.manoeuvres.find import find_manoeuvres
 from seatrial.analysis.manoeuvres.measures import helm_rate_dps, turning_rows
 from tests.benchmarks.manoeuvre_trials import Score, case_of, judge, sail
 

@@ -13,8 +13,8 @@ from hypothesis import strategies as st
 
 from seatrial.acquisition.config.run_sheet import Conditions
 from seatrial.acquisition.core.quantities import Floats
-from seatrial.analysis.manoeuvres import Manoeuvre, find_manoeuvres
-from seatrial.analysis.manoeuvres.find import Observation, RecordedRuns, current_at, runs_of_trial
+from seatrial.analysis.manoeuvres.find import Observation, RecordedRuns, current_at, find_manoeuvres, runs_of_trial
+from seatrial.analysis.manoeuvres.indices import Manoeuvre
 from tests.benchmarks.yard_ship import Sailed, YardShip
 from tests.benchmarks.yard_trials import Recorder, record, sail
 

@@ -6,7 +6,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from seatrial.analysis.manoeuvres import Manoeuvre, find_manoeuvres
+from seatrial.analysis.manoeuvres.find import find_manoeuvres
+from seatrial.analysis.manoeuvres.indices import Manoeuvre
 from seatrial.analysis.manoeuvres.motion import motion_of
 from seatrial.analysis.quality.commands import hold_orders
 from seatrial.analysis.tables.table import add_step

@@ -10,7 +10,8 @@ import pytest
 
 from seatrial.acquisition.core.errors import InputError
 from seatrial.acquisition.core.ship import NAMES
-from seatrial.analysis.manoeuvres import Manoeuvre, find_manoeuvres, manoeuvres_and_left_out
+from seatrial.analysis.manoeuvres.find import find_manoeuvres, manoeuvres_and_left_out
+from seatrial.analysis.manoeuvres.indices import Manoeuvre
 from seatrial.analysis.manoeuvres.measures import merge_corrections, plateaus
 from seatrial.analysis.tables.table import NANO, times_ns
 from seatrial.hybrid.simulation.manoeuvres import Leg

@@ -13,7 +13,8 @@ from hypothesis import strategies as st
 
 from seatrial.acquisition.core.quantities import Floats
 from seatrial.acquisition.core.ship import wrap_180, wrap_360
-from seatrial.analysis.manoeuvres import Manoeuvre, as_json, find_manoeuvres
+from seatrial.analysis.manoeuvres.find import find_manoeuvres
+from seatrial.analysis.manoeuvres.indices import Manoeuvre, as_json
 from seatrial.analysis.manoeuvres.kinds import circle_indices, zigzag_indices
 from seatrial.analysis.manoeuvres.measures import bootstrap_indices, peak
 from seatrial.analysis.manoeuvres.motion import Motion, motion_of

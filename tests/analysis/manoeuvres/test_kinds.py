@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from seatrial.analysis.manoeuvres import find_manoeuvres
+from seatrial.analysis.manoeuvres.find import find_manoeuvres
 from tests.analysis.conftest import table_at
 from tests.benchmarks.manoeuvre_kinds import judge
 from tests.benchmarks.manoeuvre_trials import Score, case_of

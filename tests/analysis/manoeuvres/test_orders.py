@@ -16,8 +16,9 @@ from seatrial.acquisition.config.run_sheet import Conditions, conditions_of
 from seatrial.acquisition.config.trial_file import parse_config
 from seatrial.acquisition.core.errors import ConfigurationError
 from seatrial.acquisition.core.trial import Trial
-from seatrial.analysis.conditions import recorded_conditions, sea_state_of
-from seatrial.analysis.manoeuvres import Manoeuvre, find_manoeuvres
+from seatrial.analysis.manoeuvres.find import find_manoeuvres
+from seatrial.analysis.manoeuvres.indices import Manoeuvre
+from seatrial.analysis.quality.wind import recorded_conditions, sea_state_of
 from seatrial.hybrid.simulation.trial import simulate_trial
 from tests.acquisition.conftest import config_text, free_port
 from tests.benchmarks.yard_ship import YardShip

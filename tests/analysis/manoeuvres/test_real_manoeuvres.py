@@ -12,7 +12,8 @@ import pandas as pd
 import pytest
 
 from seatrial.acquisition.tables.import_table import import_table
-from seatrial.analysis.manoeuvres import Manoeuvre, find_manoeuvres
+from seatrial.analysis.manoeuvres.find import find_manoeuvres
+from seatrial.analysis.manoeuvres.indices import Manoeuvre
 from seatrial.analysis.tables.table import read_table
 
 pytestmark = pytest.mark.shared

@@ -8,7 +8,8 @@ import pytest
 from typer.testing import CliRunner
 
 from seatrial import app
-from seatrial.analysis.manoeuvres import LeftOut, Manoeuvre, manoeuvres_and_left_out
+from seatrial.analysis.manoeuvres.find import manoeuvres_and_left_out
+from seatrial.analysis.manoeuvres.indices import LeftOut, Manoeuvre
 from seatrial.analysis.tables.table import read_table
 
 pytestmark = pytest.mark.shared

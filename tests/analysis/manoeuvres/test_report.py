@@ -17,7 +17,7 @@ from seatrial import app
 from seatrial.acquisition.core.errors import StorageError
 from seatrial.acquisition.core.trial import Trial
 from seatrial.acquisition.recording.writer import write_table
-from seatrial.analysis.manoeuvres import find_manoeuvres
+from seatrial.analysis.manoeuvres.find import find_manoeuvres
 from seatrial.analysis.manoeuvres.indices import Index, Manoeuvre, index_of
 from seatrial.analysis.manoeuvres.motion import motion_of
 from seatrial.analysis.report.manoeuvre_plots import draw

@@ -13,7 +13,8 @@ import pytest
 from seatrial.acquisition.core.errors import InputError
 from seatrial.acquisition.core.ship import Actuator, as_text
 from seatrial.acquisition.tables.import_table import read_table_file
-from seatrial.analysis.manoeuvres import Manoeuvre, find_manoeuvres
+from seatrial.analysis.manoeuvres.find import find_manoeuvres
+from seatrial.analysis.manoeuvres.indices import Manoeuvre
 from seatrial.analysis.manoeuvres.motion import motion_of
 from tests.analysis.rudder_ships import MODEL, TWIN, Orders, Ship, sail, turn, zigzag
 

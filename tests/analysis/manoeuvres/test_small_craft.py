@@ -10,8 +10,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from seatrial.acquisition.core.ship import Actuator
-from seatrial.analysis.manoeuvres import LeftOut, Manoeuvre, manoeuvres_and_left_out
 from seatrial.analysis.manoeuvres.criteria import index_rows
+from seatrial.analysis.manoeuvres.find import manoeuvres_and_left_out
+from seatrial.analysis.manoeuvres.indices import LeftOut, Manoeuvre
 from seatrial.analysis.manoeuvres.motion import drives_by_side
 from tests.analysis.manoeuvres.small_craft import (
     AZIMUTHS,

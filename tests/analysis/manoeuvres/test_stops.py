@@ -10,7 +10,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from seatrial.analysis.manoeuvres import Manoeuvre, find_manoeuvres
+from seatrial.analysis.manoeuvres.find import find_manoeuvres
+from seatrial.analysis.manoeuvres.indices import Manoeuvre
 from seatrial.analysis.manoeuvres.runs import engine_orders
 from seatrial.analysis.tables.table import NANO
 from tests.benchmarks.yard_ship import Sailed, YardShip

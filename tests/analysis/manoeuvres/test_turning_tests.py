@@ -8,7 +8,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from seatrial.analysis.manoeuvres import Manoeuvre, find_manoeuvres
+from seatrial.analysis.manoeuvres.find import find_manoeuvres
+from seatrial.analysis.manoeuvres.indices import Manoeuvre
 from seatrial.hybrid.simulation.manoeuvres import Leg, helm, pace_of, steer, usual_rpm
 from seatrial.hybrid.simulation.trial import simulate_trial
 from seatrial.hybrid.vessel.parameters import Vessel

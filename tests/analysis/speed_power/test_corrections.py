@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from seatrial.acquisition.config.run_sheet import Conditions
 from seatrial.acquisition.core.quantities import Floats
-from seatrial.analysis.speed_power import Conditions
 from seatrial.analysis.speed_power.corrections import (
     ideal_power_kw,
     lackenby_mps,
@@ -18,9 +18,8 @@ from seatrial.analysis.speed_power.corrections import (
     wind_resistance_n,
 )
 from seatrial.hybrid.effects.catalogue import vessel_plant
-from seatrial.hybrid.vessel.files import load_vessel
+from seatrial.hybrid.vessel.files import conditions_of, load_vessel
 from seatrial.hybrid.vessel.plant import pack
-from seatrial.hybrid.vessel.windage import conditions_of
 from tests.force_calls import wind_force
 
 SHIP = Conditions(

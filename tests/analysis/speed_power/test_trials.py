@@ -13,13 +13,14 @@ import pytest
 from scipy.optimize import brentq
 
 import seatrial as st
+from seatrial.acquisition.config.run_sheet import Conditions
 from seatrial.acquisition.core.errors import DataShortageError, InputError
 from seatrial.acquisition.core.result import from_json, to_json
 from seatrial.analysis.batch import process_recording
 from seatrial.analysis.products import Options
-from seatrial.analysis.speed_power import Conditions, SpeedPower, power_runs, speed_power
+from seatrial.analysis.speed_power.analysis import SpeedPower, speed_power
 from seatrial.analysis.speed_power.report import corrected_words, sentence
-from seatrial.analysis.speed_power.runs import power_columns
+from seatrial.analysis.speed_power.runs import power_columns, power_runs
 from seatrial.hybrid.report.trial import Case
 from tests.analysis.speed_power.trials import (
     BEAM_M,

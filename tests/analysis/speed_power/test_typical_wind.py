@@ -8,9 +8,8 @@ from typing import get_args
 import numpy as np
 import pytest
 
-from seatrial.acquisition.config.run_sheet import WindType
+from seatrial.acquisition.config.run_sheet import Conditions, WindType
 from seatrial.acquisition.core.errors import InputError
-from seatrial.analysis.speed_power import Conditions
 from seatrial.analysis.speed_power.corrections import (
     TYPICAL_WIND_RESISTANCE,
     read_wind_resistance,

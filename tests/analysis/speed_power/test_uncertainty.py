@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
-from seatrial.analysis.speed_power import SpeedPower, speed_power_of_runs
-from seatrial.analysis.speed_power.analysis import _mixture_half
+from seatrial.analysis.speed_power.analysis import SpeedPower, _mixture_half, speed_power_of_runs
 from seatrial.analysis.speed_power.report import (
     correction_rows,
     power_text,

@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 from scipy.integrate import quad
 from scipy.special import iv, kv
 
+from seatrial.acquisition.config.run_sheet import Conditions
 from seatrial.acquisition.core.quantities import Floats
-from seatrial.analysis.speed_power import Conditions, PowerRun
 from seatrial.analysis.speed_power.corrections import (
     GRAVITY_MPS2,
     WAVE_METHODS,
@@ -26,6 +26,7 @@ from seatrial.analysis.speed_power.corrections import (
     stawave2_n,
     wave_resistance_n,
 )
+from seatrial.analysis.speed_power.runs import PowerRun
 
 SHIP = Conditions(
     length_m=180.0, beam_m=32.0, draught_m=11.0, displacement_m3=48_000.0, bow_length_m=40.0,

@@ -18,8 +18,8 @@ from hypothesis import strategies as numbers
 from typer.testing import CliRunner
 
 from seatrial.acquisition.core.errors import DataShortageError
-from seatrial.analysis.manoeuvres import Index, Manoeuvre, find_manoeuvres
-from seatrial.analysis.manoeuvres.indices import Current
+from seatrial.analysis.manoeuvres.find import find_manoeuvres
+from seatrial.analysis.manoeuvres.indices import Current, Index, Manoeuvre
 from seatrial.analysis.tables.resample import resample
 from seatrial.analysis.windows.held import SecondBySecond
 from seatrial.hybrid import cli

@@ -21,8 +21,7 @@ from seatrial.acquisition.recording.writer import write_table
 from seatrial.analysis.report.rendering import Page, render
 from seatrial.analysis.tables.table import table_of
 from seatrial.hybrid.report.folder import BLOCKS
-from seatrial.hybrid.report.sections import FAILED, sections, templates
-from seatrial.hybrid.report.text import plain
+from seatrial.hybrid.report.text import FAILED, plain, sections, templates
 from seatrial.hybrid.report.trial import Case, load_case, model_sentence, verdict_of
 from seatrial.hybrid.report.trial_plots import error_distributions
 from tests.analysis.speed_power.trials import Day, sail

@@ -10,8 +10,9 @@ import pandas as pd
 import pytest
 
 from seatrial.acquisition.core.quantities import KNOT_MPS
-from seatrial.analysis.manoeuvres import Manoeuvre, find_manoeuvres
 from seatrial.analysis.manoeuvres.criteria import criteria_of, index_rows
+from seatrial.analysis.manoeuvres.find import find_manoeuvres
+from seatrial.analysis.manoeuvres.indices import Manoeuvre
 from seatrial.analysis.manoeuvres.motion import motion_of
 from seatrial.hybrid.report.trial_form import (
     LONGEST_STEP_S,
