@@ -15,13 +15,14 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from functools import partial, wraps
+from importlib.util import find_spec
 from pathlib import Path
 from tempfile import mkdtemp
 from typing import TYPE_CHECKING, Annotated, Any, TypeVar, Union, get_args
 
 import typer
 
-from seatrial.acquisition.core.errors import InputError, UsageError, printable
+from seatrial.acquisition.core.errors import ConfigurationError, InputError, UsageError, printable
 from seatrial.acquisition.core.process import announce, announced, echo, is_announcing, stop_on_signals
 
 if TYPE_CHECKING:
@@ -291,6 +292,12 @@ def record(
         raise UsageError("is missing: the folder that the recording goes into", where="-o")
     with stop_on_signals() as stop:  # before the heavy imports: they take a while, and Ctrl-C may come
         from seatrial.acquisition.config.trial_file import load_config
+
+        if find_spec("fcntl") is None:
+            raise ConfigurationError(
+                "the recorder needs a POSIX system", why="it uses terminals, locks and sockets of Linux or macOS",
+                fix="record there; everything ashore works here",
+            )  # fmt: skip
         from seatrial.acquisition.logger.record import record as run
 
         trial = load_config(config)

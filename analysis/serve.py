@@ -18,7 +18,6 @@ import hashlib
 import json
 import logging
 import os
-import resource
 import secrets
 import shutil
 import signal
@@ -656,6 +655,8 @@ def _run_and_send(pipe: Connection, function: _Work, arguments: tuple[object, ..
 
 def _limit_process() -> None:
     """Bound what this process may take, have it killed first where memory is short, and silence its stderr."""
+    import resource
+
     memory_bytes = max(LEAST_MEMORY_BYTES, os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") // 2)
     for limit, value in (
         (resource.RLIMIT_AS, memory_bytes), (resource.RLIMIT_FSIZE, MOST_WRITTEN_BYTES), (resource.RLIMIT_CORE, 0),

@@ -12,7 +12,6 @@ is locked.
 
 from __future__ import annotations
 
-import fcntl
 import json
 import os
 import re
@@ -26,6 +25,7 @@ from contextvars import ContextVar
 from dataclasses import dataclass, field
 from errno import EINVAL, EISDIR
 from hashlib import blake2b
+from importlib import import_module
 from io import BufferedReader
 from pathlib import Path
 from typing import Any
@@ -43,6 +43,34 @@ _LONGEST_NAME_BYTES = 100
 """Of a name within a hidden one. The shortest limit of a file system in use is eCryptfs', 143 bytes."""
 
 
+# Systems without these flags and locks by file (Windows) open and lock in another way.
+CLOSED_IN_CHILDREN = getattr(os, "O_CLOEXEC", 0) | getattr(os, "O_BINARY", 0)
+_WITHOUT_WAITING = getattr(os, "O_NONBLOCK", 0)
+_FAR_AWAY = 1 << 30
+"""Where Windows locks a byte of a lock file, beyond the text that others read in it."""
+
+
+def read_at(descriptor: int, size: int, offset: int) -> bytes:
+    """As ``os.pread``, also where the system has none."""
+    if hasattr(os, "pread"):
+        return os.pread(descriptor, size, offset)
+    os.lseek(descriptor, offset, os.SEEK_SET)
+    return os.read(descriptor, size)
+
+
+def write_at(descriptor: int, data: bytes | memoryview, offset: int) -> int:
+    """As ``os.pwrite``, also where the system has none."""
+    if hasattr(os, "pwrite"):
+        return os.pwrite(descriptor, data, offset)
+    os.lseek(descriptor, offset, os.SEEK_SET)
+    return os.write(descriptor, data)
+
+
+def sync_data(descriptor: int) -> None:
+    """As ``os.fdatasync``; on a system without it all of a file is synced."""
+    getattr(os, "fdatasync", os.fsync)(descriptor)
+
+
 def require_regular(path: Path | str) -> None:
     """Raise :class:`OSError` for a path that is no regular file: a pipe never answers, a device never ends."""
     _refuse_irregular(os.stat(path).st_mode, path)  # noqa: PTH116 - also for a path with a NUL
@@ -51,7 +79,7 @@ def require_regular(path: Path | str) -> None:
 def open_regular(path: Path | str) -> BufferedReader:
     """A regular file to read, anything else is refused as by :func:`require_regular`, without waiting for it."""
     require_regular(path)  # before it is opened: opening is enough to start some devices
-    descriptor = os.open(path, os.O_RDONLY | os.O_CLOEXEC | os.O_NONBLOCK)
+    descriptor = os.open(path, os.O_RDONLY | CLOSED_IN_CHILDREN | _WITHOUT_WAITING)
     try:
         _refuse_irregular(os.fstat(descriptor).st_mode, path)
         return os.fdopen(descriptor, "rb")
@@ -117,7 +145,7 @@ def atomic_file(path: Path | str) -> Iterator[Path]:
         stack = stack if file_set is None else file_set.temporaries
         partial = stack.enter_context(_temporary(path, folder=False))
         yield partial
-        descriptor = os.open(partial, os.O_RDONLY | os.O_CLOEXEC)
+        descriptor = os.open(partial, os.O_RDWR | CLOSED_IN_CHILDREN)
         try:
             os.fsync(descriptor)  # before it gets its name: a power cut would leave an empty file under it
         finally:
@@ -282,8 +310,10 @@ def _new_temporary(path: Path, *, folder: bool) -> tuple[Path, int]:
         partial = path.with_name(hidden_name(path.name, f"{secrets.token_hex(8)}.part"))
         if folder:
             partial.mkdir()
+        if folder and not hasattr(os, "O_DIRECTORY"):  # Windows opens no folder: nothing tells a leftover there
+            return partial, os.open(os.devnull, os.O_RDONLY)
         flags = os.O_RDONLY | os.O_DIRECTORY if folder else os.O_RDWR | os.O_CREAT | os.O_EXCL
-        descriptor = os.open(partial, flags | os.O_CLOEXEC, 0o666)
+        descriptor = os.open(partial, flags | CLOSED_IN_CHILDREN, 0o666)
         with suppress(BlockingIOError):
             lock(descriptor)
             if is_open_at(descriptor, partial):
@@ -303,7 +333,8 @@ def _remove_leftover(path: Path) -> None:
     if not _TEMPORARY.fullmatch(path.name):
         return
     with suppress(OSError):
-        descriptor = os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC)
+        flags = os.O_RDONLY | getattr(os, "O_NOFOLLOW", 0) | _WITHOUT_WAITING | CLOSED_IN_CHILDREN
+        descriptor = os.open(path, flags)
         try:
             if lock(descriptor):
                 _remove(path)
@@ -389,11 +420,32 @@ def lock(descriptor: int, *, wait: bool = False) -> bool:
     Raises BlockingIOError where another process has it.
     """
     try:
+        import fcntl
+    except ImportError:
+        return _lock_byte(descriptor, wait=wait)
+    try:
         fcntl.flock(descriptor, fcntl.LOCK_EX | (0 if wait else fcntl.LOCK_NB))
     except BlockingIOError:
         raise
     except OSError:
         return False
+    return True
+
+
+def _lock_byte(descriptor: int, *, wait: bool) -> bool:
+    """As :func:`lock`, by the locks that Windows has."""
+    try:
+        msvcrt: Any = import_module("msvcrt")
+    except ImportError:
+        return False
+    place = os.lseek(descriptor, 0, os.SEEK_CUR)
+    os.lseek(descriptor, _FAR_AWAY, os.SEEK_SET)
+    try:
+        msvcrt.locking(descriptor, msvcrt.LK_LOCK if wait else msvcrt.LK_NBLCK, 1)
+    except OSError as error:
+        raise BlockingIOError(error.errno, "another process has it") from error
+    finally:
+        os.lseek(descriptor, place, os.SEEK_SET)
     return True
 
 
@@ -435,18 +487,18 @@ def _take(path: Path, output: Path, *, wait: bool) -> int:
     """The descriptor of a lock file, locked. Raises :class:`StorageError` where another command has it, OSError."""
     while True:
         try:
-            descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o666)
+            descriptor = os.open(path, os.O_RDWR | os.O_CREAT | CLOSED_IN_CHILDREN, 0o666)
         except PermissionError:  # left behind by another user's command; a lock does not need the right to write
-            descriptor = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
+            descriptor = os.open(path, os.O_RDONLY | CLOSED_IN_CHILDREN)
         try:
             lock(descriptor, wait=wait)
             if is_open_at(descriptor, path):  # not removed in between by the process that had it
                 with suppress(OSError):  # of another user; a full disk is reported by the next writing
                     os.truncate(descriptor, 0)
-                    os.pwrite(descriptor, f"process {os.getpid()} on {socket.gethostname()}".encode(), 0)
+                    os.write(descriptor, f"process {os.getpid()} on {socket.gethostname()}".encode())
                 return descriptor
         except BlockingIOError as error:
-            owner = os.pread(descriptor, 200, 0).decode("utf-8", "replace")
+            owner = os.read(descriptor, 200).decode("utf-8", "replace")
             os.close(descriptor)
             raise StorageError(
                 "is being written by another command", where=str(output), why=owner or "its process is not stated",

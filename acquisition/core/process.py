@@ -139,8 +139,9 @@ def stop_on_signals() -> Iterator[threading.Event]:
         stop.set()
 
     numbers = [signal.SIGINT, signal.SIGTERM]
-    if signal.getsignal(signal.SIGHUP) is not signal.SIG_IGN:
-        numbers.append(signal.SIGHUP)
+    hangup = getattr(signal, "SIGHUP", None)  # Windows has none
+    if hangup is not None and signal.getsignal(hangup) is not signal.SIG_IGN:
+        numbers.append(hangup)
     previous = {number: signal.signal(number, handle) for number in numbers}
     _active.append(stop)
     try:

@@ -23,6 +23,7 @@ from mcap import records as mcap
 from mcap.opcode import Opcode
 
 from seatrial.acquisition.core.errors import InputError, printable
+from seatrial.acquisition.core.files import CLOSED_IN_CHILDREN, read_at
 from seatrial.acquisition.core.process import (
     DEFINITIONS,
     DESCRIPTION_BYTES,
@@ -451,7 +452,7 @@ class Tail:
         self._meter = Meter(path, 0)
         self._unreadable_at = -1  # where a record was met that could not be read, the last time
         try:
-            self._descriptor = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
+            self._descriptor = os.open(path, os.O_RDONLY | CLOSED_IN_CHILDREN)
         except OSError as error:
             raise InputError("cannot be opened", where=str(path), why=error.strerror or str(error)) from error
 
@@ -491,7 +492,7 @@ class Tail:
         """All whole records from where the last reading ended."""
         places, start = [], self._offset
         while start + HEAD.size <= size:
-            head = os.pread(self._descriptor, HEAD.size + _SPAN.size, start)
+            head = read_at(self._descriptor, HEAD.size + _SPAN.size, start)
             if head.startswith(MCAP_MAGIC):
                 break
             opcode, length = HEAD.unpack_from(head)
@@ -517,7 +518,7 @@ class Tail:
 
     def _take_in(self, place: _Place, samples: dict[str, SeriesBuilder], *, is_last: bool) -> bool:
         """Take in a record; False if it cannot be read and may be whole the next time."""
-        content = os.pread(self._descriptor, place.end - place.start - HEAD.size, place.start + HEAD.size)
+        content = read_at(self._descriptor, place.end - place.start - HEAD.size, place.start + HEAD.size)
         try:
             record = parse(place.opcode, content)
             self._meter.add(EXPANDED_BYTES, len(record.data) if isinstance(record, mcap.Chunk) else 0)

@@ -30,7 +30,14 @@ from numpy.typing import NDArray
 
 from seatrial.acquisition.config.sources import RecordingSection
 from seatrial.acquisition.core.errors import InputError, StorageError, storage_error
-from seatrial.acquisition.core.files import atomic_file, expect_suffix
+from seatrial.acquisition.core.files import (
+    CLOSED_IN_CHILDREN,
+    atomic_file,
+    expect_suffix,
+    read_at,
+    sync_data,
+    write_at,
+)
 from seatrial.acquisition.core.ship import channels_known_to, channels_of_trial
 from seatrial.acquisition.core.trial import Quality, Sample, Trial, software_version
 from seatrial.acquisition.recording.messages import ENCODING, MessageSink, channel_metadata, kind_of
@@ -503,7 +510,7 @@ class CommittedFile:
         self._thread = thread or SyncThread()
         self._syncing: Future[None] | None = None
         self._syncing_bytes = 0
-        self._descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_TRUNC | os.O_CLOEXEC, 0o644)
+        self._descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_TRUNC | CLOSED_IN_CHILDREN, 0o644)
         try:
             self.inode = os.fstat(self._descriptor).st_ino
         except OSError:
@@ -534,7 +541,7 @@ class CommittedFile:
         try:
             view, written = memoryview(bytes(self._pending)), 0
             while written < len(view):
-                written += os.pwrite(self._descriptor, view[written:], self.committed + written)
+                written += write_at(self._descriptor, view[written:], self.committed + written)
         except OSError:
             self.cut_to(self.committed)
             raise
@@ -545,7 +552,7 @@ class CommittedFile:
         """Flush, and make the disk keep it."""
         self.flush()
         self._end_syncing()
-        os.fdatasync(self._descriptor)
+        sync_data(self._descriptor)
         self.synced = self.committed
 
     def begin_sync(self) -> bool:
@@ -560,7 +567,7 @@ class CommittedFile:
             self._end_syncing()
             self.synced = self._syncing_bytes
         self._syncing_bytes = self.committed
-        self._syncing = self._thread.submit(os.fdatasync, self._descriptor)
+        self._syncing = self._thread.submit(sync_data, self._descriptor)
         return True
 
     def _await_sync(self) -> None:
@@ -608,7 +615,7 @@ class CommittedFile:
         try:
             with path.open("wb") as copy:
                 for offset in range(0, self.committed, _COPY_BYTES):
-                    copy.write(os.pread(self._descriptor, min(_COPY_BYTES, self.committed - offset), offset))
+                    copy.write(read_at(self._descriptor, min(_COPY_BYTES, self.committed - offset), offset))
                 copy.write(ending)
                 copy.flush()
                 os.fsync(copy.fileno())
@@ -626,13 +633,13 @@ class CommittedFile:
 
 def end_file(path: Path, inode: int, length: int, ending: bytes) -> None:
     """Cut the file at ``path`` to ``length`` and end it, if it is still the one with that inode, and as long."""
-    descriptor = os.open(path, os.O_RDWR | os.O_CLOEXEC)
+    descriptor = os.open(path, os.O_RDWR | CLOSED_IN_CHILDREN)
     try:
         state = os.fstat(descriptor)
         if state.st_ino == inode and state.st_size >= length:
             os.ftruncate(descriptor, length)
-            os.pwrite(descriptor, ending, length)
-            os.fdatasync(descriptor)
+            write_at(descriptor, ending, length)
+            sync_data(descriptor)
     finally:
         os.close(descriptor)
 
@@ -656,8 +663,10 @@ def new_file(folder: Path, stem: str) -> Path:
 
 def sync_folder(folder: Path) -> None:
     """Make the disk keep a new file's name too, not only what is in it; some file systems keep it unasked."""
+    if not hasattr(os, "O_DIRECTORY"):  # Windows opens no folder
+        return
     try:
-        descriptor = os.open(folder, os.O_RDONLY | os.O_CLOEXEC)
+        descriptor = os.open(folder, os.O_RDONLY | CLOSED_IN_CHILDREN)
         try:
             os.fsync(descriptor)
         finally:

@@ -9,9 +9,9 @@ from __future__ import annotations
 
 import os
 import pickle
-import resource
 import sys
 from collections.abc import Callable, Iterator, Mapping
+from contextlib import suppress
 from typing import Any, BinaryIO
 
 _EXIT_REFUSED = 3
@@ -176,14 +176,24 @@ READERS: dict[str, Callable[[str, _CellBudget], Any]] = {
 def main() -> int:
     """Read one file under limits and write its content to stdout."""
     reader, path, memory_bytes, cpu_seconds, cells = sys.argv[1:]
-    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
-    for kind, limit in ((resource.RLIMIT_DATA, int(memory_bytes)), (resource.RLIMIT_CPU, int(cpu_seconds))):
-        hard_limit = resource.getrlimit(kind)[1]
-        soft_limit = limit if hard_limit == resource.RLIM_INFINITY else min(limit, hard_limit)
-        resource.setrlimit(kind, (soft_limit, hard_limit))
+    _limit(int(memory_bytes), int(cpu_seconds))
     with os.fdopen(os.dup(sys.stdout.fileno()), "wb") as output:
         os.dup2(sys.stderr.fileno(), sys.stdout.fileno())  # what a library prints is no part of the result
         return _write(READERS[reader], path, _CellBudget(int(cells)), output)
+
+
+def _limit(memory_bytes: int, cpu_seconds: int) -> None:
+    """Bound what this process may take; where the system has no such limits the budget of cells bounds it alone."""
+    try:
+        import resource
+    except ImportError:
+        return
+    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+    for kind, limit in ((resource.RLIMIT_DATA, memory_bytes), (resource.RLIMIT_CPU, cpu_seconds)):
+        hard_limit = resource.getrlimit(kind)[1]
+        soft_limit = limit if hard_limit == resource.RLIM_INFINITY else min(limit, hard_limit)
+        with suppress(ValueError):  # macOS takes no limit of data
+            resource.setrlimit(kind, (soft_limit, hard_limit))
 
 
 def _write(reader: Callable[[str, _CellBudget], Any], path: str, cells: _CellBudget, output: BinaryIO) -> int:
