@@ -23,7 +23,7 @@ from typing import TYPE_CHECKING, Annotated, Any, TypeVar, Union, get_args
 import typer
 
 from seatrial.acquisition.core.errors import ConfigurationError, InputError, UsageError, printable
-from seatrial.acquisition.core.process import announce, announced, echo, is_announcing, stop_on_signals
+from seatrial.acquisition.core.process import Termination, announce, announced, echo, is_announcing, stop_on_signals
 
 if TYPE_CHECKING:
     import threading
@@ -123,6 +123,8 @@ class Command:
                     result = self.function(**given)
                 except UsageError as error:
                     raise typer.BadParameter(error.what, param_hint=error.where) from error
+                except KeyboardInterrupt as stop:  # 128 and the signal, as shells have it
+                    raise typer.Exit(143 if isinstance(stop, Termination) else 130) from None
                 if self.show is not None:
                     self.show(result, as_json, given)
 

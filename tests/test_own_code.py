@@ -86,12 +86,11 @@ def own(tmp_path: Path) -> Path:
 def quick(monkeypatch: pytest.MonkeyPatch) -> None:
     """Networks beside a user's calibrator take seconds."""
 
-    def made(method: str, seed: int, plant: object) -> object:
+    def made(method: str, seed: int = 0, plant: object = None) -> object:
         return (make_calibrator if ".py:" in method else few_epochs)(method, seed, plant)  # type: ignore[arg-type]
 
-    for where in ("train", "study"):
-        package = "calibrators" if where == "train" else "evaluation"
-        monkeypatch.setattr(f"hybrid.{package}.{where}.make_calibrator", made)
+    for module in ("seatrial.hybrid.calibrators", "seatrial.hybrid.evaluation.study"):
+        monkeypatch.setattr(f"{module}.make_calibrator", made)
 
 
 @pytest.mark.usefixtures("quick")
@@ -179,7 +178,7 @@ def test_a_check_of_ones_own_stands_beside_ours(own: Path, unseen: Path, caplog:
     fast.loc[fast.index[100:110], "port_rpm"] = 260.0
     plain = st.check(fast)
     with caplog.at_level(logging.ERROR):
-        found = st.check(fast, [f"{own}/checks.py:{name}" for name in ("overspeed", "broken")])
+        found = st.check(fast, checks=[f"{own}/checks.py:{name}" for name in ("overspeed", "broken")])
     codes = {each.code: each for each in found.findings}
     assert codes["overspeed"].estimate["rpm"] == fast["port_rpm"].max()
     assert line_of(CHECK + BROKEN, "bilge") in codes["check_failed"].text
@@ -192,7 +191,7 @@ def test_a_check_of_ones_own_stands_beside_ours(own: Path, unseen: Path, caplog:
 def test_a_manoeuvre_of_ones_own_stands_beside_ours(own: Path, unseen: Path) -> None:
     """Those found by us are as they were; a finder that fails takes nothing away."""
     plain = st.manoeuvres(unseen)
-    found = st.manoeuvres(unseen, own=[f"{own}/turns.py:{name}" for name in ("fastest_minute", "broken")])
+    found = st.manoeuvres(unseen, finders=[f"{own}/turns.py:{name}" for name in ("fastest_minute", "broken")])
     mine = found[found["kind"] == "fast_turn"]
     assert len(found) == len(plain) + 1
     table = st.read(unseen)

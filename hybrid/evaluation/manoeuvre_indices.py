@@ -321,6 +321,8 @@ def predicted_indices(
         return {"speed_through_water_mps": approach_of(motion, float(motion.time_s[-1]))["approach_mps"]}
     if recorded.motion.at("surge_mps", recorded.seconds(run.start)) <= 0.0:
         raise DataShortageError("the approach was not ahead")
+    if "approach_mps" not in run.settings:
+        raise DataShortageError("it has no approach whose speed the model could have")
     if any(name.endswith(REMOVED) for name in run.indices):
         speed_mps, current = speed_through_water(run, water), (0.0, 0.0)
     else:

@@ -9,14 +9,13 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-import typer
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from typer.testing import CliRunner
 
+import seatrial
 from seatrial.acquisition.core.errors import ConfigurationError, InputError
 from seatrial.analysis.tables.table import read_table
-from seatrial.hybrid import cli
 from seatrial.hybrid.simulation.trial import (
     Campaign,
     CampaignResult,
@@ -171,9 +170,7 @@ def test_the_example_is_a_campaign(tmp_path: Path) -> None:
 
 
 def test_the_command_makes_and_resumes(tmp_path: Path) -> None:
-    app = typer.Typer()
-    cli.mount(app)
-    app.callback()(lambda: None)
+    app = seatrial.app
     file = tmp_path / "two.toml"
     file.write_text(
         'vessels = ["gunnerus_short"]\nsea_states = ["calm"]\nmanoeuvres = ["zigzag"]\nseeds = [1, 2]\n'

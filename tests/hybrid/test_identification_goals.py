@@ -73,7 +73,7 @@ def test_circles_and_zigzags_give_a_model_as_good_as_the_published_one(
     st.identify([*recordings["turning"], *recordings["zigzag"]], start, output, validation=False)
     for horizon_s, factor in zip((15, 30, 60), most, strict=True):
         error = [
-            st.validate(recordings["random"], vessel=each, horizon_s=horizon_s, any_commands=True)
+            st.validate(recordings["random"], vessel=each, horizon_s=horizon_s, all_windows=True)
             .scores["reference"].mean_distance_m
             for each in (output, "esso_osaka_3m")
         ]  # fmt: skip

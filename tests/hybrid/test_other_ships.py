@@ -48,7 +48,7 @@ def ship(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactor
     for seed in (1, 2):
         trial = folder / f"simulated_{seed}.mcap"
         hidden = {f"thrust_loss_{weak}": {"fraction": LOSS}}
-        st.simulate(trial, vessel=file, manoeuvre="paper", duration_s=900.0, rate_hz=1.0, seed=seed, hidden=hidden)
+        st.simulate(trial, vessel=file, manoeuvre="paper", duration_s=900.0, rate_hz=1.0, seed=seed, hide=hidden)
         st.read(trial).to_csv(folder / f"{seed}.csv")
         import_table(folder / f"{seed}.csv", folder / f"{seed}.mcap")
     return file, weak

@@ -8,12 +8,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-import typer
 from typer.testing import CliRunner
 
+import seatrial
 from seatrial.acquisition.core.errors import ConfigurationError
 from seatrial.analysis.tables.table import read_table
-from seatrial.hybrid import cli
 from seatrial.hybrid.effects import CATALOGUE, apply_effects, catalogue_with
 from seatrial.hybrid.simulation.trial import simulate_trial
 from seatrial.hybrid.vessel.dynamics import Environment
@@ -70,8 +69,7 @@ def test_neutral_it_is_not_there(plant: Plant) -> None:
 
 def test_the_commands_take_the_file(tmp_path: Path, plant: Plant) -> None:
     """It is listed, confusion told both ways; a trial with it hidden is slowed as it should be and keeps quiet."""
-    app = typer.Typer()
-    cli.mount(app)
+    app = seatrial.app
     own = ["--effects", str(EXAMPLE)]
     listed = CliRunner().invoke(app, ["effects", *own, "--json"])
     effects = {each["name"]: each for each in json.loads(listed.stdout)["effects"]}
@@ -91,8 +89,7 @@ def test_the_commands_take_the_file(tmp_path: Path, plant: Plant) -> None:
 
 def test_the_list_in_the_terminal_is_whole() -> None:
     """Every effect with its kind, parameters and rivals stands under its family."""
-    app = typer.Typer()
-    cli.mount(app)
+    app = seatrial.app
     result = CliRunner().invoke(app, ["effects"], env={"COLUMNS": "112"})
     assert result.exit_code == 0
     words = set(result.stdout.replace(",", " ").split())

@@ -8,12 +8,11 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-import typer
 from typer.testing import CliRunner
 
+import seatrial
 from seatrial.acquisition.core.errors import ConfigurationError, ModelRangeError
 from seatrial.acquisition.core.ship import BY_NAME, CHANNELS, NAMES, difference
-from seatrial.hybrid import cli
 from seatrial.hybrid.simulation.manoeuvres import MANOEUVRES, Leg, helm, manoeuvre_named, steer, zigzag
 from seatrial.hybrid.simulation.trial import (
     SeaState,
@@ -253,8 +252,7 @@ def test_the_reference_misses_the_long_ship_as_in_the_paper(
 
 def test_the_command_writes_a_recording_and_keeps_the_secret(tmp_path: Path) -> None:
     """OUT.truth.json says what was hidden; the recording has no word of it."""
-    app = typer.Typer()
-    cli.mount(app)
+    app = seatrial.app
     out = tmp_path / "trial.mcap"
     options = ["-o", str(out), "--vessel", "gunnerus_long", "--sea-state", "gentle", "--duration", "20"]
     options += ["--rate", "5", "--seed", "3", "--hide", "hull_fouling:resistance_factor=1.3"]
@@ -270,8 +268,7 @@ def test_the_command_writes_a_recording_and_keeps_the_secret(tmp_path: Path) -> 
 
 def test_the_catalogue_prints_as_json() -> None:
     """The effects command prints one JSON object."""
-    app = typer.Typer()
-    cli.mount(app)
+    app = seatrial.app
     result = CliRunner().invoke(app, ["effects", "--json"])
     assert result.exit_code == 0
     assert "ocean_current" in {each["name"] for each in json.loads(result.stdout)["effects"]}

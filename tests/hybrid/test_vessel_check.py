@@ -8,13 +8,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import typer
 from scipy.optimize import brentq
 from typer.testing import CliRunner
 
+import seatrial
 import seatrial as st
 from seatrial.analysis.manoeuvres.find import find_manoeuvres
-from seatrial.hybrid import cli
 from seatrial.hybrid.simulation.manoeuvres import steer, turning_circle, zigzag
 from seatrial.hybrid.simulation.trial import SimulationNoise, simulate_trial
 from seatrial.hybrid.simulation.vessel_check import (
@@ -112,8 +111,7 @@ def test_what_leaves_the_range_of_the_model_is_made_with_less_helm() -> None:
 
 
 def test_the_command_prints_draws_and_answers_in_json(tmp_path: Path) -> None:
-    app = typer.Typer()
-    cli.mount(app)
+    app = seatrial.app
     for ending in ("png", "html"):
         result = CliRunner().invoke(
             app, ["vessel", "check", "gunnerus_long", "-o", str(tmp_path / f"check.{ending}")]

@@ -12,17 +12,16 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-import typer
 from hypothesis import given
 from hypothesis import strategies as numbers
 from typer.testing import CliRunner
 
+import seatrial
 from seatrial.acquisition.core.errors import DataShortageError
 from seatrial.analysis.manoeuvres.find import find_manoeuvres
 from seatrial.analysis.manoeuvres.indices import Current, Index, Manoeuvre
 from seatrial.analysis.tables.resample import resample
 from seatrial.analysis.windows.held import SecondBySecond
-from seatrial.hybrid import cli
 from seatrial.hybrid.calibrators import make_calibrator
 from seatrial.hybrid.calibrators.adaptive import AdaptiveCalibrator, parameter_names
 from seatrial.hybrid.calibrators.predict import Predictor
@@ -292,8 +291,7 @@ def recorded(folder: Path, name: str, change: Callable[[pd.DataFrame], pd.DataFr
 
 
 def invoked(*arguments: str) -> str:
-    app = typer.Typer()
-    cli.mount(app)
+    app = seatrial.app
     result = CliRunner().invoke(app, ["validate", *arguments], env={"COLUMNS": "200"})
     assert result.exit_code == 0, result.output
     return result.stdout
