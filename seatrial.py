@@ -22,10 +22,8 @@ from pathlib import Path
 __path__ = [str(Path(__file__).parent)]  # in a checkout the three packages stand beside this file
 
 import traceback
-from collections.abc import Iterator
-from contextlib import contextmanager
 from functools import cache
-from typing import TYPE_CHECKING, Any, NoReturn
+from typing import TYPE_CHECKING, Any
 
 from seatrial.acquisition.core.errors import DEBUG_VARIABLE, printable, unexpected_error
 from seatrial.acquisition.core.named_code import imported
@@ -55,8 +53,12 @@ def _app() -> typer.Typer:
         """All commands; a complaint about an argument, such as the name of a file, shows it escaped."""
 
         def invoke(self, ctx: Any) -> Any:
-            with _escaped_complaints():
+            try:
                 return super().invoke(ctx)
+            except Exception as error:
+                if isinstance(message := getattr(error, "message", None), str):  # as typer's complaints have it
+                    error.message = printable(message)  # type: ignore[attr-defined]
+                raise
 
     app = typer.Typer(
         name="seatrial",
@@ -83,16 +85,6 @@ def _app() -> typer.Typer:
         rich_help_panel=PREDICTIONS,
     )  # fmt: skip
     return app
-
-
-@contextmanager
-def _escaped_complaints() -> Iterator[None]:
-    try:
-        yield
-    except Exception as error:
-        if isinstance(message := getattr(error, "message", None), str):  # as typer's complaints have it
-            error.message = printable(message)  # type: ignore[attr-defined]
-        raise
 
 
 def _say_version(wanted: bool) -> None:
@@ -163,14 +155,10 @@ def main() -> None:
     except KeyboardInterrupt as stop:
         sys.exit(_TERMINATED if isinstance(stop, Termination) else _INTERRUPTED)
     except Exception as error:
-        _fail(error)
-
-
-def _fail(error: Exception) -> NoReturn:
-    if os.environ.get(DEBUG_VARIABLE):
-        traceback.print_exception(error)
-    print(f"seatrial: {unexpected_error(error)}", file=sys.stderr)  # noqa: T201 - this is the terminal
-    sys.exit(1)
+        if os.environ.get(DEBUG_VARIABLE):
+            traceback.print_exception(error)
+        print(f"seatrial: {unexpected_error(error)}", file=sys.stderr)  # noqa: T201 - this is the terminal
+        sys.exit(1)
 
 
 if __name__ == "__main__":

@@ -647,7 +647,11 @@ def import_table(
     from seatrial.acquisition.tables.table_files import read_raw
 
     source, target = Path(table), Path(output)
-    raw, answers = None if columns else read_raw(source), _pairs(answer)
+    raw = None if columns else read_raw(source)
+    for pair in answer:
+        if "=" not in pair:
+            raise UsageError(f"{pair!r} is not KEY=VALUE", where="--answer")
+    answers = {key.strip(): value.strip() for key, _, value in (pair.partition("=") for pair in answer)}
     if raw is None or is_standard(raw):
         summary = run(source, target, columns, allow_missing, ignore_unknown, vessel, force, answers)
     else:
@@ -658,13 +662,6 @@ def import_table(
     announce(summary)
     announce(target, err=False)
     return summary
-
-
-def _pairs(answers: Sequence[str]) -> dict[str, str]:
-    for answer in answers:
-        if "=" not in answer:
-            raise UsageError(f"{answer!r} is not KEY=VALUE", where="--answer")
-    return {key.strip(): value.strip() for key, _, value in (answer.partition("=") for answer in answers)}
 
 
 def _agree(

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
 
-    from seatrial.acquisition.config.run_sheet import Conditions, Statement
+    from seatrial.acquisition.config.run_sheet import Conditions
     from seatrial.analysis.batch import BatchSummary
     from seatrial.analysis.estimation.smoother import SmoothedMotion
     from seatrial.analysis.quality.check import DataQuality
@@ -331,7 +331,13 @@ def export(
         announce(written[0], err=False)
         return written
     netcdf = expect_suffix(target, *KINDS) == ".nc"
-    attributes = dict(attribute) if isinstance(attribute, Mapping) else _named_values(attribute)
+    if isinstance(attribute, Mapping):
+        attributes = dict(attribute)
+    else:
+        pairs = [pair.partition("=") for pair in attribute]
+        if wrong := [name for name, _, value in pairs if not (name.isidentifier() and value)]:
+            raise UsageError(f"{wrong[0]!r} is no NAME=VALUE, like license=CC-BY-4.0")
+        attributes = {name: value for name, _, value in pairs}
     if attributes and not netcdf:
         raise UsageError("--attribute is for NetCDF: name the output .nc")
     how = Preparation(rate_hz, repair, remove_delays, smooth, flags or netcdf)
@@ -350,15 +356,6 @@ def export(
         announce(remark)
     announce(written[0], err=False)
     return written
-
-
-def _named_values(pairs: Sequence[str]) -> dict[str, str]:
-    """Options like NAME=VALUE by name."""
-    parts = [pair.partition("=") for pair in pairs]
-    wrong = [name for name, _, value in parts if not (name.isidentifier() and value)]
-    if wrong:
-        raise UsageError(f"{wrong[0]!r} is no NAME=VALUE, like license=CC-BY-4.0")
-    return {name: value for name, _, value in parts}
 
 
 def events(recording: Data) -> pd.DataFrame:
@@ -549,29 +546,25 @@ def manoeuvres(
     InputError
         For a file that is missing or no recording.
     """
+    from seatrial.acquisition.config.run_sheet import Statement, statement_from_text, statement_text
     from seatrial.acquisition.recording.grouping import whole_recordings
     from seatrial.analysis.report.tables import manoeuvre_table, manoeuvres_of, with_trial_currents, write_report
 
     recorded, parts_of_recordings = [], whole_recordings(as_paths(recordings))
     with bar("manoeuvres") as progress:
         for number, parts in enumerate(parts_of_recordings, start=1):
-            recorded.append(manoeuvres_of(parts, length_m, finders, _statement(conditions, parts[0])))
+            if conditions is None or isinstance(conditions, str | Path):
+                file = None if conditions is None else Path(conditions)
+                statement = statement_from_text(statement_text(file, parts[0]))
+            else:
+                statement = Statement(conditions=conditions)
+            recorded.append(manoeuvres_of(parts, length_m, finders, statement))
             progress(number / len(parts_of_recordings))
         recorded = with_trial_currents(recorded)
     if output is not None:
         for path in write_report(recorded, Path(output), length_m):
             announce(path, err=False)
     return manoeuvre_table(recorded)
-
-
-def _statement(conditions: Conditions | str | Path | None, recording: Path) -> Statement:
-    """What is stated of a trial: conditions as they are, a file of them, or the file beside the recording."""
-    from seatrial.acquisition.config.run_sheet import Statement, statement_from_text, statement_text
-
-    if conditions is None or isinstance(conditions, str | Path):
-        file = None if conditions is None else Path(conditions)
-        return statement_from_text(statement_text(file, recording))
-    return Statement(conditions=conditions)
 
 
 def _print_smoothed(smoothed: SmoothedMotion, as_json: bool, options: Mapping[str, Any]) -> None:

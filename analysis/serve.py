@@ -622,8 +622,11 @@ def call_limited(function: _Work, *arguments: object, longest_s: float | None = 
         answer = json.loads(receiver.recv_bytes())  # no pickle: its sender has read an untrusted file
     except (EOFError, OSError) as error:
         process.join()
+        reason = f"exit code {process.exitcode}"
+        with suppress(ValueError):
+            reason = f"signal {signal.Signals(-(process.exitcode or 0)).name}"
         raise InputError(
-            "ended the program that read it", why=_exit_reason(process.exitcode),
+            "ended the program that read it", why=reason,
             fix="it needs more memory than there is, or is damaged; if it is sound, read it on the command line",
         ) from error  # fmt: skip
     finally:
@@ -634,12 +637,6 @@ def call_limited(function: _Work, *arguments: object, longest_s: float | None = 
     if "error" in answer:
         raise SeatrialError(str(answer["error"]))
     return [str(line) for line in answer["lines"]]
-
-
-def _exit_reason(code: int | None) -> str:
-    with suppress(ValueError):
-        return f"signal {signal.Signals(-(code or 0)).name}"
-    return f"exit code {code}"
 
 
 def _run_and_send(pipe: Connection, function: _Work, arguments: tuple[object, ...]) -> None:

@@ -332,22 +332,17 @@ def complete(
         names = [_NEEDED[key][0] for key in missing] + ([] if driven else ["--propeller or --azimuth"])
         raise UsageError(f"missing: {', '.join(names)}{f'; or give {alternative}' if alternative else ''}")
     asked = {key: float(typer.prompt(_NEEDED[key][1], type=float, err=True)) for key in missing}
-    listed = {key: tuple(value) or (() if driven else _ask_for(key)) for key, value in devices.items()}
+    listed = {key: tuple(value) for key, value in devices.items()}
+    for key in () if driven else [key for key, value in listed.items() if not value]:
+        question = f"{_DEVICES[key][1]} (empty: no more)"
+        while answer := str(typer.prompt(question, default="", show_default=False, err=True)):
+            listed[key] += (answer,)
     return {**dimensions, **asked, **listed}
 
 
 def at_terminal() -> bool:
     """Whether a person can be asked."""
     return sys.stdin.isatty()
-
-
-def _ask_for(key: str) -> tuple[str, ...]:
-    """Devices of a kind, one an answer, until an empty answer."""
-    answers: list[str] = []
-    question = f"{_DEVICES[key][1]} (empty: no more)"
-    while answer := str(typer.prompt(question, default="", show_default=False, err=True)):
-        answers.append(answer)
-    return tuple(answers)
 
 
 @command(TRIALS, "output", name="new", group="vessel")
@@ -926,14 +921,15 @@ def _evaluation_values(evaluation: Evaluation, options: Mapping[str, Any]) -> tu
     return about, {**about, **evaluation.as_dict()}
 
 
-def _print_evaluation(evaluation: Evaluation, as_json: bool, options: Mapping[str, Any]) -> None:
-    if as_json:
+@command(
+    PREDICTIONS,
+    folder="output",
+    show=lambda evaluation, as_json, options: (
         echo(json.dumps(_evaluation_values(evaluation, options)[1]))
-    else:
-        show_result(evaluation, as_json, options)
-
-
-@command(PREDICTIONS, folder="output", show=_print_evaluation)
+        if as_json
+        else show_result(evaluation, as_json, options)
+    ),
+)
 def evaluate(
     recordings: Recordings,
     vessel: VesselName = None,

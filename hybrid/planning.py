@@ -77,21 +77,15 @@ def compose_programme(
         progress((number + 1) / (slots + _EXCHANGES))
     for number in range(_EXCHANGES):
         before = list(chosen)
-        chosen = _exchange_parts(design, chosen, legs, aims)
+        for place in range(slots):
+            remaining = [*chosen[:place], *chosen[place + 1 :]]
+            best = min(legs, key=lambda leg: cost(design, [*remaining, leg], aims))
+            if cost(design, [*remaining, best], aims) < cost(design, chosen, aims) - 1e-9:
+                chosen[place] = best
         progress((slots + number + 1) / (slots + _EXCHANGES))
         if chosen == before:
             break
     return sorted(chosen)
-
-
-def _exchange_parts(design: Design, chosen: list[int], legs: Sequence[int], aims: Aims) -> list[int]:
-    """Replace each of the chosen in turn by the best in its place."""
-    for place in range(len(chosen)):
-        remaining = [leg for number, leg in enumerate(chosen) if number != place]
-        best = min(legs, key=lambda leg: cost(design, [*remaining, leg], aims))
-        if cost(design, [*remaining, best], aims) < cost(design, chosen, aims) - 1e-9:
-            chosen = [*chosen[:place], best, *chosen[place + 1 :]]
-    return chosen
 
 
 def cost(design: Design, legs: Sequence[int], aims: Aims) -> float:

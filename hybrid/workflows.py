@@ -685,10 +685,17 @@ def start_folder(
     name = safe_name(name or folder.resolve().name)
     ship, text = _ship_of(vessel, folder)
     texts = {} if text is None else {"vessel.toml": text}
-    texts["trial.toml"] = _filled_template("trial.toml", name, ship, _sentence_controls(ship))
+    controls = control_channels(ship.actuators)
+    settings = {"name": "bridge", "type": "udp", "port": 10110, "channels": ()}
+    possible = possible_channels(TypeAdapter(UdpSource).validate_python(settings), ship.actuators)
+    rows = [
+        f'"{channel.name}",' if channel.name in possible else f'# "{channel.name}": no sentence carries it'
+        for channel in controls
+    ]
+    texts["trial.toml"] = _filled_template("trial.toml", name, ship, "\n  ".join(rows))
     columns = "".join(
         f'{channel.name:<18} = {{ column = "{_title(channel)}", unit = "{channel.unit}" }}\n'
-        for channel in control_channels(ship.actuators)
+        for channel in controls
     )
     texts["columns.toml"] = _filled_template("columns.toml", name, ship, columns)
     for file in (*texts, "example.csv"):
@@ -723,15 +730,6 @@ def _filled_template(file: str, name: str, ship: Vessel, controls: str) -> str:
     words = {"NAME": name, "SHIP": json.dumps(ship.name)[1:-1], _CONTROLS: controls}
     template = (TEMPLATES / file).read_text(encoding="utf-8")
     return re.sub("|".join(words), lambda match: words[match[0]], template)
-
-
-def _sentence_controls(ship: Vessel) -> str:
-    """The controls as the list of a source of sentences has them; those that no sentence carries as a comment."""
-    settings = {"name": "bridge", "type": "udp", "port": 10110, "channels": ()}
-    possible = possible_channels(TypeAdapter(UdpSource).validate_python(settings), ship.actuators)
-    names = [channel.name for channel in control_channels(ship.actuators)]
-    rows = [f'"{name}",' if name in possible else f'# "{name}": no sentence carries it' for name in names]
-    return "".join(f"{row}\n  " for row in rows)[:-2]
 
 
 def _title(channel: Channel) -> str:
@@ -846,7 +844,9 @@ def simulate_to(path: Path, manoeuvre: str, duration_s: float, seed: int) -> Pat
 
 def play_and_record(voyage: Path, folder: Path) -> tuple[Playback, Path]:
     """Play a recording onto simulated lines while the recorder, a process of its own, records them."""
-    port = _free_udp_port()
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        probe.bind(("127.0.0.1", 0))
+        port = int(probe.getsockname()[1])
     with bar("recording") as progress, NullModem() as can, NullModem() as serial:
         sending = _configuration(folder / "emulator.toml", can.emulator_device, serial.emulator_device, port)
         receiving = _configuration(folder / "logger.toml", can.logger_device, serial.logger_device, port)
@@ -885,12 +885,6 @@ def _configuration(path: Path, can_device: str, serial_device: str, port: int) -
     text = text.replace('"CAN_LINE"', f'"{can_device}"').replace('"SERIAL_LINE"', f'"{serial_device}"')
     text = text.replace("port = 14554", f"port = {port}").replace("vessels/thrusters.dbc", str(dbc))
     return write_text(path, text)
-
-
-def _free_udp_port() -> int:
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
 
 
 def _start_recorder(config: Path, folder: Path) -> subprocess.Popen[str]:

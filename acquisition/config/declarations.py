@@ -246,7 +246,14 @@ def declarations_of(
             raise ConfigurationError(what, where=f"{path}, line {line_of(text, ['channel'])}", fix=fix)
     candidates = [(section, path, text, number) for number, section in enumerate(sections)]
     for pack in packs:
-        candidates += [(section, pack.path, pack.text, number) for section, number in _channels_of_pack(pack)]
+        raw = parse_toml(pack.text, pack.path)
+        for device_number, device in enumerate(pack.device_names):
+            filled = validate(_fill_in_device(raw, device, device_number), pack.text, pack.path, _Pack).channel
+            candidates += [
+                (section, pack.path, pack.text, number)
+                for number, section in enumerate(filled)
+                if device_number == 0 or "{each}" in raw["channel"][number]["name"]
+            ]
     declarations: dict[str, DeclaredChannel] = {}
     for section, file, file_text, number in candidates:
         if section.name not in declarations:
@@ -255,16 +262,6 @@ def declarations_of(
             except ConfigurationError as error:
                 raise error.at(f"{file}, line {line_of(file_text, ['channel', number, 'name'])}") from error
     return tuple(declarations.values())
-
-
-def _channels_of_pack(pack: PackFile) -> Iterator[tuple[ChannelSection, int]]:
-    """A pack's channels with their number in its file, those with ``{each}`` once for each name."""
-    raw = parse_toml(pack.text, pack.path)
-    for device_number, device in enumerate(pack.device_names):
-        sections = validate(_fill_in_device(raw, device, device_number), pack.text, pack.path, _Pack).channel
-        for number, section in enumerate(sections):
-            if device_number == 0 or "{each}" in raw["channel"][number]["name"]:
-                yield section, number
 
 
 def _fill_in_device(node: Any, device: str, number: int) -> Any:

@@ -159,7 +159,10 @@ def _lines_of_keys(text: str) -> dict[tuple[str | int, ...], int]:
                 counts = {path: count for path, count in counts.items() if path[: len(parts)] != parts} | {
                     parts: counts.get(parts, -1) + 1  # nested arrays count from 0 again in each element
                 }
-            prefix = _indexed(parts, counts)
+            prefix = ()
+            for depth, part in enumerate(parts, start=1):
+                count = counts.get(parts[:depth])  # of the current element, after each array of tables
+                prefix += (part,) if count is None else (part, count)
             lines.setdefault(prefix, number)
             if table["array"]:
                 lines.setdefault(prefix[:-1], number)
@@ -167,16 +170,6 @@ def _lines_of_keys(text: str) -> dict[tuple[str | int, ...], int]:
             parts = tuple(part.strip().strip("\"'") for part in key["key"].split("."))
             lines.setdefault((*prefix, *parts), number)
     return lines
-
-
-def _indexed(parts: tuple[str, ...], counts: dict[tuple[str, ...], int]) -> tuple[str | int, ...]:
-    """A table's path with the number of the current element after each array of tables in it."""
-    path: list[str | int] = []
-    for depth, part in enumerate(parts, start=1):
-        path.append(part)
-        if parts[:depth] in counts:
-            path.append(counts[parts[:depth]])
-    return tuple(path)
 
 
 def _is_union_tag(key: str | int, raw: dict[str, Any], location: tuple[str | int, ...]) -> bool:

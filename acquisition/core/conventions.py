@@ -162,9 +162,13 @@ def judge_heading(moves: Complexes, readings: Mapping[str, Floats], recorded: st
         and drift.variance < _MOST_DRIFT
         and min(rival_variances) > _RIVAL_RATIO * drift.variance
         and sensed[unit, -sense].variance > _OTHER_SENSE_RATIO * drift.variance
-        and _turns_enough(readings[unit])
     )
     if not is_decided:
+        return undecided
+    # A ship adrift and the stream that carries it may both turn slowly, as if one followed the other.
+    turned, angles = total_turn_deg(readings[unit]), readings[unit][np.isfinite(readings[unit])]
+    net = abs(float(angles[-1] - angles[0])) if angles.size else 0.0
+    if turned < _LEAST_TURNED_DEG or (net < _FAR_DEG and turned - net < _LEAST_BACK_DEG):
         return undecided
     conventions = [convention for convention in HEADINGS if convention.scale == sense]
     off_deg = {
@@ -172,14 +176,6 @@ def judge_heading(moves: Complexes, readings: Mapping[str, Floats], recorded: st
     }
     nearest = min(conventions, key=off_deg.__getitem__)
     return HeadingVerdict(unit, nearest if off_deg[nearest] < _MOST_OFF_DEG else None, as_recorded, drift)
-
-
-def _turns_enough(heading_deg: Floats) -> bool:
-    """Whether a heading turns enough, and to both sides or far: a ship adrift and the stream that carries it may
-    both turn slowly, as if one followed the other."""
-    turned, angles = total_turn_deg(heading_deg), heading_deg[np.isfinite(heading_deg)]
-    net = abs(float(angles[-1] - angles[0])) if angles.size else 0.0
-    return turned >= _LEAST_TURNED_DEG and (net >= _FAR_DEG or turned - net >= _LEAST_BACK_DEG)
 
 
 def total_turn_deg(heading_deg: Floats) -> float:

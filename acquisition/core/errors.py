@@ -178,7 +178,14 @@ def printable(value: Printable) -> Printable:
     calm\x1b[2J
     """
     if isinstance(value, str):
-        return _CONTROL.sub(_escape, value)  # type: ignore[return-value]
+        return _CONTROL.sub(  # type: ignore[return-value]
+            lambda match: (
+                f"\\x{ord(match[0]) - _BYTES:02x}"
+                if _FIRST_BYTE <= match[0] <= _LAST_BYTE
+                else repr(match[0])[1:-1]
+            ),
+            value,
+        )
     if isinstance(value, dict):
         return {printable(key): printable(entry) for key, entry in value.items()}  # type: ignore[return-value]
     if isinstance(value, list | tuple):
@@ -193,13 +200,6 @@ def printable_name(path: str | os.PathLike[str]) -> str:
     bay\xff\n.mcap
     """
     return printable(os.fspath(path)).replace("\t", r"\t").replace("\n", r"\n")
-
-
-def _escape(match: re.Match[str]) -> str:
-    character = match[0]
-    if _FIRST_BYTE <= character <= _LAST_BYTE:
-        return f"\\x{ord(character) - _BYTES:02x}"
-    return repr(character)[1:-1]
 
 
 Progress = Callable[[float], None]

@@ -763,7 +763,12 @@ def _decode_all(
             result.health.started_ns = entry.log_ns
         result.health.ended_ns = last_ns = max(last_ns, entry.log_ns)
         if entry.topic.startswith(RAW_PREFIX):
-            frame = _raw_frame(entry, paths)
+            try:
+                frame = entry.frame()
+            except (ValueError, KeyError, TypeError) as error:
+                problem = f"topic {entry.topic} contains a message that is not a raw input of Seatrial"
+                where, cause = ", ".join(map(str, paths)), f"{type(error).__name__} {error}"
+                raise InputError(problem, where=where, why=cause) from error
             if frame.origin in result.health.sources:
                 result.health.sources[frame.origin].count_in(1, frame.monotonic_ns)
                 processing.process(frame)
@@ -800,12 +805,3 @@ def _read_entries(paths: list[Path], progress: Progress) -> Iterator[MessageEntr
     for number, path in enumerate(paths):
         yield from MessageStream(path)
         progress((number + 1) / len(paths))
-
-
-def _raw_frame(entry: MessageEntry, paths: list[Path]) -> Frame:
-    try:
-        return entry.frame()
-    except (ValueError, KeyError, TypeError) as error:
-        problem = f"topic {entry.topic} contains a message that is not a raw input of Seatrial"
-        names, cause = ", ".join(map(str, paths)), f"{type(error).__name__} {error}"
-        raise InputError(problem, where=names, why=cause) from error

@@ -521,8 +521,10 @@ def _cut(data: bytes, *, complete: bool) -> tuple[list[bytes | Fault], int]:
                 end = following  # its signature was cut off
         elif at < end and not complete and _undecided(data, at, end):
             break
-        else:
-            piece = _damaged_packet(data, at, end, following)
+        else:  # a length is credible if no sound packet begins before its end, and one may begin there
+            is_credible = at < end <= following and (end == len(data) or data[end] in _HEADER_BYTES)
+            unknown = is_credible and header_of(data[at:end]).message_id not in _CRC_EXTRA
+            piece = Fault("unknown message" if unknown else BAD_DATA) if is_credible else None
         if piece is None:
             match = _MAGIC.search(data, at + 1)
             skipped, at = True, match.start() if match else len(data)
@@ -541,18 +543,6 @@ def _undecided(data: bytes, at: int, end: int) -> bool:
         return True
     inner = _MAGIC.finditer(data, max(at + 1, len(data) - LONGEST_BYTES), end)
     return any(match.start() + packet_length(data, match.start()) > len(data) for match in inner)
-
-
-def _damaged_packet(data: bytes, at: int, end: int, following: int) -> Fault | None:
-    """The fault of a packet without a right checksum; None where its length is not credible.
-
-    It is credible where the next sound packet, at ``following``, does not begin before its end, and the byte after
-    it may begin a packet.
-    """
-    if end == at or end > following or (end < len(data) and data[end] not in _HEADER_BYTES):
-        return None
-    unknown = header_of(data[at:end]).message_id not in _CRC_EXTRA
-    return Fault("unknown message" if unknown else BAD_DATA)
 
 
 class MavlinkEncoder:

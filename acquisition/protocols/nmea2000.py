@@ -494,17 +494,14 @@ def canboat_fields(group: int) -> Mapping[str, GroupFieldPlace]:
         has_place = info.bit_offset is not None and info.bit_length is not None
         if has_place and not info.offset and info.field_type in _NUMBERS | _CODES:
             step = info.resolution if info.field_type in _NUMBERS else None
-            signed = step is not None and _is_signed(group, info)
+            signed = False
+            if step is not None:  # the library does not say whether all ones are a value, one step below zero
+                ones = ((1 << info.bit_length) - 1) << info.bit_offset
+                decoded = decode_by_library(group, ones.to_bytes(max(-(-ones.bit_length() // 8), 8), "little"))
+                raw = {field.id: field.raw_value for field in decoded.fields}[info.id] if decoded else None
+                signed = isinstance(raw, int | float) and raw < 0
             fields[info.id] = GroupFieldPlace(Field(info.bit_offset, info.bit_length, step, signed), info.unit)
     return fields
-
-
-def _is_signed(group: int, info: Any) -> bool:
-    """Whether all ones are a value, one step below zero, and not the code for none: the library does not say."""
-    ones = ((1 << info.bit_length) - 1) << info.bit_offset
-    message = decode_by_library(group, ones.to_bytes(max(-(-ones.bit_length() // 8), 8), "little"))
-    raw = {field.id: field.raw_value for field in message.fields}[info.id] if message else None
-    return isinstance(raw, int | float) and raw < 0
 
 
 @cache

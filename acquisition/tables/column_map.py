@@ -318,8 +318,10 @@ def apply_column_map(raw: RawTable, columns: ColumnMap, map_path: Path | str, de
             result.sources[name] = f"table: {entry.column}"
     if columns.position:
         _add_position(result, columns.position, requested)
-    if columns.orientation:
-        _add_heading(result, columns.orientation, requested)
+    if quaternion := columns.orientation:
+        x, y, z, w = (requested.numbers(getattr(quaternion, part), ("orientation", part)) for part in "xyzw")
+        result.table["heading_deg"] = heading_of_quaternion(x, y, z, w, quaternion.frame)
+        result.sources["heading_deg"] = f"table: {quaternion.z} ... derived from the quaternion"
     if columns.velocity:
         _add_velocity(result, columns.velocity, requested)
     result.sources.update(derive_channels(result.table, columns.derive))
@@ -439,13 +441,6 @@ def _coordinate_in_degrees(requested: _RequestedColumns, name: str, entry: Posit
         fix = 'say unit = "deg" under [position] if these are decimal degrees'
         raise InputError(what, where=str(requested.raw.path), fix=fix)
     return from_degrees_and_minutes(values)
-
-
-def _add_heading(result: TableFile, entry: Orientation, requested: _RequestedColumns) -> None:
-    """Add the heading of a quaternion."""
-    x, y, z, w = (requested.numbers(getattr(entry, part), ("orientation", part)) for part in "xyzw")
-    result.table["heading_deg"] = heading_of_quaternion(x, y, z, w, entry.frame)
-    result.sources["heading_deg"] = f"table: {entry.z} ... derived from the quaternion"
 
 
 def _add_velocity(result: TableFile, entry: Velocity, requested: _RequestedColumns) -> None:

@@ -400,7 +400,13 @@ def read_netcdf(path: Path) -> RawTable:
     series = {name: variable for name, variable in variables.items() if variable[0] == rows}
     if "provenance" in attributes:  # our exports: lat and lon follow from the other columns
         series = {name: variable for name, variable in series.items() if name not in ("lat", "lon")}
-    frame = pd.DataFrame({name: _unscaled(values, metadata) for name, (_, values, metadata) in series.items()})
+    columns = {}
+    for name, (_, values, metadata) in series.items():
+        missing = [np.ravel(metadata[key])[0] for key in ("_FillValue", "missing_value") if key in metadata]
+        scale, offset = np.ravel(metadata.get("scale_factor", 1))[0], np.ravel(metadata.get("add_offset", 0))[0]
+        unpacked = values if (scale, offset) == (1, 0) else values * float(scale) + float(offset)
+        columns[name] = np.where(np.isin(values, missing), np.nan, unpacked) if missing else unpacked
+    frame = pd.DataFrame(columns)
     if since := _SINCE.match(str(series[time][2].get("units", ""))):
         start = pd.Timestamp(since[2])
         start = start.tz_localize("UTC") if start.tz is None else start
@@ -427,14 +433,6 @@ def _is_hdf5(path: Path) -> bool:
     with path.open("rb") as stream:
         head = stream.read(_USER_BLOCK_BYTES + len(_HDF5))
     return head.startswith(_HDF5) or head.endswith(_HDF5)
-
-
-def _unscaled(values: NDArray[Any], metadata: Mapping[str, Any]) -> NDArray[Any]:
-    """A variable's values in its unit, NaN for missing ones."""
-    missing = [np.ravel(metadata[name])[0] for name in ("_FillValue", "missing_value") if name in metadata]
-    scale, offset = np.ravel(metadata.get("scale_factor", 1))[0], np.ravel(metadata.get("add_offset", 0))[0]
-    result = values if (scale, offset) == (1, 0) else values * float(scale) + float(offset)
-    return np.where(np.isin(values, missing), np.nan, result) if missing else result
 
 
 _READERS: dict[str, Callable[[Path], RawTable]] = {

@@ -163,8 +163,16 @@ def parse_text(text: str, check_names: Callable[[list[str]], None]) -> ParsedRow
     points = sum(bool(_POINT_NUMBER.fullmatch(cell)) for cell in cells)
     decimal = "," if commas > points and delimiter != "," else "."
     start = _offset_of_row(text, layout.first_data)
-    content, repeated = _without_repeated_header(text[start:], lines[: layout.first_data], layout.header)
-    _refuse_second_table(content, text.count("\n", 0, start), layout.names[0], delimiter)
+    content, repeated, header, name = text[start:], 0, layout.header, layout.names[0]
+    if header is not None and lines[header] in content:  # repeated, as in joined files, with the row of units
+        data_lines = [(line, line.rstrip("\r\n")) for line in _iterate_lines(content)]
+        heads = set(lines[header : layout.first_data])
+        content = "".join(line for line, stripped in data_lines if stripped not in heads)
+        repeated = sum(stripped == lines[header] for _, stripped in data_lines)
+    if name and f"\n{name}" in content:
+        for number, line in enumerate(_iterate_lines(content), start=text.count("\n", 0, start) + 1):
+            if line.startswith(name) and _cell_text(_split_cells(line.rstrip("\r\n"), delimiter)[0]) == name:
+                raise ValueError(f"in line {number} another table begins, {line.strip()!r}; save the two apart")
     with warnings.catch_warnings():
         warnings.simplefilter("error", pd.errors.ParserWarning)  # rows longer than the header would be cut
         try:
@@ -181,24 +189,6 @@ def parse_text(text: str, check_names: Callable[[list[str]], None]) -> ParsedRow
     return ParsedRows(
         frame, layout.units | units, (*head, *lines[: layout.header or 0]), remarks, layout.header is None
     )
-
-
-def _without_repeated_header(content: str, head: Sequence[str], header: int | None) -> tuple[str, int]:
-    """The rows without those that repeat the header, or the row of units below it, as in joined files."""
-    if header is None or head[header] not in content:
-        return content, 0
-    lines = set(head[header:])
-    remaining = [line for line in _iterate_lines(content) if line.rstrip("\r\n") not in lines]
-    return "".join(remaining), sum(line.rstrip("\r\n") == head[header] for line in _iterate_lines(content))
-
-
-def _refuse_second_table(content: str, lines_before: int, name: str, delimiter: str) -> None:
-    """Raise :class:`ValueError` for a line that begins with the first column's name: another header."""
-    if name and f"\n{name}" not in content:
-        return
-    for number, line in enumerate(_iterate_lines(content), start=lines_before + 1):
-        if name and line.startswith(name) and _cell_text(_split_cells(line.rstrip("\r\n"), delimiter)[0]) == name:
-            raise ValueError(f"in line {number} another table begins, {line.strip()!r}; save the two apart")
 
 
 def _longer_row(text: str, start: int, delimiter: str, width: int) -> str:
@@ -435,17 +425,15 @@ def read_rtklib(text: str) -> tuple[pd.DataFrame, str]:
     for quality, count in zip(*np.unique(frame["Q"].to_numpy(dtype=int), return_counts=True), strict=True):
         is_known = quality < len(_RTKLIB_QUALITY)
         remarks.append(f"{count:,} {_RTKLIB_QUALITY[quality] if is_known else f'of quality {quality}'}")
-    return _with_standard_coordinates(frame), f"solutions of RTKLIB: {', '.join(remarks)}"
-
-
-def _with_standard_coordinates(frame: pd.DataFrame) -> pd.DataFrame:
-    """Coordinates from the earth's centre as latitude, longitude and height; a baseline's with plain names."""
-    names = [f"{axis}-ecef(m)" for axis in "xyz"]
-    if set(names) <= set(frame):
-        coordinates = pymap3d.ecef2geodetic(*(frame[name].to_numpy() for name in names))
+    axes = [f"{axis}-ecef(m)" for axis in "xyz"]
+    if set(axes) <= set(frame):
+        coordinates = pymap3d.ecef2geodetic(*(frame[axis].to_numpy() for axis in axes))
         geodetic = dict(zip(("latitude(deg)", "longitude(deg)", "height(m)"), coordinates, strict=True))
-        return frame.drop(columns=names).assign(**geodetic)
-    return frame.rename(columns={"e-baseline(m)": "east(m)", "n-baseline(m)": "north(m)", "u-baseline(m)": "up(m)"})
+        frame = frame.drop(columns=axes).assign(**geodetic)
+    else:
+        baseline = {"e-baseline(m)": "east(m)", "n-baseline(m)": "north(m)", "u-baseline(m)": "up(m)"}
+        frame = frame.rename(columns=baseline)
+    return frame, f"solutions of RTKLIB: {', '.join(remarks)}"
 
 
 def split_labview_headers(text: str) -> tuple[list[str], str]:

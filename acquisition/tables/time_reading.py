@@ -83,8 +83,11 @@ def read_time(draft: MappingDraft) -> tuple[str, ...]:
             time_columns = _note_text_time(draft, {"column": clock, "date": date}, "time of day")
             draft.note(date, "date", "", f"with the time in {clock!r}")
             return (date, *time_columns)
-    week = next(iter(draft.candidates_for("gps_week")), None)
-    time_of_week = _time_of_week_column(draft, of_kind("number"))
+    week, time_of_week = (next(iter(draft.candidates_for(name)), None) for name in ("gps_week", "time_of_week"))
+    if week and not time_of_week and np.nanmedian(draft.numbers(week.column)) >= _ROLLED_WEEKS:
+        times = [candidate for candidate in draft.candidates_for("time") if candidate.column in of_kind("number")]
+        within_week = (time for time in times if np.nanmax(draft.numbers(time.column)) <= _WEEK_S)
+        time_of_week = next(within_week, None)
     if week and time_of_week:
         return _read_gps_week(draft, week.column, time_of_week)
     if clocks := of_kind("clock"):
@@ -247,16 +250,6 @@ def _resolve_order(draft: MappingDraft, stamps: list[Stamp]) -> tuple[Order, str
     answer = draft.ask("date_order", text, possible)
     order = next((option for option in possible if option == answer), order)
     return order, "as answered" if answer else "not clear"
-
-
-def _time_of_week_column(draft: MappingDraft, numbers: list[str]) -> ColumnCandidate | None:
-    """The column of the time of the week: by its name, or numbers named a time if there are weeks of GPS."""
-    time_of_week = next(iter(draft.candidates_for("time_of_week")), None)
-    weeks = next(iter(draft.candidates_for("gps_week")), None)
-    if time_of_week or weeks is None or not np.nanmedian(draft.numbers(weeks.column)) >= _ROLLED_WEEKS:
-        return time_of_week
-    times = [candidate for candidate in draft.candidates_for("time") if candidate.column in numbers]
-    return next((candidate for candidate in times if np.nanmax(draft.numbers(candidate.column)) <= _WEEK_S), None)
 
 
 def _read_gps_week(draft: MappingDraft, week: str, time_of_week: ColumnCandidate) -> tuple[str, ...]:

@@ -375,9 +375,15 @@ def estimate_levels(data: MotionSamples, gate: Gate) -> NoiseLevels:
                       (LEAST["heading_rad"], LEAST["yaw_rate_radps"]), gate, order=_YAW_ORDER)  # fmt: skip
     yaw_calm = _fit_without_waves(yaw_search)
     yaw = yaw_calm[0]
-    conditioned, added = zip(
-        *(_condition_on_heading(part, _levels(_NOTHING, yaw), gate) for part in parts), strict=True
-    )
+    yaw_levels, conditioned, added = _levels(_NOTHING, yaw), [], []
+    model = yaw_levels.heading_model
+    for part in parts:  # the horizontal steps with unit noise, and the variance that the heading adds
+        on_heading = heading_steps(part, yaw_levels.heading_rad, yaw_levels.yaw_rate_radps).for_model(model)
+        track = smooth_steps(on_heading, first_state(part).for_model(model), model, gate, "compiled")
+        heading, covariance = track.mean @ model.sums.T, model.sums @ track.covariance @ model.sums.T
+        everything = motion_steps(part, heading[:, 0], np.ones(6))
+        conditioned.append(horizontal_steps(everything, heading))
+        added.append(everything.row[:, NORTH:, 0] ** 2 * covariance[:, :1, 0])
     moving = Search(_concatenated(conditioned), edges, start, (1, 2), np.array([0, 0, 1, 1]), noise,
                      (LEAST["position_m"], LEAST["speed_mps"]), gate, np.concatenate(added))  # fmt: skip
     calm = _fit_without_waves(moving)
@@ -426,16 +432,6 @@ def noise_of(values: Floats, stride: int = 1) -> float:
         return 0.0
     noise = np.quantile(second, 0.25) / (_QUARTILE_OF_ABSOLUTE_NORMAL * 6.0**0.5)
     return float(noise)
-
-
-def _condition_on_heading(part: MotionSamples, yaw: NoiseLevels, gate: Gate) -> tuple[Steps, Floats]:
-    """The horizontal steps of a part with unit noise, and the variance that the heading adds."""
-    model = yaw.heading_model
-    steps = heading_steps(part, yaw.heading_rad, yaw.yaw_rate_radps).for_model(model)
-    track = smooth_steps(steps, first_state(part).for_model(model), model, gate, "compiled")
-    heading, covariance = track.mean @ model.sums.T, model.sums @ track.covariance @ model.sums.T
-    everything = motion_steps(part, heading[:, 0], np.ones(6))
-    return horizontal_steps(everything, heading), everything.row[:, NORTH:, 0] ** 2 * covariance[:, :1, 0]
 
 
 def _fit_without_waves(search: Search) -> tuple[Floats, float]:

@@ -28,7 +28,7 @@ from scipy.special import gammaincinv  # scipy.stats would take longer to import
 
 from seatrial.acquisition.core.quantities import Bools, Floats, Ints
 from seatrial.acquisition.core.ship import POSE, wrap_360
-from seatrial.analysis.estimation.kalman import Engine, Gate, Track, smooth_steps
+from seatrial.analysis.estimation.kalman import Engine, Gate, smooth_steps
 from seatrial.analysis.estimation.motion_model import (
     BODY,
     CHANNELS,
@@ -224,7 +224,12 @@ def smooth(
     spread = np.full((grid_s.size, 9, 9), np.nan)
     parts = []
     for block in _blocks(data.time_s):
-        track = _smoothed_block(data.part(block.first, block.last), noise, rules, engine)
+        part, yaw, everything = data.part(block.first, block.last), noise.heading_model, noise.motion_model
+        begin = first_state(part)
+        steps = heading_steps(part, noise.heading_rad, noise.yaw_rate_radps).for_model(yaw)
+        heading = smooth_steps(steps, begin.for_model(yaw), yaw, rules, engine)  # by itself, then all about it
+        steps = motion_steps(part, heading.mean @ yaw.sums[0], noise.by_channel).for_model(everything)
+        track = smooth_steps(steps, begin.for_model(everything), everything, rules, engine)
         core, filtered = slice(block.core_first - block.first, block.core_last - block.first), track.filtered
         means = track.mean[core] @ track.model.sums.T
         parts.append((filtered.innovation[core], filtered.deviation[core], filtered.refused[core], means))
@@ -254,16 +259,6 @@ def _as_table(mean: Floats, grid_ns: Ints, rate_hz: float, table: pd.DataFrame) 
     states["heading_deg"] = wrap_360(states["heading_deg"])
     states.attrs = {**table.attrs, "rate_hz": float(rate_hz)}
     return add_step(states, "smooth", rate_hz=float(rate_hz))
-
-
-def _smoothed_block(data: MotionSamples, noise: NoiseLevels, gate: Gate, engine: Engine) -> Track:
-    """Two passes: the heading by itself, then everything about it."""
-    begin, model = first_state(data), noise.heading_model
-    heading_only = heading_steps(data, noise.heading_rad, noise.yaw_rate_radps).for_model(model)
-    heading = smooth_steps(heading_only, begin.for_model(model), model, gate, engine)
-    everything = noise.motion_model
-    steps = motion_steps(data, heading.mean @ model.sums[0], noise.by_channel).for_model(everything)
-    return smooth_steps(steps, begin.for_model(everything), everything, gate, engine)
 
 
 @dataclass(frozen=True, slots=True)

@@ -109,11 +109,6 @@ def _is_turning_circle(run: Manoeuvre, largest_deg: float) -> bool:
     return run.kind == "turning_circle" and is_turning_test(run.helm_deg or 0.0, largest_deg)
 
 
-def _is_initial_turn(run: Manoeuvre, largest_deg: float) -> bool:
-    steered = run.kind in ("zigzag", "turning_circle", "course_change")
-    return steered and abs(abs(run.helm_deg or 0.0) / INITIAL_TURNING_HELM_DEG - 1.0) <= _NEAR_SHARE
-
-
 def _is_zigzag(nominal_deg: float) -> Callable[[Manoeuvre, float], bool]:
     """Whether a run is the zigzag of this helm and switch, within a fifth of both."""
 
@@ -135,7 +130,9 @@ def _by_length_per_speed(limit_deg: Callable[[float], float]) -> Callable[[float
 CRITERIA = (
     Criterion("advance", "5.3.1", "advance_m", _in_lengths(4.5), _is_turning_circle),
     Criterion("tactical diameter", "5.3.1", "tactical_diameter_m", _in_lengths(5.0), _is_turning_circle),
-    Criterion("initial turning", "5.3.2", "initial_turning_m", _in_lengths(2.5), _is_initial_turn, 10.0),
+    Criterion("initial turning", "5.3.2", "initial_turning_m", _in_lengths(2.5),
+              lambda run, _: run.kind in ("zigzag", "turning_circle", "course_change")
+              and abs(abs(run.helm_deg or 0.0) / INITIAL_TURNING_HELM_DEG - 1.0) <= _NEAR_SHARE, 10.0),
     Criterion("first overshoot of 10/10", "5.3.3.1", from_order(1), _by_length_per_speed(first_overshoot_10_10_deg),
               _is_zigzag(10.0), 10.0),
     Criterion("second overshoot of 10/10", "5.3.3.2", from_order(2),

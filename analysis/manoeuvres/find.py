@@ -150,7 +150,12 @@ def manoeuvres_and_left_out(
         straight += find_stops(motion, smooth, ~taken, engine_orders(motion, events))
         straight += [*find_accelerations(motion, smooth, ~taken), *find_speed_runs(motion, smooth, ~taken)]
     candidates = sorted([*steered, *tests, *straight], key=in_time)
-    judged = [_reject_unmeasured(motion, candidate) for candidate in candidates]
+    judged = list(candidates)
+    for number, candidate in enumerate(candidates):
+        measured = float(motion.measured[_rows_of(motion, candidate)].mean())
+        if isinstance(candidate, Manoeuvre) and not measured >= _MEASURED_SHARE:
+            why = f"position, heading or speeds are missing in {1.0 - measured:.0%} of it"
+            judged[number] = LeftOut(candidate.kind, candidate.start, candidate.end, why)
     runs = remove_currents(motion, [run for run in judged if isinstance(run, Manoeuvre)])
     added = [run for name in finders for run in _call_finder(name, motion)]
     manoeuvres = sorted([*add_limits(_apply_marks(runs, marks), conditions), *added], key=in_time)
@@ -218,15 +223,6 @@ def _reason_for_none(motion: Motion, smooth: Motion) -> str:
         "to side; no thrust was held on a straight course, or changed; the ship made "
         f"{smooth.fastest_mps:.2g} m/s at most"
     )
-
-
-def _reject_unmeasured(motion: Motion, candidate: Manoeuvre | LeftOut) -> Manoeuvre | LeftOut:
-    """A candidate, rejected where position, heading or speeds are missing in too much of it."""
-    measured = float(motion.measured[_rows_of(motion, candidate)].mean())
-    if isinstance(candidate, LeftOut) or measured >= _MEASURED_SHARE:
-        return candidate
-    why = f"position, heading or speeds are missing in {1.0 - measured:.0%} of it"
-    return LeftOut(candidate.kind, candidate.start, candidate.end, why)
 
 
 def _call_finder(name: str, motion: Motion) -> list[Manoeuvre]:

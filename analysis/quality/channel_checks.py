@@ -571,8 +571,14 @@ def find_levels(samples: Series, channel: Channel) -> AlternatingLevels | None:
     alternate = _alternate(blocks, separation, channel)
     distance = float(np.median(separation[alternate])) if alternate.any() else 0.0
     alternate &= np.abs(separation - distance) < _EVEN * distance
-    if not alternate.any() or _is_grid_step(values, distance, channel):
+    if not alternate.any():
         return None
+    # A ship that lies still shows no values but two: they are no neighbours on a grid that counts from zero unless
+    # both are multiples of their distance; where a position's grid counts from is not known.
+    if not (np.diff(np.unique(values)) < 0.5 * distance).any():
+        from_grid = np.abs(values / distance - np.rint(values / distance))
+        if channel.unit == "m" or np.quantile(from_grid, 0.9) < 0.02:
+            return None
     # Waves at half the rate of recording, whose size comes and goes, look like two levels while they are largest:
     # then the steps of other blocks go up and down in turn as well, but by less.
     largest = float(np.median(separation[alternate]))
@@ -583,7 +589,11 @@ def find_levels(samples: Series, channel: Channel) -> AlternatingLevels | None:
     side = np.zeros(samples.value.size, dtype=np.int64)
     for first in firsts[alternate][::-1]:
         inside = slice(first, first + width + 1)
-        side[places[inside]] = sides = _level_sides(values[inside], distance, channel)
+        part = values[inside]
+        turned = np.concatenate([[0], np.cumsum(np.abs(np.diff(part)) > _BETWEEN[1] * distance)]) % 2
+        offset = difference(part, part[0]) if channel.circular else part
+        odd, even = (np.median(offset[turned == parity]) for parity in (1, 0))
+        side[places[inside]] = sides = np.where(turned == (1 if odd > even else 0), 1, -1)
     lower, upper = (channel.wrapped(float(np.median(values[inside][sides == level]))) for level in (-1, 1))
     if channel.unit in _RATES and abs(lower + upper) < _SYMMETRIC * distance:
         return None
@@ -608,27 +618,6 @@ def _alternate(blocks: Floats, separation: Floats, channel: Channel) -> Bools:
     resolution = EVERYDAY_RESOLUTIONS.get(channel.unit, 0.0) if declared else everyday_resolution(channel)
     is_coarse = separation > _COARSEST * resolution
     return np.asarray(enough & between & (spread <= _EVEN) & in_turn & returning & is_coarse)
-
-
-def _is_grid_step(values: Floats, separation: float, channel: Channel) -> bool:
-    """Whether the levels are neighbours on the grid of the channel's values.
-
-    A ship that lies still shows no values but two: they are no neighbours on a grid that counts from zero unless
-    both are multiples of their distance; where a position's grid counts from is not known.
-    """
-    distances = np.diff(np.unique(values))
-    if (distances < 0.5 * separation).any():
-        return False
-    from_grid = np.abs(values / separation - np.rint(values / separation))
-    return channel.unit == "m" or bool(np.quantile(from_grid, 0.9) < 0.02)
-
-
-def _level_sides(values: Floats, separation: float, channel: Channel) -> Ints:
-    """On which level each of some values lies, by the turns between them: 1 the upper, -1 the lower."""
-    turned = np.concatenate([[0], np.cumsum(np.abs(np.diff(values)) > _BETWEEN[1] * separation)]) % 2
-    offset = difference(values, values[0]) if channel.circular else values
-    odd, even = (np.median(offset[turned == parity]) for parity in (1, 0))
-    return np.where(turned == (1 if odd > even else 0), 1, -1)
 
 
 def alternation_findings(series: Mapping[str, Series], channels: Mapping[str, Channel]) -> list[Finding]:

@@ -123,7 +123,11 @@ def repair(
         scaled = scaled or finding.code == "speed_scale"
         in_other_unit = finding.code == "yaw_rate_scale" and finding.channel not in impossible
         if recording is not None and (OTHER_TURN in finding.estimate or in_other_unit):
-            table = _restore_impossible(table, recording, finding.channel)
+            name, series = finding.channel, recording.series[finding.channel]
+            value = table[name].to_numpy(dtype=float, copy=True)
+            outside = np.isfinite(series.value) & ~is_possible(known_channels(table.attrs)[name], series.value)
+            value[rows_of(times_ns(table), series.measured_ns)[outside]] = series.value[outside]
+            table = table.assign(**{name: value})
         single = REPAIRS[finding.code](table, finding, flags if flags is not None else {})
         changed = sum(
             int((~_equal_or_nan(table[name].to_numpy(), new)).sum()) for name, new in single.columns.items()
@@ -242,15 +246,6 @@ def flags_after(before: pd.DataFrame, after: pd.DataFrame, flags: FlagsByChannel
 def _equal_or_nan(first: Floats, second: Floats) -> Bools:
     same: Bools = (first == second) | (np.isnan(first) & np.isnan(second))
     return same
-
-
-def _restore_impossible(table: pd.DataFrame, recording: Recording, name: str) -> pd.DataFrame:
-    """The table with the impossible values of a channel that reading a recording leaves out."""
-    series, value = recording.series[name], table[name].to_numpy(dtype=float, copy=True)
-    rows = rows_of(times_ns(table), series.measured_ns)
-    outside = np.isfinite(series.value) & ~is_possible(known_channels(table.attrs)[name], series.value)
-    value[rows[outside]] = series.value[outside]
-    return table.assign(**{name: value})
 
 
 class SingleRepair(NamedTuple):

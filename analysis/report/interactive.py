@@ -333,7 +333,13 @@ def _prediction(predicted: pd.DataFrame, start_ms: int, drawn: pd.DataFrame) -> 
     """One method's predictions, angles near those that are ``drawn``; ``every`` says that every n-th window was
     kept, ``holes`` where a window begins."""
     stride = max(-(-len(predicted) // MOST_PREDICTED), 1)
-    number = _number_windows(predicted)
+    if "window" in predicted:  # numbered in the order of the rows
+        number = np.asarray(pd.factorize(predicted["window"])[0], dtype=np.int64)
+    else:  # another begins where time does not go on
+        time_ns = times_ns(predicted)
+        is_new = np.diff(time_ns) <= 0
+        is_new[holes_of(time_ns) - 1] = True
+        number = np.cumsum(np.append(0, is_new)) if time_ns.size else np.empty(0, dtype=np.int64)
     chosen = np.flatnonzero(number % stride == 0)
     kept = predicted.iloc[chosen]
     nearest = drawn.index.get_indexer(kept.index, method="nearest")
@@ -346,13 +352,3 @@ def _prediction(predicted: pd.DataFrame, start_ms: int, drawn: pd.DataFrame) -> 
         **_columns(kept, [name for name in POSE_AND_VELOCITY if name in kept], angles),
         "holes": (np.flatnonzero(np.diff(number[chosen])) + 1).tolist(),
     }
-
-
-def _number_windows(predicted: pd.DataFrame) -> Ints:
-    """0, 1, 2, ... by window in the order of the rows; without a column ``window``, where time does not go on."""
-    if "window" in predicted:
-        return np.asarray(pd.factorize(predicted["window"])[0], dtype=np.int64)
-    time_ns = times_ns(predicted)
-    new = np.diff(time_ns) <= 0
-    new[holes_of(time_ns) - 1] = True
-    return np.cumsum(np.append(0, new)) if time_ns.size else np.empty(0, dtype=np.int64)

@@ -206,9 +206,13 @@ def draw_circle(figure: Figure, motion: Motion, manoeuvre: Manoeuvre) -> None:
     if current:
         main = remove_current(shown, current.north_mps, current.east_mps, start)
         track_axes.plot(*_across_ahead(shown, start, ahead_deg), color=FAINT, label="as measured")
-    track_axes.plot(*_across_ahead(main, start, ahead_deg), color=BLUE, linewidth=1.8,
+    across, ahead = _across_ahead(main, start, ahead_deg)
+    track_axes.plot(across, ahead, color=BLUE, linewidth=1.8,
               label="current removed" if current else "track")  # fmt: skip
-    _outlines(track_axes, main, start, ahead_deg)
+    # the ship to scale from the execute on; a twentieth of the picture where its length is not known
+    length_m = main.length_m or max(float(np.ptp(across)), float(np.ptp(ahead))) / 20.0
+    rows = slice(int(np.searchsorted(main.time_s, start)), None)
+    outlines(track_axes, across[rows], ahead[rows], np.deg2rad(main.heading_deg[rows] - ahead_deg), length_m)
     _dimensions(track_axes, main, manoeuvre, start, end, ahead_deg, "_current_removed" if current else "")
     track_axes.plot(0.0, 0.0, "o", color=RED, markersize=5, label="order")
     track_axes.margins(0.12)  # room for the labels of the track
@@ -235,14 +239,6 @@ def _across_ahead(motion: Motion, start: float, ahead_deg: float) -> tuple[Float
     north, east = motion.north_m - motion.at("north_m", start), motion.east_m - motion.at("east_m", start)
     ahead, across = to_ship(north, east, np.deg2rad(ahead_deg))
     return across, ahead
-
-
-def _outlines(axes: Axes, motion: Motion, start: float, ahead_deg: float) -> None:
-    """The ship to scale from the execute on; a twentieth of the picture where its length is not known."""
-    across, ahead = _across_ahead(motion, start, ahead_deg)
-    length = motion.length_m or max(float(np.ptp(across)), float(np.ptp(ahead))) / 20.0
-    rows = slice(int(np.searchsorted(motion.time_s, start)), None)
-    outlines(axes, across[rows], ahead[rows], np.deg2rad(motion.heading_deg[rows] - ahead_deg), length)
 
 
 def _dimensions(

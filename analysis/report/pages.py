@@ -206,7 +206,10 @@ def index_page(
         numeric=_NUMERIC, ordered=_NUMERIC | {"status", "grade", "findings"}, quote=quote,
         broken=lambda name: Markup(_BREAKS.sub(r"\1<wbr>", str(escape(name)))),
         speed_in_knots=speed_in_knots, status_of=lambda row: _STATUSES[_status(row)],
-        status_class=lambda row: _status(row).replace(" ", "-"), duration=duration_text, grade_order=_grade_order,
+        status_class=lambda row: _status(row).replace(" ", "-"), duration=duration_text,
+        # the worst grade first, and within a grade the row that lacks most channels
+        grade_order=lambda row: _GRADES.get(row["grade"] or "", 0) - len(row["missing"]) / 100 if row["missing"]
+        else _GRADES.get(row["grade"] or "", ""),
     )  # fmt: skip
 
 
@@ -258,12 +261,6 @@ def duration_text(seconds: float | None) -> str:
         return ""
     hours, remainder = divmod(round(seconds), 3600)
     return f"{hours} h {remainder // 60:02d} min" if hours else f"{remainder // 60} min {remainder % 60:02d} s"
-
-
-def _grade_order(row: Row) -> float | str:
-    """A sort key: the worst grade first, and within a grade the row that lacks most channels."""
-    missing, grade = row.get("missing") or [], row.get("grade") or ""
-    return _GRADES.get(grade, "") if not missing else _GRADES.get(grade, 0) - len(missing) / 100
 
 
 def write_quality(

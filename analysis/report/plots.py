@@ -237,7 +237,12 @@ def series(
     """
     channels = known_channels(table.attrs)
     artists: list[Artist] = [] if windows is None else [held_shade(axes, windows)]
-    centre_deg = _centre_deg(table, [channels[name] for name in names])
+    angles = [table[name].dropna().to_numpy(dtype=float) for name in names if channels[name].circular]
+    centre_deg = None  # of angles that cross the end of the turn and do not go all around
+    if any(wraps_of(values).any() for values in angles):
+        turned = unwrap(np.concatenate(angles))
+        if np.ptp(turned) < _MOST_TURN_DEG:
+            centre_deg = float(wrap_180(0.5 * (turned.max() + turned.min())))
     colours = [INK] if any(names[0] in motion for motion, _ in predicted.values()) else PALETTE
     for number, (name, colour) in enumerate(zip(names, cycle(colours), strict=False)):
         width = 2.4 if number == 0 and len(names) > 1 else 1.1
@@ -280,15 +285,6 @@ def _line(column: pd.Series, channel: Channel, centre_deg: float | None) -> tupl
         values = values if centre_deg is None else np.asarray(centre_deg + wrap_180(values - centre_deg))
         values[wraps_of(values)] = np.nan
     return present.index, values
-
-
-def _centre_deg(table: pd.DataFrame, channels: Sequence[Channel]) -> float | None:
-    """The middle of angles that cross the end of the turn and do not go all around; None where there is no need."""
-    angles = [table[channel.name].dropna().to_numpy(dtype=float) for channel in channels if channel.circular]
-    if not any(wraps_of(values).any() for values in angles):
-        return None
-    turned = unwrap(np.concatenate(angles))
-    return float(wrap_180(0.5 * (turned.max() + turned.min()))) if np.ptp(turned) < _MOST_TURN_DEG else None
 
 
 def held_shade(axes: Axes, windows: pd.DataFrame) -> PolyCollection:

@@ -352,23 +352,19 @@ def _random_uncertainty(
     for tide, irregular, scale in product(_TIDES_MPS, _IRREGULAR_MPS, _CORRELATED_S):
         slow = 0.5 * irregular**2 * np.exp(-lag_s / scale)
         covariance = np.outer(trial.along, trial.along) * (_CONSTANT_MPS**2 + 0.5 * tide**2 * regular + slow)
-        noise = np.diag(0.5 * irregular**2 + speed_se**2 + (power_se / slope) ** 2)
+        total = covariance + np.diag(0.5 * irregular**2 + speed_se**2 + (power_se / slope) ** 2)
+        # the restricted likelihood of residuals whose means by setting are free
+        inverse = np.linalg.inv(total)
+        information = settings.T @ inverse @ settings
+        centred = residual - settings @ np.linalg.solve(information, settings.T @ inverse @ residual)
+        determinants = np.linalg.slogdet(total)[1] + np.linalg.slogdet(information)[1]
         prior = -0.5 * np.log(irregular / _USUAL_IRREGULAR_MPS) ** 2
-        logs.append(prior + _likelihood(residual, settings, covariance + noise))
+        logs.append(prior + float(-0.5 * (determinants + centred @ inverse @ centred)))
         drift = np.einsum("oi,ij,oj->o", by_speed, covariance, by_speed)
         white = (0.5 * irregular**2 + speed_se**2) * np.sum(by_speed**2, axis=1)
         variances.append(drift + white + (by_power**2) @ power_se**2)
     weights = np.exp(np.array(logs) - np.max(logs))
     return weights / weights.sum(), np.array(variances)
-
-
-def _likelihood(residual: Floats, settings: Floats, covariance: Floats) -> float:
-    """The logarithm of the restricted likelihood of residuals whose means by setting are free."""
-    inverse = np.linalg.inv(covariance)
-    information = settings.T @ inverse @ settings
-    centred = residual - settings @ np.linalg.solve(information, settings.T @ inverse @ residual)
-    logs = np.linalg.slogdet(covariance)[1] + np.linalg.slogdet(information)[1]
-    return float(-0.5 * (logs + centred @ inverse @ centred))
 
 
 def _mixture_half(weights: Floats, variances: Floats) -> Floats:

@@ -227,7 +227,13 @@ def predict(
     if commands is not None:
         if trained is not None:
             trained.refuse_commands()
-        windows, planned = _under_plan(windows, commands)
+        orders = commands_from(commands, pd.Timestamp(windows.start_time[0]), windows.horizon_s)
+        if orders is not None:  # else the plan is over
+            layout = windows.actuators
+            controls = planned_commands(orders, windows.control[0], layout, windows.horizon_s)
+            channels = zip(control_names(layout), (controls / control_units(layout)).T, strict=True)
+            planned = {name: values for name, values in channels if name in orders}
+            windows = replace(windows, commands=controls[None])
     track = reference(windows, plant)
     if not np.isfinite(track).all():
         raise ModelRangeError(
@@ -250,18 +256,6 @@ def predict(
         outside_domain=outside_domain,
         planned=planned,
     )
-
-
-def _under_plan(
-    windows: PredictionWindows, commands: pd.DataFrame
-) -> tuple[PredictionWindows, Mapping[str, Floats]]:
-    """A window under planned commands, and the channels [H] that these order; unchanged if the plan is over."""
-    orders = commands_from(commands, pd.Timestamp(windows.start_time[0]), windows.horizon_s)
-    if orders is None:
-        return windows, {}
-    controls = planned_commands(orders, windows.control[0], windows.actuators, windows.horizon_s)
-    channels = zip(control_names(windows.actuators), (controls / control_units(windows.actuators)).T, strict=True)
-    return replace(windows, commands=controls[None]), {name: values for name, values in channels if name in orders}
 
 
 def read_commands(path: Path, actuators: Actuators) -> pd.DataFrame:

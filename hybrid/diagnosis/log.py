@@ -374,22 +374,18 @@ def _means(
         stepped = np.repeat(vertices[0], 2), np.repeat(vertices[1], 2)
         until_next = input_hold == "until the next record"
         vertices = (stepped[0][1:], stepped[1][:-1]) if until_next else (stepped[0][:-1], stepped[1][1:])
-    integral = _integral(*vertices, edges_s)
+    starts_s, starts = vertices
+    index = np.clip(np.searchsorted(starts_s, edges_s, side="right") - 1, 0, starts_s.size - 2)
+    length_s = np.diff(starts_s)[index]
+    slope = np.diff(starts)[index] / np.where(length_s > 0.0, length_s, 1.0)
+    elapsed_s = edges_s - starts_s[index]
+    area = integrate(starts, starts_s)[index]
+    integral = area + starts[index] * elapsed_s + 0.5 * slope * elapsed_s**2
     steps = np.diff(times)
     gap = steps > max(_LONGEST_GAP_S, _GAP_STEPS * float(np.median(steps)))
     crosses = np.diff(np.interp(edges_s, times, np.append(0.0, np.cumsum(gap)))) > 0.0
     outside = (edges_s[:-1] < times[0] - 1.0) | (edges_s[1:] > times[-1] + 1.0)
     return np.where(crosses | outside, np.nan, np.diff(integral) / np.diff(edges_s))
-
-
-def _integral(times_s: Floats, values: Floats, until_s: Floats) -> Floats:
-    """The integral from the first sample of a piecewise linear signal."""
-    steps = np.diff(times_s)
-    area = integrate(values, times_s)
-    index = np.clip(np.searchsorted(times_s, until_s, side="right") - 1, 0, times_s.size - 2)
-    elapsed = until_s - times_s[index]
-    slope = (values[index + 1] - values[index]) / np.where(steps[index] > 0.0, steps[index], 1.0)
-    return np.asarray(area[index] + values[index] * elapsed + 0.5 * slope * elapsed**2)
 
 
 def _with_corners(times_s: Floats, values: Floats) -> tuple[Floats, Floats]:

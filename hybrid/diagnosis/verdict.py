@@ -176,7 +176,10 @@ def reach_verdict(first: Acceptance, progress: Progress = lambda share: None) ->
         accepted = named or drop_non_predictive(sensors, windows) or replace(first, names=(), tests={})
         regimes = largest_regimes(first.evidence, windows)
     progress(0.5)
-    accepted, gap, withdrawn = _withdraw_harmful(accepted, windows, lacks)
+    gap, withdrawn = _gap(accepted, windows, lacks), tuple[str, ...]()
+    if accepted.names and makes_worse(windows, gap.without):  # predictions of held-out legs
+        accepted, withdrawn = replace(accepted, names=(), tests={}), accepted.names
+        gap = _gap(accepted, windows, lacks)
     if lacks:
         gap = with_noise_floor(gap, equations)
     rivals = close_rivals(accepted)
@@ -227,17 +230,6 @@ def drop_non_predictive(sensors: Acceptance | None, windows: UnseenWindows) -> A
         least = min(unconfirmed, key=lambda name: float(lacking[name].mean()))
         names = tuple(name for name in names if name != least)
     return None
-
-
-def _withdraw_harmful(
-    accepted: Acceptance, windows: UnseenWindows, lacks: Sequence[LackOfFit]
-) -> tuple[Acceptance, HeldOutGap, tuple[str, ...]]:
-    """The effects that stay named, the gap, and those withdrawn as they make held-out predictions worse."""
-    gap = _gap(accepted, windows, lacks)
-    if not accepted.names or not makes_worse(windows, gap.without):
-        return accepted, gap, ()
-    bare = replace(accepted, names=(), tests={})
-    return bare, _gap(bare, windows, lacks), accepted.names
 
 
 def makes_worse(windows: UnseenWindows, without: Mapping[int, Coordinates]) -> bool:

@@ -146,7 +146,13 @@ def replay(
     measured, step_s = recorded.motion, recorded.motion.step_s
     start, end = recorded.seconds(run.start), recorded.seconds(run.end)
     first, last = (int(np.searchsorted(measured.time_s, time - 1e-6)) for time in (start, end))
-    approach = _approach_before(measured, first, (end - start) / (2.0 * (len(run.executes) + 1)))
+    # Smoothed by the rows before the order alone: those after it answer it.
+    order_s = float(measured.time_s[first])
+    before = measured.around(order_s, order_s, _BEFORE_S)
+    before = before.rows(0, int(np.searchsorted(before.time_s, order_s - 1e-6)) + 1)
+    if before.time_s.size < 3:
+        raise DataShortageError("nothing was recorded before the order")
+    approach = smooth_motion(before, half_width_s(before, (end - start) / (2.0 * (len(run.executes) + 1))))
     settings, wind = recorded.controls[first : last + 1], recorded.wind[first : last + 1]
     controls, wind = mean_controls(settings[np.newaxis], recorded.actuators)[0], wind[:-1]
     if has_ended is not None:
@@ -168,16 +174,6 @@ def replay(
 def _held_on(values: Floats, row: int) -> Floats:
     """Rows of values with that of a row held from there on, for as long again as all of them."""
     return np.concatenate([values[:row], np.tile(values[row], (2 * len(values) - row, 1))])
-
-
-def _approach_before(measured: Motion, first: int, scale_s: float) -> Motion:
-    """The motion up to a row, smoothed by the rows before it alone: those after it answer the order."""
-    order_s = float(measured.time_s[first])
-    part = measured.around(order_s, order_s, _BEFORE_S)
-    part = part.rows(0, int(np.searchsorted(part.time_s, order_s - 1e-6)) + 1)
-    if part.time_s.size < 3:
-        raise DataShortageError("nothing was recorded before the order")
-    return smooth_motion(part, half_width_s(part, scale_s))
 
 
 def _joined(approach: Motion, simulated: Floats) -> Motion:

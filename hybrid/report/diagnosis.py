@@ -323,7 +323,16 @@ def _remarks(conclusion: Conclusion, effects: Sequence[NamedEffect]) -> tuple[st
     remarks = []
     if not log.wind[:, 1].any():
         remarks.append(_no_wind(equations.model.catalogue))
-    remarks += _about_settings(log)
+    if log.input_hold != "line":
+        setting = (
+            f"thruster settings are taken as held {log.input_hold}: this fits the motion better than interpolation"
+        )
+        alternative = "; or they are held until the next record, and act later by one interval"
+        remarks.append(setting + alternative * (log.input_hold == "since the last record"))
+    elif log.setting_step_s > 0.5:
+        remarks.append(
+            f"thruster settings were recorded every {log.setting_step_s:g} s: shorter lags cannot be found"
+        )
     if log.refused:
         remarks.append(f"{log.refused} outliers were rejected")
     for group in {base_names(group, equations.model.catalogue): None for group in conclusion.composites}:
@@ -351,16 +360,6 @@ def _remarks(conclusion: Conclusion, effects: Sequence[NamedEffect]) -> tuple[st
         if vessel is not None and effect.name in vessel.effects and effect.in_vessel:
             remarks.append(f"{effect.name} is already in the vessel file: the value here replaces the one there")
     return tuple(remarks)
-
-
-def _about_settings(log: Log) -> list[str]:
-    """How thruster settings were read between their records, where that is not as usual."""
-    if log.input_hold == "line":
-        seldom = f"thruster settings were recorded every {log.setting_step_s:g} s: shorter lags cannot be found"
-        return [seldom] if log.setting_step_s > 0.5 else []
-    held = f"thruster settings are taken as held {log.input_hold}: this fits the motion better than interpolation"
-    alternative = "; or they are held until the next record, and act later by one interval"
-    return [held + alternative if log.input_hold == "since the last record" else held]
 
 
 def _provenance(first: Acceptance) -> dict[str, Any]:

@@ -349,7 +349,10 @@ def plant_of(numbers: Mapping[str, float | tuple[float, ...]], layout: Actuators
     wrong = [name for name, value in numbers.items() if _size(value) != (TABLE_SIZE if name in TABLES else 0)]
     if wrong:
         raise ValueError(f"{wrong[0]} has {_size(numbers[wrong[0]])} columns")
-    form = Form(_hull_in(numbers), layout)
+    hull = next((name for name, model in HULLS.items() if set(model.numbers) <= set(numbers)), None)
+    if hull is None:
+        raise ValueError("the coefficients of no hull model are there")
+    form = Form(hull, layout)
     try:
         plant = _plant(form, _neutral(form)).replaced(**numbers)
     except KeyError as error:
@@ -358,14 +361,6 @@ def plant_of(numbers: Mapping[str, float | tuple[float, ...]], layout: Actuators
     if lacking:
         raise ValueError(f"{lacking[0]} is missing")
     return plant
-
-
-def _hull_in(numbers: Mapping[str, float | tuple[float, ...]]) -> str:
-    """The hull model whose coefficients are among the numbers. Raises :class:`ValueError` for none."""
-    for name, model in HULLS.items():
-        if set(model.numbers) <= set(numbers):
-            return name
-    raise ValueError("the coefficients of no hull model are there")
 
 
 def plant_hash(plant: Plant) -> str:

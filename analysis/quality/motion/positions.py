@@ -396,7 +396,11 @@ def reconstruct_positions(table: pd.DataFrame) -> Reconstruction | None:
     side = np.concatenate([[0], np.cumsum(leap)])
     tie_s = _POSITION_TIES_S[0]
     tied_m = slow_difference(deviation_m, side, times, tie_s)
-    if _agrees_between_leaps(way_m, deviation_m):
+    # They do not where the heading has an offset or the speeds a scale; then the positions are the better guide.
+    moves, drifts = (np.diff(path_m[:, 0] + 1j * path_m[:, 1]) for path_m in (way_m, deviation_m))
+    moving = np.abs(moves) > 0.2 * np.median(np.abs(moves))
+    ratio = drifts[moving] / moves[moving]
+    if moving.any() and np.hypot(np.median(ratio.real), np.median(ratio.imag)) < _SLOW:
         for tie_s in (*_POSITION_TIES_S, np.inf):
             tied_m = slow_difference(deviation_m, side, times, tie_s)
             within = np.diff(side) == 0
@@ -431,19 +435,6 @@ def slow_difference(deviation: Floats, side: NDArray[np.intp], times: pd.Datetim
         else:
             parts.append(np.broadcast_to(np.median(deviation[part], axis=0), (part.size, deviation.shape[1])))
     return np.concatenate(parts)
-
-
-def _agrees_between_leaps(way_m: Floats, deviation_m: Floats) -> bool:
-    """Whether the usual step of the positions is that of the path, along and across it.
-
-    It is not where the heading has an offset or the speeds a scale; then the positions are the better guide.
-    """
-    way, deviation = (np.diff(path_m[:, 0] + 1j * path_m[:, 1]) for path_m in (way_m, deviation_m))
-    moving = np.abs(way) > 0.2 * np.median(np.abs(way))
-    if not moving.any():
-        return False
-    ratio = deviation[moving] / way[moving]
-    return bool(np.hypot(np.median(ratio.real), np.median(ratio.imag)) < _SLOW)
 
 
 def reconstruct_heading(table: pd.DataFrame) -> Reconstruction | None:
