@@ -8,6 +8,8 @@ from dataclasses import replace
 from functools import cache
 from math import inf
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -34,6 +36,7 @@ from seatrial.hybrid.evaluation.manoeuvre_indices import (
     _over_ground,
     index_comparison,
     models_of,
+    predicted_indices,
 )
 from seatrial.hybrid.evaluation.validate import LengthErrors, errors_by_length
 from seatrial.hybrid.prediction.dataset import dataset_of
@@ -378,3 +381,12 @@ def test_runs_with_the_current_of_others_are_compared_over_ground() -> None:
     assert list(_over_ground(zigzag).indices) == ["initial_turning_m"]
     circle = replace(zigzag, kind="turning_circle", settings={"turned_deg": 560.0})
     assert _over_ground(circle) == circle
+
+
+def test_run_without_an_approach_is_left_out_with_its_reason() -> None:
+    """As in a programme of a small craft, whose tests follow each other without a break."""
+    ship = load_vessel("gunnerus_short")
+    recorded: Any = SimpleNamespace(motion=SimpleNamespace(at=lambda *_: 1.0), seconds=lambda _: 0.0)
+    run: Any = SimpleNamespace(kind="turning_circle", indices={}, settings={}, start=None)
+    with pytest.raises(DataShortageError, match="no approach"):
+        predicted_indices(recorded, run, JudgedModel(vessel_plant(ship), ship), None)
