@@ -490,7 +490,9 @@ def _print_manoeuvres(table: ManoeuvreTable, as_json: bool, options: Mapping[str
 
     if as_json:
         echo(json.dumps(summary(table.recorded, options["length_m"])))
-    if as_json or options["output"] is not None:
+    for path in table.pages:
+        echo(path, err=as_json)
+    if as_json or table.pages:
         return
     for recording in table.recorded:
         Terminal().print(terminal_tables(recording, every=options["all_indices"]))
@@ -561,10 +563,8 @@ def manoeuvres(
             recorded.append(manoeuvres_of(parts, length_m, finders, statement))
             progress(number / len(parts_of_recordings))
         recorded = with_trial_currents(recorded)
-    if output is not None:
-        for path in write_report(recorded, Path(output), length_m):
-            announce(path, err=False)
-    return manoeuvre_table(recorded)
+    pages = () if output is None else write_report(recorded, Path(output), length_m)
+    return manoeuvre_table(recorded, pages)
 
 
 def _print_smoothed(smoothed: SmoothedMotion, as_json: bool, options: Mapping[str, Any]) -> None:

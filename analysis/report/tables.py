@@ -606,17 +606,19 @@ _SLOWEST_MPS = 0.1  # a ship that lies still has no L/V
 
 
 class ManoeuvreTable(pd.DataFrame):
-    """One row an index of each manoeuvre; ``recorded`` are the recordings that they were found in."""
+    """One row an index of each manoeuvre; ``recorded`` are the recordings that they were found in, ``pages`` the
+    files that were written of them."""
 
-    _metadata = ["recorded"]  # noqa: RUF012 - as pandas has it
-    recorded: list[RecordingManoeuvres]
+    _metadata = ["recorded", "pages"]  # noqa: RUF012 - as pandas has it
+    recorded: tuple[RecordingManoeuvres, ...]
+    pages: tuple[Path, ...]
 
     @property
     def _constructor(self) -> type[ManoeuvreTable]:
         return ManoeuvreTable
 
 
-def manoeuvre_table(recorded: Sequence[RecordingManoeuvres]) -> ManoeuvreTable:
+def manoeuvre_table(recorded: Sequence[RecordingManoeuvres], pages: Sequence[Path] = ()) -> ManoeuvreTable:
     """The indices of all manoeuvres of some recordings, one row each."""
     rows = [
         {"manoeuvre": run.name, "kind": run.kind, "side": run.side, "start": run.start, "index": name,
@@ -629,5 +631,5 @@ def manoeuvre_table(recorded: Sequence[RecordingManoeuvres]) -> ManoeuvreTable:
     columns = ["manoeuvre", "kind", "side", "start", "index", "value", "low", "high", "unit", "limit",
                "counted_from", "result", "missing"]  # fmt: skip
     table = ManoeuvreTable(rows, columns=columns)
-    table.recorded = list(recorded)
+    table.recorded, table.pages = tuple(recorded), tuple(pages)
     return table
