@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import inspect
+import json
 from typing import Any
 
 import pandas as pd
 import pytest
 import typer
+from typer.testing import CliRunner
 
 import seatrial as st
 import seatrial.hybrid.commands  # registers all commands
@@ -78,3 +80,15 @@ def test_a_table_may_stand_where_a_recording_is_asked_for(tmp_path: Any) -> None
 
 def test_version_is_that_of_the_distribution() -> None:
     assert f"seatrial {st.__version__}" == st.version()
+
+
+@pytest.mark.parametrize(
+    "words", ["check trial.mcap -o out", "manoeuvres trial.mcap -o out", "windows trial.mcap -o out.parquet"]
+)
+def test_json_has_stdout_for_itself_when_files_are_written(
+    words: str, tmp_path: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    st.simulate(tmp_path / "trial.mcap", manoeuvre="turning_circle_30", duration_s=300.0, rate_hz=1.0)
+    monkeypatch.chdir(tmp_path)
+    done = CliRunner().invoke(st.app, [*words.split(), "--json"], catch_exceptions=False)
+    assert json.loads(done.stdout)
