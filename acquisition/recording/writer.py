@@ -598,8 +598,10 @@ class CommittedFile:
         self._syncing = None
         self._pending.clear()
         self.cut_to(self.synced)
-        self._pending += ending
         try:
+            if self.committed != self.synced:  # it cannot be cut: an ending would confirm what is written again
+                return False
+            self._pending += ending
             self.sync()
         except OSError:
             return False

@@ -486,3 +486,22 @@ def test_trouble_of_a_sync_in_the_background_is_noticed(tmp_path: Path, disk: Fa
     recorded.parts.resume()
     recorded.parts.close()
     assert recorded.values() == recorded.expected()
+
+
+def test_file_that_cannot_be_cut_is_not_ended_over_what_is_written_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Its unsynced messages go into the next part, too; an ending behind them would have them read twice."""
+    file = writer.CommittedFile(tmp_path / "part.mcap")
+    file.write(b"kept")
+    file.sync()
+    file.write(b"written again elsewhere")
+    file.flush()
+
+    def refuse(descriptor: int, length: int) -> None:
+        raise OSError(5, "Input/output error")
+
+    monkeypatch.setattr(writer.os, "ftruncate", refuse)
+    assert not file.abandon(b"ending")
+    assert file.closed
+    assert b"ending" not in (tmp_path / "part.mcap").read_bytes()
