@@ -62,7 +62,7 @@ class Parsed:
 Data = Union[str, Path, Sequence[str | Path], "pd.DataFrame"]
 """A recording, or several, or a table of one."""
 Recording = Annotated[
-    Data, Parsed(list[Path]), typer.Argument(metavar="FILES...", help="A recording, or the parts of one.")
+    Data, Parsed(list[Path]), typer.Argument(metavar="FILES", help="A recording, or the parts of one.")
 ]
 Output = Annotated[str | Path, Parsed(Path), typer.Option("-o", "--output", help="The file or folder to write.")]
 AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object to stdout.")]

@@ -38,7 +38,7 @@ if TYPE_CHECKING:
 HORIZON_S = 15
 """How far is predicted unless stated otherwise [s]."""
 
-Recordings = Annotated[Data, Parsed(list[Path]), typer.Argument(metavar="FILES...", help="Recordings.")]
+Recordings = Annotated[Data, Parsed(list[Path]), typer.Argument(metavar="FILES", help="Recordings.")]
 OutputFolder = Annotated[
     str | Path | None, Parsed(Path), typer.Option("-o", "--output", help="A folder for the results.")
 ]

@@ -139,7 +139,7 @@ Manoeuvres = Annotated[
     Sequence[str],
     Parsed(list[str]),
     typer.Argument(
-        metavar="MANOEUVRES...",
+        metavar="MANOEUVRES",
         help="MANOEUVRE or MANOEUVRE=MINUTES, one after the other: those of `seatrial simulate`, and "
         "reciprocal_headings, one_thruster_at_a_time, ...; default: the programme of docs/planning.md.",
     ),
@@ -1476,9 +1476,7 @@ def speed_power(
     recordings: Annotated[
         Data,
         Parsed(list[Path]),
-        typer.Argument(
-            metavar="FILES...", help="Recordings, or a table of run averages: .csv, .xlsx, one row a run."
-        ),
+        typer.Argument(metavar="FILES", help="Recordings, or a table of run averages: .csv, .xlsx, one row a run."),
     ],
     conditions: SpeedConditions = None,
     vessel: VesselName = None,
