@@ -22,7 +22,16 @@ from typing import TYPE_CHECKING, Annotated, Any, TypeVar, Union, get_args
 
 import typer
 
-from seatrial.acquisition.core.errors import ConfigurationError, InputError, UsageError, printable
+from seatrial.acquisition.core.errors import (
+    ConfigurationError,
+    InputError,
+    StorageError,
+    Terminal,
+    UsageError,
+    bar,
+    printable,
+    printable_name,
+)
 from seatrial.acquisition.core.process import Termination, announce, announced, echo, is_announcing, stop_on_signals
 
 if TYPE_CHECKING:
@@ -89,10 +98,7 @@ class Command:
         """The function with the types that the command line parses, and ``--json`` if its result is shown."""
         scope, parameters = self.function.__globals__, []
         for parameter in inspect.signature(self.function).parameters.values():
-            try:
-                annotation = eval(parameter.annotation, scope)  # as our own source has it
-            except NameError:  # a type that only scripts give
-                continue
+            annotation = eval(parameter.annotation, scope)  # as our own source has it
             base, *extras = get_args(annotation) if hasattr(annotation, "__metadata__") else (annotation,)
             if not extras:
                 continue  # for scripts only
@@ -114,19 +120,19 @@ class Command:
         @wraps(self.function)
         def run(**values: Any) -> None:
             as_json = self.show is not None and values.pop("as_json")
-            given = {
+            arguments = {
                 name: () if value is None and signature[name].default == () else value
                 for name, value in values.items()
             }
             with self._outputs(values), announced():
                 try:
-                    result = self.function(**given)
+                    result = self.function(**arguments)
                 except UsageError as error:
                     raise typer.BadParameter(error.what, param_hint=error.where) from error
                 except KeyboardInterrupt as stop:  # 128 and the signal, as shells have it
                     raise typer.Exit(143 if isinstance(stop, Termination) else 130) from None
                 if self.show is not None:
-                    self.show(result, as_json, given)
+                    self.show(result, as_json, arguments)
 
         signature = inspect.signature(self.function).parameters
         run.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
@@ -176,7 +182,6 @@ def as_paths(data: Data) -> list[Path]:
 
 def announce_result(result: Any) -> None:
     """Show a table or a result on stderr, if this runs as a command."""
-    from seatrial.acquisition.core.errors import Terminal
 
     if is_announcing():
         Terminal(stderr=True).print(result)
@@ -187,7 +192,6 @@ def show_result(result: Any, as_json: bool, options: Mapping[str, Any]) -> None:
     if as_json:
         echo(json.dumps(result.as_dict()))
         return
-    from seatrial.acquisition.core.errors import Terminal
 
     for line in getattr(result, "first_lines", ()):
         echo(line)
@@ -232,10 +236,10 @@ COMMANDS: list[Command] = []
 
 def mount(app: typer.Typer, groups: Mapping[str, typer.Typer]) -> None:
     """Add all commands to the command line; their help is what the functions say of themselves."""
-    for each in COMMANDS:
-        groups.get(each.group, app).command(
-            each.name, rich_help_panel=None if each.group else each.panel, help=each.summary
-        )(each.callback())
+    for entry in COMMANDS:
+        groups.get(entry.group, app).command(
+            entry.name, rich_help_panel=None if entry.group else entry.panel, help=entry.summary
+        )(entry.callback())
 
 
 @command(ABOARD)
@@ -345,7 +349,6 @@ def _sum_up(trial: TrialConfig, health: Health, paths: list[Path]) -> None:
 def _check_departure(
     trial: TrialConfig, folder: Path | None, duration_s: float, stop: threading.Event, as_json: bool
 ) -> None:
-    from seatrial.acquisition.core.errors import Terminal
     from seatrial.acquisition.logger.display import preflight_table
     from seatrial.acquisition.logger.survey import check_before_departure
 
@@ -362,7 +365,6 @@ def _check_departure(
 
 
 def _print_discovery(discovery: Discovery, as_json: bool, options: Mapping[str, Any]) -> None:
-    from seatrial.acquisition.core.errors import Terminal
     from seatrial.acquisition.discovery.discover import describe_silence, discovery_tables
 
     if as_json:
@@ -423,7 +425,6 @@ def discover(
     """
     target = None if output is None else Path(output)
     with stop_on_signals() as stop:
-        from seatrial.acquisition.core.errors import StorageError, bar
         from seatrial.acquisition.core.files import write_text
         from seatrial.acquisition.discovery.discover import discover as run
         from seatrial.acquisition.discovery.listen import parse_places, usual_places
@@ -504,7 +505,6 @@ def redecode(
         For a file that is no recording.
     """
     from seatrial.acquisition.config.trial_file import load_config
-    from seatrial.acquisition.core.errors import bar
     from seatrial.acquisition.logger.display import summary
     from seatrial.acquisition.logger.survey import redecode as run
 
@@ -551,7 +551,6 @@ def emulate(
         Where a bus or a line cannot be opened.
     """
     from seatrial.acquisition.config.trial_file import load_config
-    from seatrial.acquisition.core.errors import bar
     from seatrial.acquisition.emulator import emulate as run
 
     with bar("playing") as progress:
@@ -711,7 +710,6 @@ def _print_contents(contents: Contents, as_json: bool, options: Mapping[str, Any
         echo(json.dumps(contents))
         return
     recording, events = contents.recording, events_of(contents.recording)
-    from seatrial.acquisition.core.errors import Terminal
     from seatrial.acquisition.logger.survey import by_reason, missing_in
 
     # A path is not broken at 80 columns.
@@ -815,7 +813,6 @@ def recover(
     StorageError
         Where the new recording cannot be written.
     """
-    from seatrial.acquisition.core.errors import bar
     from seatrial.acquisition.recording.recover import recover as run
 
     with bar("recovering") as progress:
@@ -859,7 +856,6 @@ def migrate(
     InputError
         For a file that is no recording.
     """
-    from seatrial.acquisition.core.errors import bar
     from seatrial.acquisition.recording.recover import migrate as run
 
     with bar("migrating") as progress:
@@ -906,7 +902,6 @@ def write(
     >>> st.read(path)["heading_deg"].tolist()
     [10.0, 11.0, 12.0]
     """
-    from seatrial.acquisition.core.errors import printable_name
     from seatrial.acquisition.core.ship import as_text, declared_in, declared_text
     from seatrial.acquisition.core.trial import Trial
     from seatrial.acquisition.recording.writer import write_table

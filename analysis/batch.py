@@ -207,7 +207,7 @@ def _write_result(products: Products, row: Row, provenance: Mapping[str, Any], f
     write_parquet(products.one_hz, folder / "table.parquet", units, {**metadata, **trial})
     write_parquet(products.quality.flags, folder / "flags.parquet", {}, {**metadata, "meaning": FLAG_MEANING})
     repairs = [asdict(repair) for repair in products.repairs]
-    write_json(folder / "quality.json", {**products.quality.as_json(), "repairs": repairs, **origin})
+    write_json(folder / "quality.json", {**products.quality.as_dict(), "repairs": repairs, **origin})
     left_out = [manoeuvre.as_json() for manoeuvre in products.left_out]
     criteria = criteria_by_vessel({products.recording.trial.vessel: products.manoeuvres})
     results = {"manoeuvres": as_json(products.manoeuvres), "left_out": left_out, "criteria": criteria}

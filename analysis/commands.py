@@ -19,8 +19,9 @@ from seatrial.acquisition.commands import (
     as_paths,
     command,
     is_table,
+    show_result,
 )
-from seatrial.acquisition.core.errors import UsageError, bar
+from seatrial.acquisition.core.errors import ConfigurationError, DataShortageError, Terminal, UsageError, bar
 from seatrial.acquisition.core.files import expect_suffix
 from seatrial.acquisition.core.process import announce, echo
 
@@ -39,6 +40,12 @@ HORIZON_S = 15
 """How far is predicted unless stated otherwise [s]."""
 
 Recordings = Annotated[Data, Parsed(list[Path]), typer.Argument(metavar="FILES", help="Recordings.")]
+CommandOutput = Annotated[
+    str | Path | None,
+    Parsed(Path, required=True),
+    typer.Option("-o", "--output", help="The file or folder to write."),
+]
+"""What a command has to name and a script may leave out."""
 OutputFolder = Annotated[
     str | Path | None, Parsed(Path), typer.Option("-o", "--output", help="A folder for the results.")
 ]
@@ -90,23 +97,7 @@ Workers = Annotated[int | None, typer.Option(min=1, help="Number of worker proce
 Scheduler = Annotated[str | None, typer.Option(help="A running dask scheduler, like tcp://host:8786.")]
 
 
-def percent_of(time_range: tuple[float, float] | str) -> tuple[float, float]:
-    """A part of a recording's time, ``(0, 70)`` or ``"0..70"``, in percent. Raises :class:`InputError`."""
-    from seatrial.analysis.tables import table
-
-    return table.percent_of(time_range if isinstance(time_range, str) else "{:g}..{:g}".format(*time_range))
-
-
-def _print_quality(quality: DataQuality, as_json: bool, options: Mapping[str, Any]) -> None:
-    from seatrial.acquisition.core.errors import Terminal
-
-    if as_json:
-        echo(json.dumps(quality.as_json()))
-    else:
-        Terminal().print(quality)
-
-
-@command(RECORDINGS, "repair", folder="output", show=_print_quality)
+@command(RECORDINGS, "repair", folder="output", show=show_result)
 def check(
     recording: Recording,
     output: Annotated[
@@ -410,11 +401,7 @@ def _print_windows(windows: HeldWindows, as_json: bool, options: Mapping[str, An
 @command(RECORDINGS, "output", show=_print_windows)
 def windows(
     recordings: Recordings,
-    output: Annotated[
-        str | Path | None,
-        Parsed(Path, required=True),
-        typer.Option("-o", "--output", help="The file or folder to write."),
-    ] = None,
+    output: CommandOutput = None,
     horizon_s: Horizon = HORIZON_S,
     stride_s: Stride = 5,
     *,
@@ -485,7 +472,6 @@ def windows(
 
 
 def _print_manoeuvres(table: ManoeuvreTable, as_json: bool, options: Mapping[str, Any]) -> None:
-    from seatrial.acquisition.core.errors import Terminal
     from seatrial.analysis.report.tables import summary, terminal_tables, trial_criteria_lines
 
     if as_json:
@@ -589,11 +575,7 @@ def _print_smoothed(smoothed: SmoothedMotion, as_json: bool, options: Mapping[st
 @command(RECORDINGS, "output", show=_print_smoothed)
 def smooth(
     recording: Recording,
-    output: Annotated[
-        str | Path | None,
-        Parsed(Path, required=True),
-        typer.Option("-o", "--output", help="The file or folder to write."),
-    ] = None,
+    output: CommandOutput = None,
     rate_hz: Annotated[float, typer.Option("--rate", help="Rows per second (Hz).")] = 1.0,
 ) -> SmoothedMotion:
     """Smooth the motion with a Kalman smoother, with uncertainties.
@@ -788,7 +770,6 @@ def serve(
     ConfigurationError
         Without the package flask.
     """
-    from seatrial.acquisition.core.errors import ConfigurationError
 
     try:
         import flask  # noqa: F401 - asked for before anything is begun
@@ -827,7 +808,6 @@ def plot(table: pd.DataFrame) -> Figure:
     DataShortageError
         For a table with nothing to draw.
     """
-    from seatrial.acquisition.core.errors import DataShortageError
     from seatrial.analysis.report.plots import channels_figure, track_figure
     from seatrial.analysis.report.rendering import fill_figure
 

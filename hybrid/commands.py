@@ -27,7 +27,15 @@ from seatrial.acquisition.commands import (
     command,
     show_result,
 )
-from seatrial.acquisition.core.errors import Terminal, UsageError, bar, part_of, printable_name
+from seatrial.acquisition.core.errors import (
+    ConfigurationError,
+    InputError,
+    Terminal,
+    UsageError,
+    bar,
+    part_of,
+    printable_name,
+)
 from seatrial.acquisition.core.files import expect_suffix, locked_folder, written_together
 from seatrial.acquisition.core.process import announce, echo, stop_on_signals
 from seatrial.analysis.commands import (
@@ -42,7 +50,6 @@ from seatrial.analysis.commands import (
     Stride,
     TimeRange,
     Workers,
-    percent_of,
 )
 
 if TYPE_CHECKING:
@@ -52,7 +59,6 @@ if TYPE_CHECKING:
     from seatrial.analysis.speed_power.analysis import SpeedPower
     from seatrial.hybrid.calibrators import TrainedCalibrator
     from seatrial.hybrid.calibrators.predict import Prediction
-    from seatrial.hybrid.effects.catalogue import Catalogue
     from seatrial.hybrid.evaluation.study import Evaluation
     from seatrial.hybrid.evaluation.validate import Validation
     from seatrial.hybrid.identification.identify import Identification
@@ -295,17 +301,12 @@ def init(
     from seatrial.hybrid.vessel.estimate import new_vessel as estimates
     from seatrial.hybrid.workflows import start_folder
 
-    dimensions = {
-        "length_m": length_m,
-        "beam_m": beam_m,
-        "draught_m": draught_m,
-        "block": block,
-        "service_speed_mps": service_speed_mps,
-    }
-    devices = {"propellers": propellers, "azimuths": azimuths, "rudders": rudders, "tunnels": tunnels}
-    options = {key: (_NEEDED | _DEVICES)[key][0] for key, value in (dimensions | devices).items() if value}
-    if vessel is not None and options:
-        raise UsageError("is given with --vessel, whose file says it", where=next(iter(options.values())))
+    dimensions = dict(zip(_NEEDED, (length_m, beam_m, draught_m, block, service_speed_mps), strict=True))
+    devices = dict(zip(_DEVICES, (propellers, azimuths, rudders, tunnels), strict=True))
+    stated = [key for key, value in (dimensions | devices).items() if value not in (None, (), [])]
+    if vessel is not None and stated:
+        option, _ = (_NEEDED | _DEVICES)[stated[0]]
+        raise UsageError("is given with --vessel, whose file says it", where=option)
     particulars = {} if vessel is not None else complete(dimensions, devices, "--vessel FILE")
     target = Path(folder)
     name = safe_name(name or target.resolve().name)
@@ -433,18 +434,12 @@ def new_vessel(
     """
     from seatrial.hybrid.vessel.estimate import new_vessel as estimates
 
-    dimensions = {
-        "length_m": length_m,
-        "beam_m": beam_m,
-        "draught_m": draught_m,
-        "block": block,
-        "service_speed_mps": service_speed_mps,
-    }
-    devices = {"propellers": propellers, "azimuths": azimuths, "rudders": rudders, "tunnels": tunnels}
+    dimensions = dict(zip(_NEEDED, (length_m, beam_m, draught_m, block, service_speed_mps), strict=True))
+    devices = dict(zip(_DEVICES, (propellers, azimuths, rudders, tunnels), strict=True))
     particulars = complete(dimensions, devices)
     if hull not in ("mmg", "cross_flow"):
         raise UsageError(f"no hull model {hull!r}; give mmg or cross_flow")
-    made = estimates.new_vessel(
+    ship = estimates.new_vessel(
         output,
         name=name or ("ship" if output is None else printable_name(Path(output).stem)),
         **particulars,
@@ -452,12 +447,12 @@ def new_vessel(
         length_overall_m=length_overall_m, centre_of_gravity_m=centre_of_gravity_m,
         frontal_area_m2=frontal_area_m2, lateral_area_m2=lateral_area_m2, water_density_kgpm3=water_density_kgpm3,
     )  # fmt: skip
-    for warning in made.warnings:
+    for warning in ship.warnings:
         announce(f"note: {warning}")
-    rpm = ", ".join(f"{shaft} {value:.4g} rpm" for shaft, value in made.service_rpm.items())
+    rpm = ", ".join(f"{shaft} {value:.4g} rpm" for shaft, value in ship.service_rpm.items())
     announce(f"{particulars['service_speed_mps']:g} m/s takes {rpm}")
     announce(output, err=False)
-    return made
+    return ship
 
 
 @command(TRIALS, "output", name="check", group="vessel", show=show_result)
@@ -526,7 +521,7 @@ def simulate(
     ] = (),
     effects: Effects = (),
     *,
-    catalogue: Catalogue | None = None,
+    catalogue: Mapping[str, Any] | None = None,
 ) -> pd.DataFrame:
     """Simulate a trial as its sensors would have recorded it.
 
@@ -569,9 +564,12 @@ def simulate(
 
     expect_suffix(output, ".mcap")
     target, ship = Path(output), load_vessel(vessel)
-    known = catalogue_with(effects, vessel=ship) if catalogue is None else catalogue
-    hidden = hide if isinstance(hide, Mapping) else parse_effects(hide, known)
-    table, truth = simulate_trial(ship, sea_state, manoeuvre, duration_s, rate_hz, seed, hidden, catalogue=known)
+    if catalogue is None:
+        catalogue = catalogue_with(effects, vessel=ship)
+    hidden = hide if isinstance(hide, Mapping) else parse_effects(hide, catalogue)
+    table, truth = simulate_trial(
+        ship, sea_state, manoeuvre, duration_s, rate_hz, seed, hidden, catalogue=catalogue
+    )
     record_trial(table, truth, target, place="Trondheimsfjord, simulated")
     samples = int(table.notna().to_numpy().sum())
     announce(
@@ -881,6 +879,7 @@ def validate(
     DataShortageError
         Where there is no window.
     """
+    from seatrial.analysis.tables.table import percent_of
     from seatrial.hybrid.calibrators.predict import predictor_of
     from seatrial.hybrid.evaluation import validate as validation
     from seatrial.hybrid.evaluation.manoeuvre_indices import index_comparison, runs_of_recordings
@@ -1328,6 +1327,7 @@ def diagnose(
     InputError
         For a recording without what a diagnosis needs.
     """
+    from seatrial.analysis.tables.table import percent_of
     from seatrial.hybrid import workflows
     from seatrial.hybrid.effects.catalogue import catalogue_with
 
@@ -1420,7 +1420,7 @@ def identify(
     DataShortageError
         For recordings that are too short.
     """
-    from seatrial.analysis.tables.table import warn_of_calm, with_calm
+    from seatrial.analysis.tables.table import percent_of, warn_of_calm, with_calm
     from seatrial.analysis.windows.held import named_recordings
     from seatrial.hybrid.identification.identify import identify_tables, judge, repertoire_of
     from seatrial.hybrid.vessel.files import save_vessel
@@ -1528,7 +1528,6 @@ def speed_power(
     ISO 15016:2015; see docs/speed_power.md.
     """
     from seatrial.acquisition.config.run_sheet import Conditions, statement_from_text, statement_text
-    from seatrial.acquisition.core.errors import InputError
     from seatrial.analysis.speed_power.corrections import read_wind_resistance
     from seatrial.analysis.speed_power.runs import is_run_table
 
@@ -1585,8 +1584,8 @@ def _power_of_recordings(
     first = recordings[0]
     ship = vessel or vessel_of_ship(first.trial.vessel, first.path.parent)
     recorded = [(recording.trial, table) for recording, table in zip(recordings, tables, strict=True)]
-    known = known_conditions(recorded, load_vessel(ship) if ship else None, conditions)
-    return analyse(tables, known, [event for recording in recordings for event in recording.events])
+    conditions = known_conditions(recorded, load_vessel(ship) if ship else None, conditions)
+    return analyse(tables, conditions, [event for recording in recordings for event in recording.events])
 
 
 def _print_pages(paths: list[Path], as_json: bool, options: Mapping[str, Any]) -> None:
@@ -1691,7 +1690,6 @@ def report(
     InputError
         For a folder that holds nothing to report on.
     """
-    from seatrial.acquisition.core.errors import ConfigurationError
     from seatrial.analysis.report.rendering import write_pdf
     from seatrial.hybrid.report import folder as folders
     from seatrial.hybrid.report.text import FAILED
@@ -1699,7 +1697,7 @@ def report(
     place = Path(folder)
     choices = folders.Choices(
         None if calibrator is None else Path(calibrator), None if vessel is None else str(vessel), horizon_s,
-        "{:g}..{:g}".format(*percent_of(time_range)), not no_repair, allow_seen, interactive, length_m, method,
+        time_range, not no_repair, allow_seen, interactive, length_m, method,
         None if conditions is None else Path(conditions),
     )  # fmt: skip
     source = None if recordings is None else Path(recordings)
@@ -1874,6 +1872,7 @@ def _dataset(
     *,
     shorter: bool = False,
 ) -> Dataset:
+    from seatrial.analysis.tables.table import percent_of
     from seatrial.hybrid.prediction.dataset import load_dataset
 
     with bar("reading") as progress:
@@ -1888,6 +1887,7 @@ def _with_truths(
     dataset: Dataset, files: list[Path], time_range: tuple[float, float] | str, rebuilt: bool
 ) -> Dataset:
     """The data set with its windows' tracks by each sensor as it was measured."""
+    from seatrial.analysis.tables.table import percent_of
     from seatrial.analysis.windows.held import tables_of_recordings
     from seatrial.hybrid.evaluation.validate import with_truths
 

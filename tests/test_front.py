@@ -14,6 +14,8 @@ from typer.testing import CliRunner
 import seatrial as st
 import seatrial.hybrid.commands  # registers all commands
 from seatrial.acquisition.commands import COMMANDS, Command, as_paths
+from seatrial.acquisition.core.errors import InputError
+from seatrial.analysis.tables.table import percent_of
 
 NAMES = [f"{entry.group} {entry.name}".strip() for entry in COMMANDS]
 UNITS = ("_s", "_m", "_hz", "_kw", "_min", "_percent", "_mps", "_m2", "_kgpm3")
@@ -23,10 +25,7 @@ def parameters(entry: Command) -> dict[str, Any]:
     """The parameters that are options, with their metadata."""
     scope, options = entry.function.__globals__, {}
     for name, parameter in inspect.signature(entry.function).parameters.items():
-        try:
-            annotation = eval(parameter.annotation, scope)
-        except NameError:
-            continue
+        annotation = eval(parameter.annotation, scope)
         if extras := getattr(annotation, "__metadata__", ()):
             options[name] = extras[-1]
     return options
@@ -92,3 +91,12 @@ def test_json_has_stdout_for_itself_when_files_are_written(
     monkeypatch.chdir(tmp_path)
     done = CliRunner().invoke(st.app, [*words.split(), "--json"], catch_exceptions=False)
     assert json.loads(done.stdout)
+
+
+def test_part_of_the_time_is_taken_as_it_is_given() -> None:
+    """A third of a recording is a third, not 33.3333 %."""
+    third = 100.0 / 3.0
+    assert percent_of((0.0, third)) == (0.0, third) == percent_of(f"0..{third!r}")
+    for part in ((50.0, 50.0), (0.0, 101.0), "70..0"):
+        with pytest.raises(InputError):
+            percent_of(part)

@@ -52,7 +52,7 @@ def test_a_table_of_a_ship_with_a_rudder_goes_into_a_recording_too(tmp_path: Pat
 
 
 def test_a_script_from_recording_to_prediction(small_folder: Path, unseen: Path) -> None:
-    assert st.check(unseen).as_json()["channels"]
+    assert st.check(unseen).as_dict()["channels"]
     one_hz = st.prepare(unseen, rate_hz=1.0)
     assert len(st.windows(one_hz, horizon_s=30).rows) == len(st.windows(unseen, horizon_s=30).rows)
     calibrator = st.load_calibrator(small_folder)

@@ -42,7 +42,7 @@ class Result:
     __slots__ = ()
     view: ClassVar[str]
     drawing: ClassVar[str]
-    frame: ClassVar[str]
+    frame: ClassVar[str] = ""
     size_inch: ClassVar[tuple[float, float]] = (9.0, 5.0)
 
     def __rich__(self) -> RenderableType:
@@ -71,9 +71,14 @@ class Result:
         return f'{table}<img src="data:image/png;base64,{picture}" style="max-width:100%">'
 
     def to_frame(self) -> pd.DataFrame:
-        """The main numbers of the result as a table: the entry :attr:`frame` of its JSON object, a row each."""
+        """The main numbers of the result as a table: the entry :attr:`frame` of its JSON object, a row each.
+
+        Raises NotImplementedError for a result that has no such entry.
+        """
         import pandas as pd
 
+        if not self.frame:
+            raise NotImplementedError(f"{type(self).__name__} has no single table: see its fields")
         entries = self.as_dict()[self.frame]
         return (
             pd.DataFrame.from_dict(entries, orient="index") if isinstance(entries, dict) else pd.DataFrame(entries)

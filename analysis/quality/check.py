@@ -113,6 +113,7 @@ class DataQuality(Result):
     sources: Mapping[str, Sequence[str]] = field(default_factory=dict)
     events: tuple[Event, ...] = ()
     view = "seatrial.analysis.report.pages:quality_view"
+    frame = "channels"
     drawing = "seatrial.analysis.report.pages:draw_flags"
 
     @property
@@ -126,11 +127,7 @@ class DataQuality(Result):
         gaps = {name: channel.gaps for name, channel in self.channels.items()}
         return causes_of(self.findings, gaps, self.sources, self.events)
 
-    def to_frame(self) -> pd.DataFrame:
-        """One row a channel: counts, gaps, grades."""
-        return pd.DataFrame.from_dict(self.as_json()["channels"], orient="index")
-
-    def as_json(self) -> dict[str, Any]:
+    def as_dict(self) -> dict[str, Any]:
         """The contract's object: channels by name, findings, the causes of these, the recording's events."""
         return {
             "channels": {name: channel.as_json() for name, channel in self.channels.items()},

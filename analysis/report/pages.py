@@ -272,7 +272,7 @@ def write_quality(
 
     Raises :class:`StorageError` when they cannot be written.
     """
-    document, recording = quality.as_json(), str(provenance["recording"])
+    document, recording = quality.as_dict(), str(provenance["recording"])
     report, flags = folder / "quality.json", folder / "flags.parquet"
     origin = {"recording": recording, "findings": document["findings"], "provenance": provenance}
     metadata = {key: json.dumps(value) for key, value in origin.items()}

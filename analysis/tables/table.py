@@ -281,9 +281,8 @@ def select(table: pd.DataFrame, part_percent: tuple[float, float] | str) -> pd.D
 
     Parts that meet share no row. Raises :class:`InputError` for a part that is not inside 0 to 100 or is empty.
     """
-    part = percent_of(part_percent) if isinstance(part_percent, str) else part_percent
     times = times_ns(table)
-    first_ns, last_ns = bounds_ns([times], part)
+    first_ns, last_ns = bounds_ns([times], percent_of(part_percent))
     selected: pd.DataFrame = table[(times >= first_ns) & (times <= last_ns)]
     return selected
 
@@ -301,8 +300,10 @@ def bounds_ns(times: Iterable[Ints], part_percent: tuple[float, float]) -> tuple
     return first, last if high == 100.0 else last - 1
 
 
-def percent_of(part: str) -> tuple[float, float]:
-    """Where a part like ``0..70`` begins and ends, in percent. Raises :class:`InputError` for what is none."""
+def percent_of(part: tuple[float, float] | str) -> tuple[float, float]:
+    """Where a part like ``(0, 70)`` or ``"0..70"`` begins and ends, in percent. Raises :class:`InputError`."""
+    if not isinstance(part, str):
+        return _checked_part(*part)
     try:
         low, high = (float(end) for end in part.split(".."))
     except ValueError as error:

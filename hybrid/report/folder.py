@@ -67,7 +67,7 @@ class Choices:
     calibrator: Path | None = None
     vessel: str | None = None
     horizon_s: int | None = None
-    part: str = "0..100"
+    part: tuple[float, float] | str = "0..100"
     repair: bool = True
     allow_seen: bool = False
     interactive: bool = True

@@ -969,7 +969,7 @@ def load_case(
     vessel: str | None = None,
     horizon_s: int | None = None,
     *,
-    part: str = "0..100",
+    part: tuple[float, float] | str = "0..100",
     repair: bool = True,
     allow_seen: bool = False,
     length_m: float | None = None,

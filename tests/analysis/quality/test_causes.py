@@ -55,7 +55,7 @@ def test_every_finding_has_one_cause_and_all_keys_stay() -> None:
     quality = check_table(silent((GPS, 300, 420), (GYRO, 700, 800)))
     told = [finding for cause in quality.causes for finding in cause.findings]
     assert sorted(map(id, told)) == sorted(map(id, quality.findings))
-    assert {"channels", "findings", "causes"} <= quality.as_json().keys()
+    assert {"channels", "findings", "causes"} <= quality.as_dict().keys()
 
 
 def test_the_recorders_own_event_is_quoted() -> None:
