@@ -12,6 +12,7 @@ field that may hold one has the type :data:`Number`, which reads null as NaN.
 from __future__ import annotations
 
 import json
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, field
 from io import StringIO
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, TypeVar
@@ -26,6 +27,8 @@ if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
     from rich.console import RenderableType
+    from rich.table import Table
+    from rich.text import Text
 
 
 _WIDTH = 110  # columns
@@ -136,6 +139,33 @@ class ModelResult(Result):
         remarks = [self.measurements] if self.measurements else []
         remarks += [] if self.model is None else self.model.remarks.get("remarks", [])
         return {"remarks": remarks} if remarks else {}
+
+
+def terminal_table(
+    title: str | None,
+    columns: Sequence[str],
+    rows: Iterable[Sequence[str | Text]],
+    best: int | None = None,
+    words: Collection[int] = (0,),
+    *,
+    wrap: bool = False,
+    **look: Any,
+) -> Table:
+    """A table for a terminal: the columns with the numbers ``words`` to the left, others to the right.
+
+    Row ``best`` is bold. Where a line is too short, words are broken, or with ``wrap`` the heads of numbers;
+    numbers never. ``look`` is what else :class:`rich.table.Table` takes.
+    """
+    from rich.table import Table
+
+    usual = {"title_justify": "left", "caption_justify": "left", "box": None, "header_style": "dim"}
+    table = Table(title=title, **{**usual, **look})
+    for number, name in enumerate(columns):
+        word = number in words
+        table.add_column(name, justify="left" if word else "right", overflow="fold", no_wrap=word == wrap)
+    for number, row in enumerate(rows):
+        table.add_row(*row, style="bold" if number == best else "")
+    return table
 
 
 Decoded = TypeVar("Decoded")

@@ -23,6 +23,7 @@ from rich.table import Table
 from rich.text import Text
 
 from seatrial.acquisition.core.quantities import Floats, to_ship
+from seatrial.acquisition.core.result import terminal_table
 from seatrial.analysis.report.plots import FAINT, INK, PALETTE, label
 from seatrial.hybrid.identification.identify import (
     CoefficientEstimate,
@@ -32,7 +33,7 @@ from seatrial.hybrid.identification.identify import (
 )
 from seatrial.hybrid.prediction.baselines import Interval, outlines
 from seatrial.hybrid.report.errors import QUANTITIES, Calibration, ErrorComponents, errors_of
-from seatrial.hybrid.report.text import plain, text_table
+from seatrial.hybrid.report.text import plain
 
 if TYPE_CHECKING:
     from seatrial.hybrid.calibrators import TrainedCalibrator
@@ -338,7 +339,7 @@ def _coefficients(identification: Identification) -> Table:
         f"by {identification.segments} segments of {identification.duration_s:.0f} s"
     )
     columns = ("coefficient", "value", "95 % from", "to", "start", "")
-    table = text_table(title, columns, (), wrap=True, pad_edge=False)
+    table = terminal_table(title, columns, (), wrap=True, pad_edge=False)
     for coefficient in identification.coefficients:
         cells = [
             f"{number:.3g}" for number in (coefficient.value, coefficient.low, coefficient.high, coefficient.start)
@@ -355,7 +356,7 @@ def _validation(judged: Judgement) -> Table:
         for name, errors in judged.scores.items()
     ]
     columns = ("method", "mean distance m", "at the end m", "heading deg")
-    return text_table(title, columns, rows, wrap=True, pad_edge=False)
+    return terminal_table(title, columns, rows, wrap=True, pad_edge=False)
 
 
 def _next(candidates: Sequence[ManoeuvreInformation]) -> Table:
@@ -365,7 +366,7 @@ def _next(candidates: Sequence[ManoeuvreInformation]) -> Table:
         for candidate in candidates[:_TRIALS]
     ]
     columns = ("manoeuvre", "nats", "remaining variance", "newly determined")
-    return text_table(title, columns, rows, wrap=True, pad_edge=False)
+    return terminal_table(title, columns, rows, wrap=True, pad_edge=False)
 
 
 def draw_identification(figure: Figure, identification: Identification) -> None:

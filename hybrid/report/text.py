@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 import traceback
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from functools import cache
 from math import isfinite
 from pathlib import Path
@@ -21,6 +21,7 @@ from rich.table import Table
 from rich.text import Text
 
 from seatrial.acquisition.core.errors import SeatrialError
+from seatrial.acquisition.core.result import terminal_table
 from seatrial.analysis.report.rendering import Page, environment, render, write_figure
 from seatrial.analysis.report.tables import in_words, reason_of
 from seatrial.hybrid.effects.catalogue import VERSION, Catalogue
@@ -106,31 +107,6 @@ def quantity_title(name: str) -> str:
     )
 
 
-def text_table(
-    title: str,
-    columns: Sequence[str],
-    rows: Iterable[Sequence[str | Text]],
-    best: int | None = None,
-    words: int = 1,
-    *,
-    wrap: bool = False,
-    **look: Any,
-) -> Table:
-    """A table for a terminal: ``words`` columns to the left, the others to the right, row ``best`` in bold.
-
-    Where a line is too short, words are broken, or with ``wrap`` the heads of numbers; numbers never. ``look`` is
-    what else :class:`rich.table.Table` takes.
-    """
-    usual = {"title_justify": "left", "caption_justify": "left", "box": None, "header_style": "dim"}
-    table = Table(title=title, **{**usual, **look})
-    for number, name in enumerate(columns):
-        word = number < words
-        table.add_column(name, justify="left" if word else "right", overflow="fold", no_wrap=word == wrap)
-    for number, row in enumerate(rows):
-        table.add_row(*row, style="bold" if number == best else "")
-    return table
-
-
 def _short(method: str) -> str:
     """A method's name, of one of a user's own without its folders."""
     return method.rpartition("/")[2]
@@ -162,7 +138,7 @@ def validation_view(validation: Validation) -> RenderableType:
 def truths_table(truths: Truths) -> Table:
     """A row a sensor that may judge: what a perfect prediction would err by, and what each method does."""
     names = list(next(iter(truths.by.values())).methods)
-    return text_table(
+    return terminal_table(
         "judged by each sensor: mean distance m", ("", *map(_head, ("floor", *names))),
         truth_rows(truths), caption="floor: the error that a perfect prediction would show",
     )  # fmt: skip
@@ -183,9 +159,9 @@ def validation_table(validation: Validation) -> Table:
     """One row a method, the best mean distance in bold."""
     windows = validation.windows
     kind = "held windows of {} s" if windows.commands is None else "windows of {} s under their commands"
-    return text_table(
+    return terminal_table(
         f"{len(windows)} {kind.format(windows.horizon_s)}", ("method", *_METHOD_COLUMNS), *score_rows(validation),
-        words=2, wrap=True, caption=_caption(validation),
+        words=(0, 1), wrap=True, caption=_caption(validation),
     )  # fmt: skip
 
 
@@ -245,8 +221,8 @@ def prediction_table(prediction: Prediction) -> Table:
         for row in track
         if row["second"] % step == 0 or row is track[-1]
     ]
-    return text_table(
-        f"{prediction.method} from {prediction.at.isoformat()}", ("second", *_PREDICTION_COLUMNS), rows, words=0,
+    return terminal_table(
+        f"{prediction.method} from {prediction.at.isoformat()}", ("second", *_PREDICTION_COLUMNS), rows, words=(),
         wrap=True, caption=_UNTRAINED if prediction.outside_domain else None,
     )  # fmt: skip
 
@@ -262,7 +238,7 @@ def evaluation_view(evaluation: Evaluation) -> Group:
             tables.append(breakdown_table(split))
     if evaluation.leak:
         rows = [[name, estimate_text(factor)] for name, factor in evaluation.leak.items()]
-        tables.append(text_table("error on unseen legs over random's", ("", "times"), rows))
+        tables.append(terminal_table("error on unseen legs over random's", ("", "times"), rows))
     return Group(*tables)
 
 
@@ -279,7 +255,7 @@ def methods_table(horizon_s: int, split: SplitSummary) -> Table:
     ]  # fmt: skip
     title = f"{split.kind}: {MEANING[split.kind]}; {counts_of(split.whole)} of {horizon_s} s"
     best = list(split.whole.methods).index(split.whole.best)
-    return text_table(title, ("", *_SPLIT_COLUMNS), rows, best, words=2, caption=caption_of(split))
+    return terminal_table(title, ("", *_SPLIT_COLUMNS), rows, best, words=(0, 1), caption=caption_of(split))
 
 
 def breakdown_table(split: SplitSummary) -> Table:
@@ -292,7 +268,7 @@ def breakdown_table(split: SplitSummary) -> Table:
         ]
         rows.append([name, f"{summary.windows}/{summary.legs}", *figures])
     methods = map(_head, split.whole.methods)
-    return text_table(f"{split.kind}: mean distance m by class, with windows/legs", ("", "", *methods), rows)
+    return terminal_table(f"{split.kind}: mean distance m by class, with windows/legs", ("", "", *methods), rows)
 
 
 def caption_of(split: SplitSummary) -> str:
@@ -337,7 +313,7 @@ def plan_view(plan: Plan) -> RenderableType:
         _programme_view("Your programme", plan.asked),
         _programme_view("A better one", plan.better),
         Text(f"\n{heading_of(plan)}\n"),
-        text_table("", ("effect", "yours", "better", "ordinary", ""), limit_rows(plan), pad_edge=False),
+        terminal_table("", ("effect", "yours", "better", "ordinary", ""), limit_rows(plan), pad_edge=False),
         _indistinguishable_text("Your programme", plan.asked),
         _indistinguishable_text("The better one", plan.better),
     )

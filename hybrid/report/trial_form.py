@@ -21,6 +21,7 @@ from rich.text import Text
 
 from seatrial.acquisition.config.run_sheet import accuracy_of
 from seatrial.acquisition.core.quantities import KNOT_MPS, Floats, mean_wind, to_ship
+from seatrial.acquisition.core.result import terminal_table
 from seatrial.acquisition.core.ship import channel_unit, is_order
 from seatrial.analysis.manoeuvres.criteria import CriterionResult
 from seatrial.analysis.manoeuvres.indices import Manoeuvre, unit_of
@@ -32,7 +33,6 @@ from seatrial.analysis.series import ASSUMED, is_assumed, white_noise
 from seatrial.analysis.speed_power.report import power_text
 from seatrial.analysis.speed_power.runs import mean_power_kw
 from seatrial.analysis.tables.table import NANO, times_ns
-from seatrial.hybrid.report.text import text_table
 
 if TYPE_CHECKING:
     from seatrial.hybrid.evaluation.manoeuvre_indices import (
@@ -332,7 +332,7 @@ def left_out_lines(left_out: Sequence[NotSimulated]) -> list[str]:
 def indices_view(comparisons: IndexComparisons) -> Group:
     """The tables for a terminal, and their notes."""
     tables = [
-        text_table(title, INDEX_HEADER, lines, title_style="bold") for title, lines in index_tables(comparisons)
+        terminal_table(title, INDEX_HEADER, lines, title_style="bold") for title, lines in index_tables(comparisons)
     ]
     return Group(*tables, *(Text(note, style="dim") for note in notes_of_indices(comparisons)))
 
@@ -363,4 +363,4 @@ def length_title(errors: LengthErrors, horizon_s: int) -> str:
 
 def length_table(errors: LengthErrors, horizon_s: int) -> Table:
     """The errors by L/V for a terminal."""
-    return text_table(length_title(errors, horizon_s), length_header(errors), length_lines(errors), wrap=True)
+    return terminal_table(length_title(errors, horizon_s), length_header(errors), length_lines(errors), wrap=True)

@@ -21,11 +21,12 @@ from rich.console import Group
 
 from seatrial.acquisition.core.errors import InputError
 from seatrial.acquisition.core.files import atomic_file, read_json, write_text, written_together
+from seatrial.acquisition.core.result import terminal_table
 from seatrial.analysis.report.plots import FAINT
 from seatrial.analysis.report.rendering import Page, render
 from seatrial.hybrid.prediction.baselines import Interval
 from seatrial.hybrid.report.plots import COLOUR, interval_bar, logarithmic
-from seatrial.hybrid.report.text import estimate_text, no_wrap, plain, sections, templates, text_table
+from seatrial.hybrid.report.text import estimate_text, no_wrap, plain, sections, templates
 from seatrial.notebooks.wang2021.campaign import SEA_STATES, SeaResults
 from seatrial.notebooks.wang2021.figures import FIGURES, FigureSpec
 from seatrial.notebooks.wang2021.table3 import PUBLISHED, Reduction, Row, Table3, read_table3, table3
@@ -52,11 +53,11 @@ def table3_view(table: Table3) -> Group:
     shown = []
     for rows in by_sea_state(table):
         lines, best = method_rows(rows)
-        shown.append(text_table(f"{rows[0].sea_state}: {counts_of(rows[0])}", _NARROW, lines, best, **_TIGHT))
+        shown.append(terminal_table(f"{rows[0].sea_state}: {counts_of(rows[0])}", _NARROW, lines, best, **_TIGHT))
     above = sum(cell.above for cell in table.cells)
     title = f"reductions on sequences never seen: {above} of {len(table.cells)} above the published"
     narrow = [title.replace("perfect ", "perfect\n").replace("waves ", "waves\n") for title in CELLS_HEADER]
-    return Group(*shown, text_table(title, narrow, cell_rows(table), **_TIGHT))
+    return Group(*shown, terminal_table(title, narrow, cell_rows(table), **_TIGHT))
 
 
 def draw_table3(figure: Figure, table: Table3) -> None:
