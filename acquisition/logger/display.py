@@ -43,7 +43,7 @@ from seatrial.acquisition.core.errors import ConfigurationError, SourceError, Te
 from seatrial.acquisition.core.process import start_thread
 from seatrial.acquisition.core.ship import channels_known_to
 from seatrial.acquisition.core.trial import NANO, Trial, iso
-from seatrial.acquisition.logger.health import ChannelHealth, Health
+from seatrial.acquisition.logger.health import Health
 from seatrial.acquisition.logger.requests import (
     LOOPBACK,
     PATIENCE_S,
@@ -99,8 +99,14 @@ class Picture:
         state = paused if health.trouble else ("● REC ", "bold red")
         yield _line(state, elapsed, f"  {health.samples:,} samples  {health.part}")
         yield _status_line(health, self.marks)
-        alarms = (_line((f"ALARM {text}", "bold white on red")) for text in tuple(health.alarms.values()))
-        remarks = [*_clock_and_copies(health), *alarms]
+        clock = "yellow" if health.clock.state == "free-running" else "dim"
+        parts = [] if health.clock.state == "unknown" else [(f"clock {health.clock}", clock)]
+        if health.copies.trouble:
+            parts.append((f"  no copies: {health.copies.trouble}", "bold red"))
+        elif health.copies.waiting:
+            parts.append((f"  {health.copies.waiting} parts to copy", "dim"))
+        remarks = [_line(*parts)] if parts else []
+        remarks += [_line((f"ALARM {text}", "bold white on red")) for text in tuple(health.alarms.values())]
         yield from remarks
         yield _channel_table(health, self.expected, now_ns, options.max_width)
         yield _source_table(health, now_ns)
@@ -116,34 +122,18 @@ def _line(*parts: str | tuple[str, str]) -> Text:
 def _status_line(health: Health, marks: Mapping[str, str] | None) -> Text:
     if health.trouble:
         return _line((health.trouble, "bold red"))
+    disk, style, remaining_s = "disk ?", "yellow", health.seconds_left
+    if health.free_bytes is not None:
+        disk, style = f"disk {health.free_bytes / 1e9:.1f} GB left", "green"
+    if remaining_s is not None:
+        disk += f", {_duration_text(remaining_s)} at {health.bytes_per_s / 1e3:.0f} kB/s"
+        style = "bold red" if remaining_s < _SHORT_TIME_S else "green"
     keys = ", ".join([*(f"{key} {text}" for key, text in (marks or {}).items()), "m a mark"])
     return _line(
-        _disk_text(health),
+        (disk, style),
         ("" if marks is None else f"  Ctrl-C ends; {keys}", "dim"),
         (f"  {health.marks} mark{'' if health.marks == 1 else 's'}", "dim"),
     )
-
-
-def _clock_and_copies(health: Health) -> Iterator[Text]:
-    """The computer's clock once it is known, and the copies where they wait or fail."""
-    clock = "yellow" if health.clock.state == "free-running" else "dim"
-    parts = [] if health.clock.state == "unknown" else [(f"clock {health.clock}", clock)]
-    if health.copies.trouble:
-        parts.append((f"  no copies: {health.copies.trouble}", "bold red"))
-    elif health.copies.waiting:
-        parts.append((f"  {health.copies.waiting} parts to copy", "dim"))
-    if parts:
-        yield _line(*parts)
-
-
-def _disk_text(health: Health) -> tuple[str, str]:
-    if health.free_bytes is None:
-        return "disk ?", "yellow"
-    text, remaining_s = f"disk {health.free_bytes / 1e9:.1f} GB left", health.seconds_left
-    if remaining_s is None:
-        return text, "green"
-    text += f", {_duration_text(remaining_s)} at {health.bytes_per_s / 1e3:.0f} kB/s"
-    return text, "bold red" if remaining_s < _SHORT_TIME_S else "green"
 
 
 def _duration_text(seconds: float) -> str:
@@ -174,21 +164,16 @@ def _channel_table(health: Health, expected: frozenset[str], now_ns: int, width:
     table.add_column("grade", min_width=6, no_wrap=True)
     table.add_column("source")
     for name in health.names:
-        value, *cells = _channel_row(health.channels[name], name in expected, now_ns)
-        table.add_row(name, value, *([health.known_channels[name].unit] if with_unit else []), *cells)
+        channel, unit = health.channels[name], [health.known_channels[name].unit] if with_unit else []
+        if channel.count == 0:
+            text, style = ("waiting", "yellow") if name in expected else ("no source configured", "dim")
+            table.add_row(name, "–", *unit, "–", "–", "–", _line((text, style)))
+            continue
+        grade, wanted_hz = channel.grade(now_ns), channel.wanted_hz
+        rates = f"{channel.rate_hz(now_ns):.1f}{f'/{wanted_hz:.1f}' if wanted_hz else ''} Hz"
+        cells = rates, f"{channel.age_s(now_ns):.1f}", Text(grade, _GRADE_STYLES[grade]), _line(channel.source)
+        table.add_row(name, f"{channel.value:.3f}", *unit, *cells)
     return table
-
-
-def _channel_row(channel: ChannelHealth, is_expected: bool, now_ns: int) -> tuple[str | Text, ...]:
-    """Value, rate, age, grade and source."""
-    if channel.count == 0:
-        text, style = ("waiting", "yellow") if is_expected else ("no source configured", "dim")
-        return "–", "–", "–", "–", _line((text, style))
-    grade = channel.grade(now_ns)
-    wanted_hz = channel.wanted_hz
-    rates = f"{channel.rate_hz(now_ns):.1f}{f'/{wanted_hz:.1f}' if wanted_hz else ''} Hz"
-    shown = Text(grade, _GRADE_STYLES[grade])
-    return f"{channel.value:.3f}", rates, f"{channel.age_s(now_ns):.1f}", shown, _line(channel.source)
 
 
 def _source_table(health: Health, now_ns: int) -> Table:
@@ -344,7 +329,16 @@ class LiveView:
         """Pass a viewer's request on to the package's server, and then what both send."""
         with socket.create_connection((self._hidden, self._server.port), timeout=PATIENCE_S) as server:
             server.sendall(request.raw)
-            relay(viewer, server)
+            with selectors.DefaultSelector() as selector:
+                for source, target in ((viewer, server), (server, viewer)):
+                    source.settimeout(_STALLED_S)
+                    selector.register(source, selectors.EVENT_READ, target)
+                while True:  # until either ends, or accepts nothing for too long
+                    for key, _ in selector.select():
+                        data = key.fileobj.recv(_RELAYED_BYTES)  # type: ignore[union-attr]
+                        if not data:
+                            return
+                        key.data.sendall(data)
 
     def publish(self, topic: str, data: bytes, log_ns: int) -> None:
         """Pass a message on to the viewers."""
@@ -361,20 +355,6 @@ class LiveView:
             topic, schema=schema, message_encoding=ENCODING, metadata=metadata, context=self._context
         )
         return self._channels[topic]
-
-
-def relay(viewer: socket.socket, server: socket.socket) -> None:
-    """Pass on what comes on either of two connections until either ends, or accepts nothing for too long."""
-    with selectors.DefaultSelector() as selector:
-        for source, target in ((viewer, server), (server, viewer)):
-            source.settimeout(_STALLED_S)
-            selector.register(source, selectors.EVENT_READ, target)
-        while True:
-            for key, _ in selector.select():
-                data = key.fileobj.recv(_RELAYED_BYTES)  # type: ignore[union-attr]
-                if not data:
-                    return
-                key.data.sendall(data)
 
 
 def page(picture: Picture, title: str) -> str:
@@ -431,13 +411,10 @@ class StatusPage:
     def _serve(self, client: socket.socket, request: Request) -> None:
         if request.method != "GET":
             raise RefusalError(HTTPStatus.NOT_IMPLEMENTED)
-        kind, body = self._answer(request.path)
+        if request.path == "/":
+            kind, body = "text/html; charset=utf-8", page(self._picture, self._title).encode()
+        elif request.path == "/status.json":
+            kind, body = "application/json", as_json(self._picture.health)
+        else:
+            raise RefusalError(HTTPStatus.NOT_FOUND)
         client.sendall(response(HTTPStatus.OK, body, kind, **_HEADERS))
-
-    def _answer(self, path: str) -> tuple[str, bytes]:
-        """The type and the bytes of the content at a path. Raises :class:`RefusalError` where there is none."""
-        if path == "/":
-            return "text/html; charset=utf-8", page(self._picture, self._title).encode()
-        if path == "/status.json":
-            return "application/json", as_json(self._picture.health)
-        raise RefusalError(HTTPStatus.NOT_FOUND)

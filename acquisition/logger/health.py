@@ -26,7 +26,7 @@ import sys
 import threading
 import time
 from collections import Counter, deque
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
@@ -115,9 +115,10 @@ class HostClock:
         return self.state.startswith("kept")
 
     def as_message(self) -> dict[str, Any]:
-        errors = {"error_s": self.error_s, "pps_offset_s": self.pps_offset_s}
-        fields = {key: value for key, value in errors.items() if value is not None}
-        return {"source": HOST_CLOCK, "state": self.state, "keeper": self.keeper, **fields}
+        """The body of a ``/health`` message; what is unknown is left out."""
+        fields = {"error_s": self.error_s, "pps_offset_s": self.pps_offset_s}
+        known = {key: value for key, value in fields.items() if value is not None}
+        return {"source": HOST_CLOCK, "state": self.state, "keeper": self.keeper, **known}
 
     def __str__(self) -> str:
         by = f" ({self.keeper})" if self.keeper else ""
@@ -130,18 +131,6 @@ def kernel_state() -> str:
     """What the kernel alone says of the clock, at once: "kept by NTP or PTP", "free-running", "unknown"."""
     is_kept, _ = _read_kernel_clock()
     return "unknown" if is_kept is None else "kept by NTP or PTP" if is_kept else "free-running"
-
-
-def boot_metadata(boot: Path = Path("/proc/sys/kernel/random/boot_id")) -> dict[str, str]:
-    """The boot since which the monotonic clock counts, and how long it stood as the computer slept [ns].
-
-    Empty where the system does not state both.
-    """
-    try:
-        slept_ns = time.clock_gettime_ns(time.CLOCK_BOOTTIME) - time.monotonic_ns()
-        return {"boot": boot.read_text().strip(), "slept_ns": str(max(slept_ns, 0))}
-    except (OSError, AttributeError):
-        return {}
 
 
 def host_clock() -> HostClock:
@@ -208,22 +197,18 @@ def chrony_error_s(report: str) -> float | None:
 
 def timesyncd_error_s(message: str) -> float | None:
     """The bound by timesyncd's last answer: root dispersion, half the root delay, and the jitter since [s]."""
-    parts = [_parse_seconds(message, name) for name in ("RootDelay", "RootDispersion", "Jitter")]
-    if None in parts:
-        return None
-    delay, dispersion, jitter = (part or 0.0 for part in parts)
-    return delay / 2 + dispersion + jitter
-
-
-def _parse_seconds(message: str, name: str) -> float | None:
-    match = re.search(rf"\b{name}=((?:[\d.]+[a-zµ]* ?)+)", message)
-    if match is None:
-        return None
-    pieces: Sequence[tuple[str, str]] = re.findall(r"([\d.]+)([a-zµ]*)", match[1])
-    try:
-        return sum(float(number) * _SECONDS[unit] for number, unit in pieces)
-    except (KeyError, ValueError):
-        return None
+    durations_s = []
+    for name in ("RootDelay", "RootDispersion", "Jitter"):
+        match = re.search(rf"\b{name}=((?:[\d.]+[a-zµ]* ?)+)", message)
+        if match is None:
+            return None
+        pieces = re.findall(r"([\d.]+)([a-zµ]*)", match[1])
+        try:
+            durations_s.append(sum(float(number) * _SECONDS[unit] for number, unit in pieces))
+        except (KeyError, ValueError):
+            return None
+    delay_s, dispersion_s, jitter_s = durations_s
+    return delay_s / 2 + dispersion_s + jitter_s
 
 
 def pulse_offset_s(now_s: float, pulses: Path = Path("/sys/class/pps")) -> float | None:
@@ -318,15 +303,11 @@ class ChannelHealth:
             self._rates_hz.clear()
         self.value, self.source = sample.value, sample.source
         if now_ns - self._began_ns >= _RATE_OVER_NS:
-            self._learn(now_ns)
+            self._rates_hz.append(self._samples * 1e9 / (now_ns - self._began_ns))
+            self._began_ns, self._samples = now_ns, 0
+            if len(self._rates_hz) >= _LEAST_SPANS:  # no burst, gap or overlap of two senders reaches their median
+                self.usual_hz = max(self.usual_hz, min(median_low(self._rates_hz), _HIGHEST_RATE_HZ))
         self._samples += 1
-
-    def _learn(self, now_ns: int) -> None:
-        """The usual rate: the median of some spans, which no burst, gap or overlap of two senders reaches."""
-        self._rates_hz.append(self._samples * 1e9 / (now_ns - self._began_ns))
-        self._began_ns, self._samples = now_ns, 0
-        if len(self._rates_hz) >= _LEAST_SPANS:
-            self.usual_hz = max(self.usual_hz, min(median_low(self._rates_hz), _HIGHEST_RATE_HZ))
 
     def age_s(self, now_ns: int) -> float:
         """Since the last sample [s]; infinite if there was none."""
@@ -542,28 +523,30 @@ class Alarms:
             except (OSError, RuntimeError) as error:  # no descriptor, no thread: the next look is in a second
                 LOG.warning("the alarms could not be looked at: %s", error)
         self._reap(time.monotonic())
-        self._release_commands()
+        for _, _, process in self._commands:  # they end by themselves; a thread each takes the exit status
+            with suppress(RuntimeError):  # no thread: the system takes the status once the recorder has ended
+                threading.Thread(target=process.wait, name="alarm command", daemon=True).start()
+        self._commands = []
 
     def check(self, figures: Mapping[str, float], now_s: float) -> None:
+        """Report the alarms that these figures raise or end, and run their commands."""
         for alarm in self._alarms:
             value = figures.get(alarm.rule.figure, math.nan)
-            if alarm.update(value, now_s):
-                self._change(alarm, alarm.text(value), now_s)
-
-    def _change(self, alarm: Alarm, text: str, now_s: float) -> None:
-        name = alarm.rule.name
-        if alarm.raised:
-            self._health.alarms[name] = text
-            self._tell("error", f"ALARM {text}")
-            if sys.stderr.isatty():
-                with suppress(OSError):
-                    sys.stderr.write("\a")  # the bell
-                    sys.stderr.flush()
-        else:
-            self._health.alarms.pop(name, None)
-            self._tell("warning", f"alarm over: {text}")
-        if alarm.rule.command:
-            self._run(alarm, text, now_s)
+            if not alarm.update(value, now_s):
+                continue
+            text = alarm.text(value)
+            if alarm.raised:
+                self._health.alarms[alarm.rule.name] = text
+                self._tell("error", f"ALARM {text}")
+                if sys.stderr.isatty():
+                    with suppress(OSError):
+                        sys.stderr.write("\a")  # the bell
+                        sys.stderr.flush()
+            else:
+                self._health.alarms.pop(alarm.rule.name, None)
+                self._tell("warning", f"alarm over: {text}")
+            if alarm.rule.command:
+                self._run(alarm, text, now_s)
 
     def _run(self, alarm: Alarm, text: str, now_s: float) -> None:
         name, state = alarm.rule.name, "raised" if alarm.raised else "over"
@@ -597,13 +580,6 @@ class Alarms:
             elif process.returncode:
                 self._tell("error", f"alarm {name}: its command ended with {process.returncode}")
         self._commands = running
-
-    def _release_commands(self) -> None:
-        """Leave the commands that still run to end by themselves, each with a thread that takes its exit status."""
-        for _, _, process in self._commands:
-            with suppress(RuntimeError):  # no thread: the system takes the status once the recorder has ended
-                threading.Thread(target=process.wait, name="alarm command", daemon=True).start()
-        self._commands = []
 
 
 class JsonLines(logging.Formatter):
@@ -709,7 +685,13 @@ def schema_violation(value: Any, schema: Mapping[str, Any], name: str = "it") ->
     if isinstance(value, int | float) and not abs(value) <= _LARGEST:  # nor is it not a number
         return f"{name} is no number that can be meant"
     if isinstance(value, dict):
-        return _object_violation(value, schema, name)
+        if missing := [key for key in schema["required"] if key not in value]:
+            return f"{missing[0]} is missing"
+        for key, entry in value.items():
+            if key not in schema["properties"]:
+                return f"{name} has an unknown {key[:40]!r}"
+            if text := schema_violation(entry, schema["properties"][key], key):
+                return text
     if isinstance(value, list):
         if len(value) > schema["maxItems"]:
             return f"{name} has more than {schema['maxItems']} items"
@@ -717,18 +699,6 @@ def schema_violation(value: Any, schema: Mapping[str, Any], name: str = "it") ->
         return next(filter(None, texts), "")
     if isinstance(value, str) and len(value) > schema["maxLength"]:
         return f"{name} has more than {schema['maxLength']} letters"
-    return ""
-
-
-def _object_violation(value: dict[str, Any], schema: Mapping[str, Any], name: str) -> str:
-    properties = schema["properties"]
-    if missing := [key for key in schema["required"] if key not in value]:
-        return f"{missing[0]} is missing"
-    for key, entry in value.items():
-        if key not in properties:
-            return f"{name} has an unknown {key[:40]!r}"
-        if text := schema_violation(entry, properties[key], key):
-            return text
     return ""
 
 
@@ -765,23 +735,18 @@ class Predictions:
         except (InputError, ValueError) as error:  # the latter for halves of letters
             self._health.predictions_refused += 1
             return str(error)
-        if not self._has_room():
+        now_s = time.monotonic()
+        self._allowed = min(self._allowed + (now_s - self._checked_s) * MOST_PER_S, float(_MOST_AT_ONCE))
+        self._checked_s = now_s
+        if self._allowed < 1.0 or len(self._waiting) >= _MOST_AT_ONCE:
             self._health.predictions_refused += 1
             return f"more than {MOST_PER_S:g} predictions a second"
+        self._allowed -= 1.0
         self._waiting.append(prediction)
         return ""
 
     def take(self) -> list[RecordedPrediction]:
         return [self._waiting.popleft() for _ in range(len(self._waiting))]
-
-    def _has_room(self) -> bool:
-        now_s = time.monotonic()
-        self._allowed = min(self._allowed + (now_s - self._checked_s) * MOST_PER_S, float(_MOST_AT_ONCE))
-        self._checked_s = now_s
-        if self._allowed < 1.0 or len(self._waiting) >= _MOST_AT_ONCE:
-            return False
-        self._allowed -= 1.0
-        return True
 
 
 class Handover(NamedTuple):
@@ -803,36 +768,34 @@ class Handover(NamedTuple):
         return f"{self.channel}: from {self.before} to {self.after}"
 
 
-@dataclass(slots=True)
-class _Cause:
-    """What one line or device did, with the frame of the first channel that changed by it."""
-
-    frame: Frame
-    handovers: dict[str, Handover] = field(default_factory=dict)  # by channel, the last of each
-
-    @property
-    def text(self) -> str:
-        handovers = list(self.handovers.values())
-        if len(handovers) == 1:
-            return handovers[0].text
-        before, after = (sorted({handover.parties[end] for handover in handovers}) for end in (0, 1))
-        channels = f"{len(handovers)} channels: from {', '.join(before)} to {', '.join(after)}"
-        return f"{channels} ({', '.join(self.handovers)})"
-
-
 class Handovers:
-    """The changes not reported yet: their ``causes``, by the line or device that fell silent or returned."""
+    """The changes not reported yet: their ``causes``, by the line or device that fell silent or returned.
+
+    Of each cause the frame of the first channel that changed by it, and the last handover of each channel.
+    """
 
     def __init__(self) -> None:
-        self.causes: dict[tuple[str, bool], _Cause] = {}
+        self.causes: dict[tuple[str, bool], tuple[Frame, dict[str, Handover]]] = {}
 
     def add(self, handover: Handover, frame: Frame) -> None:
         """Note a change that came with a frame."""
         cause = handover.parties[handover.returned], handover.returned
-        self.causes.setdefault(cause, _Cause(frame)).handovers[handover.channel] = handover
+        _, handovers = self.causes.setdefault(cause, (frame, {}))
+        handovers[handover.channel] = handover
 
     def due(self, now_ns: float) -> list[tuple[Frame, str]]:
-        """What is to be reported by now [monotonic, ns]: the frame that each began with, and its text."""
-        due = [key for key, cause in self.causes.items() if now_ns - cause.frame.monotonic_ns >= _GATHERED_NS]
-        causes = [self.causes.pop(key) for key in due]
-        return [(cause.frame, cause.text) for cause in causes]
+        """What is to be reported by now [monotonic, ns]: the frame that each cause began with, and its text."""
+        reports = []
+        for cause, (frame, handovers) in tuple(self.causes.items()):
+            if now_ns - frame.monotonic_ns < _GATHERED_NS:
+                continue
+            del self.causes[cause]
+            if len(handovers) == 1:
+                text = next(iter(handovers.values())).text
+            else:
+                pairs = [handover.parties for handover in handovers.values()]
+                before, after = (", ".join(sorted({pair[end] for pair in pairs})) for end in (0, 1))
+                channels = f"{len(handovers)} channels: from {before} to {after}"
+                text = f"{channels} ({', '.join(handovers)})"
+            reports.append((frame, text))
+        return reports

@@ -23,7 +23,7 @@ from seatrial.acquisition.config.sources import CopiesSection, RecordingSection
 from seatrial.acquisition.core.errors import ConfigurationError, StorageError, storage_error
 from seatrial.acquisition.core.process import start_thread
 from seatrial.acquisition.core.trial import Frame, now_ns
-from seatrial.acquisition.logger.health import LOG, SILENT_NS, CopyState, Health, boot_metadata, kernel_state
+from seatrial.acquisition.logger.health import LOG, SILENT_NS, CopyState, Health, kernel_state
 from seatrial.acquisition.recording.grouping import NEW_PART_NS
 from seatrial.acquisition.recording.parts import RecordingParts, Tell, parts_in
 from seatrial.acquisition.recording.writer import free_bytes, mount_point, new_file, require_mounted, sync_folder
@@ -90,13 +90,21 @@ class Timescale:
 
 
 def clock_metadata(scale: Timescale) -> dict[str, str]:
-    """Which clock a part's times come from, and what relates them to those of a part by another one."""
-    return {
+    """Which clock a part's times come from, and what relates them to those of a part by another one.
+
+    The latter are the boot since which the monotonic clock counts, and how long it stood as the computer slept
+    [ns], where the system states both.
+    """
+    metadata = {
         "times": "host clock when the part began, carried on by the monotonic clock",
         "host_clock": kernel_state(),
         "utc_minus_monotonic_ns": str(scale.offset_ns),
-        **boot_metadata(),
     }
+    with suppress(OSError, AttributeError):
+        slept_ns = time.clock_gettime_ns(time.CLOCK_BOOTTIME) - time.monotonic_ns()
+        boot = Path("/proc/sys/kernel/random/boot_id").read_text().strip()
+        metadata |= {"boot": boot, "slept_ns": str(max(slept_ns, 0))}
+    return metadata
 
 
 class Maintenance:
@@ -115,7 +123,14 @@ class Maintenance:
         self._check_clock()
         self._parts.tick(now_s)
         if now_s - self._reported_s >= _HEALTH_EVERY_S:
-            self._report(now_s)
+            self._report_silence(time.monotonic_ns())
+            health, parts = self._health, self._parts
+            rate = (parts.written_bytes - self._written_bytes) / max(now_s - self._reported_s, 1e-3)
+            self._written_bytes = parts.written_bytes
+            health.bytes_per_s += _GROWTH_FRACTION * (rate - health.bytes_per_s) if health.bytes_per_s else rate
+            health.free_bytes, health.trouble, health.part = parts.room_bytes, parts.trouble, parts.path.name
+            self._reported_s = now_s
+            self.report_sources()
         if now_s - self._flushed_s >= self._settings.flush_s - TICK_S:
             self._parts.flush()
             self._flushed_s = now_s
@@ -137,12 +152,6 @@ class Maintenance:
         self._scale.adopt()
         self._parts.set_clock(clock_metadata(self._scale), "the computer's clock was set")
         self._note("warning", f"{text}; times in {self._parts.path.name} are by the new time")
-
-    def _report(self, now_s: float) -> None:
-        self._report_silence(time.monotonic_ns())
-        self._check_disk(now_s - self._reported_s)
-        self._reported_s = now_s
-        self.report_sources()
 
     def report_sources(self) -> None:
         """Record the state of each source and of the computer's clock."""
@@ -177,13 +186,6 @@ class Maintenance:
             self._note("warning", f"source {names[0]!r} {verb}")
         elif names:
             self._note("warning", f"{len(names)} sources {verb_of_several}: {', '.join(names)}")
-
-    def _check_disk(self, since_s: float) -> None:
-        health, parts = self._health, self._parts
-        rate = (parts.written_bytes - self._written_bytes) / max(since_s, 1e-3)
-        self._written_bytes = parts.written_bytes
-        health.bytes_per_s += _GROWTH_FRACTION * (rate - health.bytes_per_s) if health.bytes_per_s else rate
-        health.free_bytes, health.trouble, health.part = parts.room_bytes, parts.trouble, parts.path.name
 
 
 def copy_part(path: Path, folder: Path, pause: Pause = lambda: None) -> Path:
@@ -300,11 +302,18 @@ class Copies:
         current = None if self._parts.paused else self._parts.path
         try:
             require_mounted(self._mount)
-            sizes = {path: path.stat().st_size for path in self._recorded_parts()}
+            recorded = list(parts_in(self._folder, self._trial))
+            # and those that a file system gave another name
+            recorded += [path for path in self._parts.paths if path not in recorded and path.exists()]
+            sizes = {path: path.stat().st_size for path in recorded}
             finished = [path for path, size in sizes.items()
                         if path != current and (everything or self._sizes.get(path) == size)]  # fmt: skip
             self._sizes = sizes
-            missing = [path for path in finished if not self._seems_copied(path)]
+            missing = []
+            for path in finished:
+                copy = self._target / path.name
+                if not copy.exists() or copy.stat().st_size != path.stat().st_size or copy.samefile(path):
+                    missing.append(path)
             self.state.waiting = len(missing)
             for path in missing:
                 copy_part(path, self._target, self._pause)
@@ -320,15 +329,6 @@ class Copies:
         if self.state.trouble:
             self.state.trouble = ""
             self._parts.tell("warning", f"copies to {self._target} go on; nothing is missing there")
-
-    def _recorded_parts(self) -> list[Path]:
-        """The parts of the trial in the folder, also those that a file system gave another name."""
-        present = parts_in(self._folder, self._trial)
-        return [*present, *(path for path in self._parts.paths if path not in present and path.exists())]
-
-    def _seems_copied(self, path: Path) -> bool:
-        copy = self._target / path.name
-        return copy.exists() and copy.stat().st_size == path.stat().st_size and not copy.samefile(path)
 
     def _make_room(self, finished: list[Path], size: int) -> None:
         """Delete the oldest parts beyond what is to be kept, each once its copy has been read again."""

@@ -366,7 +366,9 @@ class Receiver:
         self.tried.set()
         while not self._stopping.is_set():
             if self._health.state == "failed":
-                self._open_later()
+                if not self._stopping.wait(self._back_off_s):
+                    self._back_off_s = min(2 * self._back_off_s, _LONGEST_BACK_OFF_S)
+                    self._open()
                 continue
             began_s = time.monotonic()
             try:
@@ -384,8 +386,12 @@ class Receiver:
             frames = self._mark_delayed(frames, began_s, time.monotonic())
             if frames:
                 self._pass_on(frames)
+            # it works again once it sends or stays open: some can be opened and fail at once
             if self._health.failed_ns is not None and (frames or time.monotonic() - self._opened_s > _SETTLED_S):
-                self._report_return(self._health.failed_ns)
+                gap_s = (time.monotonic_ns() - self._health.failed_ns) / 1e9
+                self._tell("warning", f"source {self.source.name!r} is back after {gap_s:.1f} s")
+                self._health.failed_ns = None
+                self._back_off_s = POLL_S
             if self.source.lost > self._lost_before:
                 self._count_lost(self.source.loss, self.source.lost - self._lost_before)
                 self._lost_before = self.source.lost
@@ -408,20 +414,14 @@ class Receiver:
         if not getattr(self.source, "exact", False):
             self._late += len(frames)
             frames = [frame._replace(flags=frame.flags | FrameFlag.LATE) for frame in frames]
-        if not getattr(self.source, "behind", False) and ended_s >= self._catches_up_s:
-            self._report_standstill()
-        return frames
-
-    def _report_standstill(self) -> None:
-        """Report, when it is over, that the recorder stood still, and what it has cost."""
+        if getattr(self.source, "behind", False) or ended_s < self._catches_up_s:
+            return frames
         if self._still_s > _SHORTEST_STILL_S:
             text = f"{self._health.name}: the recorder stood still for {self._still_s:.2f} s"
-            if self._late:
-                text += (
-                    f"; {self._late:,} frames are stamped up to so much late, and their values marked as suspect"
-                )
-            self._tell("warning", text)
+            late = "frames are stamped up to so much late, and their values marked as suspect"
+            self._tell("warning", f"{text}; {self._late:,} {late}" if self._late else text)
         self._still_s, self._late = 0.0, 0
+        return frames
 
     def _open(self) -> None:
         try:
@@ -436,34 +436,22 @@ class Receiver:
         if remark := getattr(self.source, "remark", ""):
             self._tell("warning", f"{self._health.name}: {remark}")
 
-    def _report_return(self, failed_ns: int) -> None:
-        """The source works again: it sends, or stays open; some can be opened and fail at once."""
-        gap_s = (time.monotonic_ns() - failed_ns) / 1e9
-        self._tell("warning", f"source {self.source.name!r} is back after {gap_s:.1f} s")
-        self._health.failed_ns = None
-        self._back_off_s = POLL_S
-
     def close(self) -> None:
         try:
             self.source.close()
         except Exception as error:  # a cable that was pulled may refuse even this
             self._tell("warning", str(as_source_error(self.source, error)))
 
-    def _within_budget(self, frames: list[Frame]) -> list[Frame]:
-        """What the budget has room for. A source that floods is read slowly: the system drops the excess."""
+    def _pass_on(self, frames: list[Frame]) -> None:
+        """Put into the inbox what the budget has room for, and report what is dropped."""
+        self._health.count_in(len(frames), frames[-1].monotonic_ns)
         admitted = self._budget.admit(frames, time.monotonic())
         if excess := len(frames) - admitted:
             self._health.over_budget += excess
             self._count_lost(_OVER_BUDGET.format(self._budget.bytes_per_s / 1e3), excess)
-            self._stopping.wait(_FLOOD_PAUSE_S)
+            self._stopping.wait(_FLOOD_PAUSE_S)  # a source that floods is read slowly: the system drops the excess
             self._ended_s = time.monotonic()
-        return frames[:admitted]
-
-    def _pass_on(self, frames: list[Frame]) -> None:
-        self._health.count_in(len(frames), frames[-1].monotonic_ns)
-        frames = self._within_budget(frames)
-        accepted = self._inbox.put(self._health.name, frames)
-        dropped = len(frames) - accepted
+        dropped = admitted - self._inbox.put(self._health.name, frames[:admitted])
         if dropped and self._health.dropped == self._dropped_before:
             self._tell("error", f"{self._health.name}: the queue is full, frames are being dropped")
         self._health.dropped += dropped
@@ -489,12 +477,6 @@ class Receiver:
             self._health.failed_ns = time.monotonic_ns()
             self._tell("error", str(error))
         self._health.state = "failed"
-
-    def _open_later(self) -> None:
-        if self._stopping.wait(self._back_off_s):
-            return
-        self._back_off_s = min(2 * self._back_off_s, _LONGEST_BACK_OFF_S)
-        self._open()
 
 
 def as_source_error(source: Source, error: Exception) -> SourceError:

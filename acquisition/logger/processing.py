@@ -10,7 +10,7 @@ from __future__ import annotations
 import logging
 from collections import ChainMap, Counter
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from itertools import chain
 from math import inf, radians
@@ -126,30 +126,6 @@ class _EventBudget:
     remaining: int = _EVENTS_A_MINUTE
     omitted: int = 0
 
-    def allows(self, now_ns: int) -> bool:
-        """Take one event from what remains of this minute; count it if nothing does."""
-        if now_ns >= self.until_ns:
-            self.until_ns, self.remaining = now_ns + 60_000_000_000, _EVENTS_A_MINUTE
-        self.remaining -= 1
-        self.omitted += self.remaining < 0
-        return self.remaining >= 0
-
-
-@dataclass(slots=True)
-class _Addresses:
-    """The source addresses on a bus that are accepted."""
-
-    accepted: tuple[int, ...]
-    refused: Counter[str] = field(default_factory=Counter)
-
-    def admit(self, frame: Frame) -> bool:
-        """Whether a frame is of one of them, or has no address."""
-        has_address = frame.protocol == "can" and not frame.flags & FrameFlag.STANDARD_ID
-        if has_address and frame.identifier & 0xFF not in self.accepted:
-            self.refused["address that is not allowed"] += 1
-            return False
-        return True
-
 
 class FrameProcessor:
     """Frames into a recording; for one thread only."""
@@ -163,13 +139,12 @@ class FrameProcessor:
         for name, decoders in self._decoders.items():
             health.sources[name].refusals = [decoder.refused for decoder in chain(*decoders.values())]
             health.sources[name].unknown_messages = [decoder.unknown for decoder in chain(*decoders.values())]
-        self._addresses = {source.name: _Addresses(source.addresses) for source in config.sources
+        self._addresses = {source.name: source.addresses for source in config.sources
                            if isinstance(source, CanFrames) and source.addresses}  # fmt: skip
         self._failed: dict[str, Counter[str]] = {source.name: Counter() for source in config.sources}
-        for name, failed in self._failed.items():
-            health.sources[name].refusals.append(failed)
-        for name, addresses in self._addresses.items():
-            health.sources[name].refusals.append(addresses.refused)
+        self._other_addresses: dict[str, Counter[str]] = {name: Counter() for name in self._addresses}
+        for name, refused in chain(self._failed.items(), self._other_addresses.items()):
+            health.sources[name].refusals.append(refused)
         self._derivation = Derivation(
             config.trial,
             frozenset(source.name for source in config.sources if POSITION & set(source.channels)),
@@ -211,9 +186,16 @@ class FrameProcessor:
     def _interpret(self, frame: Frame) -> None:
         if self._handovers.causes:
             self.report_handovers(frame.monotonic_ns)
-        self._report_omitted(frame)
-        if frame.origin in self._addresses and not self._addresses[frame.origin].admit(frame):
-            return
+        budget = self._event_budgets[frame.origin]
+        if budget.omitted and frame.monotonic_ns >= budget.until_ns:
+            text = f"{frame.origin}: {budget.omitted:,} more events were left out"
+            self.note(text, frame.received_ns, "warning", DECODED)
+            budget.omitted = 0
+        if frame.origin in self._addresses:
+            has_address = frame.protocol == "can" and not frame.flags & FrameFlag.STANDARD_ID
+            if has_address and frame.identifier & 0xFF not in self._addresses[frame.origin]:
+                self._other_addresses[frame.origin]["address that is not allowed"] += 1
+                return
         health = self._health.sources[frame.origin]
         for decoder in self._decoders[frame.origin].get(frame.protocol, ()):
             for group in self._decoded(decoder, frame):
@@ -246,22 +228,18 @@ class FrameProcessor:
         if chosen:
             self._variation = sample
             return group
-        self._report_contradiction(sample, frame)
-        return [member for member in group if member is not sample]
-
-    def _report_contradiction(self, sample: Sample, frame: Frame) -> None:
-        """Report once of a source of a magnetic variation that it contradicts the selected one."""
-        if self._variation is None:
-            return
-        difference_deg = sample.value - self._variation.value
         is_news = sample.source not in self._contradict and len(self._contradict) < _MOST_CONTRADICTIONS
-        if is_news and abs(difference_deg) > _VARIATION_ERROR_DEG:
-            self._contradict.add(sample.source)
-            text = (
-                f"{sample.source} tells a magnetic variation of {sample.value:.2f} deg, {difference_deg:+.2f} deg"
-                f" from that of {self._variation.source}, which is taken; who is listed first is believed"
-            )
-            self._note_within_budget(frame, text, "warning")
+        if is_news and self._variation is not None:
+            difference_deg = sample.value - self._variation.value
+            if abs(difference_deg) > _VARIATION_ERROR_DEG:
+                self._contradict.add(sample.source)
+                text = (
+                    f"{sample.source} tells a magnetic variation of {sample.value:.2f} deg,"
+                    f" {difference_deg:+.2f} deg from that of {self._variation.source}, which is taken;"
+                    " who is listed first is believed"
+                )
+                self._note_within_budget(frame, text, "warning")
+        return [member for member in group if member is not sample]
 
     def _record(self, samples: list[Sample], frame: Frame) -> None:
         has_position = False
@@ -274,38 +252,30 @@ class FrameProcessor:
                 self._health.count_in(sample)
                 self._derivation.remember(sample)
                 has_position = has_position or sample.quantity in POSITION
-        if has_position:
-            self._record_position({entry.quantity: entry for entry in samples})
+        if has_position:  # the fix for the map, from the source that the position channels come from
+            quantities = {sample.quantity: sample for sample in samples}
+            latitude, longitude = quantities.get("latitude_deg"), quantities.get("longitude_deg")
+            if latitude is not None and longitude is not None:
+                fix = self._fixes.get(sensor_of(latitude.source), _UNKNOWN_FIX)
+                times = latitude.received_ns, latitude.measured_ns
+                self._writer.write_position(latitude.value, longitude.value, *times, fix)
         if self._trial.origin is None and self._derivation.origin is not None:
-            self._keep_origin(*self._derivation.origin, frame.received_ns)
-
-    def _record_position(self, samples: dict[str, Sample]) -> None:
-        """The fix for the map, from the source that the position channels come from."""
-        latitude, longitude = samples.get("latitude_deg"), samples.get("longitude_deg")
-        if latitude is not None and longitude is not None:
-            fix = self._fixes.get(sensor_of(latitude.source), Fix())
-            times = latitude.received_ns, latitude.measured_ns
-            self._writer.write_position(latitude.value, longitude.value, *times, fix)
-
-    def _keep_origin(self, latitude_deg: float, longitude_deg: float, received_ns: int) -> None:
-        """The first fix became the origin: the recording must state it."""
-        self._trial = replace(self._trial, origin_latitude_deg=latitude_deg, origin_longitude_deg=longitude_deg)
-        self._writer.write_trial(self._trial)
-        text = f"the first fix is the origin: {latitude_deg:.7f}, {longitude_deg:.7f}"
-        self.note(text, received_ns, "info", DECODED)
+            latitude_deg, longitude_deg = self._derivation.origin  # the recording must state it
+            self._trial = replace(self._trial, origin_latitude_deg=latitude_deg, origin_longitude_deg=longitude_deg)
+            self._writer.write_trial(self._trial)
+            text = f"the first fix is the origin: {latitude_deg:.7f}, {longitude_deg:.7f}"
+            self.note(text, frame.received_ns, "info", DECODED)
 
     def _note_within_budget(self, frame: Frame, text: str, level: str) -> None:
         """Note an event of decoding, within the source's budget: malformed input can cause events without end."""
-        if self._event_budgets[frame.origin].allows(frame.monotonic_ns):
+        budget, now_ns = self._event_budgets[frame.origin], frame.monotonic_ns
+        if now_ns >= budget.until_ns:
+            budget.until_ns, budget.remaining = now_ns + 60_000_000_000, _EVENTS_A_MINUTE
+        budget.remaining -= 1
+        if budget.remaining >= 0:
             self.note(text, frame.received_ns, level, DECODED)
-
-    def _report_omitted(self, frame: Frame) -> None:
-        """Report, once the source has a new budget, how many events were omitted."""
-        budget = self._event_budgets[frame.origin]
-        if budget.omitted and frame.monotonic_ns >= budget.until_ns:
-            text = f"{frame.origin}: {budget.omitted:,} more events were left out"
-            self.note(text, frame.received_ns, "warning", DECODED)
-            budget.omitted = 0
+        else:
+            budget.omitted += 1
 
     def note(self, text: str, received_ns: int, level: str = "info", name: str = "seatrial") -> None:
         """Put a line into the recording's event log and the display."""
@@ -432,31 +402,30 @@ class Selector:
         return False
 
     def _rank(self, source: str, quantity: str) -> Rank | None:
+        """How much a message is preferred; None where its line is not to provide the quantity."""
         fix = self._fixes.get(sensor_of(source), _UNKNOWN_FIX).kind if quantity in POSITION else None
         key = source, quantity, fix
-        if key not in self._ranks:
-            if len(self._ranks) >= _MOST_RANKS:  # sources are named by what comes off the wire: without end
-                self._ranks.clear()
-            self._ranks[key] = self._work_out_rank(source, quantity, fix)
-        return self._ranks[key]
-
-    def _work_out_rank(self, source: str, quantity: str, fix: int | None) -> Rank | None:
-        """How much a message is preferred; None where its line is not to provide the quantity."""
+        if key in self._ranks:
+            return self._ranks[key]
+        if len(self._ranks) >= _MOST_RANKS:  # sources are named by what comes off the wire: without end
+            self._ranks.clear()
         line, device, (message, *meaning) = label_parts(source)
-        line_rank = self._lines.get((line, quantity))
-        if line_rank is None:
-            return None
-        derived = meaning[-1:] == ["derived"] and quantity not in POSITION
-        kind = next((_MEANING[word] for word in meaning if word in _MEANING), 0)
-        choice = 0 if quantity == VARIATION else 10 * _CHOICE.get(message, 0) + kind + derived
-        device_rank = self._devices.get((line, device.partition("@")[0]), len(self._devices))
-        if (line, device, quantity) in self._mapped:
-            device_rank = -1
-        if quantity not in POSITION:
-            return False, False, 0, line_rank, device_rank, choice
-        stands_in = line_rank > self._first_line[quantity] or (device_rank > 0 and line in self._lists_devices)
-        grade = _GRADE.get(fix or 0, _PLAIN_GRADE)
-        return fix in NO_SATELLITES, stands_in, grade, line_rank, device_rank, choice
+        line_rank, rank = self._lines.get((line, quantity)), None
+        if line_rank is not None:
+            derived = meaning[-1:] == ["derived"] and quantity not in POSITION
+            kind = next((_MEANING[word] for word in meaning if word in _MEANING), 0)
+            choice = 0 if quantity == VARIATION else 10 * _CHOICE.get(message, 0) + kind + derived
+            device_rank = self._devices.get((line, device.partition("@")[0]), len(self._devices))
+            if (line, device, quantity) in self._mapped:
+                device_rank = -1
+            rank = False, False, 0, line_rank, device_rank, choice
+            if quantity in POSITION:
+                lists_devices = device_rank > 0 and line in self._lists_devices
+                stands_in = line_rank > self._first_line[quantity] or lists_devices
+                grade = _GRADE.get(fix or 0, _PLAIN_GRADE)
+                rank = fix in NO_SATELLITES, stands_in, grade, line_rank, device_rank, choice
+        self._ranks[key] = rank
+        return rank
 
 
 @lru_cache(maxsize=4096)
@@ -517,7 +486,13 @@ class Derivation:
         corrected = group if mounting is _UNCORRECTED else self._correct_headings(group, mounting)
         quantities = {sample.quantity: sample for sample in corrected}
         if not stated.isdisjoint(_COMPASS):
-            self._note_compass(quantities)
+            if "magnetic_variation_deg" in quantities:
+                self._variation_deg = quantities["magnetic_variation_deg"].value
+            heading, magnetic = quantities.get("heading_deg"), quantities.get("heading_magnetic_deg")
+            if heading is None and magnetic is not None and self._variation_deg is not None:
+                heading = _derived_sample(magnetic, "heading_deg", (magnetic.value + self._variation_deg) % 360.0)
+            if heading is not None:
+                quantities["heading_deg"] = self._headings[_line_of(heading)] = heading
         if not stated.isdisjoint(_VELOCITY):
             quantities.update(self._ship_velocity(quantities, mounting))
         derived = list(quantities.values())
@@ -526,16 +501,6 @@ class Derivation:
         if not stated.isdisjoint(_WIND):
             derived += self._wind(quantities)
         return derived
-
-    def _note_compass(self, group: Quantities) -> None:
-        """Remember variation and heading; a magnetic heading becomes a true one, where that can be done."""
-        if "magnetic_variation_deg" in group:
-            self._variation_deg = group["magnetic_variation_deg"].value
-        heading, magnetic = group.get("heading_deg"), group.get("heading_magnetic_deg")
-        if heading is None and magnetic is not None and self._variation_deg is not None:
-            heading = _derived_sample(magnetic, "heading_deg", (magnetic.value + self._variation_deg) % 360.0)
-        if heading is not None:
-            group["heading_deg"] = self._headings[_line_of(heading)] = heading
 
     def _correct_headings(self, group: Group, mounting: Mounting) -> Iterator[Sample]:
         """The samples, headings and bow-relative wind angles corrected for how their sensors are mounted."""
@@ -583,30 +548,26 @@ class Derivation:
         return moved
 
     def _velocity_over_ground(self, group: Quantities) -> Quantities:
-        """Surge and sway where they were measured, from velocity over ground and the heading."""
-        ground_velocity = self._over_ground(group)
-        heading_deg = None if ground_velocity is None else self._heading_deg(ground_velocity[0])
-        if ground_velocity is None or heading_deg is None:
-            return {}
-        sample, north, east = ground_velocity
-        surge, sway = map(float, to_ship(north, east, radians(heading_deg)))
-        return {
-            name: _derived_sample(sample, name, speed) for name, speed in (("surge_mps", surge), ("sway_mps", sway))
-        }
-
-    def _over_ground(self, group: Quantities) -> tuple[Sample, float, float] | None:
-        """Velocity to north and east, as told or from course and speed."""
+        """Surge and sway where they were measured, from the heading and the velocity over ground."""
         north, east = group.get("velocity_north_mps"), group.get("velocity_east_mps")
+        speed, course = group.get("speed_over_ground_mps"), group.get("course_over_ground_deg")
+        magnetic = group.get("course_magnetic_deg")
         if north is not None and east is not None:
-            return north, north.value, east.value
-        speed = group.get("speed_over_ground_mps")
-        if speed is None:
-            return None
-        if (course := group.get("course_over_ground_deg")) is not None:
-            return speed, *velocity_components(course.value, speed.value)
-        if (course := group.get("course_magnetic_deg")) is not None and self._variation_deg is not None:
-            return speed, *velocity_components(course.value + self._variation_deg, speed.value)
-        return None
+            sample, velocity = north, (north.value, east.value)
+        elif speed is not None and course is not None:
+            sample, velocity = speed, velocity_components(course.value, speed.value)
+        elif speed is not None and magnetic is not None and self._variation_deg is not None:
+            sample, velocity = speed, velocity_components(magnetic.value + self._variation_deg, speed.value)
+        else:
+            return {}
+        heading_deg = self._heading_deg(sample)
+        if heading_deg is None:
+            return {}
+        surge, sway = map(float, to_ship(*velocity, radians(heading_deg)))
+        return {
+            "surge_mps": _derived_sample(sample, "surge_mps", surge),
+            "sway_mps": _derived_sample(sample, "sway_mps", sway),
+        }
 
     def _position(self, group: Quantities, mounting: Mounting) -> Iterator[Sample]:
         """North and east of the origin [m], of the reference point."""

@@ -105,10 +105,8 @@ def _record_live(
                 recorder.tell("error", f"no copies: {NO_THREAD}; the next recording makes them")
         if config.missing_channels:
             LOG.warning("no source provides %s", ", ".join(config.missing_channels))
-        server = RequestServer(
-            recorder.mark, lambda: _recorder_state(config, recorder.health, parts), recorder.predictions
-        )
-        _try_enter(stack, server, recorder)
+        state = partial(_recorder_state, config, recorder.health, parts)
+        _try_enter(stack, RequestServer(recorder.mark, state, recorder.predictions), recorder)
         if live or config.live is not None:
             view = LiveView(config.live or LiveSection(), config.trial)
             if _try_enter(stack, view, recorder):
@@ -143,6 +141,10 @@ def _recorder_state(config: TrialConfig, health: Health, parts: RecordingParts) 
 def _record_files(
     config: TrialConfig, folder: Path, duration_s: float | None, stop: threading.Event
 ) -> tuple[list[Path], Health]:
+    """Record everything in the configuration's log files, merged by time, until their end.
+
+    ``duration_s`` counts in the files' own time. Raises :class:`SourceError` for a file that cannot be read.
+    """
     health = health_of(config)
     clock = {"times": "of the log files"}
     parts = RecordingParts(folder, config.trial, config.attachments, config.recording, clock)
@@ -150,7 +152,18 @@ def _record_files(
         stack.callback(parts.close)
         try:
             LOG.info("recording to %s", parts.path)
-            _read_log_files(config, parts, health, duration_s, stop)
+            with ExitStack() as opened:
+                sources = [make_source(section) for section in config.sources]
+                for source in sources:
+                    source.open()
+                    opened.callback(source.close)
+                reading = _Reading(FrameProcessor(config, parts, health), parts, health, stop)
+                frames = heapq.merge(*map(reading.frames, sources), key=attrgetter("received_ns"))
+                reading.take(frames, float("inf") if duration_s is None else duration_s * 1e9)
+                for source in sources:
+                    _report_faults(source, health.sources[source.name], reading)
+                reading.report_sources()
+                reading.tell("info", "recording stopped")
         except (ConfigurationError, SourceError):
             if not any(source.frames for source in health.sources.values()):
                 stack.pop_all()
@@ -189,27 +202,6 @@ def _display(picture: Picture, recorder: Recorder) -> Iterator[None]:
     live = Live(picture, console=Terminal(stderr=True), refresh_per_second=_REDRAW_PER_S, screen=True)
     with mark_on_keys(recorder.mark, picture.marks or {}), live:
         yield
-
-
-def _read_log_files(
-    config: TrialConfig, parts: RecordingParts, health: Health, duration_s: float | None, stop: threading.Event
-) -> None:
-    """Everything in the configuration's log files, merged by time, until their end.
-
-    ``duration_s`` counts in the files' own time. Raises :class:`SourceError` for a file that cannot be read.
-    """
-    with ExitStack() as stack:
-        sources = [make_source(section) for section in config.sources]
-        for source in sources:
-            source.open()
-            stack.callback(source.close)
-        reading = _Reading(FrameProcessor(config, parts, health), parts, health, stop)
-        frames = heapq.merge(*(reading.frames(source) for source in sources), key=attrgetter("received_ns"))
-        reading.take(frames, float("inf") if duration_s is None else duration_s * 1e9)
-        for source in sources:
-            _report_faults(source, health.sources[source.name], reading)
-        reading.report_sources()
-        reading.tell("info", "recording stopped")
 
 
 def _report_faults(source: Source, health: SourceHealth, reading: _Reading) -> None:
@@ -268,7 +260,13 @@ class _Reading:
             if abs(self.now_ns - self._reported_ns) >= NANO:
                 self.report_sources()
             if number % _FRAMES_PER_TICK == _FRAMES_PER_TICK - 1:
-                self._tick(number + 1)
+                self._parts.sync()
+                self._parts.tick(time.monotonic())
+                while self._parts.paused and not self._stop.wait(_POLL_S):  # a file can wait for the disk
+                    self._parts.tick(time.monotonic())
+                if time.monotonic() - self._reported_s >= _PROGRESS_PERIOD_S:
+                    LOG.info("%s frames, up to %s", f"{number + 1:,}", iso(self.now_ns))
+                    self._reported_s = time.monotonic()
         self._processing.report_handovers()
 
     def report_sources(self) -> None:
@@ -291,12 +289,3 @@ class _Reading:
                     health.count_in(1, frame.monotonic_ns)
                     yield frame
         health.state = "ended"
-
-    def _tick(self, frames: int) -> None:
-        self._parts.sync()
-        self._parts.tick(time.monotonic())
-        while self._parts.paused and not self._stop.wait(_POLL_S):  # a file can wait for the disk
-            self._parts.tick(time.monotonic())
-        if time.monotonic() - self._reported_s >= _PROGRESS_PERIOD_S:
-            LOG.info("%s frames, up to %s", f"{frames:,}", iso(self.now_ns))
-            self._reported_s = time.monotonic()
