@@ -175,7 +175,10 @@ class RequestServer:
                         self._accept(selector)
                     elif key.data in self._clients:  # it may have been disconnected a moment ago
                         self._receive(key.data, selector)
-                self._drop_expired(selector)
+                now_s = time.monotonic()
+                expired = [client for client in self._clients if now_s >= client.until_s]
+                for client in expired or self._clients[:-_MOST_CLIENTS]:
+                    self._disconnect(client, selector)
             for client in tuple(self._clients):
                 self._disconnect(client, selector)
 
@@ -206,13 +209,6 @@ class RequestServer:
             with suppress(OSError, ValueError, KeyError, TypeError, RecursionError):
                 client.socket.send(self.answer(bytes(client.received)))  # short: it fits into the socket
         if not data or len(client.received) > MOST_BYTES:
-            self._disconnect(client, selector)
-
-    def _drop_expired(self, selector: selectors.BaseSelector) -> None:
-        """Disconnect those that took too long, and the first of too many."""
-        now_s = time.monotonic()
-        expired = [client for client in self._clients if now_s >= client.until_s]
-        for client in expired or self._clients[:-_MOST_CLIENTS]:
             self._disconnect(client, selector)
 
     def _disconnect(self, client: _Client, selector: selectors.BaseSelector) -> None:
@@ -360,10 +356,21 @@ class Follower:
             return NewSamples(pieces)
         is_over = self._tail is not None and (self._tail.ended or self._tail.cut)
         is_quiet = now_s - self._heard_s >= _QUIET_S
-        if (is_over or is_quiet) and now_s - self._asked_s >= (_ASK_PERIOD_S if is_quiet else _ASK_SOON_S):
-            self._asked_s = now_s
-            return self._ask_recorder()
-        return NewSamples()
+        if not (is_over or is_quiet) or now_s - self._asked_s < (_ASK_PERIOD_S if is_quiet else _ASK_SOON_S):
+            return NewSamples()
+        self._asked_s = now_s
+        recorders = running_recorders(self._folder)
+        self.recorder = choose_recorder(recorders, self._name, self._configuration)
+        if self.recorder is None:
+            self._report("info", no_recorder_text(recorders, self._name))
+            return NewSamples(self._read())
+        running = self.recorder[1]
+        path = Path(running.recording)
+        if self.path != path:
+            return self._change_to(path)
+        if running.paused:
+            self._report("warning", f"the recorder writes nothing at the moment to {path.name}")
+        return NewSamples(self._read())
 
     def close(self) -> None:
         if self._tail is not None:
@@ -379,20 +386,6 @@ class Follower:
             return []
         self.trial = self._tail.trial
         return [samples] if samples else []
-
-    def _ask_recorder(self) -> NewSamples:
-        recorders = running_recorders(self._folder)
-        self.recorder = choose_recorder(recorders, self._name, self._configuration)
-        if self.recorder is None:
-            self._report("info", no_recorder_text(recorders, self._name))
-            return NewSamples(self._read())
-        running = self.recorder[1]
-        path = Path(running.recording)
-        if self.path == path:
-            if running.paused:
-                self._report("warning", f"the recorder writes nothing at the moment to {path.name}")
-            return NewSamples(self._read())
-        return self._change_to(path)
 
     def _change_to(self, path: Path) -> NewSamples:
         """Read the remainder of this part and go on with the next, or with another recording."""
@@ -478,7 +471,10 @@ def _is_our_host(host: str, address: str) -> bool:
 
 
 def read_request(client: socket.socket, patience_s: float = PATIENCE_S) -> Request:
-    """The head that a client sends, within a time and a size. Raises :class:`RefusalError`, OSError."""
+    """The head that a client sends, within a time and a size.
+
+    Raises :class:`RefusalError` for none, or an ambiguous one, and OSError.
+    """
     until_s, received = time.monotonic() + patience_s, b""
     while b"\r\n\r\n" not in received:
         if len(received) > _MOST_HEAD_BYTES:
@@ -488,11 +484,6 @@ def read_request(client: socket.socket, patience_s: float = PATIENCE_S) -> Reque
         if not data:
             raise ConnectionError("gone before it had asked")
         received += data
-    return parse_request(received)
-
-
-def parse_request(received: bytes) -> Request:
-    """The request that some bytes begin with. Raises :class:`RefusalError` for none, or an ambiguous one."""
     request_line, *lines = received.partition(b"\r\n\r\n")[0].decode("latin-1").split("\r\n")
     words = request_line.split(" ")
     if len(words) != 3 or not re.fullmatch(r"HTTP/1\.[01]", words[2]) or not words[0].isalpha():
@@ -543,23 +534,20 @@ class WebFront:
     def _listen(self) -> None:
         while not self._stopping.is_set():
             try:
-                self._admit(self._socket.accept()[0])
+                client, _ = self._socket.accept()
+                with self._lock:
+                    self._asking[client] = None
+                    if len(self._asking) > MOST_CLIENTS:  # the first whose request is incomplete is disconnected
+                        _end_connection(next(iter(self._asking)))
+                try:
+                    threading.Thread(target=self._attend, args=(client,), name=self._name, daemon=True).start()
+                except RuntimeError:
+                    self._forget(client)
+                    raise
             except TimeoutError:
                 continue
             except (OSError, RuntimeError):  # no file or thread is available at the moment
                 self._stopping.wait(_RETRY_S)
-
-    def _admit(self, client: socket.socket) -> None:
-        """Admit a client; of too many whose request is incomplete, the first is disconnected."""
-        with self._lock:
-            self._asking[client] = None
-            if len(self._asking) > MOST_CLIENTS:
-                _end_connection(next(iter(self._asking)))
-        try:
-            threading.Thread(target=self._attend, args=(client,), name=self._name, daemon=True).start()
-        except RuntimeError:
-            self._forget(client)
-            raise
 
     def _attend(self, client: socket.socket) -> None:
         try:
