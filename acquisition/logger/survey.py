@@ -201,8 +201,11 @@ class Survey(FrameProcessor):
             if not is_part:
                 tally.count_in(frame.monotonic_ns)
         super().process(frame)
-        for reason, count in self._newly_refused(frame.origin).items():
-            self._tally_of(self._kind).refused[reason] += count
+        for counter in self.health.sources[frame.origin].refusals:
+            before = self._refused_before.get(id(counter), Counter())
+            if before != counter:
+                self._tally_of(self._kind).refused += counter - before
+                self._refused_before[id(counter)] = Counter(counter)
 
     def note(self, text: str, received_ns: int, level: str = "info", name: str = "seatrial") -> None:
         self.events.append(text)
@@ -236,15 +239,6 @@ class Survey(FrameProcessor):
                 tally.count_in(sample.monotonic_ns)
             tally.values[sample.quantity] = sample.value
 
-    def _newly_refused(self, origin: str) -> Counter[str]:
-        fresh: Counter[str] = Counter()
-        for counter in self.health.sources[origin].refusals:
-            before = self._refused_before.get(id(counter))
-            if before != counter:
-                fresh += counter if before is None else counter - before
-                self._refused_before[id(counter)] = Counter(counter)
-        return fresh
-
     def _kinds_of(self, frame: Frame) -> Iterator[TrafficKind]:
         if frame.protocol == "can":
             yield self._can_kind(frame)
@@ -263,23 +257,20 @@ class Survey(FrameProcessor):
             yield TrafficKind(frame.origin, topic, name)
 
     def _can_kind(self, frame: Frame) -> TrafficKind:
+        """The kind of a frame; who claims an address, and what the maker says that it is, is noted."""
         kind = frame.flags & ~(FrameFlag.LATE | FrameFlag.WHOLE)
         if kind == FrameFlag.STANDARD_ID:
             return TrafficKind(frame.origin, "", f"0x{frame.identifier:03X}")
         if kind:
             return TrafficKind(frame.origin, "", "remote or error frame")
         group, address = parameter_group(frame.identifier)
-        self._note_device(frame, group, str(address))
-        return TrafficKind(frame.origin, str(address), str(group))
-
-    def _note_device(self, frame: Frame, group: int, address: str) -> None:
-        """Note who claims an address, and what the maker says that it is."""
         payload: bytes | None = frame.payload
         if group == PRODUCT_INFORMATION and not frame.flags & FrameFlag.WHOLE and len(frame.payload) == 8:
             products = self._products[frame.origin]
-            payload = products.push(int(address), group, frame.payload, frame.monotonic_ns, _PRODUCT_BYTES)
+            payload = products.push(address, group, frame.payload, frame.monotonic_ns, _PRODUCT_BYTES)
         if group in (ADDRESS_CLAIM, PRODUCT_INFORMATION) and payload is not None:
-            self.devices.setdefault((frame.origin, address), {}).update(_device_identity(group, payload))
+            self.devices.setdefault((frame.origin, str(address)), {}).update(_device_identity(group, payload))
+        return TrafficKind(frame.origin, str(address), str(group))
 
 
 def _sentence_kind(line: str, payload: bytes) -> TrafficKind:
@@ -428,7 +419,27 @@ def by_reason(missing: Mapping[str, str]) -> dict[str, str]:
 
 def why_missing(name: str, survey: Survey) -> str:
     """One reason why a channel has not come, and what to do about it."""
-    return what_comes(name, survey) or _what_would_carry(name, survey)
+    if reason := what_comes(name, survey):
+        return reason
+    for source in survey.config.sources:
+        if name in source.channels and not survey.health.sources[source.name].frames:
+            return f"nothing at all comes from {source.name!r}"
+    if topics := _topics_of(name, survey):
+        return f"nothing comes under {' or '.join(dict.fromkeys(topics))}"
+    carriers = [carrier for carrier in _CARRIERS.get(name, ()) if not carrier.isupper() or len(carrier) == 3]
+    if carriers:
+        return f"nothing that comes carries it: {', '.join(carriers[:-1])} or {carriers[-1]} would"
+    if origins := _origin_messages(name, survey):
+        return f"nothing that comes carries it: {', '.join(origins)} would"
+    names = {kind.name for kind in survey.kinds}
+    proprietary = sorted(
+        message
+        for message in names
+        if message.startswith("0x") or (message.isdigit() and is_proprietary(int(message)))
+    )
+    examples = f" ({', '.join(proprietary[:_MOST_NAMED])})" if proprietary else ""
+    frames = f"the maker's own frames{examples}"
+    return f"nothing that comes carries it: TRD, RPM, RSA or 127245 may, or {frames} by a DBC file"
 
 
 def what_comes(name: str, survey: Survey) -> str:
@@ -436,7 +447,20 @@ def what_comes(name: str, survey: Survey) -> str:
     if labels := survey.quantities.get(name):  # on a line that is not to provide it
         line = label_parts(next(iter(labels)))[0]
         return f"{_message_names(labels)} comes: add {name} to the channels of source {line!r}"
-    return _why_not_derived(name, survey) or _why_refused(name, survey)
+    if reason := _why_not_derived(name, survey):
+        return reason
+    # a message that could carry it comes, but has no value for it
+    carriers = {kind: tally for kind, tally in survey.kinds.items() if _can_carry(kind, name, survey)}
+    for kind, tally in sorted(carriers.items(), key=lambda entry: -entry[1].count):
+        reason = _UNREAD.get(kind.name, "")
+        for refusal, _ in tally.refused.most_common(1):
+            reason = _REMEDIES.get(refusal, f"but is refused: {refusal}")
+        if not reason and kind.name in _CARRIERS.get(name, ()):
+            reason = "but holds no value for it"
+        if reason:
+            label = kind.device if kind.name == TOPIC_VALUE else kind.name
+            return f"{label} comes, {reason}" if reason.startswith(("but", "without")) else f"{label} {reason}"
+    return ""
 
 
 def _why_not_derived(name: str, survey: Survey) -> str:
@@ -474,21 +498,6 @@ def _interval_s(quantity: str, survey: Survey) -> float:
     return 1.0 / max(rates_hz) if rates_hz and quantity != "magnetic_variation_deg" else 0.0
 
 
-def _why_refused(name: str, survey: Survey) -> str:
-    """Where a message that could carry it comes, but has no value for it: why; else empty."""
-    carriers = {kind: tally for kind, tally in survey.kinds.items() if _can_carry(kind, name, survey)}
-    for kind, tally in sorted(carriers.items(), key=lambda entry: -entry[1].count):
-        reason = _UNREAD.get(kind.name, "")
-        for refusal, _ in tally.refused.most_common(1):
-            reason = _REMEDIES.get(refusal, f"but is refused: {refusal}")
-        if not reason and kind.name in _CARRIERS.get(name, ()):
-            reason = "but holds no value for it"
-        if reason:
-            label = kind.device if kind.name == TOPIC_VALUE else kind.name
-            return f"{label} comes, {reason}" if reason.startswith(("but", "without")) else f"{label} {reason}"
-    return ""
-
-
 def _can_carry(traffic: TrafficKind, name: str, survey: Survey) -> bool:
     """Whether a message can carry a channel; one of a thruster's number only that thruster's."""
     message = traffic.name
@@ -511,30 +520,6 @@ def _can_carry(traffic: TrafficKind, name: str, survey: Survey) -> bool:
 def sources_of(name: str, survey: Survey) -> set[str]:
     """The sources on which a message comes that can carry a channel."""
     return {kind.source for kind in survey.kinds if _can_carry(kind, name, survey)}
-
-
-def _what_would_carry(name: str, survey: Survey) -> str:
-    """What would carry it, where nothing that comes could, or nothing comes at all."""
-    for source in survey.config.sources:
-        if name in source.channels and not survey.health.sources[source.name].frames:
-            return f"nothing at all comes from {source.name!r}"
-    if topics := _topics_of(name, survey):
-        return f"nothing comes under {' or '.join(dict.fromkeys(topics))}"
-    carriers = [carrier for carrier in _CARRIERS.get(name, ()) if not carrier.isupper() or len(carrier) == 3]
-    if carriers:
-        return f"nothing that comes carries it: {', '.join(carriers[:-1])} or {carriers[-1]} would"
-    if origins := _origin_messages(name, survey):
-        return f"nothing that comes carries it: {', '.join(origins)} would"
-    names = {kind.name for kind in survey.kinds}
-    proprietary = {
-        message
-        for message in names
-        if message.startswith("0x") or (message.isdigit() and is_proprietary(int(message)))
-    }
-    frames = "the maker's own frames" + (
-        f" ({', '.join(sorted(proprietary)[:_MOST_NAMED])})" if proprietary else ""
-    )
-    return f"nothing that comes carries it: TRD, RPM, RSA or 127245 may, or {frames} by a DBC file"
 
 
 def _topics_of(name: str, survey: Survey) -> list[str]:
