@@ -27,7 +27,7 @@ import socket
 import struct
 from abc import ABC, abstractmethod
 from collections import Counter, deque
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import Any, BinaryIO, NamedTuple
@@ -231,30 +231,24 @@ class OwnCode(Source):
             received = self._link.read(timeout_s)
         if received is None:
             return None
-        clocks = now_ns()
-        payloads = [
-            payload
-            for reading in (received if isinstance(received, list) else [received])
-            for payload in self._payloads(reading)
-        ]
-        return [Frame(self.name, "mqtt", payload, *clocks) for payload in payloads]
-
-    def _payloads(self, reading: Any) -> Iterator[bytes]:
-        if isinstance(reading, str | bytes):
-            yield f"{_LINES_TOPIC}\0".encode() + (reading.encode() if isinstance(reading, str) else reading)
-            return
-        if not isinstance(reading, dict):
-            raise self.failure(
-                f"read returned a {type(reading).__name__}", fix="return a dict of channels, or a list"
-            )
-        time = reading.get("time")
-        for name, value in reading.items():
-            if name != "time":
+        clocks, payloads = now_ns(), []
+        for reading in received if isinstance(received, list) else [received]:
+            if isinstance(reading, str | bytes):
+                line = reading.encode() if isinstance(reading, str) else reading
+                payloads.append(f"{_LINES_TOPIC}\0".encode() + line)
+                continue
+            if not isinstance(reading, dict):
+                what = f"read returned a {type(reading).__name__}"
+                raise self.failure(what, fix="return a dict of channels, or a list")
+            time = f",{reading['time']}" if reading.get("time") is not None else ""
+            for name, value in reading.items():
+                if name == "time":
+                    continue
                 if name not in self._config.values:
-                    raise self.failure(
-                        f"tells {name!r}", "it is no channel", "declare it as [[channel]], or rename it"
-                    )
-                yield f"own/{name}\0{value}{'' if time is None else f',{time}'}".encode()
+                    fix = "declare it as [[channel]], or rename it"
+                    raise self.failure(f"tells {name!r}", "it is no channel", fix)
+                payloads.append(f"own/{name}\0{value}{time}".encode())
+        return [Frame(self.name, "mqtt", payload, *clocks) for payload in payloads]
 
     def close(self) -> None:
         if self._link is not None and hasattr(self._link, "close"):

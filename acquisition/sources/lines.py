@@ -261,7 +261,29 @@ class UdpPort(_Stream):
     senders: Senders
 
     def _connect(self) -> socket.socket:
-        opened = _bind_udp(self._config)
+        """A socket bound to the section's address, with as large a buffer as the system allows.
+
+        A multicast group, such as those of IEC 61162-450, is joined, and other programs may listen to it too.
+        """
+        address, port = self._config.address, self._config.port
+        opened = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        try:
+            enlarge(opened, _BUFFER_BYTES)
+            stamp_arrivals(opened)
+            shared = False
+            with suppress(ValueError):
+                shared = ipaddress.IPv4Address(address).is_multicast
+            if shared:
+                opened.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            opened.bind((address, port))  # to a group's own address: nothing else comes
+            if shared:
+                _join_group(opened, address)
+        except OSError as error:
+            opened.close()
+            fix = "stop the program that uses it, or correct `address` and `port`"
+            fix = "correct `address`" if isinstance(error, socket.gaierror) else fix
+            problem = f"UDP {address}:{port} cannot be listened on"
+            raise self.failure(problem, str(error.strerror), fix) from error
         self._drops = Drops(opened)
         return opened
 
@@ -293,36 +315,6 @@ class UdpPort(_Stream):
             return [Frame(self.name, "mavlink", datagram, *self._times, sender=self._sender)] if datagram else []
         frames = self._lines.push(datagram, self._times) + self._lines.end(self._times)
         return [frame._replace(sender=self._sender) for frame in frames]
-
-
-def _bind_udp(config: UdpSource | MavlinkSource) -> socket.socket:
-    """A UDP socket bound to the section's address, with as large a buffer as the system allows.
-
-    A multicast group, such as those of IEC 61162-450, is joined, and other programs may listen to it too.
-    """
-    opened = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-    try:
-        enlarge(opened, _BUFFER_BYTES)
-        stamp_arrivals(opened)
-        shared = False
-        with suppress(ValueError):
-            shared = ipaddress.IPv4Address(config.address).is_multicast
-        if shared:
-            opened.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        opened.bind((config.address, config.port))  # to a group's own address: nothing else comes
-        if shared:
-            _join_group(opened, config.address)
-    except OSError as error:
-        opened.close()
-        is_unresolved = isinstance(error, socket.gaierror)
-        fix = (
-            "correct `address`"
-            if is_unresolved
-            else "stop the program that uses it, or correct `address` and `port`"
-        )
-        problem = f"UDP {config.address}:{config.port} cannot be listened on"
-        raise source_error(config, problem, str(error.strerror), fix) from error
-    return opened
 
 
 def _join_group(opened: socket.socket, address: str) -> None:
@@ -497,7 +489,20 @@ def failure(config: MqttSource, what: str, why: str = "", fix: str = "") -> Sour
 
 def connect(config: MqttSource, keep_alive_s: int = _KEEP_ALIVE_S) -> Client:
     """Connect to a broker, which has answered then. Raises :class:`SourceError`."""
-    client = _make_client(config)
+    from paho.mqtt.client import Client
+    from paho.mqtt.enums import CallbackAPIVersion
+
+    client = Client(CallbackAPIVersion.VERSION2, config.client_id or None, clean_session=True)
+    client.connect_timeout = _TIMEOUT_S
+    client.on_socket_open = lambda client, _, opened: enlarge(opened, _BUFFER_BYTES)  # type: ignore[arg-type]
+    if config.user:
+        client.username_pw_set(config.user, _password(config))
+    if config.encrypted:
+        try:
+            client.tls_set_context(ssl.create_default_context(cafile=config.ca_file))
+        except OSError as error:
+            reason = f"{config.ca_file}: {_reason(error)}"
+            raise failure(config, "cannot be checked", reason, "correct `ca_file`") from error
     answers: list[Any] = []
     client.on_connect = lambda *arguments: answers.append(arguments[3])
     try:
@@ -519,24 +524,6 @@ def _reason(error: Exception) -> str:
     if isinstance(error, ssl.SSLError):
         return "it is no certificate, or nothing there speaks TLS"
     return system_reason(error) or "no answer in time"
-
-
-def _make_client(config: MqttSource) -> Client:
-    from paho.mqtt.client import Client
-    from paho.mqtt.enums import CallbackAPIVersion
-
-    client = Client(CallbackAPIVersion.VERSION2, config.client_id or None, clean_session=True)
-    client.connect_timeout = _TIMEOUT_S
-    client.on_socket_open = lambda client, _, opened: enlarge(opened, _BUFFER_BYTES)  # type: ignore[arg-type]
-    if config.user:
-        client.username_pw_set(config.user, _password(config))
-    if config.encrypted:
-        try:
-            client.tls_set_context(ssl.create_default_context(cafile=config.ca_file))
-        except OSError as error:
-            reason = f"{config.ca_file}: {_reason(error)}"
-            raise failure(config, "cannot be checked", reason, "correct `ca_file`") from error
-    return client
 
 
 def _password(config: MqttSource) -> str | None:
@@ -679,17 +666,16 @@ class MqttLog(LogReader):
             time_ns = round(seconds * 1e6) * 1000 if isinstance(seconds, int | float) else 0
             if not isinstance(topic, str) or not isinstance(message, str | bytes) or not is_possible(time_ns):
                 self.unreadable += 1
-            elif self._is_subscribed(topic):
+                continue
+            if topic not in self._topics:
+                patterns = [*self._config.topics, *(entry.topic for entry in self._config.values.values())]
+                is_subscribed = any(covers(pattern, topic) for pattern in patterns)
+                self._topics[topic] = is_subscribed or not self._config.topics
+            if self._topics[topic]:
                 text = message.encode() if isinstance(message, str) else message
                 self._monotonic_ns = max(self._monotonic_ns, time_ns)
                 payload = topic.encode("utf-8", "replace") + b"\0" + text
                 yield Frame(self.name, "mqtt", payload, time_ns, self._monotonic_ns, stamped_ns=time_ns)
-
-    def _is_subscribed(self, topic: str) -> bool:
-        if topic not in self._topics:
-            patterns = [*self._config.topics, *(entry.topic for entry in self._config.values.values())]
-            self._topics[topic] = not self._config.topics or any(covers(pattern, topic) for pattern in patterns)
-        return self._topics[topic]
 
     def close(self) -> None:
         if self._link is not None and hasattr(self, "_log"):

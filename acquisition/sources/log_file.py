@@ -73,7 +73,6 @@ UNDERSTOOD = (
     " ASC, TRC and sentences of NMEA 0183 with any time before them"
 )
 _LIBRARY_LOGGERS = tuple(logging.getLogger(f"can.io.{kind}") for kind in ("blf", "trc"))
-MakeReader = Callable[[Any], Iterable[can.Message]]
 _LONGEST_OBJECT_BYTES = 1024 * 1024  # of BLF; a frame has some 100, a typed text 64 kB
 
 EARLIEST_UTC_NS = 1_000_000_000 * NANO
@@ -101,7 +100,7 @@ _SYSTEM_TIME = 2  # the message whose first eight bytes are the microseconds sin
 class _Blf(can.BLFReader):  # type: ignore[misc]  # the library has no types
     """Python-can's, but that a container unpacks to no more than a multiple of what containers hold."""
 
-    def __init__(self, file: BoundedLog) -> None:
+    def __init__(self, file: Any) -> None:  # a BoundedLog
         super().__init__(file)
         self._meter = file.meter
 
@@ -113,36 +112,22 @@ class _Blf(can.BLFReader):  # type: ignore[misc]  # the library has no types
                 raise blf.BLFParseError
             body = self.file.read(size - head.size)
             self.file.read(size % 4)
-            if kind == blf.LOG_CONTAINER:
-                plain = _unpack_container(body)
-                self._meter.add(LOG_BYTES, len(plain))
-                yield from self._parse_container(plain)
-                if len(self._tail) > _LONGEST_OBJECT_BYTES:
-                    raise ValueError("an object in it is longer than any")
+            if kind != blf.LOG_CONTAINER:
+                continue
+            (method, _), plain = blf.LOG_CONTAINER_STRUCT.unpack_from(body), body[blf.LOG_CONTAINER_STRUCT.size :]
+            if method == blf.ZLIB_DEFLATE:
+                unpacking = zlib.decompressobj()
+                plain = unpacking.decompress(plain, _LARGEST_CONTAINER_BYTES)
+                if unpacking.unconsumed_tail:
+                    raise ValueError(f"a container in it unpacks to more than {_LARGEST_CONTAINER_BYTES:,} bytes")
+            elif method != blf.NO_COMPRESSION:
+                blf.LOG.warning("Unknown compression method (%d)", method)
+                plain = b""
+            self._meter.add(LOG_BYTES, len(plain))
+            yield from self._parse_container(plain)
+            if len(self._tail) > _LONGEST_OBJECT_BYTES:
+                raise ValueError("an object in it is longer than any")
         self.stop()
-
-
-def _unpack_container(body: bytes) -> bytes:
-    """The content of a container; empty for a compression that is not in use."""
-    (method, _), packed = blf.LOG_CONTAINER_STRUCT.unpack_from(body), body[blf.LOG_CONTAINER_STRUCT.size :]
-    if method == blf.NO_COMPRESSION:
-        return packed
-    if method != blf.ZLIB_DEFLATE:
-        blf.LOG.warning("Unknown compression method (%d)", method)
-        return b""
-    unpacking = zlib.decompressobj()
-    plain = unpacking.decompress(packed, _LARGEST_CONTAINER_BYTES)
-    if unpacking.unconsumed_tail:
-        raise ValueError(f"a container in it unpacks to more than {_LARGEST_CONTAINER_BYTES:,} bytes")
-    return plain
-
-
-_BLF: MakeReader = _Blf
-
-
-def _read_trc(file: BinaryIO) -> Iterable[can.Message]:
-    messages: Iterable[can.Message] = can.TRCReader(Lines(file, encoding="utf-8", errors="replace"))
-    return messages
 
 
 class LogFile(LogReader):
@@ -233,8 +218,9 @@ class LogFile(LogReader):
     def _frame(self, entry: LogEntry) -> Frame:
         time_ns = self._clock.time_ns(entry)
         if time_ns is not None:
-            if self._clock_ns - time_ns >= _STEP_BACK_NS:
-                self._note_step_back(time_ns)
+            # the first step back is noted; one forward may be a gap
+            if self._clock_ns - time_ns >= _STEP_BACK_NS and self._back_at_ns is None:
+                self._back_at_ns, self._back_ns = time_ns, self._clock_ns - time_ns
             self._clock_ns = time_ns
         if time_ns is not None and self._newest_ns is not None and entry.protocol == "nmea0183":
             time_ns = max(time_ns, self._newest_ns)  # sentences are delayed, never advanced
@@ -250,11 +236,6 @@ class LogFile(LogReader):
         self._last_ns = max(self._last_ns, monotonic_ns)
         details = received_ns, self._last_ns, entry.identifier, entry.flags, stamped_ns, bus
         return Frame(self.name, entry.protocol, entry.payload, *details)
-
-    def _note_step_back(self, time_ns: int) -> None:
-        """Note the first step back of the log's clock; whether one forward is a gap nobody can tell."""
-        if self._back_at_ns is None:
-            self._back_at_ns, self._back_ns = time_ns, self._clock_ns - time_ns
 
 
 class _Log:
@@ -333,14 +314,11 @@ def _choose_reader(head: bytes, form: str, open_file: Callable[[], BinaryIO]) ->
     read = FILE_FORMS[form].read if form in FILE_FORMS else None
     if not form:
         read = next((file_form.read for file_form in FILE_FORMS.values() if file_form.begins(head)), None)
-    library: MakeReader | None = None
-    if head.startswith(b"LOGG"):
-        library = _BLF
-    elif next((line for line in head.decode("latin-1").splitlines() if line.strip()), "").lstrip().startswith(";"):
-        library = _read_trc
+    is_blf, lines = head.startswith(b"LOGG"), head.decode("latin-1").splitlines()
+    is_trc = next((line for line in lines if line.strip()), "").lstrip().startswith(";")
     is_text = form in LINE_FORMS or any(map(_is_recordable, read_lines(BytesIO(head), LineReader())))
-    if read is None and library is not None and not is_text:
-        read = partial(_library_log, library)
+    if read is None and (is_blf or is_trc) and not is_text:
+        read = partial(_library_log, is_blf)
     return lambda times: _Log(read or read_lines, open_file(), form, times)
 
 
@@ -349,9 +327,9 @@ def _is_recordable(entry: LogEntry, *, unchecked: bool = False) -> bool:
     return entry.protocol == "can" or has_sentence(entry.payload, unchecked=unchecked)
 
 
-def _library_log(make_messages: MakeReader, file: BinaryIO, reader: LineReader) -> Iterator[LogEntry]:
-    """The entries of a log by one of python-can's readers. Raises :class:`ValueError` for a broken beginning."""
-    size_bytes = file.seek(0, os.SEEK_END) if make_messages is _BLF else 0  # 0 for text
+def _library_log(is_blf: bool, file: BinaryIO, reader: LineReader) -> Iterator[LogEntry]:
+    """The entries of a log, BLF or TRC, by python-can. Raises :class:`ValueError` for a broken beginning."""
+    size_bytes = file.seek(0, os.SEEK_END) if is_blf else 0  # 0 for text
     file.seek(0)
     try:
         began_ns = 0
@@ -361,7 +339,8 @@ def _library_log(make_messages: MakeReader, file: BinaryIO, reader: LineReader) 
             match = None if b"$STARTTIME" in head else _START_TIME.search(head)
             stated = None if match is None else reader.times.read(match[1].decode("latin-1"))
             began_ns = 0 if stated is None or stated[1] else stated[0] or 0
-        return _library_entries(make_messages(file), file, size_bytes, reader, began_ns)
+        messages = _Blf(file) if is_blf else can.TRCReader(Lines(file, encoding="utf-8", errors="replace"))
+        return _library_entries(messages, file, size_bytes, reader, began_ns)
     except Exception as error:  # the library promises no set of errors for a broken log
         file.close()
         raise ValueError(f"its beginning is broken: {error}") from error
@@ -651,21 +630,18 @@ class TelemetryLog(LogReader):
                     break
                 end = settled if end is None else end
             else:
-                self._advance(self._plausible_time_ns(data, at, end))
+                self._advance(data, at, end)
             frames.append(self._frame(data[payload_from:end]))
             at = end
         self._data = data[at:]
         return frames
 
-    def _plausible_time_ns(self, data: bytes, at: int, end: int) -> int:
-        """The time of the entry, unless the one before and the one after agree that it is wrong [ns UTC]."""
+    def _advance(self, data: bytes, at: int, end: int) -> None:
+        """Go on to the time of an entry, unless the one before and the one after agree that it is wrong."""
         time_ns, next_ns = time_at(data, at) or self._time_ns, time_at(data, end) if end < len(data) else None
         jumps = abs(time_ns - self._time_ns) > _JUMP_NS
         if jumps and next_ns is not None and abs(next_ns - self._time_ns) < abs(next_ns - time_ns):
-            return self._time_ns
-        return time_ns
-
-    def _advance(self, time_ns: int) -> None:
+            return
         before_ns, after_ns = self._utc_ns(self._time_ns), self._utc_ns(time_ns)
         if abs(after_ns - before_ns) > _JUMP_NS and len(self._steps) < _MOST_STEPS:
             self._steps.append((after_ns, after_ns - before_ns))

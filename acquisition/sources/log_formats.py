@@ -133,8 +133,19 @@ def _read_candump_console(match: re.Match[str]) -> LogEntry | None:
     return _candump_frame(fields.get("time"), fields["id"], data, remote, fields.get("bus") or "")
 
 
+_DATE_TIME = _pattern(r"(\d{4}-\d\d-\d\d)[ T](\d\d:\d\d:\d\d)(?:\.(\d{1,9}))?(Z|[+-]\d\d(?::?\d\d)?)?")
+
+
 def _candump_frame(time: str | None, identifier: str, data: bytes, remote: bool, bus: str) -> LogEntry | None:
-    time_ns = None if time is None else _candump_time_ns(time)
+    """A frame with its time: seconds, or a date and time, in this machine's zone (as of candump) if it has none."""
+    time_ns: int | None = None
+    if time is not None and "-" in time:
+        match = _DATE_TIME.fullmatch(time)
+        time_ns = None if match is None else zoned_time_ns(match[1], match[2], match[3], match[4], None)
+    elif time is not None:
+        seconds, _, fraction = time.partition(".")
+        if seconds.isdigit() and (not fraction or fraction.isdigit()) and len(seconds) <= 10:
+            time_ns = int(seconds) * NANO + int(fraction[:9].ljust(9, "0"))
     if len(data) > _MOST_BYTES or (time is not None and time_ns is None):
         return None
     number = int(identifier, 16)
@@ -156,20 +167,6 @@ def _read_savvycan(match: re.Match[str]) -> LogEntry | None:
     flags = can_flags(match["extended"] == "false")
     bus = f"channel{match['bus']}"
     return LogEntry(1000 * int(match["time"]), data, identifier & HIGHEST_IDENTIFIER, flags, bus=bus)
-
-
-_DATE_TIME = _pattern(r"(\d{4}-\d\d-\d\d)[ T](\d\d:\d\d:\d\d)(?:\.(\d{1,9}))?(Z|[+-]\d\d(?::?\d\d)?)?")
-
-
-def _candump_time_ns(text: str) -> int | None:
-    """Seconds, or a date and time, in this machine's zone (as of candump) if it has none; None for others."""
-    if "-" in text:
-        match = _DATE_TIME.fullmatch(text)
-        return None if match is None else zoned_time_ns(match[1], match[2], match[3], match[4], None)
-    seconds, _, fraction = text.partition(".")
-    if not seconds.isdigit() or (fraction and not fraction.isdigit()) or len(seconds) > 10:
-        return None
-    return int(seconds) * NANO + int(fraction[:9].ljust(9, "0"))
 
 
 _CANBOAT = _pattern(
@@ -402,9 +399,16 @@ class LineReader:
         )
 
     def _read_line(self, text: str) -> LogEntry | None:
+        """A line of a form, or what stands behind a time or a name that a logger wrote before it."""
         if "\x1b" in text:
             text = _COLOUR.sub("", text).strip()
-        entry = self._match_form(text) or self._unwrap(text)
+        entry = self._match_form(text)
+        if entry is None and text[:1] not in _COMMENTS:
+            if match := SENTENCE_WITH_PREFIX.fullmatch(text):
+                inner = match["inner"].removesuffix('"') if match["before"].endswith('"') else match["inner"]
+                entry = _at_time(self._read_sentence(inner), self.times.read(match["before"]))
+            elif match := next(filter(None, (pattern.fullmatch(text) for pattern in _ENVELOPES)), None):
+                entry = _at_time(self._match_form(match["inner"]), self.times.read(match["before"]))
         if entry is not None or _NO_ENTRY.fullmatch(text):
             return entry
         return self._embedded_sentence(text.encode("latin-1"))
@@ -424,18 +428,6 @@ class LineReader:
                     self._forms.insert(0, form)
                 return form[1](match)
         return None
-
-    def _unwrap(self, text: str) -> LogEntry | None:
-        """What stands behind a time or a name that a logger wrote before it."""
-        if text[:1] in _COMMENTS:
-            return None
-        if match := SENTENCE_WITH_PREFIX.fullmatch(text):
-            inner = match["inner"].removesuffix('"') if match["before"].endswith('"') else match["inner"]
-            return _at_time(self._read_sentence(inner), self.times.read(match["before"]))
-        match = next(filter(None, (pattern.fullmatch(text) for pattern in _ENVELOPES)), None)
-        if match is None:
-            return None
-        return _at_time(self._match_form(match["inner"]), self.times.read(match["before"]))
 
 
 def _at_time(entry: LogEntry | None, time: tuple[int | None, int] | None) -> LogEntry | None:
@@ -631,55 +623,49 @@ def begins_asc(head: bytes) -> bool:
 
 def read_asc(file: BinaryIO, reader: LineReader) -> Iterator[LogEntry]:
     """The frames of a log. Raises :class:`ValueError` where its last line is cut off."""
-    log = _AscLog(reader)
+    clock, is_cut = _AscClock(reader.times), False
     while line := file.readline(_LONGEST_LINE):
-        entry = log.entry(line.decode("utf-8", "replace").strip("\ufeff \t\r\n"))
+        text = line.decode("utf-8", "replace").strip("\ufeff \t\r\n")
+        stamped, is_cut = _STAMPED.fullmatch(text), False
+        if stamped is None:
+            reader.unreadable += not clock.read_header(text)
+            continue
+        time_ns = clock.time_ns(stamped)
+        entry = _parse_event(stamped["event"], clock.base)
         if entry is not None:
-            yield entry
-    if log.is_cut:
+            yield entry._replace(time_ns=time_ns)
+        else:
+            is_cut = _FRAME.match(stamped["event"]) is not None  # it begins as a frame does, but has too few bytes
+            reader.unreadable += _EVENT.fullmatch(stamped["event"]) is None
+    if is_cut:
         raise ValueError("its last line is cut off")
 
 
-class _AscLog:
-    """What the header says, and the time of the line before."""
+class _AscClock:
+    """What the header says of numbers and times, and the time of the line before."""
 
-    def __init__(self, reader: LineReader) -> None:
-        self._reader = reader
-        self._base, self._relative, self._counts_from_midnight = 16, False, False
+    def __init__(self, times: StatedTimes) -> None:
+        self._times = times
+        self.base = 16
+        self._relative = self._counts_from_midnight = False
         self._began: Stamp | None = None
         self._last_ns: int | None = None
-        self.is_cut = False  # whether the last line began as a frame does, but had too few bytes
 
-    def entry(self, text: str) -> LogEntry | None:
-        """The frame in a line, if there is one; a line of neither header, events nor frames is counted."""
-        self.is_cut = False
-        stamped = _STAMPED.fullmatch(text)
-        if stamped is None:
-            self._reader.unreadable += not self._read_header(text)
-            return None
-        time_ns = self._time_ns(stamped)
-        entry = _parse_event(stamped["event"], self._base)
-        if entry is None:
-            self.is_cut = _FRAME.match(stamped["event"]) is not None
-            self._reader.unreadable += _EVENT.fullmatch(stamped["event"]) is None
-            return None
-        return entry._replace(time_ns=time_ns)
-
-    def _read_header(self, text: str) -> bool:
+    def read_header(self, text: str) -> bool:
         """Take up a line of the header, or of a trigger block; whether it is one."""
         words = text.lower().split()
         if words[:1] == ["base"]:
-            self._base = 10 if words[1:2] == ["dec"] else 16
+            self.base = 10 if words[1:2] == ["dec"] else 16
             self._relative = words[2:4] == ["timestamps", "relative"]
             return True
         if words[:1] == ["date"] or words[:2] in (["begin", "triggerblock"], ["begin", "trigger"]):
-            self._reader.times.read(text)
-            self._began = self._reader.times.last or self._began
+            self._times.read(text)
+            self._began = self._times.last or self._began
             self._last_ns = None
             return True
         return _SECTION.fullmatch(text) is not None
 
-    def _time_ns(self, stamped: re.Match[str]) -> int:
+    def time_ns(self, stamped: re.Match[str]) -> int:
         """The line's time: UTC where the log has a date, else since its beginning."""
         fraction_ns = int((stamped["fraction"] or "").ljust(9, "0"))
         stated_ns = int(stamped["seconds"]) * NANO + (-fraction_ns if stamped["seconds"][0] == "-" else fraction_ns)
@@ -692,8 +678,8 @@ class _AscLog:
             is_past_first_hour = stated_ns >= _EARLIEST_TIME_OF_DAY_NS
             self._counts_from_midnight = is_past_first_hour and since_ns <= _DAY_BEGAN_WITHIN_NS
             if self._counts_from_midnight:
-                self._reader.times.remark = "its stamps are times of day: they count from midnight of its date"
-        began_ns = self._began.local_ns(self._reader.times.order_of(self._began))
+                self._times.remark = "its stamps are times of day: they count from midnight of its date"
+        began_ns = self._began.local_ns(self._times.order_of(self._began))
         if self._began.offset_s is not None:
             began_ns -= self._began.offset_s * NANO
         else:  # this machine's zone
