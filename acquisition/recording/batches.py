@@ -91,7 +91,19 @@ def batches(*chunks: mcap.Chunk) -> Iterator[Batch | mcap.McapRecord]:
     plain = chunks[0].data if len(chunks) == 1 else b"".join(chunk.data for chunk in chunks)
     find_records = _find_records if _is_worth_loading(plain) else _find_records_uncompiled
     heads, record_places, size, fault = find_records(plain, ends)
-    yield from _in_file_order(Batch(heads, plain), record_places)
+    batch = Batch(heads, plain)
+    opcodes = np.frombuffer(plain, np.uint8)[record_places]
+    definitions = record_places[np.isin(opcodes, (Opcode.SCHEMA, Opcode.CHANNEL))]
+    start = 0  # a number may mean something else from the place of a definition on
+    for place, stop in zip(definitions, np.searchsorted(heads["start"], definitions), strict=True):
+        yield from batch.pieces(start, stop)
+        start = stop
+        opcode, length = HEAD.unpack_from(plain, place)
+        begin = place + HEAD.size
+        record = parse(opcode, plain[begin : begin + length])
+        if record is not None:
+            yield record
+    yield from batch.pieces(start, len(batch))
     if fault:
         raise RecordError(_FAULTS[fault], bisect_right(ends, size))
 
@@ -134,22 +146,6 @@ def _find_records_uncompiled(plain: bytes, ends: list[int]) -> _FoundRecords:
                 heads.append((*MESSAGE.unpack_from(plain, start), start + MESSAGE.size, after))
             place = place if fault else after
     return np.array(heads, MESSAGE_HEAD), np.array(record_places, np.int64), place, fault
-
-
-def _in_file_order(batch: Batch, record_places: Ints) -> Iterator[Batch | mcap.McapRecord]:
-    """Messages and definitions as they stand in the file: a number may mean something else from a place on."""
-    opcodes = np.frombuffer(batch.plain, np.uint8)[record_places]
-    definitions = record_places[np.isin(opcodes, (Opcode.SCHEMA, Opcode.CHANNEL))]
-    start = 0
-    for place, stop in zip(definitions, np.searchsorted(batch.heads["start"], definitions), strict=True):
-        yield from batch.pieces(start, stop)
-        start = stop
-        opcode, length = HEAD.unpack_from(batch.plain, place)
-        begin = place + HEAD.size
-        record = parse(opcode, batch.plain[begin : begin + length])
-        if record is not None:
-            yield record
-    yield from batch.pieces(start, len(batch))
 
 
 class SeriesBuilder:

@@ -198,7 +198,7 @@ class MessageSink(ABC):
     def write_raw(self, frame: Frame) -> None:
         """Record a frame undecoded, so that a decoding mistake found later costs nothing."""
         stamp = frame.received_ns if frame.stamped_ns is None else frame.stamped_ns
-        topic = raw_topic(frame.protocol, frame.origin)
+        topic = f"{RAW_PREFIX}{frame.protocol}/{frame.origin}"
         self.write(topic, encode_raw(topic, frame), frame.received_ns, stamp)
 
     def write_position(
@@ -619,8 +619,3 @@ def channel_metadata(topic: str, channels: Mapping[str, Channel] = BY_NAME) -> d
         "meaning": channel.meaning,
         "range": f"{channel.low:g} to {channel.high:g}, {interval}",
     }
-
-
-def raw_topic(protocol: str, origin: str) -> str:
-    """The topic of one line's undecoded input."""
-    return f"{RAW_PREFIX}{protocol}/{origin}"

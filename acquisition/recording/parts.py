@@ -220,7 +220,9 @@ class RecordingParts(MessageSink):
             _remove(path)
             raise
         try:
-            part.write_metadata("part", self._part_metadata(reason))
+            before = self.paths[-1].name if self.paths else ""
+            number = str(len(self.paths) + 1)
+            part.write_metadata("part", {"number": number, "follows": before, "reason": reason})
             if self._clock:
                 part.write_metadata("clock", self._clock)
             for message in self._unsure:
@@ -236,7 +238,10 @@ class RecordingParts(MessageSink):
         self.paths.append(path)
         self.trouble = ""
         self._began_s = time.monotonic()
-        self._end_earlier_parts()
+        for earlier in self._not_ended:  # what a failing disk had not confirmed of them is in this one
+            with suppress(OSError):
+                earlier.end_later()
+        self._not_ended.clear()
 
     def _new_path(self) -> Path:
         try:
@@ -254,17 +259,6 @@ class RecordingParts(MessageSink):
     def _part_stem(self) -> str:
         number = len(self.paths) + 1
         return self._stem if number == 1 else f"{self._stem}_part{number:05d}"
-
-    def _end_earlier_parts(self) -> None:
-        """End the parts that a failing disk left as they were; what it had not confirmed is in this one."""
-        for part in self._not_ended:
-            with suppress(OSError):
-                part.end_later()
-        self._not_ended.clear()
-
-    def _part_metadata(self, reason: str) -> dict[str, str]:
-        before = self.paths[-1].name if self.paths else ""
-        return {"number": str(len(self.paths) + 1), "follows": before, "reason": reason}
 
     def _part_is_full(self, now_s: float) -> bool:
         minutes, size_mb = self._settings.split_minutes, self._settings.split_mb

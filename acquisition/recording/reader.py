@@ -12,7 +12,7 @@ import os
 import stat
 import struct
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -212,18 +212,15 @@ class MessageStream:
                 yield from self._unpack(chunks)
                 chunks.clear()
                 size_bytes = 0
-                yield from self._outside_chunks(extent)
+                if isinstance(extent, Damage):
+                    self.closed = False
+                    if not extent.cut:
+                        raise self._damaged(extent.reason, f" near byte {extent.start}")
+                elif isinstance(extent.record, mcap.Message):
+                    yield Batch.of_message(extent.record)
+                elif extent.record is not None and not isinstance(extent.record, mcap.Chunk):
+                    yield extent.record
             yield from self._unpack(chunks)
-
-    def _outside_chunks(self, extent: Intact | Damage) -> Iterator[Batch | mcap.McapRecord]:
-        if isinstance(extent, Damage):
-            self.closed = False
-            if not extent.cut:
-                raise self._damaged(extent.reason, f" near byte {extent.start}")
-        elif isinstance(extent.record, mcap.Message):
-            yield Batch.of_message(extent.record)
-        elif extent.record is not None and not isinstance(extent.record, mcap.Chunk):
-            yield extent.record
 
     def _unpack(self, chunks: list[tuple[int, mcap.Chunk]]) -> Iterator[Batch | mcap.McapRecord]:
         """What is in chunks one after the other, with the places in the file at which they begin."""
@@ -480,7 +477,12 @@ class Tail:
         self._meter.grow(size)
         samples: dict[str, SeriesBuilder] = {}
         places = self._complete_records(size)
-        for place in self._relevant(places):
+        newest_ns = max((place.until_ns for place in places), default=0)
+        oldest_ns = 0 if self._recent_ns is None else newest_ns - self._recent_ns
+        for place in places:
+            is_old = place.opcode == Opcode.CHUNK and place.until_ns < oldest_ns
+            if place.opcode in _SKIPPED or is_old:
+                continue
             if not self._take_in(place, samples, is_last=place is places[-1]):
                 break
             self._offset = place.end
@@ -507,14 +509,6 @@ class Tail:
             places.append(_Place(start, opcode, end, until_ns))
             start = end
         return places
-
-    def _relevant(self, places: list[_Place]) -> Iterable[_Place]:
-        """The records that say something: topics, metadata, the end, and chunks that are recent enough."""
-        newest_ns = max((place.until_ns for place in places), default=0)
-        oldest_ns = 0 if self._recent_ns is None else newest_ns - self._recent_ns
-        for place in places:
-            if place.opcode not in _SKIPPED and not (place.opcode == Opcode.CHUNK and place.until_ns < oldest_ns):
-                yield place
 
     def _take_in(self, place: _Place, samples: dict[str, SeriesBuilder], *, is_last: bool) -> bool:
         """Take in a record; False if it cannot be read and may be whole the next time."""

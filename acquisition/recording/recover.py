@@ -102,24 +102,17 @@ def collect_definitions(stream: BinaryIO, path: Path, progress: Progress) -> Def
         if isinstance(extent.record, mcap.ChunkIndex):
             definitions.chunk_starts.append(extent.record.chunk_start_offset)
         by_number = definitions.vouched if isinstance(extent.record, mcap.Chunk) else definitions.unvouched
-        for record in _definitions_in(extent.record, meter):
-            definition = by_number.get((type(record), record.id))
-            count_definition(record, meter, is_new=definition != record)
-            if definition is None:
-                by_number[type(record), record.id] = record
+        with suppress(RecordError):  # counted when the messages are copied
+            for item in batches(extent.record) if isinstance(extent.record, mcap.Chunk) else [extent.record]:
+                if isinstance(item, mcap.Channel | mcap.Schema):
+                    definition = by_number.get((type(item), item.id))
+                    count_definition(item, meter, is_new=definition != item)
+                    if definition is None:
+                        by_number[type(item), item.id] = item
+                elif isinstance(item, Batch | mcap.Message):
+                    meter.add(MESSAGES, len(item) if isinstance(item, Batch) else 1)
     definitions.chunk_starts = array("Q", sorted(definitions.chunk_starts))
     return definitions
-
-
-def _definitions_in(record: mcap.McapRecord | None, meter: Meter) -> Iterator[mcap.Channel | mcap.Schema]:
-    """Those in a record. Raises :class:`InputError` where the file holds more of anything than its budget."""
-    within = batches(record) if isinstance(record, mcap.Chunk) else iter([record])
-    with suppress(RecordError):  # counted when the messages are copied
-        for item in within:
-            if isinstance(item, mcap.Channel | mcap.Schema):
-                yield item
-            elif isinstance(item, Batch | mcap.Message):
-                meter.add(MESSAGES, len(item) if isinstance(item, Batch) else 1)
 
 
 def _scan_with_progress(stream: BinaryIO, progress: Progress) -> Iterator[Intact | Damage]:
@@ -310,16 +303,13 @@ class Saving:
                     for message in record.messages():
                         self.take_message(message)
                 elif isinstance(record, mcap.Channel | mcap.Schema):
-                    self._redefine(record)
+                    key = (type(record), record.id)
+                    if self.definitions.vouched.get(key) != record:  # two files made into one use numbers twice
+                        self.definitions.vouched[key] = record
+                        self._topics.clear()
         except RecordError as error:
             self.summary.lose(str(error), size_bytes, chunks=1)
             self._after_damage = True
-
-    def _redefine(self, record: mcap.Channel | mcap.Schema) -> None:
-        key = (type(record), record.id)
-        if self.definitions.vouched.get(key) != record:  # two files made into one use their numbers twice
-            self.definitions.vouched[key] = record
-            self._topics.clear()
 
     def take_message(self, message: mcap.Message) -> None:
         """Copy a message as it is."""
@@ -359,23 +349,19 @@ class Saving:
         channel = self.definitions.find(mcap.Channel, number)
         if channel is None:
             return None
-        schema = self._copy_schema(channel.schema_id)
-        key = (number, channel.topic, channel.message_encoding, schema, *chain(*channel.metadata.items()))
+        schema, schema_number = self.definitions.find(mcap.Schema, channel.schema_id), 0  # MCAP's word for none
+        if schema is not None:
+            content = schema.name, schema.encoding, schema.data
+            if (schema.id, *content) not in self._schemas:
+                self._schemas[schema.id, *content] = self.writer.register_schema(*content)
+            schema_number = self._schemas[schema.id, *content]
+        key = (number, channel.topic, channel.message_encoding, schema_number, *chain(*channel.metadata.items()))
         if key not in self._channels:
             self._channels[key] = self.writer.register_channel(
-                channel.topic, channel.message_encoding, schema, channel.metadata
+                channel.topic, channel.message_encoding, schema_number, channel.metadata
             )
         self._topics[number] = self._channels[key], channel.topic
         return self._topics[number]
-
-    def _copy_schema(self, number: int) -> int:
-        schema = self.definitions.find(mcap.Schema, number)
-        if schema is None:
-            return 0  # MCAP's word for none
-        key = (number, schema.name, schema.encoding, schema.data)
-        if key not in self._schemas:
-            self._schemas[key] = self.writer.register_schema(schema.name, schema.encoding, schema.data)
-        return self._schemas[key]
 
     def check(self, source: Path) -> None:
         """Raise :class:`InputError` where the copy is of no use."""
@@ -413,30 +399,19 @@ def copy_intact(
             raise StorageError(what, where=str(target), fix="name a new file")
         definitions = collect_definitions(stream, source, lambda share: progress(0.3 * share))
         with atomic_file(target) as partial:
-            saved = _write(stream, partial, definitions, saving, lambda share: progress(0.3 + 0.5 * share))
+            with partial.open("wb") as file:
+                zstd = CompressionType.ZSTD
+                writer = Writer(file, chunk_size=_CHUNK_BYTES, compression=zstd, enable_data_crcs=True)
+                writer.start(profile=definitions.header.profile, library=software_version())
+                saved = saving(writer, definitions)
+                for extent in _scan_with_progress(stream, lambda share: progress(0.3 + 0.5 * share)):
+                    saved.take(extent)
+                writer.finish()  # type: ignore[no-untyped-call]
+                file.flush()
+                os.fsync(file.fileno())
             saved.check(source)
             verify(partial, target, saved.digest)
     progress(1.0)
-    return saved
-
-
-def _write(
-    stream: BinaryIO,
-    partial: Path,
-    definitions: Definitions,
-    saving: Callable[[Writer, Definitions], Copy],
-    progress: Progress,
-) -> Copy:
-    with partial.open("wb") as file:
-        zstd = CompressionType.ZSTD
-        writer = Writer(file, chunk_size=_CHUNK_BYTES, compression=zstd, enable_data_crcs=True)
-        writer.start(profile=definitions.header.profile, library=software_version())
-        saved = saving(writer, definitions)
-        for extent in _scan_with_progress(stream, progress):
-            saved.take(extent)
-        writer.finish()  # type: ignore[no-untyped-call]
-        file.flush()
-        os.fsync(file.fileno())
     return saved
 
 

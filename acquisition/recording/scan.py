@@ -162,7 +162,13 @@ def parse(opcode: int, content: bytes) -> mcap.McapRecord | None:
         return _parse_chunk(content)
     if opcode == Opcode.CHUNK_INDEX:
         return _parse_chunk_index(content)
-    record = _parse_fields(opcode, content)
+    fields = _Fields(content)
+    try:
+        record = _PARSERS[opcode](fields)
+    except _FORMAT_ERRORS as error:
+        raise RecordError("a record whose fields do not fit it") from error
+    if fields.count != len(content):
+        raise RecordError("a record of a wrong length")
     if isinstance(record, mcap.Attachment):
         check_checksum(zlib.crc32(content[:-4]), int.from_bytes(content[-4:], "little"), "an attachment")
     return record
@@ -188,12 +194,30 @@ def without_checksum(record: mcap.Metadata) -> dict[str, str]:
 
 
 def _parse_chunk(content: bytes) -> mcap.Chunk:
-    """A chunk, decompressed; by hand, as there are hundreds of thousands in the recording of a day."""
+    """A chunk, decompressed; by hand, as there are hundreds of thousands in the recording of a day.
+
+    Never more than it said that it holds is unpacked: what its data claim is not believed.
+    """
     check_chunk_head(content, len(content))
     start_ns, end_ns, size_bytes, crc, name_length = _CHUNK.unpack_from(content)
     data_start = _CHUNK.size + name_length + 8
-    compression = content[_CHUNK.size : data_start - 8]
-    plain = _decompress(compression, memoryview(content)[data_start:], size_bytes)
+    compression, data = content[_CHUNK.size : data_start - 8], memoryview(content)[data_start:]
+    limit = size_bytes + 1  # one more, to notice that there is more
+    plain: bytes
+    try:
+        if compression == b"lz4":
+            plain = lz4.frame.LZ4FrameDecompressor().decompress(data, max_length=limit)
+        elif compression == b"zstd" and zstandard.get_frame_parameters(data).content_size == size_bytes:
+            plain = _LOCAL.decompressor.decompress(data)  # at once, as the data state the expected size
+        elif compression == b"zstd":
+            with _LOCAL.decompressor.stream_reader(data) as reader:
+                plain = reader.read(limit)
+        else:
+            plain = bytes(data)
+    except _FORMAT_ERRORS as error:
+        raise RecordError("a chunk that cannot be decompressed") from error
+    if len(plain) != size_bytes:
+        raise RecordError("a chunk of another size than it says")
     check_checksum(zlib.crc32(plain), crc, "a chunk")
     return mcap.Chunk("", plain, end_ns, start_ns, crc, size_bytes)
 
@@ -227,38 +251,6 @@ def check_chunk_head(fields: bytes, length: int) -> None:
         raise RecordError("no head of a chunk")
     if size_bytes > LARGEST_BYTES:
         raise RecordError(f"a chunk of more than {LARGEST_BYTES // 2**20} MiB")
-
-
-def _parse_fields(opcode: int, content: bytes) -> mcap.McapRecord:
-    fields = _Fields(content)
-    try:
-        record = _PARSERS[opcode](fields)
-    except _FORMAT_ERRORS as error:
-        raise RecordError("a record whose fields do not fit it") from error
-    if fields.count != len(content):
-        raise RecordError("a record of a wrong length")
-    return record
-
-
-def _decompress(compression: bytes, data: memoryview, size_bytes: int) -> bytes:
-    """A chunk's records, never more than it said that they are: what its data claim is not believed."""
-    limit = size_bytes + 1  # one more, to notice that there is more
-    plain: bytes
-    try:
-        if compression == b"lz4":
-            plain = lz4.frame.LZ4FrameDecompressor().decompress(data, max_length=limit)
-        elif compression == b"zstd" and zstandard.get_frame_parameters(data).content_size == size_bytes:
-            plain = _LOCAL.decompressor.decompress(data)  # at once, as the data state the expected size
-        elif compression == b"zstd":
-            with _LOCAL.decompressor.stream_reader(data) as reader:
-                plain = reader.read(limit)
-        else:
-            plain = bytes(data)
-    except _FORMAT_ERRORS as error:
-        raise RecordError("a chunk that cannot be decompressed") from error
-    if len(plain) != size_bytes:
-        raise RecordError("a chunk of another size than it says")
-    return plain
 
 
 def check_checksum(checksum: int, expected: int, name: str) -> None:

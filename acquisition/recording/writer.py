@@ -170,8 +170,19 @@ class RecordingWriter(MessageSink):
         return self._file.abandon(end_without_index())
 
     def end_later(self) -> None:
-        """End an abandoned file that could not be ended: cut it to what was synced. Raises OSError."""
-        end_file(self.path, self._file.inode, self._file.synced, end_without_index())
+        """End an abandoned file that could not be ended, if it is still there: cut it to what was synced.
+
+        Raises OSError.
+        """
+        descriptor, length = os.open(self.path, os.O_RDWR | CLOSED_IN_CHILDREN), self._file.synced
+        try:
+            state = os.fstat(descriptor)
+            if state.st_ino == self._file.inode and state.st_size >= length:
+                os.ftruncate(descriptor, length)
+                write_at(descriptor, end_without_index(), length)
+                sync_data(descriptor)
+        finally:
+            os.close(descriptor)
 
     def put_back(self, path: Path) -> None:
         """Write the content of a file that was deleted to ``path``, ended without an index, and let go of it.
@@ -297,7 +308,25 @@ class McapFile:
         )
         offset, record = self._stream.tell(), serialise(chunk)
         self._write(record)
-        self._index_chunk(chunk, offset, len(record))
+        start = self._stream.tell()
+        places: dict[int, int] = {}  # where the index of each channel's messages is
+        for channel_id, entries in self._index.items():
+            places[channel_id] = self._stream.tell()
+            head = _INDEX.pack(Opcode.MESSAGE_INDEX, 6 + 8 * len(entries), channel_id, 8 * len(entries))
+            self._write(head + struct.pack(f"<{len(entries)}Q", *entries))
+            self._counts[channel_id] += len(entries) // 2
+        index = mcap.ChunkIndex(
+            message_start_time=start_ns,
+            message_end_time=end_ns,
+            chunk_start_offset=offset,
+            chunk_length=len(record),
+            message_index_offsets=places,
+            message_index_length=self._stream.tell() - start,
+            compression=chunk.compression,
+            compressed_size=len(chunk.data),
+            uncompressed_size=chunk.uncompressed_size,
+        )
+        self._indexes[Opcode.CHUNK_INDEX].append(serialise(index))
         self._span = min(start_ns, (self._span or (start_ns,))[0]), max(end_ns, (self._span or (0, end_ns))[1])
         self._begin_chunk()
         self._write(b"".join(self._repeat))
@@ -307,10 +336,24 @@ class McapFile:
         """Write the last chunk, the index and the end of the file."""
         self.end_chunk()
         self._stream.write(serialise(mcap.DataEnd(self._checksum)))
-        start = self._stream.tell()
-        summary = bytearray()
-        offsets = bytearray()
-        for opcode, records in self._summary():
+        start_ns, end_ns = self._span or (0, 0)
+        statistics = mcap.Statistics(
+            attachment_count=self._attachments,
+            channel_count=len(self._channels),
+            channel_message_counts=self._counts,
+            chunk_count=len(self._indexes[Opcode.CHUNK_INDEX]),
+            message_count=sum(self._counts.values()),
+            message_start_time=start_ns,
+            message_end_time=end_ns,
+            metadata_count=self._metadata,
+            schema_count=len(self._schemas),
+        )
+        groups = {Opcode.SCHEMA: self._schemas, Opcode.CHANNEL: self._channels}
+        groups |= {Opcode.STATISTICS: [serialise(statistics)]}
+        for opcode in (Opcode.CHUNK_INDEX, Opcode.ATTACHMENT_INDEX, Opcode.METADATA_INDEX):
+            groups[opcode] = self._indexes[opcode]
+        start, summary, offsets = self._stream.tell(), bytearray(), bytearray()
+        for opcode, records in groups.items():
             if records:
                 group = mcap.SummaryOffset(
                     group_opcode=opcode, group_start=start + len(summary), group_length=sum(map(len, records))
@@ -338,50 +381,6 @@ class McapFile:
         self._chunk += data
         self._repeat.append(data)
         return data
-
-    def _index_chunk(self, chunk: mcap.Chunk, offset: int, length: int) -> None:
-        """Write where in the chunk each channel's messages are, and keep where the chunk is."""
-        start = self._stream.tell()
-        places: dict[int, int] = {}
-        for channel_id, entries in self._index.items():
-            places[channel_id] = self._stream.tell()
-            head = _INDEX.pack(Opcode.MESSAGE_INDEX, 6 + 8 * len(entries), channel_id, 8 * len(entries))
-            self._write(head + struct.pack(f"<{len(entries)}Q", *entries))
-            self._counts[channel_id] += len(entries) // 2
-        index = mcap.ChunkIndex(
-            message_start_time=chunk.message_start_time,
-            message_end_time=chunk.message_end_time,
-            chunk_start_offset=offset,
-            chunk_length=length,
-            message_index_offsets=places,
-            message_index_length=self._stream.tell() - start,
-            compression=chunk.compression,
-            compressed_size=len(chunk.data),
-            uncompressed_size=chunk.uncompressed_size,
-        )
-        self._indexes[Opcode.CHUNK_INDEX].append(serialise(index))
-
-    def _summary(self) -> list[tuple[Opcode, list[bytes]]]:
-        start_ns, end_ns = self._span or (0, 0)
-        statistics = mcap.Statistics(
-            attachment_count=self._attachments,
-            channel_count=len(self._channels),
-            channel_message_counts=self._counts,
-            chunk_count=len(self._indexes[Opcode.CHUNK_INDEX]),
-            message_count=sum(self._counts.values()),
-            message_start_time=start_ns,
-            message_end_time=end_ns,
-            metadata_count=self._metadata,
-            schema_count=len(self._schemas),
-        )
-        return [
-            (Opcode.SCHEMA, self._schemas),
-            (Opcode.CHANNEL, self._channels),
-            (Opcode.STATISTICS, [serialise(statistics)]),
-            *((opcode, self._indexes[opcode]) for opcode in (
-                Opcode.CHUNK_INDEX, Opcode.ATTACHMENT_INDEX, Opcode.METADATA_INDEX
-            )),
-        ]  # fmt: skip
 
 
 def end_without_index() -> bytes:
@@ -631,19 +630,6 @@ class CommittedFile:
             self._await_sync()
             descriptor, self._descriptor = self._descriptor, -1
             os.close(descriptor)
-
-
-def end_file(path: Path, inode: int, length: int, ending: bytes) -> None:
-    """Cut the file at ``path`` to ``length`` and end it, if it is still the one with that inode, and as long."""
-    descriptor = os.open(path, os.O_RDWR | CLOSED_IN_CHILDREN)
-    try:
-        state = os.fstat(descriptor)
-        if state.st_ino == inode and state.st_size >= length:
-            os.ftruncate(descriptor, length)
-            write_at(descriptor, ending, length)
-            sync_data(descriptor)
-    finally:
-        os.close(descriptor)
 
 
 def new_file(folder: Path, stem: str) -> Path:
