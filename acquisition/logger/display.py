@@ -344,17 +344,13 @@ class LiveView:
         """Pass a message on to the viewers."""
         if topic.startswith(RAW_PREFIX):
             return
-        channel = self._channels.get(topic) or self._open(topic)
-        channel.log(data, log_time=max(log_ns, 0))
-
-    def _open(self, topic: str) -> Any:
-        kind = kind_of(topic)
-        schema = self._sdk.Schema(name=kind.title, encoding=ENCODING, data=kind.descriptors)
-        metadata = channel_metadata(topic, self._trial_channels)
-        self._channels[topic] = self._sdk.Channel(
-            topic, schema=schema, message_encoding=ENCODING, metadata=metadata, context=self._context
-        )
-        return self._channels[topic]
+        if topic not in self._channels:
+            kind, metadata = kind_of(topic), channel_metadata(topic, self._trial_channels)
+            schema = self._sdk.Schema(name=kind.title, encoding=ENCODING, data=kind.descriptors)
+            self._channels[topic] = self._sdk.Channel(
+                topic, schema=schema, message_encoding=ENCODING, metadata=metadata, context=self._context
+            )
+        self._channels[topic].log(data, log_time=max(log_ns, 0))
 
 
 def page(picture: Picture, title: str) -> str:

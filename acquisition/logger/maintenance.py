@@ -281,10 +281,6 @@ class Copies:
             self._ended.set()
             self._thread.join(_LONGEST_STOP_S)  # no longer: a disk that hangs must not block the end
 
-    def current_path(self, path: Path) -> Path:
-        """Where a part is: where it was recorded, or its copy once it was deleted there."""
-        return path if os.path.lexists(path) else self._target / path.name
-
     def _work(self) -> None:
         with suppress(OSError):
             os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), _PRIORITY)

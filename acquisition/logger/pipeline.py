@@ -281,7 +281,14 @@ class Inbox:
         """What waits, in the order of reception; of each source a limited number."""
         frames: list[Frame] = []
         for line in self._lines.values():
-            frames += line.take()
+            size = 0
+            for _ in range(min(len(line.frames), _MOST_AT_ONCE)):
+                frame = line.frames.popleft()
+                frames.append(frame)
+                size += len(frame.payload)
+                if size >= _MOST_BYTES_AT_ONCE:
+                    break
+            line.bytes_out += size
         frames.sort(key=attrgetter("monotonic_ns"))
         return frames
 
@@ -297,16 +304,6 @@ class _Line:
     frames: deque[Frame] = field(default_factory=deque)
     bytes_in: int = 0
     bytes_out: int = 0
-
-    def take(self) -> list[Frame]:
-        frames, size = [], 0
-        for _ in range(min(len(self.frames), _MOST_AT_ONCE)):
-            frames.append(self.frames.popleft())
-            size += len(frames[-1].payload)
-            if size >= _MOST_BYTES_AT_ONCE:
-                break
-        self.bytes_out += size
-        return frames
 
 
 class RateBudget:

@@ -123,7 +123,10 @@ def _record_live(
         notify("READY=1")
         _wait(recorder, stop, duration_s)
         notify("STOPPING=1")
-    return parts.paths if copies is None else [copies.current_path(path) for path in parts.paths], recorder.health
+    if config.copies is None:
+        return parts.paths, recorder.health
+    kept = config.copies.folder  # where what was deleted here has a copy
+    return [path if os.path.lexists(path) else kept / path.name for path in parts.paths], recorder.health
 
 
 def _recorder_state(config: TrialConfig, health: Health, parts: RecordingParts) -> RecorderState:

@@ -160,7 +160,12 @@ class RecordingParts(MessageSink):
         if now_s - self._checked_s < _CHECK_PERIOD_S:
             return
         self._checked_s = now_s
-        self._report_thread()
+        missing, before = not self._thread.running, self._thread_missing
+        self._thread_missing = missing
+        if missing and not before:
+            self.tell("warning", "the system gives no thread for the disk: a slow disk holds up the recorder")
+        elif before and not missing:
+            self.tell("info", "the disk has a thread again")
         if self._part is None:
             self.resume()
         elif not self._attempt(lambda: writer.require_mounted(self._mount)):
@@ -339,15 +344,6 @@ class RecordingParts(MessageSink):
         except Exception as error:  # nothing but the user ends a recording
             if not self.trouble:
                 self._pause(_reason_text(error), "nothing of it is lost while memory holds it")
-
-    def _report_thread(self) -> None:
-        """Report once that the disk has no thread of its own, and once that it has one again."""
-        missing, before = not self._thread.running, self._thread_missing
-        self._thread_missing = missing
-        if missing and not before:
-            self.tell("warning", "the system gives no thread for the disk: a slow disk holds up the recorder")
-        elif before and not missing:
-            self.tell("info", "the disk has a thread again")
 
 
 def _reason_text(error: Exception) -> str:

@@ -297,8 +297,12 @@ def scan(stream: BinaryIO) -> Iterator[Intact | Damage]:
     records = _Records(stream)
     offset = 0
     while offset < records.size_bytes:
+        extent: Intact | Damage
         try:
-            extent = records.record_or_damage_at(offset)
+            try:
+                extent = records.record_at(offset)
+            except RecordError as error:
+                extent = records.damage_at(offset, str(error))
         except OSError as error:
             name, fix = str(getattr(stream, "name", "")), "copy it to a sound disk first"
             raise InputError("cannot be read", where=name, why=error.strerror or str(error), fix=fix) from error
@@ -320,13 +324,6 @@ class _Records:
         self._false_alarms = 0
         self._search_budget_bytes = 8 * self.size_bytes + LARGEST_BYTES
         self._meter = Meter(str(getattr(stream, "name", "")), self.size_bytes)
-
-    def record_or_damage_at(self, offset: int) -> Intact | Damage:
-        """The record that begins here, or the damage."""
-        try:
-            return self.record_at(offset)
-        except RecordError as error:
-            return self.damage_at(offset, str(error))
 
     def record_at(self, offset: int) -> Intact:
         """The record that begins where the one before it ended. Raises :class:`RecordError` if none does."""

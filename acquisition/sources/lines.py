@@ -1,13 +1,12 @@
 """Receives from lines and buses: serial, TCP and UDP (NMEA 0183, a gateway's NMEA 2000, MAVLink), and CAN.
 
-CAN frames come from any interface that python-can knows.
+CAN frames come from any interface that python-can knows; MQTT messages, a frame each with its topic, from a broker
+or from an SQLite log of them.
 
-Reads MQTT messages, a frame each with its topic, from a broker or from an SQLite log of them.
-
-The connection asks for quality of service 0 and a clean session. Between a broker and its subscriber TCP loses
-nothing, and what waits while the recorder stands still is in a large receive buffer: with quality 1 a broker holds
-back no more than some 1,000 messages and drops further ones. What is published while the connection is down is lost
-either way, unless the broker keeps it for us: then the age of a message without a time would be unknown.
+The connection to a broker asks for quality of service 0 and a clean session. Between it and its subscriber TCP
+loses nothing, and what waits while the recorder stands still is in a large receive buffer: with quality 1 a broker
+holds back no more than some 1,000 messages and drops further ones. What is published while the connection is down
+is lost either way, unless the broker keeps it for us: then the age of a message without a time would be unknown.
 """
 
 from __future__ import annotations
@@ -344,22 +343,18 @@ def open_bus(config: CanSource) -> can.BusABC:
             **config.options,
         )
     except Exception as error:  # drivers raise what they like
+        if config.interface not in can.VALID_INTERFACES:
+            interfaces = ", ".join(sorted(can.VALID_INTERFACES))
+            reason = f"python-can knows no interface {config.interface!r}, only {interfaces}"
+        elif isinstance(error, can.CanInterfaceNotImplementedError | ImportError | NameError | AttributeError):
+            reason = system_reason(error) or "its driver is not installed on this computer"
+        elif isinstance(error, ValueError | TypeError):
+            reason = system_reason(error) or "the interface does not take this channel with these options"
+        else:
+            reason = system_reason(error) or "its driver is not installed, or finds no such interface"
         problem = f"CAN bus {config.interface}:{config.channel} cannot be opened"
         fix = "connect the interface, or correct `interface`, `channel` and `options`"
-        raise source_error(config, problem, _bus_opening_reason(config.interface, error), fix) from error
-
-
-def _bus_opening_reason(interface: str, error: Exception) -> str:
-    """Why a bus cannot be opened, in words that do not depend on its driver."""
-    if interface not in can.VALID_INTERFACES:
-        return f"python-can knows no interface {interface!r}, only {', '.join(sorted(can.VALID_INTERFACES))}"
-    if reason := system_reason(error):
-        return reason
-    if isinstance(error, can.CanInterfaceNotImplementedError | ImportError | NameError | AttributeError):
-        return "its driver is not installed on this computer"
-    if isinstance(error, ValueError | TypeError):
-        return "the interface does not take this channel with these options"
-    return "its driver is not installed, or finds no such interface"
+        raise source_error(config, problem, reason, fix) from error
 
 
 def flags_of(message: can.Message) -> FrameFlag:

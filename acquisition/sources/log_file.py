@@ -149,7 +149,7 @@ class LogFile(LogReader):
 
     @property
     def unreadable(self) -> int:
-        return 0 if self._log is None else self._log.unreadable
+        return 0 if self._log is None else self._log.reader.unreadable
 
     @property
     def damage(self) -> str:
@@ -249,14 +249,10 @@ class _Log:
         times: StatedTimes,
     ) -> None:
         self.times = times
-        self._reader = LineReader(form, times)
-        self._entries = read(file, self._reader)
+        self.reader = LineReader(form, times)
+        self._entries = read(file, self.reader)
         self.damage = ""
         self.close = file.close
-
-    @property
-    def unreadable(self) -> int:
-        return self._reader.unreadable
 
     def __iter__(self) -> Iterator[LogEntry]:
         try:

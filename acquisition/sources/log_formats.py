@@ -609,16 +609,11 @@ _EVENT = re.compile(
     re.IGNORECASE,
 )
 _SECTION = re.compile(r"(?:end|begin)\s+trigger\s*block\b.*|(?:no )?internal events logged.*|//.*|", re.IGNORECASE)
-_BEGINS = re.compile(rb"\s*(?:date\s+\S|base\s+(?:hex|dec)\b|//\s*version\b)", re.IGNORECASE)
+_BEGINS_ASC = re.compile(rb"\s*(?:date\s+\S|base\s+(?:hex|dec)\b|//\s*version\b)", re.IGNORECASE)
 _DAY_BEGAN_WITHIN_NS = 600 * NANO
 """A stamp that is the header's time of day, or up to ten minutes later, counts from midnight: as a time since the
 header it would mean a pause of just so long."""
 _EARLIEST_TIME_OF_DAY_NS = 3600 * NANO  # what is less is a time since the header, whatever that says
-
-
-def begins_asc(head: bytes) -> bool:
-    """Whether a file begins as ASC does."""
-    return _BEGINS.match(head.removeprefix(b"\xef\xbb\xbf")) is not None
 
 
 def read_asc(file: BinaryIO, reader: LineReader) -> Iterator[LogEntry]:
@@ -953,6 +948,6 @@ FILE_FORMS: dict[str, FileForm] = {
     "yd_can": FileForm(lambda head: head[8:12] == b"YDVR", read_yd_can),
     "pcap": FileForm(lambda head: head.startswith(_PCAP), read_pcap),
     "pcapng": FileForm(lambda head: head.startswith(b"\n\r\r\n"), read_pcapng),
-    "asc": FileForm(begins_asc, read_asc),
+    "asc": FileForm(lambda head: _BEGINS_ASC.match(head.removeprefix(b"\xef\xbb\xbf")) is not None, read_asc),
 }
 """Files that are read as a whole by their names; those of python-can are in ``log_file.py``."""
