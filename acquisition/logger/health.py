@@ -116,9 +116,9 @@ class HostClock:
 
     def as_message(self) -> dict[str, Any]:
         """The body of a ``/health`` message; what is unknown is left out."""
-        fields = {"error_s": self.error_s, "pps_offset_s": self.pps_offset_s}
-        known = {key: value for key, value in fields.items() if value is not None}
-        return {"source": HOST_CLOCK, "state": self.state, "keeper": self.keeper, **known}
+        errors = {"error_s": self.error_s, "pps_offset_s": self.pps_offset_s}
+        fields = {key: value for key, value in errors.items() if value is not None}
+        return {"source": HOST_CLOCK, "state": self.state, "keeper": self.keeper, **fields}
 
     def __str__(self) -> str:
         by = f" ({self.keeper})" if self.keeper else ""

@@ -101,22 +101,20 @@ class Recorder:
             Receiver(make_source(section), self.health.sources[section.name], *shared, section.budget_kb_s * 1e3)
             for section in self._config.sources
         ]
-        self._threads = [
-            threading.Thread(target=receiver.run, name=receiver.source.name, daemon=True) for receiver in receivers
-        ]
-        self._unstarted = [thread for thread in self._threads if not start_thread(thread)]
-        for thread in self._unstarted:
-            self.tell("error", f"{thread.name}: {NO_THREAD}; it is tried again every second")
-        running = [
-            receiver
-            for receiver, thread in zip(receivers, self._threads, strict=True)
-            if thread not in self._unstarted
-        ]
+        running = []
+        for receiver in receivers:
+            thread = threading.Thread(target=receiver.run, name=receiver.source.name, daemon=True)
+            self._threads.append(thread)
+            if start_thread(thread):
+                running.append(receiver)
+            else:
+                self._unstarted.append(thread)
+                self.tell("error", f"{thread.name}: {NO_THREAD}; it is tried again every second")
         error: SourceError | None = SourceError(NO_THREAD, where="the sources", fix=_MORE_THREADS)
         if running:
-            while not (
-                all(receiver.tried.is_set() for receiver in running) or any(receiver.opened for receiver in running)
-            ):
+            while not any(receiver.opened for receiver in running):
+                if all(receiver.tried.is_set() for receiver in running):
+                    break
                 time.sleep(_LOOK_S)
             error = None if any(receiver.opened for receiver in running) else running[0].open_error
         if error is None and not start_thread(self._worker):
@@ -415,8 +413,8 @@ class Receiver:
             return frames
         if self._still_s > _SHORTEST_STILL_S:
             text = f"{self._health.name}: the recorder stood still for {self._still_s:.2f} s"
-            late = "frames are stamped up to so much late, and their values marked as suspect"
-            self._tell("warning", f"{text}; {self._late:,} {late}" if self._late else text)
+            consequence = "frames are stamped up to so much late, and their values marked as suspect"
+            self._tell("warning", f"{text}; {self._late:,} {consequence}" if self._late else text)
         self._still_s, self._late = 0.0, 0
         return frames
 

@@ -142,8 +142,8 @@ class FrameProcessor:
         self._addresses = {source.name: source.addresses for source in config.sources
                            if isinstance(source, CanFrames) and source.addresses}  # fmt: skip
         self._failed: dict[str, Counter[str]] = {source.name: Counter() for source in config.sources}
-        self._other_addresses: dict[str, Counter[str]] = {name: Counter() for name in self._addresses}
-        for name, refused in chain(self._failed.items(), self._other_addresses.items()):
+        self._address_refusals: dict[str, Counter[str]] = {name: Counter() for name in self._addresses}
+        for name, refused in chain(self._failed.items(), self._address_refusals.items()):
             health.sources[name].refusals.append(refused)
         self._derivation = Derivation(
             config.trial,
@@ -194,7 +194,7 @@ class FrameProcessor:
         if frame.origin in self._addresses:
             has_address = frame.protocol == "can" and not frame.flags & FrameFlag.STANDARD_ID
             if has_address and frame.identifier & 0xFF not in self._addresses[frame.origin]:
-                self._other_addresses[frame.origin]["address that is not allowed"] += 1
+                self._address_refusals[frame.origin]["address that is not allowed"] += 1
                 return
         health = self._health.sources[frame.origin]
         for decoder in self._decoders[frame.origin].get(frame.protocol, ()):

@@ -125,8 +125,8 @@ def _record_live(
         notify("STOPPING=1")
     if config.copies is None:
         return parts.paths, recorder.health
-    kept = config.copies.folder  # where what was deleted here has a copy
-    return [path if os.path.lexists(path) else kept / path.name for path in parts.paths], recorder.health
+    target = config.copies.folder  # where what was deleted here has a copy
+    return [path if os.path.lexists(path) else target / path.name for path in parts.paths], recorder.health
 
 
 def _recorder_state(config: TrialConfig, health: Health, parts: RecordingParts) -> RecorderState:
@@ -155,11 +155,11 @@ def _record_files(
         stack.callback(parts.close)
         try:
             LOG.info("recording to %s", parts.path)
-            with ExitStack() as opened:
+            with ExitStack() as open_sources:
                 sources = [make_source(section) for section in config.sources]
                 for source in sources:
                     source.open()
-                    opened.callback(source.close)
+                    open_sources.callback(source.close)
                 reading = _Reading(FrameProcessor(config, parts, health), parts, health, stop)
                 frames = heapq.merge(*map(reading.frames, sources), key=attrgetter("received_ns"))
                 reading.take(frames, float("inf") if duration_s is None else duration_s * 1e9)

@@ -197,8 +197,7 @@ class RecordingParts(MessageSink):
             _abandon(self._part)
             self._part = None
         for path in self.paths:
-            with suppress(OSError):
-                path.unlink(missing_ok=True)
+            _remove(path)
         self._thread.stop()
 
     def close(self) -> None:
@@ -243,27 +242,24 @@ class RecordingParts(MessageSink):
         self.paths.append(path)
         self.trouble = ""
         self._began_s = time.monotonic()
-        for earlier in self._not_ended:  # what a failing disk had not confirmed of them is in this one
+        for unended in self._not_ended:  # what a failing disk had not confirmed of them is in this one
             with suppress(OSError):
-                earlier.end_later()
+                unended.end_later()
         self._not_ended.clear()
 
     def _new_path(self) -> Path:
+        part = f"_part{len(self.paths) + 1:05d}" if self.paths else ""
         try:
-            return self._new_file(self._part_stem())
+            return self._new_file(self._stem + part)
         except OSError as error:
             if error.errno not in _NAME_REFUSED:
                 raise
         self._stem = f"recording_{datetime.now(UTC):{_TIME_FORMAT}}"
-        return self._new_file(self._part_stem())
+        return self._new_file(self._stem + part)
 
     def _new_file(self, stem: str) -> Path:
         writer.require_mounted(self._mount)
         return writer.new_file(self._folder, stem)
-
-    def _part_stem(self) -> str:
-        number = len(self.paths) + 1
-        return self._stem if number == 1 else f"{self._stem}_part{number:05d}"
 
     def _part_is_full(self, now_s: float) -> bool:
         minutes, size_mb = self._settings.split_minutes, self._settings.split_mb
