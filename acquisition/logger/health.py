@@ -662,15 +662,9 @@ def notify(state: str) -> bool:
     return False
 
 
-class RecordedPrediction(NamedTuple):
-    """A prediction that was taken in: when on the monotonic clock [ns], the instant that it starts from [ns UTC],
-    and the messages that it becomes; that for a map may be empty.
-    """
-
-    monotonic_ns: int
-    start_ns: int
-    data: bytes
-    geojson: bytes
+RecordedPrediction = tuple[int, int, bytes, bytes]
+"""A prediction that was taken in: when on the monotonic clock [ns], the instant that it starts from [ns UTC], and
+the messages that it becomes; that for a map may be empty."""
 
 
 def schema_violation(value: Any, schema: Mapping[str, Any], name: str = "it") -> str:
@@ -717,7 +711,7 @@ def parse_prediction(message: Mapping[str, Any]) -> RecordedPrediction:
         raise InputError("is no prediction that can be recorded", why=text)
     drawn = encode(PREDICTED_TRACK_TOPIC, {"geojson": geojson}) if geojson else b""
     start_ns = round(body["start"] * 1e9)
-    return RecordedPrediction(time.monotonic_ns(), start_ns, encode(PREDICTION_TOPIC, body), drawn)
+    return time.monotonic_ns(), start_ns, encode(PREDICTION_TOPIC, body), drawn
 
 
 class Predictions:

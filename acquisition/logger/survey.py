@@ -21,7 +21,7 @@ from dataclasses import asdict, dataclass, field, replace
 from functools import cache
 from itertools import chain, islice
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 from seatrial.acquisition.config.declarations import GroupField, MavlinkField, Origin, SentenceField
 from seatrial.acquisition.config.sources import CarriedFiles, LineSource, MqttLinks, OwnSource, RecordingSection
@@ -348,27 +348,19 @@ def _device_identity(group: int, payload: bytes) -> dict[str, Any]:
     }
 
 
-class _Recipe(NamedTuple):
-    """Channels that are derived from ``of``, if what they ``need`` besides is known."""
-
-    channels: tuple[str, ...]
-    of: str
-    needs: tuple[str, ...]
-
-
-_RECIPES = (
-    _Recipe(("heading_deg",), "heading_magnetic_deg", ("magnetic_variation_deg",)),
-    _Recipe(_SPEEDS, "velocity_north_mps", ("heading_deg",)),
-    _Recipe(_SPEEDS, "course_magnetic_deg", ("speed_over_ground_mps", "magnetic_variation_deg", "heading_deg")),
-    _Recipe(_SPEEDS, "course_over_ground_deg", ("speed_over_ground_mps", "heading_deg")),
-    _Recipe(_SPEEDS, "speed_over_ground_mps", ("course_over_ground_deg", "heading_deg")),
-    _Recipe(("wind_direction_deg",), "wind_direction_magnetic_deg", ("magnetic_variation_deg",)),
-    _Recipe(_WIND, "wind_angle_theoretical_deg", ("wind_speed_theoretical_mps", "heading_deg")),
-    _Recipe(_WIND, "wind_angle_apparent_deg", ("wind_speed_apparent_mps", "heading_deg", *_SPEEDS)),
-    _Recipe(_WIND, "wind_angle_water_deg",
-            ("wind_speed_water_mps", "heading_deg", *_SPEEDS, "speed_through_water_mps")),
-    _Recipe(("north_m", "east_m"), "latitude_deg", ("longitude_deg",)),
-)  # fmt: skip
+_RECIPES: tuple[tuple[tuple[str, ...], str, tuple[str, ...]], ...] = (
+    (("heading_deg",), "heading_magnetic_deg", ("magnetic_variation_deg",)),
+    (_SPEEDS, "velocity_north_mps", ("heading_deg",)),
+    (_SPEEDS, "course_magnetic_deg", ("speed_over_ground_mps", "magnetic_variation_deg", "heading_deg")),
+    (_SPEEDS, "course_over_ground_deg", ("speed_over_ground_mps", "heading_deg")),
+    (_SPEEDS, "speed_over_ground_mps", ("course_over_ground_deg", "heading_deg")),
+    (("wind_direction_deg",), "wind_direction_magnetic_deg", ("magnetic_variation_deg",)),
+    (_WIND, "wind_angle_theoretical_deg", ("wind_speed_theoretical_mps", "heading_deg")),
+    (_WIND, "wind_angle_apparent_deg", ("wind_speed_apparent_mps", "heading_deg", *_SPEEDS)),
+    (_WIND, "wind_angle_water_deg", ("wind_speed_water_mps", "heading_deg", *_SPEEDS, "speed_through_water_mps")),
+    (("north_m", "east_m"), "latitude_deg", ("longitude_deg",)),
+)
+"""Channels, what they are derived from, and what besides must be known for that."""
 
 
 def missing_channels(survey: Survey) -> dict[str, str]:
@@ -465,11 +457,11 @@ def what_comes(name: str, survey: Survey) -> str:
 
 def _why_not_derived(name: str, survey: Survey) -> str:
     """Where its origin comes, but something else is missing to derive it: what; else empty."""
-    for recipe in _RECIPES:
-        labels = survey.quantities.get(recipe.of, {})
-        if name not in recipe.channels or not labels:
+    for channels, origin, needs in _RECIPES:
+        labels = survey.quantities.get(origin, {})
+        if name not in channels or not labels:
             continue
-        lacking = next((need for need in recipe.needs if not _is_available(need, survey)), None)
+        lacking = next((need for need in needs if not _is_available(need, survey)), None)
         if lacking is not None:
             remedy = "the sensor leaves it out"
             if lacking == "magnetic_variation_deg":
@@ -477,7 +469,7 @@ def _why_not_derived(name: str, survey: Survey) -> str:
             elif lacking in trial_names(survey.config.actuators):
                 remedy = why_missing(lacking, survey)
             return f"{_message_names(labels)} comes, but no {_quantity_words(lacking)}: {remedy}"
-        slowest = max(recipe.needs, key=lambda need: _interval_s(need, survey))
+        slowest = max(needs, key=lambda need: _interval_s(need, survey))
         if (interval_s := _interval_s(slowest, survey)) > _FRESH_S:
             remark = f"{_quantity_words(slowest)} only every {interval_s:.0f} s: at most {_FRESH_S} s old it serves"
             return f"{_message_names(labels)} comes, but {remark}"

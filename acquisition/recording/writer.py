@@ -122,7 +122,13 @@ class RecordingWriter(MessageSink):
         return not self._file.closed and self._call_guarded(lambda: self._file.vanished)
 
     def write(self, topic: str, data: bytes, log_ns: int, publish_ns: int) -> None:
-        channel = self._topics.get(topic) or self._register(topic)
+        channel = self._topics.get(topic)
+        if channel is None:
+            kind, metadata = kind_of(topic), channel_metadata(topic, self._trial_channels)
+            if kind.title not in self._schemas:
+                self._schemas[kind.title] = self._mcap.register_schema(kind.title, ENCODING, kind.descriptors)
+            number = self._mcap.register_channel(topic, ENCODING, self._schemas[kind.title], metadata)
+            channel = self._topics[topic] = [number, 0]
         channel[1] += 1
         if not (0 <= log_ns <= _LATEST_NS and 0 <= publish_ns <= _LATEST_NS):  # the format has no such times
             log_ns, publish_ns = min(max(log_ns, 0), _LATEST_NS), min(max(publish_ns, 0), _LATEST_NS)
@@ -196,14 +202,6 @@ class RecordingWriter(MessageSink):
     def _flush(self) -> None:
         self._mcap.end_chunk()
         self._file.flush()
-
-    def _register(self, topic: str) -> list[int]:
-        kind, metadata = kind_of(topic), channel_metadata(topic, self._trial_channels)
-        if kind.title not in self._schemas:
-            self._schemas[kind.title] = self._mcap.register_schema(kind.title, ENCODING, kind.descriptors)
-        number = self._mcap.register_channel(topic, ENCODING, self._schemas[kind.title], metadata)
-        self._topics[topic] = [number, 0]
-        return self._topics[topic]
 
     def _call_guarded(self, call: Callable[[], Answer]) -> Answer:
         try:
