@@ -31,36 +31,12 @@ from typing import TYPE_CHECKING, Any, BinaryIO
 import can
 from can.interfaces.udp_multicast.utils import unpack_message
 
-from seatrial.acquisition.config.sources import (
-    CanSource,
-    MavlinkLinks,
-    MavlinkSerialSource,
-    MavlinkSource,
-    MavlinkTcpSource,
-    MqttSource,
-    SerialSource,
-    TcpSource,
-    UdpSource,
-    covers,
-)
+from seatrial.acquisition import sources
+from seatrial.acquisition.config import sources as sections
 from seatrial.acquisition.core.errors import SourceError, system_reason
 from seatrial.acquisition.core.process import TEXT_BYTES
 from seatrial.acquisition.core.trial import HIGHEST_IDENTIFIER, Frame, FrameFlag, can_flags, now_ns
 from seatrial.acquisition.protocols.clock import is_possible
-from seatrial.acquisition.sources import (
-    SQLITE,
-    TIME_BYTES,
-    Drops,
-    LogReader,
-    Senders,
-    Source,
-    arrival_ns,
-    enlarge,
-    looks_like,
-    received_at,
-    source_error,
-    stamp_arrivals,
-)
 from seatrial.acquisition.sources.log_formats import Cutter, LineReader, LogEntry, is_message, parts_of
 
 if TYPE_CHECKING:
@@ -87,7 +63,14 @@ _GREETINGS = {
 }
 """What makes a gateway on a serial line pass on what it receives; sent only where its form is configured."""
 
-StreamSource = SerialSource | UdpSource | TcpSource | MavlinkSource | MavlinkTcpSource | MavlinkSerialSource
+StreamSource = (
+    sections.SerialSource
+    | sections.UdpSource
+    | sections.TcpSource
+    | sections.MavlinkSource
+    | sections.MavlinkTcpSource
+    | sections.MavlinkSerialSource
+)
 
 
 class LineAssembler:
@@ -123,14 +106,14 @@ class LineAssembler:
         return frames
 
 
-class _Stream(Source):
+class _Stream(sources.Source):
     """One line or connection. MAVLink is cut into packets by its decoder."""
 
     def __init__(self, config: StreamSource) -> None:
         super().__init__(config)
-        self._lines = None if isinstance(config, MavlinkLinks) else LineAssembler(config.name, config.form)
-        if not isinstance(config, SerialSource | MavlinkSerialSource):
-            self.senders = Senders(config.senders)
+        self._lines = None if isinstance(config, sections.MavlinkLinks) else LineAssembler(config.name, config.form)
+        if not isinstance(config, sections.SerialSource | sections.MavlinkSerialSource):
+            self.senders = sources.Senders(config.senders)
 
     @abstractmethod
     def _bytes(self, timeout_s: float) -> bytes:
@@ -161,7 +144,7 @@ def overruns(descriptor: int) -> int:
     return sum(numbers[place] for place in _OVERRUN)
 
 
-def open_port(config: SerialSource | MavlinkSerialSource) -> serial.Serial:
+def open_port(config: sections.SerialSource | sections.MavlinkSerialSource) -> serial.Serial:
     """Open the serial port of a configuration section, 8N1. Raises :class:`SourceError`."""
     import serial
 
@@ -170,7 +153,7 @@ def open_port(config: SerialSource | MavlinkSerialSource) -> serial.Serial:
     except (ValueError, OSError) as error:  # pyserial's own errors are OSErrors
         reason = system_reason(error) or "its settings are not possible"
         fix = "connect it, stop the program that uses it, or correct `device`"
-        raise source_error(config, f"serial line {config.device} cannot be opened", reason, fix) from error
+        raise sources.source_error(config, f"serial line {config.device} cannot be opened", reason, fix) from error
 
 
 def _stream_reason(error: Exception) -> str:
@@ -217,7 +200,7 @@ class SerialPort(_Stream):
 class TcpConnection(_Stream):
     """One connection to a server: a multiplexer, a gateway, a router, or a simulated autopilot."""
 
-    senders: Senders
+    senders: sources.Senders
 
     def _connect(self) -> socket.socket:
         address, port = self._config.address, self._config.port
@@ -257,7 +240,7 @@ class UdpPort(_Stream):
     ``lost`` counts the datagrams that the system had no room for.
     """
 
-    senders: Senders
+    senders: sources.Senders
 
     def _connect(self) -> socket.socket:
         """A socket bound to the section's address, with as large a buffer as the system allows.
@@ -267,8 +250,8 @@ class UdpPort(_Stream):
         address, port = self._config.address, self._config.port
         opened = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         try:
-            enlarge(opened, _BUFFER_BYTES)
-            stamp_arrivals(opened)
+            sources.enlarge(opened, _BUFFER_BYTES)
+            sources.stamp_arrivals(opened)
             shared = False
             with suppress(ValueError):
                 shared = ipaddress.IPv4Address(address).is_multicast
@@ -283,7 +266,7 @@ class UdpPort(_Stream):
             fix = "correct `address`" if isinstance(error, socket.gaierror) else fix
             problem = f"UDP {address}:{port} cannot be listened on"
             raise self.failure(problem, str(error.strerror), fix) from error
-        self._drops = Drops(opened)
+        self._drops = sources.Drops(opened)
         return opened
 
     def _receive(self, timeout_s: float) -> list[Frame] | None:
@@ -303,8 +286,8 @@ class UdpPort(_Stream):
         return frames
 
     def _bytes(self, timeout_s: float) -> bytes:
-        data, ancillary, _, (self._sender, _) = self._link.recvmsg(_DATAGRAM_BYTES, TIME_BYTES)
-        self._times, stamped = received_at(arrival_ns(ancillary))
+        data, ancillary, _, (self._sender, _) = self._link.recvmsg(_DATAGRAM_BYTES, sources.TIME_BYTES)
+        self._times, stamped = sources.received_at(sources.arrival_ns(ancillary))
         self.exact = self.exact and stamped
         return bytes(data) if self.senders.admits(self._sender) else b""
 
@@ -332,7 +315,7 @@ def _join_group(opened: socket.socket, address: str) -> None:
         raise failures[-1]
 
 
-def open_bus(config: CanSource) -> can.BusABC:
+def open_bus(config: sections.CanSource) -> can.BusABC:
     """Open the bus of a configuration section. Raises :class:`SourceError`."""
     logging.getLogger("can").setLevel(logging.ERROR)  # the errors raised say what is missing
     try:
@@ -354,7 +337,7 @@ def open_bus(config: CanSource) -> can.BusABC:
             reason = system_reason(error) or "its driver is not installed, or finds no such interface"
         problem = f"CAN bus {config.interface}:{config.channel} cannot be opened"
         fix = "connect the interface, or correct `interface`, `channel` and `options`"
-        raise source_error(config, problem, reason, fix) from error
+        raise sources.source_error(config, problem, reason, fix) from error
 
 
 def flags_of(message: can.Message) -> FrameFlag:
@@ -362,14 +345,14 @@ def flags_of(message: can.Message) -> FrameFlag:
     return can_flags(not message.is_extended_id, message.is_remote_frame, message.is_error_frame)
 
 
-class CanBus(Source):
+class CanBus(sources.Source):
     """One bus; frames have the system's stamp where they come by a socket, else that of when they are read.
 
     ``lost`` counts the frames that the system had no room for, ``refused`` what came and was no frame: noise on the
     serial line of an adapter, an unrelated datagram. A bus that fails does so once what came before is passed on.
     """
 
-    def __init__(self, config: CanSource) -> None:
+    def __init__(self, config: sections.CanSource) -> None:
         super().__init__(config)
         self._unreadable = 0
         self._failed: Exception | None = None
@@ -381,8 +364,8 @@ class CanBus(Source):
         self._unreadable, self._failed = 0, None
         self._socket = _socket_of(bus)
         if self._socket is not None:
-            enlarge(self._socket, _BUS_BUFFER_BYTES)
-            self._drops = Drops(self._socket)
+            sources.enlarge(self._socket, _BUS_BUFFER_BYTES)
+            self._drops = sources.Drops(self._socket)
         return bus
 
     def _receive(self, timeout_s: float) -> list[Frame] | None:
@@ -444,7 +427,7 @@ class CanBus(Source):
 
     def _frame(self, message: can.Message) -> Frame:
         stamp_ns = round(message.timestamp * 1e6) * 1000 if self._socket is not None else None
-        times, stamped = received_at(stamp_ns)
+        times, stamped = sources.received_at(stamp_ns)
         self.exact = self.exact and stamped
         return Frame(self.name, "can", bytes(message.data), *times, message.arbitration_id, flags_of(message))
 
@@ -476,20 +459,20 @@ _HEAD_BYTES = 4096
 _NOT_ALLOWED = (134, 135)  # MQTT's reasons: bad user name or password, not authorized
 
 
-def failure(config: MqttSource, what: str, why: str = "", fix: str = "") -> SourceError:
+def failure(config: sections.MqttSource, what: str, why: str = "", fix: str = "") -> SourceError:
     """An error of the connection to a broker, which is named; users and passwords are not."""
     address, port = config.endpoint
-    return source_error(config, f"MQTT broker {address}:{port} {what}", why, fix)
+    return sources.source_error(config, f"MQTT broker {address}:{port} {what}", why, fix)
 
 
-def connect(config: MqttSource, keep_alive_s: int = _KEEP_ALIVE_S) -> Client:
+def connect(config: sections.MqttSource, keep_alive_s: int = _KEEP_ALIVE_S) -> Client:
     """Connect to a broker, which has answered then. Raises :class:`SourceError`."""
     from paho.mqtt.client import Client
     from paho.mqtt.enums import CallbackAPIVersion
 
     client = Client(CallbackAPIVersion.VERSION2, config.client_id or None, clean_session=True)
     client.connect_timeout = _TIMEOUT_S
-    client.on_socket_open = lambda client, _, opened: enlarge(opened, _BUFFER_BYTES)  # type: ignore[arg-type]
+    client.on_socket_open = lambda client, _, opened: sources.enlarge(opened, _BUFFER_BYTES)  # type: ignore[arg-type]
     if config.user:
         client.username_pw_set(config.user, _password(config))
     if config.encrypted:
@@ -521,7 +504,7 @@ def _reason(error: Exception) -> str:
     return system_reason(error) or "no answer in time"
 
 
-def _password(config: MqttSource) -> str | None:
+def _password(config: sections.MqttSource) -> str | None:
     if config.password_variable:
         password = os.environ.get(config.password_variable)
         if password is None:
@@ -537,7 +520,7 @@ def _password(config: MqttSource) -> str | None:
         raise failure(config, "has no password", reason, "correct `password_file`") from error
 
 
-def _await_answer(config: MqttSource, client: Client, answers: list[Any]) -> Any:
+def _await_answer(config: sections.MqttSource, client: Client, answers: list[Any]) -> Any:
     """What the broker answers. Raises :class:`SourceError` if it does not in time."""
     until_s = time.monotonic() + _TIMEOUT_S
     while not answers:
@@ -551,7 +534,7 @@ def _await_answer(config: MqttSource, client: Client, answers: list[Any]) -> Any
     return answers[0]
 
 
-def pump(config: MqttSource, client: Client, timeout_s: float) -> None:
+def pump(config: sections.MqttSource, client: Client, timeout_s: float) -> None:
     """Take what has come, at most one message, or wait for it. Raises :class:`SourceError` of a lost connection."""
     from paho.mqtt.client import error_string
     from paho.mqtt.enums import MQTTErrorCode
@@ -564,19 +547,19 @@ def pump(config: MqttSource, client: Client, timeout_s: float) -> None:
         raise failure(config, "is lost", error_string(code).rstrip("."))
 
 
-class MqttConnection(Source):
+class MqttConnection(sources.Source):
     """One connection to one broker; ``remark`` names what the broker did not let us subscribe to."""
 
     remark = ""
 
-    def __init__(self, config: MqttSource) -> None:
+    def __init__(self, config: sections.MqttSource) -> None:
         super().__init__(config)
         self._frames: list[Frame] = []
         self._size = 0  # of these [bytes]
         self._lost: SourceError | None = None
 
     def _connect(self) -> Client:
-        config: MqttSource = self._config
+        config: sections.MqttSource = self._config
         self._frames, self._size, self._lost = [], 0, None
         client = connect(config)
         client.on_message = self._on_message
@@ -625,7 +608,7 @@ class MqttConnection(Source):
             self._link = None
 
 
-class MqttLog(LogReader):
+class MqttLog(sources.LogReader):
     """An SQLite log, as mqtt-logger and the logging tools of R/V Gunnerus write it.
 
     Its table ``LOG`` has a row a message: ID, RUN_ID, UNIX_TIME (when it came), TOPIC, MESSAGE. ``unreadable``
@@ -636,8 +619,8 @@ class MqttLog(LogReader):
         self.unreadable, self.damage = 0, ""
         self._monotonic_ns, self._topics = 0, dict[str, bool]()
         head = file.read(_HEAD_BYTES)
-        if not head.startswith(SQLITE):
-            raise ValueError(f"it is not an SQLite database; it looks like {looks_like(head)}")
+        if not head.startswith(sources.SQLITE):
+            raise ValueError(f"it is not an SQLite database; it looks like {sources.looks_like(head)}")
         try:
             self._log = sqlite3.connect(f"{self._config.path.resolve().as_uri()}?mode=ro", uri=True)
             self._log.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, TEXT_BYTES.allowance(0))
@@ -664,7 +647,7 @@ class MqttLog(LogReader):
                 continue
             if topic not in self._topics:
                 patterns = [*self._config.topics, *(entry.topic for entry in self._config.values.values())]
-                is_subscribed = any(covers(pattern, topic) for pattern in patterns)
+                is_subscribed = any(sections.covers(pattern, topic) for pattern in patterns)
                 self._topics[topic] = is_subscribed or not self._config.topics
             if self._topics[topic]:
                 text = message.encode() if isinstance(message, str) else message
