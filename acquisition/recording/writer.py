@@ -16,6 +16,7 @@ import zlib
 from collections import defaultdict
 from collections.abc import Callable, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor, wait
+from contextlib import suppress
 from errno import EACCES, EINVAL, ENODEV, ENOSYS, ENOTSUP, EPERM
 from pathlib import Path
 from typing import Any, TypeVar
@@ -461,19 +462,13 @@ class SyncThread:
         """Whether there is a thread."""
         return self._executor is not None
 
-    def start(self) -> None:
-        """Start the thread, unless there is one."""
-        if self._executor is None:
-            executor = ThreadPoolExecutor(max_workers=1, thread_name_prefix="sync")
-            try:
-                executor.submit(int)  # the only thread of an executor starts with its first work
-            except RuntimeError:
-                return
-            self._executor = executor
-
     def submit(self, call: Callable[[int], None], descriptor: int) -> Future[None]:
         """Call with a descriptor in the thread; the future has the result, or the exception."""
-        self.start()
+        if self._executor is None:
+            executor = ThreadPoolExecutor(max_workers=1, thread_name_prefix="sync")
+            with suppress(RuntimeError):  # the only thread of an executor starts with its first work
+                executor.submit(int)
+                self._executor = executor
         if self._executor is not None:
             return self._executor.submit(call, descriptor)
         future: Future[None] = Future()

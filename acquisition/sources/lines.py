@@ -51,6 +51,7 @@ _CONNECT_TIMEOUT_S = 3.0
 
 _MOST_FRAMES_AT_ONCE = 200
 _UNREADABLE = "frame that cannot be read"
+_UNPLUGGED, _DRIVER_FAULT = "it was unplugged, or another program reads it", "its driver reports a fault"
 _MOST_UNREADABLE = 1_000  # in a row: then it is the driver that is broken, not what comes
 _LONGEST_FRAME_BYTES = 64
 _BUS_BUFFER_BYTES = 16 * 1024 * 1024  # ten seconds of a full bus, a frame takes some 800 bytes of it
@@ -156,10 +157,6 @@ def open_port(config: sections.SerialSource | sections.MavlinkSerialSource) -> s
         raise sources.source_error(config, f"serial line {config.device} cannot be opened", reason, fix) from error
 
 
-def _stream_reason(error: Exception) -> str:
-    return system_reason(error) or "it was unplugged, or another program reads it"
-
-
 class SerialPort(_Stream):
     """One serial port: a line of NMEA 0183, a telemetry radio, or the autopilot's own port.
 
@@ -184,7 +181,7 @@ class SerialPort(_Stream):
                 port.write(greeting)
             except OSError as error:
                 port.close()
-                raise self.failure("serial line failed", _stream_reason(error)) from error
+                raise self.failure("serial line failed", system_reason(error) or _UNPLUGGED) from error
         return port
 
     def _bytes(self, timeout_s: float) -> bytes:
@@ -194,7 +191,7 @@ class SerialPort(_Stream):
             data = bytes(self._link.read(1))
             return data + bytes(self._link.read(self._link.in_waiting)) if data else b""
         except (OSError, TypeError) as error:  # pyserial raises TypeError on unplug
-            raise self.failure("serial line failed", _stream_reason(error)) from error
+            raise self.failure("serial line failed", system_reason(error) or _UNPLUGGED) from error
 
 
 class TcpConnection(_Stream):
@@ -227,7 +224,7 @@ class TcpConnection(_Stream):
         except (TimeoutError, BlockingIOError):
             return b""
         except OSError as error:
-            raise self.failure("connection failed", _stream_reason(error)) from error
+            raise self.failure("connection failed", system_reason(error) or _UNPLUGGED) from error
         if not received:
             raise self.failure("the other end closed the connection")
         self.behind = len(received) == _DATAGRAM_BYTES
@@ -372,7 +369,7 @@ class CanBus(sources.Source):
         frames: list[Frame] = []
         self.exact = self._socket is not None
         if self._failed is not None:
-            raise self.failure("CAN bus failed", _bus_fault(self._failed)) from self._failed
+            raise self.failure("CAN bus failed", system_reason(self._failed) or _DRIVER_FAULT) from self._failed
         try:
             while len(frames) < _MOST_FRAMES_AT_ONCE and (message := self._link.recv(0.0 if frames else timeout_s)):
                 identifier, highest = (
@@ -387,7 +384,7 @@ class CanBus(sources.Source):
         except Exception as error:
             if isinstance(error, can.CanError | OSError) and not isinstance(error.__cause__, ValueError):
                 if not frames:
-                    raise self.failure("CAN bus failed", _bus_fault(error)) from error
+                    raise self.failure("CAN bus failed", system_reason(error) or _DRIVER_FAULT) from error
                 self._failed = error
             else:  # python-can's drivers raise what they like where a line is no frame
                 self._count_unreadable(error)
@@ -430,10 +427,6 @@ class CanBus(sources.Source):
         times, stamped = sources.received_at(stamp_ns)
         self.exact = self.exact and stamped
         return Frame(self.name, "can", bytes(message.data), *times, message.arbitration_id, flags_of(message))
-
-
-def _bus_fault(error: Exception) -> str:
-    return system_reason(error) or "its driver reports a fault"
 
 
 def _socket_of(bus: can.BusABC) -> socket.socket | None:
