@@ -41,6 +41,7 @@ from rich.text import Text
 from seatrial.acquisition.config.sources import LiveSection, StatusSection
 from seatrial.acquisition.core.errors import ConfigurationError, SourceError, Terminal, printable
 from seatrial.acquisition.core.process import start_thread
+from seatrial.acquisition.core.result import terminal_table
 from seatrial.acquisition.core.ship import channels_known_to
 from seatrial.acquisition.core.trial import NANO, Trial, iso
 from seatrial.acquisition.logger.health import Health
@@ -219,15 +220,14 @@ def summary(health: Health, paths: Sequence[Path]) -> str:
 
 def preflight_table(report: PreflightReport) -> Group:
     """The channels and what is wrong with them; then events while listening, and the room on the disk."""
-    table = Table(box=None, padding=(0, 1, 0, 0), header_style="dim")
-    for title, justify in (("", "left"), ("channel", "left"), ("rate Hz", "right"), ("value", "right"),
-                           ("unit", "left"), ("source, or what is wrong", "left")):  # fmt: skip
-        table.add_column(title, justify=justify, overflow="fold")  # type: ignore[arg-type]
+    rows = []
     for channel in report.channels:
         good = Text("✗", "bold red") if channel.problem else Text("✓", "green")
         rate, value = ("–", "–") if channel.value is None else (f"{channel.rate_hz:.1f}", f"{channel.value:.3f}")
         source = Text(channel.problem, "red") if channel.problem else Text(channel.source, "dim")
-        table.add_row(good, channel.name, rate, value, channel.unit, source)
+        rows.append((good, channel.name, rate, value, channel.unit, source))
+    columns = ("", "channel", "rate Hz", "value", "unit", "source, or what is wrong")
+    table = terminal_table(None, columns, rows, words=(0, 1, 4, 5), padding=(0, 1, 0, 0))
     lines = [Text(text, "yellow") for text in report.events]
     if report.disk_problem:
         lines.append(Text(f"✗ {report.disk_problem}", "bold red"))
