@@ -15,7 +15,7 @@ from __future__ import annotations
 import struct
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
-from functools import lru_cache
+from functools import lru_cache, partial
 from typing import Any, NamedTuple, TypeAlias
 
 import orjson
@@ -352,33 +352,14 @@ def _set_type(proto: Any, field: Any, schema: Schema, full_name: str, comments: 
         _fill(within, schema, field.type_name, comments, [*path, _MESSAGES, len(proto.nested_type) - 1])
 
 
-def _value(kind: str, description: str, kind_of_protobuf: str = "") -> Schema:
-    form = {"format": kind_of_protobuf} if kind_of_protobuf else {}
-    return {"type": kind, "description": description, **form}
+def _value(kind: str, description: str, **further: Any) -> Schema:
+    return {"type": kind, "description": description, **further}
 
 
-def _number(description: str) -> Schema:
-    return _value("number", description)
-
-
-def _string(description: str) -> Schema:
-    return _value("string", description)
-
-
-def _text(description: str) -> Schema:
-    return {"type": "string", "maxLength": _MOST_LETTERS, "description": description}
-
-
-def _array(items: Schema, max_items: int, description: str) -> Schema:
-    return {"type": "array", "items": items, "maxItems": max_items, "description": description}
-
-
-def _list_of_numbers(description: str) -> Schema:
-    return _array({"type": "number"}, MOST_SECONDS, description)
-
-
-def _channels(description: str) -> Schema:
-    return _array({"type": "string", "maxLength": _MOST_LETTERS}, 64, description)
+_number, _string = partial(_value, "number"), partial(_value, "string")
+_text = partial(_value, "string", maxLength=_MOST_LETTERS)
+_list_of_numbers = partial(_value, "array", items={"type": "number"}, maxItems=MOST_SECONDS)
+_channels = partial(_value, "array", items={"type": "string", "maxLength": _MOST_LETTERS}, maxItems=64)
 
 
 def _object(about: str, unknown: tuple[str, ...] = (), /, **properties: Schema) -> Schema:
@@ -387,7 +368,7 @@ def _object(about: str, unknown: tuple[str, ...] = (), /, **properties: Schema) 
     return {"type": "object", "description": about, "properties": properties, "required": required}
 
 
-_RECEIVED = _value("integer", "When it was received, on the recorder's monotonic clock [ns]", "sfixed64")
+_RECEIVED = _value("integer", "When it was received, on the recorder's monotonic clock [ns]", format="sfixed64")
 SAMPLE = MessageKind(
     "seatrial.Sample",
     _object(
@@ -398,7 +379,7 @@ SAMPLE = MessageKind(
             "When the source says it was measured, UTC since 1970 [s]; not a number if it does not"
         ),
         monotonic_ns=_RECEIVED,
-        quality=_value("integer", "1 good, 2 not evaluated, 3 suspect, 4 bad, 9 missing", "fixed32"),
+        quality=_value("integer", "1 good, 2 not evaluated, 3 suspect, 4 bad, 9 missing", format="fixed32"),
         source=_string("Which line, device and message it came from, or how it was derived"),
         source_clock=_string("The clock of publish_time"),
     ),
@@ -415,13 +396,13 @@ _RAW = {
     "can": _raw(
         "seatrial.RawCan",
         "One CAN frame as received",
-        id=_value("integer", "Arbitration identifier", "fixed32"),
+        id=_value("integer", "Arbitration identifier", format="fixed32"),
         flags=_value(
             "integer",
             "1 standard identifier, 2 remote, 4 error, 8 put together by a gateway, 16 stamped late",
-            "fixed32",
+            format="fixed32",
         ),
-        data=_value("string", "The data bytes", "bytes"),
+        data=_value("string", "The data bytes", format="bytes"),
     ),
     "nmea0183": _raw(
         "seatrial.RawNmea0183",
@@ -432,13 +413,13 @@ _RAW = {
         "seatrial.RawMqtt",
         "One MQTT message as received",
         topic=_string("Its topic"),
-        flags=_value("integer", "16 stamped late, 32 retained by the broker, of unknown age", "fixed32"),
-        data=_value("string", "The bytes of its payload", "bytes"),
+        flags=_value("integer", "16 stamped late, 32 retained by the broker, of unknown age", format="fixed32"),
+        data=_value("string", "The bytes of its payload", format="bytes"),
     ),
     "mavlink": _raw(
         "seatrial.RawMavlink",
         "Bytes of a MAVLink stream as received",
-        data=_value("string", "The bytes", "bytes"),
+        data=_value("string", "The bytes", format="bytes"),
     ),
 }
 
@@ -450,18 +431,14 @@ _LOCATION_FIX = MessageKind(
         "A navigation satellite fix",
         timestamp={**_TIME, "number": 6},
         frame_id={"type": "string", "number": 7},
-        latitude={**_number("[deg]"), "number": 1},
-        longitude={**_number("[deg]"), "number": 2},
-        altitude={
-            **_number("Above the ellipsoid, or the mean sea level if no other is told [m]; 0 if it is not known"),
-            "number": 3,
-        },
-        position_covariance={
-            "type": "array",
-            "items": {"type": "number"},
-            "description": "Of east, north, up [m2], row by row",
-            "number": 4,
-        },
+        latitude=_number("[deg]", number=1),
+        longitude=_number("[deg]", number=2),
+        altitude=_number(
+            "Above the ellipsoid, or the mean sea level if no other is told [m]; 0 if it is not known", number=3
+        ),
+        position_covariance=_value(
+            "array", "Of east, north, up [m2], row by row", items={"type": "number"}, number=4
+        ),
         position_covariance_type={
             "type": "integer",
             "title": "PositionCovarianceType",
@@ -483,7 +460,7 @@ _LOG = MessageKind(
         message={"type": "string"},
         name={"type": "string"},
         file={"type": "string"},
-        line=_value("integer", "", "fixed32"),
+        line=_value("integer", "", format="fixed32"),
     ),
 )
 _GEOJSON = MessageKind(
@@ -502,12 +479,9 @@ _HEALTH = MessageKind(
         ),
         frames=_value("integer", "Received since the start"),
         rejected=_value("integer", "Frames and values that came and were not believed"),
-        reasons={
-            "type": "object",
-            "properties": {},
-            "additionalProperties": {"type": "integer"},
-            "description": "How many of them, by reason",
-        },
+        reasons=_value(
+            "object", "How many of them, by reason", properties={}, additionalProperties={"type": "integer"}
+        ),
         dropped=_value("integer", "Frames lost for want of room, here or in the system, or over the budget"),
         age_s=_number("Since the last frame [s]; left out if there was none"),
         over_budget=_value("integer", "Of those that were dropped, how many were over the source's budget"),
