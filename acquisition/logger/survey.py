@@ -33,26 +33,12 @@ from seatrial.acquisition.core.trial import Frame, FrameFlag, Group, Sample, Tri
 from seatrial.acquisition.logger.health import ENOUGH_RATE, SILENT_NS, Health, check_alarms
 from seatrial.acquisition.logger.pipeline import Recorder, health_of
 from seatrial.acquisition.logger.processing import DECODED, FrameProcessor
-from seatrial.acquisition.protocols import Decoder
+from seatrial.acquisition.protocols import Decoder, nmea2000
 from seatrial.acquisition.protocols.clock import SENTENCE_WITH_PREFIX
 from seatrial.acquisition.protocols.mavlink import Fault, PacketCutter, header_of, message_name
 from seatrial.acquisition.protocols.mqtt import topic_and_message
 from seatrial.acquisition.protocols.nmea0183 import NO_CHECKSUM, sentences_in, split_sentence, split_tag
-from seatrial.acquisition.protocols.nmea2000 import (
-    ADDRESS_CLAIM,
-    FastPackets,
-    decode_by_library,
-    group_variants,
-    parameter_group,
-)
-from seatrial.acquisition.recording.messages import (
-    EVENT_TOPIC,
-    PREDICTED_TRACK_TOPIC,
-    PREDICTION_TOPIC,
-    RAW_PREFIX,
-    MessageSink,
-    encode,
-)
+from seatrial.acquisition.recording import messages
 from seatrial.acquisition.recording.parts import RecordingParts
 from seatrial.acquisition.recording.reader import MessageEntry, MessageStream, read_trial
 from seatrial.acquisition.recording.writer import RecordingWriter, free_bytes, shortage
@@ -141,7 +127,7 @@ class Tally:
         return 1e9 * (self.count - 1) / span_ns if span_ns > 0 else 0.0
 
 
-class _NullSink(MessageSink):
+class _NullSink(messages.MessageSink):
     """A recording that is not kept."""
 
     def write(self, topic: str, data: bytes, log_ns: int, publish_ns: int) -> None: ...
@@ -170,7 +156,7 @@ class Survey(FrameProcessor):
         self._cutters = {
             source.name: PacketCutter(complete=source.type == "mavlink_file") for source in config.sources
         }
-        self._products = {source.name: FastPackets(Counter()) for source in config.sources}
+        self._products = {source.name: nmea2000.FastPackets(Counter()) for source in config.sources}
         self._refused_before: dict[int, Counter[str]] = {}
         self._kind = TrafficKind("", "", "")
 
@@ -194,8 +180,9 @@ class Survey(FrameProcessor):
         self.last_ns = max(self.last_ns, frame.received_ns)
         self.health.sources[frame.origin].count_in(1, frame.monotonic_ns)
         # the later parts of a message in several frames of CAN are not counted
-        is_part = frame.protocol == "can" and not frame.flags & ~FrameFlag.LATE and bool(frame.payload)
-        is_part = is_part and _is_fast(parameter_group(frame.identifier)[0]) and bool(frame.payload[0] & 0x1F)
+        is_part = frame.protocol == "can" and not frame.flags & ~FrameFlag.LATE
+        is_part = is_part and bool(frame.payload) and bool(frame.payload[0] & 0x1F)
+        is_part = is_part and _is_fast(nmea2000.parameter_group(frame.identifier)[0])
         for kind in self._kinds_of(frame):
             self._kind, tally = kind, self._tally_of(kind)
             if not is_part:
@@ -263,12 +250,12 @@ class Survey(FrameProcessor):
             return TrafficKind(frame.origin, "", f"0x{frame.identifier:03X}")
         if kind:
             return TrafficKind(frame.origin, "", "remote or error frame")
-        group, address = parameter_group(frame.identifier)
+        group, address = nmea2000.parameter_group(frame.identifier)
         payload: bytes | None = frame.payload
         if group == PRODUCT_INFORMATION and not frame.flags & FrameFlag.WHOLE and len(frame.payload) == 8:
             products = self._products[frame.origin]
             payload = products.push(address, group, frame.payload, frame.monotonic_ns, _PRODUCT_BYTES)
-        if group in (ADDRESS_CLAIM, PRODUCT_INFORMATION) and payload is not None:
+        if group in (nmea2000.ADDRESS_CLAIM, PRODUCT_INFORMATION) and payload is not None:
             self.devices.setdefault((frame.origin, str(address)), {}).update(_device_identity(group, payload))
         return TrafficKind(frame.origin, str(address), str(group))
 
@@ -304,14 +291,14 @@ def survey_of_recording(config: TrialConfig, paths: Iterable[Path], most_frames:
 def _read_raw_frames(paths: Iterable[Path]) -> Iterator[Frame]:
     """The raw input, without what another program has put under such a topic."""
     for entry in chain.from_iterable(map(MessageStream, paths)):
-        if entry.topic.startswith(RAW_PREFIX):
+        if entry.topic.startswith(messages.RAW_PREFIX):
             with suppress(ValueError, KeyError, TypeError):
                 yield entry.frame()
 
 
 @cache
 def _is_fast(group: int) -> bool:
-    variants = group_variants(group)
+    variants = nmea2000.group_variants(group)
     return bool(variants) and all(variant.packet_type == "Fast" for variant in variants)
 
 
@@ -329,18 +316,18 @@ def name_of_group(group: int) -> str:
     """
     if is_proprietary(group):
         return ""
-    names = {variant.id for variant in group_variants(group)}
+    names = {variant.id for variant in nmea2000.group_variants(group)}
     return names.pop() if len(names) == 1 else ""
 
 
 def _device_identity(group: int, payload: bytes) -> dict[str, Any]:
     """What a claim of an address, or a product's information, states of a device."""
-    message = decode_by_library(group, payload)
+    message = nmea2000.decode_by_library(group, payload)
     values = {} if message is None else {entry.id: entry.value for entry in message.fields}
     keys = {"model": "modelId", "version": "modelVersion", "software": "softwareVersionCode",
               "serial": "modelSerialCode"}  # fmt: skip
     iso_name = {}
-    if group == ADDRESS_CLAIM:
+    if group == nmea2000.ADDRESS_CLAIM:
         keys = {"manufacturer": "manufacturerCode", "function": "deviceFunction", "instance": "deviceInstance"}
         iso_name = {"iso_name": f"{int.from_bytes(payload[:8], 'little'):016x}"}
     return iso_name | {
@@ -739,7 +726,7 @@ def _decode_all(
         if number == 1:
             result.health.started_ns = entry.log_ns
         result.health.ended_ns = last_ns = max(last_ns, entry.log_ns)
-        if entry.topic.startswith(RAW_PREFIX):
+        if entry.topic.startswith(messages.RAW_PREFIX):
             try:
                 frame = entry.frame()
             except (ValueError, KeyError, TypeError) as error:
@@ -765,13 +752,13 @@ def _decode_all(
 
 def _copy_unless_decoded(entry: MessageEntry, writer: RecordingWriter) -> bool:
     """Copy a note or a prediction, as it is written today; False for one of another version, which does not fit."""
-    if entry.topic == EVENT_TOPIC:
+    if entry.topic == messages.EVENT_TOPIC:
         is_copied = entry.body().get("name") != DECODED
     else:
-        is_copied = entry.topic in (PREDICTION_TOPIC, PREDICTED_TRACK_TOPIC)
+        is_copied = entry.topic in (messages.PREDICTION_TOPIC, messages.PREDICTED_TRACK_TOPIC)
     if is_copied:
         try:
-            data = encode(entry.topic, entry.body())
+            data = messages.encode(entry.topic, entry.body())
         except (KeyError, TypeError, ValueError):
             return False
         writer.write(entry.topic, data, entry.log_ns, entry.publish_ns)

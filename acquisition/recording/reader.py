@@ -35,30 +35,8 @@ from seatrial.acquisition.core.process import (
 )
 from seatrial.acquisition.core.quantities import Series
 from seatrial.acquisition.core.trial import Frame, Trial, iso
+from seatrial.acquisition.recording import messages, scan
 from seatrial.acquisition.recording.batches import Batch, SeriesBuilder, add_samples, batches
-from seatrial.acquisition.recording.messages import (
-    CHANNEL_PREFIX,
-    EVENT_TOPIC,
-    HEALTH_TOPIC,
-    PREDICTION_TOPIC,
-    RAW_PREFIX,
-    Topic,
-    decode,
-    frame_of,
-    level_name,
-)
-from seatrial.acquisition.recording.scan import (
-    HEAD,
-    LARGEST_BYTES,
-    MCAP_MAGIC,
-    Damage,
-    Intact,
-    RecordError,
-    is_record_kind,
-    parse,
-    scan,
-    without_checksum,
-)
 
 _ENOUGH_BYTES = 4 * 1024 * 1024  # of chunks unpacked together: many small ones cost no more than a large one
 REMEDY = "save what is intact with `seatrial recover`"
@@ -107,15 +85,15 @@ class MessageEntry(NamedTuple):
     log_ns: int
     publish_ns: int
     data: bytes
-    described: Topic
+    described: messages.Topic
 
     def body(self) -> dict[str, Any]:
         """What a message on a topic of ours says. Raises ValueError if it is none, KeyError for another topic."""
-        return decode(self.described, self.data)
+        return messages.decode(self.described, self.data)
 
     def frame(self) -> Frame:
         """The frame in a message of raw input. Raises ValueError, KeyError or TypeError if it is none of ours."""
-        return frame_of(self.described, self.data, self.log_ns, self.publish_ns)
+        return messages.frame_of(self.described, self.data, self.log_ns, self.publish_ns)
 
 
 @dataclass(slots=True)
@@ -130,7 +108,7 @@ class MessageStream:
     trial: Trial = field(default_factory=Trial)
     attachments: dict[str, bytes] = field(default_factory=dict)
     metadata: dict[str, dict[str, str]] = field(default_factory=dict)
-    topics: dict[int, Topic] = field(default_factory=dict)
+    topics: dict[int, messages.Topic] = field(default_factory=dict)
     meter: Meter = field(init=False)
 
     def __post_init__(self) -> None:
@@ -161,7 +139,7 @@ class MessageStream:
                     raise self._damaged("two schemas of one number")
             elif isinstance(record, mcap.Channel):
                 count_definition(record, self.meter, is_new=record.id not in self.topics)
-                topic = Topic(record.topic, record.message_encoding, schemas.get(record.schema_id, b""))
+                topic = messages.Topic(record.topic, record.message_encoding, schemas.get(record.schema_id, b""))
                 if self.topics.setdefault(record.id, topic) != topic:
                     raise self._damaged("two topics of one number")
             elif isinstance(record, mcap.Statistics):
@@ -182,7 +160,7 @@ class MessageStream:
         if isinstance(record, mcap.Metadata):
             count_description(record, self.meter)
             try:
-                metadata = printable(without_checksum(record))
+                metadata = printable(scan.without_checksum(record))
                 if record.name == "trial":
                     self.trial = Trial.from_metadata(metadata)
                 else:
@@ -201,18 +179,18 @@ class MessageStream:
         size_bytes = 0
         with open_recording(self.path) as stream:
             self.meter = Meter(self.path, os.fstat(stream.fileno()).st_size)
-            for extent in scan(stream):
-                if isinstance(extent, Intact) and isinstance(extent.record, mcap.Chunk):
+            for extent in scan.scan(stream):
+                if isinstance(extent, scan.Intact) and isinstance(extent.record, mcap.Chunk):
                     chunks.append((extent.start, extent.record))
                     size_bytes += len(extent.record.data)
                     if size_bytes < _ENOUGH_BYTES:
                         continue
-                if isinstance(extent, Intact) and extent.record is None:
+                if isinstance(extent, scan.Intact) and extent.record is None:
                     continue
                 yield from self._unpack(chunks)
                 chunks.clear()
                 size_bytes = 0
-                if isinstance(extent, Damage):
+                if isinstance(extent, scan.Damage):
                     self.closed = False
                     if not extent.cut:
                         raise self._damaged(extent.reason, f" near byte {extent.start}")
@@ -226,7 +204,7 @@ class MessageStream:
         """What is in chunks one after the other, with the places in the file at which they begin."""
         try:
             yield from batches(*(chunk for _, chunk in chunks))
-        except RecordError as error:
+        except scan.RecordError as error:
             raise self._damaged(str(error), f" near byte {chunks[error.chunk][0]}") from error
 
     def _damaged(self, reason: str, place: str = "") -> InputError:
@@ -266,7 +244,7 @@ def open_recording(path: Path, *, accept_any: bool = False) -> BinaryIO:
         stream = path.open("rb")
     except OSError as error:
         raise InputError("cannot be opened", where=str(path), why=str(error.strerror)) from error
-    if not accept_any and stream.read(len(MCAP_MAGIC)) != MCAP_MAGIC:
+    if not accept_any and stream.read(len(scan.MCAP_MAGIC)) != scan.MCAP_MAGIC:
         stream.close()
         fix = "give a .mcap file, or convert a table with `seatrial import`"
         raise InputError("is not an MCAP recording", where=str(path), fix=fix)
@@ -302,20 +280,20 @@ def _foreign_message(path: Path, topic: str, error: Exception, kind: str) -> Inp
 
 
 def _keyed_bodies(
-    batch: Batch, topic: Topic, meter: Meter, key: str, kind: str
+    batch: Batch, topic: messages.Topic, meter: Meter, key: str, kind: str
 ) -> list[tuple[str, dict[str, Any]]]:
     """The bodies of a batch's messages, all of one topic, each behind its value of a key."""
     sizes = batch.sizes
     meter.check(TEXT_BYTES, int(sizes.max()))
     meter.add(DESCRIPTION_BYTES, int(sizes.sum()))
     try:
-        return [(str(body[key]), body) for body in (decode(topic, data) for data in batch.data())]
+        return [(str(body[key]), body) for body in (messages.decode(topic, data) for data in batch.data())]
     except (KeyError, ValueError) as error:
         raise _foreign_message(Path(meter.path), topic.name, error, kind) from error
 
 
 def _add_samples(
-    samples: dict[str, SeriesBuilder], batch: Batch, topics: Mapping[int, Topic], meter: Meter
+    samples: dict[str, SeriesBuilder], batch: Batch, topics: Mapping[int, messages.Topic], meter: Meter
 ) -> None:
     """As :func:`add_samples`; if it fails, topic by topic, to report which holds what is no sample."""
     if batch.sizes.max() > NAME_BYTES.least:
@@ -342,37 +320,40 @@ def read_recording(path: Path | str) -> Recording:
     events: list[tuple[int, str]] = []
     labels: list[tuple[str, str]] = []
     health: dict[str, dict[str, Any]] = {}
-    start_ns, end_ns, messages, predictions = 2**63 - 1, 0, 0, 0
+    start_ns, end_ns, count, predictions = 2**63 - 1, 0, 0, 0
     for batch in stream.batches():
-        messages += len(batch)
+        count += len(batch)
         log_ns = batch.heads["log_ns"]
         start_ns, end_ns = min(start_ns, int(log_ns.min())), max(end_ns, int(log_ns.max()))
         _add_samples(samples, batch, stream.topics, stream.meter)
-        for number, count in batch.counts().items():
+        for number, size in batch.counts().items():
             topic = stream.topics[number]
-            if topic.name.startswith(RAW_PREFIX):
-                raw[topic.name] += count
-            elif topic.name == EVENT_TOPIC:
+            if topic.name.startswith(messages.RAW_PREFIX):
+                raw[topic.name] += size
+            elif topic.name == messages.EVENT_TOPIC:
                 part = batch.of_channels([number])
                 entries = _keyed_bodies(part, topic, stream.meter, "message", "event")
                 events += zip(part.heads["log_ns"].tolist(), [text for text, _ in entries], strict=True)
-                labels += [(str(body.get("name", "")), level_name(body.get("level"))) for _, body in entries]
-            elif topic.name == HEALTH_TOPIC:
+                labels += [
+                    (str(body.get("name", "")), messages.level_name(body.get("level"))) for _, body in entries
+                ]
+            elif topic.name == messages.HEALTH_TOPIC:
                 part = batch.of_channels([number])
                 health |= _keyed_bodies(part, topic, stream.meter, "source", "state of a source")
-            elif topic.name == PREDICTION_TOPIC:
-                predictions += count
+            elif topic.name == messages.PREDICTION_TOPIC:
+                predictions += size
     return Recording(
         path=stream.path,
         trial=stream.trial,
         series={
-            printable(topic.removeprefix(CHANNEL_PREFIX)): builder.series() for topic, builder in samples.items()
+            printable(topic.removeprefix(messages.CHANNEL_PREFIX)): builder.series()
+            for topic, builder in samples.items()
         },
         raw=printable(dict(raw)),
         events=printable(events),
-        messages=messages,
+        messages=count,
         closed=stream.closed,
-        start_ns=start_ns if messages else 0,
+        start_ns=start_ns if count else 0,
         end_ns=end_ns,
         metadata=stream.metadata,
         health=printable(health),
@@ -443,9 +424,9 @@ class Tail:
         self.ended = self.cut = False
         self.damaged = 0
         self._recent_ns = None if recent_s is None else round(recent_s * 1e9)
-        self._topics: dict[int, Topic] = {}
+        self._topics: dict[int, messages.Topic] = {}
         self._schemas: dict[int, bytes] = {}
-        self._offset = len(MCAP_MAGIC)
+        self._offset = len(scan.MCAP_MAGIC)
         self._meter = Meter(path, 0)
         self._unreadable_at = -1  # where a record was met that could not be read, the last time
         try:
@@ -471,7 +452,7 @@ class Tail:
         Raises :class:`InputError` where the file holds what is no record, or more than its budget.
         """
         size = os.fstat(self._descriptor).st_size
-        self.cut = self.cut or size < self._offset != len(MCAP_MAGIC)  # until there the file has only begun
+        self.cut = self.cut or size < self._offset != len(scan.MCAP_MAGIC)  # until there the file has only begun
         if self.cut:
             return {}
         self._meter.grow(size)
@@ -488,39 +469,39 @@ class Tail:
             self._offset = place.end
         else:
             self._offset = places[-1].end if places else self._offset
-        return {topic.removeprefix(CHANNEL_PREFIX): builder.series() for topic, builder in samples.items()}
+        return {topic.removeprefix(messages.CHANNEL_PREFIX): builder.series() for topic, builder in samples.items()}
 
     def _complete_records(self, size: int) -> list[_Place]:
         """All whole records from where the last reading ended."""
         places, start = [], self._offset
-        while start + HEAD.size <= size:
-            head = read_at(self._descriptor, HEAD.size + _SPAN.size, start)
-            if head.startswith(MCAP_MAGIC):
+        while start + scan.HEAD.size <= size:
+            head = read_at(self._descriptor, scan.HEAD.size + _SPAN.size, start)
+            if head.startswith(scan.MCAP_MAGIC):
                 break
-            opcode, length = HEAD.unpack_from(head)
-            if not is_record_kind(opcode) or length > LARGEST_BYTES:
+            opcode, length = scan.HEAD.unpack_from(head)
+            if not scan.is_record_kind(opcode) or length > scan.LARGEST_BYTES:
                 raise InputError(
                     f"is damaged near byte {start}", where=str(self.path), why="no record begins there"
                 )
-            end = start + HEAD.size + length
-            if end > size or len(head) < HEAD.size + (_SPAN.size if opcode == Opcode.CHUNK else 0):
+            end = start + scan.HEAD.size + length
+            if end > size or len(head) < scan.HEAD.size + (_SPAN.size if opcode == Opcode.CHUNK else 0):
                 break
-            until_ns = _SPAN.unpack_from(head, HEAD.size)[1] if opcode == Opcode.CHUNK else 0
+            until_ns = _SPAN.unpack_from(head, scan.HEAD.size)[1] if opcode == Opcode.CHUNK else 0
             places.append(_Place(start, opcode, end, until_ns))
             start = end
         return places
 
     def _take_in(self, place: _Place, samples: dict[str, SeriesBuilder], *, is_last: bool) -> bool:
         """Take in a record; False if it cannot be read and may be whole the next time."""
-        content = read_at(self._descriptor, place.end - place.start - HEAD.size, place.start + HEAD.size)
+        content = read_at(self._descriptor, place.end - place.start - scan.HEAD.size, place.start + scan.HEAD.size)
         try:
-            record = parse(place.opcode, content)
+            record = scan.parse(place.opcode, content)
             self._meter.add(EXPANDED_BYTES, len(record.data) if isinstance(record, mcap.Chunk) else 0)
             for item in batches(record) if isinstance(record, mcap.Chunk) else [record]:
                 self._note(item, samples)
         except InputError:  # more than its budget
             raise
-        except (RecordError, KeyError, TypeError, ValueError, OverflowError):
+        except (scan.RecordError, KeyError, TypeError, ValueError, OverflowError):
             if is_last and self._unreadable_at != place.start:
                 self._unreadable_at = place.start
                 return False
@@ -534,12 +515,12 @@ class Tail:
         elif isinstance(record, mcap.Schema):
             self._schemas[record.id] = record.data
         elif isinstance(record, mcap.Channel):
-            self._topics[record.id] = Topic(
+            self._topics[record.id] = messages.Topic(
                 record.topic, record.message_encoding, self._schemas.get(record.schema_id, b"")
             )
         elif isinstance(record, mcap.Metadata) and record.name == "trial":
-            self.trial = Trial.from_metadata(without_checksum(record))
+            self.trial = Trial.from_metadata(scan.without_checksum(record))
         elif isinstance(record, mcap.Metadata):
-            self.metadata[record.name] = without_checksum(record)
+            self.metadata[record.name] = scan.without_checksum(record)
         elif isinstance(record, mcap.Footer):
             self.ended = True

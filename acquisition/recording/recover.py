@@ -33,37 +33,12 @@ from seatrial.acquisition.core.files import atomic_file, expect_suffix
 from seatrial.acquisition.core.process import MESSAGES, Meter
 from seatrial.acquisition.core.ship import Channel, channels_known_to
 from seatrial.acquisition.core.trial import Trial, iso, software_version
+from seatrial.acquisition.recording import messages, reader, scan
 from seatrial.acquisition.recording.batches import Batch, batches
-from seatrial.acquisition.recording.messages import (
-    ENCODING,
-    ENCODING_BEFORE,
-    Topic,
-    channel_metadata,
-    decode,
-    encode,
-    kind_of,
-)
-from seatrial.acquisition.recording.reader import (
-    REMEDY,
-    MessageStream,
-    count_definition,
-    count_description,
-    open_recording,
-    read_trial,
-)
-from seatrial.acquisition.recording.scan import (
-    HEAD,
-    Damage,
-    Intact,
-    RecordError,
-    scan,
-    with_checksum,
-    without_checksum,
-)
 
 _KEY = struct.Struct("<QQQQ")
 _CHUNK_BYTES = 1024 * 1024
-_MESSAGE_HEAD_BYTES = HEAD.size + 22
+_MESSAGE_HEAD_BYTES = scan.HEAD.size + 22
 
 Definition = TypeVar("Definition", mcap.Channel, mcap.Schema)
 
@@ -93,20 +68,20 @@ def collect_definitions(stream: BinaryIO, path: Path, progress: Progress) -> Def
     """
     definitions, meter = Definitions(), Meter(path, os.fstat(stream.fileno()).st_size)
     for extent in _scan_with_progress(stream, progress):
-        if not isinstance(extent, Intact):
+        if not isinstance(extent, scan.Intact):
             continue
         if isinstance(extent.record, mcap.Header):
             definitions.header = extent.record
         if isinstance(extent.record, mcap.Metadata | mcap.Attachment):
-            count_description(extent.record, meter)
+            reader.count_description(extent.record, meter)
         if isinstance(extent.record, mcap.ChunkIndex):
             definitions.chunk_starts.append(extent.record.chunk_start_offset)
         by_number = definitions.vouched if isinstance(extent.record, mcap.Chunk) else definitions.unvouched
-        with suppress(RecordError):  # counted when the messages are copied
+        with suppress(scan.RecordError):  # counted when the messages are copied
             for item in batches(extent.record) if isinstance(extent.record, mcap.Chunk) else [extent.record]:
                 if isinstance(item, mcap.Channel | mcap.Schema):
                     definition = by_number.get((type(item), item.id))
-                    count_definition(item, meter, is_new=definition != item)
+                    reader.count_definition(item, meter, is_new=definition != item)
                     if definition is None:
                         by_number[type(item), item.id] = item
                 elif isinstance(item, Batch | mcap.Message):
@@ -115,11 +90,11 @@ def collect_definitions(stream: BinaryIO, path: Path, progress: Progress) -> Def
     return definitions
 
 
-def _scan_with_progress(stream: BinaryIO, progress: Progress) -> Iterator[Intact | Damage]:
+def _scan_with_progress(stream: BinaryIO, progress: Progress) -> Iterator[scan.Intact | scan.Damage]:
     """As :func:`scan`; ``progress`` takes the share done."""
     size_bytes = stream.seek(0, os.SEEK_END)
     shown = 0
-    for extent in scan(stream):
+    for extent in scan.scan(stream):
         yield extent
         if extent.end - shown > size_bytes // 100:
             shown = extent.end
@@ -154,7 +129,7 @@ def verify(partial: Path, target: Path, saved: Digest) -> None:
     """
     stream_digest, index_digest = Digest(), Digest()
     try:
-        written = MessageStream(partial)
+        written = reader.MessageStream(partial)
         for entry in written:
             stream_digest.add(entry.topic, entry.log_ns, entry.publish_ns, entry.data)
         with partial.open("rb") as stream:
@@ -177,7 +152,7 @@ def _read_by_index(stream: BinaryIO) -> Iterator[tuple[str, mcap.Message]]:
     if summary is None:
         raise ValueError("it has no summary")
     for index in summary.chunk_indexes:
-        stream.seek(index.chunk_start_offset + HEAD.size)
+        stream.seek(index.chunk_start_offset + scan.HEAD.size)
         for record in breakup_chunk(mcap.Chunk.read(ReadDataStream(stream)), validate_crc=True):
             if isinstance(record, mcap.Message):
                 yield summary.channels[record.channel_id].topic, record
@@ -271,10 +246,10 @@ class Saving:
         """Define a topic in the copy."""
         self._copy_channel(channel.id)
 
-    def take(self, extent: Intact | Damage) -> None:
+    def take(self, extent: scan.Intact | scan.Damage) -> None:
         """Copy a record, or count what was lost."""
         size_bytes = extent.end - extent.start
-        if isinstance(extent, Damage):
+        if isinstance(extent, scan.Damage):
             starts = self.definitions.chunk_starts
             indexed = bisect_left(starts, extent.end) - bisect_left(starts, extent.start)
             self.summary.lose(extent.reason, size_bytes, max(extent.chunks, indexed))
@@ -307,7 +282,7 @@ class Saving:
                     if self.definitions.vouched.get(key) != record:  # two files made into one use numbers twice
                         self.definitions.vouched[key] = record
                         self._topics.clear()
-        except RecordError as error:
+        except scan.RecordError as error:
             self.summary.lose(str(error), size_bytes, chunks=1)
             self._after_damage = True
 
@@ -334,12 +309,12 @@ class Saving:
     def _take_metadata(self, metadata: mcap.Metadata) -> None:
         name, texts = metadata.name, metadata.metadata
         try:
-            plain = without_checksum(metadata)
+            plain = scan.without_checksum(metadata)
             if name == "trial":
                 Trial.from_metadata(plain)
         except ValueError:  # it would keep the copy from being read; under another name it is not lost
             name = f"{name} (damaged)"
-            texts = with_checksum(name, texts)
+            texts = scan.with_checksum(name, texts)
             self.summary.lose(f"metadata, kept as {name!r}", 0)
         self.writer.add_metadata(name, texts)
         self.summary.metadata += 1
@@ -392,7 +367,7 @@ def copy_intact(
     read back as what was saved.
     """
     expect_suffix(target, ".mcap")
-    with open_recording(source, accept_any=True) as stream:
+    with reader.open_recording(source, accept_any=True) as stream:
         if os.path.lexists(target):
             is_source = target.exists() and target.samefile(source)
             what = "is the recording that is to be saved" if is_source else "already exists"
@@ -440,7 +415,8 @@ class Migration(Saving):
             super().take_message(message)
             return
         try:
-            data = encode(channel.topic, decode(Topic(channel.topic, ENCODING_BEFORE), message.data))
+            body = messages.decode(messages.Topic(channel.topic, messages.ENCODING_BEFORE), message.data)
+            data = messages.encode(channel.topic, body)
         except (KeyError, TypeError, ValueError, OverflowError):
             self.unconverted[channel.topic] += 1
             super().take_message(message)
@@ -451,22 +427,24 @@ class Migration(Saving):
     def _define_converted(self, channel: mcap.Channel) -> int | None:
         """The copy's number of one of our topics in JSON; None for any other channel."""
         topic = channel.topic
-        if channel.message_encoding != ENCODING_BEFORE:
+        if channel.message_encoding != messages.ENCODING_BEFORE:
             return None
         if topic not in self._numbers:
             try:
-                kind, metadata = kind_of(topic), channel_metadata(topic, self._trial_channels)
+                kind, metadata = messages.kind_of(topic), messages.channel_metadata(topic, self._trial_channels)
             except (KeyError, IndexError):
                 return None
             if kind.title not in self._kinds:
-                self._kinds[kind.title] = self.writer.register_schema(kind.title, ENCODING, kind.descriptors)
-            number = self.writer.register_channel(topic, ENCODING, self._kinds[kind.title], metadata)
+                schema = kind.title, messages.ENCODING, kind.descriptors
+                self._kinds[kind.title] = self.writer.register_schema(*schema)
+            number = self.writer.register_channel(topic, messages.ENCODING, self._kinds[kind.title], metadata)
             self._numbers[topic] = number
         return self._numbers[topic]
 
     def check(self, source: Path) -> None:
         if self.summary.damaged_chunks or self.summary.lost_bytes:
-            raise InputError("is damaged", where=str(source), why=self.summary.reasons, fix=f"first {REMEDY}")
+            fix = f"first {reader.REMEDY}"
+            raise InputError("is damaged", where=str(source), why=self.summary.reasons, fix=fix)
         if not self.converted:
             why = f"{self.summary.messages:,} messages, none of ours in JSON"
             raise InputError("has nothing to migrate", where=str(source), why=why, fix="use it as it is")
@@ -479,7 +457,7 @@ def migrate(source: Path, target: Path, progress: Progress = lambda share: None)
     messages in JSON, :class:`StorageError` when ``target`` exists, cannot be written, or does not read back as it
     was written. ``source`` is only read.
     """
-    channels = channels_known_to(read_trial(source))
+    channels = channels_known_to(reader.read_trial(source))
     return copy_intact(
         source, target, lambda writer, definitions: Migration(writer, definitions, channels), progress
     )

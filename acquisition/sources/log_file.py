@@ -37,26 +37,9 @@ from seatrial.acquisition.config.sources import FileSource
 from seatrial.acquisition.core.process import LOG_BYTES
 from seatrial.acquisition.core.times import DAY_NS, YEAR_LAST, Order, Stamp, date_order
 from seatrial.acquisition.core.trial import HIGHEST_IDENTIFIER, NANO, Frame, FrameFlag, iso, now_ns
+from seatrial.acquisition.protocols import nmea0183, nmea2000
 from seatrial.acquisition.protocols.clock import StatedTimes, correct_week_rollover, is_possible, utc_ns
 from seatrial.acquisition.protocols.mavlink import LONGEST_BYTES, header_of, is_signed, is_sound, packet_length
-from seatrial.acquisition.protocols.nmea0183 import (
-    Fields,
-    SentenceReading,
-    has_sentence,
-    motion_readers,
-    sentences_in,
-    split_sentence,
-    split_tag,
-)
-from seatrial.acquisition.protocols.nmea2000 import (
-    FIELDS,
-    GNSS_POSITION,
-    SYSTEM_TIME,
-    TIME_AND_DATE,
-    Message,
-    group_time,
-    parameter_group,
-)
 from seatrial.acquisition.sources import SQLITE, BoundedLog, Lines, LogReader, looks_like
 from seatrial.acquisition.sources.lines import flags_of
 from seatrial.acquisition.sources.log_formats import FILE_FORMS, LINE_FORMS, LineReader, LogEntry, read_lines
@@ -81,7 +64,7 @@ _LATEST_NS = 4_102_444_800 * NANO  # 2100; what is later is broken
 _SLACK_NS = NANO  # by so much a clock may go back without having wrapped around
 _STUCK_ENTRIES = 100  # entries at one and the same time: the gateway's clock stands still
 _AGREED_NS = 2 * NANO  # the bus tells whole seconds, late
-_TIME_READERS = {kind: read for kind, read in motion_readers("ground").items() if kind in ("ZDA", "RMC")}
+_TIME_READERS = {kind: read for kind, read in nmea0183.motion_readers("ground").items() if kind in ("ZDA", "RMC")}
 
 _TIME_BYTES = 8
 _MICRO_NS = 1000
@@ -320,7 +303,7 @@ def _choose_reader(head: bytes, form: str, open_file: Callable[[], BinaryIO]) ->
 
 def _is_recordable(entry: LogEntry, *, unchecked: bool = False) -> bool:
     """Whether it is a frame, a message, or a line with an intact sentence."""
-    return entry.protocol == "can" or has_sentence(entry.payload, unchecked=unchecked)
+    return entry.protocol == "can" or nmea0183.has_sentence(entry.payload, unchecked=unchecked)
 
 
 def _library_log(is_blf: bool, file: BinaryIO, reader: LineReader) -> Iterator[LogEntry]:
@@ -410,7 +393,7 @@ class LogClock:
             )
         self._learn(timed, changed_ns)
         for entry in head:
-            lines = sentences_in(entry.payload) if entry.protocol == "nmea0183" else ()
+            lines = nmea0183.sentences_in(entry.payload) if entry.protocol == "nmea0183" else ()
             if any(_possible_ns(time_ns) not in (None, time_ns) for time_ns in map(_sentence_ns, lines)):
                 date = iso(entry_utc_ns(entry) or 0)[:10]
                 self.remark = f"a receiver's weeks have rolled over: its date is 1,024 weeks back, {date} is taken"
@@ -482,7 +465,7 @@ class LogClock:
 
 def _time_source(entry: LogEntry) -> tuple[int, bytes]:
     """What an entry comes from: the identifier of a frame, the beginning of a sentence."""
-    return entry.identifier, b"" if entry.protocol == "can" else split_tag(entry.payload).sentence[:6]
+    return entry.identifier, b"" if entry.protocol == "can" else nmea0183.split_tag(entry.payload).sentence[:6]
 
 
 def _usual_time_source(head: Sequence[LogEntry]) -> tuple[int, bytes] | None:
@@ -498,13 +481,14 @@ def _nearest_midnight_ns(time_ns: int) -> int:
 def entry_utc_ns(entry: LogEntry) -> int | None:
     """The UTC that a message or a sentence states [ns since 1970]; None for any other."""
     if entry.protocol == "nmea0183":
-        stated = (_possible_ns(time_ns) for time_ns in map(_sentence_ns, sentences_in(entry.payload)))
+        stated = (_possible_ns(time_ns) for time_ns in map(_sentence_ns, nmea0183.sentences_in(entry.payload)))
         return next((utc for utc in stated if utc is not None), None)
-    group = parameter_group(entry.identifier)[0]
-    is_position = group == GNSS_POSITION and entry.flags == FrameFlag.WHOLE
-    if not is_position and (group not in (SYSTEM_TIME, TIME_AND_DATE) or entry.flags & ~FrameFlag.WHOLE):
+    group = nmea2000.parameter_group(entry.identifier)[0]
+    is_position = group == nmea2000.GNSS_POSITION and entry.flags == FrameFlag.WHOLE
+    is_clock = group in (nmea2000.SYSTEM_TIME, nmea2000.TIME_AND_DATE) and not entry.flags & ~FrameFlag.WHOLE
+    if not is_position and not is_clock:
         return None
-    stated_ns = group_time(Message(FIELDS[group], entry.payload))
+    stated_ns = nmea2000.group_time(nmea2000.Message(nmea2000.FIELDS[group], entry.payload))
     return stated_ns if stated_ns is not None and is_possible(stated_ns) else None
 
 
@@ -517,9 +501,9 @@ def _possible_ns(time_ns: int | None) -> int | None:
 
 def _sentence_ns(line: bytes) -> int | None:
     """The date and time that a sentence states [ns since 1970]; None for any other."""
-    tag, fields = split_sentence(split_tag(line).sentence) or ("", [])
+    tag, fields = nmea0183.split_sentence(nmea0183.split_tag(line).sentence) or ("", [])
     read = _TIME_READERS.get(tag[-3:])
-    reading = SentenceReading() if read is None else read(Fields(fields))
+    reading = nmea0183.SentenceReading() if read is None else read(nmea0183.Fields(fields))
     if reading.date is None or reading.seconds_of_day is None:
         return None
     return utc_ns(reading.date, reading.seconds_of_day)

@@ -27,6 +27,7 @@ from typing import BinaryIO, NamedTuple
 
 from seatrial.acquisition.core.times import DAY_NS, Stamp, time_of_day_ns
 from seatrial.acquisition.core.trial import HIGHEST_IDENTIFIER, NANO, FrameFlag, Protocol, can_flags
+from seatrial.acquisition.protocols import nmea0183
 from seatrial.acquisition.protocols.clock import (
     SENTENCE_WITH_PREFIX,
     ZONE,
@@ -34,13 +35,6 @@ from seatrial.acquisition.protocols.clock import (
     is_possible,
     possible_ns,
     zoned_time_ns,
-)
-from seatrial.acquisition.protocols.nmea0183 import (
-    checksum,
-    cut_at_sentences,
-    has_sentence,
-    sentences_in,
-    split_tag,
 )
 from seatrial.acquisition.protocols.nmea2000 import parameter_group
 
@@ -280,7 +274,7 @@ def _read_mxpgn(match: re.Match[str]) -> LogEntry | None:
 
 def _has_valid_checksum(match: re.Match[str]) -> bool:
     body = match.string[1 : match.string.rindex("*")]
-    return checksum(body.encode("latin-1")) == int(match["sum"], 16)
+    return nmea0183.checksum(body.encode("latin-1")) == int(match["sum"], 16)
 
 
 _GARMIN = _pattern(
@@ -350,7 +344,7 @@ def parts_of(piece: bytes) -> list[bytes]:
     """A line or message in parts of one entry each: cut where a gateway's message stands among sentences."""
     if piece.startswith(MARK) or not _PACKED.search(piece):
         return [piece]
-    return cut_at_sentences(piece) if len(sentences_in(piece)) > 1 else [piece]
+    return nmea0183.cut_at_sentences(piece) if len(nmea0183.sentences_in(piece)) > 1 else [piece]
 
 
 class LineReader:
@@ -388,7 +382,7 @@ class LineReader:
         if text[-3:-2] != "*" and (match := _ENDING.fullmatch(text)):
             return _at_time(self._read_sentence(match["inner"]), self.times.read(match["after"]))
         line = text.encode("latin-1")
-        tagged = split_tag(line)
+        tagged = nmea0183.split_tag(line)
         if tagged.sentence[3:7] == b"PGN," or tagged.sentence.startswith((b"$PCDIN,", b"!PDGY,")):
             entry = self._match_form(tagged.sentence.decode("latin-1"))
             if entry is None:
@@ -415,7 +409,7 @@ class LineReader:
 
     def _embedded_sentence(self, line: bytes) -> LogEntry | None:
         """A line of no form, for the sentences that are in it all the same."""
-        if has_sentence(line):
+        if nmea0183.has_sentence(line):
             return LogEntry(None, line, protocol="nmea0183")
         self.unreadable += 1
         return None
