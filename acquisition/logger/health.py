@@ -40,13 +40,7 @@ from seatrial.acquisition.core.errors import ConfigurationError, InputError, pri
 from seatrial.acquisition.core.process import start_thread
 from seatrial.acquisition.core.ship import BY_NAME, NAMES, Channel
 from seatrial.acquisition.core.trial import Frame, Sample, label_parts, sensor_of
-from seatrial.acquisition.recording.messages import (
-    ARRAYS,
-    PREDICTED_TRACK_TOPIC,
-    PREDICTION,
-    PREDICTION_TOPIC,
-    encode,
-)
+from seatrial.acquisition.recording import messages
 from seatrial.acquisition.recording.parts import Tell
 
 _UNSYNCHRONISED = 5  # TIME_ERROR of adjtimex(2)
@@ -699,19 +693,23 @@ def schema_violation(value: Any, schema: Mapping[str, Any], name: str = "it") ->
 def parse_prediction(message: Mapping[str, Any]) -> RecordedPrediction:
     """A client's message, as what is recorded. Raises :class:`InputError` for what does not fit the schema."""
     body, geojson = message["prediction"], message.get("geojson", "")
-    text = schema_violation(body, PREDICTION, "a prediction")
+    text = schema_violation(body, messages.PREDICTION, "a prediction")
     if not text:
         track = body["track"]
         length = len(track["seconds"])  # arrays of what is not known are empty
-        wrong = [name for name in ARRAYS if len(track[name]) != length and (track[name] or ARRAYS[name])]
+        wrong = [
+            name
+            for name, needed in messages.ARRAYS.items()
+            if len(track[name]) != length and (track[name] or needed)
+        ]
         text = f"{wrong[0]} of the track is not as long as its seconds" if wrong else ""
     if not isinstance(geojson, str) or len(geojson) > _MOST_GEOJSON_LETTERS:
         text = text or f"geojson is no text of at most {_MOST_GEOJSON_LETTERS} letters"
     if text:
         raise InputError("is no prediction that can be recorded", why=text)
-    drawn = encode(PREDICTED_TRACK_TOPIC, {"geojson": geojson}) if geojson else b""
+    drawn = messages.encode(messages.PREDICTED_TRACK_TOPIC, {"geojson": geojson}) if geojson else b""
     start_ns = round(body["start"] * 1e9)
-    return time.monotonic_ns(), start_ns, encode(PREDICTION_TOPIC, body), drawn
+    return time.monotonic_ns(), start_ns, messages.encode(messages.PREDICTION_TOPIC, body), drawn
 
 
 class Predictions:

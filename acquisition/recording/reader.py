@@ -22,17 +22,9 @@ import numpy as np
 from mcap import records as mcap
 from mcap.opcode import Opcode
 
+from seatrial.acquisition.core import process
 from seatrial.acquisition.core.errors import InputError, printable
 from seatrial.acquisition.core.files import CLOSED_IN_CHILDREN, read_at
-from seatrial.acquisition.core.process import (
-    DEFINITIONS,
-    DESCRIPTION_BYTES,
-    EXPANDED_BYTES,
-    MESSAGES,
-    NAME_BYTES,
-    TEXT_BYTES,
-    Meter,
-)
 from seatrial.acquisition.core.quantities import Series
 from seatrial.acquisition.core.trial import Frame, Trial, iso
 from seatrial.acquisition.recording import messages, scan
@@ -109,10 +101,10 @@ class MessageStream:
     attachments: dict[str, bytes] = field(default_factory=dict)
     metadata: dict[str, dict[str, str]] = field(default_factory=dict)
     topics: dict[int, messages.Topic] = field(default_factory=dict)
-    meter: Meter = field(init=False)
+    meter: process.Meter = field(init=False)
 
     def __post_init__(self) -> None:
-        self.meter = Meter(self.path, 0)
+        self.meter = process.Meter(self.path, 0)
 
     def __iter__(self) -> Iterator[MessageEntry]:
         for batch in self.batches():
@@ -128,7 +120,7 @@ class MessageStream:
         count = 0
         for record in self._records():
             if isinstance(record, Batch):
-                self.meter.add(MESSAGES, len(record))
+                self.meter.add(process.MESSAGES, len(record))
                 if not self.topics.keys() >= record.counts().keys():
                     raise self._damaged("a message of no topic")
                 count += len(record)
@@ -178,7 +170,7 @@ class MessageStream:
         chunks: list[tuple[int, mcap.Chunk]] = []
         size_bytes = 0
         with open_recording(self.path) as stream:
-            self.meter = Meter(self.path, os.fstat(stream.fileno()).st_size)
+            self.meter = process.Meter(self.path, os.fstat(stream.fileno()).st_size)
             for extent in scan.scan(stream):
                 if isinstance(extent, scan.Intact) and isinstance(extent.record, mcap.Chunk):
                     chunks.append((extent.start, extent.record))
@@ -211,26 +203,26 @@ class MessageStream:
         return InputError(f"is damaged{place}", where=str(self.path), why=reason, fix=REMEDY)
 
 
-def count_definition(record: mcap.Channel | mcap.Schema, meter: Meter, *, is_new: bool) -> None:
+def count_definition(record: mcap.Channel | mcap.Schema, meter: process.Meter, *, is_new: bool) -> None:
     """Count what a file defines; what was defined before takes no more memory. Raises :class:`InputError`."""
     if isinstance(record, mcap.Channel):
         name, size = record.topic, len(str(record.metadata))
     else:
         name, size = record.name, len(record.data)
-    meter.add(DEFINITIONS, 1)
-    meter.check(NAME_BYTES, len(name))
-    meter.add(DESCRIPTION_BYTES, len(name) + size if is_new else 0)
+    meter.add(process.DEFINITIONS, 1)
+    meter.check(process.NAME_BYTES, len(name))
+    meter.add(process.DESCRIPTION_BYTES, len(name) + size if is_new else 0)
 
 
-def count_description(record: mcap.Metadata | mcap.Attachment, meter: Meter) -> None:
+def count_description(record: mcap.Metadata | mcap.Attachment, meter: process.Meter) -> None:
     """Count what a file says besides its messages. Raises :class:`InputError` beyond a budget."""
     names, texts = [record.name], list[str]()
     if isinstance(record, mcap.Metadata):
         names, texts = [record.name, *record.metadata], list(record.metadata.values())
-    meter.check(NAME_BYTES, max(map(len, names)))
-    meter.check(TEXT_BYTES, max(map(len, texts), default=0))
+    meter.check(process.NAME_BYTES, max(map(len, names)))
+    meter.check(process.TEXT_BYTES, max(map(len, texts), default=0))
     size = len(record.data) if isinstance(record, mcap.Attachment) else sum(map(len, names + texts))
-    meter.add(DESCRIPTION_BYTES, size)
+    meter.add(process.DESCRIPTION_BYTES, size)
 
 
 def open_recording(path: Path, *, accept_any: bool = False) -> BinaryIO:
@@ -280,12 +272,12 @@ def _foreign_message(path: Path, topic: str, error: Exception, kind: str) -> Inp
 
 
 def _keyed_bodies(
-    batch: Batch, topic: messages.Topic, meter: Meter, key: str, kind: str
+    batch: Batch, topic: messages.Topic, meter: process.Meter, key: str, kind: str
 ) -> list[tuple[str, dict[str, Any]]]:
     """The bodies of a batch's messages, all of one topic, each behind its value of a key."""
     sizes = batch.sizes
-    meter.check(TEXT_BYTES, int(sizes.max()))
-    meter.add(DESCRIPTION_BYTES, int(sizes.sum()))
+    meter.check(process.TEXT_BYTES, int(sizes.max()))
+    meter.add(process.DESCRIPTION_BYTES, int(sizes.sum()))
     try:
         return [(str(body[key]), body) for body in (messages.decode(topic, data) for data in batch.data())]
     except (KeyError, ValueError) as error:
@@ -293,12 +285,12 @@ def _keyed_bodies(
 
 
 def _add_samples(
-    samples: dict[str, SeriesBuilder], batch: Batch, topics: Mapping[int, messages.Topic], meter: Meter
+    samples: dict[str, SeriesBuilder], batch: Batch, topics: Mapping[int, messages.Topic], meter: process.Meter
 ) -> None:
     """As :func:`add_samples`; if it fails, topic by topic, to report which holds what is no sample."""
-    if batch.sizes.max() > NAME_BYTES.least:
+    if batch.sizes.max() > process.NAME_BYTES.least:
         channels = batch.of_channels(number for number in batch.counts() if topics[number].is_channel)
-        meter.check(NAME_BYTES, int(channels.sizes.max(initial=0)))
+        meter.check(process.NAME_BYTES, int(channels.sizes.max(initial=0)))
     with suppress(KeyError, TypeError, ValueError, OverflowError):
         return add_samples(samples, batch, topics)
     for number in batch.counts():
@@ -427,7 +419,7 @@ class Tail:
         self._topics: dict[int, messages.Topic] = {}
         self._schemas: dict[int, bytes] = {}
         self._offset = len(scan.MCAP_MAGIC)
-        self._meter = Meter(path, 0)
+        self._meter = process.Meter(path, 0)
         self._unreadable_at = -1  # where a record was met that could not be read, the last time
         try:
             self._descriptor = os.open(path, os.O_RDONLY | CLOSED_IN_CHILDREN)
@@ -496,7 +488,7 @@ class Tail:
         content = read_at(self._descriptor, place.end - place.start - scan.HEAD.size, place.start + scan.HEAD.size)
         try:
             record = scan.parse(place.opcode, content)
-            self._meter.add(EXPANDED_BYTES, len(record.data) if isinstance(record, mcap.Chunk) else 0)
+            self._meter.add(process.EXPANDED_BYTES, len(record.data) if isinstance(record, mcap.Chunk) else 0)
             for item in batches(record) if isinstance(record, mcap.Chunk) else [record]:
                 self._note(item, samples)
         except InputError:  # more than its budget
@@ -510,7 +502,7 @@ class Tail:
 
     def _note(self, record: Batch | mcap.McapRecord | None, samples: dict[str, SeriesBuilder]) -> None:
         if isinstance(record, Batch):
-            self._meter.add(MESSAGES, len(record))
+            self._meter.add(process.MESSAGES, len(record))
             add_samples(samples, record, self._topics)
         elif isinstance(record, mcap.Schema):
             self._schemas[record.id] = record.data

@@ -261,7 +261,17 @@ class Saving:
         elif isinstance(extent.record, mcap.Message):
             self.take_message(extent.record)
         elif isinstance(extent.record, mcap.Metadata):
-            self._take_metadata(extent.record)
+            name, texts = extent.record.name, extent.record.metadata
+            try:
+                plain = scan.without_checksum(extent.record)
+                if name == "trial":
+                    Trial.from_metadata(plain)
+            except ValueError:  # it would keep the copy from being read; under another name it is not lost
+                name = f"{name} (damaged)"
+                texts = scan.with_checksum(name, texts)
+                self.summary.lose(f"metadata, kept as {name!r}", 0)
+            self.writer.add_metadata(name, texts)
+            self.summary.metadata += 1
         elif isinstance(extent.record, mcap.Attachment):
             attachment = extent.record
             self.writer.add_attachment(
@@ -305,19 +315,6 @@ class Saving:
                 self.summary.gaps.append((self._last_ns, log_ns))
             self._last_ns = self.summary.recovered_until_ns = log_ns
         self._after_damage = False
-
-    def _take_metadata(self, metadata: mcap.Metadata) -> None:
-        name, texts = metadata.name, metadata.metadata
-        try:
-            plain = scan.without_checksum(metadata)
-            if name == "trial":
-                Trial.from_metadata(plain)
-        except ValueError:  # it would keep the copy from being read; under another name it is not lost
-            name = f"{name} (damaged)"
-            texts = scan.with_checksum(name, texts)
-            self.summary.lose(f"metadata, kept as {name!r}", 0)
-        self.writer.add_metadata(name, texts)
-        self.summary.metadata += 1
 
     def _copy_channel(self, number: int) -> tuple[int, str] | None:
         """The copy's number of a channel, and its topic."""

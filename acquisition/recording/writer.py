@@ -30,15 +30,8 @@ from mcap.opcode import Opcode
 from numpy.typing import NDArray
 
 from seatrial.acquisition.config.sources import RecordingSection
+from seatrial.acquisition.core import files
 from seatrial.acquisition.core.errors import InputError, StorageError, storage_error
-from seatrial.acquisition.core.files import (
-    CLOSED_IN_CHILDREN,
-    atomic_file,
-    expect_suffix,
-    read_at,
-    sync_data,
-    write_at,
-)
 from seatrial.acquisition.core.ship import channels_known_to, channels_of_trial
 from seatrial.acquisition.core.trial import Quality, Sample, Trial, software_version
 from seatrial.acquisition.recording.messages import ENCODING, MessageSink, channel_metadata, kind_of
@@ -181,13 +174,13 @@ class RecordingWriter(MessageSink):
 
         Raises OSError.
         """
-        descriptor, length = os.open(self.path, os.O_RDWR | CLOSED_IN_CHILDREN), self._file.synced
+        descriptor, length = os.open(self.path, os.O_RDWR | files.CLOSED_IN_CHILDREN), self._file.synced
         try:
             state = os.fstat(descriptor)
             if state.st_ino == self._file.inode and state.st_size >= length:
                 os.ftruncate(descriptor, length)
-                write_at(descriptor, end_without_index(), length)
-                sync_data(descriptor)
+                files.write_at(descriptor, end_without_index(), length)
+                files.sync_data(descriptor)
         finally:
             os.close(descriptor)
 
@@ -502,7 +495,7 @@ class CommittedFile:
         self._thread = thread or SyncThread()
         self._syncing: Future[None] | None = None
         self._syncing_bytes = 0
-        self._descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_TRUNC | CLOSED_IN_CHILDREN, 0o644)
+        self._descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_TRUNC | files.CLOSED_IN_CHILDREN, 0o644)
         try:
             self.inode = os.fstat(self._descriptor).st_ino
         except OSError:
@@ -533,7 +526,7 @@ class CommittedFile:
         try:
             view, written = memoryview(bytes(self._pending)), 0
             while written < len(view):
-                written += write_at(self._descriptor, view[written:], self.committed + written)
+                written += files.write_at(self._descriptor, view[written:], self.committed + written)
         except OSError:
             self.cut_to(self.committed)
             raise
@@ -544,7 +537,7 @@ class CommittedFile:
         """Flush, and make the disk keep it."""
         self.flush()
         self._end_syncing()
-        sync_data(self._descriptor)
+        files.sync_data(self._descriptor)
         self.synced = self.committed
 
     def begin_sync(self) -> bool:
@@ -559,7 +552,7 @@ class CommittedFile:
             self._end_syncing()
             self.synced = self._syncing_bytes
         self._syncing_bytes = self.committed
-        self._syncing = self._thread.submit(sync_data, self._descriptor)
+        self._syncing = self._thread.submit(files.sync_data, self._descriptor)
         return True
 
     def _await_sync(self) -> None:
@@ -609,7 +602,7 @@ class CommittedFile:
         try:
             with path.open("wb") as copy:
                 for offset in range(0, self.committed, _COPY_BYTES):
-                    copy.write(read_at(self._descriptor, min(_COPY_BYTES, self.committed - offset), offset))
+                    copy.write(files.read_at(self._descriptor, min(_COPY_BYTES, self.committed - offset), offset))
                 copy.write(ending)
                 copy.flush()
                 os.fsync(copy.fileno())
@@ -647,7 +640,7 @@ def sync_folder(folder: Path) -> None:
     if not hasattr(os, "O_DIRECTORY"):  # Windows opens no folder
         return
     try:
-        descriptor = os.open(folder, os.O_RDONLY | CLOSED_IN_CHILDREN)
+        descriptor = os.open(folder, os.O_RDONLY | files.CLOSED_IN_CHILDREN)
         try:
             os.fsync(descriptor)
         finally:
@@ -673,12 +666,12 @@ def write_table(
     name. The file appears under its name only when it is complete. Raises :class:`InputError` for a column that
     is no channel, :class:`StorageError` when the file cannot be written.
     """
-    expect_suffix(path, ".mcap")
+    files.expect_suffix(path, ".mcap")
     channels = channels_of_trial(trial)
     unknown = [name for name in table.columns if name not in channels]
     if unknown:
         raise InputError(f"columns {', '.join(map(str, unknown))} are no channels", where=str(path))
-    with atomic_file(path) as partial, RecordingWriter(partial, trial) as writer:
+    with files.atomic_file(path) as partial, RecordingWriter(partial, trial) as writer:
         for name, entries in (metadata or {}).items():
             writer.write_metadata(name, entries)
         _write_rows(writer, table, source, qualities or {})
