@@ -656,9 +656,15 @@ def notify(state: str) -> bool:
     return False
 
 
-RecordedPrediction = tuple[int, int, bytes, bytes]
-"""A prediction that was taken in: when on the monotonic clock [ns], the instant that it starts from [ns UTC], and
-the messages that it becomes; that for a map may be empty."""
+class RecordedPrediction(NamedTuple):
+    """A prediction that was taken in: when on the monotonic clock [ns], the instant that it starts from [ns UTC],
+    and the messages that it becomes; that for a map may be empty.
+    """
+
+    monotonic_ns: int
+    start_ns: int
+    data: bytes
+    geojson: bytes
 
 
 def schema_violation(value: Any, schema: Mapping[str, Any], name: str = "it") -> str:
@@ -709,7 +715,8 @@ def parse_prediction(message: Mapping[str, Any]) -> RecordedPrediction:
         raise InputError("is no prediction that can be recorded", why=text)
     drawn = messages.encode(messages.PREDICTED_TRACK_TOPIC, {"geojson": geojson}) if geojson else b""
     start_ns = round(body["start"] * 1e9)
-    return time.monotonic_ns(), start_ns, messages.encode(messages.PREDICTION_TOPIC, body), drawn
+    data = messages.encode(messages.PREDICTION_TOPIC, body)
+    return RecordedPrediction(time.monotonic_ns(), start_ns, data, drawn)
 
 
 class Predictions:

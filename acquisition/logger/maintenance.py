@@ -146,9 +146,8 @@ class Maintenance:
         if not self._scale.is_beyond_following:
             self._note("warning", f"{text}; the times in this recording follow it slowly")
             return
-        self._note(
-            "warning", f"{text}; times in {self._parts.path.name} keep the old time, the next part has the new"
-        )
+        name = self._parts.path.name
+        self._note("warning", f"{text}; times in {name} keep the old time, the next part has the new")
         self._scale.adopt()
         self._parts.set_clock(clock_metadata(self._scale), "the computer's clock was set")
         self._note("warning", f"{text}; times in {self._parts.path.name} are by the new time")

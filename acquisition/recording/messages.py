@@ -159,9 +159,8 @@ def encode_raw(topic: str, frame: Frame) -> bytes:
     payload = frame.payload
     if frame.protocol == "can" and len(payload) < _LONG_DATA_BYTES:
         head = _CAN.pack(_IDENTIFIER, frame.identifier, _FLAGS, frame.flags, _DATA, len(payload))
-        return (
-            head + payload + _RECEIVED_FIELD.pack(_RECEIVED_AT, frame.monotonic_ns) + _encode_sender(frame.sender)
-        )
+        received = _RECEIVED_FIELD.pack(_RECEIVED_AT, frame.monotonic_ns)
+        return head + payload + received + _encode_sender(frame.sender)
     body: dict[str, Any] = {"monotonic_ns": frame.monotonic_ns, "sender": frame.sender}
     if frame.protocol == "can":
         body |= {"id": frame.identifier, "flags": int(frame.flags), "data": payload}

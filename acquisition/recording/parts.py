@@ -116,9 +116,8 @@ class RecordingParts(MessageSink):
                 listener(topic, data, log_ns)
             except Exception as error:  # a viewer's server must not cost the recording
                 self.listeners.remove(listener)
-                self.tell(
-                    "error", f"a listener to the recording failed and gets nothing more: {_reason_text(error)}"
-                )
+                text = f"a listener to the recording failed and gets nothing more: {_reason_text(error)}"
+                self.tell("error", text)
 
     def write_trial(self, trial: Trial) -> None:
         self._trial = trial
@@ -318,9 +317,8 @@ class RecordingParts(MessageSink):
             self._part.put_back(path)
         except OSError as error:
             if not self._reported_deleted:
-                self.tell(
-                    "error", f"{name}.mcap was deleted while it was written and cannot be put back yet: {error}"
-                )
+                text = f"{name}.mcap was deleted while it was written and cannot be put back yet: {error}"
+                self.tell("error", text)
             self._reported_deleted = True
             return
         self.tell("error", f"{name}.mcap was deleted while it was written; it is put back as {path.name}")

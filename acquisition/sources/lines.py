@@ -372,10 +372,8 @@ class CanBus(sources.Source):
             raise self.failure("CAN bus failed", system_reason(self._failed) or _DRIVER_FAULT) from self._failed
         try:
             while len(frames) < _MOST_FRAMES_AT_ONCE and (message := self._link.recv(0.0 if frames else timeout_s)):
-                identifier, highest = (
-                    message.arbitration_id,
-                    HIGHEST_IDENTIFIER if message.is_extended_id else 0x7FF,
-                )
+                identifier = message.arbitration_id
+                highest = HIGHEST_IDENTIFIER if message.is_extended_id else 0x7FF
                 is_identifier = isinstance(identifier, int) and 0 <= identifier <= highest
                 if is_identifier and len(message.data) <= _LONGEST_FRAME_BYTES:
                     frames.append(self._frame(message))

@@ -388,9 +388,9 @@ class LineReader:
             if entry is None:
                 return self._embedded_sentence(line)
             return _at_time(entry, None if tagged.time_ns is None else (possible_ns(tagged.time_ns), 0))
-        return (
-            None if _NO_ENTRY.fullmatch(text) else LogEntry(possible_ns(tagged.time_ns), line, protocol="nmea0183")
-        )
+        if _NO_ENTRY.fullmatch(text):
+            return None
+        return LogEntry(possible_ns(tagged.time_ns), line, protocol="nmea0183")
 
     def _read_line(self, text: str) -> LogEntry | None:
         """A line of a form, or what stands behind a time or a name that a logger wrote before it."""
