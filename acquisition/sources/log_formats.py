@@ -470,9 +470,19 @@ def stored_message(stored: bytes) -> Stored | None:
         return None
     if kind == 0x93:
         return parse_kind_93(body)
-    if kind in (0x95, 0xD0):
-        return _parse_kind_95_or_d0(body)
-    return Stored(sentence=body[2:].strip(b"\0\r\n \t")) if kind == _TEXT_KIND[0] else Stored()
+    if kind == _TEXT_KIND[0]:
+        return Stored(sentence=body[2:].strip(b"\0\r\n \t"))
+    if kind not in (0x95, 0xD0):
+        return Stored()
+    if not (8 <= len(body) <= 16 if kind == 0x95 else len(body) >= 13):
+        return None
+    priority, group, source = body[7] >> 2 & 7, _group(body[7], body[6], body[5]), body[4]
+    if kind == 0xD0:  # a message with an identifier's fields
+        header = priority, group, source, body[3]
+        return Stored(header, body[13:], int.from_bytes(body[9:13], "little") * MILLI_NS)
+    header = priority, group, source, body[5] if body[6] < 240 else 255  # a single frame
+    step_ns = _STEPS_NS[body[7] >> 5 & 3]
+    return Stored(header, body[8:], int.from_bytes(body[2:4], "little") * step_ns, 2**16 * step_ns, assembled=False)
 
 
 def is_message(piece: bytes) -> bool:
@@ -486,21 +496,6 @@ def parse_kind_93(body: bytes) -> Stored | None:
         return None
     header = body[2] & 7, _group(body[5], body[4], body[3]), body[7], body[6]
     return Stored(header, body[13 : 13 + body[12]], int.from_bytes(body[8:12], "little") * MILLI_NS)
-
-
-def _parse_kind_95_or_d0(body: bytes) -> Stored | None:
-    """A message with an identifier's fields: of kind 95 a single frame; None for one of a wrong length."""
-    is_single = body[0] == 0x95
-    if not (8 <= len(body) <= 16 if is_single else len(body) >= 13):
-        return None
-    group, destination = _group(body[7], body[6], body[5]), body[3]
-    if is_single:
-        destination = body[5] if body[6] < 240 else 255
-    header = body[7] >> 2 & 7, group, body[4], destination
-    if not is_single:
-        return Stored(header, body[13:], int.from_bytes(body[9:13], "little") * MILLI_NS)
-    step_ns = _STEPS_NS[body[7] >> 5 & 3]
-    return Stored(header, body[8:], int.from_bytes(body[2:4], "little") * step_ns, 2**16 * step_ns, assembled=False)
 
 
 def _group(page: int, pdu_format: int, pdu_specific: int) -> int:
