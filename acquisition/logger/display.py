@@ -44,16 +44,8 @@ from seatrial.acquisition.core.process import start_thread
 from seatrial.acquisition.core.result import terminal_table
 from seatrial.acquisition.core.ship import channels_known_to
 from seatrial.acquisition.core.trial import NANO, Trial, iso
+from seatrial.acquisition.logger import requests as web
 from seatrial.acquisition.logger.health import Health
-from seatrial.acquisition.logger.requests import (
-    LOOPBACK,
-    PATIENCE_S,
-    Mark,
-    RefusalError,
-    Request,
-    WebFront,
-    response,
-)
 from seatrial.acquisition.logger.survey import PreflightReport
 from seatrial.acquisition.recording.messages import ENCODING, RAW_PREFIX, channel_metadata, kind_of
 
@@ -237,7 +229,7 @@ def preflight_table(report: PreflightReport) -> Group:
 
 
 @contextmanager
-def mark_on_keys(mark: Mark, texts: Mapping[str, str]) -> Iterator[None]:
+def mark_on_keys(mark: web.Mark, texts: Mapping[str, str]) -> Iterator[None]:
     """Read keys on standard input, if that is a terminal: those of ``texts`` set that mark, m a number."""
     if not sys.stdin.isatty():
         yield
@@ -259,7 +251,7 @@ def mark_on_keys(mark: Mark, texts: Mapping[str, str]) -> Iterator[None]:
         termios.tcsetattr(descriptor, termios.TCSADRAIN, settings)
 
 
-def _read_keys(descriptor: int, mark: Mark, texts: dict[str, str], stopping: threading.Event) -> None:
+def _read_keys(descriptor: int, mark: web.Mark, texts: dict[str, str], stopping: threading.Event) -> None:
     count = 0
     while not stopping.is_set():
         readable, _, _ = select.select([descriptor], [], [], _POLL_S)
@@ -299,7 +291,7 @@ class LiveView:
         address, port = self._settings.address, self._settings.port
         # An address of this computer alone that no page can guess: one of 16 million, with a port of 28,000. Only
         # Linux has all of 127.0.0.0/8; elsewhere the port alone is unknown.
-        self._hidden = LOOPBACK
+        self._hidden = web.LOOPBACK
         if sys.platform == "linux":
             self._hidden = str(IPv4Address((127 << 24) + 2 + secrets.randbelow((1 << 24) - 4)))
         try:
@@ -308,7 +300,7 @@ class LiveView:
                     name=self._name, host=self._hidden, port=0, context=self._context, message_backlog_size=_BACKLOG
                 )
                 stack.callback(self._server.stop)
-                stack.enter_context(WebFront("live view", address, port, self._relay, self._settings.origins))
+                stack.enter_context(web.WebFront("live view", address, port, self._relay, self._settings.origins))
                 self._closing = stack.pop_all()
         except Exception as error:  # the package promises no kind of error
             problem = f"the live view cannot be served on {address}:{port}"
@@ -325,9 +317,9 @@ class LiveView:
         address = self._settings.address
         return f"ws://{f'[{address}]' if ':' in address else address}:{self._settings.port}"
 
-    def _relay(self, viewer: socket.socket, request: Request) -> None:
+    def _relay(self, viewer: socket.socket, request: web.Request) -> None:
         """Pass a viewer's request on to the package's server, and then what both send."""
-        with socket.create_connection((self._hidden, self._server.port), timeout=PATIENCE_S) as server:
+        with socket.create_connection((self._hidden, self._server.port), timeout=web.PATIENCE_S) as server:
             server.sendall(request.raw)
             with selectors.DefaultSelector() as selector:
                 for source, target in ((viewer, server), (server, viewer)):
@@ -386,17 +378,17 @@ class StatusPage:
 
     def __init__(self, settings: StatusSection, picture: Picture, title: str) -> None:
         self._settings, self._picture, self._title = settings, picture, title
-        self._front = WebFront("status page", LOOPBACK, settings.port, self._serve)
+        self._front = web.WebFront("status page", web.LOOPBACK, settings.port, self._serve)
 
     @property
     def address(self) -> str:
-        return f"http://{LOOPBACK}:{self._settings.port}/"
+        return f"http://{web.LOOPBACK}:{self._settings.port}/"
 
     def __enter__(self) -> StatusPage:
         try:
             self._front.__enter__()
         except OSError as error:
-            problem = f"the status page cannot be served on {LOOPBACK}:{self._settings.port}"
+            problem = f"the status page cannot be served on {web.LOOPBACK}:{self._settings.port}"
             fix = "stop the program that uses the port, or give another in [status]"
             raise SourceError(problem, why=str(error.strerror), fix=fix) from error
         return self
@@ -404,13 +396,13 @@ class StatusPage:
     def __exit__(self, *_: object) -> None:
         self._front.__exit__()
 
-    def _serve(self, client: socket.socket, request: Request) -> None:
+    def _serve(self, client: socket.socket, request: web.Request) -> None:
         if request.method != "GET":
-            raise RefusalError(HTTPStatus.NOT_IMPLEMENTED)
+            raise web.RefusalError(HTTPStatus.NOT_IMPLEMENTED)
         if request.path == "/":
             kind, body = "text/html; charset=utf-8", page(self._picture, self._title).encode()
         elif request.path == "/status.json":
             kind, body = "application/json", as_json(self._picture.health)
         else:
-            raise RefusalError(HTTPStatus.NOT_FOUND)
-        client.sendall(response(HTTPStatus.OK, body, kind, **_HEADERS))
+            raise web.RefusalError(HTTPStatus.NOT_FOUND)
+        client.sendall(web.response(HTTPStatus.OK, body, kind, **_HEADERS))

@@ -27,15 +27,7 @@ from typing import BinaryIO, NamedTuple
 
 from seatrial.acquisition.core.times import DAY_NS, Stamp, time_of_day_ns
 from seatrial.acquisition.core.trial import HIGHEST_IDENTIFIER, NANO, FrameFlag, Protocol, can_flags
-from seatrial.acquisition.protocols import nmea0183
-from seatrial.acquisition.protocols.clock import (
-    SENTENCE_WITH_PREFIX,
-    ZONE,
-    StatedTimes,
-    is_possible,
-    possible_ns,
-    zoned_time_ns,
-)
+from seatrial.acquisition.protocols import clock, nmea0183
 from seatrial.acquisition.protocols.nmea2000 import parameter_group
 
 MILLI_NS = 1_000_000
@@ -135,7 +127,7 @@ def _candump_frame(time: str | None, identifier: str, data: bytes, remote: bool,
     time_ns: int | None = None
     if time is not None and "-" in time:
         match = _DATE_TIME.fullmatch(time)
-        time_ns = None if match is None else zoned_time_ns(match[1], match[2], match[3], match[4], None)
+        time_ns = None if match is None else clock.zoned_time_ns(match[1], match[2], match[3], match[4], None)
     elif time is not None:
         seconds, _, fraction = time.partition(".")
         if seconds.isdigit() and (not fraction or fraction.isdigit()) and len(seconds) <= 10:
@@ -165,7 +157,7 @@ def _read_savvycan(match: re.Match[str]) -> LogEntry | None:
 
 _CANBOAT = _pattern(
     r"(?P<date>\d{4}-\d\d-\d\d)[-T ](?P<clock>\d\d:\d\d:\d\d)(?:[.,](?P<fraction>\d{1,9}))?"
-    rf"{ZONE},(?P<priority>[0-7]),(?P<group>\d{{1,6}}),"
+    rf"{clock.ZONE},(?P<priority>[0-7]),(?P<group>\d{{1,6}}),"
     r"(?P<source>\d{1,3}),(?P<destination>\d{1,3}),(?P<length>\d{1,4})(?P<data>(?:,[0-9A-Fa-f]{2})*),?\s*"
 )
 
@@ -173,7 +165,7 @@ _CANBOAT = _pattern(
 def _read_canboat(match: re.Match[str]) -> LogEntry | None:
     """Where it has more than 8 bytes canboat has put it together; one of 8 may be part of a longer message."""
     data = bytes.fromhex(match["data"].replace(",", ""))
-    time_ns = zoned_time_ns(match["date"], match["clock"], match["fraction"], match["zone"], dt.UTC)
+    time_ns = clock.zoned_time_ns(match["date"], match["clock"], match["fraction"], match["zone"], dt.UTC)
     if time_ns is None or len(data) != int(match["length"]):
         return None
     return message(_message_header(match), data, time_ns, assembled=len(data) > 8)
@@ -291,8 +283,8 @@ def _read_garmin(match: re.Match[str]) -> LogEntry | None:
     time_ns: int | None = int(numbers[0]) * MILLI_NS
     if len(numbers) > 1:
         month, day, year, hour, minute, second, milli = map(int, numbers)
-        clock = f"{hour:02d}:{minute:02d}:{second:02d}"
-        time_ns = zoned_time_ns(f"{year:04d}-{month:02d}-{day:02d}", clock, f"{milli % 1000:03d}", None, dt.UTC)
+        date, time = f"{year:04d}-{month:02d}-{day:02d}", f"{hour:02d}:{minute:02d}:{second:02d}"
+        time_ns = clock.zoned_time_ns(date, time, f"{milli % 1000:03d}", None, dt.UTC)
     return None if time_ns is None else message(_message_header(match), data, time_ns)
 
 
@@ -353,9 +345,9 @@ class LineReader:
     ``unreadable`` counts those that are neither an entry nor a comment.
     """
 
-    def __init__(self, form: str = "", times: StatedTimes | None = None) -> None:
+    def __init__(self, form: str = "", times: clock.StatedTimes | None = None) -> None:
         self.unreadable = 0
-        self.times = times or StatedTimes()
+        self.times = times or clock.StatedTimes()
         self._forms = [line_form for name, forms in LINE_FORMS.items() if form in ("", name) for line_form in forms]
 
     def entries(self, pieces: Sequence[bytes]) -> Iterator[LogEntry]:
@@ -387,10 +379,10 @@ class LineReader:
             entry = self._match_form(tagged.sentence.decode("latin-1"))
             if entry is None:
                 return self._embedded_sentence(line)
-            return _at_time(entry, None if tagged.time_ns is None else (possible_ns(tagged.time_ns), 0))
+            return _at_time(entry, None if tagged.time_ns is None else (clock.possible_ns(tagged.time_ns), 0))
         if _NO_ENTRY.fullmatch(text):
             return None
-        return LogEntry(possible_ns(tagged.time_ns), line, protocol="nmea0183")
+        return LogEntry(clock.possible_ns(tagged.time_ns), line, protocol="nmea0183")
 
     def _read_line(self, text: str) -> LogEntry | None:
         """A line of a form, or what stands behind a time or a name that a logger wrote before it."""
@@ -398,7 +390,7 @@ class LineReader:
             text = _COLOUR.sub("", text).strip()
         entry = self._match_form(text)
         if entry is None and text[:1] not in _COMMENTS:
-            if match := SENTENCE_WITH_PREFIX.fullmatch(text):
+            if match := clock.SENTENCE_WITH_PREFIX.fullmatch(text):
                 inner = match["inner"].removesuffix('"') if match["before"].endswith('"') else match["inner"]
                 entry = _at_time(self._read_sentence(inner), self.times.read(match["before"]))
             elif match := next(filter(None, (pattern.fullmatch(text) for pattern in _ENVELOPES)), None):
@@ -607,15 +599,15 @@ _EARLIEST_TIME_OF_DAY_NS = 3600 * NANO  # what is less is a time since the heade
 
 def read_asc(file: BinaryIO, reader: LineReader) -> Iterator[LogEntry]:
     """The frames of a log. Raises :class:`ValueError` where its last line is cut off."""
-    clock, is_cut = _AscClock(reader.times), False
+    header, is_cut = _AscHeader(reader.times), False
     while line := file.readline(_LONGEST_LINE):
         text = line.decode("utf-8", "replace").strip("\ufeff \t\r\n")
         stamped, is_cut = _STAMPED.fullmatch(text), False
         if stamped is None:
-            reader.unreadable += not clock.read_header(text)
+            reader.unreadable += not header.read(text)
             continue
-        time_ns = clock.time_ns(stamped)
-        entry = _parse_event(stamped["event"], clock.base)
+        time_ns = header.time_ns(stamped)
+        entry = _parse_event(stamped["event"], header.base)
         if entry is not None:
             yield entry._replace(time_ns=time_ns)
         else:
@@ -625,17 +617,17 @@ def read_asc(file: BinaryIO, reader: LineReader) -> Iterator[LogEntry]:
         raise ValueError("its last line is cut off")
 
 
-class _AscClock:
+class _AscHeader:
     """What the header says of numbers and times, and the time of the line before."""
 
-    def __init__(self, times: StatedTimes) -> None:
+    def __init__(self, times: clock.StatedTimes) -> None:
         self._times = times
         self.base = 16
         self._relative = self._counts_from_midnight = False
         self._began: Stamp | None = None
         self._last_ns: int | None = None
 
-    def read_header(self, text: str) -> bool:
+    def read(self, text: str) -> bool:
         """Take up a line of the header, or of a trigger block; whether it is one."""
         words = text.lower().split()
         if words[:1] == ["base"]:
@@ -727,7 +719,7 @@ def read_ebl(file: BinaryIO, reader: LineReader) -> Iterator[LogEntry]:
             tag, raw = ((match[name] or b"").replace(b"\x1b\x1b", b"\x1b") for name in ("tag", "data"))
             if tag[:1] == b"\x03" and len(tag) == 9:
                 stated_ns = (int.from_bytes(tag[1:], "little") - _FILETIME_1970) * 100
-                time_ns = stated_ns if is_possible(stated_ns) else time_ns
+                time_ns = stated_ns if clock.is_possible(stated_ns) else time_ns
             if tag[:1] == b"\x07":  # a message, which some programs write without the checksum
                 missing = -sum(tag[1:]) & 0xFF
                 pieces = [MARK + tag[1:] + (bytes([missing]) if missing else b"")]
