@@ -13,7 +13,7 @@ unexport PYTHONDONTWRITEBYTECODE
 
 SHELL := /bin/bash
 .DEFAULT_GOAL := help
-.PHONY: help install lock demo test attack test-slow oracle pages docs linkcheck lint types benchmark benchmark-day benchmark-quality benchmark-diagnosis benchmark-measured load flood watch-load load-mqtt soak fuzz check release clean
+.PHONY: help install lock demo test attack nightly oracle pages docs linkcheck lint types benchmark benchmark-day benchmark-quality benchmark-diagnosis benchmark-measured load flood watch-load load-mqtt soak fuzz check release clean
 
 help:            ## show this list
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## */\t/' | expand -t 22
@@ -47,14 +47,14 @@ lock: $(STAMP)   ## write constraints.txt anew for every Python that pyproject.t
 demo: $(STAMP)   ## the whole chain on this machine, without hardware: bus to report
 	$(BIN)/seatrial demo -o demo
 
-test: $(STAMP)   ## the test suite (-n 2: two processes)
-	$(BIN)/python -m pytest -n 2 --dist worksteal -m "not slow and not pages and not attack"
+test: $(STAMP)   ## the test suite (-n 3: three processes, for some wait more than they work)
+	$(BIN)/python -m pytest -n 3 --dist worksteal -m "not slow and not pages and not attack"
 
 attack: $(STAMP) ## every attack on the recorder, its input, files, outputs and pages, a line for each
 	$(BIN)/python -m pytest -n 2 --dist worksteal -v tests/attacks
 
-test-slow: $(STAMP) ## the long proofs
-	$(BIN)/python -m pytest -m slow
+nightly: $(STAMP) ## the long proofs: whole trials, many seeds, the longer attacks
+	$(BIN)/python -m pytest -n 2 --dist worksteal -m "slow or attack"
 
 oracle: $(STAMP) ## rudder ships and NetCDF against other programs, which it installs
 	$(PIP) install --no-deps shipmmg==0.0.11

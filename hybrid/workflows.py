@@ -18,6 +18,7 @@ calibrator that was trained on earlier voyages is judged on it, and a diagnosis 
 from __future__ import annotations
 
 import json
+import os
 import re
 import signal
 import socket
@@ -26,8 +27,10 @@ import sys
 import time
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
 from itertools import pairwise
+from multiprocessing import get_context
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
@@ -755,6 +758,7 @@ def _example_table(vessel: Vessel) -> str:
 
 TEMPLATE = Path(__file__).resolve().parents[1] / "trials" / "demo.toml"
 SHIP, MODEL, SEA_STATE = "gunnerus_long", "gunnerus_short", "gentle"
+COMPILING_S = 300.0
 VOYAGE_S, TRAINING_VOYAGES, TRAINING_S = 1200.0, 6, 1800.0
 SPEED = 24.0
 DEMO_HORIZON_S, STRIDE_S = 15, 5
@@ -780,8 +784,13 @@ def demonstrate(folder: Path, seed: int, say: Callable[[str], None]) -> Demonstr
     folder.mkdir(parents=True, exist_ok=True)
     say("1  simulate a voyage of the lengthened ship, as her sensors would report it")
     voyage = simulate_to(folder / "voyage.mcap", "voyage", VOYAGE_S, seed)
-    say(f"2  play it {SPEED:g} times as fast onto a CAN bus, a serial line and MAVLink, and record them")
-    played, recording_path = play_and_record(voyage, folder)
+    say(f"2  play it {SPEED:g} times as fast onto a CAN bus, a serial line and MAVLink, and record them; meanwhile")
+    say(f"   train a calibrator on {TRAINING_VOYAGES} earlier voyages, on top of the model of the ship before")
+    with ProcessPoolExecutor(2, get_context("spawn"), os.nice, (10,)) as beside:  # the recorder comes first
+        training = beside.submit(train_on_earlier, folder, seed)
+        beside.submit(compile_diagnosis)
+        played, recording_path = play_and_record(voyage, folder)
+        trained = training.result()
     recording = read_recording(recording_path)
     lost = lost_samples(played, recording)
     say(f"   {sum(played.counts.values()):,} values played, {sum(lost.values()):,} lost")
@@ -792,21 +801,26 @@ def demonstrate(folder: Path, seed: int, say: Callable[[str], None]) -> Demonstr
     tables = tables_of_recordings([recording_path])
     windows = windows_of_tables(tables, DEMO_HORIZON_S, STRIDE_S)
     say(f"   {windows.kept} of {windows.candidates} windows held, dropped: {dropped_words(windows.dropped)}")
-    say(f"5  train a calibrator on {TRAINING_VOYAGES} earlier voyages, on top of the model of the ship before")
-    trained = train_on_earlier(folder, seed)
-    say("6  validate it on the recorded voyage, which it has not seen")
+    say("5  validate the calibrator on the recorded voyage, which it has not seen")
     dataset = load_dataset([recording_path], DEMO_HORIZON_S, STRIDE_S)
     refuse_training_data(dataset.sources, trained)
     model = reference_model(trials_of([recording_path]), MODEL)
     validation = replace(validate(dataset, vessel_plant(model.vessel), trained), model=model.said)
-    say("7  diagnose what the model of the ship before lacks")
+    say("6  diagnose what the model of the ship before lacks")
     diagnosis = diagnose_recording(recording_path, folder)
     for effect in diagnosis.effects:
         say(f"   {effect.sentence}")
-    say("8  write the report")
+    say("7  write the report")
     with bar("report") as progress:
         report, *_ = folder_report(folder, Choices(), progress, [recording_path])
     return Demonstration(report, recording_path, played, lost, windows, validation, diagnosis)
+
+
+def compile_diagnosis() -> None:
+    """Diagnose a short voyage, for the sake of the compiled code that this leaves on the disk."""
+    with TemporaryDirectory() as folder:
+        voyage = simulate_to(Path(folder) / "voyage.mcap", "voyage", COMPILING_S, 0)
+        diagnose_recording(voyage, Path(folder))
 
 
 def diagnose_recording(recording: Path, folder: Path) -> Diagnosis:

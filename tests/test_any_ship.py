@@ -56,7 +56,7 @@ SHIPS = {
 
 
 BY_SHIP = ["coaster", *(pytest.param(name, marks=pytest.mark.slow) for name in ("four_azimuths", "twin_screw"))]
-"""What takes long is left to ``make test-slow`` for the others."""
+"""What takes long is left to ``make nightly`` for the others."""
 
 
 @pytest.fixture(params=SHIPS)

@@ -592,17 +592,17 @@ def to_utc(local_ns: Ints, zone: str) -> tuple[Ints, str]:
 
 def _utc_ns(local_ns: Ints, zone: str, fold: int) -> Ints:
     """UTC by the first (0) or the second meaning of a local time, which differ where clocks are changed."""
-    quarter_index, part = np.divmod(local_ns, 900 * NANO)  # clocks are changed at quarters of an hour
-    quarters, inverse = np.unique(quarter_index, return_inverse=True)
+    minute, part = np.divmod(local_ns, 60 * NANO)  # Newfoundland changed its clocks at 00:01 until 2011
+    minutes, inverse = np.unique(minute, return_inverse=True)
     info = ZoneInfo(zone)
     offsets = [
-        (dt.datetime(1970, 1, 1) + dt.timedelta(seconds=900 * quarter)).replace(tzinfo=info, fold=fold).utcoffset()
-        for quarter in quarters.tolist()
+        (dt.datetime(1970, 1, 1) + dt.timedelta(minutes=count)).replace(tzinfo=info, fold=fold).utcoffset()
+        for count in minutes.tolist()
     ]
     ahead_ns = np.array(
         [round((offset or dt.timedelta()).total_seconds()) * NANO for offset in offsets], dtype=np.int64
     )
-    return np.asarray(quarter_index * 900 * NANO + part - ahead_ns[inverse], dtype=np.int64)
+    return np.asarray(minute * 60 * NANO + part - ahead_ns[inverse], dtype=np.int64)
 
 
 def _first_of_second_hour(local_ns: Ints, run: Ints) -> int | None:

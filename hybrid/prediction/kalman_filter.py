@@ -86,7 +86,7 @@ Swing = Floats
 @compiled
 def fill_mean_control(p: Record, result: Control, before: Control, after: Control) -> None:
     """Fill ``result`` with the mean of two controls, angles the shorter way round."""
-    for i in range(len(p.actuators)):
+    for i in range(int(p.actuator_count)):
         kind, first = int(p.actuators[i, KIND]), int(p.actuators[i, CONTROL])
         for column in range(first, first + CONTROLS_OF[kind]):
             if IS_ANGLE[kind, column - first]:

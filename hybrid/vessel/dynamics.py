@@ -133,7 +133,7 @@ def inverse_mass(p: Record) -> InverseMass:
 def scratch_for(p: Record, control: Control) -> Scratch:
     """Room for the steps of a run that begins with these controls acting."""
     loose = False
-    for i in range(len(p.actuators)):
+    for i in range(int(p.actuator_count)):
         loose = loose or play_of(p, i) > 0.0
     return Scratch(control.copy(), np.zeros((len(p.actuators), WORK_SIZE)), control.copy(), loose)
 
@@ -143,7 +143,7 @@ def hold(
     p: Record, control: Control, work: Floats, wind_direction_rad: float, wind_speed_mps: float
 ) -> StepConstants:
     """What stays constant while ``control`` and the reported wind do; fills ``work``."""
-    for i in range(len(p.actuators)):
+    for i in range(int(p.actuator_count)):
         row = p.actuators[i]
         hold_actuator(p, row, control, int(row[CONTROL]), work[i])
     wind_north, wind_east = wind_vector(p, wind_direction_rad, wind_speed_mps)
@@ -154,7 +154,7 @@ def hold(
 def actuators_force(p: Record, work: Floats, u_r: float, v_r: float, r: float) -> tuple[float, float, float]:
     """Force and moment X [N], Y [N], N [N m] of all actuators as they are held, at speeds through the water."""
     X, Y, N = 0.0, 0.0, 0.0
-    for i in range(len(p.actuators)):
+    for i in range(int(p.actuator_count)):
         actuator_X, actuator_Y, actuator_N = actuator_force(p, i, work, u_r, v_r, r)
         X, Y, N = X + actuator_X, Y + actuator_Y, N + actuator_N
     return X, Y, N
@@ -254,7 +254,7 @@ def move_towards_orders(p: Record, result: Control, acting: Control, order: Cont
     """Fill ``result``: ``acting`` moved towards ``order`` by each actuator's share of the way; angles the shorter
     one.
     """
-    for i in range(len(p.actuators)):
+    for i in range(int(p.actuator_count)):
         kind, first = int(p.actuators[i, KIND]), int(p.actuators[i, CONTROL])
         for j in range(CONTROLS_OF[kind]):
             difference = order[first + j] - acting[first + j]
@@ -273,7 +273,7 @@ def play_of(p: Record, i: int) -> float:
 @compiled
 def take_up_play(p: Record, behind: Control, order: Control) -> None:
     """Move ``behind`` with ``order``: an angle with play no further than half of it away, all else to the order."""
-    for i in range(len(p.actuators)):
+    for i in range(int(p.actuator_count)):
         kind, first, half = int(p.actuators[i, KIND]), int(p.actuators[i, CONTROL]), 0.5 * play_of(p, i)
         for j in range(CONTROLS_OF[kind]):
             offset = 0.0
@@ -290,7 +290,7 @@ def lag_over(p: Record, dt_s: float) -> Lag:
     """
     mean, end = np.ones(len(p.actuators)), np.ones(len(p.actuators))
     present = False
-    for i in range(len(p.actuators)):
+    for i in range(int(p.actuator_count)):
         column = LAG_COLUMN[int(p.actuators[i, KIND])]
         constant = p.thruster_lag_s + (p.actuators[i, column] if column >= 0 else 0.0)
         if constant > 0.0:

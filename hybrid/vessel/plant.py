@@ -117,15 +117,21 @@ _SCALAR_PLACES = {
 }
 
 
+_ROWS = 8  # of actuators; KVLCC2 has two, R/V Gunnerus three, a ferry with four azimuths and tunnels six
+
+
 @lru_cache(maxsize=32)
 def dtype_of(actuators: int) -> np.dtype[np.void]:
     """The record that a plant with so many actuators is packed into: float64 throughout, so :func:`flat` is a view.
 
     ``hull`` in it is the row of the hull's coefficients, ``actuators`` the table
-    [actuators, :data:`~seatrial.hybrid.vessel.actuators.ROW_SIZE`] of their rows.
+    [rows, :data:`~seatrial.hybrid.vessel.actuators.ROW_SIZE`] of the actuators' rows, the first ``actuator_count``
+    of which are in use: a kernel compiles for a record of one size, so ships of up to eight actuators share one.
     """
+    rows = _ROWS * -(-actuators // _ROWS)
     hull = [("hull_model", np.float64), ("hull", np.float64, (HULL_SIZE,))]
-    return np.dtype([*_SCALAR_TYPES, *hull, ("actuators", np.float64, (actuators, ROW_SIZE))])
+    table = [("actuator_count", np.float64), ("actuators", np.float64, (rows, ROW_SIZE))]
+    return np.dtype([*_SCALAR_TYPES, *hull, *table])
 
 
 def places_of(form: Form, name: str) -> tuple[int, ...]:
@@ -143,7 +149,7 @@ def _places_in(form: Form) -> dict[str, tuple[int, ...]]:
     record = _places(dtype_of(len(form.actuators)))
     hull = {name: (int(record["hull"][number]),) for number, name in enumerate(HULLS[form.hull].numbers)}
     by_actuator, shared = dict[str, tuple[int, ...]](), dict[str, tuple[int, ...]]()
-    for row, actuator in zip(record["actuators"], form.actuators, strict=True):
+    for row, actuator in zip(record["actuators"], form.actuators, strict=False):
         kind = KINDS[actuator.kind]
         for place, name in zip(row[FIRST_NUMBER:].astype(int).tolist(), kind.numbers, strict=False):
             called = f"{actuator.name}_{name}"
@@ -182,7 +188,7 @@ class Plant:
         """Every number by name; one of a kind without the actuators' names where it is the same in all."""
         result = {name: self.number(name) for name in (*SCALARS, *HULLS[self.form.hull].numbers)}
         kinds = np.array([actuator.kind for actuator in self.layout])
-        table = pack(self)["actuators"][0]
+        table = actuator_rows(pack(self))
         for actuator, row in zip(self.layout, table, strict=True):
             kind = KINDS[actuator.kind]
             for place, name in enumerate(kind.numbers, FIRST_NUMBER):
@@ -233,9 +239,11 @@ def _neutral(form: Form) -> NDArray[np.void]:
     for name, value in _NEUTRAL.items():
         packed[name] = value
     packed["hull_model"] = HULL_CODES[form.hull]
+    packed["actuator_count"] = len(form.actuators)
     kinds = [actuator.kind for actuator in form.actuators]
-    packed["actuators"][0, :, KIND] = [CODES[kind] for kind in kinds]
-    packed["actuators"][0, :, CONTROL] = np.cumsum([0, *(len(KINDS[kind].units) for kind in kinds[:-1])])
+    rows = actuator_rows(packed)
+    rows[:, KIND] = [CODES[kind] for kind in kinds]
+    rows[:, CONTROL] = np.cumsum([0, *(len(KINDS[kind].units) for kind in kinds[:-1])])
     return packed
 
 
@@ -261,7 +269,7 @@ def bare_plant(vessel: Vessel) -> Plant:
     stated = model.in_si(vessel.hull, vessel.water_density_kgpm3, length_m, draught_m)
     packed["hull"][0, : len(stated)] = stated
     names = [actuator.name for actuator in vessel.actuators]
-    for row, entry in zip(packed["actuators"][0], vessel.actuator, strict=True):
+    for row, entry in zip(actuator_rows(packed), vessel.actuator, strict=True):
         kind = KINDS[entry.kind]
         numbers = {**kind.slots, **kind.numbers_of(entry)}
         stated_values = [numbers[name] if name in numbers else getattr(entry, name) for name in kind.numbers]
@@ -271,15 +279,21 @@ def bare_plant(vessel: Vessel) -> Plant:
     return _plant(form, packed)
 
 
+def actuator_rows(packed: NDArray[np.void]) -> Floats:
+    """The rows of the first packed plant's actuators [actuators, ROW_SIZE]; a view."""
+    rows: Floats = packed["actuators"][0, : int(packed["actuator_count"][0])]
+    return rows
+
+
 def controls_in(packed: NDArray[np.void]) -> int:
     """How many controls packed plants have."""
-    last = packed["actuators"][0, -1]
+    last = actuator_rows(packed)[-1]
     return int(last[CONTROL]) + int(CONTROLS_OF[int(last[KIND])])
 
 
 def angles_in(packed: NDArray[np.void]) -> list[int]:
     """Which of the controls of packed plants are angles."""
-    rows = packed["actuators"][0]
+    rows = actuator_rows(packed)
     return [int(row[CONTROL]) + int(place) for row in rows for place in np.flatnonzero(IS_ANGLE[int(row[KIND])])]
 
 

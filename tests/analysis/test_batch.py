@@ -329,6 +329,7 @@ def test_sigterm_to_all_of_it_ends_it_as_cleanly_as_an_interrupt(batch_folder: P
     assert not list((tmp_path / "out").rglob(".*.part"))
 
 
+@pytest.mark.attack
 def test_stopped_twice_and_resumed_is_as_never_stopped(
     batch_folder: Path, scheduler: str, first_run: tuple[BatchSummary, Path], tmp_path: Path
 ) -> None:

@@ -138,6 +138,7 @@ def test_another_plan_of_the_same_name_is_made_anew(tmp_path: Path) -> None:
     assert run_campaign(one, tmp_path / "out", workers=1).reused == 0
 
 
+@pytest.mark.slow
 def test_the_bytes_do_not_depend_on_the_workers(folder: Path, made: CampaignResult, tmp_path: Path) -> None:
     """Two processes write what one does, and say how far they are."""
     shares: list[float] = []

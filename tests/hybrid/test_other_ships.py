@@ -31,7 +31,7 @@ POD_AND_TUNNELS = (
 )
 SHIPS = {"four_pods": (FOUR_PODS, "aft_left"), "pod_and_tunnels": (POD_AND_TUNNELS, "main")}
 BY_SHIP = [pytest.param("four_pods", marks=pytest.mark.slow), "pod_and_tunnels"]
-"""What takes long is left to ``make test-slow`` for the ship with more actuators."""
+"""What takes long is left to ``make nightly`` for the ship with more actuators."""
 LOSS = 0.3
 
 

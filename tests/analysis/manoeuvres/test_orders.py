@@ -33,17 +33,19 @@ def circle_of(table: pd.DataFrame, length_m: float | None = 180.0) -> Manoeuvre:
     return found
 
 
-def test_every_index_of_large_ships_counts_from_the_order_and_its_interval_holds_the_truth() -> None:
+@pytest.mark.parametrize("ships", [2, pytest.param(6, marks=pytest.mark.slow)])
+def test_every_index_of_large_ships_counts_from_the_order_and_its_interval_holds_the_truth(ships: int) -> None:
     score = Score()
-    for number in range(6):
+    for number in range(ships):
         judge(number, score)
-    assert score.found == score.tests == 24
+    assert score.found == score.tests == 4 * ships
     assert score.coverage > 0.88
 
 
-def test_no_criterion_is_met_that_is_not() -> None:
-    judged = [entry for number in range(14) if (entry := judge_near_limit(number)) is not None]
-    assert len(judged) >= 8  # overshoots cannot always be near their limits
+@pytest.mark.parametrize(("ships", "least"), [(6, 3), pytest.param(14, 8, marks=pytest.mark.slow)])
+def test_no_criterion_is_met_that_is_not(ships: int, least: int) -> None:
+    judged = [entry for number in range(ships) if (entry := judge_near_limit(number)) is not None]
+    assert len(judged) >= least  # overshoots cannot always be near their limits
     for _, ratio, result in judged:
         assert result != "met" or ratio <= 1.0
         assert result != "not_met" or ratio > 1.0

@@ -52,6 +52,7 @@ def test_a_sound_trial_lacks_nothing() -> None:
     assert outcome(1, {})["said"]["verdict"] == "nothing_missing"
 
 
+@pytest.mark.slow
 def test_one_hidden_effect_is_named_and_sized() -> None:
     result = outcome(2, {"ocean_current": {"speed_mps": 0.2, "direction_deg": 75.0}})
     assert result["said"]["verdict"] == "named"
