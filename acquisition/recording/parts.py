@@ -159,7 +159,7 @@ class RecordingParts(MessageSink):
         if now_s - self._checked_s < _CHECK_PERIOD_S:
             return
         self._checked_s = now_s
-        missing, before = not self._thread.running, self._thread_missing
+        missing, before = self._thread.refused, self._thread_missing
         self._thread_missing = missing
         if missing and not before:
             self.tell("warning", "the system gives no thread for the disk: a slow disk holds up the recorder")

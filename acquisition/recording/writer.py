@@ -444,16 +444,13 @@ def require_mounted(point: Path | None) -> None:
 class SyncThread:
     """The thread in which disks keep what was written, for all parts of a recording.
 
-    Where the system gives no thread, the caller's is used, and a new one is tried again each time.
+    It starts with the first work. Where the system gives no thread, ``refused`` is true, the caller's is used, and
+    a new one is tried again each time.
     """
 
     def __init__(self) -> None:
         self._executor: ThreadPoolExecutor | None = None
-
-    @property
-    def running(self) -> bool:
-        """Whether there is a thread."""
-        return self._executor is not None
+        self.refused = False
 
     def submit(self, call: Callable[[int], None], descriptor: int) -> Future[None]:
         """Call with a descriptor in the thread; the future has the result, or the exception."""
@@ -462,6 +459,7 @@ class SyncThread:
             with suppress(RuntimeError):  # the only thread of an executor starts with its first work
                 executor.submit(int)
                 self._executor = executor
+            self.refused = self._executor is None
         if self._executor is not None:
             return self._executor.submit(call, descriptor)
         future: Future[None] = Future()

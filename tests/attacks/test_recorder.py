@@ -318,6 +318,29 @@ def test_a_disk_that_fails_at_the_start_is_one_error(tmp_path: Path, name: str, 
             recorded.assert_complete()
 
 
+def test_a_thread_is_missed_only_where_the_system_refused_one(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It starts with the first sync; before, as while a log file is read, none is missing."""
+    recorded = Recorded(tmp_path)
+    recorded.parts.tick(time.monotonic() + 100.0)
+    assert not recorded.remarks
+
+    def refuse(*arguments: object) -> None:
+        raise RuntimeError("can't start new thread")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(threading.Thread, "start", refuse)
+        recorded.write(1)
+        recorded.parts.sync_soon()
+        recorded.parts.tick(time.monotonic() + 200.0)
+    recorded.write(1)
+    recorded.parts.sync_soon()
+    recorded.parts.tick(time.monotonic() + 300.0)
+    recorded.parts.close()
+    assert ["gives no thread" in remark for remark in recorded.remarks] == [True, False], recorded.remarks
+
+
 def test_a_listener_that_fails_costs_nothing_but_itself(tmp_path: Path) -> None:
     recorded = Recorded(tmp_path)
     received: list[str] = []
