@@ -265,10 +265,8 @@ def independent_groups(table: pd.DataFrame) -> frozenset[str]:
         for group in ("north_m", "surge_mps", "yaw_rate_dps")
     )
     receivers = {sensor_of(source) for source in position if label_parts(source)[1]}
-    of_path = not receivers & set(map(sensor_of, speed)) and not any(
-        "derived" in source.split(" ") for source in speed
-    )
-    of_turn = not any("derived" in source.split(" ") for source in yaw_rate)
+    is_derived = [any("derived" in source.split(" ") for source in labels) for labels in (speed, yaw_rate)]
+    of_path, of_turn = not is_derived[0] and not receivers & set(map(sensor_of, speed)), not is_derived[1]
     shown = {"north_m": of_path, "surge_mps": of_path, "heading_deg": of_path and of_turn, "yaw_rate_dps": of_turn}
     return frozenset(name for name, independent in shown.items() if independent)
 
@@ -352,9 +350,8 @@ def _band_of_cause(explanation: Explanation, cause: str, fit: Kinematics) -> tup
 def _half(fit: Kinematics, cause: str, error: float) -> float:
     """Half of the 95 % interval of a cause, from its standard error or the quarters of the recording."""
     between = [fit.quarters_half_width[NAMES.index(name)] for name in OBSERVED]
-    return float(
-        max(1.96 * error, *(size * abs(effect) for size, effect in zip(between, CAUSES[cause], strict=True)))
-    )
+    effects = map(abs, CAUSES[cause])
+    return float(max(1.96 * error, *(size * effect for size, effect in zip(between, effects, strict=True))))
 
 
 def _arm(explanation: Explanation, fit: Kinematics, span: Span) -> Finding | None:
