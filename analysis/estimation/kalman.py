@@ -206,7 +206,7 @@ def filter_and_smooth(steps: Steps, start: Start, model: ProcessModel, gate: Gat
         kalman.P = kalman.P + released
         added[k] += released
         before = kalman.x[:, 0].copy(), kalman.P.copy()
-        for c in measured:
+        for c in measured.tolist():
             error, variance = _innovation(kalman.x, kalman.P, steps, k, c)
             innovation[k, c], deviation[k, c] = error, np.sqrt(variance)
             refused[k, c] = error**2 > gate.limit * variance
@@ -239,7 +239,7 @@ def _innovation(x: Floats, P: Floats, steps: Steps, k: int, channel: int) -> tup
 def _released(kalman: Any, steps: Steps, k: int, channels: Ints, gate: Gate) -> Floats:
     """The variance added for channels rejected for long."""
     released: Floats = np.zeros(kalman.P.shape)
-    for c in channels:
+    for c in channels.tolist():
         error, variance = _innovation(kalman.x, kalman.P + released, steps, k, c)
         along = np.where(steps.jumps[c], steps.row[k, c], 0.0)
         if error**2 > gate.limit * variance and along.any():
