@@ -144,7 +144,7 @@ def smooth_steps(steps: Steps, start: Start, model: ProcessModel, gate: Gate, en
     from seatrial.analysis.estimation.kalman_kernel import run_smoother
 
     edges = np.array([0, steps.time_s.size])
-    F, interval, (innovation, variance, *filter_states) = _filtered(
+    F, interval, (innovation, variance, *filter_states) = filter_steps(
         steps, start.mean[None], start.covariance, edges, model, gate, keep=True
     )
     smoothed: tuple[Floats, Floats, Floats] = run_smoother(
@@ -156,22 +156,15 @@ def smooth_steps(steps: Steps, start: Start, model: ProcessModel, gate: Gate, en
     return Track(steps.time_s, *smoothed, filtered, model)
 
 
-def innovations_of(
-    steps: Steps, starts: Floats, covariance: Floats, edges: Ints, model: ProcessModel, gate: Gate
-) -> tuple[Floats, Floats]:
-    """Only the innovations and their variances, each [steps, channels]; NaN without measurement.
+def filter_steps(
+    steps: Steps, starts: Floats, covariance: Floats, edges: Ints, model: ProcessModel, gate: Gate, *, keep: bool
+) -> tuple[Floats, Ints, Any]:
+    """Transitions, which of them leads to each step, and what the compiled filter gives: innovations and their
+    variances, each [steps, channels], NaN without measurement, and with ``keep`` its gains, means and covariances.
 
     Stretches of steps begin and end at ``edges`` [stretches + 1], each with its mean in ``starts`` [stretches,
     states] and with ``covariance``.
     """
-    _, _, (innovation, variance, *_) = _filtered(steps, starts, covariance, edges, model, gate, keep=False)
-    return innovation, variance
-
-
-def _filtered(
-    steps: Steps, starts: Floats, covariance: Floats, edges: Ints, model: ProcessModel, gate: Gate, *, keep: bool
-) -> tuple[Floats, Ints, Any]:
-    """Transitions, which of them leads to each step, and what the compiled filter gives."""
     from seatrial.analysis.estimation.kalman_kernel import WIDTH, run_filter
 
     dt_s = np.diff(steps.time_s, prepend=steps.time_s[:1])

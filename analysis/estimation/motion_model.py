@@ -23,7 +23,7 @@ import pandas as pd
 
 from seatrial.acquisition.core.quantities import Bools, Floats, Ints, to_ship
 from seatrial.acquisition.core.ship import BY_NAME, difference
-from seatrial.analysis.estimation.kalman import Gate, Start, Steps, innovations_of, smooth_steps
+from seatrial.analysis.estimation.kalman import Gate, Start, Steps, filter_steps, smooth_steps
 from seatrial.analysis.estimation.process_models import (
     Law,
     ProcessModel,
@@ -479,7 +479,9 @@ class Search:
         model = ProcessModel(tuple(quantities.tolist()), tuple(laws), direction_rad)
         steps, start = self.steps.for_model(model), self.start.for_model(model)
         steps = replace(steps, variance=steps.variance * levels[self.level_of] ** 2 + self.added)
-        innovation, variance = innovations_of(steps, start.mean, start.covariance, self.edges, model, self.gate)
+        _, _, (innovation, variance, *_) = filter_steps(
+            steps, start.mean, start.covariance, self.edges, model, self.gate, keep=False
+        )
         valid = np.isfinite(steps.value)
         return innovation[valid], variance[valid]
 

@@ -11,8 +11,9 @@ from __future__ import annotations
 
 import re
 from bisect import bisect_right
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from math import isfinite
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -57,7 +58,8 @@ def check_wind(table: pd.DataFrame) -> CheckResult:
     blocks = _blocks(table)
     if blocks is None:
         return CheckResult(uniform_flags(table, names, Quality.NOT_EVALUATED))
-    finding = _find_apparent_wind(table, blocks) or _find_vane_offset(table, blocks)
+    start, end = utc_index(table)[np.flatnonzero(table["wind_direction_deg"].notna())[[0, -1]]]
+    finding = _find_apparent_wind(blocks, (start, end)) or _find_vane_offset(blocks, (start, end))
     if finding is None:
         return CheckResult(uniform_flags(table, names))
     return CheckResult(uniform_flags(table, names, Quality.SUSPECT), (finding,))
@@ -94,14 +96,15 @@ def _vectors(table: pd.DataFrame) -> tuple[Complexes, Complexes, Complexes]:
     return speed * np.exp(1j * np.deg2rad(direction)), (surge + 1j * sway) * bow, bow
 
 
-@dataclass(frozen=True, slots=True)
-class _Blocks:
-    """Means over 10 s, all [n]: recorded wind, that turned by the heading, the ship's velocity; their times."""
+class _Blocks(NamedTuple):
+    """Means over 10 s, all [n]: recorded wind, that turned by the heading, the ship's velocity; their times; which
+    but the first follow directly on the one before [n - 1]."""
 
-    time_s: Floats
     recorded: Complexes
     turned: Complexes
     velocity: Complexes
+    time_s: Floats
+    follows: Bools
 
 
 def _blocks(table: pd.DataFrame) -> _Blocks | None:
@@ -119,9 +122,13 @@ def _blocks(table: pd.DataFrame) -> _Blocks | None:
     full = count >= 0.5 * np.median(count)
     if full.sum() < _FEWEST_BLOCKS:
         return None
-    means = ((_sums(group, quantity[valid]) / count)[full] for quantity in (recorded, recorded * bow, velocity))
-    blocks = _Blocks(number[full] * _BLOCK_S, *means)
-    return blocks if _is_consecutive(blocks).any() else None  # what is new in a block is relative to the one before
+    recorded, turned, velocity = (
+        (_sums(group, quantity[valid]) / count)[full] for quantity in (recorded, recorded * bow, velocity)
+    )
+    time_s = number[full] * _BLOCK_S
+    follows = np.diff(time_s) < 1.5 * _BLOCK_S
+    # What is new in a block is relative to the one before.
+    return _Blocks(recorded, turned, velocity, time_s, follows) if follows.any() else None
 
 
 def _sums(group: NDArray[np.intp], vector: Complexes) -> Complexes:
@@ -130,7 +137,7 @@ def _sums(group: NDArray[np.intp], vector: Complexes) -> Complexes:
     return total
 
 
-def _find_apparent_wind(table: pd.DataFrame, blocks: _Blocks) -> Finding | None:
+def _find_apparent_wind(blocks: _Blocks, span: Span) -> Finding | None:
     """Whether the true wind is clearly likelier when the recorded one is taken for apparent.
 
     Gusts are correlated over a minute and turns of the ship are not, so the winds are compared by what is new in
@@ -138,10 +145,9 @@ def _find_apparent_wind(table: pd.DataFrame, blocks: _Blocks) -> Finding | None:
     record without a free parameter, which makes likelihoods comparable as they are.
     """
     readings = blocks.turned - blocks.velocity, blocks.recorded - blocks.velocity, blocks.recorded
-    innovations = [_innovations(blocks, reading, _autocorrelation(blocks, reading)) for reading in readings]
-    new_in_block = [_mean_square(innovation) for innovation in innovations]
+    new_in_block = [_mean_square(_innovations(blocks, reading, reading)) for reading in readings]
     best = int(np.argmin(new_in_block[:2]))
-    evidence = innovations[2].size * np.log(new_in_block[2] / max(new_in_block[best], 1e-12))
+    evidence = np.count_nonzero(blocks.follows) * np.log(new_in_block[2] / max(new_in_block[best], 1e-12))
     recorded_variance, variance = (_mean_square(_detrended(blocks, readings[place])) for place in (2, best))
     ratio = recorded_variance / max(variance, 1e-12)
     if evidence < _EVIDENCE or ratio < _CLEAR_RATIO:
@@ -153,10 +159,10 @@ def _find_apparent_wind(table: pd.DataFrame, blocks: _Blocks) -> Finding | None:
     remedy = "Take off the ship's velocity to get the true wind"
     estimate = {"variance_ratio": ratio, "relative_to_bow": float(best == 0)}
     certain = bool(evidence > 3.0 * _EVIDENCE and ratio > _OVERWHELMING_RATIO)
-    return Finding("wind_apparent", WIND[0], *_span_of_wind(table), text, remedy, estimate, certain)
+    return Finding("wind_apparent", WIND[0], *span, text, remedy, estimate, certain)
 
 
-def _find_vane_offset(table: pd.DataFrame, blocks: _Blocks) -> Finding | None:
+def _find_vane_offset(blocks: _Blocks, span: Span) -> Finding | None:
     """The angle by which a vane is turned, from true wind that moves with the ship.
 
     With the vane turned by b the recorded wind is (T + V) exp(ib) - V, T being the true wind and V the ship's
@@ -166,11 +172,10 @@ def _find_vane_offset(table: pd.DataFrame, blocks: _Blocks) -> Finding | None:
     should be exp(ib): a modulus that is not about one shows that something else is wrong with the wind.
     """
     apparent, velocity, gain = blocks.recorded + blocks.velocity, blocks.velocity, 1.0 + 0.0j
-    next_times = blocks.time_s[1:][_is_consecutive(blocks)]
-    number = np.unique(np.floor(next_times / _PIECE_S), return_inverse=True)[1]
+    number = np.unique(np.floor(blocks.time_s[1:][blocks.follows] / _PIECE_S), return_inverse=True)[1]
     for _ in range(3):
-        memory = _autocorrelation(blocks, apparent / gain - velocity)
-        new_apparent, new_velocity = _innovations(blocks, apparent, memory), _innovations(blocks, velocity, memory)
+        gusts = apparent / gain - velocity
+        new_apparent, new_velocity = (_innovations(blocks, vector, gusts) for vector in (apparent, velocity))
         cross = _sums(number, new_apparent * new_velocity.conj())
         squares = np.bincount(number, np.abs(new_velocity) ** 2)
         gain = complex(cross.sum() / max(squares.sum(), 1e-12)) or 1.0 + 0.0j
@@ -193,12 +198,7 @@ def _find_vane_offset(table: pd.DataFrame, blocks: _Blocks) -> Finding | None:
     remedy = "Take the angle off the apparent wind and derive the true wind again"
     low, high = wrap_180(angle_deg - half), wrap_180(angle_deg + half)
     estimate = {"angle_deg": angle_deg, "low": float(low), "high": float(high)}
-    return Finding("wind_direction_offset", WIND[0], *_span_of_wind(table), text, remedy, estimate)
-
-
-def _span_of_wind(table: pd.DataFrame) -> Span:
-    start, end = utc_index(table)[np.flatnonzero(table["wind_direction_deg"].notna())[[0, -1]]]
-    return start, end
+    return Finding("wind_direction_offset", WIND[0], *span, text, remedy, estimate)
 
 
 def _detrended(blocks: _Blocks, vector: Complexes) -> Complexes:
@@ -207,22 +207,15 @@ def _detrended(blocks: _Blocks, vector: Complexes) -> Complexes:
     return np.asarray(vector - since @ np.linalg.lstsq(since, vector, rcond=None)[0])
 
 
-def _is_consecutive(blocks: _Blocks) -> Bools:
-    """Whether each block but the first follows directly on the one before."""
-    return np.diff(blocks.time_s) < 1.5 * _BLOCK_S
-
-
-def _autocorrelation(blocks: _Blocks, vector: Complexes) -> float:
-    """The autocorrelation of a wind's deviations from one block to the next, 0 to 0.95."""
-    deviations, follows = _detrended(blocks, vector), _is_consecutive(blocks)
-    before, after = deviations[:-1][follows], deviations[1:][follows]
-    return float(np.clip(np.sum(after * before.conj()).real / max(np.sum(np.abs(before) ** 2), 1e-12), 0.0, 0.95))
-
-
-def _innovations(blocks: _Blocks, vector: Complexes, memory: float) -> Complexes:
-    """Innovations of a first-order autoregression: each block less its prediction from the one before."""
+def _innovations(blocks: _Blocks, vector: Complexes, gusts: Complexes) -> Complexes:
+    """Innovations of a first-order autoregression with the memory of ``gusts``, 0 to 0.95: each block less its
+    prediction from the one before."""
+    deviations = _detrended(blocks, gusts)
+    before, after = deviations[:-1][blocks.follows], deviations[1:][blocks.follows]
+    correlation = np.sum(after * before.conj()).real / max(np.sum(np.abs(before) ** 2), 1e-12)
+    memory = float(np.clip(correlation, 0.0, 0.95))
     deviations = _detrended(blocks, vector)
-    innovations: Complexes = (deviations[1:] - memory * deviations[:-1])[_is_consecutive(blocks)]
+    innovations: Complexes = (deviations[1:] - memory * deviations[:-1])[blocks.follows]
     return innovations
 
 

@@ -372,12 +372,6 @@ class Feedback:
     noise: float
     filtered: bool
 
-    def drift_of(self, line: Floats) -> float:
-        """The standard deviation that this noise gives the sum of values weighted with ``line`` [rows]."""
-        correlation = _noise_correlation(line.size) if self.filtered else np.eye(1, line.size)[0]
-        lag = np.abs(np.subtract.outer(np.arange(line.size), np.arange(line.size)))
-        return self.noise * float(np.sqrt((line @ correlation[lag] * line).sum()))
-
 
 def feedback_of(values: Floats, most: float = np.inf) -> Feedback:
     """The noise on a series that may have been filtered, at most ``most``; see :func:`noise_of`."""
@@ -414,7 +408,10 @@ def steady_mask(name: str, values: Floats, rows: int, stride: int, actuators: Ac
     span = windows.max(axis=1) - windows.min(axis=1)
     drift = (windows - windows[:, :1]) @ line
     span_limit = tolerance.span + SPAN_SIGMAS * feedback.noise
-    drift_limit = np.hypot(tolerance.drift, DRIFT_SIGMAS * feedback.drift_of(line))
+    correlation = _noise_correlation(rows) if feedback.filtered else np.eye(1, rows)[0]
+    lag = np.abs(np.subtract.outer(np.arange(rows), np.arange(rows)))
+    drift_noise = feedback.noise * float(np.sqrt((line @ correlation[lag] * line).sum()))
+    drift_limit = np.hypot(tolerance.drift, DRIFT_SIGMAS * drift_noise)
     steady = (span <= span_limit) & (np.abs(drift) <= drift_limit)
     if name.endswith("_rpm"):
         factor = base.factor(series)

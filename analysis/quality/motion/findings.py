@@ -275,7 +275,7 @@ def _delay(explanation: Explanation, cause: str, fit: Kinematics, span: Span, in
     seconds, error = explanation.size(cause)
     if abs(seconds) < max(_SMALLEST_DELAY_S, 4.0 * error):
         return None
-    half = _half(fit, cause, error)
+    half, band_hz = _half_and_band(explanation, cause, fit)
     low, high = seconds - half, seconds + half
     direction = "late" if seconds > 0.0 else "early"
     verb = "are" if cause in _PLURAL else "is"
@@ -300,7 +300,7 @@ def _delay(explanation: Explanation, cause: str, fit: Kinematics, span: Span, in
         remedy = f"`--repair` leaves it: {doubt or 'this trial does not tell enough'}."
     estimate = {"seconds": seconds, "low": low, "high": high}
     finding = Finding("channel_delay", cause, *span, text, remedy, estimate, certain=certain)
-    return _in_band(finding, _band_of_cause(explanation, cause, fit))
+    return _in_band(finding, band_hz)
 
 
 def _objection(explanation: Explanation, cause: str, fit: Kinematics, independent: bool) -> str:
@@ -339,19 +339,17 @@ def _in_band(finding: Finding, band_hz: tuple[float, float]) -> Finding:
     return replace(finding, text=text, remedy=remedy, band_hz=band_hz, certain=False)
 
 
-def _band_of_cause(explanation: Explanation, cause: str, fit: Kinematics) -> tuple[float, float]:
-    """The band in which a cause shows: from 0 where the slow motion alone gives the same."""
-    if fit.from_slow[_place_of(cause)]:
-        return 0.0, fit.slow_hz
-    size, error = _explanation(fit.slow, explanation.causes, 0.0).size(cause)
-    return 0.0 if abs(size) > 4.0 * error else fit.slow_hz, fit.fastest_hz
-
-
-def _half(fit: Kinematics, cause: str, error: float) -> float:
-    """Half of the 95 % interval of a cause, from its standard error or the quarters of the recording."""
+def _half_and_band(explanation: Explanation, cause: str, fit: Kinematics) -> tuple[float, tuple[float, float]]:
+    """Half of the 95 % interval of a cause, from its standard error or the quarters of the recording, and the band
+    [Hz] in which it shows: from 0 where the slow motion alone gives the same."""
     between = [fit.quarters_half_width[NAMES.index(name)] for name in OBSERVED]
     effects = map(abs, CAUSES[cause])
-    return float(max(1.96 * error, *(size * effect for size, effect in zip(between, effects, strict=True))))
+    _, error = explanation.size(cause)
+    half = float(max(1.96 * error, *(size * effect for size, effect in zip(between, effects, strict=True))))
+    if fit.from_slow[_place_of(cause)]:
+        return half, (0.0, fit.slow_hz)
+    slow_size, slow_error = _explanation(fit.slow, explanation.causes, 0.0).size(cause)
+    return half, (0.0 if abs(slow_size) > 4.0 * slow_error else fit.slow_hz, fit.fastest_hz)
 
 
 def _arm(explanation: Explanation, fit: Kinematics, span: Span) -> Finding | None:
@@ -359,8 +357,8 @@ def _arm(explanation: Explanation, fit: Kinematics, span: Span) -> Finding | Non
     if not any(abs(size) > max(_SMALLEST_ARM_M, 4.0 * error) for size, error in sizes.values()):
         return None
     main = max(sizes, key=lambda cause: abs(sizes[cause][0]))
-    size, error = sizes[main]
-    half = _half(fit, main, error)
+    size, _ = sizes[main]
+    half, band_hz = _half_and_band(explanation, main, fit)
     where = " and ".join(
         f"{abs(length_m):.2f} m {_SIDES[cause][length_m < 0.0]}" for cause, (length_m, _) in sizes.items()
     )
@@ -369,7 +367,7 @@ def _arm(explanation: Explanation, fit: Kinematics, span: Span) -> Finding | Non
         "position_offset", "north_m", *span, f"The positions are measured {where} of the speeds",
         "Give the lever arm of the antenna when recording.", {**metres, "low": size - half, "high": size + half},
     )  # fmt: skip
-    return _in_band(finding, _band_of_cause(explanation, main, fit))
+    return _in_band(finding, band_hz)
 
 
 @dataclass(frozen=True, slots=True)
@@ -497,7 +495,12 @@ def _add_factor(finding: Finding, fit: Kinematics, name: str, units: tuple[Unit,
     if reported is None:
         return None
     factor, low, high = reported
-    unit = unit_of(factor, units, low, high)
+    matches = (  # within the interval and half a percent
+        unit for unit in units
+        if low - abs(_MATCHES * unit.factor) <= unit.factor <= high + abs(_MATCHES * unit.factor)
+        and abs(factor / unit.factor - 1.0) < _MATCHES
+    )  # fmt: skip
+    unit = next(matches, None)
     text = f"{finding.text} (factor {factor:.4f}, 95 % {low:.4f} to {high:.4f})"
     if unit is not None:
         text += f", {unit.words}"
@@ -577,15 +580,6 @@ YAW_RATE_UNITS = (
     Unit(-57.29577951308232, "as if rad/s were taken for deg/s, and counted positive to port"),
     Unit(-1.0 / 60.0, "as if deg/min were taken for deg/s, and counted positive to port"),
 )
-
-
-def unit_of(factor: float, units: tuple[Unit, ...], low: float, high: float) -> Unit | None:
-    """The unit whose factor is this one, within its interval and half a percent."""
-    for unit in units:
-        slack = abs(_MATCHES * unit.factor)
-        if low - slack <= unit.factor <= high + slack and abs(factor / unit.factor - 1.0) < _MATCHES:
-            return unit
-    return None
 
 
 FIGURES = (speed_scale, yaw_rate_scale, yaw_rate_bias, heading_offset)

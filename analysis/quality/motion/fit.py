@@ -48,6 +48,7 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 from numpy.lib.stride_tricks import sliding_window_view
+from scipy.linalg import block_diag
 from scipy.special import chdtri, stdtrit
 
 from seatrial.acquisition.core.errors import DataShortageError
@@ -178,10 +179,6 @@ class Kinematics:
             np.where(self.from_slow, slow.informative, broadband.informative),
         )
 
-    @property
-    def path_parameters(self) -> Floats:
-        return self.selected.parameters[_OF_PATH]
-
     @cached_property
     def standard_errors(self) -> Floats:
         return np.sqrt(np.diag(self.selected.covariance))
@@ -274,7 +271,8 @@ def fit_motion(motion: CleanMotion, heel: Floats | None = None) -> Kinematics:
             f"holds {len(starts)} stretches of {max(length, 2) * motion.step_s:.0f} s with all motion channels",
             why=f"it takes {_FEWEST_BLOCKS}", fix="record for longer",
         )  # fmt: skip
-    frame = _Frame(grid_s, starts, length, motion.step_s, 0.2 / motion.slowest_s)
+    slowest_s = max(group.interval_s for group in motion.groups)
+    frame = _Frame(grid_s, starts, length, motion.step_s, 0.2 / slowest_s)
     parts = (motion, motion.half(0), motion.half(1))
     paths, turns = (tuple(model(part, grid_s) for part in parts) for model in (path_model, turn_model))
     path_prior, neutral = _PATH_PRIOR.copy(), _NEUTRAL_PATH.copy()
@@ -286,8 +284,15 @@ def fit_motion(motion: CleanMotion, heel: Floats | None = None) -> Kinematics:
     from_slow = np.repeat(slow_is_better, [len(PATH_PARAMETERS), len(TURN_PARAMETERS)])
     # What sampling and interpolation may do to the parameters, as standard deviations.
     fixed_s, fraction = _SAMPLING
-    sampling = np.where([name.endswith("_s") for name in NAMES], fixed_s + fraction * motion.slowest_s, 0.0)
-    slow, broadband = (path[band].concatenated(turn[band]).widened(sampling) for band in (0, 1))
+    sampling = np.where([name.endswith("_s") for name in NAMES], fixed_s + fraction * slowest_s, 0.0)
+    slow, broadband = (
+        MotionSolution(
+            np.concatenate([of_path.parameters, of_turn.parameters]),
+            block_diag(of_path.covariance, of_turn.covariance),
+            np.concatenate([of_path.informative, of_turn.informative]),
+        ).widened(sampling)
+        for of_path, of_turn in zip(path, turn, strict=True)
+    )
     fit = Kinematics(
         slow, broadband, from_slow, frame.slow_hz, min(_STAGES_HZ[-1], frame.highest_hz), len(starts), motion
     )  # fmt: skip
@@ -429,7 +434,7 @@ def widen_by_quarters(fit: Kinematics) -> Kinematics:
     fitted stay as they are.
     """
     coarse, parts = fit.coarse, []
-    heel = fit.path_parameters[_OF_HEEL]  # a quarter is too short to determine it
+    heel = fit.selected.parameters[_OF_HEEL]  # a quarter is too short to determine it
     motion = rescale(fit.motion, coarse.speed_factor, coarse.heading_offset_rad, coarse.yaw_rate_factor)
     for begin, end in pairwise(np.linspace(motion.position.time_s[0], motion.position.time_s[-1], PARTS + 1)):
         position, heading, speed, yaw_rate = (
@@ -472,16 +477,6 @@ class MotionSolution:
     @property
     def deviations(self) -> Floats:
         return np.sqrt(np.diag(self.covariance))
-
-    def concatenated(self, solution: MotionSolution) -> MotionSolution:
-        """Both as one, independent of each other."""
-        from scipy.linalg import block_diag
-
-        return MotionSolution(
-            np.concatenate([self.parameters, solution.parameters]),
-            block_diag(self.covariance, solution.covariance),
-            np.concatenate([self.informative, solution.informative]),
-        )
 
     def widened(self, deviations: Floats) -> MotionSolution:
         """With independent errors of these standard deviations [p] added."""
@@ -685,9 +680,9 @@ class PositionErrors(NamedTuple):
 
 def position_errors(table: pd.DataFrame, fit: Kinematics) -> PositionErrors:
     """Errors of the raw positions about the fitted path, without outliers."""
-    motion, parameters = fit.motion, fit.path_parameters
+    motion, parameters = fit.motion, fit.selected.parameters
     grid_s = np.arange(motion.speed.time_s[0], motion.speed.time_s[-1], motion.step_s)
-    path, slopes = path_model(motion, grid_s)(parameters)
+    path, slopes = path_model(motion, grid_s)(parameters[_OF_PATH])
     raw = group_samples(table, GROUPS["north_m"])
     times = raw.time_s - parameters[2]
     within = (times >= grid_s[0]) & (times <= grid_s[-1])
@@ -726,9 +721,7 @@ def position_jumps(table: pd.DataFrame, fit: Kinematics) -> tuple[PositionJump, 
     width = int(np.clip(_JUMP_STRETCH_S / max(interval_s, 1e-3), _FEWEST_IN_STRETCH, _MOST))
     smallest_m = min(_SMALLEST_M, _SMALLEST_S * float(np.quantile(np.hypot(*errors.velocity.T), 0.98)))
     delay_s, jumps = fit.selected.parameters[2], list[PositionJump]()
-    for place, step in _lasting_steps(error, width, interval_s, smallest_m):
-        if not _recorded_throughout(time_s, place, width, interval_s, fit):
-            continue
+    for place, step in _lasting_steps(time_s, error, width, smallest_m, fit):
         at_s = float(time_s[place] + delay_s)
         if jumps and np.isnan(jumps[-1].until_s):
             last = np.array([jumps[-1].north_m, jumps[-1].east_m])
@@ -740,8 +733,12 @@ def position_jumps(table: pd.DataFrame, fit: Kinematics) -> tuple[PositionJump, 
     return tuple(jumps)
 
 
-def _lasting_steps(error: Floats, width: int, interval_s: float, smallest_m: float) -> list[tuple[int, Floats]]:
-    """The first sample after each jump, and the jump's size north and east."""
+def _lasting_steps(
+    time_s: Floats, error: Floats, width: int, smallest_m: float, fit: Kinematics
+) -> list[tuple[int, Floats]]:
+    """The first sample after each jump, and the jump's size north and east; the motion about it was recorded
+    throughout and its stamps do not crowd."""
+    interval_s = float(np.median(np.diff(time_s)))
     medians = np.median(sliding_window_view(error, width, axis=0), axis=-1)
     change = medians[width:] - medians[:-width]  # row r is about the step to sample r + width
     size = np.hypot(*change.T)
@@ -753,19 +750,16 @@ def _lasting_steps(error: Floats, width: int, interval_s: float, smallest_m: flo
     along = np.einsum("ij,ij->i", error[after] - error[before], toward)
     at_once = np.einsum("ij,ij->i", error[places] - error[places - 1], toward)
     rows = np.flatnonzero((size > limit) & (along > _AT_ONCE * size))
-    groups = np.split(rows, np.flatnonzero(np.diff(rows) > width) + 1) if rows.size else []
-    best = (int(group[np.argmax(at_once[group])]) for group in groups)
-    return [(row + width, change[row]) for row in best]
-
-
-def _recorded_throughout(time_s: Floats, place: int, width: int, interval_s: float, fit: Kinematics) -> bool:
-    """Whether the motion about a step was recorded throughout and its stamps do not crowd."""
-    first, last = max(place - width, 0), min(place + width, time_s.size - 1)
-    if time_s[last] - time_s[first] < 0.8 * (last - first) * interval_s:
-        return False
-    for samples in (fit.motion.speed, fit.motion.heading):
-        first, last = np.searchsorted(samples.time_s, time_s[place - 1 : place + 1], side="left")
-        inside = samples.time_s[max(first - 1, 0) : last + 1]
-        if inside.size < 2 or not np.diff(inside).max() < 1.8 * samples.interval_s:
-            return False
-    return True
+    steps = []
+    for group in np.split(rows, np.flatnonzero(np.diff(rows) > width) + 1) if rows.size else ():
+        row = int(group[np.argmax(at_once[group])])
+        place = row + width
+        first, last = max(place - width, 0), min(place + width, time_s.size - 1)
+        recorded = time_s[last] - time_s[first] >= 0.8 * (last - first) * interval_s
+        for samples in (fit.motion.speed, fit.motion.heading):
+            first, last = np.searchsorted(samples.time_s, time_s[place - 1 : place + 1], side="left")
+            inside = samples.time_s[max(first - 1, 0) : last + 1]
+            recorded &= inside.size >= 2 and np.diff(inside).max() < 1.8 * samples.interval_s
+        if recorded:
+            steps.append((place, change[row]))
+    return steps

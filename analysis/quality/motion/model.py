@@ -105,10 +105,6 @@ class CleanMotion:
         return CleanMotion(self.position, heading, speed, yaw_rate, self.step_s)
 
     @property
-    def slowest_s(self) -> float:
-        return max(group.interval_s for group in self.groups)
-
-    @property
     def groups(self) -> tuple[Group, ...]:
         return self.position, self.heading, self.speed, self.yaw_rate
 
@@ -372,7 +368,15 @@ def coarse_fit(table: pd.DataFrame) -> Coarse:
     moves = _Moves.of(motion, _WINDOW_S)
     if moves.starts.size < _FEWEST_WINDOWS:
         return Coarse()
-    yaw_rate_factor = moves.yaw_rate_factor()
+    # The factor from yaw rate to rate of heading, where it is far from 1 and well determined.
+    headed, turned = (
+        _changes_over(levels, moves.starts, moves.length)
+        for levels in (moves.heading, integrate(moves.yaw_rate, moves.step_s))
+    )
+    values, residual_rad = _regress(headed, np.column_stack([turned, np.ones(turned.size)]))
+    factor, deviation = float(values[0].real), np.abs(headed - np.median(headed))
+    is_clear = _trimmed_rms(residual_rad) < _AGREES * _trimmed_rms(deviation) and factor != 0.0
+    yaw_rate_factor = factor if is_clear and abs(factor - 1.0) > _FAR else 1.0
     error = _sign_or_unit(moves)
     if error is not None:
         return Coarse(1.0, 0.0, yaw_rate_factor, *error, is_explained=True)
@@ -466,15 +470,6 @@ class _Moves:
         values, plain_residual = _regress(moved, travelled[:, np.newaxis])
         residual = _regress(moved, np.column_stack([travelled, arm, delay, heeled]))[1]
         return _Regression(complex(values[0]), _trimmed_rms(plain_residual), _trimmed_rms(residual))
-
-    def yaw_rate_factor(self) -> float:
-        """The factor from yaw rate to rate of heading where it is far from 1 and well determined, else 1."""
-        turned = _changes_over(integrate(self.yaw_rate, self.step_s), self.starts, self.length)
-        headed = _changes_over(self.heading, self.starts, self.length)
-        values, residual = _regress(headed, np.column_stack([turned, np.ones(turned.size)]))
-        factor, deviation = float(values[0].real), np.abs(headed - np.median(headed))
-        is_clear = _trimmed_rms(residual) < _AGREES * _trimmed_rms(deviation) and factor != 0.0
-        return factor if is_clear and abs(factor - 1.0) > _FAR else 1.0
 
 
 def _sign_or_unit(moves: _Moves) -> tuple[str, str, float] | None:

@@ -377,7 +377,11 @@ def reconstruct_positions(table: pd.DataFrame) -> Reconstruction | None:
     """
     if any(samples_of(table, name).rows.size < 2 for name in _NEEDED):
         return None
-    way_m = dead_reckoning(table)
+    since_s = seconds_of(table)
+    surge, sway, heading = (samples_of(table, name) for name in ("surge_mps", "sway_mps", "heading_deg"))
+    surge_mps, sway_mps = (np.interp(since_s, samples.time_s, samples.value) for samples in (surge, sway))
+    psi = np.deg2rad(np.interp(since_s, heading.time_s, unwrap(heading.value)))
+    way_m = np.column_stack([integrate(speed, since_s) for speed in to_earth(surge_mps, sway_mps, psi)])
     both = np.flatnonzero(table[list(POSITIONS)].notna().all(axis=1))
     times, way_m = utc_index(table)[both], way_m[both]
     recorded_m = table[list(POSITIONS)].to_numpy(dtype=float)[both]
@@ -403,15 +407,6 @@ def reconstruct_positions(table: pd.DataFrame) -> Reconstruction | None:
         columns[name] = table[name].to_numpy(dtype=float, copy=True)
         columns[name][both] = way_m[:, number] + tied_m[:, number]
     return Reconstruction(columns, tie_s)
-
-
-def dead_reckoning(table: pd.DataFrame) -> Floats:
-    """The path north and east since the start by dead reckoning, from speeds over ground and heading: [rows, 2]."""
-    since_s = seconds_of(table)
-    surge, sway, heading = (samples_of(table, name) for name in ("surge_mps", "sway_mps", "heading_deg"))
-    surge_mps, sway_mps = (np.interp(since_s, samples.time_s, samples.value) for samples in (surge, sway))
-    psi = np.deg2rad(np.interp(since_s, heading.time_s, unwrap(heading.value)))
-    return np.column_stack([integrate(speed, since_s) for speed in to_earth(surge_mps, sway_mps, psi)])
 
 
 def slow_difference(deviation: Floats, side: NDArray[np.intp], times: pd.DatetimeIndex, tie_s: float) -> Floats:
