@@ -225,17 +225,6 @@ def _body_motion(mean: Floats) -> tuple[tuple[Floats, Floats], tuple[Floats, Flo
     return velocity, to_ship(mean[:, AN], mean[:, AE], mean[:, PSI]), mean[:, R]
 
 
-def state_residuals(values: Floats, state: Floats, offset_s: Floats) -> Floats:
-    """Samples minus the filter's states [rows, 9] at ``offset_s`` later [rows, channels], SI; the heading's in
-    -pi to pi."""
-    moved = state.copy()
-    moved[:, [0, 3, 6]] += offset_s[:, None] * (state[:, [1, 4, 7]] + 0.5 * offset_s[:, None] * state[:, [2, 5, 8]])
-    moved[:, [1, 4, 7]] += offset_s[:, None] * state[:, [2, 5, 8]]
-    residual = values - body_states(moved)[:, [BODY.index(name) for name in CHANNELS]]
-    residual[:, HEADING] = np.remainder(residual[:, HEADING] + np.pi, 2 * np.pi) - np.pi
-    return residual
-
-
 def gap_mask(table: pd.DataFrame, epoch_ns: int, grid_s: Floats, longest_gap_s: float | None) -> Bools:
     """Mask of the grid points [rows] in a gap of the heading's channels or of the others, or outside them.
 

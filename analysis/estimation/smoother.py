@@ -32,6 +32,7 @@ from seatrial.analysis.estimation.kalman import Engine, Gate, smooth_steps
 from seatrial.analysis.estimation.motion_model import (
     BODY,
     CHANNELS,
+    HEADING,
     MotionSamples,
     NoiseLevels,
     body_covariance,
@@ -43,7 +44,6 @@ from seatrial.analysis.estimation.motion_model import (
     heading_steps,
     motion_steps,
     motion_values,
-    state_residuals,
 )
 from seatrial.analysis.tables.export import write_parquet
 from seatrial.analysis.tables.resample import grid, rate_fraction
@@ -266,15 +266,21 @@ def _rejected(
 ) -> pd.DataFrame:
     """The rejected samples: those of a rejected step that are outliers themselves, or all if none is.
 
-    An outlier is off the smoothed state ``means`` [steps, 9] by more than its channel's ``limit`` [channels].
+    An outlier is off the smoothed state ``means`` [steps, 9], moved to its own time, by more than its channel's
+    ``limit`` [channels].
     """
     flags = np.zeros((len(table), len(CHANNELS)), dtype=bool)
     has_refusals: Bools = np.asarray(refused_steps.any(axis=1))
     rows = np.flatnonzero((data.step_of >= 0) & has_refusals[data.step_of])
     values, step = motion_values(table.iloc[rows]), data.step_of[rows]
     refused = refused_steps[step] & np.isfinite(values)
-    offset_s = (times_ns(table)[rows] - data.epoch_ns) / NANO - data.time_s[step]
-    is_outlier = np.abs(state_residuals(values, means[step], offset_s)) > limit
+    offset_s = ((times_ns(table)[rows] - data.epoch_ns) / NANO - data.time_s[step])[:, None]
+    state, moved = means[step], means[step]
+    moved[:, [0, 3, 6]] += offset_s * (state[:, [1, 4, 7]] + 0.5 * offset_s * state[:, [2, 5, 8]])
+    moved[:, [1, 4, 7]] += offset_s * state[:, [2, 5, 8]]
+    residual = values - body_states(moved)[:, [BODY.index(name) for name in CHANNELS]]
+    residual[:, HEADING] = np.remainder(residual[:, HEADING] + np.pi, 2 * np.pi) - np.pi
+    is_outlier = np.abs(residual) > limit
     for channel in range(len(CHANNELS)):
         outliers = refused[:, channel] & is_outlier[:, channel]
         explained = np.bincount(step[outliers], minlength=data.time_s.size) > 0

@@ -258,49 +258,39 @@ def check_helm_sign(table: pd.DataFrame) -> CheckResult:
     ``estimate``: the ``agreement`` of turns with the helm, the sum of those to its side less those to the other,
     over all, from -1 to 1; below -0.8 of 60 deg and more it is found. A rudder that is held over turns a ship that
     goes ahead, once it has answered: in the second half of every stretch of one side its heading goes that way. To
-    keep a course the rudder is put against the turn, and so the first half, and what turns the ship little, are no
-    evidence. Azimuth thrusters are not checked: they may pull, or look aft. Without heading or surge there is no
-    finding.
+    keep a course the rudder is put against the turn, and so the first half, and what turns the ship by less than
+    10 deg, are no evidence. Azimuth thrusters are not checked: they may pull, or look aft. Without heading or surge
+    there is no finding.
     """
     findings, index = [], utc_index(table)
     complete = all(name in table and table[name].notna().any() for name in _NEEDED)
     for actuator in table_actuators(table) if complete else ():
-        if actuator.steers_by not in ("rudder", "nozzle") or actuator.angle is None:
+        channel = actuator.angle if actuator.steers_by in ("rudder", "nozzle") else None
+        if channel is None or channel.name not in table:
             continue
-        if (name := actuator.angle.name) not in table:
+        angle, heading, surge = (samples_of(table, name) for name in (channel.name, *_NEEDED))
+        if angle.value.size < 2:
             continue
-        turned = KINDS[actuator.kind].turns * turns_with_helm(table, name)
+        at = angle.time_s
+        course = np.interp(at, heading.time_s, unwrap(heading.value))
+        ahead = np.interp(at, surge.time_s, surge.value) > _UNDER_WAY * np.quantile(np.abs(surge.value), 0.98)
+        least_deg = max(_LEAST_DEG, _HELD_SHARE * float(np.quantile(np.abs(angle.value), 0.98)))
+        turns = [  # to the side of the angle's sign in the second half of each stretch of one side [deg]
+            side * (course[stop - 1] - course[np.searchsorted(at, 0.5 * (at[first] + at[stop - 1]))])
+            for side in (1.0, -1.0)
+            for first, stop in zip(*runs((side * angle.value > least_deg) & ahead), strict=True)
+            if at[stop - 1] - at[first] >= _LEAST_S
+        ]
+        turned = KINDS[actuator.kind].turns * np.array([turn for turn in turns if abs(turn) >= _LEAST_TURN_DEG])
         total = float(np.abs(turned).sum())
         agreement = float(turned.sum()) / total if total else 0.0
         if total < _FEWEST_DEG or agreement > _CLEARLY:
             continue
         text = (
-            f"{name} counts to the wrong side: while it was held over, the ship turned by {total:.0f} deg in all, "
-            f"{(1.0 - agreement) / 2.0:.0%} of it to the other side"
+            f"{channel.name} counts to the wrong side: while it was held over, the ship turned by "
+            f"{total:.0f} deg in all, {(1.0 - agreement) / 2.0:.0%} of it to the other side"
         )
         remedy = "Turn its sign, with scale = -1.0 in the column map, unless it is the heading's that is wrong"
-        start, end = index[samples_of(table, name).rows[[0, -1]]]
-        findings.append(Finding("helm_sign", name, start, end, text, remedy, {"agreement": agreement}))
+        start, end = index[angle.rows[[0, -1]]]
+        findings.append(Finding("helm_sign", channel.name, start, end, text, remedy, {"agreement": agreement}))
     return CheckResult(uniform_flags(table), tuple(findings))
-
-
-def turns_with_helm(table: pd.DataFrame, name: str) -> Floats:
-    """How far the heading goes to the side of an angle's sign in the second half of each stretch of one side [deg].
-
-    Turns of less than 10 deg are left out.
-    """
-    angle, heading, surge = (samples_of(table, channel) for channel in (name, *_NEEDED))
-    if angle.value.size < 2:
-        return np.zeros(0)
-    at = angle.time_s
-    course = np.interp(at, heading.time_s, unwrap(heading.value))
-    ahead = np.interp(at, surge.time_s, surge.value) > _UNDER_WAY * np.quantile(np.abs(surge.value), 0.98)
-    least_deg = max(_LEAST_DEG, _HELD_SHARE * float(np.quantile(np.abs(angle.value), 0.98)))
-    turns = []
-    for side in (1.0, -1.0):
-        for first, stop in zip(*runs((side * angle.value > least_deg) & ahead), strict=True):
-            if at[stop - 1] - at[first] >= _LEAST_S:
-                middle = int(np.searchsorted(at, 0.5 * (at[first] + at[stop - 1])))
-                turns.append(side * (course[stop - 1] - course[middle]))
-    turned = np.array(turns)
-    return turned[np.abs(turned) >= _LEAST_TURN_DEG] if turned.size else turned

@@ -179,15 +179,11 @@ class Kinematics:
             np.where(self.from_slow, slow.informative, broadband.informative),
         )
 
-    @cached_property
-    def standard_errors(self) -> Floats:
-        return np.sqrt(np.diag(self.selected.covariance))
-
     def value(self, name: str) -> float:
         return float(self.selected.parameters[NAMES.index(name)])
 
     def standard_error(self, name: str) -> float:
-        return float(self.standard_errors[NAMES.index(name)])
+        return float(self.selected.deviations[NAMES.index(name)])
 
     def band_hz(self, name: str, neutral: float = 0.0) -> tuple[float, float]:
         """The band by which a figure differs from its neutral value: from 0 where the slow motion does so too."""
@@ -298,7 +294,7 @@ def fit_motion(motion: CleanMotion, heel: Floats | None = None) -> Kinematics:
     )  # fmt: skip
     # The linearised fit is valid where factors, angle and bias are within a range, or may be.
     deviation = np.abs(fit.selected.parameters - np.concatenate([_NEUTRAL_PATH, _NEUTRAL_TURN]))[_RANGED]
-    limits = np.maximum(_FARTHEST, _CLEAR * fit.standard_errors[_RANGED])
+    limits = np.maximum(_FARTHEST, _CLEAR * fit.selected.deviations[_RANGED])
     return replace(fit, converged=bool((deviation < limits).all()))
 
 
@@ -452,7 +448,7 @@ def widen_by_quarters(fit: Kinematics) -> Kinematics:
     # Half of the 95 % interval of the mean of the quarters, zero where they agree within their variances, which are
     # widened for few blocks as Student's t is at 95 %.
     widening = np.array([[quantile(0.975, count) / 1.96 for count in part.selected.informative] for part in parts])
-    variance = (np.array([part.standard_errors for part in parts]) * widening) ** 2 + _ALIKE**2
+    variance = (np.array([part.selected.deviations for part in parts]) * widening) ** 2 + _ALIKE**2
     values = np.array([part.selected.parameters for part in parts])
     weights, freedom = 1.0 / variance, len(values) - 1
     total = weights.sum(axis=0)

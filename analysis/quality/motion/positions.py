@@ -215,8 +215,29 @@ def jitter_of(errors: HeadingErrors) -> Jitter:
     Short stretches show best the errors that change from sample to sample, the limit of long ones, from stretches
     of 60 and 120 s, of errors that last, and how large they are: either may say that there is jitter. Its size is
     worked out once more from how far the ship turns in that time, which in waves is less than in proportion.
+
+    The residuals of each stretch are those about its line, scale and delay, scaled for the degrees of freedom that
+    these take.
     """
-    lines = tuple(_fit_lines(errors, seconds) for seconds in (_SHORT_S, 0.5 * _LONG_S, _LONG_S))
+    columns = np.column_stack([np.ones(errors.time_s.size), errors.time_s, errors.turned, errors.rate])
+    leaps = discontinuities(errors.error, errors.rate)
+    # The variance of one sample [rad2], by how it differs from its two neighbours.
+    bends = errors.error[1:-1] - 0.5 * (errors.error[2:] + errors.error[:-2])
+    noise2 = float(max(robust_spread(bends) ** 2 / 1.5, _FINEST_RAD**2))
+    lines = []
+    for seconds in (_SHORT_S, 0.5 * _LONG_S, _LONG_S):
+        stretch = (errors.time_s // seconds).astype(np.int64)
+        count, residual = np.bincount(stretch), np.zeros(stretch.size)
+        broken = np.bincount(stretch[1:], leaps, count.size) > 0
+        usable = ~broken & (count >= max(_FEWEST_SAMPLES, 0.5 * float(np.median(count[count > 0]))))
+        for end, number in zip(np.cumsum(count)[usable], count[usable], strict=True):
+            within = slice(end - number, end)
+            centred, error = columns[within], errors.error[within]
+            centred = centred - np.concatenate([[0.0], centred[:, 1:].mean(axis=0)])
+            solution = np.linalg.solve(centred.T @ centred + np.diag(noise2 / _PRIOR**2), centred.T)
+            free = number - float(np.sum(centred * solution.T))
+            residual[within] = (error - centred @ (solution @ error)) * np.sqrt(number / max(free, 1.0))
+        lines.append(_Lines(stretch, residual, np.asarray(usable)))
     if min(lines[0].usable.sum(), lines[2].usable.sum()) < _FEWEST_STRETCHES:
         return Jitter()
     jitter = _jitter(lines, errors.rate**2, errors.step)
@@ -268,29 +289,7 @@ class _Lines(NamedTuple):
     usable: Bools
 
 
-def _fit_lines(errors: HeadingErrors, seconds: float) -> _Lines:
-    """The residuals about line, scale and delay of each stretch, scaled for the degrees of freedom that these
-    take."""
-    stretch = (errors.time_s // seconds).astype(np.int64)
-    count = np.bincount(stretch)
-    broken = np.bincount(stretch[1:], discontinuities(errors.error, errors.rate), count.size) > 0
-    usable = ~broken & (count >= max(_FEWEST_SAMPLES, 0.5 * float(np.median(count[count > 0]))))
-    columns = np.column_stack([np.ones(stretch.size), errors.time_s, errors.turned, errors.rate])
-    # The variance of one sample [rad2], by how it differs from its two neighbours.
-    bends = errors.error[1:-1] - 0.5 * (errors.error[2:] + errors.error[:-2])
-    noise2 = float(max(robust_spread(bends) ** 2 / 1.5, _FINEST_RAD**2))
-    residual = np.zeros(stretch.size)
-    for end, number in zip(np.cumsum(count)[usable], count[usable], strict=True):
-        within = slice(end - number, end)
-        centred, error = columns[within], errors.error[within]
-        centred = centred - np.concatenate([[0.0], centred[:, 1:].mean(axis=0)])
-        solution = np.linalg.solve(centred.T @ centred + np.diag(noise2 / _PRIOR**2), centred.T)
-        free = number - float(np.sum(centred * solution.T))
-        residual[within] = (error - centred @ (solution @ error)) * np.sqrt(number / max(free, 1.0))
-    return _Lines(stretch, residual, np.asarray(usable))
-
-
-def _jitter(lines: tuple[_Lines, ...], gain2: Floats, step: float) -> Jitter:
+def _jitter(lines: list[_Lines], gain2: Floats, step: float) -> Jitter:
     """The jitter from residuals in short, longer and long stretches, and squared error per squared second [n].
 
     By stretch are summed: the number of headings, and the gain of jitter, its squares, the squared errors and their
@@ -445,8 +444,7 @@ def reconstruct_heading(table: pd.DataFrame) -> Reconstruction | None:
     times = utc_index(table)[heading.rows]
     for tie_s in _HEADING_TIES_S:
         slow = slow_difference(deviation[:, np.newaxis], side, times, tie_s)[:, 0]
-        slow_errors = HeadingErrors(heading.time_s, slow, turned, rate, 0.0)
-        if not is_certain(jitter_of(slow_errors)):
+        if not is_certain(jitter_of(HeadingErrors(heading.time_s, slow, turned, rate, 0.0))):
             break
     # The change in turns must exceed the scatter of compass and yaw rate without turning.
     turning, change2 = rate**2, (deviation - slow) ** 2
