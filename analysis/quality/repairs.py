@@ -130,10 +130,8 @@ def repair(
                 table = table.assign(**{name: value})
             single = single_repair(table, finding, flags if flags is not None else {})
             changed = sum(int(_differs(table[name].to_numpy(), new).sum()) for name, new in single.columns.items())
-            if code == "out_of_range" and finding.channel in table:
-                changed = max(
-                    changed, int(finding.estimate.get("count", 0))
-                )  # the reader has made them gaps already
+            if code == "out_of_range" and finding.channel in table:  # the reader has made them gaps already
+                changed = max(changed, int(finding.estimate.get("count", 0)))
             if changed or single.always_reported:
                 repairs.append(Repair(code, finding.channel, single.text, changed))
                 table = add_step(

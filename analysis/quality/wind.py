@@ -85,7 +85,7 @@ def _vectors(table: pd.DataFrame) -> tuple[Complexes, Complexes, Complexes]:
     """
     needed = table[list(_NEEDED)]
     values, recorded = needed.to_numpy(dtype=float), needed.notna().to_numpy()
-    if not recorded.all(axis=1).mean() > 0.5 * recorded[:, 0].mean():
+    if not np.count_nonzero(recorded.all(axis=1)) > 0.5 * np.count_nonzero(recorded[:, 0]):
         times = utc_index(table)
         latest = np.maximum.accumulate(np.where(recorded, np.arange(len(table))[:, np.newaxis], -1))
         age_ns = times.asi8[:, np.newaxis] - times.asi8[np.maximum(latest, 0)]
