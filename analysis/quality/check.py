@@ -464,9 +464,9 @@ def causes_of(
     """
     groups: list[list[Finding]] = []
     for finding in findings:
-        alike = next((group for group in groups if _have_same_cause(finding, group[0], gaps, sources)), None)
-        if alike is not None:
-            alike.append(finding)
+        match = next((group for group in groups if _have_same_cause(finding, group[0], gaps, sources)), None)
+        if match is not None:
+            match.append(finding)
         else:
             groups.append([finding])
     log = [event for event in events if event.level != "info" and event.kind in ("source", "recorder")]

@@ -540,14 +540,15 @@ def add_start_states(windows: HeldWindows, motion: Mapping[str, SmoothedMotion])
     """
     first, parts = windows.rows.loc[windows.rows["second"] == 0, ["window", "trial", "leg", "start"]], []
     for trial, smoothed in motion.items():
-        begins = first[first["trial"] == trial]
+        window_starts = first[first["trial"] == trial]
         columns = (
             smoothed.states[list(POSE_AND_VELOCITY)],
             smoothed.covariance_columns(),
             smoothed.slow[list(POSE_AND_VELOCITY)].set_axis(list(SLOW_STATES), axis=1),
         )
-        values = [frame.reindex(pd.DatetimeIndex(begins["start"])).reset_index(drop=True) for frame in columns]
-        parts.append(pd.concat([begins.reset_index(drop=True), *values], axis=1)[list(START_COLUMNS)])
+        at = pd.DatetimeIndex(window_starts["start"])
+        values = [frame.reindex(at).reset_index(drop=True) for frame in columns]
+        parts.append(pd.concat([window_starts.reset_index(drop=True), *values], axis=1)[list(START_COLUMNS)])
     filled = [part for part in parts if len(part)] or parts[:1]
     starts = pd.concat(filled).sort_values("window", ignore_index=True) if filled else None
     return replace(windows, starts=starts)
