@@ -182,7 +182,8 @@ def _resampled(
 ) -> Floats:
     """One channel's valid samples on the grid; NaN where there are none nearby.
 
-    A state holds the last one reported, as long as the channel's gaps allow."""
+    A state holds the last one reported, as long as the channel's gaps allow.
+    """
     circular = channel is not None and channel.circular
     if channel is not None and channel.state:
         result, order = np.full(grid_ns.size, np.nan), np.argsort(time_ns, kind="stable")
@@ -224,7 +225,8 @@ def _interpolate_linearly(
 ) -> Floats:
     """Samples in the order of time, interpolated; NaN across gaps.
 
-    A time on a sample is covered whatever is missing next to it."""
+    A time on a sample is covered whatever is missing next to it.
+    """
     result = np.full(at_ns.size, np.nan)
     if times.size == 0 or at_ns.size == 0:
         return result

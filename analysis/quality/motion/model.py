@@ -339,7 +339,8 @@ class Coarse:
     """Start of the fine fit: ``speed_factor`` and ``yaw_rate_factor`` to multiply by, ``heading_offset_rad``
     to subtract; the contradiction in words, its channel, and the share ``unexplained`` of the moves [-].
 
-    ``is_explained`` says that a sign or a unit removes the contradiction."""
+    ``is_explained`` says that a sign or a unit removes the contradiction.
+    """
 
     speed_factor: float = 1.0
     heading_offset_rad: float = 0.0
