@@ -252,18 +252,28 @@ def find_stuck(samples: Series, channel: Channel, rate: TimedValues | None = Non
     rate for the heading, speed over ground for a position.
     """
     places, times, values = sort_by_time(samples, channel)
-    bad = np.zeros(samples.value.size, dtype=bool)
-    starts, lengths = np.zeros((2, 0), np.int64)
-    if values.size >= 2 * _SHORTEST_REPEAT:
-        starts, lengths = runs_of_equal(np.diff(values) != 0.0)
-        starts, lengths = starts[lengths >= _SHORTEST_REPEAT], lengths[lengths >= _SHORTEST_REPEAT]
+    bad, steps = np.zeros(samples.value.size, dtype=bool), np.diff(values)
+    if values.size < 2 * _SHORTEST_REPEAT:
+        return bad
+    all_starts, all_lengths = runs_of_equal(steps != 0.0)
+    starts, lengths = (part[all_lengths >= _SHORTEST_REPEAT] for part in (all_starts, all_lengths))
     # On a grid wider than its noise a channel stands on it for a long time now and then.
     coarse = lengths.size > 1 and (step := grid_step(values)) > noise_without_rounding(values, step)
-    repeats = np.count_nonzero(np.diff(values) == 0.0) - int(np.sum(lengths - 1))  # but for the long runs
-    always_moves = check_group(channel)[0] != "command" and bool(repeats < 0.01 * values.size)
+    repeats = np.count_nonzero(steps == 0.0) - int(np.sum(lengths - 1))  # but for the long runs
+    group = check_group(channel)[0]
+    always_moves = group != "command" and bool(repeats < 0.01 * values.size)
     # A stopped thruster, a ship alongside, calm air and an engine that does nothing are silent by themselves.
     rests_at_zero = channel.unit in ("rpm", "m/s", "deg/s") or channel.group in ("environment", "declared")
-    frozen = _find_frozen_run(values) if check_group(channel)[0] == "velocity" else None
+    frozen = None
+    if group == "velocity" and values.size >= _FEWEST:
+        # Speeds that a sensor has smoothed have no noise that could be gone: they change little by little, and stay
+        # for some samples now and then, or long on a steady course; but then they leave little by little, too. One
+        # is frozen that stays five times as long as ever else and leaves by a step far beyond those of the record.
+        place = int(np.argmax(all_lengths))
+        end, longest_other = all_starts[place] + all_lengths[place], np.delete(all_lengths, place).max(initial=0)
+        if end < values.size and all_lengths[place] >= max(_FEWEST, 5 * longest_other):
+            sizes = np.abs(steps)
+            frozen = all_starts[place] if sizes[end - 1] > _JUMP * np.quantile(sizes[sizes > 0.0], 0.95) else None
     for start, length in zip(starts, lengths, strict=True):
         inside = slice(start, start + length)
         usual = not coarse or length >= 5 * np.sort(lengths)[-2]
@@ -277,25 +287,6 @@ def find_stuck(samples: Series, channel: Channel, rate: TimedValues | None = Non
         if silent or _should_have_moved(times[inside], values, channel, rate):
             bad[places[start + 1 : start + length]] = True
     return bad
-
-
-def _find_frozen_run(values: Floats) -> int | None:
-    """Where a run begins that is five times as long as any other and ends with a step far beyond those of the
-    record; None where there is none.
-
-    Speeds that a sensor has smoothed have no noise that could be gone: they change little by little, and stay for
-    some samples now and then, or long on a steady course; but then they leave little by little, too.
-    """
-    if values.size < _FEWEST:
-        return None
-    steps = np.abs(np.diff(values))
-    starts, lengths = runs_of_equal(steps != 0.0)
-    place = int(np.argmax(lengths))
-    start, end = int(starts[place]), int(starts[place] + lengths[place])
-    longest_other = np.delete(lengths, place).max(initial=0)
-    if end == values.size or lengths[place] < max(_FEWEST, 5 * longest_other):
-        return None
-    return start if steps[end - 1] > _JUMP * np.quantile(steps[steps > 0.0], 0.95) else None
 
 
 def _is_noisy(side: Floats, length: int, total: int, always_moves: bool) -> bool:
@@ -315,8 +306,7 @@ def _is_noisy(side: Floats, length: int, total: int, always_moves: bool) -> bool
     repeats = (np.sum(steps == 0.0) + 1.0) / (steps.size + 2.0)
     if repeats > 0.5:  # stairs, as a held order goes up and down, are no noise
         return False
-    edges = np.flatnonzero(np.concatenate([[True], steps != 0.0, [True]]))
-    return bool(total * repeats**length < _CHANCE and length >= 5 * np.diff(edges).max())
+    return bool(total * repeats**length < _CHANCE and length >= 5 * runs_of_equal(steps != 0.0)[1].max())
 
 
 def _should_have_moved(times: Ints, values: Floats, channel: Channel, rate: TimedValues | None) -> bool:
@@ -373,28 +363,24 @@ def grid_step(values: Floats) -> float:
     steps = np.diff(values)
     noise = float(np.sqrt(np.mean(np.diff(steps, 2) ** 2) / 20.0)) if steps.size > 2 else 0.0
     distances = np.diff(np.sort(values))
-    searches = ((_find_step, np.abs(steps)), (_find_step, distances), (_exact_step, np.abs(steps)))
-    for search, changes in searches:
+    for search, changes in ((_find_step, np.abs(steps)), (_find_step, distances), (_exact_step, np.abs(steps))):
         step = search(changes, noise)
-        if not step:
-            continue
-        multiples = np.rint(steps[np.isfinite(steps)] / step)
-        changed = np.flatnonzero(multiples[:-1])
-        sizes, counts = np.unique(np.abs(multiples[changed]), return_counts=True)
-        several = sizes.size > 0 and counts.max() < 0.9 * changed.size
-        stops = np.mean(multiples[changed + 1] * np.sign(multiples[changed]) <= 0.0)
-        if (
-            several or stops > 0.2
-        ):  # changes stop or turn at once, or differ in size: a ramp without noise does neither
-            return step
+        if step:  # changes stop or turn at once, or differ in size: a ramp without noise does neither
+            multiples = np.rint(steps / step)
+            changed = np.flatnonzero(multiples[:-1])
+            sizes, counts = np.unique(np.abs(multiples[changed]), return_counts=True)
+            several = sizes.size > 0 and counts.max() < 0.9 * changed.size
+            if several or np.mean(multiples[changed + 1] * np.sign(multiples[changed]) <= 0.0) > 0.2:
+                return step
     return 0.0
 
 
 def _find_step(changes: Floats, noise: float) -> float:
     """The step on whose multiples the changes lie. Those below a hundredth of the typical one count as none.
 
-    Candidates are the smaller changes and their fractions; the largest wins on whose multiples the changes
-    concentrate, by the mean of cos(2 pi change / step), which is 1 on a grid and near 0 without.
+    Candidates are the smaller changes and their fractions, made exact by the changes near their multiples; the
+    largest wins on whose multiples the changes concentrate, by the mean of cos(2 pi change / step), which is 1 on a
+    grid and near 0 without, and are far closer than the noise would let them: a ship at constant speed is not.
     """
     changes = changes[changes > 0.0]
     if changes.size < _FEWEST:
@@ -405,26 +391,20 @@ def _find_step(changes: Floats, noise: float) -> float:
         return 0.0
     smaller = np.quantile(changes, [0.0, 0.01, 0.05, 0.1, 0.25, 0.5], method="lower")
     candidates = np.unique(np.concatenate([smaller / divisor for divisor in (1, 2, 3, 4)]))[::-1]
-    confirmed = (_confirm_step(changes, float(candidate), noise) for candidate in candidates)
-    return next((step for step in confirmed if step), 0.0)
-
-
-def _confirm_step(changes: Floats, candidate: float, noise: float) -> float:
-    """The candidate made exact by the changes near its multiples, or 0 if they do not lie on them.
-
-    They do if they are far closer than the noise would let them, which a ship at constant speed is not.
-    """
-    for reach in (2.5, _LARGEST_MULTIPLE):
-        small = changes[changes < reach * candidate]
-        multiples = np.rint(small / candidate)
-        close = (np.abs(small / candidate - multiples) < 0.2) & (multiples > 0)
-        if not close.any():
-            return 0.0
-        candidate = float(np.median(small[close] / multiples[close]))
-    small = changes[changes < _LARGEST_MULTIPLE * candidate]
-    if small.size < max(_FEWEST, 0.02 * changes.size):
-        return 0.0
-    return candidate if _lie_on_multiples(small, candidate, _CONCENTRATED, noise) else 0.0
+    for step in map(float, candidates):
+        for reach in (2.5, _LARGEST_MULTIPLE):
+            small = changes[changes < reach * step]
+            multiples = np.rint(small / step)
+            close = (np.abs(small / step - multiples) < 0.2) & (multiples > 0)
+            if not close.any():
+                break
+            step = float(np.median(small[close] / multiples[close]))
+        else:
+            small = changes[changes < _LARGEST_MULTIPLE * step]
+            enough = small.size >= max(_FEWEST, 0.02 * changes.size)
+            if enough and _lie_on_multiples(small, step, _CONCENTRATED, noise):
+                return step
+    return 0.0
 
 
 def _lie_on_multiples(changes: Floats, step: float, least: float, noise: float) -> bool:

@@ -144,7 +144,7 @@ def smooth_steps(steps: Steps, start: Start, model: ProcessModel, gate: Gate, en
     from seatrial.analysis.estimation.kalman_kernel import run_smoother
 
     edges = np.array([0, steps.time_s.size])
-    F, interval, (innovation, variance, *filter_states) = _filtered(
+    F, interval, (innovation, variance, *filter_states) = filter_steps(
         steps, start.mean[None], start.covariance, edges, model, gate, keep=True
     )
     smoothed: tuple[Floats, Floats, Floats] = run_smoother(
@@ -156,22 +156,15 @@ def smooth_steps(steps: Steps, start: Start, model: ProcessModel, gate: Gate, en
     return Track(steps.time_s, *smoothed, filtered, model)
 
 
-def innovations_of(
-    steps: Steps, starts: Floats, covariance: Floats, edges: Ints, model: ProcessModel, gate: Gate
-) -> tuple[Floats, Floats]:
-    """Only the innovations and their variances, each [steps, channels]; NaN without measurement.
+def filter_steps(
+    steps: Steps, starts: Floats, covariance: Floats, edges: Ints, model: ProcessModel, gate: Gate, *, keep: bool
+) -> tuple[Floats, Ints, Any]:
+    """Transitions, which of them leads to each step, and what the compiled filter gives: innovations and their
+    variances, each [steps, channels], NaN without measurement, and with ``keep`` its gains, means and covariances.
 
     Stretches of steps begin and end at ``edges`` [stretches + 1], each with its mean in ``starts`` [stretches,
     states] and with ``covariance``.
     """
-    _, _, (innovation, variance, *_) = _filtered(steps, starts, covariance, edges, model, gate, keep=False)
-    return innovation, variance
-
-
-def _filtered(
-    steps: Steps, starts: Floats, covariance: Floats, edges: Ints, model: ProcessModel, gate: Gate, *, keep: bool
-) -> tuple[Floats, Ints, Any]:
-    """Transitions, which of them leads to each step, and what the compiled filter gives."""
     from seatrial.analysis.estimation.kalman_kernel import WIDTH, run_filter
 
     dt_s = np.diff(steps.time_s, prepend=steps.time_s[:1])
@@ -184,23 +177,6 @@ def _filtered(
     return F, interval, filtered
 
 
-class _Patience:
-    """Tracks for how long each channel has been rejected."""
-
-    def __init__(self, gate: Gate, channels: int) -> None:
-        self._gate = gate
-        self._since, self._times = np.zeros(channels), np.zeros(channels, dtype=int)
-
-    def is_exhausted(self, channel: int, time_s: float) -> bool:
-        waited = time_s - self._since[channel] >= self._gate.patience_s
-        return bool(waited and self._times[channel] >= self._gate.patience)
-
-    def note(self, channel: int, time_s: float, refused: bool) -> None:
-        if refused and self._times[channel] == 0:
-            self._since[channel] = time_s
-        self._times[channel] = self._times[channel] + 1 if refused else 0
-
-
 def filter_and_smooth(steps: Steps, start: Start, model: ProcessModel, gate: Gate) -> Track:
     """As :func:`smooth_steps`, with filterpy's KalmanFilter and its RTS smoother."""
     from filterpy.kalman import KalmanFilter
@@ -210,23 +186,28 @@ def filter_and_smooth(steps: Steps, start: Start, model: ProcessModel, gate: Gat
     forward, added = model.transition(dt_s), model.process_noise(dt_s)
     kalman = KalmanFilter(dim_x=start.mean.size, dim_z=1)
     kalman.x, kalman.P = start.mean[:, None].copy(), start.covariance.copy()
-    patience = _Patience(gate, channels)
+    since_s, refusals = np.zeros(channels), np.zeros(channels, dtype=int)  # for how long a channel was rejected
     innovation, deviation = np.full((2, count, channels), np.nan)
     refused = np.zeros((count, channels), dtype=bool)
     states: tuple[list[Floats], ...] = ([], [], [], [])
     for k in range(count):
         if k > 0:
             kalman.predict(F=forward[k], Q=added[k])
-        released = _released(kalman, steps, k, patience, gate)
+        measured = np.flatnonzero(np.isfinite(steps.value[k]))
+        waited = (steps.time_s[k] - since_s >= gate.patience_s) & (refusals >= gate.patience)
+        released = _released(kalman, steps, k, measured[waited[measured]], gate)
         kalman.P = kalman.P + released
         added[k] += released
         before = kalman.x[:, 0].copy(), kalman.P.copy()
-        for c in _present(steps, k):
-            error, variance = _innovation(kalman, steps, k, c)
+        for c in measured.tolist():
+            error, variance = _innovation(kalman.x, kalman.P, steps, k, c)
             innovation[k, c], deviation[k, c] = error, np.sqrt(variance)
             refused[k, c] = error**2 > gate.limit * variance
-            patience.note(c, float(steps.time_s[k]), bool(refused[k, c]))
-            if not refused[k, c]:
+            if refused[k, c]:
+                since_s[c] = since_s[c] if refusals[c] else steps.time_s[k]
+                refusals[c] += 1
+            else:
+                refusals[c] = 0
                 row = steps.row[k, c][None, :]
                 kalman.update(error + (row @ kalman.x).item(), R=steps.variance[k, c], H=row)
         for series, value in zip(states, (*before, kalman.x[:, 0].copy(), kalman.P.copy()), strict=True):
@@ -239,31 +220,21 @@ def filter_and_smooth(steps: Steps, start: Start, model: ProcessModel, gate: Gat
     return Track(steps.time_s, mean, costate, np.asarray(np.linalg.solve(prior, half)), filtered, model)
 
 
-def _present(steps: Steps, k: int) -> list[int]:
-    """The channels with a value at a step."""
-    return [int(channel) for channel in np.flatnonzero(np.isfinite(steps.value[k]))]
-
-
-def _innovation(kalman: Any, steps: Steps, k: int, channel: int) -> tuple[float, float]:
+def _innovation(x: Floats, P: Floats, steps: Steps, k: int, channel: int) -> tuple[float, float]:
     """A channel's innovation, wrapped if circular, and its variance."""
     row, turn = steps.row[k, channel], steps.turn[channel]
-    error = float(steps.value[k, channel] - row @ kalman.x[:, 0])
+    error = float(steps.value[k, channel] - row @ x[:, 0])
     if turn > 0:
         error -= turn * np.round(error / turn)
-    return error, float(row @ kalman.P @ row + steps.variance[k, channel])
+    return error, float(row @ P @ row + steps.variance[k, channel])
 
 
-def _released(kalman: Any, steps: Steps, k: int, patience: _Patience, gate: Gate) -> Floats:
+def _released(kalman: Any, steps: Steps, k: int, channels: Ints, gate: Gate) -> Floats:
     """The variance added for channels rejected for long."""
     released: Floats = np.zeros(kalman.P.shape)
-    before = kalman.P
-    for c in _present(steps, k):
-        if not patience.is_exhausted(c, float(steps.time_s[k])):
-            continue
-        kalman.P = before + released
-        error, variance = _innovation(kalman, steps, k, c)
+    for c in channels.tolist():
+        error, variance = _innovation(kalman.x, kalman.P + released, steps, k, c)
         along = np.where(steps.jumps[c], steps.row[k, c], 0.0)
         if error**2 > gate.limit * variance and along.any():
             released += (error / (along @ along)) ** 2 * np.outer(along, along)
-    kalman.P = before
     return released

@@ -23,7 +23,7 @@ import pandas as pd
 
 from seatrial.acquisition.core.quantities import Bools, Floats, Ints, to_ship
 from seatrial.acquisition.core.ship import BY_NAME, difference
-from seatrial.analysis.estimation.kalman import Gate, Start, Steps, innovations_of, smooth_steps
+from seatrial.analysis.estimation.kalman import Gate, Start, Steps, filter_steps, smooth_steps
 from seatrial.analysis.estimation.process_models import (
     Law,
     ProcessModel,
@@ -98,24 +98,18 @@ def motion_values(table: pd.DataFrame) -> Floats:
     return values
 
 
-def internal_step_s(time_ns: Ints, values: Floats) -> float:
-    """The internal step: the median interval of the fastest channel, or that of :data:`FASTEST_HZ` if longer."""
-    intervals = [
-        float(np.median(np.diff(np.unique(time_ns[valid])))) / NANO
-        for valid in np.isfinite(values).T
-        if np.unique(time_ns[valid]).size > 1
-    ]
-    return max(min(intervals, default=1.0), 1.0 / FASTEST_HZ)
-
-
 def combine_samples(table: pd.DataFrame) -> MotionSamples:
-    """The samples of a table in any order, combined into internal steps of at most :data:`FASTEST_HZ`."""
+    """The samples of a table in any order, combined into internal steps of at most :data:`FASTEST_HZ`: the median
+    interval of the fastest channel, or that of :data:`FASTEST_HZ` if longer."""
     time_ns, values = times_ns(table), motion_values(table)
     valid = np.isfinite(values)
     observed = valid.any(axis=1)
     epoch_ns = int(time_ns[observed].min())
     since_s = (time_ns - epoch_ns) / NANO
-    number = np.rint(since_s / internal_step_s(time_ns, values)).astype(np.int64)
+    distinct_ns = (np.unique(time_ns[samples]) for samples in valid.T)
+    intervals_s = [float(np.median(np.diff(times))) / NANO for times in distinct_ns if times.size > 1]
+    step_s = max(min(intervals_s, default=1.0), 1.0 / FASTEST_HZ)
+    number = np.rint(since_s / step_s).astype(np.int64)
     step_of = np.full(len(table), -1, dtype=np.int64)
     numbers, step_of[observed] = np.unique(number[observed], return_inverse=True)
     time_s = _mean(step_of[observed], since_s[observed], numbers.size)
@@ -144,18 +138,18 @@ def _mean(step: Ints, values: Floats, steps: int) -> Floats:
 
 def heading_steps(data: MotionSamples, heading_rad: float, yaw_rate_radps: float) -> Steps:
     """Heading and yaw rate alone, on three states; the standard deviations are of one sample."""
-    value = data.value[:, :2]
     row, jumps = np.zeros((data.time_s.size, 2, 9)), np.zeros((2, 9), dtype=bool)
     row[:, 0, PSI : R_DOT + 1], row[:, 1, PSI : R_DOT + 1] = _quadratic(data, HEADING), _slope(data, YAW_RATE)
-    noise = np.array([heading_rad, yaw_rate_radps])
     jumps[0, PSI] = jumps[1, R] = True
-    return Steps(data.time_s, value, row, _variance(noise, data.count[:, :2]), np.array([2 * np.pi, 0.0]), jumps)
+    variance = np.array([heading_rad, yaw_rate_radps]) ** 2 / np.maximum(data.count[:, :2], 1.0)
+    return Steps(data.time_s, data.value[:, :2], row, variance, np.array([2 * np.pi, 0.0]), jumps)
 
 
 def motion_steps(data: MotionSamples, heading_rad: Floats, noise: Floats) -> Steps:
     """All channels on nine states, linearised about ``heading_rad`` [steps], which sets the headings' turns.
 
-    ``noise`` [channels] is the standard deviation of one sample of each.
+    The speed of the linearisation is a running median of five, robust against outliers. ``noise`` [channels] is the
+    standard deviation of one sample of each.
     """
     value, turning = data.value.copy(), heading_steps(data, *noise[:2])
     row, jumps = np.zeros((data.time_s.size, len(CHANNELS), 9)), np.zeros((len(CHANNELS), 9), dtype=bool)
@@ -165,7 +159,8 @@ def motion_steps(data: MotionSamples, heading_rad: Floats, noise: Floats) -> Ste
     turns = np.rint((value[:, HEADING] - heading_rad) / (2 * np.pi))
     value[:, HEADING] -= 2 * np.pi * turns
     cos, sin = np.cos(heading_rad)[:, None], np.sin(heading_rad)[:, None]
-    surge, sway = _nominal(value[:, SURGE]), _nominal(value[:, SWAY])
+    speeds = pd.DataFrame(value[:, [SURGE, SWAY]]).rolling(5, center=True, min_periods=1).median()
+    surge, sway = speeds.interpolate(limit_direction="both").fillna(0.0).to_numpy(dtype=float).T
     for channel, north, east, gain in ((SURGE, cos, sin, sway), (SWAY, -sin, cos, -surge)):
         slope = _slope(data, channel)
         row[:, channel, N : AN + 1], row[:, channel, E : AE + 1] = north * slope, east * slope
@@ -173,18 +168,7 @@ def motion_steps(data: MotionSamples, heading_rad: Floats, noise: Floats) -> Ste
         value[:, channel] += gain * heading_rad
     for channel, states in {NORTH: [N], EAST: [E], SURGE: [VN, VE], SWAY: [VN, VE]}.items():
         jumps[channel, states] = True
-    return Steps(data.time_s, value, row, _variance(noise, data.count), np.zeros(len(CHANNELS)), jumps)
-
-
-def horizontal_steps(steps: Steps, heading: Floats) -> Steps:
-    """Position and speeds with the heading and its derivatives given [steps, 3 or more]."""
-    horizontal = slice(NORTH, SWAY + 1)
-    row = steps.row[:, horizontal].copy()
-    value = steps.value[:, horizontal] - np.einsum("kcj,kj->kc", row[:, :, :3], heading[:, :3])
-    row[:, :, :3] = 0.0
-    return Steps(
-        steps.time_s, value, row, steps.variance[:, horizontal], steps.turn[horizontal], steps.jumps[horizontal]
-    )
+    return Steps(data.time_s, value, row, noise**2 / np.maximum(data.count, 1.0), np.zeros(len(CHANNELS)), jumps)
 
 
 def first_state(data: MotionSamples) -> Start:
@@ -204,16 +188,6 @@ def _quadratic(data: MotionSamples, channel: int) -> Floats:
 def _slope(data: MotionSamples, channel: int) -> Floats:
     offset = np.nan_to_num(data.offset_s[:, channel])
     return np.stack([np.zeros_like(offset), np.ones_like(offset), offset], axis=1)
-
-
-def _variance(noise: Floats, count: Floats) -> Floats:
-    return np.asarray(noise**2 / np.maximum(count, 1.0))
-
-
-def _nominal(speed_mps: Floats) -> Floats:
-    """The speed of the linearisation: a running median of five, robust against outliers, without NaN."""
-    median = pd.Series(speed_mps).rolling(5, center=True, min_periods=1).median()
-    return np.asarray(median.interpolate(limit_direction="both").fillna(0.0), dtype=float)
 
 
 def body_states(mean: Floats) -> Floats:
@@ -251,17 +225,6 @@ def _body_motion(mean: Floats) -> tuple[tuple[Floats, Floats], tuple[Floats, Flo
     return velocity, to_ship(mean[:, AN], mean[:, AE], mean[:, PSI]), mean[:, R]
 
 
-def state_residuals(values: Floats, state: Floats, offset_s: Floats) -> Floats:
-    """Samples minus the filter's states [rows, 9] at ``offset_s`` later [rows, channels], SI; the heading's in
-    -pi to pi."""
-    moved = state.copy()
-    moved[:, [0, 3, 6]] += offset_s[:, None] * (state[:, [1, 4, 7]] + 0.5 * offset_s[:, None] * state[:, [2, 5, 8]])
-    moved[:, [1, 4, 7]] += offset_s[:, None] * state[:, [2, 5, 8]]
-    residual = values - body_states(moved)[:, [BODY.index(name) for name in CHANNELS]]
-    residual[:, HEADING] = np.remainder(residual[:, HEADING] + np.pi, 2 * np.pi) - np.pi
-    return residual
-
-
 def gap_mask(table: pd.DataFrame, epoch_ns: int, grid_s: Floats, longest_gap_s: float | None) -> Bools:
     """Mask of the grid points [rows] in a gap of the heading's channels or of the others, or outside them.
 
@@ -271,18 +234,15 @@ def gap_mask(table: pd.DataFrame, epoch_ns: int, grid_s: Floats, longest_gap_s: 
     times_s = (times_ns(table) - epoch_ns) / NANO
     hidden = np.zeros(grid_s.size, dtype=bool)
     for channels in ([HEADING, YAW_RATE], [NORTH, EAST, SURGE, SWAY]):
-        hidden |= _outside_samples(np.unique(times_s[valid[:, channels].any(axis=1)]), grid_s, longest_gap_s)
+        samples_s = np.unique(times_s[valid[:, channels].any(axis=1)])
+        interval_s = float(np.median(np.diff(samples_s))) if samples_s.size > 1 else 0.0
+        limit_s = bridged_gap_s(interval_s * NANO) if longest_gap_s is None else longest_gap_s
+        before = np.searchsorted(samples_s, grid_s + 1e-6, side="right") - 1
+        after = np.minimum(before + 1, samples_s.size - 1)
+        before_s = samples_s[np.maximum(before, 0)]
+        span = np.where((after > before) & (before >= 0), samples_s[after] - before_s, np.inf)
+        hidden |= (np.abs(grid_s - before_s) > 1e-6) & (span > limit_s)
     return hidden
-
-
-def _outside_samples(samples_s: Floats, grid_s: Floats, longest_gap_s: float | None) -> Bools:
-    interval_s = float(np.median(np.diff(samples_s))) if samples_s.size > 1 else 0.0
-    limit_s = bridged_gap_s(interval_s * NANO) if longest_gap_s is None else longest_gap_s
-    before = np.searchsorted(samples_s, grid_s + 1e-6, side="right") - 1
-    after = np.minimum(before + 1, samples_s.size - 1)
-    on_sample = np.abs(grid_s - samples_s[np.maximum(before, 0)]) <= 1e-6
-    span = np.where((after > before) & (before >= 0), samples_s[after] - samples_s[np.maximum(before, 0)], np.inf)
-    return np.asarray(~on_sample & (span > limit_s))
 
 
 @dataclass(frozen=True, slots=True)
@@ -381,17 +341,21 @@ def estimate_levels(data: MotionSamples, gate: Gate) -> NoiseLevels:
         on_heading = heading_steps(part, yaw_levels.heading_rad, yaw_levels.yaw_rate_radps).for_model(model)
         track = smooth_steps(on_heading, first_state(part).for_model(model), model, gate, "compiled")
         heading, covariance = track.mean @ model.sums.T, model.sums @ track.covariance @ model.sums.T
-        everything = motion_steps(part, heading[:, 0], np.ones(6))
-        conditioned.append(horizontal_steps(everything, heading))
-        added.append(everything.row[:, NORTH:, 0] ** 2 * covariance[:, :1, 0])
+        linearised = motion_steps(part, heading[:, 0], np.ones(6))
+        row = linearised.row[:, NORTH:].copy()
+        added.append(row[:, :, 0] ** 2 * covariance[:, :1, 0])
+        value = linearised.value[:, NORTH:] - np.einsum("kcj,kj->kc", row[:, :, :3], heading[:, :3])
+        row[:, :, :3] = 0.0  # the heading and its derivatives are given
+        variance, turn, jumps = linearised.variance[:, NORTH:], linearised.turn[NORTH:], linearised.jumps[NORTH:]
+        conditioned.append(Steps(part.time_s, value, row, variance, turn, jumps))
     moving = Search(_concatenated(conditioned), edges, start, (1, 2), np.array([0, 0, 1, 1]), noise,
                      (LEAST["position_m"], LEAST["speed_mps"]), gate, np.concatenate(added))  # fmt: skip
     calm = _fit_without_waves(moving)
     horizontal = _add_waves(moving, calm, _SPEEDS, [2 * np.pi / period for period in _WAVE_PERIODS_S])
     if horizontal.size > _CALM:
         directions = [np.array([*horizontal, np.log(0.6), angle]) for angle in np.pi / 4 * np.arange(4)]
-        bounds = [*moving.bounds, *moving.wave_bounds, (np.log(0.03), np.log(3.0)), (-10.0, 10.0)]
-        directed, cost = moving.climb(min(directions, key=moving.cost), *np.array(bounds).T)
+        bounds = [*moving.bounds, (np.log(0.03), np.log(3.0)), (-10.0, 10.0)]
+        directed, cost = moving.climb(min(directions, key=moving.cost), bounds)
         if cost < moving.cost(horizontal) - 2.0 * np.log(max(moving.count, 2)):  # the direction is significant
             horizontal = directed
         yaw = _add_waves(yaw_search, yaw_calm, _YAW_SPEEDS, float(np.exp(horizontal[4])) * np.array([1.0, 1.25]))
@@ -436,22 +400,25 @@ def noise_of(values: Floats, stride: int = 1) -> float:
 
 def _fit_without_waves(search: Search) -> tuple[Floats, float]:
     """The logarithms of two levels and the jerk, and their cost: motion without waves."""
-    return lowest_cost(search, [np.array([*search.first_logs, np.log(jerk)]) for jerk in _JERKS], search.bounds)
+    return search.lowest_cost(
+        [np.array([*search.first_logs, np.log(jerk)]) for jerk in _JERKS], search.bounds[:_CALM]
+    )
 
 
 def _add_waves(
     search: Search, calm: tuple[Floats, float], speeds: Sequence[float], frequencies: Sequence[float] | Floats
 ) -> Floats:
-    """As :func:`_calm`, with the waves' speed, frequency and damping appended if they are significant."""
+    """As :func:`_fit_without_waves`, with the waves' speed, frequency and damping appended if significant."""
     plain, cost = calm
-    bounds, fastest = search.wave_bounds, 2 * np.pi / search.shortest_wave_s
+    fastest = 2 * np.pi / search.shortest_wave_s
     guesses = [
         np.array([*noise, plain[2] + np.log(calmer), *np.log([speed, min(frequency, fastest), 0.2])])
         for noise in (plain[:2], search.first_logs)
         for calmer, speed, frequency in product((0.03, 0.3), speeds, frequencies)
     ]
-    wavy, wavy_cost = lowest_cost(search, guesses, [*search.bounds, *((low, high) for low, high in bounds)])
-    has_width = bool((wavy[4:] > bounds[1:, 0] + _AT_BOUND).all())  # a line without width comes from the ship
+    wavy, wavy_cost = search.lowest_cost(guesses, search.bounds)
+    lowest = np.array(search.bounds[4:])[:, 0]
+    has_width = bool((wavy[4:] > lowest + _AT_BOUND).all())  # a line without width comes from the ship
     return wavy if has_width and wavy_cost < cost - 3.0 * np.log(max(search.count, 2)) else plain
 
 
@@ -478,9 +445,16 @@ class Search:
         """Minus twice the log likelihood, with innovations clipped at the gate."""
         return robust_cost(*self.innovations(logs), self.gate.limit)
 
-    def climb(self, logs: Floats, low: Floats, high: Floats) -> tuple[Floats, float]:
+    def climb(self, logs: Floats, bounds: Sequence[tuple[float, float]]) -> tuple[Floats, float]:
         """The local maximum of the likelihood from these logarithms, and its cost."""
+        low, high = np.array(bounds).T
         return most_likely(self.innovations, logs, low, high, ScoringSettings(limit=self.gate.limit))
+
+    def lowest_cost(self, guesses: Sequence[Floats], bounds: Sequence[tuple[float, float]]) -> tuple[Floats, float]:
+        """The parameters of the lowest cost found by descent from the best of the guesses, and the cost."""
+        best = sorted(guesses, key=self.cost)[:_STARTS]
+        optima = [self.climb(np.clip(guess, *np.array(bounds).T), bounds) for guess in best]
+        return min(optima, key=lambda optimum: optimum[1])
 
     def innovations(self, logs: Floats) -> tuple[Floats, Floats]:
         """All innovations and their variances at the logarithms of levels, jerk and, if they go on, wave motion."""
@@ -494,7 +468,9 @@ class Search:
         model = ProcessModel(tuple(quantities.tolist()), tuple(laws), direction_rad)
         steps, start = self.steps.for_model(model), self.start.for_model(model)
         steps = replace(steps, variance=steps.variance * levels[self.level_of] ** 2 + self.added)
-        innovation, variance = innovations_of(steps, start.mean, start.covariance, self.edges, model, self.gate)
+        _, _, (innovation, variance, *_) = filter_steps(
+            steps, start.mean, start.covariance, self.edges, model, self.gate, keep=False
+        )
         valid = np.isfinite(steps.value)
         return innovation[valid], variance[valid]
 
@@ -514,30 +490,15 @@ class Search:
         return 3.0 * float(np.median(np.diff(time_s))) if time_s.size > 1 else 3.0
 
     @property
-    def wave_bounds(self) -> Floats:
-        """Where the waves' speed, frequency and damping may be [3, 2], as logarithms."""
-        fastest = 2 * np.pi / self.shortest_wave_s
-        return np.log([(1e-6, 1e2), (2 * np.pi / _LONGEST_WAVE_S, fastest), _DAMPINGS])
-
-    @property
     def bounds(self) -> list[tuple[float, float]]:
-        """Where levels and jerk may be, as logarithms."""
-        noises = [(float(np.log(least)), float(np.log(1e4))) for least in self.least]
-        return [*noises, (float(np.log(LEAST_JERK)), float(np.log(MOST_JERK)))]
+        """Where levels, jerk and the waves' speed, frequency and damping may be, as logarithms."""
+        noises = [(least, 1e4) for least in self.least]
+        waves = [(1e-6, 1e2), (2 * np.pi / _LONGEST_WAVE_S, 2 * np.pi / self.shortest_wave_s), _DAMPINGS]
+        logarithms = np.log([*noises, (LEAST_JERK, MOST_JERK), *waves])
+        return [(float(low), float(high)) for low, high in logarithms]
 
 
 def wave_axes(logs: Floats) -> tuple[float, float]:
     """The ratio of wave motion across its direction, and the direction [rad]; 1 and 0 if not among the
     parameters."""
     return (float(np.exp(logs[_WAVY])), float(logs[_WAVY + 1])) if logs.size > _WAVY else (1.0, 0.0)
-
-
-def lowest_cost(
-    search: Search, guesses: Sequence[Floats], bounds: Sequence[tuple[float, float]]
-) -> tuple[Floats, float]:
-    """The lowest cost found by descent from the best of the guesses, and its parameters."""
-    low, high = np.array(bounds).T
-    optima = [
-        search.climb(np.clip(guess, low, high), low, high) for guess in sorted(guesses, key=search.cost)[:_STARTS]
-    ]
-    return min(optima, key=lambda optimum: optimum[1])

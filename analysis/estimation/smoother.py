@@ -17,7 +17,7 @@ from __future__ import annotations
 
 import itertools
 import json
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -32,6 +32,7 @@ from seatrial.analysis.estimation.kalman import Engine, Gate, smooth_steps
 from seatrial.analysis.estimation.motion_model import (
     BODY,
     CHANNELS,
+    HEADING,
     MotionSamples,
     NoiseLevels,
     body_covariance,
@@ -43,7 +44,6 @@ from seatrial.analysis.estimation.motion_model import (
     heading_steps,
     motion_steps,
     motion_values,
-    state_residuals,
 )
 from seatrial.analysis.tables.export import write_parquet
 from seatrial.analysis.tables.resample import grid, rate_fraction
@@ -99,40 +99,28 @@ class ChannelConsistency:
         return self.low <= self.nis <= self.high
 
 
-@dataclass(frozen=True, slots=True)
-class FilterConsistency:
-    """Consistency channel by channel; a channel without samples is absent."""
-
-    channels: Mapping[str, ChannelConsistency]
-
-    def as_json(self) -> dict[str, dict[str, float]]:
-        return {
-            name: asdict(channel) | {"consistent": channel.consistent} for name, channel in self.channels.items()
-        }
-
-
-def consistency_of(time_s: Floats, innovation: Floats, deviation: Floats, refused: Bools) -> FilterConsistency:
-    """Compare innovations [steps, channels] with their standard deviations; rejected ones are counted and left
-    out."""
+def _consistency_of(
+    time_s: Floats, innovation: Floats, deviation: Floats, refused: Bools
+) -> dict[str, ChannelConsistency]:
+    """Compare innovations [steps, channels] with their standard deviations, by channel; rejected ones are counted
+    and left out. A channel without samples is absent."""
     consistencies = {}
     for number, name in enumerate(CHANNELS):
         valid = np.isfinite(innovation[:, number])
         used = valid & ~refused[:, number] & (time_s > time_s[0] + 10.0)
-        if used.sum() >= 2 * _BLOCKS:
-            ratio = innovation[used, number] / deviation[used, number]
-            consistencies[name] = _consistency(ratio, int((valid & refused[:, number]).sum()))
-    return FilterConsistency(consistencies)
-
-
-def _consistency(ratio: Floats, refused: int) -> ChannelConsistency:
-    nis = ratio**2
-    means = np.array([block.mean() for block in np.array_split(nis, _BLOCKS)])
-    scatter = float(means.var(ddof=1)) / _BLOCKS
-    independent = min(float(nis.size), 2.0 * float(nis.mean()) ** 2 / scatter) if scatter > 0 else float(nis.size)
-    independent = max(independent, 1.0)
-    low, high = (2.0 * float(gammaincinv(0.5 * independent, share)) / independent for share in (0.025, 0.975))
-    inside = float((np.abs(ratio) <= _NORMAL_95).mean())
-    return ChannelConsistency(float(nis.mean()), low, high, inside, int(nis.size), independent, refused)
+        if used.sum() < 2 * _BLOCKS:
+            continue
+        ratio = innovation[used, number] / deviation[used, number]
+        nis = ratio**2
+        mean = float(nis.mean())
+        means = np.array([block.mean() for block in np.array_split(nis, _BLOCKS)])
+        scatter = float(means.var(ddof=1)) / _BLOCKS
+        independent = min(float(nis.size), 2.0 * mean**2 / scatter) if scatter > 0 else float(nis.size)
+        independent = max(independent, 1.0)
+        low, high = (2.0 * float(gammaincinv(0.5 * independent, p)) / independent for p in (0.025, 0.975))
+        inside, outliers = float((np.abs(ratio) <= _NORMAL_95).mean()), int((valid & refused[:, number]).sum())
+        consistencies[name] = ChannelConsistency(mean, low, high, inside, int(nis.size), independent, outliers)
+    return consistencies
 
 
 @dataclass(frozen=True, slots=True)
@@ -152,7 +140,7 @@ class SmoothedMotion:
     slow: pd.DataFrame
     noise: NoiseLevels
     rejected: pd.DataFrame
-    consistency: FilterConsistency
+    consistency: Mapping[str, ChannelConsistency]
 
     @property
     def remarks(self) -> tuple[str, ...]:
@@ -162,7 +150,7 @@ class SmoothedMotion:
         distinguishes a NIS of 0.97 from 1: deviations that leave 95 % bands between 93 and 97 % are not reported.
         """
         lines = []
-        for name, channel in self.consistency.channels.items():
+        for name, channel in self.consistency.items():
             doubts = []
             if not channel.consistent and not _HARMLESS[0] <= channel.nis <= _HARMLESS[1]:
                 bands = "too narrow" if channel.nis > channel.high else "too wide"
@@ -222,23 +210,25 @@ def smooth(
     grid_s = (grid_ns - data.epoch_ns) / NANO
     motion, slow = np.full((2, grid_s.size, 9), np.nan)
     spread = np.full((grid_s.size, 9, 9), np.nan)
-    parts = []
-    for block in _blocks(data.time_s):
-        part, yaw, everything = data.part(block.first, block.last), noise.heading_model, noise.motion_model
+    parts, yaw, everything = [], noise.heading_model, noise.motion_model
+    sums = everything.sums
+    for first, last, core in _blocks(data.time_s):
+        part = data.part(first, last)
         begin = first_state(part)
         steps = heading_steps(part, noise.heading_rad, noise.yaw_rate_radps).for_model(yaw)
         heading = smooth_steps(steps, begin.for_model(yaw), yaw, rules, engine)  # by itself, then all about it
         steps = motion_steps(part, heading.mean @ yaw.sums[0], noise.by_channel).for_model(everything)
         track = smooth_steps(steps, begin.for_model(everything), everything, rules, engine)
-        core, filtered = slice(block.core_first - block.first, block.core_last - block.first), track.filtered
-        means = track.mean[core] @ track.model.sums.T
-        parts.append((filtered.innovation[core], filtered.deviation[core], filtered.refused[core], means))
-        rows = slice(*np.searchsorted(grid_s, [data.time_s[block.core_first], block.until_s(data.time_s)]))
+        inside, filtered = slice(core.start - first, core.stop - first), track.filtered
+        means = track.mean[inside] @ sums.T
+        parts.append((filtered.innovation[inside], filtered.deviation[inside], filtered.refused[inside], means))
+        # The time of the block's core: until the next step's, or just past the last one's.
+        until_s = data.time_s[core.stop] if core.stop < last else np.nextafter(data.time_s[last - 1] + 1e-6, np.inf)
+        rows = slice(*np.searchsorted(grid_s, [data.time_s[core.start], until_s]))
         mean, covariance = track.at(grid_s[rows])
-        sums = track.model.sums
         motion[rows] = body_states(mean @ sums.T)
         spread[rows] = body_covariance(mean @ sums.T, sums @ covariance @ sums.T)
-        slow[rows] = body_states((mean * track.model.may_jump) @ sums.T)
+        slow[rows] = body_states((mean * everything.may_jump) @ sums.T)
     innovation, deviation, refused, means = map(np.concatenate, zip(*parts, strict=True))
     in_gap = gap_mask(table, data.epoch_ns, grid_s, longest_gap_s)
     for values in (motion, spread, slow):
@@ -249,7 +239,7 @@ def smooth(
         _as_table(slow, grid_ns, rate_hz, table),
         noise,
         _rejected(table, data, np.sqrt(rules.limit) * noise.by_channel, refused, means),
-        consistency_of(data.time_s, innovation, deviation, refused),
+        _consistency_of(data.time_s, innovation, deviation, refused),
     )
 
 
@@ -261,34 +251,14 @@ def _as_table(mean: Floats, grid_ns: Ints, rate_hz: float, table: pd.DataFrame) 
     return add_step(states, "smooth", rate_hz=float(rate_hz))
 
 
-@dataclass(frozen=True, slots=True)
-class _Block:
-    """Steps ``first`` to ``last`` are smoothed together; the results of ``core_first`` to ``core_last`` are
-    used."""
-
-    first: int
-    last: int
-    core_first: int
-    core_last: int
-
-    def until_s(self, time_s: Floats) -> float:
-        """The end of the time covered by this block: the next step's, or just past the last one's."""
-        if self.core_last < self.last:
-            return float(time_s[self.core_last])
-        return float(np.nextafter(time_s[self.last - 1] + 1e-6, np.inf))
-
-
-def _blocks(time_s: Floats) -> list[_Block]:
-    """Stretches between long gaps, in overlapping blocks, so that memory stays bounded."""
+def _blocks(time_s: Floats) -> Iterator[tuple[int, int, slice]]:
+    """Stretches between long gaps, in overlapping blocks, so that memory stays bounded: the first step and one past
+    the last that are smoothed together, and those whose results are used."""
     edges = [0, *(np.flatnonzero(np.diff(time_s) > _RESTART_S) + 1).tolist(), time_s.size]
-    return [
-        _Block(
-            max(core - _OVERLAP_STEPS, first), min(core + _BLOCK_STEPS + _OVERLAP_STEPS, last),
-            core, min(core + _BLOCK_STEPS, last),
-        )
-        for first, last in itertools.pairwise(edges)
-        for core in range(first, last, _BLOCK_STEPS)
-    ]  # fmt: skip
+    for first, last in itertools.pairwise(edges):
+        for core in range(first, last, _BLOCK_STEPS):
+            begin, end = max(core - _OVERLAP_STEPS, first), min(core + _BLOCK_STEPS + _OVERLAP_STEPS, last)
+            yield begin, end, slice(core, min(core + _BLOCK_STEPS, last))
 
 
 def _rejected(
@@ -296,15 +266,21 @@ def _rejected(
 ) -> pd.DataFrame:
     """The rejected samples: those of a rejected step that are outliers themselves, or all if none is.
 
-    An outlier is off the smoothed state ``means`` [steps, 9] by more than its channel's ``limit`` [channels].
+    An outlier is off the smoothed state ``means`` [steps, 9], moved to its own time, by more than its channel's
+    ``limit`` [channels].
     """
     flags = np.zeros((len(table), len(CHANNELS)), dtype=bool)
     has_refusals: Bools = np.asarray(refused_steps.any(axis=1))
     rows = np.flatnonzero((data.step_of >= 0) & has_refusals[data.step_of])
     values, step = motion_values(table.iloc[rows]), data.step_of[rows]
     refused = refused_steps[step] & np.isfinite(values)
-    offset_s = (times_ns(table)[rows] - data.epoch_ns) / NANO - data.time_s[step]
-    is_outlier = np.abs(state_residuals(values, means[step], offset_s)) > limit
+    offset_s = ((times_ns(table)[rows] - data.epoch_ns) / NANO - data.time_s[step])[:, None]
+    state, moved = means[step], means[step]
+    moved[:, [0, 3, 6]] += offset_s * (state[:, [1, 4, 7]] + 0.5 * offset_s * state[:, [2, 5, 8]])
+    moved[:, [1, 4, 7]] += offset_s * state[:, [2, 5, 8]]
+    residual = values - body_states(moved)[:, [BODY.index(name) for name in CHANNELS]]
+    residual[:, HEADING] = np.remainder(residual[:, HEADING] + np.pi, 2 * np.pi) - np.pi
+    is_outlier = np.abs(residual) > limit
     for channel in range(len(CHANNELS)):
         outliers = refused[:, channel] & is_outlier[:, channel]
         explained = np.bincount(step[outliers], minlength=data.time_s.size) > 0
@@ -319,7 +295,10 @@ def summary_of(smoothed: SmoothedMotion) -> dict[str, Any]:
         "missing": int(smoothed.states["north_m"].isna().sum()),
         "noise": asdict(smoothed.noise),
         "rejected": {str(name): int(count) for name, count in smoothed.rejected.sum().items()},
-        "consistency": smoothed.consistency.as_json(),
+        "consistency": {
+            name: asdict(channel) | {"consistent": channel.consistent}
+            for name, channel in smoothed.consistency.items()
+        },
     }
 
 

@@ -19,7 +19,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -49,7 +49,6 @@ from seatrial.analysis.quality.findings import (
 )
 from seatrial.analysis.series import (
     EVERYDAY_RESOLUTIONS,
-    Samples,
     Stretch,
     check_group,
     everyday_resolution,
@@ -133,29 +132,6 @@ def find_gaps(samples: Series, start_ns: int | None = None, end_ns: int | None =
     return sorted(gaps)
 
 
-def find_out_of_range(samples: Series, channel: Channel) -> Bools:
-    """Where the value is impossible by :meth:`Channel.holds`."""
-    return ~is_possible(channel, samples.value) & ~np.isnan(samples.value)
-
-
-def find_duplicates(samples: Series) -> Bools:
-    """Where a measured time comes again."""
-    return pd.Index(samples.measured_ns).duplicated()
-
-
-def find_backwards(samples: Series) -> tuple[Bools, list[Stretch]]:
-    """Where a sample is measured before one that came earlier; the steps back are listed."""
-    times = samples.measured_ns
-    behind = np.zeros(times.size, dtype=bool)
-    if times.size:
-        behind[1:] = times[1:] < np.maximum.accumulate(times)[:-1]
-    steps = np.flatnonzero(np.diff(times) < 0)
-    steps_back = [
-        Stretch(int(times[at + 1]), int(times[at]), float(times[at] - times[at + 1]) / NANO) for at in steps
-    ]
-    return behind, steps_back
-
-
 def find_spikes(samples: Series, channel: Channel) -> Bools:
     """Where one to three samples leave their neighbours and return.
 
@@ -167,20 +143,15 @@ def find_spikes(samples: Series, channel: Channel) -> Bools:
     than twice the steps nearby: around the crest of a wave and a thruster that is moved the steps are large too.
     Returning is that before and after agree, but for the local trend: a step of an order does not return.
     """
-    places, times, values = sort_by_time(samples, channel)
-    bad = np.zeros(samples.value.size, dtype=bool)
-    seconds = (times - times[0]) / NANO if times.size else times.astype(float)
-    distinct = np.concatenate([[True], np.diff(seconds) > 0]) if times.size else np.zeros(0, dtype=bool)
-    places, seconds, values = places[distinct], seconds[distinct], values[distinct]
-    if values.size >= 16:
-        bad[places[_spike_mask(seconds, values, channel)]] = True
-    return bad
-
-
-def _spike_mask(seconds: Floats, values: Floats, channel: Channel) -> Bools:
-    """The spikes of :func:`find_spikes` among samples at increasing times."""
     from scipy.ndimage import median_filter
 
+    places, times, values = sort_by_time(samples, channel)
+    bad = np.zeros(samples.value.size, dtype=bool)
+    seconds = (times - times[:1]) / NANO
+    distinct = np.diff(seconds, prepend=-1.0) > 0
+    places, seconds, values = places[distinct], seconds[distinct], values[distinct]
+    if values.size < 16:
+        return bad
     steps, step_s = np.diff(values), np.diff(seconds)
     sizes = np.abs(steps)
     smooth: Floats = median_filter(steps / step_s, size=9, mode="nearest")
@@ -189,16 +160,11 @@ def _spike_mask(seconds: Floats, values: Floats, channel: Channel) -> Bools:
     # Changes that go on for two steps, but for the thousandth part: no spike does.
     lasting = np.where(steps[1:] * steps[:-1] > 0.0, np.minimum(sizes[1:], sizes[:-1]), 0.0)
     sustained = 2.0 * float(np.quantile(lasting, 0.999))
-    rate, acceleration = (
-        limits.get(check_group(channel), 0.0) for limits in (_POSSIBLE_RATE, _POSSIBLE_ACCELERATION)
-    )
-    sparse = float(np.median(step_s)) >= _SPARSE_S
-    is_spike, noise = np.zeros(values.size, dtype=bool), np.zeros(values.size)
+    group, noise = check_group(channel), np.zeros(values.size)
+    rate, acceleration = (limits.get(group, 0.0) for limits in (_POSSIBLE_RATE, _POSSIBLE_ACCELERATION))
     for width in range(1, WIDEST_SPIKE + 1):
-        deviation, leaving, span = _deviation_and_return(seconds, values, slope, width)
-        noise = np.maximum(noise, _neighbourhood(deviation, 0.8 if width == 1 else 0.9))
-        if sparse:
-            noise = np.maximum(noise, 0.5 * np.quantile(deviation, 0.97))
+        usual, leaving, span = _departures(seconds, values, slope, width)
+        noise = np.maximum(noise, usual)
         possible = rate * span / 2.0 + acceleration * span**2 / 8.0
         limit = np.maximum(_SPIKE_SIZE * noise, np.minimum(sustained, possible))
         starts = np.flatnonzero(leaving > np.maximum(limit, 3.0 * smallest))
@@ -208,19 +174,18 @@ def _spike_mask(seconds: Floats, values: Floats, channel: Channel) -> Bools:
         scatter = np.sort(np.abs(steps[nearby] - slope[starts, None] * step_s[nearby]), axis=1)[:, -3]
         starts = starts[leaving[starts] > 2.0 * scatter]
         for offset in range(width):
-            is_spike[starts + offset] = True
-    return is_spike
+            bad[places[starts + offset]] = True
+    return bad
 
 
-def _deviation_and_return(
-    seconds: Floats, values: Floats, slope: Floats, width: int
-) -> tuple[Floats, Floats, Floats]:
-    """By the first of ``width`` samples: how far all of them are to one side of the line from the sample before
-    to that after; the same where they return, else 0; and the time between these two [s].
+def _departures(seconds: Floats, values: Floats, slope: Floats, width: int) -> tuple[Floats, Floats, Floats]:
+    """By the first of ``width`` samples: how far such samples usually are to one side of the line from the sample
+    before to that after; how far these are where they return, else 0; and the time between these two [s].
 
-    They return where before and after agree within half of it, but for the local trend.
+    Usual is the quantile of the largest of three blocks of 64 samples. They return where before and after agree
+    within half of it, but for the local trend.
     """
-    size = values.size - width - 1
+    size, step_s = values.size - width - 1, np.median(np.diff(seconds))
     before, after = slice(0, size), slice(width + 1, width + 1 + size)
     span = seconds[after] - seconds[before]
     deviation = np.empty((width, size))
@@ -228,22 +193,19 @@ def _deviation_and_return(
         inside = slice(1 + offset, 1 + offset + size)
         fraction = (seconds[inside] - seconds[before]) / span
         deviation[offset] = values[inside] - values[before] - fraction * (values[after] - values[before])
-    least = np.abs(deviation).min(axis=0)
     one_side = np.abs(np.sign(deviation).sum(axis=0)) == width
+    gapless = span <= 2.0 * (width + 1) * step_s  # across a gap anything may have happened
+    least = np.where(one_side & gapless, np.abs(deviation).min(axis=0), 0.0)
     mismatch = np.abs(values[after] - values[before] - slope[1 : 1 + size] * span)
-    gapless = span <= 2.0 * (width + 1) * np.median(np.diff(seconds))  # across a gap anything may have happened
-    least = np.where(one_side & gapless, least, 0.0)
-    edges = (1, width)
-    return np.pad(least, edges), np.pad(np.where(mismatch < 0.5 * least, least, 0.0), edges), np.pad(span, edges)
-
-
-def _neighbourhood(leaving: Floats, probability: float) -> Floats:
-    """The quantile at ``probability`` of the samples about each one: the largest of three blocks of 64."""
-    blocks = max(leaving.size // _BLOCK, 1)
-    length = min(_BLOCK, leaving.size)
-    scale = np.quantile(leaving[: blocks * length].reshape(blocks, length), probability, axis=1)
+    returning = np.where(mismatch < 0.5 * least, least, 0.0)
+    least, leaving, span = (np.pad(part, (1, width)) for part in (least, returning, span))
+    blocks, length = max(least.size // _BLOCK, 1), min(_BLOCK, least.size)
+    scale = np.quantile(least[: blocks * length].reshape(blocks, length), 0.8 if width == 1 else 0.9, axis=1)
     wide = np.maximum(scale, np.maximum(np.append(scale[1:], scale[-1]), np.insert(scale[:-1], 0, scale[0])))
-    return np.pad(np.repeat(wide, length), (0, leaving.size - blocks * length), mode="edge")
+    usual = np.pad(np.repeat(wide, length), (0, least.size - blocks * length), mode="edge")
+    if step_s >= _SPARSE_S:
+        usual = np.maximum(usual, 0.5 * np.quantile(least, 0.97))
+    return usual, leaving, span
 
 
 @dataclass(frozen=True, slots=True)
@@ -294,38 +256,41 @@ class ChannelFaults:
         return flags
 
     def stretches(self, code: str) -> list[Stretch]:
-        """Where the channel has this kind of fault, sized in the unit of the finding."""
+        """Where the channel has this kind of fault, sized in the unit of the finding: a spike by its distance from
+        its neighbours."""
         if code in self.listed:
             return self.listed[code]
         stretches = stretches_of(self.samples.measured_ns, self.masks[code])
-        return [self._sized(stretch) for stretch in stretches] if code == "spike" else stretches
-
-    def _sized(self, stretch: Stretch) -> Stretch:
-        """A spike sized by its distance from its neighbours [the channel's unit]."""
-        at = int(np.flatnonzero(self.samples.measured_ns == stretch.start_ns)[0])
-        neighbours = valid_values(self.samples)[max(at - 4, 0) : at + 7]
-        turns = np.array([self.channel.wrapped(deviation) for deviation in neighbours - neighbours[min(at, 4)]])
-        turns = np.where(turns > 180.0, turns - 360.0, turns) if self.channel.circular else turns
-        return Stretch(stretch.start_ns, stretch.end_ns, abs(float(np.nanmedian(turns))))
+        if code != "spike":
+            return stretches
+        values, spikes = valid_values(self.samples), []
+        for stretch in stretches:
+            at = int(np.flatnonzero(self.samples.measured_ns == stretch.start_ns)[0])
+            neighbours = values[max(at - 4, 0) : at + 7]
+            turns = np.array([self.channel.wrapped(deviation) for deviation in neighbours - neighbours[min(at, 4)]])
+            turns = np.where(turns > 180.0, turns - 360.0, turns) if self.channel.circular else turns
+            spikes.append(replace(stretch, size=abs(float(np.nanmedian(turns)))))
+        return spikes
 
     def quality(self, has_finding: bool, jumps: list[ClockJump]) -> ChannelQuality:
         """The channel in figures; ``has_finding`` is whether a finding is about it."""
-        times, gaps = self.samples.measured_ns, self.listed["gap"]
+        times, gaps, flags = self.samples.measured_ns, self.listed["gap"], self.flags()
         span_s = float(times.max() - times.min()) / NANO if times.size else 0.0
         interval = interval_ns(times) / NANO
         jumped = {(jump.start_ns, jump.end_ns) for jump in jumps}
         silent_s = sum(gap.size for gap in gaps if (gap.start_ns, gap.end_ns) not in jumped)
         missing = round(silent_s / interval) if interval else 0
+        kinds, counts = np.unique(flags[flags != Quality.MISSING], return_counts=True)
         return ChannelQuality(
             count=times.size,
             rate_hz=(times.size - 1) / span_s if span_s > 0 else 0.0,
             gaps=tuple(gaps),
             stuck=tuple(self.stretches("stuck")),
-            spikes=len(self.stretches("spike")),
+            spikes=runs(self.masks["spike"])[0].size,
             out_of_range=int(self.masks["out_of_range"].sum()),
             duplicates=int(self.masks["duplicate"].sum()),
             time_backwards=len(self.listed["time_backwards"]),
-            grade=grade_of(count_flags(self.flags()), missing, has_finding),
+            grade=grade_of(dict(zip(kinds.tolist(), counts.tolist(), strict=True)), missing, has_finding),
             missing=missing,
         )
 
@@ -343,36 +308,31 @@ def channel_faults(
     An assumed constant, a state and an order are neither stuck nor quantised, and have no spikes.
     """
     times, steady = samples.measured_ns, assumed or channel.state or is_order(channel.name)
-    outside = find_out_of_range(samples, channel)
+    outside = ~is_possible(channel, samples.value) & ~np.isnan(samples.value)
     sound = replace(samples, value=np.where(outside, np.nan, valid_values(samples)))
-    behind, steps_back = find_backwards(samples)
+    behind = np.zeros(times.size, dtype=bool)
+    behind[1:] = times[1:] < np.maximum.accumulate(times)[:-1]
+    steps_back = [
+        Stretch(int(times[at + 1]), int(times[at]), float(times[at] - times[at + 1]) / NANO)
+        for at in np.flatnonzero(np.diff(times) < 0)
+    ]
     jitter = jitter_s(times)
     jitters = jitter * np.sqrt(2.0) * NANO > JITTER_SHARE * interval_ns(times)
     masks = {
         "stuck": np.zeros(times.size, dtype=bool) if steady else find_stuck(sound, channel, rate),
         "spike": np.zeros(times.size, dtype=bool) if steady else find_spikes(sound, channel),
         "out_of_range": outside,
-        "duplicate": find_duplicates(samples),
+        "duplicate": pd.Index(times).duplicated(),
         "time_backwards": behind,
     }
-    listed = {
-        "gap": find_gaps(samples, *(bounds_ns or (None, None))),
-        "time_backwards": steps_back,
-        "quantised": _whole_record(times, 0.0 if steady else quantisation_step(sound, channel)),
-        "time_jitter": _whole_record(times, jitter if jitters else 0.0),
+    whole_record = {
+        "quantised": 0.0 if steady else quantisation_step(sound, channel),
+        "time_jitter": jitter if jitters else 0.0,
     }
+    listed = {"gap": find_gaps(samples, *(bounds_ns or (None, None))), "time_backwards": steps_back}
+    for code, size in whole_record.items():
+        listed[code] = [Stretch(int(times.min()), int(times.max()), size)] if size else []
     return ChannelFaults(channel, samples, masks, listed, is_other_convention(channel, samples.value))
-
-
-def _whole_record(times: Ints, size: float) -> list[Stretch]:
-    """All of a channel's time as a stretch of this size; none where there is nothing."""
-    return [Stretch(int(times.min()), int(times.max()), size)] if size else []
-
-
-def count_flags(flags: Flags) -> dict[int, int]:
-    """How many samples have each flag; what is missing is none."""
-    kinds, counts = np.unique(flags[flags != Quality.MISSING], return_counts=True)
-    return {int(kind): int(count) for kind, count in zip(kinds, counts, strict=True)}
 
 
 def grade_of(flagged: dict[int, int], missing: int, has_finding: bool) -> Grade:
@@ -401,9 +361,7 @@ def check_heading_wrap(table: pd.DataFrame) -> CheckResult:
     names = tuple(name for name in judged if name in table)
     flags, index, findings = uniform_flags(table, names), utc_index(table), []
     for name in names:
-        series = _possible_samples(table, name)
-        wrong, places = _wrong_samples(table, name, series)
-        rows = series.rows[wrong]
+        rows, places = _seam_lines(table, name)
         set_flags(flags, name, rows, Quality.BAD)
         if places:
             seam = "360 and 0" if BY_NAME[name].low == 0.0 else "180 and -180"
@@ -411,76 +369,55 @@ def check_heading_wrap(table: pd.DataFrame) -> CheckResult:
                 f"{name} was interpolated as a plain number between {seam}: {rows.size} samples in {places} places"
             )
             remedy = "They are put back on the circle between their neighbours by --repair"
-            estimate, ends = (
-                {"samples": float(rows.size), "places": float(places)},
-                (index[rows[0]], index[rows[-1]]),
-            )
-            findings.append(Finding(WRAP_INTERPOLATED, name, *ends, text, remedy, estimate, certain=True))
+            (start, end), estimate = index[rows[[0, -1]]], {"samples": float(rows.size), "places": float(places)}
+            findings.append(Finding(WRAP_INTERPOLATED, name, start, end, text, remedy, estimate, certain=True))
     return CheckResult(flags, tuple(findings))
 
 
 def seam_line_mask(table: pd.DataFrame, name: str) -> Bools:
     """Whether each value of an angle lies on a straight line through its seam: [rows]."""
     wrong = np.zeros(len(table), np.bool_)
-    series = _possible_samples(table, name)
-    wrong[series.rows[_wrong_samples(table, name, series)[0]]] = True
+    wrong[_seam_lines(table, name)[0]] = True
     return wrong
 
 
-def _possible_samples(table: pd.DataFrame, name: str) -> Samples:
-    """The values that are angles; a sentinel is none, and no place on a line either."""
-    series, channel = samples_of(table, name), BY_NAME[name]
-    held = (series.value >= channel.low) & (series.value <= channel.high)
-    return Samples(series.rows[held], series.time_s[held], series.value[held])
-
-
-def _wrong_samples(table: pd.DataFrame, name: str, series: Samples) -> tuple[Bools, int]:
-    """The wrong samples [n] and the number of places; none where chance explains them as well.
+def _seam_lines(table: pd.DataFrame, name: str) -> tuple[Ints, int]:
+    """The rows of samples on lines through the seam and the number of places; none where chance explains them.
 
     A spike that happens to stand where the ship passes north looks the same. It would stand as often where it
     passes east, so the circle is turned, and what is found then is what chance brings; and spikes stand in few
     of the passages, and at other places too. Angles without a measured rate must show three places.
     """
-    nothing = np.zeros(series.rows.size, np.bool_), 0
-    if series.rows.size < 4:
+    series, channel = samples_of(table, name), BY_NAME[name]
+    held = (series.value >= channel.low) & (series.value <= channel.high)  # a sentinel is no place on a line
+    rows, time_s, value = series.rows[held], series.time_s[held], series.value[held]
+    nothing = np.zeros(0, np.int64), 0
+    if rows.size < 4:
         return nothing
-    rate, expected_deg = samples_of(table, "yaw_rate_dps"), np.zeros(series.rows.size - 1)
+    rate, expected_deg = samples_of(table, "yaw_rate_dps"), np.zeros(rows.size - 1)
     if name == "heading_deg" and rate.rows.size >= 2:
-        rate_dps = np.interp(series.time_s, rate.time_s, rate.value)
-        expected_deg = 0.5 * (rate_dps[1:] + rate_dps[:-1]) * np.diff(series.time_s)
-    scatter_deg = robust_spread(difference(np.diff(series.value), expected_deg))
+        rate_dps = np.interp(time_s, rate.time_s, rate.value)
+        expected_deg = 0.5 * (rate_dps[1:] + rate_dps[:-1]) * np.diff(time_s)
+    scatter_deg = robust_spread(difference(np.diff(value), expected_deg))
     if 10.0 * scatter_deg > _LARGEST_DEG:
         return nothing
     limit_deg = max(10.0 * scatter_deg, _SMALLEST_DEG)
-    from_seam = wrap_360(series.value - BY_NAME[name].low)
-    lines = _lines(series.time_s, from_seam, expected_deg, limit_deg)
-    if lines.places < (1 if name == "heading_deg" else 3) or lines.could_be_spikes():
+    from_seam = wrap_360(value - channel.low)
+    lines = _lines(time_s, from_seam, expected_deg, limit_deg)
+    # Spikes affect few of the passages, or no more than the excursions elsewhere make likely.
+    passages = lines.affected_passages + lines.clean_passages
+    share = _CHANCE + 3.0 * lines.elsewhere / lines.wrong.size
+    by_chance = float(special.bdtrc(lines.affected_passages - 1, passages, min(share, 1.0)))
+    could_be_spikes = lines.affected_passages < _FEWEST_AFFECTED * passages or by_chance > 0.01
+    if lines.places < (1 if name == "heading_deg" else 3) or could_be_spikes:
         return nothing
     control_places = [
-        _lines(series.time_s, wrap_360(from_seam + turn), expected_deg, limit_deg).places
-        for turn in _CONTROL_TURNS_DEG
+        _lines(time_s, wrap_360(from_seam + turn), expected_deg, limit_deg).places for turn in _CONTROL_TURNS_DEG
     ]
-    return (lines.wrong, lines.places) if lines.places > 3 * max(control_places) else nothing
+    return (rows[lines.wrong], lines.places) if lines.places > 3 * max(control_places) else nothing
 
 
-@dataclass(frozen=True, slots=True)
-class _Group:
-    """Consecutive steps that the rate of turn does not explain, samples ``first`` to ``last``."""
-
-    first: int
-    last: int
-    turns: int
-    deviation_deg: Floats
-    """How far the samples between the ends are from where they belong."""
-    closes: bool
-    """Whether the ends agree with the rate of turn on the circle."""
-    returns: bool
-    """Whether steps of one sign, two or more, make up a whole turn: there and back again."""
-    at_seam: bool
-
-
-@dataclass(frozen=True, slots=True)
-class _Lines:
+class _Lines(NamedTuple):
     """The samples on lines across the circle [n], on how many ``places``, and the evidence for spikes instead."""
 
     wrong: Bools
@@ -490,59 +427,53 @@ class _Lines:
     elsewhere: int
     """Excursions of the same kind that have nothing to do with the seam."""
 
-    def could_be_spikes(self) -> bool:
-        """Whether few of the passages are affected, or no more than the excursions elsewhere make likely."""
-        passages = self.affected_passages + self.clean_passages
-        share = _CHANCE + 3.0 * self.elsewhere / self.wrong.size
-        by_chance = float(special.bdtrc(self.affected_passages - 1, passages, min(share, 1.0)))
-        return self.affected_passages < _FEWEST_AFFECTED * passages or by_chance > 0.01
-
 
 def _lines(time_s: Floats, from_seam_deg: Floats, expected_deg: Floats, limit_deg: float) -> _Lines:
-    """Lines across the circle of angles that are counted from the seam."""
+    """Lines across the circle of angles that are counted from the seam.
+
+    Groups of consecutive steps that the rate of turn does not explain are lines where their ends agree with it on
+    the circle, samples between them do not, and steps of one sign, two or more, make up a whole turn.
+    """
     step_deg = np.diff(from_seam_deg)
     hole = np.diff(time_s) > _LONGEST_STEP * np.median(np.diff(time_s))
     wild = (np.abs(step_deg - expected_deg) > limit_deg) & ~hole
     # Two stray samples may stand level, so that the step between them looks sound.
     wild[1:-1] |= wild[:-2] & wild[2:] & ~hole[1:-1]
     path_deg = np.concatenate([[0.0], np.cumsum(expected_deg)])
-    groups = [
-        _group(int(first), int(stop), from_seam_deg, path_deg, limit_deg)
-        for first, stop in zip(*runs(wild), strict=True)
-        if stop - first >= 2
-    ]
-    usable = [group for group in groups if group.closes and (np.abs(group.deviation_deg) > 2.0 * limit_deg).any()]
-    wrong = np.zeros(time_s.size, np.bool_)
     whole_deg = 360.0 - 6.0 * limit_deg
-    certain = [group for group in usable if abs(group.turns) == 1 or group.returns]
+    certain: list[tuple[Ints, Floats]] = []
+    swings: list[tuple[Ints, Floats]] = []
+    elsewhere = 0
+    for first, stop in zip(*runs(wild), strict=True):
+        if stop - first < 2:
+            continue
+        turned, expected = from_seam_deg[stop] - from_seam_deg[first], path_deg[stop] - path_deg[first]
+        turns = round((turned - expected) / 360.0)
+        residual_deg = turned - expected - 360.0 * turns
+        inside = np.arange(first + 1, stop)
+        fraction = (inside - first) / (stop - first)
+        due_deg = from_seam_deg[first] + path_deg[inside] - path_deg[first] + fraction * residual_deg
+        deviation_deg = np.abs(difference(from_seam_deg[inside], due_deg))
+        # A rate of turn that is a few per cent wrong adds its share over a long group.
+        closes = abs(residual_deg) < limit_deg * np.sqrt(stop - first) + 0.1 * abs(expected)
+        if not (closes and (deviation_deg > 2.0 * limit_deg).any()):
+            continue
+        ends = from_seam_deg[[first, stop]]
+        at_seam = bool((np.minimum(ends, 360.0 - ends) < 3.0 * limit_deg).all())
+        starts, lengths = runs_of_equal(np.diff(np.sign(step_deg[first:stop])) != 0.0)
+        returns = (np.abs(np.add.reduceat(step_deg[first:stop], starts)) > whole_deg) & (lengths >= 2)
+        if abs(turns) == 1 or returns.any():
+            certain.append((inside, deviation_deg))
+        if turns == 0 and at_seam:
+            swings.append((inside, deviation_deg))
+        elsewhere += turns == 0 and not at_seam
     # Swinging about the seam, samples may go astray twice and come back on the side they left from: no turn
     # is left over. Alone that is a spike near north; beside places that are sure it is one of them.
-    swings = [group for group in usable if group.turns == 0 and group.at_seam and len(certain) >= 3]
-    for group in (*certain, *swings):
-        wrong[group.first + 1 : group.last] |= np.abs(group.deviation_deg) > limit_deg
+    wrong = np.zeros(time_s.size, np.bool_)
+    for inside, deviation_deg in (*certain, *(swings if len(certain) >= 3 else ())):
+        wrong[inside] |= deviation_deg > limit_deg
     passes = (np.abs(step_deg) > whole_deg) & ~wrong[:-1] & ~wrong[1:]
-    elsewhere = sum(group.turns == 0 and not group.at_seam for group in usable)
-    return _Lines(wrong, int(runs(wrong)[0].size), len(certain), int(passes.sum()), int(elsewhere))
-
-
-def _group(first: int, last: int, from_seam_deg: Floats, path_deg: Floats, limit_deg: float) -> _Group:
-    turned = from_seam_deg[last] - from_seam_deg[first]
-    expected = path_deg[last] - path_deg[first]
-    turns = round((turned - expected) / 360.0)
-    residual_deg = turned - expected - 360.0 * turns
-    inside = np.arange(first + 1, last)
-    fraction = (inside - first) / (last - first)
-    due_deg = from_seam_deg[first] + path_deg[inside] - path_deg[first] + fraction * residual_deg
-    deviation_deg = difference(from_seam_deg[inside], due_deg)
-    # A rate of turn that is a few per cent wrong adds its share over a long group.
-    closes = abs(residual_deg) < limit_deg * np.sqrt(last - first) + 0.1 * abs(expected)
-    ends = from_seam_deg[[first, last]]
-    at_seam = bool((np.minimum(ends, 360.0 - ends) < 3.0 * limit_deg).all())
-    step_deg = np.diff(from_seam_deg[first : last + 1])
-    starts, lengths = runs_of_equal(np.diff(np.sign(step_deg)) != 0.0)
-    whole_turns = np.abs(np.add.reduceat(step_deg, starts)) > 360.0 - 6.0 * limit_deg
-    returns = bool((whole_turns & (lengths >= 2)).any())
-    return _Group(first, last, turns, deviation_deg, bool(closes), returns, at_seam)
+    return _Lines(wrong, int(runs(wrong)[0].size), len(certain), int(passes.sum()), elsewhere)
 
 
 @dataclass(frozen=True, slots=True)
@@ -607,7 +538,7 @@ def _alternate(blocks: Floats, separation: Floats, channel: Channel) -> Bools:
     turns = size > _BETWEEN[1]
     enough = turns.sum(axis=1) >= _FEWEST_TURNS
     between = np.mean((size > _BETWEEN[0]) & ~turns, axis=1) <= _MOST_BETWEEN
-    spread = np.array([1.4826 * np.median(np.abs(row[turn] - np.median(row[turn]))) if turn.any() else np.inf
+    spread = np.array([robust_spread(row[turn] - np.median(row[turn])) if turn.any() else np.inf
                        for row, turn in zip(size, turns, strict=True)])  # fmt: skip
     balance = np.cumsum(np.sign(blocks) * turns, axis=1)
     either_way = channel.circular & (separation > _HALF_TURN_DEG)
@@ -626,35 +557,28 @@ def alternation_findings(series: Mapping[str, Series], channels: Mapping[str, Ch
     findings = []
     for name, samples in series.items():
         channel = channels[name]
-        if not channel.state:
-            possible = np.where(is_possible(channel, samples.value), samples.value, np.nan)
-            levels = find_levels(replace(samples, value=possible), channel)
-            if levels is not None:
-                findings.append(_levels_finding(channel, samples, levels))
+        possible = np.where(is_possible(channel, samples.value), samples.value, np.nan)
+        levels = None if channel.state else find_levels(replace(samples, value=possible), channel)
+        if levels is None:
+            continue
+        main_sources = []
+        for side in (-1, 1):
+            index = samples.source_index[levels.side == side]
+            labelled = index.size and samples.sources
+            main_sources.append(samples.sources[int(np.bincount(index).argmax())] if labelled else "")
+        lower, upper = main_sources
+        labels = (f" ({lower})", f" ({upper})") if lower and upper and lower != upper else ("", "")
+        times = samples.measured_ns[levels.side != 0]
+        text = (
+            f"{name} alternates between two levels, {levels.lower:.4g}{labels[0]} and {levels.upper:.4g} "
+            f"{channel.unit}{labels[1]}, {levels.separation:.3g} {channel.unit} apart, {levels.turns:,} times: "
+            f"two sources under one name"
+        )
+        remedy = "Record or import one of the sources alone; a mean of both is what neither measured"
+        estimate = {
+            "level": levels.lower, "other_level": levels.upper,
+            "apart": levels.separation, "count": float(levels.turns),
+        }  # fmt: skip
+        ends = utc_time(int(times.min())), utc_time(int(times.max()))
+        findings.append(Finding(ALTERNATING, name, *ends, text, remedy, estimate))
     return findings
-
-
-def _levels_finding(channel: Channel, samples: Series, levels: AlternatingLevels) -> Finding:
-    main_sources = []
-    for side in (-1, 1):
-        index = samples.source_index[levels.side == side]
-        number = int(np.bincount(index).argmax()) if index.size else 0
-        main_sources.append(samples.sources[number] if index.size and samples.sources else "")
-    lower, upper = main_sources
-    named = lower != upper and bool(lower and upper)
-    labels = (f" ({lower})", f" ({upper})") if named else ("", "")
-    times = samples.measured_ns[levels.side != 0]
-    text = (
-        f"{channel.name} alternates between two levels, {levels.lower:.4g}{labels[0]} and {levels.upper:.4g} "
-        f"{channel.unit}{labels[1]}, {levels.separation:.3g} {channel.unit} apart, {levels.turns:,} times: "
-        f"two sources under one name"
-    )
-    remedy = "Record or import one of the sources alone; a mean of both is what neither measured"
-    estimate = {
-        "level": levels.lower,
-        "other_level": levels.upper,
-        "apart": levels.separation,
-        "count": float(levels.turns),
-    }
-    ends = utc_time(int(times.min())), utc_time(int(times.max()))
-    return Finding(ALTERNATING, channel.name, *ends, text, remedy, estimate)

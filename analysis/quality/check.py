@@ -35,19 +35,17 @@ from seatrial.analysis.quality.channel_checks import (
 from seatrial.analysis.quality.commands import check_helm_sign, check_orders, check_thruster_feedback
 from seatrial.analysis.quality.findings import (
     ALL,
+    OTHER_TURN,
     WORDING,
     Check,
     CheckResult,
     ClockJump,
     Finding,
-    clock_jump_finding,
     clock_jumps,
     findings_of,
-    merge_flags,
-    other_convention_finding,
     reception_jumps,
-    time_outlier_finding,
     uniform_flags,
+    utc_time,
 )
 from seatrial.analysis.quality.motion.findings import check_motion
 from seatrial.analysis.quality.motion.model import coarse_fit
@@ -60,6 +58,7 @@ from seatrial.analysis.tables.table import (
     main_stretch,
     required_channels,
     table_of,
+    time_span_text,
     times_ns,
     utc_index,
     valid_values,
@@ -83,6 +82,11 @@ _WINDS = (("wind_direction_deg", "wind_speed_mps"), ("apparent_wind_angle_deg", 
 _SPIKES_BY = frozenset({"heading_wrap_interpolated", "position_time_jitter", "heading_time_jitter"})
 _FINDINGS_BY = {"stuck": frozenset({"feedback_frozen"})}
 """What explains spikes, sample by sample, and findings of one channel altogether."""
+_FEW_STRAY = 0.05
+"""The share of samples that may be stamped outside a recording for certain to be the wrong ones."""
+_PRECEDENCE = (Quality.NOT_EVALUATED, Quality.GOOD, Quality.SUSPECT, Quality.BAD, Quality.MISSING)
+_RANK = np.zeros(max(_PRECEDENCE) + 1, dtype=np.uint8)
+_RANK[[*_PRECEDENCE]] = np.arange(len(_PRECEDENCE))
 _FEW_OUTSIDE = 0.01
 _NEAR_A_UNIT = 0.1
 _OF_TIME = frozenset({"gap", "duplicate", "time_backwards", "time_jitter", "stuck", "clock_jump"})
@@ -180,10 +184,23 @@ def _check(series: Mapping[str, Series], joined: pd.DataFrame, user_checks: Sequ
     inside = (stamps >= first) & (stamps <= last)
     if inside.all():
         return _check_stretch(series, joined, user_checks=user_checks)
-    parts = {name: samples.subset((samples.measured_ns >= first) & (samples.measured_ns <= last))
-             for name, samples in series.items()}  # fmt: skip
-    parts = {name: part for name, part in parts.items() if part.value.size}
-    quality = _check_stretch(parts, joined[inside], (time_outlier_finding(series, first, last),), user_checks)
+    within = {name: (samples.measured_ns >= first) & (samples.measured_ns <= last)
+              for name, samples in series.items()}  # fmt: skip
+    parts = {name: samples.subset(within[name]) for name, samples in series.items() if within[name].any()}
+    stray = {name: samples.measured_ns[~within[name]] for name, samples in series.items() if not within[name].all()}
+    stray_ns = np.concatenate(list(stray.values()))
+    distance_s = max(first - int(stray_ns.min()), int(stray_ns.max()) - last) / NANO
+    count, total = stray_ns.size, sum(samples.value.size for samples in series.values())
+    finding = Finding(
+        "time_outlier", next(iter(stray)) if len(stray) == 1 else ALL,
+        utc_time(int(stray_ns.min())), utc_time(int(stray_ns.max())),
+        f"{count:,} of {total:,} samples {'is' if count == 1 else 'are'} stamped {time_span_text(stray_ns)}, up to "
+        f"{distance_s / 86400:,.0f} days from the recording proper, {time_span_text(np.array([first, last]))}",
+        "Look at the clock when recording began; `--repair` makes gaps of a few such samples",
+        {"count": float(count), "seconds": distance_s},
+        certain=count < _FEW_STRAY * total,  # a few are certain to be wrong, of two halves either may be
+    )  # fmt: skip
+    quality = _check_stretch(parts, joined[inside], (finding,), user_checks)
     columns = joined[list(series)]
     flags = columns.notna().astype(np.uint8).replace({1: int(Quality.BAD), 0: int(Quality.MISSING)})
     flags.loc[inside, list(parts)] = quality.flags.to_numpy()
@@ -207,35 +224,34 @@ def _check_stretch(
     }
     _drop_spikes_of_faint_wind(faults)
     rows = {name: rows_of(stamps, samples.measured_ns) for name, samples in series.items()}
-    joined = _restore_yaw_rate_in_other_unit(joined, faults, rows)
-    possible = _without_impossible(joined, faults, rows)
-    checked = [check(possible) for check in (*CHECKS, *map(load_check, user_checks))]
-    across = tuple(finding for result in checked for finding in result.findings)
-    for result in checked:
+    joined, possible = _correct_impossible(joined, faults, rows)
+    results = [check(possible) for check in (*CHECKS, *map(load_check, user_checks))]
+    across = tuple(finding for result in results for finding in result.findings)
+    for result in results:
         explained = {finding.channel for finding in result.findings if finding.code in _SPIKES_BY}
         for name in explained & set(faults) & set(result.flags.columns):
             doubtful = np.isin(result.flags[name].to_numpy()[rows[name]], (Quality.SUSPECT, Quality.BAD))
             faults[name].masks["spike"][doubtful] = False
-    received = reception_jumps(series)  # where reception was recorded; else jumps against the ship's motion
-    jumps = [jump for _, jump in received] or clock_jumps(_in_order_of_receipt(series, joined))
-    clocks = [f"The clock of {source}" for source, _ in received] or ["The clock, but not the ship,"] * len(jumps)
+    jumps, jump_findings = _clock_jumps(series, joined)
     alternations = alternation_findings({name: fault.samples for name, fault in faults.items()}, channels)
-    checked += [CheckResult(uniform_flags(joined, [finding.channel], Quality.SUSPECT)) for finding in alternations]
-    findings = (
-        *earlier_findings,
-        *across,
-        *(clock_jump_finding(jump, ALL, clock) for jump, clock in zip(jumps, clocks, strict=True)),
-        *alternations,
-        *_single_findings(faults, across, jumps),
-    )
-    flags = _merge_all_flags(faults, rows, checked, joined)
-    qualities = {name: fault.quality(_is_about(findings, name), jumps) for name, fault in faults.items()}
+    results += [CheckResult(uniform_flags(joined, [finding.channel], Quality.SUSPECT)) for finding in alternations]
+    findings = [
+        *earlier_findings, *across, *jump_findings, *alternations, *_single_findings(faults, across, jumps)
+    ]  # fmt: skip
+    flags = _merge_all_flags(faults, rows, results, joined)
+    qualities = {}
+    for name, fault in faults.items():
+        has_finding = any(
+            finding.channel == ALL
+            or name in finding.channel
+            or (finding.code not in WORDING and _PAIRS.get(name, name) in finding.channel)
+            for finding in findings
+        )
+        qualities[name] = fault.quality(has_finding, jumps)
     missing = tuple(name for name in required_channels(joined) if name not in faults)
     ranks = {code: rank for rank, code in enumerate(SEVERITY)}
-    findings = tuple(
-        sorted(findings, key=lambda finding: (ranks.get(finding.code, len(ranks)), finding.start, finding.channel))
-    )
-    return DataQuality(qualities, findings, flags, missing, sources)
+    findings.sort(key=lambda finding: (ranks.get(finding.code, len(ranks)), finding.start, finding.channel))
+    return DataQuality(qualities, tuple(findings), flags, missing, sources)
 
 
 def _drop_spikes_of_faint_wind(faults: Mapping[str, ChannelFaults]) -> None:
@@ -252,60 +268,63 @@ def _drop_spikes_of_faint_wind(faults: Mapping[str, ChannelFaults]) -> None:
             faults[direction].masks["spike"][~jumps] = False
 
 
-def _restore_yaw_rate_in_other_unit(
+def _correct_impossible(
     joined: pd.DataFrame, faults: Mapping[str, ChannelFaults], rows: Mapping[str, Ints]
-) -> pd.DataFrame:
-    """The table with a yaw rate beyond its limits as it was recorded, and the fault withdrawn, where the heading
-    shows that it is in degrees per minute: then none of its values is impossible."""
+) -> tuple[pd.DataFrame, pd.DataFrame]:
+    """The table as recorded, and without values out of range, which would dominate every estimate.
+
+    Where the heading shows that the yaw rate is in degrees per minute, none of its values is impossible, and the
+    fault is withdrawn. Angles of the other convention are brought into the channel's.
+    """
     fault = faults.get("yaw_rate_dps")
-    if fault is None or fault.masks["out_of_range"].mean() < _FEW_OUTSIDE:
-        return joined
-    outside, value = fault.masks["out_of_range"], joined["yaw_rate_dps"].to_numpy(copy=True)
-    value[rows["yaw_rate_dps"][outside]] = fault.samples.value[outside]
-    value[np.abs(value) >= LARGEST_VALUE] = np.nan
-    recorded = joined.assign(yaw_rate_dps=value)
-    with suppress(DataShortageError, InputError):
-        if abs(60.0 * abs(coarse_fit(recorded).yaw_rate_factor) - 1.0) < _NEAR_A_UNIT:
-            outside[:] = False
-            return recorded
-    return joined
+    if fault is not None and fault.masks["out_of_range"].mean() >= _FEW_OUTSIDE:
+        outside, value = fault.masks["out_of_range"], joined["yaw_rate_dps"].to_numpy(copy=True)
+        value[rows["yaw_rate_dps"][outside]] = fault.samples.value[outside]
+        value[np.abs(value) >= LARGEST_VALUE] = np.nan
+        recorded = joined.assign(yaw_rate_dps=value)
+        with suppress(DataShortageError, InputError):
+            if abs(60.0 * abs(coarse_fit(recorded).yaw_rate_factor) - 1.0) < _NEAR_A_UNIT:
+                outside[:] = False
+                joined = recorded
+    if not any(fault.masks["out_of_range"].any() for fault in faults.values()):
+        return joined, joined
+    possible = joined.copy()
+    for name, fault in faults.items():
+        outside = fault.masks["out_of_range"]
+        if outside.any():
+            column = possible[name].to_numpy(copy=True)
+            in_convention = in_turn(fault.channel, fault.samples.value[outside])
+            column[rows[name][outside]] = in_convention if fault.other_convention else np.nan
+            possible[name] = column
+    possible.attrs = joined.attrs
+    return joined, possible
 
 
-def _without_impossible(
-    joined: pd.DataFrame, faults: Mapping[str, ChannelFaults], rows: Mapping[str, Ints]
-) -> pd.DataFrame:
-    """The table without values out of range, which would dominate every estimate; angles of the other convention
-    are brought into the channel's."""
-    out_of_range = {name: fault.masks["out_of_range"] for name, fault in faults.items()}
-    out_of_range = {name: outside for name, outside in out_of_range.items() if outside.any()}
-    if not out_of_range:
-        return joined
-    cleaned = joined.copy()
-    for name, outside in out_of_range.items():
-        column = cleaned[name].to_numpy(copy=True)
-        corrected = (
-            in_turn(faults[name].channel, faults[name].samples.value[outside])
-            if faults[name].other_convention
-            else np.nan
+def _clock_jumps(series: Mapping[str, Series], joined: pd.DataFrame) -> tuple[list[ClockJump], list[Finding]]:
+    """Jumps of clocks against reception where that was recorded, else against the ship's motion."""
+    clocks = [(f"The clock of {source}", jump) for source, jump in reception_jumps(series)]
+    if not clocks:
+        # The rows in the order of receipt where the channels share their stamps; else in the order of measurement,
+        # each row of a position with the last values of the other channels.
+        position = series["north_m"].measured_ns if "north_m" in series else np.zeros(0, np.int64)
+        moving = joined
+        if all(np.array_equal(position, samples.measured_ns) for samples in series.values()):
+            values = {name: valid_values(samples) for name, samples in series.items()}
+            moving = pd.DataFrame(values, index=index_of(position))
+        elif "north_m" in joined:
+            moving = joined.ffill()[joined["north_m"].notna().to_numpy()]
+        clocks = [("The clock, but not the ship,", jump) for jump in clock_jumps(moving)]
+    findings = []
+    for clock, jump in clocks:
+        text = (
+            f"{clock} jumps {'forward' if jump.seconds > 0 else 'back'} by {abs(jump.seconds):.2f} s "
+            f"({abs(jump.low):.2f} to {abs(jump.high):.2f}) at {utc_time(jump.start_ns):%H:%M:%S}"
         )
-        column[rows[name][outside]] = corrected
-        cleaned[name] = column
-    cleaned.attrs = joined.attrs
-    return cleaned
-
-
-def _in_order_of_receipt(series: Mapping[str, Series], joined: pd.DataFrame) -> pd.DataFrame:
-    """The rows in the order of receipt where the channels share their stamps; else in the order of measurement,
-    each row of a position with the last values of the other channels."""
-    position = series["north_m"].measured_ns if "north_m" in series else np.zeros(0, np.int64)
-    if all(np.array_equal(position, samples.measured_ns) for samples in series.values()):
-        return pd.DataFrame(
-            {name: valid_values(samples) for name, samples in series.items()}, index=index_of(position)
-        )
-    if "north_m" not in joined:
-        return joined
-    filled = joined.ffill()
-    return filled[joined["north_m"].notna().to_numpy()]
+        remedy = "Take the jump off every later stamp before anything crosses it"
+        estimate = {"seconds": jump.seconds, "low": jump.low, "high": jump.high}
+        ends = utc_time(jump.start_ns), utc_time(jump.end_ns)
+        findings.append(Finding("clock_jump", ALL, *ends, text, remedy, estimate))
+    return [jump for _, jump in clocks], findings
 
 
 def _single_findings(
@@ -314,6 +333,8 @@ def _single_findings(
     """Findings of the checks of one channel, without those that a finding across channels explains."""
     jumped = {(jump.start_ns, jump.end_ns) for jump in jumps}
     channels, findings = {name: fault.channel for name, fault in faults.items()}, list[Finding]()
+    contradicted = {finding.channel for finding in across if finding.code == "motion_contradiction"}
+    in_other_convention = {name for name, fault in faults.items() if fault.other_convention} - contradicted
     for code in WORDING:
         explained = {finding.channel for finding in across if finding.code in _FINDINGS_BY.get(code, ())}
         stretches = {
@@ -321,44 +342,38 @@ def _single_findings(
             for name, fault in faults.items()
             if name not in explained
         }
-        candidates = findings_of(code, stretches, channels)
-        contradicted = {finding.channel for finding in across if finding.code == "motion_contradiction"}
-        in_other_convention = [
-            name for name, fault in faults.items() if fault.other_convention and name not in contradicted
-        ]
-        findings += [
-            other_convention_finding(finding, channels[finding.channel])
-            if code == "out_of_range" and finding.channel in in_other_convention
-            else finding
-            for finding in candidates
-        ]
+        for finding in findings_of(code, stretches, channels):
+            if code == "out_of_range" and finding.channel in in_other_convention:  # which makes a repair certain
+                range_text = "-180..180" if channels[finding.channel].low < 0.0 else "0..360"
+                count = finding.estimate["count"]
+                lie = "sample lies" if count == 1 else "samples lie"
+                text = (
+                    f"{finding.channel} counts otherwise than {range_text}, which is the convention: {count:,.0f} "
+                    f"{lie} beyond, the first at {finding.start:%H:%M:%S}"
+                )
+                remedy = "`--repair` turns them into it; give the convention to what imports or decodes them"
+                estimate = {**finding.estimate, OTHER_TURN: 1.0}
+                finding = replace(finding, text=text, remedy=remedy, estimate=estimate)
+            findings.append(finding)
     return findings
 
 
 def _merge_all_flags(
-    faults: Mapping[str, ChannelFaults], rows: Mapping[str, Ints], checked: list[CheckResult], joined: pd.DataFrame
+    faults: Mapping[str, ChannelFaults], rows: Mapping[str, Ints], results: list[CheckResult], joined: pd.DataFrame
 ) -> pd.DataFrame:
-    """The flags of all checks on the rows of the joined table."""
+    """The most severe flag of all checks on the rows of the joined table; what was evaluated counts more than what
+    was not."""
     columns = {}
     for name, fault in faults.items():
         column = np.full(len(joined), Quality.MISSING, dtype=np.uint8)
         column[rows[name]] = fault.flags()
         present: Bools = joined[name].notna().to_numpy() if name in joined else np.zeros(len(joined), dtype=bool)
-        for result in checked:
+        for result in results:
             if name in result.flags:
-                column = np.where(present, merge_flags(column, result.flags[name].to_numpy(np.uint8)), column)
+                flags = result.flags[name].to_numpy(np.uint8)
+                column = np.where(present & (_RANK[flags] > _RANK[column]), flags, column)
         columns[name] = column
     return pd.DataFrame(columns, index=joined.index)
-
-
-def _is_about(findings: tuple[Finding, ...], name: str) -> bool:
-    """Whether a finding is about this channel, or about the pair of which it is the other half."""
-    return any(
-        finding.channel == ALL
-        or name in finding.channel
-        or (finding.code not in WORDING and _PAIRS.get(name, name) in finding.channel)
-        for finding in findings
-    )
 
 
 def load_check(name: str) -> Check:
@@ -375,23 +390,21 @@ def load_check(name: str) -> Check:
         index = utc_index(table)
         try:
             with own_code(name, file_of(function)):
-                return _result(function(table.copy()), table)
+                returned: object = function(table.copy())
+                if isinstance(returned, CheckResult):
+                    return returned
+                findings = tuple(returned) if isinstance(returned, Iterable) else (returned,)
+                if not all(isinstance(finding, Finding) for finding in findings):
+                    kind = type(returned).__name__
+                    raise TypeError(
+                        f"it returned a {kind}, not a list of seatrial.analysis.quality.findings.Finding"
+                    )
+                return CheckResult(uniform_flags(table), findings)
         except OwnCodeError as error:
             failed = Finding("check_failed", "", index[0], index[-1], str(error))
             return CheckResult(uniform_flags(table), (failed,))
 
     return check
-
-
-def _result(returned: object, table: pd.DataFrame) -> CheckResult:
-    if isinstance(returned, CheckResult):
-        return returned
-    findings = tuple(returned) if isinstance(returned, Iterable) else (returned,)
-    if not all(isinstance(finding, Finding) for finding in findings):
-        raise TypeError(
-            f"it returned a {type(returned).__name__}, not a list of seatrial.analysis.quality.findings.Finding"
-        )
-    return CheckResult(uniform_flags(table), findings)
 
 
 @dataclass(frozen=True, slots=True)
@@ -446,22 +459,38 @@ def causes_of(
 ) -> tuple[Cause, ...]:
     """The causes of findings, in the order of their first ones.
 
-    ``gaps`` and ``sources`` are those of each channel, ``events`` the recording's log.
+    ``gaps`` and ``sources`` are those of each channel, ``events`` the recording's log, of which a cause quotes the
+    first two entries and the last on its lines, or of the recorder, in its stretches of time.
     """
     groups: list[list[Finding]] = []
     for finding in findings:
-        group = next(
-            (candidate for candidate in groups if _has_same_cause(finding, candidate[0], gaps, sources)), None
-        )
-        if group is None:
-            groups.append([finding])
+        match = next((group for group in groups if _have_same_cause(finding, group[0], gaps, sources)), None)
+        if match is not None:
+            match.append(finding)
         else:
-            group.append(finding)
-    log = list(events)
-    return tuple(_cause(group, gaps, sources, log) for group in groups)
+            groups.append([finding])
+    log = [event for event in events if event.level != "info" and event.kind in ("source", "recorder")]
+    slack_ns = int(_EVENT_SLACK_S * NANO)
+    causes = []
+    for group in groups:
+        channels = tuple(dict.fromkeys(finding.channel for finding in group))
+        lines = tuple(sorted({line for name in channels for line in _lines_of(sources, name)}))
+        spans = [(gap.start_ns, gap.end_ns) for name in channels for gap in gaps.get(name, ())]
+        if group[0].code != "gap":
+            spans = []
+        elif ALL in channels:
+            spans = [(finding.start.value, finding.end.value) for finding in group]
+        texts = [
+            event.text for event in log
+            if event.source in ("", *lines)
+            and any(start <= event.time_ns <= end + slack_ns for start, end in spans)
+        ]  # fmt: skip
+        texts = texts if len(texts) <= 3 else [*texts[:2], texts[-1]]
+        causes.append(Cause(tuple(group), channels, lines, tuple(dict.fromkeys(texts))))
+    return tuple(causes)
 
 
-def _has_same_cause(
+def _have_same_cause(
     finding: Finding,
     member: Finding,
     gaps: Mapping[str, Sequence[Stretch]],
@@ -469,8 +498,16 @@ def _has_same_cause(
 ) -> bool:
     if finding.code != member.code or ALL in (finding.channel, member.channel):
         return False
-    if finding.code == "gap":
-        return _share_silences(gaps.get(finding.channel, ()), gaps.get(member.channel, ()))
+    if finding.code == "gap":  # silent for most of the time in silences that begin and end together
+        first, second = (gaps.get(channel, ()) for channel in (finding.channel, member.channel))
+        slack_ns = _SLACK_S * NANO
+        together_s = sum(
+            gap.seconds for gap in first
+            if any(abs(gap.start_ns - silence.start_ns) <= slack_ns and abs(gap.end_ns - silence.end_ns) <= slack_ns
+                   for silence in second)
+        )  # fmt: skip
+        longest_s = max(sum(gap.seconds for gap in silences) for silences in (first, second))
+        return together_s > 0.0 and together_s >= _ALIKE * longest_s
     lines = _lines_of(sources, finding.channel)
     if not lines or lines != _lines_of(sources, member.channel):
         return False
@@ -484,47 +521,8 @@ def _has_same_cause(
     return same_span and None not in counts and counts[0] == counts[1]
 
 
-def _share_silences(first: Sequence[Stretch], second: Sequence[Stretch]) -> bool:
-    """Whether two channels are silent for most of the time in silences that begin and end together."""
-    slack_ns = _SLACK_S * NANO
-    together_s = sum(
-        gap.seconds for gap in first
-        if any(abs(gap.start_ns - silence.start_ns) <= slack_ns and abs(gap.end_ns - silence.end_ns) <= slack_ns
-               for silence in second)
-    )  # fmt: skip
-    longest_s = max(sum(gap.seconds for gap in gaps) for gaps in (first, second))
-    return together_s > 0.0 and together_s >= _ALIKE * longest_s
-
-
 def _lines_of(sources: Mapping[str, Sequence[str]], channel: str) -> frozenset[str]:
     """The lines, or tables, that a channel's samples came from: a label's beginning."""
     return frozenset(
         label.partition("/")[0].partition(":")[0].partition(" ")[0] for label in sources.get(channel, ())
     )
-
-
-def _cause(
-    group: list[Finding],
-    gaps: Mapping[str, Sequence[Stretch]],
-    sources: Mapping[str, Sequence[str]],
-    log: list[Event],
-) -> Cause:
-    channels = tuple(dict.fromkeys(finding.channel for finding in group))
-    lines = tuple(sorted({line for name in channels for line in _lines_of(sources, name)}))
-    spans = [(gap.start_ns, gap.end_ns) for name in channels for gap in gaps.get(name, ())]
-    if group[0].code != "gap":
-        spans = []
-    elif ALL in channels:
-        spans = [(finding.start.value, finding.end.value) for finding in group]
-    return Cause(tuple(group), channels, lines, tuple(dict.fromkeys(_events_of(spans, lines, log))))
-
-
-def _events_of(spans: list[tuple[int, int]], lines: tuple[str, ...], log: list[Event]) -> list[str]:
-    """The log's entries on these lines, or of the recorder, in stretches of time: the first two and the last."""
-    slack_ns = int(_EVENT_SLACK_S * NANO)
-    texts = [
-        event.text for event in log
-        if event.level != "info" and event.kind in ("source", "recorder") and event.source in ("", *lines)
-        and any(start <= event.time_ns <= end + slack_ns for start, end in spans)
-    ]  # fmt: skip
-    return texts if len(texts) <= 3 else [*texts[:2], texts[-1]]

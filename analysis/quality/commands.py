@@ -8,13 +8,13 @@ away.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
 
-from seatrial.acquisition.core.quantities import Bools, Floats, Ints
-from seatrial.acquisition.core.ship import BY_NAME, KINDS, Actuator, control_of_channel, kind_of_control, unwrap
+from seatrial.acquisition.core.quantities import Floats, Ints
+from seatrial.acquisition.core.ship import BY_NAME, KINDS, control_of_channel, kind_of_control, unwrap
 from seatrial.acquisition.core.trial import Quality
 from seatrial.analysis.quality.findings import CheckResult, Finding, set_flags, uniform_flags
 from seatrial.analysis.series import (
@@ -53,17 +53,15 @@ _CLEARLY = -0.8
 _NEEDED = ("heading_deg", "surge_mps")
 
 
-@dataclass(frozen=True, slots=True)
-class Ramps:
+class Ramps(NamedTuple):
     """Exactly straight, sloping stretches of a series: samples ``first`` to ``last``, both on the line."""
 
     first: Ints
     last: Ints
     seconds: Floats
-    slope_per_s: Floats
 
 
-_NO_RAMPS = Ramps(np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros(0), np.zeros(0))
+_NO_RAMPS = Ramps(np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros(0))
 
 
 def check_orders(table: pd.DataFrame) -> CheckResult:
@@ -79,22 +77,19 @@ def check_orders(table: pd.DataFrame) -> CheckResult:
         ramps = order_ramps(table, name, series)
         inside = mask_of_runs(ramps.first + 1, ramps.last, series.rows.size)
         set_flags(flags, name, series.rows[inside], Quality.SUSPECT)
-        if ramps.first.size:
-            findings.append(_order_finding(name, index, series, ramps))
+        if not ramps.first.size:
+            continue
+        share = float(ramps.seconds.sum() / (series.time_s[-1] - series.time_s[0]))
+        longest_s = float(ramps.seconds.max())
+        text = (
+            f"{name} runs on exactly straight lines for {100 * share:.0f} % of the time, up to {longest_s:.0f} s "
+            "long: an order that was recorded when it changed and then interpolated"
+        )
+        start, end = index[series.rows[[ramps.first[0], ramps.last[-1]]]]
+        estimate = {"share": share, "longest_s": longest_s, "ramps": float(ramps.first.size)}
+        remedy = "Each order holds until the next event, and --repair makes it so"
+        findings.append(Finding(ORDER_INTERPOLATED, name, start, end, text, remedy, estimate, certain=True))
     return CheckResult(flags, tuple(findings))
-
-
-def _order_finding(name: str, index: pd.DatetimeIndex, series: Samples, ramps: Ramps) -> Finding:
-    share = float(ramps.seconds.sum() / (series.time_s[-1] - series.time_s[0]))
-    longest_s = float(ramps.seconds.max())
-    text = (
-        f"{name} runs on exactly straight lines for {100 * share:.0f} % of the time, up to {longest_s:.0f} s long: "
-        "an order that was recorded when it changed and then interpolated"
-    )
-    start, end = (index[series.rows[sample]] for sample in (ramps.first[0], ramps.last[-1]))
-    estimate = {"share": share, "longest_s": longest_s, "ramps": float(ramps.first.size)}
-    remedy = "Each order holds until the next event, and --repair makes it so"
-    return Finding(ORDER_INTERPOLATED, name, start, end, text, remedy, estimate, certain=True)
 
 
 def hold_orders(table: pd.DataFrame, name: str) -> Floats:
@@ -115,27 +110,13 @@ def hold_orders(table: pd.DataFrame, name: str) -> Floats:
 def order_ramps(table: pd.DataFrame, name: str, series: Samples) -> Ramps:
     """The ramps of a channel that was interpolated; none of any other.
 
-    It was where three slow lines last 5 s, or one 30 s, that are not all equally steep, as those of a drive at its
-    limit are. Then all its straight lines count, the short ones too.
+    A ramp is where the values lie on a sloping line to rounding, over three equal steps or more. Rounding is that
+    of floating point, or that of the decimals a file was written with where those are fine compared with the
+    values' range; on a coarse grid equal steps prove nothing. A channel was interpolated where three slow lines
+    last 5 s, or one 30 s, that are not all equally steep, as those of a drive at its limit are. Then all its
+    straight lines count, the short ones too.
     """
-    value = unwrap(series.value) if BY_NAME[name].circular else series.value
-    ramps = straight_ramps(series.time_s, value)
-    slowest = _SLOWEST_DRIVE_PER_S.get(control_of_channel(name, table_actuators(table)), _SLOWEST_OTHER_PER_S)
-    steepness = np.round(np.log(np.abs(ramps.slope_per_s)), 3)
-    _, group, count = np.unique(steepness, return_inverse=True, return_counts=True)
-    is_drive_limit = count[group] >= max(3, steepness.size / 2)  # which at least half of all share
-    slow = (np.abs(ramps.slope_per_s) < slowest) & ~is_drive_limit
-    long_s = ramps.seconds[slow & (ramps.seconds >= _LONG_S)]
-    is_interpolated = long_s.size >= 3 or bool((long_s >= _VERY_LONG_S).any())
-    return ramps if is_interpolated else _NO_RAMPS
-
-
-def straight_ramps(time_s: Floats, value: Floats) -> Ramps:
-    """Where ``value`` lies on sloping lines to rounding, over three equal steps or more.
-
-    Rounding is that of floating point, or that of the decimals a file was written with where those are fine
-    compared with the values' range; on a coarse grid equal steps prove nothing.
-    """
+    time_s, value = series.time_s, unwrap(series.value) if BY_NAME[name].circular else series.value
     if value.size <= _FEWEST_STEPS:
         return _NO_RAMPS
     before_s, after_s = np.diff(time_s)[:-1], np.diff(time_s)[1:]
@@ -153,7 +134,15 @@ def straight_ramps(time_s: Floats, value: Floats) -> Ramps:
     enough = last - first >= _FEWEST_STEPS
     first, last = first[enough], last[enough]
     seconds = time_s[last] - time_s[first]
-    return Ramps(first, last, seconds, (value[last] - value[first]) / seconds)
+    slope_per_s = (value[last] - value[first]) / seconds
+
+    slowest = _SLOWEST_DRIVE_PER_S.get(control_of_channel(name, table_actuators(table)), _SLOWEST_OTHER_PER_S)
+    steepness = np.round(np.log(np.abs(slope_per_s)), 3)
+    _, group, count = np.unique(steepness, return_inverse=True, return_counts=True)
+    is_drive_limit = count[group] >= max(3, steepness.size / 2)  # which at least half of all share
+    long_s = seconds[(np.abs(slope_per_s) < slowest) & ~is_drive_limit & (seconds >= _LONG_S)]
+    is_interpolated = long_s.size >= 3 or bool((long_s >= _VERY_LONG_S).any())
+    return Ramps(first, last, seconds) if is_interpolated else _NO_RAMPS
 
 
 def check_thruster_feedback(table: pd.DataFrame) -> CheckResult:
@@ -163,7 +152,7 @@ def check_thruster_feedback(table: pd.DataFrame) -> CheckResult:
     per cent is suspect, ``estimate`` holds ``factor`` with ``low`` and ``high`` where the sister shaft gives it.
     """
     names = tuple(name for name in table_controls(table) if name in table)
-    flags, findings = uniform_flags(table, names), []
+    flags, index, findings = uniform_flags(table, names), utc_index(table), []
     scaled = {finding.channel: finding for finding in _percent_scaled(table)}
     for name in names:
         series = samples_of(table, name)
@@ -173,7 +162,12 @@ def check_thruster_feedback(table: pd.DataFrame) -> CheckResult:
         repeats = mask_of_runs(first + 1, stop, series.rows.size)  # the first of a stretch was still measured
         set_flags(flags, name, series.rows[repeats], Quality.BAD)
         if first.size:
-            findings.append(_frozen_finding(table, name, series, first, stop))
+            seconds = float((series.time_s[stop - 1] - series.time_s[first]).sum())
+            times = "once" if first.size == 1 else f"{first.size} times"
+            text = f"{name} stood exactly still {times}, {seconds:.0f} s in all, and has noise at other times"
+            remedy = "Do not use the channel there; look for a line or a converter that stopped"
+            start, end = index[series.rows[[first[0], stop[-1] - 1]]]
+            findings.append(Finding("feedback_frozen", name, start, end, text, remedy, {"seconds": seconds}))
     return CheckResult(flags, (*findings, *scaled.values()))
 
 
@@ -184,47 +178,32 @@ def frozen_stretches(table: pd.DataFrame, name: str, series: Samples) -> tuple[I
     longer than the usual repeats; not where the thruster stands still, which needs no noise, nor at the end of
     the values' range, where a reading that is limited stays.
     """
-    empty = np.zeros(0, np.int64)
-    if series.value.size < 3 * _SHORTEST_SAMPLES or order_ramps(table, name, series).first.size:
+    empty, value = np.zeros(0, np.int64), series.value
+    if value.size < 3 * _SHORTEST_SAMPLES or order_ramps(table, name, series).first.size:
         return empty, empty  # too short, or an order, which has no noise and rightly stands still
-    starts, lengths = runs_of_equal(np.diff(series.value) != 0.0)
+    starts, lengths = runs_of_equal(np.diff(value) != 0.0)
     usual = lengths < max(_SHORTEST_SAMPLES, 3.0 * np.quantile(lengths, 0.999))
     repeats = float((lengths[usual] - 1).sum() / max(lengths[usual].sum(), 1))
     if repeats > _REPEATS or lengths[usual].sum() < 3 * _SHORTEST_SAMPLES:
         return empty, empty
-    by_chance = np.log(_CHANCE / series.value.size) / np.log(max(repeats, 1e-3))
+    by_chance = np.log(_CHANCE / value.size) / np.log(max(repeats, 1e-3))
     stops = starts + lengths
     seconds = series.time_s[stops - 1] - series.time_s[starts]
     long = ~usual & (lengths > by_chance) & (seconds >= _SHORTEST_S)
-    limited = (series.value[starts] == series.value.max()) | (series.value[starts] == series.value.min())
-    long &= ~limited & ~_is_idle(table, name, series, starts)
-    return starts[long], stops[long]
-
-
-def _is_idle(table: pd.DataFrame, name: str, series: Samples, starts: Ints) -> Bools:
-    """Whether the drive stands still at the given samples: its shaft turns at less than 5 % of its fastest."""
+    long &= (value[starts] != value.max()) & (value[starts] != value.min())
+    # A drive stands still while its shaft turns at less than 5 % of its fastest.
     channels = [[channel.name for channel in actuator.channels] for actuator in table_actuators(table)]
     shaft = next((names[0] for names in channels if name in names), name)
     turning = samples_of(table, shaft)
-    if not turning.rows.size or not shaft.endswith("_rpm"):
-        return np.zeros(starts.size, np.bool_)
-    rpm = np.abs(np.interp(series.time_s[starts], turning.time_s, turning.value))
-    return np.asarray(rpm <= _IDLE * np.abs(turning.value).max())
-
-
-def _frozen_finding(table: pd.DataFrame, name: str, series: Samples, first: Ints, stop: Ints) -> Finding:
-    seconds = float((series.time_s[stop - 1] - series.time_s[first]).sum())
-    index = utc_index(table)
-    start, end = index[series.rows[first[0]]], index[series.rows[stop[-1] - 1]]
-    times = "once" if first.size == 1 else f"{first.size} times"
-    text = f"{name} stood exactly still {times}, {seconds:.0f} s in all, and has noise at other times"
-    remedy = "Do not use the channel there; look for a line or a converter that stopped"
-    return Finding("feedback_frozen", name, start, end, text, remedy, {"seconds": seconds})
+    if turning.rows.size and shaft.endswith("_rpm"):
+        rpm = np.abs(np.interp(series.time_s[starts], turning.time_s, turning.value))
+        long &= rpm > _IDLE * np.abs(turning.value).max()
+    return starts[long], stops[long]
 
 
 def _percent_scaled(table: pd.DataFrame) -> list[Finding]:
     """Shafts whose values are limited to 100 while the sister's are a constant multiple, or that stop at 100."""
-    findings, actuators = [], table_actuators(table)
+    findings, actuators, index = [], table_actuators(table), utc_index(table)
     for name in (control for control in table_controls(table) if control.endswith("_rpm")):
         series = samples_of(table, name)
         if series.rows.size < 3 * _PIECES or np.abs(series.value).max() > 1.02 * _PER_CENT:
@@ -236,23 +215,18 @@ def _percent_scaled(table: pd.DataFrame) -> list[Finding]:
         # The largest amount is 100 exactly and stands there for 1 % of the time on two occasions. Elsewhere it has
         # to be noisy, as a reading that is limited is: an order of 100 rpm stands at 100 rpm.
         at_limit = np.abs(series.value) == _PER_CENT
-        occasions = int(np.sum(np.diff(at_limit.astype(np.int8)) == 1)) + int(at_limit[0])
         changes = np.diff(series.value[~at_limit])
-        stops = not (np.abs(series.value) > _PER_CENT).any() and occasions >= 2 and at_limit.mean() > 0.01
+        stops = not (np.abs(series.value) > _PER_CENT).any() and at_limit.mean() > 0.01
+        stops = stops and runs(at_limit)[0].size >= 2
         if estimate or (stops and changes.size and np.mean(changes == 0.0) < _REPEATS):
-            findings.append(_percent_finding(table, name, series, estimate))
+            reason = "it stops at 100 exactly"
+            if estimate:
+                reason = f"the sister shaft turns {estimate['factor']:.3f} times as fast all the time"
+            text = f"{name} looks like per cent, not rpm: {reason}"
+            remedy = "Give the shaft's rpm at 100 % in the map of columns and import again"
+            start, end = index[series.rows[[0, -1]]]
+            findings.append(Finding("percent_scaled", name, start, end, text, remedy, estimate))
     return findings
-
-
-def _percent_finding(table: pd.DataFrame, name: str, series: Samples, estimate: dict[str, float]) -> Finding:
-    index = utc_index(table)
-    reason = "it stops at 100 exactly"
-    if estimate:
-        reason = f"the sister shaft turns {estimate['factor']:.3f} times as fast all the time"
-    text = f"{name} looks like per cent, not rpm: {reason}"
-    remedy = "Give the shaft's rpm at 100 % in the map of columns and import again"
-    ends = index[series.rows[0]], index[series.rows[-1]]
-    return Finding("percent_scaled", name, *ends, text, remedy, estimate)
 
 
 def _factor_to(table: pd.DataFrame, sister: str, series: Samples) -> dict[str, float]:
@@ -284,56 +258,39 @@ def check_helm_sign(table: pd.DataFrame) -> CheckResult:
     ``estimate``: the ``agreement`` of turns with the helm, the sum of those to its side less those to the other,
     over all, from -1 to 1; below -0.8 of 60 deg and more it is found. A rudder that is held over turns a ship that
     goes ahead, once it has answered: in the second half of every stretch of one side its heading goes that way. To
-    keep a course the rudder is put against the turn, and so the first half, and what turns the ship little, are no
-    evidence. Azimuth thrusters are not checked: they may pull, or look aft. Without heading or surge there is no
-    finding.
+    keep a course the rudder is put against the turn, and so the first half, and what turns the ship by less than
+    10 deg, are no evidence. Azimuth thrusters are not checked: they may pull, or look aft. Without heading or surge
+    there is no finding.
     """
-    steering = [actuator for actuator in table_actuators(table) if actuator.steers_by in ("rudder", "nozzle")]
-    names = {
-        actuator.angle.name: actuator
-        for actuator in steering
-        if actuator.angle is not None and actuator.angle.name in table
-    }
+    findings, index = [], utc_index(table)
     complete = all(name in table and table[name].notna().any() for name in _NEEDED)
-    findings = (_helm_finding(table, name, actuator) for name, actuator in names.items() if complete)
-    return CheckResult(uniform_flags(table), tuple(filter(None, findings)))
-
-
-def _helm_finding(table: pd.DataFrame, name: str, actuator: Actuator) -> Finding | None:
-    turned = KINDS[actuator.kind].turns * turns_with_helm(table, name)
-    total = float(np.abs(turned).sum())
-    agreement = float(turned.sum()) / total if total else 0.0
-    if total < _FEWEST_DEG or agreement > _CLEARLY:
-        return None
-    index, rows = utc_index(table), samples_of(table, name).rows
-    text = (
-        f"{name} counts to the wrong side: while it was held over, the ship turned by {total:.0f} deg in all, "
-        f"{(1.0 - agreement) / 2.0:.0%} of it to the other side"
-    )
-    return Finding(
-        "helm_sign", name, index[rows[0]], index[rows[-1]], text,
-        "Turn its sign, with scale = -1.0 in the column map, unless it is the heading's that is wrong",
-        {"agreement": agreement},
-    )  # fmt: skip
-
-
-def turns_with_helm(table: pd.DataFrame, name: str) -> Floats:
-    """How far the heading goes to the side of an angle's sign in the second half of each stretch of one side [deg].
-
-    Turns of less than 10 deg are left out.
-    """
-    angle, heading, surge = (samples_of(table, channel) for channel in (name, *_NEEDED))
-    if angle.value.size < 2:
-        return np.zeros(0)
-    at = angle.time_s
-    course = np.interp(at, heading.time_s, unwrap(heading.value))
-    ahead = np.interp(at, surge.time_s, surge.value) > _UNDER_WAY * np.quantile(np.abs(surge.value), 0.98)
-    least_deg = max(_LEAST_DEG, _HELD_SHARE * float(np.quantile(np.abs(angle.value), 0.98)))
-    turns = []
-    for side in (1.0, -1.0):
-        for first, stop in zip(*runs((side * angle.value > least_deg) & ahead), strict=True):
-            if at[stop - 1] - at[first] >= _LEAST_S:
-                middle = int(np.searchsorted(at, 0.5 * (at[first] + at[stop - 1])))
-                turns.append(side * (course[stop - 1] - course[middle]))
-    turned = np.array(turns)
-    return turned[np.abs(turned) >= _LEAST_TURN_DEG] if turned.size else turned
+    for actuator in table_actuators(table) if complete else ():
+        channel = actuator.angle if actuator.steers_by in ("rudder", "nozzle") else None
+        if channel is None or channel.name not in table:
+            continue
+        angle, heading, surge = (samples_of(table, name) for name in (channel.name, *_NEEDED))
+        if angle.value.size < 2:
+            continue
+        at = angle.time_s
+        course = np.interp(at, heading.time_s, unwrap(heading.value))
+        ahead = np.interp(at, surge.time_s, surge.value) > _UNDER_WAY * np.quantile(np.abs(surge.value), 0.98)
+        least_deg = max(_LEAST_DEG, _HELD_SHARE * float(np.quantile(np.abs(angle.value), 0.98)))
+        turns = [  # to the side of the angle's sign in the second half of each stretch of one side [deg]
+            side * (course[stop - 1] - course[np.searchsorted(at, 0.5 * (at[first] + at[stop - 1]))])
+            for side in (1.0, -1.0)
+            for first, stop in zip(*runs((side * angle.value > least_deg) & ahead), strict=True)
+            if at[stop - 1] - at[first] >= _LEAST_S
+        ]
+        turned = KINDS[actuator.kind].turns * np.array([turn for turn in turns if abs(turn) >= _LEAST_TURN_DEG])
+        total = float(np.abs(turned).sum())
+        agreement = float(turned.sum()) / total if total else 0.0
+        if total < _FEWEST_DEG or agreement > _CLEARLY:
+            continue
+        text = (
+            f"{channel.name} counts to the wrong side: while it was held over, the ship turned by "
+            f"{total:.0f} deg in all, {(1.0 - agreement) / 2.0:.0%} of it to the other side"
+        )
+        remedy = "Turn its sign, with scale = -1.0 in the column map, unless it is the heading's that is wrong"
+        start, end = index[angle.rows[[0, -1]]]
+        findings.append(Finding("helm_sign", channel.name, start, end, text, remedy, {"agreement": agreement}))
+    return CheckResult(uniform_flags(table), tuple(findings))

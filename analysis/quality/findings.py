@@ -12,7 +12,7 @@ is taken from the same recording, from places without either.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -23,21 +23,16 @@ from seatrial.acquisition.core.quantities import Floats, Ints, Series, to_earth
 from seatrial.acquisition.core.ship import POSE_AND_VELOCITY, Channel, unwrap
 from seatrial.acquisition.core.trial import Quality
 from seatrial.analysis.series import Stretch, interval_ns, white_noise
-from seatrial.analysis.tables.table import NANO, time_span_text, times_ns
+from seatrial.analysis.tables.table import NANO, times_ns
 
 Flags = NDArray[np.uint8]
 ALL = "all"
 OTHER_TURN = "other_turn"
 """In the estimate of impossible angles that are possible in the other convention."""
-_FEW = 0.05
-"""The share of samples that may be stamped outside a recording for certain to be the wrong ones."""
 StretchesByChannel = Mapping[str, list[Stretch]]
 """Where each channel has one kind of fault."""
 CERTAIN = frozenset({"out_of_range", "spike", "stuck", "duplicate"})
 """Codes whose flagged samples `--repair` may turn into gaps without asking."""
-_PRECEDENCE = (Quality.NOT_EVALUATED, Quality.GOOD, Quality.SUSPECT, Quality.BAD, Quality.MISSING)
-_RANK = np.zeros(max(_PRECEDENCE) + 1, dtype=np.uint8)
-_RANK[[*_PRECEDENCE]] = np.arange(len(_PRECEDENCE))
 _IRREGULAR, _MOST_PLACES = 0.3, 200
 _SURE, _FEWEST, _RARELY = 5.0, 20, 300
 
@@ -104,42 +99,16 @@ def set_flags(flags: pd.DataFrame, name: str, rows: Ints, flag: Quality) -> None
     flags[name] = column
 
 
-def merge_flags(first: Flags, second: Flags) -> Flags:
-    """The more severe of two flags, value by value; an evaluated one counts more than one that was not.
-
-    >>> merge_flags(np.array([1, 2, 3, 9], np.uint8), np.array([2, 1, 4, 4], np.uint8)).tolist()
-    [1, 1, 4, 9]
-    """
-    return np.where(_RANK[first] >= _RANK[second], first, second).astype(np.uint8)
-
-
 @dataclass(frozen=True, slots=True)
 class Wording:
-    """The text for one kind of fault: a sentence filled in by :func:`_facts_of`, and what to do.
+    """The text for one kind of fault: a sentence filled in by :func:`_finding`, and what to do.
 
-    ``estimate`` says which of these facts the figures of the finding are.
+    ``estimate`` says which of its facts the figures of the finding are.
     """
 
     sentence: str
     remedy: str
     estimate: Mapping[str, str] = field(default_factory=lambda: {"count": "count", "largest": "size"})
-
-
-def _facts_of(channel: str, unit: str, stretches: list[Stretch], largest: Stretch) -> dict[str, Any]:
-    """The facts that a :class:`Wording` may state of a channel's stretches of one fault, the largest among them."""
-    count, samples = len(stretches), sum(stretch.size for stretch in stretches)
-    return {
-        "who": "every channel" if channel == ALL else channel,
-        "unit": unit,
-        "times": "once" if count == 1 else "twice" if count == 2 else f"{count} times",
-        "samples": "1 sample" if samples == 1 else f"{samples:,.0f} samples",
-        "count": float(count),
-        "total": samples,
-        "size": abs(largest.size),
-        "seconds": largest.seconds,
-        "at": f"{utc_time(largest.start_ns):%H:%M:%S}",
-        "first": f"{utc_time(min(stretches).start_ns):%H:%M:%S}",
-    }
 
 
 WORDING: dict[str, Wording] = {
@@ -192,84 +161,44 @@ def utc_time(time_ns: int) -> pd.Timestamp:
 
 def findings_of(code: str, by_channel: StretchesByChannel, channels: Mapping[str, Channel]) -> list[Finding]:
     """Findings of one code: what all ``channels`` have in common once, the rest by channel."""
-    together, separate = (
-        _split_common(by_channel) if len(by_channel) == len(channels) > 1 else ([], dict(by_channel))
-    )
-    findings = [_finding(code, ALL, "", together)] if together else []
-    return findings + [
-        _finding(code, name, channels[name].unit, stretches) for name, stretches in separate.items() if stretches
-    ]
-
-
-def _split_common(by_channel: StretchesByChannel) -> tuple[list[Stretch], dict[str, list[Stretch]]]:
-    """The stretches that every channel has, by their ends, and what is left of each."""
-    ends = set.intersection(
-        *({(stretch.start_ns, stretch.end_ns) for stretch in stretches} for stretches in by_channel.values())
-    )
-    first = next(iter(by_channel.values()))
-    together = [stretch for stretch in first if (stretch.start_ns, stretch.end_ns) in ends]
-    separate = {channel: [stretch for stretch in stretches if (stretch.start_ns, stretch.end_ns) not in ends]
-             for channel, stretches in by_channel.items()}  # fmt: skip
-    return together, separate
+    common: set[tuple[int, int]] = set()
+    if len(by_channel) == len(channels) > 1:
+        common = set.intersection(
+            *({(stretch.start_ns, stretch.end_ns) for stretch in stretches} for stretches in by_channel.values())
+        )
+    findings = []
+    if common:
+        first = next(iter(by_channel.values()))
+        together = [stretch for stretch in first if (stretch.start_ns, stretch.end_ns) in common]
+        findings.append(_finding(code, ALL, "", together))
+    for name, stretches in by_channel.items():
+        separate = [stretch for stretch in stretches if (stretch.start_ns, stretch.end_ns) not in common]
+        if separate:
+            findings.append(_finding(code, name, channels[name].unit, separate))
+    return findings
 
 
 def _finding(code: str, channel: str, unit: str, stretches: list[Stretch]) -> Finding:
     wording, largest = WORDING[code], max(stretches, key=lambda stretch: (abs(stretch.size), -stretch.start_ns))
-    start, end = (
-        utc_time(min(stretch.start_ns for stretch in stretches)),
-        utc_time(max(stretch.end_ns for stretch in stretches)),
-    )
-    facts = _facts_of(channel, unit, stretches, largest)
+    start_ns, end_ns = min(stretches).start_ns, max(stretch.end_ns for stretch in stretches)
+    count, samples = len(stretches), sum(stretch.size for stretch in stretches)
+    facts: dict[str, Any] = {
+        "who": "every channel" if channel == ALL else channel,
+        "unit": unit,
+        "times": "once" if count == 1 else "twice" if count == 2 else f"{count} times",
+        "samples": "1 sample" if samples == 1 else f"{samples:,.0f} samples",
+        "count": float(count),
+        "total": samples,
+        "size": abs(largest.size),
+        "seconds": largest.seconds,
+        "at": f"{utc_time(largest.start_ns):%H:%M:%S}",
+        "first": f"{utc_time(start_ns):%H:%M:%S}",
+    }
     estimate = {key: facts[fact] for key, fact in wording.estimate.items()}
+    text = wording.sentence.format_map(facts)
     return Finding(
-        code, channel, start, end, wording.sentence.format_map(facts), wording.remedy, estimate, code in CERTAIN
+        code, channel, utc_time(start_ns), utc_time(end_ns), text, wording.remedy, estimate, code in CERTAIN
     )
-
-
-def other_convention_finding(finding: Finding, channel: Channel) -> Finding:
-    """A finding of impossible angles that are counted in another turn; that makes their repair certain."""
-    range_text = "-180..180" if channel.low < 0.0 else "0..360"
-    count = finding.estimate["count"]
-    text = (
-        f"{finding.channel} counts otherwise than {range_text}, which is the convention: {count:,.0f} "
-        f"{'sample lies' if count == 1 else 'samples lie'} beyond, the first at {finding.start:%H:%M:%S}"
-    )
-    remedy = "`--repair` turns them into it; give the convention to what imports or decodes them"
-    return replace(finding, text=text, remedy=remedy, estimate={**finding.estimate, OTHER_TURN: 1.0})
-
-
-def clock_jump_finding(jump: ClockJump, channel: str, what: str) -> Finding:
-    """A jump of a clock; ``what`` states whose clock, and against what it was seen."""
-    direction = "forward" if jump.seconds > 0 else "back"
-    text = (
-        f"{what} jumps {direction} by {abs(jump.seconds):.2f} s ({abs(jump.low):.2f} to {abs(jump.high):.2f}) "
-        f"at {utc_time(jump.start_ns):%H:%M:%S}"
-    )
-    estimate = {"seconds": jump.seconds, "low": jump.low, "high": jump.high}
-    remedy = "Take the jump off every later stamp before anything crosses it"
-    return Finding("clock_jump", channel, utc_time(jump.start_ns), utc_time(jump.end_ns), text, remedy, estimate)
-
-
-def time_outlier_finding(series: Mapping[str, Series], first_ns: int, last_ns: int) -> Finding:
-    """Samples that are stamped outside the recording proper, which lasts from ``first_ns`` to ``last_ns``.
-
-    A few are certain to be wrong; of two halves that lie years apart either may be.
-    """
-    times = {name: samples.measured_ns for name, samples in series.items()}
-    stray = {name: stamps[(stamps < first_ns) | (stamps > last_ns)] for name, stamps in times.items()}
-    stray = {name: stamps for name, stamps in stray.items() if stamps.size}
-    stray_ns = np.concatenate(list(stray.values()))
-    distance_s = max(first_ns - int(stray_ns.min()), int(stray_ns.max()) - last_ns) / NANO
-    channel = next(iter(stray)) if len(stray) == 1 else ALL
-    count, total = stray_ns.size, sum(map(len, times.values()))
-    text = (
-        f"{count:,} of {total:,} samples {'is' if count == 1 else 'are'} stamped {time_span_text(stray_ns)}, up to "
-        f"{distance_s / 86400:,.0f} days from the recording proper, {time_span_text(np.array([first_ns, last_ns]))}"
-    )
-    remedy = "Look at the clock when recording began; `--repair` makes gaps of a few such samples"
-    estimate = {"count": float(count), "seconds": distance_s}
-    ends = utc_time(int(stray_ns.min())), utc_time(int(stray_ns.max()))
-    return Finding("time_outlier", channel, *ends, text, remedy, estimate, count < _FEW * total)
 
 
 def jitter_s(times_ns: Ints) -> float:
@@ -335,7 +264,12 @@ def clock_jumps(table: pd.DataFrame) -> list[ClockJump]:
     if len(moving) < 2 * _FEWEST:
         return []
     stamps = times_ns(moving)
-    track = _track_of(moving, stamps)
+    north, east, heading, surge, sway, turning = (moving[name].to_numpy(dtype=float) for name in POSE_AND_VELOCITY)
+    pose = np.column_stack([north, east, unwrap(heading)])
+    rates = np.column_stack([*to_earth(surge, sway, np.deg2rad(heading)), turning])
+    noise = np.array([max(white_noise(column), 1e-3) for column in pose.T])
+    noise[:2] = noise[:2].max()
+    track = _Track((stamps - stamps[0]) / NANO, pose / noise, rates / noise)
     steps = np.diff(track.time_s)
     interval = float(np.median(np.abs(steps)))
     spread = float(np.median(np.abs(steps - interval)))
@@ -347,52 +281,35 @@ def clock_jumps(table: pd.DataFrame) -> list[ClockJump]:
     return [jump for jump in jumps if jump is not None]
 
 
-def _track_of(moving: pd.DataFrame, stamps: Ints) -> _Track:
-    north, east, heading, surge, sway, turning = (moving[name].to_numpy(dtype=float) for name in POSE_AND_VELOCITY)
-    psi = np.deg2rad(heading)
-    values = np.column_stack([north, east, unwrap(heading)])
-    rates = np.column_stack([*to_earth(surge, sway, psi), turning])
-    noise = np.array([max(white_noise(column), 1e-3) for column in values.T])
-    noise[:2] = noise[:2].max()
-    return _Track((stamps - stamps[0]) / NANO, values / noise, rates / noise)
-
-
 def _jump_at(track: _Track, place: int, odd_steps: Ints, interval: float, stamps: Ints) -> ClockJump | None:
     """The jump between a row and the next, or nothing if the residual is no more than a gap explains."""
     step = float(track.time_s[place + 1] - track.time_s[place])
     row = np.array([place])
     elapsed, precision = (float(values[0]) for values in track.elapsed(row, row + 1))
+    rows = round(abs(step) / interval)
     usual_errors = _elapsed_errors(track, max(round(abs(elapsed) / interval), 1), odd_steps)
-    gap_errors = _elapsed_errors(track, max(round(abs(step) / interval), 1), odd_steps)
+    gap_errors = _elapsed_errors(track, max(rows, 1), odd_steps)
     if usual_errors is None or gap_errors is None:
         return None
     jump = step - elapsed + float(np.median(usual_errors)) / precision
     half_width = float(np.quantile(np.abs(usual_errors - np.median(usual_errors)), 0.95)) / precision
+    if abs(jump) < max(4.0 * half_width, 0.5 * interval):
+        return None
     deviation = np.abs(gap_errors - np.median(gap_errors))
     by_chance = max(_SURE * float(np.median(deviation)) / 0.6745, 1.5 * float(np.quantile(deviation, 0.99)))
     no_gap = abs((step - elapsed) * precision + float(np.median(gap_errors))) > by_chance
-    if abs(jump) < max(4.0 * half_width, 0.5 * interval) or not (
-        no_gap or _continues_course(track, place, step, interval, odd_steps)
-    ):
-        return None
+    if not no_gap:
+        # A gap may explain it, unless the next row is where the ship is one interval later, as it hardly ever is
+        # after so long a time.
+        next_row, after_gap = _undisturbed(track, 1, odd_steps), _undisturbed(track, rows, odd_steps)
+        if after_gap.size < _RARELY:
+            return None
+        limit = 1.5 * float(np.quantile(_off_course(track, next_row, 1, interval), 0.99))
+        near = np.mean(_off_course(track, after_gap, rows, interval) < 2.0 * limit)
+        if not (_off_course(track, row, 1, interval)[0] < limit and near < 1.0 / _RARELY):
+            return None
     first, last = sorted((int(stamps[place]), int(stamps[place + 1])))
     return ClockJump(first, last, jump, jump - half_width, jump + half_width)
-
-
-def _continues_course(track: _Track, place: int, step: float, interval: float, odd_steps: Ints) -> bool:
-    """Whether the next row is where the ship is one interval later, as it hardly ever is after so long a time."""
-    next_row, after_gap = (
-        _undisturbed(track, 1, odd_steps),
-        _undisturbed(track, round(abs(step) / interval), odd_steps),
-    )
-    if after_gap.size < _RARELY:
-        return False
-    limit = 1.5 * float(np.quantile(_off_course(track, next_row, 1, interval), 0.99))
-    distance = _off_course(track, np.array([place]), 1, interval)[0]
-    rows = round(abs(step) / interval)
-    return bool(
-        distance < limit and np.mean(_off_course(track, after_gap, rows, interval) < 2.0 * limit) < 1.0 / _RARELY
-    )
 
 
 def _off_course(track: _Track, first: Ints, rows: int, interval: float) -> Floats:
@@ -431,30 +348,24 @@ def reception_jumps(series: Mapping[str, Series]) -> list[tuple[str, ClockJump]]
         if np.any(samples.measured_ns != samples.received_ns):
             for number, name in enumerate(samples.sources):
                 sources.setdefault(name, []).append(samples.subset(samples.source_index == number))
-    jumps = []
+    jumps, half = [], 20
     for name, parts in sources.items():
         received = np.concatenate([part.received_ns for part in parts])
-        measured = np.concatenate([part.measured_ns for part in parts])
         order = np.argsort(received, kind="stable")
-        jumps += [(name, jump) for jump in _offset_steps(measured[order], received[order])]
-    return jumps
-
-
-def _offset_steps(measured: Ints, received: Ints) -> list[ClockJump]:
-    half, offset = 20, (measured - received) / NANO
-    if offset.size < 4 * half:
-        return []
-    interval = interval_ns(received) / NANO
-    windows = np.lib.stride_tricks.sliding_window_view(offset, half)
-    low, middle, high = (np.quantile(windows, share, axis=1) for share in (0.1, 0.5, 0.9))
-    step = middle[half:] - middle[:-half]
-    spread = (high - low)[half:] + (high - low)[:-half]
-    strong = np.where(np.abs(step) > np.maximum(10.0 * spread, max(0.05, 3.0 * interval)), np.abs(step), 0.0)
-    jumps = []
-    while strong.max(initial=0.0) > 0.0:
-        place = int(np.argmax(strong))
-        at, size, half_width = place + half, float(step[place]), float(spread[place])
-        first, last = sorted((int(measured[at - 1]), int(measured[at])))
-        jumps.append(ClockJump(first, last, size, size - half_width, size + half_width))
-        strong[max(place - 2 * half, 0) : place + 2 * half] = 0.0
+        measured, received = np.concatenate([part.measured_ns for part in parts])[order], received[order]
+        offset = (measured - received) / NANO
+        if offset.size < 4 * half:
+            continue
+        windows = np.lib.stride_tricks.sliding_window_view(offset, half)
+        low, middle, high = (np.quantile(windows, fraction, axis=1) for fraction in (0.1, 0.5, 0.9))
+        step = middle[half:] - middle[:-half]
+        spread = (high - low)[half:] + (high - low)[:-half]
+        least = np.maximum(10.0 * spread, max(0.05, 3.0 * interval_ns(received) / NANO))
+        strong = np.where(np.abs(step) > least, np.abs(step), 0.0)
+        while strong.max(initial=0.0) > 0.0:
+            place = int(np.argmax(strong))
+            size, half_width = float(step[place]), float(spread[place])
+            first, last = sorted((int(measured[place + half - 1]), int(measured[place + half])))
+            jumps.append((name, ClockJump(first, last, size, size - half_width, size + half_width)))
+            strong[max(place - 2 * half, 0) : place + 2 * half] = 0.0
     return jumps

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -101,46 +101,45 @@ def repair(
     ``flags`` by channel, in the rows of ``table``, say which values of a spike or a stuck stretch become gaps;
     without them these two are left alone. ``recording`` is what the table was read from: angles of the other
     convention, which the table lacks, are brought back from it. ``rebuild_positions`` takes the path that speeds
-    and heading give for the positions (:func:`request_position_repair`), None where their time stamps jitter.
+    and heading give for the positions, None where their time stamps jitter: what jitters in time is found, but
+    whether the motion that speeds and yaw rate give is the better truth is for the analyst to say. It is where
+    windows of predicted position are to be judged, whose errors would else be the stamps' own.
     Codes that have no repair here are passed over, and so is a repair whose channels are lacking. A channel that is
     certain to be delayed is moved by its delay, and the rows are joined again.
     """
+    raw, findings, repairs = table, tuple(findings), list[Repair]()
+    impossible = {finding.channel for finding in findings if finding.code == "out_of_range"}
     if rebuild_positions is None:
         rebuild_positions = any(finding.code == "position_time_jitter" for finding in findings)
-    if rebuild_positions:
-        findings = request_position_repair(findings, table)
-    order, raw, findings = tuple(REPAIRS), table, tuple(findings)
     sure = [finding for finding in findings if finding.certain]
-    certain = sorted(
-        (finding for finding in sure if finding.code in REPAIRS), key=lambda finding: order.index(finding.code)
-    )
-    impossible = {finding.channel for finding in findings if finding.code == "out_of_range"}
-    repairs: list[Repair] = []
-    scaled = False
-    for finding in certain:
-        if finding.code == "speed_scale" and scaled:
-            continue  # both speeds have one factor, and a finding for each is the same finding
-        scaled = scaled or finding.code == "speed_scale"
-        in_other_unit = finding.code == "yaw_rate_scale" and finding.channel not in impossible
-        if recording is not None and (OTHER_TURN in finding.estimate or in_other_unit):
-            name, series = finding.channel, recording.series[finding.channel]
-            value = table[name].to_numpy(dtype=float, copy=True)
-            outside = np.isfinite(series.value) & ~is_possible(known_channels(table.attrs)[name], series.value)
-            value[rows_of(times_ns(table), series.measured_ns)[outside]] = series.value[outside]
-            table = table.assign(**{name: value})
-        single = REPAIRS[finding.code](table, finding, flags if flags is not None else {})
-        changed = sum(
-            int((~_equal_or_nan(table[name].to_numpy(), new)).sum()) for name, new in single.columns.items()
-        )
-        if finding.code == "out_of_range" and finding.channel in table:
-            changed = max(changed, int(finding.estimate.get("count", 0)))  # the reader has made them gaps already
-        if not changed and not single.always_reported:
-            continue
-        repairs.append(Repair(finding.code, finding.channel, single.text, changed))
-        table = add_step(
-            table.assign(**single.columns), "repair", code=finding.code, channel=finding.channel, text=single.text,
-            changed=changed, estimate=dict(finding.estimate),
-        )  # fmt: skip
+    if rebuild_positions:  # and the heading that the path leans on, where that jitters
+        sure = [
+            finding for finding in findings
+            if finding.code != "position_time_jitter" and (finding.certain or finding.code == "heading_time_jitter")
+        ]  # fmt: skip
+        times = utc_index(table)
+        sure.append(Finding("position_time_jitter", "north_m", times[0], times[-1], "asked for", certain=True))
+    for code, single_repair in REPAIRS.items():
+        for finding in [finding for finding in sure if finding.code == code]:
+            in_other_unit = code == "yaw_rate_scale" and finding.channel not in impossible
+            if recording is not None and (OTHER_TURN in finding.estimate or in_other_unit):
+                name, series = finding.channel, recording.series[finding.channel]
+                value = table[name].to_numpy(dtype=float, copy=True)
+                outside = np.isfinite(series.value) & ~is_possible(known_channels(table.attrs)[name], series.value)
+                value[rows_of(times_ns(table), series.measured_ns)[outside]] = series.value[outside]
+                table = table.assign(**{name: value})
+            single = single_repair(table, finding, flags if flags is not None else {})
+            changed = sum(int(_differs(table[name].to_numpy(), new).sum()) for name, new in single.columns.items())
+            if code == "out_of_range" and finding.channel in table:  # the reader has made them gaps already
+                changed = max(changed, int(finding.estimate.get("count", 0)))
+            if changed or single.always_reported:
+                repairs.append(Repair(code, finding.channel, single.text, changed))
+                table = add_step(
+                    table.assign(**single.columns), "repair", code=code, channel=finding.channel, text=single.text,
+                    changed=changed, estimate=dict(finding.estimate),
+                )  # fmt: skip
+            if code == "speed_scale":
+                break  # both speeds have one factor, and a finding for each is the same finding
     judged = flags_after(raw, table, flags) if flags is not None else None
     return _remove_certain_delays(RepairResult(table, tuple(repairs), judged), sure)
 
@@ -172,24 +171,6 @@ def _remove_certain_delays(repaired: RepairResult, certain: Iterable[Finding]) -
         for finding in delay_findings
     )
     return RepairResult(moved, (*repaired.repairs, *moves), flags)
-
-
-def request_position_repair(findings: Iterable[Finding], table: pd.DataFrame) -> tuple[Finding, ...]:
-    """The findings with the order to rebuild the positions and, where it was found to jitter, the heading that
-    their path leans on, for :func:`repair`.
-
-    It is never certain by itself: what jitters in time is found, but whether the motion that speeds and yaw rate
-    give is the better truth is for the analyst to say. It is where windows of predicted position are to
-    be judged, whose errors would else be the stamps' own.
-    """
-    remaining = [
-        replace(finding, certain=True) if finding.code == "heading_time_jitter" else finding
-        for finding in findings
-        if finding.code != "position_time_jitter"
-    ]
-    times = utc_index(table)
-    order = Finding("position_time_jitter", "north_m", times[0], times[-1], "asked for", certain=True)
-    return (*remaining, order)
 
 
 def write_repaired(
@@ -236,16 +217,16 @@ def flags_after(before: pd.DataFrame, after: pd.DataFrame, flags: FlagsByChannel
     qualities = {}
     for name in [name for name in before.columns if name in flags]:
         flag, present = np.array(flags[name], dtype=np.uint8), after[name].notna().to_numpy()
-        new = ~_equal_or_nan(before[name].to_numpy(), after[name].to_numpy()) & present
+        new = _differs(before[name].to_numpy(), after[name].to_numpy()) & present
         flag[new & (flag >= Quality.BAD)] = Quality.SUSPECT
         flag[~present] = Quality.MISSING
         qualities[str(name)] = flag
     return pd.DataFrame(qualities, index=before.index)
 
 
-def _equal_or_nan(first: Floats, second: Floats) -> Bools:
-    same: Bools = (first == second) | (np.isnan(first) & np.isnan(second))
-    return same
+def _differs(first: Floats, second: Floats) -> Bools:
+    """Where two columns differ; NaN equals NaN."""
+    return np.asarray(~((first == second) | (np.isnan(first) & np.isnan(second))))
 
 
 class SingleRepair(NamedTuple):
@@ -425,55 +406,37 @@ class Preparation:
 def prepare(recording: Recording, preparation: Preparation, *, rebuild_positions: bool = False) -> pd.DataFrame:
     """The recording's table, the steps that were done in its history.
 
-    ``rebuild_positions``, with the repairs, takes the path that speeds and heading give for the positions
-    (:func:`seatrial.analysis.quality.repairs.request_position_repair`).
+    Smoothed are the motion channels and their rates of change, with a column ``<name>_sigma`` for each
+    (:func:`seatrial.analysis.estimation.smoother.smooth`); all others are resampled. ``rebuild_positions``, with
+    the repairs, takes the path that speeds and heading give for the positions (:func:`repair`).
     Raises :class:`seatrial.acquisition.core.errors.DataShortageError` for a recording without samples,
     :class:`seatrial.acquisition.core.errors.InputError` where smoothing lacks position or heading.
     """
-    if preparation == Preparation(rate_hz=preparation.rate_hz) and preparation.rate_hz is not None:
-        return resample_recording(recording, preparation.rate_hz)  # needs no joined table
-    raw = table_of(recording)
-    if not (preparation.repair or preparation.flags or preparation.remove_delays):
-        return _at_rate(raw, preparation, {})
-    table, flags, findings = checked_table(
-        recording, raw, repaired=preparation.repair, rebuild_positions=rebuild_positions
-    )
-    remaining = [finding for finding in findings if not (preparation.repair and finding.certain)]
-    delays = delays_of(remaining, raw) if preparation.remove_delays else {}
-    result = _at_rate(table, preparation, delays)
-    return add_flags(result, flags, delays) if preparation.flags else result
-
-
-def checked_table(
-    recording: Recording, raw: pd.DataFrame, *, repaired: bool = False, rebuild_positions: bool = False
-) -> tuple[pd.DataFrame, pd.DataFrame, tuple[Finding, ...]]:
-    """The recording's table, ``repaired`` or as it is, its flags, and all that a check of it finds."""
-    quality = check_recording(recording, raw)
-    table, flags = raw, quality.flags
-    if repaired:
-        repaired_table = repair(raw, quality.findings, flags, recording, rebuild_positions=rebuild_positions)
-        table, flags = repaired_table.table, flags if repaired_table.flags is None else repaired_table.flags
-    return table, flags, quality.findings
-
-
-def _at_rate(table: pd.DataFrame, preparation: Preparation, delays: Mapping[str, float]) -> pd.DataFrame:
+    rate_hz = preparation.rate_hz
+    if preparation == Preparation(rate_hz=rate_hz) and rate_hz is not None:
+        return resample_recording(recording, rate_hz)  # needs no joined table
+    table, flags, delays = table_of(recording), None, dict[str, float]()
+    if preparation.repair or preparation.flags or preparation.remove_delays:
+        raw, quality = table, check_recording(recording, table)
+        remaining, flags = list(quality.findings), quality.flags
+        if preparation.repair:
+            repaired = repair(raw, remaining, flags, recording, rebuild_positions=rebuild_positions)
+            table, flags = repaired.table, flags if repaired.flags is None else repaired.flags
+            remaining = [finding for finding in remaining if not finding.certain]
+        if preparation.remove_delays:
+            delays = delays_of(remaining, raw)
+    result = table
     if preparation.smooth:
-        return smooth_table(table, preparation.rate_hz or SMOOTHED_RATE_HZ, delays)
-    if preparation.rate_hz is not None:
-        return resample(table, preparation.rate_hz, delays=delays)
-    return remove_delays(table, delays) if delays else table
+        from seatrial.analysis.estimation.smoother import smooth
 
-
-def smooth_table(table: pd.DataFrame, rate_hz: float, delays: Mapping[str, float] | None = None) -> pd.DataFrame:
-    """All channels at ``rate_hz``, motion from the Kalman smoother with the standard deviation of each.
-
-    The motion channels and their rates of change come from :func:`seatrial.analysis.estimation.smoother.smooth`, a
-    column ``<name>_sigma`` for each; all others are resampled. ``delays`` [s by channel] are removed first.
-    """
-    from seatrial.analysis.estimation.smoother import smooth
-
-    motion = smooth(remove_delays(table, delays) if delays else table, rate_hz)
-    return with_motion(resample(table, rate_hz, delays=delays), motion)
+        rate_hz = rate_hz or SMOOTHED_RATE_HZ
+        motion = smooth(remove_delays(table, delays) if delays else table, rate_hz)
+        result = with_motion(resample(table, rate_hz, delays=delays), motion)
+    elif rate_hz is not None:
+        result = resample(table, rate_hz, delays=delays)
+    elif delays:
+        result = remove_delays(table, delays)
+    return add_flags(result, flags, delays) if preparation.flags and flags is not None else result
 
 
 def with_motion(table: pd.DataFrame, motion: SmoothedMotion) -> pd.DataFrame:

@@ -11,8 +11,9 @@ from __future__ import annotations
 
 import re
 from bisect import bisect_right
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from math import isfinite
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -25,7 +26,7 @@ from seatrial.acquisition.core.ship import wrap_180, wrap_360
 from seatrial.acquisition.core.trial import Quality, Trial
 from seatrial.analysis.quality.findings import CheckResult, Finding, uniform_flags
 from seatrial.analysis.series import ASSUMED, is_assumed, jackknife_error, leave_one_out_ratios
-from seatrial.analysis.tables.table import NANO, seconds_of, utc_index
+from seatrial.analysis.tables.table import NANO, Span, seconds_of, utc_index
 
 WIND = ("wind_direction_deg", "wind_speed_mps")
 _NEEDED = (*WIND, "heading_deg", "surge_mps", "sway_mps")
@@ -57,7 +58,8 @@ def check_wind(table: pd.DataFrame) -> CheckResult:
     blocks = _blocks(table)
     if blocks is None:
         return CheckResult(uniform_flags(table, names, Quality.NOT_EVALUATED))
-    finding = _find_apparent_wind(table, blocks) or _find_vane_offset(table, blocks)
+    start, end = utc_index(table)[np.flatnonzero(table["wind_direction_deg"].notna())[[0, -1]]]
+    finding = _find_apparent_wind(blocks, (start, end)) or _find_vane_offset(blocks, (start, end))
     if finding is None:
         return CheckResult(uniform_flags(table, names))
     return CheckResult(uniform_flags(table, names, Quality.SUSPECT), (finding,))
@@ -69,7 +71,7 @@ def true_wind(table: pd.DataFrame, relative_to_bow: bool) -> tuple[Floats, Float
     Vectorised form of :func:`seatrial.acquisition.core.quantities.wind_over_ground`; NaN where a channel has been
     silent for 2 s, and where the wind itself is not recorded.
     """
-    apparent, velocity, bow = _vectors(_align_to_wind(table))
+    apparent, velocity, bow = _vectors(table)
     true = apparent * bow - velocity if relative_to_bow else apparent - velocity
     recorded = table[list(WIND)].notna().to_numpy()
     direction = np.where(recorded[:, 0], wrap_360(np.rad2deg(np.angle(true))), np.nan)
@@ -77,21 +79,32 @@ def true_wind(table: pd.DataFrame, relative_to_bow: bool) -> tuple[Floats, Float
 
 
 def _vectors(table: pd.DataFrame) -> tuple[Complexes, Complexes, Complexes]:
-    """Recorded wind, velocity of the ship and its bow, as north + i east: each [rows]."""
-    bow = np.exp(1j * np.deg2rad(table["heading_deg"].to_numpy(dtype=float)))
-    velocity = (table["surge_mps"].to_numpy(dtype=float) + 1j * table["sway_mps"].to_numpy(dtype=float)) * bow
-    direction = np.exp(1j * np.deg2rad(table["wind_direction_deg"].to_numpy(dtype=float)))
-    return table["wind_speed_mps"].to_numpy(dtype=float) * direction, velocity, bow
+    """Recorded wind, velocity of the ship and its bow, as north + i east, in the rows of the wind: each [rows].
+
+    Of channels that came at other times they have the last values of two seconds.
+    """
+    needed = table[list(_NEEDED)]
+    values, recorded = needed.to_numpy(dtype=float), needed.notna().to_numpy()
+    if not np.count_nonzero(recorded.all(axis=1)) > 0.5 * np.count_nonzero(recorded[:, 0]):
+        times = utc_index(table)
+        latest = np.maximum.accumulate(np.where(recorded, np.arange(len(table))[:, np.newaxis], -1))
+        age_ns = times.asi8[:, np.newaxis] - times.asi8[np.maximum(latest, 0)]
+        recent = (latest >= 0) & (age_ns <= 2 * NANO)
+        values = np.where(recent, np.take_along_axis(values, np.maximum(latest, 0), axis=0), np.nan)
+    direction, speed, heading, surge, sway = values.T
+    bow = np.exp(1j * np.deg2rad(heading))
+    return speed * np.exp(1j * np.deg2rad(direction)), (surge + 1j * sway) * bow, bow
 
 
-@dataclass(frozen=True, slots=True)
-class _Blocks:
-    """Means over 10 s, all [n]: recorded wind, that turned by the heading, the ship's velocity; their times."""
+class _Blocks(NamedTuple):
+    """Means over 10 s, all [n]: recorded wind, that turned by the heading, the ship's velocity; their times; which
+    but the first follow directly on the one before [n - 1]."""
 
-    time_s: Floats
     recorded: Complexes
     turned: Complexes
     velocity: Complexes
+    time_s: Floats
+    follows: Bools
 
 
 def _blocks(table: pd.DataFrame) -> _Blocks | None:
@@ -100,7 +113,7 @@ def _blocks(table: pd.DataFrame) -> _Blocks | None:
     if any(name not in table for name in _NEEDED) or any(ASSUMED in sources.get(name, ()) for name in WIND):
         return None
     since_s = seconds_of(table)
-    recorded, velocity, bow = _vectors(_align_to_wind(table))
+    recorded, velocity, bow = _vectors(table)
     valid = np.isfinite(recorded * velocity)
     if not valid.any() or not np.ptp(np.abs(recorded[valid])) > 0.0:
         return None
@@ -109,9 +122,13 @@ def _blocks(table: pd.DataFrame) -> _Blocks | None:
     full = count >= 0.5 * np.median(count)
     if full.sum() < _FEWEST_BLOCKS:
         return None
-    means = ((_sums(group, quantity[valid]) / count)[full] for quantity in (recorded, recorded * bow, velocity))
-    blocks = _Blocks(number[full] * _BLOCK_S, *means)
-    return blocks if _is_consecutive(blocks).any() else None  # what is new in a block is relative to the one before
+    recorded, turned, velocity = (
+        (_sums(group, quantity[valid]) / count)[full] for quantity in (recorded, recorded * bow, velocity)
+    )
+    time_s = number[full] * _BLOCK_S
+    follows = np.diff(time_s) < 1.5 * _BLOCK_S
+    # What is new in a block is relative to the one before.
+    return _Blocks(recorded, turned, velocity, time_s, follows) if follows.any() else None
 
 
 def _sums(group: NDArray[np.intp], vector: Complexes) -> Complexes:
@@ -120,34 +137,19 @@ def _sums(group: NDArray[np.intp], vector: Complexes) -> Complexes:
     return total
 
 
-def _align_to_wind(table: pd.DataFrame) -> pd.DataFrame:
-    """The needed channels in the rows of the wind; those that came at other times, from the last two seconds."""
-    needed = table[list(_NEEDED)]
-    if needed.notna().all(axis=1).mean() > 0.5 * needed["wind_direction_deg"].notna().mean():
-        return needed
-    times = utc_index(table)
-    latest = np.maximum.accumulate(np.where(needed.notna().to_numpy(), np.arange(len(table))[:, np.newaxis], -1))
-    age_ns = times.asi8[:, np.newaxis] - times.asi8[np.maximum(latest, 0)]
-    recent = (latest >= 0) & (age_ns <= 2 * NANO)
-    values = np.take_along_axis(needed.to_numpy(dtype=float), np.maximum(latest, 0), axis=0)
-    return pd.DataFrame(np.where(recent, values, np.nan), index=table.index, columns=needed.columns)
-
-
-def _find_apparent_wind(table: pd.DataFrame, blocks: _Blocks) -> Finding | None:
+def _find_apparent_wind(blocks: _Blocks, span: Span) -> Finding | None:
     """Whether the true wind is clearly likelier when the recorded one is taken for apparent.
 
     Gusts are correlated over a minute and turns of the ship are not, so the winds are compared by what is new in
     each block: the likelihood of a first-order autoregression. The readings are shifts and turns of the same
     record without a free parameter, which makes likelihoods comparable as they are.
     """
-    readings = blocks.turned - blocks.velocity, blocks.recorded - blocks.velocity
-    innovations = [_innovations(blocks, reading, _autocorrelation(blocks, reading)) for reading in readings]
-    best = int(np.argmin([_mean_square(innovation) for innovation in innovations]))
-    recorded = _innovations(blocks, blocks.recorded, _autocorrelation(blocks, blocks.recorded))
-    evidence = recorded.size * np.log(_mean_square(recorded) / max(_mean_square(innovations[best]), 1e-12))
-    ratio = _mean_square(_detrended(blocks, blocks.recorded)) / max(
-        _mean_square(_detrended(blocks, readings[best])), 1e-12
-    )
+    readings = blocks.turned - blocks.velocity, blocks.recorded - blocks.velocity, blocks.recorded
+    new_in_block = [_mean_square(_innovations(blocks, reading, reading)) for reading in readings]
+    best = int(np.argmin(new_in_block[:2]))
+    evidence = np.count_nonzero(blocks.follows) * np.log(new_in_block[2] / max(new_in_block[best], 1e-12))
+    recorded_variance, variance = (_mean_square(_detrended(blocks, readings[place])) for place in (2, best))
+    ratio = recorded_variance / max(variance, 1e-12)
     if evidence < _EVIDENCE or ratio < _CLEAR_RATIO:
         return None
     text = (
@@ -156,64 +158,47 @@ def _find_apparent_wind(table: pd.DataFrame, blocks: _Blocks) -> Finding | None:
     )
     remedy = "Take off the ship's velocity to get the true wind"
     estimate = {"variance_ratio": ratio, "relative_to_bow": float(best == 0)}
-    certain = evidence > 3.0 * _EVIDENCE and ratio > _OVERWHELMING_RATIO
-    return _finding("wind_apparent", table, text, remedy, estimate, certain)
+    certain = bool(evidence > 3.0 * _EVIDENCE and ratio > _OVERWHELMING_RATIO)
+    return Finding("wind_apparent", WIND[0], *span, text, remedy, estimate, certain)
 
 
-def _find_vane_offset(table: pd.DataFrame, blocks: _Blocks) -> Finding | None:
+def _find_vane_offset(blocks: _Blocks, span: Span) -> Finding | None:
     """The angle by which a vane is turned, from true wind that moves with the ship.
 
-    The gain of :func:`_vane_gain` should be exp(ib). A modulus that is not about one shows that something else is
-    wrong with the wind.
+    With the vane turned by b the recorded wind is (T + V) exp(ib) - V, T being the true wind and V the ship's
+    velocity; T is steadiest for the b that is the argument of the covariance of recorded wind + V with V, the gain.
+    Both are taken by what is new in each block, weighted so as generalised least squares does for gusts with a
+    memory; that memory is known once b is. The uncertainty is that of a jackknife over pieces of 40 s. The gain
+    should be exp(ib): a modulus that is not about one shows that something else is wrong with the wind.
     """
-    gain, error, degrees_of_freedom = _vane_gain(blocks)
+    apparent, velocity, gain = blocks.recorded + blocks.velocity, blocks.velocity, 1.0 + 0.0j
+    number = np.unique(np.floor(blocks.time_s[1:][blocks.follows] / _PIECE_S), return_inverse=True)[1]
+    for _ in range(3):
+        gusts = apparent / gain - velocity
+        new_apparent, new_velocity = (_innovations(blocks, vector, gusts) for vector in (apparent, velocity))
+        cross = _sums(number, new_apparent * new_velocity.conj())
+        squares = np.bincount(number, np.abs(new_velocity) ** 2)
+        gain = complex(cross.sum() / max(squares.sum(), 1e-12)) or 1.0 + 0.0j
+    degrees_of_freedom = cross.size - 1
     if degrees_of_freedom < _FEWEST_PIECES - 1:
         return None
-    angle_deg, error_deg = float(np.rad2deg(np.angle(gain))), float(np.rad2deg(error.imag))
-    significant_deg = float(special.stdtrit(degrees_of_freedom, 1.0 - _CHANCE / 2.0)) * error_deg
-    if (
-        abs(angle_deg) < max(significant_deg, _SMALLEST_OFFSET_DEG)
-        or not 0.7 < abs(gain) < 1.4
-        or error.real > 0.15
-    ):
+    relative = leave_one_out_ratios(cross, squares) / gain
+    modulus_error = float(jackknife_error(relative.real))
+    error_deg = float(np.rad2deg(float(jackknife_error(relative.imag))))
+    angle_deg = float(np.rad2deg(np.angle(gain)))
+    significant_deg, half = (
+        float(special.stdtrit(degrees_of_freedom, probability)) * error_deg
+        for probability in (1.0 - _CHANCE / 2.0, 0.975)
+    )
+    is_clear = abs(angle_deg) >= max(significant_deg, _SMALLEST_OFFSET_DEG)
+    if not is_clear or not 0.7 < abs(gain) < 1.4 or modulus_error > 0.15:
         return None
-    half = float(special.stdtrit(degrees_of_freedom, 0.975)) * error_deg
     text = f"the vane reads {angle_deg:+.1f} deg too much ({angle_deg - half:.1f} to {angle_deg + half:.1f}): "
     text += "the true wind shifts with the ship's heading and speed"
     remedy = "Take the angle off the apparent wind and derive the true wind again"
     low, high = wrap_180(angle_deg - half), wrap_180(angle_deg + half)
     estimate = {"angle_deg": angle_deg, "low": float(low), "high": float(high)}
-    return _finding("wind_direction_offset", table, text, remedy, estimate, certain=False)
-
-
-def _vane_gain(blocks: _Blocks) -> tuple[complex, complex, int]:
-    """The vane's complex gain for the wind of the ship's motion, relative standard errors, degrees of freedom.
-
-    With the vane turned by b the recorded wind is (T + V) exp(ib) - V, T being the true wind and V the ship's
-    velocity; T is steadiest for the b that is the argument of the covariance of recorded wind + V with V. Both
-    are taken by what is new in each block, weighted so as generalised least squares does for gusts with a
-    memory; that memory is known once b is. The uncertainty is that of a jackknife over pieces of 40 s.
-    """
-    apparent, velocity, gain = blocks.recorded + blocks.velocity, blocks.velocity, 1.0 + 0.0j
-    next_times = blocks.time_s[1:][_is_consecutive(blocks)]
-    number = np.unique(np.floor(next_times / _PIECE_S), return_inverse=True)[1]
-    for _ in range(3):
-        memory = _autocorrelation(blocks, apparent / gain - velocity)
-        new_apparent, new_velocity = _innovations(blocks, apparent, memory), _innovations(blocks, velocity, memory)
-        cross = _sums(number, new_apparent * new_velocity.conj())
-        squares = np.bincount(number, np.abs(new_velocity) ** 2)
-        gain = complex(cross.sum() / max(squares.sum(), 1e-12)) or 1.0 + 0.0j
-    relative = leave_one_out_ratios(cross, squares) / gain
-    error = complex(jackknife_error(relative.real), jackknife_error(relative.imag))
-    return gain, error, cross.size - 1
-
-
-def _finding(
-    code: str, table: pd.DataFrame, text: str, remedy: str, estimate: dict[str, float], certain: bool
-) -> Finding:
-    rows = np.flatnonzero(table["wind_direction_deg"].notna())
-    start, end = (utc_index(table)[row] for row in rows[[0, -1]])
-    return Finding(code, "wind_direction_deg", start, end, text, remedy, estimate, certain)
+    return Finding("wind_direction_offset", WIND[0], *span, text, remedy, estimate)
 
 
 def _detrended(blocks: _Blocks, vector: Complexes) -> Complexes:
@@ -222,22 +207,15 @@ def _detrended(blocks: _Blocks, vector: Complexes) -> Complexes:
     return np.asarray(vector - since @ np.linalg.lstsq(since, vector, rcond=None)[0])
 
 
-def _is_consecutive(blocks: _Blocks) -> Bools:
-    """Whether each block but the first follows directly on the one before."""
-    return np.diff(blocks.time_s) < 1.5 * _BLOCK_S
-
-
-def _autocorrelation(blocks: _Blocks, vector: Complexes) -> float:
-    """The autocorrelation of a wind's deviations from one block to the next, 0 to 0.95."""
-    deviations, follows = _detrended(blocks, vector), _is_consecutive(blocks)
-    before, after = deviations[:-1][follows], deviations[1:][follows]
-    return float(np.clip(np.sum(after * before.conj()).real / max(np.sum(np.abs(before) ** 2), 1e-12), 0.0, 0.95))
-
-
-def _innovations(blocks: _Blocks, vector: Complexes, memory: float) -> Complexes:
-    """Innovations of a first-order autoregression: each block less its prediction from the one before."""
+def _innovations(blocks: _Blocks, vector: Complexes, gusts: Complexes) -> Complexes:
+    """Innovations of a first-order autoregression with the memory of ``gusts``, 0 to 0.95: each block less its
+    prediction from the one before."""
+    deviations = _detrended(blocks, gusts)
+    before, after = deviations[:-1][blocks.follows], deviations[1:][blocks.follows]
+    correlation = np.sum(after * before.conj()).real / max(np.sum(np.abs(before) ** 2), 1e-12)
+    memory = float(np.clip(correlation, 0.0, 0.95))
     deviations = _detrended(blocks, vector)
-    innovations: Complexes = (deviations[1:] - memory * deviations[:-1])[_is_consecutive(blocks)]
+    innovations: Complexes = (deviations[1:] - memory * deviations[:-1])[blocks.follows]
     return innovations
 
 

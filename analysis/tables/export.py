@@ -111,11 +111,17 @@ def export_table(
     :class:`StorageError` when it cannot be written.
     """
     path = Path(path)
-    suffix = expect_suffix(path, *_WRITERS)
-    about = _about(table, options or {})
-    if attributes:
-        about["attributes"] = dict(attributes)
-    return _WRITERS[suffix](table, path, about)
+    write = _WRITERS[expect_suffix(path, *_WRITERS)]
+    channels, provenance = known_channels(table.attrs), provenance_of(table, options or {})
+    about = {
+        "units": {str(name): unit for name in table.columns if (unit := unit_of(str(name), channels))},
+        "trial": provenance.pop("trial"),
+        "recording": provenance["recording"],
+        "rate_hz": table.attrs.get("rate_hz"),
+        "provenance": provenance,
+        **({"attributes": dict(attributes)} if attributes else {}),
+    }
+    return write(table, path, about)
 
 
 def unit_of(column: str, channels: ChannelsByName = BY_NAME) -> str:
@@ -148,19 +154,6 @@ def add_flags(table: pd.DataFrame, flags: pd.DataFrame, delays: Mapping[str, flo
             column[table[name].isna().to_numpy()] = Quality.MISSING
         result[name + FLAG_SUFFIX] = column
     return result
-
-
-def _about(table: pd.DataFrame, options: Mapping[str, Any]) -> dict[str, Any]:
-    channels = known_channels(table.attrs)
-    units = {str(name): unit for name in table.columns if (unit := unit_of(str(name), channels))}
-    provenance = provenance_of(table, options)
-    return {
-        "units": units,
-        "trial": provenance.pop("trial"),
-        "recording": provenance["recording"],
-        "rate_hz": table.attrs.get("rate_hz"),
-        "provenance": provenance,
-    }
 
 
 def _write_parquet(table: pd.DataFrame, path: Path, about: Mapping[str, Any]) -> list[Path]:
@@ -430,8 +423,14 @@ def write_netcdf(table: pd.DataFrame, path: Path, about: Mapping[str, Any]) -> l
     A single trajectory as in H.4.2 of the CF conventions, its rows along ``obs``. Trial and provenance are global
     attributes too, as JSON.
     """
-    places = places_of(table)
+    places, time_ns = places_of(table), times_ns(table)
     attributes = {**_global_attributes(table, places, about), **about.get("attributes", {})}
+    start = int(time_ns[0]) // NANO  # since the whole second of the first row: that keeps nanoseconds for a month
+    time_attributes = {
+        "standard_name": "time", "long_name": "Time of measurement", "axis": "T", "calendar": "standard",
+        "units": f"seconds since {_iso(start)}", "units_metadata": "leap_seconds: none",
+        "coverage_content_type": "coordinate",
+    }  # fmt: skip
     with atomic_file(path) as partial, netcdf_file(partial, "w", version=2) as file:
         file.createDimension(_ROW, len(table))
         _set_attributes(file, attributes)
@@ -440,7 +439,7 @@ def write_netcdf(table: pd.DataFrame, path: Path, about: Mapping[str, Any]) -> l
         identifier = file.createVariable("trajectory", "c", ("name_strlen",))
         identifier[:] = letters
         _set_attributes(identifier, {"cf_role": "trajectory_id", "long_name": "Name of the trial"})
-        _write_variable(file, "time", *_time(table))
+        _write_variable(file, "time", (time_ns - start * NANO) / NANO, time_attributes)
         for name, values in places.items():
             _write_variable(file, name, values, _PLACE_ATTRIBUTES[name])
         for name in map(str, table.columns):
@@ -483,17 +482,6 @@ _PLACE_ATTRIBUTES: dict[str, Attributes] = {
 }  # fmt: skip
 
 
-def _time(table: pd.DataFrame) -> tuple[Floats, Attributes]:
-    """Seconds since the whole second of the first row, which keep nanoseconds for a month."""
-    time_ns = times_ns(table)
-    start = int(time_ns[0]) // NANO
-    return (time_ns - start * NANO) / NANO, {
-        "standard_name": "time", "long_name": "Time of measurement", "axis": "T", "calendar": "standard",
-        "units": f"seconds since {_iso(start)}", "units_metadata": "leap_seconds: none",
-        "coverage_content_type": "coordinate",
-    }  # fmt: skip
-
-
 def _iso(seconds: float) -> str:
     """Seconds since 1970 as ISO 8601, with as many decimals as there are."""
     text = datetime.fromtimestamp(seconds, UTC).isoformat(timespec="auto")
@@ -503,9 +491,20 @@ def _iso(seconds: float) -> str:
 def _attributes(
     name: str, table: pd.DataFrame, places: Mapping[str, Floats], units: Mapping[str, str]
 ) -> Attributes:
-    """The attributes of a column's variable."""
+    """The attributes of a column's variable. Coordinates are when, where, and what CF has no standard name for."""
+    position = [*places] or _plane_coordinates(table)
+    columns = [column for column in map(str, table.columns) if not column.endswith(FLAG_SUFFIX)]
+    nameless = [column for column in columns if column.removesuffix(SIGMA_SUFFIX) not in STANDARD_NAMES]
+    coordinates = " ".join(["time", *position, *nameless])
     if name.endswith(FLAG_SUFFIX):
-        return _flag_attributes(name.removesuffix(FLAG_SUFFIX), _coordinates(table, places))
+        return {
+            "long_name": f"QARTOD flag of {name.removesuffix(FLAG_SUFFIX)}",
+            "standard_name": "aggregate_quality_flag",
+            "flag_values": np.array([*_MEANINGS], dtype=np.int8),
+            "flag_meanings": " ".join(_MEANINGS.values()),
+            "coverage_content_type": "qualityInformation",
+            "coordinates": coordinates,
+        }
     quantity, unit = name.removesuffix(SIGMA_SUFFIX), units.get(name, "")
     channel, standard = find_channel(quantity, known_channels(table.attrs)), STANDARD_NAMES.get(quantity)
     meaning = channel.meaning if channel else quantity.replace("_", " ").capitalize()
@@ -517,29 +516,10 @@ def _attributes(
         "coverage_content_type": "physicalMeasurement" if quantity == name else "qualityInformation",
         "source": "; ".join(table.attrs.get("sources", {}).get(name, [])),
         "ancillary_variables": " ".join(ancillary),
-        "coordinates": _coordinates(table, places) if standard else "",
+        "coordinates": coordinates if standard else "",
         "axis": {"north_m": "Y", "east_m": "X"}.get(name) if not places else None,
     }
     return {key: value for key, value in attributes.items() if value}
-
-
-def _flag_attributes(channel: str, coordinates: str) -> Attributes:
-    return {
-        "long_name": f"QARTOD flag of {channel}",
-        "standard_name": "aggregate_quality_flag",
-        "flag_values": np.array([*_MEANINGS], dtype=np.int8),
-        "flag_meanings": " ".join(_MEANINGS.values()),
-        "coverage_content_type": "qualityInformation",
-        "coordinates": coordinates,
-    }
-
-
-def _coordinates(table: pd.DataFrame, places: Mapping[str, Floats]) -> str:
-    """The names of when, where, and what CF has no standard name for."""
-    position = [*places] or _plane_coordinates(table)
-    names = [name for name in map(str, table.columns) if not name.endswith(FLAG_SUFFIX)]
-    nameless = [name for name in names if name.removesuffix(SIGMA_SUFFIX) not in STANDARD_NAMES]
-    return " ".join(["time", *position, *nameless])
 
 
 def _global_attributes(table: pd.DataFrame, places: Mapping[str, Floats], about: Mapping[str, Any]) -> Attributes:
@@ -554,6 +534,13 @@ def _global_attributes(table: pd.DataFrame, places: Mapping[str, Floats], about:
         f"Measurements aboard {ship}{place}, in a sea trial of {_iso(int(times_ns(table)[0]) / NANO)}, each with a"
         f" flag of its quality: {', '.join(columns)}."
     )
+    # The crew's notes, and how the ship lay in the water.
+    notes = (("", trial.crew_notes), ("loading: ", trial.loading), ("sea state: ", trial.sea_state))
+    metres = (
+        ("draught", trial.draught_m), ("trim by the stern", trial.trim_m), ("water depth", trial.water_depth_m),
+    )  # fmt: skip
+    comments = [f"{what}{text}" for what, text in notes if text]
+    comments += [f"{what} {value:g} m" for what, value in metres if value is not None]
     attributes = {
         "Conventions": "CF-1.11, ACDD-1.3",
         "featureType": "trajectory",
@@ -568,25 +555,13 @@ def _global_attributes(table: pd.DataFrame, places: Mapping[str, Floats], about:
         "processing_level": "samples as measured" if rate is None else f"resampled to {rate:g} Hz",
         "standard_name_vocabulary": "CF Standard Name Table v93",
         "date_created": _iso(int(times_ns(table)[-1]) // NANO),  # of the data; a product has no time of day in it
-        "comment": _trial_comment(trial),
+        "comment": "; ".join(comments),
         **{key: getattr(trial, key) for key in WISHED},
         **_coverage(table, places),
         "trial": json.dumps(about["trial"]),
         "provenance": json.dumps(about["provenance"]),
     }
     return {key: value for key, value in attributes.items() if value != ""}
-
-
-def _trial_comment(trial: Trial) -> str:
-    """The crew's notes, and how the ship lay in the water."""
-    notes = (("", trial.crew_notes), ("loading: ", trial.loading), ("sea state: ", trial.sea_state))
-    metres = (
-        ("draught", trial.draught_m),
-        ("trim by the stern", trial.trim_m),
-        ("water depth", trial.water_depth_m),
-    )
-    words = [f"{what}{text}" for what, text in notes if text]
-    return "; ".join(words + [f"{what} {value:g} m" for what, value in metres if value is not None])
 
 
 def _coverage(table: pd.DataFrame, places: Mapping[str, Floats]) -> Attributes:

@@ -180,15 +180,24 @@ def _resampled(
     longest_gap_s: float | None,
     lookahead_steps: int | None,
 ) -> Floats:
-    """One channel's valid samples on the grid; NaN where there are none nearby."""
+    """One channel's valid samples on the grid; NaN where there are none nearby.
+
+    A state holds the last one reported, as long as the channel's gaps allow.
+    """
     circular = channel is not None and channel.circular
     if channel is not None and channel.state:
-        return _hold_states(time_ns, values, grid_ns, longest_gap_s)
+        result, order = np.full(grid_ns.size, np.nan), np.argsort(time_ns, kind="stable")
+        if time_ns.size:
+            times = time_ns[order]
+            newest = np.searchsorted(times, grid_ns, side="right") - 1
+            age_ns = grid_ns - times[np.maximum(newest, 0)]
+            is_held = (newest >= 0) & (age_ns <= _longest_gap_ns(times, longest_gap_s))
+            result[is_held] = values[order][newest[is_held]]
+        return result
     times, samples = _sorted_without_repeats(time_ns, values, circular)
-    interval_ns = _usual_interval_ns(times)
     result = _interpolate_linearly(times, samples, grid_ns, longest_gap_s, circular)
     covered = np.isfinite(result)
-    if covered.any() and 0 < interval_ns < _FASTER * NANO / rate:
+    if covered.any() and 0 < _usual_interval_ns(times) < _FASTER * NANO / rate:
         rule = SETTING_FILTER if channel is not None and is_setting(channel) else MOTION_FILTER
         if lookahead_steps is not None:
             rule = replace(rule, ahead=lookahead_steps)
@@ -198,20 +207,6 @@ def _resampled(
         if channel is not None and not circular:  # a parabola overshoots at a step: no wind blows at -0.15 m/s
             result = np.clip(result, min(channel.low, samples.min()), max(channel.high, samples.max()))
     return in_turn(channel, result)
-
-
-def _hold_states(time_ns: Ints, values: Floats, grid_ns: Ints, longest_gap_s: float | None) -> Floats:
-    """A state at each grid point: the last one reported, as long as the channel's gaps allow."""
-    result = np.full(grid_ns.size, np.nan)
-    if time_ns.size == 0:
-        return result
-    order = np.argsort(time_ns, kind="stable")
-    times = time_ns[order]
-    limit_ns = _longest_gap_ns(times, longest_gap_s)
-    newest = np.searchsorted(times, grid_ns, side="right") - 1
-    is_held = (newest >= 0) & (grid_ns - times[np.maximum(newest, 0)] <= limit_ns)
-    result[is_held] = values[order][newest[is_held]]
-    return result
 
 
 def interpolate(time_ns: Ints, values: Floats, at_ns: Ints) -> Floats:
@@ -228,13 +223,24 @@ def interpolate(time_ns: Ints, values: Floats, at_ns: Ints) -> Floats:
 def _interpolate_linearly(
     times: Ints, samples: Floats, at_ns: Ints, longest_gap_s: float | None, circular: bool
 ) -> Floats:
-    """Samples in the order of time, interpolated; NaN across gaps."""
+    """Samples in the order of time, interpolated; NaN across gaps.
+
+    A time on a sample is covered whatever is missing next to it.
+    """
     result = np.full(at_ns.size, np.nan)
     if times.size == 0 or at_ns.size == 0:
         return result
-    covered, before, fraction = _bracket(times, at_ns, _longest_gap_ns(times, longest_gap_s))
+    before = np.searchsorted(times, at_ns, side="right") - 1
+    after_first = before >= 0
+    before = np.maximum(before, 0)
+    after = np.minimum(before + 1, times.size - 1)
+    passed = (at_ns - times[before]).astype(float)
+    span = (times[after] - times[before]).astype(float)
+    fraction = np.divide(passed, span, out=np.zeros_like(passed), where=span > 0)
+    bridged = (after > before) & (span <= _longest_gap_ns(times, longest_gap_s))
+    covered = after_first & ((passed == 0) | bridged)
     before, fraction = before[covered], fraction[covered]
-    start, end = samples[before], samples[np.minimum(before + 1, samples.size - 1)]
+    start, end = samples[before], samples[after[covered]]
     step = difference(end, start) if circular else end - start
     result[covered] = np.where(fraction == 0, start, start + fraction * step)
     return result
@@ -266,22 +272,6 @@ def _sorted_without_repeats(time_ns: Ints, values: Floats, circular: bool) -> tu
     return unique, np.asarray(base + mean, dtype=float)
 
 
-def _bracket(times: Ints, grid_ns: Ints, limit_ns: float) -> tuple[NDArray[np.bool_], NDArray[np.int64], Floats]:
-    """For each grid point: is it between two samples close enough, which is the one before, how far past it.
-
-    A grid point on a sample is covered whatever is missing next to it.
-    """
-    before = np.searchsorted(times, grid_ns, side="right") - 1
-    after_first = before >= 0
-    before = np.maximum(before, 0)
-    after = np.minimum(before + 1, times.size - 1)
-    passed = (grid_ns - times[before]).astype(float)
-    span = (times[after] - times[before]).astype(float)
-    fraction = np.divide(passed, span, out=np.zeros_like(passed), where=span > 0)
-    on_sample = passed == 0
-    return after_first & (on_sample | ((after > before) & (span <= limit_ns))), before, fraction
-
-
 def _local_fit(times: Ints, samples: Floats, grid_ns: Ints, step_ns: float, rule: Filter, circular: bool) -> Floats:
     """The filter of the module's docstring: a weighted fit about each grid point; NaN where there are too few
     samples nearby, or where they lie too close together.
@@ -291,7 +281,16 @@ def _local_fit(times: Ints, samples: Floats, grid_ns: Ints, step_ns: float, rule
     side of a point.
     """
     count, size = grid_ns.size, rule.degree + 1
-    centre = _centres(times, samples, grid_ns, step_ns, rule, circular)
+    # A value near those about each grid point keeps the digits that sums of large values lose. On the circle it is
+    # their mean direction, from which no way is the long way round.
+    centre = samples[np.minimum(np.searchsorted(times, grid_ns), times.size - 1)]
+    if circular:
+        sine, cosine = np.sin(np.deg2rad(samples)), np.cos(np.deg2rad(samples))
+        north, east = np.zeros((2, count))
+        for point, sample, _, weight in _neighbours(times, grid_ns, step_ns, rule):
+            north += np.bincount(point, weight * cosine[sample], count)
+            east += np.bincount(point, weight * sine[sample], count)
+        centre = np.rad2deg(np.arctan2(east, north))
     moments, products = np.zeros((2 * rule.degree + 1, count)), np.zeros((size, count))
     on_side = np.zeros((2, count))
     for point, sample, distance, weight in _neighbours(times, grid_ns, step_ns, rule):
@@ -311,22 +310,6 @@ def _local_fit(times: Ints, samples: Floats, grid_ns: Ints, step_ns: float, rule
     points, right_sides = np.flatnonzero(usable)[solvable], right_side.T[solvable][..., None]
     fitted[points] = centre[points] + np.linalg.solve(equations[solvable], right_sides)[:, 0, 0]
     return fitted
-
-
-def _centres(times: Ints, samples: Floats, grid_ns: Ints, step_ns: float, rule: Filter, circular: bool) -> Floats:
-    """A value near those about each grid point, which keeps the digits that sums of large values lose.
-
-    On the circle it is their mean direction, from which no way is the long way round.
-    """
-    if not circular:
-        return samples[np.minimum(np.searchsorted(times, grid_ns), times.size - 1)]
-    angle = np.deg2rad(samples)
-    sine, cosine = np.sin(angle), np.cos(angle)
-    north, east = np.zeros(grid_ns.size), np.zeros(grid_ns.size)
-    for point, sample, _, weight in _neighbours(times, grid_ns, step_ns, rule):
-        north += np.bincount(point, weight * cosine[sample], grid_ns.size)
-        east += np.bincount(point, weight * sine[sample], grid_ns.size)
-    return np.asarray(np.rad2deg(np.arctan2(east, north)))
 
 
 def _neighbours(

@@ -91,11 +91,8 @@ def table_of(recording: Recording) -> pd.DataFrame:
 
 def channels_of(recording: Recording) -> list[str]:
     """The channels that a recording holds, in their order. Raises :class:`DataShortageError` if there is none."""
-    names = [
-        name
-        for name in channels_of_table(recording.series, _trial_attributes(recording))
-        if name in recording.series
-    ]
+    channels = channels_of_table(recording.series, {"trial": asdict(recording.trial)})
+    names = [name for name in channels if name in recording.series]
     if not names:
         raise DataShortageError(
             "holds no channel", where=str(recording.path), fix="check the sources of its configuration"
@@ -105,12 +102,7 @@ def channels_of(recording: Recording) -> list[str]:
 
 def actuators_in_recording(recording: Recording) -> Actuators:
     """The actuators of the ship that a recording is of, as it states them; else by rule from its channels."""
-    return actuators_of(recording.series, _trial_attributes(recording))
-
-
-def _trial_attributes(recording: Recording) -> dict[str, Any]:
-    """What a recording states of its ship and of the channels that it declares, as the ``attrs`` of a table."""
-    return {"trial": asdict(recording.trial)}
+    return actuators_of(recording.series, {"trial": asdict(recording.trial)})
 
 
 def actuator_attributes(actuators: Actuators) -> dict[str, Any]:
@@ -292,7 +284,7 @@ def bounds_ns(times: Iterable[Ints], part_percent: tuple[float, float]) -> tuple
 
     Raises :class:`InputError` for a part that is not inside 0 to 100 or is empty.
     """
-    _, high = _checked_part(*part_percent)
+    _, high = percent_of(part_percent)
     ends = [(int(stamps.min()), int(stamps.max())) for stamps in times if stamps.size]
     start = min((first for first, _ in ends), default=0)
     span = max((last for _, last in ends), default=0) - start
@@ -302,16 +294,10 @@ def bounds_ns(times: Iterable[Ints], part_percent: tuple[float, float]) -> tuple
 
 def percent_of(part: tuple[float, float] | str) -> tuple[float, float]:
     """Where a part like ``(0, 70)`` or ``"0..70"`` begins and ends, in percent. Raises :class:`InputError`."""
-    if not isinstance(part, str):
-        return _checked_part(*part)
     try:
-        low, high = (float(end) for end in part.split(".."))
+        low, high = (float(end) for end in part.split("..")) if isinstance(part, str) else part
     except ValueError as error:
         raise InputError(f"{part!r} is not a valid part", fix="write it like 0..70") from error
-    return _checked_part(low, high)
-
-
-def _checked_part(low: float, high: float) -> tuple[float, float]:
     if 0.0 <= high <= low <= 100.0:
         raise InputError(f"part {low:g}..{high:g} is empty", fix="write it like 0..70")
     if not 0.0 <= low < high <= 100.0:
@@ -356,19 +342,18 @@ def index_of(time_ns: NDArray[np.int64]) -> pd.DatetimeIndex:
 
 def main_stretch(time_ns: Ints) -> tuple[int, int]:
     """The first and the last time [ns] of the recording proper: of the parts between silences of more than
-    :data:`LONGEST_DAYS`, the one with the most samples.
+    :data:`LONGEST_DAYS`, the one with the most samples, or all where it is no longer than that.
 
     ``time_ns`` may be in any order, and holds one time at least.
 
     >>> main_stretch(np.array([0, 1, 2, 400 * DAY_NS]))
     (0, 2)
     """
-    times = np.sort(time_ns)
-    if _within_limit(int(times[0]), int(times[-1])):
-        return int(times[0]), int(times[-1])
-    parts = np.split(times, np.flatnonzero(np.diff(times) > LONGEST_DAYS * DAY_NS) + 1)
-    longest = max(parts, key=len)
-    return int(longest[0]), int(longest[-1])
+    times, longest_ns = np.sort(time_ns), LONGEST_DAYS * DAY_NS
+    proper = times
+    if int(times[-1]) - int(times[0]) > longest_ns:
+        proper = max(np.split(times, np.flatnonzero(np.diff(times) > longest_ns) + 1), key=len)
+    return int(proper[0]), int(proper[-1])
 
 
 def require_plausible_span(first_ns: int, last_ns: int, times: Iterable[Ints], where: str = "") -> None:
@@ -376,7 +361,7 @@ def require_plausible_span(first_ns: int, last_ns: int, times: Iterable[Ints], w
 
     ``times`` of all channels [ns] are only looked at to name them.
     """
-    if _within_limit(first_ns, last_ns):
+    if last_ns - first_ns <= LONGEST_DAYS * DAY_NS:
         return
     all_ns = np.concatenate(list(times))
     first, last = main_stretch(all_ns)
@@ -398,10 +383,6 @@ def time_span_text(time_ns: Ints) -> str:
     first, last = (pd.Timestamp(int(stamp_ns), tz="UTC") for stamp_ns in (time_ns.min(), time_ns.max()))
     text = f"{first:%Y-%m-%d %H:%M:%S}"
     return text if first == last else f"{text} to {last:%Y-%m-%d %H:%M:%S}"
-
-
-def _within_limit(first_ns: int, last_ns: int) -> bool:
-    return last_ns - first_ns <= LONGEST_DAYS * DAY_NS
 
 
 def provenance_of(

@@ -167,20 +167,33 @@ def held_windows(
         fix = "give a horizon of at least 2 s and a stride of at least 1 s"
         raise InputError(f"a horizon of {horizon_s} s every {stride_s} s is not possible", fix=fix)
     actuators, table = table_actuators(table), with_calm(table)
-    start_ns, values, present = _every_second(table, trial_names(actuators))
+    names = trial_names(actuators)
+    time_ns, values, present = _every_second(table, names)
     reason = np.empty(0, dtype=np.int64)
-    if start_ns.size > horizon_s:
+    if time_ns.size > horizon_s:
         reason = _reasons(values, actuators, present, horizon_s + 1, stride_s)
-    selected = reason == len(REASONS)
-    if keep_moving:
-        selected |= np.isin(reason, [REASONS.index(name) for name in MOVED])
-    starts = np.flatnonzero(selected).astype(np.int64) * stride_s
+    is_held = reason == len(REASONS)
+    selected = is_held | np.isin(reason, [REASONS.index(name) for name in MOVED]) if keep_moving else is_held
     counts = np.bincount(reason[~selected], minlength=len(REASONS))
     dropped = {name: int(times) for name, times in zip(REASONS, counts, strict=True) if times}
+
+    starts = np.flatnonzero(selected).astype(np.int64) * stride_s
     legs = _legs(values, actuators, starts, horizon_s, stride_s)
-    rows = _rows_of_windows(values, actuators, start_ns, starts, legs, horizon_s, trial)
+    second = np.arange(horizon_s + 1, dtype=np.int64)
+    row = (starts[:, None] + second).ravel()
+    leg_names = pd.array([f"{trial}/{number + 1:03d}" for number in range(legs.max(initial=-1) + 1)], dtype="str")
+    columns = {
+        "window": np.repeat(np.arange(starts.size, dtype=np.int64), second.size),
+        "second": np.tile(second, starts.size),
+        **dict(zip(names, values[row].T, strict=True)),
+        "trial": pd.array([trial], dtype="str").take(np.zeros(row.size, dtype=np.int64)),
+        "leg": leg_names.take(np.repeat(legs, second.size)),
+        "start": index_of(np.repeat(time_ns[starts], second.size)),
+    }
+    rows = pd.DataFrame(columns, columns=list(columns_for(actuators)))
+    rows.attrs.update(actuator_attributes(actuators))
     if keep_moving:
-        rows = rows.assign(held=np.repeat(reason[selected] == len(REASONS), horizon_s + 1))
+        rows = rows.assign(held=np.repeat(is_held[selected], second.size))
     return HeldWindows(rows, int(reason.size), int(starts.size), dropped, horizon_s, stride_s)
 
 
@@ -212,7 +225,7 @@ def _reasons(values: Floats, actuators: Actuators, present: Bools, rows: int, st
 
     valid = np.isfinite(values)
     steady = {sort: np.ones(len(in_all_rows(present)), dtype=bool) for sort in _MOVED}
-    for name, series in zip(control_names(actuators), _settings(values).T, strict=True):
+    for name, series in zip(control_names(actuators), values[:, len(MOTION) :].T, strict=True):
         steady[sort_of(name, actuators)] &= steady_mask(name, series, rows, stride, actuators)
     passed = (
         in_all_rows(np.asarray(present & valid.any(axis=1))),
@@ -246,31 +259,6 @@ def near_jumps(values: Floats) -> Bools:
     return near_jump
 
 
-def _settings(values: Floats) -> Floats:
-    """The controls [rows, controls] among the channels of a trial [rows, channels], which they stand behind."""
-    return values[:, len(MOTION) :]
-
-
-def _rows_of_windows(
-    values: Floats, actuators: Actuators, time_ns: Ints, starts: Ints, legs: Ints, horizon_s: int, trial: str
-) -> pd.DataFrame:
-    """The long table of the windows that start at rows ``starts``."""
-    second = np.arange(horizon_s + 1, dtype=np.int64)
-    row = (starts[:, None] + second).ravel()
-    leg_names = pd.array([f"{trial}/{number + 1:03d}" for number in range(legs.max(initial=-1) + 1)], dtype="str")
-    columns = {
-        "window": np.repeat(np.arange(starts.size, dtype=np.int64), second.size),
-        "second": np.tile(second, starts.size),
-        **dict(zip(trial_names(actuators), values[row].T, strict=True)),
-        "trial": pd.array([trial], dtype="str").take(np.zeros(row.size, dtype=np.int64)),
-        "leg": leg_names.take(np.repeat(legs, second.size)),
-        "start": index_of(np.repeat(time_ns[starts], second.size)),
-    }
-    rows = pd.DataFrame(columns, columns=list(columns_for(actuators)))
-    rows.attrs.update(actuator_attributes(actuators))
-    return rows
-
-
 def _legs(values: Floats, actuators: Actuators, starts: Ints, horizon_s: int, stride_s: int) -> Ints:
     """The number of the leg of each window.
 
@@ -279,7 +267,7 @@ def _legs(values: Floats, actuators: Actuators, starts: Ints, horizon_s: int, st
     """
     if starts.size == 0:
         return np.empty(0, dtype=np.int64)
-    names, settings = control_names(actuators), _settings(values)
+    names, settings = control_names(actuators), values[:, len(MOTION) :]
     setting = settings[starts[:, None] + np.arange(horizon_s + 1)]
     change = np.abs(np.diff(np.median(setting, axis=1), axis=0))
     for column, name in enumerate(names):
@@ -384,12 +372,6 @@ class Feedback:
     noise: float
     filtered: bool
 
-    def drift_of(self, line: Floats) -> float:
-        """The standard deviation that this noise gives the sum of values weighted with ``line`` [rows]."""
-        correlation = _noise_correlation(line.size) if self.filtered else np.eye(1, line.size)[0]
-        lag = np.abs(np.subtract.outer(np.arange(line.size), np.arange(line.size)))
-        return self.noise * float(np.sqrt((line @ correlation[lag] * line).sum()))
-
 
 def feedback_of(values: Floats, most: float = np.inf) -> Feedback:
     """The noise on a series that may have been filtered, at most ``most``; see :func:`noise_of`."""
@@ -426,7 +408,10 @@ def steady_mask(name: str, values: Floats, rows: int, stride: int, actuators: Ac
     span = windows.max(axis=1) - windows.min(axis=1)
     drift = (windows - windows[:, :1]) @ line
     span_limit = tolerance.span + SPAN_SIGMAS * feedback.noise
-    drift_limit = np.hypot(tolerance.drift, DRIFT_SIGMAS * feedback.drift_of(line))
+    correlation = _noise_correlation(rows) if feedback.filtered else np.eye(1, rows)[0]
+    lag = np.abs(np.subtract.outer(np.arange(rows), np.arange(rows)))
+    drift_noise = feedback.noise * float(np.sqrt((line @ correlation[lag] * line).sum()))
+    drift_limit = np.hypot(tolerance.drift, DRIFT_SIGMAS * drift_noise)
     steady = (span <= span_limit) & (np.abs(drift) <= drift_limit)
     if name.endswith("_rpm"):
         factor = base.factor(series)
@@ -553,22 +538,20 @@ def add_start_states(windows: HeldWindows, motion: Mapping[str, SmoothedMotion])
 
     One row a window in the order of their numbers; NaN where the motion has no estimate.
     """
-    first = windows.rows.loc[windows.rows["second"] == 0, ["window", "trial", "leg", "start"]]
-    parts = [_starts(first[first["trial"] == trial], smoothed) for trial, smoothed in motion.items()]
+    first, parts = windows.rows.loc[windows.rows["second"] == 0, ["window", "trial", "leg", "start"]], []
+    for trial, smoothed in motion.items():
+        window_starts = first[first["trial"] == trial]
+        columns = (
+            smoothed.states[list(POSE_AND_VELOCITY)],
+            smoothed.covariance_columns(),
+            smoothed.slow[list(POSE_AND_VELOCITY)].set_axis(list(SLOW_STATES), axis=1),
+        )
+        at = pd.DatetimeIndex(window_starts["start"])
+        values = [frame.reindex(at).reset_index(drop=True) for frame in columns]
+        parts.append(pd.concat([window_starts.reset_index(drop=True), *values], axis=1)[list(START_COLUMNS)])
     filled = [part for part in parts if len(part)] or parts[:1]
     starts = pd.concat(filled).sort_values("window", ignore_index=True) if filled else None
     return replace(windows, starts=starts)
-
-
-def _starts(first: pd.DataFrame, motion: SmoothedMotion) -> pd.DataFrame:
-    at = pd.DatetimeIndex(first["start"])
-    columns = (
-        motion.states[list(POSE_AND_VELOCITY)],
-        motion.covariance_columns(),
-        motion.slow[list(POSE_AND_VELOCITY)].set_axis(list(SLOW_STATES), axis=1),
-    )
-    values = [frame.reindex(at).reset_index(drop=True) for frame in columns]
-    return pd.concat([first.reset_index(drop=True), *values], axis=1)[list(START_COLUMNS)]
 
 
 def windows_of_recordings(

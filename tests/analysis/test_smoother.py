@@ -93,7 +93,7 @@ def test_waves_are_found_where_there_are_waves() -> None:
 
 def test_innovations_are_as_large_as_the_filter_expects() -> None:
     for case in CASES:
-        for channel in result(*case).consistency.channels.values():
+        for channel in result(*case).consistency.values():
             assert channel.nis == pytest.approx(1.0, abs=0.15)
             assert channel.inside_95 == pytest.approx(0.95, abs=0.025)
             assert channel.low < 1.0 < channel.high

@@ -66,7 +66,7 @@ def figures(case: Case, seed: int) -> NDArray[np.float64]:
     noisy, truth = trial(case, seed)
     found = smooth(noisy)
     shares = coverage(found, truth, MARGIN_S)
-    nis = [channel.nis for channel in found.consistency.channels.values()]
+    nis = [channel.nis for channel in found.consistency.values()]
     return np.array([*shares.values(), np.nanmean(nees(found, truth)), *nis])
 
 

@@ -21,7 +21,8 @@ drift angle does.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import combinations
 
@@ -33,7 +34,6 @@ from seatrial.acquisition.core.conventions import (
     ANGLE_UNITS,
     AXES,
     CLOCKWISE,
-    HeadingVerdict,
     judge_axes,
     judge_heading,
 )
@@ -41,7 +41,6 @@ from seatrial.acquisition.core.errors import DataShortageError, InputError
 from seatrial.acquisition.core.quantities import Complexes, Floats, scale_to, to_earth
 from seatrial.acquisition.core.trial import Quality, label_parts, sensor_of
 from seatrial.acquisition.tables.evidence import (
-    ScaleFit,
     comparison_grid,
     fit_scale,
     increments,
@@ -58,9 +57,7 @@ from seatrial.analysis.quality.motion.fit import (
     Kinematics,
     MotionSolution,
     PositionJump,
-    displaced_rows,
     fit_kinematics,
-    jump_finding,
     position_jumps,
     quantile,
     widen_by_quarters,
@@ -76,12 +73,11 @@ from seatrial.analysis.quality.motion.model import (
 )
 from seatrial.analysis.quality.motion.positions import (
     SMALLEST_POSITION_JITTER_S,
-    heading_jitter,
     heading_jitter_finding,
     position_jitter_finding,
     stamp_jitter,
 )
-from seatrial.analysis.tables.table import Span, require, span_of
+from seatrial.analysis.tables.table import NANO, Span, require, seconds_of, span_of, utc_index
 
 _SMALLEST_DELAY_S = 0.2
 _SMALLEST_ARM_M = 0.5
@@ -149,29 +145,24 @@ def check_motion(table: pd.DataFrame) -> CheckResult:
 
 def _contradiction(table: pd.DataFrame) -> tuple[Finding | None, Coarse | None]:
     """A sign, unit or convention by which the motion channels contradict each other, and the coarse fit to them."""
-    if (axes := _finding_if_possible(axes_finding, table)) is not None:
-        return axes, None
-    missing = any(name not in table for name in MOTION)
-    coarse = None if missing else coarse_fit(table)
+    with suppress(DataShortageError, InputError):
+        if (axes := axes_finding(table)) is not None:
+            return axes, None
+    coarse = coarse_fit(table) if all(name in table for name in MOTION) else None
     if coarse is not None and coarse.is_explained:
         return contradiction_finding(table, coarse), coarse
-    heading = _finding_if_possible(heading_finding, table)
-    if heading is None and coarse is not None and coarse.contradiction:
+    with suppress(DataShortageError, InputError):
+        if (heading := heading_finding(table)) is not None:
+            return heading, coarse
+    if coarse is not None and coarse.contradiction:
         return contradiction_finding(table, coarse), coarse
-    return heading, coarse
-
-
-def _finding_if_possible(check: Callable[[pd.DataFrame], Finding | None], table: pd.DataFrame) -> Finding | None:
-    """What a comparison finds, nothing where its channels are missing or too short."""
-    try:
-        return check(table)
-    except (DataShortageError, InputError):
-        return None
+    return None, coarse
 
 
 def _flagged(
     table: pd.DataFrame, findings: tuple[Finding, ...], jumps: tuple[PositionJump, ...] = ()
 ) -> CheckResult:
+    """Findings and jumps of positions with their flags: bad is what lies between a jump and its return."""
     flags = uniform_flags(table, [name for name in MOTION if name in table])
     suspect = {
         name
@@ -179,49 +170,62 @@ def _flagged(
         for name in next((names for names in GROUPS.values() if finding.channel in names), (finding.channel,))
     }
     flags = flags.assign(**uniform_flags(table, suspect, Quality.SUSPECT))
-    for name in GROUPS["north_m"] if jumps else ():
-        set_flags(
-            flags, name, np.flatnonzero(displaced_rows(table, jumps) & table[name].notna().to_numpy()), Quality.BAD
+    index, time_s, displaced, jump_findings = utc_index(table), seconds_of(table), np.zeros(len(table), bool), []
+    for jump in jumps:
+        displaced |= (time_s >= jump.time_s - 1e-6) & (time_s < jump.until_s - 1e-6)
+        returns, metres = bool(np.isfinite(jump.until_s)), float(np.hypot(jump.north_m, jump.east_m))
+        start = index.min() + pd.Timedelta(round(jump.time_s * NANO), "ns")
+        end = index.min() + pd.Timedelta(round(jump.until_s * NANO), "ns") if returns else start
+        text = (
+            f"The positions jump by {metres:.1f} m ({jump.north_m:+.1f} m north, {jump.east_m:+.1f} m east)"
+            f" at {start:%H:%M:%S}"
         )
-    return CheckResult(flags, (*findings, *(jump_finding(table, jump) for jump in jumps)))
+        text += f" and return after {jump.until_s - jump.time_s:.1f} s" if returns else " and do not return"
+        remedy = "Leave out what is displaced." if returns else "Take what lies before and after as two recordings."
+        estimate = {"metres": metres, "north_m": jump.north_m, "east_m": jump.east_m}
+        jump_findings.append(Finding("position_jump", "north_m", start, end, text, remedy, estimate))
+    for name in GROUPS["north_m"] if jumps else ():
+        rows = np.flatnonzero(displaced & table[name].notna().to_numpy())
+        set_flags(flags, name, rows, Quality.BAD)
+    return CheckResult(flags, (*findings, *jump_findings))
 
 
 def findings_of(table: pd.DataFrame, fit: Kinematics) -> tuple[Finding, ...]:
     """Findings from a fit to a table. The parts of the recording are only compared where there is a finding: that
     can only widen its interval."""
-    findings = _findings_of(table, fit)
-    return _findings_of(table, widen_by_quarters(fit)) if findings else ()
-
-
-def _findings_of(table: pd.DataFrame, fit: Kinematics) -> tuple[Finding, ...]:
-    span, jitter = span_of(table), stamp_jitter(table, fit)
-    jitters = jitter.exceeds(SMALLEST_POSITION_JITTER_S)
-    explanation = explain_delays(fit, jitter.variance_s2 / max(jitter.stretches, 1.0) if jitters else 0.0)
-    independent = independent_groups(table)
-    findings = [
-        speed_scale(fit, span),
-        yaw_rate_scale(fit, span),
-        yaw_rate_bias(fit, span),
-        heading_offset(fit, span),
-        *(
-            _delay(explanation, cause, fit, span, cause in independent)
-            for cause in explanation.causes
-            if cause in GROUPS
-        ),
-        _arm(explanation, fit, span),
-        position_jitter_finding(jitter, span),
-        heading_jitter_finding(heading_jitter(table, fit), span),
-    ]
     # What an import derived is not compared with what it was derived from.
     of_turns = is_derived_from(table, "yaw_rate_dps", ("heading_deg",))
     of_path = is_derived_from(table, "surge_mps", ("north_m",))
     if of_turns and of_path:
         return ()
-    circular: tuple[str, ...] = ("yaw_rate_dps", "heading_time_jitter") if of_turns else ()
+    circular = {"yaw_rate_dps", "heading_time_jitter"} if of_turns else set[str]()
     if of_path:
-        circular = ("north_m", "surge_mps", "heading_offset")
-    reported = (finding for finding in findings if finding is not None)
-    return tuple(finding for finding in reported if not {finding.channel, finding.code} & {*circular})
+        circular = {"north_m", "surge_mps", "heading_offset"}
+    span, independent = span_of(table), independent_groups(table)
+    findings: list[Finding] = []
+    for quarters in (False, True):
+        fit = widen_by_quarters(fit) if quarters else fit
+        jitter = stamp_jitter(table, fit)
+        jitters = jitter.exceeds(SMALLEST_POSITION_JITTER_S)
+        explanation = explain_delays(fit, jitter.variance_s2 / max(jitter.stretches, 1.0) if jitters else 0.0)
+        candidates = [
+            *(figure(fit, span) for figure in FIGURES),
+            *(
+                _delay(explanation, cause, fit, span, cause in independent)
+                for cause in explanation.causes
+                if cause in GROUPS
+            ),
+            _arm(explanation, fit, span),
+            position_jitter_finding(jitter, span),
+            heading_jitter_finding(table, fit, span),
+        ]
+        findings = [
+            finding for finding in candidates
+            if finding is not None and not {finding.channel, finding.code} & circular
+        ]  # fmt: skip
+        if not findings:
+            break
+    return tuple(findings)
 
 
 def delays_of(findings: Iterable[Finding], table: pd.DataFrame | None = None) -> dict[str, float]:
@@ -256,18 +260,13 @@ def independent_groups(table: pd.DataFrame) -> frozenset[str]:
     names no source is taken for recorded.
     """
     sources: dict[str, list[str]] = table.attrs.get("sources", {})
-    group_sources = {
-        name: [source for part in names for source in sources.get(part, [])] for name, names in GROUPS.items()
-    }
-    derived = {
-        name
-        for name in ("surge_mps", "yaw_rate_dps")
-        if any("derived" in source.split(" ") for source in group_sources[name])
-    }
-    receivers = {sensor_of(source) for source in group_sources["north_m"] if label_parts(source)[1]}
-    same = receivers & {sensor_of(source) for source in group_sources["surge_mps"]}
-    of_path = not same and "surge_mps" not in derived
-    of_turn = "yaw_rate_dps" not in derived
+    position, speed, yaw_rate = (
+        [source for name in GROUPS[group] for source in sources.get(name, [])]
+        for group in ("north_m", "surge_mps", "yaw_rate_dps")
+    )
+    receivers = {sensor_of(source) for source in position if label_parts(source)[1]}
+    is_derived = [any("derived" in source.split(" ") for source in labels) for labels in (speed, yaw_rate)]
+    of_path, of_turn = not is_derived[0] and not receivers & set(map(sensor_of, speed)), not is_derived[1]
     shown = {"north_m": of_path, "surge_mps": of_path, "heading_deg": of_path and of_turn, "yaw_rate_dps": of_turn}
     return frozenset(name for name, independent in shown.items() if independent)
 
@@ -276,7 +275,7 @@ def _delay(explanation: Explanation, cause: str, fit: Kinematics, span: Span, in
     seconds, error = explanation.size(cause)
     if abs(seconds) < max(_SMALLEST_DELAY_S, 4.0 * error):
         return None
-    half = _half(fit, cause, error)
+    half, band_hz = _half_and_band(explanation, cause, fit)
     low, high = seconds - half, seconds + half
     direction = "late" if seconds > 0.0 else "early"
     verb = "are" if cause in _PLURAL else "is"
@@ -301,7 +300,7 @@ def _delay(explanation: Explanation, cause: str, fit: Kinematics, span: Span, in
         remedy = f"`--repair` leaves it: {doubt or 'this trial does not tell enough'}."
     estimate = {"seconds": seconds, "low": low, "high": high}
     finding = Finding("channel_delay", cause, *span, text, remedy, estimate, certain=certain)
-    return _in_band(finding, _band_of_cause(explanation, cause, fit))
+    return _in_band(finding, band_hz)
 
 
 def _objection(explanation: Explanation, cause: str, fit: Kinematics, independent: bool) -> str:
@@ -340,19 +339,17 @@ def _in_band(finding: Finding, band_hz: tuple[float, float]) -> Finding:
     return replace(finding, text=text, remedy=remedy, band_hz=band_hz, certain=False)
 
 
-def _band_of_cause(explanation: Explanation, cause: str, fit: Kinematics) -> tuple[float, float]:
-    """The band in which a cause shows: from 0 where the slow motion alone gives the same."""
-    if fit.from_slow[_place_of(cause)]:
-        return 0.0, fit.slow_hz
-    size, error = _explanation(fit.slow, explanation.causes, 0.0).size(cause)
-    return 0.0 if abs(size) > 4.0 * error else fit.slow_hz, fit.fastest_hz
-
-
-def _half(fit: Kinematics, cause: str, error: float) -> float:
-    """Half of the 95 % interval of a cause, from its standard error or the quarters of the recording."""
-    row = [abs(effect) for effect in CAUSES[cause]]
+def _half_and_band(explanation: Explanation, cause: str, fit: Kinematics) -> tuple[float, tuple[float, float]]:
+    """Half of the 95 % interval of a cause, from its standard error or the quarters of the recording, and the band
+    [Hz] in which it shows: from 0 where the slow motion alone gives the same."""
     between = [fit.quarters_half_width[NAMES.index(name)] for name in OBSERVED]
-    return float(max(1.96 * error, *(size * effect for size, effect in zip(between, row, strict=True))))
+    effects = map(abs, CAUSES[cause])
+    _, error = explanation.size(cause)
+    half = float(max(1.96 * error, *(size * effect for size, effect in zip(between, effects, strict=True))))
+    if fit.from_slow[_place_of(cause)]:
+        return half, (0.0, fit.slow_hz)
+    slow_size, slow_error = _explanation(fit.slow, explanation.causes, 0.0).size(cause)
+    return half, (0.0 if abs(slow_size) > 4.0 * slow_error else fit.slow_hz, fit.fastest_hz)
 
 
 def _arm(explanation: Explanation, fit: Kinematics, span: Span) -> Finding | None:
@@ -360,8 +357,8 @@ def _arm(explanation: Explanation, fit: Kinematics, span: Span) -> Finding | Non
     if not any(abs(size) > max(_SMALLEST_ARM_M, 4.0 * error) for size, error in sizes.values()):
         return None
     main = max(sizes, key=lambda cause: abs(sizes[cause][0]))
-    size, error = sizes[main]
-    half = _half(fit, main, error)
+    size, _ = sizes[main]
+    half, band_hz = _half_and_band(explanation, main, fit)
     where = " and ".join(
         f"{abs(length_m):.2f} m {_SIDES[cause][length_m < 0.0]}" for cause, (length_m, _) in sizes.items()
     )
@@ -370,7 +367,7 @@ def _arm(explanation: Explanation, fit: Kinematics, span: Span) -> Finding | Non
         "position_offset", "north_m", *span, f"The positions are measured {where} of the speeds",
         "Give the lever arm of the antenna when recording.", {**metres, "low": size - half, "high": size + half},
     )  # fmt: skip
-    return _in_band(finding, _band_of_cause(explanation, main, fit))
+    return _in_band(finding, band_hz)
 
 
 @dataclass(frozen=True, slots=True)
@@ -387,22 +384,13 @@ class Explanation:
         place = self.causes.index(cause)
         return float(self.sizes[place]), float(self.standard_errors[place])
 
-    @property
-    def is_early(self) -> bool:
-        """Whether one channel is stamped before it was measured, which no sensor does; positions may be in time and
-        all others late."""
-        return self.causes[0] in GROUPS and self.causes[0] != "north_m" and bool(self.sizes[0] < 0.0)
-
-    @property
-    def is_late(self) -> bool:
-        return self.causes[0] in GROUPS and bool(self.sizes[0] > 0.0)
-
 
 def explain_delays(fit: Kinematics, jitter_s2: float = 0.0) -> Explanation:
     """The simplest adequate explanation of the delays and the lever arm; no cause where all is well.
 
     ``jitter_s2`` is the variance of the mean of the positions' stamps: by chance they are delayed on the whole, or
-    on one leg and not on the next, which looks like a delayed heading.
+    on one leg and not on the next, which looks like a delayed heading. No sensor stamps one channel before it was
+    measured, but positions may be in time and all others late.
     """
     for count in range(4):
         explanations = sorted(
@@ -410,26 +398,22 @@ def explain_delays(fit: Kinematics, jitter_s2: float = 0.0) -> Explanation:
             key=lambda explanation: explanation.misfit,
         )
         best = explanations[0]
-        if best.misfit <= _ADEQUATE:
-            equivalent = [
-                explanation for explanation in explanations if explanation.misfit <= best.misfit + _AS_WELL
-            ]
-            likely = [
-                explanation
-                for explanation in equivalent
-                if count == 1 and explanation.misfit <= _ADEQUATE and explanation.is_late
-            ]
-            best = likely[0] if likely and best.is_early else best
-            alternatives = [
-                (explanation, {*explanation.causes} - {*best.causes}) for explanation in equivalent[::-1]
-            ]
-            rivals = {
-                cause: explanation.size(cause)[0]
-                for explanation, extra in alternatives
-                if len(extra) == 1
-                for cause in extra
-            }
-            return replace(best, rivals=tuple(rivals.items()))
+        if best.misfit > _ADEQUATE:
+            continue
+        equivalent = [
+            explanation for explanation in explanations if explanation.misfit <= best.misfit + _AS_WELL
+        ]  # fmt: skip
+        if count == 1 and best.causes[0] in GROUPS and best.causes[0] != "north_m" and best.sizes[0] < 0.0:
+            adequate = [explanation for explanation in equivalent if explanation.misfit <= _ADEQUATE]
+            delayed = (fit for fit in adequate if fit.causes[0] in GROUPS and fit.sizes[0] > 0.0)
+            best = next(delayed, best)
+        rivals: dict[str, float] = {}
+        for explanation in equivalent[::-1]:
+            extra = {*explanation.causes} - {*best.causes}
+            if len(extra) == 1:
+                (cause,) = extra
+                rivals[cause] = explanation.size(cause)[0]
+        return replace(best, rivals=tuple(rivals.items()))
     return best
 
 
@@ -487,24 +471,19 @@ def _reported(fit: Kinematics, name: str) -> tuple[float, float, float] | None:
 def speed_scale(fit: Kinematics, span: Span) -> Finding | None:
     """The factor of surge and sway against the rate of the positions."""
     factor = fit.value("speed_factor")
-    how = (
-        f"are {_percent_off(factor)} too {'low' if factor > 1.0 else 'high'} for" if factor > 0.0 else "run against"
-    )
-    finding = Finding("speed_scale", "surge_mps", *span, f"Surge and sway {how} the rate of the positions")
+    how = f"are {abs(1.0 / factor - 1.0):.1%} too {'low' if factor > 1.0 else 'high'} for"
+    text = f"Surge and sway {how if factor > 0.0 else 'run against'} the rate of the positions"
+    finding = Finding("speed_scale", "surge_mps", *span, text)
     return _add_factor(finding, fit, "speed_factor", SPEED_UNITS, "surge and sway")
 
 
 def yaw_rate_scale(fit: Kinematics, span: Span) -> Finding | None:
     """The factor of the yaw rate against the turns of the heading."""
     factor = fit.value("yaw_rate_factor")
-    how = f"{_percent_off(factor)} {'less' if factor > 1.0 else 'more'} than the heading turns"
+    how = f"{abs(1.0 / factor - 1.0):.1%} {'less' if factor > 1.0 else 'more'} than the heading turns"
     text = f"The yaw rate reads {how if factor > 0.0 else 'against the turns of the heading'}"
     finding = Finding("yaw_rate_scale", "yaw_rate_dps", *span, text)
     return _add_factor(finding, fit, "yaw_rate_factor", YAW_RATE_UNITS, "the yaw rate")
-
-
-def _percent_off(factor: float) -> str:
-    return f"{abs(1.0 / factor - 1.0):.1%}"
 
 
 def _add_factor(finding: Finding, fit: Kinematics, name: str, units: tuple[Unit, ...], what: str) -> Finding | None:
@@ -516,7 +495,12 @@ def _add_factor(finding: Finding, fit: Kinematics, name: str, units: tuple[Unit,
     if reported is None:
         return None
     factor, low, high = reported
-    unit = unit_of(factor, units, low, high)
+    matches = (  # within the interval and half a percent
+        unit for unit in units
+        if low - abs(_MATCHES * unit.factor) <= unit.factor <= high + abs(_MATCHES * unit.factor)
+        and abs(factor / unit.factor - 1.0) < _MATCHES
+    )  # fmt: skip
+    unit = next(matches, None)
     text = f"{finding.text} (factor {factor:.4f}, 95 % {low:.4f} to {high:.4f})"
     if unit is not None:
         text += f", {unit.words}"
@@ -598,13 +582,7 @@ YAW_RATE_UNITS = (
 )
 
 
-def unit_of(factor: float, units: tuple[Unit, ...], low: float, high: float) -> Unit | None:
-    """The unit whose factor is this one, within its interval and half a percent."""
-    for unit in units:
-        slack = abs(_MATCHES * unit.factor)
-        if low - slack <= unit.factor <= high + slack and abs(factor / unit.factor - 1.0) < _MATCHES:
-            return unit
-    return None
+FIGURES = (speed_scale, yaw_rate_scale, yaw_rate_bias, heading_offset)
 
 
 def is_derived_from(table: pd.DataFrame, name: str, channels: tuple[str, ...]) -> bool:
@@ -630,14 +608,11 @@ def heading_finding(table: pd.DataFrame) -> Finding | None:
         return None
     moves = _moves(position, grid)
     moves[spans_gap(heading.time_s, grid)] = np.nan
-    recorded = np.rad2deg(heading.levels[:, 0])
-    scales = {unit: scale_to("deg", unit) for unit in ANGLE_UNITS}  # parts of a degree may have been wrapped at 360
-    readings = {
-        unit: interval_means(
-            heading.time_s, np.unwrap(recorded * max(scale, 1.0), period=360.0) * min(scale, 1.0), grid
-        )
-        for unit, scale in scales.items()
-    }
+    recorded, readings = np.rad2deg(heading.levels[:, 0]), {}
+    for unit in ANGLE_UNITS:
+        scale = scale_to("deg", unit)  # parts of a degree may have been wrapped at 360
+        angle = np.unwrap(recorded * max(scale, 1.0), period=360.0) * min(scale, 1.0)
+        readings[unit] = interval_means(heading.time_s, angle, grid)
     verdict = judge_heading(moves, readings)
     if not verdict.unit or (verdict.unit == "deg" and verdict.convention in (CLOCKWISE, None)):
         return None
@@ -646,7 +621,14 @@ def heading_finding(table: pd.DataFrame) -> Finding | None:
         rate = group_samples(table, GROUPS["yaw_rate_dps"])
         turned = integrals(rate.time_s, np.rad2deg(rate.levels[:, 0]), grid)
         turning = fit_scale(np.diff(readings["deg"]), 0.5 * (turned[1:] + turned[:-1]))
-    words = _wording(verdict, turning)
+    convention = verdict.convention or CLOCKWISE
+    sense = "" if convention is CLOCKWISE else f" counts {convention.words}"
+    if verdict.unit != "deg":
+        words = f"the heading is in {ANGLE_UNITS[verdict.unit]}{' and' * bool(sense)}{sense}"
+    elif turning is not None and turning.is_clear and turning.factor < 0.0:
+        words = f"the heading{sense}, which the yaw rate confirms"
+    else:  # unless the yaw rate turns with the track, mirrored positions make the two agree as well
+        words = f"the heading{sense}, or as well if the positions are wrong: {convention.mirrored}"
     text = f"The track and the heading agree if {words}: {verdict.evidence}"
     estimate = {"drift_spread_deg": verdict.best.spread_deg, "recorded_spread_deg": verdict.recorded.spread_deg}
     return Finding("motion_contradiction", "heading_deg", *span_of(table), text, _REMEDY, estimate)
@@ -669,17 +651,6 @@ def _moves(position: Group, grid: Floats) -> Complexes:
     """The moves between instants, NaN where the positions have a gap."""
     north, east = (increments(position.time_s, column, grid) for column in position.levels.T)
     return np.where(spans_gap(position.time_s, grid), np.nan, north + 1j * east)
-
-
-def _wording(verdict: HeadingVerdict, turning: ScaleFit | None) -> str:
-    """What makes track and heading agree; mirrored positions do too, unless the yaw rate turns with the track."""
-    convention = verdict.convention or CLOCKWISE
-    sense = "" if convention is CLOCKWISE else f" counts {convention.words}"
-    if verdict.unit != "deg":
-        return f"the heading is in {ANGLE_UNITS[verdict.unit]}{' and' * bool(sense)}{sense}"
-    if turning is not None and turning.is_clear and turning.factor < 0.0:
-        return f"the heading{sense}, which the yaw rate confirms"
-    return f"the heading{sense}, or as well if the positions are wrong: {convention.mirrored}"
 
 
 def axes_finding(table: pd.DataFrame) -> Finding | None:

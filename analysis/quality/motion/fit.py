@@ -38,21 +38,21 @@ which is reported elsewhere; samples that repeat are stuck.
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
 from numpy.lib.stride_tricks import sliding_window_view
+from scipy.linalg import block_diag
 from scipy.special import chdtri, stdtrit
 
 from seatrial.acquisition.core.errors import DataShortageError
 from seatrial.acquisition.core.quantities import Bools, Floats, Ints
-from seatrial.analysis.quality.findings import Finding
 from seatrial.analysis.quality.motion.model import (
     GROUPS,
     CleanMotion,
@@ -71,7 +71,6 @@ from seatrial.analysis.quality.motion.model import (
     turn_model,
 )
 from seatrial.analysis.series import jackknife_error, runs_of_equal
-from seatrial.analysis.tables.table import NANO, seconds_of, utc_index
 
 PATH_PARAMETERS = (
     "speed_factor", "heading_offset_rad", "position_delay_s", "heading_delay_s", "forward_m", "starboard_m",
@@ -79,7 +78,7 @@ PATH_PARAMETERS = (
 )  # fmt: skip
 TURN_PARAMETERS = ("yaw_rate_factor", "yaw_rate_bias_radps", "heading_after_yaw_rate_s")
 NAMES = PATH_PARAMETERS + TURN_PARAMETERS
-_OF_PATH, _OF_TURN = slice(len(PATH_PARAMETERS)), slice(len(PATH_PARAMETERS), None)
+_OF_PATH, OF_TURN = slice(len(PATH_PARAMETERS)), slice(len(PATH_PARAMETERS), None)
 CHANCE = 1e-4
 """Probability that a figure of a sound trial is called wrong."""
 _DELAY_PRIOR_S = 20.0
@@ -87,6 +86,8 @@ _PATH_PRIOR = np.array([1.0, 1.0, _DELAY_PRIOR_S, _DELAY_PRIOR_S, 100.0, 100.0, 
 _TURN_PRIOR = np.array([1.0, 0.1, _DELAY_PRIOR_S])
 _NEUTRAL_PATH, _NEUTRAL_TURN = (np.eye(prior.size)[0] for prior in (_PATH_PRIOR, _TURN_PRIOR))
 _OF_HEEL = [PATH_PARAMETERS.index(name) for name in ("heel_s2", "heel_lag_s3")]
+_OF_RANGE = ("speed_factor", "heading_offset_rad", "yaw_rate_factor", "yaw_rate_bias_radps")
+_RANGED = [NAMES.index(name) for name in _OF_RANGE]
 _FIXED = 1e-6
 _CLEAR = 4.0
 _LONGEST_STEP, _LONGEST_FAST_STEP = 0.2, 0.05
@@ -178,23 +179,11 @@ class Kinematics:
             np.where(self.from_slow, slow.informative, broadband.informative),
         )
 
-    @property
-    def path_parameters(self) -> Floats:
-        return self.selected.parameters[_OF_PATH]
-
-    @property
-    def turn_parameters(self) -> Floats:
-        return self.selected.parameters[_OF_TURN]
-
-    @cached_property
-    def standard_errors(self) -> Floats:
-        return np.sqrt(np.diag(self.selected.covariance))
-
     def value(self, name: str) -> float:
         return float(self.selected.parameters[NAMES.index(name)])
 
     def standard_error(self, name: str) -> float:
-        return float(self.standard_errors[NAMES.index(name)])
+        return float(self.selected.deviations[NAMES.index(name)])
 
     def band_hz(self, name: str, neutral: float = 0.0) -> tuple[float, float]:
         """The band by which a figure differs from its neutral value: from 0 where the slow motion does so too."""
@@ -232,20 +221,24 @@ def fit_kinematics(table: pd.DataFrame, coarse: Coarse | None = None) -> Kinemat
     speeds = {name: table[name] * coarse.speed_factor for name in ("surge_mps", "sway_mps")}
     heading = (table["heading_deg"] - np.rad2deg(coarse.heading_offset_rad)) % 360.0
     yaw_rate = table["yaw_rate_dps"] * coarse.yaw_rate_factor
-    corrected = table.assign(**speeds, heading_deg=heading, yaw_rate_dps=yaw_rate)
-    return _fit_of_uncorrected(fit_motion(motion_of(corrected)), coarse)
+    fit = fit_motion(motion_of(table.assign(**speeds, heading_deg=heading, yaw_rate_dps=yaw_rate)))
 
-
-def _fit_of_uncorrected(fit: Kinematics, coarse: Coarse) -> Kinematics:
-    """Turn a fit to a corrected table into one to the table itself: factors multiply, angles add."""
+    # From the corrected table back to the table itself: factors multiply, angles add.
     scale, shift = np.ones(len(NAMES)), np.zeros(len(NAMES))
     scale[NAMES.index("speed_factor")] = coarse.speed_factor
     scale[NAMES.index("yaw_rate_factor")] = coarse.yaw_rate_factor
     shift[NAMES.index("heading_offset_rad")] = coarse.heading_offset_rad
+    slow, broadband = (
+        replace(
+            solution,
+            parameters=solution.parameters * scale + shift,
+            covariance=solution.covariance * np.outer(scale, scale),
+        )
+        for solution in (fit.slow, fit.broadband)
+    )
     recorded = rescale(
         fit.motion, 1.0 / coarse.speed_factor, -coarse.heading_offset_rad, 1.0 / coarse.yaw_rate_factor
     )
-    slow, broadband = (solution.transformed(scale, shift) for solution in (fit.slow, fit.broadband))
     return replace(fit, slow=slow, broadband=broadband, motion=recorded, coarse=coarse)
 
 
@@ -274,7 +267,8 @@ def fit_motion(motion: CleanMotion, heel: Floats | None = None) -> Kinematics:
             f"holds {len(starts)} stretches of {max(length, 2) * motion.step_s:.0f} s with all motion channels",
             why=f"it takes {_FEWEST_BLOCKS}", fix="record for longer",
         )  # fmt: skip
-    frame = _Frame(grid_s, starts, length, motion.step_s, 0.2 / motion.slowest_s)
+    slowest_s = max(group.interval_s for group in motion.groups)
+    frame = _Frame(grid_s, starts, length, motion.step_s, 0.2 / slowest_s)
     parts = (motion, motion.half(0), motion.half(1))
     paths, turns = (tuple(model(part, grid_s) for part in parts) for model in (path_model, turn_model))
     path_prior, neutral = _PATH_PRIOR.copy(), _NEUTRAL_PATH.copy()
@@ -282,25 +276,25 @@ def fit_motion(motion: CleanMotion, heel: Floats | None = None) -> Kinematics:
         path_prior[_OF_HEEL], neutral[_OF_HEEL] = _FIXED, heel
     path = _Fit(motion.position, paths, path_prior, neutral, frame).solve()
     turn = _Fit(motion.heading, turns, _TURN_PRIOR, _NEUTRAL_TURN, frame).solve()
-    slow_is_better = _slow_is_better(*path, _ALIKE[_OF_PATH]), _slow_is_better(*turn, _ALIKE[_OF_TURN])
+    slow_is_better = _slow_is_better(*path, _ALIKE[_OF_PATH]), _slow_is_better(*turn, _ALIKE[OF_TURN])
     from_slow = np.repeat(slow_is_better, [len(PATH_PARAMETERS), len(TURN_PARAMETERS)])
     # What sampling and interpolation may do to the parameters, as standard deviations.
     fixed_s, fraction = _SAMPLING
-    sampling = np.where([name.endswith("_s") for name in NAMES], fixed_s + fraction * motion.slowest_s, 0.0)
-    slow, broadband = (path[band].concatenated(turn[band]).widened(sampling) for band in (0, 1))
+    sampling = np.where([name.endswith("_s") for name in NAMES], fixed_s + fraction * slowest_s, 0.0)
+    slow, broadband = (
+        MotionSolution(
+            np.concatenate([of_path.parameters, of_turn.parameters]),
+            block_diag(of_path.covariance, of_turn.covariance),
+            np.concatenate([of_path.informative, of_turn.informative]),
+        ).widened(sampling)
+        for of_path, of_turn in zip(path, turn, strict=True)
+    )
     fit = Kinematics(
         slow, broadband, from_slow, frame.slow_hz, min(_STAGES_HZ[-1], frame.highest_hz), len(starts), motion
     )  # fmt: skip
     # The linearised fit is valid where factors, angle and bias are within a range, or may be.
-    neutral_values = {
-        "speed_factor": 1.0,
-        "heading_offset_rad": 0.0,
-        "yaw_rate_factor": 1.0,
-        "yaw_rate_bias_radps": 0.0,
-    }
-    places = [NAMES.index(name) for name in neutral_values]
-    deviation = np.abs(fit.selected.parameters[places] - list(neutral_values.values()))
-    limits = np.maximum(_FARTHEST, _CLEAR * fit.standard_errors[places])
+    deviation = np.abs(fit.selected.parameters - np.concatenate([_NEUTRAL_PATH, _NEUTRAL_TURN]))[_RANGED]
+    limits = np.maximum(_FARTHEST, _CLEAR * fit.selected.deviations[_RANGED])
     return replace(fit, converged=bool((deviation < limits).all()))
 
 
@@ -336,15 +330,6 @@ class _Frame:
     def slow_hz(self) -> float:
         """Where what is slower than waves ends; in short blocks where their fewest cosines do."""
         return self.coefficients(SLOW_HZ) / (2.0 * self.length * self.step_s)
-
-    def low_pass(self, values: Floats) -> Floats:
-        """Series [points, ...] without what is faster than :attr:`slow_hz`, which would leak into the cosines of
-        the blocks; nothing is shifted."""
-        from scipy.signal import sosfiltfilt
-
-        sections = _low_pass(min(1.25 * self.slow_hz * self.step_s, 0.45))
-        padded = min(len(values) - 1, int(3.0 / (self.slow_hz * self.step_s)))
-        return np.asarray(sosfiltfilt(sections, values, axis=0, padlen=padded))
 
 
 @lru_cache(maxsize=64)
@@ -409,15 +394,28 @@ class _Fit:
         return solution.widened(2.0 * (solution.parameters - before.parameters))
 
     def _step(self, values: Floats, limit_hz: float | None) -> MotionSolution:
-        """One Gauss-Newton step from ``values`` by the motion below ``limit_hz``, None for the slow motion."""
+        """One Gauss-Newton step from ``values`` by the motion below ``limit_hz``, None for the slow motion.
+
+        What is faster than the slow motion would leak into the cosines of its blocks and is filtered out before;
+        nothing is shifted.
+        """
+        from scipy.fft import dct
+        from scipy.signal import sosfiltfilt
+
         level, frame = self.level, self.frame
         count = frame.coefficients(limit_hz or SLOW_HZ)
         (expected, slopes), first, second = (model(values) for model in self.models)
         times = np.clip(frame.grid_s + values[2], level.time_s[0], level.time_s[-1])
         expected_noise, slopes_noise = (0.5 * (even - odd) for even, odd in zip(first, second, strict=True))
-        parts = (self.measured(times) - expected, slopes, -expected_noise, slopes_noise)
-        band = (frame.low_pass(part) for part in parts) if limit_hz is None else parts
-        residuals, basis, *noise = (cosines(part, frame.starts, frame.length, count) for part in band)
+        coefficients = []  # orthonormal cosines 1 to ``count`` of each block: [blocks, ..., count]
+        for part in (self.measured(times) - expected, slopes, -expected_noise, slopes_noise):
+            if limit_hz is None:
+                sections = _low_pass(min(1.25 * frame.slow_hz * frame.step_s, 0.45))
+                padded = min(len(part) - 1, int(3.0 / (frame.slow_hz * frame.step_s)))
+                part = sosfiltfilt(sections, part, axis=0, padlen=padded)
+            blocks = part[frame.starts[:, np.newaxis] + np.arange(frame.length)]
+            coefficients.append(np.moveaxis(dct(blocks, axis=1, norm="ortho")[:, 1 : count + 1], 1, -1))
+        residuals, basis, *noise = coefficients
         update = solve(residuals, basis, (noise[0], noise[1]), self.prior)
         longest = _LONGEST_STEP if limit_hz is None else _LONGEST_FAST_STEP
         bounds = longest * self.prior[:4]  # lever arms are linear
@@ -431,29 +429,27 @@ def widen_by_quarters(fit: Kinematics) -> Kinematics:
     It takes as long as the fit itself. Recordings of whose quarters fewer than three can be
     fitted stay as they are.
     """
-    coarse = fit.coarse
+    coarse, parts = fit.coarse, []
+    heel = fit.selected.parameters[_OF_HEEL]  # a quarter is too short to determine it
     motion = rescale(fit.motion, coarse.speed_factor, coarse.heading_offset_rad, coarse.yaw_rate_factor)
-    parts = []
-    for quarter in _quarters(motion):
-        with suppress(DataShortageError):
-            part = fit_motion(quarter, fit.path_parameters[_OF_HEEL])  # a quarter is too short to determine heel
-            parts.append(replace(part, from_slow=fit.from_slow))
+    for begin, end in pairwise(np.linspace(motion.position.time_s[0], motion.position.time_s[-1], PARTS + 1)):
+        position, heading, speed, yaw_rate = (
+            group.excluding((group.time_s < begin) | (group.time_s > end)) for group in motion.groups
+        )
+        quarter = CleanMotion(position, heading, speed, yaw_rate, motion.step_s)
+        if min(group.time_s.size for group in quarter.groups) >= _SAMPLES:
+            with suppress(DataShortageError):
+                part = fit_motion(quarter, heel)
+                parts.append(replace(part, from_slow=fit.from_slow))
     parts = [part for part in parts if part.converged]
     fit = replace(fit, quarters=tuple(part.selected for part in parts))
     if len(parts) < _FEWEST_PARTS:
         return fit
-    # Variances are widened for few blocks as Student's t is at 95 %.
+    # Half of the 95 % interval of the mean of the quarters, zero where they agree within their variances, which are
+    # widened for few blocks as Student's t is at 95 %.
     widening = np.array([[quantile(0.975, count) / 1.96 for count in part.selected.informative] for part in parts])
-    variance = (np.array([part.standard_errors for part in parts]) * widening) ** 2 + _ALIKE**2
-    half = _half_width_by_scatter(np.array([part.selected.parameters for part in parts]), variance)
-    half[NAMES.index("speed_factor")] *= abs(coarse.speed_factor)
-    half[NAMES.index("yaw_rate_factor")] *= abs(coarse.yaw_rate_factor)
-    return replace(fit, quarters_half_width=half)
-
-
-def _half_width_by_scatter(values: Floats, variance: Floats) -> Floats:
-    """Half of the 95 % interval of the mean of values [parts, p], zero where they agree within their variances."""
-
+    variance = (np.array([part.selected.deviations for part in parts]) * widening) ** 2 + _ALIKE**2
+    values = np.array([part.selected.parameters for part in parts])
     weights, freedom = 1.0 / variance, len(values) - 1
     total = weights.sum(axis=0)
     scatter = (weights * (values - (weights * values).sum(axis=0) / total) ** 2).sum(axis=0)
@@ -461,19 +457,9 @@ def _half_width_by_scatter(values: Floats, variance: Floats) -> Floats:
     error = np.sqrt(1.0 / (1.0 / (variance + added)).sum(axis=0))
     limit, times = float(chdtri(freedom, _CHANCE_OF_PARTS)), float(stdtrit(freedom, 0.975))
     half: Floats = np.where(scatter > limit, times * error, 0.0)
-    return half
-
-
-def _quarters(motion: CleanMotion) -> list[CleanMotion]:
-    """The quarters of a motion in which no group lacks samples."""
-    edges = np.linspace(motion.position.time_s[0], motion.position.time_s[-1], PARTS + 1)
-    quarters = []
-    for begin, end in pairwise(edges):
-        position, heading, speed, yaw_rate = (
-            group.excluding((group.time_s < begin) | (group.time_s > end)) for group in motion.groups
-        )
-        quarters.append(CleanMotion(position, heading, speed, yaw_rate, motion.step_s))
-    return [quarter for quarter in quarters if min(group.time_s.size for group in quarter.groups) >= _SAMPLES]
+    half[NAMES.index("speed_factor")] *= abs(coarse.speed_factor)
+    half[NAMES.index("yaw_rate_factor")] *= abs(coarse.yaw_rate_factor)
+    return replace(fit, quarters_half_width=half)
 
 
 @dataclass(frozen=True, slots=True)
@@ -488,32 +474,9 @@ class MotionSolution:
     def deviations(self) -> Floats:
         return np.sqrt(np.diag(self.covariance))
 
-    def concatenated(self, solution: MotionSolution) -> MotionSolution:
-        """Both as one, independent of each other."""
-        from scipy.linalg import block_diag
-
-        return MotionSolution(
-            np.concatenate([self.parameters, solution.parameters]),
-            block_diag(self.covariance, solution.covariance),
-            np.concatenate([self.informative, solution.informative]),
-        )
-
     def widened(self, deviations: Floats) -> MotionSolution:
         """With independent errors of these standard deviations [p] added."""
         return replace(self, covariance=self.covariance + np.diag(deviations**2))
-
-    def transformed(self, scale: Floats, shift: Floats) -> MotionSolution:
-        """The parameters multiplied by ``scale`` and then increased by ``shift``, both [p]."""
-        covariance = self.covariance * np.outer(scale, scale)
-        return replace(self, parameters=self.parameters * scale + shift, covariance=covariance)
-
-
-def cosines(levels: Floats, starts: Ints, length: int, count: int) -> Floats:
-    """Orthonormal cosine coefficients 1..``count`` of blocks of levels [points, ...]: [blocks, ..., most]."""
-    from scipy.fft import dct
-
-    blocks = levels[starts[:, np.newaxis] + np.arange(length)]
-    return np.moveaxis(dct(blocks, axis=1, norm="ortho")[:, 1 : count + 1], 1, -1)
 
 
 def solve(residuals: Floats, slopes: Floats, noise: tuple[Floats, Floats], prior: Floats) -> MotionSolution:
@@ -521,7 +484,8 @@ def solve(residuals: Floats, slopes: Floats, noise: tuple[Floats, Floats], prior
 
     ``noise`` are draws of the noise of both, as half of the difference between what every other sample gives and
     what the others give: it has none of the motion, which both have smoothed alike by their wider steps. ``prior``
-    [p] are standard deviations far beyond anything sensible: they bound what the data do not determine.
+    [p] are standard deviations far beyond anything sensible: they bound what the data do not determine. The
+    covariance comes from the noise and a jackknife over blocks.
     """
     bands, precision = _bands(residuals.shape[-1]), np.diag(prior**-2.0)
     sizes = np.diff(np.append(bands, residuals.shape[-1]))
@@ -536,7 +500,16 @@ def solve(residuals: Floats, slopes: Floats, noise: tuple[Floats, Floats], prior
         trust = np.minimum(1.0, _TOLERATED / np.maximum(excess, 1e-300))  # 1 where as noisy as the other blocks
         weights = np.broadcast_to(np.repeat(trust, sizes, axis=-1)[:, np.newaxis, :] / variance, residuals.shape)
     _, matrices, sides = _equations(residuals, slopes, noise, weights, precision)
-    return _solution(matrices, sides, precision)
+    total = matrices.sum(axis=0) + precision
+    covariance = np.linalg.inv(total)
+    shares = np.einsum("pi,bij,pj->bp", covariance, matrices, covariance, optimize=True)
+    informative = shares.sum(axis=0) ** 2 / np.maximum((shares**2).sum(axis=0), 1e-300)
+    remaining = sides.sum(axis=0) - sides
+    leave_one_out = np.linalg.solve(total - matrices, remaining[..., np.newaxis])[..., 0]
+    spread = jackknife_error(leave_one_out) ** 2
+    inflation = np.sqrt(np.maximum(1.0, spread / np.diag(covariance)))
+    values = covariance @ sides.sum(axis=0)
+    return MotionSolution(values, covariance * np.outer(inflation, inflation), informative)
 
 
 def _equations(
@@ -581,21 +554,6 @@ def _normal(residuals: Floats, slopes: Floats, weights: Floats) -> tuple[Floats,
     return weighted @ flat.transpose(0, 2, 1), (weighted @ residuals.reshape(count, -1, 1))[..., 0]
 
 
-def _solution(matrices: Floats, sides: Floats, precision: Floats) -> MotionSolution:
-    """The solution of the blocks' normal equations, its covariance from the noise and by a jackknife, and the
-    effective number of blocks for each parameter."""
-    total = matrices.sum(axis=0) + precision
-    covariance = np.linalg.inv(total)
-    values = covariance @ sides.sum(axis=0)
-    shares = np.einsum("pi,bij,pj->bp", covariance, matrices, covariance, optimize=True)
-    informative = shares.sum(axis=0) ** 2 / np.maximum((shares**2).sum(axis=0), 1e-300)
-    remaining = sides.sum(axis=0) - sides
-    leave_one_out = np.linalg.solve(total - matrices, remaining[..., np.newaxis])[..., 0]
-    spread = jackknife_error(leave_one_out) ** 2
-    inflation = np.sqrt(np.maximum(1.0, spread / np.diag(covariance)))
-    return MotionSolution(values, covariance * np.outer(inflation, inflation), informative)
-
-
 def _bands(count: int) -> Ints:
     """First coefficients of bands that widen with frequency by about a third."""
     edges = np.unique(np.floor(1.33 ** np.arange(0, 60)).astype(np.int64) - 1)
@@ -616,10 +574,11 @@ def remove_jumps(level: Group, model: Model, grid_s: Floats, values: Floats) -> 
 
     A step from one sample to the next is a jump where it differs from the model's by far more than the usual
     step does, and by a good part of the distance; the model's step takes its place. Where there are such steps at
-    ``values`` [p], a robust regression on steps stands many of them where one on levels does not; it starts from
-    ``values`` and from the most frequent ratio of measured to model's steps, and the tighter fit counts. Returns
-    ``level`` itself where nothing, or nearly everything, jumps, and where it often stands still: it is rounded so
-    coarsely then that its steps are those of the rounding.
+    ``values`` [p], a robust regression on steps stands many of them where one on levels does not: redescending
+    weights (Cauchy's, squared) with a tolerance that narrows. It starts from ``values`` and from the most frequent
+    ratio of measured to model's steps, and the tighter fit counts. Returns ``level`` itself where nothing, or
+    nearly everything, jumps, and where it often stands still: it is rounded so coarsely then that its steps are
+    those of the rounding.
     """
     still = (np.abs(np.diff(level.levels, axis=0)) < 1e-9).all(axis=1)
     if still.mean() > _MOST_STILL:
@@ -627,11 +586,18 @@ def remove_jumps(level: Group, model: Model, grid_s: Floats, values: Floats) -> 
     steps = _steps(level, model, grid_s, values)
     if not _jumps(steps).any():
         return level
-    starts = (values, _most_frequent(steps, values))
-    fits = [_robust_fit(level, model, grid_s, start) for start in starts]
-    steps = min(
-        (_steps(level, model, grid_s, fit) for fit in fits), key=lambda candidate: float(_scale(candidate)[0])
-    )
+    fits = []
+    for fit in (values, _most_frequent(steps, values)):
+        for number in range(_JUMP_ROUNDS):
+            steps = _steps(level, model, grid_s, fit)
+            scale = _scale(steps)
+            tolerance = scale * max(2.0, 6.0 * 0.7**number)
+            weights = 1.0 / (1.0 + (steps.error / tolerance) ** 2) ** 2 / scale**2
+            flat = (steps.slopes * weights[:, np.newaxis]).transpose(1, 0, 2).reshape(fit.size, -1)
+            matrix = flat @ steps.slopes.transpose(0, 2, 1).reshape(-1, fit.size) + np.diag(_STIFFNESS[: fit.size])
+            fit = fit + np.clip(np.linalg.solve(matrix, flat @ steps.error.ravel()), -4.0, 4.0)
+        fits.append(_steps(level, model, grid_s, fit))
+    steps = min(fits, key=lambda candidate: float(_scale(candidate)[0]))
     jumps = _jumps(steps)
     if not jumps.any() or jumps.mean() > _MOST_JUMPS:
         return level
@@ -652,21 +618,6 @@ class _Steps:
     slopes: Floats
     distance: Floats
     angle: Floats
-
-
-def _robust_fit(level: Group, model: Model, grid_s: Floats, values: Floats) -> Floats:
-    """Robust regression on steps: redescending weights (Cauchy's, squared) with a tolerance that narrows."""
-    for number in range(_JUMP_ROUNDS):
-        steps = _steps(level, model, grid_s, values)
-        scale = _scale(steps)
-        tolerance = scale * max(2.0, 6.0 * 0.7**number)
-        weights = 1.0 / (1.0 + (steps.error / tolerance) ** 2) ** 2 / scale**2
-        flat = (steps.slopes * weights[:, np.newaxis]).transpose(1, 0, 2).reshape(values.size, -1)
-        matrix = flat @ steps.slopes.transpose(0, 2, 1).reshape(-1, values.size) + np.diag(
-            _STIFFNESS[: values.size]
-        )
-        values = values + np.clip(np.linalg.solve(matrix, flat @ steps.error.ravel()), -4.0, 4.0)
-    return values
 
 
 def _most_frequent(steps: _Steps, values: Floats) -> Floats:
@@ -713,8 +664,7 @@ def _steps(level: Group, model: Model, grid_s: Floats, values: Floats) -> _Steps
     return _Steps(rotate(-angle, measured) - body[:, 0], body[:, 1:], np.hypot(*moves[:, 0].T), angle)
 
 
-@dataclass(frozen=True, slots=True)
-class PositionErrors:
+class PositionErrors(NamedTuple):
     """Of each raw position: when [s], by how much north and east [n, 2], the velocity of the ship [n, 2] and the
     position itself [n, 2]."""
 
@@ -726,9 +676,9 @@ class PositionErrors:
 
 def position_errors(table: pd.DataFrame, fit: Kinematics) -> PositionErrors:
     """Errors of the raw positions about the fitted path, without outliers."""
-    motion, parameters = fit.motion, fit.path_parameters
+    motion, parameters = fit.motion, fit.selected.parameters
     grid_s = np.arange(motion.speed.time_s[0], motion.speed.time_s[-1], motion.step_s)
-    path, slopes = path_model(motion, grid_s)(parameters)
+    path, slopes = path_model(motion, grid_s)(parameters[_OF_PATH])
     raw = group_samples(table, GROUPS["north_m"])
     times = raw.time_s - parameters[2]
     within = (times >= grid_s[0]) & (times <= grid_s[-1])
@@ -750,7 +700,8 @@ class PositionJump:
 
 
 def position_jumps(table: pd.DataFrame, fit: Kinematics) -> tuple[PositionJump, ...]:
-    """The jumps of the positions in a table about the motion that was fitted to it."""
+    """The jumps of the positions in a table about the motion that was fitted to it; one that the next takes back
+    ends there."""
     errors = position_errors(table, fit)
     recorded_s = fit.motion.position.interval_s
     stuck = np.zeros(len(errors.raw), dtype=bool)  # a coordinate has not changed for 3 s: what follows is no jump
@@ -765,16 +716,25 @@ def position_jumps(table: pd.DataFrame, fit: Kinematics) -> tuple[PositionJump, 
     interval_s = float(np.median(np.diff(time_s)))
     width = int(np.clip(_JUMP_STRETCH_S / max(interval_s, 1e-3), _FEWEST_IN_STRETCH, _MOST))
     smallest_m = min(_SMALLEST_M, _SMALLEST_S * float(np.quantile(np.hypot(*errors.velocity.T), 0.98)))
-    jumps = [
-        (float(time_s[place] + fit.selected.parameters[2]), size)
-        for place, size in _lasting_steps(error, width, interval_s, smallest_m)
-        if _recorded_throughout(time_s, place, width, interval_s, fit)
-    ]
-    return _pair_returns(jumps, np.ptp(time_s))
+    delay_s, jumps = fit.selected.parameters[2], list[PositionJump]()
+    for place, step in _lasting_steps(time_s, error, width, smallest_m, fit):
+        at_s = float(time_s[place] + delay_s)
+        if jumps and np.isnan(jumps[-1].until_s):
+            last = np.array([jumps[-1].north_m, jumps[-1].east_m])
+            returns = np.hypot(*(last + step)) < _RETURNED * np.hypot(*last)
+            if returns and at_s - jumps[-1].time_s < _LONGEST_AWAY * np.ptp(time_s):
+                jumps[-1] = replace(jumps[-1], until_s=at_s)
+                continue
+        jumps.append(PositionJump(at_s, float(step[0]), float(step[1]), np.nan))
+    return tuple(jumps)
 
 
-def _lasting_steps(error: Floats, width: int, interval_s: float, smallest_m: float) -> list[tuple[int, Floats]]:
-    """The first sample after each jump, and the jump's size north and east."""
+def _lasting_steps(
+    time_s: Floats, error: Floats, width: int, smallest_m: float, fit: Kinematics
+) -> list[tuple[int, Floats]]:
+    """The first sample after each jump, and the jump's size north and east; the motion about it was recorded
+    throughout and its stamps do not crowd."""
+    interval_s = float(np.median(np.diff(time_s)))
     medians = np.median(sliding_window_view(error, width, axis=0), axis=-1)
     change = medians[width:] - medians[:-width]  # row r is about the step to sample r + width
     size = np.hypot(*change.T)
@@ -786,61 +746,16 @@ def _lasting_steps(error: Floats, width: int, interval_s: float, smallest_m: flo
     along = np.einsum("ij,ij->i", error[after] - error[before], toward)
     at_once = np.einsum("ij,ij->i", error[places] - error[places - 1], toward)
     rows = np.flatnonzero((size > limit) & (along > _AT_ONCE * size))
-    groups = np.split(rows, np.flatnonzero(np.diff(rows) > width) + 1) if rows.size else []
-    best = (int(group[np.argmax(at_once[group])]) for group in groups)
-    return [(row + width, change[row]) for row in best]
-
-
-def _recorded_throughout(time_s: Floats, place: int, width: int, interval_s: float, fit: Kinematics) -> bool:
-    """Whether the motion about a step was recorded throughout and its stamps do not crowd."""
-    first, last = max(place - width, 0), min(place + width, time_s.size - 1)
-    if time_s[last] - time_s[first] < 0.8 * (last - first) * interval_s:
-        return False
-    for samples in (fit.motion.speed, fit.motion.heading):
-        first, last = np.searchsorted(samples.time_s, time_s[place - 1 : place + 1], side="left")
-        inside = samples.time_s[max(first - 1, 0) : last + 1]
-        if inside.size < 2 or not np.diff(inside).max() < 1.8 * samples.interval_s:
-            return False
-    return True
-
-
-def _pair_returns(jumps: list[tuple[float, Floats]], duration_s: float) -> tuple[PositionJump, ...]:
-    """Join a jump and the next one where that takes it back."""
-    merged: list[PositionJump] = []
-    remaining = deque(jumps)
-    while remaining:
-        time_s, size = remaining.popleft()
-        until_s = np.nan
-        if remaining:
-            next_s, return_step = remaining[0]
-            returns = np.hypot(*(size + return_step)) < _RETURNED * np.hypot(*size)
-            if returns and next_s - time_s < _LONGEST_AWAY * duration_s:
-                until_s, _ = remaining.popleft()
-        merged.append(PositionJump(time_s, float(size[0]), float(size[1]), until_s))
-    return tuple(merged)
-
-
-def jump_finding(table: pd.DataFrame, jump: PositionJump) -> Finding:
-    """A jump in words; it ends where the positions return."""
-    index = utc_index(table)
-    start = index.min() + pd.Timedelta(round(jump.time_s * NANO), "ns")
-    returns, metres = bool(np.isfinite(jump.until_s)), float(np.hypot(jump.north_m, jump.east_m))
-    end = index.min() + pd.Timedelta(round(jump.until_s * NANO), "ns") if returns else start
-    text = (
-        f"The positions jump by {metres:.1f} m ({jump.north_m:+.1f} m north, {jump.east_m:+.1f} m east)"
-        f" at {start:%H:%M:%S}"
-    )
-    after = f" and return after {jump.until_s - jump.time_s:.1f} s" if returns else " and do not return"
-    return Finding(
-        "position_jump", "north_m", start, end, text + after,
-        "Leave out what is displaced." if returns else "Take what lies before and after as two recordings.",
-        {"metres": metres, "north_m": jump.north_m, "east_m": jump.east_m},
-    )  # fmt: skip
-
-
-def displaced_rows(table: pd.DataFrame, jumps: tuple[PositionJump, ...]) -> Bools:
-    """Which rows lie between a jump and its return."""
-    time_s, mask = seconds_of(table), np.zeros(len(table), dtype=bool)
-    for jump in jumps:
-        mask |= (time_s >= jump.time_s - 1e-6) & (time_s < jump.until_s - 1e-6)
-    return mask
+    steps = []
+    for group in np.split(rows, np.flatnonzero(np.diff(rows) > width) + 1) if rows.size else ():
+        row = int(group[np.argmax(at_once[group])])
+        place = row + width
+        first, last = max(place - width, 0), min(place + width, time_s.size - 1)
+        recorded = time_s[last] - time_s[first] >= 0.8 * (last - first) * interval_s
+        for samples in (fit.motion.speed, fit.motion.heading):
+            first, last = np.searchsorted(samples.time_s, time_s[place - 1 : place + 1], side="left")
+            inside = samples.time_s[max(first - 1, 0) : last + 1]
+            recorded &= inside.size >= 2 and np.diff(inside).max() < 1.8 * samples.interval_s
+        if recorded:
+            steps.append((place, change[row]))
+    return steps

@@ -26,7 +26,7 @@ from seatrial.acquisition.core.errors import DataShortageError
 from seatrial.acquisition.core.quantities import KNOT_MPS, Bools, Complexes, Floats, Ints, integrate, to_earth
 from seatrial.acquisition.core.ship import difference
 from seatrial.analysis.quality.findings import Finding
-from seatrial.analysis.series import runs, runs_of_equal
+from seatrial.analysis.series import robust_spread, runs, runs_of_equal
 from seatrial.analysis.tables.table import NANO, require, span_of, times_ns
 
 GROUPS: dict[str, tuple[str, ...]] = {
@@ -105,10 +105,6 @@ class CleanMotion:
         return CleanMotion(self.position, heading, speed, yaw_rate, self.step_s)
 
     @property
-    def slowest_s(self) -> float:
-        return max(group.interval_s for group in self.groups)
-
-    @property
     def groups(self) -> tuple[Group, ...]:
         return self.position, self.heading, self.speed, self.yaw_rate
 
@@ -119,19 +115,30 @@ def motion_of(table: pd.DataFrame) -> CleanMotion:
     Raises :class:`InputError` where a channel is missing and :class:`DataShortageError` for less than 8 samples.
     """
     require(table, MOTION)
-    raw = {name: group_samples(table, channels) for name, channels in GROUPS.items()}
-    step_s = max(STEP_S, min(group.interval_s for group in raw.values()))
-    speed, yaw_rate = (
-        _average(group.excluding(outliers(group.levels)), step_s)
-        for group in (raw["surge_mps"], raw["yaw_rate_dps"])
-    )
-    heading = _average(_clean_heading(raw["heading_deg"], yaw_rate), step_s)
-    path = path_at(raw["north_m"].time_s, heading, speed, step_s)
-    spikes = outliers(raw["north_m"].levels - path)
-    position = _average(raw["north_m"].excluding(spikes), step_s)
-    return CleanMotion(
-        position, heading, speed, yaw_rate, step_s, tuple(group.interval_s for group in raw.values())
-    )
+    groups = [group_samples(table, channels) for channels in GROUPS.values()]
+    recorded_s = tuple(group.interval_s for group in groups)
+    step_s = max(STEP_S, min(recorded_s))
+    position, heading, *rates = groups
+    speed, yaw_rate = (_average(group.excluding(outliers(group.levels)), step_s) for group in rates)
+
+    # Unwrap the heading along the integrated yaw rate, and replace it by that where it contradicts it wildly.
+    turned_rad = integrate(yaw_rate.levels[:, 0], yaw_rate.time_s)
+    turned = np.interp(heading.time_s, yaw_rate.time_s, turned_rad)
+    slow, deviation = heading_deviation(heading.levels[:, 0], turned, heading.interval_s)
+    wild = wild_heading_mask(deviation, turned)
+    if wild.mean() < _MOST_WILD:
+        deviation[wild] = np.interp(heading.time_s[wild], heading.time_s[~wild], deviation[~wild])
+    heading = Group(heading.time_s, (turned + slow + deviation)[:, np.newaxis], heading.interval_s)
+    heading = _average(heading, step_s)
+
+    # Spikes of the positions are those about the path that heading and speeds describe.
+    grid = np.arange(position.time_s[0], position.time_s[-1] + 2.0 * step_s, step_s)
+    angle = np.interp(grid, heading.time_s, heading.levels[:, 0])
+    ahead, abeam = (np.interp(grid, speed.time_s, column) for column in speed.levels.T)
+    travelled = (integrate(velocity, step_s) for velocity in to_earth(ahead, abeam, angle))
+    path = np.column_stack([np.interp(position.time_s, grid, column) for column in travelled])
+    position = _average(position.excluding(outliers(position.levels - path)), step_s)
+    return CleanMotion(position, heading, speed, yaw_rate, step_s, recorded_s)
 
 
 def group_samples(table: pd.DataFrame, channels: tuple[str, ...]) -> Group:
@@ -191,15 +198,6 @@ def spline(samples: Group) -> Callable[..., Floats]:
     return curve
 
 
-def path_at(time_s: Floats, heading: Group, speed: Group, step_s: float) -> Floats:
-    """The path [n, 2] north and east that heading and speeds describe, at any times."""
-    grid = np.arange(time_s[0], time_s[-1] + 2.0 * step_s, step_s)
-    angle = np.interp(grid, heading.time_s, heading.levels[:, 0])
-    ahead, abeam = (np.interp(grid, speed.time_s, column) for column in speed.levels.T)
-    travelled = (integrate(velocity, step_s) for velocity in to_earth(ahead, abeam, angle))
-    return np.column_stack([np.interp(time_s, grid, column) for column in travelled])
-
-
 def rotate(angle_rad: Floats, body: Floats) -> Floats:
     """Vectors [n, 2] from forward and starboard to north and east."""
     return np.column_stack(to_earth(body[:, 0], body[:, 1], angle_rad))
@@ -214,25 +212,22 @@ def _average(samples: Group, step_s: float) -> Group:
     return Group(time_s, values, max(samples.interval_s, step_s))
 
 
-def _clean_heading(heading: Group, yaw_rate: Group) -> Group:
-    """Unwrap the heading along the integrated yaw rate, and replace it by that where it contradicts it wildly."""
-    turned_rad = integrate(yaw_rate.levels[:, 0], yaw_rate.time_s)
-    turned = np.interp(heading.time_s, yaw_rate.time_s, turned_rad)
-    slow, deviation = heading_deviation(heading.levels[:, 0], turned, heading.interval_s)
-    wild = wild_heading_mask(deviation, turned)
-    if wild.mean() < _MOST_WILD:
-        deviation[wild] = np.interp(heading.time_s[wild], heading.time_s[~wild], deviation[~wild])
-    return Group(heading.time_s, (turned + slow + deviation)[:, np.newaxis], heading.interval_s)
-
-
 def heading_deviation(heading_rad: Floats, turned_rad: Floats, interval_s: float) -> tuple[Floats, Floats]:
     """The slow way between headings and the integrated yaw rate, and how far each heading is off both: [n] rad.
 
-    The difference of heading and integrated yaw rate wanders slowly, by bias and scale of the gyro.
+    The difference of heading and integrated yaw rate wanders slowly, by bias and scale of the gyro: the slow way is
+    its running median on the circle, unwrapped. Long series are thinned before.
     """
-    deviation = heading_rad - turned_rad
-    slow = _slow_angle(deviation, interval_s)
-    return slow, np.angle(np.exp(1j * (deviation - slow)))
+    from scipy.ndimage import median_filter
+
+    difference_rad = heading_rad - turned_rad
+    thin = max(1, int(STEP_S / interval_s))
+    size = 2 * int(np.clip(0.5 * _NEIGHBOURHOOD_S / (interval_s * thin), 4, 100)) + 1
+    vector = np.exp(1j * difference_rad[::thin])
+    middle = median_filter(vector.real, size) + 1j * median_filter(vector.imag, size)
+    places = np.arange(0, difference_rad.size, thin)
+    slow = np.interp(np.arange(difference_rad.size), places, np.unwrap(np.angle(middle)))
+    return slow, np.angle(np.exp(1j * (difference_rad - slow)))
 
 
 def wild_heading_mask(deviation_rad: Floats, turned_rad: Floats) -> Bools:
@@ -245,20 +240,7 @@ def wild_heading_mask(deviation_rad: Floats, turned_rad: Floats) -> Bools:
 
     above = deviation_rad + turned_rad - maximum_filter1d(turned_rad, 3)
     below = minimum_filter1d(turned_rad, 3) - turned_rad - deviation_rad
-    usual = 1.4826 * float(np.median(np.abs(deviation_rad)))
-    return np.asarray(np.maximum(above, below) > max(_SPIKE * usual, _WILD_RAD))
-
-
-def _slow_angle(angle_rad: Floats, interval_s: float) -> Floats:
-    """The running median of an angle on the circle, unwrapped. Long series are thinned before."""
-    from scipy.ndimage import median_filter
-
-    thin = max(1, int(STEP_S / interval_s))
-    size = 2 * int(np.clip(0.5 * _NEIGHBOURHOOD_S / (interval_s * thin), 4, 100)) + 1
-    vector = np.exp(1j * angle_rad[::thin])
-    middle = median_filter(vector.real, size) + 1j * median_filter(vector.imag, size)
-    places = np.arange(0, angle_rad.size, thin)
-    return np.asarray(np.interp(np.arange(angle_rad.size), places, np.unwrap(np.angle(middle))))
+    return np.asarray(np.maximum(above, below) > max(_SPIKE * robust_spread(deviation_rad), _WILD_RAD))
 
 
 def block_starts(motion: CleanMotion, grid_s: Floats, length: int) -> Ints:
@@ -355,7 +337,10 @@ def _quarter_turn(vectors: Floats) -> Floats:
 @dataclass(frozen=True, slots=True)
 class Coarse:
     """Start of the fine fit: ``speed_factor`` and ``yaw_rate_factor`` to multiply by, ``heading_offset_rad``
-    to subtract; the contradiction in words, its channel, and the share ``unexplained`` of the moves [-]."""
+    to subtract; the contradiction in words, its channel, and the share ``unexplained`` of the moves [-].
+
+    ``is_explained`` says that a sign or a unit removes the contradiction.
+    """
 
     speed_factor: float = 1.0
     heading_offset_rad: float = 0.0
@@ -363,11 +348,7 @@ class Coarse:
     contradiction: str = ""
     channel: str = ""
     unexplained: float = 0.0
-
-    @property
-    def is_explained(self) -> bool:
-        """Whether a sign or a unit removes the contradiction."""
-        return bool(self.contradiction) and self.contradiction != _UNEXPLAINED
+    is_explained: bool = False
 
     @property
     def neutral(self) -> bool:
@@ -380,20 +361,28 @@ def coarse_fit(table: pd.DataFrame) -> Coarse:
     Raises :class:`InputError` where a motion channel is missing and :class:`DataShortageError` for less than 8
     samples of one. Too few windows give a neutral answer.
     """
-    require(table, tuple(name for names in GROUPS.values() for name in names))
-    position, heading, speed, yaw_rate = (group_samples(table, channels) for channels in GROUPS.values())
-    speed, yaw_rate = (group.excluding(outliers(group.levels)) for group in (speed, yaw_rate))
+    require(table, MOTION)
+    position, heading, *rates = (group_samples(table, channels) for channels in GROUPS.values())
+    speed, yaw_rate = (group.excluding(outliers(group.levels)) for group in rates)
     step_s = max(STEP_S, min(group.interval_s for group in (position, heading, speed, yaw_rate)))
     motion = CleanMotion(position, heading, speed, yaw_rate, step_s)
     moves = _Moves.of(motion, _WINDOW_S)
-    if moves.count < _FEWEST_WINDOWS:
+    if moves.starts.size < _FEWEST_WINDOWS:
         return Coarse()
-    yaw_rate_factor = moves.yaw_rate_factor()
+    # The factor from yaw rate to rate of heading, where it is far from 1 and well determined.
+    headed, turned = (
+        _changes_over(levels, moves.starts, moves.length)
+        for levels in (moves.heading, integrate(moves.yaw_rate, moves.step_s))
+    )
+    values, residual_rad = _regress(headed, np.column_stack([turned, np.ones(turned.size)]))
+    factor, deviation = float(values[0].real), np.abs(headed - np.median(headed))
+    is_clear = _trimmed_rms(residual_rad) < _AGREES * _trimmed_rms(deviation) and factor != 0.0
+    yaw_rate_factor = factor if is_clear and abs(factor - 1.0) > _FAR else 1.0
     error = _sign_or_unit(moves)
     if error is not None:
-        return Coarse(1.0, 0.0, yaw_rate_factor, *error)
+        return Coarse(1.0, 0.0, yaw_rate_factor, *error, is_explained=True)
     minutes = _Moves.of(motion, _LONG_S)
-    if minutes.count >= _FEWEST_LONG:
+    if minutes.starts.size >= _FEWEST_LONG:
         path = _trimmed_rms(minutes.moved)
         residual = minutes.regress_on(minutes.moved, minutes.heading, minutes.body).residual_m
         rough = np.abs(np.diff(motion.position.levels, n=2, axis=0))
@@ -401,7 +390,18 @@ def coarse_fit(table: pd.DataFrame) -> Coarse:
         is_moving = path > _LEAST_MOVE_M and residual > _BEYOND_NOISE * noise
         if is_moving and residual / path > _CONTRADICTED:
             return Coarse(1.0, 0.0, yaw_rate_factor, _UNEXPLAINED, "north_m", residual / path)
-    return Coarse(*_scale_and_angle(moves), yaw_rate_factor)
+
+    # The ratio of the positions' moves to those by heading and speeds. Half a turn of it is the heading's, unless
+    # the ship would go astern on the whole: then both speeds have the wrong sign.
+    regression = moves.regress_on(moves.moved, moves.heading, moves.body)
+    ratio, scale = regression.ratio, float(abs(regression.ratio))
+    explains = regression.residual_m < _AGREES * _trimmed_rms(moves.moved) and scale > 0.0
+    if not explains or (abs(np.log(scale)) < _FAR and abs(np.angle(ratio)) < _FAR):
+        return Coarse(1.0, 0.0, yaw_rate_factor)
+    if abs(np.angle(-ratio)) < _FAR and moves.body.real.mean() < 0.0:
+        return Coarse(-scale, float(-np.angle(-ratio)), yaw_rate_factor)
+    angle = float(-np.angle(ratio))
+    return Coarse(scale, angle + 2.0 * np.pi if angle < _FAR - np.pi else angle, yaw_rate_factor)
 
 
 def contradiction_finding(table: pd.DataFrame, coarse: Coarse) -> Finding:
@@ -412,18 +412,6 @@ def contradiction_finding(table: pd.DataFrame, coarse: Coarse) -> Finding:
         "Mend signs and units where the channels are recorded; nothing else can be told of them until then.",
         {"left": coarse.unexplained},
     )  # fmt: skip
-
-
-def _scale_and_angle(moves: _Moves) -> tuple[float, float]:
-    """Factor of the speeds and offset of the heading [rad]; half a turn is the heading's, unless the ship would go
-    astern on the whole: then both speeds have the wrong sign."""
-    ratio = moves.ratio()
-    if abs(np.log(abs(ratio))) < _FAR and abs(np.angle(ratio)) < _FAR:
-        return 1.0, 0.0
-    if abs(np.angle(-ratio)) < _FAR and moves.body.real.mean() < 0.0:
-        return -float(abs(ratio)), float(-np.angle(-ratio))
-    angle = float(-np.angle(ratio))
-    return float(abs(ratio)), angle + 2.0 * np.pi if angle < _FAR - np.pi else angle
 
 
 @dataclass(frozen=True, slots=True)
@@ -441,18 +429,12 @@ class _Regression:
         """Whether it is far likelier than another by what is left."""
         return bool(_KEPT * windows * np.log(rival.residual_m / max(self.residual_m, 1e-9)) > _LIKELIER)
 
-    def is_likelier(self, rival: _Regression, windows: int) -> bool:
-        """Whether its residual is much smaller and it stays likelier with lever arm, delay and heel in the model:
-        sway with the wrong sign, or in another unit than surge, looks much like a lever arm."""
-        is_smaller = self.plain_residual_m < _REMOVED * rival.plain_residual_m
-        return is_smaller and self.is_clearer(rival, windows)
-
 
 @dataclass(frozen=True, slots=True)
 class _Moves:
     """Positions as complex moves over windows [n], and grid values of what should explain them."""
 
-    grid_s: Floats
+    step_s: float
     starts: Ints
     length: int
     moved: Complexes
@@ -473,49 +455,22 @@ class _Moves:
             for column in group.levels.T
         )
         heading = np.interp(grid_s, motion.heading.time_s, np.unwrap(motion.heading.levels[:, 0]))
-        moved = np.asarray(_changes_over(north + 1j * east, starts, length))
-        return cls(grid_s, starts, length, moved, heading, ahead + 1j * abeam, rate)
-
-    @property
-    def count(self) -> int:
-        return int(self.starts.size)
-
-    def travelled(self, heading: Floats, body: Complexes) -> Complexes:
-        """The moves by heading and speeds."""
-        velocity = body * np.exp(1j * heading)
-        step = self.grid_s[1] - self.grid_s[0]
-        return _changes_over(integrate(velocity, step), self.starts, self.length)
+        moved = _changes_over(north + 1j * east, starts, length)
+        step_s = float(grid_s[1] - grid_s[0]) if grid_s.size > 1 else motion.step_s
+        return cls(step_s, starts, length, moved, heading, ahead + 1j * abeam, rate)
 
     def regress_on(self, moved: Complexes, heading: Floats, body: Complexes) -> _Regression:
         """Moves by those that heading and speeds make."""
-        travelled, ahead = self.travelled(heading, body), np.exp(1j * heading)
-        turning = np.gradient(heading, self.grid_s[1] - self.grid_s[0])
-        arm, delay, heeled = (
-            _changes_over(term * ahead, self.starts, self.length)
-            for term in (np.ones_like(heading), body, 1j * turning * body.real)
+        ahead = np.exp(1j * heading)
+        turning = np.gradient(heading, self.step_s)
+        path = integrate(body * ahead, self.step_s)
+        travelled, arm, delay, heeled = (
+            _changes_over(term, self.starts, self.length)
+            for term in (path, ahead, body * ahead, 1j * turning * body.real * ahead)
         )
         values, plain_residual = _regress(moved, travelled[:, np.newaxis])
         residual = _regress(moved, np.column_stack([travelled, arm, delay, heeled]))[1]
         return _Regression(complex(values[0]), _trimmed_rms(plain_residual), _trimmed_rms(residual))
-
-    def ratio(self) -> complex:
-        """The complex ratio of the positions' moves to those by heading and speeds; 1 where none explains them."""
-        regression = self.regress_on(self.moved, self.heading, self.body)
-        return (
-            regression.ratio
-            if regression.residual_m < _AGREES * _trimmed_rms(self.moved) and abs(regression.ratio) > 0.0
-            else 1.0 + 0.0j
-        )
-
-    def yaw_rate_factor(self) -> float:
-        """The factor from yaw rate to rate of heading where it is far from 1 and well determined, else 1."""
-        step = self.grid_s[1] - self.grid_s[0]
-        turned = _changes_over(integrate(self.yaw_rate, step), self.starts, self.length)
-        headed = _changes_over(self.heading, self.starts, self.length)
-        values, residual = _regress(headed, np.column_stack([turned, np.ones(turned.size)]))
-        factor, deviation = float(values[0].real), np.abs(headed - np.median(headed))
-        is_clear = _trimmed_rms(residual) < _AGREES * _trimmed_rms(deviation) and factor != 0.0
-        return factor if is_clear and abs(factor - 1.0) > _FAR else 1.0
 
 
 def _sign_or_unit(moves: _Moves) -> tuple[str, str, float] | None:
@@ -542,23 +497,27 @@ def _sign_or_unit(moves: _Moves) -> tuple[str, str, float] | None:
             if abs(abs(fit.ratio) - 1.0) < _NEAR_ONE:  # else the other is too small, or both are in other units
                 tried[f"{name} alone is in {unit}"] = fit
     kind = min(tried, key=lambda candidate: tried[candidate].residual_m)
-    like_an_arm = kind == "body" or kind.startswith("surge alone")
-    is_removed = tried[kind].removes(plain) or (like_an_arm and tried[kind].is_likelier(plain, moves.count))
+    best, windows = tried[kind], moves.starts.size
+    is_removed = best.removes(plain)
+    if kind == "body" or kind.startswith("surge alone"):
+        # Sway with the wrong sign, or in another unit than surge, looks much like a lever arm: then the residual is
+        # much smaller without one, and stays likelier with lever arm, delay and heel in the model.
+        is_smaller = best.plain_residual_m < _REMOVED * plain.plain_residual_m
+        is_removed = is_removed or (is_smaller and best.is_clearer(plain, windows))
     if not is_removed:
         return None
-    wordings = {
-        name: _words(name, float(np.rad2deg(np.angle(regression.ratio)))) for name, regression in tried.items()
-    }
     rivals = [
-        wordings[name][0]
-        for name, regression in tried.items()
-        if name != kind and regression.removes(plain) and not tried[kind].is_clearer(regression, moves.count)
+        _words(name, fit)[0]
+        for name, fit in tried.items()
+        if name != kind and fit.removes(plain) and not best.is_clearer(fit, windows)
     ]
-    words, channel = wordings[kind]
+    words, channel = _words(kind, best)
     return " or as well if ".join([f"they agree if {words}", *rivals]), channel, plain.plain_residual_m / path
 
 
-def _words(kind: str, angle_deg: float) -> tuple[str, str]:
+def _words(kind: str, fit: _Regression) -> tuple[str, str]:
+    """A sign or unit error in words, and its channel."""
+    angle_deg = float(np.rad2deg(np.angle(fit.ratio)))
     if kind == "radians":
         return "the heading is in radians, not degrees", "heading_deg"
     if kind == "heading":
@@ -567,10 +526,8 @@ def _words(kind: str, angle_deg: float) -> tuple[str, str]:
             for convention in HEADINGS[1:]
         }
         words = min(deviations_deg, key=deviations_deg.__getitem__)
-        return (
-            f"the heading counts {words if deviations_deg[words] < _NEAR_DEG else 'anticlockwise'}",
-            "heading_deg",
-        )
+        words = words if deviations_deg[words] < _NEAR_DEG else "anticlockwise"
+        return f"the heading counts {words}", "heading_deg"
     if kind in AXES:
         return f"surge and sway are speeds {AXES[kind]}", "surge_mps"
     if "alone" in kind:

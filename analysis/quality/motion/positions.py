@@ -26,6 +26,7 @@ from seatrial.acquisition.core.ship import unwrap, wrap_360
 from seatrial.analysis.quality.findings import Finding
 from seatrial.analysis.quality.motion.fit import (
     CHANCE,
+    OF_TURN,
     SLOW_HZ,
     Kinematics,
     fit_kinematics,
@@ -33,7 +34,7 @@ from seatrial.analysis.quality.motion.fit import (
     quantile,
 )
 from seatrial.analysis.quality.motion.model import GROUPS, group_samples, rotate, turn_model
-from seatrial.analysis.series import jackknife_error, leave_one_out_ratios, samples_of
+from seatrial.analysis.series import jackknife_error, leave_one_out_ratios, robust_spread, samples_of
 from seatrial.analysis.tables.table import Span, seconds_of, utc_index
 
 SMALLEST_POSITION_JITTER_S = 0.15
@@ -93,12 +94,14 @@ class Jitter:
         is_significant = self.surplus > quantile(1.0 - chance, self.surplus_stretches)
         return is_significant and self.seconds >= smallest_s and self.ratio >= _LEAST_RATIO
 
-    def interval(self) -> tuple[float, float]:
-        """The 95 % interval of the standard deviation [s]."""
+    def finding(self, code: str, channel: str, evidence: str, remedy: str, span: Span) -> Finding:
+        """The finding of this jitter, with the 95 % interval of the standard deviation [s]."""
         error = np.hypot(self.standard_error_s2, _BEYOND_LIMIT * self.variance_s2)
         half = quantile(0.975, self.stretches) * error
-        low, high = np.sqrt(np.maximum([self.variance_s2 - half, self.variance_s2 + half], 0.0))
-        return float(low), float(high)
+        low, high = np.sqrt(np.maximum([self.variance_s2 - half, self.variance_s2 + half], 0.0)).tolist()
+        text = f"{evidence} jitter by {self.seconds:.2f} s (95 % {low:.2f} to {high:.2f})"
+        estimate = {"seconds": self.seconds, "low": low, "high": high}
+        return Finding(code, channel, *span, text, remedy, estimate)
 
 
 def stamp_jitter(table: pd.DataFrame, fit: Kinematics) -> Jitter:
@@ -192,17 +195,10 @@ def position_jitter_finding(jitter: Jitter, span: Span) -> Finding | None:
         " their stamps"
     )
     remedy = "Take the receiver's own times; the path integrated from the speeds is the better truth meanwhile."
-    return _finding("position_time_jitter", "north_m", jitter, evidence, remedy, span)
+    return jitter.finding("position_time_jitter", "north_m", evidence, remedy, span)
 
 
-def _finding(code: str, channel: str, jitter: Jitter, evidence: str, remedy: str, span: Span) -> Finding:
-    low, high = jitter.interval()
-    text = f"{evidence} jitter by {jitter.seconds:.2f} s (95 % {low:.2f} to {high:.2f})"
-    return Finding(code, channel, *span, text, remedy, {"seconds": jitter.seconds, "low": low, "high": high})
-
-
-@dataclass(frozen=True, slots=True)
-class HeadingErrors:
+class HeadingErrors(NamedTuple):
     """Of each heading: when [s], by how much it differs from the integrated yaw rate [rad], how far the ship has
     turned by then [rad] and how fast it turns [rad/s], all of shape [n]; the step of the values [rad]."""
 
@@ -213,24 +209,35 @@ class HeadingErrors:
     step: float
 
 
-def heading_jitter(table: pd.DataFrame, fit: Kinematics) -> Jitter:
-    """The jitter of the headings in a table about the turns that were fitted to it."""
-    raw = group_samples(table, GROUPS["heading_deg"])
-    turned, rate = integrated_yaw_rate_at(fit, raw.time_s)
-    error = np.deg2rad(unwrap(np.rad2deg(raw.levels[:, 0] - turned)))
-    steps = np.abs(np.diff(raw.levels[:, 0]))
-    moved = steps[steps > 1e-7]
-    return jitter_of(HeadingErrors(raw.time_s, error, turned, rate, float(moved.min()) if moved.size else 0.0))
-
-
 def jitter_of(errors: HeadingErrors) -> Jitter:
     """The jitter of stamps from the part of heading errors that grows with the yaw rate.
 
     Short stretches show best the errors that change from sample to sample, the limit of long ones, from stretches
     of 60 and 120 s, of errors that last, and how large they are: either may say that there is jitter. Its size is
     worked out once more from how far the ship turns in that time, which in waves is less than in proportion.
+
+    The residuals of each stretch are those about its line, scale and delay, scaled for the degrees of freedom that
+    these take.
     """
-    lines = tuple(_fit_lines(errors, seconds) for seconds in (_SHORT_S, 0.5 * _LONG_S, _LONG_S))
+    columns = np.column_stack([np.ones(errors.time_s.size), errors.time_s, errors.turned, errors.rate])
+    leaps = discontinuities(errors.error, errors.rate)
+    # The variance of one sample [rad2], by how it differs from its two neighbours.
+    bends = errors.error[1:-1] - 0.5 * (errors.error[2:] + errors.error[:-2])
+    noise2 = float(max(robust_spread(bends) ** 2 / 1.5, _FINEST_RAD**2))
+    lines = []
+    for seconds in (_SHORT_S, 0.5 * _LONG_S, _LONG_S):
+        stretch = (errors.time_s // seconds).astype(np.int64)
+        count, residual = np.bincount(stretch), np.zeros(stretch.size)
+        broken = np.bincount(stretch[1:], leaps, count.size) > 0
+        usable = ~broken & (count >= max(_FEWEST_SAMPLES, 0.5 * float(np.median(count[count > 0]))))
+        for end, number in zip(np.cumsum(count)[usable], count[usable], strict=True):
+            within = slice(end - number, end)
+            centred, error = columns[within], errors.error[within]
+            centred = centred - np.concatenate([[0.0], centred[:, 1:].mean(axis=0)])
+            solution = np.linalg.solve(centred.T @ centred + np.diag(noise2 / _PRIOR**2), centred.T)
+            free = number - float(np.sum(centred * solution.T))
+            residual[within] = (error - centred @ (solution @ error)) * np.sqrt(number / max(free, 1.0))
+        lines.append(_Lines(stretch, residual, np.asarray(usable)))
     if min(lines[0].usable.sum(), lines[2].usable.sum()) < _FEWEST_STRETCHES:
         return Jitter()
     jitter = _jitter(lines, errors.rate**2, errors.step)
@@ -257,7 +264,7 @@ def integrated_yaw_rate_at(fit: Kinematics, heading_time_s: Floats) -> tuple[Flo
     """
     from scipy.interpolate import CubicSpline
 
-    rate, parameters = fit.motion.yaw_rate, fit.turn_parameters
+    rate, parameters = fit.motion.yaw_rate, fit.selected.parameters[OF_TURN]
     grid_s = np.arange(rate.time_s[0], rate.time_s[-1], fit.motion.step_s)
     turned, slopes = turn_model(fit.motion, grid_s)(parameters)
     times = np.clip(heading_time_s - parameters[2], grid_s[0], grid_s[-1])
@@ -270,12 +277,10 @@ def discontinuities(error: Floats, rate: Floats) -> Bools:
     explains, as at a splice."""
     steps = np.abs(np.diff(error))
     turning = np.maximum(np.abs(rate[1:]), np.abs(rate[:-1]))
-    noise = 1.4826 * float(np.median(steps)) if steps.size else 0.0
-    return np.asarray(steps > _LARGEST_STAMP_ERROR_S * turning + _LEAP_IN_NOISE * noise)
+    return np.asarray(steps > _LARGEST_STAMP_ERROR_S * turning + _LEAP_IN_NOISE * robust_spread(steps))
 
 
-@dataclass(frozen=True, slots=True)
-class _Lines:
+class _Lines(NamedTuple):
     """The ``stretch`` of each heading and its ``residual`` about the stretch's line: [n]; which stretches are
     ``usable``, with samples enough and no breaks: [k]."""
 
@@ -284,29 +289,7 @@ class _Lines:
     usable: Bools
 
 
-def _fit_lines(errors: HeadingErrors, seconds: float) -> _Lines:
-    """The residuals about line, scale and delay of each stretch, scaled for the degrees of freedom that these
-    take."""
-    stretch = (errors.time_s // seconds).astype(np.int64)
-    count = np.bincount(stretch)
-    broken = np.bincount(stretch[1:], discontinuities(errors.error, errors.rate), count.size) > 0
-    usable = ~broken & (count >= max(_FEWEST_SAMPLES, 0.5 * float(np.median(count[count > 0]))))
-    columns = np.column_stack([np.ones(stretch.size), errors.time_s, errors.turned, errors.rate])
-    # The variance of one sample [rad2], by how it differs from its two neighbours.
-    bends = errors.error[1:-1] - 0.5 * (errors.error[2:] + errors.error[:-2])
-    noise2 = float(max((1.4826 * np.median(np.abs(bends))) ** 2 / 1.5, _FINEST_RAD**2))
-    residual = np.zeros(stretch.size)
-    for end, number in zip(np.cumsum(count)[usable], count[usable], strict=True):
-        within = slice(end - number, end)
-        centred, error = columns[within], errors.error[within]
-        centred = centred - np.concatenate([[0.0], centred[:, 1:].mean(axis=0)])
-        solution = np.linalg.solve(centred.T @ centred + np.diag(noise2 / _PRIOR**2), centred.T)
-        free = number - float(np.sum(centred * solution.T))
-        residual[within] = (error - centred @ (solution @ error)) * np.sqrt(number / max(free, 1.0))
-    return _Lines(stretch, residual, np.asarray(usable))
-
-
-def _jitter(lines: tuple[_Lines, ...], gain2: Floats, step: float) -> Jitter:
+def _jitter(lines: list[_Lines], gain2: Floats, step: float) -> Jitter:
     """The jitter from residuals in short, longer and long stretches, and squared error per squared second [n].
 
     By stretch are summed: the number of headings, and the gain of jitter, its squares, the squared errors and their
@@ -351,8 +334,16 @@ def _slopes(sums: Floats, least: float) -> Floats:
     return np.asarray(np.where(still < least, through, slope))
 
 
-def heading_jitter_finding(jitter: Jitter, span: Span) -> Finding | None:
-    """The finding of headings whose stamps jitter, None where they do not by enough to matter."""
+def heading_jitter_finding(table: pd.DataFrame, fit: Kinematics, span: Span) -> Finding | None:
+    """The finding of headings whose stamps jitter about the turns that were fitted to a table, None where they do
+    not by enough to matter."""
+    raw = group_samples(table, GROUPS["heading_deg"])
+    turned, rate = integrated_yaw_rate_at(fit, raw.time_s)
+    error = np.deg2rad(unwrap(np.rad2deg(raw.levels[:, 0] - turned)))
+    steps = np.abs(np.diff(raw.levels[:, 0]))
+    moved = steps[steps > 1e-7]
+    step = float(moved.min()) if moved.size else 0.0
+    jitter = jitter_of(HeadingErrors(raw.time_s, error, turned, rate, step))
     if not is_certain(jitter):
         return None
     evidence = (
@@ -363,11 +354,10 @@ def heading_jitter_finding(jitter: Jitter, span: Span) -> Finding | None:
         "Take the compass's own times; the integrated yaw rate is the better guide to the shape of a turn until"
         " then, and --rebuild-positions takes it."
     )
-    return _finding("heading_time_jitter", "heading_deg", jitter, evidence, remedy, span)
+    return jitter.finding("heading_time_jitter", "heading_deg", evidence, remedy, span)
 
 
-@dataclass(frozen=True, slots=True)
-class Reconstruction:
+class Reconstruction(NamedTuple):
     """The columns that were rebuilt, [rows] each, and over how many seconds they are tied to the recorded ones;
     infinite for a median."""
 
@@ -386,7 +376,11 @@ def reconstruct_positions(table: pd.DataFrame) -> Reconstruction | None:
     """
     if any(samples_of(table, name).rows.size < 2 for name in _NEEDED):
         return None
-    way_m = dead_reckoning(table)
+    since_s = seconds_of(table)
+    surge, sway, heading = (samples_of(table, name) for name in ("surge_mps", "sway_mps", "heading_deg"))
+    surge_mps, sway_mps = (np.interp(since_s, samples.time_s, samples.value) for samples in (surge, sway))
+    psi = np.deg2rad(np.interp(since_s, heading.time_s, unwrap(heading.value)))
+    way_m = np.column_stack([integrate(speed, since_s) for speed in to_earth(surge_mps, sway_mps, psi)])
     both = np.flatnonzero(table[list(POSITIONS)].notna().all(axis=1))
     times, way_m = utc_index(table)[both], way_m[both]
     recorded_m = table[list(POSITIONS)].to_numpy(dtype=float)[both]
@@ -412,15 +406,6 @@ def reconstruct_positions(table: pd.DataFrame) -> Reconstruction | None:
         columns[name] = table[name].to_numpy(dtype=float, copy=True)
         columns[name][both] = way_m[:, number] + tied_m[:, number]
     return Reconstruction(columns, tie_s)
-
-
-def dead_reckoning(table: pd.DataFrame) -> Floats:
-    """The path north and east since the start by dead reckoning, from speeds over ground and heading: [rows, 2]."""
-    since_s = seconds_of(table)
-    surge, sway, heading = (samples_of(table, name) for name in ("surge_mps", "sway_mps", "heading_deg"))
-    surge_mps, sway_mps = (np.interp(since_s, samples.time_s, samples.value) for samples in (surge, sway))
-    psi = np.deg2rad(np.interp(since_s, heading.time_s, unwrap(heading.value)))
-    return np.column_stack([integrate(speed, since_s) for speed in to_earth(surge_mps, sway_mps, psi)])
 
 
 def slow_difference(deviation: Floats, side: NDArray[np.intp], times: pd.DatetimeIndex, tie_s: float) -> Floats:
@@ -459,8 +444,7 @@ def reconstruct_heading(table: pd.DataFrame) -> Reconstruction | None:
     times = utc_index(table)[heading.rows]
     for tie_s in _HEADING_TIES_S:
         slow = slow_difference(deviation[:, np.newaxis], side, times, tie_s)[:, 0]
-        slow_errors = HeadingErrors(heading.time_s, slow, turned, rate, 0.0)
-        if not is_certain(jitter_of(slow_errors)):
+        if not is_certain(jitter_of(HeadingErrors(heading.time_s, slow, turned, rate, 0.0))):
             break
     # The change in turns must exceed the scatter of compass and yaw rate without turning.
     turning, change2 = rate**2, (deviation - slow) ** 2

@@ -26,10 +26,7 @@ from seatrial.acquisition.core.ship import (
 from seatrial.analysis import series
 from seatrial.analysis.quality.channel_checks import (
     channel_faults,
-    find_backwards,
-    find_duplicates,
     find_gaps,
-    find_out_of_range,
     find_spikes,
 )
 from seatrial.analysis.series import find_stuck, runs_of_equal, series_of, stretches_of
@@ -78,18 +75,17 @@ def test_a_late_start_and_an_early_end_are_gaps() -> None:
      ("wind_speed_mps", -0.1, False), ("north_m", np.inf, False)],
 )  # fmt: skip
 def test_out_of_range_is_what_the_channel_does_not_hold(name: str, value: float, possible: bool) -> None:
-    outside = find_out_of_range(samples([value, np.nan]), BY_NAME[name])
+    outside = channel_faults(BY_NAME[name], samples([value, np.nan])).masks["out_of_range"]
     assert outside.tolist() == [not possible, False]
     assert possible == BY_NAME[name].holds(value)
 
 
 def test_repeated_times_and_steps_back_are_counted_in_the_order_of_receipt() -> None:
     given_s = [0.0, 1.0, 1.0, 2.0, 5.0, 3.0, 4.0, 6.0]
-    received = samples(np.arange(8.0), at_s=given_s)
-    assert np.flatnonzero(find_duplicates(received)).tolist() == [2]
-    behind, steps = find_backwards(received)
-    assert places(behind) == [5, 6]
-    assert [each.size for each in steps] == [2.0]
+    faults = channel_faults(SURGE, samples(np.arange(8.0), at_s=given_s))
+    assert places(faults.masks["duplicate"]) == [2]
+    assert places(faults.masks["time_backwards"]) == [5, 6]
+    assert [stretch.size for stretch in faults.listed["time_backwards"]] == [2.0]
 
 
 @pytest.mark.parametrize("width", [1, 2, 3])
@@ -188,7 +184,7 @@ def test_a_steady_leg_between_zigzags_is_not_stuck(rate_hz: float, lag_s: float)
     assert places(find_stuck(samples(np.round(speed / 0.05144) * 0.05144, rate_hz), SURGE)) == []
 
 
-def test_the_runs_of_a_speed_are_looked_up_twice_however_many_there_are(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_runs_of_a_speed_are_looked_up_once_however_many_there_are(monkeypatch: pytest.MonkeyPatch) -> None:
     """A speed at 2 Hz that is written at 20 has a run for each sample; a look at all for each took minutes."""
     calls = list[int]()
 
@@ -198,7 +194,7 @@ def test_the_runs_of_a_speed_are_looked_up_twice_however_many_there_are(monkeypa
 
     monkeypatch.setattr(series, "runs_of_equal", counted)
     assert places(find_stuck(samples(np.repeat(4.0 + 0.02 * noise(300), 10), 20.0), SURGE)) == []
-    assert len(calls) == 2
+    assert len(calls) == 1
 
 
 def test_a_speed_that_never_changes_is_no_crash() -> None:
@@ -234,7 +230,13 @@ def test_a_heading_frozen_while_the_ship_turns_is_stuck_at_either_side_of_north(
 
 
 @pytest.mark.parametrize(
-    "check", [lambda s: find_spikes(s, SURGE), lambda s: find_stuck(s, SURGE), find_duplicates, find_gaps]
+    "check",
+    [
+        lambda s: find_spikes(s, SURGE),
+        lambda s: find_stuck(s, SURGE),
+        lambda s: channel_faults(SURGE, s).masks["duplicate"],
+        find_gaps,
+    ],
 )
 @pytest.mark.parametrize("count", [0, 1, 2, 5])
 def test_next_to_nothing_is_no_trouble(check: Callable[[Series], Any], count: int) -> None:
