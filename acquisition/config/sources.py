@@ -195,7 +195,11 @@ def parse_for_ship(
     ship_file = validate(
         {section.name: raw[section.name] for section in fields(_Ship) if section.name in raw}, text, path, _Ship
     )
-    in_file = check_actuator_list(ship_file.actuator, text, path)
+    try:
+        listed = [Actuator(section.name, section.kind) for section in ship_file.actuator]
+        in_file = check_actuators(listed) if listed else ()
+    except ConfigurationError as error:
+        raise error.at(f"{path}, line {line_of(text, ['actuator'])}") from error
     in_recording = None if carried is None else carried.actuators
     actuators = in_file or in_recording or actuators_of_ship(str(ship_file.trial.vessel), folder)
     is_known = bool(actuators) if carried is None or in_file else carried.ship_is_known
@@ -212,14 +216,6 @@ def parse_for_ship(
         "dbc_files": None if carried is None else carried.dbc_files,
     }
     return validate(raw, text, path, model, context), DeclaredShip(actuators, is_known, declared, packs)
-
-
-def check_actuator_list(sections: tuple[ActuatorSection, ...], text: str, path: Path | str) -> Actuators:
-    """The actuators listed in a file, none if there are none. Raises :class:`ConfigurationError`."""
-    try:
-        return check_actuators(Actuator(section.name, section.kind) for section in sections) if sections else ()
-    except ConfigurationError as error:
-        raise error.at(f"{path}, line {line_of(text, ['actuator'])}") from error
 
 
 @dataclass(frozen=True, config=STRICT, kw_only=True)

@@ -12,7 +12,7 @@ import re
 from collections.abc import Callable, Mapping
 from math import isfinite, nan, pi, radians
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import cantools
 from cantools.database.can import Message as DbcMessage
@@ -122,20 +122,22 @@ def missing_by_rule(raw: float, signal: DbcSignal) -> str | None:
     return NOT_AVAILABLE if number == highest else ERROR_VALUE
 
 
-def missing_by_name(raw: float, signal: DbcSignal) -> str | None:
-    """Why a raw value is no value by the file's table of values; None if it is one."""
+def why_missing(raw: float, signal: DbcSignal, *, by_rule: bool) -> str | None:
+    """Why a raw value is no value by the file's table of values, and ``by_rule`` or as a float by
+    :func:`missing_by_rule`; None if it is one."""
     name = str((signal.choices or {}).get(int(raw), "")) if isfinite(raw) else ""
-    if not _NO_VALUE.search(name.replace("_", " ")):
+    if _NO_VALUE.search(name.replace("_", " ")):
+        return ERROR_VALUE if _ERROR.search(name) else NOT_AVAILABLE
+    return missing_by_rule(raw, signal) if by_rule or signal.is_float else None
+
+
+def raw_values(message: DbcMessage, payload: bytes) -> dict[str, float] | None:
+    """The raw values of the signals in a frame, None if it cannot be read; what follows the message is ignored."""
+    try:
+        raw: dict[str, float] = message.decode(payload[: message.length], decode_choices=False, scaling=False)
+    except Exception:  # an unknown multiplexer value, and whatever else the library finds
         return None
-    return ERROR_VALUE if _ERROR.search(name) else NOT_AVAILABLE
-
-
-class _MappedSignal(NamedTuple):
-    """One signal that carries a channel, and the step to the channel's unit."""
-
-    channel: str
-    signal: DbcSignal
-    step: Linear
+    return raw
 
 
 class DbcDecoder(Decoder):
@@ -150,12 +152,12 @@ class DbcDecoder(Decoder):
     ) -> None:
         super().__init__()
         self._buses = buses
-        self._mapped: dict[tuple[bool, int], tuple[DbcMessage, list[_MappedSignal]]] = {}
+        self._mapped: dict[tuple[bool, int], tuple[DbcMessage, list[tuple[str, DbcSignal, Linear]]]] = {}
         database = load_dbc(path)
         for channel, entry in signals.items():
             message, signal = find_signal(database, entry, path)
             _, mapped = self._mapped.setdefault(frame_key(message), (message, []))
-            mapped.append(_MappedSignal(channel, signal, entry.step_to(channels[channel])))
+            mapped.append((channel, signal, entry.step_to(channels[channel])))
 
     def decode(self, frame: Frame) -> list[Group]:
         if frame.flags & (FrameFlag.REMOTE | FrameFlag.ERROR):
@@ -165,40 +167,24 @@ class DbcDecoder(Decoder):
         message, mapped = self._mapped.get((extended, group if extended else frame.identifier), (None, []))
         if message is None:
             return []
-        raw = self._raw(message, frame.payload)
         bus = self._buses.bus(frame)
         device = bus.devices.label(address) if extended else f"{frame.identifier:03X}{bus.devices.at_bus}"
-        values = [
-            (entry.channel, value)
-            for entry in mapped
-            # a frame carries only some of the multiplexed signals
-            if entry.signal.name in raw and bus.devices.may_provide(device, entry.channel)
-            if (value := self._value(raw[entry.signal.name], entry, extended)) is not None
-        ]
+        is_short = len(frame.payload) < message.length
+        raw = None if is_short else raw_values(message, frame.payload)
+        if raw is None:
+            self.refused["short frame" if is_short else "undecodable"] += 1
+            return []
+        values = []
+        for channel, signal, step in mapped:  # a frame carries only some of the multiplexed signals
+            if signal.name in raw and bus.devices.may_provide(device, channel):
+                number = raw[signal.name]
+                missing = why_missing(number, signal, by_rule=extended)
+                value = 0.0 if missing else step.apply(float(signal.raw_to_scaled(number, False)))
+                if missing or not isfinite(value):
+                    self.refused[missing or "impossible value"] += 1
+                else:
+                    values.append((channel, value))
         return bus.clock.group(frame, f"{frame.origin}/{device}:{message.name}", values)
-
-    def _raw(self, message: DbcMessage, payload: bytes) -> dict[str, float]:
-        """The raw values in a frame; bytes beyond the message are ignored."""
-        if len(payload) < message.length:
-            self.refused["short frame"] += 1
-            return {}
-        try:
-            raw: dict[str, float] = message.decode(payload[: message.length], decode_choices=False, scaling=False)
-        except Exception:  # an unknown multiplexer value, and whatever else the library finds
-            self.refused["undecodable"] += 1
-            return {}
-        return raw
-
-    def _value(self, raw: float, mapped: _MappedSignal, extended: bool) -> float | None:
-        signal = mapped.signal
-        missing = missing_by_name(raw, signal)
-        if missing is None and (extended or signal.is_float):
-            missing = missing_by_rule(raw, signal)
-        value = 0.0 if missing else mapped.step.apply(float(signal.raw_to_scaled(raw, False)))
-        if missing or not isfinite(value):
-            self.refused[missing or "impossible value"] += 1
-            return None
-        return value
 
 
 class CanEncoder:

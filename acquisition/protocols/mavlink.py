@@ -66,7 +66,7 @@ _SIGNED = 1  # the only incompatibility flag that we know; a packet with another
 _SIGNATURE_BYTES = 13
 _CHECKSUM_BYTES = 2
 _HEADER_BYTES = {0xFD: 10, 0xFE: 6}
-_CRC_EXTRA = {number: message.crc_extra for number, message in dialect.mavlink_map.items()}
+CRC_EXTRA = {number: message.crc_extra for number, message in dialect.mavlink_map.items()}
 LONGEST_BYTES = 10 + 255 + _CHECKSUM_BYTES + _SIGNATURE_BYTES
 _REVERSED = bytes(int(f"{byte:08b}"[::-1], 2) for byte in range(256))
 
@@ -127,12 +127,7 @@ _READERS: dict[str, Callable[[Any], Values]] = {
 }
 _MESSAGES = (*_READERS, "RPM", "RAW_RPM", "NAMED_VALUE_FLOAT")
 _CONTEXT = ("SYSTEM_TIME", "GPS_GLOBAL_ORIGIN")  # without samples, but needed for the others: always read
-_NAMES = {getattr(dialect, f"MAVLINK_MSG_ID_{name}"): name for name in (*_MESSAGES, *_CONTEXT)}
-
-
-def is_read(message_id: int) -> bool:
-    """Whether messages of this number are read."""
-    return message_id in _NAMES
+MESSAGE_NAMES = {getattr(dialect, f"MAVLINK_MSG_ID_{name}"): name for name in (*_MESSAGES, *_CONTEXT)}
 
 
 class _MessageChannel(NamedTuple):
@@ -207,7 +202,7 @@ class MavlinkDecoder(Decoder):
         self._system_id, self._component_id = config.system_id, config.component_id
         channels = channels_with_declared(tuple(declaration.channel for declaration in declared))
         self._declared = DeclaredMessages(select_origins(declared, config.channels, MavlinkField))
-        self._names = _NAMES | self._declared.names
+        self._names = MESSAGE_NAMES | self._declared.names
         self._requested = frozenset((*_requested_messages(config), *_CONTEXT, *self._declared.names.values()))
         self._named_values = {
             entry.name: (channel, entry.step_to(channels[channel]))
@@ -255,8 +250,8 @@ class MavlinkDecoder(Decoder):
             return []
         self._notice_restart(message, frame)
         source_ns, groups, readings = self._measured_ns(message, frame), [], self._values(kind, message, frame)
-        if declared := self._declared.channels_in(kind):
-            readings = [(label, [pair for pair in values if pair[0] not in declared]) for label, values in readings]
+        if kind in self._declared:
+            readings = [(label, self._declared.undeclared(kind, values)) for label, values in readings]
             readings.append((kind, self._declared.read(kind, message)))
         for label, values in readings:
             source = f"{frame.origin}/{self._sender(message, frame)}:{label}"
@@ -436,11 +431,6 @@ def message_name(number: int) -> str:
     return str(message.msgname) if message else str(number)
 
 
-def has_known_message(packet: bytes) -> bool:
-    """Whether a packet's message is one of the dialect: of others no checksum can be verified."""
-    return header_of(packet).message_id in _CRC_EXTRA
-
-
 def packet_length(data: bytes, at: int) -> int:
     """The number of bytes of the packet that begins at ``at``; 0 where none can begin.
 
@@ -467,7 +457,7 @@ def is_sound(data: bytes, at: int = 0) -> bool:
     length = packet_length(data, at)
     if length == 0 or at + length > len(data):
         return False
-    extra = _CRC_EXTRA.get(header_of(data[at : at + 10]).message_id)
+    extra = CRC_EXTRA.get(header_of(data[at : at + 10]).message_id)
     end = at + _HEADER_BYTES[data[at]] + data[at + 1]
     if extra is None:
         return False
@@ -523,7 +513,7 @@ def _cut(data: bytes, *, complete: bool) -> tuple[list[bytes | Fault], int]:
             break
         else:  # a length is credible if no sound packet begins before its end, and one may begin there
             is_credible = at < end <= following and (end == len(data) or data[end] in _HEADER_BYTES)
-            unknown = is_credible and header_of(data[at:end]).message_id not in _CRC_EXTRA
+            unknown = is_credible and header_of(data[at:end]).message_id not in CRC_EXTRA
             piece = Fault("unknown message" if unknown else BAD_DATA) if is_credible else None
         if piece is None:
             match = _MAGIC.search(data, at + 1)

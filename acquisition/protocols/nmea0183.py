@@ -328,9 +328,7 @@ class Nmea0183Decoder(Decoder):
             reading = self._readers[kind](Fields(fields))
             if reading.refused or not (reading.values or reading.date or reading.sigma_m):
                 self.refused[reading.refused or "no value"] += 1
-            if kind in self._declared:
-                values = [pair for pair in reading.values if pair[0] not in self._declared.channels_in(kind)]
-                reading = replace(reading, values=values)
+            reading = replace(reading, values=self._declared.undeclared(kind, reading.values))
             groups = self._groups(reading, frame, talker, kind, tagged)
         if kind in self._declared:
             reading = self._declared.read(kind, Fields(fields))

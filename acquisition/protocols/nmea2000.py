@@ -33,7 +33,7 @@ import threading
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cache
+from functools import cache, partial
 from math import pi
 from typing import Any, NamedTuple
 
@@ -193,6 +193,20 @@ FIELDS: dict[int, dict[str, Field]] = {
 }
 """Those fields of each group that are read, by their names."""
 
+CARRIED = {
+    127250: {"heading_deg": "heading"},  # by the true reference
+    127251: {"yaw_rate_dps": "rate"},
+    127257: {"roll_deg": "roll", "pitch_deg": "pitch"},  # the yaw does not say which north it refers to
+    127258: {"magnetic_variation_deg": "variation"},
+    128259: {"speed_through_water_mps": "speedWaterReferenced"},
+    130306: {"wind_direction_deg": "windAngle", "wind_speed_mps": "windSpeed"},  # by the reference of true north
+    130578: {
+        "surge_mps": "longitudinalSpeedGroundReferenced",
+        "sway_mps": "transverseSpeedGroundReferenced",
+    },
+}
+"""The field of each channel in groups of motion and wind, for reading and for sending them."""
+
 SHORTEST_BYTES = {GNSS_POSITION: 43, 130577: 14, 130578: 8}
 """The groups that come in several frames, and the least length that each can have."""
 
@@ -229,25 +243,28 @@ def group_time(message: Message) -> int | None:
     return utc_ns(dt.date(1970, 1, 1) + dt.timedelta(days=days), seconds)
 
 
+def _carried(group: int, message: Message) -> GroupReading:
+    fields = CARRIED[group].items()
+    return GroupReading(
+        [(name, message.degrees(key) if name.endswith(("_deg", "_dps")) else message[key]) for name, key in fields]
+    )
+
+
 def _heading(message: Message) -> GroupReading:
-    reference, heading = message["reference"], message["heading"]
+    """A compass heading has its deviation applied, within a turn unless the heading itself is beyond one."""
+    reference, heading, deviation = message["reference"], message["heading"], message["deviation"]
     variation = available([("magnetic_variation_deg", message.degrees("variation"))])
     if reference == 0:
         return GroupReading([("heading_deg", message.degrees("heading")), *variation])
     if reference != 1:
         return GroupReading([("heading_deg", "heading without a reference")])
-    return GroupReading([("heading_magnetic_deg", _deviated_deg(heading, message["deviation"])), *variation])
-
-
-def _deviated_deg(heading: Value, deviation: Value) -> Value:
-    """A compass heading with its deviation, within a turn unless the heading itself is beyond one [deg]."""
-    if isinstance(heading, str):
-        return heading
-    if isinstance(deviation, str) or heading > _FULL_TURN_RAD:
-        return heading * DEG_PER_RAD
-    if abs(deviation) > pi:
-        return "impossible deviation"
-    return (heading + deviation) * DEG_PER_RAD % 360.0
+    if isinstance(heading, str) or isinstance(deviation, str) or heading > _FULL_TURN_RAD:
+        magnetic = message.degrees("heading")
+    elif abs(deviation) > pi:
+        magnetic = "impossible deviation"
+    else:
+        magnetic = (heading + deviation) * DEG_PER_RAD % 360.0
+    return GroupReading([("heading_magnetic_deg", magnetic), *variation])
 
 
 def _position(message: Message) -> GroupReading:
@@ -297,11 +314,7 @@ Reader = Callable[[Message], GroupReading]
 READERS: dict[int, Reader] = {
     SYSTEM_TIME: lambda message: GroupReading([]),
     127250: _heading,
-    127251: lambda message: GroupReading([("yaw_rate_dps", message.degrees("rate"))]),
-    # the yaw does not say which north it refers to
-    127257: lambda message: GroupReading([(f"{name}_deg", message.degrees(name)) for name in ("roll", "pitch")]),
-    127258: lambda message: GroupReading([("magnetic_variation_deg", message.degrees("variation"))]),
-    128259: lambda message: GroupReading([("speed_through_water_mps", message["speedWaterReferenced"])]),
+    **{group: partial(_carried, group) for group in (127251, 127257, 127258, 128259)},
     POSITION: _position,
     129026: _course_and_speed,
     GNSS_POSITION: _gnss_position,
@@ -313,8 +326,7 @@ READERS: dict[int, Reader] = {
     ),
     130578: lambda message: GroupReading(
         [
-            ("surge_mps", message["longitudinalSpeedGroundReferenced"]),
-            ("sway_mps", message["transverseSpeedGroundReferenced"]),
+            *_carried(130578, message).values,
             *available([("speed_through_water_mps", message["longitudinalSpeedWaterReferenced"])]),
         ]
     ),
@@ -327,62 +339,52 @@ def _instance(message: Message) -> int:
     return _NO_INSTANCE if isinstance(instance, str) else int(instance)
 
 
-class _Rudders:
+def _rudder(message: Message, channels: tuple[str, ...], *, has_orders: bool) -> GroupReading:
     """127245: position and order. A single rudder has the lowest instance that a device reports."""
-
-    def __init__(self, actuators: Actuators) -> None:
-        self._channels = rudder_channels(actuators)
-        self._has_orders = bool(rudders(actuators))
-
-    def read(self, message: Message) -> GroupReading:
-        number = _instance(message)
-        meaning = f"rudder {number}" if number else ""
-        if len(self._channels) == 1:
-            return GroupReading(self._values(self._channels[0], message), meaning, instance=number)
-        if number >= len(self._channels):
-            return GroupReading([("rudder", "another instance")], meaning)
-        return GroupReading(self._values(self._channels[number], message), meaning)
-
-    def _values(self, channel: str, message: Message) -> Values:
-        position: Values = [(channel, message.degrees("position"))]
-        order: Values = [(name_of_order(channel), message.degrees("angleOrder"))] if self._has_orders else []
-        return [*available(position), *available(order)] or position
+    number = _instance(message)
+    meaning = f"rudder {number}" if number else ""
+    is_single = len(channels) == 1
+    if not is_single and number >= len(channels):
+        return GroupReading([("rudder", "another instance")], meaning)
+    channel = channels[0 if is_single else number]
+    position: Values = [(channel, message.degrees("position"))]
+    order: Values = [(name_of_order(channel), message.degrees("angleOrder"))] if has_orders else []
+    values = [*available(position), *available(order)] or position
+    return GroupReading(values, meaning, instance=number if is_single else None)
 
 
-class _Engines:
-    """127488 and 127493: an engine's speed, which has no sign, and whether its gearbox reverses the shaft."""
+def _gear(message: Message, gears: dict[int, int]) -> GroupReading:
+    """127493: whether an engine's gearbox reverses its shaft."""
+    gears[_instance(message)] = int(message["transmissionGear"])
+    return GroupReading([])
 
-    def __init__(self, actuators: Actuators, reduction_ratios: Mapping[str, float]) -> None:
-        self._ratios = {
-            number: (f"{name}_rpm", reduction_ratios[name])
-            for number, name in enumerate(shafts(actuators))
-            if name in reduction_ratios
-        }
-        self._gears: dict[int, int] = {}
 
-    def read_gear(self, message: Message) -> GroupReading:
-        self._gears[_instance(message)] = int(message["transmissionGear"])
-        return GroupReading([])
-
-    def read_speed(self, message: Message) -> GroupReading:
-        number, rpm = _instance(message), message["speed"]
-        if number not in self._ratios:
-            return GroupReading([("engine", "engine without a reduction ratio")])
-        channel, ratio = self._ratios[number]
-        gear = self._gears.get(number)
-        if gear == _NEUTRAL:
-            return GroupReading([(channel, "gearbox in neutral")])
-        sign = -1.0 if gear == _REVERSE else 1.0
-        return GroupReading([(channel, rpm if isinstance(rpm, str) else sign * rpm / ratio)], f"engine {number}")
+def _engine(message: Message, ratios: Mapping[int, tuple[str, float]], gears: Mapping[int, int]) -> GroupReading:
+    """127488: an engine's speed, which has no sign, as its shaft's; the channel and reduction ratio by instance."""
+    number, rpm = _instance(message), message["speed"]
+    if number not in ratios:
+        return GroupReading([("engine", "engine without a reduction ratio")])
+    channel, ratio = ratios[number]
+    if gears.get(number) == _NEUTRAL:
+        return GroupReading([(channel, "gearbox in neutral")])
+    sign = -1.0 if gears.get(number) == _REVERSE else 1.0
+    return GroupReading([(channel, rpm if isinstance(rpm, str) else sign * rpm / ratio)], f"engine {number}")
 
 
 def machinery_readers(actuators: Actuators, reduction_ratios: Mapping[str, float]) -> dict[int, Reader]:
     """The reader of each of these groups on a ship with these actuators; engines only where a ratio is known."""
-    readers: dict[int, Reader] = {RUDDER_GROUP: _Rudders(actuators).read}
-    if reduction_ratios:
-        engines = _Engines(actuators, reduction_ratios)
-        readers |= {ENGINE_SPEED: engines.read_speed, GEARBOX: engines.read_gear}
-    return readers
+    rudder = partial(_rudder, channels=rudder_channels(actuators), has_orders=bool(rudders(actuators)))
+    ratios = {
+        number: (f"{name}_rpm", reduction_ratios[name])
+        for number, name in enumerate(shafts(actuators))
+        if name in reduction_ratios
+    }
+    gears: dict[int, int] = {}
+    engines: dict[int, Reader] = {
+        ENGINE_SPEED: partial(_engine, ratios=ratios, gears=gears),
+        GEARBOX: partial(_gear, gears=gears),
+    }
+    return {RUDDER_GROUP: rudder, **(engines if reduction_ratios else {})}
 
 
 class GroupFieldPlace(NamedTuple):
@@ -400,13 +402,6 @@ class _GroupChannel(NamedTuple):
     step: Linear
     where: tuple[tuple[Field, int], ...]
     address: int | None
-
-    def read(self, address: int, message: Message) -> Value | None:
-        """The value, or the reason why there is none; None where the message is about something else."""
-        if self.address not in (None, address) or any(message.read(field) != code for field, code in self.where):
-            return None
-        value = message.read(self.field)
-        return value if isinstance(value, str) else self.step.apply(value)
 
 
 class DeclaredGroups(DeclaredReaders[int, _GroupChannel]):
@@ -429,18 +424,18 @@ class DeclaredGroups(DeclaredReaders[int, _GroupChannel]):
             self.setdefault(origin.group, []).append(group_channel)
             if _is_fast(origin.group) and origin.group not in SHORTEST_BYTES:
                 last_bit = max(
-                    field.start + field.bits
-                    for field in (group_channel.field, *(condition for condition, _ in group_channel.where))
+                    place.start + place.bits for place in (field, *(condition for condition, _ in where))
                 )
                 self.shortest[origin.group] = max(self.shortest.get(origin.group, 1), -(-last_bit // 8))
 
     def read(self, group: int, address: int, message: Message) -> list[tuple[str, Value]]:
         """The channels in a message, each with its value or the reason why there is none."""
         values: dict[str, Value] = {}
-        for group_channel in self.get(group, ()):
-            value = group_channel.read(address, message)
-            if value is not None and isinstance(values.get(group_channel.channel.name, ""), str):
-                values[group_channel.channel.name] = value
+        for channel, place, step, where, required_address in self.get(group, ()):
+            is_meant = required_address in (None, address) and all(message.read(key) == code for key, code in where)
+            if is_meant and isinstance(values.get(channel.name, ""), str):
+                value = message.read(place)
+                values[channel.name] = value if isinstance(value, str) else step.apply(value)
         return list(values.items())
 
 
@@ -594,8 +589,7 @@ class Nmea2000Decoder(Decoder):
         return Bus(BusDevices(self._configured, self.notices, name), clock, self.refused)
 
     def decode(self, frame: Frame) -> list[Group]:
-        bus = self.bus(frame)
-        parsed = self._message(frame, bus)
+        bus, parsed = self.bus(frame), self.message(frame)
         if parsed is None:
             return []
         group, address, message = parsed
@@ -611,12 +605,15 @@ class Nmea2000Decoder(Decoder):
             self.fixes[sensor] = Fix(reading.fix, reading.height_m)
         elif group == POSITION and self.fixes.get(sensor, Fix()).kind in NO_SATELLITES:
             quality = Quality.SUSPECT  # the last position, repeated
-        source, groups = f"{sensor}:{group}", []
-        if reading.instance is None or self._is_first_instance(bus, device, group, reading.instance):
+        source, groups, instance = f"{sensor}:{group}", [], reading.instance
+        if instance is not None:  # of the same thing, of a second rudder for example, only the lowest number counts
+            lowest = min(instance, bus.first_instance.get((device, group), instance))
+            bus.first_instance[device, group] = lowest
+        if instance is not None and instance > lowest:
+            self.refused["another instance"] += 1
+        else:
             meaning = f" {reading.meaning}" if reading.meaning else ""
-            values = self._admitted(bus, device, reading.values)
-            if group in self._declared:
-                values = [pair for pair in values if pair[0] not in self._declared.channels_in(group)]
+            values = self._declared.undeclared(group, self._admitted(bus, device, reading.values))
             groups = bus.clock.group(frame, source + meaning, values, source_ns, quality)
         if group in self._declared:
             declared = self._admitted(bus, device, self._declared.read(group, address, message))
@@ -628,40 +625,33 @@ class Nmea2000Decoder(Decoder):
 
         None where the frame is refused, of no group that we decode, or not the last one of its message.
         """
-        return self._message(frame, self.bus(frame))
-
-    def _message(self, frame: Frame, bus: Bus) -> tuple[int, int, Message] | None:
+        bus = self.bus(frame)
         group, address = parameter_group(frame.identifier)
-        if not self._passes_guards(frame, group):
-            return None
-        if group == ADDRESS_CLAIM:
-            if bus.devices.claim(address, frame.payload):
-                bus.fast.forget(address)
-            return None
-        payload: bytes | None = frame.payload
-        if group in self._shortest and not frame.flags & FrameFlag.WHOLE:
-            payload = bus.fast.push(address, group, frame.payload, frame.monotonic_ns, self._shortest[group])
-        return None if payload is None else (group, address, Message(FIELDS.get(group, {}), payload))
-
-    def _passes_guards(self, frame: Frame, group: int) -> bool:
         kind = frame.flags and frame.flags & ~FrameFlag.LATE
         if kind and kind != FrameFlag.WHOLE:
             if kind != FrameFlag.STANDARD_ID or not self._shares_bus:
                 self.refused["remote, error or 11-bit frame"] += 1
-            return False
+            return None
         if group not in self._readers and group not in self._declared and group != ADDRESS_CLAIM:
             if not self._shares_bus:  # else it may be a frame of the DBC file's
                 self.note_unknown(str(group))
-            return False
-        if kind and group in self._shortest:
-            if not self._shortest[group] <= len(frame.payload) <= LONGEST_BYTES:
+            return None
+        payload: bytes | None = frame.payload
+        shortest = self._shortest.get(group)
+        if kind and shortest is not None:
+            if not shortest <= len(frame.payload) <= LONGEST_BYTES:
                 self.refused["impossible length"] += 1
-                return False
-            return True
-        if len(frame.payload) not in (FRAME_BYTES, SHORT_FRAMES.get(group)):
+                return None
+        elif len(frame.payload) not in (FRAME_BYTES, SHORT_FRAMES.get(group)):
             self.refused["frame of other than 8 bytes"] += 1
-            return False
-        return True
+            return None
+        elif shortest is not None:
+            payload = bus.fast.push(address, group, frame.payload, frame.monotonic_ns, shortest)
+        elif group == ADDRESS_CLAIM:
+            if bus.devices.claim(address, frame.payload):
+                bus.fast.forget(address)
+            return None
+        return None if payload is None else (group, address, Message(FIELDS.get(group, {}), payload))
 
     def _admitted(self, bus: Bus, device: str, candidates: Iterable[tuple[str, Value]]) -> list[tuple[str, float]]:
         """The values that exist and that the configuration allows; missing ones are counted."""
@@ -674,14 +664,6 @@ class Nmea2000Decoder(Decoder):
             else:
                 values.append((quantity, value))
         return values
-
-    def _is_first_instance(self, bus: Bus, device: str, group: int, instance: int) -> bool:
-        """Whether the device has sent no lower number of the same thing, of a second rudder for example."""
-        first = min(instance, bus.first_instance.get((device, group), instance))
-        bus.first_instance[device, group] = first
-        if instance > first:
-            self.refused["another instance"] += 1
-        return instance == first
 
 
 def _announce(bus: Bus, source_ns: int | None, frame: Frame, group: int, device: str, quality: Quality) -> None:
@@ -697,23 +679,26 @@ def _announce(bus: Bus, source_ns: int | None, frame: Frame, group: int, device:
     bus.clock.announce(source_ns, frame)
 
 
-_LEADS_TO = {
-    "latitude_deg": {"north_m", "east_m", "longitude_deg"},
-    "longitude_deg": {"north_m", "east_m", "latitude_deg"},
-    "heading_magnetic_deg": {"heading_deg"},
-    "magnetic_variation_deg": {"heading_deg", "wind_direction_deg", "surge_mps", "sway_mps"},
-    "course_over_ground_deg": {"surge_mps", "sway_mps"},
-    "course_magnetic_deg": {"surge_mps", "sway_mps"},
-    "speed_over_ground_mps": {"surge_mps", "sway_mps"},
-    "wind_direction_magnetic_deg": {"wind_direction_deg"},
-    "wind_angle_apparent_deg": {"apparent_wind_angle_deg", "wind_direction_deg", "wind_speed_mps"},
-    "wind_speed_apparent_mps": {"apparent_wind_speed_mps", "wind_direction_deg", "wind_speed_mps"},
-    "wind_angle_theoretical_deg": {"wind_direction_deg", "wind_speed_mps"},
-    "wind_speed_theoretical_mps": {"wind_direction_deg", "wind_speed_mps"},
-    "wind_angle_water_deg": {"wind_direction_deg", "wind_speed_mps"},
-    "wind_speed_water_mps": {"wind_direction_deg", "wind_speed_mps"},
-}
-"""The channels that are derived from a quantity, besides the one of its name."""
+_DERIVATIONS: tuple[tuple[set[str], set[str]], ...] = (
+    ({"latitude_deg", "longitude_deg"}, {"north_m", "east_m", "latitude_deg", "longitude_deg"}),
+    (
+        {"course_over_ground_deg", "course_magnetic_deg", "speed_over_ground_mps", "magnetic_variation_deg"},
+        {"surge_mps", "sway_mps"},
+    ),
+    ({"heading_magnetic_deg", "magnetic_variation_deg"}, {"heading_deg"}),
+    ({"wind_direction_magnetic_deg", "magnetic_variation_deg"}, {"wind_direction_deg"}),
+    ({"wind_angle_apparent_deg"}, {"apparent_wind_angle_deg"}),
+    ({"wind_speed_apparent_mps"}, {"apparent_wind_speed_mps"}),
+    (
+        {
+            f"wind_{quantity}"
+            for reference in ("apparent", "theoretical", "water")
+            for quantity in (f"angle_{reference}_deg", f"speed_{reference}_mps")
+        },
+        {"wind_direction_deg", "wind_speed_mps"},
+    ),
+)
+"""Quantities, and the channels that are derived from them, besides those of their names."""
 
 
 class BusDevices:
@@ -727,7 +712,7 @@ class BusDevices:
         self._provides = {
             label: {
                 *device.channels,
-                *(name for name, derived in _LEADS_TO.items() if derived & {*device.channels}),
+                *(name for names, derived in _DERIVATIONS if derived & {*device.channels} for name in names),
             }
             for label, device in labels
             if device.channels is not None
@@ -770,11 +755,11 @@ class BusDevices:
             return False
         if name not in self._label_of and name not in self._by_iso_name and len(self._label_of) >= _MOST_NAMES:
             return False
-        return self._take(address, name, former_address)
-
-    def _take(self, address: int, name: str, former_address: int | None) -> bool:
         former_name, former_label = self._name_at.get(address), self._label_at.get(address)
-        label = self._label_of.get(name) or self._new_label(address, name)
+        label = self._label_of.get(name)
+        if label is None:
+            label = self._by_iso_name.get(name) or self._default_label(address)
+            label = name + self.at_bus if label in self._label_of.values() else label
         self._name_at[address], self._label_of[name], self._label_at[address] = name, label, label
         if former_address is not None:
             self._notices.append(("warning", f"device {label} moved from address {former_address} to {address}"))
@@ -782,11 +767,6 @@ class BusDevices:
             text = f"address {address} was taken over from device {former_label} by device {label} (NAME {name})"
             self._notices.append(("warning", text))
         return former_label not in (None, label) or former_name is not None
-
-    def _new_label(self, address: int, name: str) -> str:
-        """The label of a NAME that is new on the bus."""
-        label = self._by_iso_name.get(name) or self._default_label(address)
-        return name + self.at_bus if label in self._label_of.values() else label
 
     def _default_label(self, address: int) -> str:
         return self._by_address.get(address, f"{address}{self.at_bus}")
@@ -806,6 +786,15 @@ class _Partial:
     def places(self) -> int:
         """How many parts the message has, at most."""
         return 1 + -(-max(0, self.length - _FIRST_PART_BYTES) // _PART_BYTES)
+
+    def continues(self, place: int, length: int, monotonic_ns: int) -> bool:
+        """Whether a part can belong to this message; ``length`` is that in a first part."""
+        if monotonic_ns - self.last_ns > _LONGEST_GAP_NS or place in self.parts:
+            return False
+        if place:
+            return place < self.places
+        places = _Partial(0, 0, length=length).places
+        return max(self.parts) < places and len(self.parts) < places - 1
 
 
 @dataclass(slots=True)
@@ -832,57 +821,39 @@ class FastPackets:
         stream = self._streams.setdefault((address, group), _Stream())
         number, place = part[0] >> 5, part[0] & 0x1F
         data = part[1:] if place else part[2:]
-        partial = stream.partials.get(number)
-        if partial is not None and place == partial.last_place and partial.parts[place] == data:
-            return None  # the same part twice in a row, as when its acknowledgement was disturbed
-        if partial is not None and not _continues(partial, place, part[1], monotonic_ns):
-            self._drop(stream, number)
-            partial = None
-        if partial is None:
+        message = stream.partials.get(number)
+        if message is not None:
+            if place == message.last_place and message.parts[place] == data:
+                return None  # the same part twice in a row, as when its acknowledgement was disturbed
+            if not message.continues(place, part[1], monotonic_ns):
+                self._refused[INCOMPLETE] += 1
+                del stream.partials[number]
+                message = None
+        if message is None:
             if place and number == stream.closed:  # a part of a message that is complete already
                 return None
-            partial = self._begin(stream, number, monotonic_ns)
+            stream.begun += 1
+            for earlier, partial in list(stream.partials.items()):
+                if stream.begun - partial.begun >= _MOST_BEGUN_SINCE:
+                    self._refused[INCOMPLETE] += 1
+                    del stream.partials[earlier]
+            stream.closed = None if stream.closed == number else stream.closed
+            message = stream.partials[number] = _Partial(stream.begun, monotonic_ns)
         if place == 0:
+            message.length = part[1]
             if not max(1, shortest) <= part[1] <= LONGEST_BYTES:
                 self._refused["impossible length"] += 1
-                _close(stream, number)
+                stream.closed = number
+                del stream.partials[number]
                 return None
-            partial.length = part[1]
-        partial.parts[place], partial.last_place, partial.last_ns = data, place, monotonic_ns
-        if len(partial.parts) < partial.places:
+        message.parts[place], message.last_place, message.last_ns = data, place, monotonic_ns
+        if len(message.parts) < message.places:
             return None
-        _close(stream, number)
-        return b"".join(partial.parts[index] for index in range(partial.places))[: partial.length]
+        stream.closed = number
+        del stream.partials[number]
+        return b"".join(message.parts[index] for index in range(message.places))[: message.length]
 
     def forget(self, address: int) -> None:
         """A new device has this address: what the former one began will not be continued."""
         for key in [key for key in self._streams if key[0] == address]:
             self._refused[INCOMPLETE] += len(self._streams.pop(key).partials)
-
-    def _begin(self, stream: _Stream, number: int, monotonic_ns: int) -> _Partial:
-        stream.begun += 1
-        for earlier, partial in list(stream.partials.items()):
-            if stream.begun - partial.begun >= _MOST_BEGUN_SINCE:
-                self._drop(stream, earlier)
-        stream.closed = None if stream.closed == number else stream.closed
-        stream.partials[number] = partial = _Partial(stream.begun, monotonic_ns)
-        return partial
-
-    def _drop(self, stream: _Stream, number: int) -> None:
-        self._refused[INCOMPLETE] += 1
-        del stream.partials[number]
-
-
-def _continues(partial: _Partial, place: int, length: int, monotonic_ns: int) -> bool:
-    """Whether a part can belong to a message of which others have come; ``length`` is that in a first part."""
-    if monotonic_ns - partial.last_ns > _LONGEST_GAP_NS or place in partial.parts:
-        return False
-    if place:
-        return place < partial.places
-    message = _Partial(0, 0, length=length)
-    return max(partial.parts) < message.places and len(partial.parts) < message.places - 1
-
-
-def _close(stream: _Stream, number: int) -> None:
-    stream.partials.pop(number, None)
-    stream.closed = number
