@@ -110,45 +110,42 @@ class Discovery:
             "events": [],
             "configuration": self.configuration,
         }
-        if self.survey is None:
-            return content
-        devices, kinds, health = self.survey.devices, self.survey.kinds, self.survey.health
-        span_s = max((self.survey.last_ns - self.survey.first_ns) / 1e9, 1e-9)
-        return content | {
-            "devices": [
-                {"source": source, "address": int(address), **devices[source, address]}
-                for source, address in sorted(devices, key=lambda device: (device[0], int(device[1])))
-            ],
-            "messages": [
-                {
-                    "source": kind.source,
-                    "device": kind.device,
-                    "message": kind.name,
-                    "name": name_of_group(int(kind.name)) if kind.name.isdigit() else "",
-                    "count": kinds[kind].count,
-                    "rate_hz": kinds[kind].rate_hz,
-                    "values": kinds[kind].values,
-                    "refused": dict(kinds[kind].refused),
-                }
-                for kind in sorted(kinds, key=_traffic_order)
-            ],
-            "channels": {
-                name: {
-                    "count": health.channels[name].count,
-                    "rate_hz": health.channels[name].count / span_s,
-                    "value": health.channels[name].value,
-                    "sources": sources,
-                }
-                for name, sources in self.survey.channels.items()
-            },
-            "events": self.survey.events,
-        }
+        return content if self.survey is None else content | _survey_json(self.survey)
 
 
-def _traffic_order(kind: TrafficKind) -> tuple[Any, ...]:
-    """By source and device, addresses as numbers and first."""
-    number = (0, int(kind.device)) if kind.device.isdigit() else (1, 0)
-    return kind.source, number, kind.device, kind.name
+def _survey_json(survey: Survey) -> dict[str, Any]:
+    """Devices, messages and channels, sources in their order, devices by address."""
+    span_s = max((survey.last_ns - survey.first_ns) / 1e9, 1e-9)
+
+    def order(kind: TrafficKind) -> tuple[Any, ...]:
+        number = (0, int(kind.device)) if kind.device.isdigit() else (1, 0)
+        return kind.source, number, kind.device, kind.name
+
+    messages = []
+    for kind in sorted(survey.kinds, key=order):
+        tally = survey.kinds[kind]
+        messages.append(
+            {
+                "source": kind.source,
+                "device": kind.device,
+                "message": kind.name,
+                "name": name_of_group(int(kind.name)) if kind.name.isdigit() else "",
+                "count": tally.count,
+                "rate_hz": tally.rate_hz,
+                "values": tally.values,
+                "refused": dict(tally.refused),
+            }
+        )
+    channels = {}
+    for name, sources in survey.channels.items():
+        health = survey.health.channels[name]
+        rate_hz = health.count / span_s
+        channels[name] = {"count": health.count, "rate_hz": rate_hz, "value": health.value, "sources": sources}
+    devices = [
+        {"source": source, "address": int(address), **survey.devices[source, address]}
+        for source, address in sorted(survey.devices, key=lambda device: (device[0], int(device[1])))
+    ]
+    return {"devices": devices, "messages": messages, "channels": channels, "events": survey.events}
 
 
 def discover(

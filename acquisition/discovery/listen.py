@@ -415,14 +415,6 @@ def _device_and_rate(text: str) -> tuple[str, str]:
     return (text, "") if parts is None else (parts["device"], parts["rate"])
 
 
-def _is_device(text: str) -> bool:
-    """Whether a path, or the target of a link, is a character device."""
-    try:
-        return Path(_device_and_rate(text)[0]).is_char_device()
-    except (OSError, ValueError):
-        return False
-
-
 def _serial_place(text: str, user_text: str) -> ListeningPlace:
     device, rate = _device_and_rate(text)
     if rate and (not rate.isdigit() or not int(rate)):

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import datetime as dt
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from math import isfinite, nan, pi, radians
 from pathlib import Path
 from typing import Any
@@ -31,10 +31,12 @@ from seatrial.acquisition.core.times import DAY_NS
 from seatrial.acquisition.core.trial import NANO, Frame, FrameFlag, Group
 from seatrial.acquisition.protocols import Decoder, Moment, Packet
 from seatrial.acquisition.protocols.nmea2000 import (
+    CARRIED,
     ERROR_VALUE,
     LIBRARY,
     NOT_AVAILABLE,
     Nmea2000Decoder,
+    group_variants,
     parameter_group,
 )
 
@@ -208,18 +210,23 @@ class CanEncoder:
                 self._dbc.setdefault(message.name, (message, {}))[1][channel] = signal, step
 
     def encode(self, moment: Moment) -> list[Packet]:
-        packets = self._system_time(moment) if self._announces else []
+        packets: list[Packet] = []
+        if self._announces:
+            days, time_of_day_ns = divmod(moment.time_ns, DAY_NS)
+            date = dt.date(1970, 1, 1) + dt.timedelta(days=days)
+            time = {"source": "GPS", "date": date, "time": time_of_day_ns / NANO}
+            packets += self._group(126992, time, (), priority=3)
         if moment.latitude_deg is not None:
             fix = {"latitude": moment.latitude_deg, "longitude": moment.longitude_deg}
-            packets += self._group(129025, "positionRapidUpdate", fix, moment.fix_of)
-        values = dict(moment.values)
+            packets += self._group(129025, fix, moment.fix_of)
+        values = moment.values
         for message, signals in self._dbc.values():
             packets += _dbc_frame(message, signals, values)
         packets += self._machinery(moment)
-        for group, (name, reference, fields) in _MOTION.items():
-            if carries := moment.present(*fields):
-                group_fields = {fields[channel][0]: fields[channel][1](values[channel]) for channel in carries}
-                packets += self._group(group, name, group_fields | reference, carries)
+        for group, reference in _MOTION.items():
+            if carries := moment.present(*CARRIED[group]):
+                fields: dict[str, Any] = {CARRIED[group][name]: _wire_value(name, values[name]) for name in carries}
+                packets += self._group(group, fields | reference, carries)
         return packets
 
     def _machinery(self, moment: Moment) -> list[Packet]:
@@ -229,24 +236,18 @@ class CanEncoder:
             if carries := moment.present(angle, name_of_order(angle)):
                 position, order = (moment.values.get(name) for name in (angle, name_of_order(angle)))
                 fields = {"instance": number, "position": _radians(position), "angleOrder": _radians(order)}
-                packets += self._group(127245, "rudder", fields, carries)
+                packets += self._group(127245, fields, carries)
         for number, channel, ratio in self._ratios:
             if channel in moment.values:
                 speed = moment.values[channel] * ratio
                 gear = {"instance": number, "transmissionGear": "Reverse" if speed < 0.0 else "Forward"}
-                packets += self._group(127493, "transmissionParametersDynamic", gear, ())
+                packets += self._group(127493, gear, ())
                 engine = {"instance": number, "speed": abs(speed)}
-                packets += self._group(127488, "engineParametersRapidUpdate", engine, (channel,))
+                packets += self._group(127488, engine, (channel,))
         return packets
 
-    def _system_time(self, moment: Moment) -> list[Packet]:
-        days, time_of_day_ns = divmod(moment.time_ns, DAY_NS)
-        date = dt.date(1970, 1, 1) + dt.timedelta(days=days)
-        fields = {"source": "GPS", "date": date, "time": time_of_day_ns / NANO}
-        return self._group(126992, "systemTime", fields, (), priority=3)
-
     def _group(
-        self, group: int, name: str, fields: dict[str, Any], carries: tuple[str, ...], priority: int = 2
+        self, group: int, fields: Mapping[str, Any], carries: tuple[str, ...], priority: int = 2
     ) -> list[Packet]:
         """One parameter group as frames; fields that are None go out as not available."""
         library_fields = [
@@ -254,6 +255,7 @@ class CanEncoder:
             for key, value in fields.items()
             if value is not None
         ]
+        name = group_variants(group)[0].id
         message = NMEA2000Message(
             PGN=group, id=name, source=_ADDRESS, destination=255, priority=priority, fields=library_fields
         )
@@ -267,21 +269,23 @@ def _radians(angle_deg: float | None) -> float | None:
     return None if angle_deg is None else angle_deg / DEG_PER_RAD
 
 
-def _turn_rad(angle_deg: float) -> float:
-    """An angle in radians that rounds to less than a whole turn on the wire."""
-    angle_rad = round(angle_deg / DEG_PER_RAD, 4)
+def _wire_value(channel: str, value: float) -> float:
+    """A channel's value in SI units and radians; an angle is one that rounds to less than a whole turn."""
+    if channel.endswith("_dps"):
+        return radians(value)
+    if not channel.endswith("_deg"):
+        return float(value)
+    angle_rad = round(value / DEG_PER_RAD, 4)
     return 0.0 if angle_rad > 2 * pi else angle_rad
 
 
-_MOTION: dict[int, tuple[str, dict[str, str], dict[str, tuple[str, Callable[[float], float]]]]] = {
-    127250: ("vesselHeading", {"reference": "True"}, {"heading_deg": ("heading", _turn_rad)}),
-    127251: ("rateOfTurn", {}, {"yaw_rate_dps": ("rate", radians)}),
-    130578: ("vesselSpeedComponents", {}, {"surge_mps": ("longitudinalSpeedGroundReferenced", float),
-                                           "sway_mps": ("transverseSpeedGroundReferenced", float)}),
-    130306: ("windData", {"reference": "True (ground referenced to North)"},
-             {"wind_direction_deg": ("windAngle", _turn_rad), "wind_speed_mps": ("windSpeed", float)}),
-}  # fmt: skip
-"""The groups of motion and wind: the library's name, the reference, and the field of each channel in its unit."""
+_MOTION = {
+    127250: {"reference": "True"},
+    127251: {},
+    130578: {},
+    130306: {"reference": "True (ground referenced to North)"},
+}
+"""The groups of motion and wind that are sent, with their reference."""
 
 
 def _dbc_frame(

@@ -13,16 +13,16 @@ of a later message: that would make a plausible message that was never sent. Par
 delayed, not twice unless in a row, and the first never completes a message: where it comes last, the others
 belong to a message whose first part was lost.
 
-The parameter groups of NMEA 2000 that we decode: where their fields are, and one reader function a group.
+Of the parameter groups of NMEA 2000 that we decode, each has one reader function.
 
 Which of a ship's rudders and engines a message means is given by its instance: instances count from 0 in the
 order of the ship's list, so that of a pair the port one is 0. No standard group has the speed of a shaft, nor a
 propeller's pitch; those of engines and gearboxes stand for the speed where the reduction ratio is known.
 
-Fields are named as in canboat's database and are in SI units and radians, positions in degrees. A field of a
-number keeps its three highest raw values for "not available", "error" and nothing at all (reserved); lookups are
-given as they are. Declared channels may be in any field of any group of NMEA 2000 and J1939: its place is in the
-declaration or in canboat's database, as the ``nmea2000`` library carries it.
+Where fields are is in canboat's database, as the ``nmea2000`` library carries it; they are named as there, and are
+in SI units and radians, positions in degrees. A field of a number keeps its three highest raw values for "not
+available", "error" and nothing at all (reserved); lookups are given as they are. Declared channels may be in any
+field of any group of NMEA 2000 and J1939: its place is in the declaration or in the database.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ import re
 import threading
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cache, partial
 from math import pi
 from typing import Any, NamedTuple
@@ -121,8 +121,8 @@ class Message:
 
     __slots__ = ("_bits", "_fields", "raw")
 
-    def __init__(self, fields: dict[str, Field], payload: bytes) -> None:
-        self._fields = fields
+    def __init__(self, group: int, payload: bytes) -> None:
+        self._fields = _fields_of(group)
         self.raw = int.from_bytes(payload, "little")
         self._bits = 8 * len(payload)
 
@@ -138,60 +138,6 @@ class Message:
         value = self[name]
         return value if isinstance(value, str) else value * DEG_PER_RAD
 
-
-_ANGLE_RAD, _SPEED_MPS, _FINE_SPEED_MPS, _TIME_S = 1e-4, 0.01, 0.001, 1e-4
-
-FIELDS: dict[int, dict[str, Field]] = {
-    SYSTEM_TIME: {"date": Field(16, 16, 1), "time": Field(32, 32, _TIME_S)},
-    RUDDER_GROUP: {
-        "instance": Field(0, 8, 1),
-        "angleOrder": Field(16, 16, _ANGLE_RAD, signed=True),
-        "position": Field(32, 16, _ANGLE_RAD, signed=True),
-    },
-    ENGINE_SPEED: {"instance": Field(0, 8), "speed": Field(8, 16, 0.25)},
-    GEARBOX: {"instance": Field(0, 8), "transmissionGear": Field(8, 2)},
-    127250: {
-        "heading": Field(8, 16, _ANGLE_RAD),
-        "deviation": Field(24, 16, _ANGLE_RAD, signed=True),
-        "variation": Field(40, 16, _ANGLE_RAD, signed=True),
-        "reference": Field(56, 2),
-    },
-    127251: {"rate": Field(8, 32, 3.125e-8, signed=True)},
-    127257: {
-        "pitch": Field(24, 16, _ANGLE_RAD, signed=True),
-        "roll": Field(40, 16, _ANGLE_RAD, signed=True),
-    },
-    127258: {"variation": Field(32, 16, _ANGLE_RAD, signed=True)},
-    128259: {"speedWaterReferenced": Field(8, 16, _SPEED_MPS)},
-    POSITION: {"latitude": Field(0, 32, 1e-7, signed=True), "longitude": Field(32, 32, 1e-7, signed=True)},
-    129026: {"cogReference": Field(8, 2), "cog": Field(16, 16, _ANGLE_RAD), "sog": Field(32, 16, _SPEED_MPS)},
-    GNSS_POSITION: {
-        "date": Field(8, 16, 1),
-        "time": Field(24, 32, _TIME_S),
-        "latitude": Field(56, 64, 1e-16, signed=True),
-        "longitude": Field(120, 64, 1e-16, signed=True),
-        "altitude": Field(184, 64, 1e-6, signed=True),
-        "method": Field(252, 4),
-    },
-    TIME_AND_DATE: {"date": Field(0, 16, 1), "time": Field(16, 32, _TIME_S)},
-    130306: {
-        "windSpeed": Field(8, 16, _SPEED_MPS),
-        "windAngle": Field(24, 16, _ANGLE_RAD),
-        "reference": Field(40, 3),
-    },
-    130577: {
-        "dataMode": Field(0, 4),
-        "cogReference": Field(4, 2),
-        "cog": Field(16, 16, _ANGLE_RAD),
-        "sog": Field(32, 16, _SPEED_MPS),
-    },
-    130578: {
-        "longitudinalSpeedWaterReferenced": Field(0, 16, _FINE_SPEED_MPS, signed=True),
-        "longitudinalSpeedGroundReferenced": Field(32, 16, _FINE_SPEED_MPS, signed=True),
-        "transverseSpeedGroundReferenced": Field(48, 16, _FINE_SPEED_MPS, signed=True),
-    },
-}
-"""Those fields of each group that are read, by their names."""
 
 CARRIED = {
     127250: {"heading_deg": "heading"},  # by the true reference
@@ -500,6 +446,15 @@ def canboat_fields(group: int) -> Mapping[str, GroupFieldPlace]:
 
 
 @cache
+def _fields_of(group: int) -> dict[str, Field]:
+    """The fields of a group by their names, for what is read on every ship."""
+    fields = {name: place.field for name, place in canboat_fields(group).items()}
+    if group == ENGINE_SPEED:  # in rpm, and not in Hz
+        fields["speed"] = replace(fields["speed"], step=0.25)
+    return fields
+
+
+@cache
 def _is_fast(group: int) -> bool:
     """Whether a group comes in several frames: by its number where that decides, else by canboat's database."""
     if group == _FAST[0] or group in _FAST[1]:
@@ -651,7 +606,7 @@ class Nmea2000Decoder(Decoder):
             if bus.devices.claim(address, frame.payload):
                 bus.fast.forget(address)
             return None
-        return None if payload is None else (group, address, Message(FIELDS.get(group, {}), payload))
+        return None if payload is None else (group, address, Message(group, payload))
 
     def _admitted(self, bus: Bus, device: str, candidates: Iterable[tuple[str, Value]]) -> list[tuple[str, float]]:
         """The values that exist and that the configuration allows; missing ones are counted."""

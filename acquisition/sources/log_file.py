@@ -49,7 +49,6 @@ from seatrial.acquisition.protocols.nmea0183 import (
     split_tag,
 )
 from seatrial.acquisition.protocols.nmea2000 import (
-    FIELDS,
     GNSS_POSITION,
     SYSTEM_TIME,
     TIME_AND_DATE,
@@ -529,7 +528,7 @@ def entry_utc_ns(entry: LogEntry) -> int | None:
     is_position = group == GNSS_POSITION and entry.flags == FrameFlag.WHOLE
     if not is_position and (group not in (SYSTEM_TIME, TIME_AND_DATE) or entry.flags & ~FrameFlag.WHOLE):
         return None
-    stated_ns = group_time(Message(FIELDS[group], entry.payload))
+    stated_ns = group_time(Message(group, entry.payload))
     return stated_ns if stated_ns is not None and is_possible(stated_ns) else None
 
 
