@@ -372,14 +372,30 @@ def name_of_ship(vessel: str | Path) -> str:
     return str(vessel_tree(find_vessel(vessel))["name"])
 
 
-def vessel_tree(path: Path) -> Tree:
-    """The tables of a vessel file merged with its base, and so on with the base of that.
+def vessel_tree(path: Path, seen: tuple[Path, ...] = ()) -> Tree:
+    """The tables of a vessel file merged with its base, and so on with the base of that; actuators by name.
 
     A base is the name of a vessel that comes with Seatrial or a path, relative to the file that names it. A
-    file without a name takes the file's name, not its base's. Raises :class:`ConfigurationError` for an
-    unreadable file, a missing base, and circular bases.
+    file without a name takes the file's name, not its base's. ``seen`` are the files that build on it. Raises
+    :class:`ConfigurationError` for an unreadable file, a missing base, and circular bases.
     """
-    return {"name": path.stem, **_with_base(path, seen=())}
+    tree = parse_toml(read_text(path), path)
+    entries = tree.get("actuator", [])
+    sections = [entry for entry in entries if isinstance(entry, dict)] if isinstance(entries, list) else []
+    if not all(isinstance(section.get("name", ""), str) for section in sections):
+        fix = 'write name = "NAME" in each [[actuator]]'
+        raise ConfigurationError("has an actuator whose name is no text", where=str(path), fix=fix)
+    named, base = {"name": path.stem, **tree}, tree.get("base", "")
+    if not base:
+        return {key: value for key, value in named.items() if key != "base"}
+    if not isinstance(base, str):
+        raise ConfigurationError("base is not a name", where=str(path), fix='write base = "NAME or FILE"')
+    base_path = find_vessel(base, path.parent)
+    seen = (*seen, path.resolve())
+    if base_path.resolve() in seen:
+        fix = "let it build on another vessel, or on none"
+        raise ConfigurationError(f"base {base!r} leads back to a file that builds on it", where=str(path), fix=fix)
+    return _merged(vessel_tree(base_path, seen), named)
 
 
 def load_actuators(vessel: str | Path) -> Actuators:
@@ -413,27 +429,6 @@ def actuators_of_ship(ship: str, folder: Path) -> Actuators:
     """The actuators of the ship named by a file in ``folder``, none if it has no vessel file."""
     file = vessel_of_ship(ship, folder)
     return () if file is None else load_actuators(file)
-
-
-def _with_base(path: Path, seen: tuple[Path, ...]) -> Tree:
-    """The tables of a vessel file; ``seen`` are the files that build on it. Actuators are merged by name."""
-    tree = parse_toml(read_text(path), path)
-    entries = tree.get("actuator", [])
-    sections = [entry for entry in entries if isinstance(entry, dict)] if isinstance(entries, list) else []
-    if not all(isinstance(section.get("name", ""), str) for section in sections):
-        fix = 'write name = "NAME" in each [[actuator]]'
-        raise ConfigurationError("has an actuator whose name is no text", where=str(path), fix=fix)
-    base = tree.get("base", "")
-    if not base:
-        return {key: value for key, value in tree.items() if key != "base"}
-    if not isinstance(base, str):
-        raise ConfigurationError("base is not a name", where=str(path), fix='write base = "NAME or FILE"')
-    base_path = find_vessel(base, path.parent)
-    seen = (*seen, path.resolve())
-    if base_path.resolve() in seen:
-        fix = "let it build on another vessel, or on none"
-        raise ConfigurationError(f"base {base!r} leads back to a file that builds on it", where=str(path), fix=fix)
-    return _merged({key: value for key, value in _with_base(base_path, seen).items() if key != "name"}, tree)
 
 
 def _merged(base: Tree, tree: Tree) -> Tree:

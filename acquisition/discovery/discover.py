@@ -27,19 +27,7 @@ from seatrial.acquisition.core.errors import ConfigurationError, Progress, part_
 from seatrial.acquisition.core.result import terminal_table
 from seatrial.acquisition.core.ship import MOTION, channel_names, channel_unit
 from seatrial.acquisition.core.trial import Frame, label_parts
-from seatrial.acquisition.discovery.listen import (
-    INPUT_FORMS,
-    Capture,
-    DbcMessages,
-    LatestReading,
-    ListeningPlace,
-    choose_dbc,
-    listen,
-    match_signals,
-    signal_readings,
-    topic_readings,
-    without_controls,
-)
+from seatrial.acquisition.discovery import listen
 from seatrial.acquisition.logger.survey import (
     RATED_FIX,
     VARIATION_FIX,
@@ -75,11 +63,11 @@ class Discovery:
     channel. ``readings`` are the values of signals and topics that a configuration has to map.
     """
 
-    captures: list[Capture]
+    captures: list[listen.Capture]
     survey: Survey | None = None
     missing: dict[str, str] = field(default_factory=dict)
     configuration: str = ""
-    readings: list[LatestReading] = field(default_factory=list)
+    readings: list[listen.LatestReading] = field(default_factory=list)
 
     @property
     def channels(self) -> dict[str, list[str]]:
@@ -149,7 +137,7 @@ def _survey_json(survey: Survey) -> dict[str, Any]:
 
 
 def discover(
-    places: Sequence[ListeningPlace],
+    places: Sequence[listen.ListeningPlace],
     duration_s: float = 20.0,
     name: str = "discovered",
     vessel: str = "",
@@ -171,12 +159,12 @@ def discover(
     if vessel and vessel_of_ship(vessel, folder) is None:  # a configuration there would not find it
         fix = f"copy it to {folder.absolute()}"
         raise ConfigurationError("lies elsewhere", where=str(find_vessel(vessel)), fix=fix)
-    captures = listen(places, duration_s, stop, part_of(progress, 0, 2))
+    captures = listen.listen(places, duration_s, stop, part_of(progress, 0, 2))
     return interpret_captures(captures, name, vessel, dbc, folder, stop, part_of(progress, 1, 2))
 
 
 def interpret_captures(
-    captures: list[Capture],
+    captures: list[listen.Capture],
     name: str = "discovered",
     vessel: str = "",
     dbc: Path | None = None,
@@ -198,17 +186,21 @@ def interpret_captures(
         capture.count = survey.health.sources[capture.place.name].frames
     reasons = missing = missing_channels(survey)
     sections = {section.name: section for section in survey.config.sources}
-    readings: list[LatestReading] = []  # of the signals of each source's DBC file, and the topics of each broker
+    readings: list[
+        listen.LatestReading
+    ] = []  # of the signals of each source's DBC file, and the topics of each broker
     for capture in received:
         source = sections[capture.place.name]
         if isinstance(source, MqttLinks):
-            readings += topic_readings(source.name, capture.frames())
+            readings += listen.topic_readings(source.name, capture.frames())
         elif isinstance(source, CanFrames) and source.dbc is not None:
             provided = survey.provided(source.name)
             mapped = {
                 (signal.message, signal.signal): name for name, signal in source.signals.items() if name in provided
             }
-            readings += signal_readings(source.name, capture.frames(), DbcMessages(load_dbc(source.dbc)), mapped)
+            readings += listen.signal_readings(
+                source.name, capture.frames(), listen.DbcMessages(load_dbc(source.dbc)), mapped
+            )
     if not survey.config.ship_is_known:  # then no control is missing, but what comes may be of one
         missing = {name: reason for name, reason in reasons.items() if name in MOTION}
         controls = {name: what_comes(name, survey) for name in sorted(reasons.keys() - missing.keys())}
@@ -290,10 +282,12 @@ def describe_silence(discovery: Discovery) -> str:
         where += "".join(f"; this computer shows no {words}" for type_, words in lines if type_ not in types)
     advice = "switch the instruments on, check cables and firewall, listen longer with --duration, or "
     advice = advice if types - {"file"} else ""
-    return f"nothing was found ({where or 'there is nowhere to listen'}); {advice}name {INPUT_FORMS}"
+    return f"nothing was found ({where or 'there is nowhere to listen'}); {advice}name {listen.INPUT_FORMS}"
 
 
-def broadest_configuration(captures: Sequence[Capture], vessel: str, dbc: Path | None, path: Path) -> TrialConfig:
+def broadest_configuration(
+    captures: Sequence[listen.Capture], vessel: str, dbc: Path | None, path: Path
+) -> TrialConfig:
     """A configuration whose sources provide all channels that they can carry, including those of all packs, and the
     vessel's CAN frames by the DBC file that describes them."""
     trial = f'[trial]\nname = "discovered"\n{_toml_line("vessel", vessel) if vessel else ""}'
@@ -305,11 +299,11 @@ def broadest_configuration(captures: Sequence[Capture], vessel: str, dbc: Path |
         frames = [frame for frame in islice(capture.frames(), _HEAD_FRAMES) if frame.protocol == "can"]
         if section["type"] in ("can", "file", "serial", "udp", "tcp") and frames:
             folders = [capture.place.folder, path.parent]
-            dbc_path, remark = choose_dbc(None if stated is None else Path(stated), folders, frames)
+            dbc_path, remark = listen.choose_dbc(None if stated is None else Path(stated), folders, frames)
             capture.remarks += [remark] if remark else []
             if dbc_path is not None:
                 section["dbc"] = str(dbc_path.absolute())
-                section["signals"] = match_signals(dbc_path, config.actuators)
+                section["signals"] = listen.match_signals(dbc_path, config.actuators)
     ship = parse_config(trial + "".join(map(_section_text, sections)), path)
     order = channel_names(ship.actuators, tuple(declaration.channel for declaration in ship.declared))
     for section, source in zip(sections, ship.sources, strict=True):
@@ -318,7 +312,7 @@ def broadest_configuration(captures: Sequence[Capture], vessel: str, dbc: Path |
     return parse_config(trial + "".join(map(_section_text, sections)), path)
 
 
-def candidate_packs(captures: Sequence[Capture]) -> list[dict[str, Any]]:
+def candidate_packs(captures: Sequence[listen.Capture]) -> list[dict[str, Any]]:
     """Seatrial's packs as sections; those of several engines with as many names as there are engines."""
     frames = (frame for capture in captures for frame in islice(capture.frames(), _HEAD_FRAMES))
     engines = {0}
@@ -341,16 +335,16 @@ def _pack_text(pack: Mapping[str, Any]) -> str:
     return "[[pack]]\n" + "".join(_toml_line(key, value) for key, value in pack.items())
 
 
-def _section_settings(capture: Capture) -> dict[str, Any]:
+def _section_settings(capture: listen.Capture) -> dict[str, Any]:
     return {"name": capture.place.name, "type": capture.place.type, **capture.place.settings, "channels": []}
 
 
 def configuration_text(
-    captures: Sequence[Capture],
+    captures: Sequence[listen.Capture],
     survey: Survey,
     reasons: Mapping[str, str],
     missing: Mapping[str, str],
-    readings: Sequence[LatestReading],
+    readings: Sequence[listen.LatestReading],
     name: str,
     vessel: str = "",
 ) -> str:
@@ -388,7 +382,7 @@ def configuration_text(
 
 
 def _source_text(
-    capture: Capture, survey: Survey, reasons: Mapping[str, str], readings: Iterable[LatestReading]
+    capture: listen.Capture, survey: Survey, reasons: Mapping[str, str], readings: Iterable[listen.LatestReading]
 ) -> str:
     """A source with what comes of it, and the signals and topics that come for the user to map them to channels."""
     source = next(candidate for candidate in survey.config.sources if candidate.name == capture.place.name)
@@ -424,7 +418,7 @@ def _source_text(
         text += "" if section.get(table) else f"[source.{table}]\n"
     for reading in unmapped:
         line = f"{_toml_line('channel', reading.entry).rstrip()}   # {reading.text}"
-        text += f"# {without_controls(line)}\n"
+        text += f"# {listen.without_controls(line)}\n"
     return text
 
 
@@ -479,5 +473,7 @@ def _toml_value(value: Any) -> str:
 
 def _comment(text: str, prefix: str = "# ") -> str:
     """Text as a comment of as many lines as it takes; control characters are replaced."""
-    rows = wrap(without_controls(text), _WIDTH + 1 - len(prefix), break_long_words=False, break_on_hyphens=False)
+    rows = wrap(
+        listen.without_controls(text), _WIDTH + 1 - len(prefix), break_long_words=False, break_on_hyphens=False
+    )
     return "".join(f"{prefix}{row}\n" for row in rows)

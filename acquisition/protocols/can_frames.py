@@ -65,21 +65,16 @@ def load_dbc(path: Path) -> cantools.db.Database:
     except ConfigurationError:
         raise
     except Exception as error:  # the parser fails in every possible way
+        text = str(error)
+        place, fault = _LINE_AND_COLUMN.search(text), re.search(r"(The (?:signals?|message) .+?)\.?\"?$", text)
+        if isinstance(error, OSError):
+            why = system_reason(error)
+        elif place:
+            why = f"line {place[1]}, column {place[2]} is not of a DBC file"
+        else:  # without the words of the library that reads it
+            why = fault[1] if fault else "its messages and signals contradict each other"
         fix = "give a DBC file, or correct it"
-        raise ConfigurationError(
-            "is not a readable DBC file", where=str(path), why=_reason(error), fix=fix
-        ) from error
-
-
-def _reason(error: Exception) -> str:
-    """Why a DBC file cannot be read, without the words of the library that reads it."""
-    if isinstance(error, OSError):
-        return system_reason(error)
-    text = str(error)
-    if place := _LINE_AND_COLUMN.search(text):
-        return f"line {place[1]}, column {place[2]} is not of a DBC file"
-    fault = re.search(r"(The (?:signals?|message) .+?)\.?\"?$", text)
-    return fault[1] if fault else "its messages and signals contradict each other"
+        raise ConfigurationError("is not a readable DBC file", where=str(path), why=why, fix=fix) from error
 
 
 def find_signal(database: cantools.db.Database, entry: Signal, path: Path) -> tuple[DbcMessage, DbcSignal]:
@@ -88,12 +83,9 @@ def find_signal(database: cantools.db.Database, entry: Signal, path: Path) -> tu
         message = database.get_message_by_name(entry.message)
         return message, message.get_signal_by_name(entry.signal)
     except KeyError as error:
-        signal_names = ", ".join(
-            f"{frame.name}.{signal.name}" for frame in database.messages for signal in frame.signals
-        )
-        raise ConfigurationError(
-            f"has no signal {entry.message}.{entry.signal}", where=str(path), fix=f"it has {signal_names}"
-        ) from error
+        names = (f"{frame.name}.{signal.name}" for frame in database.messages for signal in frame.signals)
+        what, fix = f"has no signal {entry.message}.{entry.signal}", f"it has {', '.join(names)}"
+        raise ConfigurationError(what, where=str(path), fix=fix) from error
 
 
 def frame_key(message: DbcMessage) -> tuple[bool, int]:

@@ -274,32 +274,26 @@ _MOST_RECEIVERS, _MOST_TALKERS = 4, 100  # noise must not name unbounded numbers
 
 @dataclass(slots=True)
 class _Receiver:
-    """One receiver's last position [deg] and moment, as stated [s of the day] and on arrival [ns, monotonic], and
-    the kinds of sentences that reported it."""
+    """One receiver's last position [deg] and moment, as stated [s of the day] and on arrival [ns, monotonic], the
+    kinds of sentences that reported it, and how far from it another one of the same moment may be."""
 
     position: tuple[float, float]
     moment_s: float
     arrival_ns: int
     kinds: set[str] = field(default_factory=set)
-    speed_mps: float | None = None
+    reach_m: float = _INITIAL_DISTANCE_M
 
     def distance_m(self, position: tuple[float, float]) -> float:
         (latitude, longitude), (north, east) = self.position, position
         shift_deg = (east - longitude + 180.0) % 360.0 - 180.0
         return _DEGREE_M * hypot(north - latitude, shift_deg * cos(radians(latitude)))
 
-    @property
-    def reach_m(self) -> float:
-        """How far from its last position it may report another one of the same moment."""
-        if self.speed_mps is None:
-            return _INITIAL_DISTANCE_M
-        return max(_LEAST_DISTANCE_M, _SECONDS_OF_WAY * self.speed_mps)
-
     def update(self, kind: str, moment_s: float, arrival_ns: int, position: tuple[float, float]) -> None:
         since_s = moment_s - self.moment_s
         if since_s or arrival_ns - self.arrival_ns > _ONE_MOMENT_NS:
             self.kinds.clear()
-            self.speed_mps = self.distance_m(position) / since_s if since_s > 0 else None
+            way_m = _SECONDS_OF_WAY * (self.distance_m(position) / since_s) if since_s > 0 else _INITIAL_DISTANCE_M
+            self.reach_m = max(_LEAST_DISTANCE_M, way_m)
             self.arrival_ns = arrival_ns
         self.kinds.add(kind)
         self.position, self.moment_s = position, moment_s

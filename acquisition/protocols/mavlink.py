@@ -29,18 +29,9 @@ from seatrial.acquisition.config.declarations import (
     select_origins,
 )
 from seatrial.acquisition.config.sources import MavlinkFileSource, MavlinkLinks
+from seatrial.acquisition.core import ship
 from seatrial.acquisition.core.errors import ConfigurationError
 from seatrial.acquisition.core.quantities import DEG_PER_RAD, Linear, to_earth
-from seatrial.acquisition.core.ship import (
-    BY_NAME,
-    DEFAULT,
-    Actuators,
-    Channel,
-    channel_names,
-    channels_with_declared,
-    shafts,
-    wrap_180,
-)
 from seatrial.acquisition.core.trial import Fix, Frame, Group
 from seatrial.acquisition.protocols import BAD_DATA, DeclaredReaders, Decoder, FurtherSenders, Moment, Packet
 from seatrial.acquisition.protocols.clock import SourceClock, is_possible
@@ -129,7 +120,7 @@ MESSAGE_NAMES = {getattr(dialect, f"MAVLINK_MSG_ID_{name}"): name for name in (*
 class _MessageChannel(NamedTuple):
     """A channel that a message carries."""
 
-    channel: Channel
+    channel: ship.Channel
     origin: MavlinkField
     step: Linear
     unknown: int | None
@@ -141,7 +132,7 @@ class DeclaredMessages(DeclaredReaders[str, _MessageChannel]):
     Raises :class:`ConfigurationError` for a message or field that the dialect lacks, and units that do not fit.
     """
 
-    def __init__(self, declared: Sequence[tuple[Channel, MavlinkField]]) -> None:
+    def __init__(self, declared: Sequence[tuple[ship.Channel, MavlinkField]]) -> None:
         super().__init__()
         self.names: dict[int, str] = {}
         kinds = {message_class.msgname: message_class for message_class in dialect.mavlink_map.values()}
@@ -188,13 +179,15 @@ def _message_kind(origin: MavlinkField, kinds: Mapping[str, Any]) -> Any:
 class MavlinkDecoder(Decoder):
     """One link; ``time_boot_ms`` becomes UTC by the last SYSTEM_TIME."""
 
-    def __init__(self, config: MavlinkLinks, actuators: Actuators = DEFAULT, declared: Declarations = ()) -> None:
+    def __init__(
+        self, config: MavlinkLinks, actuators: ship.Actuators = ship.DEFAULT, declared: Declarations = ()
+    ) -> None:
         """Raises :class:`ConfigurationError` where ``messages`` names one that is not read, or a declared channel
         an unknown one."""
         super().__init__()
         self.clock = SourceClock(config.clock, "mavlink SYSTEM_TIME", self.notices)
         self._system_id, self._component_id = config.system_id, config.component_id
-        channels = channels_with_declared(tuple(declaration.channel for declaration in declared))
+        channels = ship.channels_with_declared(tuple(declaration.channel for declaration in declared))
         self._declared = DeclaredMessages(select_origins(declared, config.channels, MavlinkField))
         self._names = MESSAGE_NAMES | self._declared.names
         requested = _MESSAGES if config.messages is None else config.messages
@@ -208,8 +201,8 @@ class MavlinkDecoder(Decoder):
             entry.name: (channel, entry.step_to(channels[channel]))
             for channel, entry in config.named_values.items()
         }
-        self._shafts = tuple(f"{name}_rpm" for name in shafts(actuators)[:2])
-        self._angles = frozenset(name for name in channel_names(actuators) if BY_NAME[name].circular)
+        self._shafts = tuple(f"{name}_rpm" for name in ship.shafts(actuators)[:2])
+        self._angles = frozenset(name for name in ship.channel_names(actuators) if ship.BY_NAME[name].circular)
         self._boot_ns: dict[str, int] = {}  # by sender: each counts from its start
         self._last_boot_ms: dict[str, int] = {}
         self._quiet_until_ns = 0
@@ -223,53 +216,57 @@ class MavlinkDecoder(Decoder):
         for piece in self._cutter.push(frame.payload):
             if isinstance(piece, Fault):
                 self.refused[piece.reason] += 1
-            elif kind := self._kind(header_of(piece)):
+                continue
+            header = header_of(piece)
+            kind = self._names.get(header.message_id, "")
+            if header.system_id != self._system_id:
+                self.refused["another system"] += 1
+            elif self._component_id not in (None, header.component_id):
+                self.refused["another component"] += 1
+            elif not kind:  # messages that are never read are no refusals
+                self.note_unknown(message_name(header.message_id))
+            elif kind not in self._requested:
+                self.refused["message not wanted"] += 1
+            else:
                 groups += self._groups(kind, piece, frame)
         return groups
 
-    def _kind(self, header: Header) -> str:
-        """The name of a message to decode, else nothing. Messages that are never read are no refusals."""
-        kind, reason = self._names.get(header.message_id, ""), ""
-        if header.system_id != self._system_id:
-            reason = "another system"
-        elif self._component_id not in (None, header.component_id):
-            reason = "another component"
-        elif kind and kind not in self._requested:
-            reason = "message not wanted"
-        if reason:
-            self.refused[reason] += 1
-        elif not kind:
-            self.note_unknown(message_name(header.message_id))
-        return "" if reason else kind
-
     def _groups(self, kind: str, packet: bytes, frame: Frame) -> list[Group]:
+        """The values in a message without missing and impossible ones: NaN is MAVLink's "not known".
+
+        The sender is the system, with the component where it is not the autopilot: a companion is another source;
+        so is another system of the same number, at another address.
+        """
         try:
             message = self._link.decode(bytearray(packet))
         except dialect.MAVError:
             self.refused["undecodable"] += 1
             return []
-        source_ns, groups = self._measured_ns(message, frame), []
+        component, address = message.get_srcComponent(), self._senders.label(frame.sender)
+        sender = f"{self._system_id}"
+        sender += "" if component == dialect.MAV_COMP_ID_AUTOPILOT1 else f".{component}"
+        sender += f"@{address}" if address else ""
+        source_ns, groups, readings = self._measured_ns(message, frame, sender), [], []
         if kind in _CONTEXT:
-            self._set_context(kind, message, frame)
-        readings = [] if kind in _CONTEXT else self._values(kind, message, frame)
+            self._set_context(kind, message, frame, sender)
+        else:
+            readings = self._values(kind, message, frame, sender)
         if kind in self._declared:
             readings = [(label, self._declared.undeclared(kind, values)) for label, values in readings]
             readings.append((kind, self._declared.read(kind, message)))
         for label, values in readings:
-            source = f"{frame.origin}/{self._sender(message, frame)}:{label}"
-            groups += self.clock.group(frame, source, self._possible(values), source_ns)
+            possible = []
+            for name, value in values:
+                if isnan(value):
+                    self.refused["not available"] += 1
+                elif not isfinite(value) or (name in self._angles and abs(value) > _LARGEST_ANGLE_DEG):
+                    self.refused["impossible value"] += 1
+                else:
+                    possible.append((name, value))
+            groups += self.clock.group(frame, f"{frame.origin}/{sender}:{label}", possible, source_ns)
         return groups
 
-    def _sender(self, message: Any, frame: Frame) -> str:
-        """The system, with the component where it is not the autopilot: a companion is a separate source; so is
-        another system of the same number, at another address."""
-        component = message.get_srcComponent()
-        is_autopilot = component == dialect.MAV_COMP_ID_AUTOPILOT1
-        further = self._senders.label(frame.sender)
-        system = f"{self._system_id}" if is_autopilot else f"{self._system_id}.{component}"
-        return f"{system}@{further}" if further else system
-
-    def _values(self, kind: str, message: Any, frame: Frame) -> list[tuple[str, Values]]:
+    def _values(self, kind: str, message: Any, frame: Frame, sender: str) -> list[tuple[str, Values]]:
         """The values in a message, a list a group, each with the label of its source."""
         match kind:
             case "NAMED_VALUE_FLOAT":
@@ -285,8 +282,8 @@ class MavlinkDecoder(Decoder):
                 origin, position = self._origins.get(self._senders.label(frame.sender)), []
                 if (
                     origin is not None
-                    and BY_NAME["north_m"].holds(message.x)
-                    and BY_NAME["east_m"].holds(message.y)
+                    and ship.BY_NAME["north_m"].holds(message.x)
+                    and ship.BY_NAME["east_m"].holds(message.y)
                 ):
                     latitude_deg, longitude_deg, _ = pymap3d.ned2geodetic(message.x, message.y, 0.0, *origin, 0.0)
                     position = [("latitude_deg", float(latitude_deg)), ("longitude_deg", float(longitude_deg))]
@@ -299,44 +296,32 @@ class MavlinkDecoder(Decoder):
                 sigma_m = (across_m, across_m, up_m) if across_m > 0.0 and up_m > 0.0 else None
                 height_m = (message.alt_ellipsoid or message.alt) / 1e3
                 fix = Fix(_FIX_OF_TYPE.get(message.fix_type, 1), height_m, sigma_m)
-                self.fixes[f"{frame.origin}/{self._sender(message, frame)}"] = fix
+                self.fixes[f"{frame.origin}/{sender}"] = fix
                 if message.fix_type < _FIX_IN_SPACE:
                     self.refused["no fix"] += 1
                     return []
         return [(kind, _READERS[kind](message))] if kind in _READERS else []
 
-    def _possible(self, values: Values) -> Values:
-        """The values without missing and impossible ones: NaN is MAVLink's "not known"."""
-        possible = []
-        for name, value in values:
-            if isnan(value):
-                self.refused["not available"] += 1
-            elif not isfinite(value) or (name in self._angles and abs(value) > _LARGEST_ANGLE_DEG):
-                self.refused["impossible value"] += 1
-            else:
-                possible.append((name, value))
-        return possible
-
-    def _set_context(self, kind: str, message: Any, frame: Frame) -> None:
+    def _set_context(self, kind: str, message: Any, frame: Frame, sender: str) -> None:
         """The clock, or the origin of local positions, by a message without samples."""
         if kind == "GPS_GLOBAL_ORIGIN":
             (latitude, latitude_deg), (longitude, longitude_deg) = _position(message.latitude, message.longitude)
-            if BY_NAME[latitude].holds(latitude_deg) and BY_NAME[longitude].holds(longitude_deg):
+            if ship.BY_NAME[latitude].holds(latitude_deg) and ship.BY_NAME[longitude].holds(longitude_deg):
                 self._origins[self._senders.label(frame.sender)] = latitude_deg, longitude_deg
             else:
                 self.refused["impossible value"] += 1
         elif message.time_unix_usec != 0:  # else the autopilot does not have the time yet
             utc_ns = message.time_unix_usec * _MICRO_NS
-            self._boot_ns[self._sender(message, frame)] = utc_ns - message.time_boot_ms * _MILLI_NS
+            self._boot_ns[sender] = utc_ns - message.time_boot_ms * _MILLI_NS
             self.clock.announce(utc_ns, frame)
 
-    def _measured_ns(self, message: Any, frame: Frame) -> int | None:
+    def _measured_ns(self, message: Any, frame: Frame, sender: str) -> int | None:
         """When a message states that it was measured [ns UTC]: since boot, in ``time_usec`` perhaps since 1970.
 
         Time since boot that falls back: the autopilot has restarted, or 49.7 days are over. Two autopilots of one
         number would fall back again and again: the notices are limited in rate.
         """
-        sender, since_ns = self._sender(message, frame), None
+        since_ns = None
         if hasattr(message, "time_boot_ms"):
             boot_ms, last_ms = int(message.time_boot_ms), self._last_boot_ms.get(sender, 0)
             since_ns = boot_ms * _MILLI_NS
@@ -504,14 +489,16 @@ def _undecided(data: bytes, at: int, end: int) -> bool:
 class MavlinkEncoder:
     """Attitude, velocity, position, wind, rpm and named values of one system."""
 
-    def __init__(self, config: MavlinkLinks, actuators: Actuators, channels: Mapping[str, Channel]) -> None:
+    def __init__(
+        self, config: MavlinkLinks, actuators: ship.Actuators, channels: Mapping[str, ship.Channel]
+    ) -> None:
         self._link = dialect.MAVLink(None, srcSystem=config.system_id, srcComponent=1)
         self._announces = config.clock == "source"
         self._named_values = {
             channel: (entry.name.encode("ascii"), entry.step_to(channels[channel]))
             for channel, entry in config.named_values.items()
         }
-        self._shafts = tuple(f"{name}_rpm" for name in shafts(actuators)[:2])
+        self._shafts = tuple(f"{name}_rpm" for name in ship.shafts(actuators)[:2])
         self._boot_ns: int | None = None
         self._heading_deg: float | None = None
 
@@ -532,7 +519,7 @@ class MavlinkEncoder:
         values = moment.values
         if attitude := moment.present("heading_deg", "yaw_rate_dps"):
             self._heading_deg = values.get("heading_deg", self._heading_deg)
-            yaw = radians(float(wrap_180(values.get("heading_deg", nan))))
+            yaw = radians(float(ship.wrap_180(values.get("heading_deg", nan))))
             rate = radians(values.get("yaw_rate_dps", nan))
             yield attitude, self._link.attitude_encode(boot_ms, 0.0, 0.0, yaw, 0.0, 0.0, rate)
         speeds = moment.present("surge_mps", "sway_mps")
@@ -551,7 +538,7 @@ class MavlinkEncoder:
         """Wind, rpm and named values, each with the channels that it carries."""
         values = moment.values
         if wind := moment.present("wind_direction_deg", "wind_speed_mps"):
-            direction_deg = float(wrap_180(values.get("wind_direction_deg", nan)))
+            direction_deg = float(ship.wrap_180(values.get("wind_direction_deg", nan)))
             yield wind, self._link.wind_encode(direction_deg, values.get("wind_speed_mps", nan), 0.0)
         if rpm := moment.present(*self._shafts):
             first, second, *_ = (*(values.get(name, nan) for name in self._shafts), nan, nan)

@@ -29,20 +29,9 @@ from typing import Any, Literal, NamedTuple
 
 from seatrial.acquisition.config.declarations import SentenceField, Transducer
 from seatrial.acquisition.config.sources import Clock, LineSource, MqttLinks, Thrusters
+from seatrial.acquisition.core import ship
 from seatrial.acquisition.core.errors import ConfigurationError
 from seatrial.acquisition.core.quantities import KNOT_MPS, Linear
-from seatrial.acquisition.core.ship import (
-    DEFAULT,
-    Actuator,
-    Actuators,
-    Channel,
-    name_of_order,
-    numbered_shafts,
-    rudder_channels,
-    rudders,
-    shaft_numbers,
-    shaft_of_number,
-)
 from seatrial.acquisition.core.trial import EPOCH, NANO, Fix, Frame, Group, Quality, safe_label, sensor_of
 from seatrial.acquisition.protocols import NO_SATELLITES, DeclaredReaders, Decoder, FurtherSenders, Moment, Packet
 from seatrial.acquisition.protocols.clock import InterleavedSources, Receivers, SourceClock, nearest_day, utc_ns
@@ -182,7 +171,7 @@ def has_sentence(line: bytes, *, unchecked: bool = False) -> bool:
 class _Field(NamedTuple):
     """One field that carries a channel."""
 
-    channel: Channel
+    channel: ship.Channel
     origin: SentenceField
     step: Linear
 
@@ -202,7 +191,7 @@ class _Transducer(NamedTuple):
     XDR has four fields for each: type, value, unit, name.
     """
 
-    channel: Channel
+    channel: ship.Channel
     name: str
     steps: Mapping[str, Linear]
 
@@ -221,7 +210,7 @@ class _Transducer(NamedTuple):
 class DeclaredSentences(DeclaredReaders[str, _Field | _Transducer]):
     """The declared channels in sentences, by their letters."""
 
-    def __init__(self, declared: Sequence[tuple[Channel, SentenceField | Transducer]]) -> None:
+    def __init__(self, declared: Sequence[tuple[ship.Channel, SentenceField | Transducer]]) -> None:
         super().__init__()
         for channel, origin in declared:
             if isinstance(origin, SentenceField):
@@ -254,11 +243,11 @@ class Nmea0183Decoder(Decoder):
         thrusters: Thrusters | None = None,
         stamps: Clock = "receiver",
         theoretical_wind: Literal["ground", "water"] = "ground",
-        actuators: Actuators = DEFAULT,
+        actuators: ship.Actuators = ship.DEFAULT,
         reduction_ratios: Mapping[str, float] | None = None,
         rated_rpm: Mapping[str, float] | None = None,
         *,
-        declared: Sequence[tuple[Channel, SentenceField | Transducer]] = (),
+        declared: Sequence[tuple[ship.Channel, SentenceField | Transducer]] = (),
         unchecked: bool = False,
     ) -> None:
         super().__init__()
@@ -676,12 +665,12 @@ def _heading_control(fields: Fields, channels: tuple[str, ...]) -> SentenceReadi
     return _as_orders(SentenceReading(available((channels[0], ordered))))
 
 
-def _rpm(fields: Fields, shafts: Actuators, reduction_ratios: Mapping[str, float]) -> SentenceReading:
+def _rpm(fields: Fields, shafts: ship.Actuators, reduction_ratios: Mapping[str, float]) -> SentenceReading:
     """A shaft's speed and pitch; an engine's speed stands for its shaft's where its reduction ratio is known."""
     source, number = fields.text(0), fields.number(1)
     if source not in ("S", "E"):
         return SentenceReading(refused="rpm of no shaft")
-    shaft = shaft_of_number(number, shafts)
+    shaft = ship.shaft_of_number(number, shafts)
     if shaft is None:
         return SentenceReading(refused="rpm of a single or unknown shaft")
     ratio = reduction_ratios.get(shaft.name) if source == "E" else 1.0
@@ -694,7 +683,7 @@ def _rpm(fields: Fields, shafts: Actuators, reduction_ratios: Mapping[str, float
     return SentenceReading(values, f"{'shaft' if source == 'S' else 'engine'} {number:.0f}")
 
 
-def _shaft_values(shaft: Actuator, rpm: float | None, pitch_percent: float | None) -> list[tuple[str, float]]:
+def _shaft_values(shaft: ship.Actuator, rpm: float | None, pitch_percent: float | None) -> list[tuple[str, float]]:
     """Those of the two values that a shaft has a channel for: pitch only with a controllable one."""
     channels = {channel.name for channel in shaft.channels}
     values = available((f"{shaft.name}_rpm", rpm), (f"{shaft.name}_pitch_percent", pitch_percent))
@@ -708,9 +697,9 @@ def _in_rpm(value: float | None, mode: str, rated_rpm: float | None) -> float | 
     return None if mode != "P" or rated_rpm is None else value * rated_rpm / 100.0
 
 
-def _propulsion_order(fields: Fields, shafts: Actuators, rated_rpm: Mapping[str, float]) -> SentenceReading:
+def _propulsion_order(fields: Fields, shafts: ship.Actuators, rated_rpm: Mapping[str, float]) -> SentenceReading:
     """PRC: lever, its status, rpm, its mode, pitch, its mode, location, shaft."""
-    shaft = shaft_of_number(fields.number(7), shafts)
+    shaft = ship.shaft_of_number(fields.number(7), shafts)
     if shaft is None:
         return SentenceReading(refused="order to an unknown shaft")
     rpm = _in_rpm(fields.number(2), fields.text(3), rated_rpm.get(shaft.name))
@@ -737,13 +726,13 @@ def _thruster(fields: Fields, controls: _Controls, rated_rpm: Mapping[str, float
 
 def _as_orders(reading: SentenceReading, *, fills_channels: bool = False) -> SentenceReading:
     """The values as those ordered; as those of the channels, too, where they stand for them."""
-    orders = [(name_of_order(name), value) for name, value in reading.values]
+    orders = [(ship.name_of_order(name), value) for name, value in reading.values]
     return replace(reading, values=orders + (reading.values if fills_channels else []))
 
 
 def machinery_readers(
     thrusters: Thrusters,
-    actuators: Actuators,
+    actuators: ship.Actuators,
     reduction_ratios: Mapping[str, float],
     rated_rpm: Mapping[str, float],
 ) -> dict[str, Reader]:
@@ -757,14 +746,14 @@ def machinery_readers(
     thruster = partial(_thruster, controls=controls, rated_rpm=rated_by_channel)
     demand = thrusters.channels_from == "demand"
     ignored = SentenceReading(refused="thruster response where demands are wanted")
-    angles, shafts = rudder_channels(actuators), numbered_shafts(actuators)
+    angles, shafts = ship.rudder_channels(actuators), ship.numbered_shafts(actuators)
     machinery: dict[str, Reader] = {
         "RSA": partial(_rudders, channels=angles),
         "RPM": partial(_rpm, shafts=shafts, reduction_ratios=reduction_ratios),
         "TRD": (lambda fields: ignored) if demand else thruster,
         "TRC": lambda fields: _as_orders(thruster(fields), fills_channels=demand),
     }
-    if rudders(actuators):
+    if ship.rudders(actuators):
         machinery["ROR"] = lambda fields: _as_orders(_rudders(fields, angles))
         machinery["HTD"] = partial(_heading_control, channels=angles)
     if not {propulsor.name for propulsor in shafts} & thrusters.numbers.keys():  # else TRC has the orders to them
@@ -799,12 +788,12 @@ class Nmea0183Encoder:
     """
 
     def __init__(
-        self, config: LineSource | MqttLinks, actuators: Actuators, channels: Mapping[str, Channel]
+        self, config: LineSource | MqttLinks, actuators: ship.Actuators, channels: Mapping[str, ship.Channel]
     ) -> None:
         self._announces = isinstance(config, LineSource) and config.clock == "source"
-        numbers, angles = config.thrusters.numbers, rudder_channels(actuators)
+        numbers, angles = config.thrusters.numbers, ship.rudder_channels(actuators)
         responses = "TRC" if config.thrusters.channels_from == "demand" else "TRD"
-        ship_shafts = shaft_numbers(numbered_shafts(actuators))
+        ship_shafts = ship.shaft_numbers(ship.numbered_shafts(actuators))
         devices: list[tuple[tuple[str, ...], Body, Body]] = []
         if len(angles) <= 2:
             kinds = partial(_rudder_sentence, "RSA"), partial(_rudder_sentence, "ROR")
@@ -820,7 +809,7 @@ class Nmea0183Encoder:
                 devices.append((pair, *kinds))
         self._sentences = list(_NAVIGATION.items())
         for names, response, order in devices:
-            self._sentences += [(names, response), (tuple(map(name_of_order, names)), order)]
+            self._sentences += [(names, response), (tuple(map(ship.name_of_order, names)), order)]
 
     def encode(self, moment: Moment) -> list[Packet]:
         utc = EPOCH + dt.timedelta(microseconds=floor(moment.time_ns / 1000))  # rounded down

@@ -39,17 +39,9 @@ from typing import Any, NamedTuple
 
 from seatrial.acquisition.config.declarations import GroupField, errors_about_channel
 from seatrial.acquisition.config.sources import Clock, Device
+from seatrial.acquisition.core import ship
 from seatrial.acquisition.core.errors import ConfigurationError
 from seatrial.acquisition.core.quantities import DEG_PER_RAD, Linear
-from seatrial.acquisition.core.ship import (
-    DEFAULT,
-    Actuators,
-    Channel,
-    name_of_order,
-    rudder_channels,
-    rudders,
-    shafts,
-)
 from seatrial.acquisition.core.trial import Fix, Frame, FrameFlag, Group, Quality, safe_label
 from seatrial.acquisition.protocols import NO_SATELLITES, DeclaredReaders, Decoder, Notices
 from seatrial.acquisition.protocols.clock import SourceClock, utc_ns
@@ -83,7 +75,8 @@ _CODES = frozenset({"LOOKUP", "INDIRECT_LOOKUP", "BITLOOKUP", "BINARY", "RESERVE
 class Field:
     """One field: its first bit, its length in bits, and its step, which a lookup has not.
 
-    The three highest values are none, of a ``j1939`` number all from 0xFB in its highest byte on (J1939-71).
+    The three highest values are none, of a ``j1939`` number all from 0xFB in its highest byte on (J1939-71). The
+    ``unit`` is that of canboat's database.
     """
 
     start: int
@@ -91,6 +84,7 @@ class Field:
     step: float | None = None
     signed: bool = False
     j1939: bool = False
+    unit: str | None = field(default=None, compare=False)
     _ones: int = field(init=False, repr=False)
     _highest: int = field(init=False, repr=False)
     _reserved: int = field(init=False, repr=False)
@@ -294,7 +288,7 @@ def _rudder(message: Message, channels: tuple[str, ...], *, has_orders: bool) ->
         return GroupReading([("rudder", "another instance")], meaning)
     channel = channels[0 if is_single else number]
     position: Values = [(channel, message.degrees("position"))]
-    order: Values = [(name_of_order(channel), message.degrees("angleOrder"))] if has_orders else []
+    order: Values = [(ship.name_of_order(channel), message.degrees("angleOrder"))] if has_orders else []
     values = [*available(position), *available(order)] or position
     return GroupReading(values, meaning, instance=number if is_single else None)
 
@@ -317,12 +311,12 @@ def _engine(message: Message, ratios: Mapping[int, tuple[str, float]], gears: Ma
     return GroupReading([(channel, rpm if isinstance(rpm, str) else sign * rpm / ratio)], f"engine {number}")
 
 
-def machinery_readers(actuators: Actuators, reduction_ratios: Mapping[str, float]) -> dict[int, Reader]:
+def machinery_readers(actuators: ship.Actuators, reduction_ratios: Mapping[str, float]) -> dict[int, Reader]:
     """The reader of each of these groups on a ship with these actuators; engines only where a ratio is known."""
-    rudder = partial(_rudder, channels=rudder_channels(actuators), has_orders=bool(rudders(actuators)))
+    rudder = partial(_rudder, channels=ship.rudder_channels(actuators), has_orders=bool(ship.rudders(actuators)))
     ratios = {
         number: (f"{name}_rpm", reduction_ratios[name])
-        for number, name in enumerate(shafts(actuators))
+        for number, name in enumerate(ship.shafts(actuators))
         if name in reduction_ratios
     }
     gears: dict[int, int] = {}
@@ -333,17 +327,10 @@ def machinery_readers(actuators: Actuators, reduction_ratios: Mapping[str, float
     return {RUDDER_GROUP: rudder, **(engines if reduction_ratios else {})}
 
 
-class GroupFieldPlace(NamedTuple):
-    """A field of a group: where it is, and its unit where canboat's database has one."""
-
-    field: Field
-    unit: str | None
-
-
 class _GroupChannel(NamedTuple):
     """A channel that a group carries."""
 
-    channel: Channel
+    channel: ship.Channel
     field: Field
     step: Linear
     where: tuple[tuple[Field, int], ...]
@@ -357,20 +344,20 @@ class DeclaredGroups(DeclaredReaders[int, _GroupChannel]):
     the declared fields. Raises :class:`ConfigurationError` for an unknown field and for units that do not fit.
     """
 
-    def __init__(self, declared: Sequence[tuple[Channel, GroupField]]) -> None:
+    def __init__(self, declared: Sequence[tuple[ship.Channel, GroupField]]) -> None:
         super().__init__()
         self.shortest: dict[int, int] = {}
         for channel, origin in declared:
             with errors_about_channel(channel):
-                field, unit = _field(origin.field, origin)
-                fields = ((_field(name, origin).field, code) for name, code in origin.where.items())
+                place = _field(origin.field, origin)
+                conditions = [(_field(name, origin), code) for name, code in origin.where.items()]
                 # a code has no values that mean "not available"
-                where = tuple((Field(field.start, field.bits), code) for field, code in fields)
-                group_channel = _GroupChannel(channel, field, origin.step_to(channel, unit), where, origin.address)
-            self.setdefault(origin.group, []).append(group_channel)
+                where = tuple((Field(condition.start, condition.bits), code) for condition, code in conditions)
+                step = origin.step_to(channel, place.unit)
+            self.setdefault(origin.group, []).append(_GroupChannel(channel, place, step, where, origin.address))
             if _is_fast(origin.group) and origin.group not in SHORTEST_BYTES:
                 last_bit = max(
-                    place.start + place.bits for place in (field, *(condition for condition, _ in where))
+                    field.start + field.bits for field in (place, *(condition for condition, _ in where))
                 )
                 self.shortest[origin.group] = max(self.shortest.get(origin.group, 1), -(-last_bit // 8))
 
@@ -385,7 +372,7 @@ class DeclaredGroups(DeclaredReaders[int, _GroupChannel]):
         return list(values.items())
 
 
-def _field(name: str, origin: GroupField) -> GroupFieldPlace:
+def _field(name: str, origin: GroupField) -> Field:
     """A field by its place or by its name. Raises :class:`ConfigurationError` for neither."""
     if place := _BIT_RANGE.fullmatch(name):
         start, bits = int(place[1]), int(place[2])
@@ -397,7 +384,7 @@ def _field(name: str, origin: GroupField) -> GroupFieldPlace:
         proprietary, proprietary_range = _PROPRIETARY
         is_proprietary = origin.group == proprietary or origin.group in proprietary_range
         j1939 = origin.group < _NMEA2000_FROM and not is_proprietary
-        return GroupFieldPlace(Field(start, bits, origin.step, origin.signed, j1939), None)
+        return Field(start, bits, origin.step, origin.signed, j1939)
     fields = canboat_fields(origin.group)
     if name not in fields:
         why = f"it has {', '.join(fields)}" if fields else "canboat's database does not tell of it, or of several"
@@ -427,7 +414,7 @@ def decode_by_library(group: int, payload: bytes) -> Any:
 
 
 @cache
-def canboat_fields(group: int) -> Mapping[str, GroupFieldPlace]:
+def canboat_fields(group: int) -> Mapping[str, Field]:
     """The numbers and codes of a group by their names in canboat's database; none where it has several variants."""
     variants = group_variants(group)
     fields = {}
@@ -441,14 +428,14 @@ def canboat_fields(group: int) -> Mapping[str, GroupFieldPlace]:
                 decoded = decode_by_library(group, ones.to_bytes(max(-(-ones.bit_length() // 8), 8), "little"))
                 raw = {field.id: field.raw_value for field in decoded.fields}[info.id] if decoded else None
                 signed = isinstance(raw, int | float) and raw < 0
-            fields[info.id] = GroupFieldPlace(Field(info.bit_offset, info.bit_length, step, signed), info.unit)
+            fields[info.id] = Field(info.bit_offset, info.bit_length, step, signed, unit=info.unit)
     return fields
 
 
 @cache
 def _fields_of(group: int) -> dict[str, Field]:
     """The fields of a group by their names, for what is read on every ship."""
-    fields = {name: place.field for name, place in canboat_fields(group).items()}
+    fields = dict(canboat_fields(group))
     if group == ENGINE_SPEED:  # in rpm, and not in Hz
         fields["speed"] = replace(fields["speed"], step=0.25)
     return fields
@@ -507,11 +494,11 @@ class Nmea2000Decoder(Decoder):
         self,
         stamps: Clock = "receiver",
         devices: tuple[Device, ...] = (),
-        actuators: Actuators = DEFAULT,
+        actuators: ship.Actuators = ship.DEFAULT,
         reduction_ratios: Mapping[str, float] | None = None,
         *,
         shares_bus: bool = False,
-        declared: Sequence[tuple[Channel, GroupField]] = (),
+        declared: Sequence[tuple[ship.Channel, GroupField]] = (),
     ) -> None:
         """Raises :class:`ConfigurationError` for an unknown declared field."""
         super().__init__()
