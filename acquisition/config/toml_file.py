@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import tomllib
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from difflib import get_close_matches
 from pathlib import Path
 from typing import Any, TypeVar
@@ -110,15 +110,12 @@ def _hint(key: str, location: Sequence[str | int], model: type[Model]) -> str:
     tables = [schema]
     for part in location[:-1]:  # the tag of a union leads nowhere in the schema
         tables = [table for parent in tables for table in _members(parent, part, definitions)] or tables
-    possible = _keys_of(option for table in tables for option in _options(table, definitions))
+    options = [option for table in tables for option in _options(table, definitions)]
+    possible = {name for option in options for name in option.get("properties", {})}
     if matches := get_close_matches(key, possible - {key}, n=1):
         return f"did you mean {matches[0]}?"
-    is_elsewhere = key in _keys_of((schema, *definitions.values()))
+    is_elsewhere = any(key in table.get("properties", {}) for table in (schema, *definitions.values()))
     return "it belongs to another table, or to another type of this one" if is_elsewhere else ""
-
-
-def _keys_of(tables: Iterable[dict[str, Any]]) -> set[str]:
-    return {key for table in tables for key in table.get("properties", {})}
 
 
 def _options(node: dict[str, Any], definitions: dict[str, Any]) -> list[dict[str, Any]]:

@@ -226,9 +226,9 @@ class CanEncoder:
         packets = []
         for number, angle in enumerate(self._rudders):
             if carries := moment.present(angle, name_of_order(angle)):
-                position, order = (moment.values.get(name) for name in (angle, name_of_order(angle)))
-                fields = {"instance": number, "position": _radians(position), "angleOrder": _radians(order)}
-                packets += self._group(127245, fields, carries)
+                keys = {angle: "position", name_of_order(angle): "angleOrder"}
+                fields = {keys[name]: moment.values[name] / DEG_PER_RAD for name in carries}
+                packets += self._group(127245, {"instance": number, **fields}, carries)
         for number, channel, ratio in self._ratios:
             if channel in moment.values:
                 speed = moment.values[channel] * ratio
@@ -255,10 +255,6 @@ class CanEncoder:
             first, *further = self._encoder.encode(message)
         packets = [Packet(bytes(first.data), first.arbitration_id, carries=carries)]
         return packets + [Packet(bytes(frame.data), frame.arbitration_id) for frame in further]
-
-
-def _radians(angle_deg: float | None) -> float | None:
-    return None if angle_deg is None else angle_deg / DEG_PER_RAD
 
 
 def _wire_value(channel: str, value: float) -> float:

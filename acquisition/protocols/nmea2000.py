@@ -48,7 +48,7 @@ from seatrial.acquisition.protocols.clock import SourceClock, utc_ns
 
 ADDRESS_CLAIM = 60928
 SYSTEM_TIME, TIME_AND_DATE, POSITION, GNSS_POSITION = 126992, 129033, 129025, 129029
-RUDDER_GROUP, ENGINE_SPEED, GEARBOX = 127245, 127488, 127493
+_MACHINERY = RUDDER_GROUP, ENGINE_SPEED, GEARBOX = 127245, 127488, 127493
 NOT_AVAILABLE, ERROR_VALUE = "not available", "error value"
 
 Value = float | str
@@ -434,8 +434,8 @@ def canboat_fields(group: int) -> Mapping[str, Field]:
 
 @cache
 def _fields_of(group: int) -> dict[str, Field]:
-    """The fields of a group by their names, for what is read on every ship."""
-    fields = dict(canboat_fields(group))
+    """The fields of a group by their names, where it has a reader; declared channels bring theirs."""
+    fields = dict(canboat_fields(group)) if group in READERS or group in _MACHINERY else {}
     if group == ENGINE_SPEED:  # in rpm, and not in Hz
         fields["speed"] = replace(fields["speed"], step=0.25)
     return fields
