@@ -15,7 +15,7 @@ from collections import Counter, deque
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass
-from functools import partial
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -137,178 +137,160 @@ def _play(schedule: list[tuple[Moment, Encoder, Transmitter]], speed: float, pro
     return Playback(len(schedule), packets_sent, dict(sent), dict(offered - sent), took_s, latest_s)
 
 
+@dataclass(frozen=True, slots=True)
 class Transmitter:
-    """One bus or line to send on, the far end of a source: by default what bytes are written to."""
+    """One bus or line to send on, the far end of a source; ``errors`` are those of ``write``.
 
+    ``ready`` waits until a receiver can listen. It raises :class:`SourceError` when none comes.
+    """
+
+    config: AnySource
+    write: Callable[[list[Packet]], object]
+    close: Callable[[], object]
+    ready: Callable[[], object] = lambda: None
     errors: tuple[type[Exception], ...] = (OSError,)
-
-    def __init__(self, config: AnySource, link: Any) -> None:
-        self._config, self._link = config, link
-
-    def ready(self) -> None:
-        """Wait until a receiver can listen. Raises :class:`SourceError` when none comes."""
-        return
 
     def send(self, packets: list[Packet]) -> None:
         """Send the packets in order. Raises :class:`SourceError`."""
         try:
-            self._write(packets)
+            self.write(packets)
         except SourceError:
             raise
         except self.errors as error:
             fix = "check the line and who listens on it"
-            raise source_error(self._config, "cannot be sent", str(error), fix) from error
-
-    def _write(self, packets: list[Packet]) -> None:
-        self._link.write(_join_payloads(packets))
-
-    def close(self) -> None:
-        self._link.close()
+            raise source_error(self.config, "cannot be sent", str(error), fix) from error
 
 
 def open_transmitter(config: AnySource) -> Transmitter:
     """Open the far end of a source. Raises :class:`SourceError`."""
-    if config.type not in _TRANSMITTERS:
+    if config.type not in _OPENERS:
         fix = "play onto can, serial, udp, tcp, file, mavlink or mqtt"
         raise source_error(config, f"cannot play onto a {config.type} source", fix=fix)
-    return _TRANSMITTERS[config.type](config)
+    return _OPENERS[config.type](config)
 
 
 def _join_payloads(packets: list[Packet]) -> bytes:
     return b"".join(packet.payload for packet in packets)
 
 
-class _CanTransmitter(Transmitter):
-    def __init__(self, config: CanSource) -> None:
-        import can
+def _open_can(config: CanSource) -> Transmitter:
+    import can
 
-        from seatrial.acquisition.sources.lines import open_bus
+    from seatrial.acquisition.sources.lines import open_bus
 
-        self._make = can.Message
-        self.errors = (can.CanError, OSError)
-        super().__init__(config, open_bus(config))
+    bus, errors = open_bus(config), (can.CanError, OSError)
 
-    def _write(self, packets: list[Packet]) -> None:
+    def write(packets: list[Packet]) -> None:
         for packet in packets:
-            message = self._make(
-                arbitration_id=packet.identifier, data=packet.payload, is_extended_id=packet.extended
-            )
-            self._link.send(message)
+            identifier, extended = packet.identifier, packet.extended
+            bus.send(can.Message(arbitration_id=identifier, data=packet.payload, is_extended_id=extended))
 
-    def close(self) -> None:
-        with suppress(*self.errors):
-            self._link.shutdown()
+    def close() -> None:
+        with suppress(*errors):
+            bus.shutdown()
+
+    return Transmitter(config, write, close, errors=errors)
 
 
-class _SerialTransmitter(Transmitter):
+def _open_serial(config: SerialSource) -> Transmitter:
     """On closing, the system sends what it holds before it lets the line go."""
+    from seatrial.acquisition.sources.lines import open_port
 
-    def __init__(self, config: SerialSource) -> None:
-        from seatrial.acquisition.sources.lines import open_port
-
-        super().__init__(config, open_port(config))
-        self._link.write_timeout = _WRITE_TIMEOUT_S
+    port = open_port(config)
+    port.write_timeout = _WRITE_TIMEOUT_S
+    return Transmitter(config, lambda packets: port.write(_join_payloads(packets)), port.close)
 
 
-class _UdpTransmitter(Transmitter):
-    def __init__(self, config: UdpSource | MavlinkSource) -> None:
-        super().__init__(config, socket.socket(socket.AF_INET, socket.SOCK_DGRAM))
-        self._address = (config.address, config.port)
+def _open_udp(config: UdpSource | MavlinkSource) -> Transmitter:
+    link = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
 
-    def _write(self, packets: list[Packet]) -> None:
+    def write(packets: list[Packet]) -> None:
         if payload := _join_payloads(packets):
             with suppress(ConnectionRefusedError):  # no receiver listens yet, which is no fault of a datagram's
-                self._link.sendto(payload, self._address)
+                link.sendto(payload, (config.address, config.port))
+
+    return Transmitter(config, write, link.close)
 
 
-class _TcpTransmitter(Transmitter):
+def _open_tcp(config: TcpSource) -> Transmitter:
     """The gateway's side: waits for the logger to connect, then serves that one connection."""
+    try:
+        server = socket.create_server((config.address, config.port))
+    except OSError as error:
+        problem = f"TCP {config.address}:{config.port} cannot be served"
+        raise source_error(config, problem, str(error)) from error
+    server.settimeout(_WAIT_S)
 
-    def __init__(self, config: TcpSource) -> None:
+    @cache
+    def logger() -> socket.socket:
         try:
-            server = socket.create_server((config.address, config.port))
+            return server.accept()[0]
         except OSError as error:
-            problem = f"TCP {config.address}:{config.port} cannot be served"
-            raise source_error(config, problem, str(error)) from error
-        super().__init__(config, server)
-        server.settimeout(_WAIT_S)
-        self._client: socket.socket | None = None
+            raise source_error(config, "no logger connected", str(error), "start it") from error
 
-    def ready(self) -> None:
-        self._connected()
+    def close() -> None:
+        if logger.cache_info().currsize:
+            logger().close()
+        server.close()
 
-    def _connected(self) -> socket.socket:
-        if self._client is None:
-            try:
-                self._client, _ = self._link.accept()
-            except OSError as error:
-                raise source_error(self._config, "no logger connected", str(error), "start it") from error
-        return self._client
-
-    def _write(self, packets: list[Packet]) -> None:
-        self._connected().sendall(_join_payloads(packets))
-
-    def close(self) -> None:
-        if self._client is not None:
-            self._client.close()
-        super().close()
+    return Transmitter(config, lambda packets: logger().sendall(_join_payloads(packets)), close, ready=logger)
 
 
-class _FileTransmitter(Transmitter):
-    def __init__(self, config: FileSource) -> None:
-        try:
-            super().__init__(config, config.path.open("wb"))
-        except OSError as error:
-            raise storage_error(config.path, error) from error
+def _open_file(config: FileSource) -> Transmitter:
+    try:
+        file = config.path.open("wb")
+    except OSError as error:
+        raise storage_error(config.path, error) from error
 
-    def close(self) -> None:
-        self._link.flush()
-        os.fsync(self._link.fileno())
-        super().close()
+    def close() -> None:
+        file.flush()
+        os.fsync(file.fileno())
+        file.close()
+
+    return Transmitter(config, lambda packets: file.write(_join_payloads(packets)), close)
 
 
-class _MqttTransmitter(Transmitter):
+def _open_mqtt(config: MqttSource) -> Transmitter:
     """A publisher, no faster than the broker answers: some drop unanswered messages when a client leaves."""
+    from seatrial.acquisition.sources.lines import connect, pump
 
-    def __init__(self, config: MqttSource) -> None:
-        from seatrial.acquisition.sources.lines import connect, pump
+    client = connect(config, keep_alive_s=0)  # a recording may be quiet for long
+    unanswered: deque[Any] = deque()
 
-        super().__init__(config, connect(config, keep_alive_s=0))  # a recording may be quiet for long
-        self._pump = partial(pump, config, self._link, _POLL_S)
-        self._unanswered: deque[Any] = deque()
-
-    def _write(self, packets: list[Packet]) -> None:
-        for packet in packets:
-            topic, _, message = packet.payload.partition(b"\0")
-            self._unanswered.append(self._link.publish(topic.decode(), message, qos=1))
-            self._await_answers(_MOST_UNANSWERED)
-
-    def _await_answers(self, limit: int) -> None:
+    def await_answers(limit: int) -> None:
         """Wait until all but so many of the messages are the broker's."""
         until_s = time.monotonic() + _WRITE_TIMEOUT_S
-        while len(self._unanswered) > limit:
-            self._pump()
-            while self._unanswered and self._unanswered[0].is_published():
-                self._unanswered.popleft()
+        while len(unanswered) > limit:
+            pump(config, client, _POLL_S)
+            while unanswered and unanswered[0].is_published():
+                unanswered.popleft()
             if time.monotonic() > until_s:
                 raise TimeoutError("the broker accepts nothing")
 
-    def close(self) -> None:
-        with suppress(SourceError, *self.errors):  # of a lost connection, which has been reported
-            self._await_answers(0)
-        self._link.disconnect()
+    def write(packets: list[Packet]) -> None:
+        for packet in packets:
+            topic, _, message = packet.payload.partition(b"\0")
+            unanswered.append(client.publish(topic.decode(), message, qos=1))
+            await_answers(_MOST_UNANSWERED)
+
+    def close() -> None:
+        with suppress(SourceError, OSError):  # of a lost connection, which has been reported
+            await_answers(0)
+        client.disconnect()
+
+    return Transmitter(config, write, close)
 
 
-_TRANSMITTERS: dict[str, Callable[[Any], Transmitter]] = {
-    "can": _CanTransmitter,
-    "serial": _SerialTransmitter,
-    "udp": _UdpTransmitter,
-    "mavlink": _UdpTransmitter,
-    "tcp": _TcpTransmitter,
-    "file": _FileTransmitter,
-    "mqtt": _MqttTransmitter,
+_OPENERS: dict[str, Callable[[Any], Transmitter]] = {
+    "can": _open_can,
+    "serial": _open_serial,
+    "udp": _open_udp,
+    "mavlink": _open_udp,
+    "tcp": _open_tcp,
+    "file": _open_file,
+    "mqtt": _open_mqtt,
 }
-"""The far ends of sources by their types."""
+"""What opens the far ends of sources, by their types."""
 
 
 class NullModem:

@@ -195,37 +195,35 @@ class PackFile:
     device_names: tuple[str, ...]
 
 
-def find_pack(name: str, folder: Path) -> Path:
-    """The file of a pack, by its name or by its path from ``folder``. Raises :class:`ConfigurationError`."""
-    file = name if name.endswith(".toml") else f"{name}.toml"
-    for path in (folder / file, PACKS / file):
-        if path.is_file():
-            return path
-    pack_names = ", ".join(sorted(pack.stem for pack in PACKS.glob("*.toml")))
-    raise ConfigurationError(f"pack {name!r} does not exist", fix=f"name a file, or one of {pack_names}")
-
-
 def read_packs(
     packs: Iterable[PackSection], folder: Path, carried: Mapping[str, str] | None, text: str, path: Path | str
 ) -> tuple[PackFile, ...]:
-    """The packs' files; for a recording's configuration the texts ``carried`` by it, by name, and no other.
+    """The packs' files, by names or by paths from ``folder``; for a recording's configuration the texts ``carried``
+    by it, by name, and no other.
 
     ``text`` and ``path`` are of the file that names them. Raises :class:`ConfigurationError`.
     """
     files = []
     for number, pack in enumerate(packs):
         where = f"{path}, line {line_of(text, ['pack', number, 'name'])}"
-        if carried is None:
-            try:
-                file = find_pack(pack.name, folder)
-                files.append(PackFile(pack.name, file, read_text(file), pack.each))
-            except ConfigurationError as error:
-                raise error.at(where) from error
-        elif pack.name in carried:
+        if carried is not None:
+            if pack.name not in carried:
+                what = (
+                    f"the recording has no attachment for the pack {pack.name!r}, and no other file is read for it"
+                )
+                raise ConfigurationError(what, where=where, fix=GIVE_CONFIG)
             files.append(PackFile(pack.name, Path(pack.name), carried[pack.name], pack.each))
-        else:
-            what = f"the recording has no attachment for the pack {pack.name!r}, and no other file is read for it"
-            raise ConfigurationError(what, where=where, fix=GIVE_CONFIG)
+            continue
+        file = pack.name if pack.name.endswith(".toml") else f"{pack.name}.toml"
+        pack_path = next((place for place in (folder / file, PACKS / file) if place.is_file()), None)
+        if pack_path is None:
+            pack_names = ", ".join(sorted(shipped.stem for shipped in PACKS.glob("*.toml")))
+            fix = f"name a file, or one of {pack_names}"
+            raise ConfigurationError(f"pack {pack.name!r} does not exist", where=where, fix=fix)
+        try:
+            files.append(PackFile(pack.name, pack_path, read_text(pack_path), pack.each))
+        except ConfigurationError as error:
+            raise error.at(where) from error
     return tuple(files)
 
 
@@ -351,7 +349,15 @@ def vessel_of_ship(ship: str, folder: Path) -> Path | None:
     """
     ship = Path(ship).stem if ship.endswith(".toml") else ship
     for place in (VESSELS, folder, Path.cwd()) if ship else ():
-        candidates = [path for path in sorted(place.glob("*.toml")) if ship in _ship_names(path)]
+        candidates = []
+        for path in sorted(place.glob("*.toml")):
+            try:
+                tree = parse_toml(read_text(path), path)
+                is_vessel, name = bool(tree.keys() & {"base", "dimensions"}), str(tree.get("name", ""))
+            except ConfigurationError:  # which is reported when the file is loaded
+                is_vessel, name = True, path.stem
+            if is_vessel and ship in (path.stem, name):
+                candidates.append(path)
         matches = [path for path in candidates if path.stem == ship] or candidates
         if len(matches) > 1:
             what = f"{' and '.join(path.name for path in matches)} are both of the ship {ship!r}"
@@ -366,23 +372,30 @@ def name_of_ship(vessel: str | Path) -> str:
     return str(vessel_tree(find_vessel(vessel))["name"])
 
 
-def _ship_names(path: Path) -> tuple[str, ...]:
-    """The names of a vessel file: the file's, and the one in it; none for another TOML file."""
-    try:
-        tree = parse_toml(read_text(path), path)
-    except ConfigurationError:
-        return (path.stem,)  # errors in it are reported when it is loaded
-    return (path.stem, str(tree.get("name", ""))) if tree.keys() & {"base", "dimensions"} else ()
-
-
-def vessel_tree(path: Path) -> Tree:
-    """The tables of a vessel file merged with its base, and so on with the base of that.
+def vessel_tree(path: Path, seen: tuple[Path, ...] = ()) -> Tree:
+    """The tables of a vessel file merged with its base, and so on with the base of that; actuators by name.
 
     A base is the name of a vessel that comes with Seatrial or a path, relative to the file that names it. A
-    file without a name takes the file's name, not its base's. Raises :class:`ConfigurationError` for an
-    unreadable file, a missing base, and circular bases.
+    file without a name takes the file's name, not its base's. ``seen`` are the files that build on it. Raises
+    :class:`ConfigurationError` for an unreadable file, a missing base, and circular bases.
     """
-    return {"name": path.stem, **_with_base(path, seen=())}
+    tree = parse_toml(read_text(path), path)
+    entries = tree.get("actuator", [])
+    sections = [entry for entry in entries if isinstance(entry, dict)] if isinstance(entries, list) else []
+    if not all(isinstance(section.get("name", ""), str) for section in sections):
+        fix = 'write name = "NAME" in each [[actuator]]'
+        raise ConfigurationError("has an actuator whose name is no text", where=str(path), fix=fix)
+    named, base = {"name": path.stem, **tree}, tree.get("base", "")
+    if not base:
+        return {key: value for key, value in named.items() if key != "base"}
+    if not isinstance(base, str):
+        raise ConfigurationError("base is not a name", where=str(path), fix='write base = "NAME or FILE"')
+    base_path = find_vessel(base, path.parent)
+    seen = (*seen, path.resolve())
+    if base_path.resolve() in seen:
+        fix = "let it build on another vessel, or on none"
+        raise ConfigurationError(f"base {base!r} leads back to a file that builds on it", where=str(path), fix=fix)
+    return _merged(vessel_tree(base_path, seen), named)
 
 
 def load_actuators(vessel: str | Path) -> Actuators:
@@ -416,33 +429,6 @@ def actuators_of_ship(ship: str, folder: Path) -> Actuators:
     """The actuators of the ship named by a file in ``folder``, none if it has no vessel file."""
     file = vessel_of_ship(ship, folder)
     return () if file is None else load_actuators(file)
-
-
-def _with_base(path: Path, seen: tuple[Path, ...]) -> Tree:
-    tree = parse_toml(read_text(path), path)
-    _check_names(tree, path)
-    base = tree.get("base", "")
-    if not base:
-        return {key: value for key, value in tree.items() if key != "base"}
-    if not isinstance(base, str):
-        raise ConfigurationError("base is not a name", where=str(path), fix='write base = "NAME or FILE"')
-    base_path = find_vessel(base, path.parent)
-    seen = (*seen, path.resolve())
-    if base_path.resolve() in seen:
-        fix = "let it build on another vessel, or on none"
-        raise ConfigurationError(f"base {base!r} leads back to a file that builds on it", where=str(path), fix=fix)
-    return _merged({key: value for key, value in _with_base(base_path, seen).items() if key != "name"}, tree)
-
-
-def _check_names(tree: Tree, path: Path) -> None:
-    """Actuators are merged by name. Raises :class:`ConfigurationError` for a name that is no text."""
-    entries = tree.get("actuator", [])
-    names = (
-        [entry.get("name", "") for entry in entries if isinstance(entry, dict)] if isinstance(entries, list) else []
-    )
-    if not all(isinstance(name, str) for name in names):
-        fix = 'write name = "NAME" in each [[actuator]]'
-        raise ConfigurationError("has an actuator whose name is no text", where=str(path), fix=fix)
 
 
 def _merged(base: Tree, tree: Tree) -> Tree:

@@ -103,16 +103,11 @@ class Conditions:
 
     def as_text(self) -> str:
         """What is known of these, as a recording carries it: JSON, empty where nothing is."""
-        return _text(self._stated())
+        return _text(_stated(self))
 
     def with_known(self, fallback: Conditions) -> Conditions:
         """These, with what they do not state taken from ``fallback``."""
-        return replace(fallback, **self._stated())
-
-    def _stated(self) -> dict[str, Any]:
-        default = Conditions()
-        values = {entry.name: getattr(self, entry.name) for entry in fields(self)}
-        return {name: value for name, value in values.items() if value != getattr(default, name)}
+        return replace(fallback, **_stated(self))
 
 
 Conditions.__pydantic_config__ = {"extra": "forbid"}  # type: ignore[attr-defined]
@@ -168,8 +163,7 @@ class Particulars:
 
     def stated(self) -> dict[str, Any]:
         """What is stated of these."""
-        values = {entry.name: getattr(self, entry.name) for entry in fields(Particulars)}
-        return {name: value for name, value in values.items() if value not in ("", None)}
+        return _stated(self)
 
 
 @dataclass(frozen=True, config=STRICT, kw_only=True)
@@ -201,11 +195,9 @@ class RunSheet:
         """The run sheet in the form that a recording stores."""
         values: dict[str, Any] = {entry.name: getattr(self, entry.name) for entry in fields(RunSheet)}
         origin = values.pop("origin")
-        latitude_deg, longitude_deg = (
-            (None, None) if origin is None else (origin.latitude_deg, origin.longitude_deg)
-        )
         return Trial(
-            **values, origin_latitude_deg=latitude_deg, origin_longitude_deg=longitude_deg,
+            **values, origin_latitude_deg=None if origin is None else origin.latitude_deg,
+            origin_longitude_deg=None if origin is None else origin.longitude_deg,
             conditions=conditions.as_text(),
             antenna_forward_m=instruments.antenna_forward_m, antenna_starboard_m=instruments.antenna_starboard_m,
             accuracy=_text(instruments.accuracy), particulars=_text(particulars.stated()),
@@ -296,6 +288,12 @@ def _carried(kind: type[Content], text: str, trial: Trial) -> Content | None:
             "%s: its metadata %s cannot be read and are left out", printable(trial.name), printable(text[:40])
         )
         return None
+
+
+def _stated(section: Conditions | Particulars) -> dict[str, Any]:
+    """What is stated in a table: all that is not its default."""
+    values = {entry.name: (getattr(section, entry.name), entry.default) for entry in fields(section)}
+    return {name: value for name, (value, default) in values.items() if value != default}
 
 
 def _text(values: dict[str, Any]) -> str:

@@ -44,24 +44,10 @@ from seatrial.acquisition.config.declarations import (
 )
 from seatrial.acquisition.config.run_sheet import RunSheet
 from seatrial.acquisition.config.toml_file import line_of, parse_toml, validate
+from seatrial.acquisition.core import ship
 from seatrial.acquisition.core.errors import ConfigurationError
 from seatrial.acquisition.core.named_code import absolute_name
 from seatrial.acquisition.core.quantities import DEGREES_AND_MINUTES, Linear
-from seatrial.acquisition.core.ship import (
-    BY_NAME,
-    DEFAULT,
-    Actuator,
-    Actuators,
-    Channel,
-    Declared,
-    channel_names,
-    channels_with_declared,
-    check_actuators,
-    control_channels,
-    shafts,
-    thruster_numbers,
-    trial_names,
-)
 from seatrial.acquisition.core.times import Order
 
 _MOST_LETTERS = 10  # in the name of a MAVLink named value
@@ -72,23 +58,23 @@ _TOPICS = r"^(?:(?:\+|[^+#/\x00]*)/)*(?:\+|#|[^+#/\x00]*)$"
 Model = TypeVar("Model")
 
 
-def _actuators(info: ValidationInfo) -> Actuators:
+def _actuators(info: ValidationInfo) -> ship.Actuators:
     """The actuators listed in the file being read, else R/V Gunnerus'."""
-    actuators: Actuators = (info.context or {}).get("actuators", DEFAULT)
+    actuators: ship.Actuators = (info.context or {}).get("actuators", ship.DEFAULT)
     return actuators
 
 
-def check_channel(name: str, actuators: Actuators = DEFAULT, declared: Declared = ()) -> str:
+def check_channel(name: str, actuators: ship.Actuators = ship.DEFAULT, declared: ship.Declared = ()) -> str:
     """Check the name of a ship's or a declared channel. Raises :class:`ValueError` that suggests similar names."""
-    names = channel_names(actuators, declared)
+    names = ship.channel_names(actuators, declared)
     if name not in names:
-        suggestions = get_close_matches(name, names, n=1, cutoff=0.4) or trial_names(actuators)
+        suggestions = get_close_matches(name, names, n=1, cutoff=0.4) or ship.trial_names(actuators)
         raise ValueError(f"is no channel; did you mean {' '.join(suggestions)}?")
     return name
 
 
 def _check_shaft_of_ship(name: str, info: ValidationInfo) -> str:
-    ship_shafts = shafts(_actuators(info))
+    ship_shafts = ship.shafts(_actuators(info))
     if name not in ship_shafts:
         raise ValueError(f"is not a shaft of the ship; its shafts are {', '.join(ship_shafts) or 'none'}")
     return name
@@ -162,7 +148,7 @@ class _Ship:
 class DeclaredShip(NamedTuple):
     """The ship of a file: its actuators, whether the file states them, the channels that it declares, its packs."""
 
-    actuators: Actuators
+    actuators: ship.Actuators
     is_known: bool
     declared: Declarations
     packs: tuple[PackFile, ...]
@@ -178,7 +164,7 @@ class CarriedFiles:
 
     dbc_files: Mapping[str, Path] = field(default_factory=dict)
     packs: Mapping[str, str] = field(default_factory=dict)
-    actuators: Actuators | None = None
+    actuators: ship.Actuators | None = None
     ship_is_known: bool = True
 
 
@@ -195,13 +181,17 @@ def parse_for_ship(
     ship_file = validate(
         {section.name: raw[section.name] for section in fields(_Ship) if section.name in raw}, text, path, _Ship
     )
-    in_file = check_actuator_list(ship_file.actuator, text, path)
+    try:
+        listed = [ship.Actuator(section.name, section.kind) for section in ship_file.actuator]
+        in_file = ship.check_actuators(listed) if listed else ()
+    except ConfigurationError as error:
+        raise error.at(f"{path}, line {line_of(text, ['actuator'])}") from error
     in_recording = None if carried is None else carried.actuators
     actuators = in_file or in_recording or actuators_of_ship(str(ship_file.trial.vessel), folder)
     is_known = bool(actuators) if carried is None or in_file else carried.ship_is_known
-    actuators = actuators or DEFAULT
+    actuators = actuators or ship.DEFAULT
     packs = read_packs(ship_file.pack, folder, None if carried is None else carried.packs, text, path)
-    ship_channels = {name: BY_NAME[name] for name in channel_names(actuators)}
+    ship_channels = {name: ship.BY_NAME[name] for name in ship.channel_names(actuators)}
     declared = declarations_of(ship_file.channel, packs, ship_channels, text, path)
     context = {
         "actuators": actuators,
@@ -212,14 +202,6 @@ def parse_for_ship(
         "dbc_files": None if carried is None else carried.dbc_files,
     }
     return validate(raw, text, path, model, context), DeclaredShip(actuators, is_known, declared, packs)
-
-
-def check_actuator_list(sections: tuple[ActuatorSection, ...], text: str, path: Path | str) -> Actuators:
-    """The actuators listed in a file, none if there are none. Raises :class:`ConfigurationError`."""
-    try:
-        return check_actuators(Actuator(section.name, section.kind) for section in sections) if sections else ()
-    except ConfigurationError as error:
-        raise error.at(f"{path}, line {line_of(text, ['actuator'])}") from error
 
 
 @dataclass(frozen=True, config=STRICT, kw_only=True)
@@ -260,7 +242,7 @@ class Thrusters(BaseModel):
     def _fill_in(cls, raw: Any, info: ValidationInfo) -> Any:
         if not isinstance(raw, dict):
             return raw
-        defaults = thruster_numbers(_actuators(info))
+        defaults = ship.thruster_numbers(_actuators(info))
         unknown = raw.keys() - defaults.keys() - {"channels_from"}
         if unknown:
             names = ", ".join(defaults) or "none"
@@ -438,8 +420,10 @@ def _default_named_values(raw: Any, info: ValidationInfo) -> Any:
     if raw is not None:
         return raw
     actuators = _actuators(info)
-    carried = {f"{name}_rpm" for name in shafts(actuators)[:2]}
-    units = {channel.name: channel.unit for channel in control_channels(actuators) if channel.name not in carried}
+    carried = {f"{name}_rpm" for name in ship.shafts(actuators)[:2]}
+    units = {
+        channel.name: channel.unit for channel in ship.control_channels(actuators) if channel.name not in carried
+    }
     short_names = {}
     for name in units:
         short_name = name
@@ -541,7 +525,7 @@ class TopicValue(Conversion):
     field: str | None = None
     time_field: str = "time"
 
-    def step_to(self, channel: Channel, default_unit: str | None = None) -> Linear:
+    def step_to(self, channel: ship.Channel, default_unit: str | None = None) -> Linear:
         if self.unit == DEGREES_AND_MINUTES and channel.unit == "deg":
             return replace(self, unit="deg").step_to(channel)
         return super().step_to(channel, default_unit)
@@ -625,7 +609,7 @@ def _values_of_user_code(raw: object, info: ValidationInfo) -> dict[str, dict[st
     if raw:
         raise ValueError("is not for a source of your own, which returns channels by name, in their units")
     declared = (info.context or {}).get("declared", ())
-    channels, names = channels_with_declared(declared), channel_names(_actuators(info), declared)
+    channels, names = ship.channels_with_declared(declared), ship.channel_names(_actuators(info), declared)
     return {name: {"topic": f"own/{name}", "unit": channels[name].unit} for name in names}
 
 

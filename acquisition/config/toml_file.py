@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import tomllib
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from difflib import get_close_matches
 from pathlib import Path
 from typing import Any, TypeVar
@@ -21,7 +21,7 @@ _MOST_LEVELS = 16  # nested tables and lists; a configuration has at most six
 _UNKNOWN_KEY = ("unexpected_keyword_argument", "extra_forbidden")
 """Reported first: a misspelt key is often the reason why another is missing."""
 _ENDLESS_KEY = re.compile(r"(?:\.[^\n=,.]+){100}")
-_KEY = re.compile(r"^\s*(?P<key>[\w.\-\"' ]+?)\s*=")
+_KEY = re.compile(r"^\s*(?P<path>[\w.\-\"' ]+?)\s*=")
 
 
 def read_text(path: Path | str) -> str:
@@ -50,30 +50,21 @@ def load_toml(path: Path | str, model: type[Model]) -> Model:
 
 def parse_toml(text: str, path: Path | str) -> dict[str, Any]:
     """The tables of a TOML text that came from ``path``. Raises :class:`ConfigurationError`."""
+    invalid, where, fix = "is not valid TOML", str(path), "correct it there"
     if _ENDLESS_KEY.search(text):  # for which the library takes memory by the square
-        raise ConfigurationError(
-            "is not valid TOML", where=str(path), why="a key has more than 100 parts", fix="correct it there"
-        )
+        raise ConfigurationError(invalid, where=where, why="a key has more than 100 parts", fix=fix)
     try:
         tree = tomllib.loads(text)
     except (ValueError, RecursionError) as error:  # a number of thousands of digits is a plain ValueError
         why = "it is nested too deeply" if isinstance(error, RecursionError) else str(error)
-        raise ConfigurationError("is not valid TOML", where=str(path), why=why, fix="correct it there") from error
-    _refuse_nested(tree, path)
-    return tree
-
-
-def _refuse_nested(tree: dict[str, Any], path: Path | str) -> None:
-    """Raise :class:`ConfigurationError` for tables and lists nested so deeply that no recursion ends."""
+        raise ConfigurationError(invalid, where=where, why=why, fix=fix) from error
     level: list[Any] = [tree]
-    for _ in range(_MOST_LEVELS):
+    for _ in range(_MOST_LEVELS):  # beyond which recursions would not end
         members = (value.values() if isinstance(value, dict) else value for value in level)
         level = [value for values in members for value in values if isinstance(value, dict | list)]
         if not level:
-            return
-    raise ConfigurationError(
-        f"has tables or lists in more than {_MOST_LEVELS} levels", where=str(path), fix="correct it there"
-    )
+            return tree
+    raise ConfigurationError(f"has tables or lists in more than {_MOST_LEVELS} levels", where=where, fix=fix)
 
 
 def validate(
@@ -83,14 +74,30 @@ def validate(
     try:
         return TypeAdapter(model).validate_python(raw, context=context)
     except ValidationError as error:
-        first = min(error.errors(), key=lambda details: details["type"] not in _UNKNOWN_KEY)
-        keys = [key for key in first["loc"] if not _is_union_tag(key, raw, first["loc"])]
-        if first["type"].startswith("union_tag"):
+        details = min(error.errors(), key=lambda details: details["type"] not in _UNKNOWN_KEY)
+        kind, location = details["type"], details["loc"]
+        keys: list[str | int] = []
+        node: Any = raw
+        for part in location:
+            is_present = part < len(node) if isinstance(node, list) and isinstance(part, int) else False
+            is_present = is_present or (isinstance(node, dict) and part in node)
+            # what a table lacks on the way is the tag of a union, which does not occur in the file
+            if is_present or not isinstance(node, dict) or part == location[-1]:
+                keys.append(part)
+            node = node[part] if is_present else node
+        if kind.startswith("union_tag"):
             keys.append("type")
+        hint, value = "", details.get("input")
+        if kind in _UNKNOWN_KEY:
+            problem, hint = "is not a known key here", _hint(str(keys[-1]), location, model)
+        elif kind in ("missing", "missing_argument"):
+            problem = "is missing"
+        else:
+            problem = str(details["msg"]).removeprefix("Value error, ")
+            problem = f"{value!r}: {problem}" if isinstance(value, str | int | float) else problem
         further = f"{error.error_count() - 1} more after this one" if error.error_count() > 1 else ""
-        hint = _hint(str(keys[-1]), first["loc"], model) if first["type"] in _UNKNOWN_KEY else ""
         raise ConfigurationError(
-            f"{'.'.join(map(str, keys)) or 'file'}: {_explain(first)}",
+            f"{'.'.join(map(str, keys)) or 'file'}: {problem}",
             where=f"{path}, line {line_of(text, keys)}",
             fix="; ".join(filter(None, [hint, further])),
         ) from error
@@ -103,15 +110,12 @@ def _hint(key: str, location: Sequence[str | int], model: type[Model]) -> str:
     tables = [schema]
     for part in location[:-1]:  # the tag of a union leads nowhere in the schema
         tables = [table for parent in tables for table in _members(parent, part, definitions)] or tables
-    possible = _keys_of(option for table in tables for option in _options(table, definitions))
+    options = [option for table in tables for option in _options(table, definitions)]
+    possible = {name for option in options for name in option.get("properties", {})}
     if matches := get_close_matches(key, possible - {key}, n=1):
         return f"did you mean {matches[0]}?"
-    is_elsewhere = key in _keys_of((schema, *definitions.values()))
+    is_elsewhere = any(key in table.get("properties", {}) for table in (schema, *definitions.values()))
     return "it belongs to another table, or to another type of this one" if is_elsewhere else ""
-
-
-def _keys_of(tables: Iterable[dict[str, Any]]) -> set[str]:
-    return {key for table in tables for key in table.get("properties", {})}
 
 
 def _options(node: dict[str, Any], definitions: dict[str, Any]) -> list[dict[str, Any]]:
@@ -140,53 +144,26 @@ def line_of(text: str, keys: Sequence[str | int]) -> int:
     >>> line_of("a = 1\\n[[source]]\\nname = 'x'\\n[[source]]\\nname = 'y'", ["source", 1, "name"])
     5
     """
-    lines = _lines_of_keys(text)
-    for depth in range(len(keys), 0, -1):
-        if tuple(keys[:depth]) in lines:
-            return lines[tuple(keys[:depth])]
-    return 1
-
-
-def _lines_of_keys(text: str) -> dict[tuple[str | int, ...], int]:
-    """The line of each table and key of a TOML text; arrays of tables are numbered."""
     lines: dict[tuple[str | int, ...], int] = {}
-    counts: dict[tuple[str, ...], int] = {}
+    counts: dict[tuple[str, ...], int] = {}  # of the elements of arrays of tables
     prefix: tuple[str | int, ...] = ()
     for number, line in enumerate(text.splitlines(), start=1):
-        if table := _TABLE.match(line):
-            parts = tuple(part.strip().strip("\"'") for part in table["path"].split("."))
-            if table["array"]:
-                counts = {path: count for path, count in counts.items() if path[: len(parts)] != parts} | {
-                    parts: counts.get(parts, -1) + 1  # nested arrays count from 0 again in each element
-                }
-            prefix = ()
-            for depth, part in enumerate(parts, start=1):
-                count = counts.get(parts[:depth])  # of the current element, after each array of tables
-                prefix += (part,) if count is None else (part, count)
-            lines.setdefault(prefix, number)
-            if table["array"]:
-                lines.setdefault(prefix[:-1], number)
-        elif key := _KEY.match(line):
-            parts = tuple(part.strip().strip("\"'") for part in key["key"].split("."))
+        match = _TABLE.match(line) or _KEY.match(line)
+        if match is None:
+            continue
+        parts = tuple(part.strip().strip("\"'") for part in match["path"].split("."))
+        if match.re is _KEY:
             lines.setdefault((*prefix, *parts), number)
-    return lines
-
-
-def _is_union_tag(key: str | int, raw: dict[str, Any], location: tuple[str | int, ...]) -> bool:
-    """Whether a part of pydantic's location is the tag of a union, which does not occur in the file."""
-    value: Any = raw
-    for part in location[: location.index(key)]:
-        in_list = isinstance(value, list) and isinstance(part, int) and part < len(value)
-        if in_list or (isinstance(value, dict) and part in value):
-            value = value[part]
-    return isinstance(value, dict) and key not in value and key != location[-1]
-
-
-def _explain(error: Any) -> str:
-    if error["type"] in _UNKNOWN_KEY:
-        return "is not a known key here"
-    if error["type"] in ("missing", "missing_argument"):
-        return "is missing"
-    message = str(error["msg"]).removeprefix("Value error, ")
-    value = error.get("input")
-    return f"{value!r}: {message}" if isinstance(value, str | int | float) else message
+            continue
+        if match["array"]:
+            counts = {path: count for path, count in counts.items() if path[: len(parts)] != parts} | {
+                parts: counts.get(parts, -1) + 1  # nested arrays count from 0 again in each element
+            }
+        prefix = ()
+        for depth, part in enumerate(parts, start=1):
+            count = counts.get(parts[:depth])
+            prefix += (part,) if count is None else (part, count)
+        lines.setdefault(prefix, number)
+        if match["array"]:
+            lines.setdefault(prefix[:-1], number)
+    return next((lines[path] for depth in range(len(keys), 0, -1) if (path := tuple(keys[:depth])) in lines), 1)

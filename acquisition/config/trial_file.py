@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
 from dataclasses import field, replace
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 from pydantic import ConfigDict, Discriminator
 from pydantic.dataclasses import dataclass
@@ -55,7 +54,6 @@ from seatrial.acquisition.core.ship import (
     AUXILIARY,
     MOTION,
     Actuators,
-    Channel,
     ChannelsByName,
     as_text,
     channels_with_declared,
@@ -210,11 +208,8 @@ def parse_config(text: str, path: Path | str, carried: CarriedFiles | None = Non
     if not file.source:
         raise ConfigurationError("has no source", where=str(path), fix="add a [[source]] section")
     channels_by_name = channels_with_declared(tuple(declaration.channel for declaration in ship.declared))
-    _check_names(file.source, path)
-    _check_units(file.source, channels_by_name, text, path)
-    _check_channels(file.source, ship, channels_by_name, text, path)
+    _check_sources(file.source, ship, channels_by_name, text, path)
     _check_inputs(file.source, text, path)
-    _check_dbc(file.source, path)
     listed = {name for source in file.source for name in source.channels}
     declared = [declaration.channel for declaration in ship.declared if declaration.channel.group == "declared"]
     channels = declared_text(channel for channel in declared if channel.name in listed)
@@ -237,7 +232,15 @@ def parse_config(text: str, path: Path | str, carried: CarriedFiles | None = Non
     )
 
 
-def _check_names(sources: tuple[AnySource, ...], path: Path | str) -> None:
+def _check_sources(
+    sources: tuple[AnySource, ...],
+    ship: DeclaredShip,
+    channels_by_name: ChannelsByName,
+    text: str,
+    path: Path | str,
+) -> None:
+    """Refuse names that cannot be part of a topic, units of another quantity, and channels that no message of a
+    source can carry: they would never have a value."""
     names, where = [source.name for source in sources], str(path)
     for name in names:
         if names.count(name) > 1:
@@ -245,30 +248,14 @@ def _check_names(sources: tuple[AnySource, ...], path: Path | str) -> None:
         if not name.replace("_", "").replace("-", "").isalnum():
             fix = "use letters, digits, - and _"
             raise ConfigurationError(f"source name {name!r} is not valid in a topic", where=where, fix=fix)
-
-
-def _check_units(
-    sources: tuple[AnySource, ...], channels_by_name: Mapping[str, Channel], text: str, path: Path | str
-) -> None:
     for number, source in enumerate(sources):
         key = next(key for kind, key in _MAPS.items() if isinstance(source, kind))
-        mapped: dict[str, Any] = getattr(source, key)
-        for channel, entry in mapped.items():
+        for channel, entry in getattr(source, key).items():
             try:
                 entry.step_to(channels_by_name[channel])
             except ConfigurationError as error:
                 line = line_of(text, ["source", number, key, channel, "unit"])
                 raise ConfigurationError(f"{channel}: {error}", where=f"{path}, line {line}") from error
-
-
-def _check_channels(
-    sources: tuple[AnySource, ...],
-    ship: DeclaredShip,
-    channels_by_name: Mapping[str, Channel],
-    text: str,
-    path: Path | str,
-) -> None:
-    """Refuse a channel that no message of the source can carry: it would never have a value."""
     for number, source in enumerate(sources):
         possible = possible_channels(source, ship.actuators, ship.declared)
         for channel in source.channels:
@@ -280,19 +267,9 @@ def _check_channels(
                 raise ConfigurationError(what, where=where, fix=fix)
 
 
-def _check_dbc(sources: tuple[AnySource, ...], path: Path | str) -> None:
-    for source in (section for section in sources if isinstance(section, CanFrames)):
-        where = f"{path}, source {source.name!r}"
-        if source.dbc is not None and not source.dbc.is_file():
-            what = "is not a file" if source.dbc.exists() else "does not exist"
-            raise ConfigurationError(f"DBC file {source.dbc} {what}", where=where)
-        if source.dbc is None and source.signals:
-            raise ConfigurationError("has signals but no dbc file", where=where, fix="add dbc = FILE")
-
-
 def _check_inputs(sources: tuple[AnySource, ...], text: str, path: Path | str) -> None:
-    """Refuse log files beside live sources, as their times belong to another day, and two sources that would read
-    the same port or serial line."""
+    """Refuse log files beside live sources, as their times belong to another day, two sources that would read the
+    same port or serial line, and DBC files that are missing."""
     files = [source.name for source in sources if isinstance(source, FILE_SOURCES)]
     if files and len(files) < len(sources):
         what = f"{', '.join(files)} are log files, but other sources are live"
@@ -300,74 +277,69 @@ def _check_inputs(sources: tuple[AnySource, ...], text: str, path: Path | str) -
         raise ConfigurationError(what, where=str(path), fix=fix)
     for number, source in enumerate(sources):
         for earlier in sources[:number]:
-            if key := _shared_input(source, earlier):
+            key = ""
+            if isinstance(source, _LISTENING) and isinstance(earlier, _LISTENING) and source.port == earlier.port:
+                addresses = {_LOCAL.get(listener.address, listener.address) for listener in (source, earlier)}
+                key = "port" if len(addresses) == 1 or "" in addresses else ""
+            if isinstance(source, _SERIAL) and isinstance(earlier, _SERIAL):  # whose device may have several names
+                is_shared = os.path.realpath(source.device) == os.path.realpath(earlier.device)
+                key = "device" if is_shared else ""
+            if key:
                 what = f"source {source.name!r} has the same {key} as {earlier.name!r}"
                 where = f"{path}, line {line_of(text, ['source', number, key])}"
                 why, fix = "only one source can read it", f"correct `{key}`, or merge the two sources"
                 raise ConfigurationError(what, where=where, why=why, fix=fix)
-
-
-def _shared_input(first: AnySource, second: AnySource) -> str:
-    """The key of the input that two sources would both open; empty if there is none."""
-    if isinstance(first, _LISTENING) and isinstance(second, _LISTENING) and first.port == second.port:
-        addresses = {_LOCAL.get(source.address, source.address) for source in (first, second)}
-        return "port" if len(addresses) == 1 or "" in addresses else ""
-    if isinstance(first, _SERIAL) and isinstance(second, _SERIAL):
-        devices = {os.path.realpath(source.device) for source in (first, second)}  # a device may have several names
-        return "device" if len(devices) == 1 else ""
-    return ""
+    for source in sources:
+        if isinstance(source, CanFrames):
+            where = f"{path}, source {source.name!r}"
+            if source.dbc is not None and not source.dbc.is_file():
+                what = "is not a file" if source.dbc.exists() else "does not exist"
+                raise ConfigurationError(f"DBC file {source.dbc} {what}", where=where)
+            if source.dbc is None and source.signals:
+                raise ConfigurationError("has signals but no dbc file", where=where, fix="add dbc = FILE")
 
 
 def possible_channels(source: AnySource, actuators: Actuators, declared: Declarations = ()) -> frozenset[str]:
     """The channels that a source's protocol and mapping can carry, including ``declared`` ones."""
-    return _channels_from(source, actuators) | _declared_from(source, declared)
-
-
-def _channels_from(source: AnySource, actuators: Actuators) -> frozenset[str]:
-    if isinstance(source, MavlinkLinks):
-        return _MOTION | _ATTITUDE | {f"{name}_rpm" for name in shafts(actuators)[:2]} | source.named_values.keys()
-    if isinstance(source, MqttSource) and not source.topics:
-        derived = [channels for pair, channels in PAIRS.items() if set(pair) <= source.values.keys()]
-        return frozenset(source.values.keys()).union(*derived)
-    nautical = _MOTION | _NAUTICAL | set(() if rudders(actuators) else rudder_channels(actuators))
-    nautical |= set() if isinstance(source, CanSource) else _channels_in_sentences(actuators)
-    if isinstance(source, MqttLinks):
-        return nautical | source.values.keys()
-    if _has_groups(source):
-        # what parameter groups carry: rudders and their orders, shafts by their engines
-        steering = [actuator for actuator in actuators if actuator.name in rudders(actuators)]
-        angles = {channel.name for rudder in steering for channel in (*rudder.channels, *rudder.orders)}
-        turns = {f"{name}_rpm" for name in source.reduction_ratios}
-        return nautical | _ATTITUDE | angles | turns | source.signals.keys()
-    return nautical
-
-
-def _declared_from(source: AnySource, declared: Declarations) -> set[str]:
-    """The channels declared with an origin that the source can have."""
+    # any line may be a gateway's to NMEA 2000, but most are not
+    has_groups = isinstance(source, CanFrames) and (
+        isinstance(source, CanSource | FileSource) or bool(source.form or source.devices or source.dbc)
+    )
     kinds: list[type] = [MavlinkField] if isinstance(source, MavlinkLinks) else []
     kinds += [SentenceField, Transducer] if isinstance(source, LineSource | MqttLinks) else []
-    kinds += [GroupField] if isinstance(source, CanFrames) and _has_groups(source) else []
-    return {
+    kinds += [GroupField] if has_groups else []
+    return _standard_channels(source, actuators, has_groups=has_groups) | {
         declaration.channel.name
         for declaration in declared
         if any(type(origin) in kinds for origin in declaration.origins)
     }
 
 
-def _has_groups(source: CanFrames) -> bool:
-    """Whether a source is configured to carry NMEA 2000: any line may be a gateway's, but most are not."""
-    if isinstance(source, CanSource | FileSource):
-        return True
-    return bool(source.form or source.devices or source.dbc)
-
-
-def _channels_in_sentences(actuators: Actuators) -> set[str]:
-    """The channels of actuators, and of orders to them, in RSA and ROR, RPM and PRC, TRD and TRC."""
-    fully_carried = {*thruster_numbers(actuators), *(rudders(actuators) if len(rudders(actuators)) <= 2 else ())}
-    numbered = shaft_numbers(numbered_shafts(actuators))
-    return {
-        channel.name
-        for actuator in actuators
-        for channel in (*actuator.channels, *actuator.orders)
-        if actuator.name in fully_carried or (actuator.name in numbered and channel.unit != "deg")
-    }
+def _standard_channels(source: AnySource, actuators: Actuators, *, has_groups: bool) -> frozenset[str]:
+    """The channels in the standard messages of a source, and in those that it maps."""
+    if isinstance(source, MavlinkLinks):
+        return _MOTION | _ATTITUDE | {f"{name}_rpm" for name in shafts(actuators)[:2]} | source.named_values.keys()
+    if isinstance(source, MqttSource) and not source.topics:
+        derived = [channels for pair, channels in PAIRS.items() if set(pair) <= source.values.keys()]
+        return frozenset(source.values.keys()).union(*derived)
+    steering = rudders(actuators)
+    nautical = _MOTION | _NAUTICAL | set(() if steering else rudder_channels(actuators))
+    if not isinstance(source, CanSource):
+        # in RSA and ROR, RPM and PRC, TRD and TRC: shafts by number, whose angles no sentence carries
+        complete = {*thruster_numbers(actuators), *(steering if len(steering) <= 2 else ())}
+        numbered = shaft_numbers(numbered_shafts(actuators))
+        nautical |= {
+            channel.name
+            for actuator in actuators
+            for channel in (*actuator.channels, *actuator.orders)
+            if actuator.name in complete or (actuator.name in numbered and channel.unit != "deg")
+        }
+    if isinstance(source, MqttLinks):
+        return nautical | source.values.keys()
+    if not has_groups:
+        return nautical
+    # what parameter groups carry: rudders and their orders, shafts by their engines
+    rudder_actuators = [actuator for actuator in actuators if actuator.name in steering]
+    angles = {channel.name for rudder in rudder_actuators for channel in (*rudder.channels, *rudder.orders)}
+    turns = {f"{name}_rpm" for name in source.reduction_ratios}
+    return nautical | _ATTITUDE | angles | turns | source.signals.keys()

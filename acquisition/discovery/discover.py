@@ -15,30 +15,19 @@ from itertools import islice
 from operator import attrgetter
 from pathlib import Path
 from textwrap import wrap
-from typing import Any, NamedTuple
+from typing import Any
 
 from rich.console import RenderableType
-from rich.table import Table
 
 from seatrial.acquisition.config.declarations import PACKS, find_vessel, vessel_of_ship
 from seatrial.acquisition.config.sources import CanFrames, MqttLinks
 from seatrial.acquisition.config.toml_file import parse_toml
 from seatrial.acquisition.config.trial_file import TrialConfig, parse_config, possible_channels
 from seatrial.acquisition.core.errors import ConfigurationError, Progress, part_of
+from seatrial.acquisition.core.result import terminal_table
 from seatrial.acquisition.core.ship import MOTION, channel_names, channel_unit
 from seatrial.acquisition.core.trial import Frame, label_parts
-from seatrial.acquisition.discovery.listen import (
-    INPUT_FORMS,
-    Capture,
-    DbcMessages,
-    LatestReading,
-    ListeningPlace,
-    choose_dbc,
-    listen,
-    match_signals,
-    signal_readings,
-    topic_readings,
-)
+from seatrial.acquisition.discovery import listen
 from seatrial.acquisition.logger.survey import (
     RATED_FIX,
     VARIATION_FIX,
@@ -74,11 +63,11 @@ class Discovery:
     channel. ``readings`` are the values of signals and topics that a configuration has to map.
     """
 
-    captures: list[Capture]
+    captures: list[listen.Capture]
     survey: Survey | None = None
     missing: dict[str, str] = field(default_factory=dict)
     configuration: str = ""
-    readings: list[LatestReading] = field(default_factory=list)
+    readings: list[listen.LatestReading] = field(default_factory=list)
 
     @property
     def channels(self) -> dict[str, list[str]]:
@@ -87,24 +76,68 @@ class Discovery:
 
     def as_json(self) -> dict[str, Any]:
         """The discovery as an object of JSON."""
-        devices = {} if self.survey is None else self.survey.devices
-        return {
-            "places": [_place_json(capture) for capture in self.captures],
-            "devices": [
-                {"source": source, "address": int(address), **devices[source, address]}
-                for source, address in sorted(devices, key=lambda device: (device[0], int(device[1])))
-            ],
-            "messages": [] if self.survey is None else _messages_json(self.survey),
+        places = [
+            {
+                "place": capture.place.text or capture.place.name,
+                "source": capture.place.name,
+                "type": capture.place.type,
+                **capture.place.settings,
+                "frames": capture.count,
+                **({"problem": capture.problem} if capture.problem else {}),
+                **({"remarks": capture.remarks} if capture.remarks else {}),
+            }
+            for capture in self.captures
+        ]
+        content = {
+            "places": places,
+            "devices": [],
+            "messages": [],
             "values": [reading.as_json() for reading in self.readings],
-            "channels": {} if self.survey is None else _channels_json(self.survey),
+            "channels": {},
             "missing": self.missing,
-            "events": [] if self.survey is None else self.survey.events,
+            "events": [],
             "configuration": self.configuration,
         }
+        return content if self.survey is None else content | _survey_json(self.survey)
+
+
+def _survey_json(survey: Survey) -> dict[str, Any]:
+    """Devices, messages and channels, sources in their order, devices by address."""
+    span_s = max((survey.last_ns - survey.first_ns) / 1e9, 1e-9)
+
+    def order(kind: TrafficKind) -> tuple[Any, ...]:
+        number = (0, int(kind.device)) if kind.device.isdigit() else (1, 0)
+        return kind.source, number, kind.device, kind.name
+
+    messages = []
+    for kind in sorted(survey.kinds, key=order):
+        tally = survey.kinds[kind]
+        messages.append(
+            {
+                "source": kind.source,
+                "device": kind.device,
+                "message": kind.name,
+                "name": name_of_group(int(kind.name)) if kind.name.isdigit() else "",
+                "count": tally.count,
+                "rate_hz": tally.rate_hz,
+                "values": tally.values,
+                "refused": dict(tally.refused),
+            }
+        )
+    channels = {}
+    for name, sources in survey.channels.items():
+        health = survey.health.channels[name]
+        rate_hz = health.count / span_s
+        channels[name] = {"count": health.count, "rate_hz": rate_hz, "value": health.value, "sources": sources}
+    devices = [
+        {"source": source, "address": int(address), **survey.devices[source, address]}
+        for source, address in sorted(survey.devices, key=lambda device: (device[0], int(device[1])))
+    ]
+    return {"devices": devices, "messages": messages, "channels": channels, "events": survey.events}
 
 
 def discover(
-    places: Sequence[ListeningPlace],
+    places: Sequence[listen.ListeningPlace],
     duration_s: float = 20.0,
     name: str = "discovered",
     vessel: str = "",
@@ -126,12 +159,12 @@ def discover(
     if vessel and vessel_of_ship(vessel, folder) is None:  # a configuration there would not find it
         fix = f"copy it to {folder.absolute()}"
         raise ConfigurationError("lies elsewhere", where=str(find_vessel(vessel)), fix=fix)
-    captures = listen(places, duration_s, stop, part_of(progress, 0, 2))
+    captures = listen.listen(places, duration_s, stop, part_of(progress, 0, 2))
     return interpret_captures(captures, name, vessel, dbc, folder, stop, part_of(progress, 1, 2))
 
 
 def interpret_captures(
-    captures: list[Capture],
+    captures: list[listen.Capture],
     name: str = "discovered",
     vessel: str = "",
     dbc: Path | None = None,
@@ -151,31 +184,32 @@ def interpret_captures(
     survey = survey_of(config, _with_progress(in_order, expected, stop, progress))
     for capture in received:
         capture.count = survey.health.sources[capture.place.name].frames
-    reasons, readings = missing_channels(survey), list(_readings(received, survey))
-    missing = reasons
+    reasons = missing = missing_channels(survey)
+    sections = {section.name: section for section in survey.config.sources}
+    readings: list[
+        listen.LatestReading
+    ] = []  # of the signals of each source's DBC file, and the topics of each broker
+    for capture in received:
+        source = sections[capture.place.name]
+        if isinstance(source, MqttLinks):
+            readings += listen.topic_readings(source.name, capture.frames())
+        elif isinstance(source, CanFrames) and source.dbc is not None:
+            provided = survey.provided(source.name)
+            mapped = {
+                (signal.message, signal.signal): name for name, signal in source.signals.items() if name in provided
+            }
+            readings += listen.signal_readings(
+                source.name, capture.frames(), listen.DbcMessages(load_dbc(source.dbc)), mapped
+            )
     if not survey.config.ship_is_known:  # then no control is missing, but what comes may be of one
         missing = {name: reason for name, reason in reasons.items() if name in MOTION}
         controls = {name: what_comes(name, survey) for name in sorted(reasons.keys() - missing.keys())}
         for capture in received:
-            source = capture.place.name
-            remarks = [text for name, text in controls.items() if text and source in sources_of(name, survey)]
+            source_name = capture.place.name
+            remarks = [text for name, text in controls.items() if text and source_name in sources_of(name, survey)]
             capture.remarks += dict.fromkeys(remarks)
-    text = configuration_text(received, survey, Gaps(reasons, missing), readings, name, vessel)
+    text = configuration_text(received, survey, reasons, missing, readings, name, vessel)
     return Discovery(captures, survey, missing, text, readings)
-
-
-def _readings(captures: Iterable[Capture], survey: Survey) -> Iterator[LatestReading]:
-    """The values of the signals of each source's DBC file, and of the topics of each broker."""
-    sources = {section.name: section for section in survey.config.sources}
-    for capture in captures:
-        source = sources[capture.place.name]
-        provided = survey.provided(source.name)
-        if isinstance(source, MqttLinks):
-            yield from topic_readings(source.name, capture.frames())
-        elif isinstance(source, CanFrames) and source.dbc is not None:
-            signals = {name: signal for name, signal in source.signals.items() if name in provided}
-            mapped = {(signal.message, signal.signal): name for name, signal in signals.items()}
-            yield from signal_readings(source.name, capture.frames(), DbcMessages(load_dbc(source.dbc)), mapped)
 
 
 def _with_progress(
@@ -190,98 +224,50 @@ def _with_progress(
         yield frame
 
 
-def _place_json(capture: Capture) -> dict[str, Any]:
-    place = capture.place
-    return {
-        "place": place.text or place.name,
-        "source": place.name,
-        "type": place.type,
-        **place.settings,
-        "frames": capture.count,
-        **({"problem": capture.problem} if capture.problem else {}),
-        **({"remarks": capture.remarks} if capture.remarks else {}),
-    }
-
-
-def _messages_json(survey: Survey) -> list[dict[str, Any]]:
-    def order(entry: tuple[TrafficKind, Any]) -> tuple[Any, ...]:
-        kind = entry[0]
-        number = (0, int(kind.device)) if kind.device.isdigit() else (1, 0)
-        return kind.source, number, kind.device, kind.name
-
-    return [
-        {
-            "source": kind.source,
-            "device": kind.device,
-            "message": kind.name,
-            "name": name_of_group(int(kind.name)) if kind.name.isdigit() else "",
-            "count": tally.count,
-            "rate_hz": tally.rate_hz,
-            "values": tally.values,
-            "refused": dict(tally.refused),
-        }
-        for kind, tally in sorted(survey.kinds.items(), key=order)
-    ]
-
-
-def _channels_json(survey: Survey) -> dict[str, Any]:
-    span_s = max((survey.last_ns - survey.first_ns) / 1e9, 1e-9)
-    return {
-        name: {
-            "count": survey.health.channels[name].count,
-            "rate_hz": survey.health.channels[name].count / span_s,
-            "value": survey.health.channels[name].value,
-            "sources": sources,
-        }
-        for name, sources in survey.channels.items()
-    }
-
-
 def discovery_tables(discovery: Discovery) -> Iterator[RenderableType]:
     """Tables of places, devices, messages, channels and missing channels, without empty ones."""
     content = discovery.as_json()
-    yield _table(
-        ("listened at", "source", "frames", ""),
-        [(place["place"], place["source"], f"{place['frames']:,}", _remarks(place)) for place in content["places"]],
-    )
-    if content["devices"]:
-        keys = ("manufacturer", "model", "function", "iso_name")
-        rows = [
-            (device["source"], str(device["address"]), *(str(device.get(key, "")) for key in keys))
-            for device in content["devices"]
-        ]
-        yield _table(("device on", "address", *keys[:-1], "NAME"), rows)
-    if content["messages"]:
-        yield _table(
-            ("message of", "device", "message", "rate Hz", "latest", "refused"),
-            [
-                (message["source"], message["device"], f"{message['message']} {message['name']}".strip(),
-                 f"{message['rate_hz']:.2f}" if message["rate_hz"] else f"{message['count']} x",
-                 _values(message["values"]),
-                 ", ".join(f"{reason} {count:,}" for reason, count in message["refused"].items()))
-                for message in content["messages"]
-            ],
+    keys = ("manufacturer", "model", "function", "iso_name")
+    places = []
+    for place in content["places"]:
+        rate = f"{place['baud_rate']} baud" if "baud_rate" in place else ""
+        remarks = filter(None, (rate, place.get("form"), place.get("problem"), *place.get("remarks", [])))
+        places.append((place["place"], place["source"], f"{place['frames']:,}", "; ".join(remarks)))
+    devices = [
+        (device["source"], str(device["address"]), *(str(device.get(key, "")) for key in keys))
+        for device in content["devices"]
+    ]
+    messages = []
+    for message in content["messages"]:
+        latest = [f"{name} {value:.6g}" for name, value in list(message["values"].items())[:_MOST_VALUES]]
+        messages.append(
+            (message["source"], message["device"], f"{message['message']} {message['name']}".strip(),
+             f"{message['rate_hz']:.2f}" if message["rate_hz"] else f"{message['count']} x",
+             ", ".join(latest) + (" ..." if len(message["values"]) > _MOST_VALUES else ""),
+             ", ".join(f"{reason} {count:,}" for reason, count in message["refused"].items()))
         )  # fmt: skip
-    if discovery.readings:
-        yield _table(
-            ("values of", "message or topic", "signal or field", "value", "channel"),
-            [
-                (reading.source, reading.entry.get("message") or reading.entry["topic"],
-                 reading.entry.get("signal") or reading.entry.get("field", ""), reading.text, reading.channel)
-                for reading in discovery.readings
-            ],
-        )  # fmt: skip
-    if content["channels"]:
-        rows = [
-            (name, f"{channel['value']:.6g}", channel_unit(name), f"{channel['rate_hz']:.2f}",
-             ", ".join(channel["sources"]))
-            for name, channel in content["channels"].items()
-        ]  # fmt: skip
-        yield _table(("channel", "value", "unit", "rate Hz", "sources"), rows)
-    if content["events"]:
-        yield _table(("event",), [(event,) for event in content["events"][:_MOST_EVENTS]])
-    if content["missing"]:
-        yield _table(("missing", "why"), list(by_reason(discovery.missing).items()))
+    values = [
+        (reading.source, reading.entry.get("message") or reading.entry["topic"],
+         reading.entry.get("signal") or reading.entry.get("field", ""), reading.text, reading.channel)
+        for reading in discovery.readings
+    ]  # fmt: skip
+    channels = [
+        (name, f"{channel['value']:.6g}", channel_unit(name), f"{channel['rate_hz']:.2f}",
+         ", ".join(channel["sources"]))
+        for name, channel in content["channels"].items()
+    ]  # fmt: skip
+    for titles, rows in (
+        (("listened at", "source", "frames", ""), places),
+        (("device on", "address", *keys[:-1], "NAME"), devices),
+        (("message of", "device", "message", "rate Hz", "latest", "refused"), messages),
+        (("values of", "message or topic", "signal or field", "value", "channel"), values),
+        (("channel", "value", "unit", "rate Hz", "sources"), channels),
+        (("event",), [(event,) for event in content["events"][:_MOST_EVENTS]]),
+        (("missing", "why"), list(by_reason(discovery.missing).items())),
+    ):
+        if rows:
+            words = [number for number, title in enumerate(titles) if title not in ("frames", "rate Hz", "value")]
+            yield terminal_table(None, titles, rows, words=words, padding=(0, 1, 0, 0))
 
 
 def describe_silence(discovery: Discovery) -> str:
@@ -294,45 +280,30 @@ def describe_silence(discovery: Discovery) -> str:
     if not any(capture.place.expected for capture in discovery.captures):
         lines = {"can": "CAN interface", "serial": "serial line"}.items()
         where += "".join(f"; this computer shows no {words}" for type_, words in lines if type_ not in types)
-    is_live = bool(types - {"file"})
-    advice = (
-        "switch the instruments on, check cables and firewall, listen longer with --duration, or "
-        if is_live
-        else ""
-    )
-    return f"nothing was found ({where or 'there is nowhere to listen'}); {advice}name {INPUT_FORMS}"
+    advice = "switch the instruments on, check cables and firewall, listen longer with --duration, or "
+    advice = advice if types - {"file"} else ""
+    return f"nothing was found ({where or 'there is nowhere to listen'}); {advice}name {listen.INPUT_FORMS}"
 
 
-def _remarks(place: dict[str, Any]) -> str:
-    """A place's rate, form, problem and remarks."""
-    rate = f"{place['baud_rate']} baud" if "baud_rate" in place else ""
-    return "; ".join(filter(None, (rate, place.get("form"), place.get("problem"), *place.get("remarks", []))))
-
-
-def _values(values: dict[str, float]) -> str:
-    texts = [f"{name} {value:.6g}" for name, value in list(values.items())[:_MOST_VALUES]]
-    return ", ".join(texts) + (" ..." if len(values) > _MOST_VALUES else "")
-
-
-def _table(titles: tuple[str, ...], rows: list[tuple[str, ...]]) -> Table:
-    table = Table(box=None, header_style="dim", padding=(0, 1, 0, 0))
-    for title in titles:
-        is_number = title in ("frames", "rate Hz", "value")
-        table.add_column(title, justify="right" if is_number else "left", overflow="fold")
-    for row in rows:
-        table.add_row(*row)
-    table.add_section()
-    return table
-
-
-def broadest_configuration(captures: Sequence[Capture], vessel: str, dbc: Path | None, path: Path) -> TrialConfig:
-    """A configuration whose sources provide all channels that they can carry, including those of all packs."""
+def broadest_configuration(
+    captures: Sequence[listen.Capture], vessel: str, dbc: Path | None, path: Path
+) -> TrialConfig:
+    """A configuration whose sources provide all channels that they can carry, including those of all packs, and the
+    vessel's CAN frames by the DBC file that describes them."""
     trial = f'[trial]\nname = "discovered"\n{_toml_line("vessel", vessel) if vessel else ""}'
     trial += "".join(map(_pack_text, candidate_packs(captures)))
     sections = list(map(_section_settings, captures))
     config = parse_config(trial + "".join(map(_section_text, sections)), path)
     for section, capture in zip(sections, captures, strict=True):
-        _add_dbc(section, capture, dbc, path.parent, config)
+        stated = section.pop("dbc", None) or dbc
+        frames = [frame for frame in islice(capture.frames(), _HEAD_FRAMES) if frame.protocol == "can"]
+        if section["type"] in ("can", "file", "serial", "udp", "tcp") and frames:
+            folders = [capture.place.folder, path.parent]
+            dbc_path, remark = listen.choose_dbc(None if stated is None else Path(stated), folders, frames)
+            capture.remarks += [remark] if remark else []
+            if dbc_path is not None:
+                section["dbc"] = str(dbc_path.absolute())
+                section["signals"] = listen.match_signals(dbc_path, config.actuators)
     ship = parse_config(trial + "".join(map(_section_text, sections)), path)
     order = channel_names(ship.actuators, tuple(declaration.channel for declaration in ship.declared))
     for section, source in zip(sections, ship.sources, strict=True):
@@ -341,7 +312,7 @@ def broadest_configuration(captures: Sequence[Capture], vessel: str, dbc: Path |
     return parse_config(trial + "".join(map(_section_text, sections)), path)
 
 
-def candidate_packs(captures: Sequence[Capture]) -> list[dict[str, Any]]:
+def candidate_packs(captures: Sequence[listen.Capture]) -> list[dict[str, Any]]:
     """Seatrial's packs as sections; those of several engines with as many names as there are engines."""
     frames = (frame for capture in captures for frame in islice(capture.frames(), _HEAD_FRAMES))
     engines = {0}
@@ -360,108 +331,75 @@ def candidate_packs(captures: Sequence[Capture]) -> list[dict[str, Any]]:
     ]
 
 
-def used_packs(packs: Sequence[dict[str, Any]], survey: Survey) -> list[dict[str, Any]]:
-    """The packs of whose channels some were received by their declaration."""
-    received = {
+def _pack_text(pack: Mapping[str, Any]) -> str:
+    return "[[pack]]\n" + "".join(_toml_line(key, value) for key, value in pack.items())
+
+
+def _section_settings(capture: listen.Capture) -> dict[str, Any]:
+    return {"name": capture.place.name, "type": capture.place.type, **capture.place.settings, "channels": []}
+
+
+def configuration_text(
+    captures: Sequence[listen.Capture],
+    survey: Survey,
+    reasons: Mapping[str, str],
+    missing: Mapping[str, str],
+    readings: Sequence[listen.LatestReading],
+    name: str,
+    vessel: str = "",
+) -> str:
+    """The configuration of what was received, as a user would write it.
+
+    ``reasons`` are why channels were not received, ``missing`` those of channels that the trial lacks.
+    """
+    text = _comment(
+        "Written by `seatrial discover` from what came. `seatrial record THIS.toml --check` says whether it"
+        " still does; `seatrial record THIS.toml -o recordings` records. Where several sources list a channel,"
+        " the one further up is preferred, and the next takes over when it falls silent: change the order to"
+        " your liking."
+    )
+    text += f"\n[trial]\n{_toml_line('name', name)}"
+    hint = 'vessel = "NAME"   # a file of trials/vessels, or your own, which says what actuators there are'
+    text += _toml_line("vessel", vessel) if vessel else _comment(hint)
+    if any(VARIATION_FIX in reason for reason in missing.values()):
+        text += _comment("magnetic_variation_deg = 0.0   # east positive: give that of the place")
+    if missing:
+        text += "\n" + _comment("Missing:")
+        text += "".join(_comment(f"{names}: {reason}", "#   ") for names, reason in by_reason(missing).items())
+    received = {  # by their declaration
         declaration.channel.name
         for declaration in survey.config.declared
         if {message_of(origin) for origin in declaration.origins}
         & {label_parts(label)[2][0] for label in survey.quantities.get(declaration.channel.name, ())}
     }
-    used = []
-    for pack in packs:
+    for pack in candidate_packs(captures):
         path = PACKS / f"{pack['name']}.toml"
         templates = [channel["name"] for channel in parse_toml(path.read_text(), path)["channel"]]
         instances = pack.get("each", [""])
         if received & {template.replace("{each}", name) for template in templates for name in instances}:
-            used.append(pack)
-    return used
-
-
-def _pack_text(pack: Mapping[str, Any]) -> str:
-    return "[[pack]]\n" + "".join(_toml_line(key, value) for key, value in pack.items())
-
-
-def _section_settings(capture: Capture) -> dict[str, Any]:
-    return {"name": capture.place.name, "type": capture.place.type, **capture.place.settings, "channels": []}
-
-
-def _add_dbc(
-    section: dict[str, Any], capture: Capture, dbc: Path | None, folder: Path, config: TrialConfig
-) -> None:
-    """Add the vessel's CAN frames by the DBC file that describes them."""
-    stated = section.pop("dbc", None) or dbc
-    frames = [frame for frame in islice(capture.frames(), _HEAD_FRAMES) if frame.protocol == "can"]
-    if section["type"] not in ("can", "file", "serial", "udp", "tcp") or not frames:
-        return
-    choice = choose_dbc(None if stated is None else Path(stated), [capture.place.folder, folder], frames)
-    capture.remarks += [choice.remark] if choice.remark else []
-    if choice.path is not None:
-        section["dbc"] = str(choice.path.absolute())
-        section["signals"] = match_signals(choice.path, config.actuators)
-
-
-class Gaps(NamedTuple):
-    """Why channels were not received: ``reasons`` of all decoded ones, ``missing`` those that the trial lacks."""
-
-    reasons: Mapping[str, str]
-    missing: Mapping[str, str]
-
-
-def configuration_text(
-    captures: Sequence[Capture],
-    survey: Survey,
-    gaps: Gaps,
-    readings: Sequence[LatestReading],
-    name: str,
-    vessel: str = "",
-) -> str:
-    """The configuration of what was received, as a user would write it."""
-    reasons, missing = gaps
-    parts = [
-        _comment(
-            "Written by `seatrial discover` from what came. `seatrial record THIS.toml --check` says whether it"
-            " still does; `seatrial record THIS.toml -o recordings` records. Where several sources list a channel,"
-            " the one further up is preferred, and the next takes over when it falls silent: change the order to"
-            " your liking."
-        ),
-        f"\n[trial]\n{_toml_line('name', name)}",
-        _toml_line("vessel", vessel)
-        if vessel
-        else _comment(
-            'vessel = "NAME"   # a file of trials/vessels, or your own, which says what actuators there are'
-        ),
-    ]
-    if any(VARIATION_FIX in reason for reason in missing.values()):
-        parts.append(_comment("magnetic_variation_deg = 0.0   # east positive: give that of the place"))
-    if missing:
-        parts.append("\n" + _comment("Missing:"))
-        parts += [_comment(f"{names}: {reason}", "#   ") for names, reason in by_reason(missing).items()]
-    parts += [f"\n{_pack_text(pack)}" for pack in used_packs(candidate_packs(captures), survey)]
-    parts += [_source_text(capture, survey, reasons, readings) for capture in captures]
-    return "".join(parts)
+            text += f"\n{_pack_text(pack)}"
+    return text + "".join(_source_text(capture, survey, reasons, readings) for capture in captures)
 
 
 def _source_text(
-    capture: Capture, survey: Survey, reasons: Mapping[str, str], readings: Iterable[LatestReading]
+    capture: listen.Capture, survey: Survey, reasons: Mapping[str, str], readings: Iterable[listen.LatestReading]
 ) -> str:
+    """A source with what comes of it, and the signals and topics that come for the user to map them to channels."""
     source = next(candidate for candidate in survey.config.sources if candidate.name == capture.place.name)
     awaiting_number = [name for name, reason in reasons.items() if reason.endswith((VARIATION_FIX, RATED_FIX))]
     provided = survey.provided(source.name)
     provided = [*provided, *(name for name in awaiting_number if source.name in sources_of(name, survey))]
-    signals = getattr(source, "signals", {})
     section = {key: value for key, value in _section_settings(capture).items() if key != "dbc"} | {
         "channels": provided
     }
-    if getattr(source, "dbc", None) is not None:
-        section["dbc"] = str(source.dbc)  # type: ignore[union-attr]
+    comments = "".join(map(_comment, capture.remarks))
+    if isinstance(source, CanFrames) and source.dbc is not None:
+        section["dbc"] = str(source.dbc)
         section["signals"] = {
             name: {"message": signal.message, "signal": signal.signal, "unit": signal.unit}
-            for name, signal in signals.items()
+            for name, signal in source.signals.items()
             if name in provided
         }
-    comments = "".join(map(_comment, capture.remarks))
-    if "dbc" in section:
         comments += _comment("Check signs and values of the DBC file's signals alongside.")
     if not provided:
         comments += _comment("No channel comes of it; what comes is recorded undecoded all the same.")
@@ -469,24 +407,18 @@ def _source_text(
     if rated := [name for name in provided if reasons.get(name, "").endswith(RATED_FIX)]:
         setting = _toml_line("rated_rpm", {name.removesuffix("_rpm"): 0 for name in rated}).rstrip()
         hints.insert(0, f"{setting}   # at 100 %")
-    template = _mapping_template([reading for reading in readings if reading.source == source.name], section)
-    return f"\n{comments}{_section_text(section, hints)}{template}"
-
-
-def _mapping_template(readings: Sequence[LatestReading], section: Mapping[str, Any]) -> str:
-    """The signals and topics that come, with their values, for the user to map them to channels."""
-    unmapped = [reading for reading in readings if not reading.channel]
-    if not unmapped:
-        return ""
-    kind, table = ("topic", "values") if "topic" in unmapped[0].entry else ("signal", "signals")
-    text = _comment(
-        f"Values that come: to record one, put its channel before the {kind} and its unit behind, remove the # and"
-        " add the channel to the list above."
-    )
-    text += "" if section.get(table) else f"[source.{table}]\n"
+    text = f"\n{comments}{_section_text(section, hints)}"
+    unmapped = [reading for reading in readings if reading.source == source.name and not reading.channel]
+    if unmapped:
+        kind, table = ("topic", "values") if "topic" in unmapped[0].entry else ("signal", "signals")
+        text += _comment(
+            f"Values that come: to record one, put its channel before the {kind} and its unit behind, remove the #"
+            " and add the channel to the list above."
+        )
+        text += "" if section.get(table) else f"[source.{table}]\n"
     for reading in unmapped:
         line = f"{_toml_line('channel', reading.entry).rstrip()}   # {reading.text}"
-        text += f"# {_printable(line)}\n"
+        text += f"# {listen.without_controls(line)}\n"
     return text
 
 
@@ -539,11 +471,9 @@ def _toml_value(value: Any) -> str:
     return json.dumps(value)
 
 
-def _printable(text: str) -> str:
-    return "".join(letter if letter.isprintable() else "?" for letter in text)
-
-
 def _comment(text: str, prefix: str = "# ") -> str:
     """Text as a comment of as many lines as it takes; control characters are replaced."""
-    rows = wrap(_printable(text), _WIDTH + 1 - len(prefix), break_long_words=False, break_on_hyphens=False)
+    rows = wrap(
+        listen.without_controls(text), _WIDTH + 1 - len(prefix), break_long_words=False, break_on_hyphens=False
+    )
     return "".join(f"{prefix}{row}\n" for row in rows)

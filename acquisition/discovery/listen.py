@@ -19,13 +19,12 @@ from dataclasses import dataclass, field, replace
 from itertools import islice
 from math import inf, isfinite
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 from urllib.parse import parse_qsl
 
 import cantools
 import orjson
 from cantools.database.can import Message as DbcMessage
-from cantools.database.can import Signal as DbcSignal
 from pydantic import TypeAdapter
 
 from seatrial.acquisition.config.sources import AnySource, TopicValue
@@ -39,11 +38,11 @@ from seatrial.acquisition.core.errors import (
     system_reason,
 )
 from seatrial.acquisition.core.quantities import canonical_unit, is_unit, scale_to
-from seatrial.acquisition.core.ship import BY_NAME, RUDDER, VESSELS, Actuators, Channel, rudders
+from seatrial.acquisition.core.ship import BY_NAME, RUDDER, VESSELS, Actuators, rudders
 from seatrial.acquisition.core.trial import Frame, FrameFlag
-from seatrial.acquisition.protocols.can_frames import frame_key, load_dbc, missing_by_name, missing_by_rule
+from seatrial.acquisition.protocols.can_frames import frame_key, load_dbc, raw_values, why_missing
 from seatrial.acquisition.protocols.clock import SENTENCE_WITH_PREFIX
-from seatrial.acquisition.protocols.mavlink import Fault, PacketCutter, has_known_message, header_of, is_read
+from seatrial.acquisition.protocols.mavlink import CRC_EXTRA, MESSAGE_NAMES, Fault, PacketCutter, header_of
 from seatrial.acquisition.protocols.mqtt import read_message, split_time, topic_and_message
 from seatrial.acquisition.protocols.nmea0183 import has_sentence
 from seatrial.acquisition.protocols.nmea2000 import NOT_AVAILABLE, parameter_group
@@ -104,13 +103,6 @@ def listen(
     return [results[place.name] for place in places]
 
 
-def place_section(place: ListeningPlace) -> AnySource:
-    """The place as a section of a configuration."""
-    section = {"name": place.name, "type": place.type, "channels": (), **place.settings}
-    source: AnySource = TypeAdapter(AnySource).validate_python(section)
-    return source
-
-
 def capture_log(place: ListeningPlace) -> Capture:
     """A log file: its kind, and its frames, which are read again by each use."""
     path = Path(place.settings["path"])
@@ -128,17 +120,27 @@ def capture_log(place: ListeningPlace) -> Capture:
         return Capture(place, problem=_error_text(error))
     except OSError as error:
         return Capture(place, problem=f"cannot be read: {error.strerror}")
-    return _with_mavlink_system(capture)
+    return _with_mavlink_system(capture) if place.type == "mavlink_file" else capture
 
 
 def _listen_at(place: ListeningPlace, until_s: float, stop: threading.Event, results: dict[str, Capture]) -> None:
-    """Put the capture of one place into ``results``, in a thread; raises nothing."""
+    """Put the capture of one place into ``results``, in a thread; raises nothing.
+
+    A serial line's baud rate is detected unless it is given.
+    """
+
+    def read_at(rate: int) -> bytes:
+        line = replace(place, type="mavlink_serial", settings={**place.settings, "baud_rate": rate})
+        probe_until_s = min(time.monotonic() + BAUD_PROBE_S, until_s)
+        return b"".join(frame.payload for frame in _receive(line, probe_until_s, stop))
+
     try:
-        rated_place = _with_baud_rate(place, until_s, stop) if place.type == "serial" else place
+        rated_place = place
+        if place.type == "serial" and "baud_rate" not in place.settings:
+            rated_place = replace(place, settings={**place.settings, "baud_rate": find_baud_rate(read_at)})
         raw = replace(rated_place, type=_RAW_TYPES.get(rated_place.type, rated_place.type))
-        frames, fault = list[Frame](), ""
+        frames, fault, size = list[Frame](), "", 0
         try:
-            size = 0
             for frame in islice(_receive(raw, until_s, stop), _MOST_FRAMES):
                 frames.append(frame)
                 size += len(frame.payload)
@@ -163,7 +165,8 @@ def _error_text(error: SeatrialError) -> str:
 
 def _receive(place: ListeningPlace, until_s: float = inf, stop: threading.Event | None = None) -> Iterator[Frame]:
     """The frames of a place, until the end of a log, a time [s] or ``stop``."""
-    source = make_source(place_section(place))
+    section = {"name": place.name, "type": place.type, "channels": (), **place.settings}
+    source = make_source(TypeAdapter[AnySource](AnySource).validate_python(section))
     source.open()
     try:
         while time.monotonic() < until_s and not (stop and stop.is_set()):
@@ -173,22 +176,6 @@ def _receive(place: ListeningPlace, until_s: float = inf, stop: threading.Event 
             yield from block
     finally:
         source.close()
-
-
-def _with_baud_rate(place: ListeningPlace, until_s: float, stop: threading.Event) -> ListeningPlace:
-    """A serial line with its baud rate, which is detected unless it is given."""
-    if "baud_rate" in place.settings:
-        return place
-
-    def at(rate: int) -> ListeningPlace:
-        return replace(place, settings={**place.settings, "baud_rate": rate})
-
-    def read_at(rate: int) -> bytes:
-        raw = replace(at(rate), type="mavlink_serial")
-        probe_until_s = min(time.monotonic() + BAUD_PROBE_S, until_s)
-        return b"".join(frame.payload for frame in _receive(raw, probe_until_s, stop))
-
-    return at(find_baud_rate(read_at))
 
 
 def find_baud_rate(read_at: Callable[[int], bytes], rates: Sequence[int] = BAUD_RATES) -> int:
@@ -210,13 +197,14 @@ def find_baud_rate(read_at: Callable[[int], bytes], rates: Sequence[int] = BAUD_
 
 def interpret(place: ListeningPlace, received: Sequence[Frame]) -> Capture:
     """The capture of what came at a place, decoded as what it is. Unknown bytes are a problem."""
-    if place.type == "mqtt" and received:
-        place = replace(place, settings={**place.settings, "topics": sentence_topics(received) or ["#"]})
-    if place.type in ("can", "mqtt"):
-        return Capture(place, lambda: iter(received), len(received), problem="" if received else _NOTHING_COMES)
+    is_datagram = place.type == "udp"
     if not received:
-        return Capture(place, problem=_NOTHING_COMES)
-    lines, packets = _count_valid_bytes([frame.payload for frame in received], is_datagram=place.type == "udp")
+        return Capture(place, problem="nothing comes")
+    if place.type == "mqtt":
+        place = replace(place, settings={**place.settings, "topics": _sentence_topics(received)})
+    if place.type in ("can", "mqtt"):
+        return Capture(place, lambda: iter(received), len(received))
+    lines, packets = _count_valid_bytes([frame.payload for frame in received], is_datagram=is_datagram)
     if not lines and not packets:
         beginning = received[0].payload[:24]
         return Capture(place, problem=f"bytes come that are nothing known; they begin with {beginning!r}")
@@ -224,29 +212,24 @@ def interpret(place: ListeningPlace, received: Sequence[Frame]) -> Capture:
         link = replace(place, type=_RAW_TYPES[place.type])
         return _with_mavlink_system(Capture(link, lambda: iter(received), len(received)))
     assembler = LineAssembler(place.name)
-    frames = [
-        line for frame in received for line in _split_lines(assembler, frame, is_datagram=place.type == "udp")
-    ]
+    frames = [line for frame in received for line in _split_lines(assembler, frame, is_datagram=is_datagram)]
     if any(frame.protocol == "can" for frame in frames):
-        end = b"\n" if place.type == "udp" else b""
-        form = gateway_form(end.join(frame.payload for frame in received))
+        form = gateway_form((b"\n" if is_datagram else b"").join(frame.payload for frame in received))
         place = replace(place, settings={**place.settings, **({"form": form} if form else {})})
     return Capture(place, lambda: iter(frames), len(frames))
 
 
-_NOTHING_COMES = "nothing comes"
-
-
-def sentence_topics(received: Iterable[Frame]) -> list[str]:
+def _sentence_topics(received: Iterable[Frame]) -> list[str]:
     """The MQTT topics of sentences, or the common beginning of many; all, if a configuration cannot name one."""
     topics = set()
     for frame in received:
         topic, _, text = frame.payload.partition(b"\0")
         if _has_sentence(text.decode("latin-1")):
             topics.add(topic.decode("utf-8", "replace"))
-    if not all(
+    is_valid = (
         topic and topic.isprintable() and topic == topic.strip() and not set("+#") & set(topic) for topic in topics
-    ):
+    )
+    if not topics or not all(is_valid):
         return ["#"]
     if len(topics) <= _MOST_TOPICS:
         return sorted(topics)
@@ -275,7 +258,7 @@ def _count_valid_bytes(chunks: Sequence[bytes], *, is_datagram: bool = False) ->
         packets += sum(
             len(packet)
             for packet in cutter.push(chunk)
-            if not isinstance(packet, Fault) and has_known_message(packet)
+            if not isinstance(packet, Fault) and header_of(packet).message_id in CRC_EXTRA
         )
     return lines, packets
 
@@ -301,13 +284,13 @@ def _is_frame(entry: LogEntry | None) -> bool:
 
 def _with_mavlink_system(capture: Capture) -> Capture:
     """A MAVLink link with the system of the ship: the one with most messages that are read."""
-    if not capture.place.type.startswith("mavlink"):
-        return capture
     cutter, systems = PacketCutter(complete=capture.place.type == "mavlink_file"), Counter[int]()
     for frame in islice(capture.frames(), _HEAD_FRAMES):
         headers = [header_of(packet) for packet in cutter.push(frame.payload) if not isinstance(packet, Fault)]
         systems.update(
-            header.system_id for header in headers if is_read(header.message_id) and 0 < header.system_id < 256
+            header.system_id
+            for header in headers
+            if header.message_id in MESSAGE_NAMES and 0 < header.system_id < 256
         )
     if not systems:
         return replace(capture, problem="MAVLink comes, but none of the messages that are read")
@@ -329,6 +312,15 @@ _GROUPS = tuple((f"239.192.0.{number}", 60_000 + number) for number in range(1, 
 """The transmission groups of IEC 61162-450."""
 _USUAL_TCP = (("127.0.0.1", 10110), ("127.0.0.1", 2000), ("127.0.0.1", 5760))
 _LINK_TYPES = {"mavlink": "udp", "mavlink_tcp": "tcp", "mavlink_serial": "serial"}
+_PLACE_KEYS = {
+    "can": ("interface", "channel", "options", "dbc"),
+    "serial": ("device", "baud_rate", "dbc"),
+    "udp": ("address", "port", "dbc"),
+    "tcp": ("address", "port", "dbc"),
+    "file": ("path", "dbc"),
+    "mqtt": ("address", "port", "tls", "ca_file", "client_id", "user", "password_file", "password_variable"),
+}
+"""What a place keeps of a source's section, by the kind of transport."""
 INPUT_FORMS = (
     "a log file, a configuration (.toml) whose sources are listened to, can0 or can:INTERFACE:CHANNEL,"
     " /dev/ttyUSB0 or /dev/ttyUSB0@38400, any path of a serial line, udp:PORT or udp:ADDRESS:PORT,"
@@ -355,28 +347,23 @@ class ListeningPlace:
 def parse_places(inputs: Sequence[str]) -> list[ListeningPlace]:
     """The places that a user names, with unique names.
 
-    Raises :class:`InputError` for what is no place, and for logs together with live places, whose times differ;
+    Raises :class:`InputError` for what is no place, for a serial line that is named twice, perhaps by a link, as
+    only one can read it, and for logs together with live places, whose times differ;
     :class:`ConfigurationError` for an invalid configuration.
     """
     places = _with_unique_names(place for text in inputs for place in _parse_place(text))
-    _refuse_duplicate_lines(places)
+    lines: dict[str, ListeningPlace] = {}
+    for place in places:
+        if place.type == "serial":
+            line = lines.setdefault(os.path.realpath(place.settings["device"]), place)
+            if line is not place:
+                where, fix = f"{line.text}, {place.text}", "name it once"
+                raise InputError("are the same serial line", where=where, fix=fix)
     logs = [place.text for place in places if place.type == "file"]
     if logs and len(logs) < len(places):
         fix = "discover the logs and what is live one after the other"
         raise InputError("is a log, but other places are live", where=", ".join(logs), fix=fix)
     return places
-
-
-def _refuse_duplicate_lines(places: Iterable[ListeningPlace]) -> None:
-    """Raise :class:`InputError` for a serial line that is named twice, perhaps by a link: only one can read it."""
-    lines: dict[str, ListeningPlace] = {}
-    for place in places:
-        if place.type == "serial":
-            device = os.path.realpath(place.settings["device"])
-            if device in lines:
-                where, fix = f"{lines[device].text}, {place.text}", "name it once"
-                raise InputError("are the same serial line", where=where, fix=fix)
-            lines[device] = place
 
 
 def _parse_place(text: str) -> list[ListeningPlace]:
@@ -392,21 +379,22 @@ def _parse_place(text: str) -> list[ListeningPlace]:
         return [_can_place(interface, channel, text)]
     if _CAN_NAME.fullmatch(text) and not path.exists():
         return [_can_place("socketcan", text, text)]
-    if kind == "serial" or _SERIAL_NAME.fullmatch(text) or _is_device(text):
+    try:
+        is_device = Path(_device_and_rate(text)[0]).is_char_device()  # or a link to one
+    except (OSError, ValueError):
+        is_device = False
+    if kind == "serial" or _SERIAL_NAME.fullmatch(text) or is_device:
         return [_serial_place(target if kind == "serial" else text, text)]
     if path.suffix == ".toml" and path.is_file():
         return _places_of_configuration(path)
     if path.is_file():
-        return [
-            ListeningPlace(path.stem, "file", {"path": str(path.absolute())}, text, folder=path.absolute().parent)
-        ]
+        absolute = path.absolute()
+        return [ListeningPlace(path.stem, "file", {"path": str(absolute)}, text, folder=absolute.parent)]
     if path.is_symlink():
         why = f"it is a link to {path.readlink()}, and nothing is there"
         raise InputError("is not an input", where=text, why=why, fix="connect the device, or correct the link")
-    if os.path.lexists(path):
-        kind = "a folder" if path.is_dir() else "a pipe or socket"
-        raise InputError("is not an input", where=text, why=f"it is {kind}", fix=f"name {INPUT_FORMS}")
-    raise InputError("is not an input", where=text, fix=f"name {INPUT_FORMS}")
+    why = "" if not os.path.lexists(path) else f"it is {'a folder' if path.is_dir() else 'a pipe or socket'}"
+    raise InputError("is not an input", where=text, why=why, fix=f"name {INPUT_FORMS}")
 
 
 def _can_place(interface: str, channel: str, text: str) -> ListeningPlace:
@@ -425,14 +413,6 @@ def _device_and_rate(text: str) -> tuple[str, str]:
     """The path of a serial line, and the baud rate behind it; a path may contain an @, too."""
     parts = None if os.path.lexists(text) else _RATE.fullmatch(text)
     return (text, "") if parts is None else (parts["device"], parts["rate"])
-
-
-def _is_device(text: str) -> bool:
-    """Whether a path, or the target of a link, is a character device."""
-    try:
-        return Path(_device_and_rate(text)[0]).is_char_device()
-    except (OSError, ValueError):
-        return False
 
 
 def _serial_place(text: str, user_text: str) -> ListeningPlace:
@@ -461,39 +441,35 @@ def _places_of_configuration(path: Path) -> list[ListeningPlace]:
     sections = parse_toml(read_text(path), path).get("source", [])
     if not isinstance(sections, list) or not sections:
         raise ConfigurationError("has no source", where=str(path), fix="add a [[source]] section")
-    return [
-        place for section in sections if isinstance(section, dict) and (place := _place_of_section(section, path))
-    ]
-
-
-def _place_of_section(section: dict[str, Any], path: Path) -> ListeningPlace | None:
-    kind = str(section.get("type", ""))
-    kind = _LINK_TYPES.get(kind, "file" if kind.endswith("file") else kind)
-    keys = {
-        "can": ("interface", "channel", "options", "dbc"),
-        "serial": ("device", "baud_rate", "dbc"),
-        "udp": ("address", "port", "dbc"),
-        "tcp": ("address", "port", "dbc"),
-        "file": ("path", "dbc"),
-        "mqtt": ("address", "port", "tls", "ca_file", "client_id", "user", "password_file", "password_variable"),
-    }.get(kind)
-    if keys is None:
-        return None
-    settings = {key: section[key] for key in keys if key in section}
-    files = ("path", "dbc", "ca_file", "password_file")
-    settings |= {key: str(path.absolute().parent / str(settings[key])) for key in files if key in settings}
-    settings |= {"topics": ["#"]} if kind == "mqtt" else {}
-    if kind in ("udp", "tcp"):
-        settings = {"address": "127.0.0.1"} | settings
-    name = str(section.get("name", kind))
-    return ListeningPlace(name, kind, settings, f"{path.name}: {name}", folder=path.absolute().parent)
+    folder, places = path.absolute().parent, []
+    for section in sections:
+        kind = str(section.get("type", "")) if isinstance(section, dict) else ""
+        kind = _LINK_TYPES.get(kind, "file" if kind.endswith("file") else kind)
+        if kind not in _PLACE_KEYS:
+            continue
+        settings = {key: section[key] for key in _PLACE_KEYS[kind] if key in section}
+        files = ("path", "dbc", "ca_file", "password_file")
+        settings |= {key: str(folder / str(settings[key])) for key in files if key in settings}
+        settings |= {"topics": ["#"]} if kind == "mqtt" else {}
+        if kind in ("udp", "tcp"):
+            settings = {"address": "127.0.0.1"} | settings
+        name = str(section.get("name", kind))
+        places.append(ListeningPlace(name, kind, settings, f"{path.name}: {name}", folder=folder))
+    return places
 
 
 def usual_places() -> list[ListeningPlace]:
     """The usual places of instruments on this computer: its CAN interfaces, serial lines and the usual ports."""
+    import can
     from serial.tools.list_ports import comports
 
-    places = _can_interfaces()
+    logging.getLogger("can").setLevel(logging.ERROR)  # without warnings of drivers that are not installed
+    configs: list[dict[str, Any]] = []
+    for interface in _USUAL_CAN:
+        with suppress(Exception):  # drivers raise anything
+            configs += can.detect_available_configs(interface)
+    buses = [(config["interface"], str(config["channel"])) for config in configs]
+    places = [_can_place(interface, channel, f"can:{interface}:{channel}") for interface, channel in buses]
     for port in comports():
         if port.hwid != "n/a":  # a link by the adapter's identity outlasts the device's number
             place = _serial_place(port.device, port.device)
@@ -505,20 +481,6 @@ def usual_places() -> list[ListeningPlace]:
     places += [_port_place("tcp", f"{address}:{port}", f"tcp:{address}:{port}") for address, port in _USUAL_TCP]
     places.append(_port_place("mqtt", "127.0.0.1:1883", "mqtt:127.0.0.1"))
     return _with_unique_names(replace(place, expected=False) for place in places)
-
-
-def _can_interfaces() -> list[ListeningPlace]:
-    import can
-
-    logging.getLogger("can").setLevel(logging.ERROR)  # without warnings of drivers that are not installed
-    configs = []
-    for interface in _USUAL_CAN:
-        with suppress(Exception):  # drivers raise anything
-            configs += can.detect_available_configs(interface)
-    return [
-        _can_place(config["interface"], str(config["channel"]), f"can:{config['interface']}:{config['channel']}")
-        for config in configs
-    ]
 
 
 def _with_unique_names(places: Iterable[ListeningPlace]) -> list[ListeningPlace]:
@@ -569,90 +531,67 @@ class LatestReading:
 def signal_readings(
     source: str, frames: Iterable[Frame], messages: DbcMessages, channels: Mapping[tuple[str, str], str]
 ) -> list[LatestReading]:
-    """The latest value of each signal on a source; ``channels`` are those mapped, by message and signal."""
+    """The latest value of each signal on a source, with the name of the state or the reason why it has no value.
+
+    ``channels`` are those mapped, by message and signal.
+    """
     latest: dict[str, tuple[DbcMessage, deque[Frame]]] = {}
     for frame in frames:
         if (message := messages.message_of(frame)) is not None:
             latest.setdefault(message.name, (message, deque(maxlen=_LATEST)))[1].append(frame)
     readings = []
     for message, recent in latest.values():
-        values: dict[str, tuple[float | None, str]] = {}
+        raw: dict[str, float] = {}
         for frame in recent:
-            values |= _decode_signals(message, frame)
+            raw |= raw_values(message, frame.payload) or {}
         for signal in message.signals:
-            if signal.name in values:
-                entry = {
-                    "message": message.name,
-                    "signal": signal.name,
-                    "unit": canonical_unit(str(signal.unit or "")),
-                }
+            if signal.name in raw:
+                number = raw[signal.name]
+                missing = why_missing(number, signal, by_rule=message.is_extended_frame)
+                value = None if missing else float(signal.raw_to_scaled(number, False))
+                if value is None or not isfinite(value):
+                    value, note = None, missing or NOT_AVAILABLE
+                else:
+                    note = str((signal.choices or {}).get(int(number), ""))
+                unit = canonical_unit(str(signal.unit or ""))
+                entry = {"message": message.name, "signal": signal.name, "unit": unit}
                 channel = channels.get((message.name, signal.name), "")
-                readings.append(LatestReading(source, entry, *values[signal.name], channel))
+                readings.append(LatestReading(source, entry, value, note, channel))
     return readings
-
-
-def _decode_signals(message: DbcMessage, frame: Frame) -> dict[str, tuple[float | None, str]]:
-    """The values of the signals in a frame, with the name of the state or the reason why it has no value."""
-    try:
-        raw: dict[str, float] = message.decode(frame.payload[: message.length], decode_choices=False, scaling=False)
-    except Exception:  # an unknown multiplexer value, and further faults by the library
-        return {}
-    return {
-        signal.name: _scaled_value(raw[signal.name], signal, not frame.flags & FrameFlag.STANDARD_ID)
-        for signal in message.signals
-        if signal.name in raw
-    }
-
-
-def _scaled_value(raw: float, signal: DbcSignal, is_extended: bool) -> tuple[float | None, str]:
-    missing = missing_by_name(raw, signal)
-    if missing is None and (is_extended or signal.is_float):
-        missing = missing_by_rule(raw, signal)
-    value = float("nan") if missing else float(signal.raw_to_scaled(raw, False))
-    if not isfinite(value):
-        return None, missing or NOT_AVAILABLE
-    return value, str((signal.choices or {}).get(int(raw), ""))
-
-
-class _JsonField(NamedTuple):
-    """A value in a message; ``path`` is its field in a JSON object."""
-
-    path: str
-    value: float | str
-    unit: str = ""
 
 
 def topic_readings(source: str, frames: Iterable[Frame]) -> list[LatestReading]:
-    """The latest value of each topic, or of each field of a JSON object, without topics of sentences."""
+    """The latest value of each topic, or of each field of a JSON object, without topics of sentences.
+
+    A message that is neither a number nor a JSON object is given as text, shortened.
+    """
     latest: dict[str, tuple[str, str]] = {}
     for frame in frames:
         topic, text = topic_and_message(frame.payload)
-        is_retained = bool(frame.flags & FrameFlag.RETAINED)
         is_new = topic not in latest
         if _has_sentence(text[:_LONGEST_MESSAGE]) or (is_new and len(latest) >= _MOST_LATEST_TOPICS):
             continue
+        is_retained = bool(frame.flags & FrameFlag.RETAINED)
         latest[topic] = text, "retained by the broker, of unknown age" if is_retained else ""
     readings = []
     for topic, (text, note) in sorted(latest.items()):
-        for path, value, unit in _fields_in(text):
+        _, body = split_time(text[:_LONGEST_MESSAGE])
+        fields: list[tuple[str, float | str]] = [("", _shortened(body))]
+        unit = ""
+        if len(text) > _LONGEST_MESSAGE:
+            fields = [("", f"{len(text):,} bytes")]
+        elif body.startswith("{"):
+            with suppress(orjson.JSONDecodeError):
+                fields = list(islice(_json_leaves(orjson.loads(body)), _MOST_FIELDS))
+        else:
+            message = read_message(text, TopicValue(topic="any", unit=""))
+            number = _finite_number(message.text)
+            if number is not None:
+                fields, unit = [("", number)], message.unit if is_unit(message.unit) else ""
+        for path, value in fields:
             entry = {"topic": topic, **({"field": path} if path else {}), "unit": unit}
             readings.append(LatestReading(source, entry, value, note))
     return readings
-
-
-def _fields_in(text: str) -> list[_JsonField]:
-    """The values in a message; its text, shortened, if it is neither a number nor a JSON object."""
-    if len(text) > _LONGEST_MESSAGE:
-        return [_JsonField("", f"{len(text):,} bytes")]
-    _, body = split_time(text)
-    if body.startswith("{"):
-        with suppress(orjson.JSONDecodeError):
-            return list(islice(_json_leaves(orjson.loads(body)), _MOST_FIELDS))
-        return [_JsonField("", _shortened(body))]
-    message = read_message(text, TopicValue(topic="any", unit=""))
-    unit = message.unit if is_unit(message.unit) else ""
-    number = _finite_number(message.text)
-    return [_JsonField("", _shortened(body)) if number is None else _JsonField("", number, unit)]
 
 
 def _finite_number(value: Any) -> float | None:
@@ -663,12 +602,17 @@ def _finite_number(value: Any) -> float | None:
     return number if isfinite(number) else None
 
 
+def without_controls(text: str) -> str:
+    """A text with a question mark for what cannot be printed."""
+    return "".join(letter if letter.isprintable() else "?" for letter in text)
+
+
 def _shortened(text: str) -> str:
-    printable = "".join(letter if letter.isprintable() else "?" for letter in text.strip())
+    printable = without_controls(text.strip())
     return printable if len(printable) <= _LONGEST_TEXT else f"{printable[:_LONGEST_TEXT]}..."
 
 
-def _json_leaves(content: Mapping[str, Any], path: str = "", level: int = 0) -> Iterator[_JsonField]:
+def _json_leaves(content: Mapping[str, Any], path: str = "", level: int = 0) -> Iterator[tuple[str, float | str]]:
     """The values in nested objects, by their paths."""
     for key, value in content.items():
         inner_path = f"{path}.{key}" if path else key
@@ -676,15 +620,12 @@ def _json_leaves(content: Mapping[str, Any], path: str = "", level: int = 0) -> 
             yield from _json_leaves(value, inner_path, level + 1)
         else:
             number = _finite_number(value)
-            yield _JsonField(inner_path, _shortened(str(value)) if number is None else number)
+            yield inner_path, _shortened(str(value)) if number is None else number
 
 
 _NO_FEEDBACK = re.compile(r"(?i)order|command|cmd|demand|setpoint|request|reference|limit|max|min")
 _ABBREVIATIONS = {"starboard": ("stbd", "stb"), "tunnel": ("bow",), "propeller": ("prop",)}
 _ENOUGH_MESSAGES = 2
-
-SignalNames = dict[str, dict[str, str]]
-"""By channel the message, signal and unit, as ``[source.signals]`` has them."""
 
 
 class DbcMessages:
@@ -712,52 +653,41 @@ class DbcMessages:
         return len({message.name for frame in frames if (message := self.message_of(frame)) is not None})
 
 
-class DbcChoice(NamedTuple):
-    """The DBC file that describes a bus, if one does, and a remark on the choice for the user."""
+def choose_dbc(
+    stated: Path | None, folders: Iterable[Path | None], frames: Sequence[Frame]
+) -> tuple[Path | None, str]:
+    """The DBC file of the bus of ``frames``, and a remark on the choice.
 
-    path: Path | None
-    remark: str = ""
-
-
-def choose_dbc(stated: Path | None, folders: Iterable[Path | None], frames: Sequence[Frame]) -> DbcChoice:
-    """The DBC file of the bus of ``frames``: the one ``stated``, one in a folder, or one of Seatrial's.
-
-    Raises :class:`ConfigurationError` for an invalid file that is stated.
+    The one ``stated``, one in a folder, or one of Seatrial's. One in a folder fits if two of its messages come, or
+    all of fewer; of several the one with most. Raises :class:`ConfigurationError` for an invalid ``stated`` file.
     """
     if stated is not None:
         messages = DbcMessages(load_dbc(stated))
         count = messages.count_in(frames)
-        return DbcChoice(stated if count else None, _describe_coverage(stated, count, messages))
+        return stated if count else None, _describe_coverage(stated, count, messages)
     remarks: list[str] = []
     for folder in dict.fromkeys(directory.absolute() for directory in folders if directory is not None):
-        if (path := _find_fitting_dbc(folder, frames, remarks)) is not None:
-            return DbcChoice(path, "; ".join(remarks))
-    path = None if remarks else vessel_dbc(frames)
-    remarks += [] if path is None else [f"{path.name} of Seatrial fits"]
-    return DbcChoice(path, "; ".join(remarks))
-
-
-def _find_fitting_dbc(folder: Path, frames: Sequence[Frame], remarks: list[str]) -> Path | None:
-    """The DBC file in a folder that fits frames: two of its messages come, or all of fewer; of several the one with
-    most. Remarks on it, or on those not chosen, are appended to ``remarks``."""
-    counts: dict[Path, int] = {}
-    for path in sorted(folder.glob("*.dbc")):
-        try:
-            messages = DbcMessages(load_dbc(path))
-        except ConfigurationError as error:
-            remarks.append(f"{path.name} {error.what}: {error.why}")
-            continue
-        count = messages.count_in(frames)
-        if count >= min(_ENOUGH_MESSAGES, messages.count) > 0:
-            counts[path] = count
-        if count:
-            remarks.append(_describe_coverage(path, count, messages))
-    candidates = [path for path, count in counts.items() if count == max(counts.values())]
-    if len(candidates) > 1:
-        remarks.append("they fit alike: name one with --dbc")
-    elif remarks and not candidates:
-        remarks.append("if one is of this bus, name it with --dbc")
-    return candidates[0] if len(candidates) == 1 else None
+        counts: dict[Path, int] = {}
+        for path in sorted(folder.glob("*.dbc")):
+            try:
+                messages = DbcMessages(load_dbc(path))
+            except ConfigurationError as error:
+                remarks.append(f"{path.name} {error.what}: {error.why}")
+                continue
+            count = messages.count_in(frames)
+            if count >= min(_ENOUGH_MESSAGES, messages.count) > 0:
+                counts[path] = count
+            if count:
+                remarks.append(_describe_coverage(path, count, messages))
+        candidates = [path for path, count in counts.items() if count == max(counts.values())]
+        if len(candidates) == 1:
+            return candidates[0], "; ".join(remarks)
+        if candidates:
+            remarks.append("they fit alike: name one with --dbc")
+        elif remarks:
+            remarks.append("if one is of this bus, name it with --dbc")
+    vessel_path = None if remarks else vessel_dbc(frames)
+    return vessel_path, "; ".join(remarks) if vessel_path is None else f"{vessel_path.name} of Seatrial fits"
 
 
 def _describe_coverage(path: Path, count: int, messages: DbcMessages) -> str:
@@ -783,30 +713,29 @@ def vessel_dbc(frames: Iterable[Frame]) -> Path | None:
     return None
 
 
-def match_signals(path: Path, actuators: Actuators) -> SignalNames:
-    """The signals of the control channels by names and units. Raises :class:`ConfigurationError`."""
+def match_signals(path: Path, actuators: Actuators) -> dict[str, dict[str, str]]:
+    """The signals of the control channels: by channel message, signal and unit, as in ``[source.signals]``.
+
+    A channel's is the only one with the name of the actuator and a unit of the channel's quantity. Raises
+    :class:`ConfigurationError`.
+    """
     database = load_dbc(path)
     controls = [(channel, actuator.name) for actuator in actuators for channel in actuator.channels]
     controls += [] if rudders(actuators) else [(BY_NAME[RUDDER], "rudder")]
-    matches = ((channel.name, _find_signal(channel, actuator, database)) for channel, actuator in controls)
-    return {name: entry for name, entry in matches if entry is not None}
-
-
-def _find_signal(channel: Channel, actuator: str, database: cantools.db.Database) -> dict[str, str] | None:
-    """The only signal with the name of the actuator and a unit of the channel's quantity; None for several."""
-    words = [(word, *_ABBREVIATIONS.get(word, ())) for word in actuator.split("_")]
-    candidates = []
-    for message in database.messages:
-        for signal in message.signals:
+    signals = [(message, signal) for message in database.messages for signal in message.signals]
+    matches = {}
+    for channel, actuator_name in controls:
+        words = [(word, *_ABBREVIATIONS.get(word, ())) for word in actuator_name.split("_")]
+        candidates = []
+        for message, signal in signals:
             name = f"{message.name} {signal.name}"
             letters = re.sub(r"[^a-z]", "", name.lower())
             is_named = all(any(spelling in letters for spelling in spellings) for spellings in words)
-            if not is_named or _NO_FEEDBACK.search(name):
-                continue
-            try:
-                scale_to(channel.unit, str(signal.unit))
-            except ConfigurationError:  # a unit of another quantity
-                continue
-            entry = {"message": message.name, "signal": signal.name, "unit": canonical_unit(str(signal.unit))}
-            candidates.append(entry)
-    return candidates[0] if len(candidates) == 1 else None
+            if is_named and not _NO_FEEDBACK.search(name):
+                with suppress(ConfigurationError):  # for a unit of another quantity
+                    scale_to(channel.unit, str(signal.unit))
+                    unit = canonical_unit(str(signal.unit))
+                    candidates.append({"message": message.name, "signal": signal.name, "unit": unit})
+        if len(candidates) == 1:
+            matches[channel.name] = candidates[0]
+    return matches

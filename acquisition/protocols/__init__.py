@@ -93,24 +93,23 @@ class Decoder(ABC):
         """The samples in one frame, a group a message; empty where there is nothing for us in it."""
 
 
-class ChannelReader(typing.Protocol):
-    """What reads one declared channel in a message."""
-
-    @property
-    def channel(self) -> Channel:
-        """The channel."""
-
-
 Carrier = typing.TypeVar("Carrier")
-Reader = typing.TypeVar("Reader", bound=ChannelReader)
+Reader = typing.TypeVar("Reader", bound=tuple[Any, ...])
 
 
 class DeclaredReaders(dict[Carrier, list[Reader]]):
-    """The readers of the declared channels of one line, bus or link, by the kind of message that carries them."""
+    """The readers of the declared channels of one line, bus or link, by the kind of message that carries them.
 
-    def channels_in(self, kind: Carrier) -> frozenset[str]:
-        """The channels that these messages carry by declaration, which replaces their standard meaning."""
-        return frozenset(entry.channel.name for entry in self.get(kind, ()))
+    Each begins with its channel.
+    """
+
+    def undeclared(self, kind: Carrier, values: list[tuple[str, float]]) -> list[tuple[str, float]]:
+        """The values without channels that these messages carry by declaration, which replaces their standard
+        meaning."""
+        if kind not in self:
+            return values
+        declared = {channel.name for channel, *_ in self[kind]}
+        return [pair for pair in values if pair[0] not in declared]
 
 
 def make_decoders(config: AnySource, actuators: Actuators = DEFAULT, declared: Declarations = ()) -> list[Decoder]:

@@ -9,10 +9,10 @@ from __future__ import annotations
 
 import datetime as dt
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from math import isfinite, nan, pi, radians
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import cantools
 from cantools.database.can import Message as DbcMessage
@@ -31,10 +31,12 @@ from seatrial.acquisition.core.times import DAY_NS
 from seatrial.acquisition.core.trial import NANO, Frame, FrameFlag, Group
 from seatrial.acquisition.protocols import Decoder, Moment, Packet
 from seatrial.acquisition.protocols.nmea2000 import (
+    CARRIED,
     ERROR_VALUE,
     LIBRARY,
     NOT_AVAILABLE,
     Nmea2000Decoder,
+    group_variants,
     parameter_group,
 )
 
@@ -63,21 +65,16 @@ def load_dbc(path: Path) -> cantools.db.Database:
     except ConfigurationError:
         raise
     except Exception as error:  # the parser fails in every possible way
+        text = str(error)
+        place, fault = _LINE_AND_COLUMN.search(text), re.search(r"(The (?:signals?|message) .+?)\.?\"?$", text)
+        if isinstance(error, OSError):
+            why = system_reason(error)
+        elif place:
+            why = f"line {place[1]}, column {place[2]} is not of a DBC file"
+        else:  # without the words of the library that reads it
+            why = fault[1] if fault else "its messages and signals contradict each other"
         fix = "give a DBC file, or correct it"
-        raise ConfigurationError(
-            "is not a readable DBC file", where=str(path), why=_reason(error), fix=fix
-        ) from error
-
-
-def _reason(error: Exception) -> str:
-    """Why a DBC file cannot be read, without the words of the library that reads it."""
-    if isinstance(error, OSError):
-        return system_reason(error)
-    text = str(error)
-    if place := _LINE_AND_COLUMN.search(text):
-        return f"line {place[1]}, column {place[2]} is not of a DBC file"
-    fault = re.search(r"(The (?:signals?|message) .+?)\.?\"?$", text)
-    return fault[1] if fault else "its messages and signals contradict each other"
+        raise ConfigurationError("is not a readable DBC file", where=str(path), why=why, fix=fix) from error
 
 
 def find_signal(database: cantools.db.Database, entry: Signal, path: Path) -> tuple[DbcMessage, DbcSignal]:
@@ -86,12 +83,9 @@ def find_signal(database: cantools.db.Database, entry: Signal, path: Path) -> tu
         message = database.get_message_by_name(entry.message)
         return message, message.get_signal_by_name(entry.signal)
     except KeyError as error:
-        signal_names = ", ".join(
-            f"{frame.name}.{signal.name}" for frame in database.messages for signal in frame.signals
-        )
-        raise ConfigurationError(
-            f"has no signal {entry.message}.{entry.signal}", where=str(path), fix=f"it has {signal_names}"
-        ) from error
+        names = (f"{frame.name}.{signal.name}" for frame in database.messages for signal in frame.signals)
+        what, fix = f"has no signal {entry.message}.{entry.signal}", f"it has {', '.join(names)}"
+        raise ConfigurationError(what, where=str(path), fix=fix) from error
 
 
 def frame_key(message: DbcMessage) -> tuple[bool, int]:
@@ -122,20 +116,22 @@ def missing_by_rule(raw: float, signal: DbcSignal) -> str | None:
     return NOT_AVAILABLE if number == highest else ERROR_VALUE
 
 
-def missing_by_name(raw: float, signal: DbcSignal) -> str | None:
-    """Why a raw value is no value by the file's table of values; None if it is one."""
+def why_missing(raw: float, signal: DbcSignal, *, by_rule: bool) -> str | None:
+    """Why a raw value is no value by the file's table of values, and ``by_rule`` or as a float by
+    :func:`missing_by_rule`; None if it is one."""
     name = str((signal.choices or {}).get(int(raw), "")) if isfinite(raw) else ""
-    if not _NO_VALUE.search(name.replace("_", " ")):
+    if _NO_VALUE.search(name.replace("_", " ")):
+        return ERROR_VALUE if _ERROR.search(name) else NOT_AVAILABLE
+    return missing_by_rule(raw, signal) if by_rule or signal.is_float else None
+
+
+def raw_values(message: DbcMessage, payload: bytes) -> dict[str, float] | None:
+    """The raw values of the signals in a frame, None if it cannot be read; what follows the message is ignored."""
+    try:
+        raw: dict[str, float] = message.decode(payload[: message.length], decode_choices=False, scaling=False)
+    except Exception:  # an unknown multiplexer value, and whatever else the library finds
         return None
-    return ERROR_VALUE if _ERROR.search(name) else NOT_AVAILABLE
-
-
-class _MappedSignal(NamedTuple):
-    """One signal that carries a channel, and the step to the channel's unit."""
-
-    channel: str
-    signal: DbcSignal
-    step: Linear
+    return raw
 
 
 class DbcDecoder(Decoder):
@@ -150,12 +146,12 @@ class DbcDecoder(Decoder):
     ) -> None:
         super().__init__()
         self._buses = buses
-        self._mapped: dict[tuple[bool, int], tuple[DbcMessage, list[_MappedSignal]]] = {}
+        self._mapped: dict[tuple[bool, int], tuple[DbcMessage, list[tuple[str, DbcSignal, Linear]]]] = {}
         database = load_dbc(path)
         for channel, entry in signals.items():
             message, signal = find_signal(database, entry, path)
             _, mapped = self._mapped.setdefault(frame_key(message), (message, []))
-            mapped.append(_MappedSignal(channel, signal, entry.step_to(channels[channel])))
+            mapped.append((channel, signal, entry.step_to(channels[channel])))
 
     def decode(self, frame: Frame) -> list[Group]:
         if frame.flags & (FrameFlag.REMOTE | FrameFlag.ERROR):
@@ -165,40 +161,24 @@ class DbcDecoder(Decoder):
         message, mapped = self._mapped.get((extended, group if extended else frame.identifier), (None, []))
         if message is None:
             return []
-        raw = self._raw(message, frame.payload)
         bus = self._buses.bus(frame)
         device = bus.devices.label(address) if extended else f"{frame.identifier:03X}{bus.devices.at_bus}"
-        values = [
-            (entry.channel, value)
-            for entry in mapped
-            # a frame carries only some of the multiplexed signals
-            if entry.signal.name in raw and bus.devices.may_provide(device, entry.channel)
-            if (value := self._value(raw[entry.signal.name], entry, extended)) is not None
-        ]
+        is_short = len(frame.payload) < message.length
+        raw = None if is_short else raw_values(message, frame.payload)
+        if raw is None:
+            self.refused["short frame" if is_short else "undecodable"] += 1
+            return []
+        values = []
+        for channel, signal, step in mapped:  # a frame carries only some of the multiplexed signals
+            if signal.name in raw and bus.devices.may_provide(device, channel):
+                number = raw[signal.name]
+                missing = why_missing(number, signal, by_rule=extended)
+                value = 0.0 if missing else step.apply(float(signal.raw_to_scaled(number, False)))
+                if missing or not isfinite(value):
+                    self.refused[missing or "impossible value"] += 1
+                else:
+                    values.append((channel, value))
         return bus.clock.group(frame, f"{frame.origin}/{device}:{message.name}", values)
-
-    def _raw(self, message: DbcMessage, payload: bytes) -> dict[str, float]:
-        """The raw values in a frame; bytes beyond the message are ignored."""
-        if len(payload) < message.length:
-            self.refused["short frame"] += 1
-            return {}
-        try:
-            raw: dict[str, float] = message.decode(payload[: message.length], decode_choices=False, scaling=False)
-        except Exception:  # an unknown multiplexer value, and whatever else the library finds
-            self.refused["undecodable"] += 1
-            return {}
-        return raw
-
-    def _value(self, raw: float, mapped: _MappedSignal, extended: bool) -> float | None:
-        signal = mapped.signal
-        missing = missing_by_name(raw, signal)
-        if missing is None and (extended or signal.is_float):
-            missing = missing_by_rule(raw, signal)
-        value = 0.0 if missing else mapped.step.apply(float(signal.raw_to_scaled(raw, False)))
-        if missing or not isfinite(value):
-            self.refused[missing or "impossible value"] += 1
-            return None
-        return value
 
 
 class CanEncoder:
@@ -222,18 +202,23 @@ class CanEncoder:
                 self._dbc.setdefault(message.name, (message, {}))[1][channel] = signal, step
 
     def encode(self, moment: Moment) -> list[Packet]:
-        packets = self._system_time(moment) if self._announces else []
+        packets: list[Packet] = []
+        if self._announces:
+            days, time_of_day_ns = divmod(moment.time_ns, DAY_NS)
+            date = dt.date(1970, 1, 1) + dt.timedelta(days=days)
+            time = {"source": "GPS", "date": date, "time": time_of_day_ns / NANO}
+            packets += self._group(126992, time, (), priority=3)
         if moment.latitude_deg is not None:
             fix = {"latitude": moment.latitude_deg, "longitude": moment.longitude_deg}
-            packets += self._group(129025, "positionRapidUpdate", fix, moment.fix_of)
-        values = dict(moment.values)
+            packets += self._group(129025, fix, moment.fix_of)
+        values = moment.values
         for message, signals in self._dbc.values():
             packets += _dbc_frame(message, signals, values)
         packets += self._machinery(moment)
-        for group, (name, reference, fields) in _MOTION.items():
-            if carries := moment.present(*fields):
-                group_fields = {fields[channel][0]: fields[channel][1](values[channel]) for channel in carries}
-                packets += self._group(group, name, group_fields | reference, carries)
+        for group, reference in _MOTION.items():
+            if carries := moment.present(*CARRIED[group]):
+                fields: dict[str, Any] = {CARRIED[group][name]: _wire_value(name, values[name]) for name in carries}
+                packets += self._group(group, fields | reference, carries)
         return packets
 
     def _machinery(self, moment: Moment) -> list[Packet]:
@@ -241,26 +226,20 @@ class CanEncoder:
         packets = []
         for number, angle in enumerate(self._rudders):
             if carries := moment.present(angle, name_of_order(angle)):
-                position, order = (moment.values.get(name) for name in (angle, name_of_order(angle)))
-                fields = {"instance": number, "position": _radians(position), "angleOrder": _radians(order)}
-                packets += self._group(127245, "rudder", fields, carries)
+                keys = {angle: "position", name_of_order(angle): "angleOrder"}
+                fields = {keys[name]: moment.values[name] / DEG_PER_RAD for name in carries}
+                packets += self._group(127245, {"instance": number, **fields}, carries)
         for number, channel, ratio in self._ratios:
             if channel in moment.values:
                 speed = moment.values[channel] * ratio
                 gear = {"instance": number, "transmissionGear": "Reverse" if speed < 0.0 else "Forward"}
-                packets += self._group(127493, "transmissionParametersDynamic", gear, ())
+                packets += self._group(127493, gear, ())
                 engine = {"instance": number, "speed": abs(speed)}
-                packets += self._group(127488, "engineParametersRapidUpdate", engine, (channel,))
+                packets += self._group(127488, engine, (channel,))
         return packets
 
-    def _system_time(self, moment: Moment) -> list[Packet]:
-        days, time_of_day_ns = divmod(moment.time_ns, DAY_NS)
-        date = dt.date(1970, 1, 1) + dt.timedelta(days=days)
-        fields = {"source": "GPS", "date": date, "time": time_of_day_ns / NANO}
-        return self._group(126992, "systemTime", fields, (), priority=3)
-
     def _group(
-        self, group: int, name: str, fields: dict[str, Any], carries: tuple[str, ...], priority: int = 2
+        self, group: int, fields: Mapping[str, Any], carries: tuple[str, ...], priority: int = 2
     ) -> list[Packet]:
         """One parameter group as frames; fields that are None go out as not available."""
         library_fields = [
@@ -268,6 +247,7 @@ class CanEncoder:
             for key, value in fields.items()
             if value is not None
         ]
+        name = group_variants(group)[0].id
         message = NMEA2000Message(
             PGN=group, id=name, source=_ADDRESS, destination=255, priority=priority, fields=library_fields
         )
@@ -277,25 +257,23 @@ class CanEncoder:
         return packets + [Packet(bytes(frame.data), frame.arbitration_id) for frame in further]
 
 
-def _radians(angle_deg: float | None) -> float | None:
-    return None if angle_deg is None else angle_deg / DEG_PER_RAD
-
-
-def _turn_rad(angle_deg: float) -> float:
-    """An angle in radians that rounds to less than a whole turn on the wire."""
-    angle_rad = round(angle_deg / DEG_PER_RAD, 4)
+def _wire_value(channel: str, value: float) -> float:
+    """A channel's value in SI units and radians; an angle is one that rounds to less than a whole turn."""
+    if channel.endswith("_dps"):
+        return radians(value)
+    if not channel.endswith("_deg"):
+        return float(value)
+    angle_rad = round(value / DEG_PER_RAD, 4)
     return 0.0 if angle_rad > 2 * pi else angle_rad
 
 
-_MOTION: dict[int, tuple[str, dict[str, str], dict[str, tuple[str, Callable[[float], float]]]]] = {
-    127250: ("vesselHeading", {"reference": "True"}, {"heading_deg": ("heading", _turn_rad)}),
-    127251: ("rateOfTurn", {}, {"yaw_rate_dps": ("rate", radians)}),
-    130578: ("vesselSpeedComponents", {}, {"surge_mps": ("longitudinalSpeedGroundReferenced", float),
-                                           "sway_mps": ("transverseSpeedGroundReferenced", float)}),
-    130306: ("windData", {"reference": "True (ground referenced to North)"},
-             {"wind_direction_deg": ("windAngle", _turn_rad), "wind_speed_mps": ("windSpeed", float)}),
-}  # fmt: skip
-"""The groups of motion and wind: the library's name, the reference, and the field of each channel in its unit."""
+_MOTION = {
+    127250: {"reference": "True"},
+    127251: {},
+    130578: {},
+    130306: {"reference": "True (ground referenced to North)"},
+}
+"""The groups of motion and wind that are sent, with their reference."""
 
 
 def _dbc_frame(

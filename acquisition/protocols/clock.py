@@ -101,28 +101,27 @@ class SourceClock:
 
     def announce(self, source_ns: int, frame: Frame) -> None:
         """The source states that it is ``source_ns`` UTC."""
-        if is_possible(source_ns):
-            self._announced = (source_ns, frame.monotonic_ns)
-            if not self.muted:
-                self._compare(source_ns, frame)
-
-    def _compare(self, source_ns: int, frame: Frame) -> None:
-        """Report at first how far the clock is from ours, and whenever it has been set since."""
+        if not is_possible(source_ns):
+            return
+        self._announced = (source_ns, frame.monotonic_ns)
+        if self.muted:
+            return
         offset_ns, previous_ns = source_ns - frame.monotonic_ns, self._offset_ns
         is_step = abs(offset_ns - self._last_offset_ns) >= _SET_NS
         self._last_offset_ns = offset_ns
-        if previous_ns is not None:
+        if previous_ns is None:  # the first time
+            ahead_s = (source_ns - frame.received_ns) / 1e9
+            level = "warning" if abs(ahead_s) > _FAR_S else "info"
+            effect = "it stamps this source" if self.stamps == "source" else "ours stamps this source"
+            text = f"clock {self.name} is {ahead_s:+.3f} s from ours; {effect}"
+        else:
             interval_ns = _STEP_INTERVAL_NS if is_step else _DRIFT_INTERVAL_NS
             step_ns = offset_ns - previous_ns
-            if abs(step_ns) >= _SET_NS and frame.monotonic_ns - self._reported_ns >= interval_ns:
-                self._offset_ns, self._reported_ns = offset_ns, frame.monotonic_ns
-                self._notices.append(("warning", f"clock {self.name} was set by {step_ns / 1e9:+.3f} s"))
-            return
+            if abs(step_ns) < _SET_NS or frame.monotonic_ns - self._reported_ns < interval_ns:
+                return
+            level, text = "warning", f"clock {self.name} was set by {step_ns / 1e9:+.3f} s"
         self._offset_ns, self._reported_ns = offset_ns, frame.monotonic_ns
-        ahead_s = (source_ns - frame.received_ns) / 1e9
-        level = "warning" if abs(ahead_s) > _FAR_S else "info"
-        effect = "it stamps this source" if self.stamps == "source" else "ours stamps this source"
-        self._notices.append((level, f"clock {self.name} is {ahead_s:+.3f} s from ours; {effect}"))
+        self._notices.append((level, text))
 
     def forget(self) -> None:
         """The source's announcement no longer holds: it has restarted."""
@@ -222,7 +221,12 @@ class StatedTimes:
             if len(self.stamps) < _MOST_STAMPS:
                 self.stamps.append(stamp)
             self.unknown_zone = self.unknown_zone or stamp.zone
-            return self._stamp_ns(stamp), 0
+            if not stamp.has_year and self.year is None:
+                return None, 0
+            try:
+                return possible_ns(stamp.utc_ns(self.order_of(stamp), None if stamp.has_year else self.year)), 0
+            except ValueError:  # the 29th of February of a year that has none
+                return None, 0
         if match := _UNIX.search(text):
             digits, _, fraction = match[1].partition(".")
             return possible_ns(int((digits + fraction).ljust(19, "0"))), 0
@@ -237,15 +241,6 @@ class StatedTimes:
     def order_of(self, stamp: Stamp) -> Order:
         """The order of a date's numbers: the log's, where that is possible."""
         return self.order if self.order in stamp.orders and self.order is not None else stamp.orders[-1]
-
-    def _stamp_ns(self, stamp: Stamp) -> int | None:
-        order = self.order_of(stamp)
-        if not stamp.has_year and self.year is None:
-            return None
-        try:
-            return possible_ns(stamp.utc_ns(order, None if stamp.has_year else self.year))
-        except ValueError:  # the 29th of February of a year that has none
-            return None
 
 
 def parse_utc_ns(text: str) -> int | None:
@@ -279,36 +274,26 @@ _MOST_RECEIVERS, _MOST_TALKERS = 4, 100  # noise must not name unbounded numbers
 
 @dataclass(slots=True)
 class _Receiver:
-    """One receiver's last position [deg] and moment, as stated [s of the day] and on arrival [ns, monotonic], and
-    the kinds of sentences that reported it."""
+    """One receiver's last position [deg] and moment, as stated [s of the day] and on arrival [ns, monotonic], the
+    kinds of sentences that reported it, and how far from it another one of the same moment may be."""
 
     position: tuple[float, float]
     moment_s: float
     arrival_ns: int
     kinds: set[str] = field(default_factory=set)
-    speed_mps: float | None = None
+    reach_m: float = _INITIAL_DISTANCE_M
 
     def distance_m(self, position: tuple[float, float]) -> float:
         (latitude, longitude), (north, east) = self.position, position
         shift_deg = (east - longitude + 180.0) % 360.0 - 180.0
         return _DEGREE_M * hypot(north - latitude, shift_deg * cos(radians(latitude)))
 
-    @property
-    def reach_m(self) -> float:
-        """How far from its last position it may report another one of the same moment."""
-        if self.speed_mps is None:
-            return _INITIAL_DISTANCE_M
-        return max(_LEAST_DISTANCE_M, _SECONDS_OF_WAY * self.speed_mps)
-
-    def has_reported(self, kind: str, moment_s: float, arrival_ns: int) -> bool:
-        """Whether it has reported this moment in a sentence of this kind."""
-        return self.moment_s == moment_s and kind in self.kinds and arrival_ns - self.arrival_ns <= _ONE_MOMENT_NS
-
     def update(self, kind: str, moment_s: float, arrival_ns: int, position: tuple[float, float]) -> None:
         since_s = moment_s - self.moment_s
         if since_s or arrival_ns - self.arrival_ns > _ONE_MOMENT_NS:
             self.kinds.clear()
-            self.speed_mps = self.distance_m(position) / since_s if since_s > 0 else None
+            way_m = _SECONDS_OF_WAY * (self.distance_m(position) / since_s) if since_s > 0 else _INITIAL_DISTANCE_M
+            self.reach_m = max(_LEAST_DISTANCE_M, way_m)
             self.arrival_ns = arrival_ns
         self.kinds.add(kind)
         self.position, self.moment_s = position, moment_s
@@ -336,10 +321,15 @@ class Receivers:
                 return 1
             self._receivers[sensor] = [_Receiver(position, moment_s, arrival_ns)]
         receivers = self._receivers[sensor]
-        reported = [receiver.has_reported(kind, moment_s, arrival_ns) for receiver in receivers]
-        waiting = [receiver for receiver, is_done in zip(receivers, reported, strict=True) if not is_done]
+        waiting = [  # for such a sentence of this moment
+            receiver
+            for receiver in receivers
+            if receiver.moment_s != moment_s
+            or kind not in receiver.kinds
+            or arrival_ns - receiver.arrival_ns > _ONE_MOMENT_NS
+        ]
         receiver = _nearest(waiting or receivers, position)
-        if any(reported) and receiver.distance_m(position) > receiver.reach_m:
+        if len(waiting) < len(receivers) and receiver.distance_m(position) > receiver.reach_m:
             receiver = _nearest(receivers, position)
             distance_m = receiver.distance_m(position)
             if distance_m > receiver.reach_m and len(receivers) < _MOST_RECEIVERS:
@@ -383,10 +373,6 @@ class _Source:
     value: float
     arrival_ns: int
     interval_ns: int = 0
-
-    def timing_error(self, arrival_ns: int) -> float:
-        """How many intervals a value would come before or after it is due."""
-        return abs((arrival_ns - self.arrival_ns) / self.interval_ns - 1.0) if self.interval_ns else 0.0
 
 
 @dataclass(slots=True)
@@ -469,10 +455,14 @@ def _assign(sources: list[_Source], value: float, arrival_ns: int, unit: str) ->
     present = [source for source in sources if arrival_ns - source.arrival_ns <= _SILENT_NS] or sources
     circular = unit == "deg"
     have_met = abs(_difference(sources[0].value, sources[1].value, circular)) < 0.5 * _LEAST_LEVEL_DISTANCE[unit]
-    if have_met:
-        source = min(present, key=lambda candidate: candidate.timing_error(arrival_ns))
-    else:
-        source = min(present, key=lambda candidate: abs(_difference(value, candidate.value, circular)))
+
+    def distance(source: _Source) -> float:
+        if not have_met:
+            return abs(_difference(value, source.value, circular))
+        # in intervals, before or after it is due
+        return abs((arrival_ns - source.arrival_ns) / source.interval_ns - 1.0) if source.interval_ns else 0.0
+
+    source = min(present, key=distance)
     source.value, source.arrival_ns, source.interval_ns = value, arrival_ns, arrival_ns - source.arrival_ns
     return sources.index(source) + 1
 

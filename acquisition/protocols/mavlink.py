@@ -29,18 +29,9 @@ from seatrial.acquisition.config.declarations import (
     select_origins,
 )
 from seatrial.acquisition.config.sources import MavlinkFileSource, MavlinkLinks
+from seatrial.acquisition.core import ship
 from seatrial.acquisition.core.errors import ConfigurationError
 from seatrial.acquisition.core.quantities import DEG_PER_RAD, Linear, to_earth
-from seatrial.acquisition.core.ship import (
-    BY_NAME,
-    DEFAULT,
-    Actuators,
-    Channel,
-    channel_names,
-    channels_with_declared,
-    shafts,
-    wrap_180,
-)
 from seatrial.acquisition.core.trial import Fix, Frame, Group
 from seatrial.acquisition.protocols import BAD_DATA, DeclaredReaders, Decoder, FurtherSenders, Moment, Packet
 from seatrial.acquisition.protocols.clock import SourceClock, is_possible
@@ -66,7 +57,7 @@ _SIGNED = 1  # the only incompatibility flag that we know; a packet with another
 _SIGNATURE_BYTES = 13
 _CHECKSUM_BYTES = 2
 _HEADER_BYTES = {0xFD: 10, 0xFE: 6}
-_CRC_EXTRA = {number: message.crc_extra for number, message in dialect.mavlink_map.items()}
+CRC_EXTRA = {number: message.crc_extra for number, message in dialect.mavlink_map.items()}
 LONGEST_BYTES = 10 + 255 + _CHECKSUM_BYTES + _SIGNATURE_BYTES
 _REVERSED = bytes(int(f"{byte:08b}"[::-1], 2) for byte in range(256))
 
@@ -94,11 +85,6 @@ def _global_position(message: Any) -> Values:
     ]
 
 
-def _local_velocity(message: Any) -> Values:
-    """Speeds only: the position is relative to the autopilot's origin, and a separate group."""
-    return [("velocity_north_mps", message.vx), ("velocity_east_mps", message.vy)]
-
-
 def _wind_vector(message: Any) -> Values:
     """The vector points to where the wind blows; the direction is where it comes from. A calm has none."""
     speed_mps = hypot(message.wind_x, message.wind_y)
@@ -121,35 +107,23 @@ _READERS: dict[str, Callable[[Any], Values]] = {
         ("speed_over_ground_mps", _scaled(message.vel, 0.01)),
         ("course_over_ground_deg", _scaled(message.cog, 0.01)),
     ],
-    "LOCAL_POSITION_NED": _local_velocity,
+    # the position is relative to the autopilot's origin, and a separate group
+    "LOCAL_POSITION_NED": lambda message: [("velocity_north_mps", message.vx), ("velocity_east_mps", message.vy)],
     "WIND": lambda message: [("wind_direction_deg", message.direction), ("wind_speed_mps", message.speed)],
     "WIND_COV": _wind_vector,
 }
 _MESSAGES = (*_READERS, "RPM", "RAW_RPM", "NAMED_VALUE_FLOAT")
 _CONTEXT = ("SYSTEM_TIME", "GPS_GLOBAL_ORIGIN")  # without samples, but needed for the others: always read
-_NAMES = {getattr(dialect, f"MAVLINK_MSG_ID_{name}"): name for name in (*_MESSAGES, *_CONTEXT)}
-
-
-def is_read(message_id: int) -> bool:
-    """Whether messages of this number are read."""
-    return message_id in _NAMES
+MESSAGE_NAMES = {getattr(dialect, f"MAVLINK_MSG_ID_{name}"): name for name in (*_MESSAGES, *_CONTEXT)}
 
 
 class _MessageChannel(NamedTuple):
     """A channel that a message carries."""
 
-    channel: Channel
+    channel: ship.Channel
     origin: MavlinkField
     step: Linear
     unknown: int | None
-
-    def read(self, message: Any) -> list[tuple[str, float]]:
-        if any(getattr(message, name) != code for name, code in self.origin.where.items()):
-            return []
-        value = getattr(message, self.origin.field)
-        if self.origin.index is not None:
-            value = value[self.origin.index]
-        return [(self.channel.name, nan if value == self.unknown else self.step.apply(float(value)))]
 
 
 class DeclaredMessages(DeclaredReaders[str, _MessageChannel]):
@@ -158,7 +132,7 @@ class DeclaredMessages(DeclaredReaders[str, _MessageChannel]):
     Raises :class:`ConfigurationError` for a message or field that the dialect lacks, and units that do not fit.
     """
 
-    def __init__(self, declared: Sequence[tuple[Channel, MavlinkField]]) -> None:
+    def __init__(self, declared: Sequence[tuple[ship.Channel, MavlinkField]]) -> None:
         super().__init__()
         self.names: dict[int, str] = {}
         kinds = {message_class.msgname: message_class for message_class in dialect.mavlink_map.values()}
@@ -175,7 +149,13 @@ class DeclaredMessages(DeclaredReaders[str, _MessageChannel]):
 
     def read(self, name: str, message: Any) -> list[tuple[str, float]]:
         """The channels in a message with their values, NaN for one that is not known."""
-        return [value for message_channel in self.get(name, ()) for value in message_channel.read(message)]
+        values = []
+        for channel, origin, step, unknown in self.get(name, ()):
+            if all(getattr(message, field) == code for field, code in origin.where.items()):
+                value = getattr(message, origin.field)
+                value = value if origin.index is None else value[origin.index]
+                values.append((channel.name, nan if value == unknown else step.apply(float(value))))
+        return values
 
 
 def _message_kind(origin: MavlinkField, kinds: Mapping[str, Any]) -> Any:
@@ -199,22 +179,30 @@ def _message_kind(origin: MavlinkField, kinds: Mapping[str, Any]) -> Any:
 class MavlinkDecoder(Decoder):
     """One link; ``time_boot_ms`` becomes UTC by the last SYSTEM_TIME."""
 
-    def __init__(self, config: MavlinkLinks, actuators: Actuators = DEFAULT, declared: Declarations = ()) -> None:
+    def __init__(
+        self, config: MavlinkLinks, actuators: ship.Actuators = ship.DEFAULT, declared: Declarations = ()
+    ) -> None:
         """Raises :class:`ConfigurationError` where ``messages`` names one that is not read, or a declared channel
         an unknown one."""
         super().__init__()
         self.clock = SourceClock(config.clock, "mavlink SYSTEM_TIME", self.notices)
         self._system_id, self._component_id = config.system_id, config.component_id
-        channels = channels_with_declared(tuple(declaration.channel for declaration in declared))
+        channels = ship.channels_with_declared(tuple(declaration.channel for declaration in declared))
         self._declared = DeclaredMessages(select_origins(declared, config.channels, MavlinkField))
-        self._names = _NAMES | self._declared.names
-        self._requested = frozenset((*_requested_messages(config), *_CONTEXT, *self._declared.names.values()))
+        self._names = MESSAGE_NAMES | self._declared.names
+        requested = _MESSAGES if config.messages is None else config.messages
+        for name in requested:
+            if name not in _MESSAGES + _CONTEXT:
+                where, fix = f"source {config.name!r}", f"choose of {', '.join(_MESSAGES)}"
+                why = "nothing in it is a channel"
+                raise ConfigurationError(f"message {name!r} is not read", where=where, why=why, fix=fix)
+        self._requested = frozenset((*requested, *_CONTEXT, *self._declared.names.values()))
         self._named_values = {
             entry.name: (channel, entry.step_to(channels[channel]))
             for channel, entry in config.named_values.items()
         }
-        self._shafts = tuple(f"{name}_rpm" for name in shafts(actuators)[:2])
-        self._angles = frozenset(name for name in channel_names(actuators) if BY_NAME[name].circular)
+        self._shafts = tuple(f"{name}_rpm" for name in ship.shafts(actuators)[:2])
+        self._angles = frozenset(name for name in ship.channel_names(actuators) if ship.BY_NAME[name].circular)
         self._boot_ns: dict[str, int] = {}  # by sender: each counts from its start
         self._last_boot_ms: dict[str, int] = {}
         self._quiet_until_ns = 0
@@ -228,173 +216,131 @@ class MavlinkDecoder(Decoder):
         for piece in self._cutter.push(frame.payload):
             if isinstance(piece, Fault):
                 self.refused[piece.reason] += 1
-            elif kind := self._kind(header_of(piece)):
+                continue
+            header = header_of(piece)
+            kind = self._names.get(header.message_id, "")
+            if header.system_id != self._system_id:
+                self.refused["another system"] += 1
+            elif self._component_id not in (None, header.component_id):
+                self.refused["another component"] += 1
+            elif not kind:  # messages that are never read are no refusals
+                self.note_unknown(message_name(header.message_id))
+            elif kind not in self._requested:
+                self.refused["message not wanted"] += 1
+            else:
                 groups += self._groups(kind, piece, frame)
         return groups
 
-    def _kind(self, header: Header) -> str:
-        """The name of a message to decode, else nothing. Messages that are never read are no refusals."""
-        kind, reason = self._names.get(header.message_id, ""), ""
-        if header.system_id != self._system_id:
-            reason = "another system"
-        elif self._component_id not in (None, header.component_id):
-            reason = "another component"
-        elif kind and kind not in self._requested:
-            reason = "message not wanted"
-        if reason:
-            self.refused[reason] += 1
-        elif not kind:
-            self.note_unknown(message_name(header.message_id))
-        return "" if reason else kind
-
     def _groups(self, kind: str, packet: bytes, frame: Frame) -> list[Group]:
+        """The values in a message without missing and impossible ones: NaN is MAVLink's "not known".
+
+        The sender is the system, with the component where it is not the autopilot: a companion is another source;
+        so is another system of the same number, at another address.
+        """
         try:
             message = self._link.decode(bytearray(packet))
         except dialect.MAVError:
             self.refused["undecodable"] += 1
             return []
-        self._notice_restart(message, frame)
-        source_ns, groups, readings = self._measured_ns(message, frame), [], self._values(kind, message, frame)
-        if declared := self._declared.channels_in(kind):
-            readings = [(label, [pair for pair in values if pair[0] not in declared]) for label, values in readings]
+        component, address = message.get_srcComponent(), self._senders.label(frame.sender)
+        sender = f"{self._system_id}"
+        sender += "" if component == dialect.MAV_COMP_ID_AUTOPILOT1 else f".{component}"
+        sender += f"@{address}" if address else ""
+        source_ns, groups, readings = self._measured_ns(message, frame, sender), [], []
+        if kind in _CONTEXT:
+            self._set_context(kind, message, frame, sender)
+        else:
+            readings = self._values(kind, message, frame, sender)
+        if kind in self._declared:
+            readings = [(label, self._declared.undeclared(kind, values)) for label, values in readings]
             readings.append((kind, self._declared.read(kind, message)))
         for label, values in readings:
-            source = f"{frame.origin}/{self._sender(message, frame)}:{label}"
-            groups += self.clock.group(frame, source, self._possible(values), source_ns)
+            possible = []
+            for name, value in values:
+                if isnan(value):
+                    self.refused["not available"] += 1
+                elif not isfinite(value) or (name in self._angles and abs(value) > _LARGEST_ANGLE_DEG):
+                    self.refused["impossible value"] += 1
+                else:
+                    possible.append((name, value))
+            groups += self.clock.group(frame, f"{frame.origin}/{sender}:{label}", possible, source_ns)
         return groups
 
-    def _sender(self, message: Any, frame: Frame) -> str:
-        """The system, with the component where it is not the autopilot: a companion is a separate source; so is
-        another system of the same number, at another address."""
-        component = message.get_srcComponent()
-        is_autopilot = component == dialect.MAV_COMP_ID_AUTOPILOT1
-        further = self._senders.label(frame.sender)
-        system = f"{self._system_id}" if is_autopilot else f"{self._system_id}.{component}"
-        return f"{system}@{further}" if further else system
-
-    def _values(self, kind: str, message: Any, frame: Frame) -> list[tuple[str, Values]]:
+    def _values(self, kind: str, message: Any, frame: Frame, sender: str) -> list[tuple[str, Values]]:
         """The values in a message, a list a group, each with the label of its source."""
         match kind:
-            case "SYSTEM_TIME":
-                self._set_clock(message, frame)
-                return []
-            case "GPS_GLOBAL_ORIGIN":
-                self._set_origin(message, frame)
-                return []
             case "NAMED_VALUE_FLOAT":
-                return [(kind, self._named_value(message))]
+                channel, step = self._named_values.get(message.name.rstrip("\0"), ("", Linear(1.0)))
+                return [(kind, [(channel, step.apply(message.value))] if channel else [])]
             case "RPM":
                 rpm = (nan if value == _NO_RPM else value for value in (message.rpm1, message.rpm2))
                 return [(kind, list(zip(self._shafts, rpm, strict=False)))]
             case "RAW_RPM":  # its unit is rpm, although the field is called frequency
                 return [(kind, [(name, message.frequency) for name in self._shafts[message.index :][:1]])]
             case "LOCAL_POSITION_NED":
-                return [
-                    (kind, _local_velocity(message)),
-                    ("GPS_GLOBAL_ORIGIN", self._local_position(message, frame)),
-                ]
+                # height plays no part for a ship: it would shift a position 10 km from the origin by 1 cm
+                origin, position = self._origins.get(self._senders.label(frame.sender)), []
+                if (
+                    origin is not None
+                    and ship.BY_NAME["north_m"].holds(message.x)
+                    and ship.BY_NAME["east_m"].holds(message.y)
+                ):
+                    latitude_deg, longitude_deg, _ = pymap3d.ned2geodetic(message.x, message.y, 0.0, *origin, 0.0)
+                    position = [("latitude_deg", float(latitude_deg)), ("longitude_deg", float(longitude_deg))]
+                elif origin is not None:
+                    self.refused["impossible value"] += 1
+                return [(kind, _READERS[kind](message)), ("GPS_GLOBAL_ORIGIN", position)]
             case "GPS_RAW_INT":
                 # what the receiver does not know is 0 in the fields that version 2 has added
                 across_m, up_m = message.h_acc / 1e3, message.v_acc / 1e3
                 sigma_m = (across_m, across_m, up_m) if across_m > 0.0 and up_m > 0.0 else None
                 height_m = (message.alt_ellipsoid or message.alt) / 1e3
                 fix = Fix(_FIX_OF_TYPE.get(message.fix_type, 1), height_m, sigma_m)
-                self.fixes[f"{frame.origin}/{self._sender(message, frame)}"] = fix
+                self.fixes[f"{frame.origin}/{sender}"] = fix
                 if message.fix_type < _FIX_IN_SPACE:
                     self.refused["no fix"] += 1
                     return []
         return [(kind, _READERS[kind](message))] if kind in _READERS else []
 
-    def _possible(self, values: Values) -> Values:
-        """The values without missing and impossible ones: NaN is MAVLink's "not known"."""
-        possible = []
-        for name, value in values:
-            if isnan(value):
-                self.refused["not available"] += 1
-            elif not isfinite(value) or (name in self._angles and abs(value) > _LARGEST_ANGLE_DEG):
-                self.refused["impossible value"] += 1
+    def _set_context(self, kind: str, message: Any, frame: Frame, sender: str) -> None:
+        """The clock, or the origin of local positions, by a message without samples."""
+        if kind == "GPS_GLOBAL_ORIGIN":
+            (latitude, latitude_deg), (longitude, longitude_deg) = _position(message.latitude, message.longitude)
+            if ship.BY_NAME[latitude].holds(latitude_deg) and ship.BY_NAME[longitude].holds(longitude_deg):
+                self._origins[self._senders.label(frame.sender)] = latitude_deg, longitude_deg
             else:
-                possible.append((name, value))
-        return possible
+                self.refused["impossible value"] += 1
+        elif message.time_unix_usec != 0:  # else the autopilot does not have the time yet
+            utc_ns = message.time_unix_usec * _MICRO_NS
+            self._boot_ns[sender] = utc_ns - message.time_boot_ms * _MILLI_NS
+            self.clock.announce(utc_ns, frame)
 
-    def _named_value(self, message: Any) -> Values:
-        channel, step = self._named_values.get(message.name.rstrip("\0"), ("", Linear(1.0)))
-        return [(channel, step.apply(message.value))] if channel else []
+    def _measured_ns(self, message: Any, frame: Frame, sender: str) -> int | None:
+        """When a message states that it was measured [ns UTC]: since boot, in ``time_usec`` perhaps since 1970.
 
-    def _local_position(self, message: Any, frame: Frame) -> Values:
-        """Latitude and longitude, once the autopilot has sent its origin; empty where they are impossible.
-
-        Height plays no part for a ship: it would shift a position 10 km from the origin by 1 cm.
+        Time since boot that falls back: the autopilot has restarted, or 49.7 days are over. Two autopilots of one
+        number would fall back again and again: the notices are limited in rate.
         """
-        origin = self._origins.get(self._senders.label(frame.sender))
-        if origin is None:
-            return []
-        if not (BY_NAME["north_m"].holds(message.x) and BY_NAME["east_m"].holds(message.y)):
-            self.refused["impossible value"] += 1
-            return []
-        latitude_deg, longitude_deg, _ = pymap3d.ned2geodetic(message.x, message.y, 0.0, *origin, 0.0)
-        return [("latitude_deg", float(latitude_deg)), ("longitude_deg", float(longitude_deg))]
-
-    def _set_origin(self, message: Any, frame: Frame) -> None:
-        (latitude, latitude_deg), (longitude, longitude_deg) = _position(message.latitude, message.longitude)
-        if BY_NAME[latitude].holds(latitude_deg) and BY_NAME[longitude].holds(longitude_deg):
-            self._origins[self._senders.label(frame.sender)] = latitude_deg, longitude_deg
-        else:
-            self.refused["impossible value"] += 1
-
-    def _notice_restart(self, message: Any, frame: Frame) -> None:
-        """Time since boot that falls back: the autopilot has restarted, or 49.7 days are over.
-
-        Two autopilots of one number would fall back again and again: the notices are limited in rate.
-        """
-        boot_ms, sender = getattr(message, "time_boot_ms", None), self._sender(message, frame)
-        if boot_ms is None:
-            return
-        last_ms = self._last_boot_ms.get(sender, 0)
-        self._last_boot_ms[sender] = int(boot_ms)
-        if boot_ms >= last_ms - _OUT_OF_ORDER_MS:
-            return
-        if self._boot_ns.pop(sender, None) is not None:
-            self.clock.forget()
-        if last_ms < _WRAP_MS - _NEAR_WRAP_MS:
-            self._origins.pop(self._senders.label(frame.sender), None)
-            if frame.monotonic_ns < self._quiet_until_ns:
-                return
-            self._quiet_until_ns = frame.monotonic_ns + _QUIET_NS
-            self.notices.append(("warning", f"the autopilot has restarted after {last_ms / 1e3:.0f} s"))
-
-    def _set_clock(self, message: Any, frame: Frame) -> None:
-        if message.time_unix_usec == 0:  # the autopilot does not have the time yet
-            return
-        utc_ns = message.time_unix_usec * _MICRO_NS
-        self._boot_ns[self._sender(message, frame)] = utc_ns - message.time_boot_ms * _MILLI_NS
-        self.clock.announce(utc_ns, frame)
-
-    def _measured_ns(self, message: Any, frame: Frame) -> int | None:
-        """When a message states that it was measured [ns UTC]: since boot, in ``time_usec`` perhaps since 1970."""
         since_ns = None
         if hasattr(message, "time_boot_ms"):
-            since_ns = int(message.time_boot_ms) * _MILLI_NS
+            boot_ms, last_ms = int(message.time_boot_ms), self._last_boot_ms.get(sender, 0)
+            since_ns = boot_ms * _MILLI_NS
+            self._last_boot_ms[sender] = boot_ms
+            if boot_ms < last_ms - _OUT_OF_ORDER_MS:
+                if self._boot_ns.pop(sender, None) is not None:
+                    self.clock.forget()
+                if last_ms < _WRAP_MS - _NEAR_WRAP_MS:
+                    self._origins.pop(self._senders.label(frame.sender), None)
+                    if frame.monotonic_ns >= self._quiet_until_ns:
+                        self._quiet_until_ns = frame.monotonic_ns + _QUIET_NS
+                        text = f"the autopilot has restarted after {last_ms / 1e3:.0f} s"
+                        self.notices.append(("warning", text))
         elif hasattr(message, "time_usec"):
             since_ns = int(message.time_usec) * _MICRO_NS or None  # 0: it does not state it
             if since_ns is not None and is_possible(since_ns):
                 return since_ns
-        boot_ns = self._boot_ns.get(self._sender(message, frame))
+        boot_ns = self._boot_ns.get(sender)
         return None if since_ns is None or boot_ns is None else boot_ns + since_ns
-
-
-def _requested_messages(config: MavlinkLinks) -> tuple[str, ...]:
-    """The messages that the configuration asks for, by default all that are read."""
-    requested = _MESSAGES if config.messages is None else config.messages
-    for name in requested:
-        if name not in _MESSAGES + _CONTEXT:
-            raise ConfigurationError(
-                f"message {name!r} is not read",
-                where=f"source {config.name!r}",
-                why="nothing in it is a channel",
-                fix=f"choose of {', '.join(_MESSAGES)}",
-            )
-    return tuple(requested)
 
 
 @dataclass(frozen=True, slots=True)
@@ -436,11 +382,6 @@ def message_name(number: int) -> str:
     return str(message.msgname) if message else str(number)
 
 
-def has_known_message(packet: bytes) -> bool:
-    """Whether a packet's message is one of the dialect: of others no checksum can be verified."""
-    return header_of(packet).message_id in _CRC_EXTRA
-
-
 def packet_length(data: bytes, at: int) -> int:
     """The number of bytes of the packet that begins at ``at``; 0 where none can begin.
 
@@ -467,7 +408,7 @@ def is_sound(data: bytes, at: int = 0) -> bool:
     length = packet_length(data, at)
     if length == 0 or at + length > len(data):
         return False
-    extra = _CRC_EXTRA.get(header_of(data[at : at + 10]).message_id)
+    extra = CRC_EXTRA.get(header_of(data[at : at + 10]).message_id)
     end = at + _HEADER_BYTES[data[at]] + data[at + 1]
     if extra is None:
         return False
@@ -523,7 +464,7 @@ def _cut(data: bytes, *, complete: bool) -> tuple[list[bytes | Fault], int]:
             break
         else:  # a length is credible if no sound packet begins before its end, and one may begin there
             is_credible = at < end <= following and (end == len(data) or data[end] in _HEADER_BYTES)
-            unknown = is_credible and header_of(data[at:end]).message_id not in _CRC_EXTRA
+            unknown = is_credible and header_of(data[at:end]).message_id not in CRC_EXTRA
             piece = Fault("unknown message" if unknown else BAD_DATA) if is_credible else None
         if piece is None:
             match = _MAGIC.search(data, at + 1)
@@ -548,14 +489,16 @@ def _undecided(data: bytes, at: int, end: int) -> bool:
 class MavlinkEncoder:
     """Attitude, velocity, position, wind, rpm and named values of one system."""
 
-    def __init__(self, config: MavlinkLinks, actuators: Actuators, channels: Mapping[str, Channel]) -> None:
+    def __init__(
+        self, config: MavlinkLinks, actuators: ship.Actuators, channels: Mapping[str, ship.Channel]
+    ) -> None:
         self._link = dialect.MAVLink(None, srcSystem=config.system_id, srcComponent=1)
         self._announces = config.clock == "source"
         self._named_values = {
             channel: (entry.name.encode("ascii"), entry.step_to(channels[channel]))
             for channel, entry in config.named_values.items()
         }
-        self._shafts = tuple(f"{name}_rpm" for name in shafts(actuators)[:2])
+        self._shafts = tuple(f"{name}_rpm" for name in ship.shafts(actuators)[:2])
         self._boot_ns: int | None = None
         self._heading_deg: float | None = None
 
@@ -563,50 +506,39 @@ class MavlinkEncoder:
         if self._boot_ns is None:
             self._boot_ns = moment.time_ns
         boot_ms = round((moment.time_ns - self._boot_ns) / 1e6) % 2**32
-        carries, messages = self._motion(moment, boot_ms)
-        for channels, message in self._machinery(moment, boot_ms):
-            carries.update(channels)
-            messages.append(message)
+        outgoing = [*self._motion(moment, boot_ms), *self._machinery(moment, boot_ms)]
+        carries = {channel for channels, _ in outgoing for channel in channels}
+        messages = [message for _, message in outgoing]
         if self._announces:
             messages.insert(0, self._link.system_time_encode(moment.time_ns // 1000, boot_ms))
-        if not messages:
-            return []
-        return [
-            Packet(b"".join(outgoing.pack(self._link) for outgoing in messages), carries=tuple(sorted(carries)))
-        ]
+        payload = b"".join(message.pack(self._link) for message in messages)
+        return [Packet(payload, carries=tuple(sorted(carries)))] if messages else []
 
-    def _motion(self, moment: Moment, boot_ms: int) -> tuple[set[str], list[Any]]:
-        """Attitude, velocity and position, and which channels they carry; unknown values are not invented."""
-        values, messages = moment.values, []
-        carries = set(moment.present("heading_deg", "yaw_rate_dps"))
-        if carries:
-            messages.append(self._attitude(values, boot_ms))
-        velocity = None
-        if self._heading_deg is not None and {"surge_mps", "sway_mps"} <= values.keys():
-            north_east = to_earth(values["surge_mps"], values["sway_mps"], radians(self._heading_deg))
-            velocity = float(north_east[0]), float(north_east[1])
-            messages.append(self._link.local_position_ned_encode(boot_ms, 0.0, 0.0, 0.0, *velocity, 0.0))
-            carries |= {"surge_mps", "sway_mps"}
+    def _motion(self, moment: Moment, boot_ms: int) -> Iterator[tuple[tuple[str, ...], Any]]:
+        """Attitude, velocity and position, with the channels that they carry; unknown values are not invented."""
+        values = moment.values
+        if attitude := moment.present("heading_deg", "yaw_rate_dps"):
+            self._heading_deg = values.get("heading_deg", self._heading_deg)
+            yaw = radians(float(ship.wrap_180(values.get("heading_deg", nan))))
+            rate = radians(values.get("yaw_rate_dps", nan))
+            yield attitude, self._link.attitude_encode(boot_ms, 0.0, 0.0, yaw, 0.0, 0.0, rate)
+        speeds = moment.present("surge_mps", "sway_mps")
+        rounded = [UNKNOWN_VELOCITY] * 2
+        if self._heading_deg is not None and len(speeds) == 2:
+            north, east = to_earth(values["surge_mps"], values["sway_mps"], radians(self._heading_deg))
+            velocity = float(north), float(east)
+            rounded = [round(100 * speed) for speed in velocity]
+            yield speeds, self._link.local_position_ned_encode(boot_ms, 0.0, 0.0, 0.0, *velocity, 0.0)
         if moment.latitude_deg is not None and moment.longitude_deg is not None:
             fix = round(moment.latitude_deg * 1e7), round(moment.longitude_deg * 1e7)
-            rounded = [UNKNOWN_VELOCITY] * 2 if velocity is None else [round(100 * speed) for speed in velocity]
-            messages.append(self._link.global_position_int_encode(boot_ms, *fix, 0, 0, *rounded, 0, _UNKNOWN))
-            carries.update(moment.fix_of)
-        return carries, messages
-
-    def _attitude(self, values: dict[str, float], boot_ms: int) -> Any:
-        if "heading_deg" in values:
-            self._heading_deg = values["heading_deg"]
-        yaw = radians(float(wrap_180(values.get("heading_deg", nan))))
-        return self._link.attitude_encode(
-            boot_ms, 0.0, 0.0, yaw, 0.0, 0.0, radians(values.get("yaw_rate_dps", nan))
-        )
+            message = self._link.global_position_int_encode(boot_ms, *fix, 0, 0, *rounded, 0, _UNKNOWN)
+            yield moment.fix_of, message
 
     def _machinery(self, moment: Moment, boot_ms: int) -> Iterator[tuple[tuple[str, ...], Any]]:
         """Wind, rpm and named values, each with the channels that it carries."""
         values = moment.values
         if wind := moment.present("wind_direction_deg", "wind_speed_mps"):
-            direction_deg = float(wrap_180(values.get("wind_direction_deg", nan)))
+            direction_deg = float(ship.wrap_180(values.get("wind_direction_deg", nan)))
             yield wind, self._link.wind_encode(direction_deg, values.get("wind_speed_mps", nan), 0.0)
         if rpm := moment.present(*self._shafts):
             first, second, *_ = (*(values.get(name, nan) for name in self._shafts), nan, nan)

@@ -92,25 +92,22 @@ def read_message(text: str, entry: TopicValue) -> ValueReading:
     """
     time_ns, text = split_time(text)
     if text.startswith("{"):
-        return _read_json(text, entry, time_ns)
+        try:
+            document = orjson.loads(text)
+        except orjson.JSONDecodeError as error:
+            raise ValueError("no JSON object") from error
+        value, time = _value_at(document, entry.field or "value"), _value_at(document, entry.time_field)
+        if isinstance(value, bool | dict | list):
+            raise ValueError("no number")
+        if time is not None:
+            time_ns = parse_utc_ns(repr(time) if isinstance(time, float) else str(time))
+        return ValueReading("" if value is None else str(value), time_ns)
     if entry.field is not None:
         raise ValueError("no JSON object")
-    value, time, unit, *_ = (*(part.strip() for part in text.split(",", 3)), "", "")
-    if time and time_ns is None:
-        time_ns = parse_utc_ns(time)
-    return ValueReading(value, time_ns, unit)
-
-
-def _read_json(text: str, entry: TopicValue, time_ns: int | None) -> ValueReading:
-    try:
-        document = orjson.loads(text)
-    except orjson.JSONDecodeError as error:
-        raise ValueError("no JSON object") from error
-    value, time = _value_at(document, entry.field or "value"), _value_at(document, entry.time_field)
-    if isinstance(value, bool | dict | list):
-        raise ValueError("no number")  # noqa: TRY004 - of the message, not of an argument
-    stamp_ns = parse_utc_ns(repr(time) if isinstance(time, float) else str(time)) if time is not None else time_ns
-    return ValueReading("" if value is None else str(value), stamp_ns)
+    number, stated_time, unit, *_ = (*(part.strip() for part in text.split(",", 3)), "", "")
+    if stated_time and time_ns is None:
+        time_ns = parse_utc_ns(stated_time)
+    return ValueReading(number, time_ns, unit)
 
 
 def _value_at(node: Any, path: str) -> Any:
@@ -118,11 +115,8 @@ def _value_at(node: Any, path: str) -> Any:
     if isinstance(node, dict) and path in node:
         return node[path]
     head, _, remaining_path = path.partition(".")
-    return (
-        _value_at(node[head], remaining_path)
-        if remaining_path and isinstance(node, dict) and head in node
-        else None
-    )
+    is_nested = remaining_path and isinstance(node, dict) and head in node
+    return _value_at(node[head], remaining_path) if is_nested else None
 
 
 class MqttDecoder(Decoder):
@@ -166,24 +160,20 @@ class MqttDecoder(Decoder):
                 self.refused["longer than 64 kB"] += 1
             return []
         groups = []
-        for line in text.splitlines():
-            groups += self._decode_line(frame, topic, line.strip())
+        for line in map(str.strip, text.splitlines()):
+            match = SENTENCE_WITH_PREFIX.fullmatch(line)
+            sentences = (line if match is None else match["inner"]).encode("latin-1")
+            if match is None and not has_sentence(sentences):  # which counts where the topic is one of sentences
+                if line and hash(topic) in self._sentence_topics:
+                    self.refused["no sentence"] += 1
+                continue
+            if len(self._sentence_topics) < _MOST_TOPICS:
+                self._sentence_topics.add(hash(topic))
+            time_ns = None if match is None else parse_utc_ns(match["before"])
+            if time_ns is not None:
+                self._remember(frame.payload)
+            groups += self._sentences.decode_line(frame, sentences, time_ns)
         return groups
-
-    def _decode_line(self, frame: Frame, topic: str, line: str) -> list[Group]:
-        """The samples in a sentence; other lines are ignored, and counted where the topic is one of sentences."""
-        matches = SENTENCE_WITH_PREFIX.fullmatch(line)
-        sentences = (line if matches is None else matches["inner"]).encode("latin-1")
-        if matches is None and not has_sentence(sentences):
-            if line and hash(topic) in self._sentence_topics:
-                self.refused["no sentence"] += 1
-            return []
-        if len(self._sentence_topics) < _MOST_TOPICS:
-            self._sentence_topics.add(hash(topic))
-        time_ns = None if matches is None else parse_utc_ns(matches["before"])
-        if time_ns is not None:
-            self._remember(frame.payload)
-        return self._sentences.decode_line(frame, sentences, time_ns)
 
     def _decode_values(self, frame: Frame, topic: str, text: str) -> list[Group]:
         """The channels of a topic in a message, a group for pairs that come together."""
@@ -209,14 +199,23 @@ class MqttDecoder(Decoder):
         return self._grouped(samples)
 
     def _value(self, channel: str, entry: TopicValue, reading: ValueReading) -> float:
-        """The value in the channel's unit. Raises :class:`ValueError` for what is no number."""
+        """The value in the channel's unit. Raises :class:`ValueError` for what is no number.
+
+        It is reported once of a channel where a message names another unit than the configuration.
+        """
         if reading.text.lower() in _NO_VALUE:
             raise ValueError("not available")
         if not _NUMBER.fullmatch(reading.text):
             raise ValueError("no number")
         if reading.unit and channel not in self._unit_checked:
             self._unit_checked.add(channel)
-            self._check_unit(channel, entry, reading.unit)
+            try:
+                agrees = replace(entry, unit=reading.unit).step_to(self._channels[channel]) == self._steps[channel]
+            except ConfigurationError:
+                agrees = False
+            if is_unit(reading.unit) and not agrees:  # an unknown one is ignored
+                text = f"{entry.topic} tells {reading.unit}, the configuration says {entry.unit} of {channel}"
+                self.notices.append(("warning", text))
         number = float(reading.text)
         if entry.unit == DEGREES_AND_MINUTES:
             number = float(from_degrees_and_minutes(number))
@@ -224,16 +223,6 @@ class MqttDecoder(Decoder):
         if not isfinite(value):
             raise ValueError("no number")
         return value
-
-    def _check_unit(self, channel: str, entry: TopicValue, unit: str) -> None:
-        """Report where a message names another unit than the configuration; an unknown one is ignored."""
-        try:
-            agrees = replace(entry, unit=unit).step_to(self._channels[channel]) == self._steps[channel]
-        except ConfigurationError:
-            agrees = False
-        if is_unit(unit) and not agrees:
-            text = f"{entry.topic} tells {unit}, the configuration says {entry.unit} of {channel}"
-            self.notices.append(("warning", text))
 
     def _remember(self, message: bytes) -> None:
         self._seen[hash(message)] = None
@@ -251,17 +240,15 @@ class MqttDecoder(Decoder):
             elif partner in by_name:
                 groups += [_pair(sample, by_name[partner])] if name < partner else []
             else:
-                groups += self._pair_or_wait(sample, partner)
+                waiting = self._waiting.get(partner)
+                if waiting is not None and abs(waiting.measured_ns - sample.measured_ns) <= _PAIR_NS:
+                    del self._waiting[partner]
+                    groups.append(_pair(sample, waiting))
+                    continue
+                previous = self._waiting.get(name)
+                self._waiting[name] = sample
+                groups += [] if previous is None else [[previous]]
         return groups
-
-    def _pair_or_wait(self, sample: Sample, partner: str) -> list[Group]:
-        partner_sample = self._waiting.get(partner)
-        if partner_sample is not None and abs(partner_sample.measured_ns - sample.measured_ns) <= _PAIR_NS:
-            del self._waiting[partner]
-            return [_pair(sample, partner_sample)]
-        previous = self._waiting.get(sample.quantity)
-        self._waiting[sample.quantity] = sample
-        return [] if previous is None else [[previous]]
 
 
 def _pair(first: Sample, second: Sample) -> Group:
@@ -303,21 +290,17 @@ class MqttEncoder:
                     message = orjson.dumps({entry.field: number, entry.time_field: time}).decode()
                 carries = moment.present(channel, *(_POSITION[channel],) if channel in _POSITION else ())
                 packets.append(_packet(entry.topic, message, carries))
-        return packets if self._topic is None else packets + self._sentences_of(moment, time, self._topic)
-
-    def _sentences_of(self, moment: Moment, time: str, topic: str) -> list[Packet]:
-        """The sentences of what has no separate topic."""
-        remaining = replace(
-            moment, values={name: value for name, value in moment.values.items() if name not in self._values}
-        )
+        if self._topic is None:
+            return packets
+        remaining = {name: value for name, value in moment.values.items() if name not in self._values}
+        unmapped = replace(moment, values=remaining)
         if _POSITION.keys() <= self._values.keys():
-            remaining = replace(remaining, latitude_deg=None, longitude_deg=None)
-        packets = []
-        for packet in self._sentences.encode(remaining):
+            unmapped = replace(unmapped, latitude_deg=None, longitude_deg=None)
+        for packet in self._sentences.encode(unmapped):  # what has no separate topic
             sentence = packet.payload.strip().decode("ascii")
             name = sentence[1:].partition(",")[0]
-            sentence_topic = "/".join(name if level in ("+", "#") else level for level in topic.split("/"))
-            packets.append(_packet(sentence_topic, f"{time} {sentence}", packet.carries))
+            topic = "/".join(name if level in ("+", "#") else level for level in self._topic.split("/"))
+            packets.append(_packet(topic, f"{time} {sentence}", packet.carries))
         return packets
 
 

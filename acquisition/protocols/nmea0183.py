@@ -25,26 +25,15 @@ from dataclasses import dataclass, field, replace
 from functools import partial, reduce
 from math import floor
 from operator import xor
-from typing import Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 from seatrial.acquisition.config.declarations import SentenceField, Transducer
 from seatrial.acquisition.config.sources import Clock, LineSource, MqttLinks, Thrusters
+from seatrial.acquisition.core import ship
 from seatrial.acquisition.core.errors import ConfigurationError
 from seatrial.acquisition.core.quantities import KNOT_MPS, Linear
-from seatrial.acquisition.core.ship import (
-    DEFAULT,
-    Actuator,
-    Actuators,
-    Channel,
-    name_of_order,
-    numbered_shafts,
-    rudder_channels,
-    rudders,
-    shaft_numbers,
-    shaft_of_number,
-)
-from seatrial.acquisition.core.trial import EPOCH, Fix, Frame, Group, Quality, safe_label, sensor_of
-from seatrial.acquisition.protocols import DeclaredReaders, Decoder, FurtherSenders, Moment, Packet
+from seatrial.acquisition.core.trial import EPOCH, NANO, Fix, Frame, Group, Quality, safe_label, sensor_of
+from seatrial.acquisition.protocols import NO_SATELLITES, DeclaredReaders, Decoder, FurtherSenders, Moment, Packet
 from seatrial.acquisition.protocols.clock import InterleavedSources, Receivers, SourceClock, nearest_day, utc_ns
 
 _DATAGRAM_PREFIX = b"UdPbC\0"
@@ -82,9 +71,6 @@ _TIME_OF_DAY = re.compile(r"([01]\d|2[0-3])([0-5]\d)([0-5]\d(?:\.\d*)?|60(?:\.\d
 _SIGNS = {"N": 1.0, "S": -1.0, "E": 1.0, "W": -1.0}
 MPS_OF_UNIT = {"N": KNOT_MPS, "K": 1.0 / 3.6, "M": 1.0, "S": 0.44704}  # S: statute miles per hour
 NOT_VALID = "not marked valid"
-# Dead reckoning, manual input, a simulator: recorded, and marked as suspect.
-_SUSPECT_MODES = frozenset("EMS")
-_SUSPECT_FIXES = frozenset("678")
 _BEST_MODES = "RFPDAEMSN"
 _FIX_OF_MODE = {"N": 0, "A": 1, "D": 2, "P": 3, "R": 4, "F": 5, "E": 6, "M": 7, "S": 8}
 Values = list[tuple[str, float]]
@@ -112,6 +98,7 @@ def checksum(body: bytes) -> int:
 def split_tag(line: bytes) -> TaggedSentence:
     r"""A line as its sentence with the TAG block's time (c:, UTC, ns since 1970) and source (s:).
 
+    The time is in seconds or, with 13 digits, in milliseconds, and None where it is anything else.
     A block with a wrong checksum is ignored, but the sentence after it has its checksum.
 
     >>> split_tag(rb"\s:GN01,c:1795255200*3E\$HEHDT,12.3,T*1F")
@@ -124,22 +111,12 @@ def split_tag(line: bytes) -> TaggedSentence:
     if match is None or int(match[2], 16) != checksum(match[1]):
         return TaggedSentence(line[line.rfind(b"\\") + 1 :], sound=False)
     items = dict(item.split(":", 1) for item in match[1].decode("ascii").split(",") if ":" in item)
-    source = safe_label(items.get("s", ""))
-    return TaggedSentence(line[match.end() :], unix_ns(items.get("c", "")), source)
-
-
-def unix_ns(text: str) -> int | None:
-    """Seconds or, with 13 digits, milliseconds since 1970 as ns; None for anything else.
-
-    >>> unix_ns("1795255200.25") == unix_ns("1795255200250")
-    True
-    """
+    time_ns, text = None, items.get("c", "")
     if _MILLISECONDS.fullmatch(text):
-        return int(text) * 1_000_000
-    match = _SECONDS.fullmatch(text)
-    if match is None:
-        return None
-    return int(match[1]) * 1_000_000_000 + int((match[2] or "").ljust(9, "0"))
+        time_ns = int(text) * 1_000_000
+    elif seconds := _SECONDS.fullmatch(text):
+        time_ns = int(seconds[1]) * NANO + int((seconds[2] or "").ljust(9, "0"))
+    return TaggedSentence(line[match.end() :], time_ns, safe_label(items.get("s", "")))
 
 
 def split_sentence(line: bytes, *, unchecked: bool = False) -> tuple[str, list[str]] | None:
@@ -148,10 +125,10 @@ def split_sentence(line: bytes, *, unchecked: bool = False) -> tuple[str, list[s
     ``unchecked`` accepts a sentence without a checksum.
     """
     match = _SENTENCE.fullmatch(line)
+    if match is not None and int(match[2], 16) != checksum(match[1]):
+        return None
     if match is None and unchecked:
         match = _UNCHECKED.fullmatch(line)
-    elif match is not None and int(match[2], 16) != checksum(match[1]):
-        return None
     if match is None:
         return None
     tag, *fields = match[1].decode("ascii").split(",")
@@ -194,7 +171,7 @@ def has_sentence(line: bytes, *, unchecked: bool = False) -> bool:
 class _Field(NamedTuple):
     """One field that carries a channel."""
 
-    channel: Channel
+    channel: ship.Channel
     origin: SentenceField
     step: Linear
 
@@ -214,7 +191,7 @@ class _Transducer(NamedTuple):
     XDR has four fields for each: type, value, unit, name.
     """
 
-    channel: Channel
+    channel: ship.Channel
     name: str
     steps: Mapping[str, Linear]
 
@@ -230,28 +207,24 @@ class _Transducer(NamedTuple):
         return SentenceReading()
 
 
-def _steps(channel: Channel, origin: Transducer) -> dict[str, Linear]:
-    """The step from each unit of XDR that measures what the channel does; from any, where the origin gives one."""
-    if origin.unit is not None or origin.full_scale is not None:
-        return dict.fromkeys(("", _ANY, *_XDR_UNITS.values()), origin.step_to(channel))
-    steps = {"": origin.step_to(channel)}
-    for unit in _XDR_UNITS.values():
-        with suppress(ConfigurationError):
-            steps[unit] = origin.step_to(channel, unit)
-    return steps
-
-
 class DeclaredSentences(DeclaredReaders[str, _Field | _Transducer]):
     """The declared channels in sentences, by their letters."""
 
-    def __init__(self, declared: Sequence[tuple[Channel, SentenceField | Transducer]]) -> None:
+    def __init__(self, declared: Sequence[tuple[ship.Channel, SentenceField | Transducer]]) -> None:
         super().__init__()
         for channel, origin in declared:
             if isinstance(origin, SentenceField):
                 self.setdefault(origin.sentence, []).append(_Field(channel, origin, origin.step_to(channel)))
+                continue
+            # from each unit of XDR that measures what the channel does; from any, where the origin gives one
+            steps = {"": origin.step_to(channel)}
+            if origin.unit is not None or origin.full_scale is not None:
+                steps = dict.fromkeys(("", _ANY, *_XDR_UNITS.values()), steps[""])
             else:
-                transducer = _Transducer(channel, origin.transducer, _steps(channel, origin))
-                self.setdefault("XDR", []).append(transducer)
+                for unit in _XDR_UNITS.values():
+                    with suppress(ConfigurationError):
+                        steps[unit] = origin.step_to(channel, unit)
+            self.setdefault("XDR", []).append(_Transducer(channel, origin.transducer, steps))
 
     def read(self, kind: str, fields: Fields) -> SentenceReading:
         """The channels in a sentence; of several origins of one channel in it the first that has a value counts."""
@@ -270,11 +243,11 @@ class Nmea0183Decoder(Decoder):
         thrusters: Thrusters | None = None,
         stamps: Clock = "receiver",
         theoretical_wind: Literal["ground", "water"] = "ground",
-        actuators: Actuators = DEFAULT,
+        actuators: ship.Actuators = ship.DEFAULT,
         reduction_ratios: Mapping[str, float] | None = None,
         rated_rpm: Mapping[str, float] | None = None,
         *,
-        declared: Sequence[tuple[Channel, SentenceField | Transducer]] = (),
+        declared: Sequence[tuple[ship.Channel, SentenceField | Transducer]] = (),
         unchecked: bool = False,
     ) -> None:
         super().__init__()
@@ -298,13 +271,11 @@ class Nmea0183Decoder(Decoder):
         parts, sender = sentences_in(line), self._senders.label(frame.sender)
         for part in parts:
             tagged = split_tag(part)
-            if sender:
-                tagged = replace(tagged, source=f"{tagged.source}{'.' if tagged.source else ''}{sender}")
             tagged = tagged if time_ns is None else replace(tagged, time_ns=time_ns)
-            groups += self._decode(frame, tagged, alone=len(parts) == 1)
+            groups += self._decode(frame, tagged, sender, alone=len(parts) == 1)
         return groups
 
-    def _decode(self, frame: Frame, tagged: TaggedSentence, *, alone: bool) -> list[Group]:
+    def _decode(self, frame: Frame, tagged: TaggedSentence, sender: str, *, alone: bool) -> list[Group]:
         """The samples in a sentence; one without a checksum that is not alone in its line was cut off."""
         sentence = split_sentence(tagged.sentence, unchecked=self._unchecked and alone)
         if not tagged.sound:
@@ -322,49 +293,52 @@ class Nmea0183Decoder(Decoder):
             return []
         talker, kind = ("P", tag) if tag.startswith("P") else (tag[:-3], tag[-3:])  # P: proprietary
         groups: list[Group] = []
+        device = ".".join(filter(None, (tagged.source, sender)))
         if kind not in self._readers and kind not in self._declared:
             self.note_unknown(tag)
         if kind in self._readers:
             reading = self._readers[kind](Fields(fields))
             if reading.refused or not (reading.values or reading.date or reading.sigma_m):
                 self.refused[reading.refused or "no value"] += 1
-            if kind in self._declared:
-                values = [pair for pair in reading.values if pair[0] not in self._declared.channels_in(kind)]
-                reading = replace(reading, values=values)
-            groups = self._groups(reading, frame, talker, kind, tagged)
+            reading = replace(reading, values=self._declared.undeclared(kind, reading.values))
+            groups = self._groups(reading, frame, talker, kind, device)
         if kind in self._declared:
             reading = self._declared.read(kind, Fields(fields))
             if reading.refused:
                 self.refused[reading.refused] += 1
-            groups += self._groups(reading, frame, talker, kind, tagged)
+            groups += self._groups(reading, frame, talker, kind, device)
         return groups
 
-    def _groups(
-        self, reading: SentenceReading, frame: Frame, talker: str, kind: str, tagged: TaggedSentence
-    ) -> list[Group]:
-        label = _label(frame.origin, talker, kind, tagged, reading)
-        number = self._receiver(kind, sensor_of(label), reading, frame)
-        name = f"receiver{number}" if number > 1 else self._further_source(kind, label, reading, frame)
-        if name:
-            tagged = replace(tagged, source=f"{tagged.source}{'.' if tagged.source else ''}{name}")
-            label = _label(frame.origin, talker, kind, tagged, reading)
-        self._note_fix(kind, sensor_of(label), reading)
-        return self.clock.group(frame, label, reading.values, self._source_ns(reading, frame), reading.quality)
+    def _groups(self, reading: SentenceReading, frame: Frame, talker: str, kind: str, device: str) -> list[Group]:
+        """The values of a sentence, under the line, its talker, the ``device`` behind a gateway if it is named, the
+        sentence, and its meaning if it has several: ``line/II:MWV apparent``, ``line/GP@GN01:GGA``.
 
-    def _receiver(self, kind: str, sensor: str, reading: SentenceReading, frame: Frame) -> int:
-        """Which of several receivers of one name it is from."""
-        position = dict(reading.values)
-        if reading.seconds_of_day is not None and {"latitude_deg", "longitude_deg"} <= position.keys():
+        Which of several receivers or sources of one name they are from is part of the device.
+        """
+
+        def label(device: str) -> str:
+            meaning = f" {reading.meaning}" if reading.meaning else ""
+            return f"{frame.origin}/{talker}{'@' if device else ''}{device}:{kind}{meaning}"
+
+        seconds, position = reading.seconds_of_day, dict(reading.values)
+        name, number = "receiver", 1
+        if seconds is not None and {"latitude_deg", "longitude_deg"} <= position.keys():
             place = position["latitude_deg"], position["longitude_deg"]
-            return self._receivers.number(sensor, kind, reading.seconds_of_day, frame.monotonic_ns, place)
-        return self._receivers.last(sensor) if kind in _WITH_A_FIX else 1
-
-    def _further_source(self, kind: str, label: str, reading: SentenceReading, frame: Frame) -> str:
-        """Which of several sources a sentence without time and position is from; empty for the first."""
-        if reading.seconds_of_day is not None or kind in _WITH_A_FIX or not reading.values:
-            return ""
-        number = self._interleaved.number(label, *reading.values[0], frame.monotonic_ns)
-        return f"source{number}" if number > 1 else ""
+            number = self._receivers.number(sensor_of(label(device)), kind, seconds, frame.monotonic_ns, place)
+        elif kind in _WITH_A_FIX:
+            number = self._receivers.last(sensor_of(label(device)))
+        elif seconds is None and reading.values:
+            name = "source"
+            number = self._interleaved.number(label(device), *reading.values[0], frame.monotonic_ns)
+        source = label(device if number == 1 else ".".join(filter(None, (device, f"{name}{number}"))))
+        self._note_fix(kind, sensor_of(source), reading)
+        source_ns = None
+        if seconds is not None and reading.date is not None:  # then it also sets the line's clock
+            source_ns = utc_ns(reading.date, seconds)
+            self.clock.announce(source_ns, frame)
+        elif seconds is not None and (now_ns := self.clock.at(frame)) is not None:
+            source_ns = nearest_day(seconds, now_ns)
+        return self.clock.group(frame, source, reading.values, source_ns, reading.quality)
 
     def _note_fix(self, kind: str, sensor: str, reading: SentenceReading) -> None:
         """GGA has finer kinds of fix than the modes of other sentences, which count where it does not come."""
@@ -383,27 +357,6 @@ class Nmea0183Decoder(Decoder):
             oldest = next(iter(self.fixes))
             del self.fixes[oldest]
             self._sends_gga.discard(oldest)
-
-    def _source_ns(self, reading: SentenceReading, frame: Frame) -> int | None:
-        """The time of the values by the sentence; one with the date also sets the line's clock."""
-        if reading.seconds_of_day is None:
-            return None
-        if reading.date is not None:
-            source_ns = utc_ns(reading.date, reading.seconds_of_day)
-            self.clock.announce(source_ns, frame)
-            return source_ns
-        now_ns = self.clock.at(frame)
-        return None if now_ns is None else nearest_day(reading.seconds_of_day, now_ns)
-
-
-def _label(origin: str, talker: str, kind: str, tagged: TaggedSentence, reading: SentenceReading) -> str:
-    """A source's label: line, talker, the device behind a gateway if it is named, sentence, its meaning if several.
-
-    ``line/II:MWV apparent``, ``line/GP@GN01:GGA``.
-    """
-    device = f"{talker}@{tagged.source}" if tagged.source else talker
-    meaning = f" {reading.meaning}" if reading.meaning else ""
-    return f"{origin}/{device}:{kind}{meaning}"
 
 
 class Fields:
@@ -494,24 +447,26 @@ def _position(fields: Fields, index: int) -> Values:
     return values if len(values) == 2 else []
 
 
-def _quality(mode: str) -> Quality:
-    return Quality.SUSPECT if mode in _SUSPECT_MODES else Quality.NOT_EVALUATED
+def _fix(
+    fields: Fields, place: int, time: int, fix: int | None, movement: Values | None = None, **further: Any
+) -> SentenceReading:
+    """A position at a place with its time, by the number of its fix in GGA, and what ``further`` is reported."""
+    values, seconds = _position(fields, place) + (movement or []), fields.seconds_of_day(time)
+    return SentenceReading(values, quality=_quality(fix), seconds_of_day=seconds, fix=fix, **further)
+
+
+def _quality(fix: int | None) -> Quality:
+    """Dead reckoning, manual input and a simulator are recorded, and marked as suspect."""
+    return Quality.SUSPECT if fix in NO_SATELLITES else Quality.NOT_EVALUATED
 
 
 def _gga(fields: Fields) -> SentenceReading:
-    fix = fields.text(5)
-    if fix in ("0", ""):
+    code = fields.text(5)
+    if code in ("0", ""):
         return SentenceReading(refused=NOT_VALID, fix=0)
-    quality = Quality.SUSPECT if fix in _SUSPECT_FIXES else Quality.NOT_EVALUATED
-    number = int(fix) if fix in tuple("123456789") else None
     height_m, geoid_m = fields.measured(8, "M"), fields.measured(10, "M")
-    return SentenceReading(
-        _position(fields, 1),
-        quality=quality,
-        seconds_of_day=fields.seconds_of_day(0),
-        fix=number,
-        height_m=None if height_m is None else height_m + (geoid_m or 0.0),
-    )
+    height_m = None if height_m is None else height_m + (geoid_m or 0.0)
+    return _fix(fields, 1, 0, int(code) if code in tuple("123456789") else None, height_m=height_m)
 
 
 def _gns(fields: Fields) -> SentenceReading:
@@ -520,13 +475,8 @@ def _gns(fields: Fields) -> SentenceReading:
     if not modes or modes[0] == "N":
         return SentenceReading(refused=NOT_VALID, fix=0)
     height_m, geoid_m = fields.number(8), fields.number(9)
-    return SentenceReading(
-        _position(fields, 1),
-        quality=_quality(modes[0]),
-        seconds_of_day=fields.seconds_of_day(0),
-        fix=_FIX_OF_MODE[modes[0]],
-        height_m=None if height_m is None else height_m + (geoid_m or 0.0),
-    )
+    height_m = None if height_m is None else height_m + (geoid_m or 0.0)
+    return _fix(fields, 1, 0, _FIX_OF_MODE[modes[0]], height_m=height_m)
 
 
 def _gst(fields: Fields) -> SentenceReading:
@@ -541,32 +491,23 @@ def _gll(fields: Fields) -> SentenceReading:
     mode = fields.text(6)
     if fields.text(5, absent="A") != "A" or mode == "N":
         return SentenceReading(refused=NOT_VALID, fix=0)
-    seconds = fields.seconds_of_day(4)
-    return SentenceReading(
-        _position(fields, 0), quality=_quality(mode), seconds_of_day=seconds, fix=_FIX_OF_MODE.get(mode)
-    )
+    return _fix(fields, 0, 4, _FIX_OF_MODE.get(mode))
 
 
 def _rmc(fields: Fields) -> SentenceReading:
     mode = fields.text(11)
     if fields.text(1) != "A" or mode == "N":
         return SentenceReading(refused=NOT_VALID, fix=0)
+    ddmmyy, date = fields.text(8), None
+    if re.fullmatch(r"\d{6}", ddmmyy):  # 80 to 99 are of the last century, as of receivers without the date
+        year = int(ddmmyy[4:])
+        date = _date(year + (1900 if year >= 80 else 2000), int(ddmmyy[2:4]), int(ddmmyy[:2]))
     movement = available(
         ("course_over_ground_deg", fields.number(7)),
         ("speed_over_ground_mps", _knots(fields, 6)),
         ("magnetic_variation_deg", fields.eastward(9)),
     )
-    ddmmyy, date = fields.text(8), None
-    if re.fullmatch(r"\d{6}", ddmmyy):  # 80 to 99 are of the last century, as of receivers without the date
-        year = int(ddmmyy[4:])
-        date = _date(year + (1900 if year >= 80 else 2000), int(ddmmyy[2:4]), int(ddmmyy[:2]))
-    return SentenceReading(
-        _position(fields, 2) + movement,
-        quality=_quality(mode),
-        date=date,
-        seconds_of_day=fields.seconds_of_day(0),
-        fix=_FIX_OF_MODE.get(mode),
-    )
+    return _fix(fields, 2, 0, _FIX_OF_MODE.get(mode), movement, date=date)
 
 
 def _zda(fields: Fields) -> SentenceReading:
@@ -597,14 +538,15 @@ def _vtg(fields: Fields) -> SentenceReading:
     else:
         course, speed = fields.measured(0, "T"), fields.speed_mps((4, "N"), (6, "K"))
     values = available(("course_over_ground_deg", course), ("speed_over_ground_mps", speed))
-    return SentenceReading(values, quality=_quality(mode))
+    return SentenceReading(values, quality=_quality(_FIX_OF_MODE.get(mode)))
 
 
 def _ths(fields: Fields) -> SentenceReading:
     mode = fields.text(1)
-    if mode not in ("A", *_SUSPECT_MODES):
+    if mode not in tuple("AEMS"):
         return SentenceReading(refused=NOT_VALID)
-    return SentenceReading(available(("heading_deg", fields.number(0))), quality=_quality(mode))
+    heading = available(("heading_deg", fields.number(0)))
+    return SentenceReading(heading, quality=_quality(_FIX_OF_MODE[mode]))
 
 
 def _hdg(fields: Fields) -> SentenceReading:
@@ -723,12 +665,12 @@ def _heading_control(fields: Fields, channels: tuple[str, ...]) -> SentenceReadi
     return _as_orders(SentenceReading(available((channels[0], ordered))))
 
 
-def _rpm(fields: Fields, shafts: Actuators, reduction_ratios: Mapping[str, float]) -> SentenceReading:
+def _rpm(fields: Fields, shafts: ship.Actuators, reduction_ratios: Mapping[str, float]) -> SentenceReading:
     """A shaft's speed and pitch; an engine's speed stands for its shaft's where its reduction ratio is known."""
     source, number = fields.text(0), fields.number(1)
     if source not in ("S", "E"):
         return SentenceReading(refused="rpm of no shaft")
-    shaft = shaft_of_number(number, shafts)
+    shaft = ship.shaft_of_number(number, shafts)
     if shaft is None:
         return SentenceReading(refused="rpm of a single or unknown shaft")
     ratio = reduction_ratios.get(shaft.name) if source == "E" else 1.0
@@ -741,7 +683,7 @@ def _rpm(fields: Fields, shafts: Actuators, reduction_ratios: Mapping[str, float
     return SentenceReading(values, f"{'shaft' if source == 'S' else 'engine'} {number:.0f}")
 
 
-def _shaft_values(shaft: Actuator, rpm: float | None, pitch_percent: float | None) -> list[tuple[str, float]]:
+def _shaft_values(shaft: ship.Actuator, rpm: float | None, pitch_percent: float | None) -> list[tuple[str, float]]:
     """Those of the two values that a shaft has a channel for: pitch only with a controllable one."""
     channels = {channel.name for channel in shaft.channels}
     values = available((f"{shaft.name}_rpm", rpm), (f"{shaft.name}_pitch_percent", pitch_percent))
@@ -755,9 +697,9 @@ def _in_rpm(value: float | None, mode: str, rated_rpm: float | None) -> float | 
     return None if mode != "P" or rated_rpm is None else value * rated_rpm / 100.0
 
 
-def _propulsion_order(fields: Fields, shafts: Actuators, rated_rpm: Mapping[str, float]) -> SentenceReading:
+def _propulsion_order(fields: Fields, shafts: ship.Actuators, rated_rpm: Mapping[str, float]) -> SentenceReading:
     """PRC: lever, its status, rpm, its mode, pitch, its mode, location, shaft."""
-    shaft = shaft_of_number(fields.number(7), shafts)
+    shaft = ship.shaft_of_number(fields.number(7), shafts)
     if shaft is None:
         return SentenceReading(refused="order to an unknown shaft")
     rpm = _in_rpm(fields.number(2), fields.text(3), rated_rpm.get(shaft.name))
@@ -782,21 +724,15 @@ def _thruster(fields: Fields, controls: _Controls, rated_rpm: Mapping[str, float
     return SentenceReading(angle, refused="thruster in percent" if mode == "P" else NOT_VALID)
 
 
-def _thruster_order(
-    fields: Fields, controls: _Controls, rated_rpm: Mapping[str, float], fills_channels: bool
-) -> SentenceReading:
-    reading = _thruster(fields, controls, rated_rpm)
-    orders = _as_orders(reading)
-    return replace(orders, values=orders.values + reading.values) if fills_channels else orders
-
-
-def _as_orders(reading: SentenceReading) -> SentenceReading:
-    return replace(reading, values=[(name_of_order(name), value) for name, value in reading.values])
+def _as_orders(reading: SentenceReading, *, fills_channels: bool = False) -> SentenceReading:
+    """The values as those ordered; as those of the channels, too, where they stand for them."""
+    orders = [(ship.name_of_order(name), value) for name, value in reading.values]
+    return replace(reading, values=orders + (reading.values if fills_channels else []))
 
 
 def machinery_readers(
     thrusters: Thrusters,
-    actuators: Actuators,
+    actuators: ship.Actuators,
     reduction_ratios: Mapping[str, float],
     rated_rpm: Mapping[str, float],
 ) -> dict[str, Reader]:
@@ -807,18 +743,17 @@ def machinery_readers(
             shaft, azimuth, *_ = (*(channel.name for channel in actuator.channels), "")
             controls[thrusters.numbers[actuator.name]] = shaft, azimuth
     rated_by_channel = {f"{name}_rpm": rpm for name, rpm in rated_rpm.items()}
+    thruster = partial(_thruster, controls=controls, rated_rpm=rated_by_channel)
     demand = thrusters.channels_from == "demand"
     ignored = SentenceReading(refused="thruster response where demands are wanted")
-    angles, shafts = rudder_channels(actuators), numbered_shafts(actuators)
+    angles, shafts = ship.rudder_channels(actuators), ship.numbered_shafts(actuators)
     machinery: dict[str, Reader] = {
         "RSA": partial(_rudders, channels=angles),
         "RPM": partial(_rpm, shafts=shafts, reduction_ratios=reduction_ratios),
-        "TRD": (lambda fields: ignored)
-        if demand
-        else partial(_thruster, controls=controls, rated_rpm=rated_by_channel),
-        "TRC": partial(_thruster_order, controls=controls, rated_rpm=rated_by_channel, fills_channels=demand),
+        "TRD": (lambda fields: ignored) if demand else thruster,
+        "TRC": lambda fields: _as_orders(thruster(fields), fills_channels=demand),
     }
-    if rudders(actuators):
+    if ship.rudders(actuators):
         machinery["ROR"] = lambda fields: _as_orders(_rudders(fields, angles))
         machinery["HTD"] = partial(_heading_control, channels=angles)
     if not {propulsor.name for propulsor in shafts} & thrusters.numbers.keys():  # else TRC has the orders to them
@@ -853,55 +788,47 @@ class Nmea0183Encoder:
     """
 
     def __init__(
-        self, config: LineSource | MqttLinks, actuators: Actuators, channels: Mapping[str, Channel]
+        self, config: LineSource | MqttLinks, actuators: ship.Actuators, channels: Mapping[str, ship.Channel]
     ) -> None:
         self._announces = isinstance(config, LineSource) and config.clock == "source"
-        self._thrusters = config.thrusters.numbers
-        self._responses = "TRC" if config.thrusters.channels_from == "demand" else "TRD"
-        angles = rudder_channels(actuators)
-        self._rudders = tuple(reversed(angles)) if len(angles) <= 2 else ()
-        shafts = shaft_numbers(numbered_shafts(actuators))
-        self._shafts = {name: number for name, number in shafts.items() if name not in self._thrusters}
+        numbers, angles = config.thrusters.numbers, ship.rudder_channels(actuators)
+        responses = "TRC" if config.thrusters.channels_from == "demand" else "TRD"
+        ship_shafts = ship.shaft_numbers(ship.numbered_shafts(actuators))
+        devices: list[tuple[tuple[str, ...], Body, Body]] = []
+        if len(angles) <= 2:
+            kinds = partial(_rudder_sentence, "RSA"), partial(_rudder_sentence, "ROR")
+            devices.append((tuple(reversed(angles)), *kinds))
+        for name, number in numbers.items():
+            pair = (f"{name}_rpm", f"{name}_angle_deg")
+            kinds = partial(_thruster_sentence, responses, number), partial(_thruster_sentence, "TRC", number)
+            devices.append((pair, *kinds))
+        for name, number in ship_shafts.items():
+            if name not in numbers:
+                pair = (f"{name}_rpm", f"{name}_pitch_percent")
+                kinds = partial(_shaft_sentence, "RPM", number), partial(_shaft_sentence, "PRC", number)
+                devices.append((pair, *kinds))
+        self._sentences = list(_NAVIGATION.items())
+        for names, response, order in devices:
+            self._sentences += [(names, response), (tuple(map(ship.name_of_order, names)), order)]
 
     def encode(self, moment: Moment) -> list[Packet]:
         utc = EPOCH + dt.timedelta(microseconds=floor(moment.time_ns / 1000))  # rounded down
         clock = f"{utc:%H%M%S.%f}"
         packets = [Packet(sentence(f"GPZDA,{clock},{utc:%d,%m,%Y},00,00"))] if self._announces else []
-        if moment.latitude_deg is not None and moment.longitude_deg is not None:
-            latitude = f"{degrees_and_minutes(moment.latitude_deg, 2)},{'N' if moment.latitude_deg >= 0 else 'S'}"
-            longitude = (
-                f"{degrees_and_minutes(moment.longitude_deg, 3)},{'E' if moment.longitude_deg >= 0 else 'W'}"
-            )
+        latitude_deg, longitude_deg = moment.latitude_deg, moment.longitude_deg
+        if latitude_deg is not None and longitude_deg is not None:
+            latitude = f"{degrees_and_minutes(latitude_deg, 2)},{'N' if latitude_deg >= 0 else 'S'}"
+            longitude = f"{degrees_and_minutes(longitude_deg, 3)},{'E' if longitude_deg >= 0 else 'W'}"
             fix = f"GPGGA,{clock},{latitude},{longitude},4,12,0.6,0.0,M,0.0,M,,"
             packets.append(Packet(sentence(fix), carries=moment.fix_of))
-        for channels, body in _NAVIGATION.items():
-            packets += _packet_of(moment, channels, body)
-        return packets + self._machinery(moment)
-
-    def _machinery(self, moment: Moment) -> list[Packet]:
-        packets = _packet_of(moment, self._rudders, partial(_rudder_sentence, "RSA"))
-        packets += _packet_of(moment, tuple(map(name_of_order, self._rudders)), partial(_rudder_sentence, "ROR"))
-        for name, number in self._thrusters.items():
-            pair = (f"{name}_rpm", f"{name}_angle_deg")
-            packets += _packet_of(moment, pair, partial(_thruster_sentence, self._responses, number))
-            packets += _packet_of(
-                moment, tuple(map(name_of_order, pair)), partial(_thruster_sentence, "TRC", number)
-            )
-        for name, number in self._shafts.items():
-            pair = (f"{name}_rpm", f"{name}_pitch_percent")
-            packets += _packet_of(moment, pair, partial(_shaft_sentence, number))
-            packets += _packet_of(moment, tuple(map(name_of_order, pair)), partial(_shaft_order_sentence, number))
+        for names, body in self._sentences:
+            if carries := moment.present(*names):
+                packets.append(Packet(sentence(body(*map(moment.values.get, names))), carries=carries))
         return packets
 
 
 Body = Callable[..., str]
 """A sentence's body from the values of channels, None for one that is not known."""
-
-
-def _packet_of(moment: Moment, channels: tuple[str, ...], body: Body) -> list[Packet]:
-    """The sentence of some channels; none where no value of them is known."""
-    carries = moment.present(*channels)
-    return [Packet(sentence(body(*map(moment.values.get, channels))), carries=carries)] if carries else []
 
 
 def _rudder_sentence(kind: str, starboard_deg: float | None, port_deg: float | None = None) -> str:
@@ -915,13 +842,11 @@ def _thruster_sentence(kind: str, number: int, rpm: float | None, angle_deg: flo
     return f"RC{kind},{number},{_decimals(rpm, 1.0, 3)},{_mode(rpm, 'R')},,V,{_turn(angle_deg, 3)}{ending}"
 
 
-def _shaft_sentence(number: int, rpm: float | None, pitch_percent: float | None) -> str:
-    return f"ERRPM,S,{number},{_decimals(rpm, 1.0, 3)},{_decimals(pitch_percent, 1.0, 3)},A"
-
-
-def _shaft_order_sentence(number: int, rpm: float | None, pitch_percent: float | None) -> str:
-    speed, pitch = f"{_decimals(rpm, 1.0, 3)},{_mode(rpm, 'R')}", _decimals(pitch_percent, 1.0, 3)
-    return f"ERPRC,,V,{speed},{pitch},{_mode(pitch_percent, 'P')},B,{number}"
+def _shaft_sentence(kind: str, number: int, rpm: float | None, pitch_percent: float | None) -> str:
+    speed, pitch = _decimals(rpm, 1.0, 3), _decimals(pitch_percent, 1.0, 3)
+    if kind == "RPM":
+        return f"ERRPM,S,{number},{speed},{pitch},A"
+    return f"ERPRC,,V,{speed},{_mode(rpm, 'R')},{pitch},{_mode(pitch_percent, 'P')},B,{number}"
 
 
 def _mode(value: float | None, unit: str) -> str:

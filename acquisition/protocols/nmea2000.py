@@ -13,16 +13,16 @@ of a later message: that would make a plausible message that was never sent. Par
 delayed, not twice unless in a row, and the first never completes a message: where it comes last, the others
 belong to a message whose first part was lost.
 
-The parameter groups of NMEA 2000 that we decode: where their fields are, and one reader function a group.
+Of the parameter groups of NMEA 2000 that we decode, each has one reader function.
 
 Which of a ship's rudders and engines a message means is given by its instance: instances count from 0 in the
 order of the ship's list, so that of a pair the port one is 0. No standard group has the speed of a shaft, nor a
 propeller's pitch; those of engines and gearboxes stand for the speed where the reduction ratio is known.
 
-Fields are named as in canboat's database and are in SI units and radians, positions in degrees. A field of a
-number keeps its three highest raw values for "not available", "error" and nothing at all (reserved); lookups are
-given as they are. Declared channels may be in any field of any group of NMEA 2000 and J1939: its place is in the
-declaration or in canboat's database, as the ``nmea2000`` library carries it.
+Where fields are is in canboat's database, as the ``nmea2000`` library carries it; they are named as there, and are
+in SI units and radians, positions in degrees. A field of a number keeps its three highest raw values for "not
+available", "error" and nothing at all (reserved); lookups are given as they are. Declared channels may be in any
+field of any group of NMEA 2000 and J1939: its place is in the declaration or in the database.
 """
 
 from __future__ import annotations
@@ -32,31 +32,23 @@ import re
 import threading
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
-from functools import cache
+from dataclasses import dataclass, field, replace
+from functools import cache, partial
 from math import pi
 from typing import Any, NamedTuple
 
 from seatrial.acquisition.config.declarations import GroupField, errors_about_channel
 from seatrial.acquisition.config.sources import Clock, Device
+from seatrial.acquisition.core import ship
 from seatrial.acquisition.core.errors import ConfigurationError
 from seatrial.acquisition.core.quantities import DEG_PER_RAD, Linear
-from seatrial.acquisition.core.ship import (
-    DEFAULT,
-    Actuators,
-    Channel,
-    name_of_order,
-    rudder_channels,
-    rudders,
-    shafts,
-)
 from seatrial.acquisition.core.trial import Fix, Frame, FrameFlag, Group, Quality, safe_label
 from seatrial.acquisition.protocols import NO_SATELLITES, DeclaredReaders, Decoder, Notices
 from seatrial.acquisition.protocols.clock import SourceClock, utc_ns
 
 ADDRESS_CLAIM = 60928
 SYSTEM_TIME, TIME_AND_DATE, POSITION, GNSS_POSITION = 126992, 129033, 129025, 129029
-RUDDER_GROUP, ENGINE_SPEED, GEARBOX = 127245, 127488, 127493
+_MACHINERY = RUDDER_GROUP, ENGINE_SPEED, GEARBOX = 127245, 127488, 127493
 NOT_AVAILABLE, ERROR_VALUE = "not available", "error value"
 
 Value = float | str
@@ -83,7 +75,8 @@ _CODES = frozenset({"LOOKUP", "INDIRECT_LOOKUP", "BITLOOKUP", "BINARY", "RESERVE
 class Field:
     """One field: its first bit, its length in bits, and its step, which a lookup has not.
 
-    The three highest values are none, of a ``j1939`` number all from 0xFB in its highest byte on (J1939-71).
+    The three highest values are none, of a ``j1939`` number all from 0xFB in its highest byte on (J1939-71). The
+    ``unit`` is that of canboat's database.
     """
 
     start: int
@@ -91,6 +84,7 @@ class Field:
     step: float | None = None
     signed: bool = False
     j1939: bool = False
+    unit: str | None = field(default=None, compare=False)
     _ones: int = field(init=False, repr=False)
     _highest: int = field(init=False, repr=False)
     _reserved: int = field(init=False, repr=False)
@@ -121,8 +115,8 @@ class Message:
 
     __slots__ = ("_bits", "_fields", "raw")
 
-    def __init__(self, fields: dict[str, Field], payload: bytes) -> None:
-        self._fields = fields
+    def __init__(self, group: int, payload: bytes) -> None:
+        self._fields = _fields_of(group)
         self.raw = int.from_bytes(payload, "little")
         self._bits = 8 * len(payload)
 
@@ -139,59 +133,19 @@ class Message:
         return value if isinstance(value, str) else value * DEG_PER_RAD
 
 
-_ANGLE_RAD, _SPEED_MPS, _FINE_SPEED_MPS, _TIME_S = 1e-4, 0.01, 0.001, 1e-4
-
-FIELDS: dict[int, dict[str, Field]] = {
-    SYSTEM_TIME: {"date": Field(16, 16, 1), "time": Field(32, 32, _TIME_S)},
-    RUDDER_GROUP: {
-        "instance": Field(0, 8, 1),
-        "angleOrder": Field(16, 16, _ANGLE_RAD, signed=True),
-        "position": Field(32, 16, _ANGLE_RAD, signed=True),
-    },
-    ENGINE_SPEED: {"instance": Field(0, 8), "speed": Field(8, 16, 0.25)},
-    GEARBOX: {"instance": Field(0, 8), "transmissionGear": Field(8, 2)},
-    127250: {
-        "heading": Field(8, 16, _ANGLE_RAD),
-        "deviation": Field(24, 16, _ANGLE_RAD, signed=True),
-        "variation": Field(40, 16, _ANGLE_RAD, signed=True),
-        "reference": Field(56, 2),
-    },
-    127251: {"rate": Field(8, 32, 3.125e-8, signed=True)},
-    127257: {
-        "pitch": Field(24, 16, _ANGLE_RAD, signed=True),
-        "roll": Field(40, 16, _ANGLE_RAD, signed=True),
-    },
-    127258: {"variation": Field(32, 16, _ANGLE_RAD, signed=True)},
-    128259: {"speedWaterReferenced": Field(8, 16, _SPEED_MPS)},
-    POSITION: {"latitude": Field(0, 32, 1e-7, signed=True), "longitude": Field(32, 32, 1e-7, signed=True)},
-    129026: {"cogReference": Field(8, 2), "cog": Field(16, 16, _ANGLE_RAD), "sog": Field(32, 16, _SPEED_MPS)},
-    GNSS_POSITION: {
-        "date": Field(8, 16, 1),
-        "time": Field(24, 32, _TIME_S),
-        "latitude": Field(56, 64, 1e-16, signed=True),
-        "longitude": Field(120, 64, 1e-16, signed=True),
-        "altitude": Field(184, 64, 1e-6, signed=True),
-        "method": Field(252, 4),
-    },
-    TIME_AND_DATE: {"date": Field(0, 16, 1), "time": Field(16, 32, _TIME_S)},
-    130306: {
-        "windSpeed": Field(8, 16, _SPEED_MPS),
-        "windAngle": Field(24, 16, _ANGLE_RAD),
-        "reference": Field(40, 3),
-    },
-    130577: {
-        "dataMode": Field(0, 4),
-        "cogReference": Field(4, 2),
-        "cog": Field(16, 16, _ANGLE_RAD),
-        "sog": Field(32, 16, _SPEED_MPS),
-    },
+CARRIED = {
+    127250: {"heading_deg": "heading"},  # by the true reference
+    127251: {"yaw_rate_dps": "rate"},
+    127257: {"roll_deg": "roll", "pitch_deg": "pitch"},  # the yaw does not say which north it refers to
+    127258: {"magnetic_variation_deg": "variation"},
+    128259: {"speed_through_water_mps": "speedWaterReferenced"},
+    130306: {"wind_direction_deg": "windAngle", "wind_speed_mps": "windSpeed"},  # by the reference of true north
     130578: {
-        "longitudinalSpeedWaterReferenced": Field(0, 16, _FINE_SPEED_MPS, signed=True),
-        "longitudinalSpeedGroundReferenced": Field(32, 16, _FINE_SPEED_MPS, signed=True),
-        "transverseSpeedGroundReferenced": Field(48, 16, _FINE_SPEED_MPS, signed=True),
+        "surge_mps": "longitudinalSpeedGroundReferenced",
+        "sway_mps": "transverseSpeedGroundReferenced",
     },
 }
-"""Those fields of each group that are read, by their names."""
+"""The field of each channel in groups of motion and wind, for reading and for sending them."""
 
 SHORTEST_BYTES = {GNSS_POSITION: 43, 130577: 14, 130578: 8}
 """The groups that come in several frames, and the least length that each can have."""
@@ -229,25 +183,28 @@ def group_time(message: Message) -> int | None:
     return utc_ns(dt.date(1970, 1, 1) + dt.timedelta(days=days), seconds)
 
 
+def _carried(group: int, message: Message) -> GroupReading:
+    fields = CARRIED[group].items()
+    return GroupReading(
+        [(name, message.degrees(key) if name.endswith(("_deg", "_dps")) else message[key]) for name, key in fields]
+    )
+
+
 def _heading(message: Message) -> GroupReading:
-    reference, heading = message["reference"], message["heading"]
+    """A compass heading has its deviation applied, within a turn unless the heading itself is beyond one."""
+    reference, heading, deviation = message["reference"], message["heading"], message["deviation"]
     variation = available([("magnetic_variation_deg", message.degrees("variation"))])
     if reference == 0:
         return GroupReading([("heading_deg", message.degrees("heading")), *variation])
     if reference != 1:
         return GroupReading([("heading_deg", "heading without a reference")])
-    return GroupReading([("heading_magnetic_deg", _deviated_deg(heading, message["deviation"])), *variation])
-
-
-def _deviated_deg(heading: Value, deviation: Value) -> Value:
-    """A compass heading with its deviation, within a turn unless the heading itself is beyond one [deg]."""
-    if isinstance(heading, str):
-        return heading
-    if isinstance(deviation, str) or heading > _FULL_TURN_RAD:
-        return heading * DEG_PER_RAD
-    if abs(deviation) > pi:
-        return "impossible deviation"
-    return (heading + deviation) * DEG_PER_RAD % 360.0
+    if isinstance(heading, str) or isinstance(deviation, str) or heading > _FULL_TURN_RAD:
+        magnetic = message.degrees("heading")
+    elif abs(deviation) > pi:
+        magnetic = "impossible deviation"
+    else:
+        magnetic = (heading + deviation) * DEG_PER_RAD % 360.0
+    return GroupReading([("heading_magnetic_deg", magnetic), *variation])
 
 
 def _position(message: Message) -> GroupReading:
@@ -297,11 +254,7 @@ Reader = Callable[[Message], GroupReading]
 READERS: dict[int, Reader] = {
     SYSTEM_TIME: lambda message: GroupReading([]),
     127250: _heading,
-    127251: lambda message: GroupReading([("yaw_rate_dps", message.degrees("rate"))]),
-    # the yaw does not say which north it refers to
-    127257: lambda message: GroupReading([(f"{name}_deg", message.degrees(name)) for name in ("roll", "pitch")]),
-    127258: lambda message: GroupReading([("magnetic_variation_deg", message.degrees("variation"))]),
-    128259: lambda message: GroupReading([("speed_through_water_mps", message["speedWaterReferenced"])]),
+    **{group: partial(_carried, group) for group in (127251, 127257, 127258, 128259)},
     POSITION: _position,
     129026: _course_and_speed,
     GNSS_POSITION: _gnss_position,
@@ -313,8 +266,7 @@ READERS: dict[int, Reader] = {
     ),
     130578: lambda message: GroupReading(
         [
-            ("surge_mps", message["longitudinalSpeedGroundReferenced"]),
-            ("sway_mps", message["transverseSpeedGroundReferenced"]),
+            *_carried(130578, message).values,
             *available([("speed_through_water_mps", message["longitudinalSpeedWaterReferenced"])]),
         ]
     ),
@@ -327,86 +279,62 @@ def _instance(message: Message) -> int:
     return _NO_INSTANCE if isinstance(instance, str) else int(instance)
 
 
-class _Rudders:
+def _rudder(message: Message, channels: tuple[str, ...], *, has_orders: bool) -> GroupReading:
     """127245: position and order. A single rudder has the lowest instance that a device reports."""
-
-    def __init__(self, actuators: Actuators) -> None:
-        self._channels = rudder_channels(actuators)
-        self._has_orders = bool(rudders(actuators))
-
-    def read(self, message: Message) -> GroupReading:
-        number = _instance(message)
-        meaning = f"rudder {number}" if number else ""
-        if len(self._channels) == 1:
-            return GroupReading(self._values(self._channels[0], message), meaning, instance=number)
-        if number >= len(self._channels):
-            return GroupReading([("rudder", "another instance")], meaning)
-        return GroupReading(self._values(self._channels[number], message), meaning)
-
-    def _values(self, channel: str, message: Message) -> Values:
-        position: Values = [(channel, message.degrees("position"))]
-        order: Values = [(name_of_order(channel), message.degrees("angleOrder"))] if self._has_orders else []
-        return [*available(position), *available(order)] or position
+    number = _instance(message)
+    meaning = f"rudder {number}" if number else ""
+    is_single = len(channels) == 1
+    if not is_single and number >= len(channels):
+        return GroupReading([("rudder", "another instance")], meaning)
+    channel = channels[0 if is_single else number]
+    position: Values = [(channel, message.degrees("position"))]
+    order: Values = [(ship.name_of_order(channel), message.degrees("angleOrder"))] if has_orders else []
+    values = [*available(position), *available(order)] or position
+    return GroupReading(values, meaning, instance=number if is_single else None)
 
 
-class _Engines:
-    """127488 and 127493: an engine's speed, which has no sign, and whether its gearbox reverses the shaft."""
-
-    def __init__(self, actuators: Actuators, reduction_ratios: Mapping[str, float]) -> None:
-        self._ratios = {
-            number: (f"{name}_rpm", reduction_ratios[name])
-            for number, name in enumerate(shafts(actuators))
-            if name in reduction_ratios
-        }
-        self._gears: dict[int, int] = {}
-
-    def read_gear(self, message: Message) -> GroupReading:
-        self._gears[_instance(message)] = int(message["transmissionGear"])
-        return GroupReading([])
-
-    def read_speed(self, message: Message) -> GroupReading:
-        number, rpm = _instance(message), message["speed"]
-        if number not in self._ratios:
-            return GroupReading([("engine", "engine without a reduction ratio")])
-        channel, ratio = self._ratios[number]
-        gear = self._gears.get(number)
-        if gear == _NEUTRAL:
-            return GroupReading([(channel, "gearbox in neutral")])
-        sign = -1.0 if gear == _REVERSE else 1.0
-        return GroupReading([(channel, rpm if isinstance(rpm, str) else sign * rpm / ratio)], f"engine {number}")
+def _gear(message: Message, gears: dict[int, int]) -> GroupReading:
+    """127493: whether an engine's gearbox reverses its shaft."""
+    gears[_instance(message)] = int(message["transmissionGear"])
+    return GroupReading([])
 
 
-def machinery_readers(actuators: Actuators, reduction_ratios: Mapping[str, float]) -> dict[int, Reader]:
+def _engine(message: Message, ratios: Mapping[int, tuple[str, float]], gears: Mapping[int, int]) -> GroupReading:
+    """127488: an engine's speed, which has no sign, as its shaft's; the channel and reduction ratio by instance."""
+    number, rpm = _instance(message), message["speed"]
+    if number not in ratios:
+        return GroupReading([("engine", "engine without a reduction ratio")])
+    channel, ratio = ratios[number]
+    if gears.get(number) == _NEUTRAL:
+        return GroupReading([(channel, "gearbox in neutral")])
+    sign = -1.0 if gears.get(number) == _REVERSE else 1.0
+    return GroupReading([(channel, rpm if isinstance(rpm, str) else sign * rpm / ratio)], f"engine {number}")
+
+
+def machinery_readers(actuators: ship.Actuators, reduction_ratios: Mapping[str, float]) -> dict[int, Reader]:
     """The reader of each of these groups on a ship with these actuators; engines only where a ratio is known."""
-    readers: dict[int, Reader] = {RUDDER_GROUP: _Rudders(actuators).read}
-    if reduction_ratios:
-        engines = _Engines(actuators, reduction_ratios)
-        readers |= {ENGINE_SPEED: engines.read_speed, GEARBOX: engines.read_gear}
-    return readers
-
-
-class GroupFieldPlace(NamedTuple):
-    """A field of a group: where it is, and its unit where canboat's database has one."""
-
-    field: Field
-    unit: str | None
+    rudder = partial(_rudder, channels=ship.rudder_channels(actuators), has_orders=bool(ship.rudders(actuators)))
+    ratios = {
+        number: (f"{name}_rpm", reduction_ratios[name])
+        for number, name in enumerate(ship.shafts(actuators))
+        if name in reduction_ratios
+    }
+    gears: dict[int, int] = {}
+    engines: dict[int, Reader] = {
+        ENGINE_SPEED: partial(_engine, ratios=ratios, gears=gears),
+        GEARBOX: partial(_gear, gears=gears),
+    }
+    return {RUDDER_GROUP: rudder, **(engines if reduction_ratios else {})}
 
 
 class _GroupChannel(NamedTuple):
     """A channel that a group carries."""
 
-    channel: Channel
+    channel: ship.Channel
     field: Field
     step: Linear
     where: tuple[tuple[Field, int], ...]
     address: int | None
-
-    def read(self, address: int, message: Message) -> Value | None:
-        """The value, or the reason why there is none; None where the message is about something else."""
-        if self.address not in (None, address) or any(message.read(field) != code for field, code in self.where):
-            return None
-        value = message.read(self.field)
-        return value if isinstance(value, str) else self.step.apply(value)
 
 
 class DeclaredGroups(DeclaredReaders[int, _GroupChannel]):
@@ -416,35 +344,35 @@ class DeclaredGroups(DeclaredReaders[int, _GroupChannel]):
     the declared fields. Raises :class:`ConfigurationError` for an unknown field and for units that do not fit.
     """
 
-    def __init__(self, declared: Sequence[tuple[Channel, GroupField]]) -> None:
+    def __init__(self, declared: Sequence[tuple[ship.Channel, GroupField]]) -> None:
         super().__init__()
         self.shortest: dict[int, int] = {}
         for channel, origin in declared:
             with errors_about_channel(channel):
-                field, unit = _field(origin.field, origin)
-                fields = ((_field(name, origin).field, code) for name, code in origin.where.items())
+                place = _field(origin.field, origin)
+                conditions = [(_field(name, origin), code) for name, code in origin.where.items()]
                 # a code has no values that mean "not available"
-                where = tuple((Field(field.start, field.bits), code) for field, code in fields)
-                group_channel = _GroupChannel(channel, field, origin.step_to(channel, unit), where, origin.address)
-            self.setdefault(origin.group, []).append(group_channel)
+                where = tuple((Field(condition.start, condition.bits), code) for condition, code in conditions)
+                step = origin.step_to(channel, place.unit)
+            self.setdefault(origin.group, []).append(_GroupChannel(channel, place, step, where, origin.address))
             if _is_fast(origin.group) and origin.group not in SHORTEST_BYTES:
                 last_bit = max(
-                    field.start + field.bits
-                    for field in (group_channel.field, *(condition for condition, _ in group_channel.where))
+                    field.start + field.bits for field in (place, *(condition for condition, _ in where))
                 )
                 self.shortest[origin.group] = max(self.shortest.get(origin.group, 1), -(-last_bit // 8))
 
     def read(self, group: int, address: int, message: Message) -> list[tuple[str, Value]]:
         """The channels in a message, each with its value or the reason why there is none."""
         values: dict[str, Value] = {}
-        for group_channel in self.get(group, ()):
-            value = group_channel.read(address, message)
-            if value is not None and isinstance(values.get(group_channel.channel.name, ""), str):
-                values[group_channel.channel.name] = value
+        for channel, place, step, where, required_address in self.get(group, ()):
+            is_meant = required_address in (None, address) and all(message.read(key) == code for key, code in where)
+            if is_meant and isinstance(values.get(channel.name, ""), str):
+                value = message.read(place)
+                values[channel.name] = value if isinstance(value, str) else step.apply(value)
         return list(values.items())
 
 
-def _field(name: str, origin: GroupField) -> GroupFieldPlace:
+def _field(name: str, origin: GroupField) -> Field:
     """A field by its place or by its name. Raises :class:`ConfigurationError` for neither."""
     if place := _BIT_RANGE.fullmatch(name):
         start, bits = int(place[1]), int(place[2])
@@ -456,7 +384,7 @@ def _field(name: str, origin: GroupField) -> GroupFieldPlace:
         proprietary, proprietary_range = _PROPRIETARY
         is_proprietary = origin.group == proprietary or origin.group in proprietary_range
         j1939 = origin.group < _NMEA2000_FROM and not is_proprietary
-        return GroupFieldPlace(Field(start, bits, origin.step, origin.signed, j1939), None)
+        return Field(start, bits, origin.step, origin.signed, j1939)
     fields = canboat_fields(origin.group)
     if name not in fields:
         why = f"it has {', '.join(fields)}" if fields else "canboat's database does not tell of it, or of several"
@@ -486,7 +414,7 @@ def decode_by_library(group: int, payload: bytes) -> Any:
 
 
 @cache
-def canboat_fields(group: int) -> Mapping[str, GroupFieldPlace]:
+def canboat_fields(group: int) -> Mapping[str, Field]:
     """The numbers and codes of a group by their names in canboat's database; none where it has several variants."""
     variants = group_variants(group)
     fields = {}
@@ -498,9 +426,18 @@ def canboat_fields(group: int) -> Mapping[str, GroupFieldPlace]:
             if step is not None:  # the library does not say whether all ones are a value, one step below zero
                 ones = ((1 << info.bit_length) - 1) << info.bit_offset
                 decoded = decode_by_library(group, ones.to_bytes(max(-(-ones.bit_length() // 8), 8), "little"))
-                raw = {field.id: field.raw_value for field in decoded.fields}[info.id] if decoded else None
+                raw = {field.id: field.raw_value for field in decoded.fields}.get(info.id) if decoded else None
                 signed = isinstance(raw, int | float) and raw < 0
-            fields[info.id] = GroupFieldPlace(Field(info.bit_offset, info.bit_length, step, signed), info.unit)
+            fields[info.id] = Field(info.bit_offset, info.bit_length, step, signed, unit=info.unit)
+    return fields
+
+
+@cache
+def _fields_of(group: int) -> dict[str, Field]:
+    """The fields of a group by their names, where it has a reader; declared channels bring theirs."""
+    fields = dict(canboat_fields(group)) if group in READERS or group in _MACHINERY else {}
+    if group == ENGINE_SPEED:  # in rpm, and not in Hz
+        fields["speed"] = replace(fields["speed"], step=0.25)
     return fields
 
 
@@ -557,11 +494,11 @@ class Nmea2000Decoder(Decoder):
         self,
         stamps: Clock = "receiver",
         devices: tuple[Device, ...] = (),
-        actuators: Actuators = DEFAULT,
+        actuators: ship.Actuators = ship.DEFAULT,
         reduction_ratios: Mapping[str, float] | None = None,
         *,
         shares_bus: bool = False,
-        declared: Sequence[tuple[Channel, GroupField]] = (),
+        declared: Sequence[tuple[ship.Channel, GroupField]] = (),
     ) -> None:
         """Raises :class:`ConfigurationError` for an unknown declared field."""
         super().__init__()
@@ -594,8 +531,7 @@ class Nmea2000Decoder(Decoder):
         return Bus(BusDevices(self._configured, self.notices, name), clock, self.refused)
 
     def decode(self, frame: Frame) -> list[Group]:
-        bus = self.bus(frame)
-        parsed = self._message(frame, bus)
+        bus, parsed = self.bus(frame), self.message(frame)
         if parsed is None:
             return []
         group, address, message = parsed
@@ -611,12 +547,15 @@ class Nmea2000Decoder(Decoder):
             self.fixes[sensor] = Fix(reading.fix, reading.height_m)
         elif group == POSITION and self.fixes.get(sensor, Fix()).kind in NO_SATELLITES:
             quality = Quality.SUSPECT  # the last position, repeated
-        source, groups = f"{sensor}:{group}", []
-        if reading.instance is None or self._is_first_instance(bus, device, group, reading.instance):
+        source, groups, instance = f"{sensor}:{group}", [], reading.instance
+        if instance is not None:  # of the same thing, of a second rudder for example, only the lowest number counts
+            lowest = min(instance, bus.first_instance.get((device, group), instance))
+            bus.first_instance[device, group] = lowest
+        if instance is not None and instance > lowest:
+            self.refused["another instance"] += 1
+        else:
             meaning = f" {reading.meaning}" if reading.meaning else ""
-            values = self._admitted(bus, device, reading.values)
-            if group in self._declared:
-                values = [pair for pair in values if pair[0] not in self._declared.channels_in(group)]
+            values = self._declared.undeclared(group, self._admitted(bus, device, reading.values))
             groups = bus.clock.group(frame, source + meaning, values, source_ns, quality)
         if group in self._declared:
             declared = self._admitted(bus, device, self._declared.read(group, address, message))
@@ -628,40 +567,33 @@ class Nmea2000Decoder(Decoder):
 
         None where the frame is refused, of no group that we decode, or not the last one of its message.
         """
-        return self._message(frame, self.bus(frame))
-
-    def _message(self, frame: Frame, bus: Bus) -> tuple[int, int, Message] | None:
+        bus = self.bus(frame)
         group, address = parameter_group(frame.identifier)
-        if not self._passes_guards(frame, group):
-            return None
-        if group == ADDRESS_CLAIM:
-            if bus.devices.claim(address, frame.payload):
-                bus.fast.forget(address)
-            return None
-        payload: bytes | None = frame.payload
-        if group in self._shortest and not frame.flags & FrameFlag.WHOLE:
-            payload = bus.fast.push(address, group, frame.payload, frame.monotonic_ns, self._shortest[group])
-        return None if payload is None else (group, address, Message(FIELDS.get(group, {}), payload))
-
-    def _passes_guards(self, frame: Frame, group: int) -> bool:
         kind = frame.flags and frame.flags & ~FrameFlag.LATE
         if kind and kind != FrameFlag.WHOLE:
             if kind != FrameFlag.STANDARD_ID or not self._shares_bus:
                 self.refused["remote, error or 11-bit frame"] += 1
-            return False
+            return None
         if group not in self._readers and group not in self._declared and group != ADDRESS_CLAIM:
             if not self._shares_bus:  # else it may be a frame of the DBC file's
                 self.note_unknown(str(group))
-            return False
-        if kind and group in self._shortest:
-            if not self._shortest[group] <= len(frame.payload) <= LONGEST_BYTES:
+            return None
+        payload: bytes | None = frame.payload
+        shortest = self._shortest.get(group)
+        if kind and shortest is not None:
+            if not shortest <= len(frame.payload) <= LONGEST_BYTES:
                 self.refused["impossible length"] += 1
-                return False
-            return True
-        if len(frame.payload) not in (FRAME_BYTES, SHORT_FRAMES.get(group)):
+                return None
+        elif len(frame.payload) not in (FRAME_BYTES, SHORT_FRAMES.get(group)):
             self.refused["frame of other than 8 bytes"] += 1
-            return False
-        return True
+            return None
+        elif shortest is not None:
+            payload = bus.fast.push(address, group, frame.payload, frame.monotonic_ns, shortest)
+        elif group == ADDRESS_CLAIM:
+            if bus.devices.claim(address, frame.payload):
+                bus.fast.forget(address)
+            return None
+        return None if payload is None else (group, address, Message(group, payload))
 
     def _admitted(self, bus: Bus, device: str, candidates: Iterable[tuple[str, Value]]) -> list[tuple[str, float]]:
         """The values that exist and that the configuration allows; missing ones are counted."""
@@ -674,14 +606,6 @@ class Nmea2000Decoder(Decoder):
             else:
                 values.append((quantity, value))
         return values
-
-    def _is_first_instance(self, bus: Bus, device: str, group: int, instance: int) -> bool:
-        """Whether the device has sent no lower number of the same thing, of a second rudder for example."""
-        first = min(instance, bus.first_instance.get((device, group), instance))
-        bus.first_instance[device, group] = first
-        if instance > first:
-            self.refused["another instance"] += 1
-        return instance == first
 
 
 def _announce(bus: Bus, source_ns: int | None, frame: Frame, group: int, device: str, quality: Quality) -> None:
@@ -697,23 +621,26 @@ def _announce(bus: Bus, source_ns: int | None, frame: Frame, group: int, device:
     bus.clock.announce(source_ns, frame)
 
 
-_LEADS_TO = {
-    "latitude_deg": {"north_m", "east_m", "longitude_deg"},
-    "longitude_deg": {"north_m", "east_m", "latitude_deg"},
-    "heading_magnetic_deg": {"heading_deg"},
-    "magnetic_variation_deg": {"heading_deg", "wind_direction_deg", "surge_mps", "sway_mps"},
-    "course_over_ground_deg": {"surge_mps", "sway_mps"},
-    "course_magnetic_deg": {"surge_mps", "sway_mps"},
-    "speed_over_ground_mps": {"surge_mps", "sway_mps"},
-    "wind_direction_magnetic_deg": {"wind_direction_deg"},
-    "wind_angle_apparent_deg": {"apparent_wind_angle_deg", "wind_direction_deg", "wind_speed_mps"},
-    "wind_speed_apparent_mps": {"apparent_wind_speed_mps", "wind_direction_deg", "wind_speed_mps"},
-    "wind_angle_theoretical_deg": {"wind_direction_deg", "wind_speed_mps"},
-    "wind_speed_theoretical_mps": {"wind_direction_deg", "wind_speed_mps"},
-    "wind_angle_water_deg": {"wind_direction_deg", "wind_speed_mps"},
-    "wind_speed_water_mps": {"wind_direction_deg", "wind_speed_mps"},
-}
-"""The channels that are derived from a quantity, besides the one of its name."""
+_DERIVATIONS: tuple[tuple[set[str], set[str]], ...] = (
+    ({"latitude_deg", "longitude_deg"}, {"north_m", "east_m", "latitude_deg", "longitude_deg"}),
+    (
+        {"course_over_ground_deg", "course_magnetic_deg", "speed_over_ground_mps", "magnetic_variation_deg"},
+        {"surge_mps", "sway_mps"},
+    ),
+    ({"heading_magnetic_deg", "magnetic_variation_deg"}, {"heading_deg"}),
+    ({"wind_direction_magnetic_deg", "magnetic_variation_deg"}, {"wind_direction_deg"}),
+    ({"wind_angle_apparent_deg"}, {"apparent_wind_angle_deg"}),
+    ({"wind_speed_apparent_mps"}, {"apparent_wind_speed_mps"}),
+    (
+        {
+            f"wind_{quantity}"
+            for reference in ("apparent", "theoretical", "water")
+            for quantity in (f"angle_{reference}_deg", f"speed_{reference}_mps")
+        },
+        {"wind_direction_deg", "wind_speed_mps"},
+    ),
+)
+"""Quantities, and the channels that are derived from them, besides those of their names."""
 
 
 class BusDevices:
@@ -727,7 +654,7 @@ class BusDevices:
         self._provides = {
             label: {
                 *device.channels,
-                *(name for name, derived in _LEADS_TO.items() if derived & {*device.channels}),
+                *(name for names, derived in _DERIVATIONS if derived & {*device.channels} for name in names),
             }
             for label, device in labels
             if device.channels is not None
@@ -770,11 +697,11 @@ class BusDevices:
             return False
         if name not in self._label_of and name not in self._by_iso_name and len(self._label_of) >= _MOST_NAMES:
             return False
-        return self._take(address, name, former_address)
-
-    def _take(self, address: int, name: str, former_address: int | None) -> bool:
         former_name, former_label = self._name_at.get(address), self._label_at.get(address)
-        label = self._label_of.get(name) or self._new_label(address, name)
+        label = self._label_of.get(name)
+        if label is None:
+            label = self._by_iso_name.get(name) or self._default_label(address)
+            label = name + self.at_bus if label in self._label_of.values() else label
         self._name_at[address], self._label_of[name], self._label_at[address] = name, label, label
         if former_address is not None:
             self._notices.append(("warning", f"device {label} moved from address {former_address} to {address}"))
@@ -782,11 +709,6 @@ class BusDevices:
             text = f"address {address} was taken over from device {former_label} by device {label} (NAME {name})"
             self._notices.append(("warning", text))
         return former_label not in (None, label) or former_name is not None
-
-    def _new_label(self, address: int, name: str) -> str:
-        """The label of a NAME that is new on the bus."""
-        label = self._by_iso_name.get(name) or self._default_label(address)
-        return name + self.at_bus if label in self._label_of.values() else label
 
     def _default_label(self, address: int) -> str:
         return self._by_address.get(address, f"{address}{self.at_bus}")
@@ -806,6 +728,15 @@ class _Partial:
     def places(self) -> int:
         """How many parts the message has, at most."""
         return 1 + -(-max(0, self.length - _FIRST_PART_BYTES) // _PART_BYTES)
+
+    def continues(self, place: int, length: int, monotonic_ns: int) -> bool:
+        """Whether a part can belong to this message; ``length`` is that in a first part."""
+        if monotonic_ns - self.last_ns > _LONGEST_GAP_NS or place in self.parts:
+            return False
+        if place:
+            return place < self.places
+        places = _Partial(0, 0, length=length).places
+        return max(self.parts) < places and len(self.parts) < places - 1
 
 
 @dataclass(slots=True)
@@ -832,57 +763,39 @@ class FastPackets:
         stream = self._streams.setdefault((address, group), _Stream())
         number, place = part[0] >> 5, part[0] & 0x1F
         data = part[1:] if place else part[2:]
-        partial = stream.partials.get(number)
-        if partial is not None and place == partial.last_place and partial.parts[place] == data:
-            return None  # the same part twice in a row, as when its acknowledgement was disturbed
-        if partial is not None and not _continues(partial, place, part[1], monotonic_ns):
-            self._drop(stream, number)
-            partial = None
-        if partial is None:
+        message = stream.partials.get(number)
+        if message is not None:
+            if place == message.last_place and message.parts[place] == data:
+                return None  # the same part twice in a row, as when its acknowledgement was disturbed
+            if not message.continues(place, part[1], monotonic_ns):
+                self._refused[INCOMPLETE] += 1
+                del stream.partials[number]
+                message = None
+        if message is None:
             if place and number == stream.closed:  # a part of a message that is complete already
                 return None
-            partial = self._begin(stream, number, monotonic_ns)
+            stream.begun += 1
+            for earlier, partial in list(stream.partials.items()):
+                if stream.begun - partial.begun >= _MOST_BEGUN_SINCE:
+                    self._refused[INCOMPLETE] += 1
+                    del stream.partials[earlier]
+            stream.closed = None if stream.closed == number else stream.closed
+            message = stream.partials[number] = _Partial(stream.begun, monotonic_ns)
         if place == 0:
+            message.length = part[1]
             if not max(1, shortest) <= part[1] <= LONGEST_BYTES:
                 self._refused["impossible length"] += 1
-                _close(stream, number)
+                stream.closed = number
+                del stream.partials[number]
                 return None
-            partial.length = part[1]
-        partial.parts[place], partial.last_place, partial.last_ns = data, place, monotonic_ns
-        if len(partial.parts) < partial.places:
+        message.parts[place], message.last_place, message.last_ns = data, place, monotonic_ns
+        if len(message.parts) < message.places:
             return None
-        _close(stream, number)
-        return b"".join(partial.parts[index] for index in range(partial.places))[: partial.length]
+        stream.closed = number
+        del stream.partials[number]
+        return b"".join(message.parts[index] for index in range(message.places))[: message.length]
 
     def forget(self, address: int) -> None:
         """A new device has this address: what the former one began will not be continued."""
         for key in [key for key in self._streams if key[0] == address]:
             self._refused[INCOMPLETE] += len(self._streams.pop(key).partials)
-
-    def _begin(self, stream: _Stream, number: int, monotonic_ns: int) -> _Partial:
-        stream.begun += 1
-        for earlier, partial in list(stream.partials.items()):
-            if stream.begun - partial.begun >= _MOST_BEGUN_SINCE:
-                self._drop(stream, earlier)
-        stream.closed = None if stream.closed == number else stream.closed
-        stream.partials[number] = partial = _Partial(stream.begun, monotonic_ns)
-        return partial
-
-    def _drop(self, stream: _Stream, number: int) -> None:
-        self._refused[INCOMPLETE] += 1
-        del stream.partials[number]
-
-
-def _continues(partial: _Partial, place: int, length: int, monotonic_ns: int) -> bool:
-    """Whether a part can belong to a message of which others have come; ``length`` is that in a first part."""
-    if monotonic_ns - partial.last_ns > _LONGEST_GAP_NS or place in partial.parts:
-        return False
-    if place:
-        return place < partial.places
-    message = _Partial(0, 0, length=length)
-    return max(partial.parts) < message.places and len(partial.parts) < message.places - 1
-
-
-def _close(stream: _Stream, number: int) -> None:
-    stream.partials.pop(number, None)
-    stream.closed = number

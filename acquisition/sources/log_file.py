@@ -488,7 +488,7 @@ def entry_utc_ns(entry: LogEntry) -> int | None:
     is_clock = group in (nmea2000.SYSTEM_TIME, nmea2000.TIME_AND_DATE) and not entry.flags & ~FrameFlag.WHOLE
     if not is_position and not is_clock:
         return None
-    stated_ns = nmea2000.group_time(nmea2000.Message(nmea2000.FIELDS[group], entry.payload))
+    stated_ns = nmea2000.group_time(nmea2000.Message(group, entry.payload))
     return stated_ns if stated_ns is not None and is_possible(stated_ns) else None
 
 

@@ -5,9 +5,63 @@ from __future__ import annotations
 import struct
 
 from seatrial.acquisition.core.trial import Frame, FrameFlag, Group
+from seatrial.acquisition.protocols.nmea2000 import Field
 
 SECOND = 1_000_000_000
 MILLISECOND = 1_000_000
+_ANGLE_RAD, _SPEED_MPS, _FINE_SPEED_MPS, _TIME_S = 1e-4, 0.01, 0.001, 1e-4
+
+FIELDS: dict[int, dict[str, Field]] = {
+    126992: {"date": Field(16, 16, 1), "time": Field(32, 32, _TIME_S)},
+    127245: {
+        "instance": Field(0, 8, 1),
+        "angleOrder": Field(16, 16, _ANGLE_RAD, signed=True),
+        "position": Field(32, 16, _ANGLE_RAD, signed=True),
+    },
+    127488: {"instance": Field(0, 8), "speed": Field(8, 16, 0.25)},
+    127493: {"instance": Field(0, 8), "transmissionGear": Field(8, 2)},
+    127250: {
+        "heading": Field(8, 16, _ANGLE_RAD),
+        "deviation": Field(24, 16, _ANGLE_RAD, signed=True),
+        "variation": Field(40, 16, _ANGLE_RAD, signed=True),
+        "reference": Field(56, 2),
+    },
+    127251: {"rate": Field(8, 32, 3.125e-8, signed=True)},
+    127257: {
+        "pitch": Field(24, 16, _ANGLE_RAD, signed=True),
+        "roll": Field(40, 16, _ANGLE_RAD, signed=True),
+    },
+    127258: {"variation": Field(32, 16, _ANGLE_RAD, signed=True)},
+    128259: {"speedWaterReferenced": Field(8, 16, _SPEED_MPS)},
+    129025: {"latitude": Field(0, 32, 1e-7, signed=True), "longitude": Field(32, 32, 1e-7, signed=True)},
+    129026: {"cogReference": Field(8, 2), "cog": Field(16, 16, _ANGLE_RAD), "sog": Field(32, 16, _SPEED_MPS)},
+    129029: {
+        "date": Field(8, 16, 1),
+        "time": Field(24, 32, _TIME_S),
+        "latitude": Field(56, 64, 1e-16, signed=True),
+        "longitude": Field(120, 64, 1e-16, signed=True),
+        "altitude": Field(184, 64, 1e-6, signed=True),
+        "method": Field(252, 4),
+    },
+    129033: {"date": Field(0, 16, 1), "time": Field(16, 32, _TIME_S)},
+    130306: {
+        "windSpeed": Field(8, 16, _SPEED_MPS),
+        "windAngle": Field(24, 16, _ANGLE_RAD),
+        "reference": Field(40, 3),
+    },
+    130577: {
+        "dataMode": Field(0, 4),
+        "cogReference": Field(4, 2),
+        "cog": Field(16, 16, _ANGLE_RAD),
+        "sog": Field(32, 16, _SPEED_MPS),
+    },
+    130578: {
+        "longitudinalSpeedWaterReferenced": Field(0, 16, _FINE_SPEED_MPS, signed=True),
+        "longitudinalSpeedGroundReferenced": Field(32, 16, _FINE_SPEED_MPS, signed=True),
+        "transverseSpeedGroundReferenced": Field(48, 16, _FINE_SPEED_MPS, signed=True),
+    },
+}
+"""The fields that are read on every ship, by the names of their groups' definitions."""
 
 
 def can_frame(identifier: int, data: str | bytes, at_s: float = 0.0, flags: FrameFlag = FrameFlag.NONE) -> Frame:

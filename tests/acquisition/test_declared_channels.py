@@ -38,7 +38,7 @@ from seatrial.acquisition.logger.record import record
 from seatrial.acquisition.logger.survey import redecode
 from seatrial.acquisition.protocols import Moment, decoders_by_protocol, make_decoders, make_encoder
 from seatrial.acquisition.protocols.nmea0183 import sentence
-from seatrial.acquisition.protocols.nmea2000 import FIELDS, canboat_fields
+from seatrial.acquisition.protocols.nmea2000 import canboat_fields
 from seatrial.acquisition.recording.reader import read_recording
 from seatrial.acquisition.sources.log_file import LogFile
 from seatrial.acquisition.tables.import_table import import_table
@@ -46,7 +46,7 @@ from seatrial.analysis.quality.check import check_recording
 from seatrial.analysis.tables.export import export_table
 from seatrial.analysis.tables.resample import resample
 from seatrial.analysis.tables.table import read_table
-from tests.acquisition.can_frames import can_frame, identifier_of
+from tests.acquisition.can_frames import FIELDS, can_frame, identifier_of
 from tests.acquisition.conftest import DBC
 from tests.conftest import Command
 
@@ -304,11 +304,11 @@ def test_engines_on_j1939_are_told_apart_by_their_addresses(
     ]
 
 
-def test_the_places_of_fields_that_canboats_database_gives_are_those_that_are_read_anyway() -> None:
-    """Each of the fixed table's fields, with step and sign, which the library does not say."""
+def test_the_places_of_fields_that_canboats_database_gives_are_those_of_the_standard() -> None:
+    """Each of the fields that are read on every ship, with step and sign, which the library does not say."""
     for group, fields in FIELDS.items():
         for name, field in fields.items():
-            known = canboat_fields(group)[name].field
+            known = canboat_fields(group)[name]
             assert (known.start, known.bits, known.signed) == (field.start, field.bits, field.signed)
             if field.step is not None:
                 assert known.step in (pytest.approx(field.step), pytest.approx(field.step / 60.0))
@@ -750,3 +750,10 @@ range = [0, 150]
         frames = [Frame("x", protocol, each.payload, 0, 0, each.identifier) for each in packets]  # type: ignore[arg-type]
         found = {each.quantity: each.value for frame in frames for group in decoder.decode(frame) for each in group}
         assert found == {name: pytest.approx(values[name], abs=0.06)}
+
+
+def test_the_fields_of_every_group_are_numbers_and_codes_with_a_place() -> None:
+    """Also of groups that the library does not decode from a payload of ones, as 130900."""
+    for group in range(59_392, 131_072):
+        fields = canboat_fields(group)
+        assert all(field.start >= 0 and field.bits > 0 for field in fields.values())

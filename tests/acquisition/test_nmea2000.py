@@ -13,13 +13,12 @@ from hypothesis import strategies as st
 from seatrial.acquisition.core.trial import Frame, FrameFlag, Quality
 from seatrial.acquisition.protocols.nmea2000 import (
     ERROR_VALUE,
-    FIELDS,
     NOT_AVAILABLE,
     SHORTEST_BYTES,
     Nmea2000Decoder,
     parameter_group,
 )
-from tests.acquisition.can_frames import SECOND, can_frame, fast_parts, gnss, identifier_of, values
+from tests.acquisition.can_frames import FIELDS, SECOND, can_frame, fast_parts, gnss, identifier_of, values
 
 HEADING = 0x09F11223  # 127250 from address 35
 TRUE_HEADING = "ff10270000ff7ffc"  # 1 rad

@@ -18,9 +18,9 @@ from hypothesis import strategies as st
 from nmea2000 import pgns
 
 from seatrial.acquisition.config.sources import FileSource
-from seatrial.acquisition.protocols.nmea2000 import FIELDS, SHORTEST_BYTES, Field, Message, Nmea2000Decoder
+from seatrial.acquisition.protocols.nmea2000 import SHORTEST_BYTES, Field, Message, Nmea2000Decoder
 from seatrial.acquisition.sources.log_file import LogFile
-from tests.acquisition.can_frames import can_frame, fast_parts, identifier_of, values
+from tests.acquisition.can_frames import FIELDS, can_frame, fast_parts, identifier_of, values
 
 CAPTURES = {
     "candumpSample1.txt": 1641,
@@ -178,7 +178,7 @@ def test_every_field_equals_the_librarys(group: int, noise: list[int]) -> None:
     """Any bytes at all; the library gives None for what is not available, an error or reserved."""
     payload = bytes(noise[: {130577: 14, 130578: 12, 129029: 43}.get(group, 8)])
     theirs = getattr(pgns, f"decode_pgn_{group}")(int.from_bytes(payload, "little"), 8 * len(payload))
-    message = Message(FIELDS[group], payload)
+    message = Message(group, payload)
     compared = {field.id: field.raw_value for field in theirs.fields if field.id in FIELDS[group]}
     assert set(compared) == set(FIELDS[group])
     for name, expected in compared.items():

@@ -16,8 +16,8 @@ with atheris.instrument_imports(include=["acquisition"]):
     from seatrial.acquisition.core.ship import Actuator, as_text
     from seatrial.acquisition.core.trial import Frame, FrameFlag, Trial
     from seatrial.acquisition.logger.processing import Derivation
-    from seatrial.acquisition.protocols.nmea2000 import ADDRESS_CLAIM, FIELDS, SHORTEST_BYTES, Nmea2000Decoder
-    from tests.acquisition.can_frames import fast_parts, identifier_of
+    from seatrial.acquisition.protocols.nmea2000 import ADDRESS_CLAIM, SHORTEST_BYTES, Nmea2000Decoder
+    from tests.acquisition.can_frames import FIELDS, fast_parts, identifier_of
     from tests.fuzz.decoding import check_frame
     from tests.fuzz.running import fuzz
 
