@@ -66,7 +66,7 @@ from seatrial.acquisition.core.trial import software_version
 from seatrial.acquisition.recording.grouping import read_parts, whole_recordings
 from seatrial.acquisition.recording.reader import Recording, recording_size
 from seatrial.analysis.manoeuvres.criteria import criteria_of, index_rows
-from seatrial.analysis.manoeuvres.indices import Manoeuvre, as_json, from_order
+from seatrial.analysis.manoeuvres.indices import Manoeuvre, from_order
 from seatrial.analysis.products import Options, Products, analyse, cause_of
 from seatrial.analysis.quality.wind import recorded_conditions
 from seatrial.analysis.report.pages import index_page, recording_page
@@ -210,7 +210,8 @@ def _write_result(products: Products, row: Row, provenance: Mapping[str, Any], f
     write_json(folder / "quality.json", {**products.quality.as_dict(), "repairs": repairs, **origin})
     left_out = [manoeuvre.as_json() for manoeuvre in products.left_out]
     criteria = criteria_by_vessel({products.recording.trial.vessel: products.manoeuvres})
-    results = {"manoeuvres": as_json(products.manoeuvres), "left_out": left_out, "criteria": criteria}
+    manoeuvres = [manoeuvre.as_json() for manoeuvre in products.manoeuvres]
+    results = {"manoeuvres": manoeuvres, "left_out": left_out, "criteria": criteria}
     write_json(folder / "manoeuvres.json", {**results, **origin})
     if products.windows is not None:
         source = provenance_of(products.one_hz, provenance["options"], products.recording.path)

@@ -123,7 +123,14 @@ def track(
         artists += axes.plot(*held, color=HELD, alpha=0.55, linewidth=5.0, solid_capstyle="butt", zorder=1.6,
                              label=f"{held_words(table)} held")  # fmt: skip
     if length_m is not None and "heading_deg" in table:
-        artists += _ships(axes, table.dropna(subset=["north_m", "east_m", "heading_deg"]), length_m)
+        headed = table.dropna(subset=["north_m", "east_m", "heading_deg"])
+        east, north, heading = (headed[name].to_numpy(dtype=float) for name in ("east_m", "north_m", "heading_deg"))
+        if heading.size:
+            extent = max(float(np.ptp(north)), float(np.ptp(east)))
+            factors = (factor for factor in (1, 2, 5, 10, 20, 50) if factor * length_m >= _LEAST_SHARE * extent)
+            times = next(factors, 100)
+            words = f"ship of {length_m:g} m" + (f", {times} times her size" if times > 1 else ", to scale")
+            artists += outlines(axes, east, north, np.deg2rad(heading), times * length_m, words)
     artists += axes.plot(table["east_m"], table["north_m"], color=INK, linewidth=1.1, label="track")
     placed = table.dropna(subset=["north_m", "east_m"])
     ticks, begun = placed, placed.iloc[:0]
@@ -137,9 +144,9 @@ def track(
                          label="manoeuvre begins" if len(begun) else "_")  # fmt: skip
     path = table[["east_m", "north_m"]].to_numpy(dtype=float)
     labelled = pd.concat([begun, ticks])[["east_m", "north_m"]].to_numpy(dtype=float)
-    words = [*map(str, range(1, len(begun) + 1)), *(f"{time:%H:%M}" for time in ticks.index)]
+    texts = [*map(str, range(1, len(begun) + 1)), *(f"{time:%H:%M}" for time in ticks.index)]
     hidden = np.concatenate([path, np.repeat(labelled, _MARK_POINTS, axis=0)])
-    labels = label_points(axes, list(map(tuple, labelled)), words, hidden, fontsize=7.5, color=INK, zorder=6)
+    labels = label_points(axes, list(map(tuple, labelled)), texts, hidden, fontsize=7.5, color=INK, zorder=6)
     for annotation in labels[: len(begun)]:
         annotation.set(color=PALETTE[4], fontweight="bold")
     artists += [*labels, *wind_arrow(axes, table)]
@@ -156,10 +163,14 @@ def outlines(
 
     ``heading_rad`` [rows] counts clockwise from upwards; ``length_m`` is in the units of the axes.
     """
-    return [
-        ship(axes, across[row], up[row], heading_rad[row], length_m, words if number == 0 else None)
-        for number, row in enumerate(outline_rows(across, up, length_m))
-    ]
+    forward, sideways = length_m * HULL_OUTLINE[:, 0], length_m * HULL_OUTLINE[:, 1]
+    artists = list[Artist]()
+    for row in outline_rows(across, up, length_m):
+        x = across[row] + forward * np.sin(heading_rad[row]) + sideways * np.cos(heading_rad[row])
+        y = up[row] + forward * np.cos(heading_rad[row]) - sideways * np.sin(heading_rad[row])
+        label = None if artists else words
+        artists += axes.fill(x, y, facecolor="#E3EBF1", edgecolor="#8FA3B3", linewidth=0.7, zorder=1.5, label=label)
+    return artists
 
 
 def outline_rows(across: Floats, up: Floats, length_m: float) -> list[int]:
@@ -176,29 +187,6 @@ def outline_rows(across: Floats, up: Floats, length_m: float) -> list[int]:
         if not any(near) and (not chosen or way[at] - way[chosen[-1]] >= 0.99 * step):
             chosen.append(at)
     return chosen
-
-
-def ship(
-    axes: Axes, across: float, up: float, heading_rad: float, length_m: float, words: str | None = None
-) -> Artist:
-    """A ship's outline with its middle at a point of the axes and its bow ``heading_rad`` clockwise from
-    upwards."""
-    forward, sideways = length_m * HULL_OUTLINE[:, 0], length_m * HULL_OUTLINE[:, 1]
-    x = across + forward * np.sin(heading_rad) + sideways * np.cos(heading_rad)
-    y = up + forward * np.cos(heading_rad) - sideways * np.sin(heading_rad)
-    (outline,) = axes.fill(x, y, facecolor="#E3EBF1", edgecolor="#8FA3B3", linewidth=0.7, zorder=1.5, label=words)
-    return outline
-
-
-def _ships(axes: Axes, placed: pd.DataFrame, length_m: float) -> list[Artist]:
-    """Outlines along the track; two to fifty times as large as the ship where it would not be seen."""
-    if placed.empty:
-        return []
-    extent = max(float(np.ptp(placed[name])) for name in ("north_m", "east_m"))
-    times = next((factor for factor in (1, 2, 5, 10, 20, 50) if factor * length_m >= _LEAST_SHARE * extent), 100)
-    words = f"ship of {length_m:g} m" + (f", {times} times her size" if times > 1 else ", to scale")
-    east, north, heading = (placed[name].to_numpy(dtype=float) for name in ("east_m", "north_m", "heading_deg"))
-    return outlines(axes, east, north, np.deg2rad(heading), times * length_m, words)
 
 
 def wind_arrow(axes: Axes, table: pd.DataFrame) -> list[Artist]:
@@ -261,19 +249,14 @@ def series(
     units = sorted({channels[name].unit for name in names})
     words = label(names[0], channels) if len(names) == 1 else title or f"[{', '.join(units)}]"
     axes.set_ylabel(words.replace(" [", "\n["))
-    utc_axis(axes, table)
-    lines = [artist for artist in artists if isinstance(artist, Line2D) and artist.get_label() not in predicted]
-    if len(lines) > 1:
-        axes.legend(handles=lines, loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=len(lines), borderpad=0.0)
-    return artists
-
-
-def utc_axis(axes: Axes, table: pd.DataFrame) -> None:
-    """The time of day along the axis, with seconds where a trial is of a few minutes."""
     short = len(table) > 0 and table.index[-1] - table.index[0] < pd.Timedelta(minutes=10)
     axes.xaxis.set_major_formatter(dates.DateFormatter("%H:%M:%S" if short else "%H:%M", tz="UTC"))  # type: ignore[no-untyped-call]
     axes.set_xlabel("time, UTC")
     axes.margins(x=0.01)
+    lines = [artist for artist in artists if isinstance(artist, Line2D) and artist.get_label() not in predicted]
+    if len(lines) > 1:
+        axes.legend(handles=lines, loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=len(lines), borderpad=0.0)
+    return artists
 
 
 def _line(column: pd.Series, channel: Channel, centre_deg: float | None) -> tuple[pd.Index, Floats]:
@@ -298,12 +281,6 @@ def held_shade(axes: Axes, windows: pd.DataFrame) -> PolyCollection:
     return shade
 
 
-def tick_every_s(table: pd.DataFrame) -> float:
-    """A round time between marks along the track that leaves at most ten of them."""
-    duration_s = float((table.index[-1] - table.index[0]).total_seconds()) if len(table) else 0.0
-    return next((step for step in _TICKS_S if duration_s / step <= _MOST_TICKS), _TICKS_S[-1])
-
-
 def track_figure(
     table: pd.DataFrame,
     windows: pd.DataFrame | None = None,
@@ -314,9 +291,12 @@ def track_figure(
     if table.reindex(columns=["north_m", "east_m"]).dropna().empty:
         return None
 
+    duration_s = float((table.index[-1] - table.index[0]).total_seconds())
+    tick_every_s = next((step for step in _TICKS_S if duration_s / step <= _MOST_TICKS), _TICKS_S[-1])
+
     def draw(figure: Figure) -> None:
         axes = figure.subplots()
-        track(axes, table, windows, tick_every_s(table), length_m, executes)
+        track(axes, table, windows, tick_every_s, length_m, executes)
         figure.legend(*axes.get_legend_handles_labels(), loc="outside lower center", ncols=4 if width >= 7.0 else 2)
 
     extent = np.array([max(float(table[name].max() - table[name].min()), 1e-3) for name in ("east_m", "north_m")])
@@ -351,7 +331,15 @@ def channels_figure(
     """The channels of a 1 Hz table against time, held windows shaded, what is ``predicted`` of the motion, and the
     crew's ``marks``; None without any channel. What never changes is left to the caption.
     """
-    panels, still = _panels(table)
+    channels, panels, still = known_channels(table.attrs), dict[str, list[str]](), list[str]()
+    motion, wind = ({name: [name] for name in group} for group in (POSE_AND_VELOCITY[2:], _WIND))
+    groups = motion | control_groups(table_actuators(table)) | wind | declared_groups(table)
+    for title, group in groups.items():
+        present = [name for name in group if name in table and table[name].notna().any()]
+        if any(name in motion or np.ptp(table[name].dropna()) > 0.0 for name in present):
+            panels[title] = present
+        else:
+            still += [f"{label(name, channels)} {table[name].dropna().iloc[0]:g}" for name in present]
     if not panels:
         return None
 
@@ -370,20 +358,6 @@ def channels_figure(
     shade = "" if windows is None else f" Shaded: {held_words(table)} held."
     constant = f" Constant all the time: {', '.join(still)}." if still else ""
     return draw, (9.0, _EDGES_INCH + _PANEL_INCH * len(panels)), f"The channels at 1 Hz.{shade}{constant}"
-
-
-def _panels(table: pd.DataFrame) -> tuple[dict[str, list[str]], list[str]]:
-    """The channels of each panel by its title, and in words the controls, wind and the like that never change."""
-    channels, shown, still = known_channels(table.attrs), {}, []
-    motion, wind = ({name: [name] for name in group} for group in (POSE_AND_VELOCITY[2:], _WIND))
-    groups = motion | control_groups(table_actuators(table)) | wind | declared_groups(table)
-    for title, names in groups.items():
-        present = [name for name in names if name in table and table[name].notna().any()]
-        if any(name in motion or np.ptp(table[name].dropna()) > 0.0 for name in present):
-            shown[title] = present
-        else:
-            still += [f"{label(name, channels)} {table[name].dropna().iloc[0]:g}" for name in present]
-    return shown, still
 
 
 def control_groups(actuators: Actuators) -> dict[str, list[str]]:
@@ -477,22 +451,19 @@ class _KeepClear(Artist):
     def _place(
         self, point: Floats, half: Floats, scale: float, taken: Sequence[Floats], hidden: Floats
     ) -> tuple[Floats, Floats, int]:
-        """The nearest place that is clear, or the best: its box [px], offset [px] and ring about the point."""
+        """The nearest place that is clear, or the best: its box [low, high; x, y; px], offset [px] and ring about
+        the point. A place costs the labels that it is over [px2], then the edge [px], then the points of lines."""
         best, least = (np.zeros((2, 2)), np.zeros(2), 0), (np.inf,) * 3
+        (x0, y0), (x1, y1) = np.asarray(self.frame.bbox)
         for ring, far in enumerate(_FAR_PT):
             for offset in _SIDES * (half + far * scale):
-                box = np.stack([point + offset - half, point + offset + half])
-                cost = self._cost(box, taken, hidden)
+                low, high = box = np.stack([point + offset - half, point + offset + half])
+                sides = (np.maximum(np.minimum(high, b) - np.maximum(low, a), 0.0) for a, b in taken)
+                over = sum(float(np.prod(side)) for side in sides)
+                outside = max(0.0, x0 - low[0], y0 - low[1], high[0] - x1, high[1] - y1)
+                cost = over, outside, float(((hidden > low) & (hidden < high)).all(axis=1).sum())
                 if cost < least:
                     best, least = (box, offset, ring), cost
                 if not any(cost):
                     return best
         return best
-
-    def _cost(self, box: Floats, taken: Sequence[Floats], hidden: Floats) -> tuple[float, float, float]:
-        """What a place [low, high; x, y] is over: other labels [px2], the edge [px], points of lines."""
-        low, high = box
-        over = sum(float(np.prod(np.maximum(np.minimum(high, b) - np.maximum(low, a), 0.0))) for a, b in taken)
-        (x0, y0), (x1, y1) = np.asarray(self.frame.bbox)
-        outside = max(0.0, x0 - low[0], y0 - low[1], high[0] - x1, high[1] - y1)
-        return over, outside, float(((hidden > low) & (hidden < high)).all(axis=1).sum())
