@@ -273,11 +273,16 @@ def _add_sizes(
 
 
 def intervals_of(
-    trial: SpeedTrial, runs: Sequence[PowerRun], best: SpeedPowerSolution, speed: Floats, power: Floats,
+    trial: SpeedTrial,
+    runs: Sequence[PowerRun],
+    best: SpeedPowerSolution,
+    speed: Floats,
+    power: Floats,
     outputs: Outputs,
-) -> tuple[Floats, Floats, dict[str, Floats]]:  # fmt: skip
-    """The 95 % intervals of the ``outputs`` of a solution, of measured speeds over ground [m/s] and powers [kW]: the
-    middle of each less the output, half its width, and by source the standard uncertainties that make it [m/s].
+) -> tuple[Floats, Floats, dict[str, Floats]]:
+    """The 95 % intervals of the ``outputs`` of a solution, of measured speeds over ground [m/s] and powers [kW].
+
+    They are the middle of each less the output, half its width, and by source its standard uncertainties [m/s].
     """
     values = outputs(best)
     speed_columns, power_columns = [], []  # how the outputs change with the speed and the power of each run

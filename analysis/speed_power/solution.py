@@ -98,7 +98,8 @@ def trial_of(conditions: Conditions, runs: Sequence[PowerRun], corrections: Sequ
         groups[-1:] = [[*groups[-1], place]] if near else [*groups[-1:], [place]]
     return SpeedTrial(
         conditions, middle - middle[0], heading, np.cos(np.deg2rad(heading - heading[0])),
-        np.rad2deg(np.angle(wind)) % 360.0, np.abs(wind), sea_of(conditions, runs), list(map(sorted, groups)), pairs,
+        np.rad2deg(np.angle(wind)) % 360.0, np.abs(wind), sea_of(conditions, runs),
+        [sorted(group) for group in groups], pairs,
         {correction.name: correction.method for correction in corrections if correction.applied},
     )  # fmt: skip
 
