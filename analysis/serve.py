@@ -138,9 +138,6 @@ def make_app(season: Season, upload_mb: float | None = None) -> Flask:
         response.headers.extend({**_HEADERS, "Content-Security-Policy": policy})
         return response
 
-    def http_page(error: HTTPException) -> tuple[str, int]:
-        return _message(error.name, [error.description or ""]), error.code or 500
-
     def failure_page(error: Exception) -> tuple[str, int]:
         fault = unexpected_error(error)
         LOG.error("%s: %s", printable_name(request.path), fault)
@@ -149,7 +146,9 @@ def make_app(season: Season, upload_mb: float | None = None) -> Flask:
     app.before_request(lambda: setattr(g, "nonce", secrets.token_urlsafe()))
     app.after_request(add_headers)
     app.register_error_handler(SeatrialError, lambda error: (_message("This cannot be done", [str(error)]), 422))
-    app.register_error_handler(HTTPException, http_page)
+    app.register_error_handler(
+        HTTPException, lambda error: (_message(error.name, [error.description or ""]), error.code or 500)
+    )
     app.register_error_handler(Exception, failure_page)
     pages = _Pages(season, upload_mb, token)
     environment()  # what pages are drawn with, before the first request

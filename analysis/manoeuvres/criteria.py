@@ -185,12 +185,12 @@ def condition_shortfalls(conditions: Conditions) -> dict[str, str]:
     is fulfilled."""
     draught_m, full_m, trim_m = conditions.draught_m, conditions.full_load_draught_m, conditions.trim_m
     loading = trim = depth = ""
-    lacking = [name for name in ("draught_m", "full_load_draught_m") if not _is_known(conditions, name)]
+    lacking = [name for name in ("draught_m", "full_load_draught_m") if not np.isfinite(conditions.number(name))]
     if lacking or draught_m is None or full_m is None:
         loading = f"the loading is not known: {' and '.join(lacking)}"
     elif abs(draught_m / full_m - 1.0) > _DRAUGHT_SHARE:
         loading = f"not fully loaded: {draught_m:g} m of {full_m:g} m of draught"
-    if trim_m is None or not _is_known(conditions, "trim_m"):
+    if trim_m is None or not np.isfinite(trim_m):
         trim = "the trim is not known"
     elif draught_m and abs(trim_m) > _DRAUGHT_SHARE * draught_m:
         trim = f"not on even keel: {trim_m:g} m of trim"
@@ -207,7 +207,7 @@ def condition_shortfalls(conditions: Conditions) -> dict[str, str]:
             _weather_shortfall("the wind", "force", conditions.beaufort, _LARGEST_BEAUFORT),
         f"sea state {_LARGEST_SEA_STATE} at most":
             _weather_shortfall("the sea", "state", conditions.sea_state, _LARGEST_SEA_STATE),
-        "current known": "" if _is_known(conditions, "current_mps") else "the current is not known",
+        "current known": "" if np.isfinite(conditions.number("current_mps")) else "the current is not known",
     }  # fmt: skip
 
 
@@ -227,10 +227,6 @@ def _test_shortfalls(run: Manoeuvre, criterion: Criterion) -> tuple[str, ...]:
         for name, angle in angles.items()
         if criterion.helm_deg is not None and abs(angle / criterion.helm_deg - 1.0) > _TEST_ANGLE_SHARE
     )
-
-
-def _is_known(conditions: Conditions, name: str) -> bool:
-    return bool(np.isfinite(conditions.number(name)))
 
 
 def _weather_shortfall(what: str, scale: str, value: int | None, largest: int) -> str:
@@ -431,28 +427,20 @@ def index_rows(runs: Iterable[Manoeuvre]) -> list[IndexRow]:
 
 def like_runs(manoeuvres: Iterable[Manoeuvre]) -> list[list[Manoeuvre]]:
     """The manoeuvres in groups of like runs, in the order of each group's first."""
-
-    def are_alike(first: Manoeuvre, second: Manoeuvre) -> bool:
-        if first.kind in _SINGLE:
-            return False
-        labels = [
-            (run.kind, run.name, nominal_deg(run.helm_deg or 0.0),
-             nominal_deg(run.settings.get("switch_deg", 0.0), SWITCH_SHARE))
-            for run in (first, second)
-        ]  # fmt: skip
-        if labels[0] != labels[1]:  # the crew may have given two tests one name
-            return False
-        speeds = [run.settings.get("approach_mps", 0.0) for run in (first, second)]
-        return abs(speeds[0] - speeds[1]) <= _SPEED_SHARE * max(map(abs, speeds))
-
-    groups: list[list[Manoeuvre]] = []
-    for manoeuvre in manoeuvres:
-        group = next((group for group in groups if are_alike(group[0], manoeuvre)), None)
-        if group is None:
-            groups.append([manoeuvre])
+    groups: list[tuple[tuple[str | float, ...], float, list[Manoeuvre]]] = []
+    for run in manoeuvres:
+        switch_deg = nominal_deg(run.settings.get("switch_deg", 0.0), SWITCH_SHARE)
+        # with its angles, as the crew may have given two tests one name
+        label = (run.kind, run.name, nominal_deg(run.helm_deg or 0.0), switch_deg)
+        speed = run.settings.get("approach_mps", 0.0)
+        for group_label, group_speed, group in groups:
+            near = abs(group_speed - speed) <= _SPEED_SHARE * max(abs(group_speed), abs(speed))
+            if near and label == group_label and run.kind not in _SINGLE:
+                group.append(run)
+                break
         else:
-            group.append(manoeuvre)
-    return groups
+            groups.append((label, speed, [run]))
+    return [group for *_, group in groups]
 
 
 def _rows_of_test(test: Sequence[Manoeuvre], largest_deg: float) -> list[IndexRow]:

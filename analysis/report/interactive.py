@@ -206,7 +206,13 @@ def page_data(
     holes = holes_of(time_ns)
     rows = select_rows({name: table[name].to_numpy(dtype=float) for name in names}, holes, time_ns.size)
     start_ms = int(time_ns[0] // _MILLI)
-    drawn = unwrapped_angles(table, names)
+    steady = {}  # the angles that can be followed from row to row, which run on beyond the whole turn
+    for name in names:
+        if known_channels(table.attrs)[name].circular:
+            angle = unwrap(table[name].to_numpy(dtype=float))
+            if (np.abs(np.diff(angle[np.isfinite(angle)])) <= _MOST_STEP_DEG).all():
+                steady[name] = angle
+    drawn = pd.DataFrame(steady, index=table.index)
     held_ns = np.empty((0, 2)) if windows is None else held_spans_ns(windows)
     spans = []
     for manoeuvre in manoeuvres:
@@ -225,15 +231,6 @@ def page_data(
         "predicted": {name: _prediction(motion, start_ms, drawn) for name, motion in (predicted or {}).items()},
         "manoeuvres": spans,
     }  # fmt: skip
-
-
-def unwrapped_angles(table: pd.DataFrame, names: Iterable[str]) -> pd.DataFrame:
-    """The angles of a table that can be followed from row to row, running on beyond the whole turn."""
-    channels = known_channels(table.attrs)
-    angles = {name: unwrap(table[name].to_numpy(dtype=float)) for name in names if channels[name].circular}
-    steps = {name: np.diff(values[np.isfinite(values)]) for name, values in angles.items()}
-    steady = {name: angles[name] for name in angles if (np.abs(steps[name]) <= _MOST_STEP_DEG).all()}
-    return pd.DataFrame(steady, index=table.index)
 
 
 def _columns(table: pd.DataFrame, names: Iterable[str], drawn: pd.DataFrame) -> dict[str, Any]:

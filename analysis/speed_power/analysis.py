@@ -226,7 +226,14 @@ def _analyse(runs: Sequence[PowerRun], conditions: Conditions, left_out: tuple[L
         means = solution.means[:, 0] + (best.means[:, 1] - solution.means[:, 1]) / slope
         return np.concatenate([solution.curve.speed_mps(band_kw), at_settings, means])
 
-    values, no_interval = speeds(best), why_unbounded(trial)
+    no_interval = ""  # why there is none: what wind or waves took is neither corrected for nor bounded
+    is_bounded = {"wind", "waves"} <= trial.methods.keys() or conditions.beam_m or conditions.length_m
+    if not np.isfinite(trial.wind_mps).all():
+        no_interval = "the wind during the runs is not known"
+    elif not is_bounded:
+        unbounded = "without length_m or beam_m nothing bounds what they took"
+        no_interval = f"wind or waves are not corrected for, and {unbounded}"
+    values = speeds(best)
     low = high = np.full_like(values, np.nan)
     sources = dict[str, Floats]()
     if not no_interval:
@@ -455,12 +462,3 @@ def _with_usual_values(conditions: Conditions) -> Conditions:
         propulsive_efficiency=conditions.propulsive_efficiency or _USUAL_EFFICIENCY,
         wind_resistance=wind_resistance_of(conditions) or TYPICAL_WIND_RESISTANCE["tanker_loaded"],
     )  # fmt: skip
-
-
-def why_unbounded(trial: SpeedTrial) -> str:
-    """Why there is no interval: what wind or waves took is neither corrected for nor bounded; "" where there is."""
-    if not np.isfinite(trial.wind_mps).all():
-        return "the wind during the runs is not known"
-    if {"wind", "waves"} <= trial.methods.keys() or trial.conditions.beam_m or trial.conditions.length_m:
-        return ""
-    return "wind or waves are not corrected for, and without length_m or beam_m nothing bounds what they took"
