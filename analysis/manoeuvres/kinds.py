@@ -1,4 +1,8 @@
-"""Zigzags and turning circles, with their indices (IMO MSC.137(76), 4.2; ITTC 7.5-04-02-01).
+"""The tests by helm, with their indices (IMO MSC.137(76), 4.2; ITTC 7.5-04-02-01; ISO 13643-2 and -3).
+
+They are zigzags, turning circles, pull-outs, direct and reverse spirals, and Williamson turns, recognised by the
+orders and the response of the ship: rates of turn count once settled, and a Williamson turn ends on the reciprocal
+course.
 
 An overshoot is the change of heading in the old direction after an execute: from the order, and also from the
 moment at which the helm was half over. It is measured on a fit of the heading, as the largest of noisy samples is
@@ -11,11 +15,6 @@ has changed by 180 deg.
 In steady turning a ship comes back to the same point of the water after each turn, so that the way between two
 points of the track one turn apart, over the time between them, is the velocity of the water, with what the wind
 adds to it (correction for drift). All pairs of the steady part count.
-
-Helm tests other than zigzags and circles: pull-outs, direct and reverse spirals, Williamson turns.
-
-Definitions after ITTC 7.5-04-02-01 and ISO 13643-2 and -3. They are recognised by the orders and the ship's
-response: rates of turn count once settled, and a Williamson turn ends on the reciprocal course.
 """
 
 from __future__ import annotations
@@ -61,11 +60,23 @@ LEAST_STEADY_DEG = 270.0
 """The turn from which a part of it is steady: the first half of a circle is not, nor a quarter of what follows."""
 _STEADY_AFTER_DEG = 120.0
 _FEWEST_PAIRS = 10
+_MARGIN_S = 20.0
+_AMIDSHIPS_DEG, _AMIDSHIPS_SHARE = 1.0, 0.1
+_LEAST_TURN_DEG, _LEAST_WAY = 30.0, 0.2  # before a pull-out; way of the fastest of the recording
+_STILL_DEG, _SPREAD_OF_NOISE = 0.3, 3.0  # the middle 80 % of white noise are 2.6 standard deviations wide
+_LEAST_SHARE_OF_STEP = 0.25  # of the longest step: they are held alike
+_SETTLED_SHARE = 0.05  # of the rate of the turn, from the third quarter to the last
+_LEAST_HELD_S = 10.0
+_FEWEST_STEPS, _SETTLED_STEPS = 5, 0.75
+_LEAST_HELM_STEP_DEG = 1.0
+_BAND_SHARE, _BAND_OF_NOISE, _HELD_SHARE = 0.1, 6.0, 0.6  # of the largest rate; of a run's time
+_SEED, _DRAWS = 137, 200
+_WIDER_S = (20.0, 40.0)  # a step of a full-scale ship takes minutes
+_OUT_DEG, _BACK_DEG = (35.0, 90.0), (150.0, 210.0)  # 60 deg off and the reciprocal course, as steered by hand
 
 
 def zigzag_chains(motion: Motion, held: Sequence[Plateau], extremes: Sequence[Plateau]) -> list[list[Plateau]]:
-    """Chains of at least two held helms that alternate from side to side at one angle, with the ship
-    responding.
+    """Chains of at least two held helms that alternate from side to side at one angle, with the ship responding.
 
     ``held`` are the plateaus of the helm off amidships, in order of time, and ``extremes`` its reversals
     without a plateau: such may be a first swing with a slow helm.
@@ -77,8 +88,22 @@ def zigzag_chains(motion: Motion, held: Sequence[Plateau], extremes: Sequence[Pl
         else:
             chains.append([plateau])
     complete = []
-    for chain in chains:
-        swings = _complete_swings(motion, chain, extremes)
+    for swings in chains:
+        levels = np.abs([swing.level for swing in swings])
+        if levels.size > FEWEST_SWINGS:  # a last one that differs or was not held returns the ship to its course
+            tolerance_deg = max(_SAME_LEVEL_DEG, _LEVEL_RANGES * float(np.ptp(levels[1:-1])))
+            differs = abs(levels[-1] - np.median(levels[1:-1])) > tolerance_deg
+            swings = swings[:-1] if differs or _is_cut_short(motion, swings[-1]) else swings
+        nearest = [plateau for plateau in extremes if plateau.end <= swings[0].first][-1:]
+        if nearest and len(swings) >= FEWEST_SWINGS - 1 and _is_next_swing(motion, nearest[0], swings[0]):
+            # one before the first that was cut short, if the ship responded to it
+            extended = [*nearest, *swings]
+            turned = np.abs(_turned_deg(motion, extended))
+            if not measures.is_same_order(extended[0].level, -extended[1].level):
+                # reversed on its way: the ship turns on in the next
+                turned[0] = abs(np.ptp(motion.heading_deg[[_first_row(motion, extended), extended[0].end - 1]]))
+            if turned[0] > _FIRST_TURN_SHARE * 0.5 * np.median(turned[1:-1]):
+                swings = extended
         ordered_deg = float(np.median([abs(swing.level) for swing in swings]))  # also where a swing was cut short
         swings = [replace(swing, level=float(np.copysign(ordered_deg, swing.level)))
                   if _is_cut_short(motion, swing) else swing for swing in swings]  # fmt: skip
@@ -88,27 +113,6 @@ def zigzag_chains(motion: Motion, held: Sequence[Plateau], extremes: Sequence[Pl
             if responds and np.all(np.abs(turned) < _WIDEST_SWING_DEG):  # none of them is a circle
                 complete.append(swings)
     return complete
-
-
-def _complete_swings(motion: Motion, chain: list[Plateau], extremes: Sequence[Plateau]) -> list[Plateau]:
-    """The swings with a preceding one that was cut short, if the helm came from there and the ship responded.
-
-    A last one whose helm differs or was not held, as when the ship returns to its course, is left out.
-    """
-    levels = np.abs([swing.level for swing in chain])
-    if levels.size > FEWEST_SWINGS:
-        tolerance_deg = max(_SAME_LEVEL_DEG, _LEVEL_RANGES * float(np.ptp(levels[1:-1])))
-        differs = abs(levels[-1] - np.median(levels[1:-1])) > tolerance_deg
-        chain = chain[:-1] if differs or _is_cut_short(motion, chain[-1]) else chain
-    nearest = [plateau for plateau in extremes if plateau.end <= chain[0].first][-1:]
-    extended = [*nearest, *chain]
-    if not nearest or len(chain) < FEWEST_SWINGS - 1 or not _is_next_swing(motion, *extended[:2]):
-        return chain
-    turned = np.abs(_turned_deg(motion, extended))
-    if not measures.is_same_order(extended[0].level, -extended[1].level):
-        # reversed on its way: the ship turns on in the next
-        turned[0] = abs(np.ptp(motion.heading_deg[[_first_row(motion, extended), extended[0].end - 1]]))
-    return extended if turned[0] > _FIRST_TURN_SHARE * 0.5 * np.median(turned[1:-1]) else chain
 
 
 def _first_row(motion: Motion, chain: list[Plateau]) -> int:
@@ -446,21 +450,6 @@ def remove_current(motion: Motion, north_mps: float, east_mps: float, start: flo
 def shows_current(run: Manoeuvre) -> bool:
     """Whether a run shows the current itself, as a circle and a half does; others have it from such ones."""
     return run.current is not None and run.settings.get("turned_deg", 0.0) >= LEAST_TURN_DEG
-
-
-_MARGIN_S = 20.0
-_AMIDSHIPS_DEG, _AMIDSHIPS_SHARE = 1.0, 0.1
-_LEAST_TURN_DEG, _LEAST_WAY = 30.0, 0.2  # before a pull-out; way of the fastest of the recording
-_STILL_DEG, _SPREAD_OF_NOISE = 0.3, 3.0  # the middle 80 % of white noise are 2.6 standard deviations wide
-_LEAST_SHARE_OF_STEP = 0.25  # of the longest step: they are held alike
-_SETTLED_SHARE = 0.05  # of the rate of the turn, from the third quarter to the last
-_LEAST_HELD_S = 10.0
-_FEWEST_STEPS, _SETTLED_STEPS = 5, 0.75
-_LEAST_HELM_STEP_DEG = 1.0
-_BAND_SHARE, _BAND_OF_NOISE, _HELD_SHARE = 0.1, 6.0, 0.6  # of the largest rate; of a run's time
-_SEED, _DRAWS = 137, 200
-_WIDER_S = (20.0, 40.0)  # a step of a full-scale ship takes minutes
-_OUT_DEG, _BACK_DEG = (35.0, 90.0), (150.0, 210.0)  # 60 deg off and the reciprocal course, as steered by hand
 
 
 def find_pull_outs(motion: Motion, held: Sequence[Plateau], rate: Floats, fastest_mps: float) -> list[Manoeuvre]:

@@ -206,7 +206,7 @@ class ShaftStep(NamedTuple):
     held: Plateau
     order_s: float
     within_s: float
-    source: str
+    source: str = ""
     lag_s: float = 0.0
     contradicts: bool = False
 
@@ -221,43 +221,39 @@ def engine_orders(motion: Motion, events: Iterable[tuple[int, str]]) -> list[tup
     ]
 
 
-def _apply_recorded_order(motion: Motion, step: ShaftStep, marks: Sequence[tuple[float, str]]) -> ShaftStep:
-    """A step with the recorded order that it follows, else with the mark of one, else as it is."""
-    latest_s = step.order_s + max(motion.step_s, step.within_s)
-    earliest_s = max(step.order_s - _LONGEST_ENGINE_LAG_S, float(motion.time_s[step.last.first]))
-    if motion.thrust_order is not None:
-        near = motion.between(earliest_s, latest_s + motion.step_s)
-        ordered = np.asarray(near.thrust_order)
-        wanted = np.sign(step.held.level - step.last.level)
-        change = wanted * (ordered - ordered[0])
-        if change[-1] > _STEP_SHARE * float(np.percentile(np.abs(motion.thrust_order), 99)):
-            ordered_s = measures.crossing_s(
-                near.time_s, change, 0.5 * change[-1], earliest_s, latest_s + 2.0 * motion.step_s
-            )
-            return step._replace(order_s=ordered_s, within_s=0.5 * motion.step_s, source="", lag_s=0.0)
-        step = step._replace(contradicts=True)
-    hand = [mark for mark in marks if earliest_s <= mark[0] <= latest_s + _HAND_S]
-    if not hand or step.held.level > step.last.level:
-        return step
-    time_s, text = hand[-1]
-    return step._replace(
-        order_s=time_s, within_s=_HAND_S, source=f"the order is taken from the mark '{text}'", lag_s=0.0
-    )
-
-
 def shaft_steps(motion: Motion, free: Bools, marks: Sequence[tuple[float, str]] = ()) -> list[ShaftStep]:
-    """Every change from one held thrust to the next, where no other manoeuvre is."""
+    """Every change from one held thrust to the next, where no other manoeuvre is.
+
+    It counts from the recorded order that it follows, else from the mark of one, else from the shaft.
+    """
     along = shaft_along(motion)
     least, steps = measures.tolerance_of(along, 1.0), list[ShaftStep]()
-    for last, following in pairwise(shaft_plateaus(motion)):
-        if not free[max(following.first - 1, 0)] or abs(following.level - last.level) <= least:
+    for last, held in pairwise(shaft_plateaus(motion)):
+        if not free[max(held.first - 1, 0)] or abs(held.level - last.level) <= least:
             continue
-        change_s = (following.first - last.end) * motion.step_s  # a large shaft takes a minute and more to reverse
-        before = measures.level_before(motion, along, following, _LONGEST_STEP_S + change_s)
-        start, half = measures.execute_s(motion.time_s, along, following, before, last.first)
+        change_s = (held.first - last.end) * motion.step_s  # a large shaft takes a minute and more to reverse
+        before = measures.level_before(motion, along, held, _LONGEST_STEP_S + change_s)
+        start, half = measures.execute_s(motion.time_s, along, held, before, last.first)
         within_s = float(np.hypot(motion.step_s, _UNSURE_SHARE * (half - start)))
-        by_shaft = ShaftStep(last, following, start, within_s, _BY_SHAFT, max(half - start, motion.step_s))
-        steps.append(_apply_recorded_order(motion, by_shaft, marks))
+        step = ShaftStep(last, held, start, within_s, _BY_SHAFT, max(half - start, motion.step_s))
+        latest_s = start + max(motion.step_s, within_s)
+        earliest_s = max(start - _LONGEST_ENGINE_LAG_S, float(motion.time_s[last.first]))
+        if motion.thrust_order is not None:
+            near = motion.between(earliest_s, latest_s + motion.step_s)
+            ordered = np.asarray(near.thrust_order)
+            change = np.sign(held.level - last.level) * (ordered - ordered[0])
+            if change[-1] > _STEP_SHARE * float(np.percentile(np.abs(motion.thrust_order), 99)):
+                end_s = latest_s + 2.0 * motion.step_s
+                ordered_s = measures.crossing_s(near.time_s, change, 0.5 * change[-1], earliest_s, end_s)
+                steps.append(ShaftStep(last, held, ordered_s, 0.5 * motion.step_s))
+                continue
+            step = step._replace(contradicts=True)
+        hand = [mark for mark in marks if earliest_s <= mark[0] <= latest_s + _HAND_S]
+        if hand and held.level <= last.level:
+            time_s, text = hand[-1]
+            source = f"the order is taken from the mark '{text}'"
+            step = step._replace(order_s=time_s, within_s=_HAND_S, source=source, lag_s=0.0)
+        steps.append(step)
     return steps
 
 
