@@ -61,17 +61,7 @@ from seatrial.acquisition.recording.grouping import read_parts
 from seatrial.acquisition.recording.reader import read_recording
 from seatrial.acquisition.tables.import_table import import_proposed, import_table, is_standard, propose_for
 from seatrial.acquisition.tables.table_files import read_raw
-from seatrial.analysis.batch import (
-    WAITING,
-    BatchJob,
-    Row,
-    failed_row,
-    failures_of,
-    first_look,
-    recordings_below,
-    result_names,
-    result_of,
-)
+from seatrial.analysis import batch
 from seatrial.analysis.manoeuvres.indices import Manoeuvre
 from seatrial.analysis.manoeuvres.motion import Motion, motion_of
 from seatrial.analysis.products import Options, cause_of
@@ -225,14 +215,14 @@ class _Pages:
 
     def index(self) -> str:
         rows = self._season.rows()
-        waiting = sum(row["status"] == WAITING for row in rows)
+        waiting = sum(row["status"] == batch.WAITING for row in rows)
         live = {"nonce": g.nonce, "token": self._token, "upload_mb": self._upload_mb, "waiting": waiting}
         rows = [{**row, "report": (self._season.out / row["name"] / "report.html").is_file()} for row in rows]
-        return index_page(rows, failures_of(rows), self._season.folder.resolve().name, live).html
+        return index_page(rows, batch.failures_of(rows), self._season.folder.resolve().name, live).html
 
     def trial(self, name: str) -> str:
         row = self._row_of(name)
-        if row["status"] == WAITING:
+        if row["status"] == batch.WAITING:
             return self._waiting_page(name)
         if "provenance" not in row:
             return _message(name, [row["cause"]])
@@ -308,7 +298,7 @@ class _Pages:
         done = {row["name"] for row in self._season.rows() if "provenance" in row}
         return [name for name in request.args.getlist("name") or sorted(done) if name in done]
 
-    def _row_of(self, name: str) -> Row:
+    def _row_of(self, name: str) -> batch.Row:
         row = self._season.row(name)
         return row if row is not None else abort(404)
 
@@ -410,7 +400,7 @@ class Season:
         self._ended = False
 
     def __enter__(self) -> Season:
-        recordings_below(self.folder, self.out)  # which says what is no folder
+        batch.recordings_below(self.folder, self.out)  # which says what is no folder
         make_folder(self.out)
         try:
             with ExitStack() as closing:
@@ -434,18 +424,18 @@ class Season:
         self._requests.put((-1, 0, ""))
         self._worker.stop()
 
-    def rows(self) -> list[Row]:
+    def rows(self) -> list[batch.Row]:
         """A row for each recording as in the index of a batch; of one not analysed that of a first look, if any."""
         with self._lock:
-            recordings = recordings_below(self.folder, self.out)
-            self._files = dict(zip(result_names(self.folder, recordings), recordings, strict=True))
+            recordings = batch.recordings_below(self.folder, self.out)
+            self._files = dict(zip(batch.result_names(self.folder, recordings), recordings, strict=True))
             states = {path: _state_of(path) for path in self.folder.rglob(DIAGNOSIS)}
             self._diagnoses = [
                 (state[1], *_read_diagnosis(path, state), path.parent) for path, state in states.items()
             ]
             return [self._row(name) for name in self._files]
 
-    def row(self, name: str) -> Row | None:
+    def row(self, name: str) -> batch.Row | None:
         """The row of a recording by its name, as :meth:`rows`; None where there is none of that name."""
         with self._lock:
             if name not in self._files:
@@ -463,19 +453,19 @@ class Season:
                 self._stored.pop(name, None)
             self._request(REQUESTED, name)
 
-    def diagnosis_of(self, row: Row) -> tuple[str, Path | None]:
+    def diagnosis_of(self, row: batch.Row) -> tuple[str, Path | None]:
         """Verdict and folder of the newest diagnosis that a recording took part in."""
         digests = set(row.get("provenance", {}).get("sha256", "").split(", ")) - {""}
         diagnoses = [(changed, verdict, folder) for changed, verdict, recordings, folder in self._diagnoses
                      if recordings & digests]  # fmt: skip
         return max(diagnoses, default=(0, "", None))[1:]
 
-    def _row(self, name: str) -> Row:
+    def _row(self, name: str) -> batch.Row:
         stamp, row = self._stored.get(name, ("", None))
         if row is None or stamp != self._stamp(name):
             self._request(FIRST_LOOK, name)
-            row = {"status": WAITING, "cause": ""}
-        elif row["status"] == WAITING and self._eager:
+            row = {"status": batch.WAITING, "cause": ""}
+        elif row["status"] == batch.WAITING and self._eager:
             newest_ns = max(_state_of(path)[1] for path in self._files[name])
             if time.time() - newest_ns / 1e9 > self._settled_s:
                 self._request(BACKGROUND, name)
@@ -504,15 +494,15 @@ class Season:
                     continue
                 stamp, files = self._stamp(name), self._files[name]
                 stored_stamp, row = self._stored.get(name, ("", {}))
-            if stored_stamp == stamp and (urgency == FIRST_LOOK or row["status"] != WAITING):
+            if stored_stamp == stamp and (urgency == FIRST_LOOK or row["status"] != batch.WAITING):
                 continue
             first, *later = map(str, files)
-            job = BatchJob(name, first, str(self.out), self._options, later=tuple(later))
-            row = self._worker.row_of(first_look if urgency == FIRST_LOOK else result_of, job)
+            job = batch.BatchJob(name, first, str(self.out), self._options, later=tuple(later))
+            row = self._worker.row_of(batch.first_look if urgency == FIRST_LOOK else batch.result_of, job)
             with self._lock:
                 if self._ended:
                     return
-                self._stored[name] = stamp, failed_row(job, _DIED) if row is None else row
+                self._stored[name] = stamp, batch.failed_row(job, _DIED) if row is None else row
                 if row is not None:  # one that killed its worker is tried again after the next start
                     self._store.execute(_REPLACE, (name, stamp, json.dumps(row)))
                     self._store.commit()
@@ -544,7 +534,7 @@ class _Worker:
     def __init__(self) -> None:
         self._process: SpawnProcess | None = None
 
-    def row_of(self, work: Callable[[BatchJob], Row], job: BatchJob) -> Row | None:
+    def row_of(self, work: Callable[[batch.BatchJob], batch.Row], job: batch.BatchJob) -> batch.Row | None:
         """The row that ``work`` makes of a job, or of its failure; None where it kills the process or hangs."""
         if self._process is None:
             context = get_context("spawn")
@@ -556,7 +546,7 @@ class _Worker:
             self._pipe.send((work, job))
             if not self._pipe.poll(_LONGEST_S):
                 raise TimeoutError
-            row: Row = self._pipe.recv()
+            row: batch.Row = self._pipe.recv()
         except (EOFError, OSError):
             self._process.kill()
             self._process = None
@@ -578,7 +568,7 @@ def _attend_requests(pipe: Connection) -> None:
             try:
                 row = work(job)
             except Exception as error:  # whatever it is, it is this recording's and no other's
-                row = failed_row(job, cause_of(error))
+                row = batch.failed_row(job, cause_of(error))
             pipe.send(row)
 
 

@@ -282,8 +282,8 @@ def turn_of(motion: Motion, plateau: Plateau, fastest_mps: float) -> Manoeuvre |
         begun = in_turn if lead_s < measures.APPROACH_S else turning
         shortfall = f"no straight approach: {begun}, by {rate_dps:.2g} deg/s"
     elif speed_mps <= _SLOWEST_APPROACH * fastest_mps:
-        made = f"the ship made {speed_mps:.2g} m/s of {fastest_mps:.2g} m/s before the order"
-        shortfall = f"no approach under way: {made}"
+        speeds = f"{speed_mps:.2g} m/s of {fastest_mps:.2g} m/s"
+        shortfall = f"no approach under way: the ship made {speeds} before the order"
     if shortfall and turned < LEAST_STEADY_DEG:
         return LeftOut(kind, start, end, shortfall)
     return turning_circle(motion, plateau, shortfall)

@@ -24,23 +24,9 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from seatrial.acquisition.core import ship
 from seatrial.acquisition.core.errors import DataShortageError, InputError
 from seatrial.acquisition.core.quantities import Bools, Complexes, Floats, Ints, integrate, to_earth, to_ship
-from seatrial.acquisition.core.ship import (
-    POSE,
-    POSE_AND_VELOCITY,
-    RUDDER,
-    VELOCITY,
-    Actuator,
-    Actuators,
-    actuators_in,
-    circular_mean,
-    is_circular,
-    name_of_order,
-    unwrap,
-    wrap_180,
-    wrap_360,
-)
 from seatrial.analysis.quality.commands import ORDER_INTERPOLATED, check_orders
 from seatrial.analysis.quality.motion.model import heading_deviation, wild_heading_mask
 from seatrial.analysis.series import local_quadratic, robust_spread, runs, white_noise
@@ -196,14 +182,14 @@ class Motion:
         return (pd.Timestamp(time).value - self.origin_ns) / NANO
 
 
-def steering_of(actuators: Actuators) -> Actuators:
+def steering_of(actuators: ship.Actuators) -> ship.Actuators:
     """The actuators that steer a ship: its rudders, else the propulsors with a thrust angle; none if it has
     neither."""
     with_angle = tuple(actuator for actuator in actuators if actuator.angle is not None)
     return tuple(actuator for actuator in with_angle if not actuator.drives) or with_angle
 
 
-def recorded_actuators(table: pd.DataFrame) -> Actuators:
+def recorded_actuators(table: pd.DataFrame) -> ship.Actuators:
     """The actuators of a table's ship; of one that names none, and has no angle of theirs, those that its columns
     tell; a rudder alone if it has that angle and no actuator of the ship."""
     actuators, trial = table_actuators(table), trial_of(table)
@@ -213,9 +199,10 @@ def recorded_actuators(table: pd.DataFrame) -> Actuators:
         or trial.actuators
         or any(actuator.angle and actuator.angle.name in recorded for actuator in actuators)
     ):
-        actuators = actuators_in(name for name in table if name in recorded) or actuators
+        actuators = ship.actuators_in(name for name in table if name in recorded) or actuators
     actuator_channels = {channel.name for actuator in actuators for channel in actuator.channels}
-    return (Actuator(_RUDDER, _RUDDER),) if RUDDER in table and not actuator_channels & recorded else actuators
+    is_rudder_alone = ship.RUDDER in table and not actuator_channels & recorded
+    return (ship.Actuator(_RUDDER, _RUDDER),) if is_rudder_alone else actuators
 
 
 def motion_of(table: pd.DataFrame, length_m: float | None = None) -> Motion:
@@ -230,17 +217,17 @@ def motion_of(table: pd.DataFrame, length_m: float | None = None) -> Motion:
     if not (*steering, *driving):
         raise InputError("the ship has no propulsion", fix="name the actuators in the trial")
     helms = [actuator.angle.name for actuator in steering if actuator.angle is not None]
-    require(table, (*POSE, *(helms or [channel.name for channel in driving[0].channels])[:1]))
+    require(table, (*ship.POSE, *(helms or [channel.name for channel in driving[0].channels])[:1]))
     grid, time_ns = _even_grid(table)
     time_s = (time_ns - time_ns[0]) / NANO
     step_s = float(time_s[1] - time_s[0]) if time_s.size > 1 else 1.0
     grid = _add_velocities(grid, step_s)
 
-    measured = grid[[*POSE_AND_VELOCITY]].notna().all(axis=1).to_numpy(dtype=bool)
-    surge, sway, yaw_rate = (fill_gaps(grid[name].to_numpy()) for name in VELOCITY)
+    measured = grid[[*ship.POSE_AND_VELOCITY]].notna().all(axis=1).to_numpy(dtype=bool)
+    surge, sway, yaw_rate = (fill_gaps(grid[name].to_numpy()) for name in ship.VELOCITY)
     integral = integrate(yaw_rate, step_s)  # which the heading follows over gaps
-    turned = np.asarray(integral + fill_gaps(unwrap(wrap_360(grid["heading_deg"].to_numpy() - integral))))
-    broken = _jumps(fill_gaps(unwrap(grid["heading_deg"].to_numpy() - integral)), step_s, _JUMP_DEG)
+    turned = np.asarray(integral + fill_gaps(ship.unwrap(ship.wrap_360(grid["heading_deg"].to_numpy() - integral))))
+    broken = _jumps(fill_gaps(ship.unwrap(grid["heading_deg"].to_numpy() - integral)), step_s, _JUMP_DEG)
     for first, end in stretches(~measured, round(_LONGEST_GAP_S / step_s)):
         broken[first:end] = True
     (north, east), broken, spread = _path_of(table, grid, turned, surge, sway, broken, step_s)
@@ -253,12 +240,12 @@ def motion_of(table: pd.DataFrame, length_m: float | None = None) -> Motion:
             (drives if actuator.drives else tunnels)[name] = _shaft(grid, actuator)
             words[name] = text if actuator.noun in text else f"{text} {actuator.noun}"
     kind, helm, thrust = _helm_and_thrust(grid, steering, driving, surge)
-    recorded_orders = [name for name in map(name_of_order, helms) if name in grid and grid[name].notna().any()]
-    orders = [fill_gaps(unwrap(grid[name].to_numpy())) for name in recorded_orders]
+    recorded_orders = [name for name in map(ship.name_of_order, helms) if name in grid and grid[name].notna().any()]
+    orders = [fill_gaps(ship.unwrap(grid[name].to_numpy())) for name in recorded_orders]
     motion = Motion(
         int(time_ns[0]), time_s, north, east, turned, surge, sway, yaw_rate, helm, thrust, drives, tunnels,
         measured & ~broken, broken, spread, orders_are_events(table), kind, words, length_m,
-        helm_order_deg=circular_mean(orders, axis=0) if orders else None,
+        helm_order_deg=ship.circular_mean(orders, axis=0) if orders else None,
         thrust_order=_ordered_thrust(grid, driving),
     )  # fmt: skip
     trial = trial_of(table)
@@ -284,22 +271,22 @@ def at_midship(motion: Motion, place_m: tuple[float, float]) -> Motion:
 def _add_velocities(grid: pd.DataFrame, step_s: float) -> pd.DataFrame:
     """The grid with missing speeds and rate of turn derived from local fits of position and heading, without
     implausible jumps."""
-    lacking = [name for name in VELOCITY if name not in grid or not grid[name].notna().any()]
+    lacking = [name for name in ship.VELOCITY if name not in grid or not grid[name].notna().any()]
     if not lacking:
         return grid
     if len(grid) < 2:
         raise DataShortageError("holds too few positions to derive speeds from", fix="record for longer")
     rows = max(_SLOPE_HALF_WIDTH_S / step_s, _SLOPE_ROWS)
-    north, east = (fill_gaps(grid[name].to_numpy()) for name in POSE[:2])
-    heading = unwrap(fill_gaps(unwrap(grid[POSE[2]].to_numpy())))
+    north, east = (fill_gaps(grid[name].to_numpy()) for name in ship.POSE[:2])
+    heading = ship.unwrap(fill_gaps(ship.unwrap(grid[ship.POSE[2]].to_numpy())))
     slopes = (np.gradient(local_quadratic(values, rows), step_s) for values in (north, east, heading))
     over_north, over_east, yaw_rate = (
         fill_gaps(np.where(np.abs(slope) > _WILD * np.percentile(np.abs(slope), 98), np.nan, slope))
         for slope in slopes
     )
     surge, sway = to_ship(over_north, over_east, np.deg2rad(heading))
-    gaps = grid[[*POSE]].isna().any(axis=1)
-    derived = dict(zip(VELOCITY, (surge, sway, yaw_rate), strict=True))
+    gaps = grid[[*ship.POSE]].isna().any(axis=1)
+    derived = dict(zip(ship.VELOCITY, (surge, sway, yaw_rate), strict=True))
     return grid.assign(**{name: np.where(gaps, np.nan, derived[name]) for name in lacking})
 
 
@@ -359,8 +346,8 @@ def _even_grid(table: pd.DataFrame) -> tuple[pd.DataFrame, Ints]:
         stamps = times_ns(samples.to_frame())
         if stamps.size > 1 and np.median(np.diff(stamps)) < 0.8 * NANO / FASTEST_HZ:
             values = samples.to_numpy(dtype=float)
-            values = np.interp(at, stamps, unwrap(values) if is_circular(name) else values)
-            sharp[name] = wrap_180(values) if is_circular(name) else values
+            values = np.interp(at, stamps, ship.unwrap(values) if ship.is_circular(name) else values)
+            sharp[name] = ship.wrap_180(values) if ship.is_circular(name) else values
     return grid.assign(**sharp), at + delay_ns
 
 
@@ -389,7 +376,7 @@ def _path_of(
     With it the rows that are ``broken`` or at which the positions jump, and the standard deviation of a point [m].
     """
     reckoned = [integrate(velocity, step_s) for velocity in to_earth(surge, sway, np.deg2rad(heading_deg))]
-    differences = [fill_gaps(grid[name].to_numpy() - path) for name, path in zip(POSE, reckoned, strict=False)]
+    differences = [fill_gaps(grid[name].to_numpy() - path) for name, path in zip(ship.POSE, reckoned, strict=False)]
     offsets = [running_median(difference, 5) for difference in differences]
     fastest_mps = float(np.percentile(np.hypot(surge, sway), 98))
     for offset in offsets:
@@ -409,7 +396,7 @@ def _path_of(
     sideways_mps = fastest_mps * np.deg2rad(noise_of(heading_deg))  # what the heading's noise does to the speeds
     speed_noise_mps = float(np.hypot(max(noise_of(surge), noise_of(sway)), sideways_mps))
     scatters_m = list(map(noise_of, differences))
-    for name in POSE[:2]:  # as for one sample a step: what is on the grid was interpolated or filtered
+    for name in ship.POSE[:2]:  # as for one sample a step: what is on the grid was interpolated or filtered
         samples = table[name].dropna().sort_index()
         interval_s = float(np.median(np.diff(times_ns(samples.to_frame())))) / NANO if len(samples) > 1 else step_s
         scatters_m.append(noise_of(samples.to_numpy(dtype=float)) * np.sqrt(min(interval_s / step_s, 1.0)))
@@ -440,11 +427,11 @@ def stretches(mask: Bools, least_rows: int = 1) -> list[tuple[int, int]]:
     return [(int(a), int(b)) for a, b in zip(*runs(mask), strict=True) if b - a >= least_rows]
 
 
-def _pitch_of(actuator: Actuator) -> str | None:
+def _pitch_of(actuator: ship.Actuator) -> str | None:
     return next((channel.name for channel in actuator.channels if channel.unit == "%"), None)
 
 
-def _shaft(grid: pd.DataFrame, actuator: Actuator) -> Floats:
+def _shaft(grid: pd.DataFrame, actuator: ship.Actuator) -> Floats:
     """The shaft speed of an actuator [rpm], at full pitch; zero if not recorded."""
     name, pitch = actuator.channels[0].name, _pitch_of(actuator)
     rpm = fill_gaps(grid[name].to_numpy()) if name in grid else np.zeros(len(grid))
@@ -454,15 +441,15 @@ def _shaft(grid: pd.DataFrame, actuator: Actuator) -> Floats:
     return np.asarray(rpm * np.sign(share) * np.sqrt(np.abs(share)))
 
 
-def _angle(grid: pd.DataFrame, actuator: Actuator) -> Floats:
+def _angle(grid: pd.DataFrame, actuator: ship.Actuator) -> Floats:
     """The angle of an actuator [deg], unwrapped; zero where missing."""
     if actuator.angle is None or actuator.angle.name not in grid:
         return np.zeros(len(grid))
-    return fill_gaps(unwrap(grid[actuator.angle.name].to_numpy()))
+    return fill_gaps(ship.unwrap(grid[actuator.angle.name].to_numpy()))
 
 
 def _helm_and_thrust(
-    grid: pd.DataFrame, steering: Actuators, driving: Actuators, surge: Floats
+    grid: pd.DataFrame, steering: ship.Actuators, driving: ship.Actuators, surge: Floats
 ) -> tuple[str, Floats, Floats]:
     """What steers the ship, "" for nothing, the helm [deg] and the thrust along the bow [rpm^2]."""
     zero = np.zeros(len(grid))
@@ -489,10 +476,10 @@ def _helm_and_thrust(
         sides_of_turn.append(-1.0 if a @ b < _OPPOSED * np.sqrt((a @ a) * (b @ b)) else 1.0)
     along = np.sum([push.real for push in turned], axis=0)
     sideways = np.sum([side * push.imag for side, push in zip(sides_of_turn, turned, strict=True)], axis=0)
-    return kind, wrap_180(np.rad2deg(np.arctan2(sideways, along))), ahead
+    return kind, ship.wrap_180(np.rad2deg(np.arctan2(sideways, along))), ahead
 
 
-def drives_by_side(driving: Actuators) -> tuple[Actuators, Actuators] | tuple[()]:
+def drives_by_side(driving: ship.Actuators) -> tuple[ship.Actuators, ship.Actuators] | tuple[()]:
     """The propellers to port and to starboard, by their names; of a pair that its names do not tell the port one
     comes first. Empty where they are not to both sides."""
     port, starboard = (tuple(drive for drive in driving if side.search(drive.name)) for side in _SIDES)
@@ -501,13 +488,13 @@ def drives_by_side(driving: Actuators) -> tuple[Actuators, Actuators] | tuple[()
     return (port, starboard) if port and starboard else ()
 
 
-def _ordered_thrust(grid: pd.DataFrame, driving: Actuators) -> Floats | None:
+def _ordered_thrust(grid: pd.DataFrame, driving: ship.Actuators) -> Floats | None:
     """The thrust along the bow that was ordered of the drives whose orders were recorded [rpm^2], None if none
     were."""
     orders: dict[str, pd.Series] = {}
-    ordered = list[Actuator]()
+    ordered = list[ship.Actuator]()
     for drive in driving:
-        names = {channel.name: name_of_order(channel.name) for channel in drive.channels}
+        names = {channel.name: ship.name_of_order(channel.name) for channel in drive.channels}
         recorded = {
             name: grid[order] for name, order in names.items() if order in grid and grid[order].notna().any()
         }
@@ -520,7 +507,7 @@ def _ordered_thrust(grid: pd.DataFrame, driving: Actuators) -> Floats | None:
     return np.asarray(np.sum([_thrust_vector(as_ordered, drive).real for drive in ordered], axis=0))
 
 
-def _thrust_vector(grid: pd.DataFrame, actuator: Actuator) -> Complexes:
+def _thrust_vector(grid: pd.DataFrame, actuator: ship.Actuator) -> Complexes:
     """n|n| of a propulsor in the direction of its thrust [rpm^2]."""
     rpm = _shaft(grid, actuator)
     return np.asarray(rpm * np.abs(rpm) * np.exp(1j * np.deg2rad(_angle(grid, actuator))))

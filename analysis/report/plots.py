@@ -26,21 +26,8 @@ from matplotlib.text import Annotation
 from matplotlib.transforms import Affine2D, ScaledTranslation
 from rich.text import Text
 
+from seatrial.acquisition.core import ship
 from seatrial.acquisition.core.quantities import DIMENSIONLESS, Floats, ending_of, mean_wind
-from seatrial.acquisition.core.ship import (
-    BY_NAME,
-    POSE_AND_VELOCITY,
-    Actuators,
-    Channel,
-    channel_by_rule,
-    control_names,
-    control_of_channel,
-    known_channels,
-    name_of_order,
-    unwrap,
-    wrap_180,
-    wraps_of,
-)
 from seatrial.acquisition.recording.grouping import Event
 from seatrial.analysis.tables.table import NANO, declared_channels, table_actuators, utc_index
 from seatrial.analysis.windows.held import HeldWindows, held_spans_ns
@@ -90,7 +77,7 @@ _SIDES = np.array([[1, 1], [1, -1], [-1, 1], [-1, -1], [1, 0], [-1, 0], [0, 1], 
 _PAD_PT = 1.5
 
 
-def label(name: str, channels: Mapping[str, Channel] = BY_NAME) -> str:
+def label(name: str, channels: Mapping[str, ship.Channel] = ship.BY_NAME) -> str:
     """A channel's name for an axis, with its unit; ``channels`` are the channels.
 
     >>> label("port_angle_deg")
@@ -223,19 +210,19 @@ def series(
     without the line that would join one end of the turn with the other. Where something is ``predicted``, what was
     measured is dark. ``title`` is that of the axis, with its unit.
     """
-    channels = known_channels(table.attrs)
+    channels = ship.known_channels(table.attrs)
     artists: list[Artist] = [] if windows is None else [held_shade(axes, windows)]
     angles = [table[name].dropna().to_numpy(dtype=float) for name in names if channels[name].circular]
     centre_deg = None  # of angles that cross the end of the turn and do not go all around
-    if any(wraps_of(values).any() for values in angles):
-        turned = unwrap(np.concatenate(angles))
+    if any(ship.wraps_of(values).any() for values in angles):
+        turned = ship.unwrap(np.concatenate(angles))
         if np.ptp(turned) < _MOST_TURN_DEG:
-            centre_deg = float(wrap_180(0.5 * (turned.max() + turned.min())))
+            centre_deg = float(ship.wrap_180(0.5 * (turned.max() + turned.min())))
     colours = [INK] if any(names[0] in motion for motion, _ in predicted.values()) else PALETTE
     for number, (name, colour) in enumerate(zip(names, cycle(colours), strict=False)):
         width = 2.4 if number == 0 and len(names) > 1 else 1.1
         steps = "steps-post" if channels[name].state else "default"
-        order = name_of_order(name) if channel_by_rule(name) else ""
+        order = ship.name_of_order(name) if ship.channel_by_rule(name) else ""
         for column, style in ((name, "-"), (order, "--")):
             if column in table and table[column].notna().any():
                 times, values = _line(table[column], channels[name], centre_deg)
@@ -259,14 +246,14 @@ def series(
     return artists
 
 
-def _line(column: pd.Series, channel: Channel, centre_deg: float | None) -> tuple[pd.Index, Floats]:
+def _line(column: pd.Series, channel: ship.Channel, centre_deg: float | None) -> tuple[pd.Index, Floats]:
     """Times and values of a channel; an angle about a centre where there is one, broken where it crosses the whole
     turn."""
     present = column.dropna()
     values = present.to_numpy(dtype=float, copy=True)
     if channel.circular:
-        values = values if centre_deg is None else np.asarray(centre_deg + wrap_180(values - centre_deg))
-        values[wraps_of(values)] = np.nan
+        values = values if centre_deg is None else np.asarray(centre_deg + ship.wrap_180(values - centre_deg))
+        values[ship.wraps_of(values)] = np.nan
     return present.index, values
 
 
@@ -331,8 +318,8 @@ def channels_figure(
     """The channels of a 1 Hz table against time, held windows shaded, what is ``predicted`` of the motion, and the
     crew's ``marks``; None without any channel. What never changes is left to the caption.
     """
-    channels, panels, still = known_channels(table.attrs), dict[str, list[str]](), list[str]()
-    motion, wind = ({name: [name] for name in group} for group in (POSE_AND_VELOCITY[2:], _WIND))
+    channels, panels, still = ship.known_channels(table.attrs), dict[str, list[str]](), list[str]()
+    motion, wind = ({name: [name] for name in group} for group in (ship.POSE_AND_VELOCITY[2:], _WIND))
     groups = motion | control_groups(table_actuators(table)) | wind | declared_groups(table)
     for title, group in groups.items():
         present = [name for name in group if name in table and table[name].notna().any()]
@@ -360,15 +347,15 @@ def channels_figure(
     return draw, (9.0, _EDGES_INCH + _PANEL_INCH * len(panels)), f"The channels at 1 Hz.{shade}{constant}"
 
 
-def control_groups(actuators: Actuators) -> dict[str, list[str]]:
+def control_groups(actuators: ship.Actuators) -> dict[str, list[str]]:
     """The control channels of a ship by what they are together: angles first, then shafts, then pitch."""
     thrusters = all(actuator.noun == "thruster" for actuator in actuators)
     shafts = "thrusters [rpm]" if thrusters else "shafts [rpm]"
     titles = {"azimuth": "azimuths [deg]", "rudder": "rudders [deg]", "nozzle": "nozzles [deg]", "shaft": shafts,
               "tunnel thruster": shafts, "pitch": "pitch [%]"}  # fmt: skip
     groups: dict[str, list[str]] = {title: [] for title in titles.values()}
-    for name in control_names(actuators):
-        groups[titles[control_of_channel(name, actuators)]].append(name)
+    for name in ship.control_names(actuators):
+        groups[titles[ship.control_of_channel(name, actuators)]].append(name)
     return {title: names for title, names in groups.items() if names}
 
 
@@ -379,7 +366,7 @@ def declared_groups(table: pd.DataFrame) -> dict[str, list[str]]:
     for channel in declared_channels(table):
         words = label(channel.name, {channel.name: channel})
         groups.setdefault(words.partition(" ")[2] or words, []).append(channel.name)
-    return {label(names[0], known_channels(table.attrs)) if len(names) == 1 else title: names
+    return {label(names[0], ship.known_channels(table.attrs)) if len(names) == 1 else title: names
             for title, names in groups.items()}  # fmt: skip
 
 

@@ -221,11 +221,11 @@ def without_empty(header: Sequence[str], rows: list[list[str]]) -> tuple[list[st
     return [header[place] for place in kept], [[row[place] for place in kept] for row in rows]
 
 
-def terminal_tables(result: RecordingManoeuvres, *, every: bool = False) -> Group:
-    """A table a manoeuvre for the terminal, of the main indices or of ``every`` index."""
+def terminal_tables(result: RecordingManoeuvres, *, all_indices: bool = False) -> Group:
+    """A table a manoeuvre for the terminal, of the main indices or of all."""
     blocks: list[Any] = [Text(f"{result.recording}: {count_text(result.manoeuvres)}", style="bold")]
     for manoeuvre in result.manoeuvres:
-        header, rows = without_empty(HEADER, rows_of(manoeuvre, all_indices=every))
+        header, rows = without_empty(HEADER, rows_of(manoeuvre, all_indices=all_indices))
         cells = (list(map(Text, row)) for row in rows)
         blocks += [
             Text(""),

@@ -416,8 +416,8 @@ def _mean_or_sum(quantity: str, table: pd.DataFrame, columns: list[_Column]) -> 
                 why=f"in {kind.unit} it can be {kind.low:g} to {kind.high:g}", fix="check the number and the unit",
             )  # fmt: skip
         sides.append(converted)
-    both = np.array(sides)
-    return np.asarray(both.sum(axis=0) if quantity in ("power", "torque") else both.mean(axis=0))
+    total = np.sum if quantity in ("power", "torque") else np.mean
+    return np.asarray(total(np.array(sides), axis=0))
 
 
 def _required_column(read: Mapping[str, Floats], name: str) -> Floats:

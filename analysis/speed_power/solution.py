@@ -241,8 +241,8 @@ def iterate_current(
     """
     phase = 2.0 * np.pi * time_s / TIDE_S
     columns = [np.ones_like(phase), time_s / 86_400.0, np.sin(phase), np.cos(phase)]
-    terms_known = max(1, min(len(columns), time_s.size - min(settings, 3) - 1))
-    design = np.column_stack(columns)[:, :terms_known] * along[:, np.newaxis]
+    term_count = max(1, min(len(columns), time_s.size - min(settings, 3) - 1))
+    design = np.column_stack(columns)[:, :term_count] * along[:, np.newaxis]
     speed, share, last_change = start_mps, 1.0, np.inf
     for _ in range(_ITERATIONS):
         curve = fit_curve(speed, power_kw, settings) if speed.min() > 0.0 else None
