@@ -26,7 +26,7 @@ import threading
 import time
 import unicodedata
 from collections import Counter
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass, field, replace
 from importlib import import_module
@@ -66,7 +66,7 @@ from seatrial.acquisition.core.trial import software_version
 from seatrial.acquisition.recording.grouping import read_parts, whole_recordings
 from seatrial.acquisition.recording.reader import Recording, recording_size
 from seatrial.analysis.manoeuvres.criteria import criteria_of, index_rows
-from seatrial.analysis.manoeuvres.indices import Manoeuvre, as_json, from_order
+from seatrial.analysis.manoeuvres.indices import Manoeuvre, from_order
 from seatrial.analysis.products import Options, Products, analyse, cause_of
 from seatrial.analysis.quality.wind import recorded_conditions
 from seatrial.analysis.report.pages import index_page, recording_page
@@ -144,7 +144,16 @@ def process_recording(
             partial = place / folder.name
             partial.mkdir()
             _write_result(products, row, provenance, partial)
-            _replace_folder(partial, folder)
+            if folder.exists() and not (folder / SUMMARY).is_file():
+                raise StorageError("exists and is not a result of an earlier batch", where=str(folder),
+                                   fix="name another output folder")  # fmt: skip
+            with suppress(FileNotFoundError):
+                folder.rename(partial.with_name("older"))
+            try:
+                partial.rename(folder)
+            except OSError:
+                if not (folder / SUMMARY).is_file():  # one that was written in the meantime is as good
+                    raise
     except OSError as error:
         raise error if isinstance(error, SeatrialError) else storage_error(folder, error) from error
     return row
@@ -169,20 +178,6 @@ def origin_of(paths: Sequence[Path], options: Options, name: str = "") -> dict[s
         "options": asdict(options),
         "software": software,
     }
-
-
-def _replace_folder(partial: Path, folder: Path) -> None:
-    """Give a complete result its name; an older one is replaced, one written in the meantime is as good."""
-    if folder.exists() and not (folder / SUMMARY).is_file():
-        raise StorageError("exists and is not a result of an earlier batch", where=str(folder),
-                           fix="name another output folder")  # fmt: skip
-    with suppress(FileNotFoundError):
-        folder.rename(partial.with_name("older"))
-    try:
-        partial.rename(folder)
-    except OSError:
-        if not (folder / SUMMARY).is_file():
-            raise
 
 
 def reusable_row(
@@ -210,7 +205,8 @@ def _write_result(products: Products, row: Row, provenance: Mapping[str, Any], f
     write_json(folder / "quality.json", {**products.quality.as_dict(), "repairs": repairs, **origin})
     left_out = [manoeuvre.as_json() for manoeuvre in products.left_out]
     criteria = criteria_by_vessel({products.recording.trial.vessel: products.manoeuvres})
-    results = {"manoeuvres": as_json(products.manoeuvres), "left_out": left_out, "criteria": criteria}
+    manoeuvres = [manoeuvre.as_json() for manoeuvre in products.manoeuvres]
+    results = {"manoeuvres": manoeuvres, "left_out": left_out, "criteria": criteria}
     write_json(folder / "manoeuvres.json", {**results, **origin})
     if products.windows is not None:
         source = provenance_of(products.one_hz, provenance["options"], products.recording.path)
@@ -226,28 +222,36 @@ def write_json(path: Path, content: Mapping[str, Any]) -> None:
 
 
 def row_of(products: Products, provenance: Mapping[str, Any]) -> Row:
-    """The row of a recording: plain values only, NaN as ``None``."""
+    """The row of a recording: plain values only, NaN as ``None``.
+
+    ``indices`` are those that a batch is compared by: the median of each over a recording's manoeuvres of a kind.
+    """
     recording, one_hz, windows = products.recording, products.one_hz, products.windows
     missing, tests = missing_channels(products.table), index_rows(products.manoeuvres)
     has_criteria = any(test.criterion for test in tests)
+    remarks = [remark for remark in ("" if recording.closed else NOT_CLOSED, recording.clock) if remark]
+    values: dict[str, list[float]] = {}
+    for run in products.manoeuvres:
+        for name in KEY_INDICES & set(run.indices):
+            values.setdefault(f"{run.kind}_{name}", []).append(run.indices[name].value)
+    indices = {name: float(np.median(values[name])) for name in sorted(values)}
+    grades = (channel.grade for channel in products.quality.channels.values())
     row: Row = {
         "status": "failed" if products.shortfalls else "done",
-        "cause": "; ".join(products.shortfalls) or "; ".join(remarks_on(recording)),
+        "cause": "; ".join(products.shortfalls) or "; ".join(remarks),
         **_recording_row(recording),
         "start": one_hz.index[0].isoformat(),
         "duration_s": float(len(one_hz) - 1),
         "distance_m": distance_m(one_hz),
         "channels": len(required_channels(products.table)) - len(missing),
         "missing": missing,
-        "grade": max(
-            (channel.grade for channel in products.quality.channels.values()), key=GRADES.index, default=""
-        ),
+        "grade": max(grades, key=GRADES.index, default=""),
         "findings": len(products.quality.findings),
         "findings_by_code": dict(Counter(finding.code for finding in products.quality.findings)),
         "repairs": len(products.repairs),
         "manoeuvres": dict(Counter(manoeuvre.kind for manoeuvre in products.manoeuvres)),
         "left_out": dict(Counter(manoeuvre.kind for manoeuvre in products.left_out)),
-        "indices": key_indices(products.manoeuvres) | speed_at_power(products),
+        "indices": indices | speed_at_power(products),
         "criteria": dict(Counter(result.result for result in criteria_of(tests))) if has_criteria else {},
         "windows_kept": windows.kept if windows else None,
         "windows_candidates": windows.candidates if windows else None,
@@ -259,23 +263,18 @@ def row_of(products: Products, provenance: Mapping[str, Any]) -> Row:
     return dict(to_json(row))
 
 
-def remarks_on(recording: Recording) -> list[str]:
-    """Remarks on a recording that has all results, for the reader of them."""
-    return [remark for remark in ("" if recording.closed else NOT_CLOSED, recording.clock) if remark]
-
-
-def first_look(paths: Sequence[Path]) -> Row:
-    """The row of a recording, a file or its parts, before it is analysed: its ship, time, size and track.
+def first_look(job: BatchJob) -> Row:
+    """The row of a recording before it is analysed: its ship, time, size and track.
 
     Raises as :func:`process_recording` does, but for writing.
     """
-    recording = read_parts(paths)
+    recording = read_parts([Path(job.path), *map(Path, job.later)])
     table = table_of(recording)
     row = {
         "status": WAITING, "cause": "", **_recording_row(recording), "start": table.index[0].isoformat(),
         "duration_s": (table.index[-1] - table.index[0]).total_seconds(), "track": thumbnail(table),
     }  # fmt: skip
-    return dict(to_json(row))
+    return {"name": job.name, **to_json(row)}
 
 
 def _recording_row(recording: Recording) -> Row:
@@ -293,15 +292,6 @@ def _recording_row(recording: Recording) -> Row:
 def missing_channels(table: pd.DataFrame) -> list[str]:
     """Those channels of the ship's trials that have no value at all; no check can judge them."""
     return [name for name in required_channels(table) if name not in table or not table[name].notna().any()]
-
-
-def key_indices(manoeuvres: Iterable[Manoeuvre]) -> dict[str, float]:
-    """The indices that a batch is compared by: the median of each over a recording's manoeuvres of a kind."""
-    values: dict[str, list[float]] = {}
-    for manoeuvre in manoeuvres:
-        for name in KEY_INDICES & set(manoeuvre.indices):
-            values.setdefault(f"{manoeuvre.kind}_{name}", []).append(manoeuvre.indices[name].value)
-    return {name: float(np.median(values[name])) for name in sorted(values)}
 
 
 def speed_at_power(products: Products) -> dict[str, float]:
@@ -387,10 +377,43 @@ def run_jobs(
     """The rows that ``task`` makes of the jobs on worker processes, in the order of the jobs.
 
     Arguments and errors as those of :func:`run_batch`; the jobs' output folder has to be locked, see
-    :func:`batch_folder`.
+    :func:`batch_folder`. A job is submitted again whose worker died, perhaps over another recording, or before the
+    row was fetched (the result itself is on the disk then).
     """
+    ended: Queue[Future] = Queue()
+    pending: dict[str, tuple[int, Future]] = {}
+    rows: dict[int, Row] = {}
+    submitted: Counter[int] = Counter()
     with _client(workers or os.cpu_count() or 1, scheduler) as client:
-        return _gather_rows(client, jobs, task, progress)
+
+        def submit(number: int) -> None:
+            future = client.submit(task, jobs[number], pure=False)
+            submitted[number] += 1
+            pending[future.key] = number, future
+            future.add_done_callback(ended.put)
+
+        try:
+            for number in range(len(jobs)):
+                submit(number)
+            while pending:
+                future = _next_ended(client, ended)
+                number, _ = pending.pop(future.key)
+                row: Row | None = None
+                if future.status == "finished":
+                    with suppress(Exception):  # lost between the question and the answer
+                        row = future.result()
+                elif future.status == "error" and type(error := future.exception()).__name__ != "KilledWorker":
+                    row = failed_row(jobs[number], cause_of(error))
+                if row is None and submitted[number] < _MOST_SUBMITTED:
+                    submit(number)
+                    continue
+                rows[number] = row or failed_row(jobs[number], "its workers died over it again and again")
+                progress(len(rows) / len(jobs))
+        except BaseException:
+            with suppress(Exception):
+                client.cancel([future for _, future in pending.values()], force=True)
+            raise
+    return [rows[number] for number in range(len(jobs))]
 
 
 def map_calls(
@@ -447,9 +470,17 @@ def batch_folder(out: Path) -> Iterator[None]:
 
 
 def attempt(job: BatchJob, work: Callable[[BatchJob], Row]) -> Row:
-    """The row that ``work`` makes of a job with the job's name on it, or that of its failure; with marks."""
-    if cause := _cause_to_give_up(job):
-        return failed_row(job, cause)
+    """The row that ``work`` makes of a job with the job's name on it, or that of its failure; with marks.
+
+    A job is given up that killed its worker several times, or hung until it was ended.
+    """
+    with suppress(FileNotFoundError):
+        state = job.mark.stat()
+        if job.timeout_s is not None and time.time() - state.st_mtime >= job.timeout_s:
+            return failed_row(job, f"took longer than {job.timeout_s:g} s")
+        if state.st_size >= MOST_ATTEMPTS:
+            died = f"its worker died {MOST_ATTEMPTS} times over it"
+            return failed_row(job, f"{died}; too little memory, or a fault in native code")
     try:
         with job.mark.open("ab") as mark:
             mark.write(b".")
@@ -459,19 +490,6 @@ def attempt(job: BatchJob, work: Callable[[BatchJob], Row]) -> Row:
         return failed_row(job, cause_of(error))
     finally:
         job.mark.unlink(missing_ok=True)
-
-
-def _cause_to_give_up(job: BatchJob) -> str:
-    """Why a recording is not attempted again; empty if it is."""
-    try:
-        state = job.mark.stat()
-    except FileNotFoundError:
-        return ""
-    if job.timeout_s is not None and time.time() - state.st_mtime >= job.timeout_s:
-        return f"took longer than {job.timeout_s:g} s"
-    if state.st_size >= MOST_ATTEMPTS:
-        return f"its worker died {MOST_ATTEMPTS} times over it; too little memory, or a fault in native code"
-    return ""
 
 
 @contextmanager
@@ -508,65 +526,27 @@ def _client(workers: int, scheduler: str | None) -> Iterator[Client]:
         "distributed.deploy.lost-worker-timeout": f"{_PATIENCE_S:.0f}s",  # a busy machine starts one in 20 s
     }
     with dask.config.set(settings):
-        if scheduler is not None:
-            with _connect(scheduler) as client:
+        if scheduler is None:
+            with block_interrupts():
+                cluster = distributed.LocalCluster(
+                    n_workers=workers, threads_per_worker=1, processes=True, host="127.0.0.1",
+                    dashboard_address="127.0.0.1:0", scheduler_kwargs={"dashboard": False}, silence_logs="CRITICAL",
+                )  # fmt: skip
+            with cluster, distributed.Client(cluster, set_as_default=False) as client:
                 yield client
             return
-        with block_interrupts():
-            cluster = distributed.LocalCluster(
-                n_workers=workers, threads_per_worker=1, processes=True, host="127.0.0.1",
-                dashboard_address="127.0.0.1:0", scheduler_kwargs={"dashboard": False}, silence_logs="CRITICAL",
-            )  # fmt: skip
-        with cluster, distributed.Client(cluster, set_as_default=False) as client:
-            yield client
-
-
-@contextmanager
-def _connect(scheduler: str) -> Iterator[Client]:
-    try:
-        client = import_module("distributed").Client(scheduler, timeout=_CONNECT_S, set_as_default=False)
-    except (OSError, ValueError) as error:
-        raise SourceError("no scheduler can be reached", where=scheduler,
-                          fix="start one with `dask scheduler`, or give its address") from error  # fmt: skip
-    with client:
         try:
-            client.wait_for_workers(1, timeout=_WORKERS_S)
-        except TimeoutError as error:
-            raise SourceError("the scheduler has no workers", where=scheduler,
-                              fix=f"start some with `dask worker {scheduler}`") from error  # fmt: skip
-        yield client
-
-
-def _gather_rows(client: Client, jobs: Sequence[BatchJob], task: Task, progress: Progress) -> list[Row]:
-    """The rows of all jobs in their order, as they come."""
-    ended: Queue[Future] = Queue()
-    pending: dict[str, tuple[int, Future]] = {}
-
-    def submit(number: int) -> None:
-        future = client.submit(task, jobs[number], pure=False)
-        submitted[number] += 1
-        pending[future.key] = number, future
-        future.add_done_callback(ended.put)
-
-    rows: dict[int, Row] = {}
-    submitted: Counter[int] = Counter()
-    try:
-        for number in range(len(jobs)):
-            submit(number)
-        while pending:
-            future = _next_ended(client, ended)
-            number, _ = pending.pop(future.key)
-            row = _row_of_task(future, jobs[number])
-            if row is None and submitted[number] < _MOST_SUBMITTED:
-                submit(number)
-                continue
-            rows[number] = row or failed_row(jobs[number], "its workers died over it again and again")
-            progress(len(rows) / len(jobs))
-    except BaseException:
-        with suppress(Exception):
-            client.cancel([future for _, future in pending.values()], force=True)
-        raise
-    return [rows[number] for number in range(len(jobs))]
+            client = distributed.Client(scheduler, timeout=_CONNECT_S, set_as_default=False)
+        except (OSError, ValueError) as error:
+            raise SourceError("no scheduler can be reached", where=scheduler,
+                              fix="start one with `dask scheduler`, or give its address") from error  # fmt: skip
+        with client:
+            try:
+                client.wait_for_workers(1, timeout=_WORKERS_S)
+            except TimeoutError as error:
+                raise SourceError("the scheduler has no workers", where=scheduler,
+                                  fix=f"start some with `dask worker {scheduler}`") from error  # fmt: skip
+            yield client
 
 
 def _next_ended(client: Client, ended: Queue[Future]) -> Future:
@@ -581,19 +561,6 @@ def _next_ended(client: Client, ended: Queue[Future]) -> Future:
             since = time.monotonic()
         elif time.monotonic() - since > _PATIENCE_S or client.status == "closed":
             raise SourceError("scheduler or workers are gone", fix="restart them and the batch, which resumes")
-
-
-def _row_of_task(future: Future, job: BatchJob) -> Row | None:
-    """A task's row; ``None`` where it is to be asked for again: its worker died, perhaps over another recording, or
-    before the row was fetched (the result itself is on the disk then)."""
-    if future.status == "error":
-        error = future.exception()
-        return None if type(error).__name__ == "KilledWorker" else failed_row(job, cause_of(error))
-    try:
-        row: Row | None = future.result() if future.status == "finished" else None
-    except Exception:  # lost between the question and the answer
-        return None
-    return row
 
 
 @contextmanager
@@ -677,7 +644,7 @@ def run_batch(
     recordings = recordings_below(folder, out)
     if not recordings:
         raise DataShortageError("contains no recording", where=str(folder), fix="name a folder with .mcap files")
-    names, chosen = names_of(folder, recordings), options or Options()
+    names, chosen = result_names(folder, recordings), options or Options()
     files = [[str(path.absolute()) for path in paths] for paths in recordings]
     jobs = [
         BatchJob(name, paths[0], str(out), chosen, again, timeout_s, tuple(paths[1:]))
@@ -690,19 +657,14 @@ def run_batch(
         reused = sum(row.pop("reused", False) and row["status"] == "done" for row in rows)
         gone = gone_rows(set(names), out)
         index = write_index([*rows, *gone], out, printable_name(folder.resolve().name))
-        write_json(out / CRITERIA, {"criteria": criteria_of_ships(rows, out)})
+        runs: dict[str, list[Manoeuvre]] = {}  # of each ship, from all its recordings
+        for row in rows:
+            if row["status"] == "done" and row.get("manoeuvres"):
+                document = json.loads((out / row["name"] / "manoeuvres.json").read_text(encoding="utf-8"))
+                runs.setdefault(row["vessel"], []).extend(map(Manoeuvre.from_json, document["manoeuvres"]))
+        write_json(out / CRITERIA, {"criteria": criteria_by_vessel(runs)})
     done = sum(row["status"] == "done" for row in rows)
     return BatchSummary(rows, done, reused, index, tuple(gone), dict(zip(names, recordings, strict=True)))
-
-
-def criteria_of_ships(rows: Sequence[Row], out: Path) -> list[dict[str, Any]]:
-    """The criteria of each ship from the manoeuvres of all its recordings, with the keys of ``manoeuvres``."""
-    runs: dict[str, list[Manoeuvre]] = {}
-    for row in rows:
-        if row["status"] == "done" and row.get("manoeuvres"):
-            document = json.loads((out / row["name"] / "manoeuvres.json").read_text(encoding="utf-8"))
-            runs.setdefault(row["vessel"], []).extend(map(Manoeuvre.from_json, document["manoeuvres"]))
-    return criteria_by_vessel(runs)
 
 
 def process_job(job: BatchJob) -> Row:
@@ -736,42 +698,37 @@ def recordings_below(folder: Path, out: Path) -> list[tuple[Path, ...]]:
     return whole_recordings(sorted({*paths, *(Path(error.filename) for error in unreadable)}))
 
 
-def names_of(folder: Path, recordings: Sequence[Sequence[Path]]) -> list[str]:
-    """A name for each recording below a folder: :func:`result_names` of their first files."""
-    return result_names([paths[0].relative_to(folder).as_posix() for paths in recordings])
-
-
-def result_names(paths: list[str]) -> list[str]:
-    r"""A name for each recording's result: its relative path without suffix, changed where two would meet.
+def result_names(folder: Path, recordings: Sequence[Sequence[Path]]) -> list[str]:
+    r"""A name for each recording's result below a folder: the relative path of its first file without suffix,
+    changed where two would meet.
 
     It is fit for any file system, page and program: bytes that are no text and control characters are escaped, what
     is too long for a folder is shortened, nothing is hidden, and two names differ in more than case and encoding.
 
-    >>> result_names(["a.mcap", "a/b.mcap", "index.html.mcap", ".c/B.mcap", "_c/b.mcap"])
+    >>> paths = ["a.mcap", "a/b.mcap", "index.html.mcap", ".c/B.mcap", "_c/b.mcap"]
+    >>> result_names(Path(), [[Path(path)] for path in paths])
     ['a_', 'a/b', 'index.html_', '_c/B', '_c/b_']
     """
-    texts = ["/".join(map(_folder_name, path.removesuffix(".mcap").split("/"))) for path in paths]
-    taken = set(
-        map(_comparable, _RESERVED | {parent.as_posix() for text in texts for parent in Path(text).parents})
-    )
-    names = []
+    texts = []
+    for first, *_ in recordings:
+        parts = []
+        for text in first.relative_to(folder).as_posix().removesuffix(".mcap").split("/"):
+            name = printable_name(text)
+            name = f"_{name[1:]}" if name.startswith(".") else name
+            if len(name.encode()) > _LONGEST_NAME_BYTES:
+                digest = hashlib.sha256(os.fsencode(text)).hexdigest()[:_DIGEST_LETTERS]
+                kept = name.encode()[: _LONGEST_NAME_BYTES - _DIGEST_LETTERS - 1]
+                name = f"{kept.decode(errors='ignore')}~{digest}"
+            parts.append(name)
+        texts.append("/".join(parts))
+    parents = {parent.as_posix() for text in texts for parent in Path(text).parents}
+    taken, names = set(map(_comparable, _RESERVED | parents)), []
     for name in texts:
         while _comparable(name) in taken:
             name += "_"
         taken.add(_comparable(name))
         names.append(name)
     return names
-
-
-def _folder_name(text: str) -> str:
-    """A part of a path as the name of a folder for its result."""
-    name = printable_name(text)
-    name = f"_{name[1:]}" if name.startswith(".") else name
-    if len(name.encode()) > _LONGEST_NAME_BYTES:
-        digest = hashlib.sha256(os.fsencode(text)).hexdigest()[:_DIGEST_LETTERS]
-        kept = name.encode()[: _LONGEST_NAME_BYTES - _DIGEST_LETTERS - 1]
-        name = f"{kept.decode(errors='ignore')}~{digest}"
-    return name
 
 
 def _comparable(name: str) -> str:
@@ -808,7 +765,8 @@ def is_row(values: Mapping[str, Any]) -> bool:
 def index_table(rows: Sequence[Mapping[str, Any]]) -> pd.DataFrame:
     """The rows as a table with the same kinds of columns whatever failed: counts are whole or missing.
 
-    Counts by code, by reason and by kind are in columns of their own, like ``findings_by_code.spikes``.
+    Counts by code, by reason and by kind are in columns of their own, like ``findings_by_code.spikes``: 0 where a
+    recording was judged without it.
     """
     columns: dict[str, Any] = {name: _series([row.get(name) or "" for row in rows], "str") for name in TEXTS}
     columns["closed"] = _series([row.get("closed") for row in rows], "boolean")
@@ -818,25 +776,16 @@ def index_table(rows: Sequence[Mapping[str, Any]]) -> pd.DataFrame:
     columns["start"] = pd.to_datetime(starts, utc=True, format="ISO8601").dt.as_unit("ns")
     for name, dtype in (dict.fromkeys(MEASURES, "Float64") | dict.fromkeys(COUNTS, "Int64")).items():
         columns[name] = _series([row.get(name) for row in rows], dtype)
-    for name in NESTED_COUNTS:
-        columns |= _nested_columns(rows, name, "Int64", 0)
-    columns |= _nested_columns(rows, "indices", "Float64", None)
+    for name in (*NESTED_COUNTS, "indices"):
+        dtype, absent = ("Float64", None) if name == "indices" else ("Int64", 0)
+        for key in sorted({key for row in rows for key in row.get(name) or {}}):
+            counts = [None if row.get(name) is None else row[name].get(key, absent) for row in rows]
+            columns[f"{name}.{key}"] = _series(counts, dtype)
     for name in ("bytes", "sha256", "options", "software"):
         values = [row.get("provenance", {}).get(name) for row in rows]
         texts = [json.dumps(value) if isinstance(value, dict) else value for value in values]
         columns[name] = _series(texts, "Int64" if name == "bytes" else "str")
     return pd.DataFrame(columns)
-
-
-def _nested_columns(rows: Sequence[Mapping[str, Any]], name: str, dtype: str, absent: int | None) -> dict[str, Any]:
-    """A column for each key of the mappings called ``name``; ``absent`` where a recording was judged without it."""
-    keys = sorted({key for row in rows for key in row.get(name) or {}})
-    return {
-        f"{name}.{key}": _series(
-            [None if row.get(name) is None else row[name].get(key, absent) for row in rows], dtype
-        )
-        for key in keys
-    }
 
 
 def _series(values: Sequence[Any], dtype: str) -> Any:

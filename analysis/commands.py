@@ -481,7 +481,7 @@ def _print_manoeuvres(table: ManoeuvreTable, as_json: bool, options: Mapping[str
     if as_json or table.pages:
         return
     for recording in table.recorded:
-        Terminal().print(terminal_tables(recording, every=options["all_indices"]))
+        Terminal().print(terminal_tables(recording, all_indices=options["all_indices"]))
     for line in trial_criteria_lines(table.recorded):
         echo(line)
 

@@ -61,17 +61,7 @@ from seatrial.acquisition.recording.grouping import read_parts
 from seatrial.acquisition.recording.reader import read_recording
 from seatrial.acquisition.tables.import_table import import_proposed, import_table, is_standard, propose_for
 from seatrial.acquisition.tables.table_files import read_raw
-from seatrial.analysis.batch import (
-    WAITING,
-    BatchJob,
-    Row,
-    failed_row,
-    failures_of,
-    first_look,
-    names_of,
-    recordings_below,
-    result_of,
-)
+from seatrial.analysis import batch
 from seatrial.analysis.manoeuvres.indices import Manoeuvre
 from seatrial.analysis.manoeuvres.motion import Motion, motion_of
 from seatrial.analysis.products import Options, cause_of
@@ -138,9 +128,6 @@ def make_app(season: Season, upload_mb: float | None = None) -> Flask:
         response.headers.extend({**_HEADERS, "Content-Security-Policy": policy})
         return response
 
-    def http_page(error: HTTPException) -> tuple[str, int]:
-        return _message(error.name, [error.description or ""]), error.code or 500
-
     def failure_page(error: Exception) -> tuple[str, int]:
         fault = unexpected_error(error)
         LOG.error("%s: %s", printable_name(request.path), fault)
@@ -149,11 +136,23 @@ def make_app(season: Season, upload_mb: float | None = None) -> Flask:
     app.before_request(lambda: setattr(g, "nonce", secrets.token_urlsafe()))
     app.after_request(add_headers)
     app.register_error_handler(SeatrialError, lambda error: (_message("This cannot be done", [str(error)]), 422))
-    app.register_error_handler(HTTPException, http_page)
+    app.register_error_handler(
+        HTTPException, lambda error: (_message(error.name, [error.description or ""]), error.code or 500)
+    )
     app.register_error_handler(Exception, failure_page)
     pages = _Pages(season, upload_mb, token)
     environment()  # what pages are drawn with, before the first request
-    for path, page in pages.addresses().items():
+    addresses: dict[str, Callable[..., Any]] = {
+        "/": pages.index,
+        "/favicon.ico": lambda: Response(status=204),
+        "/runs.html": pages.runs,
+        "/runs.xlsx": pages.runs_as_workbook,
+        "/<path:name>/page.html": pages.trial,
+        "/<path:name>/report.html": pages.report,
+        "/<path:name>/diagnosis.html": pages.diagnosis,
+        "/<path:name>/export.<kind>": pages.export,
+    }
+    for path, page in addresses.items():
         app.add_url_rule(path, path, page)
     if upload_mb is not None:
         app.add_url_rule("/upload", "upload", pages.upload, methods=["POST"])
@@ -214,28 +213,16 @@ class _Pages:
         self._season, self._upload_mb, self._token = season, upload_mb, token
         self._receiving = Lock()
 
-    def addresses(self) -> dict[str, Callable[..., Any]]:
-        return {
-            "/": self.index,
-            "/favicon.ico": lambda: Response(status=204),
-            "/runs.html": self.runs,
-            "/runs.xlsx": self.runs_as_workbook,
-            "/<path:name>/page.html": self.trial,
-            "/<path:name>/report.html": self.report,
-            "/<path:name>/diagnosis.html": self.diagnosis,
-            "/<path:name>/export.<kind>": self.export,
-        }
-
     def index(self) -> str:
         rows = self._season.rows()
-        waiting = sum(row["status"] == WAITING for row in rows)
+        waiting = sum(row["status"] == batch.WAITING for row in rows)
         live = {"nonce": g.nonce, "token": self._token, "upload_mb": self._upload_mb, "waiting": waiting}
         rows = [{**row, "report": (self._season.out / row["name"] / "report.html").is_file()} for row in rows]
-        return index_page(rows, failures_of(rows), self._season.folder.resolve().name, live).html
+        return index_page(rows, batch.failures_of(rows), self._season.folder.resolve().name, live).html
 
     def trial(self, name: str) -> str:
         row = self._row_of(name)
-        if row["status"] == WAITING:
+        if row["status"] == batch.WAITING:
             return self._waiting_page(name)
         if "provenance" not in row:
             return _message(name, [row["cause"]])
@@ -263,17 +250,26 @@ class _Pages:
                            lambda path: call_limited(export_recording, files, str(path)))  # fmt: skip
 
     def runs(self) -> str:
-        runs = runs_in(self._season.out, self._requested_names(), kind := request.args.get("kind", ""))
+        out, kind = self._season.out, request.args.get("kind", "")
+        runs = runs_in(out, self._requested_names(), kind)
         if not runs:
             return _message("No runs", ["None of these recordings holds such a manoeuvre."])
-        drawn = [
-            (run.label, motion, run.manoeuvre) for run, motion in with_motions(self._season.out, runs[:MOST_RUNS])
-        ]
-        header, rows = comparison_table(runs)
+        motions: dict[str, Motion] = {}  # of the recordings once a second, as their results have them
+        for run in runs[:MOST_RUNS]:
+            if run.recording not in motions:
+                table, metadata = read_parquet(out / run.recording / "table.parquet")
+                table.attrs["trial"] = json.loads(metadata["trial"])
+                motions[run.recording] = motion_of(table)
+        drawn = [(run.label, motions[run.recording], run.manoeuvre) for run in runs[:MOST_RUNS]]
+        main = (row[0] for run in runs for row in rows_of(run.manoeuvre, all_indices=False))
+        names, rows = list(dict.fromkeys(main)), []
+        for run in runs:
+            values = {row[0]: row[1] for row in rows_of(run.manoeuvre)}
+            rows.append([run.label, *(values.get(name, "") for name in names)])
         with _drawing:
             return render(
                 "runs.html", title=f"Runs: {kind.replace('_', ' ') or 'all manoeuvres'}", runs=drawn,
-                header=header, rows=rows, workbook=f"runs.xlsx?{request.query_string.decode()}",
+                header=["run", *names], rows=rows, workbook=f"runs.xlsx?{request.query_string.decode()}",
                 left_out=len(runs) - len(drawn),
             ).html  # fmt: skip
 
@@ -288,24 +284,21 @@ class _Pages:
         if not self._receiving.acquire(blocking=False):  # before a byte of it is stored
             abort(503, "Another file is being received; send it again afterwards.")
         try:
-            return self._receive()
+            if not secrets.compare_digest(request.form.get("token", "").encode(), self._token.encode()):
+                abort(403)
+            if (upload := request.files.get("file")) is None:
+                abort(400)
+            path, lines = receive(upload.stream, upload.filename or "", self._season.folder)
+            return _message(f"{path.name} is in the season", lines)
         finally:
             self._receiving.release()
-
-    def _receive(self) -> str:
-        if not secrets.compare_digest(request.form.get("token", "").encode(), self._token.encode()):
-            abort(403)
-        if (upload := request.files.get("file")) is None:
-            abort(400)
-        path, lines = receive(upload.stream, upload.filename or "", self._season.folder)
-        return _message(f"{path.name} is in the season", lines)
 
     def _requested_names(self) -> list[str]:
         """The recordings that a request names, of those that have a result; all that have one if it names none."""
         done = {row["name"] for row in self._season.rows() if "provenance" in row}
         return [name for name in request.args.getlist("name") or sorted(done) if name in done]
 
-    def _row_of(self, name: str) -> Row:
+    def _row_of(self, name: str) -> batch.Row:
         row = self._season.row(name)
         return row if row is not None else abort(404)
 
@@ -367,24 +360,6 @@ def runs_in(results: Path, names: Iterable[str], kind: str = "") -> list[Run]:
     return runs
 
 
-def with_motions(results: Path, runs: Iterable[Run]) -> list[tuple[Run, Motion]]:
-    """The runs, each with the motion of its recording once a second, as its result has it."""
-    motions: dict[str, Motion] = {}
-    for run in runs:
-        if run.recording not in motions:
-            table, metadata = read_parquet(results / run.recording / "table.parquet")
-            table.attrs["trial"] = json.loads(metadata["trial"])
-            motions[run.recording] = motion_of(table)
-    return [(run, motions[run.recording]) for run in runs]
-
-
-def comparison_table(runs: Sequence[Run]) -> tuple[list[str], list[list[str]]]:
-    """Header and rows of a table: a row for each run, a column for each main index that a run has."""
-    names = list(dict.fromkeys(row[0] for run in runs for row in rows_of(run.manoeuvre, all_indices=False)))
-    cells = [(run.label, {row[0]: row[1] for row in rows_of(run.manoeuvre)}) for run in runs]
-    return ["run", *names], [[label, *(values.get(name, "") for name in names)] for label, values in cells]
-
-
 def index_table(runs: Iterable[Run]) -> pd.DataFrame:
     """A row each index of each run, for a workbook: value, 95 % interval, unit, IMO's limit."""
     rows = [
@@ -425,7 +400,7 @@ class Season:
         self._ended = False
 
     def __enter__(self) -> Season:
-        recordings_below(self.folder, self.out)  # which says what is no folder
+        batch.recordings_below(self.folder, self.out)  # which says what is no folder
         make_folder(self.out)
         try:
             with ExitStack() as closing:
@@ -449,18 +424,18 @@ class Season:
         self._requests.put((-1, 0, ""))
         self._worker.stop()
 
-    def rows(self) -> list[Row]:
+    def rows(self) -> list[batch.Row]:
         """A row for each recording as in the index of a batch; of one not analysed that of a first look, if any."""
         with self._lock:
-            recordings = recordings_below(self.folder, self.out)
-            self._files = dict(zip(names_of(self.folder, recordings), recordings, strict=True))
+            recordings = batch.recordings_below(self.folder, self.out)
+            self._files = dict(zip(batch.result_names(self.folder, recordings), recordings, strict=True))
             states = {path: _state_of(path) for path in self.folder.rglob(DIAGNOSIS)}
             self._diagnoses = [
                 (state[1], *_read_diagnosis(path, state), path.parent) for path, state in states.items()
             ]
             return [self._row(name) for name in self._files]
 
-    def row(self, name: str) -> Row | None:
+    def row(self, name: str) -> batch.Row | None:
         """The row of a recording by its name, as :meth:`rows`; None where there is none of that name."""
         with self._lock:
             if name not in self._files:
@@ -478,20 +453,22 @@ class Season:
                 self._stored.pop(name, None)
             self._request(REQUESTED, name)
 
-    def diagnosis_of(self, row: Row) -> tuple[str, Path | None]:
+    def diagnosis_of(self, row: batch.Row) -> tuple[str, Path | None]:
         """Verdict and folder of the newest diagnosis that a recording took part in."""
         digests = set(row.get("provenance", {}).get("sha256", "").split(", ")) - {""}
         diagnoses = [(changed, verdict, folder) for changed, verdict, recordings, folder in self._diagnoses
                      if recordings & digests]  # fmt: skip
         return max(diagnoses, default=(0, "", None))[1:]
 
-    def _row(self, name: str) -> Row:
+    def _row(self, name: str) -> batch.Row:
         stamp, row = self._stored.get(name, ("", None))
         if row is None or stamp != self._stamp(name):
             self._request(FIRST_LOOK, name)
-            row = {"status": WAITING, "cause": ""}
-        elif row["status"] == WAITING and self._eager and self._is_settled(name):
-            self._request(BACKGROUND, name)
+            row = {"status": batch.WAITING, "cause": ""}
+        elif row["status"] == batch.WAITING and self._eager:
+            newest_ns = max(_state_of(path)[1] for path in self._files[name])
+            if time.time() - newest_ns / 1e9 > self._settled_s:
+                self._request(BACKGROUND, name)
         path = self._files[name][0].relative_to(self.folder).as_posix()
         return {**row, "name": name, "path": path, "verdict": self.diagnosis_of(row)[0]}
 
@@ -499,10 +476,6 @@ class Season:
         """What a row depends on: the files' names, sizes and times, the options and the version."""
         states = [(path.name, *_state_of(path)) for path in self._files[name]]
         return repr((states, self._options, software_version()))
-
-    def _is_settled(self, name: str) -> bool:
-        newest_ns = max(_state_of(path)[1] for path in self._files[name])
-        return time.time() - newest_ns / 1e9 > self._settled_s
 
     def _request(self, urgency: int, name: str) -> None:
         if (urgency, name) not in self._requested:
@@ -521,15 +494,15 @@ class Season:
                     continue
                 stamp, files = self._stamp(name), self._files[name]
                 stored_stamp, row = self._stored.get(name, ("", {}))
-            if stored_stamp == stamp and (urgency == FIRST_LOOK or row["status"] != WAITING):
+            if stored_stamp == stamp and (urgency == FIRST_LOOK or row["status"] != batch.WAITING):
                 continue
             first, *later = map(str, files)
-            job = BatchJob(name, first, str(self.out), self._options, later=tuple(later))
-            row = self._worker.row_of(_first_look if urgency == FIRST_LOOK else result_of, job)
+            job = batch.BatchJob(name, first, str(self.out), self._options, later=tuple(later))
+            row = self._worker.row_of(batch.first_look if urgency == FIRST_LOOK else batch.result_of, job)
             with self._lock:
                 if self._ended:
                     return
-                self._stored[name] = stamp, failed_row(job, _DIED) if row is None else row
+                self._stored[name] = stamp, batch.failed_row(job, _DIED) if row is None else row
                 if row is not None:  # one that killed its worker is tried again after the next start
                     self._store.execute(_REPLACE, (name, stamp, json.dumps(row)))
                     self._store.commit()
@@ -555,17 +528,13 @@ def _state_of(path: Path) -> tuple[int, int]:
     return 0, 0
 
 
-def _first_look(job: BatchJob) -> Row:
-    return {"name": job.name, **first_look([Path(job.path), *map(Path, job.later)])}
-
-
 class _Worker:
     """A process that makes rows of jobs, one at a time; another takes its place when it dies."""
 
     def __init__(self) -> None:
         self._process: SpawnProcess | None = None
 
-    def row_of(self, work: Callable[[BatchJob], Row], job: BatchJob) -> Row | None:
+    def row_of(self, work: Callable[[batch.BatchJob], batch.Row], job: batch.BatchJob) -> batch.Row | None:
         """The row that ``work`` makes of a job, or of its failure; None where it kills the process or hangs."""
         if self._process is None:
             context = get_context("spawn")
@@ -577,7 +546,7 @@ class _Worker:
             self._pipe.send((work, job))
             if not self._pipe.poll(_LONGEST_S):
                 raise TimeoutError
-            row: Row = self._pipe.recv()
+            row: batch.Row = self._pipe.recv()
         except (EOFError, OSError):
             self._process.kill()
             self._process = None
@@ -599,7 +568,7 @@ def _attend_requests(pipe: Connection) -> None:
             try:
                 row = work(job)
             except Exception as error:  # whatever it is, it is this recording's and no other's
-                row = failed_row(job, cause_of(error))
+                row = batch.failed_row(job, cause_of(error))
             pipe.send(row)
 
 
@@ -640,20 +609,13 @@ def call_limited(function: _Work, *arguments: object, longest_s: float | None = 
 
 
 def _run_and_send(pipe: Connection, function: _Work, arguments: tuple[object, ...]) -> None:
-    """The process of a limited call: one call, and the answer to it as JSON."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the terminal's Ctrl-C is for the server
-    _limit_process()
-    try:
-        answer: dict[str, object] = {"lines": list(function(*arguments))}
-    except Exception as error:  # whatever it is, it is this file's and no other's
-        answer = {"error": str(unexpected_error(error))}
-    pipe.send_bytes(json.dumps(answer).encode())
+    """The process of a limited call: one call, and the answer to it as JSON.
 
-
-def _limit_process() -> None:
-    """Bound what this process may take, have it killed first where memory is short, and silence its stderr."""
+    What it may take is bounded, it is killed first where memory is short, and its stderr is silent.
+    """
     import resource
 
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the terminal's Ctrl-C is for the server
     memory_bytes = max(LEAST_MEMORY_BYTES, os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") // 2)
     for limit, value in (
         (resource.RLIMIT_AS, memory_bytes), (resource.RLIMIT_FSIZE, MOST_WRITTEN_BYTES), (resource.RLIMIT_CORE, 0),
@@ -664,6 +626,11 @@ def _limit_process() -> None:
         Path("/proc/self/oom_score_adj").write_text("1000")
     with Path(os.devnull).open("w") as nothing:
         os.dup2(nothing.fileno(), 2)
+    try:
+        answer: dict[str, object] = {"lines": list(function(*arguments))}
+    except Exception as error:  # whatever it is, it is this file's and no other's
+        answer = {"error": str(unexpected_error(error))}
+    pipe.send_bytes(json.dumps(answer).encode())
 
 
 def receive(stream: IO[bytes], filename: str, folder: Path) -> tuple[Path, list[str]]:
@@ -684,7 +651,14 @@ def receive(stream: IO[bytes], filename: str, folder: Path) -> tuple[Path, list[
             lines = call_limited(make_recording, str(source))
         except SeatrialError as error:  # the temporary folder means nothing to the sender
             raise InputError(str(error).replace(f"{place}/", ""), where=name) from error
-        return _store_recording(_recording_path(source), folder), lines
+        recording = _recording_path(source)
+        target = folder / f"{recording.stem}.mcap"
+        with locked_briefly(target):
+            if os.path.lexists(target):
+                raise InputError("already exists", where=target.name, fix="rename the file and upload it again")
+            with atomic_file(target) as partial:
+                shutil.copyfile(recording, partial)
+    return target, lines
 
 
 def make_recording(source: str) -> list[str]:
@@ -708,14 +682,3 @@ def make_recording(source: str) -> list[str]:
 
 def _recording_path(source: Path) -> Path:
     return source if source.suffix.lower() == ".mcap" else source.with_suffix(".mcap")
-
-
-def _store_recording(recording: Path, folder: Path) -> Path:
-    """Copy a file into a folder, complete or not at all; one of that name stays as it is."""
-    target = folder / f"{recording.stem}.mcap"
-    with locked_briefly(target):
-        if os.path.lexists(target):
-            raise InputError("already exists", where=target.name, fix="rename the file and upload it again")
-        with atomic_file(target) as partial:
-            shutil.copyfile(recording, partial)
-    return target

@@ -17,7 +17,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from operator import ne
 from typing import Any
 
 import numpy as np
@@ -155,15 +154,29 @@ def criterion_of(run: Manoeuvre, index: str, largest_deg: float) -> Criterion | 
 def missing_of(run: Manoeuvre, conditions: Conditions) -> tuple[str, ...]:
     """What is missing for a run to show a criterion, in the order of the standard; empty where it shows it.
 
-    For a ship that the standards are not for, it is only that.
+    For a ship that the standards are not for, it is only that. In the time of one ship length neither heading nor
+    speed of the approach may change by more than what noise shows of them. Its speed through the water may have
+    been that over ground less the current, which may have come from astern.
     """
-    length_m = conditions.length_m
+    length_m, speed_mps = conditions.length_m, run.settings.get("approach_mps")
     if length_m is not None and length_m < _LEAST_LENGTH_M and not conditions.chemical_or_gas_tanker:
         return (f"{NOT_FOR_SHIP}, not {length_m:g} m",)
-    shortfalls = (
-        NO_LENGTH if length_m is None else "", *condition_shortfalls(conditions).values(),
-        _approach_shortfall(run, conditions), _speed_shortfall(run, conditions),
-    )  # fmt: skip
+    approach = next(iter(run.shortfalls), "")
+    if not approach and length_m and speed_mps and speed_mps > 0.0:
+        length_s = length_m / speed_mps
+        turned_deg, gained = (abs(run.settings.get(name, 0.0)) * length_s
+                              for name in ("approach_yaw_rate_dps", "approach_acceleration_mps2"))  # fmt: skip
+        if turned_deg > _STEADY_TURN_DEG:
+            approach = f"the approach was not steady: the heading turned by {turned_deg:.1f} deg a ship length"
+        elif gained > _STEADY_SHARE * speed_mps:
+            approach = f"the approach was not steady: the speed changed by {gained / speed_mps:.0%} a ship length"
+    wanted_mps, speed = conditions.speed_at_85_percent_mcr_mps, ""
+    if speed_mps is None or wanted_mps is None or not np.isfinite(wanted_mps):
+        speed = "the speed at 85 % of the maximum output is not known"
+    elif not (fraction := (speed_mps - (conditions.current_mps or 0.0)) / wanted_mps) >= _TEST_SPEED_SHARE:
+        speed = f"the approach was at {fraction:.0%} of the speed at 85 % of the maximum output, less than 90 %"
+    length = NO_LENGTH if length_m is None else ""
+    shortfalls = (length, *condition_shortfalls(conditions).values(), approach, speed)
     return tuple(shortfall for shortfall in shortfalls if shortfall)
 
 
@@ -172,12 +185,12 @@ def condition_shortfalls(conditions: Conditions) -> dict[str, str]:
     is fulfilled."""
     draught_m, full_m, trim_m = conditions.draught_m, conditions.full_load_draught_m, conditions.trim_m
     loading = trim = depth = ""
-    lacking = [name for name in ("draught_m", "full_load_draught_m") if not _is_known(conditions, name)]
+    lacking = [name for name in ("draught_m", "full_load_draught_m") if not np.isfinite(conditions.number(name))]
     if lacking or draught_m is None or full_m is None:
         loading = f"the loading is not known: {' and '.join(lacking)}"
     elif abs(draught_m / full_m - 1.0) > _DRAUGHT_SHARE:
         loading = f"not fully loaded: {draught_m:g} m of {full_m:g} m of draught"
-    if trim_m is None or not _is_known(conditions, "trim_m"):
+    if trim_m is None or not np.isfinite(trim_m):
         trim = "the trim is not known"
     elif draught_m and abs(trim_m) > _DRAUGHT_SHARE * draught_m:
         trim = f"not on even keel: {trim_m:g} m of trim"
@@ -194,7 +207,7 @@ def condition_shortfalls(conditions: Conditions) -> dict[str, str]:
             _weather_shortfall("the wind", "force", conditions.beaufort, _LARGEST_BEAUFORT),
         f"sea state {_LARGEST_SEA_STATE} at most":
             _weather_shortfall("the sea", "state", conditions.sea_state, _LARGEST_SEA_STATE),
-        "current known": "" if _is_known(conditions, "current_mps") else "the current is not known",
+        "current known": "" if np.isfinite(conditions.number("current_mps")) else "the current is not known",
     }  # fmt: skip
 
 
@@ -216,43 +229,10 @@ def _test_shortfalls(run: Manoeuvre, criterion: Criterion) -> tuple[str, ...]:
     )
 
 
-def _is_known(conditions: Conditions, name: str) -> bool:
-    return bool(np.isfinite(conditions.number(name)))
-
-
 def _weather_shortfall(what: str, scale: str, value: int | None, largest: int) -> str:
     if value is None or not np.isfinite(value):
         return f"{what} is not known"
     return f"{what} was of {scale} {value}, above {largest}" if value > largest else ""
-
-
-def _approach_shortfall(run: Manoeuvre, conditions: Conditions) -> str:
-    """Whether the approach was not steady, or the orders contradict the helm. In the time of one ship length
-    neither heading nor speed may change by more than what noise shows of them."""
-    noted = next(iter(run.shortfalls), "")
-    speed_mps = run.settings.get("approach_mps", 0.0)
-    if noted or not conditions.length_m or not speed_mps > 0.0:
-        return noted
-    length_s = conditions.length_m / speed_mps
-    turned_deg, gained = (abs(run.settings.get(name, 0.0)) * length_s
-                          for name in ("approach_yaw_rate_dps", "approach_acceleration_mps2"))  # fmt: skip
-    if turned_deg > _STEADY_TURN_DEG:
-        return f"the approach was not steady: the heading turned by {turned_deg:.1f} deg a ship length"
-    if gained > _STEADY_SHARE * speed_mps:
-        return f"the approach was not steady: the speed changed by {gained / speed_mps:.0%} a ship length"
-    return ""
-
-
-def _speed_shortfall(run: Manoeuvre, conditions: Conditions) -> str:
-    """Whether the speed through the water may have been less than that of the test: the one over ground less the
-    current, which may have come from astern."""
-    speed_mps, wanted_mps = run.settings.get("approach_mps"), conditions.speed_at_85_percent_mcr_mps
-    if speed_mps is None or wanted_mps is None or not np.isfinite(wanted_mps):
-        return "the speed at 85 % of the maximum output is not known"
-    fraction = (speed_mps - (conditions.current_mps or 0.0)) / wanted_mps
-    if not fraction >= _TEST_SPEED_SHARE:
-        return f"the approach was at {fraction:.0%} of the speed at 85 % of the maximum output, less than 90 %"
-    return ""
 
 
 def result_of(index: Index, limit: float, missing: Sequence[str]) -> str:
@@ -269,55 +249,51 @@ def add_limits(
 ) -> tuple[Manoeuvre, ...]:
     """Runs with limits and results on the indices that have them, and notes with the reasons.
 
-    The largest helm is that of all zigzags and turns of the ``trial``, or of the runs where they are all of it.
+    The largest helm is that of all zigzags and turns of the ``trial``, or of the runs where they are all of it. The
+    speed through the water, by which two limits go, is that over ground to within the current.
     """
     judged = tuple(runs)
     largest_deg = largest_helm_deg(trial or judged)
     drifts = [float(np.hypot(run.current.north_mps, run.current.east_mps)) for run in judged if run.current]
     if conditions.current_mps is None and drifts:
         conditions = replace(conditions, current_mps=max(drifts))
-    return tuple(_add_limits(run, conditions, largest_deg) for run in judged)
+    current_mps, result = conditions.current_mps or 0.0, list[Manoeuvre]()
+    for run in judged:
+        indices, missing, speed_mps = (
+            dict(run.indices),
+            missing_of(run, conditions),
+            run.settings.get("approach_mps", 0.0),
+        )
+        not_for_ship = any(reason.startswith(NOT_FOR_SHIP) for reason in missing)
+        for name, index in run.indices.items():
+            if (criterion := criterion_of(run, name, largest_deg)) is None:
+                continue
+            shortfalls = missing if not_for_ship else (*missing, *_test_shortfalls(run, criterion))
+            drifting = run.kind == "stopping" and not name.endswith(REMOVED)
+            carried_m = current_mps * (run.end - run.start).total_seconds() if drifting else 0.0
+            wider = replace(index, low=index.low - carried_m, high=index.high + carried_m)
+            limit = criterion.limit(conditions.length_m, speed_mps)
+            ends = [criterion.limit(conditions.length_m, speed_mps + sign * current_mps) for sign in (1.0, -1.0)]
+            results = {result_of(wider, end, shortfalls) for end in ends if end is not None}
+            outcome = "" if limit is None else results.pop() if len(results) == 1 else CANNOT_BE_SAID
+            indices[name] = replace(wider, limit=limit, result=outcome, missing=shortfalls)
+
+        helm_deg, notes = abs(run.helm_deg or 0.0), list(run.notes)
+        is_test = is_turning_test(helm_deg, largest_deg)
+        at_35 = abs(helm_deg / TURNING_HELM_DEG - 1.0) <= _SAME_HELM_SHARE
+        if conditions.length_m and run.kind == "turning_circle" and not (is_test and at_35):
+            shown = "limits are" if is_test else "no limits: advance and diameter have them"
+            notes.append(
+                f"{shown} for {TURNING_HELM_DEG:.0f} deg or the largest helm, and this was {helm_deg:.0f} deg, the "
+                f"largest of this recording {largest_deg:.0f} deg"
+            )
+        result.append(replace(run, indices=indices, notes=tuple(dict.fromkeys(notes))))
+    return tuple(result)
 
 
 def largest_helm_deg(runs: Iterable[Manoeuvre]) -> float:
     """The largest helm of a trial [deg]."""
     return max((abs(run.helm_deg or 0.0) for run in runs), default=0.0)
-
-
-def _add_limits(run: Manoeuvre, conditions: Conditions, largest_deg: float) -> Manoeuvre:
-    # The speed through the water, by which two limits go, is that over ground to within the current.
-    current_mps, speed_mps = conditions.current_mps or 0.0, run.settings.get("approach_mps", 0.0)
-    indices, missing = dict(run.indices), missing_of(run, conditions)
-    for name, index in run.indices.items():
-        criterion = criterion_of(run, name, largest_deg)
-        if criterion is None:
-            continue
-        limit = criterion.limit(conditions.length_m, speed_mps)
-        not_for_ship = any(reason.startswith(NOT_FOR_SHIP) for reason in missing)
-        shortfalls = missing if not_for_ship else (*missing, *_test_shortfalls(run, criterion))
-        drifts = run.kind == "stopping" and not name.endswith("_current_removed")
-        carried_m = current_mps * (run.end - run.start).total_seconds() if drifts else 0.0
-        judged = replace(index, low=index.low - carried_m, high=index.high + carried_m)
-        ends = [criterion.limit(conditions.length_m, speed_mps + sign * current_mps) for sign in (1.0, -1.0)]
-        results = {result_of(judged, end, shortfalls) for end in ends if end is not None}
-        result = "" if limit is None else results.pop() if len(results) == 1 else CANNOT_BE_SAID
-        indices[name] = replace(judged, limit=limit, result=result, missing=shortfalls)
-    notes = dict.fromkeys((*run.notes, *_helm_notes(run, conditions, largest_deg)))
-    return replace(run, indices=indices, notes=tuple(notes))
-
-
-def _helm_notes(run: Manoeuvre, conditions: Conditions, largest_deg: float) -> list[str]:
-    """Why a circle has no limits, or has them though its helm was not 35 deg."""
-    helm_deg = abs(run.helm_deg or 0.0)
-    is_test = is_turning_test(helm_deg, largest_deg)
-    at_35 = abs(helm_deg / TURNING_HELM_DEG - 1.0) <= _SAME_HELM_SHARE
-    if not conditions.length_m or run.kind != "turning_circle" or (is_test and at_35):
-        return []
-    shown = "limits are" if is_test else "no limits: advance and diameter have them"
-    return [
-        f"{shown} for {TURNING_HELM_DEG:.0f} deg or the largest helm, and this was {helm_deg:.0f} deg, the largest "
-        f"of this recording {largest_deg:.0f} deg"
-    ]
 
 
 @dataclass(frozen=True, slots=True)
@@ -401,13 +377,18 @@ def mean_of(runs: Sequence[Index]) -> Mean:
     """The mean of an index over runs; its interval is the wider of that of their errors and that of the scatter, of
     two runs the range that their own intervals cover. Its limit is the strictest, and it shows what all of them
     show."""
-    count = len(runs)
+    count, values = len(runs), np.array([run.value for run in runs])
+    value = float(np.mean(values))
     if count <= _FEW_RUNS:
         bounds = [(run.low, run.high, *([run.value] if count > 1 else ())) for run in runs]
         low, high = float(np.min(bounds)), float(np.max(bounds))
     else:
-        low, high = _interval(runs)
-    value = float(np.mean([run.value for run in runs]))
+        from scipy.stats import t
+
+        within = np.array([0.5 * (run.high - run.low) for run in runs])
+        scatter = t.ppf(0.975, count - 1) * values.std(ddof=1) / np.sqrt(count)
+        half = float(np.max([np.sqrt(np.sum(within**2)) / count, scatter]))
+        low, high = value - half, value + half
     lengths = [run.lengths for run in runs if run.lengths is not None]
     limits = [run.limit for run in runs if run.limit is not None]
     missing = tuple(dict.fromkeys(reason for run in runs for reason in run.missing))
@@ -418,17 +399,6 @@ def mean_of(runs: Sequence[Index]) -> Mean:
     if result == MET and {run.result for run in runs} & {NOT_MET, CANNOT_BE_SAID}:
         result = CANNOT_BE_SAID  # a mean does not meet what one of its runs does not
     return Mean(replace(index, result=result, missing=missing), count)
-
-
-def _interval(runs: Sequence[Index]) -> tuple[float, float]:
-    """The 95 % interval of the mean of runs, from their own or from their scatter, whichever is wider."""
-    from scipy.stats import t
-
-    count, values = len(runs), np.array([run.value for run in runs])
-    within = np.array([0.5 * (run.high - run.low) for run in runs])
-    scatter = t.ppf(0.975, count - 1) * values.std(ddof=1) / np.sqrt(count)
-    half = float(np.max([np.sqrt(np.sum(within**2)) / count, scatter]))
-    return float(values.mean()) - half, float(values.mean()) + half
 
 
 def index_rows(runs: Iterable[Manoeuvre]) -> list[IndexRow]:
@@ -457,48 +427,38 @@ def index_rows(runs: Iterable[Manoeuvre]) -> list[IndexRow]:
 
 def like_runs(manoeuvres: Iterable[Manoeuvre]) -> list[list[Manoeuvre]]:
     """The manoeuvres in groups of like runs, in the order of each group's first."""
-
-    def are_alike(first: Manoeuvre, second: Manoeuvre) -> bool:
-        if (first.kind, first.name) != (second.kind, second.name) or first.kind in _SINGLE:
-            return False
-        if any(map(ne, _angles_of(first), _angles_of(second))):  # the crew may have given two tests one name
-            return False
-        speeds = [run.settings.get("approach_mps", 0.0) for run in (first, second)]
-        return abs(speeds[0] - speeds[1]) <= _SPEED_SHARE * max(map(abs, speeds))
-
-    groups: list[list[Manoeuvre]] = []
-    for manoeuvre in manoeuvres:
-        group = next((group for group in groups if are_alike(group[0], manoeuvre)), None)
-        if group is None:
-            groups.append([manoeuvre])
+    groups: list[tuple[tuple[str | float, ...], float, list[Manoeuvre]]] = []
+    for run in manoeuvres:
+        switch_deg = nominal_deg(run.settings.get("switch_deg", 0.0), SWITCH_SHARE)
+        # with its angles, as the crew may have given two tests one name
+        label = (run.kind, run.name, nominal_deg(run.helm_deg or 0.0), switch_deg)
+        speed = run.settings.get("approach_mps", 0.0)
+        for group_label, group_speed, group in groups:
+            near = abs(group_speed - speed) <= _SPEED_SHARE * max(abs(group_speed), abs(speed))
+            if near and label == group_label and run.kind not in _SINGLE:
+                group.append(run)
+                break
         else:
-            group.append(manoeuvre)
-    return groups
-
-
-def _angles_of(run: Manoeuvre) -> tuple[float, float]:
-    """The nominal helm and switching angle of a run [deg]."""
-    return nominal_deg(run.helm_deg or 0.0), nominal_deg(run.settings.get("switch_deg", 0.0), SWITCH_SHARE)
-
-
-def test_name(test: Sequence[Manoeuvre]) -> str:
-    """What like runs are: the name of the test and the mean speed of the approach, of a single run the time."""
-    if test[0].kind in _SINGLE:
-        return f"{test[0].name[:1].upper()}{test[0].name[1:]}, {test[0].start:%H:%M:%S}"
-    speeds = [run.settings["approach_mps"] for run in test if "approach_mps" in run.settings]
-    at = f" at {np.mean(speeds):.2f} m/s" if speeds else ""
-    return f"{test[0].name[:1].upper()}{test[0].name[1:]}{at}"
+            groups.append((label, speed, [run]))
+    return [group for *_, group in groups]
 
 
 def _rows_of_test(test: Sequence[Manoeuvre], largest_deg: float) -> list[IndexRow]:
-    """The main indices of like runs, by side with the current removed where all runs to it have that."""
-    names, rows = dict[str, None](), []
+    """The main indices of like runs, by side with the current removed where all runs to it have that. They are
+    called by the test and the mean speed of the approach, those of a single run by its time."""
+    first, names, rows = test[0], dict[str, None](), []
     for run in test:
         main = _MAIN.get(run.kind, tuple(run.indices)[:3])
         if run.kind == "speed_run":
             speeds = ("speed_through_water_mps", "speed_over_ground_mps")
             main = speeds[:1] if speeds[0] in run.indices else speeds[1:]
         names |= dict.fromkeys(name for name in main if name in run.indices)
+    title = f"{first.name[:1].upper()}{first.name[1:]}"
+    approaches = [run.settings["approach_mps"] for run in test if "approach_mps" in run.settings]
+    if first.kind in _SINGLE:
+        title += f", {first.start:%H:%M:%S}"
+    elif approaches:
+        title += f" at {np.mean(approaches):.2f} m/s"
     for name in names:
         sides = {}
         for side in ("port", "starboard", ""):
@@ -506,7 +466,7 @@ def _rows_of_test(test: Sequence[Manoeuvre], largest_deg: float) -> list[IndexRo
                 removed = all(name + REMOVED in run.indices for run in runs)
                 mean = mean_of([run.indices[name + REMOVED * removed] for run in runs])
                 sides[side] = replace(mean, removed=removed)
-        rows.append(IndexRow(test_name(test), name, sides, criterion_of(test[0], name, largest_deg)))
+        rows.append(IndexRow(title, name, sides, criterion_of(first, name, largest_deg)))
     return rows
 
 
@@ -516,21 +476,23 @@ def criteria_of(rows: Sequence[IndexRow]) -> list[CriterionResult]:
     Of several tests of one criterion the one counts that shows most: with a result before one without, and of those
     the worst.
     """
-    return [_criterion_result(criterion, side, rows) for criterion in CRITERIA for side in criterion.sides]
-
-
-def _criterion_result(criterion: Criterion, side: str, rows: Sequence[IndexRow]) -> CriterionResult:
-    means = [row.sides[side] for row in rows if row.criterion is criterion and side in row.sides]
-    shown = [mean for mean in means if mean.index.limit is not None]
-    if shown:
-        mean = min(shown, key=lambda mean: (_ORDER_OF_RESULTS.index(mean.index.result), len(mean.index.missing)))
-        return CriterionResult(criterion, side, mean, mean.index.result, mean.index.missing)
-    if means:
-        return CriterionResult(criterion, side, means[0], NOT_SHOWN, means[0].index.missing or (NO_LENGTH,))
-    is_tested = any(row.criterion is criterion for row in rows)
-    return CriterionResult(
-        criterion, side, None, NOT_SHOWN, (f"no run to {side}" if is_tested else "no such test",)
-    )
+    results = []
+    for criterion in CRITERIA:
+        tests = [row for row in rows if row.criterion is criterion]
+        for side in criterion.sides:
+            means = [row.sides[side] for row in tests if side in row.sides]
+            shown = [mean for mean in means if mean.index.limit is not None]
+            mean, result = None, NOT_SHOWN
+            missing: tuple[str, ...] = (f"no run to {side}" if tests else "no such test",)
+            if shown:
+                mean = min(
+                    shown, key=lambda mean: (_ORDER_OF_RESULTS.index(mean.index.result), len(mean.index.missing))
+                )
+                result, missing = mean.index.result, mean.index.missing
+            elif means:
+                mean, missing = means[0], means[0].index.missing or (NO_LENGTH,)
+            results.append(CriterionResult(criterion, side, mean, result, missing))
+    return results
 
 
 def headline_of_criteria(results: Sequence[CriterionResult], subject: str = "The trial") -> str:
@@ -541,7 +503,8 @@ def headline_of_criteria(results: Sequence[CriterionResult], subject: str = "The
         return f"{subject} meets IMO {RESOLUTION}: all {total} criteria are shown and met."
     not_for_ship = next((why for entry in results for why in entry.missing if why.startswith(NOT_FOR_SHIP)), "")
     parts = [f"{len(by_result[MET])} of {total} criteria of IMO {RESOLUTION} are shown and met"]
-    parts = [f"IMO {RESOLUTION}: {not_for_ship}; its limits are for information only"] if not_for_ship else parts
+    if not_for_ship:
+        parts = [f"IMO {RESOLUTION}: {not_for_ship}; its limits are for information only"]
     for name, words in (
         (NOT_MET, "not met"),
         (CANNOT_BE_SAID, "cannot be said, as the interval contains the limit"),

@@ -14,7 +14,7 @@ which widens each interval with the time between.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from operator import attrgetter
@@ -30,14 +30,6 @@ from seatrial.acquisition.core.quantities import Bools, Floats
 from seatrial.analysis.manoeuvres import kinds, measures
 from seatrial.analysis.manoeuvres.criteria import add_limits
 from seatrial.analysis.manoeuvres.indices import Current, LeftOut, Manoeuvre, index_of
-from seatrial.analysis.manoeuvres.kinds import (
-    find_pull_outs,
-    find_williamson_turns,
-    reverse_spiral,
-    reverse_spiral_steps,
-    spiral,
-    spiral_steps,
-)
 from seatrial.analysis.manoeuvres.measures import Plateau
 from seatrial.analysis.manoeuvres.motion import Motion, motion_of, noise_of, stretches
 from seatrial.analysis.manoeuvres.runs import (
@@ -163,7 +155,15 @@ def manoeuvres_and_left_out(
     if not motion.steering:
         left_out.insert(0, LeftOut("turn or zigzag", *bounds, _NO_HELM))
     elif not manoeuvres and not left_out:
-        left_out = [LeftOut("manoeuvre", *bounds, _reason_for_none(motion, smooth))]
+        helm = (
+            f"the direction of the thrust of {len(motion.drives)} drives" if motion.steers_by_thrust else "the helm"
+        )
+        why = (
+            f"{helm} was never held until the ship had turned by {kinds.LEAST_TURN_OF_ONE_SIDE_DEG:.0f} deg, and "
+            "did not alternate from side to side; no thrust was held on a straight course, or changed; the ship "
+            f"made {smooth.fastest_mps:.2g} m/s at most"
+        )
+        left_out = [LeftOut("manoeuvre", *bounds, why)]
     return tuple(manoeuvres), tuple(left_out)
 
 
@@ -197,32 +197,17 @@ def runs_of_trial(recordings: Sequence[RecordedRuns]) -> list[tuple[Manoeuvre, .
     """
     observations = [seen for recording in recordings for seen in observations_of(recording.runs)]
     trial = [run for recording in recordings for run in recording.runs]
-    return [_apply_trial_current(recording, observations, trial) for recording in recordings]
-
-
-def _apply_trial_current(
-    recording: RecordedRuns, observations: Sequence[Observation], trial: Sequence[Manoeuvre]
-) -> tuple[Manoeuvre, ...]:
-    runs, conditions = tuple(recording.runs), conditions_of_table(recording.table, stated=recording.stated)
-    if not runs or conditions.current_mps is not None or any(run.current for run in runs):
-        return runs
-    with_current = remove_currents(motion_of(recording.table, conditions.length_m), runs, observations)
-    currents = [run.current for run in with_current if run.current is not None]
-    if not currents:
-        return runs
-    speed_mps = max(float(np.hypot(current.north_mps, current.east_mps)) for current in currents)
-    return add_limits(with_current, replace(conditions, current_mps=speed_mps), trial)
-
-
-def _reason_for_none(motion: Motion, smooth: Motion) -> str:
-    """Why a recording holds no manoeuvre and no candidate."""
-    helm = f"the direction of the thrust of {len(motion.drives)} drives" if motion.steers_by_thrust else "the helm"
-    least_deg = kinds.LEAST_TURN_OF_ONE_SIDE_DEG
-    return (
-        f"{helm} was never held until the ship had turned by {least_deg:.0f} deg, and did not alternate from side "
-        "to side; no thrust was held on a straight course, or changed; the ship made "
-        f"{smooth.fastest_mps:.2g} m/s at most"
-    )
+    results = []
+    for table, runs, stated in recordings:
+        conditions, result = conditions_of_table(table, stated=stated), tuple(runs)
+        if runs and conditions.current_mps is None and not any(run.current for run in runs):
+            with_current = remove_currents(motion_of(table, conditions.length_m), runs, observations)
+            currents = [run.current for run in with_current if run.current is not None]
+            if currents:
+                speed_mps = max(float(np.hypot(current.north_mps, current.east_mps)) for current in currents)
+                result = add_limits(with_current, replace(conditions, current_mps=speed_mps), trial)
+        results.append(result)
+    return results
 
 
 def _call_finder(name: str, motion: Motion) -> list[Manoeuvre]:
@@ -241,43 +226,66 @@ def _zigzags_and_turns(
     motion: Motion, smooth: Motion, marks: Sequence[Mark]
 ) -> tuple[list[Manoeuvre | LeftOut], Bools]:
     """Zigzags and turns, what was rejected, and the rows that they take."""
-    helm, fastest_mps = helm_of(motion), smooth.fastest_mps
-    # Reversed thrust turns the direction of thrust by 180 deg at once, which is not a rate of the helm.
-    ahead = np.where(np.abs(helm) > _WIDEST_HELM_DEG, 0.0, helm)
-    motion = replace(motion, helm_deg=helm, helm_rate_dps=measures.helm_rate_dps(ahead, motion.step_s))
-    helms = helm_plateaus(motion)
-    held = plateaus_off_amidships(helm, helms)
+    motion, helms, held = _steered(motion)
+    helm, fastest_mps = motion.helm_deg, smooth.fastest_mps
     calm, rows = measures.turning_points(helm, motion.step_s)
     extremes = [Plateau(row, row + 1, float(calm[row]), 0.0) for row in rows]  # the reversals of the helm
     alternating = kinds.zigzag_chains(motion, measures.join_held(helm, held, motion.step_s), extremes)
-    starts = [motion.utc(float(motion.time_s[chain[0].first])) for chain in alternating]
     zigzag_marks = [mark for mark in marks if "zig" in mark.text.lower()]
-    chains = [chain for chain, start in zip(alternating, starts, strict=True)
-              if len(chain) >= kinds.FEWEST_SWINGS or any(mark.covers(start) for mark in zigzag_marks)]  # fmt: skip
+    chains, left_out = list[list[Plateau]](), list[LeftOut]()
+    for chain in alternating:
+        start, end = (motion.utc(float(motion.time_s[row])) for row in (chain[0].first, chain[-1].end - 1))
+        if len(chain) >= kinds.FEWEST_SWINGS or any(mark.covers(start) for mark in zigzag_marks):
+            chains.append(chain)
+        if len(chain) == kinds.FEWEST_SWINGS - 1:
+            why = f"the helm alternates {len(chain)} times, less than {kinds.FEWEST_SWINGS}"
+            left_out.append(LeftOut("zigzag", start, end, why))
     taken = _rows_of_chains(motion, chains)
-    spirals = spiral_steps(motion, _drop_taken(helms, taken))
+    spirals = kinds.spiral_steps(motion, _drop_taken(helms, taken))
     taken |= _rows_of_chains(motion, spirals)
-    manoeuvres = [*(kinds.zigzag(motion, chain) for chain in chains), *(spiral(motion, steps) for steps in spirals)]
-    rates = (
-        reverse_spiral_steps(motion, smooth.yaw_rate_dps, ~_rows_taken(motion, manoeuvres)) if helm.any() else []
-    )
-    reverse = [reverse_spiral(motion, steps) for steps in rates]
-    manoeuvres, taken = [*manoeuvres, *reverse], taken | _rows_taken(motion, reverse)
+    manoeuvres = [kinds.zigzag(motion, chain) for chain in chains]
+    manoeuvres += [kinds.spiral(motion, steps) for steps in spirals]
+    if helm.any():
+        rates = kinds.reverse_spiral_steps(motion, smooth.yaw_rate_dps, ~_rows_taken(motion, manoeuvres))
+        reverse = [kinds.reverse_spiral(motion, steps) for steps in rates]
+        manoeuvres, taken = [*manoeuvres, *reverse], taken | _rows_taken(motion, reverse)
     free = _drop_taken(held, taken)
-    williamson = find_williamson_turns(motion, free)
+    williamson = kinds.find_williamson_turns(motion, free)
     turns = measures.join_held(helm, _drop_taken(free, _rows_taken(motion, williamson)), motion.step_s)
     judged = [turn for plateau in turns if (turn := kinds.turn_of(motion, plateau, fastest_mps))]
     manoeuvres += [*williamson, *(turn for turn in judged if isinstance(turn, Manoeuvre))]
-    manoeuvres += find_pull_outs(motion, _drop_taken(helms, taken), smooth.yaw_rate_dps, fastest_mps)
-    left_out = [candidate for candidate in judged if isinstance(candidate, LeftOut)]
-    for chain, start in zip(alternating, starts, strict=True):
-        if len(chain) == kinds.FEWEST_SWINGS - 1:
-            end = motion.utc(float(motion.time_s[chain[-1].end - 1]))
-            why = f"the helm alternates {len(chain)} times, less than {kinds.FEWEST_SWINGS}"
-            left_out.append(LeftOut("zigzag", start, end, why))
+    manoeuvres += kinds.find_pull_outs(motion, _drop_taken(helms, taken), smooth.yaw_rate_dps, fastest_mps)
+    left_out = [*(candidate for candidate in judged if isinstance(candidate, LeftOut)), *left_out]
     taken = _rows_taken(motion, manoeuvres)
     left_out = [candidate for candidate in left_out if not taken[_rows_of(motion, candidate)].any()]
     return [*manoeuvres, *left_out], taken
+
+
+def _steered(motion: Motion) -> tuple[Motion, list[Plateau], list[Plateau]]:
+    """The motion with its helm [deg], 0 where it steers by thrust and no propulsor runs, if the shafts are known;
+    the plateaus of the helm, and those off amidships that are steady enough to be orders."""
+    helm = motion.helm_deg
+    push = np.linalg.norm([np.zeros(motion.time_s.size), *motion.drives.values()], axis=0)
+    if motion.steers_by_thrust and push.any():
+        running = push > max(_RUNNING_SHARE * float(np.percentile(push, 99)), 10.0 * motion.drive_noise_rpm)
+        helm = np.where(running, helm, 0.0)
+    # Reversed thrust turns the direction of thrust by 180 deg at once, which is not a rate of the helm.
+    ahead = np.where(np.abs(helm) > _WIDEST_HELM_DEG, 0.0, helm)
+    rate, tolerance = measures.helm_rate_dps(ahead, motion.step_s), measures.tolerance_of(helm, _LEAST_STEP_DEG)
+    helms = list[Plateau]()
+    for first, end in stretches(~motion.broken):
+        pieces = measures.plateaus(helm[first:end], motion.step_s, tolerance, rate=rate)
+        helms += [
+            replace(plateau, first=plateau.first + first, end=plateau.end + first)
+            for plateau in measures.merge_corrections(pieces, motion.step_s)
+        ]
+    least = max(_LEAST_HELM_DEG, 4.0 * noise_of(helm))
+    held = [
+        plateau for plateau in helms
+        if least <= abs(plateau.level) <= _WIDEST_HELM_DEG
+        and plateau.spread <= _STEADY_HELM_SHARE * abs(plateau.level) + _STEADY_HELM_DEG
+    ]  # fmt: skip
+    return replace(motion, helm_deg=helm, helm_rate_dps=rate), helms, held
 
 
 def _rows_of_chains(motion: Motion, chains: Iterable[Sequence[Plateau]]) -> Bools:
@@ -296,38 +304,6 @@ def _rows_taken(motion: Motion, manoeuvres: Iterable[Manoeuvre]) -> Bools:
     for manoeuvre in manoeuvres:
         taken |= _rows_of(motion, manoeuvre)
     return taken
-
-
-def helm_of(motion: Motion) -> Floats:
-    """The helm [deg], NaN where it steers by thrust and no propulsor runs, if the shafts are known."""
-    push = np.linalg.norm([np.zeros(motion.time_s.size), *motion.drives.values()], axis=0)
-    if not motion.steers_by_thrust or not push.any():
-        return motion.helm_deg
-    running = push > max(_RUNNING_SHARE * float(np.percentile(push, 99)), 10.0 * motion.drive_noise_rpm)
-    return np.where(running, motion.helm_deg, 0.0)
-
-
-def helm_plateaus(motion: Motion) -> list[Plateau]:
-    """The plateaus of the helm."""
-    helm, rate = motion.helm_deg, motion.helm_rate_dps
-    tolerance = measures.tolerance_of(helm, _LEAST_STEP_DEG)
-    return [
-        replace(plateau, first=plateau.first + offset, end=plateau.end + offset)
-        for offset, end in stretches(~motion.broken)
-        for plateau in measures.merge_corrections(
-            measures.plateaus(helm[offset:end], motion.step_s, tolerance, rate=rate), motion.step_s
-        )
-    ]  # fmt: skip
-
-
-def plateaus_off_amidships(helm: Floats, held: Sequence[Plateau]) -> list[Plateau]:
-    """The plateaus off amidships that are steady enough to be orders."""
-    least = max(_LEAST_HELM_DEG, 4.0 * noise_of(helm))
-    return [
-        plateau for plateau in held
-        if least <= abs(plateau.level) <= _WIDEST_HELM_DEG
-        and plateau.spread <= _STEADY_HELM_SHARE * abs(plateau.level) + _STEADY_HELM_DEG
-    ]  # fmt: skip
 
 
 def _rows_of(motion: Motion, candidate: Manoeuvre | LeftOut) -> Bools:
@@ -406,32 +382,34 @@ def remove_currents(
 
     ``elsewhere`` is what other recordings of the trial show of it.
     """
-    observations = [*observations_of(runs), *elsewhere]
-    currents = {
-        place: current for place, run in enumerate(runs)
-        if run.kind in _KINDS and run.current is None and (current := current_at(run.start, observations))
-    }  # fmt: skip
-    return [_remove_current(motion, run, currents[place]) if place in currents else run
-            for place, run in enumerate(runs)]  # fmt: skip
+    observations, result = [*observations_of(runs), *elsewhere], list(runs)
+    for place, run in enumerate(runs):
+        if run.kind in _KINDS and run.current is None and (current := current_at(run.start, observations)):
+            result[place] = _remove_current(motion, run, current)
+    return result
 
 
 def _remove_current(motion: Motion, run: Manoeuvre, current: Current) -> Manoeuvre:
     start, end = motion.seconds_of(run.start), motion.seconds_of(run.end)
     part = motion.around(start - _MARGIN_S, end + _LONGEST_RUN_ON_S * (run.kind == "stopping"), _MARGIN_S)
-    smooth, measure = (
-        measures.smooth_motion(part, measures.half_width_s(part, 0.1 * (end - start))),
-        _choose_measure(run, start, end),
-    )
+    smooth = measures.smooth_motion(part, measures.half_width_s(part, 0.1 * (end - start)))
 
-    def through_water(north_mps: float, east_mps: float) -> dict[str, float]:
-        return measure(kinds.remove_current(smooth, north_mps, east_mps, start))
+    def measure(flow: Motion) -> dict[str, float]:
+        """The indices of the run, between the times of its execute and its end [s]."""
+        if run.kind == "stopping":
+            astern = flow.time_s[(flow.time_s > start) & (flow.surge_mps <= 0.0)]  # stopped in the water
+            return stopping_indices(flow, np.array([start, float(astern[0]) if astern.size else end]))
+        if run.kind == "zigzag":
+            later = [(execute - run.start).total_seconds() for execute in run.executes]
+            orders = start + np.array([0.0, *later, end - start])
+            times = np.stack([orders, orders + run.settings["half_command_s"] * (orders < end)])
+            return kinds.zigzag_indices(flow, times)
+        return kinds.circle_indices(flow, np.array([start, end]))
 
-    ground, flow = measure(smooth), (current.north_mps, current.east_mps)
-    water = through_water(*flow)
-    perturbed = [
-        through_water(flow[0] + current.north_within_mps, flow[1]),
-        through_water(flow[0], flow[1] + current.east_within_mps),
-    ]
+    north, east = current.north_mps, current.east_mps
+    flows = [(north, east), (north + current.north_within_mps, east), (north, east + current.east_within_mps)]
+    ground = measure(smooth)
+    water, *perturbed = (measure(kinds.remove_current(smooth, *flow, start)) for flow in flows)
     indices = {}
     for name, index in run.indices.items():
         if index.unit == "m" and name in ground and all(name in values for values in (water, *perturbed)):
@@ -447,21 +425,3 @@ def _remove_current(motion: Motion, run: Manoeuvre, current: Current) -> Manoeuv
         return run
     note = "the current removed is that of other runs of the trial, and what it may have changed by"
     return replace(run, indices={**run.indices, **indices}, current=current, notes=(*run.notes, note))
-
-
-def _choose_measure(run: Manoeuvre, start: float, end: float) -> Callable[[Motion], dict[str, float]]:
-    """The measure of a run's indices, between the times of its execute and its end [s]."""
-
-    def measure_stop(motion: Motion) -> dict[str, float]:
-        astern = motion.time_s[(motion.time_s > start) & (motion.surge_mps <= 0.0)]  # stopped in the water
-        return stopping_indices(motion, np.array([start, float(astern[0]) if astern.size else end]))
-
-    if run.kind == "stopping":
-        return measure_stop
-    if run.kind == "zigzag":
-        orders = start + np.array(
-            [0.0, *((execute - run.start).total_seconds() for execute in run.executes), end - start]
-        )
-        times = np.stack([orders, orders + run.settings["half_command_s"] * (orders < end)])
-        return lambda motion: kinds.zigzag_indices(motion, times)
-    return lambda motion: kinds.circle_indices(motion, np.array([start, end]))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from datetime import datetime
 from typing import Any
@@ -47,13 +47,7 @@ class Index:
     def as_json(self) -> dict[str, Any]:
         """The index with the contract's keys; unknown values are null."""
         bounds = {name: _null_for_nan(getattr(self, name)) for name in _BOUNDS}
-        properties = {
-            "unit": self.unit,
-            "lengths": self.lengths,
-            "limit": self.limit,
-            "counted_from": self.counted_from,
-        }
-        return {**bounds, **properties, "result": self.result, "missing": list(self.missing)}
+        return {**asdict(self), **bounds, "missing": list(self.missing)}
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,12 +94,10 @@ class Manoeuvre:
     @classmethod
     def from_json(cls, content: Mapping[str, Any]) -> Manoeuvre:
         """The inverse of :meth:`as_json`. Raises KeyError, TypeError or ValueError for what is none."""
-        indices = {
-            name: Index(
-                **{**values, **_nan_for_null(values, *_BOUNDS), "missing": tuple(values.get("missing", ()))}
-            )
-            for name, values in content["indices"].items()
-        }
+        indices = {}
+        for name, values in content["indices"].items():
+            missing = tuple(values.get("missing", ()))
+            indices[name] = Index(**{**values, **_nan_for_null(values, *_BOUNDS), "missing": missing})
         drift = {name: content["current"][name] for name in Current.__slots__} if content["current"] else None
         return cls(
             kind=content["kind"], name=content["name"], side=content["side"],
@@ -166,11 +158,6 @@ def side_of(positive_to_starboard: float) -> str:
     return "starboard" if positive_to_starboard > 0 else "port"
 
 
-def as_json(manoeuvres: Iterable[Manoeuvre]) -> list[dict[str, Any]]:
-    """Manoeuvres as plain values for JSON, in order of time."""
-    return [manoeuvre.as_json() for manoeuvre in manoeuvres]
-
-
 def unit_of(name: str) -> str:
     """The unit at the end of a name; "" for a ratio.
 
@@ -193,28 +180,16 @@ def nominal_deg(angle_deg: float, share: float = 0.12) -> float:
 
 
 def index_of(name: str, value: float, within: float, length_m: float | None = None, kind: str = "") -> Index:
-    """An index of a ``kind`` of manoeuvre from its value and half of its interval; distances also in lengths."""
-    unit = unit_of(name)
-    lengths = value / length_m if length_m and unit == "m" else None
-    return Index(value, value - within, value + within, unit, lengths, counted_from=counted_from(name, kind))
+    """An index of a ``kind`` of manoeuvre from its value and half of its interval; distances also in lengths.
 
-
-def indices_of(
-    values: Mapping[str, tuple[float, float]], length_m: float | None, kind: str = ""
-) -> dict[str, Index]:
-    """Indices by name from values and halves of intervals; those not reached are left out."""
-    return {name: index_of(name, *pair, length_m, kind) for name, pair in values.items() if np.isfinite(pair[0])}
-
-
-def counted_from(name: str, kind: str) -> str:
-    """The moment from which an index of a kind of manoeuvre counts.
-
-    >>> counted_from("overshoot_1_deg", "zigzag"), counted_from("advance_m", "turning_circle")
-    ('half_helm', 'order')
+    >>> index_of("overshoot_1_deg", 9.0, 1.0, kind="zigzag").counted_from
+    'half_helm'
     """
-    if not kind or kind in _UNCOUNTED:
-        return ""
-    return HALF_HELM if re.fullmatch(r"overshoot_\d+_deg", name) else ORDER
+    unit, counted_from = unit_of(name), ""
+    if kind and kind not in _UNCOUNTED:
+        counted_from = HALF_HELM if re.fullmatch(r"overshoot_\d+_deg", name) else ORDER
+    lengths = value / length_m if length_m and unit == "m" else None
+    return Index(value, value - within, value + within, unit, lengths, counted_from=counted_from)
 
 
 def from_order(number: int) -> str:

@@ -1,4 +1,8 @@
-"""Zigzags and turning circles, with their indices (IMO MSC.137(76), 4.2; ITTC 7.5-04-02-01).
+"""The tests by helm, with their indices (IMO MSC.137(76), 4.2; ITTC 7.5-04-02-01; ISO 13643-2 and -3).
+
+They are zigzags, turning circles, pull-outs, direct and reverse spirals, and Williamson turns, recognised by the
+orders and the response of the ship: rates of turn count once settled, and a Williamson turn ends on the reciprocal
+course.
 
 An overshoot is the change of heading in the old direction after an execute: from the order, and also from the
 moment at which the helm was half over. It is measured on a fit of the heading, as the largest of noisy samples is
@@ -11,16 +15,11 @@ has changed by 180 deg.
 In steady turning a ship comes back to the same point of the water after each turn, so that the way between two
 points of the track one turn apart, over the time between them, is the velocity of the water, with what the wind
 adds to it (correction for drift). All pairs of the steady part count.
-
-Helm tests other than zigzags and circles: pull-outs, direct and reverse spirals, Williamson turns.
-
-Definitions after ITTC 7.5-04-02-01 and ISO 13643-2 and -3. They are recognised by the orders and the ship's
-response: rates of turn count once settled, and a Williamson turn ends on the reciprocal course.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from itertools import pairwise
 
@@ -28,15 +27,7 @@ import numpy as np
 
 from seatrial.acquisition.core.quantities import Bools, Floats, to_ship
 from seatrial.analysis.manoeuvres import measures
-from seatrial.analysis.manoeuvres.indices import (
-    Current,
-    Index,
-    LeftOut,
-    Manoeuvre,
-    from_order,
-    nominal_deg,
-    side_of,
-)
+from seatrial.analysis.manoeuvres.indices import Current, LeftOut, Manoeuvre, from_order, nominal_deg, side_of
 from seatrial.analysis.manoeuvres.measures import Execute, Measure, Plateau
 from seatrial.analysis.manoeuvres.motion import BY_DIFFERENCE, Motion, noise_of, stretches
 from seatrial.analysis.series import local_quadratic
@@ -69,11 +60,23 @@ LEAST_STEADY_DEG = 270.0
 """The turn from which a part of it is steady: the first half of a circle is not, nor a quarter of what follows."""
 _STEADY_AFTER_DEG = 120.0
 _FEWEST_PAIRS = 10
+_MARGIN_S = 20.0
+_AMIDSHIPS_DEG, _AMIDSHIPS_SHARE = 1.0, 0.1
+_LEAST_TURN_DEG, _LEAST_WAY = 30.0, 0.2  # before a pull-out; way of the fastest of the recording
+_STILL_DEG, _SPREAD_OF_NOISE = 0.3, 3.0  # the middle 80 % of white noise are 2.6 standard deviations wide
+_LEAST_SHARE_OF_STEP = 0.25  # of the longest step: they are held alike
+_SETTLED_SHARE = 0.05  # of the rate of the turn, from the third quarter to the last
+_LEAST_HELD_S = 10.0
+_FEWEST_STEPS, _SETTLED_STEPS = 5, 0.75
+_LEAST_HELM_STEP_DEG = 1.0
+_BAND_SHARE, _BAND_OF_NOISE, _HELD_SHARE = 0.1, 6.0, 0.6  # of the largest rate; of a run's time
+_SEED, _DRAWS = 137, 200
+_WIDER_S = (20.0, 40.0)  # a step of a full-scale ship takes minutes
+_OUT_DEG, _BACK_DEG = (35.0, 90.0), (150.0, 210.0)  # 60 deg off and the reciprocal course, as steered by hand
 
 
 def zigzag_chains(motion: Motion, held: Sequence[Plateau], extremes: Sequence[Plateau]) -> list[list[Plateau]]:
-    """Chains of at least two held helms that alternate from side to side at one angle, with the ship
-    responding.
+    """Chains of at least two held helms that alternate from side to side at one angle, with the ship responding.
 
     ``held`` are the plateaus of the helm off amidships, in order of time, and ``extremes`` its reversals
     without a plateau: such may be a first swing with a slow helm.
@@ -85,8 +88,22 @@ def zigzag_chains(motion: Motion, held: Sequence[Plateau], extremes: Sequence[Pl
         else:
             chains.append([plateau])
     complete = []
-    for chain in chains:
-        swings = _complete_swings(motion, chain, extremes)
+    for swings in chains:
+        levels = np.abs([swing.level for swing in swings])
+        if levels.size > FEWEST_SWINGS:  # a last one that differs or was not held returns the ship to its course
+            tolerance_deg = max(_SAME_LEVEL_DEG, _LEVEL_RANGES * float(np.ptp(levels[1:-1])))
+            differs = abs(levels[-1] - np.median(levels[1:-1])) > tolerance_deg
+            swings = swings[:-1] if differs or _is_cut_short(motion, swings[-1]) else swings
+        nearest = [plateau for plateau in extremes if plateau.end <= swings[0].first][-1:]
+        if nearest and len(swings) >= FEWEST_SWINGS - 1 and _is_next_swing(motion, nearest[0], swings[0]):
+            # one before the first that was cut short, if the ship responded to it
+            extended = [*nearest, *swings]
+            turned = np.abs(_turned_deg(motion, extended))
+            if not measures.is_same_order(extended[0].level, -extended[1].level):
+                # reversed on its way: the ship turns on in the next
+                turned[0] = abs(np.ptp(motion.heading_deg[[_first_row(motion, extended), extended[0].end - 1]]))
+            if turned[0] > _FIRST_TURN_SHARE * 0.5 * np.median(turned[1:-1]):
+                swings = extended
         ordered_deg = float(np.median([abs(swing.level) for swing in swings]))  # also where a swing was cut short
         swings = [replace(swing, level=float(np.copysign(ordered_deg, swing.level)))
                   if _is_cut_short(motion, swing) else swing for swing in swings]  # fmt: skip
@@ -96,27 +113,6 @@ def zigzag_chains(motion: Motion, held: Sequence[Plateau], extremes: Sequence[Pl
             if responds and np.all(np.abs(turned) < _WIDEST_SWING_DEG):  # none of them is a circle
                 complete.append(swings)
     return complete
-
-
-def _complete_swings(motion: Motion, chain: list[Plateau], extremes: Sequence[Plateau]) -> list[Plateau]:
-    """The swings with a preceding one that was cut short, if the helm came from there and the ship responded.
-
-    A last one whose helm differs or was not held, as when the ship returns to its course, is left out.
-    """
-    levels = np.abs([swing.level for swing in chain])
-    if levels.size > FEWEST_SWINGS:
-        tolerance_deg = max(_SAME_LEVEL_DEG, _LEVEL_RANGES * float(np.ptp(levels[1:-1])))
-        differs = abs(levels[-1] - np.median(levels[1:-1])) > tolerance_deg
-        chain = chain[:-1] if differs or _is_cut_short(motion, chain[-1]) else chain
-    nearest = [plateau for plateau in extremes if plateau.end <= chain[0].first][-1:]
-    extended = [*nearest, *chain]
-    if not nearest or len(chain) < FEWEST_SWINGS - 1 or not _is_next_swing(motion, *extended[:2]):
-        return chain
-    turned = np.abs(_turned_deg(motion, extended))
-    if not measures.is_same_order(extended[0].level, -extended[1].level):
-        # reversed on its way: the ship turns on in the next
-        turned[0] = abs(np.ptp(motion.heading_deg[[_first_row(motion, extended), extended[0].end - 1]]))
-    return extended if turned[0] > _FIRST_TURN_SHARE * 0.5 * np.median(turned[1:-1]) else chain
 
 
 def _first_row(motion: Motion, chain: list[Plateau]) -> int:
@@ -131,9 +127,8 @@ def _is_cut_short(motion: Motion, plateau: Plateau) -> bool:
 def _is_next_swing(motion: Motion, last: Plateau, following: Plateau) -> bool:
     """Whether ``following`` is the next swing: other side, the same angle, at once."""
     between = motion.helm_deg[last.end : following.first]
-    near = [
-        np.abs(between - plateau.level) <= measures.helm_band_deg(plateau.level) for plateau in (last, following)
-    ]
+    bands = ((plateau.level, measures.HELD_SHARE * abs(plateau.level)) for plateau in (last, following))
+    near = [np.abs(between - level) <= band for level, band in bands]
     pause_s = float(np.sum(~(near[0] | near[1]))) * motion.step_s
     held_s = sorted((plateau.end - plateau.first) * motion.step_s for plateau in (last, following))
     longest_s = max(min(_LONGEST_PAUSE_S, 0.5 * held_s[1]), 0.5 * held_s[0])
@@ -157,17 +152,11 @@ def _turned_deg(motion: Motion, chain: list[Plateau]) -> Floats:
     return np.diff(motion.heading_deg[[*rows, chain[-1].end - 1]])
 
 
-def executes_of(motion: Motion, chain: list[Plateau]) -> list[Execute]:
-    """The execute of each swing."""
-    return [
-        measures.helm_execute(motion, chain[0]),
-        *(measures.next_execute(motion, *pair) for pair in pairwise(chain)),
-    ]
-
-
 def zigzag(motion: Motion, chain: list[Plateau]) -> Manoeuvre:
     """The zigzag of a chain of swings, with its indices."""
-    executes, end = executes_of(motion, chain), float(motion.time_s[chain[-1].end - 1])
+    executes = [measures.helm_execute(motion, chain[0])]
+    executes += [measures.helm_execute(motion, following, last) for last, following in pairwise(chain)]
+    end = float(motion.time_s[chain[-1].end - 1])
     while len(executes) > 2 and executes[1].order_s < executes[0].order_s + _SHORTEST_SWING_S:
         chain, executes = chain[1:], executes[1:]  # the helm only passed there on its way to the other side
     times = np.array([[*moments, end] for moments in zip(*(execute[:2] for execute in executes), strict=True)])
@@ -178,34 +167,29 @@ def zigzag(motion: Motion, chain: list[Plateau]) -> Manoeuvre:
     estimates = measures.bootstrap_indices(
         part, times, measures.half_width_s(part, 0.5 * swing_s), zigzag_indices, within_s
     )
-    settings = _zigzag_settings(part, chain, times)
-    angle, switch = settings[motion.helm_setting], settings["switch_deg"]
+
+    angle = float(np.median([abs(plateau.level) for plateau in chain]))
+    changes = np.abs(np.diff(np.interp(orders[:-1], part.time_s, part.heading_deg)))
+    # half of the change between executes; with two executes the change from the approach
+    switch = float(np.median(changes[1:])) / 2.0 if changes.size > 1 else float(changes[0])
+    settings = {
+        **measures.helm_settings(part, angle, orders[0], end),
+        "switch_deg": switch,
+        "swings": float(len(chain)),
+        "half_command_s": float(np.median(times[1, :-1] - orders[:-1])),
+        **measures.approach_settings(part, orders[0]),
+    }
     unsteady = () if "reach_s" in estimates else ("the approach was not steady",)
     if not unsteady and "speed_loss" not in estimates:
         unsteady = ("the ship was still gathering way at the execute",)
     by_thrust = " by thrust" * (motion.steering == BY_DIFFERENCE)
     name = f"zigzag {nominal_deg(angle):.0f}/{nominal_deg(switch, SWITCH_SHARE):.0f}{by_thrust}"
+    notes, shortfalls = measures.execution_notes(motion, executes)
     return measures.manoeuvre_of(
         motion, "zigzag", name, orders[[0, -1]], side_of(_first_side(part, orders)), settings, estimates,
         executes=tuple(motion.utc(order) for order in orders[1:-1]),
-        notes=(*unsteady, *measures.count_notes(motion, executes)),
-        shortfalls=(*unsteady, *measures.contradiction_of(executes)),
+        notes=(*unsteady, *notes), shortfalls=(*unsteady, *shortfalls),
     )  # fmt: skip
-
-
-def _zigzag_settings(part: Motion, chain: list[Plateau], times: Floats) -> dict[str, float]:
-    heading = np.interp(times[0, :-1], part.time_s, part.heading_deg)
-    changes = np.abs(np.diff(heading))
-    return {
-        **measures.helm_settings(
-            part, float(np.median([abs(plateau.level) for plateau in chain])), times[0, 0], times[0, -1]
-        ),
-        # half of the change between executes; with two executes the change from the approach
-        "switch_deg": float(np.median(changes[1:])) / 2.0 if heading.size > 2 else float(changes[0]),
-        "swings": float(len(chain)),
-        "half_command_s": float(np.median(times[1, :-1] - times[0, :-1])),
-        **measures.approach_settings(part, times[0, 0]),
-    }
 
 
 def _first_side(motion: Motion, orders: Floats) -> float:
@@ -275,8 +259,8 @@ def _overshoots(motion: Motion, heading: Floats, times: Floats) -> tuple[dict[st
 def turn_of(motion: Motion, plateau: Plateau, fastest_mps: float) -> Manoeuvre | LeftOut | None:
     """The turn of a held helm, or the reason for its rejection; None if the ship turns by less than 90 deg.
 
-    After a straight approach it is a turning circle from 180 deg of turn on. Without one, only what is steady
-    counts, which takes a turn of :data:`LEAST_STEADY_DEG`.
+    After a straight approach under way it is a turning circle from 180 deg of turn on. Without one, only what is
+    steady counts, which takes a turn of :data:`LEAST_STEADY_DEG`.
     """
     heading = motion.heading_deg[plateau.first : plateau.end]
     turned = abs(float(heading[-1] - heading[0]))
@@ -286,65 +270,66 @@ def turn_of(motion: Motion, plateau: Plateau, fastest_mps: float) -> Manoeuvre |
     start, end = (motion.utc(float(motion.time_s[row])) for row in (plateau.first, plateau.end - 1))
     if motion.broken[plateau.first : plateau.end].any():
         return LeftOut(kind, start, end, "position or heading jump in it")
-    shortfall = _approach_shortfall(motion, plateau, turned, fastest_mps)
+
+    order_s = measures.helm_execute(motion, plateau).order_s
+    before = measures.approach_of(motion, order_s - 1.0)
+    rate_dps, speed_mps = abs(before["approach_yaw_rate_dps"]), before["approach_mps"]
+    lead_s, shortfall = order_s - float(motion.time_s[0]), ""
+    if lead_s < 2.0 * motion.step_s:
+        shortfall = "no approach: the recording begins with the helm over"
+    elif rate_dps >= _STEADIEST_APPROACH * (turned / ((plateau.end - plateau.first) * motion.step_s)):
+        in_turn, turning = "the recording begins in the turn", "the ship was turning before the order"
+        begun = in_turn if lead_s < measures.APPROACH_S else turning
+        shortfall = f"no straight approach: {begun}, by {rate_dps:.2g} deg/s"
+    elif speed_mps <= _SLOWEST_APPROACH * fastest_mps:
+        speeds = f"{speed_mps:.2g} m/s of {fastest_mps:.2g} m/s"
+        shortfall = f"no approach under way: the ship made {speeds} before the order"
     if shortfall and turned < LEAST_STEADY_DEG:
         return LeftOut(kind, start, end, shortfall)
     return turning_circle(motion, plateau, shortfall)
 
 
-def _approach_shortfall(motion: Motion, plateau: Plateau, turned_deg: float, fastest_mps: float) -> str:
-    """Why there is no straight approach under way before a held helm; empty where there is."""
-    order_s = measures.helm_execute(motion, plateau).order_s
-    before = measures.approach_of(motion, order_s - 1.0)
-    rate_dps, speed_mps = abs(before["approach_yaw_rate_dps"]), before["approach_mps"]
-    mean_rate_dps = turned_deg / ((plateau.end - plateau.first) * motion.step_s)
-    begins = order_s - float(motion.time_s[0])
-    if begins < 2.0 * motion.step_s:
-        return "no approach: the recording begins with the helm over"
-    if rate_dps >= _STEADIEST_APPROACH * mean_rate_dps:
-        begun = (
-            "the recording begins in the turn"
-            if begins < measures.APPROACH_S
-            else "the ship was turning before the order"
-        )
-        return f"no straight approach: {begun}, by {rate_dps:.2g} deg/s"
-    if speed_mps <= _SLOWEST_APPROACH * fastest_mps:
-        return f"no approach under way: the ship made {speed_mps:.2g} m/s of {fastest_mps:.2g} m/s before the order"
-    return ""
-
-
-def turning_circle(motion: Motion, plateau: Plateau, shortfall: str = "") -> Manoeuvre:
+def turning_circle(motion: Motion, plateau: Plateau, shortfall: str) -> Manoeuvre:
     """The turning circle, or the turn of less than half a circle, of a held helm, with its indices.
 
     After an approach with a ``shortfall`` those are left out that depend on it.
     """
     execute = measures.helm_execute(motion, plateau)
-    start = execute.order_s
-    end = float(motion.time_s[plateau.end - 1])
+    start, end = execute.order_s, float(motion.time_s[plateau.end - 1])
     part = motion.around(start, end, _CIRCLE_MARGIN_S)
     turned = motion.at("heading_deg", end) - motion.at("heading_deg", start)
     quarter_s = (end - start) * min(1.0, 90.0 / abs(turned))
     width = measures.half_width_s(part, quarter_s)
     times, within_s = np.array([start, end]), np.array([execute.order_within_s, 0.5 * motion.step_s])
-    current = current_of(measures.smooth_motion(part, width), start, end)
     measure = steady_turn_indices if shortfall else circle_indices
-    estimates = _add_drift_error(measures.bootstrap_indices(part, times, width, measure, within_s), current)
+    estimates = measures.bootstrap_indices(part, times, width, measure, within_s)
+    current = current_of(measures.smooth_motion(part, width), start, end)
+    for way, time in _COUNTED_FOR.items():
+        if current is not None and way + REMOVED in estimates:  # no better known than the drift over its time
+            value, within = estimates[way + REMOVED]
+            drift_m = np.hypot(current.north_within_mps, current.east_within_mps) * estimates[time][0]
+            estimates[way + REMOVED] = value, float(np.hypot(within, drift_m))
+
     settings = {
         **measures.helm_settings(part, plateau.level, start, end),
         "turned_deg": abs(turned),
         "turning_rpm": float(part.between(start, end).main_rpm.mean()),
     }
-    if not shortfall:
-        settings |= {"half_command_s": execute.half_command_s, **measures.approach_settings(part, start)}
+    if shortfall:
+        notes: tuple[str, ...] = (
+            f"{shortfall}; advance, transfer, tactical diameter and times count from the order after one",
+        )
+        shortfalls: tuple[str, ...] = (shortfall,)
+    else:
+        notes, shortfalls = measures.execution_notes(motion, [execute])
+        settings["half_command_s"] = execute.half_s - execute.order_s
+        settings |= measures.approach_settings(part, start)
     is_circle = abs(turned) >= LEAST_CIRCLE_DEG
     kind, word = ("turning_circle", "turning circle") if is_circle else ("course_change", "turn")
-    without = f"{shortfall}; advance, transfer, tactical diameter and times count from the order after one"
-    notes = (without,) if shortfall else measures.count_notes(motion, [execute])
-    shortfalls = (shortfall,) if shortfall else measures.contradiction_of([execute])
-    name = f"{word} {measures.helm_text(motion, plateau.level)}"
+    by_thrust = " by thrust" * (motion.steering == BY_DIFFERENCE)
     return measures.manoeuvre_of(
-        motion, kind, name, times, side_of(turned), settings, estimates, current=current, notes=notes,
-        shortfalls=shortfalls,
+        motion, kind, f"{word} {nominal_deg(plateau.level):.0f} deg{by_thrust}", times, side_of(turned), settings,
+        estimates, current=current, notes=notes, shortfalls=shortfalls,
     )  # fmt: skip
 
 
@@ -369,25 +354,12 @@ def circle_indices(motion: Motion, times: Floats) -> dict[str, float]:
     return values
 
 
-def _add_drift_error(
-    estimates: Mapping[str, tuple[float, float]], current: Current | None
-) -> dict[str, tuple[float, float]]:
-    """The indices with their intervals: a way less the drift is no better known than the drift over its time."""
-    wider = dict(estimates)
-    for name, seconds in _COUNTED_FOR.items():
-        if current is not None and name + REMOVED in estimates:
-            value, within = estimates[name + REMOVED]
-            drift_m = np.hypot(current.north_within_mps, current.east_within_mps) * estimates[seconds][0]
-            wider[name + REMOVED] = value, float(np.hypot(within, drift_m))
-    return wider
-
-
 def _indices_over_ground(motion: Motion, start: float, end: float) -> dict[str, float]:
-    """Indices from the order at ``start`` [s]."""
+    """Indices from the order at ``start`` [s]: first those of the turn, then those of its settled part."""
     approach = measures.approach_of(motion, start)
+    ahead, approach_mps = approach["approach_unwrapped_deg"], approach["approach_mps"]
     side = 1.0 if motion.at("heading_deg", end) > motion.at("heading_deg", start) else -1.0
-    turned = side * (motion.heading_deg - approach["approach_unwrapped_deg"])
-    ahead = approach["approach_unwrapped_deg"]
+    turned = side * (motion.heading_deg - ahead)
     times = {
         angle: measures.crossing_s(motion.time_s, turned, angle, start, end) for angle in (10.0, 90.0, 180.0, 360.0)
     }
@@ -398,40 +370,32 @@ def _indices_over_ground(motion: Motion, start: float, end: float) -> dict[str, 
     if np.isfinite(times[180.0]):
         values["tactical_diameter_m"] = side * measures.along_and_across(motion, start, times[180.0], ahead)[1]
     values |= {f"time_to_{angle:.0f}_deg_s": time - start for angle, time in times.items() if angle >= 90.0}
-    if np.isfinite(times[180.0]):
-        values |= _steady_indices(motion, turned, times[180.0], end, approach["approach_mps"])
-    return values
 
-
-def _steady_indices(
-    motion: Motion, turned: Floats, half_s: float, end: float, approach_mps: float
-) -> dict[str, float]:
-    """Rate, diameter, drift angle and speed of the settled turn, over whole turns where there are any.
-
-    Wind and current come from all sides in a whole turn and do not change the means. It ends with the last quarter
-    of a turn that was done, as the second at which a helm was taken off is not known.
-    """
+    # The settled part takes whole turns where there are any: wind and current come from all sides in one and do not
+    # change the means. It ends with the last quarter of a turn that was done, as the second at which a helm was
+    # taken off is not known.
     total = 90.0 * np.floor(float(np.interp(end, motion.time_s, turned)) / 90.0)
     whole_turns_deg = 360.0 * np.floor((total - 180.0) / 360.0)
+    if not np.isfinite(times[180.0]) or total <= 180.0:
+        return values
     first_s, last_s = (
-        measures.crossing_s(motion.time_s, turned, angle, half_s, end + motion.step_s)
+        measures.crossing_s(motion.time_s, turned, angle, times[180.0], end + motion.step_s)
         for angle in (total - whole_turns_deg if whole_turns_deg > 0 else 180.0, total)
     )
     steady = motion.between(first_s, last_s)
-    if steady.time_s.size < 5 or total <= 180.0:
-        return {}
+    if steady.time_s.size < 5:
+        return values
     span = steady.time_s - steady.time_s.mean()
     rate_dps = float(abs(span @ steady.heading_deg) / (span @ span))
     speed, surge, sway = (
         measures.mean_between(motion, name, first_s, last_s) for name in ("speed_mps", "surge_mps", "sway_mps")
     )
-    drift = np.rad2deg(np.arctan2(-sway, surge))
     side = np.sign(steady.heading_deg[-1] - steady.heading_deg[0])
-    return {
+    return values | {
         "steady_yaw_rate_dps": rate_dps,
         "steady_diameter_m": 2.0 * speed / np.deg2rad(rate_dps),
         "steady_speed_mps": speed,
-        "drift_angle_deg": float(side * drift),
+        "drift_angle_deg": float(side * np.rad2deg(np.arctan2(-sway, surge))),
         "speed_loss": 1.0 - speed / approach_mps,
     }
 
@@ -450,25 +414,23 @@ def drift_pairs(motion: Motion, start: float, end: float) -> tuple[Floats, Float
 
 
 def current_of(motion: Motion, start: float, end: float) -> Current | None:
-    """The drift with its interval, None if the ship turned less than 510 deg."""
+    """The drift with its interval, None if the ship turned less than 510 deg.
+
+    Pairs of one circle share points, so that their spread is not divided by their number.
+    """
     turned = abs(motion.at("heading_deg", end) - motion.at("heading_deg", start))
     if turned < LEAST_TURN_DEG:
         return None
     north, east = drift_pairs(motion, start, end)
     if north.size < _FEWEST_PAIRS:
         return None
-    return Current(_settled_mean(north), _settled_mean(east), _half_interval(north), _half_interval(east))
+    north_within, east_within = (float(1.96 * np.std(values)) for values in (north, east))
+    return Current(_settled_mean(north), _settled_mean(east), north_within, east_within)
 
 
 def _settled_mean(values: Floats) -> float:
     """The mean of the later half of the pairs: in the first turn a large ship still loses way."""
     return float(values[values.size // 2 :].mean())
-
-
-def _half_interval(values: Floats) -> float:
-    """Half of the 95 % interval; pairs of one circle share points, so their spread is not divided by their
-    number."""
-    return float(1.96 * np.std(values))
 
 
 def remove_current(motion: Motion, north_mps: float, east_mps: float, start: float) -> Motion:
@@ -490,21 +452,6 @@ def shows_current(run: Manoeuvre) -> bool:
     return run.current is not None and run.settings.get("turned_deg", 0.0) >= LEAST_TURN_DEG
 
 
-_MARGIN_S = 20.0
-_AMIDSHIPS_DEG, _AMIDSHIPS_SHARE = 1.0, 0.1
-_LEAST_TURN_DEG, _LEAST_WAY = 30.0, 0.2  # before a pull-out; way of the fastest of the recording
-_STILL_DEG, _SPREAD_OF_NOISE = 0.3, 3.0  # the middle 80 % of white noise are 2.6 standard deviations wide
-_LEAST_SHARE_OF_STEP = 0.25  # of the longest step: they are held alike
-_SETTLED_SHARE = 0.05  # of the rate of the turn, from the third quarter to the last
-_LEAST_HELD_S = 10.0
-_FEWEST_STEPS, _SETTLED_STEPS = 5, 0.75
-_LEAST_HELM_STEP_DEG = 1.0
-_BAND_SHARE, _BAND_OF_NOISE, _HELD_SHARE = 0.1, 6.0, 0.6  # of the largest rate; of a run's time
-_SEED, _DRAWS = 137, 200
-_WIDER_S = (20.0, 40.0)  # a step of a full-scale ship takes minutes
-_OUT_DEG, _BACK_DEG = (35.0, 90.0), (150.0, 210.0)  # 60 deg off and the reciprocal course, as steered by hand
-
-
 def find_pull_outs(motion: Motion, held: Sequence[Plateau], rate: Floats, fastest_mps: float) -> list[Manoeuvre]:
     """Helms put amidships from a turn and held until the rate of turn has settled; ``rate`` is smoothed."""
     manoeuvres, noise = [], noise_of(motion.helm_deg)
@@ -512,9 +459,8 @@ def find_pull_outs(motion: Motion, held: Sequence[Plateau], rate: Floats, fastes
         turned = motion.heading_deg[last.first : last.end]
         way = motion.speed_mps[following.first] > _LEAST_WAY * fastest_mps
         middle = abs(following.level) <= max(_AMIDSHIPS_DEG, _AMIDSHIPS_SHARE * abs(last.level)) < abs(last.level)
-        if not (
-            way and np.ptp(turned) >= _LEAST_TURN_DEG and middle and _follows_directly(motion, last, following)
-        ):
+        turning = way and np.ptp(turned) >= _LEAST_TURN_DEG
+        if not (turning and middle and _follows_directly(motion, last, following)):
             continue
         # The helm went directly to amidships, not beyond, and stayed there without course-keeping.
         between = motion.helm_deg[last.end : following.first + 1]
@@ -522,31 +468,22 @@ def find_pull_outs(motion: Motion, held: Sequence[Plateau], rate: Floats, fastes
         steady = following.spread <= _STILL_DEG + _SPREAD_OF_NOISE * noise
         if not (steady and beyond <= _AMIDSHIPS_DEG + 3.0 * noise):
             continue
-        execute = measures.next_execute(motion, last, following)
-        settled_s = _settled_s(motion, rate, execute.half_s, float(motion.time_s[following.end - 1]))
+        execute = measures.helm_execute(motion, following, last)
+        half, settled_s = execute.half_s, float(motion.time_s[following.end - 1])
+        begin, end = np.searchsorted(motion.time_s, [half, settled_s])
+        after = rate[begin : end + 1]
+        if after.size > 1:  # it ends after three times as long as the rate takes to reach its final value
+            deviation = np.abs(after - np.median(after[-max(after.size // 4, 1) :]))
+            unsettled = np.flatnonzero(deviation > _SETTLED_SHARE * deviation[0])
+            settled_s = min(settled_s, half + max(3.0 * unsettled.size * motion.step_s, 2.0 * _LEAST_HELD_S))
         times = np.array([execute.order_s, settled_s])
         values = pull_out_indices(motion, times)
-        if values and settled_s - execute.half_s >= _LEAST_HELD_S:
+        if values and settled_s - half >= _LEAST_HELD_S:
             name, side = f"pull-out from {nominal_deg(last.level):.0f} deg", float(turned[-1] - turned[0])
             scale_s = 4.0 * max(values["time_to_half_rate_s"], motion.step_s)
-            manoeuvres.append(
-                _measure_test(
-                    motion, "pull_out", name, side, last.level, times, [execute], pull_out_indices, scale_s
-                )
-            )
+            test = "pull_out", name, side, last.level, times, [execute], pull_out_indices, scale_s
+            manoeuvres.append(_measure_test(motion, *test))
     return manoeuvres
-
-
-def _settled_s(motion: Motion, rate: Floats, half: float, end: float) -> float:
-    """The time [s], at most ``end``, three times as long after ``half`` as the smoothed rate takes to reach its
-    final value."""
-    first, last = np.searchsorted(motion.time_s, [half, end])
-    after = rate[first : last + 1]
-    if after.size < 2:
-        return end
-    deviation = np.abs(after - np.median(after[-max(after.size // 4, 1) :]))
-    unsettled = np.flatnonzero(deviation > _SETTLED_SHARE * deviation[0])
-    return min(end, half + max(3.0 * unsettled.size * motion.step_s, 2.0 * _LEAST_HELD_S))
 
 
 def pull_out_indices(motion: Motion, times: Floats) -> dict[str, float]:
@@ -627,7 +564,6 @@ def spiral(motion: Motion, steps: list[Plateau]) -> Manoeuvre:
     times = motion.time_s[[row for step in steps for row in (step.first, step.end - 1)]]
     sign = motion.turns_to_starboard
     levels = sign * np.array([motion.helm_deg[(step.first + step.end) // 2 : step.end].mean() for step in steps])
-
     settled = np.array([_has_settled(motion, steps, step) for step in steps])
 
     def measure(part: Motion, spans: Floats) -> dict[str, float]:
@@ -636,21 +572,20 @@ def spiral(motion: Motion, steps: list[Plateau]) -> Manoeuvre:
     largest = max(steps, key=lambda step: abs(step.level)).level
     name = f"direct spiral {nominal_deg(largest):.0f} deg"
     manoeuvre = _measure_test(motion, "spiral", name, float(levels[0]), largest, times, [], measure)
-    helm_error = noise_of(motion.helm_deg) / np.sqrt(0.5 * min(step.end - step.first for step in steps))
+    rows = 0.5 * min(step.end - step.first for step in steps)
+    helm_within = 1.96 * float(noise_of(motion.helm_deg) / np.sqrt(rows))  # of the mean helm of a step
+    slope = manoeuvre.indices.get("yaw_rate_per_helm_dps")
+    margins = {
+        "neutral_helm_deg": helm_within,
+        "yaw_rate_at_no_helm_dps": (abs(slope.value) if slope else 0.0) * helm_within,
+    }
+    indices = {}
+    for name, index in manoeuvre.indices.items():
+        within = float(np.hypot(0.5 * (index.high - index.low), margins.get(name, 0.0)))
+        indices[name] = replace(index, low=index.value - within, high=index.value + within)
     left_out = [f"step {number} at {levels[number - 1]:.1f} deg" for number in np.flatnonzero(~settled) + 1]
     notes = (f"the rate of turn had not settled, left out: {', '.join(left_out)}",) if left_out else ()
-    return replace(manoeuvre, indices=_add_helm_error(manoeuvre.indices, 1.96 * float(helm_error)), notes=notes)
-
-
-def _add_helm_error(indices: Mapping[str, Index], within_deg: float) -> dict[str, Index]:
-    """The indices of a spiral with the uncertainty of the mean helm of a step added where it matters."""
-    slope = abs(indices["yaw_rate_per_helm_dps"].value) if "yaw_rate_per_helm_dps" in indices else 0.0
-    margins = {"neutral_helm_deg": within_deg, "yaw_rate_at_no_helm_dps": slope * within_deg}
-    wider = {}
-    for name, index in indices.items():
-        within = float(np.hypot(0.5 * (index.high - index.low), margins.get(name, 0.0)))
-        wider[name] = replace(index, low=index.value - within, high=index.value + within)
-    return wider
+    return replace(manoeuvre, indices=indices, notes=notes)
 
 
 def spiral_indices(motion: Motion, levels: Floats, spans: Floats, settled: Bools) -> dict[str, float]:
@@ -665,10 +600,14 @@ def spiral_indices(motion: Motion, levels: Floats, spans: Floats, settled: Bools
     numbers = np.flatnonzero(settled) + 1
     values = {f"yaw_rate_step_{number}_dps": float(rate) for number, rate in zip(numbers, rates, strict=True)}
     turn = 1 + int(np.argmax(np.append(np.diff(np.sign(np.diff(levels))) != 0, True)))  # where it goes back
-    legs = [slice(0, turn + 1), *([slice(turn, None)] if turn + 1 < levels.size else [])]
-    values["neutral_helm_deg"] = float(np.mean([_interpolate_at_zero(rates[leg], levels[leg]) for leg in legs]))
-    near, heights = np.argsort(np.abs(levels))[:3], [_interpolate_at_zero(levels[leg], rates[leg]) for leg in legs]
+    neutral, heights = list[float](), list[float]()
+    for leg in (slice(0, turn + 1), *([slice(turn, None)] if turn + 1 < levels.size else [])):
+        by_rate, by_level = np.argsort(rates[leg]), np.argsort(levels[leg])
+        neutral.append(float(np.interp(0.0, rates[leg][by_rate], levels[leg][by_rate])))
+        heights.append(float(np.interp(0.0, levels[leg][by_level], rates[leg][by_level])))
+    values["neutral_helm_deg"] = float(np.mean(neutral))
     values["yaw_rate_at_no_helm_dps"] = float(np.mean(heights))
+    near = np.argsort(np.abs(levels))[:3]
     if np.ptp(levels[near]) > 0.0:
         values["yaw_rate_per_helm_dps"] = float(np.polyfit(levels[near], rates[near], 1)[0])
     if len(heights) > 1:
@@ -683,23 +622,26 @@ def reverse_spiral_steps(motion: Motion, rate: Floats, free: Bools) -> list[list
     between the steps than on them, otherwise the rate only drifts; and the helm is not held on them. By hand a
     rate is held unevenly: of the rate and its running means the one with most steps is used.
     """
-    tried = [rate, *(local_quadratic(rate, width / motion.step_s) for width in _WIDER_S)]
-    return max((_rate_steps(motion, candidate, free) for candidate in tried), key=lambda runs: sum(map(len, runs)))
-
-
-def _rate_steps(motion: Motion, rate: Floats, free: Bools) -> list[list[Plateau]]:
+    candidates = [rate, *(local_quadratic(rate, width / motion.step_s) for width in _WIDER_S)]
     usable = free & ~motion.broken
+    return max(
+        (_rate_steps(motion, candidate, usable) for candidate in candidates), key=lambda runs: sum(map(len, runs))
+    )
+
+
+def _rate_steps(motion: Motion, rate: Floats, usable: Bools) -> list[list[Plateau]]:
     largest = float(np.percentile(np.abs(rate[usable]), 99)) if usable.any() else 0.0
     band = max(_BAND_SHARE * largest, _BAND_OF_NOISE * noise_of(rate))
-    steps = [plateau for span in stretches(usable, round(_LEAST_HELD_S / motion.step_s))
-             for plateau in _held_rates(rate, *span, band)]  # fmt: skip
-    held = [plateau for plateau in steps if (plateau.end - plateau.first) * motion.step_s >= _LEAST_HELD_S]
+    still = _STILL_DEG + _SPREAD_OF_NOISE * noise_of(motion.helm_deg)
+
+    def join(last: Plateau, following: Plateau) -> Plateau | None:
+        """One rate interrupted by a gust; the pieces of a ramp are a whole band apart."""
+        near = abs(following.level - last.level) < 0.5 * band
+        return Plateau(last.first, following.end, 0.5 * (last.level + following.level), band) if near else None
 
     def is_next_rate(last: Plateau, following: Plateau) -> bool:
         pause, shorter = following.first - last.end, min(following.end - following.first, last.end - last.first)
         return pause <= shorter and abs(following.level - last.level) > 2.0 * band
-
-    still = _STILL_DEG + _SPREAD_OF_NOISE * noise_of(motion.helm_deg)
 
     def is_steered(run: list[Plateau]) -> bool:
         """Whether the rates were held most of the time, by a helm that was not."""
@@ -708,24 +650,17 @@ def _rate_steps(motion: Motion, rate: Floats, free: Bools) -> list[list[Plateau]
         held_rows = sum(plateau.end - plateau.first for plateau in run)
         return held_rows > _HELD_SHARE * (run[-1].end - run[0].first) and float(np.median(spreads)) > still
 
+    steps = list[Plateau]()
+    for first, end in stretches(usable, round(_LEAST_HELD_S / motion.step_s)):
+        pieces, start, low, high = list[Plateau](), first, rate[first], rate[first]
+        for row in range(first, end):  # pieces in which the rate stays within the band
+            low, high = min(low, rate[row]), max(high, rate[row])
+            if high - low > band or row == end - 1:
+                pieces.append(Plateau(start, row, float(np.median(rate[start : row + 1])), float(high - low)))
+                start, low, high = row, rate[row], rate[row]
+        steps += measures.merge_neighbours(pieces, join)
+    held = [plateau for plateau in steps if (plateau.end - plateau.first) * motion.step_s >= _LEAST_HELD_S]
     return _chain_steps(held, is_next_rate, is_steered)
-
-
-def _held_rates(rate: Floats, first: int, end: int, band: float) -> list[Plateau]:
-    """The stretches of rows in which a rate stays within ``band``, in order."""
-    pieces, start, low, high = list[Plateau](), first, rate[first], rate[first]
-    for row in range(first, end):
-        low, high = min(low, rate[row]), max(high, rate[row])
-        if high - low > band or row == end - 1:
-            pieces.append(Plateau(start, row, float(np.median(rate[start : row + 1])), float(high - low)))
-            start, low, high = row, rate[row], rate[row]
-
-    def join(last: Plateau, following: Plateau) -> Plateau | None:
-        """One rate interrupted by a gust; the pieces of a ramp are a whole band apart."""
-        near = abs(following.level - last.level) < 0.5 * band
-        return Plateau(last.first, following.end, 0.5 * (last.level + following.level), band) if near else None
-
-    return measures.merge_neighbours(pieces, join)
 
 
 def reverse_spiral(motion: Motion, steps: list[Plateau]) -> Manoeuvre:
@@ -767,22 +702,15 @@ def reverse_spiral_indices(helms: Floats, rates: Floats) -> dict[str, float]:
     }
 
 
-def _interpolate_at_zero(values: Floats, ordinates: Floats) -> float:
-    """``ordinates`` at zero ``values``, by linear interpolation between the steps."""
-    order = np.argsort(values)
-    return float(np.interp(0.0, values[order], ordinates[order]))
-
-
 def find_williamson_turns(motion: Motion, held: Sequence[Plateau]) -> list[Manoeuvre]:
     """Williamson turns: helm to one side until the heading is some 60 deg off, then to the other until the
     reciprocal course."""
     manoeuvres = []
     for last, following in pairwise(held):
-        if not (
-            _follows_directly(motion, last, following) and measures.is_same_order(last.level, -following.level)
-        ):
+        counter = measures.is_same_order(last.level, -following.level)
+        if not (counter and _follows_directly(motion, last, following)):
             continue
-        executes = [measures.helm_execute(motion, last), measures.next_execute(motion, last, following)]
+        executes = [measures.helm_execute(motion, last), measures.helm_execute(motion, following, last)]
         first, second = (execute.order_s for execute in executes)
         course = measures.approach_of(motion, first)["approach_unwrapped_deg"]
         end = float(motion.time_s[min(2 * following.end - following.first, motion.time_s.size) - 1])
@@ -791,11 +719,8 @@ def find_williamson_turns(motion: Motion, held: Sequence[Plateau]) -> list[Manoe
         if _OUT_DEG[0] < out < _OUT_DEG[1] and _BACK_DEG[0] < -back < _BACK_DEG[1]:
             times = np.array([first, second, end])
             name = f"Williamson turn {nominal_deg(last.level):.0f} deg"
-            manoeuvres.append(
-                _measure_test(
-                    motion, "williamson_turn", name, side, last.level, times, executes, williamson_indices
-                )
-            )
+            test = "williamson_turn", name, side, last.level, times, executes, williamson_indices
+            manoeuvres.append(_measure_test(motion, *test))
     return manoeuvres
 
 
@@ -848,5 +773,5 @@ def _measure_test(
     estimates = measures.bootstrap_indices(part, times, width, measure, within_s)
     settings = {motion.helm_setting: helm_deg, **measures.approach_settings(part, float(times[0]))}
     if executes:
-        settings["half_command_s"] = executes[0].half_command_s
+        settings["half_command_s"] = executes[0].half_s - executes[0].order_s
     return measures.manoeuvre_of(motion, kind, name, times[[0, -1]], side_of(side), settings, estimates)

@@ -22,7 +22,7 @@ import numpy as np
 
 from seatrial.acquisition.core.quantities import Floats, to_ship
 from seatrial.acquisition.core.ship import POSE_AND_VELOCITY, wrap_360
-from seatrial.analysis.manoeuvres.indices import Manoeuvre, indices_of, nominal_deg, unit_of
+from seatrial.analysis.manoeuvres.indices import Manoeuvre, index_of, unit_of
 from seatrial.analysis.manoeuvres.motion import (
     BY_DIFFERENCE,
     Motion,
@@ -60,7 +60,7 @@ _BRIDGE_S = 4.0
 _BLINK_SHARE, _BLINKS = 0.5, 3  # how long a correction lasts: of the order, and of the longest bridge
 _ALIKE_SHARE, _ALIKE_DEG = 0.15, 1.0
 _ALIKE_LONG_SHARE = 0.05  # of helms that are both held for longer than a correction
-_HELD_SHARE = 0.35  # of a helm, by which it may wander while it is held: not half of the way to amidships
+HELD_SHARE = 0.35  # of a helm, by which it may wander while it is held: not half of the way to amidships
 _FEWEST_OF_FIT, _FEWEST_BEFORE = 5, 2
 _CREEP = 4.0  # times as long as the last half of a change, and a row: no drive begins so slowly
 CONTRADICTION = "the recorded orders do not precede the helm"
@@ -122,35 +122,26 @@ class Execute(NamedTuple):
     half_within_s: float
     contradicts: bool = False
 
-    @property
-    def half_command_s(self) -> float:
-        """How long the helm took from the order to half of the change."""
-        return self.half_s - self.order_s
 
+def helm_execute(motion: Motion, plateau: Plateau, last: Plateau | None = None) -> Execute:
+    """The execute of the helm of a plateau, that came from the ``last`` one if there is one.
 
-def helm_execute(motion: Motion, plateau: Plateau) -> Execute:
-    """The execute of the helm of a plateau."""
-    longest_s = max(_LONGEST_CHANGE_S, helm_change_s(motion, plateau.level) + 5.0)
-    before = level_before(motion, motion.helm_deg, plateau, longest_s + 1.0)
-    earliest = motion.row_before(plateau.first, longest_s)
-    return _find_execute(motion, plateau, before, earliest, is_first=True)
-
-
-def next_execute(motion: Motion, last: Plateau, plateau: Plateau) -> Execute:
-    """As :func:`helm_execute`, of a helm that goes from one plateau to the next."""
-    return _find_execute(motion, plateau, last.level, (last.first + last.end) // 2, is_first=False)
-
-
-def _find_execute(motion: Motion, plateau: Plateau, before_deg: float, earliest: int, *, is_first: bool) -> Execute:
-    """The execute from a level of the helm to a plateau. The order is the one recorded; else the helm moves from
-    the order on. Where orders were recorded as events it lies before half of the change."""
+    The order is the one recorded; else the helm moves from the order on. Where orders were recorded as events it
+    lies before half of the change.
+    """
+    if last is None:
+        longest_s = max(_LONGEST_CHANGE_S, helm_change_s(motion, plateau.level) + 5.0)
+        before_deg = level_before(motion, motion.helm_deg, plateau, longest_s + 1.0)
+        earliest = motion.row_before(plateau.first, longest_s)
+    else:
+        before_deg, earliest = last.level, (last.first + last.end) // 2
     begun_s, half_s = execute_s(motion.time_s, motion.helm_deg, plateau, before_deg, earliest)
     begun_s = min(begun_s, half_s)
     within_s = _execute_within_s(motion, plateau.level - before_deg)
     first = int(np.searchsorted(motion.time_s, begun_s))
     approach_deg = motion.helm_deg[motion.row_before(first, APPROACH_S) : first]
     wander_s = 0.0  # what the helm takes for the movements by which a hand kept the course before
-    if is_first and approach_deg.size:
+    if last is None and approach_deg.size:
         wander_s = np.sqrt(3.0) * (float(np.std(approach_deg)) / motion.helm_rate_dps)
     half_within_s = float(np.hypot(_execute_within_s(motion, plateau.level), 0.5 * wander_s))
     if motion.orders_are_events:
@@ -158,26 +149,18 @@ def _find_execute(motion: Motion, plateau: Plateau, before_deg: float, earliest:
     noise_s = np.sqrt(3.0) * noise_of(motion.helm_deg) / motion.helm_rate_dps
     parts_s = [_EXTRAPOLATED * within_s, 0.7 * noise_s, 0.1 * motion.step_s, wander_s, _SOFT_START_S]
     order_within_s = float(np.linalg.norm(parts_s))  # calibrated by yard_trials, from 1000, and manoeuvre_trials
-    contradicts = False
-    if motion.helm_order_deg is not None:
-        earliest_s = max(float(motion.time_s[earliest]), begun_s - _LONGEST_ORDER_LAG_S)
-        ordered_s = _recorded_order_s(motion, earliest_s, half_s)
-        if ordered_s is not None and ordered_s <= begun_s + max(motion.step_s, _SURELY * order_within_s):
+    if motion.helm_order_deg is None:
+        return Execute(begun_s, half_s, order_within_s, half_within_s)
+
+    near = motion.between(max(float(motion.time_s[earliest]), begun_s - _LONGEST_ORDER_LAG_S), half_s)
+    orders_deg = np.asarray(near.helm_order_deg)
+    if orders_deg.size > 1 and abs(change_deg := orders_deg[-1] - orders_deg[0]) >= _LEAST_MOVE_DEG:
+        row = _last_crossing((orders_deg - orders_deg[0]) / change_deg, 0.5)
+        ordered_s = float(np.interp(row, np.arange(near.time_s.size), near.time_s))
+        if ordered_s <= begun_s + max(motion.step_s, _SURELY * order_within_s):
             return Execute(ordered_s, half_s, 0.5 * motion.step_s, half_within_s)
-        contradicts = plateau.first - earliest >= _FEWEST_BEFORE  # else the recording begins with the helm over
+    contradicts = plateau.first - earliest >= _FEWEST_BEFORE  # else the recording begins with the helm over
     return Execute(begun_s, half_s, order_within_s, half_within_s, contradicts)
-
-
-def _recorded_order_s(motion: Motion, earliest_s: float, half_s: float) -> float | None:
-    """When the recorded order changed between two times [s], None where it did not."""
-    near = motion.between(earliest_s, half_s)
-    if near.helm_order_deg is None or near.time_s.size < 2:
-        return None
-    first, last = near.helm_order_deg[[0, -1]]
-    if abs(last - first) < _LEAST_MOVE_DEG:
-        return None
-    share = (near.helm_order_deg - first) / (last - first)
-    return float(np.interp(_last_crossing(share, 0.5), np.arange(near.time_s.size), near.time_s))
 
 
 def _execute_within_s(motion: Motion, change_deg: float) -> float:
@@ -254,11 +237,6 @@ def helm_settings(motion: Motion, level_deg: float, start: float, end: float) ->
     return settings
 
 
-def helm_text(motion: Motion, level_deg: float) -> str:
-    """The nominal helm as in the name of a test."""
-    return f"{nominal_deg(level_deg):.0f} deg{' by thrust' * (motion.steering == BY_DIFFERENCE)}"
-
-
 def approach_settings(motion: Motion, execute: float) -> dict[str, float]:
     """The state before an execute as settings of a manoeuvre."""
     state = approach_of(motion, execute)
@@ -325,25 +303,24 @@ def half_width_s(motion: Motion, time_scale_s: float) -> float:
 
 
 def smooth_motion(motion: Motion, half_width: float) -> Motion:
-    """Pose and speeds replaced by local second-degree fits over ``half_width`` [s] to either side."""
-    rows = half_width / motion.step_s
-    return motion.with_columns({name: _smooth_quadratic(getattr(motion, name), rows) for name in POSE_AND_VELOCITY})
+    """Pose and speeds replaced by local second-degree fits over ``half_width`` [s] to either side.
 
-
-def _smooth_quadratic(values: Floats, half_width: float) -> Floats:
-    """:func:`local_quadratic` for values without gaps: a convolution, with one-sided fits at the ends.
-
-    Faster, since a manoeuvre is smoothed some fifty times.
+    Away from the ends a fit is a convolution, which is faster than :func:`local_quadratic`: a manoeuvre is smoothed
+    some fifty times.
     """
-    reach = int(np.ceil(half_width))
-    if reach < 6 or values.size < 4 * reach:
-        return local_quadratic(values, half_width)
-    start, kernel = _weights(half_width)
-    smooth = np.empty_like(values)
-    smooth[reach:-reach] = np.convolve(values, kernel, mode="valid")
-    smooth[:reach] = start @ values[: 2 * reach]
-    smooth[-reach:] = (start @ values[: -2 * reach - 1 : -1])[::-1]
-    return smooth
+    rows = half_width / motion.step_s
+    reach, columns = int(np.ceil(rows)), dict[str, Any]()
+    for name in POSE_AND_VELOCITY:
+        values = getattr(motion, name)
+        if reach < 6 or values.size < 4 * reach:
+            columns[name] = local_quadratic(values, rows)
+            continue
+        start, kernel = _weights(rows)
+        smooth = columns[name] = np.empty_like(values)
+        smooth[reach:-reach] = np.convolve(values, kernel, mode="valid")
+        smooth[:reach] = start @ values[: 2 * reach]
+        smooth[-reach:] = (start @ values[: -2 * reach - 1 : -1])[::-1]
+    return replace(motion, **columns)
 
 
 @lru_cache(maxsize=64)
@@ -379,16 +356,23 @@ def bootstrap_indices(
                for name in POSE_AND_VELOCITY}  # fmt: skip
     repeats = []
     for _ in range(REPLICATES):
-        noisy = {}
+        noisy = dict[str, Any]()
         for name, amplitude in spectra.items():
             real, imaginary = random.standard_normal((2, amplitude.size)) / np.sqrt(2.0)
             noise = np.fft.irfft(amplitude * (real + 1j * imaginary), smooth.time_s.size)
             noisy[name] = getattr(smooth, name) + noise
-        replicate = smooth_motion(smooth.with_columns(noisy), half_width)
+        replicate = smooth_motion(replace(smooth, **noisy), half_width)
         moved = executes_s + unsure_s * random.uniform(-1.0, 1.0, executes_s.shape)
         repeats.append(measure(replicate, moved))
+
     path_within = _TWO_SIDED_95 * np.sqrt(2.0) * motion.path_sd_m  # both ends of a distance are uncertain
-    place_within = _antenna_uncertainty(smooth, executes_s, measure, values)
+    place_within = dict.fromkeys(values, 0.0)
+    if not smooth.is_midship and (length_m := smooth.length_m) is not None:  # an antenna anywhere on the ship
+        for place_m in ((0.5 * length_m, 0.0), (0.0, _HALF_BEAM_LENGTHS * length_m)):
+            at_place = measure(at_midship(smooth, place_m), executes_s)
+            for name, value in values.items():
+                change = _OF_UNIFORM_95 * (at_place.get(name, value) - value)
+                place_within[name] = float(np.hypot(place_within[name], change))
     estimates = {}
     for name, value in values.items():
         estimate, within = value, float("nan")
@@ -399,24 +383,9 @@ def bootstrap_indices(
             bias = float(np.median(samples)) - value
             estimate, within = value - bias, _TWO_SIDED_95 * float(np.hypot(samples.std(ddof=1), bias))
         if unit_of(name) == "m":
-            within = float(np.linalg.norm([within, path_within, place_within.get(name, 0.0)]))
+            within = float(np.linalg.norm([within, path_within, place_within[name]]))
         estimates[name] = estimate, within
     return estimates
-
-
-def _antenna_uncertainty(
-    smooth: Motion, executes_s: Floats, measure: Measure, values: Mapping[str, float]
-) -> dict[str, float]:
-    """What it adds to half of an interval that the path is that of an antenna anywhere on the ship."""
-    length_m = smooth.length_m
-    if smooth.is_midship or length_m is None:
-        return {}
-    added = dict.fromkeys(values, 0.0)
-    for place_m in ((0.5 * length_m, 0.0), (0.0, _HALF_BEAM_LENGTHS * length_m)):
-        moved = measure(at_midship(smooth, place_m), executes_s)
-        for name, value in values.items():
-            added[name] = float(np.hypot(added[name], _OF_UNIFORM_95 * (moved.get(name, value) - value)))
-    return added
 
 
 def manoeuvre_of(
@@ -424,11 +393,11 @@ def manoeuvre_of(
     estimates: Mapping[str, tuple[float, float]], **details: Any,
 ) -> Manoeuvre:  # fmt: skip
     """A manoeuvre between two times of ``motion`` [s], with indices from ``estimates``: values and halves of
-    intervals."""
+    intervals; those not reached are left out."""
     start, end = (motion.utc(float(time_s)) for time_s in span_s)
-    return Manoeuvre(
-        kind, name, start, end, side, settings, indices_of(estimates, motion.length_m, kind), **details
-    )
+    reached = {index: pair for index, pair in estimates.items() if np.isfinite(pair[0])}
+    indices = {index: index_of(index, *pair, motion.length_m, kind) for index, pair in reached.items()}
+    return Manoeuvre(kind, name, start, end, side, settings, indices, **details)
 
 
 def _spectrum(remainder: Floats, half_rows: float) -> Floats:
@@ -528,11 +497,6 @@ def merge_corrections(pieces: list[Plateau], step_s: float) -> list[Plateau]:
     return merge_neighbours(pieces, join)
 
 
-def helm_band_deg(level_deg: float) -> float:
-    """How far a helm that is held may be from its level [deg]."""
-    return _HELD_SHARE * abs(level_deg)
-
-
 def join_held(helm: Floats, held: Sequence[Plateau], step_s: float) -> list[Plateau]:
     """Plateaus of one order with those between which the helm was not steady, but near it all the time, joined: a
     rudder that wanders by some degrees, or creeps, is held. Two that are long and differ are two orders.
@@ -548,7 +512,7 @@ def join_held(helm: Floats, held: Sequence[Plateau], step_s: float) -> list[Plat
         near = last.level * following.level > 0 and is_same_order(
             last.level, following.level, wander_deg, alike_share
         )
-        if not near or np.any(between > helm_band_deg(longer.level)):
+        if not near or np.any(between > HELD_SHARE * abs(longer.level)):
             return None
         return replace(longer, first=last.first, end=following.end)
 
@@ -613,21 +577,17 @@ def _last_crossing(share: Floats, level: float) -> float:
     return row + float((level - share[row]) / (share[row + 1] - share[row]))
 
 
-def contradiction_of(executes: Sequence[Execute]) -> tuple[str, ...]:
-    """That recorded orders contradict the helm, which keeps a run from showing a criterion."""
-    return (CONTRADICTION,) if any(execute.contradicts for execute in executes) else ()
-
-
-def count_notes(motion: Motion, executes: Sequence[Execute] = ()) -> tuple[str, ...]:
-    """What the indices count from where it was not recorded: the moment of the order, and midship."""
-    notes = []
+def execution_notes(motion: Motion, executes: Sequence[Execute]) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """What the indices count from where it was not recorded, the moment of the order and midship; and what keeps a
+    run from showing a criterion: recorded orders that contradict the helm."""
+    notes, contradicts = list[str](), any(execute.contradicts for execute in executes)
     if motion.orders_are_events:
         notes.append("orders were recorded as events: each was given before half of the recorded change, which the "
                      "intervals allow for")  # fmt: skip
-    elif any(execute.contradicts for execute in executes):
+    elif contradicts:
         notes.append(f"{CONTRADICTION}: each is taken from the helm's movement")
     elif motion.helm_order_deg is None:
         notes.append("orders were not recorded: each is taken from the beginning of the helm's movement")
     if not motion.is_midship and motion.length_m:
         notes.append("the antenna's position on the ship is not known: the intervals cover any")
-    return tuple(notes)
+    return tuple(notes), (CONTRADICTION,) if contradicts else ()

@@ -16,7 +16,7 @@ pushes more and turns the ship to starboard: 0 for like propellers, 45 deg for o
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
 from datetime import datetime
 from typing import Any
@@ -24,26 +24,12 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from seatrial.acquisition.core import ship
 from seatrial.acquisition.core.errors import DataShortageError, InputError
 from seatrial.acquisition.core.quantities import Bools, Complexes, Floats, Ints, integrate, to_earth, to_ship
-from seatrial.acquisition.core.ship import (
-    POSE,
-    POSE_AND_VELOCITY,
-    RUDDER,
-    VELOCITY,
-    Actuator,
-    Actuators,
-    actuators_in,
-    circular_mean,
-    is_circular,
-    name_of_order,
-    unwrap,
-    wrap_180,
-    wrap_360,
-)
 from seatrial.analysis.quality.commands import ORDER_INTERPOLATED, check_orders
 from seatrial.analysis.quality.motion.model import heading_deviation, wild_heading_mask
-from seatrial.analysis.series import local_quadratic, runs, white_noise
+from seatrial.analysis.series import local_quadratic, robust_spread, runs, white_noise
 from seatrial.analysis.tables.resample import resample
 from seatrial.analysis.tables.table import (
     NANO,
@@ -60,7 +46,6 @@ FASTEST_HZ = 5.0
 _PATH_HALF_WIDTH_S = 20.0
 _SLOPE_HALF_WIDTH_S, _SLOPE_ROWS = 2.0, 3.0  # as narrow as possible: indices come from wider fits
 _WILD = 3.0  # factor on the change exceeded in a fiftieth of the recording: a splice, not motion
-_NORMAL_MAD = 1.4826
 _MEDIAN_OF_FIVE = 1.1  # white noise in means of running medians of five, by that in means of the values
 _JUMP_S, _JUMP_DEG, _JUMP_SHARE = 4.0, 6.0, 5.0
 _LONGEST_GAP_S = 60.0  # longer ones part a recording: what is interpolated over them is no helm and no way
@@ -70,8 +55,6 @@ _SIDES = (re.compile(r"(^|_)(port|left|bb|ps)(_|$)"), re.compile(r"(^|_)(starboa
 _STILL_SHARE = 0.2  # of the mean side thrust, that it changes by in a turn that lasts for the whole recording
 _OPPOSED = -0.9  # correlation of side thrusts under way, below which a drive is at the other end of the ship
 _IN_STEP = 0.98  # the mean of unit vectors at the phases of samples, above which they are in step
-Place = tuple[float, float]
-"""A point of the ship: how far forward and to starboard of midship [m]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -156,10 +139,6 @@ class Motion:
         """The speed exceeded in a fiftieth of the measurements."""
         return float(np.percentile(self.speed_mps[self.measured], 98)) if self.measured.any() else 0.0
 
-    def with_columns(self, columns: Mapping[str, Floats]) -> Motion:
-        """This motion with other values of some of its columns."""
-        return replace(self, **dict[str, Any](columns))
-
     def rows(self, first: int, end: int) -> Motion:
         """The rows from ``first`` up to ``end``."""
         part, columns = slice(max(first, 0), end), dict[str, Any]()
@@ -203,14 +182,14 @@ class Motion:
         return (pd.Timestamp(time).value - self.origin_ns) / NANO
 
 
-def steering_of(actuators: Actuators) -> Actuators:
+def steering_of(actuators: ship.Actuators) -> ship.Actuators:
     """The actuators that steer a ship: its rudders, else the propulsors with a thrust angle; none if it has
     neither."""
     with_angle = tuple(actuator for actuator in actuators if actuator.angle is not None)
     return tuple(actuator for actuator in with_angle if not actuator.drives) or with_angle
 
 
-def recorded_actuators(table: pd.DataFrame) -> Actuators:
+def recorded_actuators(table: pd.DataFrame) -> ship.Actuators:
     """The actuators of a table's ship; of one that names none, and has no angle of theirs, those that its columns
     tell; a rudder alone if it has that angle and no actuator of the ship."""
     actuators, trial = table_actuators(table), trial_of(table)
@@ -220,9 +199,10 @@ def recorded_actuators(table: pd.DataFrame) -> Actuators:
         or trial.actuators
         or any(actuator.angle and actuator.angle.name in recorded for actuator in actuators)
     ):
-        actuators = actuators_in(name for name in table if name in recorded) or actuators
+        actuators = ship.actuators_in(name for name in table if name in recorded) or actuators
     actuator_channels = {channel.name for actuator in actuators for channel in actuator.channels}
-    return (Actuator(_RUDDER, _RUDDER),) if RUDDER in table and not actuator_channels & recorded else actuators
+    is_rudder_alone = ship.RUDDER in table and not actuator_channels & recorded
+    return (ship.Actuator(_RUDDER, _RUDDER),) if is_rudder_alone else actuators
 
 
 def motion_of(table: pd.DataFrame, length_m: float | None = None) -> Motion:
@@ -237,54 +217,48 @@ def motion_of(table: pd.DataFrame, length_m: float | None = None) -> Motion:
     if not (*steering, *driving):
         raise InputError("the ship has no propulsion", fix="name the actuators in the trial")
     helms = [actuator.angle.name for actuator in steering if actuator.angle is not None]
-    require(table, (*POSE, *(helms or [channel.name for channel in driving[0].channels])[:1]))
+    require(table, (*ship.POSE, *(helms or [channel.name for channel in driving[0].channels])[:1]))
     grid, time_ns = _even_grid(table)
     time_s = (time_ns - time_ns[0]) / NANO
     step_s = float(time_s[1] - time_s[0]) if time_s.size > 1 else 1.0
     grid = _add_velocities(grid, step_s)
-    measured = grid[[*POSE_AND_VELOCITY]].notna().all(axis=1).to_numpy(dtype=bool)
-    yaw_rate = fill_gaps(grid["yaw_rate_dps"].to_numpy())
+
+    measured = grid[[*ship.POSE_AND_VELOCITY]].notna().all(axis=1).to_numpy(dtype=bool)
+    surge, sway, yaw_rate = (fill_gaps(grid[name].to_numpy()) for name in ship.VELOCITY)
     integral = integrate(yaw_rate, step_s)  # which the heading follows over gaps
-    turned = np.asarray(integral + fill_gaps(unwrap(wrap_360(grid["heading_deg"].to_numpy() - integral))))
-    surge, sway = (fill_gaps(grid[name].to_numpy()) for name in ("surge_mps", "sway_mps"))
-    off_course = fill_gaps(unwrap(grid["heading_deg"].to_numpy() - integral))
-    broken = _jumps(off_course, step_s, _JUMP_DEG)
+    turned = np.asarray(integral + fill_gaps(ship.unwrap(ship.wrap_360(grid["heading_deg"].to_numpy() - integral))))
+    broken = _jumps(fill_gaps(ship.unwrap(grid["heading_deg"].to_numpy() - integral)), step_s, _JUMP_DEG)
     for first, end in stretches(~measured, round(_LONGEST_GAP_S / step_s)):
         broken[first:end] = True
     (north, east), broken, spread = _path_of(table, grid, turned, surge, sway, broken, step_s)
-    drives, tunnels, words = _shafts_of(grid, actuators)
-    helm, thrust = _helm_and_thrust(grid, steering, driving, surge)
-    kind = steering[0].steers_by if steering else ""
-    if not steering and (sides := drives_by_side(driving)):
-        shafts = ([_shaft(grid, drive) for drive in side] for side in sides)
-        port, starboard = (np.sum([rpm * np.abs(rpm) for rpm in group], axis=0) for group in shafts)
-        kind, helm = BY_DIFFERENCE, np.rad2deg(np.arctan2(port - starboard, port + starboard))
-    names = [name_of_order(name) for name in helms]
-    orders = [
-        fill_gaps(unwrap(grid[name].to_numpy())) for name in names if name in grid and grid[name].notna().any()
-    ]
+
+    drives, tunnels, words = dict[str, Floats](), dict[str, Floats](), dict[str, str]()
+    for actuator in actuators:
+        if actuator.drives or actuator.angle is None:
+            shaft, text = actuator.channels[0].name, actuator.name.replace("_", " ")
+            name = shaft if _pitch_of(actuator) is None else f"{actuator.name}_at_full_pitch_rpm"
+            (drives if actuator.drives else tunnels)[name] = _shaft(grid, actuator)
+            words[name] = text if actuator.noun in text else f"{text} {actuator.noun}"
+    kind, helm, thrust = _helm_and_thrust(grid, steering, driving, surge)
+    recorded_orders = [name for name in map(ship.name_of_order, helms) if name in grid and grid[name].notna().any()]
+    orders = [fill_gaps(ship.unwrap(grid[name].to_numpy())) for name in recorded_orders]
     motion = Motion(
         int(time_ns[0]), time_s, north, east, turned, surge, sway, yaw_rate, helm, thrust, drives, tunnels,
         measured & ~broken, broken, spread, orders_are_events(table), kind, words, length_m,
-        helm_order_deg=circular_mean(orders, axis=0) if orders else None,
+        helm_order_deg=ship.circular_mean(orders, axis=0) if orders else None,
         thrust_order=_ordered_thrust(grid, driving),
     )  # fmt: skip
-    return at_midship(motion, antenna_of(table))
-
-
-def antenna_of(table: pd.DataFrame) -> Place | None:
-    """Where the positions of a table are measured, None where its trial does not say that."""
     trial = trial_of(table)
-    return None if trial.antenna_forward_m is None else (trial.antenna_forward_m, trial.antenna_starboard_m or 0.0)
+    if trial.antenna_forward_m is None:
+        return motion
+    return at_midship(motion, (trial.antenna_forward_m, trial.antenna_starboard_m or 0.0))
 
 
-def at_midship(motion: Motion, place_m: Place | None) -> Motion:
-    """The motion of midship from that of another point of the ship; as it is where that point is not known.
+def at_midship(motion: Motion, place_m: tuple[float, float]) -> Motion:
+    """The motion of midship from that of another point of the ship, so far forward and to starboard of it [m].
 
     A point of a rigid ship moves with ``u - r y`` and ``v + r x`` (Fossen 2011, eq. 2.118 in the plane).
     """
-    if place_m is None:
-        return motion
     north, east = to_earth(*place_m, np.deg2rad(motion.heading_deg))
     turning = np.deg2rad(motion.yaw_rate_dps)
     return replace(
@@ -297,22 +271,22 @@ def at_midship(motion: Motion, place_m: Place | None) -> Motion:
 def _add_velocities(grid: pd.DataFrame, step_s: float) -> pd.DataFrame:
     """The grid with missing speeds and rate of turn derived from local fits of position and heading, without
     implausible jumps."""
-    lacking = [name for name in VELOCITY if name not in grid or not grid[name].notna().any()]
+    lacking = [name for name in ship.VELOCITY if name not in grid or not grid[name].notna().any()]
     if not lacking:
         return grid
     if len(grid) < 2:
         raise DataShortageError("holds too few positions to derive speeds from", fix="record for longer")
     rows = max(_SLOPE_HALF_WIDTH_S / step_s, _SLOPE_ROWS)
-    north, east = (fill_gaps(grid[name].to_numpy()) for name in POSE[:2])
-    heading = unwrap(fill_gaps(unwrap(grid[POSE[2]].to_numpy())))
+    north, east = (fill_gaps(grid[name].to_numpy()) for name in ship.POSE[:2])
+    heading = ship.unwrap(fill_gaps(ship.unwrap(grid[ship.POSE[2]].to_numpy())))
     slopes = (np.gradient(local_quadratic(values, rows), step_s) for values in (north, east, heading))
     over_north, over_east, yaw_rate = (
         fill_gaps(np.where(np.abs(slope) > _WILD * np.percentile(np.abs(slope), 98), np.nan, slope))
         for slope in slopes
     )
     surge, sway = to_ship(over_north, over_east, np.deg2rad(heading))
-    gaps = grid[[*POSE]].isna().any(axis=1)
-    derived = dict(zip(VELOCITY, (surge, sway, yaw_rate), strict=True))
+    gaps = grid[[*ship.POSE]].isna().any(axis=1)
+    derived = dict(zip(ship.VELOCITY, (surge, sway, yaw_rate), strict=True))
     return grid.assign(**{name: np.where(gaps, np.nan, derived[name]) for name in lacking})
 
 
@@ -362,25 +336,19 @@ def _even_grid(table: pd.DataFrame) -> tuple[pd.DataFrame, Ints]:
     delay_ns = round(float(np.angle(mean)) / (2.0 * np.pi) * step_ns) if abs(mean) > _IN_STEP else 0
     on_grid = table.assign(heading_deg=_cleaned_heading(table))
     on_grid.index = pd.DatetimeIndex(table.index) - pd.to_timedelta(delay_ns, unit="ns")
-    grid = _sample_fast_settings(resample(on_grid, rate_hz), on_grid)
-    return grid, times_ns(grid) + delay_ns
+    grid = resample(on_grid, rate_hz)
 
-
-def _sample_fast_settings(grid: pd.DataFrame, table: pd.DataFrame) -> pd.DataFrame:
-    """The grid with the settings of a faster table sampled at its rows.
-
-    The anti-aliasing filter turns a step into a ramp that begins early, and an execute matters to a tenth of a
-    second for a model that turns by 3 deg in one.
-    """
+    # Settings of a faster table are sampled at the rows: the anti-aliasing filter turns a step into a ramp that
+    # begins early, and an execute matters to a tenth of a second for a model that turns by 3 deg in one.
     at, sharp = times_ns(grid), {}
-    for name in filter(table.__contains__, table_controls(table)):
-        samples = table[name].dropna().sort_index()
+    for name in filter(on_grid.__contains__, table_controls(on_grid)):
+        samples = on_grid[name].dropna().sort_index()
         stamps = times_ns(samples.to_frame())
         if stamps.size > 1 and np.median(np.diff(stamps)) < 0.8 * NANO / FASTEST_HZ:
             values = samples.to_numpy(dtype=float)
-            values = np.interp(at, stamps, unwrap(values) if is_circular(name) else values)
-            sharp[name] = wrap_180(values) if is_circular(name) else values
-    return grid.assign(**sharp)
+            values = np.interp(at, stamps, ship.unwrap(values) if ship.is_circular(name) else values)
+            sharp[name] = ship.wrap_180(values) if ship.is_circular(name) else values
+    return grid.assign(**sharp), at + delay_ns
 
 
 def _cleaned_heading(table: pd.DataFrame) -> Floats:
@@ -408,24 +376,36 @@ def _path_of(
     With it the rows that are ``broken`` or at which the positions jump, and the standard deviation of a point [m].
     """
     reckoned = [integrate(velocity, step_s) for velocity in to_earth(surge, sway, np.deg2rad(heading_deg))]
-    differences = [fill_gaps(grid[name].to_numpy() - path) for name, path in zip(POSE, reckoned, strict=False)]
+    differences = [fill_gaps(grid[name].to_numpy() - path) for name, path in zip(ship.POSE, reckoned, strict=False)]
     offsets = [running_median(difference, 5) for difference in differences]
     fastest_mps = float(np.percentile(np.hypot(surge, sway), 98))
     for offset in offsets:
         broken = broken | _jumps(offset, step_s, _JUMP_S * fastest_mps)
+    half_width = _PATH_HALF_WIDTH_S / step_s
     trends = [offset.copy() for offset in offsets]
     for trend in trends:  # piece by piece
         for first, end in stretches(~broken):
-            trend[first:end] = local_quadratic(trend[first:end], _PATH_HALF_WIDTH_S / step_s)
+            trend[first:end] = local_quadratic(trend[first:end], half_width)
+
+    # The positions wander by the spread of ten-second means of the fit's residuals, two of which cover its width.
+    wanders_m, rows = list[float](), max(1, round(0.5 * _PATH_HALF_WIDTH_S / step_s))
+    for offset, trend in zip(offsets, trends, strict=True):
+        means = (offset - trend)[: offset.size // rows * rows].reshape(-1, rows).mean(axis=1)
+        wanders_m.append(robust_spread(means) / np.sqrt(2.0))
+    # The fit passes a part of the white noise of the positions, and that of the speeds drifts until it corrects it.
     sideways_mps = fastest_mps * np.deg2rad(noise_of(heading_deg))  # what the heading's noise does to the speeds
     speed_noise_mps = float(np.hypot(max(noise_of(surge), noise_of(sway)), sideways_mps))
     scatters_m = list(map(noise_of, differences))
-    for name in POSE[:2]:  # as for one sample a step: what is on the grid was interpolated or filtered
+    for name in ship.POSE[:2]:  # as for one sample a step: what is on the grid was interpolated or filtered
         samples = table[name].dropna().sort_index()
         interval_s = float(np.median(np.diff(times_ns(samples.to_frame())))) / NANO if len(samples) > 1 else step_s
         scatters_m.append(noise_of(samples.to_numpy(dtype=float)) * np.sqrt(min(interval_s / step_s, 1.0)))
-    residuals = [offset - trend for offset, trend in zip(offsets, trends, strict=True)]
-    spread_m = _path_spread_m(residuals, float(max(scatters_m)), speed_noise_mps, step_s)
+    impulse = np.zeros(4 * int(np.ceil(half_width)) + 1)
+    impulse[impulse.size // 2] = 1.0
+    kernel = local_quadratic(impulse, half_width)
+    drift_m = speed_noise_mps * step_s * np.linalg.norm(np.cumsum(impulse) - np.cumsum(kernel))
+    noise_m = float(np.hypot(_MEDIAN_OF_FIVE * float(max(scatters_m)) * np.linalg.norm(kernel), drift_m))
+    spread_m = float(np.hypot(float(np.linalg.norm(wanders_m)), noise_m))
     return [path + trend for path, trend in zip(reckoned, trends, strict=True)], broken, spread_m
 
 
@@ -438,26 +418,6 @@ def _jumps(values: Floats, step_s: float, least: float) -> Bools:
     return change > max(least, _JUMP_SHARE * float(np.percentile(change, 90)))
 
 
-def _path_spread_m(residuals: Sequence[Floats], scatter_m: float, speed_noise_mps: float, step_s: float) -> float:
-    """The standard deviation of a point of the path [m], from how the positions wander about it and from noise.
-
-    They wander by the spread of ten-second means of the fit's residuals, two of which cover the width of the fit.
-    The fit passes a part of the white noise of the positions, and that of the speeds drifts until the fit corrects
-    it. ``scatter_m`` is that of single positions; the median over five of them has a little more than their mean.
-    """
-    wanders_m, rows = list[float](), max(1, round(0.5 * _PATH_HALF_WIDTH_S / step_s))
-    for residual in residuals:
-        means = residual[: residual.size // rows * rows].reshape(-1, rows).mean(axis=1)
-        wanders_m.append(float(_NORMAL_MAD * np.median(np.abs(means)) / np.sqrt(2.0)) if means.size else 0.0)
-    half_width = _PATH_HALF_WIDTH_S / step_s
-    impulse = np.zeros(4 * int(np.ceil(half_width)) + 1)
-    impulse[impulse.size // 2] = 1.0
-    kernel = local_quadratic(impulse, half_width)
-    drift_m = speed_noise_mps * step_s * np.linalg.norm(np.cumsum(impulse) - np.cumsum(kernel))
-    noise_m = float(np.hypot(_MEDIAN_OF_FIVE * scatter_m * np.linalg.norm(kernel), drift_m))
-    return float(np.hypot(float(np.linalg.norm(wanders_m)), noise_m))
-
-
 def stretches(mask: Bools, least_rows: int = 1) -> list[tuple[int, int]]:
     """First row and end of every run of true values that is long enough.
 
@@ -467,25 +427,11 @@ def stretches(mask: Bools, least_rows: int = 1) -> list[tuple[int, int]]:
     return [(int(a), int(b)) for a, b in zip(*runs(mask), strict=True) if b - a >= least_rows]
 
 
-def _shafts_of(
-    grid: pd.DataFrame, actuators: Actuators
-) -> tuple[dict[str, Floats], dict[str, Floats], dict[str, str]]:
-    """The shaft speeds of propulsors and of tunnel thrusters [rpm], and the names of both in text, by channel."""
-    drives, tunnels, words = dict[str, Floats](), dict[str, Floats](), dict[str, str]()
-    for actuator in actuators:
-        if actuator.drives or actuator.angle is None:
-            shaft, text = actuator.channels[0].name, actuator.name.replace("_", " ")
-            name = shaft if _pitch_of(actuator) is None else f"{actuator.name}_at_full_pitch_rpm"
-            (drives if actuator.drives else tunnels)[name] = _shaft(grid, actuator)
-            words[name] = text if actuator.noun in text else f"{text} {actuator.noun}"
-    return drives, tunnels, words
-
-
-def _pitch_of(actuator: Actuator) -> str | None:
+def _pitch_of(actuator: ship.Actuator) -> str | None:
     return next((channel.name for channel in actuator.channels if channel.unit == "%"), None)
 
 
-def _shaft(grid: pd.DataFrame, actuator: Actuator) -> Floats:
+def _shaft(grid: pd.DataFrame, actuator: ship.Actuator) -> Floats:
     """The shaft speed of an actuator [rpm], at full pitch; zero if not recorded."""
     name, pitch = actuator.channels[0].name, _pitch_of(actuator)
     rpm = fill_gaps(grid[name].to_numpy()) if name in grid else np.zeros(len(grid))
@@ -495,41 +441,45 @@ def _shaft(grid: pd.DataFrame, actuator: Actuator) -> Floats:
     return np.asarray(rpm * np.sign(share) * np.sqrt(np.abs(share)))
 
 
-def _angle(grid: pd.DataFrame, actuator: Actuator) -> Floats:
+def _angle(grid: pd.DataFrame, actuator: ship.Actuator) -> Floats:
     """The angle of an actuator [deg], unwrapped; zero where missing."""
     if actuator.angle is None or actuator.angle.name not in grid:
         return np.zeros(len(grid))
-    return fill_gaps(unwrap(grid[actuator.angle.name].to_numpy()))
+    return fill_gaps(ship.unwrap(grid[actuator.angle.name].to_numpy()))
 
 
 def _helm_and_thrust(
-    grid: pd.DataFrame, steering: Actuators, driving: Actuators, surge: Floats
-) -> tuple[Floats, Floats]:
-    """Helm [deg] and thrust along the bow [rpm^2]."""
+    grid: pd.DataFrame, steering: ship.Actuators, driving: ship.Actuators, surge: Floats
+) -> tuple[str, Floats, Floats]:
+    """What steers the ship, "" for nothing, the helm [deg] and the thrust along the bow [rpm^2]."""
+    zero = np.zeros(len(grid))
     pushes = {actuator: _thrust_vector(grid, actuator) for actuator in driving}
-    ahead = np.sum([np.zeros(len(grid)), *(push.real for push in pushes.values())], axis=0)
-    shafts_known = any(actuator.channels[0].name in grid for actuator in steering)
-    if not steering or not steering[0].drives or not shafts_known:
-        recorded = [actuator for actuator in steering if actuator.angle is not None and actuator.angle.name in grid]
-        return np.mean([_angle(grid, actuator) for actuator in recorded], axis=0) if recorded else np.zeros(
-            len(grid)
-        ), ahead
+    ahead = np.sum([zero, *(push.real for push in pushes.values())], axis=0)
+    if not steering:
+        if not (sides := drives_by_side(driving)):
+            return "", zero, ahead
+        shafts = ([_shaft(grid, drive) for drive in side] for side in sides)
+        port, starboard = (np.sum([rpm * np.abs(rpm) for rpm in group], axis=0) for group in shafts)
+        return BY_DIFFERENCE, np.rad2deg(np.arctan2(port - starboard, port + starboard)), ahead
+    kind = steering[0].steers_by
+    if not steering[0].drives or not any(actuator.channels[0].name in grid for actuator in steering):
+        angles = [_angle(grid, actuator) for actuator in steering if actuator.angle and actuator.angle.name in grid]
+        return kind, np.mean(angles, axis=0) if angles else zero, ahead
+
     turned = [pushes[actuator] for actuator in steering]
     under_way = np.abs(surge) >= 0.5 * np.percentile(np.abs(surge), 98)
-    sides = []
-    for (
-        push
-    ) in turned:  # one at the other end of the ship pushes against the first, in its changes if there are any
+    sides_of_turn = []
+    for push in turned:  # one at the other end of the ship pushes against the first, in its changes if it has any
         pair = push.imag[under_way], turned[0].imag[under_way]
         constant = all(values.std() < _STILL_SHARE * abs(values.mean()) for values in pair)
         a, b = (values if constant else values - values.mean() for values in pair)
-        sides.append(-1.0 if a @ b < _OPPOSED * np.sqrt((a @ a) * (b @ b)) else 1.0)
+        sides_of_turn.append(-1.0 if a @ b < _OPPOSED * np.sqrt((a @ a) * (b @ b)) else 1.0)
     along = np.sum([push.real for push in turned], axis=0)
-    sideways = np.sum([side * push.imag for side, push in zip(sides, turned, strict=True)], axis=0)
-    return wrap_180(np.rad2deg(np.arctan2(sideways, along))), ahead
+    sideways = np.sum([side * push.imag for side, push in zip(sides_of_turn, turned, strict=True)], axis=0)
+    return kind, ship.wrap_180(np.rad2deg(np.arctan2(sideways, along))), ahead
 
 
-def drives_by_side(driving: Actuators) -> tuple[Actuators, Actuators] | tuple[()]:
+def drives_by_side(driving: ship.Actuators) -> tuple[ship.Actuators, ship.Actuators] | tuple[()]:
     """The propellers to port and to starboard, by their names; of a pair that its names do not tell the port one
     comes first. Empty where they are not to both sides."""
     port, starboard = (tuple(drive for drive in driving if side.search(drive.name)) for side in _SIDES)
@@ -538,13 +488,13 @@ def drives_by_side(driving: Actuators) -> tuple[Actuators, Actuators] | tuple[()
     return (port, starboard) if port and starboard else ()
 
 
-def _ordered_thrust(grid: pd.DataFrame, driving: Actuators) -> Floats | None:
+def _ordered_thrust(grid: pd.DataFrame, driving: ship.Actuators) -> Floats | None:
     """The thrust along the bow that was ordered of the drives whose orders were recorded [rpm^2], None if none
     were."""
     orders: dict[str, pd.Series] = {}
-    ordered = list[Actuator]()
+    ordered = list[ship.Actuator]()
     for drive in driving:
-        names = {channel.name: name_of_order(channel.name) for channel in drive.channels}
+        names = {channel.name: ship.name_of_order(channel.name) for channel in drive.channels}
         recorded = {
             name: grid[order] for name, order in names.items() if order in grid and grid[order].notna().any()
         }
@@ -557,7 +507,7 @@ def _ordered_thrust(grid: pd.DataFrame, driving: Actuators) -> Floats | None:
     return np.asarray(np.sum([_thrust_vector(as_ordered, drive).real for drive in ordered], axis=0))
 
 
-def _thrust_vector(grid: pd.DataFrame, actuator: Actuator) -> Complexes:
+def _thrust_vector(grid: pd.DataFrame, actuator: ship.Actuator) -> Complexes:
     """n|n| of a propulsor in the direction of its thrust [rpm^2]."""
     rpm = _shaft(grid, actuator)
     return np.asarray(rpm * np.abs(rpm) * np.exp(1j * np.deg2rad(_angle(grid, actuator))))

@@ -67,11 +67,8 @@ def shaft_plateaus(motion: Motion) -> list[Plateau]:
 
 def _changes_within_look(values: Floats, step_s: float) -> Floats:
     """How much ``values`` change over twice the looking distance, one-sided at the ends."""
-    rows = max(1, round(_LOOK_S / step_s))
-    return np.asarray(
-        values[np.minimum(np.arange(values.size) + rows, values.size - 1)]
-        - values[np.maximum(np.arange(values.size) - rows, 0)]
-    )
+    rows, places = max(1, round(_LOOK_S / step_s)), np.arange(values.size)
+    return np.asarray(values[np.minimum(places + rows, values.size - 1)] - values[np.maximum(places - rows, 0)])
 
 
 def straight_rows(smooth: Motion) -> Bools:
@@ -108,18 +105,28 @@ def find_speed_runs(motion: Motion, smooth: Motion, free: Bools) -> list[Manoeuv
 
     Rejected are those with a slow turn, or a trend of the speed.
     """
-    spans = []
+    candidates = dict[tuple[int, int], str]()
     for first, end in straight_stretches(motion, smooth, free):
         # without its beginning, where the ship regains speed after a turn; all of it if less than half is level
         starts = np.linspace(first, 0.5 * (first + end), _TRIED_STARTS).astype(int)
         long = [start for start in starts if (end - start) * smooth.step_s >= LEAST_RUN_S]
-        spans.append(next(((start, end) for start in long if not no_speed_run(smooth, start, end)), (first, end)))
-    reasons = {rows: no_speed_run(smooth, *rows) for rows in spans}
-    runs = [_speed_run(motion, *rows) for rows, why in reasons.items() if not why]
-    left_out = [
-        LeftOut("speed_run", motion.utc(motion.time_s[first]), motion.utc(motion.time_s[end - 1]), why)
-        for (first, end), why in reasons.items() if why
-    ]  # fmt: skip
+        start = next((start for start in long if not no_speed_run(smooth, start, end)), first)
+        candidates[start, end] = no_speed_run(smooth, start, end)
+    runs, left_out = list[Manoeuvre](), list[LeftOut]()
+    for (first, end), why in candidates.items():
+        part = motion.rows(first, end)
+        span = part.time_s[[0, -1]]
+        if why:
+            left_out.append(LeftOut("speed_run", motion.utc(span[0]), motion.utc(span[1]), why))
+            continue
+        heading = float(wrap_360(circular_mean(part.heading_deg)))
+        columns = {"speed_over_ground_mps": "speed_mps", "surge_mps": "surge_mps", "sway_mps": "sway_mps"}
+        estimates = {name: measures.mean_of_blocks(getattr(part, column)) for name, column in columns.items()}
+        estimates["distance_m"] = (measures.distance_m(part, *span), float("nan"))
+        name = f"speed run {part.main_rpm.mean():.0f} rpm on {round(heading) % 360} deg"
+        duration_s = float(span[1] - span[0])
+        settings = {**measures.means_of(part.drives), "heading_deg": heading, "duration_s": duration_s}
+        runs.append(measures.manoeuvre_of(motion, "speed_run", name, span, "", settings, estimates))
     return [*_pair_reciprocal(runs), *left_out]
 
 
@@ -133,18 +140,6 @@ def no_speed_run(smooth: Motion, first: int, end: int) -> str:
     if abs(gained) > _STEADY_SHARE * float(smooth.surge_mps[first:end].mean()):
         return f"the speed changed by {abs(gained):.2f} m/s"
     return ""
-
-
-def _speed_run(motion: Motion, first: int, end: int) -> Manoeuvre:
-    part = motion.rows(first, end)
-    span = np.array([part.time_s[0], part.time_s[-1]])
-    heading = float(wrap_360(circular_mean(part.heading_deg)))
-    estimates = {name: measures.mean_of_blocks(getattr(part, column)) for name, column in (
-        ("speed_over_ground_mps", "speed_mps"), ("surge_mps", "surge_mps"), ("sway_mps", "sway_mps"))}  # fmt: skip
-    estimates["distance_m"] = (measures.distance_m(part, *span), float("nan"))
-    name = f"speed run {part.main_rpm.mean():.0f} rpm on {round(heading) % 360} deg"
-    settings = {**measures.means_of(part.drives), "heading_deg": heading, "duration_s": float(span[1] - span[0])}
-    return measures.manoeuvre_of(motion, "speed_run", name, span, "", settings, estimates)
 
 
 class Course(NamedTuple):
@@ -199,13 +194,6 @@ def _pair_reciprocal(runs: Sequence[Manoeuvre]) -> list[Manoeuvre]:
     return result
 
 
-class EngineOrder(NamedTuple):
-    """An order to the engines that was marked by the crew: when [s], and its words."""
-
-    time_s: float
-    text: str
-
-
 class ShaftStep(NamedTuple):
     """A change from one held thrust to the next, with the moment of the order and half of what it is known within
     [s].
@@ -218,57 +206,54 @@ class ShaftStep(NamedTuple):
     held: Plateau
     order_s: float
     within_s: float
-    source: str
+    source: str = ""
     lag_s: float = 0.0
     contradicts: bool = False
 
 
-def engine_orders(motion: Motion, events: Iterable[tuple[int, str]]) -> list[EngineOrder]:
-    """The orders to stop or reverse the engines among the marks of the crew (time [ns since 1970], text)."""
+def engine_orders(motion: Motion, events: Iterable[tuple[int, str]]) -> list[tuple[float, str]]:
+    """The orders to stop or reverse the engines among the marks of the crew (time [ns since 1970], text): when [s],
+    and their words."""
     return [
-        EngineOrder((time_ns - motion.origin_ns) / NANO, text.strip())
-        for time_ns, text in events if _ENGINE_ORDER.search(text)
-    ]  # fmt: skip
+        ((time_ns - motion.origin_ns) / NANO, text.strip())
+        for time_ns, text in events
+        if _ENGINE_ORDER.search(text)
+    ]
 
 
-def _apply_recorded_order(motion: Motion, step: ShaftStep, marks: Sequence[EngineOrder]) -> ShaftStep:
-    """A step with the recorded order that it follows, else with the mark of one, else as it is."""
-    latest_s = step.order_s + max(motion.step_s, step.within_s)
-    earliest_s = max(step.order_s - _LONGEST_ENGINE_LAG_S, float(motion.time_s[step.last.first]))
-    if motion.thrust_order is not None:
-        near = motion.between(earliest_s, latest_s + motion.step_s)
-        ordered = np.asarray(near.thrust_order)
-        wanted = np.sign(step.held.level - step.last.level)
-        change = wanted * (ordered - ordered[0])
-        if change[-1] > _STEP_SHARE * float(np.percentile(np.abs(motion.thrust_order), 99)):
-            ordered_s = measures.crossing_s(
-                near.time_s, change, 0.5 * change[-1], earliest_s, latest_s + 2.0 * motion.step_s
-            )
-            return step._replace(order_s=ordered_s, within_s=0.5 * motion.step_s, source="", lag_s=0.0)
-        step = step._replace(contradicts=True)
-    hand = [mark for mark in marks if earliest_s <= mark.time_s <= latest_s + _HAND_S]
-    if not hand or step.held.level > step.last.level:
-        return step
-    source = f"the order is taken from the mark '{hand[-1].text}'"
-    return step._replace(order_s=hand[-1].time_s, within_s=_HAND_S, source=source, lag_s=0.0)
+def shaft_steps(motion: Motion, free: Bools, marks: Sequence[tuple[float, str]] = ()) -> list[ShaftStep]:
+    """Every change from one held thrust to the next, where no other manoeuvre is.
 
-
-def shaft_steps(motion: Motion, free: Bools, marks: Sequence[EngineOrder] = ()) -> list[ShaftStep]:
-    """Every change from one held thrust to the next, where no other manoeuvre is."""
-    along, held = shaft_along(motion), shaft_plateaus(motion)
-    steps = []
-    for last, following in pairwise(held):
-        if free[max(following.first - 1, 0)] and abs(following.level - last.level) > measures.tolerance_of(
-            along, 1.0
-        ):
-            change_s = (
-                following.first - last.end
-            ) * motion.step_s  # a large shaft takes a minute and more to reverse
-            before = measures.level_before(motion, along, following, _LONGEST_STEP_S + change_s)
-            start, half = measures.execute_s(motion.time_s, along, following, before, last.first)
-            within_s = float(np.hypot(motion.step_s, _UNSURE_SHARE * (half - start)))
-            by_shaft = ShaftStep(last, following, start, within_s, _BY_SHAFT, max(half - start, motion.step_s))
-            steps.append(_apply_recorded_order(motion, by_shaft, marks))
+    It counts from the recorded order that it follows, else from the mark of one, else from the shaft.
+    """
+    along = shaft_along(motion)
+    least, steps = measures.tolerance_of(along, 1.0), list[ShaftStep]()
+    for last, held in pairwise(shaft_plateaus(motion)):
+        if not free[max(held.first - 1, 0)] or abs(held.level - last.level) <= least:
+            continue
+        change_s = (held.first - last.end) * motion.step_s  # a large shaft takes a minute and more to reverse
+        before = measures.level_before(motion, along, held, _LONGEST_STEP_S + change_s)
+        start, half = measures.execute_s(motion.time_s, along, held, before, last.first)
+        within_s = float(np.hypot(motion.step_s, _UNSURE_SHARE * (half - start)))
+        step = ShaftStep(last, held, start, within_s, _BY_SHAFT, max(half - start, motion.step_s))
+        latest_s = start + max(motion.step_s, within_s)
+        earliest_s = max(start - _LONGEST_ENGINE_LAG_S, float(motion.time_s[last.first]))
+        if motion.thrust_order is not None:
+            near = motion.between(earliest_s, latest_s + motion.step_s)
+            ordered = np.asarray(near.thrust_order)
+            change = np.sign(held.level - last.level) * (ordered - ordered[0])
+            if change[-1] > _STEP_SHARE * float(np.percentile(np.abs(motion.thrust_order), 99)):
+                end_s = latest_s + 2.0 * motion.step_s
+                ordered_s = measures.crossing_s(near.time_s, change, 0.5 * change[-1], earliest_s, end_s)
+                steps.append(ShaftStep(last, held, ordered_s, 0.5 * motion.step_s))
+                continue
+            step = step._replace(contradicts=True)
+        hand = [mark for mark in marks if earliest_s <= mark[0] <= latest_s + _HAND_S]
+        if hand and held.level <= last.level:
+            time_s, text = hand[-1]
+            source = f"the order is taken from the mark '{text}'"
+            step = step._replace(order_s=time_s, within_s=_HAND_S, source=source, lag_s=0.0)
+        steps.append(step)
     return steps
 
 
@@ -300,7 +285,7 @@ def find_accelerations(motion: Motion, smooth: Motion, free: Bools) -> list[Mano
 
 
 def find_stops(
-    motion: Motion, smooth: Motion, free: Bools, marks: Sequence[EngineOrder] = ()
+    motion: Motion, smooth: Motion, free: Bools, marks: Sequence[tuple[float, str]] = ()
 ) -> list[Manoeuvre | LeftOut]:
     """Thrust stopped or reversed under way, until the ship has stopped; ``marks`` are the crew's orders.
 
@@ -444,25 +429,18 @@ def _all_true(masks: Iterable[Bools]) -> Bools:
 
 
 def _drive_tests(motion: Motion, kind: str, name: str, rows: Bools, least_s: float) -> list[Manoeuvre]:
-    return [_measure_drive_test(motion, kind, name, first, end)
-            for first, end in stretches(rows, max(2, round(least_s / motion.step_s)))]  # fmt: skip
-
-
-def _measure_drive_test(motion: Motion, kind: str, name: str, first: int, end: int) -> Manoeuvre:
-    span = np.array([motion.time_s[first], motion.time_s[end - 1]])
-    part = motion.around(span[0], span[1], 10.0)
-    inside = motion.rows(first, end)
-    width = measures.half_width_s(part, (span[1] - span[0]) / 2.0)
-    estimates = measures.bootstrap_indices(part, span, width, drift_indices, _UNSURE_ROWS * motion.step_s)
-    turned, sway_mps = estimates["heading_change_deg"][0], estimates["sway_mps"][0]
-    sideways = sway_mps if kind == "crabbing" else turned
-    name = f"{name} to {side_of(sway_mps)}" if kind == "crabbing" else name
-    settings = (
-        measures.means_of(inside.drives)
-        | measures.means_of(inside.tunnels)
-        | {"duration_s": float(span[1] - span[0])}
-    )
-    return measures.manoeuvre_of(motion, kind, name, span, side_of(sideways), settings, estimates)
+    tests = []
+    for first, end in stretches(rows, max(2, round(least_s / motion.step_s))):
+        span, inside = np.array([motion.time_s[first], motion.time_s[end - 1]]), motion.rows(first, end)
+        part = motion.around(span[0], span[1], 10.0)
+        width = measures.half_width_s(part, (span[1] - span[0]) / 2.0)
+        estimates = measures.bootstrap_indices(part, span, width, drift_indices, _UNSURE_ROWS * motion.step_s)
+        side = side_of(estimates["sway_mps" if kind == "crabbing" else "heading_change_deg"][0])
+        full_name = f"{name} to {side}" if kind == "crabbing" else name
+        settings = measures.means_of(inside.drives) | measures.means_of(inside.tunnels)
+        settings["duration_s"] = float(span[1] - span[0])
+        tests.append(measures.manoeuvre_of(motion, kind, full_name, span, side, settings, estimates))
+    return tests
 
 
 def drift_indices(motion: Motion, executes: Floats) -> dict[str, float]:

@@ -20,17 +20,9 @@ from markupsafe import Markup
 from seatrial.acquisition.core.errors import ConfigurationError, DataShortageError, InputError
 from seatrial.acquisition.core.quantities import Floats, Ints
 from seatrial.acquisition.core.ship import POSE_AND_VELOCITY, Channel, in_turn, known_channels, unwrap, wraps_of
+from seatrial.analysis.report import plots
 from seatrial.analysis.report.pages import duration_text
-from seatrial.analysis.report.plots import (
-    FAINT,
-    HELD,
-    INK,
-    PALETTE,
-    control_groups,
-    declared_groups,
-    held_words,
-    label,
-)
+from seatrial.analysis.report.plots import PALETTE, label
 from seatrial.analysis.report.rendering import TEMPLATES, Page, render
 from seatrial.analysis.tables.table import NANO, declared_channels, table_actuators, times_ns, trial_channels
 from seatrial.analysis.windows.held import held_spans_ns
@@ -80,7 +72,12 @@ def interactive_page(
     Raises :class:`ConfigurationError` without plotly, :class:`DataShortageError` for a table without rows or
     without any channel and :class:`InputError` for one whose index is not UTC in increasing order.
     """
-    library = _plotly()
+    try:
+        from plotly.offline import get_plotlyjs
+    except ImportError as error:
+        raise ConfigurationError(
+            "the interactive page needs the package plotly", fix="pip install 'seatrial[interactive]'"
+        ) from error
     data = page_data(table, windows, predicted, manoeuvres)
     data["style"] = _style(data, table)
     channels = known_channels(table.attrs)
@@ -97,21 +94,10 @@ def interactive_page(
     return render(
         "interactive.html", title=title or "Trial", subtitle=subtitle, data=data, json=Markup(text),
         figures=_figures(data, trial_channels(table)), notes=_notes(data, trial_channels(table)),
-        policy=Markup(_NOTHING_LOADED), css=css, library=Markup(library), script=script,
-        held=held_words(table), track_px=track_px,
+        policy=Markup(_NOTHING_LOADED), css=css, library=Markup(get_plotlyjs()), script=script,
+        held=plots.held_words(table), track_px=track_px,
         series_px=_FRAME_PX + _PANEL_PX * len(data["style"]["panels"]),
     )  # fmt: skip
-
-
-def _plotly() -> str:
-    """The library's script. Raises :class:`ConfigurationError` where it is not installed."""
-    try:
-        from plotly.offline import get_plotlyjs
-    except ImportError as error:
-        raise ConfigurationError(
-            "the interactive page needs the package plotly", fix="pip install 'seatrial[interactive]'"
-        ) from error
-    return str(get_plotlyjs())
 
 
 def _style(data: Mapping[str, Any], table: pd.DataFrame) -> dict[str, Any]:
@@ -122,12 +108,12 @@ def _style(data: Mapping[str, Any], table: pd.DataFrame) -> dict[str, Any]:
         name: PALETTE[_KNOWN_METHODS.get(name, spare[number % len(spare)])]
         for number, name in enumerate(data["predicted"])
     }
-    groups = sorted(control_groups(actuators).items(), key=lambda group: "[rpm]" not in group[0])
+    groups = sorted(plots.control_groups(actuators).items(), key=lambda group: "[rpm]" not in group[0])
     panels = [
         *((label(name), (name,)) for name in POSE_AND_VELOCITY[2:]),
         *groups,
         (label("wind_speed_mps"), ("wind_speed_mps",)), ("wind from [deg]", ("wind_direction_deg",)),
-        *declared_groups(table).items(),
+        *plots.declared_groups(table).items(),
     ]  # fmt: skip
     orders = {order.name: channel.name for actuator in actuators
               for channel, order in zip(actuator.channels, actuator.orders, strict=True)}  # fmt: skip
@@ -145,7 +131,9 @@ def _style(data: Mapping[str, Any], table: pd.DataFrame) -> dict[str, Any]:
     }
     ordered = {order: {**controls[control], "width": 1.2, "dash": "dash"} for order, control in orders.items()}
     return {
-        "colours": {"ink": INK, "faint": FAINT, "held": HELD, "grid": "#E6E6E6", "manoeuvre": PALETTE[1]},
+        "colours": {
+            "ink": plots.INK, "faint": plots.FAINT, "held": plots.HELD, "grid": "#E6E6E6", "manoeuvre": PALETTE[1],
+        },
         "controls": {**controls, **ordered},
         "methods": methods,
         "panels": [panel for panel in shown if panel["names"]] or shown[:1],  # the cursor needs an axis of time
@@ -218,7 +206,13 @@ def page_data(
     holes = holes_of(time_ns)
     rows = select_rows({name: table[name].to_numpy(dtype=float) for name in names}, holes, time_ns.size)
     start_ms = int(time_ns[0] // _MILLI)
-    drawn = unwrapped_angles(table, names)
+    steady = {}  # the angles that can be followed from row to row, which run on beyond the whole turn
+    for name in names:
+        if known_channels(table.attrs)[name].circular:
+            angle = unwrap(table[name].to_numpy(dtype=float))
+            if (np.abs(np.diff(angle[np.isfinite(angle)])) <= _MOST_STEP_DEG).all():
+                steady[name] = angle
+    drawn = pd.DataFrame(steady, index=table.index)
     held_ns = np.empty((0, 2)) if windows is None else held_spans_ns(windows)
     spans = []
     for manoeuvre in manoeuvres:
@@ -237,15 +231,6 @@ def page_data(
         "predicted": {name: _prediction(motion, start_ms, drawn) for name, motion in (predicted or {}).items()},
         "manoeuvres": spans,
     }  # fmt: skip
-
-
-def unwrapped_angles(table: pd.DataFrame, names: Iterable[str]) -> pd.DataFrame:
-    """The angles of a table that can be followed from row to row, running on beyond the whole turn."""
-    channels = known_channels(table.attrs)
-    angles = {name: unwrap(table[name].to_numpy(dtype=float)) for name in names if channels[name].circular}
-    steps = {name: np.diff(values[np.isfinite(values)]) for name, values in angles.items()}
-    steady = {name: angles[name] for name in angles if (np.abs(steps[name]) <= _MOST_STEP_DEG).all()}
-    return pd.DataFrame(steady, index=table.index)
 
 
 def _columns(table: pd.DataFrame, names: Iterable[str], drawn: pd.DataFrame) -> dict[str, Any]:
@@ -280,9 +265,8 @@ def nullable(values: Floats) -> list[float | int | None]:
     >>> nullable(np.array([1.0, 2.5, np.nan]))
     [1, 2.5, None]
     """
-    return [
-        None if not np.isfinite(value) else int(value) if value.is_integer() else value for value in values.tolist()
-    ]
+    numbers = (value if np.isfinite(value) else None for value in values.tolist())
+    return [int(value) if value is not None and value.is_integer() else value for value in numbers]
 
 
 def seconds_since(time_ns: Ints, start_ms: int) -> list[float | int | None]:
@@ -306,27 +290,22 @@ def select_rows(columns: Mapping[str, Floats], holes: Ints, rows: int, most: int
         return np.arange(rows)
     length = -(-rows // most)
     while True:
-        kept = np.zeros(rows, dtype=bool)
-        kept[::length] = True
+        first = np.arange(0, rows, length)
+        kept = np.zeros(first.size * length, dtype=bool)
+        kept[first] = True
         kept[[0, rows - 1, *holes, *(holes - 1)]] = True
         for values in columns.values():
-            kept[_extreme_rows(values, length)] = True
+            padded = np.full(kept.size, np.inf)
+            padded[:rows] = values
+            stretches = padded.reshape(-1, length)
+            finite = np.isfinite(stretches)
+            kept[first + np.where(finite, stretches, np.inf).argmin(axis=1)] = True
+            kept[first + np.where(finite, stretches, -np.inf).argmax(axis=1)] = True
+            kept[first + np.isnan(stretches).argmax(axis=1)] = True
+        kept = kept[:rows]
         if kept.sum() <= most or length > rows:
             return np.flatnonzero(kept)
         length = max(length + 1, int(1.3 * length))
-
-
-def _extreme_rows(values: Floats, length: int) -> Ints:
-    """The rows of the least, the greatest and the first missing value of every stretch of ``length`` rows."""
-    padded = np.full(-(-values.size // length) * length, np.inf)
-    padded[: values.size] = values
-    first = np.arange(0, padded.size, length)
-    stretches = padded.reshape(-1, length)
-    finite = np.isfinite(stretches)
-    least = np.where(finite, stretches, np.inf).argmin(axis=1)
-    greatest = np.where(finite, stretches, -np.inf).argmax(axis=1)
-    rows = np.concatenate([first + least, first + greatest, first + np.isnan(stretches).argmax(axis=1)])
-    return rows[rows < values.size]
 
 
 def _prediction(predicted: pd.DataFrame, start_ms: int, drawn: pd.DataFrame) -> dict[str, Any]:

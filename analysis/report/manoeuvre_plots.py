@@ -10,16 +10,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from seatrial.acquisition.core.quantities import Floats, to_ship
+from seatrial.analysis.manoeuvres import measures
 from seatrial.analysis.manoeuvres.indices import Manoeuvre, from_order
 from seatrial.analysis.manoeuvres.kinds import remove_current
-from seatrial.analysis.manoeuvres.measures import (
-    along_and_across,
-    approach_of,
-    crossing_s,
-    half_width_s,
-    peak,
-    smooth_motion,
-)
 from seatrial.analysis.manoeuvres.motion import Motion
 from seatrial.analysis.report.plots import FAINT, PALETTE, label_points, outlines
 from seatrial.analysis.report.tables import index_cells, plain_name
@@ -44,14 +37,14 @@ def seconds_of(motion: Motion, manoeuvre: Manoeuvre) -> tuple[float, float]:
 def _course_deg(motion: Motion, manoeuvre: Manoeuvre) -> float:
     """The heading of the approach, before the command began to change."""
     begun = seconds_of(motion, manoeuvre)[0] - manoeuvre.settings.get("half_command_s", 0.0)
-    return approach_of(motion, begun)["approach_unwrapped_deg"]
+    return measures.approach_of(motion, begun)["approach_unwrapped_deg"]
 
 
 def draw(figure: Figure, motion: Motion, manoeuvre: Manoeuvre, *, titled: bool = True) -> None:
     """The picture of a manoeuvre, as its kind has it."""
     start, end = seconds_of(motion, manoeuvre)
     part = motion.around(start, end, _MARGIN_S)
-    smooth = smooth_motion(part, half_width_s(part, 0.1 * (end - start)))
+    smooth = measures.smooth_motion(part, measures.half_width_s(part, 0.1 * (end - start)))
     drawing = {"zigzag": draw_zigzag, "turning_circle": draw_circle, "course_change": draw_circle}
     figure.set_layout_engine("none")  # margins that are known: to find them would take as long as to draw
     drawing.get(manoeuvre.kind, draw_run)(figure, smooth, manoeuvre)
@@ -112,7 +105,7 @@ def _mark_overshoots(axes: Axes, motion: Motion, manoeuvre: Manoeuvre, heading: 
         axes.axvline(execute - start, color=FAINT, linewidth=0.8, linestyle=":")
         if index is None:
             continue
-        time_s, top = peak(motion.time_s, side * heading, execute, following)
+        time_s, top = measures.peak(motion.time_s, side * heading, execute, following)
         at_execute = float(np.interp(execute, motion.time_s, heading))
         if ordered is not None:
             at_execute = side * (top - ordered.value)
@@ -246,15 +239,15 @@ def _dimensions(
 ) -> None:
     """Arrows for advance, transfer and tactical diameter with their values."""
     turned = np.abs(motion.heading_deg - ahead_deg)
-    quarter_s, half_s = (crossing_s(motion.time_s, turned, angle, start, end) for angle in (90.0, 180.0))
+    quarter_s, half_s = (measures.crossing_s(motion.time_s, turned, angle, start, end) for angle in (90.0, 180.0))
     arrows: dict[str, tuple[Point, Point]] = {}
     if np.isfinite(quarter_s) and f"advance_m{suffix}" in manoeuvre.indices:
-        ahead, across = along_and_across(motion, start, quarter_s, ahead_deg)
+        ahead, across = measures.along_and_across(motion, start, quarter_s, ahead_deg)
         offset, above = -manoeuvre.sign * 0.12 * max(abs(ahead), abs(across)), ahead - 0.12 * ahead
         arrows = {"advance": ((offset, 0.0), (offset, ahead)), "transfer": ((0.0, above), (across, above))}
         axes.plot([offset, across], [ahead, ahead], color=FAINT, linewidth=0.8, linestyle="--")
     if np.isfinite(half_s) and f"tactical_diameter_m{suffix}" in manoeuvre.indices:
-        ahead, across = along_and_across(motion, start, half_s, ahead_deg)
+        ahead, across = measures.along_and_across(motion, start, half_s, ahead_deg)
         arrows["tactical_diameter"] = (0.0, ahead), (across, ahead)
     look = {"arrowstyle": "<->", "color": RED, "linewidth": 1.0}
     for begin, finish in arrows.values():
@@ -297,7 +290,7 @@ def draw_together(figure: Figure, runs: Sequence[tuple[str, Motion, Manoeuvre]])
     for number, (name, motion, manoeuvre) in enumerate(runs):
         start, end = seconds_of(motion, manoeuvre)
         course_deg, part = _course_deg(motion, manoeuvre), motion.between(start - _MARGIN_S, end)
-        part = smooth_motion(part, half_width_s(part, 0.1 * (end - start)))
+        part = measures.smooth_motion(part, measures.half_width_s(part, 0.1 * (end - start)))
         dashes = _DASHES[number // len(PALETTE) % len(_DASHES)]
         style: dict[str, Any] = {"color": PALETTE[number % len(PALETTE)], "linestyle": dashes}
         track_axes.plot(*_across_ahead(part, start, course_deg), label=name, **style)

@@ -10,7 +10,7 @@ from __future__ import annotations
 import json
 import re
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from urllib.parse import quote
@@ -18,7 +18,6 @@ from urllib.parse import quote
 import numpy as np
 import pandas as pd
 from markupsafe import Markup, escape
-from matplotlib.axes import Axes
 from matplotlib.dates import ConciseDateFormatter, date2num
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
@@ -28,6 +27,7 @@ from rich.text import Text
 
 from seatrial.acquisition.core.files import write_text, written_together
 from seatrial.acquisition.core.quantities import KNOT_MPS, Floats, Ints
+from seatrial.acquisition.core.result import terminal_table
 from seatrial.acquisition.core.ship import channel_unit, find_channel
 from seatrial.acquisition.core.trial import Quality
 from seatrial.acquisition.recording.grouping import counts_text
@@ -40,8 +40,6 @@ from seatrial.analysis.tables.export import SIGMA_SUFFIX, write_parquet
 from seatrial.analysis.tables.table import main_stretch, times_ns
 
 if TYPE_CHECKING:
-    from rich.table import Table
-
     from seatrial.acquisition.recording.reader import Recording
     from seatrial.analysis.products import Products
     from seatrial.analysis.quality.channel_checks import ChannelQuality
@@ -86,20 +84,45 @@ _CHANNEL_COLUMNS = ("channel", "grade", "count", "rate Hz", "gaps", "stuck", "sp
 
 def recording_page(products: Products, row: dict[str, Any]) -> Page:
     """The page of what was made of a recording; ``row`` is its summary."""
-    provenance = row["provenance"]
-    findings, other_repairs = _findings(products)
+    provenance, one_hz = row["provenance"], products.one_hz
+    repairs = {
+        (repair.code, repair.channel): f"Repaired: {repair.text}, {repair.changed:,} values."
+        for repair in products.repairs
+    }
+    findings = []  # the cells of each with what was repaired of it; the repairs that belong to none remain
+    for finding in products.quality.findings:
+        what, about, text = finding_cells(finding)
+        text = text if find_channel(text.split(" ", 1)[0]) else text[:1].upper() + text[1:]
+        findings.append([what, about, text, repairs.pop((finding.code, finding.channel), "")])
+    names = [name for name in map(str, one_hz) if f"{name}{SIGMA_SUFFIX}" in one_hz and channel_unit(name)]
+    uncertainty = []  # how well the smoother knows each channel of the motion
+    for name in names:
+        half, unit = 1.96 * one_hz[f"{name}{SIGMA_SUFFIX}"].dropna(), channel_unit(name)
+        if len(half):
+            sizes = [f"\u00b1 {size:.3g} {unit}" for size in (half.median(), half.max())]
+            uncertainty.append([name, *sizes, f"{len(one_hz) - len(half):,}"])
     dropped = sorted(row["windows_dropped"].items(), key=lambda entry: -entry[1])
+    software = (
+        value if value.startswith(key) else f"{key} {value}" for key, value in provenance["software"].items()
+    )
+    origin = [
+        ("beside this page", ", ".join(_FILES)),
+        ("recording", f"{provenance['recording']}, {provenance['bytes']:,} bytes"),
+        ("SHA-256", provenance["sha256"]),
+        ("options", ", ".join(f"{key} {value}" for key, value in provenance["options"].items())),
+        ("software", ", ".join(software)),
+    ]
     return render(
         "recording.html",
         title=products.recording.trial.name or provenance["recording"],
         subtitle=f"{provenance['recording']}, {row['start'][:10]} {row['start'][11:19]} UTC",
         headline=headline_of(row), row=row, products=products,
-        run_sheet=run_sheet(products.recording, products.one_hz, products.manoeuvres),
-        findings=findings, other_repairs=other_repairs,
+        run_sheet=run_sheet(products.recording, one_hz, products.manoeuvres),
+        findings=findings, other_repairs=list(repairs.values()),
         channel_header=HEADER, channels=channel_rows(products.quality),
         executes=[manoeuvre.start for manoeuvre in products.manoeuvres],
         dropped=", ".join(f"{count:,} {reason.replace('_', ' ')}" for reason, count in dropped),
-        uncertainty=_uncertainty(products.one_hz), origin=_origin(provenance),
+        uncertainty=uncertainty if names else None, origin=origin,
     )  # fmt: skip
 
 
@@ -124,46 +147,6 @@ def headline_of(row: dict[str, Any]) -> dict[str, str]:
 def speed_in_knots(row: Mapping[str, Any]) -> str:
     """The speed of a recording's speed trial."""
     return f"{row['indices']['speed_power_mps'] / KNOT_MPS:.2f} kn"
-
-
-def _findings(products: Products) -> tuple[list[list[str]], list[str]]:
-    """The cells of each finding with what was repaired of it, and the repairs that belong to none."""
-    repairs = {
-        (repair.code, repair.channel): f"Repaired: {repair.text}, {repair.changed:,} values."
-        for repair in products.repairs
-    }
-    cells = []
-    for finding in products.quality.findings:
-        what, about, text = finding_cells(finding)
-        text = text if find_channel(text.split(" ", 1)[0]) else text[:1].upper() + text[1:]
-        cells.append([what, about, text, repairs.pop((finding.code, finding.channel), "")])
-    return cells, list(repairs.values())
-
-
-def _uncertainty(one_hz: pd.DataFrame) -> list[list[str]] | None:
-    """How well the smoother knows each channel of the motion; None without it."""
-    names = [name for name in map(str, one_hz) if f"{name}{SIGMA_SUFFIX}" in one_hz and channel_unit(name)]
-    halves = {name: 1.96 * one_hz[f"{name}{SIGMA_SUFFIX}"].dropna() for name in names}
-    rows = [
-        [name, f"\u00b1 {half.median():.3g} {channel_unit(name)}", f"\u00b1 {half.max():.3g} {channel_unit(name)}",
-         f"{len(one_hz) - len(half):,}"]
-        for name, half in halves.items() if len(half)
-    ]  # fmt: skip
-    return rows if names else None
-
-
-def _origin(provenance: dict[str, Any]) -> list[tuple[str, str]]:
-    """The origin of the results, and the files in the folder of the page."""
-    software = (
-        value if value.startswith(key) else f"{key} {value}" for key, value in provenance["software"].items()
-    )
-    return [
-        ("beside this page", ", ".join(_FILES)),
-        ("recording", f"{provenance['recording']}, {provenance['bytes']:,} bytes"),
-        ("SHA-256", provenance["sha256"]),
-        ("options", ", ".join(f"{key} {value}" for key, value in provenance["options"].items())),
-        ("software", ", ".join(software)),
-    ]
 
 
 def events_of(recording: Recording) -> list[list[str]]:
@@ -194,15 +177,32 @@ def index_page(
     ``live`` is of a page that is served: its scripts' ``nonce``, how many are ``waiting``, and, where files may be
     sent, up to how many MB (``upload_mb``) and with which ``token``.
     """
-    verdicts = any(row.get("verdict") for row in rows)
     filled = [
         {**dict.fromkeys([*_COLUMNS, *_OPTIONAL]), **row, **{name: row.get(name) or {} for name in _COUNTS}}
         for row in rows
     ]
+    present = [row for row in filled if row["status"] != "gone"]
+    keys = ("duration_s", "distance_m", "samples", "windows_kept", "findings")
+    total = {key: float(sum(row[key] or 0 for row in present)) for key in keys}
+    figures = {
+        "recordings": f"{len(present):,}",
+        "hours": f"{total['duration_s'] / 3600:,.1f}",
+        "nautical miles": f"{total['distance_m'] / 1852:,.1f}",
+        "samples": f"{total['samples']:,.0f}",
+        "held windows": f"{total['windows_kept']:,.0f}",
+        "manoeuvres": f"{sum(sum(row['manoeuvres'].values()) for row in present):,}",
+        "findings": f"{total['findings']:,.0f}",
+        "failed": str(sum(row["status"] == "failed" for row in present)),
+    }
+    heads = {"vessel": "any ship", "grade": "any data", "verdict": "any diagnosis"}
+    values = {key: sorted({row[key] for row in filled if row[key]}) for key in heads}
+    choices = {key.replace("vessel", "ship"): (head, values[key]) for key, head in heads.items()}
+    choices["kind"] = ("any manoeuvre", sorted({kind for row in filled for kind in row["manoeuvres"]}))
+    verdicts = any(row["verdict"] for row in filled)
     return render(
-        "index.html", title=title, rows=filled, failures=failures, figures=_figures(rows), live=live,
+        "index.html", title=title, rows=filled, failures=failures, figures=figures, live=live,
         columns={key: head for key, head in _COLUMNS.items() if key != "verdict" or verdicts},
-        choices=_choices(filled),
+        choices={name: choice for name, choice in choices.items() if choice[1]},
         numeric=_NUMERIC, ordered=_NUMERIC | {"status", "grade", "findings"}, quote=quote,
         broken=lambda name: Markup(_BREAKS.sub(r"\1<wbr>", str(escape(name)))),
         speed_in_knots=speed_in_knots, status_of=lambda row: _STATUSES[_status(row)],
@@ -211,39 +211,6 @@ def index_page(
         grade_order=lambda row: _GRADES.get(row["grade"] or "", 0) - len(row["missing"]) / 100 if row["missing"]
         else _GRADES.get(row["grade"] or "", ""),
     )  # fmt: skip
-
-
-def _figures(rows: Sequence[Row]) -> dict[str, str]:
-    """The large numbers above the index: sums over the recordings that are still there."""
-    rows = [row for row in rows if row["status"] != "gone"]
-    return {
-        "recordings": f"{len(rows):,}",
-        "hours": f"{_total(rows, 'duration_s') / 3600:,.1f}",
-        "nautical miles": f"{_total(rows, 'distance_m') / 1852:,.1f}",
-        "samples": f"{_total(rows, 'samples'):,.0f}",
-        "held windows": f"{_total(rows, 'windows_kept'):,.0f}",
-        "manoeuvres": f"{sum(sum((row.get('manoeuvres') or {}).values()) for row in rows):,}",
-        "findings": f"{_total(rows, 'findings'):,.0f}",
-        "failed": str(sum(row["status"] == "failed" for row in rows)),
-    }
-
-
-def _choices(rows: Sequence[Row]) -> dict[str, tuple[str, list[str]]]:
-    """The filters of the index: by name its heading and the values that occur."""
-    kinds = {kind for row in rows for kind in row["manoeuvres"]}
-    choices = {
-        name: (head, sorted({row[key] for row in rows if row[key]}))
-        for name, (key, head) in {
-            "ship": ("vessel", "any ship"), "grade": ("grade", "any data"), "verdict": ("verdict", "any diagnosis"),
-        }.items()
-    }  # fmt: skip
-    return {
-        name: choice for name, choice in {**choices, "kind": ("any manoeuvre", sorted(kinds))}.items() if choice[1]
-    }
-
-
-def _total(rows: Iterable[Row], name: str) -> float:
-    return float(sum(row.get(name) or 0 for row in rows))
 
 
 def _status(row: Row) -> str:
@@ -268,6 +235,7 @@ def write_quality(
 ) -> list[Path]:
     """Write ``quality.json``, ``flags.parquet`` and ``quality.html`` into a folder; it is made if need be.
 
+    The page says how much is good, what was found, and has the flags over time and the counts by channel.
     ``provenance`` (:func:`seatrial.analysis.tables.table.provenance_of`) goes into both of the files for programs.
 
     Raises :class:`StorageError` when they cannot be written.
@@ -276,22 +244,17 @@ def write_quality(
     report, flags = folder / "quality.json", folder / "flags.parquet"
     origin = {"recording": recording, "findings": document["findings"], "provenance": provenance}
     metadata = {key: json.dumps(value) for key, value in origin.items()}
+    grades = [channel.grade for channel in quality.channels.values()]
+    counts = {f"channels {grade}": grades.count(grade) for grade in ("good", "suspect", "bad")}
+    page = render(
+        "quality.html", title="Data quality", subtitle=recording, quality=quality,
+        headline={**counts, "findings": len(quality.findings)},
+        trial=[(key.replace("_", " "), value) for key, value in trial.items() if value and key != "channels"],
+    )  # fmt: skip
     with written_together(report):
         write_text(report, json.dumps({**document, "provenance": provenance}, indent=1) + "\n")
         write_parquet(quality.flags, flags, dict.fromkeys(map(str, quality.flags.columns), "QARTOD flag"), metadata)
-        return [report, flags, quality_page(quality, trial, recording).write(folder / "quality.html")]
-
-
-def quality_page(quality: DataQuality, trial: Mapping[str, str], recording: str) -> Page:
-    """One page: how much is good, what was found, the flags over time, the counts by channel."""
-    grades = [channel.grade for channel in quality.channels.values()]
-    counts = {f"channels {grade}": grades.count(grade) for grade in ("good", "suspect", "bad")}
-    return render(
-        "quality.html", title="Data quality", subtitle=recording, quality=quality,
-        headline={**counts, "findings": len(quality.findings)},
-        trial=[(key.replace("_", " "), value) for key, value in trial.items()
-               if value and key != "channels"],
-    )  # fmt: skip
+        return [report, flags, page.write(folder / "quality.html")]
 
 
 def channel_rows(quality: DataQuality, *, shares: bool = False) -> list[list[str]]:
@@ -313,7 +276,7 @@ def finding_cells(finding: Finding) -> list[str]:
 
 
 def draw_flags(figure: Figure, quality: DataQuality) -> None:
-    """Flags by channel over time, and the findings as lines."""
+    """Flags by channel over time, and the findings as lines below the channel's, or across all of them."""
     axes = figure.subplots()
     stamps = times_ns(quality.flags)
     first, last = main_stretch(stamps)
@@ -325,9 +288,22 @@ def draw_flags(figure: Figure, quality: DataQuality) -> None:
         for flag, colour in COLOURS.items():
             bars = [(days[a], days[b] - days[a]) for a, b in zip(*runs(flags == flag), strict=True)]
             axes.broken_barh(bars, (line - 0.32, 0.5), facecolors=colour, linewidth=0)
+
     codes = list(dict.fromkeys(finding.code for finding in quality.findings))
     colours = {code: PALETTE[number % len(PALETTE)] for number, code in enumerate(codes)}
-    _draw_findings(axes, quality.findings, names, colours)
+    low, high = axes.get_xlim()
+    for finding in quality.findings:
+        start, end = date2num([finding.start, finding.end])  # type: ignore[no-untyped-call]
+        # its ends are widened so that it shows
+        start, end = min(start, end - 0.002 * (high - low)), max(end, start + 0.002 * (high - low))
+        colour, depth = colours[finding.code], codes.index(finding.code) % 3
+        if finding.channel == ALL:
+            axes.axvspan(start, end, color=colour, alpha=0.25, linewidth=0, zorder=0)
+        for line, name in enumerate(names):
+            if finding.channel == ALL or name in finding.channel:
+                bar = (line + 0.22 + 0.08 * depth, 0.08)
+                axes.broken_barh([(start, end - start)], bar, facecolors=colour, linewidth=0)
+
     axes.set_yticks(range(len(names)), names, fontsize=8)
     axes.set_ylim(len(names) - 0.4, -0.6)
     axes.set_xlim(days[0], days[-1])
@@ -336,8 +312,7 @@ def draw_flags(figure: Figure, quality: DataQuality) -> None:
     draw_marks(axes, quality.marks)
     axes.tick_params(axis="y", length=0)
     axes.grid(False)
-    for side in ("top", "right", "left"):
-        axes.spines[side].set_visible(False)
+    axes.spines[["top", "right", "left"]].set_visible(False)
     legend = [Patch(color=COLOURS[flag], label=flag.name.lower())
               for flag in (Quality.GOOD, Quality.SUSPECT, Quality.BAD)]  # fmt: skip
     legend += [Patch(color=colour, label=code.replace("_", " ")) for code, colour in colours.items()]
@@ -359,29 +334,18 @@ def binned_flags(stamps: Ints, flags: NDArray[np.uint8], edges: Floats) -> Ints:
     return np.asarray(sampled.ffill(limit=max(int(longest), 1)).fillna(0), dtype=np.int64)
 
 
-def _draw_findings(axes: Axes, findings: tuple[Finding, ...], names: list[str], colours: dict[str, str]) -> None:
-    """A line below the channel's, or across all of them, by finding; its ends are widened so that it shows."""
-    low, high = axes.get_xlim()
-    for finding in findings:
-        start, end = date2num([finding.start, finding.end])  # type: ignore[no-untyped-call]
-        start, end = min(start, end - 0.002 * (high - low)), max(end, start + 0.002 * (high - low))
-        colour, depth = colours[finding.code], list(colours).index(finding.code) % 3
-        if finding.channel == ALL:
-            axes.axvspan(start, end, color=colour, alpha=0.25, linewidth=0, zorder=0)
-        for line, name in enumerate(names):
-            if finding.channel == ALL or name in finding.channel:
-                bar = (line + 0.22 + 0.08 * depth, 0.08)
-                axes.broken_barh([(start, end - start)], bar, facecolors=colour, linewidth=0)
-
-
 def quality_view(quality: DataQuality) -> RenderableType:
     """The table of channels and each finding with its remedy, for a terminal."""
-    missing = missing_text(quality)
-    parts: list[RenderableType] = [
-        channel_table(quality),
-        *([Text(missing, style="yellow")] if missing else []),
-        "",
+    channels: list[list[str | Text]] = [
+        [name, Text(channel.grade, _STYLES[channel.grade]), *counts_of(channel)]
+        for name, channel in quality.channels.items()
     ]
+    parts: list[RenderableType] = [
+        terminal_table(None, _CHANNEL_COLUMNS, channels, words=(0, 1), padding=(0, 1, 0, 0))
+    ]
+    if missing := missing_text(quality):
+        parts.append(Text(missing, style="yellow"))
+    parts.append("")
     if not quality.findings:
         parts.append(Text("Nothing found.", style="green"))
     causes = quality.causes
@@ -430,18 +394,6 @@ def missing_text(quality: DataQuality) -> str:
 def finding_text(finding: Finding) -> str:
     """A finding and its remedy as sentences with one full stop each."""
     return f"{finding.as_json()['text'].rstrip('.')}."
-
-
-def channel_table(quality: DataQuality) -> Table:
-    """A line a channel: its grade and the counts of its faults, empty for none."""
-    from rich.table import Table
-
-    table = Table(box=None, header_style="dim", padding=(0, 1, 0, 0))
-    for number, title in enumerate(_CHANNEL_COLUMNS):
-        table.add_column(title, justify="left" if number < 2 else "right", no_wrap=True)
-    for name, channel in quality.channels.items():
-        table.add_row(name, Text(channel.grade, _STYLES[channel.grade]), *counts_of(channel))
-    return table
 
 
 def counts_of(channel: ChannelQuality) -> list[str]:

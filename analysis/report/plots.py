@@ -26,21 +26,8 @@ from matplotlib.text import Annotation
 from matplotlib.transforms import Affine2D, ScaledTranslation
 from rich.text import Text
 
+from seatrial.acquisition.core import ship
 from seatrial.acquisition.core.quantities import DIMENSIONLESS, Floats, ending_of, mean_wind
-from seatrial.acquisition.core.ship import (
-    BY_NAME,
-    POSE_AND_VELOCITY,
-    Actuators,
-    Channel,
-    channel_by_rule,
-    control_names,
-    control_of_channel,
-    known_channels,
-    name_of_order,
-    unwrap,
-    wrap_180,
-    wraps_of,
-)
 from seatrial.acquisition.recording.grouping import Event
 from seatrial.analysis.tables.table import NANO, declared_channels, table_actuators, utc_index
 from seatrial.analysis.windows.held import HeldWindows, held_spans_ns
@@ -90,7 +77,7 @@ _SIDES = np.array([[1, 1], [1, -1], [-1, 1], [-1, -1], [1, 0], [-1, 0], [0, 1], 
 _PAD_PT = 1.5
 
 
-def label(name: str, channels: Mapping[str, Channel] = BY_NAME) -> str:
+def label(name: str, channels: Mapping[str, ship.Channel] = ship.BY_NAME) -> str:
     """A channel's name for an axis, with its unit; ``channels`` are the channels.
 
     >>> label("port_angle_deg")
@@ -123,7 +110,14 @@ def track(
         artists += axes.plot(*held, color=HELD, alpha=0.55, linewidth=5.0, solid_capstyle="butt", zorder=1.6,
                              label=f"{held_words(table)} held")  # fmt: skip
     if length_m is not None and "heading_deg" in table:
-        artists += _ships(axes, table.dropna(subset=["north_m", "east_m", "heading_deg"]), length_m)
+        headed = table.dropna(subset=["north_m", "east_m", "heading_deg"])
+        east, north, heading = (headed[name].to_numpy(dtype=float) for name in ("east_m", "north_m", "heading_deg"))
+        if heading.size:
+            extent = max(float(np.ptp(north)), float(np.ptp(east)))
+            factors = (factor for factor in (1, 2, 5, 10, 20, 50) if factor * length_m >= _LEAST_SHARE * extent)
+            times = next(factors, 100)
+            words = f"ship of {length_m:g} m" + (f", {times} times her size" if times > 1 else ", to scale")
+            artists += outlines(axes, east, north, np.deg2rad(heading), times * length_m, words)
     artists += axes.plot(table["east_m"], table["north_m"], color=INK, linewidth=1.1, label="track")
     placed = table.dropna(subset=["north_m", "east_m"])
     ticks, begun = placed, placed.iloc[:0]
@@ -137,9 +131,9 @@ def track(
                          label="manoeuvre begins" if len(begun) else "_")  # fmt: skip
     path = table[["east_m", "north_m"]].to_numpy(dtype=float)
     labelled = pd.concat([begun, ticks])[["east_m", "north_m"]].to_numpy(dtype=float)
-    words = [*map(str, range(1, len(begun) + 1)), *(f"{time:%H:%M}" for time in ticks.index)]
+    texts = [*map(str, range(1, len(begun) + 1)), *(f"{time:%H:%M}" for time in ticks.index)]
     hidden = np.concatenate([path, np.repeat(labelled, _MARK_POINTS, axis=0)])
-    labels = label_points(axes, list(map(tuple, labelled)), words, hidden, fontsize=7.5, color=INK, zorder=6)
+    labels = label_points(axes, list(map(tuple, labelled)), texts, hidden, fontsize=7.5, color=INK, zorder=6)
     for annotation in labels[: len(begun)]:
         annotation.set(color=PALETTE[4], fontweight="bold")
     artists += [*labels, *wind_arrow(axes, table)]
@@ -156,10 +150,14 @@ def outlines(
 
     ``heading_rad`` [rows] counts clockwise from upwards; ``length_m`` is in the units of the axes.
     """
-    return [
-        ship(axes, across[row], up[row], heading_rad[row], length_m, words if number == 0 else None)
-        for number, row in enumerate(outline_rows(across, up, length_m))
-    ]
+    forward, sideways = length_m * HULL_OUTLINE[:, 0], length_m * HULL_OUTLINE[:, 1]
+    artists = list[Artist]()
+    for row in outline_rows(across, up, length_m):
+        x = across[row] + forward * np.sin(heading_rad[row]) + sideways * np.cos(heading_rad[row])
+        y = up[row] + forward * np.cos(heading_rad[row]) - sideways * np.sin(heading_rad[row])
+        label = None if artists else words
+        artists += axes.fill(x, y, facecolor="#E3EBF1", edgecolor="#8FA3B3", linewidth=0.7, zorder=1.5, label=label)
+    return artists
 
 
 def outline_rows(across: Floats, up: Floats, length_m: float) -> list[int]:
@@ -176,29 +174,6 @@ def outline_rows(across: Floats, up: Floats, length_m: float) -> list[int]:
         if not any(near) and (not chosen or way[at] - way[chosen[-1]] >= 0.99 * step):
             chosen.append(at)
     return chosen
-
-
-def ship(
-    axes: Axes, across: float, up: float, heading_rad: float, length_m: float, words: str | None = None
-) -> Artist:
-    """A ship's outline with its middle at a point of the axes and its bow ``heading_rad`` clockwise from
-    upwards."""
-    forward, sideways = length_m * HULL_OUTLINE[:, 0], length_m * HULL_OUTLINE[:, 1]
-    x = across + forward * np.sin(heading_rad) + sideways * np.cos(heading_rad)
-    y = up + forward * np.cos(heading_rad) - sideways * np.sin(heading_rad)
-    (outline,) = axes.fill(x, y, facecolor="#E3EBF1", edgecolor="#8FA3B3", linewidth=0.7, zorder=1.5, label=words)
-    return outline
-
-
-def _ships(axes: Axes, placed: pd.DataFrame, length_m: float) -> list[Artist]:
-    """Outlines along the track; two to fifty times as large as the ship where it would not be seen."""
-    if placed.empty:
-        return []
-    extent = max(float(np.ptp(placed[name])) for name in ("north_m", "east_m"))
-    times = next((factor for factor in (1, 2, 5, 10, 20, 50) if factor * length_m >= _LEAST_SHARE * extent), 100)
-    words = f"ship of {length_m:g} m" + (f", {times} times her size" if times > 1 else ", to scale")
-    east, north, heading = (placed[name].to_numpy(dtype=float) for name in ("east_m", "north_m", "heading_deg"))
-    return outlines(axes, east, north, np.deg2rad(heading), times * length_m, words)
 
 
 def wind_arrow(axes: Axes, table: pd.DataFrame) -> list[Artist]:
@@ -235,19 +210,19 @@ def series(
     without the line that would join one end of the turn with the other. Where something is ``predicted``, what was
     measured is dark. ``title`` is that of the axis, with its unit.
     """
-    channels = known_channels(table.attrs)
+    channels = ship.known_channels(table.attrs)
     artists: list[Artist] = [] if windows is None else [held_shade(axes, windows)]
     angles = [table[name].dropna().to_numpy(dtype=float) for name in names if channels[name].circular]
     centre_deg = None  # of angles that cross the end of the turn and do not go all around
-    if any(wraps_of(values).any() for values in angles):
-        turned = unwrap(np.concatenate(angles))
+    if any(ship.wraps_of(values).any() for values in angles):
+        turned = ship.unwrap(np.concatenate(angles))
         if np.ptp(turned) < _MOST_TURN_DEG:
-            centre_deg = float(wrap_180(0.5 * (turned.max() + turned.min())))
+            centre_deg = float(ship.wrap_180(0.5 * (turned.max() + turned.min())))
     colours = [INK] if any(names[0] in motion for motion, _ in predicted.values()) else PALETTE
     for number, (name, colour) in enumerate(zip(names, cycle(colours), strict=False)):
         width = 2.4 if number == 0 and len(names) > 1 else 1.1
         steps = "steps-post" if channels[name].state else "default"
-        order = name_of_order(name) if channel_by_rule(name) else ""
+        order = ship.name_of_order(name) if ship.channel_by_rule(name) else ""
         for column, style in ((name, "-"), (order, "--")):
             if column in table and table[column].notna().any():
                 times, values = _line(table[column], channels[name], centre_deg)
@@ -261,29 +236,24 @@ def series(
     units = sorted({channels[name].unit for name in names})
     words = label(names[0], channels) if len(names) == 1 else title or f"[{', '.join(units)}]"
     axes.set_ylabel(words.replace(" [", "\n["))
-    utc_axis(axes, table)
+    short = len(table) > 0 and table.index[-1] - table.index[0] < pd.Timedelta(minutes=10)
+    axes.xaxis.set_major_formatter(dates.DateFormatter("%H:%M:%S" if short else "%H:%M", tz="UTC"))  # type: ignore[no-untyped-call]
+    axes.set_xlabel("time, UTC")
+    axes.margins(x=0.01)
     lines = [artist for artist in artists if isinstance(artist, Line2D) and artist.get_label() not in predicted]
     if len(lines) > 1:
         axes.legend(handles=lines, loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=len(lines), borderpad=0.0)
     return artists
 
 
-def utc_axis(axes: Axes, table: pd.DataFrame) -> None:
-    """The time of day along the axis, with seconds where a trial is of a few minutes."""
-    short = len(table) > 0 and table.index[-1] - table.index[0] < pd.Timedelta(minutes=10)
-    axes.xaxis.set_major_formatter(dates.DateFormatter("%H:%M:%S" if short else "%H:%M", tz="UTC"))  # type: ignore[no-untyped-call]
-    axes.set_xlabel("time, UTC")
-    axes.margins(x=0.01)
-
-
-def _line(column: pd.Series, channel: Channel, centre_deg: float | None) -> tuple[pd.Index, Floats]:
+def _line(column: pd.Series, channel: ship.Channel, centre_deg: float | None) -> tuple[pd.Index, Floats]:
     """Times and values of a channel; an angle about a centre where there is one, broken where it crosses the whole
     turn."""
     present = column.dropna()
     values = present.to_numpy(dtype=float, copy=True)
     if channel.circular:
-        values = values if centre_deg is None else np.asarray(centre_deg + wrap_180(values - centre_deg))
-        values[wraps_of(values)] = np.nan
+        values = values if centre_deg is None else np.asarray(centre_deg + ship.wrap_180(values - centre_deg))
+        values[ship.wraps_of(values)] = np.nan
     return present.index, values
 
 
@@ -298,12 +268,6 @@ def held_shade(axes: Axes, windows: pd.DataFrame) -> PolyCollection:
     return shade
 
 
-def tick_every_s(table: pd.DataFrame) -> float:
-    """A round time between marks along the track that leaves at most ten of them."""
-    duration_s = float((table.index[-1] - table.index[0]).total_seconds()) if len(table) else 0.0
-    return next((step for step in _TICKS_S if duration_s / step <= _MOST_TICKS), _TICKS_S[-1])
-
-
 def track_figure(
     table: pd.DataFrame,
     windows: pd.DataFrame | None = None,
@@ -314,9 +278,12 @@ def track_figure(
     if table.reindex(columns=["north_m", "east_m"]).dropna().empty:
         return None
 
+    duration_s = float((table.index[-1] - table.index[0]).total_seconds())
+    tick_every_s = next((step for step in _TICKS_S if duration_s / step <= _MOST_TICKS), _TICKS_S[-1])
+
     def draw(figure: Figure) -> None:
         axes = figure.subplots()
-        track(axes, table, windows, tick_every_s(table), length_m, executes)
+        track(axes, table, windows, tick_every_s, length_m, executes)
         figure.legend(*axes.get_legend_handles_labels(), loc="outside lower center", ncols=4 if width >= 7.0 else 2)
 
     extent = np.array([max(float(table[name].max() - table[name].min()), 1e-3) for name in ("east_m", "north_m")])
@@ -351,7 +318,15 @@ def channels_figure(
     """The channels of a 1 Hz table against time, held windows shaded, what is ``predicted`` of the motion, and the
     crew's ``marks``; None without any channel. What never changes is left to the caption.
     """
-    panels, still = _panels(table)
+    channels, panels, still = ship.known_channels(table.attrs), dict[str, list[str]](), list[str]()
+    motion, wind = ({name: [name] for name in group} for group in (ship.POSE_AND_VELOCITY[2:], _WIND))
+    groups = motion | control_groups(table_actuators(table)) | wind | declared_groups(table)
+    for title, group in groups.items():
+        present = [name for name in group if name in table and table[name].notna().any()]
+        if any(name in motion or np.ptp(table[name].dropna()) > 0.0 for name in present):
+            panels[title] = present
+        else:
+            still += [f"{label(name, channels)} {table[name].dropna().iloc[0]:g}" for name in present]
     if not panels:
         return None
 
@@ -372,29 +347,15 @@ def channels_figure(
     return draw, (9.0, _EDGES_INCH + _PANEL_INCH * len(panels)), f"The channels at 1 Hz.{shade}{constant}"
 
 
-def _panels(table: pd.DataFrame) -> tuple[dict[str, list[str]], list[str]]:
-    """The channels of each panel by its title, and in words the controls, wind and the like that never change."""
-    channels, shown, still = known_channels(table.attrs), {}, []
-    motion, wind = ({name: [name] for name in group} for group in (POSE_AND_VELOCITY[2:], _WIND))
-    groups = motion | control_groups(table_actuators(table)) | wind | declared_groups(table)
-    for title, names in groups.items():
-        present = [name for name in names if name in table and table[name].notna().any()]
-        if any(name in motion or np.ptp(table[name].dropna()) > 0.0 for name in present):
-            shown[title] = present
-        else:
-            still += [f"{label(name, channels)} {table[name].dropna().iloc[0]:g}" for name in present]
-    return shown, still
-
-
-def control_groups(actuators: Actuators) -> dict[str, list[str]]:
+def control_groups(actuators: ship.Actuators) -> dict[str, list[str]]:
     """The control channels of a ship by what they are together: angles first, then shafts, then pitch."""
     thrusters = all(actuator.noun == "thruster" for actuator in actuators)
     shafts = "thrusters [rpm]" if thrusters else "shafts [rpm]"
     titles = {"azimuth": "azimuths [deg]", "rudder": "rudders [deg]", "nozzle": "nozzles [deg]", "shaft": shafts,
               "tunnel thruster": shafts, "pitch": "pitch [%]"}  # fmt: skip
     groups: dict[str, list[str]] = {title: [] for title in titles.values()}
-    for name in control_names(actuators):
-        groups[titles[control_of_channel(name, actuators)]].append(name)
+    for name in ship.control_names(actuators):
+        groups[titles[ship.control_of_channel(name, actuators)]].append(name)
     return {title: names for title, names in groups.items() if names}
 
 
@@ -405,7 +366,7 @@ def declared_groups(table: pd.DataFrame) -> dict[str, list[str]]:
     for channel in declared_channels(table):
         words = label(channel.name, {channel.name: channel})
         groups.setdefault(words.partition(" ")[2] or words, []).append(channel.name)
-    return {label(names[0], known_channels(table.attrs)) if len(names) == 1 else title: names
+    return {label(names[0], ship.known_channels(table.attrs)) if len(names) == 1 else title: names
             for title, names in groups.items()}  # fmt: skip
 
 
@@ -477,22 +438,19 @@ class _KeepClear(Artist):
     def _place(
         self, point: Floats, half: Floats, scale: float, taken: Sequence[Floats], hidden: Floats
     ) -> tuple[Floats, Floats, int]:
-        """The nearest place that is clear, or the best: its box [px], offset [px] and ring about the point."""
+        """The nearest place that is clear, or the best: its box [low, high; x, y; px], offset [px] and ring about
+        the point. A place costs the labels that it is over [px2], then the edge [px], then the points of lines."""
         best, least = (np.zeros((2, 2)), np.zeros(2), 0), (np.inf,) * 3
+        (x0, y0), (x1, y1) = np.asarray(self.frame.bbox)
         for ring, far in enumerate(_FAR_PT):
             for offset in _SIDES * (half + far * scale):
-                box = np.stack([point + offset - half, point + offset + half])
-                cost = self._cost(box, taken, hidden)
+                low, high = box = np.stack([point + offset - half, point + offset + half])
+                sides = (np.maximum(np.minimum(high, b) - np.maximum(low, a), 0.0) for a, b in taken)
+                over = sum(float(np.prod(side)) for side in sides)
+                outside = max(0.0, x0 - low[0], y0 - low[1], high[0] - x1, high[1] - y1)
+                cost = over, outside, float(((hidden > low) & (hidden < high)).all(axis=1).sum())
                 if cost < least:
                     best, least = (box, offset, ring), cost
                 if not any(cost):
                     return best
         return best
-
-    def _cost(self, box: Floats, taken: Sequence[Floats], hidden: Floats) -> tuple[float, float, float]:
-        """What a place [low, high; x, y] is over: other labels [px2], the edge [px], points of lines."""
-        low, high = box
-        over = sum(float(np.prod(np.maximum(np.minimum(high, b) - np.maximum(low, a), 0.0))) for a, b in taken)
-        (x0, y0), (x1, y1) = np.asarray(self.frame.bbox)
-        outside = max(0.0, x0 - low[0], y0 - low[1], high[0] - x1, high[1] - y1)
-        return over, outside, float(((hidden > low) & (hidden < high)).all(axis=1).sum())

@@ -164,7 +164,7 @@ def fill_figure(draw: Draw, size_inch: tuple[float, float]) -> Figure:
 
 def png_of(figure: Figure) -> bytes:
     """The figure as a picture for a page."""
-    return _saved(figure, "png", dpi=_DPI)
+    return _bytes_of(figure, "png", _DPI)
 
 
 def write_figure(figure: Figure, folder: Path, name: str, endings: Sequence[str] = ENDINGS) -> list[Path]:
@@ -178,8 +178,15 @@ def write_figure(figure: Figure, folder: Path, name: str, endings: Sequence[str]
             if ending == "json":
                 partial.write_bytes(json.dumps(numbers_of(figure)).encode() + b"\n")
             else:
-                partial.write_bytes(_saved(figure, ending, dpi=_PRINT_DPI))
+                partial.write_bytes(_bytes_of(figure, ending, _PRINT_DPI))
     return paths
+
+
+def _bytes_of(figure: Figure, ending: str, dpi: int) -> bytes:
+    stream = BytesIO()
+    with mpl.rc_context(_PRINT):  # type: ignore[arg-type]
+        figure.savefig(stream, format=ending, metadata=_NO_DATE.get(ending), dpi=dpi)
+    return stream.getvalue()
 
 
 def file_name(text: str) -> str:
@@ -191,13 +198,6 @@ def file_name(text: str) -> str:
     return "_".join(re.findall(r"[a-z0-9]+", text.lower())[:6]) or "figure"
 
 
-def _saved(figure: Figure, ending: str, **options: Any) -> bytes:
-    stream = BytesIO()
-    with mpl.rc_context(_PRINT):  # type: ignore[arg-type]
-        figure.savefig(stream, format=ending, metadata=_NO_DATE.get(ending), **options)
-    return stream.getvalue()
-
-
 def numbers_of(figure: Figure) -> dict[str, Any]:
     """What is drawn, as plain values for JSON: ``axes``, each with ``title``, ``x`` and ``y`` (labels with units)
     and ``drawn``: objects with a ``kind`` and the numbers of it. Times are ISO 8601, what is no number is null.
@@ -206,20 +206,19 @@ def numbers_of(figure: Figure) -> dict[str, Any]:
         {
             "title": axes.get_title() or axes.get_title(loc="left"),
             "x": axes.get_xlabel().replace("\n", " "), "y": axes.get_ylabel().replace("\n", " "),
-            "drawn": [values for artist in axes.get_children() for values in _artist_numbers(artist, axes)],
+            "drawn": list(_drawn(axes)),
         }
         for axes in figure.axes
     ]}  # fmt: skip
 
 
-def _artist_numbers(artist: Artist, axes: Axes) -> Iterator[dict[str, Any]]:
-    """The numbers of one artist, with its label where it has one; nothing of frames, grounds and empty texts."""
-    if artist in (axes.patch, *axes.spines.values()) or not artist.get_visible():
-        return
-    label = str(artist.get_label())
-    labelled = {} if re.match(r"_child\d|_nolegend_|$", label) else {"label": label.lstrip("_")}
-    for values in _shape_numbers(artist, axes):
-        yield {**values, **labelled}
+def _drawn(axes: Axes) -> Iterator[dict[str, Any]]:
+    """The numbers of each artist, with its label if it has one; nothing of frames, grounds and empty texts."""
+    for artist in axes.get_children():
+        if artist not in (axes.patch, *axes.spines.values()) and artist.get_visible():
+            label = str(artist.get_label())
+            labelled = {} if re.match(r"_child\d|_nolegend_|$", label) else {"label": label.lstrip("_")}
+            yield from ({**values, **labelled} for values in _shape_numbers(artist, axes))
 
 
 def _shape_numbers(artist: Artist, axes: Axes) -> Iterator[dict[str, Any]]:
@@ -246,18 +245,11 @@ def _shape_numbers(artist: Artist, axes: Axes) -> Iterator[dict[str, Any]]:
     elif isinstance(artist, Patch):
         corners = artist.get_patch_transform().transform_path(artist.get_path()).vertices
         yield {"kind": "area", **_corners(corners, axes)}
-    elif isinstance(artist, Text) and artist.get_text().strip() not in (
-        "",
-        axes.get_title(),
-        axes.get_title("left"),
-    ):
+    elif isinstance(artist, Text):
         x, y = artist.get_position()
-        yield {
-            "kind": "text",
-            "text": artist.get_text(),
-            "x": _json_values([x], axes)[0],
-            "y": _json_values([y])[0],
-        }
+        if artist.get_text().strip() not in ("", axes.get_title(), axes.get_title("left")):
+            place = {"x": _json_values([x], axes)[0], "y": _json_values([y])[0]}
+            yield {"kind": "text", "text": artist.get_text(), **place}
 
 
 def _corners(points: ArrayLike, axes: Axes) -> dict[str, Any]:

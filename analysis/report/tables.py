@@ -31,6 +31,7 @@ from seatrial.acquisition.config.run_sheet import (
 )
 from seatrial.acquisition.core.files import write_text, written_together
 from seatrial.acquisition.core.quantities import KNOT_MPS, ending_of, mean_wind
+from seatrial.acquisition.core.result import terminal_table
 from seatrial.acquisition.core.ship import find_channel, from_text
 from seatrial.acquisition.core.trial import Trial, software_version
 from seatrial.acquisition.recording.grouping import Files, read_together
@@ -43,7 +44,7 @@ from seatrial.analysis.manoeuvres.criteria import (
     shortfalls_of,
 )
 from seatrial.analysis.manoeuvres.find import RecordedRuns, manoeuvres_and_left_out, runs_of_trial
-from seatrial.analysis.manoeuvres.indices import UNITS, Index, LeftOut, Manoeuvre, as_json, index_of, unit_of
+from seatrial.analysis.manoeuvres.indices import UNITS, Index, LeftOut, Manoeuvre, index_of, unit_of
 from seatrial.analysis.manoeuvres.kinds import REMOVED, shows_current
 from seatrial.analysis.quality.wind import beaufort, recorded_conditions
 from seatrial.analysis.series import ASSUMED
@@ -60,6 +61,7 @@ _LATER = ("time_to_check", "initial_turning")  # left to the manoeuvre's own tab
 _UNIT = re.compile(r"_(m[23]?|mps|deg|degc|kgpm3)$")
 _NAME = re.compile(r"\b[a-z][a-z0-9]*(?:_[a-z0-9]+)+\b")
 _POSITION = {"north_m": "north position", "east_m": "east position"}
+_SLOWEST_MPS = 0.1  # a ship that lies still has no L/V
 UNKNOWN = "not recorded"
 Rows = list[tuple[str, str]]
 
@@ -115,7 +117,7 @@ def summary(results: Sequence[RecordingManoeuvres], length_m: float | None = Non
         "recordings": [
             {
                 "recording": result.recording,
-                "manoeuvres": as_json(result.manoeuvres),
+                "manoeuvres": [run.as_json() for run in result.manoeuvres],
                 "left_out": [candidate.as_json() for candidate in result.left_out],
             }
             for result in results
@@ -182,23 +184,16 @@ def headline(manoeuvre: Manoeuvre) -> str:
     return f"{manoeuvre.start:%H:%M:%S} {manoeuvre.sided_name}, {seconds:.0f} s"
 
 
-def setting_text(name: str, value: float) -> str:
-    """A setting with its unit, to three digits.
-
-    >>> setting_text("port_rpm", 160.04), setting_text("half_command_s", 0.8581), setting_text("swings", 4.0)
-    ('port 160 rpm', 'half command 0.858 s', 'swings 4')
-    """
-    digits = _digits(value, 3) if value % 1.0 else 0
-    return f"{plain_name(name)} {value:.{digits}f} {unit_of(name)}".strip()
-
-
 def subline(manoeuvre: Manoeuvre) -> str:
-    """Settings, current and notes."""
-    parts = [setting_text(name, value) for name, value in manoeuvre.settings.items()]
+    """Settings to three digits with their units, current and notes: "port 160 rpm, drift 0.32 m/s to 90 deg"."""
+    settings = []
+    for name, value in manoeuvre.settings.items():
+        digits = _digits(value, 3) if value % 1.0 else 0
+        settings.append(f"{plain_name(name)} {value:.{digits}f} {unit_of(name)}".strip())
     if manoeuvre.current:
         current = manoeuvre.current.as_json()
-        parts.append(f"drift {current['speed_mps']:.2f} m/s to {current['direction_deg']:.0f} deg")
-    return "; ".join([", ".join(parts), *manoeuvre.notes])
+        settings.append(f"drift {current['speed_mps']:.2f} m/s to {current['direction_deg']:.0f} deg")
+    return "; ".join([", ".join(settings), *manoeuvre.notes])
 
 
 def manoeuvre_line(manoeuvre: Manoeuvre) -> list[str]:
@@ -226,23 +221,17 @@ def without_empty(header: Sequence[str], rows: list[list[str]]) -> tuple[list[st
     return [header[place] for place in kept], [[row[place] for place in kept] for row in rows]
 
 
-def terminal_tables(result: RecordingManoeuvres, *, every: bool = False) -> Group:
-    """A table a manoeuvre for the terminal, of the main indices or of ``every`` index."""
-    from rich.table import Table
-
+def terminal_tables(result: RecordingManoeuvres, *, all_indices: bool = False) -> Group:
+    """A table a manoeuvre for the terminal, of the main indices or of all."""
     blocks: list[Any] = [Text(f"{result.recording}: {count_text(result.manoeuvres)}", style="bold")]
     for manoeuvre in result.manoeuvres:
-        table = Table(box=None, header_style="dim", padding=(0, 2, 0, 0))
-        header, rows = without_empty(HEADER, rows_of(manoeuvre, all_indices=every))
-        for title in header:
-            table.add_column(title, justify="left" if title == "index" else "right", no_wrap=True)
-        for row in rows:
-            table.add_row(*map(Text, row))
+        header, rows = without_empty(HEADER, rows_of(manoeuvre, all_indices=all_indices))
+        cells = (list(map(Text, row)) for row in rows)
         blocks += [
             Text(""),
             Text(headline(manoeuvre), style="bold cyan"),
             Text(subline(manoeuvre), style="dim"),
-            table,
+            terminal_table(None, header, cells, padding=(0, 2, 0, 0)),
         ]
     blocks += [Text(""), *(Text(left_out_line(candidate), style="dim") for candidate in result.left_out)]
     return Group(*blocks)
@@ -393,6 +382,16 @@ def ship_rows(
     mcr_speed = UNKNOWN if mcr_speed_mps is None else f"{mcr_speed_mps:.2f} m/s ({mcr_speed_mps / KNOT_MPS:.1f} kn)"
     mcr_rpm = f" at {particulars.mcr_rpm:g} rpm" if particulars.mcr_rpm else ""
     rating = f"MCR {particulars.mcr_kw:,.0f} kW{mcr_rpm}" if particulars.mcr_kw else ""
+    draughts = UNKNOWN if stated.draught_m is None else f"mean {stated.draught_m:g} m"
+    if stated.draught_m is not None and stated.trim_m is not None:
+        fore_m, aft_m = stated.draught_m - 0.5 * stated.trim_m, stated.draught_m + 0.5 * stated.trim_m
+        draughts = f"{fore_m:g} m, {aft_m:g} m, from the mean of {stated.draught_m:g} m and the trim"
+    sizes = (ship.between_perpendiculars_m, ship.beam_m, stated.draught_m) if ship else (None,)
+    block_coefficient = UNKNOWN
+    if particulars.block_coefficient is not None:
+        block_coefficient = f"{particulars.block_coefficient:g}"
+    elif volume_m3 is not None and None not in sizes:
+        block_coefficient = f"{volume_m3 / np.prod(np.array(sizes, dtype=float)):.3f}, from the displacement"
     names = [(actuator.name.replace("_", " "), actuator.kind.replace("_", " "))
              for actuator in (from_text(trial.actuators) if trial.actuators else ())]  # fmt: skip
     actuators = ", ".join(name if kind in name else f"{name} ({kind})" for name, kind in names)
@@ -405,11 +404,11 @@ def ship_rows(
         ("classification", particulars.classification or UNKNOWN),
         *_dimension_rows(ship, stated, one_hz, manoeuvres),
         ("loading", trial.loading or UNKNOWN),
-        ("draughts fore, aft", _draughts_text(stated)),
+        ("draughts fore, aft", draughts),
         ("full load draught", _metres_text(stated.full_load_draught_m)),
         ("trim by the stern", _metres_text(stated.trim_m)),
         ("displacement", displacement),
-        ("block coefficient", _block_coefficient(particulars, stated, ship)),
+        ("block coefficient", block_coefficient),
         ("metacentric height GM", _metres_text(stated.gm_m)),
         ("rudders", _rudder_text(particulars, stated, ship)),
         ("propellers", _join_parts(
@@ -442,11 +441,22 @@ def condition_rows(
         wind = wind_words(one_hz)
     ahead_m, starboard_m = trial.antenna_forward_m, trial.antenna_starboard_m or 0.0
     antenna = UNKNOWN if ahead_m is None else f"{ahead_m:g} m forward, {starboard_m:g} m to starboard"
+    origin, (first, last) = UNKNOWN, one_hz.index[[0, -1]]
+    if trial.origin is not None:
+        latitude, longitude = trial.origin
+        north, east = "N" if latitude >= 0 else "S", "E" if longitude >= 0 else "W"
+        origin = f"{abs(latitude):.5f}\u00b0 {north}, {abs(longitude):.5f}\u00b0 {east}"
+    minutes, until = (last - first).total_seconds() / 60.0, f"{last:%Y-%m-%d %H:%M:%S}"
+    dates = [("date", UNKNOWN), ("duration", f"{minutes:.1f} min")]
+    if has_date(first):
+        until = until[11:] if last.date() == first.date() else until
+        times = f"{first:%H:%M:%S} to {until}, {minutes:.1f} min"
+        dates = [("date", f"{first:%Y-%m-%d}"), ("time, UTC", times)]
     return [
         ("trial", trial.name or UNKNOWN),
-        *_date_rows(one_hz),
+        *dates,
         ("place", trial.place or UNKNOWN),
-        ("origin of north and east", _origin_text(trial.origin)),
+        ("origin of north and east", origin),
         ("water depth", f"{_metres_text(depth_m)}{draughts}"),
         ("water temperature, density", _join_parts(
             "" if stated.water_temperature_degc is None else f"{stated.water_temperature_degc:g} \u00b0C",
@@ -468,31 +478,11 @@ def _count_and_type(number: int | None, what: str) -> str:
     return " ".join(filter(None, (str(number or ""), what)))
 
 
-def _draughts_text(stated: Conditions) -> str:
-    if stated.draught_m is None:
-        return UNKNOWN
-    if stated.trim_m is None:
-        return f"mean {stated.draught_m:g} m"
-    half = 0.5 * stated.trim_m
-    fore_m, aft_m = stated.draught_m - half, stated.draught_m + half
-    return f"{fore_m:g} m, {aft_m:g} m, from the mean of {stated.draught_m:g} m and the trim"
-
-
-def _block_coefficient(particulars: Particulars, stated: Conditions, ship: ShipDimensions | None) -> str:
-    """As stated, else by the displacement, length, beam and draught of the trial."""
-    if particulars.block_coefficient is not None:
-        return f"{particulars.block_coefficient:g}"
-    sizes = (ship.between_perpendiculars_m, ship.beam_m, stated.draught_m) if ship else (None,)
-    if stated.displacement_m3 is None or None in sizes:
-        return UNKNOWN
-    return f"{stated.displacement_m3 / np.prod(np.array(sizes, dtype=float)):.3f}, from the displacement"
-
-
 def _rudder_text(particulars: Particulars, stated: Conditions, ship: ShipDimensions | None) -> str:
     area, draught_m = particulars.rudder_area_m2, stated.full_load_draught_m or (ship.draught_m if ship else None)
-    ratio = (
-        f" (1/{ship.between_perpendiculars_m * draught_m / area:.0f} of LT)" if area and ship and draught_m else ""
-    )
+    ratio = ""
+    if area and ship and draught_m:
+        ratio = f" (1/{ship.between_perpendiculars_m * draught_m / area:.0f} of LT)"
     return _join_parts(
         _count_and_type(particulars.rudders, particulars.rudder_type),
         f"area {area:g} m\u00b2{ratio}" if area else "",
@@ -513,28 +503,9 @@ def file_rows(recording: Recording) -> Rows:
     ]
 
 
-def _date_rows(one_hz: pd.DataFrame) -> Rows:
-    first, last = one_hz.index[0], one_hz.index[-1]
-    minutes = (last - first).total_seconds() / 60.0
-    if not has_date(first):
-        return [("date", UNKNOWN), ("duration", f"{minutes:.1f} min")]
-    until = f"{last:%H:%M:%S}" if last.date() == first.date() else f"{last:%Y-%m-%d %H:%M:%S}"
-    return [("date", f"{first:%Y-%m-%d}"), ("time, UTC", f"{first:%H:%M:%S} to {until}, {minutes:.1f} min")]
-
-
 def has_date(time: pd.Timestamp) -> bool:
     """Whether a time has a date: those of an unknown start count from 1970."""
     return time.year > 1970
-
-
-def _origin_text(origin: tuple[float, float] | None) -> str:
-    if origin is None:
-        return UNKNOWN
-    latitude, longitude = origin
-    return (
-        f"{abs(latitude):.5f}\u00b0 {'N' if latitude >= 0 else 'S'}, "
-        f"{abs(longitude):.5f}\u00b0 {'E' if longitude >= 0 else 'W'}"
-    )
 
 
 def _metres_text(value: float | None) -> str:
@@ -556,10 +527,10 @@ def _current_text(manoeuvres: Iterable[Manoeuvre], stated_mps: float | None) -> 
     of two turns half of their range.
     """
     drifts = [run.current for run in manoeuvres if run.current is not None and shows_current(run)]
+    if not drifts and stated_mps is None:
+        return "unknown: no turn of one and a half circles"
     if not drifts:
-        return (
-            "unknown: no turn of one and a half circles" if stated_mps is None else f"{stated_mps:g} m/s, as stated"
-        )
+        return f"{stated_mps:g} m/s, as stated"
     north, east = (
         mean_of([index_of("", getattr(drift, f"{name}_mps"), getattr(drift, f"{name}_within_mps"))
                  for drift in drifts])
@@ -585,9 +556,7 @@ def _dimension_rows(
         return [("dimensions", "unknown: no vessel file for the ship that the recording names")]
     velocities = one_hz.reindex(columns=["surge_mps", "sway_mps"]).dropna()
     speed = float(np.median(np.hypot(velocities["surge_mps"], velocities["sway_mps"]))) if len(velocities) else 0.0
-    approaches = [
-        manoeuvre.settings["approach_mps"] for manoeuvre in manoeuvres if "approach_mps" in manoeuvre.settings
-    ]
+    approaches = [run.settings["approach_mps"] for run in manoeuvres if "approach_mps" in run.settings]
     speed, whose = (max(approaches), "fastest approach") if approaches else (speed, "median speed")
     length_m, beam_m, draught_m = ship.between_perpendiculars_m, ship.beam_m, stated.draught_m or ship.draught_m
     ratios = [
@@ -600,9 +569,6 @@ def _dimension_rows(
     size += f", beam {beam_m:g} m" if beam_m else ""
     size += f", draught {ship.draught_m:g} m" if ship.draught_m else ""
     return [("dimensions", size), ("ratios", _join_parts(*ratios))]
-
-
-_SLOWEST_MPS = 0.1  # a ship that lies still has no L/V
 
 
 class ManoeuvreTable(pd.DataFrame):

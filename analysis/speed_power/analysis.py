@@ -226,22 +226,26 @@ def _analyse(runs: Sequence[PowerRun], conditions: Conditions, left_out: tuple[L
         means = solution.means[:, 0] + (best.means[:, 1] - solution.means[:, 1]) / slope
         return np.concatenate([solution.curve.speed_mps(band_kw), at_settings, means])
 
-    no_interval, intervals = why_unbounded(trial), None
+    no_interval = ""  # why there is none: what wind or waves took is neither corrected for nor bounded
+    is_bounded = {"wind", "waves"} <= trial.methods.keys() or conditions.beam_m or conditions.length_m
+    if not np.isfinite(trial.wind_mps).all():
+        no_interval = "the wind during the runs is not known"
+    elif not is_bounded:
+        unbounded = "without length_m or beam_m nothing bounds what they took"
+        no_interval = f"wind or waves are not corrected for, and {unbounded}"
+    values = speeds(best)
+    low = high = np.full_like(values, np.nan)
+    sources = dict[str, Floats]()
     if not no_interval:
         try:
-            intervals = intervals_of(trial, runs, best, over_ground, power, speeds)
+            shift, half, sources = intervals_of(trial, runs, best, over_ground, power, speeds)
         except DataShortageError:
             no_interval = "runs that differ by less than their errors would have no solution"
-    values = speeds(best)
+        else:  # they hold the speed itself wherever their middle lies
+            low, high = np.minimum(values, values + shift - half), np.maximum(values, values + shift + half)
     powers = np.concatenate([band_kw, best.means[:, 1], best.means[:, 1]])
-    low = high = np.full_like(values, np.nan)
-    if intervals is not None:  # which hold the speed itself wherever their middle lies
-        middle = values + intervals.shift_mps
-        low = np.minimum(values, middle - intervals.half_mps)
-        high = np.maximum(values, middle + intervals.half_mps)
     place = _BAND_POINTS + int(np.argmax(best.means[:, 1]))
-    sources = intervals.sources if intervals is not None else ()
-    halves = [(source.name, 1.96 * float(source.standard_mps[place])) for source in sources]
+    halves = [(name, 1.96 * float(standard[place])) for name, standard in sources.items()]
     points = [SpeedAtPower(*map(float, row)) for row in zip(powers, values, low, high, strict=True)]
     count = len(trial.groups)
     band, by_curve, by_means = points[:_BAND_POINTS], points[_BAND_POINTS:-count], points[-count:]
@@ -275,24 +279,6 @@ def _add_sizes(
     return tuple(sized)
 
 
-@dataclass(frozen=True, slots=True)
-class UncertaintySource:
-    """One source of uncertainty: how far it moves each of the speeds [m/s], and their standard uncertainties."""
-
-    name: str
-    shift_mps: Floats
-    standard_mps: Floats
-
-
-@dataclass(frozen=True, slots=True)
-class Intervals:
-    """The middle of the 95 % interval of each speed, less the speed, and half its width [m/s], from its sources."""
-
-    shift_mps: Floats
-    half_mps: Floats
-    sources: tuple[UncertaintySource, ...]
-
-
 def intervals_of(
     trial: SpeedTrial,
     runs: Sequence[PowerRun],
@@ -300,32 +286,33 @@ def intervals_of(
     speed: Floats,
     power: Floats,
     outputs: Outputs,
-) -> Intervals:
-    """The 95 % intervals of the ``outputs`` of a solution, of measured speeds over ground [m/s] and powers [kW]."""
+) -> tuple[Floats, Floats, dict[str, Floats]]:
+    """The 95 % intervals of the ``outputs`` of a solution, of measured speeds over ground [m/s] and powers [kW].
+
+    They are the middle of each less the output, half its width, and by source its standard uncertainties [m/s].
+    """
     values = outputs(best)
-    by_speed, by_power = _sensitivities(trial, speed, power, outputs, values)
-    weights, variances = _random_uncertainty(trial, runs, best, speed, by_speed, by_power)
-    sources = [
-        UncertaintySource("current and scatter of the runs", np.zeros_like(values), np.sqrt(weights @ variances)),
-        *_systematic_uncertainty(trial, speed, power, outputs, values),
-    ]
-    systematic = sum((source.standard_mps**2 for source in sources[1:]), start=np.zeros_like(values))
-    shift = sum((source.shift_mps for source in sources), start=np.zeros_like(values))
-    return Intervals(shift, _mixture_half(weights, variances + systematic), tuple(sources))
-
-
-def _sensitivities(
-    trial: SpeedTrial, speed: Floats, power: Floats, outputs: Outputs, values: Floats
-) -> tuple[Floats, Floats]:
-    """How the outputs change with the speed [outputs, runs] and the power [.. a kW] of each run."""
-    by_speed, by_power = [], []
+    speed_columns, power_columns = [], []  # how the outputs change with the speed and the power of each run
     for run in range(speed.size):
         step = np.zeros_like(speed)
         step[run] = 1.0
-        by_speed.append((outputs(solve(trial, speed + _STEP_MPS * step, power)) - values) / _STEP_MPS)
+        speed_columns.append((outputs(solve(trial, speed + _STEP_MPS * step, power)) - values) / _STEP_MPS)
         change = _STEP_POWER * power[run]
-        by_power.append((outputs(solve(trial, speed, power + change * step)) - values) / change)
-    return np.array(by_speed).T, np.array(by_power).T
+        power_columns.append((outputs(solve(trial, speed, power + change * step)) - values) / change)
+    by_speed, by_power = np.array(speed_columns).T, np.array(power_columns).T
+    weights, variances = _random_uncertainty(trial, runs, best, speed, by_speed, by_power)
+
+    sources = {"current and scatter of the runs": np.sqrt(weights @ variances)}
+    shift, systematic = np.zeros_like(values), np.zeros_like(values)
+    changes = list(_changes(trial))
+    for name in dict.fromkeys(change.name for change in changes):
+        source_shift, variance = np.zeros_like(values), np.zeros_like(values)
+        for change in (candidate for candidate in changes if candidate.name == name):
+            moved = outputs(solve(change.trial, speed, power * change.power_factor)) - values
+            source_shift, variance = source_shift + change.shift * moved, variance + (change.spread * moved) ** 2
+        sources[name] = np.sqrt(variance)
+        shift, systematic = shift + source_shift, systematic + sources[name] ** 2
+    return shift, _mixture_half(weights, variances + systematic), sources
 
 
 def _random_uncertainty(
@@ -389,18 +376,6 @@ class _Change:
     spread: float = 1.0
 
 
-def _systematic_uncertainty(
-    trial: SpeedTrial, speed: Floats, power: Floats, outputs: Outputs, values: Floats
-) -> Iterator[UncertaintySource]:
-    changes = list(_changes(trial))
-    for name in dict.fromkeys(change.name for change in changes):
-        shift, variance = np.zeros_like(values), np.zeros_like(values)
-        for change in (candidate for candidate in changes if candidate.name == name):
-            moved = outputs(solve(change.trial, speed, power * change.power_factor)) - values
-            shift, variance = shift + change.shift * moved, variance + (change.spread * moved) ** 2
-        yield UncertaintySource(name, shift, np.sqrt(variance))
-
-
 def _changes(trial: SpeedTrial) -> Iterator[_Change]:
     conditions, methods = trial.conditions, trial.methods
     # An accuracy is half of a rectangular distribution (JCGM 100, 4.3.7)
@@ -412,24 +387,20 @@ def _changes(trial: SpeedTrial) -> Iterator[_Change]:
         yield _Change("propulsive efficiency", _with_conditions(trial, propulsive_efficiency=efficiency))
         variation = conditions.load_variation + _LOAD_VARIATION
         yield _Change("propulsive efficiency", _with_conditions(trial, load_variation=variation))
-    if "shallow water" not in methods:
-        yield from _uncorrected_depth(trial)
+    if "shallow water" not in methods:  # what the bottom may have taken
+        usual, depth_m = _with_usual_values(conditions), float(trial.sea.water_depth_m.min())
+        beam_m, draught_m = usual.number("beam_m"), usual.number("draught_m")
+        if depth_m < 3.0 * np.sqrt(beam_m * draught_m):  # in shallow water Lackenby's part of a usual ship
+            shallow = replace(trial, conditions=replace(usual, form_factor=None))
+            yield _Change(
+                "shallow water", shallow.with_correction("shallow water"), shift=1.0, spread=_UNKNOWN_DEPTH
+            )
+        elif np.isfinite(depth_m):  # in deep water Raven's viscous part
+            share = _VISCOUS_SHARE * 0.57 * (draught_m / depth_m) ** 1.79
+            yield _Change("shallow water", trial, 1.0 - share, shift=1.0, spread=0.5)
     for name, share in (("shallow water", _SHALLOW), ("displacement", _DISPLACEMENT), ("water", _WATER)):
         if name in methods:
             yield _Change(name, trial.without_correction(name), spread=share)
-
-
-def _uncorrected_depth(trial: SpeedTrial) -> Iterator[_Change]:
-    """What the bottom may have taken: in deep water Raven's viscous part, in shallow Lackenby's of a usual ship."""
-    usual = _with_usual_values(trial.conditions)
-    beam_m, draught_m = usual.number("beam_m"), usual.number("draught_m")
-    depth_m = float(trial.sea.water_depth_m.min())
-    if depth_m < 3.0 * np.sqrt(beam_m * draught_m):
-        shallow = replace(trial, conditions=replace(usual, form_factor=None))
-        yield _Change("shallow water", shallow.with_correction("shallow water"), shift=1.0, spread=_UNKNOWN_DEPTH)
-    elif np.isfinite(depth_m):
-        share = _VISCOUS_SHARE * 0.57 * (draught_m / depth_m) ** 1.79
-        yield _Change("shallow water", trial, 1.0 - share, shift=1.0, spread=0.5)
 
 
 def _with_conditions(trial: SpeedTrial, **conditions: float) -> SpeedTrial:
@@ -491,12 +462,3 @@ def _with_usual_values(conditions: Conditions) -> Conditions:
         propulsive_efficiency=conditions.propulsive_efficiency or _USUAL_EFFICIENCY,
         wind_resistance=wind_resistance_of(conditions) or TYPICAL_WIND_RESISTANCE["tanker_loaded"],
     )  # fmt: skip
-
-
-def why_unbounded(trial: SpeedTrial) -> str:
-    """Why there is no interval: what wind or waves took is neither corrected for nor bounded; "" where there is."""
-    if not np.isfinite(trial.wind_mps).all():
-        return "the wind during the runs is not known"
-    if {"wind", "waves"} <= trial.methods.keys() or trial.conditions.beam_m or trial.conditions.length_m:
-        return ""
-    return "wind or waves are not corrected for, and without length_m or beam_m nothing bounds what they took"

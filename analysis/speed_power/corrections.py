@@ -227,20 +227,34 @@ def _depth_term(speed_mps: Floats, depth_m: Floats | float) -> Floats:
     return np.asarray(square / np.sqrt(1.0 - square))
 
 
-def is_shallow(conditions: Conditions, depth_m: float, speed_mps: float) -> bool:
-    """Whether depth is below 3 sqrt(B T) or 2.75 V^2 / g, where it is to be corrected for."""
-    wide = 3.0 * np.sqrt(conditions.number("beam_m") * conditions.number("draught_m"))
-    return bool(depth_m < max(wide, 2.75 * speed_mps**2 / GRAVITY_MPS2))
-
-
 def corrections_of(conditions: Conditions, runs: Sequence[PowerRun]) -> tuple[Correction, ...]:
-    """All corrections: those that apply with their method, the others with the reason."""
+    """All corrections: those that apply with their method, the others with the reason.
+
+    A depth is corrected for below 3 sqrt(B T) and below 2.75 V^2 / g.
+    """
     sea = sea_of(conditions, runs)
-    speeds = np.array([run.speed_mps for run in runs])
+    kind = f"typical of a {(conditions.wind_resistance_type or '').replace('_', ' ')}"
+    kind = "those of the ship" if conditions.wind_resistance else kind
+    wind = True, f"mean true wind of each double run, at the height of the coefficients; coefficients: {kind}"
+    if not all(np.isfinite(run.wind_mps) for run in runs):
+        wind = False, "not known: the wind during the runs"
+    elif not wind_resistance_of(conditions):
+        wind = False, "not known: wind_resistance, or wind_resistance_type"
+    depth_m, fastest_mps = float(sea.water_depth_m.min()), float(max(run.speed_mps for run in runs))
+    wide = 3.0 * np.sqrt(conditions.number("beam_m") * conditions.number("draught_m"))
+    shallow = False, "not known: midship_section_m2, or what Raven's method asks for"
+    if not np.isfinite(depth_m):
+        shallow = False, "not known: water_depth_m"
+    elif not depth_m < max(wide, 2.75 * fastest_mps**2 / GRAVITY_MPS2):
+        shallow = False, "not needed: deeper than 3 sqrt(B T) and 2.75 V^2 / g"
+    elif not conditions.lacks(*RAVEN):
+        shallow = True, "Raven"
+    elif conditions.midship_section_m2 is not None:
+        shallow = True, "Lackenby"
     chosen = {
-        "wind": _wind_method(conditions, runs), "waves": _wave_method(conditions, runs, sea),
+        "wind": wind, "waves": _wave_method(conditions, runs, sea),
         "water": (True, "ITTC 1957 friction line, to 15 deg C and 1026 kg/m3"),
-        "shallow water": _shallow_water_method(conditions, float(sea.water_depth_m.min()), float(speeds.max())),
+        "shallow water": shallow,
         "displacement": (True, "admiralty coefficient"),
     }  # fmt: skip
     return tuple(
@@ -249,16 +263,6 @@ def corrections_of(conditions: Conditions, runs: Sequence[PowerRun]) -> tuple[Co
         else Correction(name, *method)
         for name, method in chosen.items()
     )
-
-
-def _wind_method(conditions: Conditions, runs: Sequence[PowerRun]) -> tuple[bool, str]:
-    if not all(np.isfinite(run.wind_mps) for run in runs):
-        return False, "not known: the wind during the runs"
-    if not wind_resistance_of(conditions):
-        return False, "not known: wind_resistance, or wind_resistance_type"
-    kind = f"typical of a {(conditions.wind_resistance_type or '').replace('_', ' ')}"
-    kind = "those of the ship" if conditions.wind_resistance else kind
-    return True, f"mean true wind of each double run, at the height of the coefficients; coefficients: {kind}"
 
 
 def _wave_method(conditions: Conditions, runs: Sequence[PowerRun], sea: RunSeas) -> tuple[bool, str]:
@@ -290,43 +294,46 @@ def _wave_method(conditions: Conditions, runs: Sequence[PowerRun], sea: RunSeas)
     )
 
 
-def _shallow_water_method(conditions: Conditions, depth_m: float, fastest_mps: float) -> tuple[bool, str]:
-    if not np.isfinite(depth_m):
-        return False, "not known: water_depth_m"
-    if not is_shallow(conditions, depth_m, fastest_mps):
-        return False, "not needed: deeper than 3 sqrt(B T) and 2.75 V^2 / g"
-    if not conditions.lacks(*RAVEN):
-        return True, "Raven"
-    if conditions.midship_section_m2 is not None:
-        return True, "Lackenby"
-    return False, "not known: midship_section_m2, or what Raven's method asks for"
-
-
 def warnings_of(conditions: Conditions, runs: Sequence[PowerRun], groups: Groups, terms: int) -> tuple[str, ...]:
     """Where the standard does not apply or asks for more.
 
     ``groups`` are the places of the runs of each power setting, and so many ``terms`` of the current were found.
     """
-    return (
-        *_ship_warnings(conditions, runs), *_run_warnings(runs), *_programme_warnings(runs, groups, terms),
-        *_sea_warnings(conditions, runs),
-    )  # fmt: skip
-
-
-def _ship_warnings(conditions: Conditions, runs: Sequence[PowerRun]) -> Iterator[str]:
+    warnings = []
     if not conditions.number("length_m") >= _LEAST_LENGTH_M:
         long = "of unknown length" if conditions.length_m is None else f"{conditions.length_m:g} m long"
-        yield f"the ship is {long}: the standard's methods rest on ships of {_LEAST_LENGTH_M:.0f} m and more"
+        warnings.append(
+            f"the ship is {long}: the standard's methods rest on ships of {_LEAST_LENGTH_M:.0f} m and more"
+        )
     if missing := conditions.lacks("draught_m", "displacement_m3"):
-        yield f"the loading is not known ({', '.join(missing)}): the result is for the loading of the trial"
+        warnings.append(
+            f"the loading is not known ({', '.join(missing)}): the result is for the loading of the trial"
+        )
     if conditions.water_depth_m is None and not all(np.isfinite(run.water_depth_m) for run in runs):
-        yield "the depth of the water is not known: it is taken to be deep"
+        warnings.append("the depth of the water is not known: it is taken to be deep")
     deviation = abs(conditions.number("displacement_m3") / conditions.number("stated_displacement_m3") - 1.0)
     if deviation > _MOST_DISPLACEMENT_SHARE:
-        yield f"the displacement differs by {deviation:.1%}: the admiralty coefficient is for 2 % at most"
+        warnings.append(
+            f"the displacement differs by {deviation:.1%}: the admiralty coefficient is for 2 % at most"
+        )
+    warnings += _programme_warnings(runs, groups, terms)
+
+    length, fastest = conditions.length_m or _LEAST_LENGTH_M, max(run.speed_mps for run in runs)
+    wind, most = max(run.wind_mps for run in runs), _WINDS_MPS[length <= _LEAST_LENGTH_M]
+    if wind > most:
+        warnings.append(f"the wind was up to {wind:.1f} m/s, more than the {most:g} m/s of the standard")
+    sea = sea_of(conditions, runs)
+    if (highest := float(np.fmax.reduce(sea.wave_height_m))) > stawave1_limit_m(length):
+        warnings.append(f"waves of {highest:g} m are higher than 2.25 sqrt(L / 100 m), the limit of the standard")
+    wide = 2.0 * np.sqrt(conditions.number("beam_m") * conditions.number("draught_m"))
+    least = float(np.fmax(wide, 2.0 * fastest**2 / GRAVITY_MPS2))
+    if (depth := float(np.fmin.reduce(sea.water_depth_m))) < least:
+        warnings.append(f"{depth:g} m of water are less than the {least:.0f} m that the standard allows")
+    return tuple(warnings)
 
 
-def _run_warnings(runs: Sequence[PowerRun]) -> Iterator[str]:
+def _programme_warnings(runs: Sequence[PowerRun], groups: Groups, terms: int) -> Iterator[str]:
+    """Warnings of single runs, then of the programme as a whole."""
     if short := sum(run.minutes < 0.99 * RUN_MINUTES for run in runs):
         least = min(run.minutes for run in runs)
         yield f"{short} of {len(runs)} runs are shorter than {RUN_MINUTES:.0f} min, the shortest {least:.1f} min"
@@ -339,9 +346,6 @@ def _run_warnings(runs: Sequence[PowerRun]) -> Iterator[str]:
     course_changes = np.deg2rad([run.heading_deg - runs[0].heading_deg for run in runs])
     if (across := float(np.rad2deg(np.arcsin(np.abs(np.sin(course_changes)).max())))) > RECIPROCAL_DEG:
         yield f"courses differ by up to {across:.0f} deg: only the current along the first is removed"
-
-
-def _programme_warnings(runs: Sequence[PowerRun], groups: Groups, terms: int) -> Iterator[str]:
     pairs = max(run.double_run for run in runs)
     if len(groups) < _LEAST_SETTINGS or pairs < _LEAST_DOUBLE_RUNS:
         yield (
@@ -355,20 +359,6 @@ def _programme_warnings(runs: Sequence[PowerRun], groups: Groups, terms: int) ->
             f"{number_text(single, 'power setting')} without two double runs: there the mean of means removes a "
             "steady current only"
         )
-
-
-def _sea_warnings(conditions: Conditions, runs: Sequence[PowerRun]) -> Iterator[str]:
-    length, fastest = conditions.length_m or _LEAST_LENGTH_M, max(run.speed_mps for run in runs)
-    wind, most = max(run.wind_mps for run in runs), _WINDS_MPS[length <= _LEAST_LENGTH_M]
-    if wind > most:
-        yield f"the wind was up to {wind:.1f} m/s, more than the {most:g} m/s of the standard"
-    sea = sea_of(conditions, runs)
-    if (highest := float(np.fmax.reduce(sea.wave_height_m))) > stawave1_limit_m(length):
-        yield f"waves of {highest:g} m are higher than 2.25 sqrt(L / 100 m), the limit of the standard"
-    wide = 2.0 * np.sqrt(conditions.number("beam_m") * conditions.number("draught_m"))
-    least = float(np.fmax(wide, 2.0 * fastest**2 / GRAVITY_MPS2))
-    if (depth := float(np.fmin.reduce(sea.water_depth_m))) < least:
-        yield f"{depth:g} m of water are less than the {least:.0f} m that the standard allows"
 
 
 def from_ahead(heading_deg: Floats, wave_from_deg: Floats) -> Bools:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from rich.console import Group
@@ -13,7 +13,7 @@ from rich.text import Text
 
 from seatrial.acquisition.core.files import write_text, written_together
 from seatrial.acquisition.core.quantities import KNOT_MPS
-from seatrial.acquisition.core.result import to_json
+from seatrial.acquisition.core.result import terminal_table, to_json
 from seatrial.analysis.report.tables import left_out_line
 from seatrial.analysis.speed_power.analysis import SpeedAtPower, SpeedPower
 
@@ -123,15 +123,11 @@ def uncertainty_rows(result: SpeedPower) -> list[list[str]]:
 
 def view(result: SpeedPower) -> Group:
     """Power settings, runs, corrections, sources of uncertainty, warnings and what was left out."""
-    from rich.table import Table
 
-    def table(header: tuple[str, ...], rows: list[list[str]], justify: Literal["left", "right"] = "right") -> Table:
-        grid = Table(box=None, header_style="dim", padding=(0, 2, 0, 0))
-        for title in header:
-            grid.add_column(title, justify=justify)
-        for row in rows:
-            grid.add_row(*map(Text, row))
-        return grid
+    def table(titles: tuple[str, ...], rows: list[list[str]], *, words: bool = False) -> Table:
+        places = range(len(titles) if words else 0)
+        cells = (list(map(Text, row)) for row in rows)
+        return terminal_table(None, titles, cells, words=places, wrap=not words, padding=(0, 2, 0, 0))
 
     curve = result.curve
     return Group(
@@ -142,13 +138,13 @@ def view(result: SpeedPower) -> Group:
         Text(""),
         table(RUN_TITLES, run_rows(result)),
         Text(""),
-        table(CORRECTION_TITLES, correction_rows(result), "left"),
+        table(CORRECTION_TITLES, correction_rows(result), words=True),
         Text(""),
-        *(table(UNCERTAINTY_TITLES, rows, "left") for rows in (uncertainty_rows(result),) if rows),
+        *([table(UNCERTAINTY_TITLES, uncertainty_rows(result), words=True)] if result.uncertainties else []),
         Text(""),
         *(Text(f"note: {warning}", style="yellow") for warning in result.warnings),
         *(Text(left_out_line(candidate), style="dim") for candidate in result.left_out),
-    )  # fmt: skip
+    )
 
 
 def draw(figure: Figure, result: SpeedPower) -> None:

@@ -9,11 +9,12 @@ torque with the shaft speed.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from datetime import datetime
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -33,7 +34,6 @@ from seatrial.analysis.manoeuvres.motion import Motion, motion_of
 from seatrial.analysis.manoeuvres.runs import (
     LEAST_RUN_S,
     Course,
-    is_same_setting,
     no_speed_run,
     reciprocal_pairs,
     straight_stretches,
@@ -111,11 +111,17 @@ def power_columns(table: pd.DataFrame) -> dict[str, tuple[str, str]]:
 
 def mean_power_kw(table: pd.DataFrame) -> float | None:
     """The mean power at all shafts over a table's rows [kW]; None where it was not recorded."""
+    columns = power_columns(table)
+    return float(_power_kw(columns, lambda name: np.float64(table[name].mean()))) if columns else None
+
+
+def _power_kw(columns: Mapping[str, tuple[str, str]], values_of: Callable[[str], Any]) -> Any:
+    """The power at all shafts [kW], of the values of columns of power, or of torque and the shaft's speed [rpm]."""
     powers = []
-    for name, speed in power_columns(table).values():
-        turning = table[speed].mean() * np.pi / 30.0 if speed else 1.0
-        powers.append(float(table[name].mean()) * _TO_KILO[name.rpartition("_")[2]] * turning)
-    return float(np.sum(powers)) if powers else None
+    for name, speed in columns.values():
+        turning = values_of(speed) * np.pi / 30.0 if speed else 1.0
+        powers.append(values_of(name) * _TO_KILO[name.rpartition("_")[2]] * turning)
+    return np.sum(powers, axis=0)
 
 
 def power_runs(table: pd.DataFrame, events: Iterable[tuple[int, str]] = ()) -> tuple[list[PowerRun], list[LeftOut]]:
@@ -135,7 +141,16 @@ def power_runs(table: pd.DataFrame, events: Iterable[tuple[int, str]] = ()) -> t
     poses = table[[name for name in POSE_AND_VELOCITY if name in table]]
     poses.attrs = {name: value for name, value in table.attrs.items() if name != "actuators"}
     motion = motion_of(poses.assign(**{RUDDER: 0.0}))  # any helm: runs are straight by the heading
-    power, setting = _power_and_setting(motion, table, columns)
+
+    def on_grid(name: str) -> Floats:
+        samples = table[name].dropna().sort_index()
+        seconds = (times_ns(samples.to_frame()) - motion.origin_ns) / NANO
+        return np.asarray(np.interp(motion.time_s, seconds, samples.to_numpy(dtype=float)))
+
+    power = _power_kw(columns, on_grid)
+    names = [actuator.channels[0].name for actuator in table_actuators(table) if actuator.drives]
+    recorded = [name for name in names if name in table and table[name].notna().any()]
+    setting = np.mean([on_grid(name) for name in recorded], axis=0) if recorded else np.cbrt(power)
     motion = replace(motion, drives={"setting": setting}, thrust=np.sign(setting) * setting**2)
     smooth = smooth_motion(motion, max(WIDEST_S, 3 * motion.step_s))
     runs, left_out = list[PowerRun](), list[LeftOut]()
@@ -150,29 +165,6 @@ def power_runs(table: pd.DataFrame, events: Iterable[tuple[int, str]] = ()) -> t
         else:
             runs.append(_measure_run(motion, part, power, begun, first, end))
     return runs, left_out
-
-
-def _on_grid(motion: Motion, table: pd.DataFrame, name: str) -> Floats:
-    samples = table[name].dropna().sort_index()
-    seconds = (times_ns(samples.to_frame()) - motion.origin_ns) / NANO
-    return np.asarray(np.interp(motion.time_s, seconds, samples.to_numpy(dtype=float)))
-
-
-def _power_and_setting(
-    motion: Motion, table: pd.DataFrame, columns: Mapping[str, tuple[str, str]]
-) -> tuple[Floats, Floats]:
-    """The power at all shafts [kW], and the mean shaft speed of the drives that were recorded [rpm]; without one
-    the cube root of the power."""
-    powers = []
-    for name, speed in columns.values():  # of power, or of torque with that of the speed of its shaft [rpm]
-        turning = _on_grid(motion, table, speed) * np.pi / 30.0 if speed else 1.0
-        powers.append(_on_grid(motion, table, name) * _TO_KILO[name.rpartition("_")[2]] * turning)
-    power = np.sum(powers, axis=0)
-    names = [actuator.channels[0].name for actuator in table_actuators(table) if actuator.drives]
-    recorded = [name for name in names if name in table and table[name].notna().any()]
-    if not recorded:
-        return power, np.asarray(np.cbrt(power))
-    return power, np.asarray(np.mean([_on_grid(motion, table, name) for name in recorded], axis=0))
 
 
 def _rows_of_runs(motion: Motion, smooth: Motion, events: Iterable[tuple[int, str]]) -> list[tuple[int, int, int]]:
@@ -236,15 +228,6 @@ def double_runs(runs: Iterable[PowerRun]) -> tuple[list[PowerRun], list[LeftOut]
     left_out = [LeftOut("speed_run", run.start, run.end, reason)
                 for place, run in enumerate(ordered) if place not in number]  # fmt: skip
     return [replace(ordered[place], double_run=number[place]) for place in sorted(number)], left_out
-
-
-def settings_of(runs: Sequence[PowerRun]) -> list[list[int]]:
-    """The places of the runs of each power setting, in order of the setting."""
-    groups: list[list[int]] = []
-    for place in sorted(range(len(runs)), key=lambda number: runs[number].setting):
-        near = groups and is_same_setting(runs[groups[-1][0]].setting, runs[place].setting)
-        groups[-1:] = [[*groups[-1], place]] if near else [*groups[-1:], [place]]
-    return [sorted(group) for group in groups]
 
 
 @dataclass(frozen=True, slots=True)
@@ -321,6 +304,8 @@ def read_run_table(path: Path | str) -> RunTable:
 def runs_in_table(table: pd.DataFrame, units: Mapping[str, str] | None = None) -> RunTable:
     """The runs in a table with a row for each; ``units`` are those of columns that do not name theirs.
 
+    Averages have no standard error of their own, and what came before a run is not known.
+
     Parameters
     ----------
     table
@@ -343,34 +328,29 @@ def runs_in_table(table: pd.DataFrame, units: Mapping[str, str] | None = None) -
     columns, passed_over = _columns_of(table, units or {})
     start, seconds = _times_of(table, columns)
     read = {name: _mean_or_sum(name, table, matches) for name, matches in columns.items() if _QUANTITIES[name].unit}
-    runs = tuple(_read_runs(start, seconds, read))
+    heading, speed = _required_column(read, "heading"), _required_column(read, "speed")
+    if "power" in read or "torque" not in read:
+        power = _required_column(read, "power")
+    else:
+        power = 1e-3 * _required_column(read, "torque") * _required_column(read, "shaft_speed") * np.pi / 30.0
+    nothing, setting = np.full(len(start), np.nan), read.get("shaft_speed", np.cbrt(power))
+    sea = [read.get(name, nothing) for name in ("wave_height", "wave_direction", "wave_period", "water_depth")]
+    end = start + pd.to_timedelta(seconds, unit="s")
+    averages = (wrap_360(heading), speed, power, setting, *_wind_of(read), *sea)
+    runs = []
+    for begun, ended, *values in zip(start, end, *averages, strict=True):
+        course, mps, kw, rpm, wind_from, wind, *waves = map(float, values)
+        runs.append(PowerRun(
+            begun.to_pydatetime(), ended.to_pydatetime(), course, mps, 0.0, kw, 0.0, rpm, wind_from, wind,
+            float("nan"), 0, *waves,
+        ))  # fmt: skip
     means = {name: float(np.nanmean(values)) for name, values in read.items() if np.isfinite(values).any()}
     draught, trim = means.get("draught"), None
     if (fore := means.get("draught_fore")) is not None and (aft := means.get("draught_aft")) is not None:
         draught, trim = 0.5 * (fore + aft), aft - fore
     temperature = means.get("water_temperature")
     conditions = Conditions(draught_m=draught, trim_m=trim, water_temperature_degc=temperature)
-    return RunTable(runs, conditions, passed_over)
-
-
-def _read_runs(start: pd.DatetimeIndex, seconds: Floats, read: Mapping[str, Floats]) -> Iterator[PowerRun]:
-    """The runs of rows: averages have no standard error of their own, and what came before is not known."""
-    nothing = np.full(len(start), np.nan)
-    heading, speed = _required_column(read, "heading"), _required_column(read, "speed")
-    if "power" in read or "torque" not in read:
-        power = _required_column(read, "power")
-    else:
-        power = 1e-3 * _required_column(read, "torque") * _required_column(read, "shaft_speed") * np.pi / 30.0
-    setting = read.get("shaft_speed", np.cbrt(power))
-    sea = [read.get(name, nothing) for name in ("wave_height", "wave_direction", "wave_period", "water_depth")]
-    end = start + pd.to_timedelta(seconds, unit="s")
-    columns = (wrap_360(heading), speed, power, setting, *_wind_of(read), *sea)
-    for begun, ended, *values in zip(start, end, *columns, strict=True):
-        course, mps, kw, rpm, wind_from, wind, *waves = map(float, values)
-        yield PowerRun(
-            begun.to_pydatetime(), ended.to_pydatetime(), course, mps, 0.0, kw, 0.0, rpm, wind_from, wind,
-            float("nan"), 0, *waves,
-        )  # fmt: skip
+    return RunTable(tuple(runs), conditions, passed_over)
 
 
 @dataclass(frozen=True, slots=True)
@@ -416,30 +396,28 @@ def _usual_unit(house: str) -> str:
 
 
 def _mean_or_sum(quantity: str, table: pd.DataFrame, columns: list[_Column]) -> Floats:
-    """A quantity in its unit: the sum of the power and the mean of the rest over the sides of the ship."""
-    values = np.array([_numbers(table, column, quantity) for column in columns])
-    return np.asarray(values.sum(axis=0) if quantity in ("power", "torque") else values.mean(axis=0))
-
-
-def _numbers(table: pd.DataFrame, column: _Column, quantity: str) -> Floats:
-    """A column in the unit of its quantity; NaN for empty cells."""
-    kind = _QUANTITIES[quantity]
-    cells = table[column.name].replace("", np.nan)
-    values = pd.to_numeric(cells, errors="coerce").to_numpy(dtype=float)
-    if bad := [cell for cell, value in zip(cells, values, strict=True) if pd.notna(cell) and np.isnan(value)]:
-        raise InputError(
-            f"column {column.name!r} holds {str(bad[0])!r}", fix="write a number, with a decimal point"
-        )
-    minutes = kind.unit == "s" and column.unit == "min"
-    scale = Linear(60.0) if minutes else conversion_to(kind.unit, column.unit)
-    converted = scale.scale * values + scale.offset
-    beyond = np.flatnonzero((converted < kind.low) | (converted > kind.high))
-    if beyond.size:
-        raise InputError(
-            f"column {column.name!r} holds {values[beyond[0]]:g} in run {beyond[0] + 1}",
-            why=f"in {kind.unit} it can be {kind.low:g} to {kind.high:g}", fix="check the number and the unit",
-        )  # fmt: skip
-    return np.asarray(converted)
+    """A quantity in its unit, NaN for empty cells: the sum of the power and the mean of the rest over the sides of
+    the ship."""
+    kind, sides = _QUANTITIES[quantity], []
+    for column in columns:
+        cells = table[column.name].replace("", np.nan)
+        values = pd.to_numeric(cells, errors="coerce").to_numpy(dtype=float)
+        if bad := [cell for cell, value in zip(cells, values, strict=True) if pd.notna(cell) and np.isnan(value)]:
+            raise InputError(
+                f"column {column.name!r} holds {str(bad[0])!r}", fix="write a number, with a decimal point"
+            )
+        minutes = kind.unit == "s" and column.unit == "min"
+        scale = Linear(60.0) if minutes else conversion_to(kind.unit, column.unit)
+        converted = scale.scale * values + scale.offset
+        beyond = np.flatnonzero((converted < kind.low) | (converted > kind.high))
+        if beyond.size:
+            raise InputError(
+                f"column {column.name!r} holds {values[beyond[0]]:g} in run {beyond[0] + 1}",
+                why=f"in {kind.unit} it can be {kind.low:g} to {kind.high:g}", fix="check the number and the unit",
+            )  # fmt: skip
+        sides.append(converted)
+    total = np.sum if quantity in ("power", "torque") else np.mean
+    return np.asarray(total(np.array(sides), axis=0))
 
 
 def _required_column(read: Mapping[str, Floats], name: str) -> Floats:

@@ -18,6 +18,7 @@ import numpy as np
 from seatrial.acquisition.config.run_sheet import Conditions
 from seatrial.acquisition.core.errors import DataShortageError
 from seatrial.acquisition.core.quantities import Floats
+from seatrial.analysis.manoeuvres.runs import is_same_setting
 from seatrial.analysis.speed_power.corrections import (
     RAVEN,
     Correction,
@@ -30,12 +31,11 @@ from seatrial.analysis.speed_power.corrections import (
     wave_resistance_n,
     wind_resistance_n,
 )
-from seatrial.analysis.speed_power.runs import PowerRun, settings_of
+from seatrial.analysis.speed_power.runs import PowerRun
 
 _PASSES = 3  # the corrections depend on the speed through the water, by a few percent of a few percent
 TIDE_S = 0.51753 * 86_400.0
 """T_C: 12 h 25 min 14.6 s, the standard's 0.51753 day of half a lunar day."""
-_TERMS = 4  # of the current
 _SLOWEST_Q, _FASTEST_Q = 1.0, 9.0
 _ITERATIONS, _CLOSE_MPS = 400, 1e-7
 
@@ -92,21 +92,32 @@ def trial_of(conditions: Conditions, runs: Sequence[PowerRun], corrections: Sequ
     pairs = np.array([run.double_run for run in runs])
     wind = np.array([run.wind_mps * np.exp(1j * np.deg2rad(run.wind_from_deg)) for run in runs])
     wind = np.array([wind[pairs == pair].mean() for pair in pairs])
+    groups: list[list[int]] = []  # in order of the setting
+    for place in sorted(range(len(runs)), key=lambda number: runs[number].setting):
+        near = groups and is_same_setting(runs[groups[-1][0]].setting, runs[place].setting)
+        groups[-1:] = [[*groups[-1], place]] if near else [*groups[-1:], [place]]
     return SpeedTrial(
         conditions, middle - middle[0], heading, np.cos(np.deg2rad(heading - heading[0])),
-        np.rad2deg(np.angle(wind)) % 360.0, np.abs(wind), sea_of(conditions, runs), settings_of(runs), pairs,
+        np.rad2deg(np.angle(wind)) % 360.0, np.abs(wind), sea_of(conditions, runs),
+        [sorted(group) for group in groups], pairs,
         {correction.name: correction.method for correction in corrections if correction.applied},
     )  # fmt: skip
 
 
 def solve(trial: SpeedTrial, over_ground: Floats, power: Floats) -> SpeedPowerSolution:
     """The speeds, the current and the curve of measured speeds and powers."""
-    conditions, settings = trial.conditions, len(trial.groups)
+    conditions, methods, heading, settings = trial.conditions, trial.methods, trial.heading_deg, len(trial.groups)
     through = np.array([over_ground[trial.pairs == pair].mean() for pair in trial.pairs])
     for _ in range(_PASSES):
-        added = _added_resistance_n(trial, over_ground, through, power)
+        added = {name: np.zeros_like(through) for name in ("wind", "waves", "water")}
+        if "wind" in methods:
+            added["wind"] = wind_resistance_n(conditions, heading, over_ground, trial.wind_from_deg, trial.wind_mps)
+        if "waves" in methods:
+            added["waves"] = wave_resistance_n(conditions, heading, through, trial.sea, methods["waves"])
+        if "water" in methods:
+            added["water"] = water_resistance_n(conditions, through, power)
         total = np.sum(list(added.values()), axis=0)
-        ideal = ideal_power_kw(conditions, power, total, through) if trial.methods.keys() & added.keys() else power
+        ideal = ideal_power_kw(conditions, power, total, through) if methods.keys() & added.keys() else power
         current = iterate_current(trial.time_s, trial.along, over_ground, ideal, through, settings)
         through = current.speed_mps
     pairs = []  # of each setting speed and power by the mean of means, both with the same weights
@@ -119,23 +130,9 @@ def solve(trial: SpeedTrial, over_ground: Floats, power: Floats) -> SpeedPowerSo
     speed, final = _correct_depth_and_displacement(trial, through, ideal, trial.sea.water_depth_m)
     means = np.column_stack(_correct_depth_and_displacement(trial, means[:, 0], means[:, 1], depth))
     curve = current.curve
-    if trial.methods.keys() & {"shallow water", "displacement"}:
+    if methods.keys() & {"shallow water", "displacement"}:
         curve = fit_curve(speed, final, settings)
     return SpeedPowerSolution(added, current, speed, final, curve, means)
-
-
-def _added_resistance_n(
-    trial: SpeedTrial, over_ground: Floats, through: Floats, power: Floats
-) -> dict[str, Floats]:
-    """What wind, waves and water add to the resistance of each run."""
-    conditions, nothing, methods = trial.conditions, np.zeros_like(through), trial.methods
-    return {
-        "wind": wind_resistance_n(conditions, trial.heading_deg, over_ground, trial.wind_from_deg, trial.wind_mps)
-        if "wind" in methods else nothing,
-        "waves": wave_resistance_n(conditions, trial.heading_deg, through, trial.sea, methods["waves"])
-        if "waves" in methods else nothing,
-        "water": water_resistance_n(conditions, through, power) if "water" in methods else nothing,
-    }  # fmt: skip
 
 
 def _correct_depth_and_displacement(
@@ -231,27 +228,21 @@ class IterativeCurrent:
     free: int
 
 
-def terms_of_current(runs: int, settings: int) -> int:
-    """How many terms of the current can be estimated with the curve, with one run in excess: 4 at most."""
-    return max(1, min(_TERMS, runs - min(settings, 3) - 1))
-
-
-def current_design(time_s: Floats, terms: int) -> Floats:
-    """The current's terms at times [runs, terms]: constant, even change a day, sine, cosine of the tide."""
-    phase = 2.0 * np.pi * time_s / TIDE_S
-    return np.column_stack([np.ones_like(phase), time_s / 86_400.0, np.sin(phase), np.cos(phase)])[:, :terms]
-
-
 def iterate_current(
     time_s: Floats, along: Floats, over_ground_mps: Floats, power_kw: Floats, start_mps: Floats, settings: int
 ) -> IterativeCurrent:
     """The curve and the current that agree with all runs, estimated in turn until the speeds converge.
 
+    The terms of the current are a constant, an even change a day, sine and cosine of the tide: as many as can be
+    estimated with the curve and one run in excess.
     ``time_s`` are the middles of the runs, ``along`` 1 or -1 for runs with or against the course that the current
     is counted along, ``start_mps`` first speeds through the water: the mean of each double run. Raises
     :class:`DataShortageError` where more power goes with less speed.
     """
-    design = current_design(time_s, terms_of_current(time_s.size, settings)) * along[:, np.newaxis]
+    phase = 2.0 * np.pi * time_s / TIDE_S
+    columns = [np.ones_like(phase), time_s / 86_400.0, np.sin(phase), np.cos(phase)]
+    term_count = max(1, min(len(columns), time_s.size - min(settings, 3) - 1))
+    design = np.column_stack(columns)[:, :term_count] * along[:, np.newaxis]
     speed, share, last_change = start_mps, 1.0, np.inf
     for _ in range(_ITERATIONS):
         curve = fit_curve(speed, power_kw, settings) if speed.min() > 0.0 else None

@@ -26,7 +26,6 @@ from seatrial.acquisition.core.errors import (
 from seatrial.acquisition.core.files import make_folder, write_text, written_together
 from seatrial.acquisition.core.named_code import imported
 from seatrial.analysis.batch import SUMMARY, read_index, run_batch, write_index
-from seatrial.analysis.manoeuvres.indices import as_json
 from seatrial.analysis.products import Options
 from seatrial.analysis.report.rendering import render
 from seatrial.analysis.tables.table import sha256_of
@@ -200,7 +199,7 @@ def trial_report(
         criteria = [{"vessel": vessel, **result.as_json()}
                     for vessel, results in case.criteria.items() for result in results]  # fmt: skip
         write_text(folder / "criteria.json", json.dumps(criteria, indent=1) + "\n")
-        indices = {name: as_json(recording.manoeuvres) for name, recording in products.items()}
+        indices = {name: [run.as_json() for run in recording.manoeuvres] for name, recording in products.items()}
         write_text(folder / "indices.json", json.dumps(indices, indent=1) + "\n")
         page = render(
             "base.html", title=f"Sea trial report: {ship_name(case)}", subtitle=subtitle(case),

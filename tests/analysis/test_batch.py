@@ -269,7 +269,8 @@ _PATH = st.lists(_PART, min_size=1, max_size=3).map(lambda parts: "/".join(parts
 
 @given(st.lists(_PATH, unique=True, max_size=12))
 def test_no_result_stands_where_another_stands_or_inside_it(paths: list[str]) -> None:
-    names = result_names([*paths, "index.html.mcap", f"{MARKS}.mcap"])
+    reserved = ("index.html.mcap", f"{MARKS}.mcap")
+    names = result_names(Path(), [[Path(path)] for path in (*paths, *reserved)])
     assert len(set(names)) == len(names)
     parents = {parent.as_posix() for name in names for parent in Path(name).parents}
     assert not (set(names) & (parents | {"index.html", "index.parquet", MARKS, ".lock"}))

@@ -229,7 +229,7 @@ def test_a_worker_that_dies_is_one_failed_row(
 ) -> None:
     with Season(folder, tmp_path, QUICK, eager=False) as mortal:
         wait_for(lambda: by_name(mortal)["evil"].get("samples") is not None)
-        monkeypatch.setattr("seatrial.analysis.serve.result_of", dies)
+        monkeypatch.setattr("seatrial.analysis.batch.result_of", dies)
         mortal.ask("evil")
         wait_for(lambda: by_name(mortal)["evil"]["status"] == "failed")
         assert "its worker died" in by_name(mortal)["evil"]["cause"]

@@ -30,6 +30,7 @@ from seatrial.analysis.batch import (
     BatchSummary,
     Row,
     attempt,
+    first_look,
     process_job,
     read_index,
     recordings_below,
@@ -169,7 +170,7 @@ class _Page(HTMLParser):
 
 def row_of(summary: BatchSummary, path: bytes) -> dict[str, object]:
     """The row whose recording is the file of that name, by how names are shown."""
-    (name,) = result_names([os.fsdecode(path) + ".mcap"])
+    (name,) = result_names(Path(), [[Path(os.fsdecode(path) + ".mcap")]])
     twins = [row for row in summary.rows if row["name"].rstrip("_") == name.rstrip("_")]
     assert twins, sorted(row["name"] for row in summary.rows)
     return twins[0]
@@ -318,7 +319,7 @@ def test_recording_that_hangs_holds_up_no_other_of_the_season(monkeypatch: pytes
     monkeypatch.setattr(serve, "_LONGEST_S", 0.5)
     assert worker.row_of(hang, BatchJob("a", "a.mcap", "out", QUICK)) is None
     monkeypatch.undo()
-    row = worker.row_of(serve._first_look, BatchJob("a", "nothing.mcap", "out", QUICK))
+    row = worker.row_of(first_look, BatchJob("a", "nothing.mcap", "out", QUICK))
     worker.stop()
     assert row is not None
     assert row["status"] == "failed"

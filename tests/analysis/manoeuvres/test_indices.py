@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from seatrial.acquisition.core.quantities import Floats
 from seatrial.acquisition.core.ship import wrap_180, wrap_360
 from seatrial.analysis.manoeuvres.find import find_manoeuvres
-from seatrial.analysis.manoeuvres.indices import Manoeuvre, as_json
+from seatrial.analysis.manoeuvres.indices import Manoeuvre
 from seatrial.analysis.manoeuvres.kinds import circle_indices, zigzag_indices
 from seatrial.analysis.manoeuvres.measures import bootstrap_indices, peak
 from seatrial.analysis.manoeuvres.motion import Motion, motion_of
@@ -224,7 +224,7 @@ def test_an_overshoot_is_not_biased_by_noise() -> None:
 
 def test_every_value_of_the_json_is_plain_and_lengths_and_limits_need_a_length(sail: Sail) -> None:
     table = sail("gunnerus_short", "calm", "turning_circle_30", 800.0).recorded
-    with_length, without = (as_json(find_manoeuvres(table, length)) for length in (28.9, None))
+    with_length, without = ([run.as_json() for run in find_manoeuvres(table, length)] for length in (28.9, None))
     json.dumps(with_length, allow_nan=False)
     assert set(with_length[0]) >= {"kind", "name", "start", "end", "side", "settings", "indices", "current"}
     circles = [next(each for each in found if each["kind"] == "turning_circle") for found in (with_length, without)]
