@@ -14,6 +14,7 @@ order by ``time`` holds for one horizon: then the plan is over.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from io import BytesIO
 from pathlib import Path
@@ -36,7 +37,7 @@ from seatrial.analysis.windows.held import SecondBySecond
 from seatrial.hybrid.calibrators import TrainedCalibrator, plant_for
 from seatrial.hybrid.calibrators.own import load
 from seatrial.hybrid.effects.catalogue import vessel_plant
-from seatrial.hybrid.prediction.baselines import bands, enclosing_radius, reference
+from seatrial.hybrid.prediction.baselines import bands, reference
 from seatrial.hybrid.prediction.kalman_filter import filtered_starts
 from seatrial.hybrid.prediction.windows import PredictionWindows, difference_rad, rows_after, windows_of_channels
 from seatrial.hybrid.vessel.actuators import angle_columns, control_units
@@ -76,8 +77,10 @@ def predictor_of(
 ) -> Predictor:
     """The calibrator, or without one the reference model that :func:`.reference_model` chooses for recordings.
 
-    The default horizon is the calibrator's, or ``usual_s``. Raises :class:`InputError` for an unreadable
-    calibrator, :class:`ConfigurationError` for a vessel other than the calibrator's.
+    The default horizon is the calibrator's, or ``usual_s``. The path of the vessel file in a calibrator, which may
+    be another person's, is not opened: the file is looked for where those of recordings are. Raises
+    :class:`InputError` for an unreadable calibrator, :class:`ConfigurationError` for a vessel other than the
+    calibrator's.
     """
     if calibrator is None:
         model = reference_model(trials, vessel)
@@ -88,26 +91,15 @@ def predictor_of(
     seconds = horizon_s or trained.horizon_s
     trained.refuse_horizon(seconds)
     plant = plant_for(trained, None if vessel is None else str(vessel))
-    remark, ship = _model_of(trained, trials)
-    return Predictor(trained.vessel, plant, seconds, trained, "" if loaded else str(calibrator), remark, ship)
-
-
-def _model_of(trained: TrainedCalibrator, trials: Trials) -> tuple[ChosenModel, Vessel | None]:
-    """Remarks on a calibrator's model, whose numbers it holds itself, and its vessel file if it has these numbers.
-
-    The path of the vessel file in a calibrator, which may be another person's, is not opened: the file is looked
-    for where those of recordings are.
-    """
     name = Path(trained.vessel).stem
-    try:
+    remark, ship = chosen_model(name, {name}, trials), None
+    with suppress(ConfigurationError):
         files = (vessel_of_ship(name, path.parent) for path in trials)
         file = trained.vessel if trained.vessel in vessel_names() else next(filter(None, files), None)
         if file is not None:
             model = reference_model(trials, file)
-            return model.said, model.vessel if vessel_plant(model.vessel) == trained.plant else None
-    except ConfigurationError:
-        pass
-    return chosen_model(name, {name}, trials), None
+            remark, ship = model.said, model.vessel if vessel_plant(model.vessel) == trained.plant else None
+    return Predictor(trained.vessel, plant, seconds, trained, "" if loaded else str(calibrator), remark, ship)
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -136,7 +128,7 @@ class Prediction(ModelResult):
     @property
     def band_m(self) -> Floats | None:
         """The radius [H+1] of the circle that holds the region."""
-        return None if self.region_m is None else enclosing_radius(self.region_m)
+        return None if self.region_m is None else self.region_m.max(axis=-1)
 
     def as_dict(self) -> dict[str, Any]:
         """One object for each second, for JSON."""
