@@ -288,7 +288,9 @@ def predicted_indices(
     if run.helm_deg is not None and not motion.orders_are_events:
         part = motion.around(recorded.seconds(run.start), recorded.seconds(run.end), 2.0 * motion.step_s)
         rate_dps = helm_rate_dps(part.helm_deg, part.step_s)
-        ship = vessel_check.with_helm_rate(ship, rate_dps) if isfinite(rate_dps) else ship
+        steers = handling_of(model.vessel).steering_angles & isfinite(rate_dps)
+        rate = np.where(steers, np.deg2rad(rate_dps), ship.drives.rate)
+        ship = replace(ship, drives=ship.drives._replace(rate=rate))
     if run.kind == "pull_out":  # its speed is that in the turn before, which is no approach
         return _test_indices(_at_recorded_rpm(ship, run), run)
     ship, handling = vessel_check.approach_at(ship, speed_mps), handling_of(model.vessel)
