@@ -35,15 +35,7 @@ from seatrial.acquisition.core.quantities import Bools, Complexes, Floats, to_sh
 from seatrial.acquisition.core.ship import Actuators, trial_names
 from seatrial.analysis.estimation.process_models import UNKNOWN, correlated_pairs
 from seatrial.hybrid.calibrators import Calibrator, DomainOfApplicability, Examples, require_shapes
-from seatrial.hybrid.prediction.baselines import (
-    HINDCAST_S,
-    average_tracks,
-    conformal_region,
-    constant_motion_tracks,
-    distances,
-    mean_distances,
-    simulate_tracks,
-)
+from seatrial.hybrid.prediction import baselines
 from seatrial.hybrid.prediction.kalman_filter import (
     AXES,
     FILTER_NUMBERS,
@@ -251,7 +243,8 @@ class AdaptiveCalibrator(Calibrator):
             limit=float(np.quantile(minutes, _UNUSUAL)),
         )
         errors = [
-            np.nanmean(distances(self._average(candidates, power)[0], windows.track)) for power in WEIGHT_POWERS
+            np.nanmean(baselines.distances(self._average(candidates, power)[0], windows.track))
+            for power in WEIGHT_POWERS
         ]
         self.weight_power_ = WEIGHT_POWERS[int(np.argmin(errors))]
         tracks, uncertainty = np.empty(windows.track.shape), np.empty(candidates.spread_m.shape)
@@ -260,15 +253,15 @@ class AdaptiveCalibrator(Calibrator):
             tracks[in_fold], uncertainty[in_fold] = self._predicted(
                 windows.subset(in_fold), candidates.subset(in_fold), vector
             )
-        self.region_ = conformal_region(tracks, windows, uncertainty)
+        self.region_ = baselines.conformal_region(tracks, windows, uncertainty)
         return tracks
 
     def _candidates(self, windows: PredictionWindows, vectors: Floats) -> _Candidates:
         """The candidates' tracks over the windows, and their errors over the seconds and minutes before."""
-        hindcast_inputs = hindcast_windows(windows, HINDCAST_S)
+        hindcast_inputs = hindcast_windows(windows, baselines.HINDCAST_S)
         tracks, spread_m = self._candidate_tracks(vectors, self._observed(windows))
         hindcasts, _ = self._candidate_tracks(vectors, self._observed(hindcast_inputs))
-        hindcast_m = np.stack([mean_distances(hindcast, hindcast_inputs.track) for hindcast in hindcasts])
+        hindcast_m = np.stack([baselines.mean_distances(hindcast, hindcast_inputs.track) for hindcast in hindcasts])
         mean = vectors.mean(axis=0)[None]
         minutes = self._last_minutes(windows, lambda observed: self._candidate_tracks(mean, observed)[0])
         return _Candidates(tracks, hindcast_m, spread_m, minutes)
@@ -285,7 +278,7 @@ class AdaptiveCalibrator(Calibrator):
         hindcast_inputs = hindcast_windows(windows, *begins, horizon_s=self.hindcast_s_)
         error_m = np.stack(
             [
-                mean_distances(hindcast, hindcast_inputs.track)
+                baselines.mean_distances(hindcast, hindcast_inputs.track)
                 for hindcast in predict(self._observed(hindcast_inputs))
             ]
         )
@@ -344,7 +337,7 @@ class AdaptiveCalibrator(Calibrator):
         usable[0] |= ~usable.any(axis=0)
         weight = np.where(usable, np.exp(-_MINUTES_POWER * (logs - logs.min(axis=0))), 0.0)
         weight /= weight.sum(axis=0)
-        return average_tracks(weight, all_tracks), (weight * logs).sum(axis=0)
+        return baselines.average_tracks(weight, all_tracks), (weight * logs).sum(axis=0)
 
     def _member_states(self, vectors: Floats, observations: Observations) -> tuple[Floats, Floats, Floats]:
         """The members' mean states [N, H+1, 6] and wave motion [N, H+1, 3], and the standard deviation of their
@@ -358,8 +351,8 @@ class AdaptiveCalibrator(Calibrator):
         """The candidates' tracks [3, N, H+1, 3] from the members' mean observed state, with the same wave
         motion, and the members' spread [N, H]."""
         states, waves, spread_m = self._member_states(vectors, observations)
-        held = constant_motion_tracks(states[:, 0], observations.control.shape[1])
-        model = simulate_tracks(self._model, states[:, 0], observations.control, observations.wind)
+        held = baselines.constant_motion_tracks(states[:, 0], observations.control.shape[1])
+        model = baselines.simulate_tracks(self._model, states[:, 0], observations.control, observations.wind)
         return np.asarray(np.stack([states[..., :3], held, model]) + waves), spread_m
 
     def _average(self, candidates: _Candidates, power: float) -> tuple[Floats, Floats]:
@@ -377,7 +370,7 @@ class AdaptiveCalibrator(Calibrator):
         weight = np.where(usable, weight, 0.0)
         weight = weight / weight.sum(axis=0)
         hindcast_m = np.where(finite, candidates.hindcast_m, _UNKNOWN_RATIO * self.usual_.hindcast_m)
-        return average_tracks(weight, candidates.tracks), np.einsum("wn,wn->n", weight, hindcast_m)
+        return baselines.average_tracks(weight, candidates.tracks), np.einsum("wn,wn->n", weight, hindcast_m)
 
     def predict(self, windows: PredictionWindows, reference: Floats) -> Floats:
         return self.predict_with_uncertainty(windows, reference)[0]

@@ -32,6 +32,7 @@ from seatrial.hybrid.prediction.baselines import (
     conformal_region,
     distances,
     equal_area_radius,
+    heading_errors_deg,
     relative_distances,
     start_state,
     untrained_tracks,
@@ -41,7 +42,6 @@ from seatrial.hybrid.prediction.dataset import within_model_range
 from seatrial.hybrid.prediction.windows import (
     WIND,
     PredictionWindows,
-    difference_rad,
     draw_windows,
     independent_groups,
     with_two_sided_starts,
@@ -213,12 +213,11 @@ def errors_of(
     """Errors of tracks [N, H+1, 3] whose 95 % regions have semi-axes ``region_m`` [H, 2] or [N, H, 2]."""
     gap = predicted[:, 1:] - windows.track[:, 1:]
     distance = distances(predicted, windows.track)
-    turn = difference_rad(predicted[:, 1:, 2], windows.track[:, 1:, 2])
     return MethodErrors(
         distance_m=distance,
         north_m=np.abs(gap[..., 0]).mean(axis=1),
         east_m=np.abs(gap[..., 1]).mean(axis=1),
-        heading_deg=np.rad2deg(np.abs(turn)).mean(axis=1),
+        heading_deg=heading_errors_deg(predicted, windows.track).mean(axis=1),
         inside=(relative_distances(predicted, windows.track, region_m) <= 1.0).astype(float),
         region_m=np.broadcast_to(region_m, (*distance.shape, 2)),
         outside_domain=outside_domain.astype(float),

@@ -43,6 +43,7 @@ from seatrial.hybrid.prediction.baselines import (
     bands,
     constant_velocity,
     distances,
+    heading_errors_deg,
     reference,
     relative_distances,
     score,
@@ -51,9 +52,9 @@ from seatrial.hybrid.prediction.baselines import (
 )
 from seatrial.hybrid.prediction.dataset import Dataset, WindowSource, dataset_of, within_model_range
 from seatrial.hybrid.prediction.kalman_filter import LEAP_M
-from seatrial.hybrid.prediction.windows import PredictionWindows, difference_rad, row_numbers, with_two_sided_starts
+from seatrial.hybrid.prediction.windows import PredictionWindows, row_numbers, with_two_sided_starts
 from seatrial.hybrid.vessel.plant import Plant
-from seatrial.hybrid.vessel.sensors import HEADING, STATE_UNITS, SURGE, SWAY
+from seatrial.hybrid.vessel.sensors import STATE_UNITS, SURGE, SWAY
 
 TRUTHS = ("position", "dead_reckoning", "joined")
 UNSEEN_SHARE = float(np.hypot(LIMITS["speed_factor"].least, LIMITS["heading_offset_rad"].least))
@@ -413,8 +414,7 @@ def errors_by_length(
         methods = {}
         for name, track in tracks.items():
             distance_m = distances(track, windows.track).mean(axis=0)
-            turned = difference_rad(track[:, 1:, HEADING], windows.track[:, 1:, HEADING])
-            heading_deg = np.rad2deg(np.abs(turned)).mean(axis=0)
+            heading_deg = heading_errors_deg(track, windows.track).mean(axis=0)
             methods[name] = tuple(
                 LengthError(float(distance_m[i]), float(distance_m[i]) / length_m, float(heading_deg[i]))
                 for i in np.array(seconds) - 1

@@ -341,17 +341,21 @@ def mean_distances(predicted: Floats, measured: Floats) -> Floats:
     return np.asarray(distances(predicted, measured).mean(axis=1))
 
 
+def heading_errors_deg(predicted: Floats, measured: Floats) -> Floats:
+    """The difference of headings of two tracks [N, H+1, 3] at seconds 1 to H [N, H], in degrees."""
+    return np.asarray(np.rad2deg(np.abs(difference_rad(predicted[:, 1:, 2], measured[:, 1:, 2]))))
+
+
 def score(predicted: Floats, measured: Floats) -> Score:
     """Compare tracks [N, H+1, 3] of north, east [m] and heading [rad]."""
     gap = predicted[:, 1:] - measured[:, 1:]
     distance = distances(predicted, measured)
-    turn = difference_rad(predicted[:, 1:, 2], measured[:, 1:, 2])
     return Score(
         mean_distance_m=float(distance.mean()),
         end_distance_m=float(distance[:, -1].mean()),
         mae_north_m=float(np.abs(gap[..., 0]).mean()),
         mae_east_m=float(np.abs(gap[..., 1]).mean()),
-        heading_error_deg=float(np.rad2deg(np.abs(turn)).mean()),
+        heading_error_deg=float(heading_errors_deg(predicted, measured).mean()),
         by_second=tuple(float(distance_m) for distance_m in distance.mean(axis=0)),
     )
 

@@ -45,18 +45,7 @@ from seatrial.analysis.batch import BatchJob, Row, attempt, batch_folder, check_
 from seatrial.analysis.products import Options
 from seatrial.analysis.tables.table import sha256_of
 from seatrial.hybrid.effects import Catalogue, apply_effects, vessel_plant
-from seatrial.hybrid.simulation.manoeuvres import (
-    Drives,
-    Manoeuvre,
-    as_arrays,
-    drives_of,
-    for_ship,
-    handling_of,
-    manoeuvre_named,
-    sail,
-    shafts_rpm,
-    steady_speed_mps,
-)
+from seatrial.hybrid.simulation import manoeuvres
 from seatrial.hybrid.vessel.actuators import angle_columns, control_units
 from seatrial.hybrid.vessel.dynamics import Runs, combine_forces, range_error
 from seatrial.hybrid.vessel.effect import growth, scale_of
@@ -153,7 +142,7 @@ class Voyage:
 def simulate_trial(
     vessel: Vessel | str | None = None,
     sea_state: SeaState | str = "calm",
-    manoeuvre: Manoeuvre | str = "voyage",
+    manoeuvre: manoeuvres.Manoeuvre | str = "voyage",
     duration_s: float = 1200.0,
     rate_hz: float = 10.0,
     seed: int = 0,
@@ -174,7 +163,9 @@ def simulate_trial(
     """
     ship = load_vessel(vessel)
     sea = sea_for(sea_state, ship.dimensions) if isinstance(sea_state, str) else sea_state
-    legs = for_ship(manoeuvre_named(manoeuvre, ship.actuators), ship) if isinstance(manoeuvre, str) else manoeuvre
+    legs = manoeuvre
+    if isinstance(legs, str):
+        legs = manoeuvres.for_ship(manoeuvres.manoeuvre_named(legs, ship.actuators), ship)
     steps_per_row, rows = _timing(duration_s, rate_hz)
     streams = [np.random.default_rng(sequence) for sequence in np.random.SeedSequence(seed).spawn(4)]
     environment = sea.effects(ship.dimensions.length_between_perpendiculars_m)
@@ -225,30 +216,43 @@ def sail_through(
     vessel: Vessel,
     plant: Plant,
     sea: SeaState,
-    legs: Manoeuvre,
+    legs: manoeuvres.Manoeuvre,
     steps: int,
     dt_s: float,
     heading_deg: float,
     gusts: np.random.Generator,
     drift: np.random.Generator,
-    drives: Drives | None = None,
+    drives: manoeuvres.Drives | None = None,
 ) -> Voyage:
     """The motion of ``plant`` through a manoeuvre, with the autopilot of ``vessel``, and its drives or others."""
     wind = wind_series(gusts, sea, steps + 1, dt_s)
     wind[:, 0] += plant.wind_direction_bias_rad
     wind[:, 1] *= plant.wind_speed_factor
     slow_n = plant.drift_force_n * drift_series(drift, sea, steps + 1, dt_s)
-    (leg_array, ends), packed = as_arrays(legs, vessel), pack(plant)
+    (leg_array, ends), packed = manoeuvres.as_arrays(legs, vessel), pack(plant)
     extra, parameters = combine_forces((plant,))
-    order = handling_of(vessel).orders(shafts_rpm(legs[0], vessel), 0.0) * control_units(vessel.actuators)
-    steady_mps, heading = steady_speed_mps(bare_plant(vessel), order), np.deg2rad(heading_deg)
+    rpm = manoeuvres.shafts_rpm(legs[0], vessel)
+    order = manoeuvres.handling_of(vessel).orders(rpm, 0.0) * control_units(vessel.actuators)
+    steady_mps, heading = manoeuvres.steady_speed_mps(bare_plant(vessel), order), np.deg2rad(heading_deg)
     ahead, starboard = to_ship(plant.current_north_mps, plant.current_east_mps, heading)
     start = np.array([0.0, 0.0, heading, steady_mps + ahead, starboard, 0.0])  # at the steady speed in still water
     states, controls = np.full((steps + 1, 6), np.nan), np.full((steps + 1, leg_array.shape[1]), np.nan)
-    failed_step = sail(
-        packed[0], start, leg_array, ends, drives or drives_of(vessel), wind[:-1], slow_n, dt_s, 1, extra,
-        parameters[0], states, controls,
-    )  # fmt: skip
+    drives = drives or manoeuvres.drives_of(vessel)
+    failed_step = manoeuvres.sail(
+        packed[0],
+        start,
+        leg_array,
+        ends,
+        drives,
+        wind[:-1],
+        slow_n,
+        dt_s,
+        1,
+        extra,
+        parameters[0],
+        states,
+        controls,
+    )
     if failed_step >= 0:
         raise range_error(Runs(states[np.newaxis], np.array([failed_step])), plant, dt_s)
     return Voyage(
@@ -537,7 +541,7 @@ def trials_of(campaign: Campaign) -> tuple[PlannedTrial, ...]:
     where two trials would have one name.
     """
     for sea, manoeuvre in product(campaign.sea_states, campaign.manoeuvres):
-        sea_state_named(sea), manoeuvre_named(manoeuvre)
+        sea_state_named(sea), manoeuvres.manoeuvre_named(manoeuvre)
     for vessel in campaign.vessels:
         apply_effects(vessel_plant(load_vessel(vessel)), campaign.hidden)
     common = {name: getattr(campaign, name) for name in ("duration_s", "rate_hz", "heading_deg", "hidden", "noise")}

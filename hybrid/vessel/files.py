@@ -11,7 +11,7 @@ What a vessel file tells the analysis of speed and power: dimensions and the win
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, fields, is_dataclass, replace
 from math import isfinite
 from pathlib import Path
@@ -145,7 +145,12 @@ def _check_values(vessel: Vessel, text: str, path: Path) -> None:
         size = len(getattr(vessel.wind, table))
         if size != TABLE_SIZE:
             _complain(path, text, ["wind", table], f"has {size} values", f"give {TABLE_SIZE}, at 0, 10 ... 180 deg")
-    tables = list(_tables(vessel))
+    tables: list[tuple[list[str | int], Tree]] = []
+    for key, value in asdict(vessel).items():
+        if key == "actuator":
+            tables += [([key, number], table) for number, table in enumerate(value)]
+        elif isinstance(value, dict) and key not in _ADDED:
+            tables.append(([key], value))
     for keys, numbered in tables:
         positive = KINDS[numbered["kind"]].positive if keys[0] == "actuator" else _POSITIVE.get(str(keys[0]), ())
         for name, number in numbered.items():
@@ -166,16 +171,6 @@ def _check_values(vessel: Vessel, text: str, path: Path) -> None:
         if number_name not in by_name.get(table, {}):
             fix = "write TABLE.NUMBER or ACTUATOR.NUMBER of this file"
             _complain(path, text, ["estimated"], f"has {name!r}", fix)
-
-
-def _tables(vessel: Vessel) -> Iterator[tuple[list[str | int], Tree]]:
-    """The tables of a vessel with numbers of the model, by their keys."""
-    for key, value in asdict(vessel).items():
-        if key == "actuator":
-            for number, table in enumerate(value):
-                yield [key, number], table
-        elif isinstance(value, dict) and key not in _ADDED:
-            yield [key], value
 
 
 def _complain(path: Path, text: str, keys: list[str | int], what: str, fix: str) -> None:

@@ -14,7 +14,7 @@ Fitted to 334 models, prismatic coefficient 0.55 to 0.85, L/B 3.9 to 15, B/T 2.1
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from math import cos, exp, isfinite, log10, pi, sqrt
 
@@ -435,23 +435,13 @@ def text_of(table: Table) -> str:
     lines = [table.head]
     for key, cell in table.rows.items():
         number = cell if isinstance(cell, SourcedValue) else SourcedValue(0.0 if isinstance(cell, str) else cell)
-        text = f"{key} = {json.dumps(cell) if isinstance(cell, str) else _number(number.value)}"
+        text = f"{key} = {json.dumps(cell) if isinstance(cell, str) else number_text(number.value)}"
         error = f"+-{100.0 * number.error:.0f} %: " if number.error > 0.0 else ""
         lines.append(f"{text:<34}  # {error}{number.source}" if number.source else text)
     return "\n".join(lines) + "\n"
 
 
-def estimated_table(tables: Iterable[Table]) -> str:
-    """The table of relative errors of all numbers that a regression gave."""
-    rows = [
-        f'"{table.label}.{key}" = {_number(round(cell.error, 3))}'
-        for table in tables
-        for key, cell in table.rows.items()
-        if isinstance(cell, SourcedValue) and cell.error > 0.0
-    ]
-    return "\n".join(["[estimated]", *rows]) + "\n"
-
-
-def _number(value: float) -> str:
+def number_text(value: float) -> str:
+    """A number to :data:`DIGITS` significant digits."""
     assert isfinite(value)
     return repr(float(f"{value:.{DIGITS}g}"))
