@@ -219,8 +219,12 @@ def predict(
     if commands is not None:
         if trained is not None:
             trained.refuse_commands()
-        orders = commands_from(commands, pd.Timestamp(windows.start_time[0]), windows.horizon_s)
-        if orders is not None:  # else the plan is over
+        orders, applies = commands, True
+        if isinstance(commands.index, pd.DatetimeIndex):
+            seconds = (commands.index - pd.Timestamp(windows.start_time[0])) / pd.Timedelta(seconds=1)
+            orders = commands.set_axis(seconds)
+            applies = seconds[0] < horizon_s and seconds[-1] > -horizon_s
+        if applies:  # else the plan begins after the horizon, or is over
             layout = windows.actuators
             controls = planned_commands(orders, windows.control[0], layout, windows.horizon_s)
             channels = zip(control_names(layout), (controls / control_units(layout)).T, strict=True)
@@ -292,22 +296,11 @@ def read_commands(path: Path, actuators: Actuators) -> pd.DataFrame:
     return orders
 
 
-def commands_from(table: pd.DataFrame, at: pd.Timestamp, horizon_s: int) -> pd.DataFrame | None:
-    """The table of :func:`read_commands` by seconds after ``at``; None if it is by ``time`` and begins after
-    the horizon or is over.
-
-    Rows before ``at`` are kept: the last of them is the current order.
-    """
-    if not isinstance(table.index, pd.DatetimeIndex):
-        return table
-    seconds = (table.index - at) / pd.Timedelta(seconds=1)
-    return table.set_axis(seconds) if seconds[0] < horizon_s and seconds[-1] > -horizon_s else None
-
-
 def planned_commands(table: pd.DataFrame, initial: Floats, actuators: Actuators, horizon_s: int) -> Floats:
     """The mean controls over each second of the horizon [H, controls] in SI, starting from ``initial`` [controls].
 
-    ``table`` comes from :func:`commands_from`. Angles are averaged the shorter way round.
+    ``table`` is that of :func:`read_commands` by seconds after the start; the last row before it is the current
+    order. Angles are averaged the shorter way round.
     """
     times = (np.arange(horizon_s * _PARTS) + 0.5) / _PARTS
     row = np.searchsorted(table.index.to_numpy(dtype=float), times, side="right")  # 0: before the first
