@@ -45,7 +45,7 @@ from seatrial.hybrid.diagnosis.planning import (
     repertoire,
     shafts_of,
 )
-from seatrial.hybrid.effects import Catalogue, Effect, vessel_plant
+from seatrial.hybrid.effects import Catalogue, vessel_plant
 from seatrial.hybrid.effects.catalogue import catalogue_of
 from seatrial.hybrid.simulation.manoeuvres import for_ship, manoeuvre_named, usual_rpm
 from seatrial.hybrid.simulation.trial import SeaState, simulate_trial
@@ -115,22 +115,13 @@ def pair_evidence(information: Information, name: str, rival: str) -> float:
     return min((least_separation(information, *pair) for pair in detectable), default=inf)
 
 
-def evidence_matrix(information: Information, names: Sequence[str]) -> Floats:
-    """:func:`pair_evidence` for all pairs [E, E], infinite for an effect and itself."""
-    result = np.full((len(names), len(names)), np.inf)
-    for i, name in enumerate(names):
-        for j in range(i):
-            result[i, j] = result[j, i] = pair_evidence(information, name, names[j])
-    return result
-
-
 @dataclass(frozen=True, slots=True)
 class Programme:
     """A sequence of manoeuvres and what they would show.
 
     ``limits``: how far from neutral each effect's first parameter has to be to be found in nine of ten such
     trials, or up to which value for one that is absent at infinity. ``evidence`` [E, E]: twice the log
-    likelihood that separates two effects of typical sizes.
+    likelihood that separates two effects of typical sizes, infinite for an effect and itself.
     """
 
     parts: tuple[CandidateManoeuvre, ...]
@@ -173,19 +164,17 @@ class Plan(Result):
     def as_dict(self) -> dict[str, Any]:
         """For JSON."""
         asked, better = self.asked.as_dict(), self.better.as_dict()
-
-        def effect_limits(effect: Effect) -> dict[str, Any]:
-            first = effect.parameters[0]
-            return {
+        effects = [
+            {
                 "name": effect.name, "family": effect.family, "parameter": first.name, "unit": first.unit,
                 "neutral": first.neutral if isfinite(first.neutral) else None, "typical": first.typical,
                 "limit": asked["limits"][effect.name], "better_limit": better["limits"][effect.name],
-            }  # fmt: skip
-
+            }
+            for effect in self.catalogue.values() for first in effect.parameters[:1]
+        ]  # fmt: skip
         return {
-            "vessel": self.vessel, "sea_state": self.sea.name, "tolerance": self.tolerance,
-            "effects": [effect_limits(effect) for effect in self.catalogue.values()], "asked": asked,
-            "better": better,
+            "vessel": self.vessel, "sea_state": self.sea.name, "tolerance": self.tolerance, "effects": effects,
+            "asked": asked, "better": better,
         }  # fmt: skip
 
 
@@ -195,7 +184,24 @@ def programme_of(texts: Sequence[str], vessel: Vessel, minutes: float) -> tuple[
     Names are those of `seatrial simulate` and of the repertoire. Raises :class:`ConfigurationError`.
     """
     candidates = {candidate.name: candidate for candidate in candidates_of(vessel)}
-    parts = [_programme_part(text, candidates, vessel) for text in texts or (DEFAULT,)]
+    parts = []
+    for text in texts or (DEFAULT,):
+        match = _PART.fullmatch(text)
+        if match is None:
+            raise ConfigurationError(f"{text!r} is not a manoeuvre", fix="write MANOEUVRE or MANOEUVRE=MINUTES")
+        name, stated_minutes = match[1], float(match[2] or 0.0)
+        if match[2] and stated_minutes < 1.0:
+            raise ConfigurationError(f"{text!r} is too short", fix="give at least one minute")
+        if name in candidates:
+            parts.append(replace(candidates[name], minutes=stated_minutes))
+            continue
+        try:
+            legs = for_ship(manoeuvre_named(name, vessel.actuators), vessel)
+        except ConfigurationError as error:
+            raise ConfigurationError(
+                f"no manoeuvre {name!r}", fix=f"use one of {', '.join(candidates)}, or one of `seatrial simulate`"
+            ) from error
+        parts.append(CandidateManoeuvre(name, name.replace("_", " "), legs, stated_minutes))
     open_ = sum(part.minutes == 0.0 for part in parts)
     remaining = minutes - sum(part.minutes for part in parts)
     if open_ and remaining < open_:
@@ -203,24 +209,6 @@ def programme_of(texts: Sequence[str], vessel: Vessel, minutes: float) -> tuple[
             f"{minutes:g} minutes are too few for {len(parts)} manoeuvres", fix="give more with --duration"
         )
     return tuple(replace(part, minutes=remaining / open_) if part.minutes == 0.0 else part for part in parts)
-
-
-def _programme_part(text: str, candidates: Mapping[str, CandidateManoeuvre], vessel: Vessel) -> CandidateManoeuvre:
-    match = _PART.fullmatch(text)
-    if match is None:
-        raise ConfigurationError(f"{text!r} is not a manoeuvre", fix="write MANOEUVRE or MANOEUVRE=MINUTES")
-    name, minutes = match[1], float(match[2] or 0.0)
-    if match[2] and minutes < 1.0:
-        raise ConfigurationError(f"{text!r} is too short", fix="give at least one minute")
-    if name in candidates:
-        return replace(candidates[name], minutes=minutes)
-    try:
-        legs = for_ship(manoeuvre_named(name, vessel.actuators), vessel)
-        return CandidateManoeuvre(name, name.replace("_", " "), legs, minutes)
-    except ConfigurationError as error:
-        raise ConfigurationError(
-            f"no manoeuvre {name!r}", fix=f"use one of {', '.join(candidates)}, or one of `seatrial simulate`"
-        ) from error
 
 
 def candidates_of(vessel: Vessel) -> tuple[CandidateManoeuvre, ...]:
@@ -232,10 +220,7 @@ def noise_in(
     vessel: Vessel, sea: SeaState, tolerance: float, catalogue: Catalogue, progress: Progress = lambda share: None
 ) -> DisturbanceNoise:
     """The noise that a diagnosis would estimate in such a sea, from ten simulated minutes with sensors."""
-    effects = {
-        **catalogue_of(vessel),
-        **catalogue,
-    }  # an effect excluded from the search may be present in the vessel
+    effects = {**catalogue_of(vessel), **catalogue}  # the vessel may have one excluded from the search
     table, _ = simulate_trial(vessel, sea, "zigzag", _NOISE_S, 1.0, catalogue=effects)
     model = ModelWithEffects(vessel_plant(vessel, effects), catalogue)
     return estimate_noise(linearise(log_of([table]), model, tolerance), progress).noise
@@ -265,7 +250,14 @@ def plan(
     design = design_of(normal_equations(evidence, noise, progress=part_of(progress, 0, 2)))
     first = len(asked)
     shown = _programme(programme, design.information(range(first)))
-    aims = Aims(tuple(catalogue), _pairs(shown, catalogue))
+    # To be separated: effects known to resemble each other, and those that the programme does not separate.
+    pairs = {
+        (min(name, rival), max(name, rival))
+        for name, effect in catalogue.items()
+        for rival in effect.confused_with
+        if rival in catalogue
+    } | {(min(pair), max(pair)) for pair in shown.indistinguishable_pairs()}
+    aims = Aims(tuple(catalogue), tuple(sorted(pairs)))
     slots = max(1, round(shown.minutes / next(iter(logs)).minutes))
     legs = compose_programme(design, range(first, first + len(logs)), slots, aims, part_of(progress, 1, 2))
     parts = [list(logs)[leg - first] for leg in legs]
@@ -276,15 +268,9 @@ def _programme(parts: Sequence[CandidateManoeuvre], information: Information) ->
     limits = {
         name: as_parameter(information.catalogue[name], size) for name, size in free_limits(information).items()
     }
-    return Programme(tuple(parts), limits, evidence_matrix(information, list(limits)))
-
-
-def _pairs(shown: Programme, catalogue: Catalogue) -> tuple[tuple[str, str], ...]:
-    """Effects known to resemble each other, and those that the programme does not separate."""
-    similar = {
-        (name, rival) if name < rival else (rival, name)
-        for name, effect in catalogue.items()
-        for rival in effect.confused_with
-        if rival in catalogue
-    }
-    return tuple(sorted(similar | {(min(pair), max(pair)) for pair in shown.indistinguishable_pairs()}))
+    names = list(limits)
+    evidence = np.full((len(names), len(names)), np.inf)
+    for i, name in enumerate(names):
+        for j in range(i):
+            evidence[i, j] = evidence[j, i] = pair_evidence(information, name, names[j])
+    return Programme(tuple(parts), limits, evidence)

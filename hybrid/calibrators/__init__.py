@@ -368,6 +368,17 @@ def train(
     data_driven = None
     if can_train("data_driven"):
         data_driven = make_calibrator("data_driven", seed, plant).fit(training, stopping, part_of(progress, 1, 2))
+    judged = stopping[0].complete
+    measured, predicted = stopping[0].track[judged], calibrator.out_of_sample_tracks(stopping)
+    metrics = {
+        "windows": int(windows.complete.sum()),
+        "shorter_windows": int((~windows.complete).sum()),
+        "legs": int(np.unique(windows.leg).size),
+        "training_windows": int(training[0].complete.sum()),
+        "held_out_windows": int(judged.sum()),
+        "held_out_reference_m": score(stopping[1][judged], measured).mean_distance_m,
+        "held_out_hybrid_m": score(predicted[judged], measured).mean_distance_m,
+    }
     return TrainedCalibrator(
         calibrator=calibrator,
         data_driven=data_driven,
@@ -377,21 +388,5 @@ def train(
         region_m=calibrator.conformal_region(stopping),
         fallback=Fallback.fit(windows, tracks, plant),
         sources=tuple(replace(source, path=source.path.resolve()) for source in dataset.sources),
-        metrics=_metrics(windows, training, stopping, calibrator.out_of_sample_tracks(stopping)),
+        metrics=metrics,
     )
-
-
-def _metrics(
-    windows: PredictionWindows, training: Examples, stopping: Examples, predicted: Floats
-) -> dict[str, Any]:
-    judged = stopping[0].complete
-    measured = stopping[0].track[judged]
-    return {
-        "windows": int(windows.complete.sum()),
-        "shorter_windows": int((~windows.complete).sum()),
-        "legs": int(np.unique(windows.leg).size),
-        "training_windows": int(training[0].complete.sum()),
-        "held_out_windows": int(judged.sum()),
-        "held_out_reference_m": score(stopping[1][judged], measured).mean_distance_m,
-        "held_out_hybrid_m": score(predicted[judged], measured).mean_distance_m,
-    }

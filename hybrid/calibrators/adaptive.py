@@ -35,15 +35,7 @@ from seatrial.acquisition.core.quantities import Bools, Complexes, Floats, to_sh
 from seatrial.acquisition.core.ship import Actuators, trial_names
 from seatrial.analysis.estimation.process_models import UNKNOWN, correlated_pairs
 from seatrial.hybrid.calibrators import Calibrator, DomainOfApplicability, Examples, require_shapes
-from seatrial.hybrid.prediction.baselines import (
-    HINDCAST_S,
-    average_tracks,
-    conformal_region,
-    constant_motion_tracks,
-    distances,
-    mean_distances,
-    simulate_tracks,
-)
+from seatrial.hybrid.prediction import baselines
 from seatrial.hybrid.prediction.kalman_filter import (
     AXES,
     FILTER_NUMBERS,
@@ -62,7 +54,6 @@ from seatrial.hybrid.prediction.windows import (
     difference_rad,
     hindcast_windows,
     independent_groups,
-    truncate_windows,
     without_overlap,
 )
 from seatrial.hybrid.vessel.actuators import KINDS, angle_columns, control_labels
@@ -137,37 +128,15 @@ class _Candidates:
 
 @dataclass(frozen=True, slots=True)
 class _TrainingStatistics:
-    """The usual values in training, on held-out legs: the median hindcast error ``hindcast_m``, the median
-    spread of the members ``spread_m`` [H], and of the log errors over the last minutes the ``mean``, standard
-    ``deviation`` and upper ``limit``."""
+    """The usual values in training, on held-out legs: the median hindcast error ``hindcast_m``, a metre if nothing
+    was recorded; the median spread of the members ``spread_m`` [H]; and of the log errors over the last minutes the
+    ``mean``, standard ``deviation`` and upper ``limit``."""
 
     hindcast_m: float
     spread_m: Floats
     mean: float
     deviation: float
     limit: float
-
-    @classmethod
-    def of(cls, candidates: _Candidates) -> _TrainingStatistics:
-        """The usual values of the candidates of all windows; a metre where nothing was recorded."""
-        model_hindcast_m, minutes = candidates.hindcast_m[0], candidates.minutes[0]
-        minutes = minutes[np.isfinite(minutes)] if np.isfinite(minutes).any() else np.zeros(1)
-        return cls(
-            hindcast_m=float(np.nanmedian(model_hindcast_m)) if np.isfinite(model_hindcast_m).any() else 1.0,
-            spread_m=np.nanmedian(candidates.spread_m, axis=0),
-            mean=float(minutes.mean()),
-            deviation=float(minutes.std()),
-            limit=float(np.quantile(minutes, _UNUSUAL)),
-        )
-
-    def day(self, minutes: Floats) -> Floats:
-        """The factor [N], at least 1, on the training errors to expect after such last minutes.
-
-        A few minutes are uncertain by ``deviation``, so the logarithm is shrunk (normal prior of standard
-        deviation :data:`_DAY_DEVIATION`, normal likelihood); unknown minutes count as usual.
-        """
-        worse = np.maximum(np.nan_to_num(minutes, nan=self.mean) - self.mean, 0.0)
-        return np.asarray(np.exp(worse * _DAY_DEVIATION**2 / (_DAY_DEVIATION**2 + self.deviation**2)))
 
 
 class AdaptiveCalibrator(Calibrator):
@@ -200,8 +169,15 @@ class AdaptiveCalibrator(Calibrator):
             drawn = self._drawn(windows, without_overlap(windows, fold != member, fold == member), member)
             vectors.append(adapt(self._model, *drawn, part_of(progress, member, members)))
         self.vectors_ = np.stack(vectors)
-        all_drawn = self._drawn(windows, np.ones(len(windows), dtype=bool), members)
-        self.covariance_ = covariance_at(self.vectors_.mean(axis=0), self._model, *all_drawn)
+        # The covariance at the minimum, by a quadratic approximation of the cost; in directions without data it is
+        # the prior's, one. Differences at the edge of the model's range say nothing of the parameters.
+        observed, track, overlap = self._drawn(windows, np.ones(len(windows), dtype=bool), members)
+        mean = self.vectors_.mean(axis=0)
+        differences_at, complete = _differences(self._model, observed, track)
+        residual = differences_at(mean)
+        slope = _slope(differences_at, mean, residual, _whitening(residual, complete, overlap, self._model))
+        slope = slope[(np.abs(slope) < _STEEPEST).all(axis=1)]
+        self.covariance_ = np.asarray(np.linalg.inv(slope.T @ slope + np.eye(len(mean))))
         self.range_ = start_range(windows)
         self.out_of_sample_ = self._cross_validate(windows, fold)[len(training[0]) :]
         return self
@@ -226,7 +202,10 @@ class AdaptiveCalibrator(Calibrator):
         if len(rows) > MOST_WINDOWS:
             random = np.random.default_rng([self.seed, number])
             rows = np.sort(random.choice(rows, MOST_WINDOWS, replace=False))
-        drawn = truncate_windows(windows.subset(rows), FITTED_S)
+        drawn = windows.subset(rows)
+        commands = None if drawn.commands is None else drawn.commands[:, :FITTED_S]
+        first_s = drawn.track[:, : FITTED_S + 1]
+        drawn = replace(drawn, track=first_s, commands=commands, truths=None, truth_errors=None)
         starts_s = drawn.start_ns / 1e9
         order = np.lexsort((starts_s, drawn.leg))
         same_leg = drawn.leg[order][1:] == drawn.leg[order][:-1]
@@ -254,9 +233,18 @@ class AdaptiveCalibrator(Calibrator):
             part = self._candidates(windows.subset(in_fold), vector[None])
             candidates.tracks[:, in_fold], candidates.hindcast_m[:, in_fold] = part.tracks, part.hindcast_m
             candidates.minutes[:, in_fold] = part.minutes
-        self.usual_ = _TrainingStatistics.of(candidates)
+        hindcast_m, minutes = candidates.hindcast_m[0], candidates.minutes[0]
+        minutes = minutes[np.isfinite(minutes)] if np.isfinite(minutes).any() else np.zeros(1)
+        self.usual_ = _TrainingStatistics(
+            hindcast_m=float(np.nanmedian(hindcast_m)) if np.isfinite(hindcast_m).any() else 1.0,
+            spread_m=np.nanmedian(candidates.spread_m, axis=0),
+            mean=float(minutes.mean()),
+            deviation=float(minutes.std()),
+            limit=float(np.quantile(minutes, _UNUSUAL)),
+        )
         errors = [
-            np.nanmean(distances(self._average(candidates, power)[0], windows.track)) for power in WEIGHT_POWERS
+            np.nanmean(baselines.distances(self._average(candidates, power)[0], windows.track))
+            for power in WEIGHT_POWERS
         ]
         self.weight_power_ = WEIGHT_POWERS[int(np.argmin(errors))]
         tracks, uncertainty = np.empty(windows.track.shape), np.empty(candidates.spread_m.shape)
@@ -265,15 +253,15 @@ class AdaptiveCalibrator(Calibrator):
             tracks[in_fold], uncertainty[in_fold] = self._predicted(
                 windows.subset(in_fold), candidates.subset(in_fold), vector
             )
-        self.region_ = conformal_region(tracks, windows, uncertainty)
+        self.region_ = baselines.conformal_region(tracks, windows, uncertainty)
         return tracks
 
     def _candidates(self, windows: PredictionWindows, vectors: Floats) -> _Candidates:
         """The candidates' tracks over the windows, and their errors over the seconds and minutes before."""
-        hindcast_inputs = hindcast_windows(windows, HINDCAST_S)
+        hindcast_inputs = hindcast_windows(windows, baselines.HINDCAST_S)
         tracks, spread_m = self._candidate_tracks(vectors, self._observed(windows))
         hindcasts, _ = self._candidate_tracks(vectors, self._observed(hindcast_inputs))
-        hindcast_m = np.stack([mean_distances(hindcast, hindcast_inputs.track) for hindcast in hindcasts])
+        hindcast_m = np.stack([baselines.mean_distances(hindcast, hindcast_inputs.track) for hindcast in hindcasts])
         mean = vectors.mean(axis=0)[None]
         minutes = self._last_minutes(windows, lambda observed: self._candidate_tracks(mean, observed)[0])
         return _Candidates(tracks, hindcast_m, spread_m, minutes)
@@ -290,7 +278,7 @@ class AdaptiveCalibrator(Calibrator):
         hindcast_inputs = hindcast_windows(windows, *begins, horizon_s=self.hindcast_s_)
         error_m = np.stack(
             [
-                mean_distances(hindcast, hindcast_inputs.track)
+                baselines.mean_distances(hindcast, hindcast_inputs.track)
                 for hindcast in predict(self._observed(hindcast_inputs))
             ]
         )
@@ -303,7 +291,13 @@ class AdaptiveCalibrator(Calibrator):
         self, windows: PredictionWindows, candidates: _Candidates, vector: Floats
     ) -> tuple[Floats, Floats]:
         """The tracks [N, H+1, 3] and their relative uncertainty [N, H], from models whose vectors have the mean
-        ``vector``."""
+        ``vector``.
+
+        A third of the uncertainty is proportional to the hindcast's error, another to the spread of the members'
+        tracks, and all of it to the errors to expect after such last minutes. As a few minutes are uncertain by
+        their deviation in training, their logarithm is shrunk (normal prior of standard deviation
+        :data:`_DAY_DEVIATION`, normal likelihood); unknown minutes count as usual.
+        """
         tracks, hindcast_m = self._average(candidates, self.weight_power_)
         minutes = candidates.minutes[0].copy()
         begins = self.domain(windows, tracks)
@@ -314,7 +308,12 @@ class AdaptiveCalibrator(Calibrator):
                 windows.subset(unusual), tracks[unusual], candidates.subset(unusual), vector
             )
             hindcast_m = hindcast_m * np.exp(np.nan_to_num(minutes - candidates.minutes[0]))
-        return tracks, self._uncertainty(hindcast_m, candidates.spread_m, minutes)
+        usual = self.usual_
+        worse = np.maximum(np.nan_to_num(minutes, nan=usual.mean) - usual.mean, 0.0)
+        day = np.asarray(np.exp(worse * _DAY_DEVIATION**2 / (_DAY_DEVIATION**2 + usual.deviation**2)))
+        by_spread = candidates.spread_m / usual.spread_m[: candidates.spread_m.shape[1]].clip(min=1e-6)
+        by_hindcast = hindcast_m[:, None] / max(usual.hindcast_m, 1e-6)
+        return tracks, np.asarray((1.0 + by_hindcast + by_spread) / 3.0 * day[:, None])
 
     def _averaged_by_minutes(
         self, windows: PredictionWindows, tracks: Floats, candidates: _Candidates, vector: Floats
@@ -322,7 +321,9 @@ class AdaptiveCalibrator(Calibrator):
         """The mean of ``tracks`` [N, H+1, 3] with those of models that follow the measurements more closely, of
         constant velocity and of the reference, weighted by their hindcasts over the last minutes; and their
         mean log errors over these [N]. A predictor without hindcasts gets no weight beside one with them."""
-        closer = [follow_closer(vector, increase) for increase in _CLOSER]
+        closer = [vector.copy() for _ in _CLOSER]
+        for variant, increase in zip(closer, _CLOSER, strict=True):
+            variant[[_PLACES[f"force_walk_{axis}"] for axis in AXES]] += increase
 
         def follow(observed: Observations) -> list[Floats]:
             runs = (run_observer(variant, self._model, observed) for variant in closer)
@@ -336,7 +337,7 @@ class AdaptiveCalibrator(Calibrator):
         usable[0] |= ~usable.any(axis=0)
         weight = np.where(usable, np.exp(-_MINUTES_POWER * (logs - logs.min(axis=0))), 0.0)
         weight /= weight.sum(axis=0)
-        return average_tracks(weight, all_tracks), (weight * logs).sum(axis=0)
+        return baselines.average_tracks(weight, all_tracks), (weight * logs).sum(axis=0)
 
     def _member_states(self, vectors: Floats, observations: Observations) -> tuple[Floats, Floats, Floats]:
         """The members' mean states [N, H+1, 6] and wave motion [N, H+1, 3], and the standard deviation of their
@@ -350,8 +351,8 @@ class AdaptiveCalibrator(Calibrator):
         """The candidates' tracks [3, N, H+1, 3] from the members' mean observed state, with the same wave
         motion, and the members' spread [N, H]."""
         states, waves, spread_m = self._member_states(vectors, observations)
-        held = constant_motion_tracks(states[:, 0], observations.control.shape[1])
-        model = simulate_tracks(self._model, states[:, 0], observations.control, observations.wind)
+        held = baselines.constant_motion_tracks(states[:, 0], observations.control.shape[1])
+        model = baselines.simulate_tracks(self._model, states[:, 0], observations.control, observations.wind)
         return np.asarray(np.stack([states[..., :3], held, model]) + waves), spread_m
 
     def _average(self, candidates: _Candidates, power: float) -> tuple[Floats, Floats]:
@@ -369,14 +370,7 @@ class AdaptiveCalibrator(Calibrator):
         weight = np.where(usable, weight, 0.0)
         weight = weight / weight.sum(axis=0)
         hindcast_m = np.where(finite, candidates.hindcast_m, _UNKNOWN_RATIO * self.usual_.hindcast_m)
-        return average_tracks(weight, candidates.tracks), np.einsum("wn,wn->n", weight, hindcast_m)
-
-    def _uncertainty(self, hindcast_m: Floats, spread_m: Floats, minutes: Floats) -> Floats:
-        """The relative uncertainty [N, H]: a third is proportional to the hindcast's error [N], another to the
-        spread of the members' tracks [N, H], and all of it to the errors over the last minutes [N]."""
-        usual_m = self.usual_.spread_m[: spread_m.shape[1]].clip(min=1e-6)
-        by_hindcast = hindcast_m[:, None] / max(self.usual_.hindcast_m, 1e-6)
-        return np.asarray((1.0 + by_hindcast + spread_m / usual_m) / 3.0 * self.usual_.day(minutes)[:, None])
+        return baselines.average_tracks(weight, candidates.tracks), np.einsum("wn,wn->n", weight, hindcast_m)
 
     def predict(self, windows: PredictionWindows, reference: Floats) -> Floats:
         return self.predict_with_uncertainty(windows, reference)[0]
@@ -653,14 +647,6 @@ def observer_gains(vector: Floats) -> tuple[Floats, Floats, Floats]:
     return filter_gains(*(parameter(vector, name) for name in FILTER_NUMBERS))
 
 
-def follow_closer(vector: Floats, deviations: float) -> Floats:
-    """The vector with the process noise of the bias force raised by this number of prior standard deviations in
-    each axis."""
-    closer = vector.copy()
-    closer[[_PLACES[f"force_walk_{axis}"] for axis in AXES]] += deviations
-    return closer
-
-
 def run_observer(vector: Floats, plant: Plant, observations: Observations) -> tuple[Floats, Floats]:
     """Run the adapted model as a filter along the observations of N windows, and freely from second 0.
 
@@ -697,6 +683,11 @@ def adapt(
     ``overlap`` is the share of a window that is its own, at most one. Seconds without a measured position are
     NaN and ignored.
     """
+
+    def cost(vector: Floats, differences: Floats, weight: Floats) -> float:
+        inside = (differences * weight)[weight[:, 0, 0] > 0.0]
+        return float(np.sum(inside**2) + vector @ vector) if np.isfinite(inside).all() else np.inf
+
     differences_at, complete = _differences(plant, windows, track)
     vector, damping = np.zeros(len(parameter_names(plant.form))), 1e-3
     residual = differences_at(vector)
@@ -704,23 +695,23 @@ def adapt(
         progress(step / steps)
         weight = _whitening(residual, complete, overlap, plant)
         slope = _slope(differences_at, vector, residual, weight)
-        improved = _step(differences_at, vector, residual, slope, weight, damping)
-        if improved is None:
+        normal = slope.T @ slope
+        pull = slope.T @ np.nan_to_num(residual * weight).ravel() + vector
+        initial_cost = cost(vector, residual, weight)
+        while damping < _GIVE_UP:
+            damped = normal + np.eye(len(vector)) + damping * np.diag(1.0 + np.diag(normal))
+            tried = vector - np.linalg.solve(damped, pull)
+            tried_residual = differences_at(tried)
+            tried_cost = cost(tried, tried_residual, weight)
+            if tried_cost < initial_cost:
+                break
+            damping *= 6.0
+        else:
             break
-        initial_cost, cost, vector, residual, damping = improved
-        if initial_cost - cost < _ENOUGH * initial_cost:
+        vector, residual, damping = tried, tried_residual, max(damping / 5.0, 1e-6)
+        if initial_cost - tried_cost < _ENOUGH * initial_cost:
             break
     return vector
-
-
-def covariance_at(vector: Floats, plant: Plant, windows: Observations, track: Floats, overlap: float) -> Floats:
-    """The covariance of the vector [parameters, parameters] at the minimum, by a quadratic approximation of the
-    cost; in directions without data it is the prior's, one. Arguments as those of :func:`adapt`."""
-    differences_at, complete = _differences(plant, windows, track)
-    residual = differences_at(vector)
-    slope = _slope(differences_at, vector, residual, _whitening(residual, complete, overlap, plant))
-    slope = slope[(np.abs(slope) < _STEEPEST).all(axis=1)]  # those at the edge of the model's range say nothing
-    return np.asarray(np.linalg.inv(slope.T @ slope + np.eye(len(vector))))
 
 
 def _differences(plant: Plant, windows: Observations, track: Floats) -> tuple[Callable[[Floats], Floats], Bools]:
@@ -764,36 +755,6 @@ def _slope(differences_at: Callable[[Floats], Floats], vector: Floats, residual:
         moved[number] += _DIFFERENCE
         columns[:, number] = np.nan_to_num((differences_at(moved) - residual) / _DIFFERENCE * weight).ravel()
     return columns
-
-
-def _step(
-    differences_at: Callable[[Floats], Floats],
-    vector: Floats,
-    residual: Floats,
-    slope: Floats,
-    weight: Floats,
-    damping: float,
-) -> tuple[float, float, Floats, Floats, float] | None:
-    """Costs before and after, vector, differences and damping after the first step that lowers the cost; None
-    if none does."""
-    in_range = weight[:, 0, 0] > 0.0
-
-    def cost(vector: Floats, differences: Floats) -> float:
-        inside = (differences * weight)[in_range]
-        return float(np.sum(inside**2) + vector @ vector) if np.isfinite(inside).all() else np.inf
-
-    normal = slope.T @ slope
-    pull = slope.T @ np.nan_to_num(residual * weight).ravel() + vector
-    initial_cost = cost(vector, residual)
-    while damping < _GIVE_UP:
-        damped = normal + np.eye(len(vector)) + damping * np.diag(1.0 + np.diag(normal))
-        tried = vector - np.linalg.solve(damped, pull)
-        tried_residual = differences_at(tried)
-        tried_cost = cost(tried, tried_residual)
-        if tried_cost < initial_cost:
-            return initial_cost, tried_cost, tried, tried_residual, max(damping / 5.0, 1e-6)
-        damping *= 6.0
-    return None
 
 
 _NEARLY = 0.95  # of a bound, which the mean of differing members does not quite reach
@@ -847,12 +808,20 @@ def parameters_of(calibrator: AdaptiveCalibrator) -> Parameters:
     deviation = np.sqrt(np.diag(covariance))
     order = np.argsort(deviation, kind="stable")
     correlation = (covariance / np.outer(deviation, deviation))[np.ix_(order, order)]
-    names = list(units)
-    signs = positive_names(form)
-    parameters = [
-        _parameter(names[place], vector[place], deviation[place], names[place] in signs, *units[names[place]])
-        for place in order
-    ]
+    names, signs = list(units), positive_names(form)
+    parameters = []
+    for place in order:
+        name, z, spread = names[place], vector[place], deviation[place]
+        unit, neutral, natural = units[name]
+        low, high = sorted((natural(z - 1.96 * spread), natural(z + 1.96 * spread)))
+        clipped = name in signs and abs(USUAL_SHARE * z) > _NEARLY * LARGEST_FACTOR
+        at_bound = clipped or (name == LAG and z < 0.0 and natural(z) == 0.0)
+        title = _TITLES.get(name, name.replace("_", " ") if name in SURROUNDED else name)
+        parameters.append(
+            AdaptedParameter(
+                title, natural(z), low, high, (high - low) / 3.92, unit, neutral, bool(at_bound), spread < UNKNOWN
+            )
+        )
     return Parameters(tuple(parameters), correlation)
 
 
@@ -882,15 +851,3 @@ def units_of(plant: Plant) -> dict[str, tuple[str, float, Natural]]:
         units[f"wind_{axis}"] = ("m/s", 0.0, added(0.0, WIND_MPS))
     lag_s = plant.thruster_lag_s
     return units | {LAG: ("s", lag_s, lambda z: max(0.0, lag_s + LAG_S * z))}
-
-
-def _parameter(
-    name: str, z: float, deviation: float, keeps_sign: bool, unit: str, neutral: float, natural: Natural
-) -> AdaptedParameter:
-    low, high = sorted((natural(z - 1.96 * deviation), natural(z + 1.96 * deviation)))
-    clipped = keeps_sign and abs(USUAL_SHARE * z) > _NEARLY * LARGEST_FACTOR
-    at_bound = clipped or (name == LAG and z < 0.0 and natural(z) == 0.0)
-    title = _TITLES.get(name, name.replace("_", " ") if name in SURROUNDED else name)
-    return AdaptedParameter(
-        title, natural(z), low, high, (high - low) / 3.92, unit, neutral, bool(at_bound), deviation < UNKNOWN
-    )

@@ -131,7 +131,23 @@ def _least_squares_steps(
         if count < len(training[0]):
             chosen = torch.randperm(len(training[0]), generator=generator)[:count].to(training[0].device)
             drawn = training[0][chosen], training[1][chosen]
-        weights, damping = _stepped(perceptron, weights, damping, share, drawn)
+        # The first step that lowers error plus decay.
+        outputs, entering = perceptron.outputs(weights, drawn[0])
+        slopes, residual = perceptron.jacobian(weights, entering), (outputs - drawn[1]).reshape(-1)
+        error = residual.square().mean().item()
+        decay = min(MOST_DECAY, share * error)
+        curvature = slopes.T @ slopes / len(residual)
+        gradient = slopes.T @ residual / len(residual) + decay * weights
+        initial_cost = error + decay * weights.square().sum().item()
+        for _ in range(MOST_TRIALS):
+            damped = curvature.clone()
+            damped.diagonal().add_(damping + decay)
+            moved = weights - torch.cholesky_solve(gradient[:, None], torch.linalg.cholesky(damped))[:, 0]
+            moved_cost = _mean_square(perceptron, moved, drawn) + decay * moved.square().sum().item()
+            if moved_cost < initial_cost:
+                weights, damping = moved, max(EASIER * damping, LEAST_DAMPING)
+                break
+            damping *= HARDER
         rows = min(most_rows, MORE_ROWS * rows)
         yield weights
 
@@ -158,29 +174,6 @@ def _adam_passes(
 def _weights_of(network: nn.Sequential) -> Tensor:
     """All weights of a network in one vector, detached."""
     return nn.utils.parameters_to_vector(network.parameters()).detach()
-
-
-def _stepped(
-    perceptron: Perceptron, weights: Tensor, damping: float, share: float, data: Rows
-) -> tuple[Tensor, float]:
-    """The weights after the first step that lowers error plus decay, and the next damping."""
-    inputs, targets = data
-    outputs, entering = perceptron.outputs(weights, inputs)
-    slopes, residual = perceptron.jacobian(weights, entering), (outputs - targets).reshape(-1)
-    error = residual.square().mean().item()
-    decay = min(MOST_DECAY, share * error)
-    curvature = slopes.T @ slopes / len(residual)
-    gradient = slopes.T @ residual / len(residual) + decay * weights
-    initial_cost = error + decay * weights.square().sum().item()
-    for _ in range(MOST_TRIALS):
-        damped = curvature.clone()
-        damped.diagonal().add_(damping + decay)
-        moved = weights - torch.cholesky_solve(gradient[:, None], torch.linalg.cholesky(damped))[:, 0]
-        moved_cost = _mean_square(perceptron, moved, data) + decay * moved.square().sum().item()
-        if moved_cost < initial_cost:
-            return moved, max(EASIER * damping, LEAST_DAMPING)
-        damping *= HARDER
-    return weights, damping
 
 
 def _mean_square(perceptron: Perceptron, weights: Tensor, data: Rows) -> float:

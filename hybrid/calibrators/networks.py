@@ -70,15 +70,9 @@ def start_labels(actuators: Actuators) -> tuple[str, ...]:
     )  # fmt: skip
 
 
-def command_labels(actuators: Actuators) -> tuple[str, ...]:
-    """The names of the columns of :func:`command_inputs`."""
-    names = _control_names(actuators)
-    return tuple(f"{kind}_{name}" for kind in ("mean", "early") for name in names)
-
-
 def command_inputs(windows: PredictionWindows) -> Floats:
-    """The means of the commands until each second [N, H, columns], plain and weighted by the remaining time,
-    columns as :func:`command_labels`."""
+    """The means of the commands until each second [N, H, columns], plain and weighted by the remaining time; a
+    column for each of :func:`_control_names`, plain means first."""
     columns = _controls(windows.acting, angle_columns(windows.actuators))
     total = np.cumsum(np.stack(columns, axis=-1), axis=1)
     second = np.arange(1.0, windows.horizon_s + 1)[:, None]
@@ -177,7 +171,9 @@ class NetworkCalibrator(Calibrator):
 
     def labels(self, actuators: Actuators) -> tuple[str, ...]:
         reference = REFERENCE_INPUTS if self.needs_reference else ()
-        return (*start_labels(actuators), *reference, *(command_labels(actuators) if self.any_commands else ()))
+        means = ("mean", "early") if self.any_commands else ()
+        commands = [f"{mean}_{name}" for mean in means for name in _control_names(actuators)]
+        return (*start_labels(actuators), *reference, *commands)
 
     def features(self, windows: PredictionWindows, reference: Floats) -> Floats:
         """The network's inputs [N, H, C], columns as ``inputs``."""

@@ -187,20 +187,18 @@ class OwnCalibrator(Calibrator):
         }  # fmt: skip
         plain = {name: value for name, value in state.items() if name not in arrays}
         for name, value in plain.items():
-            self._refuse_unsaved(name, value)
+            try:
+                json.dumps(value)
+            except (TypeError, ValueError) as error:
+                raise ConfigurationError(
+                    f"keeps a {type(value).__name__} in {name}, which is not saved", where=self._name,
+                    why="arrays, numbers, texts and lists of them are",
+                    fix="keep those, or write __getstate__ that returns a dict of them, and __setstate__ that takes"
+                    " it",
+                ) from error  # fmt: skip
         text = np.frombuffer(json.dumps(plain).encode(), np.uint8)
         tensors = {"range": self.range_, "others": text} | {f"own.{name}": array for name, array in arrays.items()}
         return {name: np.array(value) for name, value in tensors.items()}
-
-    def _refuse_unsaved(self, name: str, value: Any) -> None:
-        try:
-            json.dumps(value)
-        except (TypeError, ValueError) as error:
-            raise ConfigurationError(
-                f"keeps a {type(value).__name__} in {name}, which is not saved", where=self._name,
-                why="arrays, numbers, texts and lists of them are",
-                fix="keep those, or write __getstate__ that returns a dict of them, and __setstate__ that takes it",
-            ) from error  # fmt: skip
 
     def load_state_dict(self, tensors: dict[str, Floats]) -> Self:
         arrays = dict(tensors)
@@ -336,8 +334,9 @@ def unit_of(name: str) -> str:
 def read_sidecar(folder: Path, method: str | None = None) -> tuple[Sidecar, Plant]:
     """Read the sidecar of an artefact and its reference model, checked as far as possible without the weights.
 
-    ``method`` is the code that the user names for it: a file named in the sidecar alone is not executed. Raises
-    :class:`InputError` naming the key that is missing or wrong.
+    ``method`` is the code that the user names for it: a file named in the sidecar alone is not executed, as a
+    calibrator from elsewhere could otherwise run what it brings along. Raises :class:`InputError` naming the key
+    that is missing or wrong, and for a file that no user named.
     """
     path = folder / SIDECAR
     raw = read_bytes(path)
@@ -351,29 +350,27 @@ def read_sidecar(folder: Path, method: str | None = None) -> tuple[Sidecar, Plan
         first = error.errors(include_url=False, include_context=False, include_input=False)[0]
         why = ": ".join(filter(None, (".".join(map(str, first["loc"])), first["msg"])))
         raise damage_error(path, _short(why)) from error
-    sidecar = replace(sidecar, calibrator=_with_code(sidecar.calibrator, method, path))
-    _check(sidecar, path)
-    return sidecar, _plant(sidecar, path)
-
-
-def _with_code(model: CalibratorDescription, method: str | None, path: Path) -> CalibratorDescription:
-    """A model with the code that a user named for it. Raises :class:`InputError` for a file that no user named.
-
-    A calibrator from elsewhere could otherwise run what it brings along.
-    """
-    if method is None:
-        if file_and_name(model.method) is None:
-            return model
+    model, stored = sidecar.calibrator, sidecar.vessel
+    if method is None and file_and_name(model.method) is not None:
         raise InputError(
             "needs code of your own, which runs only if you name it", where=str(path),
             why=f"it was trained with {_short(model.method)}",
             fix="if you trust that file, give it with --method FILE.py:CLASS, in Python with"
             " load_calibrator(FOLDER, method=...)",
         )  # fmt: skip
-    if not model.code_sha256 and method != model.method:
-        raise InputError(f"is of the method {_short(model.method)}, not {method}", where=str(path),
-                         fix="leave --method out, or give the folder of that calibrator")  # fmt: skip
-    return replace(model, method=absolute_name(method))
+    if method is not None:
+        if not model.code_sha256 and method != model.method:
+            raise InputError(f"is of the method {_short(model.method)}, not {method}", where=str(path),
+                             fix="leave --method out, or give the folder of that calibrator")  # fmt: skip
+        sidecar = replace(sidecar, calibrator=replace(model, method=absolute_name(method)))
+    _check(sidecar, path)
+    try:
+        plant = plant_of(stored.numbers, from_text(sidecar.actuators))
+    except ValueError as error:
+        raise damage_error(path, f"vessel.numbers: {error}"[:160]) from error
+    if plant_hash(plant) != stored.sha256:
+        raise damage_error(path, "the vessel's numbers are not those of its hash")
+    return sidecar, plant
 
 
 def read_bytes(path: Path) -> bytes:
@@ -410,19 +407,12 @@ def _check(sidecar: Sidecar, path: Path) -> None:
             raise damage_error(path, f"{name} has {len(region)} values for {sidecar.horizon_s} s")
     if not all(0.0 <= source.part[0] < source.part[1] <= 100.0 for source in sidecar.data):
         raise damage_error(path, "a part of a recording's time is not within 0..100 percent")
-    if sidecar.calibrator.code_sha256:
-        _check_code(sidecar.calibrator, path)
-    elif sidecar.calibrator.method not in METHODS:
-        raise InputError(f"is of the method {_short(sidecar.calibrator.method)}, which this version does not have",
+    model = sidecar.calibrator
+    if not model.code_sha256 and model.method not in METHODS:
+        raise InputError(f"is of the method {_short(model.method)}, which this version does not have",
                          where=str(path), fix=f"train again with one of {', '.join(METHODS)}")  # fmt: skip
-    if sidecar.data_driven is not None and sidecar.data_driven.method != PARTS[1]:
-        raise damage_error(path, f"data_driven.method is {_short(sidecar.data_driven.method)}, not {PARTS[1]}")
-
-
-def _check_code(model: CalibratorDescription, path: Path) -> None:
-    """Require the unchanged user file that made a calibrator. Raises :class:`InputError`."""
-    digest = digest_of(model.method, "calibrators")
-    if not digest:
+    digest = digest_of(model.method, "calibrators") if model.code_sha256 else ""
+    if model.code_sha256 and not digest:
         raise InputError("was made by code that no longer exists", where=str(path),
                          why=f"there is no {model.method}",
                          fix="restore it, or give its new path with --method FILE.py:CLASS")  # fmt: skip
@@ -430,17 +420,8 @@ def _check_code(model: CalibratorDescription, path: Path) -> None:
         raise InputError("was made by another version of its code", where=str(path),
                          why=f"{model.method} has changed: it was the file of SHA-256 {model.code_sha256}",
                          fix="restore that version, or train again")  # fmt: skip
-
-
-def _plant(sidecar: Sidecar, path: Path) -> Plant:
-    stored = sidecar.vessel
-    try:
-        plant = plant_of(stored.numbers, from_text(sidecar.actuators))
-    except ValueError as error:
-        raise damage_error(path, f"vessel.numbers: {error}"[:160]) from error
-    if plant_hash(plant) != stored.sha256:
-        raise damage_error(path, "the vessel's numbers are not those of its hash")
-    return plant
+    if sidecar.data_driven is not None and sidecar.data_driven.method != PARTS[1]:
+        raise damage_error(path, f"data_driven.method is {_short(sidecar.data_driven.method)}, not {PARTS[1]}")
 
 
 def _short(value: object) -> str:
@@ -460,22 +441,11 @@ def save(trained: TrainedCalibrator, folder: Path) -> Path:
     for name, arrays in tensors.items():
         _refuse_not_numbers(arrays, folder / _file(name))
     contents = {_file(name): safetensors.numpy.save(arrays) for name, arrays in tensors.items()}
-    sidecar = _sidecar(trained, tensors, {name: _digest(data) for name, data in contents.items()})
-    omitted = {name for name in ("data_driven", "any_commands", "actuators") if not getattr(sidecar, name)}
-    text = _SIDECAR.dump_json(sidecar, indent=2, exclude=omitted) + b"\n"
-    make_folder(folder)
-    with written_together(folder / SIDECAR):
-        for name, content in (contents | {SIDECAR: text}).items():
-            write_bytes(folder / name, content)
-    return folder / SIDECAR
-
-
-def _sidecar(trained: TrainedCalibrator, tensors: dict[str, Tensors], digests: dict[str, str]) -> Sidecar:
     fallback = trained.fallback
     reference_m, constant_velocity_m = zip(
         fallback.training_error_m.tolist(), fallback.hindcast_error_m.tolist(), strict=True
     )
-    return Sidecar(
+    sidecar = Sidecar(
         format=FORMAT,
         trained_at=trained.trained_at,
         versions=trained.versions,
@@ -485,7 +455,7 @@ def _sidecar(trained: TrainedCalibrator, tensors: dict[str, Tensors], digests: d
         vessel=Reference(printable_name(trained.vessel), plant_hash(trained.plant), plant_numbers(trained.plant)),
         calibrator=model_of(trained.calibrator, tensors["calibrator"]),
         data_driven=model_of(trained.data_driven, tensors["data_driven"]) if trained.data_driven else None,
-        files=digests,
+        files={name: hashlib.sha256(content).hexdigest() for name, content in contents.items()},
         region_m=_semi_axes(trained.region_m),
         reserve=StoredFallback(reference_m, constant_velocity_m, _semi_axes(fallback.region)),
         data=tuple(replace(source, path=Path(printable_name(source.path))) for source in trained.sources),
@@ -493,6 +463,13 @@ def _sidecar(trained: TrainedCalibrator, tensors: dict[str, Tensors], digests: d
         any_commands=trained.calibrator.any_commands,
         actuators=as_text(trained.plant.layout),
     )
+    omitted = {name for name in ("data_driven", "any_commands", "actuators") if not getattr(sidecar, name)}
+    text = _SIDECAR.dump_json(sidecar, indent=2, exclude=omitted) + b"\n"
+    make_folder(folder)
+    with written_together(folder / SIDECAR):
+        for name, content in (contents | {SIDECAR: text}).items():
+            write_bytes(folder / name, content)
+    return folder / SIDECAR
 
 
 def load(folder: Path, method: str | None = None) -> TrainedCalibrator:
@@ -523,8 +500,22 @@ def _semi_axes(region_m: Floats) -> tuple[SemiAxes, ...]:
 
 
 def _restored(sidecar: Sidecar, model: CalibratorDescription, part: str, plant: Plant, folder: Path) -> Calibrator:
-    """The calibrator described by a ``part`` of the sidecar, with its weights, if they match."""
-    tensors = _tensors(folder / _file(part), sidecar.files)
+    """The calibrator described by a ``part`` of the sidecar, with its weights, if they match: their file is the one
+    that the sidecar was written with."""
+    path = folder / _file(part)
+    content = read_bytes(path)
+    if sidecar.files.get(path.name) != hashlib.sha256(content).hexdigest():
+        raise InputError(
+            "does not belong to its JSON file",
+            where=str(path),
+            why="their hashes differ: it is truncated, damaged, or of another calibrator",
+            fix="use an intact copy of the folder, or train again",
+        )
+    try:
+        tensors: Tensors = safetensors.numpy.load(content)
+    except Exception as error:  # the library fails in every possible way
+        raise damage_error(path, _reason(error)) from error
+    _refuse_not_numbers(tensors, path)
     calibrator = make_calibrator(model.method, model.seed, plant)
     calibrator.any_commands = sidecar.any_commands
     names = tuple(feature.name for feature in model.inputs)
@@ -551,24 +542,6 @@ def _file(name: str) -> str:
     return f"{name}.safetensors"
 
 
-def _tensors(path: Path, digests: dict[str, str]) -> Tensors:
-    """The tensors of a file, if it is the one that the sidecar was written with."""
-    content = read_bytes(path)
-    if digests.get(path.name) != _digest(content):
-        raise InputError(
-            "does not belong to its JSON file",
-            where=str(path),
-            why="their hashes differ: it is truncated, damaged, or of another calibrator",
-            fix="use an intact copy of the folder, or train again",
-        )
-    try:
-        tensors: Tensors = safetensors.numpy.load(content)
-    except Exception as error:  # the library fails in every possible way
-        raise damage_error(path, _reason(error)) from error
-    _refuse_not_numbers(tensors, path)
-    return tensors
-
-
 def _refuse_not_numbers(tensors: Tensors, path: Path) -> None:
     """Raise :class:`InputError` for weights that are not finite, or so large that products of them are not; the
     deviation of a constant may be infinite."""
@@ -577,10 +550,6 @@ def _refuse_not_numbers(tensors: Tensors, path: Path) -> None:
         if bool(np.isnan(value).any() if name.endswith("deviation") else not is_small.all()):
             raise InputError(f"has a {name} that is not a number", where=str(path),
                              why="the training failed or the file was changed", fix="train again")  # fmt: skip
-
-
-def _digest(content: bytes) -> str:
-    return hashlib.sha256(content).hexdigest()
 
 
 def _reason(error: Exception) -> str:

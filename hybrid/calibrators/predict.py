@@ -14,6 +14,7 @@ order by ``time`` holds for one horizon: then the plan is over.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from io import BytesIO
 from pathlib import Path
@@ -36,7 +37,7 @@ from seatrial.analysis.windows.held import SecondBySecond
 from seatrial.hybrid.calibrators import TrainedCalibrator, plant_for
 from seatrial.hybrid.calibrators.own import load
 from seatrial.hybrid.effects.catalogue import vessel_plant
-from seatrial.hybrid.prediction.baselines import bands, enclosing_radius, reference
+from seatrial.hybrid.prediction.baselines import bands, reference
 from seatrial.hybrid.prediction.kalman_filter import filtered_starts
 from seatrial.hybrid.prediction.windows import PredictionWindows, difference_rad, rows_after, windows_of_channels
 from seatrial.hybrid.vessel.actuators import angle_columns, control_units
@@ -76,8 +77,10 @@ def predictor_of(
 ) -> Predictor:
     """The calibrator, or without one the reference model that :func:`.reference_model` chooses for recordings.
 
-    The default horizon is the calibrator's, or ``usual_s``. Raises :class:`InputError` for an unreadable
-    calibrator, :class:`ConfigurationError` for a vessel other than the calibrator's.
+    The default horizon is the calibrator's, or ``usual_s``. The path of the vessel file in a calibrator, which may
+    be another person's, is not opened: the file is looked for where those of recordings are. Raises
+    :class:`InputError` for an unreadable calibrator, :class:`ConfigurationError` for a vessel other than the
+    calibrator's.
     """
     if calibrator is None:
         model = reference_model(trials, vessel)
@@ -88,26 +91,15 @@ def predictor_of(
     seconds = horizon_s or trained.horizon_s
     trained.refuse_horizon(seconds)
     plant = plant_for(trained, None if vessel is None else str(vessel))
-    remark, ship = _model_of(trained, trials)
-    return Predictor(trained.vessel, plant, seconds, trained, "" if loaded else str(calibrator), remark, ship)
-
-
-def _model_of(trained: TrainedCalibrator, trials: Trials) -> tuple[ChosenModel, Vessel | None]:
-    """Remarks on a calibrator's model, whose numbers it holds itself, and its vessel file if it has these numbers.
-
-    The path of the vessel file in a calibrator, which may be another person's, is not opened: the file is looked
-    for where those of recordings are.
-    """
     name = Path(trained.vessel).stem
-    try:
+    remark, ship = chosen_model(name, {name}, trials), None
+    with suppress(ConfigurationError):
         files = (vessel_of_ship(name, path.parent) for path in trials)
         file = trained.vessel if trained.vessel in vessel_names() else next(filter(None, files), None)
         if file is not None:
             model = reference_model(trials, file)
-            return model.said, model.vessel if vessel_plant(model.vessel) == trained.plant else None
-    except ConfigurationError:
-        pass
-    return chosen_model(name, {name}, trials), None
+            remark, ship = model.said, model.vessel if vessel_plant(model.vessel) == trained.plant else None
+    return Predictor(trained.vessel, plant, seconds, trained, "" if loaded else str(calibrator), remark, ship)
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -136,7 +128,7 @@ class Prediction(ModelResult):
     @property
     def band_m(self) -> Floats | None:
         """The radius [H+1] of the circle that holds the region."""
-        return None if self.region_m is None else enclosing_radius(self.region_m)
+        return None if self.region_m is None else self.region_m.max(axis=-1)
 
     def as_dict(self) -> dict[str, Any]:
         """One object for each second, for JSON."""
@@ -227,8 +219,12 @@ def predict(
     if commands is not None:
         if trained is not None:
             trained.refuse_commands()
-        orders = commands_from(commands, pd.Timestamp(windows.start_time[0]), windows.horizon_s)
-        if orders is not None:  # else the plan is over
+        orders, applies = commands, True
+        if isinstance(commands.index, pd.DatetimeIndex):
+            seconds = (commands.index - pd.Timestamp(windows.start_time[0])) / pd.Timedelta(seconds=1)
+            orders = commands.set_axis(seconds)
+            applies = seconds[0] < horizon_s and seconds[-1] > -horizon_s
+        if applies:  # else the plan begins after the horizon, or is over
             layout = windows.actuators
             controls = planned_commands(orders, windows.control[0], layout, windows.horizon_s)
             channels = zip(control_names(layout), (controls / control_units(layout)).T, strict=True)
@@ -300,22 +296,11 @@ def read_commands(path: Path, actuators: Actuators) -> pd.DataFrame:
     return orders
 
 
-def commands_from(table: pd.DataFrame, at: pd.Timestamp, horizon_s: int) -> pd.DataFrame | None:
-    """The table of :func:`read_commands` by seconds after ``at``; None if it is by ``time`` and begins after
-    the horizon or is over.
-
-    Rows before ``at`` are kept: the last of them is the current order.
-    """
-    if not isinstance(table.index, pd.DatetimeIndex):
-        return table
-    seconds = (table.index - at) / pd.Timedelta(seconds=1)
-    return table.set_axis(seconds) if seconds[0] < horizon_s and seconds[-1] > -horizon_s else None
-
-
 def planned_commands(table: pd.DataFrame, initial: Floats, actuators: Actuators, horizon_s: int) -> Floats:
     """The mean controls over each second of the horizon [H, controls] in SI, starting from ``initial`` [controls].
 
-    ``table`` comes from :func:`commands_from`. Angles are averaged the shorter way round.
+    ``table`` is that of :func:`read_commands` by seconds after the start; the last row before it is the current
+    order. Angles are averaged the shorter way round.
     """
     times = (np.arange(horizon_s * _PARTS) + 0.5) / _PARTS
     row = np.searchsorted(table.index.to_numpy(dtype=float), times, side="right")  # 0: before the first

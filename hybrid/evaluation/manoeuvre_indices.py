@@ -11,7 +11,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from itertools import product
 from math import inf, isfinite, nan
 from pathlib import Path
@@ -118,19 +118,17 @@ def recorded_motion(table: pd.DataFrame, plant: Plant) -> RecordedMotion:
     )
     motion = motion_of(table, plant.length_between_perpendiculars_m)
     at_ns = motion.origin_ns + np.round(motion.time_s * NANO)
-    controls = np.column_stack([_column(table, name, at_ns) for name in control_names(actuators)])
-    direction, speed = (_column(table, name, at_ns) for name in ENVIRONMENT)
-    wind = np.column_stack([direction, speed]) * WIND_UNITS
+
+    def resampled(name: str) -> Floats:
+        samples = table[name].dropna() if name in table else pd.Series(dtype=float)
+        if samples.empty:
+            return np.zeros(at_ns.size)
+        values = samples.to_numpy(dtype=float)
+        return np.interp(at_ns, times_ns(samples.to_frame()), unwrap(values) if is_circular(name) else values)
+
+    controls = np.column_stack([resampled(name) for name in control_names(actuators)])
+    wind = np.column_stack([resampled(name) for name in ENVIRONMENT]) * WIND_UNITS
     return RecordedMotion(motion, controls * control_units(actuators), wind, actuators)
-
-
-def _column(table: pd.DataFrame, name: str, at_ns: Floats) -> Floats:
-    """A channel at other times, angles the shorter way round; zero where it was not recorded."""
-    samples = table[name].dropna() if name in table else pd.Series(dtype=float)
-    if samples.empty:
-        return np.zeros(at_ns.size)
-    values = samples.to_numpy(dtype=float)
-    return np.interp(at_ns, times_ns(samples.to_frame()), unwrap(values) if is_circular(name) else values)
 
 
 def replay(
@@ -163,8 +161,17 @@ def replay(
     state = np.array([approach.north_m[-1], approach.east_m[-1], *ends]) * STATE_UNITS
     runs = simulate_batch(plant, state, controls, wind, step_s)
     range_exit = int(runs.left_at[0])
-    simulated = runs.states[0, 1 : None if range_exit < 0 else range_exit + 1]
-    motion = _joined(approach, simulated / STATE_UNITS)
+    simulated = runs.states[0, 1 : None if range_exit < 0 else range_exit + 1] / STATE_UNITS
+    # The indices need no helm, thrust and orders.
+    rows = approach.time_s.size + len(simulated)
+    zeros, all_rows = np.zeros(rows), np.ones(rows, dtype=bool)
+    columns: dict[str, Any] = {
+        name: np.append(getattr(approach, name), simulated[:, i]) for i, name in enumerate(_COLUMNS)
+    }
+    motion = replace(
+        approach, time_s=approach.time_s[0] + approach.step_s * np.arange(rows), helm_deg=zeros, thrust=zeros,
+        drives={}, tunnels={}, measured=all_rows, broken=~all_rows, helm_order_deg=None, **columns,
+    )  # fmt: skip
     reached = np.flatnonzero(has_ended(motion) & (motion.time_s > start)) if has_ended is not None else np.array([])
     if not reached.size and range_exit >= 0:
         raise range_error(runs, plant, step_s)
@@ -176,40 +183,6 @@ def _held_on(values: Floats, row: int) -> Floats:
     return np.concatenate([values[:row], np.tile(values[row], (2 * len(values) - row, 1))])
 
 
-def _joined(approach: Motion, simulated: Floats) -> Motion:
-    """A motion with rows [rows, 6] in the units of the channels appended, without what the indices do not need."""
-    columns: dict[str, Any] = {
-        name: np.append(getattr(approach, name), simulated[:, i]) for i, name in enumerate(_COLUMNS)
-    }
-    rows = approach.time_s.size + len(simulated)
-    zeros, all_rows = np.zeros(rows), np.ones(rows, dtype=bool)
-    return replace(
-        approach, time_s=approach.time_s[0] + approach.step_s * np.arange(rows), helm_deg=zeros,
-        thrust=zeros, drives={}, tunnels={}, measured=all_rows, broken=~all_rows, helm_order_deg=None, **columns,
-    )  # fmt: skip
-
-
-def replayed_indices(recorded: RecordedMotion, run: Manoeuvre, plant: Plant) -> Indices:
-    """The indices of a recorded run as ``plant`` replays it.
-
-    The run is of one of :data:`REPLAYED_KINDS`. Errors as :func:`replay`; :class:`DataShortageError` where the
-    model does not do what the ship did.
-    """
-    return _MEASURES[run.kind](recorded, run, plant)
-
-
-def _circle_indices(recorded: RecordedMotion, run: Manoeuvre, plant: Plant) -> Indices:
-    """Until the model has turned as far as the ship did, if it does."""
-    start, motion = recorded.seconds(run.start), _replayed_circle(recorded, run, plant)
-    indices = circle_indices(motion, np.array([start, motion.time_s[-1]]))
-    if any(name.endswith(REMOVED) for name in run.indices) and not any(name.endswith(REMOVED) for name in indices):
-        turned_deg = abs(motion.heading_deg[-1] - motion.at("heading_deg", start))
-        raise DataShortageError(
-            f"in twice the time the model turns by {turned_deg:.0f} deg, too little to remove the current"
-        )
-    return indices
-
-
 def _replayed_circle(recorded: RecordedMotion, run: Manoeuvre, plant: Plant) -> Motion:
     def turned(motion: Motion) -> Bools:
         turned_deg = motion.heading_deg - motion.at("heading_deg", recorded.seconds(run.start))
@@ -218,73 +191,55 @@ def _replayed_circle(recorded: RecordedMotion, run: Manoeuvre, plant: Plant) -> 
     return replay(recorded, run, plant, turned)
 
 
-def _zigzag_indices(recorded: RecordedMotion, run: Manoeuvre, plant: Plant) -> Indices:
-    orders = np.array([recorded.seconds(time) for time in (run.start, *run.executes, run.end)])
-    halves = orders + run.settings.get("half_command_s", 0.0)
-    halves[-1] = orders[-1]
-    return zigzag_indices(replay(recorded, run, plant), np.array([orders, halves]))
-
-
-def _stop_indices(recorded: RecordedMotion, run: Manoeuvre, plant: Plant) -> Indices:
-    """Until the model is as slow as the ship was at the end."""
-    motion = replay(recorded, run, plant, lambda motion: motion.surge_mps <= final_speed_mps(run))
-    if motion.surge_mps[-1] > final_speed_mps(run):
-        raise DataShortageError("the model does not stop in twice the time of the ship")
-    return stopping_indices(motion, np.array([recorded.seconds(run.start), motion.time_s[-1]]))
-
-
 def final_speed_mps(run: Manoeuvre) -> float:
     """The speed at the end of a stop: none where the ship came to rest."""
     return max(0.0, run.indices["final_speed_mps"].value) if "final_speed_mps" in run.indices else 0.0
 
 
-def _by(measure: Callable[[Motion, Floats], Indices]) -> Callable[..., Indices]:
-    """The indices by a function of a motion and the times of its order and end."""
-
-    def indices(recorded: RecordedMotion, run: Manoeuvre, plant: Plant) -> Indices:
-        times = np.array([recorded.seconds(run.start), recorded.seconds(run.end)])
-        values = measure(replay(recorded, run, plant), times)
-        if not values:
-            raise DataShortageError("the rate of turn of the model does not settle in the time of the run")
-        return values
-
-    return indices
-
-
-_MEASURES: dict[str, Callable[..., Indices]] = {
-    "turning_circle": _circle_indices, "zigzag": _zigzag_indices, "stopping": _stop_indices, "pull_out":
-    _by(pull_out_indices), "acceleration": _by(acceleration_indices), "thruster_test": _by(drift_indices),
-    "crabbing": _by(drift_indices),
+_MEASURES: dict[str, Callable[[Motion, Floats], Indices]] = {
+    "pull_out": pull_out_indices, "acceleration": acceleration_indices, "thruster_test": drift_indices,
+    "crabbing": drift_indices,
 }  # fmt: skip
-REPLAYED_KINDS = tuple(_MEASURES)
+REPLAYED_KINDS = ("turning_circle", "zigzag", "stopping", *_MEASURES)
 """The kinds of manoeuvre that can be replayed."""
+
+
+def replayed_indices(recorded: RecordedMotion, run: Manoeuvre, plant: Plant) -> Indices:
+    """The indices of a recorded run as ``plant`` replays it: a circle until the model has turned as far as the ship
+    did, a stop until it is as slow as the ship was at the end.
+
+    Errors as :func:`replay`; :class:`DataShortageError` where the model does not do what the ship did.
+    """
+    start, end = recorded.seconds(run.start), recorded.seconds(run.end)
+    if run.kind == "turning_circle":
+        motion = _replayed_circle(recorded, run, plant)
+        indices = circle_indices(motion, np.array([start, motion.time_s[-1]]))
+        removed = [any(name.endswith(REMOVED) for name in names) for names in (run.indices, indices)]
+        if removed == [True, False]:
+            turned_deg = abs(motion.heading_deg[-1] - motion.at("heading_deg", start))
+            raise DataShortageError(
+                f"in twice the time the model turns by {turned_deg:.0f} deg, too little to remove the current"
+            )
+        return indices
+    if run.kind == "zigzag":
+        orders = np.array([start, *map(recorded.seconds, run.executes), end])
+        halves = orders + run.settings.get("half_command_s", 0.0)
+        halves[-1] = orders[-1]
+        return zigzag_indices(replay(recorded, run, plant), np.array([orders, halves]))
+    if run.kind == "stopping":
+        motion = replay(recorded, run, plant, lambda motion: motion.surge_mps <= final_speed_mps(run))
+        if motion.surge_mps[-1] > final_speed_mps(run):
+            raise DataShortageError("the model does not stop in twice the time of the ship")
+        return stopping_indices(motion, np.array([start, motion.time_s[-1]]))
+    values = _MEASURES[run.kind](replay(recorded, run, plant), np.array([start, end]))
+    if not values:
+        raise DataShortageError("the rate of turn of the model does not settle in the time of the run")
+    return values
 
 
 def with_current(plant: Plant, water: Water) -> Plant:
     """The plant in water that moves so."""
     return plant.replaced(current_north_mps=water[0], current_east_mps=water[1])
-
-
-def current_in_circle(recorded: RecordedMotion, circle: Manoeuvre, plant: Plant) -> Water | None:
-    """The current in a turning circle by its drift, less what the wind adds to that by the model itself.
-
-    None where the drift is not known, or the model cannot replay the circle.
-    """
-    if circle.current is None:
-        return None
-    drift = circle.current.north_mps, circle.current.east_mps
-    motion = _replayed_circle(recorded, circle, with_current(plant, (0.0, 0.0)))
-    leeway = current_of(motion, recorded.seconds(circle.start), float(motion.time_s[-1]))
-    return drift if leeway is None else (drift[0] - leeway.north_mps, drift[1] - leeway.east_mps)
-
-
-def speed_through_water(run: Manoeuvre, water: Water | None) -> float:
-    """The speed through the water in the approach of a run [m/s]: over ground where the current is not known."""
-    over_ground = run.settings["approach_mps"]
-    if water is None:
-        return over_ground
-    heading = np.deg2rad(run.settings["approach_heading_deg"])
-    return float(over_ground - water[0] * np.cos(heading) - water[1] * np.sin(heading))
 
 
 @dataclass(frozen=True, slots=True)
@@ -319,27 +274,28 @@ def predicted_indices(
         raise DataShortageError("the approach was not ahead")
     if "approach_mps" not in run.settings:
         raise DataShortageError("it has no approach whose speed the model could have")
+    speed_mps, current = run.settings["approach_mps"], (0.0, 0.0)
     if any(name.endswith(REMOVED) for name in run.indices):
-        speed_mps, current = speed_through_water(run, water), (0.0, 0.0)
+        if water is not None:  # else over ground
+            heading = np.deg2rad(run.settings["approach_heading_deg"])
+            speed_mps = float(speed_mps - water[0] * np.cos(heading) - water[1] * np.sin(heading))
     else:
         plant_water = model.plant.current_north_mps, model.plant.current_east_mps
         heading = np.deg2rad(run.settings["approach_heading_deg"])  # to the north in a simulated test
         ahead, starboard = to_ship(*(plant_water if water is None else water), heading)
-        speed_mps, current = run.settings["approach_mps"], (float(ahead), float(starboard))
+        current = float(ahead), float(starboard)
     ship, motion = _ship_in(model.vessel, model.plant, current), recorded.motion
     if run.helm_deg is not None and not motion.orders_are_events:
         part = motion.around(recorded.seconds(run.start), recorded.seconds(run.end), 2.0 * motion.step_s)
         rate_dps = helm_rate_dps(part.helm_deg, part.step_s)
-        ship = vessel_check.with_helm_rate(ship, rate_dps) if isfinite(rate_dps) else ship
+        steers = handling_of(model.vessel).steering_angles & isfinite(rate_dps)
+        rate = np.where(steers, np.deg2rad(rate_dps), ship.drives.rate)
+        ship = replace(ship, drives=ship.drives._replace(rate=rate))
     if run.kind == "pull_out":  # its speed is that in the turn before, which is no approach
-        return _values(_sail_test(_at_recorded_rpm(ship, run), run))
+        return _test_indices(_at_recorded_rpm(ship, run), run)
     ship, handling = vessel_check.approach_at(ship, speed_mps), handling_of(model.vessel)
     rpm_index = {APPROACH_RPM: ship.rpm * float(handling.ahead[handling.main].mean())}
-    return rpm_index | _values(_sail_test(ship, run))
-
-
-def _values(test: vessel_check.StandardTest) -> dict[str, float]:
-    return {name: index.value for name, index in test.indices.items()}
+    return rpm_index | _test_indices(ship, run)
 
 
 def _ship_in(vessel: Vessel, plant: Plant, water: Water) -> vessel_check.TrialShip:
@@ -349,8 +305,14 @@ def _ship_in(vessel: Vessel, plant: Plant, water: Water) -> vessel_check.TrialSh
     )
 
 
-def _helm_of(ship: vessel_check.TrialShip, run: Manoeuvre) -> float:
-    """The helm of a run [deg]. Raises :class:`DataShortageError` for one that was not recorded or is too large."""
+def _test_indices(ship: vessel_check.TrialShip, run: Manoeuvre) -> dict[str, float]:
+    """The indices of the same test as a run; in a stop the shafts are ordered to the same fraction of their speed
+    before. Raises :class:`DataShortageError` for a helm that was not recorded or is too large."""
+    if run.kind == "stopping":
+        share = run.settings["thrust_rpm"] / run.settings["thrust_before_rpm"]
+        rpm = ship.rpm * share * (abs(share) > _IDLE_SHARE)
+        test = vessel_check.stop(ship, rpm, final_speed_mps(run), run.name)
+        return {name: index.value for name, index in test.indices.items()}
     if not handling_of(ship.vessel).steering_angles.any():
         raise DataShortageError("the model is steered by the difference of its shafts, which has no angle of helm")
     if run.helm_deg is None:
@@ -360,26 +322,15 @@ def _helm_of(ship: vessel_check.TrialShip, run: Manoeuvre) -> float:
         raise DataShortageError(
             f"the helm of {helm_deg:.0f} deg is beyond the model's limit of {limit_deg:.0f} deg"
         )
-    return helm_deg
-
-
-def _sail_test(ship: vessel_check.TrialShip, run: Manoeuvre) -> vessel_check.StandardTest:
-    """The same test as a run; in a stop the shafts are ordered to the same fraction of their speed before."""
-    if run.kind == "stopping":
-        share = run.settings["thrust_rpm"] / run.settings["thrust_before_rpm"]
-        return vessel_check.stop(
-            ship, ship.rpm * share * (abs(share) > _IDLE_SHARE), final_speed_mps(run), run.name
-        )
-    helm_deg = _helm_of(ship, run)
     if run.kind == "pull_out":
-        return vessel_check.pull_out(ship, run.sign, helm_deg)
-    if run.kind == "turning_circle":
-        return vessel_check.turning_circle(
-            ship, run.sign, helm_deg, max(run.settings["turned_deg"], _LEAST_TURN_DEG)
-        )
-    return vessel_check.zigzag_test(
-        ship, run.sign, helm_deg, run.settings["switch_deg"], int(run.settings["swings"])
-    )
+        test = vessel_check.pull_out(ship, run.sign, helm_deg)
+    elif run.kind == "turning_circle":
+        turn_deg = max(run.settings["turned_deg"], _LEAST_TURN_DEG)
+        test = vessel_check.turning_circle(ship, run.sign, helm_deg, turn_deg)
+    else:
+        switch_deg, swings = run.settings["switch_deg"], int(run.settings["swings"])
+        test = vessel_check.zigzag_test(ship, run.sign, helm_deg, switch_deg, swings)
+    return {name: index.value for name, index in test.indices.items()}
 
 
 def _at_recorded_rpm(ship: vessel_check.TrialShip, run: Manoeuvre) -> vessel_check.TrialShip:
@@ -467,11 +418,6 @@ class NotSimulated:
     form: str
     why: str
 
-    def as_json(self) -> dict[str, Any]:
-        """With the time as text."""
-        return {"test": self.test, "side": self.side, "start": self.start.isoformat(), "method": self.method,
-                "form": self.form, "why": self.why}  # fmt: skip
-
 
 @dataclass(frozen=True, slots=True)
 class IndexComparisons:
@@ -485,7 +431,7 @@ class IndexComparisons:
         """``indices``, a row each, ``indices_left_out`` and ``indices_remarks``."""
         return {
             "indices": [row.as_json() for row in self.rows],
-            "indices_left_out": [entry.as_json() for entry in self.left_out],
+            "indices_left_out": [asdict(entry) | {"start": entry.start.isoformat()} for entry in self.left_out],
             "indices_remarks": list(self.remarks),
         }
 
@@ -525,19 +471,70 @@ def index_comparison(
         if not runs:
             continue
         remarks += _remarks(table, predictor)
-        trial = _Trial.of(table, runs, predictor.plant)
+        recorded, currents = _motion_and_currents(table, runs, predictor.plant)
         for run, (method, model) in product(runs, models_of(predictor).items()):
+            _, water = min(currents, key=lambda dated: abs(dated[0] - run.start), default=(run.start, None))
             values = dict[str, Mapping[str, float]]()
             for form, kinds in ((PREDICTED, PREDICTED_KINDS), (REPLAYED, REPLAYED_KINDS)):
                 if run.kind not in kinds:
                     continue
                 try:
-                    values[form] = trial.simulated(run, model, form)
+                    values[form] = _simulated(recorded, run, model, water, form)
                 except SeatrialError as error:
                     why = f"{error.what}{': ' * bool(error.why)}{error.why}"
                     left_out.append(NotSimulated(run.name, run.side, run.start, method, form, why))
-            rows += _rows(run, method, values)
+            for name, measured in _measured(run).items():
+                removed = name + REMOVED in run.indices
+                simulated = {
+                    form: SimulatedIndex(float(form_values[key]), measured, name in _ABOUT_ZERO)
+                    for form, form_values in values.items()
+                    if not (form == REPLAYED and name in _FIXED)
+                    and isfinite(form_values.get(key := name + REMOVED * (removed and form == REPLAYED), nan))
+                }
+                if simulated:
+                    forms = simulated.get(PREDICTED), simulated.get(REPLAYED)
+                    rows.append(
+                        IndexComparison(run.name, run.side, run.start, name, method, measured, *forms, removed)
+                    )
     return IndexComparisons(tuple(rows), tuple(left_out), tuple(dict.fromkeys(remarks)))
+
+
+def _motion_and_currents(
+    table: pd.DataFrame, runs: Sequence[Manoeuvre], plant: Plant
+) -> tuple[RecordedMotion | SeatrialError, list[tuple[pd.Timestamp, Water]]]:
+    """The motion of a recording, or why there is none, and the current by the time of each circle that shows it.
+
+    The current is the drift in the circle, less what the wind adds to that by the reference ``plant`` itself; none
+    where the drift is not known, or the model cannot replay the circle.
+    """
+    try:
+        recorded = recorded_motion(table, plant)
+    except SeatrialError as error:
+        return error, []
+    currents = list[tuple[pd.Timestamp, Water]]()
+    for run in runs:
+        if run.current is None:
+            continue
+        with suppress(SeatrialError):
+            motion = _replayed_circle(recorded, run, with_current(plant, (0.0, 0.0)))
+            leeway = current_of(motion, recorded.seconds(run.start), float(motion.time_s[-1]))
+            north, east = run.current.north_mps, run.current.east_mps
+            current = (north, east) if leeway is None else (north - leeway.north_mps, east - leeway.east_mps)
+            currents.append((run.start, current))
+    return recorded, currents
+
+
+def _simulated(
+    recorded: RecordedMotion | SeatrialError, run: Manoeuvre, model: JudgedModel, water: Water | None, form: str
+) -> Mapping[str, float]:
+    """The indices of a run by a model in one of the forms. Raises :class:`SeatrialError` where it cannot."""
+    if isinstance(recorded, SeatrialError):
+        raise recorded
+    if model.plant is None:
+        raise DataShortageError(model.why)
+    if form == REPLAYED:
+        return replayed_indices(recorded, run, model.plant if water is None else with_current(model.plant, water))
+    return predicted_indices(recorded, run, model, water)
 
 
 def runs_of_recordings(
@@ -580,62 +577,6 @@ def _measured(run: Manoeuvre) -> dict[str, Index]:
     shafts = [value for name, value in run.settings.items() if name.endswith("_rpm") and name not in _NO_SHAFTS]
     rpm_index = {APPROACH_RPM: Index(float(np.mean(shafts)), nan, nan, "rpm")} if names and shafts else {}
     return rpm_index | {name: run.indices.get(name + REMOVED, run.indices[name]) for name in names}
-
-
-def _rows(run: Manoeuvre, method: str, values: Mapping[str, Mapping[str, float]]) -> list[IndexComparison]:
-    """A row for each index that one of the forms has."""
-    rows = []
-    for name, measured in _measured(run).items():
-        removed = name + REMOVED in run.indices
-        simulated = {
-            form: SimulatedIndex(float(form_values[key]), measured, name in _ABOUT_ZERO)
-            for form, form_values in values.items()
-            if not (form == REPLAYED and name in _FIXED)
-            and isfinite(form_values.get(key := name + REMOVED * (removed and form == REPLAYED), nan))
-        }
-        if simulated:
-            rows.append(
-                IndexComparison(run.name, run.side, run.start, name, method, measured, simulated.get(PREDICTED),
-                                simulated.get(REPLAYED), removed)
-            )  # fmt: skip
-    return rows
-
-
-@dataclass(frozen=True, slots=True)
-class _Trial:
-    """A recording to be simulated; ``water`` is the current by the time of each circle that shows it."""
-
-    table: pd.DataFrame
-    recorded: RecordedMotion | SeatrialError
-    water: tuple[tuple[pd.Timestamp, Water], ...]
-
-    @classmethod
-    def of(cls, table: pd.DataFrame, runs: Sequence[Manoeuvre], plant: Plant) -> _Trial:
-        """The recording of some runs, with the currents as the reference ``plant`` understands them."""
-        try:
-            recorded = recorded_motion(table, plant)
-        except SeatrialError as error:
-            return cls(table, error, ())
-        water = list[tuple[pd.Timestamp, Water]]()
-        for run in runs:
-            with suppress(SeatrialError):
-                if (current := current_in_circle(recorded, run, plant)) is not None:
-                    water.append((run.start, current))
-        return cls(table, recorded, tuple(water))
-
-    def simulated(self, run: Manoeuvre, model: JudgedModel, form: str) -> Mapping[str, float]:
-        """The indices of a run by a model in one of the forms. Raises :class:`SeatrialError` where it cannot."""
-        if isinstance(self.recorded, SeatrialError):
-            raise self.recorded
-        if model.plant is None:
-            raise DataShortageError(model.why)
-        water = min(self.water, key=lambda dated_water: abs(dated_water[0] - run.start), default=(run.start, None))[
-            1
-        ]
-        if form == REPLAYED:
-            plant = model.plant if water is None else with_current(model.plant, water)
-            return replayed_indices(self.recorded, run, plant)
-        return predicted_indices(self.recorded, run, model, water)
 
 
 def _remarks(table: pd.DataFrame, predictor: Predictor) -> list[str]:

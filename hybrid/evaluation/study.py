@@ -32,6 +32,7 @@ from seatrial.hybrid.prediction.baselines import (
     conformal_region,
     distances,
     equal_area_radius,
+    heading_errors_deg,
     relative_distances,
     start_state,
     untrained_tracks,
@@ -41,7 +42,6 @@ from seatrial.hybrid.prediction.dataset import within_model_range
 from seatrial.hybrid.prediction.windows import (
     WIND,
     PredictionWindows,
-    difference_rad,
     draw_windows,
     independent_groups,
     with_two_sided_starts,
@@ -140,6 +140,10 @@ def study(
     A user-defined method that fails is left out, and the others go on. Raises :class:`DataShortageError` if
     there are too few legs, recordings or windows for a split, :class:`OwnCodeError` if all methods failed.
     """
+
+    def without_failed(errors: Mapping[str, MethodErrors]) -> dict[str, MethodErrors]:
+        return {name: values for name, values in errors.items() if name.removesuffix(TWO_SIDED) not in failed}
+
     inside, tracks = within_model_range(windows, plant)
     failed: dict[str, str] = {}
     planned = {kind: SPLITS[kind](inside, draws, seed) for kind in splits}
@@ -152,15 +156,9 @@ def study(
             share = part_of(progress, done, total)
             parts.append(evaluate_draw(draw, (inside, tracks), methods, plant, seed + number, share, failed))
             done += len(methods)
-        results.append(pool_draws(kind, inside, kind_draws, [_without(result, failed) for result in parts]))
-    results = [replace(result, errors=_without(result.errors, failed)) for result in results]
+        results.append(pool_draws(kind, inside, kind_draws, list(map(without_failed, parts))))
+    results = [replace(result, errors=without_failed(result.errors)) for result in results]
     return Study(inside, len(windows) - len(inside), tuple(results), failed)
-
-
-def _without(errors: Mapping[str, MethodErrors], failed: Mapping[str, str]) -> dict[str, MethodErrors]:
-    return {
-        name: method_errors for name, method_errors in errors.items() if name.removesuffix(TWO_SIDED) not in failed
-    }
 
 
 def evaluate_draw(
@@ -215,12 +213,11 @@ def errors_of(
     """Errors of tracks [N, H+1, 3] whose 95 % regions have semi-axes ``region_m`` [H, 2] or [N, H, 2]."""
     gap = predicted[:, 1:] - windows.track[:, 1:]
     distance = distances(predicted, windows.track)
-    turn = difference_rad(predicted[:, 1:, 2], windows.track[:, 1:, 2])
     return MethodErrors(
         distance_m=distance,
         north_m=np.abs(gap[..., 0]).mean(axis=1),
         east_m=np.abs(gap[..., 1]).mean(axis=1),
-        heading_deg=np.rad2deg(np.abs(turn)).mean(axis=1),
+        heading_deg=heading_errors_deg(predicted, windows.track).mean(axis=1),
         inside=(relative_distances(predicted, windows.track, region_m) <= 1.0).astype(float),
         region_m=np.broadcast_to(region_m, (*distance.shape, 2)),
         outside_domain=outside_domain.astype(float),
@@ -248,8 +245,12 @@ def pool_draws(
         for method in parts[0]
     }
     fitted = tuple(int(draw.fitting.sum()) for draw in draws)
-    leaked = float(np.mean([leaked_share(windows, draw) for draw in draws]))
-    return SplitResult(kind, held_out, errors, fitted, leaked)
+    leaked = [
+        shared_seconds(windows, draw.fitting | draw.stopping, draw.held_out)
+        / shared_seconds(windows, draw.held_out, draw.held_out)
+        for draw in draws
+    ]
+    return SplitResult(kind, held_out, errors, fitted, float(np.mean(leaked)))
 
 
 @dataclass(frozen=True, slots=True)
@@ -335,9 +336,10 @@ class SplitSummary:
 
 @dataclass(frozen=True, slots=True, repr=False)
 class Evaluation(ModelResult):
-    """The figures of a study by split, and the leak of the random split (:func:`leak_of`).
+    """The figures of a study by split; ``failed`` are user-defined methods that failed, and why.
 
-    ``failed`` are user-defined methods that failed, and why.
+    ``leak`` is by method the ratio of the error on unseen legs to that in the random split, on the windows held out
+    in both; empty unless both splits were made.
     """
 
     horizon_s: int
@@ -384,86 +386,65 @@ class Evaluation(ModelResult):
 
 def evaluation_of(study: Study, length_m: float, seed: int) -> Evaluation:
     """The figures of a study on a ship of ``length_m``; ``seed`` draws the legs for the intervals."""
-    return Evaluation(
-        horizon_s=study.windows.horizon_s,
-        windows=int(study.windows.complete.sum()),
-        legs=len(set(study.windows.leg[study.windows.complete])),
-        outside=study.outside,
-        splits={
-            result.kind: _split_summary(result, study.windows.subset(result.held_out), length_m, seed)
-            for result in study.results
-        },
-        leak=leak_of(study, seed),
-        failed=study.failed,
-    )
+    splits = {}
+    for result in study.results:
+        windows = study.windows.subset(result.held_out)
+        causal, two_sided = _by_start(result.errors)
+        breakdown: dict[str, dict[str, MethodSummary]] = {}
+        for kind, classes in classes_of(windows, length_m).items():
+            breakdown[kind] = {}
+            for name, mask in classes.items():
+                errors = {method: method_errors.subset(mask) for method, method_errors in causal.items()}
+                breakdown[kind][name] = summarise(errors, windows.subset(mask), seed)
+        truth_m = {name: method_errors.truth_m for name, method_errors in causal.items()}
+        splits[result.kind] = SplitSummary(
+            result.kind, result.fitted, result.leaked, summarise(causal, windows, seed),
+            summarise(two_sided, windows, seed), breakdown, errors_by_truth(windows, truth_m, seed),
+        )  # fmt: skip
 
-
-def leak_of(study: Study, seed: int) -> dict[str, Interval]:
-    """By method, the ratio of the error on unseen legs to the error in the random split.
-
-    Both on the same windows, those held out in both; empty unless both splits were made.
-    """
+    leak: dict[str, Interval] = {}
     by_kind = {result.kind: result for result in study.results}
-    if not {"leg", "random"} <= set(by_kind):
-        return {}
-    by_leg, at_random = by_kind["leg"], by_kind["random"]
-    shared = by_leg.held_out & at_random.held_out
-    if not shared.any():
-        return {}
-    legs = LegBootstrap.of(study.windows.leg[shared], seed)
-    return {
-        name: legs.ratio(
-            by_leg.errors[name].distance_m[shared[by_leg.held_out]].mean(axis=1),
-            at_random.errors[name].distance_m[shared[at_random.held_out]].mean(axis=1),
-        )
-        for name in _by_start(by_leg.errors)[0]
-    }
+    if {"leg", "random"} <= set(by_kind):
+        unseen, drawn = by_kind["leg"], by_kind["random"]
+        shared = unseen.held_out & drawn.held_out
+        for name in _by_start(unseen.errors)[0] if shared.any() else ():
+            legs = LegBootstrap.of(study.windows.leg[shared], seed)
+            unseen_m = unseen.errors[name].distance_m[shared[unseen.held_out]].mean(axis=1)
+            leak[name] = legs.ratio(unseen_m, drawn.errors[name].distance_m[shared[drawn.held_out]].mean(axis=1))
+
+    complete = study.windows.complete
+    return Evaluation(
+        study.windows.horizon_s, int(complete.sum()), len(set(study.windows.leg[complete])), study.outside, splits,
+        leak, study.failed,
+    )  # fmt: skip
 
 
 def summarise(errors: Mapping[str, MethodErrors], windows: PredictionWindows, seed: int) -> MethodSummary:
     """The figures of every method on the same windows; the baselines are among ``errors``."""
     legs = LegBootstrap.of(windows.leg, seed)
     best = min(BASELINES, key=lambda name: float(errors[name].distance_m.mean()))
-    baseline = errors[best].distance_m.mean(axis=1)
-    methods = {name: _figures(method_errors, baseline, legs) for name, method_errors in errors.items()}
+    baseline_m = errors[best].distance_m.mean(axis=1)
+    methods = {}
+    for name, method in errors.items():
+        mean_m = method.distance_m.mean(axis=1)
+        inside = method.inside.mean(axis=1)
+        single = np.column_stack([mean_m, method.north_m, method.east_m, method.heading_deg, inside])
+        by_second = legs.column_means(method.distance_m)
+        distance, north, east, heading, coverage = legs.column_means(single)
+        methods[name] = MethodFigures(
+            mean_distance_m=distance,
+            end_distance_m=by_second[-1],
+            mae_north_m=north,
+            mae_east_m=east,
+            heading_error_deg=heading,
+            ratio=legs.ratio(mean_m, baseline_m),
+            coverage_95=coverage,
+            by_second=by_second,
+            coverage_by_second=legs.column_means(method.inside),
+            region_by_second_m=method.region_m.mean(axis=0),
+            outside_domain=float(method.outside_domain.mean()),
+        )
     return MethodSummary(len(windows), legs.legs, best, methods)
-
-
-def _figures(errors: MethodErrors, baseline_m: Floats, legs: LegBootstrap) -> MethodFigures:
-    """One method's figures; ``baseline_m`` [N] is the best baseline's mean distance in each window."""
-    mean_m = errors.distance_m.mean(axis=1)
-    inside = errors.inside.mean(axis=1)
-    single = np.column_stack([mean_m, errors.north_m, errors.east_m, errors.heading_deg, inside])
-    by_second = legs.column_means(errors.distance_m)
-    distance, north, east, heading, coverage = legs.column_means(single)
-    return MethodFigures(
-        mean_distance_m=distance,
-        end_distance_m=by_second[-1],
-        mae_north_m=north,
-        mae_east_m=east,
-        heading_error_deg=heading,
-        ratio=legs.ratio(mean_m, baseline_m),
-        coverage_95=coverage,
-        by_second=by_second,
-        coverage_by_second=legs.column_means(errors.inside),
-        region_by_second_m=errors.region_m.mean(axis=0),
-        outside_domain=float(errors.outside_domain.mean()),
-    )
-
-
-def _split_summary(result: SplitResult, windows: PredictionWindows, length_m: float, seed: int) -> SplitSummary:
-    causal, two_sided = _by_start(result.errors)
-    breakdown: dict[str, dict[str, MethodSummary]] = {}
-    for kind, classes in classes_of(windows, length_m).items():
-        breakdown[kind] = {}
-        for name, mask in classes.items():
-            errors = {method: method_errors.subset(mask) for method, method_errors in causal.items()}
-            breakdown[kind][name] = summarise(errors, windows.subset(mask), seed)
-    return SplitSummary(
-        result.kind, result.fitted, result.leaked, summarise(causal, windows, seed),
-        summarise(two_sided, windows, seed), breakdown,
-        errors_by_truth(windows, {name: method_errors.truth_m for name, method_errors in causal.items()}, seed),
-    )  # fmt: skip
 
 
 def _by_start(errors: Mapping[str, MethodErrors]) -> tuple[dict[str, MethodErrors], dict[str, MethodErrors]]:
@@ -473,37 +454,34 @@ def _by_start(errors: Mapping[str, MethodErrors]) -> tuple[dict[str, MethodError
 
 
 def _split_dict(split: SplitSummary) -> dict[str, Any]:
+    def counts(summary: MethodSummary) -> dict[str, Any]:
+        return {"windows": summary.windows, "legs": summary.legs, "best_baseline": summary.best_baseline}
+
+    breakdown: dict[str, dict[str, Any]] = {}
+    for kind, classes in split.breakdown.items():
+        breakdown[kind] = {}
+        for name, summary in classes.items():
+            main = {
+                method: {
+                    "start": start_state(method), "mean_distance_m": figures.mean_distance_m,
+                    "ratio_to_best_baseline": figures.ratio, "coverage_95": figures.coverage_95,
+                }
+                for method, figures in summary.methods.items()
+            }  # fmt: skip
+            breakdown[kind][name] = {**counts(summary), "methods": to_json(main)}
     return {
         "draws": len(split.fitted),
         "fitted_windows": list(split.fitted),
         "shared_seconds": split.leaked,
-        **_counts(split.whole),
+        **counts(split.whole),
         "methods": {
             f"{method}{ending}": {"start": start_state(f"{method}{ending}"), **figures.as_dict()}
             for summary, ending in ((split.whole, ""), (split.two_sided, TWO_SIDED))
             for method, figures in summary.methods.items()
         },
-        "breakdown": {
-            kind: {name: {**_counts(summary), "methods": _short(summary)} for name, summary in classes.items()}
-            for kind, classes in split.breakdown.items()
-        },
+        "breakdown": breakdown,
         "truths": to_json(split.truths),
     }
-
-
-def _counts(summary: MethodSummary) -> dict[str, Any]:
-    return {"windows": summary.windows, "legs": summary.legs, "best_baseline": summary.best_baseline}
-
-
-def _short(summary: MethodSummary) -> dict[str, Any]:
-    plain: dict[str, Any] = to_json({
-        name: {
-            "start": start_state(name), "mean_distance_m": figures.mean_distance_m,
-            "ratio_to_best_baseline": figures.ratio, "coverage_95": figures.coverage_95,
-        }
-        for name, figures in summary.methods.items()
-    })  # fmt: skip
-    return plain
 
 
 @dataclass(frozen=True, slots=True)
@@ -591,12 +569,6 @@ def shared_seconds(windows: PredictionWindows, fitted: Bools, unseen: Bools) -> 
     return sum(np.intersect1d(*pair).size for pair in sides)
 
 
-def leaked_share(windows: PredictionWindows, draw: Draw) -> float:
-    """The share of the test seconds that were also used for training."""
-    judged = shared_seconds(windows, draw.held_out, draw.held_out)
-    return shared_seconds(windows, draw.fitting | draw.stopping, draw.held_out) / judged
-
-
 def with_stopping(windows: PredictionWindows, fitted: Bools, unseen: Bools, seed: int) -> Draw:
     """The draw in which whole legs, or recordings, of the known windows are kept for early stopping."""
     stopping = np.zeros(len(windows), dtype=bool)
@@ -606,10 +578,15 @@ def with_stopping(windows: PredictionWindows, fitted: Bools, unseen: Bools, seed
 
 
 def classes_of(windows: PredictionWindows, length_m: float) -> dict[str, dict[str, Bools]]:
-    """Masks [N] by kind of class and class, without empty ones; those of a kind cover all windows."""
+    """Masks [N] by kind of class and class, without empty ones; those of a kind cover all windows.
+
+    The wind is that of the minute before each window, by its Beaufort number.
+    """
+    wind_mps = np.nanmean(np.column_stack([windows.wind[:, -1], windows.past[:, :_MINUTE, WIND][..., -1]]), axis=1)
+    winds = np.array(WINDS)[np.searchsorted(BEAUFORT_MPS, wind_mps, side="right")]
     named = {
         "manoeuvre": (manoeuvres(windows, length_m), MANOEUVRES),
-        "wind": (winds(windows), WINDS),
+        "wind": (winds, WINDS),
         "recording": (windows.trial, tuple(np.unique(windows.trial))),
     }
     return {
@@ -642,9 +619,3 @@ def manoeuvres(windows: PredictionWindows, length_m: float) -> NDArray[np.str_]:
         "accelerating": speed_change / lengths > ACCELERATING_PER_LENGTH,
     }
     return np.asarray(np.select(list(rules.values()), list(rules), "straight"))
-
-
-def winds(windows: PredictionWindows) -> NDArray[np.str_]:
-    """The wind of the minute before each window by its Beaufort number [N], of :data:`WINDS`."""
-    speed_mps = np.nanmean(np.column_stack([windows.wind[:, -1], windows.past[:, :_MINUTE, WIND][..., -1]]), axis=1)
-    return np.asarray(np.array(WINDS)[np.searchsorted(BEAUFORT_MPS, speed_mps, side="right")])

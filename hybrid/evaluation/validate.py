@@ -30,7 +30,6 @@ from seatrial.acquisition.core.errors import DataShortageError, InputError, Prog
 from seatrial.acquisition.core.quantities import Floats, integrate, to_earth
 from seatrial.acquisition.core.result import ModelResult, to_json
 from seatrial.acquisition.core.ship import POSE_AND_VELOCITY
-from seatrial.analysis.estimation.motion_model import NoiseLevels
 from seatrial.analysis.estimation.smoother import smooth
 from seatrial.analysis.quality.motion.findings import LIMITS
 from seatrial.analysis.windows.held import SecondBySecond
@@ -44,6 +43,7 @@ from seatrial.hybrid.prediction.baselines import (
     bands,
     constant_velocity,
     distances,
+    heading_errors_deg,
     reference,
     relative_distances,
     score,
@@ -52,9 +52,9 @@ from seatrial.hybrid.prediction.baselines import (
 )
 from seatrial.hybrid.prediction.dataset import Dataset, WindowSource, dataset_of, within_model_range
 from seatrial.hybrid.prediction.kalman_filter import LEAP_M
-from seatrial.hybrid.prediction.windows import PredictionWindows, difference_rad, row_numbers, with_two_sided_starts
+from seatrial.hybrid.prediction.windows import PredictionWindows, row_numbers, with_two_sided_starts
 from seatrial.hybrid.vessel.plant import Plant
-from seatrial.hybrid.vessel.sensors import HEADING, STATE_UNITS, SURGE, SWAY
+from seatrial.hybrid.vessel.sensors import STATE_UNITS, SURGE, SWAY
 
 TRUTHS = ("position", "dead_reckoning", "joined")
 UNSEEN_SHARE = float(np.hypot(LIMITS["speed_factor"].least, LIMITS["heading_offset_rad"].least))
@@ -159,14 +159,15 @@ def validate(dataset: Dataset, plant: Plant, trained: TrainedCalibrator | None =
     windows, reference_tracks = within_model_range(dataset.windows, plant)
     tracks, hybrid = _tracks(windows, reference_tracks, trained)
     two_sided = with_two_sided_starts(windows)
+    two_sided_tracks, _ = _tracks(two_sided, reference(two_sided, plant), trained)
     coverage = None
     if hybrid is not None:
         coverage = float((relative_distances(hybrid.tracks, windows.track, hybrid.region_m) <= 1.0).mean())
     return Validation(
         windows=windows,
         tracks=tracks,
-        scores=_scores(tracks, windows),
-        two_sided=_scores(_tracks(two_sided, reference(two_sided, plant), trained)[0], windows, TWO_SIDED),
+        scores={name: score(track, windows.track) for name, track in tracks.items()},
+        two_sided={f"{name}{TWO_SIDED}": score(track, windows.track) for name, track in two_sided_tracks.items()},
         outside=len(dataset.windows) - len(windows),
         coverage_95=coverage,
         outside_domain=None if hybrid is None else hybrid.outside_domain,
@@ -175,10 +176,6 @@ def validate(dataset: Dataset, plant: Plant, trained: TrainedCalibrator | None =
         jumps=dataset.dropped.get("position_jump", 0),
         truths=errors_by_truth(windows, {name: truth_distances(track, windows) for name, track in tracks.items()}),
     )
-
-
-def _scores(tracks: Mapping[str, Floats], windows: PredictionWindows, ending: str = "") -> dict[str, Score]:
-    return {f"{name}{ending}": score(track, windows.track) for name, track in tracks.items()}
 
 
 def _tracks(
@@ -256,9 +253,16 @@ def with_truths(
         in_trial = np.flatnonzero(windows.trial == trial)
         try:
             motion = smooth(table, 1.0)
-            true_motion = integrate_positions(motion.states)
-            remeasured = remeasure(true_motion, motion.noise, random)
-            joined = smooth(remeasured, 1.0, levels=motion.noise).states
+            # The simulated ship moves as smoothed, at positions integrated from that and so without receiver jumps.
+            surge, sway = motion.states["surge_mps"].to_numpy(), motion.states["sway_mps"].to_numpy()
+            velocity = to_earth(surge, sway, np.deg2rad(motion.states["heading_deg"].to_numpy()))
+            north, east = (integrate(np.nan_to_num(component), 1.0) for component in velocity)
+            true_motion = motion.states[channels].assign(north_m=north, east_m=east)
+            levels = motion.noise
+            heading_deg, turn_dps = np.rad2deg(levels.heading_rad), np.rad2deg(levels.yaw_rate_radps)
+            sigma = np.repeat([levels.position_m, heading_deg, levels.speed_mps, turn_dps], (2, 1, 2, 1))
+            remeasured = true_motion + sigma * random.standard_normal(true_motion.shape)
+            joined = smooth(remeasured, 1.0, levels=levels).states
         except SeatrialError:  # too short to estimate its noise
             continue
         rows = row_numbers(table, start_ns[in_trial], np.arange(windows.horizon_s + 1))
@@ -275,21 +279,6 @@ def with_truths(
             simulated += true[:, None, :1, :2] - rejoined[:, None, :1, :2]
         truths[in_trial], errors[in_trial] = tracks, simulated - true[:, None, :, :2]
     return replace(windows, truths=truths, truth_errors=errors)
-
-
-def integrate_positions(motion: pd.DataFrame) -> pd.DataFrame:
-    """A smoothed motion with positions integrated from its speeds and headings, and so without receiver jumps."""
-    surge, sway = motion["surge_mps"].to_numpy(), motion["sway_mps"].to_numpy()
-    velocity = to_earth(surge, sway, np.deg2rad(motion["heading_deg"].to_numpy()))
-    north, east = (integrate(np.nan_to_num(component), 1.0) for component in velocity)
-    return motion[list(POSE_AND_VELOCITY)].assign(north_m=north, east_m=east)
-
-
-def remeasure(motion: pd.DataFrame, levels: NoiseLevels, random: np.random.Generator) -> pd.DataFrame:
-    """A motion as recorded by sensors with white noise at these levels."""
-    position, speed, turn = levels.position_m, levels.speed_mps, np.rad2deg(levels.yaw_rate_radps)
-    sigma = np.array([position, position, np.rad2deg(levels.heading_rad), speed, speed, turn])
-    return motion + sigma * random.standard_normal(motion.shape)
 
 
 def truth_tracks(measured: Floats, joined: Floats) -> Floats:
@@ -422,21 +411,13 @@ def errors_by_length(
         tracks = {"constant_velocity": constant_velocity(windows), "reference": reference}
         if trained is not None and trained.calibrator.any_commands and windows.horizon_s <= trained.horizon_s:
             tracks["hybrid"] = trained.predict_tracks(windows, reference).tracks
-        methods = {name: _errors(track, windows, seconds, length_m) for name, track in tracks.items()}
+        methods = {}
+        for name, track in tracks.items():
+            distance_m = distances(track, windows.track).mean(axis=0)
+            heading_deg = heading_errors_deg(track, windows.track).mean(axis=0)
+            methods[name] = tuple(
+                LengthError(float(distance_m[i]), float(distance_m[i]) / length_m, float(heading_deg[i]))
+                for i in np.array(seconds) - 1
+            )
         return LengthErrors(length_m, speed_mps, lengths, seconds, len(windows), methods)
     return None
-
-
-def _errors(
-    track: Floats, windows: PredictionWindows, seconds: tuple[int, ...], length_m: float
-) -> tuple[LengthError, ...]:
-    """The mean errors at each of some seconds."""
-    distance_m = distances(track, windows.track).mean(axis=0)
-    turned = difference_rad(track[:, 1:, HEADING], windows.track[:, 1:, HEADING])
-    heading_deg = np.rad2deg(np.abs(turned)).mean(axis=0)
-    return tuple(
-        LengthError(
-            float(distance_m[second - 1]), float(distance_m[second - 1]) / length_m, float(heading_deg[second - 1])
-        )
-        for second in seconds
-    )

@@ -234,16 +234,32 @@ def conformal_region(predicted: Floats, windows: PredictionWindows, uncertainty:
     along, across = errors_by_course(predicted, windows.track)
     if uncertainty is not None:
         along, across = along / uncertainty, across / uncertainty
+
+    def typical(errors: Floats) -> Floats:
+        size = np.abs(errors)
+        squares = np.minimum(size, _quantile(size, _CLIPPING_QUANTILE)) ** 2
+        return np.asarray(np.sqrt(np.nansum(squares, axis=0) / np.isfinite(size).sum(axis=0)))
+
     # A few recordings may not be representative, since other sensors have other errors: the logarithm of the ratio
     # of the axes is shrunk towards a circle as by one more recording, so that one recording counts half.
     recordings = len(np.unique(windows.trial))
     with np.errstate(divide="ignore", invalid="ignore"):
-        log_ratio = np.log(_typical(along) / _typical(across))
+        log_ratio = np.log(typical(along) / typical(across))
     stretch = np.exp(0.5 * np.where(np.isfinite(log_ratio), log_ratio, 0.0) * recordings / (recordings + 1.0))
     shape = np.column_stack([stretch, 1.0 / stretch])
     relative = np.hypot(along / shape[:, 0], across / shape[:, 1])
-    size = _widening(relative, independent_groups(windows)) * _quantile(relative, COVERAGE)
-    return np.maximum.accumulate(size[:, None] * shape, axis=0)
+    # Wide enough to hold 95 % of each group of windows when sized on the others.
+    widening, group = 1.0, independent_groups(windows)
+    names = np.unique(group)
+    if len(names) > 1:
+        excess = []
+        for held_out_names in np.array_split(names, min(len(names), _MOST_PARTS)):
+            held_out = np.isin(group, held_out_names)
+            with np.errstate(divide="ignore", invalid="ignore"):
+                excess.append((relative[held_out] / _quantile(relative[~held_out], COVERAGE)).ravel())
+        factor = float(_quantile(np.concatenate(excess)[:, None], COVERAGE)[0])
+        widening = max(1.0, factor) if np.isfinite(factor) else 1.0
+    return np.maximum.accumulate((widening * _quantile(relative, COVERAGE))[:, None] * shape, axis=0)
 
 
 def relative_distances(predicted: Floats, measured: Floats, region_m: Floats) -> Floats:
@@ -270,17 +286,12 @@ def courses(tracks: Floats) -> Floats:
     return np.asarray(np.arctan2(step[..., 1], step[..., 0]))
 
 
-def enclosing_radius(region_m: Floats) -> Floats:
-    """The radius of the circles that enclose regions [.., 2], in metres."""
-    return np.asarray(region_m.max(axis=-1))
-
-
 def bands(region_m: Floats | None) -> dict[str, Floats | None]:
     """A region [.., 2] by its names in files: the enclosing circle, along and across."""
     if region_m is None:
         return dict.fromkeys(("band_m", "band_along_m", "band_across_m"))
     return {
-        "band_m": enclosing_radius(region_m),
+        "band_m": region_m.max(axis=-1),
         "band_along_m": region_m[..., 0],
         "band_across_m": region_m[..., 1],
     }
@@ -298,28 +309,6 @@ def outlines(track: Floats, region_m: Floats) -> Floats:
     north = along * np.cos(course) - across * np.sin(course)
     east = along * np.sin(course) + across * np.cos(course)
     return np.asarray(track[1:, None, :2] + np.stack([north, east], axis=-1))
-
-
-def _typical(errors: Floats) -> Floats:
-    """The typical size of errors [N, H] by second, without the worst tenth [H]."""
-    size = np.abs(errors)
-    squares = np.minimum(size, _quantile(size, _CLIPPING_QUANTILE)) ** 2
-    return np.asarray(np.sqrt(np.nansum(squares, axis=0) / np.isfinite(size).sum(axis=0)))
-
-
-def _widening(relative: Floats, group: NDArray[np.str_]) -> float:
-    """The factor, at least 1, by which regions sized on all windows' ``relative`` distances [N, H] must be
-    widened to hold 95 % of each group [N] when sized on the others."""
-    names = np.unique(group)
-    if len(names) < 2:
-        return 1.0
-    excess = []
-    for held_out_names in np.array_split(names, min(len(names), _MOST_PARTS)):
-        held_out = np.isin(group, held_out_names)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            excess.append((relative[held_out] / _quantile(relative[~held_out], COVERAGE)).ravel())
-    factor = float(_quantile(np.concatenate(excess)[:, None], COVERAGE)[0])
-    return max(1.0, factor) if np.isfinite(factor) else 1.0
 
 
 def _quantile(values: Floats, share: float) -> Floats:
@@ -352,17 +341,21 @@ def mean_distances(predicted: Floats, measured: Floats) -> Floats:
     return np.asarray(distances(predicted, measured).mean(axis=1))
 
 
+def heading_errors_deg(predicted: Floats, measured: Floats) -> Floats:
+    """The difference of headings of two tracks [N, H+1, 3] at seconds 1 to H [N, H], in degrees."""
+    return np.asarray(np.rad2deg(np.abs(difference_rad(predicted[:, 1:, 2], measured[:, 1:, 2]))))
+
+
 def score(predicted: Floats, measured: Floats) -> Score:
     """Compare tracks [N, H+1, 3] of north, east [m] and heading [rad]."""
     gap = predicted[:, 1:] - measured[:, 1:]
     distance = distances(predicted, measured)
-    turn = difference_rad(predicted[:, 1:, 2], measured[:, 1:, 2])
     return Score(
         mean_distance_m=float(distance.mean()),
         end_distance_m=float(distance[:, -1].mean()),
         mae_north_m=float(np.abs(gap[..., 0]).mean()),
         mae_east_m=float(np.abs(gap[..., 1]).mean()),
-        heading_error_deg=float(np.rad2deg(np.abs(turn)).mean()),
+        heading_error_deg=float(heading_errors_deg(predicted, measured).mean()),
         by_second=tuple(float(distance_m) for distance_m in distance.mean(axis=0)),
     )
 

@@ -9,13 +9,12 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
 from seatrial.acquisition.core.errors import DataShortageError, Progress
 from seatrial.acquisition.core.quantities import Floats
 from seatrial.analysis.series import USUAL_LENGTH_M, half_width_for, smooth_motion
 from seatrial.analysis.tables.table import refuse_duplicates
-from seatrial.analysis.windows.held import HeldWindows, SecondBySecond, tables_of_recordings, windows_of_tables
+from seatrial.analysis.windows.held import SecondBySecond, tables_of_recordings, windows_of_tables
 from seatrial.hybrid.prediction.baselines import reference
 from seatrial.hybrid.prediction.kalman_filter import filtered_starts
 from seatrial.hybrid.prediction.windows import (
@@ -112,13 +111,24 @@ def dataset_of(
 
     Raises :class:`DataShortageError` with the counts by reason if there is no window in any of them.
     """
+
+    def arrays_of(rows: pd.DataFrame) -> PredictionWindows:
+        by_trial = [(rows[rows["trial"] == trial], recorded.table) for trial, recorded in tables.items()]
+        motion = pd.concat([start_motion(trial_rows, table, length_m) for trial_rows, table in by_trial])
+        return windows_from_rows(rows, motion, tables, any_commands=any_commands)
+
     held = windows_of_tables(tables, horizon_s, stride_s, keep_moving=any_commands)
-    windows = _as_arrays(held, tables, length_m, any_commands=any_commands)
+    windows = arrays_of(held.rows)
     if any_commands:
-        windows = replace(windows, leg=_shorter_legs(windows))
+        start_s, _ = windows.measured_seconds()
+        shorter_legs = windows.leg.astype("<U200")
+        for leg in np.unique(windows.leg):
+            in_leg = windows.leg == leg
+            part = (start_s[in_leg] - start_s[in_leg].min()) // (LEG_HORIZONS * windows.horizon_s)
+            shorter_legs[in_leg] = [f"{leg}.{number + 1:03d}" for number in part]
+        windows = replace(windows, leg=shorter_legs)
     elif shorter and horizon_s // 2 >= SHORTEST_S:
-        shorter_windows = windows_of_tables(tables, horizon_s // 2, stride_s)
-        windows = _with_shorter(windows, _as_arrays(shorter_windows, tables, length_m))
+        windows = _append_shorter(windows, arrays_of(windows_of_tables(tables, horizon_s // 2, stride_s).rows))
     counted = []
     for source, trial in zip(sources, tables, strict=False):
         provided = windows.subset((windows.trial == trial) & windows.complete)
@@ -131,57 +141,30 @@ def dataset_of(
     return Dataset(windows, tuple(counted), held.candidates, held.dropped, tables)
 
 
-def _as_arrays(
-    held: HeldWindows, tables: Mapping[str, SecondBySecond], length_m: float, *, any_commands: bool = False
-) -> PredictionWindows:
-    """The windows of 1 Hz tables by trial, with their start states and what came before."""
-    rows = held.rows
-    motion = [
-        start_motion(rows[rows["trial"] == trial], recorded.table, length_m) for trial, recorded in tables.items()
-    ]
-    return windows_from_rows(rows, pd.concat(motion), tables, any_commands=any_commands)
-
-
-def _shorter_legs(windows: PredictionWindows) -> NDArray[np.str_]:
-    """The legs [N] divided into parts of :data:`LEG_HORIZONS` horizons, by the start of each window."""
-    first, _ = windows.measured_seconds()
-    legs = windows.leg.astype("<U200")
-    for leg in np.unique(windows.leg):
-        in_leg = windows.leg == leg
-        part = (first[in_leg] - first[in_leg].min()) // (LEG_HORIZONS * windows.horizon_s)
-        legs[in_leg] = [f"{leg}.{number + 1:03d}" for number in part]
-    return legs
-
-
-def _with_shorter(windows: PredictionWindows, shorter: PredictionWindows) -> PredictionWindows:
+def _append_shorter(windows: PredictionWindows, shorter: PredictionWindows) -> PredictionWindows:
     """``windows``, followed by those of ``shorter`` that are not the beginning of one of them, padded with NaN.
 
-    Legs of windows that share a second are joined, so that a split by leg never separates them.
+    A leg then begins where a window shares no second with those before and is of another leg than the previous one
+    of its length, so that a split by leg never separates windows that overlap.
     """
     starts = set(zip(windows.trial, windows.start_ns, strict=True))
     is_new = [start not in starts for start in zip(shorter.trial, shorter.start_ns, strict=True)]
     added = shorter.subset(np.array(is_new, dtype=bool))
     unknown = np.full((len(added), windows.horizon_s - shorter.horizon_s, 3), np.nan)
-    longer = replace(added, track=np.concatenate([added.track, unknown], axis=1))
-    combined = concatenate_windows([windows, longer])
-    return replace(combined, leg=_legs_of_both(combined))
-
-
-def _legs_of_both(windows: PredictionWindows) -> NDArray[np.str_]:
-    """The leg of each window [N], whole and shorter ones: a new one where a window shares no second with those
-    before and is of another leg than the previous one of its kind."""
-    first, last = windows.measured_seconds()
-    legs = np.empty(len(windows), dtype="<U200")
-    for trial in np.unique(windows.trial):
-        rows = np.flatnonzero(windows.trial == trial)
+    padded = replace(added, track=np.concatenate([added.track, unknown], axis=1))
+    combined = concatenate_windows([windows, padded])
+    first, last = combined.measured_seconds()
+    legs = np.empty(len(combined), dtype="<U200")
+    for trial in np.unique(combined.trial):
+        rows = np.flatnonzero(combined.trial == trial)
         rows = rows[np.argsort(first[rows], kind="stable")]
         covered_until = np.maximum.accumulate(last[rows])
         is_separate = first[rows][1:] > covered_until[:-1]
-        changes_leg = windows.leg[rows][1:] != windows.leg[rows][:-1]
-        changes_leg |= windows.complete[rows][1:] != windows.complete[rows][:-1]
+        changes_leg = combined.leg[rows][1:] != combined.leg[rows][:-1]
+        changes_leg |= combined.complete[rows][1:] != combined.complete[rows][:-1]
         number = np.concatenate([[0], np.cumsum(is_separate & changes_leg)])
         legs[rows] = [f"{trial}/{leg_number + 1:03d}" for leg_number in number]
-    return legs
+    return replace(combined, leg=legs)
 
 
 def start_motion(rows: pd.DataFrame, table: pd.DataFrame, length_m: float = USUAL_LENGTH_M) -> pd.DataFrame:

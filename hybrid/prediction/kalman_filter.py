@@ -242,6 +242,7 @@ def wave_step(wave_radps: float) -> Floats:
     return np.array(oscillator(1.0, wave_radps, WAVE_DAMPING)).reshape(2, 2)
 
 
+@lru_cache(maxsize=256)  # most optimiser steps change none of an axis' numbers
 def kalman_gains(
     speed_walk: float,
     force_walk: float,
@@ -273,9 +274,6 @@ def kalman_gains(
     return np.asarray(gain_sequence(F, Q, H, np.array([position_noise, 1.0]), P, steps))
 
 
-_cached_gains = lru_cache(maxsize=256)(kalman_gains)  # most optimiser steps change none of an axis' numbers
-
-
 @lru_cache(maxsize=64)
 def filter_gains(jitter: float, *numbers: float) -> tuple[Floats, Floats, Floats]:
     """The gains [turns, steps, 3 axes, 5, 2], the share of the bias force left after a second [3], and the
@@ -296,7 +294,7 @@ def filter_gains(jitter: float, *numbers: float) -> tuple[Floats, Floats, Floats
     ) ** 2
     noises = levels[:, 2:] + np.array([[0.0], [0.0], [1.0]]) * jitter_variance
     gains = [
-        [_cached_gains(speed, force, noise, retained, OBSERVED_S, wave, wave_radps) for noise in axis_noises]
+        [kalman_gains(speed, force, noise, retained, OBSERVED_S, wave, wave_radps) for noise in axis_noises]
         for (speed, force, _), axis_noises, retained, wave in zip(
             levels, noises, retained_force, wave_walks, strict=True
         )

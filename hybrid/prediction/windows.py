@@ -103,19 +103,17 @@ class PredictionWindows:
 
     def subset(self, chosen: NDArray[np.bool_] | NDArray[np.int64]) -> PredictionWindows:
         """The windows chosen by a mask or by indices."""
-        rows = {name: values[chosen] for name, values in _arrays_of(self).items()}
-        return replace(self, **rows)
+        return replace(self, **{name: values[chosen] for name, values in self.arrays().items()})
 
-
-def _arrays_of(windows: PredictionWindows) -> dict[str, Any]:
-    """The arrays with a row for each window, by name."""
-    values = {field.name: getattr(windows, field.name) for field in fields(windows) if field.name != "actuators"}
-    return {name: value for name, value in values.items() if value is not None}
+    def arrays(self) -> dict[str, Any]:
+        """The arrays with a row for each window, by name."""
+        values = {field.name: getattr(self, field.name) for field in fields(self) if field.name != "actuators"}
+        return {name: value for name, value in values.items() if value is not None}
 
 
 def concatenate_windows(parts: Sequence[PredictionWindows]) -> PredictionWindows:
     """The windows of all parts, of one ship, concatenated."""
-    arrays = [_arrays_of(part) for part in parts]
+    arrays = [part.arrays() for part in parts]
     columns: dict[str, Any] = {name: np.concatenate([part[name] for part in arrays]) for name in arrays[0]}
     return replace(parts[0], **columns)
 
@@ -168,8 +166,19 @@ def windows_of_channels(
     and in their own units, and the names of N windows."""
     heading = np.deg2rad(np.apply_along_axis(unwrap, 1, channels[..., HEADING]))
     track = np.concatenate([channels[..., :HEADING], heading[..., None]], axis=-1)
-    initial = _si(channels[:, 0], actuators)
-    past = _past(initial, trial, start_ns, tables, actuators)
+    units = np.concatenate([STATE_UNITS, WIND_UNITS, control_units(actuators)])
+    past = np.full((len(channels), PAST_S + 1, len(units)), np.nan)
+    past[:, 0] = channels[:, 0] * units
+    for name, recorded in tables.items():
+        in_trial = np.flatnonzero(trial == name)
+        settled = np.arange(len(recorded.newest), PAST_S + 1)
+        earlier = rows_after(recorded.table, start_ns[in_trial], -settled, actuators)
+        past[np.ix_(in_trial, settled)] = earlier * units
+        for second, table in enumerate(recorded.newest):
+            row = rows_after(table, start_ns[in_trial], np.array([-second]), actuators)[:, 0]
+            past[in_trial, second] = row * units
+    turn = difference_rad(past[:, :-1, HEADING], past[:, 1:, HEADING])
+    past[:, 1:, HEADING] = past[:, :1, HEADING] - np.cumsum(turn, axis=1)
     past[..., HEADING] += np.round((track[:, :1, HEADING] - past[:, :1, HEADING]) / (2.0 * np.pi)) * 2.0 * np.pi
     two_sided = None
     if motion is not None:
@@ -179,7 +188,7 @@ def windows_of_channels(
     return PredictionWindows(
         start=past[:, 0, : WIND.start].copy(), track=track, wind=past[:, 0, WIND], control=past[:, 0, CONTROLS],
         trial=trial, leg=leg, start_ns=start_ns, past=past, actuators=actuators,
-        commands=mean_controls(_si(channels, actuators)[..., CONTROLS], actuators) if any_commands else None,
+        commands=mean_controls((channels * units)[..., CONTROLS], actuators) if any_commands else None,
         two_sided=two_sided,
     )  # fmt: skip
 
@@ -192,35 +201,6 @@ def mean_controls(settings: Floats, actuators: Actuators) -> Floats:
     change, angles = np.diff(settings, axis=1), angle_columns(actuators)
     change[..., angles] = difference_rad(settings[:, 1:, angles], settings[:, :-1, angles])
     return np.asarray(settings[:, :-1] + 0.5 * change)
-
-
-def _si(channels: Floats, actuators: Actuators) -> Floats:
-    """The channels [..., channels] in SI units and radians, in the order of :class:`PredictionWindows`."""
-    return np.asarray(channels * np.concatenate([STATE_UNITS, WIND_UNITS, control_units(actuators)]))
-
-
-def _past(
-    initial: Floats,
-    trial: NDArray[np.str_],
-    start_ns: Ints,
-    tables: Mapping[str, SecondBySecond],
-    actuators: Actuators,
-) -> Floats:
-    """The measurements at second 0 and :data:`PAST_S` seconds before [N, PAST_S + 1, channels], newest first."""
-    past = np.full((len(initial), PAST_S + 1, initial.shape[1]), np.nan)
-    past[:, 0] = initial
-    for name, recorded in tables.items():
-        in_trial = np.flatnonzero(trial == name)
-        settled = np.arange(len(recorded.newest), PAST_S + 1)
-        past[np.ix_(in_trial, settled)] = _si(
-            rows_after(recorded.table, start_ns[in_trial], -settled, actuators), actuators
-        )
-        for second, table in enumerate(recorded.newest):
-            row = rows_after(table, start_ns[in_trial], np.array([-second]), actuators)[:, 0]
-            past[in_trial, second] = _si(row, actuators)
-    turn = difference_rad(past[:, :-1, HEADING], past[:, 1:, HEADING])
-    past[:, 1:, HEADING] = past[:, :1, HEADING] - np.cumsum(turn, axis=1)
-    return past
 
 
 def rows_after(table: pd.DataFrame, start_ns: Ints, seconds: Ints, actuators: Actuators) -> Floats:
@@ -265,16 +245,8 @@ def hindcast_windows(windows: PredictionWindows, *seconds: int, horizon_s: int |
     )
 
 
-def truncate_windows(windows: PredictionWindows, seconds: int) -> PredictionWindows:
-    """The windows cut to at most their first ``seconds`` seconds."""
-    commands = None if windows.commands is None else windows.commands[:, :seconds]
-    return replace(
-        windows, track=windows.track[:, : seconds + 1], commands=commands, truths=None, truth_errors=None
-    )
-
-
 def difference_rad(angle: Floats, subtracted: Floats) -> Floats:
-    """``angle - other`` the short way round, in radians."""
+    """``angle - subtracted`` the short way round, in radians."""
     return np.asarray(np.angle(np.exp(1j * (angle - subtracted))))
 
 

@@ -110,28 +110,13 @@ class Pace:
         return self.time * _LENGTH_M / _SPEED_MPS
 
 
-def _controls(vessel: Vessel) -> list[tuple[Any, Channel]]:
-    """Every control channel of a ship, with the entry of its actuator.
-
-    Raises :class:`ConfigurationError` for a ship that nothing drives.
-    """
-    if not any(actuator.drives for actuator in vessel.actuators):
-        raise ConfigurationError(
-            f"{vessel.name} has no propulsion",
-            why=f"she has {in_words(vessel.actuators)}",
-            fix="add a propeller",
-        )
-    return [
-        (entry, channel)
-        for entry, actuator in zip(vessel.actuator, vessel.actuators, strict=True)
-        for channel in actuator.channels
-    ]
-
-
 def handling_of(vessel: Vessel) -> Handling:
     """How a ship is handled. Raises :class:`ConfigurationError` if nothing drives it."""
-    controls = _controls(vessel)
     limit = shaft_limit_rpm(vessel)
+    entries = zip(vessel.actuator, vessel.actuators, strict=True)
+    controls: list[tuple[Any, Channel]] = [
+        (entry, channel) for entry, actuator in entries for channel in actuator.channels
+    ]
     main = np.array([KINDS[entry.kind].drives and channel.unit == "rpm" for entry, channel in controls])
     ahead = np.array([entry.limit_rpm / limit if drives else 0.0
                       for (entry, _), drives in zip(controls, main, strict=True)])  # fmt: skip
@@ -151,8 +136,16 @@ def handling_of(vessel: Vessel) -> Handling:
 
 
 def shaft_limit_rpm(vessel: Vessel) -> float:
-    """The lowest limit of the shafts that drive a ship."""
-    return float(min(entry.limit_rpm for entry, _ in _controls(vessel) if KINDS[entry.kind].drives))
+    """The lowest limit of the shafts that drive a ship. Raises :class:`ConfigurationError` if nothing drives it."""
+    entries: tuple[Any, ...] = vessel.actuator
+    limits = [entry.limit_rpm for entry in entries if KINDS[entry.kind].drives]
+    if not limits:
+        raise ConfigurationError(
+            f"{vessel.name} has no propulsion",
+            why=f"she has {in_words(vessel.actuators)}",
+            fix="add a propeller",
+        )
+    return float(min(limits))
 
 
 def usual_rpm(vessel: Vessel) -> float:
@@ -194,17 +187,10 @@ def pace_of(vessel: Vessel) -> Pace:
             f"{vessel.name} does not move ahead at {rpm:.0f} rpm", fix="check the propellers in the vessel file"
         )
     tunnels = [tunnel.limit_rpm for tunnel in vessel.of_kind("tunnel")]
-    length_m = vessel.dimensions.length_between_perpendiculars_m
-    return Pace(
-        shaft_limit_rpm(vessel) / _LIMIT_RPM,
-        min(tunnels, default=_TUNNEL_LIMIT_RPM) / _TUNNEL_LIMIT_RPM,
-        _rounded(length_m / _LENGTH_M * (_SPEED_MPS / speed_mps)),
-        _rounded(speed_mps / _SPEED_MPS),
-    )
-
-
-def _rounded(factor: float) -> float:
-    return float(f"{factor:.{_SIGNIFICANT}g}")
+    tunnel_rpm = min(tunnels, default=_TUNNEL_LIMIT_RPM) / _TUNNEL_LIMIT_RPM
+    slower = vessel.dimensions.length_between_perpendiculars_m / _LENGTH_M * (_SPEED_MPS / speed_mps)
+    time, speed = (float(f"{factor:.{_SIGNIFICANT}g}") for factor in (slower, speed_mps / _SPEED_MPS))
+    return Pace(shaft_limit_rpm(vessel) / _LIMIT_RPM, tunnel_rpm, time, speed)
 
 
 Manoeuvre = tuple["Leg", ...]
@@ -243,7 +229,8 @@ ENDS = ("course", "settled", "deviation", "turn", "slower", "at_least", "at_most
 def as_arrays(manoeuvre: Manoeuvre, vessel: Vessel) -> tuple[Floats, Floats]:
     """The legs for the compiled autopilot in SI units: orders [legs, controls] and :data:`ENDS` [legs, 7].
 
-    Raises :class:`ConfigurationError` for an order to a channel that the vessel does not have.
+    Raises :class:`ConfigurationError` for an order to a channel that the vessel does not have, or where it has
+    nothing to steer with.
     """
     names, units = control_names(vessel.actuators), control_units(vessel.actuators)
     unknown = {name for leg in manoeuvre for name in leg.orders} - set(names)
@@ -252,7 +239,12 @@ def as_arrays(manoeuvre: Manoeuvre, vessel: Vessel) -> tuple[Floats, Floats]:
             f"{vessel.name} has no {', '.join(sorted(unknown))}", fix=f"order {', '.join(names)}"
         )
     handling = handling_of(vessel)
-    _refuse_unsteered(manoeuvre, vessel, handling)
+    if any(leg.helm_deg or not isnan(leg.course_deg) for leg in manoeuvre) and not handling.helm.any():
+        raise ConfigurationError(
+            f"{vessel.name} cannot be steered",
+            why=f"she has {in_words(vessel.actuators)}",
+            fix="add a rudder, an azimuth thruster, or propellers on both sides",
+        )
     orders = []
     for leg in manoeuvre:
         steered = not isnan(leg.course_deg)  # then the autopilot adds the helm
@@ -272,17 +264,6 @@ def shafts_rpm(leg: Leg, vessel: Vessel) -> float:
     one each, and none for a leg astern."""
     ahead = zip(control_names(vessel.actuators), handling_of(vessel).ahead, strict=True)
     return float(max(0.0, *(leg.orders.get(name, share * leg.rpm) / share for name, share in ahead if share)))
-
-
-def _refuse_unsteered(manoeuvre: Manoeuvre, vessel: Vessel, handling: Handling) -> None:
-    """Raise :class:`ConfigurationError` for a ship that has nothing to steer a manoeuvre with."""
-    steered = any(leg.helm_deg or not isnan(leg.course_deg) for leg in manoeuvre)
-    if steered and not handling.helm.any():
-        raise ConfigurationError(
-            f"{vessel.name} cannot be steered",
-            why=f"she has {in_words(vessel.actuators)}",
-            fix="add a rudder, an azimuth thruster, or propellers on both sides",
-        )
 
 
 def for_ship(manoeuvre: Manoeuvre, vessel: Vessel) -> Manoeuvre:
@@ -316,11 +297,6 @@ def scale_times(manoeuvre: Manoeuvre, factor: float) -> Manoeuvre:
 def helm(angle_deg: float, rpm: float = CRUISE_RPM, at_most_s: float = inf) -> Leg:
     """One helm and one speed held."""
     return Leg(rpm=rpm, helm_deg=angle_deg, at_most_s=at_most_s)
-
-
-def single_thruster(name: str, rpm: float, names: Iterable[str]) -> Leg:
-    """One thruster runs, the other shafts of ``names`` stand still."""
-    return Leg(rpm=rpm, orders={f"{thruster}_rpm": 0.0 for thruster in names if thruster != name})
 
 
 def steer(course_deg: float, seconds: float, rpm: float = CRUISE_RPM) -> Leg:
@@ -382,7 +358,7 @@ def single_drive_legs(drives: Sequence[str], rpm: float, seconds: float, *, by_a
     """
     turns = []
     for name in drives:
-        single = single_thruster(name, rpm, drives)
+        single = Leg(rpm=rpm, orders={f"{drive}_rpm": 0.0 for drive in drives if drive != name})
         turns.append([replace(single, at_most_s=seconds)])
         if by_angle:
             held_angles = (replace(single, helm_deg=angle, at_most_s=0.2 * seconds) for angle in (0.0, 15.0, -15.0))

@@ -45,18 +45,7 @@ from seatrial.analysis.batch import BatchJob, Row, attempt, batch_folder, check_
 from seatrial.analysis.products import Options
 from seatrial.analysis.tables.table import sha256_of
 from seatrial.hybrid.effects import Catalogue, apply_effects, vessel_plant
-from seatrial.hybrid.simulation.manoeuvres import (
-    Drives,
-    Manoeuvre,
-    as_arrays,
-    drives_of,
-    for_ship,
-    handling_of,
-    manoeuvre_named,
-    sail,
-    shafts_rpm,
-    steady_speed_mps,
-)
+from seatrial.hybrid.simulation import manoeuvres
 from seatrial.hybrid.vessel.actuators import angle_columns, control_units
 from seatrial.hybrid.vessel.dynamics import Runs, combine_forces, range_error
 from seatrial.hybrid.vessel.effect import growth, scale_of
@@ -153,7 +142,7 @@ class Voyage:
 def simulate_trial(
     vessel: Vessel | str | None = None,
     sea_state: SeaState | str = "calm",
-    manoeuvre: Manoeuvre | str = "voyage",
+    manoeuvre: manoeuvres.Manoeuvre | str = "voyage",
     duration_s: float = 1200.0,
     rate_hz: float = 10.0,
     seed: int = 0,
@@ -174,11 +163,21 @@ def simulate_trial(
     """
     ship = load_vessel(vessel)
     sea = sea_for(sea_state, ship.dimensions) if isinstance(sea_state, str) else sea_state
-    legs = for_ship(manoeuvre_named(manoeuvre, ship.actuators), ship) if isinstance(manoeuvre, str) else manoeuvre
+    legs = manoeuvre
+    if isinstance(legs, str):
+        legs = manoeuvres.for_ship(manoeuvres.manoeuvre_named(legs, ship.actuators), ship)
     steps_per_row, rows = _timing(duration_s, rate_hz)
     streams = [np.random.default_rng(sequence) for sequence in np.random.SeedSequence(seed).spawn(4)]
     environment = sea.effects(ship.dimensions.length_between_perpendiculars_m)
-    plant = _in_sea(vessel_plant(ship, catalogue), sea, environment, catalogue)
+    plant = vessel_plant(ship, catalogue)
+    try:
+        plant = apply_effects(plant, environment, catalogue)
+    except ConfigurationError as error:
+        raise ConfigurationError(
+            f"sea state {sea.name or 'given'} is too rough for a ship of "
+            f"{plant.length_between_perpendiculars_m:g} m",
+            why=str(error), fix="choose calm, or write one with waves of suitable size",
+        ) from error  # fmt: skip
     plant = apply_effects(plant, hidden or {}, catalogue)
     dt_s = 1.0 / (rate_hz * steps_per_row)
     voyage = sail_through(
@@ -213,46 +212,47 @@ def simulate_trial(
     return table, truth
 
 
-def _in_sea(plant: Plant, sea: SeaState, environment: Hidden, catalogue: Catalogue | None) -> Plant:
-    """The plant in current and drift. Raises :class:`ConfigurationError` for a sea that is too rough for it."""
-    try:
-        return apply_effects(plant, environment, catalogue)
-    except ConfigurationError as error:
-        raise ConfigurationError(
-            f"sea state {sea.name or 'given'} is too rough for a ship of "
-            f"{plant.length_between_perpendiculars_m:g} m",
-            why=str(error), fix="choose calm, or write one with waves of suitable size",
-        ) from error  # fmt: skip
-
-
 def sail_through(
     vessel: Vessel,
     plant: Plant,
     sea: SeaState,
-    legs: Manoeuvre,
+    legs: manoeuvres.Manoeuvre,
     steps: int,
     dt_s: float,
     heading_deg: float,
     gusts: np.random.Generator,
     drift: np.random.Generator,
-    drives: Drives | None = None,
+    drives: manoeuvres.Drives | None = None,
 ) -> Voyage:
     """The motion of ``plant`` through a manoeuvre, with the autopilot of ``vessel``, and its drives or others."""
     wind = wind_series(gusts, sea, steps + 1, dt_s)
     wind[:, 0] += plant.wind_direction_bias_rad
     wind[:, 1] *= plant.wind_speed_factor
     slow_n = plant.drift_force_n * drift_series(drift, sea, steps + 1, dt_s)
-    (leg_array, ends), packed = as_arrays(legs, vessel), pack(plant)
+    (leg_array, ends), packed = manoeuvres.as_arrays(legs, vessel), pack(plant)
     extra, parameters = combine_forces((plant,))
-    order = handling_of(vessel).orders(shafts_rpm(legs[0], vessel), 0.0) * control_units(vessel.actuators)
-    steady_mps, heading = steady_speed_mps(bare_plant(vessel), order), np.deg2rad(heading_deg)
+    rpm = manoeuvres.shafts_rpm(legs[0], vessel)
+    order = manoeuvres.handling_of(vessel).orders(rpm, 0.0) * control_units(vessel.actuators)
+    steady_mps, heading = manoeuvres.steady_speed_mps(bare_plant(vessel), order), np.deg2rad(heading_deg)
     ahead, starboard = to_ship(plant.current_north_mps, plant.current_east_mps, heading)
     start = np.array([0.0, 0.0, heading, steady_mps + ahead, starboard, 0.0])  # at the steady speed in still water
     states, controls = np.full((steps + 1, 6), np.nan), np.full((steps + 1, leg_array.shape[1]), np.nan)
-    failed_step = sail(
-        packed[0], start, leg_array, ends, drives or drives_of(vessel), wind[:-1], slow_n, dt_s, 1, extra,
-        parameters[0], states, controls,
-    )  # fmt: skip
+    drives = drives or manoeuvres.drives_of(vessel)
+    failed_step = manoeuvres.sail(
+        packed[0],
+        start,
+        leg_array,
+        ends,
+        drives,
+        wind[:-1],
+        slow_n,
+        dt_s,
+        1,
+        extra,
+        parameters[0],
+        states,
+        controls,
+    )
     if failed_step >= 0:
         raise range_error(Runs(states[np.newaxis], np.array([failed_step])), plant, dt_s)
     return Voyage(
@@ -283,14 +283,9 @@ def record_trial(
     truth_path = path.with_suffix(".truth.json")
     with written_together(truth_path):
         write_table(table, path, sheet, source="simulated")
-        write_truth({**truth, **details}, truth_path)
-
-
-def write_truth(truth: Mapping[str, Any], path: str | Path) -> None:
-    """Write what was hidden as JSON, without the arrays. Raises :class:`StorageError`."""
-    plain = {key: value for key, value in truth.items() if not isinstance(value, np.ndarray | Plant)}
-    text = json.dumps({**plain, "software_version": software_version()}, indent=2)
-    write_text(path, text + "\n")
+        plain = {key: value for key, value in truth.items() if not isinstance(value, np.ndarray | Plant)}
+        text = json.dumps({**plain, **details, "software_version": software_version()}, indent=2)
+        write_text(truth_path, text + "\n")
 
 
 def _timing(duration_s: float, rate_hz: float) -> tuple[int, int]:
@@ -327,28 +322,10 @@ class SeaState:
     gust_length_m: float = 100.0
     name: str = ""
 
-    def at_scale(self, scale: float) -> SeaState:
-        """This sea in a basin: lengths times ``scale``, speeds and times its root, as at the same Froude number.
-
-        Drift forces then go with its third power of themselves: see :meth:`effects`.
-        """
-        root = scale**0.5
-        return replace(
-            self, wind_mps=self.wind_mps * root, wave_height_m=self.wave_height_m * scale,
-            wave_period_s=self.wave_period_s * root, current_mps=self.current_mps * root,
-            group_s=self.group_s * root, gust_length_m=self.gust_length_m * scale,
-            name=f"{self.name} at 1:{1.0 / scale:.3g}",
-        )  # fmt: skip
-
     @property
     def direction_to_deg(self) -> float:
         """Where wind, waves and current go to [deg]."""
         return (self.direction_from_deg + 180.0) % 360.0
-
-    @property
-    def drift_n(self) -> float:
-        """Mean wave drift force in beam sea on a ship of 28.9 m [N]."""
-        return self.drift_n_per_m2 * self.wave_height_m**2
 
     def effects(self, length_m: float = LENGTH_M) -> dict[str, dict[str, float]]:
         """The sea state's steady parts as effects of the catalogue, for a ship of this length.
@@ -356,7 +333,8 @@ class SeaState:
         The drift goes with the length over which the waves meet the ship (Maruo 1960).
         """
         current = {"speed_mps": self.current_mps, "direction_deg": self.direction_to_deg}
-        drift = {"force_n": self.drift_n * (length_m / LENGTH_M), "direction_deg": self.direction_to_deg}
+        drift_n = self.drift_n_per_m2 * self.wave_height_m**2 * (length_m / LENGTH_M)
+        drift = {"force_n": drift_n, "direction_deg": self.direction_to_deg}
         return {"ocean_current": current, "wave_drift": drift}
 
 
@@ -378,11 +356,21 @@ def sea_state_named(name: str) -> SeaState:
 
 
 def sea_for(name: str, ship: Dimensions) -> SeaState:
-    """A sea state as a ship meets it: for its model at the model's scale, for a ship what it is."""
+    """A sea state as a ship meets it: for a ship as it is, for its model in a basin at the model's scale.
+
+    There lengths are times the scale, speeds and times its root, as at the same Froude number; drift forces then go
+    with the third power of the scale of themselves (:meth:`SeaState.effects`).
+    """
     sea = sea_state_named(name)
     if not ship.is_model or sea.wind_mps == sea.wave_height_m == sea.current_mps == 0.0:
         return sea
-    return sea.at_scale(ship.length_between_perpendiculars_m / LENGTH_M)
+    scale = ship.length_between_perpendiculars_m / LENGTH_M
+    root = scale**0.5
+    return replace(
+        sea, wind_mps=sea.wind_mps * root, wave_height_m=sea.wave_height_m * scale,
+        wave_period_s=sea.wave_period_s * root, current_mps=sea.current_mps * root, group_s=sea.group_s * root,
+        gust_length_m=sea.gust_length_m * scale, name=f"{sea.name} at 1:{1.0 / scale:.3g}",
+    )  # fmt: skip
 
 
 def ornstein_uhlenbeck(generator: np.random.Generator, steps: int, dt_s: float, time_constant_s: float) -> Floats:
@@ -553,7 +541,7 @@ def trials_of(campaign: Campaign) -> tuple[PlannedTrial, ...]:
     where two trials would have one name.
     """
     for sea, manoeuvre in product(campaign.sea_states, campaign.manoeuvres):
-        sea_state_named(sea), manoeuvre_named(manoeuvre)
+        sea_state_named(sea), manoeuvres.manoeuvre_named(manoeuvre)
     for vessel in campaign.vessels:
         apply_effects(vessel_plant(load_vessel(vessel)), campaign.hidden)
     common = {name: getattr(campaign, name) for name in ("duration_s", "rate_hz", "heading_deg", "hidden", "noise")}
@@ -621,18 +609,15 @@ def simulate_job(job: BatchJob) -> Row:
     return attempt(job, _simulate_and_write)
 
 
-def fingerprint(trial: PlannedTrial) -> str:
-    """A digest of everything that a trial depends on: the plan, the ship's and the sea's numbers, our version."""
-    ship, sea = asdict(load_vessel(trial.vessel)), asdict(sea_state_named(trial.sea_state))
-    plan = {**asdict(trial), "vessel": ship, "sea_state": sea, "software": software_version()}
-    return sha256(json.dumps(plan, sort_keys=True, default=str).encode()).hexdigest()
-
-
 def _simulate_and_write(job: BatchJob) -> Row:
     """Simulate and write one trial; the truth comes last and marks it as complete."""
     assert isinstance(job, TrialJob)
     trial, recording = job.trial, Path(job.path)
-    truth_path, plan = recording.with_suffix(".truth.json"), fingerprint(trial)
+    truth_path = recording.with_suffix(".truth.json")
+    # A digest of everything that the trial depends on: the plan, the ship's and the sea's numbers, our version.
+    ship, sea = asdict(load_vessel(trial.vessel)), asdict(sea_state_named(trial.sea_state))
+    numbers = {**asdict(trial), "vessel": ship, "sea_state": sea, "software": software_version()}
+    plan = sha256(json.dumps(numbers, sort_keys=True, default=str).encode()).hexdigest()
     stored_plan = None
     if recording.is_file():
         with suppress(OSError, ValueError, LookupError, TypeError):

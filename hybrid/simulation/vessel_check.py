@@ -20,7 +20,7 @@ import numpy as np
 
 from seatrial.acquisition.config.run_sheet import Conditions
 from seatrial.acquisition.core.errors import DataShortageError, ModelRangeError
-from seatrial.acquisition.core.quantities import Bools, Floats
+from seatrial.acquisition.core.quantities import Floats
 from seatrial.acquisition.core.result import Result
 from seatrial.acquisition.core.ship import control_names
 from seatrial.analysis.manoeuvres.criteria import (
@@ -163,11 +163,15 @@ def check_vessel(vessel: Vessel, rpm: float | None = None) -> VesselCheck:
         "crash stop": partial(stop, ship, -test_rpm),
     }
     speed_mps = _test_speed_mps(vessel, test_rpm)
-    tests, left_out = _run_tests(trials)
-    runs = add_limits(
-        (test.run for test in tests), conditions_of(ship, _test_speed_mps(vessel, limit * TEST_SHARE))
-    )
-    tests = tuple(replace(test, run=run) for test, run in zip(tests, runs, strict=True))
+    made, left_out = list[StandardTest](), dict[str, str]()
+    for trial, make in trials.items():
+        try:
+            made.append(make())
+        except (ModelRangeError, DataShortageError) as error:
+            left_out[trial] = f"{error.what}{': ' * bool(error.why)}{error.why}"
+    conditions = conditions_of(ship, _test_speed_mps(vessel, limit * TEST_SHARE))
+    runs = add_limits((test.run for test in made), conditions)
+    tests = tuple(replace(test, run=run) for test, run in zip(made, runs, strict=True))
     return VesselCheck(vessel.name, ship.length_m, test_rpm, speed_mps, _speeds(vessel, limit), tests, left_out)
 
 
@@ -182,17 +186,6 @@ def conditions_of(ship: TrialShip, full_speed_mps: float) -> Conditions:
         current_mps=float(np.hypot(ship.plant.current_north_mps, ship.plant.current_east_mps)),
         speed_at_85_percent_mcr_mps=full_speed_mps,
     )  # fmt: skip
-
-
-def _run_tests(trials: Mapping[str, Callable[[], StandardTest]]) -> tuple[tuple[StandardTest, ...], dict[str, str]]:
-    """The tests that can be made, and why the others cannot."""
-    tests, left_out = [], {}
-    for name, make in trials.items():
-        try:
-            tests.append(make())
-        except (ModelRangeError, DataShortageError) as error:
-            left_out[name] = f"{error.what}{': ' * bool(error.why)}{error.why}"
-    return tuple(tests), left_out
 
 
 def _steady_mps(vessel: Vessel, rpm: float) -> float:
@@ -307,7 +300,7 @@ def approach_at(ship: TrialShip, speed_mps: float) -> TrialShip:
     """
     if not speed_mps > 0.0:
         raise DataShortageError(f"no approach can be made at {speed_mps:.2f} m/s")
-    mains = _mains(ship)
+    mains = handling_of(ship.vessel).main
     rps_per_rpm = float(control_units(ship.vessel.actuators)[mains][0])
     highest = _MOST_RPM * float(np.max(ship.drives.limit[mains])) / rps_per_rpm
     rpm = min(usual_rpm(ship.vessel), highest)
@@ -324,14 +317,11 @@ def approach_at(ship: TrialShip, speed_mps: float) -> TrialShip:
     )
 
 
-def _mains(ship: TrialShip) -> Bools:
-    return handling_of(ship.vessel).main
-
-
 def without_shaft_limit(ship: TrialShip) -> TrialShip:
     """The ship with drives that turn as fast as is ordered."""
-    ordered = np.abs(handling_of(ship.vessel).orders(ship.rpm, 0.0)) * control_units(ship.vessel.actuators)
-    limit = np.where(_mains(ship), np.maximum(ship.drives.limit, ordered), ship.drives.limit)
+    handling = handling_of(ship.vessel)
+    ordered = np.abs(handling.orders(ship.rpm, 0.0)) * control_units(ship.vessel.actuators)
+    limit = np.where(handling.main, np.maximum(ship.drives.limit, ordered), ship.drives.limit)
     return replace(ship, drives=ship.drives._replace(limit=limit))
 
 
@@ -339,12 +329,6 @@ def largest_helm_deg(ship: TrialShip) -> float:
     """The largest angle to which all that steers the ship goes [deg]; infinite where nothing limits it."""
     limits = (ship.drives.limit / control_units(ship.vessel.actuators))[handling_of(ship.vessel).steering_angles]
     return float(min(limits, default=inf))
-
-
-def with_helm_rate(ship: TrialShip, rate_dps: float) -> TrialShip:
-    """The ship with all angles that steer it moving at this rate."""
-    rate = np.where(handling_of(ship.vessel).steering_angles, np.deg2rad(rate_dps), ship.drives.rate)
-    return replace(ship, drives=ship.drives._replace(rate=rate))
 
 
 def sail_legs(ship: TrialShip, legs: Sequence[Leg], lengths: float) -> tuple[Motion, float]:
@@ -359,22 +343,17 @@ def sail_legs(ship: TrialShip, legs: Sequence[Leg], lengths: float) -> tuple[Mot
     voyage = sail_through(
         ship.vessel, ship.plant, STILL, (approach, *legs), steps, dt_s, 0.0, still, still, ship.drives
     )
-    motion = _motion(ship.vessel, voyage.states, voyage.controls / control_units(ship.vessel.actuators), dt_s)
-    return motion, float(np.ceil(approach_s / dt_s - 1e-9)) * dt_s
-
-
-def _motion(vessel: Vessel, states: Floats, controls: Floats, dt_s: float) -> Motion:
-    """States [rows, 6] and controls [rows, controls], in their channels' units, as the motion of a recording."""
-    handling, rows = handling_of(vessel), len(states)
-    names = control_names(vessel.actuators)
+    handling, states, rows = handling_of(ship.vessel), voyage.states, len(voyage.states)
+    names, controls = control_names(ship.vessel.actuators), voyage.controls / control_units(ship.vessel.actuators)
     helm_deg = controls @ handling.helm / (handling.helm @ handling.helm) if handling.helm.any() else np.zeros(rows)
-    return Motion(
+    motion = Motion(
         origin_ns=0, time_s=np.arange(rows) * np.float64(dt_s), north_m=states[:, 0], east_m=states[:, 1],
         heading_deg=np.rad2deg(states[:, 2]), surge_mps=states[:, 3], sway_mps=states[:, 4],
         yaw_rate_dps=np.rad2deg(states[:, 5]), helm_deg=helm_deg, thrust=np.zeros(rows),
         drives={names[i]: controls[:, i] for i in np.flatnonzero(handling.main)}, tunnels={},
         measured=np.ones(rows, dtype=bool), broken=np.zeros(rows, dtype=bool),
     )  # fmt: skip
+    return motion, float(np.ceil(approach_s / dt_s - 1e-9)) * dt_s
 
 
 def _standard_test(
@@ -426,7 +405,14 @@ def zigzag_test(
         raise DataShortageError(f"the autopilot holds the course only within {abs(course_deg):.0f} deg")
     legs = [replace(leg, deviation_deg=leg.deviation_deg + course_deg) for leg in open_legs]
     motion, start = sail_legs(ship, legs, _SWING_LENGTHS * swings)
-    executes = _executes_s(motion, start, switch_deg, side, swings)
+    executes, towards = [start], side
+    deviation_deg = motion.heading_deg - motion.at("heading_deg", start)
+    for _ in range(swings):
+        crossings = np.flatnonzero((towards * deviation_deg >= switch_deg) & (motion.time_s > executes[-1]))
+        if not crossings.size:
+            raise DataShortageError(f"the heading is not off by {switch_deg:g} deg after swing {len(executes)}")
+        executes.append(float(motion.time_s[crossings[0]]))
+        towards = -towards
     motion = motion.between(0.0, executes[-1])
     widest_deg = np.abs(motion.heading_deg[motion.time_s >= start] - course_deg).max()
     if widest_deg > _WIDEST_SWING_DEG:
@@ -436,19 +422,6 @@ def zigzag_test(
     return _standard_test(
         "zigzag", name, side, motion, executes, values, ship.length_m, helm_deg, switch_deg=switch_deg
     )
-
-
-def _executes_s(motion: Motion, start: float, switch_deg: float, first_side: float, swings: int) -> list[float]:
-    """The times at which the helm of a zigzag was ordered, and of its end [s]."""
-    executes, side = [start], first_side
-    deviation_deg = motion.heading_deg - motion.at("heading_deg", start)
-    for _ in range(swings):
-        crossings = np.flatnonzero((side * deviation_deg >= switch_deg) & (motion.time_s > executes[-1]))
-        if not crossings.size:
-            raise DataShortageError(f"the heading is not off by {switch_deg:g} deg after swing {len(executes)}")
-        executes.append(float(motion.time_s[crossings[0]]))
-        side = -side
-    return executes
 
 
 def pull_out(ship: TrialShip, side: float, helm_deg: float) -> StandardTest:

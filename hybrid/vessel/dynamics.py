@@ -60,7 +60,6 @@ FADING_S2PM2 = 5.0
 """Of low_speed_damping by the squared speed, as in Fossen's MSS toolbox (forceSurgeDamping.m, alpha = 5)."""
 LONGEST_STEP_S = 0.25
 """With this step a run of 30 s is within a tenth of a millimetre of the exact solution."""
-_NAMES = ("start", "controls", "wind", "acting_start")
 _NO_PARAMETERS = np.zeros((1, 1))
 
 State = tuple[float, float, float, float, float, float]
@@ -454,19 +453,27 @@ def simulate_batch(
     """
     packed = pack(plants)
     extra, parameters = combine_forces(plants)
-    reported, delay_s = _shaped(controls, 3, controls_in(packed), "controls"), packed["command_delay_s"]
+    width = controls_in(packed)
+    reported, delay_s = _shaped(controls, 3, width, "controls"), packed["command_delay_s"]
     if (delay_s == delay_s[0]).all():  # one series for all runs
         delay_s = delay_s[0]
     else:
         _check_sizes(max(len(packed), len(reported)), {"plants": len(packed), "controls": len(reported)})
-    prompt = acting_controls(reported, delay_s, dt_s, angles_in(packed))
-    arrays = _inputs(controls_in(packed), start, prompt, wind, acting_start)
-    number = max(len(packed), *(len(array) for array in arrays))
-    _check_sizes(number, {"plants": len(packed)} | dict(zip(_NAMES, map(len, arrays), strict=True)))
-    begin, control, air, acting = arrays
+    control = _shaped(acting_controls(reported, delay_s, dt_s, angles_in(packed)), 3, width, "controls")
+    air = _shaped(wind, 3, 2, "wind")
+    if control.shape[1] != air.shape[1]:
+        raise InputError(f"controls have {control.shape[1]} steps and wind has {air.shape[1]}")
+    if control.shape[1] == 0:
+        raise InputError("there is no step to simulate", fix="give controls for one step or more")
+    begin = _shaped(start, 2, 6, "start")
+    acting = _shaped(control[:, 0] if acting_start is None else acting_start, 2, width, "acting_start")
+    inputs = {"plants": packed, "start": begin, "controls": control, "wind": air, "acting_start": acting}
+    sizes = {name: len(array) for name, array in inputs.items()}
+    number = max(sizes.values())
+    _check_sizes(number, sizes)
     states = np.empty((number, control.shape[1] + 1, 6))
     left_at = np.empty(number, dtype=np.int64)
-    steps = substeps or steps_for(dt_s)
+    steps = substeps or max(1, int(np.ceil(dt_s / LONGEST_STEP_S - 1e-9)))
     with threads_for(number * control.shape[1] * steps):
         if number > 1:
             run_all(packed, begin, control, air, dt_s, steps, acting, extra, parameters, states, left_at)
@@ -497,11 +504,6 @@ def simulate(
     return runs.states[0] if single else runs.states
 
 
-def steps_for(dt_s: float) -> int:
-    """How many substeps keep the integration step at or below :data:`LONGEST_STEP_S`."""
-    return max(1, int(np.ceil(dt_s / LONGEST_STEP_S - 1e-9)))
-
-
 def range_error(runs: Runs, plants: Plants, dt_s: float) -> ModelRangeError:
     """The error that tells which run left the model's range first, when, and at what speeds."""
     run_number = int(np.flatnonzero(~runs.inside)[0])
@@ -517,19 +519,6 @@ def range_error(runs: Runs, plants: Plants, dt_s: float) -> ModelRangeError:
         f"sway within {plant['sway_limit_mps']:g} m/s and yaw rate within {plant['yaw_rate_limit_radps']:g} rad/s",
         fix="check the start and the controls, or widen [validity] in the vessel file if its data allow",
     )
-
-
-def _inputs(
-    width: int, start: ArrayLike, controls: ArrayLike, wind: ArrayLike, acting_start: ArrayLike | None
-) -> tuple[Floats, Floats, Floats, Floats]:
-    control = _shaped(controls, 3, width, "controls")
-    air = _shaped(wind, 3, 2, "wind")
-    if control.shape[1] != air.shape[1]:
-        raise InputError(f"controls have {control.shape[1]} steps and wind has {air.shape[1]}")
-    if control.shape[1] == 0:
-        raise InputError("there is no step to simulate", fix="give controls for one step or more")
-    acting = control[:, 0] if acting_start is None else acting_start
-    return _shaped(start, 2, 6, "start"), control, air, _shaped(acting, 2, width, "acting_start")
 
 
 def _shaped(values: ArrayLike, dimensions: int, width: int, name: str) -> Floats:

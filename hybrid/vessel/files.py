@@ -11,7 +11,7 @@ What a vessel file tells the analysis of speed and power: dimensions and the win
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, fields, is_dataclass, replace
 from math import isfinite
 from pathlib import Path
@@ -61,11 +61,22 @@ def load_vessel(name_or_file: str | Path | Vessel | None = None) -> Vessel:
         return name_or_file
     path = find_vessel(name_or_file or DEFAULT)
     text, merged = read_text(path), vessel_tree(path)
-    _check_form(merged, text, path)
-    _check_effects(merged, text, path)
+    for table, instead in _OLD.items():
+        if table in merged:
+            raise ConfigurationError(
+                f"[{table}] is an outdated form of vessel file",
+                where=f"{path}, line {line_of(text, [table])}",
+                fix=f"write {instead}; {VESSELS / DEFAULT}.toml shows it",
+            )
+    for name, values in dict(merged.get("effects", {})).items():
+        if not isinstance(values, dict):
+            raise ConfigurationError(
+                f"effects.{name} is not a table of parameters",
+                where=f"{path}, line {line_of(text, ['effects', name])}",
+                fix=f"write [effects.{name}] and its parameters below",
+            )
     vessel = validate(merged, text, path, Vessel)
-    _check_numbers(vessel, text, path)
-    _check_references(vessel, text, path)
+    _check_values(vessel, text, path)
     try:
         check_actuators(vessel.actuators)
     except ConfigurationError as error:
@@ -86,7 +97,8 @@ def save_vessel(vessel: Vessel, path: str | Path) -> None:
     """
     tree = _stated(vessel)
     base = vessel_tree(find_vessel(vessel.base)) if vessel.base in vessel_names() else {}
-    if _names_in(base) and _names_in(base) <= _names_in(tree):
+    base_names, names = ({actuator["name"] for actuator in part.get("actuator", ())} for part in (base, tree))
+    if base_names and base_names <= names:
         tree = {key: _difference(value, base.get(key)) for key, value in tree.items()}
         tree = {key: value for key, value in tree.items() if value not in ({}, None)}
         tree |= {"base": vessel.base, "name": vessel.name}
@@ -112,10 +124,6 @@ def with_effects(vessel: Vessel, effects: Mapping[str, Mapping[str, float]], **p
     return replace(vessel, base=base, effects=added, provenance={**vessel.provenance, **provenance})
 
 
-def _names_in(tree: Tree) -> set[str]:
-    return {actuator["name"] for actuator in tree.get("actuator", ())}
-
-
 def _difference(value: Any, base: Any) -> Any:
     """What of ``value`` its base does not already say; ``None`` or an empty table if it says all."""
     if _is_tables(value):
@@ -130,35 +138,20 @@ def _difference(value: Any, base: Any) -> Any:
     return None if value == base else value
 
 
-def _check_form(tree: Tree, text: str, path: Path) -> None:
-    """Refuse the tables of the older form, and say what stands in their place."""
-    for table, instead in _OLD.items():
-        if table in tree:
-            raise ConfigurationError(
-                f"[{table}] is an outdated form of vessel file",
-                where=f"{path}, line {line_of(text, [table])}",
-                fix=f"write {instead}; {VESSELS / DEFAULT}.toml shows it",
-            )
-
-
-def _check_effects(tree: Tree, text: str, path: Path) -> None:
-    for name, values in dict(tree.get("effects", {})).items():
-        if not isinstance(values, dict):
-            line = line_of(text, ["effects", name])
-            raise ConfigurationError(
-                f"effects.{name} is not a table of parameters",
-                where=f"{path}, line {line}",
-                fix=f"write [effects.{name}] and its parameters below",
-            )
-
-
-def _check_numbers(vessel: Vessel, text: str, path: Path) -> None:
-    """What types cannot say: finite numbers, positive where they must be, tables of the right length."""
+def _check_values(vessel: Vessel, text: str, path: Path) -> None:
+    """What types cannot say: finite numbers, positive where they must be, tables of the right length; a rudder is
+    behind a propeller of the ship, and an estimated number is there."""
     for table in ("CX", "CY", "CN") if vessel.wind.model == "coefficients" else ():
         size = len(getattr(vessel.wind, table))
         if size != TABLE_SIZE:
             _complain(path, text, ["wind", table], f"has {size} values", f"give {TABLE_SIZE}, at 0, 10 ... 180 deg")
-    for keys, numbered in _tables(vessel):
+    tables: list[tuple[list[str | int], Tree]] = []
+    for key, value in asdict(vessel).items():
+        if key == "actuator":
+            tables += [([key, number], table) for number, table in enumerate(value)]
+        elif isinstance(value, dict) and key not in _ADDED:
+            tables.append(([key], value))
+    for keys, numbered in tables:
         positive = KINDS[numbered["kind"]].positive if keys[0] == "actuator" else _POSITIVE.get(str(keys[0]), ())
         for name, number in numbered.items():
             numbers = number if isinstance(number, tuple) else (number,)
@@ -166,35 +159,18 @@ def _check_numbers(vessel: Vessel, text: str, path: Path) -> None:
                 _complain(path, text, [*keys, name], f"is {number}", "give a finite number")
             if name in positive and number <= 0.0:
                 _complain(path, text, [*keys, name], f"is {number:g}", "give a number above zero")
-
-
-def _check_references(vessel: Vessel, text: str, path: Path) -> None:
-    """What one table says of another: a rudder is behind a propeller of the ship, an estimated number is there."""
     propellers = [actuator.name for actuator in vessel.actuators if "propeller" in actuator.kind]
     for number, entry in enumerate(vessel.actuator):
         behind = getattr(entry, "behind", "")
         if behind and behind not in propellers:
             names = ", ".join(propellers) or "none; leave it out"
             _complain(path, text, ["actuator", number, "behind"], f"is {behind!r}", f"name a propeller: {names}")
-    tables = {
-        str(numbered["name"] if keys[0] == "actuator" else keys[0]): numbered for keys, numbered in _tables(vessel)
-    }
+    by_name = {str(numbered["name"] if keys[0] == "actuator" else keys[0]): numbered for keys, numbered in tables}
     for name in vessel.estimated:
         table, _, number_name = name.partition(".")
-        if number_name not in tables.get(table, {}):
-            _complain(
-                path, text, ["estimated"], f"has {name!r}", "write TABLE.NUMBER or ACTUATOR.NUMBER of this file"
-            )
-
-
-def _tables(vessel: Vessel) -> Iterator[tuple[list[str | int], Tree]]:
-    """The tables of a vessel with numbers of the model, by their keys."""
-    for key, value in asdict(vessel).items():
-        if key == "actuator":
-            for number, table in enumerate(value):
-                yield [key, number], table
-        elif isinstance(value, dict) and key not in _ADDED:
-            yield [key], value
+        if number_name not in by_name.get(table, {}):
+            fix = "write TABLE.NUMBER or ACTUATOR.NUMBER of this file"
+            _complain(path, text, ["estimated"], f"has {name!r}", fix)
 
 
 def _complain(path: Path, text: str, keys: list[str | int], what: str, fix: str) -> None:
@@ -267,7 +243,24 @@ def reference_model(trials: Trials, vessel: str | Path | Vessel | None = None) -
     """
     if isinstance(vessel, Vessel):
         return ReferenceModel(vessel, vessel.name, chosen_model(vessel.name, ships_of(vessel), trials))
-    file = locate_vessel(str(vessel or _named_by(trials)))
+    named = {path: trial.vessel for path, trial in trials.items() if trial.vessel}
+    ships = sorted(set(named.values()))
+    if not vessel and len(ships) > 1:
+        raise InputError(
+            f"the recordings are of different ships: {', '.join(ships)}",
+            fix="give recordings of one ship, or choose the model with --vessel",
+        )
+    files = (vessel_of_ship(ship, path.parent) for path, ship in named.items())
+    chosen = vessel or next(filter(None, files), None)
+    unknown = [path for path, trial in trials.items() if trial.vessel or trial.actuators]
+    if chosen is None and unknown:
+        what = f"names the ship {ships[0]!r}, of which there is no vessel file" if ships else "names no ship"
+        raise InputError(
+            what, where=str(unknown[0]),
+            fix=f"choose one of {', '.join(vessel_names())} or a file with --vessel, or put the "
+                "ship's file beside the recording; `seatrial vessel new` makes one",
+        )  # fmt: skip
+    file = locate_vessel(str(chosen or DEFAULT))
     ship = load_vessel(file)
     name = ship.name if Path(file).stem == ship.name else f"{ship.name} ({Path(file).name})"
     return ReferenceModel(ship, file, chosen_model(name, ships_of(ship) | {Path(file).stem}, trials))
@@ -290,29 +283,6 @@ def chosen_model(name: str, ships: set[str], trials: Trials) -> ChosenModel:
     return ChosenModel(
         name, "" if all(named) else f"; {subject} no ship" if not any(named) else "; some name no ship"
     )
-
-
-def _named_by(trials: Trials) -> str:
-    """The vessel file of the one ship that recordings name."""
-    named = {path: trial.vessel for path, trial in trials.items() if trial.vessel}
-    ships = sorted(set(named.values()))
-    if len(ships) > 1:
-        raise InputError(
-            f"the recordings are of different ships: {', '.join(ships)}",
-            fix="give recordings of one ship, or choose the model with --vessel",
-        )
-    for path, ship in named.items():
-        if file := vessel_of_ship(ship, path.parent):
-            return str(file)
-    unknown = [path for path, trial in trials.items() if trial.vessel or trial.actuators]
-    if not unknown:
-        return DEFAULT
-    what = f"names the ship {ships[0]!r}, of which there is no vessel file" if ships else "names no ship"
-    raise InputError(
-        what, where=str(unknown[0]),
-        fix=f"choose one of {', '.join(vessel_names())} or a file with --vessel, or put the "
-            "ship's file beside the recording; `seatrial vessel new` makes one",
-    )  # fmt: skip
 
 
 _MULTIPLES = (0.0, 1.0, 3.0, 5.0)  # of the angle, in the harmonics of CX

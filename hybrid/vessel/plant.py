@@ -70,8 +70,19 @@ class Form:
     places: Mapping[str, tuple[int, ...]] = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
-        """Look up where each number stands in a packed plant once, not whenever one is read."""
-        object.__setattr__(self, "places", _places_in(self))
+        """Look up where each number stands in a packed plant once, not whenever one is read; an actuator's own name
+        comes before that of a number of its kind."""
+        record = _places(dtype_of(len(self.actuators)))
+        hull = {name: (int(record["hull"][number]),) for number, name in enumerate(HULLS[self.hull].numbers)}
+        by_actuator, shared = dict[str, tuple[int, ...]](), dict[str, tuple[int, ...]]()
+        for row, actuator in zip(record["actuators"], self.actuators, strict=False):
+            kind = KINDS[actuator.kind]
+            for place, name in zip(row[FIRST_NUMBER:].astype(int).tolist(), kind.numbers, strict=False):
+                called = f"{actuator.name}_{name}"
+                by_actuator[called] = (*by_actuator.get(called, ()), place)
+                if name in kind.shared:
+                    shared[name] = (*shared.get(name, ()), place)
+        object.__setattr__(self, "places", {**shared, **by_actuator, **hull, **_SCALAR_PLACES})
 
 
 TABLES = ("CX", "CY", "CN")
@@ -142,21 +153,6 @@ def places_of(form: Form, name: str) -> tuple[int, ...]:
     if name not in form.places:
         raise KeyError(f"{name} is not a number of a plant")
     return form.places[name]
-
-
-def _places_in(form: Form) -> dict[str, tuple[int, ...]]:
-    """The places of all numbers; an actuator's own name comes before that of a number of its kind."""
-    record = _places(dtype_of(len(form.actuators)))
-    hull = {name: (int(record["hull"][number]),) for number, name in enumerate(HULLS[form.hull].numbers)}
-    by_actuator, shared = dict[str, tuple[int, ...]](), dict[str, tuple[int, ...]]()
-    for row, actuator in zip(record["actuators"], form.actuators, strict=False):
-        kind = KINDS[actuator.kind]
-        for place, name in zip(row[FIRST_NUMBER:].astype(int).tolist(), kind.numbers, strict=False):
-            called = f"{actuator.name}_{name}"
-            by_actuator[called] = (*by_actuator.get(called, ()), place)
-            if name in kind.shared:
-                shared[name] = (*shared.get(name, ()), place)
-    return {**shared, **by_actuator, **hull, **_SCALAR_PLACES}
 
 
 @dataclass(frozen=True, slots=True)
@@ -360,9 +356,10 @@ def plant_of(numbers: Mapping[str, float | tuple[float, ...]], layout: Actuators
     numbers = {**LATER, **numbers}
     if missing := [name for name in SCALARS if name not in numbers]:
         raise ValueError(f"{missing[0]} is missing")
-    wrong = [name for name, value in numbers.items() if _size(value) != (TABLE_SIZE if name in TABLES else 0)]
-    if wrong:
-        raise ValueError(f"{wrong[0]} has {_size(numbers[wrong[0]])} columns")
+    for name, value in numbers.items():
+        columns = len(value) if isinstance(value, tuple) else 0
+        if columns != (TABLE_SIZE if name in TABLES else 0):
+            raise ValueError(f"{name} has {columns} columns")
     hull = next((name for name, model in HULLS.items() if set(model.numbers) <= set(numbers)), None)
     if hull is None:
         raise ValueError("the coefficients of no hull model are there")
@@ -380,7 +377,3 @@ def plant_of(numbers: Mapping[str, float | tuple[float, ...]], layout: Actuators
 def plant_hash(plant: Plant) -> str:
     """A fingerprint (SHA-256) of every number of a vessel model, the same in every session."""
     return hashlib.sha256(json.dumps(plant_numbers(plant), sort_keys=True).encode()).hexdigest()
-
-
-def _size(value: float | tuple[float, ...]) -> int:
-    return len(value) if isinstance(value, tuple) else 0

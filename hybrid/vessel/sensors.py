@@ -84,9 +84,13 @@ def _speeds(true: Floats, plant: Plant, dt_s: float) -> Floats:
     """Surge, sway and yaw rate [..., K+1, 3]: late, of a point off the reference point, along turned axes,
     times their factors and plus their biases, in this order.
     """
-    speeds = true[..., SURGE:].copy()
-    if plant.speed_delay_s:
-        speeds = _columns_before(speeds, plant.speed_delay_s, dt_s)
+    speeds, last = true[..., SURGE:].copy(), true.shape[-2] - 1
+    if plant.speed_delay_s and last > 0:  # beyond the track's ends they go on as at the end for up to one sample
+        slope = np.gradient(speeds, axis=-2)
+        times = np.arange(last + 1) - plant.speed_delay_s / dt_s
+        overshoot = (times - np.clip(times, 0.0, last)).clip(-1.0, 1.0)[:, np.newaxis]
+        ends = np.where(overshoot < 0.0, slope[..., :1, :], slope[..., -1:, :])
+        speeds = np.asarray(_interpolated(speeds, slope, np.clip(times, 0.0, last)) + overshoot * ends)
     surge, sway, yaw_rate = speeds[..., 0], speeds[..., 1], speeds[..., 2]
     surge -= plant.speed_sensor_starboard_m * yaw_rate
     sway += plant.speed_sensor_forward_m * yaw_rate
@@ -119,21 +123,6 @@ def _before(states: Floats, delay_s: float, dt_s: float) -> Floats:
     at_times[..., before_start, :] += arc(states[..., :1, :], times[before_start] * dt_s)
     at_times[..., after_end, :] += arc(states[..., -1:, :], (times[after_end] - last) * dt_s)
     return np.asarray(states[..., :3] + at_times - covered)
-
-
-def _columns_before(values: Floats, delay_s: float, dt_s: float) -> Floats:
-    """Values [..., K+1, n] ``delay_s`` before each sample (after it, if negative), from themselves alone.
-
-    Beyond the track's ends they change as at the end for up to one sample, and then no more.
-    """
-    last = values.shape[-2] - 1
-    if last == 0:
-        return values
-    slope = np.gradient(values, axis=-2)
-    times = np.arange(last + 1) - delay_s / dt_s
-    overshoot = (times - np.clip(times, 0.0, last)).clip(-1.0, 1.0)[:, np.newaxis]
-    ends = np.where(overshoot < 0.0, slope[..., :1, :], slope[..., -1:, :])
-    return np.asarray(_interpolated(values, slope, np.clip(times, 0.0, last)) + overshoot * ends)
 
 
 def _interpolated(values: Floats, slope: Floats, times: Floats) -> Floats:

@@ -117,12 +117,43 @@ class FujiwaraWind:
     bridge_height_m: Number
 
     def numbers(self, length_m: float, beam_m: float) -> WindNumbers:
-        """What a plant holds of it."""
-        harmonics = (
-            coefficients + _NO_TABLE[len(coefficients) :] for coefficients in fujiwara(self, length_m, beam_m)
-        )
-        areas = {name: getattr(self, name) for name in _AREAS}
-        return {**areas, **dict(zip(("CX", "CY", "CN"), harmonics, strict=True)), "wind_model": HARMONICS}
+        """What a plant holds of it: the amplitudes of CX, CY and CN are those of cos 0, 1, 3, 5; of sin 1, 3, 5; of
+        sin 1, 2, 3 of the angle of attack."""
+        L, B = length_m, beam_m
+        frontal, lateral, superstructure = self.frontal_area_m2, self.lateral_area_m2, self.superstructure_area_m2
+        C, H_C, C_BR, H_BR = (
+            self.lateral_centre_m, self.lateral_centre_height_m, self.bridge_centre_m, self.bridge_height_m,
+        )  # fmt: skip
+        side, front = lateral / (L * B), frontal / (B * H_BR)
+        centre, bridge, height = C / L, C_BR / L, L * H_C / lateral
+        deck, arm = superstructure / lateral, C / H_C
+        X = (
+            -0.330 + 0.293 / front + 0.0193 * arm + 0.682 * superstructure / L**2,
+            -1.353 + 1.700 * side + 2.870 * height - 0.463 * L * H_BR / lateral - 0.570 * deck
+            - 6.640 * frontal / (L * B) - 0.0123 * L**2 / frontal + 0.0202 * L / H_C,
+            0.830 - 0.413 * lateral / (L * H_BR) - 0.0827 * lateral / frontal - 0.563 * height + 0.804 * deck
+            - 5.670 * superstructure / L**2 + 0.0401 * arm - 0.132 * bridge,
+            0.0372 - 0.0075 / deck - 0.103 * bridge + 0.0921 * side,
+        )  # fmt: skip
+        Y = (
+            0.684 + 0.717 * bridge - 3.220 * centre + 0.0281 / deck + 0.0661 * arm + 0.298 * front,
+            -0.400 + 0.282 * side + 0.307 * height + 0.0519 * bridge + 0.0526 * B / H_BR - 0.0814 * deck
+            + 0.0582 * front,
+            0.122 - 0.166 * side - 0.0054 * L / H_BR - 0.0481 * bridge - 0.0136 * B**2 / frontal + 0.0864 * centre
+            - 0.0297 * C * H_C / lateral,
+        )  # fmt: skip
+        N = (
+            0.299 + 1.710 * centre + 0.183 * height - 1.090 * frontal / lateral - 0.0442 * arm - 0.289 * side
+            + 4.240 * frontal / L**2 - 0.0646 * B**2 / frontal + 0.0306 * bridge,
+            0.117 + 0.123 * bridge - 0.323 * centre + 0.0041 / deck - 0.166 * frontal / B**2 - 0.0109 * L / H_BR
+            + 0.174 * front + 0.214 * side - 1.060 * lateral / L**2,
+            0.0230 + 0.0385 * bridge - 0.0339 * front + 0.0023 * lateral / frontal,
+        )  # fmt: skip
+        harmonics = {
+            name: amplitudes + _NO_TABLE[len(amplitudes) :]
+            for name, amplitudes in (("CX", X), ("CY", Y), ("CN", N))
+        }
+        return {**{name: getattr(self, name) for name in _AREAS}, **harmonics, "wind_model": HARMONICS}
 
 
 @dataclass(frozen=True, slots=True)
@@ -134,38 +165,3 @@ class NoWind:
     def numbers(self, length_m: float, beam_m: float) -> WindNumbers:
         """What a plant holds of it."""
         return {**dict.fromkeys(_AREAS, 0.0), **dict.fromkeys(("CX", "CY", "CN"), _NO_TABLE)}
-
-
-def fujiwara(ship: FujiwaraWind, length_m: float, beam_m: float) -> tuple[Table, Table, Table]:
-    """The amplitudes of CX, CY and CN: of cos 0, 1, 3, 5; of sin 1, 3, 5; of sin 1, 2, 3 of the angle of attack."""
-    L, B = length_m, beam_m
-    frontal, lateral, superstructure = ship.frontal_area_m2, ship.lateral_area_m2, ship.superstructure_area_m2
-    C, H_C, C_BR, H_BR = (
-        ship.lateral_centre_m, ship.lateral_centre_height_m, ship.bridge_centre_m, ship.bridge_height_m,
-    )  # fmt: skip
-    side, front = lateral / (L * B), frontal / (B * H_BR)
-    centre, bridge, height = C / L, C_BR / L, L * H_C / lateral
-    deck, arm = superstructure / lateral, C / H_C
-    X = (
-        -0.330 + 0.293 / front + 0.0193 * arm + 0.682 * superstructure / L**2,
-        -1.353 + 1.700 * side + 2.870 * height - 0.463 * L * H_BR / lateral - 0.570 * deck
-        - 6.640 * frontal / (L * B) - 0.0123 * L**2 / frontal + 0.0202 * L / H_C,
-        0.830 - 0.413 * lateral / (L * H_BR) - 0.0827 * lateral / frontal - 0.563 * height + 0.804 * deck
-        - 5.670 * superstructure / L**2 + 0.0401 * arm - 0.132 * bridge,
-        0.0372 - 0.0075 / deck - 0.103 * bridge + 0.0921 * side,
-    )  # fmt: skip
-    Y = (
-        0.684 + 0.717 * bridge - 3.220 * centre + 0.0281 / deck + 0.0661 * arm + 0.298 * front,
-        -0.400 + 0.282 * side + 0.307 * height + 0.0519 * bridge + 0.0526 * B / H_BR - 0.0814 * deck
-        + 0.0582 * front,
-        0.122 - 0.166 * side - 0.0054 * L / H_BR - 0.0481 * bridge - 0.0136 * B**2 / frontal + 0.0864 * centre
-        - 0.0297 * C * H_C / lateral,
-    )  # fmt: skip
-    N = (
-        0.299 + 1.710 * centre + 0.183 * height - 1.090 * frontal / lateral - 0.0442 * arm - 0.289 * side
-        + 4.240 * frontal / L**2 - 0.0646 * B**2 / frontal + 0.0306 * bridge,
-        0.117 + 0.123 * bridge - 0.323 * centre + 0.0041 / deck - 0.166 * frontal / B**2 - 0.0109 * L / H_BR
-        + 0.174 * front + 0.214 * side - 1.060 * lateral / L**2,
-        0.0230 + 0.0385 * bridge - 0.0339 * front + 0.0023 * lateral / frontal,
-    )  # fmt: skip
-    return X, Y, N

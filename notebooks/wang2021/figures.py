@@ -20,7 +20,7 @@ from matplotlib.patches import Patch
 from seatrial.acquisition.core.quantities import Floats
 from seatrial.analysis.report.plots import FAINT, INK, PALETTE, channels_figure
 from seatrial.analysis.report.rendering import ENDINGS, fill_figure, write_figure
-from seatrial.hybrid.prediction.baselines import enclosing_radius, outlines
+from seatrial.hybrid.prediction.baselines import outlines
 from seatrial.hybrid.prediction.windows import PredictionWindows
 from seatrial.hybrid.report.plots import COLOUR, box, plain_numbers, start_frame
 from seatrial.hybrid.report.text import plain
@@ -221,7 +221,7 @@ def _one_prediction(axes: Axes, sea: SeaResults, number: int) -> None:
     region_m = errors["hybrid"].region_m[number]
     border = start_frame(outlines(sea.predicted("hybrid")[number], region_m)[-1], start)
     off_m = {method: float(np.linalg.norm(errors[method].gap_m[number, -1])) for method in tracks}
-    around_m = float(np.ceil(1.1 * max(off_m["reference"], off_m["hybrid"] + enclosing_radius(region_m)[-1])))
+    around_m = float(np.ceil(1.1 * max(off_m["reference"], off_m["hybrid"] + region_m[-1].max())))
     measured = start_frame(judged.track[number], start)
     track_with_end(axes, measured, tracks, border, around_m)
 

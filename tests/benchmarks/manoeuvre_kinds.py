@@ -23,7 +23,7 @@ from seatrial.analysis.manoeuvres.kinds import pull_out_indices, spiral_indices
 from seatrial.analysis.manoeuvres.measures import crossing_s
 from seatrial.analysis.manoeuvres.motion import Motion, motion_of
 from seatrial.analysis.manoeuvres.runs import acceleration_indices, drift_indices, stopping_indices
-from seatrial.hybrid.simulation.manoeuvres import Leg, pace_of, single_thruster, steer, usual_rpm
+from seatrial.hybrid.simulation.manoeuvres import Leg, pace_of, steer, usual_rpm
 from seatrial.hybrid.simulation.trial import simulate_trial, usual_noise
 from seatrial.hybrid.vessel.sensors import as_table
 from tests.benchmarks.manoeuvre_trials import Case, Score, case_of, vessel_of
@@ -85,7 +85,8 @@ def programme(case: Case) -> tuple[Part, ...]:
     ]
     if len(drives) > 1:
         for name in drives:
-            single = replace(single_thruster(name, rpm, drives), course_deg=180.0, at_least_s=60.0, at_most_s=60.0)
+            standing = {f"{drive}_rpm": 0.0 for drive in drives if drive != name}
+            single = Leg(rpm=rpm, orders=standing, course_deg=180.0, at_least_s=60.0, at_most_s=60.0)
             parts += [Part(single, "thruster_test"), Part(steer(180.0, 3 * straight, rpm))]
     for name in (each.name for each in vessel.actuators if each.kind == "tunnel"):
         parts.append(Part(steer(180.0, 6 * straight, 0.3 * rpm)))

@@ -13,7 +13,7 @@ from seatrial.acquisition.core.errors import InputError
 from seatrial.hybrid.vessel.actuators.rudder import normal_force_slope
 from seatrial.hybrid.vessel.effect import USUAL_LENGTH_M
 from seatrial.hybrid.vessel.estimate import hull
-from seatrial.hybrid.vessel.estimate import propeller as screws
+from seatrial.hybrid.vessel.estimate import propeller as series
 from seatrial.hybrid.vessel.estimate.hull import (
     KIJIMA,
     YOSHIMURA,
@@ -104,26 +104,8 @@ def device(kind: type[Device], source: str | Device) -> Device:
     """A device as an object, from an object or a text. Raises :class:`InputError` for what it cannot be."""
     if isinstance(source, kind):
         return source
-    text = str(source)
-    try:
-        return TypeAdapter(kind).validate_python(_pairs(kind, text))
-    except ValidationError as error:
-        first = error.errors()[0]
-        key, value, (expected, _, problem) = first["loc"][0], first["input"], first["type"].partition("_")
-        if expected == "missing":
-            why = f"its {key} is missing"
-        else:
-            why = (
-                f"{key} is {value!r}, which is no {expected}"
-                if problem == "parsing"
-                else f"{key} is {float(value):g}"
-            )
-        raise _device_error(kind, text, why) from error
-
-
-def _pairs(kind: type[Any], text: str) -> dict[str, str]:
+    text, pairs = str(source), dict[str, str]()
     names = {field.name for field in fields(kind)}
-    pairs: dict[str, str] = {}
     for part in filter(None, (part.strip() for part in text.split(","))):
         key, equals, value = (piece.strip() for piece in part.partition("="))
         if not equals:
@@ -131,7 +113,18 @@ def _pairs(kind: type[Any], text: str) -> dict[str, str]:
         if key not in names or key in pairs:
             raise _device_error(kind, text, f"{key!r} is {'said twice' if key in pairs else 'not known'}")
         pairs[key] = value
-    return pairs
+    try:
+        return TypeAdapter(kind).validate_python(pairs)
+    except ValidationError as error:
+        first = error.errors()[0]
+        wrong, stated, (expected, _, problem) = first["loc"][0], first["input"], first["type"].partition("_")
+        if expected == "missing":
+            why = f"its {wrong} is missing"
+        elif problem == "parsing":
+            why = f"{wrong} is {stated!r}, which is no {expected}"
+        else:
+            why = f"{wrong} is {float(stated):g}"
+        raise _device_error(kind, text, why) from error
 
 
 def _device_error(kind: type[Any], text: str, why: str) -> InputError:
@@ -178,7 +171,8 @@ def propulsors(
     ship: MainParticulars, propellers: Sequence[Propeller], azimuths: Sequence[Azimuth]
 ) -> list[Propulsor]:
     """The propulsors; each has its share of the resistance, by the area of its disc. Pods are at the stern, of four
-    or more the first half at the bow."""
+    or more the first half at the bow. The pitch ratio is the given one, or fits the given shaft speed, or is usual.
+    """
     screws: list[Propeller | Azimuth] = [*propellers, *azimuths]
     shafts = _abeam(ship, len(propellers), -0.48 * ship.length_m)
     forward = len(azimuths) // 2 if len(azimuths) >= 4 else 0  # at the bow
@@ -186,47 +180,38 @@ def propulsors(
     pods = [*_abeam(ship, forward, pods_x_m), *_abeam(ship, len(azimuths) - forward, -pods_x_m)]
     places = [*shafts, *pods]
     share = hull.resistance_n(ship) / sum(screw.diameter**2 for screw in screws)
-    return [
-        _propulsor(ship, screw, place, share * screw.diameter**2)
-        for screw, place in zip(screws, places, strict=True)
-    ]
-
-
-def _propulsor(
-    ship: MainParticulars, screw: Propeller | Azimuth, place: tuple[float, float], drag_n: float
-) -> Propulsor:
-    x_m, y_m = screw.x if screw.x is not None else place[0], screw.y if screw.y is not None else place[1]
-    wake = hull.wake_fraction(ship, screw.diameter)
-    deduction = hull.thrust_deduction(ship, screw.diameter)
-    inflow, thrust_n = (1.0 - wake.value) * ship.service_speed_mps, drag_n / (1.0 - deduction.value)
-    pitch_ratio, error_factor = _pitch_ratio(ship, screw, inflow, thrust_n)
-    k = screws.quadratic(pitch_ratio, screw.area_ratio, screw.blades)
-    rpm = 60.0 * screws.service_rps(thrust_n, inflow, screw.diameter, k, ship.water_density_kgpm3)
-    shaft_kind = "azimuth" if isinstance(screw, Azimuth) else "propeller"
-    kind = "controllable_propeller" if isinstance(screw, Propeller) and screw.controllable else shaft_kind
-    rows: dict[str, Cell] = {
-        "name": screw.name,
-        "kind": kind,
-        "x_m": x_m,
-        "y_m": y_m,
-        **_blades(ship, screw, pitch_ratio, error_factor, wake, deduction),
-        "limit_rpm": SourcedValue(RESERVE * rpm, source=f"{rpm:.4g} rpm at service speed, and a reserve"),
-        "shaft_lag_s": _lag(ship, 1.0),
-    }
-    return Propulsor(Table("[[actuator]]", screw.name, rows), screw, x_m, y_m, wake.value, rpm)
-
-
-def _pitch_ratio(
-    ship: MainParticulars, screw: Propeller | Azimuth, inflow: float, thrust_n: float
-) -> tuple[float, float]:
-    """The pitch ratio given, or the one that fits the given shaft speed, or a usual one, and its error factor."""
-    if screw.pitch_ratio is not None:
-        return screw.pitch_ratio, 1.0
-    if screw.rpm is None:
-        return USUAL_PITCH_RATIO, TYPICAL
-    n, D = screw.rpm / 60.0, screw.diameter
-    thrust_coefficient = thrust_n / (ship.water_density_kgpm3 * n**2 * D**4)
-    return screws.fitting_pitch_ratio(thrust_coefficient, inflow / (n * D), screw.area_ratio, screw.blades), FITTED
+    result = []
+    for screw, place in zip(screws, places, strict=True):
+        x_m, y_m = screw.x if screw.x is not None else place[0], screw.y if screw.y is not None else place[1]
+        wake = hull.wake_fraction(ship, screw.diameter)
+        deduction = hull.thrust_deduction(ship, screw.diameter)
+        inflow = (1.0 - wake.value) * ship.service_speed_mps
+        thrust_n = share * screw.diameter**2 / (1.0 - deduction.value)
+        pitch_ratio, error_factor = USUAL_PITCH_RATIO, TYPICAL
+        if screw.pitch_ratio is not None:
+            pitch_ratio, error_factor = screw.pitch_ratio, 1.0
+        elif screw.rpm is not None:
+            n, D = screw.rpm / 60.0, screw.diameter
+            K_T = thrust_n / (ship.water_density_kgpm3 * n**2 * D**4)
+            pitch_ratio = series.fitting_pitch_ratio(K_T, inflow / (n * D), screw.area_ratio, screw.blades)
+            error_factor = FITTED
+        k = series.quadratic(pitch_ratio, screw.area_ratio, screw.blades)
+        rps = series.service_rps(thrust_n, inflow, screw.diameter, k, ship.water_density_kgpm3)
+        rpm = 60.0 * rps
+        shaft_kind = "azimuth" if isinstance(screw, Azimuth) else "propeller"
+        kind = "controllable_propeller" if isinstance(screw, Propeller) and screw.controllable else shaft_kind
+        rows: dict[str, Cell] = {
+            "name": screw.name,
+            "kind": kind,
+            "x_m": x_m,
+            "y_m": y_m,
+            **_blades(ship, screw, pitch_ratio, error_factor, wake, deduction),
+            "limit_rpm": SourcedValue(RESERVE * rpm, source=f"{rpm:.4g} rpm at service speed, and a reserve"),
+            "shaft_lag_s": _lag(ship, 1.0),
+        }
+        table = Table("[[actuator]]", screw.name, rows)
+        result.append(Propulsor(table, screw, x_m, y_m, wake.value, rpm))
+    return result
 
 
 def _blades(
@@ -241,11 +226,11 @@ def _blades(
     if isinstance(screw, Azimuth):
         return {
             "propeller_diameter_m": screw.diameter,
-            **screws.pod(pitch, screw.area_ratio, screw.blades, error_factor, wake, deduction),
+            **series.pod(pitch, screw.area_ratio, screw.blades, error_factor, wake, deduction),
             "azimuth_rate_limit_dps": screw.rate or SourcedValue(12.0, source="two turns a minute, usual"),
             "azimuth_lag_s": _lag(ship, 1.0),
         }
-    k = screws.open_water(pitch, screw.area_ratio, screw.blades, error_factor)
+    k = series.open_water(pitch, screw.area_ratio, screw.blades, error_factor)
     return {
         "diameter_m": screw.diameter,
         "pitch_m": pitch * screw.diameter,
@@ -254,7 +239,7 @@ def _blades(
         "wake_0": wake,
         "wake_decay": SourcedValue(4.0, 0.3, HIRANO),
         "wake_x_m": SourcedValue(-0.5 * ship.length_m, 0.3, HIRANO),
-        **screws.astern(k["k_0"].value),
+        **series.astern(k["k_0"].value),
         **({"pitch_lag_s": _lag(ship, 3.0)} if screw.controllable else {}),
     }
 
@@ -274,43 +259,39 @@ def _abeam(ship: MainParticulars, count: int, x_m: float) -> list[tuple[float, f
 def rudders(ship: MainParticulars, devices: Sequence[Rudder], propellers: Sequence[Propulsor]) -> list[Table]:
     """The rudders, each behind the propeller it names or the one it is nearest to."""
     shafts = [unit for unit in propellers if isinstance(unit.screw, Propeller)]
-    return [_rudder(ship, rudder, shafts, number, len(devices)) for number, rudder in enumerate(devices)]
-
-
-def _rudder(ship: MainParticulars, rudder: Rudder, shafts: Sequence[Propulsor], number: int, count: int) -> Table:
-    propeller = _propeller_before(rudder, shafts, number, count)
-    usual_y_m = propeller.y_m if propeller else _abeam(ship, count, 0.0)[number][1]
-    area_m2 = SourcedValue(rudder.area) if rudder.area else usual_area(ship).times(1.0 / count)
-    span = rudder.span or min(sqrt(USUAL_ASPECT_RATIO * area_m2.value), 0.9 * ship.draught_m)
-    numbers = interaction(ship, propeller.wake if propeller else 0.0)
-    straight = numbers["flow_straightening"]
-    L = ship.length_m
-    rows: dict[str, Cell] = {
-        "name": rudder.name,
-        "kind": "rudder",
-        "x_m": rudder.x if rudder.x is not None else -0.5 * L,
-        "y_m": rudder.y if rudder.y is not None else usual_y_m,
-        **({"behind": propeller.screw.name} if propeller else {}),
-        "area_m2": area_m2,
-        "span_m": rudder.span or SourcedValue(span, source="aspect ratio 1.6, within the draught"),
-        "t_R": numbers["t_R"],
-        "a_H": numbers["a_H"],
-        "x_H_m": numbers["x_H"].times(L),
-        "flow_straightening_minus": straight,
-        "flow_straightening_plus": straight,
-        "l_R_m": numbers["l_R"].times(L),
-        "lift_slope": SourcedValue(normal_force_slope(span**2 / area_m2.value), 0.1, "Fujii and Tsuda 1961"),
-        **(
-            {name: numbers[name] for name in ("eps", "kappa")}
-            if propeller
-            else {"inflow_factor": SourcedValue(0.8, source="assumed")}
-        ),
-        "limit_deg": rudder.limit or SourcedValue(35.0, source="usual"),
-        "rate_limit_dps": rudder.rate
-        or SourcedValue(usual_rate_dps(ship), source="65 degrees in 28 s at 100 m, SOLAS"),
-        "lag_s": _lag(ship, 0.5),
-    }
-    return Table("[[actuator]]", rudder.name, rows)
+    tables, L = [], ship.length_m
+    rate_dps = SourcedValue(  # of SOLAS II-1/29 at 100 m, by Froude's law below
+        65.0 / 28.0 * max(1.0, sqrt(100.0 / L)), source="65 degrees in 28 s at 100 m, SOLAS"
+    )
+    for number, rudder in enumerate(devices):
+        propeller = _propeller_before(rudder, shafts, number, len(devices))
+        usual_y_m = propeller.y_m if propeller else _abeam(ship, len(devices), 0.0)[number][1]
+        area_m2 = SourcedValue(rudder.area) if rudder.area else usual_area(ship).times(1.0 / len(devices))
+        span = rudder.span or min(sqrt(USUAL_ASPECT_RATIO * area_m2.value), 0.9 * ship.draught_m)
+        numbers = interaction(ship, propeller.wake if propeller else 0.0)
+        in_race = {name: numbers[name] for name in ("eps", "kappa")}
+        rows: dict[str, Cell] = {
+            "name": rudder.name,
+            "kind": "rudder",
+            "x_m": rudder.x if rudder.x is not None else -0.5 * L,
+            "y_m": rudder.y if rudder.y is not None else usual_y_m,
+            **({"behind": propeller.screw.name} if propeller else {}),
+            "area_m2": area_m2,
+            "span_m": rudder.span or SourcedValue(span, source="aspect ratio 1.6, within the draught"),
+            "t_R": numbers["t_R"],
+            "a_H": numbers["a_H"],
+            "x_H_m": numbers["x_H"].times(L),
+            "flow_straightening_minus": numbers["flow_straightening"],
+            "flow_straightening_plus": numbers["flow_straightening"],
+            "l_R_m": numbers["l_R"].times(L),
+            "lift_slope": SourcedValue(normal_force_slope(span**2 / area_m2.value), 0.1, "Fujii and Tsuda 1961"),
+            **(in_race if propeller else {"inflow_factor": SourcedValue(0.8, source="assumed")}),
+            "limit_deg": rudder.limit or SourcedValue(35.0, source="usual"),
+            "rate_limit_dps": rudder.rate or rate_dps,
+            "lag_s": _lag(ship, 0.5),
+        }
+        tables.append(Table("[[actuator]]", rudder.name, rows))
+    return tables
 
 
 def _propeller_before(rudder: Rudder, shafts: Sequence[Propulsor], number: int, count: int) -> Propulsor | None:
@@ -334,7 +315,16 @@ def _propeller_before(rudder: Rudder, shafts: Sequence[Propulsor], number: int, 
 def tunnel(ship: MainParticulars, thruster: Tunnel) -> Table:
     """A tunnel thruster, at its usual place by its name; its force goes with the square of its shaft."""
     x = (-0.42 if "stern" in thruster.name or "aft" in thruster.name else 0.42) * ship.length_m
-    force = _tunnel_force(thruster)
+    if thruster.force is not None:
+        force = SourcedValue(thruster.force, 0.1, "full force given, with the shaft squared")
+    elif thruster.diameter is None or thruster.power is None:
+        raise InputError(
+            f"of tunnel thruster {thruster.name!r} the force is not known",
+            why="it follows from the force at full rpm, or from diameter and power",
+            fix=f"write {thruster.name},force=N or {thruster.name},diameter=M,power=KW",
+        )
+    else:
+        force = series.tunnel_force(thruster.diameter, thruster.power)
     return Table("[[actuator]]", thruster.name, {
         "name": thruster.name,
         "kind": "tunnel",
@@ -347,27 +337,10 @@ def tunnel(ship: MainParticulars, thruster: Tunnel) -> Table:
     })  # fmt: skip
 
 
-def _tunnel_force(thruster: Tunnel) -> SourcedValue:
-    if thruster.force is not None:
-        return SourcedValue(thruster.force, 0.1, "full force given, with the shaft squared")
-    if thruster.diameter is None or thruster.power is None:
-        raise InputError(
-            f"of tunnel thruster {thruster.name!r} the force is not known",
-            why="it follows from the force at full rpm, or from diameter and power",
-            fix=f"write {thruster.name},force=N or {thruster.name},diameter=M,power=KW",
-        )
-    return screws.tunnel_force(thruster.diameter, thruster.power)
-
-
 def usual_area(ship: MainParticulars) -> SourcedValue:
     """Area of all rudders together [m2] that a classification society asks for (Det Norske Veritas, Rules)."""
     area = 0.01 * ship.length_m * ship.draught_m * (1.0 + 25.0 * (ship.beam_m / ship.length_m) ** 2)
     return SourcedValue(area, 0.2, "least area of Det Norske Veritas' rules")
-
-
-def usual_rate_dps(ship: MainParticulars) -> float:
-    """Rate of turn of a rudder [deg/s]: 65 degrees in 28 s (SOLAS II-1/29) at 100 m, by Froude's law below."""
-    return 65.0 / 28.0 * max(1.0, sqrt(100.0 / ship.length_m))
 
 
 def interaction(ship: MainParticulars, wake: float) -> Estimates:

@@ -14,7 +14,7 @@ Fitted to 334 models, prismatic coefficient 0.55 to 0.85, L/B 3.9 to 15, B/T 2.1
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from math import cos, exp, isfinite, log10, pi, sqrt
 
@@ -94,21 +94,6 @@ def surge(ship: MainParticulars) -> Estimates:
     }
 
 
-def cubic(ship: MainParticulars) -> Estimates:
-    """The cubic derivatives of sway and yaw."""
-    C_b, L_B, fullness = ship.block, ship.length_m / ship.beam_m, ship.fullness
-    return {
-        "Y_vvv": with_scatter(-0.185 * L_B - 0.48, 0.3, YOSHIMURA),
-        "Y_vvr": with_scatter(-0.75, 0.8, YOSHIMURA),
-        "Y_vrr": with_scatter(-0.26 * (1.0 - C_b) * L_B - 0.11, 0.15, YOSHIMURA),
-        "Y_rrr": with_scatter(-0.051, 0.05, YOSHIMURA),
-        "N_vvv": with_scatter(0.69 * C_b - 0.66, 0.06, YOSHIMURA),
-        "N_vvr": with_scatter(1.55 * fullness - 0.76, 0.2, YOSHIMURA),
-        "N_vrr": with_scatter(-0.075 * (1.0 - C_b) * L_B + 0.098, 0.06, YOSHIMURA),
-        "N_rrr": with_scatter(0.25 * fullness - 0.056, 0.012, YOSHIMURA),
-    }
-
-
 HALF_BEAM_BY_DRAUGHT = (0.49, 0.56, 0.65, 0.83, 0.99, 1.31, 1.64, 1.86, 2.31, 2.60, 3.01, 3.45, 4.00)
 CROSS_FLOW_DRAG = (1.24, 1.08, 1.00, 0.88, 0.83, 0.76, 0.69, 0.66, 0.63, 0.60, 0.59, 0.585, 0.56)
 
@@ -123,7 +108,20 @@ def cross_flow_drag(ship: MainParticulars) -> float:
 
 def mmg(ship: MainParticulars, R_0: SourcedValue) -> Estimates:
     """All numbers of a hull of the standard MMG model; ``R_0`` from :func:`resistance`."""
-    return {"R_0": R_0, **surge(ship), **linear(ship), **cubic(ship)}
+    C_b, L_B, fullness = ship.block, ship.length_m / ship.beam_m, ship.fullness
+    return {
+        "R_0": R_0,
+        **surge(ship),
+        **linear(ship),
+        "Y_vvv": with_scatter(-0.185 * L_B - 0.48, 0.3, YOSHIMURA),
+        "Y_vvr": with_scatter(-0.75, 0.8, YOSHIMURA),
+        "Y_vrr": with_scatter(-0.26 * (1.0 - C_b) * L_B - 0.11, 0.15, YOSHIMURA),
+        "Y_rrr": with_scatter(-0.051, 0.05, YOSHIMURA),
+        "N_vvv": with_scatter(0.69 * C_b - 0.66, 0.06, YOSHIMURA),
+        "N_vvr": with_scatter(1.55 * fullness - 0.76, 0.2, YOSHIMURA),
+        "N_vrr": with_scatter(-0.075 * (1.0 - C_b) * L_B + 0.098, 0.06, YOSHIMURA),
+        "N_rrr": with_scatter(0.25 * fullness - 0.056, 0.012, YOSHIMURA),
+    }
 
 
 def cross_flow(ship: MainParticulars, R_0: SourcedValue) -> Estimates:
@@ -177,8 +175,9 @@ def wetted_area(ship: MainParticulars) -> float:
 
 
 def friction(ship: MainParticulars) -> float:
-    """Friction coefficient of the ITTC 1957 line at service speed."""
-    return 0.075 / (log10(ship.service_speed_mps * ship.length_m / ship.viscosity_m2ps) - 2.0) ** 2
+    """Friction coefficient of the ITTC 1957 line at service speed, at 15 degrees (ITTC 7.5-02-01-03)."""
+    viscosity_m2ps = 1.139e-6 if ship.water_density_kgpm3 < _FRESH_BELOW_KGPM3 else 1.188e-6
+    return 0.075 / (log10(ship.service_speed_mps * ship.length_m / viscosity_m2ps) - 2.0) ** 2
 
 
 def _buoyancy_percent(ship: MainParticulars) -> float:
@@ -205,8 +204,8 @@ def form_factor(ship: MainParticulars) -> float:
 
 
 def allowance(ship: MainParticulars) -> float:
-    """Correlation allowance between model and ship, C_A; none for a model."""
-    if ship.is_model:
+    """Correlation allowance between model and ship, C_A; none for a model, tested smooth."""
+    if ship.length_m < LONGEST_MODEL_M:
         return 0.0
     L, slender = ship.length_m, min(ship.draught_m / ship.length_m, 0.04)
     rough = 0.006 * float((L + 100.0) ** -0.16) - 0.00205
@@ -389,16 +388,6 @@ class MainParticulars:
         """Froude number at service speed."""
         return self.service_speed_mps / sqrt(GRAVITY_MPS2 * self.length_m)
 
-    @property
-    def viscosity_m2ps(self) -> float:
-        """Kinematic viscosity of water at 15 degrees [m2/s], fresh or salt by its density (ITTC 7.5-02-01-03)."""
-        return 1.139e-6 if self.water_density_kgpm3 < _FRESH_BELOW_KGPM3 else 1.188e-6
-
-    @property
-    def is_model(self) -> bool:
-        """Whether it is of a model's size: tested smooth, without the allowance for a ship's rough plates."""
-        return self.length_m < LONGEST_MODEL_M
-
 
 _SAMPLES = {
     "hull and rudder": (
@@ -446,23 +435,13 @@ def text_of(table: Table) -> str:
     lines = [table.head]
     for key, cell in table.rows.items():
         number = cell if isinstance(cell, SourcedValue) else SourcedValue(0.0 if isinstance(cell, str) else cell)
-        text = f"{key} = {json.dumps(cell) if isinstance(cell, str) else _number(number.value)}"
+        text = f"{key} = {json.dumps(cell) if isinstance(cell, str) else number_text(number.value)}"
         error = f"+-{100.0 * number.error:.0f} %: " if number.error > 0.0 else ""
         lines.append(f"{text:<34}  # {error}{number.source}" if number.source else text)
     return "\n".join(lines) + "\n"
 
 
-def estimated_table(tables: Iterable[Table]) -> str:
-    """The table of relative errors of all numbers that a regression gave."""
-    rows = [
-        f'"{table.label}.{key}" = {_number(round(cell.error, 3))}'
-        for table in tables
-        for key, cell in table.rows.items()
-        if isinstance(cell, SourcedValue) and cell.error > 0.0
-    ]
-    return "\n".join(["[estimated]", *rows]) + "\n"
-
-
-def _number(value: float) -> str:
+def number_text(value: float) -> str:
+    """A number to :data:`DIGITS` significant digits."""
     assert isfinite(value)
     return repr(float(f"{value:.{DIGITS}g}"))

@@ -24,7 +24,7 @@ from seatrial.hybrid.vessel.estimate.hull import (
     MainParticulars,
     SourcedValue,
     Table,
-    estimated_table,
+    number_text,
     outside_samples,
     text_of,
 )
@@ -160,7 +160,14 @@ def _text(
         "service_speed_mps": ship.service_speed_mps,
         **{f"service_rpm_{shaft}": value for shaft, value in rpm.items()},
     })  # fmt: skip
-    return "\n".join(["\n".join(head), *map(text_of, [plain, provenance, *tables]), estimated_table(tables)])
+    estimated = [
+        f'"{table.label}.{key}" = {number_text(round(cell.error, 3))}'
+        for table in tables
+        for key, cell in table.rows.items()
+        if isinstance(cell, SourcedValue) and cell.error > 0.0
+    ]
+    parts = ["\n".join(head), *map(text_of, [plain, provenance, *tables]), "\n".join(["[estimated]", *estimated])]
+    return "\n".join(parts) + "\n"
 
 
 def outline(ship: MainParticulars, frontal_m2: float | None, lateral_m2: float | None) -> Estimates:

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from seatrial.hybrid.evaluation.study import MANOEUVRES, classes_of, manoeuvres, winds
+from seatrial.hybrid.evaluation.study import MANOEUVRES, classes_of, manoeuvres
 from tests.hybrid.evaluation.windows_in_legs import windows_of_legs
 from tests.hybrid.windows_by_hand import windows_at
 
@@ -41,7 +41,8 @@ def test_wind_is_named_by_beaufort() -> None:
     """Tables of the Beaufort scale: 3.4 m/s begins force 3, 8.0 force 5, 13.9 force 7."""
     air = np.column_stack([np.zeros(6), [0.0, 3.3, 3.5, 7.9, 13.0, 40.0]])
     windows = replace(windows_at(np.zeros((6, 6)), 5), wind=air)
-    assert list(winds(windows)) == ["0-2 Bft", "0-2 Bft", "3-4 Bft", "3-4 Bft", "5-6 Bft", "7 Bft and more"]
+    by_wind = {name: list(np.flatnonzero(mask)) for name, mask in classes_of(windows, 36.0)["wind"].items()}
+    assert by_wind == {"0-2 Bft": [0, 1], "3-4 Bft": [2, 3], "5-6 Bft": [4], "7 Bft and more": [5]}
 
 
 def test_every_window_is_in_one_class_of_each_kind() -> None:
