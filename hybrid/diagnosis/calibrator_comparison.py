@@ -22,7 +22,7 @@ from seatrial.hybrid.calibrators import METHOD
 from seatrial.hybrid.diagnosis.evidence import OPERATION
 from seatrial.hybrid.diagnosis.gap import FOLDS, HORIZON_S, fold_of
 from seatrial.hybrid.diagnosis.linearise import ModelWithEffects, time_varying_among
-from seatrial.hybrid.diagnosis.log import Log, tables_by_recording
+from seatrial.hybrid.diagnosis.log import Log, join_tables, recording_names
 from seatrial.hybrid.diagnosis.result import CalibratorComparison, Diagnosis, Ratio, UnknownCause
 from seatrial.hybrid.diagnosis.select_effects import Coordinates
 from seatrial.hybrid.diagnosis.verdict import Conclusion
@@ -54,8 +54,11 @@ def compare_calibrators(
     if any(time_varying_among(at, equations.model.catalogue) for at in conclusion.gap.without.values()):
         return CalibratorComparison(HORIZON_S, METHOD, why_not="what was named is not the same in all of the trial")
     try:
-        by_recording = {  # some tables may be parts of one recording
-            name: second_by_second(partial(resample, table)) for name, table in tables_by_recording(tables).items()
+        pieces = dict[str, list[pd.DataFrame]]()  # some tables may be parts of one recording
+        for name, table in zip(recording_names(tables), tables, strict=True):
+            pieces.setdefault(name, []).append(table)
+        by_recording = {
+            name: second_by_second(partial(resample, join_tables(parts))) for name, parts in pieces.items()
         }
         length_m = equations.model.base.length_overall_m
         windows = dataset_of(by_recording, HORIZON_S, STRIDE_S, shorter=True, length_m=length_m).windows
@@ -126,7 +129,23 @@ def compare_on_windows(
         _model_errors(draw, windows, bases[fold], method, seed + fold, part_of(progress, number, len(draws)))
         for number, (fold, draw) in enumerate(draws.items())
     ]
-    return _pooled(windows, list(draws.values()), errors_of_folds, method, seed)
+    result = pool_draws("leg", windows, list(draws.values()), errors_of_folds)
+    legs = LegBootstrap.of(windows.leg[result.held_out], seed)
+    mean_m = {name: errors.distance_m.mean(axis=1) for name, errors in result.errors.items()}
+    pairs = [("named", "reference"), ("reference_calibrated", "reference"), ("named_calibrated", "named"),
+             ("named_calibrated", "reference_calibrated")]  # fmt: skip
+    return CalibratorComparison(
+        windows.horizon_s,
+        method,
+        int(result.held_out.sum()),
+        legs.legs,
+        {name: legs.mean(distance_m) for name, distance_m in mean_m.items()},
+        tuple(
+            Ratio(numerator, denominator, **asdict(legs.ratio(mean_m[numerator], mean_m[denominator])))
+            for numerator, denominator in pairs
+            if numerator in mean_m
+        ),
+    )
 
 
 def doubted_by_calibrator(diagnosis: Diagnosis, comparison: CalibratorComparison) -> Diagnosis:
@@ -152,30 +171,3 @@ def _model_errors(
         models |= {"constant_velocity": errors["constant_velocity"], name: errors["reference"]}
         calibrated[f"{name}_calibrated"] = errors[method]
     return models | calibrated
-
-
-def _pooled(
-    windows: PredictionWindows,
-    draws: Sequence[Draw],
-    errors_of_folds: Sequence[Mapping[str, MethodErrors]],
-    method: str,
-    seed: int,
-) -> CalibratorComparison:
-    """The means over all test windows, and their ratios, with intervals over legs."""
-    result = pool_draws("leg", windows, draws, errors_of_folds)
-    legs = LegBootstrap.of(windows.leg[result.held_out], seed)
-    mean_m = {name: errors.distance_m.mean(axis=1) for name, errors in result.errors.items()}
-    pairs = [("named", "reference"), ("reference_calibrated", "reference"), ("named_calibrated", "named"),
-             ("named_calibrated", "reference_calibrated")]  # fmt: skip
-    pairs = [pair for pair in pairs if pair[0] in mean_m]
-    return CalibratorComparison(
-        windows.horizon_s,
-        method,
-        int(result.held_out.sum()),
-        legs.legs,
-        {name: legs.mean(distance_m) for name, distance_m in mean_m.items()},
-        tuple(
-            Ratio(numerator, denominator, **asdict(legs.ratio(mean_m[numerator], mean_m[denominator])))
-            for numerator, denominator in pairs
-        ),
-    )

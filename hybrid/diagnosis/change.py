@@ -9,7 +9,7 @@ on time is left alone.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from math import log
 
@@ -78,25 +78,15 @@ def likeliest_change(accepted: Acceptance) -> TimeVaryingEffect | None:
     if not odds:
         return None
     best = max(odds, key=odds.__getitem__)
-    if odds[best] < _required_log_odds(parts.evidence, is_coarse(accepted)):
+    unchanged = parts.evidence  # the change has to explain more than any set without one
+    required = unchanged.log_odds(search_effects(unchanged)) + CLOSE
+    if is_coarse(accepted):  # and much more than any set constant over recordings: separate sizes may imitate it
+        changing = frozenset(effect.name for effect in time_varying_among(existing, catalogue))
+        required = max(required, (1.0 + _MUCH) * unchanged.log_odds(search_effects(unchanged, changing)))
+    if odds[best] < required:
         return None
     alike = [change for change in odds if change.base == best.base and odds[change] > odds[best] - CLOSE]
     return min(alike, key=lambda change: (change.profile.pieces, -odds[change]))
-
-
-def _required_log_odds(evidence: Evidence, coarse: bool) -> float:
-    """The log odds that the best set with a change has to reach: more than any set without one.
-
-    For a coarse model much more than any set that is constant over recordings, since separate sizes may imitate
-    a change.
-    """
-    asked = evidence.log_odds(search_effects(evidence)) + CLOSE
-    if not coarse:
-        return asked
-    changing = frozenset(
-        effect.name for effect in time_varying_among(evidence.names, evidence.equations.model.catalogue)
-    )
-    return max(asked, (1.0 + _MUCH) * evidence.log_odds(search_effects(evidence, changing)))
 
 
 @dataclass(frozen=True, slots=True)
@@ -164,9 +154,16 @@ def _parts_of(equations: NormalEquations) -> _Parts:
     half = solve_triangular(lower, cross, lower=True, check_finite=False).reshape(len(nuisance), -1, count)
     half_total = half.sum(axis=1)
     evidence = Evidence(part_inner.sum(axis=0) - half_total.T @ half_total, replace(fine, log=log))
-    profiles = tuple((profile, _shares(profile, log, part)) for profile in _profiles(log))
+
+    recordings = tuple(np.unique(log.recording).tolist())
+    profiles = [TimeProfile("recordings", recordings)] if len(recordings) > 1 else []
+    profiles.append(TimeProfile("drift", (float(log.time_s.min()), float(log.time_s.max()))))
+    inside = (log.block > log.block[0]) & (log.block < log.block[-1])
+    times_s = log.time_s[inside][::_STEP_S].tolist()
+    profiles += [TimeProfile("step", (float(time_s),)) for time_s in times_s]
     half = np.ascontiguousarray(np.moveaxis(half, 0, 1))
-    return _Parts(evidence, part_inner, half, half_total, part, profiles)
+    shares = tuple((profile, _shares(profile, log, part)) for profile in profiles)
+    return _Parts(evidence, part_inner, half, half_total, part, shares)
 
 
 def _shares(profile: TimeProfile, log: Log, part: Ints) -> Floats:
@@ -184,7 +181,10 @@ def _best_profiles(parts: _Parts, name: str, names: Sequence[str]) -> dict[float
     by_shape: dict[Shape, list[tuple[float, TimeProfile]]] = {}
     for profile, shares in parts.profiles:
         inner, width = parts.inner(effect_columns, shares), len(effect.free_scale)
-        for pieces, shape in _SHAPES.get(profile.shape, ((slice(None), profile.shape),)):
+        pieces_of: dict[Shape, slice] = {profile.shape: slice(None)}
+        if profile.shape == "step":  # or with one of its two sizes zero: something that stops or begins
+            pieces_of |= {"until": slice(1), "since": slice(1, None)}
+        for shape, pieces in pieces_of.items():
             columns = np.arange(first, len(inner)).reshape(-1, width)[pieces].ravel()
             sizes = np.append(prior, effect.free_scale * (len(columns) // width))
             odds = log_evidence(inner, (*fixed, *columns), sizes)
@@ -197,20 +197,3 @@ def _best_profiles(parts: _Parts, name: str, names: Sequence[str]) -> dict[float
             profile = replace(profile, interval_s=(min(times) - _STEP_S, max(times) + _STEP_S))
         changes[best] = time_varying(effect, profile)
     return changes
-
-
-_SHAPES: dict[Shape, tuple[tuple[slice, Shape], ...]] = {
-    "step": ((slice(None), "step"), (slice(1), "until"), (slice(1, None), "since"))
-}
-"""A step with one of its two sizes zero: something that stops or begins."""
-
-
-def _profiles(log: Log) -> Iterator[TimeProfile]:
-    """Every candidate profile."""
-    recordings = tuple(np.unique(log.recording).tolist())
-    if len(recordings) > 1:
-        yield TimeProfile("recordings", recordings)
-    yield TimeProfile("drift", (float(log.time_s.min()), float(log.time_s.max())))
-    inside = (log.block > log.block[0]) & (log.block < log.block[-1])
-    for time_s in log.time_s[inside][::_STEP_S].tolist():
-        yield TimeProfile("step", (float(time_s),))

@@ -34,7 +34,6 @@ from seatrial.hybrid.diagnosis.evidence import (
     fit_columns,
     gram_matrices,
     subset_of,
-    tolerated_forces,
     wind_error_mps,
 )
 from seatrial.hybrid.diagnosis.linearise import (
@@ -185,7 +184,7 @@ def _remove_effects(design: DesignMatrix, noise: DisturbanceNoise, seed: int | N
     prior[1 : 1 + P] = _LOOSE * layout.prior
     prior[layout.first_wind : layout.first_varying] = _LOOSE * wind_error_mps(design.model)
     prior[layout.first_varying : layout.first_feature] = layout.varying_prior
-    for axis, force in enumerate(tolerated_forces(design)):
+    for axis, force in enumerate(design.tolerance * design.force_range / FORCE_UNITS):
         prior[layout.axis(axis)] = force / np.sqrt(layout.features)
         prior[layout.nuisance_forces(axis)] = _LOOSE * force
     indices = range(1, columns.count)
@@ -210,6 +209,19 @@ def fit_noise(
 
     Takes at most ``steps`` steps.
     """
+    optional = ((_WAVES, start.has_waves), (_DRIFT, start.has_drift), (_WAVE_DRIFT, start.wave_drift_n > 0.0))
+    present = (name for names, is_present in optional if is_present for name in names)
+    searched = {name: getattr(start, name) for name in (*_SENSORS, *_FORCES, *present)}
+    sizes = [np.size(value) for value in searched.values()]
+
+    def noise_at(parameters: Floats) -> DisturbanceNoise:
+        levels = dict[str, Any]()
+        pieces = np.split(parameters, np.cumsum(sizes)[:-1])
+        for (name, value), piece in zip(searched.items(), pieces, strict=True):
+            values = _SEARCHED_AS.get(name, _LEVEL)[1](piece).tolist()
+            levels[name] = tuple(values) if isinstance(value, tuple) else values[0]
+        return replace(start, **levels)
+
     # no sensor is noisier than twice the level that the median third difference of consecutive readings implies,
     # whatever the ship does; otherwise jumps and jitter would be taken for noise
     columns = (column[np.isfinite(column)] for column in (data.readings[:, :, 0] + linear.origin).T)
@@ -217,16 +229,18 @@ def fit_noise(
     level = np.array([1.4826 * np.median(differences) if differences.size else 0.0 for differences in third])
     level[0] = max(level[:2])
     limits = np.log(_ROOM * np.maximum(level[[0, 2, 3, 4, 5]], np.exp(_LEAST)))
-    low, high = _bounds(start, limits)
-    values = [_SEARCHED_AS.get(name, _LEVEL)[0](getattr(start, name)) for name in _searched_parameters(start)]
+    bounds = {**_BOUNDS, "wave_drift_n": (1e-3, max(_largest_wave_drift_n(start), 2e-3))}
+    ends = [np.log(bounds[name]) if name in bounds else np.array([-np.inf, np.inf]) for name in searched]
+    low, high = np.repeat(ends, sizes, axis=0).T.copy()
+    low[: len(_LEAST)], high[: len(_LEAST)] = _LEAST, limits
+
+    values = [_SEARCHED_AS.get(name, _LEVEL)[0](value) for name, value in searched.items()]
     begin = np.clip(np.hstack(values), low, high)
-
-    def innovations(at: Floats) -> tuple[Floats, Floats]:
-        return _innovations(linear, data, edges, _noise_of(start, at))
-
-    how = replace(_SCORING, most_steps=steps)
-    optimum, cost = most_likely(innovations, begin, low, high, how, Prior(begin, _DEVIATION))
-    return _noise_of(start, optimum), 0.5 * cost
+    optimum, cost = most_likely(
+        lambda parameters: _innovations(linear, data, edges, noise_at(parameters)), begin, low, high,
+        replace(_SCORING, most_steps=steps), Prior(begin, _DEVIATION),
+    )  # fmt: skip
+    return noise_at(optimum), 0.5 * cost
 
 
 def _innovations(linear: LinearModel, data: Columns, edges: Ints, noise: DisturbanceNoise) -> tuple[Floats, Floats]:
@@ -234,33 +248,6 @@ def _innovations(linear: LinearModel, data: Columns, edges: Ints, noise: Disturb
     z, variance = whiten(linear, data, noise, edges)
     measured = np.isfinite(data.readings[:, :, 0])
     return (z[:, :, 0] * np.sqrt(variance))[measured], variance[measured]
-
-
-def _searched_parameters(noise: DisturbanceNoise) -> tuple[str, ...]:
-    """The parameters that are searched: all that are not zero throughout."""
-    optional = ((_WAVES, noise.has_waves), (_DRIFT, noise.has_drift), (_WAVE_DRIFT, noise.wave_drift_n > 0.0))
-    return (*_SENSORS, *_FORCES, *(name for names, is_present in optional if is_present for name in names))
-
-
-def _noise_of(start: DisturbanceNoise, parameters: Floats) -> DisturbanceNoise:
-    """The noise of search parameters: logarithms of levels, the inverse tanh of a correlation, a direction."""
-    levels, names = dict[str, Any](), _searched_parameters(start)
-    ends = np.cumsum([np.size(getattr(start, name)) for name in names])
-    for name, part in zip(names, np.split(parameters, ends[:-1]), strict=True):
-        values = _SEARCHED_AS.get(name, _LEVEL)[1](part).tolist()
-        levels[name] = tuple(values) if isinstance(getattr(start, name), tuple) else values[0]
-    return replace(start, **levels)
-
-
-def _bounds(kind: DisturbanceNoise, sensor_limits: Floats) -> tuple[Floats, Floats]:
-    """Lower and upper bounds of the search parameters; ``sensor_limits`` [5] are upper bounds for the sensors."""
-    searched, bounds = _searched_parameters(kind), dict(_BOUNDS)
-    if kind.wave_drift_n > 0.0:
-        bounds["wave_drift_n"] = 1e-3, max(_largest_wave_drift_n(kind), 2e-3)
-    ends = [np.log(bounds[name]) if name in bounds else np.array([-np.inf, np.inf]) for name in searched]
-    low, high = np.repeat(ends, [np.size(getattr(kind, name)) for name in searched], axis=0).T.copy()
-    low[: len(_LEAST)], high[: len(_LEAST)] = _LEAST, sensor_limits
-    return low, high
 
 
 def start_of_wave_drift(noise: DisturbanceNoise) -> DisturbanceNoise:
