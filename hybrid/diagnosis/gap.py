@@ -24,7 +24,6 @@ from seatrial.analysis.estimation.process_models import decay
 from seatrial.hybrid.diagnosis.acceptance import FALSE_ALARM
 from seatrial.hybrid.diagnosis.disturbance_model import (
     FORCE_UNITS,
-    DisturbanceNoise,
     columns_of,
     smooth_state,
     wave_push,
@@ -110,12 +109,6 @@ def predicted_tracks(log: Log, plant: Plant, origin: Floats, starts: Ints) -> Fl
     return measure(runs.states[:, ::STEPS_PER_SECOND], plant, 1.0)[..., :3]
 
 
-def measured_tracks(log: Log, plant: Plant, origin: Floats, starts: Ints) -> Floats:
-    """The measured track of each window [N, H+1, 3], interpolated from the sampling times to full seconds."""
-    at_seconds = log.measured - sampling_offset(log, one_second_paths(log, plant, origin))
-    return at_seconds[starts[:, None] + np.arange(HORIZON_S + 1), :3]
-
-
 @dataclass(frozen=True, slots=True)
 class UnseenWindows:
     """Test windows of a log, each predicted from the legs of the other folds.
@@ -173,8 +166,10 @@ def unseen_windows(log: Log, model: ModelWithEffects) -> UnseenWindows:
     starts, bare = window_starts(log), replace(model, at={})
     plant = bare.plant()
     origin = true_states(log, plant)
-    tracks = [tracks_of(log, plant, origin, starts) for tracks_of in (measured_tracks, predicted_tracks)]
-    return UnseenWindows(log, bare, starts, fold_of(log)[starts], tracks[0], tracks[1])
+    at_seconds = log.measured - sampling_offset(log, one_second_paths(log, plant, origin))
+    measured = at_seconds[starts[:, None] + np.arange(HORIZON_S + 1), :3]
+    before = predicted_tracks(log, plant, origin, starts)
+    return UnseenWindows(log, bare, starts, fold_of(log)[starts], measured, before)
 
 
 def gap_on_unseen_legs(
@@ -209,10 +204,21 @@ def named_without(
     windows: UnseenWindows, evidence: Evidence, excluded: frozenset[str] = frozenset()
 ) -> dict[int, Coordinates]:
     """The effects, with sizes, selected on all legs but those of each fold; none that is ``excluded``."""
-    return {
-        fold: _significant_effects(fold_evidence, excluded)
-        for fold, fold_evidence in evidence_without(windows, evidence).items()
-    }
+    result = dict[int, Coordinates]()
+    for fold, fold_evidence in evidence_without(windows, evidence).items():
+        names = search_effects(fold_evidence, excluded)
+        while names:
+            gain = fold_evidence.fit(names).gain
+            chance = {}
+            for name in names:
+                added = gain - fold_evidence.fit([n for n in names if n != name]).gain
+                chance[name] = fold_evidence.chance(added, len(fold_evidence.columns([name])))
+            worst = max(names, key=chance.__getitem__)
+            if chance[worst] < FALSE_ALARM:
+                break
+            names = tuple(name for name in names if name != worst)
+        result[fold] = fitted_coordinates(fold_evidence, names)
+    return result
 
 
 def evidence_without(windows: UnseenWindows, evidence: Evidence) -> dict[int, Evidence]:
@@ -239,56 +245,32 @@ def with_noise_floor(held: HeldOutGap, equations: NormalEquations) -> HeldOutGap
     return replace(held, gap=gap, shares={name: ratio * share for name, share in held.shares.items()})
 
 
-def _significant_effects(evidence: Evidence, excluded: frozenset[str]) -> Coordinates:
-    """The effects selected on some legs, with their sizes."""
-    names = search_effects(evidence, excluded)
-    while names:
-        gain = {
-            name: evidence.fit(names).gain - evidence.fit([n for n in names if n != name]).gain for name in names
-        }
-        chance = {name: evidence.chance(gain[name], len(evidence.columns([name]))) for name in names}
-        worst = max(names, key=lambda name: chance[name])
-        if chance[worst] < FALSE_ALARM:
-            break
-        names = tuple(name for name in names if name != worst)
-    return fitted_coordinates(evidence, names)
-
-
 def noise_floor_m(equations: NormalEquations, starts: Ints, horizon_s: int) -> float:
     """The mean distance [m] due to noise over seconds 1 to H of windows with first rows ``starts``."""
     linear, noise = equations.linear, equations.noise
     variance = smooth_state(linear, columns_of(linear, []), noise, equations.log.edges)[1]
+    # covariances of state, slow forces and wave drift, in the filter's units
+    slow, slow_variances = (
+        range(6, 10),
+        (np.append(noise.slow, noise.wave_drift_n) / FORCE_UNITS[[0, 1, 2, 0]]) ** 2,
+    )
+    remaining = np.array([decay(1.0, noise.slow_s)] * 3 + [decay(1.0, noise.wave_drift_s)])
+    gust = (np.array(noise.gust) / FORCE_UNITS) ** 2
     P = np.zeros((len(starts), 10, 10))
-    P[:, range(6), range(6)], P[:, range(6, 10), range(6, 10)] = variance[starts, :6], _slow_variances(noise)
+    P[:, range(6), range(6)], P[:, slow, slow] = variance[starts, :6], slow_variances
     compared = noise.position_m**2 + noise.drift[0] ** 2 + np.square(noise.waves[:2])
     distances = []
     for rows in (starts + second for second in range(horizon_s)):
-        P = _propagated(
-            linear.A[rows], linear.B[rows] * FORCE_UNITS, wave_push(noise, linear.origin[rows]), noise, P
-        )
+        B, push = linear.B[rows] * FORCE_UNITS, wave_push(noise, linear.origin[rows])
+        F, Q = np.zeros_like(P), np.zeros_like(P)
+        F[:, :6, :6], F[:, :6, 6:9], F[:, :6, 9] = linear.A[rows], B, np.einsum("nij,nj->ni", B, push)
+        F[:, slow, slow] = remaining
+        Q[:, :6, :6] = (B * gust) @ B.transpose(0, 2, 1)
+        Q[:, slow, slow] = (1.0 - remaining**2) * slow_variances
+        P = F @ P @ F.transpose(0, 2, 1) + Q
         # the mean length of a Gaussian vector in the plane, its two variances taken as equal
         distances.append(np.sqrt(0.25 * np.pi * (P[:, 0, 0] + P[:, 1, 1] + compared.sum())))
     return float(np.mean(distances))
-
-
-def _slow_variances(noise: DisturbanceNoise) -> Floats:
-    """The variances [4] of the slow forces and the wave drift, in the filter's units."""
-    return np.asarray((np.append(noise.slow, noise.wave_drift_n) / FORCE_UNITS[[0, 1, 2, 0]]) ** 2)
-
-
-def _propagated(A: Floats, B: Floats, push: Floats, noise: DisturbanceNoise, P: Floats) -> Floats:
-    """The covariances [N, 10, 10] of state, slow forces and wave drift, a second later.
-
-    ``push`` [N, 3] is that of :func:`.wave_push`.
-    """
-    remaining = np.array([decay(1.0, noise.slow_s)] * 3 + [decay(1.0, noise.wave_drift_s)])
-    F, Q, slow = np.zeros_like(P), np.zeros_like(P), range(6, 10)
-    F[:, :6, :6], F[:, :6, 6:9], F[:, :6, 9] = A, B, np.einsum("nij,nj->ni", B, push)
-    F[:, slow, slow] = remaining
-    gust = (np.array(noise.gust) / FORCE_UNITS) ** 2
-    Q[:, :6, :6] = (B * gust) @ B.transpose(0, 2, 1)
-    Q[:, slow, slow] = (1.0 - remaining**2) * _slow_variances(noise)
-    return np.asarray(F @ P @ F.transpose(0, 2, 1) + Q)
 
 
 @dataclass(frozen=True, slots=True)
