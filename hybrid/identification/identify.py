@@ -38,7 +38,7 @@ from seatrial.hybrid.identification.fit import (
     place_at,
     segments_of,
 )
-from seatrial.hybrid.prediction.baselines import Score, constant_velocity, reference, score, scores_json
+from seatrial.hybrid.prediction.baselines import Interval, Score, constant_velocity, reference, score, scores_json
 from seatrial.hybrid.prediction.dataset import dataset_of
 from seatrial.hybrid.prediction.kalman_filter import filtered_starts
 from seatrial.hybrid.simulation.trial import SimulationNoise, sea_state_named, simulate_trial
@@ -143,7 +143,7 @@ def _candidate(
 
 
 @dataclass(frozen=True, slots=True)
-class CoefficientEstimate:
+class CoefficientEstimate(Interval):
     """A coefficient: its value with the 95 % interval, its initial value with the prior interval, and whether
     the data determine it.
 
@@ -152,9 +152,6 @@ class CoefficientEstimate:
     """
 
     name: str
-    value: float
-    low: float
-    high: float
     start: float
     start_low: float
     start_high: float
@@ -271,7 +268,7 @@ def identify_tables(
         low, high = sorted(coefficient.value(z + side * _NORMAL_95 * error) for side in (-1.0, 1.0))
         start_low, start_high = sorted(coefficient.value(side * _NORMAL_95) for side in (-1.0, 1.0))
         estimates.append(CoefficientEstimate(
-            coefficient.name, coefficient.value(z), low, high, coefficient.start, start_low, start_high,
+            coefficient.value(z), low, high, coefficient.name, coefficient.start, start_low, start_high,
             float(error), coefficient.tied,
         ))  # fmt: skip
     around, segments = model.around(fitted.z), model.segments
