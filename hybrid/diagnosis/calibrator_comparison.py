@@ -30,7 +30,6 @@ from seatrial.hybrid.evaluation.study import Draw, MethodErrors, evaluate_draw, 
 from seatrial.hybrid.prediction.baselines import LegBootstrap, reference
 from seatrial.hybrid.prediction.dataset import dataset_of
 from seatrial.hybrid.prediction.windows import PredictionWindows
-from seatrial.hybrid.vessel.plant import Plant
 
 _TELLING = 0.9  # of the error: a tenth is worth explaining
 
@@ -125,10 +124,16 @@ def compare_on_windows(
     finite = np.all([np.isfinite(reference(windows, plant)).all(axis=(1, 2)) for plant in plants], axis=0)
     windows, seconds = windows.subset(finite), seconds[finite]
     draws = {fold: draw for fold, draw in draws_of_folds(windows, seconds, seed).items() if fold in bases}
-    errors_of_folds = [
-        _model_errors(draw, windows, bases[fold], method, seed + fold, part_of(progress, number, len(draws)))
-        for number, (fold, draw) in enumerate(draws.items())
-    ]
+    errors_of_folds = list[dict[str, MethodErrors]]()
+    for number, (fold, draw) in enumerate(draws.items()):
+        fold_progress = part_of(progress, number, len(draws))
+        models, calibrated = dict[str, MethodErrors](), dict[str, MethodErrors]()
+        for place, (name, plant) in enumerate(bases[fold].items()):
+            examples, share = (windows, reference(windows, plant)), part_of(fold_progress, place, len(bases[fold]))
+            errors = evaluate_draw(draw, examples, [method], plant, seed + fold, share)
+            models |= {"constant_velocity": errors["constant_velocity"], name: errors["reference"]}
+            calibrated[f"{name}_calibrated"] = errors[method]
+        errors_of_folds.append(models | calibrated)
     result = pool_draws("leg", windows, list(draws.values()), errors_of_folds)
     legs = LegBootstrap.of(windows.leg[result.held_out], seed)
     mean_m = {name: errors.distance_m.mean(axis=1) for name, errors in result.errors.items()}
@@ -158,16 +163,3 @@ def doubted_by_calibrator(diagnosis: Diagnosis, comparison: CalibratorComparison
     words = f"what a calibrator learns of these data, which takes {100.0 * (1.0 - ratio.value):.0f} % off the error"
     unknown = UnknownCause(1.0 - ratio.value, (OPERATION,), words)
     return replace(diagnosis, verdict="unknown", unknown=unknown)
-
-
-def _model_errors(
-    draw: Draw, windows: PredictionWindows, bases: Mapping[str, Plant], method: str, seed: int, progress: Progress
-) -> dict[str, MethodErrors]:
-    """The errors of each model, and of a calibrator on top of it, on the windows that ``draw`` holds out."""
-    models, calibrated = dict[str, MethodErrors](), dict[str, MethodErrors]()
-    for number, (name, plant) in enumerate(bases.items()):
-        examples = windows, reference(windows, plant)
-        errors = evaluate_draw(draw, examples, [method], plant, seed, part_of(progress, number, len(bases)))
-        models |= {"constant_velocity": errors["constant_velocity"], name: errors["reference"]}
-        calibrated[f"{name}_calibrated"] = errors[method]
-    return models | calibrated

@@ -26,7 +26,6 @@ from seatrial.hybrid.diagnosis.disturbance_model import (
     FORCE_UNITS,
     columns_of,
     smooth_state,
-    wave_push,
 )
 from seatrial.hybrid.diagnosis.evidence import Evidence, NormalEquations, evidence_of, restored_data
 from seatrial.hybrid.diagnosis.linearise import (
@@ -35,7 +34,6 @@ from seatrial.hybrid.diagnosis.linearise import (
     acting_settings,
     by_stage,
     one_second_paths,
-    sampling_offset,
     small_step,
     true_states,
     without_delays,
@@ -45,7 +43,7 @@ from seatrial.hybrid.diagnosis.result import Gap, Tracks
 from seatrial.hybrid.diagnosis.select_effects import Coordinates, fitted_coordinates, search_effects
 from seatrial.hybrid.prediction.baselines import constant_motion_tracks, distances
 from seatrial.hybrid.vessel.actuators import control_units
-from seatrial.hybrid.vessel.dynamics import simulate_batch
+from seatrial.hybrid.vessel.dynamics import simulate_batch, wave_drift_at
 from seatrial.hybrid.vessel.plant import Plant
 from seatrial.hybrid.vessel.sensors import measure
 
@@ -166,7 +164,15 @@ def unseen_windows(log: Log, model: ModelWithEffects) -> UnseenWindows:
     starts, bare = window_starts(log), replace(model, at={})
     plant = bare.plant()
     origin = true_states(log, plant)
-    at_seconds = log.measured - sampling_offset(log, one_second_paths(log, plant, origin))
+    # the mean state at the sampling times minus that at the full second
+    half, paths = STEPS_PER_SECOND // 2, one_second_paths(log, plant, origin)
+    ahead = paths[:, 1 : half + 1] - paths[:, :1]
+    behind = np.empty_like(ahead)
+    behind[1:] = paths[:-1, half:-1] - paths[:-1, -1:]
+    first = np.append(True, np.diff(log.block) != 0)
+    behind[first] = -ahead[first, ::-1]
+    around = np.concatenate([behind, np.zeros_like(paths[:, :1]), ahead], axis=1)
+    at_seconds = log.measured - np.einsum("tcq,tqc->tc", log.weight, around)
     measured = at_seconds[starts[:, None] + np.arange(HORIZON_S + 1), :3]
     before = predicted_tracks(log, plant, origin, starts)
     return UnseenWindows(log, bare, starts, fold_of(log)[starts], measured, before)
@@ -261,7 +267,9 @@ def noise_floor_m(equations: NormalEquations, starts: Ints, horizon_s: int) -> f
     compared = noise.position_m**2 + noise.drift[0] ** 2 + np.square(noise.waves[:2])
     distances = []
     for rows in (starts + second for second in range(horizon_s)):
-        B, push = linear.B[rows] * FORCE_UNITS, wave_push(noise, linear.origin[rows])
+        relative_rad, B = noise.wave_towards_rad - linear.origin[rows, 2], linear.B[rows] * FORCE_UNITS
+        force = wave_drift_at.py_func(1.0, noise.length_m, np.cos(relative_rad), np.sin(relative_rad))
+        push = np.column_stack(force) * FORCE_UNITS[0] / FORCE_UNITS  # of a unit of wave drift
         F, Q = np.zeros_like(P), np.zeros_like(P)
         F[:, :6, :6], F[:, :6, 6:9], F[:, :6, 9] = linear.A[rows], B, np.einsum("nij,nj->ni", B, push)
         F[:, slow, slow] = remaining

@@ -292,21 +292,6 @@ def _slopes(compute: Callable[[Floats], Floats], origin: Floats, columns: Iterab
     return result
 
 
-def sampling_offset(log: Log, ways: Floats) -> Floats:
-    """The mean state at the sampling times minus that at the full second [T, 6].
-
-    ``ways`` come from :func:`one_second_paths`.
-    """
-    half = STEPS_PER_SECOND // 2
-    ahead = ways[:, 1 : half + 1] - ways[:, :1]
-    behind = np.empty_like(ahead)
-    behind[1:] = ways[:-1, half:-1] - ways[:-1, -1:]
-    first = np.append(True, np.diff(log.block) != 0)
-    behind[first] = -ahead[first, ::-1]
-    around = np.concatenate([behind, np.zeros_like(ways[:, :1]), ahead], axis=1)
-    return np.asarray(np.einsum("tcq,tqc->tc", log.weight, around))
-
-
 def signatures(log: Log, model: ModelWithEffects, origin: Floats, names: Iterable[str]) -> list[Signature]:
     """The sensitivities to each free coordinate of each effect about ``origin``, by finite differences.
 

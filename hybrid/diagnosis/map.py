@@ -250,8 +250,8 @@ def _forces(
         error = np.hypot(error, equations.tolerance * extent[:, None])  # with the tolerances
         for place, number in enumerate(mine):
             for axis, channel in enumerate(FORCES):
-                z = force[axis, place] / error[axis, place]
-                result.append(_gap_cell(channel, cells[number], force[axis, place], z))
+                size, z = float(force[axis, place]), float(force[axis, place] / error[axis, place])
+                result.append(GapCell(channel, cells[number].span, int(cells[number].rows.sum()), size, z))
     return result
 
 
@@ -286,15 +286,9 @@ def _errors(
         deviation = np.sqrt((sums**2).sum(axis=0) * count / (count - 1)) / len(values)
         deviation = deviation * t.isf(0.025, count - 1) / norm.isf(0.025)
         deviation = np.hypot(deviation, np.sqrt((allowance[rows].mean(axis=0) ** 2).sum(axis=1)))
-        result += [
-            _gap_cell(name, cell, mean[number] * _DEGREES[number], mean[number] / deviation[number])
-            for number, name in enumerate(POSE_AND_VELOCITY)
-        ]
+        for name, size, z in zip(POSE_AND_VELOCITY, mean * _DEGREES, mean / deviation, strict=True):
+            result.append(GapCell(name, cell.span, int(rows.sum()), float(size), float(z)))
     return result
-
-
-def _gap_cell(channel: str, cell: MapCell, error: float, z: float) -> GapCell:
-    return GapCell(channel, cell.span, int(cell.rows.sum()), float(error), float(z))
 
 
 @dataclass(frozen=True, slots=True)

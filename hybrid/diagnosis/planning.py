@@ -309,20 +309,6 @@ class Rehearsal:
     candidates: tuple[CandidateManoeuvre, ...]
 
 
-def next_manoeuvre(
-    equations: NormalEquations,
-    vessel: Vessel,
-    values: Mapping[str, Values],
-    pairs: Sequence[Pair],
-    progress: Progress = lambda share: None,
-) -> NextTrial | None:
-    """The manoeuvre that separates most of ``pairs``, or None if no candidate is of use.
-
-    ``values`` has the parameters of all named effects, with which the ship is simulated.
-    """
-    return best_request(rank_candidates(rehearsal_of(equations, vessel, values, progress), pairs), pairs)
-
-
 def best_request(ranking: Sequence[RankedCandidate], pairs: Sequence[Pair]) -> NextTrial | None:
     """The first of a ranking as a request, or None if it is not worthwhile.
 
@@ -506,11 +492,22 @@ def _common_word(words: Iterable[str], otherwise: str) -> str:
 def repertoire(shafts: Shafts) -> tuple[CandidateManoeuvre, ...]:
     """All candidates that a ship with these thrusters can make."""
     candidates = [*_straight_runs(shafts), *_helm_manoeuvres(shafts), *_speed_changes(shafts)]
-    if len(shafts.drives) > 1:
-        candidates.append(_one_drive(shafts))
-    candidates += _uneven_drives(shafts)
+    candidates += _drive_manoeuvres(shafts)
     if shafts.tunnels:
-        candidates.append(_tunnel(shafts))
+        speeds, sides = (0.0, 0.3 * shafts.usual), (shafts.tunnel, 0.0, -shafts.tunnel, 0.0)
+        legs = [
+            Leg(rpm=rpm, orders={f"{name}_rpm": side}, at_most_s=60.0)
+            for name in shafts.tunnels
+            for rpm in speeds
+            for side in sides
+        ]
+        subject = "the tunnel thruster" if len(shafts.tunnels) == 1 else "each tunnel thruster"
+        minute = shafts.span(60.0)
+        request = (
+            f"Run {subject} at {shafts.tunnel:g} rpm to either side, {minute} each and {minute} "
+            f"of rest between, stopped and at {speeds[1]:.0f} rpm ahead"
+        )
+        candidates.append(shafts.candidate("tunnel_thruster", request, legs))
     drift = (Leg(rpm=0.0, at_most_s=60.0 * MINUTES),)
     return *candidates, shafts.candidate("drifting", "Lie stopped without any thrust and drift", drift)
 
@@ -593,24 +590,23 @@ def _speed_changes(shafts: Shafts) -> list[CandidateManoeuvre]:
     return candidates
 
 
-def _one_drive(shafts: Shafts) -> CandidateManoeuvre:
-    names = (name.replace("_", " ") for name in shafts.drives)
-    first, *remaining = (name if shafts.drive in name else f"{name} {shafts.drive}" for name in names)
-    continued = "".join(f", then on the {name} alone" for name in remaining)
-    seconds, spans = 120.0, f"{shafts.span(120.0)} each"
-    if shafts.steering:
-        held = f"{shafts.span(60.0)} each held straight, at 15 degrees and at -15 degrees"
-        seconds, spans = 300.0, f"{shafts.span(120.0)} on a course, then {held}"
-    legs = single_drive_legs(shafts.drives, shafts.usual, seconds, by_angle=bool(shafts.steering))
-    request = f"Run on the {first} alone at {shafts.usual:g} rpm{continued}: {spans}"
-    return shafts.candidate("one_thruster_at_a_time", request, [leg for drive_legs in legs for leg in drive_legs])
-
-
-def _uneven_drives(shafts: Shafts) -> list[CandidateManoeuvre]:
+def _drive_manoeuvres(shafts: Shafts) -> list[CandidateManoeuvre]:
     candidates, usual, slow = list[CandidateManoeuvre](), shafts.usual, shafts.slow
+    if len(shafts.drives) > 1:
+        spaced = (name.replace("_", " ") for name in shafts.drives)
+        alone, *remaining = (name if shafts.drive in name else f"{name} {shafts.drive}" for name in spaced)
+        continued = "".join(f", then on the {name} alone" for name in remaining)
+        seconds, spans = 120.0, f"{shafts.span(120.0)} each"
+        if shafts.steering:
+            held = f"{shafts.span(60.0)} each held straight, at 15 degrees and at -15 degrees"
+            seconds, spans = 300.0, f"{shafts.span(120.0)} on a course, then {held}"
+        request = f"Run on the {alone} alone at {usual:g} rpm{continued}: {spans}"
+        by_drive = single_drive_legs(shafts.drives, usual, seconds, by_angle=bool(shafts.steering))
+        legs = [leg for drive_legs in by_drive for leg in drive_legs]
+        candidates.append(shafts.candidate("one_thruster_at_a_time", request, legs))
     if len(shafts.drives) == 2 and shafts.steering:
         first, second = shafts.drives
-        legs = list[Leg]()
+        legs = []
         for first_rpm, second_rpm in ((usual, slow), (slow, usual)):
             orders = {f"{first}_rpm": first_rpm, f"{second}_rpm": second_rpm}
             legs.append(Leg(orders=orders, course_deg=0.0, at_most_s=90.0))
@@ -632,21 +628,6 @@ def _uneven_drives(shafts: Shafts) -> list[CandidateManoeuvre]:
         )
         candidates.append(shafts.candidate(f"{shafts.steers}s_opposed", request, legs))
     return candidates
-
-
-def _tunnel(shafts: Shafts) -> CandidateManoeuvre:
-    def push(main: float, name: str, tunnel_rpm: float) -> Leg:
-        return Leg(rpm=main, orders={f"{name}_rpm": tunnel_rpm}, at_most_s=60.0)
-
-    ahead = 0.3 * shafts.usual
-    subject = "the tunnel thruster" if len(shafts.tunnels) == 1 else "each tunnel thruster"
-    sides = (shafts.tunnel, 0.0, -shafts.tunnel, 0.0)
-    legs = [push(main, name, side) for name in shafts.tunnels for main in (0.0, ahead) for side in sides]
-    request = (
-        f"Run {subject} at {shafts.tunnel:g} rpm to either side, {shafts.span(60.0)} each and {shafts.span(60.0)} "
-        f"of rest between, stopped and at {ahead:.0f} rpm ahead"
-    )
-    return shafts.candidate("tunnel_thruster", request, legs)
 
 
 def rehearse(

@@ -91,7 +91,7 @@ from seatrial.hybrid.diagnosis.linearise import (
 )
 from seatrial.hybrid.diagnosis.log import INPUT_HOLDS, SELDOM_S, STEPS_PER_SECOND, InputHold, Log, log_of
 from seatrial.hybrid.diagnosis.map import FoundRegime, largest_regimes, map_of
-from seatrial.hybrid.diagnosis.planning import Pair, limits, next_manoeuvre
+from seatrial.hybrid.diagnosis.planning import Pair, best_request, limits, rank_candidates, rehearsal_of
 from seatrial.hybrid.diagnosis.result import Estimate, Map, NextTrial, Replication, Rival, Suspect, Verdict
 from seatrial.hybrid.diagnosis.select_effects import (
     CLOSE,
@@ -346,7 +346,8 @@ def _next_manoeuvre(accepted: Acceptance, rivals: Sequence[Rival], progress: Pro
     if not pairs or model.vessel is None or time_varying_among(accepted.names, model.catalogue):
         return None
     values = {name: size for name, size in evidence.values(accepted.names).items() if size is not None}
-    return next_manoeuvre(evidence.equations, model.vessel, values, pairs, progress)
+    rehearsal = rehearsal_of(evidence.equations, model.vessel, values, progress)
+    return best_request(rank_candidates(rehearsal, pairs), pairs)
 
 
 def suspects(evidence: Evidence) -> tuple[Suspect, ...]:

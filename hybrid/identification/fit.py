@@ -266,7 +266,7 @@ def _search(
     model: ResponseModel, z: Floats, levels: Variances, rounds: int, progress: Progress, near: float = _ENOUGH
 ) -> Place:
     """The optimum by Levenberg-Marquardt steps, or a point whose next step should gain less than ``near``."""
-    now, damping = place_at(model, z, model.segments.start, levels), 1e-3
+    now, damping = model.place(z, model.segments.start, levels), 1e-3
     if not np.isfinite(now.cost):
         raise ModelRangeError(
             "the model does not follow the recordings",
@@ -297,17 +297,6 @@ def _search(
     return now
 
 
-def place_at(model: ResponseModel, z: Floats, starts: Floats, levels: Variances) -> Place:
-    """The point of a search at these unknowns."""
-    reported, slopes = model.own_slopes(z, starts)
-    inside = np.asarray(np.isfinite(slopes).all(axis=(1, 2, 3)))
-    residual = np.where(inside[:, None, None], model.segments.measured - reported, 0.0)
-    slopes = np.nan_to_num(slopes)
-    moments = moments_of(residual, slopes)
-    costs = np.where(inside, moments.explained(levels)[2], np.inf)
-    return Place(z, starts, levels, residual, slopes, moments, costs)
-
-
 def _with_levels(place: Place) -> Place:
     """The point with maximum-likelihood levels."""
     levels = estimate_levels(place.moments, place.levels)
@@ -322,12 +311,12 @@ def _moved(model: ResponseModel, place: Place, step: Floats, expected: Floats) -
     """
     unknowns, _, _ = moments_of(place.residual - expected, place.slopes).explained(place.levels)
     z = place.z + step
-    moved = place_at(model, z, place.starts + unknowns[:, :6] * model.start_scale, place.levels)
+    moved = model.place(z, place.starts + unknowns[:, :6] * model.start_scale, place.levels)
     if moved.cost < place.cost:
         return moved
-    stay = place_at(model, z, place.starts, place.levels)
+    stay = model.place(z, place.starts, place.levels)
     starts = np.where((stay.costs < moved.costs)[:, None], stay.starts, moved.starts)
-    return place_at(model, z, starts, place.levels)
+    return model.place(z, starts, place.levels)
 
 
 def normal_equations(model: ResponseModel, place: Place) -> tuple[Floats, Floats, Floats]:
@@ -434,11 +423,11 @@ class ResponseModel:
         ]
         return np.stack(columns, axis=-1)
 
-    def own_slopes(self, z: Floats, start: Floats) -> tuple[Floats, Floats]:
-        """The readings [S, T, 6], and their derivatives by a segment's own unknowns: [S, T, 6, 6 + 3 + 3 PARTS].
+    def place(self, z: Floats, start: Floats, levels: Variances) -> Place:
+        """The point of a search at these unknowns.
 
-        The start in units of :attr:`start_scale`; the forces over the whole segment and in each part in units
-        of mass times speed squared over length, moments of that times length.
+        Its slopes are by the start in units of :attr:`start_scale`, and by the forces over the whole segment and in
+        each part in units of mass times speed squared over length, moments of that times length.
         """
         plant, around = self.plant(z), self.around(z)
         starts = [start + _DIFFERENCE * row for row in np.diag(self.start_scale)]
@@ -459,7 +448,14 @@ class ResponseModel:
             onset[:, first:, :, :, part] = (np.moveaxis(runs, 0, -1) - unmoved[:, first:, :, None]) / _DIFFERENCE
         pulses = np.asarray((onset[..., :-1] - onset[..., 1:])[:, : -1 : self.segments.every])
         parts = pulses.reshape(*pulses.shape[:3], -1)
-        return reported, np.concatenate([np.stack(by_start, axis=-1), pulses.sum(axis=-1), parts], axis=-1)
+        slopes = np.concatenate([np.stack(by_start, axis=-1), pulses.sum(axis=-1), parts], axis=-1)
+
+        inside = np.asarray(np.isfinite(slopes).all(axis=(1, 2, 3)))
+        residual = np.where(inside[:, None, None], self.segments.measured - reported, 0.0)
+        slopes = np.nan_to_num(slopes)
+        moments = moments_of(residual, slopes)
+        costs = np.where(inside, moments.explained(levels)[2], np.inf)
+        return Place(z, start, levels, residual, slopes, moments, costs)
 
     @property
     def start_scale(self) -> Floats:

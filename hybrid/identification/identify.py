@@ -35,7 +35,6 @@ from seatrial.hybrid.identification.fit import (
     fit,
     model_of,
     normal_equations,
-    place_at,
     segments_of,
 )
 from seatrial.hybrid.prediction.baselines import Interval, Score, constant_velocity, reference, score, scores_json
@@ -111,7 +110,7 @@ def _information(model: ResponseModel, fitted: CoefficientFit, name: str) -> Flo
     )
     rehearsed = segments_of({name: table}, vessel_plant(ship), lasting)
     model_there, z = model.on_segments(rehearsed, fitted.z)
-    count, place = len(model.coefficients), place_at(model_there, z, rehearsed.start, fitted.levels)
+    count, place = len(model.coefficients), model_there.place(z, rehearsed.start, fitted.levels)
     inside = np.isfinite(place.cost)
     information = normal_equations(model_there, place)[0].sum(axis=0) if inside else np.full(1, np.nan)
     if not np.isfinite(information).all():
