@@ -17,6 +17,7 @@ import numpy as np
 from seatrial.acquisition.core.errors import Progress
 from seatrial.acquisition.core.quantities import Floats, Ints
 from seatrial.analysis.estimation.process_models import Prior, ScoringSettings, most_likely, robust_cost
+from seatrial.hybrid.diagnosis import evidence
 from seatrial.hybrid.diagnosis.disturbance_model import (
     FORCE_UNITS,
     GRAVITY_MPS2,
@@ -25,16 +26,6 @@ from seatrial.hybrid.diagnosis.disturbance_model import (
     NoiseEstimate,
     smooth_state,
     whiten,
-)
-from seatrial.hybrid.diagnosis.evidence import (
-    FEW,
-    DesignMatrix,
-    design_matrix,
-    draw_columns,
-    fit_columns,
-    gram_matrices,
-    subset_of,
-    wind_error_mps,
 )
 from seatrial.hybrid.diagnosis.linearise import (
     Linearisation,
@@ -89,7 +80,7 @@ def estimate_noise(linearisation: Linearisation, progress: Progress = lambda sha
     noise: DisturbanceNoise | None = None
     for round_ in range(2):
         log, model = linearisation.log, linearisation.model
-        design = design_matrix(linearisation, FEW)
+        design = evidence.design_matrix(linearisation, evidence.FEW)
         noise = _likeliest_noise(design, noise)
         progress(0.3 + 0.5 * round_)
         residual, sensors = _remove_effects(design, noise, seed=None)
@@ -103,11 +94,11 @@ def estimate_noise(linearisation: Linearisation, progress: Progress = lambda sha
     return NoiseEstimate(linearisation, noise)
 
 
-def _likeliest_noise(design: DesignMatrix, start: DisturbanceNoise | None = None) -> DisturbanceNoise:
+def _likeliest_noise(design: evidence.DesignMatrix, start: DisturbanceNoise | None = None) -> DisturbanceNoise:
     """Noise levels from blocks spread over the log, after removing a draw of everything that may be missing."""
     chosen = design.log.spread_blocks(_NOISE_S)
-    linear, part = subset_of(design.linear, chosen), design.log.subset(chosen)
-    selected = replace(design, log=part, linear=linear, columns=subset_of(design.columns, chosen))
+    linear, part = evidence.subset_of(design.linear, chosen), design.log.subset(chosen)
+    selected = replace(design, log=part, linear=linear, columns=evidence.subset_of(design.columns, chosen))
     noise = start or _first_guess(part, design.model)
     for round_ in range(1 if start else _ROUNDS):
         residual, _ = _remove_effects(selected, noise, seed=round_)
@@ -172,26 +163,28 @@ def _first_guess(log: Log, model: ModelWithEffects) -> DisturbanceNoise:
     )
 
 
-def _remove_effects(design: DesignMatrix, noise: DisturbanceNoise, seed: int | None) -> tuple[Columns, Floats]:
+def _remove_effects(
+    design: evidence.DesignMatrix, noise: DisturbanceNoise, seed: int | None
+) -> tuple[Columns, Floats]:
     """The data after removing all effects and force features, one column, and their part in the sensors [T, 6].
 
     With a ``seed`` a posterior draw of them is removed, without one their posterior mode.
     """
     layout, columns = design.layout, design.columns
-    gram = gram_matrices(design.log, design.linear, columns, noise).sum(axis=0)
+    gram = evidence.gram_matrices(design.log, design.linear, columns, noise).sum(axis=0)
     P, features = len(layout.effect), columns.features.shape[1]
     prior = np.full(columns.count, np.nan)
     prior[1 : 1 + P] = _LOOSE * layout.prior
-    prior[layout.first_wind : layout.first_varying] = _LOOSE * wind_error_mps(design.model)
+    prior[layout.first_wind : layout.first_varying] = _LOOSE * evidence.wind_error_mps(design.model)
     prior[layout.first_varying : layout.first_feature] = layout.varying_prior
     for axis, force in enumerate(design.tolerance * design.force_range / FORCE_UNITS):
         prior[layout.axis(axis)] = force / np.sqrt(layout.features)
         prior[layout.nuisance_forces(axis)] = _LOOSE * force
     indices = range(1, columns.count)
     fit = (
-        fit_columns(gram, indices, prior[1:]).values
+        evidence.fit_columns(gram, indices, prior[1:]).values
         if seed is None
-        else draw_columns(gram, indices, prior[1:], seed)
+        else evidence.draw_columns(gram, indices, prior[1:], seed)
     )
     plain_count = layout.first_feature - 1
     plain, forces = fit[:plain_count], fit[plain_count:].reshape(3, features)

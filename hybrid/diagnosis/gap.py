@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from seatrial.acquisition.core.quantities import Floats, Ints
 from seatrial.acquisition.core.ship import control_names
 from seatrial.analysis.estimation.process_models import decay
+from seatrial.hybrid.diagnosis import linearise
 from seatrial.hybrid.diagnosis.acceptance import FALSE_ALARM
 from seatrial.hybrid.diagnosis.disturbance_model import (
     FORCE_UNITS,
@@ -28,16 +29,6 @@ from seatrial.hybrid.diagnosis.disturbance_model import (
     smooth_state,
 )
 from seatrial.hybrid.diagnosis.evidence import Evidence, NormalEquations, evidence_of, restored_data
-from seatrial.hybrid.diagnosis.linearise import (
-    DT_S,
-    ModelWithEffects,
-    acting_settings,
-    by_stage,
-    one_second_paths,
-    small_step,
-    true_states,
-    without_delays,
-)
 from seatrial.hybrid.diagnosis.log import STEPS_PER_SECOND, Log
 from seatrial.hybrid.diagnosis.result import Gap, Tracks
 from seatrial.hybrid.diagnosis.select_effects import Coordinates, fitted_coordinates, search_effects
@@ -99,11 +90,13 @@ def predicted_tracks(log: Log, plant: Plant, origin: Floats, starts: Ints) -> Fl
 
     ``origin`` [T, 6] is the state that they would report as the log's (:func:`true_states`).
     """
-    controls, acting = acting_settings(log, plant)
+    controls, acting = linearise.acting_settings(log, plant)
     rows = starts[:, None] + np.arange(HORIZON_S)
     settings = controls[rows].reshape(len(starts), HORIZON_S * STEPS_PER_SECOND, -1)
     wind = np.repeat(log.wind[rows], STEPS_PER_SECOND, axis=1)
-    runs = simulate_batch(without_delays(plant), origin[starts], settings, wind, DT_S, 1, acting[starts])
+    runs = simulate_batch(
+        linearise.without_delays(plant), origin[starts], settings, wind, linearise.DT_S, 1, acting[starts]
+    )
     return measure(runs.states[:, ::STEPS_PER_SECOND], plant, 1.0)[..., :3]
 
 
@@ -116,7 +109,7 @@ class UnseenWindows:
     """
 
     log: Log
-    model: ModelWithEffects
+    model: linearise.ModelWithEffects
     starts: Ints
     fold: Ints
     measured: Floats
@@ -126,7 +119,7 @@ class UnseenWindows:
         """Tracks predicted with the effects ``at`` these sizes, and no others, over the windows ``mine``."""
         log, model = self.log, replace(self.model, at=at)
         starts = self.starts if mine is None else self.starts[mine]
-        origin = by_stage(log, model, true_states)
+        origin = linearise.by_stage(log, model, linearise.true_states)
         tracks = np.empty((len(starts), HORIZON_S + 1, 3))
         for rows, stage_model in model.stages(log):
             in_stage = rows[starts]
@@ -159,13 +152,13 @@ class UnseenWindows:
         return np.array(means)
 
 
-def unseen_windows(log: Log, model: ModelWithEffects) -> UnseenWindows:
+def unseen_windows(log: Log, model: linearise.ModelWithEffects) -> UnseenWindows:
     """The consecutive windows of a log, with the predictions of ``model`` without added effects."""
     starts, bare = window_starts(log), replace(model, at={})
     plant = bare.plant()
-    origin = true_states(log, plant)
+    origin = linearise.true_states(log, plant)
     # the mean state at the sampling times minus that at the full second
-    half, paths = STEPS_PER_SECOND // 2, one_second_paths(log, plant, origin)
+    half, paths = STEPS_PER_SECOND // 2, linearise.one_second_paths(log, plant, origin)
     ahead = paths[:, 1 : half + 1] - paths[:, :1]
     behind = np.empty_like(ahead)
     behind[1:] = paths[:-1, half:-1] - paths[:-1, -1:]
@@ -444,7 +437,7 @@ def closest_single_effect(windows: UnseenWindows, evidence: Evidence) -> Coordin
 def _slope(windows: UnseenWindows, evidence: Evidence, track: Floats, name: str, number: int) -> Floats:
     """The derivative of the tracks with respect to one free coordinate [N, H, 2], about ``track`` [N, H+1, 3]."""
     model = evidence.equations.model
-    if small := small_step(model, name, number):
+    if small := linearise.small_step(model, name, number):
         _, step = small
         further = windows.predicted(_moved(evidence, name, number, step))
         return np.asarray((further - track)[:, 1:, :2] / step)

@@ -62,8 +62,7 @@ _MOST_STAGES = 8  # enough for changes in steps; drifts have more, and signature
 Shape = Literal["recordings", "until", "since", "step", "drift"]
 _MOST = 0.5  # of the time has to be in recordings with more than one leg
 
-_LEVELS = 24
-"""Steps into which a drift is divided for linearisation; between them it is followed to first order."""
+_LEVELS = 24  # steps into which a drift is divided for linearisation; between them it is followed to first order
 
 
 @dataclass(frozen=True, slots=True)

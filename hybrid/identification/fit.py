@@ -49,11 +49,9 @@ from seatrial.hybrid.vessel.sensors import acting_controls, check_ship, controls
 START_VARIANCE = 1.0
 """The prior variance of a start's deviation, in units of ``start_scale`` squared: the start is free."""
 
-_LEAST, _MOST_NOISE, _MOST_FORCE = 1e-10, 1e6, 10.0
-"""Bounds of the variances in the search."""
+_LEAST, _MOST_NOISE, _MOST_FORCE = 1e-10, 1e6, 10.0  # bounds of the variances in the search
 
-_ROUNDING = 1e-12
-"""A share of the diagonal that exceeds rounding errors and keeps matrices positive definite."""
+_ROUNDING = 1e-12  # a share of the diagonal that exceeds rounding errors and keeps matrices positive definite
 
 ROUNDS = 30
 
@@ -109,8 +107,7 @@ WIND_LOAD_WIDTH, ASTERN_WIDTH = 0.2, 0.3
 """The relative prior width of the wind coefficients as a whole, whose regressions have errors of a fifth
 (Fujiwara, Ueno and Nimura 1998), and of a shaft's astern thrust if the file does not give it."""
 
-_FAR = 100.0
-"""A bound on logarithms; the model leaves its range where a search reaches it."""
+_FAR = 100.0  # a bound on logarithms; the model leaves its range where a search reaches it
 
 _ADDED_MASSES = ("Xud", "Yvd", "Yrd", "Nrd", "m_x", "m_y", "J_z", "I_zG", "yaw_inertia_kgm2")
 _POSITIVE = ("mass_kg", "yaw_inertia_kgm2", "Xud", "Yvd", "Nrd", "m", "m_x", "m_y", "I_zG", "J_z", "draught_m",
