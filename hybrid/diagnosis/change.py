@@ -64,14 +64,26 @@ def likeliest_change(accepted: Acceptance) -> TimeVaryingEffect | None:
     Of about equally likely profiles the simplest is taken.
     """
     parts = _parts_of(accepted.evidence.equations)
-    catalogue = parts.evidence.equations.model.catalogue
+    equations = parts.evidence.equations
+    catalogue, layout = equations.model.catalogue, equations.layout
     steady = [name for name, effect in catalogue.items() if not isinstance(effect, TimeVaryingEffect)]
     tried = [_best_profiles(parts, name, accepted.names) for name in steady]
     likely = sorted(tried, key=lambda changes: -max(changes))[:_LIKELIEST]
     existing = parts.evidence.names  # an effect that already varies in this way is not tried again
     odds = dict[TimeVaryingEffect, float]()
     for change in (change for changes in likely for change in changes.values() if change.name not in existing):
-        evidence = parts.with_change(change)
+        shares, size = _shares(change.profile, equations.log, parts.part), len(change.free_scale)
+        extended = replace(  # the changed effect beside all others
+            equations,
+            layout=replace(
+                layout,
+                effect=(*layout.effect, *(change.name,) * size),
+                prior=np.append(layout.prior, change.free_scale),
+                tolerated=np.append(layout.tolerated, np.zeros(size)),
+            ),
+            model=replace(equations.model, catalogue={**catalogue, change.name: change}),
+        )
+        evidence = Evidence(parts.inner(parts.evidence.columns([change.base]), shares), extended)
         names = search_effects(evidence)
         times = len(parts.profiles) if change.profile.interval_s else 1  # that were tried
         odds[change] = evidence.log_odds(names) - log(times) if change.name in names else -np.inf
@@ -121,21 +133,6 @@ class _Parts:
             explained.shape[1], -1
         )
         return np.block([[self.evidence.inner, cross], [cross.T, inner - explained.T @ explained]])
-
-    def with_change(self, change: TimeVaryingEffect) -> Evidence:
-        """The evidence with a changed effect beside all others."""
-        equations = self.evidence.equations
-        shares = _shares(change.profile, equations.log, self.part)
-        inner = self.inner(self.evidence.columns([change.base]), shares)
-        size, layout = len(change.free_scale), equations.layout
-        layout = replace(
-            layout,
-            effect=(*layout.effect, *(change.name,) * size),
-            prior=np.append(layout.prior, change.free_scale),
-            tolerated=np.append(layout.tolerated, np.zeros(size)),
-        )
-        model = replace(equations.model, catalogue={**equations.model.catalogue, change.name: change})
-        return Evidence(inner, replace(equations, layout=layout, model=model))
 
 
 def _parts_of(equations: NormalEquations) -> _Parts:

@@ -457,7 +457,14 @@ def _try_regime(
     ``off_m`` is the mean distance by leg without it. None if it gains too little or is not consistent.
     """
     equations, regime = evidence.equations, tried.regime
-    effect = regime_effect(_name_of(regime), regime, tried.size)
+    words = [regime.axis, "moment" if regime.axis == "yaw" else "force"]  # as in surge_force_rpm_below_0
+    for quantity, (low, high) in regime.within.items():
+        begin, end = (f"{edge:g}".replace("-", "minus_").replace(".", "p") for edge in (low, high))
+        span = f"below_{end}" if low == -inf else f"above_{begin}" if high == inf else f"{begin}_to_{end}"
+        words.append(f"{_without_unit(quantity)}_{span}")
+    if regime.grows_with is not None and not regime.within:
+        words.append(f"with_{_without_unit(regime.grows_with)}")
+    effect = regime_effect("_".join(words), regime, tried.size)
     if effect.name in names:
         return None
     names = (*names, effect.name)
@@ -483,18 +490,6 @@ def _off_m(windows: UnseenWindows, evidence: Evidence, names: Sequence[str]) -> 
     catalogue = evidence.equations.model.catalogue
     extended = replace(windows, model=replace(windows.model, catalogue=catalogue))
     return unseen_distance_m(extended, evidence_without(extended, evidence), names)
-
-
-def _name_of(regime: Regime) -> str:
-    """A name from the axis and the regime: ``surge_force_rpm_below_0``."""
-    parts = [regime.axis, "moment" if regime.axis == "yaw" else "force"]
-    for quantity, (low, high) in regime.within.items():
-        begin, end = (f"{edge:g}".replace("-", "minus_").replace(".", "p") for edge in (low, high))
-        span = f"below_{end}" if low == -inf else f"above_{begin}" if high == inf else f"{begin}_to_{end}"
-        parts.append(f"{_without_unit(quantity)}_{span}")
-    if regime.grows_with is not None and not regime.within:
-        parts.append(f"with_{_without_unit(regime.grows_with)}")
-    return "_".join(parts)
 
 
 def _without_unit(quantity: str) -> str:
