@@ -229,14 +229,9 @@ def _best_single_effect(
         return float(unseen_distance_m(windows, evidence_without(windows, views[names]), names).mean())
 
     names = min(views, key=off_m)
-    agreement = replications(views[names], names, evidence_within(windows, views[names]).values())
+    agreement = replications(views[names], names, evidence_within(windows, views[names]))
     replicating = tuple(name for name in names if agreement[name].found >= MOST_PARTS * agreement[name].parts)
     return views[names], replicating, linear_tracks(windows, views[names])
-
-
-def sizes_by_fold(rests: Mapping[int, Evidence], names: Sequence[str]) -> dict[int, Coordinates]:
-    """The sizes of ``names`` fitted to all legs but those of each fold."""
-    return {fold: fitted_coordinates(evidence, names) for fold, evidence in rests.items()}
 
 
 def _best_replicating_set(
@@ -248,7 +243,7 @@ def _best_replicating_set(
     time, the least missed first, since others may pass without them. Significance is by the scatter from leg to
     leg, which reflects model errors, not noise; it does not overrule effects that predictions have confirmed.
     """
-    parts, excluded = tuple(evidence_within(windows, evidence).values()), frozenset[str]()
+    parts, excluded = evidence_within(windows, evidence), frozenset[str]()
     while True:
         names = tracks.best_set(names, WORTH, MAX_EFFECTS, excluded)
         agreement = replications(evidence, names, parts)
@@ -269,7 +264,8 @@ def unseen_distance_m(windows: UnseenWindows, rests: Mapping[int, Evidence], nam
 
     Their sizes are those fitted to the other legs, whose evidence is in ``rests``.
     """
-    return windows.by_leg_m(windows.by_other_folds(sizes_by_fold(rests, names)))
+    sizes = {fold: fitted_coordinates(evidence, names) for fold, evidence in rests.items()}
+    return windows.by_leg_m(windows.by_other_folds(sizes))
 
 
 def substitutes_of(

@@ -123,9 +123,10 @@ class UnseenWindows:
                 tracks[in_stage] = predicted_tracks(log, stage_model.plant(), origin, starts[in_stage])
         return tracks
 
-    def legs_of(self, fold: int) -> NDArray[np.bool_]:
-        """Mask of the legs in a fold [L]."""
-        return np.isin(np.arange(self.log.legs), self.log.leg[fold_of(self.log) == fold])
+    def legs_by_fold(self) -> dict[int, NDArray[np.bool_]]:
+        """Masks [L] of the legs of each fold that has windows."""
+        fold, leg = fold_of(self.log), np.arange(self.log.legs)
+        return {number: np.isin(leg, self.log.leg[fold == number]) for number in np.unique(self.fold).tolist()}
 
     def by_other_folds(self, without: Mapping[int, Coordinates]) -> Floats:
         """Tracks of each fold's windows with the effects fitted without its legs."""
@@ -218,18 +219,14 @@ def named_without(
 
 def evidence_without(windows: UnseenWindows, evidence: Evidence) -> dict[int, Evidence]:
     """The evidence of all legs but those of each fold."""
-    folds = np.unique(windows.fold).tolist()
-    return {fold: _evidence_of_legs(evidence.equations, ~windows.legs_of(fold)) for fold in folds}
+    equations, folds = evidence.equations, windows.legs_by_fold().items()
+    return {fold: evidence_of(replace(equations, gram=equations.gram[~legs])) for fold, legs in folds}
 
 
-def evidence_within(windows: UnseenWindows, evidence: Evidence) -> dict[int, Evidence]:
+def evidence_within(windows: UnseenWindows, evidence: Evidence) -> list[Evidence]:
     """The evidence of each fold's legs alone, which are disjoint parts of the trial."""
-    folds = np.unique(windows.fold).tolist()
-    return {fold: _evidence_of_legs(evidence.equations, windows.legs_of(fold)) for fold in folds}
-
-
-def _evidence_of_legs(equations: NormalEquations, legs: NDArray[np.bool_]) -> Evidence:
-    return evidence_of(replace(equations, gram=equations.gram[legs]))
+    equations, folds = evidence.equations, windows.legs_by_fold().values()
+    return [evidence_of(replace(equations, gram=equations.gram[legs])) for legs in folds]
 
 
 def with_noise_floor(held: HeldOutGap, equations: NormalEquations) -> HeldOutGap:
@@ -397,7 +394,7 @@ def linear_tracks(windows: UnseenWindows, evidence: Evidence) -> LinearTracks:
         for fold in (fold_of(windows.log, count) for count in FOLD_COUNTS):
             for index in np.unique(fold):
                 other_legs = ~np.isin(np.arange(windows.log.legs), windows.log.leg[fold == index])
-                inner = _evidence_of_legs(equations, other_legs).inner
+                inner = evidence_of(replace(equations, gram=equations.gram[other_legs])).inner
                 mine = complete & (fold[windows.starts] == index)
                 arrays = np.ascontiguousarray(error[mine]), np.ascontiguousarray(slope[:, mine])
                 yield _Fold(inner, *arrays, number[mine])

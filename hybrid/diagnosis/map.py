@@ -474,7 +474,7 @@ def _try_regime(
     wider = Linearisation(equations.log, model, equations.tolerance, equations.linear, effects)
     evidence = evidence_of(normal_equations(wider, equations.noise, number=FEW))
     with_m = _off_m(windows, evidence, names)
-    replicated = replications(evidence, names, evidence_within(windows, evidence).values())[effect.name]
+    replicated = replications(evidence, names, evidence_within(windows, evidence))[effect.name]
     if not improves_prediction(off_m, with_m) or replicated.found < MOST_PARTS * replicated.parts:
         return None
     fit = evidence.fit(names, prior=True)

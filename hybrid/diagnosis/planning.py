@@ -16,7 +16,7 @@ its true motion serves as the measured one.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from math import expm1, inf, log, log1p, sqrt
@@ -473,20 +473,15 @@ def shafts_of(vessel: Vessel, usual_rpm: float) -> Shafts:
     )
     tunnel_limit = min((tunnel.limit_rpm for tunnel in vessel.of_kind("tunnel")), default=0.0)
     steering = [actuator for actuator in vessel.actuators if actuator.angle]
+    drives = {actuator.noun for actuator in vessel.actuators if actuator.drives}
+    steers = {actuator.steers_by for actuator in steering}
     return Shafts(
         usual, half, slow, fast, round(_TUNNEL * tunnel_limit / _ROUND_RPM) * _ROUND_RPM,
         drives_in(vessel.actuators), tuple(actuator.name for actuator in steering),
         names_of(vessel.actuators, "tunnel"),
-        _common_word((actuator.noun for actuator in vessel.actuators if actuator.drives), "thruster"),
-        _common_word((actuator.steers_by for actuator in steering), _MIXED), pace_of(vessel).time, limit,
-        own_usual_rpm(vessel),
+        drives.pop() if len(drives) == 1 else "thruster", steers.pop() if len(steers) == 1 else _MIXED,
+        pace_of(vessel).time, limit, own_usual_rpm(vessel),
     )  # fmt: skip
-
-
-def _common_word(words: Iterable[str], otherwise: str) -> str:
-    """The word that all of ``words`` are."""
-    distinct = set(words)
-    return distinct.pop() if len(distinct) == 1 else otherwise
 
 
 def repertoire(shafts: Shafts) -> tuple[CandidateManoeuvre, ...]:

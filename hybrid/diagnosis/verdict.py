@@ -45,7 +45,6 @@ from seatrial.hybrid.diagnosis.coarse_model import (
     preliminary_selection,
     replications,
     select_unless_coarse,
-    sizes_by_fold,
     unseen_distance_m,
 )
 from seatrial.hybrid.diagnosis.disturbance_model import DisturbanceNoise, NoiseEstimate, columns_of
@@ -183,7 +182,7 @@ def reach_verdict(first: Acceptance, progress: Progress = lambda share: None) ->
     if lacks:
         gap = with_noise_floor(gap, equations)
     rivals = close_rivals(accepted)
-    parts = evidence_within(windows, accepted.evidence).values() if accepted.names else []
+    parts = evidence_within(windows, accepted.evidence) if accepted.names else []
     replicated = replications(accepted.evidence, accepted.names, parts)
     partly = any(replication.found < replication.parts for replication in replicated.values())
     # something is missing that the named effects may only imitate
@@ -319,7 +318,8 @@ def _gap(accepted: Acceptance, windows: UnseenWindows, lacks: Sequence[LackOfFit
     """
     evidence, names = accepted.evidence, accepted.names
     if accepted.beside_remainder:
-        without = sizes_by_fold(evidence_without(windows, evidence), names)
+        by_fold = evidence_without(windows, evidence)
+        without = {fold: fitted_coordinates(training, names) for fold, training in by_fold.items()}
     else:
         excluded = frozenset(evidence.names) - set(names)
         without = named_without(windows, evidence, excluded if lacks or not names else frozenset())
