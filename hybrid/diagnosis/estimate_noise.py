@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -114,26 +115,14 @@ def _likeliest_noise(design: evidence.DesignMatrix, start: DisturbanceNoise | No
         noise, cost = min(tried, key=lambda fit: fit[1] + _PRICE_OF_WAVES * fit[0].has_waves)
     if start is not None:
         return noise
-    best = _fit_if_better(
-        linear, residual, part.edges, (noise, cost), start_of_wave_drift(noise), _PRICE_OF_WAVE_DRIFT
-    )
-    begin = start_of_drift(linear, residual, part.edges, best[0])
-    return _fit_if_better(linear, residual, part.edges, best, begin, _PRICE_OF_DRIFT)[0]
-
-
-def _fit_if_better(
-    linear: LinearModel,
-    data: Columns,
-    edges: Ints,
-    simpler: tuple[DisturbanceNoise, float],
-    begin: DisturbanceNoise,
-    price: float,
-) -> tuple[DisturbanceNoise, float]:
-    """The levels from ``begin``, which has more parameters, and their cost, if that is lower by their ``price``."""
-    if begin is simpler[0]:
-        return simpler
-    extended = fit_noise(linear, data, edges, begin, _STEPS[1])
-    return extended if extended[1] < simpler[1] - price else simpler
+    sensor_drift = partial(start_of_drift, linear, residual, part.edges)
+    for extend, price in ((start_of_wave_drift, _PRICE_OF_WAVE_DRIFT), (sensor_drift, _PRICE_OF_DRIFT)):
+        begin = extend(noise)
+        if begin is not noise:  # more parameters have to be worth their price
+            extended, extended_cost = fit_noise(linear, residual, part.edges, begin, _STEPS[1])
+            if extended_cost < cost - price:
+                noise, cost = extended, extended_cost
+    return noise
 
 
 def _first_guess(log: Log, model: ModelWithEffects) -> DisturbanceNoise:

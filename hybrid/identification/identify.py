@@ -174,8 +174,8 @@ class Judgement:
 
     def as_dict(self) -> dict[str, Any]:
         """For JSON."""
-        result = {name: getattr(self, name) for name in ("horizon_s", "windows", "held_out")}
-        return {**result, "methods": scores_json(self.scores)}
+        counted = {"horizon_s": self.horizon_s, "windows": self.windows, "held_out": self.held_out}
+        return {**counted, "methods": scores_json(self.scores)}
 
 
 @dataclass(frozen=True, slots=True, repr=False)
