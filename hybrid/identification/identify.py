@@ -122,25 +122,6 @@ def _information(model: ResponseModel, fitted: CoefficientFit, name: str) -> Flo
     )
 
 
-def _candidate(
-    model: ResponseModel, fitted: CoefficientFit, name: str, information: Floats
-) -> ManoeuvreInformation:
-    count = len(model.coefficients)
-    prior = fitted.covariance[:count, :count]
-    posterior = np.linalg.inv(np.linalg.inv(prior) + information)
-    prior_error, posterior_error = np.sqrt(np.diag(prior)), np.sqrt(np.diag(posterior))
-    gain = 0.5 * float(np.linalg.slogdet(prior)[1] - np.linalg.slogdet(posterior)[1])
-    newly = [
-        coefficient.name
-        for coefficient, a, b in zip(model.coefficients, prior_error, posterior_error, strict=True)
-        if a >= UNKNOWN > b
-    ]
-    minutes = SEGMENTS * model.segments.duration_s / 60.0
-    return ManoeuvreInformation(
-        name, minutes, gain, float(np.mean((posterior_error / prior_error) ** 2)), tuple(newly)
-    )
-
-
 @dataclass(frozen=True, slots=True)
 class CoefficientEstimate(Interval):
     """A coefficient: its value with the 95 % interval, its initial value with the prior interval, and whether
