@@ -287,7 +287,7 @@ def _errors(
         deviation = deviation * t.isf(0.025, count - 1) / norm.isf(0.025)
         deviation = np.hypot(deviation, np.sqrt((allowance[rows].mean(axis=0) ** 2).sum(axis=1)))
         for name, size, z in zip(POSE_AND_VELOCITY, mean * _DEGREES, mean / deviation, strict=True):
-            result.append(GapCell(name, cell.span, int(rows.sum()), float(size), float(z)))
+            result.append(GapCell(name, cell.span, int(cell.rows.sum()), float(size), float(z)))
     return result
 
 
