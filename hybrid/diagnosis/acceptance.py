@@ -48,7 +48,6 @@ from seatrial.hybrid.diagnosis.select_effects import (
     fitted_coordinates,
     linearised_swaps,
     log_density,
-    rival_deficits,
     search_effects,
 )
 from seatrial.hybrid.effects import Effect
@@ -97,11 +96,6 @@ class AcceptanceTests:
     spread: float
     p_held_out: float
     large_enough: bool
-
-    @property
-    def fails_alone(self) -> bool:
-        """Whether it would fail the tests even without the others."""
-        return max(self.p_value, self.p_held_out) > 0.5
 
     @property
     def accepted(self) -> bool:
@@ -306,9 +300,18 @@ def _test_tolerance(equations: NormalEquations, evidence: Evidence, names: Seque
     """Whether the error of the forces of speeds and thrusters exceeds the tolerance, and its most likely size."""
     nuisance, scale = equations.nuisance, equations.nuisance_scale
     wider = np.isin(nuisance, np.concatenate([equations.layout.axis(axis) for axis in range(3)]))
+    gram, columns = equations.gram.sum(axis=0), np.array(evidence.columns(names), dtype=int)
 
     def cost(log_factor: float) -> float:
-        return -_log_density(evidence, names, scale * np.where(wider, np.exp(log_factor), 1.0))
+        """Minus the log density of the data, the effects ``names`` fitted freely; up to a constant."""
+        tolerated = scale * np.where(wider, np.exp(log_factor), 1.0)
+        inner, determinant = restored_gram(equations, gram, tolerated)
+        misfit = inner[0, 0]
+        if columns.size:
+            information = inner[np.ix_(columns, columns)]
+            misfit -= inner[0, columns] @ np.linalg.solve(information, inner[columns, 0])
+            determinant += float(np.linalg.slogdet(information)[1])
+        return -float(-0.5 * (misfit + determinant))
 
     limit = np.log(1.0 / equations.tolerance)  # the whole range
     optimum = minimize_scalar(cost, bounds=(0.0, limit), method="bounded", options={"xatol": _CLOSE_TO_LIKELIEST})
@@ -320,25 +323,25 @@ def _test_tolerance(equations: NormalEquations, evidence: Evidence, names: Seque
     )  # fmt: skip
 
 
-def _log_density(evidence: Evidence, names: Sequence[str], scale: Floats) -> float:
-    """Log density of the data given these nuisances, the effects ``names`` fitted freely; up to a constant."""
-    inner, determinant = restored_gram(evidence.equations, evidence.equations.gram.sum(axis=0), scale)
-    columns = np.array(evidence.columns(names), dtype=int)
-    misfit = inner[0, 0]
-    if columns.size:
-        information = inner[np.ix_(columns, columns)]
-        misfit -= inner[0, columns] @ np.linalg.solve(information, inner[columns, 0])
-        determinant += float(np.linalg.slogdet(information)[1])
-    return float(-0.5 * (misfit + determinant))
-
-
 def composite_effects(evidence: Evidence, names: Sequence[str]) -> list[tuple[str, ...]]:
     """Groups of named effects each of which may be one effect outside the catalogue: related ones, or many of a
     family."""
     catalogue = evidence.equations.model.catalogue
     groups = [set(family) for family in families_with_many_effects(evidence, names)]
     for first, second in combinations(names, 2):
-        if not _related(catalogue[first], catalogue[second]) or _tried_together(evidence, first, second):
+        a, b = catalogue[first], catalogue[second]
+        alike = a.family == b.family and a.kind == b.kind and not (_often_together(a) or _often_together(b))
+        confused = a.family == "clock" or b.base in a.confused_with or a.base in b.confused_with
+        if not (alike and confused):  # one cause may hardly appear as both
+            continue
+        spanned = (  # an effect of the catalogue that the two combine to, each contributing, was tried
+            _explained_share(evidence, name, (first, second))
+            > _SPANNED
+            > max(_explained_share(evidence, name, (single,)) for single in (first, second))
+            for name, effect in catalogue.items()
+            if effect.family == a.family and name not in (first, second)
+        )
+        if any(spanned):
             continue
         joined = [group for group in groups if group & {first, second}]
         groups = [group for group in groups if group not in joined] + [{first, second}.union(*joined)]
@@ -354,17 +357,6 @@ def families_with_many_effects(evidence: Evidence, names: Sequence[str]) -> list
     return [members for members in families if len(members) > CREDIBLE]
 
 
-def _related(first: Effect, second: Effect) -> bool:
-    """Whether one cause may plausibly appear as both."""
-    if (
-        first.family != second.family
-        or first.kind != second.kind
-        or any(_often_together(effect) for effect in (first, second))
-    ):
-        return False
-    return first.family == "clock" or second.base in first.confused_with or first.base in second.confused_with
-
-
 def _often_together(effect: Effect) -> bool:
     """Whether it commonly occurs together with others of its family.
 
@@ -372,18 +364,6 @@ def _often_together(effect: Effect) -> bool:
     of the model.
     """
     return effect.family == "sensor" or (effect.family == "environment" and effect.parameters[0].unit != "1")
-
-
-def _tried_together(evidence: Evidence, first: str, second: str) -> bool:
-    """Whether the catalogue has an effect of their family that the two combine to, each contributing."""
-    catalogue = evidence.equations.model.catalogue
-    return any(
-        _explained_share(evidence, name, (first, second))
-        > _SPANNED
-        > max(_explained_share(evidence, name, (single,)) for single in (first, second))
-        for name, effect in catalogue.items()
-        if effect.family == catalogue[first].family and name not in (first, second)
-    )
 
 
 def pairs_spanning(evidence: Evidence, names: Sequence[str], name: str) -> list[tuple[str, str]]:
@@ -424,41 +404,33 @@ class Acceptance:
 
 
 def accept(selection: Selection) -> Acceptance:
-    """The fifth stage: test every selected effect, then what they leave unexplained.
+    """The fifth stage: test every selected effect and compare its rivals, then test what they leave unexplained.
 
     Each named effect may then also vary with the operating point, as a related effect outside the catalogue
     would.
     """
-    accepted = _compare_rivals(accept_names(selection))
-    if accepted.names:
-        equations = accepted.evidence.equations
-        repeated = normal_equations(equations, equations.noise, interactions=accepted.names)
-        accepted = replace(accepted, evidence=evidence_of(repeated))
-    return replace(accepted, lack_of_fit=lack_of_fit_that_matters(accepted))
-
-
-def _compare_rivals(accepted: Acceptance) -> Acceptance:
-    """The acceptance with rivals compared at their own linearisation; the most likely rival replaces the name.
-
-    It has to pass all tests as well. No search is made from it: starting from a wrong set, a search adds more
-    imitations.
-    """
+    accepted = accept_names(selection)
     swaps = linearised_swaps(accepted.evidence, accepted.names)
     best = max(swaps, key=lambda swap: log_density(swap.evidence, swap.names), default=None)
-    if best is None:
-        return accepted
-    if log_density(best.evidence, best.names) > log_density(accepted.evidence, accepted.names):
+    # The most likely rival replaces the name if it passes all tests. No search is made from it: starting from a
+    # wrong set, a search adds more imitations.
+    if best is not None and log_density(best.evidence, best.names) > log_density(accepted.evidence, accepted.names):
         tests = {name: acceptance_tests(best.evidence, best.names, name) for name in best.names}
         if all(test.accepted for test in tests.values()):
             accepted = Acceptance(best.names, tests, best.evidence)
             swaps = linearised_swaps(best.evidence, best.names)
-    evidence, names, deficits = accepted.evidence, accepted.names, dict[tuple[str, str], float]()
+    evidence, names, deficits = accepted.evidence, accepted.names, dict(accepted.rival_deficits)
     for swap in swaps:  # at its own fitted size, reduced where legs disagree
         deficit = log_density(evidence, names) - log_density(swap.evidence, swap.names)
         gains = log_density_by_leg(evidence, names) - log_density_by_leg(swap.evidence, swap.names)
         noncentrality = _noncentrality(evidence, evidence.fit(names), swap.name)
         deficits[swap.name, swap.rival] = penalise_by_leg_scatter(deficit, gains, noncentrality)
-    return replace(accepted, rival_deficits={**accepted.rival_deficits, **deficits})
+    accepted = replace(accepted, rival_deficits=deficits)
+    if accepted.names:
+        equations = accepted.evidence.equations
+        repeated = normal_equations(equations, equations.noise, interactions=accepted.names)
+        accepted = replace(accepted, evidence=evidence_of(repeated))
+    return replace(accepted, lack_of_fit=lack_of_fit_that_matters(accepted))
 
 
 def log_density_by_leg(evidence: Evidence, names: tuple[str, ...]) -> Floats:
@@ -485,28 +457,29 @@ def penalise_by_leg_scatter(log_odds: float, gains: Floats, noncentrality: Float
 
 
 def accept_names(selection: Selection) -> Acceptance:
-    """Test every selected effect; one that fails is excluded, and the search goes on without it."""
+    """Test every selected effect; one that fails is excluded, and the search goes on without it.
+
+    The deficits of rivals are those of the sets that were tried.
+    """
     while True:
-        evidence = selection.evidence
-        names, tests, excluded = _drop_failures(evidence, selection.names, selection.excluded)
+        evidence, names, excluded = selection.evidence, selection.names, selection.excluded
+        tests = {name: acceptance_tests(evidence, names, name) for name in names}
+        while failed := [test for test in tests.values() if not test.accepted]:  # each makes room for others
+            worst = max(failed, key=lambda test: test.p_value)
+            hopeless = (test.name for test in failed if max(test.p_value, test.p_held_out) > 0.5)
+            excluded |= {worst.name, *hopeless}
+            names = search_effects(evidence, excluded)
+            tests = {name: acceptance_tests(evidence, names, name) for name in names}
         if set(names) == set(selection.at) or selection.linearisations >= MAX_LINEARISATIONS:
-            return Acceptance(names, tests, evidence, rival_deficits(evidence, names, selection.tried))
+            break
         at = fitted_coordinates(evidence, names)
         selection = continue_search(replace(selection, at=at, excluded=excluded))
-
-
-def _drop_failures(
-    evidence: Evidence, names: tuple[str, ...], excluded: frozenset[str]
-) -> tuple[tuple[str, ...], dict[str, AcceptanceTests], frozenset[str]]:
-    """The effects that pass all tests, their results, and the excluded ones; each failure makes room for others."""
-    while True:
-        tests = {name: acceptance_tests(evidence, names, name) for name in names}
-        failed = [test for test in tests.values() if not test.accepted]
-        if not failed:
-            return names, tests, excluded
-        worst = max(failed, key=lambda test: test.p_value)
-        excluded |= {worst.name, *(test.name for test in failed if test.fails_alone)}
-        names = search_effects(evidence, excluded)
+    deficits = dict[tuple[str, str], float]()
+    for candidate, density in selection.tried.items():
+        dropped, added = set(names) - set(candidate), set(candidate) - set(names)
+        if len(dropped) == len(added) == 1:
+            deficits[dropped.pop(), added.pop()] = log_density(evidence, names) - density
+    return Acceptance(names, tests, evidence, deficits)
 
 
 def lack_of_fit_that_matters(accepted: Acceptance) -> tuple[LackOfFit, ...]:

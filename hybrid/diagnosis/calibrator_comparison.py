@@ -22,7 +22,7 @@ from seatrial.hybrid.calibrators import METHOD
 from seatrial.hybrid.diagnosis.evidence import OPERATION
 from seatrial.hybrid.diagnosis.gap import FOLDS, HORIZON_S, fold_of
 from seatrial.hybrid.diagnosis.linearise import ModelWithEffects, time_varying_among
-from seatrial.hybrid.diagnosis.log import Log, tables_by_recording
+from seatrial.hybrid.diagnosis.log import Log, join_tables, recording_names
 from seatrial.hybrid.diagnosis.result import CalibratorComparison, Diagnosis, Ratio, UnknownCause
 from seatrial.hybrid.diagnosis.select_effects import Coordinates
 from seatrial.hybrid.diagnosis.verdict import Conclusion
@@ -30,7 +30,6 @@ from seatrial.hybrid.evaluation.study import Draw, MethodErrors, evaluate_draw, 
 from seatrial.hybrid.prediction.baselines import LegBootstrap, reference
 from seatrial.hybrid.prediction.dataset import dataset_of
 from seatrial.hybrid.prediction.windows import PredictionWindows
-from seatrial.hybrid.vessel.plant import Plant
 
 _TELLING = 0.9  # of the error: a tenth is worth explaining
 
@@ -54,8 +53,11 @@ def compare_calibrators(
     if any(time_varying_among(at, equations.model.catalogue) for at in conclusion.gap.without.values()):
         return CalibratorComparison(HORIZON_S, METHOD, why_not="what was named is not the same in all of the trial")
     try:
-        by_recording = {  # some tables may be parts of one recording
-            name: second_by_second(partial(resample, table)) for name, table in tables_by_recording(tables).items()
+        pieces = dict[str, list[pd.DataFrame]]()  # some tables may be parts of one recording
+        for name, table in zip(recording_names(tables), tables, strict=True):
+            pieces.setdefault(name, []).append(table)
+        by_recording = {
+            name: second_by_second(partial(resample, join_tables(parts))) for name, parts in pieces.items()
         }
         length_m = equations.model.base.length_overall_m
         windows = dataset_of(by_recording, HORIZON_S, STRIDE_S, shorter=True, length_m=length_m).windows
@@ -122,11 +124,33 @@ def compare_on_windows(
     finite = np.all([np.isfinite(reference(windows, plant)).all(axis=(1, 2)) for plant in plants], axis=0)
     windows, seconds = windows.subset(finite), seconds[finite]
     draws = {fold: draw for fold, draw in draws_of_folds(windows, seconds, seed).items() if fold in bases}
-    errors_of_folds = [
-        _model_errors(draw, windows, bases[fold], method, seed + fold, part_of(progress, number, len(draws)))
-        for number, (fold, draw) in enumerate(draws.items())
-    ]
-    return _pooled(windows, list(draws.values()), errors_of_folds, method, seed)
+    errors_of_folds = list[dict[str, MethodErrors]]()
+    for number, (fold, draw) in enumerate(draws.items()):
+        fold_progress = part_of(progress, number, len(draws))
+        models, calibrated = dict[str, MethodErrors](), dict[str, MethodErrors]()
+        for place, (name, plant) in enumerate(bases[fold].items()):
+            examples, share = (windows, reference(windows, plant)), part_of(fold_progress, place, len(bases[fold]))
+            errors = evaluate_draw(draw, examples, [method], plant, seed + fold, share)
+            models |= {"constant_velocity": errors["constant_velocity"], name: errors["reference"]}
+            calibrated[f"{name}_calibrated"] = errors[method]
+        errors_of_folds.append(models | calibrated)
+    result = pool_draws("leg", windows, list(draws.values()), errors_of_folds)
+    legs = LegBootstrap.of(windows.leg[result.held_out], seed)
+    mean_m = {name: errors.distance_m.mean(axis=1) for name, errors in result.errors.items()}
+    pairs = [("named", "reference"), ("reference_calibrated", "reference"), ("named_calibrated", "named"),
+             ("named_calibrated", "reference_calibrated")]  # fmt: skip
+    return CalibratorComparison(
+        windows.horizon_s,
+        method,
+        int(result.held_out.sum()),
+        legs.legs,
+        {name: legs.mean(distance_m) for name, distance_m in mean_m.items()},
+        tuple(
+            Ratio(numerator, denominator, **asdict(legs.ratio(mean_m[numerator], mean_m[denominator])))
+            for numerator, denominator in pairs
+            if numerator in mean_m
+        ),
+    )
 
 
 def doubted_by_calibrator(diagnosis: Diagnosis, comparison: CalibratorComparison) -> Diagnosis:
@@ -139,43 +163,3 @@ def doubted_by_calibrator(diagnosis: Diagnosis, comparison: CalibratorComparison
     words = f"what a calibrator learns of these data, which takes {100.0 * (1.0 - ratio.value):.0f} % off the error"
     unknown = UnknownCause(1.0 - ratio.value, (OPERATION,), words)
     return replace(diagnosis, verdict="unknown", unknown=unknown)
-
-
-def _model_errors(
-    draw: Draw, windows: PredictionWindows, bases: Mapping[str, Plant], method: str, seed: int, progress: Progress
-) -> dict[str, MethodErrors]:
-    """The errors of each model, and of a calibrator on top of it, on the windows that ``draw`` holds out."""
-    models, calibrated = dict[str, MethodErrors](), dict[str, MethodErrors]()
-    for number, (name, plant) in enumerate(bases.items()):
-        examples = windows, reference(windows, plant)
-        errors = evaluate_draw(draw, examples, [method], plant, seed, part_of(progress, number, len(bases)))
-        models |= {"constant_velocity": errors["constant_velocity"], name: errors["reference"]}
-        calibrated[f"{name}_calibrated"] = errors[method]
-    return models | calibrated
-
-
-def _pooled(
-    windows: PredictionWindows,
-    draws: Sequence[Draw],
-    errors_of_folds: Sequence[Mapping[str, MethodErrors]],
-    method: str,
-    seed: int,
-) -> CalibratorComparison:
-    """The means over all test windows, and their ratios, with intervals over legs."""
-    result = pool_draws("leg", windows, draws, errors_of_folds)
-    legs = LegBootstrap.of(windows.leg[result.held_out], seed)
-    mean_m = {name: errors.distance_m.mean(axis=1) for name, errors in result.errors.items()}
-    pairs = [("named", "reference"), ("reference_calibrated", "reference"), ("named_calibrated", "named"),
-             ("named_calibrated", "reference_calibrated")]  # fmt: skip
-    pairs = [pair for pair in pairs if pair[0] in mean_m]
-    return CalibratorComparison(
-        windows.horizon_s,
-        method,
-        int(result.held_out.sum()),
-        legs.legs,
-        {name: legs.mean(distance_m) for name, distance_m in mean_m.items()},
-        tuple(
-            Ratio(numerator, denominator, **asdict(legs.ratio(mean_m[numerator], mean_m[denominator])))
-            for numerator, denominator in pairs
-        ),
-    )

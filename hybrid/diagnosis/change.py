@@ -9,7 +9,7 @@ on time is left alone.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from math import log
 
@@ -64,39 +64,41 @@ def likeliest_change(accepted: Acceptance) -> TimeVaryingEffect | None:
     Of about equally likely profiles the simplest is taken.
     """
     parts = _parts_of(accepted.evidence.equations)
-    catalogue = parts.evidence.equations.model.catalogue
+    equations = parts.evidence.equations
+    catalogue, layout = equations.model.catalogue, equations.layout
     steady = [name for name, effect in catalogue.items() if not isinstance(effect, TimeVaryingEffect)]
     tried = [_best_profiles(parts, name, accepted.names) for name in steady]
     likely = sorted(tried, key=lambda changes: -max(changes))[:_LIKELIEST]
     existing = parts.evidence.names  # an effect that already varies in this way is not tried again
     odds = dict[TimeVaryingEffect, float]()
     for change in (change for changes in likely for change in changes.values() if change.name not in existing):
-        evidence = parts.with_change(change)
+        shares, size = _shares(change.profile, equations.log, parts.part), len(change.free_scale)
+        extended = replace(  # the changed effect beside all others
+            equations,
+            layout=replace(
+                layout,
+                effect=(*layout.effect, *(change.name,) * size),
+                prior=np.append(layout.prior, change.free_scale),
+                tolerated=np.append(layout.tolerated, np.zeros(size)),
+            ),
+            model=replace(equations.model, catalogue={**catalogue, change.name: change}),
+        )
+        evidence = Evidence(parts.inner(parts.evidence.columns([change.base]), shares), extended)
         names = search_effects(evidence)
         times = len(parts.profiles) if change.profile.interval_s else 1  # that were tried
         odds[change] = evidence.log_odds(names) - log(times) if change.name in names else -np.inf
     if not odds:
         return None
     best = max(odds, key=odds.__getitem__)
-    if odds[best] < _required_log_odds(parts.evidence, is_coarse(accepted)):
+    unchanged = parts.evidence  # the change has to explain more than any set without one
+    required = unchanged.log_odds(search_effects(unchanged)) + CLOSE
+    if is_coarse(accepted):  # and much more than any set constant over recordings: separate sizes may imitate it
+        changing = frozenset(effect.name for effect in time_varying_among(existing, catalogue))
+        required = max(required, (1.0 + _MUCH) * unchanged.log_odds(search_effects(unchanged, changing)))
+    if odds[best] < required:
         return None
     alike = [change for change in odds if change.base == best.base and odds[change] > odds[best] - CLOSE]
     return min(alike, key=lambda change: (change.profile.pieces, -odds[change]))
-
-
-def _required_log_odds(evidence: Evidence, coarse: bool) -> float:
-    """The log odds that the best set with a change has to reach: more than any set without one.
-
-    For a coarse model much more than any set that is constant over recordings, since separate sizes may imitate
-    a change.
-    """
-    asked = evidence.log_odds(search_effects(evidence)) + CLOSE
-    if not coarse:
-        return asked
-    changing = frozenset(
-        effect.name for effect in time_varying_among(evidence.names, evidence.equations.model.catalogue)
-    )
-    return max(asked, (1.0 + _MUCH) * evidence.log_odds(search_effects(evidence, changing)))
 
 
 @dataclass(frozen=True, slots=True)
@@ -132,21 +134,6 @@ class _Parts:
         )
         return np.block([[self.evidence.inner, cross], [cross.T, inner - explained.T @ explained]])
 
-    def with_change(self, change: TimeVaryingEffect) -> Evidence:
-        """The evidence with a changed effect beside all others."""
-        equations = self.evidence.equations
-        shares = _shares(change.profile, equations.log, self.part)
-        inner = self.inner(self.evidence.columns([change.base]), shares)
-        size, layout = len(change.free_scale), equations.layout
-        layout = replace(
-            layout,
-            effect=(*layout.effect, *(change.name,) * size),
-            prior=np.append(layout.prior, change.free_scale),
-            tolerated=np.append(layout.tolerated, np.zeros(size)),
-        )
-        model = replace(equations.model, catalogue={**equations.model.catalogue, change.name: change})
-        return Evidence(inner, replace(equations, layout=layout, model=model))
-
 
 def _parts_of(equations: NormalEquations) -> _Parts:
     log, blocks = equations.log, int(equations.log.block.max()) + 1
@@ -164,9 +151,16 @@ def _parts_of(equations: NormalEquations) -> _Parts:
     half = solve_triangular(lower, cross, lower=True, check_finite=False).reshape(len(nuisance), -1, count)
     half_total = half.sum(axis=1)
     evidence = Evidence(part_inner.sum(axis=0) - half_total.T @ half_total, replace(fine, log=log))
-    profiles = tuple((profile, _shares(profile, log, part)) for profile in _profiles(log))
+
+    recordings = tuple(np.unique(log.recording).tolist())
+    profiles = [TimeProfile("recordings", recordings)] if len(recordings) > 1 else []
+    profiles.append(TimeProfile("drift", (float(log.time_s.min()), float(log.time_s.max()))))
+    inside = (log.block > log.block[0]) & (log.block < log.block[-1])
+    times_s = log.time_s[inside][::_STEP_S].tolist()
+    profiles += [TimeProfile("step", (float(time_s),)) for time_s in times_s]
     half = np.ascontiguousarray(np.moveaxis(half, 0, 1))
-    return _Parts(evidence, part_inner, half, half_total, part, profiles)
+    shares = tuple((profile, _shares(profile, log, part)) for profile in profiles)
+    return _Parts(evidence, part_inner, half, half_total, part, shares)
 
 
 def _shares(profile: TimeProfile, log: Log, part: Ints) -> Floats:
@@ -184,7 +178,10 @@ def _best_profiles(parts: _Parts, name: str, names: Sequence[str]) -> dict[float
     by_shape: dict[Shape, list[tuple[float, TimeProfile]]] = {}
     for profile, shares in parts.profiles:
         inner, width = parts.inner(effect_columns, shares), len(effect.free_scale)
-        for pieces, shape in _SHAPES.get(profile.shape, ((slice(None), profile.shape),)):
+        pieces_of: dict[Shape, slice] = {profile.shape: slice(None)}
+        if profile.shape == "step":  # or with one of its two sizes zero: something that stops or begins
+            pieces_of |= {"until": slice(1), "since": slice(1, None)}
+        for shape, pieces in pieces_of.items():
             columns = np.arange(first, len(inner)).reshape(-1, width)[pieces].ravel()
             sizes = np.append(prior, effect.free_scale * (len(columns) // width))
             odds = log_evidence(inner, (*fixed, *columns), sizes)
@@ -197,20 +194,3 @@ def _best_profiles(parts: _Parts, name: str, names: Sequence[str]) -> dict[float
             profile = replace(profile, interval_s=(min(times) - _STEP_S, max(times) + _STEP_S))
         changes[best] = time_varying(effect, profile)
     return changes
-
-
-_SHAPES: dict[Shape, tuple[tuple[slice, Shape], ...]] = {
-    "step": ((slice(None), "step"), (slice(1), "until"), (slice(1, None), "since"))
-}
-"""A step with one of its two sizes zero: something that stops or begins."""
-
-
-def _profiles(log: Log) -> Iterator[TimeProfile]:
-    """Every candidate profile."""
-    recordings = tuple(np.unique(log.recording).tolist())
-    if len(recordings) > 1:
-        yield TimeProfile("recordings", recordings)
-    yield TimeProfile("drift", (float(log.time_s.min()), float(log.time_s.max())))
-    inside = (log.block > log.block[0]) & (log.block < log.block[-1])
-    for time_s in log.time_s[inside][::_STEP_S].tolist():
-        yield TimeProfile("step", (float(time_s),))

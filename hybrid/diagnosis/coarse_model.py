@@ -17,7 +17,7 @@ chapter 10).
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -135,43 +135,37 @@ def name_effects_of_coarse_model(
     first: Acceptance, windows: UnseenWindows, progress: Progress = lambda share: None
 ) -> Acceptance | None:
     """The effects named beside a remainder, and that remainder; None if none improve predictions."""
-    candidates = list[tuple[Callable[[Sequence[str]], Floats], Evidence, tuple[str, ...], LinearTracks]]()
+    candidates, off_m = list[tuple[Evidence, tuple[str, ...], LinearTracks]](), list[Floats]()
     bare = linear_about(first.evidence, {}, number=FEW)
     for number, candidate in enumerate(_candidate_sets(bare, windows), 1):
-        candidates.append(
-            (partial(unseen_distance_m, windows, evidence_without(windows, candidate[0])), *candidate)
-        )
+        candidates.append(candidate)
+        off_m.append(unseen_distance_m(windows, evidence_without(windows, candidate[0]), candidate[1]))
         progress(number / (2.0 * _ROUNDS + 2.0))
-    before_m, off_m = windows.by_leg_m(windows.before), [of_set(names) for of_set, _, names, _ in candidates]
+    before_m = windows.by_leg_m(windows.before)
     best = min(range(len(candidates)), key=lambda number: float(off_m[number].mean()))
     if single_effect_suffices(before_m, off_m[0], off_m[best], len(first.evidence.names)):
         best = 0
-    of_set, evidence, names, tracks = candidates[best]
+    evidence, names, tracks = candidates[best]
     if not names or not improves_prediction(before_m, off_m[best]):
         return None
-    tests = {name: acceptance_tests(evidence, names, name) for name in names}
-    catalogue = evidence.equations.model.catalogue
+
+    of_set = partial(unseen_distance_m, windows, evidence_without(windows, evidence))
     rivals = {name: [(rival,) for rival in possible_rivals(evidence, names, name)] for name in names}
-    confused = {
-        name: [rival for rival in rivals[name] if rival[0] in catalogue[name].confused_with] for name in names
-    }
+    resembling = {name: evidence.equations.model.catalogue[name].confused_with for name in names}
+    confused = {name: [group for group in rivals[name] if group[0] in resembling[name]] for name in names}
     close = substitutes_of(of_set, names, confused)
-    tied = dict.fromkeys(
-        [(name, rival) for name, rival in [*close, *substitutes_of(tracks.by_leg_m, names, rivals)]], 0.0
-    )
-    pairs = {
-        name: [
-            pair
-            for pair in pairs_spanning(evidence, names, name)
-            if not any((name, member) in close for member in pair)
-        ]
-        for name in names
-    }
-    substitute_pairs = tuple(
-        (name, member, partner) for name, member, partner in substitutes_of(of_set, names, pairs)
-    )
+    tied = [(name, rival) for name, rival in [*close, *substitutes_of(tracks.by_leg_m, names, rivals)]]
+    pairs = dict[str, list[tuple[str, ...]]]()
+    for name in names:
+        spanning = pairs_spanning(evidence, names, name)
+        pairs[name] = [pair for pair in spanning if not any((name, member) in close for member in pair)]
     accepted = Acceptance(
-        names, tests, evidence, rival_deficits=tied, substitute_pairs=substitute_pairs, beside_remainder=True
+        names,
+        {name: acceptance_tests(evidence, names, name) for name in names},
+        evidence,
+        rival_deficits=dict.fromkeys(tied, 0.0),
+        substitute_pairs=tuple((name, a, b) for name, a, b in substitutes_of(of_set, names, pairs)),
+        beside_remainder=True,
     )
     return replace(accepted, lack_of_fit=lack_of_fit_that_matters(accepted))
 
@@ -193,11 +187,11 @@ def _candidate_sets(
     names = compatible_effects(evidence)
     for _ in range(_ROUNDS):
         evidence = relinearise_at_mode(evidence, names)
-        choice = _Choice.of(evidence, windows)
-        before, names = names, choice.best_set(names)
-        yield evidence, names, choice.tracks
+        tracks = linear_tracks(windows, evidence)
+        before, names = names, _best_replicating_set(evidence, tracks, windows, names)
+        yield evidence, names, tracks
         evidence = relinearise_at_fit(evidence, names)
-        yield evidence, names, choice.tracks
+        yield evidence, names, tracks
         if set(names) == set(before):
             return
 
@@ -235,61 +229,34 @@ def _best_single_effect(
         return float(unseen_distance_m(windows, evidence_without(windows, views[names]), names).mean())
 
     names = min(views, key=off_m)
-    agreement = replications(views[names], names, evidence_within(windows, views[names]).values())
+    agreement = replications(views[names], names, evidence_within(windows, views[names]))
     replicating = tuple(name for name in names if agreement[name].found >= MOST_PARTS * agreement[name].parts)
     return views[names], replicating, linear_tracks(windows, views[names])
 
 
-def sizes_by_fold(rests: Mapping[int, Evidence], names: Sequence[str]) -> dict[int, Coordinates]:
-    """The sizes of ``names`` fitted to all legs but those of each fold."""
-    return {fold: fitted_coordinates(evidence, names) for fold, evidence in rests.items()}
+def _best_replicating_set(
+    evidence: Evidence, tracks: LinearTracks, windows: UnseenWindows, names: tuple[str, ...]
+) -> tuple[str, ...]:
+    """The replicating, significant effects that predict held-out legs best, starting from ``names``.
 
-
-@dataclass(frozen=True, slots=True)
-class _Choice:
-    """Sets of effects judged by tracks on held-out legs, and by the evidence of each fold's legs alone."""
-
-    evidence: Evidence
-    tracks: LinearTracks
-    parts: tuple[Evidence, ...]
-
-    @classmethod
-    def of(cls, evidence: Evidence, windows: UnseenWindows) -> _Choice:
-        """The choice at the linearisation of ``evidence``."""
-        parts = tuple(evidence_within(windows, evidence).values())
-        return cls(evidence, linear_tracks(windows, evidence), parts)
-
-    def best_set(self, names: tuple[str, ...]) -> tuple[str, ...]:
-        """The replicating, significant effects that predict held-out legs best, starting from ``names``.
-
-        Effects that fail are removed one at a time, the least missed first, since others may pass without them.
-        """
-        excluded = frozenset[str]()
-        while True:
-            names = self.tracks.best_set(names, WORTH, MAX_EFFECTS, excluded)
-            sets = {
-                name: tuple(candidate for candidate in names if candidate != name)
-                for name in self._unconfirmed(names)
-            }
-            if not sets:
-                return names
-            least = min(sets, key=lambda name: self.tracks.by_leg_m(sets[name]).mean())
-            excluded, names = excluded | {least}, sets[least]
-
-    def _unconfirmed(self, names: tuple[str, ...]) -> list[str]:
-        """Effects not found independently in most parts of the trial, or not significant.
-
-        Significance is by the scatter from leg to leg, which reflects model errors, not noise; it does not
-        overrule effects that predictions have confirmed.
-        """
-        agreement = replications(self.evidence, names, self.parts)
-        unconfirmed = [
-            name for name, replication in agreement.items() if replication.found < MOST_PARTS * replication.parts
-        ]
+    Effects that are not found independently in most parts of the trial, or not significant, are removed one at a
+    time, the least missed first, since others may pass without them. Significance is by the scatter from leg to
+    leg, which reflects model errors, not noise; it does not overrule effects that predictions have confirmed.
+    """
+    parts, excluded = evidence_within(windows, evidence), frozenset[str]()
+    while True:
+        names = tracks.best_set(names, WORTH, MAX_EFFECTS, excluded)
+        agreement = replications(evidence, names, parts)
+        unconfirmed = [name for name in names if agreement[name].found < MOST_PARTS * agreement[name].parts]
         chance = {
-            name: acceptance_tests(self.evidence, names, name).p_value for name in names if name not in unconfirmed
+            name: acceptance_tests(evidence, names, name).p_value for name in names if name not in unconfirmed
         }
-        return [*unconfirmed, *(name for name, p_value in chance.items() if p_value >= _AS_LIKELY_AS_NOT)]
+        unconfirmed += [name for name, p_value in chance.items() if p_value >= _AS_LIKELY_AS_NOT]
+        if not unconfirmed:
+            return names
+        sets = {name: tuple(member for member in names if member != name) for name in unconfirmed}
+        least = min(sets, key=lambda name: tracks.by_leg_m(sets[name]).mean())
+        excluded, names = excluded | {least}, sets[least]
 
 
 def unseen_distance_m(windows: UnseenWindows, rests: Mapping[int, Evidence], names: Sequence[str]) -> Floats:
@@ -297,7 +264,8 @@ def unseen_distance_m(windows: UnseenWindows, rests: Mapping[int, Evidence], nam
 
     Their sizes are those fitted to the other legs, whose evidence is in ``rests``.
     """
-    return windows.by_leg_m(windows.by_other_folds(sizes_by_fold(rests, names)))
+    sizes = {fold: fitted_coordinates(evidence, names) for fold, evidence in rests.items()}
+    return windows.by_leg_m(windows.by_other_folds(sizes))
 
 
 def substitutes_of(
@@ -309,22 +277,15 @@ def substitutes_of(
 
     A substitute is one other effect or several together; ``off_m`` gives a set's distances.
     """
-    whole_m, substituted = off_m(names), []
+    named_m, substituted = off_m(names), []
     for name in (candidate for candidate in names if substitutes[candidate]):
         remaining = tuple(candidate for candidate in names if candidate != name)
         lacking_m, swapped_m = off_m(remaining), {group: off_m((*remaining, *group)) for group in substitutes[name]}
-        substituted += [
-            (name, *group) for group, rival_m in swapped_m.items() if is_substitute(lacking_m, rival_m, whole_m)
-        ]
+        for group, rival_m in swapped_m.items():  # worth naming instead, and not significantly worse
+            worthwhile = np.log(lacking_m.mean() / rival_m.mean()) > WORTH
+            if worthwhile and not improves_prediction(rival_m, named_m):
+                substituted.append((name, *group))
     return substituted
-
-
-def is_substitute(lacking_m: Floats, swapped_m: Floats, whole_m: Floats) -> bool:
-    """Whether a rival would be worth naming in place of a name, and predicts not significantly worse.
-
-    All are distances by leg: with neither, with the rival, with the name.
-    """
-    return bool(np.log(lacking_m.mean() / swapped_m.mean()) > WORTH and not improves_prediction(swapped_m, whole_m))
 
 
 def improves_prediction(without_m: Floats, with_m: Floats) -> bool:
@@ -348,10 +309,9 @@ def replications(evidence: Evidence, names: Sequence[str], parts: Collection[Evi
 
     Only informative parts count, and there have to be two: a run ahead says nothing about astern thrust.
     """
-    fitted = fitted_coordinates(evidence, names)
+    fitted, result = fitted_coordinates(evidence, names), dict[str, Replication]()
     fits = [(part, part.fit(names, prior=True)) for part in parts]
-
-    def judged(name: str) -> Replication:
+    for name in names:
         size = max(float(np.linalg.norm(fitted[name])), 1e-300)
         direction, sizes = np.array(fitted[name]) / size, list[tuple[float, float]]()
         for part, fit in fits:  # along the direction that it has in the whole
@@ -363,11 +323,9 @@ def replications(evidence: Evidence, names: Sequence[str], parts: Collection[Evi
             for projected, error in sizes
             if size > _DETECTABLE * error or abs(projected) > _ONE_SIDED_95 * error
         ]
-        if len(informative) < _FEWEST_PARTS:
-            informative = [projected for projected, _ in sizes]
-        return Replication(len(informative), sum(projected > _ONE_SIDED_95 * error for projected, error in sizes))
-
-    return {name: judged(name) for name in names}
+        count = len(informative) if len(informative) >= _FEWEST_PARTS else len(sizes)
+        result[name] = Replication(count, sum(projected > _ONE_SIDED_95 * error for projected, error in sizes))
+    return result
 
 
 def compatible_effects(evidence: Evidence) -> tuple[str, ...]:
@@ -379,34 +337,25 @@ def compatible_effects(evidence: Evidence) -> tuple[str, ...]:
 
 
 def relinearise_at_mode(evidence: Evidence, names: Sequence[str]) -> Evidence:
-    """The evidence linearised about the posterior mode of ``names`` together."""
-    cost = _cost(evidence)
+    """The evidence linearised about the posterior mode of ``names`` together, by damped Gauss-Newton steps."""
+    cost, gain = _cost(evidence), np.inf
     for _ in range(_MAX_STEPS):
-        step = _step(evidence, fitted_coordinates(evidence, names), cost)
-        if step is None:
-            break
-        gain, evidence = cost - step[0], linear_about(evidence, step[1])
-        cost = step[0]
-        if gain < _ENOUGH:
+        equations, target, share = evidence.equations, fitted_coordinates(evidence, names), 1.0
+        start = equations.model.at
+        while share >= _SHORTEST:  # the longest step towards the target that lowers the cost
+            between = dict[str, tuple[float, ...]]()
+            for name in dict.fromkeys([*target, *start]):  # missing coordinates are zero
+                begin, end = (np.array(coordinates.get(name, 0.0)) for coordinates in (start, target))
+                between[name] = tuple(np.atleast_1d((1.0 - share) * begin + share * end))
+            at = equations.model.bounded(between)
+            new_cost = _cost(linear_about(evidence, at, equations.effects))
+            if new_cost < cost:
+                gain, cost, evidence = cost - new_cost, new_cost, linear_about(evidence, at)
+                break
+            share *= 0.5
+        if share < _SHORTEST or gain < _ENOUGH:
             break
     return evidence
-
-
-def _step(evidence: Evidence, target: Coordinates, cost: float) -> tuple[float, Coordinates] | None:
-    """The longest step towards ``target`` that lowers the cost, and the cost there; None if none does."""
-    equations, share = evidence.equations, 1.0
-    start = equations.model.at
-    while share >= _SHORTEST:
-        between = dict[str, tuple[float, ...]]()
-        for name in dict.fromkeys([*target, *start]):  # missing coordinates are zero
-            begin, end = (np.array(coordinates.get(name, 0.0)) for coordinates in (start, target))
-            between[name] = tuple(np.atleast_1d((1.0 - share) * begin + share * end))
-        at = equations.model.bounded(between)
-        new_cost = _cost(linear_about(evidence, at, equations.effects))
-        if new_cost < cost:
-            return new_cost, at
-        share *= 0.5
-    return None
 
 
 def _cost(evidence: Evidence) -> float:

@@ -337,13 +337,6 @@ def smooth_state(
     return mean * unit, variance * unit**2
 
 
-def wave_push(noise: DisturbanceNoise, origin: Floats) -> Floats:
-    """The force along, across and in yaw of a unit of wave drift, at headings of ``origin`` [N, 6]: [N, 3]."""
-    relative_rad = noise.wave_towards_rad - origin[:, 2]
-    force = wave_drift_at.py_func(1.0, noise.length_m, np.cos(relative_rad), np.sin(relative_rad))
-    return np.asarray(np.column_stack(force) * FORCE_UNITS[0] / FORCE_UNITS)
-
-
 def _system(linear: LinearModel, noise: DisturbanceNoise) -> tuple[Floats, ...]:
     """The system as arguments of the compiled loops."""
     return linear.A, linear.B * FORCE_UNITS, linear.H, linear.origin, noise.as_array()

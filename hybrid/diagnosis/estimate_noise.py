@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -17,6 +18,7 @@ import numpy as np
 from seatrial.acquisition.core.errors import Progress
 from seatrial.acquisition.core.quantities import Floats, Ints
 from seatrial.analysis.estimation.process_models import Prior, ScoringSettings, most_likely, robust_cost
+from seatrial.hybrid.diagnosis import evidence
 from seatrial.hybrid.diagnosis.disturbance_model import (
     FORCE_UNITS,
     GRAVITY_MPS2,
@@ -25,17 +27,6 @@ from seatrial.hybrid.diagnosis.disturbance_model import (
     NoiseEstimate,
     smooth_state,
     whiten,
-)
-from seatrial.hybrid.diagnosis.evidence import (
-    FEW,
-    DesignMatrix,
-    design_matrix,
-    draw_columns,
-    fit_columns,
-    gram_matrices,
-    subset_of,
-    tolerated_forces,
-    wind_error_mps,
 )
 from seatrial.hybrid.diagnosis.linearise import (
     Linearisation,
@@ -90,7 +81,7 @@ def estimate_noise(linearisation: Linearisation, progress: Progress = lambda sha
     noise: DisturbanceNoise | None = None
     for round_ in range(2):
         log, model = linearisation.log, linearisation.model
-        design = design_matrix(linearisation, FEW)
+        design = evidence.design_matrix(linearisation, evidence.FEW)
         noise = _likeliest_noise(design, noise)
         progress(0.3 + 0.5 * round_)
         residual, sensors = _remove_effects(design, noise, seed=None)
@@ -104,11 +95,11 @@ def estimate_noise(linearisation: Linearisation, progress: Progress = lambda sha
     return NoiseEstimate(linearisation, noise)
 
 
-def _likeliest_noise(design: DesignMatrix, start: DisturbanceNoise | None = None) -> DisturbanceNoise:
+def _likeliest_noise(design: evidence.DesignMatrix, start: DisturbanceNoise | None = None) -> DisturbanceNoise:
     """Noise levels from blocks spread over the log, after removing a draw of everything that may be missing."""
     chosen = design.log.spread_blocks(_NOISE_S)
-    linear, part = subset_of(design.linear, chosen), design.log.subset(chosen)
-    selected = replace(design, log=part, linear=linear, columns=subset_of(design.columns, chosen))
+    linear, part = evidence.subset_of(design.linear, chosen), design.log.subset(chosen)
+    selected = replace(design, log=part, linear=linear, columns=evidence.subset_of(design.columns, chosen))
     noise = start or _first_guess(part, design.model)
     for round_ in range(1 if start else _ROUNDS):
         residual, _ = _remove_effects(selected, noise, seed=round_)
@@ -124,26 +115,14 @@ def _likeliest_noise(design: DesignMatrix, start: DisturbanceNoise | None = None
         noise, cost = min(tried, key=lambda fit: fit[1] + _PRICE_OF_WAVES * fit[0].has_waves)
     if start is not None:
         return noise
-    best = _fit_if_better(
-        linear, residual, part.edges, (noise, cost), start_of_wave_drift(noise), _PRICE_OF_WAVE_DRIFT
-    )
-    begin = start_of_drift(linear, residual, part.edges, best[0])
-    return _fit_if_better(linear, residual, part.edges, best, begin, _PRICE_OF_DRIFT)[0]
-
-
-def _fit_if_better(
-    linear: LinearModel,
-    data: Columns,
-    edges: Ints,
-    simpler: tuple[DisturbanceNoise, float],
-    begin: DisturbanceNoise,
-    price: float,
-) -> tuple[DisturbanceNoise, float]:
-    """The levels from ``begin``, which has more parameters, and their cost, if that is lower by their ``price``."""
-    if begin is simpler[0]:
-        return simpler
-    extended = fit_noise(linear, data, edges, begin, _STEPS[1])
-    return extended if extended[1] < simpler[1] - price else simpler
+    sensor_drift = partial(start_of_drift, linear, residual, part.edges)
+    for extend, price in ((start_of_wave_drift, _PRICE_OF_WAVE_DRIFT), (sensor_drift, _PRICE_OF_DRIFT)):
+        begin = extend(noise)
+        if begin is not noise:  # more parameters have to be worth their price
+            extended, extended_cost = fit_noise(linear, residual, part.edges, begin, _STEPS[1])
+            if extended_cost < cost - price:
+                noise, cost = extended, extended_cost
+    return noise
 
 
 def _first_guess(log: Log, model: ModelWithEffects) -> DisturbanceNoise:
@@ -173,26 +152,28 @@ def _first_guess(log: Log, model: ModelWithEffects) -> DisturbanceNoise:
     )
 
 
-def _remove_effects(design: DesignMatrix, noise: DisturbanceNoise, seed: int | None) -> tuple[Columns, Floats]:
+def _remove_effects(
+    design: evidence.DesignMatrix, noise: DisturbanceNoise, seed: int | None
+) -> tuple[Columns, Floats]:
     """The data after removing all effects and force features, one column, and their part in the sensors [T, 6].
 
     With a ``seed`` a posterior draw of them is removed, without one their posterior mode.
     """
     layout, columns = design.layout, design.columns
-    gram = gram_matrices(design.log, design.linear, columns, noise).sum(axis=0)
+    gram = evidence.gram_matrices(design.log, design.linear, columns, noise).sum(axis=0)
     P, features = len(layout.effect), columns.features.shape[1]
     prior = np.full(columns.count, np.nan)
     prior[1 : 1 + P] = _LOOSE * layout.prior
-    prior[layout.first_wind : layout.first_varying] = _LOOSE * wind_error_mps(design.model)
+    prior[layout.first_wind : layout.first_varying] = _LOOSE * evidence.wind_error_mps(design.model)
     prior[layout.first_varying : layout.first_feature] = layout.varying_prior
-    for axis, force in enumerate(tolerated_forces(design)):
+    for axis, force in enumerate(design.tolerance * design.force_range / FORCE_UNITS):
         prior[layout.axis(axis)] = force / np.sqrt(layout.features)
         prior[layout.nuisance_forces(axis)] = _LOOSE * force
     indices = range(1, columns.count)
     fit = (
-        fit_columns(gram, indices, prior[1:]).values
+        evidence.fit_columns(gram, indices, prior[1:]).values
         if seed is None
-        else draw_columns(gram, indices, prior[1:], seed)
+        else evidence.draw_columns(gram, indices, prior[1:], seed)
     )
     plain_count = layout.first_feature - 1
     plain, forces = fit[:plain_count], fit[plain_count:].reshape(3, features)
@@ -210,6 +191,19 @@ def fit_noise(
 
     Takes at most ``steps`` steps.
     """
+    optional = ((_WAVES, start.has_waves), (_DRIFT, start.has_drift), (_WAVE_DRIFT, start.wave_drift_n > 0.0))
+    present = (name for names, is_present in optional if is_present for name in names)
+    searched = {name: getattr(start, name) for name in (*_SENSORS, *_FORCES, *present)}
+    sizes = [np.size(value) for value in searched.values()]
+
+    def noise_at(parameters: Floats) -> DisturbanceNoise:
+        levels = dict[str, Any]()
+        pieces = np.split(parameters, np.cumsum(sizes)[:-1])
+        for (name, value), piece in zip(searched.items(), pieces, strict=True):
+            values = _SEARCHED_AS.get(name, _LEVEL)[1](piece).tolist()
+            levels[name] = tuple(values) if isinstance(value, tuple) else values[0]
+        return replace(start, **levels)
+
     # no sensor is noisier than twice the level that the median third difference of consecutive readings implies,
     # whatever the ship does; otherwise jumps and jitter would be taken for noise
     columns = (column[np.isfinite(column)] for column in (data.readings[:, :, 0] + linear.origin).T)
@@ -217,16 +211,18 @@ def fit_noise(
     level = np.array([1.4826 * np.median(differences) if differences.size else 0.0 for differences in third])
     level[0] = max(level[:2])
     limits = np.log(_ROOM * np.maximum(level[[0, 2, 3, 4, 5]], np.exp(_LEAST)))
-    low, high = _bounds(start, limits)
-    values = [_SEARCHED_AS.get(name, _LEVEL)[0](getattr(start, name)) for name in _searched_parameters(start)]
+    bounds = {**_BOUNDS, "wave_drift_n": (1e-3, max(_largest_wave_drift_n(start), 2e-3))}
+    ends = [np.log(bounds[name]) if name in bounds else np.array([-np.inf, np.inf]) for name in searched]
+    low, high = np.repeat(ends, sizes, axis=0).T.copy()
+    low[: len(_LEAST)], high[: len(_LEAST)] = _LEAST, limits
+
+    values = [_SEARCHED_AS.get(name, _LEVEL)[0](value) for name, value in searched.items()]
     begin = np.clip(np.hstack(values), low, high)
-
-    def innovations(at: Floats) -> tuple[Floats, Floats]:
-        return _innovations(linear, data, edges, _noise_of(start, at))
-
-    how = replace(_SCORING, most_steps=steps)
-    optimum, cost = most_likely(innovations, begin, low, high, how, Prior(begin, _DEVIATION))
-    return _noise_of(start, optimum), 0.5 * cost
+    optimum, cost = most_likely(
+        lambda parameters: _innovations(linear, data, edges, noise_at(parameters)), begin, low, high,
+        replace(_SCORING, most_steps=steps), Prior(begin, _DEVIATION),
+    )  # fmt: skip
+    return noise_at(optimum), 0.5 * cost
 
 
 def _innovations(linear: LinearModel, data: Columns, edges: Ints, noise: DisturbanceNoise) -> tuple[Floats, Floats]:
@@ -234,33 +230,6 @@ def _innovations(linear: LinearModel, data: Columns, edges: Ints, noise: Disturb
     z, variance = whiten(linear, data, noise, edges)
     measured = np.isfinite(data.readings[:, :, 0])
     return (z[:, :, 0] * np.sqrt(variance))[measured], variance[measured]
-
-
-def _searched_parameters(noise: DisturbanceNoise) -> tuple[str, ...]:
-    """The parameters that are searched: all that are not zero throughout."""
-    optional = ((_WAVES, noise.has_waves), (_DRIFT, noise.has_drift), (_WAVE_DRIFT, noise.wave_drift_n > 0.0))
-    return (*_SENSORS, *_FORCES, *(name for names, is_present in optional if is_present for name in names))
-
-
-def _noise_of(start: DisturbanceNoise, parameters: Floats) -> DisturbanceNoise:
-    """The noise of search parameters: logarithms of levels, the inverse tanh of a correlation, a direction."""
-    levels, names = dict[str, Any](), _searched_parameters(start)
-    ends = np.cumsum([np.size(getattr(start, name)) for name in names])
-    for name, part in zip(names, np.split(parameters, ends[:-1]), strict=True):
-        values = _SEARCHED_AS.get(name, _LEVEL)[1](part).tolist()
-        levels[name] = tuple(values) if isinstance(getattr(start, name), tuple) else values[0]
-    return replace(start, **levels)
-
-
-def _bounds(kind: DisturbanceNoise, sensor_limits: Floats) -> tuple[Floats, Floats]:
-    """Lower and upper bounds of the search parameters; ``sensor_limits`` [5] are upper bounds for the sensors."""
-    searched, bounds = _searched_parameters(kind), dict(_BOUNDS)
-    if kind.wave_drift_n > 0.0:
-        bounds["wave_drift_n"] = 1e-3, max(_largest_wave_drift_n(kind), 2e-3)
-    ends = [np.log(bounds[name]) if name in bounds else np.array([-np.inf, np.inf]) for name in searched]
-    low, high = np.repeat(ends, [np.size(getattr(kind, name)) for name in searched], axis=0).T.copy()
-    low[: len(_LEAST)], high[: len(_LEAST)] = _LEAST, sensor_limits
-    return low, high
 
 
 def start_of_wave_drift(noise: DisturbanceNoise) -> DisturbanceNoise:

@@ -20,7 +20,7 @@ Three kinds of nuisances accompany the effects in the design matrix, each with a
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property, lru_cache
 from math import expm1, isfinite, log, log1p
@@ -141,19 +141,19 @@ def nuisance_basis(
         ({}, {}) if not interactions else (_interactions(log, states) for states in (origin, origin[before]))
     )
     shapes = {**bases, "heading": _orthogonal_basis(_harmonics(origin[:, 2], 2))}
-
-    def shapes_of(effect: str) -> dict[str, Floats]:
-        forms = earlier if effect.split(",")[0] in _DRIFTS else now
+    varying = []
+    for signature in effects:
+        effect = signature.effect
         of_one = effect.startswith("thrust_loss_") and not effect.endswith(("_both", "_all"))
         varies_with = ("time",) if of_one else _VARYING.get(effect, ())  # thrusts may fade one by one
-        return {name: shapes[name] for name in varies_with} | (forms if effect in interactions else {})
-
-    varying = [
-        Signature(f"{signature.effect}*{name}", number, signature.D * shape[:, None], signature.E * shape[:, None])
-        for signature in effects
-        for name, family in shapes_of(signature.effect).items()
-        for number, shape in enumerate(family.T)
-    ]
+        families = {name: shapes[name] for name in varies_with}
+        if effect in interactions:
+            families |= earlier if effect.split(",")[0] in _DRIFTS else now
+        varying += [
+            Signature(f"{effect}*{name}", number, signature.D * shape[:, None], signature.E * shape[:, None])
+            for name, family in families.items()
+            for number, shape in enumerate(family.T)
+        ]
     return NuisanceBasis(forces, depends, tuple(varying))
 
 
@@ -235,15 +235,6 @@ def force_range(log: Log, plant: Plant, origin: Floats) -> Floats:
     lever = max(abs(plant.number(f"{actuator.name}_x_m")) for actuator in plant.layout)
     sway = max(sway, _LEAST_SHARE * surge)
     return np.array([surge, sway, max(yaw, _LEAST_SHARE * surge * lever)])
-
-
-def features(log: Log, origin: Floats, number: int = FEATURES) -> Floats:
-    """Random Fourier features [T, number] of unit mean square, over speeds and thruster settings."""
-    inputs = operating_point(log, origin)
-    generator = np.random.default_rng(_FEATURES_SEED)
-    frequency = generator.standard_normal((inputs.shape[1], number))
-    phase = generator.uniform(0.0, 2.0 * np.pi, number)
-    return np.asarray(np.sqrt(2.0) * np.cos(inputs @ frequency + phase))
 
 
 def thrusts(log: Log) -> dict[str, tuple[Floats, ...]]:
@@ -537,9 +528,23 @@ def normal_equations(
     """
     design = design_matrix(linearisation, number, interactions)
     gram = gram_matrices(design.log, design.linear, design.columns, noise, progress)
+    layout = design.layout
+    tolerated = np.flatnonzero(layout.tolerated > 0.0)
+    columns = [1 + tolerated, np.arange(layout.wind) + layout.first_wind]
+    scale = [layout.tolerated[tolerated], np.full(layout.wind, wind_error_mps(design.model))]
+    for axis, force in enumerate(design.tolerance * design.force_range / FORCE_UNITS):
+        columns.append(layout.axis(axis))
+        scale.append(np.full(layout.features, force / np.sqrt(layout.features)))
+        for depends in dict.fromkeys(layout.depends):
+            family = layout.family(axis, depends)
+            columns.append(family)
+            scale.append(np.full(len(family), TOLERATED_SHARE[depends] * force / np.sqrt(len(family))))
+    uneven = np.flatnonzero(layout.varying_tolerated > 0.0)
+    columns.append(uneven + layout.first_varying)
+    scale.append(layout.varying_tolerated[uneven])
     return NormalEquations(
-        design.log, design.model, design.tolerance, design.linear, design.effects, design.layout,
-        design.force_range, noise, gram, *_nuisances(design),
+        design.log, design.model, design.tolerance, design.linear, design.effects, layout, design.force_range,
+        noise, gram, np.concatenate(columns), np.concatenate(scale),
     )  # fmt: skip
 
 
@@ -551,7 +556,10 @@ def design_matrix(
     effects = linearisation.effects
     wind = wind_errors(log, model, linear.origin)
     extent = force_range(log, model.base, linear.origin)
-    force_features = features(log, linear.origin, number)
+    inputs, generator = operating_point(log, linear.origin), np.random.default_rng(_FEATURES_SEED)
+    frequency = generator.standard_normal((inputs.shape[1], number))
+    phase = generator.uniform(0.0, 2.0 * np.pi, number)
+    features = np.sqrt(2.0) * np.cos(inputs @ frequency + phase)  # random Fourier features of unit mean square
     basis = nuisance_basis(log, linear.origin, effects, interactions)
     varying = tuple(signature.effect for signature in basis.varying)
     bases = [model.catalogue[label.split("*")[0]] for label in varying]
@@ -566,39 +574,14 @@ def design_matrix(
         ),
         tolerated=tolerances(log, model.catalogue, effects),
         wind=len(wind),
-        features=force_features.shape[1],
+        features=number,
         varying=varying,
         varying_prior=np.array([effect.free_scale[0] for effect in bases]),
         varying_tolerated=np.array(tolerated),
         depends=basis.depends,
     )
-    columns = columns_of(linear, [*effects, *wind, *basis.varying], np.hstack([force_features, basis.features]))
+    columns = columns_of(linear, [*effects, *wind, *basis.varying], np.hstack([features, basis.features]))
     return DesignMatrix(log, model, linearisation.tolerance, linear, effects, columns, layout, extent)
-
-
-def tolerated_forces(design: DesignMatrix) -> Floats:
-    """The model's tolerance in each body axis [3], in the filter's units."""
-    return np.asarray(design.tolerance * design.force_range / FORCE_UNITS)
-
-
-def _nuisances(design: DesignMatrix) -> tuple[Ints, Floats]:
-    """The nuisance columns and the standard deviation of each."""
-    layout = design.layout
-    tolerated = np.flatnonzero(layout.tolerated > 0.0)
-    wind = np.arange(layout.wind) + layout.first_wind
-    columns = [1 + tolerated, wind]
-    scale = [layout.tolerated[tolerated], np.full(layout.wind, wind_error_mps(design.model))]
-    for axis, force in enumerate(tolerated_forces(design)):
-        columns.append(layout.axis(axis))
-        scale.append(np.full(layout.features, force / np.sqrt(layout.features)))
-        for depends in dict.fromkeys(layout.depends):
-            family = layout.family(axis, depends)
-            columns.append(family)
-            scale.append(np.full(len(family), TOLERATED_SHARE[depends] * force / np.sqrt(len(family))))
-    uneven = np.flatnonzero(layout.varying_tolerated > 0.0)
-    columns.append(uneven + layout.first_varying)
-    scale.append(layout.varying_tolerated[uneven])
-    return np.concatenate(columns), np.concatenate(scale)
 
 
 def gram_matrices(
@@ -641,13 +624,15 @@ class Evidence:
     @cached_property
     def left_out(self) -> Floats:
         """The inner products with each leg left out [L, 1+P, 1+P]."""
-        legs = self.equations.gram
-        return np.array([_restored(self.equations, gram) for gram in legs.sum(axis=0) - legs])
+        equations, legs = self.equations, self.equations.gram
+        left_out = legs.sum(axis=0) - legs
+        return np.array([restored_gram(equations, gram, equations.nuisance_scale)[0] for gram in left_out])
 
     @cached_property
     def alone(self) -> Floats:
         """The inner products of each leg by itself [L, 1+P, 1+P]."""
-        return np.array([_restored(self.equations, gram) for gram in self.equations.gram])
+        equations = self.equations
+        return np.array([restored_gram(equations, gram, equations.nuisance_scale)[0] for gram in equations.gram])
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -695,22 +680,13 @@ class Evidence:
         clocks = sum(effect.family == "clock" for effect in effects)
         return clocks <= _CLOCKS and len({effect.base for effect in effects}) == len(effects)
 
-    def conditioned_on(self, at: Mapping[str, tuple[float, ...]]) -> Evidence:
-        """The evidence of the other effects, given the free coordinates of those in ``at``."""
-        if not at:
-            return self
-        back = np.eye(len(self.inner))
-        for name, free in at.items():
-            back[list(self.columns([name])), 0] = -np.array(free)
-        return replace(self, inner=back.T @ self.inner @ back)
-
     def values(self, names: Sequence[str]) -> dict[str, dict[str, float] | None]:
         """The fitted parameters of each effect, None if they are out of bounds."""
         fit, result = self.fit(names, prior=True), dict[str, dict[str, float] | None]()
         for name in names:
             free = fit.values[self.places(fit, name)].tolist()
             try:
-                result[name] = self.equations.model.values(name, free)
+                result[name] = self.equations.model.piecewise(name, free)[-1]
             except ConfigurationError:
                 result[name] = None
         return result
@@ -718,11 +694,8 @@ class Evidence:
 
 def evidence_of(equations: NormalEquations) -> Evidence:
     """The evidence for every effect, with the model's own effects added back into the data."""
-    return Evidence(_restored(equations, equations.gram.sum(axis=0)), equations)
-
-
-def _restored(equations: NormalEquations, gram: Floats) -> Floats:
-    return restored_gram(equations, gram, equations.nuisance_scale)[0]
+    inner, _ = restored_gram(equations, equations.gram.sum(axis=0), equations.nuisance_scale)
+    return Evidence(inner, equations)
 
 
 def restored_gram(equations: NormalEquations, gram: Floats, scale: Floats) -> tuple[Floats, float]:

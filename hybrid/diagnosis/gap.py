@@ -21,32 +21,16 @@ from numpy.typing import NDArray
 from seatrial.acquisition.core.quantities import Floats, Ints
 from seatrial.acquisition.core.ship import control_names
 from seatrial.analysis.estimation.process_models import decay
+from seatrial.hybrid.diagnosis import linearise
 from seatrial.hybrid.diagnosis.acceptance import FALSE_ALARM
-from seatrial.hybrid.diagnosis.disturbance_model import (
-    FORCE_UNITS,
-    DisturbanceNoise,
-    columns_of,
-    smooth_state,
-    wave_push,
-)
+from seatrial.hybrid.diagnosis.disturbance_model import FORCE_UNITS, columns_of, smooth_state
 from seatrial.hybrid.diagnosis.evidence import Evidence, NormalEquations, evidence_of, restored_data
-from seatrial.hybrid.diagnosis.linearise import (
-    DT_S,
-    ModelWithEffects,
-    acting_settings,
-    by_stage,
-    one_second_paths,
-    sampling_offset,
-    small_step,
-    true_states,
-    without_delays,
-)
 from seatrial.hybrid.diagnosis.log import STEPS_PER_SECOND, Log
 from seatrial.hybrid.diagnosis.result import Gap, Tracks
 from seatrial.hybrid.diagnosis.select_effects import Coordinates, fitted_coordinates, search_effects
 from seatrial.hybrid.prediction.baselines import constant_motion_tracks, distances
 from seatrial.hybrid.vessel.actuators import control_units
-from seatrial.hybrid.vessel.dynamics import simulate_batch
+from seatrial.hybrid.vessel.dynamics import simulate_batch, wave_drift_at
 from seatrial.hybrid.vessel.plant import Plant
 from seatrial.hybrid.vessel.sensors import measure
 
@@ -102,18 +86,14 @@ def predicted_tracks(log: Log, plant: Plant, origin: Floats, starts: Ints) -> Fl
 
     ``origin`` [T, 6] is the state that they would report as the log's (:func:`true_states`).
     """
-    controls, acting = acting_settings(log, plant)
+    controls, acting = linearise.acting_settings(log, plant)
     rows = starts[:, None] + np.arange(HORIZON_S)
     settings = controls[rows].reshape(len(starts), HORIZON_S * STEPS_PER_SECOND, -1)
     wind = np.repeat(log.wind[rows], STEPS_PER_SECOND, axis=1)
-    runs = simulate_batch(without_delays(plant), origin[starts], settings, wind, DT_S, 1, acting[starts])
+    runs = simulate_batch(
+        linearise.without_delays(plant), origin[starts], settings, wind, linearise.DT_S, 1, acting[starts]
+    )
     return measure(runs.states[:, ::STEPS_PER_SECOND], plant, 1.0)[..., :3]
-
-
-def measured_tracks(log: Log, plant: Plant, origin: Floats, starts: Ints) -> Floats:
-    """The measured track of each window [N, H+1, 3], interpolated from the sampling times to full seconds."""
-    at_seconds = log.measured - sampling_offset(log, one_second_paths(log, plant, origin))
-    return at_seconds[starts[:, None] + np.arange(HORIZON_S + 1), :3]
 
 
 @dataclass(frozen=True, slots=True)
@@ -125,7 +105,7 @@ class UnseenWindows:
     """
 
     log: Log
-    model: ModelWithEffects
+    model: linearise.ModelWithEffects
     starts: Ints
     fold: Ints
     measured: Floats
@@ -135,7 +115,7 @@ class UnseenWindows:
         """Tracks predicted with the effects ``at`` these sizes, and no others, over the windows ``mine``."""
         log, model = self.log, replace(self.model, at=at)
         starts = self.starts if mine is None else self.starts[mine]
-        origin = by_stage(log, model, true_states)
+        origin = linearise.by_stage(log, model, linearise.true_states)
         tracks = np.empty((len(starts), HORIZON_S + 1, 3))
         for rows, stage_model in model.stages(log):
             in_stage = rows[starts]
@@ -143,9 +123,10 @@ class UnseenWindows:
                 tracks[in_stage] = predicted_tracks(log, stage_model.plant(), origin, starts[in_stage])
         return tracks
 
-    def legs_of(self, fold: int) -> NDArray[np.bool_]:
-        """Mask of the legs in a fold [L]."""
-        return np.isin(np.arange(self.log.legs), self.log.leg[fold_of(self.log) == fold])
+    def legs_by_fold(self) -> dict[int, NDArray[np.bool_]]:
+        """Masks [L] of the legs of each fold that has windows."""
+        fold, leg = fold_of(self.log), np.arange(self.log.legs)
+        return {number: np.isin(leg, self.log.leg[fold == number]) for number in np.unique(self.fold).tolist()}
 
     def by_other_folds(self, without: Mapping[int, Coordinates]) -> Floats:
         """Tracks of each fold's windows with the effects fitted without its legs."""
@@ -168,13 +149,23 @@ class UnseenWindows:
         return np.array(means)
 
 
-def unseen_windows(log: Log, model: ModelWithEffects) -> UnseenWindows:
+def unseen_windows(log: Log, model: linearise.ModelWithEffects) -> UnseenWindows:
     """The consecutive windows of a log, with the predictions of ``model`` without added effects."""
     starts, bare = window_starts(log), replace(model, at={})
     plant = bare.plant()
-    origin = true_states(log, plant)
-    tracks = [tracks_of(log, plant, origin, starts) for tracks_of in (measured_tracks, predicted_tracks)]
-    return UnseenWindows(log, bare, starts, fold_of(log)[starts], tracks[0], tracks[1])
+    origin = linearise.true_states(log, plant)
+    # the mean state at the sampling times minus that at the full second
+    half, paths = STEPS_PER_SECOND // 2, linearise.one_second_paths(log, plant, origin)
+    ahead = paths[:, 1 : half + 1] - paths[:, :1]
+    behind = np.empty_like(ahead)
+    behind[1:] = paths[:-1, half:-1] - paths[:-1, -1:]
+    first = np.append(True, np.diff(log.block) != 0)
+    behind[first] = -ahead[first, ::-1]
+    around = np.concatenate([behind, np.zeros_like(paths[:, :1]), ahead], axis=1)
+    at_seconds = log.measured - np.einsum("tcq,tqc->tc", log.weight, around)
+    measured = at_seconds[starts[:, None] + np.arange(HORIZON_S + 1), :3]
+    before = predicted_tracks(log, plant, origin, starts)
+    return UnseenWindows(log, bare, starts, fold_of(log)[starts], measured, before)
 
 
 def gap_on_unseen_legs(
@@ -209,26 +200,33 @@ def named_without(
     windows: UnseenWindows, evidence: Evidence, excluded: frozenset[str] = frozenset()
 ) -> dict[int, Coordinates]:
     """The effects, with sizes, selected on all legs but those of each fold; none that is ``excluded``."""
-    return {
-        fold: _significant_effects(fold_evidence, excluded)
-        for fold, fold_evidence in evidence_without(windows, evidence).items()
-    }
+    result = dict[int, Coordinates]()
+    for fold, fold_evidence in evidence_without(windows, evidence).items():
+        names = search_effects(fold_evidence, excluded)
+        while names:
+            gain = fold_evidence.fit(names).gain
+            chance = {}
+            for name in names:
+                added = gain - fold_evidence.fit([n for n in names if n != name]).gain
+                chance[name] = fold_evidence.chance(added, len(fold_evidence.columns([name])))
+            worst = max(names, key=chance.__getitem__)
+            if chance[worst] < FALSE_ALARM:
+                break
+            names = tuple(name for name in names if name != worst)
+        result[fold] = fitted_coordinates(fold_evidence, names)
+    return result
 
 
 def evidence_without(windows: UnseenWindows, evidence: Evidence) -> dict[int, Evidence]:
     """The evidence of all legs but those of each fold."""
-    folds = np.unique(windows.fold).tolist()
-    return {fold: _evidence_of_legs(evidence.equations, ~windows.legs_of(fold)) for fold in folds}
+    equations, folds = evidence.equations, windows.legs_by_fold().items()
+    return {fold: evidence_of(replace(equations, gram=equations.gram[~legs])) for fold, legs in folds}
 
 
-def evidence_within(windows: UnseenWindows, evidence: Evidence) -> dict[int, Evidence]:
+def evidence_within(windows: UnseenWindows, evidence: Evidence) -> list[Evidence]:
     """The evidence of each fold's legs alone, which are disjoint parts of the trial."""
-    folds = np.unique(windows.fold).tolist()
-    return {fold: _evidence_of_legs(evidence.equations, windows.legs_of(fold)) for fold in folds}
-
-
-def _evidence_of_legs(equations: NormalEquations, legs: NDArray[np.bool_]) -> Evidence:
-    return evidence_of(replace(equations, gram=equations.gram[legs]))
+    equations, folds = evidence.equations, windows.legs_by_fold().values()
+    return [evidence_of(replace(equations, gram=equations.gram[legs])) for legs in folds]
 
 
 def with_noise_floor(held: HeldOutGap, equations: NormalEquations) -> HeldOutGap:
@@ -239,56 +237,34 @@ def with_noise_floor(held: HeldOutGap, equations: NormalEquations) -> HeldOutGap
     return replace(held, gap=gap, shares={name: ratio * share for name, share in held.shares.items()})
 
 
-def _significant_effects(evidence: Evidence, excluded: frozenset[str]) -> Coordinates:
-    """The effects selected on some legs, with their sizes."""
-    names = search_effects(evidence, excluded)
-    while names:
-        gain = {
-            name: evidence.fit(names).gain - evidence.fit([n for n in names if n != name]).gain for name in names
-        }
-        chance = {name: evidence.chance(gain[name], len(evidence.columns([name]))) for name in names}
-        worst = max(names, key=lambda name: chance[name])
-        if chance[worst] < FALSE_ALARM:
-            break
-        names = tuple(name for name in names if name != worst)
-    return fitted_coordinates(evidence, names)
-
-
 def noise_floor_m(equations: NormalEquations, starts: Ints, horizon_s: int) -> float:
     """The mean distance [m] due to noise over seconds 1 to H of windows with first rows ``starts``."""
     linear, noise = equations.linear, equations.noise
     variance = smooth_state(linear, columns_of(linear, []), noise, equations.log.edges)[1]
+    # covariances of state, slow forces and wave drift, in the filter's units
+    slow, slow_variances = (
+        range(6, 10),
+        (np.append(noise.slow, noise.wave_drift_n) / FORCE_UNITS[[0, 1, 2, 0]]) ** 2,
+    )
+    remaining = np.array([decay(1.0, noise.slow_s)] * 3 + [decay(1.0, noise.wave_drift_s)])
+    gust = (np.array(noise.gust) / FORCE_UNITS) ** 2
     P = np.zeros((len(starts), 10, 10))
-    P[:, range(6), range(6)], P[:, range(6, 10), range(6, 10)] = variance[starts, :6], _slow_variances(noise)
+    P[:, range(6), range(6)], P[:, slow, slow] = variance[starts, :6], slow_variances
     compared = noise.position_m**2 + noise.drift[0] ** 2 + np.square(noise.waves[:2])
     distances = []
     for rows in (starts + second for second in range(horizon_s)):
-        P = _propagated(
-            linear.A[rows], linear.B[rows] * FORCE_UNITS, wave_push(noise, linear.origin[rows]), noise, P
-        )
+        relative_rad, B = noise.wave_towards_rad - linear.origin[rows, 2], linear.B[rows] * FORCE_UNITS
+        force = wave_drift_at.py_func(1.0, noise.length_m, np.cos(relative_rad), np.sin(relative_rad))
+        push = np.column_stack(force) * FORCE_UNITS[0] / FORCE_UNITS  # of a unit of wave drift
+        F, Q = np.zeros_like(P), np.zeros_like(P)
+        F[:, :6, :6], F[:, :6, 6:9], F[:, :6, 9] = linear.A[rows], B, np.einsum("nij,nj->ni", B, push)
+        F[:, slow, slow] = remaining
+        Q[:, :6, :6] = (B * gust) @ B.transpose(0, 2, 1)
+        Q[:, slow, slow] = (1.0 - remaining**2) * slow_variances
+        P = F @ P @ F.transpose(0, 2, 1) + Q
         # the mean length of a Gaussian vector in the plane, its two variances taken as equal
         distances.append(np.sqrt(0.25 * np.pi * (P[:, 0, 0] + P[:, 1, 1] + compared.sum())))
     return float(np.mean(distances))
-
-
-def _slow_variances(noise: DisturbanceNoise) -> Floats:
-    """The variances [4] of the slow forces and the wave drift, in the filter's units."""
-    return np.asarray((np.append(noise.slow, noise.wave_drift_n) / FORCE_UNITS[[0, 1, 2, 0]]) ** 2)
-
-
-def _propagated(A: Floats, B: Floats, push: Floats, noise: DisturbanceNoise, P: Floats) -> Floats:
-    """The covariances [N, 10, 10] of state, slow forces and wave drift, a second later.
-
-    ``push`` [N, 3] is that of :func:`.wave_push`.
-    """
-    remaining = np.array([decay(1.0, noise.slow_s)] * 3 + [decay(1.0, noise.wave_drift_s)])
-    F, Q, slow = np.zeros_like(P), np.zeros_like(P), range(6, 10)
-    F[:, :6, :6], F[:, :6, 6:9], F[:, :6, 9] = A, B, np.einsum("nij,nj->ni", B, push)
-    F[:, slow, slow] = remaining
-    gust = (np.array(noise.gust) / FORCE_UNITS) ** 2
-    Q[:, :6, :6] = (B * gust) @ B.transpose(0, 2, 1)
-    Q[:, slow, slow] = (1.0 - remaining**2) * _slow_variances(noise)
-    return np.asarray(F @ P @ F.transpose(0, 2, 1) + Q)
 
 
 @dataclass(frozen=True, slots=True)
@@ -418,7 +394,7 @@ def linear_tracks(windows: UnseenWindows, evidence: Evidence) -> LinearTracks:
         for fold in (fold_of(windows.log, count) for count in FOLD_COUNTS):
             for index in np.unique(fold):
                 other_legs = ~np.isin(np.arange(windows.log.legs), windows.log.leg[fold == index])
-                inner = _evidence_of_legs(equations, other_legs).inner
+                inner = evidence_of(replace(equations, gram=equations.gram[other_legs])).inner
                 mine = complete & (fold[windows.starts] == index)
                 arrays = np.ascontiguousarray(error[mine]), np.ascontiguousarray(slope[:, mine])
                 yield _Fold(inner, *arrays, number[mine])
@@ -454,7 +430,7 @@ def closest_single_effect(windows: UnseenWindows, evidence: Evidence) -> Coordin
 def _slope(windows: UnseenWindows, evidence: Evidence, track: Floats, name: str, number: int) -> Floats:
     """The derivative of the tracks with respect to one free coordinate [N, H, 2], about ``track`` [N, H+1, 3]."""
     model = evidence.equations.model
-    if small := small_step(model, name, number):
+    if small := linearise.small_step(model, name, number):
         _, step = small
         further = windows.predicted(_moved(evidence, name, number, step))
         return np.asarray((further - track)[:, 1:, :2] / step)

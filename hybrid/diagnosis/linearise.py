@@ -62,8 +62,7 @@ _MOST_STAGES = 8  # enough for changes in steps; drifts have more, and signature
 Shape = Literal["recordings", "until", "since", "step", "drift"]
 _MOST = 0.5  # of the time has to be in recordings with more than one leg
 
-_LEVELS = 24
-"""Steps into which a drift is divided for linearisation; between them it is followed to first order."""
+_LEVELS = 24  # steps into which a drift is divided for linearisation; between them it is followed to first order
 
 
 @dataclass(frozen=True, slots=True)
@@ -136,18 +135,15 @@ class ModelWithEffects:
     def plant(self) -> Plant:
         """The plant with the effects; if some of them change with time, use it on the models of :meth:`stages`."""
         names = [*self.file_effects, *(name for name in self.at if name not in self.file_effects)]
-        values = {name: self.values(name, self.at.get(name)) for name in names}
+        values = {name: self.piecewise(name, self.at.get(name))[-1] for name in names}
         return apply_effects(self.base, values, self.catalogue)
 
-    def values(self, name: str, added: Sequence[float] | None = None) -> dict[str, float]:
+    def piecewise(self, name: str, added: Sequence[float] | None = None) -> list[dict[str, float]]:
         """The parameters of an effect, with ``added`` on top of the coordinates in the vessel file.
 
-        Raises :class:`ConfigurationError` if they are out of bounds.
+        One set for each part of the trial in which the effect has its own size. Raises
+        :class:`ConfigurationError` if they are out of bounds.
         """
-        return self.piecewise(name, added)[-1]
-
-    def piecewise(self, name: str, added: Sequence[float] | None = None) -> list[dict[str, float]]:
-        """The same for each part of the trial in which the effect has its own size."""
         effect = self.catalogue[name]
         pieces = effect.pieces(added or (0.0,) * len(effect.free_scale))
         file_free = self.file_effects.get(effect.base, (0.0,) * len(pieces[0]))
@@ -226,23 +222,15 @@ def linearise(
         *_in_stages(log, stages, lambda log, stage_model: parts(linear_model(log, stage_model.plant())))
     )
     sensitivities = effects or signatures(log, model, linear.origin, list(model.catalogue))
-    return Linearisation(
-        log, model, tolerance, _correct_for_levels(log, model, linear, sensitivities), tuple(sensitivities)
-    )
-
-
-def _correct_for_levels(
-    log: Log, model: ModelWithEffects, linear: LinearModel, sensitivities: Sequence[Signature]
-) -> LinearModel:
-    """The linear model, to first order with the part of changing effects that :meth:`stages` leaves out."""
-    defect, observed = linear.defect, linear.observed
+    defect, observed = linear.defect, linear.observed  # to first order with what stages leave out of an effect
     for effect in time_varying_among(model.at, model.catalogue):
         deviation = effect.profile.shares(log) - effect.profile.levels(log)
         offsets = deviation @ np.array(effect.pieces(model.at[effect.name]))
         matching = [signature for signature in sensitivities if signature.effect == effect.base]
         for signature, size in zip(matching, offsets.T[:, :, None], strict=True):
             defect, observed = defect + size * signature.D, observed - size * signature.E
-    return replace(linear, defect=defect, observed=observed)
+    linear = replace(linear, defect=defect, observed=observed)
+    return Linearisation(log, model, tolerance, linear, tuple(sensitivities))
 
 
 def by_stage(log: Log, model: ModelWithEffects, compute: Callable[..., Floats], *arrays: Floats) -> Floats:
@@ -303,21 +291,6 @@ def _slopes(compute: Callable[[Floats], Floats], origin: Floats, columns: Iterab
     return result
 
 
-def sampling_offset(log: Log, ways: Floats) -> Floats:
-    """The mean state at the sampling times minus that at the full second [T, 6].
-
-    ``ways`` come from :func:`one_second_paths`.
-    """
-    half = STEPS_PER_SECOND // 2
-    ahead = ways[:, 1 : half + 1] - ways[:, :1]
-    behind = np.empty_like(ahead)
-    behind[1:] = ways[:-1, half:-1] - ways[:-1, -1:]
-    first = np.append(True, np.diff(log.block) != 0)
-    behind[first] = -ahead[first, ::-1]
-    around = np.concatenate([behind, np.zeros_like(ways[:, :1]), ahead], axis=1)
-    return np.asarray(np.einsum("tcq,tqc->tc", log.weight, around))
-
-
 def signatures(log: Log, model: ModelWithEffects, origin: Floats, names: Iterable[str]) -> list[Signature]:
     """The sensitivities to each free coordinate of each effect about ``origin``, by finite differences.
 
@@ -361,7 +334,14 @@ def _sensitivity(
     if small := small_step(model, name, coordinate):
         plant, step = small
         return (next_states(log, plant, origin) - ways[:, -1]) / step, np.zeros_like(origin)
-    (ahead, plus), (behind, minus) = _stepped_plants(model, name, coordinate)
+    size = model.catalogue[name].free_scale[coordinate]
+    for steps in ((_PART, -_PART), (_ONE_SIDED_PART, 0.0), (0.0, -_ONE_SIDED_PART)):  # the last two at a bound
+        plus, minus = (step * size for step in steps)
+        ahead, behind = (model.plant_with_step(name, coordinate, by) for by in (plus, minus))
+        if ahead is not None and behind is not None:
+            break
+    else:
+        raise ConfigurationError(f"effect {name} has bounds too narrow for its ordinary size of {size:g}")
     if differ_only_in_sensors(ahead, behind):
         further = before = ways
     else:
@@ -385,17 +365,6 @@ def small_step(model: ModelWithEffects, name: str, coordinate: int) -> tuple[Pla
     if ahead is None or behind is None or not sensors_are_equal(ahead, behind):
         return None
     return (ahead, step) if _delays_of(ahead) == _delays_of(behind) else None
-
-
-def _stepped_plants(model: ModelWithEffects, name: str, coordinate: int) -> list[tuple[Plant, float]]:
-    """The plant at two steps of a coordinate, to either side or, where that is out of bounds, to one side."""
-    size = model.catalogue[name].free_scale[coordinate]
-    for steps in ((_PART, -_PART), (_ONE_SIDED_PART, 0.0), (0.0, -_ONE_SIDED_PART)):
-        plants = [(model.plant_with_step(name, coordinate, step * size), step * size) for step in steps]
-        within = [(plant, by) for plant, by in plants if plant is not None]
-        if len(within) == len(plants):
-            return within
-    raise ConfigurationError(f"effect {name} has bounds too narrow for its ordinary size of {size:g}")
 
 
 def next_states(log: Log, plant: Plant, origin: Floats) -> Floats:
@@ -445,7 +414,12 @@ def _acting(
             motor = behind_play(series[:, column], _RANGE * noise_rad)
             series[:, column] += behind_play(motor, plays_rad[column]) - motor
         controls[first:last] = series.reshape(controls[first:last].shape)
-        acting[first:last] = _lagged(series, np.array(lags_s))[::STEPS_PER_SECOND]
+        for values, lag_s in zip(series.T, lags_s, strict=True):
+            if lag_s > 0.0:  # at the start of each step, after a first-order lag
+                decay = np.exp(-DT_S / lag_s)
+                before = np.append(values[:1], values[:-1])
+                values[:] = lfilter([1.0 - decay], [1.0, -decay], before, zi=decay * values[:1])[0]
+        acting[first:last] = series[::STEPS_PER_SECOND]
     return controls, acting
 
 
@@ -485,17 +459,6 @@ def plays_of(plant: Plant) -> tuple[float, ...]:
         play_rad = plant.number(f"{actuator.name}_{PLAY}") if PLAY in kind.numbers else 0.0
         plays_rad += [play_rad if angle else 0.0 for angle in kind.angles]
     return tuple(plays_rad)
-
-
-def _lagged(series: Floats, lags_s: Floats) -> Floats:
-    """Each control of a series [K, controls] after its first-order lag, at the start of each step."""
-    result = series.copy()
-    for column in np.flatnonzero(lags_s > 0.0):
-        values = series[:, column]
-        decay = np.exp(-DT_S / lags_s[column])
-        before = np.append(values[:1], values[:-1])
-        result[:, column] = lfilter([1.0 - decay], [1.0, -decay], before, zi=decay * values[:1])[0]
-    return result
 
 
 def sensor_readings(log: Log, plant: Plant, states: Floats) -> Floats:

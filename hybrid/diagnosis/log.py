@@ -141,14 +141,14 @@ def log_of(tables: Sequence[pd.DataFrame]) -> Log:
     """
     parts = [_log_of_table(table) for table in tables]
     first_block, first_leg, logs = 0, 0, list[Log]()
-    whose = _recordings(tables)
-    recordings = list(dict.fromkeys(whose))
-    for number, part in zip(map(recordings.index, whose), parts, strict=True):
-        if not len(part):
-            continue
-        moved = {"block": part.block + first_block, "leg": part.leg + first_leg}
-        logs.append(replace(part, recording=np.full(len(part), number), **moved))  # type: ignore[arg-type]
-        first_block, first_leg = int(moved["block"].max()) + 1, int(moved["leg"].max()) + 1
+    names = recording_names(tables)
+    recordings = list(dict.fromkeys(names))
+    for name, part in zip(names, parts, strict=True):
+        if len(part):
+            block, leg = part.block + first_block, part.leg + first_leg
+            recording = np.full(len(part), recordings.index(name))
+            logs.append(replace(part, recording=recording, block=block, leg=leg))
+            first_block, first_leg = int(block.max()) + 1, int(leg.max()) + 1
     if not logs:
         raise DataShortageError(
             f"no stretch of {_SHORTEST_BLOCK_S} s has motion and thrusters",
@@ -168,12 +168,9 @@ def log_of(tables: Sequence[pd.DataFrame]) -> Log:
     )
 
 
-def tables_by_recording(tables: Sequence[pd.DataFrame]) -> dict[str, pd.DataFrame]:
-    """One table for each recording, by its name, of tables that may be parts of one."""
-    parts = dict[str, list[pd.DataFrame]]()
-    for name, table in zip(_recordings(tables), tables, strict=True):
-        parts.setdefault(name, []).append(table)
-    return {name: join_tables(pieces) for name, pieces in parts.items()}
+def recording_names(tables: Sequence[pd.DataFrame]) -> list[str]:
+    """The recording that each table is of, or a number where it names none."""
+    return [str(table.attrs.get("recording", number)) for number, table in enumerate(tables)]
 
 
 def join_tables(parts: Sequence[pd.DataFrame]) -> pd.DataFrame:
@@ -181,11 +178,6 @@ def join_tables(parts: Sequence[pd.DataFrame]) -> pd.DataFrame:
     table = pd.concat(parts)
     table.attrs = parts[0].attrs
     return table
-
-
-def _recordings(tables: Sequence[pd.DataFrame]) -> list[str]:
-    """The recording that each table is of, or a number where it names none."""
-    return [str(table.attrs.get("recording", number)) for number, table in enumerate(tables)]
 
 
 def _log_of_table(table: pd.DataFrame) -> Log:
@@ -197,8 +189,7 @@ def _log_of_table(table: pd.DataFrame) -> Log:
     measured, weight, refused = averaged_motion(table, seconds, motion, slopes)
     controls = mean_settings(table, seconds)
     usable = np.asarray(np.isfinite(motion).all(axis=1) & np.isfinite(controls).all(axis=(1, 2)))
-    block = _blocks(usable)
-    leg = np.where(block >= 0, _legs(block, seconds), -1)
+    block, leg = _blocks_and_legs(usable, seconds)
     rows = block >= 0
     settings = {hold: mean_settings(table, seconds, hold) for hold in INPUT_HOLDS[1:]}
     held = {hold: np.where(np.isfinite(values), values, controls)[rows] for hold, values in settings.items()}
@@ -209,37 +200,41 @@ def _log_of_table(table: pd.DataFrame) -> Log:
     )  # fmt: skip
 
 
-def _blocks(usable: NDArray[np.bool_]) -> Ints:
-    """The block of each second, -1 outside: usable stretches in even blocks of about :data:`BLOCK_S`."""
-    block = np.full(len(usable), -1, dtype=np.int64)
-    number = 0
+def _blocks_and_legs(usable: NDArray[np.bool_], seconds: Ints) -> tuple[Ints, Ints]:
+    """The block and the leg of each second, -1 outside.
+
+    Blocks are even parts of usable stretches, of about :data:`BLOCK_S`; legs are consecutive blocks, never across
+    a long gap.
+    """
+    block, leg = np.full((2, len(usable)), -1, dtype=np.int64)
+    blocks, legs, length, before = 0, 0, np.inf, 0
     for first, last in zip(*runs(usable), strict=True):
         if last - first < _SHORTEST_BLOCK_S:
             continue
         pieces = max(1, round((last - first) / BLOCK_S))
         cuts = np.linspace(first, last, pieces + 1).round().astype(int)
         for a, b in itertools.pairwise(cuts):
-            block[a:b] = number
-            number += 1
-    return block
-
-
-def _legs(block: Ints, seconds: Ints) -> Ints:
-    """The leg of each second: consecutive blocks, never across a long gap."""
-    leg = np.zeros(len(block), dtype=np.int64)
-    number, length, before = -1, np.inf, 0
-    for current in range(int(block.max(initial=-1)) + 1):
-        rows = np.flatnonzero(block == current)
-        if length >= LEG_S - 0.5 * len(rows) or seconds[rows[0]] - before > _LONGEST_BREAK_S:
-            number, length = number + 1, 0
-        leg[rows] = number
-        length, before = length + len(rows), int(seconds[rows[-1]])
-    return leg
+            if length >= LEG_S - 0.5 * (b - a) or seconds[a] - before > _LONGEST_BREAK_S:
+                legs, length = legs + 1, 0
+            block[a:b], leg[a:b] = blocks, legs - 1
+            blocks, length, before = blocks + 1, length + (b - a), int(seconds[b - 1])
+    return block, leg
 
 
 def smoothed_motion(table: pd.DataFrame) -> tuple[Ints, Floats, Floats, NoiseLevels]:
     """The motion without waves at full seconds: times [s], states and their rates [T, 6], and the noise levels."""
-    smoothed = smooth(_thinned(table), 1.0)
+    motion = table[list(POSE_AND_VELOCITY)].dropna(how="all")
+    half = times_ns(motion) // (NANO // 2)
+    if np.unique(half).size <= 0.7 * len(motion):  # two rows a second are enough for smoothing, and fast
+        columns = motion.assign(**{name: unwrap(motion[name]) for name in CIRCULAR.intersection(POSE_AND_VELOCITY)})
+        columns["time"] = times_ns(motion)
+        middles = columns.groupby(half).median()  # robust against an outlier among several samples
+        motion = pd.DataFrame({name: middles[name].to_numpy() for name in POSE_AND_VELOCITY})
+        motion["heading_deg"] %= 360.0
+        times = pd.to_datetime(middles["time"].to_numpy().astype(np.int64), utc=True)
+        motion.index = pd.DatetimeIndex(times, name="time")
+        motion.attrs = table.attrs
+    smoothed = smooth(motion, 1.0)
     slow = smoothed.slow
     seconds = (times_ns(slow) // NANO).astype(np.int64)
     states = states_of(slow)
@@ -249,29 +244,12 @@ def smoothed_motion(table: pd.DataFrame) -> tuple[Ints, Floats, Floats, NoiseLev
     return seconds, states, slopes, smoothed.noise
 
 
-def _thinned(table: pd.DataFrame) -> pd.DataFrame:
-    """The motion at two rows a second at most, which is enough for smoothing and fast."""
-    motion = table[list(POSE_AND_VELOCITY)].dropna(how="all")
-    half = times_ns(motion) // (NANO // 2)
-    if np.unique(half).size > 0.7 * len(motion):
-        return motion
-    columns = motion.assign(**{name: unwrap(motion[name]) for name in CIRCULAR.intersection(POSE_AND_VELOCITY)})
-    columns["time"] = times_ns(motion)
-    middles = columns.groupby(half).median()  # robust against an outlier among several samples
-    thin = pd.DataFrame({name: middles[name].to_numpy() for name in POSE_AND_VELOCITY})
-    thin["heading_deg"] %= 360.0
-    times = pd.to_datetime(middles["time"].to_numpy().astype(np.int64), utc=True)
-    thin.index = pd.DatetimeIndex(times, name="time")
-    thin.attrs = table.attrs
-    return thin
-
-
 def averaged_motion(
     table: pd.DataFrame, seconds: Ints, motion: Floats, slopes: Floats
 ) -> tuple[Floats, Floats, int]:
     """The mean measured state of each second [T, 6], its weights [T, 6, 5], and the number of samples rejected."""
     nodes = (seconds - seconds[0]).astype(float)
-    measured, refused = np.full_like(motion, np.nan), 0
+    measured, refused, count = np.full_like(motion, np.nan), 0, len(nodes)
     weight = np.zeros((*motion.shape, STEPS_PER_SECOND + 1))
     finite = np.isfinite(motion).all(axis=1)
     if finite.sum() < 2:
@@ -290,7 +268,16 @@ def averaged_motion(
         distance = np.abs(deviation - _neighbour_median(deviation, times))
         good = distance <= _OUTLIER * robust_spread(distance) + 1e-9
         refused += int((~good).sum())
-        measured[:, column], weight[:, column] = _binned(times[good], (expected + deviation)[good], len(nodes))
+
+        node = np.floor(times[good] + 0.5).astype(int)  # the mean of the samples within half a second
+        place = (times[good] - node + 0.5) * STEPS_PER_SECOND
+        lower = np.minimum(place.astype(int), STEPS_PER_SECOND - 1)
+        np.add.at(weight[:, column], (node, lower), 1.0 - (place - lower))
+        np.add.at(weight[:, column], (node, lower + 1), place - lower)
+        number = np.bincount(node, minlength=count)
+        total = np.bincount(node, weights=(expected + deviation)[good], minlength=count)
+        measured[:, column] = np.where(number > 0, total / np.maximum(number, 1), np.nan)
+        weight[:, column] /= np.maximum(number, 1)[:, None]
     return measured, weight, refused
 
 
@@ -301,20 +288,6 @@ def _neighbour_median(values: Floats, times_s: Floats) -> Floats:
     reach = int(np.clip(0.35 / max(float(np.median(np.diff(times_s))), 1e-3), 2, 50))
     around = sliding_window_view(np.pad(values, reach, mode="reflect"), 2 * reach + 1)
     return np.asarray(np.median(np.delete(around, reach, axis=1), axis=1))
-
-
-def _binned(times_s: Floats, values: Floats, count: int) -> tuple[Floats, Floats]:
-    """Means [count] of values within half a second of each node, and weights of their times [count, 5]."""
-    node = np.floor(times_s + 0.5).astype(int)
-    place = (times_s - node + 0.5) * STEPS_PER_SECOND
-    lower = np.minimum(place.astype(int), STEPS_PER_SECOND - 1)
-    weight = np.zeros((count, STEPS_PER_SECOND + 1))
-    np.add.at(weight, (node, lower), 1.0 - (place - lower))
-    np.add.at(weight, (node, lower + 1), place - lower)
-    number = np.bincount(node, minlength=count)
-    total = np.bincount(node, weights=values, minlength=count)
-    mean = np.where(number > 0, total / np.maximum(number, 1), np.nan)
-    return mean, weight / np.maximum(number, 1)[:, None]
 
 
 def mean_settings(table: pd.DataFrame, seconds: Ints, input_hold: InputHold = "line") -> Floats:
@@ -367,7 +340,14 @@ def _means(
         return np.full(len(edges_s) - 1, np.nan)
     if circular:
         values = unwrap(values)
-    vertices = times, _without_blips(times, values)
+    steps = np.diff(times)
+    if times.size >= 5 and np.median(steps) <= 0.5:  # blips are interpolated; at lower rates a jump may be real
+        distance = np.abs(values - median_filter(values, 5, mode="nearest"))
+        # A reversing drive also differs from its neighbours, by its movement in a step.
+        moves = median_filter(np.abs(np.diff(values, append=values[-1])), 9, mode="nearest")
+        good = distance <= _OUTLIER * robust_spread(distance) + 3.0 * moves + 1e-9
+        values = np.interp(times, times[good], values[good])
+    vertices = times, values
     if input_hold == "line":
         vertices = _with_corners(*vertices)
     else:  # two vertices at each step
@@ -381,7 +361,6 @@ def _means(
     elapsed_s = edges_s - starts_s[index]
     area = integrate(starts, starts_s)[index]
     integral = area + starts[index] * elapsed_s + 0.5 * slope * elapsed_s**2
-    steps = np.diff(times)
     gap = steps > max(_LONGEST_GAP_S, _GAP_STEPS * float(np.median(steps)))
     crosses = np.diff(np.interp(edges_s, times, np.append(0.0, np.cumsum(gap)))) > 0.0
     outside = (edges_s[:-1] < times[0] - 1.0) | (edges_s[1:] > times[-1] + 1.0)
@@ -407,14 +386,3 @@ def _with_corners(times_s: Floats, values: Floats) -> tuple[Floats, Floats]:
     corner = (values[1:-2] + before * part * steps[1:-1])[alike]
     place = np.flatnonzero(alike) + 2
     return np.insert(times_s, place, corner_s), np.insert(values, place, corner)
-
-
-def _without_blips(times_s: Floats, values: Floats) -> Floats:
-    """The values with single-sample outliers replaced by interpolation."""
-    if times_s.size < 5 or np.median(np.diff(times_s)) > 0.5:  # at lower rates a jump may be real
-        return values
-    distance = np.abs(values - median_filter(values, 5, mode="nearest"))
-    # A reversing drive also differs from its neighbours, by its movement in a step.
-    moves = median_filter(np.abs(np.diff(values, append=values[-1])), 9, mode="nearest")
-    good = distance <= _OUTLIER * robust_spread(distance) + 3.0 * moves + 1e-9
-    return np.asarray(np.interp(times_s, times_s[good], values[good]))

@@ -49,7 +49,6 @@ from seatrial.hybrid.diagnosis.linearise import Linearisation, Signature, signat
 from seatrial.hybrid.diagnosis.log import Log
 from seatrial.hybrid.diagnosis.result import FORCES, GapCell, Map, Replication
 from seatrial.hybrid.diagnosis.select_effects import relinearise_at_fit
-from seatrial.hybrid.effects import Effect
 from seatrial.hybrid.effects.regime import Regime, quantities_along, regime_effect, steering_angles
 from seatrial.hybrid.vessel.actuators import control_units
 
@@ -99,13 +98,30 @@ class MapCell:
 
 
 def quantities(log: Log, origin: Floats) -> dict[str, Floats]:
-    """The quantities of the cells, each [T], NaN where undefined: without speed there is no drift angle."""
-    along = quantities_along(log.actuators, origin, log.controls.mean(axis=1), log.wind)
+    """The quantities of the cells, each [T], NaN where undefined: without speed there is no drift angle.
+
+    Of the actuators' settings: mean shaft speed of the propulsors, differences between them, their mean pitch, the
+    mean angle of each kind that has one (of propulsors while they run), each tunnel thruster's shaft speed.
+    """
+    controls = log.controls.mean(axis=1)
+    along = quantities_along(log.actuators, origin, controls, log.wind)
+    by_control = (controls / control_units(log.actuators)).T
+    mean, drives = dict(zip(control_names(log.actuators), by_control, strict=True)), drives_in(log.actuators)
+    settings = {"rpm": along["rpm"]} if drives else {}  # signed: thrust astern differs from thrust ahead
+    for first, second in itertools.pairwise(drives):
+        settings[f"{first}_less_{second}_rpm"] = mean[f"{first}_rpm"] - mean[f"{second}_rpm"]
+    pitches = [np.abs(values) for name, values in mean.items() if name.endswith("_pitch_percent")]
+    settings |= {"pitch_percent": np.mean(pitches, axis=0)} if pitches else {}
+    for quantity, names in steering_angles(log.actuators).items():
+        shafts = [np.abs(mean[f"{name}_rpm"]) for name in names if name in drives]
+        running = np.max(shafts, axis=0) > _RUNNING_RPM if len(shafts) == len(names) else True
+        settings[quantity] = np.where(running, along[quantity], np.nan)
+    settings |= {f"{name}_rpm": along[f"{name}_rpm"] for name in names_of(log.actuators, "tunnel")}
     return {
         **{name: along[name] for name in ("speed_mps", "yaw_rate_dps", "drift_angle_deg")},
         "heading_deg": np.degrees(origin[:, 2]) % 360.0,
         "relative_wind_deg": along["relative_wind_deg"] % 360.0,
-        **_settings(log, along),
+        **settings,
         "time_s": recorded_s(log),
     }
 
@@ -116,31 +132,23 @@ def recorded_s(log: Log) -> Floats:
     return np.asarray(log.time_s - log.time_s[0] - np.append(0, np.cumsum(breaks)), dtype=np.float64)
 
 
-def _settings(log: Log, along: Mapping[str, Floats]) -> dict[str, Floats]:
-    """The actuators' settings: mean shaft speed of the propulsors, differences between them, their mean pitch, the
-    mean angle of each kind that has one (of propulsors while they run), each tunnel thruster's shaft speed."""
-    controls = log.controls.mean(axis=1) / control_units(log.actuators)
-    mean, drives = dict(zip(control_names(log.actuators), controls.T, strict=True)), drives_in(log.actuators)
-    settings = {"rpm": along["rpm"]} if drives else {}  # signed: thrust astern differs from thrust ahead
-    for first, second in itertools.pairwise(drives):
-        settings[f"{first}_less_{second}_rpm"] = mean[f"{first}_rpm"] - mean[f"{second}_rpm"]
-    pitches = [np.abs(values) for name, values in mean.items() if name.endswith("_pitch_percent")]
-    settings |= {"pitch_percent": np.mean(pitches, axis=0)} if pitches else {}
-    for quantity, names in steering_angles(log.actuators).items():
-        shafts = [np.abs(mean[f"{name}_rpm"]) for name in names if name in drives]
-        running = np.max(shafts, axis=0) > _RUNNING_RPM if len(shafts) == len(names) else True
-        settings[quantity] = np.where(running, along[quantity], np.nan)
-    return settings | {f"{name}_rpm": along[f"{name}_rpm"] for name in names_of(log.actuators, "tunnel")}
-
-
 def cells_of(log: Log, origin: Floats) -> list[MapCell]:
-    """All cells with enough seconds, by quantity; a quantity with a single cell is left out."""
+    """All cells with enough seconds, by quantity, and a grid over the trial's area.
+
+    A quantity with a single cell is left out.
+    """
     cells = [
         MapCell(name, {name: span}, _inside(values, span))
         for name, values in quantities(log, origin).items()
         for span in _spans(name, values)
     ]
-    cells += _places(origin)
+    edges = [
+        np.linspace(coordinate.min(), np.nextafter(coordinate.max(), inf), _GRID + 1).tolist()
+        for coordinate in origin[:, :2].T
+    ]
+    for north, east in itertools.product(*map(itertools.pairwise, edges)):
+        rows = _inside(origin[:, 0], north) & _inside(origin[:, 1], east)
+        cells.append(MapCell("place", {"north_m": north, "east_m": east}, rows))
     large = [cell for cell in cells if cell.rows.sum() >= LEAST_S]
     several = {
         cell.quantity for cell in large if sum(candidate.quantity == cell.quantity for candidate in large) > 1
@@ -159,7 +167,7 @@ def _spans(name: str, values: Floats) -> Iterable[tuple[float, float]]:
     low, high = (float(quantile) for quantile in np.quantile(finite, (0.01, 0.99)))
     finest = _FINEST_SHAFT_RPM if name == "rpm" or "_less_" in name else _FINEST_TUNNEL_RPM
     inner = round_edges(low, high, _FINEST.get(name, finest)).tolist()
-    return itertools.pairwise([float(finite.min()), *inner, _next_float(finite.max())])
+    return itertools.pairwise([float(finite.min()), *inner, float(np.nextafter(finite.max(), inf))])
 
 
 def round_edges(low: float, high: float, finest: float) -> Floats:
@@ -175,29 +183,11 @@ def round_edges(low: float, high: float, finest: float) -> Floats:
     return np.asarray(edges[(edges > low + 0.5 * step) & (edges < high - 0.5 * step)])
 
 
-def _next_float(value: float) -> float:
-    """The next floating-point number: the end of a span that includes ``value``."""
-    return float(np.nextafter(value, np.inf))
-
-
 def _inside(values: Floats, span: tuple[float, float]) -> NDArray[np.bool_]:
     low, high = span
     with np.errstate(invalid="ignore"):
         inside = (values >= low) & (values < high)
         return inside | (values >= low + 360.0) if low < 0.0 and high - low == 45.0 else inside
-
-
-def _places(origin: Floats) -> list[MapCell]:
-    """A grid over the trial's area."""
-    cells = []
-    edges = [
-        np.linspace(coordinate.min(), _next_float(coordinate.max()), _GRID + 1).tolist()
-        for coordinate in origin[:, :2].T
-    ]
-    for north, east in itertools.product(*map(itertools.pairwise, edges)):
-        rows = _inside(origin[:, 0], north) & _inside(origin[:, 1], east)
-        cells.append(MapCell("place", {"north_m": north, "east_m": east}, rows))
-    return cells
 
 
 def notable_places(places: Sequence[GapCell]) -> tuple[GapCell, ...]:
@@ -211,7 +201,18 @@ def notable_places(places: Sequence[GapCell]) -> tuple[GapCell, ...]:
 def map_of(equations: NormalEquations, with_effects: bool = False) -> Map:
     """The whole map of the reference model, or of the model ``with_effects`` that were added."""
     linear, log = equations.linear, equations.log
-    data = columns_of(linear, []) if with_effects else _without_effects(equations)
+    data = columns_of(linear, [])
+    if not with_effects:
+        added = [
+            (value, signature)
+            for name, free in equations.model.at.items()
+            for value, signature in zip(
+                free, (candidate for candidate in equations.effects if candidate.effect == name), strict=True
+            )
+        ]
+        drive = data.drive - sum(value * signature.D[:, :, None] for value, signature in added)
+        readings = data.readings + sum(value * signature.E[:, :, None] for value, signature in added)
+        data = Columns(np.ascontiguousarray(drive), np.ascontiguousarray(readings), data.features)
     cells = cells_of(log, linear.origin)
     layout = equations.layout
     indices = [int(number) for number in np.flatnonzero(layout.tolerated > 0.0)]
@@ -223,21 +224,6 @@ def map_of(equations: NormalEquations, with_effects: bool = False) -> Map:
     any_force = replace(equations.noise, slow=(surge, sway, yaw), slow_s=_SLOW_S)
     force = smooth_state(linear, data, any_force, log.edges)[0][:, 6:]
     return Map(tuple(places), force, quantities(log, linear.origin))
-
-
-def _without_effects(equations: NormalEquations) -> Columns:
-    """The data relative to the model without its added effects, one column."""
-    data = columns_of(equations.linear, [])
-    added = [
-        (value, signature)
-        for name, free in equations.model.at.items()
-        for value, signature in zip(
-            free, (candidate for candidate in equations.effects if candidate.effect == name), strict=True
-        )
-    ]
-    drive = data.drive - sum(value * signature.D[:, :, None] for value, signature in added)
-    readings = data.readings + sum(value * signature.E[:, :, None] for value, signature in added)
-    return Columns(np.ascontiguousarray(drive), np.ascontiguousarray(readings), data.features)
 
 
 def _forces(
@@ -264,65 +250,45 @@ def _forces(
         error = np.hypot(error, equations.tolerance * extent[:, None])  # with the tolerances
         for place, number in enumerate(mine):
             for axis, channel in enumerate(FORCES):
-                z = force[axis, place] / error[axis, place]
-                result.append(_gap_cell(channel, cells[number], force[axis, place], z))
+                size, z = float(force[axis, place]), float(force[axis, place] / error[axis, place])
+                result.append(GapCell(channel, cells[number].span, int(cells[number].rows.sum()), size, z))
     return result
 
 
 def _errors(
     equations: NormalEquations, data: Columns, cells: Sequence[MapCell], tolerated: list[Signature], scale: Floats
 ) -> list[GapCell]:
-    """The mean error of one-second predictions in each cell and motion channel: measured less predicted."""
-    log = equations.log
+    """The mean error of one-second predictions in each cell and motion channel: measured less predicted.
+
+    With its standard error from the scatter of legs or blocks (White 1980). With few of them the scatter is
+    uncertain: the error is widened so that its 95 % interval is that of a normal one.
+    """
+    log, linear = equations.log, equations.linear
     error = -data.drive[:, :, 0]
     within = np.append(np.diff(log.block) == 0, False)  # nothing predicts across the end of a block
     cluster = log.leg if log.legs >= _ENOUGH_LEGS else log.block
-    allowance = _allowance(equations, tolerated, scale)
-    result: list[GapCell] = []
-    for cell in cells:
-        rows = cell.rows & within
-        if rows.sum() < LEAST_S or len(np.unique(cluster[rows])) < 3:
-            continue
-        mean, deviation = _clustered(error[rows], cluster[rows])
-        deviation = np.hypot(deviation, np.sqrt((allowance[rows].mean(axis=0) ** 2).sum(axis=1)))
-        result += [
-            _gap_cell(name, cell, mean[number] * _DEGREES[number], mean[number] / deviation[number])
-            for number, name in enumerate(POSE_AND_VELOCITY)
-        ]
-    return result
-
-
-def _allowance(equations: NormalEquations, tolerated: list[Signature], scale: Floats) -> Floats:
-    """The change of the one-second errors with each tolerated error at its standard deviation [T, 6, n].
-
-    A sensor error shifts both the start and the end of the second.
-    """
-    linear = equations.linear
-    force = linear.B * (equations.tolerance * equations.force_range)
-    parts = [force]
+    # the change of the errors [T, 6, n] with each tolerated error at its standard deviation: that of a sensor
+    # shifts both the start and the end of the second
+    parts = [linear.B * (equations.tolerance * equations.force_range)]
     for signature, size in zip(tolerated, scale, strict=True):
         later = np.vstack([signature.E[1:], signature.E[-1:]])
         parts.append((size * (signature.D + later - np.einsum("tij,tj->ti", linear.A, signature.E)))[:, :, None])
-    return np.concatenate(parts, axis=2)
-
-
-def _clustered(values: Floats, cluster: Ints) -> tuple[Floats, Floats]:
-    """Means [C] of values [n, C] and their standard errors from the scatter of clusters (White 1980).
-
-    With few clusters the scatter is uncertain: the error is widened so that its 95 % interval is that of a
-    normal one.
-    """
-    mean = values.mean(axis=0)
-    number = np.unique(cluster, return_inverse=True)[1]
-    count = int(number.max()) + 1
-    sums = np.zeros((count, values.shape[1]))
-    np.add.at(sums, number, values - mean)
-    error = np.sqrt((sums**2).sum(axis=0) * count / (count - 1)) / len(values)
-    return mean, np.asarray(error * t.isf(0.025, count - 1) / norm.isf(0.025))
-
-
-def _gap_cell(channel: str, cell: MapCell, error: float, z: float) -> GapCell:
-    return GapCell(channel, cell.span, int(cell.rows.sum()), float(error), float(z))
+    allowance = np.concatenate(parts, axis=2)
+    result: list[GapCell] = []
+    for cell in cells:
+        rows = cell.rows & within
+        index = np.unique(cluster[rows], return_inverse=True)[1]
+        if rows.sum() < LEAST_S or index.max() < 2:
+            continue
+        values, count = error[rows], int(index.max()) + 1
+        mean, sums = values.mean(axis=0), np.zeros((count, values.shape[1]))
+        np.add.at(sums, index, values - mean)
+        deviation = np.sqrt((sums**2).sum(axis=0) * count / (count - 1)) / len(values)
+        deviation = deviation * t.isf(0.025, count - 1) / norm.isf(0.025)
+        deviation = np.hypot(deviation, np.sqrt((allowance[rows].mean(axis=0) ** 2).sum(axis=1)))
+        for name, size, z in zip(POSE_AND_VELOCITY, mean * _DEGREES, mean / deviation, strict=True):
+            result.append(GapCell(name, cell.span, int(cell.rows.sum()), float(size), float(z)))
+    return result
 
 
 @dataclass(frozen=True, slots=True)
@@ -355,10 +321,6 @@ class TriedRegime:
     share: float
     price: float
 
-    @property
-    def worth(self) -> float:
-        return self.share - self.price
-
 
 def find_regimes(quantities: Mapping[str, Floats], force: Floats, fold: Ints) -> list[TriedRegime]:
     """The regime that explains most of each axis of ``force`` [T, 3], its force and share, the largest first.
@@ -366,28 +328,18 @@ def find_regimes(quantities: Mapping[str, Floats], force: Floats, fold: Ints) ->
     ``quantities`` are [T] each, ``fold`` [T] the part of the trial of each second: shares are computed on parts
     that were not used for the size. No regime for an axis where none explains a fifth.
     """
-    tried = list(_candidates(quantities))
-    best = [
-        _narrowed(candidate, tried, quantities, force, fold) for candidate in _best(tried, quantities, force, fold)
-    ]
-    return sorted(best, key=lambda regime: -regime.share)
-
-
-def _narrowed(
-    widest: TriedRegime, tried: Sequence[_Priced], quantities: Mapping[str, Floats], force: Floats, fold: Ints
-) -> TriedRegime:
-    """A regime restricted by a second span, where that explains enough more."""
-    narrower = [
-        (replace(widest.regime, within={**widest.regime.within, **second.within}), widest.price + _SECOND)
-        for second, _ in tried
-        if second.grows_with is None and widest.regime.within and not {*second.within} & {*widest.regime.within}
-    ]
-    same_axis = [
-        candidate
-        for candidate in _best(narrower, quantities, force, fold)
-        if candidate.regime.axis == widest.regime.axis
-    ]
-    return max([widest, *same_axis], key=lambda candidate: candidate.worth)
+    tried, best = list(_candidates(quantities)), list[TriedRegime]()
+    for widest in _best(tried, quantities, force, fold):
+        regime = widest.regime
+        narrower = [  # by a second span, where that explains enough more
+            (replace(regime, within={**regime.within, **second.within}), widest.price + _SECOND)
+            for second, _ in tried
+            if second.grows_with is None and regime.within and not {*second.within} & {*regime.within}
+        ]
+        narrowed = _best(narrower, quantities, force, fold)
+        same_axis = [candidate for candidate in narrowed if candidate.regime.axis == regime.axis]
+        best.append(max([widest, *same_axis], key=lambda candidate: candidate.share - candidate.price))
+    return sorted(best, key=lambda candidate: -candidate.share)
 
 
 def _candidates(quantities: Mapping[str, Floats]) -> Iterator[_Priced]:
@@ -400,7 +352,7 @@ def _candidates(quantities: Mapping[str, Floats]) -> Iterator[_Priced]:
     for growth, at in growing.items():
         yield Regime("", {}, growth, at), _PLAIN
     for name, values in quantities.items():
-        for span, price in _priced_spans(name, values):
+        for span, price in _priced_spans(name, values[np.isfinite(values)]):
             if name not in _ONLY_RUNNING:
                 yield Regime("", {name: span}), price
             for growth, at in growing.items():
@@ -410,18 +362,15 @@ def _candidates(quantities: Mapping[str, Floats]) -> Iterator[_Priced]:
 
 def _priced_spans(name: str, values: Floats) -> Iterator[tuple[tuple[float, float], float]]:
     """Spans on either side of zero, on either side of each round edge, and between two edges."""
-    finite = values[np.isfinite(values)]
-    if len(finite) < _LEAST_S:
+    if len(values) < _LEAST_S:
         return
     if name == "relative_wind_deg":
         yield from ((arc, _PLAIN) for arc in itertools.combinations(np.arange(-180.0, 181.0, 45.0).tolist(), 2))
         return
-    low, high = (float(quantile) for quantile in np.quantile(finite, (0.02, 0.98)))
+    low, high = (float(quantile) for quantile in np.quantile(values, (0.02, 0.98)))
     edges = round_edges(low, high, _FINEST_STEP.get(name, _FINEST_STEP_RPM)).tolist()
-    for edge, price in [
-        *([(0.0, 0.0)] if low < 0.0 < high else []),
-        *((inner_edge, _PLAIN) for inner_edge in edges),
-    ]:
+    zero = [(0.0, 0.0)] if low < 0.0 < high else []
+    for edge, price in [*zero, *((edge, _PLAIN) for edge in edges)]:
         yield (-inf, edge), price
         yield (edge, inf), price
     for pair in itertools.pairwise(edges):
@@ -483,63 +432,57 @@ def largest_regimes(bare: Evidence, windows: UnseenWindows) -> tuple[FoundRegime
     the other as long as each explains a fifth of an axis' remaining force and brings predictions of held-out
     legs closer.
     """
-    regimes, now = list[FoundRegime](), _Fitted.of(bare, (), windows)
+    regimes, evidence, names = list[FoundRegime](), bare, tuple[str, ...]()
     while len(regimes) < _FEW:
-        equations = now.evidence.equations
+        evidence = relinearise_at_fit(evidence, names, FEW)
+        equations, off_m = evidence.equations, _off_m(windows, evidence, names)
         log, origin = equations.log, equations.linear.origin
         quantities = quantities_along(log.actuators, origin, log.controls.mean(axis=1), log.wind)
         lacking = find_regimes(quantities, map_of(equations, with_effects=True).force, fold_of(log))
-        better = next(filter(None, (_try_regime(now, windows, candidate) for candidate in lacking)), None)
+        tried = (_try_regime(evidence, names, off_m, windows, candidate) for candidate in lacking)
+        better = next(filter(None, tried), None)
         if better is None:
             break
-        regimes.append(better[0])
-        now = _Fitted.of(better[1].evidence, better[1].names, windows)
+        regime, evidence = better
+        regimes.append(regime)
+        names = (*names, regime.name)
     return tuple(regimes)
 
 
-@dataclass(frozen=True, slots=True)
-class _Fitted:
-    """Effects, the evidence linearised about them, and the mean distance by leg with them [legs with windows]."""
+def _try_regime(
+    evidence: Evidence, names: tuple[str, ...], off_m: Floats, windows: UnseenWindows, tried: TriedRegime
+) -> tuple[FoundRegime, Evidence] | None:
+    """A regime fitted beside the effects ``names``, and the evidence with it.
 
-    names: tuple[str, ...]
-    evidence: Evidence
-    off_m: Floats
-
-    @classmethod
-    def of(cls, evidence: Evidence, names: tuple[str, ...], windows: UnseenWindows) -> _Fitted:
-        """``names`` fitted, and the evidence linearised about them."""
-        linear = relinearise_at_fit(evidence, names, FEW)
-        return cls(names, linear, _off_m(windows, linear, names))
-
-    def with_effect(self, effect: Effect, windows: UnseenWindows) -> _Fitted:
-        """The same with one more effect; only its signature is new."""
-        equations, names = self.evidence.equations, (*self.names, effect.name)
-        model = replace(equations.model, catalogue={**equations.model.catalogue, effect.name: effect})
-        added = signatures(equations.log, model, equations.linear.origin, [effect.name])
-        effects = (*equations.effects, *added)
-        wider = Linearisation(equations.log, model, equations.tolerance, equations.linear, effects)
-        evidence = evidence_of(normal_equations(wider, equations.noise, number=FEW))
-        return _Fitted(names, evidence, _off_m(windows, evidence, names))
-
-
-def _try_regime(now: _Fitted, windows: UnseenWindows, tried: TriedRegime) -> tuple[FoundRegime, _Fitted] | None:
-    """A regime fitted beside the existing effects; None if it gains too little or is not consistent."""
-    regime = tried.regime
-    effect = regime_effect(_name_of(regime), regime, tried.size)
-    if effect.name in now.names:
+    ``off_m`` is the mean distance by leg without it. None if it gains too little or is not consistent.
+    """
+    equations, regime = evidence.equations, tried.regime
+    words = [regime.axis, "moment" if regime.axis == "yaw" else "force"]  # as in surge_force_rpm_below_0
+    for quantity, (low, high) in regime.within.items():
+        begin, end = (f"{edge:g}".replace("-", "minus_").replace(".", "p") for edge in (low, high))
+        span = f"below_{end}" if low == -inf else f"above_{begin}" if high == inf else f"{begin}_to_{end}"
+        words.append(f"{_without_unit(quantity)}_{span}")
+    if regime.grows_with is not None and not regime.within:
+        words.append(f"with_{_without_unit(regime.grows_with)}")
+    effect = regime_effect("_".join(words), regime, tried.size)
+    if effect.name in names:
         return None
-    fitted = now.with_effect(effect, windows)
-    parts = tuple(evidence_within(windows, fitted.evidence).values())
-    replicated = replications(fitted.evidence, fitted.names, parts)[effect.name]
-    if not improves_prediction(now.off_m, fitted.off_m) or replicated.found < MOST_PARTS * replicated.parts:
+    names = (*names, effect.name)
+    model = replace(equations.model, catalogue={**equations.model.catalogue, effect.name: effect})
+    added = signatures(equations.log, model, equations.linear.origin, [effect.name])  # all others are known
+    effects = (*equations.effects, *added)
+    wider = Linearisation(equations.log, model, equations.tolerance, equations.linear, effects)
+    evidence = evidence_of(normal_equations(wider, equations.noise, number=FEW))
+    with_m = _off_m(windows, evidence, names)
+    replicated = replications(evidence, names, evidence_within(windows, evidence))[effect.name]
+    if not improves_prediction(off_m, with_m) or replicated.found < MOST_PARTS * replicated.parts:
         return None
-    fit = fitted.evidence.fit(fitted.names, prior=True)
-    (place,) = fitted.evidence.places(fit, effect.name)
-    spread = score_spread(fitted.evidence, fitted.names, effect.name)  # from the scatter between legs
+    fit = evidence.fit(names, prior=True)
+    (place,) = evidence.places(fit, effect.name)
+    spread = score_spread(evidence, names, effect.name)  # from the scatter between legs
     value, error = float(fit.values[place]), float(np.sqrt(spread * fit.covariance[place, place]))
-    after_m = float(fitted.off_m.mean())
-    result = FoundRegime(effect.name, regime, value, error, tried.share, replicated, after_m)
-    return result, fitted
+    after_m = float(with_m.mean())
+    return FoundRegime(effect.name, regime, value, error, tried.share, replicated, after_m), evidence
 
 
 def _off_m(windows: UnseenWindows, evidence: Evidence, names: Sequence[str]) -> Floats:
@@ -547,18 +490,6 @@ def _off_m(windows: UnseenWindows, evidence: Evidence, names: Sequence[str]) -> 
     catalogue = evidence.equations.model.catalogue
     extended = replace(windows, model=replace(windows.model, catalogue=catalogue))
     return unseen_distance_m(extended, evidence_without(extended, evidence), names)
-
-
-def _name_of(regime: Regime) -> str:
-    """A name from the axis and the regime: ``surge_force_rpm_below_0``."""
-    parts = [regime.axis, "moment" if regime.axis == "yaw" else "force"]
-    for quantity, (low, high) in regime.within.items():
-        begin, end = (f"{edge:g}".replace("-", "minus_").replace(".", "p") for edge in (low, high))
-        span = f"below_{end}" if low == -inf else f"above_{begin}" if high == inf else f"{begin}_to_{end}"
-        parts.append(f"{_without_unit(quantity)}_{span}")
-    if regime.grows_with is not None and not regime.within:
-        parts.append(f"with_{_without_unit(regime.grows_with)}")
-    return "_".join(parts)
 
 
 def _without_unit(quantity: str) -> str:

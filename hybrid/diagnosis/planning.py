@@ -16,7 +16,7 @@ its true motion serves as the measured one.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from math import expm1, inf, log, log1p, sqrt
@@ -29,7 +29,7 @@ from scipy.stats import chi2, ncx2, norm, t
 
 from seatrial.acquisition.core.errors import ModelRangeError, Progress
 from seatrial.acquisition.core.quantities import Floats, Ints
-from seatrial.acquisition.core.ship import Actuators, control_names, names_of
+from seatrial.acquisition.core.ship import control_names, names_of
 from seatrial.acquisition.core.ship import shafts as drives_in
 from seatrial.hybrid.diagnosis.acceptance import FALSE_ALARM, HELD_OUT_LEVEL
 from seatrial.hybrid.diagnosis.evidence import NormalEquations, explained_by, marginalise, normal_equations
@@ -186,21 +186,15 @@ def limits(equations: NormalEquations) -> dict[str, float]:
     infinity. For an effect with a direction, the worst direction. Infinite (0 for the latter) if no possible
     size would do.
     """
-    information, legs = information_of(equations), legs_of(equations)
+    information, result = information_of(equations), {}
     detected = free_limits(information)
-    result = {}
+    effects, scale = 1 + np.arange(len(equations.layout.effect)), equations.nuisance_scale
+    legs = np.array([marginalise(leg, effects, equations.nuisance, scale)[0] for leg in equations.gram])
     for name, effect in equations.model.catalogue.items():
         columns = information.columns[name]
         predicted = predicted_limit(information, name, legs[:, columns[:, None], columns])
         result[name] = as_parameter(effect, max(detected[name], predicted))
     return result
-
-
-def legs_of(equations: NormalEquations) -> Floats:
-    """The information on all effects' coordinates in each leg by itself [L, P, P]."""
-    effects = 1 + np.arange(len(equations.layout.effect))
-    nuisance, scale = equations.nuisance, equations.nuisance_scale
-    return np.array([marginalise(leg, effects, nuisance, scale)[0] for leg in equations.gram])
 
 
 def as_parameter(effect: Effect, size: float) -> float:
@@ -215,21 +209,23 @@ def as_parameter(effect: Effect, size: float) -> float:
 
 def free_limits(information: Information) -> dict[str, float]:
     """The limits in free coordinates, ignoring bounds; infinite if undetectable."""
-    return {name: _limit(information, name) for name in information.catalogue}
-
-
-def _limit(information: Information, name: str) -> float:
-    effect, block = information.catalogue[name], information.of(name)
-    prior = np.array(effect.free_scale)
-    relative = np.asarray(np.linalg.eigvalsh(block * np.outer(prior, prior)), dtype=np.float64)
-    if relative[0] < _NONE:
-        return inf
-    needed = noncentrality(needed_gain(relative, len(information.catalogue)), len(prior))
-    shape = _shape(effect)
-    worst = float(np.linalg.eigvalsh(block * np.outer(shape, shape))[0])
-    # The interval of one that is found has to reach what anyone cares about.
-    reach = effect.smallest_free[0] - (1.96 - float(norm.ppf(POWER))) / sqrt(worst)
-    return max(sqrt(needed / worst), reach)
+    result, count = dict[str, float](), len(information.catalogue)
+    single = -expm1(log1p(-FALSE_ALARM) / count)  # the significance, corrected for all effects (Sidak 1967)
+    for name, effect in information.catalogue.items():
+        block, prior, shape = information.of(name), np.array(effect.free_scale), _shape(effect)
+        relative = np.asarray(np.linalg.eigvalsh(block * np.outer(prior, prior)), dtype=np.float64)
+        if relative[0] < _NONE:
+            result[name] = inf
+            continue
+        # the gain that significance needs, and that at which the log evidence less the penalty is zero
+        significant = float(chi2.isf(single, len(relative)))
+        occam = float(np.log1p(relative).sum()) + 2.0 * log(count)
+        needed = noncentrality(max(significant, occam * float(1.0 + 1.0 / relative[0])), len(prior))
+        worst = float(np.linalg.eigvalsh(block * np.outer(shape, shape))[0])
+        # The interval of one that is found has to reach what anyone cares about.
+        reach = effect.smallest_free[0] - (1.96 - float(norm.ppf(POWER))) / sqrt(worst)
+        result[name] = max(sqrt(needed / worst), reach)
+    return result
 
 
 def _shape(effect: Effect) -> Floats:
@@ -263,18 +259,6 @@ def predicted_limit(information: Information, name: str, legs: Floats) -> float:
     constant = margin**2 - level**2
     root = (margin * even + sqrt(max(0.0, (margin * even) ** 2 - leading * constant))) / leading
     return root / sqrt(total)
-
-
-def needed_gain(relative: Floats, effects: int) -> float:
-    """The gain that an effect needs to be named: the larger of those required by significance and by evidence.
-
-    ``relative`` [d] are the eigenvalues of its information in units of its prior's; ``effects`` are tried. The
-    first is chi-square corrected for all of them (Sidak 1967); the second is where the log evidence less the
-    penalty is zero.
-    """
-    single = -expm1(log1p(-FALSE_ALARM) / effects)
-    occam = float(np.log1p(relative).sum()) + 2.0 * log(effects)
-    return max(float(chi2.isf(single, len(relative))), occam * float(1.0 + 1.0 / relative[0]))
 
 
 @lru_cache(maxsize=4096)
@@ -323,20 +307,6 @@ class Rehearsal:
     design: Design
     recorded: range
     candidates: tuple[CandidateManoeuvre, ...]
-
-
-def next_manoeuvre(
-    equations: NormalEquations,
-    vessel: Vessel,
-    values: Mapping[str, Values],
-    pairs: Sequence[Pair],
-    progress: Progress = lambda share: None,
-) -> NextTrial | None:
-    """The manoeuvre that separates most of ``pairs``, or None if no candidate is of use.
-
-    ``values`` has the parameters of all named effects, with which the ship is simulated.
-    """
-    return best_request(rank_candidates(rehearsal_of(equations, vessel, values, progress), pairs), pairs)
 
 
 def best_request(ranking: Sequence[RankedCandidate], pairs: Sequence[Pair]) -> NextTrial | None:
@@ -503,37 +473,36 @@ def shafts_of(vessel: Vessel, usual_rpm: float) -> Shafts:
     )
     tunnel_limit = min((tunnel.limit_rpm for tunnel in vessel.of_kind("tunnel")), default=0.0)
     steering = [actuator for actuator in vessel.actuators if actuator.angle]
+    drives = {actuator.noun for actuator in vessel.actuators if actuator.drives}
+    steers = {actuator.steers_by for actuator in steering}
     return Shafts(
         usual, half, slow, fast, round(_TUNNEL * tunnel_limit / _ROUND_RPM) * _ROUND_RPM,
         drives_in(vessel.actuators), tuple(actuator.name for actuator in steering),
         names_of(vessel.actuators, "tunnel"),
-        _common_word((actuator.noun for actuator in vessel.actuators if actuator.drives), "thruster"),
-        _common_word((actuator.steers_by for actuator in steering), _MIXED), pace_of(vessel).time, limit,
-        own_usual_rpm(vessel),
+        drives.pop() if len(drives) == 1 else "thruster", steers.pop() if len(steers) == 1 else _MIXED,
+        pace_of(vessel).time, limit, own_usual_rpm(vessel),
     )  # fmt: skip
-
-
-def _common_word(words: Iterable[str], otherwise: str) -> str:
-    """The word that all of ``words`` are."""
-    distinct = set(words)
-    return distinct.pop() if len(distinct) == 1 else otherwise
 
 
 def repertoire(shafts: Shafts) -> tuple[CandidateManoeuvre, ...]:
     """All candidates that a ship with these thrusters can make."""
-    zigzags = ((10.0, 10.0, False), (20.0, 20.0, False), (20.0, 20.0, True), (30.0, 5.0, False))
-    candidates = [*_straight_runs(shafts), *_turns(shafts), *(_zigzag(shafts, *settings) for settings in zigzags)]
-    candidates += [_speed_changes(shafts), _coasting(shafts)]
-    if shafts.drive == "propeller":
-        candidates.append(_crash_stop(shafts))
-    if len(shafts.drives) > 1:
-        candidates.append(_one_drive(shafts))
-    if len(shafts.drives) == 2 and shafts.steering:
-        candidates.append(_uneven(shafts))
-    if len(shafts.steering) == 2 and shafts.steers != _MIXED:
-        candidates.append(_opposed(shafts))
+    candidates = [*_straight_runs(shafts), *_helm_manoeuvres(shafts), *_speed_changes(shafts)]
+    candidates += _drive_manoeuvres(shafts)
     if shafts.tunnels:
-        candidates.append(_tunnel(shafts))
+        speeds, sides = (0.0, 0.3 * shafts.usual), (shafts.tunnel, 0.0, -shafts.tunnel, 0.0)
+        legs = [
+            Leg(rpm=rpm, orders={f"{name}_rpm": side}, at_most_s=60.0)
+            for name in shafts.tunnels
+            for rpm in speeds
+            for side in sides
+        ]
+        subject = "the tunnel thruster" if len(shafts.tunnels) == 1 else "each tunnel thruster"
+        minute = shafts.span(60.0)
+        request = (
+            f"Run {subject} at {shafts.tunnel:g} rpm to either side, {minute} each and {minute} "
+            f"of rest between, stopped and at {speeds[1]:.0f} rpm ahead"
+        )
+        candidates.append(shafts.candidate("tunnel_thruster", request, legs))
     drift = (Leg(rpm=0.0, at_most_s=60.0 * MINUTES),)
     return *candidates, shafts.candidate("drifting", "Lie stopped without any thrust and drift", drift)
 
@@ -562,8 +531,8 @@ def _straight_runs(shafts: Shafts) -> list[CandidateManoeuvre]:
     ]
 
 
-def _turns(shafts: Shafts) -> list[CandidateManoeuvre]:
-    return [
+def _helm_manoeuvres(shafts: Shafts) -> list[CandidateManoeuvre]:
+    candidates = [
         shafts.candidate(
             f"turns_{helm_deg:g}",
             f"Turn through {turn_deg:g} degrees at {shafts.usual:g} rpm with "
@@ -573,112 +542,87 @@ def _turns(shafts: Shafts) -> list[CandidateManoeuvre]:
         for helm_deg, turn_deg in ((15.0, 360.0), (30.0, 720.0))
     ]
 
-
-def _zigzag(shafts: Shafts, helm_deg: float, switch_deg: float, slow: bool) -> CandidateManoeuvre:
-    rpm = shafts.slow if slow else shafts.usual
-    swings = zigzag(helm_deg, switch_deg, rpm, swings=10)
-    helm = "" if shafts.steering else f" with {shafts.helm(helm_deg, rpm)}"
-    request = f"Zigzags {helm_deg:g}/{switch_deg:g} at {rpm:g} rpm{helm}, about a heading and about the reciprocal"
-    name = f"zigzags_{helm_deg:g}_{switch_deg:g}{'_slow' * slow}"
-    return shafts.candidate(name, request, on_reciprocal_courses(lambda course: (settle(course, rpm), *swings)))
-
-
-def _speed_changes(shafts: Shafts) -> CandidateManoeuvre:
-    request = (
-        f"Speed up to {shafts.fast:g} rpm and slow down to {shafts.half:g} rpm every {shafts.span(30.0)}, "
-        f"{shafts.span(300.0)} on a heading and as long on the reciprocal"
-    )
-    changes = (shafts.half, shafts.fast) * 4
-    legs = on_reciprocal_courses(
-        lambda course: (settle(course, shafts.fast), *(steer(course, 30.0, rpm) for rpm in changes))
-    )
-    return shafts.candidate("speed_changes", request, legs)
-
-
-def _coasting(shafts: Shafts) -> CandidateManoeuvre:
-    idle = Leg(rpm=0.0, at_most_s=180.0)
-    request = (
-        f"Speed up to {shafts.usual:g} rpm and coast without thrust for {shafts.span(180.0)}, on a heading and on "
-        "the reciprocal"
-    )
-    legs = on_reciprocal_courses(
-        lambda course: (settle(course, shafts.usual), steer(course, 60.0, shafts.usual), idle)
-    )
-    return shafts.candidate("coasting", request, legs)
-
-
-def _crash_stop(shafts: Shafts) -> CandidateManoeuvre:
-    astern = Leg(rpm=-shafts.usual, slower_mps=0.0, at_most_s=120.0)
-    request = (
-        f"Speed up to {shafts.usual:g} rpm and stop at {shafts.usual:g} rpm astern until she stands, on a heading "
-        "and on the reciprocal"
-    )
-    legs = on_reciprocal_courses(
-        lambda course: (settle(course, shafts.usual), steer(course, 90.0, shafts.usual), astern)
-    )
-    return shafts.candidate("crash_stops", request, legs)
-
-
-def _one_drive(shafts: Shafts) -> CandidateManoeuvre:
-    names = (name.replace("_", " ") for name in shafts.drives)
-    first, *remaining = (name if shafts.drive in name else f"{name} {shafts.drive}" for name in names)
-    continued = "".join(f", then on the {name} alone" for name in remaining)
-    seconds, spans = 120.0, f"{shafts.span(120.0)} each"
-    if shafts.steering:
-        held = f"{shafts.span(60.0)} each held straight, at 15 degrees and at -15 degrees"
-        seconds, spans = 300.0, f"{shafts.span(120.0)} on a course, then {held}"
-    legs = single_drive_legs(shafts.drives, shafts.usual, seconds, by_angle=bool(shafts.steering))
-    request = f"Run on the {first} alone at {shafts.usual:g} rpm{continued}: {spans}"
-    return shafts.candidate("one_thruster_at_a_time", request, [leg for drive_legs in legs for leg in drive_legs])
-
-
-def _opposed(shafts: Shafts) -> CandidateManoeuvre:
-    first, second = (f"{name}_angle_deg" for name in shafts.steering)
-    legs = [
-        Leg(rpm=shafts.usual, orders={first: a, second: -a}, at_most_s=75.0) for a in (20.0, -20.0, 35.0, -35.0)
-    ]
-    drives = {1: f"the {shafts.drive}", 2: f"both {shafts.drive}s"}.get(len(shafts.drives), f"all {shafts.drive}s")
-    request = (
-        f"Hold {drives} at {shafts.usual:g} rpm with {shafts.steers}s opposed, 20 and 35 degrees inwards and "
-        f"outwards, {shafts.span(75.0)} each, twice"
-    )
-    return shafts.candidate(f"{shafts.steers}s_opposed", request, legs)
-
-
-def _uneven(shafts: Shafts) -> CandidateManoeuvre:
-    first, second = shafts.drives
-    legs = [
-        leg
-        for orders in (
-            {f"{first}_rpm": shafts.usual, f"{second}_rpm": shafts.slow},
-            {f"{first}_rpm": shafts.slow, f"{second}_rpm": shafts.usual},
+    def zigzags(helm_deg: float, switch_deg: float, rpm: float, suffix: str = "") -> CandidateManoeuvre:
+        swings = zigzag(helm_deg, switch_deg, rpm, swings=10)
+        helm = "" if shafts.steering else f" with {shafts.helm(helm_deg, rpm)}"
+        return shafts.candidate(
+            f"zigzags_{helm_deg:g}_{switch_deg:g}{suffix}",
+            f"Zigzags {helm_deg:g}/{switch_deg:g} at {rpm:g} rpm{helm}, about a heading and about the reciprocal",
+            on_reciprocal_courses(lambda course: (settle(course, rpm), *swings)),
         )
-        for leg in (
-            Leg(orders=orders, course_deg=0.0, at_most_s=90.0),
-            *(Leg(orders=orders, helm_deg=angle, at_most_s=45.0) for angle in (10.0, -10.0)),
-        )
+
+    candidates += [zigzags(10.0, 10.0, shafts.usual), zigzags(20.0, 20.0, shafts.usual)]
+    return [*candidates, zigzags(20.0, 20.0, shafts.slow, "_slow"), zigzags(30.0, 5.0, shafts.usual)]
+
+
+def _speed_changes(shafts: Shafts) -> list[CandidateManoeuvre]:
+    usual, half, fast = shafts.usual, shafts.half, shafts.fast
+    changes, idle = (half, fast) * 4, Leg(rpm=0.0, at_most_s=180.0)
+    candidates = [
+        shafts.candidate(
+            "speed_changes",
+            f"Speed up to {fast:g} rpm and slow down to {half:g} rpm every {shafts.span(30.0)}, "
+            f"{shafts.span(300.0)} on a heading and as long on the reciprocal",
+            on_reciprocal_courses(
+                lambda course: (settle(course, fast), *(steer(course, 30.0, rpm) for rpm in changes))
+            ),
+        ),
+        shafts.candidate(
+            "coasting",
+            f"Speed up to {usual:g} rpm and coast without thrust for {shafts.span(180.0)}, on a heading and on "
+            "the reciprocal",
+            on_reciprocal_courses(lambda course: (settle(course, usual), steer(course, 60.0, usual), idle)),
+        ),
     ]
-    names = [name.replace("_", " ") for name in (first, second)]
-    request = (
-        f"Run with {names[0]} at {shafts.usual:g} and {names[1]} at {shafts.slow:g} rpm, then the other way round: "
-        f"{shafts.span(90.0)} on a course, {shafts.span(45.0)} each at 10 degrees and at -10 degrees"
-    )
-    return shafts.candidate("uneven_thrusters", request, legs)
+    if shafts.drive == "propeller":
+        astern = Leg(rpm=-usual, slower_mps=0.0, at_most_s=120.0)
+        request = (
+            f"Speed up to {usual:g} rpm and stop at {usual:g} rpm astern until she stands, on a heading and on the "
+            "reciprocal"
+        )
+        legs = on_reciprocal_courses(lambda course: (settle(course, usual), steer(course, 90.0, usual), astern))
+        candidates.append(shafts.candidate("crash_stops", request, legs))
+    return candidates
 
 
-def _tunnel(shafts: Shafts) -> CandidateManoeuvre:
-    def push(main: float, name: str, tunnel_rpm: float) -> Leg:
-        return Leg(rpm=main, orders={f"{name}_rpm": tunnel_rpm}, at_most_s=60.0)
-
-    ahead = 0.3 * shafts.usual
-    subject = "the tunnel thruster" if len(shafts.tunnels) == 1 else "each tunnel thruster"
-    sides = (shafts.tunnel, 0.0, -shafts.tunnel, 0.0)
-    legs = [push(main, name, side) for name in shafts.tunnels for main in (0.0, ahead) for side in sides]
-    request = (
-        f"Run {subject} at {shafts.tunnel:g} rpm to either side, {shafts.span(60.0)} each and {shafts.span(60.0)} "
-        f"of rest between, stopped and at {ahead:.0f} rpm ahead"
-    )
-    return shafts.candidate("tunnel_thruster", request, legs)
+def _drive_manoeuvres(shafts: Shafts) -> list[CandidateManoeuvre]:
+    candidates, usual, slow = list[CandidateManoeuvre](), shafts.usual, shafts.slow
+    if len(shafts.drives) > 1:
+        spaced = (name.replace("_", " ") for name in shafts.drives)
+        alone, *remaining = (name if shafts.drive in name else f"{name} {shafts.drive}" for name in spaced)
+        continued = "".join(f", then on the {name} alone" for name in remaining)
+        seconds, spans = 120.0, f"{shafts.span(120.0)} each"
+        if shafts.steering:
+            held = f"{shafts.span(60.0)} each held straight, at 15 degrees and at -15 degrees"
+            seconds, spans = 300.0, f"{shafts.span(120.0)} on a course, then {held}"
+        request = f"Run on the {alone} alone at {usual:g} rpm{continued}: {spans}"
+        by_drive = single_drive_legs(shafts.drives, usual, seconds, by_angle=bool(shafts.steering))
+        legs = [leg for drive_legs in by_drive for leg in drive_legs]
+        candidates.append(shafts.candidate("one_thruster_at_a_time", request, legs))
+    if len(shafts.drives) == 2 and shafts.steering:
+        first, second = shafts.drives
+        legs = []
+        for first_rpm, second_rpm in ((usual, slow), (slow, usual)):
+            orders = {f"{first}_rpm": first_rpm, f"{second}_rpm": second_rpm}
+            legs.append(Leg(orders=orders, course_deg=0.0, at_most_s=90.0))
+            legs += [Leg(orders=orders, helm_deg=angle, at_most_s=45.0) for angle in (10.0, -10.0)]
+        names = [name.replace("_", " ") for name in (first, second)]
+        request = (
+            f"Run with {names[0]} at {usual:g} and {names[1]} at {slow:g} rpm, then the other way round: "
+            f"{shafts.span(90.0)} on a course, {shafts.span(45.0)} each at 10 degrees and at -10 degrees"
+        )
+        candidates.append(shafts.candidate("uneven_thrusters", request, legs))
+    if len(shafts.steering) == 2 and shafts.steers != _MIXED:
+        first, second = (f"{name}_angle_deg" for name in shafts.steering)
+        legs = [Leg(rpm=usual, orders={first: a, second: -a}, at_most_s=75.0) for a in (20.0, -20.0, 35.0, -35.0)]
+        number = len(shafts.drives)
+        drives = {1: f"the {shafts.drive}", 2: f"both {shafts.drive}s"}.get(number, f"all {shafts.drive}s")
+        request = (
+            f"Hold {drives} at {usual:g} rpm with {shafts.steers}s opposed, 20 and 35 degrees inwards and "
+            f"outwards, {shafts.span(75.0)} each, twice"
+        )
+        candidates.append(shafts.candidate(f"{shafts.steers}s_opposed", request, legs))
+    return candidates
 
 
 def rehearse(
@@ -698,17 +642,14 @@ def rehearse(
     measured = measure(voyage.states, plant, dt_s)[:-1:per_second][: seconds + 1]
     end = len(voyage.controls) // _STEPS * _STEPS
     controls = voyage.controls[:end].reshape(-1, _STEPS, voyage.controls.shape[1]).mean(axis=1)
-    return _log_of_voyage(measured, controls, voyage.wind[::per_second], seconds + 1, vessel.actuators)
-
-
-def _log_of_voyage(measured: Floats, controls: Floats, wind: Floats, rows: int, actuators: Actuators) -> Log:
+    rows = seconds + 1
     block = np.arange(rows, dtype=np.int64) * max(1, round(rows / BLOCK_S)) // rows
     weight = np.zeros((rows, 6, STEPS_PER_SECOND + 1))
     weight[:, :, STEPS_PER_SECOND // 2] = 1.0
     return Log(
         measured, weight, measured.copy(), controls[: rows * STEPS_PER_SECOND].reshape(rows, STEPS_PER_SECOND, -1),
-        wind[:rows].copy(), np.arange(rows, dtype=np.int64), block, block // round(LEG_S / BLOCK_S),
-        np.zeros(rows, dtype=np.int64), actuators,
+        voyage.wind[::per_second][:rows].copy(), np.arange(rows, dtype=np.int64), block,
+        block // round(LEG_S / BLOCK_S), np.zeros(rows, dtype=np.int64), vessel.actuators,
     )  # fmt: skip
 
 

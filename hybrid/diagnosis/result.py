@@ -51,12 +51,9 @@ _UNITS = {
 
 
 @dataclass(frozen=True, slots=True)
-class Estimate:
+class Estimate(Interval):
     """A parameter's value with its 95 % interval, in its unit."""
 
-    value: Number
-    low: Number
-    high: Number
     unit: str
 
 
@@ -505,24 +502,20 @@ def read_diagnosis(folder: Path | str) -> tuple[Diagnosis, Extras]:
         ladder = (
             from_json(CalibratorComparison, read_json(folder / LADDER)) if (folder / LADDER).is_file() else None
         )
-        before, after = _maps_of(folder, data.cells)
-        return diagnosis, Extras(before, after, data.consistency, ladder, data.correlation)
+        maps: list[Map | None] = [None, None]
+        if (folder / MAP).is_file():
+            table = read_parquet(folder / MAP)[0]
+            for number, name in enumerate(("before", "after")):
+                rows, places = table[table["map"] == name].drop(columns="map"), data.cells[name]
+                quantities = {
+                    str(column): rows[column].to_numpy(dtype=float) for column in rows if column not in FORCES
+                }
+                force = rows[list(FORCES)].to_numpy(dtype=float)
+                maps[number] = None if places is None else Map(places, force, quantities)
+        return diagnosis, Extras(maps[0], maps[1], data.consistency, ladder, data.correlation)
     except Exception as error:  # what others wrote into it may fail in every possible way
         raise InputError("was not written by this version", where=str(folder), why=str(error),
                          fix="run `seatrial diagnose` again") from error  # fmt: skip
-
-
-def _maps_of(folder: Path, cells: Mapping[str, tuple[GapCell, ...] | None]) -> list[Map | None]:
-    if not (folder / MAP).is_file():
-        return [None, None]
-    table = read_parquet(folder / MAP)[0]
-    maps: list[Map | None] = []
-    for name in ("before", "after"):
-        rows, places = table[table["map"] == name].drop(columns="map"), cells[name]
-        quantities = {str(column): rows[column].to_numpy(dtype=float) for column in rows if column not in FORCES}
-        force = rows[list(FORCES)].to_numpy(dtype=float)
-        maps.append(None if places is None else Map(places, force, quantities))
-    return maps
 
 
 def _tracks_table(tracks: Tracks | None) -> pd.DataFrame | None:

@@ -48,26 +48,21 @@ def search_effects(evidence: Evidence, excluded: frozenset[str] = frozenset()) -
     pairs = [pair for pair in combinations(singles[:_PAIRS_OF], 2) if evidence.possible(pair)]
     if pairs:
         starts.append(max(pairs, key=evidence.log_odds))
-    ends = [_stepwise(evidence, start, allowed) for start in starts]
+    ends = []
+    for names in starts:  # add, drop or swap one effect at a time, the best step first, until no step gains
+        best = evidence.log_odds(names) if evidence.possible(names) else -np.inf
+        better: tuple[float, tuple[str, ...]] | None = best, names
+        while better is not None:
+            best, names = better
+            outside = [name for name in allowed if name not in names]
+            added = [(*names, name) for name in outside] if len(names) < MAX_EFFECTS else []
+            dropped = [tuple(member for member in names if member != name) for name in names]
+            steps = [*added, *dropped, *((*remaining, name) for remaining in dropped for name in outside)]
+            ranked = sorted(((evidence.log_odds(step), step) for step in steps), reverse=True)
+            gains = (step for step in ranked if step[0] > best + 1e-9 and evidence.possible(step[1]))
+            better = next(gains, None)
+        ends.append(names)
     return max(ends, key=evidence.log_odds)
-
-
-def _stepwise(evidence: Evidence, names: tuple[str, ...], allowed: Sequence[str]) -> tuple[str, ...]:
-    """Add, drop or swap one effect at a time, the best step first, until no step gains."""
-    best = evidence.log_odds(names) if evidence.possible(names) else -np.inf
-    while True:
-        outside = [name for name in allowed if name not in names]
-        added = [(*names, name) for name in outside] if len(names) < MAX_EFFECTS else []
-        dropped = [tuple(candidate for candidate in names if candidate != name) for name in names]
-        steps = [*added, *dropped, *((*remaining, name) for remaining in dropped for name in outside)]
-        judged = sorted(((evidence.log_odds(step), step) for step in steps), reverse=True)
-        better = next(
-            (candidate for candidate in judged if candidate[0] > best + 1e-9 and evidence.possible(candidate[1])),
-            None,
-        )
-        if better is None:
-            return names
-        best, names = better
 
 
 def possible_rivals(evidence: Evidence, names: tuple[str, ...], name: str) -> list[str]:
@@ -100,9 +95,14 @@ def fitted_coordinates(evidence: Evidence, names: Sequence[str]) -> Coordinates:
     """The free coordinates for the next linearisation; with some at their bounds, the others are refitted."""
     model, held = evidence.equations.model, dict[str, tuple[float, ...]]()
     while True:
-        conditional, free = evidence.conditioned_on(held), [name for name in names if name not in held]
+        free, conditional = [name for name in names if name not in held], evidence
+        if held:
+            back = np.eye(len(evidence.inner))
+            for name, coordinates in held.items():
+                back[list(evidence.columns([name])), 0] = -np.array(coordinates)
+            conditional = replace(evidence, inner=back.T @ evidence.inner @ back)
         fit = conditional.fit(free, prior=True)
-        values = {name: tuple(fit.values[conditional.places(fit, name)].tolist()) for name in free}
+        values = {name: tuple(fit.values[evidence.places(fit, name)].tolist()) for name in free}
         within = model.bounded(values)
         beyond = [name for name in free if not np.allclose(within[name], values[name], rtol=_EXACT, atol=0.0)]
         if not beyond:
@@ -143,9 +143,46 @@ class Selection:
 
 
 def select_effects(evidence: Evidence, progress: Progress = lambda share: None) -> Selection:
-    """The fourth stage: stepwise selection by evidence, linearised about the result until it stays."""
-    at, tried = _starting_point(evidence)
-    return continue_search(Selection((), evidence, at, tried=tried), progress)
+    """The fourth stage: stepwise selection by evidence, linearised about the result until it stays.
+
+    The first linearisation is about the result of a search linearised about no effect, or about one that is almost
+    as good there: the sensitivity to a large effect at zero is not its sensitivity at its size.
+    """
+    names = search_effects(evidence)
+    starts = _starting_sets(evidence, names)
+    if len(starts) == 1:
+        return continue_search(Selection((), evidence, fitted_coordinates(evidence, names)), progress)
+    densities, places = dict[tuple[str, ...], float](), []
+    for start in starts:
+        at, relinearised = _linear_about_itself(evidence, start)
+        if relinearised.possible(start):
+            densities[start] = log_density(relinearised, start)
+        places.append((log_density(relinearised, search_effects(relinearised)), at))
+    at = max(places, key=lambda place: place[0])[1]
+    return continue_search(Selection((), evidence, at, tried=densities), progress)
+
+
+def _starting_sets(evidence: Evidence, names: tuple[str, ...]) -> list[tuple[str, ...]]:
+    """``names``, and sets that may turn out better when they are linearised about themselves.
+
+    Single delays; the same effects with one replaced by a close rival; and with a lag or a play moved to other
+    drives, since these are one-sided, and large ones act differently from small ones, so that one drive is easily
+    mistaken for another.
+    """
+    delays, swaps, moves = list[tuple[str, ...]](), list[tuple[float, tuple[str, ...]]](), list[tuple[str, ...]]()
+    clocks = {name for name, effect in evidence.equations.model.catalogue.items() if effect.family == "clock"}
+    if len(names) >= 2 and clocks & set(names):  # about zero, a long delay resembles others as much as itself
+        strongest = sorted(clocks, key=lambda name: -evidence.log_odds([name]))[:_CLOSER]
+        delays = [(name,) for name in strongest if evidence.possible([name])]
+    for name in names:
+        remaining = tuple(member for member in names if member != name)
+        gain = evidence.log_odds(names) - evidence.log_odds(remaining)
+        for rival, deficit in rivals_of(evidence, names, name).items():
+            if CLOSE < deficit < _DOUBT * gain:
+                swaps.append((deficit, (*remaining, rival)))
+        moves += [(*remaining, substitute) for substitute in _on_other_drives(evidence, name, remaining)]
+    closest = [swapped for _, swapped in sorted(swaps)[:_SWAPS]]
+    return list(dict.fromkeys([names, *delays, *closest, *filter(evidence.possible, moves)]))
 
 
 def continue_search(selection: Selection, progress: Progress = lambda share: None) -> Selection:
@@ -180,30 +217,6 @@ def relinearise_at_fit(evidence: Evidence, names: Sequence[str], number: int | N
     return linear_about(evidence, fitted_coordinates(evidence, names), number=number)
 
 
-def _starting_point(evidence: Evidence) -> tuple[Coordinates, dict[tuple[str, ...], float]]:
-    """The first linearisation, and the log density of the data with each set tried, linearised about itself.
-
-    It is the result of a search linearised about no effect, or one that is almost as good there: the
-    sensitivity to a large effect at zero is not its sensitivity at its size.
-    """
-    names, delays = search_effects(evidence), list[tuple[str, ...]]()
-    clocks = {name for name, effect in evidence.equations.model.catalogue.items() if effect.family == "clock"}
-    if len(names) >= 2 and clocks & set(names):  # about zero, a long delay resembles others as much as itself
-        strongest = sorted(clocks, key=lambda name: -evidence.log_odds([name]))[:_CLOSER]
-        delays = [(name,) for name in strongest if evidence.possible([name])]
-    starts = [names, *delays, *_swaps(evidence, names), *_moved_to_other_drives(evidence, names)]
-    starts = list(dict.fromkeys(starts))
-    if len(starts) == 1:
-        return fitted_coordinates(evidence, names), {}
-    densities, places = dict[tuple[str, ...], float](), []
-    for start in starts:
-        at, relinearised = _linear_about_itself(evidence, start)
-        if relinearised.possible(start):
-            densities[start] = log_density(relinearised, start)
-        places.append((log_density(relinearised, search_effects(relinearised)), at))
-    return max(places, key=lambda place: place[0])[1], densities
-
-
 def _linear_about_itself(evidence: Evidence, names: tuple[str, ...]) -> tuple[Coordinates, Evidence]:
     """A set of effects at the values that explain most, as far as two steps reach, and the evidence about them."""
     at = fitted_coordinates(evidence, names)
@@ -212,18 +225,6 @@ def _linear_about_itself(evidence: Evidence, names: tuple[str, ...]) -> tuple[Co
         return at, relinearised
     at = fitted_coordinates(relinearised, names)
     return at, linear_about(evidence, at)
-
-
-def _swaps(evidence: Evidence, names: tuple[str, ...]) -> list[tuple[str, ...]]:
-    """The same effects with one replaced by a close rival, to be compared at their own linearisation."""
-    swaps = []
-    for name in names:
-        remaining = tuple(candidate for candidate in names if candidate != name)
-        gain = evidence.log_odds(names) - evidence.log_odds(remaining)
-        for rival, deficit in rivals_of(evidence, names, name).items():
-            if CLOSE < deficit < _DOUBT * gain:
-                swaps.append((deficit, (*remaining, rival)))
-    return [swapped for _, swapped in sorted(swaps)[:_SWAPS]]
 
 
 @dataclass(frozen=True, slots=True)
@@ -271,30 +272,3 @@ def _on_other_drives(evidence: Evidence, name: str, remaining: Sequence[str]) ->
         relative for relative in effect.confused_with if relative in evidence.names and relative not in remaining
     ]
     return [relative for relative in relatives if catalogue[relative].parameters == effect.parameters]
-
-
-def _moved_to_other_drives(evidence: Evidence, names: tuple[str, ...]) -> list[tuple[str, ...]]:
-    """The same effects with a lag or a play found on one drive moved to others.
-
-    They are one-sided, and large ones act differently from small ones, so one drive is easily mistaken for
-    another.
-    """
-    remaining = {name: tuple(candidate for candidate in names if candidate != name) for name in names}
-    moved = [
-        (*remaining[name], substitute)
-        for name in names
-        for substitute in _on_other_drives(evidence, name, remaining[name])
-    ]
-    return [candidate for candidate in moved if evidence.possible(candidate)]
-
-
-def rival_deficits(
-    evidence: Evidence, names: tuple[str, ...], tried: Mapping[tuple[str, ...], float]
-) -> dict[tuple[str, str], float]:
-    """The log evidence that rivals of ``names`` lack, where they were tried."""
-    mine, result = log_density(evidence, names), {}
-    for candidate, density in tried.items():
-        dropped, added = set(names) - set(candidate), set(candidate) - set(names)
-        if len(dropped) == len(added) == 1:
-            result[dropped.pop(), added.pop()] = mine - density
-    return result

@@ -45,7 +45,6 @@ from seatrial.hybrid.diagnosis.coarse_model import (
     preliminary_selection,
     replications,
     select_unless_coarse,
-    sizes_by_fold,
     unseen_distance_m,
 )
 from seatrial.hybrid.diagnosis.disturbance_model import DisturbanceNoise, NoiseEstimate, columns_of
@@ -91,7 +90,7 @@ from seatrial.hybrid.diagnosis.linearise import (
 )
 from seatrial.hybrid.diagnosis.log import INPUT_HOLDS, SELDOM_S, STEPS_PER_SECOND, InputHold, Log, log_of
 from seatrial.hybrid.diagnosis.map import FoundRegime, largest_regimes, map_of
-from seatrial.hybrid.diagnosis.planning import Pair, limits, next_manoeuvre
+from seatrial.hybrid.diagnosis.planning import Pair, best_request, limits, rank_candidates, rehearsal_of
 from seatrial.hybrid.diagnosis.result import Estimate, Map, NextTrial, Replication, Rival, Suspect, Verdict
 from seatrial.hybrid.diagnosis.select_effects import (
     CLOSE,
@@ -177,20 +176,24 @@ def reach_verdict(first: Acceptance, progress: Progress = lambda share: None) ->
         regimes = largest_regimes(first.evidence, windows)
     progress(0.5)
     gap, withdrawn = _gap(accepted, windows, lacks), tuple[str, ...]()
-    if accepted.names and makes_worse(windows, gap.without):  # predictions of held-out legs
+    if accepted.names and makes_worse(windows, gap.without):
         accepted, withdrawn = replace(accepted, names=(), tests={}), accepted.names
         gap = _gap(accepted, windows, lacks)
     if lacks:
         gap = with_noise_floor(gap, equations)
     rivals = close_rivals(accepted)
-    parts = evidence_within(windows, accepted.evidence).values() if accepted.names else []
+    parts = evidence_within(windows, accepted.evidence) if accepted.names else []
     replicated = replications(accepted.evidence, accepted.names, parts)
     partly = any(replication.found < replication.parts for replication in replicated.values())
     # something is missing that the named effects may only imitate
     imitated = not accepted.beside_remainder if lacks else len(accepted.names) > CREDIBLE and partly
     unknown = bool(withdrawn) or imitated
     composites = [] if unknown else _composites(accepted, first)
-    groups = [*indistinguishable_groups(accepted.names, rivals), *composites, *accepted.substitute_pairs]
+    # these data cannot distinguish each named effect from its close rivals
+    close = [rival for rival in rivals if rival.evidence < CLOSE]
+    alternatives = {name: [rival.name for rival in close if rival.instead_of == name] for name in accepted.names}
+    groups = [(name, *names) for name, names in alternatives.items() if names]
+    groups += [*composites, *accepted.substitute_pairs]
     final = equations  # with all named effects in the model
     if accepted is not first:
         final = linear_about(first.evidence, fitted_coordinates(accepted.evidence, accepted.names)).equations
@@ -264,31 +267,25 @@ def estimates(accepted: Acceptance, name: str) -> list[dict[str, Estimate]]:
 
 def intervals(effect: Effect, free: Floats, covariance: Floats) -> dict[str, Estimate]:
     """Parameters and 95 % intervals from free coordinates and their covariance."""
-    deviation = np.sqrt(np.diag(covariance))
-    if effect.chart == "polar":
-        return _polar(effect, free, covariance)
-    result = {}
+    if effect.chart == "polar":  # magnitude and direction, with errors along and across the vector
+        along, across = free
+        size = max(hypot(along, across), 1e-12)
+        ahead = np.array([along, across]) / size
+        normal = np.array([-ahead[1], ahead[0]])
+        length = float(np.sqrt(ahead @ covariance @ ahead)) * _WIDTH
+        turn = min(degrees(float(np.sqrt(normal @ covariance @ normal)) / size) * _WIDTH, 180.0)
+        towards = degrees(atan2(across, along)) % 360.0
+        first, second = effect.parameters
+        return {
+            first.name: Estimate(size, max(size - length, 0.0), size + length, first.unit),
+            second.name: Estimate(towards, towards - turn, towards + turn, second.unit),
+        }
+    deviation, result = np.sqrt(np.diag(covariance)), {}
     values, *ends = (effect.values(list(free + side * _WIDTH * deviation)) for side in (0.0, -1.0, 1.0))
     for parameter in effect.parameters:
         low, high = sorted(min(max(end[parameter.name], parameter.low), parameter.high) for end in ends)
         result[parameter.name] = Estimate(values[parameter.name], low, high, parameter.unit)
     return result
-
-
-def _polar(effect: Effect, free: Floats, covariance: Floats) -> dict[str, Estimate]:
-    """Magnitude and direction, with errors along and across the vector."""
-    along, across = free
-    size = max(hypot(along, across), 1e-12)
-    ahead = np.array([along, across]) / size
-    normal = np.array([-ahead[1], ahead[0]])
-    length = float(np.sqrt(ahead @ covariance @ ahead)) * _WIDTH
-    turn = degrees(float(np.sqrt(normal @ covariance @ normal)) / size) * _WIDTH
-    towards = degrees(atan2(across, along)) % 360.0
-    first, second = effect.parameters
-    return {
-        first.name: Estimate(size, max(size - length, 0.0), size + length, first.unit),
-        second.name: Estimate(towards, towards - min(turn, 180.0), towards + min(turn, 180.0), second.unit),
-    }
 
 
 def close_rivals(accepted: Acceptance) -> list[Rival]:
@@ -302,13 +299,6 @@ def close_rivals(accepted: Acceptance) -> list[Rival]:
                 deficits[rival] = min(deficit, deficits.get(rival, deficit))
         rivals += [Rival(name, rival, float(deficit)) for rival, deficit in deficits.items()]
     return sorted((rival for rival in rivals if rival.evidence < SEEN * CLOSE), key=lambda rival: rival.evidence)
-
-
-def indistinguishable_groups(names: Sequence[str], rivals: Sequence[Rival]) -> list[tuple[str, ...]]:
-    """Groups that these data cannot distinguish: each named effect with its close rivals."""
-    close = [rival for rival in rivals if rival.evidence < CLOSE]
-    tied = {name: [rival.name for rival in close if rival.instead_of == name] for name in names}
-    return [(name, *alternatives) for name, alternatives in tied.items() if alternatives]
 
 
 def verdict_of(names: Sequence[str], tied: Sequence[tuple[str, ...]], unknown: bool) -> Verdict:
@@ -328,7 +318,8 @@ def _gap(accepted: Acceptance, windows: UnseenWindows, lacks: Sequence[LackOfFit
     """
     evidence, names = accepted.evidence, accepted.names
     if accepted.beside_remainder:
-        without = sizes_by_fold(evidence_without(windows, evidence), names)
+        by_fold = evidence_without(windows, evidence)
+        without = {fold: fitted_coordinates(training, names) for fold, training in by_fold.items()}
     else:
         excluded = frozenset(evidence.names) - set(names)
         without = named_without(windows, evidence, excluded if lacks or not names else frozenset())
@@ -336,29 +327,27 @@ def _gap(accepted: Acceptance, windows: UnseenWindows, lacks: Sequence[LackOfFit
 
 
 def _next_manoeuvre(accepted: Acceptance, rivals: Sequence[Rival], progress: Progress) -> NextTrial | None:
-    """The next manoeuvre, if a rival is close or not far off."""
-    pairs = [pair for name in accepted.names for pair in _pairs(accepted, name, rivals)]
-    vessel, catalogue = accepted.evidence.equations.model.vessel, accepted.evidence.equations.model.catalogue
-    if not pairs or vessel is None or time_varying_among(accepted.names, catalogue):
+    """The manoeuvre that separates the named effects from rivals that are close or not far off."""
+    evidence, pairs = accepted.evidence, list[Pair]()
+    model = evidence.equations.model
+    steady = set(base_names(evidence.names, model.catalogue))
+    for name in accepted.names:  # and its closest rivals in pairs, weighted by their probability
+        remaining = tuple(candidate for candidate in accepted.names if candidate != name)
+        mine = [rival for rival in rivals if rival.instead_of == name and rival.name in steady]
+        close = {rival.name: rival.evidence for rival in mine if rival.evidence < WEAK}
+        group = {name: 0.0, **dict(list(close.items())[:_RIVALS])}
+        by_name = {candidate: evidence.values((*remaining, candidate))[candidate] for candidate in group}
+        pairs += [
+            Pair(member, rival, values, remaining, exp(-group[member]))
+            for member, values in by_name.items()
+            for rival in group
+            if rival != member and values is not None
+        ]
+    if not pairs or model.vessel is None or time_varying_among(accepted.names, model.catalogue):
         return None
-    values = {name: size for name, size in accepted.evidence.values(accepted.names).items() if size is not None}
-    return next_manoeuvre(accepted.evidence.equations, vessel, values, pairs, progress)
-
-
-def _pairs(accepted: Acceptance, name: str, rivals: Sequence[Rival]) -> list[Pair]:
-    """A named effect and its closest rivals in pairs, weighted by their probability."""
-    remaining = tuple(candidate for candidate in accepted.names if candidate != name)
-    steady = set(base_names(accepted.evidence.names, accepted.evidence.equations.model.catalogue))
-    mine = [rival for rival in rivals if rival.instead_of == name and rival.name in steady]
-    close = {rival.name: rival.evidence for rival in mine if rival.evidence < WEAK}
-    group = {name: 0.0, **dict(list(close.items())[:_RIVALS])}
-    by_name = {candidate: accepted.evidence.values((*remaining, candidate))[candidate] for candidate in group}
-    return [
-        Pair(member, rival, values, remaining, exp(-group[member]))
-        for member, values in by_name.items()
-        for rival in group
-        if rival != member and values is not None
-    ]
+    values = {name: size for name, size in evidence.values(accepted.names).items() if size is not None}
+    rehearsal = rehearsal_of(evidence.equations, model.vessel, values, progress)
+    return best_request(rank_candidates(rehearsal, pairs), pairs)
 
 
 def suspects(evidence: Evidence) -> tuple[Suspect, ...]:
@@ -384,22 +373,16 @@ def find_contradictions(log: Log, model: ModelWithEffects, noise: DisturbanceNoi
     evidence, names = _select_sensor_effects(
         log, ModelWithEffects(model.base, sensors, file_effects=file_free), noise
     )
-    names = _prefer_common_effects(evidence, names)
-    tests = {name: acceptance_tests(evidence, names, name) for name in names}
-    return Acceptance(names, tests, evidence) if names else None
-
-
-def _prefer_common_effects(evidence: Evidence, names: tuple[str, ...]) -> tuple[str, ...]:
-    """Of two indistinguishable effects the first in the catalogue, the more common one; the other is its rival."""
     order = list(evidence.names)
-    for name in names:
+    for name in names:  # of two indistinguishable effects the first in the catalogue, the more common one
         deficits = rivals_of(evidence, names, name)
         for rival in order[: order.index(name)]:
             swapped = tuple(rival if effect == name else effect for effect in names)
             if deficits.get(rival, np.inf) < CLOSE and acceptance_tests(evidence, swapped, rival).accepted:
                 names = swapped
                 break
-    return names
+    tests = {name: acceptance_tests(evidence, names, name) for name in names}
+    return Acceptance(names, tests, evidence) if names else None
 
 
 def motion_sensors(log: Log, model: ModelWithEffects) -> Catalogue:
@@ -459,7 +442,7 @@ def _normal_equations(log: Log, model: ModelWithEffects, noise: DisturbanceNoise
     linear = linear_model(log, plain)
     reported = by_stage(log, model, sensor_readings, linear.origin) + _between(log, linear.origin)
     linear = replace(linear, observed=log.measured - reported)
-    effects, shared = _signatures(log, model, linear.origin)
+    effects, shared = _kinematic_signatures(log, model, linear.origin)
     tolerated = tolerances(log, model.catalogue, effects)
     scales = np.array([model.catalogue[signature.effect].free_scale[signature.coordinate] for signature in effects])
     layout = ColumnLayout(tuple(signature.effect for signature in effects), scales, tolerated, wind=len(shared))
@@ -473,30 +456,15 @@ def _normal_equations(log: Log, model: ModelWithEffects, noise: DisturbanceNoise
     )  # fmt: skip
 
 
-def _signatures(log: Log, model: ModelWithEffects, origin: Floats) -> tuple[list[Signature], list[Signature]]:
+def _kinematic_signatures(
+    log: Log, model: ModelWithEffects, origin: Floats
+) -> tuple[list[Signature], list[Signature]]:
     """The signatures of sensor effects and of errors shared by all sensors, by kinematics where these suffice."""
-    zeros, kinematic = np.zeros_like(origin), _by_kinematics(log, origin)
-    effects = []
-    steady = [name for name, effect in model.catalogue.items() if not isinstance(effect, TimeVaryingEffect)]
-    for signature in signatures(log, model, origin, steady):
-        readings = kinematic.get((signature.effect, signature.coordinate))
-        effects.append(signature if readings is None else replace(signature, D=zeros, E=readings))
-    effects += time_varying_signatures(log, time_varying_among(model.catalogue, model.catalogue), effects)
-    shared = [
-        ("all_late", np.sum([kinematic[name, 0] for name in _DELAYS], axis=0)),
-        ("all_ahead", kinematic["position_antenna_offset", 0] + kinematic["speed_sensor_offset", 0]),
-        ("all_to_starboard", kinematic["position_antenna_offset", 1] + kinematic["speed_sensor_offset", 1]),
-        ("all_turned", kinematic["speed_sensor_rotation", 0] + np.deg2rad(1.0) * (np.arange(6) == HEADING)),
-    ]
-    return effects, [Signature(name, 0, zeros, shift) for name, shift in shared]
-
-
-def _by_kinematics(log: Log, origin: Floats) -> dict[tuple[str, int], Floats]:
-    """The change of the readings [T, 6] with a second of delay, a metre of lever arm and a degree of rotation."""
-    delayed = (_between(log, origin, DT_S) - _between(log, origin, -DT_S)) / (2.0 * DT_S)
     psi, u, v, r = (origin + _between(log, origin)).T[HEADING:]
     nil, cosine, sine, degree = np.zeros_like(r), np.cos(psi), np.sin(psi), np.deg2rad(1.0)
-    result = {
+    delayed = (_between(log, origin, DT_S) - _between(log, origin, -DT_S)) / (2.0 * DT_S)
+    # the change of the readings [T, 6] with a second of delay, a metre of lever arm and a degree of rotation
+    kinematic = {
         (name, 0): np.where(np.isin(np.arange(6), indices), delayed, 0.0) for name, indices in _DELAYS.items()
     }
     for name, coordinate, columns in (
@@ -506,8 +474,21 @@ def _by_kinematics(log: Log, origin: Floats) -> dict[tuple[str, int], Floats]:
         ("speed_sensor_offset", 1, (nil, nil, nil, -r, nil, nil)),
         ("speed_sensor_rotation", 0, (nil, nil, nil, degree * v, -degree * u, nil)),
     ):
-        result[name, coordinate] = np.column_stack(columns)
-    return result
+        kinematic[name, coordinate] = np.column_stack(columns)
+    shared = {
+        "all_late": np.sum([kinematic[name, 0] for name in _DELAYS], axis=0),
+        "all_ahead": kinematic["position_antenna_offset", 0] + kinematic["speed_sensor_offset", 0],
+        "all_to_starboard": kinematic["position_antenna_offset", 1] + kinematic["speed_sensor_offset", 1],
+        "all_turned": kinematic["speed_sensor_rotation", 0] + degree * (np.arange(6) == HEADING),
+    }
+
+    zeros, effects = np.zeros_like(origin), list[Signature]()
+    steady = [name for name, effect in model.catalogue.items() if not isinstance(effect, TimeVaryingEffect)]
+    for signature in signatures(log, model, origin, steady):
+        readings = kinematic.get((signature.effect, signature.coordinate))
+        effects.append(signature if readings is None else replace(signature, D=zeros, E=readings))
+    effects += time_varying_signatures(log, time_varying_among(model.catalogue, model.catalogue), effects)
+    return effects, [Signature(name, 0, zeros, shift) for name, shift in shared.items()]
 
 
 def _between(log: Log, origin: Floats, late_s: float = 0.0) -> Floats:
@@ -559,7 +540,18 @@ def diagnose(
         log = log_of(tables)
         model = model_of(vessel, with_recordings(effects, log))
         acceptance = accept_effects(linearise(log, model, tolerance), part(0.1, 0.6))
-        return reach_verdict(add_time_varying_effects(acceptance), part(0.6, 1.0))
+        for _ in range(CHANGES):  # effects that vary over the trial, as long as they are accepted
+            change = likeliest_change(acceptance) if may_change(acceptance) else None
+            if change is None:
+                break
+            equations = acceptance.evidence.equations
+            changing = {**equations.model.catalogue, change.name: change}
+            model = replace(equations.model, at={}, catalogue=changing)
+            repeated = accept_effects(linearise(equations.log, model, equations.tolerance))
+            if change.name not in repeated.names:
+                break
+            acceptance = repeated
+        return reach_verdict(acceptance, part(0.6, 1.0))
 
 
 def accept_effects(linearisation: Linearisation, progress: Progress = lambda share: None) -> Acceptance:
@@ -607,18 +599,3 @@ def _log_evidence(estimate: NoiseEstimate, hold: InputHold, least: float) -> flo
             accepted = accept_names(selection)
             return log_density(accepted.evidence, accepted.names) - margin
     return log_density(evidence, search_effects(evidence)) - margin
-
-
-def add_time_varying_effects(acceptance: Acceptance) -> Acceptance:
-    """Add effects that vary over the trial, one after another, as long as they are accepted."""
-    for _ in range(CHANGES):
-        change = likeliest_change(acceptance) if may_change(acceptance) else None
-        if change is None:
-            break
-        equations = acceptance.evidence.equations
-        model = replace(equations.model, at={}, catalogue={**equations.model.catalogue, change.name: change})
-        repeated = accept_effects(linearise(equations.log, model, equations.tolerance))
-        if change.name not in repeated.names:
-            break
-        acceptance = repeated
-    return acceptance

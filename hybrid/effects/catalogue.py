@@ -30,28 +30,27 @@ VERSION = "6"
 """Stated with every verdict; to be raised when an effect is added, removed or changes its form."""
 
 
-def _sized(effect: Effect, scale: float) -> Effect:
-    """An effect whose sizes, bounds and tolerances are those of a ship so many times as long as the usual one."""
-
-    def sized(parameter: Parameter) -> Parameter:
-        factor = growth(parameter.unit, scale)
-        sizes = ("low", "high", "typical", "smallest", "tolerance")
-        return replace(parameter, **{name: factor * getattr(parameter, name) for name in sizes})
-
-    return effect if scale == 1.0 else replace(effect, parameters=tuple(map(sized, effect.parameters)))
-
-
 @lru_cache(maxsize=32)
 def _catalogue_for(actuators: Actuators, scale: float) -> dict[str, Effect]:
     names = {kind: tuple(actuator.name for actuator in actuators if actuator.kind == kind) for kind in KINDS}
     effects = [effect for kind, of_kind in names.items() if of_kind for effect in KINDS[kind].effects(of_kind)]
     actuator_effects = sorted(effects, key=lambda effect: FAMILIES.index(effect.family))
     unsized = (*hull.EFFECTS, *actuator_effects, *hull.ASYMMETRY, *environment.EFFECTS, *environment.SENSOR_EFFECTS)
-    sized = [_sized(effect, scale) for effect in unsized]
-    catalogue = {effect.name: effect for effect in sized}
-    if duplicates := sorted({effect.name for effect in sized if catalogue[effect.name] is not effect}):
+
+    def scaled(parameter: Parameter) -> Parameter:
+        factor = growth(parameter.unit, scale)
+        sizes = ("low", "high", "typical", "smallest", "tolerance")
+        return replace(parameter, **{size: factor * getattr(parameter, size) for size in sizes})
+
+    catalogue, duplicates = dict[str, Effect](), set[str]()
+    for effect in unsized:
+        duplicates |= {effect.name} & set(catalogue)
+        if scale != 1.0:
+            effect = replace(effect, parameters=tuple(map(scaled, effect.parameters)))
+        catalogue[effect.name] = effect
+    if duplicates:
         raise ConfigurationError(
-            f"two effects of this ship are called {', '.join(duplicates)}",
+            f"two effects of this ship are called {', '.join(sorted(duplicates))}",
             fix="rename an actuator in the vessel file",
         )
     # With more wake a propeller's race is slower, and the rudder behind it weaker: in trials of turns and zigzags

@@ -172,30 +172,13 @@ def _row(regime: Regime, force: float, actuators: Actuators) -> tuple[float, ...
     return (force, float(AXES.index(regime.axis)), *(number for part in blocks for number in part))
 
 
-def _with_regime(plant: Plant, regime: Regime, force: float) -> Plant:
-    """The plant with one more regime; all are one force to the compiler, which takes seconds over each new one."""
-    row = _row(regime, force, plant.layout)
-    stored = next((term.parameters for term in plant.forces if term.function is regime_forces), ())
-    used = [stored[start : start + len(row)] for start in range(0, len(stored), len(row))]
-    rows = [*(used_row for used_row in used if used_row[0] != 0.0), row]
-    if len(rows) > MOST:
-        raise ConfigurationError(f"a model with {len(rows)} regimes", fix=f"give at most {MOST}")
-    rows += [(0.0,) * len(row)] * (MOST - len(rows))
-    regular_forces = tuple(term for term in plant.forces if term.function is not regime_forces)
-    return replace(plant, forces=regular_forces).with_force(
-        regime_forces, *(number for regime_row in rows for number in regime_row)
-    )
-
-
 def quantities_along(actuators: Actuators, states: Floats, controls: Floats, wind: Floats) -> dict[str, Floats]:
     """Every quantity that a regime may be of along a motion [T].
 
     ``states`` [T, 6] and ``controls`` [T, controls] in SI, ``wind`` [T, 2] where from [rad] and how fast [m/s].
     """
-    weights = weights_of(actuators)
-    no_weights = np.zeros(controls.shape[1])
-    coded = {name: (float(code), no_weights) for code, name in enumerate(MOTION)}
-    coded |= weights
+    coded = {name: (float(code), np.zeros(controls.shape[1])) for code, name in enumerate(MOTION)}
+    coded |= weights_of(actuators)
     air = -wind[:, 1:] * np.column_stack([np.cos(wind[:, 0]), np.sin(wind[:, 0])])
     return {name: _along(code, weight, states, controls, air) for name, (code, weight) in coded.items()}
 
@@ -221,7 +204,18 @@ def regime_effect(name: str, regime: Regime, typical: float) -> Effect:
     parameter, unit = parameter_of(regime)
 
     def change(plant: Plant, values: Values) -> Plant:
-        return _with_regime(plant, regime, values[parameter])
+        # all regimes are one force to the compiler, which takes seconds over each new one
+        row = _row(regime, values[parameter], plant.layout)
+        stored = next((term.parameters for term in plant.forces if term.function is regime_forces), ())
+        used = [stored[start : start + len(row)] for start in range(0, len(stored), len(row))]
+        rows = [*(used_row for used_row in used if used_row[0] != 0.0), row]
+        if len(rows) > MOST:
+            raise ConfigurationError(f"a model with {len(rows)} regimes", fix=f"give at most {MOST}")
+        rows += [(0.0,) * len(row)] * (MOST - len(rows))
+        regular_forces = tuple(term for term in plant.forces if term.function is not regime_forces)
+        return replace(plant, forces=regular_forces).with_force(
+            regime_forces, *(number for regime_row in rows for number in regime_row)
+        )
 
     used = {*regime.within, *([regime.grows_with] if regime.grows_with else [])}
     wind, actuators = {"relative_wind_deg", "wind_mps"} & used, used - set(MOTION)

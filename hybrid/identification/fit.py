@@ -49,11 +49,9 @@ from seatrial.hybrid.vessel.sensors import acting_controls, check_ship, controls
 START_VARIANCE = 1.0
 """The prior variance of a start's deviation, in units of ``start_scale`` squared: the start is free."""
 
-_LEAST, _MOST_NOISE, _MOST_FORCE = 1e-10, 1e6, 10.0
-"""Bounds of the variances in the search."""
+_LEAST, _MOST_NOISE, _MOST_FORCE = 1e-10, 1e6, 10.0  # bounds of the variances in the search
 
-_ROUNDING = 1e-12
-"""A share of the diagonal that exceeds rounding errors and keeps matrices positive definite."""
+_ROUNDING = 1e-12  # a share of the diagonal that exceeds rounding errors and keeps matrices positive definite
 
 ROUNDS = 30
 
@@ -109,8 +107,7 @@ WIND_LOAD_WIDTH, ASTERN_WIDTH = 0.2, 0.3
 """The relative prior width of the wind coefficients as a whole, whose regressions have errors of a fifth
 (Fujiwara, Ueno and Nimura 1998), and of a shaft's astern thrust if the file does not give it."""
 
-_FAR = 100.0
-"""A bound on logarithms; the model leaves its range where a search reaches it."""
+_FAR = 100.0  # a bound on logarithms; the model leaves its range where a search reaches it
 
 _ADDED_MASSES = ("Xud", "Yvd", "Yrd", "Nrd", "m_x", "m_y", "J_z", "I_zG", "yaw_inertia_kgm2")
 _POSITIVE = ("mass_kg", "yaw_inertia_kgm2", "Xud", "Yvd", "Nrd", "m", "m_x", "m_y", "I_zG", "J_z", "draught_m",
@@ -178,26 +175,24 @@ def estimate_levels(moments: Moments, first: Variances) -> Variances:
     By L-BFGS on the logarithms of the variances; expectation maximisation has the same gradient but is slow
     where a level tends to zero.
     """
+
+    def levels_at(logs: Floats) -> Variances:
+        return Variances(np.exp(logs[:6]), np.exp(logs[6:]).reshape(2, 3))
+
+    def cost(logs: Floats) -> tuple[float, Floats]:
+        """Minus twice the log likelihood, and its gradient (Fisher's identity)."""
+        levels = levels_at(logs)
+        unknowns, covariance, costs = moments.explained(levels)
+        squares = moments.residual_squares(unknowns) + np.einsum("scqp,spq->sc", moments.squares, covariance)
+        share = 1.0 - (unknowns**2 + np.einsum("sqq->sq", covariance)) / levels.variances
+        by_noise = moments.count - squares / levels.noise
+        parts = share[:, 9:].reshape(len(share), 3, PARTS).sum(axis=2)
+        return float(costs.sum()), np.concatenate([by_noise, share[:, 6:9], parts], axis=1).sum(axis=0)
+
     limits = [_MOST_NOISE] * first.noise.size + [_MOST_FORCE] * first.forces.size
     bounds = [(log(_LEAST), log(limit)) for limit in limits]
     begin = np.log(np.append(first.noise, first.forces))
-    optimum = minimize(_cost, begin, moments, jac=True, method="L-BFGS-B", bounds=bounds)
-    return _levels(optimum.x)
-
-
-def _levels(logs: Floats) -> Variances:
-    return Variances(np.exp(logs[:6]), np.exp(logs[6:]).reshape(2, 3))
-
-
-def _cost(logs: Floats, moments: Moments) -> tuple[float, Floats]:
-    """Minus twice the log likelihood of log levels [12], and its gradient (Fisher's identity)."""
-    levels = _levels(logs)
-    unknowns, covariance, cost = moments.explained(levels)
-    squares = moments.residual_squares(unknowns) + np.einsum("scqp,spq->sc", moments.squares, covariance)
-    share = 1.0 - (unknowns**2 + np.einsum("sqq->sq", covariance)) / levels.variances
-    by_noise = moments.count - squares / levels.noise
-    parts = share[:, 9:].reshape(len(share), 3, PARTS).sum(axis=2)
-    return float(cost.sum()), np.concatenate([by_noise, share[:, 6:9], parts], axis=1).sum(axis=0)
+    return levels_at(minimize(cost, begin, jac=True, method="L-BFGS-B", bounds=bounds).x)
 
 
 @dataclass(frozen=True, slots=True)
@@ -211,7 +206,7 @@ class CoefficientFit:
 
 
 @dataclass(frozen=True, slots=True)
-class _Place:
+class Place:
     """A point of the search, the residuals there [S, T, 6] and their derivatives with respect to each segment's
     own unknowns [S, T, 6, Q].
 
@@ -232,11 +227,6 @@ class _Place:
         return float(self.costs.sum() + self.z @ self.z)
 
 
-def first_levels(model: ResponseModel) -> Variances:
-    """The start of the estimate of the levels, as shares of the usual motion and forces."""
-    return Variances((0.01 * model.start_scale * [0.1, 0.1, 1.0, 1.0, 1.0, 1.0]) ** 2, np.full((2, 3), 1e-3))
-
-
 def fit(
     model: ResponseModel,
     z: Floats | None = None,
@@ -249,94 +239,68 @@ def fit(
     From the prior mean the search first uses segments cut into parts: the shorter they are, the less a wrong
     model drifts from the measurements, and the closer to linear is the fit. Raises :class:`ModelRangeError` if
     the model cannot be simulated on them.
+
+    If the model were exact, the covariance would be the inverse curvature of the likelihood. What a model lacks
+    is not white, so its effect is estimated by leaving out each segment in turn (jackknife, Efron and Stein 1981;
+    cluster sandwich, Liang and Zeger 1986). The prior's share is added.
     """
-    levels = levels or first_levels(model)
+    if levels is None:  # shares of the usual motion and forces
+        usual_noise = (0.01 * model.start_scale * [0.1, 0.1, 1.0, 1.0, 1.0, 1.0]) ** 2
+        levels = Variances(usual_noise, np.full((2, 3), 1e-3))
     if z is None:
         short = replace(model, segments=model.segments.split(PARTS))
         z = _search(short, np.zeros(model.size), levels, rounds, part_of(progress, 0, 2), near=model.size).z
     place = _search(model, z, levels, rounds, part_of(progress, 1, 2))
-    information, scores, _ = _normal_equations(model, place)
-    return CoefficientFit(place.z, covariance_of(information, scores), place.starts, place.levels)
+    information, scores, _ = normal_equations(model, place)
+    total = information.sum(axis=0) + np.eye(model.size)
+    departures = np.linalg.solve(total - information, scores[..., None])[..., 0]
+    inverse = np.linalg.inv(total)
+    covariance = np.asarray(departures.T @ departures + inverse @ inverse)
+    return CoefficientFit(place.z, covariance, place.starts, place.levels)
 
 
 def _search(
     model: ResponseModel, z: Floats, levels: Variances, rounds: int, progress: Progress, near: float = _ENOUGH
-) -> _Place:
-    """The optimum, or a point whose next step is expected to gain less than ``near``."""
-    now, damping, promise = _with_fitted_starts(model, _place(model, z, model.segments.start, levels)), 1e-3, np.inf
+) -> Place:
+    """The optimum by Levenberg-Marquardt steps, or a point whose next step should gain less than ``near``."""
+    now, damping = model.place(z, model.segments.start, levels), 1e-3
+    if not np.isfinite(now.cost):
+        raise ModelRangeError(
+            "the model does not follow the recordings",
+            why="it leaves its valid range",
+            fix="check --vessel and units",
+        )
+    for _ in range(2):  # fit levels and starts
+        now = _with_levels(now)
+        now = _moved(model, now, np.zeros(model.size), np.zeros_like(now.residual))
+    now = _with_levels(now)
     for number in range(rounds):
         progress(number / rounds)
         before = now.cost
-        now, damping, promise = _improved(model, now, damping)
+        information, scores, columns = normal_equations(model, now)
+        total, pull = information.sum(axis=0) + np.eye(model.size), scores.sum(axis=0) - now.z
+        promise = float(pull @ np.linalg.solve(total, pull))  # the improvement if the problem were linear
+        for _ in range(_TRIES):
+            step = np.linalg.solve(total + damping * np.diag(np.diag(total)), pull)
+            expected = columns @ step[model.own_unknowns][..., None]
+            moved = _moved(model, now, step, expected.reshape(now.residual.shape))
+            if moved.cost < before:
+                now, damping = moved, max(damping / 5.0, 1e-6)
+                break
+            damping *= 8.0
         if min(promise, before - now.cost) < near:
             break
         now = _with_levels(now)
     return now
 
 
-def covariance_of(information: Floats, scores: Floats) -> Floats:
-    """The covariance [P, P] of the unknowns, from the segments' information [S, P, P] and scores [S, P].
-
-    If the model were exact, it would be the inverse curvature of the likelihood. What a model lacks is not
-    white, so its effect is estimated by leaving out each segment in turn (jackknife, Efron and Stein 1981;
-    cluster sandwich, Liang and Zeger 1986). The prior's share is added.
-    """
-    total = information.sum(axis=0) + np.eye(information.shape[-1])
-    departures = np.linalg.solve(total - information, scores[..., None])[..., 0]
-    inverse = np.linalg.inv(total)
-    return np.asarray(departures.T @ departures + inverse @ inverse)
-
-
-def _improved(model: ResponseModel, now: _Place, damping: float) -> tuple[_Place, float, float]:
-    """The point after the first step that improves, or the same point; the next damping; and the improvement
-    expected if the problem were linear."""
-    information, scores, columns = _normal_equations(model, now)
-    total, pull = information.sum(axis=0) + np.eye(model.size), scores.sum(axis=0) - now.z
-    promise = float(pull @ np.linalg.solve(total, pull))
-    for _ in range(_TRIES):
-        damped = total + damping * np.diag(np.diag(total))
-        step = np.linalg.solve(damped, pull)
-        expected = columns @ step[model.own_unknowns][..., None]
-        moved = _moved(model, now, step, expected.reshape(now.residual.shape))
-        if moved.cost < now.cost:
-            return moved, max(damping / 5.0, 1e-6), promise
-        damping *= 8.0
-    return now, damping, promise
-
-
-def _place(model: ResponseModel, z: Floats, starts: Floats, levels: Variances) -> _Place:
-    reported, slopes = model.own_slopes(z, starts)
-    inside = np.asarray(np.isfinite(slopes).all(axis=(1, 2, 3)))
-    residual, slopes = (
-        np.where(inside[:, None, None], model.segments.measured - reported, 0.0),
-        np.nan_to_num(slopes),
-    )
-    moments = moments_of(residual, slopes)
-    costs = np.where(inside, moments.explained(levels)[2], np.inf)
-    return _Place(z, starts, levels, residual, slopes, moments, costs)
-
-
-def _with_levels(place: _Place) -> _Place:
-    """The same point with maximum-likelihood levels."""
+def _with_levels(place: Place) -> Place:
+    """The point with maximum-likelihood levels."""
     levels = estimate_levels(place.moments, place.levels)
     return replace(place, levels=levels, costs=place.moments.explained(levels)[2])
 
 
-def _with_fitted_starts(model: ResponseModel, place: _Place) -> _Place:
-    """The point with its levels and fitted starts."""
-    if not np.isfinite(place.cost):
-        raise ModelRangeError(
-            "the model does not follow the recordings",
-            why="it leaves its valid range",
-            fix="check --vessel and units",
-        )
-    for _ in range(2):
-        place = _with_levels(place)
-        place = _moved(model, place, np.zeros(model.size), np.zeros_like(place.residual))
-    return _with_levels(place)
-
-
-def _moved(model: ResponseModel, place: _Place, step: Floats, expected: Floats) -> _Place:
+def _moved(model: ResponseModel, place: Place, step: Floats, expected: Floats) -> Place:
     """The point after a step in the unknowns that is expected to change the reported motion by ``expected`` [S,
     T, 6], with the starts adjusted.
 
@@ -344,15 +308,15 @@ def _moved(model: ResponseModel, place: _Place, step: Floats, expected: Floats) 
     """
     unknowns, _, _ = moments_of(place.residual - expected, place.slopes).explained(place.levels)
     z = place.z + step
-    moved = _place(model, z, place.starts + unknowns[:, :6] * model.start_scale, place.levels)
+    moved = model.place(z, place.starts + unknowns[:, :6] * model.start_scale, place.levels)
     if moved.cost < place.cost:
         return moved
-    stay = _place(model, z, place.starts, place.levels)
+    stay = model.place(z, place.starts, place.levels)
     starts = np.where((stay.costs < moved.costs)[:, None], stay.starts, moved.starts)
-    return _place(model, z, starts, place.levels)
+    return model.place(z, starts, place.levels)
 
 
-def _normal_equations(model: ResponseModel, place: _Place) -> tuple[Floats, Floats, Floats]:
+def normal_equations(model: ResponseModel, place: Place) -> tuple[Floats, Floats, Floats]:
     """Each segment's information on the unknowns [S, P, P], its score [S, P], and the derivatives [S, 6 T, p]
     with respect to the p of them that it depends on, :attr:`ResponseModel.own_unknowns`."""
     columns = model.slopes(place.z, place.starts)
@@ -372,14 +336,6 @@ def _normal_equations(model: ResponseModel, place: _Place) -> tuple[Floats, Floa
     return information, scores, columns.reshape(C.shape)
 
 
-def information_at(model: ResponseModel, z: Floats, starts: Floats, levels: Variances) -> Floats:
-    """The expected information of segments on all unknowns [P, P]; NaN if the model leaves its range."""
-    place = _place(model, z, starts, levels)
-    if not np.isfinite(place.cost):
-        return np.full((model.size, model.size), np.nan)
-    return np.asarray(_normal_equations(model, place)[0].sum(axis=0))
-
-
 @dataclass(frozen=True, slots=True)
 class Surrounding:
     """An unknown of a recording: the plant's parameter, its value at zero and its width."""
@@ -387,19 +343,6 @@ class Surrounding:
     name: str
     neutral: float
     width: float
-
-
-def surroundings_of(plant: Plant, speed_mps: float) -> tuple[Surrounding, ...]:
-    """The unknowns of every recording of a ship at its usual speed; those of the sensors come last."""
-    length_m = plant.length_between_perpendiculars_m
-    widths = {
-        "current_north_mps": CURRENT_SHARE * speed_mps, "current_east_mps": CURRENT_SHARE * speed_mps,
-        "wind_speed_factor": WIND_SHARE, "wind_direction_bias_rad": WIND_RAD, "command_delay_s": DELAY_S,
-        "heading_bias_rad": HEADING_RAD, "position_delay_s": DELAY_S,
-        "speed_scale": SPEED_SHARE, "sway_bias_mps": SWAY_SHARE * speed_mps,
-        "antenna_forward_m": ANTENNA_LENGTHS * length_m, "antenna_starboard_m": ANTENNA_LENGTHS * length_m,
-    }  # fmt: skip
-    return tuple(Surrounding(name, float(getattr(plant, name)), width) for name, width in widths.items())
 
 
 @dataclass(frozen=True, slots=True)
@@ -477,35 +420,39 @@ class ResponseModel:
         ]
         return np.stack(columns, axis=-1)
 
-    def own_slopes(self, z: Floats, start: Floats) -> tuple[Floats, Floats]:
-        """The readings [S, T, 6], and their derivatives with respect to a segment's own unknowns: [S, T, 6, 6 +
-        3 + 3 PARTS].
+    def place(self, z: Floats, start: Floats, levels: Variances) -> Place:
+        """The point of a search at these unknowns.
 
-        The start in units of :attr:`start_scale`; the forces over the whole segment and in each part in units
-        of mass times speed squared over length, moments of that times length.
+        Its slopes are by the start in units of :attr:`start_scale`, and by the forces over the whole segment and in
+        each part in units of mass times speed squared over length, moments of that times length.
         """
         plant, around = self.plant(z), self.around(z)
         starts = [start + _DIFFERENCE * row for row in np.diag(self.start_scale)]
         unmoved, *moved = self._run([(plant, around, begin) for begin in (start, *starts)])
         reported = self._seen(unmoved, around)
         by_start = [(self._seen(state, around) - reported) / _DIFFERENCE for state in moved]
-        pulses = self._pulses(plant, around, unmoved)
-        parts = pulses.reshape(*pulses.shape[:3], -1)
-        return reported, np.concatenate([np.stack(by_start, axis=-1), pulses.sum(axis=-1), parts], axis=-1)
 
-    def _pulses(self, plant: Plant, around: Floats, states: Floats) -> Floats:
-        """The derivative of states with respect to a force that acts in one part: [S, T, 6, 3 axes, parts]."""
+        # by a force that acts from the begin of a part on, and so by one in that part alone: [S, T, 6, 3, parts]
         length_m, steps = plant.length_between_perpendiculars_m, self.segments.controls.shape[1]
         sizes = np.array([1.0, 1.0, length_m]) * plant.mass_kg * self.segments.speed_mps**2 / length_m
         pushed = [
             plant.shifted(**{name: _DIFFERENCE * size}) for name, size in zip(FORCES, sizes.tolist(), strict=True)
         ]
-        onset = np.zeros((*states.shape, 3, PARTS + 1))
+        onset = np.zeros((*unmoved.shape, 3, PARTS + 1))
         for part in range(PARTS):
             first = part * steps // PARTS
-            moved = self._run([(variant, around, states[:, first]) for variant in pushed], first)
-            onset[:, first:, :, :, part] = (np.moveaxis(moved, 0, -1) - states[:, first:, :, None]) / _DIFFERENCE
-        return np.asarray((onset[..., :-1] - onset[..., 1:])[:, : -1 : self.segments.every])
+            runs = self._run([(variant, around, unmoved[:, first]) for variant in pushed], first)
+            onset[:, first:, :, :, part] = (np.moveaxis(runs, 0, -1) - unmoved[:, first:, :, None]) / _DIFFERENCE
+        pulses = np.asarray((onset[..., :-1] - onset[..., 1:])[:, : -1 : self.segments.every])
+        parts = pulses.reshape(*pulses.shape[:3], -1)
+        slopes = np.concatenate([np.stack(by_start, axis=-1), pulses.sum(axis=-1), parts], axis=-1)
+
+        inside = np.asarray(np.isfinite(slopes).all(axis=(1, 2, 3)))
+        residual = np.where(inside[:, None, None], self.segments.measured - reported, 0.0)
+        slopes = np.nan_to_num(slopes)
+        moments = moments_of(residual, slopes)
+        costs = np.where(inside, moments.explained(levels)[2], np.inf)
+        return Place(z, start, levels, residual, slopes, moments, costs)
 
     @property
     def start_scale(self) -> Floats:
@@ -547,8 +494,17 @@ class ResponseModel:
 
 def model_of(vessel: Vessel, coefficients: Sequence[Coefficient], segments: Segments) -> ResponseModel:
     """The model of a vessel on segments, its surroundings at their usual widths."""
-    plant = vessel_plant(vessel)
-    return ResponseModel(vessel, tuple(coefficients), segments, surroundings_of(plant, segments.speed_mps), plant)
+    plant, speed_mps = vessel_plant(vessel), segments.speed_mps
+    length_m = plant.length_between_perpendiculars_m
+    widths = {  # those of the sensors come last
+        "current_north_mps": CURRENT_SHARE * speed_mps, "current_east_mps": CURRENT_SHARE * speed_mps,
+        "wind_speed_factor": WIND_SHARE, "wind_direction_bias_rad": WIND_RAD, "command_delay_s": DELAY_S,
+        "heading_bias_rad": HEADING_RAD, "position_delay_s": DELAY_S,
+        "speed_scale": SPEED_SHARE, "sway_bias_mps": SWAY_SHARE * speed_mps,
+        "antenna_forward_m": ANTENNA_LENGTHS * length_m, "antenna_starboard_m": ANTENNA_LENGTHS * length_m,
+    }  # fmt: skip
+    surroundings = (Surrounding(name, float(getattr(plant, name)), width) for name, width in widths.items())
+    return ResponseModel(vessel, tuple(coefficients), segments, tuple(surroundings), plant)
 
 
 @dataclass(frozen=True, slots=True)
@@ -590,19 +546,16 @@ class Segments:
 
     def subset(self, chosen: Bools | NDArray[np.int64]) -> Segments:
         """The segments that a mask or index chooses."""
-        rows = {name: getattr(self, name)[chosen] for name in _ROWS}
-        return replace(self, **rows)
+        return replace(self, **{name: getattr(self, name)[chosen] for name in _ROWS})
 
     def split(self, parts: int) -> Segments:
         """Segments divided into this number of parts."""
-        measured, motion, controls, wind = (
-            rows.reshape(len(rows) * parts, rows.shape[1] // parts, *rows.shape[2:])
-            for rows in (self.measured, self.motion, self.controls, self.wind)
-        )
-        return replace(
-            self, measured=measured, motion=motion, controls=controls, wind=wind,
-            recording=np.repeat(self.recording, parts),
-        )  # fmt: skip
+        arrays = {name: getattr(self, name) for name in _ROWS[:-1]}
+        pieces = {
+            name: rows.reshape(len(rows) * parts, rows.shape[1] // parts, *rows.shape[2:])
+            for name, rows in arrays.items()
+        }
+        return replace(self, **pieces, recording=np.repeat(self.recording, parts))
 
 
 def segments_of(tables: Mapping[str, pd.DataFrame], plant: Plant, duration_s: float | None = None) -> Segments:
@@ -617,8 +570,15 @@ def segments_of(tables: Mapping[str, pd.DataFrame], plant: Plant, duration_s: fl
     speed = float(np.median(speeds[speeds >= _MOVING_SHARE * np.percentile(speeds, 99.0)]))
     length_m = plant.length_between_perpendiculars_m
     lasting = duration_s or float(np.clip(LENGTHS * length_m / max(speed, 1e-3), SHORTEST_S, LONGEST_S))
-    dt_s, steps = _steps(lasting, tables)
-    parts = [_cut_segments(resample(table, 1.0 / dt_s), plant, steps) for table in tables.values()]
+
+    records = [np.diff(seconds_of(table[["surge_mps"]].dropna())) for table in tables.values()]
+    interval_s, apart_s = float(np.median(np.concatenate(records))), lasting / COMPARED
+    per_record = ceil(interval_s * LEAST_EVERY / apart_s - 0.01)  # steps from one record to the next
+    step_s = max(interval_s / per_record, apart_s / MOST_EVERY)
+    steps = per_record * ceil(apart_s / interval_s - 0.01) if interval_s <= apart_s else round(apart_s / step_s)
+    every, dt_s = min(max(steps, LEAST_EVERY), MOST_EVERY), float(1 / rate_fraction(1.0 / step_s))
+
+    parts = [_cut_segments(resample(table, 1.0 / dt_s), plant, every) for table in tables.values()]
     number = [len(part[0]) for part in parts]
     measured, motion, controls, wind = (np.concatenate([part[column] for part in parts]) for column in range(4))
     segments = Segments(
@@ -633,17 +593,6 @@ def segments_of(tables: Mapping[str, pd.DataFrame], plant: Plant, duration_s: fl
         )  # fmt: skip
     stride = -(-len(segments) // MOST)
     return segments if stride == 1 else segments.subset(np.arange(0, len(segments), stride))
-
-
-def _steps(lasting_s: float, tables: Mapping[str, pd.DataFrame]) -> tuple[float, int]:
-    """The length of a step [s], and the number of steps between comparisons."""
-    records = [np.diff(seconds_of(table[["surge_mps"]].dropna())) for table in tables.values()]
-    interval_s = float(np.median(np.concatenate(records)))
-    apart_s = lasting_s / COMPARED
-    count = ceil(interval_s * LEAST_EVERY / apart_s - 0.01)  # steps from one record to the next
-    dt_s = max(interval_s / count, apart_s / MOST_EVERY)
-    steps = count * ceil(apart_s / interval_s - 0.01) if interval_s <= apart_s else round(apart_s / dt_s)
-    return float(1 / rate_fraction(1.0 / dt_s)), min(max(steps, LEAST_EVERY), MOST_EVERY)
 
 
 def _cut_segments(table: pd.DataFrame, plant: Plant, interval: int) -> tuple[Floats, Floats, Floats, Floats, int]:
@@ -686,16 +635,14 @@ class Coefficient:
 
 def coefficients_of(vessel: Vessel) -> tuple[Coefficient, ...]:
     """The coefficients of a vessel that trials can determine."""
-    return tuple(_coefficients(vessel))
-
-
-def _coefficients(vessel: Vessel) -> Iterable[Coefficient]:
     hull = HULLS[vessel.hull.model]
-    yield from _of_table(vessel, "inertia", vessel.inertia, _ADDED_MASSES, _POSITIVE)
-    yield from _of_table(vessel, "hull", vessel.hull, hull.numbers, hull.keeps_sign)
-    yield from _of_table(vessel, "wind", vessel.wind, (), _POSITIVE)
+    coefficients = [
+        *_of_table(vessel, "inertia", vessel.inertia, _ADDED_MASSES, _POSITIVE),
+        *_of_table(vessel, "hull", vessel.hull, hull.numbers, hull.keeps_sign),
+        *_of_table(vessel, "wind", vessel.wind, (), _POSITIVE),
+    ]
     if vessel.wind.model != "none":
-        yield _factor(vessel, "wind_load", WIND_LOAD_WIDTH)
+        coefficients.append(_factor(vessel, "wind_load", WIND_LOAD_WIDTH))
     groups: dict[Any, list[Any]] = {}  # of actuators that are identical but for name and side
     listed: tuple[Any, ...] = vessel.actuator
     for actuator in listed:
@@ -711,7 +658,8 @@ def _coefficients(vessel: Vessel) -> Iterable[Coefficient]:
             table, _, number = coefficient.name.rpartition(".")
             stem = table.removesuffix(first.name)
             tied = tuple(f"{stem}{duplicate.name}.{number}" for duplicate in duplicates)
-            yield replace(coefficient, tied=tied)
+            coefficients.append(replace(coefficient, tied=tied))
+    return tuple(coefficients)
 
 
 def _factor(vessel: Vessel, effect: str, width: float) -> Coefficient:

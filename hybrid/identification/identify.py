@@ -33,11 +33,11 @@ from seatrial.hybrid.identification.fit import (
     ResponseModel,
     coefficients_of,
     fit,
-    information_at,
     model_of,
+    normal_equations,
     segments_of,
 )
-from seatrial.hybrid.prediction.baselines import Score, constant_velocity, reference, score, scores_json
+from seatrial.hybrid.prediction.baselines import Interval, Score, constant_velocity, reference, score, scores_json
 from seatrial.hybrid.prediction.dataset import dataset_of
 from seatrial.hybrid.prediction.kalman_filter import filtered_starts
 from seatrial.hybrid.simulation.trial import SimulationNoise, sea_state_named, simulate_trial
@@ -55,9 +55,6 @@ LAST_THIRD = (200.0 / 3.0, 100.0)
 _ROUNDS = 6
 _STRIDE_S = 5
 Tables = Mapping[str, pd.DataFrame]
-
-Fold = tuple[Tables, Tables]
-"""The tables to fit and those to test on."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,13 +81,22 @@ def repertoire_of(vessel: Vessel) -> tuple[str, ...]:
 def rank_trials(model: ResponseModel, fitted: CoefficientFit, names: Sequence[str]) -> list[ManoeuvreInformation]:
     """The expected information of each manoeuvre beside the present one, the best first, without those that the
     ship cannot make."""
+    count = len(model.coefficients)
+    prior = fitted.covariance[:count, :count]
+    prior_error, minutes = np.sqrt(np.diag(prior)), SEGMENTS * model.segments.duration_s / 60.0
     ranked = []
     for name in names:
         try:
             information = _information(model, fitted, name)
         except SeatrialError:
             continue
-        ranked.append(_candidate(model, fitted, name, information))
+        posterior = np.linalg.inv(np.linalg.inv(prior) + information)
+        posterior_error = np.sqrt(np.diag(posterior))
+        gain = 0.5 * float(np.linalg.slogdet(prior)[1] - np.linalg.slogdet(posterior)[1])
+        errors = zip(model.coefficients, prior_error, posterior_error, strict=True)
+        newly = tuple(coefficient.name for coefficient, a, b in errors if a >= UNKNOWN > b)
+        left = float(np.mean((posterior_error / prior_error) ** 2))
+        ranked.append(ManoeuvreInformation(name, minutes, gain, left, newly))
     return sorted(ranked, key=lambda candidate: -candidate.gain)
 
 
@@ -104,8 +110,9 @@ def _information(model: ResponseModel, fitted: CoefficientFit, name: str) -> Flo
     )
     rehearsed = segments_of({name: table}, vessel_plant(ship), lasting)
     model_there, z = model.on_segments(rehearsed, fitted.z)
-    count = len(model.coefficients)
-    information = information_at(model_there, z, rehearsed.start, fitted.levels)
+    count, place = len(model.coefficients), model_there.place(z, rehearsed.start, fitted.levels)
+    inside = np.isfinite(place.cost)
+    information = normal_equations(model_there, place)[0].sum(axis=0) if inside else np.full(1, np.nan)
     if not np.isfinite(information).all():
         raise ModelRangeError("the simulated manoeuvre leaves the model's range")
     around = information[count:, count:] + np.eye(model_there.size - count)
@@ -115,27 +122,8 @@ def _information(model: ResponseModel, fitted: CoefficientFit, name: str) -> Flo
     )
 
 
-def _candidate(
-    model: ResponseModel, fitted: CoefficientFit, name: str, information: Floats
-) -> ManoeuvreInformation:
-    count = len(model.coefficients)
-    prior = fitted.covariance[:count, :count]
-    posterior = np.linalg.inv(np.linalg.inv(prior) + information)
-    prior_error, posterior_error = np.sqrt(np.diag(prior)), np.sqrt(np.diag(posterior))
-    gain = 0.5 * float(np.linalg.slogdet(prior)[1] - np.linalg.slogdet(posterior)[1])
-    newly = [
-        coefficient.name
-        for coefficient, a, b in zip(model.coefficients, prior_error, posterior_error, strict=True)
-        if a >= UNKNOWN > b
-    ]
-    minutes = SEGMENTS * model.segments.duration_s / 60.0
-    return ManoeuvreInformation(
-        name, minutes, gain, float(np.mean((posterior_error / prior_error) ** 2)), tuple(newly)
-    )
-
-
 @dataclass(frozen=True, slots=True)
-class CoefficientEstimate:
+class CoefficientEstimate(Interval):
     """A coefficient: its value with the 95 % interval, its initial value with the prior interval, and whether
     the data determine it.
 
@@ -144,9 +132,6 @@ class CoefficientEstimate:
     """
 
     name: str
-    value: float
-    low: float
-    high: float
     start: float
     start_low: float
     start_high: float
@@ -170,8 +155,8 @@ class Judgement:
 
     def as_dict(self) -> dict[str, Any]:
         """For JSON."""
-        result = {name: getattr(self, name) for name in ("horizon_s", "windows", "held_out")}
-        return {**result, "methods": scores_json(self.scores)}
+        counted = {"horizon_s": self.horizon_s, "windows": self.windows, "held_out": self.held_out}
+        return {**counted, "methods": scores_json(self.scores)}
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -254,12 +239,7 @@ def identify_tables(
         ]
         model = model_of(vessel, coefficients, segments_of(tables, vessel_plant(vessel), segment_s))
         fitted = fit(model, progress=progress)
-        return _identification(model, fitted, rank_trials(model, fitted, candidates)), fitted, model
-
-
-def _identification(
-    model: ResponseModel, fitted: CoefficientFit, candidates: Sequence[ManoeuvreInformation]
-) -> Identification:
+        ranked = rank_trials(model, fitted, candidates)
     count = len(model.coefficients)
     deviation = np.sqrt(np.diag(fitted.covariance))[:count]
     share = np.minimum(deviation, 1.0)
@@ -268,11 +248,11 @@ def _identification(
         low, high = sorted(coefficient.value(z + side * _NORMAL_95 * error) for side in (-1.0, 1.0))
         start_low, start_high = sorted(coefficient.value(side * _NORMAL_95) for side in (-1.0, 1.0))
         estimates.append(CoefficientEstimate(
-            coefficient.name, coefficient.value(z), low, high, coefficient.start, start_low, start_high,
+            coefficient.value(z), low, high, coefficient.name, coefficient.start, start_low, start_high,
             float(error), coefficient.tied,
         ))  # fmt: skip
     around, segments = model.around(fitted.z), model.segments
-    return Identification(
+    identification = Identification(
         vessel=identified_vessel(model, fitted.z, estimates),
         coefficients=tuple(estimates),
         correlation=fitted.covariance[:count, :count] / np.outer(deviation, deviation),
@@ -286,9 +266,10 @@ def _identification(
         segments=len(segments),
         duration_s=segments.duration_s,
         left_out=segments.left_out,
-        candidates=tuple(candidates),
+        candidates=tuple(ranked),
         tracks=(segments.measured[..., :2], model.reported(fitted.z, fitted.starts)[..., :2]),
     )
+    return identification, fitted, model
 
 
 def identified_vessel(model: ResponseModel, z: Floats, estimates: Sequence[CoefficientEstimate]) -> Vessel:
@@ -308,27 +289,6 @@ def identified_vessel(model: ResponseModel, z: Floats, estimates: Sequence[Coeff
     return replace(vessel, estimated=errors, provenance={**model.vessel.provenance, **origin})
 
 
-def folds_of(tables: Tables) -> tuple[list[Fold], str]:
-    """The training and test data of each fold, and a description of what is held out."""
-    names = list(tables)
-    if len(names) < BY_RECORDING:
-        first, last = (
-            {name: select(table, part) for name, table in tables.items()}
-            for part in ((0.0, LAST_THIRD[0]), LAST_THIRD)
-        )
-        return [(first, last)], "the last third of each recording"
-    folds = min(len(names), MOST_FOLDS)
-    result: list[Fold] = []
-    for fold in range(folds):
-        held_out_names = set(names[fold::folds])
-        training, test = (
-            {name: tables[name] for name in names if (name in held_out_names) == held_out}
-            for held_out in (False, True)
-        )
-        result.append((training, test))
-    return result, "each recording in turn" if folds == len(names) else f"recordings in {folds} groups"
-
-
 def judge(
     tables: Tables,
     model: ResponseModel,
@@ -340,11 +300,24 @@ def judge(
 
     ``tables`` are the fitted ones, of samples by recording.
     """
-    folds, held_out = folds_of(tables)
+    names, folds = list(tables), list[tuple[Tables, Tables]]()  # the tables to fit and those to test on
+    if len(names) < BY_RECORDING:
+        first, last = (
+            {name: select(table, part) for name, table in tables.items()}
+            for part in ((0.0, LAST_THIRD[0]), LAST_THIRD)
+        )
+        folds, held_out = [(first, last)], "the last third of each recording"
+    else:
+        count = min(len(names), MOST_FOLDS)
+        held_out = "each recording in turn" if count == len(names) else f"recordings in {count} groups"
+        for fold in range(count):
+            held = names[fold::count]
+            training = {name: tables[name] for name in names if name not in held}
+            folds.append((training, {name: tables[name] for name in held}))
     tracks: dict[str, list[np.ndarray]] = {}
-    for number, (training, test) in enumerate(folds):
+    for number, fold_tables in enumerate(folds):
         with threadpool_limits(1, user_api="blas"):
-            for name, track in _fold(training, test, model, fitted, horizon_s).items():
+            for name, track in _fold(*fold_tables, model, fitted, horizon_s).items():
                 tracks.setdefault(name, []).append(track)
         part_of(progress, number, len(folds))(1.0)
     if not tracks:

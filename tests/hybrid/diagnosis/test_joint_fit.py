@@ -63,7 +63,7 @@ def test_about_all_effects_together_those_that_are_there_come_to_their_sizes(fou
     for name, values in HIDDEN.items():
         ((parameter, true),) = values.items()
         departed = true - CATALOGUE[name].neutral[parameter]
-        assert model.values(name, model.at[name])[parameter] == pytest.approx(true, abs=0.25 * abs(departed))
+        assert model.piecewise(name, model.at[name])[-1][parameter] == pytest.approx(true, abs=0.25 * abs(departed))
 
 
 def test_no_size_is_out_of_bounds_and_the_others_make_up_for_it(plant: Plant) -> None:
