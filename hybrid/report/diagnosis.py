@@ -115,22 +115,7 @@ def describe(conclusion: Conclusion, provenance: Mapping[str, Any] | None = None
     """A conclusion as the contract's diagnosis, with its sentences, and what else a report shows."""
     first, accepted, gap = conclusion.first, conclusion.accepted, conclusion.gap
     equations = first.evidence.equations
-    catalogue, log = equations.model.catalogue, accepted.evidence.equations.log
-    effects = list[NamedEffect]()  # each once for each part of the trial in which it has a size of its own
-    for name in accepted.names:
-        effect = accepted.evidence.equations.model.catalogue[name]
-        sizes, share = estimates(accepted, name), float(gap.shares.get(name, 0.0))
-        remaining = [candidate for candidate in accepted.names if candidate != name]
-        log_odds = accepted.evidence.log_odds(accepted.names) - accepted.evidence.log_odds(remaining)
-        overall = NamedEffect(
-            effect.base, effect.family, effect.kind, share, accepted.tests[name].p_value, "", sizes[-1],
-            conclusion.replicated[name], log_odds, effect.scope, in_vessel=effect.base != STEADY_WIND.name,
-        )  # fmt: skip
-        if isinstance(effect, TimeVaryingEffect):
-            effects += effects_by_part(overall, effect, sizes, log)
-        else:
-            effects.append(replace(overall, sentence=sentence(effect, sizes[0], share, log.actuators)))
-
+    catalogue, effects = equations.model.catalogue, _named_effects(conclusion)
     closest = dict[tuple[str, str], Rival]()  # the closest form of each, as the catalogue names it
     for rival in conclusion.rivals:
         pair = catalogue[rival.instead_of].base, catalogue[rival.name].base
@@ -144,7 +129,7 @@ def describe(conclusion: Conclusion, provenance: Mapping[str, Any] | None = None
     diagnosis = Diagnosis(
         verdict=conclusion.verdict,
         tolerance=equations.tolerance,
-        effects=tuple(effects),
+        effects=effects,
         rivals=tuple(closest.values()),
         indistinguishable=tuple(dict.fromkeys(base_names(group, catalogue) for group in conclusion.tied)),
         unknown=_unknown(conclusion),
@@ -160,6 +145,26 @@ def describe(conclusion: Conclusion, provenance: Mapping[str, Any] | None = None
     )
     sensors = contradictions(conclusion.sensors) if conclusion.sensors else ()
     return diagnosis, Extras(*conclusion.maps, sensors, correlation=correlation_of(accepted))
+
+
+def _named_effects(conclusion: Conclusion) -> tuple[NamedEffect, ...]:
+    """What was accepted, each effect once for each part of the trial in which it has a size of its own."""
+    accepted, evidence, effects = conclusion.accepted, conclusion.accepted.evidence, list[NamedEffect]()
+    log, log_odds = evidence.equations.log, evidence.log_odds(accepted.names)
+    for name in accepted.names:
+        effect, sizes = evidence.equations.model.catalogue[name], estimates(accepted, name)
+        share = float(conclusion.gap.shares.get(name, 0.0))
+        remaining = [candidate for candidate in accepted.names if candidate != name]
+        overall = NamedEffect(
+            effect.base, effect.family, effect.kind, share, accepted.tests[name].p_value, "", sizes[-1],
+            conclusion.replicated[name], log_odds - evidence.log_odds(remaining), effect.scope,
+            in_vessel=effect.base != STEADY_WIND.name,
+        )  # fmt: skip
+        if isinstance(effect, TimeVaryingEffect):
+            effects += effects_by_part(overall, effect, sizes, log)
+        else:
+            effects.append(replace(overall, sentence=sentence(effect, sizes[0], share, log.actuators)))
+    return tuple(effects)
 
 
 def effects_by_part(
@@ -680,15 +685,6 @@ def correlation_rows(correlation: Correlation) -> list[list[str]]:
 def replication_words(replicated: Replication) -> str:
     """In how many parts of the trial something is found."""
     return f"found separately in {replicated.found} of {replicated.parts} parts of the trial"
-
-
-def certainty_words(effect: NamedEffect) -> str:
-    """Family, share of the gap and how sure an effect is."""
-    family = effect.family if effect.family == effect.kind else f"{effect.family}, {effect.kind}"
-    return (
-        f"{family}; {percent(effect.share_of_gap)} of the gap; by chance {chance(effect.p_value)}; "
-        f"log evidence {number(effect.evidence)}; {replication_words(effect.replicated)}"
-    )
 
 
 def dependence_words(where: Sequence[str]) -> str:
