@@ -433,7 +433,6 @@ def templates() -> Environment:
     from seatrial.analysis.manoeuvres.criteria import shortfalls_of
     from seatrial.analysis.speed_power import report as speed_power
     from seatrial.hybrid.diagnosis.result import read_diagnosis
-    from seatrial.hybrid.prediction.baselines import FEW_LEGS
     from seatrial.hybrid.report import (
         diagnosis,
         diagnosis_plots,
@@ -445,20 +444,17 @@ def templates() -> Environment:
         trial_plots,
         vessel_check,
     )
-    from seatrial.hybrid.report.diagnosis import chance, percent
     from seatrial.hybrid.report.errors import ENOUGH_S
 
     library = environment(Path(__file__).parent / "templates")
-    library.filters |= {"percent": percent, "chance": chance, "cell_row": diagnosis.cell_row,
+    library.filters |= {"percent": diagnosis.percent, "chance": diagnosis.chance, "cell_row": diagnosis.cell_row,
                      "in_words": in_words, "reason_of": reason_of,
                      "rows_in_words": lambda rows: [[in_words(cell) for cell in row] for row in rows],
                      "sentence": lambda text: f"{text[:1].upper()}{text[1:]}."}  # fmt: skip
     library.globals |= {
-        "trial": trial, "form": trial_form, "index_tables": trial_form,
-        "trial_plots": trial_plots, "diagnosis_words": diagnosis,
-        "diagnosis_plots": diagnosis_plots, "map_plots": diagnosis_plots, "evaluation": evaluation_page,
-        "read_diagnosis": read_diagnosis, "speed_power": speed_power, "tables": text, "plans": plan_page,
-        "checks": vessel_check, "shortfalls_of": shortfalls_of, "FEW_LEGS": FEW_LEGS,
-        "ENOUGH_S": ENOUGH_S,
+        "trial": trial, "form": trial_form, "trial_plots": trial_plots, "diagnosis_words": diagnosis,
+        "diagnosis_plots": diagnosis_plots, "evaluation": evaluation_page, "plans": plan_page, "tables": text,
+        "checks": vessel_check, "speed_power": speed_power, "read_diagnosis": read_diagnosis,
+        "shortfalls_of": shortfalls_of, "FEW_LEGS": FEW_LEGS, "ENOUGH_S": ENOUGH_S,
     }  # fmt: skip
     return library

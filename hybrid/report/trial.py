@@ -444,11 +444,6 @@ def source_rows(products: Products) -> list[list[str]]:
     ]  # fmt: skip
 
 
-def event_rows(products: Products) -> list[list[str]]:
-    """The events of a recording, in words."""
-    return [[time, in_words(text)] for time, text in events_of(products.recording)]
-
-
 def baseline_rows(case: Case) -> tuple[list[list[str]], int]:
     """Every method on windows that none has seen, and the best one's row."""
     judged = case.validation
@@ -476,19 +471,6 @@ def outside_names(training: DomainOfApplicability, outside: NDArray[np.bool_]) -
     """In what windows [N, quantities] are ``outside`` of what a calibrator was trained on; empty for nothing."""
     names = [quantity_title(name) for name, column in zip(training.names, outside.T, strict=True) if column.any()]
     return f", in {join_words(names)}" if names else ""
-
-
-def parameter_warnings(learned: Parameters) -> list[str]:
-    """Which parameters lie at a bound, and which cannot be distinguished."""
-    warnings = []
-    at_bound = [parameter.name for parameter in learned.parameters if parameter.at_bound]
-    if at_bound:
-        warnings.append(f"At a bound: {', '.join(at_bound)}.")
-    pairs = learned.entangled()
-    if pairs:
-        words = ", ".join(f"{first} with {second} ({value:+.2f})" for first, second, value in pairs[:6])
-        warnings.append(f"Cannot be distinguished: {words}{', and more' if len(pairs) > 6 else ''}.")
-    return warnings
 
 
 def parameter_rows(parameters: Sequence[AdaptedParameter]) -> list[list[str]]:
