@@ -84,6 +84,11 @@ VesselName = Annotated[
 VesselFile = Annotated[
     str | Path | None, Parsed(str), typer.Option("--vessel", help="A vessel of trials/vessels, or a vessel file.")
 ]
+WrittenVessel = Annotated[
+    str | Path | None,
+    Parsed(Path, required=True),
+    typer.Option("-o", "--output", help="The vessel file to write."),
+]
 InitialModel = Annotated[
     Union["Vessel", str, Path, None],
     Parsed(str),
@@ -348,11 +353,7 @@ def at_terminal() -> bool:
 
 @command(TRIALS, "output", name="new", group="vessel")
 def new_vessel(
-    output: Annotated[
-        str | Path | None,
-        Parsed(Path, required=True),
-        typer.Option("-o", "--output", help="The vessel file to write."),
-    ] = None,
+    output: WrittenVessel = None,
     *,
     name: Annotated[str | None, typer.Option(help="The ship's name; by default that of the file.")] = None,
     length_m: LengthBetweenPerpendiculars = None,
@@ -1358,11 +1359,7 @@ def diagnose(
 def identify(
     recordings: Recordings,
     vessel: InitialModel = None,
-    output: Annotated[
-        str | Path | None,
-        Parsed(Path, required=True),
-        typer.Option("-o", "--output", help="The vessel file to write."),
-    ] = None,
+    output: WrittenVessel = None,
     horizon_s: Annotated[
         int, typer.Option("--horizon", min=2, help="The horizon of the predictions for validation, in seconds.")
     ] = 30,
@@ -1527,9 +1524,13 @@ def speed_power(
     -----
     ISO 15016:2015; see docs/speed_power.md.
     """
+    from seatrial.acquisition.config.declarations import vessel_of_ship
     from seatrial.acquisition.config.run_sheet import Conditions, statement_from_text, statement_text
+    from seatrial.acquisition.recording.grouping import read_recordings
+    from seatrial.analysis.speed_power import analysis, runs
     from seatrial.analysis.speed_power.corrections import read_wind_resistance
-    from seatrial.analysis.speed_power.runs import is_run_table
+    from seatrial.analysis.tables.table import table_of
+    from seatrial.hybrid.vessel import files as vessel_files
 
     files = as_paths(recordings)
     if not isinstance(conditions, Conditions):
@@ -1537,13 +1538,30 @@ def speed_power(
         conditions = statement_from_text(text).conditions
     if wind_coefficients is not None:
         conditions = replace(conditions, wind_resistance=read_wind_resistance(Path(wind_coefficients)))
-    tables = [path for path in files if is_run_table(path)]
+    tables = [path for path in files if runs.is_run_table(path)]
     if tables and len(tables) < len(files):
         raise InputError(
             "are tables of run averages and recordings", where=", ".join(path.name for path in files),
             fix="give either; one trial is in one form",
         )  # fmt: skip
-    result = (_power_of_tables if tables else _power_of_recordings)(files, conditions, vessel)
+    if tables:
+        read = [runs.read_run_table(path) for path in files]
+        for table in read:
+            conditions = conditions.with_known(table.conditions)
+        if vessel is not None:
+            conditions = conditions.with_known(vessel_files.conditions_of(vessel_files.load_vessel(vessel)))
+        result = analysis.speed_power_of_runs([run for table in read for run in table.runs], conditions)
+        remarks = [f"columns of {path.name} that are not used: {', '.join(table.passed_over)}"
+                   for path, table in zip(files, read, strict=True) if table.passed_over]  # fmt: skip
+        result = replace(result, warnings=(*result.warnings, *remarks))
+    else:
+        raw = list(read_recordings(files))
+        recorded = [(recording.trial, table_of(recording)) for recording in raw]
+        ship = vessel or vessel_of_ship(raw[0].trial.vessel, raw[0].path.parent)
+        loaded = vessel_files.load_vessel(ship) if ship else None
+        conditions = vessel_files.known_conditions(recorded, loaded, conditions)
+        events = [event for recording in raw for event in recording.events]
+        result = analysis.speed_power([table for _, table in recorded], conditions, events)
     for speed in power_kw:
         result.speed_at(speed)  # outside of the runs it is an error before anything is written
     if output is not None:
@@ -1552,40 +1570,6 @@ def speed_power(
         for path in write_speed_power(result, Path(output)):
             announce(path)
     return result
-
-
-def _power_of_tables(files: list[Path], conditions: Conditions, vessel: Vessel | str | Path | None) -> SpeedPower:
-    from seatrial.analysis.speed_power.analysis import speed_power_of_runs
-    from seatrial.analysis.speed_power.runs import read_run_table
-    from seatrial.hybrid.vessel.files import conditions_of, load_vessel
-
-    tables = [read_run_table(path) for path in files]
-    for table in tables:
-        conditions = conditions.with_known(table.conditions)
-    if vessel is not None:
-        conditions = conditions.with_known(conditions_of(load_vessel(vessel)))
-    result = speed_power_of_runs([run for table in tables for run in table.runs], conditions)
-    remarks = [f"columns of {path.name} that are not used: {', '.join(table.passed_over)}"
-               for path, table in zip(files, tables, strict=True) if table.passed_over]  # fmt: skip
-    return replace(result, warnings=(*result.warnings, *remarks))
-
-
-def _power_of_recordings(
-    files: list[Path], conditions: Conditions, vessel: Vessel | str | Path | None
-) -> SpeedPower:
-    from seatrial.acquisition.config.declarations import vessel_of_ship
-    from seatrial.acquisition.recording.grouping import read_recordings
-    from seatrial.analysis.speed_power.analysis import speed_power as analyse
-    from seatrial.analysis.tables.table import table_of
-    from seatrial.hybrid.vessel.files import known_conditions, load_vessel
-
-    recordings = list(read_recordings(files))
-    tables = [table_of(recording) for recording in recordings]
-    first = recordings[0]
-    ship = vessel or vessel_of_ship(first.trial.vessel, first.path.parent)
-    recorded = [(recording.trial, table) for recording, table in zip(recordings, tables, strict=True)]
-    conditions = known_conditions(recorded, load_vessel(ship) if ship else None, conditions)
-    return analyse(tables, conditions, [event for recording in recordings for event in recording.events])
 
 
 def _print_pages(paths: list[Path], as_json: bool, options: Mapping[str, Any]) -> None:
@@ -1611,9 +1595,7 @@ def report(
         Parsed(Path),
         typer.Option(help="A calibrator: the folder written by `seatrial train`; default: the one in FOLDER."),
     ] = None,
-    vessel: Annotated[
-        str | Path | None, Parsed(str), typer.Option(help="A vessel of trials/vessels, or a vessel file.")
-    ] = None,
+    vessel: VesselFile = None,
     horizon_s: PredictionHorizon = None,
     *,
     method: CalibratorCode = None,

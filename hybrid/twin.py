@@ -187,24 +187,22 @@ def predict_now(
         raise DataShortageError(f"{', '.join(missing)} missing", fix="run `seatrial record --check`")
     if start_ns is None:
         raise DataShortageError("no whole second of the ship's motion", fix="wait for more")
-    filled, held = hold_until(recording, start_ns)
-    table = resample_recording(filled)
-    at = pd.Timestamp(start_ns, unit="ns", tz="UTC")
-    return Forecast(predict(SecondBySecond(table), at, horizon_s, plant, trained, commands), table, held)
 
-
-def hold_until(recording: Recording, until_ns: int) -> tuple[Recording, tuple[str, ...]]:
-    """Wind and thrusters held from their newest sample to a second, where that is later; and which these are."""
     series, held = dict(recording.series), []
     for name in trial_names(actuators_in_recording(recording)):
         span = _span_ns(series[name])
-        if name not in POSE_AND_VELOCITY and span is not None and span[1] < until_ns:
-            valid = np.flatnonzero(series[name].quality < Quality.BAD)
-            newest = valid[np.argmax(series[name].measured_ns[valid])]
-            repeated = replace(series[name].subset(np.array([newest])), measured_ns=np.array([until_ns]))
-            series[name] = Series.joined([series[name], repeated])
-            held.append(name)
-    return (replace(recording, series=series) if held else recording), tuple(held)
+        if name in POSE_AND_VELOCITY or span is None or span[1] >= start_ns:
+            continue
+        # wind and thrusters are held from their newest sample to that second
+        valid = np.flatnonzero(series[name].quality < Quality.BAD)
+        newest = valid[np.argmax(series[name].measured_ns[valid])]
+        repeated = replace(series[name].subset(np.array([newest])), measured_ns=np.array([start_ns]))
+        series[name] = Series.joined([series[name], repeated])
+        held.append(name)
+    table = resample_recording(replace(recording, series=series) if held else recording)
+    at = pd.Timestamp(start_ns, unit="ns", tz="UTC")
+    prediction = predict(SecondBySecond(table), at, horizon_s, plant, trained, commands)
+    return Forecast(prediction, table, tuple(held))
 
 
 def _span_ns(series: Series | None) -> tuple[int, int] | None:
@@ -264,7 +262,20 @@ def message_body(
     band_factor: float = 1.0,
 ) -> dict[str, Any]:
     """The message body. ``model`` names the vessel and the calibrator's folder, ``running`` has the mean errors
-    and the seconds that they cover, ``band_factor`` is the factor on the band."""
+    and the seconds that they cover, ``band_factor`` is the factor on the band. Positions are to the millimetre,
+    unknown quantities of the track are empty."""
+    north_m, east_m, heading = prediction.track.T
+    latitude_deg, longitude_deg = positions(north_m, east_m, origin)
+    regions = bands(prediction.region_m)
+    track = {
+        "seconds": np.arange(len(north_m), dtype=float).tolist(),
+        "north_m": north_m.round(3).tolist(),
+        "east_m": east_m.round(3).tolist(),
+        "heading_deg": wrap_360(np.rad2deg(heading)).round(3).tolist(),
+        **{name: [] if bounds is None else bounds.round(3).tolist() for name, bounds in regions.items()},
+        "latitude_deg": latitude_deg.round(8).tolist(),
+        "longitude_deg": longitude_deg.round(8).tolist(),
+    }
     over_s, mean = running
     body = {
         "start": prediction.at.as_unit("ns").value / NANO,
@@ -276,7 +287,7 @@ def message_body(
         "calibrator": model[1][-200:],
         "outside_training_range": prediction.outside_domain,
         "held_channels": list(held),
-        "track": track_arrays(prediction, origin),
+        "track": track,
         "running": {"over_s": over_s, **_without_none(asdict(mean))},
     }
     if prediction.region_m is not None:
@@ -291,22 +302,6 @@ def _without_none(values: dict[str, Any]) -> dict[str, Any]:
     return {name: value for name, value in values.items() if value is not None}
 
 
-def track_arrays(prediction: Prediction, origin: Origin) -> dict[str, list[float]]:
-    """The track as arrays by second; positions to the millimetre, unknown quantities empty."""
-    north_m, east_m, heading = prediction.track.T
-    latitude_deg, longitude_deg = positions(north_m, east_m, origin)
-    regions = bands(prediction.region_m)
-    return {
-        "seconds": np.arange(len(north_m), dtype=float).tolist(),
-        "north_m": north_m.round(3).tolist(),
-        "east_m": east_m.round(3).tolist(),
-        "heading_deg": wrap_360(np.rad2deg(heading)).round(3).tolist(),
-        **{name: [] if bounds is None else bounds.round(3).tolist() for name, bounds in regions.items()},
-        "latitude_deg": latitude_deg.round(8).tolist(),
-        "longitude_deg": longitude_deg.round(8).tolist(),
-    }
-
-
 def positions(north_m: Floats, east_m: Floats, origin: Origin) -> tuple[Floats, Floats]:
     """Latitudes and longitudes [deg] of points of the plane; empty without an origin."""
     if origin is None:
@@ -319,30 +314,19 @@ def track_geojson(prediction: Prediction, origin: Origin) -> str:
     """The track as a line, and the 95 % region at its end, for a map; empty without an origin."""
     if origin is None:
         return ""
-    north_m, east_m = prediction.track.T[:2]
-    name = f"{prediction.method}, {len(north_m) - 1} s"
-    features = [_feature("LineString", _coordinates(north_m, east_m, origin), name, _TRACK_STYLE)]
+    horizon_s = len(prediction.track) - 1
+    shapes = [("LineString", prediction.track[:, :2], f"{prediction.method}, {horizon_s} s", _TRACK_STYLE)]
     if prediction.region_m is not None:
         corners = outlines(prediction.track, prediction.region_m[1:])[-1]
-        ring = _coordinates(corners[:, 0], corners[:, 1], origin)
-        ring.append(ring[0])
-        features.append(_feature("Polygon", [ring], f"95 % after {len(north_m) - 1} s", _BAND_STYLE))
+        ring = np.concatenate([corners, corners[:1]])
+        shapes.append(("Polygon", ring, f"95 % after {horizon_s} s", _BAND_STYLE))
+    features = []
+    for kind, points, name, style in shapes:
+        latitude, longitude = positions(points[:, 0], points[:, 1], origin)
+        coordinates = np.column_stack([longitude, latitude]).round(8).tolist()  # longitude first, as GeoJSON has it
+        geometry = {"type": kind, "coordinates": [coordinates] if kind == "Polygon" else coordinates}
+        features.append({"type": "Feature", "properties": {"name": name, "style": style}, "geometry": geometry})
     return orjson.dumps({"type": "FeatureCollection", "features": features}).decode()
-
-
-def _coordinates(north_m: Floats, east_m: Floats, origin: Origin) -> list[list[float]]:
-    """Points as GeoJSON has them: longitude first [deg]."""
-    latitude, longitude = positions(north_m, east_m, origin)
-    points: list[list[float]] = np.column_stack([longitude, latitude]).round(8).tolist()
-    return points
-
-
-def _feature(kind: str, coordinates: list[Any], name: str, style: dict[str, Any]) -> dict[str, Any]:
-    return {
-        "type": "Feature",
-        "properties": {"name": name, "style": style},
-        "geometry": {"type": kind, "coordinates": coordinates},
-    }
 
 
 @dataclass(frozen=True, slots=True)
@@ -416,23 +400,6 @@ def track_error(prediction: Prediction, measured: Floats, thrusters_moved: bool)
         across_m=float(across_m),
         heading_deg=float(np.rad2deg(np.abs(turn)).mean()),
         inside_band=inside_band,
-    )
-
-
-def any_thruster_moved(
-    table: pd.DataFrame, row: int, horizon_s: int, planned: Mapping[str, Floats] | None = None
-) -> bool:
-    """Whether a thruster departed from ``planned`` in the seconds ``row`` to ``row + horizon_s`` of a 1 Hz
-    table.
-
-    ``planned`` are channels [horizon_s] by name, all others are held. The tolerance is that of held windows.
-    """
-    actuators, plan = table_actuators(table), planned or {}
-    return not all(
-        follows_plan(name, values, row, plan[name], actuators)
-        if name in plan
-        else steady_mask(name, values, horizon_s + 1, 1, actuators)[row]
-        for name, values in ((name, table[name].to_numpy(dtype=float)) for name in control_names(actuators))
     )
 
 
@@ -516,8 +483,14 @@ class RunningError:
             return None
         if near_jumps(table[list(POSE_AND_VELOCITY)].to_numpy(dtype=float))[rows].any():
             return None
-        moved = any_thruster_moved(table, row, horizon_s, prediction.planned)
-        return track_error(prediction, track, moved)
+        actuators, planned = table_actuators(table), prediction.planned or {}
+        as_assumed = all(  # as planned, or held within the tolerance of held windows
+            follows_plan(name, values, row, planned[name], actuators)
+            if name in planned
+            else steady_mask(name, values, horizon_s + 1, 1, actuators)[row]
+            for name, values in ((name, table[name].to_numpy(dtype=float)) for name in control_names(actuators))
+        )
+        return track_error(prediction, track, not as_assumed)
 
 
 def step_size(learned: float) -> float:
@@ -589,23 +562,21 @@ class PlanFile:
         with suppress(OSError):
             status = self.path.stat()
             version = status.st_ino, status.st_size, status.st_mtime_ns
-        if version != self._version:
-            self._version = version
-            self._read()
-        return self._orders
-
-    def _read(self) -> None:
-        if self._version is None:
+        if version == self._version:
+            return self._orders
+        self._version = version
+        if version is None:
             self._orders = None
             self._notify("warning", f"no plan at {self.path}: what is ordered now goes on")
-            return
+            return None
         try:
             self._orders = read_commands(self.path, self._actuators)
         except InputError as error:
             fallback = "what is ordered now goes on" if self._orders is None else "the plan before goes on"
             self._notify("warning", f"no new plan, {fallback}: {error}")
-            return
-        self._notify("info", plan_text(self._orders))
+        else:
+            self._notify("info", plan_text(self._orders))
+        return self._orders
 
 
 def plan_text(orders: pd.DataFrame) -> str:
@@ -686,13 +657,20 @@ class Twin:
             self._notify_once("warning", f"the sources' times went back by {back_s:.0f} s: begun anew")
             self._start_ns = 0
             self.errors.clear()
-        if start_ns is None or start_ns <= self._start_ns:
-            self._notify_missing_channels(recording)
-            return False
-        self._start_ns = start_ns
-        return self._predict(recording, start_ns)
+        if start_ns is not None and start_ns > self._start_ns:
+            self._start_ns = start_ns
+            return self._predict(recording, start_ns)
+
+        if time.monotonic() - self._new_s >= _STALLED_S:  # name the channels without which nothing is predicted
+            newest = [int(series.measured_ns.max()) for name, series in recording.series.items()
+                      if name in trial_names(actuators_in_recording(recording))]  # fmt: skip
+            missing = missing_channels(recording, max(newest) // NANO * NANO if newest else None)
+            if missing:
+                self._notify_once("warning", f"no prediction: nothing comes of {', '.join(missing)}")
+        return False
 
     def _predict(self, recording: Recording, start_ns: int) -> bool:
+        """Predict, judge earlier predictions by what has been measured since, and send the new one."""
         self._made_s = time.monotonic()
         predictor, orders = self.predictor, None if self._plan is None else self._plan.orders()
         try:
@@ -703,47 +681,30 @@ class Twin:
             self._notify_once("warning", f"no prediction: {error}")
             return False
         self._new_s = time.monotonic()
-        self._evaluate(forecast, start_ns)
-        forecast = replace(forecast, prediction=self.region.widened(forecast.prediction))
-        self.last = forecast
-        self.errors.add(forecast.prediction)
-        self._publish(forecast)
-        return True
-
-    def _evaluate(self, forecast: Forecast, until_ns: int) -> None:
-        errors = self.errors.evaluate(forecast.table, until_ns)
-        for error in errors:
-            self.statistics.errors = self.statistics.errors.with_error(error)
-            self.region = self.region.after(error, self.predictor.horizon_s)
+        errors = self.errors.evaluate(forecast.table, start_ns)
+        for past_error in errors:
+            self.statistics.errors = self.statistics.errors.with_error(past_error)
+            self.region = self.region.after(past_error, predictor.horizon_s)
         self.last_error = errors[-1] if errors else None
+        prediction = self.region.widened(forecast.prediction)
+        self.last = replace(forecast, prediction=prediction)
+        self.errors.add(prediction)
 
-    def _publish(self, forecast: Forecast) -> None:
-        """Send the prediction to the recorder."""
         origin, made_ns = self.follower.trial.origin, self.follower.utc_ns
         latency_s = max((made_ns - self._recent.newest_received_ns) / NANO, 0.0)
         self.statistics.made += 1
         self.statistics.latency_s.append(latency_s)
-        names = self.predictor.vessel, self.predictor.calibrator
-        running = self.errors.over_s, self.errors.mean()
         body = message_body(
-            forecast.prediction, forecast.held, origin, names, made_ns, latency_s, self.last_error, running,
-            self.region.factor,
+            prediction, forecast.held, origin, (predictor.vessel, predictor.calibrator), made_ns, latency_s,
+            self.last_error, (self.errors.over_s, self.errors.mean()), self.region.factor,
         )  # fmt: skip
-        if self.follower.recorder is None:
-            return
-        refused = send_prediction(self.follower.recorder[0], body, track_geojson(forecast.prediction, origin))
-        self.statistics.recorded += not refused
-        self._notify_once("warning" if refused else "info", f"not recorded: {refused}" if refused else "predicting")
-
-    def _notify_missing_channels(self, recording: Recording) -> None:
-        """Name the channels without which no prediction can be made."""
-        if time.monotonic() - self._new_s < _STALLED_S:
-            return
-        newest = [int(series.measured_ns.max()) for name, series in recording.series.items()
-                  if name in trial_names(actuators_in_recording(recording))]  # fmt: skip
-        missing = missing_channels(recording, max(newest) // NANO * NANO if newest else None)
-        if missing:
-            self._notify_once("warning", f"no prediction: nothing comes of {', '.join(missing)}")
+        if self.follower.recorder is not None:
+            refused = send_prediction(self.follower.recorder[0], body, track_geojson(prediction, origin))
+            self.statistics.recorded += not refused
+            self._notify_once(
+                "warning" if refused else "info", f"not recorded: {refused}" if refused else "predicting"
+            )
+        return True
 
     def _notify_once(self, level: str, text: str) -> None:
         """Notify once of each new text."""
@@ -855,19 +816,15 @@ def watch(
         )  # drawn by a thread of its own
         stack.enter_context(display if on_terminal else log_to(sys.stderr, log_format))
         warm_up(predictor)
-        _run(twin, stop, duration_s)
+        until_s = float("inf") if duration_s is None else time.monotonic() + duration_s
+        logged_s = time.monotonic()
+        while time.monotonic() < until_s and not stop.wait(_POLL_S):
+            twin.poll()
+            if time.monotonic() - logged_s >= _LOG_EVERY_S and twin.statistics.made:
+                logged_s = time.monotonic()
+                mean = mean_error_text(twin.errors.mean(), twin.errors.over_s)
+                LOG.info("%s; %s; %s", latency_text(twin), mean, twin.region)
         return summary_of(twin.statistics, twin.errors.unmeasured, twin.region)
-
-
-def _run(twin: Twin, stop: threading.Event, duration_s: float | None) -> None:
-    until_s = float("inf") if duration_s is None else time.monotonic() + duration_s
-    logged_s = time.monotonic()
-    while time.monotonic() < until_s and not stop.wait(_POLL_S):
-        twin.poll()
-        if time.monotonic() - logged_s >= _LOG_EVERY_S and twin.statistics.made:
-            logged_s = time.monotonic()
-            mean = mean_error_text(twin.errors.mean(), twin.errors.over_s)
-            LOG.info("%s; %s; %s", latency_text(twin), mean, twin.region)
 
 
 def as_json(summary: WatchSummary, predictor: Predictor) -> dict[str, object]:
@@ -889,19 +846,26 @@ class Display:
     messages: deque[tuple[str, str]]
 
     def __rich_console__(self, console: Console, options: ConsoleOptions) -> Iterator[RenderableType]:
-        twin = self.twin
-        path = twin.follower.path
+        twin, path = self.twin, self.twin.follower.path
         part = "waiting" if path is None else path.name
         yield _one_line(("● TWIN ", "bold cyan"), f"{twin.statistics.made:,} predictions  {part}")
         if twin.last is not None:
-            yield _one_line(
-                (source_text(twin.last.prediction), "yellow" if twin.last.prediction.outside_domain else "green")
-            )
-            yield track_table(twin.last.prediction)
-            if twin.last.prediction.region_m is not None:
+            prediction = twin.last.prediction
+            beyond = ", outside the calibrator's training range" if prediction.outside_domain else ""
+            planned = f", with {', '.join(prediction.planned)} as planned" if prediction.planned else ""
+            source = f"{prediction.method} from {prediction.at:%H:%M:%SZ}{beyond}{planned}"
+            yield _one_line((source, "yellow" if prediction.outside_domain else "green"))
+            yield track_table(prediction)
+            if prediction.region_m is not None:
                 yield _one_line((str(twin.region), "red" if twin.region.is_at_bound else ""))
         yield _one_line(latency_text(twin))
-        yield _one_line(last_error_text(twin.last_error))
+        error = twin.last_error
+        if error is None:
+            yield _one_line("no earlier prediction to judge")
+        else:
+            why = "  a thruster moved: not in the means" if error.thrusters_moved else ""
+            distances = f"{error.end_distance_m:.1f} m off at the end, {error.mean_distance_m:.1f} m on the way"
+            yield _one_line(f"then: {distances}{why}")
         for line in mean_error_text(twin.errors.mean(), twin.errors.over_s).split("; "):
             yield _one_line(line)
         for level, text in tuple(self.messages):
@@ -910,13 +874,6 @@ class Display:
 
 def _one_line(*parts: str | tuple[str, str]) -> Text:
     return Text.assemble(*parts, no_wrap=True, overflow="ellipsis")
-
-
-def source_text(prediction: Prediction) -> str:
-    """The method and the start of a prediction."""
-    beyond = ", outside the calibrator's training range" if prediction.outside_domain else ""
-    planned = f", with {', '.join(prediction.planned)} as planned" if prediction.planned else ""
-    return f"{prediction.method} from {prediction.at:%H:%M:%SZ}{beyond}{planned}"
 
 
 def track_table(prediction: Prediction) -> Table:
@@ -939,14 +896,6 @@ def latency_text(twin: Twin) -> str:
     """The latency of the newest prediction."""
     times_s = twin.statistics.latency_s
     return f"latency {times_s[-1]:.2f} s" if times_s else "no prediction yet"
-
-
-def last_error_text(error: TrackError | None) -> str:
-    """The error of the prediction whose horizon has just passed."""
-    if error is None:
-        return "no earlier prediction to judge"
-    why = "  a thruster moved: not in the means" if error.thrusters_moved else ""
-    return f"then: {error.end_distance_m:.1f} m off at the end, {error.mean_distance_m:.1f} m on the way{why}"
 
 
 def mean_error_text(mean: MeanErrors, over_s: float) -> str:

@@ -52,7 +52,6 @@ from seatrial.acquisition.core.ship import (
     VELOCITY,
     VESSELS,
     Actuators,
-    Channel,
     control_channels,
     name_of_order,
     unwrap,
@@ -65,7 +64,7 @@ from seatrial.acquisition.recording.parts import safe_name
 from seatrial.acquisition.recording.reader import Recording, read_recording
 from seatrial.acquisition.recording.writer import write_table
 from seatrial.acquisition.tables.import_table import refuse_overwriting
-from seatrial.analysis.quality.check import DataQuality, check_recording
+from seatrial.analysis.quality.check import check_recording
 from seatrial.analysis.quality.findings import Finding
 from seatrial.analysis.quality.motion.model import GROUPS
 from seatrial.analysis.quality.repairs import repair
@@ -168,14 +167,13 @@ def refit_model(tables: Sequence[pd.DataFrame], vessel: Vessel, progress: Progre
     for number, fold in enumerate(folds):
         other_folds = _without_fold(named, log, fold)
         part = part_of(progress, number, len(folds) + 1)
-        refitted = identify_tables(other_folds, vessel, segment_s=SEGMENT_S, progress=part)[0].vessel
-        plant, in_fold = vessel_plant(refitted), windows.fold == fold
+        plant = vessel_plant(identify_tables(other_folds, vessel, segment_s=SEGMENT_S, progress=part)[0].vessel)
+        in_fold = windows.fold == fold
         refit_tracks[in_fold] = predicted_tracks(log, plant, true_states(log, plant), windows.starts[in_fold])
     last_part = part_of(progress, len(folds), len(folds) + 1)
     identification = identify_tables(named, vessel, segment_s=SEGMENT_S, progress=last_part)[0]
-    correction = _correction(
-        windows, refit_tracks, identification, forces_moved(log, vessel, identification.vessel)
-    )
+    forces = forces_moved(log, vessel, identification.vessel)
+    correction = _correction(windows, refit_tracks, identification, forces)
     return Refit(identification.vessel if correction.applied else vessel, correction)
 
 
@@ -286,7 +284,7 @@ def diagnose_files(
 ) -> DiagnosisRun:
     """Diagnose recordings, or a part of each one's time in percent; errors as :func:`.diagnose.diagnose`.
 
-    Each is checked before (:func:`.checked_files`): it is parted where its positions jump, what stood still is
+    Each is checked before (:func:`.checked_tables`): it is parted where its positions jump, what stood still is
     left out, and faults of the record are repaired. With ``repair`` scales and delays of sensors are, too, and not
     diagnosed any more; ``rebuild_positions`` takes positions by dead reckoning, ``None`` where their time stamps
     jitter. ``identify`` has the model's coefficients identified from the recordings before (:func:`with_refit`),
@@ -304,7 +302,14 @@ def diagnose_files(
     }
 
     def checked(repaired: bool) -> Checked:
-        return checked_files(files, part_percent, repaired=repaired, rebuild_positions=rebuild_positions)
+        tables, remarks, repairs = list[pd.DataFrame](), list[str](), list[str]()
+        for recording in read_recordings(map(Path, files)):
+            record = checked_tables(recording, part_percent, repaired=repaired, rebuild_positions=rebuild_positions)
+            name = printable_name(recording.path.name)
+            tables += record.tables
+            remarks += [f"{name}: {remark}" for remark in record.remarks]
+            repairs += [f"{name}: {action}" for action in record.repairs]
+        return Checked(tuple(tables), tuple(remarks), tuple(repairs), repaired)
 
     def diagnosed(record: Checked, start: Vessel, part: Progress) -> DiagnosisRun:
         repairs = {"repaired": "; ".join(record.repairs), "left_out": "; ".join(record.remarks)}
@@ -340,15 +345,24 @@ def with_refit(
     if first is not None and (identify is False or not is_structurally_wrong(first.diagnosis)):
         progress(1.0)
         return first, None
+
     record = record if record.repaired else checked(True)
     tables = driven_by_orders(record.tables, vessel)[0]
     refit = refit_model(tables, vessel, lambda share: progress(0.4 + 0.3 * share))
-    if first is None or refit.correction.applied:
+    run = first
+    if run is None or refit.correction.applied:
         run = diagnosed(record, refit.vessel, lambda share: progress(0.7 + 0.3 * share))
-    else:
-        run = first
-    why = () if first is None else (_refit_remark(first.diagnosis, refit.correction.applied),)
-    return replace(run, diagnosis=replace(run.diagnosis, remarks=(*why, *run.diagnosis.remarks))), refit
+    if first is None:
+        return run, refit
+    gap, names = first.diagnosis.gap, dict.fromkeys(plain(effect.name) for effect in first.diagnosis.effects)
+    applied = refit.correction.applied
+    outcome = "its coefficients were re-identified" if applied else "new coefficients were not better"
+    remark = (
+        f"The model as it is predicts worse than constant velocity ({gap.before_m:.2f} m against "
+        f"{gap.constant_velocity_m:.2f} m), and {len(names)} effects left forces unexplained: {outcome}. The "
+        f"effects were {', '.join(names)}; with them the error on held-out legs was {gap.after_m:.2f} m"
+    )
+    return replace(run, diagnosis=replace(run.diagnosis, remarks=(remark, *run.diagnosis.remarks))), refit
 
 
 def is_structurally_wrong(diagnosis: Diagnosis) -> bool:
@@ -356,16 +370,6 @@ def is_structurally_wrong(diagnosis: Diagnosis) -> bool:
     gap = diagnosis.gap
     worse = gap.before_m > gap.constant_velocity_m
     return worse and len({effect.name for effect in diagnosis.effects}) >= MANY and diagnosis.remainder is not None
-
-
-def _refit_remark(diagnosis: Diagnosis, applied: bool) -> str:
-    gap, names = diagnosis.gap, dict.fromkeys(plain(effect.name) for effect in diagnosis.effects)
-    outcome = "its coefficients were re-identified" if applied else "new coefficients were not better"
-    return (
-        f"The model as it is predicts worse than constant velocity ({gap.before_m:.2f} m against "
-        f"{gap.constant_velocity_m:.2f} m), and {len(names)} effects left forces unexplained: {outcome}. The "
-        f"effects were {', '.join(names)}; with them the error on held-out legs was {gap.after_m:.2f} m"
-    )
 
 
 def write_diagnosis(run: DiagnosisRun, vessel: Vessel, folder: Path) -> Path:
@@ -416,18 +420,15 @@ def vessel_with_effects(vessel: Vessel, diagnosis: Diagnosis) -> Vessel:
         for key, value in diagnosis.provenance.items()
     }
     result = with_effects(vessel, effects, **provenance, **notes, verdict=diagnosis.verdict)
-    return replace(result, name=f"{vessel.name}_diagnosed", description=_description(vessel, diagnosis))
 
-
-def _description(vessel: Vessel, diagnosis: Diagnosis) -> str:
-    added = dict[str, list[str]]()
-    for effect in diagnosis.effects:
-        if effect.in_vessel:
-            added.setdefault(effect.scope, []).append(effect.name)
-    parts = [", ".join(names) + _OF_SCOPE.get(scope, "") for scope, names in added.items()]
+    by_scope = dict[str, list[str]]()
+    for effect in added:
+        by_scope.setdefault(effect.scope, []).append(effect.name)
+    parts = [", ".join(names) + _OF_SCOPE.get(scope, "") for scope, names in by_scope.items()]
     if diagnosis.identified is not None and diagnosis.identified.applied:
         parts.insert(0, "identified coefficients")
-    return f"{vessel.description or vessel.name}; a diagnosis added {'; '.join(parts) or 'nothing'}"
+    description = f"{vessel.description or vessel.name}; a diagnosis added {'; '.join(parts) or 'nothing'}"
+    return replace(result, name=f"{vessel.name}_diagnosed", description=description)
 
 
 def driven_by_orders(
@@ -437,25 +438,27 @@ def driven_by_orders(
 
     Feedback is dead where it has no values, or one value throughout although the order moves.
     """
-    driven = [_driven_table(table, vessel) for table in tables]
-    return tuple(table for table, _ in driven), tuple(
-        dict.fromkeys(text for _, remarks in driven for text in remarks)
-    )
-
-
-def _driven_table(table: pd.DataFrame, vessel: Vessel) -> tuple[pd.DataFrame, list[str]]:
-    filled, remarks = dict[str, Floats](), list[str]()
-    for actuator, entry in zip(vessel.actuators, vessel.actuator, strict=True):
-        kind = KINDS[actuator.kind]
-        parts = zip(actuator.channels, kind.drives(entry), kind.units, kind.still, strict=True)
-        for channel, drive, unit, idle_limit in parts:
-            order, how = name_of_order(channel.name), dead_channel_words(table, channel.name)
-            moves = _is_there(table, order) and _range_of(table[order]) * unit > idle_limit
-            if how and (moves or (_is_there(table, order) and not _is_there(table, channel.name))):
-                channel_drive = Drive(drive.lag_s, drive.limit / unit, drive.rate / unit)
-                filled[channel.name] = follow_orders(table, order, channel_drive, circular=channel.circular)
-                remarks.append(f"{channel.name} {how}: its order drives the model, with a lag of {drive.lag_s:g} s")
-    return (table.assign(**filled) if filled else table), remarks
+    driven, remarks = list[pd.DataFrame](), dict[str, None]()
+    for table in tables:
+        filled = dict[str, Floats]()
+        for actuator, entry in zip(vessel.actuators, vessel.actuator, strict=True):
+            kind = KINDS[actuator.kind]
+            parts = zip(actuator.channels, kind.drives(entry), kind.units, kind.still, strict=True)
+            for channel, drive, unit, idle_limit in parts:
+                name, order = channel.name, name_of_order(channel.name)
+                how = dead_channel_words(table, name)
+                if not how or not _is_there(table, order):
+                    continue
+                if (
+                    _is_there(table, name)
+                    and np.ptp(table[order].dropna().to_numpy(dtype=float)) * unit <= idle_limit
+                ):
+                    continue
+                in_its_unit = Drive(drive.lag_s, drive.limit / unit, drive.rate / unit)
+                filled[name] = follow_orders(table, order, in_its_unit, circular=channel.circular)
+                remarks[f"{name} {how}: its order drives the model, with a lag of {drive.lag_s:g} s"] = None
+        driven.append(table.assign(**filled) if filled else table)
+    return tuple(driven), tuple(remarks)
 
 
 def dead_channel_words(table: pd.DataFrame, name: str) -> str:
@@ -497,39 +500,31 @@ def _is_there(table: pd.DataFrame, name: str) -> bool:
 
 
 def _turned_deg(table: pd.DataFrame) -> float:
-    return _range_of(table["heading_deg"], circular=True) if "heading_deg" in table else 0.0
-
-
-def _range_of(values: pd.Series, *, circular: bool = False) -> float:
-    """From the least of the values to the most, 0 of none."""
-    finite = values.dropna().to_numpy(dtype=float)
-    return float(np.ptp(unwrap(finite) if circular else finite)) if finite.size else 0.0
+    """How far the heading reaches from its least value to its most [deg], 0 without one."""
+    heading = table["heading_deg"].dropna().to_numpy(dtype=float) if "heading_deg" in table else np.empty(0)
+    return float(np.ptp(unwrap(heading))) if heading.size else 0.0
 
 
 def follow_orders(table: pd.DataFrame, order: str, drive: Drive, *, circular: bool) -> Floats:
     """What a drive makes of its orders, each held until the next, at the times of a table; NaN before the first.
 
-    ``drive`` has its limits in the channel's unit.
+    ``drive`` has its limits in the channel's unit; it begins at the first order (:func:`.follow`).
     """
     recorded, table_s = table[order].notna().to_numpy(), times_ns(table) / NANO
     times, values = table_s[recorded], table[order].to_numpy(dtype=float)[recorded]
     values = unwrap(values) if circular else values
     grid = np.arange(times[0], table_s[-1] + _STEP_S, _STEP_S)
     held = values[np.searchsorted(times, grid, side="right") - 1]
-    acting = np.interp(table_s, grid, _drive_response(held, drive))
-    return np.where(table_s >= times[0], wrap_180(acting) if circular else acting, np.nan)
 
-
-def _drive_response(orders: Floats, drive: Drive) -> Floats:
-    """What a drive makes of orders, one a step, that begins at the first (:func:`.follow`)."""
     lag_s, limit, rate, helm = (np.array([value]) for value in (drive.lag_s, drive.limit, drive.rate, 0.0))
     drives = Drives(lag_s, limit, rate, helm, damping_s=0.0, settled_radps=0.0)
-    share, result = shares(drives, _STEP_S), np.empty_like(orders)
-    now = np.clip(orders[:1], -drive.limit, drive.limit)
-    for k in range(len(orders)):
-        result[k] = now[0]
-        follow(drives, share, now, orders[k : k + 1], _STEP_S)
-    return result
+    share, response = shares(drives, _STEP_S), np.empty_like(held)
+    now = np.clip(held[:1], -drive.limit, drive.limit)
+    for k in range(len(held)):
+        response[k] = now[0]
+        follow(drives, share, now, held[k : k + 1], _STEP_S)
+    acting = np.interp(table_s, grid, response)
+    return np.where(table_s >= times[0], wrap_180(acting) if circular else acting, np.nan)
 
 
 @dataclass(frozen=True, slots=True)
@@ -559,34 +554,30 @@ def checked_tables(
     """
     raw = table_of(recording)
     quality = check_recording(recording, raw)
-    findings = quality.findings
-    faults = [finding for finding in findings if repaired or finding.code not in _FOR_A_NAME]
+    faults = [finding for finding in quality.findings if repaired or finding.code not in _FOR_A_NAME]
     record = repair(raw, faults, quality.flags, recording, rebuild_positions=rebuild_positions)
-    flags = quality.flags if record.flags is None else record.flags
-    table, remarks = drop_frozen(select(record.table, part_percent), select(flags, part_percent), findings)
-    dead = dead_sensors(table)
-    parts, part_remarks = split_at_jumps(table.assign(**dict.fromkeys(dead, np.nan)), findings)
-    dead_remarks = (f"{name} has one value throughout although the ship turns: it is left out" for name in dead)
-    remarks = (*remarks, *dead_remarks, *idle_angles(table, table_actuators(table)), *part_remarks)
+    flags = select(quality.flags if record.flags is None else record.flags, part_percent)
+    table, remarks = select(record.table, part_percent).copy(), list[str]()
+
+    # gaps where a channel stood still or positions were displaced; a control that is frozen for most of the time
+    # stays: without it nothing is known of what drives the ship
+    for finding in (finding for finding in quality.findings if finding.code in _FROZEN):
+        for name in filter(flags.__contains__, GROUPS.get(finding.channel, (finding.channel,))):
+            bad = (flags[name] == Quality.BAD).to_numpy() & table[name].notna().to_numpy()
+            if name in table_controls(table) and bad.sum() > _MOST_FROZEN * table[name].count():
+                remarks.append(f"{name} stands still for most of the time and was taken as recorded")
+            elif bad.any():
+                table[name] = table[name].mask(bad)
+                remarks.append(f"{int(bad.sum()):,} values of {name} left out: {finding.text}")
+
+    # speeds and yaw rate that have one value throughout although the heading turns: nobody measured them
+    dead = [name for name in VELOCITY if _is_there(table, name) and dead_channel_words(table, name)]
+    dead = dead if _turned_deg(table) > _TURNS_DEG else []
+    parts, part_remarks = split_at_jumps(table.assign(**dict.fromkeys(dead, np.nan)), quality.findings)
+    remarks += [f"{name} has one value throughout although the ship turns: it is left out" for name in dead]
+    remarks += [*idle_angles(table, table_actuators(table)), *part_remarks]
     repairs = (f"{entry.channel}: " * (entry.channel not in entry.text) + entry.text for entry in record.repairs)
-    return Checked(parts, remarks, tuple(dict.fromkeys(repairs)), repaired)
-
-
-def checked_files(
-    files: Sequence[Path],
-    part_percent: tuple[float, float] = (0.0, 100.0),
-    *,
-    repaired: bool = False,
-    rebuild_positions: bool | None = None,
-) -> Checked:
-    """The tables of all recordings by :func:`checked_tables`; each sentence begins with the name of its file."""
-    tables, remarks, repairs = list[pd.DataFrame](), list[str](), list[str]()
-    for recording in read_recordings(map(Path, files)):
-        checked = checked_tables(recording, part_percent, repaired=repaired, rebuild_positions=rebuild_positions)
-        tables, name = [*tables, *checked.tables], printable_name(recording.path.name)
-        remarks += [f"{name}: {remark}" for remark in checked.remarks]
-        repairs += [f"{name}: {repair}" for repair in checked.repairs]
-    return Checked(tuple(tables), tuple(remarks), tuple(repairs), repaired)
+    return Checked(parts, tuple(remarks), tuple(dict.fromkeys(repairs)), repaired)
 
 
 def usable_tables(
@@ -605,31 +596,6 @@ def usable_tables(
         tables[name] = join_tables(checked.tables)
         remarks += [f"{name}: {remark}" for remark in checked.remarks]
     return tables, tuple(remarks)
-
-
-def dead_sensors(table: pd.DataFrame) -> tuple[str, ...]:
-    """Speeds and yaw rate that have one value throughout although the heading turns: nobody measured them."""
-    dead = tuple(name for name in VELOCITY if _is_there(table, name) and dead_channel_words(table, name))
-    return dead if _turned_deg(table) > _TURNS_DEG else ()
-
-
-def drop_frozen(
-    table: pd.DataFrame, flags: pd.DataFrame, findings: Iterable[Finding]
-) -> tuple[pd.DataFrame, tuple[str, ...]]:
-    """The table with gaps where a channel stood still or positions were displaced, and what was made so.
-
-    A control that is frozen for most of the time stays: without it nothing is known of what drives the ship.
-    """
-    cleaned, remarks = table.copy(), list[str]()
-    for finding in (finding for finding in findings if finding.code in _FROZEN):
-        for name in filter(flags.__contains__, GROUPS.get(finding.channel, (finding.channel,))):
-            bad = (flags[name] == Quality.BAD).to_numpy() & cleaned[name].notna().to_numpy()
-            if name in table_controls(table) and bad.sum() > _MOST_FROZEN * table[name].count():
-                remarks.append(f"{name} stands still for most of the time and was taken as recorded")
-            elif bad.any():
-                cleaned[name] = cleaned[name].mask(bad)
-                remarks.append(f"{int(bad.sum()):,} values of {name} left out: {finding.text}")
-    return cleaned, tuple(remarks)
 
 
 def split_at_jumps(
@@ -695,15 +661,31 @@ def start_folder(
         f'"{channel.name}",' if channel.name in possible else f'# "{channel.name}": no sentence carries it'
         for channel in controls
     ]
-    texts["trial.toml"] = _filled_template("trial.toml", name, ship, "\n  ".join(rows))
-    columns = "".join(
-        f'{channel.name:<18} = {{ column = "{_title(channel)}", unit = "{channel.unit}" }}\n'
+    titles = {  # as the columns of a table are called: "Port pitch %"
+        channel.name: f"{channel.name.rpartition('_')[0].replace('_', ' ').capitalize()} {channel.unit}"
         for channel in controls
-    )
-    texts["columns.toml"] = _filled_template("columns.toml", name, ship, columns)
+    }
+    columns = [
+        f'{channel.name:<18} = {{ column = "{titles[channel.name]}", unit = "{channel.unit}" }}\n'
+        for channel in controls
+    ]
+    texts["trial.toml"] = _filled_template("trial.toml", name, ship, "\n  ".join(rows))
+    texts["columns.toml"] = _filled_template("columns.toml", name, ship, "".join(columns))
     for file in (*texts, "example.csv"):
         refuse_overwriting(folder / file, force)
-    texts["example.csv"] = _example_table(ship)
+
+    # a 10/10 zigzag of the ship in a calm sea, by sensors so good that its columns agree by eye
+    table, _ = simulate_trial(ship, "calm", "zigzag_10_10", _EXAMPLE_S, 1.0, noise=SimulationNoise().scaled(0.1))
+    lat, lon, _ = ned2geodetic(table["north_m"], table["east_m"], 0.0, *_PLACE_DEG, 0.0)
+    knots = table[["surge_mps", "sway_mps", "wind_speed_mps"]] / KNOT_MPS
+    texts["example.csv"] = pd.DataFrame({
+        "Time UTC": pd.DatetimeIndex(table.index).strftime("%Y-%m-%dT%H:%M:%SZ"),
+        "Lat": lat.round(7), "Lon": lon.round(7),
+        "Heading": table["heading_deg"].round(2), "ROT deg/min": (60.0 * table["yaw_rate_dps"]).round(2),
+        "Speed ahead kn": knots["surge_mps"].round(2), "Speed to starboard kn": knots["sway_mps"].round(2),
+        "Wind from": table["wind_direction_deg"].round(1), "Wind kn": knots["wind_speed_mps"].round(1),
+        **{title: table[channel].round(1) for channel, title in titles.items()},
+    }).to_csv(index=False)  # fmt: skip
     with written_together(folder / "trial.toml"):
         return [write_text(folder / file, text) for file, text in texts.items()]
 
@@ -733,27 +715,6 @@ def _filled_template(file: str, name: str, ship: Vessel, controls: str) -> str:
     words = {"NAME": name, "SHIP": json.dumps(ship.name)[1:-1], _CONTROLS: controls}
     template = (TEMPLATES / file).read_text(encoding="utf-8")
     return re.sub("|".join(words), lambda match: words[match[0]], template)
-
-
-def _title(channel: Channel) -> str:
-    """A control as a column of a table is called: ``Port pitch %``."""
-    words = channel.name.rpartition("_")[0].replace("_", " ").capitalize()
-    return f"{words} {channel.unit}"
-
-
-def _example_table(vessel: Vessel) -> str:
-    """A 10/10 zigzag of the ship in a calm sea, by sensors so good that its columns agree by eye."""
-    table, _ = simulate_trial(vessel, "calm", "zigzag_10_10", _EXAMPLE_S, 1.0, noise=SimulationNoise().scaled(0.1))
-    lat, lon, _ = ned2geodetic(table["north_m"], table["east_m"], 0.0, *_PLACE_DEG, 0.0)
-    knots = table[["surge_mps", "sway_mps", "wind_speed_mps"]] / KNOT_MPS
-    return pd.DataFrame({
-        "Time UTC": pd.DatetimeIndex(table.index).strftime("%Y-%m-%dT%H:%M:%SZ"),
-        "Lat": lat.round(7), "Lon": lon.round(7),
-        "Heading": table["heading_deg"].round(2), "ROT deg/min": (60.0 * table["yaw_rate_dps"]).round(2),
-        "Speed ahead kn": knots["surge_mps"].round(2), "Speed to starboard kn": knots["sway_mps"].round(2),
-        "Wind from": table["wind_direction_deg"].round(1), "Wind kn": knots["wind_speed_mps"].round(1),
-        **{_title(channel): table[channel.name].round(1) for channel in control_channels(vessel.actuators)},
-    }).to_csv(index=False)  # fmt: skip
 
 
 TEMPLATE = Path(__file__).resolve().parents[1] / "trials" / "demo.toml"
@@ -789,61 +750,52 @@ def demonstrate(folder: Path, seed: int, say: Callable[[str], None]) -> Demonstr
     with ProcessPoolExecutor(2, get_context("spawn"), os.nice, (10,)) as beside:  # the recorder comes first
         training = beside.submit(train_on_earlier, folder, seed)
         beside.submit(compile_diagnosis)
-        played, recording_path = play_and_record(voyage, folder)
+        played, path = play_and_record(voyage, folder)
         trained = training.result()
-    recording = read_recording(recording_path)
-    lost = lost_samples(played, recording)
+    recording = read_recording(path)
+    recorded = {name: series.value.size for name, series in recording.series.items()}
+    lost = {name: count - recorded.get(name, 0) for name, count in played.counts.items() if name in NAMES}
     say(f"   {sum(played.counts.values()):,} values played, {sum(lost.values()):,} lost")
     say("3  check the data")
     quality = check_recording(recording)
-    say(f"   {found_in(quality)}")
+    good = sum(channel.grade == "good" for channel in quality.channels.values())
+    codes = Counter(finding.code for finding in quality.findings)
+    findings = ", ".join(f"{count} {code.replace('_', ' ')}" for code, count in codes.items())
+    say(f"   {good} of {len(quality.channels)} channels good; {findings or 'nothing found'}")
     say("4  bring it to 1 Hz and cut the windows in which the thrusters were held")
-    tables = tables_of_recordings([recording_path])
-    windows = windows_of_tables(tables, DEMO_HORIZON_S, STRIDE_S)
-    say(f"   {windows.kept} of {windows.candidates} windows held, dropped: {dropped_words(windows.dropped)}")
+    windows = windows_of_tables(tables_of_recordings([path]), DEMO_HORIZON_S, STRIDE_S)
+    dropped = ", ".join(f"{count} {plain(reason)}" for reason, count in windows.dropped.items())
+    say(f"   {windows.kept} of {windows.candidates} windows held, dropped: {dropped or 'none'}")
     say("5  validate the calibrator on the recorded voyage, which it has not seen")
-    dataset = load_dataset([recording_path], DEMO_HORIZON_S, STRIDE_S)
+    dataset = load_dataset([path], DEMO_HORIZON_S, STRIDE_S)
     refuse_training_data(dataset.sources, trained)
-    model = reference_model(trials_of([recording_path]), MODEL)
+    model = reference_model(trials_of([path]), MODEL)
     validation = replace(validate(dataset, vessel_plant(model.vessel), trained), model=model.said)
     say("6  diagnose what the model of the ship before lacks")
-    diagnosis = diagnose_recording(recording_path, folder)
+    diagnosis = diagnose_to(folder / "diagnosis", path)
     for effect in diagnosis.effects:
         say(f"   {effect.sentence}")
     say("7  write the report")
     with bar("report") as progress:
-        report, *_ = folder_report(folder, Choices(), progress, [recording_path])
-    return Demonstration(report, recording_path, played, lost, windows, validation, diagnosis)
+        report, *_ = folder_report(folder, Choices(), progress, [path])
+    return Demonstration(report, path, played, lost, windows, validation, diagnosis)
+
+
+def diagnose_to(out: Path, recording: Path) -> Diagnosis:
+    """Diagnose a voyage against the model of the ship before; a report of its own in ``out``."""
+    vessel = load_vessel(MODEL)
+    out.mkdir(exist_ok=True)
+    with bar("diagnosing") as progress:
+        run = diagnose_files([recording], vessel, TOLERANCE, CATALOGUE, progress=progress)
+    write_diagnosis(run, vessel, out)
+    return run.diagnosis
 
 
 def compile_diagnosis() -> None:
     """Diagnose a short voyage, for the sake of the compiled code that this leaves on the disk."""
     with TemporaryDirectory() as folder:
         voyage = simulate_to(Path(folder) / "voyage.mcap", "voyage", COMPILING_S, 0)
-        diagnose_recording(voyage, Path(folder))
-
-
-def diagnose_recording(recording: Path, folder: Path) -> Diagnosis:
-    """Diagnose the recorded voyage against the model of the ship before; a report of its own in ``diagnosis``."""
-    vessel, out = load_vessel(MODEL), folder / "diagnosis"
-    out.mkdir(exist_ok=True)
-    with bar("diagnosing") as progress:
-        examined = diagnose_files([recording], vessel, TOLERANCE, CATALOGUE, progress=progress)
-    write_diagnosis(examined, vessel, out)
-    return examined.diagnosis
-
-
-def dropped_words(dropped: Mapping[str, int]) -> str:
-    """Why windows were dropped, in words."""
-    return ", ".join(f"{count} {plain(reason)}" for reason, count in dropped.items()) or "none"
-
-
-def found_in(quality: DataQuality) -> str:
-    """The check in a line: how many channels are good and what was found."""
-    good = sum(each.grade == "good" for each in quality.channels.values())
-    codes = Counter(each.code for each in quality.findings)
-    found = ", ".join(f"{count} {code.replace('_', ' ')}" for code, count in codes.items()) or "nothing found"
-    return f"{good} of {len(quality.channels)} channels good; {found}"
+        diagnose_to(Path(folder) / "diagnosis", voyage)
 
 
 def simulate_to(path: Path, manoeuvre: str, duration_s: float, seed: int) -> Path:
@@ -864,10 +816,19 @@ def play_and_record(voyage: Path, folder: Path) -> tuple[Playback, Path]:
     with bar("recording") as progress, NullModem() as can, NullModem() as serial:
         sending = _configuration(folder / "emulator.toml", can.emulator_device, serial.emulator_device, port)
         receiving = _configuration(folder / "logger.toml", can.logger_device, serial.logger_device, port)
-        recorder = _start_recorder(receiving, folder / "recordings")
+        recordings = folder / "recordings"
+        recorder = subprocess.Popen(
+            [sys.executable, "-c", "import seatrial; seatrial.main()", "record", receiving, "-o", recordings],
+            stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+        )  # fmt: skip
+        lines = list[str]()
+        while not (lines and lines[-1].startswith("recording to")):  # its lines are open then
+            if recorder.stderr is None or not (line := recorder.stderr.readline()):
+                raise SourceError("the recorder did not start", where="demo", why=" ".join(lines))
+            lines.append(line)
         try:
             played = emulate(voyage, load_config(sending), SPEED, progress)
-            _wait_for_all(folder / "recordings", played.counts)
+            _wait_for_all(recordings, played.counts)
         finally:
             recorder.send_signal(signal.SIGINT)
             stdout, stderr = recorder.communicate(timeout=_RECORDER_TIMEOUT_S)
@@ -888,8 +849,8 @@ def _wait_for_all(folder: Path, counts: Mapping[str, int]) -> None:
 
 def _held(folder: Path, names: Iterable[str]) -> int:
     """The number of values of these channels in the recording that a recorder is writing."""
-    series = [read_recording(path).series for path in folder.glob("*.mcap")]
-    return sum(each[name].value.size for each in series for name in names if name in each)
+    recordings = [read_recording(path).series for path in folder.glob("*.mcap")]
+    return sum(series[name].value.size for series in recordings for name in names if name in series)
 
 
 def _configuration(path: Path, can_device: str, serial_device: str, port: int) -> Path:
@@ -899,29 +860,6 @@ def _configuration(path: Path, can_device: str, serial_device: str, port: int) -
     text = text.replace('"CAN_LINE"', f'"{can_device}"').replace('"SERIAL_LINE"', f'"{serial_device}"')
     text = text.replace("port = 14554", f"port = {port}").replace("vessels/thrusters.dbc", str(dbc))
     return write_text(path, text)
-
-
-def _start_recorder(config: Path, folder: Path) -> subprocess.Popen[str]:
-    """``seatrial record`` as a process, returned when its lines are open."""
-    process = subprocess.Popen(
-        [sys.executable, "-c", "import seatrial; seatrial.main()", "record", str(config), "-o", str(folder)],
-        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
-    )  # fmt: skip
-    said: list[str] = []
-    while process.stderr is not None and (line := process.stderr.readline()):
-        said.append(line)
-        if line.startswith("recording to"):
-            return process
-    raise SourceError("the recorder did not start", where="demo", why=" ".join(said))
-
-
-def lost_samples(played: Playback, recording: Recording) -> dict[str, int]:
-    """How many of the played values of each channel the recording lacks."""
-    return {
-        name: count - (recording.series[name].value.size if name in recording.series else 0)
-        for name, count in played.counts.items()
-        if name in NAMES
-    }
 
 
 def train_on_earlier(folder: Path, seed: int) -> TrainedCalibrator:

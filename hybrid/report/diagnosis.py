@@ -24,9 +24,9 @@ from seatrial.acquisition.core.result import to_json
 from seatrial.acquisition.core.ship import DEFAULT, Actuators, names_of
 from seatrial.analysis.report.rendering import Page, render
 from seatrial.analysis.report.tables import in_words
-from seatrial.hybrid.diagnosis.acceptance import CREDIBLE, Acceptance, AcceptanceTests, LackOfFit
-from seatrial.hybrid.diagnosis.evidence import AXES, INTERACTIONS, OPERATION, Evidence
-from seatrial.hybrid.diagnosis.linearise import TimeProfile, TimeVaryingEffect, base_names
+from seatrial.hybrid.diagnosis.acceptance import CREDIBLE, Acceptance, LackOfFit
+from seatrial.hybrid.diagnosis.evidence import AXES, INTERACTIONS, OPERATION
+from seatrial.hybrid.diagnosis.linearise import TimeVaryingEffect, base_names
 from seatrial.hybrid.diagnosis.log import Log
 from seatrial.hybrid.diagnosis.map import FoundRegime, notable_places
 from seatrial.hybrid.diagnosis.result import (
@@ -115,12 +115,17 @@ def describe(conclusion: Conclusion, provenance: Mapping[str, Any] | None = None
     """A conclusion as the contract's diagnosis, with its sentences, and what else a report shows."""
     first, accepted, gap = conclusion.first, conclusion.accepted, conclusion.gap
     equations = first.evidence.equations
-    effects = tuple(effect for name in accepted.names for effect in _named_effects(conclusion, name))
-    catalogue = equations.model.catalogue
+    catalogue, effects = equations.model.catalogue, _named_effects(conclusion)
     closest = dict[tuple[str, str], Rival]()  # the closest form of each, as the catalogue names it
     for rival in conclusion.rivals:
         pair = catalogue[rival.instead_of].base, catalogue[rival.name].base
         closest.setdefault(pair, Rival(*pair, rival.evidence))
+    basis = {  # what every verdict states
+        "catalogue_version": VERSION,
+        "effects_in_catalogue": len(base_names(first.evidence.names, catalogue)),
+        "force_range": dict(zip(("surge_n", "sway_n", "yaw_nm"), equations.force_range.tolist(), strict=True)),
+        "noise": to_json(equations.noise),
+    }
     diagnosis = Diagnosis(
         verdict=conclusion.verdict,
         tolerance=equations.tolerance,
@@ -136,27 +141,30 @@ def describe(conclusion: Conclusion, provenance: Mapping[str, Any] | None = None
         remarks=_remarks(conclusion, effects),
         remainder=remainder_of(conclusion),
         regimes=tuple(map(regime_in_words, conclusion.regimes)),
-        provenance={**(provenance or {}), **_provenance(first)},
+        provenance={**(provenance or {}), **basis},
     )
     sensors = contradictions(conclusion.sensors) if conclusion.sensors else ()
     return diagnosis, Extras(*conclusion.maps, sensors, correlation=correlation_of(accepted))
 
 
-def _named_effects(conclusion: Conclusion, name: str) -> list[NamedEffect]:
-    """A named effect, once for each part of the trial in which it has a size of its own."""
-    accepted, gap = conclusion.accepted, conclusion.gap
-    equations = accepted.evidence.equations
-    effect, test = equations.model.catalogue[name], accepted.tests[name]
-    sizes, share = estimates(accepted, name), float(gap.shares.get(name, 0.0))
-    remaining = [candidate for candidate in accepted.names if candidate != name]
-    log_odds = accepted.evidence.log_odds(accepted.names) - accepted.evidence.log_odds(remaining)
-    overall = NamedEffect(
-        effect.base, effect.family, effect.kind, share, test.p_value, "", sizes[-1], conclusion.replicated[name],
-        log_odds, effect.scope, in_vessel=effect.base != STEADY_WIND.name,
-    )  # fmt: skip
-    if isinstance(effect, TimeVaryingEffect):
-        return effects_by_part(overall, effect, sizes, equations.log)
-    return [replace(overall, sentence=sentence(effect, sizes[0], share, equations.log.actuators))]
+def _named_effects(conclusion: Conclusion) -> tuple[NamedEffect, ...]:
+    """What was accepted, each effect once for each part of the trial in which it has a size of its own."""
+    accepted, evidence, effects = conclusion.accepted, conclusion.accepted.evidence, list[NamedEffect]()
+    log, log_odds = evidence.equations.log, evidence.log_odds(accepted.names)
+    for name in accepted.names:
+        effect, sizes = evidence.equations.model.catalogue[name], estimates(accepted, name)
+        share = float(conclusion.gap.shares.get(name, 0.0))
+        remaining = [candidate for candidate in accepted.names if candidate != name]
+        overall = NamedEffect(
+            effect.base, effect.family, effect.kind, share, accepted.tests[name].p_value, "", sizes[-1],
+            conclusion.replicated[name], log_odds - evidence.log_odds(remaining), effect.scope,
+            in_vessel=effect.base != STEADY_WIND.name,
+        )  # fmt: skip
+        if isinstance(effect, TimeVaryingEffect):
+            effects += effects_by_part(overall, effect, sizes, log)
+        else:
+            effects.append(replace(overall, sentence=sentence(effect, sizes[0], share, log.actuators)))
+    return tuple(effects)
 
 
 def effects_by_part(
@@ -169,14 +177,23 @@ def effects_by_part(
         return f"{when}: {text[:1].lower()}{text[1:]} ({ends})"
 
     part = f"it explains {100.0 * overall.share_of_gap:.0f} % of the gap on legs not used to find it."
-    if effect.profile.shape == "drift":
-        since, until = map(_utc, effect.profile.times_s)
+    profile = effect.profile
+    if profile.shape == "drift":
+        since, until = map(_utc, profile.times_s)
         drift = EffectDrift(since, until, sizes[0])
         words = f"{size_words(sizes[0], f'At {clock(drift.since)} UTC')}, changing linearly; "
         words += f"{size_words(sizes[1], f'at {clock(drift.until)} UTC')}; {part}"
         return [replace(overall, drift=drift, sentence=words)]
+
+    if profile.shape == "recordings":
+        parts = [When(recording=Path(log.names[int(number)]).name) for number in profile.times_s]
+    else:
+        (at,) = map(_utc, profile.times_s)
+        low, high = map(_utc, profile.interval_s or profile.times_s * 2)
+        ends = {"until": When(until=at, low=low, high=high), "since": When(since=at, low=low, high=high)}
+        parts = [ends[profile.shape]] if profile.shape in ends else list(ends.values())
     named_parts = []
-    for size, when in zip(sizes, _parts_of(effect.profile, log), strict=True):
+    for size, when in zip(sizes, parts, strict=True):
         last = part if len(sizes) == 1 else f"with its other sizes {part}"
         words = f"{size_words(size, when_words(when))}; {last}"
         if when.recording is None:
@@ -186,15 +203,6 @@ def effects_by_part(
             in_vessel = effect.scope == "ship" and when.recording == latest
         named_parts.append(replace(overall, parameters=size, when=when, in_vessel=in_vessel, sentence=words))
     return named_parts
-
-
-def _parts_of(profile: TimeProfile, log: Log) -> list[When]:
-    if profile.shape == "recordings":
-        return [When(recording=Path(log.names[int(number)]).name) for number in profile.times_s]
-    (at,) = map(_utc, profile.times_s)
-    low, high = map(_utc, profile.interval_s or profile.times_s * 2)
-    ends = {"until": When(until=at, low=low, high=high), "since": When(since=at, low=low, high=high)}
-    return [ends[profile.shape]] if profile.shape in ends else list(ends.values())
 
 
 def _utc(time_s: float) -> str:
@@ -217,19 +225,31 @@ def unknown_cause(
     lacks: Sequence[LackOfFit], effects: Sequence[Effect], share_of_gap: float
 ) -> UnknownCause | None:
     """What remains, in words; or what so many named ``effects`` at once are likely to stand for."""
-    if lacks:  # without weaker signs that an effect has another form than it is named for
-        first = {lack.what: lack for lack in reversed(lacks) if lack.depends in INTERACTIONS}
-        lacks = [lack for lack in lacks if lack.depends not in INTERACTIONS or lack is first[lack.what]]
-        where = tuple(dict.fromkeys(lack.depends for lack in lacks))
-        return UnknownCause(
-            share_of_gap, where, "; ".join(dict.fromkeys(lack_of_fit_words(lack) for lack in lacks[:3]))
-        )
-    if len(effects) <= CREDIBLE:
-        return None
-    families = " and ".join(dict.fromkeys(effect.family for effect in effects))
-    several = f"{len(effects)} effects at once ({families})"
-    words = f"{several}: more likely one similar effect that is not in the catalogue"
-    return UnknownCause(share_of_gap, (OPERATION,), words)
+    if not lacks:
+        if len(effects) <= CREDIBLE:
+            return None
+        families = " and ".join(dict.fromkeys(effect.family for effect in effects))
+        several = f"{len(effects)} effects at once ({families})"
+        words = f"{several}: more likely one similar effect that is not in the catalogue"
+        return UnknownCause(share_of_gap, (OPERATION,), words)
+
+    # without weaker signs that an effect has another form than it is named for
+    first = {lack.what: lack for lack in reversed(lacks) if lack.depends in INTERACTIONS}
+    lacks = [lack for lack in lacks if lack.depends not in INTERACTIONS or lack is first[lack.what]]
+    parts = []
+    for lack in lacks[:3]:
+        varies = f"that varies with {DEPENDS[lack.depends]}" if lack.what != "force" else ""
+        if not varies:
+            share = f"{100.0 * lack.size:.2g} % of their range"
+            parts.append(f"forces of speeds and thrusters that are wrong by some {share}")
+        elif lack.what in AXES:
+            kind = "moment" if lack.what == "yaw" else "force"
+            parts.append(f"a {lack.what} {kind} of some {lack.size:.2g} {_UNIT[lack.what]} {varies}")
+        else:
+            explanation = ": more likely a similar effect that is not in the catalogue"
+            parts.append(f"{plain(lack.what.split(',')[0])} {varies}{explanation * (lack.depends in INTERACTIONS)}")
+    where = tuple(dict.fromkeys(lack.depends for lack in lacks))
+    return UnknownCause(share_of_gap, where, "; ".join(dict.fromkeys(parts)))
 
 
 def remainder_of(conclusion: Conclusion) -> Remainder | None:
@@ -249,21 +269,6 @@ def remainder_of(conclusion: Conclusion) -> Remainder | None:
     return Remainder(float(shares[axis]), conclusion.left_open, where, words)
 
 
-def lack_of_fit_words(remainder: LackOfFit) -> str:
-    """One family in words: its axis or effect, on what it depends, and its size."""
-    if remainder.what == "force":
-        return (
-            f"forces of speeds and thrusters that are wrong by some {100.0 * remainder.size:.2g} % of their range"
-        )
-    if remainder.what in AXES:
-        kind = "moment" if remainder.what == "yaw" else "force"
-        size = f"{remainder.size:.2g} {_UNIT[remainder.what]}"
-        return f"a {remainder.what} {kind} of some {size} that varies with {DEPENDS[remainder.depends]}"
-    varies = f"{plain(remainder.what.split(',')[0])} that varies with {DEPENDS[remainder.depends]}"
-    explanation = ": more likely a similar effect that is not in the catalogue"
-    return varies + explanation if remainder.depends in INTERACTIONS else varies
-
-
 def correlation_of(accepted: Acceptance) -> Correlation:
     """The correlation of the estimates of the named effects, in their free coordinates."""
     fit = accepted.evidence.fit(accepted.names)
@@ -281,33 +286,29 @@ def correlation_of(accepted: Acceptance) -> Correlation:
 
 def contradictions(sensors: Acceptance) -> tuple[SensorContradiction, ...]:
     """Each contradiction in words, the most significant first."""
-    results = [_contradiction(sensors.evidence, sensors.names, test) for test in sensors.tests.values()]
-    return tuple(sorted(results, key=lambda contradiction: contradiction.p_value))
-
-
-def _contradiction(evidence: Evidence, names: tuple[str, ...], test: AcceptanceTests) -> SensorContradiction:
-    model = evidence.equations.model
-    effect = model.catalogue[test.name]
-    fit = evidence.fit(names)
-    places = evidence.places(fit, test.name)
-    free = tuple(float(fit.values[place]) for place in places)
-    errors = tuple(float(np.sqrt(fit.covariance[place, place])) for place in places)
-    deficits = rivals_of(evidence, names, test.name)
-    rivals = sorted((deficit, rival) for rival, deficit in deficits.items() if deficit < CLOSE)
-    alike = base_names((rival for _, rival in rivals), model.catalogue)
-    words = "; then ".join(
-        ", ".join(
-            f"{parameter_title(size.name, size.unit)} {number(values[size.name])} ± {number(1.96 * error)} "
-            f"{'' if size.unit == '1' else size.unit}".rstrip()
-            for size, error in zip(effect.parameters, piece_errors, strict=True)
+    evidence, model = sensors.evidence, sensors.evidence.equations.model
+    fit, results = evidence.fit(sensors.names), []
+    for test in sensors.tests.values():
+        effect, places = model.catalogue[test.name], evidence.places(fit, test.name)
+        free = tuple(float(fit.values[place]) for place in places)
+        errors = tuple(float(np.sqrt(fit.covariance[place, place])) for place in places)
+        deficits = rivals_of(evidence, sensors.names, test.name)
+        rivals = sorted((deficit, rival) for rival, deficit in deficits.items() if deficit < CLOSE)
+        alike = base_names((rival for _, rival in rivals), model.catalogue)
+        words = "; then ".join(
+            ", ".join(
+                f"{parameter_title(size.name, size.unit)} {number(values[size.name])} ± {number(1.96 * error)} "
+                f"{'' if size.unit == '1' else size.unit}".rstrip()
+                for size, error in zip(effect.parameters, piece_errors, strict=True)
+            )
+            for values, piece_errors in zip(model.piecewise(test.name, free), effect.pieces(errors), strict=True)
         )
-        for values, piece_errors in zip(model.piecewise(test.name, free), effect.pieces(errors), strict=True)
-    )
-    sentence = f"The sensors contradict each other; a possible cause is {plain(effect.base)}: {words}"
-    if alike:
-        alike_names = join_words([plain(name) for name in alike], "or")
-        sentence += f"; without a ship model {alike_names} cannot be ruled out"
-    return SensorContradiction(effect.base, free, errors, test.p_value, alike, sentence + ".")
+        text = f"The sensors contradict each other; a possible cause is {plain(effect.base)}: {words}"
+        if alike:
+            alike_names = join_words([plain(name) for name in alike], "or")
+            text += f"; without a ship model {alike_names} cannot be ruled out"
+        results.append(SensorContradiction(effect.base, free, errors, test.p_value, alike, text + "."))
+    return tuple(sorted(results, key=lambda contradiction: contradiction.p_value))
 
 
 def _no_wind(catalogue: Catalogue) -> str:
@@ -362,74 +363,46 @@ def _remarks(conclusion: Conclusion, effects: Sequence[NamedEffect]) -> tuple[st
     return tuple(remarks)
 
 
-def _provenance(first: Acceptance) -> dict[str, Any]:
-    """What every verdict states: the catalogue, the force range of which the tolerance is a share, the noise."""
-    extent = first.evidence.equations.force_range.tolist()
-    return {
-        "catalogue_version": VERSION,
-        "effects_in_catalogue": len(base_names(first.evidence.names, first.evidence.equations.model.catalogue)),
-        "force_range": dict(zip(("surge_n", "sway_n", "yaw_nm"), extent, strict=True)),
-        "noise": to_json(first.evidence.equations.noise),
-    }
-
-
 def regime_in_words(found_regime: FoundRegime) -> RegimeEffect:
-    """A regime as the contract has it."""
-    regime = found_regime.regime
-    name, unit = parameter_of(regime)
-    reach = 1.96 * abs(found_regime.error)
-    return RegimeEffect(
-        found_regime.name,
-        regime_sentence(found_regime),
-        regime.axis,
-        {
-            quantity: (_finite_or_none(low), _finite_or_none(high))
-            for quantity, (low, high) in regime.within.items()
-        },
-        regime.grows_with,
-        regime.at,
-        {name: Estimate(found_regime.value, found_regime.value - reach, found_regime.value + reach, unit)},
-        found_regime.share,
-        found_regime.replicated,
-        found_regime.after_m,
-    )
-
-
-def _finite_or_none(value: float) -> float | None:
-    return value if isfinite(value) else None
-
-
-def regime_sentence(found_regime: FoundRegime) -> str:
-    """Force, regime, and its effect on predictions, in one sentence."""
-    regime, (size_n, unit) = found_regime.regime, force_unit(abs(found_regime.value))
+    """A regime as the contract has it, with force, regime, and its effect on predictions in one sentence."""
+    regime, value, share = found_regime.regime, found_regime.value, found_regime.share
+    size_n, unit = force_unit(abs(value))
     unit, kind = (f"{unit} m", "moment") if regime.axis == "yaw" else (unit, "force")
-    way = _WAYS[regime.axis][found_regime.value < 0.0]
     spans = []
     for name, (low, high) in regime.within.items():
         if not isfinite(low):
             extent = f"below {number(high)}"
         else:
             extent = f"{number(low)} to {number(high)}" if isfinite(high) else f"above {number(low)}"
-        spans.append(f"{_quantity(name)} is {extent} {_unit(name)}")
+        quantity, quantity_unit = _quantity(name)
+        spans.append(f"{quantity} is {extent} {quantity_unit}")
     where = f" while {join_words(spans)}" if spans else ""
     growth = ""
     if regime.grows_with is not None:
-        quantity, quantity_unit = _quantity(regime.grows_with), _unit(regime.grows_with)
+        quantity, quantity_unit = _quantity(regime.grows_with)
         figure = f"the figure is for {number(regime.at)} {quantity_unit}"
         growth = f", proportional to the square of {quantity} ({figure})"
-    return (
-        f"The model lacks {number(abs(found_regime.value) / size_n)} {unit} {way}{where}{growth}: "
-        f"{percent(found_regime.share)} of the missing {regime.axis} {kind}; "
+    text = (
+        f"The model lacks {number(abs(value) / size_n)} {unit} {_WAYS[regime.axis][value < 0.0]}{where}{growth}: "
+        f"{percent(share)} of the missing {regime.axis} {kind}; "
         f"with it the error on held-out legs is {found_regime.after_m:.2f} m."
     )
+    within = {
+        name: (low if isfinite(low) else None, high if isfinite(high) else None)
+        for name, (low, high) in regime.within.items()
+    }
+    (name, unit), reach = parameter_of(regime), 1.96 * abs(found_regime.error)
+    parameters = {name: Estimate(value, value - reach, value + reach, unit)}
+    return RegimeEffect(
+        found_regime.name, text, regime.axis, within, regime.grows_with, regime.at, parameters, share,
+        found_regime.replicated, found_regime.after_m,
+    )  # fmt: skip
 
 
-def _quantity(name: str) -> str:
-    return _QUANTITY_WORDS.get(name) or f"the shaft speed of the {plain(name.removesuffix('_rpm'))} thruster"
-
-
-def _unit(name: str) -> str:
-    return UNITS[name.rsplit("_", 1)[-1]]
+def _quantity(name: str) -> tuple[str, str]:
+    """A quantity of a regime in words, and its unit."""
+    words = _QUANTITY_WORDS.get(name) or f"the shaft speed of the {plain(name.removesuffix('_rpm'))} thruster"
+    return words, UNITS[name.rsplit("_", 1)[-1]]
 
 
 def alternatives(group: Sequence[str], named: Sequence[str], last: str = "or") -> str:
@@ -492,11 +465,6 @@ def model_line(diagnosis: Diagnosis) -> str:
 def model_remark(diagnosis: Diagnosis) -> str:
     """Remark on the provenance of the model, empty if the recordings name the same vessel."""
     return next((remark for remark in diagnosis.remarks if remark.startswith(_MODEL)), "")
-
-
-def remarks_without_model(diagnosis: Diagnosis) -> list[str]:
-    """The remarks of a diagnosis without that on the model."""
-    return [remark for remark in diagnosis.remarks if remark != model_remark(diagnosis)]
 
 
 def correction_sentence(correction: IdentifiedCorrection) -> str:
@@ -588,37 +556,6 @@ def headline(diagnosis: Diagnosis) -> dict[str, str]:
             figures["floor, from noise alone"] = f"{gap.floor_m:.2f} m"
     figures["of the force range: tolerated model error"] = f"{percent(diagnosis.tolerance)}"
     return figures
-
-
-def verdict_meaning(diagnosis: Diagnosis) -> str:
-    """What the verdict means, and how errors are judged."""
-    gap = diagnosis.gap
-    part = (
-        "used neither to name nor to fit effects"
-        if diagnosis.remainder is None
-        else "not used to fit the sizes of effects (which effects to name was decided on all)"
-    )
-    judged = (
-        f"Errors are mean distances between predicted and measured tracks over {gap.held_out_windows} windows of "
-        f"{gap.horizon_s} s that were {part}."
-    )
-    meanings = {
-        "named": "Each named effect is significant, given the number of effects tried, and improves predictions of "
-        "held-out legs.",
-        "nothing_missing": "This is within the tolerances of the model and the sensors; the ranking below gives "
-        "the size that each effect could have without being found.",
-        "unknown": "A systematic remainder exceeds the noise; what it depends on is given below. No effect of the "
-        "catalogue fits it.",
-        "indistinguishable": "The effects listed together explain the trial equally well.",
-    }
-    if diagnosis.remainder is not None:
-        meanings |= dict.fromkeys(
-            ("named", "indistinguishable"),
-            "The model is coarse: it lacks more than is named here. The named effects are found in most parts of "
-            "the trial separately and improve predictions of held-out legs; the remainder is described below.",
-        )
-    manoeuvre = " The manoeuvre that would best distinguish them is given below." * bool(diagnosis.next_manoeuvre)
-    return f"{meanings[diagnosis.verdict]}{manoeuvre} {judged}"
 
 
 def next_steps(diagnosis: Diagnosis, contradictions: Sequence[SensorContradiction] = ()) -> list[str]:
@@ -748,15 +685,6 @@ def correlation_rows(correlation: Correlation) -> list[list[str]]:
 def replication_words(replicated: Replication) -> str:
     """In how many parts of the trial something is found."""
     return f"found separately in {replicated.found} of {replicated.parts} parts of the trial"
-
-
-def certainty_words(effect: NamedEffect) -> str:
-    """Family, share of the gap and how sure an effect is."""
-    family = effect.family if effect.family == effect.kind else f"{effect.family}, {effect.kind}"
-    return (
-        f"{family}; {percent(effect.share_of_gap)} of the gap; by chance {chance(effect.p_value)}; "
-        f"log evidence {number(effect.evidence)}; {replication_words(effect.replicated)}"
-    )
 
 
 def dependence_words(where: Sequence[str]) -> str:
@@ -971,7 +899,8 @@ def summary(diagnosis: Diagnosis, comparison: CalibratorComparison | None = None
         lines.append(Text(comparison_sentence(comparison)))
     if diagnosis.next_manoeuvre is not None:
         lines.append(Text(f"Next: {diagnosis.next_manoeuvre.what}"))
-    lines += [Text(f"note: {remark}", style="dim") for remark in remarks_without_model(diagnosis)]
+    of_model = model_remark(diagnosis)
+    lines += [Text(f"note: {remark}", style="dim") for remark in diagnosis.remarks if remark != of_model]
     return Group(*lines)
 
 
@@ -985,22 +914,22 @@ def sentence(effect: Effect, parameters: Parameters, share_of_gap: float, actuat
 
 
 def words_and_interval(effect: Effect, parameters: Parameters, actuators: Actuators) -> tuple[str, str]:
-    """An effect with its size, and the ends of its 95 % intervals."""
+    """An effect with its size, and the ends of its 95 % intervals.
+
+    The size is in percent of change where the text has percent.
+    """
     if effect.base in _SEVERAL:
         return _several_parameters_words(_SEVERAL[effect.base], parameters)
-    if text := _ONE.get(effect.base) or _actuator_text(effect.base, actuators):
-        return _single_parameter_words(effect, text, next(iter(parameters.values())))
-    sizes = ", ".join(
-        f"{plain(name.rsplit('_', 1)[0])} {number(estimate.value)} {estimate.unit}".removesuffix(" 1")
-        for name, estimate in parameters.items()
-    )
-    ends = "; ".join(interval_text(estimate.low, estimate.high) for estimate in parameters.values())
-    return f"The model lacks {plain(effect.base)}: {sizes}", ends
+    text = _ONE.get(effect.base) or _actuator_text(effect.base, actuators)
+    if not text:
+        sizes = ", ".join(
+            f"{plain(name.rsplit('_', 1)[0])} {number(estimate.value)} {estimate.unit}".removesuffix(" 1")
+            for name, estimate in parameters.items()
+        )
+        ends = "; ".join(interval_text(estimate.low, estimate.high) for estimate in parameters.values())
+        return f"The model lacks {plain(effect.base)}: {sizes}", ends
 
-
-def _single_parameter_words(effect: Effect, text: str, estimate: Estimate) -> tuple[str, str]:
-    """A size in words, in percent of change where the text has percent."""
-    neutral = effect.parameters[0].neutral
+    estimate, neutral = next(iter(parameters.values())), effect.parameters[0].neutral
     is_less = "[" in text and bool(estimate.value < neutral)
     text = re.sub(r"\[(.*?)\|(.*?)\]", rf"\{1 + is_less}", text)
 
@@ -1125,34 +1054,33 @@ reported where it is positive, which astern turns the ship to port.
 
 
 def _actuator_text(effect: str, actuators: Actuators) -> str:
-    """The text for an effect of one actuator, of a pair, or of all of a kind; empty for another effect."""
+    """The text for an effect of one actuator, of a pair, or of all of a kind; empty for another effect.
+
+    A name that says its kind does not say it twice.
+    """
     effect = "thrust_loss_tunnel" if effect == "tunnel_thrust_loss" else effect
     stem = next((candidate for candidate in _ACTUATORS if effect.startswith(f"{candidate}_")), None)
     if stem is None:
         return ""
     target = effect.removeprefix(f"{stem}_")
-    actuator = next((actuator for actuator in actuators if actuator.name == target), None)
-    if actuator is not None:
-        return _actuators_text(stem, f"The {target.replace('_', ' ')}", actuator.noun, actuator.kind)
     first, _, group = target.partition("_")
-    for member in actuators if first in ("both", "all") else ():
-        if any(effect == shared.name for shared in KINDS[member.kind].effects(names_of(actuators, member.kind))):
-            return _actuators_text(stem, first.capitalize(), group or f"{member.noun}s", member.kind, several=True)
-    return ""
+    actuator = next((actuator for actuator in actuators if actuator.name == target), None)
+    several = actuator is None
+    if actuator is not None:
+        label, noun, kind = f"The {target.replace('_', ' ')}", actuator.noun, actuator.kind
+    else:
+        candidates = actuators if first in ("both", "all") else ()
+        shared = [(member, KINDS[member.kind].effects(names_of(actuators, member.kind))) for member in candidates]
+        members = [member for member, effects in shared if any(effect == common.name for common in effects)]
+        if not members:
+            return ""
+        label, noun, kind = first.capitalize(), group or f"{members[0].noun}s", members[0].kind
 
-
-def _actuators_text(stem: str, label: str, noun: str, kind: str, several: bool = False) -> str:
-    """The text of an effect of the actuators ``label``; a name that says its kind does not say it twice."""
-
-    def named(noun: str) -> str:
-        return label if noun in label else f"{label} {noun}"
-
-    def inside(words: str) -> str:
-        return words[0].lower() + words[1:]
-
+    titles = {word: label if word in label else f"{label} {word}" for word in (noun, "azimuth", "nozzle")}
+    inside = {word: title[0].lower() + title[1:] for word, title in titles.items()}
     words = {
-        "Subject": named(noun), "subject": inside(named(noun)),
-        "azimuth": inside(named("azimuth")) + "s" * several, "nozzle": inside(named("nozzle")) + "s" * several,
+        "Subject": titles[noun], "subject": inside[noun],
+        "azimuth": inside["azimuth"] + "s" * several, "nozzle": inside["nozzle"] + "s" * several,
         "force": {"tunnel": "side force", "rudder": "force"}.get(kind, "thrust"),
     }  # fmt: skip
     return Template(re.sub(r"<(.*?)\|(.*?)>", rf"\{1 + several}", _ACTUATORS[stem])).substitute(words)

@@ -17,7 +17,6 @@ from seatrial.analysis.report.plots import FAINT, INK, PALETTE
 from seatrial.hybrid.diagnosis.result import (
     FORCES,
     Diagnosis,
-    Estimate,
     GapCell,
     Map,
     NamedEffect,
@@ -107,21 +106,17 @@ def parameters(figure: FigureBase, effects: Sequence[NamedEffect]) -> None:
     entries = [(effect, name, estimate) for effect in effects for name, estimate in effect.parameters.items()]
     rows = figure.subplots(len(entries), 1, squeeze=False)[:, 0]
     for axes, (effect, name, estimate) in zip(rows, entries, strict=True):
-        absent = 1.0 if name.endswith("factor") else 0.0
-        _interval(axes, estimate, absent, FAMILY_COLOUR.get(effect.family, INK))
+        value, low, high = estimate.value, estimate.low, estimate.high
+        colour, ends = FAMILY_COLOUR.get(effect.family, INK), np.maximum([[value - low], [high - value]], 0.0)
+        axes.errorbar(value, 0.0, xerr=ends, fmt="o", color=colour, capsize=4, markersize=6)
+        if estimate.unit != "deg" or low <= 0.0 <= high or abs(value) < 30.0:  # a direction has no neutral value
+            axes.axvline(1.0 if name.endswith("factor") else 0.0, color=INK, linewidth=1.0)
+        axes.margins(x=0.15)
+        axes.set_ylim(-1.0, 1.0)
+        axes.locator_params(axis="x", nbins=7)
+        axes.grid(visible=False, axis="y")
         title = parameter_title(name, estimate.unit) + ("" if estimate.unit == "1" else f" [{estimate.unit}]")
         axes.set_yticks([0.0], [f"{title_of(effect)}\n{title}"])
-
-
-def _interval(axes: Axes, estimate: Estimate, absent: float, colour: str) -> None:
-    reach = np.maximum([[estimate.value - estimate.low], [estimate.high - estimate.value]], 0.0)
-    axes.errorbar(estimate.value, 0.0, xerr=reach, fmt="o", color=colour, capsize=4, markersize=6)
-    if estimate.unit != "deg" or estimate.low <= 0.0 <= estimate.high or abs(estimate.value) < 30.0:
-        axes.axvline(absent, color=INK, linewidth=1.0)  # a direction has no neutral value
-    axes.margins(x=0.15)
-    axes.set_ylim(-1.0, 1.0)
-    axes.locator_params(axis="x", nbins=7)
-    axes.grid(visible=False, axis="y")
 
 
 def confusion(axes: Axes, rivals: Sequence[Rival]) -> None:
@@ -198,12 +193,16 @@ def window_tracks(figure: Figure, tracks: Tracks, named: bool = True) -> None:
     chosen, units = representative_windows(tracks, named), control_units(tracks)
     rows = figure.subplots(1 + len(units), len(chosen), squeeze=False, height_ratios=[3.0, *[1.0] * len(units)])
     for axes, (title, number) in zip(rows[0], chosen.items(), strict=True):
-        _window(axes, tracks, number, named)
-        off_m = [
-            f"{distances(track, tracks.measured)[number].mean():.2g} m"
-            for label, track, _ in _predictions(tracks, named)
-            if label != "constant velocity"
-        ]
+        off_m = []
+        for label, track, colour in [("measured", tracks.measured, INK), *_predictions(tracks, named)]:
+            path = start_frame(track[number], tracks.before[number, 0])
+            style = "-" if label == "measured" else "--"
+            axes.plot(path[:, 0], path[:, 1], style, color=colour, label=label)
+            if label not in ("measured", "constant velocity"):
+                off_m.append(f"{distances(track, tracks.measured)[number].mean():.2g} m")
+        axes.set_aspect("equal", adjustable="datalim")
+        axes.locator_params(nbins=4)
+        axes.set_xlabel("starboard [m]")
         axes.set_title(f"{title}\nleg {int(tracks.leg[number]) + 1}: {' to '.join(off_m)}", fontsize=8.5)
     rows[0, 0].set_ylabel("ahead [m]")
     figure.legend(*rows[0, 0].get_legend_handles_labels(), loc="outside upper center", ncols=5)
@@ -226,16 +225,6 @@ def control_units(tracks: Tracks) -> dict[str, list[str]]:
     for name in tracks.controls:
         units.setdefault(name.rpartition("_")[2], []).append(name)
     return units
-
-
-def _window(axes: Axes, tracks: Tracks, number: int, named: bool) -> None:
-    for label, track, colour in [("measured", tracks.measured, INK), *_predictions(tracks, named)]:
-        path = start_frame(track[number], tracks.before[number, 0])
-        style = "-" if label == "measured" else "--"
-        axes.plot(path[:, 0], path[:, 1], style, color=colour, label=label)
-    axes.set_aspect("equal", adjustable="datalim")
-    axes.locator_params(nbins=4)
-    axes.set_xlabel("starboard [m]")
 
 
 def representative_windows(tracks: Tracks, named: bool = True) -> dict[str, int]:
@@ -303,19 +292,33 @@ def _unit_of(places: Sequence[GapCell]) -> tuple[float, str]:
 
 def map_height_inch(places: Sequence[GapCell]) -> float:
     """A height at which the rows of :func:`force_map` stand clear of each other."""
-    return _EDGE_INCH + _ROW_INCH * max(len(half) for half in _halves(_rows(places)))
+    return _EDGE_INCH + _ROW_INCH * max(map(len, _columns(places)))
 
 
 def force_map(figure: Figure, places: Sequence[GapCell]) -> None:
     """The steady force that the model lacks in each cell, by axis: colour says how sure, the number how much."""
-    axes = figure.subplots(1, 2, squeeze=False)[0]
-    halves = _halves(_rows(places))
-    for half_axes, rows in zip(axes, halves, strict=True):
-        if rows:
-            _matrix(half_axes, rows, *_unit_of(places))
-            half_axes.set_ylim(max(map(len, halves)) - 0.5, -0.5)  # rows of one height on both sides
-        else:
-            half_axes.set_axis_off()
+    columns, (size_n, unit) = _columns(places), _unit_of(places)
+    for axes, rows in zip(figure.subplots(1, 2, squeeze=False)[0], columns, strict=True):
+        if not rows:
+            axes.set_axis_off()
+            continue
+        z = np.array([[cell.z for cell in forces] or [np.nan] * 3 for _, forces in rows])
+        axes.imshow(z, cmap=LESS_MORE, vmin=-_FULL, vmax=_FULL, aspect="auto")
+        for row, (name, forces) in enumerate(rows):
+            for column, cell in enumerate(forces):
+                dark = abs(cell.z) > _SURE
+                bright = abs(cell.z) > 0.75 * _FULL and dark
+                colour = "white" if bright else INK if dark else "#9A9A9A"
+                text = _force_text(cell.error / size_n)
+                axes.text(column, row, text, ha="center", va="center", fontsize=7.5, color=colour)
+            if not forces:
+                axes.text(-0.62, row, name, ha="right", va="center", fontsize=8, weight="bold", color=INK)
+        axes.set_yticks(range(len(rows)), [name if forces else "" for name, forces in rows], fontsize=7.5)
+        axes.set_xticks(range(3), force_titles(unit))
+        axes.tick_params(length=0, labeltop=True, labelbottom=False)
+        axes.spines[:].set_visible(False)
+        axes.grid(visible=False)
+        axes.set_ylim(max(map(len, columns)) - 0.5, -0.5)  # rows of one height on both sides
 
 
 def map_sentences(places: Sequence[GapCell]) -> list[str]:
@@ -395,12 +398,13 @@ def _number_text(value: float, digits: int) -> str:
     return text.replace("-", "\u2212") if text != "-0" else "0"
 
 
-def _rows(places: Sequence[GapCell]) -> Rows:
-    """A row a cell, by quantity in the order of the titles: its name, its three forces.
+def _columns(places: Sequence[GapCell]) -> tuple[Rows, Rows]:
+    """A row a cell, by quantity in the order of the titles: its name, its three forces; in two columns of about one
+    height, parted between two quantities.
 
     Differences of shaft speeds come after their mean, tunnel thrusters after the angles.
     """
-    result: Rows = []
+    rows: Rows = []
     extra = [name for name in dict.fromkeys(map(quantity_of, places)) if name not in QUANTITIES]
     following = {"rpm": [name for name in extra if "_less_" in name]}
     following["nozzle_deg"] = [name for name in extra if name not in following["rpm"]]
@@ -408,38 +412,13 @@ def _rows(places: Sequence[GapCell]) -> Rows:
         cells = [place for place in places if place.channel in FORCES and quantity_of(place) == quantity]
         spans = sorted({tuple(cell.cell.values()) for cell in cells})
         if spans:
-            result.append((axis_title(quantity), []))
+            rows.append((axis_title(quantity), []))
         for span in spans:
             row = {cell.channel: cell for cell in cells if tuple(cell.cell.values()) == span}
-            result.append((cell_name(next(iter(row.values()))), [row[channel] for channel in FORCES]))
-    return result
-
-
-def _halves(rows: Rows) -> tuple[Rows, Rows]:
-    """The rows in two columns of about one height, parted between two quantities."""
+            rows.append((cell_name(next(iter(row.values()))), [row[channel] for channel in FORCES]))
     begins = [number for number, (_, forces) in enumerate(rows) if not forces] or [0]
     cut = min([*begins[1:], len(rows)], key=lambda begin: abs(begin - len(rows) / 2))
     return rows[:cut], rows[cut:]
-
-
-def _matrix(axes: Axes, rows: Rows, size_n: float, unit: str) -> None:
-    z = np.array([[cell.z for cell in forces] or [np.nan] * 3 for _, forces in rows])
-    axes.imshow(z, cmap=LESS_MORE, vmin=-_FULL, vmax=_FULL, aspect="auto")
-    for row, (name, forces) in enumerate(rows):
-        for column, cell in enumerate(forces):
-            dark = abs(cell.z) > _SURE
-            bright = abs(cell.z) > 0.75 * _FULL and dark
-            colour = "white" if bright else INK if dark else "#9A9A9A"
-            text = _force_text(cell.error / size_n)
-            axes.text(column, row, text, ha="center", va="center", fontsize=7.5, color=colour)
-        if not forces:
-            axes.text(-0.62, row, name, ha="right", va="center", fontsize=8, weight="bold", color=INK)
-    names = [name if forces else "" for name, forces in rows]
-    axes.set_yticks(range(len(rows)), names, fontsize=7.5)
-    axes.set_xticks(range(3), force_titles(unit))
-    axes.tick_params(length=0, labeltop=True, labelbottom=False)
-    axes.spines[:].set_visible(False)
-    axes.grid(visible=False)
 
 
 def _force_text(value: float) -> str:

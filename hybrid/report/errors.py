@@ -7,7 +7,6 @@ at the motion, settings and wind of that second. Their difference is averaged in
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -17,7 +16,7 @@ from numpy.typing import NDArray
 from scipy.stats import t
 
 from seatrial.acquisition.core.quantities import Floats, to_ship
-from seatrial.acquisition.core.ship import ANGLES, wrap_180, wrap_360
+from seatrial.acquisition.core.ship import wrap_180, wrap_360
 from seatrial.analysis.estimation.smoother import SmoothedMotion
 from seatrial.analysis.tables.table import NANO, index_of, trial_channels
 from seatrial.hybrid.effects.regime import quantities_along, steering_angles
@@ -173,17 +172,6 @@ class Residuals:
     quantities: dict[str, Floats]
 
 
-def pool_residuals(residuals: Sequence[Residuals]) -> Residuals:
-    """The seconds of several recordings as one, with the quantities that all of them have."""
-    names = [
-        name for name in residuals[0].quantities if all(name in recording.quantities for recording in residuals)
-    ]
-    return Residuals(
-        np.concatenate([recording.missing for recording in residuals]),
-        {name: np.concatenate([recording.quantities[name] for recording in residuals]) for name in names},
-    )
-
-
 @dataclass(frozen=True, slots=True)
 class Cells:
     """A plane cut into cells: edges of x [X+1] and y [Y+1], the mean of each acceleration that the model lacks
@@ -219,14 +207,6 @@ def residuals_of(one_hz: pd.DataFrame, motion: SmoothedMotion, plant: Plant) -> 
     return Residuals(measured - model, quantities)
 
 
-def planes_of(residuals: Residuals) -> tuple[tuple[str, str], ...]:
-    """:data:`PLANES` with the angle that the ship is steered by; without those of which a quantity is not known."""
-    angle = next((f"{kind}_deg" for kind in ANGLES if f"{kind}_deg" in residuals.quantities), "")
-    wind = PLANES[-1][1]
-    planes = (*PLANES[:-1], (angle, wind if wind in residuals.quantities else "yaw_rate_dps"))
-    return tuple(plane for plane in planes if set(plane) <= set(residuals.quantities))
-
-
 @dataclass(frozen=True, slots=True)
 class LargestResidual:
     """Where the model lacks most of one acceleration: the class of a quantity, from ``low`` to ``high``, in which
@@ -250,27 +230,25 @@ def largest_residuals(residuals: Residuals) -> list[LargestResidual]:
     Residuals of seconds that follow each other are alike: a mean's interval is that of means over blocks. What
     stands out does so at 5 % though as many classes are tried (Bonferroni).
     """
-    candidates = [
-        LargestResidual(name, quantity, low, high, *_mean_of(values[inside]))
-        for name, values in zip(ACCELERATIONS, residuals.missing.T, strict=True)
-        for quantity, x in residuals.quantities.items()
-        for low, high in pairwise(_EDGES.get(quantity, edges_of(x)).tolist())
-        if (inside := (x >= low) & (x < high)).sum() >= ENOUGH_S
-    ]
+    candidates = []
+    for name, values in zip(ACCELERATIONS, residuals.missing.T, strict=True):
+        for quantity, x in residuals.quantities.items():
+            for low, high in pairwise(_EDGES.get(quantity, edges_of(x)).tolist()):
+                inside = values[(x >= low) & (x < high)]
+                if inside.size < ENOUGH_S:
+                    continue
+                blocks = np.array([part.mean() for part in np.array_split(inside, inside.size // _BLOCK_S)])
+                error = max(float(np.std(blocks, ddof=1)) / np.sqrt(blocks.size), 1e-300)
+                mean, law = float(inside.mean()), t(blocks.size - 1)
+                half, p_value = float(law.ppf(0.975) * error), float(2.0 * law.sf(abs(mean) / error))
+                span = name, quantity, low, high
+                candidates.append(LargestResidual(*span, mean, half, int(inside.size), p_value))
     sure = [candidate for candidate in candidates if candidate.p_value * len(candidates) < _CHANCE]
     best = {
         candidate.acceleration: candidate
         for candidate in sorted(sure, key=lambda candidate: candidate.seconds * candidate.mean**2)
     }
     return [best[name] for name in ACCELERATIONS if name in best]
-
-
-def _mean_of(values: Floats) -> tuple[float, float, int, float]:
-    """The mean of seconds in their order, the half of its 95 % interval, how many, and its chance."""
-    blocks = np.array([part.mean() for part in np.array_split(values, values.size // _BLOCK_S)])
-    error = max(float(np.std(blocks, ddof=1)) / np.sqrt(blocks.size), 1e-300)
-    mean, law = float(values.mean()), t(blocks.size - 1)
-    return mean, float(law.ppf(0.975) * error), int(values.size), float(2.0 * law.sf(abs(mean) / error))
 
 
 def cells_of(residuals: Residuals, x: str, y: str) -> Cells:

@@ -32,56 +32,6 @@ def colours_of(methods: Sequence[str]) -> dict[str, str]:
     return colours | {method: unused[number % len(unused)] for number, method in enumerate(uncoloured)}
 
 
-def error_by_second(axes: Axes, summary: MethodSummary) -> None:
-    """The mean distance of every method against the second of the prediction, its 95 % interval shaded.
-
-    Errors grow from centimetres to metres, and methods are tens of times apart: the axis is logarithmic.
-    """
-    colours = colours_of(list(summary.methods))
-    for method, errors in summary.methods.items():
-        seconds = np.arange(1, len(errors.by_second) + 1)
-        value, low, high = np.array(
-            [(interval.value, interval.low, interval.high) for interval in errors.by_second]
-        ).T
-        axes.plot(seconds, value, color=colours[method], label=plain(method))
-        axes.fill_between(seconds, low, high, color=colours[method], alpha=0.12, linewidth=0)
-    intervals = [interval for errors in summary.methods.values() for interval in errors.by_second]
-    logarithmic(axes, "y", intervals)
-    axes.set(xlim=(0, seconds[-1]), xlabel="prediction time [s]", ylabel="mean distance [m]")
-
-
-def coverage_by_second(axes: Axes, summary: MethodSummary) -> None:
-    """The share of positions inside each method's 95 % region by second; 93 to 97 % shaded."""
-    colours = colours_of(list(summary.methods))
-    axes.axhspan(93.0, 97.0, color=FAINT, alpha=0.4, linewidth=0)
-    for method, errors in summary.methods.items():
-        shares = [100.0 * interval.value for interval in errors.coverage_by_second]
-        axes.plot(np.arange(1, len(shares) + 1), shares, color=colours[method], label=plain(method))
-    axes.set(xlim=(0, len(errors.by_second)), ylim=(min(axes.get_ylim()[0], 90.0), 100.5))
-    axes.set(xlabel="prediction time [s]", ylabel="positions in the 95 % region [%]")
-
-
-def forest(axes: Axes, splits: Mapping[str, SplitSummary]) -> None:
-    """The ratio of every method's mean distance to the best baseline's, with its interval, a group a split."""
-    rows = [
-        (kind, method, errors.ratio)
-        for kind, split in splits.items()
-        for method, errors in split.whole.methods.items()
-        if method != split.whole.best_baseline
-    ]
-    colours = colours_of(list(next(iter(splits.values())).whole.methods))
-    axes.axvline(1.0, color=INK, linewidth=1.0)
-    for row, (_, method, ratio) in enumerate(rows):
-        interval_bar(axes, ratio, row, colours[method])
-    named_rows(axes, [f"{plain(method)}, {kind}" for kind, method, _ in rows])
-    kinds = [kind for kind, _, _ in rows]
-    for row in range(1, len(rows)):
-        if kinds[row] != kinds[row - 1]:
-            axes.axhline(row - 0.5, color=FAINT, linewidth=0.8)
-    logarithmic(axes, "x", [ratio for _, _, ratio in rows])
-    axes.set_xlabel("mean distance divided by that of the best baseline [1]")
-
-
 def leak(axes: Axes, splits: Mapping[str, SplitSummary]) -> None:
     """What the random split shows of each method beside what is found on legs never seen."""
     honest, leaky = splits["leg"].whole.methods, splits["random"].whole.methods
@@ -117,11 +67,30 @@ def breakdown(axes: Axes, classes: Mapping[str, MethodSummary]) -> None:
 
 
 def seconds(figure: Figure, summary: MethodSummary) -> None:
-    """Error and coverage by second, side by side."""
-    errors, coverage = figure.subplots(1, 2)
-    error_by_second(errors, summary)
-    coverage_by_second(coverage, summary)
-    figure.legend(*errors.get_legend_handles_labels(), loc="outside upper center", ncols=6)
+    """By second of the prediction the mean distance of every method with its 95 % interval shaded, and the share
+    of positions inside its 95 % region, 93 to 97 % shaded.
+
+    Errors grow from centimetres to metres, and methods are tens of times apart: their axis is logarithmic.
+    """
+    error_axes, coverage_axes = figure.subplots(1, 2)
+    colours = colours_of(list(summary.methods))
+    coverage_axes.axhspan(93.0, 97.0, color=FAINT, alpha=0.4, linewidth=0)
+    for method, errors in summary.methods.items():
+        look: dict[str, Any] = {"color": colours[method], "label": plain(method)}
+        times = np.arange(1, len(errors.by_second) + 1)
+        value, low, high = np.array(
+            [(interval.value, interval.low, interval.high) for interval in errors.by_second]
+        ).T
+        error_axes.plot(times, value, **look)
+        error_axes.fill_between(times, low, high, color=colours[method], alpha=0.12, linewidth=0)
+        shares = [100.0 * interval.value for interval in errors.coverage_by_second]
+        coverage_axes.plot(np.arange(1, len(shares) + 1), shares, **look)
+    intervals = [interval for errors in summary.methods.values() for interval in errors.by_second]
+    logarithmic(error_axes, "y", intervals)
+    error_axes.set(xlim=(0, times[-1]), xlabel="prediction time [s]", ylabel="mean distance [m]")
+    coverage_axes.set(xlim=(0, len(errors.by_second)), ylim=(min(coverage_axes.get_ylim()[0], 90.0), 100.5))
+    coverage_axes.set(xlabel="prediction time [s]", ylabel="positions in the 95 % region [%]")
+    figure.legend(*error_axes.get_legend_handles_labels(), loc="outside upper center", ncols=6)
 
 
 def classes(figure: Figure, summaries: Mapping[str, MethodSummary]) -> None:
@@ -164,11 +133,6 @@ def headline_of(evaluation: Evaluation) -> dict[str, str]:
     return figures
 
 
-def ratio_count(evaluation: Evaluation) -> int:
-    """How many ratios to the best baseline there are."""
-    return sum(len(split.whole.methods) - 1 for split in evaluation.splits.values())
-
-
 def method_rows(split: SplitSummary) -> tuple[list[list[str]], int]:
     """A row a method, and which is the best."""
     rows = []
@@ -193,4 +157,21 @@ def leak_rows(evaluation: Evaluation) -> list[list[str]]:
 
 def draw_evaluation(figure: Figure, evaluation: Evaluation) -> None:
     """The ratio of every method's mean distance to the best baseline's, with its interval, a group a split."""
-    forest(figure.subplots(), evaluation.splits)
+    axes, splits = figure.subplots(), evaluation.splits
+    rows = [
+        (kind, method, errors.ratio)
+        for kind, split in splits.items()
+        for method, errors in split.whole.methods.items()
+        if method != split.whole.best_baseline
+    ]
+    colours = colours_of(list(next(iter(splits.values())).whole.methods))
+    axes.axvline(1.0, color=INK, linewidth=1.0)
+    for row, (_, method, ratio) in enumerate(rows):
+        interval_bar(axes, ratio, row, colours[method])
+    named_rows(axes, [f"{plain(method)}, {kind}" for kind, method, _ in rows])
+    kinds = [kind for kind, _, _ in rows]
+    for row in range(1, len(rows)):
+        if kinds[row] != kinds[row - 1]:
+            axes.axhline(row - 0.5, color=FAINT, linewidth=0.8)
+    logarithmic(axes, "x", [ratio for _, _, ratio in rows])
+    axes.set_xlabel("mean distance divided by that of the best baseline [1]")

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
@@ -17,6 +18,7 @@ from markupsafe import Markup
 from seatrial.acquisition.config.run_sheet import statement_file, statement_text
 from seatrial.acquisition.core.errors import (
     ConfigurationError,
+    DataShortageError,
     InputError,
     Progress,
     SeatrialError,
@@ -27,12 +29,13 @@ from seatrial.acquisition.core.files import make_folder, write_text, written_tog
 from seatrial.acquisition.core.named_code import imported
 from seatrial.analysis.batch import SUMMARY, read_index, run_batch, write_index
 from seatrial.analysis.products import Options
+from seatrial.analysis.report.interactive import interactive_page
 from seatrial.analysis.report.rendering import render
 from seatrial.analysis.tables.table import sha256_of
 from seatrial.hybrid.diagnosis.result import read_diagnosis, read_json
 from seatrial.hybrid.report.diagnosis import PAGE_FILE, write_report
 from seatrial.hybrid.report.text import sections
-from seatrial.hybrid.report.trial import load_case, ship_name, subtitle, write_interactive_pages
+from seatrial.hybrid.report.trial import load_case, ship_name, subtitle
 
 _REPRODUCTION = "seatrial.notebooks.wang2021.page"
 
@@ -134,14 +137,12 @@ def report_folder(where: Path) -> Path:
     """
     if not where.exists():
         raise InputError("does not exist", where=str(where), fix="give a recording or a folder")
-    return _folder_of(where) if where.is_file() else where
-
-
-def _folder_of(recording: Path) -> Path:
-    if recording.suffix != ".mcap":
-        raise InputError("is not a recording", where=str(recording), why="reports are made from .mcap files",
+    if not where.is_file():
+        return where
+    if where.suffix != ".mcap":
+        raise InputError("is not a recording", where=str(where), why="reports are made from .mcap files",
                          fix="convert a table with `seatrial import`")  # fmt: skip
-    folder = recording.with_suffix("")
+    folder = where.with_suffix("")
     if folder.exists() and not folder.is_dir():
         raise StorageError(
             "is a file, but the report needs a folder with this name", where=str(folder), fix="move it away"
@@ -190,7 +191,17 @@ def trial_report(
     products = case.products  # what is wrong is said before anything is written
     make_folder(folder)
     with written_together(folder / PAGE_FILE):
-        pages = write_interactive_pages(case, folder) if choices.interactive else {}
+        pages = dict[str, str]()  # to zoom into, a recording each: what they are called, and their names
+        several = len(case.paths) > 1
+        for name, recorded in products.items() if choices.interactive else ():
+            windows = recorded.window_rows
+            predicted = {} if windows is None or case.why_not else case.predicted(name)
+            zoomed = folder / (f"interactive_{name}.html" if several else "interactive.html")
+            with suppress(ConfigurationError, DataShortageError):  # without plotly, or without a row
+                interactive_page(
+                    recorded.one_hz, windows, predicted, recorded.manoeuvres, name, recorded.recording.path.name
+                ).write(zoomed)
+                pages[f"interactive track and channels{f', {name}' if several else ''}"] = zoomed.name
         show = sections("trial.html", folder / "figures", case=case, remark=remark, folder=diagnosis, pages=pages)
         parts = []
         for number, block in enumerate(BLOCKS):

@@ -8,12 +8,10 @@ from pathlib import Path
 from textwrap import fill
 
 import numpy as np
-from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 
 from seatrial.acquisition.core.files import write_text, written_together
-from seatrial.acquisition.core.quantities import Floats
 from seatrial.analysis.report.plots import PALETTE
 from seatrial.analysis.report.rendering import Page, render
 from seatrial.hybrid.diagnosis.planning import DISTINGUISHED
@@ -63,8 +61,31 @@ def plain_rows(rows: Sequence[Sequence[str]]) -> list[list[str]]:
     return [[plain(cell) for cell in row] for row in rows]
 
 
-def draw_programmes(axes: Axes, plan: Plan) -> None:
+def draw_evidence(figure: Figure, plan: Plan) -> None:
+    """The evidence that distinguishes pairs of effects, by either programme: of those that are hardest to
+    distinguish, in the catalogue's order, at most as many as can be read.
+    """
+    evidence = np.minimum(plan.asked.evidence, plan.better.evidence)
+    least = np.min(np.where(np.isfinite(evidence), evidence, np.inf), axis=1)
+    shown = sorted(np.argsort(least, kind="stable")[:_MOST_SHOWN].tolist())
+    names = [plain(list(plan.asked.limits)[number]) for number in shown]
+    both_axes = figure.subplots(1, 2)
+    for axes, programme, title in zip(both_axes, (plan.asked, plan.better), ("yours", "better"), strict=True):
+        pairs = programme.evidence[np.ix_(shown, shown)]
+        pairs = np.where(np.isfinite(pairs), np.clip(pairs, _LEAST, _MOST), np.nan)
+        image = axes.imshow(pairs, cmap="cividis", norm=LogNorm(_LEAST, _MOST))
+        axes.set_xticks(range(len(names)), names, rotation=90, fontsize=8)
+        axes.set_yticks(range(len(names)), names, fontsize=8)
+        axes.grid(visible=False)
+        axes.set_title(title, loc="left")
+    axes.set_yticklabels([])
+    bar = figure.colorbar(image, ax=list(both_axes), shrink=0.6, label="twice the log likelihood ratio [1]")
+    bar.ax.axhline(DISTINGUISHED, color="black", linewidth=1.0)
+
+
+def draw_plan(figure: Figure, plan: Plan) -> None:
     """Both programmes on a time line."""
+    axes = figure.subplots()
     names = list(dict.fromkeys(part.name for programme in (plan.asked, plan.better) for part in programme.parts))
     for row, programme in enumerate((plan.asked, plan.better)):
         begin = 0.0
@@ -77,40 +98,3 @@ def draw_programmes(axes: Axes, plan: Plan) -> None:
     axes.set(yticks=[0, 1], yticklabels=["yours", "better"], xlabel="time [min]")
     axes.invert_yaxis()
     axes.grid(visible=False)
-
-
-def draw_evidence(figure: Figure, plan: Plan) -> None:
-    """The evidence that distinguishes the hardest pairs of effects, by either programme."""
-    shown = hardest_effects(plan)
-    names = [plain(list(plan.asked.limits)[number]) for number in shown]
-    own_axes, better_axes = figure.subplots(1, 2)
-    _draw_matrix(own_axes, plan.asked.evidence[np.ix_(shown, shown)], names, "yours")
-    _draw_matrix(better_axes, plan.better.evidence[np.ix_(shown, shown)], names, "better")
-    better_axes.set_yticklabels([])
-    bar = figure.colorbar(
-        better_axes.images[0], ax=[own_axes, better_axes], shrink=0.6, label="twice the log likelihood ratio [1]"
-    )
-    bar.ax.axhline(DISTINGUISHED, color="black", linewidth=1.0)
-
-
-def hardest_effects(plan: Plan) -> list[int]:
-    """The numbers of the effects that are hardest to distinguish from another one, in the catalogue's order;
-    at most as many as can be read in a picture.
-    """
-    evidence = np.minimum(plan.asked.evidence, plan.better.evidence)
-    least = np.min(np.where(np.isfinite(evidence), evidence, np.inf), axis=1)
-    return sorted(np.argsort(least, kind="stable")[:_MOST_SHOWN].tolist())
-
-
-def _draw_matrix(axes: Axes, evidence: Floats, names: list[str], title: str) -> None:
-    shown = np.where(np.isfinite(evidence), np.clip(evidence, _LEAST, _MOST), np.nan)
-    axes.imshow(shown, cmap="cividis", norm=LogNorm(_LEAST, _MOST))
-    axes.set_xticks(range(len(names)), names, rotation=90, fontsize=8)
-    axes.set_yticks(range(len(names)), names, fontsize=8)
-    axes.grid(visible=False)
-    axes.set_title(title, loc="left")
-
-
-def draw_plan(figure: Figure, plan: Plan) -> None:
-    """Both programmes on a time line."""
-    draw_programmes(figure.subplots(), plan)

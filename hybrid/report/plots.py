@@ -11,7 +11,6 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
-import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
 from matplotlib.colors import LinearSegmentedColormap
@@ -19,20 +18,16 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 from rich.console import Group, RenderableType
-from rich.table import Table
 from rich.text import Text
 
 from seatrial.acquisition.core.quantities import Floats, to_ship
 from seatrial.acquisition.core.result import terminal_table
 from seatrial.analysis.report.plots import FAINT, INK, PALETTE, label
 from seatrial.hybrid.identification.identify import (
-    CoefficientEstimate,
     Identification,
-    Judgement,
-    ManoeuvreInformation,
 )
 from seatrial.hybrid.prediction.baselines import Interval, outlines
-from seatrial.hybrid.report.errors import QUANTITIES, Calibration, ErrorComponents, errors_of
+from seatrial.hybrid.report.errors import QUANTITIES, ErrorComponents, errors_of
 from seatrial.hybrid.report.text import plain
 
 if TYPE_CHECKING:
@@ -122,30 +117,10 @@ def plain_numbers(axis: Axis) -> None:
     axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
 
 
-def tracks_on_track(axes: Axes, table: pd.DataFrame, tracks: Floats, method: str) -> None:
-    """Predicted tracks [N, H+1, 3] over the measured one, north up and to scale."""
-    axes.plot(table["east_m"], table["north_m"], color=INK, linewidth=1.0, label="measured")
-    lifted = np.pad(tracks[..., :2], ((0, 0), (0, 1), (0, 0)), constant_values=np.nan).reshape(-1, 2)
-    axes.plot(lifted[:, 1], lifted[:, 0], color=COLOUR[method], linewidth=1.6, label=plain(method))
-    axes.plot(tracks[:, 0, 1], tracks[:, 0, 0], "o", color=INK, markersize=2.5, label="start of a prediction")
-    _north_up(axes)
-
-
-def _north_up(axes: Axes) -> None:
+def north_up(axes: Axes) -> None:
+    """Axes of a track, to scale."""
     axes.set_aspect("equal", adjustable="datalim")
     axes.set(xlabel=label("east_m"), ylabel=label("north_m"))
-
-
-def whole_prediction(axes: Axes, measured: Floats, tracks: Mapping[str, Floats]) -> None:
-    """Predicted tracks [H+1, 3] by method from start to end beside where the ship was; north up, to scale."""
-    shown = {"measured": (measured, INK)} | {plain(name): (track, COLOUR[name]) for name, track in tracks.items()}
-    for name, (track, colour) in shown.items():
-        axes.plot(track[:, 1], track[:, 0], color=colour, linewidth=1.6, label=name)
-        axes.plot(track[-1, 1], track[-1, 0], "o", color=colour, markersize=5)
-    axes.plot(measured[0, 1], measured[0, 0], "o", color=INK, markersize=2.5)
-    axes.margins(0.08)
-    _north_up(axes)
-    axes.locator_params(nbins=4)
 
 
 def prediction_end(
@@ -169,7 +144,7 @@ def prediction_end(
     for name, (track, colour) in shown.items():
         axes.plot(track[:, 1], track[:, 0], color=colour, label=name)
         axes.plot(track[-1, 1], track[-1, 0], "o", color=colour, markersize=5)
-    _north_up(axes)
+    north_up(axes)
     axes.set_aspect("equal", adjustable="box")
     shown_points = np.concatenate(points)
     middle = 0.5 * (shown_points.max(axis=0) + shown_points.min(axis=0))
@@ -203,13 +178,6 @@ def errors_by_second(axes: Axes, errors: Mapping[str, ErrorComponents], quantity
     plain_numbers(axes.yaxis)
 
 
-def legend_of_shares(axes: Axes, shown: Axes) -> None:
-    """In ``axes`` what the lines of :func:`errors_by_second` in others mean: a colour a method, a dash a share."""
-    handles, words = shown.get_legend_handles_labels()
-    shares = [Line2D([], [], color=INK, linestyle="-"), Line2D([], [], color=INK, linestyle="--")]
-    axes.legend([*handles, *shares], [*words, "median over the windows", "90 % of them"], loc="center left")
-
-
 def box(axes: Axes, values: Floats, place: float, width: float, colour: str, alpha: float = 0.75) -> None:
     """A box that holds the middle half of ``values``, standing at ``place``; its whiskers reach to 5 and 95 %."""
     line = {"color": colour}
@@ -240,40 +208,6 @@ def error_spread(axes: Axes, by_trial: Mapping[str, Mapping[str, Floats]]) -> No
     legend_above(axes, len(handles), handles=handles)
 
 
-def error_histogram(axes: Axes, errors: Mapping[str, ErrorComponents], quantity: str) -> None:
-    """How errors of all windows and seconds are distributed, by method; the outermost 2 % lie beyond the axes."""
-    pooled = np.concatenate([getattr(components, quantity).ravel() for components in errors.values()])
-    low, high = np.quantile(pooled, [0.01, 0.99])
-    edges = np.linspace(low, high, 61)
-    for method, components in errors.items():
-        values = getattr(components, quantity)
-        share = 100.0 * np.histogram(values, bins=edges)[0] / values.size
-        axes.stairs(share, edges, color=COLOUR[method], linewidth=1.3, label=plain(method))
-    axes.set(xlabel=QUANTITIES[quantity], ylabel="share in a class [%]", ylim=(0.0, None))
-
-
-def coverage_by_second(axes: Axes, calibration: Calibration) -> None:
-    """The share of positions inside the 95 % regions by second, with its bootstrap interval over legs."""
-    seconds = np.arange(1, len(calibration.picp) + 1)
-    axes.axhline(95.0, color=INK, linewidth=0.8, linestyle=":")
-    low, high, colour = 100 * calibration.low, 100 * calibration.high, COLOUR["hybrid"]
-    axes.fill_between(seconds, low, high, color=colour, alpha=0.2, linewidth=0)
-    axes.plot(seconds, 100 * calibration.picp, color=colour)
-    axes.set(xlabel="prediction time [s]", ylabel="inside the 95 % region (PICP) [%]", xlim=(0, seconds[-1]))
-    lowest = np.nanmin(np.append(calibration.low, calibration.picp))
-    axes.set_ylim(min(80.0, 100 * float(lowest) - 2.0), 100.5)
-
-
-def transform_histogram(axes: Axes, calibration: Calibration) -> None:
-    """The probability integral transform of the distances, in ten classes; the line is what it should be."""
-    finite = calibration.pit[np.isfinite(calibration.pit)]
-    counts, edges = np.histogram(finite, bins=np.linspace(0.0, 1.0, 11))
-    share = 100.0 * counts / max(counts.sum(), 1)
-    axes.bar(edges[:-1], share, width=0.1, align="edge", color=COLOUR["hybrid"], alpha=0.6, edgecolor="white")
-    axes.axhline(10.0, color=INK, linewidth=0.8, linestyle=":")
-    axes.set(xlabel="probability integral transform (PIT) [1]", ylabel="positions [%]", xlim=(0, 1))
-
-
 def draw_validation(figure: Figure, validation: Validation) -> None:
     """Distance and heading error of every method by second: median, and dashed 90 %."""
     errors = {name: errors_of(track, validation.windows) for name, track in validation.tracks.items()}
@@ -296,7 +230,7 @@ def draw_prediction(figure: Figure, prediction: Prediction) -> None:
             track_axes.fill(border[:, 1], border[:, 0], facecolor=colour, alpha=0.2)
     track_axes.plot(track[:, 1], track[:, 0], color=colour)
     track_axes.plot(track[0, 1], track[0, 0], "o", color=INK, markersize=4)
-    _north_up(track_axes)
+    north_up(track_axes)
     track_axes.set_title(f"{len(track) - 1} s from {prediction.at:%H:%M:%S} UTC", loc="left")
     prediction_end(end_axes, measured, {prediction.method: track}, region_m)
     end_axes.set_title("the end, large", loc="left")
@@ -319,96 +253,73 @@ _MOST = 20  # coefficients in one picture
 
 def identification_view(identification: Identification) -> Group:
     """The coefficients, what hangs together, the validation, and what to do next."""
-    parts: list[RenderableType] = [
-        *(Text(f"left out: {part}") for part in identification.set_aside),
-        _coefficients(identification),
-    ]
-    for first, second, correlation in identification.entangled:
-        parts.append(Text(f"{first} and {second} cannot be distinguished here (correlation {correlation:+.2f})."))
-    if identification.validation is not None:
-        parts.append(_validation(identification.validation))
-    if identification.candidates:
-        parts.append(_next(identification.candidates))
-    return Group(*parts)
-
-
-def _coefficients(identification: Identification) -> Table:
-    determined = sum(coefficient.known for coefficient in identification.coefficients)
+    coefficients, judged = identification.coefficients, identification.validation
     title = (
-        f"{identification.vessel.name}: {determined} of {len(identification.coefficients)} coefficients determined "
-        f"by {identification.segments} segments of {identification.duration_s:.0f} s"
+        f"{identification.vessel.name}: {sum(coefficient.known for coefficient in coefficients)} of "
+        f"{len(coefficients)} coefficients determined by {identification.segments} segments of "
+        f"{identification.duration_s:.0f} s"
     )
-    columns = ("coefficient", "value", "95 % from", "to", "start", "")
-    table = terminal_table(title, columns, (), wrap=True, pad_edge=False)
-    for coefficient in identification.coefficients:
+    look: dict[str, Any] = {"wrap": True, "pad_edge": False}
+    table = terminal_table(title, ("coefficient", "value", "95 % from", "to", "start", ""), (), **look)
+    for coefficient in coefficients:
         cells = [
             f"{number:.3g}" for number in (coefficient.value, coefficient.low, coefficient.high, coefficient.start)
         ]
         remark, style = ("", "") if coefficient.known else ("unknown", "dim")
         table.add_row("\n".join((coefficient.name, *coefficient.tied)), *cells, remark, style=style)
-    return table
-
-
-def _validation(judged: Judgement) -> Table:
-    title = f"left out: {judged.held_out}; {judged.windows} windows of {judged.horizon_s} s"
-    rows = [
-        [name, f"{errors.mean_distance_m:.3f}", f"{errors.end_distance_m:.3f}", f"{errors.heading_error_deg:.2f}"]
-        for name, errors in judged.scores.items()
-    ]
-    columns = ("method", "mean distance m", "at the end m", "heading deg")
-    return terminal_table(title, columns, rows, wrap=True, pad_edge=False)
-
-
-def _next(candidates: Sequence[ManoeuvreInformation]) -> Table:
-    title = f"What another {candidates[0].minutes:.0f} minutes would tell"
-    rows = [
-        [candidate.manoeuvre, f"{candidate.gain:.1f}", f"{candidate.left:.0%}", str(len(candidate.newly_known))]
-        for candidate in candidates[:_TRIALS]
-    ]
-    columns = ("manoeuvre", "nats", "remaining variance", "newly determined")
-    return terminal_table(title, columns, rows, wrap=True, pad_edge=False)
+    parts: list[RenderableType] = [*(Text(f"left out: {part}") for part in identification.set_aside), table]
+    for first, second, correlation in identification.entangled:
+        parts.append(Text(f"{first} and {second} cannot be distinguished here (correlation {correlation:+.2f})."))
+    if judged is not None:
+        title = f"left out: {judged.held_out}; {judged.windows} windows of {judged.horizon_s} s"
+        rows = [
+            [name, f"{errors.mean_distance_m:.3f}", f"{errors.end_distance_m:.3f}",
+             f"{errors.heading_error_deg:.2f}"]
+            for name, errors in judged.scores.items()
+        ]  # fmt: skip
+        heads = ("method", "mean distance m", "at the end m", "heading deg")
+        parts.append(terminal_table(title, heads, rows, **look))
+    if identification.candidates:
+        title = f"What another {identification.candidates[0].minutes:.0f} minutes would tell"
+        rows = [
+            [candidate.manoeuvre, f"{candidate.gain:.1f}", f"{candidate.left:.0%}", str(len(candidate.newly_known))]
+            for candidate in identification.candidates[:_TRIALS]
+        ]
+        heads = ("manoeuvre", "nats", "remaining variance", "newly determined")
+        parts.append(terminal_table(title, heads, rows, **look))
+    return Group(*parts)
 
 
 def draw_identification(figure: Figure, identification: Identification) -> None:
     """Left the segments as measured and as simulated, right the coefficients that the data tell best, each with its
     interval and the prior's."""
     tracks_axes, interval_axes = figure.subplots(1, 2)
-    measured, simulated = identification.tracks
-    for number, (measured_track, simulated_track) in enumerate(zip(measured, simulated, strict=True)):
-        tracks_axes.plot(
-            measured_track[:, 1],
-            measured_track[:, 0],
-            color=INK,
-            linewidth=2.0,
-            label="measured" if number == 0 else None,
-        )
-        tracks_axes.plot(
-            simulated_track[:, 1],
-            simulated_track[:, 0],
-            color=_ORANGE,
-            linewidth=1.0,
-            label="model" if number == 0 else None,
-        )
+    for number, tracks in enumerate(zip(*identification.tracks, strict=True)):
+        looks = ((INK, 2.0, "measured"), (_ORANGE, 1.0, "model"))
+        for track, (colour, width, title) in zip(tracks, looks, strict=True):
+            shown_title = title if number == 0 else None
+            tracks_axes.plot(track[:, 1], track[:, 0], color=colour, linewidth=width, label=shown_title)
     tracks_axes.set_aspect("equal", adjustable="datalim")
     tracks_axes.set(xlabel="east [m]", ylabel="north [m]")
     legend_above(tracks_axes, 2)
+
+    half_widths = {  # of the priors
+        coefficient.name: max(0.5 * (coefficient.start_high - coefficient.start_low), 1e-12)
+        for coefficient in identification.coefficients
+    }
     shown = sorted(
         identification.coefficients,
-        key=lambda coefficient: (coefficient.high - coefficient.low) / _half_width(coefficient),
+        key=lambda coefficient: (coefficient.high - coefficient.low) / half_widths[coefficient.name],
     )[:_MOST]
     for place, coefficient in enumerate(shown):
         interval_axes.plot([-1.0, 1.0], [place, place], color=FAINT, linewidth=5.0, solid_capstyle="butt")
-        ends = (np.array([coefficient.low, coefficient.value, coefficient.high]) - coefficient.start) / _half_width(
-            coefficient
-        )
-        interval_axes.plot(ends[[0, 2]], [place, place], color=_BLUE if coefficient.known else INK, linewidth=1.5)
-        interval_axes.plot(ends[1], place, "o", color=_BLUE if coefficient.known else INK, markersize=4)
+        ends = np.array([coefficient.low, coefficient.value, coefficient.high]) - coefficient.start
+        ends = ends / half_widths[coefficient.name]
+        colour = _BLUE if coefficient.known else INK
+        interval_axes.plot(ends[[0, 2]], [place, place], color=colour, linewidth=1.5)
+        interval_axes.plot(ends[1], place, "o", color=colour, markersize=4)
     named_rows(interval_axes, [coefficient.name for coefficient in shown], fontsize=8)
     interval_axes.set_title(
         f"{len(shown)} of {len(identification.coefficients)} coefficients, best known first", loc="left"
     )
     interval_axes.set_xlabel("departure from the start, in half widths of the prior's 95 % interval [1]")
-
-
-def _half_width(coefficient: CoefficientEstimate) -> float:
-    return max(0.5 * (coefficient.start_high - coefficient.start_low), 1e-12)

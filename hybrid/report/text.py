@@ -122,16 +122,21 @@ def _head(method: str) -> str:
 
 
 def validation_view(validation: Validation) -> RenderableType:
-    """A row a method; below it a row a sensor, the errors by L/V, and a table a manoeuvre."""
-    from seatrial.hybrid.report.trial_form import indices_view, length_table
+    """A row a method; below it a row a sensor, the errors by L/V, and a table a manoeuvre with its notes."""
+    from seatrial.hybrid.report.trial_form import INDEX_HEADER, index_tables, length_table, notes_of_indices
 
     shown: list[RenderableType] = [validation_table(validation)]
     if validation.truths:
         shown.append(truths_table(validation.truths))
     if validation.by_length:
-        shown.append(length_table(validation.by_length, validation.windows.horizon_s))
+        title, header, rows = length_table(validation.by_length, validation.windows.horizon_s)
+        shown.append(terminal_table(title, header, rows, wrap=True))
     if validation.indices and (validation.indices.rows or validation.indices.left_out):
-        shown.append(indices_view(validation.indices))
+        shown += [
+            terminal_table(title, INDEX_HEADER, lines, title_style="bold")
+            for title, lines in index_tables(validation.indices)
+        ]
+        shown += [Text(note, style="dim") for note in notes_of_indices(validation.indices)]
     return Group(*shown)
 
 
@@ -157,11 +162,26 @@ def truth_rows(truths: Truths) -> list[list[str]]:
 
 def validation_table(validation: Validation) -> Table:
     """One row a method, the best mean distance in bold."""
+    notes = []
+    if validation.reduction is not None and validation.coverage_95 is not None:
+        reduced = f"{validation.reduction:.1%} less than the reference's"
+        increased = f"{1 - validation.reduction:.1f} times the reference's"
+        notes.append(f"hybrid's mean distance is {reduced if validation.reduction >= 0 else increased}")
+        notes.append(f"the 95 % band holds {validation.coverage_95:.1%} of the positions")
+    if validation.outside_domain is not None and validation.outside_domain.any():
+        notes.append(
+            f"{validation.outside_domain.sum()} windows start outside the calibrator's training range: there a "
+            "weighted mean of reference and constant velocity replaces it"
+        )
+    if validation.outside:
+        notes.append(f"{validation.outside} windows left out: the reference leaves its valid range in them")
+    if validation.jumps:
+        notes.append(f"{validation.jumps} windows left out: the positions jump in them")
     windows = validation.windows
     kind = "held windows of {} s" if windows.commands is None else "windows of {} s under their commands"
     return terminal_table(
         f"{len(windows)} {kind.format(windows.horizon_s)}", ("method", *_METHOD_COLUMNS), *score_rows(validation),
-        words=(0, 1), wrap=True, caption=_caption(validation),
+        words=(0, 1), wrap=True, caption="; ".join(notes),
     )  # fmt: skip
 
 
@@ -177,25 +197,6 @@ def score_rows(validation: Validation) -> tuple[list[list[str]], int]:
         for name, errors in (validation.scores | validation.two_sided).items()
     ]  # fmt: skip
     return rows, min(range(len(scores)), key=lambda row: scores[row].mean_distance_m)
-
-
-def _caption(validation: Validation) -> str:
-    parts = []
-    if validation.reduction is not None and validation.coverage_95 is not None:
-        reduced = f"{validation.reduction:.1%} less than the reference's"
-        increased = f"{1 - validation.reduction:.1f} times the reference's"
-        parts.append(f"hybrid's mean distance is {reduced if validation.reduction >= 0 else increased}")
-        parts.append(f"the 95 % band holds {validation.coverage_95:.1%} of the positions")
-    if validation.outside_domain is not None and validation.outside_domain.any():
-        parts.append(
-            f"{validation.outside_domain.sum()} windows start outside the calibrator's training range: there a "
-            "weighted mean of reference and constant velocity replaces it"
-        )
-    if validation.outside:
-        parts.append(f"{validation.outside} windows left out: the reference leaves its valid range in them")
-    if validation.jumps:
-        parts.append(f"{validation.jumps} windows left out: the positions jump in them")
-    return "; ".join(parts)
 
 
 def training_view(trained: TrainedCalibrator) -> Text:
@@ -228,47 +229,39 @@ def prediction_table(prediction: Prediction) -> Table:
 
 
 def evaluation_view(evaluation: Evaluation) -> Group:
-    """A table of methods a split, the best in bold, then one of its breakdown."""
+    """A table of methods a split, the best in bold, then one of its breakdown by class.
+
+    Of methods the mean distance and the ratio to the best baseline have their 95 % intervals; all others have
+    theirs in the JSON and on the page.
+    """
     tables = []
     for split in evaluation.splits.values():
-        tables.append(methods_table(evaluation.horizon_s, split))
+        methods = [
+            [_short(name), start, estimate_text(errors.mean_distance_m), estimate_text(errors.ratio),
+             f"{errors.coverage_95.value:.1%}"]
+            for start, summary in split.by_start.items()
+            for name, errors in summary.methods.items()
+        ]  # fmt: skip
+        title = f"{split.kind}: {MEANING[split.kind]}; {counts_of(split.whole)} of {evaluation.horizon_s} s"
+        best = list(split.whole.methods).index(split.whole.best)
+        columns = ("", *_SPLIT_COLUMNS)
+        tables.append(terminal_table(title, columns, methods, best, words=(0, 1), caption=caption_of(split)))
         if split.truths:
             tables.append(truths_table(split.truths))
+        rows = list[list[str | Text]]()
+        for name, summary in (entry for classes in split.shown.values() for entry in classes.items()):
+            figures = [
+                Text(f"{errors.mean_distance_m.value:.2f}", "bold" if method == summary.best else "")
+                for method, errors in summary.methods.items()
+            ]
+            rows.append([name, f"{summary.windows}/{summary.legs}", *figures])
         if split.shown:
-            tables.append(breakdown_table(split))
+            title = f"{split.kind}: mean distance m by class, with windows/legs"
+            tables.append(terminal_table(title, ("", "", *map(_head, split.whole.methods)), rows))
     if evaluation.leak:
-        rows = [[name, estimate_text(factor)] for name, factor in evaluation.leak.items()]
-        tables.append(terminal_table("error on unseen legs over random's", ("", "times"), rows))
+        factors = [[name, estimate_text(factor)] for name, factor in evaluation.leak.items()]
+        tables.append(terminal_table("error on unseen legs over random's", ("", "times"), factors))
     return Group(*tables)
-
-
-def methods_table(horizon_s: int, split: SplitSummary) -> Table:
-    """One row a method: its start, mean distance, ratio to the best baseline, coverage.
-
-    The first and the ratio with their 95 % intervals; all others have theirs in the JSON and on the page.
-    """
-    rows = [
-        [_short(name), start, estimate_text(errors.mean_distance_m), estimate_text(errors.ratio),
-         f"{errors.coverage_95.value:.1%}"]
-        for start, summary in split.by_start.items()
-        for name, errors in summary.methods.items()
-    ]  # fmt: skip
-    title = f"{split.kind}: {MEANING[split.kind]}; {counts_of(split.whole)} of {horizon_s} s"
-    best = list(split.whole.methods).index(split.whole.best)
-    return terminal_table(title, ("", *_SPLIT_COLUMNS), rows, best, words=(0, 1), caption=caption_of(split))
-
-
-def breakdown_table(split: SplitSummary) -> Table:
-    """One row a class, the mean distance of every method, the best in bold."""
-    rows = list[list[str | Text]]()
-    for name, summary in (entry for classes in split.shown.values() for entry in classes.items()):
-        figures = [
-            Text(f"{errors.mean_distance_m.value:.2f}", "bold" if method == summary.best else "")
-            for method, errors in summary.methods.items()
-        ]
-        rows.append([name, f"{summary.windows}/{summary.legs}", *figures])
-    methods = map(_head, split.whole.methods)
-    return terminal_table(f"{split.kind}: mean distance m by class, with windows/legs", ("", "", *methods), rows)
 
 
 def caption_of(split: SplitSummary) -> str:
@@ -309,14 +302,24 @@ def estimate_text(interval: Interval) -> str:
 
 def plan_view(plan: Plan) -> RenderableType:
     """Both programmes, the size from which each effect is seen, and the pairs that cannot be distinguished."""
-    return Group(
-        _programme_view("Your programme", plan.asked),
-        _programme_view("A better one", plan.better),
-        Text(f"\n{heading_of(plan)}\n"),
-        terminal_table("", ("effect", "yours", "better", "ordinary", ""), limit_rows(plan), pad_edge=False),
-        _indistinguishable_text("Your programme", plan.asked),
-        _indistinguishable_text("The better one", plan.better),
-    )
+    programmes: list[RenderableType] = []
+    pairs_left: list[RenderableType] = []
+    for title, subject, programme in (
+        ("Your programme", "Your programme", plan.asked), ("A better one", "The better one", plan.better)
+    ):  # fmt: skip
+        rows = [[f"{minutes} min", words] for minutes, words in part_rows(programme)]
+        programmes.append(Text(f"{title}, {programme.minutes:.3g} minutes", style="bold"))
+        programmes.append(terminal_table(None, ("", ""), rows, words=(1,), show_header=False))
+        pairs = programme.indistinguishable_pairs()
+        listed = [f"  {name} and {rival}" for name, rival in pairs[:_MOST_PAIRS]]
+        if len(pairs) > _MOST_PAIRS:
+            listed.append(f"  and {len(pairs) - _MOST_PAIRS} pairs more")
+        words = f"\n{subject} distinguishes all effects of ordinary size."
+        if pairs:
+            words = "\n".join([f"\n{subject} cannot distinguish, at ordinary size:", *listed])
+        pairs_left.append(Text(words))
+    limits = terminal_table("", ("effect", "yours", "better", "ordinary", ""), limit_rows(plan), pad_edge=False)
+    return Group(*programmes, Text(f"\n{heading_of(plan)}\n"), limits, *pairs_left)
 
 
 def heading_of(plan: Plan) -> str:
@@ -335,78 +338,61 @@ def limit_text(effect: Effect, limit: float) -> str:
     return f"<{text}" if effect.chart == "inverse_square" else text
 
 
-def ordinary_text(effect: Effect) -> str:
-    """Its ordinary departure from neutral."""
-    first = effect.parameters[0]
-    size = first.typical if effect.chart == "inverse_square" else abs(first.typical - first.neutral)
-    return limit_text(effect, size).removeprefix("<")
-
-
 def part_rows(programme: Programme) -> list[list[str]]:
     """For how many minutes to do what."""
     return [[f"{part.minutes:.3g}", part.what] for part in programme.parts]
 
 
-def _programme_view(title: str, programme: Programme) -> RenderableType:
-    table = Table(box=None, show_header=False)
-    table.add_column(justify="right", no_wrap=True)
-    table.add_column()
-    for minutes, words in part_rows(programme):
-        table.add_row(f"{minutes} min", words)
-    return Group(Text(f"{title}, {programme.minutes:.3g} minutes", style="bold"), table)
-
-
 def limit_rows(plan: Plan) -> list[list[str]]:
-    """The size from which each effect is seen, by either programme, its ordinary size, and their unit."""
-    return [
-        [name, *(limit_text(effect, programme.limits[name]) for programme in (plan.asked, plan.better)),
-         ordinary_text(effect), effect.parameters[0].unit.replace("1", "") or "factor"]
-        for name, effect in plan.catalogue.items()
-    ]  # fmt: skip
-
-
-def _indistinguishable_text(title: str, programme: Programme) -> Text:
-    pairs = programme.indistinguishable_pairs()
-    if not pairs:
-        return Text(f"\n{title} distinguishes all effects of ordinary size.")
-    listed = [f"  {name} and {rival}" for name, rival in pairs[:_MOST_PAIRS]]
-    remainder = [f"  and {len(pairs) - _MOST_PAIRS} pairs more"] if len(pairs) > _MOST_PAIRS else []
-    return Text("\n".join([f"\n{title} cannot distinguish, at ordinary size:", *listed, *remainder]))
+    """The size from which each effect is seen, by either programme, its ordinary departure from neutral, and their
+    unit."""
+    rows = []
+    for name, effect in plan.catalogue.items():
+        first = effect.parameters[0]
+        ordinary = first.typical if effect.chart == "inverse_square" else abs(first.typical - first.neutral)
+        limits = [limit_text(effect, programme.limits[name]) for programme in (plan.asked, plan.better)]
+        unit = first.unit.replace("1", "") or "factor"
+        rows.append([name, *limits, limit_text(effect, ordinary).removeprefix("<"), unit])
+    return rows
 
 
 def catalogue_tables(catalogue: Catalogue) -> RenderableType:
     """Every effect by family: kind, what it does, its parameters and their sizes, rivals, source."""
-    extra_families = dict.fromkeys(effect.family for effect in catalogue.values() if effect.family not in FAMILIES)
-    tables = [_family_table(name, catalogue) for name in (*FAMILIES, *extra_families)]
-    heading = Text(
-        f"{len(catalogue)} effects, catalogue version {VERSION}. Ordinary: the usual size if present; "
-        "smallest: of interest;\nin brackets: the usual error of every such sensor or drive."
-    )
-    return Group(heading, *(Padding(table, (1, 0, 0, 0)) for table in tables if table.row_count))
-
-
-def _family_table(name: str, catalogue: Catalogue) -> Table:
-    table = Table(title=name, title_justify="left", title_style="bold", box=None, header_style="dim", leading=1)
-    table.add_column("effect", no_wrap=True)
-    table.add_column("what it does", ratio=1)
-    for title in ("parameter", "neutral, bounds", "ordinary", "smallest"):
-        table.add_column(title, no_wrap=True)
+    families: dict[str, list[Effect]] = {family: [] for family in FAMILIES}
     for effect in catalogue.values():
-        if effect.family != name:
-            continue
-        rows = []
-        for parameter in effect.parameters:
-            unit = "" if parameter.unit == "1" else f" [{parameter.unit}]"
-            bounds = f"{parameter.neutral:g}, {parameter.low:g} to {parameter.high:g}"
-            smallest = f"{parameter.smallest:g}" + (f" ({parameter.tolerance:g})" if parameter.tolerance else "")
-            rows.append((parameter.name + unit, bounds, f"{parameter.typical:g}", smallest))
-        label = Text.assemble(effect.name, "\n", (f"{effect.kind}, {effect.scope}", "dim"))
-        description = Text(effect.what)
-        if effect.confused_with:
-            description.append(f"\nlike: {', '.join(effect.confused_with)}", style="dim")
-        description.append(f"\nsource: {effect.source}", style="dim")
-        table.add_row(label, description, *("\n".join(column) for column in zip(*rows, strict=True)))
-    return table
+        families.setdefault(effect.family, []).append(effect)
+    shown: list[RenderableType] = [
+        Text(
+            f"{len(catalogue)} effects, catalogue version {VERSION}. Ordinary: the usual size if present; "
+            "smallest: of interest;\nin brackets: the usual error of every such sensor or drive."
+        )
+    ]
+    for family, effects in families.items():
+        table = Table(
+            title=family, title_justify="left", title_style="bold", box=None, header_style="dim", leading=1
+        )
+        table.add_column("effect", no_wrap=True)
+        table.add_column("what it does", ratio=1)
+        for title in ("parameter", "neutral, bounds", "ordinary", "smallest"):
+            table.add_column(title, no_wrap=True)
+        for effect in effects:
+            rows = []
+            for parameter in effect.parameters:
+                unit = "" if parameter.unit == "1" else f" [{parameter.unit}]"
+                bounds = f"{parameter.neutral:g}, {parameter.low:g} to {parameter.high:g}"
+                smallest = f"{parameter.smallest:g}"
+                if parameter.tolerance:
+                    smallest += f" ({parameter.tolerance:g})"
+                rows.append((parameter.name + unit, bounds, f"{parameter.typical:g}", smallest))
+            label = Text.assemble(effect.name, "\n", (f"{effect.kind}, {effect.scope}", "dim"))
+            description = Text(effect.what)
+            if effect.confused_with:
+                description.append(f"\nlike: {', '.join(effect.confused_with)}", style="dim")
+            description.append(f"\nsource: {effect.source}", style="dim")
+            table.add_row(label, description, *("\n".join(column) for column in zip(*rows, strict=True)))
+        if effects:
+            shown.append(Padding(table, (1, 0, 0, 0)))
+    return Group(*shown)
 
 
 FAILED = "This section failed, which is a fault of Seatrial"
@@ -447,7 +433,6 @@ def templates() -> Environment:
     from seatrial.analysis.manoeuvres.criteria import shortfalls_of
     from seatrial.analysis.speed_power import report as speed_power
     from seatrial.hybrid.diagnosis.result import read_diagnosis
-    from seatrial.hybrid.prediction.baselines import FEW_LEGS
     from seatrial.hybrid.report import (
         diagnosis,
         diagnosis_plots,
@@ -459,20 +444,17 @@ def templates() -> Environment:
         trial_plots,
         vessel_check,
     )
-    from seatrial.hybrid.report.diagnosis import chance, percent
     from seatrial.hybrid.report.errors import ENOUGH_S
 
     library = environment(Path(__file__).parent / "templates")
-    library.filters |= {"percent": percent, "chance": chance, "cell_row": diagnosis.cell_row,
+    library.filters |= {"percent": diagnosis.percent, "chance": diagnosis.chance, "cell_row": diagnosis.cell_row,
                      "in_words": in_words, "reason_of": reason_of,
                      "rows_in_words": lambda rows: [[in_words(cell) for cell in row] for row in rows],
                      "sentence": lambda text: f"{text[:1].upper()}{text[1:]}."}  # fmt: skip
     library.globals |= {
-        "trial": trial, "form": trial_form, "index_tables": trial_form,
-        "trial_plots": trial_plots, "diagnosis_words": diagnosis,
-        "diagnosis_plots": diagnosis_plots, "map_plots": diagnosis_plots, "evaluation": evaluation_page,
-        "read_diagnosis": read_diagnosis, "speed_power": speed_power, "tables": text, "plans": plan_page,
-        "checks": vessel_check, "shortfalls_of": shortfalls_of, "FEW_LEGS": FEW_LEGS,
-        "ENOUGH_S": ENOUGH_S,
+        "trial": trial, "form": trial_form, "trial_plots": trial_plots, "diagnosis_words": diagnosis,
+        "diagnosis_plots": diagnosis_plots, "evaluation": evaluation_page, "plans": plan_page, "tables": text,
+        "checks": vessel_check, "speed_power": speed_power, "read_diagnosis": read_diagnosis,
+        "shortfalls_of": shortfalls_of, "FEW_LEGS": FEW_LEGS, "ENOUGH_S": ENOUGH_S,
     }  # fmt: skip
     return library

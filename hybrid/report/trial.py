@@ -7,7 +7,7 @@ parameters are computed when they are first needed, so that a notebook that show
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from pathlib import Path
@@ -15,11 +15,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
 
 from seatrial.acquisition.config.declarations import vessel_of_ship
 from seatrial.acquisition.config.run_sheet import Conditions, statement_from_text
 from seatrial.acquisition.core.errors import ConfigurationError, DataShortageError, InputError, SeatrialError
-from seatrial.acquisition.core.result import ChosenModel
 from seatrial.acquisition.core.ship import MOTION
 from seatrial.acquisition.core.trial import Trial
 from seatrial.acquisition.recording.reader import read_trial
@@ -29,6 +29,7 @@ from seatrial.analysis.manoeuvres.criteria import (
     RESOLUTION,
     CriterionResult,
     IndexRow,
+    Mean,
     condition_shortfalls,
     criteria_of,
     headline_of_criteria,
@@ -42,6 +43,7 @@ from seatrial.analysis.report.manoeuvre_plots import PICTURED
 from seatrial.analysis.report.pages import counts_of, events_of
 from seatrial.analysis.report.tables import (
     UNKNOWN,
+    Rows,
     ShipDimensions,
     condition_rows,
     file_rows,
@@ -82,22 +84,18 @@ from seatrial.hybrid.report.errors import (
     consecutive_windows,
     errors_of,
     largest_residuals,
-    pool_residuals,
     predicted_motion,
     residuals_of,
 )
 from seatrial.hybrid.report.text import join_words, plain, quantity_title, score_rows
-from seatrial.hybrid.report.trial_form import NumberedRun, numbered_runs
+from seatrial.hybrid.report.trial_form import NumberedRun
 from seatrial.hybrid.vessel.files import known_conditions, load_vessel, locate_vessel
 from seatrial.hybrid.vessel.parameters import Vessel
-from seatrial.hybrid.vessel.plant import Plant
 
 if TYPE_CHECKING:
     from seatrial.analysis.quality.findings import Finding
     from seatrial.hybrid.calibrators.adaptive import AdaptedParameter
 
-
-INTERACTIVE = "interactive"
 
 MOST_PICTURES = 6
 """Manoeuvres that have a picture in the report: three on a sheet; the page to zoom into has all."""
@@ -125,7 +123,7 @@ SHOWN = ("reference", "hybrid")
 
 def ship_name(case: Case) -> str:
     """The ships that the recordings name, as people call them."""
-    titles = [title for name in case.products if (title := _title_of(case, name))]
+    titles = [title for name in case.products if (title := case.title_of(name))]
     return join_words(list(dict.fromkeys(titles))) if titles else "an unnamed ship"
 
 
@@ -134,22 +132,14 @@ def unknown_ship(case: Case) -> str:
     if all(case.ship(name) is not None for name in case.products):
         return ""
     costs = "Without its length no index is given in ship lengths, and no limit in lengths is judged."
-    named = dict.fromkeys(
-        vessel for products in case.products.values() if (vessel := products.recording.trial.vessel)
-    )
-    if not named:
+    ships = [vessel for vessel in case.by_vessel if vessel]
+    if not ships:
         to_do = "Please have it imported again with the ship's name."
         return f"The recording does not say which ship this is. {costs} {to_do}"
-    ships = join_words(list(named))
     return (
-        f"The main dimensions of {ships} are not known, as there is no vessel file of that name. {costs} "
-        "Please have the length between perpendiculars given for this report."
+        f"The main dimensions of {join_words(ships)} are not known, as there is no vessel file of that name. "
+        f"{costs} Please have the length between perpendiculars given for this report."
     )
-
-
-def _title_of(case: Case, name: str) -> str:
-    ship = case.ship(name)
-    return (ship.title if ship else "") or case.products[name].recording.trial.vessel
 
 
 def subtitle(case: Case) -> str:
@@ -161,32 +151,29 @@ def subtitle(case: Case) -> str:
     return ", ".join(filter(None, (trial.name, trial.place, date, several)))
 
 
-def criteria_headline(case: Case) -> str:
-    """What the trial shows of the standards in a sentence, or that they are not for such a ship or such tests."""
-    rows = [row for vessel_rows in case.index_rows.values() for row in vessel_rows]
-    if not rows:
-        return "No standard manoeuvre was found in this trial, so there are no indices of manoeuvrability."
-    if not case.criteria:
-        tests = len({row.place for row in rows})
-        return f"No test of IMO {RESOLUTION} was made; {tests} other test{'s' * (tests != 1)} measured."
-    sentences = {vessel: headline_of_criteria(results) for vessel, results in case.criteria.items()}
-    if len(sentences) == 1:
-        return next(iter(sentences.values()))
-    return " ".join(f"{vessel_title(case, vessel)}: {sentence}" for vessel, sentence in sentences.items())
-
-
 def vessel_title(case: Case, vessel: str) -> str:
     """What people call a ship that recordings name."""
-    names = (name for name, products in case.products.items() if products.recording.trial.vessel == vessel)
-    return _title_of(case, next(names)) or "an unnamed ship"
+    return case.title_of(next(iter(case.by_vessel[vessel]))) or "an unnamed ship"
 
 
 def verdict_of(case: Case) -> str:
-    """The result in one sentence, and one more of the speed at power where that was tried."""
-    result = case.speed_power
-    if result is None:
-        return criteria_headline(case)
-    return " ".join([*([criteria_headline(case)] if case.runs else []), sentence(result)])
+    """What the trial shows of the standards in a sentence, or that they are not for such a ship or such tests, and
+    one more sentence of the speed at power where that was tried."""
+    rows = [row for vessel_rows in case.index_rows.values() for row in vessel_rows]
+    if not rows:
+        verdict = "No standard manoeuvre was found in this trial, so there are no indices of manoeuvrability."
+    elif not case.criteria:
+        tests = len({row.place for row in rows})
+        verdict = f"No test of IMO {RESOLUTION} was made; {tests} other test{'s' * (tests != 1)} measured."
+    else:
+        headlines = {vessel: headline_of_criteria(results) for vessel, results in case.criteria.items()}
+        verdict = " ".join(
+            headline if len(headlines) == 1 else f"{vessel_title(case, vessel)}: {headline}"
+            for vessel, headline in headlines.items()
+        )
+    if case.speed_power is None:
+        return verdict
+    return " ".join([*([verdict] if case.runs else []), sentence(case.speed_power)])
 
 
 def index_line(row: IndexRow) -> dict[str, Any]:
@@ -206,14 +193,9 @@ def index_line(row: IndexRow) -> dict[str, Any]:
     return {"name": name, "judged": row.judged_side, "sides": sides}
 
 
-def has_removed(rows: Sequence[IndexRow]) -> bool:
-    """Whether the current is removed from any of the values."""
-    return any(mean.removed for row in rows for mean in row.sides.values())
-
-
-def has_two_runs(rows: Sequence[IndexRow]) -> bool:
-    """Whether a value is the mean of two runs."""
-    return any(mean.runs == 2 for row in rows for mean in row.sides.values())
+def means_in(rows: Sequence[IndexRow]) -> list[Mean]:
+    """The means of all rows and sides."""
+    return [mean for row in rows for mean in row.sides.values()]
 
 
 def recordings_to_draw(case: Case) -> dict[str, Products]:
@@ -227,21 +209,18 @@ def recordings_to_draw(case: Case) -> dict[str, Products]:
     return recordings
 
 
-def runs_with_pictures(
-    runs: Sequence[NumberedRun], rows: Sequence[IndexRow], limit: int = MOST_PICTURES
-) -> list[NumberedRun]:
-    """The runs that have a page: the first of each name and side, those with criteria before others."""
+def sheets_of(case: Case) -> list[NumberedRun]:
+    """The runs of a trial that have a sheet of their own: the first of each name and side, those with criteria
+    before others."""
+    rows = [row for vessel_rows in case.index_rows.values() for row in vessel_rows]
     judged = {row.test.partition(" at ")[0].lower() for row in rows if row.result}
     first = {
-        (run.manoeuvre.name, run.manoeuvre.side): run for run in reversed(runs) if run.manoeuvre.kind in PICTURED
+        (run.manoeuvre.name, run.manoeuvre.side): run
+        for run in reversed(case.runs)
+        if run.manoeuvre.kind in PICTURED
     }
     ordered = sorted(first.values(), key=lambda run: (run.manoeuvre.name.lower() not in judged, run.number))
-    return sorted(ordered[:limit], key=lambda run: run.number)
-
-
-def sheets_of(case: Case) -> list[NumberedRun]:
-    """The runs of a trial that have a sheet of their own."""
-    return runs_with_pictures(case.runs, [row for rows in case.index_rows.values() for row in rows])
+    return sorted(ordered[:MOST_PICTURES], key=lambda run: run.number)
 
 
 def common_notes(shown: Sequence[Manoeuvre]) -> list[str]:
@@ -264,40 +243,23 @@ def picture_caption(run: Manoeuvre, common: Sequence[str] = ()) -> str:
     return f"{words}." if words else ""
 
 
-def ship_facts(case: Case, vessel: str) -> list[tuple[str, str]]:
-    """The particulars of a ship and its loading, as far as they are known."""
-    return _without_unknown(_ship_rows(case, vessel))
-
-
-def condition_facts(case: Case, vessel: str) -> list[tuple[str, str]]:
-    """When, where and in what weather a ship's trial was made, as far as that is known."""
-    return _without_unknown(_condition_rows(case, vessel))
-
-
-def unstated_items(case: Case, vessel: str) -> list[str]:
-    """What is not stated of a ship and the conditions of its trial."""
-    rows = [*_ship_rows(case, vessel), *_condition_rows(case, vessel)]
-    return [label for label, value in rows if value == UNKNOWN]
-
-
-def _without_unknown(rows: list[tuple[str, str]]) -> list[tuple[str, str]]:
-    return [row for row in rows if row[1] != UNKNOWN]
-
-
-def _ship_rows(case: Case, vessel: str) -> list[tuple[str, str]]:
-    runs = _runs_of_vessel(case, vessel)
-    return _pooled_rows(
-        ship_rows(products.recording.trial, products.one_hz, runs, case.ship(name))
-        for name, products in _products_of_vessel(case, vessel).items()
-    )
-
-
-def _condition_rows(case: Case, vessel: str) -> list[tuple[str, str]]:
-    runs = _runs_of_vessel(case, vessel)
-    return _pooled_rows(
-        condition_rows(products.recording, products.one_hz, runs, case.ship(name))
-        for name, products in _products_of_vessel(case, vessel).items()
-    )
+def particulars(case: Case) -> Iterator[tuple[str, Rows, Rows, list[str]]]:
+    """Of each ship its name, its particulars and loading, when, where and in what weather its trial was made, as
+    far as these are known, and what is not stated of them."""
+    for vessel, recorded in case.by_vessel.items():
+        runs = [run for products in recorded.values() for run in products.manoeuvres]
+        ships = {name: case.ship(name) for name in recorded}
+        ship = _pooled_rows(
+            ship_rows(products.recording.trial, products.one_hz, runs, ships[name])
+            for name, products in recorded.items()
+        )
+        conditions = _pooled_rows(
+            condition_rows(products.recording, products.one_hz, runs, ships[name])
+            for name, products in recorded.items()
+        )
+        unstated = [label for label, value in (*ship, *conditions) if value == UNKNOWN]
+        ship, conditions = ([row for row in rows if row[1] != UNKNOWN] for rows in (ship, conditions))
+        yield vessel, ship, conditions, unstated
 
 
 def indices_of_sheets(case: Case) -> IndexComparisons:
@@ -322,7 +284,7 @@ def standard_conditions(case: Case, vessel: str) -> list[list[str]]:
     """The conditions that the standards ask of a trial, each with whether it was fulfilled in all recordings with a
     test, or the first reason why not; none of a ship that the standards are not for."""
     shortfalls: dict[str, list[str]] = {}
-    for name, products in _products_of_vessel(case, vessel).items():
+    for name, products in case.by_vessel[vessel].items():
         judged = [index for run in products.manoeuvres for index in run.indices.values() if index.result]
         if all(any(reason.startswith(NOT_FOR_SHIP) for reason in index.missing) for index in judged):
             continue
@@ -332,24 +294,6 @@ def standard_conditions(case: Case, vessel: str) -> list[list[str]]:
         for asked, shortfall in condition_shortfalls(conditions).items():
             shortfalls.setdefault(asked, []).append(shortfall)
     return [[asked, next(filter(None, reasons), "fulfilled")] for asked, reasons in shortfalls.items()]
-
-
-def length_of_vessel(case: Case, vessel: str) -> float | None:
-    """The length between perpendiculars of a ship that recordings name [m], None where it is not known."""
-    return next((case.length_of(name) for name in _products_of_vessel(case, vessel)), None)
-
-
-def _runs_of_vessel(case: Case, vessel: str) -> list[Manoeuvre]:
-    return [run for products in _products_of_vessel(case, vessel).values() for run in products.manoeuvres]
-
-
-def vessels_of(case: Case) -> list[str]:
-    """The ships that the recordings name."""
-    return list(dict.fromkeys(products.recording.trial.vessel for products in case.products.values()))
-
-
-def _products_of_vessel(case: Case, vessel: str) -> dict[str, Products]:
-    return {name: products for name, products in case.products.items() if products.recording.trial.vessel == vessel}
 
 
 def _pooled_rows(sheets: Iterable[list[tuple[str, str]]]) -> list[tuple[str, str]]:
@@ -402,11 +346,11 @@ def headline(case: Case) -> dict[str, str]:
 
 def model_sentence(case: Case) -> str:
     """What the simulation model is worth on this trial, compared with constant speed and rate of turn."""
-    judged, scores = case.validation, case.validation.scores
+    judged, scores, model = case.validation, case.validation.scores, case.predictor.said
     model_m, constant_m = (scores[name].mean_distance_m for name in (case.best, "constant_velocity"))
-    named = any(products.recording.trial.vessel for products in case.products.values())
-    doubted = f"the model {case.model.name}{', which is not of this ship,' if named else ''}"
-    whose = doubted if case.model.doubt else "the ship's simulation model"
+    whose = "the ship's simulation model"
+    if model.doubt:
+        whose = f"the model {model.name}{', which is not of this ship,' if any(case.by_vessel) else ''}"
     with_it = " with what the calibrator learned" if case.best == "hybrid" else ""
     gain = (
         f"is {1.0 - model_m / constant_m:.0%} better"
@@ -414,37 +358,10 @@ def model_sentence(case: Case) -> str:
         else f"has {model_m / constant_m:.3g} times that error"
     )
     overlap = "" if case.trained is None else f" {_OVERLAP[case.training_overlap]}"
-    horizon_s = judged.windows.horizon_s
     return (
         f"In {len(judged.windows):,} predictions with steady controls, {whose}{with_it} has a mean error of "
-        f"{metres_text(model_m)} over {horizon_s} s. With constant speed and rate of turn the error would be "
-        f"{metres_text(constant_m)}: the model {gain}.{overlap}"
-    )
-
-
-def fans_caption(case: Case) -> str:
-    """What the picture of predictions shows."""
-    judged = case.validation
-    trial_words = f" of {case.most_judged}" if len(case.products) > 1 else ""
-    ends = "at their ends, with the 95 % region and, for normal errors, the 50 % region"
-    three = "whole" if judged.region_m is None else ends
-    return (
-        f"Predictions of {judged.windows.horizon_s} s over the measured track{trial_words}; beside it the errors "
-        f"of all predictions, positive ahead and to starboard; below three of them {three}."
-    )
-
-
-def model_words(case: Case) -> str:
-    """Which model the reference is, of which ship the recordings are, and what the hybrid is."""
-    whose = f"not of {ship_name(case)}" if case.model.doubt else "of this ship"
-    words = f"The reference model is {case.model.name}, {whose}."
-    if case.trained is None:
-        return words
-    trained, count = case.trained, len(case.trained.sources)
-    return (
-        f"{words} The hybrid is the calibrator {plain(trained.calibrator.method)}, trained on {count} "
-        f"recording{'s' * (count != 1)} ({trained.metrics.get('windows', 0):,} windows of {trained.horizon_s} s, "
-        f"{trained.trained_at:%Y-%m-%d})."
+        f"{metres_text(model_m)} over {judged.windows.horizon_s} s. With constant speed and rate of turn the error "
+        f"would be {metres_text(constant_m)}: the model {gain}.{overlap}"
     )
 
 
@@ -485,8 +402,9 @@ def group_by_quality(case: Case) -> list[tuple[list[str], Products]]:
     groups: list[tuple[list[str], Products]] = []
     sound: list[str] | None = None
     for name, products in case.products.items():
-        is_sound = products.recording.closed and not (
-            finding_rows(products) or products.quality.missing or products.recording.health or event_rows(products)
+        recording, quality = products.recording, products.quality
+        is_sound = recording.closed and not (
+            quality.findings or quality.missing or recording.health or events_of(recording)
         )
         if is_sound and sound is not None:
             sound.append(name)
@@ -526,11 +444,6 @@ def source_rows(products: Products) -> list[list[str]]:
     ]  # fmt: skip
 
 
-def event_rows(products: Products) -> list[list[str]]:
-    """The events of a recording, in words."""
-    return [[time, in_words(text)] for time, text in events_of(products.recording)]
-
-
 def baseline_rows(case: Case) -> tuple[list[list[str]], int]:
     """Every method on windows that none has seen, and the best one's row."""
     judged = case.validation
@@ -541,26 +454,6 @@ def baseline_rows(case: Case) -> tuple[list[list[str]], int]:
         for errors in scores.values()
     ]
     return [[plain(name), *row, relative] for (name, *row), relative in zip(rows, against, strict=True)], best
-
-
-def baseline_words(case: Case) -> str:
-    """On what the table of methods rests."""
-    judged = case.validation
-    legs, dataset = len(np.unique(judged.windows.leg)), case.dataset
-    reasons = ", ".join(f"{count:,} {plain(reason)}" for reason, count in dataset.dropped.items() if count)
-    left_out = f"Of {dataset.candidates:,} windows these were left out: {reasons}." if reasons else ""
-    words = (
-        f"Mean errors over {len(judged.windows)} held windows of {judged.windows.horizon_s} s in {legs} "
-        f"leg{'s' * (legs != 1)}, one every {case.stride_s} s. A causal start state is estimated from earlier "
-        "measurements only, a two-sided one also from later ones, for comparison. Constant velocity keeps "
-        f"surge, sway and yaw rate constant. {left_out}"
-    )
-    if case.trained is None:
-        return words
-    return (
-        f"{words} Data driven is a neural network without a model. Networks do "
-        "not predict the heading: it is the reference's, or for data driven that of the present yaw rate."
-    )
 
 
 def calibration_table(calibration: Calibration) -> tuple[list[str], list[list[str]]]:
@@ -574,40 +467,10 @@ def calibration_table(calibration: Calibration) -> tuple[list[str], list[list[st
     ]  # fmt: skip
 
 
-def fallback_words(judged: Validation, training: DomainOfApplicability) -> str:
-    """How many windows start beyond the training, in what, and which baseline speaks there."""
-    names = [name for name, column in zip(training.names, training.outside.T, strict=True) if column.any()]
-    spoke = ", ".join(f"{plain(name)} in {count}" for name, count in (judged.fallback or {}).items())
-    quantities = f", in {join_words([quantity_title(name) for name in names])}" if names else ""
-    beyond = 0 if judged.outside_domain is None else int(judged.outside_domain.sum())
-    return (
-        f"{beyond} of {len(judged.windows)} windows start too far outside the calibrator's training "
-        f"range{quantities}; there a baseline predicts: {spoke}."
-    )
-
-
-def outside_words(judged: Validation, training: DomainOfApplicability) -> str:
-    """How many windows lie outside the range of the training itself, and in what."""
-    past = [name for name, column in zip(training.names, training.outside_range.T, strict=True) if column.any()]
-    count = int(training.outside_range.any(axis=1).sum())
-    return (
-        f"{count} of {len(judged.windows)} windows are outside the training range"
-        + (f", in {join_words([quantity_title(name) for name in past])}" if past else "")
-        + "; up to the dashed limits a model may extrapolate."
-    )
-
-
-def parameter_warnings(learned: Parameters) -> list[str]:
-    """Which parameters lie at a bound, and which cannot be distinguished."""
-    warnings = []
-    at_bound = [parameter.name for parameter in learned.parameters if parameter.at_bound]
-    if at_bound:
-        warnings.append(f"At a bound: {', '.join(at_bound)}.")
-    pairs = learned.entangled()
-    if pairs:
-        words = ", ".join(f"{first} with {second} ({value:+.2f})" for first, second, value in pairs[:6])
-        warnings.append(f"Cannot be distinguished: {words}{', and more' if len(pairs) > 6 else ''}.")
-    return warnings
+def outside_names(training: DomainOfApplicability, outside: NDArray[np.bool_]) -> str:
+    """In what windows [N, quantities] are ``outside`` of what a calibrator was trained on; empty for nothing."""
+    names = [quantity_title(name) for name, column in zip(training.names, outside.T, strict=True) if column.any()]
+    return f", in {join_words(names)}" if names else ""
 
 
 def parameter_rows(parameters: Sequence[AdaptedParameter]) -> list[list[str]]:
@@ -618,26 +481,6 @@ def parameter_rows(parameters: Sequence[AdaptedParameter]) -> list[list[str]]:
          "at its bound" if parameter.at_bound else "" if parameter.identified else "not determined"]
         for parameter in parameters
     ]  # fmt: skip
-
-
-def write_interactive_pages(case: Case, folder: Path | str) -> dict[str, str]:
-    """A page to zoom into for each recording, in ``folder``: what they are called and where, for links."""
-    from seatrial.analysis.report.interactive import interactive_page
-
-    pages = {}
-    for trial, products in case.products.items():
-        windows = products.window_rows
-        page = Path(folder) / (f"{INTERACTIVE}.html" if len(case.paths) == 1 else f"{INTERACTIVE}_{trial}.html")
-        predicted = {} if windows is None or case.why_not else case.predicted(trial)
-        try:
-            interactive_page(
-                products.one_hz, windows, predicted, products.manoeuvres, trial, products.recording.path.name
-            ).write(page)
-        except (ConfigurationError, DataShortageError):
-            continue  # without plotly, or without a row: the report stands without it
-        title = "interactive track and channels" + (f", {trial}" if len(case.paths) > 1 else "")
-        pages[title] = page.name
-    return pages
 
 
 def residual_sentences(residuals: Residuals) -> list[str]:
@@ -680,66 +523,58 @@ class Case:
         return named_recordings(self.paths)
 
     @cached_property
-    def named_paths(self) -> dict[str, Path]:
-        """The first file of each recording."""
-        return {name: parts[0] for name, parts in self.named_parts.items()}
-
-    @cached_property
     def _analysed(self) -> tuple[dict[str, Products], dict[str, str]]:
-        """What the analysis makes of each recording, and why it can make nothing of some."""
+        """What the analysis makes of each recording, and why it can make nothing of some.
+
+        Channels of motion and wind that one lacks are there, and empty; manoeuvres are those of one trial of each
+        ship.
+        """
         analysed, left_out = dict[str, Products](), dict[str, str]()
         for name, parts in self.named_parts.items():
             try:
-                analysed[name] = self._products_of(parts, name)
+                stated = statement_from_text(self.statement)
+                ship = self._ship_of(stated.added_to(read_trial(parts[0])), parts[0])
+                options = Options(repair=self.repair, smooth=False, horizon_s=self.horizon_s,
+                                  stride_s=self.stride_s, length_m=_length_m(ship),
+                                  rebuild_positions=None if self.repair else False,
+                                  statement=self.statement)  # fmt: skip
+                products = analyse(parts, options, name)
             except SeatrialError as error:
                 left_out[name] = str(error.at(""))
+                continue
+            lacking = [channel for channel in MOTION if channel not in products.one_hz]
+            filled = products.one_hz.assign(**dict.fromkeys(lacking, np.nan))
+            analysed[name] = replace(products, one_hz=filled)
         if not analysed:
             raise DataShortageError(
                 "no recording can be read", why="; ".join(f"{name}: {why}" for name, why in left_out.items())
             )
-        return self._with_trial_currents(analysed), left_out
-
-    def _with_trial_currents(self, analysed: dict[str, Products]) -> dict[str, Products]:
-        """The recordings with their manoeuvres as those of one trial of each ship."""
-        judged = dict(analysed)
-        for vessel in dict.fromkeys(products.recording.trial.vessel for products in analysed.values()):
-            names = [name for name, products in analysed.items() if products.recording.trial.vessel == vessel]
-            recorded = [self._recorded_runs(analysed[name], self.named_paths[name]) for name in names]
+        for names in _by_vessel(analysed).values():
+            recorded = []
+            for name, products in names.items():
+                ship = self._ship_of(products.recording.trial, self.named_parts[name][0])
+                conditions = Conditions(length_m=_length_m(ship))
+                recorded.append(RecordedRuns(products.table, products.manoeuvres, conditions))
             for name, runs in zip(names, runs_of_trial(recorded), strict=True):
-                judged[name] = replace(analysed[name], manoeuvres=runs)
-        return judged
-
-    def _recorded_runs(self, products: Products, path: Path) -> RecordedRuns:
-        ship = self._ship_of(products.recording.trial, path)
-        length_m = None if ship is None else ship.between_perpendiculars_m
-        return RecordedRuns(products.table, products.manoeuvres, Conditions(length_m=length_m))
-
-    def _products_of(self, parts: Sequence[Path], name: str) -> Products:
-        """The analysis of one recording; channels of motion and wind that it lacks are there, and empty."""
-        stated = statement_from_text(self.statement)
-        ship = self._ship_of(stated.added_to(read_trial(parts[0])), parts[0])
-        options = Options(repair=self.repair, smooth=False, horizon_s=self.horizon_s, stride_s=self.stride_s,
-                          length_m=None if ship is None else ship.between_perpendiculars_m,
-                          rebuild_positions=None if self.repair else False,
-                          statement=self.statement)  # fmt: skip
-        products = analyse(parts, options, name)
-        lacking = [channel for channel in MOTION if channel not in products.one_hz]
-        return replace(products, one_hz=products.one_hz.assign(**dict.fromkeys(lacking, np.nan)))
+                analysed[name] = replace(analysed[name], manoeuvres=runs)
+        return analysed, left_out
 
     def _ship_of(self, trial: Trial, recording: Path) -> ShipDimensions | None:
-        """The ship of a trial: given or stated dimensions take precedence over those of a file."""
-        stated = recorded_conditions(trial, pd.DataFrame())
-        of_file = ship_of(self._vessel_of(trial.vessel, recording))
+        """The ship of a trial: given or stated dimensions take precedence over those of a file, which are with a
+        hull lengthening."""
+        stated, vessel = recorded_conditions(trial, pd.DataFrame()), self._vessel_of(trial.vessel, recording)
         length_m = self.length_m or stated.length_m
-        if of_file is None:
-            return (
-                ShipDimensions(trial.vessel, length_m, length_m, stated.beam_m, stated.draught_m)
-                if length_m
-                else None
-            )
-        if length_m and length_m != of_file.between_perpendiculars_m:
-            of_file = replace(of_file, over_all_m=length_m, between_perpendiculars_m=length_m)
-        return replace(of_file, beam_m=stated.beam_m or of_file.beam_m)
+        if vessel is None:
+            if not length_m:
+                return None
+            return ShipDimensions(trial.vessel, length_m, length_m, stated.beam_m, stated.draught_m)
+        size, added_m = vessel.dimensions, vessel.effects.get("hull_lengthening", {}).get("length_m", 0.0)
+        over_all_m, between_m = size.length_overall_m + added_m, size.length_between_perpendiculars_m + added_m
+        if length_m and length_m != between_m:
+            over_all_m = between_m = length_m
+        title = vessel.description.partition(",")[0]  # what comes after a comma is about the model
+        beam_m = stated.beam_m or size.beam_m
+        return ShipDimensions(vessel.name, over_all_m, between_m, beam_m, size.draught_m, title)
 
     def _vessel_of(self, name: str, recording: Path) -> Vessel | None:
         """The vessel file of the ship that a recording names, or of the model asked for where it names none."""
@@ -760,22 +595,34 @@ class Case:
         """Why recordings are not in the report, by the name of their trial."""
         return self._analysed[1]
 
+    @cached_property
+    def by_vessel(self) -> dict[str, dict[str, Products]]:
+        """The recordings by the ships that they name."""
+        return _by_vessel(self.products)
+
     def ship(self, name: str) -> ShipDimensions | None:
         """The main dimensions of the ship that a recording names, None where it names none that is known.
 
         A length that was given stands above those of a file.
         """
-        return self._ship_of(self.products[name].recording.trial, self.named_paths[name])
+        return self._ship_of(self.products[name].recording.trial, self.named_parts[name][0])
+
+    def title_of(self, name: str) -> str:
+        """What people call the ship of a recording; empty where it names none."""
+        ship = self.ship(name)
+        return (ship.title if ship else "") or self.products[name].recording.trial.vessel
 
     def length_of(self, name: str) -> float | None:
         """The length between perpendiculars of the ship of a recording [m], None where it is not known."""
-        ship = self.ship(name)
-        return None if ship is None else ship.between_perpendiculars_m
+        return _length_m(self.ship(name))
 
     @cached_property
     def runs(self) -> list[NumberedRun]:
         """The manoeuvres of all recordings, numbered in the order of time."""
-        return numbered_runs(self.products)
+        runs = [(run, name, products.table) for name, products in self.products.items()
+                for run in products.manoeuvres]  # fmt: skip
+        runs.sort(key=lambda entry: entry[0].start)
+        return [NumberedRun(number, name, run, table) for number, (run, name, table) in enumerate(runs, start=1)]
 
     @cached_property
     def index_rows(self) -> dict[str, list[IndexRow]]:
@@ -799,7 +646,7 @@ class Case:
         if not powered:
             return None
         recorded = [(products.recording.trial, products.table) for products in powered.values()]
-        ship = self._vessel_of(recorded[0][0].vessel, self.named_paths[next(iter(powered))])
+        ship = self._vessel_of(recorded[0][0].vessel, self.named_parts[next(iter(powered))][0])
         events = [event for products in powered.values() for event in products.recording.events]
         try:
             stated = Conditions(length_m=self.length_m)
@@ -808,30 +655,23 @@ class Case:
             return None
 
     @cached_property
-    def _predictor(self) -> Predictor:
-        trials = {self.named_paths[name]: products.recording.trial for name, products in self.products.items()}
+    def predictor(self) -> Predictor:
+        """The reference model, and what is to be said of it: the calibrator's where there is one.
+
+        Raises as :func:`.reference_model`.
+        """
+        trials = {self.named_parts[name][0]: products.recording.trial for name, products in self.products.items()}
         return predictor_of(trials, self.trained, self.vessel)
-
-    @property
-    def model(self) -> ChosenModel:
-        """The reference model by name, and what is to be said of it: the calibrator's where there is one."""
-        return self._predictor.said
-
-    @property
-    def plant(self) -> Plant:
-        """The numbers of the reference model. Raises as :func:`.reference_model`."""
-        return self._predictor.plant
 
     @cached_property
     def dataset(self) -> Dataset:
         """The held windows of all recordings. Raises :class:`DataShortageError` where there is none."""
-        all_products = self.products
         held = {
             name: products
-            for name, products in all_products.items()
+            for name, products in self.products.items()
             if products.windows is not None and products.windows.kept
         }
-        used = held or all_products
+        used = held or self.products
         paths = [path for name in used for path in self.named_parts[name]]
         return dataset_of(
             {name: second_by_second(partial(resample, select(products.table, self.part_percent)))
@@ -839,7 +679,7 @@ class Case:
             self.horizon_s, self.stride_s,
             [WindowSource(path, digest, self.part_percent)
              for path, digest in zip(paths, refuse_duplicates(paths), strict=True)],
-            length_m=self.plant.length_overall_m,
+            length_m=self.predictor.plant.length_overall_m,
         )  # fmt: skip
 
     @property
@@ -857,25 +697,19 @@ class Case:
         """Every method on the held windows. Raises :class:`InputError` where a calibrator has seen them."""
         if self.trained is not None and not self.allow_seen:
             refuse_training_data(self.dataset.sources, self.trained)
-        return validate(self.dataset, self.plant, self.trained)
+        return validate(self.dataset, self.predictor.plant, self.trained)
 
     @cached_property
     def indices(self) -> IndexComparisons:
         """The measured indices beside those of the model, of all recordings."""
         runs = [(products.table, products.manoeuvres) for products in self.products.values()]
-        return index_comparison(runs, self._predictor)
+        return index_comparison(runs, self.predictor)
 
     @cached_property
     def by_length(self) -> LengthErrors | None:
         """The errors after so many L/V; None where no recording is long enough."""
-        return errors_by_length(self.dataset.tables, self.validation.windows, self.plant, self.trained)
-
-    @property
-    def _names_a_model(self) -> bool:
-        try:
-            return not self.model.doubt
-        except InputError:
-            return False
+        plant = self.predictor.plant
+        return errors_by_length(self.dataset.tables, self.validation.windows, plant, self.trained)
 
     @cached_property
     def why_not(self) -> str:
@@ -884,8 +718,13 @@ class Case:
         For a ship without its own model none is tested unless one was asked for.
         """
         try:
-            if self.trained is None and self.vessel is None and not self._names_a_model:
-                return "there is no model of the ship that the recordings name"
+            if self.trained is None and self.vessel is None:
+                try:
+                    is_of_ship = not self.predictor.said.doubt
+                except InputError:
+                    is_of_ship = False
+                if not is_of_ship:
+                    return "there is no model of the ship that the recordings name"
             _ = self.validation
         except (ConfigurationError, DataShortageError, InputError) as error:
             return str(error.at(""))
@@ -930,12 +769,21 @@ class Case:
 
     @cached_property
     def residuals(self) -> Residuals | None:
-        """The accelerations that the model lacks, over all recordings that can be smoothed; None without one."""
+        """The accelerations that the model lacks, over all recordings that can be smoothed, with the quantities
+        that all of them have; None without one."""
         residuals = [
-            residuals_of(products.one_hz, smooth(products.table, 1.0), self.plant)
+            residuals_of(products.one_hz, smooth(products.table, 1.0), self.predictor.plant)
             for products in self.products.values() if products.windows is not None
         ]  # fmt: skip
-        return pool_residuals(residuals) if residuals else None
+        if not residuals:
+            return None
+        names = [
+            name for name in residuals[0].quantities if all(name in recording.quantities for recording in residuals)
+        ]
+        return Residuals(
+            np.concatenate([recording.missing for recording in residuals]),
+            {name: np.concatenate([recording.quantities[name] for recording in residuals]) for name in names},
+        )
 
     @cached_property
     def domain(self) -> DomainOfApplicability | None:
@@ -952,15 +800,16 @@ class Case:
         return parameters_of(calibrator) if isinstance(calibrator, AdaptiveCalibrator) else None
 
 
-def ship_of(vessel: Vessel | None) -> ShipDimensions | None:
-    """The main dimensions of a ship, with a hull lengthening; None without a vessel file."""
-    if vessel is None:
-        return None
-    size, added_m = vessel.dimensions, vessel.effects.get("hull_lengthening", {}).get("length_m", 0.0)
-    return ShipDimensions(
-        vessel.name, size.length_overall_m + added_m, size.length_between_perpendiculars_m + added_m, size.beam_m,
-        size.draught_m, vessel.description.partition(",")[0],  # what comes after a comma is about the model
-    )  # fmt: skip
+def _length_m(ship: ShipDimensions | None) -> float | None:
+    return None if ship is None else ship.between_perpendiculars_m
+
+
+def _by_vessel(recordings: Mapping[str, Products]) -> dict[str, dict[str, Products]]:
+    """Recordings by the ships that they name."""
+    by_vessel: dict[str, dict[str, Products]] = {}
+    for name, products in recordings.items():
+        by_vessel.setdefault(products.recording.trial.vessel, {})[name] = products
+    return by_vessel
 
 
 def load_case(

@@ -15,13 +15,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
-from rich.console import Group
-from rich.table import Table
-from rich.text import Text
 
 from seatrial.acquisition.config.run_sheet import accuracy_of
 from seatrial.acquisition.core.quantities import KNOT_MPS, Floats, mean_wind, to_ship
-from seatrial.acquisition.core.result import terminal_table
 from seatrial.acquisition.core.ship import channel_unit, is_order
 from seatrial.analysis.manoeuvres.criteria import CriterionResult
 from seatrial.analysis.manoeuvres.indices import Manoeuvre, unit_of
@@ -36,9 +32,7 @@ from seatrial.analysis.tables.table import NANO, times_ns
 
 if TYPE_CHECKING:
     from seatrial.hybrid.evaluation.manoeuvre_indices import (
-        IndexComparison,
         IndexComparisons,
-        NotSimulated,
     )
     from seatrial.hybrid.evaluation.validate import LengthErrors
 
@@ -90,13 +84,6 @@ class NumberedRun:
         return f"Test {self.number}: {run.sided_name}, {time}"
 
 
-def numbered_runs(products: Mapping[str, Products]) -> list[NumberedRun]:
-    """The manoeuvres of all recordings, numbered in the order of time."""
-    runs = [(run, name, recording.table) for name, recording in products.items() for run in recording.manoeuvres]
-    runs.sort(key=lambda entry: entry[0].start)
-    return [NumberedRun(number, name, run, table) for number, (run, name, table) in enumerate(runs, start=1)]
-
-
 def programme_rows(tests: Sequence[NumberedRun]) -> list[list[str]]:
     """One row a test: when it was ordered, the approach with the output of the engine, and the wind.
 
@@ -104,41 +91,37 @@ def programme_rows(tests: Sequence[NumberedRun]) -> list[list[str]]:
     """
     is_one_day = len({test.manoeuvre.start.date() for test in tests}) == 1
     is_one_recording = len({test.recording for test in tests}) == 1
-    return [
-        [f"{test.number}", test.manoeuvre.sided_name, "" if is_one_recording else test.recording,
-         f"{test.manoeuvre.start:{'%H:%M:%S' if is_one_day else '%Y-%m-%d %H:%M:%S'}}", *_approach_cells(test)]
-        for test in tests
-    ]  # fmt: skip
+    rows = []
+    for test in tests:
+        run = test.manoeuvre
+        speed, heading = (run.settings.get(name) for name in ("approach_mps", "approach_heading_deg"))
+        if speed is not None:
+            approach = test.table.loc[run.start - pd.Timedelta(seconds=_APPROACH_S) : run.start]
+        else:  # it is steady itself
+            approach = test.table.loc[run.start : run.end]
+        shafts = [name for name in map(str, approach) if name.endswith("_rpm") and not is_order(name)]
+        shaft_rpm = [f"{approach[name].mean():.0f}" for name in measured_channels(approach, shafts)]
+        power = mean_power_kw(approach)
+        wind = approach.reindex(
+            columns=measured_channels(test.table, ["wind_speed_mps", "wind_direction_deg"])
+        ).dropna()
+        air = mean_wind(wind) if wind.shape[1] == 2 and len(wind) else None
+        rows.append([
+            f"{test.number}", run.sided_name, "" if is_one_recording else test.recording,
+            f"{run.start:{'%H:%M:%S' if is_one_day else '%Y-%m-%d %H:%M:%S'}}",
+            "" if speed is None else f"{speed / KNOT_MPS:.2f}",
+            "" if heading is None else f"{round(heading) % 360:03d}\u00b0",
+            " / ".join(shaft_rpm), "" if power is None else power_text(power).removesuffix(" kW"),
+            *(("", "", "") if air is None else (f"{air[0]:.1f}", f"{air[1]:.0f}\u00b0", f"{beaufort(air[0])}")),
+            "" if run.current is None else f"{run.current.as_json()['speed_mps'] / KNOT_MPS:.2f}",
+        ])  # fmt: skip
+    return rows
 
 
 def unrecorded(rows: Sequence[Sequence[str]]) -> list[str]:
     """What the circular asks to be recorded and no row of the programme has."""
     columns = dict(zip(PROGRAMME, zip(*rows, strict=True), strict=True))
     return [name.partition(" [")[0] for name in _ASKED if not any(columns[name])]
-
-
-def _approach_cells(test: NumberedRun) -> list[str]:
-    run = test.manoeuvre
-    if "approach_mps" in run.settings:
-        approach = test.table.loc[run.start - pd.Timedelta(seconds=_APPROACH_S) : run.start]
-    else:  # it is steady itself
-        approach = test.table.loc[run.start : run.end]
-    speed, heading = (run.settings.get(name) for name in ("approach_mps", "approach_heading_deg"))
-    shafts = [name for name in map(str, approach) if name.endswith("_rpm") and not is_order(name)]
-    shaft_rpm = [f"{approach[name].mean():.0f}" for name in measured_channels(approach, shafts)]
-    power = mean_power_kw(approach)
-    wind = approach.reindex(
-        columns=measured_channels(test.table, ["wind_speed_mps", "wind_direction_deg"])
-    ).dropna()
-    air = mean_wind(wind) if wind.shape[1] == 2 and len(wind) else None
-    drift = "" if run.current is None else f"{run.current.as_json()['speed_mps'] / KNOT_MPS:.2f}"
-    return [
-        "" if speed is None else f"{speed / KNOT_MPS:.2f}",
-        "" if heading is None else f"{round(heading) % 360:03d}\u00b0",
-        " / ".join(shaft_rpm), "" if power is None else power_text(power).removesuffix(" kW"),
-        *(("", "", "") if air is None else (f"{air[0]:.1f}", f"{air[1]:.0f}\u00b0", f"{beaufort(air[0])}")),
-        drift,
-    ]  # fmt: skip
 
 
 def measured_channels(table: pd.DataFrame, names: Sequence[str]) -> list[str]:
@@ -155,28 +138,26 @@ def criteria_rows(
     by_criterion: dict[str, list[CriterionResult]] = {}
     for result in results:
         by_criterion.setdefault(result.criterion.name, []).append(result)
-    return [_criterion_row(sides, length_m) for sides in by_criterion.values()]
-
-
-def _criterion_row(
-    results: Sequence[CriterionResult], length_m: float | None
-) -> tuple[str, str, list[tuple[str, str, str]]]:
-    criterion, unit = results[0].criterion, unit_of(results[0].criterion.index)
-    limits = [result.mean.index for result in results if result.mean and result.mean.index.limit]
-    if limits:
-        limit = index_cells(min(limits, key=lambda index: index.limit or 0.0))[3].replace(f" {unit}", "")
-    else:
-        bound = criterion.limit(length_m, 0.0)
-        lengths = f" ({bound / length_m:.1f} L)" if bound and length_m and unit == "m" else ""
-        limit = f"{bound:.1f}{lengths}" if bound else ""
-    cells = []
-    for result in results:
-        value, interval = _NOT_MEASURED, ""
-        if result.mean is not None:
-            value, interval, lengths, _ = index_cells(result.mean.index)
-            value = value.removesuffix(f" {result.mean.index.unit}") + (f" ({lengths} L)" if lengths else "")
-        cells.append((value, interval, result.result.replace("_", " ")))
-    return f"{criterion.name} [{unit}] ({criterion.clause})", f"\u2264 {limit}" if limit else "", cells
+    rows = []
+    for sides in by_criterion.values():
+        criterion, unit = sides[0].criterion, unit_of(sides[0].criterion.index)
+        limits = [result.mean.index for result in sides if result.mean and result.mean.index.limit]
+        if limits:
+            limit = index_cells(min(limits, key=lambda index: index.limit or 0.0))[3].replace(f" {unit}", "")
+        else:
+            bound = criterion.limit(length_m, 0.0)
+            lengths = f" ({bound / length_m:.1f} L)" if bound and length_m and unit == "m" else ""
+            limit = f"{bound:.1f}{lengths}" if bound else ""
+        cells = []
+        for result in sides:
+            value, interval = _NOT_MEASURED, ""
+            if result.mean is not None:
+                value, interval, lengths, _ = index_cells(result.mean.index)
+                value = value.removesuffix(f" {result.mean.index.unit}") + (f" ({lengths} L)" if lengths else "")
+            cells.append((value, interval, result.result.replace("_", " ")))
+        title = f"{criterion.name} [{unit}] ({criterion.clause})"
+        rows.append((title, f"\u2264 {limit}" if limit else "", cells))
+    return rows
 
 
 def history(motion: Motion, test: NumberedRun) -> tuple[list[str], list[list[str]], float]:
@@ -192,44 +173,35 @@ def history(motion: Motion, test: NumberedRun) -> tuple[list[str], list[list[str
     step_s = max((step for step in _STEPS_S if duration_s / step >= _FEWEST_ROWS), default=_STEPS_S[0])
     step_s = step_s * max(1, int(np.ceil(duration_s / step_s / (sheet_columns * (_ROWS_ON_SHEET - 1)))))
     time_s = np.arange(start, end + 1e-6, step_s)
-    north, east = (_sampled(motion, name, time_s) - motion.at(name, start) for name in ("north_m", "east_m"))
+
+    def sampled(name: str) -> Floats:
+        return np.asarray(np.interp(time_s, motion.time_s, getattr(motion, name)))
+
+    north, east = (sampled(name) - motion.at(name, start) for name in ("north_m", "east_m"))
     course = np.deg2rad(run.settings.get("approach_heading_deg", motion.at("heading_deg", start)))
     ahead, starboard = to_ship(north, east, course)
-    digits = 1 if float(np.ptp(np.hypot(north, east))) < 300.0 else 0
     columns = {
         "time [s]": (time_s - start, 1 if step_s < 1.0 else 0),
-        "heading [deg]": (_sampled(motion, "heading_deg", time_s) % 360.0, 1),
-        "speed [kn]": (_sampled(motion, "speed_mps", time_s) / KNOT_MPS, 2),
-        "rate [deg/s]": (_sampled(motion, "yaw_rate_dps", time_s), 2),
-        **_command_columns(motion, time_s),
-        "ahead [m]": (ahead, digits),
-        "across [m]": (starboard, digits),
+        "heading [deg]": (sampled("heading_deg") % 360.0, 1),
+        "speed [kn]": (sampled("speed_mps") / KNOT_MPS, 2),
+        "rate [deg/s]": (sampled("yaw_rate_dps"), 2),
     }
+    if motion.steering:
+        columns[f"{motion.steering} [deg]"] = sampled("helm_deg"), 1
+    if motion.helm_order_deg is not None:
+        last = np.searchsorted(motion.time_s, time_s + 1e-6, side="right") - 1  # an order holds until the next one
+        columns["order [deg]"] = motion.helm_order_deg[last], 1
+    for name, values in motion.drives.items():
+        words = "shaft" if len(motion.drives) == 1 else motion.words.get(name, in_words(name))
+        columns[f"{words} [rpm]"] = np.interp(time_s, motion.time_s, values), 0
+    digits = 1 if float(np.ptp(np.hypot(north, east))) < 300.0 else 0
+    columns |= {"ahead [m]": (ahead, digits), "across [m]": (starboard, digits)}
     if measured_channels(test.table, ["wind_speed_mps"]):
         wind = test.table["wind_speed_mps"].dropna()
         times_s = (times_ns(wind.to_frame()) - run.start.value) / NANO
         columns["wind [m/s]"] = np.interp(time_s - start, times_s, wind.to_numpy(dtype=float)), 1
     cells = [[f"{value:.{places}f}" for value in values.round(places) + 0.0] for values, places in columns.values()]
     return list(columns), [list(row) for row in zip(*cells, strict=True)], step_s
-
-
-def _sampled(motion: Motion, name: str, time_s: Floats) -> Floats:
-    return np.asarray(np.interp(time_s, motion.time_s, getattr(motion, name)))
-
-
-def _command_columns(motion: Motion, time_s: Floats) -> Columns:
-    columns: Columns = {}
-    if motion.steering:
-        columns[f"{motion.steering} [deg]"] = _sampled(motion, "helm_deg", time_s), 1
-    if motion.helm_order_deg is not None:
-        last = np.searchsorted(motion.time_s, time_s + 1e-6, side="right") - 1  # an order holds until the next one
-        columns["order [deg]"] = motion.helm_order_deg[last], 1
-    for name, values in motion.drives.items():
-        words = motion.words.get(name, in_words(name))
-        columns["shaft [rpm]" if len(motion.drives) == 1 else f"{words} [rpm]"] = (
-            np.interp(time_s, motion.time_s, values), 0,
-        )  # fmt: skip
-    return columns
 
 
 def on_one_sheet(header: Sequence[str], rows: Sequence[list[str]]) -> tuple[list[str], list[list[str]]]:
@@ -273,13 +245,28 @@ def _with_unit(value: float, name: str) -> str:
 
 
 def index_tables(comparisons: IndexComparisons) -> list[tuple[str, list[list[str]]]]:
-    """A table a test and model: its title, and a line an index in the columns of :data:`INDEX_HEADER`."""
-    grouped = groupby(comparisons.rows, key=lambda row: (row.start, row.test, row.side, row.method))
+    """A table a test and model: its title, and a line an index in the columns of :data:`INDEX_HEADER`, differences
+    in its unit and in percent."""
     several = len({row.method for row in comparisons.rows}) > 1
-    return [
-        (test_title(test, side, method if several else "", f"{start:%H:%M:%S}"), [index_line(row) for row in rows])
-        for (start, test, side, method), rows in grouped
-    ]
+    tables = []
+    grouped = groupby(comparisons.rows, key=lambda row: (row.start, row.test, row.side, row.method))
+    for (start, test, side, method), rows in grouped:
+        lines = []
+        for row in rows:
+            value, interval, *_ = index_cells(row.measured)
+            decimals = len(value.split()[0].partition(".")[2])
+            cells = [plain_name(row.name) + REMOVED * row.current_removed, value, interval]
+            for simulated in (row.predicted, row.replayed):
+                if simulated is None:
+                    cells += ["", ""]
+                    continue
+                percent = "" if simulated.percent is None else f" ({simulated.percent:+.1f} %)"
+                outside = OUTSIDE if simulated.within is False else ""
+                difference = f"{simulated.difference:+.{decimals}f}{percent}{outside}"
+                cells += [f"{simulated.value:.{decimals}f}", difference.replace("-", "\u2212")]
+            lines.append(cells)
+        tables.append((test_title(test, side, method if several else "", f"{start:%H:%M:%S}"), lines))
+    return tables
 
 
 def test_title(test: str, side: str, method: str, time: str) -> str:
@@ -292,75 +279,36 @@ def test_title(test: str, side: str, method: str, time: str) -> str:
     return f"{time} {sided}{', ' * bool(method)}{method}"
 
 
-def index_line(row: IndexComparison) -> list[str]:
-    """The cells of an index in the columns of :data:`INDEX_HEADER`: differences in its unit and in percent."""
-    value, interval, *_ = index_cells(row.measured)
-    decimals = len(value.split()[0].partition(".")[2])
-    name = plain_name(row.name) + REMOVED * row.current_removed
-    cells = [name, value, interval]
-    for simulated in (row.predicted, row.replayed):
-        if simulated is None:
-            cells += ["", ""]
-            continue
-        percent = "" if simulated.percent is None else f" ({simulated.percent:+.1f} %)"
-        outside = OUTSIDE if simulated.within is False else ""
-        difference = f"{simulated.difference:+.{decimals}f}{percent}{outside}"
-        cells += [f"{simulated.value:.{decimals}f}", difference.replace("-", "\u2212")]
-    return cells
-
-
 def notes_of_indices(comparisons: IndexComparisons) -> list[str]:
-    """What the tables mean, what the model does not know, and which tests it did not make, a sentence each."""
+    """What the tables mean, what the model does not know, and which tests it did not make, by reason: a sentence
+    each."""
     removed = [f"{REMOVED} the current removed."] if any(row.current_removed for row in comparisons.rows) else []
     legend = [f"{LEGEND[0].upper()}{LEGEND[1:]}."] if comparisons.rows else []
     remarks = [f"{remark[0].upper()}{remark[1:]}." for remark in comparisons.remarks]
-    return [*legend, *removed, *remarks, *left_out_lines(comparisons.left_out)]
-
-
-def left_out_lines(left_out: Sequence[NotSimulated]) -> list[str]:
-    """Which tests were not simulated, those of one reason in a sentence."""
     tests: dict[tuple[str, str, str], list[str]] = {}
-    for test in left_out:
+    for test in comparisons.left_out:
         named = test_title(test.test, test.side, "", "").strip()
         tests.setdefault((test.method, test.form, test.why), []).append(named)
-    return [
+    left_out = [
         f"Not {form} by the {method} model: {', '.join(dict.fromkeys(names))}: {why}."
         for (method, form, why), names in tests.items()
     ]
+    return [*legend, *removed, *remarks, *left_out]
 
 
-def indices_view(comparisons: IndexComparisons) -> Group:
-    """The tables for a terminal, and their notes."""
-    tables = [
-        terminal_table(title, INDEX_HEADER, lines, title_style="bold") for title, lines in index_tables(comparisons)
-    ]
-    return Group(*tables, *(Text(note, style="dim") for note in notes_of_indices(comparisons)))
-
-
-def length_header(errors: LengthErrors) -> list[str]:
-    """The columns of :func:`length_lines`."""
+def length_table(errors: LengthErrors, horizon_s: int) -> tuple[str, list[str], list[list[str]]]:
+    """The errors after so many L/V: what L/V is and how many of it the horizon is, the columns, and a line a method
+    with the distance, in ship lengths, and the heading error at each time."""
+    time_s = errors.length_time_s
+    title = (
+        f"error after L/V = {errors.length_m:.3g} m / {errors.speed_mps:.3g} m/s = {time_s:.3g} s, in "
+        f"{errors.windows} windows under their commands ({horizon_s} s = {horizon_s / time_s:.2g} L/V)"
+    )
     times = zip(errors.lengths, errors.seconds, strict=True)
-    return ["method", *(f"{lengths} L/V = {seconds} s" for lengths, seconds in times)]
-
-
-def length_lines(errors: LengthErrors) -> list[list[str]]:
-    """A line a method: the distance, in ship lengths, and the heading error at each time."""
-    return [
+    header = ["method", *(f"{lengths} L/V = {seconds} s" for lengths, seconds in times)]
+    rows = [
         [name.replace("_", " "), *(f"{error.distance_m:.3g} m, {error.distance_lengths:.2f} L, "
                                    f"{error.heading_error_deg:.1f} deg" for error in method_errors)]
         for name, method_errors in errors.methods.items()
     ]  # fmt: skip
-
-
-def length_title(errors: LengthErrors, horizon_s: int) -> str:
-    """What L/V is, and how many of it the horizon is."""
-    time_s = errors.length_time_s
-    return (
-        f"error after L/V = {errors.length_m:.3g} m / {errors.speed_mps:.3g} m/s = {time_s:.3g} s, in "
-        f"{errors.windows} windows under their commands ({horizon_s} s = {horizon_s / time_s:.2g} L/V)"
-    )
-
-
-def length_table(errors: LengthErrors, horizon_s: int) -> Table:
-    """The errors by L/V for a terminal."""
-    return terminal_table(length_title(errors, horizon_s), length_header(errors), length_lines(errors), wrap=True)
+    return title, header, rows

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import QuadMesh
 from matplotlib.colors import LinearSegmentedColormap, LogNorm
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 
 from seatrial.acquisition.core.quantities import Floats
+from seatrial.acquisition.core.ship import ANGLES
 from seatrial.analysis.report.plots import FAINT, INK, PALETTE, Drawing, channels_figure, label_points
 from seatrial.hybrid.calibrators import DomainOfApplicability
 from seatrial.hybrid.calibrators.adaptive import Parameters
@@ -19,13 +21,13 @@ from seatrial.hybrid.report import plots
 from seatrial.hybrid.report.diagnosis_plots import axis_title
 from seatrial.hybrid.report.errors import (
     ACCELERATIONS,
+    PLANES,
     QUANTITIES,
     Calibration,
     Cells,
     Residuals,
     cells_of,
     consecutive_windows,
-    planes_of,
 )
 from seatrial.hybrid.report.text import plain, quantity_title
 from seatrial.hybrid.report.trial import Case
@@ -43,7 +45,11 @@ def residual_maps(figure: Figure, residuals: Residuals) -> None:
 
     One colour scale a row; cells of too few seconds are grey.
     """
-    planes = planes_of(residuals)
+    # with the angle that the ship is steered by; without planes of which a quantity is not known
+    angle = next((f"{kind}_deg" for kind in ANGLES if f"{kind}_deg" in residuals.quantities), "")
+    wind = PLANES[-1][1]
+    candidates = (*PLANES[:-1], (angle, wind if wind in residuals.quantities else "yaw_rate_dps"))
+    planes = [plane for plane in candidates if set(plane) <= set(residuals.quantities)]
     cells = [cells_of(residuals, *plane) for plane in planes]
     grid = figure.subplots(len(ACCELERATIONS) + 1, len(planes), squeeze=False, sharex="col", sharey="col")
     for row, words in enumerate(MISSING):
@@ -100,35 +106,6 @@ def training_range(axes: Axes, ground: DomainOfApplicability) -> None:
     axes.grid(visible=False, axis="y")
 
 
-def parameter_bars(axes: Axes, shown: Parameters) -> None:
-    """The best known parameters as factors of the model's numbers, with 95 % intervals; 1 is no change."""
-    factors = [parameter for parameter in shown.identified if parameter.neutral == 1.0][:_MOST]
-    rows = np.arange(len(factors))
-    value, low, high = (
-        np.array([getattr(parameter, name) for parameter in factors]) for name in ("value", "low", "high")
-    )
-    colours = [PALETTE[4] if parameter.at_bound else PALETTE[0] for parameter in factors]
-    axes.axvline(1.0, color=INK, linewidth=0.8)
-    axes.hlines(rows, low, high, color=colours, linewidth=1.6)
-    axes.scatter(value, rows, color=colours, s=18, zorder=3)
-    plots.named_rows(axes, [parameter.name for parameter in factors])
-    axes.set_xlabel("times the model's number [1]")
-
-
-def correlations(axes: Axes, names: Sequence[str], matrix: Floats) -> None:
-    """The correlation of estimates: 1 and -1 cannot be distinguished, 0 are independent."""
-    image = axes.imshow(matrix, cmap=plots.LESS_MORE, vmin=-1.0, vmax=1.0)
-    axes.set_xticks(range(len(names)), names, rotation=90, fontsize=7)
-    axes.set_yticks(range(len(names)), names, fontsize=7)
-    axes.grid(visible=False)
-    if axes.figure is not None:
-        axes.figure.colorbar(image, ax=axes, label="correlation [1]", shrink=0.8)
-    if len(names) <= 8:
-        for row, values in enumerate(matrix):
-            for column, value in enumerate(values):
-                axes.text(column, row, f"{value:.2f}".replace("-", "\u2212"), ha="center", va="center", fontsize=8)
-
-
 def time_series(case: Case, name: str) -> Drawing | None:
     """The channels of a recording against time, and the motion that is predicted of it."""
     products = case.products[name]
@@ -138,12 +115,14 @@ def time_series(case: Case, name: str) -> Drawing | None:
 
 
 def all_errors_by_second(figure: Figure, case: Case) -> None:
-    """Distance, along, across, heading and speed: median and 90 %."""
+    """Distance, along, across, heading and speed: median and 90 %; a colour a method, a dash a share."""
     *grid, legend_axes = figure.subplots(2, 3).ravel()
     for axes, quantity in zip(grid, QUANTITIES, strict=True):
         plots.errors_by_second(axes, case.errors, quantity)
     legend_axes.set_axis_off()
-    plots.legend_of_shares(legend_axes, grid[0])
+    handles, words = grid[0].get_legend_handles_labels()
+    handles += [Line2D([], [], color=INK, linestyle=style) for style in ("-", "--")]
+    legend_axes.legend(handles, [*words, "median over the windows", "90 % of them"], loc="center left")
 
 
 def prediction_fans(figure: Figure, case: Case) -> None:
@@ -154,18 +133,23 @@ def prediction_fans(figure: Figure, case: Case) -> None:
     """
     judged, best, name = case.validation, case.best, case.most_judged
     panels = figure.subplot_mosaic("TTTAAA;TTTCCC;001122", height_ratios=(1.0, 1.0, 1.7))
-    track, fans = panels["T"], {"along": panels["A"], "across": panels["C"]}
+    track_axes, fans, table = panels["T"], {"along": panels["A"], "across": panels["C"]}, case.products[name].one_hz
     chosen = consecutive_windows(judged.windows)
     chosen = chosen[(judged.windows.trial == name)[chosen]]
     shown = chosen[np.unique(np.linspace(0, len(chosen) - 1, min(_FANS, len(chosen))).astype(int))]
-    plots.tracks_on_track(track, case.products[name].one_hz, judged.tracks[best][shown], best)
+    tracks, colour = judged.tracks[best][shown], plots.COLOUR[best]
+    track_axes.plot(table["east_m"], table["north_m"], color=INK, linewidth=1.0, label="measured")
+    lifted = np.pad(tracks[..., :2], ((0, 0), (0, 1), (0, 0)), constant_values=np.nan).reshape(-1, 2)
+    track_axes.plot(lifted[:, 1], lifted[:, 0], color=colour, linewidth=1.6, label=plain(best))
+    track_axes.plot(tracks[:, 0, 1], tracks[:, 0, 0], "o", color=INK, markersize=2.5, label="start of a prediction")
+    plots.north_up(track_axes)
     for component, axes in fans.items():
         plots.fan_of_errors(axes, getattr(case.errors[best], component), component, best)
+        axes.set_ylabel(f"{component}\n[m]")
     plots.legend_above(fans["along"], 3)
     fans["along"].tick_params(labelbottom=False)
-    for component, axes in fans.items():
-        axes.set_ylabel(f"{component}\n[m]")
     fans["across"].set_xlabel("prediction time [s]")
+
     error = distances(judged.tracks[best], judged.windows.track)
     ranked = chosen[np.argsort(error[chosen, -1], kind="stable")]
     picked: dict[int, str] = {}
@@ -174,28 +158,46 @@ def prediction_fans(figure: Figure, case: Case) -> None:
     places = [panels[place] for place in "012"]
     for axes in places[len(picked) :]:
         axes.set_axis_off()
-    for place, (number, words) in enumerate(picked.items()):
-        tracks = {method: judged.tracks[method][number] for method in dict.fromkeys((best, "reference"))}
+    for axes, place, (number, words) in zip(places, "123", picked.items(), strict=False):
+        by_method = {method: judged.tracks[method][number] for method in dict.fromkeys((best, "reference"))}
         measured = judged.windows.track[number]
         if judged.region_m is None:
-            plots.whole_prediction(places[place], measured, tracks)
+            _whole_prediction(axes, measured, by_method)
         else:
-            plots.prediction_end(places[place], measured, tracks, judged.region_m[number])
-        places[place].set_title(f"{place + 1}: {words}, {error[number, -1]:.2g} m off", loc="left", fontsize=9)
-    ends = judged.windows.track[list(picked), -1, 1::-1]
-    path = case.products[name].one_hz[["east_m", "north_m"]].to_numpy(dtype=float)
-    numbers = [str(place + 1) for place in range(len(picked))]
-    label_points(track, [(x, y) for x, y in ends], numbers, path, color=PALETTE[4], weight="bold")
-    handles = {text: handle for axes in (track, panels["0"])
+            plots.prediction_end(axes, measured, by_method, judged.region_m[number])
+        axes.set_title(f"{place}: {words}, {error[number, -1]:.2g} m off", loc="left", fontsize=9)
+    ends = [(x, y) for x, y in judged.windows.track[list(picked), -1, 1::-1]]
+    path = table[["east_m", "north_m"]].to_numpy(dtype=float)
+    label_points(track_axes, ends, ["1", "2", "3"][: len(picked)], path, color=PALETTE[4], weight="bold")
+    handles = {text: handle for axes in (track_axes, panels["0"])
                for handle, text in zip(*axes.get_legend_handles_labels(), strict=True)}  # fmt: skip
     figure.legend(handles.values(), handles.keys(), loc="outside lower center", ncols=6)
 
 
+def _whole_prediction(axes: Axes, measured: Floats, tracks: Mapping[str, Floats]) -> None:
+    """Predicted tracks [H+1, 3] by method from start to end beside where the ship was; north up, to scale."""
+    shown = {"measured": (measured, INK)}
+    shown |= {plain(name): (track, plots.COLOUR[name]) for name, track in tracks.items()}
+    for name, (track, colour) in shown.items():
+        axes.plot(track[:, 1], track[:, 0], color=colour, linewidth=1.6, label=name)
+        axes.plot(track[-1, 1], track[-1, 0], "o", color=colour, markersize=5)
+    axes.plot(measured[0, 1], measured[0, 0], "o", color=INK, markersize=2.5)
+    axes.margins(0.08)
+    plots.north_up(axes)
+    axes.locator_params(nbins=4)
+
+
 def error_distributions(figure: Figure, case: Case) -> None:
-    """Errors by channel, and by trial."""
+    """Errors of all windows and seconds by channel and method, the outermost 2 % beyond the axes; and by trial."""
     above, below = np.asarray(figure.subfigures(2, 1))
     for axes, quantity in zip(above.subplots(1, 4), ("along", "across", "heading", "speed"), strict=True):
-        plots.error_histogram(axes, case.errors, quantity)
+        by_method = {method: getattr(components, quantity) for method, components in case.errors.items()}
+        low, high = np.quantile(np.concatenate([values.ravel() for values in by_method.values()]), [0.01, 0.99])
+        edges = np.linspace(low, high, 61)
+        for method, values in by_method.items():
+            share = 100.0 * np.histogram(values, bins=edges)[0] / values.size
+            axes.stairs(share, edges, color=plots.COLOUR[method], linewidth=1.3, label=plain(method))
+        axes.set(xlabel=QUANTITIES[quantity], ylabel="share in a class [%]", ylim=(0.0, None))
     above.legend(*above.axes[0].get_legend_handles_labels(), loc="outside upper center", ncols=4)
     trial = case.validation.windows.trial
     mean_m = {method: components.distance.mean(axis=1) for method, components in case.errors.items()}
@@ -207,19 +209,50 @@ def error_distributions(figure: Figure, case: Case) -> None:
 
 
 def region_calibration(figure: Figure, calibration: Calibration) -> None:
-    """Coverage by second, and the probability integral transform."""
+    """The share of positions inside the 95 % regions by second, with its bootstrap interval over legs, and the
+    probability integral transform of the distances in ten classes; dotted lines are what they should be."""
     coverage_axes, transform_axes = figure.subplots(1, 2)
-    plots.coverage_by_second(coverage_axes, calibration)
-    plots.transform_histogram(transform_axes, calibration)
+    seconds = np.arange(1, len(calibration.picp) + 1)
+    coverage_axes.axhline(95.0, color=INK, linewidth=0.8, linestyle=":")
+    low, high, colour = 100 * calibration.low, 100 * calibration.high, plots.COLOUR["hybrid"]
+    coverage_axes.fill_between(seconds, low, high, color=colour, alpha=0.2, linewidth=0)
+    coverage_axes.plot(seconds, 100 * calibration.picp, color=colour)
+    coverage_axes.set(xlabel="prediction time [s]", ylabel="inside the 95 % region (PICP) [%]",
+                      xlim=(0, seconds[-1]))  # fmt: skip
+    lowest = np.nanmin(np.append(calibration.low, calibration.picp))
+    coverage_axes.set_ylim(min(80.0, 100 * float(lowest) - 2.0), 100.5)
+
+    finite = calibration.pit[np.isfinite(calibration.pit)]
+    counts, edges = np.histogram(finite, bins=np.linspace(0.0, 1.0, 11))
+    share = 100.0 * counts / max(counts.sum(), 1)
+    transform_axes.bar(edges[:-1], share, width=0.1, align="edge", color=colour, alpha=0.6, edgecolor="white")
+    transform_axes.axhline(10.0, color=INK, linewidth=0.8, linestyle=":")
+    transform_axes.set(xlabel="probability integral transform (PIT) [1]", ylabel="positions [%]", xlim=(0, 1))
 
 
 def parameters(figure: Figure, learned: Parameters) -> None:
-    """The best known parameters, and how their estimates are correlated."""
-    bar_axes, correlation_axes = figure.subplots(1, 2, width_ratios=(1.0, 1.25))
-    parameter_bars(bar_axes, learned)
-    determined = learned.identified[:_MOST]
-    correlations(
-        correlation_axes,
-        [parameter.name for parameter in determined],
-        learned.correlation[: len(determined), : len(determined)],
+    """The best known parameters as factors of the model's numbers, with 95 % intervals, 1 being no change; and how
+    their estimates are correlated: 1 and -1 cannot be distinguished, 0 are independent."""
+    bar_axes, axes = figure.subplots(1, 2, width_ratios=(1.0, 1.25))
+    factors = [parameter for parameter in learned.identified if parameter.neutral == 1.0][:_MOST]
+    rows = np.arange(len(factors))
+    value, low, high = (
+        np.array([getattr(parameter, name) for parameter in factors]) for name in ("value", "low", "high")
     )
+    colours = [PALETTE[4] if parameter.at_bound else PALETTE[0] for parameter in factors]
+    bar_axes.axvline(1.0, color=INK, linewidth=0.8)
+    bar_axes.hlines(rows, low, high, color=colours, linewidth=1.6)
+    bar_axes.scatter(value, rows, color=colours, s=18, zorder=3)
+    plots.named_rows(bar_axes, [parameter.name for parameter in factors])
+    bar_axes.set_xlabel("times the model's number [1]")
+
+    names = [parameter.name for parameter in learned.identified[:_MOST]]
+    matrix = learned.correlation[: len(names), : len(names)]
+    image = axes.imshow(matrix, cmap=plots.LESS_MORE, vmin=-1.0, vmax=1.0)
+    axes.set_xticks(range(len(names)), names, rotation=90, fontsize=7)
+    axes.set_yticks(range(len(names)), names, fontsize=7)
+    axes.grid(visible=False)
+    figure.colorbar(image, ax=axes, label="correlation [1]", shrink=0.8)
+    for (row, column), coefficient in np.ndenumerate(matrix) if len(names) <= 8 else ():
+        text = f"{coefficient:.2f}".replace("-", "\u2212")
+        axes.text(column, row, text, ha="center", va="center", fontsize=8)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from itertools import pairwise
 from math import isfinite
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -19,7 +20,7 @@ from seatrial.analysis.manoeuvres.measures import peak
 from seatrial.analysis.report.plots import FAINT, INK, PALETTE, outlines
 from seatrial.analysis.report.rendering import Page, render, write_figure
 from seatrial.analysis.report.tables import plain_name
-from seatrial.hybrid.report.text import join_words, templates
+from seatrial.hybrid.report.text import join_words, plain, templates
 from seatrial.hybrid.simulation.vessel_check import StandardTest, VesselCheck
 
 BLUE, ORANGE, GREEN, _, RED = PALETTE[:5]
@@ -50,20 +51,10 @@ def headline(check: VesselCheck) -> str:
     )
 
 
-def stability_text(check: VesselCheck) -> str:
-    """Whether the ship keeps straight by herself."""
-    words = {
-        None: "course stability is not known: no pull-out was possible",
-        True: "course stable: with the helm amidships the ship stops turning, to either side",
-        False: "not course stable: with the helm amidships the ship keeps turning",
-    }
-    return words[check.course_stable]
-
-
 def index_rows(test: StandardTest) -> list[list[str]]:
     """One row an index: its name, value, in lengths, limit, and the result."""
     return [
-        [plain_name(name), value_text(index), lengths_text(index), _limit_text(index), _result_text(index)]
+        [plain_name(name), value_text(index), lengths_text(index), _limit_text(index), plain(index.result)]
         for name, index in test.indices.items()
     ]
 
@@ -86,10 +77,6 @@ def _limit_text(index: Index) -> str:
     return f"{index.limit_lengths:.1f} L" if index.limit_lengths else f"{index.limit:.1f} {index.unit}"
 
 
-def _result_text(index: Index) -> str:
-    return index.result.replace("_", " ")
-
-
 def write_vessel_check(check: VesselCheck, path: Path) -> Path:
     """Write a picture (png, svg, pdf, or json with its numbers), or a page for any other ending.
 
@@ -109,7 +96,13 @@ def page_of(check: VesselCheck) -> Page:
 
 
 def notes_of(check: VesselCheck) -> list[str]:
-    """What is to be said under the table."""
+    """What is to be said under the table: whether the ship keeps straight by itself, the criteria, what is not
+    made."""
+    stability = {
+        None: "course stability is not known: no pull-out was possible",
+        True: "course stable: with the helm amidships the ship stops turning, to either side",
+        False: "not course stable: with the helm amidships the ship keeps turning",
+    }
     by_reason: dict[str, list[str]] = {}
     for name, why in check.left_out.items():
         by_reason.setdefault(why, []).append(name)
@@ -119,7 +112,7 @@ def notes_of(check: VesselCheck) -> list[str]:
     standards = [f"{headline_words} ({assumed})"] if tested else []
     shortfalls = [f"{reason}: {names}" for reason, names in shortfalls_of(check.criteria)]
     not_made = [f"{join_words(names)} not made: {why}" for why, names in by_reason.items()]
-    return [stability_text(check), *standards, *shortfalls, *not_made]
+    return [stability[check.course_stable], *standards, *shortfalls, *not_made]
 
 
 def draw_vessel_check(figure: Figure, check: VesselCheck) -> None:
@@ -131,10 +124,46 @@ def draw_vessel_check(figure: Figure, check: VesselCheck) -> None:
     for axes, angle in ((panels["10"], 10.0), (panels["20"], 20.0)):
         _draw_zigzag(axes, [test for test in check.of_kind("zigzag") if abs(test.helm_deg) == angle])
         axes.set_title(f"zigzag {angle:.0f}/{angle:.0f}", loc="left")
-    _draw_speeds(panels["speeds"], check)
+
+    axes = panels["speeds"]
+    axes.set_title("steady speed", loc="left")
+    rpm, speed = check.speeds.T
+    axes.plot(rpm, speed, "o-", color=BLUE, markersize=3.5)
+    if isfinite(check.speed_mps):
+        axes.plot(check.rpm, check.speed_mps, "D", color=RED, markersize=6, label="speed of the tests")
+        axes.legend(loc="upper left", fontsize=8)
+    axes.set(xlabel="shaft speed [rpm]", ylabel="speed [m/s]", xlim=(0.0, None), ylim=(0.0, None))
+
     _draw_pull_outs(panels["pull"], check)
-    _draw_stop(panels["stop"], check)
+
+    axes = panels["stop"]
+    axes.set_title("crash stop", loc="left")
+    for test in check.of_kind("stopping"):
+        shown = test.motion.between(float(test.executes_s[0]), float(test.executes_s[1]))
+        way = np.append(0.0, np.cumsum(np.hypot(np.diff(shown.north_m), np.diff(shown.east_m)))) / check.length_m
+        axes.plot(way, shown.surge_mps, color=BLUE)
+        names = ("track_reach_m", "head_reach_m", "lateral_deviation_m", "stopping_time_s")
+        _write_indices(axes, test, names)
+    axes.set(xlabel="way along the track [L]", ylabel="surge [m/s]")
     figure.suptitle(f"{check.vessel}: {headline(check)}", x=0.01, ha="left", fontsize=11)
+
+
+def _draw_pull_outs(axes: Axes, check: VesselCheck) -> None:
+    """Yaw rate from the order amidships on."""
+    axes.set_title("pull-out: helm amidships out of a turn", loc="left")
+    axes.axhline(0.0, color=FAINT, linewidth=0.8)
+    for test, colour in zip(check.of_kind("pull_out"), (BLUE, ORANGE), strict=False):
+        released = float(test.executes_s[1])
+        length_s = check.length_m / check.speed_mps
+        shown = test.motion.between(released - 3.0 * length_s, released + _PULL_OUT_LENGTHS * length_s)
+        axes.plot(shown.time_s - released, shown.yaw_rate_dps, color=colour, label=f"from {_side(test)}")
+    tests = check.of_kind("pull_out")
+    if tests:
+        texts = [f"{value_text(test.indices['residual_yaw_rate_dps'])} left from {_side(test)}" for test in tests]
+        axes.text(0.98, 0.02, "\n".join(texts), transform=axes.transAxes, fontsize=8, ha="right", va="bottom")
+        axes.legend(loc="upper right", fontsize=8)
+    words = {None: "", True: "course stable", False: "not course stable"}[check.course_stable]
+    axes.set(xlabel=f"time since the order [s]{', ' * bool(words)}{words}", ylabel="yaw rate [deg/s]")
 
 
 def _write_indices(axes: Axes, test: StandardTest, names: tuple[str, ...]) -> None:
@@ -144,7 +173,7 @@ def _write_indices(axes: Axes, test: StandardTest, names: tuple[str, ...]) -> No
         if name in test.indices:
             index = test.indices[name]
             value = f"{lengths_text(index)} L" if index.lengths is not None else value_text(index)
-            limit = f"  (IMO {_limit_text(index)}, {_result_text(index)})" if index.limit is not None else ""
+            limit = f"  (IMO {_limit_text(index)}, {plain(index.result)})" if index.limit is not None else ""
             lines.append(f"{plain_name(name)} {value}{limit}")
     box = {"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 1.5}
     words = "\n".join(lines)
@@ -163,7 +192,18 @@ def _draw_circles(axes: Axes, check: VesselCheck) -> None:
         axes.plot(starboard, ahead, color=colour, label=f"{abs(test.helm_deg):.0f} deg to {_side(test)}")
         turning = slice(int(np.searchsorted(shown.time_s, test.executes_s[0])), None)
         outlines(axes, starboard[turning], ahead[turning], np.deg2rad(shown.heading_deg[turning]), 1.0)
-        _limit_lines(axes, test)
+
+        side = 1.0 if test.helm_deg > 0.0 else -1.0
+        words = "_" if side < 0.0 else "IMO's largest advance and diameter"
+        limits = [
+            index.limit_lengths if (index := test.indices.get(name)) else None
+            for name in ("advance_m", "tactical_diameter_m")
+        ]
+        look: dict[str, Any] = {"linestyle": "--", "color": RED, "linewidth": 0.9}
+        if limits[0] is not None:
+            axes.plot([0.0, side * 3.0], [limits[0]] * 2, label=words, **look)
+        if limits[1] is not None:
+            axes.plot([side * limits[1]] * 2, [-1.0, 2.0], **look)
     tests = check.of_kind("turning_circle")
     if tests:
         names = ("advance_m", "transfer_m", "tactical_diameter_m", "steady_diameter_m")
@@ -171,20 +211,6 @@ def _draw_circles(axes: Axes, check: VesselCheck) -> None:
         axes.legend(loc="upper right", fontsize=8)
     axes.set_aspect("equal", adjustable="datalim")
     axes.set(xlabel="to starboard of the approach [L]", ylabel="ahead of the order [L]")
-
-
-def _limit_lines(axes: Axes, test: StandardTest) -> None:
-    """IMO's advance across the approach, and its tactical diameter beside it."""
-    side = 1.0 if test.helm_deg > 0.0 else -1.0
-    words = "_" if side < 0.0 else "IMO's largest advance and diameter"
-    for name in ("advance_m", "tactical_diameter_m"):
-        index = test.indices.get(name)
-        if index is None or index.limit_lengths is None:
-            continue
-        if name == "advance_m":
-            axes.plot([0.0, side * 3.0], [index.limit_lengths] * 2, "--", color=RED, linewidth=0.9, label=words)
-        else:
-            axes.plot([side * index.limit_lengths] * 2, [-1.0, 2.0], "--", color=RED, linewidth=0.9)
 
 
 def _side(test: StandardTest) -> str:
@@ -211,44 +237,3 @@ def _draw_zigzag(axes: Axes, tests: list[StandardTest]) -> None:
         axes.margins(y=0.3)
         axes.legend(loc="upper right", ncols=2, fontsize=8)
     axes.set(xlabel="time since the order [s]", ylabel="[deg], starboard positive")
-
-
-def _draw_speeds(axes: Axes, check: VesselCheck) -> None:
-    """Steady speed over shaft speed, the tests' marked."""
-    axes.set_title("steady speed", loc="left")
-    rpm, speed = check.speeds.T
-    axes.plot(rpm, speed, "o-", color=BLUE, markersize=3.5)
-    if isfinite(check.speed_mps):
-        axes.plot(check.rpm, check.speed_mps, "D", color=RED, markersize=6, label="speed of the tests")
-        axes.legend(loc="upper left", fontsize=8)
-    axes.set(xlabel="shaft speed [rpm]", ylabel="speed [m/s]", xlim=(0.0, None), ylim=(0.0, None))
-
-
-def _draw_pull_outs(axes: Axes, check: VesselCheck) -> None:
-    """Yaw rate from the order amidships on."""
-    axes.set_title("pull-out: helm amidships out of a turn", loc="left")
-    axes.axhline(0.0, color=FAINT, linewidth=0.8)
-    for test, colour in zip(check.of_kind("pull_out"), (BLUE, ORANGE), strict=False):
-        released = float(test.executes_s[1])
-        length_s = check.length_m / check.speed_mps
-        shown = test.motion.between(released - 3.0 * length_s, released + _PULL_OUT_LENGTHS * length_s)
-        axes.plot(shown.time_s - released, shown.yaw_rate_dps, color=colour, label=f"from {_side(test)}")
-    tests = check.of_kind("pull_out")
-    if tests:
-        texts = [f"{value_text(test.indices['residual_yaw_rate_dps'])} left from {_side(test)}" for test in tests]
-        axes.text(0.98, 0.02, "\n".join(texts), transform=axes.transAxes, fontsize=8, ha="right", va="bottom")
-        axes.legend(loc="upper right", fontsize=8)
-    words = {None: "", True: "course stable", False: "not course stable"}[check.course_stable]
-    axes.set(xlabel=f"time since the order [s]{', ' * bool(words)}{words}", ylabel="yaw rate [deg/s]")
-
-
-def _draw_stop(axes: Axes, check: VesselCheck) -> None:
-    """Speed over the way along the track."""
-    axes.set_title("crash stop", loc="left")
-    for test in check.of_kind("stopping"):
-        shown = test.motion.between(float(test.executes_s[0]), float(test.executes_s[1]))
-        way = np.append(0.0, np.cumsum(np.hypot(np.diff(shown.north_m), np.diff(shown.east_m)))) / check.length_m
-        axes.plot(way, shown.surge_mps, color=BLUE)
-        names = ("track_reach_m", "head_reach_m", "lateral_deviation_m", "stopping_time_s")
-        _write_indices(axes, test, names)
-    axes.set(xlabel="way along the track [L]", ylabel="surge [m/s]")
