@@ -180,13 +180,6 @@ def as_paths(data: Data) -> list[Path]:
     return [write(data, folder / "table.mcap")]
 
 
-def announce_result(result: Any) -> None:
-    """Show a table or a result on stderr, if this runs as a command."""
-
-    if is_announcing():
-        Terminal(stderr=True).print(result)
-
-
 def show_result(result: Any, as_json: bool, options: Mapping[str, Any]) -> None:
     """A result on standard output: as JSON, or as a terminal shows it, the model that it is of first."""
     if as_json:
@@ -667,7 +660,7 @@ def _agree(
     raw: RawTable, answers: dict[str, str], vessel: str | Path | None, yes: bool, preview: Path | None
 ) -> Proposal:
     """Show what is proposed; at a terminal ask what the table does not tell, and whether it is right."""
-    from seatrial.acquisition.tables.import_table import draw_preview, proposal_table, propose_for
+    from seatrial.acquisition.tables.import_table import draw_preview, propose_for
 
     proposal = propose_for(raw, answers, vessel)
     at_terminal = sys.stdin.isatty() and sys.stderr.isatty() and not yes
@@ -676,7 +669,8 @@ def _agree(
         text = printable(f"{question.text} {'/'.join(question.options)}")
         answers[question.key] = typer.prompt(text, default=question.default, err=True)
         proposal = propose_for(raw, answers, vessel)
-    announce_result(proposal_table(proposal))
+    if is_announcing():
+        Terminal(stderr=True).print(proposal)
     for warning in proposal.warnings:
         announce(f"warning: {warning}")
     if preview is not None:

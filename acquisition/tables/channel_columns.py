@@ -258,7 +258,7 @@ def _resolve_mirrored_axes(
         f"{yaw!r} turns as the track of {x.column!r} and {y.column!r} does in either of two readings: x to the"
         f" north and {yaw!r} clockwise from north (NED), or x to the east and {yaw!r} {FROM_EAST.words}"
     )
-    if any(_ROS_NAME.search(name) for name in map(str, draft.raw.columns.columns)):
+    if any(_ROS_NAME.search(name) for name in draft.raw.names):
         draft.warnings.append(f"{readings}; the names of ROS say the second, --answer x_axis=north the first")
         context.positions_are_sure = True
         return True, "to the east, as in ROS"
@@ -556,7 +556,7 @@ def find_actuators(draft: MappingDraft, ship: Actuators = ()) -> tuple[Actuators
 def _actuators_by_angle_names(draft: MappingDraft) -> Actuators:
     """The default ship's actuators if columns have the names of their angles, as another ship may have such shafts;
     else thrusters whose shaft and angle share a short name, as t1 [rpm] and t1 angle [deg]."""
-    names = list(map(str, draft.raw.columns.columns))
+    names = draft.raw.names
     angles = {channel.name for actuator in DEFAULT for channel in actuator.channels if channel.unit == "deg"}
     if angles & set(names):
         return DEFAULT
@@ -573,7 +573,7 @@ def _columns_by_channel_name(draft: MappingDraft, ship: Actuators) -> list[Actua
     channels = {channel.name: (actuator, channel.unit) for actuator in ship for channel in actuator.channels}
     orders = {name_of_order(name): entry for name, entry in channels.items()}
     columns: dict[str, ActuatorColumn] = {}
-    for column in map(str, draft.raw.columns.columns):
+    for column in draft.raw.names:
         head = split_header(column)
         stems = {re.sub(r"\W+", "_", name.strip().lower()) for name in (column, head.name)}
         for channel, (actuator, unit) in (channels | orders).items():

@@ -452,6 +452,14 @@ class MappingDraft:
         self.questions.append(Question(key, text, (*options,), default))
         return default
 
+    def cells(self, column: str) -> pd.Series[Any]:
+        """A column's filled cells."""
+        return self.raw.columns[column].dropna()
+
+    def is_numeric(self, column: str) -> bool:
+        """Whether all cells of a column are numbers."""
+        return pd.api.types.is_numeric_dtype(self.raw.columns[column].dtype)
+
     def numbers(self, column: str) -> Floats:
         """A column's numbers, NaN for other cells."""
         return np.asarray(pd.to_numeric(self.raw.columns[column], errors="coerce").to_numpy(dtype=float))
@@ -517,7 +525,7 @@ def check_keys(answers: Mapping[str, str], columns: Sequence[str]) -> None:
 def column_candidates(raw: RawTable) -> list[ColumnCandidate]:
     """Each column with the first quantity that its description or name means and its unit fits."""
     candidates = []
-    for column in map(str, raw.columns.columns):
+    for column in raw.names:
         head = split_header(column)
         stated_units = parse_units(raw.units.get(column, ""))
         if (exact := QUANTITY_BY_CHANNEL.get(column)) is not None:
