@@ -8,7 +8,7 @@ recognised by the kinds and sides in their columns' names, or by the ship's list
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -17,7 +17,7 @@ import pandas as pd
 import pymap3d
 
 from seatrial.acquisition.core.conventions import FROM_EAST
-from seatrial.acquisition.core.quantities import Floats, scale_to
+from seatrial.acquisition.core.quantities import Floats, from_degrees_and_minutes, scale_to
 from seatrial.acquisition.core.ship import BY_NAME, DEFAULT, KINDS, Actuator, Actuators, as_text, name_of_order
 from seatrial.acquisition.tables import evidence
 from seatrial.acquisition.tables.column_map import (
@@ -65,6 +65,8 @@ from seatrial.acquisition.tables.heading_columns import (
 
 FASTEST_MPS = 30.0  # what a speed channel holds
 _CLEAR_RATIO = 2.0  # of two readings of the wind the one with half the mean square change is right
+_WIND_STEPS = 6  # of the grid, half a minute: a ship turns meanwhile, the wind keeps
+_MIN_CERTAIN_RPM = 30.0  # higher values are not revolutions per second
 _WIND_CHANNELS = {
     "true": ("wind_direction_deg", "wind_speed_mps"),
     "apparent": ("apparent_wind_angle_deg", "apparent_wind_speed_mps"),
@@ -111,6 +113,7 @@ def read_motion(context: TableContext) -> None:
 
 
 def _read_geographic(context: TableContext) -> None:
+    """Assign the first pair of a latitude and a longitude that is a position on earth in a possible unit."""
     draft = context.draft
     pairs = [
         (latitude, longitude)
@@ -119,33 +122,45 @@ def _read_geographic(context: TableContext) -> None:
         if latitude.units == longitude.units or not (latitude.units and longitude.units)
     ]
     for latitude, longitude in pairs:
-        if position := _position_in_degrees(draft, latitude, longitude):
-            _assign_position(context, latitude, longitude, *position)
-            return
+        for unit_guess, degrees in _positions_in_degrees(draft, latitude, longitude):
+            valid = np.isfinite(degrees[0]) | np.isfinite(degrees[1])
+            if valid.any() and np.mean(evidence.is_on_earth(*degrees)[valid]) > 0.5:
+                _assign_position(context, latitude, longitude, unit_guess, degrees)
+                return
     if pairs:
         names = ", ".join(f"{first.column!r} and {second.column!r}" for first, second in pairs)
         draft.warnings.append(f"{names} are no latitude and longitude in any unit; they are left out")
 
 
-def _position_in_degrees(
+def _positions_in_degrees(
     draft: MappingDraft, latitude: ColumnCandidate, longitude: ColumnCandidate
-) -> tuple[UnitGuess, list[Floats]] | None:
-    """The unit with its reason, and both columns in degrees; None if they cannot be a position."""
+) -> Iterator[tuple[UnitGuess, list[Floats]]]:
+    """The units that two columns may be in, with the reason, and both columns in degrees by each."""
     if draft.is_empty(latitude.column):
-        return None
-    columns = [draft.raw.columns[candidate.column] for candidate in (latitude, longitude)]
-    if not all(pd.api.types.is_numeric_dtype(column.dtype) for column in columns):
+        return
+    names = latitude.column, longitude.column
+    if not all(map(draft.is_numeric, names)):
+        columns = [draft.raw.columns[name] for name in names]
         values, signs = degrees_of_text(columns[0], columns[1], _meaning_of_o(draft, columns[1]))
-        values = [
-            np.where(np.isnan(sign), value, np.abs(value) * sign) for value, sign in zip(values, signs, strict=True)
-        ]
-        return (("text", "degrees, minutes and letters"), values) if evidence.are_mostly_on_earth(*values) else None
+        yield (
+            ("text", "degrees, minutes and letters"),
+            [
+                np.where(np.isnan(sign), value, np.abs(value) * sign)
+                for value, sign in zip(values, signs, strict=True)
+            ],
+        )
+        return
     stated = latitude.units or longitude.units
     for unit in stated or ("deg", "ddmm", "degE7"):
-        values = [evidence.in_degrees(draft.numbers(candidate.column), unit) for candidate in (latitude, longitude)]
-        if evidence.are_mostly_on_earth(*values):
-            return (unit, f"head says {unit}" if stated else f"{unit} by their size"), values
-    return None
+        values = [draft.numbers(name) for name in names]
+        if unit == "ddmm":  # 60 minutes and more are none
+            values = [
+                np.where(np.abs(angles) % 100.0 < 60.0, from_degrees_and_minutes(angles), np.nan)
+                for angles in values
+            ]
+        else:
+            values = [angles * scale_to("deg", unit) for angles in values]
+        yield (unit, f"head says {unit}" if stated else f"{unit} by their size"), values
 
 
 def _meaning_of_o(draft: MappingDraft, column: pd.Series[Any]) -> MeaningOfO | None:
@@ -212,15 +227,26 @@ def _assign_position(
 
 
 def _read_plane_position(context: TableContext) -> None:
-    """Assign metres to north and east, or x and y, where there is no latitude."""
+    """Assign metres to north and east, or x and y, where there is no latitude.
+
+    Positions of a grid such as UTM, millions of metres, begin near zero.
+    """
     draft, why = context.draft, "by its name"
     north, east, x, y = (evidence.best_candidate(draft, name) for name in (*POSITION_CHANNELS, "x", "y"))
     if "position" in draft.tree:
         return
     if not (north and east) and x and y:
         x_is_east = None if "x_axis" in draft.answers else _is_x_east(context, x, y)
-        if x_is_east is False and (column := _yaw_column_without_axes(context)):
-            x_is_east, why = _resolve_mirrored_axes(context, x, y, column)
+        words = [
+            candidate.words
+            for name in ("heading_deg", "surge_mps", "sway_mps")
+            for candidate in draft.candidates_for(name)[:1]
+        ]
+        # not the heading of a compass, nor beside SNAME's words: no name states its axes
+        is_yaw = bool(words) and "yaw" in words[0] and not any(names & _SHIP_WORDS for names in words)
+        yaw = context.channels.get("heading_deg", {}).get("column", "") if is_yaw else ""
+        if x_is_east is False and yaw:
+            x_is_east, why = _resolve_mirrored_axes(context, x, y, yaw)
         elif x_is_east is None:
             answer = draft.ask("x_axis", f"is {x.column!r} to the north or to the east?", _AXES)
             x_is_east, why = answer == "east", "as answered" if answer else "not clear"
@@ -228,22 +254,18 @@ def _read_plane_position(context: TableContext) -> None:
             why = "the track runs where the heading points"
         context.positions_are_sure |= "x_axis" in draft.used_answers
         north, east = (y, x) if x_is_east else (x, y)
-    if north and east:
-        for name, candidate in zip(POSITION_CHANNELS, (north, east), strict=True):
-            evidence.assign_column(context, name, candidate, (candidate.units or ("m",))[0], why)
-            _subtract_grid_offset(context, name)
-
-
-def _yaw_column_without_axes(context: TableContext) -> str:
-    """The heading's column if no name states its axes; empty for a compass heading and SNAME's words."""
-    column = context.channels.get("heading_deg", {}).get("column", "")
-    names = [
-        candidate.words
-        for name in ("heading_deg", "surge_mps", "sway_mps")
-        for candidate in context.draft.candidates_for(name)[:1]
-    ]
-    is_yaw = bool(names) and "yaw" in names[0] and not any(words & _SHIP_WORDS for words in names)
-    return column if is_yaw else ""
+    if not (north and east):
+        return
+    for name, candidate in zip(POSITION_CHANNELS, (north, east), strict=True):
+        evidence.assign_column(context, name, candidate, (candidate.units or ("m",))[0], why)
+        values = context.series[name]
+        start = next(iter(values[np.isfinite(values)]), 0.0)
+        if abs(start) > BY_NAME[name].high:
+            offset = -1000.0 * round(start / 1000.0)
+            context.channels[name]["offset"] = offset
+            context.series[name] = values + offset
+            grid_start = f"{1000 * round(start / 1000.0):,} m"
+            draft.warnings.append(f"{candidate.column!r} counts from {grid_start}, as grids do (UTM)")
 
 
 def _resolve_mirrored_axes(
@@ -266,18 +288,6 @@ def _resolve_mirrored_axes(
         "x_axis", f"{readings}, which mirrors it. Is {x.column!r} to the north or to the east?", _AXES
     )
     return answer == "east", "as answered" if answer else "not clear"
-
-
-def _subtract_grid_offset(context: TableContext, name: str) -> None:
-    """Let positions of a grid such as UTM, millions of metres, begin near zero."""
-    values, entry = context.series[name], context.channels[name]
-    start = next(iter(values[np.isfinite(values)]), 0.0)
-    if abs(start) > BY_NAME[name].high:
-        entry["offset"] = -1000.0 * round(start / 1000.0)
-        context.series[name] = values + entry["offset"]
-        context.draft.warnings.append(
-            f"{entry['column']!r} counts from {1000 * round(start / 1000.0):,} m, as grids do (UTM)"
-        )
 
 
 def _is_x_east(context: TableContext, x: ColumnCandidate, y: ColumnCandidate) -> bool | None:
@@ -323,13 +333,25 @@ def _speed_unit(context: TableContext, candidate: ColumnCandidate, name: str) ->
 
 
 def _read_wind(context: TableContext) -> None:
+    """Assign the true and the apparent wind; of an unnamed kind whichever makes the wind over ground steadier."""
     draft = context.draft
     for kind, names in _WIND_CHANNELS.items():
         _assign_wind(context, kind, *(evidence.best_candidate(draft, name) for name in names))
     direction, speed = (evidence.best_candidate(draft, name) for name in ("wind_direction", "wind_speed"))
     if direction is None or speed is None or "wind_direction_deg" in context.channels:
         return
-    wind_kind = "true" if "apparent_wind_angle_deg" in context.channels else _wind_kind(context, direction, speed)
+    if "apparent_wind_angle_deg" in context.channels:
+        _assign_wind(context, "true", direction, speed)
+        return
+    changes = _wind_changes(context, direction, speed, (speed.units or ("m/s",))[0])
+    wind_kind = None if "wind" in draft.answers else _clearly_steadiest(changes)
+    if wind_kind:
+        times = max(changes.values()) / max(min(changes.values()), 1e-12)
+        why = f"{wind_kind}: taken otherwise it would change {times:.1f} times as much"
+        draft.note(direction.column, "wind", "", why)
+    else:
+        text = f"{direction.column!r} and {speed.column!r}: the true wind, or the apparent wind from the bow?"
+        wind_kind = draft.ask("wind", text, tuple(_WIND_CHANNELS))
     if wind_kind in _WIND_CHANNELS:
         _assign_wind(context, wind_kind, direction, speed)
 
@@ -372,43 +394,36 @@ def _clearly_steadiest(changes: dict[str, float]) -> str | None:
     return min(changes, key=changes.__getitem__) if is_clear else None
 
 
-def _wind_kind(context: TableContext, direction: ColumnCandidate, speed: ColumnCandidate) -> str | None:
-    """True or apparent wind: whichever makes the wind over ground steadier, else as answered."""
-    changes = _wind_changes(context, direction, speed, (speed.units or ("m/s",))[0])
-    kind = None if "wind" in context.draft.answers else _clearly_steadiest(changes)
-    if kind:
-        times = max(changes.values()) / max(min(changes.values()), 1e-12)
-        why = f"{kind}: taken otherwise it would change {times:.1f} times as much"
-        context.draft.note(direction.column, "wind", "", why)
-        return kind
-    text = f"{direction.column!r} and {speed.column!r}: the true wind, or the apparent wind from the bow?"
-    return context.draft.ask("wind", text, tuple(_WIND_CHANNELS))
-
-
 def _wind_changes(
     context: TableContext, direction: ColumnCandidate, speed: ColumnCandidate, unit: str
 ) -> dict[str, float]:
-    """The mean square change of the wind over ground if the columns are the true wind, and the apparent."""
-    heading, motion = context.series.get("heading_deg"), _velocity_over_ground(context)
-    if heading is None or motion is None or context.grid.size < 3:
+    """The mean square change, over half a minute, of the wind over ground if the columns are the true wind, and the
+    apparent; empty where the ship's velocity or its heading is not known."""
+    series = context.series
+    if "heading_deg" not in series or context.grid.size < 3:
+        return {}
+    heading = series["heading_deg"]
+    if {"surge_mps", "sway_mps"} <= set(series):  # the velocity, north + i east
+        motion = np.asarray((series["surge_mps"] + 1j * series["sway_mps"]) * _polar(1.0, heading))
+    elif set(GROUND_CHANNELS) <= set(series):
+        motion = _polar(series["speed_over_ground_mps"], series["course_over_ground_deg"])
+    elif "north_m" in series:
+        north, east = (local_slopes(context.t, series[name]) for name in POSITION_CHANNELS)
+        motion = np.asarray(north + 1j * east)
+    else:
         return {}
     size = context.draft.numbers(speed.column) * scale_to("m/s", unit)
     angle = context.draft.numbers(direction.column) * scale_to("deg", (direction.units or ("deg",))[0])
-    winds = {"true": _polar(size, angle), "apparent": _polar(size, angle + heading) - motion}
-    changes = {kind: evidence.mean_square_change(context.t, wind, context.grid) for kind, wind in winds.items()}
-    return {} if np.isnan(list(changes.values())).any() else changes
-
-
-def _velocity_over_ground(context: TableContext) -> np.ndarray | None:
-    """The ship's velocity, north + i east [n], if it is known."""
-    series = context.series
-    if {"surge_mps", "sway_mps", "heading_deg"} <= set(series):
-        return np.asarray((series["surge_mps"] + 1j * series["sway_mps"]) * _polar(1.0, series["heading_deg"]))
-    if set(GROUND_CHANNELS) <= set(series):
-        return _polar(series["speed_over_ground_mps"], series["course_over_ground_deg"])
-    if "north_m" not in series:
-        return None
-    return np.asarray(local_slopes(context.t, series["north_m"]) + 1j * local_slopes(context.t, series["east_m"]))
+    changes = {}
+    for kind, wind in (("true", _polar(size, angle)), ("apparent", _polar(size, angle + heading) - motion)):
+        parts = [evidence.interval_means(context.t, part, context.grid) for part in (np.real(wind), np.imag(wind))]
+        mean_wind = parts[0] + 1j * parts[1]
+        steps = mean_wind[_WIND_STEPS:] - mean_wind[:-_WIND_STEPS]
+        steps = steps[np.isfinite(steps)]
+        if steps.size < evidence.MIN_INCREMENTS:
+            return {}
+        changes[kind] = float(np.mean(np.abs(steps) ** 2))
+    return changes
 
 
 def _polar(size: Floats | float, angle_deg: Floats) -> np.ndarray:
@@ -417,16 +432,27 @@ def _polar(size: Floats | float, angle_deg: Floats) -> np.ndarray:
 
 
 def _assign_control(context: TableContext, control: ActuatorColumn) -> None:
-    candidate, unit = control.candidate, BY_NAME[control.channel].unit
+    draft, candidate, unit = context.draft, control.candidate, BY_NAME[control.channel].unit
     if "percent" in candidate.units[:1] and unit != "%":
         _assign_percentage(context, control, "deg" if unit == "deg" else "rpm")
         return
+    unit_guess: UnitGuess | None
     if unit == "%":
-        unit_guess: UnitGuess | None = ((candidate.units or ("%",))[0], "")
+        unit_guess = (candidate.units or ("%",))[0], ""
     elif unit == "deg":
         unit_guess = angle_unit(context, candidate, control.channel)
+    elif candidate.header_unit:
+        unit_guess = candidate.header_unit
     else:
-        unit_guess = _shaft_unit(context.draft, candidate)
+        values = draft.numbers(candidate.column)
+        largest = float(np.nanmax(np.abs(values))) if np.isfinite(values).any() else 0.0
+        if "rpm" in candidate.words or largest == 0.0:
+            unit_guess = "rpm", "by its name" if largest else "all zero"
+        elif largest > _MIN_CERTAIN_RPM:
+            unit_guess = "rpm", f"up to {largest:.4g}"
+        else:
+            text = f"{candidate.column!r} goes up to {largest:.3g}: turns a minute or a second?"
+            unit_guess = evidence.ask_unit(draft, f"unit.{candidate.column}", text, ("rpm", "rps"))
     if unit_guess:
         evidence.assign_column(context, control.channel, candidate, *unit_guess, control.why)
         if unit == "deg":
@@ -449,17 +475,6 @@ def _assign_percentage(context: TableContext, control: ActuatorColumn, unit: str
     why = f"100 % is {full_scale} {unit}, as answered"
     evidence.assign_column(
         context, control.channel, control.candidate, "percent", why, control.why, full_scale=float(full_scale)
-    )
-
-
-def _shaft_unit(draft: MappingDraft, candidate: ColumnCandidate) -> UnitGuess | None:
-    if candidate.header_unit:
-        return candidate.header_unit
-    values = draft.numbers(candidate.column)
-    largest = float(np.nanmax(np.abs(values))) if np.isfinite(values).any() else 0.0
-    text = f"{candidate.column!r} goes up to {largest:.3g}: turns a minute or a second?"
-    return evidence.shaft_unit_by_range(largest, candidate.words) or evidence.ask_unit(
-        draft, f"unit.{candidate.column}", text, ("rpm", "rps")
     )
 
 

@@ -38,7 +38,6 @@ from seatrial.acquisition.core.ship import (
     channel_by_rule,
     channel_names,
     channel_unit,
-    channels_known_to,
     channels_of_trial,
     find_channel,
     from_text,
@@ -440,7 +439,7 @@ def quality_flags(table: pd.DataFrame, trial: Trial | None = None) -> dict[str, 
 
     ``trial`` states the declared channels.
     """
-    flags, channels = {}, channels_known_to(trial or Trial())
+    flags, channels = {}, known_channels(trial or Trial())
     for name, column in table.items():
         values = column.to_numpy(dtype=float)
         outside = np.isfinite(values) & ~is_possible(channels[str(name)], values)
@@ -707,7 +706,7 @@ def draw_preview(raw: RawTable, proposal: Proposal, path: Path) -> None:
         track.set_axis_off()
 
     readings = {reading.taken_for: reading for reading in proposal.readings}
-    channels = known_channels({"trial": {"channels": file.trial.channels}})
+    channels = known_channels(file.trial)
     for number, name in enumerate(names):
         present = table[name].dropna()
         times = np.asarray(
