@@ -377,18 +377,10 @@ def actuators_in(names: Iterable[str]) -> Actuators:
     return tuple(Actuator(stem, kind) for stem, kind in kinds.items())
 
 
-def as_text(actuators: Actuators) -> str:
-    """A list of actuators as text, as in a recording's metadata; empty for the default list."""
-    return "" if actuators == DEFAULT else _names_and_kinds(actuators)
-
-
-def stated_text(actuators: Actuators, vessel: str) -> str:
-    """As :func:`as_text` for a ship whose list is known; the default list is written out, too, unless ``vessel`` is
-    the name of a ship that comes with Seatrial."""
-    return as_text(actuators) or ("" if vessel in SHIPPED else _names_and_kinds(actuators))
-
-
-def _names_and_kinds(actuators: Actuators) -> str:
+def as_text(actuators: Actuators, *, omit_default: bool = True) -> str:
+    """A list of actuators as text, as in a recording's metadata; the default list is usually left out, as ""."""
+    if omit_default and actuators == DEFAULT:
+        return ""
     return ", ".join(f"{actuator.name}:{actuator.kind}" for actuator in actuators)
 
 

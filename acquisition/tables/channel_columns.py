@@ -19,30 +19,7 @@ import pymap3d
 from seatrial.acquisition.core.conventions import FROM_EAST
 from seatrial.acquisition.core.quantities import Floats, from_degrees_and_minutes, scale_to
 from seatrial.acquisition.core.ship import BY_NAME, DEFAULT, KINDS, Actuator, Actuators, as_text, name_of_order
-from seatrial.acquisition.tables import evidence
-from seatrial.acquisition.tables.column_map import (
-    Axis,
-    MeaningOfO,
-    apply_hemisphere,
-    degrees_of_text,
-    has_unclear_o,
-    hemisphere_signs,
-    holds_hemispheres,
-    local_slopes,
-    remark_on_missing_fixes,
-)
-from seatrial.acquisition.tables.column_names import (
-    BOW,
-    ORDER,
-    PORT,
-    QUANTITIES,
-    STARBOARD,
-    STERN,
-    TUNNEL,
-    parse_units,
-    split_header,
-    words_of,
-)
+from seatrial.acquisition.tables import column_map, column_names, evidence, heading_columns
 from seatrial.acquisition.tables.evidence import (
     GROUND_CHANNELS,
     NO_FIT,
@@ -53,15 +30,7 @@ from seatrial.acquisition.tables.evidence import (
     TableContext,
     UnitGuess,
 )
-from seatrial.acquisition.tables.heading_columns import (
-    angle_unit,
-    correct_sway_sign,
-    judge_course_column,
-    judge_heading_column,
-    read_earth_velocity,
-    read_heading,
-    read_yaw_rate,
-)
+from seatrial.acquisition.tables.heading_columns import angle_unit
 
 FASTEST_MPS = 30.0  # what a speed channel holds
 _CLEAR_RATIO = 2.0  # of two readings of the wind the one with half the mean square change is right
@@ -98,18 +67,18 @@ def read_channels(context: TableContext, ship: Actuators) -> Actuators:
 def read_motion(context: TableContext) -> None:
     """Assign positions, heading, speeds and rate of turn in ``context``, each judged by those before."""
     _read_geographic(context)
-    read_heading(context)
+    heading_columns.read_heading(context)
     _read_plane_position(context)
     evidence.assign_best_column(context, "speed_over_ground_mps", _speed_unit)
     evidence.assign_best_column(context, "course_over_ground_deg", angle_unit)
-    judge_course_column(context)
-    judge_heading_column(context)
-    read_earth_velocity(context)
+    heading_columns.judge_course_column(context)
+    heading_columns.judge_heading_column(context)
+    heading_columns.read_earth_velocity(context)
     for name in _SPEEDS:
         if name not in context.series:
             evidence.assign_best_column(context, name, _speed_unit)
-    correct_sway_sign(context)
-    read_yaw_rate(context)
+    heading_columns.correct_sway_sign(context)
+    heading_columns.read_yaw_rate(context)
 
 
 def _read_geographic(context: TableContext) -> None:
@@ -141,7 +110,7 @@ def _positions_in_degrees(
     names = latitude.column, longitude.column
     if not all(map(draft.is_numeric, names)):
         columns = [draft.raw.columns[name] for name in names]
-        values, signs = degrees_of_text(columns[0], columns[1], _meaning_of_o(draft, columns[1]))
+        values, signs = column_map.degrees_of_text(columns[0], columns[1], _meaning_of_o(draft, columns[1]))
         yield (
             ("text", "degrees, minutes and letters"),
             [
@@ -163,9 +132,9 @@ def _positions_in_degrees(
         yield (unit, f"head says {unit}" if stated else f"{unit} by their size"), values
 
 
-def _meaning_of_o(draft: MappingDraft, column: pd.Series[Any]) -> MeaningOfO | None:
+def _meaning_of_o(draft: MappingDraft, column: pd.Series[Any]) -> column_map.MeaningOfO | None:
     """What the letter O means among hemispheres, asked where no other letter decides; None without an O."""
-    if "o_is" not in draft.answers and not has_unclear_o(column):
+    if "o_is" not in draft.answers and not column_map.has_unclear_o(column):
         return None
     text = (
         f"column {column.name!r} has the letter O, which is east in some languages and west in others: which is it?"
@@ -173,12 +142,14 @@ def _meaning_of_o(draft: MappingDraft, column: pd.Series[Any]) -> MeaningOfO | N
     return "west" if draft.ask("o_is", text, ("east", "west")) == "west" else "east"
 
 
-def _hemisphere_column(draft: MappingDraft, angle: ColumnCandidate, axis: Axis) -> pd.Series[Any] | None:
+def _hemisphere_column(draft: MappingDraft, angle: ColumnCandidate, axis: column_map.Axis) -> pd.Series[Any] | None:
     """The column of an angle's hemispheres, by its name or, next to the angle, by its cells."""
     columns = draft.raw.columns
     names = list(map(str, columns.columns))
     index = names.index(angle.column)
-    neighbours = [name for name in names[max(index - 1, 0) : index + 2] if holds_hemispheres(columns[name], axis)]
+    neighbours = [
+        name for name in names[max(index - 1, 0) : index + 2] if column_map.holds_hemispheres(columns[name], axis)
+    ]
     by_name = [  # without counts, such as a column ns of satellites: signs and flags are at most 1
         candidate.column
         for candidate in draft.candidates_for(axis)
@@ -201,12 +172,17 @@ def _assign_position(
 ) -> None:
     draft = context.draft
     entry: dict[str, Any] = {"latitude": latitude.column, "longitude": longitude.column, "unit": unit_guess[0]}
-    axes: tuple[tuple[ColumnCandidate, Axis], ...] = ((latitude, "north_south"), (longitude, "east_west"))
+    axes: tuple[tuple[ColumnCandidate, column_map.Axis], ...] = (
+        (latitude, "north_south"),
+        (longitude, "east_west"),
+    )
     for index, (angle, axis) in enumerate(axes):
         if (letters := _hemisphere_column(draft, angle, axis)) is not None:
             entry[axis] = str(letters.name)
-            signs = hemisphere_signs(letters, axis, _meaning_of_o(draft, letters) if axis == "east_west" else None)
-            degrees[index] = apply_hemisphere(degrees[index], signs, draft.raw.columns[angle.column])
+            signs = column_map.hemisphere_signs(
+                letters, axis, _meaning_of_o(draft, letters) if axis == "east_west" else None
+            )
+            degrees[index] = column_map.apply_hemisphere(degrees[index], signs, draft.raw.columns[angle.column])
             draft.note(str(letters.name), f"{axis} of the position", "", "letters")
     if "o_is" in draft.used_answers:
         entry["o_is"] = draft.answers["o_is"]
@@ -218,7 +194,7 @@ def _assign_position(
     draft.note(longitude.column, "longitude_deg, east_m", *unit_guess)
     valid = evidence.is_on_earth(*degrees)
     if (no_fix := (degrees[0] == 0.0) & (degrees[1] == 0.0)).any():
-        draft.warnings.append(remark_on_missing_fixes(no_fix))
+        draft.warnings.append(column_map.remark_on_missing_fixes(no_fix))
     fixes = [coordinate[valid] for coordinate in degrees]
     context.origin = float(fixes[0][0]), float(fixes[1][0])
     plane = np.full((2, valid.size), np.nan)
@@ -359,33 +335,34 @@ def _read_wind(context: TableContext) -> None:
 def _assign_wind(
     context: TableContext, kind: str, angle: ColumnCandidate | None, speed: ColumnCandidate | None
 ) -> None:
-    angle_name, speed_name = _WIND_CHANNELS[kind]
+    """Assign a direction and a speed; a speed in no unit is in that by which the wind over ground is steadier."""
+    draft, (angle_name, speed_name) = context.draft, _WIND_CHANNELS[kind]
     angle_guess = angle_unit(context, angle, angle_name) if angle else None
     if angle and angle_guess:
         evidence.assign_column(context, angle_name, angle, *angle_guess)
-    unit = _wind_unit(context, speed, angle if kind == "apparent" else None) if speed else None
-    if not speed or not unit:
+    if not speed:
         return
-    evidence.assign_column(context, speed_name, speed, *unit)
+    values, change_by_unit = draft.numbers(speed.column), dict[str, float]()
+    if angle and kind == "apparent" and not speed.header_unit:
+        changes = {unit: _wind_changes(context, angle, speed, unit) for unit in ("m/s", "knots")}
+        change_by_unit = {unit: change["apparent"] for unit, change in changes.items() if change}
+    unit_guess: UnitGuess | None
+    if speed.header_unit:
+        unit_guess = speed.header_unit
+    elif not np.any(values[np.isfinite(values)]):
+        unit_guess = "m/s", "all zero"
+    elif steadiest := _clearly_steadiest(change_by_unit):
+        unit_guess = steadiest, "so the wind over ground is steadiest"
+    else:
+        text = f"{speed.column!r}, a wind speed, goes up to {np.nanmax(values):.3g} in no unit: m/s or knots?"
+        unit_guess = evidence.ask_unit(draft, "unit.wind", text, evidence.SPEED.units[:3])
+    if not unit_guess:
+        return
+    evidence.assign_column(context, speed_name, speed, *unit_guess)
     needs_true_wind = "wind_direction_deg" not in context.channels and "heading_deg" in context.series
     if angle and angle_guess and kind == "apparent" and needs_true_wind:
-        entry = {"angle": angle.column, "speed": speed.column, "speed_unit": unit[0], "angle_unit": angle_guess[0]}
-        context.draft.tree["apparent_wind"] = entry
-
-
-def _wind_unit(context: TableContext, speed: ColumnCandidate, apparent: ColumnCandidate | None) -> UnitGuess | None:
-    if speed.header_unit:
-        return speed.header_unit
-    values = context.draft.numbers(speed.column)
-    if not np.any(values[np.isfinite(values)]):
-        return "m/s", "all zero"
-    if apparent is not None:
-        changes = {unit: _wind_changes(context, apparent, speed, unit) for unit in ("m/s", "knots")}
-        change_by_unit = {unit: change["apparent"] for unit, change in changes.items() if change}
-        if steadiest := _clearly_steadiest(change_by_unit):
-            return steadiest, "so the wind over ground is steadiest"
-    text = f"{speed.column!r}, a wind speed, goes up to {np.nanmax(values):.3g} in no unit: m/s or knots?"
-    return evidence.ask_unit(context.draft, "unit.wind", text, evidence.SPEED.units[:3])
+        units = {"speed_unit": unit_guess[0], "angle_unit": angle_guess[0]}
+        draft.tree["apparent_wind"] = {"angle": angle.column, "speed": speed.column} | units
 
 
 def _clearly_steadiest(changes: dict[str, float]) -> str | None:
@@ -408,7 +385,7 @@ def _wind_changes(
     elif set(GROUND_CHANNELS) <= set(series):
         motion = _polar(series["speed_over_ground_mps"], series["course_over_ground_deg"])
     elif "north_m" in series:
-        north, east = (local_slopes(context.t, series[name]) for name in POSITION_CHANNELS)
+        north, east = (column_map.local_slopes(context.t, series[name]) for name in POSITION_CHANNELS)
         motion = np.asarray(north + 1j * east)
     else:
         return {}
@@ -504,7 +481,12 @@ _COMPATIBLE_KINDS = {
 """The kinds of a known ship's actuators that a column of a kind may belong to, the likeliest first."""
 _QUANTITY_BY_UNIT = {"rpm": "shaft", "deg": "azimuth", "%": "propeller_pitch"}
 _NUMBERED = re.compile(r"[a-z]{1,2}\d")
-_SIDES = {"port": PORT, "starboard": STARBOARD, "bow": BOW, "stern": STERN}
+_SIDES = {
+    "port": column_names.PORT,
+    "starboard": column_names.STARBOARD,
+    "bow": column_names.BOW,
+    "stern": column_names.STERN,
+}
 _AZIMUTH_WORDS = frozenset({"az", "azi", "azimuth", "azimut", "asimut", "pod"})
 
 
@@ -544,9 +526,8 @@ def find_actuators(draft: MappingDraft, ship: Actuators = ()) -> tuple[Actuators
     ]
     columns = {column.channel: column for column in exact}
     kinds = {actuator.name: actuator.kind for actuator in _actuators_by_angle_names(draft)}
-    pitched_sides = {control.side for control in controls if control.candidate.quantity.name == "propeller_pitch"}
     for control in sorted(controls, key=lambda control: control.is_order):
-        matching = _matching_actuators(control, ship) if ship else [_new_actuator(control, controls, pitched_sides)]
+        matching = _actuators_of_control(control, controls, ship)
         if len(matching) > 1:
             names = " and ".join(actuator.name for actuator in matching)
             draft.warnings.append(f"{control.candidate.column!r} names no side: it is taken for {names} alike")
@@ -575,7 +556,9 @@ def _actuators_by_angle_names(draft: MappingDraft) -> Actuators:
     angles = {channel.name for actuator in DEFAULT for channel in actuator.channels if channel.unit == "deg"}
     if angles & set(names):
         return DEFAULT
-    units_by_name = {name.lower().replace(" ", "_"): units for name, units, _ in map(split_header, names)}
+    units_by_name = {
+        name.lower().replace(" ", "_"): units for name, units, _ in map(column_names.split_header, names)
+    }
     return tuple(
         Actuator(name, "azimuth")
         for name, units in units_by_name.items()
@@ -589,16 +572,16 @@ def _columns_by_channel_name(draft: MappingDraft, ship: Actuators) -> list[Actua
     orders = {name_of_order(name): entry for name, entry in channels.items()}
     columns: dict[str, ActuatorColumn] = {}
     for column in draft.raw.names:
-        head = split_header(column)
+        head = column_names.split_header(column)
         stems = {re.sub(r"\W+", "_", name.strip().lower()) for name in (column, head.name)}
         for channel, (actuator, unit) in (channels | orders).items():
             is_named = channel in stems or (channel.rpartition("_")[0] in stems and bool(head.units))
             if not is_named or channel in columns:
                 continue
-            quantity = next(entry for entry in QUANTITIES if entry.name == _QUANTITY_BY_UNIT[unit])
+            quantity = next(entry for entry in column_names.QUANTITIES if entry.name == _QUANTITY_BY_UNIT[unit])
             if not head.units or any(evidence.accepts_unit(quantity, stated) for stated in head.units):
-                units = head.units or parse_units(draft.raw.units.get(column, ""))
-                candidate = ColumnCandidate(column, quantity, 1.0, units, frozenset(words_of(column)))
+                units = head.units or column_names.parse_units(draft.raw.units.get(column, ""))
+                candidate = ColumnCandidate(column, quantity, 1.0, units, frozenset(column_names.words_of(column)))
                 why = f"{actuator.name}: by its name"
                 columns[channel] = ActuatorColumn(candidate, channel, actuator.kind, why)
     return list(columns.values())
@@ -607,35 +590,41 @@ def _columns_by_channel_name(draft: MappingDraft, ship: Actuators) -> list[Actua
 def _classify_control(candidate: ColumnCandidate) -> _ControlColumn:
     words = candidate.words
     kind = _KIND_BY_QUANTITY[candidate.quantity.name]
-    if candidate.quantity.name == "shaft" and words & (TUNNEL | (BOW | STERN) - {"forward", "aft", "fwd"}):
+    if candidate.quantity.name == "shaft" and words & (
+        column_names.TUNNEL | (column_names.BOW | column_names.STERN) - {"forward", "aft", "fwd"}
+    ):
         kind = "tunnel"
     if candidate.quantity.name == "shaft" and words & _AZIMUTH_WORDS:
         kind = "azimuth"
     side = next((name for name, markers in _SIDES.items() if words & markers), "")
     number = next((word for word in sorted(words) if word.isdigit() and len(word) == 1), "")
-    return _ControlColumn(candidate, kind, side or number, bool(words & ORDER))
+    return _ControlColumn(candidate, kind, side or number, bool(words & column_names.ORDER))
 
 
-def _matching_actuators(control: _ControlColumn, ship: Actuators) -> list[Actuator]:
-    """The ship's actuators that a column may be of; without a side all of a kind, as of one order to a pair."""
-    words = _SIDES.get(control.side, {control.side})
-    for kind in _COMPATIBLE_KINDS[control.kind]:
-        of_kind = [actuator for actuator in ship if actuator.kind == kind]
+def _actuators_of_control(
+    control: _ControlColumn, controls: Iterable[_ControlColumn], ship: Actuators
+) -> list[Actuator]:
+    """The ship's actuators that a column may be of; without a side all of a kind, as of one order to a pair.
+
+    Of a ship whose actuators are not known it is a new one, named by its side.
+    """
+    side, kind = control.side, control.kind
+    if not ship:
+        name = f"{kind}_{side}" if side.isdigit() else f"{side}_{kind}" if side else kind
+        if kind == "azimuth" and side and not side.isdigit():
+            name = side
+        if kind == "tunnel" and side != "stern":
+            sides = {tunnel.side for tunnel in controls if tunnel.kind == "tunnel"}
+            name = "tunnel" if len(sides) == 1 else name
+        pitched = {
+            propeller.side for propeller in controls if propeller.candidate.quantity.name == "propeller_pitch"
+        }
+        kind = "controllable_propeller" if kind == "propeller" and side in pitched else kind
+        return [Actuator(name, kind)]
+    words = _SIDES.get(side, {side})
+    for compatible_kind in _COMPATIBLE_KINDS[kind]:
+        of_kind = [actuator for actuator in ship if actuator.kind == compatible_kind]
         at_side = [actuator for actuator in of_kind if not words.isdisjoint(actuator.name.split("_"))]
-        if of_kind and (at_side or not control.side or len(of_kind) == 1):
+        if of_kind and (at_side or not side or len(of_kind) == 1):
             return at_side or of_kind
     return []
-
-
-def _new_actuator(control: _ControlColumn, controls: Iterable[_ControlColumn], pitched_sides: set[str]) -> Actuator:
-    """The actuator of a column, of a ship whose actuators are not known."""
-    side, kind = control.side, control.kind
-    name = f"{kind}_{side}" if side.isdigit() else f"{side}_{kind}" if side else kind
-    if kind == "azimuth":
-        return Actuator(side if side and not side.isdigit() else name, "azimuth")
-    if kind == "tunnel":
-        sides = {tunnel.side for tunnel in controls if tunnel.kind == "tunnel"}
-        return Actuator("tunnel" if len(sides) == 1 and side != "stern" else name, "tunnel")
-    kind = "controllable_propeller" if kind == "propeller" and side in pitched_sides else kind
-    assert kind in KINDS
-    return Actuator(name, kind)

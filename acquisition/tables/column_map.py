@@ -49,12 +49,7 @@ from seatrial.acquisition.core.ship import (
     wrap_360,
 )
 from seatrial.acquisition.tables.column_names import plain_letters
-from seatrial.acquisition.tables.table_files import (
-    RawTable,
-    TableFile,
-    non_numeric_cells,
-    parse_numbers,
-)
+from seatrial.acquisition.tables.table_files import RawTable, TableFile, non_numeric_cells, parse_numbers
 from seatrial.acquisition.tables.time_columns import TimeColumn, resolve_times
 
 
@@ -367,7 +362,8 @@ def widen_long_table(
 def map_of_long_table(raw: RawTable, channels: Collection[str]) -> ColumnMap | None:
     """The map of a long table whose columns have the usual names and whose variables those of channels."""
     present = raw.names
-    columns = [next((name for name in names if name in present), None) for names in _LONG_COLUMN_NAMES]
+    usual_names = ("timestamp", "time"), ("variable", "var"), ("value",), ("unit",)
+    columns = [next((name for name in names if name in present), None) for names in usual_names]
     time, variable, value, unit = columns
     if time is None or variable is None or value is None or set(present) - set(columns):
         return None
@@ -378,10 +374,6 @@ def map_of_long_table(raw: RawTable, channels: Collection[str]) -> ColumnMap | N
         long=LongLayout(variable, value, unit),
         channels={name: Column(column=name) for name in variables},
     )
-
-
-_LONG_COLUMN_NAMES = ("timestamp", "time"), ("variable", "var"), ("value",), ("unit",)
-"""The usual names of a long table's columns."""
 
 
 def _add_position(result: TableFile, entry: Position, requested: _RequestedColumns) -> None:
@@ -522,9 +514,20 @@ def seconds_of(index: pd.DatetimeIndex) -> Floats:
 
 
 def to_ship_axes(table: pd.DataFrame, north: Floats, east: Floats) -> dict[str, Floats]:
-    """Surge and sway [m/s] of velocities [n] to north and east in the rows of a table with a heading."""
+    """Surge and sway [m/s] of velocities [n] to north and east in the rows of a table with a heading.
+
+    The heading is interpolated to the rows without one between two no more than 3 s apart.
+    """
     seconds = seconds_of(pd.DatetimeIndex(table.index))
-    heading = interpolate_short_gaps(seconds, unwrap(table["heading_deg"].to_numpy(dtype=float)))
+    heading = unwrap(table["heading_deg"].to_numpy(dtype=float))
+    valid = np.flatnonzero(np.isfinite(heading) & np.isfinite(seconds))
+    if valid.size:
+        times = seconds[valid]
+        interpolated = np.interp(seconds, times, heading[valid], left=np.nan, right=np.nan)
+        next_index = np.clip(np.searchsorted(times, seconds), 1, max(valid.size - 1, 1))
+        gap = times[np.minimum(next_index, valid.size - 1)] - times[next_index - 1]
+        interpolated = np.where(gap <= 2.0 * _SLOPE_REACH_S, interpolated, np.nan)
+        heading = np.where(np.isfinite(heading), heading, interpolated)
     surge, sway = to_ship(north, east, np.deg2rad(heading))
     return {"surge_mps": surge, "sway_mps": sway}
 
@@ -556,17 +559,6 @@ def local_slopes(seconds: Floats, values: Floats) -> Floats:
     with np.errstate(divide="ignore", invalid="ignore"):
         result[valid] = np.where(spread > 0.0, (sty - st * sy / count) / spread, np.nan)
     return result
-
-
-def interpolate_short_gaps(seconds: Floats, values: Floats) -> Floats:
-    """Values interpolated to the rows without one between two no more than 3 s apart; else NaN."""
-    valid = np.flatnonzero(np.isfinite(values) & np.isfinite(seconds))
-    if valid.size == 0:
-        return values
-    result = np.interp(seconds, seconds[valid], values[valid], left=np.nan, right=np.nan)
-    next_index = np.clip(np.searchsorted(seconds[valid], seconds), 1, max(valid.size - 1, 1))
-    gap = seconds[valid][np.minimum(next_index, valid.size - 1)] - seconds[valid][next_index - 1]
-    return np.where(np.isfinite(values), values, np.where(gap <= 2.0 * _SLOPE_REACH_S, result, np.nan))
 
 
 def heading_of_quaternion(x: Floats, y: Floats, z: Floats, w: Floats, frame: str = "enu") -> Floats:

@@ -31,6 +31,7 @@ from seatrial.acquisition.core.quantities import Floats
 from seatrial.acquisition.core.ship import (
     BY_NAME,
     DEFAULT,
+    SHIPPED,
     Actuators,
     Declared,
     actuators_of,
@@ -48,48 +49,16 @@ from seatrial.acquisition.core.ship import (
     is_ship_known,
     known_channels,
     required_names,
-    stated_text,
     unwrap,
     wraps_of,
 )
 from seatrial.acquisition.core.trial import Quality, Trial
 from seatrial.acquisition.recording.writer import write_table
+from seatrial.acquisition.tables import column_map, evidence, time_columns
 from seatrial.acquisition.tables.channel_columns import FASTEST_MPS, read_channels, read_motion
-from seatrial.acquisition.tables.column_map import (
-    Column,
-    ColumnMap,
-    LongLayout,
-    Velocity,
-    apply_column_map,
-    line_in_map,
-    map_of_long_table,
-    parse_column_map,
-    seconds_of,
-    widen_long_table,
-)
 from seatrial.acquisition.tables.column_names import parse_units
-from seatrial.acquisition.tables.evidence import (
-    SKIP,
-    ColumnReading,
-    MappingDraft,
-    Question,
-    TableContext,
-    best_candidate,
-    candidates_as_answered,
-    check_answer,
-    check_keys,
-    column_candidates,
-    comparison_grid,
-    map_as_toml,
-)
 from seatrial.acquisition.tables.table_files import RawTable, TableFile, non_numeric_cells, parse_numbers, read_raw
-from seatrial.acquisition.tables.time_columns import (
-    TEXT,
-    TimeColumn,
-    add_zone,
-    resolve_times,
-    standard_time_column,
-)
+from seatrial.acquisition.tables.time_columns import TimeColumn
 from seatrial.acquisition.tables.time_reading import read_time
 
 if TYPE_CHECKING:
@@ -181,7 +150,7 @@ def import_proposed(
     map_file = Path(map_path)
     if not (map_file.is_file() and map_file.read_bytes() == proposal.text.encode()):
         refuse_overwriting(map_path, force, "import with it by --columns, name another file by --write-map")
-    columns, declared = parse_column_map(proposal.text, map_path)
+    columns, declared = column_map.parse_column_map(proposal.text, map_path)
     with written_together(Path(output)):
         write_text(map_path, proposal.text)
         summary = _write_recording(_through_map(raw, columns, declared, map_path, vessel), output)
@@ -201,17 +170,17 @@ def propose_for(
         names = raw.names
         fix = f"name its columns, {names[0]!r} to {names[-1]!r}, in a column map (--columns)"
         raise InputError("has no row of names", where=str(raw.path), why="it begins with data", fix=fix)
-    draft = MappingDraft(raw, answers or {})
+    draft = evidence.MappingDraft(raw, answers or {})
     _detect_long_table(draft)
-    check_keys(draft.answers, draft.raw.names)
-    draft.candidates = candidates_as_answered(draft)
+    evidence.check_keys(draft.answers, draft.raw.names)
+    draft.candidates = evidence.candidates_as_answered(draft)
     if ship_name:
         draft.tree["trial"] = {"vessel": ship_name}
     read_time(draft)
     used = {draft.tree["time"]["column"], draft.tree["time"].get("date")}
     draft.candidates = [candidate for candidate in draft.candidates if candidate.column not in used]
     seconds = _row_seconds(draft)
-    context = TableContext(draft, seconds, comparison_grid(seconds))
+    context = evidence.TableContext(draft, seconds, evidence.comparison_grid(seconds))
     _add_derived_channels(context, read_channels(context, ship) or DEFAULT, ship_is_known=bool(ship))
     _check_times(context)
     _drop_rows_with_text(context)
@@ -224,7 +193,9 @@ def propose_for(
         )
     used |= {reading.column for reading in draft.readings}
     comments = {reading.taken_for: "; ".join(reading.reasons) for reading in draft.readings}
-    text = map_as_toml({key: draft.tree[key] for key in (*_KEYS, *draft.tree) if key in draft.tree}, comments)
+    text = evidence.map_as_toml(
+        {key: draft.tree[key] for key in (*_KEYS, *draft.tree) if key in draft.tree}, comments
+    )
     unused = tuple(name for name in draft.raw.names if name not in used)
     return Proposal(text, tuple(draft.readings), tuple(draft.questions), tuple(draft.warnings), unused)
 
@@ -235,14 +206,14 @@ def is_standard(raw: RawTable) -> bool:
     Not if further columns are of known quantities, or the times are neither numbers nor ISO 8601.
     """
     names, channels = raw.names, channels_of_trial(raw.trial)
-    if (long := map_of_long_table(raw, channels)) is not None:
+    if (long := column_map.map_of_long_table(raw, channels)) is not None:
         return bool(long.channels)
     standard_names = [
         name for name in names if name == "time" or _is_export_column(name, channels) or find_channel(name)
     ]
     if raw.trial.actuators:
         return True
-    recognised = {candidate.column for candidate in column_candidates(raw)} - set(standard_names)
+    recognised = {candidate.column for candidate in evidence.column_candidates(raw)} - set(standard_names)
     if "time" not in names or 2 * len(standard_names) <= len(names) or recognised:
         return False
     times = raw.columns["time"].dropna()
@@ -300,15 +271,15 @@ def read_table_file(
     """
     raw = read_raw(path)
     if map_path is not None:
-        columns, declared = parse_column_map(read_text(map_path), map_path)
+        columns, declared = column_map.parse_column_map(read_text(map_path), map_path)
         columns = apply_map_answers(columns, answers or {})
         return _through_map(raw, columns, declared, map_path, vessel, allow_missing)
     ship, fix = _actuators_of(vessel), "give it a constant in a map (--columns), or use --allow-missing"
-    long = map_of_long_table(raw, channel_names(ship or DEFAULT))
+    long = column_map.map_of_long_table(raw, channel_names(ship or DEFAULT))
     if long is None:
         file, fix = _read_standard(raw, ignore_unknown, ship, answers or {}, vessel), f"add the column, {fix}"
     else:
-        file = apply_column_map(raw, long, path)
+        file = column_map.apply_column_map(raw, long, path)
         file = _assign_ship(
             file, ship or actuators_in_columns(map(str, file.table), file.trial), raw, vessel, is_known=bool(ship)
         )
@@ -321,7 +292,7 @@ def _actuators_of(vessel: Path | str | None) -> Actuators:
 
 def _through_map(
     raw: RawTable,
-    columns: ColumnMap,
+    columns: column_map.ColumnMap,
     declared: Declared,
     map_path: Path | str,
     vessel: Path | str | None,
@@ -329,14 +300,14 @@ def _through_map(
 ) -> TableFile:
     """A table by its map, of the given ship, else the map's, else that of its columns."""
     ship = _actuators_of(vessel)
-    file = apply_column_map(raw, columns, map_path, declared)
+    file = column_map.apply_column_map(raw, columns, map_path, declared)
     stated_ship = ship or columns.actuators or actuators_of_ship(columns.trial.vessel, Path(map_path).parent)
     ship = stated_ship or actuators_in_columns([*file.table, *columns.absent], file.trial)
     channels = channel_names(ship, declared)
     if unknown := next((name for name in columns.channels if name not in channels), ""):
         actuator_names = ", ".join(actuator.name for actuator in ship)
         what = f"{_name_with_hint(unknown, channels)} is not a channel of a ship with actuators {actuator_names}"
-        where = line_in_map(map_path, ["channels", unknown])
+        where = column_map.line_in_map(map_path, ["channels", unknown])
         raise ConfigurationError(what, where=where, fix="correct the name, or give the ship with --vessel FILE")
     file = _assign_ship(file, ship, raw, vessel, is_known=bool(stated_ship))
     allow_missing = allow_missing or set(_missing(file)) <= set(columns.absent)
@@ -399,9 +370,9 @@ def _read_standard(
         raise InputError(what, where=str(raw.path), fix=fix)
     time_answers = {key: value for key, value in answers.items() if key in _TIME_FIELDS}
     column_answers = {key: value for key, value in answers.items() if key not in _TIME_FIELDS}
-    time = apply_time_answers(standard_time_column(raw), time_answers)
-    timed = resolve_times(raw, time, strict=True)
-    names = [name for name in channels if name in present and answers.get(f"unit.{name}") != SKIP]
+    time = apply_time_answers(time_columns.standard_time_column(raw), time_answers)
+    timed = time_columns.resolve_times(raw, time, strict=True)
+    names = [name for name in channels if name in present and answers.get(f"unit.{name}") != evidence.SKIP]
     table = pd.DataFrame({name: parse_numbers(timed.raw, name) for name in names}, index=timed.index)
     for name in names:
         values = table[name].to_numpy()
@@ -417,7 +388,7 @@ def _assign_ship(
 ) -> TableFile:
     """The table in the order of the ship's channels; its trial gets the names and the ship's actuators."""
     name = file.trial.vessel if vessel is None else name_of_ship(vessel)
-    text = stated_text(ship, name) if is_known else as_text(ship)
+    text = as_text(ship, omit_default=not is_known or name in SHIPPED)
     file.trial = replace(file.trial, name=file.trial.name or raw.name, vessel=name, actuators=text)
     file.table = file.table[[name for name in channels_of_trial(file.trial) if name in file.table]]
     return file
@@ -465,13 +436,13 @@ class Proposal:
     """
 
     text: str
-    readings: tuple[ColumnReading, ...]
-    questions: tuple[Question, ...]
+    readings: tuple[evidence.ColumnReading, ...]
+    questions: tuple[evidence.Question, ...]
     warnings: tuple[str, ...]
     passed_over: tuple[str, ...]
 
     @property
-    def unanswered(self) -> tuple[Question, ...]:
+    def unanswered(self) -> tuple[evidence.Question, ...]:
         """The questions that have to be answered before an import."""
         return tuple(question for question in self.questions if question.default is None)
 
@@ -489,9 +460,9 @@ class Proposal:
         return table
 
 
-def _detect_long_table(draft: MappingDraft) -> None:
+def _detect_long_table(draft: evidence.MappingDraft) -> None:
     """Widen a table that has a row for each value."""
-    candidates = column_candidates(draft.raw)
+    candidates = evidence.column_candidates(draft.raw)
 
     def columns_of(*names: str) -> list[str]:
         return [candidate.column for candidate in candidates if candidate.quantity.name in names]
@@ -502,18 +473,18 @@ def _detect_long_table(draft: MappingDraft) -> None:
         names = column.dropna().unique()
         is_text = not pd.api.types.is_numeric_dtype(column.dtype)
         if is_text and keys and values and 1 < len(names) <= min(_MOST_VARIABLES, column.size // 2):
-            long = LongLayout(variable, values[0], next(iter(columns_of("unit")), None))
+            long = column_map.LongLayout(variable, values[0], next(iter(columns_of("unit")), None))
             draft.tree["long"] = {key: value for key, value in vars(long).items() if value is not None}
-            draft.raw, duplicates = widen_long_table(draft.raw, long, keys, names)
+            draft.raw, duplicates = column_map.widen_long_table(draft.raw, long, keys, names)
             if duplicates:
                 draft.warnings.append(f"{duplicates:,} values come twice of one variable and time; the last counts")
             return
 
 
-def _row_seconds(draft: MappingDraft) -> Floats:
+def _row_seconds(draft: evidence.MappingDraft) -> Floats:
     """Seconds of the rows since the first, NaN without a time; rows are put in the order of their writing."""
     time = TimeColumn(**draft.tree["time"])
-    timed = resolve_times(draft.raw, replace(time, zone=time.zone or "UTC"))
+    timed = time_columns.resolve_times(draft.raw, replace(time, zone=time.zone or "UTC"))
     draft.raw = timed.raw
     draft.warnings.extend(timed.remarks)
     ns = timed.index.asi8
@@ -533,7 +504,7 @@ def _row_seconds(draft: MappingDraft) -> Floats:
     return np.where(has_time, (ns - ns[has_time][0]) / 1e9, np.nan)
 
 
-def _add_derived_channels(context: TableContext, ship: Actuators, *, ship_is_known: bool) -> None:
+def _add_derived_channels(context: evidence.TableContext, ship: Actuators, *, ship_is_known: bool) -> None:
     """Put the assigned channels into the map, those that follow from them, and those that are absent.
 
     Shaft power and torque are declared there as channels.
@@ -558,7 +529,7 @@ def _add_derived_channels(context: TableContext, ship: Actuators, *, ship_is_kno
     required = required_names(ship, present, ship_is_known=states_ship)
     draft.tree["absent"] = [name for name in required if name not in present]
     for name, (channel, unit) in _DECLARED.items():
-        candidate = best_candidate(draft, name)
+        candidate = evidence.best_candidate(draft, name)
         if candidate is None:
             continue
         if not candidate.units:
@@ -570,7 +541,7 @@ def _add_derived_channels(context: TableContext, ship: Actuators, *, ship_is_kno
         draft.note(candidate.column, channel, candidate.units[0], "declared in the map")
 
 
-def _drop_rows_with_text(context: TableContext) -> None:
+def _drop_rows_with_text(context: evidence.TableContext) -> None:
     """Drop rows in which a column of numbers holds a word, if they are few, and report them."""
     draft = context.draft
     for column in dict.fromkeys(str(entry["column"]) for entry in context.channels.values()):
@@ -585,7 +556,7 @@ def _drop_rows_with_text(context: TableContext) -> None:
             )
 
 
-def _check_times(context: TableContext) -> None:
+def _check_times(context: evidence.TableContext) -> None:
     """Warn if span, step or track cannot be those of a trial."""
     has_time = np.isfinite(context.t)
     steps, warnings = np.diff(context.t[has_time]), context.draft.warnings
@@ -620,7 +591,7 @@ _TIME_FIELDS = {
 """The parts of ``[time]`` by the key of the answer."""
 
 
-def apply_map_answers(columns: ColumnMap, answers: Mapping[str, str]) -> ColumnMap:
+def apply_map_answers(columns: column_map.ColumnMap, answers: Mapping[str, str]) -> column_map.ColumnMap:
     """A map with the times, units and full scales as answered.
 
     Raises :class:`ConfigurationError` for an invalid answer, or one to no question of the map.
@@ -629,7 +600,7 @@ def apply_map_answers(columns: ColumnMap, answers: Mapping[str, str]) -> ColumnM
     for key, value in answers.items():
         if key in _TIME_FIELDS:
             continue
-        check_answer(key, value)
+        evidence.check_answer(key, value)
         kind, _, name = key.partition(".")
         answered: list[str] = []
         if kind == "unit" and name:
@@ -658,12 +629,12 @@ def apply_time_answers(time: TimeColumn, answers: Mapping[str, str]) -> TimeColu
     for key, value in answers.items():
         if key not in _TIME_FIELDS:
             raise ConfigurationError(f"the answer {key} is to no question of this table", fix="name a column map")
-        check_answer(key, value)
+        evidence.check_answer(key, value)
         is_counted = time.format == "seconds"
         is_useless = {
             "zone": is_counted and time.in_name is None and not time.in_head,
-            "date_order": time.format != TEXT,
-            "year": time.format != TEXT,
+            "date_order": time.format != time_columns.TEXT,
+            "year": time.format != time_columns.TEXT,
             "time_unit": not is_counted,
             "day": time.day is None,
         }
@@ -674,7 +645,7 @@ def apply_time_answers(time: TimeColumn, answers: Mapping[str, str]) -> TimeColu
             )
         change: dict[str, Any] = {_TIME_FIELDS[key]: int(value) if key == "year" else value}
         if key == "start":
-            change = {"start": add_zone(value), "in_name": None, "in_head": False}
+            change = {"start": time_columns.add_zone(value), "in_name": None, "in_head": False}
         time = replace(time, **change)
     return replace(time, zone_in_text="ignored") if "zone" in answers else time
 
@@ -691,8 +662,8 @@ def draw_preview(raw: RawTable, proposal: Proposal, path: Path) -> None:
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    columns, declared = parse_column_map(proposal.text, path)
-    file = apply_column_map(raw, columns, path, declared)
+    columns, declared = column_map.parse_column_map(proposal.text, path)
+    file = column_map.apply_column_map(raw, columns, path, declared)
     table = file.table.iloc[:: max(1, len(file.table) // _MOST_POINTS)]
     names = [name for name in map(str, table.columns) if name not in _TRACK_CHANNELS]
     rows = max(4, -(-len(names) // 2))
@@ -738,11 +709,11 @@ def _convert_by_track(file: TableFile, raw: RawTable, time: TimeColumn, answers:
     :class:`ConfigurationError` for an answer to no question.
     """
     names = [name for name in map(str, file.table) if name in BY_NAME and raw.columns[name].notna().any()]
-    draft = MappingDraft(replace(raw, columns=raw.columns[names]), answers)
-    check_keys(answers, names)
-    draft.candidates = candidates_as_answered(draft)
-    seconds = seconds_of(pd.DatetimeIndex(file.table.index))
-    context = TableContext(draft, seconds, comparison_grid(seconds))
+    draft = evidence.MappingDraft(replace(raw, columns=raw.columns[names]), answers)
+    evidence.check_keys(answers, names)
+    draft.candidates = evidence.candidates_as_answered(draft)
+    seconds = column_map.seconds_of(pd.DatetimeIndex(file.table.index))
+    context = evidence.TableContext(draft, seconds, evidence.comparison_grid(seconds))
     read_motion(context)
     if unused := [key for key in answers if key not in draft.used_answers]:
         raise ConfigurationError(
@@ -754,16 +725,18 @@ def _convert_by_track(file: TableFile, raw: RawTable, time: TimeColumn, answers:
 
     velocity = draft.tree.get("velocity")
     channels = {
-        name: Column(**entry)
+        name: column_map.Column(**entry)
         for name, entry in context.channels.items()
         if entry["unit"] != BY_NAME[name].unit or {"scale", "offset"} & set(entry)
     }
     if velocity:
-        channels |= {"heading_deg": Column(**context.channels["heading_deg"])}
+        channels |= {"heading_deg": column_map.Column(**context.channels["heading_deg"])}
     if not channels:
         return
-    columns = ColumnMap(time=time, channels=channels, velocity=Velocity(**velocity) if velocity else None)
-    converted = apply_column_map(raw, columns, raw.path)
+    columns = column_map.ColumnMap(
+        time=time, channels=channels, velocity=column_map.Velocity(**velocity) if velocity else None
+    )
+    converted = column_map.apply_column_map(raw, columns, raw.path)
     for name in map(str, converted.table):
         file.table[name] = np.asarray(converted.table[name])
         file.sources[name] = converted.sources[name]

@@ -322,6 +322,7 @@ _RTKLIB_CELLS = re.compile(r"[,;\t ]+")
 _RTKLIB_SEXAGESIMAL = "(d'\")"
 _RTKLIB_QUALITY = ("no solution", "fixed", "float", "SBAS", "DGPS", "single", "PPP")
 _END_OF_HEAD = "***End_of_Header***"
+_FIRST_NUMBER = re.compile(r"\s*-?\d+(?:([.,])\d*)?(?:[eE][+-]?\d+)?")
 
 
 def read_expedition(path: Path, text: str) -> RawTable | None:
@@ -414,8 +415,8 @@ def split_labview_headers(text: str) -> tuple[list[str], str]:
     """The lines of the file's and the first segment's header of a LabVIEW measurement, and the rows; other texts as
     they are.
 
-    Segments have headers and times from their own start; the times are counted from the start of the first. Raises
-    :class:`ValueError` for a segment without a start, or with other columns.
+    Segments have headers and times, in the first cell, from their own start; the times are counted from the start
+    of the first. Raises :class:`ValueError` for a segment without a start, or with other columns.
     """
     if not text.startswith("LabVIEW Measurement"):
         return [], text
@@ -431,28 +432,21 @@ def split_labview_headers(text: str) -> tuple[list[str], str]:
         bodies.append(rows[: next_head.start()])
         heads.append(rows[next_head.start() :])
     bodies.append(parts[-1].partition("\n")[2])
+
     first_head = [*file_head.splitlines(), *heads[0].splitlines()]
-    return first_head, bodies[0] + "".join(
-        _shift_segment(bodies[0], body, first_head, head, number)
-        for number, (body, head) in enumerate(zip(bodies[1:], heads[1:], strict=True), start=2)
-    )
-
-
-def _shift_segment(first_body: str, body: str, first_head: Sequence[str], head: str, number: int) -> str:
-    """The rows of a later segment, their first cell counted from the start of the first segment."""
-    starts = [pd.Timestamp(time_in_head(lines) or "NaT") for lines in (first_head, head.splitlines())]
-    delay_s = (starts[1] - starts[0]).total_seconds()
-    if np.isnan(delay_s):
-        raise ValueError(f"segment {number} of this LabVIEW measurement, or the first, states no start")
-    names, _, rows = body.lstrip("\n\r\t ").partition("\n")
-    if names.strip() != first_body.lstrip("\n\r\t ").partition("\n")[0].strip():
-        raise ValueError(f"segment {number} of this LabVIEW measurement has other columns: {names.strip()!r}")
-
-    def shift(line: str) -> str:
-        cell = re.match(r"\s*-?\d+(?:([.,])\d*)?(?:[eE][+-]?\d+)?", line)
-        if cell is None:
-            return line
-        seconds = f"{float(cell[0].replace(',', '.')) + delay_s:.9f}"
-        return seconds.replace(".", cell[1] or ".") + line[cell.end() :]
-
-    return "".join(map(shift, rows.splitlines(keepends=True)))
+    first_start, lines = pd.Timestamp(time_in_head(first_head) or "NaT"), [bodies[0]]
+    first_names = bodies[0].lstrip("\n\r\t ").partition("\n")[0].strip()
+    for number, (head, body) in enumerate(zip(heads[1:], bodies[1:], strict=True), start=2):
+        start = pd.Timestamp(time_in_head(head.splitlines()) or "NaT")
+        delay_s = (start - first_start).total_seconds()
+        if np.isnan(delay_s):
+            raise ValueError(f"segment {number} of this LabVIEW measurement, or the first, states no start")
+        names, _, rows = body.lstrip("\n\r\t ").partition("\n")
+        if names.strip() != first_names:
+            raise ValueError(f"segment {number} of this LabVIEW measurement has other columns: {names.strip()!r}")
+        for line in rows.splitlines(keepends=True):
+            if cell := _FIRST_NUMBER.match(line):
+                seconds = f"{float(cell[0].replace(',', '.')) + delay_s:.9f}"
+                line = seconds.replace(".", cell[1] or ".") + line[cell.end() :]
+            lines.append(line)
+    return first_head, "".join(lines)
